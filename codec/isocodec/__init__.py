@@ -1,0 +1,69 @@
+"""isocodec: the tubular neighbourhood of an isocontour or isosurface in a small, progressive file.
+
+>>> import isocodec
+>>> data = isocodec.encode(field, 500.5)          # doctest: +SKIP
+>>> contour = isocodec.decode(data)               # doctest: +SKIP
+>>> contour.points, contour.cells, contour.lines  # doctest: +SKIP
+
+Importing this package is light; what needs the compiled kernels is loaded on first use.
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from .api import decode, encode
+    from .contour import Contour
+    from .errors import FormatError, InputError, IsoError, LimitError, MissingExtraError, OptionError, TruncatedError
+    from .passes.tube import Limits
+    from .stream.decoder import Decoder
+    from .stream.encoder import Encoder
+    from .stream.inspect import FileInfo, inspect
+    from .stream.truncate import truncate
+
+__version__ = "0.1.0"
+
+_HOMES = {
+    "api": ("decode", "encode"),
+    "contour": ("Contour",),
+    "errors": (
+        "FormatError", "InputError", "IsoError", "LimitError", "MissingExtraError", "OptionError", "TruncatedError",
+    ),
+    "passes.tube": ("Limits",),
+    "stream.decoder": ("Decoder",),
+    "stream.encoder": ("Encoder",),
+    "stream.inspect": ("FileInfo", "inspect"),
+    "stream.truncate": ("truncate",),
+}  # fmt: skip
+_HOME = {name: home for home, names in _HOMES.items() for name in names}
+
+__all__ = [
+    "Contour",
+    "Decoder",
+    "Encoder",
+    "FileInfo",
+    "FormatError",
+    "InputError",
+    "IsoError",
+    "LimitError",
+    "Limits",
+    "MissingExtraError",
+    "OptionError",
+    "TruncatedError",
+    "decode",
+    "encode",
+    "inspect",
+    "truncate",
+]
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _HOME:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return getattr(import_module(f".{_HOME[name]}", __name__), name)
+
+
+def __dir__() -> list[str]:
+    return [*globals(), *__all__]

@@ -1,0 +1,99 @@
+"""Whole files at once: a field in, bytes out, and back."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from numpy.typing import ArrayLike
+
+from .contour import Contour
+from .errors import OptionError
+from .stream.decoder import Decoder
+from .stream.encoder import Encoder
+from .stream.events import LayerComplete
+
+
+def encode(field: ArrayLike, isovalue: float, **options: Any) -> bytes:
+    """Encode one isocontour or isosurface of a sampled field.
+
+    Parameters
+    ----------
+    field : (s0, s1) or (s0, s1, s2) array_like of bool, integers or floats
+        Samples on a regular grid, without NaN.
+    isovalue : float
+        Samples greater than it lie above.
+    exact, tolerance, signs_only, step, base_level, profile, metadata, progress
+        See ``Encoder``; without any of the first four, ``tolerance=0.05``.
+
+    Returns
+    -------
+    bytes
+        An ``.iso`` file.
+
+    Raises
+    ------
+    InputError
+        If the field or the isovalue cannot be encoded.
+    OptionError
+        If options contradict one another or are out of range.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> y, x = np.mgrid[:64, :64]
+    >>> data = encode(np.hypot(y - 31.5, x - 31.5), 20.0)
+    >>> decode(data).lines[0].shape[1]
+    2
+    """
+    return b"".join(Encoder(field, isovalue, **options))
+
+
+def decode(
+    data: bytes,
+    *,
+    layers: int | None = None,
+    max_bytes: int | None = None,
+    progress: Callable[[int, int], object] | None = None,
+) -> Contour:
+    """Decode a file to its curve or surface.
+
+    Parameters
+    ----------
+    data : bytes
+    layers : int, optional
+        Decode that many layers only; all if there are fewer.
+    max_bytes : int, optional
+        Decode the first bytes only, whatever curve they give.
+    progress : callable, optional
+        Called with the layers done and their total.
+
+    Returns
+    -------
+    Contour
+        ``points`` (P, n) float64 in array index coordinates, ``cells`` (M, n) int64.
+
+    Raises
+    ------
+    FormatError
+        If the bytes are not a valid file; ``TruncatedError`` if they end too early (and ``max_bytes`` is None).
+    LimitError
+        If the file needs more than the limits allow.
+    """
+    if layers is not None and layers < 1:
+        raise OptionError(f"{layers} layers, needed is at least 1", code="layers")
+    if max_bytes is not None and max_bytes < 1:
+        raise OptionError(f"{max_bytes} bytes, needed is at least 1", code="max-bytes")
+    decoder = Decoder()
+    decoder.feed(data if max_bytes is None else data[:max_bytes])
+    for event in decoder:
+        if isinstance(event, LayerComplete):
+            if progress:
+                progress(event.number, len(decoder.layers))
+            if event.number == layers:
+                return decoder.drawn()
+    if max_bytes is None:
+        decoder.close()
+    return decoder.drawn()
+
+

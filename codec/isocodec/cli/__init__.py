@@ -1,0 +1,40 @@
+"""The command line: ``isocodec encode | decode | info | truncate | plot``.
+
+The modules here load in a few milliseconds; whatever takes longer (numba, matplotlib) is imported by the verb that
+needs it, when it needs it.
+"""
+
+from __future__ import annotations
+
+import click
+
+from isocodec.cli.decode import decode_command
+from isocodec.cli.encode import encode_command
+from isocodec.cli.info import info_command
+from isocodec.cli.plot import plot_command
+from isocodec.cli.report import EXIT_CODES, Program
+from isocodec.cli.truncate import truncate_command
+
+__all__ = ["main"]
+
+
+def _version(context: click.Context, _: click.Parameter, asked: bool) -> None:
+    if not asked or context.resilient_parsing:
+        return
+    from importlib import metadata
+
+    try:
+        click.echo(f"isocodec {metadata.version('isocodec')}")
+    except metadata.PackageNotFoundError:
+        click.echo("isocodec, run from its sources (not installed)")
+    context.exit()
+
+
+@click.group("isocodec", cls=Program, epilog=EXIT_CODES, context_settings={"help_option_names": ["-h", "--help"]})
+@click.option("--version", is_flag=True, is_eager=True, expose_value=False, callback=_version, help="Show the version.")
+def main() -> None:
+    """Progressive, exact and small files (.iso) of isocontours and isosurfaces."""
+
+
+for command in (encode_command, decode_command, info_command, truncate_command, plot_command):
+    main.add_command(command)

@@ -1,0 +1,99 @@
+"""``isocodec decode``: an .iso file in, a curve or surface out, in the formats of other tools."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from contextlib import suppress
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from isocodec.cli.options import iso_argument, json_option, output_option
+from isocodec.cli.progress import progress_bar
+from isocodec.cli.report import check_output, concerning, read_iso, tell, warn, write_output
+from isocodec.errors import TruncatedError
+
+if TYPE_CHECKING:
+    from isocodec.contour import Contour
+
+
+@click.command("decode", short_help="Decode to a curve, a surface or a picture of it.")
+@iso_argument
+@output_option("OUT")
+@click.option("--layers", type=click.IntRange(min=1), metavar="N", help="Only the first N layers.")
+@click.option("--max-bytes", type=click.IntRange(min=1), metavar="N", help="Only the first N bytes.")
+@click.option("--partial", is_flag=True, help="Of a truncated file, write what was received.")
+@json_option
+def decode_command(
+    source: Path, output: Path, layers: int | None, max_bytes: int | None, partial: bool, as_json: bool
+) -> None:
+    """Decode IN.iso to OUT; the suffix of OUT names the format.
+
+    \b
+    Curves and surfaces  .npz (points, cells, isovalue, shape), .png
+    Curves               .geojson, .svg (x along axis 1, y along axis 0)
+    Surfaces             .ply, .stl, .obj (x, y, z along axes 0, 1, 2)
+    """
+    from isocodec.io.write import check_suffix, render_contour
+
+    with concerning(output):
+        suffix = check_suffix(output)
+    check_output(output, source)
+    data = read_iso(source)
+
+    import isocodec
+
+    started = time.perf_counter()
+    with concerning(source), progress_bar("decoding") as progress:
+        try:
+            contour = isocodec.decode(data, layers=layers, max_bytes=max_bytes, progress=progress)
+        except TruncatedError as exc:
+            if not partial:
+                # What the file lacks is the same fact with either remedy; this one is the command line's.
+                exc.remedy = "--partial writes what was received"
+                raise
+            contour = _received(data, layers, max_bytes, progress)
+            warn(source, f"{exc.message}; only what was received is written")
+    seconds = time.perf_counter() - started
+    with concerning(output):
+        rendered = render_contour(contour, suffix)
+    write_output(output, rendered)
+    pieces = "segments" if len(contour.shape) == 2 else "triangles"
+    tell(
+        f"{click.format_filename(output)}: {len(contour.points):,} points, {len(contour.cells):,} {pieces}, "
+        f"{seconds:.2f} s",
+        {
+            "output": str(output),
+            "bytes": len(rendered),
+            "points": len(contour.points),
+            "cells": len(contour.cells),
+            "isovalue": contour.isovalue,
+            "shape": list(contour.shape),
+            "complete": contour.complete,
+            "seconds": round(seconds, 3),
+        },
+        as_json,
+    )
+
+
+def _received(
+    data: bytes, layers: int | None, max_bytes: int | None, progress: Callable[[int, int], None] | None
+) -> Contour:
+    """The curve of a file that ends too early."""
+    import isocodec
+
+    if layers is not None:
+        # That many layers may have come whole, although the file has not.
+        with suppress(TruncatedError):
+            return isocodec.decode(isocodec.truncate(data, layers=layers), progress=progress)
+    decoder = isocodec.Decoder()
+    decoder.feed(data[:max_bytes])
+    for _ in decoder:
+        pass
+    contour = decoder.snapshot()
+    # Before the header is complete there is not even a grid, which no format could hold.
+    if 0 in contour.shape:
+        raise TruncatedError("the file ends before its curve begins", code="truncated")
+    return contour

@@ -1,0 +1,68 @@
+"""``isocodec info``: what an .iso file states about itself."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from isocodec.cli.options import iso_argument, json_option
+from isocodec.cli.report import concerning, read_iso
+
+if TYPE_CHECKING:
+    from isocodec import FileInfo
+
+
+@click.command("info", short_help="Show what a file holds, layer by layer.")
+@iso_argument
+@click.option("--symbols", is_flag=True, help="Count the coded symbols, too, by syntax element (decodes the file).")
+@json_option
+def info_command(source: Path, symbols: bool, as_json: bool) -> None:
+    """Show version, profile, shape, isovalue and the layers of IN.iso."""
+    data = read_iso(source)
+
+    import isocodec
+
+    with concerning(source):
+        info = isocodec.inspect(data, symbols=symbols)
+    if as_json:
+        click.echo(json.dumps(info.as_dict(), allow_nan=False))
+    else:
+        _print(source, info)
+
+
+def _print(source: Path, info: FileInfo) -> None:
+    from rich.console import Console
+    from rich.markup import escape
+    from rich.table import Table
+
+    console = Console()
+    facts = Table(title=escape(str(source)), title_justify="left", title_style="bold", show_header=False, box=None)
+    facts.add_row("version", f"{info.version} (read version {info.read_version})")
+    facts.add_row("profile", str(info.profile))
+    facts.add_row("shape", " x ".join(str(n) for n in info.shape))
+    facts.add_row("isovalue", f"{info.isovalue:.17g}")
+    facts.add_row("bytes", f"{info.bytes:,}")
+    facts.add_row("overhead", f"{_number(info.overhead_bytes)} bytes")
+    console.print(facts)
+
+    counted = any(layer.symbols for layer in info.layers)
+    layers = Table()
+    layers.add_column("layer", justify="right")
+    layers.add_column("kind")
+    for heading in ("level", "offset", "bytes"):
+        layers.add_column(heading, justify="right")
+    if counted:
+        layers.add_column("symbols")
+    for number, layer in enumerate(info.layers, start=1):
+        row = [str(number), layer.kind, _number(layer.level), _number(layer.offset), _number(layer.bytes)]
+        if counted:
+            row.append("\n".join(f"{count:,} {element}" for element, count in (layer.symbols or {}).items()))
+        layers.add_row(*row)
+    console.print(layers)
+
+
+def _number(number: Any) -> str:
+    return "-" if number is None else f"{number:,}"

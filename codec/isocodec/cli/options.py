@@ -1,0 +1,23 @@
+"""Arguments and options that several commands have in common."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import click
+
+Decorator = Callable[[Callable[..., Any]], Callable[..., Any]]
+
+# Whether files exist is not asked here: a missing file is an error of input (3), not of usage (2).
+iso_argument: Decorator = click.argument("source", metavar="IN.iso", type=click.Path(path_type=Path))
+
+json_option: Decorator = click.option("--json", "as_json", is_flag=True, help="Print the result as JSON.")
+
+
+def output_option(metavar: str) -> Decorator:
+    """``-o``, which every command that writes requires."""
+    return click.option(
+        "-o", "--output", metavar=metavar, required=True, type=click.Path(path_type=Path), help="File to write."
+    )

@@ -1,0 +1,57 @@
+"""``isocodec plot``: the progressive steps of a file, side by side."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from isocodec.cli.options import iso_argument, output_option
+from isocodec.cli.progress import progress_bar
+from isocodec.cli.report import check_output, concerning, read_iso, write_output
+from isocodec.errors import OptionError
+
+
+@click.command("plot", short_help="Draw the progressive steps of a file side by side.")
+@iso_argument
+@output_option("OUT.png")
+@click.option("--steps", type=click.IntRange(min=1), default=5, show_default=True, metavar="N", help="How many steps.")
+def plot_command(source: Path, output: Path, steps: int) -> None:
+    """Draw what prefixes of IN.iso decode to, from its first layer to all of it (.png, .pdf or .svg).
+
+    The steps are spread evenly over the layers; a file of fewer layers has fewer.
+    """
+    from isocodec.io.picture import PICTURE_SUFFIXES, Step, steps_picture
+
+    suffix = output.suffix.lower()
+    if suffix not in PICTURE_SUFFIXES:
+        with concerning(output):
+            raise OptionError(
+                f"{suffix or 'a name without a suffix'} is not a picture",
+                code="suffix",
+                remedy="one of " + ", ".join(PICTURE_SUFFIXES),
+            )
+    check_output(output, source)
+    data = read_iso(source)
+
+    import isocodec
+
+    with concerning(source), progress_bar("drawing") as progress:
+        drawn = []
+        chosen = spread(len(isocodec.inspect(data).layers), steps)
+        for number, layers in enumerate(chosen):
+            prefix = isocodec.truncate(data, layers=layers)
+            drawn.append(Step(isocodec.decode(prefix), len(prefix), len(data)))
+            if progress is not None:
+                progress(number + 1, len(chosen) + 1)  # and the drawing itself
+        picture = steps_picture(drawn, suffix)
+    write_output(output, picture)
+    click.echo(f"{click.format_filename(output)}: {len(drawn)} steps of {len(data):,} bytes")
+
+
+def spread(layers: int, steps: int) -> list[int]:
+    """At most ``steps`` numbers of layers, evenly spread over 1 .. ``layers``; the last is all of them."""
+    if steps == 1 or layers <= 1:
+        return [max(layers, 1)]
+    count = min(steps, layers)
+    return [1 + round(k * (layers - 1) / (count - 1)) for k in range(count)]

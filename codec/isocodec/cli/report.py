@@ -1,0 +1,154 @@
+"""How a command ends: one line on the error stream, and an exit code that says whose fault it was."""
+
+from __future__ import annotations
+
+import json
+import os
+import sys
+import traceback
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import click
+
+from isocodec.errors import InputError, IsoError, LimitError, OptionError
+
+EXIT_CODES = """\b
+Exit codes:
+  0  done
+  1  internal error
+  2  wrong usage: options that are unknown, contradict one another or do not fit
+  3  the input cannot be read or encoded, or the output cannot be written
+  4  not a valid .iso file
+  5  the .iso file is truncated
+  6  over a limit (memory, number of vertices or layers)
+  7  an optional library is missing
+With ISOCODEC_DEBUG=1 in the environment errors show their traceback."""
+
+INTERRUPTED = 130  # as shells have it: 128 + SIGINT
+
+
+class Failure(Exception):
+    """An error together with the file that it is about."""
+
+    def __init__(self, path: str | os.PathLike[str], cause: IsoError | OSError) -> None:
+        super().__init__(path, cause)
+        self.path = path
+        self.cause = cause
+
+
+@contextmanager
+def concerning(path: str | os.PathLike[str]) -> Iterator[None]:
+    """Whatever goes wrong within is reported as being about ``path``."""
+    try:
+        yield
+    except (IsoError, OSError) as exc:
+        raise Failure(path, exc) from exc
+    except MemoryError as exc:
+        raise Failure(path, LimitError("not enough memory", code="memory")) from exc
+
+
+class Program(click.Group):
+    """A group of commands that never ends in a traceback."""
+
+    def main(
+        self,
+        args: Sequence[str] | None = None,
+        prog_name: str | None = "isocodec",
+        complete_var: str | None = None,
+        standalone_mode: bool = True,
+        **extra: Any,
+    ) -> Any:
+        if not standalone_mode:
+            return super().main(args, prog_name, complete_var, standalone_mode=False, **extra)
+        try:
+            result = super().main(args, prog_name, complete_var, standalone_mode=False, **extra)
+            # Without the standalone mode, click hands back the code that --help and the like end with.
+            code = result if isinstance(result, int) else 0
+        except Exception as exc:
+            code = _report(exc)
+        sys.exit(code)
+
+
+def _report(exc: Exception) -> int:
+    """Print what there is to say about ``exc``; returns the exit code."""
+    if isinstance(exc, click.Abort):
+        if isinstance(exc.__cause__, KeyboardInterrupt) or isinstance(exc.__context__, KeyboardInterrupt):
+            say("interrupted")
+            return INTERRUPTED
+        exc = exc.__cause__ if isinstance(exc.__cause__, Exception) else exc
+    if os.environ.get("ISOCODEC_DEBUG", "0") not in ("", "0"):
+        traceback.print_exception(exc)
+    if isinstance(exc, click.UsageError):
+        # Without arguments click raises the whole help as an error.
+        if isinstance(exc, getattr(click.exceptions, "NoArgsIsHelpError", ())):
+            exc.show()
+        else:
+            command = exc.ctx.command_path if exc.ctx is not None else "isocodec"
+            say(f"{exc.format_message().rstrip('.')}: see '{command} --help'")
+        return OptionError.exit_code
+    path, cause = (exc.path, exc.cause) if isinstance(exc, Failure) else (None, exc)
+    where = "" if path is None else f"{click.format_filename(path)}: "
+    if isinstance(cause, IsoError):
+        say(f"{where}{cause}")
+        return cause.exit_code
+    if isinstance(cause, OSError):
+        if path is None and cause.filename is not None:
+            where = f"{click.format_filename(cause.filename)}: "
+        say(f"{where}{cause.strerror or cause}")
+        return InputError.exit_code
+    if isinstance(cause, MemoryError):
+        say("not enough memory")
+        return LimitError.exit_code
+    if isinstance(cause, click.ClickException):
+        say(cause.format_message())
+        return cause.exit_code
+    say(f"internal error: {type(cause).__name__}: {cause}: set ISOCODEC_DEBUG=1 to see where")
+    return IsoError.exit_code
+
+
+def say(text: str) -> None:
+    """One line on the error stream, whatever line breaks a file name or a library's message brings along."""
+    click.echo("isocodec: " + " ".join(text.split()), err=True)
+
+
+def warn(path: str | os.PathLike[str], text: str) -> None:
+    """A line about a file, where the command goes on."""
+    say(f"{click.format_filename(path)}: warning: {text}")
+
+
+def tell(text: str, record: dict[str, Any], as_json: bool) -> None:
+    """The result of a command, on standard output: a line for people, or an object for programs."""
+    click.echo(json.dumps(record, allow_nan=False) if as_json else text)
+
+
+def read_iso(path: Path) -> bytes:
+    """The bytes of an .iso file."""
+    with concerning(path):
+        return path.read_bytes()
+
+
+def check_output(output: Path, source: Path) -> None:
+    """Find out before the work that ``output`` can be written, and is not the input.
+
+    Raises
+    ------
+    Failure
+        With an OSError, or an OptionError if both are one file.
+    """
+    from isocodec.io.atomic import check_target
+
+    with concerning(output):
+        check_target(output)
+        if output.exists() and source.exists() and output.samefile(source):
+            raise OptionError("the output is the input file itself", code="same-file", remedy="choose another name")
+
+
+def write_output(output: Path, data: bytes) -> None:
+    """Write the result, whole or not at all."""
+    from isocodec.io.atomic import write_bytes
+
+    with concerning(output):
+        write_bytes(output, data)

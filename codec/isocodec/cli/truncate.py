@@ -1,0 +1,36 @@
+"""``isocodec truncate``: a shorter file of the same curve."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from isocodec.cli.options import iso_argument, json_option, output_option
+from isocodec.cli.report import check_output, concerning, read_iso, tell, write_output
+
+
+@click.command("truncate", short_help="Cut a file to fewer layers or bytes; the result is a valid file.")
+@iso_argument
+@output_option("OUT.iso")
+@click.option("--layers", type=click.IntRange(min=1), metavar="N", help="Keep the first N layers.")
+@click.option("--bytes", "max_bytes", type=click.IntRange(min=1), metavar="N", help="Keep at most N bytes.")
+@json_option
+def truncate_command(source: Path, output: Path, layers: int | None, max_bytes: int | None, as_json: bool) -> None:
+    """Cut IN.iso to its first layers, or to a number of bytes; OUT.iso is complete in itself."""
+    if (layers is None) == (max_bytes is None):
+        raise click.UsageError("give either --layers or --bytes")
+    check_output(output, source)
+    data = read_iso(source)
+
+    import isocodec
+
+    with concerning(source):
+        cut = isocodec.truncate(data, layers=layers, max_bytes=max_bytes)
+        kept = len(isocodec.inspect(cut).layers)
+    write_output(output, cut)
+    tell(
+        f"{click.format_filename(output)}: {len(cut):,} of {len(data):,} bytes, {kept} layers",
+        {"output": str(output), "bytes": len(cut), "input_bytes": len(data), "layers": kept},
+        as_json,
+    )

@@ -1,0 +1,105 @@
+"""Crossing edges: which ones a table of sign patterns asks for, and where on them the points lie."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from isocodec.contour.leaves import Leaves
+
+Edge = tuple[int, int]
+"""Two local vertices, of a simplex or of a cube, with a point between them."""
+
+
+@dataclass(frozen=True)
+class PatternTable:
+    """Rows of edges for each sign pattern of a simplex or cube.
+
+    Attributes
+    ----------
+    edges : (T, k, 2) int64
+        Local vertices at both ends of the edges; the rows of pattern p are ``first[p]`` to ``first[p + 1]``.
+    first : (patterns + 1,) int64
+    """
+
+    edges: NDArray[np.int64]
+    first: NDArray[np.int64]
+
+    @classmethod
+    def build(cls, rows: Sequence[Sequence[Sequence[Edge]]], k: int) -> PatternTable:
+        """Pack the lists of rows, one list per pattern, each row with k edges."""
+        edges = np.array([row for pattern in rows for row in pattern], dtype=np.int64).reshape(-1, k, 2)
+        return cls(edges, np.cumsum([0] + [len(pattern) for pattern in rows], dtype=np.int64))
+
+    def lookup(
+        self, pattern: NDArray[np.int64], vertices: NDArray[np.int64], mirrored: NDArray[np.bool_]
+    ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """Rows of many simplices or cubes, in vertices of the mesh.
+
+        Parameters
+        ----------
+        pattern : (C,) int64
+        vertices : (C, local vertices) int64
+        mirrored : (C,) bool
+            Where orientation is the reverse of the table's: the first two edges of a row change places.
+
+        Returns
+        -------
+        ends : (R, k, 2) int64
+            Vertices of the mesh at the ends of the edges.
+        owner : (R,) int64
+            Which simplex or cube each row belongs to, ascending.
+        """
+        count = np.diff(self.first)[pattern]
+        owner = np.repeat(np.arange(len(pattern)), count)
+        skipped = np.cumsum(count) - count
+        local = self.edges[np.arange(len(owner)) + (self.first[pattern] - skipped)[owner]]
+        ends = vertices[owner[:, None, None], local]
+        flip = mirrored[owner]
+        ends[flip, :2] = ends[flip, 1::-1]
+        return ends, owner
+
+
+def distinct_edges(leaves: Leaves, ends: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Number the edges so that each one has a single point.
+
+    Parameters
+    ----------
+    leaves : Leaves
+    ends : (..., 2) int64
+        Vertices at the ends of edges, in any order, with repetitions.
+
+    Returns
+    -------
+    edges : (P, 2) int64
+        The distinct edges, the end with the lexicographically smaller position first.
+    number : (...) int64
+        Index into ``edges``.
+    """
+    vertices = len(leaves.position)
+    rank = np.ravel_multi_index(tuple(leaves.position.T), leaves.shape)
+    a, b = ends[..., 0].ravel(), ends[..., 1].ravel()
+    swap = rank[a] > rank[b]
+    keys, number = np.unique(np.where(swap, b, a) * vertices + np.where(swap, a, b), return_inverse=True)
+    edges = np.stack(np.divmod(keys, max(vertices, 1)), axis=-1)
+    return edges, number.reshape(ends.shape[:-1])
+
+
+def edge_points(leaves: Leaves, edges: NDArray[np.int64]) -> NDArray[np.float64]:
+    """Points on edges, (P, n) float64: where linear interpolation meets the isovalue, or else in the middle.
+
+    Estimates of values may lie on the wrong side of the isovalue: then the point is the nearer end of the edge.
+    """
+    low, high = leaves.position[edges[:, 0]], leaves.position[edges[:, 1]]
+    ratio = np.full(len(edges), 0.5)
+    if leaves.value is not None:
+        f_low, f_high = leaves.value[edges[:, 0]], leaves.value[edges[:, 1]]
+        # Equal estimates at both ends, and differences that overflow, say nothing about the place.
+        with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
+            linear = (leaves.isovalue - f_low) / (f_high - f_low)
+        known = np.isfinite(f_low) & np.isfinite(f_high) & np.isfinite(linear)
+        ratio[known] = np.clip(linear[known], 0.0, 1.0)
+    return low + ratio[:, None] * (high - low)

@@ -1,0 +1,95 @@
+"""What a drawing gives back."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from isocodec.errors import OptionError
+
+
+@dataclass(frozen=True, eq=False)
+class Contour:
+    """An isocontour (n = 2) or isosurface (n = 3): points, and the segments or triangles between them.
+
+    Orientation, n = 2: on the way from ``points[cells[i, 0]]`` to ``points[cells[i, 1]]``, in the plane with axis 0 as
+    x and axis 1 as y (right-handed), the higher values lie on the left. ``skimage.measure.find_contours`` walks in the
+    same direction with ``positive_orientation="high"``, and in the opposite one with its default ``"low"``, since it
+    counts left and right with rows as y and columns as x.
+
+    Orientation, n = 3: by the right-hand rule in index coordinates (axes 0, 1, 2 right-handed) the normals of the
+    triangles point towards lower values.
+
+    Attributes
+    ----------
+    points : (P, n) float64
+        Index coordinates in samples, axes in the order of the sampled array.
+    cells : (M, n) int64
+        Indices into ``points``: directed segments (n = 2) or triangles (n = 3). In a contour each point is the start
+        of at most one segment and the end of at most one.
+    isovalue : float
+    shape : tuple of int
+        Samples along each axis of the sampled box.
+    complete : bool
+        False if the contour was drawn before all of its data had come.
+    """
+
+    points: NDArray[np.float64]
+    cells: NDArray[np.int64]
+    isovalue: float
+    shape: tuple[int, ...]
+    complete: bool = True
+
+    @cached_property
+    def lines(self) -> list[NDArray[np.float64]]:
+        """Polylines of an isocontour, (K, 2) float64 each, their points in walking order (see Orientation).
+
+        First those that are open, which start and end at the border of the box (or where a part has not been received
+        yet), then the closed ones, which repeat their first point at the end as ``find_contours`` does.
+
+        Raises
+        ------
+        OptionError
+            For an isosurface.
+        """
+        if len(self.shape) != 2:
+            raise OptionError("only an isocontour (n = 2) has lines; a surface has points and cells", code="dimension")
+        following = np.full(len(self.points), -1, dtype=np.int64)
+        following[self.cells[:, 0]] = self.cells[:, 1]
+        starts_line = following >= 0
+        starts_line[self.cells[:, 1]] = False
+
+        # Plain lists: one step of the walk on numpy scalars would take several times as long.
+        step = following.tolist()
+        lines = []
+        for first in [*np.flatnonzero(starts_line).tolist(), *range(len(step))]:
+            walk = [first]
+            point = step[first]
+            while point >= 0:
+                walk.append(point)
+                step[walk[-2]] = -1
+                point = step[point]
+            if len(walk) > 1:
+                lines.append(self.points[walk])
+        return lines
+
+    @property
+    def __geo_interface__(self) -> dict[str, Any]:
+        """GeoJSON-like ``MultiLineString`` of an isocontour, for shapely, geopandas and others.
+
+        Coordinates are tuples ``(x, y)`` with x along axis 1 (columns) and y along axis 0 (rows), in samples. Swapping
+        the axes mirrors the plane, so that with x to the right and y upwards the higher values are on the right.
+
+        Raises
+        ------
+        AttributeError
+            For an isosurface, so that ``hasattr`` tells that there is no such interface.
+        """
+        if len(self.shape) != 2:
+            raise AttributeError("__geo_interface__: a surface has no GeoJSON geometry")
+        coordinates = tuple(tuple((x, y) for y, x in line.tolist()) for line in self.lines)
+        return {"type": "MultiLineString", "coordinates": coordinates}

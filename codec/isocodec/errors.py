@@ -1,0 +1,87 @@
+"""One hierarchy of errors, sorted by origin: the caller, the input, the file, the limits.
+
+Every error carries a short stable ``code``, the exit code that the command line ends with, and
+where it makes sense the byte offset in the file and the clause of the specification that is violated.
+"""
+
+from __future__ import annotations
+
+
+class IsoError(Exception):
+    """Base of every error that this package raises on purpose.
+
+    Attributes
+    ----------
+    code : str
+        Short stable identifier, for programs.
+    offset : int or None
+        Byte offset in the file at which the error was found.
+    clause : str or None
+        Clause of ``spec/iso.md`` that the file violates.
+    remedy : str or None
+        What the caller can do about it.
+    """
+
+    exit_code = 1
+
+    def __init__(
+        self,
+        message: str,
+        *,
+        code: str = "error",
+        offset: int | None = None,
+        clause: str | None = None,
+        remedy: str | None = None,
+    ) -> None:
+        super().__init__(message)
+        self.message = message
+        self.code = code
+        self.offset = offset
+        self.clause = clause
+        self.remedy = remedy
+
+    def __str__(self) -> str:
+        text = self.message
+        if self.offset is not None:
+            text += f" (at byte {self.offset})"
+        if self.clause is not None:
+            text += f" [spec {self.clause}]"
+        if self.remedy is not None:
+            text += f": {self.remedy}"
+        return text
+
+
+class OptionError(IsoError, ValueError):
+    """The caller's options contradict one another or are out of range."""
+
+    exit_code = 2
+
+
+class InputError(IsoError, ValueError):
+    """The field or the isovalue cannot be encoded, or an input file cannot be read."""
+
+    exit_code = 3
+
+
+class FormatError(IsoError, ValueError):
+    """The bytes are not a valid ``.iso`` file."""
+
+    exit_code = 4
+
+
+class TruncatedError(FormatError):
+    """The bytes end before the file does; what was received is still there in a snapshot."""
+
+    exit_code = 5
+
+
+class LimitError(IsoError):
+    """Decoding or encoding would need more than the limits allow."""
+
+    exit_code = 6
+
+
+class MissingExtraError(IsoError, ImportError):
+    """An optional library is needed; ``remedy`` names the extra to install."""
+
+    exit_code = 7

@@ -1,0 +1,1 @@
+"""Sampled fields: checks, signs, the numbers that geometry sends (spec clause 2)."""

@@ -1,0 +1,175 @@
+"""From a sampled field to what the passes ask: signs, numbers of steps, offsets of crossings (spec clause 2)."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from isospec.container import MAX_SIDE
+from numpy.typing import ArrayLike, NDArray
+
+from ..errors import InputError, OptionError
+
+OFFSET_BITS = 30
+MAX_NUMBER = 1 << 52
+
+
+@dataclass(frozen=True)
+class Field:
+    """A sampled field at one isovalue.
+
+    Attributes
+    ----------
+    values : (s0, .., sn-1) array of integers or floats
+    isovalue : float
+    signs : likewise, bool
+        ``value > isovalue``, strict (spec clause 2.2).
+    scale : float or None
+        Step of the numbers; None for integers, which are their own numbers.
+    """
+
+    values: NDArray[Any]
+    isovalue: float
+    signs: NDArray[np.bool_]
+    scale: float | None = None
+
+    @property
+    def integer(self) -> bool:
+        """Whether the samples are integers."""
+        return self.values.dtype.kind in "iub"
+
+    def numbers(self, positions: NDArray[np.integer], above: NDArray[np.bool_]) -> NDArray[np.int64]:
+        """Whole steps from the isovalue's side of each vertex's interval (spec clause 2.3).
+
+        Parameters
+        ----------
+        positions : (V, n) int
+        above : (V,) bool
+            Signs of those samples.
+
+        Returns
+        -------
+        (V,) int64
+        """
+        samples = self.values[tuple(positions.T)]
+        if self.scale is None:
+            t = math.floor(self.isovalue)
+            distance = np.array([abs(int(q) - t) for q in samples.ravel()], object) if _wide(samples, t) else (
+                np.abs(samples.astype(np.int64) - t)
+            )  # fmt: skip
+            number = np.where(above, distance - 1, distance)
+        else:
+            with np.errstate(over="ignore", invalid="ignore"):
+                steps = np.abs((samples.astype(np.float64) - self.isovalue) / self.scale)
+            if not np.all(np.isfinite(steps)):
+                raise InputError("the field is infinite next to the curve", code="infinite", remedy="clip the field")
+            # above: (iso, iso + S] is number 0; below: (iso - S, iso] is number 0
+            number = np.where(above, np.ceil(steps) - 1, np.floor(steps))
+            number = np.maximum(number, 0)
+        if len(number) and int(number.max()) >= MAX_NUMBER:
+            raise InputError(
+                f"values next to the curve lie {int(number.max())} steps from the isovalue, more than 2**52",
+                code="range", remedy="use a larger step, or --tolerance",
+            )  # fmt: skip
+        return number.astype(np.int64)
+
+    def crossings(self, positions: NDArray[np.integer], axis: NDArray[np.integer]) -> NDArray[np.int64]:
+        """Offsets of the crossings on grid edges as binary fractions of 30 bits, by linear interpolation.
+
+        Parameters
+        ----------
+        positions : (E, n) int
+            Lower ends.
+        axis : (E,) int
+
+        Returns
+        -------
+        (E,) int64
+        """
+        ends = positions.astype(np.int64).copy()
+        ends[np.arange(len(ends)), axis] += 1
+        low = self.values[tuple(positions.T)].astype(np.float64)
+        high = self.values[tuple(ends.T)].astype(np.float64)
+        with np.errstate(all="ignore"):
+            # halved, so that the span of two large floats does not overflow
+            where = (self.isovalue / 2 - low / 2) / (high / 2 - low / 2)
+        where = np.where(np.isnan(where), 0.5, where)
+        return np.clip(np.floor(np.ldexp(where, OFFSET_BITS)), 0, (1 << OFFSET_BITS) - 1).astype(np.int64)
+
+
+def _wide(samples: NDArray[Any], t: int) -> bool:
+    """Whether differences may overflow int64."""
+    return abs(t) >= 1 << 62 or (samples.dtype.itemsize == 8 and bool(np.any(np.abs(samples.astype(float)) >= 2.0**62)))
+
+
+def check_field(field: ArrayLike, isovalue: float, step: float | None = None) -> Field:
+    """A field that can be encoded at an isovalue.
+
+    Parameters
+    ----------
+    field : (s0, s1) or (s0, s1, s2) array_like of bool, integers or floats
+    isovalue : float
+        Finite.
+    step : float, optional
+        For float data: the largest error of values sent, more exactly twice it.
+
+    Raises
+    ------
+    InputError
+        If the field or the isovalue cannot be encoded; the message says why.
+    OptionError
+        If the step is not a positive number, or the data are integers.
+    """
+    values = np.asarray(field)
+    if values.dtype.kind not in "biuf":
+        raise InputError(
+            f"the field has samples of type {values.dtype}", code="dtype", remedy="convert it to integers or floats"
+        )
+    if values.ndim not in (2, 3):
+        raise InputError(
+            f"the field has {values.ndim} axes {values.shape}, needed are 2 or 3", code="axes",
+            remedy="choose a slice or drop axes of length 1",
+        )  # fmt: skip
+    if min(values.shape) < 2:
+        raise InputError(
+            f"the field has shape {values.shape}, needed are 2 samples along every axis", code="shape",
+            remedy="drop axes of length 1",
+        )  # fmt: skip
+    if max(values.shape) > MAX_SIDE[values.ndim]:
+        raise InputError(
+            f"the field has {max(values.shape)} samples along an axis, at most {MAX_SIDE[values.ndim]} are possible",
+            code="shape", remedy="cut it into tiles",
+        )  # fmt: skip
+    try:
+        isovalue = float(isovalue)
+    except (TypeError, ValueError, OverflowError):
+        raise InputError(f"the isovalue {isovalue!r} is not a number", code="isovalue") from None
+    if not math.isfinite(isovalue):
+        raise InputError(f"the isovalue is {isovalue}, needed is a finite number", code="isovalue")
+    if values.dtype.kind == "b":
+        values = values.view(np.uint8)
+    if values.dtype.kind == "f":
+        holes = int(np.count_nonzero(np.isnan(values)))
+        if holes:
+            raise InputError(
+                f"the field has {holes} NaN among {values.size} samples, and holes are not supported yet", code="nan",
+                remedy="fill them, for example with scipy.ndimage or numpy.nan_to_num",
+            )  # fmt: skip
+        signs = values > np.float64(isovalue)
+    else:
+        signs = values > math.floor(isovalue)
+        if step is not None:
+            raise OptionError("a step is for float data; integers are sent exactly", code="step", remedy="use exact")
+    if step is not None and not (math.isfinite(step) and step > 0):
+        raise OptionError(f"the step is {step}, needed is a positive number", code="step")
+    return Field(values, isovalue, np.ascontiguousarray(signs), step)
+
+
+def interval_value(isovalue: float, scale: float | None, number: NDArray[Any], above: NDArray[Any]) -> NDArray[Any]:
+    """Field values for numbers of steps (spec clause 2.3); inverse of ``Field.numbers``."""
+    if scale is None:
+        t = math.floor(isovalue)
+        return np.where(above, t + 1 + number, t - number).astype(np.float64)
+    return np.where(above, isovalue + scale * (number + 0.5), isovalue - scale * (number + 0.5))

@@ -1,0 +1,17 @@
+"""Readers and writers of other people's formats: fields in, curves and surfaces out."""
+
+from __future__ import annotations
+
+from isocodec.io.atomic import check_target, write_bytes
+from isocodec.io.read import read_field
+from isocodec.io.write import CURVE_SUFFIXES, check_suffix, render_contour, write_contour
+
+__all__ = [
+    "CURVE_SUFFIXES",
+    "check_suffix",
+    "check_target",
+    "read_field",
+    "render_contour",
+    "write_bytes",
+    "write_contour",
+]

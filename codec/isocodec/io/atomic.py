@@ -1,0 +1,78 @@
+"""Writing files whole or not at all: beside the target first, then renamed over it."""
+
+from __future__ import annotations
+
+import errno
+import os
+import tempfile
+from pathlib import Path
+
+
+def check_target(path: str | os.PathLike[str]) -> None:
+    """Find out before the work, not after it, that ``path`` cannot be written.
+
+    Raises
+    ------
+    OSError
+        If ``path`` is a directory or write-protected, or its directory is missing or closed to us.
+    """
+    target = Path(path)
+    if target.is_dir():
+        raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(target))
+    directory = target.parent
+    if not directory.exists():
+        raise FileNotFoundError(errno.ENOENT, f"there is no directory {str(directory)!r} to write into", str(target))
+    if not directory.is_dir():
+        raise NotADirectoryError(errno.ENOTDIR, os.strerror(errno.ENOTDIR), str(target))
+    if _is_special(target):
+        return
+    # A rename would pass over the protection of the file itself.
+    protected = target.exists() and not os.access(target, os.W_OK)
+    if protected or not os.access(directory, os.W_OK | os.X_OK):
+        raise PermissionError(errno.EACCES, os.strerror(errno.EACCES), str(target))
+
+
+def write_bytes(path: str | os.PathLike[str], data: bytes) -> None:
+    """Put ``data`` at ``path``: afterwards there is the whole new file, or on an error what was there before.
+
+    A symbolic link is followed, the permissions of an existing file are kept, and what is not a regular
+    file (``/dev/null``, a pipe) is written to directly, because it must not be replaced.
+
+    Raises
+    ------
+    OSError
+        As the operating system reports it.
+    """
+    target = Path(os.path.realpath(path))
+    if _is_special(target):
+        target.write_bytes(data)
+        return
+    try:
+        mode = target.stat().st_mode & 0o7777
+    except FileNotFoundError:
+        mode = 0o666 & ~_umask()
+    # In the same directory, since a rename is only atomic within one file system.
+    descriptor, name = tempfile.mkstemp(prefix=f".{target.name[:100]}.", suffix=".part", dir=target.parent)
+    beside = Path(name)
+    try:
+        with os.fdopen(descriptor, "wb") as file:
+            file.write(data)
+            file.flush()
+            # Some file systems report a full disk only here, and then the old file must still be there.
+            os.fsync(file.fileno())
+        beside.chmod(mode)
+        os.replace(beside, target)
+    except BaseException:  # an interrupt, too, must not leave the partial file behind
+        beside.unlink(missing_ok=True)
+        raise
+
+
+def _is_special(path: Path) -> bool:
+    return path.exists() and not path.is_file() and not path.is_dir()
+
+
+def _umask() -> int:
+    # The mask can only be read by setting it.
+    mask = os.umask(0o077)
+    os.umask(mask)
+    return mask

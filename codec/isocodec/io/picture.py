@@ -1,0 +1,238 @@
+"""Pictures of contours: one alone, or the steps of a progressive file side by side, as the papers show them.
+
+Figures are made without ``pyplot``: no window system, no state left behind.
+"""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from itertools import product
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from isocodec.errors import OptionError
+from isocodec.io.extras import optional
+
+if TYPE_CHECKING:
+    from isocodec.contour import Contour
+
+PICTURE_SUFFIXES = (".png", ".pdf", ".svg")
+
+_DPI = 150
+_INK = (0.10, 0.25, 0.45)
+_SURFACE = np.array([0.62, 0.72, 0.84])
+# Panels in one row; more go on to the next.
+_COLUMNS = 6
+
+# The direction of view on a surface: from the right, in front and above, axis 2 of the array upwards.
+_TOWARDS = np.array([0.75, -0.55, 0.42]) / np.linalg.norm([0.75, -0.55, 0.42])
+_RIGHT = np.cross([0.0, 0.0, 1.0], _TOWARDS) / np.linalg.norm(np.cross([0.0, 0.0, 1.0], _TOWARDS))
+_UP = np.cross(_TOWARDS, _RIGHT)
+# Light from over the viewer's left shoulder.
+_LIGHT = (_TOWARDS + 0.5 * _UP - 0.4 * _RIGHT) / np.linalg.norm(_TOWARDS + 0.5 * _UP - 0.4 * _RIGHT)
+
+
+@dataclass(frozen=True)
+class Step:
+    """A prefix of a file: what it decodes to, its size, and the size of the whole file."""
+
+    contour: Contour
+    bytes: int
+    total: int
+
+
+def contour_picture(contour: Contour, suffix: str = ".png") -> bytes:
+    """The file of a picture of one contour, 2-D or 3-D.
+
+    Raises
+    ------
+    OptionError
+        If the contour is neither.
+    MissingExtraError
+        Without matplotlib.
+    """
+    figure = _figure(_panel_size(contour.shape, 6.0))
+    axes = figure.add_subplot()
+    _draw(axes, contour, pixels=6 * _DPI)
+    axes.set_title(f"isovalue {contour.isovalue:g}", fontsize=9)
+    return _file(figure, suffix)
+
+
+def steps_picture(steps: Sequence[Step], suffix: str = ".png") -> bytes:
+    """The file of a picture of several prefixes side by side, each under its bytes and its share of the file.
+
+    Raises
+    ------
+    OptionError
+        If the contours are neither 2-D nor 3-D.
+    MissingExtraError
+        Without matplotlib.
+    """
+    columns = min(len(steps), _COLUMNS)
+    rows = -(-len(steps) // columns)
+    side = 2.6
+    width, height = _panel_size(steps[0].contour.shape, side)
+    title = 0.45
+    figure = _figure((columns * width, rows * (height + title)))
+    for number, step in enumerate(steps, start=1):
+        axes = figure.add_subplot(rows, columns, number)
+        _draw(axes, step.contour, pixels=round(side * _DPI))
+        axes.set_xticks([])
+        axes.set_yticks([])
+        axes.set_title(f"{step.bytes:,} bytes\n{step.bytes / step.total:.1%} of the file", fontsize=7)
+    return _file(figure, suffix)
+
+
+def _figure(size: tuple[float, float]) -> Any:
+    figure = optional("matplotlib.figure", extra="plot", purpose="drawing a picture")
+    return figure.Figure(figsize=size, dpi=_DPI, layout="constrained")
+
+
+def _file(figure: Any, suffix: str) -> bytes:
+    buffer = io.BytesIO()
+    figure.savefig(buffer, format=suffix[1:], facecolor="white")
+    return buffer.getvalue()
+
+
+def _panel_size(shape: tuple[int, ...], longest: float) -> tuple[float, float]:
+    """Width and height in inches: in the proportions of a plane grid, but never a mere strip."""
+    if len(shape) != 2:
+        return longest, longest
+    rows, columns = shape
+    least = longest / 4
+    if columns >= rows:
+        return longest, max(longest * rows / columns, least)
+    return max(longest * columns / rows, least), longest
+
+
+def _draw(axes: Any, contour: Contour, pixels: int) -> None:
+    if len(contour.shape) == 2:
+        _draw_curve(axes, contour)
+    elif len(contour.shape) == 3:
+        _draw_surface(axes, contour, pixels)
+    else:
+        raise OptionError(f"there is no picture of a field of {len(contour.shape)} axes", code="dimension")
+
+
+def _draw_curve(axes: Any, contour: Contour) -> None:
+    collections = optional("matplotlib.collections", extra="plot", purpose="drawing a picture")
+    lines = [np.asarray(line)[:, ::-1] for line in contour.lines]
+    axes.add_collection(collections.LineCollection(lines, colors=[_INK], linewidths=0.7, capstyle="round"))
+    rows, columns = contour.shape
+    axes.set_xlim(-0.5, columns - 0.5)
+    # Downwards, as pictures are shown.
+    axes.set_ylim(rows - 0.5, -0.5)
+    axes.set_aspect("equal")
+    axes.tick_params(labelsize=7)
+
+
+def _draw_surface(axes: Any, contour: Contour, pixels: int) -> None:
+    """The surface as a picture of its own: matplotlib sorts whole triangles, and that shows in every fold."""
+    corners = np.array(list(product(*((0.0, n - 1.0) for n in contour.shape))))
+    flat = corners @ np.stack([_RIGHT, _UP], axis=1)
+    low, high = flat.min(axis=0), flat.max(axis=0)
+    scale = float((high - low).max()) or 1.0
+    centre = (low + high) / 2
+    image = shade(contour.points, contour.cells, centre, scale, pixels)
+    half = scale / 2
+    for a, b in zip(*_box_edges(), strict=True):
+        line = flat[[a, b]] - centre
+        axes.plot(line[:, 0], line[:, 1], color="0.75", linewidth=0.5, zorder=1)
+    axes.imshow(image, extent=(-half, half, -half, half), origin="lower", zorder=2, interpolation="antialiased")
+    axes.set_xlim(-1.04 * half, 1.04 * half)
+    axes.set_ylim(-1.04 * half, 1.04 * half)
+    axes.set_aspect("equal")
+    axes.set_axis_off()
+
+
+def _box_edges() -> tuple[list[int], list[int]]:
+    """Pairs of corners of a cube, numbered by their bits, that differ in one bit."""
+    pairs = [(a, a | 1 << axis) for a in range(8) for axis in range(3) if not a >> axis & 1]
+    return [a for a, _ in pairs], [b for _, b in pairs]
+
+
+def shade(
+    points: NDArray[np.float64],
+    cells: NDArray[np.int64],
+    centre: NDArray[np.float64],
+    scale: float,
+    pixels: int,
+) -> NDArray[np.float64]:
+    """Draw triangles in parallel projection with a depth buffer, lit by their normals.
+
+    Triangles are splatted as lattices of points less than a pixel apart, so that the time follows the
+    area on the screen and not the number of triangles.
+
+    Parameters
+    ----------
+    points : (P, 3) float64
+    cells : (M, 3) int64
+    centre : (2,) float64
+        What lies in the middle of the picture, along right and up.
+    scale : float
+        Width and height of what the picture shows.
+    pixels : int
+        Width and height of the picture.
+
+    Returns
+    -------
+    (pixels, pixels, 4) float64
+        Red, green, blue and opacity in 0 .. 1; the first row is the lowest.
+    """
+    side = 2 * pixels  # averaged down below, against ragged edges
+    # Half a pixel of room, so that what lies on the border of the box falls inside.
+    screen = (points @ np.stack([_RIGHT, _UP], axis=1) - centre) * ((side - 1) / scale) + side / 2
+    depth = points @ _TOWARDS
+    nearest = np.full(side * side, -np.inf)
+    shown = np.full(side * side, -1, dtype=np.int64)
+    for chosen, weights in _lattices(screen, cells):
+        corners = cells[chosen]
+        at = np.einsum("sk,mkc->msc", weights, screen[corners])
+        inside = np.clip(np.floor(at).astype(np.int64), 0, side - 1)
+        pixel = (inside[..., 1] * side + inside[..., 0]).ravel()
+        near = (depth[corners] @ weights.T).ravel()
+        np.maximum.at(nearest, pixel, near)
+        front = near == nearest[pixel]
+        shown[pixel[front]] = np.repeat(chosen, len(weights))[front]
+
+    image = np.zeros((side * side, 4))
+    seen = shown >= 0
+    a, b, c = (points[cells[shown[seen], k]] for k in range(3))
+    normal = np.cross(b - a, c - a)
+    length = np.linalg.norm(normal, axis=1)
+    normal /= np.where(length > 0, length, 1.0)[:, None]
+    # Both sides are lit alike: an open surface shows its inside.
+    normal *= np.where(normal @ _TOWARDS < 0, -1.0, 1.0)[:, None]
+    image[seen, :3] = _SURFACE * (0.3 + 0.7 * np.clip(normal @ _LIGHT, 0.0, 1.0))[:, None]
+    image[seen, 3] = 1.0
+    # Colours weighted by opacity, or empty pixels would darken the outline.
+    blocks = image.reshape(pixels, 2, pixels, 2, 4).sum(axis=(1, 3))
+    blocks[..., :3] /= np.maximum(blocks[..., 3:], 1.0)
+    blocks[..., 3] /= 4.0
+    return blocks
+
+
+def _lattices(
+    screen: NDArray[np.float64], cells: NDArray[np.int64], batch: int = 1 << 20
+) -> Iterator[tuple[NDArray[np.int64], NDArray[np.float64]]]:
+    """Batches of triangles, each with the barycentric weights (S, 3) of points dense enough for all of them."""
+    if len(cells) == 0:
+        return
+    a, b, c = (screen[cells[:, k]] for k in range(3))
+    longest = np.sqrt(np.max([((p - q) ** 2).sum(axis=1) for p, q in ((a, b), (b, c), (c, a))], axis=0))
+    # At 0.85 pixels no pixel inside a triangle stays empty: the widest gap in the lattice is then below one.
+    steps = np.maximum(np.ceil(longest / 0.85), 1.0)
+    sizes = np.unique([m << k for k in range(14) for m in (2, 3)] + [1])
+    size = sizes[np.minimum(np.searchsorted(sizes, steps), len(sizes) - 1)]
+    for n in np.unique(size):
+        i, j = np.meshgrid(np.arange(n + 1), np.arange(n + 1), indexing="ij")
+        kept = i + j <= n
+        weights = np.stack([i[kept], j[kept], n - i[kept] - j[kept]], axis=1) / n
+        chosen = np.flatnonzero(size == n)
+        count = max(1, batch // len(weights))
+        for start in range(0, len(chosen), count):
+            yield chosen[start : start + count], weights

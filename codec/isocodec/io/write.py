@@ -1,0 +1,179 @@
+"""Curves and surfaces out, in the formats of other tools.
+
+In the plane (GeoJSON, SVG) x runs along axis 1 of the array and y along axis 0, sample (i, j) at x = j, y = i.
+In space (PLY, STL, OBJ) x, y, z are the axes 0, 1, 2 of the array. The unit is the cell.
+"""
+
+from __future__ import annotations
+
+import io
+import json
+import os
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+from xml.etree import ElementTree
+
+import numpy as np
+
+from isocodec.errors import OptionError
+from isocodec.io.atomic import write_bytes
+from isocodec.io.extras import optional
+
+if TYPE_CHECKING:
+    from isocodec.contour import Contour
+
+
+def check_suffix(path: str | os.PathLike[str], dimension: int | None = None) -> str:
+    """The suffix of ``path`` if it names a format that can be written (for fields of ``dimension`` axes).
+
+    Raises
+    ------
+    OptionError
+        Naming the formats that work.
+    """
+    suffix = Path(path).suffix.lower()
+    fitting = [s for s, f in _FORMATS.items() if dimension is None or dimension in f.dimensions]
+    if suffix in fitting:
+        return suffix
+    if suffix in _FORMATS:
+        kind = {2: "a curve (of a 2-D field)", 3: "a surface (of a 3-D field)"}.get(dimension or 0, f"{dimension}-D")
+        message = f"{suffix} cannot hold {kind}"
+    else:
+        message = f"{suffix or 'a name without a suffix'} is not a format that can be written"
+    raise OptionError(message, code="suffix", remedy="one of " + ", ".join(fitting))
+
+
+def render_contour(contour: Contour, suffix: str) -> bytes:
+    """The whole file of a contour, in the format that ``suffix`` (``".ply"``) names.
+
+    Raises
+    ------
+    OptionError
+        If there is no such format for the dimension of the contour.
+    MissingExtraError
+        If a library is needed that is not installed.
+    """
+    suffix = check_suffix(f"_{suffix}", len(contour.shape))
+    return _FORMATS[suffix].render(contour)
+
+
+def write_contour(contour: Contour, path: str | os.PathLike[str]) -> None:
+    """Write a contour in the format that the suffix of ``path`` names; whole, or not at all.
+
+    Raises
+    ------
+    OptionError, MissingExtraError
+        As :func:`render_contour`.
+    OSError
+        If the file cannot be written.
+    """
+    write_bytes(path, render_contour(contour, Path(path).suffix))
+
+
+# ---- Both dimensions ------------------------------------------------------------------------------------------------
+
+
+def _npz(contour: Contour) -> bytes:
+    buffer = io.BytesIO()
+    np.savez(
+        buffer,
+        points=contour.points,
+        cells=contour.cells,
+        isovalue=np.float64(contour.isovalue),
+        shape=np.asarray(contour.shape, dtype=np.int64),
+    )
+    return buffer.getvalue()
+
+
+def _png(contour: Contour) -> bytes:
+    from isocodec.io.picture import contour_picture
+
+    return contour_picture(contour)
+
+
+# ---- 2-D ------------------------------------------------------------------------------------------------------------
+
+
+def _geojson(contour: Contour) -> bytes:
+    """A feature with the properties isovalue, shape and complete; an empty curve is an empty geometry."""
+    feature = {
+        "type": "Feature",
+        "properties": {
+            "isovalue": float(contour.isovalue),
+            "shape": [int(n) for n in contour.shape],
+            "complete": bool(contour.complete),
+        },
+        "geometry": contour.__geo_interface__,
+    }
+    return json.dumps(feature, separators=(",", ":"), allow_nan=False).encode() + b"\n"
+
+
+def _svg(contour: Contour) -> bytes:
+    """One path for each polyline; the view box is that of the picture's pixels, so that the two can be overlaid."""
+    rows, columns = contour.shape
+    root = ElementTree.Element(
+        "svg",
+        {
+            "xmlns": "http://www.w3.org/2000/svg",
+            "width": str(columns),
+            "height": str(rows),
+            # Samples are the centres of pixels.
+            "viewBox": f"-0.5 -0.5 {columns} {rows}",
+        },
+    )
+    ElementTree.SubElement(root, "title").text = f"isovalue {contour.isovalue:g}"
+    group = ElementTree.SubElement(
+        root, "g", {"fill": "none", "stroke": "black", "stroke-width": "1", "stroke-linejoin": "round"}
+    )
+    for line in contour.lines:
+        # The width is then one of the screen: a contour has none of its own.
+        ElementTree.SubElement(group, "path", {"d": _path(np.asarray(line)), "vector-effect": "non-scaling-stroke"})
+    return b'<?xml version="1.0" encoding="UTF-8"?>\n' + ElementTree.tostring(root) + b"\n"
+
+
+def _path(line: np.ndarray) -> str:
+    closed = len(line) > 2 and bool(np.array_equal(line[0], line[-1]))
+    corners = [f"{_decimal(x)},{_decimal(y)}" for y, x in line[: -1 if closed else None].tolist()]
+    return "M" + " ".join(corners) + ("Z" if closed else "")
+
+
+def _decimal(number: float) -> str:
+    # Six places are a millionth of a cell: finer than any stroke, and half the size of all digits.
+    text = f"{number:.6f}".rstrip("0").rstrip(".")
+    return "0" if text == "-0" else text
+
+
+# ---- 3-D ------------------------------------------------------------------------------------------------------------
+
+
+def _mesh(contour: Contour, suffix: str) -> bytes:
+    """PLY (binary) and STL (binary) hold single precision by custom; OBJ has eight decimal places."""
+    trimesh = optional("trimesh", extra="mesh", purpose=f"writing {suffix}")
+    if suffix == ".obj" and len(contour.cells) == 0:
+        # The library would write keywords without numbers, which no reader takes.
+        return b"# empty isosurface\n"
+    # Without processing: the vertices and their order are ours.
+    mesh = trimesh.Trimesh(vertices=contour.points, faces=contour.cells, process=False)
+    data = mesh.export(file_type=suffix[1:])
+    return data.encode() if isinstance(data, str) else bytes(data)
+
+
+@dataclass(frozen=True)
+class _Format:
+    dimensions: tuple[int, ...]
+    render: Callable[[Contour], bytes]
+
+
+_FORMATS: dict[str, _Format] = {
+    ".npz": _Format((2, 3), _npz),
+    ".png": _Format((2, 3), _png),
+    ".geojson": _Format((2,), _geojson),
+    ".svg": _Format((2,), _svg),
+    ".ply": _Format((3,), lambda contour: _mesh(contour, ".ply")),
+    ".stl": _Format((3,), lambda contour: _mesh(contour, ".stl")),
+    ".obj": _Format((3,), lambda contour: _mesh(contour, ".obj")),
+}
+
+CURVE_SUFFIXES: tuple[str, ...] = tuple(_FORMATS)

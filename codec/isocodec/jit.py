@@ -1,0 +1,17 @@
+"""The one way in which kernels are compiled."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from numba import njit
+
+kernel: Any = njit(cache=True, nogil=True, error_model="numpy", _nrt=False)
+"""Decorator of every kernel: compiled on first use and cached on disk; plain Python with ``NUMBA_DISABLE_JIT=1``."""
+
+# What a kernel returns: why it came back.
+DONE = 0  # the pass is complete
+NEED = 1  # the coder needs bytes (decoding) or room for them (encoding)
+GROW = 2  # an array is nearly full
+CUT = 3  # the stated number of symbols of a cut run has been coded
+BAD = 4  # the stream violates the specification; the clause is in the state

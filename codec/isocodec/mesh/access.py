@@ -1,0 +1,101 @@
+"""Reading the flat mesh tables in kernels: one function a table (layout in ``mesh.tables``)."""
+
+from __future__ import annotations
+
+from ..jit import kernel
+from .tables import MOST_CLASSES, MOST_CORNERS, MOST_MEMBERS, START
+
+_ROOT = START["ROOT"]
+_VERTEX = START["VERTEX"]
+_MIDDLE = START["MIDDLE"]
+_CHILD = START["CHILD"]
+_NEIGHBOUR = START["NEIGHBOUR"]
+_CUBE = START["CUBE"]
+_KIND = START["KIND"]
+_CORNERS = START["CORNERS"]
+_CORNER = START["CORNER"]
+_MEMBERS = START["MEMBERS"]
+_MEMBER = START["MEMBER"]
+_GRANDCHILD = START["GRANDCHILD"]
+
+
+@kernel
+def dimension(t):
+    return t[0]
+
+
+@kernel
+def roots(t):
+    return t[_ROOT]
+
+
+@kernel
+def root(t, i):
+    return t[_ROOT + 1 + i]
+
+
+@kernel
+def vertex(t, r, cls, j, a):
+    return t[_VERTEX + ((r * MOST_CLASSES + cls) * 4 + j) * 3 + a]
+
+
+@kernel
+def middle(t, r, cls, a):
+    return t[_MIDDLE + (r * MOST_CLASSES + cls) * 3 + a]
+
+
+@kernel
+def child(t, r, cls, side):
+    """Class and block delta."""
+    i = _CHILD + ((r * MOST_CLASSES + cls) * 2 + side) * 4
+    return t[i], t[i + 1], t[i + 2], t[i + 3]
+
+
+@kernel
+def neighbour(t, r, cls, face):
+    """Class, the vertex opposite, block delta."""
+    i = _NEIGHBOUR + ((r * MOST_CLASSES + cls) * 4 + face) * 5
+    return t[i], t[i + 1], t[i + 2], t[i + 3], t[i + 4]
+
+
+@kernel
+def cube(t, r, cls):
+    """Number within the cube, parity of the cube."""
+    i = _CUBE + (r * MOST_CLASSES + cls) * 4
+    return t[i], t[i + 1], t[i + 2], t[i + 3]
+
+
+@kernel
+def kind(t, r, w0, w1, w2):
+    """Kind of the diamond around the lattice point w (units of g), or -1 if w is no middle of this level."""
+    return t[_KIND + r * 64 + ((w0 & 3) | (w1 & 3) << 2 | (w2 & 3) << 4)]
+
+
+@kernel
+def corners(t, d):
+    return t[_CORNERS + d]
+
+
+@kernel
+def corner(t, d, i):
+    i = _CORNER + (d * MOST_CORNERS + i) * 3
+    return t[i], t[i + 1], t[i + 2]
+
+
+@kernel
+def members(t, d):
+    return t[_MEMBERS + d]
+
+
+@kernel
+def member(t, d, m):
+    """Class, block delta, bits of the corners."""
+    i = _MEMBER + (d * MOST_MEMBERS + m) * 5
+    return t[i], t[i + 1], t[i + 2], t[i + 3], t[i + 4]
+
+
+@kernel
+def grandchild(t, d, m, side):
+    """Class, block delta, bits of the corners of a member's child; the bit after the last corner is the middle."""
+    i = _GRANDCHILD + ((d * MOST_MEMBERS + m) * 2 + side) * 5
+    return t[i], t[i + 1], t[i + 2], t[i + 3], t[i + 4]

@@ -1,0 +1,115 @@
+"""Paged store of integers on the lattice: pages come into being when first touched (spec annex B.3).
+
+Memory follows the curve, not the domain. An open-addressing hash table maps a page's coordinates to its
+number; the last page asked for is remembered, since neighbouring vertices are asked for together.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..jit import kernel
+
+PAGES, LAST_KEY, LAST_PAGE, SHIFT = range(4)
+"""Places in ``Store.head``; the page's edge along the axes (log2) from SHIFT on."""
+
+
+class Store(NamedTuple):
+    """``table`` holds a key and a page number a row."""
+
+    head: NDArray[np.int64]
+    table: NDArray[np.int64]
+    pages: NDArray[np.int32]
+
+
+def new_store(n: int) -> Store:
+    """An empty store for n axes: pages of 16 x 16 or 8 x 8 x 8 entries."""
+    head = np.array([0, -1, 0, *((4, 4, 0) if n == 2 else (3, 3, 3))], np.int64)
+    return Store(head, np.full((64, 2), -1, np.int64), np.zeros((16, 256 if n == 2 else 512), np.int32))
+
+
+def grown(store: Store, room: int) -> Store:
+    """The same store with place for at least ``room`` more pages."""
+    used = int(store.head[PAGES])
+    table, pages = store.table, store.pages
+    if used + room > len(pages):
+        wider = np.zeros((max(used + used // 2, used + room), pages.shape[1]), np.int32)
+        wider[:used] = pages[:used]
+        pages = wider
+    if 2 * (used + room) > len(table):
+        table = np.full((1 << (2 * (used + room)).bit_length(), 2), -1, np.int64)
+        _rehash(store.table, table)
+    return store._replace(table=table, pages=pages)
+
+
+@kernel
+def _hash(key, size):
+    x = key & 0x1FFFFF
+    y = (key >> 21) & 0x1FFFFF
+    z = key >> 42
+    return ((x * 73856093) ^ (y * 19349663) ^ (z * 83492791)) & (size - 1)
+
+
+@kernel
+def _rehash(old, table):
+    for i in range(len(old)):
+        if old[i, 0] >= 0:
+            h = _hash(old[i, 0], len(table))
+            while table[h, 0] >= 0:
+                h = (h + 1) & (len(table) - 1)
+            table[h, 0] = old[i, 0]
+            table[h, 1] = old[i, 1]
+
+
+@kernel
+def full(st, room):
+    """Whether fewer than ``room`` more pages fit."""
+    used = st.head[PAGES]
+    return used + room > len(st.pages) or 2 * (used + room) > len(st.table)
+
+
+@kernel
+def _page(st, x, y, z, make):
+    """Number of the page of (x, y, z), or -1; with ``make`` it is created."""
+    head = st.head
+    key = (x >> head[SHIFT]) | ((y >> head[SHIFT + 1]) << 21) | ((z >> head[SHIFT + 2]) << 42)
+    if key == head[LAST_KEY]:
+        return head[LAST_PAGE]
+    table = st.table
+    h = _hash(key, len(table))
+    while table[h, 0] != key:
+        if table[h, 0] < 0:
+            if not make:
+                return np.int64(-1)
+            table[h, 0] = key
+            table[h, 1] = head[PAGES]
+            head[PAGES] += 1
+            break
+        h = (h + 1) & (len(table) - 1)
+    head[LAST_KEY] = key
+    head[LAST_PAGE] = table[h, 1]
+    return table[h, 1]
+
+
+@kernel
+def _cell(st, x, y, z):
+    a, b, c = st.head[SHIFT], st.head[SHIFT + 1], st.head[SHIFT + 2]
+    return (((x & ((1 << a) - 1)) << b | (y & ((1 << b) - 1))) << c) | (z & ((1 << c) - 1))
+
+
+@kernel
+def get(st, x, y, z):
+    """Entry at (x, y, z); 0 if never set."""
+    page = _page(st, x, y, z, False)
+    if page < 0:
+        return np.int64(0)
+    return np.int64(st.pages[page, _cell(st, x, y, z)])
+
+
+@kernel
+def put(st, x, y, z, value):
+    """Set the entry at (x, y, z); the caller has made sure of room for a page."""
+    st.pages[_page(st, x, y, z, True), _cell(st, x, y, z)] = value

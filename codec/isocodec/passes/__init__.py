@@ -1,0 +1,1 @@
+"""The passes over the mesh, each written once for both directions (spec clause 5)."""

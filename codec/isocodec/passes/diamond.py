@@ -1,0 +1,132 @@
+"""Diamonds: what is known around a vertex to be added, and the bisection of all its simplices (spec clauses 4.4, 5.4).
+
+Corners are held as bits of an integer: 0 and 1 are the ends of the subdivision edge, the ring follows, and the bit
+after the last corner stands for the middle itself.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..jit import kernel
+from ..mesh.access import corner, dimension, grandchild, member
+from ..mesh.access import corners as corner_count
+from ..mesh.access import members as member_count
+from .state import EDGE, LAST, LEVEL, NEXT, at, clamp, entry, exists, learn
+
+
+@kernel
+def _together(st, a, edge, w, c):
+    return clamp(st, a, (w * edge) >> 1) == clamp(st, a, at(edge, w >> 2, c))
+
+
+@kernel
+def coincident(st, kind, corners, w0, w1, w2):
+    """Whether the middle falls on one of the corners after clamping: no vertex is added then (spec clause 4.6)."""
+    edge = st.at[EDGE]
+    t = st.tables
+    for i in range(corner_count(t, kind)):
+        if (corners >> i) & 1:
+            c0, c1, c2 = corner(t, kind, i)
+            same = _together(st, 0, edge, w0, c0) and _together(st, 1, edge, w1, c1) and _together(st, 2, edge, w2, c2)
+            if same:
+                return True
+    return False
+
+
+@kernel
+def look(st, kind, w0, w1, w2):
+    """Bits of the members that exist, of their corners, of those that are known, and of the known ones above.
+
+    The first value tells whether the whole diamond lies inside the box.
+    """
+    n = dimension(st.tables)
+    r = st.at[LEVEL] % n
+    edge = st.at[EDGE]
+    b0, b1, b2 = w0 >> 2, w1 >> 2, w2 >> 2
+    t = st.tables
+    inside = True
+    for a in range(n):
+        w = w0 if a == 0 else (w1 if a == 1 else w2)
+        if (w - 2) * edge < 0 or ((w + 2) * edge) >> 1 > st.at[LAST + a]:
+            inside = False
+    members = (np.int64(1) << member_count(t, kind)) - 1
+    corners = (np.int64(1) << corner_count(t, kind)) - 1
+    if not inside:
+        members = np.int64(0)
+        corners = np.int64(0)
+        for m in range(member_count(t, kind)):
+            cls, d0, d1, d2, bits = member(t, kind, m)
+            if exists(st, edge, r, cls, b0 + d0, b1 + d1, b2 + d2):
+                members |= np.int64(1) << m
+                corners |= bits
+    known = np.int64(0)
+    above = np.int64(0)
+    for i in range(corner_count(t, kind)):
+        if (corners >> i) & 1:
+            c0, c1, c2 = corner(t, kind, i)
+            e = entry(st, at(edge, b0, c0), at(edge, b1, c1), at(edge, b2, c2))
+            if e != 0:
+                known |= np.int64(1) << i
+                above |= (e & 1) << i
+    return inside, members, corners, known, above
+
+
+@kernel
+def push(st, cls, b0, b1, b2):
+    """Append a mixed simplex of the next level."""
+    i = st.at[NEXT]
+    st.below[i, 0] = cls
+    st.below[i, 1] = b0
+    st.below[i, 2] = b1
+    st.below[i, 3] = b2
+    st.at[NEXT] = i + 1
+
+
+@kernel
+def bisect_member(st, kind, m, w0, w1, w2, inside, known, above):
+    """Append the mixed children of one member; their corners become known. Returns the bits known after it.
+
+    ``above`` holds the signs of all corners and the middle, inferred ones included.
+    """
+    n = dimension(st.tables)
+    edge = st.at[EDGE]
+    t = st.tables
+    b0, b1, b2 = w0 >> 2, w1 >> 2, w2 >> 2
+    below = st.at[LEVEL] + 1
+    f = 2 if below % n == 0 else 1
+    for s in range(2):
+        cls, d0, d1, d2, bits = grandchild(t, kind, m, s)
+        signs = above & bits
+        if signs == 0 or signs == bits:
+            continue
+        d0, d1, d2 = b0 * f + d0, b1 * f + d1, b2 * f + d2
+        if not inside and not exists(st, edge // f, below % n, cls, d0, d1, d2):
+            continue
+        fresh = bits & ~known
+        i = 0
+        while fresh:
+            if fresh & 1:
+                c0, c1, c2 = corner(t, kind, i)
+                y0, y1, y2 = at(edge, b0, c0), at(edge, b1, c1), at(edge, b2, c2)
+                if inside or entry(st, y0, y1, y2) == 0:
+                    learn(st, y0, y1, y2, (above >> i) & 1)
+            fresh >>= 1
+            i += 1
+        known |= bits
+        push(st, cls, d0, d1, d2)
+    return known
+
+
+@kernel
+def bisect(st, kind, w0, w1, w2, inside, members, known, above, sign):
+    """Add the middle with its sign, and append the mixed children of all members, in order."""
+    edge = st.at[EDGE]
+    learn(st, (w0 * edge) >> 1, (w1 * edge) >> 1, (w2 * edge) >> 1, sign)
+    middle = np.int64(1) << corner_count(st.tables, kind)
+    known |= middle
+    if sign:
+        above |= middle
+    for m in range(member_count(st.tables, kind)):
+        if (members >> m) & 1:
+            known = bisect_member(st, kind, m, w0, w1, w2, inside, known, above)

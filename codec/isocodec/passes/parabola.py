@@ -1,0 +1,80 @@
+"""The parabola predictor of curves in integers (C2-arith; spec clause 7.3).
+
+A parabola is fitted by least squares to the last points of the curve, each coordinate against the point's index,
+and extrapolated by one. Extrapolation is a fixed linear combination: the weights are integers over a common
+denominator, one row for each number of points from 3 to 20.
+"""
+
+from __future__ import annotations
+
+from fractions import Fraction
+from math import lcm
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..jit import kernel
+
+MOST = 20
+"""Points that the fit looks back at."""
+LEAST = 3
+"""Fewer points than this give no prediction."""
+
+
+def extrapolation(points: int) -> tuple[int, list[int]]:
+    """Denominator and weights that take f(0) .. f(points - 1) to the fitted parabola's value at ``points``."""
+    x = [Fraction(2 * i - points + 1, 2) for i in range(points)]
+    target = Fraction(points + 1, 2)
+    s0, s2, s4 = Fraction(points), sum(v**2 for v in x), sum(v**4 for v in x)
+    determinant = s0 * s4 - s2 * s2
+    weights = [
+        v * target / s2 + (s4 - s2 * (v**2 + target**2) + s0 * v**2 * target**2) / determinant
+        for v in x
+    ]  # fmt: skip
+    denominator = lcm(*(w.denominator for w in weights))
+    return denominator, [int(w * denominator) for w in weights]
+
+
+def _table() -> NDArray[np.int64]:
+    table = np.zeros((MOST + 1, MOST + 1), np.int64)
+    for points in range(LEAST, MOST + 1):
+        denominator, weights = extrapolation(points)
+        table[points, 0] = denominator
+        table[points, 1 : points + 1] = weights
+    return table
+
+
+WEIGHTS = _table()
+
+
+@kernel
+def nearer(walk, trail, count, g0, g1, a0, a1, b0, b1):
+    """Compare the extrapolated point with the points a and b (all coordinates doubled, in units of g).
+
+    The last points lie in ``walk`` from ``trail`` on, a ring of MOST pairs. Everything is measured from the point (g0, g1), so that the numbers stay small. Returns 0 without a
+    prediction, else the case 1 (doubtful), 2 or 3 (sure), negative if a is nearer than b.
+    """
+    if count < LEAST:
+        return 0
+    used = min(count, MOST)
+    denominator = WEIGHTS[used, 0]
+    p0 = np.int64(0)
+    p1 = np.int64(0)
+    for i in range(used):
+        w = WEIGHTS[used, 1 + i]
+        j = (count - used + i) % MOST
+        p0 += w * (walk[trail + 2 * j] - g0)
+        p1 += w * (walk[trail + 2 * j + 1] - g1)
+    a0 -= g0
+    a1 -= g1
+    b0 -= g0
+    b1 -= g1
+    s = 2 * (p0 * (b0 - a0) + p1 * (b1 - a1)) + denominator * (a0 * a0 + a1 * a1 - b0 * b0 - b1 * b1)
+    span = denominator * ((b0 - a0) * (b0 - a0) + (b1 - a1) * (b1 - a1))
+    size = abs(s)
+    case = 1
+    if 2 * size >= span:
+        case = 2
+    if size >= span:
+        case = 3
+    return case if s > 0 else -case

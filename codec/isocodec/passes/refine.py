@@ -1,0 +1,180 @@
+"""Uniform refinement: one round bisects every simplex of the tubular neighbourhood (spec clause 5.4).
+
+Row C2-refine-uniform. The middles come in the order of the present leaves, so that the symbols accompany the curve.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..entropy import baseline as ctx
+from ..entropy.coder import ENCODE, MODE, code
+from ..jit import CUT, DONE, GROW, NEED, kernel
+from ..mesh.access import corner, dimension, member, middle
+from ..mesh.access import corners as corner_count
+from ..mesh.access import kind as kind_of
+from ..mesh.access import members as member_count
+from .diamond import bisect, bisect_member, look
+from .parabola import MOST, nearer
+from .state import (
+    BEFORE_ROUND, DONE_LEAVES, EDGE, LEAVES, LEVEL, PREDICTED, PREDICTED_RIGHT, REFINEMENT_SIGN, TALLY, TRAIL,
+    crowded, entry, truth,
+)  # fmt: skip
+
+# Registers in State.walk: the last two outcomes on the border and inside, the points of the curve.
+BORDER, CROSSED, HISTORY = range(3)
+FAR = 64
+"""Squared distance (doubled coordinates, units of g) from which points belong to different stretches of curve."""
+
+
+@kernel
+def _ring(corners, above, wanted):
+    """Number of ring corners, and of those with the sign ``wanted``."""
+    ring = corners >> 2
+    signs = above >> 2 if wanted else ring & ~(above >> 2)
+    size = 0
+    count = 0
+    while ring:
+        size += ring & 1
+        count += signs & ring & 1
+        ring >>= 1
+        signs >>= 1
+    return size, count
+
+
+@kernel
+def _bisect_known(st, kind, w0, w1, w2, cls, b0, b1, b2, sign):
+    """Bisect a leaf whose middle was known before the round: clamping put it on an older vertex (clause 5.4.4).
+
+    Every mixed member of the diamond does so for itself; the first of them also bisects the members that are
+    not mixed, which the curve may enter.
+    """
+    inside, members, corners, known, above = look(st, kind, w0, w1, w2)
+    t = st.tables
+    if above & 1 and above & 2:
+        above |= corners & ~known
+    middle = np.int64(1) << corner_count(t, kind)
+    known |= middle
+    if sign:
+        above |= middle
+    first = True
+    for m in range(member_count(t, kind)):
+        if not (members >> m) & 1:
+            continue
+        q, d0, d1, d2, bits = member(t, kind, m)
+        signs = above & bits
+        mixed = signs != 0 and signs != bits
+        same = q == cls and d0 == b0 - (w0 >> 2) and d1 == b1 - (w1 >> 2) and d2 == b2 - (w2 >> 2)
+        if same and first:
+            for u in range(member_count(t, kind)):
+                bits = member(t, kind, u)[4]
+                plain = (above & bits) == 0 or (above & bits) == bits
+                if (members >> u) & 1 and plain:
+                    known = bisect_member(st, kind, u, w0, w1, w2, inside, known, above)
+        if same:
+            known = bisect_member(st, kind, m, w0, w1, w2, inside, known, above)
+        if mixed:
+            first = False
+
+
+@kernel
+def _half(st, kind, w0, w1, end):
+    """Sum of the middle and an end of its edge (twice the middle of that half) in units of g."""
+    c0, c1, _ = corner(st.tables, kind, end)
+    return (w0 >> 2) * 4 + c0 + w0, (w1 >> 2) * 4 + c1 + w1
+
+
+@kernel
+def _side(st, kind, w0, w1):
+    """What the parabola says of an edge that is crossed: 1 in the half at end 0, 2 at end 1, 0 no prediction."""
+    a0, a1 = _half(st, kind, w0, w1, 0)
+    b0, b1 = _half(st, kind, w0, w1, 1)
+    case = nearer(st.walk, TRAIL, st.walk[HISTORY], 2 * w0, 2 * w1, a0, a1, b0, b1)
+    return 0 if case == 0 else (1 if case < 0 else 2)
+
+
+@kernel
+def _remember(st, p0, p1):
+    """Append a point of the curve, forgetting the others if it is far from the last."""
+    count = st.walk[HISTORY]
+    if count > 0:
+        last = TRAIL + 2 * ((count - 1) % MOST)
+        d0 = p0 - st.walk[last]
+        d1 = p1 - st.walk[last + 1]
+        if d0 * d0 + d1 * d1 > FAR:
+            count = 0
+    st.walk[TRAIL + 2 * (count % MOST)] = p0
+    st.walk[TRAIL + 2 * (count % MOST) + 1] = p1
+    st.walk[HISTORY] = count + 1
+
+
+@kernel
+def refine(st, cd):
+    """Bisect the leaves from number ``DONE_LEAVES`` on, until all are done or the pass must stop."""
+    n = dimension(st.tables)
+    w = st.walk
+    r = st.at[LEVEL] % n
+    edge = st.at[EDGE]
+    encoding = cd.reg[MODE] == ENCODE
+    while st.at[DONE_LEAVES] < st.at[LEAVES]:
+        if crowded(st):
+            return GROW
+        i = st.at[DONE_LEAVES]
+        cls = np.int64(st.leaf[i, 0])
+        b0, b1, b2 = np.int64(st.leaf[i, 1]), np.int64(st.leaf[i, 2]), np.int64(st.leaf[i, 3])
+        t = st.tables
+        w0, w1, w2 = 4 * b0 + middle(t, r, cls, 0), 4 * b1 + middle(t, r, cls, 1), 4 * b2 + middle(t, r, cls, 2)
+        kind = kind_of(t, r, w0, w1, w2)
+        x, y, z = (w0 * edge) >> 1, (w1 * edge) >> 1, (w2 * edge) >> 1
+        e = entry(st, x, y, z)
+        if e != 0:
+            if (e >> 1) - 1 < st.at[BEFORE_ROUND]:
+                _bisect_known(st, kind, w0, w1, w2, cls, b0, b1, b2, e & 1)
+            st.at[DONE_LEAVES] = i + 1
+            continue
+        inside, members, corners, known, above = look(st, kind, w0, w1, w2)
+        first = above & 1
+        crossed = first != (above >> 1) & 1
+        if crossed:
+            size, count = _ring(corners, above, 1)
+            guess = first
+            said = 0
+            if n == 2:
+                said = _side(st, kind, w0, w1)
+                if said == 1:
+                    guess = 1 - first
+            if 2 * count > size:
+                guess = np.int64(1)
+            elif 2 * count < size:
+                guess = np.int64(0)
+            if said != 0:
+                said = 1 if (said == 1) == (guess != first) else 2
+            odd = min(count, size - count)
+            context = ctx.REFINE_CROSSED + ((r * 10 + odd) * 3 + said) * 4 + w[CROSSED]
+        else:
+            if first:
+                above |= corners & ~known
+            size, count = _ring(corners, above, 1 - first)
+            guess = first
+            context = ctx.REFINE_BORDER + (r * 10 + count) * 4 + w[BORDER]
+        bit = np.int64(0)
+        if encoding:
+            bit = np.int64((truth(st, x, y, z) == guess) == crossed)
+        bit = code(cd, context, bit)
+        if bit < 0:
+            return CUT if bit == -2 else NEED
+        st.at[TALLY + REFINEMENT_SIGN] += 1
+        st.at[TALLY + PREDICTED] += 1
+        right = bit == crossed
+        st.at[TALLY + PREDICTED_RIGHT] += right
+        sign = guess if right else 1 - guess
+        if crossed:
+            w[CROSSED] = (w[CROSSED] << 1 & 2) | bit
+            if n == 2:
+                p0, p1 = _half(st, kind, w0, w1, 1 if sign == first else 0)
+                _remember(st, p0, p1)
+        else:
+            w[BORDER] = (w[BORDER] << 1 & 2) | bit
+        bisect(st, kind, w0, w1, w2, inside, members, known, above, sign)
+        st.at[DONE_LEAVES] = i + 1
+    return DONE

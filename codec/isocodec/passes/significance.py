@@ -1,0 +1,351 @@
+"""New components: added vertices that differ from all corners of their diamond (spec clause 5.5).
+
+Their set is coded as a pruned tree over the cubes of the level, in time by their number. In a cube the middles are
+told apart by which of their coordinates (in units of g) are odd: the slots.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..entropy import baseline as ctx
+from ..entropy.coder import ENCODE, MODE, code
+from ..jit import BAD, CUT, DONE, GROW, NEED, kernel
+from ..mesh.access import corner, dimension
+from ..mesh.access import corners as corner_count
+from ..mesh.access import kind as kind_of
+from .diamond import bisect, coincident, look
+from .state import BASE_LEVEL, EDGE, ERROR, LAST, LEVEL, SIGNIFICANCE, SIZE, TALLY, WORK, at, clamp, crowded, entry, truth
+
+# Registers in State.walk: stack frames in use, next item of the encoder's list, whether the root was coded.
+FRAMES, ITEM, STARTED = range(3)
+FRAME = 7
+"""A frame: height, cube at that height, Morton number, next child, number of significant children."""
+SLOT_BITS = 2
+
+
+@kernel
+def slots(n, r):
+    """Number of slots of a cube: middles have n - r odd coordinates."""
+    return 1 if r == 0 else n
+
+
+@kernel
+def middle_of(n, r, x, y, z, slot):
+    """Lattice point (units of g) of a slot: all odd, or the axis ``slot`` apart from the others (spec clause 5.5.2)."""
+    if r == 0:
+        return 2 * x + 1, 2 * y + 1, 2 * z + (1 if n == 3 else 0)
+    # one odd axis (n - r == 1), or one even axis (n = 3, r == 1)
+    here = 1 if n - r == 1 else 0
+    there = 1 - here
+    return (
+        2 * x + (here if slot == 0 else there),
+        2 * y + (here if slot == 1 else there),
+        2 * z + ((here if slot == 2 else there) if n == 3 else 0),
+    )
+
+
+@kernel
+def cubes(st, a):
+    """Cubes along axis a that hold a slot: one more than cover the box where a slot lies on the lower faces."""
+    if a >= dimension(st.tables):
+        return 1
+    count = (st.at[LAST + a] + st.at[EDGE] - 1) // st.at[EDGE]
+    return count if st.at[LEVEL] % dimension(st.tables) == 0 else count + 1
+
+
+@kernel
+def height(st):
+    """Height of the tree: the root's cube covers them all."""
+    most = max(cubes(st, 0), cubes(st, 1), cubes(st, 2))
+    h = 0
+    while (1 << h) < most:
+        h += 1
+    return h
+
+
+@kernel
+def candidate(st, r, w0, w1, w2):
+    """How many corners are known (plus one) if the decoder cannot rule out a new component at w, else 0."""
+    kind = kind_of(st.tables, r, w0, w1, w2)
+    edge = st.at[EDGE]
+    if entry(st, (w0 * edge) >> 1, (w1 * edge) >> 1, (w2 * edge) >> 1) != 0:
+        return 0
+    inside, members, corners, known, above = look(st, kind, w0, w1, w2)
+    if members == 0 or (above != 0 and above != known):
+        return 0
+    if not inside and coincident(st, kind, corners, w0, w1, w2):
+        return 0
+    count = 1
+    while known:
+        count += known & 1
+        known >>= 1
+    return count
+
+
+@kernel
+def _near(count):
+    """Context part: distance to known curves, by the number of known corners."""
+    return 0 if count <= 1 else (1 if count <= 3 else 2)
+
+
+@kernel
+def infer(st, x, y, z):
+    """Sign of a vertex of the mesh that is not known: that of the first known vertex on the way back (clause 5.5.4).
+
+    Above the base level the way leads to an end of the edge that the vertex was created on; on the cubes of the
+    base level along their edges towards the origin, axis by axis.
+    """
+    n = dimension(st.tables)
+    m = st.at[BASE_LEVEL] // n
+    coarse = np.int64(1) << (st.at[SIZE] - m)
+    while True:
+        st.at[WORK] += 1
+        e = entry(st, x, y, z)
+        if e != 0:
+            return e & 1
+        # finest power of two that all coordinates are a multiple of
+        low = x | y | z
+        unit = low & -low
+        if unit < coarse:
+            # created in cubes of edge 2 * unit, on a diagonal of the odd coordinates: its end at multiples of 4 units
+            if x & unit:
+                x += unit if x & (2 * unit) else -unit
+            if y & unit:
+                y += unit if y & (2 * unit) else -unit
+            if z & unit:
+                z += unit if z & (2 * unit) else -unit
+        elif x > 0:
+            x -= coarse
+        elif y > 0:
+            y -= coarse
+        else:
+            z -= coarse
+
+
+@kernel
+def _corner_sign(st, kind, i, w0, w1, w2):
+    c0, c1, c2 = corner(st.tables, kind, i)
+    edge = st.at[EDGE]
+    return truth(st, at(edge, w0 >> 2, c0), at(edge, w1 >> 2, c1), at(edge, w2 >> 2, c2))
+
+
+BLOCK = 3
+"""Log2 of the edge of the blocks in which the encoder looks for changes of sign."""
+
+
+@kernel
+def busy_blocks(truth, same, busy):
+    """Encoder: which blocks of samples the curve may pass, their neighbours counted in.
+
+    ``same`` is room for one flag a block: 1 all below, 2 all above, 3 both.
+    """
+    for x in range(truth.shape[0]):
+        for y in range(truth.shape[1]):
+            for z in range(truth.shape[2]):
+                same[x >> BLOCK, y >> BLOCK, z >> BLOCK] |= 1 + truth[x, y, z]
+    for x in range(same.shape[0]):
+        for y in range(same.shape[1]):
+            for z in range(same.shape[2]):
+                seen = 0
+                for i in range(max(x - 1, 0), min(x + 2, same.shape[0])):
+                    for j in range(max(y - 1, 0), min(y + 2, same.shape[1])):
+                        for k in range(max(z - 1, 0), min(z + 2, same.shape[2])):
+                            seen |= same[i, j, k]
+                busy[x, y, z] = seen == 3
+
+
+@kernel
+def _idle(st, busy, w0, w1, w2):
+    """Whether the block of a lattice point, and with it the point's diamond, lies off the curve."""
+    edge = st.at[EDGE]
+    if edge > 1 << BLOCK:
+        return False
+    x = clamp(st, 0, (w0 * edge) >> 1) >> BLOCK
+    y = clamp(st, 1, (w1 * edge) >> 1) >> BLOCK
+    z = clamp(st, 2, (w2 * edge) >> 1) >> BLOCK
+    return not busy[x, y, z]
+
+
+@kernel
+def _alone(st, r, x, y, z, slot):
+    """Encoder: whether the middle in a slot differs from all corners of its diamond."""
+    t = st.tables
+    edge = st.at[EDGE]
+    w0, w1, w2 = middle_of(dimension(t), r, x, y, z, slot)
+    kind = kind_of(t, r, w0, w1, w2)
+    s = truth(st, (w0 * edge) >> 1, (w1 * edge) >> 1, (w2 * edge) >> 1)
+    if s == _corner_sign(st, kind, 0, w0, w1, w2) or s == _corner_sign(st, kind, 1, w0, w1, w2):
+        return False
+    _, _, corners, _, _ = look(st, kind, w0, w1, w2)
+    for i in range(2, corner_count(t, kind)):
+        if (corners >> i) & 1 and s == _corner_sign(st, kind, i, w0, w1, w2):
+            return False
+    return corners != 0
+
+
+@kernel
+def find(st, busy, found):
+    """Encoder: all new components of the round, as Morton numbers of their cubes followed by the slot (unsorted).
+
+    Fills ``found`` as far as it goes and returns their number.
+    """
+    n = dimension(st.tables)
+    r = st.at[LEVEL] % n
+    edge = st.at[EDGE]
+    count = 0
+    # of the last axis, the cubes of one block at a time
+    run = max((1 << BLOCK) // edge, 1) if n == 3 else 1
+    for x in range(cubes(st, 0)):
+        for y in range(cubes(st, 1)):
+            for first in range(0, cubes(st, 2), run):
+                if _idle(st, busy, 2 * x, 2 * y, 2 * first):
+                    continue
+                for z in range(first, min(first + run, cubes(st, 2))):
+                    for slot in range(slots(n, r)):
+                        if _alone(st, r, x, y, z, slot):
+                            if count < len(found):
+                                found[count] = _morton(n, x, y, z) << SLOT_BITS | slot
+                            count += 1
+    return count
+
+
+@kernel
+def _morton(n, x, y, z):
+    number = np.int64(0)
+    for i in range(25):
+        if n == 2:
+            number |= ((x >> i & 1) << 1 | (y >> i & 1)) << 2 * i
+        else:
+            number |= ((x >> i & 1) << 2 | (y >> i & 1) << 1 | (z >> i & 1)) << 3 * i
+        if (x | y | z) >> i == 0:
+            break
+    return number
+
+
+@kernel
+def _push_frame(st, h, x, y, z, number):
+    o = st.walk[FRAMES] * FRAME
+    st.stack[o] = h
+    st.stack[o + 1] = x
+    st.stack[o + 2] = y
+    st.stack[o + 3] = z
+    st.stack[o + 4] = number
+    st.stack[o + 5] = 0
+    st.stack[o + 6] = 0
+    st.walk[FRAMES] += 1
+
+
+@kernel
+def _wanted(items, i, number, shift):
+    """Encoder: whether the next item lies under the node ``number``."""
+    return np.int64(i < len(items) and (items[i] >> shift) == number)
+
+
+@kernel
+def significance(st, cd, items):
+    """Code the set of new components of the round, adding each to the mesh.
+
+    ``items`` is the encoder's sorted list (``find``), empty for the decoder.
+    """
+    n = dimension(st.tables)
+    r = st.at[LEVEL] % n
+    edge = st.at[EDGE]
+    w = st.walk
+    encoding = cd.reg[MODE] == ENCODE
+    fan = 1 << n
+    per_cube = slots(n, r)
+    if w[STARTED] == 0:
+        h = height(st)
+        bit = code(cd, ctx.SIGNIFICANT + h * 6, np.int64(encoding and len(items) > 0))
+        if bit < 0:
+            return CUT if bit == -2 else NEED
+        st.at[TALLY + SIGNIFICANCE] += 1
+        w[STARTED] = 1
+        if bit:
+            _push_frame(st, h, 0, 0, 0, 0)
+    while w[FRAMES] > 0:
+        if crowded(st):
+            return GROW
+        o = (w[FRAMES] - 1) * FRAME
+        h, x, y, z = st.stack[o], st.stack[o + 1], st.stack[o + 2], st.stack[o + 3]
+        number, child, hits = st.stack[o + 4], st.stack[o + 5], st.stack[o + 6]
+
+        if h > 0:
+            if child == fan:
+                w[FRAMES] -= 1
+                continue
+            shift = h - 1
+            c0 = 2 * x + (child >> (n - 1))
+            c1 = 2 * y + ((child >> (n - 2)) & 1)
+            c2 = 2 * z + (child & 1 if n == 3 else 0)
+            if (c0 << shift) >= cubes(st, 0) or (c1 << shift) >= cubes(st, 1) or (c2 << shift) >= cubes(st, 2):
+                st.stack[o + 5] = child + 1
+                continue
+            inner = number << n | child
+            near = np.int64(0)
+            if shift == 0:
+                most = 0
+                for slot in range(per_cube):
+                    w0, w1, w2 = middle_of(n, r, c0, c1, c2, slot)
+                    most = max(most, candidate(st, r, w0, w1, w2))
+                if most == 0:
+                    st.stack[o + 5] = child + 1
+                    continue
+                near = np.int64(_near(most))
+            bit = np.int64(1)
+            if child < fan - 1 or hits > 0:
+                context = ctx.SIGNIFICANT + (shift * 3 + min(hits, 2)) * 2
+                if shift == 0:
+                    context = ctx.SIGNIFICANT_LEAF + near * 3 + min(hits, 2)
+                want = _wanted(items, w[ITEM], inner, SLOT_BITS + n * shift) if encoding else np.int64(0)
+                bit = code(cd, context, want)
+                if bit < 0:
+                    return CUT if bit == -2 else NEED
+                st.at[TALLY + SIGNIFICANCE] += 1
+            st.stack[o + 5] = child + 1
+            if bit:
+                st.stack[o + 6] = hits + 1
+                _push_frame(st, shift, c0, c1, c2, inner)
+            continue
+
+        # a significant cube: which of its slots
+        if child == per_cube:
+            w[FRAMES] -= 1
+            continue
+        w0, w1, w2 = middle_of(n, r, x, y, z, child)
+        count = candidate(st, r, w0, w1, w2)
+        if count == 0:
+            st.stack[o + 5] = child + 1
+            continue
+        later = 0
+        for slot in range(child + 1, per_cube):
+            u0, u1, u2 = middle_of(n, r, x, y, z, slot)
+            later = max(later, candidate(st, r, u0, u1, u2))
+        bit = np.int64(1)
+        if later > 0 or hits > 0:
+            want = _wanted(items, w[ITEM], number << SLOT_BITS | child, 0) if encoding else np.int64(0)
+            bit = code(cd, ctx.SIGNIFICANT_LEAF + (1 + r) * 9 + _near(count) * 3 + min(hits, 2), want)
+            if bit < 0:
+                return CUT if bit == -2 else NEED
+            st.at[TALLY + SIGNIFICANCE] += 1
+        st.stack[o + 5] = child + 1
+        if bit == 0:
+            continue
+        st.stack[o + 6] = hits + 1
+        w[ITEM] += 1
+        kind = kind_of(st.tables, r, w0, w1, w2)
+        inside, members, corners, known, above = look(st, kind, w0, w1, w2)
+        if known != 0:
+            sign = np.int64(1 if above != 0 else 0)
+        else:
+            i = 0
+            while not (corners >> i) & 1:
+                i += 1
+            c0, c1, c2 = corner(st.tables, kind, i)
+            sign = infer(st, at(edge, w0 >> 2, c0), at(edge, w1 >> 2, c1), at(edge, w2 >> 2, c2))
+        bisect(st, kind, w0, w1, w2, inside, members, known, corners if sign else np.int64(0), 1 - sign)
+    if encoding and w[ITEM] != len(items):
+        st.at[ERROR] = 4
+        return BAD
+    return DONE

@@ -1,0 +1,161 @@
+"""The state that every pass works on: what is known of the vertices, and the tubular neighbourhood (spec clause 5.1)."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from isospec.elements import ELEMENTS
+from numpy.typing import NDArray
+
+from ..jit import kernel
+from ..mesh.store import Store, full, get, put
+from ..mesh.access import dimension, vertex
+
+# Counters in State.at.
+LEVEL, EDGE, VERTICES, LEAVES, DONE_LEAVES, NEXT, BASE_LEVEL, ERROR, WORK, SIZE, BEFORE_ROUND = range(11)
+LAST = 16
+"""Largest sample index along each axis, in State.at."""
+TALLY = 20
+"""Symbols by element, in State.at; then predictions and right ones."""
+COUNTERS = 32
+
+# Syntax elements, in the order of isospec (spec clause 5.2).
+ORIGIN, COMPONENT, LOCATION, BASE_SIGN, SIGNIFICANCE, REFINEMENT_SIGN, VALUE_BIT, OFFSET_BIT = range(len(ELEMENTS))
+PREDICTED, PREDICTED_RIGHT = len(ELEMENTS), len(ELEMENTS) + 1
+
+SCRATCH = 256
+"""Room for a step's intermediate results, in State.walk."""
+TRAIL = 384
+"""Last points of the curve, two numbers a point, in State.walk."""
+EARLY = TRAIL + 40
+"""First points of the component, likewise."""
+WALK = EARLY + 40
+
+STEP_VERTICES = 16
+"""Most vertices (and pages) that one step of a pass adds."""
+STEP_LEAVES = 24
+"""Most simplices that one step adds."""
+
+
+class State(NamedTuple):
+    """Arrays of one isovalue's decoding; the kernels read and write them in place.
+
+    A store entry is 0 for an unknown vertex, else ``2 * (number + 1) + sign``; vertices are numbered as they become
+    known. ``leaf`` lists the mixed simplices of the present level (class, block), in order; ``below`` those of the
+    next, while a round of refinement goes on.
+    """
+
+    tables: NDArray[np.int64]  # the mesh, see mesh.access
+    at: NDArray[np.int64]  # counters
+    known: Store
+    vertex: NDArray[np.int32]  # (V, 4) position and sign
+    leaf: NDArray[np.int32]  # (M, 4)
+    below: NDArray[np.int32]  # (M, 4)
+    truth: NDArray[np.bool_]  # encoder: the signs of the whole field; decoder: empty
+    walk: NDArray[np.int64]  # registers of the running pass
+    stack: NDArray[np.int64]  # its stack
+
+
+@kernel
+def clamp(st, a, x):
+    """Coordinate on the sampled box (spec clause 4.6)."""
+    return min(max(x, 0), st.at[LAST + a])
+
+
+@kernel
+def at(edge, block, offset):
+    """Coordinate of a lattice point given in units of g = edge / 2 relative to a block."""
+    return ((4 * block + offset) * edge) >> 1
+
+
+@kernel
+def entry(st, x, y, z):
+    """Store entry of the vertex at unclamped (x, y, z)."""
+    return get(st.known, clamp(st, 0, x), clamp(st, 1, y), clamp(st, 2, z))
+
+
+@kernel
+def corner_entry(st, edge, r, cls, b0, b1, b2, j):
+    """Store entry of vertex j of a simplex whose cubes have the edge ``edge``."""
+    t = st.tables
+    return entry(
+        st, at(edge, b0, vertex(t, r, cls, j, 0)), at(edge, b1, vertex(t, r, cls, j, 1)),
+        at(edge, b2, vertex(t, r, cls, j, 2)),
+    )  # fmt: skip
+
+
+@kernel
+def corner_truth(st, edge, r, cls, b0, b1, b2, j):
+    """Encoder: the sign of vertex j of a simplex."""
+    t = st.tables
+    return truth(
+        st, at(edge, b0, vertex(t, r, cls, j, 0)), at(edge, b1, vertex(t, r, cls, j, 1)),
+        at(edge, b2, vertex(t, r, cls, j, 2)),
+    )  # fmt: skip
+
+
+@kernel
+def truth(st, x, y, z):
+    """Encoder: the sign of the vertex at unclamped (x, y, z)."""
+    return np.int64(st.truth[clamp(st, 0, x), clamp(st, 1, y), clamp(st, 2, z)])
+
+
+@kernel
+def learn(st, x, y, z, sign):
+    """Make the vertex at unclamped (x, y, z) known; returns its entry."""
+    v = st.at[VERTICES]
+    x = clamp(st, 0, x)
+    y = clamp(st, 1, y)
+    z = clamp(st, 2, z)
+    st.vertex[v, 0] = x
+    st.vertex[v, 1] = y
+    st.vertex[v, 2] = z
+    st.vertex[v, 3] = sign
+    value = 2 * (v + 1) + sign
+    put(st.known, x, y, z, value)
+    st.at[VERTICES] = v + 1
+    return value
+
+
+@kernel
+def crowded(st):
+    """Whether some array may overflow in one more step."""
+    at = st.at
+    return (
+        at[VERTICES] + STEP_VERTICES > len(st.vertex)
+        or at[LEAVES] + STEP_LEAVES > len(st.leaf)
+        or at[NEXT] + STEP_LEAVES > len(st.below)
+        or full(st.known, STEP_VERTICES)
+    )
+
+
+@kernel
+def _volume(p, o, n):
+    """Whether the simplex with vertices p (n + 1 rows of 3, flat, from place o on) has a volume."""
+    x, y, z = p[o], p[o + 1], p[o + 2]
+    a0, a1, a2 = p[o + 3] - x, p[o + 4] - y, p[o + 5] - z
+    b0, b1, b2 = p[o + 6] - x, p[o + 7] - y, p[o + 8] - z
+    if n == 2:
+        return a0 * b1 - a1 * b0 != 0
+    c0, c1, c2 = p[o + 9] - x, p[o + 10] - y, p[o + 11] - z
+    return a0 * (b1 * c2 - b2 * c1) - a1 * (b0 * c2 - b2 * c0) + a2 * (b0 * c1 - b1 * c0) != 0
+
+
+@kernel
+def exists(st, edge, r, cls, b0, b1, b2):
+    """Whether the clamped image of a simplex has positive volume (spec clause 4.6); ``edge`` is its cubes'."""
+    n = dimension(st.tables)
+    inside = True
+    for a in range(n):
+        b = b0 if a == 0 else (b1 if a == 1 else b2)
+        if b < 0 or 2 * (b + 1) * edge > st.at[LAST + a]:
+            inside = False
+    if inside:
+        return True
+    p = st.walk
+    for j in range(n + 1):
+        for a in range(n):
+            b = b0 if a == 0 else (b1 if a == 1 else b2)
+            p[SCRATCH + 3 * j + a] = clamp(st, a, at(edge, b, vertex(st.tables, r, cls, j, a)))
+    return _volume(p, SCRATCH, n)

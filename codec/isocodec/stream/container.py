@@ -1,0 +1,127 @@
+"""Chunks: envelopes, checksums, the level index (spec clauses 3.4, 3.5, 3.7)."""
+
+from __future__ import annotations
+
+import json
+import zlib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+from isospec.container import CHECKED_CHUNK, Checksum, ChunkHead, ChunkType, write_varint
+from isospec.elements import BY_LAYER
+
+from ..errors import FormatError
+from .header import varint
+from .program import Layer
+
+CHECKSUM_BYTES = 4
+
+
+@dataclass(frozen=True)
+class Envelope:
+    """Head of a chunk.
+
+    Attributes
+    ----------
+    type : int
+    ancillary, checked, last : bool
+        May be skipped if unknown; has a checksum of its own; is the file's last.
+    start, end : int
+        Byte offsets of the payload.
+    """
+
+    type: int
+    ancillary: bool
+    checked: bool
+    last: bool
+    start: int
+    end: int
+
+
+def write_chunk(kind: ChunkType, payload: bytes, *, ancillary: bool = False, last: bool = False) -> bytes:
+    """A chunk with its envelope; a large one carries a checksum of its own."""
+    checked = len(payload) >= CHECKED_CHUNK
+    head = ChunkHead.build({"ancillary": ancillary, "checked": checked, "last": last, "type": kind})
+    chunk = head + write_varint(len(payload)) + payload
+    return chunk + Checksum.build(zlib.crc32(chunk)) if checked else chunk
+
+
+def read_envelope(data: bytes | bytearray, at: int) -> Envelope | None:
+    """Envelope at ``at``; None if it is not all there yet.
+
+    Raises
+    ------
+    FormatError
+        If the chunk is critical and unknown.
+    """
+    if at >= len(data):
+        return None
+    head = ChunkHead.parse(bytes(data[at : at + 1]))
+    if not head.ancillary and head.type not in (ChunkType.LAYERS, ChunkType.CUT_LAYERS):
+        raise FormatError(f"unknown critical chunk of type {head.type}", code="chunk", offset=at, clause="3.5.2")
+    if head.ancillary and head.type in (ChunkType.LAYERS, ChunkType.CUT_LAYERS):
+        raise FormatError("layers marked as ancillary", code="chunk", offset=at, clause="3.5.2")
+    length = varint(data, at + 1, len(data), "3.4.2")
+    if length is None:
+        return None
+    return Envelope(head.type, head.ancillary, head.checked, head.last, length[1], length[1] + length[0])
+
+
+def write_metadata(metadata: Mapping[str, str]) -> bytes:
+    """Payload of a metadata chunk: a JSON object of strings, UTF-8."""
+    return json.dumps(dict(metadata), ensure_ascii=False, separators=(",", ":")).encode()
+
+
+def read_metadata(payload: bytes) -> dict[str, str]:
+    """Inverse of ``write_metadata``; what is not a JSON object of strings is dropped, the chunk being ancillary."""
+    try:
+        found = json.loads(payload.decode())
+    except (ValueError, RecursionError):
+        return {}
+    if not isinstance(found, dict):
+        return {}
+    return {k: v for k, v in found.items() if isinstance(v, str)}
+
+
+@dataclass(frozen=True)
+class LayerRecord:
+    """Where a layer lies and what it holds.
+
+    Attributes
+    ----------
+    bytes : int
+        Bytes of entropy-coded data that the layer adds.
+    symbols : dict of str to int
+        Symbols by syntax element.
+    """
+
+    bytes: int
+    symbols: dict[str, int]
+
+
+def write_index(layers: Sequence[Layer], records: Sequence[LayerRecord]) -> bytes:
+    """Payload of a level index: for each layer its bytes, then its symbols by element (clause 3.7)."""
+    out = b""
+    for layer, record in zip(layers, records, strict=True):
+        out += write_varint(record.bytes)
+        out += b"".join(write_varint(record.symbols[e]) for e in BY_LAYER[layer.kind])
+    return out
+
+
+def read_index(payload: bytes, layers: Sequence[Layer]) -> list[LayerRecord]:
+    """Inverse of ``write_index``; an index that does not fit the layers gives an empty list."""
+    records = []
+    at = 0
+    for layer in layers:
+        numbers = []
+        for _ in range(1 + len(BY_LAYER[layer.kind])):
+            try:
+                number = varint(payload, at, len(payload), "3.7")
+            except FormatError:
+                return []
+            if number is None:
+                return []
+            numbers.append(number[0])
+            at = number[1]
+        records.append(LayerRecord(numbers[0], dict(zip(BY_LAYER[layer.kind], numbers[1:], strict=True))))
+    return records if at == len(payload) else []

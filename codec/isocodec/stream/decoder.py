@@ -1,0 +1,372 @@
+"""The incremental decoder: bytes in, events and snapshots out (spec clause 8). It does no input or output itself."""
+
+from __future__ import annotations
+
+import zlib
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from isospec.container import Checksum, ChunkType
+from isospec.elements import BY_LAYER, ELEMENTS
+
+from ..contour import Contour, draw
+from ..entropy.baseline import models, rates
+from ..entropy.coder import DECODE, END, FINAL, LEFT, POS, REGISTERS, UNKNOWN, UNLIMITED, Coder, start
+from ..errors import FormatError, IsoError, LimitError, TruncatedError
+from ..grid.field import interval_value
+from ..jit import DONE
+from ..passes.tube import CUT, Limits, Tube
+from .container import CHECKSUM_BYTES, Envelope, read_envelope, read_metadata
+from .events import BaseComplete, ChunkSkipped, End, Event, GeometryRefined, HeaderRead, LevelComplete, MetadataRead
+from .header import Header, read_header, varint
+from .program import Layer, Progress, read_program
+
+_EVENTS = {"base": BaseComplete, "refine": LevelComplete, "values": GeometryRefined, "offsets": GeometryRefined}
+
+
+@dataclass
+class Run:
+    """A run that the decoder has begun, for those who want to end it elsewhere.
+
+    Attributes
+    ----------
+    chunk_start, program_start, start : int
+        Byte offsets of its chunk, its layer program and its first byte.
+    layers : list of Layer
+    before : Progress
+        Where the programs stood before.
+    symbols : int
+        What ``LEFT`` was set to: the stated number of symbols of a cut run, or no limit.
+    """
+
+    chunk_start: int
+    program_start: int
+    start: int
+    layers: list[Layer]
+    before: Progress
+    symbols: int
+
+
+class Decoder:
+    """Decodes a file as its bytes come in.
+
+    ``feed`` only stores; iterating decodes and yields events until more bytes are needed; ``snapshot`` draws what
+    has been received, at any moment; ``close`` says that no more will come. Nothing depends on how the
+    bytes were cut. An error is raised again by every later call.
+
+    Parameters
+    ----------
+    limits : Limits, optional
+
+    Attributes
+    ----------
+    header : Header or None
+    layers : list of Layer
+        Layers announced so far.
+    metadata : dict of str to str
+    runs : list of Run
+
+    Raises
+    ------
+    FormatError
+        From iterating or ``close``: the bytes violate the specification.
+    LimitError
+        From iterating: the file needs more than the limits allow.
+    """
+
+    def __init__(self, limits: Limits | None = None) -> None:
+        self.limits = limits or Limits()
+        self.header: Header | None = None
+        self.layers: list[Layer] = []
+        self.metadata: dict[str, str] = {}
+        self.runs: list[Run] = []
+        self._data = bytearray()
+        self._at = 0
+        self._chunk: Envelope | None = None
+        self._chunk_start = 0
+        self._progress = Progress(0)
+        self._tube: Tube | None = None
+        self._pending: list[Layer] | None = None
+        self._run = 0
+        self._run_read = 0
+        self._before = np.zeros(len(ELEMENTS), np.int64)
+        self._layer_start = 0
+        self._done = 0
+        self._cut = False
+        self._ended = False
+        self._closed = False
+        self._error: IsoError | None = None
+
+    # -- in ------------------------------------------------------------------------------------------------------
+
+    def feed(self, data: bytes | bytearray | memoryview) -> None:
+        """Store some more bytes of the file."""
+        if self._closed:
+            raise TruncatedError("bytes fed after close", code="closed")
+        if len(self._data) + len(data) > self.limits.bytes:
+            self._fail(LimitError(f"more than {self.limits.bytes} bytes", code="limit-bytes", clause="11.2"))
+        self._data += data
+
+    def close(self) -> None:
+        """Say that no more bytes will come; events that are still due are dropped.
+
+        Raises
+        ------
+        TruncatedError
+            If the file is not complete. ``snapshot`` still works.
+        """
+        for _ in self:
+            pass
+        self._closed = True
+        if not self._ended:
+            raise TruncatedError(
+                f"the file ends after {len(self._data)} bytes, before it is complete", code="truncated",
+                offset=len(self._data), clause="8.3",
+            )  # fmt: skip
+
+    # -- out -----------------------------------------------------------------------------------------------------
+
+    @property
+    def complete(self) -> bool:
+        """Whether the whole file has been received and verified."""
+        return self._ended
+
+    @property
+    def value_bits(self) -> tuple[int, int]:
+        """Bits of the numbers above and below the isovalue, as far as stated."""
+        return self._progress.bits or (0, 0)
+
+    @property
+    def coder(self) -> Coder:
+        """The coder of the current run."""
+        assert self._tube is not None
+        return self._tube.coder
+
+    @property
+    def symbols(self) -> dict[str, int]:
+        """Symbols received so far, by syntax element."""
+        return dict(zip(ELEMENTS, map(int, self._counts()), strict=True))
+
+    @property
+    def predictions(self) -> tuple[int, int]:
+        """Signs that were predicted so far, and how many of them rightly."""
+        if self._tube is None:
+            return 0, 0
+        tally = self._tube.tally()
+        return int(tally[-2]), int(tally[-1])
+
+    def __iter__(self) -> Iterator[Event]:
+        while True:
+            if self._error is not None:
+                raise self._error
+            try:
+                event = self._step()
+            except IsoError as error:
+                self._fail(error)
+            if event is None:
+                return
+            yield event
+
+    def snapshot(self) -> Contour:
+        """The curve or surface of all symbols received (spec clause 9).
+
+        What a half-received layer has not reached yet stays as the layer before left it.
+        """
+        for _ in self:
+            pass
+        return self.drawn()
+
+    def drawn(self) -> Contour:
+        """Like ``snapshot``, but of the events taken so far only."""
+        header = self.header
+        if header is None or self._tube is None:
+            return Contour(np.zeros((0, 2)), np.zeros((0, 2), np.int64), float("nan"), (0, 0), False)
+        leaves = self._tube.leaves(
+            header.isovalue, lambda number, above: interval_value(header.isovalue, header.scale, number, above)
+        )
+        return draw(leaves, complete=self._ended)
+
+    # -- the machine ---------------------------------------------------------------------------------------------
+
+    def _fail(self, error: IsoError) -> None:
+        self._error = error
+        raise error
+
+    def _step(self) -> Event | None:
+        """Next event; None if it needs more bytes."""
+        while not self._ended:
+            if self.header is None:
+                found = read_header(self._data)
+                if found is None:
+                    return None
+                self.header, self._at = found
+                self._begin()
+                return HeaderRead(self._at, self.header)
+            if self._chunk is None:
+                chunk = read_envelope(self._data, self._at)
+                if chunk is None:
+                    return None
+                if self._cut and chunk.type in (ChunkType.LAYERS, ChunkType.CUT_LAYERS):
+                    raise FormatError("layers after a cut run", code="cut", offset=self._at, clause="3.5.4")
+                self._chunk, self._chunk_start = chunk, self._at
+            chunk = self._chunk
+            if chunk.type in (ChunkType.LAYERS, ChunkType.CUT_LAYERS):
+                event = self._layers(chunk)
+                if event is not None:
+                    return event
+                if self._pending is None or self._pending:
+                    return None
+            behind = chunk.end + CHECKSUM_BYTES * (chunk.checked + chunk.last)
+            if len(self._data) < behind:
+                return None
+            self._verify(chunk)
+            self._at = behind
+            self._chunk = self._pending = None
+            self._ended = chunk.last
+            if chunk.ancillary:
+                payload = bytes(self._data[chunk.start : chunk.end])
+                if chunk.type == ChunkType.METADATA:
+                    self.metadata.update(read_metadata(payload))
+                    return MetadataRead(chunk.end, dict(self.metadata))
+                return ChunkSkipped(chunk.end, chunk.type, len(payload))
+            if self._ended:
+                return End(behind)
+        if len(self._data) > self._at:
+            raise FormatError("bytes after the end of the file", code="trailing", offset=self._at, clause="3.4.4")
+        return None
+
+    def _begin(self) -> None:
+        """Set the decoder up for the header's domain."""
+        assert self.header is not None
+        prob, seen = models()
+        reg = np.zeros(REGISTERS, np.int64)
+        coder = Coder(reg, np.zeros(4096, np.uint8), prob, seen, rates())
+        self._tube = Tube(self.header.shape, coder, self.limits)
+        self._progress = Progress(self._tube.full_level)
+
+    def _verify(self, chunk: Envelope) -> None:
+        at = chunk.end
+        if chunk.checked:
+            stated = Checksum.parse(bytes(self._data[at : at + CHECKSUM_BYTES]))
+            if stated != zlib.crc32(self._data[self._chunk_start : at]):
+                raise FormatError("a chunk's checksum is wrong", code="checksum", offset=at, clause="3.5.3")
+            at += CHECKSUM_BYTES
+        if chunk.last:
+            stated = Checksum.parse(bytes(self._data[at : at + CHECKSUM_BYTES]))
+            if stated != zlib.crc32(self._data[:at]):
+                raise FormatError("the file's checksum is wrong", code="checksum", offset=at, clause="3.4.4")
+
+    def _layers(self, chunk: Envelope) -> Event | None:
+        """Go on with a chunk of layers; None if all are done or more bytes are needed."""
+        assert self._tube is not None
+        there = min(len(self._data), chunk.end)
+        whole = there == chunk.end
+        if self._pending is None and not self._open_run(chunk, there, whole):
+            return None
+        coder = self._arrived(there, whole)
+        while self._pending:
+            layer = self._pending[0]
+            if not self._tube.running:
+                begin_layer(self._tube, layer)
+            try:
+                status = self._tube.advance()
+            except IsoError as error:
+                error.offset = self._run + min(_shifts(coder), self._run_read)
+                raise
+            if status == CUT:
+                self._pending = []
+                self._cut = True
+            elif status != DONE:
+                return None
+            else:
+                self._pending.pop(0)
+                return self._completed(layer, chunk)
+        if not whole:
+            return None
+        if _shifts(coder) + 4 < chunk.end - self._run and not self._cut:
+            raise FormatError("bytes left over in a run", code="leftover", offset=chunk.end, clause="6.3")
+        return None
+
+    def _open_run(self, chunk: Envelope, there: int, whole: bool) -> bool:
+        """Read the program of a chunk and start its run; False if more bytes are needed."""
+        at = chunk.start
+        symbols = None
+        if chunk.type == ChunkType.CUT_LAYERS:
+            number = varint(self._data, at, there, "3.5.4")
+            if number is not None:
+                symbols, at = number
+        found = None
+        before = Progress(**vars(self._progress))
+        program_start = at
+        if chunk.type == ChunkType.LAYERS or symbols is not None:
+            found = read_program(self._data, at, there, self._progress)
+        if found is None:
+            if whole:
+                raise FormatError("a layer program is not complete", code="program", offset=there, clause="3.6")
+            return False
+        self._pending, self._run = found
+        self.layers += self._pending
+        limit = UNLIMITED if symbols is None else symbols
+        self.runs.append(Run(self._chunk_start, program_start, self._run, list(self._pending), before, limit))
+        self._run_read = 0
+        self._layer_start = 0
+        assert self._tube is not None
+        reg = self._tube.coder.reg
+        start(reg, DECODE)
+        reg[LEFT] = limit
+        if self._progress.bits is not None:
+            self._tube.bits_above, self._tube.bits_below = self._progress.bits
+        return True
+
+    def _arrived(self, there: int, whole: bool) -> Coder:
+        """Hand bytes of the run that have come since to the coder."""
+        assert self._tube is not None
+        coder = self._tube.coder
+        count = there - self._run
+        if count > self._run_read:
+            if count > len(coder.buf):
+                wider = np.zeros(max(2 * len(coder.buf), count), np.uint8)
+                wider[: self._run_read] = coder.buf[: self._run_read]
+                coder = self._tube.coder = coder._replace(buf=wider)
+            fresh = self._data[self._run + self._run_read : there]
+            coder.buf[self._run_read : count] = np.frombuffer(fresh, np.uint8)
+            self._run_read = count
+        coder.reg[END] = count
+        coder.reg[FINAL] = whole
+        return coder
+
+    def _counts(self) -> np.ndarray:
+        if self._tube is None:
+            return np.zeros(len(ELEMENTS), np.int64)
+        return self._tube.tally()[: len(ELEMENTS)]
+
+    def _completed(self, layer: Layer, chunk: Envelope) -> Event:
+        assert self._tube is not None
+        self._done += 1
+        counts = self._counts()
+        fresh = dict(zip(ELEMENTS, map(int, counts - self._before), strict=True))
+        self._before = counts
+        used = min(_shifts(self._tube.coder) + 4, chunk.end - self._run)
+        took, self._layer_start = used - self._layer_start, used
+        symbols = {name: fresh[name] for name in BY_LAYER[layer.kind]}
+        return _EVENTS[layer.kind](self._run + used, self._done, layer, symbols, took)
+
+
+def _shifts(coder: Coder) -> int:
+    """Bytes of the run that the coder has moved past; the same however the bytes came in."""
+    return int(coder.reg[POS]) + int(coder.reg[UNKNOWN]) // 8 - 4
+
+
+def begin_layer(tube: Tube, layer: Layer) -> None:
+    """Begin a layer of a program."""
+    match layer.kind:
+        case "base":
+            tube.begin_base(layer.level)
+        case "refine":
+            tube.begin_round()
+        case "values":
+            tube.begin_values(layer.plane)
+        case _:
+            tube.begin_offsets()
+

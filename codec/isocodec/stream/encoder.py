@@ -1,0 +1,222 @@
+"""The incremental encoder: a field in, bytes out as layers get done (spec clause 8.1)."""
+
+from __future__ import annotations
+
+import math
+import zlib
+from collections.abc import Callable, Iterator, Mapping
+
+import numpy as np
+from isospec.container import Checksum, ChunkType, Profile
+from isospec.elements import BY_LAYER, ELEMENTS
+from numpy.typing import ArrayLike
+
+from ..entropy.baseline import models, rates
+from ..entropy.coder import ENCODE, POS, REGISTERS, Coder, finish, start
+from ..errors import OptionError
+from ..grid.field import Field, check_field
+from ..jit import DONE
+from ..passes.tube import Limits, Truth, Tube
+from .container import LayerRecord, write_chunk, write_index, write_metadata
+from .decoder import begin_layer
+from .header import Header, write_header
+from .program import MAX_OFFSET_PLANES, Layer, Progress, write_program
+
+DEFAULT_TOLERANCE = 0.05
+"""Largest distance in cells between decoded and extracted curve when nothing else is asked for."""
+RUN_BYTES = 1 << 16
+"""A run is ended at the first end of a layer after this many bytes."""
+INDEX_SHARE = 100
+"""A level index is written if it takes at most this fraction of the data."""
+BASE_CYCLES = 2
+"""The default base has cubes of a quarter of the root's edge."""
+
+
+class Encoder:
+    """Encodes one isocontour of a field; iterating yields the bytes of the file, chunk by chunk.
+
+    Parameters
+    ----------
+    field : (s0, s1) or (s0, s1, s2) array_like of bool, integers or floats
+    isovalue : float
+    exact : bool
+        Integer data: send the values next to the curve to the last bit.
+    tolerance : float, optional
+        Largest distance, in cells, between the decoded and the extracted curve: as many planes of crossing
+        offsets as that takes. The default, if nothing else is asked for, is 0.05.
+    signs_only : bool
+        Send no geometry: which samples lie above is exact, crossings are drawn half-way.
+    step : float, optional
+        Float data: send the values next to the curve to within half this step.
+    base_level : int, optional
+        Uniform level of the base; the level of the full grid makes a single-rate file.
+    profile : str
+        ``baseline``.
+    metadata : mapping of str to str, optional
+    progress : callable, optional
+        Called with the layers done and their total.
+
+    Raises
+    ------
+    InputError
+        If the field or the isovalue cannot be encoded.
+    OptionError
+        If options contradict one another or are out of range.
+    """
+
+    def __init__(
+        self,
+        field: ArrayLike,
+        isovalue: float,
+        *,
+        exact: bool = False,
+        tolerance: float | None = None,
+        signs_only: bool = False,
+        step: float | None = None,
+        base_level: int | None = None,
+        profile: str = "baseline",
+        metadata: Mapping[str, str] | None = None,
+        progress: Callable[[int, int], object] | None = None,
+    ) -> None:
+        asked = [
+            name
+            for name, given in (
+                ("exact", exact), ("tolerance", tolerance is not None), ("signs_only", signs_only),
+                ("step", step is not None),
+            )
+            if given
+        ]  # fmt: skip
+        if len(asked) > 1:
+            raise OptionError(f"{' and '.join(asked)} contradict one another", code="options", remedy="choose one")
+        if profile.upper() not in Profile.__members__:
+            names = ", ".join(p.name.lower() for p in Profile)
+            raise OptionError(f"unknown profile {profile!r}", code="profile", remedy=f"choose one of: {names}")
+        self.field = check_field(field, isovalue, step)
+        if exact and not self.field.integer:
+            raise OptionError(
+                "exact is for integer data, and the field holds floats", code="exact", remedy="use step or tolerance"
+            )
+        planes = _offset_planes(DEFAULT_TOLERANCE if not asked else tolerance)
+        self._values = exact or step is not None
+        self._metadata = dict(metadata or {})
+        self._report = progress
+        self.header = Header(self.field.values.shape, self.field.isovalue, step, Profile[profile.upper()])
+
+        coder = Coder(np.zeros(REGISTERS, np.int64), np.zeros(1 << 16, np.uint8), *models(), rates())
+        truth = Truth(self.field.signs, self.field.numbers, self.field.crossings)
+        self._tube = Tube(self.field.values.shape, coder, Limits(), truth)
+        full = self._tube.full_level
+        level = min(BASE_CYCLES * self._tube.n, full) if base_level is None else base_level
+        if not 0 <= level <= full:
+            raise OptionError(
+                f"base level {level}; for this field it lies between 0 and {full}", code="base-level",
+                remedy=f"the full grid is level {full}",
+            )  # fmt: skip
+        self.layers = [Layer("base", level)]
+        self.layers += [Layer("refine", i) for i in range(level + 1, full + 1)]
+        self.layers += [Layer("offsets", full, i) for i in range(1, planes + 1)]
+        self.records: list[LayerRecord] = []
+        self._run_bytes = 0
+
+    def __iter__(self) -> Iterator[bytes]:
+        checksum = 0
+        for piece in self._pieces():
+            checksum = zlib.crc32(piece, checksum)
+            yield piece
+        yield Checksum.build(checksum)
+
+    def _pieces(self) -> Iterator[bytes]:
+        """The file but for its checksum."""
+        yield write_header(self.header)
+        if self._metadata:
+            yield write_chunk(ChunkType.METADATA, write_metadata(self._metadata), ancillary=True)
+        program = Progress(self._tube.full_level)
+        done = 0
+        while done < len(self.layers):
+            end, run = self._encode_run(done)
+            last = end == len(self.layers)
+            bits = (self._tube.bits_above, self._tube.bits_below)
+            payload = write_program(self.layers[done:end], program, bits) + run
+            done = end
+            index = b""
+            if last:
+                index = write_index(self.layers, self.records)
+                if len(index) * INDEX_SHARE > self._run_bytes:
+                    index = b""
+            yield write_chunk(ChunkType.LAYERS, payload, last=last and not index)
+            if index:
+                yield write_chunk(ChunkType.INDEX, index, ancillary=True, last=True)
+
+    def _encode_run(self, first: int) -> tuple[int, bytes]:
+        """Encode layers from number ``first`` on until the run is long enough; their end and the bytes."""
+        tube = self._tube
+        start(tube.coder.reg, ENCODE)
+        begun = 0
+        i = first
+        while i < len(self.layers):
+            before = tube.tally()[: len(ELEMENTS)]
+            if self._values and i == len(self.layers) - 1 and self.layers[i].kind in ("base", "refine"):
+                self._advance(i)
+                self._plan_values()
+            else:
+                self._advance(i)
+            counts = dict(zip(ELEMENTS, map(int, tube.tally()[: len(ELEMENTS)] - before), strict=True))
+            used = int(tube.coder.reg[POS]) + 4
+            self.records.append(
+                LayerRecord(used - begun, {name: counts[name] for name in BY_LAYER[self.layers[i].kind]})
+            )
+            begun = used
+            i += 1
+            if self._report:
+                self._report(i, len(self.layers))
+            if used >= RUN_BYTES:
+                break
+        run = finish(tube.coder)
+        # what the decoder's window reads past the end of the run belongs to no layer
+        self._trim(first, i, len(run))
+        self._run_bytes += len(run)
+        return i, run
+
+    def _trim(self, first: int, end: int, length: int) -> None:
+        place = 0
+        for i in range(first, end):
+            stop = min(place + self.records[i].bytes, length)
+            self.records[i] = LayerRecord(stop - place, self.records[i].symbols)
+            place = stop
+
+    def _advance(self, number: int) -> None:
+        tube = self._tube
+        begin_layer(tube, self.layers[number])
+        while tube.advance() != DONE:
+            buf = tube.coder.buf
+            wider = np.zeros(2 * len(buf), np.uint8)
+            wider[: len(buf)] = buf
+            tube.coder = tube.coder._replace(buf=wider)
+
+    def _plan_values(self) -> None:
+        """Append the layers of values, now that the vertices are known that need them."""
+        above, below = self._tube.value_bits()
+        self._tube.bits_above, self._tube.bits_below = above, below
+        planes = max(above, below)
+        level = self._tube.full_level
+        self.layers += [Layer("values", level, p) for p in range(planes - 1, -1, -1)]
+
+
+def _offset_planes(tolerance: float | None) -> int:
+    """Planes of offsets that keep crossings within ``tolerance`` of where they are."""
+    if tolerance is None:
+        return 0
+    if not (math.isfinite(tolerance) and tolerance > 0):
+        raise OptionError(f"the tolerance is {tolerance}, needed is a positive number", code="tolerance")
+    planes = max(math.ceil(-math.log2(tolerance)) - 1, 0)
+    while 2.0 ** -(planes + 1) > tolerance:
+        planes += 1
+    if planes > MAX_OFFSET_PLANES:
+        raise OptionError(
+            f"a tolerance of {tolerance} cells takes {planes} planes of offsets, at most {MAX_OFFSET_PLANES} are possible",
+            code="tolerance", remedy="use exact or step",
+        )  # fmt: skip
+    return planes
+
+
+__all__ = ["DEFAULT_TOLERANCE", "Encoder", "Field"]

@@ -1,0 +1,84 @@
+"""What a decoder reports, in the order of the bytes (spec clause 8.2)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from .header import Header
+from .program import Layer
+
+
+@dataclass(frozen=True)
+class Event:
+    """Something that has been received.
+
+    Attributes
+    ----------
+    offset : int
+        Bytes of the file that were needed for it; independent of how they were fed.
+    """
+
+    offset: int
+
+
+@dataclass(frozen=True)
+class HeaderRead(Event):
+    """The header is there."""
+
+    header: Header
+
+
+@dataclass(frozen=True)
+class LayerComplete(Event):
+    """A layer has been decoded to its end.
+
+    Attributes
+    ----------
+    number : int
+        Its number in the file, from 1.
+    layer : Layer
+    symbols : dict of str to int
+        Symbols by syntax element.
+    bytes : int
+        Entropy-coded bytes that it took.
+    """
+
+    number: int
+    layer: Layer
+    symbols: dict[str, int]
+    bytes: int
+
+
+@dataclass(frozen=True)
+class BaseComplete(LayerComplete):
+    """The base is there."""
+
+
+@dataclass(frozen=True)
+class LevelComplete(LayerComplete):
+    """A round of refinement is there."""
+
+
+@dataclass(frozen=True)
+class GeometryRefined(LayerComplete):
+    """One more bit of all values, or of all offsets, is there."""
+
+
+@dataclass(frozen=True)
+class MetadataRead(Event):
+    """A metadata chunk."""
+
+    metadata: dict[str, str]
+
+
+@dataclass(frozen=True)
+class ChunkSkipped(Event):
+    """An ancillary chunk that a decoder has no use for."""
+
+    type: int
+    length: int
+
+
+@dataclass(frozen=True)
+class End(Event):
+    """The end of the file, its checksum verified."""

@@ -1,0 +1,165 @@
+"""The fixed head of a file: version, profile, shape, isovalue, scale (spec clause 3.3)."""
+
+from __future__ import annotations
+
+import math
+import struct
+from dataclasses import dataclass
+
+from isospec import container as spec
+from isospec.container import Double, IsovalueKind, Prefix, Profile, Single, VarintError, read_varint
+
+from ..errors import FormatError
+
+PREFIX_BYTES = 6
+_EXPONENT_ESCAPE = 0x80
+
+
+@dataclass(frozen=True)
+class Header:
+    """What a file says before its layers.
+
+    Attributes
+    ----------
+    shape : tuple of int
+        Samples along each axis, in the order of the encoded array.
+    isovalue : float
+    scale : float or None
+        Step of the numbers that geometry by values sends; None for integer data (step 1).
+    profile : Profile
+    writer_version, read_version : int
+        Version that wrote the file, and the oldest one that can read it.
+    """
+
+    shape: tuple[int, ...]
+    isovalue: float
+    scale: float | None = None
+    profile: Profile = Profile.BASELINE
+    writer_version: int = spec.WRITER_VERSION
+    read_version: int = spec.READ_VERSION
+
+
+def write_header(header: Header) -> bytes:
+    """Bytes of a header, the shortest for its isovalue."""
+    kind, isovalue = _write_isovalue(header.isovalue)
+    out = Prefix.build(
+        {
+            "signature": spec.SIGNATURE,
+            "version": {"writer": header.writer_version, "read": header.read_version},
+            "flags": {
+                "reserved": 0,
+                "scaled": header.scale is not None,
+                "isovalue": kind,
+                "axes": len(header.shape) - 2,
+                "profile": header.profile,
+            },
+        }
+    )
+    out += b"".join(spec.write_varint(s) for s in header.shape) + isovalue
+    if header.scale is not None:
+        out += _write_scale(header.scale)
+    return bytes(out)
+
+
+def _write_isovalue(value: float) -> tuple[IsovalueKind, bytes]:
+    if math.isfinite(value) and (2 * value).is_integer() and abs(value) < 1 << 50:
+        return IsovalueKind.HALVES, spec.write_varint(spec.zigzag(int(2 * value)))
+    try:
+        single = Single.build(value)
+        if Single.parse(single) == value:
+            return IsovalueKind.FLOAT32, single
+    except (OverflowError, struct.error):
+        pass
+    return IsovalueKind.FLOAT64, Double.build(value)
+
+
+def _write_scale(scale: float) -> bytes:
+    mantissa, exponent = math.frexp(scale)
+    if mantissa == 0.5 and -127 <= exponent - 1 <= 127:
+        return bytes([(exponent - 1) & 0xFF])
+    return bytes([_EXPONENT_ESCAPE]) + Double.build(scale)
+
+
+def read_header(data: bytes | bytearray) -> tuple[Header, int] | None:
+    """Header at the start of ``data`` and its length; None if it is not all there yet.
+
+    Raises
+    ------
+    FormatError
+        If the bytes cannot be the start of a file that this version reads.
+    """
+    seen = bytes(data[:4])
+    if seen != spec.SIGNATURE[: len(seen)]:
+        raise FormatError("not an .iso file: the signature is missing", code="signature", offset=0, clause="3.3.1")
+    if len(data) < PREFIX_BYTES:
+        return None
+    prefix = Prefix.parse(bytes(data[:PREFIX_BYTES]))
+    if prefix.version.read > spec.WRITER_VERSION:
+        raise FormatError(
+            f"the file needs version {prefix.version.read} of the format, this reads up to {spec.WRITER_VERSION}",
+            code="version", offset=4, clause="3.3.1", remedy="update isocodec",
+        )  # fmt: skip
+    flags = prefix.flags
+    if flags.reserved:
+        raise FormatError("reserved bits are set", code="reserved", offset=5, clause="3.3.2")
+    if flags.profile not in Profile.__members__.values():
+        raise FormatError(f"unknown profile {flags.profile}", code="profile", offset=5, clause="3.3.2")
+    if flags.isovalue not in IsovalueKind.__members__.values():
+        raise FormatError("unknown kind of isovalue", code="isovalue", offset=5, clause="3.3.4")
+    return _read_rest(data, prefix, 2 + flags.axes)
+
+
+def _read_rest(data: bytes | bytearray, prefix: object, n: int) -> tuple[Header, int] | None:
+    flags, version = prefix.flags, prefix.version  # type: ignore[attr-defined]
+    at = PREFIX_BYTES
+    shape = []
+    for _ in range(n):
+        number = varint(data, at, len(data), "3.3.3")
+        if number is None:
+            return None
+        if not 1 <= number[0] <= spec.MAX_SIDE[n]:
+            raise FormatError(
+                f"{number[0]} samples along an axis, allowed are 1 to {spec.MAX_SIDE[n]}",
+                code="shape", offset=at, clause="3.3.3",
+            )  # fmt: skip
+        shape.append(number[0])
+        at = number[1]
+    if flags.isovalue == IsovalueKind.HALVES:
+        number = varint(data, at, len(data), "3.3.4")
+        if number is None:
+            return None
+        isovalue = spec.unzigzag(number[0]) / 2
+        behind = number[1]
+    else:
+        kind = Single if flags.isovalue == IsovalueKind.FLOAT32 else Double
+        behind = at + kind.sizeof()
+        if len(data) < behind:
+            return None
+        isovalue = kind.parse(bytes(data[at:behind]))
+        if not math.isfinite(isovalue):
+            raise FormatError("the isovalue is not finite", code="isovalue", offset=at, clause="3.3.4")
+    at = behind
+    scale = None
+    if flags.scaled:
+        if len(data) < at + 1:
+            return None
+        if data[at] != _EXPONENT_ESCAPE:
+            scale = math.ldexp(1.0, data[at] - 256 if data[at] > 127 else data[at])
+            at += 1
+        else:
+            if len(data) < at + 9:
+                return None
+            scale = Double.parse(bytes(data[at + 1 : at + 9]))
+            if not (math.isfinite(scale) and scale > 0):
+                raise FormatError("the scale is not a positive number", code="scale", offset=at, clause="3.3.5")
+            at += 9
+    header = Header(tuple(shape), isovalue, scale, Profile(flags.profile), version.writer, version.read)
+    return header, at
+
+
+def varint(data: bytes | bytearray, at: int, end: int, clause: str) -> tuple[int, int] | None:
+    """``read_varint`` with the place and clause in its error."""
+    try:
+        return read_varint(data, at, end)
+    except VarintError as error:
+        raise FormatError(str(error), code="varint", offset=at, clause=clause) from None

@@ -1,0 +1,186 @@
+"""What a file says of itself, without decoding (spec clause 3). Loads no kernels unless asked to count symbols."""
+
+from __future__ import annotations
+
+import zlib
+from dataclasses import asdict, dataclass, field
+from typing import Any
+
+from isospec.container import Checksum, ChunkType
+
+from ..errors import FormatError, TruncatedError
+from .container import CHECKSUM_BYTES, Envelope, read_envelope, read_index, read_metadata
+from .header import Header, read_header, varint
+from .program import Layer, Progress, read_program
+
+_NAMES = {t.value: t.name.lower() for t in ChunkType}
+
+
+@dataclass(frozen=True)
+class LayerInfo:
+    """One layer; ``offset``, ``bytes`` and ``symbols`` are None where the file does not say.
+
+    Attributes
+    ----------
+    kind : str
+    level : int
+    plane : int
+    offset : int or None
+        Byte offset in the file at which its data begin.
+    bytes : int or None
+    symbols : dict of str to int, or None
+    """
+
+    kind: str
+    level: int
+    plane: int
+    offset: int | None = None
+    bytes: int | None = None
+    symbols: dict[str, int] | None = None
+
+
+@dataclass(frozen=True)
+class ChunkInfo:
+    """One chunk: its type by name, byte offset and length with envelope and checksums."""
+
+    type: str
+    offset: int
+    bytes: int
+
+
+@dataclass(frozen=True)
+class FileInfo:
+    """What ``inspect`` finds.
+
+    Attributes
+    ----------
+    overhead_bytes : int
+        All that is not entropy-coded data.
+    complete : bool
+        The file is whole and its checksum is right.
+    """
+
+    version: int
+    read_version: int
+    profile: str
+    shape: tuple[int, ...]
+    isovalue: float
+    scale: float | None
+    bytes: int
+    overhead_bytes: int
+    complete: bool
+    layers: list[LayerInfo] = field(default_factory=list)
+    chunks: list[ChunkInfo] = field(default_factory=list)
+    metadata: dict[str, str] = field(default_factory=dict)
+
+    def as_dict(self) -> dict[str, Any]:
+        """Plain data, for JSON."""
+        return asdict(self)
+
+
+def inspect(data: bytes, symbols: bool = False) -> FileInfo:
+    """Structure of a file.
+
+    Parameters
+    ----------
+    data : bytes
+        The file, or the beginning of one.
+    symbols : bool
+        Decode the file to fill in what it does not state of its layers. Loads the kernels.
+
+    Raises
+    ------
+    FormatError
+        If the bytes violate the container's specification.
+    """
+    found = read_header(data)
+    if found is None:
+        raise TruncatedError("the file ends within its header", code="truncated", offset=len(data), clause="3.3")
+    header, at = found
+    chunks: list[ChunkInfo] = []
+    layers: list[LayerInfo] = []
+    plain: list[Layer] = []
+    metadata: dict[str, str] = {}
+    progress = Progress(len(header.shape) * max(max(header.shape) - 2, 0).bit_length())
+    coded = 0
+    complete = False
+    while not complete:
+        chunk = read_envelope(data, at)
+        if chunk is None:
+            break
+        end = min(chunk.end, len(data))
+        if chunk.type in (ChunkType.LAYERS, ChunkType.CUT_LAYERS):
+            run = _run_start(data, chunk, end, progress, plain)
+            if run is not None:
+                coded += end - run
+                layers += [LayerInfo(p.kind, p.level, p.plane, run if p is plain[len(layers)] else None) for p in
+                           plain[len(layers) :]]  # fmt: skip
+        elif chunk.end <= len(data):
+            payload = data[chunk.start : chunk.end]
+            if chunk.type == ChunkType.METADATA:
+                metadata |= read_metadata(payload)
+            elif chunk.type == ChunkType.INDEX:
+                layers = _with_index(payload, plain, layers)
+        behind = chunk.end + CHECKSUM_BYTES * (chunk.checked + chunk.last)
+        chunks.append(ChunkInfo(_NAMES.get(chunk.type, f"unknown {chunk.type}"), at, min(behind, len(data)) - at))
+        if behind > len(data):
+            break
+        if chunk.last:
+            _verify(data, behind)
+            complete = True
+        at = behind
+    if symbols:
+        layers = _decoded(data, plain)
+    return FileInfo(
+        header.writer_version, header.read_version, header.profile.name.lower(), header.shape, header.isovalue,
+        header.scale, len(data), len(data) - coded, complete, layers, chunks, metadata,
+    )  # fmt: skip
+
+
+def _run_start(data: bytes, chunk: Envelope, end: int, progress: Progress, plain: list[Layer]) -> int | None:
+    at = chunk.start
+    if chunk.type == ChunkType.CUT_LAYERS:
+        number = varint(data, at, end, "3.5.4")
+        if number is None:
+            return None
+        at = number[1]
+    program = read_program(data, at, end, progress)
+    if program is None:
+        return None
+    plain += program[0]
+    return program[1]
+
+
+def _with_index(payload: bytes, plain: list[Layer], layers: list[LayerInfo]) -> list[LayerInfo]:
+    out = []
+    place = 0
+    for layer, info, record in zip(plain, layers, read_index(payload, plain), strict=False):
+        place = info.offset if info.offset is not None else place
+        out.append(LayerInfo(layer.kind, layer.level, layer.plane, place, record.bytes, record.symbols))
+        place += record.bytes
+    return out or layers
+
+
+def _decoded(data: bytes, plain: list[Layer]) -> list[LayerInfo]:
+    from .decoder import Decoder
+    from .events import LayerComplete
+
+    decoder = Decoder()
+    decoder.feed(data)
+    out = [
+        LayerInfo(e.layer.kind, e.layer.level, e.layer.plane, e.offset - e.bytes, e.bytes, e.symbols)
+        for e in decoder
+        if isinstance(e, LayerComplete)
+    ]
+    return out + [LayerInfo(p.kind, p.level, p.plane) for p in plain[len(out) :]]
+
+
+def _verify(data: bytes, behind: int) -> None:
+    at = behind - CHECKSUM_BYTES
+    if Checksum.parse(data[at:behind]) != zlib.crc32(data[:at]):
+        raise FormatError("the file's checksum is wrong", code="checksum", offset=at, clause="3.4.4")
+    if len(data) > behind:
+        raise FormatError("bytes after the end of the file", code="trailing", offset=behind, clause="3.4.4")
+
+
+__all__ = ["ChunkInfo", "FileInfo", "Header", "LayerInfo", "inspect"]

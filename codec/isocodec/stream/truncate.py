@@ -1,0 +1,106 @@
+"""Shorter files out of files: at the end of a layer, or within a number of bytes (spec clause 6.6)."""
+
+from __future__ import annotations
+
+import zlib
+
+from isospec.container import Checksum, ChunkType, write_varint
+
+from ..entropy.coder import LEFT, cut
+from ..errors import OptionError, TruncatedError
+from .container import write_chunk
+from .decoder import Decoder
+from .events import LayerComplete
+from .header import read_header
+from .program import Progress, write_program
+
+
+def truncate(data: bytes, *, layers: int | None = None, max_bytes: int | None = None) -> bytes:
+    """A complete, valid file with the first layers, or the first symbols, of another.
+
+    Parameters
+    ----------
+    data : bytes
+        A file; one that was cut off anywhere will do.
+    layers : int, optional
+        Layers to keep.
+    max_bytes : int, optional
+        Most bytes of the result.
+
+    Returns
+    -------
+    bytes
+
+    Raises
+    ------
+    OptionError
+        If not exactly one of ``layers`` and ``max_bytes`` is given, or it is too small for any curve.
+    FormatError
+        If ``data`` is not a valid file.
+    """
+    if (layers is None) == (max_bytes is None):
+        raise OptionError("give either layers or max_bytes", code="options")
+    if read_header(data) is None:
+        raise TruncatedError("the file ends within its header", code="truncated", offset=len(data), clause="3.3")
+    if layers is not None:
+        return _first_layers(data, layers)
+    assert max_bytes is not None
+    if max_bytes >= len(data) and _whole(data):
+        return data
+    room = max_bytes
+    while room > 0:
+        short = _first_bytes(data[:room])
+        if short is None:
+            break
+        if len(short) <= max_bytes:
+            return short
+        room -= len(short) - max_bytes
+    raise OptionError(f"{max_bytes} bytes are too few for this file's header and a curve", code="max-bytes")
+
+
+def _whole(data: bytes) -> bool:
+    decoder = Decoder()
+    decoder.feed(data)
+    for _ in decoder:
+        pass
+    return decoder.complete
+
+
+def _first_layers(data: bytes, layers: int) -> bytes:
+    if layers < 1:
+        raise OptionError(f"{layers} layers, needed is at least 1", code="layers")
+    decoder = Decoder()
+    decoder.feed(data)
+    number = 0
+    for event in decoder:
+        if isinstance(event, LayerComplete):
+            number = event.number
+            if number == layers:
+                break
+    if number < layers:
+        if decoder.complete:
+            return data
+        raise OptionError(f"only {number} layers have been received whole", code="layers", remedy="use max_bytes")
+    run = decoder.runs[-1]
+    kept = run.layers[: number - run.before.layers]
+    bits = decoder.value_bits
+    payload = write_program(kept, Progress(**vars(run.before)), bits) + cut(decoder.coder)
+    return _closed(data[: run.chunk_start] + write_chunk(ChunkType.LAYERS, payload, last=True))
+
+
+def _first_bytes(data: bytes) -> bytes | None:
+    """File of the symbols that ``data`` decides; None if it ends before the first run."""
+    decoder = Decoder()
+    decoder.feed(data)
+    for _ in decoder:
+        pass
+    if not decoder.runs:
+        return None
+    run = decoder.runs[-1]
+    symbols = run.symbols - int(decoder.coder.reg[LEFT])
+    payload = write_varint(symbols) + data[run.program_start : run.start] + cut(decoder.coder)
+    return _closed(data[: run.chunk_start] + write_chunk(ChunkType.CUT_LAYERS, payload, last=True))
+
+
+def _closed(data: bytes) -> bytes:
+    return data + Checksum.build(zlib.crc32(data))

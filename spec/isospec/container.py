@@ -1,0 +1,132 @@
+"""The container of ``.iso`` files, declared (spec clause 3).
+
+``construct`` serves for the parts of fixed shape, on bytes whose length has been checked; variable-length numbers
+are read by ``read_varint``, which is bounded and refuses encodings that are not the shortest.
+"""
+
+from __future__ import annotations
+
+from enum import IntEnum
+
+from construct import BitsInteger, BitStruct, Bytes, Flag, Float32b, Float64b, Int32ub, Nibble, Struct
+
+SIGNATURE = b"\x89ISO"
+WRITER_VERSION = 0
+READ_VERSION = 0
+
+MAX_SIDE = {2: 1 << 24, 3: 1 << 20}
+"""Most samples along an axis, by dimension (spec clause 11.1)."""
+MAX_VARINT = 9
+"""Most bytes of a variable-length number: 63 bits."""
+CHECKED_CHUNK = 1 << 14
+"""Chunks with at least this payload carry a checksum of their own (clause 3.5.3)."""
+LAYER_LIMIT = 4096
+
+
+class Profile(IntEnum):
+    """Entropy profiles (clause 3.3.2)."""
+
+    BASELINE = 0
+
+
+class IsovalueKind(IntEnum):
+    """How the isovalue is written (clause 3.3.4)."""
+
+    HALVES = 0
+    FLOAT32 = 1
+    FLOAT64 = 2
+
+
+class ChunkType(IntEnum):
+    """Chunk types (clause 3.5)."""
+
+    LAYERS = 1
+    CUT_LAYERS = 2
+    METADATA = 3
+    INDEX = 4
+
+
+class Operation(IntEnum):
+    """Operations of a layer program (clause 3.6)."""
+
+    BASE = 0
+    REFINE = 1
+    VALUES = 2
+    OFFSETS = 3
+    BASE_AND_REFINE = 4
+
+
+ESCAPE = 14
+"""Argument of an operation that stands for a number that follows."""
+ALL = 15
+"""Argument of an operation that stands for: as far as it goes."""
+
+Prefix = Struct(
+    "signature" / Bytes(4),
+    "version" / BitStruct("writer" / Nibble, "read" / Nibble),
+    "flags"
+    / BitStruct(
+        "reserved" / BitsInteger(2),
+        "scaled" / Flag,
+        "isovalue" / BitsInteger(2),
+        "axes" / BitsInteger(1),
+        "profile" / BitsInteger(2),
+    ),
+)
+"""First six bytes of a file; ``axes`` is the dimension less two."""
+
+ChunkHead = BitStruct("ancillary" / Flag, "checked" / Flag, "last" / Flag, "type" / BitsInteger(5))
+"""First byte of a chunk; its length follows as a variable-length number."""
+
+OperationByte = BitStruct("more" / Flag, "operation" / BitsInteger(3), "argument" / Nibble)
+"""One step of a layer program."""
+
+Checksum = Int32ub
+"""CRC-32 as of zlib, PNG and gzip."""
+
+Single = Float32b
+Double = Float64b
+
+
+class VarintError(ValueError):
+    """A variable-length number is too long or not the shortest encoding."""
+
+
+def write_varint(value: int) -> bytes:
+    """Seven bits a byte, the highest first; all bytes but the last have their top bit set (clause 3.2)."""
+    out = [value & 0x7F]
+    while value >> 7:
+        value >>= 7
+        out.append(value & 0x7F | 0x80)
+    return bytes(reversed(out))
+
+
+def read_varint(data: bytes | bytearray | memoryview, at: int, end: int) -> tuple[int, int] | None:
+    """Number at ``at`` and the place behind it; None if ``end`` comes first.
+
+    Raises
+    ------
+    VarintError
+        If it has more than ``MAX_VARINT`` bytes, or starts with a zero group.
+    """
+    value = 0
+    for i in range(at, min(end, at + MAX_VARINT)):
+        byte = data[i]
+        if i == at and byte == 0x80:
+            raise VarintError("a number is not in its shortest form")
+        value = value << 7 | byte & 0x7F
+        if byte < 0x80:
+            return value, i + 1
+    if end - at >= MAX_VARINT:
+        raise VarintError("a number has more than 63 bits")
+    return None
+
+
+def zigzag(value: int) -> int:
+    """Signed to unsigned: 0, -1, 1, -2 .. to 0, 1, 2, 3 .. (clause 3.2.2)."""
+    return value << 1 if value >= 0 else (-value << 1) - 1
+
+
+def unzigzag(value: int) -> int:
+    """Inverse of ``zigzag``."""
+    return value >> 1 if not value & 1 else -(value + 1 >> 1)

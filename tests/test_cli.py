@@ -1,0 +1,583 @@
+"""The command line: what it writes, and how it ends."""
+
+from __future__ import annotations
+
+import io
+import json
+import os
+import subprocess
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import shapely.geometry
+import tifffile
+import trimesh
+from click.testing import CliRunner, Result
+from PIL import Image
+
+import isocodec
+from isocodec.cli import main
+from isocodec.cli import progress as progress_module
+from isocodec.cli.plot import spread
+
+# Two hills in 33 x 41 samples, and a ball in 17^3: small, but of several layers.
+ROWS, COLUMNS = np.mgrid[:33, :41]
+HILLS = np.rint(
+    200 * np.exp(-((ROWS - 12) ** 2 + (COLUMNS - 12) ** 2) / 60)
+    + 150 * np.exp(-((ROWS - 20) ** 2 + (COLUMNS - 29) ** 2) / 40)
+).astype(np.uint8)
+BALL = np.rint(10 * np.sqrt(((np.mgrid[:17, :17, :17] - 8.0) ** 2).sum(axis=0))).astype(np.int16)
+
+
+@pytest.fixture(scope="module")
+def curve_data() -> bytes:
+    return isocodec.encode(HILLS, 80.5, exact=True)
+
+
+@pytest.fixture(scope="module")
+def surface_data() -> bytes:
+    return isocodec.encode(BALL, 55.5, exact=True)
+
+
+@pytest.fixture
+def curve(tmp_path: Path, curve_data: bytes) -> Path:
+    path = tmp_path / "curve.iso"
+    path.write_bytes(curve_data)
+    return path
+
+
+@pytest.fixture
+def surface(tmp_path: Path, surface_data: bytes) -> Path:
+    path = tmp_path / "surface.iso"
+    path.write_bytes(surface_data)
+    return path
+
+
+@pytest.fixture
+def hills(tmp_path: Path) -> Path:
+    path = tmp_path / "hills.npy"
+    np.save(path, HILLS)
+    return path
+
+
+def run(*arguments: object) -> Result:
+    return CliRunner().invoke(main, [str(argument) for argument in arguments])
+
+
+def ok(*arguments: object) -> str:
+    result = run(*arguments)
+    assert result.exit_code == 0, result.output
+    return result.stdout
+
+
+def fails(code: int, *arguments: object) -> str:
+    """The one line that is left on the error stream."""
+    result = run(*arguments)
+    assert result.exit_code == code, result.output
+    assert result.stdout == ""
+    (line,) = result.stderr.splitlines()
+    assert line.startswith("isocodec: ")
+    assert "Traceback" not in line
+    return line
+
+
+def process(*arguments: object, environment: dict[str, str] | None = None) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [sys.executable, "-m", "isocodec", *map(str, arguments)],
+        capture_output=True,
+        text=True,
+        timeout=120,
+        env={**os.environ, **(environment or {})},
+    )
+
+
+# ---- encode ---------------------------------------------------------------------------------------------------------
+
+
+def test_encode_tells_what_it_wrote(hills: Path, tmp_path: Path, curve_data: bytes) -> None:
+    out = tmp_path / "out.iso"
+    line = ok("encode", hills, "-o", out, "--isovalue", 80.5, "--exact")
+    assert out.read_bytes() == curve_data
+    layers = len(isocodec.inspect(curve_data).layers)
+    assert line.startswith(f"{out}: {len(curve_data):,} bytes, {layers} layers, ")
+    record = json.loads(ok("encode", hills, "-o", out, "--isovalue", 80.5, "--exact", "--json"))
+    assert record.pop("seconds") >= 0
+    assert record == {
+        "output": str(out),
+        "bytes": len(curve_data),
+        "layers": layers,
+        "shape": [33, 41],
+        "dtype": "uint8",
+        "isovalue": 80.5,
+    }
+
+
+@pytest.mark.parametrize(
+    ("options", "keywords"),
+    [
+        (["--tolerance", "0.05"], {"tolerance": 0.05}),
+        (["--signs-only"], {"signs_only": True}),
+        (["--signs-only", "--base-level", "4"], {"signs_only": True, "base_level": 4}),
+        (["--exact", "--profile", "baseline"], {"exact": True, "profile": "baseline"}),
+    ],
+)
+def test_encode_options_are_those_of_the_library(
+    hills: Path, tmp_path: Path, options: list[str], keywords: dict[str, Any]
+) -> None:
+    ok("encode", hills, "-o", tmp_path / "out.iso", "--isovalue", 80.5, *options)
+    assert (tmp_path / "out.iso").read_bytes() == isocodec.encode(HILLS, 80.5, **keywords)
+
+
+def test_encode_floats_in_steps(tmp_path: Path) -> None:
+    np.savez(tmp_path / "f.npz", values=HILLS / np.float64(3), other=np.zeros(1))
+    ok("encode", tmp_path / "f.npz", "-o", tmp_path / "out.iso", "--isovalue", 25.1, "--step", 0.01)
+    assert (tmp_path / "out.iso").read_bytes() == isocodec.encode(HILLS / np.float64(3), 25.1, step=0.01)
+
+
+def test_encode_of_a_channel_and_of_a_key(tmp_path: Path, curve_data: bytes) -> None:
+    Image.fromarray(np.dstack([HILLS // 2, HILLS, HILLS])).save(tmp_path / "c.png")
+    ok("encode", tmp_path / "c.png", "-o", tmp_path / "c.iso", "--isovalue", 80.5, "--exact", "--channel", 1)
+    np.savez(tmp_path / "k.npz", a=HILLS // 2, b=HILLS)
+    ok("encode", tmp_path / "k.npz", "-o", tmp_path / "k.iso", "--isovalue", 80.5, "--exact", "--key", "b")
+    tifffile.imwrite(tmp_path / "t.tif", HILLS)
+    ok("encode", tmp_path / "t.tif", "-o", tmp_path / "t.iso", "--isovalue", 80.5, "--exact")
+    assert {(tmp_path / name).read_bytes() for name in ("c.iso", "k.iso", "t.iso")} == {curve_data}
+
+
+def test_negative_isovalue_is_no_option(tmp_path: Path) -> None:
+    np.save(tmp_path / "n.npy", HILLS.astype(np.int16) - 100)
+    ok("encode", tmp_path / "n.npy", "-o", tmp_path / "n.iso", "--isovalue", "-19.5")
+    assert isocodec.inspect((tmp_path / "n.iso").read_bytes()).isovalue == -19.5
+
+
+@pytest.mark.parametrize("isovalue", ["nan", "inf", "-inf"])
+def test_isovalue_that_is_no_number(hills: Path, tmp_path: Path, isovalue: str) -> None:
+    line = fails(3, "encode", hills, "-o", tmp_path / "out.iso", "--isovalue", isovalue)
+    assert line.startswith(f"isocodec: {hills}: ")
+    assert not (tmp_path / "out.iso").exists()
+
+
+def test_contradictory_options(hills: Path, tmp_path: Path) -> None:
+    out = tmp_path / "out.iso"
+    for options, named in (
+        (["--exact", "--tolerance", "0.1"], "--exact and --tolerance"),
+        (["--signs-only", "--step", "1"], "--signs-only and --step"),
+    ):
+        assert named in fails(2, "encode", hills, "-o", out, "--isovalue", 1, *options)
+    for options in (["--tolerance", "-1"], ["--profile", "nonsense"], ["--key", "a"], ["--channel", "0"]):
+        fails(2, "encode", hills, "-o", out, "--isovalue", 1, *options)
+    assert not out.exists()
+
+
+def test_usage_errors_are_one_line_too(hills: Path) -> None:
+    assert "--isovalue" in fails(2, "encode", hills, "-o", "x.iso")
+    assert "'isocodec encode --help'" in fails(2, "encode", "--nonsense")
+    assert "nonsense" in fails(2, "nonsense")
+    assert "not a valid float" in fails(2, "encode", hills, "-o", "x.iso", "--isovalue", "high")
+
+
+def unreadable_fields(folder: Path) -> dict[str, Sequence[str]]:
+    """Names of bad inputs, each with words that its message must contain."""
+    (folder / "text.npy").write_text("1 2 3\n4 5 6\n")
+    (folder / "empty.npy").touch()
+    np.save(folder / "strings.npy", np.array([["a", "b"], ["c", "d"]]))
+    np.save(folder / "objects.npy", np.array([[None, {}]], dtype=object), allow_pickle=True)
+    np.save(folder / "complex.npy", np.ones((3, 3), dtype=complex))
+    np.savez(folder / "several.npz", a=HILLS, b=HILLS)
+    Image.fromarray(np.dstack([HILLS] * 3)).save(folder / "colour.png")
+    (folder / "table.csv").write_text("1,2\n")
+    (folder / "directory.npy").mkdir()
+    np.save(folder / "holes.npy", np.where(HILLS > 150, np.nan, HILLS))
+    np.save(folder / "scalar.npy", np.float64(3))
+    return {
+        "missing.npy": ["No such file"],
+        "directory.npy": ["Is a directory"],
+        "text.npy": ["not a NumPy file"],
+        "empty.npy": ["not a NumPy file"],
+        "strings.npy": ["strings"],
+        "objects.npy": ["Python objects"],
+        "complex.npy": ["complex"],
+        "several.npz": ["a (33, 41), b (33, 41)", "--key"],
+        "colour.png": ["3 channels", "--channel"],
+        "table.csv": [".csv", ".npy"],
+        "holes.npy": ["NaN"],
+        "scalar.npy": [],
+    }
+
+
+def test_fields_that_cannot_be_encoded(tmp_path: Path) -> None:
+    out = tmp_path / "out.iso"
+    for name, words in unreadable_fields(tmp_path).items():
+        line = fails(3, "encode", tmp_path / name, "-o", out, "--isovalue", 80.5)
+        assert line.startswith(f"isocodec: {tmp_path / name}: ")
+        for word in words:
+            assert word in line
+        assert not out.exists()
+
+
+def test_missing_extra(tmp_path: Path, surface: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    Image.fromarray(HILLS).save(tmp_path / "a.png")
+    for module in ("imageio.v3", "trimesh", "matplotlib.figure"):
+        monkeypatch.setitem(sys.modules, module, None)
+    line = fails(7, "encode", tmp_path / "a.png", "-o", tmp_path / "a.iso", "--isovalue", 1)
+    assert line.endswith("reading .png needs imageio: pip install 'isocodec[image]'")
+    assert "'isocodec[mesh]'" in fails(7, "decode", surface, "-o", tmp_path / "a.ply")
+    assert "'isocodec[plot]'" in fails(7, "decode", surface, "-o", tmp_path / "s.png")
+    assert "'isocodec[plot]'" in fails(7, "plot", surface, "-o", tmp_path / "s.png")
+
+
+# ---- Where the output goes ------------------------------------------------------------------------------------------
+
+
+def test_outputs_that_cannot_be_written(hills: Path, tmp_path: Path) -> None:
+    for out, words in (
+        (tmp_path, "Is a directory"),
+        (tmp_path / "missing" / "out.iso", "no directory"),
+        (hills / "out.iso", "Not a directory"),
+    ):
+        line = fails(3, "encode", hills, "-o", out, "--isovalue", 80.5)
+        assert line.startswith(f"isocodec: {out}: ")
+        assert words in line
+
+
+def test_the_input_is_never_overwritten(hills: Path, curve: Path, tmp_path: Path, curve_data: bytes) -> None:
+    before = hills.read_bytes()
+    assert "the input file itself" in fails(2, "encode", hills, "-o", hills, "--isovalue", 80.5)
+    (tmp_path / "other.iso").hardlink_to(curve)
+    assert "the input file itself" in fails(2, "truncate", curve, "-o", tmp_path / "other.iso", "--layers", 1)
+    assert hills.read_bytes() == before
+    assert curve.read_bytes() == curve_data
+
+
+def test_an_older_output_is_replaced_and_survives_errors(hills: Path, curve: Path, tmp_path: Path) -> None:
+    out = tmp_path / "out.iso"
+    out.write_bytes(b"older")
+    fails(3, "encode", hills, "-o", out, "--isovalue", "nan")
+    assert out.read_bytes() == b"older"
+    ok("truncate", curve, "-o", out, "--layers", 1)
+    assert out.read_bytes() != b"older"
+
+
+def test_full_disk(curve: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def full(_: int) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(os, "fsync", full)
+    line = fails(3, "decode", curve, "-o", tmp_path / "c.npz")
+    assert line == f"isocodec: {tmp_path / 'c.npz'}: No space left on device"
+    assert [path.name for path in tmp_path.iterdir()] == ["curve.iso"]
+
+
+# ---- decode ---------------------------------------------------------------------------------------------------------
+
+
+def test_decode_curves(curve: Path, tmp_path: Path, curve_data: bytes) -> None:
+    contour = isocodec.decode(curve_data)
+    line = ok("decode", curve, "-o", tmp_path / "c.npz")
+    assert f"{len(contour.points):,} points, {len(contour.cells):,} segments" in line
+    with np.load(tmp_path / "c.npz") as arrays:
+        assert np.array_equal(arrays["points"], contour.points)
+        assert np.array_equal(arrays["cells"], contour.cells)
+    ok("decode", curve, "-o", tmp_path / "c.geojson")
+    feature = json.loads((tmp_path / "c.geojson").read_text())
+    lines = shapely.geometry.shape(feature["values"]).geoms
+    assert len(lines) == 2  # one ring around each hill
+    assert all(line.is_ring for line in lines)
+    ok("decode", curve, "-o", tmp_path / "c.svg")
+    assert (tmp_path / "c.svg").read_text().count("<path") == 2
+    ok("decode", curve, "-o", tmp_path / "c.png")
+    assert Image.open(tmp_path / "c.png").size[0] == 900
+
+
+def test_decode_surfaces(surface: Path, tmp_path: Path) -> None:
+    for suffix in (".ply", ".stl", ".obj"):
+        line = ok("decode", surface, "-o", tmp_path / f"s{suffix}")
+        assert "triangles" in line
+        mesh = trimesh.load_mesh(tmp_path / f"s{suffix}")
+        mesh.merge_vertices()
+        assert mesh.is_watertight
+        # A ball of radius 5.55; its triangles cut a little off, 1 % at this size.
+        assert abs(mesh.volume) == pytest.approx(4 / 3 * np.pi * 5.55**3, rel=0.03)
+    ok("decode", surface, "-o", tmp_path / "s.npz")
+    ok("decode", surface, "-o", tmp_path / "s.png")
+
+
+def test_decode_json(surface: Path, tmp_path: Path, surface_data: bytes) -> None:
+    contour = isocodec.decode(surface_data)
+    record = json.loads(ok("decode", surface, "-o", tmp_path / "s.stl", "--json"))
+    assert record.pop("seconds") >= 0
+    assert record == {
+        "output": str(tmp_path / "s.stl"),
+        "bytes": 84 + 50 * len(contour.cells),
+        "points": len(contour.points),
+        "cells": len(contour.cells),
+        "isovalue": 55.5,
+        "shape": [17, 17, 17],
+        "complete": True,
+    }
+
+
+def test_decode_of_the_wrong_dimension(curve: Path, surface: Path, tmp_path: Path) -> None:
+    line = fails(2, "decode", curve, "-o", tmp_path / "c.stl")
+    assert line.startswith(f"isocodec: {tmp_path / 'c.stl'}: ")
+    assert ".npz, .png, .geojson, .svg" in line
+    assert ".npz, .png, .ply, .stl, .obj" in fails(2, "decode", surface, "-o", tmp_path / "s.svg")
+    assert ".geojson" in fails(2, "decode", surface, "-o", tmp_path / "s.xyz")
+
+
+def test_decode_of_fewer_layers_or_bytes(curve: Path, tmp_path: Path, curve_data: bytes) -> None:
+    out = tmp_path / "c.npz"
+    ok("decode", curve, "-o", out, "--layers", 1)
+    with np.load(out) as arrays:
+        assert np.array_equal(arrays["points"], isocodec.decode(curve_data, layers=1).points)
+    half = len(curve_data) // 2
+    ok("decode", curve, "-o", out, "--max-bytes", half)
+    with np.load(out) as arrays:
+        assert np.array_equal(arrays["points"], isocodec.decode(curve_data, max_bytes=half).points)
+    fails(2, "decode", curve, "-o", out, "--layers", 0)
+
+
+def test_decode_of_an_empty_curve(tmp_path: Path) -> None:
+    (tmp_path / "e.iso").write_bytes(isocodec.encode(HILLS, 300.5))
+    for suffix in (".npz", ".geojson", ".svg", ".png"):
+        ok("decode", tmp_path / "e.iso", "-o", tmp_path / f"e{suffix}")
+    assert shapely.geometry.shape(json.loads((tmp_path / "e.geojson").read_text())["values"]).is_empty
+
+
+# ---- Bad .iso files -------------------------------------------------------------------------------------------------
+
+VERBS = (("decode", "out.npz"), ("info", None), ("truncate", "out.iso"), ("plot", "out.png"))
+
+
+def each_verb(source: Path, folder: Path) -> list[list[object]]:
+    """A command line of each verb that reads ``source``, its output in ``folder``."""
+    commands: list[list[object]] = []
+    for verb, out in VERBS:
+        command: list[object] = [verb, source]
+        command += [] if out is None else ["-o", folder / out]
+        command += ["--layers", 1] if verb == "truncate" else []
+        commands.append(command)
+    return commands
+
+
+def test_files_that_are_no_iso(tmp_path: Path, hills: Path) -> None:
+    (tmp_path / "text.iso").write_text("this is no contour\n" * 20)
+    for name in ("text.iso", hills.name):
+        for command in each_verb(tmp_path / name, tmp_path):
+            assert fails(4, *command).startswith(f"isocodec: {tmp_path / name}: ")
+
+
+def test_missing_iso_and_directory(tmp_path: Path) -> None:
+    (tmp_path / "directory.iso").mkdir()
+    for name, words in (("missing.iso", "No such file"), ("directory.iso", "Is a directory")):
+        for command in each_verb(tmp_path / name, tmp_path):
+            assert words in fails(3, *command)
+
+
+def test_permission_denied(curve: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def closed(self: Path) -> bytes:
+        raise PermissionError(13, "Permission denied", str(self))
+
+    monkeypatch.setattr(Path, "read_bytes", closed)
+    assert fails(3, "info", curve) == f"isocodec: {curve}: Permission denied"
+
+
+def test_corrupt_iso(tmp_path: Path, curve_data: bytes) -> None:
+    flipped = bytearray(curve_data)
+    flipped[len(flipped) // 2] ^= 0x10
+    (tmp_path / "flipped.iso").write_bytes(flipped)
+    line = fails(4, "decode", tmp_path / "flipped.iso", "-o", tmp_path / "c.npz")
+    assert line.startswith(f"isocodec: {tmp_path / 'flipped.iso'}: ")
+    assert not (tmp_path / "c.npz").exists()
+
+
+def test_truncated_iso(tmp_path: Path, curve_data: bytes) -> None:
+    cut, out = tmp_path / "cut.iso", tmp_path / "c.npz"
+    cut.write_bytes(curve_data[: len(curve_data) * 2 // 3])
+    assert fails(5, "decode", cut, "-o", out).endswith(": --partial writes what was received")
+    assert not out.exists()
+    result = run("decode", cut, "-o", out, "--partial")
+    assert result.exit_code == 0
+    assert result.stderr.startswith(f"isocodec: {cut}: warning: ")
+    decoder = isocodec.Decoder()
+    decoder.feed(cut.read_bytes())
+    for _ in decoder:
+        pass
+    with np.load(out) as arrays:
+        assert len(arrays["points"])
+        assert np.array_equal(arrays["points"], decoder.snapshot().points)
+    ok("decode", cut, "-o", out, "--partial", "--layers", 1)
+    with np.load(out) as arrays:
+        assert np.array_equal(arrays["points"], isocodec.decode(curve_data, layers=1).points)
+
+
+def test_nothing_received(tmp_path: Path, curve_data: bytes) -> None:
+    for length in (0, 3):
+        (tmp_path / "cut.iso").write_bytes(curve_data[:length])
+        for command in each_verb(tmp_path / "cut.iso", tmp_path):
+            fails(5, *command)
+        fails(5, "decode", tmp_path / "cut.iso", "-o", tmp_path / "c.npz", "--partial")
+
+
+def test_partial_of_a_whole_file_says_nothing(curve: Path, tmp_path: Path) -> None:
+    result = run("decode", curve, "-o", tmp_path / "c.npz", "--partial")
+    assert (result.exit_code, result.stderr) == (0, "")
+
+
+# ---- info, truncate, plot -------------------------------------------------------------------------------------------
+
+
+def test_info(curve: Path, curve_data: bytes) -> None:
+    info = isocodec.inspect(curve_data)
+    shown = ok("info", curve)
+    for words in ("33 x 41", "80.5", f"{len(curve_data):,}", "baseline", "base", "values"):
+        assert words in shown
+    assert json.loads(ok("info", curve, "--json")) == json.loads(json.dumps(info.as_dict()))
+
+
+def test_info_with_symbols(curve: Path, curve_data: bytes) -> None:
+    counted = isocodec.inspect(curve_data, symbols=True)
+    assert json.loads(ok("info", curve, "--symbols", "--json")) == json.loads(json.dumps(counted.as_dict()))
+    symbols = {element: count for layer in counted.layers for element, count in (layer.symbols or {}).items()}
+    assert symbols
+    shown = ok("info", curve, "--symbols")
+    for element in symbols:
+        assert element in shown
+
+
+def test_info_shows_strange_names_as_they_are(tmp_path: Path, curve_data: bytes) -> None:
+    path = tmp_path / "[red]curve.iso"
+    path.write_bytes(curve_data)
+    assert "[red]curve.iso" in ok("info", path).replace("\n", "")
+
+
+def test_info_loads_no_compiler(curve: Path) -> None:
+    code = (
+        "import sys\n"
+        "from isocodec.cli import main\n"
+        "try: main(['info', sys.argv[1]])\n"
+        "except SystemExit as end: assert end.code == 0\n"
+        "heavy = {'numba', 'llvmlite', 'matplotlib', 'scipy', 'trimesh'} & set(sys.modules)\n"
+        "assert not heavy, heavy\n"
+    )
+    done = subprocess.run([sys.executable, "-c", code, str(curve)], capture_output=True, text=True, timeout=60)
+    assert done.returncode == 0, done.stderr
+
+
+def test_truncate(curve: Path, tmp_path: Path, curve_data: bytes) -> None:
+    out = tmp_path / "t.iso"
+    record = json.loads(ok("truncate", curve, "-o", out, "--layers", 2, "--json"))
+    assert out.read_bytes() == isocodec.truncate(curve_data, layers=2)
+    assert record == {
+        "output": str(out),
+        "bytes": out.stat().st_size,
+        "input_bytes": len(curve_data),
+        "layers": 2,
+    }
+    size = len(curve_data) * 3 // 4
+    line = ok("truncate", curve, "-o", out, "--bytes", size)
+    assert out.stat().st_size <= size
+    assert f" of {len(curve_data):,} bytes" in line
+    ok("decode", out, "-o", tmp_path / "t.npz")
+
+
+def test_truncate_needs_one_measure(curve: Path, tmp_path: Path) -> None:
+    fails(2, "truncate", curve, "-o", tmp_path / "t.iso")
+    fails(2, "truncate", curve, "-o", tmp_path / "t.iso", "--layers", 1, "--bytes", 100)
+
+
+def test_plot(curve: Path, surface: Path, tmp_path: Path, curve_data: bytes) -> None:
+    steps = min(3, len(isocodec.inspect(curve_data).layers))
+    assert f"{steps} steps" in ok("plot", curve, "-o", tmp_path / "c.png", "--steps", 3)
+    assert Image.open(tmp_path / "c.png").width == steps * round(2.6 * 150)
+    ok("plot", surface, "-o", tmp_path / "s.png")
+    assert Image.open(tmp_path / "s.png").format == "PNG"
+    assert ".png, .pdf, .svg" in fails(2, "plot", curve, "-o", tmp_path / "c.stl")
+
+
+@pytest.mark.parametrize(
+    ("layers", "steps", "chosen"),
+    [(9, 5, [1, 3, 5, 7, 9]), (3, 5, [1, 2, 3]), (10, 2, [1, 10]), (7, 1, [7]), (1, 5, [1]), (0, 5, [1])],
+)
+def test_steps_are_spread_over_the_layers(layers: int, steps: int, chosen: list[int]) -> None:
+    assert spread(layers, steps) == chosen
+
+
+# ---- How a process ends ---------------------------------------------------------------------------------------------
+
+
+def test_help_lists_the_exit_codes() -> None:
+    shown = ok("--help")
+    for line in ("0  done", "3  the input", "4  not a valid .iso", "5  the .iso file is truncated", "7  an optional"):
+        assert line in shown
+    for verb, _ in (*VERBS, ("encode", None)):
+        assert "Usage: isocodec" in ok(verb, "--help")
+    assert ok("--version").startswith("isocodec")
+
+
+def test_internal_errors_are_one_line(curve: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def broken(*_: object, **__: object) -> None:
+        raise ZeroDivisionError("a bug\nof two lines")
+
+    monkeypatch.setattr(isocodec, "inspect", broken)
+    line = fails(1, "info", curve)
+    assert "ZeroDivisionError: a bug of two lines" in line
+    assert "ISOCODEC_DEBUG=1" in line
+    monkeypatch.setenv("ISOCODEC_DEBUG", "1")
+    assert "Traceback" in run("info", curve).stderr
+
+
+@pytest.mark.parametrize(("raised", "code"), [(KeyboardInterrupt(), 130), (MemoryError(), 6)])
+def test_interrupt_and_memory(curve: Path, monkeypatch: pytest.MonkeyPatch, raised: BaseException, code: int) -> None:
+    def end(*_: object, **__: object) -> None:
+        raise raised
+
+    monkeypatch.setattr(isocodec, "inspect", end)
+    result = run("info", curve)
+    assert result.exit_code == code
+    assert result.stderr.strip().splitlines()[-1].startswith("isocodec: ")
+
+
+def test_process(hills: Path, tmp_path: Path) -> None:
+    iso, out = tmp_path / "a.iso", tmp_path / "a.geojson"
+    done = process("encode", hills, "-o", iso, "--isovalue", "80.5", "--exact")
+    assert (done.returncode, done.stderr) == (0, "")
+    done = process("decode", iso, "-o", out)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert json.loads(out.read_text())["type"] == "Feature"
+    done = process("info", iso, "--json")
+    assert json.loads(done.stdout)["shape"] == [33, 41]
+    done = process("decode", tmp_path / "none.iso", "-o", out)
+    assert done.returncode == 3
+    assert done.stderr == f"isocodec: {tmp_path / 'none.iso'}: No such file or directory\n"
+    (tmp_path / "bad.iso").write_bytes(b"PNG?" * 30)
+    done = process("info", tmp_path / "bad.iso", environment={"ISOCODEC_DEBUG": ""})
+    assert done.returncode == 4
+    assert done.stderr.count("\n") == 1
+
+
+class Terminal(io.StringIO):
+    def isatty(self) -> bool:
+        return True
+
+
+def test_progress_only_on_a_terminal_and_after_a_while(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(sys, "stderr", io.StringIO())
+    with progress_module.progress_bar("working") as report:
+        assert report is None
+    terminal = Terminal()
+    monkeypatch.setattr(sys, "stderr", terminal)
+    with progress_module.progress_bar("working") as report:
+        assert report is not None
+        report(1, 2)
+    assert terminal.getvalue() == ""
+    monkeypatch.setattr(progress_module, "PATIENCE", 0.0)
+    with progress_module.progress_bar("working") as report:
+        assert report is not None
+        report(1, 2)
+        report(2, 2)
+    assert "working" in terminal.getvalue()
