@@ -21,7 +21,7 @@ _LAYOUT = {
     "PATH": (2, 0.5, 4),
     "FIRST": (8, 0.5, 1),
     "BASE_CURVE": (4, 0.8, 8),
-    "BASE_SURFACE": (3 * 4 * 4 * 3, 0.8, 4),
+    "BASE_SURFACE": (3 * 4 * 4 * 4, 0.8, 4),
     "SIGNIFICANT": (DEPTHS * 3 * 2, 0.5, 1),
     "SIGNIFICANT_LEAF": (3 * 4 * 3, 0.2, 2),
     "REFINE_BORDER": (3 * 10 * 4, 0.2, 4),

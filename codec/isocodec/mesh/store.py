@@ -1,7 +1,7 @@
 """Paged store of integers on the lattice: pages come into being when first touched (spec annex B.3).
 
 Memory follows the curve, not the domain. An open-addressing hash table maps a page's coordinates to its
-number; the last page asked for is remembered, since neighbouring vertices are asked for together.
+number; the pages last asked for are remembered, since neighbouring vertices are asked for together.
 """
 
 from __future__ import annotations
@@ -13,8 +13,9 @@ from numpy.typing import NDArray
 
 from ..jit import kernel
 
-PAGES, LAST_KEY, LAST_PAGE, SHIFT = range(4)
-"""Places in ``Store.head``; the page's edge along the axes (log2) from SHIFT on."""
+PAGES, SHIFT, RECENT = 0, 1, 4
+"""Places in ``Store.head``: number of pages, the page's edge along the axes (log2), pages remembered."""
+_WAYS = 64
 
 
 class Store(NamedTuple):
@@ -27,7 +28,8 @@ class Store(NamedTuple):
 
 def new_store(n: int) -> Store:
     """An empty store for n axes: pages of 16 x 16 or 8 x 8 x 8 entries."""
-    head = np.array([0, -1, 0, *((4, 4, 0) if n == 2 else (3, 3, 3))], np.int64)
+    head = np.full(RECENT + 2 * _WAYS, -1, np.int64)
+    head[:RECENT] = (0, 4, 4, 0) if n == 2 else (0, 3, 3, 3)
     return Store(head, np.full((64, 2), -1, np.int64), np.zeros((16, 256 if n == 2 else 512), np.int32))
 
 
@@ -75,9 +77,14 @@ def full(st, room):
 def _page(st, x, y, z, make):
     """Number of the page of (x, y, z), or -1; with ``make`` it is created."""
     head = st.head
-    key = (x >> head[SHIFT]) | ((y >> head[SHIFT + 1]) << 21) | ((z >> head[SHIFT + 2]) << 42)
-    if key == head[LAST_KEY]:
-        return head[LAST_PAGE]
+    x >>= head[SHIFT]
+    y >>= head[SHIFT + 1]
+    z >>= head[SHIFT + 2]
+    key = x | y << 21 | z << 42
+    # remembered by the low bits of the page's coordinates: a neighbourhood of pages fits
+    way = RECENT + 2 * ((x & 3) | (y & 3) << 2 | (z & 3) << 4)
+    if key == head[way]:
+        return head[way + 1]
     table = st.table
     h = _hash(key, len(table))
     while table[h, 0] != key:
@@ -89,8 +96,8 @@ def _page(st, x, y, z, make):
             head[PAGES] += 1
             break
         h = (h + 1) & (len(table) - 1)
-    head[LAST_KEY] = key
-    head[LAST_PAGE] = table[h, 1]
+    head[way] = key
+    head[way + 1] = table[h, 1]
     return table[h, 1]
 
 

@@ -19,7 +19,7 @@ from .parabola import MOST, nearer
 from .seek import seek
 from .state import (
     BASE_LEVEL, BASE_SIGN, COMPONENT, EARLY, EDGE, ERROR, LEAVES, LOCATION, ORIGIN, PREDICTED, PREDICTED_RIGHT,
-    STEP_VERTICES, TALLY, TRAIL, WALK, at, corner_entry, corner_truth, crowded, exists, learn, truth,
+    STEP_VERTICES, TALLY, TRAIL, WALK, at, corner_entry, corner_truth, crowded, entry, exists, learn, truth,
 )  # fmt: skip
 
 # Registers in State.walk. PATH and FOUND hold one side per level.
@@ -129,28 +129,40 @@ def _tree_child(st, depth, cls, b0, b1, b2, side):
 
 
 @kernel
-def _surface_context(st, r, cls, b0, b1, b2, opp, prev):
-    """Majority sign of the gate and the stated case (spec clause 7.4)."""
-    n = dimension(st.tables)
+def _balance(st, x, y, z):
+    """Known vertices above less those below, among the six at one cube's edge from a vertex."""
+    edge = st.at[EDGE]
+    total = 0
+    for a in range(3):
+        for way in (-1, 1):
+            d = way * edge
+            e = entry(st, x + d * (a == 0), y + d * (a == 1), z + d * (a == 2))
+            if e != 0:
+                total += 2 * (e & 1) - 1
+    return total
+
+
+@kernel
+def _surface_context(st, r, cls, b0, b1, b2, opp):
+    """Majority sign of the neighbours, or else of the gate, and the stated case (spec clause 7.4)."""
+    t = st.tables
+    n = dimension(t)
+    edge = st.at[EDGE]
     above = 0
-    signs = 0
-    place = 0
     for j in range(n + 1):
         if j != opp:
-            s = corner_entry(st, st.at[EDGE], r, cls, b0, b1, b2, j) & 1
-            above += s
-            signs |= s << place
-            place += 1
-    guess = np.int64(1 if 2 * above > n else 0)
-    minority = signs if guess == 0 else 7 - signs
-    odd = 0 if minority == 1 else (1 if minority == 2 else 2)
+            above += corner_entry(st, edge, r, cls, b0, b1, b2, j) & 1
+    gate = np.int64(1 if 2 * above > n else 0)
+    total = _balance(
+        st, at(edge, b0, vertex(t, r, cls, opp, 0)), at(edge, b1, vertex(t, r, cls, opp, 1)),
+        at(edge, b2, vertex(t, r, cls, opp, 2)),
+    )  # fmt: skip
+    guess = gate if total == 0 else np.int64(total > 0)
     # the vertex behind the gate, in the simplex that it was left from
-    behind = 0
-    if prev >= 0:
-        other, far, d0, d1, d2 = neighbour(st.tables, r, cls, opp)
-        s = corner_entry(st, st.at[EDGE], r, other, b0 + d0, b1 + d1, b2 + d2, far)
-        behind = 1 if s & 1 == guess else 2
-    return guess, ctx.BASE_SURFACE + ((r * 4 + opp) * 4 + odd) * 3 + behind
+    other, far, d0, d1, d2 = neighbour(t, r, cls, opp)
+    behind = corner_entry(st, edge, r, other, b0 + d0, b1 + d1, b2 + d2, far) & 1
+    case = (r * 4 + opp) * 4 + min(abs(total), 3)
+    return guess, ctx.BASE_SURFACE + case * 4 + 2 * (gate == guess) + (behind == guess)
 
 
 @kernel
@@ -333,7 +345,7 @@ def base(st, cd, mark, pyramid, levels):
                     w[BRANCH] = -1
                 guess, context = _curve_context(st, r, cls, b0, b1, opp)
             else:
-                guess, context = _surface_context(st, r, cls, b0, b1, b2, opp, left_from)
+                guess, context = _surface_context(st, r, cls, b0, b1, b2, opp)
             if e == 0:
                 right_guess = np.int64(0)
                 if encoding:

@@ -168,15 +168,29 @@ def _idle(st, busy, w0, w1, w2):
 
 
 @kernel
+def _step(w, edge):
+    """From a middle's coordinate to that of the end of its edge at multiples of 4 g: by g where it is odd."""
+    if w & 1:
+        return edge >> 1 if w & 2 else -(edge >> 1)
+    return 0
+
+
+@kernel
 def _alone(st, r, x, y, z, slot):
     """Encoder: whether the middle in a slot differs from all corners of its diamond."""
     t = st.tables
     edge = st.at[EDGE]
     w0, w1, w2 = middle_of(dimension(t), r, x, y, z, slot)
-    kind = kind_of(t, r, w0, w1, w2)
-    s = truth(st, (w0 * edge) >> 1, (w1 * edge) >> 1, (w2 * edge) >> 1)
-    if s == _corner_sign(st, kind, 0, w0, w1, w2) or s == _corner_sign(st, kind, 1, w0, w1, w2):
+    # most middles agree with an end of their edge; that is found out without the tables
+    m0, m1, m2 = (w0 * edge) >> 1, (w1 * edge) >> 1, (w2 * edge) >> 1
+    l0, l1, l2 = st.at[LAST], st.at[LAST + 1], st.at[LAST + 2]
+    d0, d1, d2 = _step(w0, edge), _step(w1, edge), _step(w2, edge)
+    s = st.truth[min(m0, l0), min(m1, l1), min(m2, l2)]
+    if s == st.truth[min(m0 + d0, l0), min(m1 + d1, l1), min(m2 + d2, l2)]:
         return False
+    if s == st.truth[min(m0 - d0, l0), min(m1 - d1, l1), min(m2 - d2, l2)]:
+        return False
+    kind = kind_of(t, r, w0, w1, w2)
     _, _, corners, _, _ = look(st, kind, w0, w1, w2)
     for i in range(2, corner_count(t, kind)):
         if (corners >> i) & 1 and s == _corner_sign(st, kind, i, w0, w1, w2):
@@ -193,16 +207,18 @@ def find(st, busy, found):
     n = dimension(st.tables)
     r = st.at[LEVEL] % n
     edge = st.at[EDGE]
+    per_cube = slots(n, r)
+    c0, c1, c2 = cubes(st, 0), cubes(st, 1), cubes(st, 2)
     count = 0
     # of the last axis, the cubes of one block at a time
     run = max((1 << BLOCK) // edge, 1) if n == 3 else 1
-    for x in range(cubes(st, 0)):
-        for y in range(cubes(st, 1)):
-            for first in range(0, cubes(st, 2), run):
+    for x in range(c0):
+        for y in range(c1):
+            for first in range(0, c2, run):
                 if _idle(st, busy, 2 * x, 2 * y, 2 * first):
                     continue
-                for z in range(first, min(first + run, cubes(st, 2))):
-                    for slot in range(slots(n, r)):
+                for z in range(first, min(first + run, c2)):
+                    for slot in range(per_cube):
                         if _alone(st, r, x, y, z, slot):
                             if count < len(found):
                                 found[count] = _morton(n, x, y, z) << SLOT_BITS | slot

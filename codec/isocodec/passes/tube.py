@@ -18,6 +18,7 @@ from ..errors import FormatError, LimitError
 from ..jit import BAD, CUT, DONE, GROW
 from ..mesh.store import grown, new_store
 from ..mesh.tables import AXES, mesh_tables
+from .decoded import Decoded
 from . import base as base_pass
 from . import geometry, leaves, refine, seek, significance
 from .state import (
@@ -178,8 +179,8 @@ class Tube:
         active = np.empty(count, np.int64)
         used = geometry.active_vertices(st, np.zeros(count, np.uint8), self.level == self.full_level, active)
         self._active = active[:used]
+        self._wanted = np.zeros(count if self.truth else 0, np.int64)
         if self.truth:
-            self._wanted = np.zeros(count, np.int64)
             above = st.vertex[self._active, 3] != 0
             self._wanted[self._active] = self.truth.number(st.vertex[self._active, : self.n], above)
 
@@ -195,8 +196,9 @@ class Tube:
         st = self.state
         count = int(st.at[VERTICES])
         old = len(self.number)
-        if count > old or not self.has_values:
-            self._activate()
+        if count > old:
+            if len(self._wanted) != count:
+                self._activate()
             self.number = np.concatenate([self.number, np.zeros(count - old, np.int64)])
             bits = np.where(st.vertex[old:count, 3] != 0, self.bits_above, self.bits_below).astype(np.int64)
             self.left = np.concatenate([self.left, bits])
@@ -305,7 +307,33 @@ class Tube:
             stack=stack,
         )
 
-    # -- the drawing ---------------------------------------------------------------------------------------------
+    # -- the state and the drawing ---------------------------------------------------------------------------------------------
+
+    def _planes(self) -> NDArray[np.int64]:
+        """Planes of offsets that each edge has."""
+        planes = np.full(len(self.edges), self.offset_planes)
+        if self._running == "offsets":
+            planes[: int(self.state.walk[geometry.ITEM])] += 1
+        return planes
+
+    def decoded(self) -> Decoded:
+        """All that is known, in canonical order."""
+        st = self.state
+        count = int(st.at[VERTICES])
+        position = st.vertex[:count, : self.n].astype(np.int64)
+        order = np.lexsort(position.T[::-1])
+        missing = np.full(count, -1, np.int64)
+        number = np.zeros(count, np.int64)
+        missing[: len(self.left)] = self.left
+        number[: len(self.number)] = self.number
+        ends, axis = position[self.edges[:, 0]], self.edges[:, 1]
+        edge_order = np.lexsort((axis, *ends.T[::-1]))
+        planes = self._planes()
+        sent = edge_order[planes[edge_order] > 0]
+        return Decoded(
+            self.shape, -1 if self._running == "base" else self.level, position[order], st.vertex[order, 3] != 0,
+            missing[order], number[order], ends[sent], axis[sent], planes[sent], self.offset[sent],
+        )  # fmt: skip
 
     def leaves(self, isovalue: float, value_of: Callable[..., NDArray[np.float64]]) -> Leaves:
         """All that the drawing needs; ``value_of(number, above)`` turns numbers of steps into field values."""
@@ -327,9 +355,7 @@ class Tube:
             middle = np.ldexp(self.number + 0.5, self.left) - 0.5
             value[:known] = np.where(some, value_of(middle, above[:known]), np.nan)
         full = self._begun and self._running != "base" and self.level == self.full_level
-        planes = np.full(len(self.edges), self.offset_planes)
-        if self._running == "offsets":
-            planes[: int(st.walk[geometry.ITEM])] += 1
+        planes = self._planes()
         sent = planes > 0
         return Leaves(
             shape=self.shape,

@@ -16,6 +16,7 @@ from ..entropy.coder import DECODE, END, FINAL, LEFT, POS, REGISTERS, UNKNOWN, U
 from ..errors import FormatError, IsoError, LimitError, TruncatedError
 from ..grid.field import interval_value
 from ..jit import DONE
+from ..passes.decoded import Decoded
 from ..passes.tube import CUT, Limits, Tube
 from .container import CHECKSUM_BYTES, Envelope, read_envelope, read_metadata
 from .events import BaseComplete, ChunkSkipped, End, Event, GeometryRefined, HeaderRead, LevelComplete, MetadataRead
@@ -167,6 +168,10 @@ class Decoder:
             if event is None:
                 return
             yield event
+
+    def state(self) -> Decoded | None:
+        """The decoded state in integers; None before the header."""
+        return self._tube.decoded() if self._tube else None
 
     def snapshot(self) -> Contour:
         """The curve or surface of all symbols received (spec clause 9).

@@ -28,8 +28,8 @@ RUN_BYTES = 1 << 16
 """A run is ended at the first end of a layer after this many bytes."""
 INDEX_SHARE = 100
 """A level index is written if it takes at most this fraction of the data."""
-BASE_CYCLES = 2
-"""The default base has cubes of a quarter of the root's edge."""
+BASE_CYCLES = 4
+"""The default base has cubes of 1 / 2**BASE_CYCLES of the root's edge: already near the curve, for few bytes."""
 
 
 class Encoder:

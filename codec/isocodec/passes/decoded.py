@@ -1,0 +1,52 @@
+"""The decoded state in integers: what every decoder must agree on (spec annex C)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+@dataclass(frozen=True)
+class Decoded:
+    """All that has been decoded, before any drawing.
+
+    Attributes
+    ----------
+    shape : tuple of int
+    level : int
+        Uniform level reached by complete layers, -1 before the base.
+    position : (V, n) int64
+        Known vertices, as sample indices, in lexicographic order.
+    above : (V,) bool
+        Their signs.
+    missing : (V,) int64
+        Bits of the value that have not been sent; -1 where values are not sent.
+    number : (V,) int64
+        Bits of the value that have been sent, as a number.
+    edge_position, edge_axis : (E, n), (E,) int64
+        Grid edges that carry offsets, by lower end and axis, in lexicographic order.
+    edge_planes, edge_number : (E,) int64
+        Bits of the offset that have been sent: how many, and as a number.
+    """
+
+    shape: tuple[int, ...]
+    level: int
+    position: NDArray[np.int64]
+    above: NDArray[np.bool_]
+    missing: NDArray[np.int64]
+    number: NDArray[np.int64]
+    edge_position: NDArray[np.int64]
+    edge_axis: NDArray[np.int64]
+    edge_planes: NDArray[np.int64]
+    edge_number: NDArray[np.int64]
+
+    def lines(self) -> list[str]:
+        """Canonical text, a line a fact (spec annex C.1)."""
+        out = [f"shape {' '.join(map(str, self.shape))}", f"level {self.level}"]
+        for p, a, m, q in zip(self.position, self.above, self.missing, self.number, strict=True):
+            out.append(f"v {' '.join(map(str, p))} {int(a)}" + (f" {m} {q}" if m >= 0 else ""))
+        for p, x, b, q in zip(self.edge_position, self.edge_axis, self.edge_planes, self.edge_number, strict=True):
+            out.append(f"e {' '.join(map(str, p))} {x} {b} {q}")
+        return out
