@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
+import numpy as np
 from numpy.typing import ArrayLike
 
 from .contour import Contour
@@ -97,3 +98,14 @@ def decode(
     return decoder.drawn()
 
 
+
+
+def warm_up() -> None:
+    """Load all kernels, compiling them if this is the first use after installation (some 15 seconds).
+
+    Call it where a pause is acceptable; otherwise the first ``encode`` and ``decode`` do it on their way.
+    """
+    y, x = np.mgrid[:40, :40]
+    hill = (y - 20) ** 2 + (x - 17) ** 2
+    for options in ({"exact": True}, {"tolerance": 0.3}):
+        decode(encode(hill, 99.5, base_level=2, **options))

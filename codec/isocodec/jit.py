@@ -5,8 +5,15 @@ from __future__ import annotations
 from typing import Any
 
 from numba import njit
+from numba.core.options import DefaultOptions
 
-kernel: Any = njit(cache=True, nogil=True, error_model="numpy", _nrt=False)
+_OPTIONS: dict[str, Any] = {"cache": True, "nogil": True, "error_model": "numpy"}
+if hasattr(DefaultOptions, "_nrt"):
+    # Kernels allocate nothing, so their arrays need no reference counts: these atomics cost ten times the work
+    # itself. The option is numba's own for its device targets; without it kernels are slower, not different.
+    _OPTIONS["_nrt"] = False
+
+kernel: Any = njit(**_OPTIONS)
 """Decorator of every kernel: compiled on first use and cached on disk; plain Python with ``NUMBA_DISABLE_JIT=1``."""
 
 # What a kernel returns: why it came back.

@@ -7,8 +7,9 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from isospec.container import MAX_SIDE
 from numpy.typing import ArrayLike, NDArray
+
+from isospec.container import MAX_SIDE
 
 from ..errors import InputError, OptionError
 

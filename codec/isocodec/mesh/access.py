@@ -35,13 +35,17 @@ def root(t, i):
 
 
 @kernel
-def vertex(t, r, cls, j, a):
-    return t[_VERTEX + ((r * MOST_CLASSES + cls) * 4 + j) * 3 + a]
+def vertex(t, r, cls, j):
+    """Vertex j in units of g, relative to the block."""
+    i = _VERTEX + ((r * MOST_CLASSES + cls) * 4 + j) * 3
+    return t[i], t[i + 1], t[i + 2]
 
 
 @kernel
-def middle(t, r, cls, a):
-    return t[_MIDDLE + (r * MOST_CLASSES + cls) * 3 + a]
+def middle(t, r, cls, b0, b1, b2):
+    """Middle of the subdivision edge of a simplex, in units of g."""
+    i = _MIDDLE + (r * MOST_CLASSES + cls) * 3
+    return 4 * b0 + t[i], 4 * b1 + t[i + 1], 4 * b2 + t[i + 2]
 
 
 @kernel

@@ -74,8 +74,8 @@ def full(st, room):
 
 
 @kernel
-def _page(st, x, y, z, make):
-    """Number of the page of (x, y, z), or -1; with ``make`` it is created."""
+def _page(st, x, y, z):
+    """Number of the page of (x, y, z), or, if there is none, -1 less the place in the table where it belongs."""
     head = st.head
     x >>= head[SHIFT]
     y >>= head[SHIFT + 1]
@@ -89,12 +89,7 @@ def _page(st, x, y, z, make):
     h = _hash(key, len(table))
     while table[h, 0] != key:
         if table[h, 0] < 0:
-            if not make:
-                return np.int64(-1)
-            table[h, 0] = key
-            table[h, 1] = head[PAGES]
-            head[PAGES] += 1
-            break
+            return -1 - h
         h = (h + 1) & (len(table) - 1)
     head[way] = key
     head[way + 1] = table[h, 1]
@@ -110,7 +105,7 @@ def _cell(st, x, y, z):
 @kernel
 def get(st, x, y, z):
     """Entry at (x, y, z); 0 if never set."""
-    page = _page(st, x, y, z, False)
+    page = _page(st, x, y, z)
     if page < 0:
         return np.int64(0)
     return np.int64(st.pages[page, _cell(st, x, y, z)])
@@ -119,4 +114,11 @@ def get(st, x, y, z):
 @kernel
 def put(st, x, y, z, value):
     """Set the entry at (x, y, z); the caller has made sure of room for a page."""
-    st.pages[_page(st, x, y, z, True), _cell(st, x, y, z)] = value
+    page = _page(st, x, y, z)
+    if page < 0:
+        h = -1 - page
+        page = st.head[PAGES]
+        st.table[h, 0] = x >> st.head[SHIFT] | (y >> st.head[SHIFT + 1]) << 21 | (z >> st.head[SHIFT + 2]) << 42
+        st.table[h, 1] = page
+        st.head[PAGES] = page + 1
+    st.pages[page, _cell(st, x, y, z)] = value

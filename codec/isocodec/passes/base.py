@@ -18,8 +18,28 @@ from ..mesh.store import full, get, put
 from .parabola import MOST, nearer
 from .seek import seek
 from .state import (
-    BASE_LEVEL, BASE_SIGN, COMPONENT, EARLY, EDGE, ERROR, LEAVES, LOCATION, ORIGIN, PREDICTED, PREDICTED_RIGHT,
-    STEP_VERTICES, TALLY, TRAIL, WALK, at, corner_entry, corner_truth, crowded, entry, exists, learn, truth,
+    BASE_LEVEL,
+    BASE_SIGN,
+    COMPONENT,
+    EARLY,
+    EDGE,
+    ERROR,
+    LEAVES,
+    LOCATION,
+    ORIGIN,
+    PREDICTED,
+    PREDICTED_RIGHT,
+    STEP_VERTICES,
+    TALLY,
+    TRAIL,
+    WALK,
+    corner_entry,
+    corner_truth,
+    crowded,
+    entry,
+    exists,
+    learn,
+    position,
 )  # fmt: skip
 
 # Registers in State.walk. PATH and FOUND hold one side per level.
@@ -44,26 +64,14 @@ def registers() -> NDArray[np.int64]:
 
 
 @kernel
-def _symbol(st, cd, context, bit, element):
-    bit = code(cd, context, bit)
-    if bit >= 0:
-        st.at[TALLY + element] += 1
-    return bit
-
-
-@kernel
 def _stop(bit):
     return CUT if bit == -2 else NEED
 
 
 @kernel
 def _corner_learn(st, r, cls, b0, b1, b2, j, sign):
-    t = st.tables
-    e = st.at[EDGE]
-    learn(
-        st, at(e, b0, vertex(t, r, cls, j, 0)), at(e, b1, vertex(t, r, cls, j, 1)), at(e, b2, vertex(t, r, cls, j, 2)),
-        sign,
-    )  # fmt: skip
+    x, y, z = position(st.at[EDGE], b0, b1, b2, vertex(st.tables, r, cls, j))
+    learn(st, x, y, z, sign)
 
 
 @kernel
@@ -153,10 +161,8 @@ def _surface_context(st, r, cls, b0, b1, b2, opp):
         if j != opp:
             above += corner_entry(st, edge, r, cls, b0, b1, b2, j) & 1
     gate = np.int64(1 if 2 * above > n else 0)
-    total = _balance(
-        st, at(edge, b0, vertex(t, r, cls, opp, 0)), at(edge, b1, vertex(t, r, cls, opp, 1)),
-        at(edge, b2, vertex(t, r, cls, opp, 2)),
-    )  # fmt: skip
+    x, y, z = position(edge, b0, b1, b2, vertex(t, r, cls, opp))
+    total = _balance(st, x, y, z)
     guess = gate if total == 0 else np.int64(total > 0)
     # the vertex behind the gate, in the simplex that it was left from
     other, far, d0, d1, d2 = neighbour(t, r, cls, opp)
@@ -168,8 +174,9 @@ def _surface_context(st, r, cls, b0, b1, b2, opp):
 @kernel
 def _sum(st, r, cls, b0, b1, i, j):
     """Sum of the vertices i and j (twice the middle of their edge) in units of g."""
-    t = st.tables
-    return 8 * b0 + vertex(t, r, cls, i, 0) + vertex(t, r, cls, j, 0), 8 * b1 + vertex(t, r, cls, i, 1) + vertex(t, r, cls, j, 1)
+    p = vertex(st.tables, r, cls, i)
+    q = vertex(st.tables, r, cls, j)
+    return 8 * b0 + p[0] + q[0], 8 * b1 + p[1] + q[1]
 
 
 @kernel
@@ -183,7 +190,7 @@ def _curve_context(st, r, cls, b0, b1, opp):
     case = nearer(st.walk, TRAIL, st.walk[HISTORY], g0, g1, a0, a1, c0, c1)
     # the curve leaves through the edge between the new vertex and the gate's vertex of the other sign
     through = i if case < 0 else j
-    guess = 1 - (corner_entry(st, st.at[EDGE], r, cls, b0, b1, 0, through) & 1)
+    guess = 1 - (corner_entry(st, st.at[EDGE], r, cls, b0, b1, np.int64(0), through) & 1)
     return guess, ctx.BASE_CURVE + abs(case)
 
 
@@ -211,10 +218,12 @@ def base(st, cd, mark, pyramid, levels):
         phase = w[PHASE]
 
         if phase == _ORIGIN:
-            bit = _symbol(st, cd, ctx.ORIGIN, truth(st, 0, 0, 0) if encoding else 0, ORIGIN)
+            bit = code(cd, ctx.ORIGIN, np.int64(encoding and st.truth[0, 0, 0]))
             if bit < 0:
                 return _stop(bit)
-            learn(st, 0, 0, 0, bit)
+            st.at[TALLY + ORIGIN] += 1
+            zero = np.int64(0)
+            learn(st, zero, zero, zero, bit)
             w[PHASE] = _COMPONENT
 
         elif phase == _COMPONENT:
@@ -227,9 +236,10 @@ def base(st, cd, mark, pyramid, levels):
                     w[SEEKING] = 2
                     w[TIGHT] = more
                 more = w[TIGHT]
-            bit = _symbol(st, cd, ctx.COMPONENT, more, COMPONENT)
+            bit = code(cd, ctx.COMPONENT, more)
             if bit < 0:
                 return _stop(bit)
+            st.at[TALLY + COMPONENT] += 1
             w[SEEKING] = 1
             if bit == 0:
                 return DONE
@@ -243,9 +253,10 @@ def base(st, cd, mark, pyramid, levels):
             bit = np.int64(1)
             if root < roots(st.tables) - 1:
                 here = np.int64(encoding and w[FOUND_ROOT] == root)
-                bit = _symbol(st, cd, ctx.ROOT, here, LOCATION)
+                bit = code(cd, ctx.ROOT, here)
                 if bit < 0:
                     return _stop(bit)
+                st.at[TALLY + LOCATION] += 1
             if bit:
                 if root != w[LAST_ROOT]:
                     w[TIGHT] = 0
@@ -268,16 +279,18 @@ def base(st, cd, mark, pyramid, levels):
                 w[CORNER] = 0
                 w[PHASE] = _SIGNS
                 continue
-            k0, l0, l1, l2, left = _tree_child(st, depth, w[CLASS], w[B0], w[B1], w[B2], 0)
-            k1, r0, r1, r2, right = _tree_child(st, depth, w[CLASS], w[B0], w[B1], w[B2], 1)
+            side = np.int64(0)
+            k0, l0, l1, l2, left = _tree_child(st, depth, w[CLASS], w[B0], w[B1], w[B2], side + 0)
+            k1, r0, r1, r2, right = _tree_child(st, depth, w[CLASS], w[B0], w[B1], w[B2], side + 1)
             # ascending order: along the last path nothing is left of it
             bit = np.int64(1)
             if not right:
                 bit = np.int64(0)
             elif left and not (w[TIGHT] and w[PATH + depth]):
-                bit = _symbol(st, cd, ctx.PATH + w[TIGHT], w[FOUND + depth] if encoding else 0, LOCATION)
+                bit = code(cd, ctx.PATH + w[TIGHT], w[FOUND + depth] if encoding else 0)
                 if bit < 0:
                     return _stop(bit)
+                st.at[TALLY + LOCATION] += 1
             if w[TIGHT] and bit != w[PATH + depth]:
                 if bit < w[PATH + depth]:
                     st.at[ERROR] = 2
@@ -306,12 +319,13 @@ def base(st, cd, mark, pyramid, levels):
                     if unknown == 1 and before != 3:
                         _corner_learn(st, r, cls, b0, b1, b2, j, 2 - before)
                     else:
-                        bit = _symbol(
-                            st, cd, ctx.FIRST + 4 * (j > 0) + before,
-                            corner_truth(st, st.at[EDGE], r, cls, b0, b1, b2, j) if encoding else 0, BASE_SIGN,
-                        )  # fmt: skip
+                        bit = np.int64(0)
+                        if encoding:
+                            bit = corner_truth(st, st.at[EDGE], r, cls, b0, b1, b2, j)
+                        bit = code(cd, ctx.FIRST + 4 * (j > 0) + before, bit)
                         if bit < 0:
                             return _stop(bit)
+                        st.at[TALLY + BASE_SIGN] += 1
                         _corner_learn(st, r, cls, b0, b1, b2, j, bit)
                 w[CORNER] = j + 1
                 continue
@@ -350,9 +364,10 @@ def base(st, cd, mark, pyramid, levels):
                 right_guess = np.int64(0)
                 if encoding:
                     right_guess = np.int64(corner_truth(st, st.at[EDGE], r, cls, b0, b1, b2, opp) == guess)
-                bit = _symbol(st, cd, context, right_guess, BASE_SIGN)
+                bit = code(cd, context, right_guess)
                 if bit < 0:
                     return _stop(bit)
+                st.at[TALLY + BASE_SIGN] += 1
                 st.at[TALLY + PREDICTED] += 1
                 st.at[TALLY + PREDICTED_RIGHT] += bit
                 _corner_learn(st, r, cls, b0, b1, b2, opp, guess if bit else 1 - guess)

@@ -12,12 +12,7 @@ from ..jit import kernel
 from ..mesh.access import corner, dimension, grandchild, member
 from ..mesh.access import corners as corner_count
 from ..mesh.access import members as member_count
-from .state import EDGE, LAST, LEVEL, NEXT, at, clamp, entry, exists, learn
-
-
-@kernel
-def _together(st, a, edge, w, c):
-    return clamp(st, a, (w * edge) >> 1) == clamp(st, a, at(edge, w >> 2, c))
+from .state import EDGE, LAST, LEVEL, NEXT, clamped, entry, exists, learn, position
 
 
 @kernel
@@ -25,11 +20,12 @@ def coincident(st, kind, corners, w0, w1, w2):
     """Whether the middle falls on one of the corners after clamping: no vertex is added then (spec clause 4.6)."""
     edge = st.at[EDGE]
     t = st.tables
+    here = clamped(st, (w0 * edge) >> 1, (w1 * edge) >> 1, (w2 * edge) >> 1)
     for i in range(corner_count(t, kind)):
         if (corners >> i) & 1:
-            c0, c1, c2 = corner(t, kind, i)
-            same = _together(st, 0, edge, w0, c0) and _together(st, 1, edge, w1, c1) and _together(st, 2, edge, w2, c2)
-            if same:
+            x, y, z = position(edge, w0 >> 2, w1 >> 2, w2 >> 2, corner(t, kind, i))
+            x, y, z = clamped(st, x, y, z)
+            if x == here[0] and y == here[1] and z == here[2]:
                 return True
     return False
 
@@ -45,11 +41,10 @@ def look(st, kind, w0, w1, w2):
     edge = st.at[EDGE]
     b0, b1, b2 = w0 >> 2, w1 >> 2, w2 >> 2
     t = st.tables
-    inside = True
-    for a in range(n):
-        w = w0 if a == 0 else (w1 if a == 1 else w2)
-        if (w - 2) * edge < 0 or ((w + 2) * edge) >> 1 > st.at[LAST + a]:
-            inside = False
+    last = st.at
+    inside = min(w0, w1) >= 2 and ((w0 + 2) * edge) >> 1 <= last[LAST] and ((w1 + 2) * edge) >> 1 <= last[LAST + 1]
+    if n == 3:
+        inside = inside and w2 >= 2 and ((w2 + 2) * edge) >> 1 <= last[LAST + 2]
     members = (np.int64(1) << member_count(t, kind)) - 1
     corners = (np.int64(1) << corner_count(t, kind)) - 1
     if not inside:
@@ -64,8 +59,8 @@ def look(st, kind, w0, w1, w2):
     above = np.int64(0)
     for i in range(corner_count(t, kind)):
         if (corners >> i) & 1:
-            c0, c1, c2 = corner(t, kind, i)
-            e = entry(st, at(edge, b0, c0), at(edge, b1, c1), at(edge, b2, c2))
+            x, y, z = position(edge, b0, b1, b2, corner(t, kind, i))
+            e = entry(st, x, y, z)
             if e != 0:
                 known |= np.int64(1) << i
                 above |= (e & 1) << i
@@ -107,10 +102,9 @@ def bisect_member(st, kind, m, w0, w1, w2, inside, known, above):
         i = 0
         while fresh:
             if fresh & 1:
-                c0, c1, c2 = corner(t, kind, i)
-                y0, y1, y2 = at(edge, b0, c0), at(edge, b1, c1), at(edge, b2, c2)
-                if inside or entry(st, y0, y1, y2) == 0:
-                    learn(st, y0, y1, y2, (above >> i) & 1)
+                x, y, z = position(edge, b0, b1, b2, corner(t, kind, i))
+                if inside or entry(st, x, y, z) == 0:
+                    learn(st, x, y, z, (above >> i) & 1)
             fresh >>= 1
             i += 1
         known |= bits

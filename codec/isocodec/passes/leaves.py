@@ -27,8 +27,7 @@ def vertex_numbers(st, leaf, first, count, below, out):
         cls = np.int64(leaf[i, 0])
         b0, b1, b2 = np.int64(leaf[i, 1]), np.int64(leaf[i, 2]), np.int64(leaf[i, 3])
         if not below and st.at[LEVEL] < st.at[SIZE] * n:
-            t = st.tables
-            w0, w1, w2 = 4 * b0 + middle(t, r, cls, 0), 4 * b1 + middle(t, r, cls, 1), 4 * b2 + middle(t, r, cls, 2)
+            w0, w1, w2 = middle(st.tables, r, cls, b0, b1, b2)
             if entry(st, (w0 * edge) >> 1, (w1 * edge) >> 1, (w2 * edge) >> 1) >> 1 > st.at[BEFORE_ROUND]:
                 continue
         for j in range(n + 1):

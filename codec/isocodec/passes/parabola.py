@@ -51,8 +51,9 @@ WEIGHTS = _table()
 def nearer(walk, trail, count, g0, g1, a0, a1, b0, b1):
     """Compare the extrapolated point with the points a and b (all coordinates doubled, in units of g).
 
-    The last points lie in ``walk`` from ``trail`` on, a ring of MOST pairs. Everything is measured from the point (g0, g1), so that the numbers stay small. Returns 0 without a
-    prediction, else the case 1 (doubtful), 2 or 3 (sure), negative if a is nearer than b.
+    The last points lie in ``walk`` from ``trail`` on, a ring of MOST pairs. Everything is measured from the point
+    (g0, g1), so that the numbers stay small. Returns 0 without a prediction, else the case 1 (doubtful), 2 or 3
+    (sure), negative if a is nearer than b.
     """
     if count < LEAST:
         return 0

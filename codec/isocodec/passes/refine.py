@@ -17,8 +17,19 @@ from ..mesh.access import members as member_count
 from .diamond import bisect, bisect_member, look
 from .parabola import MOST, nearer
 from .state import (
-    BEFORE_ROUND, DONE_LEAVES, EDGE, LEAVES, LEVEL, PREDICTED, PREDICTED_RIGHT, REFINEMENT_SIGN, TALLY, TRAIL,
-    crowded, entry, truth,
+    BEFORE_ROUND,
+    DONE_LEAVES,
+    EDGE,
+    LEAVES,
+    LEVEL,
+    PREDICTED,
+    PREDICTED_RIGHT,
+    REFINEMENT_SIGN,
+    TALLY,
+    TRAIL,
+    crowded,
+    entry,
+    truth,
 )  # fmt: skip
 
 # Registers in State.walk: the last two outcomes on the border and inside, the points of the curve.
@@ -87,8 +98,9 @@ def _half(st, kind, w0, w1, end):
 @kernel
 def _side(st, kind, w0, w1):
     """What the parabola says of an edge that is crossed: 1 in the half at end 0, 2 at end 1, 0 no prediction."""
-    a0, a1 = _half(st, kind, w0, w1, 0)
-    b0, b1 = _half(st, kind, w0, w1, 1)
+    end = np.int64(0)
+    a0, a1 = _half(st, kind, w0, w1, end)
+    b0, b1 = _half(st, kind, w0, w1, end + 1)
     case = nearer(st.walk, TRAIL, st.walk[HISTORY], 2 * w0, 2 * w1, a0, a1, b0, b1)
     return 0 if case == 0 else (1 if case < 0 else 2)
 
@@ -123,7 +135,7 @@ def refine(st, cd):
         cls = np.int64(st.leaf[i, 0])
         b0, b1, b2 = np.int64(st.leaf[i, 1]), np.int64(st.leaf[i, 2]), np.int64(st.leaf[i, 3])
         t = st.tables
-        w0, w1, w2 = 4 * b0 + middle(t, r, cls, 0), 4 * b1 + middle(t, r, cls, 1), 4 * b2 + middle(t, r, cls, 2)
+        w0, w1, w2 = middle(t, r, cls, b0, b1, b2)
         kind = kind_of(t, r, w0, w1, w2)
         x, y, z = (w0 * edge) >> 1, (w1 * edge) >> 1, (w2 * edge) >> 1
         e = entry(st, x, y, z)
@@ -136,7 +148,7 @@ def refine(st, cd):
         first = above & 1
         crossed = first != (above >> 1) & 1
         if crossed:
-            size, count = _ring(corners, above, 1)
+            size, count = _ring(corners, above, np.int64(1))
             guess = first
             said = 0
             if n == 2:
@@ -171,7 +183,7 @@ def refine(st, cd):
         if crossed:
             w[CROSSED] = (w[CROSSED] << 1 & 2) | bit
             if n == 2:
-                p0, p1 = _half(st, kind, w0, w1, 1 if sign == first else 0)
+                p0, p1 = _half(st, kind, w0, w1, np.int64(sign == first))
                 _remember(st, p0, p1)
         else:
             w[BORDER] = (w[BORDER] << 1 & 2) | bit

@@ -109,7 +109,7 @@ def seek(st, mark, pyramid, levels):
             w[_TRACE + i] = w[_FOUND + i]
     while root < roots(st.tables):
         # nodes to visit of this root, deepest last
-        size = 0
+        size = np.int64(0)
         cls = root_class(st.tables, root)
         b0 = np.int64(0)
         b1 = np.int64(0)
@@ -120,19 +120,21 @@ def seek(st, mark, pyramid, levels):
                 r = depth % n
                 f = 2 if r == n - 1 else 1
                 if w[_FOUND + depth] == 0:
-                    q, d0, d1, d2 = child(st.tables, r, cls, 1)
-                    size = _push(stack, size, depth + 1, q, b0 * f + d0, b1 * f + d1, b2 * f + d2, 1)
+                    right = np.int64(1)
+                    q, d0, d1, d2 = child(st.tables, r, cls, right)
+                    size = _push(stack, size, np.int64(depth + 1), q, b0 * f + d0, b1 * f + d1, b2 * f + d2, right)
                 cls, d0, d1, d2 = child(st.tables, r, cls, w[_FOUND + depth])
                 b0 = b0 * f + d0
                 b1 = b1 * f + d1
                 b2 = b2 * f + d2
         else:
-            size = _push(stack, size, 0, cls, b0, b1, b2, 0)
+            size = _push(stack, size, np.int64(0), cls, b0, b1, b2, np.int64(0))
         resume = False
         while size > 0:
             size -= 1
             o = size * _NODE
-            depth, cls, b0, b1, b2, side = stack[o], stack[o + 1], stack[o + 2], stack[o + 3], stack[o + 4], stack[o + 5]
+            depth, cls, side = stack[o], stack[o + 1], stack[o + 5]
+            b0, b1, b2 = stack[o + 2], stack[o + 3], stack[o + 4]
             if depth > 0:
                 w[_TRACE + depth - 1] = side
             r = depth % n
@@ -150,7 +152,7 @@ def seek(st, mark, pyramid, levels):
                     w[_FOUND + i] = w[_TRACE + i]
                 return True
             f = 2 if r == n - 1 else 1
-            for s in (1, 0):
+            for s in range(1, -1, -1):
                 q, d0, d1, d2 = child(st.tables, r, cls, s)
                 size = _push(stack, size, depth + 1, q, b0 * f + d0, b1 * f + d1, b2 * f + d2, s)
         root += 1

@@ -15,7 +15,22 @@ from ..mesh.access import corner, dimension
 from ..mesh.access import corners as corner_count
 from ..mesh.access import kind as kind_of
 from .diamond import bisect, coincident, look
-from .state import BASE_LEVEL, EDGE, ERROR, LAST, LEVEL, SIGNIFICANCE, SIZE, TALLY, WORK, at, clamp, crowded, entry, truth
+from .state import (
+    BASE_LEVEL,
+    EDGE,
+    ERROR,
+    LAST,
+    LEVEL,
+    SIGNIFICANCE,
+    SIZE,
+    TALLY,
+    WORK,
+    clamped,
+    crowded,
+    entry,
+    position,
+    truth,
+)  # fmt: skip
 
 # Registers in State.walk: stack frames in use, next item of the encoder's list, whether the root was coded.
 FRAMES, ITEM, STARTED = range(3)
@@ -46,18 +61,20 @@ def middle_of(n, r, x, y, z, slot):
 
 
 @kernel
-def cubes(st, a):
-    """Cubes along axis a that hold a slot: one more than cover the box where a slot lies on the lower faces."""
-    if a >= dimension(st.tables):
-        return 1
-    count = (st.at[LAST + a] + st.at[EDGE] - 1) // st.at[EDGE]
-    return count if st.at[LEVEL] % dimension(st.tables) == 0 else count + 1
+def cubes(st):
+    """Cubes along each axis that hold a slot: one more than cover the box where slots lie on the lower faces."""
+    n = dimension(st.tables)
+    edge = st.at[EDGE]
+    more = 0 if st.at[LEVEL] % n == 0 else 1
+    c0 = (st.at[LAST] + edge - 1) // edge + more
+    c1 = (st.at[LAST + 1] + edge - 1) // edge + more
+    c2 = (st.at[LAST + 2] + edge - 1) // edge + more if n == 3 else 1
+    return c0, c1, c2
 
 
 @kernel
-def height(st):
-    """Height of the tree: the root's cube covers them all."""
-    most = max(cubes(st, 0), cubes(st, 1), cubes(st, 2))
+def height(most):
+    """Height of the tree over ``most`` cubes along the longest axis: the root's cube covers them all."""
     h = 0
     while (1 << h) < most:
         h += 1
@@ -125,9 +142,8 @@ def infer(st, x, y, z):
 
 @kernel
 def _corner_sign(st, kind, i, w0, w1, w2):
-    c0, c1, c2 = corner(st.tables, kind, i)
-    edge = st.at[EDGE]
-    return truth(st, at(edge, w0 >> 2, c0), at(edge, w1 >> 2, c1), at(edge, w2 >> 2, c2))
+    x, y, z = position(st.at[EDGE], w0 >> 2, w1 >> 2, w2 >> 2, corner(st.tables, kind, i))
+    return truth(st, x, y, z)
 
 
 BLOCK = 3
@@ -161,10 +177,8 @@ def _idle(st, busy, w0, w1, w2):
     edge = st.at[EDGE]
     if edge > 1 << BLOCK:
         return False
-    x = clamp(st, 0, (w0 * edge) >> 1) >> BLOCK
-    y = clamp(st, 1, (w1 * edge) >> 1) >> BLOCK
-    z = clamp(st, 2, (w2 * edge) >> 1) >> BLOCK
-    return not busy[x, y, z]
+    x, y, z = clamped(st, (w0 * edge) >> 1, (w1 * edge) >> 1, (w2 * edge) >> 1)
+    return not busy[x >> BLOCK, y >> BLOCK, z >> BLOCK]
 
 
 @kernel
@@ -208,7 +222,7 @@ def find(st, busy, found):
     r = st.at[LEVEL] % n
     edge = st.at[EDGE]
     per_cube = slots(n, r)
-    c0, c1, c2 = cubes(st, 0), cubes(st, 1), cubes(st, 2)
+    c0, c1, c2 = cubes(st)
     count = 0
     # of the last axis, the cubes of one block at a time
     run = max((1 << BLOCK) // edge, 1) if n == 3 else 1
@@ -271,15 +285,17 @@ def significance(st, cd, items):
     encoding = cd.reg[MODE] == ENCODE
     fan = 1 << n
     per_cube = slots(n, r)
+    cubes0, cubes1, cubes2 = cubes(st)
+    zero = np.int64(0)
     if w[STARTED] == 0:
-        h = height(st)
+        h = height(max(cubes0, cubes1, cubes2))
         bit = code(cd, ctx.SIGNIFICANT + h * 6, np.int64(encoding and len(items) > 0))
         if bit < 0:
             return CUT if bit == -2 else NEED
         st.at[TALLY + SIGNIFICANCE] += 1
         w[STARTED] = 1
         if bit:
-            _push_frame(st, h, 0, 0, 0, 0)
+            _push_frame(st, h, zero, zero, zero, zero)
     while w[FRAMES] > 0:
         if crowded(st):
             return GROW
@@ -295,13 +311,13 @@ def significance(st, cd, items):
             c0 = 2 * x + (child >> (n - 1))
             c1 = 2 * y + ((child >> (n - 2)) & 1)
             c2 = 2 * z + (child & 1 if n == 3 else 0)
-            if (c0 << shift) >= cubes(st, 0) or (c1 << shift) >= cubes(st, 1) or (c2 << shift) >= cubes(st, 2):
+            if (c0 << shift) >= cubes0 or (c1 << shift) >= cubes1 or (c2 << shift) >= cubes2:
                 st.stack[o + 5] = child + 1
                 continue
             inner = number << n | child
             near = np.int64(0)
             if shift == 0:
-                most = 0
+                most = zero
                 for slot in range(per_cube):
                     w0, w1, w2 = middle_of(n, r, c0, c1, c2, slot)
                     most = max(most, candidate(st, r, w0, w1, w2))
@@ -334,13 +350,13 @@ def significance(st, cd, items):
         if count == 0:
             st.stack[o + 5] = child + 1
             continue
-        later = 0
+        later = zero
         for slot in range(child + 1, per_cube):
             u0, u1, u2 = middle_of(n, r, x, y, z, slot)
             later = max(later, candidate(st, r, u0, u1, u2))
         bit = np.int64(1)
         if later > 0 or hits > 0:
-            want = _wanted(items, w[ITEM], number << SLOT_BITS | child, 0) if encoding else np.int64(0)
+            want = _wanted(items, w[ITEM], number << SLOT_BITS | child, zero) if encoding else np.int64(0)
             bit = code(cd, ctx.SIGNIFICANT_LEAF + (1 + r) * 9 + _near(count) * 3 + min(hits, 2), want)
             if bit < 0:
                 return CUT if bit == -2 else NEED
@@ -358,8 +374,8 @@ def significance(st, cd, items):
             i = 0
             while not (corners >> i) & 1:
                 i += 1
-            c0, c1, c2 = corner(st.tables, kind, i)
-            sign = infer(st, at(edge, w0 >> 2, c0), at(edge, w1 >> 2, c1), at(edge, w2 >> 2, c2))
+            u0, u1, u2 = position(edge, w0 >> 2, w1 >> 2, w2 >> 2, corner(st.tables, kind, i))
+            sign = infer(st, u0, u1, u2)
         bisect(st, kind, w0, w1, w2, inside, members, known, corners if sign else np.int64(0), 1 - sign)
     if encoding and w[ITEM] != len(items):
         st.at[ERROR] = 4

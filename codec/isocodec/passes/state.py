@@ -1,16 +1,17 @@
-"""The state that every pass works on: what is known of the vertices, and the tubular neighbourhood (spec clause 5.1)."""
+"""The state that every pass works on: the known vertices and the tubular neighbourhood (spec clause 5.1)."""
 
 from __future__ import annotations
 
 from typing import NamedTuple
 
 import numpy as np
-from isospec.elements import ELEMENTS
 from numpy.typing import NDArray
 
+from isospec.elements import ELEMENTS
+
 from ..jit import kernel
-from ..mesh.store import Store, full, get, put
 from ..mesh.access import dimension, vertex
+from ..mesh.store import Store, full, get, put
 
 # Counters in State.at.
 LEVEL, EDGE, VERTICES, LEAVES, DONE_LEAVES, NEXT, BASE_LEVEL, ERROR, WORK, SIZE, BEFORE_ROUND = range(11)
@@ -58,9 +59,10 @@ class State(NamedTuple):
 
 
 @kernel
-def clamp(st, a, x):
-    """Coordinate on the sampled box (spec clause 4.6)."""
-    return min(max(x, 0), st.at[LAST + a])
+def clamped(st, x, y, z):
+    """Position on the sampled box (spec clause 4.6)."""
+    last = st.at
+    return min(max(x, 0), last[LAST]), min(max(y, 0), last[LAST + 1]), min(max(z, 0), last[LAST + 2])
 
 
 @kernel
@@ -70,52 +72,50 @@ def at(edge, block, offset):
 
 
 @kernel
+def position(edge, b0, b1, b2, offset):
+    """Unclamped position of a lattice point given in units of g relative to a block."""
+    return at(edge, b0, offset[0]), at(edge, b1, offset[1]), at(edge, b2, offset[2])
+
+
+@kernel
 def entry(st, x, y, z):
     """Store entry of the vertex at unclamped (x, y, z)."""
-    return get(st.known, clamp(st, 0, x), clamp(st, 1, y), clamp(st, 2, z))
-
-
-@kernel
-def corner_entry(st, edge, r, cls, b0, b1, b2, j):
-    """Store entry of vertex j of a simplex whose cubes have the edge ``edge``."""
-    t = st.tables
-    return entry(
-        st, at(edge, b0, vertex(t, r, cls, j, 0)), at(edge, b1, vertex(t, r, cls, j, 1)),
-        at(edge, b2, vertex(t, r, cls, j, 2)),
-    )  # fmt: skip
-
-
-@kernel
-def corner_truth(st, edge, r, cls, b0, b1, b2, j):
-    """Encoder: the sign of vertex j of a simplex."""
-    t = st.tables
-    return truth(
-        st, at(edge, b0, vertex(t, r, cls, j, 0)), at(edge, b1, vertex(t, r, cls, j, 1)),
-        at(edge, b2, vertex(t, r, cls, j, 2)),
-    )  # fmt: skip
+    x, y, z = clamped(st, x, y, z)
+    return get(st.known, x, y, z)
 
 
 @kernel
 def truth(st, x, y, z):
     """Encoder: the sign of the vertex at unclamped (x, y, z)."""
-    return np.int64(st.truth[clamp(st, 0, x), clamp(st, 1, y), clamp(st, 2, z)])
+    x, y, z = clamped(st, x, y, z)
+    return np.int64(st.truth[x, y, z])
+
+
+@kernel
+def corner_entry(st, edge, r, cls, b0, b1, b2, j):
+    """Store entry of vertex j of a simplex whose cubes have the edge ``edge``."""
+    x, y, z = position(edge, b0, b1, b2, vertex(st.tables, r, cls, j))
+    return entry(st, x, y, z)
+
+
+@kernel
+def corner_truth(st, edge, r, cls, b0, b1, b2, j):
+    """Encoder: the sign of vertex j of a simplex."""
+    x, y, z = position(edge, b0, b1, b2, vertex(st.tables, r, cls, j))
+    return truth(st, x, y, z)
 
 
 @kernel
 def learn(st, x, y, z, sign):
-    """Make the vertex at unclamped (x, y, z) known; returns its entry."""
+    """Make the vertex at unclamped (x, y, z) known."""
     v = st.at[VERTICES]
-    x = clamp(st, 0, x)
-    y = clamp(st, 1, y)
-    z = clamp(st, 2, z)
+    x, y, z = clamped(st, x, y, z)
     st.vertex[v, 0] = x
     st.vertex[v, 1] = y
     st.vertex[v, 2] = z
     st.vertex[v, 3] = sign
-    value = 2 * (v + 1) + sign
-    put(st.known, x, y, z, value)
+    put(st.known, x, y, z, 2 * (v + 1) + sign)
     st.at[VERTICES] = v + 1
-    return value
 
 
 @kernel
@@ -131,8 +131,9 @@ def crowded(st):
 
 
 @kernel
-def _volume(p, o, n):
-    """Whether the simplex with vertices p (n + 1 rows of 3, flat, from place o on) has a volume."""
+def _volume(p, n):
+    """Whether the simplex whose vertices lie in the scratch registers has a volume."""
+    o = SCRATCH
     x, y, z = p[o], p[o + 1], p[o + 2]
     a0, a1, a2 = p[o + 3] - x, p[o + 4] - y, p[o + 5] - z
     b0, b1, b2 = p[o + 6] - x, p[o + 7] - y, p[o + 8] - z
@@ -146,16 +147,16 @@ def _volume(p, o, n):
 def exists(st, edge, r, cls, b0, b1, b2):
     """Whether the clamped image of a simplex has positive volume (spec clause 4.6); ``edge`` is its cubes'."""
     n = dimension(st.tables)
-    inside = True
-    for a in range(n):
-        b = b0 if a == 0 else (b1 if a == 1 else b2)
-        if b < 0 or 2 * (b + 1) * edge > st.at[LAST + a]:
-            inside = False
-    if inside:
+    last = st.at
+    inside = min(b0, b1, b2) >= 0 and 2 * (b0 + 1) * edge <= last[LAST] and 2 * (b1 + 1) * edge <= last[LAST + 1]
+    if inside and (n == 2 or 2 * (b2 + 1) * edge <= last[LAST + 2]):
         return True
     p = st.walk
     for j in range(n + 1):
-        for a in range(n):
-            b = b0 if a == 0 else (b1 if a == 1 else b2)
-            p[SCRATCH + 3 * j + a] = clamp(st, a, at(edge, b, vertex(st.tables, r, cls, j, a)))
-    return _volume(p, SCRATCH, n)
+        x, y, z = position(edge, b0, b1, b2, vertex(st.tables, r, cls, j))
+        x, y, z = clamped(st, x, y, z)
+        o = SCRATCH + 3 * j
+        p[o] = x
+        p[o + 1] = y
+        p[o + 2] = z
+    return _volume(p, n)

@@ -18,12 +18,28 @@ from ..errors import FormatError, LimitError
 from ..jit import BAD, CUT, DONE, GROW
 from ..mesh.store import grown, new_store
 from ..mesh.tables import AXES, mesh_tables
-from .decoded import Decoded
 from . import base as base_pass
 from . import geometry, leaves, refine, seek, significance
+from .decoded import Decoded
 from .state import (
-    BASE_LEVEL, BEFORE_ROUND, COUNTERS, DONE_LEAVES, EDGE, ELEMENTS, ERROR, LAST, LEAVES, LEVEL, NEXT, SIZE, STEP_LEAVES,
-    STEP_VERTICES, TALLY, VERTICES, WORK, State,
+    BASE_LEVEL,
+    BEFORE_ROUND,
+    COUNTERS,
+    DONE_LEAVES,
+    EDGE,
+    ELEMENTS,
+    ERROR,
+    LAST,
+    LEAVES,
+    LEVEL,
+    NEXT,
+    SIZE,
+    STEP_LEAVES,
+    STEP_VERTICES,
+    TALLY,
+    VERTICES,
+    WORK,
+    State,
 )  # fmt: skip
 
 NOTHING = np.zeros(0, np.int64)
@@ -307,7 +323,7 @@ class Tube:
             stack=stack,
         )
 
-    # -- the state and the drawing ---------------------------------------------------------------------------------------------
+    # -- the state and the drawing -------------------------------------------------------------------------------
 
     def _planes(self) -> NDArray[np.int64]:
         """Planes of offsets that each edge has."""

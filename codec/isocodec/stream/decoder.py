@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
+
 from isospec.container import Checksum, ChunkType
 from isospec.elements import BY_LAYER, ELEMENTS
 

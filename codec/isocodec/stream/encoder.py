@@ -7,9 +7,10 @@ import zlib
 from collections.abc import Callable, Iterator, Mapping
 
 import numpy as np
+from numpy.typing import ArrayLike
+
 from isospec.container import Checksum, ChunkType, Profile
 from isospec.elements import BY_LAYER, ELEMENTS
-from numpy.typing import ArrayLike
 
 from ..entropy.baseline import models, rates
 from ..entropy.coder import ENCODE, POS, REGISTERS, Coder, finish, start
@@ -213,7 +214,7 @@ def _offset_planes(tolerance: float | None) -> int:
         planes += 1
     if planes > MAX_OFFSET_PLANES:
         raise OptionError(
-            f"a tolerance of {tolerance} cells takes {planes} planes of offsets, at most {MAX_OFFSET_PLANES} are possible",
+            f"a tolerance of {tolerance} cells takes {planes} planes of offsets, more than {MAX_OFFSET_PLANES}",
             code="tolerance", remedy="use exact or step",
         )  # fmt: skip
     return planes
