@@ -284,7 +284,7 @@ def test_decode_curves(curve: Path, tmp_path: Path, curve_data: bytes) -> None:
         assert np.array_equal(arrays["cells"], contour.cells)
     ok("decode", curve, "-o", tmp_path / "c.geojson")
     feature = json.loads((tmp_path / "c.geojson").read_text())
-    lines = shapely.geometry.shape(feature["values"]).geoms
+    lines = shapely.geometry.shape(feature["geometry"]).geoms
     assert len(lines) == 2  # one ring around each hill
     assert all(line.is_ring for line in lines)
     ok("decode", curve, "-o", tmp_path / "c.svg")
@@ -345,7 +345,7 @@ def test_decode_of_an_empty_curve(tmp_path: Path) -> None:
     (tmp_path / "e.iso").write_bytes(isocodec.encode(HILLS, 300.5))
     for suffix in (".npz", ".geojson", ".svg", ".png"):
         ok("decode", tmp_path / "e.iso", "-o", tmp_path / f"e{suffix}")
-    assert shapely.geometry.shape(json.loads((tmp_path / "e.geojson").read_text())["values"]).is_empty
+    assert shapely.geometry.shape(json.loads((tmp_path / "e.geojson").read_text())["geometry"]).is_empty
 
 
 # ---- Bad .iso files -------------------------------------------------------------------------------------------------

@@ -21,6 +21,10 @@ MAX_VARINT = 9
 CHECKED_CHUNK = 1 << 14
 """Chunks with at least this payload carry a checksum of their own (clause 3.5.3)."""
 LAYER_LIMIT = 4096
+MAX_RADIX = 63
+"""Most parts that a layer of offsets divides a part into; an odd number (clause 3.6.5)."""
+MAX_PARTS = 1 << 24
+"""Most parts of a cell, by all layers of offsets together (clause 3.6.5)."""
 
 
 class Profile(IntEnum):

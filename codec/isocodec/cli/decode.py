@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import click
 
 from isocodec.cli.options import iso_argument, json_option, output_option
-from isocodec.cli.progress import progress_bar
+from isocodec.cli.progress import load_kernels, progress_bar
 from isocodec.cli.report import check_output, concerning, read_iso, tell, warn, write_output
 from isocodec.errors import TruncatedError
 
@@ -45,6 +45,7 @@ def decode_command(
 
     import isocodec
 
+    load_kernels()
     started = time.perf_counter()
     with concerning(source), progress_bar("decoding") as progress:
         try:

@@ -8,8 +8,8 @@ from pathlib import Path
 import click
 
 from isocodec.cli.options import json_option, output_option
-from isocodec.cli.progress import progress_bar
-from isocodec.cli.report import check_output, concerning, tell, write_output
+from isocodec.cli.progress import load_kernels, progress_bar
+from isocodec.cli.report import check_output, concerning, tell, warn, write_output
 
 
 @click.command("encode", short_help="Encode the isocontour of a picture, terrain or volume.")
@@ -56,6 +56,7 @@ def encode_command(
 
     with concerning(source):
         field = read_field(source, key=key, channel=channel)
+        load_kernels()
         started = time.perf_counter()
         with progress_bar("encoding") as progress:
             data = isocodec.encode(
@@ -71,6 +72,9 @@ def encode_command(
             )
         seconds = time.perf_counter() - started
     write_output(output, data)
+    low, high = field.min(), field.max()
+    if not low <= isovalue < high:
+        warn(source, f"the isovalue {isovalue:g} lies outside the data ({low:g} to {high:g}): the curve is empty")
     layers = len(isocodec.inspect(data).layers)
     tell(
         f"{click.format_filename(output)}: {len(data):,} bytes, {layers} layers, {seconds:.2f} s",

@@ -62,6 +62,8 @@ def _print(source: Path, info: FileInfo) -> None:
             row.append("\n".join(f"{count:,} {element}" for element, count in (layer.symbols or {}).items()))
         layers.add_row(*row)
     console.print(layers)
+    if any(layer.bytes is None for layer in info.layers):
+        console.print("- : not in the file, which is too small for a level index; --symbols decodes it and counts.")
 
 
 def _number(number: Any) -> str:

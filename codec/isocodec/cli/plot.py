@@ -7,7 +7,7 @@ from pathlib import Path
 import click
 
 from isocodec.cli.options import iso_argument, output_option
-from isocodec.cli.progress import progress_bar
+from isocodec.cli.progress import load_kernels, progress_bar
 from isocodec.cli.report import check_output, concerning, read_iso, write_output
 from isocodec.errors import OptionError
 
@@ -36,6 +36,7 @@ def plot_command(source: Path, output: Path, steps: int) -> None:
 
     import isocodec
 
+    load_kernels()
     with concerning(source), progress_bar("drawing") as progress:
         drawn = []
         chosen = spread(len(isocodec.inspect(data).layers), steps)

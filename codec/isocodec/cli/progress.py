@@ -8,6 +8,8 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
 
+import click
+
 # Shorter work is over before a bar is read.
 PATIENCE = 1.0
 
@@ -43,3 +45,20 @@ def progress_bar(label: str) -> Iterator[Callable[[int, int], None] | None]:
     finally:
         if bar is not None:
             bar.stop()
+
+
+def load_kernels() -> None:
+    """Load the compiled kernels; after installation they are compiled first, and the user is told so."""
+    import threading
+
+    import isocodec
+
+    notice = threading.Timer(
+        2 * PATIENCE, click.echo, ["isocodec: compiling the kernels, once after installation ..."], {"err": True}
+    )
+    notice.daemon = True
+    notice.start()
+    try:
+        isocodec.warm_up()
+    finally:
+        notice.cancel()

@@ -7,6 +7,7 @@ from pathlib import Path
 import click
 
 from isocodec.cli.options import iso_argument, json_option, output_option
+from isocodec.cli.progress import load_kernels
 from isocodec.cli.report import check_output, concerning, read_iso, tell, write_output
 
 
@@ -25,6 +26,7 @@ def truncate_command(source: Path, output: Path, layers: int | None, max_bytes: 
 
     import isocodec
 
+    load_kernels()
     with concerning(source):
         cut = isocodec.truncate(data, layers=layers, max_bytes=max_bytes)
         kept = len(isocodec.inspect(cut).layers)

@@ -8,10 +8,14 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from isospec.container import MAX_RADIX
+
 from .coder import ONE
 
 PLANES = 64
 DEPTHS = 28
+OFFSET_LAYERS = 8
+OFFSET_STRIDE = 8 + MAX_RADIX // 2
 
 # element: (contexts, probability of a 1 at the start, weight of that start in symbols)
 _LAYOUT = {
@@ -27,7 +31,7 @@ _LAYOUT = {
     "REFINE_BORDER": (3 * 10 * 4, 0.2, 4),
     "REFINE_CROSSED": (3 * 10 * 3 * 4, 0.8, 4),
     "VALUE": (PLANES * 2 * 3, 0.5, 2),
-    "OFFSET": (PLANES * 3, 0.5, 16),
+    "OFFSET": (OFFSET_LAYERS * OFFSET_STRIDE, 0.5, 2),
 }
 
 _first = 0

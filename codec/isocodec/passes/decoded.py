@@ -27,8 +27,8 @@ class Decoded:
         Bits of the value that have been sent, as a number.
     edge_position, edge_axis : (E, n), (E,) int64
         Grid edges that carry offsets, by lower end and axis, in lexicographic order.
-    edge_planes, edge_number : (E,) int64
-        Bits of the offset that have been sent: how many, and as a number.
+    edge_parts, edge_number : (E,) int64
+        Equal parts that the edge is divided into so far, and the number of the one with the crossing.
     """
 
     shape: tuple[int, ...]
@@ -39,7 +39,7 @@ class Decoded:
     number: NDArray[np.int64]
     edge_position: NDArray[np.int64]
     edge_axis: NDArray[np.int64]
-    edge_planes: NDArray[np.int64]
+    edge_parts: NDArray[np.int64]
     edge_number: NDArray[np.int64]
 
     def lines(self) -> list[str]:
@@ -47,6 +47,6 @@ class Decoded:
         out = [f"shape {' '.join(map(str, self.shape))}", f"level {self.level}"]
         for p, a, m, q in zip(self.position, self.above, self.missing, self.number, strict=True):
             out.append(f"v {' '.join(map(str, p))} {int(a)}" + (f" {m} {q}" if m >= 0 else ""))
-        for p, x, b, q in zip(self.edge_position, self.edge_axis, self.edge_planes, self.edge_number, strict=True):
+        for p, x, b, q in zip(self.edge_position, self.edge_axis, self.edge_parts, self.edge_number, strict=True):
             out.append(f"e {' '.join(map(str, p))} {x} {b} {q}")
         return out

@@ -14,8 +14,8 @@ from ..jit import CUT, DONE, NEED, kernel
 from ..mesh.access import dimension
 from .state import EDGE, LEAVES, LEVEL, OFFSET_BIT, SCRATCH, TALLY, VALUE_BIT, corner_entry
 
-# Registers in State.walk: next item of the list, the bit before.
-ITEM, BEFORE = range(2)
+# Registers in State.walk: next item of the list, the symbol before, the place within a digit, its sign.
+ITEM, BEFORE, STEP, SIDE = range(4)
 VERTEX_ACTIVE = 8
 """Bit of a vertex's mark that says it is in the list; bits 0 to 2 are the grid edges that leave it upwards."""
 
@@ -110,20 +110,49 @@ def values(st, cd, active, number, left, plane, wanted):
 
 
 @kernel
-def offsets(st, cd, number, plane, wanted):
-    """One more bit plane of all offsets (spec clause 5.7.3); ``plane`` counts those before it."""
+def offsets(st, cd, number, layer, parts, radix, wanted):
+    """Divide the part of every edge that holds its crossing into ``radix`` parts (spec clause 5.7.3).
+
+    The radix is odd and the digit counts from the middle part, so that a crossing drawn in the middle of its part
+    is never moved away from where it is. ``layer`` numbers the layers of offsets, ``parts`` is the number of
+    parts before this one; ``wanted`` are the encoder's offsets as 30-bit fractions.
+    """
     w = st.walk
     encoding = cd.reg[MODE] == ENCODE
+    half = radix // 2
+    contexts = ctx.OFFSET + min(layer, ctx.OFFSET_LAYERS - 1) * ctx.OFFSET_STRIDE
     while w[ITEM] < len(number):
         i = w[ITEM]
-        bit = np.int64(0)
+        step = w[STEP]
+        digit = np.int64(0)
         if encoding:
-            bit = (wanted[i] >> (29 - plane)) & 1
-        bit = code(cd, ctx.OFFSET + plane * 3 + w[BEFORE], bit)
+            digit = ((wanted[i] * parts * radix) >> 30) - number[i] * radix - half
+        if step == 0:
+            bit = code(cd, contexts + w[BEFORE], np.int64(digit != 0))
+        elif step == 1:
+            bit = code(cd, contexts + 4 + w[BEFORE], np.int64(digit > 0))
+        else:
+            bit = code(cd, contexts + 8 + step - 2, np.int64(abs(digit) >= step))
         if bit < 0:
             return CUT if bit == -2 else NEED
         st.at[TALLY + OFFSET_BIT] += 1
-        w[BEFORE] = 1 + bit
-        number[i] = number[i] << 1 | bit
-        w[ITEM] += 1
+        if step == 0 and bit:
+            w[STEP] = 1
+            continue
+        if step == 1:
+            w[SIDE] = bit
+            bit = np.int64(1)
+            step = 1
+        # a magnitude goes on while its bits are 1 and larger ones exist
+        if bit and step < half:
+            w[STEP] = step + 1
+            continue
+        size = step if bit else step - 1
+        if step == 0:
+            size = np.int64(0)
+        number[i] = number[i] * radix + half + (size if w[SIDE] else -size)
+        w[BEFORE] = 1 if size == 0 else (3 if w[SIDE] else 2)
+        w[STEP] = 0
+        w[SIDE] = 0
+        w[ITEM] = i + 1
     return DONE

@@ -44,7 +44,6 @@ from .state import (
 
 NOTHING = np.zeros(0, np.int64)
 STACK = 4096
-MAX_OFFSET_PLANES = 30
 
 _CLAUSES = {1: "5.3.2", 2: "5.3.2", 3: "5.3.3", 4: "5.5"}
 _REASONS = {
@@ -135,7 +134,9 @@ class Tube:
         self._wanted = NOTHING
         self.bits_above = self.bits_below = 0
         self.edges = np.zeros((0, 2), np.int64)
-        self.offset_planes = 0
+        self.parts = 1
+        self._radix = 1
+        self._offset_layers = 0
         self.offset = NOTHING
         self._target = NOTHING
 
@@ -223,10 +224,11 @@ class Tube:
         self._fresh()
         self._running = "values"
 
-    def begin_offsets(self) -> None:
-        """Begin one more plane of offsets; the mesh is the full grid."""
+    def begin_offsets(self, parts: int) -> None:
+        """Begin a layer of offsets, to ``parts`` parts of a cell; the mesh is the full grid."""
         st = self.state
-        if self.offset_planes == 0:
+        self._radix = parts // self.parts
+        if self._offset_layers == 0:
             count = int(st.at[VERTICES])
             edges = np.empty((self.n * count, 2), np.int64)
             used = geometry.crossed_edges(st, np.zeros(count, np.uint8), edges)
@@ -273,7 +275,9 @@ class Tube:
             case "values":
                 return geometry.values(st, cd, self._active, self.number, self.left, self._plane, self._wanted)
             case _:
-                return geometry.offsets(st, cd, self.offset, self.offset_planes, self._target)
+                return geometry.offsets(
+                    st, cd, self.offset, self._offset_layers, self.parts, self._radix, self._target
+                )
 
     def _finish(self) -> bool:
         """End of a pass; False if the layer has another one."""
@@ -293,7 +297,8 @@ class Tube:
                 at[LEVEL] += 1
                 at[EDGE] = 1 << (self.k - int(at[LEVEL]) // self.n)
             case "offsets":
-                self.offset_planes += 1
+                self.parts *= self._radix
+                self._offset_layers += 1
         self._running = ""
         return True
 
@@ -325,12 +330,12 @@ class Tube:
 
     # -- the state and the drawing -------------------------------------------------------------------------------
 
-    def _planes(self) -> NDArray[np.int64]:
-        """Planes of offsets that each edge has."""
-        planes = np.full(len(self.edges), self.offset_planes)
+    def _edge_parts(self) -> NDArray[np.int64]:
+        """Parts that each edge is divided into."""
+        parts = np.full(len(self.edges), self.parts)
         if self._running == "offsets":
-            planes[: int(self.state.walk[geometry.ITEM])] += 1
-        return planes
+            parts[: int(self.state.walk[geometry.ITEM])] *= self._radix
+        return parts
 
     def decoded(self) -> Decoded:
         """All that is known, in canonical order."""
@@ -344,11 +349,11 @@ class Tube:
         number[: len(self.number)] = self.number
         ends, axis = position[self.edges[:, 0]], self.edges[:, 1]
         edge_order = np.lexsort((axis, *ends.T[::-1]))
-        planes = self._planes()
-        sent = edge_order[planes[edge_order] > 0]
+        parts = self._edge_parts()
+        sent = edge_order[parts[edge_order] > 1]
         return Decoded(
             self.shape, -1 if self._running == "base" else self.level, position[order], st.vertex[order, 3] != 0,
-            missing[order], number[order], ends[sent], axis[sent], planes[sent], self.offset[sent],
+            missing[order], number[order], ends[sent], axis[sent], parts[sent], self.offset[sent],
         )  # fmt: skip
 
     def leaves(self, isovalue: float, value_of: Callable[..., NDArray[np.float64]]) -> Leaves:
@@ -371,8 +376,8 @@ class Tube:
             middle = np.ldexp(self.number + 0.5, self.left) - 0.5
             value[:known] = np.where(some, value_of(middle, above[:known]), np.nan)
         full = self._begun and self._running != "base" and self.level == self.full_level
-        planes = self._planes()
-        sent = planes > 0
+        parts = self._edge_parts()
+        sent = parts > 1
         return Leaves(
             shape=self.shape,
             isovalue=isovalue,
@@ -383,7 +388,7 @@ class Tube:
             full=full,
             edge_vertex=self.edges[sent, 0],
             edge_axis=self.edges[sent, 1],
-            edge_offset=np.ldexp(self.offset[sent] + 0.5, -planes[sent]),
+            edge_offset=(self.offset[sent] + 0.5) / parts[sent],
         )
 
 

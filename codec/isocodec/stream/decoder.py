@@ -374,5 +374,5 @@ def begin_layer(tube: Tube, layer: Layer) -> None:
         case "values":
             tube.begin_values(layer.plane)
         case _:
-            tube.begin_offsets()
+            tube.begin_offsets(layer.parts)
 

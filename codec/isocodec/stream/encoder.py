@@ -5,23 +5,25 @@ from __future__ import annotations
 import math
 import zlib
 from collections.abc import Callable, Iterator, Mapping
+from itertools import accumulate
+from operator import mul
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from isospec.container import Checksum, ChunkType, Profile
+from isospec.container import MAX_PARTS, Checksum, ChunkType, Profile
 from isospec.elements import BY_LAYER, ELEMENTS
 
 from ..entropy.baseline import models, rates
 from ..entropy.coder import ENCODE, POS, REGISTERS, Coder, finish, start
 from ..errors import OptionError
-from ..grid.field import Field, check_field
+from ..grid.field import check_field
 from ..jit import DONE
 from ..passes.tube import Limits, Truth, Tube
 from .container import LayerRecord, write_chunk, write_index, write_metadata
 from .decoder import begin_layer
 from .header import Header, write_header
-from .program import MAX_OFFSET_PLANES, Layer, Progress, write_program
+from .program import Layer, Progress, write_program
 
 DEFAULT_TOLERANCE = 0.05
 """Largest distance in cells between decoded and extracted curve when nothing else is asked for."""
@@ -43,8 +45,8 @@ class Encoder:
     exact : bool
         Integer data: send the values next to the curve to the last bit.
     tolerance : float, optional
-        Largest distance, in cells, between the decoded and the extracted curve: as many planes of crossing
-        offsets as that takes. The default, if nothing else is asked for, is 0.05.
+        Largest distance, in cells, between the decoded and the extracted curve: crossings are told as finely
+        as that takes. The default, if nothing else is asked for, is 0.05.
     signs_only : bool
         Send no geometry: which samples lie above is exact, crossings are drawn half-way.
     step : float, optional
@@ -97,7 +99,7 @@ class Encoder:
             raise OptionError(
                 "exact is for integer data, and the field holds floats", code="exact", remedy="use step or tolerance"
             )
-        planes = _offset_planes(DEFAULT_TOLERANCE if not asked else tolerance)
+        radices = _radices(DEFAULT_TOLERANCE if not asked else tolerance)
         self._values = exact or step is not None
         self._metadata = dict(metadata or {})
         self._report = progress
@@ -115,7 +117,7 @@ class Encoder:
             )  # fmt: skip
         self.layers = [Layer("base", level)]
         self.layers += [Layer("refine", i) for i in range(level + 1, full + 1)]
-        self.layers += [Layer("offsets", full, i) for i in range(1, planes + 1)]
+        self.layers += [Layer("offsets", full, 0, parts) for parts in accumulate(radices, mul)]
         self.records: list[LayerRecord] = []
         self._run_bytes = 0
 
@@ -203,21 +205,28 @@ class Encoder:
         self.layers += [Layer("values", level, p) for p in range(planes - 1, -1, -1)]
 
 
-def _offset_planes(tolerance: float | None) -> int:
-    """Planes of offsets that keep crossings within ``tolerance`` of where they are."""
+def _radices(tolerance: float | None) -> list[int]:
+    """Parts that layers of offsets divide into, so that crossings end up within ``tolerance`` of where they are.
+
+    The middle of the right one of m parts is at most 1 / 2m off. Of the odd numbers that will do, the smallest is
+    taken that is a product of small factors: one layer each, so that crossings get finer step by step.
+    """
     if tolerance is None:
-        return 0
+        return []
     if not (math.isfinite(tolerance) and tolerance > 0):
         raise OptionError(f"the tolerance is {tolerance}, needed is a positive number", code="tolerance")
-    planes = max(math.ceil(-math.log2(tolerance)) - 1, 0)
-    while 2.0 ** -(planes + 1) > tolerance:
-        planes += 1
-    if planes > MAX_OFFSET_PLANES:
+    if tolerance < 0.5 / (MAX_PARTS * 0.9):
         raise OptionError(
-            f"a tolerance of {tolerance} cells takes {planes} planes of offsets, more than {MAX_OFFSET_PLANES}",
-            code="tolerance", remedy="use exact or step",
-        )  # fmt: skip
-    return planes
+            f"a tolerance of {tolerance} cells is too fine for offsets", code="tolerance", remedy="use exact or step"
+        )
+    parts = max(math.ceil(0.5 / tolerance), 1) | 1
+    while True:
+        rest, factors = parts, []
+        for factor in (13, 11, 7, 5, 3):
+            while rest % factor == 0:
+                rest //= factor
+                factors.append(factor)
+        if rest == 1:
+            return factors[::-1]
+        parts += 2
 
-
-__all__ = ["DEFAULT_TOLERANCE", "Encoder", "Field"]

@@ -25,6 +25,9 @@ class LayerInfo:
     kind : str
     level : int
     plane : int
+        Missing bits of values afterwards.
+    parts : int
+        Parts that edges are divided into afterwards.
     offset : int or None
         Byte offset in the file at which its data begin.
     bytes : int or None
@@ -34,6 +37,7 @@ class LayerInfo:
     kind: str
     level: int
     plane: int
+    parts: int
     offset: int | None = None
     bytes: int | None = None
     symbols: dict[str, int] | None = None
@@ -113,8 +117,10 @@ def inspect(data: bytes, symbols: bool = False) -> FileInfo:
             run = _run_start(data, chunk, end, progress, plain)
             if run is not None:
                 coded += end - run
-                layers += [LayerInfo(p.kind, p.level, p.plane, run if p is plain[len(layers)] else None) for p in
-                           plain[len(layers) :]]  # fmt: skip
+                first = len(layers)
+                for layer in plain[first:]:
+                    place = run if len(layers) == first else None
+                    layers.append(LayerInfo(layer.kind, layer.level, layer.plane, layer.parts, place))
         elif chunk.end <= len(data):
             payload = data[chunk.start : chunk.end]
             if chunk.type == ChunkType.METADATA:
@@ -156,7 +162,7 @@ def _with_index(payload: bytes, plain: list[Layer], layers: list[LayerInfo]) -> 
     place = 0
     for layer, info, record in zip(plain, layers, read_index(payload, plain), strict=False):
         place = info.offset if info.offset is not None else place
-        out.append(LayerInfo(layer.kind, layer.level, layer.plane, place, record.bytes, record.symbols))
+        out.append(LayerInfo(layer.kind, layer.level, layer.plane, layer.parts, place, record.bytes, record.symbols))
         place += record.bytes
     return out or layers
 
@@ -168,11 +174,11 @@ def _decoded(data: bytes, plain: list[Layer]) -> list[LayerInfo]:
     decoder = Decoder()
     decoder.feed(data)
     out = [
-        LayerInfo(e.layer.kind, e.layer.level, e.layer.plane, e.offset - e.bytes, e.bytes, e.symbols)
+        LayerInfo(e.layer.kind, e.layer.level, e.layer.plane, e.layer.parts, e.offset - e.bytes, e.bytes, e.symbols)
         for e in decoder
         if isinstance(e, LayerComplete)
     ]
-    return out + [LayerInfo(p.kind, p.level, p.plane) for p in plain[len(out) :]]
+    return out + [LayerInfo(p.kind, p.level, p.plane, p.parts) for p in plain[len(out) :]]
 
 
 def _verify(data: bytes, behind: int) -> None:

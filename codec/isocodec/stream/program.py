@@ -5,13 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from isospec.container import ALL, ESCAPE, LAYER_LIMIT, Operation, OperationByte, write_varint
+from isospec.container import ALL, ESCAPE, LAYER_LIMIT, MAX_PARTS, MAX_RADIX, Operation, OperationByte, write_varint
 
 from ..errors import FormatError
 from .header import varint
 
 MAX_BITS = 52
-MAX_OFFSET_PLANES = 30
 
 
 @dataclass(frozen=True)
@@ -25,12 +24,15 @@ class Layer:
     level : int
         Uniform level of the mesh when the layer is complete.
     plane : int
-        ``values``: bits that are still missing afterwards; ``offsets``: planes sent afterwards; else 0.
+        ``values``: bits of the numbers that are still missing afterwards; else 0.
+    parts : int
+        ``offsets``: equal parts that edges are divided into afterwards; else 0.
     """
 
     kind: str
     level: int
     plane: int = 0
+    parts: int = 0
 
 
 @dataclass
@@ -41,7 +43,7 @@ class Progress:
     level: int = -1
     bits: tuple[int, int] | None = None
     plane: int = 0
-    offset_planes: int = 0
+    parts: int = 1
     layers: int = 0
 
     def add(self, layer: Layer) -> None:
@@ -51,7 +53,7 @@ class Progress:
         if layer.kind == "values":
             self.plane = layer.plane
         elif layer.kind == "offsets":
-            self.offset_planes = layer.plane
+            self.parts = layer.parts
 
 
 def write_program(layers: Sequence[Layer], progress: Progress, bits: tuple[int, int]) -> bytes:
@@ -64,7 +66,7 @@ def write_program(layers: Sequence[Layer], progress: Progress, bits: tuple[int, 
     while i < len(layers):
         kind = layers[i].kind
         j = i + 1
-        while kind != "base" and j < len(layers) and layers[j].kind == kind:
+        while kind in ("refine", "values") and j < len(layers) and layers[j].kind == kind:
             j += 1
         extra = b""
         full = layers[j - 1].level == progress.full_level
@@ -85,7 +87,7 @@ def write_program(layers: Sequence[Layer], progress: Progress, bits: tuple[int, 
                 progress.bits = bits
                 extra = _write_bits(bits)
         else:
-            operation, argument = Operation.OFFSETS, j - i
+            operation, argument = Operation.OFFSETS, (layers[i].parts // progress.parts - 1) // 2
         if ESCAPE <= argument != ALL or (argument == ALL and operation == Operation.OFFSETS):
             argument, extra = ESCAPE, write_varint(argument) + extra
         steps.append((operation, argument, extra))
@@ -180,14 +182,14 @@ def _expand(operation: int, argument: int, stated_all: bool, state: Progress) ->
     if state.level < 0:
         raise ValueError("a layer before the base")
     if operation == Operation.REFINE:
-        if state.offset_planes:
+        if state.parts > 1:
             raise ValueError("refinement after offsets")
         count = full - state.level if stated_all else argument
         if count < 1 or state.level + count > full:
             raise ValueError(f"{count} rounds of refinement from level {state.level}, the full grid is level {full}")
         return [Layer("refine", state.level + i) for i in range(1, count + 1)]
     if operation == Operation.VALUES:
-        if state.offset_planes:
+        if state.parts > 1:
             raise ValueError("values after offsets")
         count = state.plane if stated_all else argument
         if count > state.plane:
@@ -199,7 +201,8 @@ def _expand(operation: int, argument: int, stated_all: bool, state: Progress) ->
             raise ValueError("offsets after values")
         if state.level != full:
             raise ValueError("offsets before the full grid")
-        if stated_all or argument < 1 or state.offset_planes + argument > MAX_OFFSET_PLANES:
-            raise ValueError(f"more than {MAX_OFFSET_PLANES} planes of offsets, or none")
-        return [Layer("offsets", full, state.offset_planes + i) for i in range(1, argument + 1)]
+        radix = 2 * argument + 1
+        if stated_all or not 3 <= radix <= MAX_RADIX or state.parts * radix > MAX_PARTS:
+            raise ValueError(f"offsets in {radix} parts of {state.parts}")
+        return [Layer("offsets", full, 0, state.parts * radix)]
     raise ValueError(f"unknown operation {operation}")

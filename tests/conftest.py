@@ -1,0 +1,37 @@
+"""Set-up of the whole suite: where compiled kernels are kept, and how hard hypothesis tries."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+from pathlib import Path
+
+from hypothesis import settings
+
+HERE = Path(__file__).resolve().parent
+ROOT = HERE.parent
+KERNEL_HOMES = ("codec/isocodec/jit.py", "codec/isocodec/grid", "codec/isocodec/mesh", "codec/isocodec/entropy",
+                "codec/isocodec/passes", "codec/isocodec/reduce", "spec/isospec")  # fmt: skip
+
+
+def kernel_digest() -> str:
+    """Digest of the names and bytes of all sources that end up in compiled kernels."""
+    digest = hashlib.sha256()
+    for home in (ROOT / name for name in KERNEL_HOMES):
+        for path in sorted([home] if home.is_file() else home.rglob("*.py")):
+            text = path.read_bytes()
+            digest.update(f"{path.relative_to(ROOT).as_posix()}\0{len(text)}\0".encode() + text)
+    return digest.hexdigest()[:16]
+
+
+# numba's cache does not notice a change in a jitted module that another one imports: a directory for each state of
+# the sources does. It lies where `pytest --cache-clear` removes it. numba reads the variable when it is imported.
+os.environ["NUMBA_CACHE_DIR"] = str(ROOT / ".pytest_cache" / "d" / f"kernels-{kernel_digest()}")
+
+settings.register_profile("default", deadline=None)
+settings.register_profile("ci", deadline=None, derandomize=True, database=None, print_blob=True)
+settings.register_profile("interpreted", deadline=None, derandomize=True, database=None, max_examples=3)
+if os.environ.get("NUMBA_DISABLE_JIT", "0") not in ("", "0"):
+    settings.load_profile("interpreted")
+else:
+    settings.load_profile("ci" if os.environ.get("CI") else "default")

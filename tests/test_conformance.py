@@ -1,0 +1,337 @@
+"""The conformance vectors against the reference decoder, and their runner against decoders that are wrong."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from collections import Counter
+from pathlib import Path
+
+import numpy as np
+import pytest
+from isoconform import runner
+from isoconform.__main__ import main
+from isoconform.circle import CENTRE, RADIUS
+from isoconform.dump import CUT_OFF, REFUSED, canonical_layers, dump
+from isoconform.generate import generate
+from isoconform.manifest import ERROR, NAME, OK, TRUNCATED, default_directory, digest, read_manifest
+
+from isocodec import Decoder
+from isospec.elements import ELEMENTS
+
+HOME = default_directory()
+VECTORS = read_manifest(HOME)
+BY_NAME = {v.name: v for v in VECTORS}
+each_vector = pytest.mark.parametrize("vector", VECTORS, ids=[v.name for v in VECTORS])
+
+CIRCLE_MEMORY = 64 << 20
+"""Issue 2: decoding a 200-cell circle in a domain of 100,000 x 100,000 takes at most this."""
+
+
+@pytest.fixture
+def importable(monkeypatch):
+    """Processes started by a test import what it does."""
+    monkeypatch.setenv("PYTHONPATH", os.pathsep.join(p for p in sys.path if p))
+
+
+# --- the vectors ----------------------------------------------------------------------------------------------------
+
+
+@each_vector
+def test_reference_decoder_agrees(vector):
+    """File, exit status, final state, and the states after each layer where they are stated."""
+    (result,) = runner.run([vector], HOME, runner.reference, layers=True)
+    assert result.passed, result.reason
+
+
+@each_vector
+def test_byte_by_byte_is_the_same(vector):
+    """How the bytes were cut changes nothing: state, symbols, events with their offsets, error."""
+    data = (HOME / vector.file).read_bytes()
+    whole, bytewise = dump(data), dump(data, piece=1)
+    assert (bytewise.exit_code, bytewise.text, bytewise.symbols) == (whole.exit_code, whole.text, whole.symbols)
+    assert bytewise.events == whole.events
+    if whole.error is not None:
+        assert type(bytewise.error) is type(whole.error)
+        assert bytewise.error.code == whole.error.code
+        assert bytewise.error.clause == whole.error.clause
+
+
+@each_vector
+def test_manifest_entry_is_right(vector):
+    """Counts, symbols and stored texts belong to the digest that they stand next to."""
+    data = (HOME / vector.file).read_bytes()
+    output = dump(data)
+    expected = vector.expected
+    assert vector.bytes == len(data)
+    if expected.status == ERROR:
+        assert output.exit_code in REFUSED
+        assert output.error.clause == expected.clause
+        assert not output.text
+        return
+    assert expected.symbols == output.symbols
+    assert set(vector.elements) == {name for name, count in output.symbols.items() if count}
+    kinds = Counter(line.split()[0] for line in output.text.splitlines())
+    assert (expected.vertices, expected.edges) == (kinds["v"], kinds["e"])
+    stored = (HOME / vector.file).with_suffix(".txt")
+    if stored.exists():
+        assert stored.read_bytes().decode("ascii") == output.text
+    if vector.layers and expected.status == OK:
+        assert vector.layers[-1].state == expected.state
+
+
+def test_manifest_covers_the_format():
+    """At least 25 vectors; every syntax element, residue of levels and outcome in both dimensions."""
+    assert len(VECTORS) >= 25
+    assert len(BY_NAME) == len(VECTORS)
+    for n in (2, 3):
+        of_n = [v for v in VECTORS if v.dimension == n]
+        whole = [v for v in of_n if v.expected.status == OK]
+        assert {name for v in whole for name in v.elements} == set(ELEMENTS)
+        assert {v.expected.status for v in of_n} == {OK, TRUNCATED, ERROR}
+        features = {f for v in whole for f in v.features}
+        for residue in range(n):
+            for kind in ("base", "refinement", "new components"):
+                assert f"{kind}, level {residue} mod {n}" in features
+        layers = {layer.kind for v in whole for layer in v.layers}
+        assert layers == {"base", "refine", "values", "offsets"}
+
+
+def test_vectors_are_small():
+    """They travel with the package."""
+    assert max(v.bytes for v in VECTORS) < 5000
+    assert sum(path.stat().st_size for path in HOME.iterdir()) < 300_000
+
+
+def test_generation_gives_the_same_bytes(tmp_path):
+    """``generate`` makes the committed files, all of them and no others."""
+    generate(tmp_path)
+    made = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
+    kept = {path.name: path.read_bytes() for path in HOME.iterdir()}
+    assert made.keys() == kept.keys()
+    assert [name for name in made if made[name] != kept[name]] == []
+
+
+def test_generation_replaces_what_was_there(tmp_path):
+    """Vectors that the old manifest lists and the new one does not are removed; other files are left."""
+    for path in HOME.iterdir():
+        (tmp_path / path.name).write_bytes(path.read_bytes())
+    manifest = (HOME / NAME).read_text().replace('"plane_flat.iso"', '"plane_old.iso"')
+    (tmp_path / NAME).write_text(manifest)
+    for name in ("plane_old.iso", "plane_old.txt", "other.iso"):
+        (tmp_path / name).write_bytes(b"")
+    generate(tmp_path)
+    assert {p.name for p in tmp_path.iterdir()} == {p.name for p in HOME.iterdir()} | {"other.iso"}
+
+
+# --- the circle -----------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", ["circle_100000", "circle_100000_rounds"])
+def test_circle_is_the_circle(name):
+    """Signs are the field's, and both ends of every grid edge that is crossed are known."""
+    decoder = Decoder()
+    decoder.feed((HOME / f"{name}.iso").read_bytes())
+    decoder.close()
+    state = decoder.state()
+    away = state.position - np.array(CENTRE)
+    assert np.array_equal(state.above, (away**2).sum(axis=1) < RADIUS**2)
+    known = set(map(tuple, away.tolist()))
+    axis = np.arange(-RADIUS - 2, RADIUS + 3)
+    inside = axis[:, None] ** 2 + axis**2 < RADIUS**2
+    for a in (0, 1):
+        low = np.argwhere(np.diff(inside, axis=a)) - RADIUS - 2
+        high = low + np.eye(2, dtype=np.int64)[a]
+        assert set(map(tuple, np.concatenate([low, high]).tolist())) <= known
+
+
+MEASURE = """
+import resource, sys, time, tracemalloc
+from isocodec import Decoder
+
+def peak():
+    # ru_maxrss is the parent's where a process was started by vfork; the kernel's own mark is not
+    try:
+        with open("/proc/self/status") as status:
+            return next(int(line.split()[1]) << 10 for line in status if line.startswith("VmHWM"))
+    except OSError:
+        most = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+        return most if sys.platform == "darwin" else most << 10
+
+def decode(data):
+    decoder = Decoder()
+    decoder.feed(data)
+    decoder.close()
+    return len(decoder.state().position)
+
+warm, circle = (open(path, "rb").read() for path in sys.argv[1:])
+decode(warm)
+before = peak()
+tracemalloc.start()
+vertices = decode(circle)
+arrays = tracemalloc.get_traced_memory()[1]
+tracemalloc.stop()
+print(vertices, max(peak() - before, 0), arrays)
+"""
+
+
+@pytest.mark.parametrize("name", ["circle_100000", "circle_100000_rounds"])
+def test_circle_takes_little_memory(name, importable):
+    """Above the interpreter with its imports and warm kernels; by the process's peak and by what was allocated."""
+    pytest.importorskip("resource")
+    files = [str(HOME / f"{file}.iso") for file in ("plane_new_components_near", name)]
+    done = subprocess.run([sys.executable, "-c", MEASURE, *files], stdout=subprocess.PIPE, check=True, text=True)
+    vertices, grown, allocated = map(int, done.stdout.split())
+    assert vertices == BY_NAME[name].expected.vertices
+    assert grown < CIRCLE_MEMORY
+    assert allocated < CIRCLE_MEMORY
+
+
+# --- the runner -----------------------------------------------------------------------------------------------------
+
+SOME = ("plane_values_8_bit", "space_offsets_4", "plane_ends_in_values", "plane_ends_in_header", "bad_trailing")
+
+
+def run_some(capsys, *arguments, names=SOME):
+    """Exit code and lines of the runner over some vectors."""
+    code = main([*arguments, *(word for name in names for word in ("--only", name))])
+    return code, capsys.readouterr().out.splitlines()
+
+
+def decoder_of(tmp_path: Path, body: str) -> str:
+    """Command of a decoder: the reference one, its exit code and text changed by ``body``."""
+    script = tmp_path / "decoder.py"
+    script.write_text(
+        "import pathlib, sys\n"
+        "from isoconform.dump import dump\n"
+        "output = dump(pathlib.Path(sys.argv[1]).read_bytes(), layers=int(sys.argv[2]))\n"
+        "code, text = output.exit_code, output.text\n"
+        f"{body}\n"
+        "sys.stdout.write(text)\n"
+        "sys.exit(code)\n"
+    )
+    return f"{{python}} '{script}' {{file}} {{layers}}"
+
+
+def test_runner_in_process(capsys):
+    """The default: the reference decoder."""
+    code, lines = run_some(capsys)
+    assert code == 0
+    assert lines == [*(f"ok    {v.name}" for v in VECTORS if v.name in SOME), f"{len(SOME)} passed, 0 failed"]
+
+
+def test_runner_with_the_reference_as_a_command(capsys, importable):
+    """The same through a process and its text."""
+    command = "{python} -m isoconform dump {file} --layers {layers}"
+    code, lines = run_some(capsys, "run", "--layers", "--decoder", command)
+    assert (code, lines[-1]) == (0, f"{len(SOME)} passed, 0 failed")
+
+
+@pytest.mark.parametrize(
+    ("body", "wrong"),
+    [
+        ("text = text[:-2] + '7\\n' if text else text", {*SOME} - {"plane_ends_in_header", "bad_trailing"}),
+        ("text = text.replace('v ', 'v  ', 1)", {*SOME} - {"plane_ends_in_header", "bad_trailing"}),
+        ("text = text.rsplit('\\n', 2)[0] + '\\n' if text else text", {*SOME} - {"plane_ends_in_header", "bad_trailing"}),
+        ("code = 0", {"plane_ends_in_values", "plane_ends_in_header", "bad_trailing"}),
+        ("code = 1 if code == 4 else code", {"bad_trailing"}),
+        ("text = text or 'shape 2 2'", {"plane_ends_in_header", "bad_trailing"}),
+    ],
+)  # fmt: skip
+def test_wrong_decoders_fail(capsys, tmp_path, importable, body, wrong):
+    """A changed number, another layout, a lost line, files accepted that are not whole or not right, crashes."""
+    code, lines = run_some(capsys, "--decoder", decoder_of(tmp_path, body))
+    assert code == 1
+    assert {line.split()[1].rstrip(":") for line in lines if line.startswith("FAIL")} == wrong
+    assert lines[-1] == f"{len(SOME) - len(wrong)} passed, {len(wrong)} failed"
+
+
+def test_first_difference_is_named(capsys, tmp_path, importable):
+    """Line and word, where the expected text is kept."""
+    text = (HOME / "plane_values_8_bit.txt").read_text().splitlines()
+    row = text[4].split()
+    changed = int(row[-1]) + 1
+    body = f"lines = text.splitlines(); lines[4] = {' '.join([*row[:-1], str(changed)])!r}\n"
+    body += "text = '\\n'.join(lines) + '\\n'"
+    code, lines = run_some(capsys, "--decoder", decoder_of(tmp_path, body), names=["plane_values_8_bit"])
+    assert code == 1
+    assert f"line 5, word {len(row)}: {changed}, expected {row[-1]}" in lines[0]
+
+
+def test_a_wrong_layer_fails(capsys, tmp_path, importable):
+    """Right at the end, wrong on the way: only ``--layers`` sees that."""
+    command = decoder_of(tmp_path, "text = text if sys.argv[2] in '01' else text[:-2] + '9\\n'")
+    names = ["space_offsets_4"]
+    assert run_some(capsys, "--decoder", command, names=names)[0] == 0
+    code, lines = run_some(capsys, "--layers", "--decoder", command, names=names)
+    assert code == 1
+    assert "after layer 2" in lines[0]
+
+
+def test_a_decoder_that_hangs_fails(capsys, monkeypatch):
+    """After the time that a decoder has."""
+    monkeypatch.setattr(runner, "TIMEOUT", 0.5)
+    command = "{python} -c 'import time; time.sleep(30)' {file}"
+    code, lines = run_some(capsys, "--decoder", command, names=["bad_trailing"])
+    assert code == 1
+    assert "no answer" in lines[0]
+
+
+def test_damaged_vectors_fail(capsys, tmp_path):
+    """A file that is not the manifest's, or missing."""
+    (tmp_path / NAME).write_bytes((HOME / NAME).read_bytes())
+    (tmp_path / "bad_text.iso").write_bytes(b"another text")
+    code, lines = run_some(capsys, "--vectors", str(tmp_path), names=["bad_text", "plane_flat"])
+    assert (code, lines[-1]) == (1, "0 passed, 2 failed")
+
+
+def test_json_report(capsys):
+    """For programs."""
+    code, lines = run_some(capsys, "--json")
+    report = json.loads("\n".join(lines))
+    assert code == 0
+    assert (report["passed"], report["failed"]) == (len(SOME), 0)
+    assert {entry["name"] for entry in report["vectors"]} == set(SOME)
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ["--only", "no_such_vector"],
+        ["--vectors", "/no/such/directory"],
+        ["--decoder", "cat"],
+        ["--decoder", "/no/such/decoder {file}"],
+        ["--layers", "--decoder", "cat {file}"],
+        ["dump", "/no/such/file.iso"],
+    ],
+)
+def test_usage_errors(capsys, arguments):
+    """Said in one line, exit code 2."""
+    assert main(arguments) == 2
+    assert capsys.readouterr().err.count("\n") == 1
+
+
+def test_dump(capfdbinary):
+    """Text on standard output, errors elsewhere, exit codes by outcome."""
+    for name, code in (("plane_values_8_bit", 0), ("plane_ends_in_values", CUT_OFF), ("bad_trailing", REFUSED[0])):
+        vector = BY_NAME[name]
+        assert main(["dump", str(HOME / vector.file)]) == code
+        sys.stdout.flush()
+        captured = capfdbinary.readouterr()
+        if code in REFUSED:
+            assert not captured.out
+        else:
+            assert digest(captured.out.decode("ascii")) == vector.expected.state
+        assert bool(captured.err) == (code != 0)
+
+
+def test_dump_of_some_layers():
+    """``--layers N`` is the state after layer N; more layers than there are is the whole file."""
+    vector = BY_NAME["plane_values_interleaved"]
+    data = (HOME / vector.file).read_bytes()
+    for number, (_, text) in enumerate(canonical_layers(data), 1):
+        assert dump(data, layers=number).text == text
+        assert digest(text) == vector.layers[number - 1].state
+    assert digest(dump(data, layers=1000).text) == vector.expected.state
