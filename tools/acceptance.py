@@ -315,7 +315,8 @@ def prefix(folder: Path, output: Path | None, cuts: int = 200, files: int = 10) 
                 points.append((int(length), mean_distance(Sampled.of(contour), reference)))
         curves[f"{name} @ {item.isovalue}"] = points
         kind = "exact" if options else "0.05"
-        yield f"| {name} | {item.isovalue} | {kind} | {len(data)} | {fine} / {cuts} | {ordered} | {100 * growth:+.1f} % |"
+        row = [name, item.isovalue, kind, len(data), f"{fine} / {cuts}", ordered, f"{100 * growth:+.1f} %"]
+        yield f"| {' | '.join(map(str, row))} |"
     if output:
         _plot(curves, output / "prefix.png")
         yield f"\nplot: {output / 'prefix.png'}"

@@ -76,6 +76,15 @@ class Field:
             )  # fmt: skip
         return number.astype(np.int64)
 
+    def number_bits(self) -> tuple[int, int]:
+        """Bits that the numbers of all samples need, above and below the isovalue."""
+        ends = [np.unravel_index(int(i), self.values.shape) for i in (self.values.argmax(), self.values.argmin())]
+        positions = np.array(ends, np.int64)
+        above = self.signs[tuple(positions.T)]
+        numbers = self.numbers(positions, above)
+        bits = [max((int(n).bit_length() for n in numbers[above == side]), default=0) for side in (True, False)]
+        return bits[0], bits[1]
+
     def crossings(self, positions: NDArray[np.integer], axis: NDArray[np.integer]) -> NDArray[np.int64]:
         """Offsets of the crossings on grid edges as binary fractions of 30 bits, by linear interpolation.
 

@@ -206,7 +206,8 @@ class Tube:
         self._activate()
         above = self.state.vertex[self._active, 3] != 0
         numbers = self._wanted[self._active]
-        return tuple(int(numbers[side].max(initial=0)).bit_length() for side in (above, ~above))  # type: ignore[return-value]
+        bits = [int(numbers[side].max(initial=0)).bit_length() for side in (above, ~above)]
+        return bits[0], bits[1]
 
     def begin_values(self, plane: int) -> None:
         """Begin a layer of geometry by values, down to ``plane`` missing bits."""

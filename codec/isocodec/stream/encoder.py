@@ -4,14 +4,12 @@ from __future__ import annotations
 
 import math
 import zlib
-from collections.abc import Callable, Iterator, Mapping
-from itertools import accumulate
-from operator import mul
+from collections.abc import Callable, Iterator, Mapping, Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from isospec.container import MAX_PARTS, Checksum, ChunkType, Profile
+from isospec.container import MAX_PARTS, Checksum, ChunkType, Operation, Profile
 from isospec.elements import BY_LAYER, ELEMENTS
 
 from ..entropy.baseline import models, rates
@@ -23,7 +21,7 @@ from ..passes.tube import Limits, Truth, Tube
 from .container import LayerRecord, write_chunk, write_index, write_metadata
 from .decoder import begin_layer
 from .header import Header, write_header
-from .program import Layer, Progress, write_program
+from .program import Layer, Progress, expand, write_program
 
 DEFAULT_TOLERANCE = 0.05
 """Largest distance in cells between decoded and extracted curve when nothing else is asked for."""
@@ -53,6 +51,10 @@ class Encoder:
         Float data: send the values next to the curve to within half this step.
     base_level : int, optional
         Uniform level of the base; the level of the full grid makes a single-rate file.
+    plan : sequence of (str, int or None), optional
+        Instead of all these but ``step``: the layers one by one, as ``("base", level)``, ``("refine", rounds)``,
+        ``("values", bits)``, ``("offsets", radix)``, where None means as far as it goes. Values may stand between
+        rounds; offsets need the full grid and an odd radix.
     profile : str
         ``baseline``.
     metadata : mapping of str to str, optional
@@ -77,6 +79,7 @@ class Encoder:
         signs_only: bool = False,
         step: float | None = None,
         base_level: int | None = None,
+        plan: Sequence[tuple[str, int | None]] | None = None,
         profile: str = "baseline",
         metadata: Mapping[str, str] | None = None,
         progress: Callable[[int, int], object] | None = None,
@@ -89,6 +92,10 @@ class Encoder:
             )
             if given
         ]  # fmt: skip
+        if plan is not None and (base_level is not None or asked not in ([], ["step"])):
+            raise OptionError("a plan contradicts the other options", code="options", remedy="give the plan alone")
+        if not asked:
+            tolerance = DEFAULT_TOLERANCE
         if len(asked) > 1:
             raise OptionError(f"{' and '.join(asked)} contradict one another", code="options", remedy="choose one")
         if profile.upper() not in Profile.__members__:
@@ -99,8 +106,6 @@ class Encoder:
             raise OptionError(
                 "exact is for integer data, and the field holds floats", code="exact", remedy="use step or tolerance"
             )
-        radices = _radices(DEFAULT_TOLERANCE if not asked else tolerance)
-        self._values = exact or step is not None
         self._metadata = dict(metadata or {})
         self._report = progress
         self.header = Header(self.field.values.shape, self.field.isovalue, step, Profile[profile.upper()])
@@ -108,6 +113,19 @@ class Encoder:
         coder = Coder(np.zeros(REGISTERS, np.int64), np.zeros(1 << 16, np.uint8), *models(), rates())
         truth = Truth(self.field.signs, self.field.numbers, self.field.crossings)
         self._tube = Tube(self.field.values.shape, coder, Limits(), truth)
+        self.layers: list[Layer] = []
+        self.records: list[LayerRecord] = []
+        self._run_bytes = 0
+        self._progress = Progress(self._tube.full_level)
+        if plan is None:
+            plan = self._default_plan(base_level, exact or step is not None, None if exact or step else tolerance)
+        self._plan = [_operation(kind, number) for kind, number in plan]
+        self._extend()
+
+    def _default_plan(
+        self, base_level: int | None, values: bool, tolerance: float | None
+    ) -> list[tuple[str, int | None]]:
+        """Base, refinement to the full grid, then all values, or offsets as fine as the tolerance asks for."""
         full = self._tube.full_level
         level = min(BASE_CYCLES * self._tube.n, full) if base_level is None else base_level
         if not 0 <= level <= full:
@@ -115,11 +133,33 @@ class Encoder:
                 f"base level {level}; for this field it lies between 0 and {full}", code="base-level",
                 remedy=f"the full grid is level {full}",
             )  # fmt: skip
-        self.layers = [Layer("base", level)]
-        self.layers += [Layer("refine", i) for i in range(level + 1, full + 1)]
-        self.layers += [Layer("offsets", full, 0, parts) for parts in accumulate(radices, mul)]
-        self.records: list[LayerRecord] = []
-        self._run_bytes = 0
+        plan: list[tuple[str, int | None]] = [("base", level)]
+        if level < full:
+            plan.append(("refine", None))
+        if values:
+            plan.append(("values", None))
+        return plan + [("offsets", radix) for radix in _radices(tolerance)]
+
+    def _extend(self) -> None:
+        """Turn operations of the plan into layers, up to the first values: they wait until their range is known."""
+        state = self._progress
+        while self._plan:
+            operation, number = self._plan[0]
+            if operation == Operation.VALUES and state.bits is None:
+                if len(self.layers) > len(self.records):
+                    return
+                later = any(o == Operation.REFINE for o, _ in self._plan)
+                state.bits = self.field.number_bits() if later else self._tube.value_bits()
+                state.plane = max(state.bits)
+                self._tube.bits_above, self._tube.bits_below = state.bits
+            try:
+                fresh = expand(operation, number or 0, number is None, state)
+            except ValueError as error:
+                raise OptionError(f"the plan cannot be carried out: {error}", code="plan") from None
+            for layer in fresh:
+                state.add(layer)
+            self.layers += fresh
+            del self._plan[0]
 
     def __iter__(self) -> Iterator[bytes]:
         checksum = 0
@@ -158,11 +198,7 @@ class Encoder:
         i = first
         while i < len(self.layers):
             before = tube.tally()[: len(ELEMENTS)]
-            if self._values and i == len(self.layers) - 1 and self.layers[i].kind in ("base", "refine"):
-                self._advance(i)
-                self._plan_values()
-            else:
-                self._advance(i)
+            self._advance(i)
             counts = dict(zip(ELEMENTS, map(int, tube.tally()[: len(ELEMENTS)] - before), strict=True))
             used = int(tube.coder.reg[POS]) + 4
             self.records.append(
@@ -170,6 +206,7 @@ class Encoder:
             )
             begun = used
             i += 1
+            self._extend()
             if self._report:
                 self._report(i, len(self.layers))
             if used >= RUN_BYTES:
@@ -196,13 +233,16 @@ class Encoder:
             wider[: len(buf)] = buf
             tube.coder = tube.coder._replace(buf=wider)
 
-    def _plan_values(self) -> None:
-        """Append the layers of values, now that the vertices are known that need them."""
-        above, below = self._tube.value_bits()
-        self._tube.bits_above, self._tube.bits_below = above, below
-        planes = max(above, below)
-        level = self._tube.full_level
-        self.layers += [Layer("values", level, p) for p in range(planes - 1, -1, -1)]
+
+def _operation(kind: str, number: int | None) -> tuple[Operation, int | None]:
+    """An entry of a plan as an operation and its argument."""
+    if kind not in ("base", "refine", "values", "offsets"):
+        raise OptionError(f"unknown layer {kind!r} in a plan", code="plan", remedy="base, refine, values or offsets")
+    if kind == "offsets":
+        if number is None or number % 2 == 0:
+            raise OptionError(f"offsets with radix {number}, needed is an odd number", code="plan")
+        number //= 2
+    return Operation[kind.upper()], number
 
 
 def _radices(tolerance: float | None) -> list[int]:

@@ -138,7 +138,7 @@ def read_program(data: bytes | bytearray, at: int, end: int, progress: Progress)
             state.bits, at = found
             state.plane = max(state.bits)
         try:
-            fresh = _expand(step.operation, argument, stated_all, state)
+            fresh = expand(step.operation, argument, stated_all, state)
         except ValueError as error:
             raise FormatError(str(error), code="program", offset=start, clause="3.6") from None
         if state.layers + len(fresh) > LAYER_LIMIT:
@@ -167,7 +167,8 @@ def _read_bits(data: bytes | bytearray, at: int, end: int) -> tuple[tuple[int, i
     return (bits[0], bits[1]), place
 
 
-def _expand(operation: int, argument: int, stated_all: bool, state: Progress) -> list[Layer]:
+def expand(operation: int, argument: int, stated_all: bool, state: Progress) -> list[Layer]:
+    """Layers of one operation, after those of ``state``; ValueError if it cannot follow on them."""
     full = state.full_level
     if operation in (Operation.BASE, Operation.BASE_AND_REFINE):
         if state.level >= 0:
