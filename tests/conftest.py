@@ -15,8 +15,9 @@ KERNEL_HOMES = ("codec/isocodec/jit.py", "codec/isocodec/grid", "codec/isocodec/
 
 
 def kernel_digest() -> str:
-    """Digest of the names and bytes of all sources that end up in compiled kernels."""
-    digest = hashlib.sha256()
+    """Digest of the names and bytes of all sources that end up in compiled kernels, and of how they are compiled."""
+    # a kernel that was compiled without bounds checks would be loaded in a run with them
+    digest = hashlib.sha256(os.environ.get("NUMBA_BOUNDSCHECK", "").encode())
     for home in (ROOT / name for name in KERNEL_HOMES):
         for path in sorted([home] if home.is_file() else home.rglob("*.py")):
             text = path.read_bytes()

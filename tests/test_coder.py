@@ -4,13 +4,27 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from brute import examples
 from hypothesis import given
 from hypothesis import strategies as st
 
+from brute import examples
 from isocodec.entropy.baseline import CONTEXTS, models, rates
 from isocodec.entropy.coder import (
-    BEYOND, DECODE, ENCODE, END, FINAL, FLOOR, LEFT, ONE, OVER, REGISTERS, Coder, code, cut, finish, start,
+    BEYOND,
+    DECODE,
+    ENCODE,
+    END,
+    FINAL,
+    FLOOR,
+    LEFT,
+    ONE,
+    OVER,
+    REGISTERS,
+    Coder,
+    code,
+    cut,
+    finish,
+    start,
 )  # fmt: skip
 from isocodec.passes.parabola import LEAST, MOST, WEIGHTS, extrapolation, nearer
 

@@ -8,16 +8,17 @@ from itertools import product
 
 import numpy as np
 import pytest
-from brute import blobs, crossing_edges, crossing_points, examples, exponent, lattice, mixed, sign_fields, smooth
 from hypothesis import given
 from hypothesis import strategies as st
 
+from brute import blobs, crossing_edges, crossing_points, examples, exponent, lattice, mixed, sign_fields, smooth
 from isocodec import Decoder, Encoder
 from isocodec.entropy.coder import ENCODE, END, FINAL, finish, start
 from isocodec.grid.field import interval_value
 from isocodec.jit import DONE, NEED
 from isocodec.stream.events import BaseComplete, GeometryRefined, LayerComplete, LevelComplete
 from isocodec.stream.header import write_header
+from isocodec.stream.program import Layer
 
 # --- set-up and checks ----------------------------------------------------------------------------------------------
 
@@ -137,6 +138,17 @@ def test_elongated_boxes(shape):
     same_state(encoder._tube, decoder._tube)
 
 
+@pytest.mark.parametrize("base_level", range(12, 19))
+def test_every_base_level_of_a_deep_mesh(base_level):
+    """260 samples: the full grid is level 18, and bases lie on both sides of 14 and 15, which layer programs escape."""
+    field = smooth((3, 260), 5, 6)
+    decoder = Decoder()
+    decoder.feed(b"".join(Encoder(field, 0.05, signs_only=True, base_level=base_level)))
+    decoder.close()
+    assert [layer.level for layer in decoder.layers] == list(range(base_level, 19))
+    check_full_grid(leaves_of(decoder._tube), field > 0.05)
+
+
 @pytest.mark.parametrize("inside", [True, False])
 def test_isolated_pixel_anywhere(inside):
     """A component far from any curve, of one vertex, in each of the 289 places of a picture and from a coarse base."""
@@ -204,7 +216,7 @@ def integer_fields(draw, n, most):
 def test_values_are_exact(case):
     """C2-geometry: after the last plane every vertex that the drawing uses has its sample's value."""
     field, isovalue = case
-    encoder, decoder = decode_and_check(field, isovalue, exact=True)
+    _, decoder = decode_and_check(field, isovalue, exact=True)
     if decoder._tube.has_values:
         check_values(leaves_of(decoder._tube, isovalue), field, full=True)
     points = decoder.snapshot().points
@@ -234,30 +246,33 @@ def test_each_plane_halves_the_interval(case):
 
 @examples(80)
 @given(st.one_of(integer_fields(2, 18), integer_fields(3, 7)))
-def test_offsets_halve_the_error(case):
-    """After b planes of offsets a crossing is within 2**-(b + 1) of a cell of linear interpolation's."""
+def test_offsets_close_in(case):
+    """In P parts a crossing is within 1 / (2 P) of a cell of linear interpolation's, and never moves away from it."""
     field, isovalue = case
-    encoder, decoder = decode_and_check(field, isovalue, tolerance=1.0)
-    data = b"".join(Encoder(field, isovalue, tolerance=1 / 64))  # 5 planes: 2**-6
     decoder = Decoder()
-    decoder.feed(data)
-    planes = 0
+    decoder.feed(b"".join(Encoder(field, isovalue, tolerance=1 / 64)))
+    expected_low, expected_axis = crossing_edges(field > isovalue)
+    expected = {(*p, a) for p, a in zip(map(tuple, expected_low.tolist()), expected_axis.tolist(), strict=True)}
+    last = np.full(len(expected), 0.5)
+    parts = 1
     for event in decoder:
         if not isinstance(event, GeometryRefined):
             continue
-        planes += 1
+        assert event.layer.parts > parts
+        parts = event.layer.parts
         leaves = leaves_of(decoder._tube, isovalue)
         low, axis = leaves.position[leaves.edge_vertex], leaves.edge_axis
-        expected_low, expected_axis = crossing_edges(field > isovalue)
-        named = [tuple(p) + (int(a),) for p, a in zip(low.tolist(), axis, strict=True)]
-        assert len(named) == len(set(named))
-        assert set(named) == {tuple(p) + (int(a),) for p, a in zip(expected_low.tolist(), expected_axis, strict=True)}
+        named = [(*p, a) for p, a in zip(map(tuple, low.tolist()), axis.tolist(), strict=True)]
+        assert len(named) == len(expected) and set(named) == expected
         high = low.copy()
         high[np.arange(len(low)), axis] += 1
         f0, f1 = field[tuple(low.T)].astype(float), field[tuple(high.T)].astype(float)
-        truth = (isovalue - f0) / (f1 - f0)
-        assert np.abs(leaves.edge_offset - truth).max(initial=0) <= 2.0 ** -(planes + 1)
-    assert planes == 5 or not len(crossing_edges(field > isovalue)[0])
+        error = np.abs(leaves.edge_offset - (isovalue - f0) / (f1 - f0))
+        # the encoder's crossings are fractions of 30 bits
+        assert error.max(initial=0) <= 0.5 / parts + 2.0**-30
+        assert (error <= last + 2.0**-30).all()
+        last = error
+    assert 0.5 / parts <= 1 / 64
 
 
 # --- layers in any order --------------------------------------------------------------------------------------------
@@ -362,6 +377,22 @@ def test_two_bits_in_between_two_levels():
     steps.append(("values", 0))
     *_, (_, tube) = run_layers(encoder, steps)
     check_values(leaves_of(tube, 700), field, full=True)
+
+
+def test_planned_layers():
+    """C2-geometry: the same order as a plan of a whole file; a layer that is complete is as near as its planes say."""
+    field = np.rint(300 * smooth((17, 15), 4)).astype(np.int64)
+    plan = [("base", 4), *[("values", 2), ("refine", 1)] * 4, ("values", None)]
+    decoder = Decoder()
+    decoder.feed(b"".join(Encoder(field, 40, plan=plan)))
+    kinds = []
+    for event in decoder:
+        if isinstance(event, LayerComplete):
+            kinds.append(event.layer.kind)
+            check_level(leaves_of(decoder._tube, 40), field > 40, event.layer.level)
+    assert kinds[:7] == ["base", "values", "values", "refine", "values", "values", "refine"]
+    assert decoder.complete and decoder.layers[-1] == Layer("values", 8, 0)
+    check_values(leaves_of(decoder._tube, 40), field, full=True)
 
 
 # --- stopping anywhere ----------------------------------------------------------------------------------------------

@@ -8,19 +8,27 @@ from functools import cache
 
 import numpy as np
 import pytest
-from brute import INTERPRETED, examples, smooth
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, rule
 
 import isocodec
+from brute import INTERPRETED, examples, smooth
 from isocodec import Decoder, Encoder, FormatError, IsoError, LimitError, Limits, OptionError, TruncatedError
 from isocodec.stream import container, encoder
 from isocodec.stream.events import BaseComplete, ChunkSkipped, End, HeaderRead, LayerComplete, MetadataRead
 from isocodec.stream.header import Header, read_header, write_header
 from isocodec.stream.program import Layer, Progress, read_program, write_program
 from isospec.container import (
-    CHECKED_CHUNK, LAYER_LIMIT, MAX_SIDE, WRITER_VERSION, ChunkType, VarintError, read_varint, unzigzag, write_varint,
+    CHECKED_CHUNK,
+    LAYER_LIMIT,
+    MAX_SIDE,
+    WRITER_VERSION,
+    ChunkType,
+    VarintError,
+    read_varint,
+    unzigzag,
+    write_varint,
     zigzag,
 )  # fmt: skip
 
@@ -43,6 +51,7 @@ def files():
         "signs": isocodec.encode(picture((12, 20), 3, noise=0.4), 0, signs_only=True, base_level=0),
         "step": isocodec.encode(smooth((9, 13), 4), 0.123, step=0.01, metadata={"name": "wave", "unit": "m"}),
         "single rate": isocodec.encode(picture((11, 11), 5), 0, tolerance=0.3, base_level=8),
+        "deep values": isocodec.encode(picture((6, 5), 7, span=1e6), 0.5, exact=True),
         "empty": isocodec.encode(np.zeros((8, 5), int), 0),
     }
     # Small limits in the encoder make a short file with all that a long one has: runs, checksums, an index.
@@ -55,7 +64,7 @@ def files():
     return made
 
 
-NAMES = ["exact", "offsets", "signs", "step", "single rate", "empty", "several runs"]
+NAMES = ["exact", "offsets", "signs", "step", "single rate", "deep values", "empty", "several runs"]
 
 
 @cache
@@ -245,8 +254,7 @@ def test_errors_are_sticky():
     decoder.feed(data[3:])
     with pytest.raises(FormatError) as first:
         list(decoder)
-    decoder.feed(bytes(10))
-    for call in (lambda: list(decoder), decoder.snapshot, decoder.close):
+    for call in (lambda: list(decoder), lambda: decoder.feed(bytes(10)), decoder.snapshot, decoder.close):
         with pytest.raises(FormatError) as again:
             call()
         assert again.value is first.value
@@ -277,7 +285,7 @@ def test_truncate_to_layers(name):
 
 @pytest.mark.parametrize("name", NAMES)
 def test_truncate_to_bytes(name):
-    """As many symbols as fit: a valid file, no longer than asked, which draws what some prefix near that length does."""
+    """As many symbols as fit: a valid file, not too long, which draws what some prefix near that length does."""
     data = files()[name]
     prefixes = []
     for length in range(len(data) + 1):
@@ -577,13 +585,13 @@ def test_headers_return(shape, isovalue, scale):
 
 
 def program(encoding, full=4):
-    """Layers of a program of a file whose full grid is level ``full``, as (kind, level, plane)."""
+    """Layers of a program of a file whose full grid is level ``full``, as (kind, level, plane or parts)."""
     data = bytes.fromhex(encoding.replace(" ", ""))
     found = read_program(data, 0, len(data), Progress(full))
     assert all(read_program(data, 0, end, Progress(full)) is None for end in range(len(data)))
     layers, at = found
     assert at == len(data)
-    return [(layer.kind, layer.level, layer.plane) for layer in layers]
+    return [(layer.kind, layer.level, layer.plane or layer.parts) for layer in layers]
 
 
 BASE_2, REFINE_3, REFINE_4 = ("base", 2, 0), ("refine", 3, 0), ("refine", 4, 0)
@@ -598,8 +606,9 @@ BASE_2, REFINE_3, REFINE_4 = ("base", 2, 0), ("refine", 3, 0), ("refine", 4, 0)
         ("82 11", [BASE_2, REFINE_3]),  # more; operation 1, one round
         ("82 1f", [BASE_2, REFINE_3, REFINE_4]),
         ("42", [BASE_2, REFINE_3, REFINE_4]),  # operation 4: base and all rounds
-        ("8f 32", [("base", 4, 0), ("offsets", 4, 1), ("offsets", 4, 2)]),
-        ("8f 3e 02", [("base", 4, 0), ("offsets", 4, 1), ("offsets", 4, 2)]),
+        ("8f 32", [("base", 4, 0), ("offsets", 4, 5)]),  # 2 * 2 + 1 parts
+        ("8f 3e 10", [("base", 4, 0), ("offsets", 4, 33)]),
+        ("8f b1 32", [("base", 4, 0), ("offsets", 4, 3), ("offsets", 4, 15)]),
         ("8f 2f 12", [("base", 4, 0), ("values", 4, 1), ("values", 4, 0)]),  # 1 bit above, 2 below
         ("8f 21 12", [("base", 4, 0), ("values", 4, 1)]),
         ("82 a1 03 91 21", [BASE_2, ("values", 2, 2), REFINE_3, ("values", 3, 1)]),  # bits are stated once
@@ -625,10 +634,10 @@ def test_program(encoding, layers):
         ("82 10", 1),  # none
         ("82 9f 11", 2),  # one more than there are
         ("82 31", 1),  # offsets before the full grid
-        ("8f 30", 1),  # no planes of offsets
+        ("8f 30", 1),  # offsets in one part
         ("8f 3f", 1),
-        ("8f 3e 1f", 1),  # 31 of them
-        ("8f bd bd 35", 3),  # 13 + 13 + 5
+        ("8f 3e 20", 1),  # in 65 parts
+        ("8f be 1f be 1f be 1f be 1f 31", 9),  # in 63**4 = 15,752,961 parts, and each of those in 3: more than 2**24
         ("8f b1 21 11", 2),  # values after offsets
         ("8f b1 11", 2),  # refinement after offsets
         ("8f a1 11 31", 3),  # offsets after values
@@ -671,7 +680,8 @@ def layer_lists_(draw):
             plane -= 1
             layers.append(Layer("values", layers[-1].level, plane))
     if not use_values and layers[-1].level == full:
-        layers += [Layer("offsets", full, i) for i in range(1, draw(st.integers(0, 30)) + 1)]
+        for radix in draw(st.lists(st.integers(1, 31).map(lambda half: 2 * half + 1), max_size=4)):
+            layers.append(Layer("offsets", full, 0, max(layers[-1].parts, 1) * radix))
     return full, bits, layers
 
 
@@ -827,7 +837,8 @@ def test_inspect(name):
     data = files()[name]
     info = isocodec.inspect(data, symbols=True)
     layers = [event for event in whole(name)[0] if isinstance(event, LayerComplete)]
-    assert [(x.kind, x.level, x.plane) for x in info.layers] == [(e.layer.kind, e.layer.level, e.layer.plane) for e in layers]
+    stated = [(e.layer.kind, e.layer.level, e.layer.plane) for e in layers]
+    assert [(x.kind, x.level, x.plane) for x in info.layers] == stated
     assert [x.symbols for x in info.layers] == [e.symbols for e in layers]
     assert info.complete and info.bytes == len(data)
     assert info.chunks[0].offset == read_header(data)[1]

@@ -190,18 +190,26 @@ def plain_table(title: str, headings: Sequence[str], rows: Sequence[Sequence[str
     return table
 
 
+def layer_name(layer: LayerInfo) -> str:
+    """What a layer sends, in short."""
+    if layer.kind == "values":
+        return f"values, bit {layer.plane}"
+    if layer.kind == "offsets":
+        return f"offsets, 1/{layer.parts} cell"
+    return f"{layer.kind} {layer.level}"
+
+
 def layer_table(result: Result) -> Table:
     """Bytes by layer of the files of one item; layers that a file does not have stay empty."""
-    found: dict[tuple[str, int, int], dict[str, LayerInfo]] = {}
+    found: dict[str, dict[str, LayerInfo]] = {}
     overhead = {}
     for mode in LAYERED:
         info = isocodec.inspect(result.files[mode], symbols=True)
         overhead[mode] = info.overhead_bytes
         for layer in info.layers:
-            found.setdefault((layer.kind, layer.level, layer.plane), {})[mode] = layer
+            found.setdefault(layer_name(layer), {})[mode] = layer
     rows = []
-    for (kind, level, plane), by_mode in found.items():
-        name = f"{kind} {level}" if kind in ("base", "refine") else f"{kind}, bit {plane}"
+    for name, by_mode in found.items():
         symbols = sum((next(iter(by_mode.values())).symbols or {}).values())
         rows.append([name, f"{symbols:,}", *(f"{by_mode[m].bytes:,}" if m in by_mode else "" for m in LAYERED)])
     rows.append(["all that is not coded data", "", *(f"{overhead[m]:,}" for m in LAYERED)])

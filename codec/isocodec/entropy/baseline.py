@@ -12,8 +12,8 @@ from isospec.container import MAX_RADIX
 
 from .coder import ONE
 
-PLANES = 64
-DEPTHS = 28
+PLANES = 52
+DEPTHS = 25
 OFFSET_LAYERS = 8
 OFFSET_STRIDE = 8 + MAX_RADIX // 2
 
@@ -26,7 +26,7 @@ _LAYOUT = {
     "FIRST": (8, 0.5, 1),
     "BASE_CURVE": (4, 0.8, 8),
     "BASE_SURFACE": (3 * 4 * 4 * 4, 0.8, 4),
-    "SIGNIFICANT": (DEPTHS * 3 * 2, 0.5, 1),
+    "SIGNIFICANT": (DEPTHS * 3, 0.5, 1),
     "SIGNIFICANT_LEAF": (3 * 4 * 3, 0.2, 2),
     "REFINE_BORDER": (3 * 10 * 4, 0.2, 4),
     "REFINE_CROSSED": (3 * 10 * 3 * 4, 0.8, 4),

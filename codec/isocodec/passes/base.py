@@ -273,7 +273,8 @@ def base(st, cd, mark, pyramid, levels):
         elif phase == _LOCATE:
             depth = w[DEPTH]
             if depth == depth_all:
-                if visited(st, mark, r, w[CLASS], w[B0], w[B1], w[B2]):
+                cls, b0, b1, b2 = w[CLASS], w[B0], w[B1], w[B2]
+                if not exists(st, st.at[EDGE], r, cls, b0, b1, b2) or visited(st, mark, r, cls, b0, b1, b2):
                     st.at[ERROR] = 1
                     return BAD
                 w[CORNER] = 0
@@ -292,9 +293,6 @@ def base(st, cd, mark, pyramid, levels):
                     return _stop(bit)
                 st.at[TALLY + LOCATION] += 1
             if w[TIGHT] and bit != w[PATH + depth]:
-                if bit < w[PATH + depth]:
-                    st.at[ERROR] = 2
-                    return BAD
                 w[TIGHT] = 0
             w[PATH + depth] = bit
             w[CLASS] = k1 if bit else k0

@@ -21,6 +21,7 @@ from .state import (
     ERROR,
     LAST,
     LEVEL,
+    MOST_WORK,
     SIGNIFICANCE,
     SIZE,
     TALLY,
@@ -111,12 +112,12 @@ def infer(st, x, y, z):
     """Sign of a vertex of the mesh that is not known: that of the first known vertex on the way back (clause 5.5.4).
 
     Above the base level the way leads to an end of the edge that the vertex was created on; on the cubes of the
-    base level along their edges towards the origin, axis by axis.
+    base level along their edges towards the origin, axis by axis. -1 when the limit of steps is reached.
     """
     n = dimension(st.tables)
     m = st.at[BASE_LEVEL] // n
     coarse = np.int64(1) << (st.at[SIZE] - m)
-    while True:
+    while st.at[WORK] < st.at[MOST_WORK]:
         st.at[WORK] += 1
         e = entry(st, x, y, z)
         if e != 0:
@@ -138,6 +139,7 @@ def infer(st, x, y, z):
             y -= coarse
         else:
             z -= coarse
+    return np.int64(-1)
 
 
 @kernel
@@ -289,7 +291,7 @@ def significance(st, cd, items):
     zero = np.int64(0)
     if w[STARTED] == 0:
         h = height(max(cubes0, cubes1, cubes2))
-        bit = code(cd, ctx.SIGNIFICANT + h * 6, np.int64(encoding and len(items) > 0))
+        bit = code(cd, ctx.SIGNIFICANT + h * 3, np.int64(encoding and len(items) > 0))
         if bit < 0:
             return CUT if bit == -2 else NEED
         st.at[TALLY + SIGNIFICANCE] += 1
@@ -327,7 +329,7 @@ def significance(st, cd, items):
                 near = np.int64(_near(most))
             bit = np.int64(1)
             if child < fan - 1 or hits > 0:
-                context = ctx.SIGNIFICANT + (shift * 3 + min(hits, 2)) * 2
+                context = ctx.SIGNIFICANT + shift * 3 + min(hits, 2)
                 if shift == 0:
                     context = ctx.SIGNIFICANT_LEAF + near * 3 + min(hits, 2)
                 want = _wanted(items, w[ITEM], inner, SLOT_BITS + n * shift) if encoding else np.int64(0)
@@ -376,6 +378,9 @@ def significance(st, cd, items):
                 i += 1
             u0, u1, u2 = position(edge, w0 >> 2, w1 >> 2, w2 >> 2, corner(st.tables, kind, i))
             sign = infer(st, u0, u1, u2)
+            if sign < 0:
+                st.at[ERROR] = 5
+                return BAD
         bisect(st, kind, w0, w1, w2, inside, members, known, corners if sign else np.int64(0), 1 - sign)
     if encoding and w[ITEM] != len(items):
         st.at[ERROR] = 4

@@ -14,7 +14,7 @@ from ..mesh.access import dimension, vertex
 from ..mesh.store import Store, full, get, put
 
 # Counters in State.at.
-LEVEL, EDGE, VERTICES, LEAVES, DONE_LEAVES, NEXT, BASE_LEVEL, ERROR, WORK, SIZE, BEFORE_ROUND = range(11)
+LEVEL, EDGE, VERTICES, LEAVES, DONE_LEAVES, NEXT, BASE_LEVEL, ERROR, WORK, SIZE, BEFORE_ROUND, MOST_WORK = range(12)
 LAST = 16
 """Largest sample index along each axis, in State.at."""
 TALLY = 20

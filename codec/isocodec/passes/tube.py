@@ -32,23 +32,23 @@ from .state import (
     LAST,
     LEAVES,
     LEVEL,
+    MOST_WORK,
     NEXT,
     SIZE,
     STEP_LEAVES,
     STEP_VERTICES,
     TALLY,
     VERTICES,
-    WORK,
     State,
 )  # fmt: skip
 
 NOTHING = np.zeros(0, np.int64)
 STACK = 4096
+OUT_OF_STEPS = 5
 
-_CLAUSES = {1: "5.3.2", 2: "5.3.2", 3: "5.3.3", 4: "5.5"}
+_CLAUSES = {1: "5.3.2", 3: "5.3.3", 4: "5.5"}
 _REASONS = {
     1: "a component starts in a simplex that was visited before",
-    2: "components are not in the order of the forest",
     3: "a component starts in a simplex that the curve does not cross",
     4: "a new component could not be placed",
 }
@@ -115,6 +115,7 @@ class Tube:
         self.truth = truth
         counters = np.zeros(COUNTERS, np.int64)
         counters[SIZE] = self.k
+        counters[MOST_WORK] = limits.steps
         counters[LAST : LAST + n] = np.array(shape) - 1
         signs = truth.signs.reshape(truth.signs.shape + (1,) * (AXES - n)) if truth else np.zeros((0, 0, 0), np.bool_)
         self.state = State(
@@ -128,6 +129,7 @@ class Tube:
         self._running = ""
         self._plane = 0
         self._active = NOTHING
+        self._active_level = -1
         self.has_values = False
         self.number = NOTHING
         self.left = NOTHING
@@ -179,7 +181,6 @@ class Tube:
     def begin_round(self) -> None:
         """Begin a round of refinement, to the next level."""
         self._fresh()
-        self.state.at[BEFORE_ROUND] = self.state.at[VERTICES]
         if self.truth:
             found = np.empty(1024, np.int64)
             count = significance.find(self.state, self._busy, found)
@@ -196,6 +197,7 @@ class Tube:
         active = np.empty(count, np.int64)
         used = geometry.active_vertices(st, np.zeros(count, np.uint8), self.level == self.full_level, active)
         self._active = active[:used]
+        self._active_level = self.level
         self._wanted = np.zeros(count if self.truth else 0, np.int64)
         if self.truth:
             above = st.vertex[self._active, 3] != 0
@@ -214,9 +216,9 @@ class Tube:
         st = self.state
         count = int(st.at[VERTICES])
         old = len(self.number)
+        if self.level != self._active_level:
+            self._activate()
         if count > old:
-            if len(self._wanted) != count:
-                self._activate()
             self.number = np.concatenate([self.number, np.zeros(count - old, np.int64)])
             bits = np.where(st.vertex[old:count, 3] != 0, self.bits_above, self.bits_below).astype(np.int64)
             self.left = np.concatenate([self.left, bits])
@@ -253,6 +255,10 @@ class Tube:
                 self._grow()
             elif status == BAD:
                 number = int(self.state.at[ERROR])
+                if number == OUT_OF_STEPS:
+                    raise LimitError(
+                        f"inferring signs takes more than {self.limits.steps} steps", code="limit-steps", clause="11.2"
+                    )
                 raise FormatError(_REASONS[number], code="stream", clause=_CLAUSES[number])
             elif status == DONE:
                 if self._finish():
@@ -261,8 +267,6 @@ class Tube:
                 if status != CUT and self.coder.reg[OVER]:
                     raise FormatError("symbols go on past the end of their run", code="overrun", clause="6.3")
                 return int(status)
-            if self.state.at[WORK] > self.limits.steps:
-                raise LimitError("inferring signs takes more steps than the limit", code="limit-steps", clause="11.2")
 
     def _kernel(self) -> int:
         st, cd = self.state, self.coder
@@ -286,6 +290,7 @@ class Tube:
         match self._running:
             case "base":
                 self._mark = new_store(self.n)
+                at[BEFORE_ROUND] = at[VERTICES]
             case "significance":
                 self._fresh()
                 self._running = "refinement"
@@ -295,6 +300,7 @@ class Tube:
                 self.state = st._replace(leaf=st.below, below=st.leaf)
                 at[LEAVES] = at[NEXT]
                 at[NEXT] = at[DONE_LEAVES] = 0
+                at[BEFORE_ROUND] = at[VERTICES]
                 at[LEVEL] += 1
                 at[EDGE] = 1 << (self.k - int(at[LEVEL]) // self.n)
             case "offsets":

@@ -22,7 +22,7 @@ from ..passes.tube import CUT, Limits, Tube
 from .container import CHECKSUM_BYTES, Envelope, read_envelope, read_metadata
 from .events import BaseComplete, ChunkSkipped, End, Event, GeometryRefined, HeaderRead, LevelComplete, MetadataRead
 from .header import Header, read_header, varint
-from .program import Layer, Progress, read_program
+from .program import Layer, ProgramReader, Progress
 
 _EVENTS = {"base": BaseComplete, "refine": LevelComplete, "values": GeometryRefined, "offsets": GeometryRefined}
 
@@ -90,12 +90,16 @@ class Decoder:
         self._progress = Progress(0)
         self._tube: Tube | None = None
         self._pending: list[Layer] | None = None
+        self._program: ProgramReader | None = None
+        self._program_start = 0
+        self._symbols = UNLIMITED
         self._run = 0
         self._run_read = 0
         self._before = np.zeros(len(ELEMENTS), np.int64)
         self._layer_start = 0
         self._done = 0
         self._cut = False
+        self._last = False
         self._ended = False
         self._closed = False
         self._error: IsoError | None = None
@@ -104,6 +108,8 @@ class Decoder:
 
     def feed(self, data: bytes | bytearray | memoryview) -> None:
         """Store some more bytes of the file."""
+        if self._error is not None:
+            raise self._error
         if self._closed:
             raise TruncatedError("bytes fed after close", code="closed")
         if len(self._data) + len(data) > self.limits.bytes:
@@ -202,6 +208,9 @@ class Decoder:
     def _step(self) -> Event | None:
         """Next event; None if it needs more bytes."""
         while not self._ended:
+            if self._last:
+                self._ended = True
+                return End(self._at)
             if self.header is None:
                 found = read_header(self._data)
                 if found is None:
@@ -229,15 +238,14 @@ class Decoder:
             self._verify(chunk)
             self._at = behind
             self._chunk = self._pending = None
-            self._ended = chunk.last
+            self._cut |= chunk.type == ChunkType.CUT_LAYERS
+            self._last = chunk.last
             if chunk.ancillary:
                 payload = bytes(self._data[chunk.start : chunk.end])
                 if chunk.type == ChunkType.METADATA:
                     self.metadata.update(read_metadata(payload))
-                    return MetadataRead(chunk.end, dict(self.metadata))
-                return ChunkSkipped(chunk.end, chunk.type, len(payload))
-            if self._ended:
-                return End(behind)
+                    return MetadataRead(behind, dict(self.metadata))
+                return ChunkSkipped(behind, chunk.type, len(payload))
         if len(self._data) > self._at:
             raise FormatError("bytes after the end of the file", code="trailing", offset=self._at, clause="3.4.4")
         return None
@@ -282,7 +290,6 @@ class Decoder:
                 raise
             if status == CUT:
                 self._pending = []
-                self._cut = True
             elif status != DONE:
                 return None
             else:
@@ -290,40 +297,52 @@ class Decoder:
                 return self._completed(layer, chunk)
         if not whole:
             return None
-        if _shifts(coder) + 4 < chunk.end - self._run and not self._cut:
+        if _shifts(coder) + 4 < chunk.end - self._run:
             raise FormatError("bytes left over in a run", code="leftover", offset=chunk.end, clause="6.3")
         return None
 
     def _open_run(self, chunk: Envelope, there: int, whole: bool) -> bool:
         """Read the program of a chunk and start its run; False if more bytes are needed."""
-        at = chunk.start
-        symbols = None
-        if chunk.type == ChunkType.CUT_LAYERS:
-            number = varint(self._data, at, there, "3.5.4")
-            if number is not None:
-                symbols, at = number
-        found = None
-        before = Progress(**vars(self._progress))
-        program_start = at
-        if chunk.type == ChunkType.LAYERS or symbols is not None:
-            found = read_program(self._data, at, there, self._progress)
-        if found is None:
-            if whole:
-                raise FormatError("a layer program is not complete", code="program", offset=there, clause="3.6")
-            return False
-        self._pending, self._run = found
-        self.layers += self._pending
-        limit = UNLIMITED if symbols is None else symbols
-        self.runs.append(Run(self._chunk_start, program_start, self._run, list(self._pending), before, limit))
+        if self._program is None:
+            at = chunk.start
+            self._symbols = UNLIMITED
+            if chunk.type == ChunkType.CUT_LAYERS:
+                number = varint(self._data, at, there, "3.5.4")
+                if number is None:
+                    return self._incomplete(there, whole)
+                self._symbols, at = number
+            self._program = ProgramReader(at, self._progress.copy())
+            self._program_start = at
+        program = self._program
+        if not program.read(self._data, there):
+            return self._incomplete(there, whole)
+        if program.progress.layers > self.limits.layers:
+            raise LimitError(
+                f"more than {self.limits.layers} layers", code="limit-layers", offset=self._program_start, clause="11.2"
+            )
+        before, self._progress = self._progress, program.progress
+        self._program = None
+        self._run = program.at
+        self._pending = list(program.layers)
+        self.layers += program.layers
         self._run_read = 0
         self._layer_start = 0
         assert self._tube is not None
         reg = self._tube.coder.reg
         start(reg, DECODE)
-        reg[LEFT] = limit
+        reg[LEFT] = self._symbols
+        run = Run(self._chunk_start, self._program_start, self._run, program.layers, before, self._symbols)
+        self.runs.append(run)
         if self._progress.bits is not None:
             self._tube.bits_above, self._tube.bits_below = self._progress.bits
         return True
+
+    @staticmethod
+    def _incomplete(there: int, whole: bool) -> bool:
+        """A program that is not all there: an error if no more of it can come."""
+        if whole:
+            raise FormatError("a layer program is not complete", code="program", offset=there, clause="3.6")
+        return False
 
     def _arrived(self, there: int, whole: bool) -> Coder:
         """Hand bytes of the run that have come since to the coder."""

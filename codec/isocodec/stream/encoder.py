@@ -15,7 +15,7 @@ from isospec.elements import BY_LAYER, ELEMENTS
 from ..entropy.baseline import models, rates
 from ..entropy.coder import ENCODE, POS, REGISTERS, Coder, finish, start
 from ..errors import OptionError
-from ..grid.field import check_field
+from ..grid.field import OFFSET_BITS, check_field
 from ..jit import DONE
 from ..passes.tube import Limits, Truth, Tube
 from .container import LayerRecord, write_chunk, write_index, write_metadata
@@ -259,7 +259,8 @@ def _radices(tolerance: float | None) -> list[int]:
         raise OptionError(
             f"a tolerance of {tolerance} cells is too fine for offsets", code="tolerance", remedy="use exact or step"
         )
-    parts = max(math.ceil(0.5 / tolerance), 1) | 1
+    # offsets are rounded to 30 bits before they are told
+    parts = max(math.ceil(0.5 / (tolerance - 2.0**-OFFSET_BITS)), 1) | 1
     while True:
         rest, factors = parts, []
         for factor in (13, 11, 7, 5, 3):

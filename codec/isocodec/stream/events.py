@@ -15,7 +15,8 @@ class Event:
     Attributes
     ----------
     offset : int
-        Bytes of the file that were needed for it; independent of how they were fed.
+        Byte offset at which it ends in the file, for a layer where the coder's window of four bytes stands then. It
+        does not depend on how the bytes were fed; a layer may be reported up to four bytes earlier.
     """
 
     offset: int

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import struct
 from dataclasses import dataclass
 
 from isospec import container as spec
@@ -12,6 +11,7 @@ from isospec.container import Double, IsovalueKind, Prefix, Profile, Single, Var
 from ..errors import FormatError
 
 PREFIX_BYTES = 6
+LARGEST_SINGLE = 2.0**127
 _EXPONENT_ESCAPE = 0x80
 
 
@@ -62,14 +62,11 @@ def write_header(header: Header) -> bytes:
 
 
 def _write_isovalue(value: float) -> tuple[IsovalueKind, bytes]:
-    if math.isfinite(value) and (2 * value).is_integer() and abs(value) < 1 << 50:
+    value = float(value)
+    if (2 * value).is_integer() and abs(value) < 1 << 50:
         return IsovalueKind.HALVES, spec.write_varint(spec.zigzag(int(2 * value)))
-    try:
-        single = Single.build(value)
-        if Single.parse(single) == value:
-            return IsovalueKind.FLOAT32, single
-    except (OverflowError, struct.error):
-        pass
+    if abs(value) < LARGEST_SINGLE and Single.parse(Single.build(value)) == value:
+        return IsovalueKind.FLOAT32, Single.build(value)
     return IsovalueKind.FLOAT64, Double.build(value)
 
 

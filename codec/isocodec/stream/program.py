@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 
 from isospec.container import ALL, ESCAPE, LAYER_LIMIT, MAX_PARTS, MAX_RADIX, Operation, OperationByte, write_varint
 
@@ -46,6 +46,10 @@ class Progress:
     parts: int = 1
     layers: int = 0
 
+    def copy(self) -> Progress:
+        """Another one that stands at the same place."""
+        return replace(self)
+
     def add(self, layer: Layer) -> None:
         """Take note of a layer."""
         self.level = layer.level
@@ -61,43 +65,62 @@ def write_program(layers: Sequence[Layer], progress: Progress, bits: tuple[int, 
 
     ``bits`` are the bits above and below the isovalue, which the first ``values`` operation of a file states.
     """
-    steps: list[tuple[Operation, int, bytes]] = []
+    steps: list[tuple[Operation, int | None, bytes]] = []
     i = 0
     while i < len(layers):
         kind = layers[i].kind
         j = i + 1
-        while kind in ("refine", "values") and j < len(layers) and layers[j].kind == kind:
+        while j < len(layers) and _continues(layers[j - 1], layers[j]):
             j += 1
         extra = b""
+        argument: int | None
         full = layers[j - 1].level == progress.full_level
         if kind == "base":
-            operation, argument = Operation.BASE, ALL if full else layers[i].level
+            operation, argument = Operation.BASE, None if full else layers[i].level
             end = i + 1
             while end < len(layers) and layers[end].kind == "refine":
                 end += 1
             if end > i + 1 and layers[end - 1].level == progress.full_level:
                 operation, j = Operation.BASE_AND_REFINE, end
         elif kind == "refine":
-            operation, argument = Operation.REFINE, ALL if full else j - i
+            operation, argument = Operation.REFINE, None if full else j - i
         elif kind == "values":
             operation = Operation.VALUES
-            before = max(bits) if progress.bits is None else progress.plane
-            argument = ALL if layers[j - 1].plane == 0 else before - layers[j - 1].plane
             if progress.bits is None:
-                progress.bits = bits
+                progress.bits, progress.plane = bits, max(bits)
                 extra = _write_bits(bits)
+            if layers[i].plane == progress.plane:
+                j = i + 1  # a layer that only lets new vertices catch up is an operation of its own
+            argument = progress.plane - layers[j - 1].plane
+            argument = None if layers[j - 1].plane == 0 else argument
         else:
             operation, argument = Operation.OFFSETS, (layers[i].parts // progress.parts - 1) // 2
-        if ESCAPE <= argument != ALL or (argument == ALL and operation == Operation.OFFSETS):
-            argument, extra = ESCAPE, write_varint(argument) + extra
+        if expand(operation, argument or 0, argument is None, progress) != list(layers[i:j]):
+            raise ValueError(f"no program gives the layers {list(layers[i:j])}")
+        if argument is not None and argument >= ESCAPE:
+            extra = write_varint(argument) + extra
         steps.append((operation, argument, extra))
         for layer in layers[i:j]:
             progress.add(layer)
         i = j
     return b"".join(
-        OperationByte.build({"more": s < len(steps) - 1, "operation": operation, "argument": argument}) + extra
+        OperationByte.build(
+            {
+                "more": s < len(steps) - 1,
+                "operation": operation,
+                "argument": ALL if argument is None else min(argument, ESCAPE),
+            }
+        )
+        + extra
         for s, (operation, argument, extra) in enumerate(steps)
     )
+
+
+def _continues(one: Layer, other: Layer) -> bool:
+    """Whether one operation gives both layers."""
+    if one.kind != other.kind:
+        return False
+    return one.kind == "refine" or (one.kind == "values" and one.plane == other.plane + 1)
 
 
 def _write_bits(bits: tuple[int, int]) -> bytes:
@@ -105,50 +128,81 @@ def _write_bits(bits: tuple[int, int]) -> bytes:
     return bytes([head]) + b"".join(write_varint(b) for b in bits if b >= 15)
 
 
-def read_program(data: bytes | bytearray, at: int, end: int, progress: Progress) -> tuple[list[Layer], int] | None:
-    """Layers of the program at ``at`` and the place behind it; None if ``end`` comes first.
+@dataclass
+class ProgramReader:
+    """Reads a program operation by operation, as its bytes come in.
 
-    ``progress`` is moved only when the whole program is there.
-
-    Raises
-    ------
-    FormatError
-        If an operation is unknown or cannot follow on those before it.
+    Attributes
+    ----------
+    at : int
+        Byte offset of what is next.
+    progress : Progress
+        Where the programs stand; the caller's own is left alone.
+    layers : list of Layer
+    done : bool
     """
-    state = Progress(**vars(progress))
-    layers: list[Layer] = []
-    more = True
-    while more:
-        if at >= end:
-            return None
-        start = at
-        step = OperationByte.parse(bytes(data[at : at + 1]))
-        at += 1
+
+    at: int
+    progress: Progress
+    layers: list[Layer] = field(default_factory=list)
+    done: bool = False
+
+    def read(self, data: bytes | bytearray, end: int) -> bool:
+        """Go on with the bytes up to ``end``; whether the program is complete.
+
+        Raises
+        ------
+        FormatError
+            If an operation is unknown or cannot follow on those before it.
+        """
+        while not self.done and self._operation(data, end):
+            pass
+        return self.done
+
+    def _operation(self, data: bytes | bytearray, end: int) -> bool:
+        """Read one operation, if it is all there."""
+        start = self.at
+        if start >= end:
+            return False
+        step = OperationByte.parse(bytes(data[start : start + 1]))
+        at = start + 1
         argument = step.argument
         if argument == ESCAPE:
             number = varint(data, at, end, "3.6.2")
             if number is None:
-                return None
+                return False
             argument, at = number
-        stated_all = step.argument == ALL
+        state = self.progress
         if step.operation == Operation.VALUES and state.bits is None:
             found = _read_bits(data, at, end)
             if found is None:
-                return None
+                return False
             state.bits, at = found
             state.plane = max(state.bits)
         try:
-            fresh = expand(step.operation, argument, stated_all, state)
+            fresh = expand(step.operation, argument, step.argument == ALL, state)
         except ValueError as error:
             raise FormatError(str(error), code="program", offset=start, clause="3.6") from None
         if state.layers + len(fresh) > LAYER_LIMIT:
             raise FormatError(f"more than {LAYER_LIMIT} layers", code="layers", offset=start, clause="11.1")
         for layer in fresh:
             state.add(layer)
-        layers += fresh
-        more = step.more
-    vars(progress).update(vars(state))
-    return layers, at
+        self.layers += fresh
+        self.at = at
+        self.done = not step.more
+        return True
+
+
+def read_program(data: bytes | bytearray, at: int, end: int, progress: Progress) -> tuple[list[Layer], int] | None:
+    """Layers of the program at ``at`` and the place behind it; None if ``end`` comes first.
+
+    ``progress`` is moved only when the whole program is there. Errors as in ``ProgramReader.read``.
+    """
+    reader = ProgramReader(at, progress.copy())
+    if not reader.read(data, end):
+        return None
+    vars(progress).update(vars(reader.progress))
+    return reader.layers, reader.at
 
 
 def _read_bits(data: bytes | bytearray, at: int, end: int) -> tuple[tuple[int, int], int] | None:

@@ -12,7 +12,7 @@ from .container import write_chunk
 from .decoder import Decoder
 from .events import LayerComplete
 from .header import read_header
-from .program import Progress, write_program
+from .program import write_program
 
 
 def truncate(data: bytes, *, layers: int | None = None, max_bytes: int | None = None) -> bytes:
@@ -84,7 +84,7 @@ def _first_layers(data: bytes, layers: int) -> bytes:
     run = decoder.runs[-1]
     kept = run.layers[: number - run.before.layers]
     bits = decoder.value_bits
-    payload = write_program(kept, Progress(**vars(run.before)), bits) + cut(decoder.coder)
+    payload = write_program(kept, run.before.copy(), bits) + cut(decoder.coder)
     return _closed(data[: run.chunk_start] + write_chunk(ChunkType.LAYERS, payload, last=True))
 
 

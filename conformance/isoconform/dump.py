@@ -1,0 +1,92 @@
+"""The decoded state of a file as canonical text (spec annex C.1): what a decoder under test prints.
+
+A decoder prints one line a fact and ends with an exit code: 0 if the file is complete and right, 5 if it ends too
+early (the text then says what was received), 4 if it violates the specification and 6 if it needs more than the
+decoder's limits, both without text.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+
+from isocodec.errors import FormatError, IsoError, LimitError, TruncatedError
+from isocodec.stream.decoder import Decoder
+from isocodec.stream.events import Event, LayerComplete
+
+COMPLETE = 0
+CUT_OFF = TruncatedError.exit_code
+REFUSED = (FormatError.exit_code, LimitError.exit_code)
+
+
+@dataclass(frozen=True)
+class Output:
+    """What a decoder had to say about a file.
+
+    Attributes
+    ----------
+    exit_code : int
+    text : str
+        Canonical text with a final newline; empty for a file that was refused or ends within its header.
+    error : IsoError or None
+        Of the reference decoder.
+    symbols : dict of str to int
+        Symbols by syntax element, of the reference decoder.
+    events : list of Event
+        Likewise.
+    """
+
+    exit_code: int
+    text: str
+    error: IsoError | None = None
+    symbols: dict[str, int] = field(default_factory=dict)
+    events: list[Event] = field(default_factory=list)
+
+
+def canonical(decoder: Decoder) -> str:
+    """Text of the state of a decoder; empty before the header."""
+    state = decoder.state()
+    return "".join(f"{line}\n" for line in state.lines()) if state else ""
+
+
+def dump(data: bytes, *, layers: int = 0, piece: int = 0) -> Output:
+    """Decode a file with the reference decoder.
+
+    Parameters
+    ----------
+    data : bytes
+    layers : int
+        Stop when that many layers are complete; 0 decodes the whole file.
+    piece : int
+        Feed that many bytes at a time; 0 feeds all at once. The result does not depend on it.
+    """
+    decoder = Decoder()
+    events: list[Event] = []
+    code, error = COMPLETE, None
+    try:
+        for event in _events(decoder, data, piece):
+            events.append(event)
+            if isinstance(event, LayerComplete) and event.number == layers:
+                break
+        else:
+            decoder.close()
+    except TruncatedError as cut:
+        code, error = cut.exit_code, cut
+    except IsoError as wrong:
+        return Output(wrong.exit_code, "", wrong, {}, events)
+    return Output(code, canonical(decoder), error, decoder.symbols, events)
+
+
+def canonical_layers(data: bytes) -> Iterator[tuple[LayerComplete, str]]:
+    """Every layer of a file with the canonical text after it."""
+    decoder = Decoder()
+    for event in _events(decoder, data, 0):
+        if isinstance(event, LayerComplete):
+            yield event, canonical(decoder)
+
+
+def _events(decoder: Decoder, data: bytes, piece: int) -> Iterator[Event]:
+    piece = piece or max(len(data), 1)
+    for at in range(0, len(data), piece):
+        decoder.feed(data[at : at + piece])
+        yield from decoder

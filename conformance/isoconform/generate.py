@@ -1,0 +1,103 @@
+"""Writes all vectors and their manifest; the same bytes every time, on every platform."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterator
+from itertools import chain
+from pathlib import Path
+
+from isocodec.stream.events import Event, LayerComplete
+
+from . import circle, hostile, special, valid
+from .draft import Draft
+from .dump import COMPLETE, CUT_OFF, Output, canonical_layers, dump
+from .manifest import ERROR, NAME, OK, TRUNCATED, Expected, LayerState, Vector, digest, read_manifest, write_manifest
+
+TEXT_LIMIT = 3200
+"""Longest canonical text, in bytes, that is kept next to its vector for the runner to show differences."""
+
+
+def generate(directory: Path) -> list[Vector]:
+    """Write all vectors into a directory, replacing those that its manifest lists."""
+    files: dict[str, bytes] = {}
+    vectors = []
+    for draft in all_drafts():
+        output = dump(draft.data)
+        vectors.append(_described(draft, output))
+        files[f"{draft.name}.iso"] = draft.data
+        if output.text and len(output.text) <= TEXT_LIMIT:
+            files[f"{draft.name}.txt"] = output.text.encode("ascii")
+    names = [v.name for v in vectors]
+    if len(set(names)) < len(names):
+        raise AssertionError("two vectors have the same name")
+    directory.mkdir(parents=True, exist_ok=True)
+    _clear(directory)
+    for name, content in files.items():
+        (directory / name).write_bytes(content)
+    write_manifest(directory, vectors)
+    return vectors
+
+
+def all_drafts() -> Iterator[Draft]:
+    """All vectors, in the order of the manifest."""
+    return chain(valid.drafts(), special.drafts(), hostile.drafts(), circle.drafts())
+
+
+def _clear(directory: Path) -> None:
+    if (directory / NAME).exists():
+        for vector in read_manifest(directory):
+            for suffix in (".iso", ".txt"):
+                (directory / vector.file).with_suffix(suffix).unlink(missing_ok=True)
+
+
+def _described(draft: Draft, output: Output) -> Vector:
+    """The manifest's entry; what the author of the vector says of it is checked."""
+    clause = output.error.clause if output.error else None
+    if output.exit_code in (COMPLETE, CUT_OFF):
+        if draft.clause is not None:
+            raise AssertionError(f"{draft.name} is decoded, but violates clause {draft.clause}")
+        lines = output.text.splitlines()
+        expected = Expected(
+            OK if output.exit_code == COMPLETE else TRUNCATED, None, digest(output.text),
+            sum(line.startswith("v ") for line in lines), sum(line.startswith("e ") for line in lines), output.symbols,
+        )  # fmt: skip
+    else:
+        if draft.clause != clause:
+            raise AssertionError(f"{draft.name} violates clause {clause}, not {draft.clause}: {output.error}")
+        expected = Expected(ERROR, clause)
+    layers = []
+    if draft.layers:
+        for event, text in canonical_layers(draft.data):
+            layers.append(
+                LayerState(event.layer.kind, event.layer.level, event.layer.plane, event.layer.parts, digest(text))
+            )
+    features = list(draft.features)
+    if draft.clause is None:
+        features += sorted(set(_features(output.events, draft.dimension)))
+    return Vector(
+        name=draft.name,
+        file=f"{draft.name}.iso",
+        bytes=len(draft.data),
+        sha256=hashlib.sha256(draft.data).hexdigest(),
+        dimension=draft.dimension,
+        elements=[name for name, count in output.symbols.items() if count],
+        features=features,
+        expected=expected,
+        layers=layers,
+    )
+
+
+def _features(events: list[Event], n: int) -> Iterator[str]:
+    """What the layers exercise, in terms of the levels modulo the dimension."""
+    for event in events:
+        if not isinstance(event, LayerComplete):
+            continue
+        kind, level = event.layer.kind, event.layer.level
+        if kind == "base":
+            yield f"base, level {level % n} mod {n}"
+        elif kind == "refine":
+            yield f"refinement, level {(level - 1) % n} mod {n}"
+            # more than the root of the tree was coded
+            if event.symbols["significance"] > 1:
+                yield f"new components, level {(level - 1) % n} mod {n}"

@@ -1,0 +1,142 @@
+"""Runs a decoder over vectors and says where it disagrees."""
+
+from __future__ import annotations
+
+import hashlib
+import shlex
+import subprocess
+import sys
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from itertools import zip_longest
+from pathlib import Path
+
+from .dump import COMPLETE, CUT_OFF, REFUSED, dump
+from .manifest import ERROR, OK, Vector, digest
+
+TIMEOUT = 20.0
+"""Seconds that a decoder has for a file."""
+
+Decode = Callable[[Path, int], tuple[int, str]]
+"""A decoder: a file and the layers to decode (0: all) in; exit code and canonical text out."""
+
+
+@dataclass(frozen=True)
+class Result:
+    """What became of a vector; ``reason`` is empty if all is well."""
+
+    name: str
+    reason: str = ""
+
+    @property
+    def passed(self) -> bool:
+        """Whether the decoder agrees."""
+        return not self.reason
+
+
+def reference(path: Path, layers: int) -> tuple[int, str]:
+    """The reference decoder, in this process."""
+    output = dump(path.read_bytes(), layers=layers)
+    return output.exit_code, output.text
+
+
+def command(template: str) -> Decode:
+    """A decoder that is run as a command.
+
+    Parameters
+    ----------
+    template : str
+        Split into words as a shell does; ``{file}`` stands for the file, ``{layers}`` for the number of layers to
+        decode (0: all), ``{python}`` for this interpreter.
+
+    Raises
+    ------
+    ValueError
+        If there is no ``{file}`` in it.
+    """
+    words = shlex.split(template)
+    if not any("{file}" in word for word in words):
+        raise ValueError("the command does not say where the {file} goes")
+
+    def run(path: Path, layers: int) -> tuple[int, str]:
+        names = {"{file}": str(path), "{layers}": str(layers), "{python}": sys.executable}
+        filled = list(words)
+        for name, value in names.items():
+            filled = [word.replace(name, value) for word in filled]
+        done = subprocess.run(filled, stdin=subprocess.DEVNULL, capture_output=True, timeout=TIMEOUT, check=False)
+        return done.returncode, done.stdout.decode("ascii", "replace").replace("\r\n", "\n")
+
+    return run
+
+
+def run(vectors: Sequence[Vector], directory: Path, decode: Decode, *, layers: bool = False) -> Iterator[Result]:
+    """Run a decoder over vectors, one result each.
+
+    Parameters
+    ----------
+    layers : bool
+        Also compare the states after each layer, where the manifest states them.
+    """
+    for vector in vectors:
+        try:
+            reason = _check(vector, directory, decode, layers)
+        except subprocess.TimeoutExpired:
+            reason = f"no answer within {TIMEOUT:.0f} s"
+        yield Result(vector.name, reason)
+
+
+def _check(vector: Vector, directory: Path, decode: Decode, layers: bool) -> str:
+    path = directory / vector.file
+    if not path.is_file() or hashlib.sha256(path.read_bytes()).hexdigest() != vector.sha256:
+        return "the file is missing or is not the one of the manifest"
+    code, text = decode(path, 0)
+    if vector.expected.status == ERROR:
+        if code not in REFUSED:
+            return f"exit code {code}, expected {REFUSED[0]}: the file violates clause {vector.expected.clause}"
+        return "refused, but with a text" if text else ""
+    wanted = COMPLETE if vector.expected.status == OK else CUT_OFF
+    if code != wanted:
+        return f"exit code {code}, expected {wanted}"
+    if digest(text) != vector.expected.state:
+        return difference(_stored(path), text) or _counts(vector, text)
+    for number, layer in enumerate(vector.layers if layers else [], 1):
+        code, text = decode(path, number)
+        name = f"after layer {number} ({layer.kind}, level {layer.level}): "
+        if code != COMPLETE:
+            return f"{name}exit code {code}, expected {COMPLETE}"
+        if digest(text) != layer.state:
+            return f"{name}another state"
+    return ""
+
+
+def _stored(path: Path) -> str | None:
+    text = path.with_suffix(".txt")
+    return text.read_bytes().decode("ascii") if text.is_file() else None
+
+
+def difference(expected: str | None, text: str) -> str:
+    """The first number in which two texts differ; empty if that cannot be said."""
+    if expected is None:
+        return ""
+    pairs = zip_longest(expected.splitlines(), text.splitlines())
+    for number, (wanted, found) in enumerate(pairs, 1):
+        if wanted == found:
+            continue
+        if found is None:
+            return f"line {number} is missing: {wanted!r}"
+        if wanted is None:
+            return f"line {number} is one too many: {found!r}"
+        for place, (a, b) in enumerate(zip_longest(wanted.split(" "), found.split(" ")), 1):
+            if a != b:
+                return f"line {number}, word {place}: {b or 'nothing'}, expected {a or 'nothing'} (in {wanted!r})"
+    return "the last line has no newline, or lines end otherwise" if expected != text else ""
+
+
+def _counts(vector: Vector, text: str) -> str:
+    lines = text.splitlines()
+    found = [sum(line.startswith(f"{kind} ") for line in lines) for kind in "ve"]
+    expected = vector.expected
+    return (
+        f"another state: {found[0]} vertices and {found[1]} edges, "
+        f"expected {expected.vertices} and {expected.edges}"
+    )  # fmt: skip

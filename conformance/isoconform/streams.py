@@ -1,0 +1,148 @@
+"""Files taken apart and put together again: runs coded in any order of layers, chunks of any kind."""
+
+from __future__ import annotations
+
+import zlib
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from isocodec.entropy.baseline import models, rates
+from isocodec.entropy.coder import ENCODE, REGISTERS, Coder, finish, start
+from isocodec.grid.field import Field
+from isocodec.jit import DONE
+from isocodec.passes.tube import Limits, Truth, Tube
+from isocodec.stream.container import CHECKSUM_BYTES, read_envelope
+from isocodec.stream.decoder import Decoder, begin_layer
+from isocodec.stream.header import Header, read_header, write_header
+from isocodec.stream.program import Layer, Progress, read_program, write_program
+from isospec.container import Checksum, ChunkHead, ChunkType, write_varint
+
+
+@dataclass(frozen=True)
+class Chunk:
+    """A chunk before its envelope."""
+
+    type: int
+    payload: bytes
+    ancillary: bool = False
+    checked: bool = False
+
+
+@dataclass(frozen=True)
+class File:
+    """A file in parts; ``bytes(file)`` puts them together, with right lengths, flags and checksums."""
+
+    header: bytes
+    chunks: tuple[Chunk, ...]
+
+    def __bytes__(self) -> bytes:
+        out = self.header
+        for number, chunk in enumerate(self.chunks, 1):
+            last = number == len(self.chunks)
+            head = {"ancillary": chunk.ancillary, "checked": chunk.checked, "last": last, "type": chunk.type}
+            whole = ChunkHead.build(head) + write_varint(len(chunk.payload)) + chunk.payload
+            out += whole + (Checksum.build(zlib.crc32(whole)) if chunk.checked else b"")
+        return closed(out)
+
+    def with_header(self, at: int, value: int) -> File:
+        """The same with one byte of the header replaced."""
+        return replace(self, header=self.header[:at] + bytes([value]) + self.header[at + 1 :])
+
+    def with_chunks(self, *chunks: Chunk) -> File:
+        """The same with other chunks."""
+        return replace(self, chunks=chunks)
+
+
+def closed(data: bytes) -> bytes:
+    """Append the checksum of a file."""
+    return data + Checksum.build(zlib.crc32(data))
+
+
+def reopened(data: bytes) -> bytes:
+    """A file without its checksum."""
+    return data[:-CHECKSUM_BYTES]
+
+
+def split(data: bytes) -> File:
+    """A valid file in parts."""
+    found = read_header(data)
+    assert found is not None
+    at = found[1]
+    header, chunks, last = data[:at], [], False
+    while not last:
+        envelope = read_envelope(data, at)
+        assert envelope is not None
+        payload = data[envelope.start : envelope.end]
+        chunks.append(Chunk(envelope.type, payload, envelope.ancillary, envelope.checked))
+        at, last = envelope.end + CHECKSUM_BYTES * envelope.checked, envelope.last
+    return File(header, tuple(chunks))
+
+
+def program_length(data: bytes) -> int:
+    """Bytes of the layer program of a file's first run."""
+    decoder = Decoder()
+    decoder.feed(data)
+    for _ in decoder:
+        pass
+    return decoder.runs[0].start - decoder.runs[0].program_start
+
+
+def layers(program: bytes, run: bytes) -> Chunk:
+    """A chunk of layers."""
+    return Chunk(ChunkType.LAYERS, program + run)
+
+
+def encoding_tube(field: Field) -> Tube:
+    """A tube that encodes a field."""
+    return Tube(field.values.shape, _coder(), Limits(), Truth(field.signs, field.numbers, field.crossings))
+
+
+def sign_tube(shape: tuple[int, ...], signs: NDArray[np.bool_]) -> Tube:
+    """A tube that encodes signs alone; interpreted kernels take any object that answers to ``signs[x, y, z]``."""
+    return Tube(shape, _coder(), Limits(), Truth(signs, _none, _none))
+
+
+def _coder() -> Coder:
+    return Coder(np.zeros(REGISTERS, np.int64), np.zeros(1 << 16, np.uint8), *models(), rates())
+
+
+def _none(*_: object) -> NDArray[np.int64]:
+    raise AssertionError("a vector of signs alone has no geometry")
+
+
+def planned(header: Header, tube: Tube, plan: Sequence[Sequence[Layer]], bits: tuple[int, int] = (0, 0)) -> File:
+    """A file with any layers in any order that the format allows.
+
+    Parameters
+    ----------
+    header : Header
+    tube : Tube
+        Fresh, of the header's shape.
+    plan : sequence of sequences of Layer
+        Layers by run, each run a chunk of its own.
+    bits : tuple of int
+        Bits of the numbers above and below the isovalue, for layers of values; all samples' numbers must fit.
+    """
+    progress = Progress(tube.full_level)
+    tube.bits_above, tube.bits_below = bits
+    chunks = []
+    for run in plan:
+        start(tube.coder.reg, ENCODE)
+        for layer in run:
+            begin_layer(tube, layer)
+            # the buffer holds any run of a vector
+            assert tube.advance() == DONE
+        before = Progress(**vars(progress))
+        program = write_program(run, progress, bits)
+        found = read_program(program, 0, len(program), before)
+        assert found is not None and found[0] == list(run), "no program says this"
+        chunks.append(layers(program, finish(tube.coder)))
+    return File(write_header(header), tuple(chunks))
+
+
+def rounds(first: int, last: int) -> list[Layer]:
+    """Rounds of refinement that lead to the levels ``first`` to ``last``."""
+    return [Layer("refine", level) for level in range(first, last + 1)]
