@@ -4,7 +4,7 @@ PYTHON ?= python3
 # Processes that pytest runs tests in; 0 for none but its own.
 JOBS ?= 2
 # What is run once more without compilation: arguments of pytest.
-NOJIT ?= $(or $(wildcard tests/test_determinism.py),tests/test_coder.py tests/test_mesh.py)
+NOJIT ?= tests/test_determinism.py
 VECTORS ?= conformance/vectors
 # Arguments of the speed measurement, for example BENCH="terrain.npy:500.5 --json".
 BENCH ?=
@@ -29,7 +29,7 @@ demo: .venv-demo/.installed ## Encode and decode the shipped data; tables here, 
 test: .venv-test/.installed ## Run the tests, some of them again without compilation, and the conformance vectors.
 	$(TEST_PYTHON) -m pytest -n $(JOBS) tests
 	NUMBA_DISABLE_JIT=1 $(TEST_PYTHON) -m pytest $(NOJIT)
-	$(TEST_PYTHON) -m isoconform --vectors $(VECTORS)
+	$(TEST_PYTHON) -m isoconform run --layers --vectors $(VECTORS)
 
 lint: .venv-test/.installed ## Run ruff and mypy.
 	.venv-test/bin/ruff check .

@@ -2,10 +2,32 @@
 
 from __future__ import annotations
 
+import os
+from contextlib import suppress
+from pathlib import Path
 from typing import Any
 
 from numba import njit
 from numba.core.options import DefaultOptions
+
+
+def _drop_stale_kernels() -> None:
+    """Delete cached kernels that are older than some source file of the package.
+
+    The cache sees a change in a kernel's own file, but not in one that it imports; what would run then is an
+    old kernel on new data. A cache directory that the user chose is the user's affair.
+    """
+    if os.environ.get("NUMBA_CACHE_DIR"):
+        return
+    home = Path(__file__).parent
+    with suppress(OSError):
+        newest = max(path.stat().st_mtime for path in home.rglob("*.py"))
+        for cached in home.rglob("*.nb[ic]"):
+            if cached.stat().st_mtime < newest:
+                cached.unlink()
+
+
+_drop_stale_kernels()
 
 _OPTIONS: dict[str, Any] = {"cache": True, "nogil": True, "error_model": "numpy"}
 if hasattr(DefaultOptions, "_nrt"):

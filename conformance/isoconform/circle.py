@@ -81,7 +81,7 @@ def _find(st, busy: object, found: NDArray[np.int64]) -> int:
             if not passes(((x - 1) * edge, (y - 1) * edge), ((x + 2) * edge, (y + 2) * edge)):
                 continue
             for slot in range(significance.slots(2, r)):
-                if significance._alone(st, r, x, y, 0, slot):
+                if significance._alone(st, r, *significance.middle_of(2, r, x, y, 0, slot)):
                     found[count] = significance._morton(2, x, y, 0) << significance.SLOT_BITS | slot
                     count += 1
     return count

@@ -61,9 +61,10 @@ def nearer(walk, trail, count, g0, g1, a0, a1, b0, b1):
     denominator = WEIGHTS[used, 0]
     p0 = np.int64(0)
     p1 = np.int64(0)
+    j = (count - used) % MOST - 1
     for i in range(used):
         w = WEIGHTS[used, 1 + i]
-        j = (count - used + i) % MOST
+        j = j + 1 if j + 1 < MOST else 0
         p0 += w * (walk[trail + 2 * j] - g0)
         p1 += w * (walk[trail + 2 * j + 1] - g1)
     a0 -= g0

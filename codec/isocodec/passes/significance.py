@@ -184,31 +184,28 @@ def _idle(st, busy, w0, w1, w2):
 
 
 @kernel
-def _step(w, edge):
-    """From a middle's coordinate to that of the end of its edge at multiples of 4 g: by g where it is odd."""
-    if w & 1:
-        return edge >> 1 if w & 2 else -(edge >> 1)
-    return 0
+def _ends(w, edge, last):
+    """One coordinate of a middle and of both ends of its subdivision edge, on the box.
+
+    Where the middle's coordinate is odd the ends lie g off, one of them at a multiple of 4 g.
+    """
+    m = (w * edge) >> 1
+    if not w & 1:
+        m = min(m, last)
+        return m, m, m
+    d = edge >> 1 if w & 2 else -(edge >> 1)
+    return min(m, last), min(m + d, last), min(m - d, last)
 
 
 @kernel
-def _alone(st, r, x, y, z, slot):
-    """Encoder: whether the middle in a slot differs from all corners of its diamond."""
+def _alone(st, r, w0, w1, w2):
+    """Encoder: whether a middle differs from all corners of its diamond."""
     t = st.tables
     edge = st.at[EDGE]
-    w0, w1, w2 = middle_of(dimension(t), r, x, y, z, slot)
-    # most middles agree with an end of their edge; that is found out without the tables
-    m0, m1, m2 = (w0 * edge) >> 1, (w1 * edge) >> 1, (w2 * edge) >> 1
-    l0, l1, l2 = st.at[LAST], st.at[LAST + 1], st.at[LAST + 2]
-    d0, d1, d2 = _step(w0, edge), _step(w1, edge), _step(w2, edge)
-    s = st.truth[min(m0, l0), min(m1, l1), min(m2, l2)]
-    if s == st.truth[min(m0 + d0, l0), min(m1 + d1, l1), min(m2 + d2, l2)]:
-        return False
-    if s == st.truth[min(m0 - d0, l0), min(m1 - d1, l1), min(m2 - d2, l2)]:
-        return False
     kind = kind_of(t, r, w0, w1, w2)
-    _, _, corners, _, _ = look(st, kind, w0, w1, w2)
-    for i in range(2, corner_count(t, kind)):
+    s = truth(st, (w0 * edge) >> 1, (w1 * edge) >> 1, (w2 * edge) >> 1)
+    corners = look(st, kind, w0, w1, w2)[2]
+    for i in range(corner_count(t, kind)):
         if (corners >> i) & 1 and s == _corner_sign(st, kind, i, w0, w1, w2):
             return False
     return corners != 0
@@ -223,19 +220,31 @@ def find(st, busy, found):
     n = dimension(st.tables)
     r = st.at[LEVEL] % n
     edge = st.at[EDGE]
-    per_cube = slots(n, r)
+    field = st.truth
+    last0, last1, last2 = st.at[LAST], st.at[LAST + 1], st.at[LAST + 2]
     c0, c1, c2 = cubes(st)
+    # along the last axis, the cubes of one block at a time
+    run = max((1 << BLOCK) // edge, 1)
+    zero = np.int64(0)
     count = 0
-    # of the last axis, the cubes of one block at a time
-    run = max((1 << BLOCK) // edge, 1) if n == 3 else 1
     for x in range(c0):
-        for y in range(c1):
-            for first in range(0, c2, run):
-                if _idle(st, busy, 2 * x, 2 * y, 2 * first):
-                    continue
-                for z in range(first, min(first + run, c2)):
-                    for slot in range(per_cube):
-                        if _alone(st, r, x, y, z, slot):
+        for slot in range(slots(n, r)):
+            w0, v1, v2 = middle_of(n, r, x, zero, zero, slot)
+            m0, p0, q0 = _ends(w0, edge, last0)
+            for y in range(c1):
+                w1 = v1 + 2 * y
+                m1, p1, q1 = _ends(w1, edge, last1)
+                for first in range(0, c2, run):
+                    if _idle(st, busy, w0, w1, 2 * first):
+                        continue
+                    for z in range(first, min(first + run, c2)):
+                        w2 = v2 + 2 * z
+                        m2, p2, q2 = _ends(w2, edge, last2)
+                        # most middles agree with an end of their edge; that is found out without the tables
+                        s = field[m0, m1, m2]
+                        if s == field[p0, p1, p2] or s == field[q0, q1, q2]:
+                            continue
+                        if _alone(st, r, w0, w1, w2):
                             if count < len(found):
                                 found[count] = _morton(n, x, y, z) << SLOT_BITS | slot
                             count += 1

@@ -74,7 +74,7 @@ class Limits:
 
     vertices: int = 1 << 27
     simplices: int = 1 << 28
-    steps: int = 1 << 30
+    steps: int = 1 << 27
     bytes: int = 1 << 33
     layers: int = 4096
 
