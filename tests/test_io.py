@@ -427,8 +427,8 @@ def test_shading_fills_the_silhouette() -> None:
     points = np.array([(0.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 1.0, 1.0), (0.0, 0.0, 1.0)])
     # Off the middle, so that no edge lies just between two columns of pixels.
     whole = shade(points, np.array([(0, 1, 2), (0, 2, 3)]), np.array([0.013, 0.007]), 4.0, 100)
-    # Viewed along (0.75, -0.55, 0.42) / 1.0203 it shrinks to 0.735 of its area: 625 pixels of area 1.
-    assert whole[..., 3].sum() == pytest.approx(625 * 0.735, rel=0.08)
+    # Viewed along (-0.42, -0.75, -0.55) / 1.0203 it shrinks to 0.412 of its area: 625 pixels of area 1.
+    assert whole[..., 3].sum() == pytest.approx(625 * 0.412, rel=0.08)
     opaque = whole[..., 3] > 0
     for line in (*opaque, *opaque.T):
         filled = np.flatnonzero(line)
@@ -437,7 +437,7 @@ def test_shading_fills_the_silhouette() -> None:
 
 def test_shading_hides_what_lies_behind() -> None:
     front = np.array([(0.5, 0.0, 0.0), (0.5, 1.0, 0.0), (0.5, 0.0, 1.0)])
-    behind = front * 1.0 - np.array([0.75, -0.55, 0.42])
+    behind = front * 1.0 - np.array([-0.42, -0.75, -0.55])
     behind[2, 0] += 0.4  # tilted, so that its shade is another
     both = np.concatenate([front, behind])
     alone = shade(front, np.array([(0, 1, 2)]), np.zeros(2), 4.0, 60)

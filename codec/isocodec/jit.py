@@ -38,6 +38,9 @@ if hasattr(DefaultOptions, "_nrt"):
 kernel: Any = njit(**_OPTIONS)
 """Decorator of every kernel: compiled on first use and cached on disk; plain Python with ``NUMBA_DISABLE_JIT=1``."""
 
+inner: Any = njit(**(_OPTIONS | {"cache": False, "no_cpython_wrapper": True, "no_cfunc_wrapper": True}))
+"""Decorator of functions that only kernels call: without the entry from Python they compile in half the time."""
+
 # What a kernel returns: why it came back.
 DONE = 0  # the pass is complete
 NEED = 1  # the coder needs bytes (decoding) or room for them (encoding)

@@ -29,10 +29,10 @@ def truncate_command(source: Path, output: Path, layers: int | None, max_bytes: 
     load_kernels()
     with concerning(source):
         cut = isocodec.truncate(data, layers=layers, max_bytes=max_bytes)
-        kept = len(isocodec.inspect(cut).layers)
+        kept = sum(layer.bytes is not None for layer in isocodec.inspect(cut, symbols=True).layers)
     write_output(output, cut)
     tell(
-        f"{click.format_filename(output)}: {len(cut):,} of {len(data):,} bytes, {kept} layers",
+        f"{click.format_filename(output)}: {len(cut):,} of {len(data):,} bytes, {kept} whole layers",
         {"output": str(output), "bytes": len(cut), "input_bytes": len(data), "layers": kept},
         as_json,
     )

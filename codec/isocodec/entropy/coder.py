@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..jit import kernel
+from ..jit import inner, kernel
 
 # Registers of a coder.
 MODE, LOW, RANGE, CODE, POS, END, FINAL, UNKNOWN, LEFT, OVER = range(10)
@@ -54,7 +54,7 @@ def start(reg: NDArray[np.int64], mode: int) -> None:
         reg[UNKNOWN] = 32
 
 
-@kernel
+@inner
 def _pull(cd):
     """Move bytes that have arrived since into the unknown part of the code."""
     reg = cd.reg
@@ -67,7 +67,7 @@ def _pull(cd):
         reg[UNKNOWN] -= 8
 
 
-@kernel
+@inner
 def adapt(cd, ctx, bit):
     """Update one model (clause 6.5): the step shrinks with the number of symbols seen."""
     p = cd.prob[ctx]

@@ -28,9 +28,10 @@ _SURFACE = np.array([0.62, 0.72, 0.84])
 # Panels in one row; more go on to the next.
 _COLUMNS = 6
 
-# The direction of view on a surface: from the right, in front and above, axis 2 of the array upwards.
-_TOWARDS = np.array([0.75, -0.55, 0.42]) / np.linalg.norm([0.75, -0.55, 0.42])
-_RIGHT = np.cross([0.0, 0.0, 1.0], _TOWARDS) / np.linalg.norm(np.cross([0.0, 0.0, 1.0], _TOWARDS))
+# The direction of view on a surface: from the side, in front and above. Volumes are mostly stored slice by slice, so
+# axis 0 of the array is upright; it runs downwards, as the rows of a picture do.
+_TOWARDS = np.array([-0.42, -0.75, -0.55]) / np.linalg.norm([-0.42, -0.75, -0.55])
+_RIGHT = np.cross([-1.0, 0.0, 0.0], _TOWARDS) / np.linalg.norm(np.cross([-1.0, 0.0, 0.0], _TOWARDS))
 _UP = np.cross(_TOWARDS, _RIGHT)
 # Light from over the viewer's left shoulder.
 _LIGHT = (_TOWARDS + 0.5 * _UP - 0.4 * _RIGHT) / np.linalg.norm(_TOWARDS + 0.5 * _UP - 0.4 * _RIGHT)
@@ -191,7 +192,7 @@ def shade(
     shown = np.full(side * side, -1, dtype=np.int64)
     for chosen, weights in _lattices(screen, cells):
         corners = cells[chosen]
-        at = np.einsum("sk,mkc->msc", weights, screen[corners])
+        at = weights @ screen[corners]
         inside = np.clip(np.floor(at).astype(np.int64), 0, side - 1)
         pixel = (inside[..., 1] * side + inside[..., 0]).ravel()
         near = (depth[corners] @ weights.T).ravel()

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..jit import kernel
+from ..jit import inner, kernel
 
 PAGES, SHIFT, RECENT = 0, 1, 4
 """Places in ``Store.head``: number of pages, the page's edge along the axes (log2), pages remembered."""
@@ -47,7 +47,7 @@ def grown(store: Store, room: int) -> Store:
     return store._replace(table=table, pages=pages)
 
 
-@kernel
+@inner
 def _hash(key, size):
     x = key & 0x1FFFFF
     y = (key >> 21) & 0x1FFFFF
@@ -73,7 +73,7 @@ def full(st, room):
     return used + room > len(st.pages) or 2 * (used + room) > len(st.table)
 
 
-@kernel
+@inner
 def _page(st, x, y, z):
     """Number of the page of (x, y, z), or, if there is none, -1 less the place in the table where it belongs."""
     head = st.head
@@ -96,7 +96,7 @@ def _page(st, x, y, z):
     return table[h, 1]
 
 
-@kernel
+@inner
 def _cell(st, x, y, z):
     a, b, c = st.head[SHIFT], st.head[SHIFT + 1], st.head[SHIFT + 2]
     return (((x & ((1 << a) - 1)) << b | (y & ((1 << b) - 1))) << c) | (z & ((1 << c) - 1))

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from ..entropy import baseline as ctx
 from ..entropy.coder import ENCODE, MODE, adapt, code
-from ..jit import BAD, CUT, DONE, GROW, NEED, kernel
+from ..jit import BAD, CUT, DONE, GROW, NEED, inner, kernel
 from ..mesh.access import child, cube, dimension, neighbour, roots, vertex
 from ..mesh.access import root as root_class
 from ..mesh.store import full, get, put
@@ -63,24 +63,24 @@ def registers() -> NDArray[np.int64]:
     return walk
 
 
-@kernel
+@inner
 def _stop(bit):
     return CUT if bit == -2 else NEED
 
 
-@kernel
+@inner
 def _corner_learn(st, r, cls, b0, b1, b2, j, sign):
     x, y, z = position(st.at[EDGE], b0, b1, b2, vertex(st.tables, r, cls, j))
     learn(st, x, y, z, sign)
 
 
-@kernel
+@inner
 def visited(st, mark, r, cls, b0, b1, b2):
     number, p0, p1, p2 = cube(st.tables, r, cls)
     return (get(mark, 2 * b0 + p0, 2 * b1 + p1, 2 * b2 + p2) >> number) & 1
 
 
-@kernel
+@inner
 def _visit(st, mark, r, cls, b0, b1, b2):
     """Mark a mixed simplex and append it to the tubular neighbourhood."""
     number, p0, p1, p2 = cube(st.tables, r, cls)
@@ -94,7 +94,7 @@ def _visit(st, mark, r, cls, b0, b1, b2):
     st.at[LEAVES] = i + 1
 
 
-@kernel
+@inner
 def _push_gates(st, mark, r, cls, b0, b1, b2):
     """Push the mixed faces, in the order of the vertices opposite, that lead to an unvisited simplex."""
     n = dimension(st.tables)
@@ -123,7 +123,7 @@ def _push_gates(st, mark, r, cls, b0, b1, b2):
         w[GATES] += 1
 
 
-@kernel
+@inner
 def _tree_child(st, depth, cls, b0, b1, b2, side):
     """Class and block of a child in the forest of binary trees, and whether it exists."""
     n = dimension(st.tables)
@@ -136,7 +136,7 @@ def _tree_child(st, depth, cls, b0, b1, b2, side):
     return q, c0, c1, c2, exists(st, edge, below % n, q, c0, c1, c2)
 
 
-@kernel
+@inner
 def _balance(st, x, y, z):
     """Known vertices above less those below, among the six at one cube's edge from a vertex."""
     edge = st.at[EDGE]
@@ -150,7 +150,7 @@ def _balance(st, x, y, z):
     return total
 
 
-@kernel
+@inner
 def _surface_context(st, r, cls, b0, b1, b2, opp):
     """Majority sign of the neighbours, or else of the gate, and the stated case (spec clause 7.4)."""
     t = st.tables
@@ -171,7 +171,7 @@ def _surface_context(st, r, cls, b0, b1, b2, opp):
     return guess, ctx.BASE_SURFACE + case * 4 + 2 * (gate == guess) + (behind == guess)
 
 
-@kernel
+@inner
 def _sum(st, r, cls, b0, b1, i, j):
     """Sum of the vertices i and j (twice the middle of their edge) in units of g."""
     p = vertex(st.tables, r, cls, i)
@@ -179,7 +179,7 @@ def _sum(st, r, cls, b0, b1, i, j):
     return 8 * b0 + p[0] + q[0], 8 * b1 + p[1] + q[1]
 
 
-@kernel
+@inner
 def _curve_context(st, r, cls, b0, b1, opp):
     """Sign that the parabola predicts, and the stated case (spec clause 7.3)."""
     i = 1 if opp == 0 else 0
@@ -194,7 +194,7 @@ def _curve_context(st, r, cls, b0, b1, opp):
     return guess, ctx.BASE_CURVE + abs(case)
 
 
-@kernel
+@inner
 def _turn_back(st):
     """The second branch of a component starts from the first one's points in reverse (spec clause 7.3)."""
     count = min(st.walk[FRESH], MOST)

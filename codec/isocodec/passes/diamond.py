@@ -8,14 +8,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..jit import kernel
+from ..jit import inner
 from ..mesh.access import corner, dimension, grandchild, member
 from ..mesh.access import corners as corner_count
 from ..mesh.access import members as member_count
 from .state import EDGE, LAST, LEVEL, NEXT, clamped, entry, exists, learn, position
 
 
-@kernel
+@inner
 def coincident(st, kind, corners, w0, w1, w2):
     """Whether the middle falls on one of the corners after clamping: no vertex is added then (spec clause 4.6)."""
     edge = st.at[EDGE]
@@ -30,7 +30,7 @@ def coincident(st, kind, corners, w0, w1, w2):
     return False
 
 
-@kernel
+@inner
 def look(st, kind, w0, w1, w2):
     """Bits of the members that exist, of their corners, of those that are known, and of the known ones above.
 
@@ -67,7 +67,7 @@ def look(st, kind, w0, w1, w2):
     return inside, members, corners, known, above
 
 
-@kernel
+@inner
 def push(st, cls, b0, b1, b2):
     """Append a mixed simplex of the next level."""
     i = st.at[NEXT]
@@ -78,7 +78,7 @@ def push(st, cls, b0, b1, b2):
     st.at[NEXT] = i + 1
 
 
-@kernel
+@inner
 def bisect_member(st, kind, m, w0, w1, w2, inside, known, above):
     """Append the mixed children of one member; their corners become known. Returns the bits known after it.
 
@@ -112,7 +112,7 @@ def bisect_member(st, kind, m, w0, w1, w2, inside, known, above):
     return known
 
 
-@kernel
+@inner
 def bisect(st, kind, w0, w1, w2, inside, members, known, above, sign):
     """Add the middle with its sign, and append the mixed children of all members, in order."""
     edge = st.at[EDGE]

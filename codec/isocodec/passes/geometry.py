@@ -10,7 +10,7 @@ import numpy as np
 
 from ..entropy import baseline as ctx
 from ..entropy.coder import ENCODE, MODE, code
-from ..jit import CUT, DONE, NEED, kernel
+from ..jit import CUT, DONE, NEED, inner, kernel
 from ..mesh.access import dimension
 from .state import EDGE, LEAVES, LEVEL, OFFSET_BIT, SCRATCH, TALLY, VALUE_BIT, corner_entry
 
@@ -20,7 +20,7 @@ VERTEX_ACTIVE = 8
 """Bit of a vertex's mark that says it is in the list; bits 0 to 2 are the grid edges that leave it upwards."""
 
 
-@kernel
+@inner
 def _entries(st, i):
     """Store entries of the vertices of leaf i, into the scratch registers."""
     n = dimension(st.tables)

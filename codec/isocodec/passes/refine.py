@@ -9,7 +9,7 @@ import numpy as np
 
 from ..entropy import baseline as ctx
 from ..entropy.coder import ENCODE, MODE, code
-from ..jit import CUT, DONE, GROW, NEED, kernel
+from ..jit import CUT, DONE, GROW, NEED, inner, kernel
 from ..mesh.access import corner, dimension, member, middle
 from ..mesh.access import corners as corner_count
 from ..mesh.access import kind as kind_of
@@ -38,7 +38,7 @@ FAR = 64
 """Squared distance (doubled coordinates, units of g) from which points belong to different stretches of curve."""
 
 
-@kernel
+@inner
 def _ring(corners, above, wanted):
     """Number of ring corners, and of those with the sign ``wanted``."""
     ring = corners >> 2
@@ -53,7 +53,7 @@ def _ring(corners, above, wanted):
     return size, count
 
 
-@kernel
+@inner
 def _bisect_known(st, kind, w0, w1, w2, cls, b0, b1, b2, sign):
     """Bisect a leaf whose middle was known before the round: clamping put it on an older vertex (clause 5.4.4).
 
@@ -88,14 +88,14 @@ def _bisect_known(st, kind, w0, w1, w2, cls, b0, b1, b2, sign):
             first = False
 
 
-@kernel
+@inner
 def _half(st, kind, w0, w1, end):
     """Sum of the middle and an end of its edge (twice the middle of that half) in units of g."""
     c0, c1, _ = corner(st.tables, kind, end)
     return (w0 >> 2) * 4 + c0 + w0, (w1 >> 2) * 4 + c1 + w1
 
 
-@kernel
+@inner
 def _side(st, kind, w0, w1):
     """What the parabola says of an edge that is crossed: 1 in the half at end 0, 2 at end 1, 0 no prediction."""
     end = np.int64(0)
@@ -105,7 +105,7 @@ def _side(st, kind, w0, w1):
     return 0 if case == 0 else (1 if case < 0 else 2)
 
 
-@kernel
+@inner
 def _remember(st, p0, p1):
     """Append a point of the curve, forgetting the others if it is far from the last."""
     count = st.walk[HISTORY]

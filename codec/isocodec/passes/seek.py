@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from ..jit import kernel
+from ..jit import inner
 from ..mesh.access import child, cube, dimension, roots
 from ..mesh.access import root as root_class
 from ..mesh.store import get
@@ -74,7 +74,7 @@ _TRACE = SCRATCH + 16
 _NODE = 6
 
 
-@kernel
+@inner
 def _mixed_cube(pyramid, levels, m, x, y, z):
     row = levels[m]
     if x >= row[1] or y >= row[2] or z >= row[3]:
@@ -82,7 +82,7 @@ def _mixed_cube(pyramid, levels, m, x, y, z):
     return pyramid[row[0] + (x * row[2] + y) * row[3] + z] != 0
 
 
-@kernel
+@inner
 def _mixed_leaf(st, r, cls, b0, b1, b2):
     e = st.at[EDGE]
     signs = 0
@@ -91,7 +91,7 @@ def _mixed_leaf(st, r, cls, b0, b1, b2):
     return signs == 3
 
 
-@kernel
+@inner
 def seek(st, mark, pyramid, levels):
     """Go on to the next mixed, unvisited simplex; True if there is one (its path is left in the registers).
 
@@ -159,7 +159,7 @@ def seek(st, mark, pyramid, levels):
     return False
 
 
-@kernel
+@inner
 def _push(stack, size, depth, cls, b0, b1, b2, side):
     o = size * _NODE
     stack[o] = depth

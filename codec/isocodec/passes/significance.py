@@ -10,7 +10,7 @@ import numpy as np
 
 from ..entropy import baseline as ctx
 from ..entropy.coder import ENCODE, MODE, code
-from ..jit import BAD, CUT, DONE, GROW, NEED, kernel
+from ..jit import BAD, CUT, DONE, GROW, NEED, inner, kernel
 from ..mesh.access import corner, dimension
 from ..mesh.access import corners as corner_count
 from ..mesh.access import kind as kind_of
@@ -40,13 +40,13 @@ FRAME = 7
 SLOT_BITS = 2
 
 
-@kernel
+@inner
 def slots(n, r):
     """Number of slots of a cube: middles have n - r odd coordinates."""
     return 1 if r == 0 else n
 
 
-@kernel
+@inner
 def middle_of(n, r, x, y, z, slot):
     """Lattice point (units of g) of a slot: all odd, or the axis ``slot`` apart from the others (spec clause 5.5.2)."""
     if r == 0:
@@ -61,7 +61,7 @@ def middle_of(n, r, x, y, z, slot):
     )
 
 
-@kernel
+@inner
 def cubes(st):
     """Cubes along each axis that hold a slot: one more than cover the box where slots lie on the lower faces."""
     n = dimension(st.tables)
@@ -73,7 +73,7 @@ def cubes(st):
     return c0, c1, c2
 
 
-@kernel
+@inner
 def height(most):
     """Height of the tree over ``most`` cubes along the longest axis: the root's cube covers them all."""
     h = 0
@@ -82,7 +82,7 @@ def height(most):
     return h
 
 
-@kernel
+@inner
 def candidate(st, r, w0, w1, w2):
     """How many corners are known (plus one) if the decoder cannot rule out a new component at w, else 0."""
     kind = kind_of(st.tables, r, w0, w1, w2)
@@ -101,13 +101,13 @@ def candidate(st, r, w0, w1, w2):
     return count
 
 
-@kernel
+@inner
 def _near(count):
     """Context part: distance to known curves, by the number of known corners."""
     return 0 if count <= 1 else (1 if count <= 3 else 2)
 
 
-@kernel
+@inner
 def infer(st, x, y, z):
     """Sign of a vertex of the mesh that is not known: that of the first known vertex on the way back (clause 5.5.4).
 
@@ -142,7 +142,7 @@ def infer(st, x, y, z):
     return np.int64(-1)
 
 
-@kernel
+@inner
 def _corner_sign(st, kind, i, w0, w1, w2):
     x, y, z = position(st.at[EDGE], w0 >> 2, w1 >> 2, w2 >> 2, corner(st.tables, kind, i))
     return truth(st, x, y, z)
@@ -173,7 +173,7 @@ def busy_blocks(truth, same, busy):
                 busy[x, y, z] = seen == 3
 
 
-@kernel
+@inner
 def _idle(st, busy, w0, w1, w2):
     """Whether the block of a lattice point, and with it the point's diamond, lies off the curve."""
     edge = st.at[EDGE]
@@ -183,7 +183,7 @@ def _idle(st, busy, w0, w1, w2):
     return not busy[x >> BLOCK, y >> BLOCK, z >> BLOCK]
 
 
-@kernel
+@inner
 def _ends(w, edge, last):
     """One coordinate of a middle and of both ends of its subdivision edge, on the box.
 
@@ -197,7 +197,7 @@ def _ends(w, edge, last):
     return min(m, last), min(m + d, last), min(m - d, last)
 
 
-@kernel
+@inner
 def _alone(st, r, w0, w1, w2):
     """Encoder: whether a middle differs from all corners of its diamond."""
     t = st.tables
@@ -251,7 +251,7 @@ def find(st, busy, found):
     return count
 
 
-@kernel
+@inner
 def _morton(n, x, y, z):
     number = np.int64(0)
     for i in range(25):
@@ -264,7 +264,7 @@ def _morton(n, x, y, z):
     return number
 
 
-@kernel
+@inner
 def _push_frame(st, h, x, y, z, number):
     o = st.walk[FRAMES] * FRAME
     st.stack[o] = h
@@ -277,7 +277,7 @@ def _push_frame(st, h, x, y, z, number):
     st.walk[FRAMES] += 1
 
 
-@kernel
+@inner
 def _wanted(items, i, number, shift):
     """Encoder: whether the next item lies under the node ``number``."""
     return np.int64(i < len(items) and (items[i] >> shift) == number)

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from isospec.elements import ELEMENTS
 
-from ..jit import kernel
+from ..jit import inner, kernel
 from ..mesh.access import dimension, vertex
 from ..mesh.store import Store, full, get, put
 
@@ -58,54 +58,54 @@ class State(NamedTuple):
     stack: NDArray[np.int64]  # its stack
 
 
-@kernel
+@inner
 def clamped(st, x, y, z):
     """Position on the sampled box (spec clause 4.6)."""
     last = st.at
     return min(max(x, 0), last[LAST]), min(max(y, 0), last[LAST + 1]), min(max(z, 0), last[LAST + 2])
 
 
-@kernel
+@inner
 def at(edge, block, offset):
     """Coordinate of a lattice point given in units of g = edge / 2 relative to a block."""
     return ((4 * block + offset) * edge) >> 1
 
 
-@kernel
+@inner
 def position(edge, b0, b1, b2, offset):
     """Unclamped position of a lattice point given in units of g relative to a block."""
     return at(edge, b0, offset[0]), at(edge, b1, offset[1]), at(edge, b2, offset[2])
 
 
-@kernel
+@inner
 def entry(st, x, y, z):
     """Store entry of the vertex at unclamped (x, y, z)."""
     x, y, z = clamped(st, x, y, z)
     return get(st.known, x, y, z)
 
 
-@kernel
+@inner
 def truth(st, x, y, z):
     """Encoder: the sign of the vertex at unclamped (x, y, z)."""
     x, y, z = clamped(st, x, y, z)
     return np.int64(st.truth[x, y, z])
 
 
-@kernel
+@inner
 def corner_entry(st, edge, r, cls, b0, b1, b2, j):
     """Store entry of vertex j of a simplex whose cubes have the edge ``edge``."""
     x, y, z = position(edge, b0, b1, b2, vertex(st.tables, r, cls, j))
     return entry(st, x, y, z)
 
 
-@kernel
+@inner
 def corner_truth(st, edge, r, cls, b0, b1, b2, j):
     """Encoder: the sign of vertex j of a simplex."""
     x, y, z = position(edge, b0, b1, b2, vertex(st.tables, r, cls, j))
     return truth(st, x, y, z)
 
 
-@kernel
+@inner
 def learn(st, x, y, z, sign):
     """Make the vertex at unclamped (x, y, z) known."""
     v = st.at[VERTICES]
@@ -118,7 +118,7 @@ def learn(st, x, y, z, sign):
     st.at[VERTICES] = v + 1
 
 
-@kernel
+@inner
 def crowded(st):
     """Whether some array may overflow in one more step."""
     at = st.at
@@ -130,7 +130,7 @@ def crowded(st):
     )
 
 
-@kernel
+@inner
 def _volume(p, n):
     """Whether the simplex whose vertices lie in the scratch registers has a volume."""
     o = SCRATCH
