@@ -545,7 +545,9 @@ def test_interrupt_and_memory(curve: Path, monkeypatch: pytest.MonkeyPatch, rais
 def test_process(hills: Path, tmp_path: Path) -> None:
     iso, out = tmp_path / "a.iso", tmp_path / "a.geojson"
     done = process("encode", hills, "-o", iso, "--isovalue", "80.5", "--exact")
-    assert (done.returncode, done.stderr) == (0, "")
+    # The first process on a machine may say that it compiles.
+    said = [line for line in done.stderr.splitlines() if not line.startswith("isocodec: compiling")]
+    assert (done.returncode, said) == (0, [])
     done = process("decode", iso, "-o", out)
     assert (done.returncode, done.stderr) == (0, "")
     assert json.loads(out.read_text())["type"] == "Feature"

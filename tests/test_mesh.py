@@ -12,11 +12,12 @@ from hypothesis import strategies as st
 
 from brute import examples, exponent, simplices, volumes
 from isocodec.entropy.coder import Coder
+from isocodec.limits import Limits
 from isocodec.mesh import access
 from isocodec.mesh.store import full, get, grown, new_store, put
 from isocodec.mesh.tables import mesh_tables
 from isocodec.passes.state import exists
-from isocodec.passes.tube import Limits, Tube
+from isocodec.passes.tube import Tube
 
 # A root of edge 8 has two whole periods of the second finest cubes along each axis.
 CASES = [(n, 3, level) for n in (2, 3) for level in range(3 * n + 1)]

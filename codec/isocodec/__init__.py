@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from .api import decode, encode, warm_up
     from .contour import Contour
     from .errors import FormatError, InputError, IsoError, LimitError, MissingExtraError, OptionError, TruncatedError
-    from .passes.tube import Limits
+    from .limits import Limits
     from .stream.decoder import Decoder
     from .stream.encoder import Encoder
     from .stream.inspect import FileInfo, inspect
@@ -31,7 +31,7 @@ _HOMES = {
     "errors": (
         "FormatError", "InputError", "IsoError", "LimitError", "MissingExtraError", "OptionError", "TruncatedError",
     ),
-    "passes.tube": ("Limits",),
+    "limits": ("Limits",),
     "stream.decoder": ("Decoder",),
     "stream.encoder": ("Encoder",),
     "stream.inspect": ("FileInfo", "inspect"),

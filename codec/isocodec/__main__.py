@@ -1,6 +1,6 @@
 """``python -m isocodec``: the command line."""
 
-from isocodec.cli import main
+from .cli import main
 
 if __name__ == "__main__":
     main(prog_name="isocodec")

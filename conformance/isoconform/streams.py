@@ -13,7 +13,8 @@ from isocodec.entropy.baseline import models, rates
 from isocodec.entropy.coder import ENCODE, REGISTERS, Coder, finish, start
 from isocodec.grid.field import Field
 from isocodec.jit import DONE
-from isocodec.passes.tube import Limits, Truth, Tube
+from isocodec.limits import Limits
+from isocodec.passes.tube import Truth, Tube
 from isocodec.stream.container import CHECKSUM_BYTES, read_envelope
 from isocodec.stream.decoder import Decoder, begin_layer
 from isocodec.stream.header import Header, read_header, write_header

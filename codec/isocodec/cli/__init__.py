@@ -8,12 +8,12 @@ from __future__ import annotations
 
 import click
 
-from isocodec.cli.decode import decode_command
-from isocodec.cli.encode import encode_command
-from isocodec.cli.info import info_command
-from isocodec.cli.plot import plot_command
-from isocodec.cli.report import EXIT_CODES, Program
-from isocodec.cli.truncate import truncate_command
+from .decode import decode_command
+from .encode import encode_command
+from .info import info_command
+from .plot import plot_command
+from .report import EXIT_CODES, Program
+from .truncate import truncate_command
 
 __all__ = ["main"]
 

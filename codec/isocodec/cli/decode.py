@@ -10,13 +10,13 @@ from typing import TYPE_CHECKING
 
 import click
 
-from isocodec.cli.options import iso_argument, json_option, output_option
-from isocodec.cli.progress import load_kernels, progress_bar
-from isocodec.cli.report import check_output, concerning, read_iso, tell, warn, write_output
-from isocodec.errors import TruncatedError
+from ..errors import TruncatedError
+from .options import iso_argument, json_option, output_option
+from .progress import load_kernels, progress_bar
+from .report import check_output, concerning, read_iso, tell, warn, write_output
 
 if TYPE_CHECKING:
-    from isocodec.contour import Contour
+    from ..contour import Contour
 
 
 @click.command("decode", short_help="Decode to a curve, a surface or a picture of it.")
@@ -36,7 +36,7 @@ def decode_command(
     Curves               .geojson, .svg (x along axis 1, y along axis 0)
     Surfaces             .ply, .stl, .obj (x, y, z along axes 0, 1, 2)
     """
-    from isocodec.io.write import check_suffix, render_contour
+    from ..io.write import check_suffix, render_contour
 
     with concerning(output):
         suffix = check_suffix(output)

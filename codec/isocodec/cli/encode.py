@@ -7,9 +7,9 @@ from pathlib import Path
 
 import click
 
-from isocodec.cli.options import json_option, output_option
-from isocodec.cli.progress import load_kernels, progress_bar
-from isocodec.cli.report import check_output, concerning, tell, warn, write_output
+from .options import json_option, output_option
+from .progress import load_kernels, progress_bar
+from .report import check_output, concerning, tell, warn, write_output
 
 
 @click.command("encode", short_help="Encode the isocontour of a picture, terrain or volume.")
@@ -52,7 +52,8 @@ def encode_command(
     check_output(output, source)
 
     import isocodec
-    from isocodec.io.read import read_field
+
+    from ..io.read import read_field
 
     with concerning(source):
         field = read_field(source, key=key, channel=channel)

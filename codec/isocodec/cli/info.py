@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from isocodec.cli.options import iso_argument, json_option
-from isocodec.cli.report import concerning, read_iso
+from .options import iso_argument, json_option
+from .report import concerning, read_iso
 
 if TYPE_CHECKING:
-    from isocodec import FileInfo
+    from .. import FileInfo
 
 
 @click.command("info", short_help="Show what a file holds, layer by layer.")

@@ -6,10 +6,10 @@ from pathlib import Path
 
 import click
 
-from isocodec.cli.options import iso_argument, output_option
-from isocodec.cli.progress import load_kernels, progress_bar
-from isocodec.cli.report import check_output, concerning, read_iso, write_output
-from isocodec.errors import OptionError
+from ..errors import OptionError
+from .options import iso_argument, output_option
+from .progress import load_kernels, progress_bar
+from .report import check_output, concerning, read_iso, write_output
 
 
 @click.command("plot", short_help="Draw the progressive steps of a file side by side.")
@@ -21,7 +21,7 @@ def plot_command(source: Path, output: Path, steps: int) -> None:
 
     The steps are spread evenly over the layers; a file of fewer layers has fewer.
     """
-    from isocodec.io.picture import PICTURE_SUFFIXES, Step, steps_picture
+    from ..io.picture import PICTURE_SUFFIXES, Step, steps_picture
 
     suffix = output.suffix.lower()
     if suffix not in PICTURE_SUFFIXES:

@@ -13,7 +13,7 @@ from typing import Any
 
 import click
 
-from isocodec.errors import InputError, IsoError, LimitError, OptionError
+from ..errors import InputError, IsoError, LimitError, OptionError
 
 EXIT_CODES = """\b
 Exit codes:
@@ -138,7 +138,7 @@ def check_output(output: Path, source: Path) -> None:
     Failure
         With an OSError, or an OptionError if both are one file.
     """
-    from isocodec.io.atomic import check_target
+    from ..io.atomic import check_target
 
     with concerning(output):
         check_target(output)
@@ -148,7 +148,7 @@ def check_output(output: Path, source: Path) -> None:
 
 def write_output(output: Path, data: bytes) -> None:
     """Write the result, whole or not at all."""
-    from isocodec.io.atomic import write_bytes
+    from ..io.atomic import write_bytes
 
     with concerning(output):
         write_bytes(output, data)

@@ -6,9 +6,9 @@ from pathlib import Path
 
 import click
 
-from isocodec.cli.options import iso_argument, json_option, output_option
-from isocodec.cli.progress import load_kernels
-from isocodec.cli.report import check_output, concerning, read_iso, tell, write_output
+from .options import iso_argument, json_option, output_option
+from .progress import load_kernels
+from .report import check_output, concerning, read_iso, tell, write_output
 
 
 @click.command("truncate", short_help="Cut a file to fewer layers or bytes; the result is a valid file.")

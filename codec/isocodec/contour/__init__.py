@@ -5,8 +5,8 @@ Arrays in, arrays out; numpy is all it needs.
 
 from __future__ import annotations
 
-from isocodec.contour.drawing import draw
-from isocodec.contour.leaves import Leaves
-from isocodec.contour.result import Contour
+from .drawing import draw
+from .leaves import Leaves
+from .result import Contour
 
 __all__ = ["Contour", "Leaves", "draw"]

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from isocodec.contour.leaves import Leaves
+from .leaves import Leaves
 
 Edge = tuple[int, int]
 """Two local vertices, of a simplex or of a cube, with a point between them."""

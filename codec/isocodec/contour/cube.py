@@ -14,8 +14,8 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 
-from isocodec.contour.crossing import Edge, PatternTable
-from isocodec.contour.simplex import simplex_pieces
+from .crossing import Edge, PatternTable
+from .simplex import simplex_pieces
 
 Piece = tuple[Edge, ...]
 

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from isocodec.contour.grid import draw_grid
-from isocodec.contour.leaves import Leaves
-from isocodec.contour.result import Contour
-from isocodec.contour.simplex import draw_simplices
-from isocodec.errors import OptionError
+from ..errors import OptionError
+from .grid import draw_grid
+from .leaves import Leaves
+from .result import Contour
+from .simplex import draw_simplices
 
 
 def draw(leaves: Leaves, *, complete: bool = True) -> Contour:

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from isocodec.contour.crossing import distinct_edges, edge_points
-from isocodec.contour.cube import cube_table
-from isocodec.contour.leaves import Leaves
+from .crossing import distinct_edges, edge_points
+from .cube import cube_table
+from .leaves import Leaves
 
 
 def draw_grid(leaves: Leaves) -> tuple[NDArray[np.float64], NDArray[np.int64]]:

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from isocodec.errors import OptionError
+from ..errors import OptionError
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,8 +8,8 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 
-from isocodec.contour.crossing import Edge, PatternTable, distinct_edges, edge_points
-from isocodec.contour.leaves import Leaves
+from .crossing import Edge, PatternTable, distinct_edges, edge_points
+from .leaves import Leaves
 
 
 def simplex_pieces(n: int, pattern: int) -> list[list[Edge]]:

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from isocodec.io.atomic import check_target, write_bytes
-from isocodec.io.read import read_field
-from isocodec.io.write import CURVE_SUFFIXES, check_suffix, render_contour, write_contour
+from .atomic import check_target, write_bytes
+from .read import read_field
+from .write import CURVE_SUFFIXES, check_suffix, render_contour, write_contour
 
 __all__ = [
     "CURVE_SUFFIXES",

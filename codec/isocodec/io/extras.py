@@ -5,7 +5,7 @@ from __future__ import annotations
 import importlib
 from typing import Any
 
-from isocodec.errors import MissingExtraError
+from ..errors import MissingExtraError
 
 
 def optional(module: str, *, extra: str, purpose: str) -> Any:

@@ -14,11 +14,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from isocodec.errors import OptionError
-from isocodec.io.extras import optional
+from ..errors import OptionError
+from .extras import optional
 
 if TYPE_CHECKING:
-    from isocodec.contour import Contour
+    from ..contour import Contour
 
 PICTURE_SUFFIXES = (".png", ".pdf", ".svg")
 

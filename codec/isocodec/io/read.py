@@ -15,8 +15,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from isocodec.errors import InputError, IsoError, LimitError, OptionError
-from isocodec.io.extras import optional
+from ..errors import InputError, IsoError, LimitError, OptionError
+from .extras import optional
 
 Field = NDArray[Any]
 

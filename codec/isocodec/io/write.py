@@ -17,12 +17,12 @@ from xml.etree import ElementTree
 
 import numpy as np
 
-from isocodec.errors import OptionError
-from isocodec.io.atomic import write_bytes
-from isocodec.io.extras import optional
+from ..errors import OptionError
+from .atomic import write_bytes
+from .extras import optional
 
 if TYPE_CHECKING:
-    from isocodec.contour import Contour
+    from ..contour import Contour
 
 
 def check_suffix(path: str | os.PathLike[str], dimension: int | None = None) -> str:
@@ -88,7 +88,7 @@ def _npz(contour: Contour) -> bytes:
 
 
 def _png(contour: Contour) -> bytes:
-    from isocodec.io.picture import contour_picture
+    from .picture import contour_picture
 
     return contour_picture(contour)
 

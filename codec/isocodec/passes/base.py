@@ -16,7 +16,7 @@ from ..mesh.access import child, cube, dimension, neighbour, roots, vertex
 from ..mesh.access import root as root_class
 from ..mesh.store import full, get, put
 from .parabola import MOST, nearer
-from .seek import seek
+from .seek import FOUND, FOUND_ROOT, SEEKING, seek
 from .state import (
     BASE_LEVEL,
     BASE_SIGN,
@@ -42,12 +42,10 @@ from .state import (
     position,
 )  # fmt: skip
 
-# Registers in State.walk. PATH and FOUND hold one side per level.
-(
-    PHASE, DEPTH, CLASS, B0, B1, B2, TIGHT, CORNER, GATES, HISTORY, FRESH, BRANCH, SEEKING, FOUND_ROOT, LAST_ROOT,
-) = range(15)  # fmt: skip
+# Registers in State.walk, beside those of passes.seek. PATH holds one side per level.
+PHASE, DEPTH, CLASS, B0, B1, B2, TIGHT, CORNER, GATES, HISTORY, FRESH, BRANCH = range(12)
+LAST_ROOT = 14
 PATH = 32
-FOUND = 128
 
 # Phases.
 _ORIGIN, _COMPONENT, _ROOT, _LOCATE, _SIGNS, _TRAVERSE = range(6)

@@ -68,8 +68,9 @@ def build_pyramid(
     return np.concatenate([f.ravel() for f in flags]), layout
 
 
-# Registers in State.walk, shared with passes.base.
-_SEEKING, _FOUND_ROOT, _FOUND = 12, 13, 128
+# Registers in State.walk, beside those of passes.base: whether the search has begun, and what it found last (the
+# root and one side per level); FOUND and the running search's TRACE hold one side per level.
+SEEKING, FOUND_ROOT, FOUND = 12, 13, 128
 _TRACE = SCRATCH + 16
 _NODE = 6
 
@@ -102,11 +103,11 @@ def seek(st, mark, pyramid, levels):
     w = st.walk
     depth_all = st.at[BASE_LEVEL]
     root = 0
-    resume = w[_SEEKING] == 1
+    resume = w[SEEKING] == 1
     if resume:
-        root = w[_FOUND_ROOT]
+        root = w[FOUND_ROOT]
         for i in range(depth_all):
-            w[_TRACE + i] = w[_FOUND + i]
+            w[_TRACE + i] = w[FOUND + i]
     while root < roots(st.tables):
         # nodes to visit of this root, deepest last
         size = np.int64(0)
@@ -119,11 +120,11 @@ def seek(st, mark, pyramid, levels):
             for depth in range(depth_all):
                 r = depth % n
                 f = 2 if r == n - 1 else 1
-                if w[_FOUND + depth] == 0:
+                if w[FOUND + depth] == 0:
                     right = np.int64(1)
                     q, d0, d1, d2 = child(st.tables, r, cls, right)
                     size = _push(stack, size, np.int64(depth + 1), q, b0 * f + d0, b1 * f + d1, b2 * f + d2, right)
-                cls, d0, d1, d2 = child(st.tables, r, cls, w[_FOUND + depth])
+                cls, d0, d1, d2 = child(st.tables, r, cls, w[FOUND + depth])
                 b0 = b0 * f + d0
                 b1 = b1 * f + d1
                 b2 = b2 * f + d2
@@ -147,9 +148,9 @@ def seek(st, mark, pyramid, levels):
                     continue
                 if (get(mark, x, y, z) >> number) & 1:
                     continue
-                w[_FOUND_ROOT] = root
+                w[FOUND_ROOT] = root
                 for i in range(depth_all):
-                    w[_FOUND + i] = w[_TRACE + i]
+                    w[FOUND + i] = w[_TRACE + i]
                 return True
             f = 2 if r == n - 1 else 1
             for s in range(1, -1, -1):

@@ -16,6 +16,7 @@ from ..contour.leaves import Leaves
 from ..entropy.coder import OVER, Coder
 from ..errors import FormatError, LimitError
 from ..jit import BAD, CUT, DONE, GROW
+from ..limits import Limits
 from ..mesh.store import grown, new_store
 from ..mesh.tables import AXES, mesh_tables
 from . import base as base_pass
@@ -52,31 +53,6 @@ _REASONS = {
     3: "a component starts in a simplex that the curve does not cross",
     4: "a new component could not be placed",
 }
-
-
-@dataclass(frozen=True)
-class Limits:
-    """What a decoder may use; checked before anything is allocated (spec clause 11).
-
-    Attributes
-    ----------
-    vertices : int
-        Vertices of the tubular neighbourhood, all levels together.
-    simplices : int
-        Mixed simplices of one level.
-    steps : int
-        Steps of the walk back to known vertices, in all.
-    bytes : int
-        Size of a file.
-    layers : int
-        Layers of a file.
-    """
-
-    vertices: int = 1 << 27
-    simplices: int = 1 << 28
-    steps: int = 1 << 27
-    bytes: int = 1 << 33
-    layers: int = 4096
 
 
 @dataclass(frozen=True)

@@ -16,9 +16,10 @@ from ..entropy.baseline import models, rates
 from ..entropy.coder import DECODE, END, FINAL, LEFT, POS, REGISTERS, UNKNOWN, UNLIMITED, Coder, start
 from ..errors import FormatError, IsoError, LimitError, TruncatedError
 from ..grid.field import interval_value
-from ..jit import DONE
+from ..jit import CUT, DONE
+from ..limits import Limits
 from ..passes.decoded import Decoded
-from ..passes.tube import CUT, Limits, Tube
+from ..passes.tube import Tube
 from .container import CHECKSUM_BYTES, Envelope, read_envelope, read_metadata
 from .events import BaseComplete, ChunkSkipped, End, Event, GeometryRefined, HeaderRead, LevelComplete, MetadataRead
 from .header import Header, read_header, varint

@@ -17,7 +17,8 @@ from ..entropy.coder import ENCODE, POS, REGISTERS, Coder, finish, start
 from ..errors import OptionError
 from ..grid.field import OFFSET_BITS, check_field
 from ..jit import DONE
-from ..passes.tube import Limits, Truth, Tube
+from ..limits import Limits
+from ..passes.tube import Truth, Tube
 from .container import LayerRecord, write_chunk, write_index, write_metadata
 from .decoder import begin_layer
 from .header import Header, write_header

@@ -1,0 +1,30 @@
+"""What a decoder may use (spec clause 11.2)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Limits:
+    """What a decoder may use; checked before anything is allocated (spec clause 11).
+
+    Attributes
+    ----------
+    vertices : int
+        Vertices of the tubular neighbourhood, all levels together.
+    simplices : int
+        Mixed simplices of one level.
+    steps : int
+        Steps of the walk back to known vertices, in all.
+    bytes : int
+        Size of a file.
+    layers : int
+        Layers of a file.
+    """
+
+    vertices: int = 1 << 27
+    simplices: int = 1 << 28
+    steps: int = 1 << 27
+    bytes: int = 1 << 33
+    layers: int = 4096
