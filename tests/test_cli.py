@@ -542,14 +542,17 @@ def test_interrupt_and_memory(curve: Path, monkeypatch: pytest.MonkeyPatch, rais
     assert result.stderr.strip().splitlines()[-1].startswith("isocodec: ")
 
 
+def complaints(done: subprocess.CompletedProcess[str]) -> list[str]:
+    """Lines on the error stream, but for the notice that a first or slow start gives."""
+    return [line for line in done.stderr.splitlines() if "kernels" not in line]
+
+
 def test_process(hills: Path, tmp_path: Path) -> None:
     iso, out = tmp_path / "a.iso", tmp_path / "a.geojson"
     done = process("encode", hills, "-o", iso, "--isovalue", "80.5", "--exact")
-    # The first process on a machine may say that it compiles.
-    said = [line for line in done.stderr.splitlines() if not line.startswith("isocodec: compiling")]
-    assert (done.returncode, said) == (0, [])
+    assert (done.returncode, complaints(done)) == (0, [])
     done = process("decode", iso, "-o", out)
-    assert (done.returncode, done.stderr) == (0, "")
+    assert (done.returncode, complaints(done)) == (0, [])
     assert json.loads(out.read_text())["type"] == "Feature"
     done = process("info", iso, "--json")
     assert json.loads(done.stdout)["shape"] == [33, 41]

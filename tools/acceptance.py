@@ -212,7 +212,8 @@ class Sampled:
     weight: NDArray
 
     @staticmethod
-    def of(contour: isocodec.Contour, step: float = 0.3) -> Sampled:
+    def of(contour: isocodec.Contour) -> Sampled:
+        step = 0.3 if contour.points.shape[1] == 2 else 0.6
         corners = contour.points[contour.cells]
         if contour.points.shape[1] == 2:
             size = np.linalg.norm(corners[:, 1] - corners[:, 0], axis=1)
@@ -288,7 +289,8 @@ def prefix(folder: Path, output: Path | None, cuts: int = 200, files: int = 10) 
         whole = isocodec.Decoder()
         whole.feed(data)
         at_layers: list[tuple[int, float]] = []
-        reference = Sampled.of(isocodec.decode(data))
+        # the extracted curve: exact2d and exact3d check that this is what others extract
+        reference = Sampled.of(isocodec.decode(isocodec.encode(item.values, item.isovalue, tolerance=2.0**-20)))
         for event in whole:
             if isinstance(event, LayerComplete):
                 at_layers.append((event.offset, mean_distance(Sampled.of(whole.drawn()), reference)))
@@ -331,7 +333,7 @@ def _plot(curves: dict[str, list[tuple[int, float]]], path: Path) -> None:
     figure, axes = pyplot.subplots(figsize=(9, 6))
     for name, points in curves.items():
         axes.plot(*zip(*points, strict=True), label=name, linewidth=1)
-    axes.set(xscale="log", yscale="log", xlabel="bytes received", ylabel="mean distance to the final curve (cells)")
+    axes.set(xscale="log", yscale="log", xlabel="bytes received", ylabel="mean distance to the extracted curve (cells)", ylim=(1e-4, None))
     axes.legend(fontsize=7)
     axes.grid(alpha=0.3)
     figure.savefig(path, dpi=110)

@@ -54,7 +54,7 @@ def load_kernels() -> None:
     import isocodec
 
     notice = threading.Timer(
-        2 * PATIENCE, click.echo, ["isocodec: compiling the kernels, once after installation ..."], {"err": True}
+        3 * PATIENCE, click.echo, ["isocodec: compiling the kernels, once after installation ..."], {"err": True}
     )
     notice.daemon = True
     notice.start()
