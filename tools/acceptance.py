@@ -333,7 +333,8 @@ def _plot(curves: dict[str, list[tuple[int, float]]], path: Path) -> None:
     figure, axes = pyplot.subplots(figsize=(9, 6))
     for name, points in curves.items():
         axes.plot(*zip(*points, strict=True), label=name, linewidth=1)
-    axes.set(xscale="log", yscale="log", xlabel="bytes received", ylabel="mean distance to the extracted curve (cells)", ylim=(1e-4, None))
+    axes.set(xscale="log", yscale="log", ylim=(1e-4, None))
+    axes.set(xlabel="bytes received", ylabel="mean distance to the extracted curve (cells)")
     axes.legend(fontsize=7)
     axes.grid(alpha=0.3)
     figure.savefig(path, dpi=110)
