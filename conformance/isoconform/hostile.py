@@ -162,7 +162,10 @@ def runs() -> Iterator[Draft]:
             f"{name}overrun", bytes(file.with_chunks(layers(program, run[: len(run) // 2]))), "6.3",
             "symbols past the end of a run",
         )  # fmt: skip
+        yield _refused(f"{name}leftover_1", _least_refused(file, program, run), "6.3", "one byte left over in a run")
         cut = split(truncate(data, max_bytes=len(data) - 8)).chunks[0]
+        spare = replace(cut, payload=cut.payload + b"\x01\x02\x03\x04\x05")
+        yield _refused(f"{name}cut_leftover", bytes(file.with_chunks(spare)), "6.3", "bytes left over in a cut run")
         assert cut.type == ChunkType.CUT_LAYERS
         more = layers(_steps((OFFSETS, 1)), b"")
         yield _refused(f"{name}after_cut", bytes(file.with_chunks(cut, more)), "3.5.4", "layers after a cut run")
@@ -175,6 +178,15 @@ def runs() -> Iterator[Draft]:
         ("space_start_visited", space, "5.3.2", "a component starts where one has been"),
     ):
         yield _refused(name, _searched(file, clause), clause, about)
+
+
+def _least_refused(file: File, program: bytes, run: bytes) -> bytes:
+    """The file with its run lengthened by zeros until a decoder must refuse it."""
+    while True:
+        run += b"\0"
+        data = bytes(file.with_chunks(layers(program, run)))
+        if dump(data).error is not None:
+            return data
 
 
 def _searched(file: File, clause: str) -> bytes:

@@ -9,12 +9,14 @@ from operator import mul
 
 import numpy as np
 
-from isocodec import Encoder, truncate
+from isocodec import Decoder, Encoder, encode, truncate
+from isocodec.entropy.coder import cut
 from isocodec.grid.field import Field, check_field
 from isocodec.stream.container import write_index, write_metadata
+from isocodec.stream.events import LayerComplete
 from isocodec.stream.header import Header, write_header
 from isocodec.stream.program import Layer
-from isospec.container import MAX_SIDE, ChunkType, Operation
+from isospec.container import MAX_SIDE, ChunkType, Operation, write_varint
 
 from .draft import Draft, encoded
 from .fields import Integers, balls, checkers, noise, torus, waves
@@ -151,6 +153,24 @@ def cuts() -> Iterator[Draft]:
     yield Draft("space_cut_base", truncate(base, max_bytes=50), 3, ("cut run", "single rate"))
 
 
+def cut_before_values() -> Iterator[Draft]:
+    """A run cut just where the first layer of values begins: its vertices have numbers, of no bits (clause 3.5.4)."""
+    file = encode(HILLS, 100.5, exact=True, base_level=4)
+    decoder = Decoder()
+    decoder.feed(file)
+    for event in decoder:
+        if isinstance(event, LayerComplete) and decoder.layers[event.number].kind == "values":
+            break
+    symbols = sum(decoder.symbols.values())
+    run = decoder.runs[-1]
+    payload = write_varint(symbols) + file[run.program_start : run.start] + cut(decoder.coder)
+    whole = split(file)
+    yield Draft(
+        "plane_cut_before_values", bytes(whole.with_chunks(Chunk(ChunkType.CUT_LAYERS, payload))), 2,
+        ("cut run", "values begun, none sent"),
+    )  # fmt: skip
+
+
 def truncated() -> Iterator[Draft]:
     """Files that end too early: what was received counts."""
     plane = b"".join(Encoder(HILLS, 100.5, exact=True, base_level=4))
@@ -206,5 +226,5 @@ def largest() -> Iterator[Draft]:
 
 def drafts() -> Iterator[Draft]:
     """All vectors of this module."""
-    for group in (orders, chunks, cuts, truncated, flat, largest):
+    for group in (orders, chunks, cuts, cut_before_values, truncated, flat, largest):
         yield from group()

@@ -47,6 +47,27 @@ def shapes() -> Iterator[Draft]:
         )  # fmt: skip
 
 
+def clamped_middles() -> Iterator[Draft]:
+    """Middles that clamping puts on an older vertex, next to members that the curve enters there (clause 5.4.4)."""
+    for name, rows in (
+        ("plane_known_middle_6x3", ("001", "011", "000", "000", "100", "010")),
+        ("plane_known_middle_3x6", ("000010", "000010", "000010")),
+        ("plane_known_middle_3x6_corner", ("000000", "000001", "000010")),
+    ):
+        field = np.array([[int(c) for c in row] for row in rows])
+        for level in (0, 1):
+            yield encoded(
+                f"{name}_{level}", field, 0.5, "border: middles known before the round", signs_only=True,
+                base_level=level,
+            )  # fmt: skip
+    for seed, shape in enumerate(((6, 11), (11, 6), (10, 3), (19, 12), (6, 3, 6), (5, 6, 3), (11, 3, 6), (6, 2, 6))):
+        name = "x".join(map(str, shape))
+        yield encoded(
+            f"{'plane' if len(shape) == 2 else 'space'}_known_middles_{name}", noise(shape, 60 + seed, 3), 1.5,
+            "border: middles known before the round", "noise", signs_only=True, base_level=seed % 3,
+        )  # fmt: skip
+
+
 def components() -> Iterator[Draft]:
     """Components of a base, and such that show up later, near others and far from them."""
     yield encoded(
@@ -68,6 +89,17 @@ def components() -> Iterator[Draft]:
         "space_new_components_far", salt((20, 18, 19), points3), 0.5, "new components far from known curves",
         signs_only=True, base_level=0, layers=True,
     )  # fmt: skip
+    for level in (1, 2, 5):
+        yield encoded(
+            f"plane_new_components_above_{level}", 1 - salt((41, 60), points), 0.5,
+            "new components below, far from known curves", f"base at level {level}", signs_only=True, base_level=level,
+        )  # fmt: skip
+    for level in (1, 2, 4):
+        yield encoded(
+            f"space_new_components_above_{level}", 1 - salt((20, 18, 19), points3), 0.5,
+            "new components below, far from known surfaces", f"base at level {level}", signs_only=True,
+            base_level=level,
+        )  # fmt: skip
     yield encoded(
         "plane_new_components_near", noise((17, 17), 3, 8), 127.5, "new components near known curves",
         "all slots of a cube", "noise", signs_only=True, base_level=2, layers=True,
@@ -152,5 +184,5 @@ def offsets() -> Iterator[Draft]:
 
 def drafts() -> Iterator[Draft]:
     """All vectors of this module."""
-    for group in (bases, shapes, components, values, offsets):
+    for group in (bases, shapes, clamped_middles, components, values, offsets):
         yield from group()

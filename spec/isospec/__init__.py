@@ -1,4 +1,1 @@
-"""The machine-readable half of the specification: container declarations and normative tables.
-
-Light to import: neither numba nor the codec is needed to read a file's structure.
-"""
+"""The machine-readable half of the specification: constants and shapes of the container, names of syntax elements."""

@@ -24,7 +24,7 @@ LAYER_LIMIT = 4096
 MAX_RADIX = 63
 """Most parts that a layer of offsets divides a part into; an odd number (clause 3.6.5)."""
 MAX_PARTS = 1 << 24
-"""Most parts of a cell, by all layers of offsets together (clause 3.6.5)."""
+"""Most parts of an edge, by all layers of offsets together (clause 3.6.5)."""
 
 
 class Profile(IntEnum):
