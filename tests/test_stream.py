@@ -863,3 +863,11 @@ def test_encoder_yields_as_it_goes():
     decoder = Decoder()
     decoder.feed(b"".join(pieces))
     decoder.close()
+
+
+def test_an_encoder_is_iterated_once():
+    """A second pass over the same state would write nonsense; it is refused."""
+    encoder = Encoder(np.add.outer(np.arange(5), np.arange(6)), 4.5)
+    assert b"".join(encoder)
+    with pytest.raises(OptionError, match="once"):
+        b"".join(encoder)

@@ -48,6 +48,11 @@ _SIZES = {
 START = {name: sum(list(_SIZES.values())[:i]) for i, name in enumerate(_SIZES)}
 
 
+def cube_exponent(shape: tuple[int, ...]) -> int:
+    """Exponent k of the root cube: the smallest power of two that covers the longest axis (spec clause 4.1)."""
+    return max(max(shape) - 2, 0).bit_length()
+
+
 def _add(a: Point, b: Point) -> Point:
     return tuple(x + y for x, y in zip(a, b, strict=True))
 
@@ -102,7 +107,6 @@ class _Builder:
         self.n = n
         self.classes = _classes(n)
         self.number = [{s: q for q, s in enumerate(level)} for level in self.classes]
-        self.by_set = [{frozenset(s): q for q, s in enumerate(level)} for level in self.classes]
 
     def find(self, r: int, s: Simplex) -> tuple[int, Point]:
         block, rel = _home(s)

@@ -18,7 +18,7 @@ from ..errors import FormatError, LimitError
 from ..jit import BAD, CUT, DONE, GROW
 from ..limits import Limits
 from ..mesh.store import grown, new_store
-from ..mesh.tables import AXES, mesh_tables
+from ..mesh.tables import AXES, cube_exponent, mesh_tables
 from . import base as base_pass
 from . import geometry, leaves, refine, seek, significance
 from .decoded import Decoded
@@ -49,7 +49,7 @@ OUT_OF_STEPS = 5
 
 _CLAUSES = {1: "5.3.2", 3: "5.3.3", 4: "5.5"}
 _REASONS = {
-    1: "a component starts in a simplex that was visited before",
+    1: "a component starts in a simplex that does not exist or was visited before",
     3: "a component starts in a simplex that the curve does not cross",
     4: "a new component could not be placed",
 }
@@ -204,7 +204,7 @@ class Tube:
         self._running = "values"
 
     def begin_offsets(self, parts: int) -> None:
-        """Begin a layer of offsets, to ``parts`` parts of a cell; the mesh is the full grid."""
+        """Begin a layer of offsets, to ``parts`` parts of an edge; the mesh is the full grid."""
         st = self.state
         self._radix = parts // self.parts
         if self._offset_layers == 0:
@@ -373,11 +373,6 @@ class Tube:
             edge_axis=self.edges[sent, 1],
             edge_offset=(self.offset[sent] + 0.5) / parts[sent],
         )
-
-
-def cube_exponent(shape: tuple[int, ...]) -> int:
-    """Exponent k of the root cube: the smallest power of two that covers the longest axis (spec clause 4.1)."""
-    return max(max(shape) - 2, 0).bit_length()
 
 
 def _busy(signs: NDArray[np.bool_]) -> NDArray[np.bool_]:

@@ -35,7 +35,7 @@ BASE_CYCLES = 4
 
 
 class Encoder:
-    """Encodes one isocontour of a field; iterating yields the bytes of the file, chunk by chunk.
+    """Encodes one isocontour of a field; iterating, once, yields the bytes of the file, chunk by chunk.
 
     Parameters
     ----------
@@ -163,6 +163,8 @@ class Encoder:
             del self._plan[0]
 
     def __iter__(self) -> Iterator[bytes]:
+        if self.records:
+            raise OptionError("an encoder can be iterated only once", code="iterated", remedy="make another one")
         checksum = 0
         for piece in self._pieces():
             checksum = zlib.crc32(piece, checksum)

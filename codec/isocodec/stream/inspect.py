@@ -9,6 +9,7 @@ from typing import Any
 from isospec.container import Checksum, ChunkType
 
 from ..errors import FormatError, TruncatedError
+from ..mesh.tables import cube_exponent
 from .container import CHECKSUM_BYTES, Envelope, read_envelope, read_index, read_metadata
 from .header import Header, read_header, varint
 from .program import Layer, Progress, read_program
@@ -105,7 +106,7 @@ def inspect(data: bytes, symbols: bool = False) -> FileInfo:
     layers: list[LayerInfo] = []
     plain: list[Layer] = []
     metadata: dict[str, str] = {}
-    progress = Progress(len(header.shape) * max(max(header.shape) - 2, 0).bit_length())
+    progress = Progress(len(header.shape) * cube_exponent(header.shape))
     coded = 0
     complete = False
     while not complete:
