@@ -14,7 +14,14 @@ from hypothesis import settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
+from isocodec.mesh.chosen import GONE, Chosen, every_vertex
+from isocodec.mesh.store import grown, put
+
 INTERPRETED = os.environ.get("NUMBA_DISABLE_JIT", "0") not in ("", "0")
+
+
+Vertices = frozenset[tuple[int, ...]]
+"""A mesh: the positions of its vertices."""
 
 
 def examples(count: int) -> settings:
@@ -140,3 +147,103 @@ def sign_fields(draw, n: int, most: int, longest: int | None = None) -> NDArray[
     if kind == "smooth":
         return smooth(shape, seed) > draw(st.sampled_from([-0.3, 0.0, 0.3]))
     return np.indices(shape).sum(axis=0) % draw(st.integers(2, 4)) == 0
+
+
+# -- meshes between the root and the full grid -----------------------------------------------------------------------
+
+
+@lru_cache(256)
+def parents(shape: tuple[int, ...]) -> dict[tuple[int, ...], Vertices]:
+    """All middles of the full mesh, unclamped, with their parents; both by recursive bisection."""
+    n, k = len(shape), exponent(shape)
+    out: dict[tuple[int, ...], set[tuple[int, ...]]] = {}
+    for level in range(n * k):
+        s = simplices(n, k, level)
+        exists = volumes(np.minimum(s, np.array(shape) - 1)) != 0
+        tag = n - level % n
+        for x in s[exists]:
+            w = tuple((x[0] + x[tag]) // 2)
+            up = out.setdefault(tuple(map(int, w)), set())
+            if level:
+                up.add(tuple(map(int, x[1 if level % n == 0 else tag + 1])))
+    return {w: frozenset(p) for w, p in out.items()}
+
+
+def closed(shape: tuple[int, ...], wanted: list[tuple[int, ...]]) -> Vertices:
+    """The smallest mesh that has the wanted vertices."""
+    up = parents(shape)
+    out: set[tuple[int, ...]] = set()
+    stack = list(wanted)
+    while stack:
+        w = stack.pop()
+        if w not in out:
+            out.add(w)
+            stack += up[w]
+    return frozenset(out)
+
+
+def mesh_leaves(shape: tuple[int, ...], mesh: Vertices) -> list[tuple[int, NDArray[np.int64]]]:
+    """Leaf simplices of a mesh with a volume, as (level, clamped positions)."""
+    n, k = len(shape), exponent(shape)
+    last = np.array(shape) - 1
+    found = []
+    stack = [(0, x) for x in simplices(n, k, 0)]
+    while stack:
+        level, x = stack.pop()
+        tag = n - level % n
+        z = (x[0] + x[tag]) // 2
+        if level < n * k and tuple(map(int, z)) in mesh:
+            stack.append((level + 1, np.concatenate([x[:tag], [z], x[tag + 1 :]])))
+            stack.append((level + 1, np.concatenate([x[1 : tag + 1], [z], x[tag + 1 :]])))
+            continue
+        x = np.minimum(x, last)
+        if volumes(x[None])[0] != 0:
+            found.append((level, x))
+    return found
+
+
+def mixed_leaves(above: NDArray[np.bool_], mesh: Vertices) -> set[tuple[int, bytes]]:
+    """Those that are crossed, by level and positions."""
+    out = set()
+    for level, x in mesh_leaves(above.shape, mesh):
+        signs = above[tuple(x.T)]
+        if signs.any() and not signs.all():
+            out.add((level, x.astype(np.int64).tobytes()))
+    return out
+
+
+def level_of(w: tuple[int, ...], n: int, k: int) -> int:
+    unit = min(x & -x for x in w if x)
+    odd = sum(x // unit % 2 for x in w)
+    return n * (k - unit.bit_length()) + n - odd
+
+
+def uniform(shape: tuple[int, ...], level: int) -> Vertices:
+    """The mesh of a uniform level."""
+    n, k = len(shape), max(max(shape) - 2, 0).bit_length()
+    return frozenset(w for w in parents(shape) if level_of(w, n, k) < level)
+
+
+def chosen(shape: tuple[int, ...], mesh: Vertices) -> Chosen:
+    """The flags of a mesh that is given as a set."""
+    out = every_vertex(shape)
+    for w in parents(shape):
+        if w in mesh:
+            continue
+        p = w + (0,) * (3 - len(w))
+        if all(x < s for x, s in zip(p, out.inside.shape, strict=True)):
+            out.inside[p] |= GONE
+        else:
+            out = out._replace(outside=grown(out.outside, 1))
+            put(out.outside, *map(np.int64, p), GONE)
+    return out
+
+
+@st.composite
+def meshes(draw, shape: tuple[int, ...], inside: Vertices = frozenset()) -> Vertices:
+    """A closed set of vertices: some picked at random, and their ancestors; all of ``inside`` among them."""
+    every = sorted(parents(shape))
+    seed = draw(st.integers(0, 1 << 32))
+    share = draw(st.sampled_from([0.0, 0.02, 0.1, 0.4, 1.0]))
+    rng = np.random.default_rng(seed)
+    return closed(shape, [w for w in every if rng.random() < share]) | inside

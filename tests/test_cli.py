@@ -112,7 +112,7 @@ def test_encode_tells_what_it_wrote(hills: Path, tmp_path: Path, curve_data: byt
         "layers": layers,
         "shape": [33, 41],
         "dtype": "uint8",
-        "isovalue": 80.5,
+        "isovalues": [80.5],
     }
 
 

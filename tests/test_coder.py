@@ -395,7 +395,7 @@ def test_nearer_point(data):
     walk = np.zeros(2 * MOST + 8, np.int64)
     for i, p in enumerate(trail):
         walk[8 + 2 * (i % MOST) : 10 + 2 * (i % MOST)] = p
-    case = nearer(walk, 8, count, *g, *a, *b)
+    case = nearer(walk, 8, count, 1, *g, *a, *b)
     if count < LEAST:
         assert case == 0
         return

@@ -65,9 +65,9 @@ def leaves_of(field, isovalue=0.0, *, size=1, bisections=0, values=True, above=N
         above=above.ravel()[used],
         value=field.ravel()[used].astype(np.float64) if values else None,
         simplices=index.reshape(-1, field.ndim + 1),
+        levels=np.full(len(simplices), bisections),
         full=bisections == field.ndim * (size.bit_length() - 1),
-        edge_vertex=NONE,
-        edge_axis=NONE,
+        edges=np.zeros((0, 2), np.int64),
         edge_offset=np.empty(0),
     )
 
@@ -345,7 +345,7 @@ def test_simplex_drawing_interpolates_along_the_edge_as_published():
     # x0 = (0, 0) at 3, the others at -1: crossings at 3/4 of both edges from x0.
     leaves = Leaves(
         (5, 5), 0.0, np.array([[0, 0], [4, 0], [4, 4]]), np.array([True, False, False]), np.array([3.0, -1, -1]),
-        np.array([[0, 1, 2]]), False, NONE, NONE, np.empty(0),
+        np.array([[0, 1, 2]]), np.array([0]), False, np.zeros((0, 2), np.int64), np.empty(0),
     )  # fmt: skip
     contour = draw(leaves)
     assert contour.points[contour.cells].tolist() == [[[3.0, 0.0], [3.0, 3.0]]]
@@ -360,18 +360,13 @@ def test_offsets_place_points_and_take_precedence_over_values():
     plain = leaves_of(np.sign(field))
     low = np.floor(exact.points).astype(np.int64)
     index = {tuple(p): i for i, p in enumerate(plain.position.tolist())}
-    axis = np.argmax(exact.points != low, axis=1)
-    offset = exact.points[np.arange(len(axis)), axis] - low[np.arange(len(axis)), axis]
-    stated = Leaves(**{
-        **vars(plain),
-        "edge_vertex": np.array([index[tuple(p)] for p in low.tolist()]),
-        "edge_axis": axis,
-        "edge_offset": offset,
-    })  # fmt: skip
+    high = np.ceil(exact.points).astype(np.int64)
+    ends = [[index[tuple(p)], index[tuple(q)]] for p, q in zip(low.tolist(), high.tolist(), strict=True)]
+    offset = (exact.points - low).max(axis=1)
+    stated = Leaves(**{**vars(plain), "edges": np.array(ends), "edge_offset": offset})
     drawn = draw(stated)
     assert np.allclose(drawn.points, exact.points, atol=1e-12, rtol=0) and (drawn.cells == exact.cells).all()
-    some = Leaves(**{**vars(stated), "edge_vertex": stated.edge_vertex[:5], "edge_axis": axis[:5],
-                     "edge_offset": offset[:5]})  # fmt: skip
+    some = Leaves(**{**vars(stated), "edges": stated.edges[:5], "edge_offset": offset[:5]})
     assert (draw(some).points != draw(plain).points).any(axis=1).sum() == 5
 
 
@@ -379,7 +374,7 @@ def test_offsets_place_points_and_take_precedence_over_values():
 def test_points_are_in_the_middle_where_nothing_is_known_and_never_leave_their_edge(full):
     field = noise((8, 8), 5)
     leaves = leaves_of(field) if full else leaves_of(field, size=2, bisections=1)
-    middle = draw(Leaves(**{**vars(leaves), "value": None}))
+    middle = draw(Leaves(**{**vars(leaves), "value": np.full(len(leaves.position), np.nan)}))
     for useless in (np.nan, np.inf, -np.inf, 1.0, 0.0):
         value = np.full(len(leaves.position), useless)
         assert (draw(Leaves(**{**vars(leaves), "value": value})).points == middle.points).all()

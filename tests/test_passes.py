@@ -16,6 +16,7 @@ from isocodec import Decoder, Encoder
 from isocodec.entropy.coder import ENCODE, END, FINAL, finish, start
 from isocodec.grid.field import interval_value
 from isocodec.jit import DONE, NEED
+from isocodec.passes import snapshot
 from isocodec.stream.events import BaseComplete, GeometryRefined, LayerComplete, LevelComplete
 from isocodec.stream.header import write_header
 from isocodec.stream.program import Layer
@@ -25,7 +26,7 @@ from isocodec.stream.program import Layer
 
 def leaves_of(tube, isovalue=0.5, scale=None):
     """All that the drawing is told."""
-    return tube.leaves(isovalue, lambda number, above: interval_value(isovalue, scale, number, above))
+    return snapshot.leaves_of(tube, isovalue, lambda number, above: interval_value(isovalue, scale, number, above))
 
 
 def as_counter(simplices):
@@ -83,7 +84,7 @@ def same_state(one, other):
     """Encoder and decoder know the same: vertices in order, leaves in order, symbol counts, geometry."""
     assert np.array_equal(one.tally(), other.tally())
     a, b = leaves_of(one), leaves_of(other)
-    for name in ("position", "above", "simplices", "edge_vertex", "edge_axis", "edge_offset"):
+    for name in ("position", "above", "simplices", "levels", "edges", "edge_offset"):
         assert np.array_equal(getattr(a, name), getattr(b, name)), name
     assert (a.value is None) == (b.value is None)
     if a.value is not None:
@@ -132,7 +133,7 @@ def test_elongated_boxes(shape):
     decoder = Decoder()
     decoder.feed(b"".join(encoder))
     decoder.close()
-    above = encoder.field.signs
+    above = encoder._fields[0].signs
     assert 0 < above.sum() < above.size
     check_full_grid(leaves_of(decoder._tube), above)
     same_state(encoder._tube, decoder._tube)
@@ -217,7 +218,7 @@ def test_values_are_exact(case):
     """C2-geometry: after the last plane every vertex that the drawing uses has its sample's value."""
     field, isovalue = case
     _, decoder = decode_and_check(field, isovalue, exact=True)
-    if decoder._tube.has_values:
+    if decoder._tube.estimates.has_values:
         check_values(leaves_of(decoder._tube, isovalue), field, full=True)
     points = decoder.snapshot().points
     expected = crossing_points(field, isovalue)
@@ -261,11 +262,11 @@ def test_offsets_close_in(case):
         assert event.layer.parts > parts
         parts = event.layer.parts
         leaves = leaves_of(decoder._tube, isovalue)
-        low, axis = leaves.position[leaves.edge_vertex], leaves.edge_axis
+        low, high = leaves.position[leaves.edges[:, 0]], leaves.position[leaves.edges[:, 1]]
+        axis = np.argmax(low != high, axis=1)
         named = [(*p, a) for p, a in zip(map(tuple, low.tolist()), axis.tolist(), strict=True)]
         assert len(named) == len(expected) and set(named) == expected
-        high = low.copy()
-        high[np.arange(len(low)), axis] += 1
+        assert (np.abs(high - low).sum(axis=1) == 1).all()
         f0, f1 = field[tuple(low.T)].astype(float), field[tuple(high.T)].astype(float)
         error = np.abs(leaves.edge_offset - (isovalue - f0) / (f1 - f0))
         # the encoder's crossings are fractions of 30 bits
@@ -286,8 +287,8 @@ def run_layers(encoder, steps):
     """
     tube = encoder._tube
     # The header announces the bits of values before the mesh is complete: enough for any of the field.
-    span = np.abs(encoder.field.values.astype(np.int64) - math.floor(encoder.field.isovalue)).max()
-    tube.bits_above = tube.bits_below = int(span).bit_length()
+    span = np.abs(encoder._fields[0].values.astype(np.int64) - math.floor(encoder._fields[0].isovalue)).max()
+    tube.estimates.bits = (int(span).bit_length(),) * 2
 
     def begin(tube, step):
         match step:
@@ -309,7 +310,7 @@ def run_layers(encoder, steps):
     assert len(list(decoder)) == 1
     other = decoder._tube
     start(other.coder.reg, 1)
-    other.bits_above, other.bits_below = tube.bits_above, tube.bits_below
+    other.estimates.bits = tube.estimates.bits
     other.coder.buf[: len(run)] = np.frombuffer(run, np.uint8)
     for step in steps:
         begin(other, step)
@@ -355,7 +356,7 @@ def test_layers_interleave(data, case):
             if level == full:
                 ends = crossing_ends(field > isovalue)
                 drawn = np.array([v for v in drawn if tuple(leaves.position[v].tolist()) in ends], int)
-            if step[1] < tube.bits_above:
+            if step[1] < tube.estimates.bits[0]:
                 error = np.abs(leaves.value - field[tuple(leaves.position.T)])[drawn]
                 assert np.isfinite(error).all()
                 assert error.max(initial=0) <= (2.0 ** step[1] - 1) / 2

@@ -15,7 +15,8 @@ from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, ru
 import isocodec
 from brute import INTERPRETED, examples, smooth
 from isocodec import Decoder, Encoder, FormatError, IsoError, LimitError, Limits, OptionError, TruncatedError
-from isocodec.stream import container, encoder
+from isocodec.passes.snapshot import state_of
+from isocodec.stream import container, encoder, strand
 from isocodec.stream.events import BaseComplete, ChunkSkipped, End, HeaderRead, LayerComplete, MetadataRead
 from isocodec.stream.header import Header, read_header, write_header
 from isocodec.stream.program import Layer, Progress, read_program, write_program
@@ -55,12 +56,12 @@ def files():
         "empty": isocodec.encode(np.zeros((8, 5), int), 0),
     }
     # Small limits in the encoder make a short file with all that a long one has: runs, checksums, an index.
-    saved = encoder.RUN_BYTES, encoder.INDEX_SHARE, container.CHECKED_CHUNK
-    encoder.RUN_BYTES, encoder.INDEX_SHARE, container.CHECKED_CHUNK = 24, 0, 16
+    saved = strand.RUN_BYTES, encoder.INDEX_SHARE, container.CHECKED_CHUNK
+    strand.RUN_BYTES, encoder.INDEX_SHARE, container.CHECKED_CHUNK = 24, 0, 16
     try:
         made["several runs"] = isocodec.encode(picture((13, 16), 6), 2, exact=True, base_level=1)
     finally:
-        encoder.RUN_BYTES, encoder.INDEX_SHARE, container.CHECKED_CHUNK = saved
+        strand.RUN_BYTES, encoder.INDEX_SHARE, container.CHECKED_CHUNK = saved
     return made
 
 
@@ -74,7 +75,7 @@ def whole(name):
     decoder.feed(files()[name])
     events = list(decoder)
     assert decoder.complete
-    return events, decoder.symbols, decoder.snapshot(), decoder._tube.decoded()
+    return events, decoder.symbols, decoder.snapshot(), state_of(decoder._tube)
 
 
 def same_drawing(a, b):
@@ -162,7 +163,7 @@ class Feeding(RuleBasedStateMachine):
         events, symbols, contour, decoded = whole(self.name)
         assert self.events == events
         assert self.decoder.symbols == symbols
-        assert self.decoder._tube.decoded().lines() == decoded.lines()
+        assert state_of(self.decoder._tube).lines() == decoded.lines()
         assert same_drawing(self.decoder.snapshot(), contour)
 
 
@@ -394,7 +395,7 @@ def survive(data, limits=None):
                 decoder.drawn()
             decoder.close()
             decoder.snapshot()
-            outcomes.append(decoder._tube.decoded().lines())
+            outcomes.append(state_of(decoder._tube).lines())
         except IsoError as error:
             outcomes.append((type(error), error.code, error.offset))
     assert outcomes[0] == outcomes[1]
@@ -613,6 +614,12 @@ BASE_2, REFINE_3, REFINE_4 = ("base", 2, 0), ("refine", 3, 0), ("refine", 4, 0)
         ("8f 21 12", [("base", 4, 0), ("values", 4, 1)]),
         ("82 a1 03 91 21", [BASE_2, ("values", 2, 2), REFINE_3, ("values", 3, 1)]),  # bits are stated once
         ("8f 21 f2 10", [("base", 4, 0), ("values", 4, 15)]),  # 16 bits above: an escape and a number
+        ("51", [("adaptive_base", 1, 0)]),
+        ("d1 e0 61", [("adaptive_base", 1, 0), ("adapt", 1, 0), ("adapt", 1, 0)]),
+        ("8f b1 21 11", [("base", 4, 0), ("offsets", 4, 3), ("values", 4, 0)]),
+        ("82 31 02", [BASE_2, ("offsets", 2, 3)]),  # parts of 2**2 samples
+        ("82 b1 02 9f 30", [BASE_2, ("offsets", 2, 3), REFINE_3, REFINE_4, ("offsets", 4, 1)]),
+        ("8f 30", [("base", 4, 0), ("offsets", 4, 1)]),  # in one part: nothing to be told
         ("8f 2f 00", [("base", 4, 0), ("values", 4, 0)]),  # no bits: values are exact at once
     ],
 )
@@ -633,16 +640,20 @@ def test_program(encoding, layers):
         ("82 13", 1),  # three rounds from level 2
         ("82 10", 1),  # none
         ("82 9f 11", 2),  # one more than there are
-        ("82 31", 1),  # offsets before the full grid
-        ("8f 30", 1),  # offsets in one part
+        ("82 31 19", 1),  # offsets in parts of 2**25 samples
         ("8f 3f", 1),
         ("8f 3e 20", 1),  # in 65 parts
         ("8f be 1f be 1f be 1f be 1f 31", 9),  # in 63**4 = 15,752,961 parts, and each of those in 3: more than 2**24
-        ("8f b1 21 11", 2),  # values after offsets
-        ("8f b1 11", 2),  # refinement after offsets
+        ("8f b1 11", 2),  # refinement beyond the full grid
         ("8f a1 11 31", 3),  # offsets after values
         ("8f 23 12", 1),  # three planes of two
-        ("50", 0), ("60", 0), ("70", 0),  # no operations
+        ("55", 0),  # an adaptive base that has more than there is
+        ("82 50", 1),
+        ("60", 0),  # adaptive refinement before the base
+        ("82 62", 1),  # of an unknown kind
+        ("82 6f", 1),
+        ("8f 60", 1),  # of the full grid
+        ("70", 0),  # a base from the leaves of no other isovalue
     ],
 )  # fmt: skip
 def test_program_refused(encoding, offset):

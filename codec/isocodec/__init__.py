@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from .limits import Limits
     from .stream.decoder import Decoder
     from .stream.encoder import Encoder
+    from .stream.events import LayerComplete
     from .stream.inspect import FileInfo, inspect
     from .stream.truncate import truncate
 
@@ -33,6 +34,7 @@ _HOMES = {
     ),
     "limits": ("Limits",),
     "stream.decoder": ("Decoder",),
+    "stream.events": ("LayerComplete",),
     "stream.encoder": ("Encoder",),
     "stream.inspect": ("FileInfo", "inspect"),
     "stream.truncate": ("truncate",),
@@ -47,6 +49,7 @@ __all__ = [
     "FormatError",
     "InputError",
     "IsoError",
+    "LayerComplete",
     "LimitError",
     "Limits",
     "MissingExtraError",

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -13,9 +13,10 @@ from .errors import OptionError
 from .stream.decoder import Decoder
 from .stream.encoder import Encoder
 from .stream.events import LayerComplete
+from .stream.inspect import inspect
 
 
-def encode(field: ArrayLike, isovalue: float, **options: Any) -> bytes:
+def encode(field: ArrayLike, isovalue: float | Sequence[float], **options: Any) -> bytes:
     """Encode one isocontour or isosurface of a sampled field.
 
     Parameters
@@ -53,6 +54,7 @@ def encode(field: ArrayLike, isovalue: float, **options: Any) -> bytes:
 def decode(
     data: bytes,
     *,
+    isovalue: float | None = None,
     layers: int | None = None,
     max_bytes: int | None = None,
     progress: Callable[[int, int], object] | None = None,
@@ -62,6 +64,8 @@ def decode(
     Parameters
     ----------
     data : bytes
+    isovalue : float, optional
+        Which one, of a file that holds several; the first if not given. Others are decoded as far as it leans on them.
     layers : int, optional
         Decode that many layers only; all if there are fewer.
     max_bytes : int, optional
@@ -85,19 +89,29 @@ def decode(
         raise OptionError(f"{layers} layers, needed is at least 1", code="layers")
     if max_bytes is not None and max_bytes < 1:
         raise OptionError(f"{max_bytes} bytes, needed is at least 1", code="max-bytes")
-    decoder = Decoder()
+    number, chain = _chain(data, isovalue)
+    decoder = Decoder(only=chain)
     decoder.feed(data if max_bytes is None else data[:max_bytes])
+    done = 0
     for event in decoder:
         if isinstance(event, LayerComplete):
             if progress:
                 progress(event.number, len(decoder.layers))
-            if event.number == layers:
-                return decoder.drawn()
+            done += len(decoder.isovalues) - 1 == number
+            if done == layers:
+                return decoder.drawn(number)
     if max_bytes is None:
         decoder.close()
-    return decoder.drawn()
+    return decoder.drawn(number)
 
 
+def _chain(data: bytes, isovalue: float | None) -> tuple[int, frozenset[int]]:
+    """Number of an isovalue of a file, and those of all that it takes to decode it."""
+    if isovalue is None:
+        return 0, frozenset([0])
+    info = inspect(data)
+    number = info.number_of(isovalue)
+    return number, info.chain(number)
 
 
 def warm_up() -> None:

@@ -68,7 +68,7 @@ def _mixed_cube(pyramid: object, levels: object, m: int, x: int, y: int, z: int)
 
 
 def _find(st, busy: object, found: NDArray[np.int64]) -> int:
-    """Like ``significance.find``, but over the cubes around the circle only.
+    """Like ``significance.find``, which fills ``found`` as far as it goes, but over the cubes around the circle only.
 
     A middle differs from all corners of its diamond only if the circle passes the square of two cubes around it.
     """
@@ -82,7 +82,8 @@ def _find(st, busy: object, found: NDArray[np.int64]) -> int:
                 continue
             for slot in range(significance.slots(2, r)):
                 if significance._alone(st, r, *significance.middle_of(2, r, x, y, 0, slot)):
-                    found[count] = significance._morton(2, x, y, 0) << significance.SLOT_BITS | slot
+                    if count < len(found):
+                        found[count] = significance._morton(2, x, y, 0) << significance.SLOT_BITS | slot
                     count += 1
     return count
 

@@ -2,12 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from isocodec import encode
+from isocodec import encode, truncate
+from isocodec.stream.events import LayerComplete
+
+from .dump import COMPLETE, dump
+
+CUT_ROOM = 64
+"""Bytes that a file may grow by when it is cut: a number of symbols, a checksum."""
 
 
 @dataclass(frozen=True)
@@ -35,7 +42,27 @@ class Draft:
     layers: bool = False
 
 
-def encoded(name: str, field: ArrayLike, isovalue: float, *features: str, layers: bool = False, **options) -> Draft:
+def encoded(
+    name: str, field: ArrayLike, isovalue: float | Sequence[float], *features: str, layers: bool = False, **options
+) -> Draft:
     """A vector as the reference encoder writes it."""
     data = encode(field, isovalue, **options)
     return Draft(name, data, np.ndim(field), features, layers=layers)
+
+
+def within(data: bytes, kind: str) -> tuple[int, bytes]:
+    """Where the middle of a file's longest layer of a kind lies, and the file up to it: the layer is not complete."""
+    found = [e for e in dump(data).events if isinstance(e, LayerComplete)]
+    event = max((e for e in found if e.layer.kind == kind), key=lambda e: e.bytes)
+    size = event.offset - event.bytes // 2
+    done = [e for e in dump(data[:size]).events if isinstance(e, LayerComplete)]
+    assert len(done) == event.number - 1, f"{kind} is not cut in its middle"
+    return size, data[:size]
+
+
+def cut_within(data: bytes, kind: str) -> bytes:
+    """A complete file whose run is cut within that layer."""
+    size, start = within(data, kind)
+    short = truncate(start, max_bytes=size + CUT_ROOM)
+    assert dump(short).exit_code == COMPLETE
+    return short

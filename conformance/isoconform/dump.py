@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 
 from isocodec.errors import FormatError, IsoError, LimitError, TruncatedError
 from isocodec.stream.decoder import Decoder
-from isocodec.stream.events import Event, LayerComplete
+from isocodec.stream.events import Event, IsovalueRead, LayerComplete
 
 COMPLETE = 0
 CUT_OFF = TruncatedError.exit_code
@@ -44,9 +44,14 @@ class Output:
 
 
 def canonical(decoder: Decoder) -> str:
-    """Text of the state of a decoder; empty before the header."""
-    state = decoder.state()
-    return "".join(f"{line}\n" for line in state.lines()) if state else ""
+    """Text of the states of all isovalues that have come; empty before the header."""
+    lines: list[str] = []
+    for number in range(len(decoder.isovalues)):
+        state = decoder.state(number)
+        assert state is not None
+        # the shape is the same for all
+        lines += [f"isovalue {number}", *state.lines()[1:]] if number else state.lines()
+    return "".join(f"{line}\n" for line in lines)
 
 
 def dump(data: bytes, *, layers: int = 0, piece: int = 0) -> Output:
@@ -77,12 +82,15 @@ def dump(data: bytes, *, layers: int = 0, piece: int = 0) -> Output:
     return Output(code, canonical(decoder), error, decoder.symbols, events)
 
 
-def canonical_layers(data: bytes) -> Iterator[tuple[LayerComplete, str]]:
-    """Every layer of a file with the canonical text after it."""
+def canonical_layers(data: bytes) -> Iterator[tuple[LayerComplete, int, str]]:
+    """Every layer of a file, the number of its isovalue, and the canonical text after it."""
     decoder = Decoder()
+    isovalue = 0
     for event in _events(decoder, data, 0):
-        if isinstance(event, LayerComplete):
-            yield event, canonical(decoder)
+        if isinstance(event, IsovalueRead):
+            isovalue = event.number
+        elif isinstance(event, LayerComplete):
+            yield event, isovalue, canonical(decoder)
 
 
 def _events(decoder: Decoder, data: bytes, piece: int) -> Iterator[Event]:

@@ -7,14 +7,14 @@ from collections.abc import Iterator
 from itertools import chain
 from pathlib import Path
 
-from isocodec.stream.events import Event, LayerComplete
+from isocodec.stream.events import Event, IsovalueRead, LayerComplete
 
-from . import circle, hostile, special, valid
+from . import adaptive, circle, geometry, hostile, isovalues, special, valid
 from .draft import Draft
 from .dump import COMPLETE, CUT_OFF, Output, canonical_layers, dump
 from .manifest import ERROR, NAME, OK, TRUNCATED, Expected, LayerState, Vector, digest, read_manifest, write_manifest
 
-TEXT_LIMIT = 3200
+TEXT_LIMIT = 2200
 """Longest canonical text, in bytes, that is kept next to its vector for the runner to show differences."""
 
 
@@ -29,8 +29,8 @@ def generate(directory: Path) -> list[Vector]:
         if output.text and len(output.text) <= TEXT_LIMIT:
             files[f"{draft.name}.txt"] = output.text.encode("ascii")
     names = [v.name for v in vectors]
-    if len(set(names)) < len(names):
-        raise AssertionError("two vectors have the same name")
+    if twice := {name for name in names if names.count(name) > 1}:
+        raise AssertionError(f"two vectors are called {', '.join(sorted(twice))}")
     directory.mkdir(parents=True, exist_ok=True)
     _clear(directory)
     for name, content in files.items():
@@ -41,7 +41,7 @@ def generate(directory: Path) -> list[Vector]:
 
 def all_drafts() -> Iterator[Draft]:
     """All vectors, in the order of the manifest."""
-    return chain(valid.drafts(), special.drafts(), hostile.drafts(), circle.drafts())
+    return chain(*(module.drafts() for module in (valid, special, adaptive, geometry, isovalues, hostile, circle)))
 
 
 def _clear(directory: Path) -> None:
@@ -60,7 +60,8 @@ def _described(draft: Draft, output: Output) -> Vector:
         lines = output.text.splitlines()
         expected = Expected(
             OK if output.exit_code == COMPLETE else TRUNCATED, None, digest(output.text),
-            sum(line.startswith("v ") for line in lines), sum(line.startswith("e ") for line in lines), output.symbols,
+            sum(line.startswith("v ") for line in lines), sum(line.startswith("e ") for line in lines),
+            {name: count for name, count in output.symbols.items() if count},
         )  # fmt: skip
     else:
         if draft.clause != clause:
@@ -68,9 +69,12 @@ def _described(draft: Draft, output: Output) -> Vector:
         expected = Expected(ERROR, clause)
     layers = []
     if draft.layers:
-        for event, text in canonical_layers(draft.data):
+        several = any(isinstance(event, IsovalueRead) for event in output.events)
+        for event, isovalue, text in canonical_layers(draft.data):
+            layer = event.layer
+            number = isovalue if several else None
             layers.append(
-                LayerState(event.layer.kind, event.layer.level, event.layer.plane, event.layer.parts, digest(text))
+                LayerState(layer.kind, layer.level, layer.plane, layer.parts, digest(text), layer.unit, number)
             )
     features = list(draft.features)
     if draft.clause is None:
@@ -91,11 +95,20 @@ def _described(draft: Draft, output: Output) -> Vector:
 def _features(events: list[Event], n: int) -> Iterator[str]:
     """What the layers exercise, in terms of the levels modulo the dimension."""
     for event in events:
+        if isinstance(event, IsovalueRead):
+            yield "several isovalues"
+            yield "isovalue that leans on none" if event.lean is None else "isovalue that leans on an earlier one"
         if not isinstance(event, LayerComplete):
             continue
         kind, level = event.layer.kind, event.layer.level
         if kind == "base":
             yield f"base, level {level % n} mod {n}"
+        elif kind == "adaptive_base":
+            yield f"adaptive base, uniform level {level % n} mod {n}"
+        elif kind == "leaf_base":
+            yield "leaf base"
+        elif kind == "adapt":
+            yield f"adaptive refinement, {'with' if event.layer.births else 'without'} births"
         elif kind == "refine":
             yield f"refinement, level {(level - 1) % n} mod {n}"
             # more than the root of the tree was coded

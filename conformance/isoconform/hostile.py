@@ -3,19 +3,20 @@
 from __future__ import annotations
 
 import struct
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 from isocodec import Encoder, truncate
+from isocodec.stream.container import write_further
 from isocodec.stream.header import Header, write_header
-from isospec.container import ChunkType, Operation, OperationByte, write_varint
+from isospec.container import MAX_ISOVALUES, ChunkType, Operation, write_varint
 
 from .draft import Draft
 from .dump import dump
 from .fields import balls, noise, random_numbers
-from .streams import Chunk, File, closed, layers, program_length, reopened, split
+from .streams import Chunk, File, Step, closed, layers, program_length, reopened, split, steps_of
 
-BASE, REFINE, VALUES, OFFSETS, BOTH = Operation
+BASE, REFINE, VALUES, OFFSETS, BOTH, ADAPTIVE, ADAPT, LEAVES = Operation
 ESCAPE, ALL = 14, 15
 FULL = 6
 """Full level of the small plane file: 9 x 8 samples."""
@@ -95,19 +96,6 @@ def containers() -> Iterator[Draft]:
     yield _refused("two_files", data + data, "3.4.4", "bytes after the end")
 
 
-Step = tuple[int, int] | bytes
-
-
-def _steps(*steps: Step) -> bytes:
-    """A program of operations; bytes stand for numbers that follow the operation before."""
-    places = [i for i, step in enumerate(steps) if isinstance(step, tuple)]
-    return b"".join(
-        step if isinstance(step, bytes)
-        else OperationByte.build({"more": i != places[-1], "operation": step[0], "argument": step[1]})
-        for i, step in enumerate(steps)
-    )  # fmt: skip
-
-
 def programs() -> Iterator[Draft]:
     """Layer programs that are wrong."""
     plane, space = split(_plane()), split(_space())
@@ -121,28 +109,38 @@ def programs() -> Iterator[Draft]:
         ("past_full_grid_again", "refinement past the full grid", ((BOTH, 2), (REFINE, ALL))),
         ("no_rounds", "no rounds of refinement", ((BASE, 2), (REFINE, 0))),
         ("refine_first", "refinement before the base", ((REFINE, 2), (BASE, 0))),
-        ("offsets_coarse", "offsets before the full grid", ((BASE, 2), (OFFSETS, 1))),
-        ("offsets_radix_1", "offsets that divide nothing", (full, (OFFSETS, 0))),
+        ("offsets_no_unit", "offsets on a coarse mesh without their unit", ((BASE, 2), (OFFSETS, 1))),
+        ("offsets_unit_25", "offsets in too large a unit", ((BASE, 2), (OFFSETS, 1), b"\x19")),
+        ("offsets_unit_255", "offsets in too large a unit", ((ADAPTIVE, 2), (OFFSETS, 1), b"\xff")),
+        ("offsets_first", "offsets before the base", ((OFFSETS, 1), full)),
+        ("offsets_after_values_coarse", "offsets after values", ((BASE, 2), (VALUES, 1), bits, (OFFSETS, 1), b"\0")),
         ("offsets_radix_65", "offsets of a radix over 63", (full, (OFFSETS, ESCAPE), b"\x20")),
         ("offsets_all", "offsets without a radix", (full, (OFFSETS, ALL))),
         ("offsets_too_fine", "more than 2**24 parts", (full, *finest * 5)),
         ("offsets_after_values", "offsets after values", (full, (VALUES, 1), bits, (OFFSETS, 1))),
-        ("values_after_offsets", "values after offsets", (full, (OFFSETS, 1), (VALUES, 1), bits)),
         ("values_first", "values before the base", ((VALUES, 1), bits, full)),
         ("values_too_many", "more value bits than there are", (full, (VALUES, 8), bits)),
-        ("operation", "an unknown operation", (full, (7, 1))),
+        ("adaptive_too_fine", "an adaptive base past the full grid", ((ADAPTIVE, FULL + 1),)),
+        ("adaptive_second", "an adaptive base after a base", ((BASE, 2), (ADAPTIVE, 2))),
+        ("base_after_adaptive", "a base after an adaptive base", ((ADAPTIVE, 2), (BASE, 2))),
+        ("adapt_first", "adaptive refinement before the base", ((ADAPT, 1), (BASE, 0))),
+        ("adapt_full", "adaptive refinement of the full grid", (full, (ADAPT, 1))),
+        ("adapt_refined_full", "adaptive refinement of the full grid", ((ADAPTIVE, 0), (REFINE, ALL), (ADAPT, 0))),
+        ("adapt_2", "adaptive refinement of an unknown kind", ((ADAPTIVE, 0), (ADAPT, 2))),
+        ("adapt_all", "adaptive refinement as far as it goes", ((ADAPTIVE, 0), (ADAPT, ALL))),
+        ("leaf_base_alone", "a leaf base that leans on nothing", ((LEAVES, 0),)),
         ("program_open", "a program that does not end", (bytes([0x80 | BASE << 4 | ALL]),)),
     ]
     for name, about, steps in wrong:
-        yield _refused(name, bytes(plane.with_chunks(layers(_steps(*steps), b""))), "3.6", about)
-    many = _steps(full, (VALUES, 0), bits, *[(VALUES, 0)] * 4095)
+        yield _refused(name, bytes(plane.with_chunks(layers(steps_of(*steps), b""))), "3.6", about)
+    many = steps_of(full, (VALUES, 0), bits, *[(VALUES, 0)] * 4095)
     yield _refused("layers_4097", bytes(plane.with_chunks(layers(many, b""))), "11.1", "more than 4096 layers")
     for name, stated in (("bits_53", b"\x0f\x35"), ("bits_by_escape", b"\xf0\x0e")):
-        program = _steps(full, (VALUES, 1), stated)
+        program = steps_of(full, (VALUES, 1), stated)
         yield _refused(name, bytes(plane.with_chunks(layers(program, b""))), "3.6.4", "too many or too few value bits")
-    over = layers(_steps((BASE, ALL), (REFINE, 1)), b"")
+    over = layers(steps_of((BASE, ALL), (REFINE, 1)), b"")
     yield _refused("space_past_full_grid", bytes(space.with_chunks(over)), "3.6", "refinement past the full grid")
-    symbols = Chunk(ChunkType.CUT_LAYERS, b"\x80\x05" + _steps(full))
+    symbols = Chunk(ChunkType.CUT_LAYERS, b"\x80\x05" + steps_of(full))
     yield _refused(
         "symbols_not_shortest", bytes(plane.with_chunks(symbols)), "3.5.4", "a number not in its shortest form"
     )
@@ -167,17 +165,67 @@ def runs() -> Iterator[Draft]:
         spare = replace(cut, payload=cut.payload + b"\x01\x02\x03\x04\x05")
         yield _refused(f"{name}cut_leftover", bytes(file.with_chunks(spare)), "6.3", "bytes left over in a cut run")
         assert cut.type == ChunkType.CUT_LAYERS
-        more = layers(_steps((OFFSETS, 1)), b"")
+        more = layers(steps_of((OFFSETS, 1)), b"")
         yield _refused(f"{name}after_cut", bytes(file.with_chunks(cut, more)), "3.5.4", "layers after a cut run")
         yield _refused(f"{name}cut_twice", bytes(file.with_chunks(cut, cut)), "3.5.4", "layers after a cut run")
     plane, space = split(_plane()), split(_space())
-    for name, file, clause, about in (
-        ("start_not_mixed", plane, "5.3.3", "a component starts where the curve does not pass"),
-        ("start_visited", plane, "5.3.2", "a component starts where one has been"),
-        ("space_start_not_mixed", space, "5.3.3", "a component starts where the surface does not pass"),
-        ("space_start_visited", space, "5.3.2", "a component starts where one has been"),
+    kinds = (("start", (BASE, 3), ""), ("adaptive_start", (ADAPTIVE, 1), " of an adaptive base"))
+    for kind, operation, adaptive in kinds:
+        for space_name, file, what in (("", plane, "curve"), ("space_", space, "surface")):
+            for name, clause, about in (
+                ("not_mixed", "5.3.3", f"a component{adaptive} starts where the {what} does not pass"),
+                ("visited", "5.3.2", f"a component{adaptive} starts where one has been"),
+            ):
+                data = _searched(file, clause, steps_of(operation))
+                yield _refused(f"{space_name}{kind}_{name}", data, clause, about)
+
+
+def isovalues() -> Iterator[Draft]:
+    """Further isovalues that are wrong."""
+    plane, space = split(_plane()), split(_space())
+    first = plane.chunks[0]
+    ancillary = Chunk(ChunkType.ISOVALUE, write_further(9.5, None), ancillary=True)
+    yield _refused("ancillary_isovalue", bytes(plane.with_chunks(first, ancillary)), "3.5.2", "isovalue as ancillary")
+    half, single, double = (kind << 6 for kind in range(3))
+    for name, clause, about, payload in (
+        ("empty", "3.5.5", "an isovalue without bytes", b""),
+        ("missing", "3.5.5", "an isovalue that is not complete", bytes([half])),
+        ("cut", "3.5.5", "an isovalue that is not complete", write_further(0.1, 0)[:-1]),
+        ("trailing", "3.5.5", "bytes behind an isovalue", write_further(9.5, 0) + b"\0"),
+        ("not_shortest", "3.3.4", "a number not in its shortest form", bytes([half, 0x80, 9])),
+        ("kind_3", "3.3.4", "an unknown kind of isovalue", bytes([3 << 6, 9])),
+        ("nan", "3.3.4", "an isovalue that is not finite", bytes([single]) + struct.pack(">f", float("nan"))),
+        ("infinite", "3.3.4", "an isovalue that is not finite", bytes([double | 1]) + struct.pack(">d", float("inf"))),
+        ("lean_on_itself", "3.5.5", "leaning on an isovalue that has not come", write_further(9.5, 1)),
+        ("lean_63", "3.5.5", "leaning on an isovalue that has not come", bytes([half | 63, 9])),
+        ("twice", "3.5.5", "an isovalue that has come", write_further(128.5, None)),
+        ("twice_by_kind", "3.5.5", "an isovalue that has come", bytes([double]) + struct.pack(">d", 128.5)),
     ):
-        yield _refused(name, _searched(file, clause), clause, about)
+        file = plane.with_chunks(first, Chunk(ChunkType.ISOVALUE, payload))
+        yield _refused(f"further_{name}", bytes(file), clause, about)
+    zeros = [Chunk(ChunkType.ISOVALUE, bytes([half, 0])), Chunk(ChunkType.ISOVALUE, bytes([single, 0x80, 0, 0, 0]))]
+    yield _refused("further_minus_zero", bytes(plane.with_chunks(first, *zeros)), "3.5.5", "both 0 and -0")
+    many = [Chunk(ChunkType.ISOVALUE, write_further(i, None)) for i in range(MAX_ISOVALUES)]
+    yield _refused("isovalues_65", bytes(plane.with_chunks(*many)), "11.1", "more than 64 isovalues")
+    cut = split(truncate(_plane(), max_bytes=60)).chunks[0]
+    assert cut.type == ChunkType.CUT_LAYERS
+    yield _refused("isovalue_after_cut", bytes(plane.with_chunks(cut, many[0])), "3.5.4", "an isovalue after a cut run")
+    free, leaning = (Chunk(ChunkType.ISOVALUE, write_further(120.5, lean)) for lean in (None, 0))
+    for name, about, before, steps in (
+        ("leaf_base_free", "a leaf base that leans on nothing", (first, free), ((LEAVES, 0),)),
+        ("leaf_base_argument", "a leaf base with an argument", (first, leaning), ((LEAVES, 1),)),
+        ("leaf_base_all", "a leaf base as far as it goes", (first, leaning), ((LEAVES, ALL),)),
+        ("leaf_base_nowhere", "a leaf base on an isovalue without a base", (leaning,), ((LEAVES, 0),)),
+        ("leaf_base_second", "a leaf base after a base", (first, leaning), ((BASE, 2), (LEAVES, 0))),
+        ("leaf_base_full", "refinement past the full grid", (first, leaning), ((LEAVES, 0), (REFINE, 1))),
+        ("isovalue_no_base", "refinement before the base of its isovalue", (first, leaning), ((REFINE, 1),)),
+    ):
+        file = plane.with_chunks(*before, layers(steps_of(*steps), b""))
+        yield _refused(name, bytes(file), "3.6", about)
+    for name, file in (("leaf_base_start_visited", plane), ("space_leaf_base_start_visited", space)):
+        further = Chunk(ChunkType.ISOVALUE, write_further(0.0, 0))
+        data = _searched(file, "5.3.2", steps_of((LEAVES, 0)), (file.chunks[0], further))
+        yield _refused(name, data, "5.3.2", "a component behind a leaf base starts where one has been")
 
 
 def _least_refused(file: File, program: bytes, run: bytes) -> bytes:
@@ -189,11 +237,11 @@ def _least_refused(file: File, program: bytes, run: bytes) -> bytes:
             return data
 
 
-def _searched(file: File, clause: str) -> bytes:
+def _searched(file: File, clause: str, program: bytes, before: Sequence[Chunk] = ()) -> bytes:
     """The first file, of a row of random ones, whose base violates a clause; its checksums are right."""
     for seed in range(20000):
         run = bytes(random_numbers(seed, 12, 8))
-        data = bytes(file.with_chunks(layers(_steps((BASE, 3)), run)))
+        data = bytes(file.with_chunks(*before, layers(program, run)))
         error = dump(data).error
         if error is not None and error.clause == clause:
             return data
@@ -202,5 +250,5 @@ def _searched(file: File, clause: str) -> bytes:
 
 def drafts() -> Iterator[Draft]:
     """All vectors of this module."""
-    for group in (headers, containers, programs, runs):
+    for group in (headers, containers, programs, runs, isovalues):
         yield from group()

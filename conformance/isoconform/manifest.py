@@ -15,13 +15,18 @@ OK, TRUNCATED, ERROR = "ok", "truncated", "error"
 
 @dataclass(frozen=True)
 class LayerState:
-    """The decoded state after a layer: the layer as the format names it, and the digest of the canonical text."""
+    """The decoded state after a layer: the layer as the format names it, and the digest of the canonical text.
+
+    ``isovalue`` is the number of the isovalue that the layer belongs to; None in a file of one isovalue.
+    """
 
     kind: str
     level: int
     plane: int
     parts: int
     state: str
+    unit: int = 0
+    isovalue: int | None = None
 
 
 @dataclass(frozen=True)
@@ -95,10 +100,9 @@ def default_directory() -> Path:
 
 
 def write_manifest(directory: Path, vectors: Sequence[Vector]) -> None:
-    """Write the manifest, the same bytes for the same vectors."""
-    content = {"format": 0, "vectors": [_brief(asdict(v)) for v in vectors]}
-    text = json.dumps(content, indent=1, ensure_ascii=True) + "\n"
-    (directory / NAME).write_bytes(text.encode())
+    """Write the manifest, a line a vector, the same bytes for the same vectors."""
+    lines = ",\n".join(json.dumps(_brief(asdict(v)), ensure_ascii=True) for v in vectors)
+    (directory / NAME).write_bytes(f'{{"format": 0, "vectors": [\n{lines}\n]}}\n'.encode())
 
 
 def read_manifest(directory: Path) -> list[Vector]:
@@ -126,6 +130,11 @@ def _vector(entry: dict[str, Any]) -> Vector:
 def _brief(entry: dict[str, Any]) -> dict[str, Any]:
     """Without what is not stated."""
     entry["expected"] = {key: value for key, value in entry["expected"].items() if value is not None}
+    for layer in entry["layers"]:
+        if not layer["unit"]:
+            del layer["unit"]
+        if layer["isovalue"] is None:
+            del layer["isovalue"]
     if not entry["layers"]:
         del entry["layers"]
     return entry

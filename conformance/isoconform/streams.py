@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import zlib
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -14,12 +14,14 @@ from isocodec.entropy.coder import ENCODE, REGISTERS, Coder, finish, start
 from isocodec.grid.field import Field
 from isocodec.jit import DONE
 from isocodec.limits import Limits
+from isocodec.mesh.chosen import Chosen
 from isocodec.passes.tube import Truth, Tube
 from isocodec.stream.container import CHECKSUM_BYTES, read_envelope
-from isocodec.stream.decoder import Decoder, begin_layer
+from isocodec.stream.decoder import Decoder
 from isocodec.stream.header import Header, read_header, write_header
 from isocodec.stream.program import Layer, Progress, read_program, write_program
-from isospec.container import Checksum, ChunkHead, ChunkType, write_varint
+from isocodec.stream.strand import begin_layer
+from isospec.container import Checksum, ChunkHead, ChunkType, OperationByte, write_varint
 
 
 @dataclass(frozen=True)
@@ -91,6 +93,19 @@ def program_length(data: bytes) -> int:
     return decoder.runs[0].start - decoder.runs[0].program_start
 
 
+Step = tuple[int, int] | bytes
+
+
+def steps_of(*steps: Step) -> bytes:
+    """A program of operations; bytes stand for numbers that follow the operation before."""
+    places = [i for i, step in enumerate(steps) if isinstance(step, tuple)]
+    return b"".join(
+        step if isinstance(step, bytes)
+        else OperationByte.build({"more": i != places[-1], "operation": step[0], "argument": step[1]})
+        for i, step in enumerate(steps)
+    )  # fmt: skip
+
+
 def layers(program: bytes, run: bytes) -> Chunk:
     """A chunk of layers."""
     return Chunk(ChunkType.LAYERS, program + run)
@@ -114,7 +129,10 @@ def _none(*_: object) -> NDArray[np.int64]:
     raise AssertionError("a vector of signs alone has no geometry")
 
 
-def planned(header: Header, tube: Tube, plan: Sequence[Sequence[Layer]], bits: tuple[int, int] = (0, 0)) -> File:
+def planned(
+    header: Header, tube: Tube, plan: Sequence[Sequence[Layer]], bits: tuple[int, int] = (0, 0),
+    meshes: Iterable[Chosen] = (),
+) -> File:  # fmt: skip
     """A file with any layers in any order that the format allows.
 
     Parameters
@@ -126,13 +144,18 @@ def planned(header: Header, tube: Tube, plan: Sequence[Sequence[Layer]], bits: t
         Layers by run, each run a chunk of its own.
     bits : tuple of int
         Bits of the numbers above and below the isovalue, for layers of values; all samples' numbers must fit.
+    meshes : iterable of Chosen
+        Those that the adaptive layers lead to, in their order.
     """
+    ahead = iter(meshes)
     progress = Progress(tube.full_level)
-    tube.bits_above, tube.bits_below = bits
+    tube.estimates.bits = bits
     chunks = []
     for run in plan:
         start(tube.coder.reg, ENCODE)
         for layer in run:
+            if layer.kind in ("adaptive_base", "adapt"):
+                tube.choose(next(ahead))
             begin_layer(tube, layer)
             # the buffer holds any run of a vector
             assert tube.advance() == DONE

@@ -169,14 +169,16 @@ def values() -> Iterator[Draft]:
 
 def offsets() -> Iterator[Draft]:
     """Geometry by crossing offsets, as many layers as a tolerance takes."""
+    # a stated base level keeps the encoder from choosing a mesh
     for tolerance in (1 / 4, 1 / 32):
         yield encoded(
             f"plane_offsets_{round(1 / tolerance)}", waves((17, 20), 255), 100.5, "offsets", "smooth",
-            tolerance=tolerance, layers=tolerance == 1 / 32,
+            tolerance=tolerance, base_level=8, layers=tolerance == 1 / 32,
         )  # fmt: skip
     yield encoded(
-        "space_offsets_4", torus((15, 15, 9), 9, 4), 0.5, "offsets", "torus: a surface with a handle", tolerance=1 / 4
-    )
+        "space_offsets_4", torus((15, 15, 9), 9, 4), 0.5, "offsets", "torus: a surface with a handle",
+        tolerance=1 / 4, base_level=12,
+    )  # fmt: skip
     yield encoded(
         "space_offsets_32", waves((9, 8, 7), 255, 3), 32.5, "offsets", "smooth", tolerance=1 / 32, layers=True
     )

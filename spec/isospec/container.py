@@ -22,7 +22,13 @@ CHECKED_CHUNK = 1 << 14
 """Chunks with at least this payload carry a checksum of their own (clause 3.5.3)."""
 LAYER_LIMIT = 4096
 MAX_RADIX = 63
-"""Most parts that a layer of offsets divides a part into; an odd number (clause 3.6.5)."""
+"""Most parts that a digit of offsets divides a part into; an odd number (clause 3.6.5)."""
+STEP_RADIX = 27
+"""Radix of the first digits of an edge that needs more parts than that (clause 5.7.3)."""
+MAX_UNIT = 24
+"""Largest power of two samples that parts of offsets are counted in (clause 3.6.5)."""
+MAX_ISOVALUES = 64
+"""Most isovalues of a file (clause 11.1)."""
 MAX_PARTS = 1 << 24
 """Most parts of an edge, by all layers of offsets together (clause 3.6.5)."""
 
@@ -48,6 +54,7 @@ class ChunkType(IntEnum):
     CUT_LAYERS = 2
     METADATA = 3
     INDEX = 4
+    ISOVALUE = 5
 
 
 class Operation(IntEnum):
@@ -58,6 +65,9 @@ class Operation(IntEnum):
     VALUES = 2
     OFFSETS = 3
     BASE_AND_REFINE = 4
+    ADAPTIVE_BASE = 5
+    ADAPT = 6
+    LEAF_BASE = 7
 
 
 ESCAPE = 14

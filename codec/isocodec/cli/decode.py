@@ -22,13 +22,15 @@ if TYPE_CHECKING:
 @click.command("decode", short_help="Decode to a curve, a surface or a picture of it.")
 @iso_argument
 @output_option("OUT")
+@click.option("--isovalue", type=float, metavar="V", help="Which isovalue, of several.  [default: the first]")
 @click.option("--layers", type=click.IntRange(min=1), metavar="N", help="Only the first N layers.")
 @click.option("--max-bytes", type=click.IntRange(min=1), metavar="N", help="Only the first N bytes.")
 @click.option("--partial", is_flag=True, help="Of a truncated file, write what was received.")
 @json_option
 def decode_command(
-    source: Path, output: Path, layers: int | None, max_bytes: int | None, partial: bool, as_json: bool
-) -> None:
+    source: Path, output: Path, isovalue: float | None, layers: int | None, max_bytes: int | None, partial: bool,
+    as_json: bool,
+) -> None:  # fmt: skip
     """Decode IN.iso to OUT; the suffix of OUT names the format.
 
     \b
@@ -49,7 +51,7 @@ def decode_command(
     started = time.perf_counter()
     with concerning(source), progress_bar("decoding") as progress:
         try:
-            contour = isocodec.decode(data, layers=layers, max_bytes=max_bytes, progress=progress)
+            contour = isocodec.decode(data, isovalue=isovalue, layers=layers, max_bytes=max_bytes, progress=progress)
         except TruncatedError as exc:
             if not partial:
                 # What the file lacks is the same fact with either remedy; this one is the command line's.
@@ -58,6 +60,9 @@ def decode_command(
             contour = _received(data, layers, max_bytes, progress)
             warn(source, f"{exc.message}; only what was received is written")
     seconds = time.perf_counter() - started
+    others = [v for v in isocodec.inspect(data).isovalues if v != contour.isovalue] if isovalue is None else []
+    if others:
+        warn(source, f"only isovalue {contour.isovalue:g} is written; --isovalue chooses {_listed(others)}")
     with concerning(output):
         rendered = render_contour(contour, suffix)
     write_output(output, rendered)
@@ -98,3 +103,7 @@ def _received(
     if 0 in contour.shape:
         raise TruncatedError("the file ends before its curve begins", code="truncated")
     return contour
+
+
+def _listed(isovalues: list[float]) -> str:
+    return " or ".join(f"{v:g}" for v in isovalues)

@@ -15,9 +15,30 @@ from .report import check_output, concerning, tell, warn, write_output
 @click.command("encode", short_help="Encode the isocontour of a picture, terrain or volume.")
 @click.argument("source", metavar="INPUT", type=click.Path(path_type=Path))
 @output_option("OUT.iso")
-@click.option("--isovalue", type=float, required=True, metavar="V", help="Where the contour lies: value > V is inside.")
+@click.option(
+    "--isovalue",
+    "isovalues",
+    type=float,
+    required=True,
+    multiple=True,
+    metavar="V",
+    help="Where the contour lies: value > V is inside. May be given several times.",
+)
+@click.option("--independent", is_flag=True, help="Several isovalues: each can be decoded without the others.")
 @click.option("--exact", is_flag=True, help="All values along the contour, to the last bit (integer data).")
-@click.option("--tolerance", type=float, metavar="D", help="Largest distance to the extracted contour, in cells.")
+@click.option(
+    "--tolerance",
+    type=float,
+    metavar="D",
+    help="Largest distance to the extracted contour and back, in cells; from 0.1 on the smallest file is looked for.",
+)
+@click.option("--steps", metavar="D,D,..", help="What layers promise, one by one: falling distances, or exact at last.")
+@click.option("--preserve-topology", is_flag=True, help="As many pieces as the contour, nested alike, in every layer.")
+@click.option(
+    "--criterion",
+    metavar="NAME[=X]",
+    help="Reduce the mesh as published: crossing, topology, curvature=K, distortion=D or level=L.",
+)
 @click.option("--signs-only", is_flag=True, help="Only on which side the samples are: no positions within a cell.")
 @click.option("--step", type=float, metavar="S", help="Values along the contour in steps of S (float data).")
 @click.option("--base-level", type=int, metavar="L", help="Level of the coarsest mesh, where the file begins.")
@@ -28,9 +49,13 @@ from .report import check_output, concerning, tell, warn, write_output
 def encode_command(
     source: Path,
     output: Path,
-    isovalue: float,
+    isovalues: tuple[float, ...],
+    independent: bool,
     exact: bool,
     tolerance: float | None,
+    steps: str | None,
+    preserve_topology: bool,
+    criterion: str | None,
     signs_only: bool,
     step: float | None,
     base_level: int | None,
@@ -42,13 +67,18 @@ def encode_command(
     """Encode the isocontour (2-D) or isosurface (3-D) of the field in INPUT.
 
     INPUT is .npy, .npz, a PNG, JPEG or TIFF picture (a TIFF stack is a volume), or NIfTI. At most one of --exact,
-    --tolerance, --signs-only and --step says how precisely the contour is kept.
+    --tolerance, --steps, --signs-only and --step says how precisely the contour is kept.
     """
-    given = {"--exact": exact, "--tolerance": tolerance is not None, "--signs-only": signs_only}
-    given["--step"] = step is not None
-    chosen = [name for name, is_given in given.items() if is_given]
-    if len(chosen) > 1:
-        raise click.UsageError(f"{' and '.join(chosen)} contradict one another: choose one")
+    precise = {"--exact": exact, "--tolerance": tolerance is not None, "--signs-only": signs_only}
+    precise |= {"--step": step is not None, "--steps": steps is not None}
+    coarse = {"--base-level": base_level is not None, "--steps": steps is not None}
+    coarse |= {"--criterion": criterion is not None}
+    uniform = {"--base-level": base_level is not None, "--preserve-topology": preserve_topology}
+    for given in (precise, coarse, uniform):
+        chosen = [name for name, is_given in given.items() if is_given]
+        if len(chosen) > 1:
+            raise click.UsageError(f"{' and '.join(chosen)} contradict one another: choose one")
+    name, parameter = _criterion(criterion)
     check_output(output, source)
 
     import isocodec
@@ -62,7 +92,12 @@ def encode_command(
         with progress_bar("encoding") as progress:
             data = isocodec.encode(
                 field,
-                isovalue,
+                isovalues[0] if len(isovalues) == 1 else isovalues,
+                leaning=not independent,
+                steps=_steps(steps),
+                preserve_topology=preserve_topology,
+                criterion=name,
+                parameter=parameter,
                 exact=exact,
                 tolerance=tolerance,
                 signs_only=signs_only,
@@ -74,8 +109,12 @@ def encode_command(
         seconds = time.perf_counter() - started
     write_output(output, data)
     low, high = field.min(), field.max()
-    if not low <= isovalue < high:
-        warn(source, f"the isovalue {isovalue:g} lies outside the data ({low:g} to {high:g}): the curve is empty")
+    for isovalue in isovalues:
+        if not low <= isovalue < high:
+            warn(source, f"the isovalue {isovalue:g} lies outside the data ({low:g} to {high:g}): the curve is empty")
+        ties = int((field == isovalue).sum()) if preserve_topology else 0
+        if ties:
+            warn(source, f"{ties:,} samples equal the isovalue {isovalue:g}: they count as below in the topology")
     layers = len(isocodec.inspect(data).layers)
     tell(
         f"{click.format_filename(output)}: {len(data):,} bytes, {layers} layers, {seconds:.2f} s",
@@ -86,7 +125,33 @@ def encode_command(
             "seconds": round(seconds, 3),
             "shape": list(field.shape),
             "dtype": str(field.dtype),
-            "isovalue": isovalue,
+            "isovalues": list(isovalues),
         },
         as_json,
     )
+
+
+def _criterion(text: str | None) -> tuple[str | None, float | None]:
+    """Name and number of a criterion."""
+    if text is None:
+        return None, None
+    name, equals, number = text.partition("=")
+    if not equals:
+        return name, None
+    try:
+        return name, float(number)
+    except ValueError:
+        raise click.UsageError(f"--criterion {text}: {number!r} is not a number") from None
+
+
+def _steps(text: str | None) -> list[float | str] | None:
+    """Distances, and perhaps the word exact."""
+    if text is None:
+        return None
+    out: list[float | str] = []
+    for part in text.split(","):
+        try:
+            out.append("exact" if part.strip() == "exact" else float(part))
+        except ValueError:
+            raise click.UsageError(f"--steps {text}: {part.strip()!r} is neither a number nor exact") from None
+    return out

@@ -44,6 +44,9 @@ def _print(source: Path, info: FileInfo) -> None:
     facts.add_row("profile", str(info.profile))
     facts.add_row("shape", " x ".join(str(n) for n in info.shape))
     facts.add_row("isovalue", f"{info.isovalue:.17g}")
+    for number, (isovalue, lean) in enumerate(zip(info.isovalues[1:], info.leans[1:], strict=True), 1):
+        leaning = "" if lean is None else f", leans on {info.isovalues[lean]:.17g}"
+        facts.add_row(f"isovalue {number}", f"{isovalue:.17g}{leaning}")
     facts.add_row("bytes", f"{info.bytes:,}")
     facts.add_row("overhead", f"{_number(info.overhead_bytes)} bytes")
     console.print(facts)

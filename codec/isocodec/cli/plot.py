@@ -16,7 +16,9 @@ from .report import check_output, concerning, read_iso, write_output
 @iso_argument
 @output_option("OUT.png")
 @click.option("--steps", type=click.IntRange(min=1), default=5, show_default=True, metavar="N", help="How many steps.")
-def plot_command(source: Path, output: Path, steps: int) -> None:
+@click.option("--mesh", is_flag=True, help="The mesh under the curve: its crossed triangles, or the surface's own.")
+@click.option("--isovalue", type=float, metavar="V", help="Which isovalue, of several.  [default: the first]")
+def plot_command(source: Path, output: Path, steps: int, mesh: bool, isovalue: float | None) -> None:
     """Draw what prefixes of IN.iso decode to, from its first layer to all of it (.png, .pdf or .svg).
 
     The steps are spread evenly over the layers; a file of fewer layers has fewer.
@@ -38,13 +40,26 @@ def plot_command(source: Path, output: Path, steps: int) -> None:
 
     load_kernels()
     with concerning(source), progress_bar("drawing") as progress:
-        drawn = []
-        chosen = spread(len(isocodec.inspect(data).layers), steps)
-        for number, layers in enumerate(chosen):
-            prefix = isocodec.truncate(data, layers=layers)
-            drawn.append(Step(isocodec.decode(prefix), len(prefix), len(data)))
-            if progress is not None:
-                progress(number + 1, len(chosen) + 1)  # and the drawing itself
+        info = isocodec.inspect(data)
+        number = info.number_of(isovalue)
+        decoder = isocodec.Decoder()
+        decoder.feed(data)
+        drawn: list[Step] = []
+        chosen: list[int] = []
+        own = 0
+        for event in decoder:
+            if not isinstance(event, isocodec.LayerComplete):
+                continue
+            if len(decoder.isovalues) - 1 == number:
+                own += 1
+                total = sum(layer.isovalue == number for layer in info.layers)
+                chosen = chosen or spread(total, steps)
+                if own in chosen:
+                    under = decoder.mesh(number) if mesh else None
+                    drawn.append(Step(decoder.drawn(number), event.offset, len(data), under))
+                    if progress is not None:
+                        progress(len(drawn), len(chosen) + 1)  # and the drawing itself
+        decoder.close()
         picture = steps_picture(drawn, suffix)
     write_output(output, picture)
     click.echo(f"{click.format_filename(output)}: {len(drawn)} steps of {len(data):,} bytes")

@@ -63,6 +63,11 @@ class PatternTable:
         return ends, owner
 
 
+def rank_of(leaves: Leaves) -> NDArray[np.int64]:
+    """A number for each vertex that grows with the lexicographic order of positions, (V,) int64."""
+    return np.ravel_multi_index(tuple(leaves.position.T), leaves.shape)
+
+
 def distinct_edges(leaves: Leaves, ends: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Number the edges so that each one has a single point.
 
@@ -75,12 +80,12 @@ def distinct_edges(leaves: Leaves, ends: NDArray[np.int64]) -> tuple[NDArray[np.
     Returns
     -------
     edges : (P, 2) int64
-        The distinct edges, the end with the lexicographically smaller position first.
+        The distinct edges, the end with the lexicographically smaller position first; sorted.
     number : (...) int64
         Index into ``edges``.
     """
     vertices = len(leaves.position)
-    rank = np.ravel_multi_index(tuple(leaves.position.T), leaves.shape)
+    rank = rank_of(leaves)
     a, b = ends[..., 0].ravel(), ends[..., 1].ravel()
     swap = rank[a] > rank[b]
     keys, number = np.unique(np.where(swap, b, a) * vertices + np.where(swap, a, b), return_inverse=True)
@@ -88,12 +93,12 @@ def distinct_edges(leaves: Leaves, ends: NDArray[np.int64]) -> tuple[NDArray[np.
     return edges, number.reshape(ends.shape[:-1])
 
 
-def edge_points(leaves: Leaves, edges: NDArray[np.int64]) -> NDArray[np.float64]:
-    """Points on edges, (P, n) float64: where linear interpolation meets the isovalue, or else in the middle.
+def edge_ratios(leaves: Leaves, edges: NDArray[np.int64]) -> NDArray[np.float64]:
+    """Where the edges are crossed, as fractions of the way from their first end, (P,) float64.
 
-    Estimates of values may lie on the wrong side of the isovalue: then the point is the nearer end of the edge.
+    By offset, or where linear interpolation meets the isovalue, or else in the middle. Estimates of values may lie on
+    the wrong side of the isovalue: then the point is the nearer end of the edge.
     """
-    low, high = leaves.position[edges[:, 0]], leaves.position[edges[:, 1]]
     ratio = np.full(len(edges), 0.5)
     if leaves.value is not None:
         f_low, f_high = leaves.value[edges[:, 0]], leaves.value[edges[:, 1]]
@@ -102,4 +107,17 @@ def edge_points(leaves: Leaves, edges: NDArray[np.int64]) -> NDArray[np.float64]
             linear = (leaves.isovalue - f_low) / (f_high - f_low)
         known = np.isfinite(f_low) & np.isfinite(f_high) & np.isfinite(linear)
         ratio[known] = np.clip(linear[known], 0.0, 1.0)
+    if len(leaves.edges) and len(edges):
+        vertices = len(leaves.position)
+        keys = edges[:, 0] * vertices + edges[:, 1]
+        stated = leaves.edges[:, 0] * vertices + leaves.edges[:, 1]
+        place = np.minimum(np.searchsorted(keys, stated), len(keys) - 1)
+        there = keys[place] == stated
+        ratio[place[there]] = leaves.edge_offset[there]
+    return ratio
+
+
+def edge_points(leaves: Leaves, edges: NDArray[np.int64], ratio: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Points on edges, (P, n) float64."""
+    low, high = (leaves.position[edges[:, i]].astype(np.float64) for i in (0, 1))
     return low + ratio[:, None] * (high - low)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from .crossing import distinct_edges, edge_points
+from .crossing import distinct_edges, edge_points, edge_ratios
 from .cube import cube_table
 from .leaves import Leaves
 
@@ -25,8 +25,7 @@ def draw_grid(leaves: Leaves) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
     sides, owner = table.fans.lookup(pattern, corners, mirrored)
 
     edges, number = distinct_edges(leaves, np.concatenate([ends.reshape(-1, 2), sides.reshape(-1, 2)]))
-    points = edge_points(leaves, edges)
-    _place_offsets(leaves, edges, points)
+    points = edge_points(leaves, edges, edge_ratios(leaves, edges))
     cells = number[: ends.size // 2].reshape(-1, n)
     if not len(owner):
         return points, cells
@@ -75,17 +74,3 @@ def _cells(leaves: Leaves) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArra
     mirrored = (keys[:, None] >> axes & 1).sum(axis=1) % 2 == 1
     whole = count[keys] == cube_table(n).mixed[pattern]
     return corners[whole], pattern[whole], mirrored[whole]
-
-
-def _place_offsets(leaves: Leaves, edges: NDArray[np.int64], points: NDArray[np.float64]) -> None:
-    """Move the points of the edges that carry an offset, in place."""
-    if not len(leaves.edge_vertex) or not len(edges):
-        return
-    n = len(leaves.shape)
-    offset = np.full(len(leaves.position) * n, np.nan)
-    offset[leaves.edge_vertex * n + leaves.edge_axis] = leaves.edge_offset
-    axis = np.argmax(leaves.position[edges[:, 1]] != leaves.position[edges[:, 0]], axis=1)
-    stated = offset[edges[:, 0] * n + axis]
-    known = np.flatnonzero(~np.isnan(stated))
-    points[known] = leaves.position[edges[known, 0]]
-    points[known, axis[known]] += stated[known]

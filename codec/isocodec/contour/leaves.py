@@ -25,13 +25,15 @@ class Leaves:
         Estimate of the field at the vertices, NaN where nothing is known; None without geometry by values.
     simplices : (M, n + 1) int64
         Vertices x0 .. xn of each leaf, in Maubach's order; not all of one sign.
+    levels : (M,) int64
+        Level of each leaf.
     full : bool
         All leaves are of the full grid: x0 and xn are opposite corners of a unit cell, and the
         drawing has points on grid edges only.
-    edge_vertex, edge_axis : (E,) int64
-        Grid edges that carry an offset: the end with the smaller index, and the axis. Only when ``full``.
+    edges : (E, 2) int64
+        Edges that carry an offset: the vertices at their ends, the lexicographically smaller position first.
     edge_offset : (E,) float64
-        Distance of the crossing from that end, in cells, within (0, 1).
+        Place of the crossing as a fraction of the way from the first end, within (0, 1).
     """
 
     shape: tuple[int, ...]
@@ -40,7 +42,7 @@ class Leaves:
     above: NDArray[np.bool_]
     value: NDArray[np.float64] | None
     simplices: NDArray[np.int64]
+    levels: NDArray[np.int64]
     full: bool
-    edge_vertex: NDArray[np.int64]
-    edge_axis: NDArray[np.int64]
+    edges: NDArray[np.int64]
     edge_offset: NDArray[np.float64]

@@ -8,7 +8,8 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 
-from .crossing import Edge, PatternTable, distinct_edges, edge_points
+from .crossing import Edge, PatternTable, distinct_edges, edge_points, edge_ratios, rank_of
+from .implied import implied_edges, implied_ratio
 from .leaves import Leaves
 
 
@@ -64,7 +65,27 @@ def draw_simplices(leaves: Leaves) -> tuple[NDArray[np.float64], NDArray[np.int6
     pattern = leaves.above[leaves.simplices] @ (1 << np.arange(n + 1))
     ends, _ = simplex_table(n).lookup(pattern, leaves.simplices, mirrored)
     edges, cells = distinct_edges(leaves, ends)
-    return edge_points(leaves, edges), cells
+    ratio = edge_ratios(leaves, edges)
+    if leaves.value is None:
+        _place_implied(leaves, edges, ratio)
+    return edge_points(leaves, edges, ratio), cells
+
+
+def _place_implied(leaves: Leaves, edges: NDArray[np.int64], ratio: NDArray[np.float64]) -> None:
+    """Where subdivision edges of whole diamonds are crossed follows from the rest, in place."""
+    vertices = len(leaves.position)
+    keys = edges[:, 0] * vertices + edges[:, 1]
+    rank = rank_of(leaves)
+    stated = ratio.copy()
+
+    def ratio_of(p: NDArray[np.int64], q: NDArray[np.int64]) -> NDArray[np.float64]:
+        swap = rank[p] > rank[q]
+        found = stated[np.searchsorted(keys, np.where(swap, q, p) * vertices + np.where(swap, p, q))]
+        return np.where(swap, 1.0 - found, found)
+
+    for some in implied_edges(rank, leaves.position, leaves.above, leaves.simplices, leaves.levels):
+        place = np.searchsorted(keys, some.edges[:, 0] * vertices + some.edges[:, 1])
+        ratio[place] = implied_ratio(some, leaves.above, ratio_of)
 
 
 def _determinant(rows: list[NDArray[np.int64]]) -> NDArray[np.int64]:

@@ -14,24 +14,36 @@ from .coder import ONE
 
 PLANES = 52
 DEPTHS = 25
-OFFSET_LAYERS = 8
+LEVELS = 64
+NEARNESS = 5
+SURFACE = 3 * 4 * 4 * 4
+BORDER = 3 * 10 * 4
+CROSSED = 3 * 10 * 3 * 4
+OFFSET_SIZES = 8
 OFFSET_STRIDE = 8 + MAX_RADIX // 2
 
 # element: (contexts, probability of a 1 at the start, weight of that start in symbols)
 _LAYOUT = {
-    "ORIGIN": (1, 0.5, 1),
+    "ORIGIN": (3, 0.5, 1),
     "COMPONENT": (1, 0.8, 1),
     "ROOT": (1, 0.5, 1),
     "PATH": (2, 0.5, 4),
-    "FIRST": (8, 0.5, 1),
-    "BASE_CURVE": (4, 0.8, 8),
-    "BASE_SURFACE": (3 * 4 * 4 * 4, 0.8, 4),
+    "FIRST": (3 * 8, 0.5, 1),
+    "BASE_CURVE": (3 * 4, 0.8, 8),
+    "BASE_SURFACE": (3 * SURFACE, 0.8, 4),
     "SIGNIFICANT": (DEPTHS * 3, 0.5, 1),
-    "SIGNIFICANT_LEAF": (3 * 4 * 3, 0.2, 2),
-    "REFINE_BORDER": (3 * 10 * 4, 0.2, 4),
-    "REFINE_CROSSED": (3 * 10 * 3 * 4, 0.8, 4),
+    "SIGNIFICANT_LEAF": (4 * NEARNESS * 3, 0.2, 2),
+    "REFINE_BORDER": (7 * BORDER, 0.2, 4),
+    "REFINE_CROSSED": (7 * CROSSED, 0.8, 4),
     "VALUE": (PLANES * 2 * 3, 0.5, 2),
-    "OFFSET": (OFFSET_LAYERS * OFFSET_STRIDE, 0.5, 2),
+    "OFFSET": (2 * OFFSET_SIZES * OFFSET_STRIDE, 0.5, 2),
+    "LEVEL": (3 * 2 * 4, 0.5, 2),
+    "LEVEL_PATH": (LEVELS, 0.8, 2),
+    "SPLIT": (3 * 2 * 4 * 8, 0.5, 2),
+    "CONTINUE": (1, 0.8, 2),
+    "SEED": (2 * 4 * 2, 0.5, 2),
+    "OFFSET_LEAN": (8 * 16, 0.5, 2),
+    "TURNED": (1, 0.02, 2),
 }
 
 _first = 0
@@ -54,6 +66,13 @@ REFINE_BORDER = _starts["REFINE_BORDER"]
 REFINE_CROSSED = _starts["REFINE_CROSSED"]
 VALUE = _starts["VALUE"]
 OFFSET = _starts["OFFSET"]
+LEVEL = _starts["LEVEL"]
+LEVEL_PATH = _starts["LEVEL_PATH"]
+SPLIT = _starts["SPLIT"]
+CONTINUE = _starts["CONTINUE"]
+SEED = _starts["SEED"]
+OFFSET_LEAN = _starts["OFFSET_LEAN"]
+TURNED = _starts["TURNED"]
 
 RATES = 160
 

@@ -85,28 +85,52 @@ class Field:
         bits = [max((int(n).bit_length() for n in numbers[above == side]), default=0) for side in (True, False)]
         return bits[0], bits[1]
 
-    def crossings(self, positions: NDArray[np.integer], axis: NDArray[np.integer]) -> NDArray[np.int64]:
-        """Offsets of the crossings on grid edges as binary fractions of 30 bits, by linear interpolation.
+    def crossings(self, low: NDArray[np.integer], high: NDArray[np.integer]) -> NDArray[np.int64]:
+        """Places of the crossings on edges of the mesh as binary fractions of 30 bits, by linear interpolation.
+
+        An edge that is longer than a sample's distance may be crossed several times: the crossing in the middle of all
+        is taken.
 
         Parameters
         ----------
-        positions : (E, n) int
-            Lower ends.
-        axis : (E,) int
+        low, high : (E, n) int
+            Ends of the edges; of different signs.
 
         Returns
         -------
         (E,) int64
+            From the lower ends.
         """
-        ends = positions.astype(np.int64).copy()
-        ends[np.arange(len(ends)), axis] += 1
-        low = self.values[tuple(positions.T)].astype(np.float64)
-        high = self.values[tuple(ends.T)].astype(np.float64)
-        with np.errstate(all="ignore"):
-            # halved, so that the span of two large floats does not overflow
-            where = (self.isovalue / 2 - low / 2) / (high / 2 - low / 2)
+        below: NDArray[np.int64] = low.astype(np.int64)
+        beyond: NDArray[np.int64] = high.astype(np.int64)
+        where = np.empty(len(low))
+        lengths = np.abs(beyond - below).max(axis=1, initial=0)
+        for length in np.unique(lengths):
+            some = np.flatnonzero(lengths == length)
+            where[some] = self._middle_crossing(below[some], beyond[some], int(length))
         where = np.where(np.isnan(where), 0.5, where)
         return np.clip(np.floor(np.ldexp(where, OFFSET_BITS)), 0, (1 << OFFSET_BITS) - 1).astype(np.int64)
+
+    def _middle_crossing(self, low: NDArray[np.int64], high: NDArray[np.int64], length: int) -> NDArray[np.float64]:
+        """Places on edges that all span ``length`` samples, as fractions."""
+        rows = np.arange(len(low))
+        step = np.zeros(len(low), np.int64)
+        if length > 1:
+            along = np.arange(length + 1)
+            samples = [
+                np.rint(a[:, None] + along * ((b - a) / length)[:, None]).astype(np.int64)
+                for a, b in zip(low.T, high.T, strict=True)
+            ]
+            signs = self.signs[tuple(samples)]
+            changes = np.cumsum(signs[:, 1:] != signs[:, :-1], axis=1)
+            step = np.argmax(changes == (changes[:, -1:] + 1) // 2, axis=1)
+            low, high = (np.stack([x[rows, step + i] for x in samples], axis=1) for i in (0, 1))
+        f_low = self.values[tuple(low.T)].astype(np.float64)
+        f_high = self.values[tuple(high.T)].astype(np.float64)
+        with np.errstate(all="ignore"):
+            # halved, so that the span of two large floats does not overflow
+            where = (self.isovalue / 2 - f_low / 2) / (f_high / 2 - f_low / 2)
+        return (step + np.clip(where, 0.0, 1.0)) / length
 
 
 def _wide(samples: NDArray[Any], t: int) -> bool:

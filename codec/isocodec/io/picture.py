@@ -39,11 +39,15 @@ _LIGHT = (_TOWARDS + 0.5 * _UP - 0.4 * _RIGHT) / np.linalg.norm(_TOWARDS + 0.5 *
 
 @dataclass(frozen=True)
 class Step:
-    """A prefix of a file: what it decodes to, its size, and the size of the whole file."""
+    """A prefix of a file: what it decodes to, its size, and the size of the whole file.
+
+    ``mesh``, if it is to be drawn, holds the vertices of its crossed simplices and their numbers in rows.
+    """
 
     contour: Contour
     bytes: int
     total: int
+    mesh: tuple[np.ndarray, np.ndarray] | None = None
 
 
 def contour_picture(contour: Contour, suffix: str = ".png") -> bytes:
@@ -81,6 +85,8 @@ def steps_picture(steps: Sequence[Step], suffix: str = ".png") -> bytes:
     figure = _figure((columns * width, rows * (height + title)))
     for number, step in enumerate(steps, start=1):
         axes = figure.add_subplot(rows, columns, number)
+        if step.mesh is not None:
+            _draw_mesh(axes, step.contour, *step.mesh)
         _draw(axes, step.contour, pixels=round(side * _DPI))
         axes.set_xticks([])
         axes.set_yticks([])
@@ -117,6 +123,25 @@ def _draw(axes: Any, contour: Contour, pixels: int) -> None:
         _draw_surface(axes, contour, pixels)
     else:
         raise OptionError(f"there is no picture of a field of {len(contour.shape)} axes", code="dimension")
+
+
+def _draw_mesh(axes: Any, contour: Contour, position: np.ndarray, simplices: np.ndarray) -> None:
+    """The triangles under a curve; of a surface the sides of its own triangles, those that look at the viewer."""
+    collections = optional("matplotlib.collections", extra="plot", purpose="drawing a picture")
+    if len(contour.shape) == 2:
+        ends = np.unique(np.sort(simplices[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1), axis=0)
+        axes.add_collection(
+            collections.LineCollection(position[ends][:, :, ::-1], colors=["0.7"], linewidths=0.25, zorder=0)
+        )
+        return
+    corners = contour.points[contour.cells]
+    front = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]) @ _TOWARDS > 0
+    box = np.array(list(product(*((0.0, n - 1.0) for n in contour.shape))))
+    flat = box @ np.stack([_RIGHT, _UP], axis=1)
+    shown = corners[front] @ np.stack([_RIGHT, _UP], axis=1) - (flat.min(axis=0) + flat.max(axis=0)) / 2
+    axes.add_collection(
+        collections.LineCollection(shown[:, [0, 1, 2, 0]], colors=[(0, 0, 0, 0.25)], linewidths=0.2, zorder=3)
+    )
 
 
 def _draw_curve(axes: Any, contour: Contour) -> None:

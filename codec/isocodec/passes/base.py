@@ -1,13 +1,13 @@
-"""Base at a uniform level: localisation, first signs, depth-first traversal through gates (spec clause 5.3).
+"""Bases: localisation, first signs, depth-first traversal through gates (spec clauses 5.3 and 5.8).
 
-Rows C2-localise, C2-uniform-base, S3-dfs. The pass is a small machine over ``State.walk``; every step codes at most
-one symbol and changes nothing before the symbol is there, so that it can stop and resume at any of them.
+Rows C2-localise, C2-uniform-base, C2-adaptive-base, S3-dfs. The pass is a small machine over ``State.walk``; every step
+codes at most one symbol and changes nothing before the symbol is there, so that it can stop and resume at any of them.
+A uniform base is an adaptive one that has nothing to tell about levels.
 """
 
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..entropy import baseline as ctx
 from ..entropy.coder import ENCODE, MODE, adapt, code
@@ -15,50 +15,65 @@ from ..jit import BAD, CUT, DONE, GROW, NEED, inner, kernel
 from ..mesh.access import child, cube, dimension, neighbour, roots, vertex
 from ..mesh.access import root as root_class
 from ..mesh.store import full, get, put
-from .parabola import MOST, nearer
-from .seek import FOUND, FOUND_ROOT, SEEKING, seek
+from .behind import resolve, settle, tell
+from .infer import implied
+from .mesh import BARRED, CROWDED
+from .parabola import MOST
+from .predict import curve_context, edge_sum, surface_context, turn_back
+from .seek import descend, middle_at, unpacked
 from .state import (
-    BASE_LEVEL,
     BASE_SIGN,
     COMPONENT,
     EARLY,
-    EDGE,
     ERROR,
+    FINEST,
     LEAVES,
     LOCATION,
     ORIGIN,
     PREDICTED,
     PREDICTED_RIGHT,
+    SEEDED,
     STEP_VERTICES,
     TALLY,
+    TOLD,
     TRAIL,
-    WALK,
+    UNIFORM,
     corner_entry,
     corner_truth,
     crowded,
+    edge_of,
     entry,
     exists,
     learn,
     position,
 )  # fmt: skip
-
-# Registers in State.walk, beside those of passes.seek. PATH holds one side per level.
-PHASE, DEPTH, CLASS, B0, B1, B2, TIGHT, CORNER, GATES, HISTORY, FRESH, BRANCH = range(12)
-LAST_ROOT = 14
-PATH = 32
+from .walk import (
+    B0,
+    B1,
+    B2,
+    BEFORE,
+    BRANCH,
+    CLASS,
+    CORNER,
+    DEPTH,
+    FRESH,
+    GATES,
+    HISTORY,
+    ITEM,
+    LAST_ROOT,
+    PATH,
+    PHASE,
+    RESOLVED,
+    SEED,
+    TIGHT,
+)
 
 # Phases.
 _ORIGIN, _COMPONENT, _ROOT, _LOCATE, _SIGNS, _TRAVERSE = range(6)
 
-GATE = 6
-"""A gate on the stack: class and block of the simplex behind it, the vertex opposite, the leaf it was left from."""
-
-
-def registers() -> NDArray[np.int64]:
-    """Registers at the start of the pass."""
-    walk = np.zeros(WALK, np.int64)
-    walk[LAST_ROOT] = -1
-    return walk
+GATE = 7
+"""A gate on the stack: class, block and level of the simplex of equal level behind it, the vertex opposite, the leaf
+it was left from."""
 
 
 @inner
@@ -67,40 +82,52 @@ def _stop(bit):
 
 
 @inner
-def _corner_learn(st, r, cls, b0, b1, b2, j, sign):
-    x, y, z = position(st.at[EDGE], b0, b1, b2, vertex(st.tables, r, cls, j))
+def _corner_learn(st, level, cls, b0, b1, b2, j, sign):
+    n = dimension(st.tables)
+    x, y, z = position(edge_of(st, level), b0, b1, b2, vertex(st.tables, level % n, cls, j))
     learn(st, x, y, z, sign)
 
 
 @inner
-def visited(st, mark, r, cls, b0, b1, b2):
-    number, p0, p1, p2 = cube(st.tables, r, cls)
-    return (get(mark, 2 * b0 + p0, 2 * b1 + p1, 2 * b2 + p2) >> number) & 1
+def _cell(st, level, cls, b0, b1, b2):
+    """Place of a simplex in the store of visited ones, a region of its own for every level, and its bit."""
+    n = dimension(st.tables)
+    number, p0, p1, p2 = cube(st.tables, level % n, cls)
+    size = level // n
+    return 2 * b0 + p0 + (np.int64(1) << size), 2 * b1 + p1 + ((level % n) << size), 2 * b2 + p2, number
 
 
 @inner
-def _visit(st, mark, r, cls, b0, b1, b2):
+def visited(st, mark, level, cls, b0, b1, b2):
+    x, y, z, number = _cell(st, level, cls, b0, b1, b2)
+    return (get(mark, x, y, z) >> number) & 1
+
+
+@inner
+def _visit(st, mark, level, cls, b0, b1, b2):
     """Mark a mixed simplex and append it to the tubular neighbourhood."""
-    number, p0, p1, p2 = cube(st.tables, r, cls)
-    x, y, z = 2 * b0 + p0, 2 * b1 + p1, 2 * b2 + p2
+    x, y, z, number = _cell(st, level, cls, b0, b1, b2)
     put(mark, x, y, z, get(mark, x, y, z) | (np.int64(1) << number))
     i = st.at[LEAVES]
     st.leaf[i, 0] = cls
     st.leaf[i, 1] = b0
     st.leaf[i, 2] = b1
     st.leaf[i, 3] = b2
+    st.leaf[i, 4] = level
     st.at[LEAVES] = i + 1
 
 
 @inner
-def _push_gates(st, mark, r, cls, b0, b1, b2):
+def _push_gates(st, mark, level, cls, b0, b1, b2):
     """Push the mixed faces, in the order of the vertices opposite, that lead to an unvisited simplex."""
     n = dimension(st.tables)
+    r = level % n
+    edge = edge_of(st, level)
     w = st.walk
     above = 0
     signs = 0
     for j in range(n + 1):
-        s = corner_entry(st, st.at[EDGE], r, cls, b0, b1, b2, j) & 1
+        s = corner_entry(st, edge, r, cls, b0, b1, b2, j) & 1
         signs |= s << j
         above += s
     for i in range(n + 1):
@@ -109,7 +136,7 @@ def _push_gates(st, mark, r, cls, b0, b1, b2):
             continue
         other, opp, d0, d1, d2 = neighbour(st.tables, r, cls, i)
         c0, c1, c2 = b0 + d0, b1 + d1, b2 + d2
-        if not exists(st, st.at[EDGE], r, other, c0, c1, c2) or visited(st, mark, r, other, c0, c1, c2):
+        if not exists(st, edge, r, other, c0, c1, c2) or visited(st, mark, level, other, c0, c1, c2):
             continue
         g = w[GATES] * GATE
         st.stack[g] = other
@@ -118,6 +145,7 @@ def _push_gates(st, mark, r, cls, b0, b1, b2):
         st.stack[g + 3] = c2
         st.stack[g + 4] = opp
         st.stack[g + 5] = st.at[LEAVES] - 1
+        st.stack[g + 6] = level
         w[GATES] += 1
 
 
@@ -128,117 +156,113 @@ def _tree_child(st, depth, cls, b0, b1, b2, side):
     r = depth % n
     q, d0, d1, d2 = child(st.tables, r, cls, side)
     f = 2 if r == n - 1 else 1
-    below = depth + 1
-    edge = st.at[EDGE] << (st.at[BASE_LEVEL] // n - below // n)
     c0, c1, c2 = b0 * f + d0, b1 * f + d1, b2 * f + d2
-    return q, c0, c1, c2, exists(st, edge, below % n, q, c0, c1, c2)
+    return q, c0, c1, c2, exists(st, edge_of(st, depth + 1), (depth + 1) % n, q, c0, c1, c2)
 
 
 @inner
-def _balance(st, x, y, z):
-    """Known vertices above less those below, among the six at one cube's edge from a vertex."""
-    edge = st.at[EDGE]
-    total = 0
-    for a in range(3):
-        for way in (-1, 1):
-            d = way * edge
-            e = entry(st, x + d * (a == 0), y + d * (a == 1), z + d * (a == 2))
-            if e != 0:
-                total += 2 * (e & 1) - 1
-    return total
+def _trouble(st, status):
+    """What the pass returns when a question about the mesh was not answered."""
+    if status == CROWDED:
+        return GROW
+    if status == BARRED:
+        st.at[ERROR] = 6
+        return BAD
+    return _stop(status)
 
 
 @inner
-def _surface_context(st, r, cls, b0, b1, b2, opp):
-    """Majority sign of the neighbours, or else of the gate, and the stated case (spec clause 7.4)."""
-    t = st.tables
-    n = dimension(t)
-    edge = st.at[EDGE]
-    above = 0
+def _implied_corner(st, level, cls, b0, b1, b2, j):
+    """What ``implied`` says of vertex j of a simplex."""
+    x, y, z = position(edge_of(st, level), b0, b1, b2, vertex(st.tables, level % dimension(st.tables), cls, j))
+    return implied(st, x, y, z)
+
+
+@inner
+def _seed(st, cd, mark, seeds):
+    """Go on with the leaves of an earlier isovalue as first simplices (S3-close-by, spec clause 5.9.4)."""
+    n = dimension(st.tables)
+    w = st.walk
+    i = w[SEED]
+    level, cls = np.int64(seeds[i, 4]), np.int64(seeds[i, 0])
+    b0, b1, b2 = np.int64(seeds[i, 1]), np.int64(seeds[i, 2]), np.int64(seeds[i, 3])
+    edge, r = edge_of(st, level), level % n
+    before = 0
     for j in range(n + 1):
-        if j != opp:
-            above += corner_entry(st, edge, r, cls, b0, b1, b2, j) & 1
-    gate = np.int64(1 if 2 * above > n else 0)
-    x, y, z = position(edge, b0, b1, b2, vertex(t, r, cls, opp))
-    total = _balance(st, x, y, z)
-    guess = gate if total == 0 else np.int64(total > 0)
-    # the vertex behind the gate, in the simplex that it was left from
-    other, far, d0, d1, d2 = neighbour(t, r, cls, opp)
-    behind = corner_entry(st, edge, r, other, b0 + d0, b1 + d1, b2 + d2, far) & 1
-    case = (r * 4 + opp) * 4 + min(abs(total), 3)
-    return guess, ctx.BASE_SURFACE + case * 4 + 2 * (gate == guess) + (behind == guess)
-
-
-@inner
-def _sum(st, r, cls, b0, b1, i, j):
-    """Sum of the vertices i and j (twice the middle of their edge) in units of g."""
-    p = vertex(st.tables, r, cls, i)
-    q = vertex(st.tables, r, cls, j)
-    return 8 * b0 + p[0] + q[0], 8 * b1 + p[1] + q[1]
-
-
-@inner
-def _curve_context(st, r, cls, b0, b1, opp):
-    """Sign that the parabola predicts, and the stated case (spec clause 7.3)."""
-    i = 1 if opp == 0 else 0
-    j = 3 - opp - i
-    g0, g1 = _sum(st, r, cls, b0, b1, i, j)
-    a0, a1 = _sum(st, r, cls, b0, b1, opp, i)
-    c0, c1 = _sum(st, r, cls, b0, b1, opp, j)
-    case = nearer(st.walk, TRAIL, st.walk[HISTORY], g0, g1, a0, a1, c0, c1)
-    # the curve leaves through the edge between the new vertex and the gate's vertex of the other sign
-    through = i if case < 0 else j
-    guess = 1 - (corner_entry(st, st.at[EDGE], r, cls, b0, b1, np.int64(0), through) & 1)
-    return guess, ctx.BASE_CURVE + abs(case)
-
-
-@inner
-def _turn_back(st):
-    """The second branch of a component starts from the first one's points in reverse (spec clause 7.3)."""
-    count = min(st.walk[FRESH], MOST)
-    for i in range(count):
-        st.walk[TRAIL + 2 * i] = st.walk[EARLY + 2 * (count - 1 - i)]
-        st.walk[TRAIL + 2 * i + 1] = st.walk[EARLY + 2 * (count - 1 - i) + 1]
-    st.walk[HISTORY] = count
+        e = corner_entry(st, edge, r, cls, b0, b1, b2, j)
+        if e != 0:
+            before |= 1 << (e & 1)
+    for number in range(n + 1):
+        corner = np.int64(number)
+        if corner_entry(st, edge, r, cls, b0, b1, b2, corner) != 0:
+            continue
+        bit, other = _implied_corner(st, level, cls, b0, b1, b2, corner)
+        if bit < 0:
+            bit = np.int64(0)
+            if cd.reg[MODE] == ENCODE:
+                bit = corner_truth(st, edge, r, cls, b0, b1, b2, corner)
+            bit = code(cd, ctx.SEED + (max(other, 0) * 4 + before) * 2 + w[BEFORE], bit)
+            if bit < 0:
+                return bit
+            st.at[TALLY + BASE_SIGN] += 1
+            w[BEFORE] = bit
+        _corner_learn(st, level, cls, b0, b1, b2, corner, bit)
+        return np.int64(0)
+    w[SEED] = i + 1
+    if before == 3 and not visited(st, mark, level, cls, b0, b1, b2):
+        _visit(st, mark, level, cls, b0, b1, b2)
+        _push_gates(st, mark, level, cls, b0, b1, b2)
+        w[HISTORY] = 0
+        w[FRESH] = 0
+        w[BRANCH] = st.at[LEAVES] - 1
+        w[PHASE] = _TRAVERSE
+    return np.int64(0)
 
 
 @kernel
-def base(st, cd, mark, pyramid, levels):
-    """Run the pass until it is done or must stop."""
+def base(st, cd, mark, order, seeds):
+    """Run the pass until it is done or must stop.
+
+    ``order`` are the encoder's leaves (``seek.mixed_leaves``), ``seeds`` the leaves of the isovalue that it leans on.
+    """
     n = dimension(st.tables)
     w = st.walk
     encoding = cd.reg[MODE] == ENCODE
-    depth_all = st.at[BASE_LEVEL]
-    r = depth_all % n
+    adaptive = st.at[UNIFORM] != st.at[FINEST]
+    settled = st.at[TOLD] != 0
     while True:
         if crowded(st) or full(mark, STEP_VERTICES) or (w[GATES] + n + 1) * GATE > len(st.stack):
             return GROW
         phase = w[PHASE]
 
         if phase == _ORIGIN:
-            bit = code(cd, ctx.ORIGIN, np.int64(encoding and st.truth[0, 0, 0]))
-            if bit < 0:
-                return _stop(bit)
-            st.at[TALLY + ORIGIN] += 1
+            if st.at[SEEDED] and w[SEED] < len(seeds):
+                status = _seed(st, cd, mark, seeds)
+                if status < 0:
+                    return _trouble(st, status)
+                continue
             zero = np.int64(0)
-            learn(st, zero, zero, zero, bit)
+            if entry(st, zero, zero, zero) == 0:
+                bit, other = implied(st, zero, zero, zero)
+                if bit < 0:
+                    bit = code(cd, ctx.ORIGIN + other + 1, np.int64(encoding and st.truth[0, 0, 0]))
+                    if bit < 0:
+                        return _stop(bit)
+                    st.at[TALLY + ORIGIN] += 1
+                learn(st, zero, zero, zero, bit)
             w[PHASE] = _COMPONENT
 
         elif phase == _COMPONENT:
-            more = np.int64(0)
             if encoding:
-                if w[SEEKING] != 2:
-                    if (roots(st.tables) + depth_all + 4) * GATE > len(st.stack):
-                        return GROW
-                    more = np.int64(seek(st, mark, pyramid, levels))
-                    w[SEEKING] = 2
-                    w[TIGHT] = more
-                more = w[TIGHT]
-            bit = code(cd, ctx.COMPONENT, more)
+                while w[ITEM] < len(order):
+                    level, cls, b0, b1, b2 = descend(st, order[w[ITEM]])
+                    if not visited(st, mark, level, cls, b0, b1, b2):
+                        break
+                    w[ITEM] += 1
+            bit = code(cd, ctx.COMPONENT, np.int64(w[ITEM] < len(order)))
             if bit < 0:
                 return _stop(bit)
             st.at[TALLY + COMPONENT] += 1
-            w[SEEKING] = 1
             if bit == 0:
                 return DONE
             w[PHASE] = _ROOT
@@ -250,7 +274,9 @@ def base(st, cd, mark, pyramid, levels):
             root = w[CORNER]
             bit = np.int64(1)
             if root < roots(st.tables) - 1:
-                here = np.int64(encoding and w[FOUND_ROOT] == root)
+                here = np.int64(0)
+                if encoding:
+                    here = np.int64(unpacked(order[w[ITEM]])[0] == root)
                 bit = code(cd, ctx.ROOT, here)
                 if bit < 0:
                     return _stop(bit)
@@ -270,9 +296,15 @@ def base(st, cd, mark, pyramid, levels):
 
         elif phase == _LOCATE:
             depth = w[DEPTH]
-            if depth == depth_all:
-                cls, b0, b1, b2 = w[CLASS], w[B0], w[B1], w[B2]
-                if not exists(st, st.at[EDGE], r, cls, b0, b1, b2) or visited(st, mark, r, cls, b0, b1, b2):
+            cls, b0, b1, b2 = w[CLASS], w[B0], w[B1], w[B2]
+            x, y, z = middle_at(st, depth, cls, b0, b1, b2)
+            split = tell(st, cd, depth, x, y, z, ctx.LEVEL_PATH + depth)
+            if split < 0:
+                return _trouble(st, split)
+            if split == 0:
+                if not exists(st, edge_of(st, depth), depth % n, cls, b0, b1, b2) or visited(
+                    st, mark, depth, cls, b0, b1, b2
+                ):
                     st.at[ERROR] = 1
                     return BAD
                 w[CORNER] = 0
@@ -286,7 +318,11 @@ def base(st, cd, mark, pyramid, levels):
             if not right:
                 bit = np.int64(0)
             elif left and not (w[TIGHT] and w[PATH + depth]):
-                bit = code(cd, ctx.PATH + w[TIGHT], w[FOUND + depth] if encoding else 0)
+                want = np.int64(0)
+                if encoding:
+                    _, deep, path = unpacked(order[w[ITEM]])
+                    want = (path >> (deep - 1 - depth)) & 1
+                bit = code(cd, ctx.PATH + w[TIGHT], want)
                 if bit < 0:
                     return _stop(bit)
                 st.at[TALLY + LOCATION] += 1
@@ -301,38 +337,42 @@ def base(st, cd, mark, pyramid, levels):
 
         elif phase == _SIGNS:
             j = w[CORNER]
-            cls, b0, b1, b2 = w[CLASS], w[B0], w[B1], w[B2]
+            level, cls, b0, b1, b2 = w[DEPTH], w[CLASS], w[B0], w[B1], w[B2]
+            r = level % n
+            edge = edge_of(st, level)
             if j <= n:
-                if corner_entry(st, st.at[EDGE], r, cls, b0, b1, b2, j) == 0:
+                if corner_entry(st, edge, r, cls, b0, b1, b2, j) == 0:
                     before = 0
                     unknown = 0
                     for i in range(n + 1):
-                        e = corner_entry(st, st.at[EDGE], r, cls, b0, b1, b2, i)
+                        e = corner_entry(st, edge, r, cls, b0, b1, b2, i)
                         if e == 0:
                             unknown += 1
                         else:
                             before |= 1 << (e & 1)
                     if unknown == 1 and before != 3:
-                        _corner_learn(st, r, cls, b0, b1, b2, j, 2 - before)
+                        _corner_learn(st, level, cls, b0, b1, b2, j, 2 - before)
                     else:
-                        bit = np.int64(0)
-                        if encoding:
-                            bit = corner_truth(st, st.at[EDGE], r, cls, b0, b1, b2, j)
-                        bit = code(cd, ctx.FIRST + 4 * (j > 0) + before, bit)
+                        bit, other = _implied_corner(st, level, cls, b0, b1, b2, j)
                         if bit < 0:
-                            return _stop(bit)
-                        st.at[TALLY + BASE_SIGN] += 1
-                        _corner_learn(st, r, cls, b0, b1, b2, j, bit)
+                            bit = np.int64(0)
+                            if encoding:
+                                bit = corner_truth(st, edge, r, cls, b0, b1, b2, j)
+                            bit = code(cd, ctx.FIRST + 8 * (other + 1) + 4 * (j > 0) + before, bit)
+                            if bit < 0:
+                                return _stop(bit)
+                            st.at[TALLY + BASE_SIGN] += 1
+                        _corner_learn(st, level, cls, b0, b1, b2, j, bit)
                 w[CORNER] = j + 1
                 continue
             signs = 0
             for i in range(n + 1):
-                signs |= 1 << (corner_entry(st, st.at[EDGE], r, cls, b0, b1, b2, i) & 1)
+                signs |= 1 << (corner_entry(st, edge, r, cls, b0, b1, b2, i) & 1)
             if signs != 3:
                 st.at[ERROR] = 3
                 return BAD
-            _visit(st, mark, r, cls, b0, b1, b2)
-            _push_gates(st, mark, r, cls, b0, b1, b2)
+            _visit(st, mark, level, cls, b0, b1, b2)
+            _push_gates(st, mark, level, cls, b0, b1, b2)
             w[HISTORY] = 0
             w[FRESH] = 0
             w[BRANCH] = st.at[LEAVES] - 1
@@ -340,38 +380,58 @@ def base(st, cd, mark, pyramid, levels):
 
         else:
             if w[GATES] == 0:
-                w[PHASE] = _COMPONENT
+                w[PHASE] = _ORIGIN
                 continue
             g = (w[GATES] - 1) * GATE
-            cls, b0, b1, b2 = st.stack[g], st.stack[g + 1], st.stack[g + 2], st.stack[g + 3]
+            level, cls, b0, b1, b2 = st.stack[g + 6], st.stack[g], st.stack[g + 1], st.stack[g + 2], st.stack[g + 3]
             opp, left_from = st.stack[g + 4], st.stack[g + 5]
-            if visited(st, mark, r, cls, b0, b1, b2):
+            if adaptive:
+                status = resolve(st, cd, level, cls, b0, b1, b2, opp)
+                if status < 0:
+                    return _trouble(st, status)
+                level, cls, opp = w[RESOLVED], w[RESOLVED + 1], w[RESOLVED + 5]
+                b0, b1, b2 = w[RESOLVED + 2], w[RESOLVED + 3], w[RESOLVED + 4]
+            if visited(st, mark, level, cls, b0, b1, b2):
                 w[GATES] -= 1
                 continue
-            e = corner_entry(st, st.at[EDGE], r, cls, b0, b1, b2, opp)
+            r = level % n
+            edge = edge_of(st, level)
+            if adaptive:
+                if not exists(st, edge, r, cls, b0, b1, b2):
+                    w[GATES] -= 1
+                    continue
+                status = np.int64(0) if settled else settle(st, level, cls, b0, b1, b2)
+                if status < 0:
+                    return _trouble(st, status)
+            e = corner_entry(st, edge, r, cls, b0, b1, b2, opp)
             if n == 2:
                 if left_from == w[BRANCH] and left_from != st.at[LEAVES] - 1:
-                    _turn_back(st)
+                    turn_back(st)
                     w[BRANCH] = -1
-                guess, context = _curve_context(st, r, cls, b0, b1, opp)
+                guess, context = curve_context(st, level, cls, b0, b1, opp)
             else:
-                guess, context = _surface_context(st, r, cls, b0, b1, b2, opp)
+                guess, context = surface_context(st, level, cls, b0, b1, b2, opp)
             if e == 0:
-                right_guess = np.int64(0)
-                if encoding:
-                    right_guess = np.int64(corner_truth(st, st.at[EDGE], r, cls, b0, b1, b2, opp) == guess)
-                bit = code(cd, context, right_guess)
-                if bit < 0:
-                    return _stop(bit)
-                st.at[TALLY + BASE_SIGN] += 1
-                st.at[TALLY + PREDICTED] += 1
-                st.at[TALLY + PREDICTED_RIGHT] += bit
-                _corner_learn(st, r, cls, b0, b1, b2, opp, guess if bit else 1 - guess)
+                sign, other = _implied_corner(st, level, cls, b0, b1, b2, opp)
+                if sign < 0:
+                    if other >= 0:
+                        context += (ctx.SURFACE if n == 3 else 4) * (1 + (other == guess))
+                    right_guess = np.int64(0)
+                    if encoding:
+                        right_guess = np.int64(corner_truth(st, edge, r, cls, b0, b1, b2, opp) == guess)
+                    bit = code(cd, context, right_guess)
+                    if bit < 0:
+                        return _stop(bit)
+                    st.at[TALLY + BASE_SIGN] += 1
+                    st.at[TALLY + PREDICTED] += 1
+                    st.at[TALLY + PREDICTED_RIGHT] += bit
+                    sign = guess if bit else 1 - guess
+                _corner_learn(st, level, cls, b0, b1, b2, opp, sign)
             else:
                 adapt(cd, context, np.int64((e & 1) == guess))
             if n == 2:
                 i = 1 if opp == 0 else 0
-                g0, g1 = _sum(st, r, cls, b0, b1, i, 3 - opp - i)
+                g0, g1 = edge_sum(st, level, cls, b0, b1, i, 3 - opp - i)
                 slot = w[HISTORY] % MOST
                 w[TRAIL + 2 * slot] = g0
                 w[TRAIL + 2 * slot + 1] = g1
@@ -381,5 +441,5 @@ def base(st, cd, mark, pyramid, levels):
                     w[EARLY + 2 * w[FRESH] + 1] = g1
                     w[FRESH] += 1
             w[GATES] -= 1
-            _visit(st, mark, r, cls, b0, b1, b2)
-            _push_gates(st, mark, r, cls, b0, b1, b2)
+            _visit(st, mark, level, cls, b0, b1, b2)
+            _push_gates(st, mark, level, cls, b0, b1, b2)

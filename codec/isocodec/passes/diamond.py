@@ -12,13 +12,12 @@ from ..jit import inner
 from ..mesh.access import corner, dimension, grandchild, member
 from ..mesh.access import corners as corner_count
 from ..mesh.access import members as member_count
-from .state import EDGE, LAST, LEVEL, NEXT, clamped, entry, exists, learn, position
+from .state import EDGE, LAST, LEVEL, NEXT, clamped, edge_of, entry, exists, learn, position
 
 
 @inner
-def coincident(st, kind, corners, w0, w1, w2):
+def coincident(st, edge, kind, corners, w0, w1, w2):
     """Whether the middle falls on one of the corners after clamping: no vertex is added then (spec clause 4.6)."""
-    edge = st.at[EDGE]
     t = st.tables
     here = clamped(st, (w0 * edge) >> 1, (w1 * edge) >> 1, (w2 * edge) >> 1)
     for i in range(corner_count(t, kind)):
@@ -31,23 +30,30 @@ def coincident(st, kind, corners, w0, w1, w2):
 
 
 @inner
-def look(st, kind, w0, w1, w2):
+def inside(st, level, w0, w1, w2):
+    """Whether the diamond around a middle lies wholly inside the box: it reaches g to all sides."""
+    edge = edge_of(st, level)
+    last = st.at
+    if min(w0, w1) < 1 or (w0 + 1) * edge > 2 * last[LAST] or (w1 + 1) * edge > 2 * last[LAST + 1]:
+        return False
+    return dimension(st.tables) == 2 or (w2 >= 1 and (w2 + 1) * edge <= 2 * last[LAST + 2])
+
+
+@inner
+def look(st, level, kind, w0, w1, w2):
     """Bits of the members that exist, of their corners, of those that are known, and of the known ones above.
 
     The first value tells whether the whole diamond lies inside the box.
     """
     n = dimension(st.tables)
-    r = st.at[LEVEL] % n
-    edge = st.at[EDGE]
+    r = level % n
+    edge = edge_of(st, level)
     b0, b1, b2 = w0 >> 2, w1 >> 2, w2 >> 2
     t = st.tables
-    last = st.at
-    inside = min(w0, w1) >= 2 and ((w0 + 2) * edge) >> 1 <= last[LAST] and ((w1 + 2) * edge) >> 1 <= last[LAST + 1]
-    if n == 3:
-        inside = inside and w2 >= 2 and ((w2 + 2) * edge) >> 1 <= last[LAST + 2]
+    whole = inside(st, level, w0, w1, w2)
     members = (np.int64(1) << member_count(t, kind)) - 1
     corners = (np.int64(1) << corner_count(t, kind)) - 1
-    if not inside:
+    if not whole:
         members = np.int64(0)
         corners = np.int64(0)
         for m in range(member_count(t, kind)):
@@ -64,22 +70,23 @@ def look(st, kind, w0, w1, w2):
             if e != 0:
                 known |= np.int64(1) << i
                 above |= (e & 1) << i
-    return inside, members, corners, known, above
+    return whole, members, corners, known, above
 
 
 @inner
-def push(st, cls, b0, b1, b2):
-    """Append a mixed simplex of the next level."""
+def push(st, cls, b0, b1, b2, level):
+    """Append a mixed simplex to the list that the round makes."""
     i = st.at[NEXT]
     st.below[i, 0] = cls
     st.below[i, 1] = b0
     st.below[i, 2] = b1
     st.below[i, 3] = b2
+    st.below[i, 4] = level
     st.at[NEXT] = i + 1
 
 
 @inner
-def bisect_member(st, kind, m, w0, w1, w2, inside, known, above):
+def bisect_member(st, kind, m, w0, w1, w2, whole, known, above):
     """Append the mixed children of one member; their corners become known. Returns the bits known after it.
 
     ``above`` holds the signs of all corners and the middle, inferred ones included.
@@ -96,24 +103,24 @@ def bisect_member(st, kind, m, w0, w1, w2, inside, known, above):
         if signs == 0 or signs == bits:
             continue
         d0, d1, d2 = b0 * f + d0, b1 * f + d1, b2 * f + d2
-        if not inside and not exists(st, edge // f, below % n, cls, d0, d1, d2):
+        if not whole and not exists(st, edge // f, below % n, cls, d0, d1, d2):
             continue
         fresh = bits & ~known
         i = 0
         while fresh:
             if fresh & 1:
                 x, y, z = position(edge, b0, b1, b2, corner(t, kind, i))
-                if inside or entry(st, x, y, z) == 0:
+                if whole or entry(st, x, y, z) == 0:
                     learn(st, x, y, z, (above >> i) & 1)
             fresh >>= 1
             i += 1
         known |= bits
-        push(st, cls, d0, d1, d2)
+        push(st, cls, d0, d1, d2, below)
     return known
 
 
 @inner
-def bisect(st, kind, w0, w1, w2, inside, members, known, above, sign):
+def bisect(st, kind, w0, w1, w2, whole, members, known, above, sign):
     """Add the middle with its sign, and append the mixed children of all members, in order."""
     edge = st.at[EDGE]
     learn(st, (w0 * edge) >> 1, (w1 * edge) >> 1, (w2 * edge) >> 1, sign)
@@ -123,4 +130,4 @@ def bisect(st, kind, w0, w1, w2, inside, members, known, above, sign):
         above |= middle
     for m in range(member_count(st.tables, kind)):
         if (members >> m) & 1:
-            known = bisect_member(st, kind, m, w0, w1, w2, inside, known, above)
+            known = bisect_member(st, kind, m, w0, w1, w2, whole, known, above)

@@ -1,6 +1,6 @@
-"""Geometry: bits of the values at vertices, or of the crossings' offsets on grid edges (spec clauses 5.6, 5.7).
+"""Geometry: bits of the values at vertices, or of the crossings' offsets on edges (spec clauses 5.6, 5.7).
 
-Rows C2-geometry and the offsets of the full grid. Both code the distance from where the sign already says the
+Row C2-geometry, and offsets on any mesh. Both code the distance from where the sign already says the
 number to be, from the highest bit down.
 """
 
@@ -8,14 +8,17 @@ from __future__ import annotations
 
 import numpy as np
 
+from isospec.container import MAX_PARTS, MAX_RADIX, STEP_RADIX
+
 from ..entropy import baseline as ctx
 from ..entropy.coder import ENCODE, MODE, code
 from ..jit import CUT, DONE, NEED, inner, kernel
 from ..mesh.access import dimension
-from .state import EDGE, LEAVES, LEVEL, OFFSET_BIT, SCRATCH, TALLY, VALUE_BIT, corner_entry
+from ..mesh.store import get
+from .state import LEAVES, OFFSET_BIT, SCRATCH, SIDE, TALLY, VALUE_BIT, corner_entry, edge_of
 
 # Registers in State.walk: next item of the list, the symbol before, the place within a digit, its sign.
-ITEM, BEFORE, STEP, SIDE = range(4)
+ITEM, BEFORE, STEP, SIGN = range(4)
 VERTEX_ACTIVE = 8
 """Bit of a vertex's mark that says it is in the list; bits 0 to 2 are the grid edges that leave it upwards."""
 
@@ -24,11 +27,11 @@ VERTEX_ACTIVE = 8
 def _entries(st, i):
     """Store entries of the vertices of leaf i, into the scratch registers."""
     n = dimension(st.tables)
-    r = st.at[LEVEL] % n
+    level = np.int64(st.leaf[i, 4])
     cls = np.int64(st.leaf[i, 0])
     b0, b1, b2 = np.int64(st.leaf[i, 1]), np.int64(st.leaf[i, 2]), np.int64(st.leaf[i, 3])
     for j in range(n + 1):
-        st.walk[SCRATCH + j] = corner_entry(st, st.at[EDGE], r, cls, b0, b1, b2, j)
+        st.walk[SCRATCH + j] = corner_entry(st, edge_of(st, level), level % n, cls, b0, b1, b2, j)
 
 
 @kernel
@@ -56,9 +59,18 @@ def active_vertices(st, mark, full, out):
     return count
 
 
+@inner
+def _lower(st, a, b):
+    """Which of two vertices comes first in the order of positions."""
+    for axis in range(3):
+        if st.vertex[a, axis] != st.vertex[b, axis]:
+            return a if st.vertex[a, axis] < st.vertex[b, axis] else b
+    return a
+
+
 @kernel
-def crossed_edges(st, mark, out):
-    """Grid edges of the full grid that are crossed, in the order of the leaves: lower end and axis (clause 5.7.2)."""
+def grid_edges(st, mark, out):
+    """Edges of the full grid that are crossed, in the order of the leaves: both ends, the lower first (5.7.2)."""
     n = dimension(st.tables)
     e = st.walk[SCRATCH : SCRATCH + 4]
     count = 0
@@ -69,16 +81,44 @@ def crossed_edges(st, mark, out):
                 continue
             a = (e[j] >> 1) - 1
             b = (e[j + 1] >> 1) - 1
+            low = _lower(st, a, b)
+            high = b if low == a else a
             axis = 0
             while st.vertex[a, axis] == st.vertex[b, axis]:
                 axis += 1
-            low = a if st.vertex[a, axis] < st.vertex[b, axis] else b
             if not mark[low] >> axis & 1:
                 mark[low] |= 1 << axis
                 out[count, 0] = low
-                out[count, 1] = axis
+                out[count, 1] = high
                 count += 1
     return count
+
+
+@kernel
+def leaf_edges(st, out):
+    """Crossed edges of all leaves, repeated as they come: both ends, the lower first (spec clause 5.7.2)."""
+    n = dimension(st.tables)
+    e = st.walk[SCRATCH : SCRATCH + 4]
+    count = 0
+    for i in range(st.at[LEAVES]):
+        _entries(st, i)
+        for j in range(n + 1):
+            for k in range(j + 1, n + 1):
+                if (e[j] ^ e[k]) & 1:
+                    a = (e[j] >> 1) - 1
+                    b = (e[k] >> 1) - 1
+                    low = _lower(st, a, b)
+                    out[count, 0] = low
+                    out[count, 1] = b if low == a else a
+                    count += 1
+    return count
+
+
+@kernel
+def entries(st, position, out):
+    """Numbers of the vertices at positions (E, 3), -1 where none is known."""
+    for i in range(len(position)):
+        out[i] = (get(st.known, position[i, 0], position[i, 1], position[i, 2]) >> 1) - 1
 
 
 @kernel
@@ -109,24 +149,72 @@ def values(st, cd, active, number, left, plane, wanted):
     return DONE
 
 
-@kernel
-def offsets(st, cd, number, layer, parts, radix, wanted):
-    """Divide the part of every edge that holds its crossing into ``radix`` parts (spec clause 5.7.3).
+@inner
+def radix_of(length, parts, target, unit):
+    """Smallest odd number of parts that brings an edge of so many samples to ``target`` parts in ``2**unit`` samples.
 
-    The radix is odd and the digit counts from the middle part, so that a crossing drawn in the middle of its part
-    is never moved away from where it is. ``layer`` numbers the layers of offsets, ``parts`` is the number of
-    parts before this one; ``wanted`` are the encoder's offsets as 30-bit fractions.
+    Large ones are reached in steps.
+    """
+    wanted = min((length * target + (np.int64(1) << unit) - 1) >> unit, MAX_PARTS)
+    radix = (wanted + parts - 1) // parts | 1
+    return radix if radix <= MAX_RADIX else np.int64(STEP_RADIX)
+
+
+@inner
+def _beyond(st, i, radix, rising, earlier):
+    """Part that holds the earlier isovalue's crossing, and how many parts lie beyond it."""
+    number, parts = earlier[i, 0], earlier[i, 1]
+    if rising[i] == (st.at[SIDE] > 0):
+        bound = number * radix // parts
+        return bound, radix - 1 - bound
+    bound = ((number + 1) * radix - 1) // parts
+    return bound, bound
+
+
+@kernel
+def offsets(st, cd, number, parts, length, rising, earlier, target, unit, wanted):
+    """Divide the part of every edge that holds its crossing until the parts are fine enough (spec clause 5.7.3).
+
+    Radices are odd and a digit counts from the middle part, so that a crossing drawn in the middle of its part
+    is never moved away from where it is. Where the edge is also crossed at an earlier isovalue (``earlier``: number
+    and parts), the digit counts from there. ``rising`` tells whether the upper end is above, ``wanted`` are the
+    encoder's offsets as 30-bit fractions.
     """
     w = st.walk
     encoding = cd.reg[MODE] == ENCODE
-    half = radix // 2
-    contexts = ctx.OFFSET + min(layer, ctx.OFFSET_LAYERS - 1) * ctx.OFFSET_STRIDE
     while w[ITEM] < len(number):
         i = w[ITEM]
+        radix = radix_of(length[i], parts[i], target, unit)
+        if radix == 1:
+            w[ITEM] = i + 1
+            continue
+        half = radix // 2
+        contexts = ctx.OFFSET + (min(half, ctx.OFFSET_SIZES) - 1 + (ctx.OFFSET_SIZES if parts[i] > 1 else 0)) * (
+            ctx.OFFSET_STRIDE
+        )
         step = w[STEP]
         digit = np.int64(0)
         if encoding:
-            digit = ((wanted[i] * parts * radix) >> 30) - number[i] * radix - half
+            digit = ((wanted[i] * parts[i] * radix) >> 30) - number[i] * radix - half
+        if parts[i] == 1 and earlier[i, 1] > 0:
+            bound, room = _beyond(st, i, radix, rising, earlier)
+            way = np.int64(1 if rising[i] == (st.at[SIDE] > 0) else -1)
+            bit = np.int64(0)
+            if step < room:
+                context = ctx.OFFSET_LEAN + min(step, 7) * 16 + min(room - step, 15)
+                bit = code(cd, context, np.int64((digit + half - bound) * way > step))
+                if bit < 0:
+                    return CUT if bit == -2 else NEED
+                st.at[TALLY + OFFSET_BIT] += 1
+            if bit:
+                w[STEP] = step + 1
+                continue
+            number[i] = bound + way * step
+            digit = number[i] - half
+            parts[i] = radix
+            w[BEFORE] = 1 if digit == 0 else (3 if digit > 0 else 2)
+            w[STEP] = 0
+            continue
         if step == 0:
             bit = code(cd, contexts + w[BEFORE], np.int64(digit != 0))
         elif step == 1:
@@ -140,7 +228,7 @@ def offsets(st, cd, number, layer, parts, radix, wanted):
             w[STEP] = 1
             continue
         if step == 1:
-            w[SIDE] = bit
+            w[SIGN] = bit
             bit = np.int64(1)
             step = 1
         # a magnitude goes on while its bits are 1 and larger ones exist
@@ -150,9 +238,9 @@ def offsets(st, cd, number, layer, parts, radix, wanted):
         size = step if bit else step - 1
         if step == 0:
             size = np.int64(0)
-        number[i] = number[i] * radix + half + (size if w[SIDE] else -size)
-        w[BEFORE] = 1 if size == 0 else (3 if w[SIDE] else 2)
+        number[i] = number[i] * radix + half + (size if w[SIGN] else -size)
+        parts[i] *= radix
+        w[BEFORE] = 1 if size == 0 else (3 if w[SIGN] else 2)
         w[STEP] = 0
-        w[SIDE] = 0
-        w[ITEM] = i + 1
+        w[SIGN] = 0
     return DONE

@@ -19,6 +19,8 @@ MOST = 20
 """Points that the fit looks back at."""
 LEAST = 3
 """Fewer points than this give no prediction."""
+REACH = 1023
+"""Farthest that a point counts, in units of g."""
 
 
 def extrapolation(points: int) -> tuple[int, list[int]]:
@@ -48,12 +50,13 @@ WEIGHTS = _table()
 
 
 @kernel
-def nearer(walk, trail, count, g0, g1, a0, a1, b0, b1):
-    """Compare the extrapolated point with the points a and b (all coordinates doubled, in units of g).
+def nearer(walk, trail, count, unit, g0, g1, a0, a1, b0, b1):
+    """Compare the extrapolated point with the points a and b (all coordinates doubled).
 
     The last points lie in ``walk`` from ``trail`` on, a ring of MOST pairs. Everything is measured from the point
-    (g0, g1), so that the numbers stay small. Returns 0 without a prediction, else the case 1 (doubtful), 2 or 3
-    (sure), negative if a is nearer than b.
+    (g0, g1) in units of g = ``2**(unit - 1)``, and cut off where it is too far away to matter, so that the numbers
+    stay small. Returns 0 without a prediction, else the case 1 (doubtful), 2 or 3 (sure), negative if a is nearer
+    than b.
     """
     if count < LEAST:
         return 0
@@ -65,12 +68,12 @@ def nearer(walk, trail, count, g0, g1, a0, a1, b0, b1):
     for i in range(used):
         w = WEIGHTS[used, 1 + i]
         j = j + 1 if j + 1 < MOST else 0
-        p0 += w * (walk[trail + 2 * j] - g0)
-        p1 += w * (walk[trail + 2 * j + 1] - g1)
-    a0 -= g0
-    a1 -= g1
-    b0 -= g0
-    b1 -= g1
+        p0 += w * min(max(((walk[trail + 2 * j] - g0) << 1) >> unit, -REACH), REACH)
+        p1 += w * min(max(((walk[trail + 2 * j + 1] - g1) << 1) >> unit, -REACH), REACH)
+    a0 = ((a0 - g0) << 1) >> unit
+    a1 = ((a1 - g1) << 1) >> unit
+    b0 = ((b0 - g0) << 1) >> unit
+    b1 = ((b1 - g1) << 1) >> unit
     s = 2 * (p0 * (b0 - a0) + p1 * (b1 - a1)) + denominator * (a0 * a0 + a1 * a1 - b0 * b0 - b1 * b1)
     span = denominator * ((b0 - a0) * (b0 - a0) + (b1 - a1) * (b1 - a1))
     size = abs(s)

@@ -1,6 +1,7 @@
-"""Uniform refinement: one round bisects every simplex of the tubular neighbourhood (spec clause 5.4).
+"""Refinement: one round bisects simplices of one level of the tubular neighbourhood (spec clauses 5.4, 5.8).
 
-Row C2-refine-uniform. The middles come in the order of the present leaves, so that the symbols accompany the curve.
+Rows C2-refine-uniform, C2-refine-adaptive. The middles come in the order of the present leaves, so that the symbols
+accompany the curve. An adaptive round asks for each middle whether it is added; a uniform one adds them all.
 """
 
 from __future__ import annotations
@@ -14,10 +15,17 @@ from ..mesh.access import corner, dimension, member, middle
 from ..mesh.access import corners as corner_count
 from ..mesh.access import kind as kind_of
 from ..mesh.access import members as member_count
-from .diamond import bisect, bisect_member, look
+from ..mesh.chosen import has
+from ..mesh.store import get, put
+from .diamond import bisect, bisect_member, look, push
+from .infer import implied
+from .mesh import BARRED, IN, KEPT, KNOWN, admit, closure, short
 from .parabola import MOST, nearer
+from .seek import middle_at
 from .state import (
+    ASKS,
     BEFORE_ROUND,
+    CONTINUE,
     DONE_LEAVES,
     EDGE,
     LEAVES,
@@ -25,15 +33,19 @@ from .state import (
     PREDICTED,
     PREDICTED_RIGHT,
     REFINEMENT_SIGN,
+    SIZE,
+    SPLIT,
     TALLY,
     TRAIL,
+    VERTICES,
     crowded,
     entry,
+    position,
     truth,
 )  # fmt: skip
 
 # Registers in State.walk: the last two outcomes on the border and inside, the points of the curve.
-BORDER, CROSSED, HISTORY = range(3)
+BORDER, CROSSED, HISTORY, SPLITS = range(4)
 FAR = 64
 """Squared distance (doubled coordinates, units of g) from which points belong to different stretches of curve."""
 
@@ -54,13 +66,28 @@ def _ring(corners, above, wanted):
 
 
 @inner
+def _apart(st, kind, w0, w1, w2, known, above):
+    """Number of known corners that have another sign at the earlier isovalue."""
+    edge = st.at[EDGE]
+    count = 0
+    i = 0
+    while known >> i:
+        if (known >> i) & 1:
+            x, y, z = position(edge, w0 >> 2, w1 >> 2, w2 >> 2, corner(st.tables, kind, np.int64(i)))
+            e = entry(st.lean, x, y, z)
+            count += e != 0 and (e & 1) != (above >> i) & 1
+        i += 1
+    return count
+
+
+@inner
 def _bisect_known(st, kind, w0, w1, w2, cls, b0, b1, b2, sign):
     """Bisect a leaf whose middle was known before the round: clamping put it on an older vertex (clause 5.4.4).
 
     Every mixed member of the diamond does so for itself; the first of them also bisects the members that are
     not mixed, which the curve may enter.
     """
-    inside, members, corners, known, above = look(st, kind, w0, w1, w2)
+    inside, members, corners, known, above = look(st, st.at[LEVEL], kind, w0, w1, w2)
     t = st.tables
     if above & 1 and above & 2:
         above |= corners & ~known
@@ -101,7 +128,7 @@ def _side(st, kind, w0, w1):
     end = np.int64(0)
     a0, a1 = _half(st, kind, w0, w1, end)
     b0, b1 = _half(st, kind, w0, w1, end + 1)
-    case = nearer(st.walk, TRAIL, st.walk[HISTORY], 2 * w0, 2 * w1, a0, a1, b0, b1)
+    case = nearer(st.walk, TRAIL, st.walk[HISTORY], 1, 2 * w0, 2 * w1, a0, a1, b0, b1)
     return 0 if case == 0 else (1 if case < 0 else 2)
 
 
@@ -120,6 +147,68 @@ def _remember(st, p0, p1):
     st.walk[HISTORY] = count + 1
 
 
+@inner
+def _split(st, cd, kind, w0, w1, w2, x, y, z):
+    """Refine or Keep: IN if the middle is in the mesh, KEPT if not, or what the coder says; GROW as -3.
+
+    Keep bars the middle and its descendants until the layer's end; what its refinement implies costs nothing.
+    """
+    state = get(st.mesh, x, y, z)
+    if state & (IN | KEPT):
+        return state
+    level = st.at[LEVEL]
+    count = closure(st, level, x, y, z, 0)
+    bit = np.int64(0)
+    if count != BARRED:
+        if short(st, count):
+            return np.int64(-3)
+        w = st.walk
+        if cd.reg[MODE] == ENCODE:
+            bit = np.int64(has(st.chosen, x, y, z))
+        _, _, corners, _, above = look(st, level, kind, w0, w1, w2)
+        crossed = (above & 1) != (above >> 1) & 1
+        size, odd = _ring(corners, above, np.int64(1))
+        odd = min(odd, size - odd)
+        case = (level % dimension(st.tables) * 2 + crossed) * 4 + min(odd, 3)
+        bit = code(cd, ctx.SPLIT + case * 8 + w[SPLITS], bit)
+        if bit < 0:
+            return bit
+        st.at[TALLY + SPLIT] += 1
+        w[SPLITS] = (w[SPLITS] << 1 & 7) | bit
+    if bit == 0:
+        put(st.mesh, x, y, z, KEPT)
+        return np.int64(KEPT)
+    admit(st, count)
+    if entry(st, x, y, z) != 0:
+        put(st.mesh, x, y, z, IN | KNOWN)
+    return get(st.mesh, x, y, z)
+
+
+@kernel
+def pending(st):
+    """Encoder: whether some leaf of this level or a later one is to be bisected in an adaptive layer."""
+    for i in range(st.at[LEAVES]):
+        level = np.int64(st.leaf[i, 4])
+        if level >= st.at[LEVEL]:
+            cls = np.int64(st.leaf[i, 0])
+            b0, b1, b2 = np.int64(st.leaf[i, 1]), np.int64(st.leaf[i, 2]), np.int64(st.leaf[i, 3])
+            x, y, z = middle_at(st, level, cls, b0, b1, b2)
+            if level < st.at[SIZE] * dimension(st.tables) and has(st.chosen, x, y, z):
+                return True
+    return False
+
+
+@kernel
+def go_on(st, cd, more):
+    """Cont/Stop before a round of an adaptive layer; the answer is left in the first register."""
+    bit = code(cd, ctx.CONTINUE, more)
+    if bit < 0:
+        return CUT if bit == -2 else NEED
+    st.at[TALLY + CONTINUE] += 1
+    st.walk[0] = bit
+    return DONE
+
+
 @kernel
 def refine(st, cd):
     """Bisect the leaves from number ``DONE_LEAVES`` on, until all are done or the pass must stop."""
@@ -128,23 +217,39 @@ def refine(st, cd):
     r = st.at[LEVEL] % n
     edge = st.at[EDGE]
     encoding = cd.reg[MODE] == ENCODE
+    asks = st.at[ASKS] != 0
     while st.at[DONE_LEAVES] < st.at[LEAVES]:
         if crowded(st):
             return GROW
         i = st.at[DONE_LEAVES]
         cls = np.int64(st.leaf[i, 0])
         b0, b1, b2 = np.int64(st.leaf[i, 1]), np.int64(st.leaf[i, 2]), np.int64(st.leaf[i, 3])
+        if st.leaf[i, 4] != st.at[LEVEL]:
+            push(st, cls, b0, b1, b2, np.int64(st.leaf[i, 4]))
+            st.at[DONE_LEAVES] = i + 1
+            continue
         t = st.tables
         w0, w1, w2 = middle(t, r, cls, b0, b1, b2)
         kind = kind_of(t, r, w0, w1, w2)
         x, y, z = (w0 * edge) >> 1, (w1 * edge) >> 1, (w2 * edge) >> 1
+        first_known = st.at[BEFORE_ROUND]
+        if asks:
+            state = _split(st, cd, kind, w0, w1, w2, x, y, z)
+            if state < 0:
+                return GROW if state == -3 else (CUT if state == -2 else NEED)
+            if state & KEPT:
+                push(st, cls, b0, b1, b2, st.at[LEVEL])
+                st.at[DONE_LEAVES] = i + 1
+                continue
+            # whether the middle was known is told by its mark: corners become known during the round, too
+            first_known = st.at[VERTICES] if state & KNOWN else np.int64(0)
         e = entry(st, x, y, z)
         if e != 0:
-            if (e >> 1) - 1 < st.at[BEFORE_ROUND]:
+            if (e >> 1) - 1 < first_known:
                 _bisect_known(st, kind, w0, w1, w2, cls, b0, b1, b2, e & 1)
             st.at[DONE_LEAVES] = i + 1
             continue
-        inside, members, corners, known, above = look(st, kind, w0, w1, w2)
+        inside, members, corners, known, above = look(st, st.at[LEVEL], kind, w0, w1, w2)
         first = above & 1
         crossed = first != (above >> 1) & 1
         if crossed:
@@ -163,30 +268,37 @@ def refine(st, cd):
                 said = 1 if (said == 1) == (guess != first) else 2
             odd = min(count, size - count)
             context = ctx.REFINE_CROSSED + ((r * 10 + odd) * 3 + said) * 4 + w[CROSSED]
+            bank = np.int64(ctx.CROSSED)
         else:
             if first:
                 above |= corners & ~known
             size, count = _ring(corners, above, 1 - first)
             guess = first
             context = ctx.REFINE_BORDER + (r * 10 + count) * 4 + w[BORDER]
-        bit = np.int64(0)
-        if encoding:
-            bit = np.int64((truth(st, x, y, z) == guess) == crossed)
-        bit = code(cd, context, bit)
-        if bit < 0:
-            return CUT if bit == -2 else NEED
-        st.at[TALLY + REFINEMENT_SIGN] += 1
-        st.at[TALLY + PREDICTED] += 1
-        right = bit == crossed
-        st.at[TALLY + PREDICTED_RIGHT] += right
-        sign = guess if right else 1 - guess
-        if crossed:
-            w[CROSSED] = (w[CROSSED] << 1 & 2) | bit
-            if n == 2:
-                p0, p1 = _half(st, kind, w0, w1, np.int64(sign == first))
-                _remember(st, p0, p1)
-        else:
-            w[BORDER] = (w[BORDER] << 1 & 2) | bit
+            bank = np.int64(ctx.BORDER)
+        sign, other = implied(st, x, y, z)
+        if sign < 0:
+            if other >= 0:
+                apart = _apart(st, kind, w0, w1, w2, known, above)
+                context += bank * (1 + 2 * min(apart, 2) + (other == guess))
+            bit = np.int64(0)
+            if encoding:
+                bit = np.int64((truth(st, x, y, z) == guess) == crossed)
+            bit = code(cd, context, bit)
+            if bit < 0:
+                return CUT if bit == -2 else NEED
+            st.at[TALLY + REFINEMENT_SIGN] += 1
+            st.at[TALLY + PREDICTED] += 1
+            right = bit == crossed
+            st.at[TALLY + PREDICTED_RIGHT] += right
+            sign = guess if right else 1 - guess
+            if crossed:
+                w[CROSSED] = (w[CROSSED] << 1 & 2) | bit
+            else:
+                w[BORDER] = (w[BORDER] << 1 & 2) | bit
+        if crossed and n == 2:
+            p0, p1 = _half(st, kind, w0, w1, np.int64(sign == first))
+            _remember(st, p0, p1)
         bisect(st, kind, w0, w1, w2, inside, members, known, above, sign)
         st.at[DONE_LEAVES] = i + 1
     return DONE

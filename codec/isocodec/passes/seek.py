@@ -1,4 +1,4 @@
-"""Encoder only: the next component's first simplex in the order of the forest (spec clause 5.3.2).
+"""Encoder only: the mixed leaves of the mesh in the order of the forest, where components begin (spec clause 5.3.2).
 
 The search descends into cubes that the curve passes only, so that its cost follows the curve.
 """
@@ -8,11 +8,12 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from ..jit import inner
-from ..mesh.access import child, cube, dimension, roots
+from ..jit import inner, kernel
+from ..mesh.access import child, cube, dimension, middle, roots
 from ..mesh.access import root as root_class
+from ..mesh.chosen import has
 from ..mesh.store import get
-from .state import BASE_LEVEL, EDGE, SCRATCH, corner_truth, exists
+from .state import FINEST, TOLD, UNIFORM, corner_truth, edge_of, exists
 
 
 def build_pyramid(
@@ -68,15 +69,15 @@ def build_pyramid(
     return np.concatenate([f.ravel() for f in flags]), layout
 
 
-# Registers in State.walk, beside those of passes.base: whether the search has begun, and what it found last (the
-# root and one side per level); FOUND and the running search's TRACE hold one side per level.
-SEEKING, FOUND_ROOT, FOUND = 12, 13, 128
-_TRACE = SCRATCH + 16
 _NODE = 6
+_ROOT_SHIFT = 60
+"""A leaf is packed into a number: its root, then a 1, then one bit for each turn of its path."""
 
 
 @inner
 def _mixed_cube(pyramid, levels, m, x, y, z):
+    if m >= len(levels):
+        return True
     row = levels[m]
     if x >= row[1] or y >= row[2] or z >= row[3]:
         return False
@@ -84,89 +85,97 @@ def _mixed_cube(pyramid, levels, m, x, y, z):
 
 
 @inner
-def _mixed_leaf(st, r, cls, b0, b1, b2):
-    e = st.at[EDGE]
+def _mixed_leaf(st, level, cls, b0, b1, b2):
     signs = 0
     for j in range(dimension(st.tables) + 1):
-        signs |= 1 << corner_truth(st, e, r, cls, b0, b1, b2, j)
+        signs |= 1 << corner_truth(st, edge_of(st, level), level % dimension(st.tables), cls, b0, b1, b2, j)
     return signs == 3
 
 
 @inner
-def seek(st, mark, pyramid, levels):
-    """Go on to the next mixed, unvisited simplex; True if there is one (its path is left in the registers).
-
-    The search stack lies in ``State.stack``, which the traversal uses only while the search rests: it is
-    kept as the path itself, and rebuilt by going on right of it.
-    """
-    n = dimension(st.tables)
-    w = st.walk
-    depth_all = st.at[BASE_LEVEL]
-    root = 0
-    resume = w[SEEKING] == 1
-    if resume:
-        root = w[FOUND_ROOT]
-        for i in range(depth_all):
-            w[_TRACE + i] = w[FOUND + i]
-    while root < roots(st.tables):
-        # nodes to visit of this root, deepest last
-        size = np.int64(0)
-        cls = root_class(st.tables, root)
-        b0 = np.int64(0)
-        b1 = np.int64(0)
-        b2 = np.int64(0)
-        stack = st.stack
-        if resume:
-            for depth in range(depth_all):
-                r = depth % n
-                f = 2 if r == n - 1 else 1
-                if w[FOUND + depth] == 0:
-                    right = np.int64(1)
-                    q, d0, d1, d2 = child(st.tables, r, cls, right)
-                    size = _push(stack, size, np.int64(depth + 1), q, b0 * f + d0, b1 * f + d1, b2 * f + d2, right)
-                cls, d0, d1, d2 = child(st.tables, r, cls, w[FOUND + depth])
-                b0 = b0 * f + d0
-                b1 = b1 * f + d1
-                b2 = b2 * f + d2
-        else:
-            size = _push(stack, size, np.int64(0), cls, b0, b1, b2, np.int64(0))
-        resume = False
-        while size > 0:
-            size -= 1
-            o = size * _NODE
-            depth, cls, side = stack[o], stack[o + 1], stack[o + 5]
-            b0, b1, b2 = stack[o + 2], stack[o + 3], stack[o + 4]
-            if depth > 0:
-                w[_TRACE + depth - 1] = side
-            r = depth % n
-            number, p0, p1, p2 = cube(st.tables, r, cls)
-            x, y, z = 2 * b0 + p0, 2 * b1 + p1, 2 * b2 + p2
-            if not _mixed_cube(pyramid, levels, depth // n, x, y, z):
-                continue
-            if depth == depth_all:
-                if not exists(st, st.at[EDGE], r, cls, b0, b1, b2) or not _mixed_leaf(st, r, cls, b0, b1, b2):
-                    continue
-                if (get(mark, x, y, z) >> number) & 1:
-                    continue
-                w[FOUND_ROOT] = root
-                for i in range(depth_all):
-                    w[FOUND + i] = w[_TRACE + i]
-                return True
-            f = 2 if r == n - 1 else 1
-            for s in range(1, -1, -1):
-                q, d0, d1, d2 = child(st.tables, r, cls, s)
-                size = _push(stack, size, depth + 1, q, b0 * f + d0, b1 * f + d1, b2 * f + d2, s)
-        root += 1
-    return False
+def middle_at(st, level, cls, b0, b1, b2):
+    """Unclamped position of the middle of a simplex's subdivision edge."""
+    edge = edge_of(st, level)
+    w0, w1, w2 = middle(st.tables, level % dimension(st.tables), cls, b0, b1, b2)
+    return (w0 * edge) >> 1, (w1 * edge) >> 1, (w2 * edge) >> 1
 
 
 @inner
-def _push(stack, size, depth, cls, b0, b1, b2, side):
+def is_split(st, level, cls, b0, b1, b2):
+    """Encoder: whether the mesh goes on below a simplex."""
+    if level < st.at[UNIFORM]:
+        return True
+    if level >= st.at[FINEST]:
+        return False
+    x, y, z = middle_at(st, level, cls, b0, b1, b2)
+    if st.at[TOLD]:
+        return get(st.mesh, x, y, z) != 0
+    return has(st.chosen, x, y, z)
+
+
+@kernel
+def mixed_leaves(st, pyramid, levels, out):
+    """All mixed leaves in the order of the forest, packed; fills ``out`` as far as it goes and returns their number."""
+    n = dimension(st.tables)
+    stack = st.stack
+    zero = np.int64(0)
+    count = 0
+    for root in range(roots(st.tables)):
+        size = _push(stack, zero, zero, root_class(st.tables, root), zero, zero, zero, zero + 1)
+        while size > 0:
+            size -= 1
+            o = size * _NODE
+            depth, cls, path = stack[o], stack[o + 1], stack[o + 5]
+            b0, b1, b2 = stack[o + 2], stack[o + 3], stack[o + 4]
+            r = depth % n
+            _, p0, p1, p2 = cube(st.tables, r, cls)
+            if not _mixed_cube(pyramid, levels, depth // n, 2 * b0 + p0, 2 * b1 + p1, 2 * b2 + p2):
+                continue
+            if not is_split(st, depth, cls, b0, b1, b2):
+                if exists(st, edge_of(st, depth), r, cls, b0, b1, b2) and _mixed_leaf(st, depth, cls, b0, b1, b2):
+                    if count < len(out):
+                        out[count] = np.int64(root) << _ROOT_SHIFT | path
+                    count += 1
+                continue
+            f = 2 if r == n - 1 else 1
+            for s in range(1, -1, -1):
+                q, d0, d1, d2 = child(st.tables, r, cls, s)
+                size = _push(stack, size, depth + 1, q, b0 * f + d0, b1 * f + d1, b2 * f + d2, path << 1 | s)
+    return count
+
+
+@inner
+def unpacked(item):
+    """Root, depth and turns of a packed leaf."""
+    path = item & ((np.int64(1) << _ROOT_SHIFT) - 1)
+    depth = np.int64(0)
+    while path >> depth > 1:
+        depth += 1
+    return item >> _ROOT_SHIFT, depth, path
+
+
+@inner
+def descend(st, item):
+    """Level, class and block of a packed leaf."""
+    n = dimension(st.tables)
+    root, depth, path = unpacked(item)
+    cls = root_class(st.tables, root)
+    b0, b1, b2 = np.int64(0), np.int64(0), np.int64(0)
+    for level in range(depth):
+        r = level % n
+        f = 2 if r == n - 1 else 1
+        cls, d0, d1, d2 = child(st.tables, r, cls, (path >> (depth - 1 - level)) & 1)
+        b0, b1, b2 = b0 * f + d0, b1 * f + d1, b2 * f + d2
+    return depth, cls, b0, b1, b2
+
+
+@inner
+def _push(stack, size, depth, cls, b0, b1, b2, path):
     o = size * _NODE
     stack[o] = depth
     stack[o + 1] = cls
     stack[o + 2] = b0
     stack[o + 3] = b1
     stack[o + 4] = b2
-    stack[o + 5] = side
+    stack[o + 5] = path
     return size + 1

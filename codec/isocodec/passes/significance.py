@@ -14,18 +14,21 @@ from ..jit import BAD, CUT, DONE, GROW, NEED, inner, kernel
 from ..mesh.access import corner, dimension
 from ..mesh.access import corners as corner_count
 from ..mesh.access import kind as kind_of
+from ..mesh.chosen import has
+from ..mesh.store import PAGES, get
 from .diamond import bisect, coincident, look
+from .infer import implied, infer
+from .mesh import BARRED, IN, admit, closure, short
 from .state import (
-    BASE_LEVEL,
+    ADAPTED,
+    ASKS,
     EDGE,
     ERROR,
     LAST,
     LEVEL,
-    MOST_WORK,
+    SIDE,
     SIGNIFICANCE,
-    SIZE,
     TALLY,
-    WORK,
     clamped,
     crowded,
     entry,
@@ -33,8 +36,9 @@ from .state import (
     truth,
 )  # fmt: skip
 
-# Registers in State.walk: stack frames in use, next item of the encoder's list, whether the root was coded.
-FRAMES, ITEM, STARTED = range(3)
+# Registers in State.walk: stack frames in use, next item of the encoder's list, whether the root was coded, whether the
+# slot before the next one is being added.
+FRAMES, ITEM, STARTED, ADDING = range(4)
 FRAME = 7
 """A frame: height, cube at that height, Morton number, next child, number of significant children."""
 SLOT_BITS = 2
@@ -84,62 +88,36 @@ def height(most):
 
 @inner
 def candidate(st, r, w0, w1, w2):
-    """How many corners are known (plus one) if the decoder cannot rule out a new component at w, else 0."""
+    """Nearness (plus one) if the decoder cannot rule out a new component at w, else 0 (spec clause 5.5.1)."""
     kind = kind_of(st.tables, r, w0, w1, w2)
     edge = st.at[EDGE]
-    if entry(st, (w0 * edge) >> 1, (w1 * edge) >> 1, (w2 * edge) >> 1) != 0:
+    x, y, z = (w0 * edge) >> 1, (w1 * edge) >> 1, (w2 * edge) >> 1
+    if entry(st, x, y, z) != 0:
         return 0
-    inside, members, corners, known, above = look(st, kind, w0, w1, w2)
+    level = st.at[LEVEL]
+    inside, members, corners, known, above = look(st, level, kind, w0, w1, w2)
     if members == 0 or (above != 0 and above != known):
         return 0
-    if not inside and coincident(st, kind, corners, w0, w1, w2):
+    if not inside and coincident(st, edge, kind, corners, w0, w1, w2):
         return 0
-    count = 1
-    while known:
-        count += known & 1
-        known >>= 1
-    return count
-
-
-@inner
-def _near(count):
-    """Context part: distance to known curves, by the number of known corners."""
-    return 0 if count <= 1 else (1 if count <= 3 else 2)
-
-
-@inner
-def infer(st, x, y, z):
-    """Sign of a vertex of the mesh that is not known: that of the first known vertex on the way back (clause 5.5.4).
-
-    Above the base level the way leads to an end of the edge that the vertex was created on; on the cubes of the
-    base level along their edges towards the origin, axis by axis. -1 when the limit of steps is reached.
-    """
-    n = dimension(st.tables)
-    m = st.at[BASE_LEVEL] // n
-    coarse = np.int64(1) << (st.at[SIZE] - m)
-    while st.at[WORK] < st.at[MOST_WORK]:
-        st.at[WORK] += 1
-        e = entry(st, x, y, z)
-        if e != 0:
-            return e & 1
-        # finest power of two that all coordinates are a multiple of
-        low = x | y | z
-        unit = low & -low
-        if unit < coarse:
-            # created in cubes of edge 2 * unit, on a diagonal of the odd coordinates: its end at multiples of 4 units
-            if x & unit:
-                x += unit if x & (2 * unit) else -unit
-            if y & unit:
-                y += unit if y & (2 * unit) else -unit
-            if z & unit:
-                z += unit if z & (2 * unit) else -unit
-        elif x > 0:
-            x -= coarse
-        elif y > 0:
-            y -= coarse
-        else:
-            z -= coarse
-    return np.int64(-1)
+    meshed = st.at[ASKS] or st.mesh.head[PAGES] > 0
+    if meshed and (get(st.mesh, x, y, z) & IN or closure(st, level, x, y, z, 0) == BARRED):
+        return 0
+    count = 0
+    bits = known
+    while bits:
+        count += bits & 1
+        bits >>= 1
+    near = 0 if count == 0 else (1 if count <= 2 else 2)
+    if known != 0 and st.at[SIDE] != 0:
+        # what an earlier isovalue says of it
+        sign, other = implied(st, x, y, z)
+        here = np.int64(above != 0)
+        if sign == here:
+            return 0
+        if other >= 0 and other != here:
+            near += 2
+    return near + 1
 
 
 @inner
@@ -203,8 +181,11 @@ def _alone(st, r, w0, w1, w2):
     t = st.tables
     edge = st.at[EDGE]
     kind = kind_of(t, r, w0, w1, w2)
+    x, y, z = (w0 * edge) >> 1, (w1 * edge) >> 1, (w2 * edge) >> 1
+    if (st.at[ASKS] and not has(st.chosen, x, y, z)) or entry(st, x, y, z) != 0 or get(st.mesh, x, y, z) & IN:
+        return False
     s = truth(st, (w0 * edge) >> 1, (w1 * edge) >> 1, (w2 * edge) >> 1)
-    corners = look(st, kind, w0, w1, w2)[2]
+    corners = look(st, st.at[LEVEL], kind, w0, w1, w2)[2]
     for i in range(corner_count(t, kind)):
         if (corners >> i) & 1 and s == _corner_sign(st, kind, i, w0, w1, w2):
             return False
@@ -283,6 +264,42 @@ def _wanted(items, i, number, shift):
     return np.int64(i < len(items) and (items[i] >> shift) == number)
 
 
+@inner
+def _add(st, cd, x, y, z, slot):
+    """Add the new component of a slot, with all its diamond (spec clause 5.5.4); negative: no effect yet."""
+    n = dimension(st.tables)
+    level, edge = st.at[LEVEL], st.at[EDGE]
+    r = level % n
+    w0, w1, w2 = middle_of(n, r, x, y, z, slot)
+    kind = kind_of(st.tables, r, w0, w1, w2)
+    inside, members, corners, known, above = look(st, level, kind, w0, w1, w2)
+    m0, m1, m2 = (w0 * edge) >> 1, (w1 * edge) >> 1, (w2 * edge) >> 1
+    if known != 0:
+        sign = np.int64(1 if above != 0 else 0)
+    else:
+        i = 0
+        while not (corners >> i) & 1:
+            i += 1
+        u0, u1, u2 = position(edge, w0 >> 2, w1 >> 2, w2 >> 2, corner(st.tables, kind, i))
+        sign = infer(st, u0, u1, u2)
+        if sign < 0:
+            st.at[ERROR] = 5
+            return BAD
+        if st.at[ADAPTED]:
+            turned = np.int64(0)
+            if cd.reg[MODE] == ENCODE:
+                turned = np.int64(sign == truth(st, m0, m1, m2))
+            turned = code(cd, ctx.TURNED, turned)
+            if turned < 0:
+                return turned
+            st.at[TALLY + SIGNIFICANCE] += 1
+            sign ^= turned
+    if st.at[ASKS]:
+        admit(st, closure(st, level, m0, m1, m2, 0))
+    bisect(st, kind, w0, w1, w2, inside, members, known, corners if sign else np.int64(0), 1 - sign)
+    return DONE
+
+
 @kernel
 def significance(st, cd, items):
     """Code the set of new components of the round, adding each to the mesh.
@@ -335,7 +352,7 @@ def significance(st, cd, items):
                 if most == 0:
                     st.stack[o + 5] = child + 1
                     continue
-                near = np.int64(_near(most))
+                near = np.int64(most - 1)
             bit = np.int64(1)
             if child < fan - 1 or hits > 0:
                 context = ctx.SIGNIFICANT + shift * 3 + min(hits, 2)
@@ -353,6 +370,14 @@ def significance(st, cd, items):
             continue
 
         # a significant cube: which of its slots
+        if w[ADDING]:
+            status = _add(st, cd, x, y, z, child - 1)
+            if status == BAD:
+                return BAD
+            if status < 0:
+                return CUT if status == -2 else NEED
+            w[ADDING] = 0
+            continue
         if child == per_cube:
             w[FRAMES] -= 1
             continue
@@ -361,6 +386,10 @@ def significance(st, cd, items):
         if count == 0:
             st.stack[o + 5] = child + 1
             continue
+        level = st.at[LEVEL]
+        u0, u1, u2 = (w0 * edge) >> 1, (w1 * edge) >> 1, (w2 * edge) >> 1
+        if st.at[ASKS] and short(st, closure(st, level, u0, u1, u2, 0)):
+            return GROW
         later = zero
         for slot in range(child + 1, per_cube):
             u0, u1, u2 = middle_of(n, r, x, y, z, slot)
@@ -368,7 +397,7 @@ def significance(st, cd, items):
         bit = np.int64(1)
         if later > 0 or hits > 0:
             want = _wanted(items, w[ITEM], number << SLOT_BITS | child, zero) if encoding else np.int64(0)
-            bit = code(cd, ctx.SIGNIFICANT_LEAF + (1 + r) * 9 + _near(count) * 3 + min(hits, 2), want)
+            bit = code(cd, ctx.SIGNIFICANT_LEAF + ((1 + r) * ctx.NEARNESS + count - 1) * 3 + min(hits, 2), want)
             if bit < 0:
                 return CUT if bit == -2 else NEED
             st.at[TALLY + SIGNIFICANCE] += 1
@@ -377,20 +406,7 @@ def significance(st, cd, items):
             continue
         st.stack[o + 6] = hits + 1
         w[ITEM] += 1
-        kind = kind_of(st.tables, r, w0, w1, w2)
-        inside, members, corners, known, above = look(st, kind, w0, w1, w2)
-        if known != 0:
-            sign = np.int64(1 if above != 0 else 0)
-        else:
-            i = 0
-            while not (corners >> i) & 1:
-                i += 1
-            u0, u1, u2 = position(edge, w0 >> 2, w1 >> 2, w2 >> 2, corner(st.tables, kind, i))
-            sign = infer(st, u0, u1, u2)
-            if sign < 0:
-                st.at[ERROR] = 5
-                return BAD
-        bisect(st, kind, w0, w1, w2, inside, members, known, corners if sign else np.int64(0), 1 - sign)
+        w[ADDING] = 1
     if encoding and w[ITEM] != len(items):
         st.at[ERROR] = 4
         return BAD

@@ -11,18 +11,29 @@ from isospec.elements import ELEMENTS
 
 from ..jit import inner, kernel
 from ..mesh.access import dimension, vertex
+from ..mesh.chosen import Chosen
 from ..mesh.store import Store, full, get, put
 
 # Counters in State.at.
 LEVEL, EDGE, VERTICES, LEAVES, DONE_LEAVES, NEXT, BASE_LEVEL, ERROR, WORK, SIZE, BEFORE_ROUND, MOST_WORK = range(12)
+UNIFORM, FINEST, ASKS, ROOM = range(12, 16)
+"""Middles of levels below UNIFORM are in the mesh, those of FINEST and above are not; whether a round asks for each
+subdivision edge; pages that the store of the mesh lacks."""
 LAST = 16
 """Largest sample index along each axis, in State.at."""
 TALLY = 20
 """Symbols by element, in State.at; then predictions and right ones."""
-COUNTERS = 32
+SIDE, SHIFT, TOLD, SEEDED, BITS, _, MESHES, ADAPTED = range(40, 48)
+"""Whether the isovalue lies above (1) or below (-1) the earlier one that it leans on, by how many whole steps; whether
+the mesh is told from the start; whether the base begins at the leaves of the earlier one; bits of values below the
+isovalue and, next to it, above; how many meshes have been completed; whether an adaptive layer has begun (5.8)."""
+COUNTERS = 48
 
 # Syntax elements, in the order of isospec (spec clause 5.2).
-ORIGIN, COMPONENT, LOCATION, BASE_SIGN, SIGNIFICANCE, REFINEMENT_SIGN, VALUE_BIT, OFFSET_BIT = range(len(ELEMENTS))
+(
+    ORIGIN, COMPONENT, LOCATION, BASE_SIGN, SIGNIFICANCE, REFINEMENT_SIGN, VALUE_BIT, OFFSET_BIT,
+    LEVEL_SYMBOL, SPLIT, CONTINUE,
+) = range(len(ELEMENTS))  # fmt: skip
 PREDICTED, PREDICTED_RIGHT = len(ELEMENTS), len(ELEMENTS) + 1
 
 SCRATCH = 256
@@ -39,6 +50,17 @@ STEP_LEAVES = 24
 """Most simplices that one step adds."""
 
 
+class Lean(NamedTuple):
+    """What is known of an earlier isovalue: its mesh, its vertices, and their values as far as sent (clause 5.9)."""
+
+    tables: NDArray[np.int64]
+    at: NDArray[np.int64]
+    known: Store
+    mesh: Store
+    number: NDArray[np.int64]
+    left: NDArray[np.int64]
+
+
 class State(NamedTuple):
     """Arrays of one isovalue's decoding; the kernels read and write them in place.
 
@@ -51,8 +73,12 @@ class State(NamedTuple):
     at: NDArray[np.int64]  # counters
     known: Store
     vertex: NDArray[np.int32]  # (V, 4) position and sign
-    leaf: NDArray[np.int32]  # (M, 4)
-    below: NDArray[np.int32]  # (M, 4)
+    leaf: NDArray[np.int32]  # (M, 5)
+    below: NDArray[np.int32]  # (M, 5)
+    mesh: Store
+    path: NDArray[np.int64]  # (P, 4) positions and levels of vertices to be added
+    chosen: Chosen  # encoder: the mesh that an adaptive layer leads to
+    lean: Lean  # of an earlier isovalue, or empty
     truth: NDArray[np.bool_]  # encoder: the signs of the whole field; decoder: empty
     walk: NDArray[np.int64]  # registers of the running pass
     stack: NDArray[np.int64]  # its stack
@@ -63,6 +89,12 @@ def clamped(st, x, y, z):
     """Position on the sampled box (spec clause 4.6)."""
     last = st.at
     return min(max(x, 0), last[LAST]), min(max(y, 0), last[LAST + 1]), min(max(z, 0), last[LAST + 2])
+
+
+@inner
+def edge_of(st, level):
+    """Edge of the cubes of a level."""
+    return np.int64(1) << (st.at[SIZE] - level // dimension(st.tables))
 
 
 @inner
@@ -127,6 +159,7 @@ def crowded(st):
         or at[LEAVES] + STEP_LEAVES > len(st.leaf)
         or at[NEXT] + STEP_LEAVES > len(st.below)
         or full(st.known, STEP_VERTICES)
+        or full(st.mesh, STEP_VERTICES)
     )
 
 

@@ -7,22 +7,24 @@ needs bytes. Encoder and decoder use it alike: they differ in the mode of the co
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..contour.leaves import Leaves
 from ..entropy.coder import OVER, Coder
 from ..errors import FormatError, LimitError
 from ..jit import BAD, CUT, DONE, GROW
 from ..limits import Limits
-from ..mesh.store import grown, new_store
+from ..mesh.chosen import Chosen, every_vertex, finest_level
+from ..mesh.store import PAGES, grown, new_store
 from ..mesh.tables import AXES, cube_exponent, mesh_tables
 from . import base as base_pass
-from . import geometry, leaves, refine, seek, significance
-from .decoded import Decoded
+from . import refine, seek, significance
+from .estimates import Estimates
+from .mesh import IN, MOST_ANCESTORS
 from .state import (
+    ADAPTED,
+    ASKS,
     BASE_LEVEL,
     BEFORE_ROUND,
     COUNTERS,
@@ -30,42 +32,42 @@ from .state import (
     EDGE,
     ELEMENTS,
     ERROR,
+    FINEST,
     LAST,
     LEAVES,
     LEVEL,
+    MESHES,
     MOST_WORK,
     NEXT,
+    ROOM,
+    SEEDED,
+    SHIFT,
+    SIDE,
     SIZE,
     STEP_LEAVES,
     STEP_VERTICES,
     TALLY,
+    TOLD,
+    UNIFORM,
     VERTICES,
+    WORK,
+    Lean,
     State,
 )  # fmt: skip
+from .truth import Truth
+from .walk import GATES, registers
 
 NOTHING = np.zeros(0, np.int64)
 STACK = 4096
 OUT_OF_STEPS = 5
 
-_CLAUSES = {1: "5.3.2", 3: "5.3.3", 4: "5.5"}
+_CLAUSES = {1: "5.3.2", 3: "5.3.3", 4: "5.5", 6: "5.8.2"}
 _REASONS = {
     1: "a component starts in a simplex that does not exist or was visited before",
     3: "a component starts in a simplex that the curve does not cross",
     4: "a new component could not be placed",
+    6: "a leaf contradicts what was told of the mesh",
 }
-
-
-@dataclass(frozen=True)
-class Truth:
-    """What the encoder knows: the field's signs, and the numbers that geometry sends.
-
-    ``number(positions, above)`` gives the distances from the isovalue's side in steps, int64;
-    ``crossing(positions, axis)`` the offsets of crossings as 30-bit binary fractions, int64.
-    """
-
-    signs: NDArray[np.bool_]
-    number: Callable[..., NDArray[np.int64]]
-    crossing: Callable[..., NDArray[np.int64]]
 
 
 class Tube:
@@ -80,9 +82,18 @@ class Tube:
     limits : Limits
     truth : Truth, optional
         For the encoder.
+    lean : Tube, optional
+        That of an earlier isovalue of the same field, which this one leans on (spec clause 5.9).
+    shift : int
+        How many whole steps above that isovalue this one lies.
+    side : int
+        1 if it lies above that isovalue, -1 if below.
     """
 
-    def __init__(self, shape: tuple[int, ...], coder: Coder, limits: Limits, truth: Truth | None = None) -> None:
+    def __init__(
+        self, shape: tuple[int, ...], coder: Coder, limits: Limits, truth: Truth | None = None, *,
+        lean: Tube | None = None, shift: int | None = None, side: int = 0,
+    ) -> None:  # fmt: skip
         self.shape = shape
         self.n = n = len(shape)
         self.k = cube_exponent(shape)
@@ -95,35 +106,39 @@ class Tube:
         counters[LAST : LAST + n] = np.array(shape) - 1
         signs = truth.signs.reshape(truth.signs.shape + (1,) * (AXES - n)) if truth else np.zeros((0, 0, 0), np.bool_)
         self.state = State(
-            mesh_tables(n), counters, new_store(n), np.zeros((64, 4), np.int32), np.zeros((64, 4), np.int32),
-            np.zeros((64, 4), np.int32), signs, base_pass.registers(), np.zeros(STACK, np.int64),
+            mesh_tables(n), counters, new_store(n), np.zeros((64, 4), np.int32), np.zeros((64, 5), np.int32),
+            np.zeros((64, 5), np.int32), new_store(n), np.zeros((MOST_ANCESTORS, 4), np.int64),
+            every_vertex((0,) * n), self._lean(lean, n), signs, registers(), np.zeros(STACK, np.int64),
         )  # fmt: skip
+        self.lean = lean
+        self._shift = shift
+        counters[SIDE] = side
+        counters[SHIFT] = shift or 0
         self._mark = new_store(n)
-        self._pyramid = (np.zeros(1, np.uint8), np.zeros((1, 4), np.int64))
+        self._order = NOTHING
+        self._seeds = np.zeros((0, 5), np.int32)
+        self._births = False
+        self._finest = -1
         self._items = NOTHING
         self._busy = _busy(signs) if truth else np.zeros((1, 1, 1), np.bool_)
         self._running = ""
-        self._plane = 0
-        self._active = NOTHING
-        self._active_level = -1
-        self.has_values = False
-        self.number = NOTHING
-        self.left = NOTHING
-        self._wanted = NOTHING
-        self.bits_above = self.bits_below = 0
-        self.edges = np.zeros((0, 2), np.int64)
-        self.parts = 1
-        self._radix = 1
-        self._offset_layers = 0
-        self.offset = NOTHING
-        self._target = NOTHING
+        told = (lean.estimates, lean.state) if lean else None
+        self.estimates: Estimates = Estimates(shape, truth, told, shift)
+
+    @staticmethod
+    def _lean(lean: Tube | None, n: int) -> Lean:
+        """What the kernels see of the earlier isovalue: values only where they are whole steps of the same scale."""
+        if lean is None:
+            return Lean(mesh_tables(n), np.zeros(COUNTERS, np.int64), new_store(n), new_store(n), NOTHING, NOTHING)
+        st = lean.state
+        return Lean(st.tables, st.at, st.known, st.mesh, NOTHING, NOTHING)
 
     # -- what the state says -------------------------------------------------------------------------------------
 
     @property
     def level(self) -> int:
-        """Uniform level of the mesh; -1 before a base."""
-        return int(self.state.at[LEVEL]) if self._begun else -1
+        """Level up to which the mesh is uniform; -1 before a base."""
+        return int(self.state.at[UNIFORM]) if self._begun else -1
 
     @property
     def full_level(self) -> int:
@@ -136,6 +151,11 @@ class Tube:
         return self._running
 
     @property
+    def full(self) -> bool:
+        """Whether the mesh is the full grid."""
+        return self._running not in ("base",) and self.level == self.full_level
+
+    @property
     def _begun(self) -> bool:
         return bool(self.state.at[EDGE])
 
@@ -145,77 +165,74 @@ class Tube:
 
     # -- layers --------------------------------------------------------------------------------------------------
 
-    def begin_base(self, level: int) -> None:
-        """Begin the base at a uniform level, 0 to ``full_level``."""
-        st = self.state
-        st.at[LEVEL] = st.at[BASE_LEVEL] = level
-        st.at[EDGE] = 1 << (self.k - level // self.n)
+    def choose(self, chosen: Chosen) -> None:
+        """Encoder: the mesh that the next adaptive layer leads to; those of earlier layers are parts of it."""
+        self.state = self.state._replace(chosen=chosen)
+        self._finest = finest_level(chosen, self.k, self.n)
+
+    def begin_base(self, level: int, adaptive: bool = False) -> None:
+        """Begin a base at a uniform level, 0 to ``full_level``, or an adaptive one that has at least that level."""
+        at = self.state.at
+        at[LEVEL] = at[BASE_LEVEL] = at[UNIFORM] = level
+        at[FINEST] = self.full_level if adaptive else level
+        at[ADAPTED] = adaptive
+        at[EDGE] = 1 << (self.k - level // self.n)
         if self.truth:
-            self._pyramid = seek.build_pyramid(st.truth, st.at[LAST : LAST + AXES], self.k, level, self.n)
+            deepest = self.full_level if adaptive else level
+            pyramid = seek.build_pyramid(self.state.truth, at[LAST : LAST + AXES], self.k, deepest, self.n)
+            self._order = _filled(lambda out: seek.mixed_leaves(self.state, *pyramid, out))
         self._running = "base"
 
+    def begin_leaf_base(self) -> None:
+        """Begin a base on the mesh of the isovalue that this one leans on, at its leaves."""
+        assert self.lean is not None
+        earlier = self.lean.state
+        at = self.state.at
+        mesh = earlier.mesh._replace(
+            head=earlier.mesh.head.copy(), table=earlier.mesh.table.copy(), pages=earlier.mesh.pages & IN
+        )
+        self.state = self.state._replace(mesh=mesh)
+        at[TOLD] = at[SEEDED] = 1
+        self._seeds = earlier.leaf[: earlier.at[LEAVES]].copy()
+        self.begin_base(self.lean.level, adaptive=bool(earlier.at[ADAPTED]))
+
     def begin_round(self) -> None:
-        """Begin a round of refinement, to the next level."""
+        """Begin a uniform round of refinement: all leaves of the uniform level are bisected."""
+        self.state.at[ASKS] = 0
+        self._births = True
+        self._begin_significance()
+
+    def begin_adapt(self, births: bool) -> None:
+        """Begin an adaptive layer of refinement; with ``births`` new components may come in it."""
+        st = self.state
+        st.at[ASKS] = st.at[ADAPTED] = 1
+        st.mesh.pages[: st.mesh.head[PAGES]] &= IN
+        self._births = births
+        self._begin_question()
+
+    def _begin_question(self) -> None:
+        self._fresh()
+        self._running = "continue"
+
+    def _begin_significance(self) -> None:
         self._fresh()
         if self.truth:
-            found = np.empty(1024, np.int64)
-            count = significance.find(self.state, self._busy, found)
-            if count > len(found):
-                found = np.empty(count, np.int64)
-                significance.find(self.state, self._busy, found)
-            self._items = np.sort(found[:count])
+            self._items = np.sort(_filled(lambda out: significance.find(self.state, self._busy, out)))
         self._running = "significance"
-
-    def _activate(self) -> None:
-        """Find the vertices that geometry by values refines now, and the encoder's numbers for them."""
-        st = self.state
-        count = int(st.at[VERTICES])
-        active = np.empty(count, np.int64)
-        used = geometry.active_vertices(st, np.zeros(count, np.uint8), self.level == self.full_level, active)
-        self._active = active[:used]
-        self._active_level = self.level
-        self._wanted = np.zeros(count if self.truth else 0, np.int64)
-        if self.truth:
-            above = st.vertex[self._active, 3] != 0
-            self._wanted[self._active] = self.truth.number(st.vertex[self._active, : self.n], above)
 
     def value_bits(self) -> tuple[int, int]:
         """Encoder: bits that the numbers of the present vertices need, above and below the isovalue."""
-        self._activate()
-        above = self.state.vertex[self._active, 3] != 0
-        numbers = self._wanted[self._active]
-        bits = [int(numbers[side].max(initial=0)).bit_length() for side in (above, ~above)]
-        return bits[0], bits[1]
+        return self.estimates.value_bits(self.state, self.full)
 
     def begin_values(self, plane: int) -> None:
         """Begin a layer of geometry by values, down to ``plane`` missing bits."""
-        st = self.state
-        count = int(st.at[VERTICES])
-        old = len(self.number)
-        if self.level != self._active_level:
-            self._activate()
-        if count > old:
-            self.number = np.concatenate([self.number, np.zeros(count - old, np.int64)])
-            bits = np.where(st.vertex[old:count, 3] != 0, self.bits_above, self.bits_below).astype(np.int64)
-            self.left = np.concatenate([self.left, bits])
-        self.has_values = True
-        self._plane = plane
+        self.estimates.begin_values(self.state, self.full, plane)
         self._fresh()
         self._running = "values"
 
-    def begin_offsets(self, parts: int) -> None:
-        """Begin a layer of offsets, to ``parts`` parts of an edge; the mesh is the full grid."""
-        st = self.state
-        self._radix = parts // self.parts
-        if self._offset_layers == 0:
-            count = int(st.at[VERTICES])
-            edges = np.empty((self.n * count, 2), np.int64)
-            used = geometry.crossed_edges(st, np.zeros(count, np.uint8), edges)
-            self.edges = edges[:used]
-            self.offset = np.zeros(len(self.edges), np.int64)
-            if self.truth:
-                positions = st.vertex[self.edges[:, 0], : self.n]
-                self._target = self.truth.crossing(positions, self.edges[:, 1])
+    def begin_offsets(self, parts: int, unit: int) -> None:
+        """Begin a layer of offsets, to at least ``parts`` parts in ``2**unit`` samples of an edge."""
+        self.estimates.begin_offsets(self.state, self.full, parts, unit)
         self._fresh()
         self._running = "offsets"
 
@@ -225,16 +242,24 @@ class Tube:
 
     def advance(self) -> int:
         """Go on with the layer begun: ``DONE``, ``NEED`` (bytes or room for them) or ``CUT``."""
+        if self.lean is not None:
+            earlier, told = self.lean, self.lean.estimates
+            known = self._shift is not None and told.has_values
+            sent, left = (told.number, told.left) if known else (NOTHING, NOTHING)
+            self.state = self.state._replace(lean=self.state.lean._replace(
+                known=earlier.state.known, mesh=earlier.state.mesh, number=sent, left=left,
+            ))  # fmt: skip
         while True:
             status = self._kernel()
+            number = int(self.state.at[ERROR])
+            tired = self.lean is not None and self.lean.state.at[WORK] >= self.limits.steps
+            if tired or (status == BAD and number == OUT_OF_STEPS):
+                raise LimitError(
+                    f"inferring signs takes more than {self.limits.steps} steps", code="limit-steps", clause="11.2"
+                )
             if status == GROW:
                 self._grow()
             elif status == BAD:
-                number = int(self.state.at[ERROR])
-                if number == OUT_OF_STEPS:
-                    raise LimitError(
-                        f"inferring signs takes more than {self.limits.steps} steps", code="limit-steps", clause="11.2"
-                    )
                 raise FormatError(_REASONS[number], code="stream", clause=_CLAUSES[number])
             elif status == DONE:
                 if self._finish():
@@ -248,17 +273,22 @@ class Tube:
         st, cd = self.state, self.coder
         match self._running:
             case "base":
-                return base_pass.base(st, cd, self._mark, *self._pyramid)
+                return base_pass.base(st, cd, self._mark, self._order, self._seeds)
+            case "continue":
+                return refine.go_on(st, cd, np.int64(self.truth is not None and self._more()))
             case "significance":
                 return significance.significance(st, cd, self._items)
             case "refinement":
                 return refine.refine(st, cd)
             case "values":
-                return geometry.values(st, cd, self._active, self.number, self.left, self._plane, self._wanted)
+                return self.estimates.code_values(st, cd)
             case _:
-                return geometry.offsets(
-                    st, cd, self.offset, self._offset_layers, self.parts, self._radix, self._target
-                )
+                return self.estimates.code_offsets(st, cd)
+
+    def _more(self) -> bool:
+        """Encoder: whether an adaptive layer has anything to do on this level or a finer one."""
+        at = self.state.at
+        return bool(self._births and at[LEVEL] <= self._finest) or refine.pending(self.state)
 
     def _finish(self) -> bool:
         """End of a pass; False if the layer has another one."""
@@ -266,10 +296,20 @@ class Tube:
         match self._running:
             case "base":
                 self._mark = new_store(self.n)
-                at[BEFORE_ROUND] = at[VERTICES]
+                self._order = NOTHING
+                self._seeds = self._seeds[:0]
+                at[TOLD] = at[SEEDED] = 0
+                self._end_mesh()
+            case "continue":
+                if self.state.walk[0]:
+                    if self._births:
+                        self._begin_significance()
+                    else:
+                        self._begin_refinement()
+                    return False
+                self._end_adapt()
             case "significance":
-                self._fresh()
-                self._running = "refinement"
+                self._begin_refinement()
                 return False
             case "refinement":
                 st = self.state
@@ -277,13 +317,34 @@ class Tube:
                 at[LEAVES] = at[NEXT]
                 at[NEXT] = at[DONE_LEAVES] = 0
                 at[BEFORE_ROUND] = at[VERTICES]
-                at[LEVEL] += 1
-                at[EDGE] = 1 << (self.k - int(at[LEVEL]) // self.n)
-            case "offsets":
-                self.parts *= self._radix
-                self._offset_layers += 1
+                self._set_level(int(at[LEVEL]) + 1)
+                if not at[ASKS]:
+                    at[UNIFORM] = at[LEVEL]
+                    self._end_mesh()
+                elif at[LEVEL] < self.full_level:
+                    self._begin_question()
+                    return False
+                else:
+                    self._end_adapt()
         self._running = ""
         return True
+
+    def _begin_refinement(self) -> None:
+        self._fresh()
+        self._running = "refinement"
+
+    def _set_level(self, level: int) -> None:
+        self.state.at[LEVEL] = level
+        self.state.at[EDGE] = 1 << (self.k - level // self.n)
+
+    def _end_adapt(self) -> None:
+        self.state.at[ASKS] = 0
+        self._set_level(self.level)
+        self._end_mesh()
+
+    def _end_mesh(self) -> None:
+        self.state.at[BEFORE_ROUND] = self.state.at[VERTICES]
+        self.state.at[MESHES] += 1
 
     def _grow(self) -> None:
         st = self.state
@@ -301,78 +362,26 @@ class Tube:
         stack = st.stack
         if self._running == "base":
             self._mark = grown(self._mark, STEP_VERTICES)
-            if (self.state.walk[base_pass.GATES] + 128) * base_pass.GATE > len(stack):
+            if (self.state.walk[GATES] + 128) * base_pass.GATE > len(stack):
                 stack = _wider(stack, 2 * len(stack))
         self.state = st._replace(
             known=grown(st.known, STEP_VERTICES),
+            mesh=grown(st.mesh, max(STEP_VERTICES, int(at[ROOM]))),
             vertex=_room(st.vertex, int(at[VERTICES]) + STEP_VERTICES),
             leaf=_room(st.leaf, int(at[LEAVES]) + STEP_LEAVES),
             below=_room(st.below, int(at[NEXT]) + STEP_LEAVES),
             stack=stack,
         )
 
-    # -- the state and the drawing -------------------------------------------------------------------------------
 
-    def _edge_parts(self) -> NDArray[np.int64]:
-        """Parts that each edge is divided into."""
-        parts = np.full(len(self.edges), self.parts)
-        if self._running == "offsets":
-            parts[: int(self.state.walk[geometry.ITEM])] *= self._radix
-        return parts
-
-    def decoded(self) -> Decoded:
-        """All that is known, in canonical order."""
-        st = self.state
-        count = int(st.at[VERTICES])
-        position = st.vertex[:count, : self.n].astype(np.int64)
-        order = np.lexsort(position.T[::-1])
-        missing = np.full(count, -1, np.int64)
-        number = np.zeros(count, np.int64)
-        missing[: len(self.left)] = self.left
-        number[: len(self.number)] = self.number
-        ends, axis = position[self.edges[:, 0]], self.edges[:, 1]
-        edge_order = np.lexsort((axis, *ends.T[::-1]))
-        parts = self._edge_parts()
-        sent = edge_order[parts[edge_order] > 1]
-        return Decoded(
-            self.shape, -1 if self._running == "base" else self.level, position[order], st.vertex[order, 3] != 0,
-            missing[order], number[order], ends[sent], axis[sent], parts[sent], self.offset[sent],
-        )  # fmt: skip
-
-    def leaves(self, isovalue: float, value_of: Callable[..., NDArray[np.float64]]) -> Leaves:
-        """All that the drawing needs; ``value_of(number, above)`` turns numbers of steps into field values."""
-        st = self.state
-        at = st.at
-        count = int(at[VERTICES])
-        rows = np.empty((int(at[LEAVES]) + int(at[NEXT]), self.n + 1), np.int64)
-        used = 0
-        if self._begun:
-            used = leaves.vertex_numbers(st, st.leaf, at[DONE_LEAVES], at[LEAVES], 0, rows)
-            used += leaves.vertex_numbers(st, st.below, 0, at[NEXT], 1, rows[used:])
-        above = st.vertex[:count, 3] != 0
-        value = None
-        if self.has_values:
-            value = np.full(count, np.nan)
-            known = len(self.number)
-            some = self.left < np.where(above[:known], self.bits_above, self.bits_below)
-            some |= self.left == 0
-            middle = np.ldexp(self.number + 0.5, self.left) - 0.5
-            value[:known] = np.where(some, value_of(middle, above[:known]), np.nan)
-        full = self._begun and self._running != "base" and self.level == self.full_level
-        parts = self._edge_parts()
-        sent = parts > 1
-        return Leaves(
-            shape=self.shape,
-            isovalue=isovalue,
-            position=st.vertex[:count, : self.n].astype(np.int64),
-            above=above,
-            value=value,
-            simplices=rows[:used],
-            full=full,
-            edge_vertex=self.edges[sent, 0],
-            edge_axis=self.edges[sent, 1],
-            edge_offset=(self.offset[sent] + 0.5) / parts[sent],
-        )
+def _filled(kernel: Callable[[NDArray[np.int64]], int]) -> NDArray[np.int64]:
+    """What a kernel writes into an array that it fills as far as it goes, returning how much it has."""
+    out = np.empty(1024, np.int64)
+    count = kernel(out)
+    if count > len(out):
+        out = np.empty(count, np.int64)
+        kernel(out)
+    return out[:count]
 
 
 def _busy(signs: NDArray[np.bool_]) -> NDArray[np.bool_]:

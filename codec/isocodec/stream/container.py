@@ -7,14 +7,23 @@ import zlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from isospec.container import CHECKED_CHUNK, Checksum, ChunkHead, ChunkType, write_varint
+from isospec.container import (
+    CHECKED_CHUNK,
+    MAX_ISOVALUES,
+    Checksum,
+    ChunkHead,
+    ChunkType,
+    IsovalueKind,
+    write_varint,
+)
 from isospec.elements import BY_LAYER
 
 from ..errors import FormatError
-from .header import varint
+from .header import read_isovalue, varint, write_isovalue
 from .program import Layer
 
 CHECKSUM_BYTES = 4
+CRITICAL = (ChunkType.LAYERS, ChunkType.CUT_LAYERS, ChunkType.ISOVALUE)
 
 
 @dataclass(frozen=True)
@@ -57,14 +66,46 @@ def read_envelope(data: bytes | bytearray, at: int) -> Envelope | None:
     if at >= len(data):
         return None
     head = ChunkHead.parse(bytes(data[at : at + 1]))
-    if not head.ancillary and head.type not in (ChunkType.LAYERS, ChunkType.CUT_LAYERS):
+    if not head.ancillary and head.type not in CRITICAL:
         raise FormatError(f"unknown critical chunk of type {head.type}", code="chunk", offset=at, clause="3.5.2")
-    if head.ancillary and head.type in (ChunkType.LAYERS, ChunkType.CUT_LAYERS):
-        raise FormatError("layers marked as ancillary", code="chunk", offset=at, clause="3.5.2")
+    if head.ancillary and head.type in CRITICAL:
+        raise FormatError("a critical chunk marked as ancillary", code="chunk", offset=at, clause="3.5.2")
     length = varint(data, at + 1, len(data), "3.4.2")
     if length is None:
         return None
     return Envelope(head.type, head.ancillary, head.checked, head.last, length[1], length[1] + length[0])
+
+
+def write_further(isovalue: float, lean: int | None) -> bytes:
+    """Payload of an isovalue chunk; ``lean`` is the number of the earlier isovalue that it leans on (clause 3.5.5)."""
+    kind, number = write_isovalue(isovalue)
+    return bytes([kind << 6 | (0 if lean is None else lean + 1)]) + number
+
+
+def read_further(payload: bytes, offset: int, earlier: Sequence[float]) -> tuple[float, int | None]:
+    """Inverse of ``write_further``, given the isovalues before it.
+
+    Raises
+    ------
+    FormatError
+        If the payload is not an isovalue of its own, or leans on one that has not come.
+    """
+    if len(earlier) == MAX_ISOVALUES:
+        raise FormatError(f"more than {MAX_ISOVALUES} isovalues", code="isovalues", offset=offset, clause="11.1")
+    if not payload:
+        raise FormatError("an isovalue is not complete", code="isovalue", offset=offset, clause="3.5.5")
+    kind, lean = payload[0] >> 6, payload[0] & 63
+    if kind not in IsovalueKind.__members__.values():
+        raise FormatError("unknown kind of isovalue", code="isovalue", offset=offset, clause="3.3.4")
+    if lean > len(earlier):
+        raise FormatError(f"leaning on isovalue {lean - 1}, which has not come", code="lean", offset=offset,
+                          clause="3.5.5")  # fmt: skip
+    found = read_isovalue(payload, 1, len(payload), kind)
+    if found is None or found[1] != len(payload):
+        raise FormatError("an isovalue does not fill its chunk", code="isovalue", offset=offset, clause="3.5.5")
+    if found[0] in earlier:
+        raise FormatError(f"the isovalue {found[0]} comes twice", code="isovalue", offset=offset, clause="3.5.5")
+    return found[0], lean - 1 if lean else None
 
 
 def write_metadata(metadata: Mapping[str, str]) -> bytes:

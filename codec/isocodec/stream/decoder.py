@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import zlib
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Collection, Iterator
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -12,20 +12,38 @@ from isospec.container import Checksum, ChunkType
 from isospec.elements import BY_LAYER, ELEMENTS
 
 from ..contour import Contour, draw
-from ..entropy.baseline import models, rates
-from ..entropy.coder import DECODE, END, FINAL, LEFT, POS, REGISTERS, UNKNOWN, UNLIMITED, Coder, start
-from ..errors import FormatError, IsoError, LimitError, TruncatedError
+from ..entropy.coder import DECODE, END, FINAL, LEFT, POS, UNKNOWN, UNLIMITED, Coder, start
+from ..errors import FormatError, IsoError, LimitError, OptionError, TruncatedError
 from ..grid.field import interval_value
 from ..jit import CUT, DONE
 from ..limits import Limits
 from ..passes.decoded import Decoded
+from ..passes.snapshot import leaves_of, state_of
 from ..passes.tube import Tube
-from .container import CHECKSUM_BYTES, Envelope, read_envelope, read_metadata
-from .events import BaseComplete, ChunkSkipped, End, Event, GeometryRefined, HeaderRead, LevelComplete, MetadataRead
+from .container import CHECKSUM_BYTES, CRITICAL, Envelope, read_envelope, read_further, read_metadata
+from .events import (
+    BaseComplete,
+    ChunkSkipped,
+    End,
+    Event,
+    GeometryRefined,
+    HeaderRead,
+    IsovalueRead,
+    LevelComplete,
+    MetadataRead,
+)
 from .header import Header, read_header, varint
 from .program import Layer, ProgramReader, Progress
+from .strand import begin_layer, leaning_tube
 
-_EVENTS = {"base": BaseComplete, "refine": LevelComplete, "values": GeometryRefined, "offsets": GeometryRefined}
+_EVENTS = {
+    "base": BaseComplete, "adaptive_base": BaseComplete, "leaf_base": BaseComplete,
+    "refine": LevelComplete, "adapt": LevelComplete,
+    "values": GeometryRefined, "offsets": GeometryRefined,
+}  # fmt: skip
+
+
+_LARGE = (ChunkType.LAYERS, ChunkType.CUT_LAYERS)
 
 
 @dataclass
@@ -61,10 +79,15 @@ class Decoder:
     Parameters
     ----------
     limits : Limits, optional
+    only : collection of int, optional
+        Numbers of the isovalues to decode, from 0; the chunks of others are skipped. Those that they lean on are
+        needed, too. All isovalues if not given.
 
     Attributes
     ----------
     header : Header or None
+    isovalues : list of float
+        Those that have come so far, skipped ones included.
     layers : list of Layer
         Layers announced so far.
     metadata : dict of str to str
@@ -78,9 +101,10 @@ class Decoder:
         From iterating: the file needs more than the limits allow.
     """
 
-    def __init__(self, limits: Limits | None = None) -> None:
+    def __init__(self, limits: Limits | None = None, *, only: Collection[int] | None = None) -> None:
         self.limits = limits or Limits()
         self.header: Header | None = None
+        self.isovalues: list[float] = []
         self.layers: list[Layer] = []
         self.metadata: dict[str, str] = {}
         self.runs: list[Run] = []
@@ -88,8 +112,10 @@ class Decoder:
         self._at = 0
         self._chunk: Envelope | None = None
         self._chunk_start = 0
-        self._progress = Progress(0)
-        self._tube: Tube | None = None
+        self._only = only
+        self._tubes: list[Tube | None] = []
+        self._run_tube: Tube | None = None
+        self._progresses: list[Progress] = []
         self._pending: list[Layer] | None = None
         self._program: ProgramReader | None = None
         self._program_start = 0
@@ -142,15 +168,24 @@ class Decoder:
         return self._ended
 
     @property
+    def _tube(self) -> Tube | None:
+        """That of the isovalue whose layers come at present; None if it is skipped."""
+        return self._tubes[-1] if self._tubes else None
+
+    @property
+    def _progress(self) -> Progress:
+        return self._progresses[-1]
+
+    @property
     def value_bits(self) -> tuple[int, int]:
         """Bits of the numbers above and below the isovalue, as far as stated."""
-        return self._progress.bits or (0, 0)
+        return (self._progress.bits if self._progresses else None) or (0, 0)
 
     @property
     def coder(self) -> Coder:
-        """The coder of the current run."""
-        assert self._tube is not None
-        return self._tube.coder
+        """The coder of the last run that was begun."""
+        assert self._run_tube is not None
+        return self._run_tube.coder
 
     @property
     def symbols(self) -> dict[str, int]:
@@ -160,10 +195,8 @@ class Decoder:
     @property
     def predictions(self) -> tuple[int, int]:
         """Signs that were predicted so far, and how many of them rightly."""
-        if self._tube is None:
-            return 0, 0
-        tally = self._tube.tally()
-        return int(tally[-2]), int(tally[-1])
+        tallies = [tube.tally()[-2:] for tube in self._tubes if tube]
+        return sum(int(t[0]) for t in tallies), sum(int(t[1]) for t in tallies)
 
     def __iter__(self) -> Iterator[Event]:
         while True:
@@ -177,28 +210,37 @@ class Decoder:
                 return
             yield event
 
-    def state(self) -> Decoded | None:
-        """The decoded state in integers; None before the header."""
-        return self._tube.decoded() if self._tube else None
+    def state(self, number: int = 0) -> Decoded | None:
+        """The decoded state of an isovalue, by number, in integers; None before it has come, or if it is skipped."""
+        tube = self._tubes[number] if number < len(self._tubes) else None
+        return state_of(tube) if tube else None
 
-    def snapshot(self) -> Contour:
-        """The curve or surface of all symbols received (spec clause 9).
+    def snapshot(self, number: int = 0) -> Contour:
+        """The curve or surface of all symbols received of an isovalue (spec clause 9).
 
         What a half-received layer has not reached yet stays as the layer before left it.
         """
         for _ in self:
             pass
-        return self.drawn()
+        return self.drawn(number)
 
-    def drawn(self) -> Contour:
+    def drawn(self, number: int = 0) -> Contour:
         """Like ``snapshot``, but of the events taken so far only."""
         header = self.header
-        if header is None or self._tube is None:
+        tube = self._tubes[number] if number < len(self._tubes) else None
+        if header is None or tube is None:
             return Contour(np.zeros((0, 2)), np.zeros((0, 2), np.int64), float("nan"), (0, 0), False)
-        leaves = self._tube.leaves(
-            header.isovalue, lambda number, above: interval_value(header.isovalue, header.scale, number, above)
-        )
+        isovalue = self.isovalues[number]
+        leaves = leaves_of(tube, isovalue, lambda steps, above: interval_value(isovalue, header.scale, steps, above))
         return draw(leaves, complete=self._ended)
+
+    def mesh(self, number: int = 0) -> tuple[np.ndarray, np.ndarray]:
+        """The crossed leaves of the mesh: positions (V, n) and vertices of simplices (M, n + 1), both int64."""
+        tube = self._tubes[number] if number < len(self._tubes) else None
+        if tube is None:
+            return np.zeros((0, 2), np.int64), np.zeros((0, 3), np.int64)
+        leaves = leaves_of(tube, 0.0, lambda steps, above: steps)
+        return leaves.position, leaves.simplices
 
     # -- the machine ---------------------------------------------------------------------------------------------
 
@@ -217,17 +259,18 @@ class Decoder:
                 if found is None:
                     return None
                 self.header, self._at = found
-                self._begin()
+                self._begin(self.header.isovalue, None)
                 return HeaderRead(self._at, self.header)
             if self._chunk is None:
                 chunk = read_envelope(self._data, self._at)
                 if chunk is None:
                     return None
-                if self._cut and chunk.type in (ChunkType.LAYERS, ChunkType.CUT_LAYERS):
+                if self._cut and chunk.type in CRITICAL:
                     raise FormatError("layers after a cut run", code="cut", offset=self._at, clause="3.5.4")
                 self._chunk, self._chunk_start = chunk, self._at
             chunk = self._chunk
-            if chunk.type in (ChunkType.LAYERS, ChunkType.CUT_LAYERS):
+            skipped = chunk.type in (ChunkType.LAYERS, ChunkType.CUT_LAYERS) and self._tube is None
+            if chunk.type in (ChunkType.LAYERS, ChunkType.CUT_LAYERS) and not skipped:
                 event = self._layers(chunk)
                 if event is not None:
                     return event
@@ -241,8 +284,14 @@ class Decoder:
             self._chunk = self._pending = None
             self._cut |= chunk.type == ChunkType.CUT_LAYERS
             self._last = chunk.last
+            payload = bytes(self._data[chunk.start : chunk.end]) if chunk.type not in _LARGE or skipped else b""
+            if chunk.type == ChunkType.ISOVALUE:
+                isovalue, lean = read_further(payload, chunk.start, self.isovalues)
+                self._begin(isovalue, lean)
+                return IsovalueRead(behind, len(self.isovalues) - 1, isovalue, lean)
+            if skipped:
+                return ChunkSkipped(behind, chunk.type, len(payload))
             if chunk.ancillary:
-                payload = bytes(self._data[chunk.start : chunk.end])
                 if chunk.type == ChunkType.METADATA:
                     self.metadata.update(read_metadata(payload))
                     return MetadataRead(behind, dict(self.metadata))
@@ -251,14 +300,26 @@ class Decoder:
             raise FormatError("bytes after the end of the file", code="trailing", offset=self._at, clause="3.4.4")
         return None
 
-    def _begin(self) -> None:
-        """Set the decoder up for the header's domain."""
+    def _begin(self, isovalue: float, lean: int | None) -> None:
+        """Set the decoder up for an isovalue, which may lean on an earlier one."""
         assert self.header is not None
-        prob, seen = models()
-        reg = np.zeros(REGISTERS, np.int64)
-        coder = Coder(reg, np.zeros(4096, np.uint8), prob, seen, rates())
-        self._tube = Tube(self.header.shape, coder, self.limits)
-        self._progress = Progress(self._tube.full_level)
+        number = len(self.isovalues)
+        self.isovalues.append(isovalue)
+        if self._only is not None and number not in self._only:
+            self._tubes.append(None)
+            self._progresses.append(self._progress if self._progresses else Progress(0))
+            return
+        earlier = None if lean is None else self._tubes[lean]
+        if lean is not None and earlier is None:
+            raise OptionError(f"isovalue {number} leans on isovalue {lean}, which is not decoded", code="only")
+        tube = leaning_tube(
+            self.header.shape, isovalue, self.header.scale, earlier, 0.0 if lean is None else self.isovalues[lean],
+            4096, self.limits,
+        )  # fmt: skip
+        before = self._progress if self._progresses else Progress(tube.full_level)
+        before = replace(before, full_level=tube.full_level)
+        self._progresses.append(before.begin(None if lean is None else self._progresses[lean]))
+        self._tubes.append(tube)
 
     def _verify(self, chunk: Envelope) -> None:
         at = chunk.end
@@ -321,7 +382,7 @@ class Decoder:
             raise LimitError(
                 f"more than {self.limits.layers} layers", code="limit-layers", offset=self._program_start, clause="11.2"
             )
-        before, self._progress = self._progress, program.progress
+        before, self._progresses[-1] = self._progress, program.progress
         self._program = None
         self._run = program.at
         self._pending = list(program.layers)
@@ -329,13 +390,14 @@ class Decoder:
         self._run_read = 0
         self._layer_start = 0
         assert self._tube is not None
+        self._run_tube = self._tube
         reg = self._tube.coder.reg
         start(reg, DECODE)
         reg[LEFT] = self._symbols
         run = Run(self._chunk_start, self._program_start, self._run, program.layers, before, self._symbols)
         self.runs.append(run)
         if self._progress.bits is not None:
-            self._tube.bits_above, self._tube.bits_below = self._progress.bits
+            self._tube.estimates.bits = self._progress.bits
         return True
 
     @staticmethod
@@ -363,9 +425,8 @@ class Decoder:
         return coder
 
     def _counts(self) -> np.ndarray:
-        if self._tube is None:
-            return np.zeros(len(ELEMENTS), np.int64)
-        return self._tube.tally()[: len(ELEMENTS)]
+        none = np.zeros(len(ELEMENTS), np.int64)
+        return sum((tube.tally()[: len(ELEMENTS)] for tube in self._tubes if tube), none)
 
     def _completed(self, layer: Layer, chunk: Envelope) -> Event:
         assert self._tube is not None
@@ -382,17 +443,3 @@ class Decoder:
 def _shifts(coder: Coder) -> int:
     """Bytes of the run that the coder has moved past; the same however the bytes came in."""
     return int(coder.reg[POS]) + int(coder.reg[UNKNOWN]) // 8 - 4
-
-
-def begin_layer(tube: Tube, layer: Layer) -> None:
-    """Begin a layer of a program."""
-    match layer.kind:
-        case "base":
-            tube.begin_base(layer.level)
-        case "refine":
-            tube.begin_round()
-        case "values":
-            tube.begin_values(layer.plane)
-        case _:
-            tube.begin_offsets(layer.parts)
-

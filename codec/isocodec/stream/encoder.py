@@ -5,57 +5,70 @@ from __future__ import annotations
 import math
 import zlib
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from isospec.container import MAX_PARTS, Checksum, ChunkType, Operation, Profile
-from isospec.elements import BY_LAYER, ELEMENTS
+from isospec.container import MAX_ISOVALUES, Checksum, ChunkType, Profile
 
-from ..entropy.baseline import models, rates
-from ..entropy.coder import ENCODE, POS, REGISTERS, Coder, finish, start
-from ..errors import OptionError
-from ..grid.field import OFFSET_BITS, check_field
-from ..jit import DONE
+from ..errors import FormatError, OptionError
+from ..grid.field import Field, check_field
 from ..limits import Limits
-from ..passes.tube import Truth, Tube
-from .container import LayerRecord, write_chunk, write_index, write_metadata
-from .decoder import begin_layer
+from ..mesh.tables import cube_exponent
+from ..passes.truth import Truth
+from ..passes.tube import Tube
+from . import strategy
+from .container import LayerRecord, write_chunk, write_further, write_index, write_metadata
 from .header import Header, write_header
-from .program import Layer, Progress, expand, write_program
+from .program import Layer, Progress, write_program
+from .strand import Entry, Strand, leaning_tube
 
 DEFAULT_TOLERANCE = 0.05
 """Largest distance in cells between decoded and extracted curve when nothing else is asked for."""
-RUN_BYTES = 1 << 16
-"""A run is ended at the first end of a layer after this many bytes."""
 INDEX_SHARE = 100
 """A level index is written if it takes at most this fraction of the data."""
-BASE_CYCLES = 4
-"""The default base has cubes of 1 / 2**BASE_CYCLES of the root's edge: already near the curve, for few bytes."""
+SEARCHED = 0.1
+"""From this tolerance on the mesh is chosen; below it nearly every crossing of the grid has to be told anyway."""
 
 
 class Encoder:
-    """Encodes one isocontour of a field; iterating, once, yields the bytes of the file, chunk by chunk.
+    """Encodes isocontours of a field; iterating, once, yields the bytes of the file, chunk by chunk.
 
     Parameters
     ----------
     field : (s0, s1) or (s0, s1, s2) array_like of bool, integers or floats
-    isovalue : float
+    isovalue : float or sequence of float
+        One isovalue, or several of the same field, in the order in which the file has them.
     exact : bool
         Integer data: send the values next to the curve to the last bit.
     tolerance : float, optional
-        Largest distance, in cells, between the decoded and the extracted curve: crossings are told as finely
-        as that takes. The default, if nothing else is asked for, is 0.05.
+        Largest distance, in cells, of every point of the decoded curve from the extracted one and the reverse. From
+        0.1 on the mesh and the fineness of crossings are chosen so that the file is small; the distance is proven on
+        the decoded curve. Below, and by default with 0.05, all crossings of the grid are told, without a search.
     signs_only : bool
         Send no geometry: which samples lie above is exact, crossings are drawn half-way.
     step : float, optional
         Float data: send the values next to the curve to within half this step.
     base_level : int, optional
         Uniform level of the base; the level of the full grid makes a single-rate file.
-    plan : sequence of (str, int or None), optional
+    preserve_topology : bool
+        Every layer, from the base on, has as many components as the curve, nested alike; surfaces with the same
+        Euler characteristics. Samples equal to the isovalue count as below it.
+    steps : sequence of float, optional
+        What layers promise one after the other, falling, in cells; "exact" (or 0) at the end stands for all values.
+    criterion : str, optional
+        Reduce the mesh under one criterion, as published: ``crossing``, ``topology``, ``curvature`` (``parameter``:
+        mean curvature above which the finest mesh stays, 1 / cells), ``distortion`` (``parameter``: distance in
+        cells from the original curve to the new one), ``level`` (``parameter``: that of a uniform mesh).
+    parameter : float, optional
+    leaning : bool
+        Whether each further isovalue makes use of what the file says of the nearest one before it.
+    plan : sequence of entries, optional
         Instead of all these but ``step``: the layers one by one, as ``("base", level)``, ``("refine", rounds)``,
-        ``("values", bits)``, ``("offsets", radix)``, where None means as far as it goes. Values may stand between
-        rounds; offsets need the full grid and an odd radix.
+        ``("values", bits)``, ``("offsets", radix)``, where None means as far as it goes; ``("adaptive_base", level,
+        mesh)``, ``("adapt", births, mesh)`` with the mesh that they lead to (`mesh.chosen.Chosen`), ``("leaf_base",)``,
+        ``("offsets", radix, unit)``. A mapping gives each isovalue a plan of its own.
     profile : str
         ``baseline``.
     metadata : mapping of str to str, optional
@@ -73,98 +86,103 @@ class Encoder:
     def __init__(
         self,
         field: ArrayLike,
-        isovalue: float,
+        isovalue: float | Sequence[float],
         *,
         exact: bool = False,
         tolerance: float | None = None,
         signs_only: bool = False,
         step: float | None = None,
         base_level: int | None = None,
-        plan: Sequence[tuple[str, int | None]] | None = None,
+        preserve_topology: bool = False,
+        steps: Sequence[float] | None = None,
+        criterion: str | None = None,
+        parameter: float | None = None,
+        leaning: bool = True,
+        plan: Sequence[Entry] | Mapping[float, Sequence[Entry]] | None = None,
         profile: str = "baseline",
         metadata: Mapping[str, str] | None = None,
         progress: Callable[[int, int], object] | None = None,
     ) -> None:
-        asked = [
-            name
-            for name, given in (
-                ("exact", exact), ("tolerance", tolerance is not None), ("signs_only", signs_only),
-                ("step", step is not None),
-            )
-            if given
-        ]  # fmt: skip
-        if plan is not None and (base_level is not None or asked not in ([], ["step"])):
-            raise OptionError("a plan contradicts the other options", code="options", remedy="give the plan alone")
-        if not asked:
-            tolerance = DEFAULT_TOLERANCE
-        if len(asked) > 1:
-            raise OptionError(f"{' and '.join(asked)} contradict one another", code="options", remedy="choose one")
+        self._asked = Asked(
+            exact, tolerance, signs_only, step, base_level, preserve_topology, _steps(steps), criterion, parameter, plan
+        )
+        _check_options(self._asked)
+        self._leaning = leaning
         if profile.upper() not in Profile.__members__:
             names = ", ".join(p.name.lower() for p in Profile)
             raise OptionError(f"unknown profile {profile!r}", code="profile", remedy=f"choose one of: {names}")
-        self.field = check_field(field, isovalue, step)
-        if exact and not self.field.integer:
+        self.isovalues = _isovalues(isovalue)
+        self._fields = [check_field(field, value, step) for value in self.isovalues]
+        first = self._fields[0]
+        if (exact or (steps and steps[-1] in ("exact", 0))) and not first.integer:
             raise OptionError(
                 "exact is for integer data, and the field holds floats", code="exact", remedy="use step or tolerance"
             )
         self._metadata = dict(metadata or {})
         self._report = progress
-        self.header = Header(self.field.values.shape, self.field.isovalue, step, Profile[profile.upper()])
+        self.header = Header(first.values.shape, first.isovalue, step, Profile[profile.upper()])
+        self._strands = [self._strand(0, Progress(len(first.values.shape) * cube_exponent(first.values.shape)))]
+        self._begun = False
 
-        coder = Coder(np.zeros(REGISTERS, np.int64), np.zeros(1 << 16, np.uint8), *models(), rates())
-        truth = Truth(self.field.signs, self.field.numbers, self.field.crossings)
-        self._tube = Tube(self.field.values.shape, coder, Limits(), truth)
-        self.layers: list[Layer] = []
-        self.records: list[LayerRecord] = []
-        self._run_bytes = 0
-        self._progress = Progress(self._tube.full_level)
-        if plan is None:
-            plan = self._default_plan(base_level, exact or step is not None, None if exact or step else tolerance)
-        self._plan = [_operation(kind, number) for kind, number in plan]
-        self._extend()
+    @property
+    def layers(self) -> list[Layer]:
+        """Layers known so far, of all isovalues."""
+        return [layer for strand in self._strands for layer in strand.layers]
 
-    def _default_plan(
-        self, base_level: int | None, values: bool, tolerance: float | None
-    ) -> list[tuple[str, int | None]]:
-        """Base, refinement to the full grid, then all values, or offsets as fine as the tolerance asks for."""
-        full = self._tube.full_level
-        level = min(BASE_CYCLES * self._tube.n, full) if base_level is None else base_level
-        if not 0 <= level <= full:
-            raise OptionError(
-                f"base level {level}; for this field it lies between 0 and {full}", code="base-level",
-                remedy=f"the full grid is level {full}",
-            )  # fmt: skip
-        plan: list[tuple[str, int | None]] = [("base", level)]
-        if level < full:
-            plan.append(("refine", None))
-        if values:
-            plan.append(("values", None))
-        return plan + [("offsets", radix) for radix in _radices(tolerance)]
+    @property
+    def records(self) -> list[LayerRecord]:
+        """What the layers that are done took."""
+        return [record for strand in self._strands for record in strand.records]
 
-    def _extend(self) -> None:
-        """Turn operations of the plan into layers, up to the first values: they wait until their range is known."""
-        state = self._progress
-        while self._plan:
-            operation, number = self._plan[0]
-            if operation == Operation.VALUES and state.bits is None:
-                if len(self.layers) > len(self.records):
-                    return
-                later = any(o == Operation.REFINE for o, _ in self._plan)
-                state.bits = self.field.number_bits() if later else self._tube.value_bits()
-                state.plane = max(state.bits)
-                self._tube.bits_above, self._tube.bits_below = state.bits
-            try:
-                fresh = expand(operation, number or 0, number is None, state)
-            except ValueError as error:
-                raise OptionError(f"the plan cannot be carried out: {error}", code="plan") from None
-            for layer in fresh:
-                state.add(layer)
-            self.layers += fresh
-            del self._plan[0]
+    @property
+    def _tube(self) -> Tube:
+        return self._strands[-1].tube
+
+    def _strand(self, number: int, progress: Progress) -> Strand:
+        """The layers of an isovalue, ready to be encoded when those before it are done."""
+        field = self._fields[number]
+        lean = self._leans_on(number)
+        truth = Truth(field.signs, field.numbers, field.crossings)
+        earlier, other = (None, 0.0) if lean is None else (self._strands[lean].tube, self.isovalues[lean])
+        tube = leaning_tube(
+            field.values.shape, field.isovalue, self.header.scale, earlier, other, 1 << 16, Limits(), truth
+        )
+        plan = self._plan_of(field, tube)
+        if isinstance(plan, Mapping):
+            plan = plan[self.isovalues[number]]
+        begun = progress.begin(None if lean is None else self._strands[lean].progress)
+        return Strand(field, tube, plan, begun)
+
+    def _plan_of(self, field: Field, tube: Tube) -> Sequence[Entry] | Mapping[float, Sequence[Entry]]:
+        """What the options come to for one isovalue."""
+        o = self._asked
+        if o.plan is not None:
+            return o.plan
+        values: list[Entry] = [("values", None)] if o.exact or o.step is not None else []
+        fine = None if values or o.signs_only else o.tolerance or DEFAULT_TOLERANCE
+        if o.steps is not None:
+            return strategy.stepwise(strategy.Promise(field), o.steps, o.preserve_topology)
+        if o.criterion is not None:
+            offsets = [("offsets", radix, 0) for radix in strategy.radices(fine)]
+            promise = strategy.Promise(field)
+            return strategy.reduced(promise, o.criterion, o.parameter, o.preserve_topology) + values + offsets
+        if o.tolerance is not None and o.base_level is None and o.tolerance >= SEARCHED:
+            return strategy.smallest(strategy.Promise(field), o.tolerance, o.preserve_topology)
+        offsets = [("offsets", radix, 0) for radix in strategy.radices(fine)]
+        if o.preserve_topology:
+            return strategy.whole_mesh(strategy.Promise(field), True) + values + offsets
+        return strategy.grid_plan(tube.n, tube.full_level, None, o.base_level) + values + offsets
+
+    def _leans_on(self, number: int) -> int | None:
+        """Number of the earlier isovalue that lies nearest."""
+        if number == 0 or not self._leaning:
+            return None
+        return min(range(number), key=lambda i: abs(self.isovalues[i] - self.isovalues[number]))
 
     def __iter__(self) -> Iterator[bytes]:
-        if self.records:
+        if self._begun:
             raise OptionError("an encoder can be iterated only once", code="iterated", remedy="make another one")
+        self._begun = True
         checksum = 0
         for piece in self._pieces():
             checksum = zlib.crc32(piece, checksum)
@@ -176,101 +194,105 @@ class Encoder:
         yield write_header(self.header)
         if self._metadata:
             yield write_chunk(ChunkType.METADATA, write_metadata(self._metadata), ancillary=True)
-        program = Progress(self._tube.full_level)
+        for number in range(len(self.isovalues)):
+            if number > 0:
+                self._strands.append(self._strand(number, self._strands[-1].progress))
+                yield write_chunk(ChunkType.ISOVALUE, write_further(self.isovalues[number], self._leans_on(number)))
+            yield from self._layers(self._strands[number], number == len(self.isovalues) - 1)
+
+    def _layers(self, strand: Strand, last: bool) -> Iterator[bytes]:
+        """Chunks of layers of one isovalue; behind the last one the level index."""
+        program = replace(strand.progress.begin(None), lean_level=strand.progress.lean_level)
         done = 0
-        while done < len(self.layers):
-            end, run = self._encode_run(done)
-            last = end == len(self.layers)
-            bits = (self._tube.bits_above, self._tube.bits_below)
-            payload = write_program(self.layers[done:end], program, bits) + run
+        while done < len(strand.layers):
+            try:
+                end, run = strand.encode_run(done, self._done)
+            except FormatError as error:
+                if all(layer.births for layer in self.layers if layer.kind == "adapt"):
+                    raise
+                raise OptionError(
+                    "an adaptive layer of the plan leaves out new components that there are", code="plan",
+                    remedy='("adapt", 1, mesh)',
+                ) from error  # fmt: skip
+            payload = write_program(strand.layers[done:end], program, strand.bits) + run
             done = end
-            index = b""
-            if last:
-                index = write_index(self.layers, self.records)
-                if len(index) * INDEX_SHARE > self._run_bytes:
-                    index = b""
-            yield write_chunk(ChunkType.LAYERS, payload, last=last and not index)
+            ends = last and done == len(strand.layers)
+            index = write_index(self.layers, self.records) if ends else b""
+            if len(index) * INDEX_SHARE > sum(s.run_bytes for s in self._strands):
+                index = b""
+            yield write_chunk(ChunkType.LAYERS, payload, last=ends and not index)
             if index:
                 yield write_chunk(ChunkType.INDEX, index, ancillary=True, last=True)
 
-    def _encode_run(self, first: int) -> tuple[int, bytes]:
-        """Encode layers from number ``first`` on until the run is long enough; their end and the bytes."""
-        tube = self._tube
-        start(tube.coder.reg, ENCODE)
-        begun = 0
-        i = first
-        while i < len(self.layers):
-            before = tube.tally()[: len(ELEMENTS)]
-            self._advance(i)
-            counts = dict(zip(ELEMENTS, map(int, tube.tally()[: len(ELEMENTS)] - before), strict=True))
-            used = int(tube.coder.reg[POS]) + 4
-            self.records.append(
-                LayerRecord(used - begun, {name: counts[name] for name in BY_LAYER[self.layers[i].kind]})
-            )
-            begun = used
-            i += 1
-            self._extend()
-            if self._report:
-                self._report(i, len(self.layers))
-            if used >= RUN_BYTES:
-                break
-        run = finish(tube.coder)
-        # what the decoder's window reads past the end of the run belongs to no layer
-        self._trim(first, i, len(run))
-        self._run_bytes += len(run)
-        return i, run
-
-    def _trim(self, first: int, end: int, length: int) -> None:
-        place = 0
-        for i in range(first, end):
-            stop = min(place + self.records[i].bytes, length)
-            self.records[i] = LayerRecord(stop - place, self.records[i].symbols)
-            place = stop
-
-    def _advance(self, number: int) -> None:
-        tube = self._tube
-        begin_layer(tube, self.layers[number])
-        while tube.advance() != DONE:
-            buf = tube.coder.buf
-            wider = np.zeros(2 * len(buf), np.uint8)
-            wider[: len(buf)] = buf
-            tube.coder = tube.coder._replace(buf=wider)
+    def _done(self) -> None:
+        if self._report:
+            waiting = len(self.isovalues) - len(self._strands)
+            self._report(len(self.records), len(self.layers) + waiting * len(self._strands[0].layers))
 
 
-def _operation(kind: str, number: int | None) -> tuple[Operation, int | None]:
-    """An entry of a plan as an operation and its argument."""
-    if kind not in ("base", "refine", "values", "offsets"):
-        raise OptionError(f"unknown layer {kind!r} in a plan", code="plan", remedy="base, refine, values or offsets")
-    if kind == "offsets":
-        if number is None or number % 2 == 0:
-            raise OptionError(f"offsets with radix {number}, needed is an odd number", code="plan")
-        number //= 2
-    return Operation[kind.upper()], number
+@dataclass(frozen=True)
+class Asked:
+    """Options of an encoder, as given."""
+
+    exact: bool
+    tolerance: float | None
+    signs_only: bool
+    step: float | None
+    base_level: int | None
+    preserve_topology: bool
+    steps: list[float] | None
+    criterion: str | None
+    parameter: float | None
+    plan: Sequence[Entry] | Mapping[float, Sequence[Entry]] | None
 
 
-def _radices(tolerance: float | None) -> list[int]:
-    """Parts that layers of offsets divide into, so that crossings end up within ``tolerance`` of where they are.
-
-    The middle of the right one of m parts is at most 1 / 2m off. Of the odd numbers that will do, the smallest is
-    taken that is a product of small factors: one layer each, so that crossings get finer step by step.
-    """
-    if tolerance is None:
-        return []
-    if not (math.isfinite(tolerance) and tolerance > 0):
-        raise OptionError(f"the tolerance is {tolerance}, needed is a positive number", code="tolerance")
-    if tolerance < 0.5 / (MAX_PARTS * 0.9):
+def _check_options(o: Asked) -> None:
+    """Refuse options that contradict one another."""
+    given = {name: value is not None and value is not False for name, value in vars(o).items()}
+    precise = [name for name in ("exact", "tolerance", "signs_only", "step", "steps") if given[name]]
+    shape = [name for name in ("base_level", "steps", "criterion") if given[name]]
+    if o.plan is not None and (shape or o.preserve_topology or precise not in ([], ["step"])):
+        raise OptionError("a plan contradicts the other options", code="options", remedy="give the plan alone")
+    for names in (precise, shape):
+        if len(names) > 1:
+            raise OptionError(f"{' and '.join(names)} contradict one another", code="options", remedy="choose one")
+    if o.base_level is not None and o.preserve_topology:
         raise OptionError(
-            f"a tolerance of {tolerance} cells is too fine for offsets", code="tolerance", remedy="use exact or step"
-        )
-    # offsets are rounded to 30 bits before they are told
-    parts = max(math.ceil(0.5 / (tolerance - 2.0**-OFFSET_BITS)), 1) | 1
-    while True:
-        rest, factors = parts, []
-        for factor in (13, 11, 7, 5, 3):
-            while rest % factor == 0:
-                rest //= factor
-                factors.append(factor)
-        if rest == 1:
-            return factors[::-1]
-        parts += 2
+            "base_level and preserve_topology contradict one another: a uniform base keeps no topology", code="options",
+            remedy="leave out base_level",
+        )  # fmt: skip
+    if o.parameter is not None and o.criterion is None:
+        raise OptionError("a parameter without a criterion", code="criterion", remedy="name the criterion")
+    if o.parameter is not None and not (math.isfinite(o.parameter) and o.parameter >= 0):
+        raise OptionError(f"the criterion's parameter is {o.parameter}, needed is a positive number", code="criterion")
+    strategy.radices(o.tolerance)
 
+
+def _steps(steps: Sequence[float | str] | None) -> list[float] | None:
+    """Steps as numbers."""
+    if steps is None:
+        return None
+    out: list[float] = [strategy.EXACT if step in ("exact", 0) else step for step in steps]  # type: ignore[misc]
+    for step in out[:-1] if out and out[-1] == strategy.EXACT else out:
+        if not isinstance(step, int | float) or not (math.isfinite(step) and step >= SEARCHED):
+            raise OptionError(
+                f"a step of {step!r}, needed is a number of cells from {SEARCHED:g} on", code="steps",
+                remedy="the last one may be exact",
+            )  # fmt: skip
+    if not out:
+        raise OptionError("no steps", code="steps", remedy="for example 4, 1, 0.25")
+    return out
+
+
+def _isovalues(given: float | Sequence[float]) -> list[float]:
+    """The isovalues of a file."""
+    if not isinstance(given, Sequence | np.ndarray) or isinstance(given, str) or np.ndim(given) != 1:
+        return [given]  # type: ignore[list-item]
+    values = list(given)
+    if not values:
+        raise OptionError("no isovalue", code="isovalue", remedy="give one")
+    if len(set(values)) < len(values):
+        raise OptionError("an isovalue is given twice", code="isovalue", remedy="give each once")
+    if len(values) > MAX_ISOVALUES:
+        raise OptionError(f"{len(values)} isovalues, at most {MAX_ISOVALUES} fit a file", code="isovalue")
+    return values

@@ -30,6 +30,24 @@ class HeaderRead(Event):
 
 
 @dataclass(frozen=True)
+class IsovalueRead(Event):
+    """Another isovalue begins: the layers that follow are its own.
+
+    Attributes
+    ----------
+    number : int
+        Its number in the file; the header's is 0.
+    isovalue : float
+    lean : int or None
+        Number of the earlier isovalue that it leans on.
+    """
+
+    number: int
+    isovalue: float
+    lean: int | None
+
+
+@dataclass(frozen=True)
 class LayerComplete(Event):
     """A layer has been decoded to its end.
 

@@ -41,7 +41,7 @@ class Header:
 
 def write_header(header: Header) -> bytes:
     """Bytes of a header, the shortest for its isovalue."""
-    kind, isovalue = _write_isovalue(header.isovalue)
+    kind, isovalue = write_isovalue(header.isovalue)
     out = Prefix.build(
         {
             "signature": spec.SIGNATURE,
@@ -61,7 +61,8 @@ def write_header(header: Header) -> bytes:
     return bytes(out)
 
 
-def _write_isovalue(value: float) -> tuple[IsovalueKind, bytes]:
+def write_isovalue(value: float) -> tuple[IsovalueKind, bytes]:
+    """Shortest way to write an isovalue (clause 3.3.4)."""
     value = float(value)
     if (2 * value).is_integer() and abs(value) < 1 << 50:
         return IsovalueKind.HALVES, spec.write_varint(spec.zigzag(int(2 * value)))
@@ -121,21 +122,10 @@ def _read_rest(data: bytes | bytearray, prefix: object, n: int) -> tuple[Header,
             )  # fmt: skip
         shape.append(number[0])
         at = number[1]
-    if flags.isovalue == IsovalueKind.HALVES:
-        number = varint(data, at, len(data), "3.3.4")
-        if number is None:
-            return None
-        isovalue = spec.unzigzag(number[0]) / 2
-        behind = number[1]
-    else:
-        kind = Single if flags.isovalue == IsovalueKind.FLOAT32 else Double
-        behind = at + kind.sizeof()
-        if len(data) < behind:
-            return None
-        isovalue = kind.parse(bytes(data[at:behind]))
-        if not math.isfinite(isovalue):
-            raise FormatError("the isovalue is not finite", code="isovalue", offset=at, clause="3.3.4")
-    at = behind
+    found = read_isovalue(data, at, len(data), flags.isovalue)
+    if found is None:
+        return None
+    isovalue, at = found
     scale = None
     if flags.scaled:
         if len(data) < at + 1:
@@ -152,6 +142,21 @@ def _read_rest(data: bytes | bytearray, prefix: object, n: int) -> tuple[Header,
             at += 9
     header = Header(tuple(shape), isovalue, scale, Profile(flags.profile), version.writer, version.read)
     return header, at
+
+
+def read_isovalue(data: bytes | bytearray, at: int, end: int, kind: int) -> tuple[float, int] | None:
+    """The isovalue at ``at`` and the place behind it; None if ``end`` comes first (clause 3.3.4)."""
+    if kind == IsovalueKind.HALVES:
+        number = varint(data, at, end, "3.3.4")
+        return None if number is None else (spec.unzigzag(number[0]) / 2, number[1])
+    form = Single if kind == IsovalueKind.FLOAT32 else Double
+    behind = at + form.sizeof()
+    if end < behind:
+        return None
+    isovalue = form.parse(bytes(data[at:behind]))
+    if not math.isfinite(isovalue):
+        raise FormatError("the isovalue is not finite", code="isovalue", offset=at, clause="3.3.4")
+    return isovalue, behind
 
 
 def varint(data: bytes | bytearray, at: int, end: int, clause: str) -> tuple[int, int] | None:

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import zlib
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from typing import Any
 
 from isospec.container import Checksum, ChunkType
 
-from ..errors import FormatError, TruncatedError
+from ..errors import FormatError, OptionError, TruncatedError
 from ..mesh.tables import cube_exponent
-from .container import CHECKSUM_BYTES, Envelope, read_envelope, read_index, read_metadata
+from .container import CHECKSUM_BYTES, Envelope, read_envelope, read_further, read_index, read_metadata
 from .header import Header, read_header, varint
 from .program import Layer, Progress, read_program
 
@@ -33,6 +33,8 @@ class LayerInfo:
         Byte offset in the file at which its data begin.
     bytes : int or None
     symbols : dict of str to int, or None
+    isovalue : int
+        Number of the isovalue that it belongs to.
     """
 
     kind: str
@@ -42,6 +44,7 @@ class LayerInfo:
     offset: int | None = None
     bytes: int | None = None
     symbols: dict[str, int] | None = None
+    isovalue: int = 0
 
 
 @dataclass(frozen=True)
@@ -63,6 +66,10 @@ class FileInfo:
         All that is not entropy-coded data.
     complete : bool
         The file is whole and its checksum is right.
+    isovalues : list of float
+        All isovalues of the file; ``isovalue`` is the first.
+    leans : list of int or None
+        For each the number of the earlier one that it leans on.
     """
 
     version: int
@@ -77,6 +84,34 @@ class FileInfo:
     layers: list[LayerInfo] = field(default_factory=list)
     chunks: list[ChunkInfo] = field(default_factory=list)
     metadata: dict[str, str] = field(default_factory=dict)
+    isovalues: list[float] = field(default_factory=list)
+    leans: list[int | None] = field(default_factory=list)
+
+    def number_of(self, isovalue: float | None) -> int:
+        """Number of an isovalue of the file, of the first if None.
+
+        Raises
+        ------
+        OptionError
+            If the file does not have it.
+        """
+        if isovalue is None:
+            return 0
+        if isovalue not in self.isovalues:
+            raise OptionError(
+                f"the file has no isovalue {isovalue:g}", code="isovalue",
+                remedy=f"it has {', '.join(f'{v:g}' for v in self.isovalues)}",
+            )  # fmt: skip
+        return self.isovalues.index(isovalue)
+
+    def chain(self, number: int) -> frozenset[int]:
+        """Numbers of all isovalues that it takes to decode one."""
+        out = {number}
+        lean = self.leans[number]
+        while lean is not None:
+            out.add(lean)
+            lean = self.leans[lean]
+        return frozenset(out)
 
     def as_dict(self) -> dict[str, Any]:
         """Plain data, for JSON."""
@@ -106,7 +141,9 @@ def inspect(data: bytes, symbols: bool = False) -> FileInfo:
     layers: list[LayerInfo] = []
     plain: list[Layer] = []
     metadata: dict[str, str] = {}
-    progress = Progress(len(header.shape) * cube_exponent(header.shape))
+    progresses = [Progress(len(header.shape) * cube_exponent(header.shape))]
+    isovalues = [header.isovalue]
+    leans: list[int | None] = [None]
     coded = 0
     complete = False
     while not complete:
@@ -115,19 +152,25 @@ def inspect(data: bytes, symbols: bool = False) -> FileInfo:
             break
         end = min(chunk.end, len(data))
         if chunk.type in (ChunkType.LAYERS, ChunkType.CUT_LAYERS):
-            run = _run_start(data, chunk, end, progress, plain)
+            run = _run_start(data, chunk, end, progresses[-1], plain)
             if run is not None:
                 coded += end - run
                 first = len(layers)
                 for layer in plain[first:]:
                     place = run if len(layers) == first else None
-                    layers.append(LayerInfo(layer.kind, layer.level, layer.plane, layer.parts, place))
+                    number = len(isovalues) - 1
+                    layers.append(LayerInfo(layer.kind, layer.level, layer.plane, layer.parts, place, isovalue=number))
         elif chunk.end <= len(data):
             payload = data[chunk.start : chunk.end]
             if chunk.type == ChunkType.METADATA:
                 metadata |= read_metadata(payload)
             elif chunk.type == ChunkType.INDEX:
                 layers = _with_index(payload, plain, layers)
+            elif chunk.type == ChunkType.ISOVALUE:
+                isovalue, lean = read_further(payload, chunk.start, isovalues)
+                progresses.append(progresses[-1].begin(None if lean is None else progresses[lean]))
+                isovalues.append(isovalue)
+                leans.append(lean)
         behind = chunk.end + CHECKSUM_BYTES * (chunk.checked + chunk.last)
         chunks.append(ChunkInfo(_NAMES.get(chunk.type, f"unknown {chunk.type}"), at, min(behind, len(data)) - at))
         if behind > len(data):
@@ -137,10 +180,10 @@ def inspect(data: bytes, symbols: bool = False) -> FileInfo:
             complete = True
         at = behind
     if symbols:
-        layers = _decoded(data, plain)
+        layers = _decoded(data, layers)
     return FileInfo(
         header.writer_version, header.read_version, header.profile.name.lower(), header.shape, header.isovalue,
-        header.scale, len(data), len(data) - coded, complete, layers, chunks, metadata,
+        header.scale, len(data), len(data) - coded, complete, layers, chunks, metadata, isovalues, leans,
     )  # fmt: skip
 
 
@@ -161,25 +204,25 @@ def _run_start(data: bytes, chunk: Envelope, end: int, progress: Progress, plain
 def _with_index(payload: bytes, plain: list[Layer], layers: list[LayerInfo]) -> list[LayerInfo]:
     out = []
     place = 0
-    for layer, info, record in zip(plain, layers, read_index(payload, plain), strict=False):
+    for info, record in zip(layers, read_index(payload, plain), strict=False):
         place = info.offset if info.offset is not None else place
-        out.append(LayerInfo(layer.kind, layer.level, layer.plane, layer.parts, place, record.bytes, record.symbols))
+        out.append(replace(info, offset=place, bytes=record.bytes, symbols=record.symbols))
         place += record.bytes
     return out or layers
 
 
-def _decoded(data: bytes, plain: list[Layer]) -> list[LayerInfo]:
+def _decoded(data: bytes, layers: list[LayerInfo]) -> list[LayerInfo]:
     from .decoder import Decoder
     from .events import LayerComplete
 
     decoder = Decoder()
     decoder.feed(data)
+    complete = [event for event in decoder if isinstance(event, LayerComplete)]
     out = [
-        LayerInfo(e.layer.kind, e.layer.level, e.layer.plane, e.layer.parts, e.offset - e.bytes, e.bytes, e.symbols)
-        for e in decoder
-        if isinstance(e, LayerComplete)
+        replace(info, offset=e.offset - e.bytes, bytes=e.bytes, symbols=e.symbols)
+        for info, e in zip(layers, complete, strict=False)
     ]
-    return out + [LayerInfo(p.kind, p.level, p.plane, p.parts) for p in plain[len(out) :]]
+    return out + [replace(info, offset=None, bytes=None, symbols=None) for info in layers[len(out) :]]
 
 
 def _verify(data: bytes, behind: int) -> None:

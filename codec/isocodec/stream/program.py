@@ -5,7 +5,17 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
-from isospec.container import ALL, ESCAPE, LAYER_LIMIT, MAX_PARTS, MAX_RADIX, Operation, OperationByte, write_varint
+from isospec.container import (
+    ALL,
+    ESCAPE,
+    LAYER_LIMIT,
+    MAX_PARTS,
+    MAX_RADIX,
+    MAX_UNIT,
+    Operation,
+    OperationByte,
+    write_varint,
+)
 
 from ..errors import FormatError
 from .header import varint
@@ -20,19 +30,24 @@ class Layer:
     Attributes
     ----------
     kind : str
-        ``base``, ``refine``, ``values`` or ``offsets``.
+        ``base``, ``adaptive_base``, ``leaf_base``, ``refine``, ``adapt``, ``values`` or ``offsets``.
     level : int
-        Uniform level of the mesh when the layer is complete.
+        Level up to which the mesh is uniform when the layer is complete.
     plane : int
         ``values``: bits of the numbers that are still missing afterwards; else 0.
     parts : int
-        ``offsets``: equal parts that edges are divided into afterwards; else 0.
+        ``offsets``: equal parts that ``2**unit`` samples of an edge are divided into afterwards; else 0.
+    unit : int
+    births : bool
+        ``adapt``: whether new components may come.
     """
 
     kind: str
     level: int
     plane: int = 0
     parts: int = 0
+    unit: int = 0
+    births: bool = False
 
 
 @dataclass
@@ -45,6 +60,11 @@ class Progress:
     plane: int = 0
     parts: int = 1
     layers: int = 0
+    lean_level: int = -1
+
+    def begin(self, lean: Progress | None) -> Progress:
+        """Where programs stand when another isovalue begins, which may lean on an earlier one."""
+        return Progress(self.full_level, layers=self.layers, lean_level=-1 if lean is None else lean.level)
 
     def copy(self) -> Progress:
         """Another one that stands at the same place."""
@@ -56,7 +76,7 @@ class Progress:
         self.layers += 1
         if layer.kind == "values":
             self.plane = layer.plane
-        elif layer.kind == "offsets":
+        elif layer.kind == "offsets" and layer.level == self.full_level:
             self.parts = layer.parts
 
 
@@ -75,6 +95,7 @@ def write_program(layers: Sequence[Layer], progress: Progress, bits: tuple[int, 
         extra = b""
         argument: int | None
         full = layers[j - 1].level == progress.full_level
+        unit = layers[i].unit
         if kind == "base":
             operation, argument = Operation.BASE, None if full else layers[i].level
             end = i + 1
@@ -82,6 +103,12 @@ def write_program(layers: Sequence[Layer], progress: Progress, bits: tuple[int, 
                 end += 1
             if end > i + 1 and layers[end - 1].level == progress.full_level:
                 operation, j = Operation.BASE_AND_REFINE, end
+        elif kind == "adaptive_base":
+            operation, argument = Operation.ADAPTIVE_BASE, layers[i].level
+        elif kind == "leaf_base":
+            operation, argument = Operation.LEAF_BASE, 0
+        elif kind == "adapt":
+            operation, argument = Operation.ADAPT, int(layers[i].births)
         elif kind == "refine":
             operation, argument = Operation.REFINE, None if full else j - i
         elif kind == "values":
@@ -94,8 +121,10 @@ def write_program(layers: Sequence[Layer], progress: Progress, bits: tuple[int, 
             argument = progress.plane - layers[j - 1].plane
             argument = None if layers[j - 1].plane == 0 else argument
         else:
-            operation, argument = Operation.OFFSETS, (layers[i].parts // progress.parts - 1) // 2
-        if expand(operation, argument or 0, argument is None, progress) != list(layers[i:j]):
+            coarse = progress.level != progress.full_level
+            argument = (layers[i].parts // (1 if coarse else progress.parts) - 1) // 2
+            operation, extra = Operation.OFFSETS, bytes([unit]) if coarse else b""
+        if expand(operation, argument or 0, argument is None, progress, unit) != list(layers[i:j]):
             raise ValueError(f"no program gives the layers {list(layers[i:j])}")
         if argument is not None and argument >= ESCAPE:
             extra = write_varint(argument) + extra
@@ -179,8 +208,13 @@ class ProgramReader:
                 return False
             state.bits, at = found
             state.plane = max(state.bits)
+        unit = 0
+        if step.operation == Operation.OFFSETS and 0 <= state.level < state.full_level:
+            if at >= end:
+                return False
+            unit, at = data[at], at + 1
         try:
-            fresh = expand(step.operation, argument, step.argument == ALL, state)
+            fresh = expand(step.operation, argument, step.argument == ALL, state, unit)
         except ValueError as error:
             raise FormatError(str(error), code="program", offset=start, clause="3.6") from None
         if state.layers + len(fresh) > LAYER_LIMIT:
@@ -221,31 +255,41 @@ def _read_bits(data: bytes | bytearray, at: int, end: int) -> tuple[tuple[int, i
     return (bits[0], bits[1]), place
 
 
-def expand(operation: int, argument: int, stated_all: bool, state: Progress) -> list[Layer]:
+def expand(operation: int, argument: int, stated_all: bool, state: Progress, unit: int = 0) -> list[Layer]:
     """Layers of one operation, after those of ``state``; ValueError if it cannot follow on them."""
     full = state.full_level
-    if operation in (Operation.BASE, Operation.BASE_AND_REFINE):
+    if operation in (Operation.BASE, Operation.BASE_AND_REFINE, Operation.ADAPTIVE_BASE):
         if state.level >= 0:
             raise ValueError("a second base")
         level = full if stated_all else argument
         if level > full:
             raise ValueError(f"base at level {level}, the full grid is level {full}")
+        if operation == Operation.ADAPTIVE_BASE:
+            return [Layer("adaptive_base", level)]
         layers = [Layer("base", level)]
         if operation == Operation.BASE_AND_REFINE:
             layers += [Layer("refine", i) for i in range(level + 1, full + 1)]
         return layers
+    if operation == Operation.LEAF_BASE:
+        if state.level >= 0:
+            raise ValueError("a second base")
+        if argument or stated_all or state.lean_level < 0:
+            raise ValueError("a base from the leaves of no earlier isovalue")
+        return [Layer("leaf_base", state.lean_level)]
     if state.level < 0:
         raise ValueError("a layer before the base")
+    if operation == Operation.ADAPT:
+        if stated_all or argument > 1:
+            raise ValueError(f"unknown kind {argument} of adaptive refinement")
+        if state.level == full:
+            raise ValueError("adaptive refinement of the full grid")
+        return [Layer("adapt", state.level, births=bool(argument))]
     if operation == Operation.REFINE:
-        if state.parts > 1:
-            raise ValueError("refinement after offsets")
         count = full - state.level if stated_all else argument
         if count < 1 or state.level + count > full:
             raise ValueError(f"{count} rounds of refinement from level {state.level}, the full grid is level {full}")
         return [Layer("refine", state.level + i) for i in range(1, count + 1)]
     if operation == Operation.VALUES:
-        if state.parts > 1:
-            raise ValueError("values after offsets")
         count = state.plane if stated_all else argument
         if count > state.plane:
             raise ValueError("more value bits than there are")
@@ -254,10 +298,11 @@ def expand(operation: int, argument: int, stated_all: bool, state: Progress) -> 
     if operation == Operation.OFFSETS:
         if state.bits is not None:
             raise ValueError("offsets after values")
-        if state.level != full:
-            raise ValueError("offsets before the full grid")
         radix = 2 * argument + 1
-        if stated_all or not 3 <= radix <= MAX_RADIX or state.parts * radix > MAX_PARTS:
-            raise ValueError(f"offsets in {radix} parts of {state.parts}")
-        return [Layer("offsets", full, 0, state.parts * radix)]
+        before = state.parts if state.level == full else 1
+        if stated_all or radix > MAX_RADIX or before * radix > MAX_PARTS:
+            raise ValueError(f"offsets in {radix} parts of {before}")
+        if unit > MAX_UNIT:
+            raise ValueError(f"offsets in parts of 2**{unit} samples")
+        return [Layer("offsets", state.level, 0, before * radix, unit)]
     raise ValueError(f"unknown operation {operation}")

@@ -1,0 +1,59 @@
+"""A mesh between the root and the full grid: which vertices of the full mesh are left (spec clause 4.7).
+
+A mesh is a set of vertices closed under parents, and every lattice point but the corners of the root is the middle
+of exactly one diamond: one flag a lattice point says it all. Positions are unclamped.
+"""
+
+from __future__ import annotations
+
+from itertools import combinations
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..jit import kernel
+from .store import Store, get, new_store
+
+GONE = 1
+"""Bit of a lattice point that is not a vertex of the mesh."""
+
+
+class Chosen(NamedTuple):
+    """``inside`` has an entry for each sample, on three axes; ``outside`` those of lattice points off the box."""
+
+    inside: NDArray[np.uint8]
+    outside: Store
+
+
+def every_vertex(shape: tuple[int, ...]) -> Chosen:
+    """The full grid: nothing is gone. ``shape`` has two or three axes."""
+    return Chosen(np.zeros(shape + (1,) * (3 - len(shape)), np.uint8), new_store(len(shape)))
+
+
+@kernel
+def flags(chosen, x, y, z):
+    """Bits of the lattice point at unclamped (x, y, z)."""
+    s0, s1, s2 = chosen.inside.shape
+    if x < s0 and y < s1 and z < s2:
+        return np.int64(chosen.inside[x, y, z])
+    return get(chosen.outside, x, y, z)
+
+
+@kernel
+def has(chosen, x, y, z):
+    """Whether the lattice point at unclamped (x, y, z) is a vertex of the mesh."""
+    return not flags(chosen, x, y, z) & GONE
+
+
+def finest_level(chosen: Chosen, k: int, n: int) -> int:
+    """Greatest level of the mesh's vertices on the box, -1 without any; 2**k is the edge of the root cube."""
+    shape = chosen.inside.shape
+    for level in range(n * k - 1, -1, -1):
+        g = 1 << (k - level // n - 1)
+        odd = n - level % n
+        for axes in combinations(range(n), odd):
+            part = tuple(slice(g, None, 2 * g) if a in axes else slice(0, None, 2 * g) for a in range(n))
+            if all(shape[a] > g or a not in axes for a in range(n)) and not (chosen.inside[part] & GONE).all():
+                return level
+    return -1

@@ -1,0 +1,142 @@
+"""What lies behind a gate on an adaptive mesh: questions about levels, and what leaves say (spec clause 5.8)."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..entropy import baseline as ctx
+from ..entropy.coder import ENCODE, MODE, code
+from ..jit import inner
+from ..mesh.access import child, dimension, grandchild, member, vertex
+from ..mesh.access import kind as kind_of
+from ..mesh.access import members as member_count
+from ..mesh.chosen import has
+from ..mesh.store import get, put
+from .mesh import BARRED, CROWDED, IN, OUT, admit, closure, newest, short, told
+from .seek import middle_at
+from .state import FINEST, LEVEL_SYMBOL, TALLY, UNIFORM, edge_of, position
+from .walk import BEFORE, RESOLVED
+
+_FINER, _EQUAL, _COARSER = range(3)
+
+
+@inner
+def _parent(st, level, cls, b0, b1, b2):
+    """Class and block of the parent of a simplex, and which child it is."""
+    n = dimension(st.tables)
+    r = (level - 1) % n
+    f = 2 if r == n - 1 else 1
+    z = position(edge_of(st, level), b0, b1, b2, vertex(st.tables, level % n, cls, newest(n, level % n)))
+    up = edge_of(st, level - 1)
+    w0, w1, w2 = 2 * z[0] // up, 2 * z[1] // up, 2 * z[2] // up
+    kind = kind_of(st.tables, r, w0, w1, w2)
+    for m in range(member_count(st.tables, kind)):
+        for side in range(2):
+            q, d0, d1, d2, _ = grandchild(st.tables, kind, m, side)
+            if q == cls and (w0 >> 2) * f + d0 == b0 and (w1 >> 2) * f + d1 == b1 and (w2 >> 2) * f + d2 == b2:
+                other, d0, d1, d2, _ = member(st.tables, kind, m)
+                return other, (w0 >> 2) + d0, (w1 >> 2) + d1, (w2 >> 2) + d2, side
+    return cls, b0, b1, b2, 0
+
+
+@inner
+def _question(n, level, opp):
+    """What there is to ask about the level behind a gate (design of the alphabets, spec clause 5.8.3)."""
+    if opp == newest(n, level % n):
+        return _COARSER
+    if opp == 0 or opp == n - level % n:
+        return _FINER
+    return _EQUAL
+
+
+@inner
+def tell(st, cd, level, x, y, z, context):
+    """Learn whether a middle is in the mesh: 1 or 0, or what the coder says, or CROWDED.
+
+    A vertex of the mesh brings its ancestors with it.
+    """
+    answer = np.int64(told(st, level, x, y, z))
+    if answer >= 0:
+        return answer
+    count = closure(st, level, x, y, z, 1)
+    if count != BARRED and short(st, count):
+        return np.int64(CROWDED)
+    want = np.int64(0)
+    if cd.reg[MODE] == ENCODE:
+        want = np.int64(has(st.chosen, x, y, z))
+    bit = np.int64(0)
+    if count != BARRED:
+        bit = code(cd, context, want)
+        if bit < 0:
+            return bit
+        st.at[TALLY + LEVEL_SYMBOL] += 1
+        st.walk[BEFORE] = (st.walk[BEFORE] << 1 & 2) | bit
+    if bit:
+        admit(st, count)
+    else:
+        put(st.mesh, x, y, z, get(st.mesh, x, y, z) | OUT)
+    return bit
+
+
+@inner
+def settle(st, level, cls, b0, b1, b2):
+    """Mark what a leaf says of the mesh: its newest vertex is in it, its middle is not. 0, CROWDED or BARRED."""
+    n = dimension(st.tables)
+    x, y, z = middle_at(st, level, cls, b0, b1, b2)
+    if level < st.at[FINEST]:
+        state = get(st.mesh, x, y, z)
+        if state & IN:
+            return np.int64(BARRED)
+        put(st.mesh, x, y, z, state | OUT)
+    if level - 1 < st.at[UNIFORM]:
+        return np.int64(0)
+    x, y, z = position(edge_of(st, level), b0, b1, b2, vertex(st.tables, level % n, cls, newest(n, level % n)))
+    state = get(st.mesh, x, y, z)
+    if state & IN:
+        return np.int64(0)
+    if state & OUT:
+        return np.int64(BARRED)
+    count = closure(st, level - 1, x, y, z, 1)
+    if count == BARRED:
+        return count
+    if short(st, count):
+        return np.int64(CROWDED)
+    admit(st, count)
+    return np.int64(0)
+
+
+@inner
+def resolve(st, cd, level, cls, b0, b1, b2, opp):
+    """Find the leaf behind a gate, leaving it in the registers: 0, or what ``tell`` or ``settle`` say."""
+    n = dimension(st.tables)
+    r = level % n
+    w = st.walk
+    ask = _question(n, level, opp)
+    if ask == _COARSER and level > 0:
+        x, y, z = position(edge_of(st, level), b0, b1, b2, vertex(st.tables, r, cls, opp))
+        bit = tell(st, cd, level - 1, x, y, z, ctx.LEVEL + (r * 2 + 1) * 4 + w[BEFORE])
+        if bit < 0:
+            return bit
+        if bit == 0:
+            cls, b0, b1, b2, side = _parent(st, level, cls, b0, b1, b2)
+            level -= 1
+            opp = np.int64(0) if side else n - level % n
+    elif ask == _FINER:
+        x, y, z = middle_at(st, level, cls, b0, b1, b2)
+        bit = tell(st, cd, level, x, y, z, ctx.LEVEL + r * 8 + w[BEFORE])
+        if bit < 0:
+            return bit
+        if bit == 1:
+            side = 1 if opp == 0 else 0
+            q, d0, d1, d2 = child(st.tables, r, cls, side)
+            f = 2 if r == n - 1 else 1
+            cls, b0, b1, b2 = q, b0 * f + d0, b1 * f + d1, b2 * f + d2
+            level += 1
+            opp = newest(n, level % n)
+    w[RESOLVED] = level
+    w[RESOLVED + 1] = cls
+    w[RESOLVED + 2] = b0
+    w[RESOLVED + 3] = b1
+    w[RESOLVED + 4] = b2
+    w[RESOLVED + 5] = opp
+    return np.int64(0)

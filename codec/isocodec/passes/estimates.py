@@ -1,0 +1,203 @@
+"""What geometry has told: numbers of the values at vertices, or parts of crossed edges (spec clauses 5.6, 5.7, 5.9)."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..contour.implied import implied_edges
+from ..entropy.coder import Coder
+from . import geometry, leaves
+from .state import BITS, LEAVES, MESHES, VERTICES, State
+from .truth import Truth
+
+NOTHING = np.zeros(0, np.int64)
+
+
+class Estimates:
+    """What layers of geometry have told of one isovalue.
+
+    Parameters
+    ----------
+    shape : tuple of int
+    truth : Truth or None
+        For the encoder.
+    lean : tuple of Estimates and State, or None
+        Those of the earlier isovalue, complete.
+    shift : int or None
+        How many whole steps above that isovalue this one lies; None if values of the one say nothing of the other.
+
+    Attributes
+    ----------
+    has_values : bool
+    bits : tuple of int
+        Bits of the numbers of values above and below the isovalue.
+    number, left : (V,) int64
+        Of each vertex, as far as values have come: its number so far, and the bits that are missing.
+    edges : (E, 2) int64
+        Vertices at the lower and upper ends of the edges that carry offsets.
+    parts, offset : (E,) int64
+        Parts of each, and the number of the one that holds the crossing.
+    """
+
+    def __init__(
+        self, shape: tuple[int, ...], truth: Truth | None, lean: tuple[Estimates, State] | None, shift: int | None
+    ) -> None:
+        self.shape = shape
+        self.n = len(shape)
+        self.truth = truth
+        self.has_values = False
+        self.bits = (0, 0)
+        self.number = NOTHING
+        self.left = NOTHING
+        self.edges = np.zeros((0, 2), np.int64)
+        self.parts = NOTHING
+        self.offset = NOTHING
+        self._lean = lean
+        self._shift = shift
+        self._active = NOTHING
+        self._active_mesh = self._edges_mesh = -1
+        self._wanted = NOTHING
+        self._length = NOTHING
+        self._rising = np.zeros(0, np.bool_)
+        self._earlier = np.zeros((0, 2), np.int64)
+        self._target = NOTHING
+        self._plane = 0
+        self._pitch = (1, 0)
+
+    def _activate(self, st: State, full: bool) -> None:
+        """Find the vertices that geometry by values refines now, and the encoder's numbers for them."""
+        count = int(st.at[VERTICES])
+        active = np.empty(count, np.int64)
+        used = geometry.active_vertices(st, np.zeros(count, np.uint8), full, active)
+        self._active = active[:used]
+        self._active_mesh = int(st.at[MESHES])
+        self._wanted = np.zeros(count if self.truth else 0, np.int64)
+        if self.truth:
+            above = st.vertex[self._active, 3] != 0
+            self._wanted[self._active] = self.truth.number(st.vertex[self._active, : self.n], above)
+
+    def value_bits(self, st: State, full: bool) -> tuple[int, int]:
+        """Encoder: bits that the numbers of the present vertices need, above and below the isovalue."""
+        self._activate(st, full)
+        above = st.vertex[self._active, 3] != 0
+        numbers = self._wanted[self._active]
+        bits = [int(numbers[side].max(initial=0)).bit_length() for side in (above, ~above)]
+        return bits[0], bits[1]
+
+    def begin_values(self, st: State, full: bool, plane: int) -> None:
+        """Begin a layer of geometry by values, down to ``plane`` missing bits."""
+        count = int(st.at[VERTICES])
+        old = len(self.number)
+        if st.at[MESHES] != self._active_mesh:
+            self._activate(st, full)
+        if count > old:
+            self.number = np.concatenate([self.number, np.zeros(count - old, np.int64)])
+            bits = np.where(st.vertex[old:count, 3] != 0, *self.bits).astype(np.int64)
+            self.left = np.concatenate([self.left, bits])
+            self._take_values(st, old, count)
+        if not self.has_values:
+            # what offsets said of the crossings, values say better
+            self.edges, self.parts, self.offset = np.zeros((0, 2), np.int64), NOTHING, NOTHING
+        self.has_values = True
+        st.at[BITS : BITS + 2] = self.bits[::-1]
+        self._plane = plane
+
+    def _take_values(self, st: State, first: int, end: int) -> None:
+        """What the earlier isovalue knows of the values of vertices ``first`` to ``end`` need not be sent again."""
+        if self._lean is None or self._shift is None or not len(self._lean[0].number):
+            return
+        earlier, other = self._lean
+        vertex = np.empty(end - first, np.int64)
+        geometry.entries(other, st.vertex[first:end, :3].astype(np.int64), vertex)
+        known = np.flatnonzero((vertex >= 0) & (vertex < len(earlier.number)))
+        side = other.vertex[vertex[known], 3] != 0
+        sent = np.where(side, *earlier.bits) > 0
+        known = known[sent & (earlier.left[vertex[known]] == 0)]
+        number = earlier.number[vertex[known]]
+        steps = np.where(other.vertex[vertex[known], 3] != 0, number + 1, -number) - self._shift
+        above = st.vertex[first + known, 3] != 0
+        self.number[first + known] = np.where(above, steps - 1, -steps)
+        self.left[first + known] = 0
+
+    def code_values(self, st: State, cd: Coder) -> int:
+        """Go on with a layer of values."""
+        return int(geometry.values(st, cd, self._active, self.number, self.left, self._plane, self._wanted))
+
+    def begin_offsets(self, st: State, full: bool, parts: int, unit: int) -> None:
+        """Begin a layer of offsets, to at least ``parts`` parts in ``2**unit`` samples of an edge."""
+        self._pitch = (parts, unit)
+        if st.at[MESHES] != self._edges_mesh:
+            self._list_edges(st, full)
+
+    def code_offsets(self, st: State, cd: Coder) -> int:
+        """Go on with a layer of offsets."""
+        return int(
+            geometry.offsets(
+                st, cd, self.offset, self.parts, self._length, self._rising, self._earlier, *self._pitch, self._target
+            )
+        )
+
+    def _list_edges(self, st: State, full: bool) -> None:
+        """Make the list of edges that carry offsets anew; those that stay keep theirs."""
+        count = int(st.at[VERTICES])
+        if full:
+            edges = np.empty((self.n * count, 2), np.int64)
+            edges = edges[: geometry.grid_edges(st, np.zeros(count, np.uint8), edges)]
+        else:
+            edges = self._leaf_edges(st)
+        keys, old = edges @ (count, 1), self.edges @ (count, 1)
+        order = np.argsort(old)
+        place = np.minimum(np.searchsorted(old[order], keys), max(len(old) - 1, 0))
+        parts, offset = np.ones(len(edges), np.int64), np.zeros(len(edges), np.int64)
+        if len(old):
+            place = order[place]
+            same = old[place] == keys
+            parts[same], offset[same] = self.parts[place[same]], self.offset[place[same]]
+        self.edges, self.parts, self.offset = edges, parts, offset
+        self._edges_mesh = int(st.at[MESHES])
+        low, high = (st.vertex[edges[:, i], : self.n].astype(np.int64) for i in (0, 1))
+        self._length = np.abs(high - low).max(axis=1, initial=0)
+        self._rising = st.vertex[edges[:, 1], 3] != 0
+        self._earlier = self._earlier_offsets(low, high)
+        self._target = self.truth.crossing(low, high) if self.truth else NOTHING
+
+    def _earlier_offsets(self, low: NDArray[np.int64], high: NDArray[np.int64]) -> NDArray[np.int64]:
+        """Numbers and parts at the earlier isovalue, of edges between neighbouring samples; 0 parts where it has none.
+
+        On longer edges the order of crossings is not certain: each isovalue may have several.
+        """
+        out = np.zeros((len(low), 2), np.int64)
+        if self._lean is None or not len(self._lean[0].edges):
+            return out
+        earlier = self._lean[0]
+        vertex = self._lean[1].vertex[:, : self.n].astype(np.int64)
+        other_low, other_high = vertex[earlier.edges[:, 0]], vertex[earlier.edges[:, 1]]
+
+        def named(low: NDArray[np.int64], high: NDArray[np.int64]) -> NDArray[np.int64]:
+            name = np.ravel_multi_index(tuple(low.T), self.shape) * 27 + (high - low + 1) @ (9, 3, 1)[-self.n :]
+            return np.where(np.abs(high - low).max(axis=1, initial=0) == 1, name, -1)
+
+        keys = named(other_low, other_high)
+        order = np.argsort(keys)
+        wanted = named(low, high)
+        place = order[np.minimum(np.searchsorted(keys[order], wanted), len(keys) - 1)]
+        same = (keys[place] == wanted) & (wanted >= 0) & (earlier.parts[place] > 1)
+        out[same, 0], out[same, 1] = earlier.offset[place[same]], earlier.parts[place[same]]
+        return out
+
+    def _leaf_edges(self, st: State) -> NDArray[np.int64]:
+        """Crossed edges of the leaves, each at its first occurrence, but for those that follow from others."""
+        rows = np.empty((int(st.at[LEAVES]) * (2 if self.n == 2 else 4), 2), np.int64)
+        rows = rows[: geometry.leaf_edges(st, rows)]
+        _, first = np.unique(rows @ (int(st.at[VERTICES]), 1), return_index=True)
+        edges = rows[np.sort(first)]
+        numbers, levels = leaves.drawn(st, 1)
+        position = st.vertex[: st.at[VERTICES], : self.n].astype(np.int64)
+        rank = np.ravel_multi_index(tuple(position.T), self.shape)
+        above = st.vertex[: st.at[VERTICES], 3] != 0
+        implied = [i.edges for i in implied_edges(rank, position, above, numbers, levels)]
+        if implied:
+            weights = (int(st.at[VERTICES]), 1)
+            edges = edges[~np.isin(edges @ weights, np.concatenate(implied) @ weights)]
+        return edges

@@ -1,0 +1,154 @@
+"""Adaptive meshes: a closed set of vertices, marked on the lattice (spec clauses 4.7, 5.8).
+
+A lattice point belongs to the mesh if its level is below the uniform one or it is marked so. What a vertex needs to
+be in the mesh are its parents: the middles whose bisection made the members of its diamond.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..jit import inner
+from ..mesh.access import dimension, member, vertex
+from ..mesh.access import kind as kind_of
+from ..mesh.access import members as member_count
+from ..mesh.store import full, get, put
+from .diamond import look
+from .state import FINEST, ROOM, TOLD, UNIFORM, edge_of, position
+
+IN, OUT, KEPT, KNOWN = 1, 2, 4, 8
+"""Marks of a lattice point: in the mesh; told not to be in it; kept in this layer; known when it was added."""
+
+BARRED, CROWDED = -16, -17
+"""Why a question has no answer, beside what the coder returns: it cannot be asked; there is no room for the answer."""
+MOST_ANCESTORS = 4096
+"""Rows of ``State.path``; a vertex with more ancestors to be added is barred (spec clause 11.1)."""
+
+
+@inner
+def newest(n, r):
+    """Number of the vertex of a simplex that the bisection of its parent added."""
+    return 1 if r == 0 else n - r + 1
+
+
+@inner
+def marks(st, level, x, y, z):
+    """Marks of the middle at unclamped (x, y, z), those that its level implies included."""
+    if level < st.at[UNIFORM]:
+        return np.int64(IN)
+    return get(st.mesh, x, y, z)
+
+
+@inner
+def lattice(st, level, x, y, z):
+    """Unclamped position in units of g of a level."""
+    edge = edge_of(st, level)
+    return 2 * x // edge, 2 * y // edge, 2 * z // edge
+
+
+@inner
+def _listed(st, count, x, y, z):
+    for i in range(count):  # noqa: SIM110 - compiled
+        if st.path[i, 0] == x and st.path[i, 1] == y and st.path[i, 2] == z:
+            return True
+    return False
+
+
+@inner
+def mixed(st, level, x, y, z):
+    """Whether the known corners of the diamond around a middle differ in sign."""
+    w0, w1, w2 = lattice(st, level, x, y, z)
+    known, above = look(st, level, kind_of(st.tables, level % dimension(st.tables), w0, w1, w2), w0, w1, w2)[3:]
+    return above != 0 and above != known
+
+
+@inner
+def closure(st, level, x, y, z, free):
+    """List in ``State.path`` the middle at (x, y, z) and all ancestors that the mesh lacks; their number.
+
+    With ``free`` 0 an ancestor that would need a symbol of its own bars the middle, and so does, with ``free`` 1, one
+    that was told not to be in the mesh: ``BARRED``.
+    """
+    n = dimension(st.tables)
+    t = st.tables
+    st.path[0, 0] = x
+    st.path[0, 1] = y
+    st.path[0, 2] = z
+    st.path[0, 3] = level
+    count = np.int64(1)
+    i = 0
+    while i < count:
+        x, y, z, level = st.path[i, 0], st.path[i, 1], st.path[i, 2], st.path[i, 3]
+        i += 1
+        if level - 1 < st.at[UNIFORM]:
+            continue
+        r = level % n
+        edge = edge_of(st, level)
+        w0, w1, w2 = lattice(st, level, x, y, z)
+        kind = kind_of(t, r, w0, w1, w2)
+        existing = look(st, level, kind, w0, w1, w2)[1]
+        for m in range(member_count(t, kind)):
+            if not (existing >> m) & 1:
+                continue
+            cls, d0, d1, d2, _ = member(t, kind, m)
+            p0, p1, p2 = position(edge, (w0 >> 2) + d0, (w1 >> 2) + d1, (w2 >> 2) + d2, vertex(t, r, cls, newest(n, r)))
+            state = get(st.mesh, p0, p1, p2)
+            if state & IN or _listed(st, count, p0, p1, p2):
+                continue
+            if state & OUT if free else mixed(st, level - 1, p0, p1, p2):
+                return np.int64(BARRED)
+            if count == len(st.path):
+                return np.int64(BARRED)
+            st.path[count, 0] = p0
+            st.path[count, 1] = p1
+            st.path[count, 2] = p2
+            st.path[count, 3] = level - 1
+            count += 1
+    return count
+
+
+@inner
+def short(st, count):
+    """Whether the store of the mesh lacks room for ``count`` vertices; it is asked for."""
+    if full(st.mesh, count):
+        st.at[ROOM] = max(st.at[ROOM], count)
+        return True
+    return False
+
+
+@inner
+def admit(st, count):
+    """Mark the first vertices of ``State.path`` as in the mesh."""
+    for i in range(count):
+        x, y, z = st.path[i, 0], st.path[i, 1], st.path[i, 2]
+        put(st.mesh, x, y, z, get(st.mesh, x, y, z) | IN)
+
+
+@inner
+def told(st, level, x, y, z):
+    """Whether a middle is in the mesh, as far as a base has told: 1, 0, or -1 for not yet."""
+    if level < st.at[UNIFORM]:
+        return 1
+    if level >= st.at[FINEST]:
+        return 0
+    state = get(st.mesh, x, y, z)
+    if state & IN:
+        return 1
+    if state & OUT or st.at[TOLD]:
+        return 0
+    if level - 1 < st.at[UNIFORM]:
+        return -1
+    n = dimension(st.tables)
+    t = st.tables
+    r = level % n
+    edge = edge_of(st, level)
+    w0, w1, w2 = lattice(st, level, x, y, z)
+    kind = kind_of(t, r, w0, w1, w2)
+    existing = look(st, level, kind, w0, w1, w2)[1]
+    for m in range(member_count(t, kind)):
+        if (existing >> m) & 1:
+            cls, d0, d1, d2, _ = member(t, kind, m)
+            p0, p1, p2 = position(edge, (w0 >> 2) + d0, (w1 >> 2) + d1, (w2 >> 2) + d2, vertex(t, r, cls, newest(n, r)))
+            if get(st.mesh, p0, p1, p2) & OUT:
+                return 0
+    return -1

@@ -1,0 +1,85 @@
+"""What a tube looks like at any moment: the decoded state in canonical order, and the leaves for the drawing."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..contour.leaves import Leaves
+from ..mesh.store import SHIFT as PAGE_SHIFT
+from ..mesh.tables import AXES
+from . import leaves
+from .decoded import Decoded
+from .mesh import IN
+from .state import VERTICES
+from .tube import Tube
+
+
+def state_of(tube: Tube) -> Decoded:
+    """All that is known, in canonical order (spec annex C)."""
+    st, est = tube.state, tube.estimates
+    count = int(st.at[VERTICES])
+    position = st.vertex[:count, : tube.n].astype(np.int64)
+    order = np.lexsort(position.T[::-1])
+    missing = np.full(count, -1, np.int64)
+    number = np.zeros(count, np.int64)
+    missing[: len(est.left)] = est.left
+    number[: len(est.number)] = est.number
+    low, high = position[est.edges[:, 0]], position[est.edges[:, 1]]
+    edge_order = np.lexsort((*high.T[::-1], *low.T[::-1]))
+    sent = edge_order[est.parts[edge_order] > 1]
+    return Decoded(
+        tube.shape, -1 if tube.running == "base" else tube.level, _explicit(tube), position[order],
+        st.vertex[order, 3] != 0, missing[order], number[order], low[sent], high[sent], est.parts[sent],
+        est.offset[sent],
+    )  # fmt: skip
+
+
+def _explicit(tube: Tube) -> NDArray[np.int64]:
+    """Unclamped positions of the vertices that the mesh has beyond its uniform level, in lexicographic order."""
+    store = tube.state.mesh
+    used = store.table[store.table[:, 0] >= 0]
+    shifts = store.head[PAGE_SHIFT : PAGE_SHIFT + AXES]
+    page, cell = np.nonzero(store.pages[used[:, 1]] & IN)
+    key = used[page, 0]
+    corner = np.stack([key & 0x1FFFFF, key >> 21 & 0x1FFFFF, key >> 42], axis=1) << shifts
+    inner = np.stack([cell >> (shifts[1] + shifts[2]), cell >> shifts[2] & ((1 << shifts[1]) - 1),
+                      cell & ((1 << shifts[2]) - 1)], axis=1)  # fmt: skip
+    position = (corner + inner)[:, : tube.n]
+    odd = position & -position
+    unit = np.where(odd == 0, 1 << 62, odd).min(axis=1)
+    odd = (position // unit[:, None] & 1).sum(axis=1)
+    levels = tube.n * (tube.k - np.round(np.log2(unit)).astype(np.int64)) - odd
+    position = position[levels >= tube.level]
+    return position[np.lexsort(position.T[::-1])]
+
+
+def leaves_of(tube: Tube, isovalue: float, value_of: Callable[..., NDArray[np.float64]]) -> Leaves:
+    """All that the drawing needs; ``value_of(number, above)`` turns numbers of steps into field values."""
+    st, est = tube.state, tube.estimates
+    count = int(st.at[VERTICES])
+    rows, levels = leaves.drawn(st, int(tube.running != "base"))
+    above = st.vertex[:count, 3] != 0
+    value = None
+    if est.has_values:
+        value = np.full(count, np.nan)
+        known = len(est.number)
+        some = est.left < np.where(above[:known], *est.bits)
+        some |= est.left == 0
+        middle = np.ldexp(est.number + 0.5, est.left) - 0.5
+        value[:known] = np.where(some, value_of(middle, above[:known]), np.nan)
+    sent = est.parts > 1
+    return Leaves(
+        shape=tube.shape,
+        isovalue=isovalue,
+        position=st.vertex[:count, : tube.n].astype(np.int64),
+        above=above,
+        value=value,
+        simplices=rows,
+        levels=levels,
+        full=tube.full,
+        edges=est.edges[sent],
+        edge_offset=(est.offset[sent] + 0.5) / est.parts[sent],
+    )

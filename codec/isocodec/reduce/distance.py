@@ -1,0 +1,238 @@
+"""Certified distances between two curves or two surfaces (rows C2-distortion, S3-distortion).
+
+A piece of one is proven to lie within a limit of the other if all its vertices lie within the limit of one segment or
+triangle (distance to a convex set is convex), or if its centre does with the piece's radius to spare; otherwise it is
+halved. What is not proven counts as too far: bounds err on the safe side.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..jit import inner, kernel
+from .distortion import near
+
+SMALLEST = 1e-3
+"""Radius, in cells, below which a piece is not halved again: distances are certain to twice that."""
+_STACK = 64
+
+
+@dataclass(frozen=True)
+class Excess:
+    """Pieces that are not proven to lie within a limit.
+
+    Attributes
+    ----------
+    cells : (K,) int64
+        Their numbers.
+    places : (K, n) float64
+        A point of each where that shows.
+    """
+
+    cells: NDArray[np.int64]
+    places: NDArray[np.float64]
+
+
+@kernel
+def _count(pieces, low, size, reach, counts):
+    """Count for each bucket the pieces that come within ``reach`` of it."""
+    for i in range(len(pieces)):
+        x, y, z = (
+            _span(pieces, i, 0, low, size, reach),
+            _span(pieces, i, 1, low, size, reach),
+            _span(pieces, i, 2, low, size, reach),
+        )
+        for p in range(max(x[0], 0), min(x[1], counts.shape[0] - 1) + 1):
+            for q in range(max(y[0], 0), min(y[1], counts.shape[1] - 1) + 1):
+                for r in range(max(z[0], 0), min(z[1], counts.shape[2] - 1) + 1):
+                    counts[p, q, r] += 1
+
+
+@kernel
+def _fill(pieces, low, size, reach, place, items):
+    """List them; ``place`` says where each bucket's list goes on."""
+    for i in range(len(pieces)):
+        x, y, z = (
+            _span(pieces, i, 0, low, size, reach),
+            _span(pieces, i, 1, low, size, reach),
+            _span(pieces, i, 2, low, size, reach),
+        )
+        for p in range(max(x[0], 0), min(x[1], place.shape[0] - 1) + 1):
+            for q in range(max(y[0], 0), min(y[1], place.shape[1] - 1) + 1):
+                for r in range(max(z[0], 0), min(z[1], place.shape[2] - 1) + 1):
+                    items[place[p, q, r]] = i
+                    place[p, q, r] += 1
+
+
+@inner
+def _span(pieces, i, axis, low, size, reach):
+    a, b, c = pieces[i, axis], pieces[i, 3 + axis], pieces[i, 6 + axis]
+    return (
+        int(np.floor((min(a, b, c) - reach - low[axis]) / size)),
+        int(np.floor((max(a, b, c) + reach - low[axis]) / size)),
+    )
+
+
+@kernel
+def _exceed(source, flat, low, size, shape, first, items, limit, stack, todo, out, places):
+    """Mark in ``out`` the pieces ``todo`` of the source that are not proven to lie within ``limit``."""
+    squared = limit * limit
+    for t in range(len(todo)):
+        i = todo[t]
+        depth = 1
+        for k in range(9):
+            stack[0, k] = source[i, k]
+        while depth > 0:
+            depth -= 1
+            o = stack[depth]
+            x, y, z = (o[0] + o[3] + o[6]) / 3.0, (o[1] + o[4] + o[7]) / 3.0, (o[2] + o[5] + o[8]) / 3.0
+            p = int(np.floor((x - low[0]) / size))
+            q = int(np.floor((y - low[1]) / size))
+            r = int(np.floor((z - low[2]) / size))
+            best = np.inf
+            proven = False
+            if 0 <= p < shape[0] and 0 <= q < shape[1] and 0 <= r < shape[2]:
+                bucket = (p * shape[1] + q) * shape[2] + r
+                for k in range(first[bucket], first[bucket + 1]):
+                    j = 9 * items[k]
+                    d = near(flat, j, x, y, z)
+                    if d > squared:
+                        best = min(best, d)
+                        continue
+                    best = min(best, d)
+                    if (
+                        near(flat, j, o[0], o[1], o[2]) <= squared
+                        and near(flat, j, o[3], o[4], o[5]) <= squared
+                        and near(flat, j, o[6], o[7], o[8]) <= squared
+                    ):
+                        proven = True
+                        break
+            if proven:
+                continue
+            radius = np.sqrt(max(_apart(o, 0, x, y, z), _apart(o, 3, x, y, z), _apart(o, 6, x, y, z)))
+            if np.sqrt(best) + radius <= limit:
+                continue
+            if best > squared or radius < SMALLEST or depth + 2 > len(stack):
+                out[i] = True
+                places[i, 0] = x
+                places[i, 1] = y
+                places[i, 2] = z
+                break
+            _halve(stack, depth)
+            depth += 2
+
+
+@inner
+def _apart(o, i, x, y, z):
+    return (o[i] - x) ** 2 + (o[i + 1] - y) ** 2 + (o[i + 2] - z) ** 2
+
+
+@inner
+def _halve(stack, depth):
+    """Replace the piece at ``depth`` by its two halves across its longest side."""
+    o = stack[depth]
+    longest, a, b, c = -1.0, 0, 3, 6
+    for i in range(3):
+        p, q = 3 * i, 3 * ((i + 1) % 3)
+        d = _apart(o, p, o[q], o[q + 1], o[q + 2])
+        if d > longest:
+            longest, a, b, c = d, p, q, 3 * ((i + 2) % 3)
+    segment = _apart(o, c, o[b], o[b + 1], o[b + 2]) == 0.0 or _apart(o, c, o[a], o[a + 1], o[a + 2]) == 0.0
+    for axis in range(3):
+        u, v, w = o[a + axis], o[b + axis], o[c + axis]
+        m = 0.5 * (u + v)
+        stack[depth, axis], stack[depth, 3 + axis], stack[depth, 6 + axis] = u, m, m if segment else w
+        stack[depth + 1, axis], stack[depth + 1, 3 + axis], stack[depth + 1, 6 + axis] = v, m, m if segment else w
+
+
+class Target:
+    """A curve or surface that others are held against, sorted into buckets for one limit.
+
+    Parameters
+    ----------
+    points : (P, n) float64
+    cells : (M, n) int64
+    limit : float
+        In the points' units, cells of the grid.
+    """
+
+    def __init__(self, points: NDArray[np.float64], cells: NDArray[np.int64], limit: float) -> None:
+        pieces = _pieces(points, cells)
+        self.limit = limit
+        self.flat = pieces.ravel()
+        self.empty = not len(pieces)
+        self.size = max(2.0 * limit, 2.0)
+        corners = pieces.reshape(-1, 3)
+        reach = limit * (1 + 1e-9) + 1e-9
+        self.low = corners.min(axis=0, initial=0.0) - reach
+        high = corners.max(axis=0, initial=0.0) + reach
+        self.shape = np.maximum(np.floor((high - self.low) / self.size).astype(np.int64) + 1, 1)
+        counts = np.zeros(tuple(self.shape), np.int64)
+        _count(pieces, self.low, self.size, reach, counts)
+        self.first = np.concatenate([[0], np.cumsum(counts.ravel())])
+        self.items = np.empty(self.first[-1], np.int64)
+        _fill(pieces, self.low, self.size, reach, self.first[:-1].reshape(counts.shape).copy(), self.items)
+
+    def exceeded(
+        self, points: NDArray[np.float64], cells: NDArray[np.int64], todo: NDArray[np.int64] | None = None
+    ) -> Excess:
+        """Pieces of another curve or surface (or those of ``todo``) that are not proven to lie within the limit."""
+        n = points.shape[1]
+        todo = np.arange(len(cells)) if todo is None else todo
+        if self.empty:
+            return Excess(todo, points[cells[todo, 0]])
+        source = _pieces(points, cells)
+        out, places = np.zeros(len(cells), np.bool_), np.zeros((len(cells), 3))
+        _exceed(source, self.flat, self.low, self.size, self.shape, self.first, self.items, float(self.limit),
+                np.zeros((_STACK, 9)), todo, out, places)  # fmt: skip
+        found = np.flatnonzero(out)
+        return Excess(found, places[found, :n])
+
+
+def _pieces(points: NDArray[np.float64], cells: NDArray[np.int64]) -> NDArray[np.float64]:
+    """Corners of all pieces, (M, 9): those of a segment with its second point twice."""
+    n = points.shape[1]
+    padded = np.zeros((len(points), 3))
+    padded[:, :n] = points
+    corners = cells if n == 3 else cells[:, [0, 1, 1]]
+    return np.ascontiguousarray(padded[corners].reshape(-1, 9))
+
+
+def one_sided(
+    points: NDArray[np.float64], cells: NDArray[np.int64], target_points: NDArray[np.float64],
+    target_cells: NDArray[np.int64], tolerance: float = 0.01,
+) -> float:  # fmt: skip
+    """Upper bound of how far points of the first lie from the second, at most ``tolerance`` above the truth.
+
+    Infinite if only the second is empty, 0 if the first is.
+    """
+    if not len(cells):
+        return 0.0
+    if not len(target_cells):
+        return float("inf")
+    low, high = 0.0, 0.25
+    todo = np.arange(len(cells))
+    while len(left := Target(target_points, target_cells, high).exceeded(points, cells, todo).cells):
+        todo, low, high = left, high, 2 * high
+    while high - low > max(tolerance - 2 * SMALLEST, SMALLEST):
+        middle = (low + high) / 2
+        left = Target(target_points, target_cells, middle).exceeded(points, cells, todo).cells
+        if len(left):
+            todo, low = left, middle
+        else:
+            high = middle
+    return high
+
+
+def hausdorff(
+    a_points: NDArray[np.float64], a_cells: NDArray[np.int64], b_points: NDArray[np.float64],
+    b_cells: NDArray[np.int64], tolerance: float = 0.01,
+) -> tuple[float, float]:  # fmt: skip
+    """Upper bounds of both one-sided distances, from a to b and from b to a."""
+    return (
+        one_sided(a_points, a_cells, b_points, b_cells, tolerance),
+        one_sided(b_points, b_cells, a_points, a_cells, tolerance),
+    )

@@ -1,0 +1,104 @@
+"""What the kernels of the reduction see: the mesh's tables, the field, the vertices that are left."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..jit import inner
+from ..mesh.access import corner, dimension, member, vertex
+from ..mesh.access import corners as corner_count
+from ..mesh.access import members as member_count
+from ..mesh.chosen import Chosen
+from ..mesh.store import get, put
+from ..passes.diamond import inside
+from ..passes.mesh import newest
+from ..passes.state import edge_of, exists, position, truth
+
+NEEDED, OPEN, FAILED = 2, 4, 8
+"""Bits of a lattice point, beside GONE: a child is left; it may go if the curve stays near enough; it does not."""
+
+ROOM = 512
+"""Values in ``Domain.room``."""
+
+
+class Domain(NamedTuple):
+    """Named like the arrays of ``passes.state.State`` where kernels are shared."""
+
+    tables: NDArray[np.int64]
+    at: NDArray[np.int64]
+    walk: NDArray[np.int64]
+    truth: NDArray[np.bool_]  # signs, three axes
+    phi: NDArray[np.float32]  # value less isovalue, three axes; its sign counts nowhere
+    chosen: Chosen
+    room: NDArray[np.float64]  # points of a diamond's pieces
+
+
+@inner
+def flags_of(dm, x, y, z):
+    """Bits of the lattice point at unclamped (x, y, z)."""
+    s0, s1, s2 = dm.truth.shape
+    if x < s0 and y < s1 and z < s2:
+        return np.int64(dm.chosen.inside[x, y, z])
+    return get(dm.chosen.outside, x, y, z)
+
+
+@inner
+def set_flags(dm, x, y, z, bits):
+    s0, s1, s2 = dm.truth.shape
+    if x < s0 and y < s1 and z < s2:
+        dm.chosen.inside[x, y, z] = bits
+    else:
+        put(dm.chosen.outside, x, y, z, bits)
+
+
+@inner
+def members_of(dm, level, kind, w0, w1, w2):
+    """Whether the diamond lies inside the box, and the bits of its existing members and of their corners."""
+    t = dm.tables
+    n = dimension(t)
+    count = member_count(t, kind)
+    if inside(dm, level, w0, w1, w2):
+        return True, (np.int64(1) << count) - 1, (np.int64(1) << corner_count(t, kind)) - 1
+    edge = edge_of(dm, level)
+    found = np.int64(0)
+    corners = np.int64(0)
+    for m in range(count):
+        cls, d0, d1, d2, bits = member(t, kind, m)
+        if exists(dm, edge, level % n, cls, (w0 >> 2) + d0, (w1 >> 2) + d1, (w2 >> 2) + d2):
+            found |= np.int64(1) << m
+            corners |= bits
+    return False, found, corners
+
+
+@inner
+def signs_of(dm, edge, kind, corners, w0, w1, w2):
+    """Bits of the corners that are above."""
+    above = np.int64(0)
+    i = 0
+    while corners >> i:
+        if (corners >> i) & 1:
+            x, y, z = position(edge, w0 >> 2, w1 >> 2, w2 >> 2, corner(dm.tables, kind, np.int64(i)))
+            above |= truth(dm, x, y, z) << i
+        i += 1
+    return above
+
+
+@inner
+def need_parents(dm, level, kind, members, w0, w1, w2):
+    """Mark the parents of a vertex that stays."""
+    t = dm.tables
+    n = dimension(t)
+    r = level % n
+    edge = edge_of(dm, level)
+    if level == 0:
+        return
+    for m in range(member_count(t, kind)):
+        if (members >> m) & 1:
+            cls, d0, d1, d2, _ = member(t, kind, m)
+            p = position(edge, (w0 >> 2) + d0, (w1 >> 2) + d1, (w2 >> 2) + d2, vertex(t, r, cls, newest(n, r)))
+            bits = flags_of(dm, p[0], p[1], p[2])
+            if not bits & NEEDED:
+                set_flags(dm, p[0], p[1], p[2], bits | NEEDED)

@@ -1,0 +1,52 @@
+"""The curve or surface that an encoder starts from, drawn as a decoder of the full grid would (spec clause 9)."""
+
+from __future__ import annotations
+
+from itertools import permutations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..contour import Contour, draw
+from ..contour.leaves import Leaves
+from ..grid.field import Field
+
+
+def original(field: Field) -> Contour:
+    """The contour of a field: points on the grid's edges by linear interpolation."""
+    shape, n = field.signs.shape, field.signs.ndim
+    cells = _mixed_cells(field.signs)
+    # x0 has even indices only, xn odd ones; a simplex is a path between them, one axis at a time
+    even = cells + (cells & 1)
+    step = 1 - 2 * (cells & 1)
+    rows = []
+    for order in permutations(range(n)):
+        path = np.zeros((n + 1, n), np.int64)
+        for i, axis in enumerate(order):
+            path[i + 1] = path[i]
+            path[i + 1, axis] = 1
+        rows.append(even[:, None] + path[None] * step[:, None])
+    simplices = np.stack(rows, axis=1).reshape(-1, n + 1, n)
+    signs = field.signs[tuple(np.moveaxis(simplices, -1, 0))]
+    simplices = simplices[signs.any(axis=1) & ~signs.all(axis=1)]
+    flat = np.ravel_multi_index(tuple(np.moveaxis(simplices, -1, 0)), shape)
+    used, index = np.unique(flat, return_inverse=True)
+    position = np.stack(np.unravel_index(used, shape), axis=-1).reshape(-1, n)
+    values = field.values.reshape(-1)[used].astype(np.float64)
+    leaves = Leaves(
+        shape=shape, isovalue=field.isovalue, position=position, above=field.signs.reshape(-1)[used], value=values,
+        simplices=index.reshape(-1, n + 1), levels=np.zeros(len(simplices), np.int64), full=True,
+        edges=np.zeros((0, 2), np.int64), edge_offset=np.zeros(0),
+    )  # fmt: skip
+    return draw(leaves)
+
+
+def _mixed_cells(signs: NDArray[np.bool_]) -> NDArray[np.int64]:
+    """Unit cells whose corners are not all of one sign, by their lowest corner."""
+    some, every = signs, signs
+    for axis in range(signs.ndim):
+        low = [slice(None)] * signs.ndim
+        high = [slice(None)] * signs.ndim
+        low[axis], high[axis] = slice(None, -1), slice(1, None)
+        some, every = some[tuple(low)] | some[tuple(high)], every[tuple(low)] & every[tuple(high)]
+    return np.argwhere(some & ~every)

@@ -1,0 +1,193 @@
+"""The layers of one isovalue, on the encoder's side: from a plan to runs of symbols (spec clauses 3.6, 6.1)."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from isospec.container import Operation
+from isospec.elements import BY_LAYER, ELEMENTS
+
+from ..entropy.baseline import models, rates
+from ..entropy.coder import ENCODE, POS, REGISTERS, Coder, finish, start
+from ..errors import OptionError
+from ..grid.field import Field
+from ..jit import DONE
+from ..limits import Limits
+from ..mesh.chosen import Chosen
+from ..passes.truth import Truth
+from ..passes.tube import Tube
+from .container import LayerRecord
+from .program import Layer, Progress, expand
+
+MOST_SHIFT = 1 << 52
+"""From this distance of isovalues on, in steps, values of the one say nothing of the other (clause 5.9.3)."""
+RUN_BYTES = 1 << 16
+"""A run is ended at the first end of a layer after this many bytes."""
+
+Entry = Sequence[object]
+"""Of a plan: the kind of layer, its number, and what else it takes: see `Encoder`."""
+
+_KINDS = ("base", "adaptive_base", "leaf_base", "refine", "adapt", "values", "offsets")
+
+
+def leaning_coder(lean: Tube | None, size: int) -> Coder:
+    """A coder with models as at the start of a file, or as the isovalue leaned on has left them (clause 5.9.2)."""
+    prob, seen = models() if lean is None else (lean.coder.prob.copy(), lean.coder.seen.copy())
+    return Coder(np.zeros(REGISTERS, np.int64), np.zeros(size, np.uint8), prob, seen, rates())
+
+
+def leaning_tube(
+    shape: tuple[int, ...], isovalue: float, scale: float | None, lean: Tube | None, other: float, size: int,
+    limits: Limits, truth: Truth | None = None,
+) -> Tube:  # fmt: skip
+    """The tube of an isovalue, leaning on that of another one or on none."""
+    coder = leaning_coder(lean, size)
+    if lean is None or lean.level < 0:
+        return Tube(shape, coder, limits, truth)
+    shift = None if scale is not None else math.floor(isovalue) - math.floor(other)
+    if shift is not None and abs(shift) >= MOST_SHIFT:
+        shift = None
+    return Tube(shape, coder, limits, truth, lean=lean, shift=shift, side=1 if isovalue > other else -1)
+
+
+class Strand:
+    """Encodes the layers of one isovalue.
+
+    Parameters
+    ----------
+    field : Field
+    tube : Tube
+    plan : sequence of entries
+    progress : Progress
+        Where the programs stand when the strand begins.
+
+    Attributes
+    ----------
+    layers : list of Layer
+        Known so far: values wait until their range is known.
+    records : list of LayerRecord
+        Of the layers that are done.
+    run_bytes : int
+    """
+
+    def __init__(self, field: Field, tube: Tube, plan: Sequence[Entry], progress: Progress) -> None:
+        self.field = field
+        self.tube = tube
+        self.layers: list[Layer] = []
+        self.records: list[LayerRecord] = []
+        self.run_bytes = 0
+        self.progress = progress
+        self._plan = [_operation(*entry) for entry in plan]  # type: ignore[arg-type]
+        self._meshes: dict[int, Chosen] = {}
+        self._extend()
+
+    @property
+    def bits(self) -> tuple[int, int]:
+        """Bits of the numbers above and below the isovalue, as far as known."""
+        return self.tube.estimates.bits
+
+    def _extend(self) -> None:
+        """Turn operations of the plan into layers, up to the first values: they wait until their range is known."""
+        state = self.progress
+        while self._plan:
+            operation, number, unit, mesh = self._plan[0]
+            if operation == Operation.VALUES and state.bits is None:
+                if len(self.layers) > len(self.records):
+                    return
+                later = any(step[0] in (Operation.REFINE, Operation.ADAPT) for step in self._plan)
+                state.bits = self.field.number_bits() if later else self.tube.value_bits()
+                state.plane = max(state.bits)
+                self.tube.estimates.bits = state.bits
+            try:
+                fresh = expand(operation, number or 0, number is None, state, unit)
+            except ValueError as error:
+                raise OptionError(f"the plan cannot be carried out: {error}", code="plan") from None
+            for layer in fresh:
+                state.add(layer)
+            if mesh is not None:
+                self._meshes[len(self.layers)] = mesh
+            self.layers += fresh
+            del self._plan[0]
+
+    def encode_run(self, first: int, report: Callable[[], object]) -> tuple[int, bytes]:
+        """Encode layers from number ``first`` on until the run is long enough; their end and the bytes."""
+        tube = self.tube
+        start(tube.coder.reg, ENCODE)
+        begun = 0
+        i = first
+        while i < len(self.layers):
+            before = tube.tally()[: len(ELEMENTS)]
+            self._advance(i)
+            counts = dict(zip(ELEMENTS, map(int, tube.tally()[: len(ELEMENTS)] - before), strict=True))
+            used = int(tube.coder.reg[POS]) + 4
+            self.records.append(
+                LayerRecord(used - begun, {name: counts[name] for name in BY_LAYER[self.layers[i].kind]})
+            )
+            begun = used
+            i += 1
+            self._extend()
+            report()
+            if used >= RUN_BYTES:
+                break
+        run = finish(tube.coder)
+        # what the decoder's window reads past the end of the run belongs to no layer
+        self._trim(first, i, len(run))
+        self.run_bytes += len(run)
+        return i, run
+
+    def _trim(self, first: int, end: int, length: int) -> None:
+        place = 0
+        for i in range(first, end):
+            stop = min(place + self.records[i].bytes, length)
+            self.records[i] = LayerRecord(stop - place, self.records[i].symbols)
+            place = stop
+
+    def _advance(self, number: int) -> None:
+        tube = self.tube
+        if number in self._meshes:
+            tube.choose(self._meshes[number])
+        begin_layer(tube, self.layers[number])
+        while tube.advance() != DONE:
+            buf = tube.coder.buf
+            wider = np.zeros(2 * len(buf), np.uint8)
+            wider[: len(buf)] = buf
+            tube.coder = tube.coder._replace(buf=wider)
+
+
+def begin_layer(tube: Tube, layer: Layer) -> None:
+    """Begin a layer of a program."""
+    match layer.kind:
+        case "base" | "adaptive_base":
+            tube.begin_base(layer.level, layer.kind == "adaptive_base")
+        case "leaf_base":
+            tube.begin_leaf_base()
+        case "refine":
+            tube.begin_round()
+        case "adapt":
+            tube.begin_adapt(layer.births)
+        case "values":
+            tube.begin_values(layer.plane)
+        case _:
+            tube.begin_offsets(layer.parts, layer.unit)
+
+
+def _operation(
+    kind: str, number: int | None = None, more: int | Chosen | None = None
+) -> tuple[Operation, int | None, int, Chosen | None]:
+    """An entry of a plan as an operation, its argument, the unit of offsets, and the mesh that it leads to."""
+    if kind not in _KINDS:
+        raise OptionError(f"unknown layer {kind!r} in a plan", code="plan", remedy=f"one of {', '.join(_KINDS)}")
+    if kind == "leaf_base":
+        number = 0
+    if kind == "offsets":
+        if number is None or number % 2 == 0:
+            raise OptionError(f"offsets with radix {number}, needed is an odd number", code="plan")
+        number //= 2
+    if kind in ("adaptive_base", "adapt"):
+        if not isinstance(more, Chosen):
+            raise OptionError(f"{kind} in a plan needs the mesh that it leads to", code="plan")
+        return Operation[kind.upper()], number, 0, more
+    return Operation[kind.upper()], number, more if isinstance(more, int) else 0, None

@@ -1,0 +1,310 @@
+"""Which layers keep a promise in the fewest bytes (row S3-distortion; spec annex G).
+
+A user states how far the decoded curve may lie from the original one, and whether its topology is to be kept. The
+encoder reduces the mesh, chooses how finely crossings are told, draws what a decoder will draw, proves the distance
+both ways, and puts vertices back where it is not proven.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from dataclasses import field as derived
+from itertools import pairwise
+
+import numpy as np
+
+from isospec.container import MAX_PARTS, MAX_RADIX
+
+from ..contour import Contour, draw
+from ..errors import OptionError
+from ..grid.field import OFFSET_BITS, Field
+from ..limits import Limits
+from ..mesh.chosen import Chosen
+from ..mesh.tables import cube_exponent
+from ..passes.snapshot import leaves_of
+from ..passes.truth import Truth
+from ..reduce.distance import Target
+from ..reduce.original import original
+from ..reduce.reduction import Reduction
+from .program import Progress
+from .strand import Entry, Strand, leaning_tube
+
+Plan = list[Entry]
+
+EXACT = 0.0
+"""A step that asks for all values, to the last bit."""
+BASE_CYCLES = 4
+"""The default base has cubes of 1 / 2**BASE_CYCLES of the root's edge: already near the curve, for few bytes."""
+MOST_REPAIRS = 16
+COARSEST = 2.7
+"""Coarsest pitch of offsets that is tried, in units of the tolerance; coarser ones need a finer mesh instead."""
+PITCHES = 3
+"""How many pitches are tried."""
+
+
+@dataclass
+class Promise:
+    """The original curve of a field, and trial encodings held against it.
+
+    Attributes
+    ----------
+    field : Field
+    contour : Contour
+        The original curve.
+    """
+
+    field: Field
+    contour: Contour = derived(init=False)
+
+    def __post_init__(self) -> None:
+        self.contour = original(self.field)
+        values = self.field.values.astype(np.float64) - self.field.isovalue
+        largest = np.finfo(np.float32).max
+        self._phi = np.clip(values, -largest, largest).astype(np.float32)
+        self._points = _grid_points(self.contour)
+
+    @property
+    def n(self) -> int:
+        """Number of axes."""
+        return self.field.signs.ndim
+
+    @property
+    def full_level(self) -> int:
+        """Level of the full grid."""
+        return self.n * cube_exponent(self.field.signs.shape)
+
+    def reduction(self, start: Chosen | None = None) -> Reduction:
+        """A reduction of the full grid, or of a mesh."""
+        return Reduction(self.field.signs, self._phi, self._points, start)
+
+    def trial(self, plan: Sequence[Entry]) -> tuple[int, Contour]:
+        """Bytes of the runs of a plan, and what a decoder draws in the end."""
+        shape = self.field.values.shape
+        truth = Truth(self.field.signs, self.field.numbers, self.field.crossings)
+        tube = leaning_tube(shape, self.field.isovalue, self.field.scale, None, 0.0, 1 << 16, Limits(), truth)
+        strand = Strand(self.field, tube, plan, Progress(tube.full_level))
+        total = done = 0
+        while done < len(strand.layers):
+            done, run = strand.encode_run(done, lambda: None)
+            total += len(run)
+        return total, draw(leaves_of(tube, self.field.isovalue, lambda number, above: number))
+
+    def excess(self, contour: Contour, tolerance: float) -> np.ndarray:
+        """Places where the two curves are not proven to lie within the tolerance of each other, (K, n)."""
+        ours, theirs = (self.contour.points, self.contour.cells), (contour.points, contour.cells)
+        return np.concatenate(
+            [Target(*theirs, tolerance).exceeded(*ours).places, Target(*ours, tolerance).exceeded(*theirs).places]
+        )
+
+
+def full_grid(promise: Promise, tolerance: float | None, base_level: int | None = None) -> Plan:
+    """Base, refinement to the full grid, offsets as fine as the tolerance asks for."""
+    return grid_plan(promise.n, promise.full_level, tolerance, base_level)
+
+
+def grid_plan(n: int, full: int, tolerance: float | None, base_level: int | None) -> Plan:
+    """The same without a promise."""
+    level = min(BASE_CYCLES * n, full) if base_level is None else base_level
+    if not 0 <= level <= full:
+        raise OptionError(
+            f"base level {level}; for this field it lies between 0 and {full}", code="base-level",
+            remedy=f"the full grid is level {full}",
+        )  # fmt: skip
+    plan: Plan = [("base", level)]
+    if level < full:
+        plan.append(("refine", None))
+    return plan + [("offsets", radix) for radix in radices(tolerance)]
+
+
+def smallest(promise: Promise, tolerance: float, topology: bool) -> Plan:
+    """The plan with the fewest bytes, of those tried, whose decoded curve is proven to keep to the tolerance."""
+    full = promise.full_level
+    grid = full_grid(promise, tolerance, full if topology else None)
+    best, fewest = grid, promise.trial(grid)[0]
+    if full == 0:
+        return best
+    for parts, unit in pitches(tolerance):
+        mesh = fitted(promise, tolerance, topology, parts, unit)
+        if mesh is None:
+            continue
+        offsets = ("offsets", parts, unit)
+        plans: list[Plan] = [[("adaptive_base", 0, mesh), offsets]]
+        coarse = min(BASE_CYCLES * promise.n, full)
+        if not topology and coarse < full:
+            plans.append([("base", coarse), ("adapt", 1, mesh), offsets])
+        for plan in plans:
+            size, contour = promise.trial(plan)
+            # a coarse uniform base has vertices that the mesh may lack: proven anew
+            if size < fewest and not len(promise.excess(contour, tolerance)):
+                best, fewest = plan, size
+    return best
+
+
+def fitted(
+    promise: Promise, tolerance: float, topology: bool, parts: int, unit: int, start: Chosen | None = None
+) -> Chosen | None:
+    """A coarse mesh with which the promise is kept; None if these offsets are too coarse for any."""
+    reduction = promise.reduction(start)
+    reduction.reduce(topology=topology, distortion=tolerance, parts=parts, unit=unit)
+    for _ in range(MOST_REPAIRS):
+        _, contour = promise.trial([("adaptive_base", 0, reduction.chosen), ("offsets", parts, unit)])
+        places = promise.excess(contour, tolerance)
+        if not len(places):
+            return reduction.chosen
+        if not reduction.restore(places, start):
+            return None
+    return None
+
+
+def stepwise(promise: Promise, steps: Sequence[float], topology: bool) -> Plan:
+    """Layers that promise one distance after the other; the last step may be ``EXACT``."""
+    if any(not later < step for step, later in pairwise(steps)):
+        raise OptionError("the steps must fall", code="steps", remedy="for example 4, 1, 0.25")
+    if promise.full_level == 0:
+        last = [("values", None)] if steps[-1] == EXACT else [("offsets", r) for r in radices(steps[-1])]
+        return [("base", 0), *last]
+    distances = [step for step in steps if step != EXACT]
+    meshes = _nested(promise, distances, topology)
+    plan: Plan = []
+    full = False
+    for i, tolerance in enumerate(distances):
+        # where the mesh of this step does not do it after all: those of later steps, which have all its vertices
+        for j in range(i, len(meshes)):
+            entries = None if full else _kept(promise, plan, *meshes[j], tolerance, topology, i == len(distances) - 1)
+            if entries is not None:
+                meshes[i:j] = meshes[j : j + 1] * (j - i)
+                break
+        else:
+            if not full:
+                plan += [("refine", None)] if plan else whole_mesh(promise, topology)
+            full = True
+            entries = [("offsets", radix) for radix in radices(tolerance)]
+            if len(promise.excess(promise.trial([*plan, *entries])[1], tolerance)):
+                raise OptionError(f"no mesh keeps to the step {tolerance:g}", code="steps", remedy="leave it out")
+        plan += entries
+    if steps[-1] == EXACT:
+        if not full:
+            plan += [("refine", None)] if plan else whole_mesh(promise, topology)
+        plan.append(("values", None))
+    return plan
+
+
+def _nested(promise: Promise, distances: Sequence[float], topology: bool) -> list[tuple[Chosen, int, int]]:
+    """A mesh with parts and unit of its offsets for each distance, each mesh part of the next one."""
+    meshes: list[tuple[Chosen, int, int]] = []
+    start: Chosen | None = None
+    for tolerance in reversed(distances):
+        found = []
+        for parts, unit in pitches(tolerance):
+            mesh = fitted(promise, tolerance, topology, parts, unit, start)
+            if mesh is not None:
+                size = promise.trial([("adaptive_base", 0, mesh), ("offsets", parts, unit)])[0]
+                found.append((size, parts, unit, mesh))
+        if found:
+            _, parts, unit, start = min(found, key=lambda x: x[:3])
+            meshes.append((start, parts, unit))
+        elif meshes:
+            meshes.append(meshes[-1])
+    return meshes[::-1]
+
+
+def _kept(
+    promise: Promise, before: Plan, mesh: Chosen, parts: int, unit: int, tolerance: float, topology: bool, last: bool
+) -> Plan | None:
+    """Entries that lead to a mesh and keep to the tolerance there, None if none were found.
+
+    Crossings that were told before are divided further, which moves them: proven as they come out. The mesh of the
+    last step may get finer for it.
+    """
+    for _ in range(MOST_REPAIRS if last else 1):
+        step = ("adapt", 0 if topology else 1, mesh) if before else ("adaptive_base", 0, mesh)
+        for finer in (parts, 3 * parts | 1, 9 * parts | 1, MAX_RADIX):
+            entries: Plan = [step, ("offsets", min(finer, MAX_RADIX), unit)]
+            places = promise.excess(promise.trial([*before, *entries])[1], tolerance)
+            if not len(places):
+                return entries
+        reduction = promise.reduction(mesh)
+        if not reduction.restore(places):
+            break
+        mesh = reduction.chosen
+    return None
+
+
+def whole_mesh(promise: Promise, topology: bool) -> Plan:
+    """To the full grid, by way of meshes that all have the right topology if that is asked for."""
+    if not topology:
+        return full_grid(promise, None)
+    reduction = promise.reduction()
+    reduction.reduce(topology=True)
+    return [("adaptive_base", 0, reduction.chosen)] + ([("refine", None)] if promise.full_level else [])
+
+
+def reduced(promise: Promise, criterion: str, parameter: float | None, topology: bool) -> Plan:
+    """A base on a mesh reduced under one criterion, as published."""
+    reduction = promise.reduction()
+    match criterion:
+        case "crossing":
+            reduction.reduce(topology=topology, crossing=True)
+        case "topology":
+            reduction.reduce(topology=True)
+        case "curvature" | "distortion" | "level":
+            if parameter is None:
+                raise OptionError(f"the criterion {criterion} needs a number", code="criterion")
+            if criterion == "level":
+                reduction.reduce(topology=topology, level=int(parameter))
+            elif criterion == "curvature":
+                reduction.reduce(topology=topology, keep=reduction.curved(parameter))
+            else:
+                reduction.reduce(topology=topology, distortion=parameter)
+        case _:
+            raise OptionError(
+                f"unknown criterion {criterion!r}", code="criterion",
+                remedy="crossing, curvature, distortion, topology or level",
+            )  # fmt: skip
+    return [("adaptive_base", 0, reduction.chosen)]
+
+
+def pitches(tolerance: float) -> Iterator[tuple[int, int]]:
+    """Parts in ``2**unit`` samples to be tried for a tolerance, the coarsest first."""
+    found: set[tuple[float, int, int]] = set()
+    for unit in range(12):
+        for parts in range(1, MAX_RADIX + 1, 2):
+            pitch = 2.0**unit / parts
+            if pitch <= COARSEST * tolerance and (parts <= 3 or unit == 0):
+                found.add((-pitch, parts, unit))
+    for _, parts, unit in sorted(found)[:PITCHES]:
+        yield parts, unit
+
+
+def radices(tolerance: float | None) -> list[int]:
+    """Parts that layers of offsets divide into, so that crossings end up within ``tolerance`` of where they are.
+
+    The middle of the right one of m parts is at most 1 / 2m off. Of the odd numbers that will do, the smallest is
+    taken that is a product of small factors: one layer each, so that crossings get finer step by step.
+    """
+    if tolerance is None:
+        return []
+    if not (math.isfinite(tolerance) and tolerance > 0):
+        raise OptionError(f"the tolerance is {tolerance}, needed is a positive number", code="tolerance")
+    if tolerance < 0.5 / (MAX_PARTS * 0.9):
+        raise OptionError(
+            f"a tolerance of {tolerance} cells is too fine for offsets", code="tolerance", remedy="use exact or step"
+        )
+    # offsets are rounded to 30 bits before they are told
+    parts = max(math.ceil(0.5 / (tolerance - 2.0**-OFFSET_BITS)), 1) | 1
+    while True:
+        rest, factors = parts, []
+        for factor in (13, 11, 7, 5, 3):
+            while rest % factor == 0:
+                rest //= factor
+                factors.append(factor)
+        if rest == 1:
+            return factors[::-1]
+        parts += 2
+
+
+def _grid_points(contour: Contour) -> np.ndarray:
+    """The points of a contour that lie on edges of the grid, for each of the grid's edges that it crosses."""
+    return contour.points[(contour.points != np.floor(contour.points)).sum(axis=1) <= 1]

@@ -1,0 +1,92 @@
+"""Certified distances, against hand cases and dense sampling."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from brute import examples
+from isocodec.reduce.distance import SMALLEST, Target, hausdorff, one_sided
+
+
+def line(*points):
+    """A polyline as points and cells."""
+    points = np.array(points, float)
+    return points, np.stack([np.arange(len(points) - 1), np.arange(1, len(points))], axis=1)
+
+
+def test_parallel_segments():
+    a, b = line((0, 0), (10, 0)), line((0, 1), (10, 1))
+    assert hausdorff(*a, *b) == pytest.approx((1, 1), abs=0.01)
+    assert not len(Target(*b, 1.001).exceeded(*a).cells)
+    assert Target(*b, 0.999).exceeded(*a).cells.tolist() == [0]
+
+
+def test_a_gap_shows_between_vertices():
+    """Every vertex of the long segment is near, its middle is not."""
+    points = np.array([(0, 1), (4, 1), (6, 1), (10, 1)], float)
+    broken = points, np.array([[0, 1], [2, 3]])
+    whole = line((0, 0), (10, 0))
+    assert one_sided(*whole, *broken) == pytest.approx(np.sqrt(2), abs=0.01)
+    assert one_sided(*broken, *whole) == pytest.approx(1, abs=0.01)
+
+
+def test_the_middle_of_a_triangle():
+    """All sides of a triangle are covered, its inside is not."""
+    corners = np.array([(0, 0, 0), (9, 0, 0), (0, 9, 0)], float)
+    inner = corners * 0.6 + corners.mean(axis=0) * 0.4
+    ring = np.concatenate([corners, inner])
+    cells = np.array([[0, 1, 3], [1, 4, 3], [1, 2, 4], [2, 5, 4], [2, 0, 5], [0, 3, 5]])
+    one, two = (
+        one_sided(corners, np.array([[0, 1, 2]]), ring, cells),
+        one_sided(ring, cells, corners, np.array([[0, 1, 2]])),
+    )
+    inradius = 0.6 * 9 * (1 - np.sqrt(0.5))
+    assert one == pytest.approx(inradius, abs=0.01)
+    assert two <= 0.01
+
+
+def test_empty_ones():
+    some, none = line((0, 0), (1, 1)), (np.zeros((0, 2)), np.zeros((0, 2), np.int64))
+    assert hausdorff(*some, *none) == (np.inf, 0.0)
+    assert hausdorff(*none, *none) == (0.0, 0.0)
+    assert Target(*none, 1.0).exceeded(*some).cells.tolist() == [0]
+
+
+def distance_to(points, corners):
+    """Distances of points to the nearest of some segments or triangles, by dense sampling of these: an upper bound."""
+    n = corners.shape[1]
+    steps = 40
+    if n == 2:
+        t = np.linspace(0, 1, steps * 4)[:, None]
+        samples = (corners[:, None, 0] * (1 - t) + corners[:, None, 1] * t).reshape(-1, corners.shape[2])
+    else:
+        u, v = np.meshgrid(np.linspace(0, 1, steps), np.linspace(0, 1, steps))
+        keep = u + v <= 1 + 1e-9
+        u, v = u[keep][:, None], v[keep][:, None]
+        samples = corners[:, None, 0] * (1 - u - v) + corners[:, None, 1] * u + corners[:, None, 2] * v
+        samples = samples.reshape(-1, 3)
+    return np.sqrt(((points[:, None] - samples[None]) ** 2).sum(axis=2).min(axis=1)), samples
+
+
+@examples(60)
+@given(
+    st.integers(2, 3), st.integers(0, 1 << 32), st.integers(1, 6), st.integers(1, 6), st.sampled_from([0.3, 3.0, 30.0])
+)
+def test_bounds_against_samples(n, seed, a_cells, b_cells, scale):
+    rng = np.random.default_rng(seed)
+
+    def some(cells):
+        points = rng.uniform(0, scale, (cells + n, n))
+        return points, rng.integers(0, len(points), (cells, n))
+
+    a, b = some(a_cells), some(b_cells)
+    _, samples = distance_to(np.zeros((1, n)), a[0][a[1]])
+    rough, _ = distance_to(samples, b[0][b[1]])
+    bound = one_sided(*a, *b, 0.02)
+    # the samples lie at most this far from any place on their triangle
+    spacing = scale * np.sqrt(n) / 39
+    assert bound >= rough.max() - spacing - 1e-9
+    assert bound <= rough.max() + spacing + 0.02 + 2 * SMALLEST

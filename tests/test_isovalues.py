@@ -1,0 +1,237 @@
+"""Several isovalues in one file: each decodes as by itself, what is known costs nothing, and curves never cross."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import isocodec
+from brute import blobs, chosen, examples, meshes, mixed, smooth, uniform
+from isocodec import Decoder, Encoder
+from isocodec.errors import OptionError
+from isocodec.passes.snapshot import leaves_of, state_of
+from isocodec.stream import strategy
+from isocodec.stream.events import IsovalueRead
+
+
+@st.composite
+def cases(draw, n):
+    """An integer field and two or three isovalues, some of them next to each other, some outside the data."""
+    shape = tuple(draw(st.lists(st.integers(2, 14 if n == 2 else 7), min_size=n, max_size=n)))
+    seed = draw(st.integers(0, 1 << 32))
+    rng = np.random.default_rng(seed)
+    field = smooth(shape, seed) * draw(st.sampled_from([3, 40])) + rng.normal(
+        0, draw(st.sampled_from([0, 1, 5])), shape
+    )
+    field = np.rint(field + 5 * blobs(shape, seed)).astype(np.int64)
+    values = draw(st.lists(st.integers(-30, 30), min_size=2, max_size=3, unique=True))
+    return field, [v + draw(st.sampled_from([0, 0.5])) for v in sorted(values, key=lambda v: hash((v, seed)))]
+
+
+def same(a, b):
+    assert np.array_equal(a.points, b.points) and np.array_equal(a.cells, b.cells)
+
+
+@pytest.mark.parametrize("n", [2, 3])
+@pytest.mark.parametrize("options", [{}, {"exact": True}, {"signs_only": True}, {"base_level": 1}, {"leaning": False}])
+def test_each_decodes_as_by_itself(n, options):
+    @examples(40)
+    @given(cases(n))
+    def run(case):
+        field, isovalues = case
+        if "base_level" in options and max(field.shape) == 2:
+            return
+        encoder = Encoder(field, isovalues, **options)
+        data = b"".join(encoder)
+        alone = {k: v for k, v in options.items() if k != "leaning"}
+        for isovalue in isovalues:
+            same(isocodec.decode(data, isovalue=isovalue), isocodec.decode(isocodec.encode(field, isovalue, **alone)))
+        decoder = Decoder()
+        decoder.feed(data)
+        decoder.close()
+        assert decoder.isovalues == isovalues
+        for number, strand in enumerate(encoder._strands):
+            assert state_of(strand.tube).lines() == decoder.state(number).lines()
+            same(decoder.drawn(number), isocodec.decode(data, isovalue=isovalues[number]))
+
+    run()
+
+
+@pytest.mark.parametrize("n", [2, 3])
+def test_bases_from_the_leaves_of_another(n):
+    """S3-close-by: on its mesh, uniform or adaptive, from its leaves; all mixed simplices of the mesh are found."""
+
+    @examples(60)
+    @given(cases(n), st.data())
+    def run(case, data):
+        field, isovalues = case
+        isovalues = isovalues[:2]
+        full = n * max(max(field.shape) - 2, 0).bit_length()
+        level = data.draw(st.integers(0, full))
+        plans = {v: [("leaf_base",), ("refine", None)] if i else [("base", level)] for i, v in enumerate(isovalues)}
+        if level == full:
+            plans = {v: plan[:1] for v, plan in plans.items()}
+        decoder = Decoder()
+        decoder.feed(b"".join(Encoder(field, isovalues, plan=plans)))
+        decoder.close()
+        for number, isovalue in enumerate(isovalues[1:], 1):
+            leaves = leaves_of(decoder._tubes[number], isovalue, lambda steps, above: steps)
+            expected = mixed(field > isovalue, full)
+            found = leaves.position[leaves.simplices]
+            assert len(found) == len(expected)
+            assert {x.tobytes() for x in found.astype(np.int64)} == {x.tobytes() for x in expected.astype(np.int64)}
+
+    run()
+
+
+def test_bases_from_the_leaves_of_an_adaptive_mesh():
+    field = np.rint(smooth((40, 33), 3) * 100).astype(np.int64)
+    plans = {
+        10.5: strategy.reduced(promise(field, 10.5), "distortion", 1.0, True),
+        12.5: [("leaf_base",), ("refine", None)],
+    }
+    data = b"".join(Encoder(field, [10.5, 12.5], plan=plans))
+    found, alone = isocodec.decode(data, isovalue=12.5), isocodec.decode(isocodec.encode(field, 12.5, signs_only=True))
+    assert sorted(found.points[found.cells].tolist()) == sorted(alone.points[alone.cells].tolist())
+
+
+@pytest.mark.parametrize("n", [2, 3])
+def test_bijection(n):
+    """Any bases and refinements, uniform and adaptive by turns, on any meshes, each isovalue with its own."""
+
+    @settings(examples(150), deadline=None)
+    @given(cases(n), st.data())
+    def run(case, data):
+        field, isovalues = case
+        full = n * max(max(field.shape) - 2, 0).bit_length()
+        plans = {}
+        for v in isovalues:
+            level = data.draw(st.integers(0, full))
+            mesh = uniform(field.shape, level)
+            plans[v] = [("base", level)]
+            if level < full and data.draw(st.booleans()):
+                mesh |= data.draw(meshes(field.shape, mesh))
+                plans[v] = [("adaptive_base", level, chosen(field.shape, mesh))]
+            for kind in data.draw(st.lists(st.sampled_from(["refine", "adapt"]), max_size=4)):
+                if kind == "refine" and level < full:
+                    rounds = data.draw(st.integers(1, full - level))
+                    level += rounds
+                    mesh |= uniform(field.shape, level)
+                    plans[v].append((kind, rounds))
+                elif kind == "adapt" and level < full:
+                    mesh |= data.draw(meshes(field.shape, mesh))
+                    plans[v].append((kind, 1, chosen(field.shape, mesh)))
+        encoder = Encoder(field, isovalues, plan=plans)
+        decoder = Decoder()
+        decoder.feed(b"".join(encoder))
+        decoder.close()
+        for number, strand in enumerate(encoder._strands):
+            assert state_of(strand.tube).lines() == decoder.state(number).lines()
+
+    run()
+
+
+def promise(field, isovalue):
+    from isocodec.grid.field import check_field
+    from isocodec.stream.strategy import Promise
+
+    return Promise(check_field(field, isovalue))
+
+
+def test_a_close_one_costs_little():
+    """C2-close-by: bytes on smooth data, against the same isovalue alone."""
+    field = np.rint(smooth((120, 120), 5) * 400).astype(np.int64)
+    for options, share in (({}, 0.6), ({"exact": True}, 0.3), ({"signs_only": True}, 0.6)):
+        first, second = (len(isocodec.encode(field, v, **options)) for v in (50.5, 53.5))
+        both = len(isocodec.encode(field, [50.5, 53.5], **options))
+        assert both - first < share * second
+
+
+def crossings(contour, n):
+    """Places of a contour's points on the grid's edges, by lower end and axis."""
+    out = {}
+    for p in contour.points:
+        low = np.floor(p)
+        axis = int(np.argmax(p != low))
+        if (p != low).sum() == 1:
+            out[*low.astype(int).tolist(), axis] = p[axis]
+    return out
+
+
+@pytest.mark.parametrize("n", [2, 3])
+def test_curves_never_cross(n):
+    """On equal meshes, however few offsets are told: along each edge crossings come in the order of the isovalues."""
+
+    @examples(60)
+    @given(cases(n), st.sampled_from([3, 5, 11]))
+    def run(case, radix):
+        field, isovalues = case
+        plan = [("base", 0), ("refine", None), ("offsets", radix)]
+        if max(field.shape) <= 2:
+            plan = [("base", 0), ("offsets", radix)]
+        data = b"".join(Encoder(field, isovalues, plan=plan))
+        found = {v: crossings(isocodec.decode(data, isovalue=v), n) for v in isovalues}
+        for low, high in zip(sorted(isovalues), sorted(isovalues)[1:], strict=False):
+            for edge in found[low].keys() & found[high].keys():
+                *start, axis = edge
+                end = list(start)
+                end[axis] += 1
+                rising = field[tuple(end)] > field[tuple(start)]
+                ahead = found[high][edge] - found[low][edge]
+                assert ahead >= 0 if rising else ahead <= 0
+
+    run()
+
+
+def test_events_and_skipping():
+    field = np.rint(smooth((30, 30), 1) * 100).astype(np.int64)
+    data = isocodec.encode(field, [0.5, 20.5, -20.5])
+    decoder = Decoder()
+    decoder.feed(data)
+    events = [e for e in decoder if isinstance(e, IsovalueRead)]
+    assert [(e.number, e.isovalue, e.lean) for e in events] == [(1, 20.5, 0), (2, -20.5, 0)]
+    info = isocodec.inspect(data)
+    assert info.isovalues == [0.5, 20.5, -20.5] and info.leans == [None, 0, 0] and info.chain(2) == {0, 2}
+    some = Decoder(only={0, 2})
+    some.feed(data)
+    some.close()
+    same(some.drawn(2), decoder.drawn(2))
+    assert some.state(1) is None
+    with pytest.raises(OptionError, match="leans on isovalue 0"):
+        other = Decoder(only={1})
+        other.feed(data)
+        other.close()
+    free = isocodec.encode(field, [0.5, 20.5], leaning=False)
+    assert isocodec.inspect(free).leans == [None, None]
+    other = Decoder(only={1})
+    other.feed(free)
+    other.close()
+    same(other.drawn(1), decoder.drawn(1))
+
+
+def test_refused():
+    field = np.rint(smooth((9, 9), 1) * 100).astype(np.int64)
+    for isovalues, code in (([], "isovalue"), ([1, 1.0], "isovalue"), (list(range(65)), "isovalue")):
+        with pytest.raises(OptionError) as caught:
+            isocodec.encode(field, isovalues)
+        assert caught.value.code == code
+    with pytest.raises(OptionError, match=r"it has 0\.5"):
+        isocodec.decode(isocodec.encode(field, 0.5), isovalue=1.5)
+
+
+def test_truncated_between_isovalues():
+    """Each number of layers, and each number of bytes, is a valid file."""
+    field = np.rint(smooth((20, 17), 2) * 100).astype(np.int64)
+    data = isocodec.encode(field, [0.5, 5.5])
+    layers = len(isocodec.inspect(data).layers)
+    for count in range(1, layers + 1):
+        short = isocodec.truncate(data, layers=count)
+        assert len(isocodec.inspect(short).layers) == count
+        isocodec.decode(short)
+    for size in range(60, len(data), 7):
+        short = isocodec.truncate(data, max_bytes=size)
+        assert len(short) <= size
+        for isovalue in isocodec.inspect(short).isovalues:
+            isocodec.decode(short, isovalue=isovalue)
