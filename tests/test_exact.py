@@ -17,6 +17,7 @@ import isocodec
 from brute import crossing_edges, crossing_points, examples, mixed, smooth
 from isocodec import InputError, OptionError
 from isocodec.passes.snapshot import state_of
+from isocodec.stream.encoder import SEARCHED
 
 
 def integers(shape, seed, span=100.0, noise=0.0):
@@ -177,7 +178,9 @@ def test_tolerance_bounds_the_distance(kind, tolerance):
     contour = isocodec.decode(data)
     decoded = contour.points[contour.cells]
     expected = extracted_segments(field, isovalue)
-    assert len(decoded) == len(expected) > 50
+    assert len(decoded) > 50
+    if tolerance < SEARCHED:
+        assert len(decoded) == len(expected)
     assert distances(along(decoded), expected).max() <= tolerance
     assert distances(along(expected), decoded).max() <= tolerance
     assert len(isocodec.encode(field, isovalue, tolerance=tolerance / 8)) > len(data)

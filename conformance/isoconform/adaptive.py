@@ -61,7 +61,7 @@ def reduced() -> Iterator[Draft]:
         )  # fmt: skip
         yield encoded(
             f"{space}_searched", field, isovalue, "adaptive mesh and offsets searched for a tolerance", "offsets",
-            tolerance=0.5, preserve_topology=True, layers=True,
+            tolerance=0.4, preserve_topology=True, layers=True,
         )  # fmt: skip
     for space, field, isovalue in parts:
         yield encoded(

@@ -6,7 +6,6 @@ ring lie symmetrically about the subdivision edge: in the plane of each pair the
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -81,18 +80,19 @@ def implied_edges(
     return found
 
 
-def implied_ratio(
-    implied: Implied, above: NDArray[np.bool_], ratio_of: Callable[..., NDArray[np.float64]]
-) -> NDArray[np.float64]:
+def near_ends(implied: Implied, above: NDArray[np.bool_]) -> NDArray[np.int64]:
+    """For each corner of the ring the end of the edge from which the contour parts it, (I, m) int64."""
+    a, b = implied.edges[:, :1], implied.edges[:, 1:]
+    return np.where(above[implied.ring] != above[a], a, b)
+
+
+def implied_ratio(implied: Implied, above: NDArray[np.bool_], s: NDArray[np.float64]) -> NDArray[np.float64]:
     """Where the edges are crossed, as fractions of the way from their first to their second end, (I,) float64.
 
-    ``ratio_of(p, q)`` gives the same of crossed edges between vertices p and q, in the direction from p to q.
+    ``s`` (I, m) says the same of the edges from `near_ends` to the corners of the ring.
     """
-    a, b = implied.edges[:, :1], implied.edges[:, 1:]
-    ring = implied.ring
-    half = ring.shape[1] // 2
-    at_a = above[ring] != above[a]
-    s = ratio_of(np.where(at_a, a, b), ring)
+    at_a = above[implied.ring] != above[implied.edges[:, :1]]
+    half = implied.ring.shape[1] // 2
     # in the plane of a pair with a as the origin, b - a and c - a as axes
     one, two = s[:, :half], s[:, ::-1][:, :half]
     x_one = np.where(at_a[:, :half], 0.0, 1.0 - one)

@@ -3,14 +3,19 @@
 from __future__ import annotations
 
 import itertools
+from collections.abc import Iterator
+from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
 
 from .crossing import Edge, PatternTable, distinct_edges, edge_points, edge_ratios, rank_of
-from .implied import implied_edges, implied_ratio
+from .implied import Implied, implied_edges, implied_ratio, near_ends
 from .leaves import Leaves
+
+_SLOPE = 1e-6
+"""By how much a ratio is moved to see what follows."""
 
 
 def simplex_pieces(n: int, pattern: int) -> list[list[Edge]]:
@@ -58,34 +63,75 @@ def simplex_table(n: int) -> PatternTable:
     return PatternTable.build([simplex_pieces(n, pattern) for pattern in range(2 ** (n + 1))], n)
 
 
-def draw_simplices(leaves: Leaves) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    """Points (P, n) float64 and cells (M, n) int64 of leaves of any level, one point per crossing edge."""
+def crossed(leaves: Leaves) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Edges (P, 2) that leaves of any level have a point on, as `distinct_edges`, and cells (M, n) between these."""
     n = len(leaves.shape)
     mirrored = _determinant([(x[:, 1:] - x[:, :1]).T for x in (c[leaves.simplices] for c in leaves.position.T)]) < 0
     pattern = leaves.above[leaves.simplices] @ (1 << np.arange(n + 1))
     ends, _ = simplex_table(n).lookup(pattern, leaves.simplices, mirrored)
-    edges, cells = distinct_edges(leaves, ends)
+    return distinct_edges(leaves, ends)
+
+
+def draw_simplices(leaves: Leaves) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    """Points (P, n) float64 and cells (M, n) int64 of leaves of any level, one point per crossing edge."""
+    edges, cells = crossed(leaves)
     ratio = edge_ratios(leaves, edges)
     if leaves.value is None:
-        _place_implied(leaves, edges, ratio)
+        stated = ratio.copy()
+        for ring in rings(leaves, edges):
+            ratio[ring.edge] = ring.ratio(stated)
     return edge_points(leaves, edges, ratio), cells
 
 
-def _place_implied(leaves: Leaves, edges: NDArray[np.int64], ratio: NDArray[np.float64]) -> None:
-    """Where subdivision edges of whole diamonds are crossed follows from the rest, in place."""
+@dataclass(frozen=True)
+class Rings:
+    """Implied edges among those of a drawing, and the edges that say where they are crossed.
+
+    Attributes
+    ----------
+    edge : (I,) int64
+        Numbers of the implied edges.
+    beside : (I, m) int64
+        Numbers of the edges between an end of each and the corners of its ring.
+    """
+
+    edge: NDArray[np.int64]
+    beside: NDArray[np.int64]
+    _swap: NDArray[np.bool_]
+    _implied: Implied
+    _above: NDArray[np.bool_]
+
+    def ratio(self, stated: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Where the implied edges are crossed, from where all edges are, as fractions from their first ends."""
+        return implied_ratio(self._implied, self._above, self._from_ends(stated))
+
+    def slopes(self, stated: NDArray[np.float64]) -> NDArray[np.float64]:
+        """How much these ratios grow with those of each of the edges beside, (I, m) float64."""
+        s = self._from_ends(stated)
+        ratio = implied_ratio(self._implied, self._above, s)
+        out = np.empty_like(s)
+        for column in range(s.shape[1]):
+            moved = s.copy()
+            moved[:, column] += _SLOPE
+            out[:, column] = (implied_ratio(self._implied, self._above, moved) - ratio) / _SLOPE
+        return np.where(self._swap, -out, out)
+
+    def _from_ends(self, stated: NDArray[np.float64]) -> NDArray[np.float64]:
+        s = stated[self.beside]
+        return np.where(self._swap, 1.0 - s, s)
+
+
+def rings(leaves: Leaves, edges: NDArray[np.int64]) -> Iterator[Rings]:
+    """Subdivision edges of whole diamonds among the edges of a drawing (spec clause 9.5)."""
     vertices = len(leaves.position)
     keys = edges[:, 0] * vertices + edges[:, 1]
     rank = rank_of(leaves)
-    stated = ratio.copy()
-
-    def ratio_of(p: NDArray[np.int64], q: NDArray[np.int64]) -> NDArray[np.float64]:
-        swap = rank[p] > rank[q]
-        found = stated[np.searchsorted(keys, np.where(swap, q, p) * vertices + np.where(swap, p, q))]
-        return np.where(swap, 1.0 - found, found)
-
     for some in implied_edges(rank, leaves.position, leaves.above, leaves.simplices, leaves.levels):
-        place = np.searchsorted(keys, some.edges[:, 0] * vertices + some.edges[:, 1])
-        ratio[place] = implied_ratio(some, leaves.above, ratio_of)
+        near = near_ends(some, leaves.above)
+        swap = rank[near] > rank[some.ring]
+        low, high = np.where(swap, some.ring, near), np.where(swap, near, some.ring)
+        edge = np.searchsorted(keys, some.edges[:, 0] * vertices + some.edges[:, 1])
+        yield Rings(edge, np.searchsorted(keys, low * vertices + high), swap, some, leaves.above)
 
 
 def _determinant(rows: list[NDArray[np.int64]]) -> NDArray[np.int64]:

@@ -38,6 +38,8 @@ class Estimates:
         Vertices at the lower and upper ends of the edges that carry offsets.
     parts, offset : (E,) int64
         Parts of each, and the number of the one that holds the crossing.
+    place : function of (E, n) int64, (E, n) int64 to (E,) int64, or None
+        Encoder: where edges are to be crossed, instead of what the field says (``Truth.crossing``).
     """
 
     def __init__(
@@ -46,6 +48,7 @@ class Estimates:
         self.shape = shape
         self.n = len(shape)
         self.truth = truth
+        self.place = truth.crossing if truth else None
         self.has_values = False
         self.bits = (0, 0)
         self.number = NOTHING
@@ -160,7 +163,7 @@ class Estimates:
         self._length = np.abs(high - low).max(axis=1, initial=0)
         self._rising = st.vertex[edges[:, 1], 3] != 0
         self._earlier = self._earlier_offsets(low, high)
-        self._target = self.truth.crossing(low, high) if self.truth else NOTHING
+        self._target = self.place(low, high) if self.place else NOTHING
 
     def _earlier_offsets(self, low: NDArray[np.int64], high: NDArray[np.int64]) -> NDArray[np.int64]:
         """Numbers and parts at the earlier isovalue, of edges between neighbouring samples; 0 parts where it has none.

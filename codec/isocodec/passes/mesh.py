@@ -14,7 +14,7 @@ from ..mesh.access import kind as kind_of
 from ..mesh.access import members as member_count
 from ..mesh.store import full, get, put
 from .diamond import look
-from .state import FINEST, ROOM, TOLD, UNIFORM, edge_of, position
+from .state import FINEST, ROOM, STEP_VERTICES, TOLD, UNIFORM, edge_of, position
 
 IN, OUT, KEPT, KNOWN = 1, 2, 4, 8
 """Marks of a lattice point: in the mesh; told not to be in it; kept in this layer; known when it was added."""
@@ -109,9 +109,9 @@ def closure(st, level, x, y, z, free):
 
 @inner
 def short(st, count):
-    """Whether the store of the mesh lacks room for ``count`` vertices; it is asked for."""
-    if full(st.mesh, count):
-        st.at[ROOM] = max(st.at[ROOM], count)
+    """Whether the store of the mesh lacks room for ``count`` vertices and the rest of the step; it is asked for."""
+    if full(st.mesh, count + STEP_VERTICES):
+        st.at[ROOM] = max(st.at[ROOM], count + STEP_VERTICES)
         return True
     return False
 

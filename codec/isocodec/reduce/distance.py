@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..jit import inner, kernel
-from .distortion import near
+from .distortion import closest, near
 
 SMALLEST = 1e-3
 """Radius, in cells, below which a piece is not halved again: distances are certain to twice that."""
@@ -125,6 +125,28 @@ def _exceed(source, flat, low, size, shape, first, items, limit, stack, todo, ou
             depth += 2
 
 
+@kernel
+def _nearest(points, flat, low, size, shape, first, items, limit, piece, weight):
+    """The piece next to each point, -1 if none is within ``limit``, and the weights of its corners 1 and 2."""
+    for i in range(len(points)):
+        x, y, z = points[i, 0], points[i, 1], points[i, 2]
+        p = int(np.floor((x - low[0]) / size))
+        q = int(np.floor((y - low[1]) / size))
+        r = int(np.floor((z - low[2]) / size))
+        piece[i] = -1
+        if not (0 <= p < shape[0] and 0 <= q < shape[1] and 0 <= r < shape[2]):
+            continue
+        bucket = (p * shape[1] + q) * shape[2] + r
+        best = limit * limit
+        for k in range(first[bucket], first[bucket + 1]):
+            d, s, t = closest(flat, 9 * items[k], x, y, z)
+            if d <= best:
+                best = d
+                piece[i] = items[k]
+                weight[i, 0] = s
+                weight[i, 1] = t
+
+
 @inner
 def _apart(o, i, x, y, z):
     return (o[i] - x) ** 2 + (o[i + 1] - y) ** 2 + (o[i + 2] - z) ** 2
@@ -190,6 +212,29 @@ class Target:
                 np.zeros((_STACK, 9)), todo, out, places)  # fmt: skip
         found = np.flatnonzero(out)
         return Excess(found, places[found, :n])
+
+    def nearest(self, points: NDArray[np.float64]) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+        """The piece next to each point, and where on it: weights of its n corners.
+
+        Parameters
+        ----------
+        points : (P, n) float64
+
+        Returns
+        -------
+        piece : (P,) int64
+            -1 where none is within the limit.
+        weight : (P, n) float64
+        """
+        n = points.shape[1]
+        padded = np.zeros((len(points), 3))
+        padded[:, :n] = points
+        piece, two = np.full(len(points), -1), np.zeros((len(points), 2))
+        if not self.empty:
+            _nearest(padded, self.flat, self.low, self.size, self.shape, self.first, self.items, float(self.limit),
+                     piece, two)  # fmt: skip
+        first = 1.0 - two.sum(axis=1, keepdims=True)
+        return piece, np.hstack([first, two if n == 3 else two.sum(axis=1, keepdims=True)])
 
 
 def _pieces(points: NDArray[np.float64], cells: NDArray[np.int64]) -> NDArray[np.float64]:

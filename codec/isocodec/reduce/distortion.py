@@ -177,7 +177,8 @@ def _implied(dm, edge, kind, corners, above, w0, w1, w2, parts, unit):
             p = _crossing(dm, edge, kind, w0, w1, w2, np.int64(0 if at_a else 1), np.int64(j), parts, unit)
             u = _fraction(a if at_a else b, d, p)
             x_two = u if at_a else 1.0
-            total += (x_one * u + x_two * s) / (s + u)
+            # both at the ends themselves, where samples equal the isovalue
+            total += (x_one * u + x_two * s) / (s + u) if s + u > 0.0 else 0.5 * (x_one + x_two)
             pairs += 1
     s = total / pairs if pairs else 0.5
     return a[0] + s * (b[0] - a[0]), a[1] + s * (b[1] - a[1]), a[2] + s * (b[2] - a[2])
@@ -242,8 +243,8 @@ def pieces_of(dm, level, kind, w0, w1, w2, parts, unit):
 
 
 @inner
-def near(out, o, x, y, z):
-    """Squared distance from a point to the triangle, or segment, at ``o``."""
+def closest(out, o, x, y, z):
+    """The point of the triangle, or segment, at ``o`` that is nearest: squared distance, weights of corners 1 and 2."""
     a0, a1, a2 = out[o], out[o + 1], out[o + 2]
     u0, u1, u2 = out[o + 3] - a0, out[o + 4] - a1, out[o + 5] - a2
     v0, v1, v2 = out[o + 6] - a0, out[o + 7] - a1, out[o + 8] - a2
@@ -255,26 +256,69 @@ def near(out, o, x, y, z):
         s, r = (vv * pu - uv * pv) / det, (uu * pv - uv * pu) / det
         if s >= 0.0 and r >= 0.0 and s + r <= 1.0:
             d0, d1, d2 = p0 - s * u0 - r * v0, p1 - s * u1 - r * v1, p2 - s * u2 - r * v2
-            return d0 * d0 + d1 * d1 + d2 * d2
-    best = _side(p0, p1, p2, u0, u1, u2)
-    best = min(best, _side(p0, p1, p2, v0, v1, v2))
-    return min(best, _side(p0 - u0, p1 - u1, p2 - u2, v0 - u0, v1 - u1, v2 - u2))
+            return d0 * d0 + d1 * d1 + d2 * d2, s, r
+    best, s = _side(p0, p1, p2, u0, u1, u2)
+    r = 0.0
+    other, along = _side(p0, p1, p2, v0, v1, v2)
+    if other < best:
+        best, s, r = other, 0.0, along
+    other, along = _side(p0 - u0, p1 - u1, p2 - u2, v0 - u0, v1 - u1, v2 - u2)
+    if other < best:
+        best, s, r = other, 1.0 - along, along
+    return best, s, r
+
+
+@inner
+def near(out, o, x, y, z):
+    """Squared distance from a point to the triangle, or segment, at ``o``."""
+    return closest(out, o, x, y, z)[0]
 
 
 @inner
 def _side(p0, p1, p2, u0, u1, u2):
+    """Squared distance to the segment from the origin to u, and where on it that is."""
     uu = u0 * u0 + u1 * u1 + u2 * u2
     s = 0.0
     if uu > 0.0:
         s = min(max((p0 * u0 + p1 * u1 + p2 * u2) / uu, 0.0), 1.0)
     d0, d1, d2 = p0 - s * u0, p1 - s * u1, p2 - s * u2
-    return d0 * d0 + d1 * d1 + d2 * d2
+    return d0 * d0 + d1 * d1 + d2 * d2, s
 
 
 @kernel
-def too_far(dm, level, points, keys, order, limit, parts, unit):
+def spread(points, radius, near):
+    """Mark the samples within ``radius`` of a point."""
+    squared = radius * radius
+    for i in range(len(points)):
+        x, y, z = points[i, 0], points[i, 1], points[i, 2]
+        for p in range(max(int(np.ceil(x - radius)), 0), min(int(x + radius), near.shape[0] - 1) + 1):
+            for q in range(max(int(np.ceil(y - radius)), 0), min(int(y + radius), near.shape[1] - 1) + 1):
+                rest = squared - (p - x) ** 2 - (q - y) ** 2
+                if rest < 0.0:
+                    continue
+                reach = np.sqrt(rest)
+                for r in range(max(int(np.ceil(z - reach)), 0), min(int(z + reach), near.shape[2] - 1) + 1):
+                    near[p, q, r] = True
+
+
+@inner
+def _strays(room, count, near):
+    """Whether the centre of a piece lies next to no sample that is near."""
+    for k in range(count):
+        o = 9 * k
+        x = int((room[o] + room[o + 3] + room[o + 6]) / 3.0 + 0.5)
+        y = int((room[o + 1] + room[o + 4] + room[o + 7]) / 3.0 + 0.5)
+        z = int((room[o + 2] + room[o + 5] + room[o + 8]) / 3.0 + 0.5)
+        if not (0 <= x < near.shape[0] and 0 <= y < near.shape[1] and 0 <= z < near.shape[2]) or not near[x, y, z]:
+            return True
+    return False
+
+
+@kernel
+def too_far(dm, level, points, keys, order, limit, close, parts, unit):
     """Mark the diamonds in which a point of the original curve is farther than ``limit`` from the coarser curve.
 
+    Also those in which the centre of a piece of that lies next to no sample of ``close``, unless that is empty.
     ``order`` sorts the points by diamond. Returns the number of diamonds that failed.
     """
     n = dimension(dm.tables)
@@ -292,6 +336,10 @@ def too_far(dm, level, points, keys, order, limit, parts, unit):
         kind = kind_of(dm.tables, level % n, w0, w1, w2)
         count = pieces_of(dm, level, kind, w0, w1, w2, parts, unit)
         held = 0
+        if len(close) and _strays(dm.room, count, close):
+            set_flags(dm, x, y, z, flags_of(dm, x, y, z) | FAILED)
+            failed += 1
+            i = stop
         while i < stop:
             p = order[i]
             i += 1

@@ -17,7 +17,7 @@ from ..mesh.tables import AXES, cube_exponent, mesh_tables
 from ..passes.mesh import newest
 from ..passes.significance import BLOCK, busy_blocks, cubes, middle_of, slots
 from ..passes.state import COUNTERS, EDGE, LAST, LEVEL, SIZE, WALK, edge_of, position, truth
-from .distortion import diamonds_of, simplex_at, too_far
+from .distortion import diamonds_of, simplex_at, spread, too_far
 from .domain import FAILED, NEEDED, OPEN, ROOM, Domain, flags_of, members_of, need_parents, set_flags, signs_of
 from .topology import safe
 
@@ -215,7 +215,8 @@ class Reduction:
 
     def reduce(
         self, *, topology: bool = False, crossing: bool = False, level: int | None = None, coarsest: int = 0,
-        distortion: float | None = None, parts: int = 0, unit: int = 0, keep: NDArray[np.bool_] | None = None,
+        distortion: float | None = None, back: float = 0.0, parts: int = 0, unit: int = 0,
+        keep: NDArray[np.bool_] | None = None,
     ) -> None:  # fmt: skip
         """Take vertices away while all criteria that are given allow it.
 
@@ -231,6 +232,8 @@ class Reduction:
             Vertices of coarser levels stay.
         distortion : float, optional
             Not if a point of the original curve gets farther than this many cells from the new curve.
+        back : float
+            Nor if the middle of a piece of the new curve gets about this far from the original; 0 asks for nothing.
         parts, unit : int
             For the distortion: a decoder knows crossings in this many parts of ``2**unit`` samples; 0 parts: exactly.
         keep : (P,) bool, optional
@@ -242,6 +245,8 @@ class Reduction:
             # nothing is asked of coarser vertices: they stay
             coarsest = max(coarsest, level)
         weight = np.zeros(AXES + 1)
+        close = np.zeros(self.domain.truth.shape if back else (0, 0, 0), np.bool_)
+        spread(self.points, float(back), close)
         for here in range(self.n * self.k - 1, coarsest - 1, -1):
             dm.at[LEVEL] = here
             dm.at[EDGE] = 1 << (self.k - here // self.n)
@@ -259,7 +264,7 @@ class Reduction:
                     if keep is not None:
                         self._fail(keys[keep])
                     if distortion is not None:
-                        too_far(dm, np.int64(here), self.points, keys, order, float(distortion), np.int64(parts),
+                        too_far(dm, np.int64(here), self.points, keys, order, float(distortion), close, np.int64(parts),
                                 np.int64(unit))  # fmt: skip
             sweep(dm, self.busy, np.int64(asked), np.int64(_COMMIT))
 
@@ -274,11 +279,10 @@ class Reduction:
         most : Chosen, optional
             A mesh whose vertices alone may come back.
         """
-        wanted, levels = self.leaves_at(places)
-        if not len(wanted):
-            # full around all places: the leaves next to them, so that diamonds get whole and their points implied
-            around = np.array(list(product((-0.75, 0.0, 0.75), repeat=self.n)))
-            wanted, levels = self.leaves_at((places[:, None] + around).reshape(-1, self.n))
+        # where it is full already: the leaves next to it, so that diamonds get whole and their points implied
+        done = places[self._leaves(places)[:, 3] < 0]
+        around = np.array(list(product((-0.75, 0.0, 0.75), repeat=self.n)))
+        wanted, levels = self.leaves_at(np.concatenate([places, (done[:, None] + around).reshape(-1, self.n)]))
         if most is not None and len(wanted):
             inside = np.array([has(most, *w) for w in wanted])
             wanted, levels = wanted[inside], levels[inside]
@@ -301,12 +305,17 @@ class Reduction:
         ----------
         places : (P, n) float64
         """
+        out = self._leaves(places)
+        out = np.unique(out[out[:, 3] >= 0], axis=0)
+        return out[:, :3], out[:, 3]
+
+    def _leaves(self, places: NDArray[np.float64]) -> NDArray[np.int64]:
+        """Middle and level of the leaf at each place, level -1 on the full grid."""
         points = np.zeros((len(places), AXES))
         points[:, : self.n] = np.clip(places, 0, np.array(self.shape) - 1)
         out = np.zeros((len(places), 4), np.int64)
         found_leaves(self.domain, points, np.zeros(AXES + 1), out)
-        out = np.unique(out[out[:, 3] >= 0], axis=0)
-        return out[:, :3], out[:, 3]
+        return out
 
     def _fail(self, keys: NDArray[np.int64]) -> None:
         for key in np.unique(keys[keys >= 0]):

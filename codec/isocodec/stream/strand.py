@@ -6,6 +6,7 @@ import math
 from collections.abc import Callable, Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from isospec.container import Operation
 from isospec.elements import BY_LAYER, ELEMENTS
@@ -29,6 +30,9 @@ RUN_BYTES = 1 << 16
 
 Entry = Sequence[object]
 """Of a plan: the kind of layer, its number, and what else it takes: see `Encoder`."""
+
+Place = Callable[[NDArray[np.int64], NDArray[np.int64]], NDArray[np.int64]]
+"""Where edges between positions are to be crossed, as 30-bit fractions: `passes.truth.Truth.crossing`."""
 
 _KINDS = ("base", "adaptive_base", "leaf_base", "refine", "adapt", "values", "offsets")
 
@@ -82,6 +86,7 @@ class Strand:
         self.progress = progress
         self._plan = [_operation(*entry) for entry in plan]  # type: ignore[arg-type]
         self._meshes: dict[int, Chosen] = {}
+        self._places: dict[int, Place] = {}
         self._extend()
 
     @property
@@ -93,7 +98,7 @@ class Strand:
         """Turn operations of the plan into layers, up to the first values: they wait until their range is known."""
         state = self.progress
         while self._plan:
-            operation, number, unit, mesh = self._plan[0]
+            operation, number, unit, mesh, place = self._plan[0]
             if operation == Operation.VALUES and state.bits is None:
                 if len(self.layers) > len(self.records):
                     return
@@ -109,6 +114,8 @@ class Strand:
                 state.add(layer)
             if mesh is not None:
                 self._meshes[len(self.layers)] = mesh
+            if place is not None:
+                self._places[len(self.layers)] = place
             self.layers += fresh
             del self._plan[0]
 
@@ -149,6 +156,8 @@ class Strand:
         tube = self.tube
         if number in self._meshes:
             tube.choose(self._meshes[number])
+        if number in self._places:
+            tube.estimates.place = self._places[number]
         begin_layer(tube, self.layers[number])
         while tube.advance() != DONE:
             buf = tube.coder.buf
@@ -175,9 +184,9 @@ def begin_layer(tube: Tube, layer: Layer) -> None:
 
 
 def _operation(
-    kind: str, number: int | None = None, more: int | Chosen | None = None
-) -> tuple[Operation, int | None, int, Chosen | None]:
-    """An entry of a plan as an operation, its argument, the unit of offsets, and the mesh that it leads to."""
+    kind: str, number: int | None = None, more: int | Chosen | None = None, place: Place | None = None
+) -> tuple[Operation, int | None, int, Chosen | None, Place | None]:
+    """An entry of a plan as an operation, its argument, the unit of offsets, the mesh, the places that it leads to."""
     if kind not in _KINDS:
         raise OptionError(f"unknown layer {kind!r} in a plan", code="plan", remedy=f"one of {', '.join(_KINDS)}")
     if kind == "leaf_base":
@@ -189,5 +198,5 @@ def _operation(
     if kind in ("adaptive_base", "adapt"):
         if not isinstance(more, Chosen):
             raise OptionError(f"{kind} in a plan needs the mesh that it leads to", code="plan")
-        return Operation[kind.upper()], number, 0, more
-    return Operation[kind.upper()], number, more if isinstance(more, int) else 0, None
+        return Operation[kind.upper()], number, 0, more, None
+    return Operation[kind.upper()], number, more if isinstance(more, int) else 0, None, place

@@ -14,10 +14,11 @@ from dataclasses import field as derived
 from itertools import pairwise
 
 import numpy as np
+from numpy.typing import NDArray
 
 from isospec.container import MAX_PARTS, MAX_RADIX
 
-from ..contour import Contour, draw
+from ..contour import Contour, Leaves, draw
 from ..errors import OptionError
 from ..grid.field import OFFSET_BITS, Field
 from ..limits import Limits
@@ -25,11 +26,13 @@ from ..mesh.chosen import Chosen
 from ..mesh.tables import cube_exponent
 from ..passes.snapshot import leaves_of
 from ..passes.truth import Truth
+from ..passes.tube import Tube
 from ..reduce.distance import Target
+from ..reduce.fit import AGAIN, ROUNDS, fitted_offsets
 from ..reduce.original import original
 from ..reduce.reduction import Reduction
 from .program import Progress
-from .strand import Entry, Strand, leaning_tube
+from .strand import Entry, Place, Strand, leaning_tube
 
 Plan = list[Entry]
 
@@ -38,10 +41,13 @@ EXACT = 0.0
 BASE_CYCLES = 4
 """The default base has cubes of 1 / 2**BASE_CYCLES of the root's edge: already near the curve, for few bytes."""
 MOST_REPAIRS = 16
-COARSEST = 2.7
-"""Coarsest pitch of offsets that is tried, in units of the tolerance; coarser ones need a finer mesh instead."""
-PITCHES = 3
-"""How many pitches are tried."""
+LOOSE, BACK, SPACING = 2.0, 0.7, 1.0
+"""Vertices are left out at first as long as the curve gets no farther than ``LOOSE`` tolerances from the original,
+since the fit halves that where the curve bends, and strays no farther than ``BACK`` tolerances plus ``SPACING``."""
+HOPELESS = 1.2
+"""A mesh that grows to this many times the smallest file so far is given up."""
+PITCHES = {2: (2.7, 3), 3: (2.0, 2)}
+"""Coarsest pitch of offsets that is tried, in units of the tolerance, and how many, for curves and for surfaces."""
 
 
 @dataclass
@@ -81,6 +87,28 @@ class Promise:
 
     def trial(self, plan: Sequence[Entry]) -> tuple[int, Contour]:
         """Bytes of the runs of a plan, and what a decoder draws in the end."""
+        total, tube = self._encoded(plan)
+        return total, draw(self._leaves(tube))
+
+    def placed(self, mesh: Chosen, parts: int, unit: int, tolerance: float, before: Place | None = None) -> Place:
+        """Where the curve is to cross the edges of a mesh so that it lies within a tolerance, if it can be.
+
+        ``before`` are the places on a mesh of which most edges are left.
+        """
+        tube = self._encoded([("adaptive_base", 0, mesh), ("offsets", parts, unit)])[1]
+        told = tube.estimates
+        position = tube.state.vertex[:, : self.n].astype(np.int64)
+        low, high = position[told.edges[:, 0]], position[told.edges[:, 1]]
+        where = np.ldexp((before or self.field.crossings)(low, high) + 0.5, -OFFSET_BITS)
+        number = fitted_offsets(
+            self.contour, self._leaves(tube), told.edges, told.parts, where, tolerance, AGAIN if before else ROUNDS
+        )
+        return Places(self.field, low, high, ((2 * number + 1) << (OFFSET_BITS - 1)) // told.parts)
+
+    def _leaves(self, tube: Tube) -> Leaves:
+        return leaves_of(tube, self.field.isovalue, lambda number, above: number)
+
+    def _encoded(self, plan: Sequence[Entry]) -> tuple[int, Tube]:
         shape = self.field.values.shape
         truth = Truth(self.field.signs, self.field.numbers, self.field.crossings)
         tube = leaning_tube(shape, self.field.isovalue, self.field.scale, None, 0.0, 1 << 16, Limits(), truth)
@@ -89,7 +117,7 @@ class Promise:
         while done < len(strand.layers):
             done, run = strand.encode_run(done, lambda: None)
             total += len(run)
-        return total, draw(leaves_of(tube, self.field.isovalue, lambda number, above: number))
+        return total, tube
 
     def excess(self, contour: Contour, tolerance: float) -> np.ndarray:
         """Places where the two curves are not proven to lie within the tolerance of each other, (K, n)."""
@@ -97,6 +125,22 @@ class Promise:
         return np.concatenate(
             [Target(*theirs, tolerance).exceeded(*ours).places, Target(*ours, tolerance).exceeded(*theirs).places]
         )
+
+
+class Places:
+    """Chosen places on edges; on others those where the field crosses."""
+
+    def __init__(self, field: Field, low: NDArray[np.int64], high: NDArray[np.int64], where: NDArray[np.int64]) -> None:
+        self._field = field
+        names = np.hstack([low, high])
+        self._where = {name.tobytes(): int(x) for name, x in zip(names, where, strict=True)}
+
+    def __call__(self, low: NDArray[np.int64], high: NDArray[np.int64]) -> NDArray[np.int64]:
+        """As ``Field.crossings``."""
+        out = self._field.crossings(low, high)
+        for i, name in enumerate(np.hstack([low, high])):
+            out[i] = self._where.get(name.tobytes(), out[i])
+        return out
 
 
 def full_grid(promise: Promise, tolerance: float | None, base_level: int | None = None) -> Plan:
@@ -121,19 +165,29 @@ def grid_plan(n: int, full: int, tolerance: float | None, base_level: int | None
 def smallest(promise: Promise, tolerance: float, topology: bool) -> Plan:
     """The plan with the fewest bytes, of those tried, whose decoded curve is proven to keep to the tolerance."""
     full = promise.full_level
-    grid = full_grid(promise, tolerance, full if topology else None)
-    best, fewest = grid, promise.trial(grid)[0]
+    grids = [whole_mesh(promise, topology)]
+    if topology:
+        # one layer, which cannot go wrong
+        grids.append([("base", full)])
+    offsets: Plan = [("offsets", radix) for radix in radices(tolerance)]
+    best: Plan = [*grids[0], *offsets]
+    fewest = promise.trial(best)[0]
+    for plan in [*grids, *([*grid, *offsets] for grid in grids[1:])]:
+        size, contour = promise.trial(plan)
+        if size < fewest and not len(promise.excess(contour, tolerance)):
+            best, fewest = plan, size
     if full == 0:
         return best
-    for parts, unit in pitches(tolerance):
-        mesh = fitted(promise, tolerance, topology, parts, unit)
-        if mesh is None:
+    for parts, unit in pitches(tolerance, promise.n):
+        found = fitted(promise, tolerance, topology, parts, unit, fewest)
+        if found is None:
             continue
-        offsets = ("offsets", parts, unit)
-        plans: list[Plan] = [[("adaptive_base", 0, mesh), offsets]]
+        mesh, place = found
+        told = ("offsets", parts, unit, place)
+        plans: list[Plan] = [[("adaptive_base", 0, mesh), told]]
         coarse = min(BASE_CYCLES * promise.n, full)
         if not topology and coarse < full:
-            plans.append([("base", coarse), ("adapt", 1, mesh), offsets])
+            plans.append([("base", coarse), ("adapt", 1, mesh), told])
         for plan in plans:
             size, contour = promise.trial(plan)
             # a coarse uniform base has vertices that the mesh may lack: proven anew
@@ -143,9 +197,29 @@ def smallest(promise: Promise, tolerance: float, topology: bool) -> Plan:
 
 
 def fitted(
+    promise: Promise, tolerance: float, topology: bool, parts: int, unit: int, most: int
+) -> tuple[Chosen, Place] | None:
+    """A coarse mesh and places on its edges with which the promise is kept; None beyond ``HOPELESS`` of ``most``."""
+    reduction = promise.reduction()
+    reduction.reduce(topology=topology, distortion=LOOSE * tolerance, back=BACK * tolerance + SPACING)
+    place: Place | None = None
+    for _ in range(MOST_REPAIRS):
+        place = promise.placed(reduction.chosen, parts, unit, tolerance, place)
+        size, contour = promise.trial([("adaptive_base", 0, reduction.chosen), ("offsets", parts, unit, place)])
+        if size > HOPELESS * most:
+            return None
+        places = promise.excess(contour, tolerance)
+        if not len(places):
+            return reduction.chosen, place
+        if not reduction.restore(places):
+            return None
+    return None
+
+
+def inscribed(
     promise: Promise, tolerance: float, topology: bool, parts: int, unit: int, start: Chosen | None = None
 ) -> Chosen | None:
-    """A coarse mesh with which the promise is kept; None if these offsets are too coarse for any."""
+    """A coarse mesh on which the promise is kept with points where the field crosses the edges."""
     reduction = promise.reduction(start)
     reduction.reduce(topology=topology, distortion=tolerance, parts=parts, unit=unit)
     for _ in range(MOST_REPAIRS):
@@ -197,8 +271,8 @@ def _nested(promise: Promise, distances: Sequence[float], topology: bool) -> lis
     start: Chosen | None = None
     for tolerance in reversed(distances):
         found = []
-        for parts, unit in pitches(tolerance):
-            mesh = fitted(promise, tolerance, topology, parts, unit, start)
+        for parts, unit in pitches(tolerance, promise.n):
+            mesh = inscribed(promise, tolerance, topology, parts, unit, start)
             if mesh is not None:
                 size = promise.trial([("adaptive_base", 0, mesh), ("offsets", parts, unit)])[0]
                 found.append((size, parts, unit, mesh))
@@ -266,15 +340,16 @@ def reduced(promise: Promise, criterion: str, parameter: float | None, topology:
     return [("adaptive_base", 0, reduction.chosen)]
 
 
-def pitches(tolerance: float) -> Iterator[tuple[int, int]]:
+def pitches(tolerance: float, n: int) -> Iterator[tuple[int, int]]:
     """Parts in ``2**unit`` samples to be tried for a tolerance, the coarsest first."""
+    coarsest, count = PITCHES[n]
     found: set[tuple[float, int, int]] = set()
     for unit in range(12):
         for parts in range(1, MAX_RADIX + 1, 2):
             pitch = 2.0**unit / parts
-            if pitch <= COARSEST * tolerance and (parts <= 3 or unit == 0):
+            if pitch <= coarsest * tolerance and (parts <= 3 or unit == 0):
                 found.add((-pitch, parts, unit))
-    for _, parts, unit in sorted(found)[:PITCHES]:
+    for _, parts, unit in sorted(found)[:count]:
         yield parts, unit
 
 

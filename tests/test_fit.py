@@ -1,0 +1,132 @@
+"""Points moved along their edges: the fitted curve lies on both sides of the original, and nearer to it."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.spatial import KDTree
+
+import isocodec
+from brute import chosen, examples, smooth, uniform
+from isocodec.contour import draw
+from isocodec.contour.simplex import crossed, rings
+from isocodec.grid.field import check_field
+from isocodec.mesh.tables import cube_exponent
+from isocodec.passes.snapshot import leaves_of
+from isocodec.reduce import fit
+from isocodec.reduce.distance import Target, hausdorff
+from isocodec.stream.strategy import Promise
+
+
+def ball(n, edge=33, radius=11.3):
+    centre = edge / 2 - 0.3
+    return radius - np.sqrt(sum((x - centre) ** 2 for x in np.indices((edge,) * n)))
+
+
+def trial(promise, level, parts, unit, place=None):
+    mesh = chosen(promise.field.signs.shape, uniform(promise.field.signs.shape, level))
+    return promise.trial([("adaptive_base", 0, mesh), ("offsets", parts, unit, place)])[1], mesh
+
+
+@pytest.mark.parametrize("n", [2, 3])
+def test_a_ball_on_both_sides(n):
+    """Inscribed pieces of a ball lie inside it, up to the sagitta; fitted ones need about half of that."""
+    promise = Promise(check_field(ball(n), 0.0))
+    level = n * (cube_exponent((33,) * n) - 3)
+    before, mesh = trial(promise, level, 5, 0)
+    worst = max(hausdorff(before.points, before.cells, promise.contour.points, promise.contour.cells))
+    place = promise.placed(mesh, 5, 0, 0.6 * worst)
+    after, _ = trial(promise, level, 5, 0, place)
+    assert max(hausdorff(after.points, after.cells, promise.contour.points, promise.contour.cells)) < 0.75 * worst
+    # the pieces of the one are inside, those of the other on both sides
+    centre = 33 / 2 - 0.3
+    inscribed, fitted = (
+        np.linalg.norm(c.points[c.cells].mean(axis=1) - centre, axis=1) - 11.3 for c in (before, after)
+    )
+    assert inscribed.max() < 0.1 * worst and fitted.max() > 0.2 * worst
+
+
+@pytest.mark.parametrize("n", [2, 3])
+def test_numbers_are_parts_of_edges(n):
+    @settings(examples(25), deadline=None)
+    @given(st.integers(0, 1000), st.sampled_from([(1, 0), (3, 0), (1, 1), (3, 2)]), st.floats(0.2, 4.0))
+    def run(seed, pitch, tolerance):
+        shape = (14, 11) if n == 2 else (7, 9, 8)
+        promise = Promise(check_field(smooth(shape, seed) - 0.01, 0.0))
+        mesh = chosen(shape, uniform(shape, n * cube_exponent(shape) - n))
+        place = promise.placed(mesh, *pitch, tolerance)
+        tube = promise._encoded([("adaptive_base", 0, mesh), ("offsets", *pitch, place)])[1]
+        told = tube.estimates
+        position = tube.state.vertex[:, :n].astype(np.int64)
+        where = place(position[told.edges[:, 0]], position[told.edges[:, 1]])
+        # the middle of a part comes out as that part
+        assert np.array_equal(where * told.parts >> 30, told.offset)
+        assert np.array_equal(where, ((2 * told.offset + 1) << 29) // told.parts)
+        assert ((told.offset >= 0) & (told.offset < told.parts)).all()
+
+    run()
+
+
+@pytest.mark.parametrize("n", [2, 3])
+def test_slopes_of_implied_edges(n):
+    """What a fit takes for the movement of implied points is what happens when the others move."""
+    shape = (14, 11) if n == 2 else (9, 9, 8)
+    promise = Promise(check_field(smooth(shape, 3), 0.1))
+    tube = promise._encoded(
+        [("adaptive_base", 0, chosen(shape, uniform(shape, n * cube_exponent(shape) - 1))), ("offsets", 9, 0)]
+    )[1]
+    leaves = leaves_of(tube, 0.1, lambda number, above: number)
+    edges, _ = crossed(leaves)
+    stated = np.random.default_rng(1).uniform(0.2, 0.8, len(edges))
+    found = 0
+    for ring in rings(leaves, edges):
+        slopes, before = ring.slopes(stated), ring.ratio(stated)
+        for i in range(len(ring.edge)):
+            for j, beside in enumerate(ring.beside[i]):
+                moved = stated.copy()
+                moved[beside] += 1e-5
+                assert (ring.ratio(moved)[i] - before[i]) / 1e-5 == pytest.approx(slopes[i, j], abs=1e-3)
+                found += 1
+    assert found
+
+
+@pytest.mark.parametrize("n", [2, 3])
+def test_nearest_pieces(n):
+    """Against points spread densely over the pieces."""
+    rng = np.random.default_rng(n)
+    contour = draw(leaves_of(Promise(check_field(smooth((12,) * n, 5), 0.05))._encoded(
+        [("base", n * cube_exponent((12,) * n)), ("offsets", 9)])[1], 0.05, lambda number, above: number))  # fmt: skip
+    samples = rng.uniform(0, 11, (400, n))
+    target = Target(contour.points, contour.cells, 0.4)
+    piece, weight = target.nearest(samples)
+    shares = rng.dirichlet(np.ones(n), 400)
+    spread = np.einsum("sk,mkc->msc", shares, contour.points[contour.cells]).reshape(-1, n)
+    far, _ = KDTree(spread).query(samples)
+    near = np.linalg.norm(samples - np.einsum("pk,pkc->pc", weight, contour.points[contour.cells[piece]]), axis=1)
+    found = piece >= 0
+    assert found.any() and not found.all()
+    assert (near[found] <= np.minimum(far[found] + 1e-9, 0.4)).all() and (far[~found] > 0.4 - 1e-9).all()
+    assert np.abs(weight[found].sum(axis=1) - 1).max() < 1e-9 and weight[found].min() >= -1e-9
+    assert (near[found] > far[found] - 0.15).all()
+
+
+def test_relax_finds_the_best_places():
+    """One edge, two samples that pull in opposite ways: the middle between them."""
+    where = np.array([0.1])
+    gap = np.array([0.4, -0.2])
+    step = np.array([0.05])
+    fit.relax(np.array([0, 2]), np.array([0, 1]), np.array([1.0, 1.0]), gap, where, step, 2, 1.0, 10)
+    assert where[0] == pytest.approx(0.2) and gap == pytest.approx([0.3, -0.3])
+
+
+@pytest.mark.parametrize("n", [2, 3])
+def test_samples_on_the_isovalue(n):
+    """Crossings at the very ends of edges, next to implied edges: still a promise kept."""
+    field = np.rint(2 * smooth((21,) * n if n == 2 else (11, 12, 9), 4)).astype(np.float64)
+    assert (field == 0).any()
+    for tolerance in (0.25, 1.0):
+        promise = Promise(check_field(field, 0.0))
+        found = isocodec.decode(isocodec.encode(field, 0.0, tolerance=tolerance))
+        assert not len(promise.excess(found, tolerance))
