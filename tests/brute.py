@@ -14,27 +14,14 @@ from hypothesis import settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from isocodec.mesh.chosen import GONE, Chosen, every_vertex
-from isocodec.mesh.store import grown, put
+from isoconform.meshes import Mesh, closed, exponent, parents
 
 INTERPRETED = os.environ.get("NUMBA_DISABLE_JIT", "0") not in ("", "0")
-
-
-Vertices = frozenset[tuple[int, ...]]
-"""A mesh: the positions of its vertices."""
 
 
 def examples(count: int) -> settings:
     """Settings with ``count`` examples, or a few where the kernels are interpreted."""
     return settings(max_examples=min(count, 3) if INTERPRETED else count)
-
-
-def exponent(shape: tuple[int, ...]) -> int:
-    """k of the root cube: 2**k edges cover the longest axis."""
-    k = 0
-    while 1 << k < max(shape) - 1:
-        k += 1
-    return k
 
 
 @cache
@@ -152,37 +139,7 @@ def sign_fields(draw, n: int, most: int, longest: int | None = None) -> NDArray[
 # -- meshes between the root and the full grid -----------------------------------------------------------------------
 
 
-@lru_cache(256)
-def parents(shape: tuple[int, ...]) -> dict[tuple[int, ...], Vertices]:
-    """All middles of the full mesh, unclamped, with their parents; both by recursive bisection."""
-    n, k = len(shape), exponent(shape)
-    out: dict[tuple[int, ...], set[tuple[int, ...]]] = {}
-    for level in range(n * k):
-        s = simplices(n, k, level)
-        exists = volumes(np.minimum(s, np.array(shape) - 1)) != 0
-        tag = n - level % n
-        for x in s[exists]:
-            w = tuple((x[0] + x[tag]) // 2)
-            up = out.setdefault(tuple(map(int, w)), set())
-            if level:
-                up.add(tuple(map(int, x[1 if level % n == 0 else tag + 1])))
-    return {w: frozenset(p) for w, p in out.items()}
-
-
-def closed(shape: tuple[int, ...], wanted: list[tuple[int, ...]]) -> Vertices:
-    """The smallest mesh that has the wanted vertices."""
-    up = parents(shape)
-    out: set[tuple[int, ...]] = set()
-    stack = list(wanted)
-    while stack:
-        w = stack.pop()
-        if w not in out:
-            out.add(w)
-            stack += up[w]
-    return frozenset(out)
-
-
-def mesh_leaves(shape: tuple[int, ...], mesh: Vertices) -> list[tuple[int, NDArray[np.int64]]]:
+def mesh_leaves(shape: tuple[int, ...], mesh: Mesh) -> list[tuple[int, NDArray[np.int64]]]:
     """Leaf simplices of a mesh with a volume, as (level, clamped positions)."""
     n, k = len(shape), exponent(shape)
     last = np.array(shape) - 1
@@ -202,7 +159,7 @@ def mesh_leaves(shape: tuple[int, ...], mesh: Vertices) -> list[tuple[int, NDArr
     return found
 
 
-def mixed_leaves(above: NDArray[np.bool_], mesh: Vertices) -> set[tuple[int, bytes]]:
+def mixed_leaves(above: NDArray[np.bool_], mesh: Mesh) -> set[tuple[int, bytes]]:
     """Those that are crossed, by level and positions."""
     out = set()
     for level, x in mesh_leaves(above.shape, mesh):
@@ -212,35 +169,8 @@ def mixed_leaves(above: NDArray[np.bool_], mesh: Vertices) -> set[tuple[int, byt
     return out
 
 
-def level_of(w: tuple[int, ...], n: int, k: int) -> int:
-    unit = min(x & -x for x in w if x)
-    odd = sum(x // unit % 2 for x in w)
-    return n * (k - unit.bit_length()) + n - odd
-
-
-def uniform(shape: tuple[int, ...], level: int) -> Vertices:
-    """The mesh of a uniform level."""
-    n, k = len(shape), max(max(shape) - 2, 0).bit_length()
-    return frozenset(w for w in parents(shape) if level_of(w, n, k) < level)
-
-
-def chosen(shape: tuple[int, ...], mesh: Vertices) -> Chosen:
-    """The flags of a mesh that is given as a set."""
-    out = every_vertex(shape)
-    for w in parents(shape):
-        if w in mesh:
-            continue
-        p = w + (0,) * (3 - len(w))
-        if all(x < s for x, s in zip(p, out.inside.shape, strict=True)):
-            out.inside[p] |= GONE
-        else:
-            out = out._replace(outside=grown(out.outside, 1))
-            put(out.outside, *map(np.int64, p), GONE)
-    return out
-
-
 @st.composite
-def meshes(draw, shape: tuple[int, ...], inside: Vertices = frozenset()) -> Vertices:
+def meshes(draw, shape: tuple[int, ...], inside: Mesh = frozenset()) -> Mesh:
     """A closed set of vertices: some picked at random, and their ancestors; all of ``inside`` among them."""
     every = sorted(parents(shape))
     seed = draw(st.integers(0, 1 << 32))

@@ -8,11 +8,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from brute import chosen, closed, examples, level_of, meshes, mixed_leaves, parents, sign_fields
+from brute import examples, meshes, mixed_leaves, sign_fields
 from isocodec.mesh.chosen import finest_level, has
 from isocodec.passes import snapshot
 from isocodec.stream.decoder import Decoder
 from isocodec.stream.encoder import Encoder
+from isoconform.meshes import chosen, closed, level_of, parents
 
 Mesh = frozenset[tuple[int, ...]]
 
@@ -80,7 +81,7 @@ def test_refinements_in_any_order(n, most):
         field, steps = case
         full = n * max(max(field.shape) - 2, 0).bit_length()
         level = data.draw(st.integers(0, full))
-        uniform = frozenset(w for w in parents(field.shape) if level_of(w, n, full // n) < level)
+        uniform = frozenset(w for w in parents(field.shape) if level_of(w, field.shape) < level)
         plan = []
         mesh = frozenset()
         if data.draw(st.booleans()):
@@ -108,7 +109,7 @@ def test_finest_level():
         k = max(max(shape) - 2, 0).bit_length()
         for w in parents(shape):
             if all(x < s for x, s in zip(w, shape, strict=True)):
-                assert finest_level(chosen(shape, closed(shape, [w])), k, n) == level_of(w, n, k)
+                assert finest_level(chosen(shape, closed(shape, [w])), k, n) == level_of(w, shape)
 
 
 def test_flags_off_the_box():

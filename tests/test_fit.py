@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from scipy.spatial import KDTree
 
 import isocodec
-from brute import chosen, examples, smooth, uniform
+from brute import examples, smooth
 from isocodec.contour import draw
 from isocodec.contour.simplex import crossed, rings
 from isocodec.grid.field import check_field
@@ -18,6 +18,7 @@ from isocodec.passes.snapshot import leaves_of
 from isocodec.reduce import fit
 from isocodec.reduce.distance import Target, hausdorff
 from isocodec.stream.strategy import Promise
+from isoconform.meshes import chosen, uniform
 
 
 def ball(n, edge=33, radius=11.3):

@@ -8,12 +8,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import isocodec
-from brute import blobs, chosen, examples, meshes, mixed, smooth, uniform
+from brute import blobs, examples, meshes, mixed, smooth
 from isocodec import Decoder, Encoder
 from isocodec.errors import OptionError
 from isocodec.passes.snapshot import leaves_of, state_of
 from isocodec.stream import strategy
 from isocodec.stream.events import IsovalueRead
+from isoconform.meshes import chosen, uniform
 
 
 @st.composite

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from brute import examples, exponent, simplices, volumes
+from brute import examples, simplices, volumes
 from isocodec.entropy.coder import Coder
 from isocodec.limits import Limits
 from isocodec.mesh import access
@@ -18,6 +18,7 @@ from isocodec.mesh.store import full, get, grown, new_store, put
 from isocodec.mesh.tables import mesh_tables
 from isocodec.passes.state import exists
 from isocodec.passes.tube import Tube
+from isoconform.meshes import exponent
 
 # A root of edge 8 has two whole periods of the second finest cubes along each axis.
 CASES = [(n, 3, level) for n in (2, 3) for level in range(3 * n + 1)]

@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from brute import blobs, crossing_edges, crossing_points, examples, exponent, lattice, mixed, sign_fields, smooth
+from brute import blobs, crossing_edges, crossing_points, examples, lattice, mixed, sign_fields, smooth
 from isocodec import Decoder, Encoder
 from isocodec.entropy.coder import ENCODE, END, FINAL, finish, start
 from isocodec.grid.field import interval_value
@@ -20,6 +20,7 @@ from isocodec.passes import snapshot
 from isocodec.stream.events import BaseComplete, GeometryRefined, LayerComplete, LevelComplete
 from isocodec.stream.header import write_header
 from isocodec.stream.program import Layer
+from isoconform.meshes import exponent
 
 # --- set-up and checks ----------------------------------------------------------------------------------------------
 

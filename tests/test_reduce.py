@@ -18,19 +18,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from brute import (
-    closed,
-    crossing_points,
-    examples,
-    exponent,
-    level_of,
-    mesh_leaves,
-    mixed_leaves,
-    parents,
-    sign_fields,
-    simplices,
-    smooth,
-)
+from brute import crossing_points, examples, mesh_leaves, mixed_leaves, sign_fields, simplices, smooth
 from isocodec.grid.field import check_field
 from isocodec.jit import kernel
 from isocodec.mesh.chosen import has
@@ -38,8 +26,8 @@ from isocodec.passes.mesh import newest
 from isocodec.reduce.edges import crossing_on
 from isocodec.reduce.reduction import Reduction
 from isocodec.stream.strategy import Promise
+from isoconform.meshes import Mesh, closed, exponent, level_of, parents
 
-Mesh = frozenset[tuple[int, ...]]
 Vertex = tuple[int, ...]
 SIZES = [(2, 14), (3, 6)]
 
@@ -252,7 +240,7 @@ def test_levels_that_stay(shape):
     n, k = len(shape), exponent(shape)
     field = smooth(shape, 1) > 0
     for level in range(n * k + 1):
-        uniform = frozenset(w for w in parents(shape) if level_of(w, n, k) < level)
+        uniform = frozenset(w for w in parents(shape) if level_of(w, shape) < level)
         reduction = of(field)
         reduction.reduce(level=level, coarsest=level)
         assert mesh_of(reduction) == uniform
@@ -268,7 +256,7 @@ def test_level_alone(shape):
     level = n * k - 1
     reduction = of(smooth(shape, 1) > 0)
     reduction.reduce(level=level)
-    assert mesh_of(reduction) == frozenset(w for w in parents(shape) if level_of(w, n, k) < level)
+    assert mesh_of(reduction) == frozenset(w for w in parents(shape) if level_of(w, shape) < level)
 
 
 @pytest.mark.parametrize("shape", [(33, 33), (20, 31), (9, 8, 10)])

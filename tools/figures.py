@@ -72,13 +72,12 @@ def terrain(item: Item) -> bytes:
     decoder = isocodec.Decoder()
     decoder.feed(data)
     # each promise is kept at the end of a layer of geometry
-    kept = [e for e in decoder if isinstance(e, LayerComplete) and e.layer.kind in ("offsets", "values")]
-    shown = []
-    for event in kept[: len(DISTANCES)] + kept[-1:]:
-        part = isocodec.Decoder()
-        part.feed(data[: event.offset])
-        list(part)
-        shown.append(Step(part.drawn(), event.offset, len(data), part.mesh(0)))
+    kept = [
+        Step(decoder.drawn(), event.offset, len(data), decoder.mesh(0))
+        for event in decoder
+        if isinstance(event, LayerComplete) and event.layer.kind in ("offsets", "values")
+    ]
+    shown = kept[: len(DISTANCES)] + kept[-1:]
     return steps_picture(shown, ".png")
 
 

@@ -17,16 +17,16 @@ from .stream.inspect import inspect
 
 
 def encode(field: ArrayLike, isovalue: float | Sequence[float], **options: Any) -> bytes:
-    """Encode one isocontour or isosurface of a sampled field.
+    """Encode one or more isocontours or isosurfaces of a sampled field.
 
     Parameters
     ----------
     field : (s0, s1) or (s0, s1, s2) array_like of bool, integers or floats
         Samples on a regular grid, without NaN.
-    isovalue : float
-        Samples greater than it lie above.
-    exact, tolerance, signs_only, step, base_level, profile, metadata, progress
-        See ``Encoder``; without any of the first four, ``tolerance=0.05``.
+    isovalue : float, or sequence of them
+        Samples greater than it lie above. Of several, later ones lean on earlier ones.
+    **options
+        See `Encoder`. Without any, the full grid is told with crossings within 0.05 of an edge.
 
     Returns
     -------

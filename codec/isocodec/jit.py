@@ -45,9 +45,9 @@ if hasattr(DefaultOptions, "forceinline"):
 inner: Any = njit(**(_OPTIONS | _INNER))
 """Decorator of functions that only kernels call: no entry from Python, and no call in the end."""
 
-# What a kernel returns: why it came back.
+# What a kernel returns: why it came back. What it calls returns the same instead of a symbol, if there is none.
 DONE = 0  # the pass is complete
-NEED = 1  # the coder needs bytes (decoding) or room for them (encoding)
-GROW = 2  # an array is nearly full
-CUT = 3  # the stated number of symbols of a cut run has been coded
-BAD = 4  # the stream violates the specification; the clause is in the state
+NEED = -1  # the coder needs bytes (decoding) or room for them (encoding)
+CUT = -2  # the stated number of symbols of a cut run has been coded
+GROW = -3  # an array is nearly full
+BAD = -4  # the stream violates the specification; the clause is in the state

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..jit import inner, kernel
+from ..jit import CUT, NEED, inner, kernel
 
 # Registers of a coder.
 MODE, LOW, RANGE, CODE, POS, END, FINAL, UNKNOWN, LEFT, OVER = range(10)
@@ -86,16 +86,16 @@ def adapt(cd, ctx, bit):
 def code(cd, ctx, bit):
     """Code one symbol in context ``ctx``: write ``bit``, or return the decoded one.
 
-    Returns -1, with nothing changed, when the coder needs bytes (or room), and -2 at the end of a cut run.
+    Returns NEED, with nothing changed, when the coder needs bytes (or room), and CUT at the end of a cut run.
     """
     reg = cd.reg
     if reg[LEFT] == 0:
-        return -2
+        return CUT
     width = reg[RANGE]
     bound = (width * cd.prob[ctx]) >> 16
     if reg[MODE] == ENCODE:
         if reg[POS] + MARGIN > len(cd.buf):
-            return -1
+            return NEED
         if bit:
             width = bound
         else:
@@ -121,10 +121,10 @@ def code(cd, ctx, bit):
             span = (np.int64(1) << reg[UNKNOWN]) - 1
             most = min(reg[CODE] + span, width - 1)
             if (reg[CODE] < bound) != (most < bound):
-                return -1
+                return NEED
         if reg[POS] > reg[END] + BEYOND:
             reg[OVER] = 1
-            return -1
+            return NEED
         if reg[CODE] < bound:
             bit = 1
             width = bound

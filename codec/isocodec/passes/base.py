@@ -11,13 +11,13 @@ import numpy as np
 
 from ..entropy import baseline as ctx
 from ..entropy.coder import ENCODE, MODE, adapt, code
-from ..jit import BAD, CUT, DONE, GROW, NEED, inner, kernel
+from ..jit import BAD, DONE, GROW, inner, kernel
 from ..mesh.access import child, cube, dimension, neighbour, roots, vertex
 from ..mesh.access import root as root_class
 from ..mesh.store import full, get, put
 from .behind import resolve, settle, tell
 from .infer import implied
-from .mesh import BARRED, CROWDED
+from .mesh import BARRED
 from .parabola import MOST
 from .predict import curve_context, edge_sum, surface_context, turn_back
 from .seek import descend, middle_at, unpacked
@@ -74,11 +74,6 @@ _ORIGIN, _COMPONENT, _ROOT, _LOCATE, _SIGNS, _TRAVERSE = range(6)
 GATE = 7
 """A gate on the stack: class, block and level of the simplex of equal level behind it, the vertex opposite, the leaf
 it was left from."""
-
-
-@inner
-def _stop(bit):
-    return CUT if bit == -2 else NEED
 
 
 @inner
@@ -150,6 +145,18 @@ def _push_gates(st, mark, level, cls, b0, b1, b2):
 
 
 @inner
+def _enter(st, mark, level, cls, b0, b1, b2):
+    """Begin a component with its first simplex."""
+    w = st.walk
+    _visit(st, mark, level, cls, b0, b1, b2)
+    _push_gates(st, mark, level, cls, b0, b1, b2)
+    w[HISTORY] = 0
+    w[FRESH] = 0
+    w[BRANCH] = st.at[LEAVES] - 1
+    w[PHASE] = _TRAVERSE
+
+
+@inner
 def _tree_child(st, depth, cls, b0, b1, b2, side):
     """Class and block of a child in the forest of binary trees, and whether it exists."""
     n = dimension(st.tables)
@@ -163,12 +170,10 @@ def _tree_child(st, depth, cls, b0, b1, b2, side):
 @inner
 def _trouble(st, status):
     """What the pass returns when a question about the mesh was not answered."""
-    if status == CROWDED:
-        return GROW
     if status == BARRED:
         st.at[ERROR] = 6
         return BAD
-    return _stop(status)
+    return status
 
 
 @inner
@@ -210,12 +215,7 @@ def _seed(st, cd, mark, seeds):
         return np.int64(0)
     w[SEED] = i + 1
     if before == 3 and not visited(st, mark, level, cls, b0, b1, b2):
-        _visit(st, mark, level, cls, b0, b1, b2)
-        _push_gates(st, mark, level, cls, b0, b1, b2)
-        w[HISTORY] = 0
-        w[FRESH] = 0
-        w[BRANCH] = st.at[LEAVES] - 1
-        w[PHASE] = _TRAVERSE
+        _enter(st, mark, level, cls, b0, b1, b2)
     return np.int64(0)
 
 
@@ -247,7 +247,7 @@ def base(st, cd, mark, order, seeds):
                 if bit < 0:
                     bit = code(cd, ctx.ORIGIN + other + 1, np.int64(encoding and st.truth[0, 0, 0]))
                     if bit < 0:
-                        return _stop(bit)
+                        return bit
                     st.at[TALLY + ORIGIN] += 1
                 learn(st, zero, zero, zero, bit)
             w[PHASE] = _COMPONENT
@@ -261,7 +261,7 @@ def base(st, cd, mark, order, seeds):
                     w[ITEM] += 1
             bit = code(cd, ctx.COMPONENT, np.int64(w[ITEM] < len(order)))
             if bit < 0:
-                return _stop(bit)
+                return bit
             st.at[TALLY + COMPONENT] += 1
             if bit == 0:
                 return DONE
@@ -279,7 +279,7 @@ def base(st, cd, mark, order, seeds):
                     here = np.int64(unpacked(order[w[ITEM]])[0] == root)
                 bit = code(cd, ctx.ROOT, here)
                 if bit < 0:
-                    return _stop(bit)
+                    return bit
                 st.at[TALLY + LOCATION] += 1
             if bit:
                 if root != w[LAST_ROOT]:
@@ -324,7 +324,7 @@ def base(st, cd, mark, order, seeds):
                     want = (path >> (deep - 1 - depth)) & 1
                 bit = code(cd, ctx.PATH + w[TIGHT], want)
                 if bit < 0:
-                    return _stop(bit)
+                    return bit
                 st.at[TALLY + LOCATION] += 1
             if w[TIGHT] and bit != w[PATH + depth]:
                 w[TIGHT] = 0
@@ -360,7 +360,7 @@ def base(st, cd, mark, order, seeds):
                                 bit = corner_truth(st, edge, r, cls, b0, b1, b2, j)
                             bit = code(cd, ctx.FIRST + 8 * (other + 1) + 4 * (j > 0) + before, bit)
                             if bit < 0:
-                                return _stop(bit)
+                                return bit
                             st.at[TALLY + BASE_SIGN] += 1
                         _corner_learn(st, level, cls, b0, b1, b2, j, bit)
                 w[CORNER] = j + 1
@@ -371,12 +371,7 @@ def base(st, cd, mark, order, seeds):
             if signs != 3:
                 st.at[ERROR] = 3
                 return BAD
-            _visit(st, mark, level, cls, b0, b1, b2)
-            _push_gates(st, mark, level, cls, b0, b1, b2)
-            w[HISTORY] = 0
-            w[FRESH] = 0
-            w[BRANCH] = st.at[LEAVES] - 1
-            w[PHASE] = _TRAVERSE
+            _enter(st, mark, level, cls, b0, b1, b2)
 
         else:
             if w[GATES] == 0:
@@ -421,7 +416,7 @@ def base(st, cd, mark, order, seeds):
                         right_guess = np.int64(corner_truth(st, edge, r, cls, b0, b1, b2, opp) == guess)
                     bit = code(cd, context, right_guess)
                     if bit < 0:
-                        return _stop(bit)
+                        return bit
                     st.at[TALLY + BASE_SIGN] += 1
                     st.at[TALLY + PREDICTED] += 1
                     st.at[TALLY + PREDICTED_RIGHT] += bit

@@ -6,13 +6,13 @@ import numpy as np
 
 from ..entropy import baseline as ctx
 from ..entropy.coder import ENCODE, MODE, code
-from ..jit import inner
+from ..jit import GROW, inner
 from ..mesh.access import child, dimension, grandchild, member, vertex
 from ..mesh.access import kind as kind_of
 from ..mesh.access import members as member_count
 from ..mesh.chosen import has
 from ..mesh.store import get, put
-from .mesh import BARRED, CROWDED, IN, OUT, admit, closure, newest, short, told
+from .mesh import BARRED, IN, OUT, admit, closure, newest, short, told
 from .seek import middle_at
 from .state import FINEST, LEVEL_SYMBOL, TALLY, UNIFORM, edge_of, position
 from .walk import BEFORE, RESOLVED
@@ -51,7 +51,7 @@ def _question(n, level, opp):
 
 @inner
 def tell(st, cd, level, x, y, z, context):
-    """Learn whether a middle is in the mesh: 1 or 0, or what the coder says, or CROWDED.
+    """Learn whether a middle is in the mesh: 1 or 0, or what the coder says, or GROW.
 
     A vertex of the mesh brings its ancestors with it.
     """
@@ -60,7 +60,7 @@ def tell(st, cd, level, x, y, z, context):
         return answer
     count = closure(st, level, x, y, z, 1)
     if count != BARRED and short(st, count):
-        return np.int64(CROWDED)
+        return np.int64(GROW)
     want = np.int64(0)
     if cd.reg[MODE] == ENCODE:
         want = np.int64(has(st.chosen, x, y, z))
@@ -80,7 +80,7 @@ def tell(st, cd, level, x, y, z, context):
 
 @inner
 def settle(st, level, cls, b0, b1, b2):
-    """Mark what a leaf says of the mesh: its newest vertex is in it, its middle is not. 0, CROWDED or BARRED."""
+    """Mark what a leaf says of the mesh: its newest vertex is in it, its middle is not. 0, GROW or BARRED."""
     n = dimension(st.tables)
     x, y, z = middle_at(st, level, cls, b0, b1, b2)
     if level < st.at[FINEST]:
@@ -100,7 +100,7 @@ def settle(st, level, cls, b0, b1, b2):
     if count == BARRED:
         return count
     if short(st, count):
-        return np.int64(CROWDED)
+        return np.int64(GROW)
     admit(st, count)
     return np.int64(0)
 

@@ -12,7 +12,7 @@ from isospec.container import MAX_PARTS, MAX_RADIX, STEP_RADIX
 
 from ..entropy import baseline as ctx
 from ..entropy.coder import ENCODE, MODE, code
-from ..jit import CUT, DONE, NEED, inner, kernel
+from ..jit import DONE, inner, kernel
 from ..mesh.access import dimension
 from ..mesh.store import get
 from .state import LEAVES, OFFSET_BIT, SCRATCH, SIDE, TALLY, VALUE_BIT, corner_entry, edge_of
@@ -141,7 +141,7 @@ def values(st, cd, active, number, left, plane, wanted):
             bit = (wanted[v] >> p) & 1
         bit = code(cd, ctx.VALUE + (p * 2 + np.int64(number[v] != 0)) * 3 + w[BEFORE], bit)
         if bit < 0:
-            return CUT if bit == -2 else NEED
+            return bit
         st.at[TALLY + VALUE_BIT] += 1
         w[BEFORE] = 1 + bit
         number[v] = number[v] << 1 | bit
@@ -204,7 +204,7 @@ def offsets(st, cd, number, parts, length, rising, earlier, target, unit, wanted
                 context = ctx.OFFSET_LEAN + min(step, 7) * 16 + min(room - step, 15)
                 bit = code(cd, context, np.int64((digit + half - bound) * way > step))
                 if bit < 0:
-                    return CUT if bit == -2 else NEED
+                    return bit
                 st.at[TALLY + OFFSET_BIT] += 1
             if bit:
                 w[STEP] = step + 1
@@ -222,7 +222,7 @@ def offsets(st, cd, number, parts, length, rising, earlier, target, unit, wanted
         else:
             bit = code(cd, contexts + 8 + step - 2, np.int64(abs(digit) >= step))
         if bit < 0:
-            return CUT if bit == -2 else NEED
+            return bit
         st.at[TALLY + OFFSET_BIT] += 1
         if step == 0 and bit:
             w[STEP] = 1

@@ -19,8 +19,8 @@ from .state import FINEST, ROOM, STEP_VERTICES, TOLD, UNIFORM, edge_of, position
 IN, OUT, KEPT, KNOWN = 1, 2, 4, 8
 """Marks of a lattice point: in the mesh; told not to be in it; kept in this layer; known when it was added."""
 
-BARRED, CROWDED = -16, -17
-"""Why a question has no answer, beside what the coder returns: it cannot be asked; there is no room for the answer."""
+BARRED = -16
+"""What a question returns, beside what the coder does, if it cannot be asked."""
 MOST_ANCESTORS = 4096
 """Rows of ``State.path``; a vertex with more ancestors to be added is barred (spec clause 11.1)."""
 
@@ -29,6 +29,15 @@ MOST_ANCESTORS = 4096
 def newest(n, r):
     """Number of the vertex of a simplex that the bisection of its parent added."""
     return 1 if r == 0 else n - r + 1
+
+
+@inner
+def parent(t, level, edge, kind, m, w0, w1, w2):
+    """Unclamped position of the middle whose bisection made member m of the diamond around w."""
+    r = level % dimension(t)
+    cls, d0, d1, d2, _ = member(t, kind, m)
+    newest_vertex = vertex(t, r, cls, newest(dimension(t), r))
+    return position(edge, (w0 >> 2) + d0, (w1 >> 2) + d1, (w2 >> 2) + d2, newest_vertex)
 
 
 @inner
@@ -82,16 +91,14 @@ def closure(st, level, x, y, z, free):
         i += 1
         if level - 1 < st.at[UNIFORM]:
             continue
-        r = level % n
         edge = edge_of(st, level)
         w0, w1, w2 = lattice(st, level, x, y, z)
-        kind = kind_of(t, r, w0, w1, w2)
+        kind = kind_of(t, level % n, w0, w1, w2)
         existing = look(st, level, kind, w0, w1, w2)[1]
         for m in range(member_count(t, kind)):
             if not (existing >> m) & 1:
                 continue
-            cls, d0, d1, d2, _ = member(t, kind, m)
-            p0, p1, p2 = position(edge, (w0 >> 2) + d0, (w1 >> 2) + d1, (w2 >> 2) + d2, vertex(t, r, cls, newest(n, r)))
+            p0, p1, p2 = parent(t, level, edge, kind, m, w0, w1, w2)
             state = get(st.mesh, p0, p1, p2)
             if state & IN or _listed(st, count, p0, p1, p2):
                 continue
@@ -140,15 +147,13 @@ def told(st, level, x, y, z):
         return -1
     n = dimension(st.tables)
     t = st.tables
-    r = level % n
     edge = edge_of(st, level)
     w0, w1, w2 = lattice(st, level, x, y, z)
-    kind = kind_of(t, r, w0, w1, w2)
+    kind = kind_of(t, level % n, w0, w1, w2)
     existing = look(st, level, kind, w0, w1, w2)[1]
     for m in range(member_count(t, kind)):
         if (existing >> m) & 1:
-            cls, d0, d1, d2, _ = member(t, kind, m)
-            p0, p1, p2 = position(edge, (w0 >> 2) + d0, (w1 >> 2) + d1, (w2 >> 2) + d2, vertex(t, r, cls, newest(n, r)))
+            p0, p1, p2 = parent(t, level, edge, kind, m, w0, w1, w2)
             if get(st.mesh, p0, p1, p2) & OUT:
                 return 0
     return -1

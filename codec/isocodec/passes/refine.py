@@ -10,7 +10,7 @@ import numpy as np
 
 from ..entropy import baseline as ctx
 from ..entropy.coder import ENCODE, MODE, code
-from ..jit import CUT, DONE, GROW, NEED, inner, kernel
+from ..jit import DONE, GROW, inner, kernel
 from ..mesh.access import corner, dimension, member, middle
 from ..mesh.access import corners as corner_count
 from ..mesh.access import kind as kind_of
@@ -149,7 +149,7 @@ def _remember(st, p0, p1):
 
 @inner
 def _split(st, cd, kind, w0, w1, w2, x, y, z):
-    """Refine or Keep: IN if the middle is in the mesh, KEPT if not, or what the coder says; GROW as -3.
+    """Refine or Keep: IN if the middle is in the mesh, KEPT if not, or what the coder says, or GROW.
 
     Keep bars the middle and its descendants until the layer's end; what its refinement implies costs nothing.
     """
@@ -161,7 +161,7 @@ def _split(st, cd, kind, w0, w1, w2, x, y, z):
     bit = np.int64(0)
     if count != BARRED:
         if short(st, count):
-            return np.int64(-3)
+            return np.int64(GROW)
         w = st.walk
         if cd.reg[MODE] == ENCODE:
             bit = np.int64(has(st.chosen, x, y, z))
@@ -203,7 +203,7 @@ def go_on(st, cd, more):
     """Cont/Stop before a round of an adaptive layer; the answer is left in the first register."""
     bit = code(cd, ctx.CONTINUE, more)
     if bit < 0:
-        return CUT if bit == -2 else NEED
+        return bit
     st.at[TALLY + CONTINUE] += 1
     st.walk[0] = bit
     return DONE
@@ -236,7 +236,7 @@ def refine(st, cd):
         if asks:
             state = _split(st, cd, kind, w0, w1, w2, x, y, z)
             if state < 0:
-                return GROW if state == -3 else (CUT if state == -2 else NEED)
+                return state
             if state & KEPT:
                 push(st, cls, b0, b1, b2, st.at[LEVEL])
                 st.at[DONE_LEAVES] = i + 1
@@ -286,7 +286,7 @@ def refine(st, cd):
                 bit = np.int64((truth(st, x, y, z) == guess) == crossed)
             bit = code(cd, context, bit)
             if bit < 0:
-                return CUT if bit == -2 else NEED
+                return bit
             st.at[TALLY + REFINEMENT_SIGN] += 1
             st.at[TALLY + PREDICTED] += 1
             right = bit == crossed

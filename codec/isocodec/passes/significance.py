@@ -10,7 +10,7 @@ import numpy as np
 
 from ..entropy import baseline as ctx
 from ..entropy.coder import ENCODE, MODE, code
-from ..jit import BAD, CUT, DONE, GROW, NEED, inner, kernel
+from ..jit import BAD, DONE, GROW, inner, kernel
 from ..mesh.access import corner, dimension
 from ..mesh.access import corners as corner_count
 from ..mesh.access import kind as kind_of
@@ -319,7 +319,7 @@ def significance(st, cd, items):
         h = height(max(cubes0, cubes1, cubes2))
         bit = code(cd, ctx.SIGNIFICANT + h * 3, np.int64(encoding and len(items) > 0))
         if bit < 0:
-            return CUT if bit == -2 else NEED
+            return bit
         st.at[TALLY + SIGNIFICANCE] += 1
         w[STARTED] = 1
         if bit:
@@ -361,7 +361,7 @@ def significance(st, cd, items):
                 want = _wanted(items, w[ITEM], inner, SLOT_BITS + n * shift) if encoding else np.int64(0)
                 bit = code(cd, context, want)
                 if bit < 0:
-                    return CUT if bit == -2 else NEED
+                    return bit
                 st.at[TALLY + SIGNIFICANCE] += 1
             st.stack[o + 5] = child + 1
             if bit:
@@ -372,10 +372,8 @@ def significance(st, cd, items):
         # a significant cube: which of its slots
         if w[ADDING]:
             status = _add(st, cd, x, y, z, child - 1)
-            if status == BAD:
-                return BAD
             if status < 0:
-                return CUT if status == -2 else NEED
+                return status
             w[ADDING] = 0
             continue
         if child == per_cube:
@@ -399,7 +397,7 @@ def significance(st, cd, items):
             want = _wanted(items, w[ITEM], number << SLOT_BITS | child, zero) if encoding else np.int64(0)
             bit = code(cd, ctx.SIGNIFICANT_LEAF + ((1 + r) * ctx.NEARNESS + count - 1) * 3 + min(hits, 2), want)
             if bit < 0:
-                return CUT if bit == -2 else NEED
+                return bit
             st.at[TALLY + SIGNIFICANCE] += 1
         st.stack[o + 5] = child + 1
         if bit == 0:

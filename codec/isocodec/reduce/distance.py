@@ -37,23 +37,11 @@ class Excess:
 
 
 @kernel
-def _count(pieces, low, size, reach, counts):
-    """Count for each bucket the pieces that come within ``reach`` of it."""
-    for i in range(len(pieces)):
-        x, y, z = (
-            _span(pieces, i, 0, low, size, reach),
-            _span(pieces, i, 1, low, size, reach),
-            _span(pieces, i, 2, low, size, reach),
-        )
-        for p in range(max(x[0], 0), min(x[1], counts.shape[0] - 1) + 1):
-            for q in range(max(y[0], 0), min(y[1], counts.shape[1] - 1) + 1):
-                for r in range(max(z[0], 0), min(z[1], counts.shape[2] - 1) + 1):
-                    counts[p, q, r] += 1
+def _sort(pieces, low, size, reach, place, items):
+    """Move each bucket's ``place`` on by the pieces that come within ``reach`` of it.
 
-
-@kernel
-def _fill(pieces, low, size, reach, place, items):
-    """List them; ``place`` says where each bucket's list goes on."""
+    They are listed there, unless ``items`` is empty: then they are but counted.
+    """
     for i in range(len(pieces)):
         x, y, z = (
             _span(pieces, i, 0, low, size, reach),
@@ -63,7 +51,8 @@ def _fill(pieces, low, size, reach, place, items):
         for p in range(max(x[0], 0), min(x[1], place.shape[0] - 1) + 1):
             for q in range(max(y[0], 0), min(y[1], place.shape[1] - 1) + 1):
                 for r in range(max(z[0], 0), min(z[1], place.shape[2] - 1) + 1):
-                    items[place[p, q, r]] = i
+                    if len(items):
+                        items[place[p, q, r]] = i
                     place[p, q, r] += 1
 
 
@@ -193,10 +182,10 @@ class Target:
         high = corners.max(axis=0, initial=0.0) + reach
         self.shape = np.maximum(np.floor((high - self.low) / self.size).astype(np.int64) + 1, 1)
         counts = np.zeros(tuple(self.shape), np.int64)
-        _count(pieces, self.low, self.size, reach, counts)
+        _sort(pieces, self.low, self.size, reach, counts, np.empty(0, np.int64))
         self.first = np.concatenate([[0], np.cumsum(counts.ravel())])
         self.items = np.empty(self.first[-1], np.int64)
-        _fill(pieces, self.low, self.size, reach, self.first[:-1].reshape(counts.shape).copy(), self.items)
+        _sort(pieces, self.low, self.size, reach, self.first[:-1].reshape(counts.shape).copy(), self.items)
 
     def exceeded(
         self, points: NDArray[np.float64], cells: NDArray[np.int64], todo: NDArray[np.int64] | None = None

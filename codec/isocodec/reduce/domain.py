@@ -8,13 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..jit import inner
-from ..mesh.access import corner, dimension, member, vertex
+from ..mesh.access import corner, dimension, member
 from ..mesh.access import corners as corner_count
 from ..mesh.access import members as member_count
-from ..mesh.chosen import Chosen
-from ..mesh.store import get, put
+from ..mesh.chosen import Chosen, flags
+from ..mesh.store import put
 from ..passes.diamond import inside
-from ..passes.mesh import newest
+from ..passes.mesh import parent
 from ..passes.state import edge_of, exists, position, truth
 
 NEEDED, OPEN, FAILED = 2, 4, 8
@@ -39,10 +39,7 @@ class Domain(NamedTuple):
 @inner
 def flags_of(dm, x, y, z):
     """Bits of the lattice point at unclamped (x, y, z)."""
-    s0, s1, s2 = dm.truth.shape
-    if x < s0 and y < s1 and z < s2:
-        return np.int64(dm.chosen.inside[x, y, z])
-    return get(dm.chosen.outside, x, y, z)
+    return flags(dm.chosen, x, y, z)
 
 
 @inner
@@ -90,15 +87,12 @@ def signs_of(dm, edge, kind, corners, w0, w1, w2):
 def need_parents(dm, level, kind, members, w0, w1, w2):
     """Mark the parents of a vertex that stays."""
     t = dm.tables
-    n = dimension(t)
-    r = level % n
     edge = edge_of(dm, level)
     if level == 0:
         return
     for m in range(member_count(t, kind)):
         if (members >> m) & 1:
-            cls, d0, d1, d2, _ = member(t, kind, m)
-            p = position(edge, (w0 >> 2) + d0, (w1 >> 2) + d1, (w2 >> 2) + d2, vertex(t, r, cls, newest(n, r)))
+            p = parent(t, level, edge, kind, m, w0, w1, w2)
             bits = flags_of(dm, p[0], p[1], p[2])
             if not bits & NEEDED:
                 set_flags(dm, p[0], p[1], p[2], bits | NEEDED)

@@ -8,15 +8,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..jit import inner, kernel
-from ..mesh.access import dimension, member, middle, vertex
+from ..mesh.access import dimension, middle
 from ..mesh.access import kind as kind_of
 from ..mesh.access import members as member_count
 from ..mesh.chosen import GONE, Chosen, every_vertex, has
 from ..mesh.store import grown
 from ..mesh.tables import AXES, cube_exponent, mesh_tables
-from ..passes.mesh import newest
+from ..passes.mesh import parent
 from ..passes.significance import BLOCK, busy_blocks, cubes, middle_of, slots
-from ..passes.state import COUNTERS, EDGE, LAST, LEVEL, SIZE, WALK, edge_of, position, truth
+from ..passes.state import COUNTERS, EDGE, LAST, LEVEL, SIZE, WALK, edge_of, truth
 from .distortion import diamonds_of, simplex_at, spread, too_far
 from .domain import FAILED, NEEDED, OPEN, ROOM, Domain, flags_of, members_of, need_parents, set_flags, signs_of
 from .topology import safe
@@ -142,13 +142,9 @@ def add(dm, wanted, levels, room):
 def _parents(dm, level, edge, kind, members, w0, w1, w2, room, count):
     """Append the parents of a middle to ``room``."""
     t = dm.tables
-    n = dimension(t)
     for m in range(member_count(t, kind)):
         if (members >> m) & 1:
-            cls, d0, d1, d2, _ = member(t, kind, m)
-            p = position(
-                edge, (w0 >> 2) + d0, (w1 >> 2) + d1, (w2 >> 2) + d2, vertex(t, level % n, cls, newest(n, level % n))
-            )
+            p = parent(t, level, edge, kind, m, w0, w1, w2)
             room[count, 0], room[count, 1], room[count, 2], room[count, 3] = p[0], p[1], p[2], level - 1
             count += 1
     return count

@@ -178,17 +178,18 @@ def smallest(promise: Promise, tolerance: float, topology: bool) -> Plan:
             best, fewest = plan, size
     if full == 0:
         return best
+    loose = promise.reduction()
+    loose.reduce(topology=topology, distortion=LOOSE * tolerance, back=BACK * tolerance + SPACING)
     for parts, unit in pitches(tolerance, promise.n):
-        found = fitted(promise, tolerance, topology, parts, unit, fewest)
-        if found is None:
+        reduction = promise.reduction(loose.chosen)
+        kept = _repaired(promise, reduction, tolerance, parts, unit, fit=True, most=HOPELESS * fewest)
+        if kept is None:
             continue
-        mesh, place = found
-        told = ("offsets", parts, unit, place)
-        plans: list[Plan] = [[("adaptive_base", 0, mesh), told]]
+        if kept.size < fewest:
+            best, fewest = kept.plan, kept.size
         coarse = min(BASE_CYCLES * promise.n, full)
         if not topology and coarse < full:
-            plans.append([("base", coarse), ("adapt", 1, mesh), told])
-        for plan in plans:
+            plan = [("base", coarse), ("adapt", 1, kept.mesh), kept.offsets]
             size, contour = promise.trial(plan)
             # a coarse uniform base has vertices that the mesh may lack: proven anew
             if size < fewest and not len(promise.excess(contour, tolerance)):
@@ -196,38 +197,40 @@ def smallest(promise: Promise, tolerance: float, topology: bool) -> Plan:
     return best
 
 
-def fitted(
-    promise: Promise, tolerance: float, topology: bool, parts: int, unit: int, most: int
-) -> tuple[Chosen, Place] | None:
-    """A coarse mesh and places on its edges with which the promise is kept; None beyond ``HOPELESS`` of ``most``."""
-    reduction = promise.reduction()
-    reduction.reduce(topology=topology, distortion=LOOSE * tolerance, back=BACK * tolerance + SPACING)
+@dataclass(frozen=True)
+class _Kept:
+    """An adaptive base and a layer of offsets that keep a promise, with the bytes of their runs."""
+
+    size: int
+    mesh: Chosen
+    offsets: Entry
+
+    @property
+    def plan(self) -> Plan:
+        return [("adaptive_base", 0, self.mesh), self.offsets]
+
+
+def _repaired(
+    promise: Promise, reduction: Reduction, tolerance: float, parts: int, unit: int, *, fit: bool = False,
+    most: float = math.inf, within: Chosen | None = None,
+) -> _Kept | None:  # fmt: skip
+    """A mesh as reduced, with vertices of ``within`` put back until the promise is kept; None if it cannot be.
+
+    Points lie where the field crosses the edges, or with ``fit`` where they do best. Plans of more than ``most`` bytes
+    are given up.
+    """
     place: Place | None = None
     for _ in range(MOST_REPAIRS):
-        place = promise.placed(reduction.chosen, parts, unit, tolerance, place)
-        size, contour = promise.trial([("adaptive_base", 0, reduction.chosen), ("offsets", parts, unit, place)])
-        if size > HOPELESS * most:
+        if fit:
+            place = promise.placed(reduction.chosen, parts, unit, tolerance, place)
+        offsets = ("offsets", parts, unit, place)
+        size, contour = promise.trial([("adaptive_base", 0, reduction.chosen), offsets])
+        if size > most:
             return None
         places = promise.excess(contour, tolerance)
         if not len(places):
-            return reduction.chosen, place
-        if not reduction.restore(places):
-            return None
-    return None
-
-
-def inscribed(
-    promise: Promise, tolerance: float, topology: bool, parts: int, unit: int, start: Chosen | None = None
-) -> Chosen | None:
-    """A coarse mesh on which the promise is kept with points where the field crosses the edges."""
-    reduction = promise.reduction(start)
-    reduction.reduce(topology=topology, distortion=tolerance, parts=parts, unit=unit)
-    for _ in range(MOST_REPAIRS):
-        _, contour = promise.trial([("adaptive_base", 0, reduction.chosen), ("offsets", parts, unit)])
-        places = promise.excess(contour, tolerance)
-        if not len(places):
-            return reduction.chosen
-        if not reduction.restore(places, start):
+            return _Kept(size, reduction.chosen, offsets)
+        if not reduction.restore(places, within):
             return None
     return None
 
@@ -272,10 +275,11 @@ def _nested(promise: Promise, distances: Sequence[float], topology: bool) -> lis
     for tolerance in reversed(distances):
         found = []
         for parts, unit in pitches(tolerance, promise.n):
-            mesh = inscribed(promise, tolerance, topology, parts, unit, start)
-            if mesh is not None:
-                size = promise.trial([("adaptive_base", 0, mesh), ("offsets", parts, unit)])[0]
-                found.append((size, parts, unit, mesh))
+            reduction = promise.reduction(start)
+            reduction.reduce(topology=topology, distortion=tolerance, parts=parts, unit=unit)
+            kept = _repaired(promise, reduction, tolerance, parts, unit, within=start)
+            if kept is not None:
+                found.append((kept.size, parts, unit, kept.mesh))
         if found:
             _, parts, unit, start = min(found, key=lambda x: x[:3])
             meshes.append((start, parts, unit))
