@@ -434,7 +434,7 @@ def test_partial_of_a_whole_file_says_nothing(curve: Path, tmp_path: Path) -> No
 def test_info(curve: Path, curve_data: bytes) -> None:
     info = isocodec.inspect(curve_data)
     shown = ok("info", curve)
-    for words in ("33 x 41", "80.5", f"{len(curve_data):,}", "baseline", "base", "values"):
+    for words in ("33 x 41", "80.5", f"{len(curve_data):,}", "main", "base", "values"):
         assert words in shown
     assert json.loads(ok("info", curve, "--json")) == json.loads(json.dumps(info.as_dict()))
 

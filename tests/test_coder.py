@@ -26,6 +26,7 @@ from isocodec.entropy.coder import (
     finish,
     start,
 )  # fmt: skip
+from isocodec.entropy.main import no_blend
 from isocodec.passes.parabola import LEAST, MOST, WEIGHTS, extrapolation, nearer
 
 HALF = ONE // 2
@@ -37,7 +38,9 @@ FIXED = np.zeros(1, np.int64)
 def coder(mode, probabilities, rate=ADAPTIVE, room=1 << 14):
     """A coder whose context i starts with probability ``probabilities[i]`` (of 2**16) of a 1."""
     prob = np.array(probabilities, np.int64)
-    cd = Coder(np.zeros(REGISTERS, np.int64), np.zeros(room, np.uint8), prob, np.zeros(len(prob), np.int64), rate)
+    cd = Coder(
+        np.zeros(REGISTERS, np.int64), np.zeros(room, np.uint8), prob, np.zeros(len(prob), np.int64), rate, no_blend()
+    )
     start(cd.reg, mode)
     return cd
 
@@ -288,9 +291,9 @@ def test_nothing_changes_when_bytes_are_missing():
     """A refused symbol leaves registers and models as they were."""
     cd = coder(DECODE, [HALF])
     feed(cd, b"", False)
-    before = [a.copy() for a in cd]
+    before = [a.copy() for a in cd[:-1]]
     assert code(cd, 0, 0) == -1
-    assert all(np.array_equal(a, b) for a, b in zip(before, cd, strict=True))
+    assert all(np.array_equal(a, b) for a, b in zip(before, cd[:-1], strict=True))
 
 
 def test_encoder_asks_for_room():

@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 
 from brute import examples, simplices, volumes
 from isocodec.entropy.coder import Coder
+from isocodec.entropy.main import no_blend
 from isocodec.limits import Limits
 from isocodec.mesh import access
 from isocodec.mesh.store import full, get, grown, new_store, put
@@ -22,7 +23,7 @@ from isoconform.meshes import exponent
 
 # A root of edge 8 has two whole periods of the second finest cubes along each axis.
 CASES = [(n, 3, level) for n in (2, 3) for level in range(3 * n + 1)]
-NO_CODER = Coder(*(np.zeros(0, np.int64) for _ in Coder._fields))
+NO_CODER = Coder(*(np.zeros(0, np.int64) for _ in Coder._fields[:-1]), no_blend())
 
 
 class Uniform:

@@ -29,6 +29,7 @@ from numpy.typing import NDArray
 import isocodec
 from isocodec.entropy.baseline import rates
 from isocodec.entropy.coder import DECODE, ENCODE, END, FINAL, ONE, REGISTERS, Coder, code, finish, start
+from isocodec.entropy.main import no_blend
 
 DATA = Path(__file__).resolve().parent.parent / "demo" / "data"
 DEMO = (
@@ -67,7 +68,7 @@ def _code_all(cd, context, bits):
 def _coder(room: int) -> Coder:
     prob = np.full(CONTEXTS, ONE // 2, np.int64)
     return Coder(
-        np.zeros(REGISTERS, np.int64), np.zeros(room, np.uint8), prob, np.ones(CONTEXTS, np.int64), rates()
+        np.zeros(REGISTERS, np.int64), np.zeros(room, np.uint8), prob, np.ones(CONTEXTS, np.int64), rates(), no_blend()
     )  # fmt: skip
 
 

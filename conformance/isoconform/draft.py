@@ -46,7 +46,7 @@ def encoded(
     name: str, field: ArrayLike, isovalue: float | Sequence[float], *features: str, layers: bool = False, **options
 ) -> Draft:
     """A vector as the reference encoder writes it."""
-    data = encode(field, isovalue, **options)
+    data = encode(field, isovalue, **{"profile": "baseline", **options})
     return Draft(name, data, np.ndim(field), features, layers=layers)
 
 

@@ -23,11 +23,11 @@ FULL = 6
 
 
 def _plane() -> bytes:
-    return b"".join(Encoder(noise((9, 8), 31, 8), 128.5, exact=True, base_level=2))
+    return b"".join(Encoder(noise((9, 8), 31, 8), 128.5, exact=True, base_level=2, profile="baseline"))
 
 
 def _space() -> bytes:
-    return b"".join(Encoder(balls((6, 7, 5), [((5, 6, 4), 6)]), 0.5, tolerance=0.1, base_level=4))
+    return b"".join(Encoder(balls((6, 7, 5), [((5, 6, 4), 6)]), 0.5, tolerance=0.1, base_level=4, profile="baseline"))
 
 
 def _refused(name: str, data: bytes, clause: str, about: str) -> Draft:

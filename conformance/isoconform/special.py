@@ -113,7 +113,7 @@ def chunks() -> Iterator[Draft]:
         "plane_metadata", disc, 0.5, "metadata chunk, with letters beyond ASCII",
         metadata={"title": "disc", "unit": "\u00b5m"}, signs_only=True,
     )  # fmt: skip
-    encoder = Encoder(BALL, 0.5, tolerance=0.05)
+    encoder = Encoder(BALL, 0.5, tolerance=0.05, profile="baseline")
     whole = split(b"".join(encoder))
     index = Chunk(ChunkType.INDEX, write_index(encoder.layers, encoder.records), ancillary=True)
     yield Draft("space_index", bytes(whole.with_chunks(*whole.chunks, index)), 3, ("level index",))
@@ -138,8 +138,8 @@ def chunks() -> Iterator[Draft]:
 def cuts() -> Iterator[Draft]:
     """Files made shorter: by layers, and within a run by symbols."""
     disc = waves((33, 29), 255, 2)
-    plane = b"".join(Encoder(disc, 110.5, exact=True, base_level=4))
-    space = b"".join(Encoder(torus((15, 15, 9), 9, 4), 0.5, tolerance=0.05, base_level=6))
+    plane = b"".join(Encoder(disc, 110.5, exact=True, base_level=4, profile="baseline"))
+    space = b"".join(Encoder(torus((15, 15, 9), 9, 4), 0.5, tolerance=0.05, base_level=6, profile="baseline"))
     for layers in (1, 5, 11):
         yield Draft(
             f"plane_first_{layers}_layers", truncate(plane, layers=layers), 2, (f"truncated to {layers} layers",)
@@ -149,13 +149,13 @@ def cuts() -> Iterator[Draft]:
         yield Draft(f"plane_cut_run_{size}", truncate(plane, max_bytes=size), 2, ("cut run",))
     for size in (26, 50, 100):
         yield Draft(f"space_cut_run_{size}", truncate(space, max_bytes=size), 3, ("cut run",))
-    base = b"".join(Encoder(torus((15, 15, 9), 9, 4), 0.5, signs_only=True, base_level=12))
+    base = b"".join(Encoder(torus((15, 15, 9), 9, 4), 0.5, signs_only=True, base_level=12, profile="baseline"))
     yield Draft("space_cut_base", truncate(base, max_bytes=50), 3, ("cut run", "single rate"))
 
 
 def cut_before_values() -> Iterator[Draft]:
     """A run cut just where the first layer of values begins: its vertices have numbers, of no bits (clause 3.5.4)."""
-    file = encode(HILLS, 100.5, exact=True, base_level=4)
+    file = encode(HILLS, 100.5, exact=True, base_level=4, profile="baseline")
     decoder = Decoder()
     decoder.feed(file)
     for event in decoder:
@@ -173,10 +173,10 @@ def cut_before_values() -> Iterator[Draft]:
 
 def truncated() -> Iterator[Draft]:
     """Files that end too early: what was received counts."""
-    plane = b"".join(Encoder(HILLS, 100.5, exact=True, base_level=4))
-    space = b"".join(Encoder(BALL, 0.5, tolerance=0.05, base_level=3))
-    single = b"".join(Encoder(BALL, 0.5, signs_only=True, base_level=9))
-    one_rate = b"".join(Encoder(HILLS, 100.5, signs_only=True, base_level=10))
+    plane = b"".join(Encoder(HILLS, 100.5, exact=True, base_level=4, profile="baseline"))
+    space = b"".join(Encoder(BALL, 0.5, tolerance=0.05, base_level=3, profile="baseline"))
+    single = b"".join(Encoder(BALL, 0.5, signs_only=True, base_level=9, profile="baseline"))
+    one_rate = b"".join(Encoder(HILLS, 100.5, signs_only=True, base_level=10, profile="baseline"))
     for name, data, size in (
         ("plane_ends_in_signature", plane, 3),
         ("plane_ends_in_header", plane, 8),

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from isocodec.entropy.baseline import models, rates
 from isocodec.entropy.coder import ENCODE, REGISTERS, Coder, finish, start
+from isocodec.entropy.main import no_blend
 from isocodec.grid.field import Field
 from isocodec.jit import DONE
 from isocodec.limits import Limits
@@ -122,7 +123,7 @@ def sign_tube(shape: tuple[int, ...], signs: NDArray[np.bool_]) -> Tube:
 
 
 def _coder() -> Coder:
-    return Coder(np.zeros(REGISTERS, np.int64), np.zeros(1 << 16, np.uint8), *models(), rates())
+    return Coder(np.zeros(REGISTERS, np.int64), np.zeros(1 << 16, np.uint8), *models(), rates(), no_blend())
 
 
 def _none(*_: object) -> NDArray[np.int64]:

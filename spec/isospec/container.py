@@ -37,6 +37,7 @@ class Profile(IntEnum):
     """Entropy profiles (clause 3.3.2)."""
 
     BASELINE = 0
+    MAIN = 1
 
 
 class IsovalueKind(IntEnum):

@@ -42,7 +42,7 @@ from .report import check_output, concerning, tell, warn, write_output
 @click.option("--signs-only", is_flag=True, help="Only on which side the samples are: no positions within a cell.")
 @click.option("--step", type=float, metavar="S", help="Values along the contour in steps of S (float data).")
 @click.option("--base-level", type=int, metavar="L", help="Level of the coarsest mesh, where the file begins.")
-@click.option("--profile", default="baseline", show_default=True, metavar="NAME", help="Entropy coding profile.")
+@click.option("--profile", default="main", show_default=True, metavar="NAME", help="Entropy coding profile.")
 @click.option("--key", metavar="NAME", help="Which array of an .npz file.")
 @click.option("--channel", type=int, metavar="N", help="Which channel of a colour picture, counted from 0.")
 @json_option

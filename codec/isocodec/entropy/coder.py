@@ -34,6 +34,25 @@ MARGIN = 16
 UNLIMITED = 1 << 62
 
 
+class Blend(NamedTuple):
+    """What the main profile has beside (spec clause 7.10), see ``entropy.blend``; empty in the baseline profile.
+
+    ``weight`` (rows, HIDDEN) and ``out`` (networks, HIDDEN + 1) are the networks, ``mix`` (classes, INPUTS) the weights
+    that adapt, ``squash`` and ``stretch`` the logistic function and its inverse, ``row`` the number of rows that a pass
+    has listed, then those, ``trace`` room for the rows of all symbols while networks are trained.
+    """
+
+    weight: NDArray[np.int16]
+    out: NDArray[np.int64]
+    mix: NDArray[np.int64]
+    squash: NDArray[np.int64]
+    stretch: NDArray[np.int64]
+    trust: NDArray[np.int64]
+    row: NDArray[np.int64]
+    hidden: NDArray[np.int32]
+    trace: NDArray[np.int32]
+
+
 class Coder(NamedTuple):
     """Registers, the bytes of the run, and the adaptive models: probability of a 1 and number of updates."""
 
@@ -42,6 +61,7 @@ class Coder(NamedTuple):
     prob: NDArray[np.int64]
     seen: NDArray[np.int64]
     rate: NDArray[np.int64]
+    blend: Blend
 
 
 def start(reg: NDArray[np.int64], mode: int) -> None:
@@ -83,8 +103,8 @@ def adapt(cd, ctx, bit):
 
 
 @kernel
-def code(cd, ctx, bit):
-    """Code one symbol in context ``ctx``: write ``bit``, or return the decoded one.
+def emit(cd, p, bit):
+    """Code one symbol whose probability of a 1 is ``p``: write ``bit``, or return the decoded one.
 
     Returns NEED, with nothing changed, when the coder needs bytes (or room), and CUT at the end of a cut run.
     """
@@ -92,7 +112,7 @@ def code(cd, ctx, bit):
     if reg[LEFT] == 0:
         return CUT
     width = reg[RANGE]
-    bound = (width * cd.prob[ctx]) >> 16
+    bound = (width * p) >> 16
     if reg[MODE] == ENCODE:
         if reg[POS] + MARGIN > len(cd.buf):
             return NEED
@@ -144,7 +164,15 @@ def code(cd, ctx, bit):
             width <<= 8
     reg[RANGE] = width
     reg[LEFT] -= 1
-    adapt(cd, ctx, bit)
+    return bit
+
+
+@kernel
+def code(cd, ctx, bit):
+    """Code one symbol in context ``ctx``; as ``emit``."""
+    bit = emit(cd, cd.prob[ctx], bit)
+    if bit >= 0:
+        adapt(cd, ctx, bit)
     return bit
 
 

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from ..contour.implied import implied_edges
 from ..entropy.coder import Coder
 from . import geometry, leaves
+from .beside import Beside, beside_grid, beside_leaves
 from .state import BITS, LEAVES, MESHES, VERTICES, State
 from .truth import Truth
 
@@ -66,6 +67,7 @@ class Estimates:
         self._earlier = np.zeros((0, 2), np.int64)
         self._target = NOTHING
         self._plane = 0
+        self._beside = Beside(*(np.zeros((0, columns), np.int64) for columns in (self.n, 2, 4)))
         self._pitch = (1, 0)
 
     def _activate(self, st: State, full: bool) -> None:
@@ -135,11 +137,10 @@ class Estimates:
 
     def code_offsets(self, st: State, cd: Coder) -> int:
         """Go on with a layer of offsets."""
-        return int(
-            geometry.offsets(
-                st, cd, self.offset, self.parts, self._length, self._rising, self._earlier, *self._pitch, self._target
-            )
-        )
+        return int(geometry.offsets(
+            st, cd, self._beside, self.edges, self.offset, self.parts, self._length, self._rising, self._earlier,
+            *self._pitch, self._target,
+        ))  # fmt: skip
 
     def _list_edges(self, st: State, full: bool) -> None:
         """Make the list of edges that carry offsets anew; those that stay keep theirs."""
@@ -148,7 +149,8 @@ class Estimates:
             edges = np.empty((self.n * count, 2), np.int64)
             edges = edges[: geometry.grid_edges(st, np.zeros(count, np.uint8), edges)]
         else:
-            edges = self._leaf_edges(st)
+            rows = self._leaf_rows(st)
+            edges = self._leaf_edges(st, rows)
         keys, old = edges @ (count, 1), self.edges @ (count, 1)
         order = np.argsort(old)
         place = np.minimum(np.searchsorted(old[order], keys), max(len(old) - 1, 0))
@@ -162,6 +164,10 @@ class Estimates:
         low, high = (st.vertex[edges[:, i], : self.n].astype(np.int64) for i in (0, 1))
         self._length = np.abs(high - low).max(axis=1, initial=0)
         self._rising = st.vertex[edges[:, 1], 3] != 0
+        if full:
+            self._beside = beside_grid(st, edges, self.n)
+        else:
+            self._beside = beside_leaves(st, rows, edges, offset, parts, self._length, self.n)
         self._earlier = self._earlier_offsets(low, high)
         self._target = self.place(low, high) if self.place else NOTHING
 
@@ -189,10 +195,13 @@ class Estimates:
         out[same, 0], out[same, 1] = earlier.offset[place[same]], earlier.parts[place[same]]
         return out
 
-    def _leaf_edges(self, st: State) -> NDArray[np.int64]:
-        """Crossed edges of the leaves, each at its first occurrence, but for those that follow from others."""
+    def _leaf_rows(self, st: State) -> NDArray[np.int64]:
+        """Crossed edges of the leaves as they come."""
         rows = np.empty((int(st.at[LEAVES]) * (2 if self.n == 2 else 4), 2), np.int64)
-        rows = rows[: geometry.leaf_edges(st, rows)]
+        return rows[: geometry.leaf_edges(st, rows)]
+
+    def _leaf_edges(self, st: State, rows: NDArray[np.int64]) -> NDArray[np.int64]:
+        """Each at its first occurrence, but for those that follow from others."""
         _, first = np.unique(rows @ (int(st.at[VERTICES]), 1), return_index=True)
         edges = rows[np.sort(first)]
         numbers, levels = leaves.drawn(st, 1)

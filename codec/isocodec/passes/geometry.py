@@ -11,14 +11,19 @@ import numpy as np
 from isospec.container import MAX_PARTS, MAX_RADIX, STEP_RADIX
 
 from ..entropy import baseline as ctx
+from ..entropy.blend import blended, mixing
 from ..entropy.coder import ENCODE, MODE, code
+from ..entropy.main import LEAF_NET, OFFSET_KIND, OFFSET_NET
 from ..jit import DONE, inner, kernel
 from ..mesh.access import dimension
 from ..mesh.store import get
+from .along import count_near, find_candidates, find_off_grid, remember, see_along
 from .state import LEAVES, OFFSET_BIT, SCRATCH, SIDE, TALLY, VALUE_BIT, corner_entry, edge_of
 
 # Registers in State.walk: next item of the list, the symbol before, the place within a digit, its sign.
 ITEM, BEFORE, STEP, SIGN = range(4)
+LOW, HIGH, HALVED = range(4, 7)
+"""Main profile: parts that are left of a digit, and how often they were halved."""
 VERTEX_ACTIVE = 8
 """Bit of a vertex's mark that says it is in the list; bits 0 to 2 are the grid edges that leave it upwards."""
 
@@ -171,8 +176,47 @@ def _beyond(st, i, radix, rising, earlier):
     return bound, bound
 
 
+@inner
+def _halve(st, cd, beside, edges, number, parts, length, i, radix, rising, wanted):
+    """One symbol of a digit in the main profile (spec clause 7.13): which half of the parts left holds the crossing.
+
+    Parts are counted from the end that is below. Returns the symbol; the digit is complete when one part is left.
+    """
+    w = st.walk
+    grid = len(beside.grid) > 0
+    if w[HALVED] == 0:
+        w[LOW], w[HIGH] = 0, radix
+        if grid:
+            low, high = edges[i, 0], edges[i, 1]
+            axis = np.int64(0)
+            while st.vertex[low, axis] == st.vertex[high, axis]:
+                axis += 1
+            find_candidates(st, beside.grid, number, parts, low, axis)
+        else:
+            find_off_grid(st, beside.chain, beside.near, edges, number, parts, length, i)
+    split = (w[LOW] + w[HIGH]) >> 1
+    bit = np.int64(0)
+    if cd.reg[MODE] == ENCODE:
+        part = ((wanted[i] * parts[i] * radix) >> 30) - number[i] * radix
+        bit = np.int64((part if rising[i] else radix - 1 - part) >= split)
+    again = np.int64(parts[i] > 1)
+    size = min(radix // 2, ctx.OFFSET_SIZES) - 1 + ctx.OFFSET_SIZES * again
+    context = ctx.OFFSET + size * ctx.OFFSET_STRIDE + split * (ctx.OFFSET_STRIDE - 1) // radix
+    see_along(st, cd, w[LOW], w[HIGH], split, radix, number[i], parts[i], rising[i], grid)
+    kind = OFFSET_KIND + min(w[HALVED], 2) + 3 * again + (0 if grid else 6)
+    net = OFFSET_NET if grid else LEAF_NET
+    bit = blended(cd, net, False, kind, context, bit)
+    if bit >= 0:
+        w[HALVED] += 1
+        if bit:
+            w[LOW] = split
+        else:
+            w[HIGH] = split
+    return bit
+
+
 @kernel
-def offsets(st, cd, number, parts, length, rising, earlier, target, unit, wanted):
+def offsets(st, cd, beside, edges, number, parts, length, rising, earlier, target, unit, wanted):
     """Divide the part of every edge that holds its crossing until the parts are fine enough (spec clause 5.7.3).
 
     Radices are odd and a digit counts from the middle part, so that a crossing drawn in the middle of its part
@@ -188,6 +232,20 @@ def offsets(st, cd, number, parts, length, rising, earlier, target, unit, wanted
         if radix == 1:
             w[ITEM] = i + 1
             continue
+        leaning = parts[i] == 1 and earlier[i, 1] > 0
+        if mixing(cd) and not leaning:
+            bit = _halve(st, cd, beside, edges, number, parts, length, i, radix, rising, wanted)
+            if bit < 0:
+                return bit
+            st.at[TALLY + OFFSET_BIT] += 1
+            if w[HIGH] - w[LOW] == 1:
+                count_near(beside.near, edges, number, parts, length, i, -1)
+                number[i] = number[i] * radix + (w[LOW] if rising[i] else radix - 1 - w[LOW])
+                parts[i] *= radix
+                count_near(beside.near, edges, number, parts, length, i, 1)
+                w[HALVED] = 0
+                remember(st, number[i], parts[i], rising[i])
+            continue
         half = radix // 2
         contexts = ctx.OFFSET + (min(half, ctx.OFFSET_SIZES) - 1 + (ctx.OFFSET_SIZES if parts[i] > 1 else 0)) * (
             ctx.OFFSET_STRIDE
@@ -196,7 +254,7 @@ def offsets(st, cd, number, parts, length, rising, earlier, target, unit, wanted
         digit = np.int64(0)
         if encoding:
             digit = ((wanted[i] * parts[i] * radix) >> 30) - number[i] * radix - half
-        if parts[i] == 1 and earlier[i, 1] > 0:
+        if leaning:
             bound, room = _beyond(st, i, radix, rising, earlier)
             way = np.int64(1 if rising[i] == (st.at[SIDE] > 0) else -1)
             bit = np.int64(0)

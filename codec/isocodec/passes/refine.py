@@ -9,7 +9,9 @@ from __future__ import annotations
 import numpy as np
 
 from ..entropy import baseline as ctx
+from ..entropy.blend import blended, clear, mixing, see
 from ..entropy.coder import ENCODE, MODE, code
+from ..entropy.main import REFINE_KIND, SIGN_NET, SIGN_ROWS
 from ..jit import DONE, GROW, inner, kernel
 from ..mesh.access import corner, dimension, member, middle
 from ..mesh.access import corners as corner_count
@@ -17,6 +19,7 @@ from ..mesh.access import kind as kind_of
 from ..mesh.access import members as member_count
 from ..mesh.chosen import has
 from ..mesh.store import get, put
+from .around import see_around
 from .diamond import bisect, bisect_member, look, push
 from .infer import implied
 from .mesh import BARRED, IN, KEPT, KNOWN, admit, closure, short
@@ -46,6 +49,7 @@ from .state import (
 
 # Registers in State.walk: the last two outcomes on the border and inside, the points of the curve.
 BORDER, CROSSED, HISTORY, SPLITS = range(4)
+_SIGN_ROWS_2, _SIGN_ROWS_3 = SIGN_ROWS[2], SIGN_ROWS[3]
 FAR = 64
 """Squared distance (doubled coordinates, units of g) from which points belong to different stretches of curve."""
 
@@ -145,6 +149,22 @@ def _remember(st, p0, p1):
     st.walk[TRAIL + 2 * (count % MOST)] = p0
     st.walk[TRAIL + 2 * (count % MOST) + 1] = p1
     st.walk[HISTORY] = count + 1
+
+
+@inner
+def _see(st, cd, w0, w1, w2, crossed, said, guess):
+    """List what the main profile sees around a middle (spec clause 7.11); whether its rows speak of the bit 0."""
+    n = dimension(st.tables)
+    r = st.at[LEVEL] % n
+    w = st.walk
+    first = r * (_SIGN_ROWS_2 if n == 2 else _SIGN_ROWS_3)
+    clear(cd)
+    see(cd, first + 4 * crossed + (w[CROSSED] if crossed else w[BORDER]))
+    here = see_around(st, cd, first + 10, w0, w1, w2)
+    target = guess if crossed else 1 - guess
+    if said != 0:
+        see(cd, first + 8 + ((said == 1) == (guess == here)))
+    return target != here, REFINE_KIND + 2 * r + crossed
 
 
 @inner
@@ -252,10 +272,10 @@ def refine(st, cd):
         inside, members, corners, known, above = look(st, st.at[LEVEL], kind, w0, w1, w2)
         first = above & 1
         crossed = first != (above >> 1) & 1
+        said = 0
         if crossed:
             size, count = _ring(corners, above, np.int64(1))
             guess = first
-            said = 0
             if n == 2:
                 said = _side(st, kind, w0, w1)
                 if said == 1:
@@ -284,7 +304,11 @@ def refine(st, cd):
             bit = np.int64(0)
             if encoding:
                 bit = np.int64((truth(st, x, y, z) == guess) == crossed)
-            bit = code(cd, context, bit)
+            if mixing(cd):
+                flip, symbols = _see(st, cd, w0, w1, w2, crossed, said, guess)
+                bit = blended(cd, SIGN_NET + r, flip, symbols + 6 * (other >= 0), context, bit)
+            else:
+                bit = code(cd, context, bit)
             if bit < 0:
                 return bit
             st.at[TALLY + REFINEMENT_SIGN] += 1

@@ -9,19 +9,23 @@ from __future__ import annotations
 import numpy as np
 
 from ..entropy import baseline as ctx
+from ..entropy.blend import blended, mixing
 from ..entropy.coder import ENCODE, MODE, code
+from ..entropy.main import TREE_KIND, TREE_NET
 from ..jit import BAD, DONE, GROW, inner, kernel
 from ..mesh.access import corner, dimension
 from ..mesh.access import corners as corner_count
 from ..mesh.access import kind as kind_of
 from ..mesh.chosen import has
 from ..mesh.store import PAGES, get
+from .crowd import CUBE, NODE, SLOT, add_to_crowd, see_crowd
 from .diamond import bisect, coincident, look
 from .infer import implied, infer
 from .mesh import BARRED, IN, admit, closure, short
 from .state import (
     ADAPTED,
     ASKS,
+    BIRTHS,
     EDGE,
     ERROR,
     LAST,
@@ -294,6 +298,10 @@ def _add(st, cd, x, y, z, slot):
                 return turned
             st.at[TALLY + SIGNIFICANCE] += 1
             sign ^= turned
+    if mixing(cd):
+        u0, u1, u2 = clamped(st, m0, m1, m2)
+        add_to_crowd(st, u0, u1, u2, True)
+        st.at[BIRTHS] += 1
     if st.at[ASKS]:
         admit(st, closure(st, level, m0, m1, m2, 0))
     bisect(st, kind, w0, w1, w2, inside, members, known, corners if sign else np.int64(0), 1 - sign)
@@ -359,7 +367,12 @@ def significance(st, cd, items):
                 if shift == 0:
                     context = ctx.SIGNIFICANT_LEAF + near * 3 + min(hits, 2)
                 want = _wanted(items, w[ITEM], inner, SLOT_BITS + n * shift) if encoding else np.int64(0)
-                bit = code(cd, context, want)
+                if mixing(cd):
+                    what = CUBE if shift == 0 else NODE
+                    see_crowd(st, cd, what, shift, c0, c1, c2, hits, child, near)
+                    bit = blended(cd, TREE_NET, False, TREE_KIND + what + 3 * (st.at[SIDE] != 0), context, want)
+                else:
+                    bit = code(cd, context, want)
                 if bit < 0:
                     return bit
                 st.at[TALLY + SIGNIFICANCE] += 1
@@ -380,8 +393,8 @@ def significance(st, cd, items):
             w[FRAMES] -= 1
             continue
         w0, w1, w2 = middle_of(n, r, x, y, z, child)
-        count = candidate(st, r, w0, w1, w2)
-        if count == 0:
+        near = np.int64(candidate(st, r, w0, w1, w2))
+        if near == 0:
             st.stack[o + 5] = child + 1
             continue
         level = st.at[LEVEL]
@@ -395,7 +408,12 @@ def significance(st, cd, items):
         bit = np.int64(1)
         if later > 0 or hits > 0:
             want = _wanted(items, w[ITEM], number << SLOT_BITS | child, zero) if encoding else np.int64(0)
-            bit = code(cd, ctx.SIGNIFICANT_LEAF + ((1 + r) * ctx.NEARNESS + count - 1) * 3 + min(hits, 2), want)
+            context = ctx.SIGNIFICANT_LEAF + ((1 + r) * ctx.NEARNESS + near - 1) * 3 + min(hits, 2)
+            if mixing(cd):
+                see_crowd(st, cd, SLOT, zero, x, y, z, hits, child, near - 1)
+                bit = blended(cd, TREE_NET, False, TREE_KIND + SLOT + 3 * (st.at[SIDE] != 0), context, want)
+            else:
+                bit = code(cd, context, want)
             if bit < 0:
                 return bit
             st.at[TALLY + SIGNIFICANCE] += 1

@@ -23,11 +23,12 @@ LAST = 16
 """Largest sample index along each axis, in State.at."""
 TALLY = 20
 """Symbols by element, in State.at; then predictions and right ones."""
-SIDE, SHIFT, TOLD, SEEDED, BITS, _, MESHES, ADAPTED = range(40, 48)
+SIDE, SHIFT, TOLD, SEEDED, BITS, _, MESHES, ADAPTED, COUNTED, BIRTHS = range(40, 50)
 """Whether the isovalue lies above (1) or below (-1) the earlier one that it leans on, by how many whole steps; whether
 the mesh is told from the start; whether the base begins at the leaves of the earlier one; bits of values below the
-isovalue and, next to it, above; how many meshes have been completed; whether an adaptive layer has begun (5.8)."""
-COUNTERS = 48
+isovalue and, next to it, above; how many meshes have been completed; whether an adaptive layer has begun
+(5.8); vertices counted in the crowd, and new components found so far (7.12)."""
+COUNTERS = 50
 
 # Syntax elements, in the order of isospec (spec clause 5.2).
 (
@@ -48,6 +49,8 @@ STEP_VERTICES = 16
 """Most vertices (and pages) that one step of a pass adds."""
 STEP_LEAVES = 24
 """Most simplices that one step adds."""
+STEP_CELLS = 26
+"""Most pages of the crowd that one step adds."""
 
 
 class Lean(NamedTuple):
@@ -76,6 +79,7 @@ class State(NamedTuple):
     leaf: NDArray[np.int32]  # (M, 5)
     below: NDArray[np.int32]  # (M, 5)
     mesh: Store
+    crowd: Store  # main profile: counts of vertices and new components in cells of all sizes
     path: NDArray[np.int64]  # (P, 4) positions and levels of vertices to be added
     chosen: Chosen  # encoder: the mesh that an adaptive layer leads to
     lean: Lean  # of an earlier isovalue, or empty
@@ -160,6 +164,7 @@ def crowded(st):
         or at[NEXT] + STEP_LEAVES > len(st.below)
         or full(st.known, STEP_VERTICES)
         or full(st.mesh, STEP_VERTICES)
+        or full(st.crowd, STEP_CELLS)
     )
 
 

@@ -19,7 +19,7 @@ from ..mesh.chosen import Chosen, every_vertex, finest_level
 from ..mesh.store import PAGES, grown, new_store
 from ..mesh.tables import AXES, cube_exponent, mesh_tables
 from . import base as base_pass
-from . import refine, seek, significance
+from . import crowd, refine, seek, significance
 from .estimates import Estimates
 from .mesh import IN, MOST_ANCESTORS
 from .state import (
@@ -44,6 +44,7 @@ from .state import (
     SHIFT,
     SIDE,
     SIZE,
+    STEP_CELLS,
     STEP_LEAVES,
     STEP_VERTICES,
     TALLY,
@@ -107,7 +108,7 @@ class Tube:
         signs = truth.signs.reshape(truth.signs.shape + (1,) * (AXES - n)) if truth else np.zeros((0, 0, 0), np.bool_)
         self.state = State(
             mesh_tables(n), counters, new_store(n), np.zeros((64, 4), np.int32), np.zeros((64, 5), np.int32),
-            np.zeros((64, 5), np.int32), new_store(n), np.zeros((MOST_ANCESTORS, 4), np.int64),
+            np.zeros((64, 5), np.int32), new_store(n), new_store(n), np.zeros((MOST_ANCESTORS, 4), np.int64),
             every_vertex((0,) * n), self._lean(lean, n), signs, registers(), np.zeros(STACK, np.int64),
         )  # fmt: skip
         self.lean = lean
@@ -200,7 +201,7 @@ class Tube:
         """Begin a uniform round of refinement: all leaves of the uniform level are bisected."""
         self.state.at[ASKS] = 0
         self._births = True
-        self._begin_significance()
+        self._begin_census()
 
     def begin_adapt(self, births: bool) -> None:
         """Begin an adaptive layer of refinement; with ``births`` new components may come in it."""
@@ -213,6 +214,12 @@ class Tube:
     def _begin_question(self) -> None:
         self._fresh()
         self._running = "continue"
+
+    def _begin_census(self) -> None:
+        if len(self.coder.blend.weight):
+            self._running = "census"
+        else:
+            self._begin_significance()
 
     def _begin_significance(self) -> None:
         self._fresh()
@@ -278,6 +285,8 @@ class Tube:
                 return refine.go_on(st, cd, np.int64(self.truth is not None and self._more()))
             case "significance":
                 return significance.significance(st, cd, self._items)
+            case "census":
+                return crowd.census(st)
             case "refinement":
                 return refine.refine(st, cd)
             case "values":
@@ -303,11 +312,14 @@ class Tube:
             case "continue":
                 if self.state.walk[0]:
                     if self._births:
-                        self._begin_significance()
+                        self._begin_census()
                     else:
                         self._begin_refinement()
                     return False
                 self._end_adapt()
+            case "census":
+                self._begin_significance()
+                return False
             case "significance":
                 self._begin_refinement()
                 return False
@@ -367,6 +379,7 @@ class Tube:
         self.state = st._replace(
             known=grown(st.known, STEP_VERTICES),
             mesh=grown(st.mesh, max(STEP_VERTICES, int(at[ROOM]))),
+            crowd=grown(st.crowd, STEP_CELLS),
             vertex=_room(st.vertex, int(at[VERTICES]) + STEP_VERTICES),
             leaf=_room(st.leaf, int(at[LEAVES]) + STEP_LEAVES),
             below=_room(st.below, int(at[NEXT]) + STEP_LEAVES),

@@ -313,8 +313,7 @@ class Decoder:
         if lean is not None and earlier is None:
             raise OptionError(f"isovalue {number} leans on isovalue {lean}, which is not decoded", code="only")
         tube = leaning_tube(
-            self.header.shape, isovalue, self.header.scale, earlier, 0.0 if lean is None else self.isovalues[lean],
-            4096, self.limits,
+            self.header, isovalue, earlier, 0.0 if lean is None else self.isovalues[lean], 4096, self.limits
         )  # fmt: skip
         before = self._progress if self._progresses else Progress(tube.full_level)
         before = replace(before, full_level=tube.full_level)

@@ -70,7 +70,7 @@ class Encoder:
         mesh)``, ``("adapt", births, mesh)`` with the mesh that they lead to (`mesh.chosen.Chosen`), ``("leaf_base",)``,
         ``("offsets", radix, unit)``. A mapping gives each isovalue a plan of its own.
     profile : str
-        ``baseline``.
+        ``main``, or ``baseline``, which makes larger files for smaller and faster decoders.
     metadata : mapping of str to str, optional
     progress : callable, optional
         Called with the layers done and their total.
@@ -99,7 +99,7 @@ class Encoder:
         parameter: float | None = None,
         leaning: bool = True,
         plan: Sequence[Entry] | Mapping[float, Sequence[Entry]] | None = None,
-        profile: str = "baseline",
+        profile: str = "main",
         metadata: Mapping[str, str] | None = None,
         progress: Callable[[int, int], object] | None = None,
     ) -> None:
@@ -144,9 +144,7 @@ class Encoder:
         lean = self._leans_on(number)
         truth = Truth(field.signs, field.numbers, field.crossings)
         earlier, other = (None, 0.0) if lean is None else (self._strands[lean].tube, self.isovalues[lean])
-        tube = leaning_tube(
-            field.values.shape, field.isovalue, self.header.scale, earlier, other, 1 << 16, Limits(), truth
-        )
+        tube = leaning_tube(self.header, field.isovalue, earlier, other, 1 << 16, Limits(), truth)
         plan = self._plan_of(field, tube)
         if isinstance(plan, Mapping):
             plan = plan[self.isovalues[number]]
@@ -161,16 +159,16 @@ class Encoder:
         values: list[Entry] = [("values", None)] if o.exact or o.step is not None else []
         fine = None if values or o.signs_only else o.tolerance or DEFAULT_TOLERANCE
         if o.steps is not None:
-            return strategy.stepwise(strategy.Promise(field), o.steps, o.preserve_topology)
+            return strategy.stepwise(strategy.Promise(field, self.header.profile), o.steps, o.preserve_topology)
         if o.criterion is not None:
             offsets = [("offsets", radix, 0) for radix in strategy.radices(fine)]
-            promise = strategy.Promise(field)
+            promise = strategy.Promise(field, self.header.profile)
             return strategy.reduced(promise, o.criterion, o.parameter, o.preserve_topology) + values + offsets
         if o.tolerance is not None and o.base_level is None and o.tolerance >= SEARCHED:
-            return strategy.smallest(strategy.Promise(field), o.tolerance, o.preserve_topology)
+            return strategy.smallest(strategy.Promise(field, self.header.profile), o.tolerance, o.preserve_topology)
         offsets = [("offsets", radix, 0) for radix in strategy.radices(fine)]
         if o.preserve_topology:
-            return strategy.whole_mesh(strategy.Promise(field), True) + values + offsets
+            return strategy.whole_mesh(strategy.Promise(field, self.header.profile), True) + values + offsets
         return strategy.grid_plan(tube.n, tube.full_level, None, o.base_level) + values + offsets
 
     def _leans_on(self, number: int) -> int | None:

@@ -8,11 +8,12 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from isospec.container import Operation
+from isospec.container import Operation, Profile
 from isospec.elements import BY_LAYER, ELEMENTS
 
 from ..entropy.baseline import models, rates
 from ..entropy.coder import ENCODE, POS, REGISTERS, Coder, finish, start
+from ..entropy.main import no_blend, shipped_models
 from ..errors import OptionError
 from ..grid.field import Field
 from ..jit import DONE
@@ -21,6 +22,7 @@ from ..mesh.chosen import Chosen
 from ..passes.truth import Truth
 from ..passes.tube import Tube
 from .container import LayerRecord
+from .header import Header
 from .program import Layer, Progress, expand
 
 MOST_SHIFT = 1 << 52
@@ -37,21 +39,29 @@ Place = Callable[[NDArray[np.int64], NDArray[np.int64]], NDArray[np.int64]]
 _KINDS = ("base", "adaptive_base", "leaf_base", "refine", "adapt", "values", "offsets")
 
 
-def leaning_coder(lean: Tube | None, size: int) -> Coder:
+def leaning_coder(header: Header, lean: Tube | None, size: int) -> Coder:
     """A coder with models as at the start of a file, or as the isovalue leaned on has left them (clause 5.9.2)."""
-    prob, seen = models() if lean is None else (lean.coder.prob.copy(), lean.coder.seen.copy())
-    return Coder(np.zeros(REGISTERS, np.int64), np.zeros(size, np.uint8), prob, seen, rates())
+    registers, room = np.zeros(REGISTERS, np.int64), np.zeros(size, np.uint8)
+    if lean is not None:
+        cd = lean.coder
+        blend = cd.blend._replace(mix=cd.blend.mix.copy())
+        return Coder(registers, room, cd.prob.copy(), cd.seen.copy(), cd.rate, blend)
+    if header.profile == Profile.MAIN:
+        prob, seen, blend = shipped_models(len(header.shape))
+        return Coder(registers, room, prob, seen, rates(), blend)
+    return Coder(registers, room, *models(), rates(), no_blend())
 
 
 def leaning_tube(
-    shape: tuple[int, ...], isovalue: float, scale: float | None, lean: Tube | None, other: float, size: int,
-    limits: Limits, truth: Truth | None = None,
+    header: Header, isovalue: float, lean: Tube | None, other: float, size: int, limits: Limits,
+    truth: Truth | None = None,
 ) -> Tube:  # fmt: skip
     """The tube of an isovalue, leaning on that of another one or on none."""
-    coder = leaning_coder(lean, size)
+    coder = leaning_coder(header, lean, size)
+    shape = header.shape
     if lean is None or lean.level < 0:
         return Tube(shape, coder, limits, truth)
-    shift = None if scale is not None else math.floor(isovalue) - math.floor(other)
+    shift = None if header.scale is not None else math.floor(isovalue) - math.floor(other)
     if shift is not None and abs(shift) >= MOST_SHIFT:
         shift = None
     return Tube(shape, coder, limits, truth, lean=lean, shift=shift, side=1 if isovalue > other else -1)

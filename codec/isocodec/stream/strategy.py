@@ -16,7 +16,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from isospec.container import MAX_PARTS, MAX_RADIX
+from isospec.container import MAX_PARTS, MAX_RADIX, Profile
 
 from ..contour import Contour, Leaves, draw
 from ..errors import OptionError
@@ -31,6 +31,7 @@ from ..reduce.distance import Target
 from ..reduce.fit import AGAIN, ROUNDS, fitted_offsets
 from ..reduce.original import original
 from ..reduce.reduction import Reduction
+from .header import Header
 from .program import Progress
 from .strand import Entry, Place, Strand, leaning_tube
 
@@ -38,8 +39,8 @@ Plan = list[Entry]
 
 EXACT = 0.0
 """A step that asks for all values, to the last bit."""
-BASE_CYCLES = 4
-"""The default base has cubes of 1 / 2**BASE_CYCLES of the root's edge: already near the curve, for few bytes."""
+BASE_CYCLES = 1
+"""The default base has cubes of half the root's edge: refinements find what is small more cheaply than it does."""
 MOST_REPAIRS = 16
 LOOSE, BACK, SPACING = 2.0, 0.7, 1.0
 """Vertices are left out at first as long as the curve gets no farther than ``LOOSE`` tolerances from the original,
@@ -57,11 +58,14 @@ class Promise:
     Attributes
     ----------
     field : Field
+    profile : Profile
+        Of trial encodings.
     contour : Contour
         The original curve.
     """
 
     field: Field
+    profile: Profile = Profile.MAIN
     contour: Contour = derived(init=False)
 
     def __post_init__(self) -> None:
@@ -111,7 +115,8 @@ class Promise:
     def _encoded(self, plan: Sequence[Entry]) -> tuple[int, Tube]:
         shape = self.field.values.shape
         truth = Truth(self.field.signs, self.field.numbers, self.field.crossings)
-        tube = leaning_tube(shape, self.field.isovalue, self.field.scale, None, 0.0, 1 << 16, Limits(), truth)
+        header = Header(shape, self.field.isovalue, self.field.scale, self.profile)
+        tube = leaning_tube(header, self.field.isovalue, None, 0.0, 1 << 16, Limits(), truth)
         strand = Strand(self.field, tube, plan, Progress(tube.full_level))
         total = done = 0
         while done < len(strand.layers):

@@ -1,0 +1,118 @@
+"""The main profile's models: a trained network and two adaptive probabilities, mixed (spec clause 7.10).
+
+A pass lists what it sees around a symbol as rows of its network. A row is ``HIDDEN`` weights; rows are summed, sums
+below 0 count as 0, and their weighted sum is the first opinion on the symbol, in the logistic domain. The second one is
+the adaptive probability of the baseline profile's context, the third that of the class of the first opinion: it learns
+where the network is too sure or not sure enough. They are mixed by weights that adapt.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..jit import inner
+from .coder import adapt, emit
+from .main import (
+    BUCKET,
+    BUCKETS,
+    HIDDEN,
+    MAP,
+    MIX_SHIFT,
+    MOST_LOGIT,
+    MOST_MIX,
+    OUT_SHIFT,
+    RATE,
+    RATE_SHIFT,
+    STRETCH_SHIFT,
+    TRUST_SHIFT,
+)
+
+
+@inner
+def mixing(cd):
+    """Whether the profile is the main one."""
+    return len(cd.blend.weight) > 0
+
+
+@inner
+def clear(cd):
+    """Begin a list of rows."""
+    cd.blend.row[0] = 0
+
+
+@inner
+def see(cd, row):
+    """One more row."""
+    bl = cd.blend
+    bl.row[0] += 1
+    bl.row[bl.row[0]] = row
+
+
+@inner
+def _opinion(bl, net):
+    """What the network says of a 1, in the logistic domain."""
+    hidden = bl.hidden
+    # lengths are not constants here: loops that are unrolled before they are seen to be sums of arrays stay slow
+    for j in range(len(hidden)):
+        hidden[j] = 0
+    for i in range(1, bl.row[0] + 1):
+        weight = bl.weight[bl.row[i]]
+        for j in range(len(weight)):
+            hidden[j] += weight[j]
+    out = bl.out[net]
+    total = out[HIDDEN]
+    for j in range(len(hidden)):
+        total += max(np.int64(hidden[j]), 0) * out[j]
+    return min(max(total >> OUT_SHIFT, -MOST_LOGIT), MOST_LOGIT)
+
+
+@inner
+def _trace(bl, net, bit):
+    """Training: a line with the symbol and its rows."""
+    line = bl.trace[0, 0]
+    count = bl.row[0]
+    if line + 1 < len(bl.trace):
+        bl.trace[0, 0] = line + 1
+        bl.trace[line + 1, 0] = bit
+        bl.trace[line + 1, 1] = net
+        bl.trace[line + 1, 2] = count
+        for i in range(count):
+            bl.trace[line + 1, 3 + i] = bl.row[1 + i]
+
+
+@inner
+def _learn(mix, kind, i, step):
+    """Move a mixing weight, within bounds that no stream can drive sums beyond."""
+    mix[kind, i] = min(max(mix[kind, i] + (step >> RATE_SHIFT), -MOST_MIX), MOST_MIX)
+
+
+@inner
+def blended(cd, net, flip, kind, ctx, bit):
+    """Code one symbol by all opinions; as ``code``.
+
+    The rows listed say how likely a 1 is, or a 0 if ``flip``. ``kind`` chooses the weights.
+    """
+    bl = cd.blend
+    opinion = _opinion(bl, net)
+    if flip:
+        opinion = -opinion
+    place = MAP + kind * BUCKETS + ((opinion + MOST_LOGIT) >> BUCKET)
+    own = (bl.stretch[cd.prob[ctx] >> STRETCH_SHIFT] * bl.trust[cd.seen[ctx]]) >> TRUST_SHIFT
+    mapped = (bl.stretch[cd.prob[place] >> STRETCH_SHIFT] * bl.trust[cd.seen[place]]) >> TRUST_SHIFT
+    mix = bl.mix
+    total = mix[kind, 0] * opinion + mix[kind, 1] * own + mix[kind, 2] * mapped + (mix[kind, 3] << 8)
+    total = min(max(total >> MIX_SHIFT, -MOST_LOGIT), MOST_LOGIT)
+    p = bl.squash[total + MOST_LOGIT]
+    bit = emit(cd, p, bit)
+    if bit < 0:
+        return bit
+    if len(bl.trace) > 0:
+        _trace(bl, net, bit != flip)
+    error = ((bit << 16) - p) * RATE
+    _learn(mix, kind, 0, error * opinion)
+    _learn(mix, kind, 1, error * own)
+    _learn(mix, kind, 2, error * mapped)
+    _learn(mix, kind, 3, error << 8)
+    adapt(cd, ctx, bit)
+    adapt(cd, place, bit)
+    return bit

@@ -1,0 +1,91 @@
+"""The main profile: its networks, the kinds of symbols that are mixed, and their trained states (spec clause 7.10)."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from isospec.tables import HIDDEN, KINDS, MOST_LOGIT, Tables, shipped, unpacked
+
+from .baseline import CONTEXTS, RATES
+from .baseline import models as baseline_models
+from .coder import ONE, Blend
+
+OUT_SHIFT = 12
+MIX_SHIFT = 16
+MOST_MIX = 1 << 22
+RATE = 40
+RATE_SHIFT = 20
+STRETCH_SHIFT = 4
+"""Probabilities are looked up in ``stretch`` without these last bits."""
+TRUST_SHIFT = 8
+BUCKET = 7
+BUCKETS = (2 * MOST_LOGIT >> BUCKET) + 1
+"""Classes of opinions, of ``2**BUCKET`` logits each."""
+MAP = CONTEXTS
+"""The adaptive probabilities of classes of opinions follow those of the baseline profile."""
+STATES = CONTEXTS + KINDS * BUCKETS
+MOST_ROWS = 256
+
+# Kinds of symbols that are mixed; each has weights and classes of opinions of its own.
+REFINE_KIND = 0
+"""By phase, whether the edge is crossed; the same where an earlier isovalue has something to say."""
+TREE_KIND = 12
+"""Nodes, cubes, slots; the same where the isovalue leans on another one."""
+OFFSET_KIND = 18
+"""By how often the part was halved, of edges told for the first time or again; the same off the full grid."""
+
+# Networks, in the order of their rows.
+SIGN_NET, TREE_NET, OFFSET_NET, LEAF_NET = 0, 3, 4, 5
+"""Of signs there is one for each phase; n = 2 leaves the third without rows. Of offsets, on and off the full grid."""
+
+AROUND = {2: 96, 3: 112}
+"""Vertices around a middle that a sign's network sees."""
+SIGN_ROWS = {n: 10 + 2 * AROUND[n] for n in AROUND}
+TREE_ROWS = 118
+TREE_ROW = {n: n * SIGN_ROWS[n] for n in AROUND}
+"""First row of the tree's network."""
+OFFSET_ROW = {n: TREE_ROW[n] + TREE_ROWS for n in AROUND}
+OFFSET_ROWS, LEAF_ROWS = 556, 348
+
+
+@cache
+def _shipped() -> tuple[NDArray[np.int64], dict[int, Tables]]:
+    return unpacked(shipped())
+
+
+def no_blend() -> Blend:
+    """What a coder of the baseline profile has."""
+    whole = np.zeros(0, np.int64)
+    table = np.zeros((0, 1), np.int64)
+    return Blend(table.astype(np.int16), table, table, whole, whole, whole, whole, whole.astype(np.int32),
+                 table.astype(np.int32))  # fmt: skip
+
+
+def models(squash: NDArray[np.int64], t: Tables) -> tuple[NDArray[np.int64], NDArray[np.int64], Blend]:
+    """Probabilities of a 1, symbols seen, and the rest, as a file begins with them."""
+    prob = np.empty(STATES, np.int64)
+    seen = np.zeros(STATES, np.int64)
+    prob[:CONTEXTS], seen[:CONTEXTS] = baseline_models()
+    middles = (np.arange(BUCKETS) << BUCKET) + (1 << BUCKET >> 1)
+    prob[MAP:] = np.tile(squash[np.minimum(middles, 2 * MOST_LOGIT)], KINDS)
+    prob[t.state[:, 0]], seen[t.state[:, 0]] = t.state[:, 1], t.state[:, 2]
+    # the least logit that reaches the middle of each class of probabilities
+    half = 1 << STRETCH_SHIFT >> 1
+    middles = (np.arange(ONE >> STRETCH_SHIFT) << STRETCH_SHIFT) + half
+    stretch = np.minimum(np.searchsorted(squash, middles), 2 * MOST_LOGIT) - MOST_LOGIT
+    count = np.arange(RATES)
+    trust = (2 * count << TRUST_SHIFT) // (2 * count + 3)
+    blend = Blend(
+        t.weight, t.out, t.mix.copy(), squash, stretch, trust, np.zeros(MOST_ROWS, np.int64),
+        np.zeros(HIDDEN, np.int32), np.zeros((0, 0), np.int32),
+    )  # fmt: skip
+    return prob, seen, blend
+
+
+def shipped_models(n: int) -> tuple[NDArray[np.int64], NDArray[np.int64], Blend]:
+    """The same, of the normative tables."""
+    squash, found = _shipped()
+    return models(squash, found[n])

@@ -1,0 +1,255 @@
+"""What the main profile sees of where an edge is crossed (spec clause 7.13).
+
+On the full grid the curve goes on, in each plane along two axes, from edge to edge of the grid's squares. What is known
+of the next two crossings on either side gives candidates for this one: by lines and a cubic through them.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..entropy.blend import clear, see
+from ..entropy.main import OFFSET_ROW, OFFSET_ROWS
+from ..jit import inner
+from ..mesh.access import dimension
+from .state import LAST, entry
+
+UNIT = 4096
+"""Positions on an edge and between edges are counted in parts of this."""
+NONE, ROUGH, FINE = range(3)
+"""How well a place is known: not, only which edge is crossed, more."""
+CANDIDATES = 16
+"""First of the candidates in State.walk, two numbers each: the place, and how well it is known."""
+MEAN, RECENT, PLANE, VERTEX, CHAIN = 0, 1, 2, 10, 11
+"""The candidates: the mean of all planes', the last crossing told, then for each plane four; off the full grid what the
+ends' other edges say, then, for curves, four along the chain of crossings."""
+LINE, BEFORE, BEHIND, CUBIC = range(4)
+_MOST = 15
+_POINTS = 96
+"""First of the crossings next to the edge in State.walk, three numbers each: distance from the edge, place along it,
+how well it is known. Two on either side."""
+_STEEP = UNIT // 8
+"""Where crossings lie less apart than this, their line is not extended."""
+_CLASSES = 13
+_GRID_SLOTS, _LEAF_SLOTS = 10, 6
+_GRID_2, _GRID_3 = OFFSET_ROW[2], OFFSET_ROW[3]
+
+
+@inner
+def _near(st, x, y, z, a, b, i, j):
+    """Store entry of the sample i steps along axis a and j along b from (x, y, z); 0 off the box."""
+    x, y, z = x + i * (a == 0) + j * (b == 0), y + i * (a == 1) + j * (b == 1), z + i * (a == 2) + j * (b == 2)
+    if min(x, y, z) < 0 or x > st.at[LAST] or y > st.at[LAST + 1] or z > st.at[LAST + 2]:
+        return np.int64(0)
+    return entry(st, x, y, z)
+
+
+@inner
+def _follow(st, index, number, parts, x, y, z, a, b, way, out):
+    """Follow the curve from the edge at (x, y, z) along a into the direction ``way`` of b; leaves two crossings."""
+    w = st.walk
+    w[out + 2] = NONE
+    w[out + 5] = NONE
+    # the lower end of the edge reached, whether it runs along b, and where the curve leaves it to
+    i, j, turned, step = np.int64(0), np.int64(0), False, way
+    for k in range(2):
+        s, t = (step, 0) if turned else (0, step)
+        low = _near(st, x, y, z, a, b, i, j)
+        high = _near(st, x, y, z, a, b, i + (not turned), j + turned)
+        low_there = _near(st, x, y, z, a, b, i + s, j + t)
+        high_there = _near(st, x, y, z, a, b, i + s + (not turned), j + t + turned)
+        if low_there == 0 or high_there == 0:
+            return
+        at_low, at_high = (low ^ low_there) & 1, (high ^ high_there) & 1
+        if at_low and at_high:
+            return
+        if at_low or at_high:
+            if at_high:
+                i, j = i + (not turned), j + turned
+            if step < 0:
+                i, j = i + s, j + t
+            turned = not turned
+            step = 1 if at_high else -1
+        else:
+            i, j = i + s, j + t
+        v = (_near(st, x, y, z, a, b, i, j) >> 1) - 1
+        e = np.int64(index[v, b if turned else a])
+        if e < 0:
+            return
+        place = (2 * number[e] + 1) * (UNIT // 2) // parts[e]
+        w[out + 3 * k] = way * (j * UNIT + (place if turned else 0))
+        w[out + 3 * k + 1] = i * UNIT + (0 if turned else place)
+        w[out + 3 * k + 2] = ROUGH if parts[e] == 1 else FINE
+
+
+@inner
+def _set(w, candidate, place, known):
+    w[CANDIDATES + 2 * candidate] = min(max(place, -UNIT), 2 * UNIT)
+    w[CANDIDATES + 2 * candidate + 1] = known
+
+
+@inner
+def _extended(w, at, candidate):
+    """The line through the two crossings of one side, at the edge."""
+    gap = w[at + 3] - w[at]
+    known = min(w[at + 2], w[at + 5])
+    if known != NONE and gap >= _STEEP:
+        _set(w, candidate, w[at + 1] - (w[at + 4] - w[at + 1]) * w[at] // gap, known)
+
+
+@inner
+def _cubic(w, c):
+    """The cubic through four crossings, as far as lines through two of them tell it."""
+    o = CANDIDATES + 2 * c
+    known = min(w[o + 1], w[o + 3], w[o + 5])
+    if known != NONE:
+        _set(w, c + CUBIC, (4 * w[o] + w[o + 2] + w[o + 4]) // 6, known)
+
+
+@inner
+def _crossed(st, number, parts, edges, e, u, length, axis):
+    """Coordinate of the crossing on edge e less that of vertex u, in parts of UNIT of a length."""
+    a, b = np.int64(st.vertex[edges[e, 0], axis]), np.int64(st.vertex[edges[e, 1], axis])
+    place = (2 * number[e] + 1) * (UNIT // 2) // parts[e]
+    return ((a - st.vertex[u, axis]) * UNIT + (b - a) * place) // length
+
+
+@inner
+def _meet(st, number, parts, edges, length, i, e, f, candidate):
+    """Where the line through the crossings on edges e and f meets edge i (n = 2)."""
+    if min(e, f) < 0:
+        return
+    u, v = edges[i, 0], edges[i, 1]
+    p0 = _crossed(st, number, parts, edges, e, u, length[i], 0)
+    p1 = _crossed(st, number, parts, edges, e, u, length[i], 1)
+    d0 = _crossed(st, number, parts, edges, f, u, length[i], 0) - p0
+    d1 = _crossed(st, number, parts, edges, f, u, length[i], 1) - p1
+    a0 = (np.int64(st.vertex[v, 0]) - st.vertex[u, 0]) * UNIT // length[i]
+    a1 = (np.int64(st.vertex[v, 1]) - st.vertex[u, 1]) * UNIT // length[i]
+    across = a0 * d1 - a1 * d0
+    if 8 * abs(across) < UNIT * max(abs(d0), abs(d1)) or across == 0:
+        return
+    place = (p0 * d1 - p1 * d0) * UNIT // across
+    rough = parts[e] == 1 or parts[f] == 1
+    _set(st.walk, candidate, place, np.int64(ROUGH if rough else FINE))
+
+
+@inner
+def find_off_grid(st, chain, near, edges, number, parts, length, i):
+    """Leave the candidates for an edge of leaves."""
+    w = st.walk
+    for c in range(_MOST):
+        if c != RECENT:
+            w[CANDIDATES + 2 * c + 1] = NONE
+    u, v = edges[i, 0], edges[i, 1]
+    if near[u, 1] > 0 and near[v, 1] > 0:
+        a, b = near[u, 0] // near[u, 1], near[v, 0] // near[v, 1]
+        if a + b > 0:
+            _set(w, np.int64(VERTEX), a * UNIT // (a + b), np.int64(FINE))
+    elif near[u, 1] > 0:
+        _set(w, np.int64(VERTEX), near[u, 0] // (near[u, 1] * length[i]), np.int64(ROUGH))
+    elif near[v, 1] > 0:
+        _set(w, np.int64(VERTEX), UNIT - near[v, 0] // (near[v, 1] * length[i]), np.int64(ROUGH))
+    if len(chain) > 0:
+        _meet(st, number, parts, edges, length, i, chain[i, 0], chain[i, 2], np.int64(CHAIN + LINE))
+        _meet(st, number, parts, edges, length, i, chain[i, 0], chain[i, 1], np.int64(CHAIN + BEFORE))
+        _meet(st, number, parts, edges, length, i, chain[i, 2], chain[i, 3], np.int64(CHAIN + BEHIND))
+        _cubic(w, np.int64(CHAIN))
+
+
+@inner
+def count_near(near, edges, number, parts, length, i, sign):
+    """Add an edge's crossing to what its ends know of how far crossings are, or take it away."""
+    if len(near) > 0 and parts[i] > 1:
+        u, v = edges[i, 0], edges[i, 1]
+        place = (2 * number[i] + 1) * (UNIT // 2) // parts[i]
+        near[u, 0] += sign * place * length[i]
+        near[v, 0] += sign * (UNIT - place) * length[i]
+        near[u, 1] += sign
+        near[v, 1] += sign
+
+
+@inner
+def find_candidates(st, index, number, parts, v, a):
+    """Leave the candidates of all planes and their mean for the edge from vertex v along axis a."""
+    w = st.walk
+    for c in range(_MOST):
+        if c != RECENT:
+            w[CANDIDATES + 2 * c + 1] = NONE
+    x, y, z = np.int64(st.vertex[v, 0]), np.int64(st.vertex[v, 1]), np.int64(st.vertex[v, 2])
+    n = dimension(st.tables)
+    total, count, worst = np.int64(0), np.int64(0), np.int64(FINE)
+    for plane in range(n - 1):
+        b = (a + 1 + plane) % n
+        one, two = np.int64(_POINTS), np.int64(_POINTS + 6)
+        _follow(st, index, number, parts, x, y, z, a, b, np.int64(1), one)
+        _follow(st, index, number, parts, x, y, z, a, b, np.int64(-1), two)
+        c = PLANE + 4 * plane
+        _extended(w, one, c + BEFORE)
+        _extended(w, two, c + BEHIND)
+        known = min(w[one + 2], w[two + 2])
+        span = w[one] + w[two]
+        if known != NONE and span > 0:
+            _set(w, c + LINE, (w[one + 1] * w[two] + w[two + 1] * w[one]) // span, known)
+        _cubic(w, c)
+        o = CANDIDATES + 2 * c
+        line, before, behind = w[o + 1], w[o + 3], w[o + 5]
+        # the best that the plane has
+        if w[o + 7] != NONE:
+            total, count, worst = total + w[o + 6], count + 1, min(worst, w[o + 7])
+        elif line != NONE:
+            total, count, worst = total + w[o], count + 1, min(worst, line)
+        elif before != NONE:
+            total, count, worst = total + w[o + 2], count + 1, min(worst, before)
+        elif behind != NONE:
+            total, count, worst = total + w[o + 4], count + 1, min(worst, behind)
+    if count > 0:
+        _set(w, MEAN, total // count, worst)
+
+
+@inner
+def remember(st, number, parts, rising):
+    """The crossing just told is a candidate for the next one."""
+    place = (2 * number + 1) * (UNIT // 2) // parts
+    _set(st.walk, RECENT, place if rising else UNIT - place, np.int64(FINE))
+
+
+@inner
+def _bits(x):
+    """Bits of a number."""
+    bits = np.int64(0)
+    while x >> bits:
+        bits += 1
+    return bits
+
+
+@inner
+def see_along(st, cd, low, high, split, radix, number, parts, rising, grid):
+    """List what is known of whether the crossing lies in the parts from ``split`` on, of ``low`` to ``high`` - 1.
+
+    Parts and places are counted from the end that is below.
+    """
+    first = _GRID_2 if dimension(st.tables) == 2 else _GRID_3
+    if not grid:
+        first += OFFSET_ROWS
+    w = st.walk
+    clear(cd)
+    if not rising:
+        number = parts - 1 - number
+    bound = (number * radix + split) * UNIT // (parts * radix)
+    for slot in range(_GRID_SLOTS if grid else _LEAF_SLOTS):
+        c = slot
+        if not grid:
+            c = RECENT if slot == 0 else VERTEX + slot - 1
+        known = w[CANDIDATES + 2 * c + 1]
+        if known != NONE:
+            place = w[CANDIDATES + 2 * c]
+            if not rising and c != RECENT:
+                place = UNIT - place
+            off = place - bound
+            row = min(_bits(abs(off) >> 2), _CLASSES - 1) + (_CLASSES if off < 0 else 0)
+            see(cd, first + (2 * slot + (known == FINE)) * 2 * _CLASSES + row)
+    o = first + (_GRID_SLOTS if grid else _LEAF_SLOTS) * 4 * _CLASSES
+    see(cd, o + _bits(high - low) + (7 if parts > 1 else 0))
+    see(cd, o + 14 + _bits((high - low) * UNIT // (parts * radix)))
+    see(cd, o + 28 + min(max(bound >> 9, 0), 7))

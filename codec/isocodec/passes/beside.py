@@ -1,0 +1,78 @@
+"""Which crossings lie beside an edge that carries offsets, for the main profile (spec clause 7.13)."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .along import UNIT
+from .state import VERTICES, State
+
+HOPS = 4
+"""Edges without offsets that the chain of crossings may pass on the way to one that carries them."""
+
+
+class Beside(NamedTuple):
+    """On the full grid ``grid`` (V, n) is the number of the edge that leaves a vertex along an axis, or -1.
+
+    On other meshes ``near`` (V, 2) is, for each vertex, how far the crossings told on its edges lie from it, and their
+    number; and for curves ``chain`` (E, 4) holds the next two edges on either side, the nearer first, or -1.
+    """
+
+    grid: NDArray[np.int64]
+    near: NDArray[np.int64]
+    chain: NDArray[np.int64]
+
+
+def beside_grid(st: State, edges: NDArray[np.int64], n: int) -> Beside:
+    """Of the crossed edges of the full grid."""
+    index = np.full((int(st.at[VERTICES]), n), -1, np.int64)
+    axis = (st.vertex[edges[:, 0], :n] != st.vertex[edges[:, 1], :n]).argmax(axis=1)
+    index[edges[:, 0], axis] = np.arange(len(edges))
+    return Beside(index, np.zeros((0, 2), np.int64), np.zeros((0, 4), np.int64))
+
+
+def beside_leaves(
+    st: State, rows: NDArray[np.int64], edges: NDArray[np.int64], number: NDArray[np.int64], parts: NDArray[np.int64],
+    length: NDArray[np.int64], n: int,
+) -> Beside:  # fmt: skip
+    """Of the edges of leaves; ``rows`` are the crossed edges of all leaves as they come."""
+    count = int(st.at[VERTICES])
+    near = np.zeros((count, 2), np.int64)
+    told = np.flatnonzero(parts > 1)
+    place = (2 * number[told] + 1) * (UNIT // 2) // parts[told]
+    for end, way in ((0, place), (1, UNIT - place)):
+        np.add.at(near, edges[told, end], np.stack([way * length[told], np.ones_like(told)], axis=1))
+    chain = _chain(rows @ (count, 1), edges @ (count, 1)) if n == 2 else np.zeros((0, 4), np.int64)
+    return Beside(np.zeros((0, n), np.int64), near, chain)
+
+
+def _chain(rows: NDArray[np.int64], keys: NDArray[np.int64]) -> NDArray[np.int64]:
+    """The next two of ``keys`` on either side of each, where ``rows`` names the two edges of every leaf."""
+    names, row = np.unique(rows, return_inverse=True)
+    # of each edge its two rows, in the order of the leaves; -1 where there is one leaf only
+    order = np.argsort(row, kind="stable")
+    first = np.searchsorted(row[order], np.arange(len(names) + 1))
+    place = np.full((len(names), 2), -1)
+    place[:, 0] = order[first[:-1]]
+    both = np.diff(first) > 1
+    place[both, 1] = order[first[:-1][both] + 1]
+    told = np.full(len(names), -1)
+    told[np.searchsorted(names, keys)] = np.arange(len(keys))
+    chain = np.full((len(keys), 4), -1, np.int64)
+    for side in (0, 1):
+        at = place[np.searchsorted(names, keys), side]
+        for step in (0, 1):
+            resume = np.full(len(keys), -1)
+            for _ in range(HOPS):
+                # through the leaf, and on from there unless the edge carries offsets
+                there = np.where(at >= 0, row[at ^ 1], -1)
+                found = np.where(there >= 0, told[there], -1)
+                onward = np.where(place[there, 0] == (at ^ 1), place[there, 1], place[there, 0])
+                chain[:, 2 * side + step] = np.where(found >= 0, found, chain[:, 2 * side + step])
+                resume = np.where(found >= 0, onward, resume)
+                at = np.where((there >= 0) & (found < 0), onward, -1)
+            at = resume
+    return chain

@@ -1,0 +1,100 @@
+"""What the main profile sees of where new components may be: how many vertices are known nearby (spec clause 7.12).
+
+Counts are kept for the cells of every power of two of samples: of vertices known before the round, and of new
+components found so far, which cluster.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..entropy.blend import clear, see
+from ..entropy.main import TREE_ROW
+from ..jit import DONE, GROW, inner, kernel
+from ..mesh.access import dimension
+from ..mesh.store import full, get, put
+from .state import BIRTHS, COUNTED, EDGE, LEVEL, SIZE, STEP_CELLS, VERTICES
+
+BIRTH = 1 << 20
+"""Counts of new components are multiples of this, those of vertices the rest."""
+_MOST_BIRTHS, _MOST_VERTICES = 2047, BIRTH - 1
+
+_FIRST_2, _FIRST_3 = TREE_ROW[2], TREE_ROW[3]
+NODE, CUBE, SLOT = range(3)
+
+
+@inner
+def _place(st, size):
+    """Where cells of ``2**size`` samples lie in the store."""
+    return np.int64(2) << (st.at[SIZE] - size)
+
+
+@inner
+def add_to_crowd(st, x, y, z, birth):
+    """Count a vertex, or a new component, at (x, y, z) in all cells that hold it."""
+    for size in range(st.at[SIZE] + 1):
+        far = _place(st, size)
+        p, q, r = (x >> size) + far, y >> size, z >> size
+        here = get(st.crowd, p, q, r)
+        if birth:
+            here += BIRTH if here >> 20 < _MOST_BIRTHS else 0
+        else:
+            here += 1 if here & _MOST_VERTICES < _MOST_VERTICES else 0
+        put(st.crowd, p, q, r, here)
+
+
+@kernel
+def census(st):
+    """Count the vertices that have become known since the last time."""
+    while st.at[COUNTED] < st.at[VERTICES]:
+        if full(st.crowd, STEP_CELLS):
+            return GROW
+        v = st.at[COUNTED]
+        add_to_crowd(st, np.int64(st.vertex[v, 0]), np.int64(st.vertex[v, 1]), np.int64(st.vertex[v, 2]), False)
+        st.at[COUNTED] = v + 1
+    return DONE
+
+
+@inner
+def _class(x):
+    """0 to 3 are classes of their own, then one for each power of two, up to 512 and more."""
+    if x < 4:
+        return x
+    bits = np.int64(0)
+    while x >> bits > 1 and bits < 9:
+        bits += 1
+    return bits + 2
+
+
+@inner
+def see_crowd(st, cd, what, shift, x, y, z, hits, child, nearness):
+    """List what is known around a node of the tree: cell (x, y, z) of the round's cubes taken ``2**shift`` together."""
+    n = dimension(st.tables)
+    r = st.at[LEVEL] % n
+    first = _FIRST_2 if n == 2 else _FIRST_3
+    clear(cd)
+    see(cd, first + (8 if what == SLOT else min(shift, 7)) * 3 + r)
+    see(cd, first + 27 + min(hits, 2) * 8 + child)
+    see(cd, first + 51 + (5 if what == NODE else nearness))
+    size = shift
+    while np.int64(1) << size < st.at[EDGE] << shift:
+        size += 1
+    if size <= st.at[SIZE]:
+        far = _place(st, size)
+        here = get(st.crowd, x + far, y, z)
+        births, vertices = np.int64(0), np.int64(0)
+        for i in range(max(x - 1, 0), x + 2):
+            for j in range(max(y - 1, 0), y + 2):
+                for k in range(max(z - 1, 0), (z + 2) if n == 3 else 1):
+                    c = get(st.crowd, i + far, j, k)
+                    births += c >> 20
+                    vertices += c & _MOST_VERTICES
+        see(cd, first + 57 + _class(here & _MOST_VERTICES))
+        see(cd, first + 69 + _class(vertices))
+        see(cd, first + 81 + _class(here >> 20))
+        see(cd, first + 93 + _class(births))
+    rest = (st.at[VERTICES] + 1) // (st.at[BIRTHS] + 1)
+    bits = np.int64(0)
+    while rest >> bits > 1 and bits < 12:
+        bits += 1
+    see(cd, first + 105 + bits)

@@ -1,0 +1,98 @@
+"""Vectors of the main profile: every network and kind of symbols, in both dimensions (clauses 7.10 to 7.14)."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from isocodec import encode
+
+from .adaptive import SPACES
+from .draft import Draft, cut_within, encoded, within
+from .fields import balls, checkers, noise, salt, torus, waves
+from .meshes import chosen, random_mesh
+
+SHAPES = ((33, 41), (13, 12, 14))
+
+
+def grids() -> Iterator[Draft]:
+    """Signs and geometry on the full grid."""
+    for shape in SHAPES:
+        space, n = SPACES[len(shape)], len(shape)
+        smooth, rough = waves(shape, 255, 2), waves(shape, 255, 3) + noise(shape, 7, 5)
+        for name, field, options in (
+            ("signs", rough, {"signs_only": True, "base_level": 1}),
+            ("signs_smooth", smooth, {"signs_only": True}),
+            ("single_rate", rough, {"signs_only": True, "base_level": 12}),
+            ("values", rough, {"exact": True}),
+            ("offsets", smooth, {"tolerance": 0.05}),
+            ("offsets_fine", smooth, {"plan": [("base", n), ("refine", None)] + [("offsets", r) for r in (5, 63, 9)]}),
+            ("offsets_between", rough, {
+                "plan": [("base", 1), ("refine", n), ("offsets", 7), ("refine", None), ("offsets", 3), ("offsets", 1)]
+            }),
+        ):  # fmt: skip
+            samples: np.ndarray = field if name == "values" else field.astype(np.float64)
+            yield encoded(
+                f"{space}_main_{name}", samples, 100.5, "main profile", layers="offsets" in name, profile="main",
+                **options,
+            )  # fmt: skip
+
+
+def extremes() -> Iterator[Draft]:
+    """Fields that drive models to their ends."""
+    for name, field in (
+        ("noise", noise((24, 31), 21, 1)), ("checkers", checkers((21, 18))), ("below", np.zeros((40, 40), np.int64)),
+        ("salt", salt((50, 70), [(3, 3), (20, 6), (21, 40), (40, 60), (42, 61)])),
+        ("disc", balls((65, 50), [((60, 50), 61)])), ("narrow", noise((2, 40), 5, 1)),
+    ):  # fmt: skip
+        yield encoded(
+            f"plane_main_{name}", field, 0.5, "main profile", name, profile="main", signs_only=True, base_level=0
+        )
+    for name, field in (
+        ("noise", noise((9, 7, 8), 22, 1)), ("torus", torus((25, 25, 13), 15, 7)), ("narrow", noise((2, 19, 2), 6, 1)),
+    ):  # fmt: skip
+        yield encoded(
+            f"space_main_{name}", field, 0.5, "main profile", name, profile="main", signs_only=True, base_level=0
+        )
+
+
+def meshes() -> Iterator[Draft]:
+    """Adaptive meshes, whose edges carry offsets; further isovalues."""
+    for shape in SHAPES:
+        space = SPACES[len(shape)]
+        field = waves(shape, 255, 2)
+        coarse = random_mesh(shape, 41, 100)
+        fine = random_mesh(shape, 42, 200, coarse)
+        plan = [
+            ("adaptive_base", 1, chosen(shape, coarse)), ("offsets", 7, 1), ("adapt", 1, chosen(shape, fine)),
+            ("offsets", 9, 0), ("offsets", 31, 0), ("refine", None), ("offsets", 3, 0),
+        ]  # fmt: skip
+        yield encoded(f"{space}_main_meshes", field, 100.5, "main profile", layers=True, profile="main", plan=plan)
+        for name, options in (
+            ("isovalues", {"tolerance": 0.05}), ("isovalues_values", {"exact": True}),
+            ("isovalues_signs", {"signs_only": True, "base_level": 2}),
+        ):  # fmt: skip
+            yield encoded(
+                f"{space}_main_{name}", field + noise(shape, 3, 4), (100.5, 104.5, 97), "main profile", layers=True,
+                profile="main", **options,
+            )  # fmt: skip
+
+
+def cuts() -> Iterator[Draft]:
+    """Files cut within a layer, with and without a new end."""
+    for shape in SHAPES:
+        space = SPACES[len(shape)]
+        field = waves(shape, 255, 2) + noise(shape, 9, 4)
+        data = encode(field, 100.5, profile="main", tolerance=0.05, base_level=2)
+        for kind in ("refine", "offsets"):
+            yield Draft(f"{space}_main_cut_{kind}", cut_within(data, kind), len(shape), ("main profile", "cut run"))
+            yield Draft(
+                f"{space}_main_start_{kind}", within(data, kind)[1], len(shape), ("main profile", "start of a file")
+            )
+
+
+def drafts() -> Iterator[Draft]:
+    """All vectors of this module."""
+    for group in (grids, extremes, meshes, cuts):
+        yield from group()

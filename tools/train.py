@@ -1,0 +1,399 @@
+"""Train the tables of the main profile anew: ``python tools/train.py FOLDER [-o spec/isospec/main.bin]``.
+
+FOLDER is one of real arrays. The training data are the arrays listed in ``ITEMS`` and generated fields; none of them
+is one that results are quoted on. Networks are trained by stochastic gradient descent on what the passes list around
+each symbol, then the adaptive probabilities and mixing weights by coding all the data once more. Everything is done in
+a fixed order and without functions that differ between machines, so the same bytes come out.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Iterator
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import replace
+from decimal import ROUND_HALF_EVEN, Decimal, localcontext
+from itertools import permutations, product
+from pathlib import Path
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from acceptance import Item, items
+from isocodec import Encoder
+from isocodec.entropy import main as profile
+from isocodec.entropy.coder import FLOOR
+from isocodec.mesh.tables import cube_exponent
+from isocodec.passes.around import nearest_vertices
+from isocodec.stream.strategy import grid_plan
+from isospec.tables import HIDDEN, INPUTS, KINDS, MOST_LOGIT, NETS, ROWS, Tables, packed
+
+ITEMS = {
+    2: (
+        "grid/hsurf_eur11", "grid/uk_surface_altitude", "image/butterfly", "image/car_plate_de", "image/fruits",
+        "image/moon", "image/retina_green_1411", "image/text", "medical/ct_head_pitch_20", "medical/ct_head_pitch_32",
+        "medical/ct_small", "medical/mr_small", "medical/mr_vsseg_08", "terrain/etopo20",
+    ),
+    3: (
+        "volume/fuel", "volume/head_mr_small", "volume/hydrogen", "volume/iron_protein", "volume/neghip",
+        "volume/ukv_theta_hybrid",
+    ),
+}  # fmt: skip
+EPOCHS, BATCH, STEP = 30, 256, 0.005
+MOST_SYMBOLS, MOST_LINES = 80_000, 1_500_000
+"""Of one field: in the training of one network, and listed in all."""
+FINE, COARSE = (0.05, 0.01, 0.0025), (1.0, 0.25, 0.5)
+"""Tolerances to which crossings are told, by turns: on the full grid, and on meshes."""
+STEPS = (1, 5, 20)
+"""How far a second isovalue lies above the first."""
+SEARCHED = 90_000
+"""Fields of fewer samples also come as files under a tolerance."""
+TRUSTED = 24
+"""Most symbols that a trained probability counts as."""
+ONE = 1 << 10
+"""Unit of the networks' weights."""
+
+
+def squash_table() -> NDArray[np.int64]:
+    """The logistic function for all logits, rounded."""
+    with localcontext() as context:
+        context.prec = 40
+        exact = (65536 / (1 + (Decimal(-x) / 256).exp()) for x in range(-MOST_LOGIT, MOST_LOGIT + 1))
+        rounded = [int(p.to_integral_value(ROUND_HALF_EVEN)) for p in exact]
+    return np.clip(np.array(rounded), FLOOR, 65536 - FLOOR)
+
+
+# -- data ----------------------------------------------------------------------------------------------------------
+
+
+def waves(shape: tuple[int, ...], seed: int, fall: float) -> NDArray[np.float64]:
+    """A random field, smooth or rough: a sum of splines, each with cells half as large and ``fall`` times as high."""
+    rng = np.random.default_rng(seed)
+    out = np.zeros(shape)
+    size, height = 2, 1.0
+    while size < max(shape):
+        grid = rng.integers(-1000, 1001, (size + 3,) * len(shape)).astype(float)
+        for axis, count in enumerate(shape):
+            # quadratic splines: no function that differs between machines
+            at = np.arange(count) * (size / max(shape))
+            whole = np.floor(at).astype(int)
+            part = at - whole
+            weight = (0.5 * (1 - part) ** 2, 0.5 + part - part**2, 0.5 * part**2)
+            rows = np.moveaxis(grid, axis, 0)
+            back = (-1,) + (1,) * (len(shape) - 1)
+            grid = np.moveaxis(sum(rows[whole + i] * weight[i].reshape(back) for i in range(3)), 0, axis)
+        out += grid * height
+        size, height = 2 * size, height * fall
+    return out
+
+
+def balls(shape: tuple[int, ...], seed: int, count: int) -> NDArray[np.float64]:
+    """Distance to the nearest of some ellipsoids, roughly."""
+    rng = np.random.default_rng(seed)
+    n = len(shape)
+    grid = np.indices(shape).astype(float)
+    out = np.full(shape, np.inf)
+    for _ in range(count):
+        centre = rng.integers(15, 86, n) * 0.01 * np.array(shape)
+        turn = rng.integers(-100, 101, (n, n)) * 0.01 + np.eye(n)
+        size = rng.integers(4, 28) * 0.01 * max(shape)
+        squares = sum(sum(turn[i, j] * (grid[j] - centre[j]) for j in range(n)) ** 2 for i in range(n))
+        out = np.minimum(out, np.sqrt(squares) - size)
+    return out
+
+
+def blurred(field: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Means of three samples along every axis."""
+    for axis in range(field.ndim):
+        padded = np.moveaxis(np.pad(field, 1, mode="edge"), axis, 0)
+        inner = tuple(slice(1, -1) for _ in range(field.ndim - 1))
+        field = np.moveaxis(((padded[:-2] + padded[1:-1] + padded[2:]) / 3)[(slice(None), *inner)], 0, axis)
+    return field
+
+
+def scene(shape: tuple[int, ...], seed: int, noise: int) -> NDArray[np.float64]:
+    """Bodies with soft edges and a texture, as a camera or scanner sees them: blurred, noisy, in whole steps."""
+    rng = np.random.default_rng(seed)
+    out = 40 * waves(shape, seed, 0.35) / 1000
+    for i in range(12):
+        out += int(rng.integers(-60, 61)) * np.clip(balls(shape, 100 * seed + i, 1), -1.5, 1.5)
+    out = blurred(out + 0.0) + blurred(rng.integers(-noise, noise + 1, shape).astype(float))
+    return np.floor(out)
+
+
+def writing(shape: tuple[int, ...], seed: int, height: int) -> NDArray[np.float64]:
+    """Rows of signs of a few strokes each, on a page that is unevenly lit."""
+    rng = np.random.default_rng(seed)
+    page = 200 + 20 * waves(shape, seed, 0.2) / 1000
+    y, x = np.indices((2 * height, 2 * height)).astype(float)
+    for top in range(4, shape[0] - 2 * height, height + height // 2):
+        left = 4
+        while left < shape[1] - 2 * height:
+            width = height * int(rng.integers(4, 9)) // 8
+            ink = np.zeros_like(x)
+            for _ in range(int(rng.integers(0, 6))):
+                a, b = rng.integers(0, height, 2).astype(float), rng.integers(0, height, 2).astype(float)
+                a[1], b[1] = a[1] % width, b[1] % width
+                way = b - a
+                along = ((y - a[0]) * way[0] + (x - a[1]) * way[1]) / max(float(way @ way), 1.0)
+                along = np.clip(along, 0, 1)
+                away = np.sqrt((y - a[0] - along * way[0]) ** 2 + (x - a[1] - along * way[1]) ** 2)
+                ink = np.maximum(ink, np.clip(height / 9 + 0.5 - away, 0, 1))
+            page[top : top + 2 * height, left : left + 2 * height] -= 120 * ink
+            left += width + 3
+    return np.floor(blurred(page) + blurred(rng.integers(-12, 13, shape).astype(float)))
+
+
+def generated(n: int) -> Iterator[Item]:
+    """Fields of all kinds between smooth and rough."""
+    shape = (300, 360) if n == 2 else (88, 80, 96)
+    for seed, fall in enumerate((0.2, 0.35, 0.5, 0.6, 0.7) if n == 2 else (0.15, 0.25, 0.35, 0.45)):
+        field = waves(shape, seed, fall)
+        for share in (50, 75):
+            yield Item(f"waves {fall}", field, float(np.sort(field, axis=None)[field.size * share // 100]) + 0.001)
+    for seed, count in enumerate((1, 2, 3, 5, 8, 20)):
+        yield Item(f"balls {count}", balls(shape, seed, count), 0.003)
+    for seed, noise in enumerate((1, 4, 12, 30) if n == 2 else (0, 0, 1, 4, 12)):
+        field = scene(shape, seed, noise)
+        for share in (40, 70):
+            yield Item(f"scene {noise}", field, float(np.sort(field, axis=None)[field.size * share // 100]) + 0.5)
+    for seed, height in enumerate((9, 12, 16, 24) if n == 2 else ()):
+        yield Item(f"writing {height}", writing(shape, seed, height), 140.5)
+
+
+def data(folder: Path, n: int) -> list[Item]:
+    """All training data of a dimension, the items of the folder and generated fields by turns."""
+    found = [item.half() for item in items(folder, n) if item.name in ITEMS[n]]
+    missing = set(ITEMS[n]) - {item.name for item in found}
+    if missing:
+        raise SystemExit(f"{folder}: {', '.join(sorted(missing))} not found; the tables need all of them")
+    made = list(generated(n))
+    for i, item in enumerate(made):
+        found.insert((3 * i + 1) % len(found), item)
+    return found
+
+
+# -- networks ------------------------------------------------------------------------------------------------------
+
+
+def use(squash: NDArray[np.int64], n: int, tables: Tables) -> None:
+    """Let encoders start with these tables."""
+    profile._shipped = lambda: (squash, {n: tables})  # type: ignore[attr-defined]
+
+
+def traced(item: Item, options: dict[str, object]) -> NDArray[np.int16]:
+    """What the passes list around the symbols of a file: symbol, network, number of rows, rows."""
+    encoder = Encoder(item.values, item.isovalue, profile="main", **options)  # type: ignore[arg-type]
+    tube = encoder._strands[0].tube
+    trace = np.zeros((MOST_LINES, 3 + profile.MOST_ROWS), np.int32)
+    tube.coder = tube.coder._replace(blend=tube.coder.blend._replace(trace=trace))
+    for _ in encoder:
+        pass
+    lines = trace[1 : trace[0, 0] + 1]
+    found = []
+    for net in range(NETS):
+        own = np.flatnonzero(lines[:, 1] == net)
+        found.append(own[:: 1 + len(own) // MOST_SYMBOLS])
+    return lines[np.concatenate(found)].astype(np.int16)
+
+
+def files(found: list[Item]) -> Iterator[tuple[Item, dict[str, object]]]:
+    """What is coded: all items on the full grid, their crossings to one tolerance or another; small ones on meshes."""
+    for i, item in enumerate(found):
+        n = item.values.ndim
+        full = n * cube_exponent(item.values.shape)
+        yield item, {"plan": grid_plan(n, full, FINE[i % len(FINE)], None)}
+        yield item, {"criterion": "distortion", "parameter": 0.7, "tolerance": 0.1}
+        if item.values.size < SEARCHED:
+            yield item, {"tolerance": COARSE[i % len(COARSE)]}
+
+
+def symmetries(n: int, net: int) -> NDArray[np.int64]:
+    """Rows of a network in all orders that mean the same field, turned or mirrored."""
+    rows = span(n, net)[1]
+    same = np.arange(rows)
+    if net >= profile.TREE_NET:
+        return same[None]
+    around = nearest_vertices(n, net)
+    place = {d: i for i, d in enumerate(around)}
+    odd = n - net
+    found = []
+    for front in permutations(range(odd)):
+        for back in permutations(range(odd, n)):
+            for mirror in product((1, -1), repeat=net):
+                moved = [
+                    tuple([d[i] for i in front] + [d[i] * m for i, m in zip(back, mirror, strict=True)]) for d in around
+                ]
+                order = same.copy()
+                for i, d in enumerate(moved):
+                    # a vertex at the rim whose image is not in the list stays where it is
+                    j = place.get(d, i)
+                    order[10 + 2 * i], order[11 + 2 * i] = 10 + 2 * j, 11 + 2 * j
+                found.append(order)
+    return np.array(found)
+
+
+def span(n: int, net: int) -> tuple[int, int]:
+    """First row of a network, and how many it has."""
+    if net < profile.TREE_NET:
+        return net * profile.SIGN_ROWS[n], profile.SIGN_ROWS[n] if net < n else 0
+    if net == profile.TREE_NET:
+        return profile.TREE_ROW[n], profile.TREE_ROWS
+    if net == profile.OFFSET_NET:
+        return profile.OFFSET_ROW[n], profile.OFFSET_ROWS
+    return profile.OFFSET_ROW[n] + profile.OFFSET_ROWS, profile.LEAF_ROWS
+
+
+@njit
+def logistic(x):
+    """By repeated squaring: the same everywhere."""
+    y = 1.0 - min(max(x, -15.0), 15.0) / 4096.0
+    for _ in range(12):
+        y *= y
+    return 1.0 / (1.0 + y)
+
+
+@njit
+def descend(row, count, symbol, order, orders, weight, out, gradient, moments, moments_out, passed, total, rate, fades):
+    """One pass over the data in batches (Adam); returns the bits per symbol."""
+    hidden = weight.shape[1]
+    h = np.zeros(hidden)
+    back = np.zeros(hidden)
+    gradient_out = np.zeros(hidden + 1)
+    loss = 0.0
+    for start in range(0, len(order) - BATCH + 1, BATCH):
+        gradient[:] = 0.0
+        gradient_out[:] = 0.0
+        for s in order[start : start + BATCH]:
+            turned = orders[(s * 7919 + passed) % len(orders)]
+            h[:] = 0.0
+            for i in range(count[s]):
+                a = turned[row[s, i]]
+                for j in range(hidden):
+                    h[j] += weight[a, j]
+            x = out[hidden]
+            for j in range(hidden):
+                x += max(h[j], 0.0) * out[j]
+            p = logistic(x)
+            q = p if symbol[s] else 1.0 - p
+            # the loss is counted without a logarithm that may differ: as a share of wrong guesses
+            loss += 1.0 - q
+            e = p - symbol[s]
+            gradient_out[hidden] += e
+            for j in range(hidden):
+                gradient_out[j] += e * max(h[j], 0.0)
+                back[j] = e * out[j] if h[j] > 0.0 else 0.0
+            for i in range(count[s]):
+                a = turned[row[s, i]]
+                for j in range(hidden):
+                    gradient[a, j] += back[j]
+        passed += 1
+        now = rate * min(1.0, 1.5 * (total - passed) / total)
+        fades[0] *= 0.9
+        fades[1] *= 0.999
+        fade, slow = 1.0 - fades[0], 1.0 - fades[1]
+        for a in range(weight.shape[0]):
+            for j in range(hidden):
+                g = gradient[a, j] / BATCH
+                moments[0, a, j] += 0.1 * (g - moments[0, a, j])
+                moments[1, a, j] += 0.001 * (g * g - moments[1, a, j])
+                weight[a, j] -= now * (moments[0, a, j] / fade) / (np.sqrt(moments[1, a, j] / slow) + 1e-8)
+        for j in range(hidden + 1):
+            g = gradient_out[j] / BATCH
+            moments_out[0, j] += 0.1 * (g - moments_out[0, j])
+            moments_out[1, j] += 0.001 * (g * g - moments_out[1, j])
+            out[j] -= now * (moments_out[0, j] / fade) / (np.sqrt(moments_out[1, j] / slow) + 1e-8)
+    return loss / max(len(order), 1), passed
+
+
+def network(
+    lines: list[NDArray[np.int32]], n: int, net: int, epochs: int
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Weights of one network's rows, and its output weights."""
+    first, rows = span(n, net)
+    rng = np.random.default_rng(net)
+    weight = rng.integers(-1000, 1001, (rows, HIDDEN)) * 1e-4
+    out = rng.integers(-1000, 1001, HIDDEN + 1) * 2e-4
+    some = [x[x[:, 1] == net] for x in lines]
+    if not rows or not sum(map(len, some)):
+        return weight, out * 0.0
+    most = max(int(x[:, 2].max(initial=0)) for x in some)
+    row = np.concatenate([x[:, 3 : 3 + most] for x in some]) - np.int16(first)
+    count = np.concatenate([x[:, 2] for x in some])
+    symbol = np.concatenate([x[:, 0] for x in some])
+    orders = symmetries(n, net)
+    moments, moments_out = np.zeros((2, rows, HIDDEN)), np.zeros((2, HIDDEN + 1))
+    passed, total, fades = 0, epochs * (len(row) // BATCH), np.ones(2)
+    for epoch in range(epochs):
+        loss, passed = descend(
+            row, count, symbol, rng.permutation(len(row)), orders, weight, out,
+            np.zeros_like(weight), moments, moments_out, passed, total, STEP, fades,
+        )  # fmt: skip
+        print(f"n = {n}, network {net}, {len(row)} symbols, pass {epoch + 1}: {loss:.4f} wrong", flush=True)
+    return weight, out
+
+
+# -- adaptive probabilities ----------------------------------------------------------------------------------------
+
+
+def adapted(found: list[Item], n: int, squash: NDArray[np.int64], tables: Tables) -> Tables:
+    """The same networks with mixing weights and probabilities as they are after all the data.
+
+    Files with a second isovalue come first, those with one last: most files are such.
+    """
+    close = [
+        (replace(item, isovalue=[item.isovalue, item.isovalue + STEPS[i % len(STEPS)]]), {"signs_only": i % 2 == 0})
+        for i, item in enumerate(found) if item.values.dtype.kind in "iu"
+    ]  # fmt: skip
+    for item, options in [*close, *files(found)]:
+        use(squash, n, tables)
+        encoder = Encoder(item.values, item.isovalue, profile="main", **options)  # type: ignore[arg-type]
+        for _ in encoder:
+            pass
+        cd = encoder._strands[-1].tube.coder
+        fresh = profile.models(squash, tables)[1]
+        used = np.union1d(np.flatnonzero(cd.seen != fresh), tables.state[:, 0])
+        tables = Tables(
+            tables.weight, tables.out, cd.blend.mix.copy(), np.stack([used, cd.prob[used], cd.seen[used]], 1)
+        )
+    state = tables.state.copy()
+    state[:, 2] = np.minimum(state[:, 2], TRUSTED)
+    return Tables(tables.weight, tables.out, tables.mix, state)
+
+
+def trained(folder: Path, n: int, squash: NDArray[np.int64], epochs: int) -> Tables:
+    """Tables of one dimension."""
+    mix = np.zeros((KINDS, INPUTS), np.int64)
+    mix[:] = (52429, 13107, 13107, 0)
+    weight = np.zeros((ROWS[n], HIDDEN), np.int16)
+    out = np.zeros((NETS, HIDDEN + 1), np.int64)
+    tables = Tables(weight, out, mix, np.zeros((0, 3), np.int64))
+    found = data(folder, n)
+    use(squash, n, tables)
+    lines = [traced(item, options) for item, options in files(found)]
+    for net in range(NETS):
+        first, rows = span(n, net)
+        fitted, opinion = network(lines, n, net, epochs)
+        weight[first : first + rows] = np.clip(np.rint(fitted * ONE), -32768, 32767)
+        out[net] = np.rint(opinion * ONE)
+        out[net, HIDDEN] = np.rint(opinion[HIDDEN] * ONE * ONE)
+    return adapted(found, n, squash, tables)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("folder", type=Path)
+    parser.add_argument("-o", "--output", type=Path, default=Path("spec/isospec/main.bin"))
+    parser.add_argument("--epochs", type=int, default=EPOCHS)
+    options = parser.parse_args()
+    squash = squash_table()
+    with ProcessPoolExecutor(len(ROWS)) as pool:
+        jobs = {n: pool.submit(trained, options.folder, n, squash, options.epochs) for n in ROWS}
+        found = {n: job.result() for n, job in jobs.items()}
+    options.output.write_bytes(packed(squash, found))
+    print(f"{options.output}: {options.output.stat().st_size} bytes")
+
+
+if __name__ == "__main__":
+    main()
