@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from decimal import ROUND_HALF_EVEN, Decimal, localcontext
+from itertools import product
 
 import numpy as np
 import pytest
@@ -16,7 +17,10 @@ from isocodec.entropy.blend import blended, clear, see
 from isocodec.entropy.coder import DECODE, ENCODE, END, FINAL, REGISTERS, Coder, finish, start
 from isocodec.entropy.main import KINDS, LEAF_ROWS, MAP, MOST_MIX, OFFSET_ROW, OFFSET_ROWS, STATES, shipped_models
 from isocodec.jit import kernel
+from isocodec.mesh.store import get
 from isocodec.passes.around import nearest_vertices
+from isocodec.passes.crowd import BIRTH
+from isocodec.passes.state import BIRTHS, COUNTED
 from isospec.tables import HIDDEN, MOST_LOGIT, NETS, ROWS, packed, shipped, unpacked
 
 # -- tables ----------------------------------------------------------------------------------------------------------
@@ -201,3 +205,24 @@ def test_main_is_the_default_and_smaller(n):
         small = isocodec.encode(field, 0.1, **options)
         assert isocodec.inspect(small).profile == "main"
         assert len(small) < 0.9 * len(isocodec.encode(field, 0.1, profile="baseline", **options))
+
+
+@pytest.mark.parametrize("shape", [(24, 31), (9, 7, 8), (17, 3)])
+def test_crowd_counts_the_cells_of_every_size(shape):
+    """Vertices and new components in every cell, and nothing in the cells around the box."""
+    rng = np.random.default_rng(3)
+    encoder = isocodec.Encoder(rng.integers(0, 2, shape), 0.5, signs_only=True, base_level=0)
+    assert b"".join(encoder)
+    tube = encoder._strands[0].tube
+    at, crowd = tube.state.at, tube.state.crowd
+    counted = tube.state.vertex[: at[COUNTED], :3].astype(np.int64)
+    assert at[BIRTHS] > 0
+    for size in range(tube.k + 1):
+        cells = (1 << tube.k - size) + 1
+        births = 0
+        for cell in product(*(range(cells + 1) if axis < tube.n else [0] for axis in range(3))):
+            x, y, z = map(np.int64, cell)
+            stored = get(crowd, x + (4 << tube.k - size), y, z)
+            assert stored & (BIRTH - 1) == (counted >> size == cell).all(axis=1).sum()
+            births += stored >> 20
+        assert births == at[BIRTHS]

@@ -25,8 +25,8 @@ NODE, CUBE, SLOT = range(3)
 
 @inner
 def _place(st, size):
-    """Where cells of ``2**size`` samples lie in the store."""
-    return np.int64(2) << (st.at[SIZE] - size)
+    """Where cells of ``2**size`` samples lie in the store, with room for neighbours that there are not."""
+    return np.int64(4) << (st.at[SIZE] - size)
 
 
 @inner
