@@ -18,9 +18,10 @@ from isocodec.entropy.coder import DECODE, ENCODE, END, FINAL, REGISTERS, Coder,
 from isocodec.entropy.main import KINDS, LEAF_ROWS, MAP, MOST_MIX, OFFSET_ROW, OFFSET_ROWS, STATES, shipped_models
 from isocodec.jit import kernel
 from isocodec.mesh.store import get
-from isocodec.passes.around import nearest_vertices
+from isocodec.mesh.tables import cube_exponent
+from isocodec.passes.around import nearest_vertices, see_around, survey
 from isocodec.passes.crowd import BIRTH
-from isocodec.passes.state import BIRTHS, COUNTED
+from isocodec.passes.state import BIRTHS, COUNTED, EDGE, VERTICES
 from isospec.tables import HIDDEN, MOST_LOGIT, NETS, ROWS, packed, shipped, unpacked
 
 # -- tables ----------------------------------------------------------------------------------------------------------
@@ -188,8 +189,10 @@ def test_both_profiles_decode_to_the_same(n, data):
     rng = np.random.default_rng(data.draw(st.integers(0, 1 << 32)))
     field = np.where(above, 1, -1) * rng.integers(1, data.draw(st.sampled_from([2, 200])), above.shape)
     options = data.draw(st.sampled_from([
-        {"signs_only": True}, {"signs_only": True, "base_level": 0}, {"exact": True}, {"tolerance": 0.05},
-        {"tolerance": 0.01, "base_level": 0}, {"criterion": "distortion", "parameter": 0.5, "tolerance": 0.2},
+        {"signs_only": True}, {"signs_only": True, "base_level": 0}, {"exact": True},
+        {"plan": [("base", 0), ("refine", None), ("offsets", 11)]},
+        {"plan": [("base", n), ("refine", None), ("offsets", 3), ("offsets", 15)]},
+        {"criterion": "distortion", "parameter": 0.5, "tolerance": 0.2},
     ]))  # fmt: skip
     isovalues = data.draw(st.sampled_from([0.5, (0.5, 20.5)]))
     files = [isocodec.encode(field, isovalues, profile=profile, **options) for profile in ("baseline", "main")]
@@ -205,6 +208,59 @@ def test_main_is_the_default_and_smaller(n):
         small = isocodec.encode(field, 0.1, **options)
         assert isocodec.inspect(small).profile == "main"
         assert len(small) < 0.9 * len(isocodec.encode(field, 0.1, profile="baseline", **options))
+
+
+@kernel
+def _surveyed(state):
+    return survey(state)
+
+
+@kernel
+def _around(state, cd, w0, w1, w2):
+    clear(cd)
+    return see_around(state, cd, 0, w0, w1, w2)
+
+
+@pytest.mark.parametrize("shape", [(70, 81), (34, 3), (19, 17, 21), (2, 9, 12)])
+@pytest.mark.parametrize("back", [1, 2, 3, 5])
+def test_rows_of_known_vertices_around(shape, back):
+    """In the middle of the box and at its border, on pages of the board and across them: those known, by signs."""
+    n, full = len(shape), len(shape) * cube_exponent(shape)
+    encoder = isocodec.Encoder(smooth(shape, 5), 0.1, plan=[("base", 0), ("refine", full - back)])
+    assert b"".join(encoder)
+    tube = encoder._strands[0].tube
+    tube._grow()
+    state = tube.state
+    while not _surveyed(state):
+        tube._grow()
+        state = tube.state
+    level, g = full - back, int(state.at[EDGE]) // 2
+    odd = n - level % n
+    known = {tuple(map(int, v[:n])): int(v[3]) for v in state.vertex[: state.at[VERTICES]]}
+    around = nearest_vertices(n, level % n)
+    cd = coder(ENCODE, n)
+    rng = np.random.default_rng(back)
+    seen = 0
+    for _ in range(400):
+        w = np.array([int(rng.integers(0, (size - 1) // g + 2)) for size in shape])
+        if (w % 2).sum() != odd:
+            continue
+        front = [a for a in range(n) if w[a] % 2] + [a for a in range(n) if not w[a] % 2]
+        step = {a: (-1 if w[a] % 4 == 3 else 1) for a in range(n)}
+        end = tuple(min(int(w[a] - step[a] * (w[a] % 2)) * g, shape[a] - 1) for a in range(n))
+        if end not in known:
+            continue
+        rows = set()
+        for i, d in enumerate(around):
+            at = [0] * n
+            for place, a in enumerate(front):
+                at[a] = min(max(int(w[a] + step[a] * d[place]) * g, 0), shape[a] - 1)
+            if tuple(at) in known:
+                rows.add(2 * i + (known[tuple(at)] == known[end]))
+        assert _around(state, cd, *(np.int64(x) for x in (*w, 0)[:3])) == known[end]
+        assert set(cd.blend.row[1 : cd.blend.row[0] + 1].tolist()) == rows
+        seen += len(rows)
+    assert seen > 0
 
 
 @pytest.mark.parametrize("shape", [(24, 31), (9, 7, 8), (17, 3)])

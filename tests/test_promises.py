@@ -4,13 +4,21 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 import isocodec
-from brute import smooth
+from brute import examples, smooth
 from isocodec import Decoder, Encoder, LayerComplete
+from isocodec.entropy.blend import EITHER
 from isocodec.errors import OptionError
 from isocodec.grid.field import check_field
+from isocodec.jit import kernel
+from isocodec.mesh.tables import cube_exponent
+from isocodec.passes.geometry import _choice
 from isocodec.reduce.original import original
+from isocodec.stream.crossings import radices
+from isocodec.stream.strategy import grid_plan
 
 RNG = np.random.default_rng(8)
 SMOOTH = np.rint(smooth((70, 90), 4) * 300).astype(np.int32)
@@ -107,6 +115,63 @@ def test_steps_promise_one_after_the_other(name):
         assert max(farthest(source, contour), farthest(contour, source)) <= tolerance + 0.03
     exact = decoder.drawn()
     assert sorted(map(tuple, np.round(exact.points, 9))) == sorted(map(tuple, np.round(source.points, 9)))
+
+
+@kernel
+def _choose(wanted, slack, parts, radix, number, rising, low, high, split):
+    return _choice(wanted, slack, parts, radix, number, rising, low, high, split)
+
+
+@examples(300)
+@given(data=st.data())
+def test_symbols_that_the_slack_leaves_open(data):
+    """Against all parts one by one: those whose middle is near enough, and the one that holds the crossing."""
+    parts, radix = data.draw(st.sampled_from([1, 3, 15])), data.draw(st.sampled_from([3, 5, 11, 63]))
+    wanted, slack = data.draw(st.integers(0, (1 << 30) - 1)), data.draw(st.integers(0, 1 << 30))
+    rising = data.draw(st.booleans())
+    total, number = parts * radix, wanted * parts >> 30
+    good = {wanted * total >> 30}
+    good |= {n for n in range(total) if abs((2 * n + 1 << 29) - wanted * total) <= slack * total}
+    digits = {n - number * radix for n in good if n // radix == number}
+    digits = {d if rising else radix - 1 - d for d in digits}
+    low = data.draw(st.integers(0, radix - 2))
+    high = data.draw(st.integers(low + 2, radix))
+    split = low + high >> 1
+    left = {d for d in digits if low <= d < high} or {low if max(digits) < low else high - 1}
+    expected = {(True, False): 0, (False, True): 1}.get((min(left) < split, max(left) >= split), EITHER)
+    args = (wanted, slack, parts, radix, number, rising, low, high, split)
+    assert _choose(*(np.int64(x) for x in args)) == expected
+
+
+@pytest.mark.parametrize("shape", [(40, 50), (14, 15, 13)])
+@pytest.mark.parametrize("tolerance", [0.25, 0.09, 0.05, 0.02, 0.004])
+def test_crossings_on_the_grid_are_told_within_the_tolerance(shape, tolerance):
+    """Edge by edge, and for several isovalues in a file, of which later ones go on from where earlier ones are."""
+    field = smooth(shape, 6)
+    isovalues = [0.1, 0.13, 0.02, 0.1001]
+    plan = grid_plan(len(shape), len(shape) * cube_exponent(shape), tolerance, None)
+    data = isocodec.encode(field, isovalues, plan=plan)
+    for isovalue in isovalues:
+        contour = isocodec.decode(data, isovalue=isovalue)
+        source = original(check_field(field, isovalue))
+        found, wanted = (_by_edge(points) for points in (contour.points, source.points))
+        assert found.keys() == wanted.keys() and len(found) > 50
+        assert max(abs(found[edge] - wanted[edge]).max() for edge in found) <= tolerance
+
+
+def _by_edge(points):
+    """Points on edges of the grid by the edge."""
+    points = points[(points != np.floor(points)).sum(axis=1) == 1]
+    return {(*np.floor(p), int(np.argmax(p != np.floor(p)))): p for p in points}
+
+
+def test_slack_makes_files_smaller():
+    """Where either of two parts will do, the more probable one is told."""
+    field = smooth((60, 70), 8)
+    for tolerance in (0.25, 0.1):
+        plain = [*grid_plan(2, 2 * cube_exponent(field.shape), None, None), ("offsets", radices(tolerance)[0])]
+        exact = len(isocodec.encode(field, 0.1, plan=plain))
+        assert len(isocodec.encode(field, 0.1, tolerance=tolerance)) < 0.95 * exact
 
 
 def test_a_searched_file_is_smaller():

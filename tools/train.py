@@ -41,7 +41,7 @@ ITEMS = {
     ),
 }  # fmt: skip
 EPOCHS, BATCH, STEP = 30, 256, 0.005
-MOST_SYMBOLS, MOST_LINES = 80_000, 1_500_000
+MOST_SYMBOLS, MOST_LINES = 40_000, 1_500_000
 """Of one field: in the training of one network, and listed in all."""
 FINE, COARSE = (0.05, 0.01, 0.0025), (1.0, 0.25, 0.5)
 """Tolerances to which crossings are told, by turns: on the full grid, and on meshes."""
@@ -51,6 +51,8 @@ SEARCHED = 90_000
 """Fields of fewer samples also come as files under a tolerance."""
 TRUSTED = 24
 """Most symbols that a trained probability counts as."""
+REMEMBERED, MOST_FILES = 1500, 25
+"""Symbols of a context, and files with a kind of symbols, that trained probabilities and mixing weights reflect."""
 ONE = 1 << 10
 """Unit of the networks' weights."""
 
@@ -122,44 +124,88 @@ def scene(shape: tuple[int, ...], seed: int, noise: int) -> NDArray[np.float64]:
     return np.floor(out)
 
 
+LETTERS = (
+    "l", "i.", "lo", "ok", "po", "inj", "iuj", "cn-", "o", "\\/", "i~", "cu", "injnq", "l/", "l~-", "k-l", "~/_", "n-u",
+)  # fmt: skip
+"""What letters are made of: stems on the left (i) and right (j, q), with ascender (l, k) or descender (p), bowls and
+halves of bowls (o, c, n, u), bars (~, -, _), diagonals and dots."""
+
+
+def letter(parts: str, height: int, width: int, thick: float) -> NDArray[np.float64]:
+    """Ink of a letter between 0 and 1, its body ``height`` samples high, as much room above and below."""
+    y, x = np.indices((3 * height, width + 2 * height)).astype(float)
+    y, x = y - height, x - height // 2
+    far = np.full(y.shape, np.inf)
+    h, w = float(height), float(width)
+    strokes = {
+        "i": (0, 0, h, 0), "j": (0, w, h, w), "q": (0, 2 * w, h, 2 * w), "l": (-0.5 * h, 0, h, 0),
+        "k": (-0.5 * h, w, h, w), "p": (0, 0, 1.5 * h, 0), "~": (0, 0, 0, w), "-": (h / 2, 0, h / 2, w),
+        "_": (h, 0, h, w), "/": (0, w, h, w / 2), "\\": (0, 0, h, w / 2), ".": (-0.4 * h, 0, -0.4 * h, 0),
+    }  # fmt: skip
+    for part in parts:
+        if part in strokes:
+            top, left, bottom, right = strokes[part]
+            way = (bottom - top, right - left)
+            along = ((y - top) * way[0] + (x - left) * way[1]) / max(way[0] ** 2 + way[1] ** 2, 1e-9)
+            along = np.clip(along, 0, 1)
+            away = np.sqrt((y - top - along * way[0]) ** 2 + (x - left - along * way[1]) ** 2)
+        else:
+            round_ = np.sqrt(((y - h / 2) / (h / 2)) ** 2 + ((x - w / 2) / (w / 2)) ** 2)
+            away = np.abs(round_ - 1) * min(h, w) / 2
+            outside = {"c": x > 0.7 * w, "n": y > 0.5 * h, "u": y < 0.5 * h}.get(part)
+            away = away if outside is None else np.where(outside, np.inf, away)
+        far = np.minimum(far, away)
+    return np.clip(thick + 0.5 - far, 0, 1)
+
+
 def writing(shape: tuple[int, ...], seed: int, height: int) -> NDArray[np.float64]:
-    """Rows of signs of a few strokes each, on a page that is unevenly lit."""
+    """Lines of letters on a page that is unevenly lit, here and there hardly brighter than they are."""
     rng = np.random.default_rng(seed)
-    page = 200 + 20 * waves(shape, seed, 0.2) / 1000
-    y, x = np.indices((2 * height, 2 * height)).astype(float)
-    for top in range(4, shape[0] - 2 * height, height + height // 2):
-        left = 4
-        while left < shape[1] - 2 * height:
+    noise, light = (12, 6, 3, 20)[seed % 4], (20, 60, 5)[seed % 3]
+    page = 190 + light * waves(shape, seed, 0.3) / 1000
+    thick = height * (0.07 + 0.02 * (seed % 4))
+    for top in range(0, shape[0] - 3 * height, 2 * height):
+        left = 2
+        while left < shape[1] - 3 * height:
             width = height * int(rng.integers(4, 9)) // 8
-            ink = np.zeros_like(x)
-            for _ in range(int(rng.integers(0, 6))):
-                a, b = rng.integers(0, height, 2).astype(float), rng.integers(0, height, 2).astype(float)
-                a[1], b[1] = a[1] % width, b[1] % width
-                way = b - a
-                along = ((y - a[0]) * way[0] + (x - a[1]) * way[1]) / max(float(way @ way), 1.0)
-                along = np.clip(along, 0, 1)
-                away = np.sqrt((y - a[0] - along * way[0]) ** 2 + (x - a[1] - along * way[1]) ** 2)
-                ink = np.maximum(ink, np.clip(height / 9 + 0.5 - away, 0, 1))
-            page[top : top + 2 * height, left : left + 2 * height] -= 120 * ink
-            left += width + 3
-    return np.floor(blurred(page) + blurred(rng.integers(-12, 13, shape).astype(float)))
+            if rng.integers(0, 6):
+                ink = letter(LETTERS[int(rng.integers(0, len(LETTERS)))], height, width, thick)
+                page[top : top + ink.shape[0], left : left + ink.shape[1]] -= 120 * ink
+            left += width + 2 + height // 3
+    return np.floor(blurred(page) + blurred(rng.integers(-noise, noise + 1, shape).astype(float)))
+
+
+def rough(shape: tuple[int, ...], seed: int, fall: float) -> Iterator[NDArray[np.float64]]:
+    """Fields with ridges, and fields that are rough here and smooth there."""
+    yield -np.abs(waves(shape, seed, fall)) + 0.3 * waves(shape, seed + 1, 0.35)
+    where = np.clip(waves(shape, seed + 2, 0.25) / 1000 + 1.0, 0.1, 2.0)
+    yield waves(shape, seed + 3, 0.3) + where * (waves(shape, seed + 4, fall) - waves(shape, seed + 4, 0.2))
 
 
 def generated(n: int) -> Iterator[Item]:
-    """Fields of all kinds between smooth and rough."""
-    shape = (300, 360) if n == 2 else (88, 80, 96)
-    for seed, fall in enumerate((0.2, 0.35, 0.5, 0.6, 0.7) if n == 2 else (0.15, 0.25, 0.35, 0.45)):
-        field = waves(shape, seed, fall)
-        for share in (50, 75):
-            yield Item(f"waves {fall}", field, float(np.sort(field, axis=None)[field.size * share // 100]) + 0.001)
-    for seed, count in enumerate((1, 2, 3, 5, 8, 20)):
-        yield Item(f"balls {count}", balls(shape, seed, count), 0.003)
-    for seed, noise in enumerate((1, 4, 12, 30) if n == 2 else (0, 0, 1, 4, 12)):
-        field = scene(shape, seed, noise)
-        for share in (40, 70):
-            yield Item(f"scene {noise}", field, float(np.sort(field, axis=None)[field.size * share // 100]) + 0.5)
-    for seed, height in enumerate((9, 12, 16, 24) if n == 2 else ()):
-        yield Item(f"writing {height}", writing(shape, seed, height), 140.5)
+    """Fields of all kinds between smooth and rough; many smooth ones, since they have few symbols."""
+    plane = n == 2
+    shape = (300, 360) if plane else (88, 80, 96)
+
+    def cut(name: str, field: NDArray[np.float64], *shares: int) -> Iterator[Item]:
+        """At the values below which so many hundredths of the samples lie."""
+        order = np.sort(field, axis=None)
+        for share in shares:
+            yield Item(name, field, float(order[field.size * share // 100]) + (0.5 if name == "scene" else 0.001))
+
+    for seed, fall in enumerate((0.2, 0.35, 0.5, 0.6, 0.7) if plane else (0.15, 0.25, 0.35, 0.45)):
+        yield from cut("waves", waves(shape, seed, fall), 50, 75)
+    for seed, fall in enumerate((0.1, 0.15, 0.2, 0.25, 0.3, 0.35, 0.4) * 4 if plane else (0.1, 0.2, 0.3)):
+        yield from cut("waves", waves(shape, 200 + seed, fall), 20, 45, 80)
+    for seed, fall in enumerate((0.4, 0.45, 0.5, 0.55, 0.6, 0.65) if plane else ()):
+        for field in rough(shape, 400 + 5 * seed, fall):
+            yield from cut("rough", field, 40, 70)
+    for seed, count in enumerate((1, 2, 3, 5, 8, 20) * (4 if plane else 2)):
+        yield Item("balls", balls(shape, seed, count), 0.003)
+    for seed, noise in enumerate((1, 4, 12, 30, 0, 0, 1, 2, 4, 0) if plane else (0, 0, 1, 4, 12, 0, 1)):
+        yield from cut("scene", scene(shape, seed, noise), 40, 70)
+    for seed, height in enumerate((9, 12, 16, 24, 8, 10, 11, 13, 14, 18, 20) if plane else ()):
+        yield Item("writing", writing(shape, seed, height), 130.5)
 
 
 def data(folder: Path, n: int) -> list[Item]:
@@ -168,6 +214,12 @@ def data(folder: Path, n: int) -> list[Item]:
     missing = set(ITEMS[n]) - {item.name for item in found}
     if missing:
         raise SystemExit(f"{folder}: {', '.join(sorted(missing))} not found; the tables need all of them")
+    if n == 2:
+        # what a picture half as large shows is smoother or rougher
+        found += [
+            Item(item.name, blurred(item.values.astype(float))[::2, ::2], item.isovalue)
+            for item in found if item.values.size > SEARCHED // 2
+        ]  # fmt: skip
     made = list(generated(n))
     for i, item in enumerate(made):
         found.insert((3 * i + 1) % len(found), item)
@@ -183,14 +235,17 @@ def use(squash: NDArray[np.int64], n: int, tables: Tables) -> None:
 
 
 def traced(item: Item, options: dict[str, object]) -> NDArray[np.int16]:
-    """What the passes list around the symbols of a file: symbol, network, number of rows, rows."""
+    """What the passes list around the symbols of a file's last isovalue: symbol, network, number of rows, rows."""
     encoder = Encoder(item.values, item.isovalue, profile="main", **options)  # type: ignore[arg-type]
     tube = encoder._strands[0].tube
     trace = np.zeros((MOST_LINES, 3 + profile.MOST_ROWS), np.int32)
     tube.coder = tube.coder._replace(blend=tube.coder.blend._replace(trace=trace))
+    begun = 0
     for _ in encoder:
-        pass
-    lines = trace[1 : trace[0, 0] + 1]
+        # a further isovalue goes on with the same list
+        if len(encoder._strands) > 1 and not begun:
+            begun = trace[0, 0]
+    lines = trace[1 + begun : trace[0, 0] + 1]
     found = []
     for net in range(NETS):
         own = np.flatnonzero(lines[:, 1] == net)
@@ -207,6 +262,14 @@ def files(found: list[Item]) -> Iterator[tuple[Item, dict[str, object]]]:
         yield item, {"criterion": "distortion", "parameter": 0.7, "tolerance": 0.1}
         if item.values.size < SEARCHED:
             yield item, {"tolerance": COARSE[i % len(COARSE)]}
+
+
+def pairs(found: list[Item]) -> Iterator[tuple[Item, dict[str, object]]]:
+    """The items of whole numbers with a second isovalue."""
+    for i, item in enumerate(found):
+        if item.values.dtype.kind in "iu":
+            options = ({"signs_only": True}, {}, {"tolerance": 0.25} if item.values.size < SEARCHED else {})[i // 3 % 3]
+            yield replace(item, isovalue=[item.isovalue, item.isovalue + STEPS[i % len(STEPS)]]), options
 
 
 def symmetries(n: int, net: int) -> NDArray[np.int64]:
@@ -338,28 +401,30 @@ def network(
 
 
 def adapted(found: list[Item], n: int, squash: NDArray[np.int64], tables: Tables) -> Tables:
-    """The same networks with mixing weights and probabilities as they are after all the data.
+    """The same networks with the mixing weights and probabilities that files have at their ends, on the average.
 
-    Files with a second isovalue come first, those with one last: most files are such.
+    Each file begins with what there is so far. Files count alike, but for those that have few symbols of a kind.
     """
-    close = [
-        (replace(item, isovalue=[item.isovalue, item.isovalue + STEPS[i % len(STEPS)]]), {"signs_only": i % 2 == 0})
-        for i, item in enumerate(found) if item.values.dtype.kind in "iu"
-    ]  # fmt: skip
-    for item, options in [*close, *files(found)]:
+    prob, seen, blend = profile.models(squash, tables)
+    mean, weight = prob.astype(float), np.zeros(len(prob))
+    mix, mixed = blend.mix.astype(float), np.zeros(KINDS)
+    for item, options in [*pairs(found), *files(found)]:
         use(squash, n, tables)
+        prob, seen, _ = profile.models(squash, tables)
         encoder = Encoder(item.values, item.isovalue, profile="main", **options)  # type: ignore[arg-type]
         for _ in encoder:
             pass
         cd = encoder._strands[-1].tube.coder
-        fresh = profile.models(squash, tables)[1]
-        used = np.union1d(np.flatnonzero(cd.seen != fresh), tables.state[:, 0])
-        tables = Tables(
-            tables.weight, tables.out, cd.blend.mix.copy(), np.stack([used, cd.prob[used], cd.seen[used]], 1)
-        )
-    state = tables.state.copy()
-    state[:, 2] = np.minimum(state[:, 2], TRUSTED)
-    return Tables(tables.weight, tables.out, tables.mix, state)
+        count = np.where((cd.prob != prob) | (cd.seen != seen), np.maximum(cd.seen - seen, 1), 0)
+        weight = np.minimum(weight + count, REMEMBERED)
+        mean += (cd.prob - mean) * count / np.maximum(weight, 1)
+        changed = (cd.blend.mix != tables.mix).any(axis=1)
+        mixed = np.minimum(mixed + changed, MOST_FILES)
+        mix += (cd.blend.mix - mix) * (changed / np.maximum(mixed, 1))[:, None]
+        used = np.flatnonzero(weight)
+        state = np.stack([used, np.rint(mean[used]), np.minimum(weight[used], TRUSTED)], 1)
+        tables = Tables(tables.weight, tables.out, np.rint(mix).astype(np.int64), state.astype(np.int64))
+    return tables
 
 
 def trained(folder: Path, n: int, squash: NDArray[np.int64], epochs: int) -> Tables:
@@ -371,7 +436,7 @@ def trained(folder: Path, n: int, squash: NDArray[np.int64], epochs: int) -> Tab
     tables = Tables(weight, out, mix, np.zeros((0, 3), np.int64))
     found = data(folder, n)
     use(squash, n, tables)
-    lines = [traced(item, options) for item, options in files(found)]
+    lines = [traced(item, options) for item, options in (*files(found), *pairs(found))]
     for net in range(NETS):
         first, rows = span(n, net)
         fitted, opinion = network(lines, n, net, epochs)

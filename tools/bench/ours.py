@@ -10,17 +10,18 @@ from typing import Any
 import isocodec
 from isocodec.contour import Contour
 from isocodec.mesh.tables import cube_exponent
+from isocodec.stream.strategy import BASE_CYCLES
 
 from .errors import Shape, apart
 from .items import Item
 
-BASE_CYCLES = 4
-"""Of a plan: level of the base in cycles of bisection, as the encoder's own default."""
 FINE = 2.0**-20
 """Tolerance in cells that stands for the extracted curve of floats."""
 LARGEST_RADIX = 63
 COARSER = (1.5, 2.0, 3.0)
 """Largest distances that are tried for a coarse mean one, in units of it."""
+FREER = (1.08, 1.17, 1.26, 1.36, 1.48)
+"""Tolerances that are tried around offsets that will do, in units of half a part."""
 LEAST_SEARCHED = 0.5
 """Smallest of them in cells that is worth the search."""
 CUTS = 6
@@ -90,8 +91,11 @@ class Ours:
 
     def offsets(self, parts: int) -> File:
         """Crossings to the middle of one of so many parts of an edge."""
-        how = f"offsets in {parts} parts" if parts > 1 else "signs alone"
-        return self._planned(how, [("offsets", radix) for radix in radices(parts)])
+        return self._planned(self._offsets_name(parts), [("offsets", radix) for radix in radices(parts)])
+
+    @staticmethod
+    def _offsets_name(parts: int) -> str:
+        return f"offsets in {parts} parts" if parts > 1 else "signs alone"
 
     def values(self, planes: int) -> File:
         """The highest bits of the samples next to the curve."""
@@ -133,6 +137,10 @@ class Ours:
         choices = parts_list()
         finer = self._coarsest(choices, bound, target)
         yield finer
+        if finer is not None and bound == "err_mean" and self.item.n == 2:
+            # a tolerance leaves the encoder free to tell what is cheapest within it
+            parts = next(p for p in choices if self._offsets_name(p) == finer.how)
+            yield from (self.tolerance(factor * 0.5 / parts) for factor in FREER)
         if finer is not None and finer.how == self.offsets(choices[1]).how:
             yield self._cut(finer, signs, bound, target)
         if self.item.integer and self.item.n == 2:

@@ -36,6 +36,8 @@ TREE_KIND = 12
 """Nodes, cubes, slots; the same where the isovalue leans on another one."""
 OFFSET_KIND = 18
 """By how often the part was halved, of edges told for the first time or again; the same off the full grid."""
+LEAN_KIND = 30
+"""By how often the part was halved, where the edge is crossed at an earlier isovalue, too, on and off the full grid."""
 
 # Networks, in the order of their rows.
 SIGN_NET, TREE_NET, OFFSET_NET, LEAF_NET = 0, 3, 4, 5
@@ -43,12 +45,14 @@ SIGN_NET, TREE_NET, OFFSET_NET, LEAF_NET = 0, 3, 4, 5
 
 AROUND = {2: 96, 3: 112}
 """Vertices around a middle that a sign's network sees."""
-SIGN_ROWS = {n: 10 + 2 * AROUND[n] for n in AROUND}
+EARLIER_ROWS = 60
+"""Of these, what an earlier isovalue says."""
+SIGN_ROWS = {n: 10 + 2 * AROUND[n] + EARLIER_ROWS for n in AROUND}
 TREE_ROWS = 118
 TREE_ROW = {n: n * SIGN_ROWS[n] for n in AROUND}
 """First row of the tree's network."""
 OFFSET_ROW = {n: TREE_ROW[n] + TREE_ROWS for n in AROUND}
-OFFSET_ROWS, LEAF_ROWS = 556, 348
+OFFSET_ROWS, LEAF_ROWS = 720, 512
 
 
 @cache

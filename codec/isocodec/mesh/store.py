@@ -23,7 +23,7 @@ class Store(NamedTuple):
 
     head: NDArray[np.int64]
     table: NDArray[np.int64]
-    pages: NDArray[np.int32]
+    pages: NDArray[np.int32] | NDArray[np.int8]
 
 
 def new_store(n: int) -> Store:
@@ -33,12 +33,20 @@ def new_store(n: int) -> Store:
     return Store(head, np.full((64, 2), -1, np.int64), np.zeros((16, 256 if n == 2 else 512), np.int32))
 
 
+def new_board(n: int) -> Store:
+    """A store whose entries take a byte: pages of 32 x 32 or 16 x 16 x 16. The first page is that of places without."""
+    store = Store(np.full(RECENT + 2 * _WAYS, -1, np.int64), np.full((64, 2), -1, np.int64),
+                  np.zeros((16, 1024 if n == 2 else 4096), np.int8))  # fmt: skip
+    store.head[:RECENT] = (1, 5, 5, 0) if n == 2 else (1, 4, 4, 4)
+    return store
+
+
 def grown(store: Store, room: int) -> Store:
     """The same store with place for at least ``room`` more pages."""
     used = int(store.head[PAGES])
     table, pages = store.table, store.pages
     if used + room > len(pages):
-        wider = np.zeros((max(used + used // 2, used + room), pages.shape[1]), np.int32)
+        wider = np.zeros((max(used + used // 2, used + room), pages.shape[1]), pages.dtype)
         wider[:used] = pages[:used]
         pages = wider
     if 2 * (used + room) > len(table):
@@ -94,6 +102,21 @@ def _page(st, x, y, z):
     head[way] = key
     head[way + 1] = table[h, 1]
     return table[h, 1]
+
+
+@kernel
+def page_or_first(st, x, y, z):
+    """Number of the page of (x, y, z), or 0 if there is none."""
+    return max(_page(st, x, y, z), 0)
+
+
+@kernel
+def wipe(st):
+    """Forget all entries but the first page's."""
+    st.pages[: st.head[PAGES]] = 0
+    st.table[:] = -1
+    st.head[RECENT:] = -1
+    st.head[PAGES] = 1
 
 
 @inner

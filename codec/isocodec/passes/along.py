@@ -20,18 +20,18 @@ NONE, ROUGH, FINE = range(3)
 """How well a place is known: not, only which edge is crossed, more."""
 CANDIDATES = 16
 """First of the candidates in State.walk, two numbers each: the place, and how well it is known."""
-MEAN, RECENT, PLANE, VERTEX, CHAIN = 0, 1, 2, 10, 11
-"""The candidates: the mean of all planes', the last crossing told, then for each plane four; off the full grid what the
-ends' other edges say, then, for curves, four along the chain of crossings."""
+MEAN, PLANE, VERTEX, CHAIN, RECENT = 0, 1, 9, 10, 14
+"""The candidates: the mean of all planes', then for each plane four; off the full grid what the ends' other edges say,
+then, for curves, four along the chain of crossings; the last different places told."""
 LINE, BEFORE, BEHIND, CUBIC = range(4)
-_MOST = 15
+_RECENT = 4
 _POINTS = 96
 """First of the crossings next to the edge in State.walk, three numbers each: distance from the edge, place along it,
 how well it is known. Two on either side."""
 _STEEP = UNIT // 8
 """Where crossings lie less apart than this, their line is not extended."""
 _CLASSES = 13
-_GRID_SLOTS, _LEAF_SLOTS = 10, 6
+_GRID_SLOTS, _LEAF_SLOTS = VERTEX + _RECENT, RECENT - VERTEX + _RECENT
 _GRID_2, _GRID_3 = OFFSET_ROW[2], OFFSET_ROW[3]
 
 
@@ -138,9 +138,8 @@ def _meet(st, number, parts, edges, length, i, e, f, candidate):
 def find_off_grid(st, chain, near, edges, number, parts, length, i):
     """Leave the candidates for an edge of leaves."""
     w = st.walk
-    for c in range(_MOST):
-        if c != RECENT:
-            w[CANDIDATES + 2 * c + 1] = NONE
+    for c in range(RECENT):
+        w[CANDIDATES + 2 * c + 1] = NONE
     u, v = edges[i, 0], edges[i, 1]
     if near[u, 1] > 0 and near[v, 1] > 0:
         a, b = near[u, 0] // near[u, 1], near[v, 0] // near[v, 1]
@@ -173,9 +172,8 @@ def count_near(near, edges, number, parts, length, i, sign):
 def find_candidates(st, index, number, parts, v, a):
     """Leave the candidates of all planes and their mean for the edge from vertex v along axis a."""
     w = st.walk
-    for c in range(_MOST):
-        if c != RECENT:
-            w[CANDIDATES + 2 * c + 1] = NONE
+    for c in range(RECENT):
+        w[CANDIDATES + 2 * c + 1] = NONE
     x, y, z = np.int64(st.vertex[v, 0]), np.int64(st.vertex[v, 1]), np.int64(st.vertex[v, 2])
     n = dimension(st.tables)
     total, count, worst = np.int64(0), np.int64(0), np.int64(FINE)
@@ -209,25 +207,37 @@ def find_candidates(st, index, number, parts, v, a):
 
 @inner
 def remember(st, number, parts, rising):
-    """The crossing just told is a candidate for the next one."""
+    """The crossing just told is a candidate for the next ones: it comes first in the list of recent places."""
+    w = st.walk
     place = (2 * number + 1) * (UNIT // 2) // parts
-    _set(st.walk, RECENT, place if rising else UNIT - place, np.int64(FINE))
+    place = place if rising else UNIT - place
+    o = CANDIDATES + 2 * RECENT
+    i = 0
+    while i + 1 < _RECENT and w[o + 2 * i + 1] != NONE and w[o + 2 * i] != place:
+        i += 1
+    while i > 0:
+        w[o + 2 * i] = w[o + 2 * i - 2]
+        w[o + 2 * i + 1] = w[o + 2 * i - 1]
+        i -= 1
+    w[o] = place
+    w[o + 1] = FINE
 
 
 @inner
-def _bits(x):
+def bits(x):
     """Bits of a number."""
-    bits = np.int64(0)
-    while x >> bits:
-        bits += 1
-    return bits
+    count = np.int64(0)
+    while x >> count:
+        count += 1
+    return count
 
 
 @inner
-def see_along(st, cd, low, high, split, radix, number, parts, rising, grid):
+def see_along(st, cd, low, high, split, radix, number, parts, rising, grid, nearer):
     """List what is known of whether the crossing lies in the parts from ``split`` on, of ``low`` to ``high`` - 1.
 
-    Parts and places are counted from the end that is below.
+    Parts and places are counted from the end that is below. ``nearer`` of the parts are nearer than ``split`` to the
+    crossing of the earlier isovalue, -1 if there is none.
     """
     first = _GRID_2 if dimension(st.tables) == 2 else _GRID_3
     if not grid:
@@ -238,18 +248,18 @@ def see_along(st, cd, low, high, split, radix, number, parts, rising, grid):
         number = parts - 1 - number
     bound = (number * radix + split) * UNIT // (parts * radix)
     for slot in range(_GRID_SLOTS if grid else _LEAF_SLOTS):
-        c = slot
-        if not grid:
-            c = RECENT if slot == 0 else VERTEX + slot - 1
+        c = VERTEX + slot if not grid else slot if slot < VERTEX else RECENT + slot - VERTEX
         known = w[CANDIDATES + 2 * c + 1]
         if known != NONE:
             place = w[CANDIDATES + 2 * c]
-            if not rising and c != RECENT:
+            if not rising and c < RECENT:
                 place = UNIT - place
             off = place - bound
-            row = min(_bits(abs(off) >> 2), _CLASSES - 1) + (_CLASSES if off < 0 else 0)
+            row = min(bits(abs(off) >> 2), _CLASSES - 1) + (_CLASSES if off < 0 else 0)
             see(cd, first + (2 * slot + (known == FINE)) * 2 * _CLASSES + row)
     o = first + (_GRID_SLOTS if grid else _LEAF_SLOTS) * 4 * _CLASSES
-    see(cd, o + _bits(high - low) + (7 if parts > 1 else 0))
-    see(cd, o + 14 + _bits((high - low) * UNIT // (parts * radix)))
+    see(cd, o + bits(high - low) + (7 if parts > 1 else 0))
+    see(cd, o + 14 + bits((high - low) * UNIT // (parts * radix)))
     see(cd, o + 28 + min(max(bound >> 9, 0), 7))
+    if nearer >= 0:
+        see(cd, o + 36 + min(bits(nearer), 7))

@@ -7,12 +7,11 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
-from ..entropy.blend import see
 from ..entropy.main import AROUND
-from ..jit import inner
+from ..jit import inner, kernel
 from ..mesh.access import dimension
-from ..mesh.store import get
-from .state import EDGE, LAST, LEVEL, entry
+from ..mesh.store import SHIFT, full, page_or_first, put, wipe
+from .state import BOARD_EDGE, BOARDED, EDGE, LAST, LEVEL, SCRATCH, SIZE, VERTICES, entry
 
 _FAR = {2: 10, 3: 6}
 """No vertex of the lists is as far as this along an axis, in units of g."""
@@ -35,56 +34,110 @@ def nearest_vertices(n: int, phase: int) -> list[tuple[int, ...]]:
 
 
 def _table(n: int) -> NDArray[np.int64]:
-    table = np.zeros((n, AROUND[n], 3), np.int64)
-    for phase in range(n):
-        table[phase, :, :n] = nearest_vertices(n, phase)
+    """The same for all middles, by their coordinates modulo 4: from end to end the edge may run either way."""
+    table = np.zeros((4**n, AROUND[n], 3), np.int64)
+    for key in range(4**n):
+        w = [key >> 2 * axis & 3 for axis in range(n)]
+        odd = [axis for axis in range(n) if w[axis] & 1]
+        axes = odd + [axis for axis in range(n) if not w[axis] & 1]
+        if odd:
+            near = np.array(nearest_vertices(n, n - len(odd)))
+            for place, axis in enumerate(axes):
+                table[key, :, axis] = near[:, place] * (-1 if w[axis] == 3 else 1)
     return table
 
 
 _PLANE, _SPACE = _table(2), _table(3)
+_REACH_2, _REACH_3 = int(abs(_PLANE).max()), int(abs(_SPACE).max())
 _COUNT_2, _COUNT_3 = AROUND[2], AROUND[3]
-_REACH = int(max(abs(_PLANE).max(), abs(_SPACE).max()))
+
+
+@inner
+def survey(st):
+    """Enter the vertices that have become known since the last time into the board; False if it lacks room.
+
+    The board shows the lattice of the present level in units of g: 0 where nothing is known, else 1 + the sign. Images
+    of vertices outside the box are not on it.
+    """
+    at = st.at
+    if at[BOARD_EDGE] != at[EDGE]:
+        wipe(st.board)
+        at[BOARD_EDGE], at[BOARDED] = at[EDGE], 0
+    # of g, which is half the edge
+    size = at[SIZE] - at[LEVEL] // dimension(st.tables) - 1
+    odd = (np.int64(1) << size) - 1
+    while at[BOARDED] < at[VERTICES]:
+        if full(st.board, 1):
+            return False
+        x, y, z, sign = st.vertex[at[BOARDED]]
+        if (x | y | z) & odd == 0:
+            put(st.board, np.int64(x) >> size, np.int64(y) >> size, np.int64(z) >> size, 1 + sign)
+        at[BOARDED] += 1
+    return True
+
+
+@kernel
+def _listed(board, near, plane, row, count, first, same, w0, w1, w2):
+    """Append the rows of the vertices on the board that have the entry ``same`` or another; returns how many there are.
+
+    ``near`` is room for the numbers of the pages around.
+    """
+    pages = board.pages
+    side = board.head[SHIFT]
+    mask = (np.int64(1) << side) - 1
+    if plane:
+        p0, p1 = (w0 - _REACH_2) >> side, (w1 - _REACH_2) >> side
+        for i in range(4):
+            near[i] = page_or_first(board, (p0 + (i >> 1)) << side, (p1 + (i & 1)) << side, np.int64(0))
+        table = _PLANE[(w0 & 3) | (w1 & 3) << 2]
+        for i in range(_COUNT_2):
+            x, y = w0 + table[i, 0], w1 + table[i, 1]
+            page = near[((x >> side) - p0) << 1 | ((y >> side) - p1)]
+            e = np.int64(pages[page, (x & mask) << side | (y & mask)])
+            row[count] = first + 2 * i + (e == same)
+            count += e != 0
+    else:
+        p0, p1, p2 = (w0 - _REACH_3) >> side, (w1 - _REACH_3) >> side, (w2 - _REACH_3) >> side
+        for i in range(8):
+            near[i] = page_or_first(board, (p0 + (i >> 2)) << side, (p1 + (i >> 1 & 1)) << side, (p2 + (i & 1)) << side)
+        table = _SPACE[(w0 & 3) | (w1 & 3) << 2 | (w2 & 3) << 4]
+        for i in range(_COUNT_3):
+            x, y, z = w0 + table[i, 0], w1 + table[i, 1], w2 + table[i, 2]
+            page = near[((x >> side) - p0) << 2 | ((y >> side) - p1) << 1 | ((z >> side) - p2)]
+            e = np.int64(pages[page, ((x & mask) << side | (y & mask)) << side | (z & mask)])
+            row[count] = first + 2 * i + (e == same)
+            count += e != 0
+    return count
 
 
 @inner
 def see_around(st, cd, first, w0, w1, w2):
     """List the known vertices around a middle as rows from ``first`` on; returns the sign that they are relative to.
 
-    That is the sign of the end of the subdivision edge at multiples of 4 g.
+    That is the sign of the end of the subdivision edge at multiples of 4 g. The board has been surveyed.
     """
-    n = dimension(st.tables)
     edge = st.at[EDGE]
-    r = st.at[LEVEL] % n
-    # the ways from the edge's first end to the other, and where each axis stands in the table
-    s0 = 1 - (w0 & 2) * (w0 & 1)
-    s1 = 1 - (w1 & 2) * (w1 & 1)
-    s2 = 1 - (w2 & 2) * (w2 & 1)
-    odd = (w0 & 1) + (w1 & 1) + (w2 & 1)
-    c0 = 0 if w0 & 1 else odd
-    c1 = (w0 & 1) if w1 & 1 else odd + 1 - (w0 & 1)
-    c2 = (w0 & 1) + (w1 & 1) if w2 & 1 else odd + 2 - (w0 & 1) - (w1 & 1)
-    a0, a1, a2 = w0 - s0 * (w0 & 1), w1 - s1 * (w1 & 1), w2 - s2 * (w2 & 1)
+    plane = dimension(st.tables) == 2
+    a0, a1, a2 = w0 - (1 - (w0 & 2)) * (w0 & 1), w1 - (1 - (w1 & 2)) * (w1 & 1), w2 - (1 - (w2 & 2)) * (w2 & 1)
     here = entry(st, (a0 * edge) >> 1, (a1 * edge) >> 1, (a2 * edge) >> 1) & 1
-    count = _COUNT_2 if n == 2 else _COUNT_3
+    row = cd.blend.row
+    count = row[0] + 1
     # most windows lie inside the box: nothing to clamp
     last = st.at
-    low = min(w0, w1) if n == 2 else min(w0, w1, w2)
-    whole = (
-        low >= _REACH
-        and (w0 + _REACH) * edge <= 2 * last[LAST]
-        and (w1 + _REACH) * edge <= 2 * last[LAST + 1]
-        and (n == 2 or (w2 + _REACH) * edge <= 2 * last[LAST + 2])
-    )
-    for i in range(count):
-        if n == 2:
-            x = (w0 + s0 * _PLANE[r, i, c0]) * edge >> 1
-            y = (w1 + s1 * _PLANE[r, i, c1]) * edge >> 1
-            z = w2
-        else:
-            x = (w0 + s0 * _SPACE[r, i, c0]) * edge >> 1
-            y = (w1 + s1 * _SPACE[r, i, c1]) * edge >> 1
-            z = (w2 + s2 * _SPACE[r, i, c2]) * edge >> 1
-        e = get(st.known, x, y, z) if whole else entry(st, x, y, z)
-        if e != 0:
-            see(cd, first + 2 * i + ((e & 1) == here))
+    reach = _REACH_2 if plane else _REACH_3
+    if (
+        min(w0, w1) >= reach
+        and (w0 + reach) * edge <= 2 * last[LAST]
+        and (w1 + reach) * edge <= 2 * last[LAST + 1]
+        and (plane or (w2 >= reach and (w2 + reach) * edge <= 2 * last[LAST + 2]))
+    ):
+        count = _listed(st.board, st.walk[SCRATCH:], plane, row, count, first, 1 + here, w0, w1, w2)
+    else:
+        key = (w0 & 3) | (w1 & 3) << 2 | (w2 & 3) << 4
+        for i in range(_COUNT_2 if plane else _COUNT_3):
+            d = _PLANE[key, i] if plane else _SPACE[key, i]
+            e = entry(st, ((w0 + d[0]) * edge) >> 1, ((w1 + d[1]) * edge) >> 1, ((w2 + d[2]) * edge) >> 1)
+            row[count] = first + 2 * i + ((e & 1) == here)
+            count += e != 0
+    row[0] = count - 1
     return here

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -41,6 +43,8 @@ class Estimates:
         Parts of each, and the number of the one that holds the crossing.
     place : function of (E, n) int64, (E, n) int64 to (E,) int64, or None
         Encoder: where edges are to be crossed, instead of what the field says (``Truth.crossing``).
+    slack : function like ``place``, or None
+        Encoder: how far from there the next layer of offsets may tell the crossings to be, in the same unit.
     """
 
     def __init__(
@@ -50,6 +54,7 @@ class Estimates:
         self.n = len(shape)
         self.truth = truth
         self.place = truth.crossing if truth else None
+        self.slack: Callable[[NDArray[np.int64], NDArray[np.int64]], NDArray[np.int64]] | None = None
         self.has_values = False
         self.bits = (0, 0)
         self.number = NOTHING
@@ -65,7 +70,7 @@ class Estimates:
         self._length = NOTHING
         self._rising = np.zeros(0, np.bool_)
         self._earlier = np.zeros((0, 2), np.int64)
-        self._target = NOTHING
+        self._target = self._slack = NOTHING
         self._plane = 0
         self._beside = Beside(*(np.zeros((0, columns), np.int64) for columns in (self.n, 2, 4)))
         self._pitch = (1, 0)
@@ -134,12 +139,15 @@ class Estimates:
         self._pitch = (parts, unit)
         if st.at[MESHES] != self._edges_mesh:
             self._list_edges(st, full)
+        self._slack = np.zeros(len(self._target), np.int64)
+        if self.slack:
+            self._slack[:] = self.slack(*(st.vertex[self.edges[:, i], : self.n].astype(np.int64) for i in (0, 1)))
 
     def code_offsets(self, st: State, cd: Coder) -> int:
         """Go on with a layer of offsets."""
         return int(geometry.offsets(
             st, cd, self._beside, self.edges, self.offset, self.parts, self._length, self._rising, self._earlier,
-            *self._pitch, self._target,
+            *self._pitch, self._target, self._slack,
         ))  # fmt: skip
 
     def _list_edges(self, st: State, full: bool) -> None:

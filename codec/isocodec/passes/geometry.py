@@ -11,13 +11,14 @@ import numpy as np
 from isospec.container import MAX_PARTS, MAX_RADIX, STEP_RADIX
 
 from ..entropy import baseline as ctx
-from ..entropy.blend import blended, mixing
+from ..entropy.blend import EITHER, blended, mixing
 from ..entropy.coder import ENCODE, MODE, code
-from ..entropy.main import LEAF_NET, OFFSET_KIND, OFFSET_NET
+from ..entropy.main import LEAF_NET, LEAN_KIND, OFFSET_KIND, OFFSET_NET
+from ..grid.field import OFFSET_BITS
 from ..jit import DONE, inner, kernel
 from ..mesh.access import dimension
 from ..mesh.store import get
-from .along import count_near, find_candidates, find_off_grid, remember, see_along
+from .along import bits, count_near, find_candidates, find_off_grid, remember, see_along
 from .state import LEAVES, OFFSET_BIT, SCRATCH, SIDE, TALLY, VALUE_BIT, corner_entry, edge_of
 
 # Registers in State.walk: next item of the list, the symbol before, the place within a digit, its sign.
@@ -177,15 +178,46 @@ def _beyond(st, i, radix, rising, earlier):
 
 
 @inner
-def _halve(st, cd, beside, edges, number, parts, length, i, radix, rising, wanted):
-    """One symbol of a digit in the main profile (spec clause 7.13): which half of the parts left holds the crossing.
+def _choice(wanted, slack, parts, radix, number, rising, low, high, split):
+    """Encoder: the symbol that leads to a part whose middle is near enough to the crossing, or EITHER.
 
-    Parts are counted from the end that is below. Returns the symbol; the digit is complete when one part is left.
+    The part that holds the crossing is always good enough, unless it is ruled out: then the one next to it is.
+    """
+    total = parts * radix
+    true = (wanted * total) >> OFFSET_BITS
+    half = np.int64(1) << (OFFSET_BITS - 1)
+    least = min(((wanted - slack) * total + half - 1) >> OFFSET_BITS, true) - number * radix
+    most = max(((wanted + slack) * total - half) >> OFFSET_BITS, true) - number * radix
+    if not rising:
+        least, most = radix - 1 - most, radix - 1 - least
+    least, most = min(max(least, low), high - 1), min(max(most, low), high - 1)
+    if most < split:
+        return np.int64(0)
+    return np.int64(1 if least >= split else EITHER)
+
+
+@inner
+def _halve(st, cd, beside, edges, number, parts, length, i, radix, rising, earlier, leaning, wanted, slack):
+    """One symbol of a digit in the main profile (spec clause 7.14): which half of the parts left holds the crossing.
+
+    Parts are counted from the end that is below; those before the earlier isovalue's crossing are ruled out. Returns
+    what the coder says; the digit is complete when one part is left.
     """
     w = st.walk
     grid = len(beside.grid) > 0
+    earlier_part = np.int64(-1)
+    if leaning:
+        bound = _beyond(st, i, radix, rising, earlier)[0]
+        earlier_part = bound if rising[i] else radix - 1 - bound
     if w[HALVED] == 0:
         w[LOW], w[HIGH] = 0, radix
+        if leaning:
+            if st.at[SIDE] > 0:
+                w[LOW] = earlier_part
+            else:
+                w[HIGH] = earlier_part + 1
+            if w[HIGH] - w[LOW] == 1:
+                return np.int64(DONE)
         if grid:
             low, high = edges[i, 0], edges[i, 1]
             axis = np.int64(0)
@@ -197,13 +229,17 @@ def _halve(st, cd, beside, edges, number, parts, length, i, radix, rising, wante
     split = (w[LOW] + w[HIGH]) >> 1
     bit = np.int64(0)
     if cd.reg[MODE] == ENCODE:
-        part = ((wanted[i] * parts[i] * radix) >> 30) - number[i] * radix
-        bit = np.int64((part if rising[i] else radix - 1 - part) >= split)
+        bit = _choice(wanted[i], slack[i], parts[i], radix, number[i], rising[i], w[LOW], w[HIGH], split)
     again = np.int64(parts[i] > 1)
     size = min(radix // 2, ctx.OFFSET_SIZES) - 1 + ctx.OFFSET_SIZES * again
     context = ctx.OFFSET + size * ctx.OFFSET_STRIDE + split * (ctx.OFFSET_STRIDE - 1) // radix
-    see_along(st, cd, w[LOW], w[HIGH], split, radix, number[i], parts[i], rising[i], grid)
     kind = OFFSET_KIND + min(w[HALVED], 2) + 3 * again + (0 if grid else 6)
+    nearer = np.int64(-1)
+    if leaning:
+        nearer = split - earlier_part if st.at[SIDE] > 0 else earlier_part + 1 - split
+        context = ctx.OFFSET_LEAN + min(bits(nearer), 7) * 16 + min(w[HIGH] - w[LOW], 15)
+        kind = LEAN_KIND + min(w[HALVED], 2) + (0 if grid else 3)
+    see_along(st, cd, w[LOW], w[HIGH], split, radix, number[i], parts[i], rising[i], grid, nearer)
     net = OFFSET_NET if grid else LEAF_NET
     bit = blended(cd, net, False, kind, context, bit)
     if bit >= 0:
@@ -216,13 +252,14 @@ def _halve(st, cd, beside, edges, number, parts, length, i, radix, rising, wante
 
 
 @kernel
-def offsets(st, cd, beside, edges, number, parts, length, rising, earlier, target, unit, wanted):
+def offsets(st, cd, beside, edges, number, parts, length, rising, earlier, target, unit, wanted, slack):
     """Divide the part of every edge that holds its crossing until the parts are fine enough (spec clause 5.7.3).
 
     Radices are odd and a digit counts from the middle part, so that a crossing drawn in the middle of its part
     is never moved away from where it is. Where the edge is also crossed at an earlier isovalue (``earlier``: number
     and parts), the digit counts from there. ``rising`` tells whether the upper end is above, ``wanted`` are the
-    encoder's offsets as 30-bit fractions.
+    encoder's offsets as 30-bit fractions. In the main profile it may tell a part whose middle is at most ``slack`` from
+    there instead of the one that holds it: the more probable of those.
     """
     w = st.walk
     encoding = cd.reg[MODE] == ENCODE
@@ -233,11 +270,14 @@ def offsets(st, cd, beside, edges, number, parts, length, rising, earlier, targe
             w[ITEM] = i + 1
             continue
         leaning = parts[i] == 1 and earlier[i, 1] > 0
-        if mixing(cd) and not leaning:
-            bit = _halve(st, cd, beside, edges, number, parts, length, i, radix, rising, wanted)
+        if mixing(cd):
+            told = w[HALVED]
+            bit = _halve(
+                st, cd, beside, edges, number, parts, length, i, radix, rising, earlier, leaning, wanted, slack
+            )
             if bit < 0:
                 return bit
-            st.at[TALLY + OFFSET_BIT] += 1
+            st.at[TALLY + OFFSET_BIT] += w[HALVED] - told
             if w[HIGH] - w[LOW] == 1:
                 count_near(beside.near, edges, number, parts, length, i, -1)
                 number[i] = number[i] * radix + (w[LOW] if rising[i] else radix - 1 - w[LOW])
@@ -253,7 +293,7 @@ def offsets(st, cd, beside, edges, number, parts, length, rising, earlier, targe
         step = w[STEP]
         digit = np.int64(0)
         if encoding:
-            digit = ((wanted[i] * parts[i] * radix) >> 30) - number[i] * radix - half
+            digit = ((wanted[i] * parts[i] * radix) >> OFFSET_BITS) - number[i] * radix - half
         if leaning:
             bound, room = _beyond(st, i, radix, rising, earlier)
             way = np.int64(1 if rising[i] == (st.at[SIDE] > 0) else -1)

@@ -11,7 +11,7 @@ import numpy as np
 from ..entropy import baseline as ctx
 from ..entropy.blend import blended, clear, mixing, see
 from ..entropy.coder import ENCODE, MODE, code
-from ..entropy.main import REFINE_KIND, SIGN_NET, SIGN_ROWS
+from ..entropy.main import EARLIER_ROWS, REFINE_KIND, SIGN_NET, SIGN_ROWS
 from ..jit import DONE, GROW, inner, kernel
 from ..mesh.access import corner, dimension, member, middle
 from ..mesh.access import corners as corner_count
@@ -19,13 +19,17 @@ from ..mesh.access import kind as kind_of
 from ..mesh.access import members as member_count
 from ..mesh.chosen import has
 from ..mesh.store import get, put
-from .around import see_around
+from .along import bits
+from .around import see_around, survey
 from .diamond import bisect, bisect_member, look, push
 from .infer import implied
 from .mesh import BARRED, IN, KEPT, KNOWN, admit, closure, short
 from .parabola import MOST, nearer
 from .seek import middle_at
 from .state import (
+    AGREED,
+    AGREED_SHIFT,
+    ALWAYS,
     ASKS,
     BEFORE_ROUND,
     CONTINUE,
@@ -152,7 +156,7 @@ def _remember(st, p0, p1):
 
 
 @inner
-def _see(st, cd, w0, w1, w2, crossed, said, guess):
+def _see(st, cd, w0, w1, w2, crossed, said, guess, earlier, apart):
     """List what the main profile sees around a middle (spec clause 7.11); whether its rows speak of the bit 0."""
     n = dimension(st.tables)
     r = st.at[LEVEL] % n
@@ -164,6 +168,10 @@ def _see(st, cd, w0, w1, w2, crossed, said, guess):
     target = guess if crossed else 1 - guess
     if said != 0:
         see(cd, first + 8 + ((said == 1) == (guess == here)))
+    if earlier >= 0:
+        rows = first + (_SIGN_ROWS_2 if n == 2 else _SIGN_ROWS_3) - EARLIER_ROWS
+        apt = bits((ALWAYS - st.at[AGREED]) >> 4)
+        see(cd, rows + 30 * (earlier == here) + 10 * min(apart, 2) + apt)
     return target != here, REFINE_KIND + 2 * r + crossed
 
 
@@ -248,6 +256,8 @@ def refine(st, cd):
             push(st, cls, b0, b1, b2, np.int64(st.leaf[i, 4]))
             st.at[DONE_LEAVES] = i + 1
             continue
+        if mixing(cd) and not survey(st):
+            return GROW
         t = st.tables
         w0, w1, w2 = middle(t, r, cls, b0, b1, b2)
         kind = kind_of(t, r, w0, w1, w2)
@@ -298,6 +308,7 @@ def refine(st, cd):
             bank = np.int64(ctx.BORDER)
         sign, other = implied(st, x, y, z)
         if sign < 0:
+            apart = np.int64(0)
             if other >= 0:
                 apart = _apart(st, kind, w0, w1, w2, known, above)
                 context += bank * (1 + 2 * min(apart, 2) + (other == guess))
@@ -305,7 +316,7 @@ def refine(st, cd):
             if encoding:
                 bit = np.int64((truth(st, x, y, z) == guess) == crossed)
             if mixing(cd):
-                flip, symbols = _see(st, cd, w0, w1, w2, crossed, said, guess)
+                flip, symbols = _see(st, cd, w0, w1, w2, crossed, said, guess, other, apart)
                 bit = blended(cd, SIGN_NET + r, flip, symbols + 6 * (other >= 0), context, bit)
             else:
                 bit = code(cd, context, bit)
@@ -320,6 +331,8 @@ def refine(st, cd):
                 w[CROSSED] = (w[CROSSED] << 1 & 2) | bit
             else:
                 w[BORDER] = (w[BORDER] << 1 & 2) | bit
+            if other >= 0 and apart == 0:
+                st.at[AGREED] += (ALWAYS * (sign == other) - st.at[AGREED]) >> AGREED_SHIFT
         if crossed and n == 2:
             p0, p1 = _half(st, kind, w0, w1, np.int64(sign == first))
             _remember(st, p0, p1)

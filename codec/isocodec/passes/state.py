@@ -23,12 +23,15 @@ LAST = 16
 """Largest sample index along each axis, in State.at."""
 TALLY = 20
 """Symbols by element, in State.at; then predictions and right ones."""
-SIDE, SHIFT, TOLD, SEEDED, BITS, _, MESHES, ADAPTED, COUNTED, BIRTHS = range(40, 50)
+SIDE, SHIFT, TOLD, SEEDED, BITS, _, MESHES, ADAPTED, COUNTED, BIRTHS, BOARD_EDGE, BOARDED, AGREED = range(40, 53)
 """Whether the isovalue lies above (1) or below (-1) the earlier one that it leans on, by how many whole steps; whether
 the mesh is told from the start; whether the base begins at the leaves of the earlier one; bits of values below the
 isovalue and, next to it, above; how many meshes have been completed; whether an adaptive layer has begun
-(5.8); vertices counted in the crowd, and new components found so far (7.12)."""
-COUNTERS = 50
+(5.8); vertices counted in the crowd, and new components found so far (7.12); the edge that the board is made for, and
+the vertices on it; how often signs have been those of the earlier isovalue (7.12)."""
+COUNTERS = 53
+ALWAYS, MOSTLY, AGREED_SHIFT = 4096, 3584, 5
+"""AGREED if signs have always been the same, what it begins with, and how fast it changes."""
 
 # Syntax elements, in the order of isospec (spec clause 5.2).
 (
@@ -80,6 +83,7 @@ class State(NamedTuple):
     below: NDArray[np.int32]  # (M, 5)
     mesh: Store
     crowd: Store  # main profile: counts of vertices and new components in cells of all sizes
+    board: Store  # main profile: what is known on the lattice of the present level, see passes.around
     path: NDArray[np.int64]  # (P, 4) positions and levels of vertices to be added
     chosen: Chosen  # encoder: the mesh that an adaptive layer leads to
     lean: Lean  # of an earlier isovalue, or empty

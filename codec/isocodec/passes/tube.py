@@ -16,7 +16,7 @@ from ..errors import FormatError, LimitError
 from ..jit import BAD, CUT, DONE, GROW
 from ..limits import Limits
 from ..mesh.chosen import Chosen, every_vertex, finest_level
-from ..mesh.store import PAGES, grown, new_store
+from ..mesh.store import PAGES, grown, new_board, new_store
 from ..mesh.tables import AXES, cube_exponent, mesh_tables
 from . import base as base_pass
 from . import crowd, refine, seek, significance
@@ -24,6 +24,7 @@ from .estimates import Estimates
 from .mesh import IN, MOST_ANCESTORS
 from .state import (
     ADAPTED,
+    AGREED,
     ASKS,
     BASE_LEVEL,
     BEFORE_ROUND,
@@ -38,6 +39,7 @@ from .state import (
     LEVEL,
     MESHES,
     MOST_WORK,
+    MOSTLY,
     NEXT,
     ROOM,
     SEEDED,
@@ -104,11 +106,13 @@ class Tube:
         counters = np.zeros(COUNTERS, np.int64)
         counters[SIZE] = self.k
         counters[MOST_WORK] = limits.steps
+        counters[AGREED] = MOSTLY
         counters[LAST : LAST + n] = np.array(shape) - 1
         signs = truth.signs.reshape(truth.signs.shape + (1,) * (AXES - n)) if truth else np.zeros((0, 0, 0), np.bool_)
         self.state = State(
             mesh_tables(n), counters, new_store(n), np.zeros((64, 4), np.int32), np.zeros((64, 5), np.int32),
-            np.zeros((64, 5), np.int32), new_store(n), new_store(n), np.zeros((MOST_ANCESTORS, 4), np.int64),
+            np.zeros((64, 5), np.int32), new_store(n), new_store(n), new_board(n),
+            np.zeros((MOST_ANCESTORS, 4), np.int64),
             every_vertex((0,) * n), self._lean(lean, n), signs, registers(), np.zeros(STACK, np.int64),
         )  # fmt: skip
         self.lean = lean
@@ -380,6 +384,7 @@ class Tube:
             known=grown(st.known, STEP_VERTICES),
             mesh=grown(st.mesh, max(STEP_VERTICES, int(at[ROOM]))),
             crowd=grown(st.crowd, STEP_CELLS),
+            board=grown(st.board, STEP_VERTICES),
             vertex=_room(st.vertex, int(at[VERTICES]) + STEP_VERTICES),
             leaf=_room(st.leaf, int(at[LEAVES]) + STEP_LEAVES),
             below=_room(st.below, int(at[NEXT]) + STEP_LEAVES),

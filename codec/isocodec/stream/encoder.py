@@ -20,6 +20,7 @@ from ..passes.truth import Truth
 from ..passes.tube import Tube
 from . import strategy
 from .container import LayerRecord, write_chunk, write_further, write_index, write_metadata
+from .crossings import grid_offsets, radices
 from .header import Header, write_header
 from .program import Layer, Progress, write_program
 from .strand import Entry, Strand, leaning_tube
@@ -161,12 +162,12 @@ class Encoder:
         if o.steps is not None:
             return strategy.stepwise(strategy.Promise(field, self.header.profile), o.steps, o.preserve_topology)
         if o.criterion is not None:
-            offsets = [("offsets", radix, 0) for radix in strategy.radices(fine)]
+            offsets: strategy.Plan = [("offsets", radix, 0) for radix in radices(fine)]
             promise = strategy.Promise(field, self.header.profile)
             return strategy.reduced(promise, o.criterion, o.parameter, o.preserve_topology) + values + offsets
         if o.tolerance is not None and o.base_level is None and o.tolerance >= SEARCHED:
             return strategy.smallest(strategy.Promise(field, self.header.profile), o.tolerance, o.preserve_topology)
-        offsets = [("offsets", radix, 0) for radix in strategy.radices(fine)]
+        offsets = grid_offsets(fine)
         if o.preserve_topology:
             return strategy.whole_mesh(strategy.Promise(field, self.header.profile), True) + values + offsets
         return strategy.grid_plan(tube.n, tube.full_level, None, o.base_level) + values + offsets
@@ -263,7 +264,7 @@ def _check_options(o: Asked) -> None:
         raise OptionError("a parameter without a criterion", code="criterion", remedy="name the criterion")
     if o.parameter is not None and not (math.isfinite(o.parameter) and o.parameter >= 0):
         raise OptionError(f"the criterion's parameter is {o.parameter}, needed is a positive number", code="criterion")
-    strategy.radices(o.tolerance)
+    radices(o.tolerance)
 
 
 def _steps(steps: Sequence[float | str] | None) -> list[float] | None:

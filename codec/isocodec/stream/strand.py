@@ -34,7 +34,8 @@ Entry = Sequence[object]
 """Of a plan: the kind of layer, its number, and what else it takes: see `Encoder`."""
 
 Place = Callable[[NDArray[np.int64], NDArray[np.int64]], NDArray[np.int64]]
-"""Where edges between positions are to be crossed, as 30-bit fractions: `passes.truth.Truth.crossing`."""
+"""Where edges between positions are to be crossed, as 30-bit fractions: `passes.truth.Truth.crossing`; or how far from
+there crossings may be told to be."""
 
 _KINDS = ("base", "adaptive_base", "leaf_base", "refine", "adapt", "values", "offsets")
 
@@ -97,6 +98,7 @@ class Strand:
         self._plan = [_operation(*entry) for entry in plan]  # type: ignore[arg-type]
         self._meshes: dict[int, Chosen] = {}
         self._places: dict[int, Place] = {}
+        self._slack: dict[int, Place] = {}
         self._extend()
 
     @property
@@ -108,7 +110,7 @@ class Strand:
         """Turn operations of the plan into layers, up to the first values: they wait until their range is known."""
         state = self.progress
         while self._plan:
-            operation, number, unit, mesh, place = self._plan[0]
+            operation, number, unit, mesh, place, slack = self._plan[0]
             if operation == Operation.VALUES and state.bits is None:
                 if len(self.layers) > len(self.records):
                     return
@@ -126,6 +128,8 @@ class Strand:
                 self._meshes[len(self.layers)] = mesh
             if place is not None:
                 self._places[len(self.layers)] = place
+            if slack is not None:
+                self._slack[len(self.layers)] = slack
             self.layers += fresh
             del self._plan[0]
 
@@ -168,6 +172,7 @@ class Strand:
             tube.choose(self._meshes[number])
         if number in self._places:
             tube.estimates.place = self._places[number]
+        tube.estimates.slack = self._slack.get(number)
         begin_layer(tube, self.layers[number])
         while tube.advance() != DONE:
             buf = tube.coder.buf
@@ -194,9 +199,10 @@ def begin_layer(tube: Tube, layer: Layer) -> None:
 
 
 def _operation(
-    kind: str, number: int | None = None, more: int | Chosen | None = None, place: Place | None = None
-) -> tuple[Operation, int | None, int, Chosen | None, Place | None]:
-    """An entry of a plan as an operation, its argument, the unit of offsets, the mesh, the places that it leads to."""
+    kind: str, number: int | None = None, more: int | Chosen | None = None, place: Place | None = None,
+    slack: Place | None = None,
+) -> tuple[Operation, int | None, int, Chosen | None, Place | None, Place | None]:  # fmt: skip
+    """An entry of a plan: operation, argument, unit of offsets, mesh, places of crossings, and slack of these."""
     if kind not in _KINDS:
         raise OptionError(f"unknown layer {kind!r} in a plan", code="plan", remedy=f"one of {', '.join(_KINDS)}")
     if kind == "leaf_base":
@@ -208,5 +214,5 @@ def _operation(
     if kind in ("adaptive_base", "adapt"):
         if not isinstance(more, Chosen):
             raise OptionError(f"{kind} in a plan needs the mesh that it leads to", code="plan")
-        return Operation[kind.upper()], number, 0, more, None
-    return Operation[kind.upper()], number, more if isinstance(more, int) else 0, None, place
+        return Operation[kind.upper()], number, 0, more, None, None
+    return Operation[kind.upper()], number, more if isinstance(more, int) else 0, None, place, slack

@@ -8,7 +8,7 @@ both ways, and puts vertices back where it is not proven.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from dataclasses import field as derived
 from itertools import pairwise
@@ -16,7 +16,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from isospec.container import MAX_PARTS, MAX_RADIX, Profile
+from isospec.container import MAX_RADIX, Profile
 
 from ..contour import Contour, Leaves, draw
 from ..errors import OptionError
@@ -31,6 +31,7 @@ from ..reduce.distance import Target
 from ..reduce.fit import AGAIN, ROUNDS, fitted_offsets
 from ..reduce.original import original
 from ..reduce.reduction import Reduction
+from .crossings import Slack, grid_offsets, pitches, radices
 from .header import Header
 from .program import Progress
 from .strand import Entry, Place, Strand, leaning_tube
@@ -47,8 +48,8 @@ LOOSE, BACK, SPACING = 2.0, 0.7, 1.0
 since the fit halves that where the curve bends, and strays no farther than ``BACK`` tolerances plus ``SPACING``."""
 HOPELESS = 1.2
 """A mesh that grows to this many times the smallest file so far is given up."""
-PITCHES = {2: (2.7, 3), 3: (2.0, 2)}
-"""Coarsest pitch of offsets that is tried, in units of the tolerance, and how many, for curves and for surfaces."""
+EDGE = 1e-6
+"""Share of a tolerance that is below its rounding."""
 
 
 @dataclass
@@ -62,17 +63,20 @@ class Promise:
         Of trial encodings.
     contour : Contour
         The original curve.
+    phi : ndarray of float32
+        The field less its isovalue.
     """
 
     field: Field
     profile: Profile = Profile.MAIN
     contour: Contour = derived(init=False)
+    phi: NDArray[np.float32] = derived(init=False)
 
     def __post_init__(self) -> None:
         self.contour = original(self.field)
         values = self.field.values.astype(np.float64) - self.field.isovalue
         largest = np.finfo(np.float32).max
-        self._phi = np.clip(values, -largest, largest).astype(np.float32)
+        self.phi = np.clip(values, -largest, largest).astype(np.float32)
         self._points = _grid_points(self.contour)
 
     @property
@@ -87,7 +91,7 @@ class Promise:
 
     def reduction(self, start: Chosen | None = None) -> Reduction:
         """A reduction of the full grid, or of a mesh."""
-        return Reduction(self.field.signs, self._phi, self._points, start)
+        return Reduction(self.field.signs, self.phi, self._points, start)
 
     def trial(self, plan: Sequence[Entry]) -> tuple[int, Contour]:
         """Bytes of the runs of a plan, and what a decoder draws in the end."""
@@ -164,7 +168,7 @@ def grid_plan(n: int, full: int, tolerance: float | None, base_level: int | None
     plan: Plan = [("base", level)]
     if level < full:
         plan.append(("refine", None))
-    return plan + [("offsets", radix) for radix in radices(tolerance)]
+    return plan + grid_offsets(tolerance)
 
 
 def smallest(promise: Promise, tolerance: float, topology: bool) -> Plan:
@@ -174,13 +178,16 @@ def smallest(promise: Promise, tolerance: float, topology: bool) -> Plan:
     if topology:
         # one layer, which cannot go wrong
         grids.append([("base", full)])
-    offsets: Plan = [("offsets", radix) for radix in radices(tolerance)]
+    offsets = grid_offsets(tolerance)
     best: Plan = [*grids[0], *offsets]
     fewest = promise.trial(best)[0]
     for plan in [*grids, *([*grid, *offsets] for grid in grids[1:])]:
         size, contour = promise.trial(plan)
         if size < fewest and not len(promise.excess(contour, tolerance)):
             best, fewest = plan, size
+    slanted = _slanted(promise, grids[0], tolerance, fewest)
+    if slanted is not None:
+        fewest, best = slanted
     if full == 0:
         return best
     loose = promise.reduction()
@@ -200,6 +207,26 @@ def smallest(promise: Promise, tolerance: float, topology: bool) -> Plan:
             if size < fewest and not len(promise.excess(contour, tolerance)):
                 best, fewest = plan, size
     return best
+
+
+def _slanted(promise: Promise, grid: Plan, tolerance: float, most: int) -> tuple[int, Plan] | None:
+    """The full grid with crossings told as freely as the tolerance lets them be, if that takes less than ``most``."""
+    found = None
+    # as few parts as can be, even if in the worst case a crossing on their border is told a rounding too far away
+    fewest = max(math.ceil(0.5 / tolerance * (1 - EDGE)), 1) | 1
+    for radix in sorted({fewest, math.prod(radices(tolerance))} - {1}):
+        slack = Slack(tolerance, promise.phi)
+        for _ in range(MOST_REPAIRS if radix <= MAX_RADIX else 0):
+            plan: Plan = [*grid, ("offsets", radix, 0, None, slack)]
+            size, contour = promise.trial(plan)
+            if size >= most:
+                break
+            places = promise.excess(contour, tolerance)
+            if not len(places):
+                found, most = (size, plan), size
+                break
+            slack.tighten(places)
+    return found
 
 
 @dataclass(frozen=True)
@@ -347,46 +374,6 @@ def reduced(promise: Promise, criterion: str, parameter: float | None, topology:
                 remedy="crossing, curvature, distortion, topology or level",
             )  # fmt: skip
     return [("adaptive_base", 0, reduction.chosen)]
-
-
-def pitches(tolerance: float, n: int) -> Iterator[tuple[int, int]]:
-    """Parts in ``2**unit`` samples to be tried for a tolerance, the coarsest first."""
-    coarsest, count = PITCHES[n]
-    found: set[tuple[float, int, int]] = set()
-    for unit in range(12):
-        for parts in range(1, MAX_RADIX + 1, 2):
-            pitch = 2.0**unit / parts
-            if pitch <= coarsest * tolerance and (parts <= 3 or unit == 0):
-                found.add((-pitch, parts, unit))
-    for _, parts, unit in sorted(found)[:count]:
-        yield parts, unit
-
-
-def radices(tolerance: float | None) -> list[int]:
-    """Parts that layers of offsets divide into, so that crossings end up within ``tolerance`` of where they are.
-
-    The middle of the right one of m parts is at most 1 / 2m off. Of the odd numbers that will do, the smallest is
-    taken that is a product of small factors: one layer each, so that crossings get finer step by step.
-    """
-    if tolerance is None:
-        return []
-    if not (math.isfinite(tolerance) and tolerance > 0):
-        raise OptionError(f"the tolerance is {tolerance}, needed is a positive number", code="tolerance")
-    if tolerance < 0.5 / (MAX_PARTS * 0.9):
-        raise OptionError(
-            f"a tolerance of {tolerance} cells is too fine for offsets", code="tolerance", remedy="use exact or step"
-        )
-    # offsets are rounded to 30 bits before they are told
-    parts = max(math.ceil(0.5 / (tolerance - 2.0**-OFFSET_BITS)), 1) | 1
-    while True:
-        rest, factors = parts, []
-        for factor in (13, 11, 7, 5, 3):
-            while rest % factor == 0:
-                rest //= factor
-                factors.append(factor)
-        if rest == 1:
-            return factors[::-1]
-        parts += 2
 
 
 def _grid_points(contour: Contour) -> np.ndarray:
