@@ -181,8 +181,9 @@ def test_tolerance_bounds_the_distance(kind, tolerance):
     assert len(decoded) > 50
     if tolerance < SEARCHED:
         assert len(decoded) == len(expected)
-    assert distances(along(decoded), expected).max() <= tolerance
-    assert distances(along(expected), decoded).max() <= tolerance
+    # but for the rounding of this measurement
+    assert distances(along(decoded), expected).max() <= tolerance + 1e-12
+    assert distances(along(expected), decoded).max() <= tolerance + 1e-12
     assert len(isocodec.encode(field, isovalue, tolerance=tolerance / 8)) > len(data)
 
 

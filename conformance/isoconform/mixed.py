@@ -69,6 +69,14 @@ def meshes() -> Iterator[Draft]:
             ("offsets", 9, 0), ("offsets", 31, 0), ("refine", None), ("offsets", 3, 0),
         ]  # fmt: skip
         yield encoded(f"{space}_main_meshes", field, 100.5, "main profile", layers=True, profile="main", plan=plan)
+        plan = [
+            ("adaptive_base", 1, chosen(shape, coarse)), ("offsets", 7, 0), ("adapt", 1, chosen(shape, fine)),
+            ("offsets", 9, 0), ("refine", None), ("offsets", 3, 0),
+        ]  # fmt: skip
+        yield encoded(
+            f"{space}_main_isovalues_chain", field + noise(shape, 3, 4), (100.5, 104.5, 107), "main profile",
+            layers=True, profile="main", plan=plan,
+        )  # fmt: skip
         for name, options in (
             ("isovalues", {"tolerance": 0.05}), ("isovalues_values", {"exact": True}),
             ("isovalues_signs", {"signs_only": True, "base_level": 2}),
