@@ -22,6 +22,7 @@ from isocodec.mesh.tables import cube_exponent
 from isocodec.passes.around import nearest_vertices, see_around, survey
 from isocodec.passes.crowd import BIRTH
 from isocodec.passes.state import BIRTHS, COUNTED, EDGE, VERTICES
+from isocodec.stream.strategy import grid_plan
 from isospec.tables import HIDDEN, MOST_LOGIT, NETS, ROWS, packed, shipped, unpacked
 
 # -- tables ----------------------------------------------------------------------------------------------------------
@@ -186,12 +187,13 @@ def drawn(data: bytes, cut: int | None = None) -> list[bytes]:
 def test_both_profiles_decode_to_the_same(n, data):
     """Another entropy coder, the same curve: signs of any field, values, offsets, bases at any level."""
     above = data.draw(sign_fields(n, 12 if n == 2 else 6, 40))
+    full = n * cube_exponent(above.shape)
     rng = np.random.default_rng(data.draw(st.integers(0, 1 << 32)))
     field = np.where(above, 1, -1) * rng.integers(1, data.draw(st.sampled_from([2, 200])), above.shape)
     options = data.draw(st.sampled_from([
         {"signs_only": True}, {"signs_only": True, "base_level": 0}, {"exact": True},
-        {"plan": [("base", 0), ("refine", None), ("offsets", 11)]},
-        {"plan": [("base", n), ("refine", None), ("offsets", 3), ("offsets", 15)]},
+        {"plan": [*grid_plan(n, full, None, 0), ("offsets", 11)]},
+        {"plan": [*grid_plan(n, full, None, None), ("offsets", 3), ("offsets", 15)]},
         {"criterion": "distortion", "parameter": 0.5, "tolerance": 0.2},
     ]))  # fmt: skip
     isovalues = data.draw(st.sampled_from([0.5, (0.5, 20.5)]))

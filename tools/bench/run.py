@@ -20,8 +20,8 @@ from .ours import Ours
 from .record import Recorder, half_way, on_grid
 from .rows import Row
 
-PROGRESSIVE = 0.05
-"""Tolerance of the curve that progressive and single-rate files are compared on, in cells."""
+PROGRESSIVE = 11
+"""Parts of an edge whose files progressive and single-rate ones are compared on: within 0.05 cells."""
 RATES = (1, 3, 7, 15, 31)
 """Parts of an edge whose files make up our curve of rate over distortion."""
 
@@ -119,10 +119,11 @@ def _surface_of(volume: Any, isovalue: float) -> Shape:
 
 def _progressive(ours: Ours, record: Recorder) -> None:
     """The same curve in layers and at once."""
-    single = {"tolerance": PROGRESSIVE, "base_level": ours.full_level}
-    record.ours("ours-progressive", lambda: ours.encode(tolerance=PROGRESSIVE))
-    crossings = on_grid(isocodec.decode(ours.encode(tolerance=PROGRESSIVE)).points)
-    record.ours("ours-single", lambda: ours.encode(**single), crossings)
+    layers = ours.offsets(PROGRESSIVE)
+    record.ours("ours-progressive", layers.make)
+    crossings = on_grid(isocodec.decode(layers.data).points)
+    plan = [("base", ours.full_level), ("offsets", PROGRESSIVE)]
+    record.ours("ours-single", lambda: ours.encode(plan=plan), crossings)
 
 
 def _at_named(key: str, ours: Ours, record: Recorder) -> None:

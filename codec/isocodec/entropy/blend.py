@@ -61,18 +61,19 @@ def _opinion(row, table, hidden, out):
     i = 1
     while i + 3 <= count:
         # four at a time: the sums are read and written less often
-        a, b, c, d = table[row[i]], table[row[i + 1]], table[row[i + 2]], table[row[i + 3]]
+        a, b = table[np.uint64(row[np.uint64(i)])], table[np.uint64(row[np.uint64(i + 1)])]
+        c, d = table[np.uint64(row[np.uint64(i + 2)])], table[np.uint64(row[np.uint64(i + 3)])]
         for j in range(len(hidden)):
             hidden[j] += (np.int32(a[j]) + np.int32(b[j])) + (np.int32(c[j]) + np.int32(d[j]))
         i += 4
     while i <= count:
-        a = table[row[i]]
+        a = table[np.uint64(row[np.uint64(i)])]
         for j in range(len(hidden)):
             hidden[j] += a[j]
         i += 1
-    total = out[HIDDEN]
+    total = np.int64(out[HIDDEN])
     for j in range(len(hidden)):
-        total += max(np.int64(hidden[j]), 0) * out[j]
+        total += np.int64(max(hidden[j], np.int32(0))) * np.int64(out[j])
     return min(max(total >> OUT_SHIFT, -MOST_LOGIT), MOST_LOGIT)
 
 

@@ -43,7 +43,7 @@ class Blend(NamedTuple):
     """
 
     weight: NDArray[np.int16]
-    out: NDArray[np.int64]
+    out: NDArray[np.int32]
     mix: NDArray[np.int64]
     squash: NDArray[np.int64]
     stretch: NDArray[np.int64]

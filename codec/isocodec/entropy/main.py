@@ -63,9 +63,8 @@ def _shipped() -> tuple[NDArray[np.int64], dict[int, Tables]]:
 def no_blend() -> Blend:
     """What a coder of the baseline profile has."""
     whole = np.zeros(0, np.int64)
-    table = np.zeros((0, 1), np.int64)
-    return Blend(table.astype(np.int16), table, table, whole, whole, whole, whole, whole.astype(np.int32),
-                 table.astype(np.int32))  # fmt: skip
+    table, short = np.zeros((0, 1), np.int64), np.zeros((0, 1), np.int32)
+    return Blend(short.astype(np.int16), short, table, whole, whole, whole, whole, short[:, 0], short)
 
 
 def models(squash: NDArray[np.int64], t: Tables) -> tuple[NDArray[np.int64], NDArray[np.int64], Blend]:
@@ -83,7 +82,7 @@ def models(squash: NDArray[np.int64], t: Tables) -> tuple[NDArray[np.int64], NDA
     count = np.arange(RATES)
     trust = (2 * count << TRUST_SHIFT) // (2 * count + 3)
     blend = Blend(
-        t.weight, t.out, t.mix.copy(), squash, stretch, trust, np.zeros(MOST_ROWS, np.int64),
+        t.weight, t.out.astype(np.int32), t.mix.copy(), squash, stretch, trust, np.zeros(MOST_ROWS, np.int64),
         np.zeros(HIDDEN, np.int32), np.zeros((0, 0), np.int32),
     )  # fmt: skip
     return prob, seen, blend

@@ -34,7 +34,7 @@ def new_store(n: int) -> Store:
 
 
 def new_board(n: int) -> Store:
-    """A store whose entries take a byte: pages of 32 x 32 or 16 x 16 x 16. The first page is that of places without."""
+    """A store whose entries take a byte: pages of 32 x 32 or 16 x 16 x 16. The first one stays empty."""
     store = Store(np.full(RECENT + 2 * _WAYS, -1, np.int64), np.full((64, 2), -1, np.int64),
                   np.zeros((16, 1024 if n == 2 else 4096), np.int8))  # fmt: skip
     store.head[:RECENT] = (1, 5, 5, 0) if n == 2 else (1, 4, 4, 4)

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from ..entropy.main import AROUND
 from ..jit import inner, kernel
 from ..mesh.access import dimension
-from ..mesh.store import SHIFT, full, page_or_first, put, wipe
+from ..mesh.store import full, page_or_first, put, wipe
 from .state import BOARD_EDGE, BOARDED, EDGE, LAST, LEVEL, SCRATCH, SIZE, VERTICES, entry
 
 _FAR = {2: 10, 3: 6}
@@ -48,6 +48,9 @@ def _table(n: int) -> NDArray[np.int64]:
 
 
 _PLANE, _SPACE = _table(2), _table(3)
+# the same as one number: differences of x * 64 + y, and of x * 1024 + y * 32 + z
+_PLANE_AT = _PLANE[..., 0] * 64 + _PLANE[..., 1]
+_SPACE_AT = _SPACE[..., 0] * 1024 + _SPACE[..., 1] * 32 + _SPACE[..., 2]
 _REACH_2, _REACH_3 = int(abs(_PLANE).max()), int(abs(_SPACE).max())
 _COUNT_2, _COUNT_3 = AROUND[2], AROUND[3]
 
@@ -80,32 +83,34 @@ def survey(st):
 def _listed(board, near, plane, row, count, first, same, w0, w1, w2):
     """Append the rows of the vertices on the board that have the entry ``same`` or another; returns how many there are.
 
-    ``near`` is room for the numbers of the pages around.
+    ``near`` is room for the numbers of the pages around. A place is counted from the corner of two by two pages, each
+    coordinate in 6 (n = 2) or 5 bits, of which the highest is that of the page. Indices are unsigned: no test whether
+    they count from the end.
     """
     pages = board.pages
-    side = board.head[SHIFT]
-    mask = (np.int64(1) << side) - 1
     if plane:
-        p0, p1 = (w0 - _REACH_2) >> side, (w1 - _REACH_2) >> side
+        p0, p1 = (w0 - _REACH_2) >> 5, (w1 - _REACH_2) >> 5
         for i in range(4):
-            near[i] = page_or_first(board, (p0 + (i >> 1)) << side, (p1 + (i & 1)) << side, np.int64(0))
-        table = _PLANE[(w0 & 3) | (w1 & 3) << 2]
+            near[i] = page_or_first(board, (p0 + (i >> 1)) << 5, (p1 + (i & 1)) << 5, np.int64(0))
+        at = (w0 - (p0 << 5)) << 6 | (w1 - (p1 << 5))
+        table = _PLANE_AT[(w0 & 3) | (w1 & 3) << 2]
         for i in range(_COUNT_2):
-            x, y = w0 + table[i, 0], w1 + table[i, 1]
-            page = near[((x >> side) - p0) << 1 | ((y >> side) - p1)]
-            e = np.int64(pages[page, (x & mask) << side | (y & mask)])
-            row[count] = first + 2 * i + (e == same)
+            s = at + table[i]
+            page = near[np.uint64((s >> 10 & 2) | (s >> 5 & 1))]
+            e = np.int64(pages[np.uint64(page), np.uint64((s >> 1 & 0x3E0) | (s & 31))])
+            row[np.uint64(count)] = first + 2 * i + (e == same)
             count += e != 0
     else:
-        p0, p1, p2 = (w0 - _REACH_3) >> side, (w1 - _REACH_3) >> side, (w2 - _REACH_3) >> side
+        p0, p1, p2 = (w0 - _REACH_3) >> 4, (w1 - _REACH_3) >> 4, (w2 - _REACH_3) >> 4
         for i in range(8):
-            near[i] = page_or_first(board, (p0 + (i >> 2)) << side, (p1 + (i >> 1 & 1)) << side, (p2 + (i & 1)) << side)
-        table = _SPACE[(w0 & 3) | (w1 & 3) << 2 | (w2 & 3) << 4]
+            near[i] = page_or_first(board, (p0 + (i >> 2)) << 4, (p1 + (i >> 1 & 1)) << 4, (p2 + (i & 1)) << 4)
+        at = (w0 - (p0 << 4)) << 10 | (w1 - (p1 << 4)) << 5 | (w2 - (p2 << 4))
+        table = _SPACE_AT[(w0 & 3) | (w1 & 3) << 2 | (w2 & 3) << 4]
         for i in range(_COUNT_3):
-            x, y, z = w0 + table[i, 0], w1 + table[i, 1], w2 + table[i, 2]
-            page = near[((x >> side) - p0) << 2 | ((y >> side) - p1) << 1 | ((z >> side) - p2)]
-            e = np.int64(pages[page, ((x & mask) << side | (y & mask)) << side | (z & mask)])
-            row[count] = first + 2 * i + (e == same)
+            s = at + table[i]
+            page = near[np.uint64((s >> 12 & 4) | (s >> 8 & 2) | (s >> 4 & 1))]
+            e = np.int64(pages[np.uint64(page), np.uint64((s >> 2 & 0xF00) | (s >> 1 & 0xF0) | (s & 15))])
+            row[np.uint64(count)] = first + 2 * i + (e == same)
             count += e != 0
     return count
 
