@@ -24,7 +24,7 @@ FREER = (1.08, 1.17, 1.26, 1.36, 1.48)
 """Tolerances that are tried around offsets that will do, in units of half a part."""
 LEAST_SEARCHED = 0.5
 """Smallest of them in cells that is worth the search."""
-CUTS = 6
+CUTS = 8
 """Steps of the search for the place at which a file is cut."""
 PLANES = 16
 """Most bits of values that are tried."""
@@ -139,8 +139,16 @@ class Ours:
         yield finer
         if finer is not None and bound == "err_mean" and self.item.n == 2:
             # a tolerance leaves the encoder free to tell what is cheapest within it
-            parts = next(p for p in choices if self._offsets_name(p) == finer.how)
-            yield from (self.tolerance(factor * 0.5 / parts) for factor in FREER)
+            at = next(i for i, parts in enumerate(choices) if self._offsets_name(parts) == finer.how)
+            yield from (self.tolerance(factor * 0.5 / choices[at]) for factor in FREER)
+            # where crossings have few different places, fewer parts may come nearer to them
+            yield from (self.offsets(parts) for parts in choices[1:at] if parts <= LARGEST_RADIX)
+            # one size coarser for all crossings, much finer for some
+            coarser = choices[at - 1]
+            layers = [("offsets", radix) for radix in (*radices(coarser), 3)]
+            yield self._cut(
+                self._planned(f"offsets in {coarser} parts, then 3", layers), self.offsets(coarser), bound, target
+            )
         if finer is not None and finer.how == self.offsets(choices[1]).how:
             yield self._cut(finer, signs, bound, target)
         if self.item.integer and self.item.n == 2:
