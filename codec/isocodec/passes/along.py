@@ -233,6 +233,24 @@ def bits(x):
 
 
 @inner
+def recent_sides(st, low, high, split, radix, number, parts, rising):
+    """Of the last two different places: 0 if off the parts from ``low`` to ``high`` - 1, 1 if before ``split``, else 2.
+
+    The first counts three times. Parts are counted from the end that is below.
+    """
+    w = st.walk
+    if not rising:
+        number = parts - 1 - number
+    sides = np.int64(0)
+    for k in range(2):
+        o = CANDIDATES + 2 * (RECENT + k)
+        part = (w[o] * parts * radix // UNIT) - number * radix
+        side = 0 if w[o + 1] == NONE or part < low or part >= high else 1 if part < split else 2
+        sides = 3 * sides + side
+    return sides
+
+
+@inner
 def see_along(st, cd, low, high, split, radix, number, parts, rising, grid, nearer):
     """List what is known of whether the crossing lies in the parts from ``split`` on, of ``low`` to ``high`` - 1.
 

@@ -18,7 +18,7 @@ from ..grid.field import OFFSET_BITS
 from ..jit import DONE, inner, kernel
 from ..mesh.access import dimension
 from ..mesh.store import get
-from .along import bits, count_near, find_candidates, find_off_grid, remember, see_along
+from .along import bits, count_near, find_candidates, find_off_grid, recent_sides, remember, see_along
 from .state import LEAVES, OFFSET_BIT, SCRATCH, SIDE, TALLY, VALUE_BIT, corner_entry, edge_of
 
 # Registers in State.walk: next item of the list, the symbol before, the place within a digit, its sign.
@@ -231,8 +231,8 @@ def _halve(st, cd, beside, edges, number, parts, length, i, radix, rising, earli
     if cd.reg[MODE] == ENCODE:
         bit = _choice(wanted[i], slack[i], parts[i], radix, number[i], rising[i], w[LOW], w[HIGH], split)
     again = np.int64(parts[i] > 1)
-    size = min(radix // 2, ctx.OFFSET_SIZES) - 1 + ctx.OFFSET_SIZES * again
-    context = ctx.OFFSET + size * ctx.OFFSET_STRIDE + split * (ctx.OFFSET_STRIDE - 1) // radix
+    sides = recent_sides(st, w[LOW], w[HIGH], split, radix, number[i], parts[i], rising[i])
+    context = ctx.OFFSET + (8 * again + min(w[HALVED], 7)) * 9 + sides
     kind = OFFSET_KIND + min(w[HALVED], 2) + 3 * again + (0 if grid else 6)
     nearer = np.int64(-1)
     if leaning:
