@@ -50,6 +50,12 @@ CASES: dict[str, Case] = {
     "space noise": (noise((9, 7, 12), 5, 10), 7, {"signs_only": True, "base_level": 0}),
     "plane small": (hill((9, 12), 60) + noise((9, 12), 6, 9), 20.5, {"exact": True, "base_level": 1}),
     "space small": (hill((4, 5, 6), 30) + noise((4, 5, 6), 7, 9), 12, {"tolerance": 0.2, "base_level": 0}),
+    "plane mesh small": (
+        hill((14, 17), 150) + noise((14, 17), 9, 5),
+        40.5,
+        {"criterion": "distortion", "parameter": 0.6, "tolerance": 0.3},
+    ),
+    "space mesh small": (hill((5, 7, 6), 40), 12.5, {"criterion": "crossing", "tolerance": 0.3}),
     "long small": (noise((3, 30), 8, 3), 0, {"signs_only": True, "base_level": 3}),
 }
 SMALL = [name for name in CASES if name.endswith("small")]

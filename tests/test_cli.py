@@ -22,7 +22,7 @@ from PIL import Image
 import isocodec
 from isocodec.cli import main
 from isocodec.cli import progress as progress_module
-from isocodec.cli.plot import spread
+from isocodec.cli.plot import shown, spread
 
 # Two hills in 33 x 41 samples, and a ball in 17^3: small, but of several layers.
 ROWS, COLUMNS = np.mgrid[:33, :41]
@@ -505,6 +505,19 @@ def test_plot(curve: Path, surface: Path, tmp_path: Path, curve_data: bytes) -> 
 )
 def test_steps_are_spread_over_the_layers(layers: int, steps: int, chosen: list[int]) -> None:
     assert spread(layers, steps) == chosen
+
+
+@pytest.mark.parametrize(
+    ("kinds", "steps", "chosen"),
+    [
+        ("base refine refine refine offsets", 3, [1, 3, 5]),
+        ("adaptive_base offsets adapt offsets refine refine values values", 5, [2, 4, 8]),
+        ("adaptive_base offsets adapt offsets offsets refine values", 2, [2, 7]),
+        ("base refine", 5, [1, 2]),
+    ],
+)
+def test_steps_of_a_file_are_those_that_it_was_made_with(kinds: str, steps: int, chosen: list[int]) -> None:
+    assert shown(kinds.split(), steps) == chosen
 
 
 # ---- How a process ends ---------------------------------------------------------------------------------------------

@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 from isocodec import Decoder
+from isocodec.entropy.main import KINDS, shipped_models
 from isoconform import runner
 from isoconform.__main__ import main
 from isoconform.circle import CENTRE, RADIUS
@@ -108,6 +109,21 @@ def test_manifest_covers_the_format():
         assert set(lines) == {"shape", "level", "m", "v", "e", "isovalue"}
 
 
+@pytest.mark.parametrize("n", [2, 3])
+def test_vectors_of_the_main_profile_use_every_kind_of_symbols(n):
+    """Those that adapt their weights, over all vectors; kinds of a third phase only in space."""
+    weights = shipped_models(n)[2].mix
+    used = np.zeros(KINDS, np.bool_)
+    for v in VECTORS:
+        if v.dimension == n and "main profile" in v.features and v.expected.status == OK:
+            decoder = Decoder()
+            decoder.feed((HOME / v.file).read_bytes())
+            decoder.close()
+            for tube in decoder._tubes:
+                used |= (tube.coder.blend.mix != weights).any(axis=1)
+    assert set(np.flatnonzero(~used)) == ({4, 5, 10, 11, 45, 48} if n == 2 else set())
+
+
 def test_vectors_are_small():
     """They travel with the package."""
     assert max(v.bytes for v in VECTORS) < 5000
@@ -173,6 +189,7 @@ def test_circle_is_the_circle(name):
 MEASURE = """
 import resource, sys, time, tracemalloc
 from isocodec import Decoder
+from isocodec.entropy.main import KINDS, shipped_models
 
 def peak():
     # ru_maxrss is the parent's where a process was started by vfork; the kernel's own mark is not

@@ -45,7 +45,7 @@ def same(a, b, within=0.0):
 )
 def test_each_decodes_as_by_itself(n, wanted):
     """To the last bit, or, where the encoder is free to tell crossings within a tolerance, within twice that."""
-    within = 0 if {"parts", "exact", "signs_only", "leaning"} & set(wanted) else 2 * DEFAULT_TOLERANCE
+    within = 0 if {"parts", "exact", "signs_only"} & set(wanted) else 2 * DEFAULT_TOLERANCE
 
     @examples(40)
     @given(cases(n))
@@ -56,7 +56,7 @@ def test_each_decodes_as_by_itself(n, wanted):
             return
         options = dict(wanted)
         if "parts" in options:
-            options["plan"] = [*grid_plan(n, full, None, None), ("offsets", options.pop("parts"))]
+            options["plan"] = [*grid_plan(n, full, None), ("offsets", options.pop("parts"))]
         encoder = Encoder(field, isovalues, **options)
         data = b"".join(encoder)
         alone = {k: v for k, v in options.items() if k != "leaning"}
@@ -180,12 +180,12 @@ def test_curves_never_cross(n):
     """On equal meshes, however few offsets are told: along each edge crossings come in the order of the isovalues."""
 
     @examples(60)
-    @given(cases(n), st.sampled_from([3, 5, 11]))
+    @given(cases(n), st.sampled_from([3, 5, 11, None]))
     def run(case, radix):
         field, isovalues = case
-        plan = [("base", 0), ("refine", None), ("offsets", radix)]
-        if max(field.shape) <= 2:
-            plan = [("base", 0), ("offsets", radix)]
+        plan = None
+        if radix is not None:
+            plan = [*grid_plan(n, n * cube_exponent(field.shape), None), ("offsets", radix)]
         data = b"".join(Encoder(field, isovalues, plan=plan))
         found = {v: crossings(isocodec.decode(data, isovalue=v), n) for v in isovalues}
         for low, high in zip(sorted(isovalues), sorted(isovalues)[1:], strict=False):
@@ -198,6 +198,36 @@ def test_curves_never_cross(n):
                 assert ahead >= 0 if rising else ahead <= 0
 
     run()
+
+
+@pytest.mark.parametrize("options", [{"tolerance": 0.25}, {"tolerance": 1.0}, {"steps": [4, 1, 0.25]}])
+@pytest.mark.parametrize("profile", ["main", "baseline"])
+def test_each_keeps_to_the_tolerance(options, profile):
+    """Proven for what the file says, which for later isovalues is not what a file of their own would say."""
+    tolerance = options.get("tolerance", 0.25)
+    fields = [np.rint(smooth((70, 90), seed) * 300).astype(np.int64) for seed in range(3)]
+    for field in [*fields, np.rint(smooth((14, 12, 13), 6) * 300).astype(np.int64)]:
+        isovalues = [20.5, 25.5, 21.5]
+        data = isocodec.encode(field, isovalues, profile=profile, **options)
+        for isovalue in isovalues:
+            contour = isocodec.decode(data, isovalue=isovalue)
+            assert not len(promise(field, isovalue).excess(contour, tolerance))
+
+
+def test_no_leaning_where_no_plan_would_keep_to_the_tolerance(monkeypatch):
+    """Then the isovalue stands alone, and so does its promise."""
+    found = strategy.smallest
+
+    def never_leaning(promise, tolerance, topology):
+        if promise.fresh().lean is not None:
+            raise strategy.NotKeptError("not kept")
+        return found(promise, tolerance, topology)
+
+    monkeypatch.setattr(strategy, "smallest", never_leaning)
+    field = np.rint(smooth((30, 30), 1) * 100).astype(np.int64)
+    data = isocodec.encode(field, [10.5, 12.5], tolerance=0.25)
+    assert isocodec.inspect(data).leans == [None, None]
+    assert not len(promise(field, 12.5).excess(isocodec.decode(data, isovalue=12.5), 0.25))
 
 
 def test_events_and_skipping():
@@ -223,7 +253,7 @@ def test_events_and_skipping():
     other = Decoder(only={1})
     other.feed(free)
     other.close()
-    same(other.drawn(1), decoder.drawn(1))
+    same(other.drawn(1), decoder.drawn(1), 2 * DEFAULT_TOLERANCE)
 
 
 def test_refused():

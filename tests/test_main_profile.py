@@ -15,7 +15,7 @@ from brute import examples, sign_fields, smooth
 from isocodec.entropy.baseline import CONTEXTS, rates
 from isocodec.entropy.blend import blended, clear, see
 from isocodec.entropy.coder import DECODE, ENCODE, END, FINAL, REGISTERS, Coder, finish, start
-from isocodec.entropy.main import KINDS, LEAF_ROWS, MAP, MOST_MIX, OFFSET_ROW, OFFSET_ROWS, STATES, shipped_models
+from isocodec.entropy.main import BASE_ROW, BASE_ROWS, KINDS, MAP, MOST_MIX, STATES, shipped_models
 from isocodec.jit import kernel
 from isocodec.mesh.store import get
 from isocodec.mesh.tables import cube_exponent
@@ -36,7 +36,7 @@ def test_tables_are_what_the_specification_states():
             exact = (65536 / (1 + (Decimal(-x) / 256).exp())).to_integral_value(ROUND_HALF_EVEN)
             assert squash[x + MOST_LOGIT] == min(max(int(exact), 32), 65504)
     for n, t in found.items():
-        assert t.weight.shape == (ROWS[n], HIDDEN) and OFFSET_ROW[n] + OFFSET_ROWS + LEAF_ROWS == ROWS[n]
+        assert t.weight.shape == (ROWS[n], HIDDEN) and BASE_ROW[n] + BASE_ROWS[n] == ROWS[n]
         assert t.state[:, 0].max() < STATES and len(set(t.state[:, 0])) == len(t.state)
         assert ((t.state[:, 1] >= 32) & (t.state[:, 1] <= 65504)).all()
         assert (t.state[:, 2] <= 158).all()
@@ -190,10 +190,12 @@ def test_both_profiles_decode_to_the_same(n, data):
     full = n * cube_exponent(above.shape)
     rng = np.random.default_rng(data.draw(st.integers(0, 1 << 32)))
     field = np.where(above, 1, -1) * rng.integers(1, data.draw(st.sampled_from([2, 200])), above.shape)
+    rest = grid_plan(n, full, 0)[1:]
     options = data.draw(st.sampled_from([
-        {"signs_only": True}, {"signs_only": True, "base_level": 0}, {"exact": True},
-        {"plan": [*grid_plan(n, full, None, 0), ("offsets", 11)]},
-        {"plan": [*grid_plan(n, full, None, None), ("offsets", 3), ("offsets", 15)]},
+        {"signs_only": True}, {"signs_only": True, "base_level": 0}, {"signs_only": True, "base_level": full},
+        {"exact": True}, {"plan": [("base", 0), ("values", None), *rest, ("values", None)]},
+        {"plan": [*grid_plan(n, full, 0), ("offsets", 11)]},
+        {"plan": [*grid_plan(n, full, None), ("offsets", 3), ("offsets", 15)]},
         {"criterion": "distortion", "parameter": 0.5, "tolerance": 0.2},
     ]))  # fmt: skip
     isovalues = data.draw(st.sampled_from([0.5, (0.5, 20.5)]))

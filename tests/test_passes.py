@@ -254,7 +254,7 @@ def test_offsets_close_in(case):
     """In P parts a crossing is within 1 / (2 P) of a cell of linear interpolation's, and never moves away from it."""
     field, isovalue = case
     decoder = Decoder()
-    plan = grid_plan(field.ndim, field.ndim * cube_exponent(field.shape), None, None)
+    plan = grid_plan(field.ndim, field.ndim * cube_exponent(field.shape), None)
     decoder.feed(b"".join(Encoder(field, isovalue, plan=plan + [("offsets", 3), ("offsets", 11)])))
     expected_low, expected_axis = crossing_edges(field > isovalue)
     expected = {(*p, a) for p, a in zip(map(tuple, expected_low.tolist()), expected_axis.tolist(), strict=True)}

@@ -17,7 +17,7 @@ from isocodec.jit import kernel
 from isocodec.mesh.tables import cube_exponent
 from isocodec.passes.geometry import _choice
 from isocodec.reduce.original import original
-from isocodec.stream.crossings import radices
+from isocodec.stream.crossings import grid_offsets, radices
 from isocodec.stream.strategy import grid_plan
 
 RNG = np.random.default_rng(8)
@@ -145,11 +145,12 @@ def test_symbols_that_the_slack_leaves_open(data):
 
 @pytest.mark.parametrize("shape", [(40, 50), (14, 15, 13)])
 @pytest.mark.parametrize("tolerance", [0.25, 0.09, 0.05, 0.02, 0.004])
-def test_crossings_on_the_grid_are_told_within_the_tolerance(shape, tolerance):
+@pytest.mark.parametrize("free", [False, True])
+def test_crossings_on_the_grid_are_told_within_the_tolerance(shape, tolerance, free):
     """Edge by edge, and for several isovalues in a file, of which later ones go on from where earlier ones are."""
     field = smooth(shape, 6)
     isovalues = [0.1, 0.13, 0.02, 0.1001]
-    plan = grid_plan(len(shape), len(shape) * cube_exponent(shape), tolerance, None)
+    plan = grid_plan(len(shape), len(shape) * cube_exponent(shape), None) + grid_offsets(tolerance, free)
     data = isocodec.encode(field, isovalues, plan=plan)
     for isovalue in isovalues:
         contour = isocodec.decode(data, isovalue=isovalue)
@@ -169,7 +170,7 @@ def test_slack_makes_files_smaller():
     """Where either of two parts will do, the more probable one is told."""
     field = smooth((60, 70), 8)
     for tolerance in (0.25, 0.1):
-        plain = [*grid_plan(2, 2 * cube_exponent(field.shape), None, None), ("offsets", radices(tolerance)[0])]
+        plain = [*grid_plan(2, 2 * cube_exponent(field.shape), None), ("offsets", radices(tolerance)[0])]
         exact = len(isocodec.encode(field, 0.1, plan=plain))
         assert len(isocodec.encode(field, 0.1, tolerance=tolerance)) < 0.95 * exact
 

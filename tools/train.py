@@ -24,9 +24,11 @@ from acceptance import Item, items
 from isocodec import Encoder
 from isocodec.entropy import main as profile
 from isocodec.entropy.coder import FLOOR
+from isocodec.grid.field import check_field
 from isocodec.mesh.tables import cube_exponent
 from isocodec.passes.around import nearest_vertices
-from isocodec.stream.strategy import grid_plan
+from isocodec.stream.crossings import grid_offsets
+from isocodec.stream.strategy import Promise, grid_plan, reduced
 from isospec.tables import HIDDEN, INPUTS, KINDS, MOST_LOGIT, NETS, ROWS, Tables, packed
 
 ITEMS = {
@@ -45,6 +47,10 @@ MOST_SYMBOLS, MOST_LINES = 40_000, 1_500_000
 """Of one field: in the training of one network, and listed in all."""
 FINE, COARSE = (0.05, 0.01, 0.0025), (1.0, 0.25, 0.5)
 """Tolerances to which crossings are told, by turns: on the full grid, and on meshes."""
+BENDS = (2.0, 0.4, 1.0)
+"""Distances from the original curve to reduced ones, by turns, for adaptive refinement."""
+LEVELS = (250, 1000, 4000)
+"""Into how many steps the values of fields of floats are divided, by turns."""
 STEPS = (1, 5, 20)
 """How far a second isovalue lies above the first."""
 SEARCHED = 90_000
@@ -258,8 +264,18 @@ def files(found: list[Item]) -> Iterator[tuple[Item, dict[str, object]]]:
     for i, item in enumerate(found):
         n = item.values.ndim
         full = n * cube_exponent(item.values.shape)
-        yield item, {"plan": grid_plan(n, full, FINE[i % len(FINE)], None)}
+        yield item, {"plan": grid_plan(n, full, None) + grid_offsets(FINE[i % len(FINE)], True)}
         yield item, {"criterion": "distortion", "parameter": 0.7, "tolerance": 0.1}
+        if full > n:
+            promise = Promise(check_field(item.values, item.isovalue))
+            (_, _, mesh), *_ = reduced(promise, "distortion", BENDS[i % len(BENDS)], False)
+            yield item, {"plan": [("base", n), ("adapt", 1, mesh)]}
+        if i % 2 == 0:
+            yield item, {"signs_only": True, "base_level": full}
+        if item.values.dtype.kind in "iu":
+            yield item, {"exact": True}
+        else:
+            yield item, {"step": float(np.ptp(item.values)) / LEVELS[i % len(LEVELS)]}
         if item.values.size < SEARCHED:
             yield item, {"tolerance": COARSE[i % len(COARSE)]}
 
@@ -301,11 +317,14 @@ def span(n: int, net: int) -> tuple[int, int]:
     """First row of a network, and how many it has."""
     if net < profile.TREE_NET:
         return net * profile.SIGN_ROWS[n], profile.SIGN_ROWS[n] if net < n else 0
-    if net == profile.TREE_NET:
-        return profile.TREE_ROW[n], profile.TREE_ROWS
-    if net == profile.OFFSET_NET:
-        return profile.OFFSET_ROW[n], profile.OFFSET_ROWS
-    return profile.OFFSET_ROW[n] + profile.OFFSET_ROWS, profile.LEAF_ROWS
+    return {
+        profile.TREE_NET: (profile.TREE_ROW[n], profile.TREE_ROWS),
+        profile.OFFSET_NET: (profile.OFFSET_ROW[n], profile.OFFSET_ROWS),
+        profile.LEAF_NET: (profile.OFFSET_ROW[n] + profile.OFFSET_ROWS, profile.LEAF_ROWS),
+        profile.VALUE_NET: (profile.VALUE_ROW[n], profile.VALUE_ROWS[n]),
+        profile.MESH_NET: (profile.MESH_ROW[n], profile.MESH_ROWS[n]),
+        profile.BASE_NET: (profile.BASE_ROW[n], profile.BASE_ROWS[n]),
+    }[net]
 
 
 @njit

@@ -1,12 +1,14 @@
-"""Vectors of the main profile: every network and kind of symbols, in both dimensions (clauses 7.10 to 7.14)."""
+"""Vectors of the main profile: every network and kind of symbols, in both dimensions (clauses 7.10 to 7.17)."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 
 from isocodec import encode
+from isocodec.mesh.tables import cube_exponent
 
 from .adaptive import SPACES
 from .draft import Draft, cut_within, encoded, within
@@ -20,22 +22,28 @@ def grids() -> Iterator[Draft]:
     """Signs and geometry on the full grid."""
     for shape in SHAPES:
         space, n = SPACES[len(shape)], len(shape)
-        smooth, rough = waves(shape, 255, 2), waves(shape, 255, 3) + noise(shape, 7, 5)
+        whole = waves(shape, 255, 3) + noise(shape, 7, 5)
+        smooth, rough = waves(shape, 255, 2).astype(np.float64), whole.astype(np.float64)
+        almost = n * cube_exponent(shape) - 1
         for name, field, options in (
             ("signs", rough, {"signs_only": True, "base_level": 1}),
             ("signs_smooth", smooth, {"signs_only": True}),
             ("single_rate", rough, {"signs_only": True, "base_level": 12}),
-            ("values", rough, {"exact": True}),
+            ("values", whole, {"exact": True}),
+            ("values_scaled", smooth, {"step": 0.0001}),
+            ("values_between", whole, {
+                "plan": [("base", 1), ("refine", n), ("values", 4), ("refine", None), ("values", 2), ("values", None)]
+            }),
+            ("values_coarse", whole, {"plan": [("base", almost), ("values", None), ("refine", 1), ("values", None)]}),
             ("offsets", smooth, {"tolerance": 0.05}),
             ("offsets_fine", smooth, {"plan": [("base", n), ("refine", None)] + [("offsets", r) for r in (5, 63, 9)]}),
             ("offsets_between", rough, {
                 "plan": [("base", 1), ("refine", n), ("offsets", 7), ("refine", None), ("offsets", 3), ("offsets", 1)]
             }),
         ):  # fmt: skip
-            samples: np.ndarray = field if name == "values" else field.astype(np.float64)
             yield encoded(
-                f"{space}_main_{name}", samples, 100.5, "main profile", layers="offsets" in name, profile="main",
-                **options,
+                f"{space}_main_{name}", field, 100.5, "main profile",
+                layers="offsets" in name or "between" in name, profile="main", **options,
             )  # fmt: skip
 
 
@@ -69,6 +77,14 @@ def meshes() -> Iterator[Draft]:
             ("offsets", 9, 0), ("offsets", 31, 0), ("refine", None), ("offsets", 3, 0),
         ]  # fmt: skip
         yield encoded(f"{space}_main_meshes", field, 100.5, "main profile", layers=True, profile="main", plan=plan)
+        leaves = {
+            100.5: [("adaptive_base", 1, chosen(shape, coarse))],
+            104.5: [("leaf_base",), ("adapt", 1, chosen(shape, fine)), ("refine", None)],
+        }
+        yield encoded(
+            f"{space}_main_isovalues_leaf_base", field + noise(shape, 3, 4), tuple(leaves), "main profile", layers=True,
+            profile="main", plan=leaves,
+        )  # fmt: skip
         plan = [
             ("adaptive_base", 1, chosen(shape, coarse)), ("offsets", 7, 0), ("adapt", 1, chosen(shape, fine)),
             ("offsets", 9, 0), ("refine", None), ("offsets", 3, 0),
@@ -77,10 +93,13 @@ def meshes() -> Iterator[Draft]:
             f"{space}_main_isovalues_chain", field + noise(shape, 3, 4), (100.5, 104.5, 107), "main profile",
             layers=True, profile="main", plan=plan,
         )  # fmt: skip
-        for name, options in (
+        further: list[tuple[str, dict[str, Any]]] = [
             ("isovalues", {"tolerance": 0.05}), ("isovalues_values", {"exact": True}),
             ("isovalues_signs", {"signs_only": True, "base_level": 2}),
-        ):  # fmt: skip
+        ]  # fmt: skip
+        for level in (10, 11, 12):
+            further.append((f"isovalues_base_{level}", {"signs_only": True, "base_level": level}))
+        for name, options in further:
             yield encoded(
                 f"{space}_main_{name}", field + noise(shape, 3, 4), (100.5, 104.5, 97), "main profile", layers=True,
                 profile="main", **options,
@@ -92,12 +111,17 @@ def cuts() -> Iterator[Draft]:
     for shape in ((61, 57), (17, 16, 18)):
         space = SPACES[len(shape)]
         field = waves(shape, 255, 2) + noise(shape, 9, 5)
-        data = encode(field, 100.5, profile="main", tolerance=0.05, base_level=2)
-        for kind in ("refine", "offsets"):
-            yield Draft(f"{space}_main_cut_{kind}", cut_within(data, kind), len(shape), ("main profile", "cut run"))
-            yield Draft(
-                f"{space}_main_start_{kind}", within(data, kind)[1], len(shape), ("main profile", "start of a file")
-            )
+        mesh = chosen(shape, random_mesh(shape, 43, 400))
+        for kinds, options in (
+            (("refine", "offsets"), {"tolerance": 0.05, "base_level": 2}),
+            (("values",), {"exact": True}),
+            (("adaptive_base",), {"plan": [("adaptive_base", 0, mesh)]}),
+        ):
+            data = encode(field, 100.5, profile="main", **options)
+            for kind in kinds:
+                short, start = cut_within(data, kind), within(data, kind)[1]
+                yield Draft(f"{space}_main_cut_{kind}", short, len(shape), ("main profile", "cut run"))
+                yield Draft(f"{space}_main_start_{kind}", start, len(shape), ("main profile", "start of a file"))
 
 
 def drafts() -> Iterator[Draft]:

@@ -24,9 +24,9 @@ INPUTS = 4
 """Opinions that are mixed, the bias among them."""
 MOST_LOGIT = 2047
 """Logits are multiples of 1/256, at most this many of them."""
-NETS = 6
-KINDS = 36
-ROWS = {2: 1874, 3: 2232}
+NETS = 9
+KINDS = 49
+ROWS = {2: 3204, 3: 4830}
 """Rows of all networks (clause 7.10)."""
 
 

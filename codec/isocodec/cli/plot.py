@@ -11,6 +11,8 @@ from .options import iso_argument, output_option
 from .progress import load_kernels, progress_bar
 from .report import check_output, concerning, read_iso, write_output
 
+GEOMETRY = ("values", "offsets")
+
 
 @click.command("plot", short_help="Draw the progressive steps of a file side by side.")
 @iso_argument
@@ -21,7 +23,8 @@ from .report import check_output, concerning, read_iso, write_output
 def plot_command(source: Path, output: Path, steps: int, mesh: bool, isovalue: float | None) -> None:
     """Draw what prefixes of IN.iso decode to, from its first layer to all of it (.png, .pdf or .svg).
 
-    The steps are spread evenly over the layers; a file of fewer layers has fewer.
+    The steps are those that the file was made with (encode --steps), each with its geometry. In other files, and where
+    there are more, they are spread evenly over the layers; a file of fewer layers has fewer.
     """
     from ..io.picture import PICTURE_SUFFIXES, Step, steps_picture
 
@@ -52,8 +55,7 @@ def plot_command(source: Path, output: Path, steps: int, mesh: bool, isovalue: f
                 continue
             if len(decoder.isovalues) - 1 == number:
                 own += 1
-                total = sum(layer.isovalue == number for layer in info.layers)
-                chosen = chosen or spread(total, steps)
+                chosen = chosen or shown([layer.kind for layer in info.layers if layer.isovalue == number], steps)
                 if own in chosen:
                     under = decoder.mesh(number) if mesh else None
                     drawn.append(Step(decoder.drawn(number), event.offset, len(data), under))
@@ -63,6 +65,15 @@ def plot_command(source: Path, output: Path, steps: int, mesh: bool, isovalue: f
         picture = steps_picture(drawn, suffix)
     write_output(output, picture)
     click.echo(f"{click.format_filename(output)}: {len(drawn)} steps of {len(data):,} bytes")
+
+
+def shown(kinds: list[str], steps: int) -> list[int]:
+    """Numbers of the layers after which to draw: ends of geometry that a further mesh follows on, or any."""
+    told = [kind in GEOMETRY for kind in kinds]
+    ends = [i + 1 for i, here in enumerate(told) if here and not (i + 1 < len(told) and told[i + 1])]
+    if len(ends) < 2:
+        return spread(len(kinds), steps)
+    return [ends[k - 1] for k in spread(len(ends), steps)]
 
 
 def spread(layers: int, steps: int) -> list[int]:

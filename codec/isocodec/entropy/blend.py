@@ -1,4 +1,4 @@
-"""The main profile's models: a trained network and two adaptive probabilities, mixed (spec clause 7.10).
+"""The main profile's models: a trained network and two adaptive probabilities, mixed (spec clause 7.11).
 
 A pass lists what it sees around a symbol as rows of its network. A row is ``HIDDEN`` weights; rows are summed, sums
 below 0 count as 0, and their weighted sum is the first opinion on the symbol, in the logistic domain. The second one is

@@ -35,7 +35,7 @@ UNLIMITED = 1 << 62
 
 
 class Blend(NamedTuple):
-    """What the main profile has beside (spec clause 7.10), see ``entropy.blend``; empty in the baseline profile.
+    """What the main profile has beside (spec clause 7.11), see ``entropy.blend``; empty in the baseline profile.
 
     ``weight`` (rows, HIDDEN) and ``out`` (networks, HIDDEN + 1) are the networks, ``mix`` (classes, INPUTS) the weights
     that adapt, ``squash`` and ``stretch`` the logistic function and its inverse, ``row`` the number of rows that a pass

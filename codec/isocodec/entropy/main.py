@@ -38,9 +38,15 @@ OFFSET_KIND = 18
 """By how often the part was halved, of edges told for the first time or again; the same off the full grid."""
 LEAN_KIND = 30
 """By how often the part was halved, where the edge is crossed at an earlier isovalue, too, on and off the full grid."""
+VALUE_KIND = 36
+"""By bits of the number told so far: none that is 1, one, more."""
+MESH_KIND = 39
+"""By what is asked: on a path, of a simplex that may be coarser or finer, whether to split a leaf."""
+BASE_KIND = 43
+"""By phase, of the signs behind gates; the same where an earlier isovalue has something to say."""
 
 # Networks, in the order of their rows.
-SIGN_NET, TREE_NET, OFFSET_NET, LEAF_NET = 0, 3, 4, 5
+SIGN_NET, TREE_NET, OFFSET_NET, LEAF_NET, VALUE_NET, MESH_NET, BASE_NET = 0, 3, 4, 5, 6, 7, 8
 """Of signs there is one for each phase; n = 2 leaves the third without rows. Of offsets, on and off the full grid."""
 
 AROUND = {2: 96, 3: 112}
@@ -53,6 +59,18 @@ TREE_ROW = {n: n * SIGN_ROWS[n] for n in AROUND}
 """First row of the tree's network."""
 OFFSET_ROW = {n: TREE_ROW[n] + TREE_ROWS for n in AROUND}
 OFFSET_ROWS, LEAF_ROWS = 720, 512
+VALUE_SLOTS = {2: 9, 3: 14}
+"""Candidates for a value."""
+VALUE_ROW = {n: OFFSET_ROW[n] + OFFSET_ROWS + LEAF_ROWS for n in AROUND}
+VALUE_ROWS = {n: 52 * VALUE_SLOTS[n] + 32 for n in AROUND}
+MESH_AROUND = 24
+"""Vertices around a middle that the network of the mesh sees."""
+MESH_ROW = {n: VALUE_ROW[n] + VALUE_ROWS[n] for n in AROUND}
+MESH_ROWS = {n: 44 + 4 * MESH_AROUND * n for n in AROUND}
+BEHIND = {2: 48, 3: 62}
+"""Vertices around the one behind a gate that the network of base signs sees."""
+BASE_ROW = {n: MESH_ROW[n] + MESH_ROWS[n] for n in AROUND}
+BASE_ROWS = {n: 18 + 2 * BEHIND[n] * n * (n + 1) for n in AROUND}
 
 
 @cache

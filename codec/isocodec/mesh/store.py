@@ -28,17 +28,20 @@ class Store(NamedTuple):
 
 def new_store(n: int) -> Store:
     """An empty store for n axes: pages of 16 x 16 or 8 x 8 x 8 entries."""
-    head = np.full(RECENT + 2 * _WAYS, -1, np.int64)
-    head[:RECENT] = (0, 4, 4, 0) if n == 2 else (0, 3, 3, 3)
-    return Store(head, np.full((64, 2), -1, np.int64), np.zeros((16, 256 if n == 2 else 512), np.int32))
+    edge = 4 if n == 2 else 3
+    return _empty(n, edge, 0, np.zeros((16, 1 << n * edge), np.int32))
 
 
 def new_board(n: int) -> Store:
     """A store whose entries take a byte: pages of 32 x 32 or 16 x 16 x 16. The first one stays empty."""
-    store = Store(np.full(RECENT + 2 * _WAYS, -1, np.int64), np.full((64, 2), -1, np.int64),
-                  np.zeros((16, 1024 if n == 2 else 4096), np.int8))  # fmt: skip
-    store.head[:RECENT] = (1, 5, 5, 0) if n == 2 else (1, 4, 4, 4)
-    return store
+    edge = 5 if n == 2 else 4
+    return _empty(n, edge, 1, np.zeros((16, 1 << n * edge), np.int8))
+
+
+def _empty(n: int, edge: int, used: int, pages: NDArray[np.int32] | NDArray[np.int8]) -> Store:
+    head = np.full(RECENT + 2 * _WAYS, -1, np.int64)
+    head[:RECENT] = (used, edge, edge, edge if n == 3 else 0)
+    return Store(head, np.full((64, 2), -1, np.int64), pages)
 
 
 def grown(store: Store, room: int) -> Store:

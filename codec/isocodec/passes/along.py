@@ -1,4 +1,4 @@
-"""What the main profile sees of where an edge is crossed (spec clause 7.13).
+"""What the main profile sees of where an edge is crossed (spec clause 7.14).
 
 On the full grid the curve goes on, in each plane along two axes, from edge to edge of the grid's squares. What is known
 of the next two crossings on either side gives candidates for this one: by lines and a cubic through them.
@@ -12,12 +12,11 @@ from ..entropy.blend import clear, see
 from ..entropy.main import OFFSET_ROW, OFFSET_ROWS
 from ..jit import inner
 from ..mesh.access import dimension
+from .classes import CLASSES, FINE, NONE, ROUGH, bits, row_of
 from .state import LAST, entry
 
 UNIT = 4096
 """Positions on an edge and between edges are counted in parts of this."""
-NONE, ROUGH, FINE = range(3)
-"""How well a place is known: not, only which edge is crossed, more."""
 CANDIDATES = 16
 """First of the candidates in State.walk, two numbers each: the place, and how well it is known."""
 MEAN, PLANE, VERTEX, CHAIN, RECENT = 0, 1, 9, 10, 14
@@ -30,7 +29,6 @@ _POINTS = 96
 how well it is known. Two on either side."""
 _STEEP = UNIT // 8
 """Where crossings lie less apart than this, their line is not extended."""
-_CLASSES = 13
 _GRID_SLOTS, _LEAF_SLOTS = VERTEX + _RECENT, RECENT - VERTEX + _RECENT
 _GRID_2, _GRID_3 = OFFSET_ROW[2], OFFSET_ROW[3]
 
@@ -224,15 +222,6 @@ def remember(st, number, parts, rising):
 
 
 @inner
-def bits(x):
-    """Bits of a number."""
-    count = np.int64(0)
-    while x >> count:
-        count += 1
-    return count
-
-
-@inner
 def recent_sides(st, low, high, split, radix, number, parts, rising):
     """Of the last two different places: 0 if off the parts from ``low`` to ``high`` - 1, 1 if before ``split``, else 2.
 
@@ -273,9 +262,8 @@ def see_along(st, cd, low, high, split, radix, number, parts, rising, grid, near
             if not rising and c < RECENT:
                 place = UNIT - place
             off = place - bound
-            row = min(bits(abs(off) >> 2), _CLASSES - 1) + (_CLASSES if off < 0 else 0)
-            see(cd, first + (2 * slot + (known == FINE)) * 2 * _CLASSES + row)
-    o = first + (_GRID_SLOTS if grid else _LEAF_SLOTS) * 4 * _CLASSES
+            see(cd, first + row_of(slot, known, abs(off) >> 2, off < 0))
+    o = first + (_GRID_SLOTS if grid else _LEAF_SLOTS) * 4 * CLASSES
     see(cd, o + bits(high - low) + (7 if parts > 1 else 0))
     see(cd, o + 14 + bits((high - low) * UNIT // (parts * radix)))
     see(cd, o + 28 + min(max(bound >> 9, 0), 7))

@@ -1,4 +1,4 @@
-"""What the main profile sees of the vertices around a middle (spec clause 7.11)."""
+"""What the main profile sees of the vertices around a middle (spec clause 7.12)."""
 
 from __future__ import annotations
 
@@ -47,11 +47,11 @@ def _table(n: int) -> NDArray[np.int64]:
     return table
 
 
-_PLANE, _SPACE = _table(2), _table(3)
+PLANE, SPACE = _table(2), _table(3)
 # the same as one number: differences of x * 64 + y, and of x * 1024 + y * 32 + z
-_PLANE_AT = _PLANE[..., 0] * 64 + _PLANE[..., 1]
-_SPACE_AT = _SPACE[..., 0] * 1024 + _SPACE[..., 1] * 32 + _SPACE[..., 2]
-_REACH_2, _REACH_3 = int(abs(_PLANE).max()), int(abs(_SPACE).max())
+_PLANE_AT = PLANE[..., 0] * 64 + PLANE[..., 1]
+_SPACE_AT = SPACE[..., 0] * 1024 + SPACE[..., 1] * 32 + SPACE[..., 2]
+_REACH_2, _REACH_3 = int(abs(PLANE).max()), int(abs(SPACE).max())
 _COUNT_2, _COUNT_3 = AROUND[2], AROUND[3]
 
 
@@ -140,7 +140,7 @@ def see_around(st, cd, first, w0, w1, w2):
     else:
         key = (w0 & 3) | (w1 & 3) << 2 | (w2 & 3) << 4
         for i in range(_COUNT_2 if plane else _COUNT_3):
-            d = _PLANE[key, i] if plane else _SPACE[key, i]
+            d = PLANE[key, i] if plane else SPACE[key, i]
             e = entry(st, ((w0 + d[0]) * edge) >> 1, ((w1 + d[1]) * edge) >> 1, ((w2 + d[2]) * edge) >> 1)
             row[count] = first + 2 * i + ((e & 1) == here)
             count += e != 0

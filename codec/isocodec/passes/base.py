@@ -10,11 +10,14 @@ from __future__ import annotations
 import numpy as np
 
 from ..entropy import baseline as ctx
+from ..entropy.blend import blended, mixing
 from ..entropy.coder import ENCODE, MODE, adapt, code
+from ..entropy.main import BASE_KIND, BASE_NET
 from ..jit import BAD, DONE, GROW, inner, kernel
 from ..mesh.access import child, cube, dimension, neighbour, roots, vertex
 from ..mesh.access import root as root_class
 from ..mesh.store import full, get, put
+from .ahead import ON_PATH, see_behind
 from .behind import resolve, settle, tell
 from .infer import implied
 from .mesh import BARRED
@@ -298,7 +301,7 @@ def base(st, cd, mark, order, seeds):
             depth = w[DEPTH]
             cls, b0, b1, b2 = w[CLASS], w[B0], w[B1], w[B2]
             x, y, z = middle_at(st, depth, cls, b0, b1, b2)
-            split = tell(st, cd, depth, x, y, z, ctx.LEVEL_PATH + depth)
+            split = tell(st, cd, ON_PATH, depth, x, y, z, ctx.LEVEL_PATH + depth)
             if split < 0:
                 return _trouble(st, split)
             if split == 0:
@@ -414,7 +417,12 @@ def base(st, cd, mark, order, seeds):
                     right_guess = np.int64(0)
                     if encoding:
                         right_guess = np.int64(corner_truth(st, edge, r, cls, b0, b1, b2, opp) == guess)
-                    bit = code(cd, context, right_guess)
+                    if mixing(cd):
+                        case = context - (ctx.BASE_CURVE if n == 2 else ctx.BASE_SURFACE)
+                        see_behind(st, cd, level, cls, b0, b1, b2, opp, guess, case, other)
+                        bit = blended(cd, BASE_NET, False, BASE_KIND + r + 3 * (other >= 0), context, right_guess)
+                    else:
+                        bit = code(cd, context, right_guess)
                     if bit < 0:
                         return bit
                     st.at[TALLY + BASE_SIGN] += 1

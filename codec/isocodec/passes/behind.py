@@ -5,19 +5,22 @@ from __future__ import annotations
 import numpy as np
 
 from ..entropy import baseline as ctx
+from ..entropy.blend import blended, mixing
 from ..entropy.coder import ENCODE, MODE, code
+from ..entropy.main import MESH_KIND, MESH_NET
 from ..jit import GROW, inner
 from ..mesh.access import child, dimension, grandchild, member, vertex
 from ..mesh.access import kind as kind_of
 from ..mesh.access import members as member_count
 from ..mesh.chosen import has
 from ..mesh.store import get, put
+from .ahead import COARSER, FINER, see_mesh
 from .mesh import BARRED, IN, OUT, admit, closure, newest, short, told
 from .seek import middle_at
 from .state import FINEST, LEVEL_SYMBOL, TALLY, UNIFORM, edge_of, position
 from .walk import BEFORE, RESOLVED
 
-_FINER, _EQUAL, _COARSER = range(3)
+_EQUAL = -1
 
 
 @inner
@@ -43,14 +46,14 @@ def _parent(st, level, cls, b0, b1, b2):
 def _question(n, level, opp):
     """What there is to ask about the level behind a gate (design of the alphabets, spec clause 5.8.3)."""
     if opp == newest(n, level % n):
-        return _COARSER
+        return COARSER
     if opp == 0 or opp == n - level % n:
-        return _FINER
+        return FINER
     return _EQUAL
 
 
 @inner
-def tell(st, cd, level, x, y, z, context):
+def tell(st, cd, what, level, x, y, z, context):
     """Learn whether a middle is in the mesh: 1 or 0, or what the coder says, or GROW.
 
     A vertex of the mesh brings its ancestors with it.
@@ -66,7 +69,11 @@ def tell(st, cd, level, x, y, z, context):
         want = np.int64(has(st.chosen, x, y, z))
     bit = np.int64(0)
     if count != BARRED:
-        bit = code(cd, context, want)
+        if mixing(cd):
+            see_mesh(st, cd, what, st.walk[BEFORE], level, x, y, z)
+            bit = blended(cd, MESH_NET, False, MESH_KIND + what, context, want)
+        else:
+            bit = code(cd, context, want)
         if bit < 0:
             return bit
         st.at[TALLY + LEVEL_SYMBOL] += 1
@@ -112,18 +119,18 @@ def resolve(st, cd, level, cls, b0, b1, b2, opp):
     r = level % n
     w = st.walk
     ask = _question(n, level, opp)
-    if ask == _COARSER and level > 0:
+    if ask == COARSER and level > 0:
         x, y, z = position(edge_of(st, level), b0, b1, b2, vertex(st.tables, r, cls, opp))
-        bit = tell(st, cd, level - 1, x, y, z, ctx.LEVEL + (r * 2 + 1) * 4 + w[BEFORE])
+        bit = tell(st, cd, COARSER, level - 1, x, y, z, ctx.LEVEL + (r * 2 + 1) * 4 + w[BEFORE])
         if bit < 0:
             return bit
         if bit == 0:
             cls, b0, b1, b2, side = _parent(st, level, cls, b0, b1, b2)
             level -= 1
             opp = np.int64(0) if side else n - level % n
-    elif ask == _FINER:
+    elif ask == FINER:
         x, y, z = middle_at(st, level, cls, b0, b1, b2)
-        bit = tell(st, cd, level, x, y, z, ctx.LEVEL + r * 8 + w[BEFORE])
+        bit = tell(st, cd, FINER, level, x, y, z, ctx.LEVEL + r * 8 + w[BEFORE])
         if bit < 0:
             return bit
         if bit == 1:

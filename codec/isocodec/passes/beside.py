@@ -1,14 +1,16 @@
-"""Which crossings lie beside an edge that carries offsets, for the main profile (spec clause 7.13)."""
+"""Which crossings lie beside an edge, and which samples near another, for the main profile (clauses 7.14, 7.15)."""
 
 from __future__ import annotations
 
+from itertools import combinations, product
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from . import geometry
 from .along import UNIT
-from .state import VERTICES, State
+from .state import LAST, VERTICES, State
 
 HOPS = 4
 """Edges without offsets that the chain of crossings may pass on the way to one that carries them."""
@@ -76,3 +78,26 @@ def _chain(rows: NDArray[np.int64], keys: NDArray[np.int64]) -> NDArray[np.int64
                 at = np.where((there >= 0) & (found < 0), onward, -1)
             at = resume
     return chain
+
+
+def nearby_samples(st: State, active: NDArray[np.int64], n: int) -> NDArray[np.int32]:
+    """Vertices near each vertex of a list, of those in the list, or -1, (A, S).
+
+    For each axis those 1 before, 1 behind, 2 before and 2 behind, then for each two axes the four across.
+    """
+    unit = np.eye(n, dtype=np.int64)
+    steps = [unit[axis] * far for axis in range(n) for far in (-1, 1, -2, 2)]
+    for a, b in combinations(range(n), 2):
+        steps += [unit[a] * i + unit[b] * j for i, j in product((-1, 1), repeat=2)]
+    listed = np.zeros(len(st.vertex) + 1, np.bool_)
+    listed[active] = True
+    out = np.empty((len(active), len(steps)), np.int32)
+    position = st.vertex[active, :3].astype(np.int64)
+    vertex = np.empty(len(active), np.int64)
+    for column, step in enumerate(steps):
+        there = position.copy()
+        there[:, :n] += step
+        inside = np.all((there >= 0) & (there <= st.at[LAST : LAST + 3]), axis=1)
+        geometry.entries(st, np.where(inside[:, None], there, 0), vertex)
+        out[:, column] = np.where(inside & listed[vertex], vertex, -1)
+    return out

@@ -1,4 +1,4 @@
-"""What the main profile sees of where new components may be: how many vertices are known nearby (spec clause 7.12).
+"""What the main profile sees of where new components may be: how many vertices are known nearby (spec clause 7.13).
 
 Counts are kept for the cells of every power of two of samples: of vertices known before the round, and of new
 components found so far, which cluster.
@@ -13,6 +13,7 @@ from ..entropy.main import TREE_ROW
 from ..jit import DONE, GROW, inner, kernel
 from ..mesh.access import dimension
 from ..mesh.store import full, get, put
+from .classes import bits
 from .state import BIRTHS, COUNTED, EDGE, LEVEL, SIZE, STEP_CELLS, VERTICES
 
 BIRTH = 1 << 20
@@ -58,12 +59,7 @@ def census(st):
 @inner
 def _class(x):
     """0 to 3 are classes of their own, then one for each power of two, up to 512 and more."""
-    if x < 4:
-        return x
-    bits = np.int64(0)
-    while x >> bits > 1 and bits < 9:
-        bits += 1
-    return bits + 2
+    return x if x < 4 else min(bits(x), 10) + 1
 
 
 @inner
@@ -93,8 +89,4 @@ def see_crowd(st, cd, what, shift, x, y, z, hits, child, nearness):
         see(cd, first + 69 + _class(vertices))
         see(cd, first + 81 + _class(here >> 20))
         see(cd, first + 93 + _class(births))
-    rest = (st.at[VERTICES] + 1) // (st.at[BIRTHS] + 1)
-    bits = np.int64(0)
-    while rest >> bits > 1 and bits < 12:
-        bits += 1
-    see(cd, first + 105 + bits)
+    see(cd, first + 105 + min(max(bits((st.at[VERTICES] + 1) // (st.at[BIRTHS] + 1)) - 1, 0), 12))

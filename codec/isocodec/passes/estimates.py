@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from ..contour.implied import implied_edges
 from ..entropy.coder import Coder
 from . import geometry, leaves
-from .beside import Beside, beside_grid, beside_leaves
+from .beside import Beside, beside_grid, beside_leaves, nearby_samples
 from .state import BITS, LEAVES, MESHES, VERTICES, State
 from .truth import Truth
 
@@ -66,7 +66,9 @@ class Estimates:
         self._shift = shift
         self._active = NOTHING
         self._active_mesh = self._edges_mesh = -1
+        self._full = False
         self._wanted = NOTHING
+        self._near = np.zeros((0, 0), np.int32)
         self._length = NOTHING
         self._rising = np.zeros(0, np.bool_)
         self._earlier = np.zeros((0, 2), np.int64)
@@ -82,6 +84,7 @@ class Estimates:
         used = geometry.active_vertices(st, np.zeros(count, np.uint8), full, active)
         self._active = active[:used]
         self._active_mesh = int(st.at[MESHES])
+        self._near = np.zeros((0, 0), np.int32)
         self._wanted = np.zeros(count if self.truth else 0, np.int64)
         if self.truth:
             above = st.vertex[self._active, 3] != 0
@@ -101,6 +104,7 @@ class Estimates:
         old = len(self.number)
         if st.at[MESHES] != self._active_mesh:
             self._activate(st, full)
+        self._full = full
         if count > old:
             self.number = np.concatenate([self.number, np.zeros(count - old, np.int64)])
             bits = np.where(st.vertex[old:count, 3] != 0, *self.bits).astype(np.int64)
@@ -132,7 +136,9 @@ class Estimates:
 
     def code_values(self, st: State, cd: Coder) -> int:
         """Go on with a layer of values."""
-        return int(geometry.values(st, cd, self._active, self.number, self.left, self._plane, self._wanted))
+        if self._full and len(cd.blend.weight) and not len(self._near):
+            self._near = nearby_samples(st, self._active, self.n)
+        return int(geometry.values(st, cd, self._near, self._active, self.number, self.left, self._plane, self._wanted))
 
     def begin_offsets(self, st: State, full: bool, parts: int, unit: int) -> None:
         """Begin a layer of offsets, to at least ``parts`` parts in ``2**unit`` samples of an edge."""

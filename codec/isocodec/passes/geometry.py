@@ -13,12 +13,14 @@ from isospec.container import MAX_PARTS, MAX_RADIX, STEP_RADIX
 from ..entropy import baseline as ctx
 from ..entropy.blend import EITHER, blended, mixing
 from ..entropy.coder import ENCODE, MODE, code
-from ..entropy.main import LEAF_NET, LEAN_KIND, OFFSET_KIND, OFFSET_NET
+from ..entropy.main import LEAF_NET, LEAN_KIND, OFFSET_KIND, OFFSET_NET, VALUE_KIND, VALUE_NET
 from ..grid.field import OFFSET_BITS
 from ..jit import DONE, inner, kernel
 from ..mesh.access import dimension
 from ..mesh.store import get
-from .along import bits, count_near, find_candidates, find_off_grid, recent_sides, remember, see_along
+from .along import count_near, find_candidates, find_off_grid, recent_sides, remember, see_along
+from .classes import bits
+from .nearby import see_nearby
 from .state import LEAVES, OFFSET_BIT, SCRATCH, SIDE, TALLY, VALUE_BIT, corner_entry, edge_of
 
 # Registers in State.walk: next item of the list, the symbol before, the place within a digit, its sign.
@@ -128,11 +130,11 @@ def entries(st, position, out):
 
 
 @kernel
-def values(st, cd, active, number, left, plane, wanted):
+def values(st, cd, near, active, number, left, plane, wanted):
     """Bring the vertices' numbers down to ``plane`` bits left (spec clause 5.6.3).
 
     ``number`` is the distance from the isovalue's side of the interval as far as known, ``left`` the bits of it
-    that are missing, ``wanted`` the encoder's whole number (empty for the decoder).
+    that are missing, ``wanted`` the encoder's whole number (empty for the decoder), ``near`` the vertices near each.
     """
     w = st.walk
     encoding = cd.reg[MODE] == ENCODE
@@ -145,7 +147,12 @@ def values(st, cd, active, number, left, plane, wanted):
         bit = np.int64(0)
         if encoding:
             bit = (wanted[v] >> p) & 1
-        bit = code(cd, ctx.VALUE + (p * 2 + np.int64(number[v] != 0)) * 3 + w[BEFORE], bit)
+        context = ctx.VALUE + (p * 2 + np.int64(number[v] != 0)) * 3 + w[BEFORE]
+        if mixing(cd):
+            see_nearby(st, cd, near, w[ITEM], number, left, v, p)
+            bit = blended(cd, VALUE_NET, False, VALUE_KIND + min(bits(number[v]), 2), context, bit)
+        else:
+            bit = code(cd, context, bit)
         if bit < 0:
             return bit
         st.at[TALLY + VALUE_BIT] += 1

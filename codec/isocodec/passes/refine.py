@@ -11,7 +11,7 @@ import numpy as np
 from ..entropy import baseline as ctx
 from ..entropy.blend import blended, clear, mixing, see
 from ..entropy.coder import ENCODE, MODE, code
-from ..entropy.main import EARLIER_ROWS, REFINE_KIND, SIGN_NET, SIGN_ROWS
+from ..entropy.main import EARLIER_ROWS, MESH_KIND, MESH_NET, REFINE_KIND, SIGN_NET, SIGN_ROWS
 from ..jit import DONE, GROW, inner, kernel
 from ..mesh.access import corner, dimension, member, middle
 from ..mesh.access import corners as corner_count
@@ -19,8 +19,9 @@ from ..mesh.access import kind as kind_of
 from ..mesh.access import members as member_count
 from ..mesh.chosen import has
 from ..mesh.store import get, put
-from .along import bits
+from .ahead import OF_LEAF, see_mesh
 from .around import see_around, survey
+from .classes import bits
 from .diamond import bisect, bisect_member, look, push
 from .infer import implied
 from .mesh import BARRED, IN, KEPT, KNOWN, admit, closure, short
@@ -157,7 +158,7 @@ def _remember(st, p0, p1):
 
 @inner
 def _see(st, cd, w0, w1, w2, crossed, said, guess, earlier, apart):
-    """List what the main profile sees around a middle (spec clause 7.11); whether its rows speak of the bit 0."""
+    """List what the main profile sees around a middle (spec clause 7.12); whether its rows speak of the bit 0."""
     n = dimension(st.tables)
     r = st.at[LEVEL] % n
     w = st.walk
@@ -198,7 +199,11 @@ def _split(st, cd, kind, w0, w1, w2, x, y, z):
         size, odd = _ring(corners, above, np.int64(1))
         odd = min(odd, size - odd)
         case = (level % dimension(st.tables) * 2 + crossed) * 4 + min(odd, 3)
-        bit = code(cd, ctx.SPLIT + case * 8 + w[SPLITS], bit)
+        if mixing(cd):
+            see_mesh(st, cd, OF_LEAF, w[SPLITS], level, x, y, z)
+            bit = blended(cd, MESH_NET, False, MESH_KIND + OF_LEAF, ctx.SPLIT + case * 8 + w[SPLITS], bit)
+        else:
+            bit = code(cd, ctx.SPLIT + case * 8 + w[SPLITS], bit)
         if bit < 0:
             return bit
         st.at[TALLY + SPLIT] += 1

@@ -27,7 +27,7 @@ SIDE, SHIFT, TOLD, SEEDED, BITS, _, MESHES, ADAPTED, COUNTED, BIRTHS, BOARD_EDGE
 """Whether the isovalue lies above (1) or below (-1) the earlier one that it leans on, by how many whole steps; whether
 the mesh is told from the start; whether the base begins at the leaves of the earlier one; bits of values below the
 isovalue and, next to it, above; how many meshes have been completed; whether an adaptive layer has begun
-(5.8); vertices counted in the crowd, and new components found so far (7.12); the edge that the board is made for, and
+(5.8); vertices counted in the crowd, and new components found so far (7.13); the edge that the board is made for, and
 the vertices on it; how often signs have been those of the earlier isovalue (7.12)."""
 COUNTERS = 53
 ALWAYS, MOSTLY, AGREED_SHIFT = 4096, 3584, 5

@@ -69,10 +69,10 @@ class Slack:
         return out
 
 
-def grid_offsets(tolerance: float | None) -> list[Entry]:
-    """Layers of offsets on the full grid that keep to the tolerance; the last one says what is cheapest within it."""
+def grid_offsets(tolerance: float | None, free: bool) -> list[Entry]:
+    """Layers of offsets on the full grid that keep to the tolerance; if ``free``, the last one has slack."""
     plan: list[Entry] = [("offsets", radix) for radix in radices(tolerance)]
-    if tolerance is not None and plan:
+    if free and tolerance is not None and plan:
         plan[-1] = (*plan[-1], 0, None, Slack(tolerance))
     return plan
 

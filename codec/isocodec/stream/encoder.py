@@ -13,17 +13,15 @@ from numpy.typing import ArrayLike
 from isospec.container import MAX_ISOVALUES, Checksum, ChunkType, Profile
 
 from ..errors import FormatError, OptionError
-from ..grid.field import Field, check_field
-from ..limits import Limits
+from ..grid.field import check_field
 from ..mesh.tables import cube_exponent
-from ..passes.truth import Truth
 from ..passes.tube import Tube
 from . import strategy
 from .container import LayerRecord, write_chunk, write_further, write_index, write_metadata
 from .crossings import grid_offsets, radices
 from .header import Header, write_header
 from .program import Layer, Progress, write_program
-from .strand import Entry, Strand, leaning_tube
+from .strand import Entry, Strand, field_tube
 
 DEFAULT_TOLERANCE = 0.05
 """Largest distance in cells between decoded and extracted curve when nothing else is asked for."""
@@ -122,7 +120,8 @@ class Encoder:
         self._metadata = dict(metadata or {})
         self._report = progress
         self.header = Header(first.values.shape, first.isovalue, step, Profile[profile.upper()])
-        self._strands = [self._strand(0, Progress(len(first.values.shape) * cube_exponent(first.values.shape)))]
+        self._strands: list[Strand] = []
+        self._strands.append(self._strand(0, Progress(self._full_level))[0])
         self._begun = False
 
     @property
@@ -136,41 +135,61 @@ class Encoder:
         return [record for strand in self._strands for record in strand.records]
 
     @property
+    def _full_level(self) -> int:
+        return len(self.header.shape) * cube_exponent(self.header.shape)
+
+    @property
     def _tube(self) -> Tube:
         return self._strands[-1].tube
 
-    def _strand(self, number: int, progress: Progress) -> Strand:
-        """The layers of an isovalue, ready to be encoded when those before it are done."""
-        field = self._fields[number]
+    def _strand(self, number: int, progress: Progress) -> tuple[Strand, int | None]:
+        """The layers of an isovalue, ready to be encoded when those before it are done; the one that it leans on."""
         lean = self._leans_on(number)
-        truth = Truth(field.signs, field.numbers, field.crossings)
-        earlier, other = (None, 0.0) if lean is None else (self._strands[lean].tube, self.isovalues[lean])
-        tube = leaning_tube(self.header, field.isovalue, earlier, other, 1 << 16, Limits(), truth)
-        plan = self._plan_of(field, tube)
-        if isinstance(plan, Mapping):
-            plan = plan[self.isovalues[number]]
+        try:
+            plan = self._plan_of(number, lean)
+        except strategy.NotKeptError:
+            if lean is None:
+                raise
+            lean = None
+            plan = self._plan_of(number, None)
         begun = progress.begin(None if lean is None else self._strands[lean].progress)
-        return Strand(field, tube, plan, begun)
+        return Strand(self._fields[number], self._fresh(number, lean), plan, begun), lean
 
-    def _plan_of(self, field: Field, tube: Tube) -> Sequence[Entry] | Mapping[float, Sequence[Entry]]:
+    def _fresh(self, number: int, lean: int | None) -> Tube:
+        """A tube of an isovalue that nothing is told of yet."""
+        earlier, other = (None, 0.0) if lean is None else (self._strands[lean].tube, self.isovalues[lean])
+        return field_tube(self.header, self._fields[number], earlier, other)
+
+    def _plan_of(self, number: int, lean: int | None) -> Sequence[Entry]:
         """What the options come to for one isovalue."""
         o = self._asked
         if o.plan is not None:
-            return o.plan
+            return o.plan[self.isovalues[number]] if isinstance(o.plan, Mapping) else o.plan
         values: list[Entry] = [("values", None)] if o.exact or o.step is not None else []
         fine = None if values or o.signs_only else o.tolerance or DEFAULT_TOLERANCE
+        free = self.header.profile == Profile.MAIN and self._slack_keeps_order(fine)
+        offsets = grid_offsets(fine, free)
+        searched = o.tolerance if o.base_level is None and (o.tolerance or 0) >= SEARCHED else None
+        if searched is o.steps is o.criterion is None and not o.preserve_topology:
+            return strategy.grid_plan(len(self.header.shape), self._full_level, o.base_level) + values + offsets
+        promise = strategy.Promise(self._fields[number], lambda: self._fresh(number, lean), free)
         if o.steps is not None:
-            return strategy.stepwise(strategy.Promise(field, self.header.profile), o.steps, o.preserve_topology)
+            return strategy.stepwise(promise, o.steps, o.preserve_topology)
         if o.criterion is not None:
-            offsets: strategy.Plan = [("offsets", radix, 0) for radix in radices(fine)]
-            promise = strategy.Promise(field, self.header.profile)
-            return strategy.reduced(promise, o.criterion, o.parameter, o.preserve_topology) + values + offsets
-        if o.tolerance is not None and o.base_level is None and o.tolerance >= SEARCHED:
-            return strategy.smallest(strategy.Promise(field, self.header.profile), o.tolerance, o.preserve_topology)
-        offsets = grid_offsets(fine)
-        if o.preserve_topology:
-            return strategy.whole_mesh(strategy.Promise(field, self.header.profile), True) + values + offsets
-        return strategy.grid_plan(tube.n, tube.full_level, None, o.base_level) + values + offsets
+            mesh: strategy.Plan = strategy.reduced(promise, o.criterion, o.parameter, o.preserve_topology)
+            return mesh + values + [("offsets", radix, 0) for radix in radices(fine)]
+        if searched is not None:
+            return strategy.smallest(promise, searched, o.preserve_topology)
+        return strategy.whole_mesh(promise, True) + values + offsets
+
+    def _slack_keeps_order(self, tolerance: float | None) -> bool:
+        """Whether crossings of several isovalues stay in order if they are told with slack (spec annex G.3).
+
+        First digits do not get past those of the isovalue leaned on. So each isovalue has to lie beyond all before it.
+        """
+        before = [self.isovalues[:i] for i in range(1, len(self.isovalues))]
+        outward = all(not min(b) < v < max(b) for b, v in zip(before, self.isovalues[1:], strict=True))
+        return len(self.isovalues) == 1 or (self._leaning and outward and len(radices(tolerance)) <= 1)
 
     def _leans_on(self, number: int) -> int | None:
         """Number of the earlier isovalue that lies nearest."""
@@ -195,8 +214,9 @@ class Encoder:
             yield write_chunk(ChunkType.METADATA, write_metadata(self._metadata), ancillary=True)
         for number in range(len(self.isovalues)):
             if number > 0:
-                self._strands.append(self._strand(number, self._strands[-1].progress))
-                yield write_chunk(ChunkType.ISOVALUE, write_further(self.isovalues[number], self._leans_on(number)))
+                strand, lean = self._strand(number, self._strands[-1].progress)
+                self._strands.append(strand)
+                yield write_chunk(ChunkType.ISOVALUE, write_further(self.isovalues[number], lean))
             yield from self._layers(self._strands[number], number == len(self.isovalues) - 1)
 
     def _layers(self, strand: Strand, last: bool) -> Iterator[bytes]:

@@ -8,7 +8,7 @@ both ways, and puts vertices back where it is not proven.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from dataclasses import field as derived
 from itertools import pairwise
@@ -21,11 +21,10 @@ from isospec.container import MAX_RADIX, Profile
 from ..contour import Contour, Leaves, draw
 from ..errors import OptionError
 from ..grid.field import OFFSET_BITS, Field
-from ..limits import Limits
 from ..mesh.chosen import Chosen
 from ..mesh.tables import cube_exponent
 from ..passes.snapshot import leaves_of
-from ..passes.truth import Truth
+from ..passes.state import WORK
 from ..passes.tube import Tube
 from ..reduce.distance import Target
 from ..reduce.fit import AGAIN, ROUNDS, fitted_offsets
@@ -34,7 +33,7 @@ from ..reduce.reduction import Reduction
 from .crossings import Slack, grid_offsets, pitches, radices
 from .header import Header
 from .program import Progress
-from .strand import Entry, Place, Strand, leaning_tube
+from .strand import Entry, Place, Strand, field_tube
 
 Plan = list[Entry]
 
@@ -52,6 +51,10 @@ EDGE = 1e-6
 """Share of a tolerance that is below its rounding."""
 
 
+class NotKeptError(OptionError):
+    """No plan was found that is proven to keep a promise."""
+
+
 @dataclass
 class Promise:
     """The original curve of a field, and trial encodings held against it.
@@ -59,8 +62,11 @@ class Promise:
     Attributes
     ----------
     field : Field
-    profile : Profile
-        Of trial encodings.
+    fresh : callable, optional
+        Makes tubes for trial encodings, as that of the file: what is known of earlier isovalues changes what
+        is told. By default those of a file of its own.
+    free : bool
+        Whether crossings may be told with slack (see `Slack`).
     contour : Contour
         The original curve.
     phi : ndarray of float32
@@ -68,7 +74,8 @@ class Promise:
     """
 
     field: Field
-    profile: Profile = Profile.MAIN
+    fresh: Callable[[], Tube] | None = None
+    free: bool = True
     contour: Contour = derived(init=False)
     phi: NDArray[np.float32] = derived(init=False)
 
@@ -117,16 +124,21 @@ class Promise:
         return leaves_of(tube, self.field.isovalue, lambda number, above: number)
 
     def _encoded(self, plan: Sequence[Entry]) -> tuple[int, Tube]:
-        shape = self.field.values.shape
-        truth = Truth(self.field.signs, self.field.numbers, self.field.crossings)
-        header = Header(shape, self.field.isovalue, self.field.scale, self.profile)
-        tube = leaning_tube(header, self.field.isovalue, None, 0.0, 1 << 16, Limits(), truth)
+        tube = self.fresh() if self.fresh else self._alone()
+        # the earlier isovalue has a limit of steps, which trials do not take part in
+        steps = tube.lean.state.at[WORK] if tube.lean else 0
         strand = Strand(self.field, tube, plan, Progress(tube.full_level))
         total = done = 0
         while done < len(strand.layers):
             done, run = strand.encode_run(done, lambda: None)
             total += len(run)
+        if tube.lean:
+            tube.lean.state.at[WORK] = steps
         return total, tube
+
+    def _alone(self) -> Tube:
+        header = Header(self.field.values.shape, self.field.isovalue, self.field.scale, Profile.MAIN)
+        return field_tube(header, self.field)
 
     def excess(self, contour: Contour, tolerance: float) -> np.ndarray:
         """Places where the two curves are not proven to lie within the tolerance of each other, (K, n)."""
@@ -152,13 +164,8 @@ class Places:
         return out
 
 
-def full_grid(promise: Promise, tolerance: float | None, base_level: int | None = None) -> Plan:
-    """Base, refinement to the full grid, offsets as fine as the tolerance asks for."""
-    return grid_plan(promise.n, promise.full_level, tolerance, base_level)
-
-
-def grid_plan(n: int, full: int, tolerance: float | None, base_level: int | None) -> Plan:
-    """The same without a promise."""
+def grid_plan(n: int, full: int, base_level: int | None) -> Plan:
+    """Base and refinement to the full grid."""
     level = min(BASE_CYCLES * n, full) if base_level is None else base_level
     if not 0 <= level <= full:
         raise OptionError(
@@ -168,7 +175,7 @@ def grid_plan(n: int, full: int, tolerance: float | None, base_level: int | None
     plan: Plan = [("base", level)]
     if level < full:
         plan.append(("refine", None))
-    return plan + grid_offsets(tolerance)
+    return plan
 
 
 def smallest(promise: Promise, tolerance: float, topology: bool) -> Plan:
@@ -178,16 +185,20 @@ def smallest(promise: Promise, tolerance: float, topology: bool) -> Plan:
     if topology:
         # one layer, which cannot go wrong
         grids.append([("base", full)])
-    offsets = grid_offsets(tolerance)
-    best: Plan = [*grids[0], *offsets]
-    fewest = promise.trial(best)[0]
-    for plan in [*grids, *([*grid, *offsets] for grid in grids[1:])]:
+    offsets = grid_offsets(tolerance, promise.free)
+    best: Plan = []
+    fewest: float = math.inf
+    for plan in [*([*grid, *offsets] for grid in grids), *grids]:
         size, contour = promise.trial(plan)
         if size < fewest and not len(promise.excess(contour, tolerance)):
             best, fewest = plan, size
-    slanted = _slanted(promise, grids[0], tolerance, fewest)
-    if slanted is not None:
-        fewest, best = slanted
+    coarser = _coarsest(promise, grids[0], tolerance, fewest)
+    if coarser is not None:
+        fewest, best = coarser
+    if not best:
+        raise NotKeptError(
+            f"no plan was proven to keep to a tolerance of {tolerance:g}", code="tolerance", remedy="use a smaller one"
+        )
     if full == 0:
         return best
     loose = promise.reduction()
@@ -209,13 +220,13 @@ def smallest(promise: Promise, tolerance: float, topology: bool) -> Plan:
     return best
 
 
-def _slanted(promise: Promise, grid: Plan, tolerance: float, most: int) -> tuple[int, Plan] | None:
-    """The full grid with crossings told as freely as the tolerance lets them be, if that takes less than ``most``."""
+def _coarsest(promise: Promise, grid: Plan, tolerance: float, most: float) -> tuple[int, Plan] | None:
+    """The full grid with crossings told as coarsely as can be, with slack also at a slant, in less than ``most``."""
     found = None
     # as few parts as can be, even if in the worst case a crossing on their border is told a rounding too far away
     fewest = max(math.ceil(0.5 / tolerance * (1 - EDGE)), 1) | 1
     for radix in sorted({fewest, math.prod(radices(tolerance))} - {1}):
-        slack = Slack(tolerance, promise.phi)
+        slack = Slack(tolerance, promise.phi) if promise.free else None
         for _ in range(MOST_REPAIRS if radix <= MAX_RADIX else 0):
             plan: Plan = [*grid, ("offsets", radix, 0, None, slack)]
             size, contour = promise.trial(plan)
@@ -224,6 +235,7 @@ def _slanted(promise: Promise, grid: Plan, tolerance: float, most: int) -> tuple
             places = promise.excess(contour, tolerance)
             if not len(places):
                 found, most = (size, plan), size
+            if not len(places) or slack is None:
                 break
             slack.tighten(places)
     return found
@@ -281,7 +293,8 @@ def stepwise(promise: Promise, steps: Sequence[float], topology: bool) -> Plan:
     for i, tolerance in enumerate(distances):
         # where the mesh of this step does not do it after all: those of later steps, which have all its vertices
         for j in range(i, len(meshes)):
-            entries = None if full else _kept(promise, plan, *meshes[j], tolerance, topology, i == len(distances) - 1)
+            within = meshes[j + 1][0] if j + 1 < len(meshes) else None
+            entries = None if full else _kept(promise, plan, *meshes[j], tolerance, topology, within)
             if entries is not None:
                 meshes[i:j] = meshes[j : j + 1] * (j - i)
                 break
@@ -291,7 +304,7 @@ def stepwise(promise: Promise, steps: Sequence[float], topology: bool) -> Plan:
             full = True
             entries = [("offsets", radix) for radix in radices(tolerance)]
             if len(promise.excess(promise.trial([*plan, *entries])[1], tolerance)):
-                raise OptionError(f"no mesh keeps to the step {tolerance:g}", code="steps", remedy="leave it out")
+                raise NotKeptError(f"no mesh keeps to the step {tolerance:g}", code="steps", remedy="leave it out")
         plan += entries
     if steps[-1] == EXACT:
         if not full:
@@ -321,31 +334,39 @@ def _nested(promise: Promise, distances: Sequence[float], topology: bool) -> lis
 
 
 def _kept(
-    promise: Promise, before: Plan, mesh: Chosen, parts: int, unit: int, tolerance: float, topology: bool, last: bool
-) -> Plan | None:
-    """Entries that lead to a mesh and keep to the tolerance there, None if none were found.
+    promise: Promise, before: Plan, mesh: Chosen, parts: int, unit: int, tolerance: float, topology: bool,
+    within: Chosen | None,
+) -> Plan | None:  # fmt: skip
+    """Entries that lead to a mesh and keep to the tolerance there, in the fewest bytes, None if none were found.
 
-    Crossings that were told before are divided further, which moves them: proven as they come out. The mesh of the
-    last step may get finer for it.
+    Crossings that were told before are divided further, which moves them: proven as they come out. The mesh may get
+    finer for it, within that of the next step.
     """
-    for _ in range(MOST_REPAIRS if last else 1):
-        step = ("adapt", 0 if topology else 1, mesh) if before else ("adaptive_base", 0, mesh)
-        for finer in (parts, 3 * parts | 1, 9 * parts | 1, MAX_RADIX):
+    best: Plan | None = None
+    fewest: float = math.inf
+    for finer in (parts, 3 * parts | 1, 9 * parts | 1, MAX_RADIX):
+        chosen = mesh
+        for _ in range(MOST_REPAIRS):
+            step = ("adapt", 0 if topology else 1, chosen) if before else ("adaptive_base", 0, chosen)
             entries: Plan = [step, ("offsets", min(finer, MAX_RADIX), unit)]
-            places = promise.excess(promise.trial([*before, *entries])[1], tolerance)
+            size, contour = promise.trial([*before, *entries])
+            if size >= fewest:
+                break
+            places = promise.excess(contour, tolerance)
             if not len(places):
-                return entries
-        reduction = promise.reduction(mesh)
-        if not reduction.restore(places):
-            break
-        mesh = reduction.chosen
-    return None
+                best, fewest = entries, size
+                break
+            reduction = promise.reduction(chosen)
+            if not reduction.restore(places, within):
+                break
+            chosen = reduction.chosen
+    return best
 
 
 def whole_mesh(promise: Promise, topology: bool) -> Plan:
     """To the full grid, by way of meshes that all have the right topology if that is asked for."""
     if not topology:
-        return full_grid(promise, None)
+        return grid_plan(promise.n, promise.full_level, None)
     reduction = promise.reduction()
     reduction.reduce(topology=True)
     return [("adaptive_base", 0, reduction.chosen)] + ([("refine", None)] if promise.full_level else [])

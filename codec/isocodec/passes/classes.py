@@ -1,0 +1,27 @@
+"""Classes of numbers, for contexts and rows: how many binary digits they have (spec clause 7.14)."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..jit import inner
+
+CLASSES = 13
+"""Classes of sizes that rows tell apart, on either side."""
+NONE, ROUGH, FINE = range(3)
+"""How well something is known: not, only in part, as well as may be."""
+
+
+@inner
+def bits(x):
+    """Bits of a number."""
+    count = np.int64(0)
+    while x >> count:
+        count += 1
+    return count
+
+
+@inner
+def row_of(slot, known, size, negative):
+    """Row, from a list's first on, for a candidate so far from where the parts are split."""
+    return (2 * slot + (known == FINE)) * 2 * CLASSES + min(bits(size), CLASSES - 1) + (CLASSES if negative else 0)

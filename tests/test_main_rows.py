@@ -1,0 +1,224 @@
+"""The main profile: what networks see of values, of the mesh, behind gates, against plain renderings (7.15 to 7.17)."""
+
+from __future__ import annotations
+
+from itertools import combinations, product
+
+import numpy as np
+import pytest
+
+from brute import smooth
+from isocodec import Encoder
+from isocodec.entropy.baseline import rates
+from isocodec.entropy.blend import clear
+from isocodec.entropy.coder import ENCODE, REGISTERS, Coder, start
+from isocodec.entropy.main import BASE_ROW, MESH_ROW, VALUE_ROW, shipped_models
+from isocodec.grid.field import check_field
+from isocodec.jit import kernel
+from isocodec.mesh.access import vertex
+from isocodec.mesh.store import get
+from isocodec.mesh.tables import cube_exponent
+from isocodec.passes.ahead import see_behind, see_mesh
+from isocodec.passes.around import nearest_vertices
+from isocodec.passes.beside import nearby_samples
+from isocodec.passes.mesh import IN, KEPT, OUT
+from isocodec.passes.nearby import see_nearby
+from isocodec.passes.state import LEAVES, VERTICES
+from isocodec.stream.strategy import Promise, grid_plan, reduced
+
+SHAPES = [(34, 29), (13, 12, 14)]
+
+
+@kernel
+def _nearby(st, cd, near, i, number, left, v, p):
+    clear(cd)
+    see_nearby(st, cd, near, i, number, left, v, p)
+
+
+@kernel
+def _mesh(st, cd, what, history, level, x, y, z):
+    clear(cd)
+    see_mesh(st, cd, what, history, level, x, y, z)
+
+
+@kernel
+def _behind(st, cd, level, cls, b0, b1, b2, opp, guess, case, other):
+    clear(cd)
+    see_behind(st, cd, level, cls, b0, b1, b2, opp, guess, case, other)
+
+
+def coder(n):
+    prob, seen, blend = shipped_models(n)
+    cd = Coder(np.zeros(REGISTERS, np.int64), np.zeros(64, np.uint8), prob, seen, rates(), blend)
+    start(cd.reg, ENCODE)
+    return cd
+
+
+def rows_of(cd, first):
+    """The rows listed, from a network's first on."""
+    return sorted((cd.blend.row[1 : cd.blend.row[0] + 1] - first).tolist())
+
+
+def bits(x):
+    return int(x).bit_length()
+
+
+def ints(*numbers):
+    return [np.int64(x) for x in numbers]
+
+
+def known(state, n):
+    """Signs of the known vertices by position."""
+    return {tuple(map(int, v[:n])): int(v[3]) for v in state.vertex[: state.at[VERTICES]]}
+
+
+def clamped(position, shape):
+    return tuple(min(max(int(x), 0), size - 1) for x, size in zip(position, shape, strict=True))
+
+
+@pytest.mark.parametrize("shape", SHAPES)
+@pytest.mark.parametrize("planes", [1, 4])
+def test_rows_of_values_nearby(shape, planes):
+    """Half of the vertices told as far as ``p``, the others one bit less."""
+    n = len(shape)
+    field = np.rint(smooth(shape, 5) * 200).astype(np.int64)
+    encoder = Encoder(field, 20.5, plan=[*grid_plan(n, n * cube_exponent(shape), None), ("values", planes)])
+    assert b"".join(encoder)
+    tube = encoder._strands[0].tube
+    state, active = tube.state, tube.estimates._active
+    near = nearby_samples(state, active, n)
+    number, left = tube.estimates.number.copy(), tube.estimates.left.copy()
+    p = int(left[active].max())
+    rng = np.random.default_rng(planes)
+    for v in active[rng.random(len(active)) < 0.5]:
+        number[v], left[v] = number[v] >> 1, left[v] + 1
+    place = {tuple(map(int, state.vertex[v, :n])): v for v in active}
+    slots = {2: 9, 3: 14}[n]
+    cd = coder(n)
+    for i in rng.choice(len(active), 60):
+        v = active[i]
+        if left[v] != p + 1:
+            continue
+        _nearby(state, cd, near, *ints(i), number, left, *ints(v, p))
+        here = np.array(state.vertex[v, :n], np.int64)
+
+        def near_value(*step, here=here, v=v):
+            u = place.get(tuple((here + step).tolist()))
+            if u is None:
+                return None
+            middle = int(2 * number[u] + 1) << int(left[u])
+            return (middle if state.vertex[u, 3] == state.vertex[v, 3] else -middle), left[u] <= p
+
+        def combined(parts, rule):
+            if not parts or None in parts:
+                return None
+            return rule(*[x for x, _ in parts]), all(fine for _, fine in parts)
+
+        def mean(*x):
+            return sum(x) // len(x)
+
+        unit = np.eye(n, dtype=np.int64)
+        beside = [x for a in range(n) for way in (-1, 1) if (x := near_value(*(way * unit[a]))) is not None]
+        candidates = [combined([x for x in beside if x[0] > 0], mean), combined([x for x in beside if x[0] < 0], mean)]
+        for a in range(n):
+            y, yy, z, zz = (near_value(*(step * unit[a])) for step in (-1, -2, 1, 2))
+            candidates += [
+                combined([y, z], mean), combined([y, yy], lambda s, t: 2 * s - t),
+                combined([z, zz], lambda s, t: 2 * s - t),
+            ]  # fmt: skip
+        for a, b in combinations(range(n), 2):
+            across = []
+            for s, t in product((-1, 1), repeat=2):
+                three = [
+                    near_value(*(s * unit[a])),
+                    near_value(*(t * unit[b])),
+                    near_value(*(s * unit[a] + t * unit[b])),
+                ]
+                across.append(combined(three, lambda x, y, z: x + y - z))
+            candidates.append(combined([x for x in across if x is not None], mean))
+        bound = int(2 * number[v] + 1) << (p + 1)
+        expected = [52 * slots + min(p, 15), 52 * slots + 16 + min(bits(number[v]), 7)]
+        expected.append(52 * slots + 24 + sum(fine for _, fine in beside))
+        for slot, candidate in enumerate(candidates):
+            if candidate is not None:
+                c, fine = candidate
+                size = min(bits(abs(c - bound) * 8 // 2 ** (p + 1)), 12)
+                expected.append(52 * slot + 26 * bool(fine) + size + 13 * (c < bound))
+        assert len(candidates) == slots
+        assert rows_of(cd, VALUE_ROW[n]) == sorted(expected)
+
+
+def adapted(shape, steps):
+    """A tube on an adaptive mesh, after a base or after a further layer."""
+    field = smooth(shape, 5)
+    promise = Promise(check_field(field, 0.1))
+    (_, _, mesh), *_ = reduced(promise, "distortion", 0.3, False)
+    plan = [("adaptive_base", 0, mesh)] if steps == 1 else [("base", len(shape)), ("adapt", 1, mesh)]
+    encoder = Encoder(field, 0.1, plan=plan)
+    assert b"".join(encoder)
+    return encoder._strands[0].tube
+
+
+@pytest.mark.parametrize("shape", SHAPES)
+@pytest.mark.parametrize("steps", [1, 2])
+def test_rows_of_the_mesh(shape, steps):
+    n, k = len(shape), cube_exponent(shape)
+    tube = adapted(shape, steps)
+    state, signs, cd = tube.state, known(tube.state, n), coder(n)
+    rng = np.random.default_rng(steps)
+    tried = marks = 0
+    for _ in range(3000):
+        level = int(rng.integers(0, n * k))
+        g = (1 << (k - level // n)) // 2
+        w = rng.integers(0, (1 << k) // g + 1, n)
+        odd = [a for a in range(n) if w[a] % 2]
+        if len(odd) != n - level % n:
+            continue
+        way = [(-1 if w[a] % 4 == 3 else 1) for a in range(n)]
+        order = odd + [a for a in range(n) if a not in odd]
+        end = clamped([(w[a] - way[a] * (a in odd)) * g for a in range(n)], shape)
+        what, history = int(rng.integers(4)), int(rng.integers(8))
+        _mesh(state, cd, *ints(what, history, level, *(w * g), *([0] * (3 - n))))
+        expected = [3 * what + level % n, 12 + min(n * k - level, 23), 36 + history]
+        first = 44 + 96 * (level % n)
+        for i, d in enumerate(nearest_vertices(n, level % n)[:24]):
+            at = np.array(w)
+            for step, a in zip(d, order, strict=True):
+                at[a] += step * (way[a] if a in odd else 1)
+            at = at * g
+            if (at >= 0).all() and (at <= 1 << k).all():
+                mark = int(get(state.mesh, *ints(*at, *([0] * (3 - n)))))
+                if mark & (IN | OUT | KEPT):
+                    expected.append(first + 2 * i + bool(mark & IN))
+                    marks += 1
+            sign = signs.get(clamped(at, shape))
+            if sign is not None:
+                expected.append(first + 48 + 2 * i + (sign == signs.get(end, 0)))
+        assert rows_of(cd, MESH_ROW[n]) == sorted(expected)
+        tried += 1
+    assert tried > 50 and marks > 50
+
+
+@pytest.mark.parametrize("shape", SHAPES)
+def test_rows_behind_a_gate(shape):
+    n, k = len(shape), cube_exponent(shape)
+    tube = adapted(shape, 1)
+    state, signs, cd = tube.state, known(tube.state, n), coder(n)
+    steps = [d for d in product(range(-3, 4), repeat=n) if any(d) and (n == 2 or sum(map(abs, d)) <= 3)]
+    rng = np.random.default_rng(1)
+    for i in rng.choice(int(state.at[LEAVES]), 80):
+        cls, *block, level = (int(x) for x in state.leaf[i])
+        edge = 1 << (k - level // n)
+        corners = [vertex(state.tables, *ints(level % n, cls, j)) for j in range(n + 1)]
+        corners = [np.array([(4 * block[a] + int(c[a])) * edge // 2 for a in range(n)]) for c in corners]
+        opp, guess, case, other = (int(x) for x in rng.integers([0, 0, 0, -1], [n + 1, 2, 48, 2]))
+        _behind(state, cd, *ints(level, cls, *block, opp, guess, case, other))
+        origin = corners[opp]
+        others = [c - origin for j, c in enumerate(corners) if j != opp]
+        expected = [case % (4 if n == 2 else 16)] + ([16 + (other == guess)] if other >= 0 else [])
+        first = 18 + 2 * len(steps) * (level % n * (n + 1) + opp)
+        for number, d in enumerate(steps):
+            sign = signs.get(clamped(origin + sum(x * e for x, e in zip(d, others, strict=True)), shape))
+            if sign is not None:
+                expected.append(first + 2 * number + (sign == guess))
+        assert rows_of(cd, BASE_ROW[n]) == sorted(expected) and len(expected) > n
