@@ -419,7 +419,7 @@ def network(
 # -- adaptive probabilities ----------------------------------------------------------------------------------------
 
 
-def adapted(found: list[Item], n: int, squash: NDArray[np.int64], tables: Tables) -> Tables:
+def adapted(coded: list[tuple[Item, dict[str, object]]], n: int, squash: NDArray[np.int64], tables: Tables) -> Tables:
     """The same networks with the mixing weights and probabilities that files have at their ends, on the average.
 
     Each file begins with what there is so far. Files count alike, but for those that have few symbols of a kind.
@@ -427,7 +427,7 @@ def adapted(found: list[Item], n: int, squash: NDArray[np.int64], tables: Tables
     prob, seen, blend = profile.models(squash, tables)
     mean, weight = prob.astype(float), np.zeros(len(prob))
     mix, mixed = blend.mix.astype(float), np.zeros(KINDS)
-    for item, options in [*pairs(found), *files(found)]:
+    for item, options in coded:
         use(squash, n, tables)
         prob, seen, _ = profile.models(squash, tables)
         encoder = Encoder(item.values, item.isovalue, profile="main", **options)  # type: ignore[arg-type]
@@ -455,14 +455,15 @@ def trained(folder: Path, n: int, squash: NDArray[np.int64], epochs: int) -> Tab
     tables = Tables(weight, out, mix, np.zeros((0, 3), np.int64))
     found = data(folder, n)
     use(squash, n, tables)
-    lines = [traced(item, options) for item, options in (*files(found), *pairs(found))]
+    once, twice = list(files(found)), list(pairs(found))
+    lines = [traced(item, options) for item, options in (*once, *twice)]
     for net in range(NETS):
         first, rows = span(n, net)
         fitted, opinion = network(lines, n, net, epochs)
         weight[first : first + rows] = np.clip(np.rint(fitted * ONE), -32768, 32767)
         out[net] = np.rint(opinion * ONE)
         out[net, HIDDEN] = np.rint(opinion[HIDDEN] * ONE * ONE)
-    return adapted(found, n, squash, tables)
+    return adapted([*twice, *once], n, squash, tables)
 
 
 def main() -> None:

@@ -9,22 +9,23 @@ from itertools import product
 
 import numpy as np
 
-from ..entropy.blend import clear, see
-from ..entropy.main import BASE_ROW, MESH_AROUND, MESH_ROW
+from ..entropy.blend import blended, clear, mixing, see
+from ..entropy.coder import code
+from ..entropy.main import BASE_ROW, MESH_AROUND, MESH_KIND, MESH_NET, MESH_ROW
 from ..jit import inner
 from ..mesh.access import dimension, vertex
 from ..mesh.store import get
-from .around import PLANE, SPACE
+from .around import PLANE, SPACE, anchor
 from .mesh import IN, KEPT, OUT, lattice
 from .state import SCRATCH, SIZE, edge_of, entry, position
 
 _MESH_2, _MESH_3 = MESH_ROW[2], MESH_ROW[3]
-_BESIDE = {
+_STEPS = {
     n: np.array([d for d in product(range(-3, 4), repeat=n) if any(d) and (n == 2 or sum(map(abs, d)) <= 3)])
     for n in (2, 3)
 }
 """Vertices around the one behind a gate, in units of the edges from there to the gate's vertices."""
-_BESIDE_2, _BESIDE_3 = _BESIDE[2], _BESIDE[3]
+_STEPS_2, _STEPS_3 = _STEPS[2], _STEPS[3]
 _BASE_2, _BASE_3 = BASE_ROW[2], BASE_ROW[3]
 ON_PATH, COARSER, FINER, OF_LEAF = range(4)
 """Questions about the mesh: on the path to a component, of the simplex behind a gate, of a leaf."""
@@ -44,8 +45,7 @@ def see_mesh(st, cd, what, history, level, x, y, z):
     edge = edge_of(st, level)
     w0, w1, w2 = lattice(st, level, x, y, z)
     key = (w0 & 3) | (w1 & 3) << 2 | (w2 & 3) << 4
-    a0, a1, a2 = w0 - (1 - (w0 & 2)) * (w0 & 1), w1 - (1 - (w1 & 2)) * (w1 & 1), w2 - (1 - (w2 & 2)) * (w2 & 1)
-    here = entry(st, (a0 * edge) >> 1, (a1 * edge) >> 1, (a2 * edge) >> 1) & 1
+    here = anchor(st, edge, w0, w1, w2)
     most = np.int64(1) << st.at[SIZE]
     for i in range(MESH_AROUND):
         d = PLANE[key, i] if n == 2 else SPACE[key, i]
@@ -60,12 +60,24 @@ def see_mesh(st, cd, what, history, level, x, y, z):
 
 
 @inner
+def ask(st, cd, what, history, level, x, y, z, context, bit):
+    """Code whether a middle is in the mesh, in either profile; as ``code``."""
+    if not mixing(cd):
+        return code(cd, context, bit)
+    see_mesh(st, cd, what, history, level, x, y, z)
+    return blended(cd, MESH_NET, False, MESH_KIND + what, context, bit)
+
+
+@inner
 def see_behind(st, cd, level, cls, b0, b1, b2, opp, guess, case, other):
-    """List what the main profile sees around the vertex behind a gate (spec clause 7.17)."""
+    """List what the main profile sees around the vertex behind a gate (spec clause 7.17).
+
+    ``case`` is the number of its context; what that says beside the prediction's quality has rows of its own.
+    """
     n = dimension(st.tables)
     r = level % n
     plane = n == 2
-    first, count, cases = (_BASE_2, len(_BESIDE_2), 4) if plane else (_BASE_3, len(_BESIDE_3), 16)
+    first, count, cases = (_BASE_2, len(_STEPS_2), 4) if plane else (_BASE_3, len(_STEPS_3), 16)
     edge = edge_of(st, level)
     frame = r * (n + 1) + opp
     clear(cd)
@@ -86,7 +98,7 @@ def see_behind(st, cd, level, cls, b0, b1, b2, opp, guess, case, other):
     for i in range(count):
         q0, q1, q2 = x, y, z
         for k in range(n):
-            d = _BESIDE_2[i, k] if plane else _BESIDE_3[i, k]
+            d = _STEPS_2[i, k] if plane else _STEPS_3[i, k]
             q0, q1, q2 = q0 + d * p[3 * k], q1 + d * p[3 * k + 1], q2 + d * p[3 * k + 2]
         e = entry(st, q0, q1, q2)
         if e != 0:

@@ -116,6 +116,13 @@ def _listed(board, near, plane, row, count, first, same, w0, w1, w2):
 
 
 @inner
+def anchor(st, edge, w0, w1, w2):
+    """Sign of the end of a middle's subdivision edge that lies at multiples of 4 g, 0 if it is not known."""
+    a0, a1, a2 = w0 - (1 - (w0 & 2)) * (w0 & 1), w1 - (1 - (w1 & 2)) * (w1 & 1), w2 - (1 - (w2 & 2)) * (w2 & 1)
+    return entry(st, (a0 * edge) >> 1, (a1 * edge) >> 1, (a2 * edge) >> 1) & 1
+
+
+@inner
 def see_around(st, cd, first, w0, w1, w2):
     """List the known vertices around a middle as rows from ``first`` on; returns the sign that they are relative to.
 
@@ -123,8 +130,7 @@ def see_around(st, cd, first, w0, w1, w2):
     """
     edge = st.at[EDGE]
     plane = dimension(st.tables) == 2
-    a0, a1, a2 = w0 - (1 - (w0 & 2)) * (w0 & 1), w1 - (1 - (w1 & 2)) * (w1 & 1), w2 - (1 - (w2 & 2)) * (w2 & 1)
-    here = entry(st, (a0 * edge) >> 1, (a1 * edge) >> 1, (a2 * edge) >> 1) & 1
+    here = anchor(st, edge, w0, w1, w2)
     row = cd.blend.row
     count = row[0] + 1
     # most windows lie inside the box: nothing to clamp

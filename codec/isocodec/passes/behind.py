@@ -5,16 +5,14 @@ from __future__ import annotations
 import numpy as np
 
 from ..entropy import baseline as ctx
-from ..entropy.blend import blended, mixing
-from ..entropy.coder import ENCODE, MODE, code
-from ..entropy.main import MESH_KIND, MESH_NET
+from ..entropy.coder import ENCODE, MODE
 from ..jit import GROW, inner
 from ..mesh.access import child, dimension, grandchild, member, vertex
 from ..mesh.access import kind as kind_of
 from ..mesh.access import members as member_count
 from ..mesh.chosen import has
 from ..mesh.store import get, put
-from .ahead import COARSER, FINER, see_mesh
+from .ahead import COARSER, FINER, ask
 from .mesh import BARRED, IN, OUT, admit, closure, newest, short, told
 from .seek import middle_at
 from .state import FINEST, LEVEL_SYMBOL, TALLY, UNIFORM, edge_of, position
@@ -69,11 +67,7 @@ def tell(st, cd, what, level, x, y, z, context):
         want = np.int64(has(st.chosen, x, y, z))
     bit = np.int64(0)
     if count != BARRED:
-        if mixing(cd):
-            see_mesh(st, cd, what, st.walk[BEFORE], level, x, y, z)
-            bit = blended(cd, MESH_NET, False, MESH_KIND + what, context, want)
-        else:
-            bit = code(cd, context, want)
+        bit = ask(st, cd, what, st.walk[BEFORE], level, x, y, z, context, want)
         if bit < 0:
             return bit
         st.at[TALLY + LEVEL_SYMBOL] += 1
@@ -118,8 +112,8 @@ def resolve(st, cd, level, cls, b0, b1, b2, opp):
     n = dimension(st.tables)
     r = level % n
     w = st.walk
-    ask = _question(n, level, opp)
-    if ask == COARSER and level > 0:
+    question = _question(n, level, opp)
+    if question == COARSER and level > 0:
         x, y, z = position(edge_of(st, level), b0, b1, b2, vertex(st.tables, r, cls, opp))
         bit = tell(st, cd, COARSER, level - 1, x, y, z, ctx.LEVEL + (r * 2 + 1) * 4 + w[BEFORE])
         if bit < 0:
@@ -128,7 +122,7 @@ def resolve(st, cd, level, cls, b0, b1, b2, opp):
             cls, b0, b1, b2, side = _parent(st, level, cls, b0, b1, b2)
             level -= 1
             opp = np.int64(0) if side else n - level % n
-    elif ask == FINER:
+    elif question == FINER:
         x, y, z = middle_at(st, level, cls, b0, b1, b2)
         bit = tell(st, cd, FINER, level, x, y, z, ctx.LEVEL + r * 8 + w[BEFORE])
         if bit < 0:

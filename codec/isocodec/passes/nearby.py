@@ -9,6 +9,7 @@ from ..entropy.main import VALUE_ROW, VALUE_SLOTS
 from ..jit import inner
 from ..mesh.access import dimension
 from .classes import CLASSES, FINE, NONE, ROUGH, bits, row_of
+from .state import SCRATCH
 
 SAME, OTHER, AXES = range(3)
 """Slots: means of the next samples on the same side of the isovalue and on the other one, then three for each axis."""
@@ -44,10 +45,12 @@ def see_nearby(st, cd, near, i, number, left, v, p):
     if len(near) > 0:
         same, other, same_count, other_count = np.int64(0), np.int64(0), np.int64(0), np.int64(0)
         same_known, other_known = np.int64(FINE), np.int64(FINE)
+        w = st.walk[SCRATCH : SCRATCH + 4 * n]
         for a in range(n):
             slot = AXES + 3 * a
             x, x_known = _told(st, number, left, v, near[i, 4 * a], p)
             y, y_known = _told(st, number, left, v, near[i, 4 * a + 1], p)
+            w[4 * a], w[4 * a + 1], w[4 * a + 2], w[4 * a + 3] = x, x_known, y, y_known
             for z, known in ((x, x_known), (y, y_known)):
                 fine += known == FINE
                 if known != NONE and z > 0:
@@ -69,12 +72,11 @@ def see_nearby(st, cd, near, i, number, left, v, p):
             for b in range(a + 1, n):
                 total, count, worst = np.int64(0), np.int64(0), np.int64(FINE)
                 for k in range(4):
-                    x, x_known = _told(st, number, left, v, near[i, 4 * a + (k >> 1)], p)
-                    y, y_known = _told(st, number, left, v, near[i, 4 * b + (k & 1)], p)
+                    x, y = 4 * a + (k & 2), 4 * b + 2 * (k & 1)
                     z, known = _told(st, number, left, v, near[i, o + k], p)
-                    known = min(known, x_known, y_known)
+                    known = min(known, w[x + 1], w[y + 1])
                     if known != NONE:
-                        total, count, worst = total + x + y - z, count + 1, min(worst, known)
+                        total, count, worst = total + w[x] + w[y] - z, count + 1, min(worst, known)
                 if count > 0:
                     _show(cd, first, slot, total // count, worst, bound, p)
                 o += 4

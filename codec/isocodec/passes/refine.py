@@ -11,7 +11,7 @@ import numpy as np
 from ..entropy import baseline as ctx
 from ..entropy.blend import blended, clear, mixing, see
 from ..entropy.coder import ENCODE, MODE, code
-from ..entropy.main import EARLIER_ROWS, MESH_KIND, MESH_NET, REFINE_KIND, SIGN_NET, SIGN_ROWS
+from ..entropy.main import EARLIER_ROWS, REFINE_KIND, SIGN_NET, SIGN_ROWS
 from ..jit import DONE, GROW, inner, kernel
 from ..mesh.access import corner, dimension, member, middle
 from ..mesh.access import corners as corner_count
@@ -19,7 +19,7 @@ from ..mesh.access import kind as kind_of
 from ..mesh.access import members as member_count
 from ..mesh.chosen import has
 from ..mesh.store import get, put
-from .ahead import OF_LEAF, see_mesh
+from .ahead import OF_LEAF, ask
 from .around import see_around, survey
 from .classes import bits
 from .diamond import bisect, bisect_member, look, push
@@ -199,11 +199,7 @@ def _split(st, cd, kind, w0, w1, w2, x, y, z):
         size, odd = _ring(corners, above, np.int64(1))
         odd = min(odd, size - odd)
         case = (level % dimension(st.tables) * 2 + crossed) * 4 + min(odd, 3)
-        if mixing(cd):
-            see_mesh(st, cd, OF_LEAF, w[SPLITS], level, x, y, z)
-            bit = blended(cd, MESH_NET, False, MESH_KIND + OF_LEAF, ctx.SPLIT + case * 8 + w[SPLITS], bit)
-        else:
-            bit = code(cd, ctx.SPLIT + case * 8 + w[SPLITS], bit)
+        bit = ask(st, cd, OF_LEAF, w[SPLITS], level, x, y, z, ctx.SPLIT + case * 8 + w[SPLITS], bit)
         if bit < 0:
             return bit
         st.at[TALLY + SPLIT] += 1

@@ -1,0 +1,98 @@
+"""Small files of every kind for tests, and the means to put files together by hand."""
+
+from __future__ import annotations
+
+import zlib
+from functools import cache
+
+import numpy as np
+import pytest
+
+import isocodec
+from brute import smooth
+from isocodec import Decoder, FormatError
+from isocodec.passes.snapshot import state_of
+from isocodec.stream import container, encoder, strand
+from isospec.container import (
+    ChunkType,
+    write_varint,
+)  # fmt: skip
+
+
+def picture(shape, seed, span=40.0, noise=0.1):
+    """Integers: a smooth field with some noise."""
+    rng = np.random.default_rng(seed)
+    return np.rint(span * (smooth(shape, seed) + noise * rng.normal(size=shape))).astype(np.int64)
+
+
+@cache
+def files():
+    """Small files of every kind of layer and chunk, by name."""
+    volume = picture((5, 7, 6), 2)
+    made = {
+        "exact": isocodec.encode(picture((14, 11), 1), 3, exact=True, base_level=2),
+        "offsets": isocodec.encode(volume, 0.5, tolerance=0.1),
+        "signs": isocodec.encode(picture((12, 20), 3, noise=0.4), 0, signs_only=True, base_level=0),
+        "step": isocodec.encode(smooth((9, 13), 4), 0.123, step=0.01, metadata={"name": "wave", "unit": "m"}),
+        "single rate": isocodec.encode(picture((11, 11), 5), 0, tolerance=0.3, base_level=8),
+        "deep values": isocodec.encode(picture((6, 5), 7, span=1e6), 0.5, exact=True),
+        "empty": isocodec.encode(np.zeros((8, 5), int), 0),
+    }
+    # Small limits in the encoder make a short file with all that a long one has: runs, checksums, an index.
+    saved = strand.RUN_BYTES, encoder.INDEX_SHARE, container.CHECKED_CHUNK
+    strand.RUN_BYTES, encoder.INDEX_SHARE, container.CHECKED_CHUNK = 24, 0, 16
+    try:
+        made["several runs"] = isocodec.encode(picture((13, 16), 6), 2, exact=True, base_level=1)
+    finally:
+        strand.RUN_BYTES, encoder.INDEX_SHARE, container.CHECKED_CHUNK = saved
+    return made
+
+
+NAMES = ["exact", "offsets", "signs", "step", "single rate", "deep values", "empty", "several runs"]
+
+
+@cache
+def whole(name):
+    """Events, symbols and drawing of a whole file."""
+    decoder = Decoder()
+    decoder.feed(files()[name])
+    events = list(decoder)
+    assert decoder.complete
+    return events, decoder.symbols, decoder.snapshot(), state_of(decoder._tube)
+
+
+def same_drawing(a, b):
+    return (
+        np.array_equal(a.points, b.points) and np.array_equal(a.cells, b.cells)
+        and np.array_equal(a.isovalue, b.isovalue, equal_nan=True) and a.shape == b.shape
+    )  # fmt: skip
+
+
+def with_checksum(body):
+    """A file out of all of its bytes but the last four."""
+    return body + zlib.crc32(body).to_bytes(4, "big")
+
+
+def chunk(kind, payload, *, ancillary=False, checked=False, last=False):
+    """A chunk as clause 3.5 has it: ancillary, checked, last, five bits of type; length; payload; checksum."""
+    out = bytes([ancillary << 7 | checked << 6 | last << 5 | kind]) + write_varint(len(payload)) + payload
+    return out + zlib.crc32(out).to_bytes(4, "big") if checked else out
+
+
+HEADER = bytes.fromhex("8949534f 00 00 05 04 02".replace(" ", ""))
+"""5 x 4 samples, isovalue 1/2: root cube of edge 4, so the full grid is level 4."""
+
+
+def layers_file(payload, kind=ChunkType.LAYERS, head=HEADER):
+    """A file of one chunk of layers."""
+    return with_checksum(head + chunk(kind, payload, last=True))
+
+
+def refused(data, code, offset=None):
+    """Decoding fails with this code, and ``offset`` is where."""
+    with pytest.raises(FormatError) as caught:
+        isocodec.decode(data)
+    assert caught.value.code == code
+    assert caught.value.clause is not None
+    if offset is not None:
+        assert caught.value.offset == offset
