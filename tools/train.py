@@ -27,8 +27,9 @@ from isocodec.entropy.coder import FLOOR
 from isocodec.grid.field import check_field
 from isocodec.mesh.tables import cube_exponent
 from isocodec.passes.around import nearest_vertices
-from isocodec.stream.crossings import grid_offsets
-from isocodec.stream.strategy import Promise, grid_plan, reduced
+from isocodec.stream.crossings import grid_offsets, pitches
+from isocodec.stream.strand import Entry
+from isocodec.stream.strategy import Promise, grid_plan, reduced, starts
 from isospec.tables import HIDDEN, INPUTS, KINDS, MOST_LOGIT, NETS, ROWS, Tables, packed
 
 ITEMS = {
@@ -270,6 +271,8 @@ def files(found: list[Item]) -> Iterator[tuple[Item, dict[str, object]]]:
             promise = Promise(check_field(item.values, item.isovalue))
             (_, _, mesh), *_ = reduced(promise, "distortion", BENDS[i % len(BENDS)], False)
             yield item, {"plan": [("base", n), ("adapt", 1, mesh)]}
+            if n == 3:
+                yield from ((item, {"plan": plan}) for plan in fitted(promise, i))
         if i % 2 == 0:
             yield item, {"signs_only": True, "base_level": full}
         if item.values.dtype.kind in "iu":
@@ -278,6 +281,16 @@ def files(found: list[Item]) -> Iterator[tuple[Item, dict[str, object]]]:
             yield item, {"step": float(np.ptp(item.values)) / LEVELS[i % len(LEVELS)]}
         if item.values.size < SEARCHED:
             yield item, {"tolerance": COARSE[i % len(COARSE)]}
+
+
+def fitted(promise: Promise, turn: int) -> Iterator[list[Entry]]:
+    """Meshes, reduced and of even cubes, with crossings where the curve fits best to a tolerance."""
+    tolerance = COARSE[turn % len(COARSE)]
+    for mesh, lead in starts(promise, tolerance, False):
+        found = list(pitches(tolerance, promise.n))
+        parts, unit = found[turn % len(found)]
+        place = promise.placed(mesh, parts, unit, tolerance)
+        yield [*(lead or [("adaptive_base", 0, mesh)]), ("offsets", parts, unit, place)]
 
 
 def pairs(found: list[Item]) -> Iterator[tuple[Item, dict[str, object]]]:
@@ -320,7 +333,7 @@ def span(n: int, net: int) -> tuple[int, int]:
     return {
         profile.TREE_NET: (profile.TREE_ROW[n], profile.TREE_ROWS),
         profile.OFFSET_NET: (profile.OFFSET_ROW[n], profile.OFFSET_ROWS),
-        profile.LEAF_NET: (profile.OFFSET_ROW[n] + profile.OFFSET_ROWS, profile.LEAF_ROWS),
+        profile.LEAF_NET: (profile.OFFSET_ROW[n] + profile.OFFSET_ROWS, profile.LEAF_ROWS[n]),
         profile.VALUE_NET: (profile.VALUE_ROW[n], profile.VALUE_ROWS[n]),
         profile.MESH_NET: (profile.MESH_ROW[n], profile.MESH_ROWS[n]),
         profile.BASE_NET: (profile.BASE_ROW[n], profile.BASE_ROWS[n]),

@@ -13,7 +13,7 @@ from isocodec.mesh.tables import cube_exponent
 from .adaptive import SPACES
 from .draft import Draft, cut_within, encoded, within
 from .fields import balls, checkers, noise, salt, torus, waves
-from .meshes import chosen, random_mesh
+from .meshes import chosen, random_mesh, uniform
 
 SHAPES = ((33, 41), (13, 12, 14))
 
@@ -106,6 +106,17 @@ def meshes() -> Iterator[Draft]:
             )  # fmt: skip
 
 
+def cubes() -> Iterator[Draft]:
+    """Leaves that make up cubes, the last ones cut off at the box: only the edges of cubes carry offsets."""
+    for name, field in (("even", torus((17, 17, 9), 11, 5)), ("cut", torus((15, 18, 12), 11, 6))):
+        shape = field.shape
+        full = 3 * cube_exponent(shape)
+        finer = chosen(shape, random_mesh(shape, 43, 20, uniform(shape, full - 3)))
+        plan = [("base", full - 6), ("offsets", 5, 1), ("refine", 3), ("offsets", 3, 0), ("adapt", 1, finer),
+                ("offsets", 9, 0)]  # fmt: skip
+        yield encoded(f"space_cubes_{name}", field, 0.5, "main profile", layers=True, profile="main", plan=plan)
+
+
 def cuts() -> Iterator[Draft]:
     """Files cut within a layer, with and without a new end."""
     for shape in ((61, 57), (17, 16, 18)):
@@ -126,5 +137,5 @@ def cuts() -> Iterator[Draft]:
 
 def drafts() -> Iterator[Draft]:
     """All vectors of this module."""
-    for group in (grids, extremes, meshes, cuts):
+    for group in (grids, extremes, meshes, cubes, cuts):
         yield from group()

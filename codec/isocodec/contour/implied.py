@@ -1,7 +1,8 @@
-"""Points that follow from others: where the subdivision edge of a whole diamond is crossed (spec clause 5.7.2).
+"""Points that follow from others: on subdivision edges of whole diamonds and diagonals of squares (spec clause 5.7.2).
 
-All members of such a diamond are leaves, so that its boundary edges have points of their own. Opposite corners of its
-ring lie symmetrically about the subdivision edge: in the plane of each pair the contour is taken to be straight.
+All members of such a diamond are leaves, and both halves of such a square are sides of leaves, so that the edges around
+have points. Opposite corners of the ring lie symmetrically about the edge: in the plane of each pair the contour is
+taken to be straight.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ from numpy.typing import NDArray
 
 @dataclass(frozen=True)
 class Implied:
-    """Crossed subdivision edges of whole diamonds of one size.
+    """Crossed subdivision edges of whole diamonds of one phase, or diagonals of squares.
 
     Attributes
     ----------
@@ -35,7 +36,7 @@ def implied_edges(
     simplices: NDArray[np.int64],
     levels: NDArray[np.int64],
 ) -> list[Implied]:
-    """Find them among leaves.
+    """Find them among leaves; what some follow from comes before them.
 
     Parameters
     ----------
@@ -49,35 +50,52 @@ def implied_edges(
     """
     n = simplices.shape[1] - 1
     phase = levels % n
-    tag = n - phase
-    rows = np.arange(len(simplices))
-    first, second = simplices[:, 0], simplices[rows, tag]
-    crossed = above[first] != above[second]
-    found = []
-    for r in range(n):
+    found = [_squares(rank, above, simplices, phase)] if n == 3 else []
+    for r in (0, 1) if n == 2 else (0, 2):
         members = 2 if n == 2 else (6, 4, 8)[r]
-        chosen = np.flatnonzero(crossed & (phase == r))
-        if not len(chosen):
-            continue
-        a, b = first[chosen], second[chosen]
-        swap = rank[a] > rank[b]
-        low, high = np.where(swap, b, a), np.where(swap, a, b)
-        key = low * len(rank) + high
+        chosen = simplices[phase == r]
+        chosen = chosen[above[chosen[:, 0]] != above[chosen[:, n - r]]]
+        edges = _ends(rank, chosen[:, 0], chosen[:, n - r])
+        key = edges @ (len(rank), 1)
         order = np.argsort(key, kind="stable")
         starts = np.flatnonzero(np.diff(key[order], prepend=-1))
         counts = np.diff(starts, append=len(order))
-        whole = np.flatnonzero(counts == members)
-        member = order[starts[whole][:, None] + np.arange(members)]
+        member = order[starts[counts == members][:, None] + np.arange(members)]
         others = [i for i in range(1, n + 1) if i != n - r]
-        ring = simplices[chosen[member]][:, :, others].reshape(len(whole), members * (n - 1))
+        ring = chosen[member][:, :, others].reshape(len(member), members * (n - 1))
         # each corner of the ring belongs to two members when n = 3, to one when n = 2
         sort = np.argsort(rank[ring], axis=1)
-        ring = np.take_along_axis(ring, sort, axis=1)[:, :: n - 1]
-        edges = np.stack([low[member[:, 0]], high[member[:, 0]]], axis=1)
-        total = position[edges[:, 0]] + position[edges[:, 1]]
-        symmetric = (position[ring] + position[ring[:, ::-1]] == total[:, None]).all(axis=(1, 2))
-        found.append(Implied(edges[symmetric], ring[symmetric]))
-    return found
+        found.append(Implied(edges[member[:, 0]], np.take_along_axis(ring, sort, axis=1)[:, :: n - 1]))
+    out = []
+    for some in found:
+        total = position[some.edges].sum(axis=1)
+        symmetric = (position[some.ring] + position[some.ring[:, ::-1]] == total[:, None]).all(axis=(1, 2))
+        out.append(Implied(some.edges[symmetric], some.ring[symmetric]))
+    return out
+
+
+def _squares(
+    rank: NDArray[np.int64], above: NDArray[np.bool_], simplices: NDArray[np.int64], phase: NDArray[np.int64]
+) -> Implied:
+    """Crossed diagonals of squares of which both halves are sides of leaves (n = 3)."""
+    cube, rest = simplices[phase == 0], simplices[phase == 1]
+    half = np.concatenate([cube[:, [0, 2, 1]], cube[:, [1, 3, 2]], rest[:, [0, 2, 1]]])
+    half = half[above[half[:, 0]] != above[half[:, 1]]]
+    edges = _ends(rank, half[:, 0], half[:, 1])
+    order = np.lexsort((rank[half[:, 2]], edges[:, 1], edges[:, 0]))
+    edges, corner = edges[order], half[order, 2]
+    # a half may be a side of two leaves
+    again = np.zeros(len(order), np.bool_)
+    again[1:] = (edges[1:] == edges[:-1]).all(axis=1) & (corner[1:] == corner[:-1])
+    edges, corner = edges[~again], corner[~again]
+    starts = np.flatnonzero((np.diff(edges, axis=0, prepend=-1) != 0).any(axis=1))
+    both = starts[np.diff(starts, append=len(edges)) == 2]
+    return Implied(edges[both], np.stack([corner[both], corner[both + 1]], axis=1))
+
+
+def _ends(rank: NDArray[np.int64], a: NDArray[np.int64], b: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Edges between vertices, the lexicographically smaller position first."""
+    return np.where((rank[a] > rank[b])[:, None], np.stack([b, a], axis=1), np.stack([a, b], axis=1))
 
 
 def near_ends(implied: Implied, above: NDArray[np.bool_]) -> NDArray[np.int64]:

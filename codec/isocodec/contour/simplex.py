@@ -77,9 +77,8 @@ def draw_simplices(leaves: Leaves) -> tuple[NDArray[np.float64], NDArray[np.int6
     edges, cells = crossed(leaves)
     ratio = edge_ratios(leaves, edges)
     if leaves.value is None:
-        stated = ratio.copy()
         for ring in rings(leaves, edges):
-            ratio[ring.edge] = ring.ratio(stated)
+            ratio[ring.edge] = ring.ratio(ratio)
     return edge_points(leaves, edges, ratio), cells
 
 
@@ -122,7 +121,7 @@ class Rings:
 
 
 def rings(leaves: Leaves, edges: NDArray[np.int64]) -> Iterator[Rings]:
-    """Subdivision edges of whole diamonds among the edges of a drawing (spec clause 9.5)."""
+    """Implied edges among those of a drawing, what some follow from before them (spec clause 9.5)."""
     vertices = len(leaves.position)
     keys = edges[:, 0] * vertices + edges[:, 1]
     rank = rank_of(leaves)

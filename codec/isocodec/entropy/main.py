@@ -58,10 +58,10 @@ TREE_ROWS = 118
 TREE_ROW = {n: n * SIGN_ROWS[n] for n in AROUND}
 """First row of the tree's network."""
 OFFSET_ROW = {n: TREE_ROW[n] + TREE_ROWS for n in AROUND}
-OFFSET_ROWS, LEAF_ROWS = 720, 512
+OFFSET_ROWS, LEAF_ROWS = 720, {2: 514, 3: 775}
 VALUE_SLOTS = {2: 9, 3: 14}
 """Candidates for a value."""
-VALUE_ROW = {n: OFFSET_ROW[n] + OFFSET_ROWS + LEAF_ROWS for n in AROUND}
+VALUE_ROW = {n: OFFSET_ROW[n] + OFFSET_ROWS + LEAF_ROWS[n] for n in AROUND}
 VALUE_ROWS = {n: 52 * VALUE_SLOTS[n] + 32 for n in AROUND}
 MESH_AROUND = 24
 """Vertices around a middle that the network of the mesh sees."""

@@ -1,7 +1,8 @@
 """What the main profile sees of where an edge is crossed (spec clause 7.14).
 
-On the full grid the curve goes on, in each plane along two axes, from edge to edge of the grid's squares. What is known
-of the next two crossings on either side gives candidates for this one: by lines and a cubic through them.
+On a grid the curve goes on, in each plane along two axes, from edge to edge of the grid's squares. What is known of the
+next two crossings on either side gives candidates for this one: by lines and a cubic through them. Where leaves make up
+cubes, their edges are those of a coarser grid.
 """
 
 from __future__ import annotations
@@ -29,13 +30,13 @@ _POINTS = 96
 how well it is known. Two on either side."""
 _STEEP = UNIT // 8
 """Where crossings lie less apart than this, their line is not extended."""
-_GRID_SLOTS, _LEAF_SLOTS = VERTEX + _RECENT, RECENT - VERTEX + _RECENT
 _GRID_2, _GRID_3 = OFFSET_ROW[2], OFFSET_ROW[3]
 
 
 @inner
-def _near(st, x, y, z, a, b, i, j):
-    """Store entry of the sample i steps along axis a and j along b from (x, y, z); 0 off the box."""
+def _near(st, x, y, z, a, b, edge, i, j):
+    """Store entry of the vertex i edges along axis a and j along b from (x, y, z); 0 off the box."""
+    i, j = i * edge, j * edge
     x, y, z = x + i * (a == 0) + j * (b == 0), y + i * (a == 1) + j * (b == 1), z + i * (a == 2) + j * (b == 2)
     if min(x, y, z) < 0 or x > st.at[LAST] or y > st.at[LAST + 1] or z > st.at[LAST + 2]:
         return np.int64(0)
@@ -43,7 +44,7 @@ def _near(st, x, y, z, a, b, i, j):
 
 
 @inner
-def _follow(st, index, number, parts, x, y, z, a, b, way, out):
+def _follow(st, index, number, parts, length, x, y, z, a, b, edge, way, out):
     """Follow the curve from the edge at (x, y, z) along a into the direction ``way`` of b; leaves two crossings."""
     w = st.walk
     w[out + 2] = NONE
@@ -52,10 +53,10 @@ def _follow(st, index, number, parts, x, y, z, a, b, way, out):
     i, j, turned, step = np.int64(0), np.int64(0), False, way
     for k in range(2):
         s, t = (step, 0) if turned else (0, step)
-        low = _near(st, x, y, z, a, b, i, j)
-        high = _near(st, x, y, z, a, b, i + (not turned), j + turned)
-        low_there = _near(st, x, y, z, a, b, i + s, j + t)
-        high_there = _near(st, x, y, z, a, b, i + s + (not turned), j + t + turned)
+        low = _near(st, x, y, z, a, b, edge, i, j)
+        high = _near(st, x, y, z, a, b, edge, i + (not turned), j + turned)
+        low_there = _near(st, x, y, z, a, b, edge, i + s, j + t)
+        high_there = _near(st, x, y, z, a, b, edge, i + s + (not turned), j + t + turned)
         if low_there == 0 or high_there == 0:
             return
         at_low, at_high = (low ^ low_there) & 1, (high ^ high_there) & 1
@@ -70,9 +71,9 @@ def _follow(st, index, number, parts, x, y, z, a, b, way, out):
             step = 1 if at_high else -1
         else:
             i, j = i + s, j + t
-        v = (_near(st, x, y, z, a, b, i, j) >> 1) - 1
+        v = (_near(st, x, y, z, a, b, edge, i, j) >> 1) - 1
         e = np.int64(index[v, b if turned else a])
-        if e < 0:
+        if e < 0 or length[e] != edge:
             return
         place = (2 * number[e] + 1) * (UNIT // 2) // parts[e]
         w[out + 3 * k] = way * (j * UNIT + (place if turned else 0))
@@ -133,11 +134,32 @@ def _meet(st, number, parts, edges, length, i, e, f, candidate):
 
 
 @inner
-def find_off_grid(st, chain, near, edges, number, parts, length, i):
-    """Leave the candidates for an edge of leaves."""
-    w = st.walk
+def span_of(st, u, v):
+    """Along how many axes two vertices differ, and the first of these axes."""
+    span, axis = np.int64(0), np.int64(0)
+    for a in range(2, -1, -1):
+        if st.vertex[u, a] != st.vertex[v, a]:
+            span, axis = span + 1, np.int64(a)
+    return span, axis
+
+
+@inner
+def find_candidates(st, beside, edges, number, parts, length, i):
+    """Leave the candidates for an edge."""
     for c in range(RECENT):
-        w[CANDIDATES + 2 * c + 1] = NONE
+        st.walk[CANDIDATES + 2 * c + 1] = NONE
+    if len(beside.grid) > 0:
+        span, axis = span_of(st, edges[i, 0], edges[i, 1])
+        if span == 1:
+            _find_on_grid(st, beside.grid, number, parts, length, edges[i, 0], axis, length[i])
+    if len(beside.near) > 0:
+        _find_off_grid(st, beside.chain, beside.near, edges, number, parts, length, i)
+
+
+@inner
+def _find_off_grid(st, chain, near, edges, number, parts, length, i):
+    """What the ends of an edge of leaves say, and the chain of crossings."""
+    w = st.walk
     u, v = edges[i, 0], edges[i, 1]
     if near[u, 1] > 0 and near[v, 1] > 0:
         a, b = near[u, 0] // near[u, 1], near[v, 0] // near[v, 1]
@@ -167,19 +189,17 @@ def count_near(near, edges, number, parts, length, i, sign):
 
 
 @inner
-def find_candidates(st, index, number, parts, v, a):
-    """Leave the candidates of all planes and their mean for the edge from vertex v along axis a."""
+def _find_on_grid(st, index, number, parts, length, v, a, edge):
+    """Candidates of all planes and their mean for the edge of this length from vertex v along axis a."""
     w = st.walk
-    for c in range(RECENT):
-        w[CANDIDATES + 2 * c + 1] = NONE
     x, y, z = np.int64(st.vertex[v, 0]), np.int64(st.vertex[v, 1]), np.int64(st.vertex[v, 2])
     n = dimension(st.tables)
     total, count, worst = np.int64(0), np.int64(0), np.int64(FINE)
     for plane in range(n - 1):
         b = (a + 1 + plane) % n
         one, two = np.int64(_POINTS), np.int64(_POINTS + 6)
-        _follow(st, index, number, parts, x, y, z, a, b, np.int64(1), one)
-        _follow(st, index, number, parts, x, y, z, a, b, np.int64(-1), two)
+        _follow(st, index, number, parts, length, x, y, z, a, b, edge, np.int64(1), one)
+        _follow(st, index, number, parts, length, x, y, z, a, b, edge, np.int64(-1), two)
         c = PLANE + 4 * plane
         _extended(w, one, c + BEFORE)
         _extended(w, two, c + BEHIND)
@@ -240,22 +260,24 @@ def recent_sides(st, low, high, split, radix, number, parts, rising):
 
 
 @inner
-def see_along(st, cd, low, high, split, radix, number, parts, rising, grid, nearer):
+def see_along(st, cd, low, high, split, radix, number, parts, rising, span, nearer):
     """List what is known of whether the crossing lies in the parts from ``split`` on, of ``low`` to ``high`` - 1.
 
     Parts and places are counted from the end that is below. ``nearer`` of the parts are nearer than ``split`` to the
-    crossing of the earlier isovalue, -1 if there is none.
+    crossing of the earlier isovalue, -1 if there is none. ``span`` is the number of axes along which the ends of the
+    edge differ, 0 on the full grid.
     """
-    first = _GRID_2 if dimension(st.tables) == 2 else _GRID_3
-    if not grid:
-        first += OFFSET_ROWS
+    plane = dimension(st.tables) == 2
+    first = (_GRID_2 if plane else _GRID_3) + (OFFSET_ROWS if span > 0 else 0)
+    # candidates that such an edge may have, before the recent ones
+    begin, lead = (VERTEX, RECENT - VERTEX) if plane and span > 0 else (0, VERTEX + (span > 0))
     w = st.walk
     clear(cd)
     if not rising:
         number = parts - 1 - number
     bound = (number * radix + split) * UNIT // (parts * radix)
-    for slot in range(_GRID_SLOTS if grid else _LEAF_SLOTS):
-        c = VERTEX + slot if not grid else slot if slot < VERTEX else RECENT + slot - VERTEX
+    for slot in range(lead + _RECENT):
+        c = begin + slot if slot < lead else RECENT + slot - lead
         known = w[CANDIDATES + 2 * c + 1]
         if known != NONE:
             place = w[CANDIDATES + 2 * c]
@@ -263,9 +285,11 @@ def see_along(st, cd, low, high, split, radix, number, parts, rising, grid, near
                 place = UNIT - place
             off = place - bound
             see(cd, first + row_of(slot, known, abs(off) >> 2, off < 0))
-    o = first + (_GRID_SLOTS if grid else _LEAF_SLOTS) * 4 * CLASSES
+    o = first + (lead + _RECENT) * 4 * CLASSES
     see(cd, o + bits(high - low) + (7 if parts > 1 else 0))
     see(cd, o + 14 + bits((high - low) * UNIT // (parts * radix)))
     see(cd, o + 28 + min(max(bound >> 9, 0), 7))
     if nearer >= 0:
         see(cd, o + 36 + min(bits(nearer), 7))
+    if span > 0:
+        see(cd, o + 43 + span)

@@ -17,10 +17,17 @@ HOPS = 4
 
 
 class Beside(NamedTuple):
-    """On the full grid ``grid`` (V, n) is the number of the edge that leaves a vertex along an axis, or -1.
+    """What is looked up around an edge.
 
-    On other meshes ``near`` (V, 2) is, for each vertex, how far the crossings told on its edges lie from it, and their
-    number; and for curves ``chain`` (E, 4) holds the next two edges on either side, the nearer first, or -1.
+    Attributes
+    ----------
+    grid : (V, n) int64
+        Number of the edge that leaves a vertex upwards along an axis, or -1; without rows for curves off the full grid.
+    near : (V, 2) int64
+        For each vertex, how far the crossings told on its edges lie from it, and their number; without rows on the full
+        grid.
+    chain : (E, 4) int64
+        For curves off the full grid the next two edges on either side, the nearer first, or -1; else without rows.
     """
 
     grid: NDArray[np.int64]
@@ -30,10 +37,7 @@ class Beside(NamedTuple):
 
 def beside_grid(st: State, edges: NDArray[np.int64], n: int) -> Beside:
     """Of the crossed edges of the full grid."""
-    index = np.full((int(st.at[VERTICES]), n), -1, np.int64)
-    axis = (st.vertex[edges[:, 0], :n] != st.vertex[edges[:, 1], :n]).argmax(axis=1)
-    index[edges[:, 0], axis] = np.arange(len(edges))
-    return Beside(index, np.zeros((0, 2), np.int64), np.zeros((0, 4), np.int64))
+    return Beside(_leaving(st, edges, n), np.zeros((0, 2), np.int64), np.zeros((0, 4), np.int64))
 
 
 def beside_leaves(
@@ -47,8 +51,18 @@ def beside_leaves(
     place = (2 * number[told] + 1) * (UNIT // 2) // parts[told]
     for end, way in ((0, place), (1, UNIT - place)):
         np.add.at(near, edges[told, end], np.stack([way * length[told], np.ones_like(told)], axis=1))
-    chain = _chain(rows @ (count, 1), edges @ (count, 1)) if n == 2 else np.zeros((0, 4), np.int64)
-    return Beside(np.zeros((0, n), np.int64), near, chain)
+    if n == 3:
+        return Beside(_leaving(st, edges, n), near, np.zeros((0, 4), np.int64))
+    return Beside(np.zeros((0, n), np.int64), near, _chain(rows @ (count, 1), edges @ (count, 1)))
+
+
+def _leaving(st: State, edges: NDArray[np.int64], n: int) -> NDArray[np.int64]:
+    """Which of the edges leaves a vertex upwards along an axis."""
+    index = np.full((int(st.at[VERTICES]), n), -1, np.int64)
+    apart = st.vertex[edges[:, 0], :n] != st.vertex[edges[:, 1], :n]
+    straight = np.flatnonzero(apart.sum(axis=1) == 1)
+    index[edges[straight, 0], apart[straight].argmax(axis=1)] = straight
+    return index
 
 
 def _chain(rows: NDArray[np.int64], keys: NDArray[np.int64]) -> NDArray[np.int64]:

@@ -18,7 +18,7 @@ from ..grid.field import OFFSET_BITS
 from ..jit import DONE, inner, kernel
 from ..mesh.access import dimension
 from ..mesh.store import get
-from .along import count_near, find_candidates, find_off_grid, recent_sides, remember, see_along
+from .along import count_near, find_candidates, recent_sides, remember, see_along, span_of
 from .classes import bits
 from .nearby import see_nearby
 from .state import LEAVES, OFFSET_BIT, SCRATCH, SIDE, TALLY, VALUE_BIT, corner_entry, edge_of
@@ -211,7 +211,7 @@ def _halve(st, cd, beside, edges, number, parts, length, i, radix, rising, earli
     what the coder says; the digit is complete when one part is left.
     """
     w = st.walk
-    grid = len(beside.grid) > 0
+    grid = len(beside.near) == 0
     earlier_part = np.int64(-1)
     if leaning:
         bound = _beyond(st, i, radix, rising, earlier)[0]
@@ -225,14 +225,7 @@ def _halve(st, cd, beside, edges, number, parts, length, i, radix, rising, earli
                 w[HIGH] = earlier_part + 1
             if w[HIGH] - w[LOW] == 1:
                 return np.int64(DONE)
-        if grid:
-            low, high = edges[i, 0], edges[i, 1]
-            axis = np.int64(0)
-            while st.vertex[low, axis] == st.vertex[high, axis]:
-                axis += 1
-            find_candidates(st, beside.grid, number, parts, low, axis)
-        else:
-            find_off_grid(st, beside.chain, beside.near, edges, number, parts, length, i)
+        find_candidates(st, beside, edges, number, parts, length, i)
     split = (w[LOW] + w[HIGH]) >> 1
     bit = np.int64(0)
     if cd.reg[MODE] == ENCODE:
@@ -246,7 +239,8 @@ def _halve(st, cd, beside, edges, number, parts, length, i, radix, rising, earli
         nearer = split - earlier_part if st.at[SIDE] > 0 else earlier_part + 1 - split
         context = ctx.OFFSET_LEAN + min(bits(nearer), 7) * 16 + min(w[HIGH] - w[LOW], 15)
         kind = LEAN_KIND + min(w[HALVED], 2) + (0 if grid else 3)
-    see_along(st, cd, w[LOW], w[HIGH], split, radix, number[i], parts[i], rising[i], grid, nearer)
+    span = np.int64(0) if grid else span_of(st, edges[i, 0], edges[i, 1])[0]
+    see_along(st, cd, w[LOW], w[HIGH], split, radix, number[i], parts[i], rising[i], span, nearer)
     net = OFFSET_NET if grid else LEAF_NET
     bit = blended(cd, net, False, kind, context, bit)
     if bit >= 0:

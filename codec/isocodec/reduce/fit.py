@@ -85,10 +85,9 @@ class _Fit:
     def points(self, where: NDArray[np.float64]) -> NDArray[np.float64]:
         """Points of the drawing with those of the told edges at ``where``."""
         self.stated[self.told] = where
-        ratio = self.stated.copy()
         for ring in self.rings:
-            ratio[ring.edge] = ring.ratio(self.stated)
-        return edge_points(self.leaves, self.edges, ratio)
+            self.stated[ring.edge] = ring.ratio(self.stated)
+        return edge_points(self.leaves, self.edges, self.stated)
 
     def linear(
         self, points: NDArray[np.float64], contour: Contour, targets: list[Target]
@@ -130,19 +129,20 @@ class _Fit:
         self, sample: NDArray[np.int64], edge: NDArray[np.int64], slope: NDArray[np.float64]
     ) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float64]]:
         """The same in terms of told edges alone: points of implied edges follow from those at their rings."""
-        parts = [(sample, self.number[edge], slope)]
         row = np.full(len(self.edges), -1)
-        for ring in self.rings:
+        for ring in self.rings[::-1]:
             row[:] = -1
             row[ring.edge] = np.arange(len(ring.edge))
             some = np.flatnonzero(row[edge] >= 0)
             at = row[edge[some]]
             follows = slope[some, None] * ring.slopes(self.stated)[at]
             m = follows.shape[1]
-            parts.append((np.repeat(sample[some], m), self.number[ring.beside[at]].ravel(), follows.ravel()))
-        sample, edge, slope = (np.concatenate(x) for x in zip(*parts, strict=True))
-        some = np.flatnonzero((edge >= 0) & (np.abs(slope) > _SLOPE))
-        return sample[some], edge[some], slope[some]
+            sample = np.concatenate([sample, np.repeat(sample[some], m)])
+            edge = np.concatenate([edge, ring.beside[at].ravel()])
+            slope = np.concatenate([slope, follows.ravel()])
+        number = self.number[edge]
+        some = np.flatnonzero((number >= 0) & (np.abs(slope) > _SLOPE))
+        return sample[some], number[some], slope[some]
 
 
 def _nearest(samples: NDArray[np.float64], targets: list[Target]) -> tuple[NDArray[np.int64], NDArray[np.float64]]:

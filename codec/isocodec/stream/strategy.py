@@ -8,7 +8,7 @@ both ways, and puts vertices back where it is not proven.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from dataclasses import field as derived
 from itertools import pairwise
@@ -45,6 +45,9 @@ MOST_REPAIRS = 16
 LOOSE, BACK, SPACING = 2.0, 0.7, 1.0
 """Vertices are left out at first as long as the curve gets no farther than ``LOOSE`` tolerances from the original,
 since the fit halves that where the curve bends, and strays no farther than ``BACK`` tolerances plus ``SPACING``."""
+EDGES = 2.0, 16.0
+"""Uniform meshes that are tried have edges longer than the one and at most as long as the other of these, in
+tolerances."""
 HOPELESS = 1.2
 """A mesh that grows to this many times the smallest file so far is given up."""
 EDGE = 1e-6
@@ -201,23 +204,39 @@ def smallest(promise: Promise, tolerance: float, topology: bool) -> Plan:
         )
     if full == 0:
         return best
+    for start, lead in starts(promise, tolerance, topology):
+        for parts, unit in pitches(tolerance, promise.n):
+            reduction = promise.reduction(start)
+            kept = _repaired(promise, reduction, tolerance, parts, unit, lead, fit=True, most=HOPELESS * fewest)
+            if kept is None:
+                continue
+            if kept.size < fewest:
+                best, fewest = kept.plan, kept.size
+            coarse = min(BASE_CYCLES * promise.n, full)
+            if not topology and coarse < full and not lead:
+                plan = [("base", coarse), ("adapt", 1, kept.mesh), kept.offsets]
+                size, contour = promise.trial(plan)
+                # a coarse uniform base has vertices that the mesh may lack: proven anew
+                if size < fewest and not len(promise.excess(contour, tolerance)):
+                    best, fewest = plan, size
+    return best
+
+
+def starts(promise: Promise, tolerance: float, topology: bool) -> Iterator[tuple[Chosen, Plan]]:
+    """Meshes to begin with, and what leads to a uniform one: reduced ones fit a curve better, even cubes tell less."""
     loose = promise.reduction()
     loose.reduce(topology=topology, distortion=LOOSE * tolerance, back=BACK * tolerance + SPACING)
-    for parts, unit in pitches(tolerance, promise.n):
-        reduction = promise.reduction(loose.chosen)
-        kept = _repaired(promise, reduction, tolerance, parts, unit, fit=True, most=HOPELESS * fewest)
-        if kept is None:
-            continue
-        if kept.size < fewest:
-            best, fewest = kept.plan, kept.size
-        coarse = min(BASE_CYCLES * promise.n, full)
-        if not topology and coarse < full:
-            plan = [("base", coarse), ("adapt", 1, kept.mesh), kept.offsets]
-            size, contour = promise.trial(plan)
-            # a coarse uniform base has vertices that the mesh may lack: proven anew
-            if size < fewest and not len(promise.excess(contour, tolerance)):
-                best, fewest = plan, size
-    return best
+    yield loose.chosen, []
+    for cycles in range(1, promise.full_level // promise.n):
+        if not topology and EDGES[0] * tolerance < 1 << cycles <= EDGES[1] * tolerance:
+            level = promise.full_level - cycles * promise.n
+            uniform = promise.reduction()
+            uniform.reduce(level=level)
+            base = min(BASE_CYCLES * promise.n, level)
+            lead: Plan = [("base", base)]
+            if base < level:
+                lead.append(("refine", level - base))
+            yield uniform.chosen, lead
 
 
 def _coarsest(promise: Promise, grid: Plan, tolerance: float, most: float) -> tuple[int, Plan] | None:
@@ -243,37 +262,38 @@ def _coarsest(promise: Promise, grid: Plan, tolerance: float, most: float) -> tu
 
 @dataclass(frozen=True)
 class _Kept:
-    """An adaptive base and a layer of offsets that keep a promise, with the bytes of their runs."""
+    """A mesh and a layer of offsets that keep a promise, with the plan that leads there and the bytes of its runs."""
 
     size: int
+    plan: Plan
     mesh: Chosen
-    offsets: Entry
 
     @property
-    def plan(self) -> Plan:
-        return [("adaptive_base", 0, self.mesh), self.offsets]
+    def offsets(self) -> Entry:
+        return self.plan[-1]
 
 
 def _repaired(
-    promise: Promise, reduction: Reduction, tolerance: float, parts: int, unit: int, *, fit: bool = False,
-    most: float = math.inf, within: Chosen | None = None,
+    promise: Promise, reduction: Reduction, tolerance: float, parts: int, unit: int, lead: Sequence[Entry] = (), *,
+    fit: bool = False, most: float = math.inf, within: Chosen | None = None,
 ) -> _Kept | None:  # fmt: skip
     """A mesh as reduced, with vertices of ``within`` put back until the promise is kept; None if it cannot be.
 
     Points lie where the field crosses the edges, or with ``fit`` where they do best. Plans of more than ``most`` bytes
-    are given up.
+    are given up. ``lead`` leads to a part of the mesh; without one it is a base.
     """
     place: Place | None = None
     for _ in range(MOST_REPAIRS):
         if fit:
             place = promise.placed(reduction.chosen, parts, unit, tolerance, place)
-        offsets = ("offsets", parts, unit, place)
-        size, contour = promise.trial([("adaptive_base", 0, reduction.chosen), offsets])
+        mesh: Entry = ("adapt", 1, reduction.chosen) if lead else ("adaptive_base", 0, reduction.chosen)
+        plan = [*lead, mesh, ("offsets", parts, unit, place)]
+        size, contour = promise.trial(plan)
         if size > most:
             return None
         places = promise.excess(contour, tolerance)
         if not len(places):
-            return _Kept(size, reduction.chosen, offsets)
+            return _Kept(size, plan, reduction.chosen)
         if not reduction.restore(places, within):
             return None
     return None
