@@ -82,7 +82,7 @@ def straight(a, b, pair, points, sign):
 
 @pytest.mark.parametrize("n", [2, 3])
 def test_which_edges_are_implied_and_where(n):
-    @settings(examples(30), deadline=None)
+    @settings(examples(12), deadline=None)
     @given(st.integers(0, 10_000), st.integers(-1, 2 * n))
     def run(seed, mesh):
         shape = (17, 17) if n == 2 else (9, 9, 9)

@@ -49,7 +49,9 @@ EDGES = 2.0, 16.0
 """Uniform meshes that are tried have edges longer than the one and at most as long as the other of these, in
 tolerances."""
 HOPELESS = 1.2
-"""A mesh that grows to this many times the smallest file so far is given up."""
+"""A reduced mesh that grows to this many times the smallest file so far is given up: another base may save some."""
+STUCK, FEW = 0.7, 32
+"""So is one with more places than ``FEW`` that are too far away, of which three repairs left more than this share."""
 EDGE = 1e-6
 """Share of a tolerance that is below its rounding."""
 
@@ -207,7 +209,8 @@ def smallest(promise: Promise, tolerance: float, topology: bool) -> Plan:
     for start, lead in starts(promise, tolerance, topology):
         for parts, unit in pitches(tolerance, promise.n):
             reduction = promise.reduction(start)
-            kept = _repaired(promise, reduction, tolerance, parts, unit, lead, fit=True, most=HOPELESS * fewest)
+            most = fewest if lead else HOPELESS * fewest
+            kept = _repaired(promise, reduction, tolerance, parts, unit, lead, fit=True, most=most)
             if kept is None:
                 continue
             if kept.size < fewest:
@@ -283,6 +286,7 @@ def _repaired(
     are given up. ``lead`` leads to a part of the mesh; without one it is a base.
     """
     place: Place | None = None
+    left: list[int] = []
     for _ in range(MOST_REPAIRS):
         if fit:
             place = promise.placed(reduction.chosen, parts, unit, tolerance, place)
@@ -294,7 +298,9 @@ def _repaired(
         places = promise.excess(contour, tolerance)
         if not len(places):
             return _Kept(size, plan, reduction.chosen)
-        if not reduction.restore(places, within):
+        left.append(len(places))
+        stuck = fit and len(left) > 3 and left[-1] > max(STUCK * left[-4], FEW)
+        if stuck or not reduction.restore(places, within):
             return None
     return None
 
