@@ -136,13 +136,14 @@ def decoded(data: bytes) -> isocodec.Decoder:
     return decoder
 
 
-def speed(argument: str, repeat: int, calibration: Calibration) -> list[dict[str, Any]]:
+def speed(argument: str, profile: str, repeat: int, calibration: Calibration) -> list[dict[str, Any]]:
     """Rows of one field, one for each mode that fits it."""
     name, field, isovalue = load(argument)
     rows = []
-    for mode, options in MODES.items():
+    for mode, more in MODES.items():
         if mode == "exact" and field.dtype.kind == "f":
             continue
+        options = {"profile": profile, **more}
         isocodec.decode(isocodec.encode(field, isovalue, **options))
         alone = {"encode": 0.0, "decode": 0.0}
         seconds = {"encode": float("inf"), "decode": float("inf"), "draw": float("inf")}
@@ -319,6 +320,7 @@ def main() -> None:
     """Measure and report."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("fields", nargs="*", metavar="ARRAY[:ISOVALUE]", help="fields to measure speed on")
+    parser.add_argument("--profile", choices=("main", "baseline"), default="main", help="of the files")
     parser.add_argument("--repeat", type=int, default=5, metavar="N", help="runs of which the best counts")
     parser.add_argument(
         "--side", type=int, default=20_000, metavar="N",
@@ -331,7 +333,7 @@ def main() -> None:
     calibration = Calibration()
     report: dict[str, Any] = {"speed": []}
     for argument in chosen.fields or [str(DATA / name) for name in DEMO]:
-        report["speed"] += speed(argument, chosen.repeat, calibration)
+        report["speed"] += speed(argument, chosen.profile, chosen.repeat, calibration)
     report["calibration"] = calibration.best
     if not chosen.speed_only:
         report["first_use"] = first_use()
