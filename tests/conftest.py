@@ -6,6 +6,7 @@ import hashlib
 import os
 from pathlib import Path
 
+import pytest
 from hypothesis import settings
 
 HERE = Path(__file__).resolve().parent
@@ -36,3 +37,47 @@ if os.environ.get("NUMBA_DISABLE_JIT", "0") not in ("", "0"):
     settings.load_profile("interpreted")
 else:
     settings.load_profile("ci" if os.environ.get("CI") else "default")
+
+
+# Files for the command line; imported when they are asked for, since numba reads its variable with the first import.
+
+
+@pytest.fixture(scope="module")
+def curve_data() -> bytes:
+    from commands import HILLS
+    from isocodec import encode
+
+    return encode(HILLS, 80.5, exact=True)
+
+
+@pytest.fixture(scope="module")
+def surface_data() -> bytes:
+    from commands import BALL
+    from isocodec import encode
+
+    return encode(BALL, 55.5, exact=True)
+
+
+@pytest.fixture
+def curve(tmp_path: Path, curve_data: bytes) -> Path:
+    path = tmp_path / "curve.iso"
+    path.write_bytes(curve_data)
+    return path
+
+
+@pytest.fixture
+def surface(tmp_path: Path, surface_data: bytes) -> Path:
+    path = tmp_path / "surface.iso"
+    path.write_bytes(surface_data)
+    return path
+
+
+@pytest.fixture
+def hills(tmp_path: Path) -> Path:
+    import numpy as np
+
+    from commands import HILLS
+
+    path = tmp_path / "hills.npy"
+    np.save(path, HILLS)
+    return path

@@ -96,3 +96,8 @@ def refused(data, code, offset=None):
     assert caught.value.clause is not None
     if offset is not None:
         assert caught.value.offset == offset
+
+
+def same(field: np.ndarray, expected: np.ndarray) -> bool:
+    """Whether two arrays are equal, of the same kind and shape."""
+    return field.dtype == expected.dtype and field.shape == expected.shape and bool((field == expected).all())

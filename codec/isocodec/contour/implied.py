@@ -51,8 +51,7 @@ def implied_edges(
     n = simplices.shape[1] - 1
     phase = levels % n
     found = [_squares(rank, above, simplices, phase)] if n == 3 else []
-    for r in (0, 1) if n == 2 else (0, 2):
-        members = 2 if n == 2 else (6, 4, 8)[r]
+    for r, members in ((0, 2), (1, 2)) if n == 2 else ((0, 6), (2, 8)):
         chosen = simplices[phase == r]
         chosen = chosen[above[chosen[:, 0]] != above[chosen[:, n - r]]]
         edges = _ends(rank, chosen[:, 0], chosen[:, n - r])

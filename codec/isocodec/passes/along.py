@@ -134,7 +134,7 @@ def _meet(st, number, parts, edges, length, i, e, f, candidate):
 
 
 @inner
-def span_of(st, u, v):
+def _span(st, u, v):
     """Along how many axes two vertices differ, and the first of these axes."""
     span, axis = np.int64(0), np.int64(0)
     for a in range(2, -1, -1):
@@ -145,15 +145,16 @@ def span_of(st, u, v):
 
 @inner
 def find_candidates(st, beside, edges, number, parts, length, i):
-    """Leave the candidates for an edge."""
+    """Leave the candidates for an edge; off the full grid, along how many axes its ends differ, else 0."""
     for c in range(RECENT):
         st.walk[CANDIDATES + 2 * c + 1] = NONE
-    if len(beside.grid) > 0:
-        span, axis = span_of(st, edges[i, 0], edges[i, 1])
-        if span == 1:
-            _find_on_grid(st, beside.grid, number, parts, length, edges[i, 0], axis, length[i])
-    if len(beside.near) > 0:
-        _find_off_grid(st, beside.chain, beside.near, edges, number, parts, length, i)
+    span, axis = _span(st, edges[i, 0], edges[i, 1])
+    if len(beside.grid) > 0 and span == 1:
+        _find_on_grid(st, beside.grid, number, parts, length, edges[i, 0], axis, length[i])
+    if len(beside.near) == 0:
+        return np.int64(0)
+    _find_off_grid(st, beside.chain, beside.near, edges, number, parts, length, i)
+    return span
 
 
 @inner

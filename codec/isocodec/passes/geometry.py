@@ -18,15 +18,15 @@ from ..grid.field import OFFSET_BITS
 from ..jit import DONE, inner, kernel
 from ..mesh.access import dimension
 from ..mesh.store import get
-from .along import count_near, find_candidates, recent_sides, remember, see_along, span_of
+from .along import count_near, find_candidates, recent_sides, remember, see_along
 from .classes import bits
 from .nearby import see_nearby
 from .state import LEAVES, OFFSET_BIT, SCRATCH, SIDE, TALLY, VALUE_BIT, corner_entry, edge_of
 
 # Registers in State.walk: next item of the list, the symbol before, the place within a digit, its sign.
 ITEM, BEFORE, STEP, SIGN = range(4)
-LOW, HIGH, HALVED = range(4, 7)
-"""Main profile: parts that are left of a digit, and how often they were halved."""
+LOW, HIGH, HALVED, SPAN = range(4, 8)
+"""Main profile: parts that are left of a digit, how often they were halved, and what `find_candidates` says."""
 VERTEX_ACTIVE = 8
 """Bit of a vertex's mark that says it is in the list; bits 0 to 2 are the grid edges that leave it upwards."""
 
@@ -225,7 +225,7 @@ def _halve(st, cd, beside, edges, number, parts, length, i, radix, rising, earli
                 w[HIGH] = earlier_part + 1
             if w[HIGH] - w[LOW] == 1:
                 return np.int64(DONE)
-        find_candidates(st, beside, edges, number, parts, length, i)
+        w[SPAN] = find_candidates(st, beside, edges, number, parts, length, i)
     split = (w[LOW] + w[HIGH]) >> 1
     bit = np.int64(0)
     if cd.reg[MODE] == ENCODE:
@@ -239,8 +239,7 @@ def _halve(st, cd, beside, edges, number, parts, length, i, radix, rising, earli
         nearer = split - earlier_part if st.at[SIDE] > 0 else earlier_part + 1 - split
         context = ctx.OFFSET_LEAN + min(bits(nearer), 7) * 16 + min(w[HIGH] - w[LOW], 15)
         kind = LEAN_KIND + min(w[HALVED], 2) + (0 if grid else 3)
-    span = np.int64(0) if grid else span_of(st, edges[i, 0], edges[i, 1])[0]
-    see_along(st, cd, w[LOW], w[HIGH], split, radix, number[i], parts[i], rising[i], span, nearer)
+    see_along(st, cd, w[LOW], w[HIGH], split, radix, number[i], parts[i], rising[i], w[SPAN], nearer)
     net = OFFSET_NET if grid else LEAF_NET
     bit = blended(cd, net, False, kind, context, bit)
     if bit >= 0:

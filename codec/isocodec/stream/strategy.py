@@ -169,9 +169,14 @@ class Places:
         return out
 
 
+def _base(n: int, finest: int) -> int:
+    """Level of the default base of a mesh that is nowhere finer than a level."""
+    return min(BASE_CYCLES * n, finest)
+
+
 def grid_plan(n: int, full: int, base_level: int | None) -> Plan:
     """Base and refinement to the full grid."""
-    level = min(BASE_CYCLES * n, full) if base_level is None else base_level
+    level = _base(n, full) if base_level is None else base_level
     if not 0 <= level <= full:
         raise OptionError(
             f"base level {level}; for this field it lies between 0 and {full}", code="base-level",
@@ -215,9 +220,9 @@ def smallest(promise: Promise, tolerance: float, topology: bool) -> Plan:
                 continue
             if kept.size < fewest:
                 best, fewest = kept.plan, kept.size
-            coarse = min(BASE_CYCLES * promise.n, full)
+            coarse = _base(promise.n, full)
             if not topology and coarse < full and not lead:
-                plan = [("base", coarse), ("adapt", 1, kept.mesh), kept.offsets]
+                plan = [("base", coarse), ("adapt", 1, kept.mesh), kept.plan[-1]]
                 size, contour = promise.trial(plan)
                 # a coarse uniform base has vertices that the mesh may lack: proven anew
                 if size < fewest and not len(promise.excess(contour, tolerance)):
@@ -230,12 +235,14 @@ def starts(promise: Promise, tolerance: float, topology: bool) -> Iterator[tuple
     loose = promise.reduction()
     loose.reduce(topology=topology, distortion=LOOSE * tolerance, back=BACK * tolerance + SPACING)
     yield loose.chosen, []
+    if topology:
+        return
     for cycles in range(1, promise.full_level // promise.n):
-        if not topology and EDGES[0] * tolerance < 1 << cycles <= EDGES[1] * tolerance:
+        if EDGES[0] * tolerance < 1 << cycles <= EDGES[1] * tolerance:
             level = promise.full_level - cycles * promise.n
             uniform = promise.reduction()
             uniform.reduce(level=level)
-            base = min(BASE_CYCLES * promise.n, level)
+            base = _base(promise.n, level)
             lead: Plan = [("base", base)]
             if base < level:
                 lead.append(("refine", level - base))
@@ -270,10 +277,6 @@ class _Kept:
     size: int
     plan: Plan
     mesh: Chosen
-
-    @property
-    def offsets(self) -> Entry:
-        return self.plan[-1]
 
 
 def _repaired(

@@ -1,0 +1,219 @@
+"""The command line: what it says and leaves behind when it cannot go on, and how a process ends."""
+
+from __future__ import annotations
+
+import io
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import isocodec
+from commands import fails, ok, process, run
+from isocodec.cli import progress as progress_module
+
+# ---- Where the output goes ------------------------------------------------------------------------------------------
+
+
+def test_outputs_that_cannot_be_written(hills: Path, tmp_path: Path) -> None:
+    for out, words in (
+        (tmp_path, "Is a directory"),
+        (tmp_path / "missing" / "out.iso", "no directory"),
+        (hills / "out.iso", "Not a directory"),
+    ):
+        line = fails(3, "encode", hills, "-o", out, "--isovalue", 80.5)
+        assert line.startswith(f"isocodec: {out}: ")
+        assert words in line
+
+
+def test_the_input_is_never_overwritten(hills: Path, curve: Path, tmp_path: Path, curve_data: bytes) -> None:
+    before = hills.read_bytes()
+    assert "the input file itself" in fails(2, "encode", hills, "-o", hills, "--isovalue", 80.5)
+    (tmp_path / "other.iso").hardlink_to(curve)
+    assert "the input file itself" in fails(2, "truncate", curve, "-o", tmp_path / "other.iso", "--layers", 1)
+    assert hills.read_bytes() == before
+    assert curve.read_bytes() == curve_data
+
+
+def test_an_older_output_is_replaced_and_survives_errors(hills: Path, curve: Path, tmp_path: Path) -> None:
+    out = tmp_path / "out.iso"
+    out.write_bytes(b"older")
+    fails(3, "encode", hills, "-o", out, "--isovalue", "nan")
+    assert out.read_bytes() == b"older"
+    ok("truncate", curve, "-o", out, "--layers", 1)
+    assert out.read_bytes() != b"older"
+
+
+def test_full_disk(curve: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def full(_: int) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(os, "fsync", full)
+    line = fails(3, "decode", curve, "-o", tmp_path / "c.npz")
+    assert line == f"isocodec: {tmp_path / 'c.npz'}: No space left on device"
+    assert [path.name for path in tmp_path.iterdir()] == ["curve.iso"]
+
+
+# ---- Bad .iso files -------------------------------------------------------------------------------------------------
+
+VERBS = (("decode", "out.npz"), ("info", None), ("truncate", "out.iso"), ("plot", "out.png"))
+
+
+def each_verb(source: Path, folder: Path) -> list[list[object]]:
+    """A command line of each verb that reads ``source``, its output in ``folder``."""
+    commands: list[list[object]] = []
+    for verb, out in VERBS:
+        command: list[object] = [verb, source]
+        command += [] if out is None else ["-o", folder / out]
+        command += ["--layers", 1] if verb == "truncate" else []
+        commands.append(command)
+    return commands
+
+
+def test_files_that_are_no_iso(tmp_path: Path, hills: Path) -> None:
+    (tmp_path / "text.iso").write_text("this is no contour\n" * 20)
+    for name in ("text.iso", hills.name):
+        for command in each_verb(tmp_path / name, tmp_path):
+            assert fails(4, *command).startswith(f"isocodec: {tmp_path / name}: ")
+
+
+def test_missing_iso_and_directory(tmp_path: Path) -> None:
+    (tmp_path / "directory.iso").mkdir()
+    for name, words in (("missing.iso", "No such file"), ("directory.iso", "Is a directory")):
+        for command in each_verb(tmp_path / name, tmp_path):
+            assert words in fails(3, *command)
+
+
+def test_permission_denied(curve: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def closed(self: Path) -> bytes:
+        raise PermissionError(13, "Permission denied", str(self))
+
+    monkeypatch.setattr(Path, "read_bytes", closed)
+    assert fails(3, "info", curve) == f"isocodec: {curve}: Permission denied"
+
+
+def test_corrupt_iso(tmp_path: Path, curve_data: bytes) -> None:
+    flipped = bytearray(curve_data)
+    flipped[len(flipped) // 2] ^= 0x10
+    (tmp_path / "flipped.iso").write_bytes(flipped)
+    line = fails(4, "decode", tmp_path / "flipped.iso", "-o", tmp_path / "c.npz")
+    assert line.startswith(f"isocodec: {tmp_path / 'flipped.iso'}: ")
+    assert not (tmp_path / "c.npz").exists()
+
+
+def test_truncated_iso(tmp_path: Path, curve_data: bytes) -> None:
+    cut, out = tmp_path / "cut.iso", tmp_path / "c.npz"
+    cut.write_bytes(curve_data[: len(curve_data) * 2 // 3])
+    assert fails(5, "decode", cut, "-o", out).endswith(": --partial writes what was received")
+    assert not out.exists()
+    result = run("decode", cut, "-o", out, "--partial")
+    assert result.exit_code == 0
+    assert result.stderr.startswith(f"isocodec: {cut}: warning: ")
+    decoder = isocodec.Decoder()
+    decoder.feed(cut.read_bytes())
+    for _ in decoder:
+        pass
+    with np.load(out) as arrays:
+        assert len(arrays["points"])
+        assert np.array_equal(arrays["points"], decoder.snapshot().points)
+    ok("decode", cut, "-o", out, "--partial", "--layers", 1)
+    with np.load(out) as arrays:
+        assert np.array_equal(arrays["points"], isocodec.decode(curve_data, layers=1).points)
+
+
+def test_nothing_received(tmp_path: Path, curve_data: bytes) -> None:
+    for length in (0, 3):
+        (tmp_path / "cut.iso").write_bytes(curve_data[:length])
+        for command in each_verb(tmp_path / "cut.iso", tmp_path):
+            fails(5, *command)
+        fails(5, "decode", tmp_path / "cut.iso", "-o", tmp_path / "c.npz", "--partial")
+
+
+def test_partial_of_a_whole_file_says_nothing(curve: Path, tmp_path: Path) -> None:
+    result = run("decode", curve, "-o", tmp_path / "c.npz", "--partial")
+    assert (result.exit_code, result.stderr) == (0, "")
+
+
+# ---- How a process ends ---------------------------------------------------------------------------------------------
+
+
+def test_help_lists_the_exit_codes() -> None:
+    shown = ok("--help")
+    for line in ("0  done", "3  the input", "4  not a valid .iso", "5  the .iso file is truncated", "7  an optional"):
+        assert line in shown
+    for verb, _ in (*VERBS, ("encode", None)):
+        assert "Usage: isocodec" in ok(verb, "--help")
+    assert ok("--version").startswith("isocodec")
+
+
+def test_internal_errors_are_one_line(curve: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def broken(*_: object, **__: object) -> None:
+        raise ZeroDivisionError("a bug\nof two lines")
+
+    monkeypatch.setattr(isocodec, "inspect", broken)
+    line = fails(1, "info", curve)
+    assert "ZeroDivisionError: a bug of two lines" in line
+    assert "ISOCODEC_DEBUG=1" in line
+    monkeypatch.setenv("ISOCODEC_DEBUG", "1")
+    assert "Traceback" in run("info", curve).stderr
+
+
+@pytest.mark.parametrize(("raised", "code"), [(KeyboardInterrupt(), 130), (MemoryError(), 6)])
+def test_interrupt_and_memory(curve: Path, monkeypatch: pytest.MonkeyPatch, raised: BaseException, code: int) -> None:
+    def end(*_: object, **__: object) -> None:
+        raise raised
+
+    monkeypatch.setattr(isocodec, "inspect", end)
+    result = run("info", curve)
+    assert result.exit_code == code
+    assert result.stderr.strip().splitlines()[-1].startswith("isocodec: ")
+
+
+def complaints(done: subprocess.CompletedProcess[str]) -> list[str]:
+    """Lines on the error stream, but for the notice that a first or slow start gives."""
+    return [line for line in done.stderr.splitlines() if "kernels" not in line]
+
+
+def test_process(hills: Path, tmp_path: Path) -> None:
+    iso, out = tmp_path / "a.iso", tmp_path / "a.geojson"
+    done = process("encode", hills, "-o", iso, "--isovalue", "80.5", "--exact")
+    assert (done.returncode, complaints(done)) == (0, [])
+    done = process("decode", iso, "-o", out)
+    assert (done.returncode, complaints(done)) == (0, [])
+    assert json.loads(out.read_text())["type"] == "Feature"
+    done = process("info", iso, "--json")
+    assert json.loads(done.stdout)["shape"] == [33, 41]
+    done = process("decode", tmp_path / "none.iso", "-o", out)
+    assert done.returncode == 3
+    assert done.stderr == f"isocodec: {tmp_path / 'none.iso'}: No such file or directory\n"
+    (tmp_path / "bad.iso").write_bytes(b"PNG?" * 30)
+    done = process("info", tmp_path / "bad.iso", environment={"ISOCODEC_DEBUG": ""})
+    assert done.returncode == 4
+    assert done.stderr.count("\n") == 1
+
+
+class Terminal(io.StringIO):
+    def isatty(self) -> bool:
+        return True
+
+
+def test_progress_only_on_a_terminal_and_after_a_while(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(sys, "stderr", io.StringIO())
+    with progress_module.progress_bar("working") as report:
+        assert report is None
+    terminal = Terminal()
+    monkeypatch.setattr(sys, "stderr", terminal)
+    with progress_module.progress_bar("working") as report:
+        assert report is not None
+        report(1, 2)
+    assert terminal.getvalue() == ""
+    monkeypatch.setattr(progress_module, "PATIENCE", 0.0)
+    with progress_module.progress_bar("working") as report:
+        assert report is not None
+        report(1, 2)
+        report(2, 2)
+    assert "working" in terminal.getvalue()
