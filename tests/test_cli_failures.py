@@ -216,4 +216,17 @@ def test_progress_only_on_a_terminal_and_after_a_while(monkeypatch: pytest.Monke
         assert report is not None
         report(1, 2)
         report(2, 2)
-    assert "working" in terminal.getvalue()
+    assert "working" in terminal.getvalue() and "searching" not in terminal.getvalue()
+
+
+@pytest.mark.parametrize(("last", "said"), [((17, 0), "searching (17 tried)"), ((1, 2), "working")])
+def test_progress_of_a_search(monkeypatch: pytest.MonkeyPatch, last: tuple[int, int], said: str) -> None:
+    """Nobody knows how long one takes; what comes after it has a bar as always."""
+    terminal = Terminal()
+    monkeypatch.setattr(sys, "stderr", terminal)
+    monkeypatch.setattr(progress_module, "PATIENCE", 0.0)
+    with progress_module.progress_bar("working") as report:
+        assert report is not None
+        report(16, 0)
+        report(*last)
+    assert said in terminal.getvalue()

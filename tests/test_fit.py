@@ -17,7 +17,7 @@ from isocodec.mesh.tables import cube_exponent
 from isocodec.passes.snapshot import leaves_of
 from isocodec.reduce import fit
 from isocodec.reduce.distance import Target, hausdorff
-from isocodec.stream.strategy import Promise
+from isocodec.stream.promise import Promise
 from isoconform.meshes import chosen, uniform
 
 
@@ -111,13 +111,35 @@ def test_what_follows_from_what_is_told(below):
     fitted.points(where)
     before, count = fitted.stated.copy(), len(fitted.edges)
     follows = np.zeros((count, len(where)))
-    sample, told, slope = fitted._by_told(np.arange(count), np.arange(count), np.ones(count))
-    np.add.at(follows, (sample, told), slope)
+    start, told, share = fitted._follow()
+    np.add.at(follows, (np.repeat(np.arange(count), np.diff(start)), told), share)
     for e in range(len(where)):
         moved = where.copy()
         moved[e] += 1e-6
         fitted.points(moved)
         assert (fitted.stated - before) / 1e-6 == pytest.approx(follows[:, e], abs=1e-3)
+
+
+@pytest.mark.parametrize("n", [2, 3])
+def test_samples_of_pieces(n):
+    """Of each piece its corners, the middles of what lies opposite these, and the centre; shared ones once."""
+    points = np.random.default_rng(n).uniform(0, 9, (6, n))
+    cells = np.array([[0, 1], [1, 2], [2, 0], [4, 5]] if n == 2 else [[0, 1, 2], [2, 1, 3], [0, 3, 5], [5, 4, 0]])
+    samples, own = fit._samples(cells, len(points))
+    places = np.einsum("pk,pkc->pc", samples.weight, points[samples.corner])
+    assert len(places) == 6 + {2: 5, 3: 10}[n] + len(cells)
+    for cell, found in zip(cells, places[own].reshape(len(cells), -1, n), strict=True):
+        corners = points[cell]
+        opposite = (corners.sum(axis=0) - corners) / (n - 1)
+        assert found == pytest.approx(np.concatenate([corners, opposite, [corners.mean(axis=0)]]))
+
+
+def test_edges_that_nothing_notices_stay():
+    where, gap = np.array([0.5, 0.5]), np.array([1.0])
+    fit.relax(
+        np.array([0, 1, 1]), np.array([0]), np.array([1.0]), gap, where, np.array([0.1, 0.1]), 2, 1.0, 2
+    )  # fmt: skip
+    assert where == pytest.approx([0.9, 0.5]) and gap == pytest.approx([0.6])
 
 
 @pytest.mark.parametrize("n", [2, 3])

@@ -15,7 +15,8 @@ from isocodec.contour.simplex import crossed, draw_simplices
 from isocodec.grid.field import check_field
 from isocodec.mesh.tables import cube_exponent
 from isocodec.passes.snapshot import leaves_of
-from isocodec.stream.strategy import Promise, reduced
+from isocodec.stream.promise import Promise
+from isocodec.stream.strategy import reduced
 from isoconform.meshes import chosen, uniform
 
 

@@ -150,7 +150,7 @@ def test_bijection(n):
 
 def promise(field, isovalue):
     from isocodec.grid.field import check_field
-    from isocodec.stream.strategy import Promise
+    from isocodec.stream.promise import Promise
 
     return Promise(check_field(field, isovalue))
 

@@ -24,7 +24,8 @@ from isocodec.passes.beside import nearby_samples
 from isocodec.passes.mesh import IN, KEPT, OUT
 from isocodec.passes.nearby import see_nearby
 from isocodec.passes.state import LEAVES, VERTICES
-from isocodec.stream.strategy import Promise, grid_plan, reduced
+from isocodec.stream.promise import Promise
+from isocodec.stream.strategy import grid_plan, reduced
 
 SHAPES = [(34, 29), (13, 12, 14)]
 

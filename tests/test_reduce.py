@@ -24,8 +24,8 @@ from isocodec.jit import kernel
 from isocodec.mesh.chosen import has
 from isocodec.passes.mesh import newest
 from isocodec.reduce.edges import crossing_on
-from isocodec.reduce.reduction import Reduction
-from isocodec.stream.strategy import Promise
+from isocodec.reduce.reduction import Reduction, distinct
+from isocodec.stream.promise import Promise
 from isoconform.meshes import Mesh, closed, exponent, level_of, parents
 
 Vertex = tuple[int, ...]
@@ -203,6 +203,35 @@ def test_topology_of_all_meshes_between(n, most):
     run()
 
 
+@pytest.mark.parametrize("n", [2, 3])
+def test_a_share_of_the_leaves(n):
+    """Of many leaves those with the most places are bisected first; of few all."""
+    size = 33 if n == 2 else 17
+    field = smooth((size,) * n, 1) > 0
+    rng = np.random.default_rng(n)
+    # ever more places towards the far corner
+    places = (size - 1) * rng.uniform(size=(4000, n)) ** 0.3
+    reduction = of(field)
+    reduction.reduce(level=n * exponent(field.shape) - 2 * n)
+    leaves = reduction.leaves_at(places)
+    held = Counter(tuple(leaf[:3]) for leaf in leaves)
+    once, count = distinct(leaves)
+    assert dict(zip(map(tuple, once[:, :3]), count, strict=True)) == held
+    before = mesh_of(reduction)
+    reduction.restore(places, share=0.25)
+    bisected = {leaf for leaf in held if leaf[:n] in mesh_of(reduction) - before}
+    assert len(bisected) >= len(held) // 4
+    expected = sorted(held.values())[-(len(held) // 4)]
+    assert {leaf for leaf in held if held[leaf] > expected} <= bisected
+    # what is bisected beside these came as a parent: few
+    assert sum(held[leaf] < expected for leaf in bisected) < len(bisected) / 2
+    few = of(field)
+    few.reduce(level=0)
+    while len(leaves := distinct(few.leaves_at(places))[0]) < 17:
+        few.restore(places, share=0.0)
+        assert all(has(few.chosen, *leaf[:3]) for leaf in leaves)
+
+
 @pytest.mark.parametrize(("n", "most"), SIZES)
 def test_crossing(n, most):
     """The tubular neighbourhood of the full grid stays, and little else: where there is no curve, nothing does."""
@@ -267,7 +296,7 @@ def test_keep(shape):
     keep = np.random.default_rng(0).random(len(points)) < 0.1
     reduction = Reduction(phi > 0, phi, points)
     reduction.reduce(topology=True, keep=keep)
-    assert len(reduction.leaves_at(points)[0]) and not len(reduction.leaves_at(points[keep])[0])
+    assert len(distinct(reduction.leaves_at(points))[0]) and not len(distinct(reduction.leaves_at(points[keep]))[0])
     assert same_topology(phi > 0, mesh_of(reduction))
 
 

@@ -431,6 +431,16 @@ def test_encoder_yields_as_it_goes():
     decoder.close()
 
 
+def test_a_search_says_that_it_goes_on():
+    """Curves that are tried are counted, of unknown total, before there are layers to count."""
+    seen = []
+    field = np.add.outer(np.arange(40) ** 2, np.arange(40) ** 2)
+    source = Encoder(field, 700.5, tolerance=1, progress=lambda done, total: seen.append((done, total)))
+    tried = len(seen)
+    assert tried > 3 and seen == [(i + 1, 0) for i in range(tried)]
+    assert list(source) and seen[tried:] == [(i + 1, len(source.layers)) for i in range(len(source.layers))]
+
+
 def test_an_encoder_is_iterated_once():
     """A second pass over the same state would write nonsense; it is refused."""
     encoder = Encoder(np.add.outer(np.arange(5), np.arange(6)), 4.5)

@@ -34,7 +34,7 @@ from isocodec.grid.field import check_field
 from isocodec.reduce.distance import Target, hausdorff
 from isocodec.reduce.original import original
 from isocodec.stream.events import LayerComplete
-from isocodec.stream.strategy import Promise
+from isocodec.stream.promise import Promise
 
 TOLERANCES = (0.1, 0.25, 1.0, 4.0)
 ROUNDING = 1e-9

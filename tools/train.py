@@ -28,8 +28,9 @@ from isocodec.grid.field import check_field
 from isocodec.mesh.tables import cube_exponent
 from isocodec.passes.around import nearest_vertices
 from isocodec.stream.crossings import grid_offsets, pitches
+from isocodec.stream.promise import Promise
 from isocodec.stream.strand import Entry
-from isocodec.stream.strategy import Promise, grid_plan, reduced, starts
+from isocodec.stream.strategy import even_starts, grid_plan, loose_start, reduced
 from isospec.tables import HIDDEN, INPUTS, KINDS, MOST_LOGIT, NETS, ROWS, Tables, packed
 
 ITEMS = {
@@ -286,7 +287,7 @@ def files(found: list[Item]) -> Iterator[tuple[Item, dict[str, object]]]:
 def fitted(promise: Promise, turn: int) -> Iterator[list[Entry]]:
     """Meshes, reduced and of even cubes, with crossings where the curve fits best to a tolerance."""
     tolerance = COARSE[turn % len(COARSE)]
-    for mesh, lead in starts(promise, tolerance, False):
+    for mesh, lead in [(loose_start(promise, tolerance, False), []), *even_starts(promise, tolerance)]:
         found = list(pitches(tolerance, promise.n))
         parts, unit = found[turn % len(found)]
         place = promise.placed(mesh, parts, unit, tolerance)

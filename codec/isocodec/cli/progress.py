@@ -18,7 +18,7 @@ PATIENCE = 1.0
 def progress_bar(label: str) -> Iterator[Callable[[int, int], None] | None]:
     """A function ``(done, total)`` to report with, or None if the error stream is not a terminal.
 
-    The bar appears after a second, and goes when the work is done.
+    The bar appears after a second, and goes when the work is done. A total of 0 is one that nobody knows: of a search.
     """
     if not sys.stderr.isatty():
         yield None
@@ -36,9 +36,12 @@ def progress_bar(label: str) -> Iterator[Callable[[int, int], None] | None]:
             from rich.progress import Progress
 
             bar = Progress(console=Console(stderr=True), transient=True)
-            task = bar.add_task(label, total=total)
+            task = bar.add_task("", total=None)
             bar.start()
-        bar.update(task, completed=done, total=total)
+        if total:
+            bar.update(task, description=label, completed=done, total=total)
+        else:
+            bar.update(task, description=f"searching ({done} tried)")
 
     try:
         yield report

@@ -49,7 +49,7 @@ def grown(store: Store, room: int) -> Store:
     used = int(store.head[PAGES])
     table, pages = store.table, store.pages
     if used + room > len(pages):
-        wider = np.zeros((max(used + used // 2, used + room), pages.shape[1]), pages.dtype)
+        wider = np.zeros((used + max(used // 2, 4 * room), pages.shape[1]), pages.dtype)
         wider[:used] = pages[:used]
         pages = wider
     if 2 * (used + room) > len(table):

@@ -17,6 +17,8 @@ from .distortion import closest, near
 
 SMALLEST = 1e-3
 """Radius, in cells, below which a piece is not halved again: distances are certain to twice that."""
+SLACK = 1e-9
+"""What rounding may take from a bound."""
 _STACK = 64
 
 
@@ -34,6 +36,22 @@ class Excess:
 
     cells: NDArray[np.int64]
     places: NDArray[np.float64]
+
+
+@kernel
+def _balls(pieces, ball):
+    """Centre and radius of a ball around each piece."""
+    for i in range(len(pieces)):
+        o = pieces[i]
+        radius = 0.0
+        for axis in range(3):
+            u, v, w = o[axis], o[3 + axis], o[6 + axis]
+            low, high = min(u, v, w), max(u, v, w)
+            ball[i, axis] = (low + high) / 2
+        x, y, z = ball[i, 0], ball[i, 1], ball[i, 2]
+        for corner in range(0, 9, 3):
+            radius = max(radius, _apart(o, corner, x, y, z))
+        ball[i, 3] = np.sqrt(radius)
 
 
 @kernel
@@ -66,7 +84,7 @@ def _span(pieces, i, axis, low, size, reach):
 
 
 @kernel
-def _exceed(source, flat, low, size, shape, first, items, limit, stack, todo, out, places):
+def _exceed(source, flat, ball, low, size, shape, first, items, limit, stack, todo, out, places):
     """Mark in ``out`` the pieces ``todo`` of the source that are not proven to lie within ``limit``."""
     squared = limit * limit
     for t in range(len(todo)):
@@ -86,14 +104,14 @@ def _exceed(source, flat, low, size, shape, first, items, limit, stack, todo, ou
             if 0 <= p < shape[0] and 0 <= q < shape[1] and 0 <= r < shape[2]:
                 bucket = (p * shape[1] + q) * shape[2] + r
                 for k in range(first[bucket], first[bucket + 1]):
+                    if _beyond(ball, items[k], x, y, z, limit):
+                        continue
                     j = 9 * items[k]
                     d = near(flat, j, x, y, z)
-                    if d > squared:
-                        best = min(best, d)
-                        continue
                     best = min(best, d)
                     if (
-                        near(flat, j, o[0], o[1], o[2]) <= squared
+                        d <= squared
+                        and near(flat, j, o[0], o[1], o[2]) <= squared
                         and near(flat, j, o[3], o[4], o[5]) <= squared
                         and near(flat, j, o[6], o[7], o[8]) <= squared
                     ):
@@ -114,8 +132,16 @@ def _exceed(source, flat, low, size, shape, first, items, limit, stack, todo, ou
             depth += 2
 
 
+@inner
+def _beyond(ball, item, x, y, z, limit):
+    """Whether a piece is certainly farther from a point than the limit, by the ball around it."""
+    u, v, w = ball[item, 0] - x, ball[item, 1] - y, ball[item, 2] - z
+    far = limit + ball[item, 3] + SLACK
+    return u * u + v * v + w * w > far * far
+
+
 @kernel
-def _nearest(points, flat, low, size, shape, first, items, limit, piece, weight):
+def _nearest(points, flat, ball, low, size, shape, first, items, limit, piece, weight):
     """The piece next to each point, -1 if none is within ``limit``, and the weights of its corners 1 and 2."""
     for i in range(len(points)):
         x, y, z = points[i, 0], points[i, 1], points[i, 2]
@@ -126,11 +152,18 @@ def _nearest(points, flat, low, size, shape, first, items, limit, piece, weight)
         if not (0 <= p < shape[0] and 0 <= q < shape[1] and 0 <= r < shape[2]):
             continue
         bucket = (p * shape[1] + q) * shape[2] + r
-        best = limit * limit
+        best, root = limit * limit, limit
+        if i > 0 and piece[i - 1] >= 0:
+            # the piece next to the point before is near this one, too: fewer others need a look
+            d, s, t = closest(flat, 9 * piece[i - 1], x, y, z)
+            if d < best:
+                best, root = d, np.sqrt(d)
         for k in range(first[bucket], first[bucket + 1]):
+            if _beyond(ball, items[k], x, y, z, root):
+                continue
             d, s, t = closest(flat, 9 * items[k], x, y, z)
             if d <= best:
-                best = d
+                best, root = d, np.sqrt(d)
                 piece[i] = items[k]
                 weight[i, 0] = s
                 weight[i, 1] = t
@@ -174,6 +207,8 @@ class Target:
         pieces = _pieces(points, cells)
         self.limit = limit
         self.flat = pieces.ravel()
+        self.ball = np.empty((len(pieces), 4))
+        _balls(pieces, self.ball)
         self.empty = not len(pieces)
         self.size = max(2.0 * limit, 2.0)
         corners = pieces.reshape(-1, 3)
@@ -197,8 +232,8 @@ class Target:
             return Excess(todo, points[cells[todo, 0]])
         source = _pieces(points, cells)
         out, places = np.zeros(len(cells), np.bool_), np.zeros((len(cells), 3))
-        _exceed(source, self.flat, self.low, self.size, self.shape, self.first, self.items, float(self.limit),
-                np.zeros((_STACK, 9)), todo, out, places)  # fmt: skip
+        _exceed(source, self.flat, self.ball, self.low, self.size, self.shape, self.first, self.items,
+                float(self.limit), np.zeros((_STACK, 9)), todo, out, places)  # fmt: skip
         found = np.flatnonzero(out)
         return Excess(found, places[found, :n])
 
@@ -220,8 +255,8 @@ class Target:
         padded[:, :n] = points
         piece, two = np.full(len(points), -1), np.zeros((len(points), 2))
         if not self.empty:
-            _nearest(padded, self.flat, self.low, self.size, self.shape, self.first, self.items, float(self.limit),
-                     piece, two)  # fmt: skip
+            _nearest(padded, self.flat, self.ball, self.low, self.size, self.shape, self.first, self.items,
+                     float(self.limit), piece, two)  # fmt: skip
         first = 1.0 - two.sum(axis=1, keepdims=True)
         return piece, np.hstack([first, two if n == 3 else two.sum(axis=1, keepdims=True)])
 

@@ -9,6 +9,7 @@ one to where their surroundings like them best, over and over; then the nearest 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,7 +22,7 @@ from .distance import Target
 
 ROUNDS = (0.5, 0.5, 1.0, 1.0, 1.0)
 """Steps of the points in each round, in units of the parts that are told."""
-AGAIN = ROUNDS[-2:]
+AGAIN = ROUNDS[-1:]
 """The same where most points were fitted before."""
 SWEEPS = 2
 REACHES = (0.4, 2.0)
@@ -52,6 +53,8 @@ def relax(first, samples, slopes, gap, where, step, most, scale, sweeps):
     """
     for _ in range(sweeps):
         for e in range(len(where)):
+            if first[e] == first[e + 1]:
+                continue
             best, least = 0, np.inf
             for turn in range(2 * most + 1):
                 move = turn - most
@@ -68,6 +71,64 @@ def relax(first, samples, slopes, gap, where, step, most, scale, sweeps):
                     gap[samples[j]] -= slopes[j] * best * step[e]
 
 
+@kernel
+def _slopes(points, way, corners, weight, apart, gap, slope):
+    """Lengths of ``apart``, and how they fall as the corners' points move along their edges."""
+    n = points.shape[1]
+    for i in range(len(corners)):
+        far = 0.0
+        for axis in range(n):
+            far += apart[i, axis] ** 2
+        far = np.sqrt(far)
+        gap[i] = far
+        if far > _TOUCH:
+            for axis in range(n):
+                apart[i, axis] /= far
+        else:
+            _normal(points, corners[i], apart[i])
+        for k in range(n):
+            along = 0.0
+            for axis in range(n):
+                along += way[corners[i, k], axis] * apart[i, axis]
+            slope[i, k] = weight[i, k] * along
+
+
+@inner
+def _normal(points, corners, out):
+    """Unit normal of a piece, 0 where there is none."""
+    a, b = points[corners[0]], points[corners[1]]
+    if len(corners) == 2:
+        out[0], out[1] = a[1] - b[1], b[0] - a[0]
+        length = np.sqrt(out[0] ** 2 + out[1] ** 2)
+    else:
+        c = points[corners[2]]
+        u0, u1, u2 = b[0] - a[0], b[1] - a[1], b[2] - a[2]
+        v0, v1, v2 = c[0] - a[0], c[1] - a[1], c[2] - a[2]
+        out[0], out[1], out[2] = u1 * v2 - u2 * v1, u2 * v0 - u0 * v2, u0 * v1 - u1 * v0
+        length = np.sqrt(out[0] ** 2 + out[1] ** 2 + out[2] ** 2)
+    for axis in range(len(corners)):
+        out[axis] /= max(length, 1e-12)
+
+
+@kernel
+def _sorted_by_told(corners, slope, start, told, share, place, samples, slopes):
+    """Move each told edge's ``place`` on by the samples that notice it; list them there unless ``samples`` is empty.
+
+    The point of edge e follows those of ``told[start[e] : start[e + 1]]``, each by its share.
+    """
+    for i in range(len(corners)):
+        for k in range(corners.shape[1]):
+            e = corners[i, k]
+            for j in range(start[e], start[e + 1]):
+                s = slope[i, k] * share[j]
+                if abs(s) > _SLOPE:
+                    at = place[told[j]]
+                    if len(samples):
+                        samples[at] = i
+                        slopes[at] = s
+                    place[told[j]] = at + 1
+
+
 class _Fit:
     """A drawing of leaves whose points on the edges that carry offsets can be moved."""
 
@@ -81,6 +142,7 @@ class _Fit:
         self.rings = list(rings(leaves, self.edges))
         self.stated = edge_ratios(leaves, self.edges)
         self.way = np.diff(leaves.position[self.edges].astype(np.float64), axis=1)[:, 0]
+        self.samples, self.of_cell = _samples(self.cells, len(self.edges))
 
     def points(self, where: NDArray[np.float64]) -> NDArray[np.float64]:
         """Points of the drawing with those of the told edges at ``where``."""
@@ -90,62 +152,77 @@ class _Fit:
         return edge_points(self.leaves, self.edges, self.stated)
 
     def linear(
-        self, points: NDArray[np.float64], contour: Contour, targets: list[Target]
+        self, points: NDArray[np.float64], contour: Contour, targets: Sequence[Target]
     ) -> tuple[NDArray[np.float64], NDArray[np.int64], NDArray[np.int64], NDArray[np.float64]]:
         """Distances between the curves, from points of either, and how they fall: entries sorted by told edge."""
         samples = contour.points
         piece, weight = _nearest(samples, [Target(points, self.cells, t.limit) for t in targets])
         near = np.flatnonzero(piece >= 0)
-        corners = self.cells[piece[near]]
-        apart, weight = samples[near] - _at(weight[near], points[corners]), weight[near]
-        gap, slope = self._slopes(points, corners, weight, apart)
-        # points of this curve: corners, middles of sides, centres of the pieces
-        n = self.cells.shape[1]
-        shares = np.concatenate([np.eye(n), (1.0 - np.eye(n)) / (n - 1), np.full((1, n), 1.0 / n)])
-        cells = np.repeat(self.cells, len(shares), axis=0)
-        shares = np.tile(shares, (len(self.cells), 1))
-        own = _at(shares, points[cells])
-        piece, weight = _nearest(own, targets)
-        near = np.flatnonzero(piece >= 0)
-        apart = _at(weight[near], contour.points[contour.cells[piece[near]]]) - own[near]
-        own_gap, own_slope = self._slopes(points, cells[near], shares[near], apart)
-        corners = np.concatenate([corners, cells[near]])
-        gap, slope = np.concatenate([gap, own_gap]), np.concatenate([slope, own_slope])
-        sample, edge, flat = self._by_told(np.repeat(np.arange(len(gap)), n), corners.ravel(), slope.ravel())
-        order = np.argsort(edge, kind="stable")
-        first = np.searchsorted(edge[order], np.arange(len(self.told) + 1))
-        return gap, first, sample[order], flat[order]
+        corners, weight = self.cells[piece[near]], weight[near]
+        apart = samples[near] - _at(weight, points[corners])
+        own = _at(self.samples.weight, points[self.samples.corner])
+        back, there = _nearest(own, targets)
+        close = self.of_cell[back[self.of_cell] >= 0]
+        away = _at(there[close], contour.points[contour.cells[back[close]]]) - own[close]
+        corners = np.concatenate([corners, self.samples.corner[close]])
+        weight = np.concatenate([weight, self.samples.weight[close]])
+        gap, slope = np.empty(len(corners)), np.empty(corners.shape)
+        _slopes(points, self.way, corners, weight, np.concatenate([apart, away]), gap, slope)
+        follow = self._follow()
+        first = np.zeros(len(self.told) + 1, np.int64)
+        none = np.zeros(0, np.int64)
+        _sorted_by_told(corners, slope, *follow, first[1:], none, none.astype(np.float64))
+        first = np.cumsum(first)
+        found, slopes = np.empty(first[-1], np.int64), np.empty(first[-1])
+        _sorted_by_told(corners, slope, *follow, first[:-1].copy(), found, slopes)
+        return gap, first, found, slopes
 
-    def _slopes(
-        self, points: NDArray[np.float64], corners: NDArray[np.int64], weight: NDArray[np.float64],
-        apart: NDArray[np.float64],
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:  # fmt: skip
-        """Lengths of ``apart``, and how they fall as the corners' points move along their edges."""
-        gap = np.linalg.norm(apart, axis=1)
-        away = np.where(gap[:, None] > _TOUCH, apart / np.maximum(gap, _TOUCH)[:, None], _normals(points[corners]))
-        return gap, weight * np.einsum("pkc,pc->pk", self.way[corners], away)
+    def _follow(self) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float64]]:
+        """Told edges that the point of each edge follows, and by how much, edge by edge.
 
-    def _by_told(
-        self, sample: NDArray[np.int64], edge: NDArray[np.int64], slope: NDArray[np.float64]
-    ) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float64]]:
-        """The same in terms of told edges alone: points of implied edges follow from those at their rings."""
-        row = np.full(len(self.edges), -1)
+        Points of implied edges follow from those at their rings.
+        """
+        edge = via = np.arange(len(self.edges))
+        share = np.ones(len(edge))
+        row = np.empty(len(edge), np.int64)
         for ring in self.rings[::-1]:
             row[:] = -1
             row[ring.edge] = np.arange(len(ring.edge))
-            some = np.flatnonzero(row[edge] >= 0)
-            at = row[edge[some]]
-            follows = slope[some, None] * ring.slopes(self.stated)[at]
-            m = follows.shape[1]
-            sample = np.concatenate([sample, np.repeat(sample[some], m)])
-            edge = np.concatenate([edge, ring.beside[at].ravel()])
-            slope = np.concatenate([slope, follows.ravel()])
-        number = self.number[edge]
-        some = np.flatnonzero((number >= 0) & (np.abs(slope) > _SLOPE))
-        return sample[some], number[some], slope[some]
+            some = np.flatnonzero(row[via] >= 0)
+            at = row[via[some]]
+            follows = share[some, None] * ring.slopes(self.stated)[at]
+            edge = np.concatenate([edge, np.repeat(edge[some], follows.shape[1])])
+            via = np.concatenate([via, ring.beside[at].ravel()])
+            share = np.concatenate([share, follows.ravel()])
+        some = np.flatnonzero(self.number[via] >= 0)
+        some = some[np.argsort(edge[some], kind="stable")]
+        start = np.searchsorted(edge[some], np.arange(len(self.edges) + 1))
+        return start, self.number[via[some]], share[some]
 
 
-def _nearest(samples: NDArray[np.float64], targets: list[Target]) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+@dataclass(frozen=True)
+class _Samples:
+    """Points of pieces: ``corner`` (K, n) numbers of points, ``weight`` (K, n) how much each counts."""
+
+    corner: NDArray[np.int64]
+    weight: NDArray[np.float64]
+
+
+def _samples(cells: NDArray[np.int64], points: int) -> tuple[_Samples, NDArray[np.int64]]:
+    """Corners, sides' middles and centres of pieces, and, for each piece in turn, the numbers of its own."""
+    n = cells.shape[1]
+    # what lies opposite each corner: a side, in two dimensions the other corner
+    rest = np.sort(np.stack([np.delete(cells, k, axis=1) for k in range(n)], axis=1), axis=2)
+    keys, opposite = np.unique(rest @ [points**k for k in range(n - 1)], return_inverse=True)
+    sides = np.stack([keys // points**k % points for k in range(n - 1)], axis=1)
+    parts = [np.arange(points)[:, None], sides, cells]
+    corner = np.concatenate([np.pad(part, ((0, 0), (0, n - part.shape[1]))) for part in parts])
+    weight = np.concatenate([np.tile((np.arange(n) < part.shape[1]) / part.shape[1], (len(part), 1)) for part in parts])
+    own = [cells, points + opposite.reshape(cells.shape), points + len(sides) + np.arange(len(cells))[:, None]]
+    return _Samples(corner, weight), np.concatenate(own, axis=1).ravel()
+
+
+def _nearest(samples: NDArray[np.float64], targets: Sequence[Target]) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
     """As `Target.nearest`, for targets of growing limits."""
     piece, weight = targets[0].nearest(samples)
     for target in targets[1:]:
@@ -159,19 +236,9 @@ def _at(weight: NDArray[np.float64], corners: NDArray[np.float64]) -> NDArray[np
     return np.einsum("pk,pkc->pc", weight, corners)
 
 
-def _normals(corners: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Unit normals of pieces, (M, n) float64, 0 where there is none."""
-    sides = corners[:, 1:] - corners[:, :1]
-    if corners.shape[1] == 2:
-        normal = np.stack([-sides[:, 0, 1], sides[:, 0, 0]], axis=1)
-    else:
-        normal = np.cross(sides[:, 0], sides[:, 1])
-    return normal / np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-12)
-
-
 def fitted_offsets(
-    contour: Contour, leaves: Leaves, told: NDArray[np.int64], parts: NDArray[np.int64], where: NDArray[np.float64],
-    tolerance: float, rounds: Sequence[float] = ROUNDS,
+    contour: Contour, targets: Sequence[Target], leaves: Leaves, told: NDArray[np.int64], parts: NDArray[np.int64],
+    where: NDArray[np.float64], tolerance: float, rounds: Sequence[float] = ROUNDS,
 ) -> NDArray[np.int64]:  # fmt: skip
     """Parts of edges that hold the points of a curve near the original.
 
@@ -179,6 +246,8 @@ def fitted_offsets(
     ----------
     contour : Contour
         The original curve.
+    targets : sequence of Target
+        The same, to be held against within ``REACHES`` tolerances.
     leaves : Leaves
         Of the coarse mesh.
     told : (E, 2) int64
@@ -197,7 +266,6 @@ def fitted_offsets(
     """
     fit = _Fit(leaves, told)
     where = where.copy()
-    targets = [Target(contour.points, contour.cells, reach * tolerance) for reach in REACHES]
     for share in rounds:
         if share == 1.0:
             where = (np.minimum(np.floor(where * parts), parts - 1) + 0.5) / parts

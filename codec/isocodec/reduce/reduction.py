@@ -26,6 +26,8 @@ CROSSING, TOPOLOGY, PLACE = 1, 2, 4
 
 # What a sweep over a level does.
 _OPEN, _COMMIT = range(2)
+AT_ONCE = 16
+"""Leaves of which none is left for later."""
 
 
 @inner
@@ -264,7 +266,10 @@ class Reduction:
                                 np.int64(unit))  # fmt: skip
             sweep(dm, self.busy, np.int64(asked), np.int64(_COMMIT))
 
-    def restore(self, places: NDArray[np.float64], most: Chosen | None = None) -> int:
+    def restore(
+        self, places: NDArray[np.float64], most: Chosen | None = None, share: float = 1.0,
+        leaves: NDArray[np.int64] | None = None,
+    ) -> int:  # fmt: skip
         """Bisect the leaves at some places; how many vertices that put back.
 
         Topology that was kept so far stays kept: each vertex that is left out could go by itself, whatever else stays.
@@ -274,15 +279,21 @@ class Reduction:
         places : (P, n) float64
         most : Chosen, optional
             A mesh whose vertices alone may come back.
+        share : float
+            Of many leaves only this share is bisected, those with the most places.
+        leaves : (P, 4) int64, optional
+            `leaves_at` the places, if that is known.
         """
+        leaves = self.leaves_at(places) if leaves is None else leaves
         # where it is full already: the leaves next to it, so that diamonds get whole and their points implied
-        done = places[self._leaves(places)[:, 3] < 0]
+        done = places[leaves[:, 3] < 0]
         around = np.array(list(product((-0.75, 0.0, 0.75), repeat=self.n)))
-        wanted, levels = self.leaves_at(np.concatenate([places, (done[:, None] + around).reshape(-1, self.n)]))
+        wanted, count = distinct(np.concatenate([leaves, self.leaves_at((done[:, None] + around).reshape(-1, self.n))]))
         if most is not None and len(wanted):
-            inside = np.array([has(most, *w) for w in wanted])
-            wanted, levels = wanted[inside], levels[inside]
-        return self.add(wanted, levels) if len(wanted) else 0
+            inside = np.array([has(most, *w[:3]) for w in wanted])
+            wanted, count = wanted[inside], count[inside]
+        wanted = wanted[np.argsort(-count, kind="stable")[: max(int(share * len(wanted)), AT_ONCE)]]
+        return self.add(wanted[:, :3], wanted[:, 3]) if len(wanted) else 0
 
     def curved(self, kappa: float) -> NDArray[np.bool_]:
         """Points of the original at which its mean curvature, in 1 / cells, exceeds ``kappa`` (row C2-curvature)."""
@@ -294,19 +305,17 @@ class Reduction:
         places = np.rint(self.points[:, : self.n]).astype(np.int64)
         return np.abs(np.sum(bends, axis=0)[tuple(places.T)]) > kappa
 
-    def leaves_at(self, places: NDArray[np.float64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-        """Middles of the leaves that hold some places (unclamped positions, levels), unless of the full grid.
+    def leaves_at(self, places: NDArray[np.float64]) -> NDArray[np.int64]:
+        """Middle (unclamped, padded to three axes) and level of the leaf at each place, level -1 on the full grid.
 
         Parameters
         ----------
         places : (P, n) float64
-        """
-        out = self._leaves(places)
-        out = np.unique(out[out[:, 3] >= 0], axis=0)
-        return out[:, :3], out[:, 3]
 
-    def _leaves(self, places: NDArray[np.float64]) -> NDArray[np.int64]:
-        """Middle and level of the leaf at each place, level -1 on the full grid."""
+        Returns
+        -------
+        (P, 4) int64
+        """
         points = np.zeros((len(places), AXES))
         points[:, : self.n] = np.clip(places, 0, np.array(self.shape) - 1)
         out = np.zeros((len(places), 4), np.int64)
@@ -342,6 +351,15 @@ class Reduction:
         room = int(sum(np.prod(np.delete(blocks, a)) * 3 for a in range(n)))
         chosen = self.domain.chosen
         self.domain = self.domain._replace(chosen=chosen._replace(outside=grown(chosen.outside, room)))
+
+
+def distinct(leaves: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """The leaves of `Reduction.leaves_at`, each once, but for those of the full grid; how often each was there."""
+    leaves = leaves[leaves[:, 3] >= 0]
+    # a middle has but one level
+    keys = leaves[:, 0] << 42 | leaves[:, 1] << 21 | leaves[:, 2]
+    _, first, count = np.unique(keys, return_index=True, return_counts=True)
+    return leaves[first], count
 
 
 @kernel

@@ -21,6 +21,7 @@ from .container import LayerRecord, write_chunk, write_further, write_index, wri
 from .crossings import grid_offsets, radices
 from .header import Header, write_header
 from .program import Layer, Progress, write_program
+from .promise import Promise
 from .strand import Entry, Strand, field_tube
 
 DEFAULT_TOLERANCE = 0.05
@@ -72,7 +73,8 @@ class Encoder:
         ``main``, or ``baseline``, which makes larger files for smaller and faster decoders.
     metadata : mapping of str to str, optional
     progress : callable, optional
-        Called with the layers done and their total.
+        Called with the layers done and their total; before, while a mesh is searched for, with the number of curves
+        tried and 0.
 
     Raises
     ------
@@ -119,6 +121,7 @@ class Encoder:
             )
         self._metadata = dict(metadata or {})
         self._report = progress
+        self._tried = 0
         self.header = Header(first.values.shape, first.isovalue, step, Profile[profile.upper()])
         self._strands: list[Strand] = []
         self._strands.append(self._strand(0, Progress(self._full_level))[0])
@@ -172,7 +175,7 @@ class Encoder:
         searched = o.tolerance if o.base_level is None and (o.tolerance or 0) >= SEARCHED else None
         if searched is o.steps is o.criterion is None and not o.preserve_topology:
             return strategy.grid_plan(len(self.header.shape), self._full_level, o.base_level) + values + offsets
-        promise = strategy.Promise(self._fields[number], lambda: self._fresh(number, lean), free)
+        promise = Promise(self._fields[number], lambda: self._fresh(number, lean), free, self._try)
         if o.steps is not None:
             return strategy.stepwise(promise, o.steps, o.preserve_topology)
         if o.criterion is not None:
@@ -242,6 +245,11 @@ class Encoder:
             yield write_chunk(ChunkType.LAYERS, payload, last=ends and not index)
             if index:
                 yield write_chunk(ChunkType.INDEX, index, ancillary=True, last=True)
+
+    def _try(self) -> None:
+        self._tried += 1
+        if self._report:
+            self._report(self._tried, 0)
 
     def _done(self) -> None:
         if self._report:

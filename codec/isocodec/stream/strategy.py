@@ -8,165 +8,47 @@ both ways, and puts vertices back where it is not proven.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from dataclasses import field as derived
 from itertools import pairwise
 
-import numpy as np
-from numpy.typing import NDArray
+from isospec.container import MAX_RADIX
 
-from isospec.container import MAX_RADIX, Profile
-
-from ..contour import Contour, Leaves, draw
 from ..errors import OptionError
-from ..grid.field import OFFSET_BITS, Field
 from ..mesh.chosen import Chosen
-from ..mesh.tables import cube_exponent
-from ..passes.snapshot import leaves_of
-from ..passes.state import WORK
-from ..passes.tube import Tube
-from ..reduce.distance import Target
-from ..reduce.fit import AGAIN, ROUNDS, fitted_offsets
-from ..reduce.original import original
-from ..reduce.reduction import Reduction
+from ..reduce.reduction import Reduction, distinct
 from .crossings import Slack, grid_offsets, pitches, radices
-from .header import Header
-from .program import Progress
-from .strand import Entry, Place, Strand, field_tube
+from .promise import Promise
+from .strand import Entry, Place
 
 Plan = list[Entry]
+_Found = tuple[float, Plan]
+"""Bytes of the runs of a plan, and the plan."""
 
 EXACT = 0.0
 """A step that asks for all values, to the last bit."""
 BASE_CYCLES = 1
 """The default base has cubes of half the root's edge: refinements find what is small more cheaply than it does."""
-MOST_REPAIRS = 16
+MOST_REPAIRS, MOST_TIGHTENED = 64, 16
+"""How often vertices are put back, and how often slack is taken back."""
 LOOSE, BACK, SPACING = 2.0, 0.7, 1.0
 """Vertices are left out at first as long as the curve gets no farther than ``LOOSE`` tolerances from the original,
 since the fit halves that where the curve bends, and strays no farther than ``BACK`` tolerances plus ``SPACING``."""
 EDGES = 2.0, 16.0
 """Uniform meshes that are tried have edges longer than the one and at most as long as the other of these, in
 tolerances."""
-HOPELESS = 1.2
+HOPELESS = 1.1
 """A reduced mesh that grows to this many times the smallest file so far is given up: another base may save some."""
-STUCK, FEW = 0.7, 32
-"""So is one with more places than ``FEW`` that are too far away, of which three repairs left more than this share."""
+LEAF = 0.25
+"""Bytes that a leaf costs at least, with all that comes of it, where the curve is too far away."""
+SHARES = {2: 1.0, 3: 0.25}
+"""Of the leaves where it is, so many are bisected before points are fitted again: of surfaces that helps the others."""
 EDGE = 1e-6
 """Share of a tolerance that is below its rounding."""
 
 
 class NotKeptError(OptionError):
     """No plan was found that is proven to keep a promise."""
-
-
-@dataclass
-class Promise:
-    """The original curve of a field, and trial encodings held against it.
-
-    Attributes
-    ----------
-    field : Field
-    fresh : callable, optional
-        Makes tubes for trial encodings, as that of the file: what is known of earlier isovalues changes what
-        is told. By default those of a file of its own.
-    free : bool
-        Whether crossings may be told with slack (see `Slack`).
-    contour : Contour
-        The original curve.
-    phi : ndarray of float32
-        The field less its isovalue.
-    """
-
-    field: Field
-    fresh: Callable[[], Tube] | None = None
-    free: bool = True
-    contour: Contour = derived(init=False)
-    phi: NDArray[np.float32] = derived(init=False)
-
-    def __post_init__(self) -> None:
-        self.contour = original(self.field)
-        values = self.field.values.astype(np.float64) - self.field.isovalue
-        largest = np.finfo(np.float32).max
-        self.phi = np.clip(values, -largest, largest).astype(np.float32)
-        self._points = _grid_points(self.contour)
-
-    @property
-    def n(self) -> int:
-        """Number of axes."""
-        return self.field.signs.ndim
-
-    @property
-    def full_level(self) -> int:
-        """Level of the full grid."""
-        return self.n * cube_exponent(self.field.signs.shape)
-
-    def reduction(self, start: Chosen | None = None) -> Reduction:
-        """A reduction of the full grid, or of a mesh."""
-        return Reduction(self.field.signs, self.phi, self._points, start)
-
-    def trial(self, plan: Sequence[Entry]) -> tuple[int, Contour]:
-        """Bytes of the runs of a plan, and what a decoder draws in the end."""
-        total, tube = self._encoded(plan)
-        return total, draw(self._leaves(tube))
-
-    def placed(self, mesh: Chosen, parts: int, unit: int, tolerance: float, before: Place | None = None) -> Place:
-        """Where the curve is to cross the edges of a mesh so that it lies within a tolerance, if it can be.
-
-        ``before`` are the places on a mesh of which most edges are left.
-        """
-        tube = self._encoded([("adaptive_base", 0, mesh), ("offsets", parts, unit)])[1]
-        told = tube.estimates
-        position = tube.state.vertex[:, : self.n].astype(np.int64)
-        low, high = position[told.edges[:, 0]], position[told.edges[:, 1]]
-        where = np.ldexp((before or self.field.crossings)(low, high) + 0.5, -OFFSET_BITS)
-        number = fitted_offsets(
-            self.contour, self._leaves(tube), told.edges, told.parts, where, tolerance, AGAIN if before else ROUNDS
-        )
-        return Places(self.field, low, high, ((2 * number + 1) << (OFFSET_BITS - 1)) // told.parts)
-
-    def _leaves(self, tube: Tube) -> Leaves:
-        return leaves_of(tube, self.field.isovalue, lambda number, above: number)
-
-    def _encoded(self, plan: Sequence[Entry]) -> tuple[int, Tube]:
-        tube = self.fresh() if self.fresh else self._alone()
-        # the earlier isovalue has a limit of steps, which trials do not take part in
-        steps = tube.lean.state.at[WORK] if tube.lean else 0
-        strand = Strand(self.field, tube, plan, Progress(tube.full_level))
-        total = done = 0
-        while done < len(strand.layers):
-            done, run = strand.encode_run(done, lambda: None)
-            total += len(run)
-        if tube.lean:
-            tube.lean.state.at[WORK] = steps
-        return total, tube
-
-    def _alone(self) -> Tube:
-        header = Header(self.field.values.shape, self.field.isovalue, self.field.scale, Profile.MAIN)
-        return field_tube(header, self.field)
-
-    def excess(self, contour: Contour, tolerance: float) -> np.ndarray:
-        """Places where the two curves are not proven to lie within the tolerance of each other, (K, n)."""
-        ours, theirs = (self.contour.points, self.contour.cells), (contour.points, contour.cells)
-        return np.concatenate(
-            [Target(*theirs, tolerance).exceeded(*ours).places, Target(*ours, tolerance).exceeded(*theirs).places]
-        )
-
-
-class Places:
-    """Chosen places on edges; on others those where the field crosses."""
-
-    def __init__(self, field: Field, low: NDArray[np.int64], high: NDArray[np.int64], where: NDArray[np.int64]) -> None:
-        self._field = field
-        names = np.hstack([low, high])
-        self._where = {name.tobytes(): int(x) for name, x in zip(names, where, strict=True)}
-
-    def __call__(self, low: NDArray[np.int64], high: NDArray[np.int64]) -> NDArray[np.int64]:
-        """As ``Field.crossings``."""
-        out = self._field.crossings(low, high)
-        for i, name in enumerate(np.hstack([low, high])):
-            out[i] = self._where.get(name.tobytes(), out[i])
-        return out
 
 
 def _base(n: int, finest: int) -> int:
@@ -196,47 +78,60 @@ def smallest(promise: Promise, tolerance: float, topology: bool) -> Plan:
         # one layer, which cannot go wrong
         grids.append([("base", full)])
     offsets = grid_offsets(tolerance, promise.free)
-    best: Plan = []
-    fewest: float = math.inf
+    best: _Found = (math.inf, [])
     for plan in [*([*grid, *offsets] for grid in grids), *grids]:
-        size, contour = promise.trial(plan)
-        if size < fewest and not len(promise.excess(contour, tolerance)):
-            best, fewest = plan, size
-    coarser = _coarsest(promise, grids[0], tolerance, fewest)
-    if coarser is not None:
-        fewest, best = coarser
-    if not best:
+        best = _better(promise, tolerance, plan, best)
+    best = _coarsest(promise, grids[0], tolerance, best)
+    if not best[1]:
         raise NotKeptError(
             f"no plan was proven to keep to a tolerance of {tolerance:g}", code="tolerance", remedy="use a smaller one"
         )
     if full == 0:
-        return best
-    for start, lead in starts(promise, tolerance, topology):
-        for parts, unit in pitches(tolerance, promise.n):
-            reduction = promise.reduction(start)
-            most = fewest if lead else HOPELESS * fewest
-            kept = _repaired(promise, reduction, tolerance, parts, unit, lead, fit=True, most=most)
-            if kept is None:
-                continue
-            if kept.size < fewest:
-                best, fewest = kept.plan, kept.size
-            coarse = _base(promise.n, full)
-            if not topology and coarse < full and not lead:
-                plan = [("base", coarse), ("adapt", 1, kept.mesh), kept.plan[-1]]
-                size, contour = promise.trial(plan)
-                # a coarse uniform base has vertices that the mesh may lack: proven anew
-                if size < fewest and not len(promise.excess(contour, tolerance)):
-                    best, fewest = plan, size
+        return best[1]
+    helped = False
+    for start, lead in () if topology else even_starts(promise, tolerance):
+        found = _meshed(promise, tolerance, start, lead, best)
+        if helped and found is best:
+            # of even larger cubes the same would come
+            break
+        helped |= found is not best
+        best = found
+    return _meshed(promise, tolerance, loose_start(promise, tolerance, topology), [], best, topology)[1]
+
+
+def _better(promise: Promise, tolerance: float, plan: Plan, best: _Found) -> _Found:
+    """A plan, if it keeps to the tolerance in fewer bytes than the best so far, else that one."""
+    size, contour = promise.trial(plan)
+    return (size, plan) if size < best[0] and not len(promise.excess(contour, tolerance)) else best
+
+
+def _meshed(
+    promise: Promise, tolerance: float, start: Chosen, lead: Plan, best: _Found, topology: bool = False
+) -> _Found:
+    """The best plan, or a better one on a mesh to begin with; ``lead`` leads to a part of it."""
+    for parts, unit in pitches(tolerance, promise.n):
+        most = best[0] if lead else HOPELESS * best[0]
+        kept = _repaired(promise, promise.reduction(start), tolerance, parts, unit, lead, fit=True, most=most)
+        if kept is None:
+            continue
+        if kept.size < best[0]:
+            best = kept.size, kept.plan
+        coarse = _base(promise.n, promise.full_level)
+        if not (lead or topology) and coarse < promise.full_level:
+            # a coarse uniform base has vertices that the mesh may lack: proven anew
+            best = _better(promise, tolerance, [("base", coarse), ("adapt", 1, kept.mesh), kept.plan[-1]], best)
     return best
 
 
-def starts(promise: Promise, tolerance: float, topology: bool) -> Iterator[tuple[Chosen, Plan]]:
-    """Meshes to begin with, and what leads to a uniform one: reduced ones fit a curve better, even cubes tell less."""
-    loose = promise.reduction()
-    loose.reduce(topology=topology, distortion=LOOSE * tolerance, back=BACK * tolerance + SPACING)
-    yield loose.chosen, []
-    if topology:
-        return
+def loose_start(promise: Promise, tolerance: float, topology: bool) -> Chosen:
+    """A mesh to begin with that is coarse where the curve is flat."""
+    reduction = promise.reduction()
+    reduction.reduce(topology=topology, distortion=LOOSE * tolerance, back=BACK * tolerance + SPACING)
+    return reduction.chosen
+
+
+def even_starts(promise: Promise, tolerance: float) -> Iterator[tuple[Chosen, Plan]]:
+    """Uniform meshes to begin with, and what leads there, the finest first: even squares and cubes tell little."""
     for cycles in range(1, promise.full_level // promise.n):
         if EDGES[0] * tolerance < 1 << cycles <= EDGES[1] * tolerance:
             level = promise.full_level - cycles * promise.n
@@ -249,25 +144,24 @@ def starts(promise: Promise, tolerance: float, topology: bool) -> Iterator[tuple
             yield uniform.chosen, lead
 
 
-def _coarsest(promise: Promise, grid: Plan, tolerance: float, most: float) -> tuple[int, Plan] | None:
-    """The full grid with crossings told as coarsely as can be, with slack also at a slant, in less than ``most``."""
-    found = None
+def _coarsest(promise: Promise, grid: Plan, tolerance: float, best: _Found) -> _Found:
+    """The best plan, or the full grid with crossings told as coarsely as can be, with slack also at a slant."""
     # as few parts as can be, even if in the worst case a crossing on their border is told a rounding too far away
     fewest = max(math.ceil(0.5 / tolerance * (1 - EDGE)), 1) | 1
     for radix in sorted({fewest, math.prod(radices(tolerance))} - {1}):
         slack = Slack(tolerance, promise.phi) if promise.free else None
-        for _ in range(MOST_REPAIRS if radix <= MAX_RADIX else 0):
+        for _ in range(MOST_TIGHTENED if radix <= MAX_RADIX else 0):
             plan: Plan = [*grid, ("offsets", radix, 0, None, slack)]
             size, contour = promise.trial(plan)
-            if size >= most:
+            if size >= best[0]:
                 break
             places = promise.excess(contour, tolerance)
             if not len(places):
-                found, most = (size, plan), size
+                best = size, plan
             if not len(places) or slack is None:
                 break
             slack.tighten(places)
-    return found
+    return best
 
 
 @dataclass(frozen=True)
@@ -289,7 +183,6 @@ def _repaired(
     are given up. ``lead`` leads to a part of the mesh; without one it is a base.
     """
     place: Place | None = None
-    left: list[int] = []
     for _ in range(MOST_REPAIRS):
         if fit:
             place = promise.placed(reduction.chosen, parts, unit, tolerance, place)
@@ -301,9 +194,9 @@ def _repaired(
         places = promise.excess(contour, tolerance)
         if not len(places):
             return _Kept(size, plan, reduction.chosen)
-        left.append(len(places))
-        stuck = fit and len(left) > 3 and left[-1] > max(STUCK * left[-4], FEW)
-        if stuck or not reduction.restore(places, within):
+        leaves = reduction.leaves_at(places)
+        hopeless = size + LEAF * len(distinct(leaves)[0]) > most
+        if hopeless or not reduction.restore(places, within, SHARES[promise.n] if fit else 1.0, leaves):
             return None
     return None
 
@@ -424,8 +317,3 @@ def reduced(promise: Promise, criterion: str, parameter: float | None, topology:
                 remedy="crossing, curvature, distortion, topology or level",
             )  # fmt: skip
     return [("adaptive_base", 0, reduction.chosen)]
-
-
-def _grid_points(contour: Contour) -> np.ndarray:
-    """The points of a contour that lie on edges of the grid, for each of the grid's edges that it crosses."""
-    return contour.points[(contour.points != np.floor(contour.points)).sum(axis=1) <= 1]
