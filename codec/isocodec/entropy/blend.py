@@ -59,13 +59,16 @@ def _opinion(row, table, hidden, out):
         hidden[j] = 0
     count = row[0]
     i = 1
-    while i + 3 <= count:
-        # four at a time: the sums are read and written less often
+    while i + 7 <= count:
+        # eight at a time: the sums are read and written less often
         a, b = table[np.uint64(row[np.uint64(i)])], table[np.uint64(row[np.uint64(i + 1)])]
         c, d = table[np.uint64(row[np.uint64(i + 2)])], table[np.uint64(row[np.uint64(i + 3)])]
+        e, f = table[np.uint64(row[np.uint64(i + 4)])], table[np.uint64(row[np.uint64(i + 5)])]
+        g, h = table[np.uint64(row[np.uint64(i + 6)])], table[np.uint64(row[np.uint64(i + 7)])]
         for j in range(len(hidden)):
-            hidden[j] += (np.int32(a[j]) + np.int32(b[j])) + (np.int32(c[j]) + np.int32(d[j]))
-        i += 4
+            four = (np.int32(a[j]) + np.int32(b[j])) + (np.int32(c[j]) + np.int32(d[j]))
+            hidden[j] += four + ((np.int32(e[j]) + np.int32(f[j])) + (np.int32(g[j]) + np.int32(h[j])))
+        i += 8
     while i <= count:
         a = table[np.uint64(row[np.uint64(i)])]
         for j in range(len(hidden)):

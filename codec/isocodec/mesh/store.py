@@ -49,7 +49,7 @@ def grown(store: Store, room: int) -> Store:
     used = int(store.head[PAGES])
     table, pages = store.table, store.pages
     if used + room > len(pages):
-        wider = np.zeros((used + max(used // 2, 4 * room), pages.shape[1]), pages.dtype)
+        wider = np.zeros((used + max(3 * used, 4 * room), pages.shape[1]), pages.dtype)
         wider[:used] = pages[:used]
         pages = wider
     if 2 * (used + room) > len(table):
@@ -137,9 +137,9 @@ def get(st, x, y, z):
     return np.int64(st.pages[page, _cell(st, x, y, z)])
 
 
-@kernel
-def put(st, x, y, z, value):
-    """Set the entry at (x, y, z); the caller has made sure of room for a page."""
+@inner
+def spot(st, x, y, z):
+    """Page and cell of (x, y, z), to be read and set; the caller has made sure of room for a page."""
     page = _page(st, x, y, z)
     if page < 0:
         h = -1 - page
@@ -147,4 +147,11 @@ def put(st, x, y, z, value):
         st.table[h, 0] = x >> st.head[SHIFT] | (y >> st.head[SHIFT + 1]) << 21 | (z >> st.head[SHIFT + 2]) << 42
         st.table[h, 1] = page
         st.head[PAGES] = page + 1
-    st.pages[page, _cell(st, x, y, z)] = value
+    return page, _cell(st, x, y, z)
+
+
+@kernel
+def put(st, x, y, z, value):
+    """Set the entry at (x, y, z); the caller has made sure of room for a page."""
+    page, cell = spot(st, x, y, z)
+    st.pages[page, cell] = value

@@ -49,69 +49,102 @@ def _table(n: int) -> NDArray[np.int64]:
 
 PLANE, SPACE = _table(2), _table(3)
 # the same as one number: differences of x * 64 + y, and of x * 1024 + y * 32 + z
-_PLANE_AT = PLANE[..., 0] * 64 + PLANE[..., 1]
-_SPACE_AT = SPACE[..., 0] * 1024 + SPACE[..., 1] * 32 + SPACE[..., 2]
+_PLANE_AT = (PLANE[..., 0] * 64 + PLANE[..., 1]).astype(np.int16)
+_SPACE_AT = (SPACE[..., 0] * 1024 + SPACE[..., 1] * 32 + SPACE[..., 2]).astype(np.int16)
 _REACH_2, _REACH_3 = int(abs(PLANE).max()), int(abs(SPACE).max())
 _COUNT_2, _COUNT_3 = AROUND[2], AROUND[3]
+_MARGIN = 32
+"""Of the board, in units of g: whole pages, and more than windows reach."""
+
+
+@inner
+def _images(x, last, size, reach):
+    """First and last place along an axis, in units of g, of a vertex and its images; none if the last comes first.
+
+    A vertex on the border of the box is the image of all places beyond (clause 4.6); windows reach so far.
+    """
+    first = -reach if x == 0 else (x + (np.int64(1) << size) - 1) >> size
+    return first, (x >> size) + (reach + 2 if x == last else 0)
 
 
 @inner
 def survey(st):
     """Enter the vertices that have become known since the last time into the board; False if it lacks room.
 
-    The board shows the lattice of the present level in units of g: 0 where nothing is known, else 1 + the sign. Images
-    of vertices outside the box are not on it.
+    The board shows the lattice of the present level in units of g, ``_MARGIN`` beyond the box: 0 where nothing is
+    known, else 1 + the sign.
     """
     at = st.at
     if at[BOARD_EDGE] != at[EDGE]:
         wipe(st.board)
         at[BOARD_EDGE], at[BOARDED] = at[EDGE], 0
+    plane = dimension(st.tables) == 2
+    reach = _REACH_2 if plane else _REACH_3
     # of g, which is half the edge
     size = at[SIZE] - at[LEVEL] // dimension(st.tables) - 1
-    odd = (np.int64(1) << size) - 1
     while at[BOARDED] < at[VERTICES]:
-        if full(st.board, 1):
+        if full(st.board, 8):
             return False
         x, y, z, sign = st.vertex[at[BOARDED]]
-        if (x | y | z) & odd == 0:
-            put(st.board, np.int64(x) >> size, np.int64(y) >> size, np.int64(z) >> size, 1 + sign)
+        x0, x1 = _images(np.int64(x), at[LAST], size, reach)
+        y0, y1 = _images(np.int64(y), at[LAST + 1], size, reach)
+        z0, z1 = _images(np.int64(z), at[LAST + 2], size, reach)
+        if plane:
+            z0 = z1 = np.int64(0)
+        for i in range(x0, x1 + 1):
+            for j in range(y0, y1 + 1):
+                for k in range(z0, z1 + 1):
+                    put(st.board, _MARGIN + i, _MARGIN + j, k if plane else _MARGIN + k, 1 + sign)
         at[BOARDED] += 1
     return True
 
 
+@inner
+def _as_differences(near, count):
+    """Replace numbers of pages by what exclusive or makes them of: vectors compute them faster than they look them up.
+
+    The number of page i is that of all places whose bits are bits of i.
+    """
+    bit = 1
+    while bit < count:
+        for i in range(count):
+            if i & bit:
+                near[i] ^= near[i ^ bit]
+        bit *= 2
+
+
 @kernel
-def _listed(board, near, plane, row, count, first, same, w0, w1, w2):
+def _places_2(near, table, at, out):
+    """Places on the board of so many vertices, given from the corner of two by two pages, a coordinate in 6 bits."""
+    n0, n1, n2, n3 = near[0], near[1], near[2], near[3]
+    for i in range(len(table)):
+        s = at + np.int64(table[i])
+        y, x = -(s >> 5 & 1), -(s >> 11 & 1)
+        page = n0 ^ (y & n1) ^ (x & n2) ^ (x & y & n3)
+        out[i] = page << 10 | (s >> 1 & 0x3E0) | (s & 31)
+
+
+@kernel
+def _places_3(near, table, at, out):
+    """The same for n = 3, a coordinate in 5 bits."""
+    n0, n1, n2, n3, n4, n5, n6, n7 = near[0], near[1], near[2], near[3], near[4], near[5], near[6], near[7]
+    for i in range(len(table)):
+        s = at + np.int64(table[i])
+        z, y, x = -(s >> 4 & 1), -(s >> 9 & 1), -(s >> 14 & 1)
+        page = n0 ^ (z & (n1 ^ (y & n3))) ^ (y & n2) ^ (x & (n4 ^ (z & (n5 ^ (y & n7))) ^ (y & n6)))
+        out[i] = page << 12 | (s >> 2 & 0xF00) | (s >> 1 & 0xF0) | (s & 15)
+
+
+@kernel
+def _listed(cells, row, count, first, same, places):
     """Append the rows of the vertices on the board that have the entry ``same`` or another; returns how many there are.
 
-    ``near`` is room for the numbers of the pages around. A place is counted from the corner of two by two pages, each
-    coordinate in 6 (n = 2) or 5 bits, of which the highest is that of the page. Indices are unsigned: no test whether
-    they count from the end.
+    Indices are unsigned: no test whether they count from the end.
     """
-    pages = board.pages
-    if plane:
-        p0, p1 = (w0 - _REACH_2) >> 5, (w1 - _REACH_2) >> 5
-        for i in range(4):
-            near[i] = page_or_first(board, (p0 + (i >> 1)) << 5, (p1 + (i & 1)) << 5, np.int64(0))
-        at = (w0 - (p0 << 5)) << 6 | (w1 - (p1 << 5))
-        table = _PLANE_AT[(w0 & 3) | (w1 & 3) << 2]
-        for i in range(_COUNT_2):
-            s = at + table[i]
-            page = near[np.uint64((s >> 10 & 2) | (s >> 5 & 1))]
-            e = np.int64(pages[np.uint64(page), np.uint64((s >> 1 & 0x3E0) | (s & 31))])
-            row[np.uint64(count)] = first + 2 * i + (e == same)
-            count += e != 0
-    else:
-        p0, p1, p2 = (w0 - _REACH_3) >> 4, (w1 - _REACH_3) >> 4, (w2 - _REACH_3) >> 4
-        for i in range(8):
-            near[i] = page_or_first(board, (p0 + (i >> 2)) << 4, (p1 + (i >> 1 & 1)) << 4, (p2 + (i & 1)) << 4)
-        at = (w0 - (p0 << 4)) << 10 | (w1 - (p1 << 4)) << 5 | (w2 - (p2 << 4))
-        table = _SPACE_AT[(w0 & 3) | (w1 & 3) << 2 | (w2 & 3) << 4]
-        for i in range(_COUNT_3):
-            s = at + table[i]
-            page = near[np.uint64((s >> 12 & 4) | (s >> 8 & 2) | (s >> 4 & 1))]
-            e = np.int64(pages[np.uint64(page), np.uint64((s >> 2 & 0xF00) | (s >> 1 & 0xF0) | (s & 15))])
-            row[np.uint64(count)] = first + 2 * i + (e == same)
-            count += e != 0
+    for i in range(len(places)):
+        e = np.int64(cells[np.uint64(places[i])])
+        row[np.uint64(count)] = first + 2 * i + (e == same)
+        count += e != 0
     return count
 
 
@@ -128,27 +161,24 @@ def see_around(st, cd, first, w0, w1, w2):
 
     That is the sign of the end of the subdivision edge at multiples of 4 g. The board has been surveyed.
     """
-    edge = st.at[EDGE]
-    plane = dimension(st.tables) == 2
-    here = anchor(st, edge, w0, w1, w2)
-    row = cd.blend.row
-    count = row[0] + 1
-    # most windows lie inside the box: nothing to clamp
-    last = st.at
-    reach = _REACH_2 if plane else _REACH_3
-    if (
-        min(w0, w1) >= reach
-        and (w0 + reach) * edge <= 2 * last[LAST]
-        and (w1 + reach) * edge <= 2 * last[LAST + 1]
-        and (plane or (w2 >= reach and (w2 + reach) * edge <= 2 * last[LAST + 2]))
-    ):
-        count = _listed(st.board, st.walk[SCRATCH:], plane, row, count, first, 1 + here, w0, w1, w2)
+    here = anchor(st, st.at[EDGE], w0, w1, w2)
+    board, row = st.board, cd.blend.row
+    near = st.walk[SCRATCH : SCRATCH + 8]
+    p0, p1, p2 = w0 + _MARGIN, w1 + _MARGIN, w2 + _MARGIN
+    if dimension(st.tables) == 2:
+        places = st.walk[SCRATCH + 8 : SCRATCH + 8 + _COUNT_2]
+        q0, q1 = (p0 - _REACH_2) >> 5, (p1 - _REACH_2) >> 5
+        for i in range(4):
+            near[i] = page_or_first(board, (q0 + (i >> 1)) << 5, (q1 + (i & 1)) << 5, np.int64(0))
+        _as_differences(near, 4)
+        _places_2(near, _PLANE_AT[(w0 & 3) | (w1 & 3) << 2], (p0 - (q0 << 5)) << 6 | (p1 - (q1 << 5)), places)
     else:
-        key = (w0 & 3) | (w1 & 3) << 2 | (w2 & 3) << 4
-        for i in range(_COUNT_2 if plane else _COUNT_3):
-            d = PLANE[key, i] if plane else SPACE[key, i]
-            e = entry(st, ((w0 + d[0]) * edge) >> 1, ((w1 + d[1]) * edge) >> 1, ((w2 + d[2]) * edge) >> 1)
-            row[count] = first + 2 * i + ((e & 1) == here)
-            count += e != 0
-    row[0] = count - 1
+        places = st.walk[SCRATCH + 8 : SCRATCH + 8 + _COUNT_3]
+        q0, q1, q2 = (p0 - _REACH_3) >> 4, (p1 - _REACH_3) >> 4, (p2 - _REACH_3) >> 4
+        for i in range(8):
+            near[i] = page_or_first(board, (q0 + (i >> 2)) << 4, (q1 + (i >> 1 & 1)) << 4, (q2 + (i & 1)) << 4)
+        _as_differences(near, 8)
+        at = (p0 - (q0 << 4)) << 10 | (p1 - (q1 << 4)) << 5 | (p2 - (q2 << 4))
+        _places_3(near, _SPACE_AT[(w0 & 3) | (w1 & 3) << 2 | (w2 & 3) << 4], at, places)
+    row[0] = _listed(board.pages.reshape(-1), row, row[0] + 1, first, 1 + here, places) - 1
     return here

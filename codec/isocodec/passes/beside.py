@@ -8,7 +8,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from . import geometry
+from ..jit import kernel
+from ..mesh.store import get
 from .along import UNIT
 from .state import LAST, VERTICES, State
 
@@ -59,10 +60,20 @@ def beside_leaves(
 def _leaving(st: State, edges: NDArray[np.int64], n: int) -> NDArray[np.int64]:
     """Which of the edges leaves a vertex upwards along an axis."""
     index = np.full((int(st.at[VERTICES]), n), -1, np.int64)
-    apart = st.vertex[edges[:, 0], :n] != st.vertex[edges[:, 1], :n]
-    straight = np.flatnonzero(apart.sum(axis=1) == 1)
-    index[edges[straight, 0], apart[straight].argmax(axis=1)] = straight
+    _enter_straight(st, edges, index)
     return index
+
+
+@kernel
+def _enter_straight(st, edges, index):
+    """Enter the edges that run along an axis."""
+    for i in range(len(edges)):
+        axes, along = 0, 0
+        for axis in range(index.shape[1]):
+            if st.vertex[edges[i, 0], axis] != st.vertex[edges[i, 1], axis]:
+                axes, along = axes + 1, axis
+        if axes == 1:
+            index[edges[i, 0], along] = i
 
 
 def _chain(rows: NDArray[np.int64], keys: NDArray[np.int64]) -> NDArray[np.int64]:
@@ -99,19 +110,25 @@ def nearby_samples(st: State, active: NDArray[np.int64], n: int) -> NDArray[np.i
 
     For each axis those 1 before, 1 behind, 2 before and 2 behind, then for each two axes the four across.
     """
-    unit = np.eye(n, dtype=np.int64)
+    unit = np.eye(3, dtype=np.int64)
     steps = [unit[axis] * far for axis in range(n) for far in (-1, 1, -2, 2)]
     for a, b in combinations(range(n), 2):
         steps += [unit[a] * i + unit[b] * j for i, j in product((-1, 1), repeat=2)]
-    listed = np.zeros(len(st.vertex) + 1, np.bool_)
+    listed = np.zeros(len(st.vertex), np.bool_)
     listed[active] = True
     out = np.empty((len(active), len(steps)), np.int32)
-    position = st.vertex[active, :3].astype(np.int64)
-    vertex = np.empty(len(active), np.int64)
-    for column, step in enumerate(steps):
-        there = position.copy()
-        there[:, :n] += step
-        inside = np.all((there >= 0) & (there <= st.at[LAST : LAST + 3]), axis=1)
-        geometry.entries(st, np.where(inside[:, None], there, 0), vertex)
-        out[:, column] = np.where(inside & listed[vertex], vertex, -1)
+    _enter_nearby(st, active, listed, np.array(steps), out)
     return out
+
+
+@kernel
+def _enter_nearby(st, active, listed, steps, out):
+    """Enter the numbers of the vertices so many steps from each of the list."""
+    last = st.at
+    for i in range(len(active)):
+        v = active[i]
+        for k in range(len(steps)):
+            x, y, z = st.vertex[v, 0] + steps[k, 0], st.vertex[v, 1] + steps[k, 1], st.vertex[v, 2] + steps[k, 2]
+            inside = min(x, y, z) >= 0 and x <= last[LAST] and y <= last[LAST + 1] and z <= last[LAST + 2]
+            u = (get(st.known, x, y, z) >> 1) - 1 if inside else np.int64(-1)
+            out[i, k] = u if u >= 0 and listed[u] else -1

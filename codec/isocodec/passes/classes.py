@@ -12,13 +12,18 @@ NONE, ROUGH, FINE = range(3)
 """How well something is known: not, only in part, as well as may be."""
 
 
+_AT_ONCE = 13
+_BITS = np.array([x.bit_length() for x in range(1 << _AT_ONCE)], np.int8)
+
+
 @inner
 def bits(x):
     """Bits of a number."""
     count = np.int64(0)
-    while x >> count:
-        count += 1
-    return count
+    while x >> _AT_ONCE:
+        x >>= _AT_ONCE
+        count += _AT_ONCE
+    return count + _BITS[x]
 
 
 @inner

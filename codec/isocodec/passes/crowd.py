@@ -12,9 +12,9 @@ from ..entropy.blend import clear, see
 from ..entropy.main import TREE_ROW
 from ..jit import DONE, GROW, inner, kernel
 from ..mesh.access import dimension
-from ..mesh.store import full, get, put
+from ..mesh.store import full, get, spot
 from .classes import bits
-from .state import BIRTHS, COUNTED, EDGE, LEVEL, SIZE, STEP_CELLS, VERTICES
+from .state import BIRTHS, COUNTED, COUNTED_SIZE, COUNTING, EDGE, LEVEL, SIZE, VERTICES
 
 BIRTH = 1 << 20
 """Counts of new components are multiples of this, those of vertices the rest."""
@@ -31,28 +31,40 @@ def _place(st, size):
 
 
 @inner
-def add_to_crowd(st, x, y, z, birth):
-    """Count a vertex, or a new component, at (x, y, z) in all cells that hold it."""
+def _count(st, size, x, y, z, birth):
+    """Count a vertex, or a new component, in the cell of ``2**size`` samples that holds it."""
+    page, cell = spot(st.crowd, (x >> size) + _place(st, size), y >> size, z >> size)
+    here = np.int64(st.crowd.pages[page, cell])
+    if birth:
+        here += BIRTH if here >> 20 < _MOST_BIRTHS else 0
+    else:
+        here += 1 if here & _MOST_VERTICES < _MOST_VERTICES else 0
+    st.crowd.pages[page, cell] = here
+
+
+@inner
+def add_birth(st, x, y, z):
+    """Count a new component at (x, y, z) in all cells that hold it."""
     for size in range(st.at[SIZE] + 1):
-        far = _place(st, size)
-        p, q, r = (x >> size) + far, y >> size, z >> size
-        here = get(st.crowd, p, q, r)
-        if birth:
-            here += BIRTH if here >> 20 < _MOST_BIRTHS else 0
-        else:
-            here += 1 if here & _MOST_VERTICES < _MOST_VERTICES else 0
-        put(st.crowd, p, q, r, here)
+        _count(st, size, x, y, z, True)
 
 
 @kernel
 def census(st):
-    """Count the vertices that have become known since the last time."""
-    while st.at[COUNTED] < st.at[VERTICES]:
-        if full(st.crowd, STEP_CELLS):
-            return GROW
-        v = st.at[COUNTED]
-        add_to_crowd(st, np.int64(st.vertex[v, 0]), np.int64(st.vertex[v, 1]), np.int64(st.vertex[v, 2]), False)
-        st.at[COUNTED] = v + 1
+    """Count the vertices that have become known since the last time, size by size: neighbours share pages."""
+    at = st.at
+    while at[COUNTED_SIZE] <= at[SIZE]:
+        size = at[COUNTED_SIZE]
+        while at[COUNTING] < at[VERTICES]:
+            if full(st.crowd, 1):
+                return GROW
+            x, y, z, _ = st.vertex[at[COUNTING]]
+            _count(st, size, np.int64(x), np.int64(y), np.int64(z), False)
+            at[COUNTING] += 1
+        at[COUNTING] = at[COUNTED]
+        at[COUNTED_SIZE] += 1
+    at[COUNTED_SIZE] = 0
+    at[COUNTED] = at[COUNTING] = at[VERTICES]
     return DONE
 
 

@@ -18,7 +18,7 @@ from ..mesh.access import corners as corner_count
 from ..mesh.access import kind as kind_of
 from ..mesh.chosen import has
 from ..mesh.store import PAGES, get
-from .crowd import CUBE, NODE, SLOT, add_to_crowd, see_crowd
+from .crowd import CUBE, NODE, SLOT, add_birth, see_crowd
 from .diamond import bisect, coincident, look
 from .infer import implied, infer
 from .mesh import BARRED, IN, admit, closure, short
@@ -300,7 +300,7 @@ def _add(st, cd, x, y, z, slot):
             sign ^= turned
     if mixing(cd):
         u0, u1, u2 = clamped(st, m0, m1, m2)
-        add_to_crowd(st, u0, u1, u2, True)
+        add_birth(st, u0, u1, u2)
         st.at[BIRTHS] += 1
     if st.at[ASKS]:
         admit(st, closure(st, level, m0, m1, m2, 0))

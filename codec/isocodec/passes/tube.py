@@ -411,7 +411,7 @@ def _busy(signs: NDArray[np.bool_]) -> NDArray[np.bool_]:
 
 
 def _room(array: NDArray, needed: int) -> NDArray:
-    return array if needed <= len(array) else _wider(array, max(2 * len(array), needed))
+    return array if needed <= len(array) else _wider(array, max(4 * len(array), needed))
 
 
 def _wider(array: NDArray, size: int) -> NDArray:
