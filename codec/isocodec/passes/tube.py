@@ -385,9 +385,9 @@ class Tube:
             mesh=grown(st.mesh, max(STEP_VERTICES, int(at[ROOM]))),
             crowd=grown(st.crowd, STEP_CELLS),
             board=grown(st.board, STEP_VERTICES),
-            vertex=_room(st.vertex, int(at[VERTICES]) + STEP_VERTICES),
-            leaf=_room(st.leaf, int(at[LEAVES]) + STEP_LEAVES),
-            below=_room(st.below, int(at[NEXT]) + STEP_LEAVES),
+            vertex=_room(st.vertex, int(at[VERTICES]) + STEP_VERTICES, self.limits.vertices),
+            leaf=_room(st.leaf, int(at[LEAVES]) + STEP_LEAVES, self.limits.simplices),
+            below=_room(st.below, int(at[NEXT]) + STEP_LEAVES, self.limits.simplices),
             stack=stack,
         )
 
@@ -410,8 +410,9 @@ def _busy(signs: NDArray[np.bool_]) -> NDArray[np.bool_]:
     return busy
 
 
-def _room(array: NDArray, needed: int) -> NDArray:
-    return array if needed <= len(array) else _wider(array, max(4 * len(array), needed))
+def _room(array: NDArray, needed: int, most: int) -> NDArray:
+    """The array, or a longer one where it has no place for ``needed`` rows; never longer than the limit ``most``."""
+    return array if needed <= len(array) else _wider(array, max(min(4 * len(array), most), needed))
 
 
 def _wider(array: NDArray, size: int) -> NDArray:
