@@ -87,6 +87,7 @@ def _span(pieces, i, axis, low, size, reach):
 def _exceed(source, flat, ball, low, size, shape, first, items, limit, stack, todo, out, places):
     """Mark in ``out`` the pieces ``todo`` of the source that are not proven to lie within ``limit``."""
     squared = limit * limit
+    last = np.int64(-1)
     for t in range(len(todo)):
         i = todo[t]
         depth = 1
@@ -99,30 +100,25 @@ def _exceed(source, flat, ball, low, size, shape, first, items, limit, stack, to
             p = int(np.floor((x - low[0]) / size))
             q = int(np.floor((y - low[1]) / size))
             r = int(np.floor((z - low[2]) / size))
-            best = np.inf
-            proven = False
-            if 0 <= p < shape[0] and 0 <= q < shape[1] and 0 <= r < shape[2]:
+            radius = np.sqrt(max(_apart(o, 0, x, y, z), _apart(o, 3, x, y, z), _apart(o, 6, x, y, z)))
+            # what proved the piece before proves this one, too, more often than not
+            found = proven = last >= 0 and _proves(flat, last, o, radius, near(flat, last, x, y, z), limit)
+            if not proven and 0 <= p < shape[0] and 0 <= q < shape[1] and 0 <= r < shape[2]:
                 bucket = (p * shape[1] + q) * shape[2] + r
                 for k in range(first[bucket], first[bucket + 1]):
-                    if _beyond(ball, items[k], x, y, z, limit):
+                    item = items[k]
+                    if _beyond(ball, item, x, y, z, limit):
                         continue
-                    j = 9 * items[k]
-                    d = near(flat, j, x, y, z)
-                    best = min(best, d)
-                    if (
-                        d <= squared
-                        and near(flat, j, o[0], o[1], o[2]) <= squared
-                        and near(flat, j, o[3], o[4], o[5]) <= squared
-                        and near(flat, j, o[6], o[7], o[8]) <= squared
-                    ):
-                        proven = True
+                    if found and _useless(ball, item, o, x, y, z, radius, limit):
+                        continue
+                    d = near(flat, 9 * item, x, y, z)
+                    found = found or d <= squared
+                    if _proves(flat, 9 * item, o, radius, d, limit):
+                        proven, last = True, 9 * item
                         break
             if proven:
                 continue
-            radius = np.sqrt(max(_apart(o, 0, x, y, z), _apart(o, 3, x, y, z), _apart(o, 6, x, y, z)))
-            if np.sqrt(best) + radius <= limit:
-                continue
-            if best > squared or radius < SMALLEST or depth + 2 > len(stack):
+            if not found or radius < SMALLEST or depth + 2 > len(stack):
                 out[i] = True
                 places[i, 0] = x
                 places[i, 1] = y
@@ -130,6 +126,30 @@ def _exceed(source, flat, ball, low, size, shape, first, items, limit, stack, to
                 break
             _halve(stack, depth)
             depth += 2
+
+
+@inner
+def _proves(flat, j, o, radius, d, limit):
+    """Whether one of the target's pieces, at the squared distance ``d`` from the centre, proves a piece."""
+    if np.sqrt(d) + radius <= limit:
+        return True
+    squared = limit * limit
+    return (
+        d <= squared
+        and near(flat, j, o[0], o[1], o[2]) <= squared
+        and near(flat, j, o[3], o[4], o[5]) <= squared
+        and near(flat, j, o[6], o[7], o[8]) <= squared
+    )
+
+
+@inner
+def _useless(ball, item, o, x, y, z, radius, limit):
+    """Whether one of the target's pieces certainly does not prove a piece, by the ball around it."""
+    return (radius > limit or _beyond(ball, item, x, y, z, limit - radius)) and (
+        _beyond(ball, item, o[0], o[1], o[2], limit)
+        or _beyond(ball, item, o[3], o[4], o[5], limit)
+        or _beyond(ball, item, o[6], o[7], o[8], limit)
+    )
 
 
 @inner
