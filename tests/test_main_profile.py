@@ -246,7 +246,7 @@ def test_rows_of_known_vertices_around(shape, back):
     rng = np.random.default_rng(back)
     seen = 0
     for _ in range(400):
-        w = np.array([int(rng.integers(0, (size - 1) // g + 2)) for size in shape])
+        w = np.array([int(rng.integers(0, (size - 1) // g + 3)) for size in shape])
         if (w % 2).sum() != odd:
             continue
         front = [a for a in range(n) if w[a] % 2] + [a for a in range(n) if not w[a] % 2]
