@@ -9,9 +9,10 @@ from numpy.typing import NDArray
 
 from ..contour.implied import implied_edges
 from ..entropy.coder import Coder
-from . import geometry, leaves
+from . import geometry
 from .beside import Beside, beside_grid, beside_leaves, nearby_samples
-from .state import BITS, LEAVES, MESHES, VERTICES, State
+from .leaves import drawn
+from .state import BITS, MESHES, VERTICES, State
 from .truth import Truth
 
 NOTHING = np.zeros(0, np.int64)
@@ -65,7 +66,8 @@ class Estimates:
         self._lean = lean
         self._shift = shift
         self._active = NOTHING
-        self._active_mesh = self._edges_mesh = -1
+        self._active_mesh = self._edges_mesh = self._leaves_mesh = -1
+        self._leaves = np.zeros((0, self.n + 1), np.int64), NOTHING
         self._full = False
         self._wanted = NOTHING
         self._near = np.zeros((0, 0), np.int32)
@@ -77,11 +79,18 @@ class Estimates:
         self._beside = Beside(*(np.zeros((0, columns), np.int64) for columns in (self.n, 2, 4)))
         self._pitch = (1, 0)
 
+    def leaves(self, st: State) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """Vertex numbers of the leaves, and their levels; no round or base is running."""
+        if st.at[MESHES] != self._leaves_mesh:
+            self._leaves = drawn(st, 1)
+            self._leaves_mesh = int(st.at[MESHES])
+        return self._leaves
+
     def _activate(self, st: State, full: bool) -> None:
         """Find the vertices that geometry by values refines now, and the encoder's numbers for them."""
         count = int(st.at[VERTICES])
         active = np.empty(count, np.int64)
-        used = geometry.active_vertices(st, np.zeros(count, np.uint8), full, active)
+        used = geometry.active_vertices(st, self.leaves(st)[0], np.zeros(count, np.uint8), full, active)
         self._active = active[:used]
         self._active_mesh = int(st.at[MESHES])
         self._near = np.zeros((0, 0), np.int32)
@@ -161,7 +170,7 @@ class Estimates:
         count = int(st.at[VERTICES])
         if full:
             edges = np.empty((self.n * count, 2), np.int64)
-            edges = edges[: geometry.grid_edges(st, np.zeros(count, np.uint8), edges)]
+            edges = edges[: geometry.grid_edges(st, self.leaves(st)[0], np.zeros(count, np.uint8), edges)]
         else:
             rows = self._leaf_rows(st)
             edges = self._leaf_edges(st, rows)
@@ -211,14 +220,15 @@ class Estimates:
 
     def _leaf_rows(self, st: State) -> NDArray[np.int64]:
         """Crossed edges of the leaves as they come."""
-        rows = np.empty((int(st.at[LEAVES]) * (2 if self.n == 2 else 4), 2), np.int64)
-        return rows[: geometry.leaf_edges(st, rows)]
+        numbers, _ = self.leaves(st)
+        rows = np.empty((len(numbers) * (2 if self.n == 2 else 4), 2), np.int64)
+        return rows[: geometry.leaf_edges(st, numbers, rows)]
 
     def _leaf_edges(self, st: State, rows: NDArray[np.int64]) -> NDArray[np.int64]:
         """Each at its first occurrence, but for those that follow from others."""
         _, first = np.unique(rows @ (int(st.at[VERTICES]), 1), return_index=True)
         edges = rows[np.sort(first)]
-        numbers, levels = leaves.drawn(st, 1)
+        numbers, levels = self.leaves(st)
         position = st.vertex[: st.at[VERTICES], : self.n].astype(np.int64)
         rank = np.ravel_multi_index(tuple(position.T), self.shape)
         above = st.vertex[: st.at[VERTICES], 3] != 0

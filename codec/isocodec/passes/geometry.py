@@ -21,7 +21,7 @@ from ..mesh.store import get
 from .along import count_near, find_candidates, recent_sides, remember, see_along
 from .classes import bits
 from .nearby import see_nearby
-from .state import LEAVES, OFFSET_BIT, SCRATCH, SIDE, TALLY, VALUE_BIT, corner_entry, edge_of
+from .state import OFFSET_BIT, SIDE, TALLY, VALUE_BIT
 
 # Registers in State.walk: next item of the list, the symbol before, the place within a digit, its sign.
 ITEM, BEFORE, STEP, SIGN = range(4)
@@ -31,35 +31,23 @@ VERTEX_ACTIVE = 8
 """Bit of a vertex's mark that says it is in the list; bits 0 to 2 are the grid edges that leave it upwards."""
 
 
-@inner
-def _entries(st, i):
-    """Store entries of the vertices of leaf i, into the scratch registers."""
-    n = dimension(st.tables)
-    level = np.int64(st.leaf[i, 4])
-    cls = np.int64(st.leaf[i, 0])
-    b0, b1, b2 = np.int64(st.leaf[i, 1]), np.int64(st.leaf[i, 2]), np.int64(st.leaf[i, 3])
-    for j in range(n + 1):
-        st.walk[SCRATCH + j] = corner_entry(st, edge_of(st, level), level % n, cls, b0, b1, b2, j)
-
-
 @kernel
-def active_vertices(st, mark, full, out):
+def active_vertices(st, leaves, mark, full, out):
     """Vertices that geometry by values refines, in the order of the leaves (spec clause 5.6.2).
 
-    On the full grid these are the ends of the grid edges that are crossed, else all vertices of the leaves.
+    On the full grid these are the ends of the grid edges that are crossed, else all vertices of the leaves. ``leaves``
+    are rows of numbers of vertices.
     """
     n = dimension(st.tables)
-    e = st.walk[SCRATCH : SCRATCH + 4]
     count = 0
-    for i in range(st.at[LEAVES]):
-        _entries(st, i)
+    for i in range(len(leaves)):
         for j in range(n + 1):
+            v = leaves[i, j]
             drawn = not full
-            if j > 0 and (e[j] ^ e[j - 1]) & 1:
+            if j > 0 and st.vertex[v, 3] != st.vertex[leaves[i, j - 1], 3]:
                 drawn = True
-            if j < n and (e[j] ^ e[j + 1]) & 1:
+            if j < n and st.vertex[v, 3] != st.vertex[leaves[i, j + 1], 3]:
                 drawn = True
-            v = (e[j] >> 1) - 1
             if drawn and not mark[v] & VERTEX_ACTIVE:
                 mark[v] |= VERTEX_ACTIVE
                 out[count] = v
@@ -77,18 +65,15 @@ def _lower(st, a, b):
 
 
 @kernel
-def grid_edges(st, mark, out):
+def grid_edges(st, leaves, mark, out):
     """Edges of the full grid that are crossed, in the order of the leaves: both ends, the lower first (5.7.2)."""
     n = dimension(st.tables)
-    e = st.walk[SCRATCH : SCRATCH + 4]
     count = 0
-    for i in range(st.at[LEAVES]):
-        _entries(st, i)
+    for i in range(len(leaves)):
         for j in range(n):
-            if not (e[j] ^ e[j + 1]) & 1:
+            a, b = leaves[i, j], leaves[i, j + 1]
+            if st.vertex[a, 3] == st.vertex[b, 3]:
                 continue
-            a = (e[j] >> 1) - 1
-            b = (e[j + 1] >> 1) - 1
             low = _lower(st, a, b)
             high = b if low == a else a
             axis = 0
@@ -103,18 +88,15 @@ def grid_edges(st, mark, out):
 
 
 @kernel
-def leaf_edges(st, out):
+def leaf_edges(st, leaves, out):
     """Crossed edges of all leaves, repeated as they come: both ends, the lower first (spec clause 5.7.2)."""
     n = dimension(st.tables)
-    e = st.walk[SCRATCH : SCRATCH + 4]
     count = 0
-    for i in range(st.at[LEAVES]):
-        _entries(st, i)
+    for i in range(len(leaves)):
         for j in range(n + 1):
             for k in range(j + 1, n + 1):
-                if (e[j] ^ e[k]) & 1:
-                    a = (e[j] >> 1) - 1
-                    b = (e[k] >> 1) - 1
+                a, b = leaves[i, j], leaves[i, k]
+                if st.vertex[a, 3] != st.vertex[b, 3]:
                     low = _lower(st, a, b)
                     out[count, 0] = low
                     out[count, 1] = b if low == a else a

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from ..contour.leaves import Leaves
 from ..mesh.store import SHIFT as PAGE_SHIFT
 from ..mesh.tables import AXES
-from . import leaves
 from .decoded import Decoded
+from .leaves import drawn
 from .mesh import IN
 from .state import VERTICES
 from .tube import Tube
@@ -60,7 +60,10 @@ def leaves_of(tube: Tube, isovalue: float, value_of: Callable[..., NDArray[np.fl
     """All that the drawing needs; ``value_of(number, above)`` turns numbers of steps into field values."""
     st, est = tube.state, tube.estimates
     count = int(st.at[VERTICES])
-    rows, levels = leaves.drawn(st, int(tube.running != "base"))
+    if tube.running in ("", "values", "offsets"):
+        rows, levels = est.leaves(st)
+    else:
+        rows, levels = drawn(st, int(tube.running != "base"))
     above = st.vertex[:count, 3] != 0
     value = None
     if est.has_values:
