@@ -83,6 +83,7 @@ def survey(st):
     # of g, which is half the edge
     size = at[SIZE] - at[LEVEL] // dimension(st.tables) - 1
     while at[BOARDED] < at[VERTICES]:
+        # a vertex and its images reach over two pages along each axis
         if full(st.board, 8):
             return False
         x, y, z, sign = st.vertex[at[BOARDED]]

@@ -10,9 +10,8 @@ CLASSES = 13
 """Classes of sizes that rows tell apart, on either side."""
 NONE, ROUGH, FINE = range(3)
 """How well something is known: not, only in part, as well as may be."""
-
-
 _AT_ONCE = 13
+"""Bits of a number that are counted by one look into ``_BITS``."""
 _BITS = np.array([x.bit_length() for x in range(1 << _AT_ONCE)], np.int8)
 
 

@@ -80,7 +80,7 @@ class Estimates:
         self._pitch = (1, 0)
 
     def leaves(self, st: State) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-        """Vertex numbers of the leaves, and their levels; no round or base is running."""
+        """Vertex numbers of the leaves of a mesh that is settled (``Tube.settled``), and their levels."""
         if st.at[MESHES] != self._leaves_mesh:
             self._leaves = drawn(st, 1)
             self._leaves_mesh = int(st.at[MESHES])

@@ -60,10 +60,7 @@ def leaves_of(tube: Tube, isovalue: float, value_of: Callable[..., NDArray[np.fl
     """All that the drawing needs; ``value_of(number, above)`` turns numbers of steps into field values."""
     st, est = tube.state, tube.estimates
     count = int(st.at[VERTICES])
-    if tube.running in ("", "values", "offsets"):
-        rows, levels = est.leaves(st)
-    else:
-        rows, levels = drawn(st, int(tube.running != "base"))
+    rows, levels = est.leaves(st) if tube.settled else drawn(st, int(tube.running != "base"))
     above = st.vertex[:count, 3] != 0
     value = None
     if est.has_values:

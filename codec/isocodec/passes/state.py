@@ -23,8 +23,10 @@ LAST = 16
 """Largest sample index along each axis, in State.at."""
 TALLY = 20
 """Symbols by element, in State.at; then predictions and right ones."""
-SIDE, SHIFT, TOLD, SEEDED, BITS, _, MESHES, ADAPTED, COUNTED, BIRTHS, BOARD_EDGE, BOARDED, AGREED = range(40, 53)
-COUNTED_SIZE, COUNTING = 53, 54
+(
+    SIDE, SHIFT, TOLD, SEEDED, BITS, _, MESHES, ADAPTED, COUNTED, BIRTHS, BOARD_EDGE, BOARDED, AGREED, COUNTED_SIZE,
+    COUNTING,
+) = range(40, 55)  # fmt: skip
 """Whether the isovalue lies above (1) or below (-1) the earlier one that it leans on, by how many whole steps; whether
 the mesh is told from the start; whether the base begins at the leaves of the earlier one; bits of values below the
 isovalue and, next to it, above; how many meshes have been completed; whether an adaptive layer has begun

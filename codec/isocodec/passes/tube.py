@@ -156,6 +156,11 @@ class Tube:
         return self._running
 
     @property
+    def settled(self) -> bool:
+        """Whether the mesh stays as it is: no base or round is running."""
+        return self._running in ("", "values", "offsets")
+
+    @property
     def full(self) -> bool:
         """Whether the mesh is the full grid."""
         return self._running not in ("base",) and self.level == self.full_level
