@@ -63,15 +63,17 @@ def test_zigzag():
 @pytest.mark.parametrize(
     "header, encoding",
     [
-        # signature; versions; flags 00 scaled kind kind axes profile profile; shape; isovalue
+        # signature; versions; flags 0 equal scaled kind kind axes profile profile; shape, one size if equal; isovalue
         (Header((5, 4), 0.5), "8949534f 00 00 05 04 02"),  # zigzag(2 * 0.5) = 2
         (Header((5, 4), -0.5), "8949534f 00 00 05 04 01"),
         (Header((300, 2), 128.0), "8949534f 00 00 822c 02 8400"),  # zigzag(256) = 512 = 4 * 128
         (Header((2, 3, 4), 0.0), "8949534f 00 04 02 03 04 00"),
-        (Header((2, 2), 0.25), "8949534f 00 08 02 02 3e800000"),  # 2**-2 in IEEE single
-        (Header((2, 2), 0.1), "8949534f 00 10 02 02 3fb999999999999a"),
-        (Header((2, 2), 0.0, 0.25), "8949534f 00 20 02 02 00 fe"),  # scale 2**-2
-        (Header((2, 2), 0.0, 3.0), "8949534f 00 20 02 02 00 80 4008000000000000"),
+        (Header((300, 300), 0.5), "8949534f 00 40 822c 02"),
+        (Header((3, 3, 3), 0.5), "8949534f 00 44 03 02"),
+        (Header((2, 3), 0.25), "8949534f 00 08 02 03 3e800000"),  # 2**-2 in IEEE single
+        (Header((2, 3), 0.1), "8949534f 00 10 02 03 3fb999999999999a"),
+        (Header((2, 3), 0.0, 0.25), "8949534f 00 20 02 03 00 fe"),  # scale 2**-2
+        (Header((2, 3), 0.0, 3.0), "8949534f 00 20 02 03 00 80 4008000000000000"),
     ],
 )
 def test_header(header, encoding):
@@ -80,6 +82,11 @@ def test_header(header, encoding):
     assert write_header(header) == data
     assert read_header(data + b"\x21") == (header, len(data))
     assert all(read_header(data[:end]) is None for end in range(len(data)))
+
+
+def test_equal_sides_told_one_by_one():
+    """Readers accept what writers do not write."""
+    assert read_header(bytes.fromhex("8949534f0000050502")) == (Header((5, 5), 0.5), 9)
 
 
 @pytest.mark.parametrize(
@@ -91,10 +98,12 @@ def test_header(header, encoding):
         (f"8949534f 0{WRITER_VERSION + 1} 00 05 04 02", "version", 4),
         ("8949534f 0f 00 05 04 02", "version", 4),
         ("8949534f 00 80 05 04 02", "reserved", 5),
-        ("8949534f 00 40 05 04 02", "reserved", 5),
+        ("8949534f 00 c0 05 02", "reserved", 5),
         ("8949534f 00 03 05 04 02", "profile", 5),
         ("8949534f 00 18 05 04 02", "isovalue", 5),
         ("8949534f 00 00 00 04 02", "shape", 6),
+        ("8949534f 00 44 00 02", "shape", 6),
+        ("8949534f 00 44 c08001 02", "shape", 6),  # 2**20 + 1
         ("8949534f 00 00 05 00 02", "shape", 7),
         ("8949534f 00 00 88808001 04 02", "shape", 6),  # 2**24 + 1
         ("8949534f 00 04 04 04 c08001 02", "shape", 8),  # 2**20 + 1

@@ -1,4 +1,4 @@
-"""The main profile: what networks see of values, of the mesh, behind gates, against plain renderings (7.15 to 7.17)."""
+"""The main profile: what networks see of what has been decoded, against plain renderings (7.12, 7.13, 7.15 to 7.17)."""
 
 from __future__ import annotations
 
@@ -12,18 +12,29 @@ from isocodec import Encoder
 from isocodec.entropy.baseline import rates
 from isocodec.entropy.blend import clear
 from isocodec.entropy.coder import ENCODE, REGISTERS, Coder, start
-from isocodec.entropy.main import BASE_ROW, MESH_ROW, VALUE_ROW, shipped_models
+from isocodec.entropy.main import (
+    AROUND,
+    BASE_ROW,
+    MESH_ROW,
+    MOST_ROWS,
+    SIGN_ROWS,
+    TREE_ROW,
+    VALUE_ROW,
+    shipped_models,
+)  # fmt: skip
 from isocodec.grid.field import check_field
 from isocodec.jit import kernel
 from isocodec.mesh.access import vertex
 from isocodec.mesh.store import get
 from isocodec.mesh.tables import cube_exponent
 from isocodec.passes.ahead import see_behind, see_mesh
-from isocodec.passes.around import nearest_vertices
+from isocodec.passes.around import nearest_vertices, survey
 from isocodec.passes.beside import nearby_samples
+from isocodec.passes.crowd import CUBE, NODE, SLOT, see_crowd
 from isocodec.passes.mesh import IN, KEPT, OUT
 from isocodec.passes.nearby import see_nearby
-from isocodec.passes.state import LEAVES, VERTICES
+from isocodec.passes.refine import _see
+from isocodec.passes.state import BIRTHS, CALM, COUNTED, EDGE, LEAVES, LEVEL, VERTICES
 from isocodec.stream.promise import Promise
 from isocodec.stream.strategy import grid_plan, reduced
 
@@ -46,6 +57,18 @@ def _mesh(st, cd, what, history, level, x, y, z):
 def _behind(st, cd, level, cls, b0, b1, b2, opp, guess, case, other):
     clear(cd)
     see_behind(st, cd, level, cls, b0, b1, b2, opp, guess, case, other)
+
+
+@kernel
+def _sign(st, cd, w0, w1, w2, crossed):
+    survey(st)
+    _see(st, cd, w0, w1, w2, crossed, 0, np.int64(1), np.int64(-1), np.int64(0))
+
+
+@kernel
+def _crowd(st, cd, what, shift, x, y, z, hits, child, nearness):
+    clear(cd)
+    see_crowd(st, cd, what, shift, x, y, z, hits, child, nearness)
 
 
 def coder(n):
@@ -223,3 +246,108 @@ def test_rows_behind_a_gate(shape):
             if sign is not None:
                 expected.append(first + 2 * number + (sign == guess))
         assert rows_of(cd, BASE_ROW[n]) == sorted(expected) and len(expected) > n
+
+
+def noisy(shape, back):
+    """The tube of an encoder of random signs that has decoded all rounds but the last ``back``."""
+    n = len(shape)
+    field = np.random.default_rng(back).integers(0, 2, shape) + smooth(shape, 5)
+    full = n * cube_exponent(shape)
+    encoder = Encoder(field, 0.5, plan=[("base", 0), ("refine", full - back)])
+    assert b"".join(encoder)
+    tube = encoder._strands[0].tube
+    tube._grow()
+    return tube
+
+
+def rarity(state):
+    q = (int(state.at[VERTICES]) + 1) // (int(state.at[BIRTHS]) + 1)
+    return min(bits(q) - 1, 12) if q else 0
+
+
+@pytest.mark.parametrize("shape", [(70, 81), (19, 17, 21)])
+@pytest.mark.parametrize("back", [1, 2, 5])
+def test_rows_of_the_manner(shape, back):
+    """The length of edges, how rare new components are, and how often predictions were right."""
+    n = len(shape)
+    tube = noisy(shape, back)
+    state, first = tube.state, 10 + 2 * AROUND[n]
+    cd = coder(n)
+    level = int(state.at[LEVEL])
+    edge = 1 << tube.k - level // n
+    assert state.at[EDGE] == edge and state.at[BIRTHS] > 0
+    w = [3 if axis < n - level % n else 2 for axis in range(n)] + [0] * (3 - n)
+    for births in (0, int(state.at[BIRTHS]), 10 * int(state.at[VERTICES])):
+        for calm in ((3584, 0), (255, 4065), (256, 511)):
+            state.at[BIRTHS], state.at[CALM], state.at[CALM + 1] = births, *calm
+            for crossed in range(2):
+                _sign(state, cd, *ints(*w, crossed))
+                own = level % n * (first + 38 + 60) + first
+                found = [row for row in rows_of(cd, own) if row >= 0]
+                assert found == [min(bits(edge) - 1, 8), 9 + rarity(state), 22 + calm[crossed] // 256]
+
+
+@pytest.mark.parametrize("shape", [(40, 43), (12, 13, 11)])
+def test_calm_follows_what_was_predicted(shape):
+    """Where the ends of an edge have one sign it is the predicted one; where they differ it is only seen to move."""
+    n = len(shape)
+    crossed_calm = []
+    for field in (smooth(shape, 3), np.random.default_rng(2).integers(0, 2, shape) - 0.4):
+        encoder = Encoder(field, 0.1, signs_only=True, base_level=n)
+        tube = encoder._strands[0].tube
+        trace = np.zeros((20000, 3 + MOST_ROWS), np.int32)
+        tube.coder = tube.coder._replace(blend=tube.coder.blend._replace(trace=trace))
+        assert b"".join(encoder)
+        calm = 3584
+        manner = 10 + 2 * AROUND[n] + 22
+        for symbol, net, count, *rows in trace[1 : trace[0, 0] + 1].tolist():
+            own = [row - net * SIGN_ROWS[n] for row in rows[:count]]
+            if net < n and own[0] < 4:
+                assert [row for row in own if manner <= row < manner + 16] == [manner + calm // 256]
+                calm += (4096 * symbol - calm) >> 5
+        assert tube.state.at[CALM] == calm != 3584
+        crossed_calm.append(tube.state.at[CALM + 1])
+    assert crossed_calm[0] > crossed_calm[1]
+
+
+@pytest.mark.parametrize("shape", [(70, 81), (19, 17, 21), (3, 40)])
+@pytest.mark.parametrize("back", [1, 3])
+def test_rows_of_the_crowd(shape, back):
+    """At nodes in the box and at its border, of cells as large as the box, too."""
+    n = len(shape)
+    tube = noisy(shape, back)
+    state = tube.state
+    counted = state.vertex[: state.at[COUNTED], :n].astype(np.int64)
+    unit = bits(state.at[EDGE]) - 1
+    cd = coder(n)
+    rng = np.random.default_rng(back)
+
+    def numbers(size, cell):
+        """Of vertices, counted here, and of new components, as the store has them (tested elsewhere)."""
+        vertices = int((counted >> size == cell).all(axis=1).sum())
+        x, y, z = map(np.int64, (*cell, 0)[:3])
+        stored = get(state.crowd, x + (4 << tube.k - size), y, z) if min(cell) >= 0 else 0
+        return vertices, int(stored) >> 20
+
+    def kind(x):
+        return x if x < 4 else min(bits(x) - 1, 9) + 2
+
+    reach = 2 if n == 2 else 1
+    around = [step for step in product(range(-reach, reach + 1), repeat=n) if any(step)]
+    for _ in range(150):
+        what = (NODE, CUBE, SLOT)[rng.integers(3)]
+        shift = int(rng.integers(1, tube.k + 1)) if what == NODE else 0
+        size = unit + shift
+        cell = [int(rng.integers(0, (length - 1 >> size) + 1)) for length in shape]
+        hits, child, nearness = (int(rng.integers(first, 4)) for first in (0, -1, 0))
+        _crowd(state, cd, *ints(what, shift, *(*cell, 0)[:3], hits, child, nearness))
+        expected = [3 * (8 if what == SLOT else min(shift, 7)) + int(state.at[LEVEL]) % n]
+        expected += [51 + (5 if what == NODE else nearness), 81 + rarity(state)]
+        expected += [27 + 8 * min(hits, 2) + child] if child >= 0 else []
+        if size <= tube.k:
+            v, u = numbers(size, cell)
+            expected += [57 + kind(v), 69 + kind(u)]
+            for i, step in enumerate(around):
+                v, u = numbers(size, [c + s for c, s in zip(cell, step, strict=True)])
+                expected += [94 + 9 * i + min(v, 4), 99 + 9 * i + min(u, 3)]
+        assert rows_of(cd, TREE_ROW[n]) == sorted(expected)

@@ -53,6 +53,8 @@ BENDS = (2.0, 0.4, 1.0)
 """Distances from the original curve to reduced ones, by turns, for adaptive refinement."""
 LEVELS = (250, 1000, 4000)
 """Into how many steps the values of fields of floats are divided, by turns."""
+SHARES = (8, 20, 32, 44, 56, 68, 80, 92)
+"""Hundredths of a real array's samples that lie below its further isovalues."""
 STEPS = (1, 5, 20)
 """How far a second isovalue lies above the first."""
 SEARCHED = 90_000
@@ -237,13 +239,14 @@ def data(folder: Path, n: int) -> list[Item]:
 # -- networks ------------------------------------------------------------------------------------------------------
 
 
-def use(squash: NDArray[np.int64], n: int, tables: Tables) -> None:
+def use(squash: NDArray[np.int64], tables: Tables) -> None:
     """Let encoders start with these tables."""
-    profile._shipped = lambda: (squash, {n: tables})  # type: ignore[attr-defined]
+    begun = profile.models(squash, tables)
+    profile._begun = lambda _: begun  # type: ignore[attr-defined]
 
 
-def traced(item: Item, options: dict[str, object]) -> NDArray[np.int16]:
-    """What the passes list around the symbols of a file's last isovalue: symbol, network, number of rows, rows."""
+def traced(item: Item, options: dict[str, object]) -> list[NDArray[np.int16]]:
+    """What the passes list around the symbols of a file's last isovalue, by network: symbol, number of rows, rows."""
     encoder = Encoder(item.values, item.isovalue, profile="main", **options)  # type: ignore[arg-type]
     tube = encoder._strands[0].tube
     trace = np.zeros((MOST_LINES, 3 + profile.MOST_ROWS), np.int32)
@@ -257,8 +260,10 @@ def traced(item: Item, options: dict[str, object]) -> NDArray[np.int16]:
     found = []
     for net in range(NETS):
         own = np.flatnonzero(lines[:, 1] == net)
-        found.append(own[:: 1 + len(own) // MOST_SYMBOLS])
-    return lines[np.concatenate(found)].astype(np.int16)
+        own = own[:: 1 + len(own) // MOST_SYMBOLS]
+        most = lines[own, 2].max(initial=0)
+        found.append(np.delete(lines[own, : 3 + most], 1, axis=1).astype(np.int16))
+    return found
 
 
 def files(found: list[Item]) -> Iterator[tuple[Item, dict[str, object]]]:
@@ -292,6 +297,22 @@ def fitted(promise: Promise, turn: int) -> Iterator[list[Entry]]:
         parts, unit = found[turn % len(found)]
         place = promise.placed(mesh, parts, unit, tolerance)
         yield [*(lead or [("adaptive_base", 0, mesh)]), ("offsets", parts, unit, place)]
+
+
+def elsewhere(found: list[Item]) -> Iterator[tuple[Item, dict[str, object]]]:
+    """The signs of the real items at further isovalues."""
+    arrays = {(item.name, item.values.shape): item for item in found if item.name in ITEMS[item.values.ndim]}
+    for i, item in enumerate(arrays.values()):
+        order = np.sort(item.values, axis=None)
+        values = order[order.size * np.array(SHARES) // 100]
+        if item.values.dtype.kind in "iu":
+            values = np.floor(values) + 0.5
+        full = item.values.ndim * cube_exponent(item.values.shape)
+        for value in np.unique(values[values < order[-1]]):
+            other = replace(item, isovalue=float(value))
+            yield other, {"plan": grid_plan(item.values.ndim, full, None)}
+            if i % 3 == 0:
+                yield other, {"signs_only": True, "base_level": full}
 
 
 def pairs(found: list[Item]) -> Iterator[tuple[Item, dict[str, object]]]:
@@ -332,7 +353,7 @@ def span(n: int, net: int) -> tuple[int, int]:
     if net < profile.TREE_NET:
         return net * profile.SIGN_ROWS[n], profile.SIGN_ROWS[n] if net < n else 0
     return {
-        profile.TREE_NET: (profile.TREE_ROW[n], profile.TREE_ROWS),
+        profile.TREE_NET: (profile.TREE_ROW[n], profile.TREE_ROWS[n]),
         profile.OFFSET_NET: (profile.OFFSET_ROW[n], profile.OFFSET_ROWS),
         profile.LEAF_NET: (profile.OFFSET_ROW[n] + profile.OFFSET_ROWS, profile.LEAF_ROWS[n]),
         profile.VALUE_NET: (profile.VALUE_ROW[n], profile.VALUE_ROWS[n]),
@@ -404,20 +425,22 @@ def descend(row, count, symbol, order, orders, weight, out, gradient, moments, m
 
 
 def network(
-    lines: list[NDArray[np.int32]], n: int, net: int, epochs: int
+    lines: list[NDArray[np.int16]], n: int, net: int, epochs: int
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Weights of one network's rows, and its output weights."""
+    """Weights of one network's rows, and its output weights, from what was listed around its symbols."""
     first, rows = span(n, net)
     rng = np.random.default_rng(net)
     weight = rng.integers(-1000, 1001, (rows, HIDDEN)) * 1e-4
     out = rng.integers(-1000, 1001, HIDDEN + 1) * 2e-4
-    some = [x[x[:, 1] == net] for x in lines]
-    if not rows or not sum(map(len, some)):
+    if not rows or not sum(map(len, lines)):
         return weight, out * 0.0
-    most = max(int(x[:, 2].max(initial=0)) for x in some)
-    row = np.concatenate([x[:, 3 : 3 + most] for x in some]) - np.int16(first)
-    count = np.concatenate([x[:, 2] for x in some])
-    symbol = np.concatenate([x[:, 0] for x in some])
+    count = np.concatenate([x[:, 1] for x in lines])
+    symbol = np.concatenate([x[:, 0] for x in lines])
+    row = np.zeros((len(count), int(count.max())), np.int16)
+    place = 0
+    for x in lines:
+        row[place : place + len(x), : x.shape[1] - 2] = x[:, 2:] - np.int16(first)
+        place += len(x)
     orders = symmetries(n, net)
     moments, moments_out = np.zeros((2, rows, HIDDEN)), np.zeros((2, HIDDEN + 1))
     passed, total, fades = 0, epochs * (len(row) // BATCH), np.ones(2)
@@ -433,7 +456,7 @@ def network(
 # -- adaptive probabilities ----------------------------------------------------------------------------------------
 
 
-def adapted(coded: list[tuple[Item, dict[str, object]]], n: int, squash: NDArray[np.int64], tables: Tables) -> Tables:
+def adapted(coded: list[tuple[Item, dict[str, object]]], squash: NDArray[np.int64], tables: Tables) -> Tables:
     """The same networks with the mixing weights and probabilities that files have at their ends, on the average.
 
     Each file begins with what there is so far. Files count alike, but for those that have few symbols of a kind.
@@ -442,7 +465,7 @@ def adapted(coded: list[tuple[Item, dict[str, object]]], n: int, squash: NDArray
     mean, weight = prob.astype(float), np.zeros(len(prob))
     mix, mixed = blend.mix.astype(float), np.zeros(KINDS)
     for item, options in coded:
-        use(squash, n, tables)
+        use(squash, tables)
         prob, seen, _ = profile.models(squash, tables)
         encoder = Encoder(item.values, item.isovalue, profile="main", **options)  # type: ignore[arg-type]
         for _ in encoder:
@@ -468,16 +491,16 @@ def trained(folder: Path, n: int, squash: NDArray[np.int64], epochs: int) -> Tab
     out = np.zeros((NETS, HIDDEN + 1), np.int64)
     tables = Tables(weight, out, mix, np.zeros((0, 3), np.int64))
     found = data(folder, n)
-    use(squash, n, tables)
+    use(squash, tables)
     once, twice = list(files(found)), list(pairs(found))
-    lines = [traced(item, options) for item, options in (*once, *twice)]
+    lines = [traced(item, options) for item, options in (*once, *twice, *elsewhere(found))]
     for net in range(NETS):
         first, rows = span(n, net)
-        fitted, opinion = network(lines, n, net, epochs)
+        fitted, opinion = network([of_file[net] for of_file in lines], n, net, epochs)
         weight[first : first + rows] = np.clip(np.rint(fitted * ONE), -32768, 32767)
         out[net] = np.rint(opinion * ONE)
         out[net, HIDDEN] = np.rint(opinion[HIDDEN] * ONE * ONE)
-    return adapted([*twice, *once], n, squash, tables)
+    return adapted([*twice, *once], squash, tables)
 
 
 def main() -> None:

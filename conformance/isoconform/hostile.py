@@ -41,8 +41,7 @@ def headers() -> Iterator[Draft]:
     yield _refused("signature", bytes(plane.with_header(1, ord("i"))), "3.3.1", "another signature")
     yield _refused("text", b"This is not an .iso file.\n", "3.3.1", "a text file")
     yield _refused("read_version", bytes(plane.with_header(4, 0x11)), "3.3.1", "a newer read version")
-    for bit in (0x40, 0x80):
-        yield _refused(f"reserved_{bit:02x}", bytes(plane.with_header(5, flags | bit)), "3.3.2", "reserved bits")
+    yield _refused("reserved_80", bytes(plane.with_header(5, flags | 0x80)), "3.3.2", "a reserved bit")
     yield _refused("space_profile", bytes(space.with_header(5, space.header[5] | 3)), "3.3.2", "an unknown profile")
     yield _refused("isovalue_kind", bytes(plane.with_header(5, flags | 0x18)), "3.3.4", "an unknown kind of isovalue")
     yield _refused("side_zero", bytes(plane.with_header(6, 0)), "3.3.3", "no samples along an axis")
@@ -53,6 +52,10 @@ def headers() -> Iterator[Draft]:
     ):
         head = file.header[:6] + b"".join(write_varint(s) for s in sides) + file.header[6 + len(sides) :]
         yield _refused(name, bytes(replace(file, header=head)), "3.3.3", "too many samples along an axis")
+    equal = space.with_header(5, space.header[5] | 0x40).header[:6]
+    for name, side, about in (("zero", 0, "no samples along all axes"), ("absurd", (1 << 20) + 1, "too many of them")):
+        head = equal + write_varint(side) + space.header[9:]
+        yield _refused(f"space_sides_{name}", bytes(replace(space, header=head)), "3.3.3", about)
     for name, number, about in (
         ("number_not_shortest", b"\x80\x09", "a number not in its shortest form"),
         ("number_endless", b"\xff" * 9 + b"\x7f", "a number of more than 63 bits"),

@@ -113,6 +113,10 @@ def chunks() -> Iterator[Draft]:
         "plane_metadata", disc, 0.5, "metadata chunk, with letters beyond ASCII",
         metadata={"title": "disc", "unit": "\u00b5m"}, signs_only=True,
     )  # fmt: skip
+    square = split(encode(disc, 0.5, profile="baseline"))
+    sizes = bytes([square.header[5] & ~0x40]) + 2 * square.header[6:7] + square.header[7:]
+    apart = replace(square, header=square.header[:5] + sizes)
+    yield Draft("plane_sides_told_apart", bytes(apart), 2, ("equal sides told one by one",))
     encoder = Encoder(BALL, 0.5, tolerance=0.05, profile="baseline")
     whole = split(b"".join(encoder))
     index = Chunk(ChunkType.INDEX, write_index(encoder.layers, encoder.records), ancillary=True)

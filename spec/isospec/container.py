@@ -81,14 +81,15 @@ Prefix = Struct(
     "version" / BitStruct("writer" / Nibble, "read" / Nibble),
     "flags"
     / BitStruct(
-        "reserved" / BitsInteger(2),
+        "reserved" / BitsInteger(1),
+        "equal" / Flag,
         "scaled" / Flag,
         "isovalue" / BitsInteger(2),
         "axes" / BitsInteger(1),
         "profile" / BitsInteger(2),
     ),
 )
-"""First six bytes of a file; ``axes`` is the dimension less two."""
+"""First six bytes of a file; ``axes`` is the dimension less two, ``equal`` says that all sides are."""
 
 ChunkHead = BitStruct("ancillary" / Flag, "checked" / Flag, "last" / Flag, "type" / BitsInteger(5))
 """First byte of a chunk; its length follows as a variable-length number."""

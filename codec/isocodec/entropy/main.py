@@ -51,13 +51,18 @@ SIGN_NET, TREE_NET, OFFSET_NET, LEAF_NET, VALUE_NET, MESH_NET, BASE_NET = 0, 3, 
 
 AROUND = {2: 96, 3: 112}
 """Vertices around a middle that a sign's network sees."""
+MANNER_ROWS = 38
+"""Of these, what kind of curve it has been so far."""
 EARLIER_ROWS = 60
 """Of these, what an earlier isovalue says."""
-SIGN_ROWS = {n: 10 + 2 * AROUND[n] + EARLIER_ROWS for n in AROUND}
-TREE_ROWS = 118
+SIGN_ROWS = {n: 10 + 2 * AROUND[n] + MANNER_ROWS + EARLIER_ROWS for n in AROUND}
+CELLS = {2: 24, 3: 26}
+"""Cells around a node of the tree that its network sees."""
+CELL_ROWS = 9
+TREE_ROWS = {n: 94 + CELL_ROWS * CELLS[n] for n in AROUND}
 TREE_ROW = {n: n * SIGN_ROWS[n] for n in AROUND}
 """First row of the tree's network."""
-OFFSET_ROW = {n: TREE_ROW[n] + TREE_ROWS for n in AROUND}
+OFFSET_ROW = {n: TREE_ROW[n] + TREE_ROWS[n] for n in AROUND}
 OFFSET_ROWS, LEAF_ROWS = 720, {2: 514, 3: 775}
 VALUE_SLOTS = {2: 9, 3: 14}
 """Candidates for a value."""
@@ -106,7 +111,14 @@ def models(squash: NDArray[np.int64], t: Tables) -> tuple[NDArray[np.int64], NDA
     return prob, seen, blend
 
 
-def shipped_models(n: int) -> tuple[NDArray[np.int64], NDArray[np.int64], Blend]:
-    """The same, of the normative tables."""
+@cache
+def _begun(n: int) -> tuple[NDArray[np.int64], NDArray[np.int64], Blend]:
     squash, found = _shipped()
     return models(squash, found[n])
+
+
+def shipped_models(n: int) -> tuple[NDArray[np.int64], NDArray[np.int64], Blend]:
+    """The same, of the normative tables; what a file changes is its own."""
+    prob, seen, blend = _begun(n)
+    blend = blend._replace(mix=blend.mix.copy(), row=blend.row.copy(), hidden=blend.hidden.copy())
+    return prob.copy(), seen.copy(), blend

@@ -16,6 +16,8 @@ from ..jit import inner, kernel
 PAGES, SHIFT, RECENT = 0, 1, 4
 """Places in ``Store.head``: number of pages, the page's edge along the axes (log2), pages remembered."""
 _WAYS = 64
+_FIRST = 64
+"""Pages that a store begins with: small files need no more."""
 
 
 class Store(NamedTuple):
@@ -29,19 +31,19 @@ class Store(NamedTuple):
 def new_store(n: int) -> Store:
     """An empty store for n axes: pages of 16 x 16 or 8 x 8 x 8 entries."""
     edge = 4 if n == 2 else 3
-    return _empty(n, edge, 0, np.zeros((16, 1 << n * edge), np.int32))
+    return _empty(n, edge, 0, np.zeros((_FIRST, 1 << n * edge), np.int32))
 
 
 def new_board(n: int) -> Store:
     """A store whose entries take a byte: pages of 32 x 32 or 16 x 16 x 16. The first one stays empty."""
     edge = 5 if n == 2 else 4
-    return _empty(n, edge, 1, np.zeros((16, 1 << n * edge), np.int8))
+    return _empty(n, edge, 1, np.zeros((_FIRST, 1 << n * edge), np.int8))
 
 
 def _empty(n: int, edge: int, used: int, pages: NDArray[np.int32] | NDArray[np.int8]) -> Store:
     head = np.full(RECENT + 2 * _WAYS, -1, np.int64)
     head[:RECENT] = (used, edge, edge, edge if n == 3 else 0)
-    return Store(head, np.full((64, 2), -1, np.int64), pages)
+    return Store(head, np.full((4 * _FIRST, 2), -1, np.int64), pages)
 
 
 def grown(store: Store, room: int) -> Store:

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..entropy.blend import clear, see
-from ..entropy.main import TREE_ROW
+from ..entropy.main import CELL_ROWS, TREE_ROW
 from ..jit import DONE, GROW, inner, kernel
 from ..mesh.access import dimension
 from ..mesh.store import full, get, spot
@@ -69,36 +69,56 @@ def census(st):
 
 
 @inner
+def rarity(st):
+    """Class, 0 to 12, of how many vertices there are for one new component."""
+    return min(max(bits((st.at[VERTICES] + 1) // (st.at[BIRTHS] + 1)) - 1, 0), 12)
+
+
+@inner
 def _class(x):
     """0 to 3 are classes of their own, then one for each power of two, up to 512 and more."""
     return x if x < 4 else min(bits(x), 10) + 1
 
 
 @inner
+def _see_cells(st, cd, first, n, x, y, z):
+    """Two rows for each cell around one: classes of the vertices and of the new components in it."""
+    row = cd.blend.row
+    count = row[0]
+    far, deep = (2, 0) if n == 2 else (1, 1)
+    for i in range(x - far, x + far + 1):
+        for j in range(y - far, y + far + 1):
+            for k in range(z - deep, z + deep + 1):
+                if i == x and j == y and k == z:
+                    continue
+                c = get(st.crowd, i, j, k) if min(j, k) >= 0 else np.int64(0)
+                row[count + 1] = first + min(c & _MOST_VERTICES, 4)
+                row[count + 2] = first + 5 + min(c >> 20, 3)
+                count += 2
+                first += CELL_ROWS
+    row[0] = count
+
+
+@inner
 def see_crowd(st, cd, what, shift, x, y, z, hits, child, nearness):
-    """List what is known around a node of the tree: cell (x, y, z) of the round's cubes taken ``2**shift`` together."""
+    """List what is known around a node of the tree: cell (x, y, z) of the round's cubes taken ``2**shift`` together.
+
+    The number ``child`` among its siblings is -1 for the root.
+    """
     n = dimension(st.tables)
     r = st.at[LEVEL] % n
     first = _FIRST_2 if n == 2 else _FIRST_3
     clear(cd)
     see(cd, first + (8 if what == SLOT else min(shift, 7)) * 3 + r)
-    see(cd, first + 27 + min(hits, 2) * 8 + child)
+    if child >= 0:
+        see(cd, first + 27 + min(hits, 2) * 8 + child)
     see(cd, first + 51 + (5 if what == NODE else nearness))
-    size = shift
-    while np.int64(1) << size < st.at[EDGE] << shift:
-        size += 1
-    if size <= st.at[SIZE]:
-        far = _place(st, size)
-        here = get(st.crowd, x + far, y, z)
-        births, vertices = np.int64(0), np.int64(0)
-        for i in range(max(x - 1, 0), x + 2):
-            for j in range(max(y - 1, 0), y + 2):
-                for k in range(max(z - 1, 0), (z + 2) if n == 3 else 1):
-                    c = get(st.crowd, i + far, j, k)
-                    births += c >> 20
-                    vertices += c & _MOST_VERTICES
-        see(cd, first + 57 + _class(here & _MOST_VERTICES))
-        see(cd, first + 69 + _class(vertices))
-        see(cd, first + 81 + _class(here >> 20))
-        see(cd, first + 93 + _class(births))
-    see(cd, first + 105 + min(max(bits((st.at[VERTICES] + 1) // (st.at[BIRTHS] + 1)) - 1, 0), 12))
+    see(cd, first + 81 + rarity(st))
+    size = shift + bits(st.at[EDGE]) - 1
+    if size > st.at[SIZE]:
+        return
+    x += _place(st, size)
+    here = get(st.crowd, x, y, z)
+    see(cd, first + 57 + _class(here & _MOST_VERTICES))
+    see(cd, first + 69 + _class(here >> 20))
+    _see_cells(st, cd, first + 94, n, x, y, z)

@@ -11,7 +11,7 @@ import numpy as np
 from ..entropy import baseline as ctx
 from ..entropy.blend import blended, clear, mixing, see
 from ..entropy.coder import ENCODE, MODE, code
-from ..entropy.main import EARLIER_ROWS, REFINE_KIND, SIGN_NET, SIGN_ROWS
+from ..entropy.main import EARLIER_ROWS, MANNER_ROWS, REFINE_KIND, SIGN_NET, SIGN_ROWS
 from ..jit import DONE, GROW, inner, kernel
 from ..mesh.access import corner, dimension, member, middle
 from ..mesh.access import corners as corner_count
@@ -22,6 +22,7 @@ from ..mesh.store import get, put
 from .ahead import OF_LEAF, ask
 from .around import see_around, survey
 from .classes import bits
+from .crowd import rarity
 from .diamond import bisect, bisect_member, look, push
 from .infer import implied
 from .mesh import BARRED, IN, KEPT, KNOWN, admit, closure, short
@@ -33,6 +34,7 @@ from .state import (
     ALWAYS,
     ASKS,
     BEFORE_ROUND,
+    CALM,
     CONTINUE,
     DONE_LEAVES,
     EDGE,
@@ -169,8 +171,12 @@ def _see(st, cd, w0, w1, w2, crossed, said, guess, earlier, apart):
     target = guess if crossed else 1 - guess
     if said != 0:
         see(cd, first + 8 + ((said == 1) == (guess == here)))
+    manner = first + (_SIGN_ROWS_2 if n == 2 else _SIGN_ROWS_3) - EARLIER_ROWS - MANNER_ROWS
+    see(cd, manner + min(bits(st.at[EDGE]) - 1, 8))
+    see(cd, manner + 9 + rarity(st))
+    see(cd, manner + 22 + (st.at[CALM + crossed] >> 8))
     if earlier >= 0:
-        rows = first + (_SIGN_ROWS_2 if n == 2 else _SIGN_ROWS_3) - EARLIER_ROWS
+        rows = manner + MANNER_ROWS
         apt = bits((ALWAYS - st.at[AGREED]) >> 4)
         see(cd, rows + 30 * (earlier == here) + 10 * min(apart, 2) + apt)
     return target != here, REFINE_KIND + 2 * r + crossed
@@ -327,6 +333,7 @@ def refine(st, cd):
             st.at[TALLY + PREDICTED] += 1
             right = bit == crossed
             st.at[TALLY + PREDICTED_RIGHT] += right
+            st.at[CALM + crossed] += (ALWAYS * right - st.at[CALM + crossed]) >> AGREED_SHIFT
             sign = guess if right else 1 - guess
             if crossed:
                 w[CROSSED] = (w[CROSSED] << 1 & 2) | bit

@@ -18,7 +18,7 @@ from ..mesh.access import corners as corner_count
 from ..mesh.access import kind as kind_of
 from ..mesh.chosen import has
 from ..mesh.store import PAGES, get
-from .crowd import CUBE, NODE, SLOT, add_birth, see_crowd
+from .crowd import CUBE, NODE, SLOT, add_birth, census, see_crowd
 from .diamond import bisect, coincident, look
 from .infer import implied, infer
 from .mesh import BARRED, IN, admit, closure, short
@@ -324,8 +324,15 @@ def significance(st, cd, items):
     cubes0, cubes1, cubes2 = cubes(st)
     zero = np.int64(0)
     if w[STARTED] == 0:
-        h = height(max(cubes0, cubes1, cubes2))
-        bit = code(cd, ctx.SIGNIFICANT + h * 3, np.int64(encoding and len(items) > 0))
+        if mixing(cd) and census(st) == GROW:
+            return GROW
+        h = np.int64(height(max(cubes0, cubes1, cubes2)))
+        bit = np.int64(encoding and len(items) > 0)
+        if mixing(cd):
+            see_crowd(st, cd, NODE, h, zero, zero, zero, zero, np.int64(-1), zero)
+            bit = blended(cd, TREE_NET, False, TREE_KIND + NODE + 3 * (st.at[SIDE] != 0), ctx.SIGNIFICANT + h * 3, bit)
+        else:
+            bit = code(cd, ctx.SIGNIFICANT + h * 3, bit)
         if bit < 0:
             return bit
         st.at[TALLY + SIGNIFICANCE] += 1

@@ -25,17 +25,18 @@ TALLY = 20
 """Symbols by element, in State.at; then predictions and right ones."""
 (
     SIDE, SHIFT, TOLD, SEEDED, BITS, _, MESHES, ADAPTED, COUNTED, BIRTHS, BOARD_EDGE, BOARDED, AGREED, COUNTED_SIZE,
-    COUNTING,
-) = range(40, 55)  # fmt: skip
+    COUNTING, CALM,
+) = range(40, 56)  # fmt: skip
 """Whether the isovalue lies above (1) or below (-1) the earlier one that it leans on, by how many whole steps; whether
 the mesh is told from the start; whether the base begins at the leaves of the earlier one; bits of values below the
 isovalue and, next to it, above; how many meshes have been completed; whether an adaptive layer has begun
 (5.8); vertices counted in the crowd, and new components found so far (7.13); the edge that the board is made for, and
 the vertices on it; how often signs have been those of the earlier isovalue (7.12); of a census that goes on the cells'
-size and the next vertex."""
-COUNTERS = 55
+size and the next vertex; how often signs have been as predicted, on edges that are not crossed and, next to it, on
+those that are (7.12)."""
+COUNTERS = 57
 ALWAYS, MOSTLY, AGREED_SHIFT = 4096, 3584, 5
-"""AGREED if signs have always been the same, what it begins with, and how fast it changes."""
+"""AGREED and CALM if it has always been so, what they begin with, and how fast they change."""
 
 # Syntax elements, in the order of isospec (spec clause 5.2).
 (

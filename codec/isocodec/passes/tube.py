@@ -19,7 +19,7 @@ from ..mesh.chosen import Chosen, every_vertex, finest_level
 from ..mesh.store import PAGES, grown, new_board, new_store
 from ..mesh.tables import AXES, cube_exponent, mesh_tables
 from . import base as base_pass
-from . import crowd, refine, seek, significance
+from . import refine, seek, significance
 from .estimates import Estimates
 from .mesh import IN, MOST_ANCESTORS
 from .state import (
@@ -28,6 +28,7 @@ from .state import (
     ASKS,
     BASE_LEVEL,
     BEFORE_ROUND,
+    CALM,
     COUNTERS,
     DONE_LEAVES,
     EDGE,
@@ -62,6 +63,7 @@ from .walk import GATES, registers
 
 NOTHING = np.zeros(0, np.int64)
 STACK = 4096
+ROWS = 2048
 OUT_OF_STEPS = 5
 
 _CLAUSES = {1: "5.3.2", 3: "5.3.3", 4: "5.5", 6: "5.8.2"}
@@ -106,12 +108,12 @@ class Tube:
         counters = np.zeros(COUNTERS, np.int64)
         counters[SIZE] = self.k
         counters[MOST_WORK] = limits.steps
-        counters[AGREED] = MOSTLY
+        counters[AGREED] = counters[CALM : CALM + 2] = MOSTLY
         counters[LAST : LAST + n] = np.array(shape) - 1
         signs = truth.signs.reshape(truth.signs.shape + (1,) * (AXES - n)) if truth else np.zeros((0, 0, 0), np.bool_)
         self.state = State(
-            mesh_tables(n), counters, new_store(n), np.zeros((64, 4), np.int32), np.zeros((64, 5), np.int32),
-            np.zeros((64, 5), np.int32), new_store(n), new_store(n), new_board(n),
+            mesh_tables(n), counters, new_store(n), _rows(4, limits.vertices), _rows(5, limits.simplices),
+            _rows(5, limits.simplices), new_store(n), new_store(n), new_board(n),
             np.zeros((MOST_ANCESTORS, 4), np.int64),
             every_vertex((0,) * n), self._lean(lean, n), signs, registers(), np.zeros(STACK, np.int64),
         )  # fmt: skip
@@ -210,7 +212,7 @@ class Tube:
         """Begin a uniform round of refinement: all leaves of the uniform level are bisected."""
         self.state.at[ASKS] = 0
         self._births = True
-        self._begin_census()
+        self._begin_significance()
 
     def begin_adapt(self, births: bool) -> None:
         """Begin an adaptive layer of refinement; with ``births`` new components may come in it."""
@@ -223,12 +225,6 @@ class Tube:
     def _begin_question(self) -> None:
         self._fresh()
         self._running = "continue"
-
-    def _begin_census(self) -> None:
-        if len(self.coder.blend.weight):
-            self._running = "census"
-        else:
-            self._begin_significance()
 
     def _begin_significance(self) -> None:
         self._fresh()
@@ -294,8 +290,6 @@ class Tube:
                 return refine.go_on(st, cd, np.int64(self.truth is not None and self._more()))
             case "significance":
                 return significance.significance(st, cd, self._items)
-            case "census":
-                return crowd.census(st)
             case "refinement":
                 return refine.refine(st, cd)
             case "values":
@@ -321,14 +315,11 @@ class Tube:
             case "continue":
                 if self.state.walk[0]:
                     if self._births:
-                        self._begin_census()
+                        self._begin_significance()
                     else:
                         self._begin_refinement()
                     return False
                 self._end_adapt()
-            case "census":
-                self._begin_significance()
-                return False
             case "significance":
                 self._begin_refinement()
                 return False
@@ -413,6 +404,11 @@ def _busy(signs: NDArray[np.bool_]) -> NDArray[np.bool_]:
     busy = np.zeros(blocks, np.bool_)
     significance.busy_blocks(signs, np.zeros(blocks, np.uint8), busy)
     return busy
+
+
+def _rows(width: int, most: int) -> NDArray[np.int32]:
+    """An array that begins with some rows: small files need no more; never longer than the limit ``most``."""
+    return np.zeros((min(ROWS, most), width), np.int32)
 
 
 def _room(array: NDArray, needed: int, most: int) -> NDArray:

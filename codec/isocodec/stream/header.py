@@ -48,6 +48,7 @@ def write_header(header: Header) -> bytes:
             "version": {"writer": header.writer_version, "read": header.read_version},
             "flags": {
                 "reserved": 0,
+                "equal": len(set(header.shape)) == 1,
                 "scaled": header.scale is not None,
                 "isovalue": kind,
                 "axes": len(header.shape) - 2,
@@ -55,7 +56,8 @@ def write_header(header: Header) -> bytes:
             },
         }
     )
-    out += b"".join(spec.write_varint(s) for s in header.shape) + isovalue
+    sides = header.shape[:1] if len(set(header.shape)) == 1 else header.shape
+    out += b"".join(spec.write_varint(s) for s in sides) + isovalue
     if header.scale is not None:
         out += _write_scale(header.scale)
     return bytes(out)
@@ -111,7 +113,7 @@ def _read_rest(data: bytes | bytearray, prefix: object, n: int) -> tuple[Header,
     flags, version = prefix.flags, prefix.version  # type: ignore[attr-defined]
     at = PREFIX_BYTES
     shape = []
-    for _ in range(n):
+    for _ in range(1 if flags.equal else n):
         number = varint(data, at, len(data), "3.3.3")
         if number is None:
             return None
@@ -122,6 +124,8 @@ def _read_rest(data: bytes | bytearray, prefix: object, n: int) -> tuple[Header,
             )  # fmt: skip
         shape.append(number[0])
         at = number[1]
+    if flags.equal:
+        shape *= n
     found = read_isovalue(data, at, len(data), flags.isovalue)
     if found is None:
         return None
