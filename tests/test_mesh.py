@@ -15,7 +15,7 @@ from isocodec.entropy.coder import Coder
 from isocodec.entropy.main import no_blend
 from isocodec.limits import Limits
 from isocodec.mesh import access
-from isocodec.mesh.store import full, get, grown, new_store, put
+from isocodec.mesh.store import full, get, grown, new_store, page_of, put
 from isocodec.mesh.tables import mesh_tables
 from isocodec.passes.state import exists
 from isocodec.passes.tube import Tube
@@ -302,6 +302,23 @@ def test_store_is_a_dictionary(data, n):
         model[place] = value
     for place in data.draw(st.lists(key, max_size=20)) + list(model):
         assert get(store, *place) == model.get(place, 0)
+
+
+@pytest.mark.parametrize(("n", "k"), [(2, 24), (3, 20)])
+def test_cells_of_the_largest_crowd_lie_apart(n, k):
+    """Four times as far along the first axis as the largest domain: no two places share a page."""
+    store, page = new_store(n), 16 if n == 2 else 8
+    places = {}
+    for x in (4, (4 << k - 1) + 4, (4 << k) + 4, 5 << k):
+        for y in range(0, 6 * page, page):
+            places[x, y, 0] = len(places) + 1
+    for place, number in places.items():
+        if full(store, 1):
+            store = grown(store, 1)
+        put(store, *map(np.int64, place), number)
+    assert all(get(store, *map(np.int64, place)) == number for place, number in places.items())
+    pages = {tuple(int(c) for c in page_of(key)) for key in store.table[store.table[:, 0] >= 0, 0]}
+    assert pages == {(x // page, y // page, z) for x, y, z in places}
 
 
 @pytest.mark.parametrize("n", [2, 3])

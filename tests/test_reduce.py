@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable
-from itertools import combinations
+from itertools import combinations, pairwise, product
 
 import numpy as np
 import pytest
@@ -23,10 +23,12 @@ from isocodec.grid.field import check_field
 from isocodec.jit import kernel
 from isocodec.mesh.chosen import has
 from isocodec.passes.mesh import newest
+from isocodec.reduce.domain import number_of, place_of
 from isocodec.reduce.edges import crossing_on
 from isocodec.reduce.reduction import Reduction, distinct
 from isocodec.stream.promise import Promise
 from isoconform.meshes import Mesh, closed, exponent, level_of, parents
+from isospec.container import MAX_SIDE
 
 Vertex = tuple[int, ...]
 SIZES = [(2, 14), (3, 6)]
@@ -204,6 +206,17 @@ def test_topology_of_all_meshes_between(n, most):
 
 
 @pytest.mark.parametrize("n", [2, 3])
+def test_places_of_middles_as_numbers(n):
+    """Any place of the largest box, and as far again beyond, has a number of its own, in the order of places."""
+    most = 2 * MAX_SIDE[n] - 1
+    ends = [0, 1, most // 2, most // 2 + 1, most - 1, most]
+    places = [(*place, 0)[:3] for place in product(ends, repeat=n)]
+    numbers = [number_of(n, *map(np.int64, place)) for place in places]
+    assert all(a < b for a, b in pairwise([-1, *numbers]))
+    assert [tuple(map(int, place_of(n, number))) for number in numbers] == places
+
+
+@pytest.mark.parametrize("n", [2, 3])
 def test_a_share_of_the_leaves(n):
     """Of many leaves those with the most places are bisected first; of few all."""
     size = 33 if n == 2 else 17
@@ -215,7 +228,7 @@ def test_a_share_of_the_leaves(n):
     reduction.reduce(level=n * exponent(field.shape) - 2 * n)
     leaves = reduction.leaves_at(places)
     held = Counter(tuple(leaf[:3]) for leaf in leaves)
-    once, count = distinct(leaves)
+    once, count = distinct(n, leaves)
     assert dict(zip(map(tuple, once[:, :3]), count, strict=True)) == held
     before = mesh_of(reduction)
     reduction.restore(places, share=0.25)
@@ -227,7 +240,7 @@ def test_a_share_of_the_leaves(n):
     assert sum(held[leaf] < expected for leaf in bisected) < len(bisected) / 2
     few = of(field)
     few.reduce(level=0)
-    while len(leaves := distinct(few.leaves_at(places))[0]) < 17:
+    while len(leaves := distinct(n, few.leaves_at(places))[0]) < 17:
         few.restore(places, share=0.0)
         assert all(has(few.chosen, *leaf[:3]) for leaf in leaves)
 
@@ -296,7 +309,10 @@ def test_keep(shape):
     keep = np.random.default_rng(0).random(len(points)) < 0.1
     reduction = Reduction(phi > 0, phi, points)
     reduction.reduce(topology=True, keep=keep)
-    assert len(distinct(reduction.leaves_at(points))[0]) and not len(distinct(reduction.leaves_at(points[keep]))[0])
+    n = len(shape)
+    assert len(distinct(n, reduction.leaves_at(points))[0]) and not len(
+        distinct(n, reduction.leaves_at(points[keep]))[0]
+    )
     assert same_topology(phi > 0, mesh_of(reduction))
 
 

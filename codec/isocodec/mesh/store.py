@@ -16,6 +16,8 @@ from ..jit import inner, kernel
 PAGES, SHIFT, RECENT = 0, 1, 4
 """Places in ``Store.head``: number of pages, the page's edge along the axes (log2), pages remembered."""
 _WAYS = 64
+_Y, _Z = 23, 44
+"""Bits of a page's key from which its second and third coordinate stand."""
 _FIRST = 64
 """Pages that a store begins with: small files need no more."""
 
@@ -60,11 +62,17 @@ def grown(store: Store, room: int) -> Store:
     return store._replace(table=table, pages=pages)
 
 
+def page_of(key):
+    """Coordinates of a page, in pages, of its key."""
+    return key & ((1 << _Y) - 1), (key >> _Y) & ((1 << _Z - _Y) - 1), key >> _Z
+
+
+_page_of = inner(page_of)
+
+
 @inner
 def _hash(key, size):
-    x = key & 0x1FFFFF
-    y = (key >> 21) & 0x1FFFFF
-    z = key >> 42
+    x, y, z = _page_of(key)
     return ((x * 73856093) ^ (y * 19349663) ^ (z * 83492791)) & (size - 1)
 
 
@@ -93,7 +101,7 @@ def _page(st, x, y, z):
     x >>= head[SHIFT]
     y >>= head[SHIFT + 1]
     z >>= head[SHIFT + 2]
-    key = x | y << 21 | z << 42
+    key = x | y << _Y | z << _Z
     # remembered by the low bits of the page's coordinates: a neighbourhood of pages fits
     way = RECENT + 2 * ((x & 3) | (y & 3) << 2 | (z & 3) << 4)
     if key == head[way]:
@@ -146,7 +154,7 @@ def spot(st, x, y, z):
     if page < 0:
         h = -1 - page
         page = st.head[PAGES]
-        st.table[h, 0] = x >> st.head[SHIFT] | (y >> st.head[SHIFT + 1]) << 21 | (z >> st.head[SHIFT + 2]) << 42
+        st.table[h, 0] = x >> st.head[SHIFT] | (y >> st.head[SHIFT + 1]) << _Y | (z >> st.head[SHIFT + 2]) << _Z
         st.table[h, 1] = page
         st.head[PAGES] = page + 1
     return page, _cell(st, x, y, z)

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from ..contour.leaves import Leaves
 from ..mesh.store import SHIFT as PAGE_SHIFT
+from ..mesh.store import page_of
 from ..mesh.tables import AXES
 from .decoded import Decoded
 from .leaves import drawn
@@ -43,8 +44,7 @@ def _explicit(tube: Tube) -> NDArray[np.int64]:
     used = store.table[store.table[:, 0] >= 0]
     shifts = store.head[PAGE_SHIFT : PAGE_SHIFT + AXES]
     page, cell = np.nonzero(store.pages[used[:, 1]] & IN)
-    key = used[page, 0]
-    corner = np.stack([key & 0x1FFFFF, key >> 21 & 0x1FFFFF, key >> 42], axis=1) << shifts
+    corner = np.stack(page_of(used[page, 0]), axis=1) << shifts
     inner = np.stack([cell >> (shifts[1] + shifts[2]), cell >> shifts[2] & ((1 << shifts[1]) - 1),
                       cell & ((1 << shifts[2]) - 1)], axis=1)  # fmt: skip
     position = (corner + inner)[:, : tube.n]

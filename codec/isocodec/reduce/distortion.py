@@ -14,8 +14,10 @@ from ..mesh.access import corners as corner_count
 from ..mesh.access import kind as kind_of
 from ..mesh.access import members as member_count
 from ..passes.state import LAST, clamped, edge_of, exists, position
-from .domain import FAILED, OPEN, flags_of, members_of, set_flags, signs_of
+from .domain import FAILED, OPEN, flags_of, members_of, number_of, place_of, set_flags, signs_of
 from .edges import told_on
+
+_number_of, _place_of = inner(number_of), inner(place_of)
 
 MOST_PIECES = 16
 
@@ -135,7 +137,7 @@ def diamonds_of(dm, level, points, weight, keys):
         x, y, z = (w0 * edge) >> 1, (w1 * edge) >> 1, (w2 * edge) >> 1
         keys[i] = -1
         if flags_of(dm, x, y, z) & OPEN:
-            keys[i] = x << 42 | y << 21 | z
+            keys[i] = _number_of(n, x, y, z)
             count += 1
     return count
 
@@ -331,7 +333,7 @@ def too_far(dm, level, points, keys, order, limit, close, parts, unit):
         stop = i
         while stop < len(order) and keys[order[stop]] == key:
             stop += 1
-        x, y, z = key >> 42, (key >> 21) & 0x1FFFFF, key & 0x1FFFFF
+        x, y, z = _place_of(n, key)
         w0, w1, w2 = 2 * x // edge, 2 * y // edge, 2 * z // edge
         kind = kind_of(dm.tables, level % n, w0, w1, w2)
         count = pieces_of(dm, level, kind, w0, w1, w2, parts, unit)

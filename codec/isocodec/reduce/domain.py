@@ -24,6 +24,18 @@ ROOM = 512
 """Values in ``Domain.room``."""
 
 
+def number_of(n, x, y, z):
+    """The place of a middle as one number: 21 bits an axis, 26 where there are but two."""
+    return x << 42 | y << 21 | z if n == 3 else x << 26 | y
+
+
+def place_of(n, number):
+    """The reverse of ``number_of``."""
+    if n == 3:
+        return number >> 42, number >> 21 & 0x1FFFFF, number & 0x1FFFFF
+    return number >> 26, number & 0x3FFFFFF, number & 0
+
+
 class Domain(NamedTuple):
     """Named like the arrays of ``passes.state.State`` where kernels are shared."""
 

@@ -18,7 +18,20 @@ from ..passes.mesh import parent
 from ..passes.significance import BLOCK, busy_blocks, cubes, middle_of, slots
 from ..passes.state import COUNTERS, EDGE, LAST, LEVEL, SIZE, WALK, edge_of, truth
 from .distortion import diamonds_of, simplex_at, spread, too_far
-from .domain import FAILED, NEEDED, OPEN, ROOM, Domain, flags_of, members_of, need_parents, set_flags, signs_of
+from .domain import (
+    FAILED,
+    NEEDED,
+    OPEN,
+    ROOM,
+    Domain,
+    flags_of,
+    members_of,
+    need_parents,
+    number_of,
+    place_of,
+    set_flags,
+    signs_of,
+)
 from .topology import safe
 
 # What a vertex whose star the curve crosses is asked for.
@@ -288,7 +301,8 @@ class Reduction:
         # where it is full already: the leaves next to it, so that diamonds get whole and their points implied
         done = places[leaves[:, 3] < 0]
         around = np.array(list(product((-0.75, 0.0, 0.75), repeat=self.n)))
-        wanted, count = distinct(np.concatenate([leaves, self.leaves_at((done[:, None] + around).reshape(-1, self.n))]))
+        more = self.leaves_at((done[:, None] + around).reshape(-1, self.n))
+        wanted, count = distinct(self.n, np.concatenate([leaves, more]))
         if most is not None and len(wanted):
             inside = np.array([has(most, *w[:3]) for w in wanted])
             wanted, count = wanted[inside], count[inside]
@@ -324,7 +338,7 @@ class Reduction:
 
     def _fail(self, keys: NDArray[np.int64]) -> None:
         for key in np.unique(keys[keys >= 0]):
-            x, y, z = key >> 42, key >> 21 & 0x1FFFFF, key & 0x1FFFFF
+            x, y, z = place_of(self.n, key)
             mark(self.domain, x, y, z, np.int64(FAILED))
 
     def add(self, wanted: NDArray[np.int64], levels: NDArray[np.int64]) -> int:
@@ -353,11 +367,11 @@ class Reduction:
         self.domain = self.domain._replace(chosen=chosen._replace(outside=grown(chosen.outside, room)))
 
 
-def distinct(leaves: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+def distinct(n: int, leaves: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """The leaves of `Reduction.leaves_at`, each once, but for those of the full grid; how often each was there."""
     leaves = leaves[leaves[:, 3] >= 0]
     # a middle has but one level
-    keys = leaves[:, 0] << 42 | leaves[:, 1] << 21 | leaves[:, 2]
+    keys = number_of(n, *leaves[:, :3].T)
     _, first, count = np.unique(keys, return_index=True, return_counts=True)
     return leaves[first], count
 

@@ -195,7 +195,7 @@ def _repaired(
         if not len(places):
             return _Kept(size, plan, reduction.chosen)
         leaves = reduction.leaves_at(places)
-        hopeless = size + LEAF * len(distinct(leaves)[0]) > most
+        hopeless = size + LEAF * len(distinct(promise.n, leaves)[0]) > most
         if hopeless or not reduction.restore(places, within, SHARES[promise.n] if fit else 1.0, leaves):
             return None
     return None
