@@ -309,10 +309,8 @@ def test_keep(shape):
     keep = np.random.default_rng(0).random(len(points)) < 0.1
     reduction = Reduction(phi > 0, phi, points)
     reduction.reduce(topology=True, keep=keep)
-    n = len(shape)
-    assert len(distinct(n, reduction.leaves_at(points))[0]) and not len(
-        distinct(n, reduction.leaves_at(points[keep]))[0]
-    )
+    left, kept = (distinct(len(shape), reduction.leaves_at(of))[0] for of in (points, points[keep]))
+    assert len(left) and not len(kept)
     assert same_topology(phi > 0, mesh_of(reduction))
 
 

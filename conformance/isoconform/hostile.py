@@ -53,9 +53,11 @@ def headers() -> Iterator[Draft]:
         head = file.header[:6] + b"".join(write_varint(s) for s in sides) + file.header[6 + len(sides) :]
         yield _refused(name, bytes(replace(file, header=head)), "3.3.3", "too many samples along an axis")
     equal = space.with_header(5, space.header[5] | 0x40).header[:6]
-    for name, side, about in (("zero", 0, "no samples along all axes"), ("absurd", (1 << 20) + 1, "too many of them")):
+    for name, side, about in (("zero", 0, "no samples"), ("absurd", (1 << 20) + 1, "too many samples")):
         head = equal + write_varint(side) + space.header[9:]
-        yield _refused(f"space_sides_{name}", bytes(replace(space, header=head)), "3.3.3", about)
+        yield _refused(
+            f"space_sides_{name}", bytes(replace(space, header=head)), "3.3.3", f"{about} along axes of equal size"
+        )
     for name, number, about in (
         ("number_not_shortest", b"\x80\x09", "a number not in its shortest form"),
         ("number_endless", b"\xff" * 9 + b"\x7f", "a number of more than 63 bits"),

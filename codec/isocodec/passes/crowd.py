@@ -22,6 +22,8 @@ _MOST_BIRTHS, _MOST_VERTICES = 2047, BIRTH - 1
 
 _FIRST_2, _FIRST_3 = TREE_ROW[2], TREE_ROW[3]
 NODE, CUBE, SLOT = range(3)
+ROOT = -1
+"""Number of the root, which has no siblings."""
 
 
 @inner
@@ -103,14 +105,14 @@ def _see_cells(st, cd, first, n, x, y, z):
 def see_crowd(st, cd, what, shift, x, y, z, hits, child, nearness):
     """List what is known around a node of the tree: cell (x, y, z) of the round's cubes taken ``2**shift`` together.
 
-    The number ``child`` among its siblings is -1 for the root.
+    ``child`` is its number among its siblings, or ``ROOT``.
     """
     n = dimension(st.tables)
     r = st.at[LEVEL] % n
     first = _FIRST_2 if n == 2 else _FIRST_3
     clear(cd)
     see(cd, first + (8 if what == SLOT else min(shift, 7)) * 3 + r)
-    if child >= 0:
+    if child != ROOT:
         see(cd, first + 27 + min(hits, 2) * 8 + child)
     see(cd, first + 51 + (5 if what == NODE else nearness))
     see(cd, first + 81 + rarity(st))

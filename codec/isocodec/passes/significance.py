@@ -18,7 +18,7 @@ from ..mesh.access import corners as corner_count
 from ..mesh.access import kind as kind_of
 from ..mesh.chosen import has
 from ..mesh.store import PAGES, get
-from .crowd import CUBE, NODE, SLOT, add_birth, census, see_crowd
+from .crowd import CUBE, NODE, ROOT, SLOT, add_birth, census, see_crowd
 from .diamond import bisect, coincident, look
 from .infer import implied, infer
 from .mesh import BARRED, IN, admit, closure, short
@@ -269,6 +269,19 @@ def _wanted(items, i, number, shift):
 
 
 @inner
+def _ask(st, cd, what, shift, x, y, z, hits, child, nearness, context, want):
+    """Code one symbol of the tree; as ``code``."""
+    if mixing(cd):
+        see_crowd(st, cd, what, shift, x, y, z, hits, child, nearness)
+        bit = blended(cd, TREE_NET, False, TREE_KIND + what + 3 * (st.at[SIDE] != 0), context, want)
+    else:
+        bit = code(cd, context, want)
+    if bit >= 0:
+        st.at[TALLY + SIGNIFICANCE] += 1
+    return bit
+
+
+@inner
 def _add(st, cd, x, y, z, slot):
     """Add the new component of a slot, with all its diamond (spec clause 5.5.4); negative: no effect yet."""
     n = dimension(st.tables)
@@ -327,15 +340,10 @@ def significance(st, cd, items):
         if mixing(cd) and census(st) == GROW:
             return GROW
         h = np.int64(height(max(cubes0, cubes1, cubes2)))
-        bit = np.int64(encoding and len(items) > 0)
-        if mixing(cd):
-            see_crowd(st, cd, NODE, h, zero, zero, zero, zero, np.int64(-1), zero)
-            bit = blended(cd, TREE_NET, False, TREE_KIND + NODE + 3 * (st.at[SIDE] != 0), ctx.SIGNIFICANT + h * 3, bit)
-        else:
-            bit = code(cd, ctx.SIGNIFICANT + h * 3, bit)
+        want = np.int64(encoding and len(items) > 0)
+        bit = _ask(st, cd, NODE, h, zero, zero, zero, zero, ROOT, zero, ctx.SIGNIFICANT + h * 3, want)
         if bit < 0:
             return bit
-        st.at[TALLY + SIGNIFICANCE] += 1
         w[STARTED] = 1
         if bit:
             _push_frame(st, h, zero, zero, zero, zero)
@@ -374,15 +382,10 @@ def significance(st, cd, items):
                 if shift == 0:
                     context = ctx.SIGNIFICANT_LEAF + near * 3 + min(hits, 2)
                 want = _wanted(items, w[ITEM], inner, SLOT_BITS + n * shift) if encoding else np.int64(0)
-                if mixing(cd):
-                    what = CUBE if shift == 0 else NODE
-                    see_crowd(st, cd, what, shift, c0, c1, c2, hits, child, near)
-                    bit = blended(cd, TREE_NET, False, TREE_KIND + what + 3 * (st.at[SIDE] != 0), context, want)
-                else:
-                    bit = code(cd, context, want)
+                what = CUBE if shift == 0 else NODE
+                bit = _ask(st, cd, what, shift, c0, c1, c2, hits, child, near, context, want)
                 if bit < 0:
                     return bit
-                st.at[TALLY + SIGNIFICANCE] += 1
             st.stack[o + 5] = child + 1
             if bit:
                 st.stack[o + 6] = hits + 1
@@ -416,14 +419,9 @@ def significance(st, cd, items):
         if later > 0 or hits > 0:
             want = _wanted(items, w[ITEM], number << SLOT_BITS | child, zero) if encoding else np.int64(0)
             context = ctx.SIGNIFICANT_LEAF + ((1 + r) * ctx.NEARNESS + near - 1) * 3 + min(hits, 2)
-            if mixing(cd):
-                see_crowd(st, cd, SLOT, zero, x, y, z, hits, child, near - 1)
-                bit = blended(cd, TREE_NET, False, TREE_KIND + SLOT + 3 * (st.at[SIDE] != 0), context, want)
-            else:
-                bit = code(cd, context, want)
+            bit = _ask(st, cd, SLOT, zero, x, y, z, hits, child, near - 1, context, want)
             if bit < 0:
                 return bit
-            st.at[TALLY + SIGNIFICANCE] += 1
         st.stack[o + 5] = child + 1
         if bit == 0:
             continue

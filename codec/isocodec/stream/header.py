@@ -42,13 +42,14 @@ class Header:
 def write_header(header: Header) -> bytes:
     """Bytes of a header, the shortest for its isovalue."""
     kind, isovalue = write_isovalue(header.isovalue)
+    equal = len(set(header.shape)) == 1
     out = Prefix.build(
         {
             "signature": spec.SIGNATURE,
             "version": {"writer": header.writer_version, "read": header.read_version},
             "flags": {
                 "reserved": 0,
-                "equal": len(set(header.shape)) == 1,
+                "equal": equal,
                 "scaled": header.scale is not None,
                 "isovalue": kind,
                 "axes": len(header.shape) - 2,
@@ -56,8 +57,7 @@ def write_header(header: Header) -> bytes:
             },
         }
     )
-    sides = header.shape[:1] if len(set(header.shape)) == 1 else header.shape
-    out += b"".join(spec.write_varint(s) for s in sides) + isovalue
+    out += b"".join(spec.write_varint(s) for s in header.shape[: 1 if equal else None]) + isovalue
     if header.scale is not None:
         out += _write_scale(header.scale)
     return bytes(out)
