@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from ..jit import kernel
 from .leaves import Leaves
 
 Edge = tuple[int, int]
@@ -53,14 +54,23 @@ class PatternTable:
         owner : (R,) int64
             Which simplex or cube each row belongs to, ascending.
         """
-        count = np.diff(self.first)[pattern]
-        owner = np.repeat(np.arange(len(pattern)), count)
-        skipped = np.cumsum(count) - count
-        local = self.edges[np.arange(len(owner)) + (self.first[pattern] - skipped)[owner]]
-        ends = vertices[owner[:, None, None], local]
-        flip = mirrored[owner]
-        ends[flip, :2] = ends[flip, 1::-1]
+        owner = np.repeat(np.arange(len(pattern)), np.diff(self.first)[pattern])
+        ends = np.empty((len(owner), *self.edges.shape[1:]), np.int64)
+        _look_up(self.edges, self.first, pattern, vertices, mirrored, ends)
         return ends, owner
+
+
+@kernel
+def _look_up(edges, first, pattern, vertices, mirrored, out):
+    """Write the rows of all simplices or cubes in vertices of the mesh."""
+    row = 0
+    for i in range(len(pattern)):
+        for k in range(first[pattern[i]], first[pattern[i] + 1]):
+            for j in range(edges.shape[1]):
+                place = 1 - j if mirrored[i] and j < 2 else j
+                out[row, place, 0] = vertices[i, edges[k, j, 0]]
+                out[row, place, 1] = vertices[i, edges[k, j, 1]]
+            row += 1
 
 
 def rank_of(leaves: Leaves) -> NDArray[np.int64]:
@@ -84,13 +94,53 @@ def distinct_edges(leaves: Leaves, ends: NDArray[np.int64]) -> tuple[NDArray[np.
     number : (...) int64
         Index into ``edges``.
     """
-    vertices = len(leaves.position)
-    rank = rank_of(leaves)
-    a, b = ends[..., 0].ravel(), ends[..., 1].ravel()
-    swap = rank[a] > rank[b]
-    keys, number = np.unique(np.where(swap, b, a) * vertices + np.where(swap, a, b), return_inverse=True)
-    edges = np.stack(np.divmod(keys, max(vertices, 1)), axis=-1)
-    return edges, number.reshape(ends.shape[:-1])
+    flat = ends.reshape(-1, 2)
+    low, high, number = (np.empty(len(flat), np.int64) for _ in range(3))
+    count = np.zeros(len(leaves.position) + 1, np.int64)
+    _tell_apart(rank_of(leaves), flat, low, high, count)
+    edges = np.empty((len(flat), 2), np.int64)
+    seconds = np.full(len(flat), -1, np.int64)
+    used = _number(low, high, np.cumsum(count), seconds, count, edges, number)
+    return edges[:used], number.reshape(ends.shape[:-1])
+
+
+@kernel
+def _tell_apart(rank, ends, low, high, count):
+    """Tell the ends of each edge apart, and count how often each vertex is the first, one place further on."""
+    for i in range(len(ends)):
+        a, b = ends[i, 0], ends[i, 1]
+        low[i], high[i] = (a, b) if rank[a] <= rank[b] else (b, a)
+        count[low[i] + 1] += 1
+
+
+@kernel
+def _number(low, high, place, seconds, before, edges, number):
+    """Number the edges in the order of their ends; returns how many there are.
+
+    ``seconds`` has room for the second ends of each vertex from its ``place`` on, -1 where none is: a vertex has few.
+    ``before`` becomes the number of each vertex's first edge.
+    """
+    for i in range(len(low)):
+        j = place[low[i]]
+        while seconds[j] >= 0 and seconds[j] < high[i]:
+            j += 1
+        moved = high[i] if seconds[j] != high[i] else -1
+        while moved >= 0:
+            seconds[j], moved = moved, seconds[j]
+            j += 1
+    used = 0
+    for a in range(len(place) - 1):
+        before[a] = used
+        for j in range(place[a], place[a + 1]):
+            if seconds[j] >= 0:
+                edges[used] = a, seconds[j]
+                used += 1
+    for i in range(len(low)):
+        j = place[low[i]]
+        while seconds[j] != high[i]:
+            j += 1
+        number[i] = before[low[i]] + j - place[low[i]]
+    return used
 
 
 def edge_ratios(leaves: Leaves, edges: NDArray[np.int64]) -> NDArray[np.float64]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from ..jit import inner, kernel
 from .crossing import distinct_edges, edge_points, edge_ratios
 from .cube import cube_table
 from .leaves import Leaves
@@ -50,27 +51,53 @@ def _cells(leaves: Leaves) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArra
         Whether an odd number of axes runs downwards from x0 to xn.
     """
     n = len(leaves.shape)
-    axes = np.arange(n)
-    first, last = leaves.simplices[:, 0], leaves.simplices[:, -1]
 
     # A cell is known by xn and the directions in which x0 lies; counting into an array is faster than sorting.
-    key = last << n
-    for axis, coordinate in enumerate(leaves.position.T):
-        key |= (coordinate[first] > coordinate[last]).astype(np.int64) << axis
-    count = np.bincount(key, minlength=len(leaves.position) << n)
+    count = np.zeros(len(leaves.position) << n, np.int32)
+    _count(leaves.position, leaves.simplices, count)
     keys = np.flatnonzero(count)
-    number = np.empty(len(count), dtype=np.int64)
+    number = np.empty(len(count), np.int32)
     number[keys] = np.arange(len(keys))
-    cell = number[key]
+    corners = np.full((len(keys), 2**n), -1, np.int64)
+    pattern = np.empty(len(keys), np.int64)
+    # Within a cell two coordinates differ exactly if their parities do.
+    parity = (leaves.position & 1) @ (1 << np.arange(n))
+    _complete(leaves.position, parity, leaves.above, leaves.simplices, number, corners, pattern)
 
-    # Within a unit cell two coordinates differ exactly if their parities do.
-    parity = (leaves.position & 1) @ (1 << axes)
-    corners = np.full((len(keys), 2**n), -1, dtype=np.int64)
-    corners[cell[:, None], parity[leaves.simplices] ^ parity[first, None]] = leaves.simplices
-
-    # A corner that no mixed simplex has agrees with x0, or each of its simplices would be mixed.
-    above = np.where(corners >= 0, leaves.above[corners], leaves.above[corners[:, :1]])
-    pattern = above @ (1 << np.arange(2**n))
-    mirrored = (keys[:, None] >> axes & 1).sum(axis=1) % 2 == 1
+    mirrored = (keys[:, None] >> np.arange(n) & 1).sum(axis=1) % 2 == 1
     whole = count[keys] == cube_table(n).mixed[pattern]
     return corners[whole], pattern[whole], mirrored[whole]
+
+
+@inner
+def _cell(position, simplex):
+    """The number of a simplex's cell among all that there could be."""
+    n = position.shape[1]
+    key = simplex[n] << n
+    for axis in range(n):
+        if position[simplex[0], axis] > position[simplex[n], axis]:
+            key |= 1 << axis
+    return key
+
+
+@kernel
+def _count(position, simplices, count):
+    """Count the simplices of each cell."""
+    for i in range(len(simplices)):
+        count[_cell(position, simplices[i])] += 1
+
+
+@kernel
+def _complete(position, parity, above, simplices, number, corners, pattern):
+    """Enter the simplices' vertices as corners of their cells, and all signs of each cell as its pattern."""
+    for i in range(len(simplices)):
+        cell = number[_cell(position, simplices[i])]
+        for j in range(simplices.shape[1]):
+            corners[cell, parity[simplices[i, j]] ^ parity[simplices[i, 0]]] = simplices[i, j]
+    for cell in range(len(corners)):
+        signs = np.int64(0)
+        for corner in range(corners.shape[1]):
+            # a corner that no mixed simplex has agrees with x0, or each of its simplices would be mixed
+            v = corners[cell, corner] if corners[cell, corner] >= 0 else corners[cell, 0]
+            signs |= np.int64(above[v]) << corner
+        pattern[cell] = signs
