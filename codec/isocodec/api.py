@@ -115,7 +115,7 @@ def _chain(data: bytes, isovalue: float | None) -> tuple[int, frozenset[int]]:
 
 
 def warm_up() -> None:
-    """Load all kernels, compiling them if this is the first use after installation (some 15 seconds).
+    """Load all kernels, compiling them if this is the first use after installation (about a minute).
 
     Call it where a pause is acceptable; otherwise the first ``encode`` and ``decode`` do it on their way.
     """

@@ -43,7 +43,11 @@ if hasattr(DefaultOptions, "forceinline"):
     # A call hands over every array of a state by itself, some hundred numbers: inlining is worth a factor of five.
     _INNER["forceinline"] = True
 inner: Any = njit(**(_OPTIONS | _INNER))
-"""Decorator of functions that only kernels call: no entry from Python, and no call in the end."""
+"""Decorator of functions that only kernels call: no entry from Python, and no call in the end.
+
+numba compiles what is called anew for each literal number that it is called with. Constants that are handed on to large
+functions are therefore of numpy's types.
+"""
 
 # What a kernel returns: why it came back. What it calls returns the same instead of a symbol, if there is none.
 DONE = 0  # the pass is complete

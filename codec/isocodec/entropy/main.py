@@ -46,7 +46,7 @@ BASE_KIND = 43
 """By phase, of the signs behind gates; the same where an earlier isovalue has something to say."""
 
 # Networks, in the order of their rows.
-SIGN_NET, TREE_NET, OFFSET_NET, LEAF_NET, VALUE_NET, MESH_NET, BASE_NET = 0, 3, 4, 5, 6, 7, 8
+SIGN_NET, TREE_NET, OFFSET_NET, LEAF_NET, VALUE_NET, MESH_NET, BASE_NET = np.array([0, 3, 4, 5, 6, 7, 8])
 """Of signs there is one for each phase; n = 2 leaves the third without rows. Of offsets, on and off the full grid."""
 
 AROUND = {2: 96, 3: 112}

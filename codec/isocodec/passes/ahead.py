@@ -27,7 +27,7 @@ _STEPS = {
 """Vertices around the one behind a gate, in units of the edges from there to the gate's vertices."""
 _STEPS_2, _STEPS_3 = _STEPS[2], _STEPS[3]
 _BASE_2, _BASE_3 = BASE_ROW[2], BASE_ROW[3]
-ON_PATH, COARSER, FINER, OF_LEAF = range(4)
+ON_PATH, COARSER, FINER, OF_LEAF = np.arange(4)
 """Questions about the mesh: on the path to a component, of the simplex behind a gate, of a leaf."""
 
 

@@ -148,18 +148,6 @@ def _push_gates(st, mark, level, cls, b0, b1, b2):
 
 
 @inner
-def _enter(st, mark, level, cls, b0, b1, b2):
-    """Begin a component with its first simplex."""
-    w = st.walk
-    _visit(st, mark, level, cls, b0, b1, b2)
-    _push_gates(st, mark, level, cls, b0, b1, b2)
-    w[HISTORY] = 0
-    w[FRESH] = 0
-    w[BRANCH] = st.at[LEAVES] - 1
-    w[PHASE] = _TRAVERSE
-
-
-@inner
 def _tree_child(st, depth, cls, b0, b1, b2, side):
     """Class and block of a child in the forest of binary trees, and whether it exists."""
     n = dimension(st.tables)
@@ -218,7 +206,9 @@ def _seed(st, cd, mark, seeds):
         return np.int64(0)
     w[SEED] = i + 1
     if before == 3 and not visited(st, mark, level, cls, b0, b1, b2):
-        _enter(st, mark, level, cls, b0, b1, b2)
+        w[DEPTH], w[CLASS], w[B0], w[B1], w[B2] = level, cls, b0, b1, b2
+        w[CORNER] = n + 1
+        w[PHASE] = _SIGNS
     return np.int64(0)
 
 
@@ -374,7 +364,12 @@ def base(st, cd, mark, order, seeds):
             if signs != 3:
                 st.at[ERROR] = 3
                 return BAD
-            _enter(st, mark, level, cls, b0, b1, b2)
+            _visit(st, mark, level, cls, b0, b1, b2)
+            _push_gates(st, mark, level, cls, b0, b1, b2)
+            w[HISTORY] = 0
+            w[FRESH] = 0
+            w[BRANCH] = st.at[LEAVES] - 1
+            w[PHASE] = _TRAVERSE
 
         else:
             if w[GATES] == 0:

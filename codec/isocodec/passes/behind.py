@@ -18,7 +18,7 @@ from .seek import middle_at
 from .state import FINEST, LEVEL_SYMBOL, TALLY, UNIFORM, edge_of, position
 from .walk import BEFORE, RESOLVED
 
-_EQUAL = -1
+_EQUAL = np.int64(-1)
 
 
 @inner
@@ -59,7 +59,7 @@ def tell(st, cd, what, level, x, y, z, context):
     answer = np.int64(told(st, level, x, y, z))
     if answer >= 0:
         return answer
-    count = closure(st, level, x, y, z, 1)
+    count = closure(st, level, x, y, z, np.int64(1))
     if count != BARRED and short(st, count):
         return np.int64(GROW)
     want = np.int64(0)
@@ -97,7 +97,7 @@ def settle(st, level, cls, b0, b1, b2):
         return np.int64(0)
     if state & OUT:
         return np.int64(BARRED)
-    count = closure(st, level - 1, x, y, z, 1)
+    count = closure(st, level - 1, x, y, z, np.int64(1))
     if count == BARRED:
         return count
     if short(st, count):
@@ -113,21 +113,19 @@ def resolve(st, cd, level, cls, b0, b1, b2, opp):
     r = level % n
     w = st.walk
     question = _question(n, level, opp)
-    if question == COARSER and level > 0:
-        x, y, z = position(edge_of(st, level), b0, b1, b2, vertex(st.tables, r, cls, opp))
-        bit = tell(st, cd, COARSER, level - 1, x, y, z, ctx.LEVEL + (r * 2 + 1) * 4 + w[BEFORE])
+    if question == FINER or (question == COARSER and level > 0):
+        coarser = np.int64(question == COARSER)
+        x, y, z = middle_at(st, level, cls, b0, b1, b2)
+        if coarser:
+            x, y, z = position(edge_of(st, level), b0, b1, b2, vertex(st.tables, r, cls, opp))
+        bit = tell(st, cd, question, level - coarser, x, y, z, ctx.LEVEL + (r * 2 + coarser) * 4 + w[BEFORE])
         if bit < 0:
             return bit
-        if bit == 0:
+        if coarser and bit == 0:
             cls, b0, b1, b2, side = _parent(st, level, cls, b0, b1, b2)
             level -= 1
             opp = np.int64(0) if side else n - level % n
-    elif question == FINER:
-        x, y, z = middle_at(st, level, cls, b0, b1, b2)
-        bit = tell(st, cd, FINER, level, x, y, z, ctx.LEVEL + r * 8 + w[BEFORE])
-        if bit < 0:
-            return bit
-        if bit == 1:
+        elif bit == 1 and not coarser:
             side = 1 if opp == 0 else 0
             q, d0, d1, d2 = child(st.tables, r, cls, side)
             f = 2 if r == n - 1 else 1

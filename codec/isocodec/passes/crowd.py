@@ -21,8 +21,8 @@ BIRTH = 1 << 20
 _MOST_BIRTHS, _MOST_VERTICES = 2047, BIRTH - 1
 
 _FIRST_2, _FIRST_3 = TREE_ROW[2], TREE_ROW[3]
-NODE, CUBE, SLOT = range(3)
-ROOT = -1
+NODE, CUBE, SLOT = np.arange(3)
+ROOT = np.int64(-1)
 """Number of the root, which has no siblings."""
 
 

@@ -192,7 +192,7 @@ def _split(st, cd, kind, w0, w1, w2, x, y, z):
     if state & (IN | KEPT):
         return state
     level = st.at[LEVEL]
-    count = closure(st, level, x, y, z, 0)
+    count = closure(st, level, x, y, z, np.int64(0))
     bit = np.int64(0)
     if count != BARRED:
         if short(st, count):

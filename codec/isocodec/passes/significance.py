@@ -105,7 +105,7 @@ def candidate(st, r, w0, w1, w2):
     if not inside and coincident(st, edge, kind, corners, w0, w1, w2):
         return 0
     meshed = st.at[ASKS] or st.mesh.head[PAGES] > 0
-    if meshed and (get(st.mesh, x, y, z) & IN or closure(st, level, x, y, z, 0) == BARRED):
+    if meshed and (get(st.mesh, x, y, z) & IN or closure(st, level, x, y, z, np.int64(0)) == BARRED):
         return 0
     count = 0
     bits = known
@@ -316,7 +316,7 @@ def _add(st, cd, x, y, z, slot):
         add_birth(st, u0, u1, u2)
         st.at[BIRTHS] += 1
     if st.at[ASKS]:
-        admit(st, closure(st, level, m0, m1, m2, 0))
+        admit(st, closure(st, level, m0, m1, m2, np.int64(0)))
     bisect(st, kind, w0, w1, w2, inside, members, known, corners if sign else np.int64(0), 1 - sign)
     return DONE
 
@@ -351,83 +351,78 @@ def significance(st, cd, items):
         if crowded(st):
             return GROW
         o = (w[FRAMES] - 1) * FRAME
-        h, x, y, z = st.stack[o], st.stack[o + 1], st.stack[o + 2], st.stack[o + 3]
+        h, c0, c1, c2 = st.stack[o], st.stack[o + 1], st.stack[o + 2], st.stack[o + 3]
         number, child, hits = st.stack[o + 4], st.stack[o + 5], st.stack[o + 6]
-
-        if h > 0:
-            if child == fan:
-                w[FRAMES] -= 1
-                continue
-            shift = h - 1
-            c0 = 2 * x + (child >> (n - 1))
-            c1 = 2 * y + ((child >> (n - 2)) & 1)
-            c2 = 2 * z + (child & 1 if n == 3 else 0)
-            if (c0 << shift) >= cubes0 or (c1 << shift) >= cubes1 or (c2 << shift) >= cubes2:
-                st.stack[o + 5] = child + 1
-                continue
-            inner = number << n | child
-            near = np.int64(0)
-            if shift == 0:
-                most = zero
-                for slot in range(per_cube):
-                    w0, w1, w2 = middle_of(n, r, c0, c1, c2, slot)
-                    most = max(most, candidate(st, r, w0, w1, w2))
-                if most == 0:
-                    st.stack[o + 5] = child + 1
-                    continue
-                near = np.int64(most - 1)
-            bit = np.int64(1)
-            if child < fan - 1 or hits > 0:
-                context = ctx.SIGNIFICANT + shift * 3 + min(hits, 2)
-                if shift == 0:
-                    context = ctx.SIGNIFICANT_LEAF + near * 3 + min(hits, 2)
-                want = _wanted(items, w[ITEM], inner, SLOT_BITS + n * shift) if encoding else np.int64(0)
-                what = CUBE if shift == 0 else NODE
-                bit = _ask(st, cd, what, shift, c0, c1, c2, hits, child, near, context, want)
-                if bit < 0:
-                    return bit
-            st.stack[o + 5] = child + 1
-            if bit:
-                st.stack[o + 6] = hits + 1
-                _push_frame(st, shift, c0, c1, c2, inner)
-            continue
-
-        # a significant cube: which of its slots
         if w[ADDING]:
-            status = _add(st, cd, x, y, z, child - 1)
+            status = _add(st, cd, c0, c1, c2, child - 1)
             if status < 0:
                 return status
             w[ADDING] = 0
             continue
-        if child == per_cube:
+        if child == (fan if h > 0 else per_cube):
             w[FRAMES] -= 1
             continue
-        w0, w1, w2 = middle_of(n, r, x, y, z, child)
-        near = np.int64(candidate(st, r, w0, w1, w2))
-        if near == 0:
-            st.stack[o + 5] = child + 1
-            continue
-        level = st.at[LEVEL]
-        u0, u1, u2 = (w0 * edge) >> 1, (w1 * edge) >> 1, (w2 * edge) >> 1
-        if st.at[ASKS] and short(st, closure(st, level, u0, u1, u2, 0)):
-            return GROW
-        later = zero
-        for slot in range(child + 1, per_cube):
-            u0, u1, u2 = middle_of(n, r, x, y, z, slot)
-            later = max(later, candidate(st, r, u0, u1, u2))
+
+        # the next child: a node or cube of a node, or a slot of a cube
+        what, shift = SLOT, zero
+        last = False
+        near, later = zero, zero
+        if h > 0:
+            shift = h - 1
+            what = CUBE if shift == 0 else NODE
+            last = child == fan - 1
+            c0 = 2 * c0 + (child >> (n - 1))
+            c1 = 2 * c1 + ((child >> (n - 2)) & 1)
+            c2 = 2 * c2 + (child & 1 if n == 3 else 0)
+            if (c0 << shift) >= cubes0 or (c1 << shift) >= cubes1 or (c2 << shift) >= cubes2:
+                st.stack[o + 5] = child + 1
+                continue
+        if what != NODE:
+            first = child if what == SLOT else zero
+            for slot in range(first, per_cube):
+                w0, w1, w2 = middle_of(n, r, c0, c1, c2, slot)
+                found = np.int64(candidate(st, r, w0, w1, w2))
+                if slot > first:
+                    later = max(later, found)
+                else:
+                    near = found
+                    if what == SLOT and near == 0:
+                        break
+            if what == CUBE:
+                near = max(near, later)
+            else:
+                last = later == 0
+            if near == 0:
+                st.stack[o + 5] = child + 1
+                continue
+            near -= 1
+        if what == SLOT and st.at[ASKS]:
+            w0, w1, w2 = middle_of(n, r, c0, c1, c2, child)
+            x, y, z = (w0 * edge) >> 1, (w1 * edge) >> 1, (w2 * edge) >> 1
+            if short(st, closure(st, st.at[LEVEL], x, y, z, zero)):
+                return GROW
+
+        number = number << (SLOT_BITS if what == SLOT else n) | child
         bit = np.int64(1)
-        if later > 0 or hits > 0:
-            want = _wanted(items, w[ITEM], number << SLOT_BITS | child, zero) if encoding else np.int64(0)
-            context = ctx.SIGNIFICANT_LEAF + ((1 + r) * ctx.NEARNESS + near - 1) * 3 + min(hits, 2)
-            bit = _ask(st, cd, SLOT, zero, x, y, z, hits, child, near - 1, context, want)
+        if hits > 0 or not last:
+            if what == NODE:
+                context = ctx.SIGNIFICANT + shift * 3
+            else:
+                context = ctx.SIGNIFICANT_LEAF + ((1 + r if what == SLOT else 0) * ctx.NEARNESS + near) * 3
+            below = zero if what == SLOT else SLOT_BITS + n * shift
+            want = _wanted(items, w[ITEM], number, below) if encoding else zero
+            bit = _ask(st, cd, what, shift, c0, c1, c2, hits, child, near, context + min(hits, 2), want)
             if bit < 0:
                 return bit
         st.stack[o + 5] = child + 1
         if bit == 0:
             continue
         st.stack[o + 6] = hits + 1
-        w[ITEM] += 1
-        w[ADDING] = 1
+        if what == SLOT:
+            w[ITEM] += 1
+            w[ADDING] = 1
+        else:
+            _push_frame(st, shift, c0, c1, c2, number)
     if encoding and w[ITEM] != len(items):
         st.at[ERROR] = 4
         return BAD
