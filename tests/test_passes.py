@@ -421,3 +421,9 @@ def test_mesh_at_any_moment_is_part_of_the_final_one(shape):
         signs = leaves.above[leaves.simplices]
         assert (signs.any(axis=1) & ~signs.all(axis=1)).all()
     assert decoder.complete
+
+
+@pytest.mark.filterwarnings("error")
+def test_values_beyond_floats_are_infinite():
+    number, above = np.array([3.0, 3.0]), np.array([True, False])
+    assert interval_value(1.0, 1e308, number, above).tolist() == [np.inf, -np.inf]

@@ -206,4 +206,6 @@ def interval_value(isovalue: float, scale: float | None, number: NDArray[Any], a
     if scale is None:
         t = math.floor(isovalue)
         return np.where(above, t + 1 + number, t - number).astype(np.float64)
-    return np.where(above, isovalue + scale * (number + 0.5), isovalue - scale * (number + 0.5))
+    # a file may state any scale, and infinities say as little as no value
+    with np.errstate(over="ignore"):
+        return np.where(above, isovalue + scale * (number + 0.5), isovalue - scale * (number + 0.5))
