@@ -230,3 +230,57 @@ def test_progress_of_a_search(monkeypatch: pytest.MonkeyPatch, last: tuple[int, 
         report(16, 0)
         report(*last)
     assert said in terminal.getvalue()
+
+
+# ---- Several isovalues, damage and short prefixes -------------------------------------------------------------------
+
+
+@pytest.fixture
+def two(hills: Path, tmp_path: Path) -> Path:
+    out = tmp_path / "two.iso"
+    ok("encode", hills, "-o", out, "--isovalue", 80.5, "--isovalue", 40.25, "--independent")
+    return out
+
+
+def test_what_was_received_of_another_isovalue(two: Path, tmp_path: Path) -> None:
+    data, whole = two.read_bytes(), isocodec.decode(two.read_bytes(), isovalue=40.25)
+    part = tmp_path / "part.iso"
+    part.write_bytes(data[:-10])
+    out = tmp_path / "part.npz"
+    for more in ((), ("--layers", 2)):
+        report = json.loads(ok("decode", part, "-o", out, "--isovalue", 40.25, "--partial", "--json", *more))
+        assert report["isovalue"] == 40.25
+        assert 0 < report["points"] <= len(whole.points)
+    part.write_bytes(data[:40])
+    for more in ((), ("--partial",)):
+        assert "ends before isovalue 40.25" in fails(5, "decode", part, "-o", out, "--isovalue", 40.25, *more)
+
+
+def test_bytes_that_end_before_the_curve_begins(two: Path, tmp_path: Path) -> None:
+    for out, more in (("a.npz", ("--max-bytes", 6)), ("a.geojson", ("--max-bytes", 60, "--isovalue", 40.25))):
+        assert "ends before its curve begins" in fails(5, "decode", two, "-o", tmp_path / out, *more)
+        assert not (tmp_path / out).exists()
+
+
+def test_isovalues_are_said_in_full(hills: Path, tmp_path: Path) -> None:
+    out = tmp_path / "fine.iso"
+    ok("encode", hills, "-o", out, "--isovalue", 80.5, "--isovalue", 40.123456789)
+    assert "--isovalue chooses 40.123456789" in run("decode", out, "-o", tmp_path / "a.npz").stderr
+    assert "40.123456789" in fails(2, "decode", out, "-o", tmp_path / "a.npz", "--isovalue", 40.1235)
+
+
+@pytest.mark.parametrize("how", [("--layers", 3), ("--bytes", 100)])
+def test_damage_is_not_sealed_by_truncation(curve: Path, tmp_path: Path, how: tuple[str, int]) -> None:
+    data = bytearray(curve.read_bytes())
+    data[len(data) // 2] ^= 16
+    damaged = tmp_path / "damaged.iso"
+    for broken in (bytes(data), curve.read_bytes() + b"more"):
+        damaged.write_bytes(broken)
+        fails(4, "truncate", damaged, "-o", tmp_path / "out.iso", *how)
+        assert not (tmp_path / "out.iso").exists()
+
+
+def test_output_to_a_pipe_without_a_path(curve: Path) -> None:
+    command = f"{sys.executable} -m isocodec truncate {curve} -o /dev/stdout --bytes 100 | wc -c"
+    done = subprocess.run(["sh", "-c", command], capture_output=True, text=True, check=True, timeout=120)
+    assert int(done.stdout) <= 250, done

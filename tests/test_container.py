@@ -387,3 +387,14 @@ def test_metadata():
     decoder = Decoder()
     decoder.feed(data)
     assert [e.metadata for e in decoder if isinstance(e, MetadataRead)] == [note]
+
+
+def test_bytes_of_any_kind():
+    data = isocodec.encode(picture((20, 30), 1), 0.5)
+    decoder = Decoder()
+    decoder.feed(data[:1])
+    decoder.feed(np.frombuffer(data, np.uint8)[1:40])
+    decoder.feed(memoryview(data)[40:])
+    decoder.close()
+    with pytest.raises(TypeError):
+        Decoder().feed("text")  # type: ignore[arg-type]

@@ -247,6 +247,7 @@ GOOD = np.arange(12.0).reshape(3, 4)
         (GOOD.astype(object), "dtype"),
         (GOOD.astype("datetime64[s]"), "dtype"),
         (np.zeros((3, 4), [("a", float)]), "dtype"),
+        (np.ma.masked_less(GOOD, 1), "masked"),
         (np.zeros(5), "axes"),
         (3.0, "axes"),
         (np.zeros((3, 3, 3, 3)), "axes"),

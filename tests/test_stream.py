@@ -134,7 +134,11 @@ def test_prefixes(name):
                 decoder.close()
             assert caught.value.code == "truncated" and caught.value.offset == length
         assert same_drawing(decoder.snapshot(), contour)
-        assert same_drawing(isocodec.decode(data, max_bytes=length), contour) if length else True
+        if decoder.isovalues:
+            assert same_drawing(isocodec.decode(data, max_bytes=length), contour)
+        else:
+            with pytest.raises(TruncatedError, match="before its curve begins"):
+                isocodec.decode(data, max_bytes=max(length, 1))
 
 
 def test_feed_after_close():

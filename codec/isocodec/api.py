@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from .contour import Contour
-from .errors import OptionError
+from .errors import OptionError, TruncatedError
 from .stream.decoder import Decoder
 from .stream.encoder import Encoder
 from .stream.events import LayerComplete
@@ -81,7 +81,8 @@ def decode(
     Raises
     ------
     FormatError
-        If the bytes are not a valid file; ``TruncatedError`` if they end too early (and ``max_bytes`` is None).
+        If the bytes are not a valid file; ``TruncatedError`` if they end too early, with ``max_bytes`` only if they end
+        before the curve begins.
     LimitError
         If the file needs more than the limits allow.
     """
@@ -102,6 +103,8 @@ def decode(
                 return decoder.drawn(number)
     if max_bytes is None:
         decoder.close()
+    if number >= len(decoder.isovalues):
+        raise TruncatedError("the file ends before its curve begins", code="truncated")
     return decoder.drawn(number)
 
 
@@ -114,12 +117,15 @@ def _chain(data: bytes, isovalue: float | None) -> tuple[int, frozenset[int]]:
     return number, info.chain(number)
 
 
-def warm_up() -> None:
-    """Load all kernels, compiling them if this is the first use after installation (about a minute).
+def warm_up(search: bool = True) -> None:
+    """Load the kernels, compiling them if this is the first use after installation (about a minute).
 
-    Call it where a pause is acceptable; otherwise the first ``encode`` and ``decode`` do it on their way.
+    Call it where a pause is acceptable; otherwise the first ``encode`` and ``decode`` do it on their way. Without
+    ``search`` those are left out that only the search for a tolerance needs.
     """
     y, x = np.mgrid[:40, :40]
     hill = (y - 20) ** 2 + (x - 17) ** 2
     for options in ({"exact": True}, {"tolerance": 0.3}):
         decode(encode(hill, 99.5, base_level=2, **options))
+    if search:
+        encode(hill, 99.5, tolerance=1)

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import os
+import time
+from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
@@ -21,7 +23,8 @@ def _drop_stale_kernels() -> None:
         return
     home = Path(__file__).parent
     with suppress(OSError):
-        newest = max(path.stat().st_mtime for path in home.rglob("*.py"))
+        # a file from the future would make every kernel look old, until that day
+        newest = min(max(path.stat().st_mtime for path in home.rglob("*.py")), time.time())
         for cached in home.rglob("*.nb[ic]"):
             if cached.stat().st_mtime < newest:
                 cached.unlink()
@@ -35,8 +38,17 @@ if hasattr(DefaultOptions, "_nrt"):
     # itself. The option is numba's own for its device targets; without it kernels are slower, not different.
     _OPTIONS["_nrt"] = False
 
-kernel: Any = njit(**_OPTIONS)
-"""Decorator of every kernel: compiled on first use and cached on disk; plain Python with ``NUMBA_DISABLE_JIT=1``."""
+
+def kernel(function: Callable[..., Any]) -> Any:
+    """Decorator of every kernel: compiled on first use and cached on disk; plain Python with ``NUMBA_DISABLE_JIT=1``.
+
+    Where neither the package's directory nor the user's can be written, kernels are compiled by every process.
+    """
+    try:
+        return njit(**_OPTIONS)(function)
+    except RuntimeError:
+        return njit(**(_OPTIONS | {"cache": False}))(function)
+
 
 _INNER = {"cache": False, "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
 if hasattr(DefaultOptions, "forceinline"):

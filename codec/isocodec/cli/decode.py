@@ -3,10 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
-from contextlib import suppress
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import click
 
@@ -14,9 +11,6 @@ from ..errors import TruncatedError
 from .options import iso_argument, json_option, output_option
 from .progress import load_kernels, progress_bar
 from .report import check_output, concerning, read_iso, tell, warn, write_output
-
-if TYPE_CHECKING:
-    from ..contour import Contour
 
 
 @click.command("decode", short_help="Decode to a curve, a surface or a picture of it.")
@@ -53,16 +47,20 @@ def decode_command(
         try:
             contour = isocodec.decode(data, isovalue=isovalue, layers=layers, max_bytes=max_bytes, progress=progress)
         except TruncatedError as exc:
+            if max_bytes is not None:
+                raise
             if not partial:
                 # What the file lacks is the same fact with either remedy; this one is the command line's.
                 exc.remedy = "--partial writes what was received"
                 raise
-            contour = _received(data, layers, max_bytes, progress)
+            contour = isocodec.decode(
+                data, isovalue=isovalue, layers=layers, max_bytes=len(data) or 1, progress=progress
+            )
             warn(source, f"{exc.message}; only what was received is written")
     seconds = time.perf_counter() - started
     others = [v for v in isocodec.inspect(data).isovalues if v != contour.isovalue] if isovalue is None else []
     if others:
-        warn(source, f"only isovalue {contour.isovalue:g} is written; --isovalue chooses {_listed(others)}")
+        warn(source, f"only isovalue {contour.isovalue!r} is written; --isovalue chooses {_listed(others)}")
     with concerning(output):
         rendered = render_contour(contour, suffix)
     write_output(output, rendered)
@@ -84,26 +82,5 @@ def decode_command(
     )
 
 
-def _received(
-    data: bytes, layers: int | None, max_bytes: int | None, progress: Callable[[int, int], None] | None
-) -> Contour:
-    """The curve of a file that ends too early."""
-    import isocodec
-
-    if layers is not None:
-        # That many layers may have come whole, although the file has not.
-        with suppress(TruncatedError):
-            return isocodec.decode(isocodec.truncate(data, layers=layers), progress=progress)
-    decoder = isocodec.Decoder()
-    decoder.feed(data[:max_bytes])
-    for _ in decoder:
-        pass
-    contour = decoder.snapshot()
-    # Before the header is complete there is not even a grid, which no format could hold.
-    if 0 in contour.shape:
-        raise TruncatedError("the file ends before its curve begins", code="truncated")
-    return contour
-
-
 def _listed(isovalues: list[float]) -> str:
-    return " or ".join(f"{v:g}" for v in isovalues)
+    return " or ".join(f"{v!r}" for v in isovalues)

@@ -37,7 +37,8 @@ from .report import check_output, concerning, tell, warn, write_output
 @click.option(
     "--criterion",
     metavar="NAME[=X]",
-    help="Reduce the mesh as published: crossing, topology, curvature=K, distortion=D or level=L.",
+    help="Reduce the mesh as published: crossing, topology, curvature=K, distortion=D or level=L. What --tolerance and"
+    " --exact say then holds for crossings and values on that mesh, not between them.",
 )
 @click.option("--signs-only", is_flag=True, help="Only on which side the samples are: no positions within a cell.")
 @click.option("--step", type=float, metavar="S", help="Values along the contour in steps of S (float data).")
@@ -87,7 +88,7 @@ def encode_command(
 
     with concerning(source):
         field = read_field(source, key=key, channel=channel)
-        load_kernels()
+        load_kernels(search=tolerance is not None or steps is not None or preserve_topology or criterion is not None)
         started = time.perf_counter()
         with progress_bar("encoding") as progress:
             data = isocodec.encode(

@@ -50,8 +50,11 @@ def progress_bar(label: str) -> Iterator[Callable[[int, int], None] | None]:
             bar.stop()
 
 
-def load_kernels() -> None:
-    """Load the compiled kernels; after installation they are compiled first, and the user is told so."""
+def load_kernels(search: bool = False) -> None:
+    """Load the compiled kernels; after installation they are compiled first, and the user is told so.
+
+    With ``search`` those for encoding under a tolerance, too.
+    """
     import threading
 
     import isocodec
@@ -62,6 +65,6 @@ def load_kernels() -> None:
     notice.daemon = True
     notice.start()
     try:
-        isocodec.warm_up()
+        isocodec.warm_up(search)
     finally:
         notice.cancel()

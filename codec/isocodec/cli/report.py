@@ -25,6 +25,7 @@ Exit codes:
   5  the .iso file is truncated
   6  over a limit (memory, number of vertices or layers)
   7  an optional library is missing
+  130  interrupted
 With ISOCODEC_DEBUG=1 in the environment errors show their traceback."""
 
 INTERRUPTED = 130  # as shells have it: 128 + SIGINT

@@ -156,6 +156,11 @@ def check_field(field: ArrayLike, isovalue: float, step: float | None = None) ->
     OptionError
         If the step is not a positive number, or the data are integers.
     """
+    if np.ma.is_masked(field):
+        raise InputError(
+            "the field has masked samples, and holes are not supported yet", code="masked",
+            remedy="fill them, for example with scipy.ndimage or numpy.ma.filled",
+        )  # fmt: skip
     values = np.asarray(field)
     if values.dtype.kind not in "biuf":
         raise InputError(

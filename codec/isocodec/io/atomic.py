@@ -43,10 +43,11 @@ def write_bytes(path: str | os.PathLike[str], data: bytes) -> None:
     OSError
         As the operating system reports it.
     """
-    target = Path(os.path.realpath(path))
-    if _is_special(target):
-        target.write_bytes(data)
+    if _is_special(Path(path)):
+        # before links are followed: that of /dev/stdout may lead to no path
+        Path(path).write_bytes(data)
         return
+    target = Path(os.path.realpath(path))
     try:
         mode = target.stat().st_mode & 0o7777
     except FileNotFoundError:

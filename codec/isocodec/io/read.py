@@ -92,7 +92,7 @@ def _reading(what: str) -> Iterator[None]:
     except Exception as exc:
         if isinstance(exc, OSError) and exc.errno is not None:
             raise
-        if type(exc).__name__ == "DecompressionBombError":
+        if "DecompressionBombError" in (type(exc).__name__, type(exc.__cause__).__name__):
             raise LimitError(
                 f"the picture is larger than the picture library accepts ({_one_line(exc)})",
                 code="picture-size",

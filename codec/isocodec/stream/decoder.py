@@ -139,6 +139,7 @@ class Decoder:
             raise self._error
         if self._closed:
             raise TruncatedError("bytes fed after close", code="closed")
+        data = memoryview(data).cast("B")
         if len(self._data) + len(data) > self.limits.bytes:
             self._fail(LimitError(f"more than {self.limits.bytes} bytes", code="limit-bytes", clause="11.2"))
         self._data += data

@@ -45,7 +45,8 @@ class Encoder:
     tolerance : float, optional
         Largest distance, in cells, of every point of the decoded curve from the extracted one and the reverse. From
         0.1 on the mesh and the fineness of crossings are chosen so that the file is small; the distance is proven on
-        the decoded curve. Below, and by default with 0.05, all crossings of the grid are told, without a search.
+        the decoded curve. Below, and by default with 0.05, all crossings of the grid are told, without a search. With
+        a ``criterion`` the mesh is that of the criterion, and the distance is that of its crossings alone.
     signs_only : bool
         Send no geometry: which samples lie above is exact, crossings are drawn half-way.
     step : float, optional
@@ -167,7 +168,10 @@ class Encoder:
         """What the options come to for one isovalue."""
         o = self._asked
         if o.plan is not None:
-            return o.plan[self.isovalues[number]] if isinstance(o.plan, Mapping) else o.plan
+            plan = o.plan[self.isovalues[number]] if isinstance(o.plan, Mapping) else o.plan
+            if not len(plan):
+                raise OptionError("the plan has no layers", code="plan", remedy='begin it with ("base", level)')
+            return plan
         values: list[Entry] = [("values", None)] if o.exact or o.step is not None else []
         fine = None if values or o.signs_only else o.tolerance or DEFAULT_TOLERANCE
         free = self.header.profile == Profile.MAIN and self._slack_keeps_order(fine)

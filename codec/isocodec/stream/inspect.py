@@ -98,9 +98,11 @@ class FileInfo:
         if isovalue is None:
             return 0
         if isovalue not in self.isovalues:
+            if not self.complete:
+                raise TruncatedError(f"the file ends before isovalue {isovalue!r} begins", code="truncated")
             raise OptionError(
-                f"the file has no isovalue {isovalue:g}", code="isovalue",
-                remedy=f"it has {', '.join(f'{v:g}' for v in self.isovalues)}",
+                f"the file has no isovalue {isovalue!r}", code="isovalue",
+                remedy=f"it has {', '.join(map(repr, self.isovalues))}",
             )  # fmt: skip
         return self.isovalues.index(isovalue)
 

@@ -12,6 +12,7 @@ from .container import write_chunk
 from .decoder import Decoder
 from .events import LayerComplete
 from .header import read_header
+from .inspect import inspect
 from .program import write_program
 
 
@@ -36,12 +37,14 @@ def truncate(data: bytes, *, layers: int | None = None, max_bytes: int | None = 
     OptionError
         If not exactly one of ``layers`` and ``max_bytes`` is given, or it is too small for any curve.
     FormatError
-        If ``data`` is not a valid file.
+        If ``data`` is not a valid file, or does not agree with its checksums.
     """
     if (layers is None) == (max_bytes is None):
         raise OptionError("give either layers or max_bytes", code="options")
     if read_header(data) is None:
         raise TruncatedError("the file ends within its header", code="truncated", offset=len(data), clause="3.3")
+    # What is damaged must not get a checksum that is right.
+    inspect(data)
     if layers is not None:
         return _first_layers(data, layers)
     assert max_bytes is not None
