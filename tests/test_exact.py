@@ -267,6 +267,28 @@ def test_fields_refused(field, code):
     assert caught.value.code == code and caught.value.remedy
 
 
+def test_numbers_of_numpy_are_numbers():
+    field = np.rint(40 * smooth((20, 24), 3)).astype(np.int64)
+    for plain, numpys in (
+        ({"base_level": 2}, {"base_level": np.int64(2)}),
+        ({"tolerance": 0.5}, {"tolerance": np.float32(0.5)}),
+        ({"steps": [4, 1]}, {"steps": np.array([4, 1])}),
+        ({"steps": [2.0, "exact"]}, {"steps": (np.float64(2), "exact")}),
+        ({"criterion": "curvature", "parameter": 1}, {"criterion": "curvature", "parameter": np.uint8(1)}),
+    ):
+        assert isocodec.encode(field, np.float32(0.5), **numpys) == isocodec.encode(field, 0.5, **plain)
+
+
+@pytest.mark.parametrize(
+    "options",
+    [{"base_level": 2.5}, {"base_level": "2"}, {"tolerance": "1"}, {"step": "a"}, {"steps": 4}, {"steps": "41"},
+     {"steps": ["a"]}, {"profile": None}, {"plan": []}],
+)  # fmt: skip
+def test_options_of_the_wrong_kind(options):
+    with pytest.raises(OptionError):
+        isocodec.encode(GOOD, 5.5, **options)
+
+
 def test_ragged_fields_refused():
     """Nested lists of unequal length: numpy's own error, which is a ValueError too."""
     with pytest.raises(ValueError):

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import math
 import zlib
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from numbers import Integral, Real
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -106,24 +107,25 @@ class Encoder:
         progress: Callable[[int, int], object] | None = None,
     ) -> None:
         self._asked = Asked(
-            exact, tolerance, signs_only, step, base_level, preserve_topology, _steps(steps), criterion, parameter, plan
-        )
+            exact, _number("tolerance", tolerance), signs_only, _number("step", step), _whole("base_level", base_level),
+            preserve_topology, _steps(steps), criterion, _number("parameter", parameter), plan,
+        )  # fmt: skip
         _check_options(self._asked)
         self._leaning = leaning
-        if profile.upper() not in Profile.__members__:
+        if str(profile).upper() not in Profile.__members__:
             names = ", ".join(p.name.lower() for p in Profile)
             raise OptionError(f"unknown profile {profile!r}", code="profile", remedy=f"choose one of: {names}")
         self.isovalues = _isovalues(isovalue)
-        self._fields = [check_field(field, value, step) for value in self.isovalues]
+        self._fields = [check_field(field, value, self._asked.step) for value in self.isovalues]
         first = self._fields[0]
-        if (exact or (steps and steps[-1] in ("exact", 0))) and not first.integer:
+        if (exact or strategy.EXACT in (self._asked.steps or [])) and not first.integer:
             raise OptionError(
                 "exact is for integer data, and the field holds floats", code="exact", remedy="use step or tolerance"
             )
         self._metadata = dict(metadata or {})
         self._report = progress
         self._tried = 0
-        self.header = Header(first.values.shape, first.isovalue, step, Profile[profile.upper()])
+        self.header = Header(first.values.shape, first.isovalue, self._asked.step, Profile[profile.upper()])
         self._strands: list[Strand] = []
         self._strands.append(self._strand(0, Progress(self._full_level))[0])
         self._begun = False
@@ -299,13 +301,33 @@ def _check_options(o: Asked) -> None:
     radices(o.tolerance)
 
 
+def _number(name: str, value: object) -> float | None:
+    """An option that is a number of Python's or numpy's, if it is given."""
+    if value is None:
+        return None
+    if not isinstance(value, Real) or isinstance(value, bool):
+        raise OptionError(f"{name} is {value!r}, needed is a number", code=name)
+    return float(value)
+
+
+def _whole(name: str, value: object) -> int | None:
+    """The same of whole numbers."""
+    if value is None:
+        return None
+    if not isinstance(value, Integral) or isinstance(value, bool):
+        raise OptionError(f"{name} is {value!r}, needed is a whole number", code=name)
+    return int(value)
+
+
 def _steps(steps: Sequence[float | str] | None) -> list[float] | None:
     """Steps as numbers."""
     if steps is None:
         return None
-    out: list[float] = [strategy.EXACT if step in ("exact", 0) else step for step in steps]  # type: ignore[misc]
+    if isinstance(steps, str) or not isinstance(steps, Iterable):
+        raise OptionError(f"steps are {steps!r}, needed is a sequence", code="steps", remedy="for example 4, 1, 0.25")
+    out = [strategy.EXACT if step in ("exact", 0) else _number("steps", step) or math.nan for step in steps]
     for step in out[:-1] if out and out[-1] == strategy.EXACT else out:
-        if not isinstance(step, int | float) or not (math.isfinite(step) and step >= SEARCHED):
+        if not (math.isfinite(step) and step >= SEARCHED):
             raise OptionError(
                 f"a step of {step!r}, needed is a number of cells from {SEARCHED:g} on", code="steps",
                 remedy="the last one may be exact",
