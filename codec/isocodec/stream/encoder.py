@@ -171,8 +171,12 @@ class Encoder:
         o = self._asked
         if o.plan is not None:
             plan = o.plan[self.isovalues[number]] if isinstance(o.plan, Mapping) else o.plan
-            if not len(plan):
-                raise OptionError("the plan has no layers", code="plan", remedy='begin it with ("base", level)')
+            if not len(plan) and number == len(self.isovalues) - 1:
+                raise OptionError(
+                    "the plan has no layers, with which a file ends",
+                    code="plan",
+                    remedy='begin it with ("base", level)',
+                )
             return plan
         values: list[Entry] = [("values", None)] if o.exact or o.step is not None else []
         fine = None if values or o.signs_only else o.tolerance or DEFAULT_TOLERANCE
