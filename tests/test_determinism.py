@@ -6,11 +6,14 @@ import json
 import os
 import subprocess
 import sys
+import time
+from pathlib import Path
 
 import pytest
 
 import isocodec
 from brute import INTERPRETED
+from isocodec.jit import drop_stale_kernels
 from make_goldens import CASES, PATH, SMALL, digests
 
 
@@ -41,3 +44,13 @@ def test_nothing_is_left_behind(name):
     first = isocodec.encode(field, isovalue, **options)
     isocodec.encode(field.T, isovalue + 1, signs_only=True)
     assert isocodec.encode(field, isovalue, **options) == first
+
+
+def test_kernels_older_than_a_source_are_dropped(tmp_path: Path):
+    """A source file from the future, as clocks and archives make them, does not drop every kernel at every start."""
+    now = time.time()
+    for name, age in (("old.nbi", 30), ("old.1.nbc", 30), ("new.nbc", 10), ("changed.py", 20), ("future.py", -9999)):
+        (tmp_path / name).touch()
+        os.utime(tmp_path / name, (now - age, now - age))
+    drop_stale_kernels(tmp_path)
+    assert {path.name for path in tmp_path.iterdir()} == {"new.nbc", "changed.py", "future.py"}

@@ -13,24 +13,24 @@ from numba import njit
 from numba.core.options import DefaultOptions
 
 
-def _drop_stale_kernels() -> None:
-    """Delete cached kernels that are older than some source file of the package.
+def drop_stale_kernels(home: Path) -> None:
+    """Delete cached kernels below ``home`` that are older than some source file there.
 
     The cache sees a change in a kernel's own file, but not in one that it imports; what would run then is an
-    old kernel on new data. A cache directory that the user chose is the user's affair.
+    old kernel on new data. Files from the future say nothing: against them every kernel looks old.
     """
-    if os.environ.get("NUMBA_CACHE_DIR"):
-        return
-    home = Path(__file__).parent
     with suppress(OSError):
-        # a file from the future would make every kernel look old, until that day
-        newest = min(max(path.stat().st_mtime for path in home.rglob("*.py")), time.time())
+        now = time.time()
+        changed = [path.stat().st_mtime for path in home.rglob("*.py")]
+        newest = max((at for at in changed if at <= now), default=0.0)
         for cached in home.rglob("*.nb[ic]"):
             if cached.stat().st_mtime < newest:
                 cached.unlink()
 
 
-_drop_stale_kernels()
+# A cache directory that the user chose is the user's affair.
+if not os.environ.get("NUMBA_CACHE_DIR"):
+    drop_stale_kernels(Path(__file__).parent)
 
 _OPTIONS: dict[str, Any] = {"cache": True, "nogil": True, "error_model": "numpy"}
 if hasattr(DefaultOptions, "_nrt"):

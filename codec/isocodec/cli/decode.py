@@ -60,7 +60,10 @@ def decode_command(
     seconds = time.perf_counter() - started
     others = [v for v in isocodec.inspect(data).isovalues if v != contour.isovalue] if isovalue is None else []
     if others:
-        warn(source, f"only isovalue {contour.isovalue!r} is written; --isovalue chooses {_listed(others)}")
+        warn(
+            source,
+            f"only isovalue {contour.isovalue!r} is written; --isovalue chooses {' or '.join(map(repr, others))}",
+        )
     with concerning(output):
         rendered = render_contour(contour, suffix)
     write_output(output, rendered)
@@ -80,7 +83,3 @@ def decode_command(
         },
         as_json,
     )
-
-
-def _listed(isovalues: list[float]) -> str:
-    return " or ".join(f"{v!r}" for v in isovalues)

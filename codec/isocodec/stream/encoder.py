@@ -6,7 +6,7 @@ import math
 import zlib
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from numbers import Integral, Real
+from numbers import Real
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -172,11 +172,7 @@ class Encoder:
         if o.plan is not None:
             plan = o.plan[self.isovalues[number]] if isinstance(o.plan, Mapping) else o.plan
             if not len(plan) and number == len(self.isovalues) - 1:
-                raise OptionError(
-                    "the plan has no layers, with which a file ends",
-                    code="plan",
-                    remedy='begin it with ("base", level)',
-                )
+                raise OptionError("the plan has no layers", code="plan", remedy='begin it with ("base", level)')
             return plan
         values: list[Entry] = [("values", None)] if o.exact or o.step is not None else []
         fine = None if values or o.signs_only else o.tolerance or DEFAULT_TOLERANCE
@@ -316,11 +312,10 @@ def _number(name: str, value: object) -> float | None:
 
 def _whole(name: str, value: object) -> int | None:
     """The same of whole numbers."""
-    if value is None:
-        return None
-    if not isinstance(value, Integral) or isinstance(value, bool):
+    number = _number(name, value)
+    if number is not None and not number.is_integer():
         raise OptionError(f"{name} is {value!r}, needed is a whole number", code=name)
-    return int(value)
+    return None if number is None else int(number)
 
 
 def _steps(steps: Sequence[float | str] | None) -> list[float] | None:

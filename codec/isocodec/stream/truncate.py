@@ -7,11 +7,10 @@ import zlib
 from isospec.container import Checksum, ChunkType, write_varint
 
 from ..entropy.coder import LEFT, cut
-from ..errors import OptionError, TruncatedError
+from ..errors import OptionError
 from .container import write_chunk
 from .decoder import Decoder
 from .events import LayerComplete
-from .header import read_header
 from .inspect import inspect
 from .program import write_program
 
@@ -37,12 +36,10 @@ def truncate(data: bytes, *, layers: int | None = None, max_bytes: int | None = 
     OptionError
         If not exactly one of ``layers`` and ``max_bytes`` is given, or it is too small for any curve.
     FormatError
-        If ``data`` is not a valid file, or does not agree with its checksums.
+        If ``data`` is not a valid file, or is a whole one that does not agree with its checksum.
     """
     if (layers is None) == (max_bytes is None):
         raise OptionError("give either layers or max_bytes", code="options")
-    if read_header(data) is None:
-        raise TruncatedError("the file ends within its header", code="truncated", offset=len(data), clause="3.3")
     # What is damaged must not get a checksum that is right.
     inspect(data)
     if layers is not None:
