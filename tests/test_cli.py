@@ -152,7 +152,10 @@ def test_missing_extra(tmp_path: Path, surface: Path, monkeypatch: pytest.Monkey
     assert line.endswith("reading .png needs imageio: pip install 'isocodec[image]'")
     assert "'isocodec[mesh]'" in fails(7, "decode", surface, "-o", tmp_path / "a.ply")
     assert "'isocodec[plot]'" in fails(7, "decode", surface, "-o", tmp_path / "s.png")
-    assert "'isocodec[plot]'" in fails(7, "plot", surface, "-o", tmp_path / "s.png")
+    # before any work: the file is not even looked at
+    surface.write_bytes(b"no curve")
+    for verb, out in (("decode", "s.ply"), ("decode", "s.png"), ("plot", "s.png")):
+        fails(7, verb, surface, "-o", tmp_path / out)
 
 
 # ---- decode ---------------------------------------------------------------------------------------------------------
@@ -250,6 +253,16 @@ def test_info_with_symbols(curve: Path, curve_data: bytes) -> None:
     shown = ok("info", curve, "--symbols")
     for element in symbols:
         assert element in shown
+
+
+def test_metadata_goes_into_the_file(hills: Path, tmp_path: Path) -> None:
+    out = tmp_path / "m.iso"
+    ok("encode", hills, "-o", out, "--isovalue", 80.5, "--metadata", "unit=m=1", "--metadata", "[red]source=")
+    assert isocodec.inspect(out.read_bytes()).metadata == {"unit": "m=1", "[red]source": ""}
+    shown = ok("info", out)
+    assert "[red]source" in shown and "m=1" in shown
+    for wrong in (["unit"], ["=m"], ["unit=m", "--metadata", "unit=km"]):
+        assert "KEY=TEXT" in fails(2, "encode", hills, "-o", out, "--isovalue", 80.5, "--metadata", *wrong)
 
 
 def test_info_shows_strange_names_as_they_are(tmp_path: Path, curve_data: bytes) -> None:

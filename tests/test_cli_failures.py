@@ -101,14 +101,14 @@ def test_corrupt_iso(tmp_path: Path, curve_data: bytes) -> None:
     flipped[len(flipped) // 2] ^= 0x10
     (tmp_path / "flipped.iso").write_bytes(flipped)
     line = fails(4, "decode", tmp_path / "flipped.iso", "-o", tmp_path / "c.npz")
-    assert line.startswith(f"isocodec: {tmp_path / 'flipped.iso'}: ")
+    assert line.startswith(f"isocodec: {tmp_path / 'flipped.iso'}: not a valid .iso file: ")
     assert not (tmp_path / "c.npz").exists()
 
 
 def test_truncated_iso(tmp_path: Path, curve_data: bytes) -> None:
     cut, out = tmp_path / "cut.iso", tmp_path / "c.npz"
     cut.write_bytes(curve_data[: len(curve_data) * 2 // 3])
-    assert fails(5, "decode", cut, "-o", out).endswith(": --partial writes what was received")
+    assert fails(5, "decode", cut, "-o", out).endswith(": --partial takes what was received")
     assert not out.exists()
     result = run("decode", cut, "-o", out, "--partial")
     assert result.exit_code == 0
@@ -123,6 +123,34 @@ def test_truncated_iso(tmp_path: Path, curve_data: bytes) -> None:
     ok("decode", cut, "-o", out, "--partial", "--layers", 1)
     with np.load(out) as arrays:
         assert np.array_equal(arrays["points"], isocodec.decode(curve_data, layers=1).points)
+
+
+def test_a_truncated_file_is_drawn_and_said_to_be_one(tmp_path: Path, curve_data: bytes) -> None:
+    cut, out = tmp_path / "cut.iso", tmp_path / "c.png"
+    cut.write_bytes(curve_data[: len(curve_data) * 2 // 3])
+    assert fails(5, "plot", cut, "-o", out).endswith(": --partial takes what was received")
+    assert not out.exists()
+    result = run("plot", cut, "-o", out, "--partial")
+    assert result.exit_code == 0 and "only what was received is drawn" in result.stderr
+    assert out.stat().st_size
+    begin = isocodec.inspect(curve_data).layers[0].offset
+    cut.write_bytes(curve_data[:begin])
+    assert not fails(5, "plot", cut, "-o", out, "--partial").endswith("--partial takes what was received")
+    result = run("info", cut)
+    assert result.exit_code == 0 and f"the file ends after {begin} bytes, before it is complete" in result.stderr
+
+
+def test_truncation_says_which_isovalues_it_drops(two: Path, tmp_path: Path) -> None:
+    result = run("truncate", two, "-o", tmp_path / "one.iso", "--layers", 2)
+    assert result.exit_code == 0 and "ends before isovalue 40.25" in result.stderr
+    assert run("truncate", two, "-o", tmp_path / "all.iso", "--bytes", 10**6).stderr == ""
+
+
+def test_names_that_the_output_cannot_encode(curve: Path, tmp_path: Path) -> None:
+    named = tmp_path / "küste.iso"
+    named.write_bytes(curve.read_bytes())
+    done = process("info", named, environment={"PYTHONIOENCODING": "ascii"})
+    assert done.returncode == 0 and "k\\xfcste.iso" in done.stdout.replace("\n", ""), done
 
 
 def test_nothing_received(tmp_path: Path, curve_data: bytes) -> None:

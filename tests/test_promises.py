@@ -202,7 +202,8 @@ def test_published_criteria(name, criterion, parameter):
 @pytest.mark.parametrize("options", [
     {"steps": []}, {"steps": [1, 2]}, {"steps": [1, 1]}, {"steps": ["exact", 1]}, {"steps": [0.01]},
     {"steps": [1], "tolerance": 1}, {"steps": [1], "criterion": "crossing"}, {"criterion": "beauty"},
-    {"criterion": "distortion"},
+    {"criterion": "distortion"}, {"criterion": "level", "parameter": 1.5}, {"criterion": "crossing", "parameter": 2},
+    {"criterion": "topology", "parameter": 0},
     {"parameter": 1.0},
     {"criterion": "distortion", "parameter": -1.0}, {"criterion": "distortion", "parameter": float("nan")},
     {"base_level": 2, "preserve_topology": True}, {"base_level": 2, "criterion": "crossing"},

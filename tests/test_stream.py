@@ -268,6 +268,31 @@ def test_limits():
     assert code == "limit-steps"
 
 
+def test_limits_of_whole_files():
+    data = files()["exact"]
+    with pytest.raises(LimitError):
+        isocodec.decode(data, limits=Limits(vertices=10))
+    assert same_drawing(isocodec.decode(data, limits=Limits(vertices=1 << 17)), isocodec.decode(data))
+
+
+def test_isovalues_are_counted_from_0():
+    decoder = Decoder()
+    decoder.feed(files()["exact"])
+    assert len(decoder.snapshot(0).points) and not len(decoder.snapshot(1).points)
+    for ask in (decoder.snapshot, decoder.drawn, decoder.state, decoder.mesh):
+        with pytest.raises(OptionError, match="counted from 0"):
+            ask(-1)
+
+
+@pytest.mark.parametrize("wrap", [bytearray, memoryview, lambda data: np.frombuffer(data, np.uint8)])
+def test_any_buffer_of_bytes(wrap):
+    data = files()["exact"]
+    assert isocodec.truncate(wrap(data), layers=1) == isocodec.truncate(data, layers=1)
+    assert same_drawing(isocodec.decode(wrap(data)), isocodec.decode(data))
+    assert same_drawing(isocodec.decode(wrap(data), max_bytes=60), isocodec.decode(data, max_bytes=60))
+    assert isocodec.inspect(wrap(data)).complete
+
+
 def test_limit_of_layers():
     """More layers announced than the limit allows are refused; as many are not."""
     data = files()["exact"]

@@ -217,8 +217,12 @@ def test_failed_write_leaves_the_old_file(tmp_path: Path, monkeypatch: pytest.Mo
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr(os, "fsync", full)
-    with pytest.raises(OSError, match="No space left"):
+    with pytest.raises(OSError, match="No space left") as caught:
         write_bytes(target, b"new")
+    assert caught.value.filename == str(target)
+    with pytest.raises(FileNotFoundError) as missing:
+        write_contour(CURVE, tmp_path / "none" / "a.svg")
+    assert missing.value.filename == str(tmp_path / "none" / "a.svg")
     assert target.read_bytes() == b"old"
     assert [path.name for path in tmp_path.iterdir()] == ["a.npz"]
 

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 
 from .contour import Contour
 from .errors import OptionError, TruncatedError
+from .limits import Limits
 from .stream.decoder import Decoder
 from .stream.encoder import Encoder
 from .stream.events import LayerComplete
@@ -57,6 +58,7 @@ def decode(
     isovalue: float | None = None,
     layers: int | None = None,
     max_bytes: int | None = None,
+    limits: Limits | None = None,
     progress: Callable[[int, int], object] | None = None,
 ) -> Contour:
     """Decode a file to its curve or surface.
@@ -70,6 +72,8 @@ def decode(
         Decode that many layers only; all if there are fewer.
     max_bytes : int, optional
         Decode the first bytes only, whatever curve they give.
+    limits : Limits, optional
+        What the file may need at most, where it comes from strangers.
     progress : callable, optional
         Called with the layers done and their total.
 
@@ -91,7 +95,7 @@ def decode(
     if max_bytes is not None and max_bytes < 1:
         raise OptionError(f"{max_bytes} bytes, needed is at least 1", code="max-bytes")
     number, chain = _chain(data, isovalue)
-    decoder = Decoder(only=chain)
+    decoder = Decoder(limits, only=chain)
     decoder.feed(data if max_bytes is None else data[:max_bytes])
     done = 0
     for event in decoder:

@@ -8,9 +8,9 @@ from pathlib import Path
 import click
 
 from ..errors import TruncatedError
-from .options import iso_argument, json_option, output_option
+from .options import iso_argument, json_option, output_option, partial_option
 from .progress import load_kernels, progress_bar
-from .report import check_output, concerning, read_iso, tell, warn, write_output
+from .report import PARTIAL, check_output, concerning, read_iso, tell, warn, write_output
 
 
 @click.command("decode", short_help="Decode to a curve, a surface or a picture of it.")
@@ -19,7 +19,7 @@ from .report import check_output, concerning, read_iso, tell, warn, write_output
 @click.option("--isovalue", type=float, metavar="V", help="Which isovalue, of several.  [default: the first]")
 @click.option("--layers", type=click.IntRange(min=1), metavar="N", help="Only the first N layers.")
 @click.option("--max-bytes", type=click.IntRange(min=1), metavar="N", help="Only the first N bytes.")
-@click.option("--partial", is_flag=True, help="Of a truncated file, write what was received.")
+@partial_option
 @json_option
 def decode_command(
     source: Path, output: Path, isovalue: float | None, layers: int | None, max_bytes: int | None, partial: bool,
@@ -32,10 +32,11 @@ def decode_command(
     Curves               .geojson, .svg (x along axis 1, y along axis 0)
     Surfaces             .ply, .stl, .obj (x, y, z along axes 0, 1, 2)
     """
-    from ..io.write import check_suffix, render_contour
+    from ..io.write import check_libraries, check_suffix, render_contour
 
     with concerning(output):
         suffix = check_suffix(output)
+        check_libraries(suffix)
     check_output(output, source)
     data = read_iso(source)
 
@@ -50,8 +51,7 @@ def decode_command(
             if max_bytes is not None:
                 raise
             if not partial:
-                # What the file lacks is the same fact with either remedy; this one is the command line's.
-                exc.remedy = "--partial writes what was received"
+                exc.remedy = PARTIAL
                 raise
             contour = isocodec.decode(
                 data, isovalue=isovalue, layers=layers, max_bytes=len(data) or 1, progress=progress

@@ -42,8 +42,14 @@ from .report import check_output, concerning, tell, warn, write_output
 )
 @click.option("--signs-only", is_flag=True, help="Only on which side the samples are: no positions within a cell.")
 @click.option("--step", type=float, metavar="S", help="Values along the contour in steps of S (float data).")
-@click.option("--base-level", type=int, metavar="L", help="Level of the coarsest mesh, where the file begins.")
+@click.option(
+    "--base-level",
+    type=int,
+    metavar="L",
+    help="Level of the coarsest mesh, where the file begins; the full grid follows, without a search.",
+)
 @click.option("--profile", default="main", show_default=True, metavar="NAME", help="Entropy coding profile.")
+@click.option("--metadata", multiple=True, metavar="KEY=TEXT", help="A note to go into the file. Several may be given.")
 @click.option("--key", metavar="NAME", help="Which array of an .npz file.")
 @click.option("--channel", type=int, metavar="N", help="Which channel of a colour picture, counted from 0.")
 @json_option
@@ -61,6 +67,7 @@ def encode_command(
     step: float | None,
     base_level: int | None,
     profile: str,
+    metadata: tuple[str, ...],
     key: str | None,
     channel: int | None,
     as_json: bool,
@@ -105,6 +112,7 @@ def encode_command(
                 step=step,
                 base_level=base_level,
                 profile=profile,
+                metadata=_metadata(metadata),
                 progress=progress,
             )
         seconds = time.perf_counter() - started
@@ -143,6 +151,17 @@ def _criterion(text: str | None) -> tuple[str | None, float | None]:
         return name, float(number)
     except ValueError:
         raise click.UsageError(f"--criterion {text}: {number!r} is not a number") from None
+
+
+def _metadata(given: tuple[str, ...]) -> dict[str, str]:
+    """Notes by their keys."""
+    out: dict[str, str] = {}
+    for text in given:
+        key, equals, note = text.partition("=")
+        if not (key and equals) or key in out:
+            raise click.UsageError(f"--metadata {text}: needed is KEY=TEXT, each key once")
+        out[key] = note
+    return out
 
 
 def _steps(text: str | None) -> list[float | str] | None:

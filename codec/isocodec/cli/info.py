@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from .options import iso_argument, json_option
-from .report import concerning, read_iso
+from .report import concerning, read_iso, warn
 
 if TYPE_CHECKING:
     from .. import FileInfo
@@ -31,6 +31,8 @@ def info_command(source: Path, symbols: bool, as_json: bool) -> None:
         click.echo(json.dumps(info.as_dict(), allow_nan=False))
     else:
         _print(source, info)
+    if not info.complete:
+        warn(source, f"the file ends after {info.bytes:,} bytes, before it is complete")
 
 
 def _print(source: Path, info: FileInfo) -> None:
@@ -47,6 +49,8 @@ def _print(source: Path, info: FileInfo) -> None:
     for number, (isovalue, lean) in enumerate(zip(info.isovalues[1:], info.leans[1:], strict=True), 1):
         leaning = "" if lean is None else f", leans on {info.isovalues[lean]:.17g}"
         facts.add_row(f"isovalue {number}", f"{isovalue:.17g}{leaning}")
+    for key, text in info.metadata.items():
+        facts.add_row(escape(key), escape(text))
     facts.add_row("bytes", f"{info.bytes:,}")
     facts.add_row("overhead", f"{_number(info.overhead_bytes)} bytes")
     console.print(facts)

@@ -13,6 +13,8 @@ Decorator = Callable[[Callable[..., Any]], Callable[..., Any]]
 # Whether files exist is not asked here: a missing file is an error of input (3), not of usage (2).
 iso_argument: Decorator = click.argument("source", metavar="IN.iso", type=click.Path(path_type=Path))
 
+partial_option: Decorator = click.option("--partial", is_flag=True, help="Of a truncated file, take what was received.")
+
 json_option: Decorator = click.option("--json", "as_json", is_flag=True, help="Print the result as JSON.")
 
 

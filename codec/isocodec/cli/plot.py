@@ -6,10 +6,10 @@ from pathlib import Path
 
 import click
 
-from ..errors import OptionError
-from .options import iso_argument, output_option
+from ..errors import OptionError, TruncatedError
+from .options import iso_argument, output_option, partial_option
 from .progress import load_kernels, progress_bar
-from .report import check_output, concerning, read_iso, write_output
+from .report import PARTIAL, check_output, concerning, read_iso, warn, write_output
 
 GEOMETRY = ("values", "offsets")
 
@@ -20,22 +20,24 @@ GEOMETRY = ("values", "offsets")
 @click.option("--steps", type=click.IntRange(min=1), default=5, show_default=True, metavar="N", help="How many steps.")
 @click.option("--mesh", is_flag=True, help="The mesh under the curve: its crossed triangles, or the surface's own.")
 @click.option("--isovalue", type=float, metavar="V", help="Which isovalue, of several.  [default: the first]")
-def plot_command(source: Path, output: Path, steps: int, mesh: bool, isovalue: float | None) -> None:
+@partial_option
+def plot_command(source: Path, output: Path, steps: int, mesh: bool, isovalue: float | None, partial: bool) -> None:
     """Draw what prefixes of IN.iso decode to, from its first layer to all of it (.png, .pdf or .svg).
 
     The steps are those that the file was made with (encode --steps), each with its geometry. In other files, and where
     there are more, they are spread evenly over the layers; a file of fewer layers has fewer.
     """
-    from ..io.picture import PICTURE_SUFFIXES, Step, steps_picture
+    from ..io.picture import PICTURE_SUFFIXES, Step, matplotlib_figure, steps_picture
 
     suffix = output.suffix.lower()
-    if suffix not in PICTURE_SUFFIXES:
-        with concerning(output):
+    with concerning(output):
+        if suffix not in PICTURE_SUFFIXES:
             raise OptionError(
                 f"{suffix or 'a name without a suffix'} is not a picture",
                 code="suffix",
                 remedy="one of " + ", ".join(PICTURE_SUFFIXES),
             )
+        matplotlib_figure()
     check_output(output, source)
     data = read_iso(source)
 
@@ -61,7 +63,13 @@ def plot_command(source: Path, output: Path, steps: int, mesh: bool, isovalue: f
                     drawn.append(Step(decoder.drawn(number), event.offset, len(data), under))
                     if progress is not None:
                         progress(len(drawn), len(chosen) + 1)  # and the drawing itself
-        decoder.close()
+        try:
+            decoder.close()
+        except TruncatedError as exc:
+            if not (partial and drawn):
+                exc.remedy = exc.remedy if partial else PARTIAL
+                raise
+            warn(source, f"{exc.message}; only what was received is drawn")
         picture = steps_picture(drawn, suffix)
     write_output(output, picture)
     click.echo(f"{click.format_filename(output)}: {len(drawn)} steps of {len(data):,} bytes")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import json
 import os
 import sys
@@ -13,7 +14,7 @@ from typing import Any
 
 import click
 
-from ..errors import InputError, IsoError, LimitError, OptionError
+from ..errors import FormatError, InputError, IsoError, LimitError, OptionError, TruncatedError
 
 EXIT_CODES = """\b
 Exit codes:
@@ -28,6 +29,8 @@ Exit codes:
   130  interrupted
 With ISOCODEC_DEBUG=1 in the environment errors show their traceback."""
 
+PARTIAL = "--partial takes what was received"
+"""Remedy of the command line for a truncated file."""
 INTERRUPTED = 130  # as shells have it: 128 + SIGINT
 
 
@@ -62,6 +65,9 @@ class Program(click.Group):
         standalone_mode: bool = True,
         **extra: Any,
     ) -> Any:
+        if isinstance(sys.stdout, io.TextIOWrapper):
+            # A name that the terminal's encoding lacks must not end the command.
+            sys.stdout.reconfigure(errors="backslashreplace")
         if not standalone_mode:
             return super().main(args, prog_name, complete_var, standalone_mode=False, **extra)
         try:
@@ -93,7 +99,8 @@ def _report(exc: Exception) -> int:
     path, cause = (exc.path, exc.cause) if isinstance(exc, Failure) else (None, exc)
     where = "" if path is None else f"{click.format_filename(path)}: "
     if isinstance(cause, IsoError):
-        say(f"{where}{cause}")
+        damaged = isinstance(cause, FormatError) and not isinstance(cause, TruncatedError)
+        say(f"{where}{'not a valid .iso file: ' if damaged else ''}{cause}")
         return cause.exit_code
     if isinstance(cause, OSError):
         if path is None and cause.filename is not None:

@@ -8,7 +8,7 @@ import click
 
 from .options import iso_argument, json_option, output_option
 from .progress import load_kernels
-from .report import check_output, concerning, read_iso, tell, write_output
+from .report import check_output, concerning, read_iso, tell, warn, write_output
 
 
 @click.command("truncate", short_help="Cut a file to fewer layers or bytes; the result is a valid file.")
@@ -29,8 +29,12 @@ def truncate_command(source: Path, output: Path, layers: int | None, max_bytes: 
     load_kernels()
     with concerning(source):
         cut = isocodec.truncate(data, layers=layers, max_bytes=max_bytes)
-        kept = sum(layer.bytes is not None for layer in isocodec.inspect(cut, symbols=True).layers)
+        short = isocodec.inspect(cut, symbols=True)
+        kept = sum(layer.bytes is not None for layer in short.layers)
+        lost = isocodec.inspect(data).isovalues[len(short.isovalues) :]
     write_output(output, cut)
+    if lost:
+        warn(source, f"what was kept ends before isovalue {' and '.join(map(repr, lost))}")
     tell(
         f"{click.format_filename(output)}: {len(cut):,} of {len(data):,} bytes, {kept} whole layers",
         {"output": str(output), "bytes": len(cut), "input_bytes": len(data), "layers": kept},

@@ -169,12 +169,12 @@ def check_field(field: ArrayLike, isovalue: float, step: float | None = None) ->
     if values.ndim not in (2, 3):
         raise InputError(
             f"the field has {values.ndim} axes {values.shape}, needed are 2 or 3", code="axes",
-            remedy="choose a slice or drop axes of length 1",
+            remedy="choose a slice or drop axes of length 1" if values.ndim > 3 else "reshape it",
         )  # fmt: skip
     if min(values.shape) < 2:
         raise InputError(
             f"the field has shape {values.shape}, needed are 2 samples along every axis", code="shape",
-            remedy="drop axes of length 1",
+            remedy="drop axes of length 1" if min(values.shape) == 1 and values.ndim == 3 else "add samples",
         )  # fmt: skip
     if max(values.shape) > MAX_SIDE[values.ndim]:
         raise InputError(

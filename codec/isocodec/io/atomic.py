@@ -52,6 +52,14 @@ def write_bytes(path: str | os.PathLike[str], data: bytes) -> None:
         mode = target.stat().st_mode & 0o7777
     except FileNotFoundError:
         mode = 0o666 & ~_umask()
+    try:
+        _replace(target, data, mode)
+    except OSError as exc:
+        # the name that the caller knows, not that of the file beside it
+        raise OSError(exc.errno, exc.strerror or str(exc), str(path)) from exc
+
+
+def _replace(target: Path, data: bytes, mode: int) -> None:
     # In the same directory, since a rename is only atomic within one file system.
     descriptor, name = tempfile.mkstemp(prefix=f".{target.name[:100]}.", suffix=".part", dir=target.parent)
     beside = Path(name)

@@ -94,9 +94,18 @@ def steps_picture(steps: Sequence[Step], suffix: str = ".png") -> bytes:
     return _file(figure, suffix)
 
 
+def matplotlib_figure() -> Any:
+    """The library that draws.
+
+    Raises
+    ------
+    MissingExtraError
+    """
+    return optional("matplotlib.figure", extra="plot", purpose="drawing a picture")
+
+
 def _figure(size: tuple[float, float]) -> Any:
-    figure = optional("matplotlib.figure", extra="plot", purpose="drawing a picture")
-    return figure.Figure(figsize=size, dpi=_DPI, layout="constrained")
+    return matplotlib_figure().Figure(figsize=size, dpi=_DPI, layout="constrained")
 
 
 def _file(figure: Any, suffix: str) -> bytes:

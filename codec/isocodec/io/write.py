@@ -12,7 +12,7 @@ import os
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 from xml.etree import ElementTree
 
 import numpy as np
@@ -43,6 +43,18 @@ def check_suffix(path: str | os.PathLike[str], dimension: int | None = None) -> 
     else:
         message = f"{suffix or 'a name without a suffix'} is not a format that can be written"
     raise OptionError(message, code="suffix", remedy="one of " + ", ".join(fitting))
+
+
+def check_libraries(suffix: str) -> None:
+    """Find out before the work that the library which writes ``suffix`` is missing.
+
+    Raises
+    ------
+    MissingExtraError
+    """
+    needed = _FORMATS[suffix].needs
+    if needed is not None:
+        needed()
 
 
 def render_contour(contour: Contour, suffix: str) -> bytes:
@@ -91,6 +103,12 @@ def _png(contour: Contour) -> bytes:
     from .picture import contour_picture
 
     return contour_picture(contour)
+
+
+def _png_needs() -> None:
+    from .picture import matplotlib_figure
+
+    matplotlib_figure()
 
 
 # ---- 2-D ------------------------------------------------------------------------------------------------------------
@@ -148,9 +166,13 @@ def _decimal(number: float) -> str:
 # ---- 3-D ------------------------------------------------------------------------------------------------------------
 
 
+def _trimesh(suffix: str) -> Any:
+    return optional("trimesh", extra="mesh", purpose=f"writing {suffix}")
+
+
 def _mesh(contour: Contour, suffix: str) -> bytes:
     """PLY (binary) and STL (binary) hold single precision by custom; OBJ has eight decimal places."""
-    trimesh = optional("trimesh", extra="mesh", purpose=f"writing {suffix}")
+    trimesh = _trimesh(suffix)
     if suffix == ".obj" and len(contour.cells) == 0:
         # The library would write keywords without numbers, which no reader takes.
         return b"# empty isosurface\n"
@@ -164,16 +186,22 @@ def _mesh(contour: Contour, suffix: str) -> bytes:
 class _Format:
     dimensions: tuple[int, ...]
     render: Callable[[Contour], bytes]
+    needs: Callable[[], object] | None = None
+    """Loads the library that ``render`` needs, or raises."""
+
+
+def _surface_format(suffix: str) -> _Format:
+    return _Format((3,), lambda contour: _mesh(contour, suffix), lambda: _trimesh(suffix))
 
 
 _FORMATS: dict[str, _Format] = {
     ".npz": _Format((2, 3), _npz),
-    ".png": _Format((2, 3), _png),
+    ".png": _Format((2, 3), _png, _png_needs),
     ".geojson": _Format((2,), _geojson),
     ".svg": _Format((2,), _svg),
-    ".ply": _Format((3,), lambda contour: _mesh(contour, ".ply")),
-    ".stl": _Format((3,), lambda contour: _mesh(contour, ".stl")),
-    ".obj": _Format((3,), lambda contour: _mesh(contour, ".obj")),
+    ".ply": _surface_format(".ply"),
+    ".stl": _surface_format(".stl"),
+    ".obj": _surface_format(".obj"),
 }
 
 CURVE_SUFFIXES: tuple[str, ...] = tuple(_FORMATS)

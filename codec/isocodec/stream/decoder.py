@@ -211,9 +211,15 @@ class Decoder:
                 return
             yield event
 
+    def _tube_of(self, number: int) -> Tube | None:
+        """That of an isovalue, by number; None before it has come, or if it is skipped."""
+        if number < 0:
+            raise OptionError(f"isovalue number {number}; they are counted from 0", code="isovalue")
+        return self._tubes[number] if number < len(self._tubes) else None
+
     def state(self, number: int = 0) -> Decoded | None:
         """The decoded state of an isovalue, by number, in integers; None before it has come, or if it is skipped."""
-        tube = self._tubes[number] if number < len(self._tubes) else None
+        tube = self._tube_of(number)
         return state_of(tube) if tube else None
 
     def snapshot(self, number: int = 0) -> Contour:
@@ -228,7 +234,7 @@ class Decoder:
     def drawn(self, number: int = 0) -> Contour:
         """Like ``snapshot``, but of the events taken so far only."""
         header = self.header
-        tube = self._tubes[number] if number < len(self._tubes) else None
+        tube = self._tube_of(number)
         if header is None or tube is None:
             return Contour(np.zeros((0, 2)), np.zeros((0, 2), np.int64), float("nan"), (0, 0), False)
         isovalue = self.isovalues[number]
@@ -237,7 +243,7 @@ class Decoder:
 
     def mesh(self, number: int = 0) -> tuple[np.ndarray, np.ndarray]:
         """The crossed leaves of the mesh: positions (V, n) and vertices of simplices (M, n + 1), both int64."""
-        tube = self._tubes[number] if number < len(self._tubes) else None
+        tube = self._tube_of(number)
         if tube is None:
             return np.zeros((0, 2), np.int64), np.zeros((0, 3), np.int64)
         leaves = leaves_of(tube, 0.0, lambda steps, above: steps)

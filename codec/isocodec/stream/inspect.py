@@ -135,6 +135,7 @@ def inspect(data: bytes, symbols: bool = False) -> FileInfo:
     FormatError
         If the bytes violate the container's specification.
     """
+    data = bytes(data)
     found = read_header(data)
     if found is None:
         raise TruncatedError("the file ends within its header", code="truncated", offset=len(data), clause="3.3")

@@ -298,6 +298,8 @@ def reduced(promise: Promise, criterion: str, parameter: float | None, topology:
     """A base on a mesh reduced under one criterion, as published."""
     reduction = promise.reduction()
     match criterion:
+        case "crossing" | "topology" if parameter is not None:
+            raise OptionError(f"the criterion {criterion} takes no number", code="criterion")
         case "crossing":
             reduction.reduce(topology=topology, crossing=True)
         case "topology":
@@ -305,6 +307,8 @@ def reduced(promise: Promise, criterion: str, parameter: float | None, topology:
         case "curvature" | "distortion" | "level":
             if parameter is None:
                 raise OptionError(f"the criterion {criterion} needs a number", code="criterion")
+            if criterion == "level" and not parameter.is_integer():
+                raise OptionError(f"the level is {parameter:g}, needed is a whole number", code="criterion")
             if criterion == "level":
                 reduction.reduce(topology=topology, level=int(parameter))
             elif criterion == "curvature":

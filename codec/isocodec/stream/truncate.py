@@ -40,6 +40,7 @@ def truncate(data: bytes, *, layers: int | None = None, max_bytes: int | None = 
     """
     if (layers is None) == (max_bytes is None):
         raise OptionError("give either layers or max_bytes", code="options")
+    data = bytes(data)
     # What is damaged must not get a checksum that is right.
     inspect(data)
     if layers is not None:
