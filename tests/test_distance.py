@@ -55,6 +55,21 @@ def test_empty_ones():
     assert Target(*none, 1.0).exceeded(*some).cells.tolist() == [0]
 
 
+@pytest.mark.parametrize("n", [2, 3])
+def test_a_few_pieces_far_apart_take_few_buckets(n):
+    """Time and memory follow the curve, not the box that it lies in."""
+    starts = np.array([(0.0,) * n, (30_000.0,) * n, (10.0,) * (n - 1) + (40_000.0,)])
+    points = np.concatenate([starts, starts + np.eye(n)[0], starts + np.eye(n)[1]])
+    cells = np.array([[i, i + 3, i + 6][:n] for i in range(3)])
+    target = Target(points, cells, 1.0)
+    assert len(target.first) < 10_000
+    near, far = points[cells].mean(axis=1) + 0.4 * np.eye(n)[1], points[cells].mean(axis=1) + 90 * np.eye(n)[0]
+    assert target.nearest(near)[0].tolist() == [0, 1, 2]
+    assert target.nearest(far)[0].tolist() == [-1] * 3
+    assert not len(target.exceeded(points, cells).cells)
+    assert target.exceeded(points + 1.2 * np.eye(n)[-1], cells).cells.tolist() == [0, 1, 2]
+
+
 def distance_to(points, corners):
     """Distances of points to the nearest of some segments or triangles, by dense sampling of these: an upper bound."""
     n = corners.shape[1]

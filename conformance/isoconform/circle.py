@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from isocodec.passes import seek, significance, tube
+from isocodec.passes.truth import Truth
 from isocodec.stream.header import Header
 from isocodec.stream.program import Layer
 
@@ -90,8 +91,8 @@ def _find(st, busy: object, found: NDArray[np.int64]) -> int:
 
 def main(name: str) -> bytes:
     """A file of the circle; to be called in a process without compilation."""
-    tube._busy = lambda signs: np.zeros((1, 1, 1), np.bool_)
-    seek.build_pyramid = lambda *_: (np.zeros(1, np.uint8), np.zeros((1, 4), np.int64))
+    Truth.busy = np.zeros((1, 1, 1), np.bool_)  # type: ignore[assignment]
+    Truth.pyramid = lambda *_: (np.zeros(1, np.uint8), np.zeros((1, 4), np.int64))  # type: ignore[method-assign]
     seek._mixed_cube = _mixed_cube
     significance.find = _find
     signs: NDArray[np.bool_] = Circle()  # type: ignore[assignment]

@@ -208,7 +208,7 @@ def find(st, busy, found):
     field = st.truth
     last0, last1, last2 = st.at[LAST], st.at[LAST + 1], st.at[LAST + 2]
     c0, c1, c2 = cubes(st)
-    # along the last axis, the cubes of one block at a time
+    # along the last axis there is, the cubes of one block at a time
     run = max((1 << BLOCK) // edge, 1)
     zero = np.int64(0)
     count = 0
@@ -216,11 +216,15 @@ def find(st, busy, found):
         for slot in range(slots(n, r)):
             w0, v1, v2 = middle_of(n, r, x, zero, zero, slot)
             m0, p0, q0 = _ends(w0, edge, last0)
-            for y in range(c1):
+            y = zero
+            while y < c1:
+                if n == 2 and y % run == 0 and _idle(st, busy, w0, 2 * y, zero):
+                    y += run
+                    continue
                 w1 = v1 + 2 * y
                 m1, p1, q1 = _ends(w1, edge, last1)
                 for first in range(0, c2, run):
-                    if _idle(st, busy, w0, w1, 2 * first):
+                    if n == 3 and _idle(st, busy, w0, w1, 2 * first):
                         continue
                     for z in range(first, min(first + run, c2)):
                         w2 = v2 + 2 * z
@@ -233,6 +237,7 @@ def find(st, busy, found):
                             if count < len(found):
                                 found[count] = _morton(n, x, y, z) << SLOT_BITS | slot
                             count += 1
+                y += 1
     return count
 
 

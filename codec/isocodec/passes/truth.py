@@ -3,10 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
+
+from ..mesh.tables import AXES, cube_exponent
+from .seek import build_pyramid
+from .significance import BLOCK, busy_blocks
+
+Pyramid = tuple[NDArray[np.uint8], NDArray[np.int64]]
 
 
 @dataclass(frozen=True)
@@ -14,9 +21,32 @@ class Truth:
     """What the encoder knows: the field's signs, and the numbers that geometry sends.
 
     ``number(positions, above)`` gives the distances from the isovalue's side in steps, int64;
-    ``crossing(low, high)`` the places of crossings between positions as 30-bit binary fractions, int64.
+    ``crossing(low, high)`` the places of crossings between positions as 30-bit binary fractions, int64. Surveys of the
+    whole domain are made when they are first asked for, and kept: many trials may share them.
     """
 
     signs: NDArray[np.bool_]
     number: Callable[..., NDArray[np.int64]]
     crossing: Callable[..., NDArray[np.int64]]
+    _pyramids: dict[int, Pyramid] = field(default_factory=dict, init=False, repr=False)
+
+    @property
+    def padded(self) -> NDArray[np.bool_]:
+        """The signs on three axes."""
+        return self.signs.reshape(self.signs.shape + (1,) * (AXES - len(self.signs.shape)))
+
+    @cached_property
+    def busy(self) -> NDArray[np.bool_]:
+        """Blocks of the field that the curve passes, with their neighbours."""
+        blocks = tuple(((s - 1) >> BLOCK) + 1 for s in self.padded.shape)
+        busy = np.zeros(blocks, np.bool_)
+        busy_blocks(self.padded, np.zeros(blocks, np.uint8), busy)
+        return busy
+
+    def pyramid(self, level: int) -> Pyramid:
+        """Cubes with both signs in them, down to a level: `seek.build_pyramid`."""
+        if level not in self._pyramids:
+            shape = self.signs.shape
+            last = np.array(self.padded.shape) - 1
+            self._pyramids[level] = build_pyramid(self.padded, last, cube_exponent(shape), level, len(shape))
+        return self._pyramids[level]

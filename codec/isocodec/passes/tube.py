@@ -17,7 +17,7 @@ from ..jit import BAD, CUT, DONE, GROW
 from ..limits import Limits
 from ..mesh.chosen import Chosen, every_vertex, finest_level
 from ..mesh.store import PAGES, grown, new_board, new_store
-from ..mesh.tables import AXES, cube_exponent, mesh_tables
+from ..mesh.tables import cube_exponent, mesh_tables
 from . import base as base_pass
 from . import refine, seek, significance
 from .estimates import Estimates
@@ -110,7 +110,7 @@ class Tube:
         counters[MOST_WORK] = limits.steps
         counters[AGREED] = counters[CALM : CALM + 2] = MOSTLY
         counters[LAST : LAST + n] = np.array(shape) - 1
-        signs = truth.signs.reshape(truth.signs.shape + (1,) * (AXES - n)) if truth else np.zeros((0, 0, 0), np.bool_)
+        signs = truth.padded if truth else np.zeros((0, 0, 0), np.bool_)
         self.state = State(
             mesh_tables(n), counters, new_store(n), _rows(4, limits.vertices), _rows(5, limits.simplices),
             _rows(5, limits.simplices), new_store(n), new_store(n), new_board(n),
@@ -127,7 +127,6 @@ class Tube:
         self._births = False
         self._finest = -1
         self._items = NOTHING
-        self._busy = _busy(signs) if truth else np.zeros((1, 1, 1), np.bool_)
         self._running = ""
         told = (lean.estimates, lean.state) if lean else None
         self.estimates: Estimates = Estimates(shape, truth, told, shift)
@@ -190,8 +189,7 @@ class Tube:
         at[ADAPTED] = adaptive
         at[EDGE] = 1 << (self.k - level // self.n)
         if self.truth:
-            deepest = self.full_level if adaptive else level
-            pyramid = seek.build_pyramid(self.state.truth, at[LAST : LAST + AXES], self.k, deepest, self.n)
+            pyramid = self.truth.pyramid(self.full_level if adaptive else level)
             self._order = _filled(lambda out: seek.mixed_leaves(self.state, *pyramid, out))
         self._running = "base"
 
@@ -229,7 +227,8 @@ class Tube:
     def _begin_significance(self) -> None:
         self._fresh()
         if self.truth:
-            self._items = np.sort(_filled(lambda out: significance.find(self.state, self._busy, out)))
+            busy = self.truth.busy
+            self._items = np.sort(_filled(lambda out: significance.find(self.state, busy, out)))
         self._running = "significance"
 
     def value_bits(self) -> tuple[int, int]:
@@ -396,14 +395,6 @@ def _filled(kernel: Callable[[NDArray[np.int64]], int]) -> NDArray[np.int64]:
         out = np.empty(count, np.int64)
         kernel(out)
     return out[:count]
-
-
-def _busy(signs: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Blocks of the field that the curve passes, with their neighbours."""
-    blocks = tuple(((s - 1) >> significance.BLOCK) + 1 for s in signs.shape)
-    busy = np.zeros(blocks, np.bool_)
-    significance.busy_blocks(signs, np.zeros(blocks, np.uint8), busy)
-    return busy
 
 
 def _rows(width: int, most: int) -> NDArray[np.int32]:

@@ -20,6 +20,8 @@ SMALLEST = 1e-3
 SLACK = 1e-9
 """What rounding may take from a bound."""
 _STACK = 64
+MOST_BUCKETS, LEAST_BUCKETS = 8, 1 << 12
+"""Buckets for each piece, and beside."""
 
 
 @dataclass(frozen=True)
@@ -235,7 +237,12 @@ class Target:
         reach = limit * (1 + 1e-9) + 1e-9
         self.low = corners.min(axis=0, initial=0.0) - reach
         high = corners.max(axis=0, initial=0.0) + reach
-        self.shape = np.maximum(np.floor((high - self.low) / self.size).astype(np.int64) + 1, 1)
+        while True:
+            self.shape = np.maximum(np.floor((high - self.low) / self.size).astype(np.int64) + 1, 1)
+            if self.shape.prod() <= MOST_BUCKETS * len(pieces) + LEAST_BUCKETS:
+                break
+            # of a small curve in a large domain: the cost follows the curve
+            self.size *= 2
         counts = np.zeros(tuple(self.shape), np.int64)
         _sort(pieces, self.low, self.size, reach, counts, np.empty(0, np.int64))
         self.first = np.concatenate([[0], np.cumsum(counts.ravel())])

@@ -23,7 +23,7 @@ from .crossings import grid_offsets, radices
 from .header import Header, write_header
 from .program import Layer, Progress, write_program
 from .promise import Promise
-from .strand import Entry, Strand, field_tube
+from .strand import Entry, Strand, field_tube, truth_of
 
 DEFAULT_TOLERANCE = 0.05
 """Largest distance in cells between decoded and extracted curve when nothing else is asked for."""
@@ -117,6 +117,7 @@ class Encoder:
             raise OptionError(f"unknown profile {profile!r}", code="profile", remedy=f"choose one of: {names}")
         self.isovalues = _isovalues(isovalue)
         self._fields = [check_field(field, value, self._asked.step) for value in self.isovalues]
+        self._truths = [truth_of(one) for one in self._fields]
         first = self._fields[0]
         if (exact or strategy.EXACT in (self._asked.steps or [])) and not first.integer:
             raise OptionError(
@@ -164,7 +165,7 @@ class Encoder:
     def _fresh(self, number: int, lean: int | None) -> Tube:
         """A tube of an isovalue that nothing is told of yet."""
         earlier, other = (None, 0.0) if lean is None else (self._strands[lean].tube, self.isovalues[lean])
-        return field_tube(self.header, self._fields[number], earlier, other)
+        return field_tube(self.header, self._fields[number], self._truths[number], earlier, other)
 
     def _plan_of(self, number: int, lean: int | None) -> Sequence[Entry]:
         """What the options come to for one isovalue."""

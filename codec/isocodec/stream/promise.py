@@ -17,6 +17,7 @@ from ..mesh.chosen import Chosen
 from ..mesh.tables import cube_exponent
 from ..passes.snapshot import leaves_of
 from ..passes.state import WORK
+from ..passes.truth import Truth
 from ..passes.tube import Tube
 from ..reduce.distance import Target
 from ..reduce.fit import AGAIN, REACHES, ROUNDS, fitted_offsets
@@ -24,7 +25,7 @@ from ..reduce.original import original
 from ..reduce.reduction import Reduction
 from .header import Header
 from .program import Progress
-from .strand import Entry, Place, Strand, field_tube
+from .strand import Entry, Place, Strand, field_tube, truth_of
 
 
 @dataclass
@@ -53,10 +54,12 @@ class Promise:
     tried: Callable[[], object] | None = None
     contour: Contour = derived(init=False)
     phi: NDArray[np.float32] = derived(init=False)
+    _truth: Truth = derived(init=False)
     _targets: dict[float, Target] = derived(init=False, default_factory=dict)
 
     def __post_init__(self) -> None:
         self.contour = original(self.field)
+        self._truth = truth_of(self.field)
         values = self.field.values.astype(np.float64) - self.field.isovalue
         largest = np.finfo(np.float32).max
         self.phi = np.clip(values, -largest, largest).astype(np.float32)
@@ -117,7 +120,7 @@ class Promise:
 
     def _alone(self) -> Tube:
         header = Header(self.field.values.shape, self.field.isovalue, self.field.scale, Profile.MAIN)
-        return field_tube(header, self.field)
+        return field_tube(header, self.field, self._truth)
 
     def excess(self, contour: Contour, tolerance: float) -> np.ndarray:
         """Places where the two curves are not proven to lie within the tolerance of each other, (K, n)."""

@@ -68,9 +68,13 @@ def leaning_tube(
     return Tube(shape, coder, limits, truth, lean=lean, shift=shift, side=1 if isovalue > other else -1)
 
 
-def field_tube(header: Header, field: Field, lean: Tube | None = None, other: float = 0.0) -> Tube:
+def truth_of(field: Field) -> Truth:
+    """What tubes of a field know."""
+    return Truth(field.signs, field.numbers, field.crossings)
+
+
+def field_tube(header: Header, field: Field, truth: Truth, lean: Tube | None = None, other: float = 0.0) -> Tube:
     """The encoder's tube of a field at its isovalue, leaning on that of the isovalue ``other`` or on none."""
-    truth = Truth(field.signs, field.numbers, field.crossings)
     return leaning_tube(header, field.isovalue, lean, other, 1 << 16, Limits(), truth)
 
 
