@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import tracemalloc
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -198,6 +200,24 @@ def test_published_criteria(name, criterion, parameter):
     if criterion == "distortion":
         coarser = isocodec.decode(isocodec.encode(field, 20.5, criterion=criterion, parameter=4 * parameter))
         assert len(coarser.cells) < len(contour.cells)
+
+
+@pytest.mark.parametrize("shape", [(1500, 1400), (190, 180, 170)])
+@pytest.mark.parametrize("options", [
+    {}, {"preserve_topology": True}, {"preserve_topology": True, "criterion": "distortion", "parameter": 1.0},
+])  # fmt: skip
+def test_memory_of_the_encoder(shape, options):
+    """At most 12 bytes a sample beyond the input, all temporary arrays counted, where the curve is small."""
+    grid = np.ogrid[tuple(map(slice, shape))]
+    field = sum((x - s / 2) ** 2 for x, s in zip(grid, shape, strict=True)).astype(np.float32)
+    isocodec.encode(field, 400.5, **options)
+    tracemalloc.start()
+    try:
+        isocodec.encode(field, 400.5, **options)
+        peak = tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+    assert peak <= 12 * field.size
 
 
 @pytest.mark.parametrize("options", [{"tolerance": 1}, {"steps": [2, 1]}, {"preserve_topology": True}])

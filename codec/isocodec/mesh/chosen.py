@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..jit import kernel
-from .store import Store, get, new_store
+from .store import Store, get, new_flags
 
 GONE = 1
 """Bit of a lattice point that is not a vertex of the mesh."""
@@ -28,7 +28,7 @@ class Chosen(NamedTuple):
 
 def every_vertex(shape: tuple[int, ...]) -> Chosen:
     """The full grid: nothing is gone. ``shape`` has two or three axes."""
-    return Chosen(np.zeros(shape + (1,) * (3 - len(shape)), np.uint8), new_store(len(shape)))
+    return Chosen(np.zeros(shape + (1,) * (3 - len(shape)), np.uint8), new_flags(len(shape)))
 
 
 @kernel

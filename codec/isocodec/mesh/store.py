@@ -22,12 +22,15 @@ _FIRST = 64
 """Pages that a store begins with: small files need no more."""
 
 
+Pages = NDArray[np.int32] | NDArray[np.int8] | NDArray[np.uint8]
+
+
 class Store(NamedTuple):
     """``table`` holds a key and a page number a row."""
 
     head: NDArray[np.int64]
     table: NDArray[np.int64]
-    pages: NDArray[np.int32] | NDArray[np.int8]
+    pages: Pages
 
 
 def new_store(n: int) -> Store:
@@ -36,30 +39,44 @@ def new_store(n: int) -> Store:
     return _empty(n, edge, 0, np.zeros((_FIRST, 1 << n * edge), np.int32))
 
 
+def new_flags(n: int) -> Store:
+    """The same of entries that take a byte."""
+    store = new_store(n)
+    return store._replace(pages=store.pages.astype(np.uint8))
+
+
 def new_board(n: int) -> Store:
     """A store whose entries take a byte: pages of 32 x 32 or 16 x 16 x 16. The first one stays empty."""
     edge = 5 if n == 2 else 4
     return _empty(n, edge, 1, np.zeros((_FIRST, 1 << n * edge), np.int8))
 
 
-def _empty(n: int, edge: int, used: int, pages: NDArray[np.int32] | NDArray[np.int8]) -> Store:
+def _empty(n: int, edge: int, used: int, pages: Pages) -> Store:
     head = np.full(RECENT + 2 * _WAYS, -1, np.int64)
     head[:RECENT] = (used, edge, edge, edge if n == 3 else 0)
     return Store(head, np.full((4 * _FIRST, 2), -1, np.int64), pages)
 
 
-def grown(store: Store, room: int) -> Store:
-    """The same store with place for at least ``room`` more pages."""
+def grown(store: Store, room: int, spare: int = 4) -> Store:
+    """The same store with place for at least ``room`` more pages; if it has to grow, for ``spare`` times as many."""
     used = int(store.head[PAGES])
     table, pages = store.table, store.pages
     if used + room > len(pages):
-        wider = np.zeros((used + max(3 * used, 4 * room), pages.shape[1]), pages.dtype)
+        wider = np.zeros((used + max((spare - 1) * used, spare * room), pages.shape[1]), pages.dtype)
         wider[:used] = pages[:used]
         pages = wider
     if 2 * (used + room) > len(table):
         table = np.full((1 << (2 * (used + room)).bit_length(), 2), -1, np.int64)
         _rehash(store.table, table)
     return store._replace(table=table, pages=pages)
+
+
+def copied(store: Store, bits: int) -> Store:
+    """The same store in arrays of its own, with these bits of its entries only."""
+    pages = np.zeros_like(store.pages)
+    used = int(store.head[PAGES])
+    np.bitwise_and(store.pages[:used], bits, out=pages[:used])
+    return Store(store.head.copy(), store.table.copy(), pages)
 
 
 def page_of(key):

@@ -5,6 +5,8 @@ The search descends into cubes that the curve passes only, so that its cost foll
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -40,33 +42,35 @@ def build_pyramid(
     step = edge if level % n == 0 else max(edge // 2, 1)
     per = edge // step
     cubes = [max(-(-int(last[a]) // edge), 1) if a < n else 1 for a in range(3)]
+    shapes = [tuple(-(-c // (1 << i)) if a < n else 1 for a, c in enumerate(cubes)) for i in range(m, -1, -1)]
+    starts = np.cumsum([0, *map(math.prod, shapes)])
+    layout = np.array([[s, *shape] for s, shape in zip(starts[:-1], shapes, strict=True)], np.int64)
+    mixed = np.empty(starts[-1], np.uint8)
+
     index = [np.minimum(np.arange(cubes[a] * per + 1) * step, last[a]) if a < n else np.zeros(1, int) for a in range(3)]
-    samples = truth[np.ix_(*index)]
-    some, every = samples, samples
+    some = every = truth[np.ix_(*index)]
     for a in range(n):
-        parts_some = [np.take(some, np.arange(cubes[a]) * per + i, axis=a) for i in range(per + 1)]
-        parts_every = [np.take(every, np.arange(cubes[a]) * per + i, axis=a) for i in range(per + 1)]
-        some = np.logical_or.reduce(parts_some)
-        every = np.logical_and.reduce(parts_every)
-    flags = [(some & ~every).astype(np.uint8)]
-    shapes = [some.shape]
-    for _ in range(m):
-        pad = [(0, some.shape[a] % 2) if a < n else (0, 0) for a in range(3)]
-        some = np.pad(some, pad, mode="edge")
-        every = np.pad(every, pad, mode="edge")
-        for a in range(n):
-            even = [slice(None)] * 3
-            odd = [slice(None)] * 3
-            even[a], odd[a] = slice(0, None, 2), slice(1, None, 2)
-            some = some[tuple(even)] | some[tuple(odd)]
-            every = every[tuple(even)] & every[tuple(odd)]
-        flags.append((some & ~every).astype(np.uint8))
-        shapes.append(some.shape)
-    flags.reverse()
-    shapes.reverse()
-    starts = np.cumsum([0] + [f.size for f in flags[:-1]])
-    layout = np.array([[s, *shape] for s, shape in zip(starts, shapes, strict=True)], np.int64)
-    return np.concatenate([f.ravel() for f in flags]), layout
+        some, every = _gathered(some, every, a, cubes[a], per, per + 1)
+    for i in range(m, -1, -1):
+        np.greater(some, every, out=mixed[starts[i] : starts[i + 1]].reshape(shapes[i]))
+        for a in range(n if i else 0):
+            some, every = _gathered(some, every, a, shapes[i - 1][a], 2, 2)
+    return mixed, layout
+
+
+def _gathered(
+    some: NDArray[np.bool_], every: NDArray[np.bool_], axis: int, count: int, step: int, width: int
+) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """Along an axis, for each of ``count`` groups of ``width`` entries from every ``step`` on: is one True, are all?"""
+    some, every = np.moveaxis(some, axis, 0), np.moveaxis(every, axis, 0)
+    any_of, all_of = some[: count * step : step].copy(), every[: count * step : step].copy()
+    for i in range(1, width):
+        # the last group may have fewer
+        here = slice(i, i + (count - 1) * step + 1, step)
+        there = len(some[here])
+        any_of[:there] |= some[here]
+        all_of[:there] &= every[here]
+    return np.moveaxis(any_of, 0, axis), np.moveaxis(all_of, 0, axis)
 
 
 _NODE = 6

@@ -16,7 +16,7 @@ from ..errors import FormatError, LimitError
 from ..jit import BAD, CUT, DONE, GROW
 from ..limits import Limits
 from ..mesh.chosen import Chosen, every_vertex, finest_level
-from ..mesh.store import PAGES, grown, new_board, new_store
+from ..mesh.store import PAGES, copied, grown, new_board, new_store
 from ..mesh.tables import cube_exponent, mesh_tables
 from . import base as base_pass
 from . import refine, seek, significance
@@ -198,10 +198,7 @@ class Tube:
         assert self.lean is not None
         earlier = self.lean.state
         at = self.state.at
-        mesh = earlier.mesh._replace(
-            head=earlier.mesh.head.copy(), table=earlier.mesh.table.copy(), pages=earlier.mesh.pages & IN
-        )
-        self.state = self.state._replace(mesh=mesh)
+        self.state = self.state._replace(mesh=copied(earlier.mesh, IN))
         at[TOLD] = at[SEEDED] = 1
         self._seeds = earlier.leaf[: earlier.at[LEAVES]].copy()
         self.begin_base(self.lean.level, adaptive=bool(earlier.at[ADAPTED]))

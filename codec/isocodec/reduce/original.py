@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from itertools import permutations
 
 import numpy as np
@@ -19,23 +20,18 @@ def original(field: Field) -> Contour:
     # x0 has even indices only, xn odd ones; a simplex is a path between them, one axis at a time
     even = cells + (cells & 1)
     step = 1 - 2 * (cells & 1)
-    rows = []
-    for order in permutations(range(n)):
-        path = np.zeros((n + 1, n), np.int64)
-        for i, axis in enumerate(order):
-            path[i + 1] = path[i]
-            path[i + 1, axis] = 1
-        rows.append(even[:, None] + path[None] * step[:, None])
-    simplices = np.stack(rows, axis=1).reshape(-1, n + 1, n)
-    signs = field.signs[tuple(np.moveaxis(simplices, -1, 0))]
-    simplices = simplices[signs.any(axis=1) & ~signs.all(axis=1)]
-    flat = np.ravel_multi_index(tuple(np.moveaxis(simplices, -1, 0)), shape)
+    first = np.ravel_multi_index(tuple(even.T), shape)[:, None]
+    moves = step * [math.prod(shape[axis + 1 :]) for axis in range(n)]
+    paths = [np.hstack([first, first + np.cumsum(moves[:, order], axis=1)]) for order in permutations(range(n))]
+    flat = np.stack(paths, axis=1).reshape(-1, n + 1)
+    signs = field.signs.reshape(-1)[flat]
+    flat = flat[signs.any(axis=1) & ~signs.all(axis=1)]
     used, index = np.unique(flat, return_inverse=True)
     position = np.stack(np.unravel_index(used, shape), axis=-1).reshape(-1, n)
     values = field.values.reshape(-1)[used].astype(np.float64)
     leaves = Leaves(
         shape=shape, isovalue=field.isovalue, position=position, above=field.signs.reshape(-1)[used], value=values,
-        simplices=index.reshape(-1, n + 1), levels=np.zeros(len(simplices), np.int64), full=True,
+        simplices=index.reshape(-1, n + 1), levels=np.zeros(len(flat), np.int64), full=True,
         edges=np.zeros((0, 2), np.int64), edge_offset=np.zeros(0),
     )  # fmt: skip
     return draw(leaves)

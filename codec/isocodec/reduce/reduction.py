@@ -12,6 +12,7 @@ from ..mesh.access import dimension, middle
 from ..mesh.access import kind as kind_of
 from ..mesh.access import members as member_count
 from ..mesh.chosen import GONE, Chosen, every_vertex, has
+from ..mesh.store import copied as copied_store
 from ..mesh.store import grown
 from ..mesh.tables import AXES, cube_exponent, mesh_tables
 from ..passes.mesh import parent
@@ -364,7 +365,7 @@ class Reduction:
         blocks = -(-(last + 2 * edge) // max(page, edge)) + 2
         room = int(sum(np.prod(np.delete(blocks, a)) * 3 for a in range(n)))
         chosen = self.domain.chosen
-        self.domain = self.domain._replace(chosen=chosen._replace(outside=grown(chosen.outside, room)))
+        self.domain = self.domain._replace(chosen=chosen._replace(outside=grown(chosen.outside, room, spare=1)))
 
 
 def distinct(n: int, leaves: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
@@ -384,6 +385,4 @@ def mark(dm, x, y, z, bits):
 
 def copied(chosen: Chosen) -> Chosen:
     """The same mesh in arrays of its own."""
-    out = chosen.outside
-    outside = out._replace(head=out.head.copy(), table=out.table.copy(), pages=out.pages & GONE)
-    return Chosen(chosen.inside & np.uint8(GONE), outside)
+    return Chosen(chosen.inside & np.uint8(GONE), copied_store(chosen.outside, GONE))

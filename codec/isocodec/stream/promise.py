@@ -60,9 +60,11 @@ class Promise:
     def __post_init__(self) -> None:
         self.contour = original(self.field)
         self._truth = truth_of(self.field)
-        values = self.field.values.astype(np.float64) - self.field.isovalue
         largest = np.finfo(np.float32).max
-        self.phi = np.clip(values, -largest, largest).astype(np.float32)
+        self.phi = np.empty(self.field.values.shape, np.float32)
+        # slice by slice: in double precision the whole would take several times the memory
+        for samples, phi in zip(self.field.values, self.phi, strict=True):
+            phi[...] = np.clip(samples.astype(np.float64) - self.field.isovalue, -largest, largest)
         self._points = _grid_points(self.contour)
 
     @property
