@@ -105,14 +105,28 @@ def test_corrupt_iso(tmp_path: Path, curve_data: bytes) -> None:
     assert not (tmp_path / "c.npz").exists()
 
 
-def test_truncated_iso(tmp_path: Path, curve_data: bytes) -> None:
-    cut, out = tmp_path / "cut.iso", tmp_path / "c.npz"
-    cut.write_bytes(curve_data[: len(curve_data) * 2 // 3])
-    assert fails(5, "decode", cut, "-o", out).endswith(": --partial takes what was received")
+@pytest.fixture
+def cut(tmp_path: Path, curve_data: bytes) -> Path:
+    """A file that ends too early."""
+    path = tmp_path / "cut.iso"
+    path.write_bytes(curve_data[: len(curve_data) * 2 // 3])
+    return path
+
+
+def only_partial(verb: str, cut: Path, out: Path) -> None:
+    """A verb takes what was received, with a warning, if it is told so, and nothing otherwise."""
+    assert fails(5, verb, cut, "-o", out).endswith(": --partial takes what was received")
     assert not out.exists()
-    result = run("decode", cut, "-o", out, "--partial")
+    result = run(verb, cut, "-o", out, "--partial")
     assert result.exit_code == 0
     assert result.stderr.startswith(f"isocodec: {cut}: warning: ")
+    assert "only what was received is" in result.stderr
+    assert out.stat().st_size
+
+
+def test_truncated_iso(cut: Path, tmp_path: Path, curve_data: bytes) -> None:
+    out = tmp_path / "c.npz"
+    only_partial("decode", cut, out)
     decoder = isocodec.Decoder()
     decoder.feed(cut.read_bytes())
     for _ in decoder:
@@ -125,14 +139,9 @@ def test_truncated_iso(tmp_path: Path, curve_data: bytes) -> None:
         assert np.array_equal(arrays["points"], isocodec.decode(curve_data, layers=1).points)
 
 
-def test_a_truncated_file_is_drawn_and_said_to_be_one(tmp_path: Path, curve_data: bytes) -> None:
-    cut, out = tmp_path / "cut.iso", tmp_path / "c.png"
-    cut.write_bytes(curve_data[: len(curve_data) * 2 // 3])
-    assert fails(5, "plot", cut, "-o", out).endswith(": --partial takes what was received")
-    assert not out.exists()
-    result = run("plot", cut, "-o", out, "--partial")
-    assert result.exit_code == 0 and "only what was received is drawn" in result.stderr
-    assert out.stat().st_size
+def test_a_truncated_file_is_drawn_and_said_to_be_one(cut: Path, tmp_path: Path, curve_data: bytes) -> None:
+    out = tmp_path / "c.png"
+    only_partial("plot", cut, out)
     begin = isocodec.inspect(curve_data).layers[0].offset
     cut.write_bytes(curve_data[:begin])
     assert not fails(5, "plot", cut, "-o", out, "--partial").endswith("--partial takes what was received")

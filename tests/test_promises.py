@@ -17,7 +17,7 @@ from isocodec.errors import OptionError
 from isocodec.grid.field import check_field
 from isocodec.jit import kernel
 from isocodec.mesh.tables import cube_exponent
-from isocodec.passes import truth
+from isocodec.passes import significance, truth
 from isocodec.passes.geometry import _choice
 from isocodec.reduce.original import original
 from isocodec.stream.crossings import grid_offsets, radices
@@ -224,9 +224,9 @@ def test_memory_of_the_encoder(shape, options):
 def test_the_domain_is_surveyed_once(options, monkeypatch):
     """However many curves a search tries: each trial costs what its curve costs."""
     surveys, trials = [], []
-    for name in ("build_pyramid", "busy_blocks"):
-        whole = getattr(truth, name)
-        monkeypatch.setattr(truth, name, lambda *args, whole=whole, name=name: surveys.append(name) or whole(*args))
+    for module, name in ((truth, "build_pyramid"), (significance, "busy_blocks")):
+        whole = getattr(module, name)
+        monkeypatch.setattr(module, name, lambda *args, whole=whole, name=name: surveys.append(name) or whole(*args))
     isocodec.encode(SMOOTH, 20.5, progress=lambda done, total: trials.append(done), **options)
     assert len(trials) > 6
     assert surveys.count("busy_blocks") <= 1 and surveys.count("build_pyramid") <= 3

@@ -66,8 +66,9 @@ def plot_command(source: Path, output: Path, steps: int, mesh: bool, isovalue: f
         try:
             decoder.close()
         except TruncatedError as exc:
+            if not partial:
+                exc.remedy = PARTIAL
             if not (partial and drawn):
-                exc.remedy = exc.remedy if partial else PARTIAL
                 raise
             warn(source, f"{exc.message}; only what was received is drawn")
         picture = steps_picture(drawn, suffix)

@@ -20,6 +20,7 @@ import numpy as np
 from ..errors import OptionError
 from .atomic import write_bytes
 from .extras import optional
+from .picture import contour_picture, matplotlib_figure
 
 if TYPE_CHECKING:
     from ..contour import Contour
@@ -97,18 +98,6 @@ def _npz(contour: Contour) -> bytes:
         shape=np.asarray(contour.shape, dtype=np.int64),
     )
     return buffer.getvalue()
-
-
-def _png(contour: Contour) -> bytes:
-    from .picture import contour_picture
-
-    return contour_picture(contour)
-
-
-def _png_needs() -> None:
-    from .picture import matplotlib_figure
-
-    matplotlib_figure()
 
 
 # ---- 2-D ------------------------------------------------------------------------------------------------------------
@@ -196,7 +185,7 @@ def _surface_format(suffix: str) -> _Format:
 
 _FORMATS: dict[str, _Format] = {
     ".npz": _Format((2, 3), _npz),
-    ".png": _Format((2, 3), _png, _png_needs),
+    ".png": _Format((2, 3), contour_picture, matplotlib_figure),
     ".geojson": _Format((2,), _geojson),
     ".svg": _Format((2,), _svg),
     ".ply": _surface_format(".ply"),

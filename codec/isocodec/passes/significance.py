@@ -7,6 +7,7 @@ told apart by which of their coordinates (in units of g) are odd: the slots.
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..entropy import baseline as ctx
 from ..entropy.blend import blended, mixing
@@ -153,6 +154,14 @@ def busy_blocks(truth, same, busy):
                         for k in range(max(z - 1, 0), min(z + 2, same.shape[2])):
                             seen |= same[i, j, k]
                 busy[x, y, z] = seen == 3
+
+
+def busy_of(signs: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Blocks of a field, its signs on three axes, that the curve passes, with their neighbours."""
+    blocks = tuple(((s - 1) >> BLOCK) + 1 for s in signs.shape)
+    busy = np.zeros(blocks, np.bool_)
+    busy_blocks(signs, np.zeros(blocks, np.uint8), busy)
+    return busy
 
 
 @inner

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from ..mesh.tables import AXES, cube_exponent
 from .seek import build_pyramid
-from .significance import BLOCK, busy_blocks
+from .significance import busy_of
 
 Pyramid = tuple[NDArray[np.uint8], NDArray[np.int64]]
 
@@ -37,11 +37,8 @@ class Truth:
 
     @cached_property
     def busy(self) -> NDArray[np.bool_]:
-        """Blocks of the field that the curve passes, with their neighbours."""
-        blocks = tuple(((s - 1) >> BLOCK) + 1 for s in self.padded.shape)
-        busy = np.zeros(blocks, np.bool_)
-        busy_blocks(self.padded, np.zeros(blocks, np.uint8), busy)
-        return busy
+        """Blocks that the curve passes: `significance.busy_of`."""
+        return busy_of(self.padded)
 
     def pyramid(self, level: int) -> Pyramid:
         """Cubes with both signs in them, down to a level: `seek.build_pyramid`."""

@@ -16,7 +16,7 @@ from ..mesh.store import copied as copied_store
 from ..mesh.store import grown
 from ..mesh.tables import AXES, cube_exponent, mesh_tables
 from ..passes.mesh import parent
-from ..passes.significance import BLOCK, busy_blocks, cubes, middle_of, slots
+from ..passes.significance import BLOCK, busy_of, cubes, middle_of, slots
 from ..passes.state import COUNTERS, EDGE, LAST, LEVEL, SIZE, WALK, edge_of, truth
 from .distortion import diamonds_of, simplex_at, spread, too_far
 from .domain import (
@@ -196,11 +196,13 @@ class Reduction:
         Points of the original curve, on the grid's edges; at least one of each crossed edge.
     start : Chosen, optional
         The mesh to begin with; the full grid if not given.
+    busy : bool, optional
+        Blocks that the curve passes, if they are known: `passes.significance.busy_of`.
     """
 
     def __init__(
         self, signs: NDArray[np.bool_], phi: NDArray[np.float32], points: NDArray[np.float64],
-        start: Chosen | None = None,
+        start: Chosen | None = None, busy: NDArray[np.bool_] | None = None,
     ) -> None:  # fmt: skip
         self.shape = signs.shape
         self.n = n = signs.ndim
@@ -216,9 +218,7 @@ class Reduction:
         )
         self.points = np.zeros((len(points), AXES), np.float32)
         self.points[:, :n] = points
-        blocks = tuple(((s - 1) >> BLOCK) + 1 for s in padded)
-        self.busy = np.zeros(blocks, np.bool_)
-        busy_blocks(signs, np.zeros(blocks, np.uint8), self.busy)
+        self.busy = busy_of(signs) if busy is None else busy
 
     @property
     def chosen(self) -> Chosen:

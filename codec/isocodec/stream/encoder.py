@@ -182,7 +182,8 @@ class Encoder:
         searched = o.tolerance if o.base_level is None and (o.tolerance or 0) >= SEARCHED else None
         if searched is o.steps is o.criterion is None and not o.preserve_topology:
             return strategy.grid_plan(len(self.header.shape), self._full_level, o.base_level) + values + offsets
-        promise = Promise(self._fields[number], lambda: self._fresh(number, lean), free, self._try)
+        truth = self._truths[number]
+        promise = Promise(self._fields[number], lambda: self._fresh(number, lean), free, self._try, truth)
         if o.steps is not None:
             return strategy.stepwise(promise, o.steps, o.preserve_topology)
         if o.criterion is not None:

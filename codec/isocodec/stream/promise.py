@@ -42,6 +42,8 @@ class Promise:
         Whether crossings may be told with slack (see `Slack`).
     tried : callable, optional
         Called after each trial.
+    truth : Truth, optional
+        What the encoder knows of the field, if that has been made.
     contour : Contour
         The original curve.
     phi : ndarray of float32
@@ -52,14 +54,14 @@ class Promise:
     fresh: Callable[[], Tube] | None = None
     free: bool = True
     tried: Callable[[], object] | None = None
+    truth: Truth | None = None
     contour: Contour = derived(init=False)
     phi: NDArray[np.float32] = derived(init=False)
-    _truth: Truth = derived(init=False)
     _targets: dict[float, Target] = derived(init=False, default_factory=dict)
 
     def __post_init__(self) -> None:
         self.contour = original(self.field)
-        self._truth = truth_of(self.field)
+        self._truth = self.truth or truth_of(self.field)
         largest = np.finfo(np.float32).max
         self.phi = np.empty(self.field.values.shape, np.float32)
         # slice by slice: in double precision the whole would take several times the memory
@@ -79,7 +81,7 @@ class Promise:
 
     def reduction(self, start: Chosen | None = None) -> Reduction:
         """A reduction of the full grid, or of a mesh."""
-        return Reduction(self.field.signs, self.phi, self._points, start)
+        return Reduction(self.field.signs, self.phi, self._points, start, self._truth.busy)
 
     def trial(self, plan: Sequence[Entry]) -> tuple[int, Contour]:
         """Bytes of the runs of a plan, and what a decoder draws in the end."""
