@@ -20,11 +20,12 @@ from isocodec.entropy.main import (
     SIGN_ROWS,
     TREE_ROW,
     VALUE_ROW,
+    members,
     shipped_models,
 )  # fmt: skip
 from isocodec.grid.field import check_field
 from isocodec.jit import kernel
-from isocodec.mesh.access import vertex
+from isocodec.mesh.access import dimension, vertex
 from isocodec.mesh.store import get
 from isocodec.mesh.tables import cube_exponent
 from isocodec.passes.ahead import see_behind, see_mesh
@@ -62,7 +63,8 @@ def _behind(st, cd, level, cls, b0, b1, b2, opp, guess, case, other):
 @kernel
 def _sign(st, cd, w0, w1, w2, crossed):
     survey(st)
-    _see(st, cd, w0, w1, w2, crossed, 0, np.int64(1), np.int64(-1), np.int64(0))
+    r = st.at[LEVEL] % dimension(st.tables)
+    _see(st, cd, r, w0, w1, w2, crossed, 0, np.int64(1), np.int64(-1), np.int64(0))
 
 
 @kernel
@@ -78,9 +80,15 @@ def coder(n):
     return cd
 
 
-def rows_of(cd, first):
+def listed(n, rows):
+    """Rows of the networks that listed rows stand for."""
+    found = members(n)[rows]
+    return found[found >= 0].tolist()
+
+
+def rows_of(cd, n, first):
     """The rows listed, from a network's first on."""
-    return sorted((cd.blend.row[1 : cd.blend.row[0] + 1] - first).tolist())
+    return sorted(row - first for row in listed(n, cd.blend.row[1 : cd.blend.row[0] + 1]))
 
 
 def bits(x):
@@ -169,7 +177,7 @@ def test_rows_of_values_nearby(shape, planes):
                 size = min(bits(abs(c - bound) * 8 // 2 ** (p + 1)), 12)
                 expected.append(52 * slot + 26 * bool(fine) + size + 13 * (c < bound))
         assert len(candidates) == slots
-        assert rows_of(cd, VALUE_ROW[n]) == sorted(expected)
+        assert rows_of(cd, n, VALUE_ROW[n]) == sorted(expected)
 
 
 def adapted(shape, steps):
@@ -218,7 +226,7 @@ def test_rows_of_the_mesh(shape, steps):
             sign = signs.get(clamped(at, shape))
             if sign is not None:
                 expected.append(first + 48 + 2 * i + (sign == signs.get(end, 0)))
-        assert rows_of(cd, MESH_ROW[n]) == sorted(expected)
+        assert rows_of(cd, n, MESH_ROW[n]) == sorted(expected)
         tried += 1
     assert tried > 50 and marks > 50
 
@@ -245,7 +253,7 @@ def test_rows_behind_a_gate(shape):
             sign = signs.get(clamped(origin + sum(x * e for x, e in zip(d, others, strict=True)), shape))
             if sign is not None:
                 expected.append(first + 2 * number + (sign == guess))
-        assert rows_of(cd, BASE_ROW[n]) == sorted(expected) and len(expected) > n
+        assert rows_of(cd, n, BASE_ROW[n]) == sorted(expected) and len(expected) > n
 
 
 def noisy(shape, back):
@@ -283,7 +291,7 @@ def test_rows_of_the_manner(shape, back):
             for crossed in range(2):
                 _sign(state, cd, *ints(*w, crossed))
                 own = level % n * (first + 38 + 60) + first
-                found = [row for row in rows_of(cd, own) if row >= 0]
+                found = [row for row in rows_of(cd, n, own) if row >= 0]
                 assert found == [min(bits(edge) - 1, 8), 9 + rarity(state), 22 + calm[crossed] // 256]
 
 
@@ -301,7 +309,7 @@ def test_calm_follows_what_was_predicted(shape):
         calm = 3584
         manner = 10 + 2 * AROUND[n] + 22
         for symbol, net, count, *rows in trace[1 : trace[0, 0] + 1].tolist():
-            own = [row - net * SIGN_ROWS[n] for row in rows[:count]]
+            own = [row - net * SIGN_ROWS[n] for row in listed(n, rows[:count])]
             if net < n and own[0] < 4:
                 assert [row for row in own if manner <= row < manner + 16] == [manner + calm // 256]
                 calm += (4096 * symbol - calm) >> 5
@@ -350,4 +358,4 @@ def test_rows_of_the_crowd(shape, back):
             for i, step in enumerate(around):
                 v, u = numbers(size, [c + s for c, s in zip(cell, step, strict=True)])
                 expected += [94 + 9 * i + min(v, 4), 99 + 9 * i + min(u, 3)]
-        assert rows_of(cd, TREE_ROW[n]) == sorted(expected)
+        assert rows_of(cd, n, TREE_ROW[n]) == sorted(expected)

@@ -101,9 +101,9 @@ def data(folder: Path, n: int) -> list[Item]:
 # -- networks ------------------------------------------------------------------------------------------------------
 
 
-def use(squash: NDArray[np.int64], tables: Tables) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+def use(n: int, squash: NDArray[np.int64], tables: Tables) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Let encoders start with these tables; probabilities of a 1, and symbols seen, that they start with."""
-    begun = profile.models(squash, tables)
+    begun = profile.models(n, squash, tables)
     profile._begun = lambda _: begun  # type: ignore[attr-defined]
     return begun[0], begun[1]
 
@@ -125,8 +125,20 @@ def traced(item: Item, options: dict[str, object]) -> list[NDArray[np.int16]]:
         own = np.flatnonzero(lines[:, 1] == net)
         own = own[:: 1 + len(own) // MOST_SYMBOLS]
         most = lines[own, 2].max(initial=0)
-        found.append(np.delete(lines[own, : 3 + most], 1, axis=1).astype(np.int16))
+        count, rows = apart(profile.members(item.values.ndim), lines[own, 2], lines[own, 3 : 3 + most])
+        found.append(np.column_stack([lines[own, 0], count, rows]).astype(np.int16))
     return found
+
+
+def apart(
+    members: NDArray[np.int16], count: NDArray[np.int32], rows: NDArray[np.int32]
+) -> tuple[NDArray[np.int64], NDArray[np.int16]]:
+    """What lists of rows stand for: how many rows of the networks each, and these, in the order of the list."""
+    found = members[rows].reshape(len(rows), rows.shape[1] * members.shape[1])
+    there = (found >= 0) & (np.repeat(np.arange(rows.shape[1]), members.shape[1]) < count[:, None])
+    first = np.argsort(~there, axis=1, kind="stable")
+    total = there.sum(axis=1)
+    return total, np.take_along_axis(np.where(there, found, 0), first, axis=1)[:, : total.max(initial=0)]
 
 
 def files(found: list[Item]) -> Iterator[tuple[Item, dict[str, object]]]:
@@ -319,16 +331,16 @@ def network(
 # -- adaptive probabilities ----------------------------------------------------------------------------------------
 
 
-def adapted(coded: list[tuple[Item, dict[str, object]]], squash: NDArray[np.int64], tables: Tables) -> Tables:
+def adapted(n: int, coded: list[tuple[Item, dict[str, object]]], squash: NDArray[np.int64], tables: Tables) -> Tables:
     """The same networks with the mixing weights and probabilities that files have at their ends, on the average.
 
     Each file begins with what there is so far. Files count alike, but for those that have few symbols of a kind.
     """
-    prob, seen, blend = profile.models(squash, tables)
+    prob, seen, blend = profile.models(n, squash, tables)
     mean, weight = prob.astype(float), np.zeros(len(prob))
     mix, mixed = blend.mix.astype(float), np.zeros(KINDS)
     for item, options in coded:
-        prob, seen = use(squash, tables)
+        prob, seen = use(n, squash, tables)
         encoder = Encoder(item.values, item.isovalue, profile="main", **options)  # type: ignore[arg-type]
         for _ in encoder:
             pass
@@ -353,7 +365,7 @@ def trained(folder: Path, n: int, squash: NDArray[np.int64], epochs: int) -> Tab
     out = np.zeros((NETS, HIDDEN + 1), np.int64)
     tables = Tables(weight, out, mix, np.zeros((0, 3), np.int64))
     found = data(folder, n)
-    use(squash, tables)
+    use(n, squash, tables)
     once, twice = list(files(found)), list(pairs(found))
     lines = [traced(item, options) for item, options in (*once, *twice, *elsewhere(found))]
     for net in range(NETS):
@@ -362,7 +374,7 @@ def trained(folder: Path, n: int, squash: NDArray[np.int64], epochs: int) -> Tab
         weight[first : first + rows] = np.clip(np.rint(fitted * ONE), -32768, 32767)
         out[net] = np.rint(opinion * ONE)
         out[net, HIDDEN] = np.rint(opinion[HIDDEN] * ONE * ONE)
-    return adapted([*twice, *once], squash, tables)
+    return adapted(n, [*twice, *once], squash, tables)
 
 
 def main() -> None:

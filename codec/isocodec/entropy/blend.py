@@ -66,8 +66,7 @@ def _opinion(row, table, hidden, out):
         e, f = table[np.uint64(row[np.uint64(i + 4)])], table[np.uint64(row[np.uint64(i + 5)])]
         g, h = table[np.uint64(row[np.uint64(i + 6)])], table[np.uint64(row[np.uint64(i + 7)])]
         for j in range(len(hidden)):
-            four = (np.int32(a[j]) + np.int32(b[j])) + (np.int32(c[j]) + np.int32(d[j]))
-            hidden[j] += four + ((np.int32(e[j]) + np.int32(f[j])) + (np.int32(g[j]) + np.int32(h[j])))
+            hidden[j] += ((a[j] + b[j]) + (c[j] + d[j])) + ((e[j] + f[j]) + (g[j] + h[j]))
         i += 8
     while i <= count:
         a = table[np.uint64(row[np.uint64(i)])]

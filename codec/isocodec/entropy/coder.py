@@ -42,7 +42,7 @@ class Blend(NamedTuple):
     has listed, then those, ``trace`` room for the rows of all symbols while networks are trained.
     """
 
-    weight: NDArray[np.int16]
+    weight: NDArray[np.int32]
     out: NDArray[np.int32]
     mix: NDArray[np.int64]
     squash: NDArray[np.int64]

@@ -7,7 +7,7 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 
-from isospec.tables import HIDDEN, KINDS, MOST_LOGIT, Tables, shipped, unpacked
+from isospec.tables import HIDDEN, KINDS, MOST_LOGIT, ROWS, Tables, shipped, unpacked
 
 from .baseline import CONTEXTS, RATES
 from .baseline import models as baseline_models
@@ -55,11 +55,17 @@ MANNER_ROWS = 38
 """Of these, what kind of curve it has been so far."""
 EARLIER_ROWS = 60
 """Of these, what an earlier isovalue says."""
-SIGN_ROWS = {n: 10 + 2 * AROUND[n] + MANNER_ROWS + EARLIER_ROWS for n in AROUND}
+AROUND_ROW = 10
+"""First of their rows in its network."""
+SIGN_ROWS = {n: AROUND_ROW + 2 * AROUND[n] + MANNER_ROWS + EARLIER_ROWS for n in AROUND}
 CELLS = {2: 24, 3: 26}
 """Cells around a node of the tree that its network sees."""
-CELL_ROWS = 9
-TREE_ROWS = {n: 94 + CELL_ROWS * CELLS[n] for n in AROUND}
+CELL_CLASSES, BIRTH_CLASSES = 5, 4
+"""Classes of the number of vertices in a cell, and of that of new components."""
+CELL_ROWS = CELL_CLASSES + BIRTH_CLASSES
+CELL_ROW = 94
+"""First of their rows in the tree's network."""
+TREE_ROWS = {n: CELL_ROW + CELL_ROWS * CELLS[n] for n in AROUND}
 TREE_ROW = {n: n * SIGN_ROWS[n] for n in AROUND}
 """First row of the tree's network."""
 OFFSET_ROW = {n: TREE_ROW[n] + TREE_ROWS[n] for n in AROUND}
@@ -77,20 +83,63 @@ BEHIND = {2: 48, 3: 62}
 BASE_ROW = {n: MESH_ROW[n] + MESH_ROWS[n] for n in AROUND}
 BASE_ROWS = {n: 18 + 2 * BEHIND[n] * n * (n + 1) for n in AROUND}
 
+# Several rows of a list are one where their sums are made beforehand. These follow the rows of all networks.
+GROUP = 4
+"""Vertices around a middle, one after the other, that have one row together."""
+PATTERNS = 3**GROUP
+"""Of each of them 0 stands for no row, 1 and 2 for its first and second; the first of the group counts once, the next
+three times, and so on."""
+AROUND_SUMS = {n: AROUND[n] // GROUP * PATTERNS for n in AROUND}
+AROUND_SUM = ROWS
+"""First of the rows for what is known around middles: for each phase those of each group."""
+CELL_SUMS = CELL_CLASSES * BIRTH_CLASSES
+CELL_SUM = {n: AROUND_SUM[n] + n * AROUND_SUMS[n] for n in AROUND}
+"""First of the rows for cells: for each cell those of its classes of new components, for each class of vertices."""
+_LINE = 64
+"""Bytes of a line of the processor's cache: rows that begin with one are read faster."""
+
 
 @cache
 def _shipped() -> tuple[NDArray[np.int64], dict[int, Tables]]:
     return unpacked(shipped())
 
 
+def members(n: int) -> NDArray[np.int16]:
+    """Rows of the networks that each row stands for, the sums included; -1 for none."""
+    found = np.full((CELL_SUM[n] + CELL_SUMS * CELLS[n], GROUP), -1, np.int16)
+    found[: ROWS[n], 0] = np.arange(ROWS[n])
+    number = np.arange(AROUND[n]).reshape(-1, 1, GROUP)
+    case = np.arange(PATTERNS)[:, None] // 3 ** np.arange(GROUP) % 3
+    for phase in range(n):
+        rows = np.where(case > 0, phase * SIGN_ROWS[n] + AROUND_ROW + 2 * number + case - 1, -1)
+        found[AROUND_SUM[n] + phase * AROUND_SUMS[n] :][: AROUND_SUMS[n]] = rows.reshape(-1, GROUP)
+    first = TREE_ROW[n] + CELL_ROW + CELL_ROWS * np.arange(CELLS[n])
+    vertices, births = np.divmod(np.arange(CELL_SUMS), BIRTH_CLASSES)
+    found[CELL_SUM[n] :, 0] = (first[:, None] + vertices).ravel()
+    found[CELL_SUM[n] :, 1] = (first[:, None] + CELL_CLASSES + births).ravel()
+    return found
+
+
+def with_sums(n: int, weight: NDArray[np.int16]) -> NDArray[np.int32]:
+    """Weights of all rows, the sums included."""
+    found = members(n)
+    padded = np.concatenate([weight, np.zeros((1, HIDDEN), np.int16)])
+    whole = np.zeros(len(found) * HIDDEN + _LINE // 4, np.int32)
+    place = -whole.ctypes.data % _LINE // 4
+    sums = whole[place : place + len(found) * HIDDEN].reshape(-1, HIDDEN)
+    for rows in found.T:
+        sums += padded[rows]
+    return sums
+
+
 def no_blend() -> Blend:
     """What a coder of the baseline profile has."""
     whole = np.zeros(0, np.int64)
     table, short = np.zeros((0, 1), np.int64), np.zeros((0, 1), np.int32)
-    return Blend(short.astype(np.int16), short, table, whole, whole, whole, whole, short[:, 0], short)
+    return Blend(short, short, table, whole, whole, whole, whole, short[:, 0], short)
 
 
-def models(squash: NDArray[np.int64], t: Tables) -> tuple[NDArray[np.int64], NDArray[np.int64], Blend]:
+def models(n: int, squash: NDArray[np.int64], t: Tables) -> tuple[NDArray[np.int64], NDArray[np.int64], Blend]:
     """Probabilities of a 1, symbols seen, and the rest, as a file begins with them."""
     prob = np.empty(STATES, np.int64)
     seen = np.zeros(STATES, np.int64)
@@ -105,8 +154,8 @@ def models(squash: NDArray[np.int64], t: Tables) -> tuple[NDArray[np.int64], NDA
     count = np.arange(RATES)
     trust = (2 * count << TRUST_SHIFT) // (2 * count + 3)
     blend = Blend(
-        t.weight, t.out.astype(np.int32), t.mix.copy(), squash, stretch, trust, np.zeros(MOST_ROWS, np.int64),
-        np.zeros(HIDDEN, np.int32), np.zeros((0, 0), np.int32),
+        with_sums(n, t.weight), t.out.astype(np.int32), t.mix.copy(), squash, stretch, trust,
+        np.zeros(MOST_ROWS, np.int64), np.zeros(HIDDEN, np.int32), np.zeros((0, 0), np.int32),
     )  # fmt: skip
     return prob, seen, blend
 
@@ -114,7 +163,7 @@ def models(squash: NDArray[np.int64], t: Tables) -> tuple[NDArray[np.int64], NDA
 @cache
 def _begun(n: int) -> tuple[NDArray[np.int64], NDArray[np.int64], Blend]:
     squash, found = _shipped()
-    return models(squash, found[n])
+    return models(n, squash, found[n])
 
 
 def shipped_models(n: int) -> tuple[NDArray[np.int64], NDArray[np.int64], Blend]:

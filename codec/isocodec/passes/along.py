@@ -44,8 +44,11 @@ def _near(st, x, y, z, a, b, edge, i, j):
 
 
 @inner
-def _follow(st, index, number, parts, length, x, y, z, a, b, edge, way, out):
-    """Follow the curve from the edge at (x, y, z) along a into the direction ``way`` of b; leaves two crossings."""
+def _follow(st, index, number, parts, length, low, high, x, y, z, a, b, edge, way, out):
+    """Follow the curve from the edge at (x, y, z) along a into the direction ``way`` of b; leaves two crossings.
+
+    ``low`` and ``high`` are the store entries of the edge's ends.
+    """
     w = st.walk
     w[out + 2] = NONE
     w[out + 5] = NONE
@@ -53,8 +56,6 @@ def _follow(st, index, number, parts, length, x, y, z, a, b, edge, way, out):
     i, j, turned, step = np.int64(0), np.int64(0), False, way
     for k in range(2):
         s, t = (step, 0) if turned else (0, step)
-        low = _near(st, x, y, z, a, b, edge, i, j)
-        high = _near(st, x, y, z, a, b, edge, i + (not turned), j + turned)
         low_there = _near(st, x, y, z, a, b, edge, i + s, j + t)
         high_there = _near(st, x, y, z, a, b, edge, i + s + (not turned), j + t + turned)
         if low_there == 0 or high_there == 0:
@@ -65,14 +66,17 @@ def _follow(st, index, number, parts, length, x, y, z, a, b, edge, way, out):
         if at_low or at_high:
             if at_high:
                 i, j = i + (not turned), j + turned
+                low, low_there = high, high_there
+            high = low_there
             if step < 0:
                 i, j = i + s, j + t
+                low, high = high, low
             turned = not turned
             step = 1 if at_high else -1
         else:
             i, j = i + s, j + t
-        v = (_near(st, x, y, z, a, b, edge, i, j) >> 1) - 1
-        e = np.int64(index[v, b if turned else a])
+            low, high = low_there, high_there
+        e = np.int64(index[(low >> 1) - 1, b if turned else a])
         if e < 0 or length[e] != edge:
             return
         place = (2 * number[e] + 1) * (UNIT // 2) // parts[e]
@@ -150,7 +154,7 @@ def find_candidates(st, beside, edges, number, parts, length, i):
         st.walk[CANDIDATES + 2 * c + 1] = NONE
     span, axis = _span(st, edges[i, 0], edges[i, 1])
     if len(beside.grid) > 0 and span == 1:
-        _find_on_grid(st, beside.grid, number, parts, length, edges[i, 0], axis, length[i])
+        _find_on_grid(st, beside.grid, number, parts, length, edges[i, 0], edges[i, 1], axis, length[i])
     if len(beside.near) == 0:
         return np.int64(0)
     _find_off_grid(st, beside.chain, beside.near, edges, number, parts, length, i)
@@ -190,17 +194,18 @@ def count_near(near, edges, number, parts, length, i, sign):
 
 
 @inner
-def _find_on_grid(st, index, number, parts, length, v, a, edge):
-    """Candidates of all planes and their mean for the edge of this length from vertex v along axis a."""
+def _find_on_grid(st, index, number, parts, length, u, v, a, edge):
+    """Candidates of all planes and their mean for the edge of this length from vertex u along axis a to v."""
     w = st.walk
-    x, y, z = np.int64(st.vertex[v, 0]), np.int64(st.vertex[v, 1]), np.int64(st.vertex[v, 2])
+    x, y, z = np.int64(st.vertex[u, 0]), np.int64(st.vertex[u, 1]), np.int64(st.vertex[u, 2])
+    low, high = 2 * (u + 1) + st.vertex[u, 3], 2 * (v + 1) + st.vertex[v, 3]
     n = dimension(st.tables)
     total, count, worst = np.int64(0), np.int64(0), np.int64(FINE)
     for plane in range(n - 1):
         b = (a + 1 + plane) % n
         one, two = np.int64(_POINTS), np.int64(_POINTS + 6)
-        _follow(st, index, number, parts, length, x, y, z, a, b, edge, np.int64(1), one)
-        _follow(st, index, number, parts, length, x, y, z, a, b, edge, np.int64(-1), two)
+        _follow(st, index, number, parts, length, low, high, x, y, z, a, b, edge, np.int64(1), one)
+        _follow(st, index, number, parts, length, low, high, x, y, z, a, b, edge, np.int64(-1), two)
         c = PLANE + 4 * plane
         _extended(w, one, c + BEFORE)
         _extended(w, two, c + BEHIND)

@@ -7,7 +7,7 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
-from ..entropy.main import AROUND
+from ..entropy.main import AROUND, AROUND_SUM, AROUND_SUMS, GROUP, PATTERNS
 from ..jit import inner, kernel
 from ..mesh.access import dimension
 from ..mesh.store import full, page_or_first, put, wipe
@@ -53,6 +53,12 @@ _PLANE_AT = (PLANE[..., 0] * 64 + PLANE[..., 1]).astype(np.int16)
 _SPACE_AT = (SPACE[..., 0] * 1024 + SPACE[..., 1] * 32 + SPACE[..., 2]).astype(np.int16)
 _REACH_2, _REACH_3 = int(abs(PLANE).max()), int(abs(SPACE).max())
 _COUNT_2, _COUNT_3 = AROUND[2], AROUND[3]
+_FIRST_2, _FIRST_3 = AROUND_SUM[2], AROUND_SUM[3]
+_SUMS_2, _SUMS_3 = AROUND_SUMS[2], AROUND_SUMS[3]
+# patterns of a group, by the sign that entries of the board are relative to: 2 stands for the same one
+_PATTERN = np.arange(PATTERNS)
+_SWAPPED = sum((3 - _PATTERN // 3**i % 3) % 3 * 3**i for i in range(GROUP))
+_MIRROR = np.array([_SWAPPED, _PATTERN])
 _MARGIN = 32
 """Of the board, in units of g: whole pages, and more than windows reach."""
 
@@ -75,6 +81,8 @@ def survey(st):
     known, else 1 + the sign.
     """
     at = st.at
+    if at[BOARDED] == at[VERTICES] and at[BOARD_EDGE] == at[EDGE]:
+        return True
     if at[BOARD_EDGE] != at[EDGE]:
         wipe(st.board)
         at[BOARD_EDGE], at[BOARDED] = at[EDGE], 0
@@ -137,15 +145,17 @@ def _places_3(near, table, at, out):
 
 
 @kernel
-def _listed(cells, row, count, first, same, places):
-    """Append the rows of the vertices on the board that have the entry ``same`` or another; returns how many there are.
+def _listed(cells, row, count, first, mirror, places):
+    """Append the rows of the vertices on the board, a group at a time; returns how many rows there are.
 
     Indices are unsigned: no test whether they count from the end.
     """
-    for i in range(len(places)):
-        e = np.int64(cells[np.uint64(places[i])])
-        row[np.uint64(count)] = first + 2 * i + (e == same)
-        count += e != 0
+    for i in range(0, len(places), GROUP):
+        a, b = cells[np.uint64(places[np.uint64(i)])], cells[np.uint64(places[np.uint64(i + 1)])]
+        c, d = cells[np.uint64(places[np.uint64(i + 2)])], cells[np.uint64(places[np.uint64(i + 3)])]
+        row[np.uint64(count)] = first + mirror[np.uint64(a + 3 * b + 9 * c + 27 * d)]
+        first += PATTERNS
+        count += 1
     return count
 
 
@@ -157,8 +167,8 @@ def anchor(st, edge, w0, w1, w2):
 
 
 @inner
-def see_around(st, cd, first, w0, w1, w2):
-    """List the known vertices around a middle as rows from ``first`` on; returns the sign that they are relative to.
+def see_around(st, cd, r, w0, w1, w2):
+    """List the known vertices around a middle as rows; returns the sign that they are relative to.
 
     That is the sign of the end of the subdivision edge at multiples of 4 g. The board has been surveyed.
     """
@@ -181,5 +191,6 @@ def see_around(st, cd, first, w0, w1, w2):
         _as_differences(near, 8)
         at = (p0 - (q0 << 4)) << 10 | (p1 - (q1 << 4)) << 5 | (p2 - (q2 << 4))
         _places_3(near, _SPACE_AT[(w0 & 3) | (w1 & 3) << 2 | (w2 & 3) << 4], at, places)
-    row[0] = _listed(board.pages.reshape(-1), row, row[0] + 1, first, 1 + here, places) - 1
+    first = _FIRST_2 + r * _SUMS_2 if dimension(st.tables) == 2 else _FIRST_3 + r * _SUMS_3
+    row[0] = _listed(board.pages.reshape(-1), row, row[0] + 1, first, _MIRROR[here], places) - 1
     return here

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..entropy.blend import clear, see
-from ..entropy.main import CELL_ROWS, TREE_ROW
+from ..entropy.main import BIRTH_CLASSES, CELL_CLASSES, CELL_SUM, CELL_SUMS, TREE_ROW
 from ..jit import DONE, GROW, inner, kernel
 from ..mesh.access import dimension
 from ..mesh.store import full, get, spot
@@ -21,6 +21,7 @@ BIRTH = 1 << 20
 _MOST_BIRTHS, _MOST_VERTICES = 2047, BIRTH - 1
 
 _FIRST_2, _FIRST_3 = TREE_ROW[2], TREE_ROW[3]
+_CELLS_2, _CELLS_3 = CELL_SUM[2], CELL_SUM[3]
 NODE, CUBE, SLOT = np.arange(3)
 ROOT = np.int64(-1)
 """Number of the root, which has no siblings."""
@@ -84,7 +85,7 @@ def _class(x):
 
 @inner
 def _see_cells(st, cd, first, n, x, y, z):
-    """Two rows for each cell around one: classes of the vertices and of the new components in it."""
+    """A row for each cell around one: classes of the vertices and of the new components in it."""
     row = cd.blend.row
     count = row[0]
     far, deep = (2, 0) if n == 2 else (1, 1)
@@ -94,10 +95,10 @@ def _see_cells(st, cd, first, n, x, y, z):
                 if i == x and j == y and k == z:
                     continue
                 c = get(st.crowd, i, j, k) if min(j, k) >= 0 else np.int64(0)
-                row[count + 1] = first + min(c & _MOST_VERTICES, 4)
-                row[count + 2] = first + 5 + min(c >> 20, 3)
-                count += 2
-                first += CELL_ROWS
+                count += 1
+                row[count] = first + BIRTH_CLASSES * min(c & _MOST_VERTICES, CELL_CLASSES - 1)
+                row[count] += min(c >> 20, BIRTH_CLASSES - 1)
+                first += CELL_SUMS
     row[0] = count
 
 
@@ -123,4 +124,4 @@ def see_crowd(st, cd, what, shift, x, y, z, hits, child, nearness):
     here = get(st.crowd, x, y, z)
     see(cd, first + 57 + _class(here & _MOST_VERTICES))
     see(cd, first + 69 + _class(here >> 20))
-    _see_cells(st, cd, first + 94, n, x, y, z)
+    _see_cells(st, cd, _CELLS_2 if n == 2 else _CELLS_3, n, x, y, z)

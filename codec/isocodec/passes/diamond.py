@@ -12,7 +12,7 @@ from ..jit import inner
 from ..mesh.access import corner, dimension, grandchild, member
 from ..mesh.access import corners as corner_count
 from ..mesh.access import members as member_count
-from .state import EDGE, LAST, LEVEL, NEXT, clamped, edge_of, entry, exists, learn, position
+from .state import EDGE, LAST, LEVEL, NEXT, clamped, entry, exists, learn, position
 
 
 @inner
@@ -30,9 +30,8 @@ def coincident(st, edge, kind, corners, w0, w1, w2):
 
 
 @inner
-def inside(st, level, w0, w1, w2):
+def inside(st, edge, w0, w1, w2):
     """Whether the diamond around a middle lies wholly inside the box: it reaches g to all sides."""
-    edge = edge_of(st, level)
     last = st.at
     if min(w0, w1) < 1 or (w0 + 1) * edge > 2 * last[LAST] or (w1 + 1) * edge > 2 * last[LAST + 1]:
         return False
@@ -40,17 +39,14 @@ def inside(st, level, w0, w1, w2):
 
 
 @inner
-def look(st, level, kind, w0, w1, w2):
-    """Bits of the members that exist, of their corners, of those that are known, and of the known ones above.
+def look(st, edge, r, kind, w0, w1, w2):
+    """Bits of a diamond's members that exist, of their corners, of those that are known, and of the known ones above.
 
     The first value tells whether the whole diamond lies inside the box.
     """
-    n = dimension(st.tables)
-    r = level % n
-    edge = edge_of(st, level)
     b0, b1, b2 = w0 >> 2, w1 >> 2, w2 >> 2
     t = st.tables
-    whole = inside(st, level, w0, w1, w2)
+    whole = inside(st, edge, w0, w1, w2)
     members = (np.int64(1) << member_count(t, kind)) - 1
     corners = (np.int64(1) << corner_count(t, kind)) - 1
     if not whole:
@@ -86,24 +82,24 @@ def push(st, cls, b0, b1, b2, level):
 
 
 @inner
-def bisect_member(st, kind, m, w0, w1, w2, whole, known, above):
+def bisect_member(st, r, kind, m, w0, w1, w2, whole, known, above):
     """Append the mixed children of one member; their corners become known. Returns the bits known after it.
 
     ``above`` holds the signs of all corners and the middle, inferred ones included.
     """
-    n = dimension(st.tables)
     edge = st.at[EDGE]
     t = st.tables
     b0, b1, b2 = w0 >> 2, w1 >> 2, w2 >> 2
-    below = st.at[LEVEL] + 1
-    f = 2 if below % n == 0 else 1
+    level = st.at[LEVEL] + 1
+    below = r + 1 if r + 1 < dimension(t) else 0
+    f = 1 if below else 2
     for s in range(2):
         cls, d0, d1, d2, bits = grandchild(t, kind, m, s)
         signs = above & bits
         if signs == 0 or signs == bits:
             continue
         d0, d1, d2 = b0 * f + d0, b1 * f + d1, b2 * f + d2
-        if not whole and not exists(st, edge // f, below % n, cls, d0, d1, d2):
+        if not whole and not exists(st, edge // f, below, cls, d0, d1, d2):
             continue
         fresh = bits & ~known
         i = 0
@@ -115,12 +111,12 @@ def bisect_member(st, kind, m, w0, w1, w2, whole, known, above):
             fresh >>= 1
             i += 1
         known |= bits
-        push(st, cls, d0, d1, d2, below)
+        push(st, cls, d0, d1, d2, level)
     return known
 
 
 @inner
-def bisect(st, kind, w0, w1, w2, whole, members, known, above, sign):
+def bisect(st, r, kind, w0, w1, w2, whole, members, known, above, sign):
     """Add the middle with its sign, and append the mixed children of all members, in order."""
     edge = st.at[EDGE]
     learn(st, (w0 * edge) >> 1, (w1 * edge) >> 1, (w2 * edge) >> 1, sign)
@@ -130,4 +126,4 @@ def bisect(st, kind, w0, w1, w2, whole, members, known, above, sign):
         above |= middle
     for m in range(member_count(st.tables, kind)):
         if (members >> m) & 1:
-            known = bisect_member(st, kind, m, w0, w1, w2, whole, known, above)
+            known = bisect_member(st, r, kind, m, w0, w1, w2, whole, known, above)

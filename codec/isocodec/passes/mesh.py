@@ -67,7 +67,8 @@ def _listed(st, count, x, y, z):
 def mixed(st, level, x, y, z):
     """Whether the known corners of the diamond around a middle differ in sign."""
     w0, w1, w2 = lattice(st, level, x, y, z)
-    known, above = look(st, level, kind_of(st.tables, level % dimension(st.tables), w0, w1, w2), w0, w1, w2)[3:]
+    r = level % dimension(st.tables)
+    known, above = look(st, edge_of(st, level), r, kind_of(st.tables, r, w0, w1, w2), w0, w1, w2)[3:]
     return above != 0 and above != known
 
 
@@ -94,7 +95,7 @@ def closure(st, level, x, y, z, free):
         edge = edge_of(st, level)
         w0, w1, w2 = lattice(st, level, x, y, z)
         kind = kind_of(t, level % n, w0, w1, w2)
-        existing = look(st, level, kind, w0, w1, w2)[1]
+        existing = look(st, edge, level % n, kind, w0, w1, w2)[1]
         for m in range(member_count(t, kind)):
             if not (existing >> m) & 1:
                 continue
@@ -150,7 +151,7 @@ def told(st, level, x, y, z):
     edge = edge_of(st, level)
     w0, w1, w2 = lattice(st, level, x, y, z)
     kind = kind_of(t, level % n, w0, w1, w2)
-    existing = look(st, level, kind, w0, w1, w2)[1]
+    existing = look(st, edge, level % n, kind, w0, w1, w2)[1]
     for m in range(member_count(t, kind)):
         if (existing >> m) & 1:
             p0, p1, p2 = parent(t, level, edge, kind, m, w0, w1, w2)

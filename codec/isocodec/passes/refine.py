@@ -92,13 +92,13 @@ def _apart(st, kind, w0, w1, w2, known, above):
 
 
 @inner
-def _bisect_known(st, kind, w0, w1, w2, cls, b0, b1, b2, sign):
+def _bisect_known(st, r, kind, w0, w1, w2, cls, b0, b1, b2, sign):
     """Bisect a leaf whose middle was known before the round: clamping put it on an older vertex (clause 5.4.4).
 
     Every mixed member of the diamond does so for itself; the first of them also bisects the members that are
     not mixed, which the curve may enter.
     """
-    inside, members, corners, known, above = look(st, st.at[LEVEL], kind, w0, w1, w2)
+    inside, members, corners, known, above = look(st, st.at[EDGE], r, kind, w0, w1, w2)
     t = st.tables
     if above & 1 and above & 2:
         above |= corners & ~known
@@ -119,9 +119,9 @@ def _bisect_known(st, kind, w0, w1, w2, cls, b0, b1, b2, sign):
                 bits = member(t, kind, u)[4]
                 plain = (above & bits) == 0 or (above & bits) == bits
                 if (members >> u) & 1 and plain:
-                    known = bisect_member(st, kind, u, w0, w1, w2, inside, known, above)
+                    known = bisect_member(st, r, kind, u, w0, w1, w2, inside, known, above)
         if same:
-            known = bisect_member(st, kind, m, w0, w1, w2, inside, known, above)
+            known = bisect_member(st, r, kind, m, w0, w1, w2, inside, known, above)
         if mixed:
             first = False
 
@@ -159,15 +159,14 @@ def _remember(st, p0, p1):
 
 
 @inner
-def _see(st, cd, w0, w1, w2, crossed, said, guess, earlier, apart):
+def _see(st, cd, r, w0, w1, w2, crossed, said, guess, earlier, apart):
     """List what the main profile sees around a middle (spec clause 7.12); whether its rows speak of the bit 0."""
     n = dimension(st.tables)
-    r = st.at[LEVEL] % n
     w = st.walk
     first = r * (_SIGN_ROWS_2 if n == 2 else _SIGN_ROWS_3)
     clear(cd)
     see(cd, first + 4 * crossed + (w[CROSSED] if crossed else w[BORDER]))
-    here = see_around(st, cd, first + 10, w0, w1, w2)
+    here = see_around(st, cd, r, w0, w1, w2)
     target = guess if crossed else 1 - guess
     if said != 0:
         see(cd, first + 8 + ((said == 1) == (guess == here)))
@@ -200,11 +199,12 @@ def _split(st, cd, kind, w0, w1, w2, x, y, z):
         w = st.walk
         if cd.reg[MODE] == ENCODE:
             bit = np.int64(has(st.chosen, x, y, z))
-        _, _, corners, _, above = look(st, level, kind, w0, w1, w2)
+        r = level % dimension(st.tables)
+        _, _, corners, _, above = look(st, st.at[EDGE], r, kind, w0, w1, w2)
         crossed = (above & 1) != (above >> 1) & 1
         size, odd = _ring(corners, above, np.int64(1))
         odd = min(odd, size - odd)
-        case = (level % dimension(st.tables) * 2 + crossed) * 4 + min(odd, 3)
+        case = (r * 2 + crossed) * 4 + min(odd, 3)
         bit = ask(st, cd, OF_LEAF, w[SPLITS], level, x, y, z, ctx.SPLIT + case * 8 + w[SPLITS], bit)
         if bit < 0:
             return bit
@@ -283,10 +283,10 @@ def refine(st, cd):
         e = entry(st, x, y, z)
         if e != 0:
             if (e >> 1) - 1 < first_known:
-                _bisect_known(st, kind, w0, w1, w2, cls, b0, b1, b2, e & 1)
+                _bisect_known(st, r, kind, w0, w1, w2, cls, b0, b1, b2, e & 1)
             st.at[DONE_LEAVES] = i + 1
             continue
-        inside, members, corners, known, above = look(st, st.at[LEVEL], kind, w0, w1, w2)
+        inside, members, corners, known, above = look(st, edge, r, kind, w0, w1, w2)
         first = above & 1
         crossed = first != (above >> 1) & 1
         said = 0
@@ -323,7 +323,7 @@ def refine(st, cd):
             if encoding:
                 bit = np.int64((truth(st, x, y, z) == guess) == crossed)
             if mixing(cd):
-                flip, symbols = _see(st, cd, w0, w1, w2, crossed, said, guess, other, apart)
+                flip, symbols = _see(st, cd, r, w0, w1, w2, crossed, said, guess, other, apart)
                 bit = blended(cd, SIGN_NET + r, flip, symbols + 6 * (other >= 0), context, bit)
             else:
                 bit = code(cd, context, bit)
@@ -344,6 +344,6 @@ def refine(st, cd):
         if crossed and n == 2:
             p0, p1 = _half(st, kind, w0, w1, np.int64(sign == first))
             _remember(st, p0, p1)
-        bisect(st, kind, w0, w1, w2, inside, members, known, above, sign)
+        bisect(st, r, kind, w0, w1, w2, inside, members, known, above, sign)
         st.at[DONE_LEAVES] = i + 1
     return DONE

@@ -100,7 +100,7 @@ def candidate(st, r, w0, w1, w2):
     if entry(st, x, y, z) != 0:
         return 0
     level = st.at[LEVEL]
-    inside, members, corners, known, above = look(st, level, kind, w0, w1, w2)
+    inside, members, corners, known, above = look(st, edge, r, kind, w0, w1, w2)
     if members == 0 or (above != 0 and above != known):
         return 0
     if not inside and coincident(st, edge, kind, corners, w0, w1, w2):
@@ -198,7 +198,7 @@ def _alone(st, r, w0, w1, w2):
     if (st.at[ASKS] and not has(st.chosen, x, y, z)) or entry(st, x, y, z) != 0 or get(st.mesh, x, y, z) & IN:
         return False
     s = truth(st, (w0 * edge) >> 1, (w1 * edge) >> 1, (w2 * edge) >> 1)
-    corners = look(st, st.at[LEVEL], kind, w0, w1, w2)[2]
+    corners = look(st, edge, r, kind, w0, w1, w2)[2]
     for i in range(corner_count(t, kind)):
         if (corners >> i) & 1 and s == _corner_sign(st, kind, i, w0, w1, w2):
             return False
@@ -303,7 +303,7 @@ def _add(st, cd, x, y, z, slot):
     r = level % n
     w0, w1, w2 = middle_of(n, r, x, y, z, slot)
     kind = kind_of(st.tables, r, w0, w1, w2)
-    inside, members, corners, known, above = look(st, level, kind, w0, w1, w2)
+    inside, members, corners, known, above = look(st, edge, r, kind, w0, w1, w2)
     m0, m1, m2 = (w0 * edge) >> 1, (w1 * edge) >> 1, (w2 * edge) >> 1
     if known != 0:
         sign = np.int64(1 if above != 0 else 0)
@@ -331,7 +331,7 @@ def _add(st, cd, x, y, z, slot):
         st.at[BIRTHS] += 1
     if st.at[ASKS]:
         admit(st, closure(st, level, m0, m1, m2, np.int64(0)))
-    bisect(st, kind, w0, w1, w2, inside, members, known, corners if sign else np.int64(0), 1 - sign)
+    bisect(st, r, kind, w0, w1, w2, inside, members, known, corners if sign else np.int64(0), 1 - sign)
     return DONE
 
 

@@ -69,9 +69,9 @@ def members_of(dm, level, kind, w0, w1, w2):
     t = dm.tables
     n = dimension(t)
     count = member_count(t, kind)
-    if inside(dm, level, w0, w1, w2):
-        return True, (np.int64(1) << count) - 1, (np.int64(1) << corner_count(t, kind)) - 1
     edge = edge_of(dm, level)
+    if inside(dm, edge, w0, w1, w2):
+        return True, (np.int64(1) << count) - 1, (np.int64(1) << corner_count(t, kind)) - 1
     found = np.int64(0)
     corners = np.int64(0)
     for m in range(count):
