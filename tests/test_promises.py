@@ -17,7 +17,7 @@ from isocodec.errors import OptionError
 from isocodec.grid.field import check_field
 from isocodec.jit import kernel
 from isocodec.mesh.tables import cube_exponent
-from isocodec.passes import significance, truth
+from isocodec.passes import births, truth
 from isocodec.passes.geometry import _choice
 from isocodec.reduce.original import original
 from isocodec.stream.crossings import grid_offsets, radices
@@ -224,7 +224,7 @@ def test_memory_of_the_encoder(shape, options):
 def test_the_domain_is_surveyed_once(options, monkeypatch):
     """However many curves a search tries: each trial costs what its curve costs."""
     surveys, trials = [], []
-    for module, name in ((truth, "build_pyramid"), (significance, "busy_blocks")):
+    for module, name in ((truth, "build_pyramid"), (births, "busy_blocks")):
         whole = getattr(module, name)
         monkeypatch.setattr(module, name, lambda *args, whole=whole, name=name: surveys.append(name) or whole(*args))
     isocodec.encode(SMOOTH, 20.5, progress=lambda done, total: trials.append(done), **options)

@@ -17,7 +17,7 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from isocodec.passes import seek, significance, tube
+from isocodec.passes import births, seek, significance, tube
 from isocodec.passes.truth import Truth
 from isocodec.stream.header import Header
 from isocodec.stream.program import Layer
@@ -69,7 +69,7 @@ def _mixed_cube(pyramid: object, levels: object, m: int, x: int, y: int, z: int)
 
 
 def _find(st, busy: object, found: NDArray[np.int64]) -> int:
-    """Like ``significance.find``, which fills ``found`` as far as it goes, but over the cubes around the circle only.
+    """Like ``births.find``, which fills ``found`` as far as it goes, but over the cubes around the circle only.
 
     A middle differs from all corners of its diamond only if the circle passes the square of two cubes around it.
     """
@@ -82,9 +82,9 @@ def _find(st, busy: object, found: NDArray[np.int64]) -> int:
             if not passes(((x - 1) * edge, (y - 1) * edge), ((x + 2) * edge, (y + 2) * edge)):
                 continue
             for slot in range(significance.slots(2, r)):
-                if significance._alone(st, r, *significance.middle_of(2, r, x, y, 0, slot)):
+                if births._alone(st, r, *significance.middle_of(2, r, x, y, 0, slot)):
                     if count < len(found):
-                        found[count] = significance._morton(2, x, y, 0) << significance.SLOT_BITS | slot
+                        found[count] = births._morton(2, x, y, 0) << significance.SLOT_BITS | slot
                     count += 1
     return count
 
@@ -94,7 +94,7 @@ def main(name: str) -> bytes:
     Truth.busy = np.zeros((1, 1, 1), np.bool_)  # type: ignore[assignment]
     Truth.pyramid = lambda *_: (np.zeros(1, np.uint8), np.zeros((1, 4), np.int64))  # type: ignore[method-assign]
     seek._mixed_cube = _mixed_cube
-    significance.find = _find
+    births.find = _find
     signs: NDArray[np.bool_] = Circle()  # type: ignore[assignment]
     return bytes(planned(Header((SIDE, SIDE), 0.5), sign_tube((SIDE, SIDE), signs), [PLANS[name]]))
 

@@ -39,24 +39,29 @@ def inside(st, edge, w0, w1, w2):
 
 
 @inner
-def look(st, edge, r, kind, w0, w1, w2):
-    """Bits of a diamond's members that exist, of their corners, of those that are known, and of the known ones above.
-
-    The first value tells whether the whole diamond lies inside the box.
-    """
-    b0, b1, b2 = w0 >> 2, w1 >> 2, w2 >> 2
+def existing(st, edge, r, kind, w0, w1, w2):
+    """Whether a diamond lies wholly inside the box, and bits of its members that exist and of their corners."""
     t = st.tables
-    whole = inside(st, edge, w0, w1, w2)
     members = (np.int64(1) << member_count(t, kind)) - 1
     corners = (np.int64(1) << corner_count(t, kind)) - 1
-    if not whole:
-        members = np.int64(0)
-        corners = np.int64(0)
-        for m in range(member_count(t, kind)):
-            cls, d0, d1, d2, bits = member(t, kind, m)
-            if exists(st, edge, r, cls, b0 + d0, b1 + d1, b2 + d2):
-                members |= np.int64(1) << m
-                corners |= bits
+    if inside(st, edge, w0, w1, w2):
+        return True, members, corners
+    members = np.int64(0)
+    corners = np.int64(0)
+    for m in range(member_count(t, kind)):
+        cls, d0, d1, d2, bits = member(t, kind, m)
+        if exists(st, edge, r, cls, (w0 >> 2) + d0, (w1 >> 2) + d1, (w2 >> 2) + d2):
+            members |= np.int64(1) << m
+            corners |= bits
+    return False, members, corners
+
+
+@inner
+def look(st, edge, r, kind, w0, w1, w2):
+    """What ``existing`` says of a diamond, and bits of those corners that are known, and of the known ones above."""
+    whole, members, corners = existing(st, edge, r, kind, w0, w1, w2)
+    b0, b1, b2 = w0 >> 2, w1 >> 2, w2 >> 2
+    t = st.tables
     known = np.int64(0)
     above = np.int64(0)
     for i in range(corner_count(t, kind)):

@@ -13,7 +13,7 @@ from ..mesh.access import dimension, member, vertex
 from ..mesh.access import kind as kind_of
 from ..mesh.access import members as member_count
 from ..mesh.store import full, get, put
-from .diamond import look
+from .diamond import existing, look
 from .state import FINEST, ROOM, STEP_VERTICES, TOLD, UNIFORM, edge_of, position
 
 IN, OUT, KEPT, KNOWN = 1, 2, 4, 8
@@ -95,9 +95,9 @@ def closure(st, level, x, y, z, free):
         edge = edge_of(st, level)
         w0, w1, w2 = lattice(st, level, x, y, z)
         kind = kind_of(t, level % n, w0, w1, w2)
-        existing = look(st, edge, level % n, kind, w0, w1, w2)[1]
+        members = existing(st, edge, level % n, kind, w0, w1, w2)[1]
         for m in range(member_count(t, kind)):
-            if not (existing >> m) & 1:
+            if not (members >> m) & 1:
                 continue
             p0, p1, p2 = parent(t, level, edge, kind, m, w0, w1, w2)
             state = get(st.mesh, p0, p1, p2)
@@ -151,9 +151,9 @@ def told(st, level, x, y, z):
     edge = edge_of(st, level)
     w0, w1, w2 = lattice(st, level, x, y, z)
     kind = kind_of(t, level % n, w0, w1, w2)
-    existing = look(st, edge, level % n, kind, w0, w1, w2)[1]
+    members = existing(st, edge, level % n, kind, w0, w1, w2)[1]
     for m in range(member_count(t, kind)):
-        if (existing >> m) & 1:
+        if (members >> m) & 1:
             p0, p1, p2 = parent(t, level, edge, kind, m, w0, w1, w2)
             if get(st.mesh, p0, p1, p2) & OUT:
                 return 0

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..mesh.tables import AXES, cube_exponent
+from .births import busy_of
 from .seek import build_pyramid
-from .significance import busy_of
 
 Pyramid = tuple[NDArray[np.uint8], NDArray[np.int64]]
 
@@ -37,7 +37,7 @@ class Truth:
 
     @cached_property
     def busy(self) -> NDArray[np.bool_]:
-        """Blocks that the curve passes: `significance.busy_of`."""
+        """Blocks that the curve passes: `births.busy_of`."""
         return busy_of(self.padded)
 
     def pyramid(self, level: int) -> Pyramid:

@@ -19,7 +19,7 @@ from ..mesh.chosen import Chosen, every_vertex, finest_level
 from ..mesh.store import PAGES, copied, grown, new_board, new_store
 from ..mesh.tables import cube_exponent, mesh_tables
 from . import base as base_pass
-from . import refine, seek, significance
+from . import births, refine, seek, significance
 from .estimates import Estimates
 from .mesh import IN, MOST_ANCESTORS
 from .state import (
@@ -225,7 +225,7 @@ class Tube:
         self._fresh()
         if self.truth:
             busy = self.truth.busy
-            self._items = np.sort(_filled(lambda out: significance.find(self.state, busy, out)))
+            self._items = np.sort(_filled(lambda out: births.find(self.state, busy, out)))
         self._running = "significance"
 
     def value_bits(self) -> tuple[int, int]:

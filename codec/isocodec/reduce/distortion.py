@@ -13,8 +13,9 @@ from ..mesh.access import child, corner, dimension, member, middle, vertex
 from ..mesh.access import corners as corner_count
 from ..mesh.access import kind as kind_of
 from ..mesh.access import members as member_count
+from ..passes.diamond import existing
 from ..passes.state import LAST, clamped, edge_of, exists, position
-from .domain import FAILED, OPEN, flags_of, members_of, number_of, place_of, set_flags, signs_of
+from .domain import FAILED, OPEN, flags_of, number_of, place_of, set_flags, signs_of
 from .edges import told_on
 
 _number_of, _place_of = inner(number_of), inner(place_of)
@@ -204,7 +205,7 @@ def pieces_of(dm, level, kind, w0, w1, w2, parts, unit):
     t = dm.tables
     n = dimension(t)
     edge = edge_of(dm, level)
-    whole, members, corners = members_of(dm, level, kind, w0, w1, w2)
+    whole, members, corners = existing(dm, edge, level % n, kind, w0, w1, w2)
     above = signs_of(dm, edge, kind, corners, w0, w1, w2)
     out = dm.room
     count = 0

@@ -8,14 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..jit import inner
-from ..mesh.access import corner, dimension, member
-from ..mesh.access import corners as corner_count
+from ..mesh.access import corner
 from ..mesh.access import members as member_count
 from ..mesh.chosen import Chosen, flags
 from ..mesh.store import put
-from ..passes.diamond import inside
 from ..passes.mesh import parent
-from ..passes.state import edge_of, exists, position, truth
+from ..passes.state import edge_of, position, truth
 
 NEEDED, OPEN, FAILED = 2, 4, 8
 """Bits of a lattice point, beside GONE: a child is left; it may go if the curve stays near enough; it does not."""
@@ -61,25 +59,6 @@ def set_flags(dm, x, y, z, bits):
         dm.chosen.inside[x, y, z] = bits
     else:
         put(dm.chosen.outside, x, y, z, bits)
-
-
-@inner
-def members_of(dm, level, kind, w0, w1, w2):
-    """Whether the diamond lies inside the box, and the bits of its existing members and of their corners."""
-    t = dm.tables
-    n = dimension(t)
-    count = member_count(t, kind)
-    edge = edge_of(dm, level)
-    if inside(dm, edge, w0, w1, w2):
-        return True, (np.int64(1) << count) - 1, (np.int64(1) << corner_count(t, kind)) - 1
-    found = np.int64(0)
-    corners = np.int64(0)
-    for m in range(count):
-        cls, d0, d1, d2, bits = member(t, kind, m)
-        if exists(dm, edge, level % n, cls, (w0 >> 2) + d0, (w1 >> 2) + d1, (w2 >> 2) + d2):
-            found |= np.int64(1) << m
-            corners |= bits
-    return False, found, corners
 
 
 @inner

@@ -15,8 +15,10 @@ from ..mesh.chosen import GONE, Chosen, every_vertex, has
 from ..mesh.store import copied as copied_store
 from ..mesh.store import grown
 from ..mesh.tables import AXES, cube_exponent, mesh_tables
+from ..passes.births import BLOCK, busy_of
+from ..passes.diamond import existing
 from ..passes.mesh import parent
-from ..passes.significance import BLOCK, busy_of, cubes, middle_of, slots
+from ..passes.significance import cubes, middle_of, slots
 from ..passes.state import COUNTERS, EDGE, LAST, LEVEL, SIZE, WALK, edge_of, truth
 from .distortion import diamonds_of, simplex_at, spread, too_far
 from .domain import (
@@ -26,7 +28,6 @@ from .domain import (
     ROOM,
     Domain,
     flags_of,
-    members_of,
     need_parents,
     number_of,
     place_of,
@@ -53,8 +54,9 @@ def _visit(dm, asked, doing, w0, w1, w2):
     bits = flags_of(dm, x, y, z)
     if bits & GONE or (doing == _OPEN and bits & NEEDED):
         return
-    kind = kind_of(t, level % dimension(t), w0, w1, w2)
-    whole, members, corners = members_of(dm, level, kind, w0, w1, w2)
+    r = level % dimension(t)
+    kind = kind_of(t, r, w0, w1, w2)
+    whole, members, corners = existing(dm, edge, r, kind, w0, w1, w2)
     if members == 0:
         set_flags(dm, x, y, z, np.int64(GONE))
         return
@@ -149,7 +151,7 @@ def add(dm, wanted, levels, room):
             edge = np.int64(1) << (dm.at[SIZE] - level // n)
             w0, w1, w2 = 2 * x // edge, 2 * y // edge, 2 * z // edge
             kind = kind_of(t, level % n, w0, w1, w2)
-            _, members, _ = members_of(dm, level, kind, w0, w1, w2)
+            _, members, _ = existing(dm, edge, level % n, kind, w0, w1, w2)
             count = _parents(dm, level, edge, kind, members, w0, w1, w2, room, count)
     return added
 
@@ -197,7 +199,7 @@ class Reduction:
     start : Chosen, optional
         The mesh to begin with; the full grid if not given.
     busy : bool, optional
-        Blocks that the curve passes, if they are known: `passes.significance.busy_of`.
+        Blocks that the curve passes, if they are known: `passes.births.busy_of`.
     """
 
     def __init__(
