@@ -265,6 +265,22 @@ def test_metadata_goes_into_the_file(hills: Path, tmp_path: Path) -> None:
         assert "KEY=TEXT" in fails(2, "encode", hills, "-o", out, "--isovalue", 80.5, "--metadata", *wrong)
 
 
+def test_info_shows_metadata_without_orders_to_terminals(tmp_path: Path) -> None:
+    path = tmp_path / "m.iso"
+    path.write_bytes(isocodec.encode(HILLS, 80.5, metadata={"note": "\x1b]0;title\x07\u202ered\nline"}))
+    shown = ok("info", path)
+    assert "\x1b" not in shown and "\u202e" not in shown and "\\x1b]0;title\\x07" in shown
+
+
+def test_layers_before_damage_are_decoded(curve_data: bytes, tmp_path: Path) -> None:
+    path, out = tmp_path / "damaged.iso", tmp_path / "out.npz"
+    path.write_bytes(curve_data[:-1] + bytes([curve_data[-1] ^ 1]))
+    assert "checksum" in fails(4, "decode", path, "-o", out)
+    ok("decode", path, "-o", out, "--layers", 2)
+    with np.load(out) as arrays:
+        assert np.array_equal(arrays["points"], isocodec.decode(curve_data, layers=2).points)
+
+
 def test_info_shows_strange_names_as_they_are(tmp_path: Path, curve_data: bytes) -> None:
     path = tmp_path / "[red]curve.iso"
     path.write_bytes(curve_data)

@@ -30,6 +30,21 @@ def test_outputs_that_cannot_be_written(hills: Path, tmp_path: Path) -> None:
         assert words in line
 
 
+def test_names_of_as_many_bytes_as_the_system_takes(hills: Path, tmp_path: Path) -> None:
+    out = tmp_path / ("\u754c" * 80 + ".iso")
+    ok("encode", hills, "-o", out, "--isovalue", 80.5)
+    assert out.exists() and len(list(tmp_path.glob("*.iso"))) == 1
+
+
+def test_links_to_nowhere_are_found_out_before_the_work(hills: Path, tmp_path: Path) -> None:
+    dangling, coming = tmp_path / "dangling.iso", tmp_path / "coming.iso"
+    dangling.symlink_to(tmp_path / "missing" / "out.iso")
+    coming.symlink_to(tmp_path / "file.iso")
+    assert "no directory" in fails(3, "encode", hills, "-o", dangling, "--isovalue", 80.5)
+    ok("encode", hills, "-o", coming, "--isovalue", 80.5)
+    assert coming.is_symlink() and (tmp_path / "file.iso").exists()
+
+
 def test_the_input_is_never_overwritten(hills: Path, curve: Path, tmp_path: Path, curve_data: bytes) -> None:
     before = hills.read_bytes()
     assert "the input file itself" in fails(2, "encode", hills, "-o", hills, "--isovalue", 80.5)

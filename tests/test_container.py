@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import struct
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -10,10 +12,11 @@ from hypothesis import strategies as st
 import isocodec
 from brute import examples
 from files import HEADER, chunk, files, layers_file, picture, refused, same_drawing, whole, with_checksum
-from isocodec import Decoder, FormatError
+from isocodec import Decoder, Encoder, FormatError, OptionError
 from isocodec.stream import container
+from isocodec.stream.container import read_metadata
 from isocodec.stream.events import ChunkSkipped, MetadataRead
-from isocodec.stream.header import Header, read_header, write_header
+from isocodec.stream.header import Header, read_header, write_header, write_isovalue
 from isocodec.stream.program import Layer, Progress, read_program, write_program
 from isospec.container import (
     CHECKED_CHUNK,
@@ -21,6 +24,7 @@ from isospec.container import (
     MAX_SIDE,
     WRITER_VERSION,
     ChunkType,
+    IsovalueKind,
     VarintError,
     read_varint,
     unzigzag,
@@ -398,3 +402,21 @@ def test_bytes_of_any_kind():
     decoder.close()
     with pytest.raises(TypeError):
         Decoder().feed("text")  # type: ignore[arg-type]
+
+
+def test_metadata_keeps_the_strings_among_members_of_one_name():
+    assert read_metadata(b'{"a":"x","a":1,"b":{"c":"y"},"d":null,"e":"z"}') == {"a": "x", "e": "z"}
+    assert read_metadata(b'["a"]') == read_metadata(b'"a"') == read_metadata(b"\xff") == {}
+
+
+def test_largest_isovalues_of_single_precision():
+    for value in (1.5 * 2.0**127, (2 - 2.0**-23) * 2.0**127, -1.5 * 2.0**127):
+        assert write_isovalue(value) == (IsovalueKind.FLOAT32, struct.pack(">f", value))
+    for value in (2.0**128, 1.7 * 2.0**127 + 2.0**90):
+        assert write_isovalue(value)[0] == IsovalueKind.FLOAT64
+
+
+@pytest.mark.parametrize("metadata", [{"a": 3}, {"a": b"x"}, {1: "x"}, {"a": "\udcff"}])
+def test_metadata_that_is_no_text(metadata):
+    with pytest.raises(OptionError, match="text"):
+        Encoder(np.eye(4), 0.5, metadata=metadata)

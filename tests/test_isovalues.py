@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -10,14 +12,17 @@ from hypothesis import strategies as st
 import isocodec
 from brute import blobs, examples, meshes, mixed, smooth
 from isocodec import Decoder, Encoder
-from isocodec.errors import OptionError
+from isocodec.errors import FormatError, OptionError
+from isocodec.grid.field import Field
 from isocodec.mesh.tables import cube_exponent
 from isocodec.passes.snapshot import leaves_of, state_of
+from isocodec.passes.tube import Tube
 from isocodec.stream import strategy
 from isocodec.stream.encoder import DEFAULT_TOLERANCE
 from isocodec.stream.events import IsovalueRead
 from isocodec.stream.strategy import grid_plan
 from isoconform.meshes import chosen, uniform
+from isoconform.streams import layers, split
 
 
 @st.composite
@@ -280,3 +285,31 @@ def test_truncated_between_isovalues():
         assert len(short) <= size
         for isovalue in isocodec.inspect(short).isovalues:
             isocodec.decode(short, isovalue=isovalue)
+
+
+def test_numbers_that_many_isovalues_could_make_grow_no_further():
+    """Isovalues far apart, each leaning on the one before: no number of a vertex gets beyond 2**53."""
+    apart = (1 << 52) - 64
+    isovalues = [-float(k * apart) for k in range(64)]
+    field = np.full((5, 5), -(1 << 62), np.int64)
+    field[2, 2] = 1 << 52
+
+    def numbers(self, positions, above):
+        """Like those of a field whose values are never far from an isovalue."""
+        found = np.abs(self.values[tuple(positions.T)] - int(self.isovalue)) - above
+        return np.where(above, np.clip(found, 0, (1 << 52) - 1), 0)
+
+    plan = {v: [("base", None), ("values", None)] for v in isovalues}
+    plan[isovalues[-1]] = [("base", None)]
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(Field, "numbers", numbers)
+        patch.setattr(Tube, "value_bits", lambda self: (self.estimates.value_bits(self.state, self.full), (52, 0))[1])
+        file = split(b"".join(Encoder(field, isovalues, plan=plan)))
+    # what is told of the last one takes 52 bits on both sides
+    data = bytes(file.with_chunks(*file.chunks, layers(bytes([0x20 | 15, 0xFF, 52, 52]), bytes(4))))
+    decoder = Decoder()
+    decoder.feed(data)
+    with suppress(FormatError):
+        decoder.close()
+    largest = [int(np.abs(decoder.state(number).number).max()) for number in range(64)]
+    assert max(largest) < 1 << 53 and sum(number > 1 << 51 for number in largest) > 3

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import random
 import time
 
 import numpy as np
@@ -15,10 +16,12 @@ from brute import INTERPRETED, examples
 from files import HEADER, NAMES, files, layers_file, picture, same_drawing, whole, with_checksum
 from isocodec import Decoder, Encoder, FormatError, IsoError, LimitError, Limits, OptionError, TruncatedError
 from isocodec.passes.snapshot import state_of
+from isocodec.stream.container import read_envelope
 from isocodec.stream.events import BaseComplete, ChunkSkipped, End, HeaderRead, LayerComplete
 from isocodec.stream.header import Header, read_header, write_header
 from isospec.container import (
     ChunkType,
+    Profile,
     write_varint,
 )  # fmt: skip
 
@@ -239,6 +242,28 @@ def test_truncate_what_was_cut_off():
             isocodec.truncate(data[:length], layers=len(events) + 1)
 
 
+def test_truncation_does_not_make_damage_valid():
+    """A chunk with a checksum of its own, in a file that is cut off behind it."""
+    data = files()["several runs"]
+    checked = next(envelope for envelope in envelopes(data) if envelope.checked and envelope.end > 60)
+    cut = bytearray(data[: checked.end + 6])
+    cut[checked.end - 3] ^= 16
+    for options in ({"layers": 1}, {"max_bytes": checked.end - 6}):
+        with pytest.raises(FormatError, match="chunk's checksum"):
+            isocodec.truncate(bytes(cut), **options)
+    with pytest.raises(FormatError, match="chunk's checksum"):
+        isocodec.inspect(bytes(cut))
+
+
+def envelopes(data):
+    """All chunks of a file."""
+    at = read_header(data)[1]
+    while at < len(data):
+        envelope = read_envelope(data, at)
+        yield envelope
+        at = envelope.end + 4 * (envelope.checked + envelope.last)
+
+
 # --- limits ---------------------------------------------------------------------------------------------------------
 
 
@@ -291,6 +316,37 @@ def test_any_buffer_of_bytes(wrap):
     assert same_drawing(isocodec.decode(wrap(data)), isocodec.decode(data))
     assert same_drawing(isocodec.decode(wrap(data), max_bytes=60), isocodec.decode(data, max_bytes=60))
     assert isocodec.inspect(wrap(data)).complete
+
+
+def test_limits_hold_for_all_isovalues_together():
+    field = picture((24, 26), 9)
+    levels = [-20.5 + 4 * i for i in range(10)]
+    data = isocodec.encode(field, levels, exact=True, leaning=False)
+    decoder = Decoder()
+    decoder.feed(data)
+    decoder.close()
+    counts = [len(decoder.state(number).position) for number in range(10)]
+    assert sum(counts) > 2 * max(counts)
+    isocodec.decode(data, limits=Limits(vertices=sum(counts) + 32), isovalue=levels[-1])
+    decoder, code = limited(data, vertices=max(counts) + 32)
+    assert code == "limit-vertices"
+    assert sum(len(decoder.state(number).position) for number in range(len(decoder.isovalues))) <= max(counts) + 32
+
+
+def test_ancestors_count_as_steps():
+    """In the largest cube few vertices, far apart, have many ancestors; how the bytes come in changes nothing."""
+    program = bytes([0x80 | 5 << 4, 0x80 | 6 << 4 | 1, 6 << 4 | 1])
+    run = random.Random(2644832001).randbytes(304)
+    data = layers_file(program + run, head=write_header(Header((1 << 20,) * 3, 0.5, None, Profile.MAIN)))
+    decoder, code = limited(data, steps=20_000)
+    assert code == "limit-steps" and decoder.symbols["significance"] > 10
+    bytewise = Decoder(Limits(steps=20_000))
+    with pytest.raises(LimitError, match="steps") as caught:
+        for i in range(len(data)):
+            bytewise.feed(data[i : i + 1])
+            list(bytewise)
+    assert caught.value.offset == decoder._error.offset
+    assert bytewise.symbols == decoder.symbols
 
 
 def test_limit_of_layers():

@@ -7,16 +7,16 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Limits:
-    """What a decoder may use; checked before anything is allocated (spec clause 11).
+    """What a decoder may use of one file, checked before it is used (spec clause 11).
 
     Attributes
     ----------
     vertices : int
         Vertices of the tubular neighbourhood, all levels together.
     simplices : int
-        Mixed simplices of one level.
+        Mixed simplices of the mesh at any moment.
     steps : int
-        Steps of the walk back to known vertices, in all.
+        Steps of the walk back to known vertices, in all; ancestors of vertices to be added count as several.
     bytes : int
         Size of a file.
     layers : int

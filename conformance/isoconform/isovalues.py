@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 
+import numpy as np
+
 from isocodec import Decoder, truncate
 from isocodec.stream.container import write_further
 from isocodec.stream.events import IsovalueRead
@@ -60,6 +62,20 @@ def whole() -> Iterator[Draft]:
             f"{space}_isovalues_scaled", field / 8, (10.0, 10.5, 9.25), "isovalues of scaled data", "power-of-two step",
             step=0.25,
         )  # fmt: skip
+
+    yield encoded(
+        "plane_isovalues_far_apart", *_far_apart(), "isovalues: numbers that are too large to be taken over", exact=True
+    )
+
+
+def _far_apart() -> tuple[Integers, tuple[float, ...]]:
+    """Isovalues almost 2**52 apart; one corner is known to all of them, and the first tells how far it is."""
+    apart = (1 << 52) - 64
+    field = np.full((9, 9), -5, np.int64)
+    field[0, 0] = apart
+    field[7:, 7:] = 5 - apart
+    field[8, 8] = -3 - 2 * apart
+    return field, (0.5, -float(apart), -2.0 * apart)
 
 
 def planned() -> Iterator[Draft]:

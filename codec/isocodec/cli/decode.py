@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import time
+from contextlib import suppress
 from pathlib import Path
 
 import click
 
-from ..errors import TruncatedError
+from ..errors import FormatError, TruncatedError
 from .options import iso_argument, json_option, output_option, partial_option
 from .progress import load_kernels, progress_bar
 from .report import PARTIAL, check_output, concerning, read_iso, tell, warn, write_output
@@ -58,7 +59,11 @@ def decode_command(
             )
             warn(source, f"{exc.message}; only what was received is written")
     seconds = time.perf_counter() - started
-    others = [v for v in isocodec.inspect(data).isovalues if v != contour.isovalue] if isovalue is None else []
+    others: list[float] = []
+    if isovalue is None:
+        # what lies behind the layers asked for may be damaged
+        with suppress(FormatError):
+            others = [v for v in isocodec.inspect(data).isovalues if v != contour.isovalue]
     if others:
         warn(
             source,

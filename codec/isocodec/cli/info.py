@@ -50,7 +50,7 @@ def _print(source: Path, info: FileInfo) -> None:
         leaning = "" if lean is None else f", leans on {info.isovalues[lean]:.17g}"
         facts.add_row(f"isovalue {number}", f"{isovalue:.17g}{leaning}")
     for key, text in info.metadata.items():
-        facts.add_row(escape(key), escape(text))
+        facts.add_row(escape(_plain(key)), escape(_plain(text)))
     facts.add_row("bytes", f"{info.bytes:,}")
     facts.add_row("overhead", f"{_number(info.overhead_bytes)} bytes")
     console.print(facts)
@@ -71,6 +71,11 @@ def _print(source: Path, info: FileInfo) -> None:
     console.print(layers)
     if any(layer.bytes is None for layer in info.layers):
         console.print("- : not in the file, which is too small for a level index; --symbols decodes it and counts.")
+
+
+def _plain(text: str) -> str:
+    """Text of a file without what a terminal takes for orders."""
+    return "".join(c if c.isprintable() or c == "\n" else c.encode("unicode_escape").decode() for c in text)
 
 
 def _number(number: Any) -> str:

@@ -19,13 +19,14 @@ def check_target(path: str | os.PathLike[str]) -> None:
     target = Path(path)
     if target.is_dir():
         raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(target))
-    directory = target.parent
+    if _is_special(target):
+        return
+    # a link is followed, even to a file that is not there yet
+    directory = Path(os.path.realpath(target)).parent
     if not directory.exists():
         raise FileNotFoundError(errno.ENOENT, f"there is no directory {str(directory)!r} to write into", str(target))
     if not directory.is_dir():
         raise NotADirectoryError(errno.ENOTDIR, os.strerror(errno.ENOTDIR), str(target))
-    if _is_special(target):
-        return
     # A rename would pass over the protection of the file itself.
     protected = target.exists() and not os.access(target, os.W_OK)
     if protected or not os.access(directory, os.W_OK | os.X_OK):
@@ -61,7 +62,9 @@ def write_bytes(path: str | os.PathLike[str], data: bytes) -> None:
 
 def _replace(target: Path, data: bytes, mode: int) -> None:
     # In the same directory, since a rename is only atomic within one file system.
-    descriptor, name = tempfile.mkstemp(prefix=f".{target.name[:100]}.", suffix=".part", dir=target.parent)
+    # Names have a limit in bytes.
+    start = os.fsdecode(os.fsencode(target.name)[:100])
+    descriptor, name = tempfile.mkstemp(prefix=f".{start}.", suffix=".part", dir=target.parent)
     beside = Path(name)
     try:
         with os.fdopen(descriptor, "wb") as file:

@@ -49,6 +49,7 @@ from .state import (
     exists,
     learn,
     position,
+    tired,
 )  # fmt: skip
 from .walk import (
     B0,
@@ -226,6 +227,8 @@ def base(st, cd, mark, order, seeds):
     while True:
         if crowded(st) or full(mark, STEP_VERTICES) or (w[GATES] + n + 1) * GATE > len(st.stack):
             return GROW
+        if tired(st):
+            return BAD
         phase = w[PHASE]
 
         if phase == _ORIGIN:

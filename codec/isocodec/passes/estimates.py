@@ -16,6 +16,8 @@ from .state import BITS, MESHES, VERTICES, State
 from .truth import Truth
 
 NOTHING = np.zeros(0, np.int64)
+MOST_TAKEN = 1 << 53
+"""Numbers of this size and more are not taken over from another isovalue: many isovalues in a row could make any."""
 
 
 class Estimates:
@@ -139,9 +141,10 @@ class Estimates:
         known = known[sent & (earlier.left[vertex[known]] == 0)]
         number = earlier.number[vertex[known]]
         steps = np.where(other.vertex[vertex[known], 3] != 0, number + 1, -number) - self._shift
-        above = st.vertex[first + known, 3] != 0
-        self.number[first + known] = np.where(above, steps - 1, -steps)
-        self.left[first + known] = 0
+        taken = np.where(st.vertex[first + known, 3] != 0, steps - 1, -steps)
+        possible = np.abs(taken) < MOST_TAKEN
+        self.number[first + known[possible]] = taken[possible]
+        self.left[first + known[possible]] = 0
 
     def code_values(self, st: State, cd: Coder) -> int:
         """Go on with a layer of values."""
@@ -191,30 +194,27 @@ class Estimates:
             self._beside = beside_grid(st, edges, self.n)
         else:
             self._beside = beside_leaves(st, rows, edges, offset, parts, self._length, self.n)
-        self._earlier = self._earlier_offsets(low, high)
+        self._earlier = self._earlier_offsets(st)
         self._target = self.place(low, high) if self.place else NOTHING
 
-    def _earlier_offsets(self, low: NDArray[np.int64], high: NDArray[np.int64]) -> NDArray[np.int64]:
+    def _earlier_offsets(self, st: State) -> NDArray[np.int64]:
         """Numbers and parts at the earlier isovalue, of edges between neighbouring samples; 0 parts where it has none.
 
         On longer edges the order of crossings is not certain: each isovalue may have several.
         """
-        out = np.zeros((len(low), 2), np.int64)
+        out = np.zeros((len(self.edges), 2), np.int64)
         if self._lean is None or not len(self._lean[0].edges):
             return out
-        earlier = self._lean[0]
-        vertex = self._lean[1].vertex[:, : self.n].astype(np.int64)
-        other_low, other_high = vertex[earlier.edges[:, 0]], vertex[earlier.edges[:, 1]]
-
-        def named(low: NDArray[np.int64], high: NDArray[np.int64]) -> NDArray[np.int64]:
-            name = np.ravel_multi_index(tuple(low.T), self.shape) * 27 + (high - low + 1) @ (9, 3, 1)[-self.n :]
-            return np.where(np.abs(high - low).max(axis=1, initial=0) == 1, name, -1)
-
-        keys = named(other_low, other_high)
+        earlier, other = self._lean
+        ends = np.empty((2, len(self.edges)), np.int64)
+        for i in (0, 1):
+            geometry.entries(other, st.vertex[self.edges[:, i], :3].astype(np.int64), ends[i])
+        count = int(other.at[VERTICES])
+        wanted = np.where((ends >= 0).all(axis=0) & (self._length == 1), count * ends[0] + ends[1], -1)
+        keys = earlier.edges @ (count, 1)
         order = np.argsort(keys)
-        wanted = named(low, high)
         place = order[np.minimum(np.searchsorted(keys[order], wanted), len(keys) - 1)]
-        same = (keys[place] == wanted) & (wanted >= 0) & (earlier.parts[place] > 1)
+        same = (keys[place] == wanted) & (earlier.parts[place] > 1)
         out[same, 0], out[same, 1] = earlier.offset[place[same]], earlier.parts[place[same]]
         return out
 

@@ -14,7 +14,7 @@ from ..mesh.access import kind as kind_of
 from ..mesh.access import members as member_count
 from ..mesh.store import full, get, put
 from .diamond import existing, look
-from .state import FINEST, ROOM, STEP_VERTICES, TOLD, UNIFORM, edge_of, position
+from .state import FINEST, ROOM, STEP_VERTICES, TOLD, UNIFORM, WORK, edge_of, position
 
 IN, OUT, KEPT, KNOWN = 1, 2, 4, 8
 """Marks of a lattice point: in the mesh; told not to be in it; kept in this layer; known when it was added."""
@@ -23,6 +23,9 @@ BARRED = -16
 """What a question returns, beside what the coder does, if it cannot be asked."""
 MOST_ANCESTORS = 4096
 """Rows of ``State.path``; a vertex with more ancestors to be added is barred (spec clause 11.1)."""
+
+ANCESTOR = 32
+"""Steps that looking at an ancestor counts as: it takes about as long as so many of inference."""
 
 
 @inner
@@ -41,14 +44,6 @@ def parent(t, level, edge, kind, m, w0, w1, w2):
 
 
 @inner
-def marks(st, level, x, y, z):
-    """Marks of the middle at unclamped (x, y, z), those that its level implies included."""
-    if level < st.at[UNIFORM]:
-        return np.int64(IN)
-    return get(st.mesh, x, y, z)
-
-
-@inner
 def lattice(st, level, x, y, z):
     """Unclamped position in units of g of a level."""
     edge = edge_of(st, level)
@@ -56,8 +51,8 @@ def lattice(st, level, x, y, z):
 
 
 @inner
-def _listed(st, count, x, y, z):
-    for i in range(count):  # noqa: SIM110 - compiled
+def _listed(st, first, count, x, y, z):
+    for i in range(first, count):  # noqa: SIM110 - compiled
         if st.path[i, 0] == x and st.path[i, 1] == y and st.path[i, 2] == z:
             return True
     return False
@@ -77,7 +72,7 @@ def closure(st, level, x, y, z, free):
     """List in ``State.path`` the middle at (x, y, z) and all ancestors that the mesh lacks; their number.
 
     With ``free`` 0 an ancestor that would need a symbol of its own bars the middle, and so does, with ``free`` 1, one
-    that was told not to be in the mesh: ``BARRED``.
+    that was told not to be in the mesh: ``BARRED``. Ancestors looked at count as steps (``tired``).
     """
     n = dimension(st.tables)
     t = st.tables
@@ -86,9 +81,14 @@ def closure(st, level, x, y, z, free):
     st.path[0, 2] = z
     st.path[0, 3] = level
     count = np.int64(1)
+    # parents lie one level up, all behind one another: only there one may be listed already
+    parents = np.int64(0)
     i = 0
     while i < count:
+        if i == parents:
+            parents = count
         x, y, z, level = st.path[i, 0], st.path[i, 1], st.path[i, 2], st.path[i, 3]
+        st.at[WORK] += ANCESTOR * (i > 0)
         i += 1
         if level - 1 < st.at[UNIFORM]:
             continue
@@ -101,7 +101,7 @@ def closure(st, level, x, y, z, free):
                 continue
             p0, p1, p2 = parent(t, level, edge, kind, m, w0, w1, w2)
             state = get(st.mesh, p0, p1, p2)
-            if state & IN or _listed(st, count, p0, p1, p2):
+            if state & IN or _listed(st, parents, count, p0, p1, p2):
                 continue
             if state & OUT if free else mixed(st, level - 1, p0, p1, p2):
                 return np.int64(BARRED)

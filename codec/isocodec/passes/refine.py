@@ -12,7 +12,7 @@ from ..entropy import baseline as ctx
 from ..entropy.blend import blended, clear, mixing, see
 from ..entropy.coder import ENCODE, MODE, code
 from ..entropy.main import EARLIER_ROWS, MANNER_ROWS, REFINE_KIND, SIGN_NET, SIGN_ROWS
-from ..jit import DONE, GROW, inner, kernel
+from ..jit import BAD, DONE, GROW, inner, kernel
 from ..mesh.access import corner, dimension, member, middle
 from ..mesh.access import corners as corner_count
 from ..mesh.access import kind as kind_of
@@ -51,6 +51,7 @@ from .state import (
     crowded,
     entry,
     position,
+    tired,
     truth,
 )  # fmt: skip
 
@@ -256,6 +257,8 @@ def refine(st, cd):
     while st.at[DONE_LEAVES] < st.at[LEAVES]:
         if crowded(st):
             return GROW
+        if tired(st):
+            return BAD
         i = st.at[DONE_LEAVES]
         cls = np.int64(st.leaf[i, 0])
         b0, b1, b2 = np.int64(st.leaf[i, 1]), np.int64(st.leaf[i, 2]), np.int64(st.leaf[i, 3])

@@ -28,6 +28,7 @@ from .state import (
     ERROR,
     LAST,
     LEVEL,
+    OUT_OF_STEPS,
     SIDE,
     SIGNIFICANCE,
     TALLY,
@@ -35,6 +36,7 @@ from .state import (
     crowded,
     entry,
     position,
+    tired,
     truth,
 )  # fmt: skip
 
@@ -173,7 +175,7 @@ def _add(st, cd, x, y, z, slot):
         u0, u1, u2 = position(edge, w0 >> 2, w1 >> 2, w2 >> 2, corner(st.tables, kind, i))
         sign = infer(st, u0, u1, u2)
         if sign < 0:
-            st.at[ERROR] = 5
+            st.at[ERROR] = OUT_OF_STEPS
             return BAD
         if st.at[ADAPTED]:
             turned = np.int64(0)
@@ -223,6 +225,8 @@ def significance(st, cd, items):
     while w[FRAMES] > 0:
         if crowded(st):
             return GROW
+        if tired(st):
+            return BAD
         o = (w[FRAMES] - 1) * FRAME
         h, c0, c1, c2 = st.stack[o], st.stack[o + 1], st.stack[o + 2], st.stack[o + 3]
         number, child, hits = st.stack[o + 4], st.stack[o + 5], st.stack[o + 6]

@@ -34,7 +34,9 @@ isovalue and, next to it, above; how many meshes have been completed; whether an
 the vertices on it; how often signs have been those of the earlier isovalue (7.12); of a census that goes on the cells'
 size and the next vertex; how often signs have been as predicted, on edges that are not crossed and, next to it, on
 those that are (7.12)."""
-COUNTERS = 57
+STEP_WORK = 57
+"""WORK before the step that is being taken: one that lacks bytes is taken anew."""
+COUNTERS = 58
 ALWAYS, MOSTLY, AGREED_SHIFT = 4096, 3584, 5
 """AGREED and CALM if it has always been so, what they begin with, and how fast they change."""
 
@@ -53,6 +55,8 @@ EARLY = TRAIL + 40
 """First points of the component, likewise."""
 WALK = EARLY + 40
 
+OUT_OF_STEPS = 5
+"""In State.at[ERROR]."""
 STEP_VERTICES = 16
 """Most vertices (and pages) that one step of a pass adds."""
 STEP_LEAVES = 24
@@ -175,6 +179,16 @@ def crowded(st):
         or full(st.mesh, STEP_VERTICES)
         or full(st.crowd, STEP_CELLS)
     )
+
+
+@inner
+def tired(st):
+    """Before a step of a pass: whether those that a decoder allows are used up; the reason is left in the state."""
+    st.at[STEP_WORK] = st.at[WORK]
+    if st.at[WORK] < st.at[MOST_WORK]:
+        return False
+    st.at[ERROR] = OUT_OF_STEPS
+    return True
 
 
 @inner

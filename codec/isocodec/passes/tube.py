@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from ..entropy.coder import OVER, Coder
 from ..errors import FormatError, LimitError
-from ..jit import BAD, CUT, DONE, GROW
+from ..jit import BAD, CUT, DONE, GROW, NEED
 from ..limits import Limits
 from ..mesh.chosen import Chosen, every_vertex, finest_level
 from ..mesh.store import PAGES, copied, grown, new_board, new_store
@@ -42,6 +42,7 @@ from .state import (
     MOST_WORK,
     MOSTLY,
     NEXT,
+    OUT_OF_STEPS,
     ROOM,
     SEEDED,
     SHIFT,
@@ -50,6 +51,7 @@ from .state import (
     STEP_CELLS,
     STEP_LEAVES,
     STEP_VERTICES,
+    STEP_WORK,
     TALLY,
     TOLD,
     UNIFORM,
@@ -64,7 +66,6 @@ from .walk import GATES, registers
 NOTHING = np.zeros(0, np.int64)
 STACK = 4096
 ROWS = 2048
-OUT_OF_STEPS = 5
 
 _CLAUSES = {1: "5.3.2", 3: "5.3.3", 4: "5.5", 6: "5.8.2"}
 _REASONS = {
@@ -150,6 +151,21 @@ class Tube:
     def full_level(self) -> int:
         """Level at which every sample is a vertex."""
         return self.n * self.k
+
+    @property
+    def vertices(self) -> int:
+        """Known vertices."""
+        return int(self.state.at[VERTICES])
+
+    @property
+    def simplices(self) -> int:
+        """Leaves of the mesh."""
+        return int(self.state.at[LEAVES])
+
+    @property
+    def steps(self) -> int:
+        """Steps of inference (spec clause 11.2)."""
+        return int(self.state.at[WORK])
 
     @property
     def running(self) -> str:
@@ -259,11 +275,17 @@ class Tube:
             ))  # fmt: skip
         while True:
             status = self._kernel()
-            number = int(self.state.at[ERROR])
+            at = self.state.at
+            if status == NEED:
+                at[WORK] = at[STEP_WORK]
+            at[STEP_WORK] = at[WORK]
+            number = int(at[ERROR])
             tired = self.lean is not None and self.lean.state.at[WORK] >= self.limits.steps
             if tired or (status == BAD and number == OUT_OF_STEPS):
                 raise LimitError(
-                    f"inferring signs takes more than {self.limits.steps} steps", code="limit-steps", clause="11.2"
+                    f"inferring signs and ancestors takes more than {self.limits.steps} steps",
+                    code="limit-steps",
+                    clause="11.2",
                 )
             if status == GROW:
                 self._grow()
@@ -357,7 +379,8 @@ class Tube:
     def _grow(self) -> None:
         st = self.state
         at = st.at
-        if at[VERTICES] + STEP_VERTICES > self.limits.vertices:
+        # of the mesh there may be vertices that are not known
+        if max(at[VERTICES] + STEP_VERTICES, st.mesh.head[PAGES] + at[ROOM]) > self.limits.vertices:
             raise LimitError(
                 f"more than {self.limits.vertices} vertices", code="limit-vertices", clause="11.2",
                 remedy="raise Limits.vertices if the file is trusted",

@@ -76,6 +76,24 @@ def read_envelope(data: bytes | bytearray, at: int) -> Envelope | None:
     return Envelope(head.type, head.ancillary, head.checked, head.last, length[1], length[1] + length[0])
 
 
+def verify(data: bytes | memoryview, chunk: Envelope, start: int) -> None:
+    """Check the checksums behind a chunk that begins at ``start`` and is all there.
+
+    Raises
+    ------
+    FormatError
+        If the chunk's own (clause 3.5.3) or the file's (3.4.4) is wrong.
+    """
+    at = chunk.end
+    for there, first, what, clause in (
+        (chunk.checked, start, "a chunk", "3.5.3"), (chunk.last, 0, "the file", "3.4.4")
+    ):  # fmt: skip
+        if there:
+            if Checksum.parse(bytes(data[at : at + CHECKSUM_BYTES])) != zlib.crc32(data[first:at]):
+                raise FormatError(f"{what}'s checksum is wrong", code="checksum", offset=at, clause=clause)
+            at += CHECKSUM_BYTES
+
+
 def write_further(isovalue: float, lean: int | None) -> bytes:
     """Payload of an isovalue chunk; ``lean`` is the number of the earlier isovalue that it leans on (clause 3.5.5)."""
     kind, number = write_isovalue(isovalue)
@@ -116,12 +134,15 @@ def write_metadata(metadata: Mapping[str, str]) -> bytes:
 def read_metadata(payload: bytes) -> dict[str, str]:
     """Inverse of ``write_metadata``; what is not a JSON object of strings is dropped, the chunk being ancillary."""
     try:
-        found = json.loads(payload.decode())
+        found = json.loads(payload.decode(), object_pairs_hook=_strings)
     except (ValueError, RecursionError):
         return {}
-    if not isinstance(found, dict):
-        return {}
-    return {k: v for k, v in found.items() if isinstance(v, str)}
+    return found if isinstance(found, dict) else {}
+
+
+def _strings(members: Sequence[tuple[str, object]]) -> dict[str, str]:
+    """Those that are strings, before the last one of each name is taken."""
+    return {name: text for name, text in members if isinstance(text, str)}
 
 
 @dataclass(frozen=True)

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import zlib
 from collections.abc import Collection, Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from isospec.container import Checksum, ChunkType
+from isospec.container import ChunkType
 from isospec.elements import BY_LAYER, ELEMENTS
 
 from ..contour import Contour, draw
@@ -20,7 +19,7 @@ from ..limits import Limits
 from ..passes.decoded import Decoded
 from ..passes.snapshot import leaves_of, state_of
 from ..passes.tube import Tube
-from .container import CHECKSUM_BYTES, CRITICAL, Envelope, read_envelope, read_further, read_metadata
+from .container import CHECKSUM_BYTES, CRITICAL, Envelope, read_envelope, read_further, read_metadata, verify
 from .events import (
     BaseComplete,
     ChunkSkipped,
@@ -236,7 +235,9 @@ class Decoder:
         header = self.header
         tube = self._tube_of(number)
         if header is None or tube is None:
-            return Contour(np.zeros((0, 2)), np.zeros((0, 2), np.int64), float("nan"), (0, 0), False)
+            n = len(header.shape) if header else 2
+            shape = header.shape if header else (0, 0)
+            return Contour(np.zeros((0, n)), np.zeros((0, n), np.int64), float("nan"), shape, False)
         isovalue = self.isovalues[number]
         leaves = leaves_of(tube, isovalue, lambda steps, above: interval_value(isovalue, header.scale, steps, above))
         return draw(leaves, complete=self._ended)
@@ -245,7 +246,8 @@ class Decoder:
         """The crossed leaves of the mesh: positions (V, n) and vertices of simplices (M, n + 1), both int64."""
         tube = self._tube_of(number)
         if tube is None:
-            return np.zeros((0, 2), np.int64), np.zeros((0, 3), np.int64)
+            n = len(self.header.shape) if self.header else 2
+            return np.zeros((0, n), np.int64), np.zeros((0, n + 1), np.int64)
         leaves = leaves_of(tube, 0.0, lambda steps, above: steps)
         return leaves.position, leaves.simplices
 
@@ -276,8 +278,8 @@ class Decoder:
                     raise FormatError("layers after a cut run", code="cut", offset=self._at, clause="3.5.4")
                 self._chunk, self._chunk_start = chunk, self._at
             chunk = self._chunk
-            skipped = chunk.type in (ChunkType.LAYERS, ChunkType.CUT_LAYERS) and self._tube is None
-            if chunk.type in (ChunkType.LAYERS, ChunkType.CUT_LAYERS) and not skipped:
+            skipped = chunk.type in _LARGE and self._tube is None
+            if chunk.type in _LARGE and not skipped:
                 event = self._layers(chunk)
                 if event is not None:
                     return event
@@ -291,18 +293,15 @@ class Decoder:
             self._chunk = self._pending = None
             self._cut |= chunk.type == ChunkType.CUT_LAYERS
             self._last = chunk.last
-            payload = bytes(self._data[chunk.start : chunk.end]) if chunk.type not in _LARGE or skipped else b""
             if chunk.type == ChunkType.ISOVALUE:
-                isovalue, lean = read_further(payload, chunk.start, self.isovalues)
+                isovalue, lean = read_further(self._payload(chunk), chunk.start, self.isovalues)
                 self._begin(isovalue, lean)
                 return IsovalueRead(behind, len(self.isovalues) - 1, isovalue, lean)
-            if skipped:
-                return ChunkSkipped(behind, chunk.type, len(payload))
-            if chunk.ancillary:
-                if chunk.type == ChunkType.METADATA:
-                    self.metadata.update(read_metadata(payload))
-                    return MetadataRead(behind, dict(self.metadata))
-                return ChunkSkipped(behind, chunk.type, len(payload))
+            if chunk.type == ChunkType.METADATA:
+                self.metadata.update(read_metadata(self._payload(chunk)))
+                return MetadataRead(behind, dict(self.metadata))
+            if skipped or chunk.ancillary:
+                return ChunkSkipped(behind, chunk.type, chunk.end - chunk.start)
         if len(self._data) > self._at:
             raise FormatError("bytes after the end of the file", code="trailing", offset=self._at, clause="3.4.4")
         return None
@@ -319,25 +318,27 @@ class Decoder:
         earlier = None if lean is None else self._tubes[lean]
         if lean is not None and earlier is None:
             raise OptionError(f"isovalue {number} leans on isovalue {lean}, which is not decoded", code="only")
+        # a file of many isovalues may not have more than one of a single one
+        whole, tubes = self.limits, [tube for tube in self._tubes if tube]
+        limits = replace(
+            whole, vertices=max(whole.vertices - sum(tube.vertices for tube in tubes), 0),
+            simplices=max(whole.simplices - sum(tube.simplices for tube in tubes), 0),
+        )  # fmt: skip
         tube = leaning_tube(
-            self.header, isovalue, earlier, 0.0 if lean is None else self.isovalues[lean], 4096, self.limits
+            self.header, isovalue, earlier, 0.0 if lean is None else self.isovalues[lean], 4096, limits
         )  # fmt: skip
         before = self._progress if self._progresses else Progress(tube.full_level)
         before = replace(before, full_level=tube.full_level)
         self._progresses.append(before.begin(None if lean is None else self._progresses[lean]))
         self._tubes.append(tube)
 
+    def _payload(self, chunk: Envelope) -> bytes:
+        return bytes(self._data[chunk.start : chunk.end])
+
     def _verify(self, chunk: Envelope) -> None:
-        at = chunk.end
-        if chunk.checked:
-            stated = Checksum.parse(bytes(self._data[at : at + CHECKSUM_BYTES]))
-            if stated != zlib.crc32(self._data[self._chunk_start : at]):
-                raise FormatError("a chunk's checksum is wrong", code="checksum", offset=at, clause="3.5.3")
-            at += CHECKSUM_BYTES
-        if chunk.last:
-            stated = Checksum.parse(bytes(self._data[at : at + CHECKSUM_BYTES]))
-            if stated != zlib.crc32(self._data[:at]):
-                raise FormatError("the file's checksum is wrong", code="checksum", offset=at, clause="3.4.4")
+        # without a copy of what may be large; a view that stayed would keep the array from growing
+        with memoryview(self._data) as data:
+            verify(data, chunk, self._chunk_start)
 
     def _layers(self, chunk: Envelope) -> Event | None:
         """Go on with a chunk of layers; None if all are done or more bytes are needed."""
@@ -349,10 +350,12 @@ class Decoder:
         coder = self._arrived(there, whole)
         while self._pending:
             layer = self._pending[0]
-            if not self._tube.running:
-                begin_layer(self._tube, layer)
             try:
+                if not self._tube.running:
+                    begin_layer(self._tube, layer)
                 status = self._tube.advance()
+                if sum(tube.steps for tube in self._tubes if tube) >= self.limits.steps:
+                    raise LimitError(f"more than {self.limits.steps} steps", code="limit-steps", clause="11.2")
             except IsoError as error:
                 error.offset = self._run + min(_shifts(coder), self._run_read)
                 raise

@@ -123,7 +123,7 @@ class Encoder:
             raise OptionError(
                 "exact is for integer data, and the field holds floats", code="exact", remedy="use step or tolerance"
             )
-        self._metadata = dict(metadata or {})
+        self._metadata = _notes(metadata or {})
         self._report = progress
         self._tried = 0
         self.header = Header(first.values.shape, first.isovalue, self._asked.step, Profile[profile.upper()])
@@ -301,6 +301,20 @@ def _check_options(o: Asked) -> None:
     if o.parameter is not None and not (math.isfinite(o.parameter) and o.parameter >= 0):
         raise OptionError(f"the criterion's parameter is {o.parameter}, needed is a positive number", code="criterion")
     radices(o.tolerance)
+
+
+def _notes(metadata: Mapping[str, str]) -> dict[str, str]:
+    """Metadata that a reader will find again."""
+    for key, text in metadata.items():
+        if not (isinstance(key, str) and isinstance(text, str)):
+            raise OptionError(
+                f"metadata {key!r}: {text!r}, needed is text", code="metadata", remedy="write numbers as text"
+            )
+        try:
+            (key + text).encode()
+        except UnicodeEncodeError:
+            raise OptionError(f"metadata {key!r}: {text!r} is no text in Unicode", code="metadata") from None
+    return dict(metadata)
 
 
 def _number(name: str, value: object) -> float | None:

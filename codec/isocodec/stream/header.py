@@ -11,7 +11,7 @@ from isospec.container import Double, IsovalueKind, Prefix, Profile, Single, Var
 from ..errors import FormatError
 
 PREFIX_BYTES = 6
-LARGEST_SINGLE = 2.0**127
+LARGEST_SINGLE = (2 - 2.0**-23) * 2.0**127
 _EXPONENT_ESCAPE = 0x80
 
 
@@ -68,7 +68,7 @@ def write_isovalue(value: float) -> tuple[IsovalueKind, bytes]:
     value = float(value)
     if (2 * value).is_integer() and abs(value) < 1 << 50:
         return IsovalueKind.HALVES, spec.write_varint(spec.zigzag(int(2 * value)))
-    if abs(value) < LARGEST_SINGLE and Single.parse(Single.build(value)) == value:
+    if abs(value) <= LARGEST_SINGLE and Single.parse(Single.build(value)) == value:
         return IsovalueKind.FLOAT32, Single.build(value)
     return IsovalueKind.FLOAT64, Double.build(value)
 

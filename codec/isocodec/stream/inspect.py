@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import zlib
 from dataclasses import asdict, dataclass, field, replace
 from typing import Any
 
-from isospec.container import Checksum, ChunkType
+from isospec.container import ChunkType
 
 from ..errors import FormatError, OptionError, TruncatedError
 from ..mesh.tables import cube_exponent
-from .container import CHECKSUM_BYTES, Envelope, read_envelope, read_further, read_index, read_metadata
+from .container import CHECKSUM_BYTES, Envelope, read_envelope, read_further, read_index, read_metadata, verify
 from .header import Header, read_header, varint
 from .program import Layer, Progress, read_program
 
@@ -178,9 +177,10 @@ def inspect(data: bytes, symbols: bool = False) -> FileInfo:
         chunks.append(ChunkInfo(_NAMES.get(chunk.type, f"unknown {chunk.type}"), at, min(behind, len(data)) - at))
         if behind > len(data):
             break
-        if chunk.last:
-            _verify(data, behind)
-            complete = True
+        verify(data, chunk, at)
+        if chunk.last and len(data) > behind:
+            raise FormatError("bytes after the end of the file", code="trailing", offset=behind, clause="3.4.4")
+        complete = chunk.last
         at = behind
     if symbols:
         layers = _decoded(data, layers)
@@ -226,14 +226,6 @@ def _decoded(data: bytes, layers: list[LayerInfo]) -> list[LayerInfo]:
         for info, e in zip(layers, complete, strict=False)
     ]
     return out + [replace(info, offset=None, bytes=None, symbols=None) for info in layers[len(out) :]]
-
-
-def _verify(data: bytes, behind: int) -> None:
-    at = behind - CHECKSUM_BYTES
-    if Checksum.parse(data[at:behind]) != zlib.crc32(data[:at]):
-        raise FormatError("the file's checksum is wrong", code="checksum", offset=at, clause="3.4.4")
-    if len(data) > behind:
-        raise FormatError("bytes after the end of the file", code="trailing", offset=behind, clause="3.4.4")
 
 
 __all__ = ["ChunkInfo", "FileInfo", "Header", "LayerInfo", "inspect"]
