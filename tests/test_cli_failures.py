@@ -30,6 +30,19 @@ def test_outputs_that_cannot_be_written(hills: Path, tmp_path: Path) -> None:
         assert words in line
 
 
+def test_no_file_named_like_standard_output(hills: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    before = sorted(tmp_path.iterdir())
+    assert "/dev/stdout" in fails(2, "encode", hills, "-o", "-", "--isovalue", 80.5)
+    assert sorted(tmp_path.iterdir()) == before
+
+
+def test_whole_isovalues_that_would_be_rounded(hills: Path, tmp_path: Path) -> None:
+    line = fails(2, "encode", hills, "-o", tmp_path / "o.iso", "--isovalue", 2**53 + 1)
+    assert f"the nearest one is {2**53}" in line
+    ok("encode", hills, "-o", tmp_path / "o.iso", "--isovalue", 2**53 + 2)
+
+
 def test_names_of_as_many_bytes_as_the_system_takes(hills: Path, tmp_path: Path) -> None:
     out = tmp_path / ("\u754c" * 80 + ".iso")
     ok("encode", hills, "-o", out, "--isovalue", 80.5)

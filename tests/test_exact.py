@@ -475,3 +475,11 @@ def test_extreme_isovalues(isovalue):
     contour = isocodec.decode(isocodec.encode(field, isovalue, tolerance=0.01))
     assert contour.isovalue == isovalue
     assert len(contour.points) == 2
+
+
+@pytest.mark.parametrize("isovalue", [2**53 + 9, np.int64(2**60 + 100), -(2**53) - 1])
+def test_whole_isovalues_that_double_precision_lacks(isovalue):
+    field = 2**53 + np.add(*np.mgrid[:30, :30])
+    with pytest.raises(isocodec.InputError, match="nearest one is"):
+        isocodec.encode(field, isovalue, exact=True)
+    assert isocodec.inspect(isocodec.encode(field, 2**53 + 8, exact=True)).isovalue == 2**53 + 8

@@ -233,11 +233,20 @@ def test_the_domain_is_surveyed_once(options, monkeypatch):
     assert surveys.count("busy_blocks") <= 1 and surveys.count("build_pyramid") <= 3
 
 
+@pytest.mark.parametrize("shape", [(30, 30), (40, 61), (12, 13, 11)])
+def test_files_get_no_larger_with_the_tolerance(shape):
+    """Also where it is large against the domain, and where small pieces may go."""
+    field = np.random.default_rng(0).integers(0, 255, shape).astype(np.uint8)
+    sizes = [len(isocodec.encode(field, 127.5, tolerance=tolerance)) for tolerance in (4, 8, 16, 32, 1000)]
+    assert sizes == sorted(sizes, reverse=True) and sizes[-1] < 40
+    assert isocodec.encode(field, 127.5, steps=[8]) == isocodec.encode(field, 127.5, tolerance=8)
+
+
 @pytest.mark.parametrize("options", [
     {"steps": []}, {"steps": [1, 2]}, {"steps": [1, 1]}, {"steps": ["exact", 1]}, {"steps": [0.01]},
     {"steps": [1], "tolerance": 1}, {"steps": [1], "criterion": "crossing"}, {"criterion": "beauty"},
     {"criterion": "distortion"}, {"criterion": "level", "parameter": 1.5}, {"criterion": "crossing", "parameter": 2},
-    {"criterion": "topology", "parameter": 0},
+    {"criterion": "topology", "parameter": 0}, {"criterion": "level", "parameter": 99},
     {"parameter": 1.0},
     {"criterion": "distortion", "parameter": -1.0}, {"criterion": "distortion", "parameter": float("nan")},
     {"base_level": 2, "preserve_topology": True}, {"base_level": 2, "criterion": "crossing"},

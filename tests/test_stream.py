@@ -242,6 +242,19 @@ def test_truncate_what_was_cut_off():
             isocodec.truncate(data[:length], layers=len(events) + 1)
 
 
+@pytest.mark.parametrize("data", ["terrain.iso", 7, None, [1, 2]])
+def test_what_is_not_the_bytes_of_a_file(data):
+    for call in (isocodec.decode, isocodec.inspect, lambda x: isocodec.truncate(x, layers=1), Decoder().feed):
+        with pytest.raises(OptionError, match="read_bytes"):
+            call(data)
+
+
+@pytest.mark.parametrize("options", [{"layers": 2.5}, {"layers": 0}, {"max_bytes": 1e3}, {"max_bytes": -1}])
+def test_numbers_of_layers_and_bytes_are_whole(options):
+    with pytest.raises(OptionError, match="whole number"):
+        isocodec.decode(files()["exact"], **options)
+
+
 def test_truncation_does_not_make_damage_valid():
     """A chunk with a checksum of its own, in a file that is cut off behind it."""
     data = files()["several runs"]

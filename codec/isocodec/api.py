@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from numbers import Integral
 from typing import Any
 
 import numpy as np
@@ -11,6 +12,7 @@ from numpy.typing import ArrayLike
 from .contour import Contour
 from .errors import OptionError, TruncatedError
 from .limits import Limits
+from .stream.container import octets
 from .stream.decoder import Decoder
 from .stream.encoder import Encoder
 from .stream.events import LayerComplete
@@ -90,13 +92,12 @@ def decode(
     LimitError
         If the file needs more than the limits allow.
     """
-    if layers is not None and layers < 1:
-        raise OptionError(f"{layers} layers, needed is at least 1", code="layers")
-    if max_bytes is not None and max_bytes < 1:
-        raise OptionError(f"{max_bytes} bytes, needed is at least 1", code="max-bytes")
+    for asked, what, code in ((layers, "layers", "layers"), (max_bytes, "bytes", "max-bytes")):
+        if asked is not None and not (isinstance(asked, Integral) and asked >= 1):
+            raise OptionError(f"{asked} {what}, needed is a whole number from 1 on", code=code)
     number, chain = _chain(data, isovalue)
     decoder = Decoder(limits, only=chain)
-    decoder.feed(data if max_bytes is None else data[:max_bytes])
+    decoder.feed(octets(data)[:max_bytes])
     done = 0
     for event in decoder:
         if isinstance(event, LayerComplete):

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import click
 
-from .options import json_option, output_option
+from .options import Isovalue, json_option, output_option
 from .progress import load_kernels, progress_bar
 from .report import check_output, concerning, tell, warn, write_output
 
@@ -18,7 +18,7 @@ from .report import check_output, concerning, tell, warn, write_output
 @click.option(
     "--isovalue",
     "isovalues",
-    type=float,
+    type=Isovalue(),
     required=True,
     multiple=True,
     metavar="V",
@@ -121,9 +121,12 @@ def encode_command(
     for isovalue in isovalues:
         if not low <= isovalue < high:
             warn(source, f"the isovalue {isovalue:g} lies outside the data ({low:g} to {high:g}): the curve is empty")
-        ties = int((field == isovalue).sum()) if preserve_topology else 0
-        if ties:
+        ties = int((field == isovalue).sum()) if preserve_topology or exact or step is not None else 0
+        if ties and preserve_topology:
             warn(source, f"{ties:,} samples equal the isovalue {isovalue:g}: they count as below in the topology")
+        elif ties:
+            text = f"{ties:,} samples equal the isovalue {isovalue:g}: there points of the contour fall together"
+            warn(source, f"{text}, which {isovalue + 0.5:g} avoids" if field.dtype.kind in "biu" else text)
     layers = len(isocodec.inspect(data).layers)
     tell(
         f"{click.format_filename(output)}: {len(data):,} bytes, {layers} layers, {seconds:.2f} s",

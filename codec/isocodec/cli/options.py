@@ -18,6 +18,22 @@ partial_option: Decorator = click.option("--partial", is_flag=True, help="Of a t
 json_option: Decorator = click.option("--json", "as_json", is_flag=True, help="Print the result as JSON.")
 
 
+class Isovalue(click.ParamType):
+    """A number that files hold as it is given: whole numbers must not be rounded."""
+
+    name = "float"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> float:
+        number: float = click.FLOAT.convert(value, param, ctx)
+        try:
+            whole = int(str(value))
+        except ValueError:
+            return number
+        if whole != number:
+            self.fail(f"{value} is not a number of double precision; the nearest one is {number:.0f}.", param, ctx)
+        return number
+
+
 def output_option(metavar: str) -> Decorator:
     """``-o``, which every command that writes requires."""
     return click.option(

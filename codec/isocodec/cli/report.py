@@ -149,6 +149,10 @@ def check_output(output: Path, source: Path) -> None:
     from ..io.atomic import check_target
 
     with concerning(output):
+        if str(output) == "-":
+            raise OptionError(
+                "results go to files only", code="output", remedy="/dev/stdout is one where the system has it"
+            )
         check_target(output)
         if output.exists() and source.exists() and output.samefile(source):
             raise OptionError("the output is the input file itself", code="same-file", remedy="choose another name")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from numbers import Integral
 from typing import Any
 
 import numpy as np
@@ -181,10 +182,16 @@ def check_field(field: ArrayLike, isovalue: float, step: float | None = None) ->
             f"the field has {max(values.shape)} samples along an axis, at most {MAX_SIDE[values.ndim]} are possible",
             code="shape", remedy="cut it into tiles",
         )  # fmt: skip
+    given = isovalue
     try:
         isovalue = float(isovalue)
     except (TypeError, ValueError, OverflowError):
         raise InputError(f"the isovalue {isovalue!r} is not a number", code="isovalue") from None
+    if isinstance(given, Integral) and int(given) != int(isovalue):
+        raise InputError(
+            f"the isovalue {given} is not a number of double precision, which files hold", code="isovalue",
+            remedy=f"the nearest one is {isovalue:.0f}; or subtract a constant from the field",
+        )  # fmt: skip
     if not math.isfinite(isovalue):
         raise InputError(f"the isovalue is {isovalue}, needed is a finite number", code="isovalue")
     if values.dtype.kind == "b":

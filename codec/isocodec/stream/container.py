@@ -18,7 +18,7 @@ from isospec.container import (
 )
 from isospec.elements import BY_LAYER
 
-from ..errors import FormatError
+from ..errors import FormatError, OptionError
 from .header import read_isovalue, varint, write_isovalue
 from .program import Layer
 
@@ -74,6 +74,28 @@ def read_envelope(data: bytes | bytearray, at: int) -> Envelope | None:
     if length is None:
         return None
     return Envelope(head.type, head.ancillary, head.checked, head.last, length[1], length[1] + length[0])
+
+
+def whole_bytes(data: bytes | bytearray | memoryview) -> bytes:
+    """The bytes of any buffer of bytes.
+
+    Raises
+    ------
+    OptionError
+        If it is none: a name, for example.
+    """
+    return bytes(octets(data))
+
+
+def octets(data: bytes | bytearray | memoryview) -> memoryview:
+    """A view of any buffer, byte by byte; raises as ``whole_bytes``."""
+    try:
+        return memoryview(data).cast("B")
+    except TypeError:
+        raise OptionError(
+            f"the bytes of a file are needed, not {type(data).__name__}", code="data",
+            remedy="read them first: pathlib.Path(name).read_bytes()",
+        ) from None  # fmt: skip
 
 
 def verify(data: bytes | memoryview, chunk: Envelope, start: int) -> None:

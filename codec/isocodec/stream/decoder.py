@@ -19,7 +19,7 @@ from ..limits import Limits
 from ..passes.decoded import Decoded
 from ..passes.snapshot import leaves_of, state_of
 from ..passes.tube import Tube
-from .container import CHECKSUM_BYTES, CRITICAL, Envelope, read_envelope, read_further, read_metadata, verify
+from .container import CHECKSUM_BYTES, CRITICAL, Envelope, octets, read_envelope, read_further, read_metadata, verify
 from .events import (
     BaseComplete,
     ChunkSkipped,
@@ -138,7 +138,7 @@ class Decoder:
             raise self._error
         if self._closed:
             raise TruncatedError("bytes fed after close", code="closed")
-        data = memoryview(data).cast("B")
+        data = octets(data)
         if len(self._data) + len(data) > self.limits.bytes:
             self._fail(LimitError(f"more than {self.limits.bytes} bytes", code="limit-bytes", clause="11.2"))
         self._data += data

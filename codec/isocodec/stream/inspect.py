@@ -9,7 +9,16 @@ from isospec.container import ChunkType
 
 from ..errors import FormatError, OptionError, TruncatedError
 from ..mesh.tables import cube_exponent
-from .container import CHECKSUM_BYTES, Envelope, read_envelope, read_further, read_index, read_metadata, verify
+from .container import (
+    CHECKSUM_BYTES,
+    Envelope,
+    read_envelope,
+    read_further,
+    read_index,
+    read_metadata,
+    verify,
+    whole_bytes,
+)
 from .header import Header, read_header, varint
 from .program import Layer, Progress, read_program
 
@@ -134,7 +143,7 @@ def inspect(data: bytes, symbols: bool = False) -> FileInfo:
     FormatError
         If the bytes violate the container's specification.
     """
-    data = bytes(data)
+    data = whole_bytes(data)
     found = read_header(data)
     if found is None:
         raise TruncatedError("the file ends within its header", code="truncated", offset=len(data), clause="3.3")

@@ -131,9 +131,13 @@ def loose_start(promise: Promise, tolerance: float, topology: bool) -> Chosen:
 
 
 def even_starts(promise: Promise, tolerance: float) -> Iterator[tuple[Chosen, Plan]]:
-    """Uniform meshes to begin with, and what leads there, the finest first: even squares and cubes tell little."""
-    for cycles in range(1, promise.full_level // promise.n):
-        if EDGES[0] * tolerance < 1 << cycles <= EDGES[1] * tolerance:
+    """Uniform meshes to begin with, and what leads there, the finest first: even squares and cubes tell little.
+
+    Where the tolerance is large against the domain, the coarsest.
+    """
+    most = promise.full_level // promise.n - 1
+    for cycles in range(1, most + 1):
+        if min(EDGES[0] * tolerance, (1 << most) - 1) < 1 << cycles <= EDGES[1] * tolerance:
             level = promise.full_level - cycles * promise.n
             uniform = promise.reduction()
             uniform.reduce(level=level)
@@ -208,6 +212,8 @@ def stepwise(promise: Promise, steps: Sequence[float], topology: bool) -> Plan:
     if promise.full_level == 0:
         last = [("values", None)] if steps[-1] == EXACT else [("offsets", r) for r in radices(steps[-1])]
         return [("base", 0), *last]
+    if len(steps) == 1 and steps[0] != EXACT:
+        return smallest(promise, steps[0], topology)
     distances = [step for step in steps if step != EXACT]
     meshes = _nested(promise, distances, topology)
     plan: Plan = []
@@ -309,6 +315,10 @@ def reduced(promise: Promise, criterion: str, parameter: float | None, topology:
                 raise OptionError(f"the criterion {criterion} needs a number", code="criterion")
             if criterion == "level" and not parameter.is_integer():
                 raise OptionError(f"the level is {parameter:g}, needed is a whole number", code="criterion")
+            if criterion == "level" and parameter > promise.full_level:
+                raise OptionError(
+                    f"the level is {parameter:g}, that of the full grid {promise.full_level}", code="criterion"
+                )
             if criterion == "level":
                 reduction.reduce(topology=topology, level=int(parameter))
             elif criterion == "curvature":

@@ -8,7 +8,7 @@ from isospec.container import Checksum, ChunkType, write_varint
 
 from ..entropy.coder import LEFT, cut
 from ..errors import OptionError
-from .container import write_chunk
+from .container import whole_bytes, write_chunk
 from .decoder import Decoder
 from .events import LayerComplete
 from .inspect import inspect
@@ -40,7 +40,7 @@ def truncate(data: bytes, *, layers: int | None = None, max_bytes: int | None = 
     """
     if (layers is None) == (max_bytes is None):
         raise OptionError("give either layers or max_bytes", code="options")
-    data = bytes(data)
+    data = whole_bytes(data)
     # What is damaged must not get a checksum that is right.
     inspect(data)
     if layers is not None:
@@ -81,7 +81,11 @@ def _first_layers(data: bytes, layers: int) -> bytes:
     if number < layers:
         if decoder.complete:
             return data
-        raise OptionError(f"only {number} layers have been received whole", code="layers", remedy="use max_bytes")
+        raise OptionError(
+            f"only {number} layers have been received whole",
+            code="layers",
+            remedy="ask for fewer, or for a number of bytes",
+        )
     run = decoder.runs[-1]
     kept = run.layers[: number - run.before.layers]
     bits = decoder.value_bits
