@@ -18,7 +18,7 @@ from .report import PARTIAL, check_output, concerning, read_iso, tell, warn, wri
 @iso_argument
 @output_option("OUT")
 @click.option("--isovalue", type=float, metavar="V", help="Which isovalue, of several.  [default: the first]")
-@click.option("--layers", type=click.IntRange(min=1), metavar="N", help="Only the first N layers.")
+@click.option("--layers", type=click.IntRange(min=1), metavar="N", help="Only the first N layers of that isovalue.")
 @click.option("--max-bytes", type=click.IntRange(min=1), metavar="N", help="Only the first N bytes.")
 @partial_option
 @json_option

@@ -13,7 +13,7 @@ from .report import check_output, concerning, tell, warn, write_output
 
 
 @click.command("encode", short_help="Encode the isocontour of a picture, terrain or volume.")
-@click.argument("source", metavar="INPUT", type=click.Path(path_type=Path))
+@click.argument("source", metavar="INPUT", type=click.Path(path_type=Path, readable=False))
 @output_option("OUT.iso")
 @click.option(
     "--isovalue",

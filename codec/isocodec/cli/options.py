@@ -10,8 +10,8 @@ import click
 
 Decorator = Callable[[Callable[..., Any]], Callable[..., Any]]
 
-# Whether files exist is not asked here: a missing file is an error of input (3), not of usage (2).
-iso_argument: Decorator = click.argument("source", metavar="IN.iso", type=click.Path(path_type=Path))
+# Whether files can be read is not asked here: a missing file is an error of input (3), not of usage (2).
+iso_argument: Decorator = click.argument("source", metavar="IN.iso", type=click.Path(path_type=Path, readable=False))
 
 partial_option: Decorator = click.option("--partial", is_flag=True, help="Of a truncated file, take what was received.")
 

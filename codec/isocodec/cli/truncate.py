@@ -14,7 +14,7 @@ from .report import check_output, concerning, read_iso, tell, warn, write_output
 @click.command("truncate", short_help="Cut a file to fewer layers or bytes; the result is a valid file.")
 @iso_argument
 @output_option("OUT.iso")
-@click.option("--layers", type=click.IntRange(min=1), metavar="N", help="Keep the first N layers.")
+@click.option("--layers", type=click.IntRange(min=1), metavar="N", help="Keep the first N layers, of all isovalues.")
 @click.option("--bytes", "max_bytes", type=click.IntRange(min=1), metavar="N", help="Keep at most N bytes.")
 @json_option
 def truncate_command(source: Path, output: Path, layers: int | None, max_bytes: int | None, as_json: bool) -> None:
