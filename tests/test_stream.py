@@ -1,29 +1,22 @@
-"""Files: any way of cutting the bytes, prefixes, truncation, errors, limits, hostile bytes, what they say."""
+"""Files: any way of cutting the bytes, prefixes, truncation, errors, what they say."""
 
 from __future__ import annotations
 
-import random
-import time
-
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, rule
 
 import isocodec
-from brute import INTERPRETED, examples
-from files import HEADER, NAMES, files, layers_file, picture, same_drawing, whole, with_checksum
-from isocodec import Decoder, Encoder, FormatError, IsoError, LimitError, Limits, OptionError, TruncatedError
+from brute import INTERPRETED
+from files import NAMES, files, picture, same_drawing, whole
+from isocodec import Decoder, Encoder, FormatError, OptionError, TruncatedError
 from isocodec.passes.snapshot import state_of
 from isocodec.stream.container import read_envelope
 from isocodec.stream.events import BaseComplete, ChunkSkipped, End, HeaderRead, LayerComplete
-from isocodec.stream.header import Header, read_header, write_header
-from isospec.container import (
-    ChunkType,
-    Profile,
-    write_varint,
-)  # fmt: skip
+from isocodec.stream.header import read_header
+from isospec.container import ChunkType
 
 # --- cutting the bytes ----------------------------------------------------------------------------------------------
 
@@ -277,212 +270,6 @@ def envelopes(data):
         at = envelope.end + 4 * (envelope.checked + envelope.last)
 
 
-# --- limits ---------------------------------------------------------------------------------------------------------
-
-
-def limited(data, **limits):
-    decoder = Decoder(Limits(**limits))
-    with pytest.raises(LimitError) as caught:
-        decoder.feed(data)
-        list(decoder)
-    return decoder, caught.value.code
-
-
-def test_limits():
-    """Each limit is an error of its own before the memory is taken."""
-    data = isocodec.encode(picture((60, 60), 8, noise=0.5), 0, base_level=0)
-    decoder, code = limited(data, vertices=500)
-    assert code == "limit-vertices"
-    assert decoder._tube.state.at[2] <= 500 and len(decoder._tube.state.vertex) <= 2 * 500
-    decoder, code = limited(data, simplices=700)
-    assert code == "limit-simplices"
-    assert max(len(decoder._tube.state.leaf), len(decoder._tube.state.below)) <= 2 * 700
-    decoder, code = limited(data, bytes=len(data) - 1)
-    assert code == "limit-bytes" and len(decoder._data) == 0
-    Decoder(Limits(bytes=len(data))).feed(data)
-    speck = np.zeros((40, 40), int)
-    speck[21, 19] = 1
-    _, code = limited(isocodec.encode(speck, 0, base_level=0), steps=0)
-    assert code == "limit-steps"
-
-
-def test_limits_of_whole_files():
-    data = files()["exact"]
-    with pytest.raises(LimitError):
-        isocodec.decode(data, limits=Limits(vertices=10))
-    assert same_drawing(isocodec.decode(data, limits=Limits(vertices=1 << 17)), isocodec.decode(data))
-
-
-def test_isovalues_are_counted_from_0():
-    decoder = Decoder()
-    decoder.feed(files()["exact"])
-    assert len(decoder.snapshot(0).points) and not len(decoder.snapshot(1).points)
-    for ask in (decoder.snapshot, decoder.drawn, decoder.state, decoder.mesh):
-        with pytest.raises(OptionError, match="counted from 0"):
-            ask(-1)
-
-
-@pytest.mark.parametrize("wrap", [bytearray, memoryview, lambda data: np.frombuffer(data, np.uint8)])
-def test_any_buffer_of_bytes(wrap):
-    data = files()["exact"]
-    assert isocodec.truncate(wrap(data), layers=1) == isocodec.truncate(data, layers=1)
-    assert same_drawing(isocodec.decode(wrap(data)), isocodec.decode(data))
-    assert same_drawing(isocodec.decode(wrap(data), max_bytes=60), isocodec.decode(data, max_bytes=60))
-    assert isocodec.inspect(wrap(data)).complete
-
-
-def test_limits_hold_for_all_isovalues_together():
-    field = picture((24, 26), 9)
-    levels = [-20.5 + 4 * i for i in range(10)]
-    data = isocodec.encode(field, levels, exact=True, leaning=False)
-    decoder = Decoder()
-    decoder.feed(data)
-    decoder.close()
-    counts = [len(decoder.state(number).position) for number in range(10)]
-    assert sum(counts) > 2 * max(counts)
-    isocodec.decode(data, limits=Limits(vertices=sum(counts) + 32), isovalue=levels[-1])
-    decoder, code = limited(data, vertices=max(counts) + 32)
-    assert code == "limit-vertices"
-    assert sum(len(decoder.state(number).position) for number in range(len(decoder.isovalues))) <= max(counts) + 32
-
-
-def test_ancestors_count_as_steps():
-    """In the largest cube few vertices, far apart, have many ancestors; how the bytes come in changes nothing."""
-    program = bytes([0x80 | 5 << 4, 0x80 | 6 << 4 | 1, 6 << 4 | 1])
-    run = random.Random(2644832001).randbytes(304)
-    data = layers_file(program + run, head=write_header(Header((1 << 20,) * 3, 0.5, None, Profile.MAIN)))
-    decoder, code = limited(data, steps=20_000)
-    assert code == "limit-steps" and decoder.symbols["significance"] > 10
-    bytewise = Decoder(Limits(steps=20_000))
-    with pytest.raises(LimitError, match="steps") as caught:
-        for i in range(len(data)):
-            bytewise.feed(data[i : i + 1])
-            list(bytewise)
-    assert caught.value.offset == decoder._error.offset
-    assert bytewise.symbols == decoder.symbols
-
-
-def test_limit_of_layers():
-    """More layers announced than the limit allows are refused; as many are not."""
-    data = files()["exact"]
-    count = len(isocodec.inspect(data).layers)
-    decoder = Decoder(Limits(layers=count))
-    decoder.feed(data)
-    decoder.close()
-    limited(data, layers=count - 1)
-
-
-def test_memory_follows_the_curve_not_the_header():
-    """A header that claims 2**24 x 2**24 samples costs nothing by itself."""
-    head = write_header(Header((1 << 24, 1 << 24), 0.5))
-    decoder = Decoder()
-    decoder.feed(head)
-    assert len(list(decoder)) == 1
-    assert sum(a.nbytes for a in decoder._tube.state if isinstance(a, np.ndarray)) < 1 << 20
-
-
-# --- hostile bytes --------------------------------------------------------------------------------------------------
-
-SECONDS = 20
-"""Far more than any file of a few hundred bytes takes (some ms); far less than a loop that depends on the header."""
-
-
-def survive(data, limits=None):
-    """Whole and byte by byte a decoder succeeds or raises the same IsoError, in time."""
-    began = time.monotonic()
-    outcomes = []
-    for step in (len(data), 7):
-        decoder = Decoder(limits or Limits(vertices=1 << 17, simplices=1 << 18, steps=1 << 22))
-        try:
-            for i in range(0, len(data), max(step, 1)):
-                decoder.feed(data[i : i + step])
-                list(decoder)
-                decoder.drawn()
-            decoder.close()
-            decoder.snapshot()
-            outcomes.append(state_of(decoder._tube).lines())
-        except IsoError as error:
-            outcomes.append((type(error), error.code, error.offset))
-    assert outcomes[0] == outcomes[1]
-    assert INTERPRETED or time.monotonic() - began < SECONDS
-    return outcomes[0]
-
-
-@pytest.mark.parametrize("name", ["offsets", "several runs"])
-def test_every_flipped_bit_is_found(name):
-    """No single wrong bit goes unnoticed: the file's checksum covers every byte before it."""
-    data = files()[name]
-    for place in range(8 * len(data)):
-        wrong = bytearray(data)
-        wrong[place // 8] ^= 128 >> place % 8
-        with pytest.raises(IsoError):
-            decoder = Decoder(Limits(vertices=1 << 17))
-            decoder.feed(wrong)
-            decoder.close()
-
-
-shapes_ = st.one_of(
-    st.lists(st.integers(1, 40), min_size=2, max_size=3),
-    st.sampled_from([[1 << 24, 1 << 24], [1 << 20] * 3, [1, 1], [1, 1, 1], [2, 1 << 24], [3, 2, 1 << 20], [257] * 3]),
-).map(tuple)
-
-
-@st.composite
-def programs_(draw, shape):
-    """A program that is valid for a shape, more or less."""
-    full = len(shape) * max(max(shape) - 2, 0).bit_length()
-    level = draw(st.integers(0, min(full, draw(st.sampled_from([4, 12, 60])))))
-    out = [b"\x0e" + write_varint(level)]
-    if level < full and draw(st.booleans()):
-        out.append(b"\x1e" + write_varint(draw(st.integers(1, min(full - level, 12)))))
-    if level == full and draw(st.booleans()):
-        out.append(bytes([0x30 + draw(st.integers(1, 13))]))
-    elif draw(st.booleans()):
-        out.append(bytes([0x2F, draw(st.integers(0, 14)) << 4 | draw(st.integers(0, 14))]))
-    return b"".join(bytes([step[0] | (0x80 if i < len(out) - 1 else 0)]) + step[1:] for i, step in enumerate(out))
-
-
-@examples(300)
-@given(st.data())
-def test_random_runs(data):
-    """Noise where entropy-coded data should be, behind a header and a program that are valid."""
-    shape = data.draw(shapes_)
-    program = data.draw(programs_(shape))
-    noise = st.binary(max_size=60) | st.integers(0, 40).map(bytes) | st.integers(0, 40).map(lambda n: b"\xff" * n)
-    payload = program + data.draw(noise)
-    kind = ChunkType.LAYERS
-    if data.draw(st.booleans()):
-        kind, payload = ChunkType.CUT_LAYERS, write_varint(data.draw(st.integers(0, 300))) + payload
-    survive(layers_file(payload, kind, write_header(Header(shape, 0.5))))
-
-
-@examples(300)
-@given(st.binary(max_size=80))
-def test_random_chunks(noise):
-    """Noise behind a header, with and without a checksum that fits."""
-    survive(HEADER + noise)
-    survive(with_checksum(HEADER + noise))
-
-
-@examples(300)
-@given(st.sampled_from(NAMES), st.data())
-def test_mutations_with_a_right_checksum(name, data):
-    """Bytes changed, dropped, doubled, and the checksum made to fit: the passes see hostile symbols."""
-    body = bytearray(files()[name][:-4])
-    for _ in range(data.draw(st.integers(1, 4))):
-        at = data.draw(st.integers(0, len(body) - 1))
-        what = data.draw(st.sampled_from(["set", "flip", "drop", "insert"]))
-        if what == "set":
-            body[at] = data.draw(st.integers(0, 255))
-        elif what == "flip":
-            body[at] ^= 1 << data.draw(st.integers(0, 7))
-        elif what == "drop" and len(body) > 1:
-            del body[at]
-        else:
-            body.insert(at, data.draw(st.integers(0, 255)))
-    survive(with_checksum(bytes(body)))
-
-
 # --- what a file says of itself -------------------------------------------------------------------------------------
 
 
@@ -545,3 +332,21 @@ def test_an_encoder_is_iterated_once():
     assert b"".join(encoder)
     with pytest.raises(OptionError, match="once"):
         b"".join(encoder)
+
+
+def test_isovalues_are_counted_from_0():
+    decoder = Decoder()
+    decoder.feed(files()["exact"])
+    assert len(decoder.snapshot(0).points) and not len(decoder.snapshot(1).points)
+    for ask in (decoder.snapshot, decoder.drawn, decoder.state, decoder.mesh):
+        with pytest.raises(OptionError, match="counted from 0"):
+            ask(-1)
+
+
+@pytest.mark.parametrize("wrap", [bytearray, memoryview, lambda data: np.frombuffer(data, np.uint8)])
+def test_any_buffer_of_bytes(wrap):
+    data = files()["exact"]
+    assert isocodec.truncate(wrap(data), layers=1) == isocodec.truncate(data, layers=1)
+    assert same_drawing(isocodec.decode(wrap(data)), isocodec.decode(data))
+    assert same_drawing(isocodec.decode(wrap(data), max_bytes=60), isocodec.decode(data, max_bytes=60))
+    assert isocodec.inspect(wrap(data)).complete

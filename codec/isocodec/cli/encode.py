@@ -137,7 +137,7 @@ def encode_command(
             "seconds": round(seconds, 3),
             "shape": list(field.shape),
             "dtype": str(field.dtype),
-            "isovalues": list(isovalues),
+            "isovalues": [float(isovalue) for isovalue in isovalues],
         },
         as_json,
     )

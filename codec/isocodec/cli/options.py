@@ -19,19 +19,16 @@ json_option: Decorator = click.option("--json", "as_json", is_flag=True, help="P
 
 
 class Isovalue(click.ParamType):
-    """A number that files hold as it is given: whole numbers must not be rounded."""
+    """A number; whole ones stay whole, so that the encoder notices those that would be rounded."""
 
     name = "float"
 
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> float:
-        number: float = click.FLOAT.convert(value, param, ctx)
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> int | float:
         try:
-            whole = int(str(value))
+            return int(value)
         except ValueError:
+            number: float = click.FLOAT.convert(value, param, ctx)
             return number
-        if whole != number:
-            self.fail(f"{value} is not a number of double precision; the nearest one is {number:.0f}.", param, ctx)
-        return number
 
 
 def output_option(metavar: str) -> Decorator:

@@ -282,11 +282,7 @@ class Tube:
             number = int(at[ERROR])
             tired = self.lean is not None and self.lean.state.at[WORK] >= self.limits.steps
             if tired or (status == BAD and number == OUT_OF_STEPS):
-                raise LimitError(
-                    f"inferring signs and ancestors takes more than {self.limits.steps} steps",
-                    code="limit-steps",
-                    clause="11.2",
-                )
+                raise out_of_steps(self.limits)
             if status == GROW:
                 self._grow()
             elif status == BAD:
@@ -405,6 +401,13 @@ class Tube:
             below=_room(st.below, int(at[NEXT]) + STEP_LEAVES, self.limits.simplices),
             stack=stack,
         )
+
+
+def out_of_steps(limits: Limits) -> LimitError:
+    """What is raised where the steps that are allowed are used up."""
+    return LimitError(
+        f"inferring signs and ancestors takes more than {limits.steps} steps", code="limit-steps", clause="11.2"
+    )
 
 
 def _filled(kernel: Callable[[NDArray[np.int64]], int]) -> NDArray[np.int64]:

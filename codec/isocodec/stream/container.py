@@ -84,7 +84,7 @@ def whole_bytes(data: bytes | bytearray | memoryview) -> bytes:
     OptionError
         If it is none: a name, for example.
     """
-    return bytes(octets(data))
+    return data if isinstance(data, bytes) else bytes(octets(data))
 
 
 def octets(data: bytes | bytearray | memoryview) -> memoryview:
@@ -98,7 +98,7 @@ def octets(data: bytes | bytearray | memoryview) -> memoryview:
         ) from None  # fmt: skip
 
 
-def verify(data: bytes | memoryview, chunk: Envelope, start: int) -> None:
+def verify(data: bytes | bytearray, chunk: Envelope, start: int) -> None:
     """Check the checksums behind a chunk that begins at ``start`` and is all there.
 
     Raises
@@ -107,13 +107,15 @@ def verify(data: bytes | memoryview, chunk: Envelope, start: int) -> None:
         If the chunk's own (clause 3.5.3) or the file's (3.4.4) is wrong.
     """
     at = chunk.end
-    for there, first, what, clause in (
-        (chunk.checked, start, "a chunk", "3.5.3"), (chunk.last, 0, "the file", "3.4.4")
-    ):  # fmt: skip
-        if there:
-            if Checksum.parse(bytes(data[at : at + CHECKSUM_BYTES])) != zlib.crc32(data[first:at]):
-                raise FormatError(f"{what}'s checksum is wrong", code="checksum", offset=at, clause=clause)
-            at += CHECKSUM_BYTES
+    # without a copy of what may be large; a view that stayed would keep an array from growing
+    with memoryview(data) as view:
+        for there, first, what, clause in (
+            (chunk.checked, start, "a chunk", "3.5.3"), (chunk.last, 0, "the file", "3.4.4")
+        ):  # fmt: skip
+            if there:
+                if Checksum.parse(bytes(view[at : at + CHECKSUM_BYTES])) != zlib.crc32(view[first:at]):
+                    raise FormatError(f"{what}'s checksum is wrong", code="checksum", offset=at, clause=clause)
+                at += CHECKSUM_BYTES
 
 
 def write_further(isovalue: float, lean: int | None) -> bytes:

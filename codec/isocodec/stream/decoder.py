@@ -18,7 +18,7 @@ from ..jit import CUT, DONE
 from ..limits import Limits
 from ..passes.decoded import Decoded
 from ..passes.snapshot import leaves_of, state_of
-from ..passes.tube import Tube
+from ..passes.tube import Tube, out_of_steps
 from .container import CHECKSUM_BYTES, CRITICAL, Envelope, octets, read_envelope, read_further, read_metadata, verify
 from .events import (
     BaseComplete,
@@ -235,8 +235,8 @@ class Decoder:
         header = self.header
         tube = self._tube_of(number)
         if header is None or tube is None:
-            n = len(header.shape) if header else 2
             shape = header.shape if header else (0, 0)
+            n = len(shape)
             return Contour(np.zeros((0, n)), np.zeros((0, n), np.int64), float("nan"), shape, False)
         isovalue = self.isovalues[number]
         leaves = leaves_of(tube, isovalue, lambda steps, above: interval_value(isovalue, header.scale, steps, above))
@@ -288,7 +288,7 @@ class Decoder:
             behind = chunk.end + CHECKSUM_BYTES * (chunk.checked + chunk.last)
             if len(self._data) < behind:
                 return None
-            self._verify(chunk)
+            verify(self._data, chunk, self._chunk_start)
             self._at = behind
             self._chunk = self._pending = None
             self._cut |= chunk.type == ChunkType.CUT_LAYERS
@@ -335,11 +335,6 @@ class Decoder:
     def _payload(self, chunk: Envelope) -> bytes:
         return bytes(self._data[chunk.start : chunk.end])
 
-    def _verify(self, chunk: Envelope) -> None:
-        # without a copy of what may be large; a view that stayed would keep the array from growing
-        with memoryview(self._data) as data:
-            verify(data, chunk, self._chunk_start)
-
     def _layers(self, chunk: Envelope) -> Event | None:
         """Go on with a chunk of layers; None if all are done or more bytes are needed."""
         assert self._tube is not None
@@ -355,7 +350,7 @@ class Decoder:
                     begin_layer(self._tube, layer)
                 status = self._tube.advance()
                 if sum(tube.steps for tube in self._tubes if tube) >= self.limits.steps:
-                    raise LimitError(f"more than {self.limits.steps} steps", code="limit-steps", clause="11.2")
+                    raise out_of_steps(self.limits)
             except IsoError as error:
                 error.offset = self._run + min(_shifts(coder), self._run_read)
                 raise

@@ -313,13 +313,12 @@ def reduced(promise: Promise, criterion: str, parameter: float | None, topology:
         case "curvature" | "distortion" | "level":
             if parameter is None:
                 raise OptionError(f"the criterion {criterion} needs a number", code="criterion")
-            if criterion == "level" and not parameter.is_integer():
-                raise OptionError(f"the level is {parameter:g}, needed is a whole number", code="criterion")
-            if criterion == "level" and parameter > promise.full_level:
-                raise OptionError(
-                    f"the level is {parameter:g}, that of the full grid {promise.full_level}", code="criterion"
-                )
             if criterion == "level":
+                if not (parameter.is_integer() and parameter <= promise.full_level):
+                    raise OptionError(
+                        f"the level is {parameter:g}, needed is a whole number up to that of the full grid, "
+                        f"{promise.full_level}", code="criterion",
+                    )  # fmt: skip
                 reduction.reduce(topology=topology, level=int(parameter))
             elif criterion == "curvature":
                 reduction.reduce(topology=topology, keep=reduction.curved(parameter))
