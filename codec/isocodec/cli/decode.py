@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from contextlib import suppress
+from dataclasses import replace
 from pathlib import Path
 
 import click
@@ -20,11 +21,12 @@ from .report import PARTIAL, check_output, concerning, read_iso, tell, warn, wri
 @click.option("--isovalue", type=float, metavar="V", help="Which isovalue, of several.  [default: the first]")
 @click.option("--layers", type=click.IntRange(min=1), metavar="N", help="Only the first N layers of that isovalue.")
 @click.option("--max-bytes", type=click.IntRange(min=1), metavar="N", help="Only the first N bytes.")
+@click.option("--in-samples", is_flag=True, help="Coordinates in samples, even if the file says where these lie.")
 @partial_option
 @json_option
 def decode_command(
-    source: Path, output: Path, isovalue: float | None, layers: int | None, max_bytes: int | None, partial: bool,
-    as_json: bool,
+    source: Path, output: Path, isovalue: float | None, layers: int | None, max_bytes: int | None, in_samples: bool,
+    partial: bool, as_json: bool,
 ) -> None:  # fmt: skip
     """Decode IN.iso to OUT; the suffix of OUT names the format.
 
@@ -32,6 +34,9 @@ def decode_command(
     Curves and surfaces  .npz (points, cells, isovalue, shape), .png
     Curves               .geojson, .svg (x along axis 1, y along axis 0)
     Surfaces             .ply, .stl, .obj (x, y, z along axes 0, 1, 2)
+
+    Coordinates are samples. Where the file says how these lie in the world (encode keeps what NIfTI and GeoTIFF files
+    say, or --spacing), .geojson, .ply, .stl and .obj have the coordinates of the world instead.
     """
     from ..io.write import check_libraries, check_suffix, render_contour
 
@@ -70,7 +75,7 @@ def decode_command(
             f"only isovalue {contour.isovalue!r} is written; --isovalue chooses {' or '.join(map(repr, others))}",
         )
     with concerning(output):
-        rendered = render_contour(contour, suffix)
+        rendered = render_contour(replace(contour, placement=None) if in_samples else contour, suffix)
     write_output(output, rendered)
     pieces = "segments" if len(contour.shape) == 2 else "triangles"
     tell(

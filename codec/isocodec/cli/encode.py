@@ -4,12 +4,16 @@ from __future__ import annotations
 
 import time
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
 from .options import Isovalue, json_option, output_option
 from .progress import load_kernels, progress_bar
 from .report import check_output, concerning, tell, warn, write_output
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
 
 
 @click.command("encode", short_help="Encode the isocontour of a picture, terrain or volume.")
@@ -50,6 +54,8 @@ from .report import check_output, concerning, tell, warn, write_output
 )
 @click.option("--profile", default="main", show_default=True, metavar="NAME", help="Entropy coding profile.")
 @click.option("--metadata", multiple=True, metavar="KEY=TEXT", help="A note to go into the file. Several may be given.")
+@click.option("--spacing", metavar="S,S[,S]", help="Distances of samples along the axes of the array, for coordinates.")
+@click.option("--no-placement", is_flag=True, help="Leave out where a NIfTI or GeoTIFF file says its samples lie.")
 @click.option("--key", metavar="NAME", help="Which array of an .npz file.")
 @click.option("--channel", type=int, metavar="N", help="Which channel of a colour picture, counted from 0.")
 @json_option
@@ -68,6 +74,8 @@ def encode_command(
     base_level: int | None,
     profile: str,
     metadata: tuple[str, ...],
+    spacing: str | None,
+    no_placement: bool,
     key: str | None,
     channel: int | None,
     as_json: bool,
@@ -87,14 +95,22 @@ def encode_command(
         if len(chosen) > 1:
             raise click.UsageError(f"{' and '.join(chosen)} contradict one another: choose one")
     name, parameter = _criterion(criterion)
+    notes = _metadata(metadata)
+    placement: ArrayLike | None = _numbers("--spacing", spacing)
     check_output(output, source)
 
     import isocodec
 
+    from ..grid.placement import CRS, PLACEMENT
+    from ..io.place import read_placement
     from ..io.read import read_field
 
     with concerning(source):
         field = read_field(source, key=key, channel=channel)
+        if placement is None and not no_placement and PLACEMENT not in notes:
+            placement, crs = read_placement(source, field.ndim)
+            if placement is not None and crs is not None:
+                notes.setdefault(CRS, crs)
         load_kernels(search=tolerance is not None or steps is not None or preserve_topology or criterion is not None)
         started = time.perf_counter()
         with progress_bar("encoding") as progress:
@@ -112,7 +128,8 @@ def encode_command(
                 step=step,
                 base_level=base_level,
                 profile=profile,
-                metadata=_metadata(metadata),
+                metadata=notes,
+                placement=placement,
                 progress=progress,
             )
         seconds = time.perf_counter() - started
@@ -165,6 +182,16 @@ def _metadata(given: tuple[str, ...]) -> dict[str, str]:
             raise click.UsageError(f"--metadata {text}: needed is KEY=TEXT, each key once")
         out[key] = note
     return out
+
+
+def _numbers(option: str, text: str | None) -> list[float] | None:
+    """Numbers between commas."""
+    if text is None:
+        return None
+    try:
+        return [float(part) for part in text.split(",")]
+    except ValueError:
+        raise click.UsageError(f"{option} {text}: needed are numbers, a comma between them") from None
 
 
 def _steps(text: str | None) -> list[float | str] | None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
@@ -36,6 +36,10 @@ class Contour:
         Samples along each axis of the sampled box.
     complete : bool
         False if the contour was drawn before all of its data had come.
+    placement : (n, n + 1) float64, or None
+        Where samples lie in the world: ``placement[:, :n] @ index + placement[:, n]``; None if the file does not say.
+    metadata : dict of str to str
+        Notes of the file, as far as they had come.
     """
 
     points: NDArray[np.float64]
@@ -43,6 +47,20 @@ class Contour:
     isovalue: float
     shape: tuple[int, ...]
     complete: bool = True
+    placement: NDArray[np.float64] | None = None
+    metadata: dict[str, str] = field(default_factory=dict)
+
+    @cached_property
+    def placed(self) -> NDArray[np.float64]:
+        """The points in the coordinates x, y (, z) of the placement, (P, n) float64.
+
+        Without one the unit is the cell: in the plane x runs along axis 1 and y along axis 0, in space x, y, z are the
+        axes 0, 1, 2.
+        """
+        n = len(self.shape)
+        if self.placement is None:
+            return self.points[:, ::-1] if n == 2 else self.points
+        return self.points @ self.placement[:, :n].T + self.placement[:, n]
 
     @cached_property
     def lines(self) -> list[NDArray[np.float64]]:
@@ -58,6 +76,11 @@ class Contour:
         """
         if len(self.shape) != 2:
             raise OptionError("only an isocontour (n = 2) has lines; a surface has points and cells", code="dimension")
+        return [self.points[walk] for walk in self._walks]
+
+    @cached_property
+    def _walks(self) -> list[list[int]]:
+        """Numbers of the points of each polyline."""
         following = np.full(len(self.points), -1, dtype=np.int64)
         following[self.cells[:, 0]] = self.cells[:, 1]
         starts_line = following >= 0
@@ -65,7 +88,7 @@ class Contour:
 
         # Plain lists: one step of the walk on numpy scalars would take several times as long.
         step = following.tolist()
-        lines = []
+        walks = []
         for first in [*np.flatnonzero(starts_line).tolist(), *range(len(step))]:
             walk = [first]
             point = step[first]
@@ -74,15 +97,15 @@ class Contour:
                 step[walk[-2]] = -1
                 point = step[point]
             if len(walk) > 1:
-                lines.append(self.points[walk])
-        return lines
+                walks.append(walk)
+        return walks
 
     @property
     def __geo_interface__(self) -> dict[str, Any]:
         """GeoJSON-like ``MultiLineString`` of an isocontour, for shapely, geopandas and others.
 
-        Coordinates are tuples ``(x, y)`` with x along axis 1 (columns) and y along axis 0 (rows), in samples. Swapping
-        the axes mirrors the plane, so that with x to the right and y upwards the higher values are on the right.
+        Coordinates are tuples ``(x, y)`` of `placed`. Without a placement, swapping the axes mirrors the plane, so that
+        with x to the right and y upwards the higher values are on the right; where rows run southwards, on the left.
 
         Raises
         ------
@@ -91,5 +114,5 @@ class Contour:
         """
         if len(self.shape) != 2:
             raise AttributeError("__geo_interface__: a surface has no GeoJSON geometry")
-        coordinates = tuple(tuple((x, y) for y, x in line.tolist()) for line in self.lines)
+        coordinates = tuple(tuple(map(tuple, self.placed[walk].tolist())) for walk in self._walks)
         return {"type": "MultiLineString", "coordinates": coordinates}

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from .atomic import check_target, write_bytes
+from .place import read_placement
 from .read import read_field
 from .write import CURVE_SUFFIXES, check_suffix, render_contour, write_contour
 
@@ -11,6 +12,7 @@ __all__ = [
     "check_suffix",
     "check_target",
     "read_field",
+    "read_placement",
     "render_contour",
     "write_bytes",
     "write_contour",

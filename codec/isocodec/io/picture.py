@@ -60,7 +60,7 @@ def contour_picture(contour: Contour, suffix: str = ".png") -> bytes:
     MissingExtraError
         Without matplotlib.
     """
-    figure = _figure(_panel_size(contour.shape, 6.0))
+    figure = _figure(_panel_size(contour, 6.0))
     axes = figure.add_subplot()
     _draw(axes, contour, pixels=6 * _DPI)
     axes.set_title(f"isovalue {contour.isovalue:g}", fontsize=9)
@@ -80,7 +80,7 @@ def steps_picture(steps: Sequence[Step], suffix: str = ".png") -> bytes:
     columns = min(len(steps), _COLUMNS)
     rows = -(-len(steps) // columns)
     side = 2.6
-    width, height = _panel_size(steps[0].contour.shape, side)
+    width, height = _panel_size(steps[0].contour, side)
     title = 0.45
     figure = _figure((columns * width, rows * (height + title)))
     for number, step in enumerate(steps, start=1):
@@ -114,11 +114,20 @@ def _file(figure: Any, suffix: str) -> bytes:
     return buffer.getvalue()
 
 
-def _panel_size(shape: tuple[int, ...], longest: float) -> tuple[float, float]:
+def _steps(contour: Contour) -> NDArray[np.float64]:
+    """Distances of neighbouring samples along each axis, the shortest of them 1."""
+    n = len(contour.shape)
+    if contour.placement is None:
+        return np.ones(n)
+    steps = np.linalg.norm(contour.placement[:, :n], axis=0)
+    return np.asarray(steps / steps.min())
+
+
+def _panel_size(contour: Contour, longest: float) -> tuple[float, float]:
     """Width and height in inches: in the proportions of a plane grid, but never a mere strip."""
-    if len(shape) != 2:
+    if len(contour.shape) != 2:
         return longest, longest
-    rows, columns = shape
+    rows, columns = contour.shape * _steps(contour)
     least = longest / 4
     if columns >= rows:
         return longest, max(longest * rows / columns, least)
@@ -143,10 +152,9 @@ def _draw_mesh(axes: Any, contour: Contour, position: np.ndarray, simplices: np.
             collections.LineCollection(position[ends][:, :, ::-1], colors=["0.7"], linewidths=0.25, zorder=0)
         )
         return
-    corners = contour.points[contour.cells]
+    corners = contour.points[contour.cells] * _steps(contour)
     front = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]) @ _TOWARDS > 0
-    box = np.array(list(product(*((0.0, n - 1.0) for n in contour.shape))))
-    flat = box @ np.stack([_RIGHT, _UP], axis=1)
+    flat = _box(contour) @ np.stack([_RIGHT, _UP], axis=1)
     shown = corners[front] @ np.stack([_RIGHT, _UP], axis=1) - (flat.min(axis=0) + flat.max(axis=0)) / 2
     axes.add_collection(
         collections.LineCollection(shown[:, [0, 1, 2, 0]], colors=[(0, 0, 0, 0.25)], linewidths=0.2, zorder=3)
@@ -161,18 +169,18 @@ def _draw_curve(axes: Any, contour: Contour) -> None:
     axes.set_xlim(-0.5, columns - 0.5)
     # Downwards, as pictures are shown.
     axes.set_ylim(rows - 0.5, -0.5)
-    axes.set_aspect("equal")
+    down, across = _steps(contour)
+    axes.set_aspect(down / across)
     axes.tick_params(labelsize=7)
 
 
 def _draw_surface(axes: Any, contour: Contour, pixels: int) -> None:
     """The surface as a picture of its own: matplotlib sorts whole triangles, and that shows in every fold."""
-    corners = np.array(list(product(*((0.0, n - 1.0) for n in contour.shape))))
-    flat = corners @ np.stack([_RIGHT, _UP], axis=1)
+    flat = _box(contour) @ np.stack([_RIGHT, _UP], axis=1)
     low, high = flat.min(axis=0), flat.max(axis=0)
     scale = float((high - low).max()) or 1.0
     centre = (low + high) / 2
-    image = shade(contour.points, contour.cells, centre, scale, pixels)
+    image = shade(contour.points * _steps(contour), contour.cells, centre, scale, pixels)
     half = scale / 2
     for a, b in zip(*_box_edges(), strict=True):
         line = flat[[a, b]] - centre
@@ -182,6 +190,11 @@ def _draw_surface(axes: Any, contour: Contour, pixels: int) -> None:
     axes.set_ylim(-1.04 * half, 1.04 * half)
     axes.set_aspect("equal")
     axes.set_axis_off()
+
+
+def _box(contour: Contour) -> NDArray[np.float64]:
+    """Corners of the sampled box, (8, 3)."""
+    return np.array(list(product(*((0.0, n - 1.0) for n in contour.shape)))) * _steps(contour)
 
 
 def _box_edges() -> tuple[list[int], list[int]]:

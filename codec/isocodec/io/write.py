@@ -1,7 +1,8 @@
 """Curves and surfaces out, in the formats of other tools.
 
-In the plane (GeoJSON, SVG) x runs along axis 1 of the array and y along axis 0, sample (i, j) at x = j, y = i.
-In space (PLY, STL, OBJ) x, y, z are the axes 0, 1, 2 of the array. The unit is the cell.
+GeoJSON, PLY, STL and OBJ have the coordinates of the file's placement (`Contour.placed`). Without one, and always in an
+SVG, the unit is the cell: in the plane x runs along axis 1 of the array and y along axis 0, sample (i, j) at x = j,
+y = i; in space x, y, z are the axes 0, 1, 2 of the array.
 """
 
 from __future__ import annotations
@@ -18,12 +19,15 @@ from xml.etree import ElementTree
 import numpy as np
 
 from ..errors import OptionError
+from ..grid.placement import CRS
 from .atomic import write_bytes
 from .extras import optional
 from .picture import contour_picture, matplotlib_figure
 
 if TYPE_CHECKING:
     from ..contour import Contour
+
+_DEGREES = "4326"
 
 
 def check_suffix(path: str | os.PathLike[str], dimension: int | None = None) -> str:
@@ -89,14 +93,17 @@ def write_contour(contour: Contour, path: str | os.PathLike[str]) -> None:
 
 
 def _npz(contour: Contour) -> bytes:
+    """Points in samples; the placement, if there is one, beside them."""
+    arrays: dict[str, Any] = {
+        "points": contour.points,
+        "cells": contour.cells,
+        "isovalue": np.float64(contour.isovalue),
+        "shape": np.asarray(contour.shape, dtype=np.int64),
+    }
+    if contour.placement is not None:
+        arrays["placement"] = contour.placement
     buffer = io.BytesIO()
-    np.savez(
-        buffer,
-        points=contour.points,
-        cells=contour.cells,
-        isovalue=np.float64(contour.isovalue),
-        shape=np.asarray(contour.shape, dtype=np.int64),
-    )
+    np.savez(buffer, **arrays)
     return buffer.getvalue()
 
 
@@ -104,8 +111,11 @@ def _npz(contour: Contour) -> bytes:
 
 
 def _geojson(contour: Contour) -> bytes:
-    """A feature with the properties isovalue, shape and complete; an empty curve is an empty geometry."""
-    feature = {
+    """A feature with the properties isovalue, shape and complete; an empty curve is an empty geometry.
+
+    A reference system other than that of GeoJSON, degrees of longitude and latitude, is named as GeoJSON once had it.
+    """
+    feature: dict[str, Any] = {
         "type": "Feature",
         "properties": {
             "isovalue": float(contour.isovalue),
@@ -114,6 +124,9 @@ def _geojson(contour: Contour) -> bytes:
         },
         "geometry": contour.__geo_interface__,
     }
+    authority, _, number = contour.metadata.get(CRS, "").partition(":")
+    if contour.placement is not None and authority == "EPSG" and number.isdecimal() and number != _DEGREES:
+        feature["crs"] = {"type": "name", "properties": {"name": f"urn:ogc:def:crs:EPSG::{number}"}}
     return json.dumps(feature, separators=(",", ":"), allow_nan=False).encode() + b"\n"
 
 
@@ -166,7 +179,10 @@ def _mesh(contour: Contour, suffix: str) -> bytes:
         # The library would write keywords without numbers, which no reader takes.
         return b"# empty isosurface\n"
     # Without processing: the vertices and their order are ours.
-    mesh = trimesh.Trimesh(vertices=contour.points, faces=contour.cells, process=False)
+    # A placement that mirrors space turns triangles over.
+    mirrored = contour.placement is not None and np.linalg.det(contour.placement[:, :3]) < 0
+    cells = contour.cells[:, ::-1] if mirrored else contour.cells
+    mesh = trimesh.Trimesh(vertices=contour.placed, faces=cells, process=False)
     data = mesh.export(file_type=suffix[1:])
     return data.encode() if isinstance(data, str) else bytes(data)
 

@@ -14,6 +14,7 @@ from ..contour import Contour, draw
 from ..entropy.coder import DECODE, END, FINAL, LEFT, POS, UNKNOWN, UNLIMITED, Coder, start
 from ..errors import FormatError, IsoError, LimitError, OptionError, TruncatedError
 from ..grid.field import interval_value
+from ..grid.placement import read_placement
 from ..jit import CUT, DONE
 from ..limits import Limits
 from ..passes.decoded import Decoded
@@ -240,7 +241,8 @@ class Decoder:
             return Contour(np.zeros((0, n)), np.zeros((0, n), np.int64), float("nan"), shape, False)
         isovalue = self.isovalues[number]
         leaves = leaves_of(tube, isovalue, lambda steps, above: interval_value(isovalue, header.scale, steps, above))
-        return draw(leaves, complete=self._ended)
+        placement = read_placement(self.metadata, len(header.shape))
+        return replace(draw(leaves, complete=self._ended), placement=placement, metadata=dict(self.metadata))
 
     def mesh(self, number: int = 0) -> tuple[np.ndarray, np.ndarray]:
         """The crossed leaves of the mesh: positions (V, n) and vertices of simplices (M, n + 1), both int64."""

@@ -15,6 +15,7 @@ from isospec.container import MAX_ISOVALUES, Checksum, ChunkType, Profile
 
 from ..errors import FormatError, OptionError
 from ..grid.field import check_field
+from ..grid.placement import PLACEMENT, placement_of, write_placement
 from ..mesh.tables import cube_exponent
 from ..passes.tube import Tube
 from . import strategy
@@ -74,6 +75,10 @@ class Encoder:
     profile : str
         ``main``, or ``baseline``, which makes larger files for smaller and faster decoders.
     metadata : mapping of str to str, optional
+    placement : (n,) or (n, n + 1) array_like, optional
+        Where the samples lie: distances of neighbours along each axis of the array, or a row for each coordinate x, y
+        (, z) with what a step along each axis adds to it and what it is at sample 0. It goes into the metadata, and
+        changes nothing but `Contour.placed`; tolerances stay in cells.
     progress : callable, optional
         Called with the layers done and their total; before, while a mesh is searched for, with the number of curves
         tried and 0.
@@ -104,6 +109,7 @@ class Encoder:
         plan: Sequence[Entry] | Mapping[float, Sequence[Entry]] | None = None,
         profile: str = "main",
         metadata: Mapping[str, str] | None = None,
+        placement: ArrayLike | None = None,
         progress: Callable[[int, int], object] | None = None,
     ) -> None:
         self._asked = Asked(
@@ -124,6 +130,10 @@ class Encoder:
                 "exact is for integer data, and the field holds floats", code="exact", remedy="use step or tolerance"
             )
         self._metadata = _notes(metadata or {})
+        if placement is not None:
+            if PLACEMENT in self._metadata:
+                raise OptionError("placement and metadata of that name contradict one another", code="options")
+            self._metadata[PLACEMENT] = write_placement(placement_of(placement, first.values.ndim))
         self._report = progress
         self._tried = 0
         self.header = Header(first.values.shape, first.isovalue, self._asked.step, Profile[profile.upper()])
