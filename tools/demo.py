@@ -26,6 +26,7 @@ from scipy.spatial import KDTree
 
 import isocodec
 from isocodec.cli import main as command_line
+from isocodec.io.picture import Step, steps_picture
 from isocodec.stream.inspect import LayerInfo
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -253,6 +254,21 @@ def leave_docs() -> None:
         run("plot", iso, "-o", picture, "--steps", "4")
         with Image.open(io.BytesIO(picture.read_bytes())) as image:
             image.convert("RGB").quantize(16).save(picture, optimize=True)
+    (skin,) = (item for item in ITEMS if item.name == "ct-skin")
+    with Image.open(io.BytesIO(smoothing(skin))) as image:
+        image.convert("RGB").quantize(32).save(DOCS / "smooth.png", optimize=True)
+
+
+def smoothing(item: Item) -> bytes:
+    """A picture of the signs of a file half-way, smoothed, and of the whole file."""
+    data = isocodec.encode(item.load(), item.isovalue)
+    layers = isocodec.inspect(data, symbols=True).layers
+    signs = sum(layer.kind != "offsets" for layer in layers)
+    steps = [
+        Step(isocodec.decode(data, layers=signs, smooth=smooth), layers[signs].offset or 0, len(data))
+        for smooth in (False, True)
+    ]
+    return steps_picture([*steps, Step(isocodec.decode(data), len(data), len(data))])
 
 
 def main() -> None:

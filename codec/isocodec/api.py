@@ -60,6 +60,7 @@ def decode(
     isovalue: float | None = None,
     layers: int | None = None,
     max_bytes: int | None = None,
+    smooth: bool = False,
     limits: Limits | None = None,
     progress: Callable[[int, int], object] | None = None,
 ) -> Contour:
@@ -74,6 +75,10 @@ def decode(
         Decode that many layers only; all if there are fewer.
     max_bytes : int, optional
         Decode the first bytes only, whatever curve they give.
+    smooth : bool
+        Put points of which the file only says the edge where the curve bends as evenly as that allows, not half-way:
+        nearer to the curve in the mean where the field is smooth, by up to a half, farther from it where the field is
+        rough or has few values. What the file does say stays; a tolerance holds without this only.
     limits : Limits, optional
         What the file may need at most, where it comes from strangers.
     progress : callable, optional
@@ -105,12 +110,12 @@ def decode(
                 progress(event.number, len(decoder.layers))
             done += len(decoder.isovalues) - 1 == number
             if done == layers:
-                return decoder.drawn(number)
+                return decoder.drawn(number, smooth)
     if max_bytes is None:
         decoder.close()
     if number >= len(decoder.isovalues):
         raise TruncatedError("the file ends before its curve begins", code="truncated")
-    return decoder.drawn(number)
+    return decoder.drawn(number, smooth)
 
 
 def _chain(data: bytes, isovalue: float | None) -> tuple[int, frozenset[int]]:

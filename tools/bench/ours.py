@@ -46,13 +46,14 @@ def radices(parts: int) -> list[int]:
 
 @dataclass(frozen=True)
 class File:
-    """A file that was tried, how it is made, and how far its curve lies from the extracted one (cells)."""
+    """A file that was tried, how it is made and drawn, and how far its curve lies from the extracted one (cells)."""
 
     how: str
     make: Callable[[], bytes]
     data: bytes
     err_mean: float
     err_max: float
+    smooth: bool = False
 
 
 @dataclass
@@ -97,6 +98,11 @@ class Ours:
     def _offsets_name(parts: int) -> str:
         return f"offsets in {parts} parts" if parts > 1 else "signs alone"
 
+    def smoothed(self) -> File:
+        """Signs alone, drawn with smoothing."""
+        signs = self.offsets(1)
+        return self._tell(f"{signs.how}, smoothed", signs.make, smooth=True)
+
     def values(self, planes: int) -> File:
         """The highest bits of the samples next to the curve."""
         return self._planned(f"{planes} bits of values", [("values", planes)])
@@ -116,13 +122,13 @@ class Ours:
         refine = [("refine", None)] if level < self.full_level else []
         return self._tell(how, lambda: self.encode(plan=[("base", level), *refine, *entries]))
 
-    def _tell(self, how: str, make: Callable[[], bytes]) -> File:
+    def _tell(self, how: str, make: Callable[[], bytes], smooth: bool = False) -> File:
         """Encode, decode and measure, once."""
         if how not in self.tried:
             data = make()
-            contour = isocodec.decode(data)
+            contour = isocodec.decode(data, smooth=smooth)
             mean, largest = apart(self.truth, Shape.of_mesh(contour.points, contour.cells))
-            self.tried[how] = File(how, make, data, mean, largest)
+            self.tried[how] = File(how, make, data, mean, largest, smooth)
         return self.tried[how]
 
     def _families(self, bound: str, target: float) -> Iterator[File | None]:
@@ -133,6 +139,9 @@ class Ours:
             if self.item.n == 2:
                 largest = [factor * target for factor in COARSER] if bound == "err_mean" else [target]
                 yield from (self.tolerance(d) for d in largest if d >= LEAST_SEARCHED)
+            return
+        if getattr(self.smoothed(), bound) <= target:
+            yield self.smoothed()
             return
         choices = parts_list()
         finer = self._coarsest(choices, bound, target)
@@ -151,6 +160,7 @@ class Ours:
             )
         if finer is not None and finer.how == self.offsets(choices[1]).how:
             yield self._cut(finer, signs, bound, target)
+            yield self._cut(finer, signs, bound, target, smooth=True)
         if self.item.integer and self.item.n == 2:
             enough = next((b for b in range(1, PLANES + 1) if getattr(self.values(b), bound) <= target), None)
             if enough is not None:
@@ -169,14 +179,15 @@ class Ours:
             wanted = choices[at] * error / max(target, 1e-9)
         return self.offsets(choices[high]) if high < len(choices) else None
 
-    def _cut(self, finer: File, coarser: File, bound: str, target: float) -> File | None:
+    def _cut(self, finer: File, coarser: File, bound: str, target: float, smooth: bool = False) -> File | None:
         """The finer file cut as early as the target allows; every prefix is a file of its own."""
         low, high, best = len(coarser.data), len(finer.data), None
         for _ in range(CUTS):
             if high - low < max(8, high // 200):
                 break
             size = (low + high) // 2
-            file = self._tell(f"{finer.how}, cut at {size} bytes", self._cutter(finer, size))
+            how = f"{finer.how}, cut at {size} bytes" + (", smoothed" if smooth else "")
+            file = self._tell(how, self._cutter(finer, size), smooth)
             if getattr(file, bound) <= target:
                 high, best = size, file
             else:

@@ -108,10 +108,12 @@ class Recorder:
 
     # ---- Ours ----
 
-    def ours(self, name: str, make: Callable[[], bytes], crossings: Any = None, **more: Any) -> None:
+    def ours(
+        self, name: str, make: Callable[[], bytes], crossings: Any = None, smooth: bool = False, **more: Any
+    ) -> None:
         """Encode and decode; ``crossings`` are the points that the curve must have, in any order."""
         data, enc = took(make, self._repeat)
-        contour, dec = took(lambda: isocodec.decode(data), self._repeat)
+        contour, dec = took(lambda: isocodec.decode(data, smooth=smooth), self._repeat)
         if crossings is not None and not np.array_equal(crossings, on_grid(contour.points)):
             self._fail("ours", name, "decoded to something else")
             return
@@ -125,7 +127,7 @@ class Recorder:
         if file is None:
             self._fail("ours", name, "no file keeps to the error")
             return
-        self.ours(name, file.make, err_mean=file.err_mean, err_max=file.err_max, note=file.how)
+        self.ours(name, file.make, smooth=file.smooth, err_mean=file.err_mean, err_max=file.err_max, note=file.how)
 
 
 def on_grid(points: Any) -> Any:

@@ -10,7 +10,7 @@ from pathlib import Path
 import click
 
 from ..errors import FormatError, TruncatedError
-from .options import iso_argument, json_option, output_option, partial_option
+from .options import iso_argument, json_option, output_option, partial_option, smooth_option
 from .progress import load_kernels, progress_bar
 from .report import PARTIAL, check_output, concerning, read_iso, tell, warn, write_output
 
@@ -22,11 +22,12 @@ from .report import PARTIAL, check_output, concerning, read_iso, tell, warn, wri
 @click.option("--layers", type=click.IntRange(min=1), metavar="N", help="Only the first N layers of that isovalue.")
 @click.option("--max-bytes", type=click.IntRange(min=1), metavar="N", help="Only the first N bytes.")
 @click.option("--in-samples", is_flag=True, help="Coordinates in samples, even if the file says where these lie.")
+@smooth_option
 @partial_option
 @json_option
 def decode_command(
     source: Path, output: Path, isovalue: float | None, layers: int | None, max_bytes: int | None, in_samples: bool,
-    partial: bool, as_json: bool,
+    smooth: bool, partial: bool, as_json: bool,
 ) -> None:  # fmt: skip
     """Decode IN.iso to OUT; the suffix of OUT names the format.
 
@@ -52,7 +53,9 @@ def decode_command(
     started = time.perf_counter()
     with concerning(source), progress_bar("decoding") as progress:
         try:
-            contour = isocodec.decode(data, isovalue=isovalue, layers=layers, max_bytes=max_bytes, progress=progress)
+            contour = isocodec.decode(
+                data, isovalue=isovalue, layers=layers, max_bytes=max_bytes, smooth=smooth, progress=progress
+            )
         except TruncatedError as exc:
             if max_bytes is not None:
                 raise
@@ -60,7 +63,7 @@ def decode_command(
                 exc.remedy = PARTIAL
                 raise
             contour = isocodec.decode(
-                data, isovalue=isovalue, layers=layers, max_bytes=len(data) or 1, progress=progress
+                data, isovalue=isovalue, layers=layers, max_bytes=len(data) or 1, smooth=smooth, progress=progress
             )
             warn(source, f"{exc.message}; only what was received is written")
     seconds = time.perf_counter() - started

@@ -15,6 +15,12 @@ iso_argument: Decorator = click.argument("source", metavar="IN.iso", type=click.
 
 partial_option: Decorator = click.option("--partial", is_flag=True, help="Of a truncated file, take what was received.")
 
+smooth_option: Decorator = click.option(
+    "--smooth",
+    is_flag=True,
+    help="Points that only the edge is told of: not half-way, but where the contour bends evenly.",
+)
+
 json_option: Decorator = click.option("--json", "as_json", is_flag=True, help="Print the result as JSON.")
 
 

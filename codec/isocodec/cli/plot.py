@@ -7,7 +7,7 @@ from pathlib import Path
 import click
 
 from ..errors import OptionError, TruncatedError
-from .options import iso_argument, output_option, partial_option
+from .options import iso_argument, output_option, partial_option, smooth_option
 from .progress import load_kernels, progress_bar
 from .report import PARTIAL, check_output, concerning, read_iso, warn, write_output
 
@@ -20,8 +20,11 @@ GEOMETRY = ("values", "offsets")
 @click.option("--steps", type=click.IntRange(min=1), default=5, show_default=True, metavar="N", help="How many steps.")
 @click.option("--mesh", is_flag=True, help="The mesh under the curve: its crossed triangles, or the surface's own.")
 @click.option("--isovalue", type=float, metavar="V", help="Which isovalue, of several.  [default: the first]")
+@smooth_option
 @partial_option
-def plot_command(source: Path, output: Path, steps: int, mesh: bool, isovalue: float | None, partial: bool) -> None:
+def plot_command(
+    source: Path, output: Path, steps: int, mesh: bool, isovalue: float | None, smooth: bool, partial: bool
+) -> None:
     """Draw what prefixes of IN.iso decode to, from its first layer to all of it (.png, .pdf or .svg).
 
     The steps are those that the file was made with (encode --steps), each with its geometry. In other files, and where
@@ -60,7 +63,7 @@ def plot_command(source: Path, output: Path, steps: int, mesh: bool, isovalue: f
                 chosen = chosen or shown([layer.kind for layer in info.layers if layer.isovalue == number], steps)
                 if own in chosen:
                     under = decoder.mesh(number) if mesh else None
-                    drawn.append(Step(decoder.drawn(number), event.offset, len(data), under))
+                    drawn.append(Step(decoder.drawn(number, smooth), event.offset, len(data), under))
                     if progress is not None:
                         progress(len(drawn), len(chosen) + 1)  # and the drawing itself
         try:

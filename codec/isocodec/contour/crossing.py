@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +14,19 @@ from .leaves import Leaves
 
 Edge = tuple[int, int]
 """Two local vertices, of a simplex or of a cube, with a point between them."""
+
+
+class Drawn(NamedTuple):
+    """A drawing: points (P, n), cells (M, n) between them, and where the points are.
+
+    ``edges`` (E, 2) are the edges of the first E points, by the vertices at their ends, ``ratio`` (E,) says where on
+    them the points lie; points in the middles of cells follow.
+    """
+
+    points: NDArray[np.float64]
+    cells: NDArray[np.int64]
+    edges: NDArray[np.int64]
+    ratio: NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -157,17 +171,37 @@ def edge_ratios(leaves: Leaves, edges: NDArray[np.int64]) -> NDArray[np.float64]
             linear = (leaves.isovalue - f_low) / (f_high - f_low)
         known = np.isfinite(f_low) & np.isfinite(f_high) & np.isfinite(linear)
         ratio[known] = np.clip(linear[known], 0.0, 1.0)
-    if len(leaves.edges) and len(edges):
-        vertices = len(leaves.position)
-        keys = edges[:, 0] * vertices + edges[:, 1]
-        stated = leaves.edges[:, 0] * vertices + leaves.edges[:, 1]
-        place = np.minimum(np.searchsorted(keys, stated), len(keys) - 1)
-        there = keys[place] == stated
-        ratio[place[there]] = leaves.edge_offset[there]
+    place, stated = _stated(leaves, edges)
+    ratio[place] = leaves.edge_offset[stated]
     return ratio
+
+
+def half_way(leaves: Leaves, edges: NDArray[np.int64]) -> NDArray[np.bool_]:
+    """Of which edges nothing is known but that they are crossed, (P,) bool."""
+    out = np.ones(len(edges), np.bool_)
+    if leaves.value is not None:
+        out &= np.isnan(leaves.value[edges]).any(axis=1)
+    out[_stated(leaves, edges)[0]] = False
+    return out
+
+
+def _stated(leaves: Leaves, edges: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
+    """Numbers of those edges that have an offset, and which of the offsets those are."""
+    vertices = len(leaves.position)
+    keys = edges[:, 0] * vertices + edges[:, 1]
+    stated = leaves.edges[:, 0] * vertices + leaves.edges[:, 1]
+    place = np.minimum(np.searchsorted(keys, stated), max(len(keys) - 1, 0))
+    there = keys[place] == stated if len(keys) else np.zeros(len(stated), np.bool_)
+    return place[there], there
 
 
 def edge_points(leaves: Leaves, edges: NDArray[np.int64], ratio: NDArray[np.float64]) -> NDArray[np.float64]:
     """Points on edges, (P, n) float64."""
-    low, high = (leaves.position[edges[:, i]].astype(np.float64) for i in (0, 1))
+    low, high = edge_ends(leaves, edges)
     return low + ratio[:, None] * (high - low)
+
+
+def edge_ends(leaves: Leaves, edges: NDArray[np.int64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Positions of both ends of edges, two (P, n) float64."""
+    low, high = (leaves.position[edges[:, i]].astype(np.float64) for i in (0, 1))
+    return low, high

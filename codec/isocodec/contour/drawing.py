@@ -7,9 +7,10 @@ from .grid import draw_grid
 from .leaves import Leaves
 from .result import Contour
 from .simplex import draw_simplices
+from .smooth import smoothed
 
 
-def draw(leaves: Leaves, *, complete: bool = True) -> Contour:
+def draw(leaves: Leaves, *, complete: bool = True, smooth: bool = False) -> Contour:
     """Draw the isocontour (n = 2) or isosurface (n = 3) that runs through mixed leaf simplices.
 
     On the full grid (``leaves.full``) the points lie on grid edges: those of marching squares and of marching
@@ -22,6 +23,8 @@ def draw(leaves: Leaves, *, complete: bool = True) -> Contour:
         Mixed leaves of one isovalue in 2 or 3 dimensions.
     complete : bool
         Whether everything that belongs to these leaves was received; passed on to the result.
+    smooth : bool
+        Move points that nothing is stated of but their edge (`isocodec.contour.smooth`).
 
     Returns
     -------
@@ -36,5 +39,6 @@ def draw(leaves: Leaves, *, complete: bool = True) -> Contour:
     n = len(leaves.shape)
     if n not in (2, 3):
         raise OptionError(f"cannot draw a field with {n} axes, only with 2 or 3", code="dimension")
-    points, cells = draw_grid(leaves) if leaves.full else draw_simplices(leaves)
-    return Contour(points, cells, leaves.isovalue, tuple(leaves.shape), complete)
+    drawn = draw_grid(leaves) if leaves.full else draw_simplices(leaves)
+    points = smoothed(leaves, drawn) if smooth else drawn.points
+    return Contour(points, drawn.cells, leaves.isovalue, tuple(leaves.shape), complete)

@@ -6,13 +6,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..jit import inner, kernel
-from .crossing import distinct_edges, edge_points, edge_ratios
+from .crossing import Drawn, distinct_edges, edge_points, edge_ratios
 from .cube import cube_table
 from .leaves import Leaves
 
 
-def draw_grid(leaves: Leaves) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    """Points (P, n) float64 and cells (M, n) int64 of leaves of the full grid.
+def draw_grid(leaves: Leaves) -> Drawn:
+    """Draw leaves of the full grid.
 
     A saddle (of a cell in 2-D, of a cell's face in 3-D) is resolved by the mesh: the two corners on its diagonal are
     connected. Points that are not on grid edges, in the middle of a few cells (n = 3), come last.
@@ -26,17 +26,17 @@ def draw_grid(leaves: Leaves) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
     sides, owner = table.fans.lookup(pattern, corners, mirrored)
 
     edges, number = distinct_edges(leaves, np.concatenate([ends.reshape(-1, 2), sides.reshape(-1, 2)]))
-    points = edge_points(leaves, edges, edge_ratios(leaves, edges))
+    ratio = edge_ratios(leaves, edges)
+    points = edge_points(leaves, edges, ratio)
     cells = number[: ends.size // 2].reshape(-1, n)
-    if not len(owner):
-        return points, cells
-
-    rim = number[ends.size // 2 :].reshape(-1, 2)
-    first = np.flatnonzero(np.diff(owner, prepend=-1))
-    count = np.diff(first, append=len(owner))
-    centres = np.add.reduceat(points[rim[:, 0]], first) / count[:, None]
-    fans = np.column_stack([rim, len(points) + np.repeat(np.arange(len(first)), count)])
-    return np.concatenate([points, centres]), np.concatenate([cells, fans])
+    if len(owner):
+        rim = number[ends.size // 2 :].reshape(-1, 2)
+        first = np.flatnonzero(np.diff(owner, prepend=-1))
+        count = np.diff(first, append=len(owner))
+        centres = np.add.reduceat(points[rim[:, 0]], first) / count[:, None]
+        fans = np.column_stack([rim, len(points) + np.repeat(np.arange(len(first)), count)])
+        points, cells = np.concatenate([points, centres]), np.concatenate([cells, fans])
+    return Drawn(points, cells, edges, ratio)
 
 
 def _cells(leaves: Leaves) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.bool_]]:

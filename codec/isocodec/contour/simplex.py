@@ -10,7 +10,7 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 
-from .crossing import Edge, PatternTable, distinct_edges, edge_points, edge_ratios, rank_of
+from .crossing import Drawn, Edge, PatternTable, distinct_edges, edge_points, edge_ratios, rank_of
 from .implied import Implied, implied_edges, implied_ratio, near_ends
 from .leaves import Leaves
 
@@ -72,14 +72,14 @@ def crossed(leaves: Leaves) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     return distinct_edges(leaves, ends)
 
 
-def draw_simplices(leaves: Leaves) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    """Points (P, n) float64 and cells (M, n) int64 of leaves of any level, one point per crossing edge."""
+def draw_simplices(leaves: Leaves) -> Drawn:
+    """Draw leaves of any level, one point per crossing edge."""
     edges, cells = crossed(leaves)
     ratio = edge_ratios(leaves, edges)
     if leaves.value is None:
         for ring in rings(leaves, edges):
             ratio[ring.edge] = ring.ratio(ratio)
-    return edge_points(leaves, edges, ratio), cells
+    return Drawn(edge_points(leaves, edges, ratio), cells, edges, ratio)
 
 
 @dataclass(frozen=True)

@@ -222,16 +222,16 @@ class Decoder:
         tube = self._tube_of(number)
         return state_of(tube) if tube else None
 
-    def snapshot(self, number: int = 0) -> Contour:
+    def snapshot(self, number: int = 0, smooth: bool = False) -> Contour:
         """The curve or surface of all symbols received of an isovalue (spec clause 9).
 
-        What a half-received layer has not reached yet stays as the layer before left it.
+        What a half-received layer has not reached yet stays as the layer before left it. ``smooth`` as in `decode`.
         """
         for _ in self:
             pass
-        return self.drawn(number)
+        return self.drawn(number, smooth)
 
-    def drawn(self, number: int = 0) -> Contour:
+    def drawn(self, number: int = 0, smooth: bool = False) -> Contour:
         """Like ``snapshot``, but of the events taken so far only."""
         header = self.header
         tube = self._tube_of(number)
@@ -242,7 +242,8 @@ class Decoder:
         isovalue = self.isovalues[number]
         leaves = leaves_of(tube, isovalue, lambda steps, above: interval_value(isovalue, header.scale, steps, above))
         placement = read_placement(self.metadata, len(header.shape))
-        return replace(draw(leaves, complete=self._ended), placement=placement, metadata=dict(self.metadata))
+        contour = draw(leaves, complete=self._ended, smooth=smooth)
+        return replace(contour, placement=placement, metadata=dict(self.metadata))
 
     def mesh(self, number: int = 0) -> tuple[np.ndarray, np.ndarray]:
         """The crossed leaves of the mesh: positions (V, n) and vertices of simplices (M, n + 1), both int64."""

@@ -1,0 +1,115 @@
+"""Smoothing: points that nothing is said of but their edge, moved to where the curve bends as evenly as that allows.
+
+Half-way is right in the mean, but makes steps of what is smooth. Here each such point goes along its edge until it
+bends away from its neighbours as much as these do from theirs. This is no part of the format: what is drawn keeps all
+that is stated, and promises nothing more.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..jit import kernel
+from .crossing import Drawn, edge_ends, half_way
+from .leaves import Leaves
+
+ROUNDS = 6
+STEP = 0.5
+"""Share of the way that a point goes in a round; with more than that, points on a straight line swing."""
+GRAZING = 1e-6
+"""Edges along which a curve runs say nothing about it."""
+
+
+def smoothed(leaves: Leaves, drawn: Drawn) -> NDArray[np.float64]:
+    """Points (P, n) of a drawing, moved along their edges; those in the middles of cells stay amid their neighbours."""
+    low, high = edge_ends(leaves, drawn.edges)
+    count = len(drawn.points) - len(low)
+    start = np.concatenate([low, drawn.points[len(low) :]])
+    way = np.concatenate([high - low, np.zeros_like(start[:count])])
+    ratio = np.concatenate([drawn.ratio, np.zeros(count)])
+    free = np.concatenate([half_way(leaves, drawn.edges), np.ones(count, np.bool_)])
+    points = drawn.points.copy()
+    total, normal = np.empty_like(points), np.empty_like(points)
+    neighbours, bend, around = (np.empty(len(points)) for _ in range(3))
+    for _ in range(ROUNDS):
+        for array in (total, normal, neighbours, around):
+            array[:] = 0
+        _gather(points, drawn.cells, total, normal, neighbours)
+        _bend(points, total, neighbours, normal, bend)
+        _around(drawn.cells, bend, around)
+        _move(points, start, way, free, ratio, total, neighbours, normal, bend, around)
+    return points
+
+
+@kernel
+def _gather(points, cells, total, normal, count):
+    """Of each point the sum of its neighbours, their number, and the normals of its cells by length or area."""
+    n = points.shape[1]
+    for i in range(len(cells)):
+        if n == 2:
+            a, b = cells[i, 0], cells[i, 1]
+            d0, d1 = points[b, 0] - points[a, 0], points[b, 1] - points[a, 1]
+            for v in (a, b):
+                normal[v, 0] -= d1
+                normal[v, 1] += d0
+        else:
+            a, b, c = cells[i, 0], cells[i, 1], cells[i, 2]
+            u0, u1, u2 = points[b, 0] - points[a, 0], points[b, 1] - points[a, 1], points[b, 2] - points[a, 2]
+            v0, v1, v2 = points[c, 0] - points[a, 0], points[c, 1] - points[a, 1], points[c, 2] - points[a, 2]
+            for v in (a, b, c):
+                normal[v, 0] += u1 * v2 - u2 * v1
+                normal[v, 1] += u2 * v0 - u0 * v2
+                normal[v, 2] += u0 * v1 - u1 * v0
+        for j in range(n):
+            v = cells[i, j]
+            count[v] += n - 1
+            for k in range(n):
+                if k != j:
+                    for axis in range(n):
+                        total[v, axis] += points[cells[i, k], axis]
+
+
+@kernel
+def _bend(points, total, count, normal, bend):
+    """How far the middle of its neighbours lies in front of each point, along the normal, which becomes of length 1."""
+    n = points.shape[1]
+    for i in range(len(points)):
+        bend[i] = 0
+        length = 0.0
+        for axis in range(n):
+            length += normal[i, axis] * normal[i, axis]
+        if length == 0 or count[i] == 0:
+            continue
+        for axis in range(n):
+            normal[i, axis] /= np.sqrt(length)
+            bend[i] += normal[i, axis] * (total[i, axis] / count[i] - points[i, axis])
+
+
+@kernel
+def _around(cells, bend, around):
+    """Of each point the sum of what `_bend` says of its neighbours."""
+    n = cells.shape[1]
+    for i in range(len(cells)):
+        for j in range(n):
+            for k in range(n):
+                if k != j:
+                    around[cells[i, j]] += bend[cells[i, k]]
+
+
+@kernel
+def _move(points, start, way, free, ratio, total, count, normal, bend, around):
+    """One step of each point along its edge; ends of open curves stay."""
+    n = points.shape[1]
+    for i in range(len(points)):
+        if count[i] < 2 or not free[i]:
+            continue
+        length, across = 0.0, 0.0
+        for axis in range(n):
+            length += way[i, axis] * way[i, axis]
+            across += way[i, axis] * normal[i, axis]
+        if length > 0 and across * across > GRAZING * length:
+            to = ratio[i] + STEP * (bend[i] - around[i] / count[i]) / across
+            ratio[i] = min(max(to, 0.0), 1.0)
+        for axis in range(n):
+            points[i, axis] = start[i, axis] + ratio[i] * way[i, axis] if length > 0 else total[i, axis] / count[i]
