@@ -97,7 +97,7 @@ def test_which_edges_are_implied_and_where(n):
         assert told == set(names) - set(found)
         sign = dict(zip(place, leaves.above, strict=True))
         drawn = dict(zip(names, draw_simplices(leaves)[0], strict=True))
-        stated = dict(zip(names, edge_ratios(leaves, edges), strict=True))
+        stated = dict(zip(names, edge_ratios(leaves, edges)[0], strict=True))
         for (a, b), pairs in found.items():
             t = np.mean([straight(a, b, pair, drawn, sign) for pair in pairs])
             assert drawn[a, b] == pytest.approx(np.array(a) + t * np.subtract(b, a), abs=1e-9)

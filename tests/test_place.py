@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import io
 import json
+import warnings
 from pathlib import Path
+from typing import Any
 
 import nibabel
 import numpy as np
@@ -17,11 +19,10 @@ from PIL import Image
 
 import isocodec
 from brute import examples
-from commands import fails, ok
+from commands import fails, ok, run
 from isocodec import OptionError
 from isocodec.grid.placement import placement_of, read_placement, unplaced, write_placement
-from isocodec.io import read_placement as placement_in
-from isocodec.io import render_contour
+from isocodec.io import Place, read_place, render_contour
 
 HILL = 100 - np.hypot(*(np.mgrid[:20, :30] - np.array([9.3, 14.2])[:, None, None])) * 5
 BALL = 100 - np.linalg.norm(np.mgrid[:12, :13, :14] - np.array([5.6, 6.2, 6.9])[:, None, None, None], axis=0) * 10
@@ -59,22 +60,71 @@ def test_geotiff(tmp_path: Path, raster: int, half: float) -> None:
     assert not isocodec.inspect((tmp_path / "bare.iso").read_bytes()).metadata
 
 
-def test_geotiff_matrix(tmp_path: Path) -> None:
+@pytest.mark.parametrize(("raster", "start"), [(2, (50, 60)), (1, (52, 59))])
+def test_geotiff_matrix(tmp_path: Path, raster: int, start: tuple[int, int]) -> None:
+    """x = 3 column + row + 50, y = 2 column - 4 row + 60, at corners of pixels or in their middles."""
     matrix = (3, 1, 0, 50, 2, -4, 0, 60, 0, 0, 0, 0, 0, 0, 0, 1)
-    tifffile.imwrite(tmp_path / "t.tif", HILL, extratags=[(34264, "d", 16, matrix), *keys(2, 4326, 2048)])
-    placement, crs = placement_in(tmp_path / "t.tif", 2)
-    # x = 3 column + row + 50, y = 2 column - 4 row + 60
-    assert placement is not None and placement.tolist() == [[1, 3, 50], [-4, 2, 60]]
-    assert crs == "EPSG:4326"
+    tifffile.imwrite(tmp_path / "t.tif", HILL, extratags=[(34264, "d", 16, matrix), *keys(raster, 4326, 2048)])
+    place = read_place(tmp_path / "t.tif", 2)
+    assert place.placement is not None and place.placement.tolist() == [[1, 3, start[0]], [-4, 2, start[1]]]
+    assert place.crs == "EPSG:4326"
 
 
-def test_geotiff_that_says_nothing_of_use(tmp_path: Path) -> None:
-    flat = [(33550, "d", 3, (0.0, 20.0, 0.0)), UTM[1]]
-    for name, tags in (("none", []), ("flat", flat + keys(1, 32767)), ("grid", UTM[:1] + keys(1, 32767))):
-        tifffile.imwrite(tmp_path / f"{name}.tif", HILL, extratags=tags)
-        assert placement_in(tmp_path / f"{name}.tif", 2) == (None, None)
+@pytest.mark.parametrize(
+    ("tags", "crs"),
+    [
+        (UTM, None),  # no keys at all
+        ([UTM[0], (33922, "d", 6, (2, 3, 0, 500060.0, 4e6 - 60, 0)), *keys(1, 32631)], "EPSG:32631"),
+        ([UTM[0], (33922, "d", 12, (0, 0, 0, 500000.0, 4e6, 0, 9, 9, 0, 1, 2, 3)), *keys(1, 32631)], "EPSG:32631"),
+        ([*UTM, (34264, "d", 16, (0.0,) * 16), *keys(1, 32767)], None),
+        ([*UTM, *keys(1, 0)], None),
+        ([*UTM, *keys(1, 54009)], None),
+        ([*UTM, (34735, "H", 16, (1, 1, 0, 3, 1024, 0, 1, 2, 2048, 0, 1, 4326, 3072, 0, 1, 32631))], "EPSG:4326"),
+        ([*UTM, (34735, "H", 16, (1, 1, 0, 3, 1024, 0, 1, 2, 2048, 0, 1, 4326, 3072, 0, 1, 0))], "EPSG:4326"),
+        ([*UTM, (34735, "H", 1, 7)], None),  # a damaged directory
+    ],
+)
+def test_geotiff_less_common(tmp_path: Path, tags: list[Any], crs: str | None) -> None:
+    tifffile.imwrite(tmp_path / "t.tif", HILL, extratags=tags)
+    place = read_place(tmp_path / "t.tif", 2)
+    assert place.placement is not None and place.placement.tolist() == [[0, 30, 500015], [-20, 0, 4e6 - 10]]
+    assert place.crs == crs
+    stated = tags[-1][0] == 34735 and tags[-1][2] > 1
+    assert ("no EPSG number" in place.remark) == (stated and crs is None)
+
+
+@pytest.mark.parametrize(
+    "tags",
+    [
+        [(33550, "d", 3, (0.0, 20.0, 0.0)), UTM[1]],
+        [(33550, "d", 3, (float("nan"), 20.0, 0.0)), UTM[1]],
+        [(33550, "d", 3, (1e200, 20.0, 0.0)), UTM[1]],
+        [(33550, "d", 1, 30.0), UTM[1]],
+        [(33550, "s", 3, "30"), UTM[1]],
+        [UTM[0], (33922, "d", 5, (0, 0, 0, 1, 2))],
+        [UTM[1]],
+        [(34264, "d", 12, (1.0,) * 12)],
+        [(34264, "d", 16, (1e300, 1e300, 0, 0) * 4)],
+    ],
+)
+def test_geotiff_that_says_nothing_of_use(tmp_path: Path, tags: list[Any]) -> None:
+    """The picture is encoded all the same, with a warning."""
+    tifffile.imwrite(tmp_path / "t.tif", HILL, extratags=tags + keys(1, 32631))
+    with np.errstate(all="raise"):
+        place = read_place(tmp_path / "t.tif", 2)
+    assert place.placement is None and place.crs is None and "left out" in place.remark
+    result = run("encode", tmp_path / "t.tif", "-o", tmp_path / "t.iso", "--isovalue", 70)
+    assert result.exit_code == 0 and "warning" in result.stderr and "left out" in result.stderr
+    assert not isocodec.inspect((tmp_path / "t.iso").read_bytes()).metadata
+    quiet = run("encode", tmp_path / "t.tif", "-o", tmp_path / "t.iso", "--isovalue", 70, "--no-placement")
+    assert quiet.exit_code == 0 and "left out" not in quiet.stderr
+
+
+def test_pictures_that_say_nothing(tmp_path: Path) -> None:
+    tifffile.imwrite(tmp_path / "none.tif", HILL)
+    assert read_place(tmp_path / "none.tif", 2) == Place()
     tifffile.imwrite(tmp_path / "stack.tif", BALL, extratags=UTM, photometric="minisblack")
-    assert placement_in(tmp_path / "stack.tif", 3) == (None, None)
+    assert "stack" in read_place(tmp_path / "stack.tif", 3).remark
 
 
 @pytest.mark.parametrize("suffix", [".ply", ".stl", ".obj"])
@@ -94,9 +144,24 @@ def test_nifti(tmp_path: Path, suffix: str) -> None:
     assert volume > 0 and surface.volume == pytest.approx(volume * 9, rel=1e-4)
 
 
-def test_nifti_pictures_have_no_placement(tmp_path: Path) -> None:
-    nibabel.save(nibabel.Nifti1Image(HILL.astype(np.float32)[..., None], np.eye(4)), tmp_path / "p.nii")
-    assert placement_in(tmp_path / "p.nii", 2) == (None, None)
+def test_nifti_that_says_less(tmp_path: Path) -> None:
+    """Without a form only the voxels' sizes count; slices and matrices of no use are left out, with a remark."""
+    image = nibabel.Nifti1Image(BALL.astype(np.float32), None)
+    image.header.set_zooms((0.5, 2.0, 3.0))
+    nibabel.save(image, tmp_path / "sizes.nii")
+    place = read_place(tmp_path / "sizes.nii", 3)
+    assert place.placement is not None and place.placement.tolist() == [[0.5, 0, 0, 0], [0, 2, 0, 0], [0, 0, 3, 0]]
+    nibabel.save(nibabel.Nifti1Image(HILL.astype(np.float32)[..., None], np.eye(4)), tmp_path / "slice.nii")
+    assert "slice" in read_place(tmp_path / "slice.nii", 2).remark
+    for name, wrong in (("flat", 0.0), ("nan", np.nan)):
+        image.header["sform_code"] = 1
+        for number, row in enumerate(("srow_x", "srow_y", "srow_z")):
+            image.header[row] = np.eye(4)[number] * (wrong if number == 0 else 1)
+        image.header["magic"], image.header["vox_offset"] = b"n+1", 352
+        samples = BALL.astype(np.float32).tobytes("F")
+        (tmp_path / f"{name}.nii").write_bytes(image.header.binaryblock + bytes(4) + samples)
+        place = read_place(tmp_path / f"{name}.nii", 3)
+        assert place.placement is None and "left out" in place.remark
 
 
 def test_spacing(tmp_path: Path) -> None:
@@ -111,11 +176,59 @@ def test_spacing(tmp_path: Path) -> None:
     ok("decode", tmp_path / "h.iso", "-o", tmp_path / "h.npz")
     with np.load(tmp_path / "h.npz") as arrays:
         assert arrays["placement"].tolist() == [[0, 0.5, 0], [3, 0, 0]]
-    for wrong, says in (("3", "2 axes"), ("3,0", "one point"), ("3,nan", "not finite"), ("3;4", "comma")):
+    for wrong, says in (("3", "2 axes"), ("3,0", "one point"), ("3,nan", "neither 0"), ("3;4", "comma")):
         assert says in fails(
             2, "encode", tmp_path / "h.npy", "-o", tmp_path / "x.iso", "--isovalue", 6, "--spacing", wrong
         )
+    wrong = ("encode", tmp_path / "h.npy", "-o", tmp_path / "x.iso", "--isovalue", 6)
+    assert "contradict" in fails(2, *wrong, "--spacing", "1,1", "--no-placement")
+    assert "says nothing" in fails(2, *wrong, "--metadata", "placement=far")
     assert not (tmp_path / "x.iso").exists()
+
+
+@pytest.mark.parametrize("size", [1e-30, 1e30])
+def test_extreme_sizes(size: float) -> None:
+    """All outputs of the smallest and the largest placements that there are."""
+    for field, suffixes in ((HILL, (".geojson", ".png", ".svg")), (BALL, (".ply", ".stl", ".obj", ".png"))):
+        n = field.ndim
+        for steps in ((size,) * n, (size, *(1.0,) * (n - 1))):
+            contour = isocodec.decode(isocodec.encode(field, 70, placement=steps))
+            assert np.isfinite(contour.placed).all()
+            with warnings.catch_warnings(action="error"):
+                files = {suffix: render_contour(contour, suffix) for suffix in suffixes}
+            if n == 2:
+                (line,) = json.loads(files[".geojson"])["geometry"]["coordinates"]
+                assert np.array_equal(np.sort(line[:-1], axis=0), np.sort(contour.placed, axis=0))
+            else:
+                for suffix in (".ply", ".obj"):
+                    surface = trimesh.load(io.BytesIO(files[suffix]), file_type=suffix[1:], process=False)
+                    assert np.allclose(surface.vertices, contour.placed, rtol=1e-6, atol=1e-8 * min(steps))
+
+
+def test_matrices_of_other_shapes() -> None:
+    whole = np.eye(4)
+    assert np.array_equal(placement_of(whole, 3), whole[:3])
+    assert placement_of([[0, 1e-20, 0], [1, 0, 0]], 2).tolist() == [[0, 1e-20, 0], [1, 0, 0]]
+    wrong = (np.eye(4) * 2, np.eye(3), np.eye(4, dtype=complex), [10**400, 1, 1], ["1", "2", "3"], None, [[1], [2, 3]])
+    for numbers in wrong:
+        with pytest.raises(OptionError) as caught:
+            placement_of(numbers, 3)
+        assert caught.value.code == "placement"
+
+
+def test_odd_names_of_systems() -> None:
+    data = isocodec.encode(HILL, 70, placement=(1, 1), metadata={"crs": "EPSG:\u0663\u0662"})
+    assert "crs" not in json.loads(render_contour(isocodec.decode(data), ".geojson"))
+
+
+def test_isovalues_that_have_not_come() -> None:
+    """What is known of the field is said of them, too."""
+    data = isocodec.encode(HILL, [70, 80], placement=(1, 2))
+    decoder = isocodec.Decoder()
+    decoder.feed(data[:60])
+    assert len(decoder.isovalues) < 2
+    missing = decoder.snapshot(1)
+    assert missing.placement is not None and missing.metadata == decoder.metadata and missing.shape == HILL.shape
 
 
 def test_pictures_have_the_proportions_of_the_world() -> None:
@@ -161,7 +274,7 @@ def test_python() -> None:
 @given(st.sampled_from([2, 3]), st.data())
 def test_notes(n: int, data: st.DataObject) -> None:
     """Numbers come back to the last bit; texts that are no placement say nothing."""
-    number = st.floats(-1e300, 1e300)
+    number = st.just(0.0) | st.floats(1e-31, 1e31) | st.floats(-1e31, -1e-31)
     matrix = np.array(data.draw(st.lists(number, min_size=n * n + n, max_size=n * n + n))).reshape(n, n + 1)
     try:
         placement = placement_of(matrix, n)
@@ -175,5 +288,8 @@ def test_notes(n: int, data: st.DataObject) -> None:
 
 
 def test_without() -> None:
-    assert unplaced(2).tolist() == [[0, 1, 0], [1, 0, 0]]
-    assert unplaced(3)[:, :3].tolist() == np.eye(3).tolist()
+    """Points are placed as if by this matrix."""
+    for field in (HILL, BALL):
+        plain = isocodec.decode(isocodec.encode(field, 70))
+        told = isocodec.decode(isocodec.encode(field, 70, placement=unplaced(field.ndim)))
+        assert np.array_equal(plain.placed, told.placed)

@@ -29,28 +29,52 @@ def both(field, isovalue, **options):
 
 
 @pytest.mark.parametrize("shape", [(23, 30), (9, 11, 10)])
-@pytest.mark.parametrize("plan", [None, [("base", 3), ("refine", 2)]])
-def test_points_stay_on_their_edges(shape, plan):
-    """On the full grid and on a coarse mesh, in noise: every sign stays right."""
-    n = len(shape)
+def test_points_stay_on_their_edges(shape):
+    """In noise: every sign stays right, and no two points fall together."""
     field = noise(shape) + smooth(shape, 5)
-    plain, moved = both(field, 0.1, **({"plan": plan} if plan else {"signs_only": True}))
-    assert (plain.points != moved.points).any(axis=1).mean() > 0.5
-    if plan:
-        # edges run along 1, 2 or 3 axes from the middle, which is half-way or implied
-        assert np.abs(plain.points - moved.points).max() <= 8
-        return
-    lies_on_edge = (plain.points % 1 != 0).sum(axis=1) == 1
-    assert lies_on_edge.mean() > 0.9
+    plain, moved = both(field, 0.1, signs_only=True)
+    on_edge = (plain.points % 1 != 0).sum(axis=1) == 1
+    assert on_edge.mean() > 0.9 and (plain.points != moved.points).any(axis=1).mean() > 0.5
     along = plain.points % 1 == 0.5
     difference = moved.points - plain.points
-    assert (difference[lies_on_edge[:, None] & ~along] == 0).all()
-    assert np.abs(difference[lies_on_edge]).max() <= 0.5
-    corners = moved.points[lies_on_edge]
-    low, high = np.floor(plain.points[lies_on_edge]).astype(int), np.ceil(plain.points[lies_on_edge]).astype(int)
+    assert (difference[on_edge[:, None] & ~along] == 0).all()
+    assert np.abs(difference[on_edge]).max() < 0.5
+    low, high = np.floor(moved.points[on_edge]).astype(int), np.ceil(moved.points[on_edge]).astype(int)
     assert ((field[tuple(low.T)] > 0.1) != (field[tuple(high.T)] > 0.1)).all()
-    assert ((low <= corners) & (corners <= high)).all()
-    assert len(moved.points) == len(plain.points) and moved.points.shape[1] == n
+    assert len(np.unique(moved.points[on_edge], axis=0)) == on_edge.sum()
+
+
+@pytest.mark.parametrize("shape", [(23, 30), (17, 16, 15)])
+def test_points_stay_on_edges_of_coarse_meshes(shape):
+    """Between the vertices of some crossed leaf."""
+    n = len(shape)
+    data = isocodec.encode(noise(shape) + 2 * smooth(shape, 5), 0.1, plan=[("base", n), ("refine", 1)])
+    decoder = isocodec.Decoder()
+    decoder.feed(data)
+    decoder.close()
+    position, simplices = decoder.mesh()
+    ends = {tuple(sorted((int(a), int(b)))) for leaf in simplices for a in leaf for b in leaf if a < b}
+    low, high = (position[[end[i] for end in ends]].astype(float) for i in (0, 1))
+    way = high - low
+    moved = decoder.drawn(smooth=True).points
+    assert (moved != decoder.drawn().points).any(axis=1).mean() > 0.5
+    for point in moved:
+        ratio = ((point - low) * way).sum(axis=1) / (way**2).sum(axis=1)
+        off = np.abs(low + ratio[:, None] * way - point).max(axis=1)
+        assert ((off < 1e-9) & (ratio > 0) & (ratio < 1)).any()
+
+
+@pytest.mark.parametrize("shape", [(40, 41), (20, 21, 19)])
+@pytest.mark.parametrize("plan", [[("base", 4), ("offsets", 15, 0)], [("base", 4), ("refine", 1), ("offsets", 3, 2)]])
+def test_what_follows_from_what_is_told_stays(shape, plan):
+    """On coarse meshes points on some edges are implied by those around."""
+    data = isocodec.encode(smooth(shape, 7), 0.1, plan=plan)
+    plain, moved = isocodec.decode(data), isocodec.decode(data, smooth=True)
+    assert len(plain.points) and np.array_equal(plain.points, moved.points)
+    signs = len(isocodec.inspect(data).layers) - 1
+    assert not np.array_equal(
+        isocodec.decode(data, layers=signs).points, isocodec.decode(data, layers=signs, smooth=True).points
+    )
 
 
 @pytest.mark.parametrize("options", [{"exact": True}, {"tolerance": 0.05}, {}])
@@ -127,7 +151,7 @@ def test_one_round(shape, monkeypatch):
             expected = middle[v]
         elif len(neighbours[v]) > 1 and abs(unit[v, axes[0]]) > 1e-3:
             step = (bend[v] - bend[neighbours[v]].mean()) / unit[v, axes[0]] / 2
-            expected[axes[0]] += min(max(step, -0.5), 0.5)
+            expected[axes[0]] += min(max(step, smoothing.NEAR - 0.5), 0.5 - smoothing.NEAR)
         assert np.allclose(moved.points[v], expected, atol=1e-9), v
 
 

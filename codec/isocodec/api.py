@@ -78,7 +78,8 @@ def decode(
     smooth : bool
         Put points of which the file only says the edge where the curve bends as evenly as that allows, not half-way:
         nearer to the curve in the mean where the field is smooth, by up to a half, farther from it where the field is
-        rough or has few values. What the file does say stays; a tolerance holds without this only.
+        rough or has few values. What the file does say stays; a tolerance holds without this only, and curves of
+        several isovalues may cross.
     limits : Limits, optional
         What the file may need at most, where it comes from strangers.
     progress : callable, optional
@@ -136,6 +137,6 @@ def warm_up(search: bool = True) -> None:
     y, x = np.mgrid[:40, :40]
     hill = (y - 20) ** 2 + (x - 17) ** 2
     for options in ({"exact": True}, {"tolerance": 0.3}):
-        decode(encode(hill, 99.5, base_level=2, **options))
+        decode(encode(hill, 99.5, base_level=2, **options), smooth=True)
     if search:
         encode(hill, 99.5, tolerance=1)

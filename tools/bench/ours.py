@@ -140,7 +140,7 @@ class Ours:
                 largest = [factor * target for factor in COARSER] if bound == "err_mean" else [target]
                 yield from (self.tolerance(d) for d in largest if d >= LEAST_SEARCHED)
             return
-        if getattr(self.smoothed(), bound) <= target:
+        if self.item.n == 3 and getattr(self.smoothed(), bound) <= target:
             yield self.smoothed()
             return
         choices = parts_list()
@@ -160,7 +160,8 @@ class Ours:
             )
         if finer is not None and finer.how == self.offsets(choices[1]).how:
             yield self._cut(finer, signs, bound, target)
-            yield self._cut(finer, signs, bound, target, smooth=True)
+            if self.item.n == 3:
+                yield self._cut(finer, signs, bound, target, smooth=True)
         if self.item.integer and self.item.n == 2:
             enough = next((b for b in range(1, PLANES + 1) if getattr(self.values(b), bound) <= target), None)
             if enough is not None:

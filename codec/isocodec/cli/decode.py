@@ -32,7 +32,7 @@ def decode_command(
     """Decode IN.iso to OUT; the suffix of OUT names the format.
 
     \b
-    Curves and surfaces  .npz (points, cells, isovalue, shape), .png
+    Curves and surfaces  .npz (points, cells, isovalue, shape; placement, crs), .png
     Curves               .geojson, .svg (x along axis 1, y along axis 0)
     Surfaces             .ply, .stl, .obj (x, y, z along axes 0, 1, 2)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import time
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -54,7 +55,11 @@ if TYPE_CHECKING:
 )
 @click.option("--profile", default="main", show_default=True, metavar="NAME", help="Entropy coding profile.")
 @click.option("--metadata", multiple=True, metavar="KEY=TEXT", help="A note to go into the file. Several may be given.")
-@click.option("--spacing", metavar="S,S[,S]", help="Distances of samples along the axes of the array, for coordinates.")
+@click.option(
+    "--spacing",
+    metavar="S,S[,S]",
+    help="Distances of samples along the axes of the array; negative where an axis runs against its coordinate.",
+)
 @click.option("--no-placement", is_flag=True, help="Leave out where a NIfTI or GeoTIFF file says its samples lie.")
 @click.option("--key", metavar="NAME", help="Which array of an .npz file.")
 @click.option("--channel", type=int, metavar="N", help="Which channel of a colour picture, counted from 0.")
@@ -96,21 +101,32 @@ def encode_command(
             raise click.UsageError(f"{' and '.join(chosen)} contradict one another: choose one")
     name, parameter = _criterion(criterion)
     notes = _metadata(metadata)
-    placement: ArrayLike | None = _numbers("--spacing", spacing)
+    if spacing is not None and no_placement:
+        raise click.UsageError("--spacing and --no-placement contradict one another: choose one")
+    steps_along = _numbers("--spacing", spacing)
     check_output(output, source)
 
     import isocodec
 
     from ..grid.placement import CRS, PLACEMENT
-    from ..io.place import read_placement
+    from ..io.place import read_place
     from ..io.read import read_field
 
+    for library in ("tifffile", "nibabel.global"):
+        # what they make of damaged tags is said once, and by us
+        logging.getLogger(library).setLevel(logging.CRITICAL)
     with concerning(source):
         field = read_field(source, key=key, channel=channel)
+        if steps_along is not None and len(steps_along) != field.ndim:
+            raise click.UsageError(f"--spacing {spacing}: needed is a number for each of the {field.ndim} axes")
+        placement: ArrayLike | None = steps_along
         if placement is None and not no_placement and PLACEMENT not in notes:
-            placement, crs = read_placement(source, field.ndim)
-            if placement is not None and crs is not None:
-                notes.setdefault(CRS, crs)
+            place = read_place(source, field.ndim)
+            placement = place.placement
+            if place.remark:
+                warn(source, place.remark)
+            if place.crs is not None:
+                notes.setdefault(CRS, place.crs)
         load_kernels(search=tolerance is not None or steps is not None or preserve_topology or criterion is not None)
         started = time.perf_counter()
         with progress_bar("encoding") as progress:

@@ -20,13 +20,14 @@ class Drawn(NamedTuple):
     """A drawing: points (P, n), cells (M, n) between them, and where the points are.
 
     ``edges`` (E, 2) are the edges of the first E points, by the vertices at their ends, ``ratio`` (E,) says where on
-    them the points lie; points in the middles of cells follow.
+    them the points lie, ``free`` (E,) whether nothing says so; points in the middles of cells follow.
     """
 
     points: NDArray[np.float64]
     cells: NDArray[np.int64]
     edges: NDArray[np.int64]
     ratio: NDArray[np.float64]
+    free: NDArray[np.bool_]
 
 
 @dataclass(frozen=True)
@@ -157,13 +158,14 @@ def _number(low, high, place, seconds, before, edges, number):
     return used
 
 
-def edge_ratios(leaves: Leaves, edges: NDArray[np.int64]) -> NDArray[np.float64]:
-    """Where the edges are crossed, as fractions of the way from their first end, (P,) float64.
+def edge_ratios(leaves: Leaves, edges: NDArray[np.int64]) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+    """Where the edges are crossed, as fractions of the way from their first end, (P,) float64; where nothing says so.
 
     By offset, or where linear interpolation meets the isovalue, or else in the middle. Estimates of values may lie on
     the wrong side of the isovalue: then the point is the nearer end of the edge.
     """
     ratio = np.full(len(edges), 0.5)
+    free = np.ones(len(edges), np.bool_)
     if leaves.value is not None:
         f_low, f_high = leaves.value[edges[:, 0]], leaves.value[edges[:, 1]]
         # Equal estimates at both ends, and differences that overflow, say nothing about the place.
@@ -171,28 +173,16 @@ def edge_ratios(leaves: Leaves, edges: NDArray[np.int64]) -> NDArray[np.float64]
             linear = (leaves.isovalue - f_low) / (f_high - f_low)
         known = np.isfinite(f_low) & np.isfinite(f_high) & np.isfinite(linear)
         ratio[known] = np.clip(linear[known], 0.0, 1.0)
-    place, stated = _stated(leaves, edges)
-    ratio[place] = leaves.edge_offset[stated]
-    return ratio
-
-
-def half_way(leaves: Leaves, edges: NDArray[np.int64]) -> NDArray[np.bool_]:
-    """Of which edges nothing is known but that they are crossed, (P,) bool."""
-    out = np.ones(len(edges), np.bool_)
-    if leaves.value is not None:
-        out &= np.isnan(leaves.value[edges]).any(axis=1)
-    out[_stated(leaves, edges)[0]] = False
-    return out
-
-
-def _stated(leaves: Leaves, edges: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
-    """Numbers of those edges that have an offset, and which of the offsets those are."""
-    vertices = len(leaves.position)
-    keys = edges[:, 0] * vertices + edges[:, 1]
-    stated = leaves.edges[:, 0] * vertices + leaves.edges[:, 1]
-    place = np.minimum(np.searchsorted(keys, stated), max(len(keys) - 1, 0))
-    there = keys[place] == stated if len(keys) else np.zeros(len(stated), np.bool_)
-    return place[there], there
+        free[known] = False
+    if len(leaves.edges) and len(edges):
+        vertices = len(leaves.position)
+        keys = edges[:, 0] * vertices + edges[:, 1]
+        stated = leaves.edges[:, 0] * vertices + leaves.edges[:, 1]
+        place = np.minimum(np.searchsorted(keys, stated), len(keys) - 1)
+        there = keys[place] == stated
+        ratio[place[there]] = leaves.edge_offset[there]
+        free[place[there]] = False
+    return ratio, free
 
 
 def edge_points(leaves: Leaves, edges: NDArray[np.int64], ratio: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -26,7 +26,7 @@ def draw_grid(leaves: Leaves) -> Drawn:
     sides, owner = table.fans.lookup(pattern, corners, mirrored)
 
     edges, number = distinct_edges(leaves, np.concatenate([ends.reshape(-1, 2), sides.reshape(-1, 2)]))
-    ratio = edge_ratios(leaves, edges)
+    ratio, free = edge_ratios(leaves, edges)
     points = edge_points(leaves, edges, ratio)
     cells = number[: ends.size // 2].reshape(-1, n)
     if len(owner):
@@ -36,7 +36,7 @@ def draw_grid(leaves: Leaves) -> Drawn:
         centres = np.add.reduceat(points[rim[:, 0]], first) / count[:, None]
         fans = np.column_stack([rim, len(points) + np.repeat(np.arange(len(first)), count)])
         points, cells = np.concatenate([points, centres]), np.concatenate([cells, fans])
-    return Drawn(points, cells, edges, ratio)
+    return Drawn(points, cells, edges, ratio, free)
 
 
 def _cells(leaves: Leaves) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.bool_]]:

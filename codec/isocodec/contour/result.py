@@ -60,7 +60,9 @@ class Contour:
         n = len(self.shape)
         if self.placement is None:
             return self.points[:, ::-1] if n == 2 else self.points
-        return self.points @ self.placement[:, :n].T + self.placement[:, n]
+        # axis by axis: how a product of matrices is rounded depends on the library
+        placed = sum(self.points[:, a, None] * self.placement[:, a] for a in range(n)) + self.placement[:, n]
+        return np.asarray(placed)
 
     @cached_property
     def lines(self) -> list[NDArray[np.float64]]:

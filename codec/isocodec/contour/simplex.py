@@ -75,11 +75,12 @@ def crossed(leaves: Leaves) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
 def draw_simplices(leaves: Leaves) -> Drawn:
     """Draw leaves of any level, one point per crossing edge."""
     edges, cells = crossed(leaves)
-    ratio = edge_ratios(leaves, edges)
+    ratio, free = edge_ratios(leaves, edges)
     if leaves.value is None:
         for ring in rings(leaves, edges):
             ratio[ring.edge] = ring.ratio(ratio)
-    return Drawn(edge_points(leaves, edges, ratio), cells, edges, ratio)
+            free[ring.edge] = free[ring.beside].any(axis=1)
+    return Drawn(edge_points(leaves, edges, ratio), cells, edges, ratio, free)
 
 
 @dataclass(frozen=True)

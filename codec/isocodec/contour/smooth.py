@@ -11,24 +11,26 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..jit import kernel
-from .crossing import Drawn, edge_ends, half_way
+from .crossing import Drawn, edge_ends
 from .leaves import Leaves
 
 ROUNDS = 6
 STEP = 0.5
 """Share of the way that a point goes in a round; with more than that, points on a straight line swing."""
+NEAR = 1 / 64
+"""Share of its edge that a point keeps from the ends, where points of several edges would fall together."""
 GRAZING = 1e-6
 """Edges along which a curve runs say nothing about it."""
 
 
 def smoothed(leaves: Leaves, drawn: Drawn) -> NDArray[np.float64]:
-    """Points (P, n) of a drawing, moved along their edges; those in the middles of cells stay amid their neighbours."""
+    """Points (P, n) of a drawing, moved along their edges; those in the middles of cells follow their neighbours."""
     low, high = edge_ends(leaves, drawn.edges)
     count = len(drawn.points) - len(low)
     start = np.concatenate([low, drawn.points[len(low) :]])
     way = np.concatenate([high - low, np.zeros_like(start[:count])])
     ratio = np.concatenate([drawn.ratio, np.zeros(count)])
-    free = np.concatenate([half_way(leaves, drawn.edges), np.ones(count, np.bool_)])
+    free = np.concatenate([drawn.free, np.ones(count, np.bool_)])
     points = drawn.points.copy()
     total, normal = np.empty_like(points), np.empty_like(points)
     neighbours, bend, around = (np.empty(len(points)) for _ in range(3))
@@ -99,7 +101,7 @@ def _around(cells, bend, around):
 
 @kernel
 def _move(points, start, way, free, ratio, total, count, normal, bend, around):
-    """One step of each point along its edge; ends of open curves stay."""
+    """One step of each point along its edge; ends of open curves (n = 2), with one neighbour, stay."""
     n = points.shape[1]
     for i in range(len(points)):
         if count[i] < 2 or not free[i]:
@@ -110,6 +112,6 @@ def _move(points, start, way, free, ratio, total, count, normal, bend, around):
             across += way[i, axis] * normal[i, axis]
         if length > 0 and across * across > GRAZING * length:
             to = ratio[i] + STEP * (bend[i] - around[i] / count[i]) / across
-            ratio[i] = min(max(to, 0.0), 1.0)
+            ratio[i] = min(max(to, NEAR), 1 - NEAR)
         for axis in range(n):
             points[i, axis] = start[i, axis] + ratio[i] * way[i, axis] if length > 0 else total[i, axis] / count[i]

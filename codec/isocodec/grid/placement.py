@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
+from fractions import Fraction
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -15,6 +16,8 @@ PLACEMENT = "placement"
 CRS = "crs"
 """Name of the note that says which coordinate reference system they belong to, as ``EPSG:32631``."""
 
+LEAST, MOST = 1e-30, 1e30
+"""Sizes of numbers, but for 0: coordinates then fit single precision, their squares double precision."""
 _NUMBER = re.compile(r"-?(0|[1-9][0-9]*)(\.[0-9]+)?([eE][-+]?[0-9]+)?")
 """As JSON has them."""
 
@@ -29,9 +32,9 @@ def placement_of(given: ArrayLike, n: int) -> NDArray[np.float64]:
 
     Parameters
     ----------
-    given : (n,) or (n, n + 1) array_like
+    given : (n,), (n, n + 1) or (n + 1, n + 1) array_like
         Distances of neighbouring samples along each axis of the array; or a row for each coordinate x, y (, z): what a
-        step along each axis adds to it, and what it is at sample 0.
+        step along each axis adds to it, and what it is at sample 0. A last row of 0 .. 0 1 may follow.
     n : int
         Axes of the field.
 
@@ -42,27 +45,44 @@ def placement_of(given: ArrayLike, n: int) -> NDArray[np.float64]:
     Raises
     ------
     OptionError
-        If it is neither, or lays different samples on one point.
+        If it is none of these, lays different samples on one point, or has numbers beyond `LEAST` and `MOST`.
     """
     try:
-        matrix = np.array(given, np.float64)
-    except (TypeError, ValueError):
-        raise OptionError(f"the placement {given!r} is not made of numbers", code="placement") from None
-    if not np.isfinite(matrix).all():
-        raise OptionError("the placement has numbers that are not finite", code="placement")
+        matrix = np.asarray(given)
+    except ValueError:
+        matrix = np.array(None)
+    if matrix.dtype.kind not in "iuf":
+        raise OptionError(f"the placement {given!r} is not made of numbers", code="placement")
+    matrix = matrix.astype(np.float64)
     if matrix.shape == (n,):
         distances = matrix
         matrix = unplaced(n)
-        matrix[:, :n] *= distances
+        coordinate, axis = matrix.nonzero()
+        matrix[coordinate, axis] = distances[axis]
+    if matrix.shape == (n + 1, n + 1) and (matrix[n] == np.eye(n + 1)[n]).all():
+        matrix = matrix[:n]
     if matrix.shape != (n, n + 1):
         raise OptionError(
             f"a placement of shape {matrix.shape}, needed is {(n,)} or {(n, n + 1)}: the field has {n} axes",
             code="placement",
         )
-    steps = matrix[:, :n]
-    if np.linalg.matrix_rank(steps / (np.abs(steps).max() or 1.0)) < n:
+    size = np.abs(matrix[matrix != 0])
+    if not ((size >= LEAST) & (size <= MOST)).all():
+        raise OptionError(
+            f"the placement has numbers that are neither 0 nor between {LEAST:g} and {MOST:g}", code="placement",
+            remedy="take another unit",
+        )  # fmt: skip
+    if _determinant([[Fraction(number) for number in row[:n]] for row in matrix.tolist()]) == 0:
         raise OptionError("the placement lays different samples on one point", code="placement")
     return matrix
+
+
+def _determinant(rows: list[list[Fraction]]) -> Fraction:
+    """Without rounding: readers have to agree on which matrices are singular."""
+    if len(rows) == 1:
+        return rows[0][0]
+    minors = [[row[:i] + row[i + 1 :] for row in rows[1:]] for i in range(len(rows))]
+    return sum(((-1) ** i * rows[0][i] * _determinant(minors[i]) for i in range(len(rows))), Fraction(0))
 
 
 def write_placement(placement: NDArray[np.float64]) -> str:
@@ -72,8 +92,9 @@ def write_placement(placement: NDArray[np.float64]) -> str:
 
 def read_placement(metadata: Mapping[str, str], n: int) -> NDArray[np.float64] | None:
     """Inverse of ``write_placement``; None where a file has no such note, or one that says nothing."""
-    numbers = metadata.get(PLACEMENT, "").split(" ")
-    if len(numbers) != n * (n + 1) or not all(map(_NUMBER.fullmatch, numbers)):
+    count = n * (n + 1)
+    numbers = metadata.get(PLACEMENT, "").split(" ", count)
+    if len(numbers) != count or not all(map(_NUMBER.fullmatch, numbers)):
         return None
     try:
         return placement_of(np.array(numbers, np.float64).reshape(n, n + 1), n)

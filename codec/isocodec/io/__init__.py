@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 from .atomic import check_target, write_bytes
-from .place import read_placement
+from .place import Place, read_place
 from .read import read_field
 from .write import CURVE_SUFFIXES, check_suffix, render_contour, write_contour
 
 __all__ = [
     "CURVE_SUFFIXES",
+    "Place",
     "check_suffix",
     "check_target",
     "read_field",
-    "read_placement",
+    "read_place",
     "render_contour",
     "write_bytes",
     "write_contour",

@@ -25,6 +25,7 @@ PICTURE_SUFFIXES = (".png", ".pdf", ".svg")
 _DPI = 150
 _INK = (0.10, 0.25, 0.45)
 _SURFACE = np.array([0.62, 0.72, 0.84])
+_STRETCH = 100.0
 # Panels in one row; more go on to the next.
 _COLUMNS = 6
 
@@ -114,20 +115,20 @@ def _file(figure: Any, suffix: str) -> bytes:
     return buffer.getvalue()
 
 
-def _steps(contour: Contour) -> NDArray[np.float64]:
-    """Distances of neighbouring samples along each axis, the shortest of them 1."""
+def _proportions(contour: Contour) -> NDArray[np.float64]:
+    """Distances of neighbouring samples along each axis, the shortest of them 1, the longest at most ``_STRETCH``."""
     n = len(contour.shape)
     if contour.placement is None:
         return np.ones(n)
     steps = np.linalg.norm(contour.placement[:, :n], axis=0)
-    return np.asarray(steps / steps.min())
+    return np.minimum(steps / steps.min(), _STRETCH)
 
 
 def _panel_size(contour: Contour, longest: float) -> tuple[float, float]:
     """Width and height in inches: in the proportions of a plane grid, but never a mere strip."""
     if len(contour.shape) != 2:
         return longest, longest
-    rows, columns = contour.shape * _steps(contour)
+    rows, columns = contour.shape * _proportions(contour)
     least = longest / 4
     if columns >= rows:
         return longest, max(longest * rows / columns, least)
@@ -152,7 +153,7 @@ def _draw_mesh(axes: Any, contour: Contour, position: np.ndarray, simplices: np.
             collections.LineCollection(position[ends][:, :, ::-1], colors=["0.7"], linewidths=0.25, zorder=0)
         )
         return
-    corners = contour.points[contour.cells] * _steps(contour)
+    corners = contour.points[contour.cells] * _proportions(contour)
     front = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]) @ _TOWARDS > 0
     flat = _box(contour) @ np.stack([_RIGHT, _UP], axis=1)
     shown = corners[front] @ np.stack([_RIGHT, _UP], axis=1) - (flat.min(axis=0) + flat.max(axis=0)) / 2
@@ -169,7 +170,7 @@ def _draw_curve(axes: Any, contour: Contour) -> None:
     axes.set_xlim(-0.5, columns - 0.5)
     # Downwards, as pictures are shown.
     axes.set_ylim(rows - 0.5, -0.5)
-    down, across = _steps(contour)
+    down, across = _proportions(contour)
     axes.set_aspect(down / across)
     axes.tick_params(labelsize=7)
 
@@ -180,7 +181,7 @@ def _draw_surface(axes: Any, contour: Contour, pixels: int) -> None:
     low, high = flat.min(axis=0), flat.max(axis=0)
     scale = float((high - low).max()) or 1.0
     centre = (low + high) / 2
-    image = shade(contour.points * _steps(contour), contour.cells, centre, scale, pixels)
+    image = shade(contour.points * _proportions(contour), contour.cells, centre, scale, pixels)
     half = scale / 2
     for a, b in zip(*_box_edges(), strict=True):
         line = flat[[a, b]] - centre
@@ -194,7 +195,7 @@ def _draw_surface(axes: Any, contour: Contour, pixels: int) -> None:
 
 def _box(contour: Contour) -> NDArray[np.float64]:
     """Corners of the sampled box, (8, 3)."""
-    return np.array(list(product(*((0.0, n - 1.0) for n in contour.shape)))) * _steps(contour)
+    return np.array(list(product(*((0.0, n - 1.0) for n in contour.shape)))) * _proportions(contour)
 
 
 def _box_edges() -> tuple[list[int], list[int]]:

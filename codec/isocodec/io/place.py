@@ -3,86 +3,122 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ..errors import OptionError
+from ..grid.placement import placement_of
 from .extras import optional
-from .read import reading
 
-_USER_DEFINED = 32767
-"""Number of a reference system that no registry has."""
+# Tags of a TIFF file.
+_SCALE, _TIEPOINT, _TRANSFORMATION = 33550, 33922, 34264
+# Values of GeoKeys.
+_GEOGRAPHIC = 2
 _IS_POINT = 2
 """Raster type whose coordinates are those of the samples; otherwise samples are half a pixel further on."""
+_EPSG = range(1024, 32767)
+"""Numbers of systems that the EPSG registry has."""
 
 
-def read_placement(path: str | os.PathLike[str], n: int) -> tuple[NDArray[np.float64] | None, str | None]:
-    """Coordinates of a field that ``read_field`` has read, and their reference system.
+@dataclass(frozen=True)
+class Place:
+    """What a file says of where its samples lie.
 
-    Parameters
+    Attributes
     ----------
-    path : path
-    n : int
-        Axes of the field.
-
-    Returns
-    -------
     placement : (n, n + 1) float64, or None
         A row for each coordinate: what a step along each axis of the array adds to it, and what it is at sample 0.
-        None where the file does not say, or says it of other axes than the field has.
     crs : str or None
-        As ``EPSG:32631``.
+        The reference system of the coordinates, as ``EPSG:32631``.
+    remark : str
+        What the file says and is left out, and why; or nothing.
+    """
+
+    placement: NDArray[np.float64] | None = None
+    crs: str | None = None
+    remark: str = ""
+
+
+def read_place(path: str | os.PathLike[str], n: int) -> Place:
+    """Coordinates of a field of n axes that ``read_field`` has read.
+
+    Of NIfTI volumes those of nibabel: x to the right, y to the front, z up. Of those that only have voxel sizes, these.
 
     Raises
     ------
-    InputError
-        If what it says cannot be read.
     MissingExtraError
         If a library is needed that is not installed.
     """
     name = Path(path).name.lower()
-    if n == 3 and name.endswith((".nii", ".nii.gz")):
+    if name.endswith((".nii", ".nii.gz")):
         nibabel = optional("nibabel", extra="nifti", purpose="reading NIfTI")
-        with reading("NIfTI volume"):
-            return _proper(nibabel.load(path).affine[:3]), None
-    if n == 2 and name.endswith((".tif", ".tiff")):
+        image = nibabel.load(path)
+        if n != 3:
+            return Place(remark="where the samples of a slice lie in space is left out")
+        told = int(image.header["sform_code"]) or int(image.header["qform_code"])
+        return _usable(image.affine if told else image.header.get_zooms()[:3], n)
+    if name.endswith((".tif", ".tiff")):
         tifffile = optional("tifffile", extra="image", purpose="reading TIFF")
-        with reading("GeoTIFF"), tifffile.TiffFile(path) as tiff:
-            tags = tiff.pages[0].geotiff_tags or {}
-            return _proper(_of_pixels(tags)), _system(tags)
-    return None, None
+        with tifffile.TiffFile(path) as tiff:
+            return _of_picture(tiff.pages[0], n)
+    return Place()
 
 
-def _proper(matrix: Any) -> NDArray[np.float64] | None:
-    """The same numbers, unless they lay different samples on one point."""
-    placement = np.asarray(matrix, np.float64)
-    n = len(placement)
-    usable = placement.shape == (n, n + 1) and np.isfinite(placement).all()
-    return placement if n and usable and np.linalg.matrix_rank(placement[:, :n]) == n else None
+def _usable(numbers: Any, n: int, keys: Mapping[str, Any] | None = None) -> Place:
+    """A place, if the numbers are those of a placement, and its system, which GeoKeys name."""
+    try:
+        placement = placement_of(numbers, n)
+    except OptionError as error:
+        return Place(remark=f"what it says of where its samples lie is left out: {error.message}")
+    if not keys:
+        return Place(placement)
+    crs = _system(keys)
+    return Place(placement, crs, "" if crs else "its reference system has no EPSG number, and is left out")
 
 
-def _of_pixels(tags: dict[str, Any]) -> list[list[float]]:
-    """Rows for x and y, in the order (row, column), of a GeoTIFF's coordinates; none if it has none."""
-    if "ModelTransformation" in tags:
-        a = np.asarray(tags["ModelTransformation"], np.float64).reshape(4, 4)[:2]
-        across, down, start = a[:, 0], a[:, 1], a[:, 3]
-    elif "ModelPixelScale" in tags and len(tags.get("ModelTiepoint", ())) == 6:
-        width, height = tags["ModelPixelScale"][:2]
-        column, row, _, x, y, _ = tags["ModelTiepoint"]
-        across, down = np.array([width, 0.0]), np.array([0.0, -height])
-        start = np.array([x, y]) - column * across - row * down
-    else:
-        return []
-    if tags.get("GTRasterTypeGeoKey") != _IS_POINT:
-        start = start + (across + down) / 2
-    rows: list[list[float]] = np.column_stack([down, across, start]).tolist()
-    return rows
+def _of_picture(page: Any, n: int) -> Place:
+    """What the tags of a GeoTIFF say; they may have any type and any number of values."""
+    scale, tiepoint, matrix = (_numbers(page, tag) for tag in (_SCALE, _TIEPOINT, _TRANSFORMATION))
+    if not (len(scale) or len(tiepoint) or len(matrix)):
+        return Place()
+    if n != 2:
+        return Place(remark="where the pages of a stack lie is left out")
+    try:
+        keys = dict(page.geotiff_tags or {})
+    except Exception:  # of any kind, where the tag is damaged
+        keys = {}
+    # numbers may be of any size
+    with np.errstate(all="ignore"):
+        if len(matrix) == 16 and matrix.any():
+            across, down, start = matrix.reshape(4, 4)[:2, [0, 1, 3]].T
+        elif len(scale) >= 2 and len(tiepoint) >= 6:
+            across, down = np.array([scale[0], 0.0]), np.array([0.0, -scale[1]])
+            start = tiepoint[3:5] - tiepoint[0] * across - tiepoint[1] * down
+        else:
+            return Place(remark="where its samples lie is left out: it has single points only, no steps between pixels")
+        if keys.get("GTRasterTypeGeoKey") != _IS_POINT:
+            start = start + (across + down) / 2
+    return _usable(np.column_stack([down, across, start]), n, keys)
 
 
-def _system(tags: dict[str, Any]) -> str | None:
-    for key in ("ProjectedCSTypeGeoKey", "GeographicTypeGeoKey"):
-        if key in tags:
-            return f"EPSG:{int(tags[key])}" if int(tags[key]) != _USER_DEFINED else None
-    return None
+def _numbers(page: Any, tag: int) -> NDArray[np.float64]:
+    """Values of a tag; none if it is not there or holds none."""
+    try:
+        return np.atleast_1d(np.asarray(page.tags[tag].value, np.float64))
+    except (KeyError, TypeError, ValueError):
+        return np.zeros(0)
+
+
+def _system(keys: Mapping[str, Any]) -> str | None:
+    """The reference system that GeoKeys name: of the model that they state, or the one that is there."""
+    names = ["ProjectedCSTypeGeoKey", "GeographicTypeGeoKey"]
+    if keys.get("GTModelTypeGeoKey") == _GEOGRAPHIC:
+        names.reverse()
+    numbers = [keys.get(name) for name in names]
+    number = next((number for number in numbers if isinstance(number, int) and number > 0), 0)
+    return f"EPSG:{int(number)}" if number in _EPSG else None

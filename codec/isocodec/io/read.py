@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import InputError, IsoError, LimitError, OptionError
+from ..errors import InputError, IsoError, LimitError, MissingExtraError, OptionError
 from .extras import optional
 
 Field = NDArray[Any]
@@ -77,7 +77,7 @@ def read_field(path: str | os.PathLike[str], *, key: str | None = None, channel:
 
 
 @contextmanager
-def reading(what: str) -> Iterator[None]:
+def _reading(what: str) -> Iterator[None]:
     """Turn what a library raises on a bad file into one error of ours.
 
     Parsers raise whatever they stumble over (KeyError, SyntaxError, struct.error, zlib.error, OSError without
@@ -128,7 +128,7 @@ def _read_numpy(path: Path, key: str | None) -> Field:
     # numpy takes anything else for a pickle and says so, which would lead the user astray.
     if magic != b"\x93NUMPY" and magic[:4] not in (b"PK\x03\x04", b"PK\x05\x06"):
         raise InputError("is not a NumPy file", code="unreadable")
-    with reading("NumPy file"):
+    with _reading("NumPy file"):
         loaded = _array(lambda: np.load(path, allow_pickle=False))
         if isinstance(loaded, np.ndarray):
             if key is not None:
@@ -187,7 +187,7 @@ def _array(load: Callable[[], Any]) -> Any:
 def _read_picture(path: Path) -> tuple[Field, int | None]:
     """PNG or JPEG: the samples, and which axis is that of the colour channels."""
     imageio = optional("imageio.v3", extra="image", purpose=f"reading {path.suffix}")
-    with reading("picture"):
+    with _reading("picture"):
         # The first picture: the rest of an animated PNG or of a camera's JPEG are previews and further frames.
         picture = np.asarray(imageio.imread(path, plugin="pillow", index=0))
         if picture.ndim == 2:
@@ -207,7 +207,7 @@ def _read_picture(path: Path) -> tuple[Field, int | None]:
 def _read_tiff(path: Path) -> tuple[Field, int | None]:
     """TIFF: the samples, and which axis is that of the colour channels."""
     tifffile = optional("tifffile", extra="image", purpose=f"reading {path.suffix}")
-    with reading("TIFF"), tifffile.TiffFile(path) as tiff:
+    with _reading("TIFF"), tifffile.TiffFile(path) as tiff:
         if len(tiff.series) != 1:
             shapes = ", ".join(str(series.shape) for series in tiff.series[:20])
             raise InputError(
@@ -232,13 +232,17 @@ def _read_tiff(path: Path) -> tuple[Field, int | None]:
 def _read_compressed(path: Path, shape: tuple[int, ...], dtype: np.dtype[Any], reason: ValueError) -> Field:
     """Pictures packed in a way that tifffile leaves to a large extra library; pillow often knows it, too."""
     imageio = optional("imageio.v3", extra="image", purpose="reading a compressed TIFF")
+    missing = MissingExtraError(
+        f"reading this TIFF needs another library ({_one_line(reason)})", code="missing-extra",
+        remedy="pip install imagecodecs, or save it without compression",
+    )  # fmt: skip
     try:
         picture = np.asarray(imageio.imread(path, plugin="pillow", index=0))
     except Exception:
-        raise reason from None
+        raise missing from None
     # Pillow has fewer sample types than TIFF; what it would have converted is not what is stored.
     if picture.shape != tuple(shape) or picture.dtype != dtype.newbyteorder("="):
-        raise reason
+        raise missing
     return picture
 
 
@@ -275,7 +279,7 @@ FIELD_SUFFIXES: tuple[str, ...] = (".npy", ".npz", *_PICTURES, ".nii", ".nii.gz"
 
 def _read_nifti(path: Path) -> Field:
     nibabel = optional("nibabel", extra="nifti", purpose="reading NIfTI")
-    with reading("NIfTI volume"):
+    with _reading("NIfTI volume"):
         stored = nibabel.load(path).dataobj
         # Scaling makes floats of integers; without it the raw integers are the samples, and can be kept exactly.
         scaled = (stored.slope, stored.inter) != (1.0, 0.0)

@@ -9,7 +9,9 @@ from __future__ import annotations
 
 import io
 import json
+import math
 import os
+import re
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -27,6 +29,7 @@ from .picture import contour_picture, matplotlib_figure
 if TYPE_CHECKING:
     from ..contour import Contour
 
+_EPSG = re.compile("EPSG:([1-9][0-9]{0,5})")
 _DEGREES = "4326"
 
 
@@ -102,6 +105,7 @@ def _npz(contour: Contour) -> bytes:
     }
     if contour.placement is not None:
         arrays["placement"] = contour.placement
+        arrays["crs"] = np.asarray(contour.metadata.get(CRS, ""))
     buffer = io.BytesIO()
     np.savez(buffer, **arrays)
     return buffer.getvalue()
@@ -124,9 +128,9 @@ def _geojson(contour: Contour) -> bytes:
         },
         "geometry": contour.__geo_interface__,
     }
-    authority, _, number = contour.metadata.get(CRS, "").partition(":")
-    if contour.placement is not None and authority == "EPSG" and number.isdecimal() and number != _DEGREES:
-        feature["crs"] = {"type": "name", "properties": {"name": f"urn:ogc:def:crs:EPSG::{number}"}}
+    system = _EPSG.fullmatch(contour.metadata.get(CRS, ""))
+    if contour.placement is not None and system and system[1] != _DEGREES:
+        feature["crs"] = {"type": "name", "properties": {"name": f"urn:ogc:def:crs:EPSG::{system[1]}"}}
     return json.dumps(feature, separators=(",", ":"), allow_nan=False).encode() + b"\n"
 
 
@@ -173,17 +177,19 @@ def _trimesh(suffix: str) -> Any:
 
 
 def _mesh(contour: Contour, suffix: str) -> bytes:
-    """PLY (binary) and STL (binary) hold single precision by custom; OBJ has eight decimal places."""
+    """PLY (binary) and STL (binary) hold single precision by custom; OBJ has eight decimal places of a cell."""
     trimesh = _trimesh(suffix)
     if suffix == ".obj" and len(contour.cells) == 0:
         # The library would write keywords without numbers, which no reader takes.
         return b"# empty isosurface\n"
-    # Without processing: the vertices and their order are ours.
     # A placement that mirrors space turns triangles over.
     mirrored = contour.placement is not None and np.linalg.det(contour.placement[:, :3]) < 0
     cells = contour.cells[:, ::-1] if mirrored else contour.cells
+    # Without processing: the vertices and their order are ours.
     mesh = trimesh.Trimesh(vertices=contour.placed, faces=cells, process=False)
-    data = mesh.export(file_type=suffix[1:])
+    steps = [1.0] if contour.placement is None else np.linalg.norm(contour.placement[:, :3], axis=0)
+    places = {"digits": 8 + max(0, math.ceil(-math.log10(min(steps))))} if suffix == ".obj" else {}
+    data = mesh.export(file_type=suffix[1:], **places)
     return data.encode() if isinstance(data, str) else bytes(data)
 
 

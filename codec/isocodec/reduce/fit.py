@@ -140,7 +140,7 @@ class _Fit:
         self.number = np.full(len(self.edges), -1)
         self.number[self.told] = np.arange(len(told))
         self.rings = list(rings(leaves, self.edges))
-        self.stated = edge_ratios(leaves, self.edges)
+        self.stated, _ = edge_ratios(leaves, self.edges)
         self.way = np.diff(leaves.position[self.edges].astype(np.float64), axis=1)[:, 0]
         self.samples, self.of_cell = _samples(self.cells, len(self.edges))
 

@@ -235,15 +235,18 @@ class Decoder:
         """Like ``snapshot``, but of the events taken so far only."""
         header = self.header
         tube = self._tube_of(number)
-        if header is None or tube is None:
-            shape = header.shape if header else (0, 0)
-            n = len(shape)
-            return Contour(np.zeros((0, n)), np.zeros((0, n), np.int64), float("nan"), shape, False)
-        isovalue = self.isovalues[number]
-        leaves = leaves_of(tube, isovalue, lambda steps, above: interval_value(isovalue, header.scale, steps, above))
-        placement = read_placement(self.metadata, len(header.shape))
-        contour = draw(leaves, complete=self._ended, smooth=smooth)
-        return replace(contour, placement=placement, metadata=dict(self.metadata))
+        if header is None:
+            return Contour(np.zeros((0, 2)), np.zeros((0, 2), np.int64), float("nan"), (0, 0), False)
+        n = len(header.shape)
+        if tube is None:
+            contour = Contour(np.zeros((0, n)), np.zeros((0, n), np.int64), float("nan"), header.shape, False)
+        else:
+            isovalue = self.isovalues[number]
+            leaves = leaves_of(
+                tube, isovalue, lambda steps, above: interval_value(isovalue, header.scale, steps, above)
+            )
+            contour = draw(leaves, complete=self._ended, smooth=smooth)
+        return replace(contour, placement=read_placement(self.metadata, n), metadata=dict(self.metadata))
 
     def mesh(self, number: int = 0) -> tuple[np.ndarray, np.ndarray]:
         """The crossed leaves of the mesh: positions (V, n) and vertices of simplices (M, n + 1), both int64."""

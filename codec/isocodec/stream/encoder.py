@@ -15,7 +15,7 @@ from isospec.container import MAX_ISOVALUES, Checksum, ChunkType, Profile
 
 from ..errors import FormatError, OptionError
 from ..grid.field import check_field
-from ..grid.placement import PLACEMENT, placement_of, write_placement
+from ..grid.placement import PLACEMENT, placement_of, read_placement, write_placement
 from ..mesh.tables import cube_exponent
 from ..passes.tube import Tube
 from . import strategy
@@ -75,10 +75,10 @@ class Encoder:
     profile : str
         ``main``, or ``baseline``, which makes larger files for smaller and faster decoders.
     metadata : mapping of str to str, optional
-    placement : (n,) or (n, n + 1) array_like, optional
+    placement : (n,), (n, n + 1) or (n + 1, n + 1) array_like, optional
         Where the samples lie: distances of neighbours along each axis of the array, or a row for each coordinate x, y
-        (, z) with what a step along each axis adds to it and what it is at sample 0. It goes into the metadata, and
-        changes nothing but `Contour.placed`; tolerances stay in cells.
+        (, z) with what a step along each axis adds to it and what it is at sample 0; a last row of 0 .. 0 1 may follow.
+        It goes into the metadata, and changes nothing but `Contour.placed`; tolerances stay in cells.
     progress : callable, optional
         Called with the layers done and their total; before, while a mesh is searched for, with the number of curves
         tried and 0.
@@ -134,6 +134,11 @@ class Encoder:
             if PLACEMENT in self._metadata:
                 raise OptionError("placement and metadata of that name contradict one another", code="options")
             self._metadata[PLACEMENT] = write_placement(placement_of(placement, first.values.ndim))
+        elif PLACEMENT in self._metadata and read_placement(self._metadata, first.values.ndim) is None:
+            raise OptionError(
+                f"the note {PLACEMENT}, {self._metadata[PLACEMENT]!r}, says nothing that a reader would understand",
+                code="placement", remedy="see clause 3.7.2, or give the numbers as the option of that name",
+            )  # fmt: skip
         self._report = progress
         self._tried = 0
         self.header = Header(first.values.shape, first.isovalue, self._asked.step, Profile[profile.upper()])
