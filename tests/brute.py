@@ -104,6 +104,27 @@ def smooth(shape: tuple[int, ...], seed: int, waves: int = 4) -> NDArray[np.floa
     return out / waves
 
 
+def noise(shape: tuple[int, ...], seed: int = 0, rim_below: bool = False) -> NDArray[np.float64]:
+    """Independent normal samples; with ``rim_below`` all those on the border are -1."""
+    field = np.random.default_rng(seed).normal(size=shape)
+    if rim_below:
+        field[border(shape)] = -1.0
+    return field
+
+
+def border(shape: tuple[int, ...]) -> NDArray[np.bool_]:
+    """Samples on the border of the box."""
+    on = np.ones(shape, dtype=bool)
+    on[(slice(1, -1),) * len(shape)] = False
+    return on
+
+
+def ball(shape: tuple[int, ...], centre: tuple[float, ...], radius: float) -> NDArray[np.float64]:
+    """How far samples lie inside a ball."""
+    axes = np.meshgrid(*(np.arange(s, dtype=float) for s in shape), indexing="ij")
+    return np.asarray(radius - np.sqrt(sum((x - c) ** 2 for x, c in zip(axes, centre, strict=True))))
+
+
 def blobs(shape: tuple[int, ...], seed: int) -> NDArray[np.bool_]:
     """A few filled balls."""
     rng = np.random.default_rng(seed)

@@ -17,6 +17,7 @@ from scipy.spatial import cKDTree
 from skimage import measure
 
 import isocodec.contour as contour_package
+from brute import ball, border, noise
 from isocodec.contour import Contour, Leaves, draw
 from isocodec.errors import OptionError
 
@@ -72,19 +73,6 @@ def leaves_of(field, isovalue=0.0, *, size=1, bisections=0, values=True, above=N
     )
 
 
-def noise(shape, seed=0, closed=False):
-    field = np.random.default_rng(seed).normal(size=shape)
-    if closed:
-        field[border(shape)] = -1.0
-    return field
-
-
-def border(shape):
-    on = np.ones(shape, dtype=bool)
-    on[(slice(1, -1),) * len(shape)] = False
-    return on
-
-
 def as_set(points, digits):
     return set(map(tuple, (np.round(np.asarray(points), digits) + 0.0).tolist()))
 
@@ -132,11 +120,6 @@ def check_winding(contour, leaves):
 def euler(cells):
     sides = {frozenset(pair) for t in cells.tolist() for pair in itertools.combinations(t, 2)}
     return len(np.unique(cells)) - len(sides) + len(cells)
-
-
-def ball(shape, centre, radius):
-    axes = np.meshgrid(*(np.arange(s, dtype=float) for s in shape), indexing="ij")
-    return radius - np.sqrt(sum((x - c) ** 2 for x, c in zip(axes, centre, strict=True)))
 
 
 def torus():
@@ -286,7 +269,7 @@ def test_all_patterns_in_all_mirror_images_are_watertight():
 @pytest.mark.parametrize("seed", range(5))
 @pytest.mark.parametrize("shape", [(12, 11), (7, 6, 8)])
 def test_what_is_above_lies_inside(shape, seed):
-    leaves = leaves_of(noise(shape, seed, closed=True))
+    leaves = leaves_of(noise(shape, seed, rim_below=True))
     contour = draw(leaves)
     check_manifold(contour)
     check_winding(contour, leaves)

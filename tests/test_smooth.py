@@ -8,17 +8,9 @@ import numpy as np
 import pytest
 
 import isocodec
-from brute import smooth
+from brute import ball, noise, smooth
 from commands import ok
 from isocodec.contour import smooth as smoothing
-
-
-def ball(shape, centre, radius):
-    return radius - np.linalg.norm(np.indices(shape).T - centre, axis=-1).T
-
-
-def noise(shape, seed=0):
-    return np.random.default_rng(seed).standard_normal(shape)
 
 
 def both(field, isovalue, **options):

@@ -140,6 +140,7 @@ class Ours:
                 largest = [factor * target for factor in COARSER] if bound == "err_mean" else [target]
                 yield from (self.tolerance(d) for d in largest if d >= LEAST_SEARCHED)
             return
+        # curves ask for more than smoothing gives, surfaces do not
         if self.item.n == 3 and getattr(self.smoothed(), bound) <= target:
             yield self.smoothed()
             return

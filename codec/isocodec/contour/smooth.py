@@ -15,6 +15,7 @@ from .crossing import Drawn, edge_ends
 from .leaves import Leaves
 
 ROUNDS = 6
+"""More come nearer where a field is smooth, and get farther where it is rough."""
 STEP = 0.5
 """Share of the way that a point goes in a round; with more than that, points on a straight line swing."""
 NEAR = 1 / 64
