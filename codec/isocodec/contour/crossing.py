@@ -159,10 +159,20 @@ def _number(low, high, place, seconds, before, edges, number):
 
 
 def edge_ratios(leaves: Leaves, edges: NDArray[np.int64]) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+    """`ratios_at` of edges that are sorted, as those of `distinct_edges`."""
+    keys, stated = (some @ (len(leaves.position), 1) for some in (edges, leaves.edges))
+    number = np.minimum(np.searchsorted(keys, stated), len(keys) - 1)
+    return ratios_at(leaves, edges, np.where(keys[number] == stated, number, -1) if len(keys) else number)
+
+
+def ratios_at(
+    leaves: Leaves, edges: NDArray[np.int64], number: NDArray[np.int64]
+) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
     """Where the edges are crossed, as fractions of the way from their first end, (P,) float64; where nothing says so.
 
     By offset, or where linear interpolation meets the isovalue, or else in the middle. Estimates of values may lie on
-    the wrong side of the isovalue: then the point is the nearer end of the edge.
+    the wrong side of the isovalue: then the point is the nearer end of the edge. ``number`` says which of the edges
+    those are that carry an offset, -1 for none.
     """
     ratio = np.full(len(edges), 0.5)
     free = np.ones(len(edges), np.bool_)
@@ -174,21 +184,25 @@ def edge_ratios(leaves: Leaves, edges: NDArray[np.int64]) -> tuple[NDArray[np.fl
         known = np.isfinite(f_low) & np.isfinite(f_high) & np.isfinite(linear)
         ratio[known] = np.clip(linear[known], 0.0, 1.0)
         free[known] = False
-    if len(leaves.edges) and len(edges):
-        vertices = len(leaves.position)
-        keys = edges[:, 0] * vertices + edges[:, 1]
-        stated = leaves.edges[:, 0] * vertices + leaves.edges[:, 1]
-        place = np.minimum(np.searchsorted(keys, stated), len(keys) - 1)
-        there = keys[place] == stated
-        ratio[place[there]] = leaves.edge_offset[there]
-        free[place[there]] = False
+    there = number >= 0
+    ratio[number[there]] = leaves.edge_offset[there]
+    free[number[there]] = False
     return ratio, free
 
 
 def edge_points(leaves: Leaves, edges: NDArray[np.int64], ratio: NDArray[np.float64]) -> NDArray[np.float64]:
     """Points on edges, (P, n) float64."""
-    low, high = edge_ends(leaves, edges)
-    return low + ratio[:, None] * (high - low)
+    out = np.empty((len(edges), leaves.position.shape[1]))
+    _enter_points(leaves.position, edges, ratio, out)
+    return out
+
+
+@kernel
+def _enter_points(position, edges, ratio, out):
+    for i in range(len(edges)):
+        for axis in range(position.shape[1]):
+            low, high = position[edges[i, 0], axis], position[edges[i, 1], axis]
+            out[i, axis] = low + ratio[i] * (high - low)
 
 
 def edge_ends(leaves: Leaves, edges: NDArray[np.int64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..jit import inner, kernel
-from .crossing import Drawn, distinct_edges, edge_points, edge_ratios
+from .crossing import Drawn, PatternTable, edge_points, ratios_at
 from .cube import cube_table
 from .leaves import Leaves
 
@@ -19,85 +19,169 @@ def draw_grid(leaves: Leaves) -> Drawn:
 
     Cells that lack some of their mixed leaves are left out: what passes through them is not known yet.
     """
-    n = len(leaves.shape)
-    table = cube_table(n)
-    corners, pattern, mirrored = _cells(leaves)
-    ends, _ = table.cells.lookup(pattern, corners, mirrored)
-    sides, owner = table.fans.lookup(pattern, corners, mirrored)
-
-    edges, number = distinct_edges(leaves, np.concatenate([ends.reshape(-1, 2), sides.reshape(-1, 2)]))
-    ratio, free = edge_ratios(leaves, edges)
+    table = cube_table(len(leaves.shape))
+    grid = _Grid(leaves)
+    cells, _ = grid.rows(table.cells)
+    sides, owner = grid.rows(table.fans)
+    edges = grid.edges
+    ratio, free = ratios_at(leaves, edges, grid.find(leaves.edges))
     points = edge_points(leaves, edges, ratio)
-    cells = number[: ends.size // 2].reshape(-1, n)
     if len(owner):
-        rim = number[ends.size // 2 :].reshape(-1, 2)
         first = np.flatnonzero(np.diff(owner, prepend=-1))
         count = np.diff(first, append=len(owner))
-        centres = np.add.reduceat(points[rim[:, 0]], first) / count[:, None]
-        fans = np.column_stack([rim, len(points) + np.repeat(np.arange(len(first)), count)])
+        centres = np.add.reduceat(points[sides[:, 0]], first) / count[:, None]
+        fans = np.column_stack([sides, len(points) + np.repeat(np.arange(len(first)), count)])
         points, cells = np.concatenate([points, centres]), np.concatenate([cells, fans])
     return Drawn(points, cells, edges, ratio, free)
 
 
-def _cells(leaves: Leaves) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.bool_]]:
-    """Unit cells out of their simplices.
+class _Grid:
+    """Unit cells out of their simplices, and the grid edges that the drawing has come upon.
 
-    Returns
-    -------
-    corners : (C, 2 ** n) int64
-        Vertices, numbered from x0 (see `isocodec.contour.cube`); -1 where no mixed leaf has one.
-    pattern : (C,) int64
-    mirrored : (C,) bool
-        Whether an odd number of axes runs downwards from x0 to xn.
+    A grid edge is known by its lower end and its axis: looking that up in an array is faster than sorting.
     """
-    n = len(leaves.shape)
 
-    # A cell is known by xn and the directions in which x0 lies; counting into an array is faster than sorting.
-    count = np.zeros(len(leaves.position) << n, np.int32)
-    _count(leaves.position, leaves.simplices, count)
-    keys = np.flatnonzero(count)
-    number = np.empty(len(count), np.int32)
-    number[keys] = np.arange(len(keys))
-    corners = np.full((len(keys), 2**n), -1, np.int64)
-    pattern = np.empty(len(keys), np.int64)
-    # Within a cell two coordinates differ exactly if their parities do.
-    parity = (leaves.position & 1) @ (1 << np.arange(n))
-    _complete(leaves.position, parity, leaves.above, leaves.simplices, number, corners, pattern)
+    def __init__(self, leaves: Leaves) -> None:
+        n = len(leaves.shape)
+        vertices = len(leaves.position)
+        self._place = np.empty(vertices, np.uint8)
+        _place_vertices(leaves.position, self._place)
+        corners = np.empty((len(leaves.simplices), 2**n), np.int32)
+        directions, count = np.empty(len(corners), np.uint8), np.empty(len(corners), np.uint8)
+        number = np.zeros(vertices << n, np.int32)
+        used = _join(self._place, leaves.simplices, number, corners, directions, count)
+        self._corners, self._directions = corners[:used], directions[:used]
+        self._pattern = np.empty(used, np.int64)
+        _see(leaves.above, self._corners, count, cube_table(n).mixed, self._pattern)
+        self._number = np.full((vertices, n), -1, np.int32)
+        self._edges = np.empty((n * vertices, 2), np.int64)
+        self._used = 0
 
-    mirrored = (keys[:, None] >> np.arange(n) & 1).sum(axis=1) % 2 == 1
-    whole = count[keys] == cube_table(n).mixed[pattern]
-    return corners[whole], pattern[whole], mirrored[whole]
+    @property
+    def edges(self) -> NDArray[np.int64]:
+        """Ends of the edges met so far, (E, 2), the lower first."""
+        return self._edges[: self._used]
+
+    def rows(self, table: PatternTable) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """Rows of a table for all cells, (R, k), as numbers of ``edges``, and the cell of each, ascending."""
+        owner = np.repeat(np.arange(len(self._pattern)), np.diff(table.first)[self._pattern])
+        out = np.empty((len(owner), table.edges.shape[1]), np.int64)
+        self._used = _look_up(
+            table.edges, table.first, self._pattern, self._corners, self._directions, self._number, self._edges,
+            self._used, out,
+        )  # fmt: skip
+        return out, owner
+
+    def find(self, stated: NDArray[np.int64]) -> NDArray[np.int64]:
+        """Numbers of edges (S, 2) among ``edges``, or -1."""
+        out = np.empty(len(stated), np.int64)
+        _find(self._place, self._number, self._edges, stated, out)
+        return out
+
+
+@kernel
+def _place_vertices(position, place):
+    """The last two bits of each coordinate: they tell a cell's vertices from each other, and upper from lower ones."""
+    for i in range(len(position)):
+        bits = 0
+        for axis in range(position.shape[1]):
+            bits |= (position[i, axis] & 3) << 2 * axis
+        place[i] = bits
+
+
+_LAST_BITS = np.int64(0b010101)
 
 
 @inner
-def _cell(position, simplex):
-    """The number of a simplex's cell among all that there could be."""
-    n = position.shape[1]
-    key = simplex[n] << n
-    for axis in range(n):
-        if position[simplex[0], axis] > position[simplex[n], axis]:
-            key |= 1 << axis
-    return key
+def _axes(bits):
+    """Every second bit."""
+    return bits & 1 | bits >> 1 & 2 | bits >> 2 & 4
+
+
+@inner
+def _differ(a, b):
+    """Bit i says whether two vertices of a cell, by their places, differ along axis i."""
+    return _axes((a ^ b) & _LAST_BITS)
+
+
+@inner
+def _upper(a, b):
+    """Bit i says whether the first of two vertices of a cell is the upper one along axis i."""
+    carried = (a ^ b) >> 1 ^ b
+    return _axes((a ^ b) & ~carried & _LAST_BITS)
 
 
 @kernel
-def _count(position, simplices, count):
-    """Count the simplices of each cell."""
+def _join(place, simplices, number, corners, directions, count):
+    """Enter the simplices' vertices as corners of their cells, in the order of these; returns how many there are.
+
+    A cell is known by xn and the directions in which x0 lies, bit i for the upper end of axis i. Corners are numbered
+    from x0 (see `isocodec.contour.cube`), -1 where no mixed leaf has one.
+    """
+    n = simplices.shape[1] - 1
+    used = 0
     for i in range(len(simplices)):
-        count[_cell(position, simplices[i])] += 1
+        start = np.int64(place[simplices[i, 0]])
+        direction = _upper(start, np.int64(place[simplices[i, n]]))
+        key = simplices[i, n] << n | direction
+        cell = number[key] - 1
+        if cell < 0:
+            cell = used
+            used += 1
+            number[key] = used
+            directions[cell] = direction
+            count[cell] = 0
+            corners[cell] = -1
+        count[cell] += 1
+        for j in range(n + 1):
+            corners[cell, _differ(np.int64(place[simplices[i, j]]), start)] = simplices[i, j]
+    return used
 
 
 @kernel
-def _complete(position, parity, above, simplices, number, corners, pattern):
-    """Enter the simplices' vertices as corners of their cells, and all signs of each cell as its pattern."""
-    for i in range(len(simplices)):
-        cell = number[_cell(position, simplices[i])]
-        for j in range(simplices.shape[1]):
-            corners[cell, parity[simplices[i, j]] ^ parity[simplices[i, 0]]] = simplices[i, j]
+def _see(above, corners, count, mixed, pattern):
+    """All signs of each cell as its pattern; 0, of which nothing is drawn, for a cell that lacks mixed leaves."""
     for cell in range(len(corners)):
         signs = np.int64(0)
         for corner in range(corners.shape[1]):
             # a corner that no mixed simplex has agrees with x0, or each of its simplices would be mixed
             v = corners[cell, corner] if corners[cell, corner] >= 0 else corners[cell, 0]
             signs |= np.int64(above[v]) << corner
-        pattern[cell] = signs
+        pattern[cell] = signs if count[cell] == mixed[signs] else 0
+
+
+@kernel
+def _look_up(table, first, pattern, corners, directions, number, edges, used, out):
+    """Write the rows of all cells as numbers of edges, which are given as these are met; returns how many there are."""
+    row = 0
+    for i in range(len(pattern)):
+        direction = np.int64(directions[i])
+        mirrored = (direction ^ direction >> 1 ^ direction >> 2) & 1
+        for k in range(first[pattern[i]], first[pattern[i] + 1]):
+            for j in range(table.shape[1]):
+                low, high = table[k, j, 0], table[k, j, 1]
+                axis = (low ^ high) >> 1
+                if (low ^ direction) >> axis & 1:
+                    low, high = high, low
+                a = corners[i, low]
+                if number[a, axis] < 0:
+                    number[a, axis] = used
+                    edges[used, 0] = a
+                    edges[used, 1] = corners[i, high]
+                    used += 1
+                out[row, 1 - j if mirrored and j < 2 else j] = number[a, axis]
+            row += 1
+    return used
+
+
+@kernel
+def _find(place, number, edges, stated, out):
+    """Numbers of edges by the arrays of `_look_up`, or -1."""
+    n = number.shape[1]
+    for i in range(len(stated)):
+        out[i] = -1
+        differ = _differ(np.int64(place[stated[i, 0]]), np.int64(place[stated[i, 1]]))
+        for axis in range(n):
+            j = number[stated[i, 0], axis]
+            if differ >> axis & 1 and j >= 0 and edges[j, 1] == stated[i, 1]:
+                out[i] = j

@@ -159,7 +159,7 @@ class Estimates:
             self._list_edges(st, full)
         self._slack = np.zeros(len(self._target), np.int64)
         if self.slack:
-            self._slack[:] = self.slack(*(st.vertex[self.edges[:, i], : self.n].astype(np.int64) for i in (0, 1)))
+            self._slack[:] = self.slack(*self._ends(st))
 
     def code_offsets(self, st: State, cd: Coder) -> int:
         """Go on with a layer of offsets."""
@@ -177,25 +177,29 @@ class Estimates:
         else:
             rows = self._leaf_rows(st)
             edges = self._leaf_edges(st, rows)
-        keys, old = edges @ (count, 1), self.edges @ (count, 1)
-        order = np.argsort(old)
-        place = np.minimum(np.searchsorted(old[order], keys), max(len(old) - 1, 0))
         parts, offset = np.ones(len(edges), np.int64), np.zeros(len(edges), np.int64)
-        if len(old):
-            place = order[place]
+        if len(self.edges):
+            keys, old = edges @ (count, 1), self.edges @ (count, 1)
+            order = np.argsort(old)
+            place = order[np.minimum(np.searchsorted(old[order], keys), len(old) - 1)]
             same = old[place] == keys
             parts[same], offset[same] = self.parts[place[same]], self.offset[place[same]]
         self.edges, self.parts, self.offset = edges, parts, offset
         self._edges_mesh = int(st.at[MESHES])
-        low, high = (st.vertex[edges[:, i], : self.n].astype(np.int64) for i in (0, 1))
-        self._length = np.abs(high - low).max(axis=1, initial=0)
         self._rising = st.vertex[edges[:, 1], 3] != 0
         if full:
+            self._length = np.ones(len(edges), np.int64)
             self._beside = beside_grid(st, edges, self.n)
         else:
+            self._length = np.abs(np.subtract(*self._ends(st))).max(axis=1, initial=0)
             self._beside = beside_leaves(st, rows, edges, offset, parts, self._length, self.n)
         self._earlier = self._earlier_offsets(st)
-        self._target = self.place(low, high) if self.place else NOTHING
+        self._target = self.place(*self._ends(st)) if self.place else NOTHING
+
+    def _ends(self, st: State) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """Positions of both ends of the edges."""
+        low, high = (st.vertex[self.edges[:, i], : self.n].astype(np.int64) for i in (0, 1))
+        return low, high
 
     def _earlier_offsets(self, st: State) -> NDArray[np.int64]:
         """Numbers and parts at the earlier isovalue, of edges between neighbouring samples; 0 parts where it has none.

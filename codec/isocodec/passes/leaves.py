@@ -34,7 +34,8 @@ def vertex_numbers(st, leaf, first, count, below, rounds, out, levels):
     their middle is known.
     """
     n = dimension(st.tables)
-    rows = 0
+    rows, last = 0, np.int64(-1)
+    edge, r = np.int64(0), np.int64(0)
     for i in range(first, count):
         cls = np.int64(leaf[i, 0])
         b0, b1, b2 = np.int64(leaf[i, 1]), np.int64(leaf[i, 2]), np.int64(leaf[i, 3])
@@ -47,8 +48,10 @@ def vertex_numbers(st, leaf, first, count, below, rounds, out, levels):
                 before = np.int64(0) if state & IN and not state & KNOWN else st.at[VERTICES]
             if entry(st, x, y, z) >> 1 > before:
                 continue
+        if level != last:
+            edge, r, last = edge_of(st, level), level % n, level  # divisions take as long as the rest
         for j in range(n + 1):
-            out[rows, j] = (corner_entry(st, edge_of(st, level), level % n, cls, b0, b1, b2, j) >> 1) - 1
+            out[rows, j] = (corner_entry(st, edge, r, cls, b0, b1, b2, j) >> 1) - 1
         levels[rows] = level
         rows += 1
     return rows
