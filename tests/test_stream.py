@@ -200,7 +200,7 @@ def test_truncate_to_bytes(name):
         decoder = Decoder()
         decoder.feed(data[:length])
         prefixes.append((decoder.snapshot(), decoder.symbols))
-    fits = False
+    fits, before = False, 0
     for size in range(1, len(data) + 1):
         try:
             short = isocodec.truncate(data, max_bytes=size)
@@ -213,7 +213,8 @@ def test_truncate_to_bytes(name):
         decoder.feed(short)
         contour = decoder.snapshot()
         decoder.close()
-        assert contour.complete
+        assert contour.complete and sum(decoder.symbols.values()) >= before
+        before = sum(decoder.symbols.values())
         # The checksum, the chunk's length and the number of symbols have to fit too: 4 + 1 + 3 and some.
         near = range(size, max(size - 24, 0), -1)
         assert any(prefixes[i][1] == decoder.symbols and same_drawing(prefixes[i][0], contour) for i in near)

@@ -17,6 +17,7 @@ from isocodec.mesh.tables import cube_exponent
 from .classes import BY_KEY, CLASSES, LARGEST
 from .compare import compare
 from .items import Item, read_items, wanted
+from .ours import Ours
 from .plots import plot
 from .record import Recorder
 from .report import failed, markdown, summary
@@ -44,6 +45,7 @@ def parser() -> argparse.ArgumentParser:
     out.add_argument("--peers", type=Path, metavar="FILE",
                      help="JSON lines of peers' sizes, to check against and in place of missing peers")  # fmt: skip
     out.add_argument("--profile", help="profile of our files; that of the encoder if not given")
+    out.add_argument("--cut-surfaces", action="store_true", help="try cut files of surfaces: smaller, slower to make")
     out.add_argument("--repeat", type=int, default=3, metavar="N", help="runs of which the shortest counts (3)")
     out.add_argument("--add", action="store_true", help="keep the rows that OUT has and add to them")
     out.add_argument("--report-only", action="store_true", help="measure nothing, write the report of OUT's rows anew")
@@ -98,7 +100,7 @@ def measure(chosen: argparse.Namespace, items: list[Item], book: Book) -> None:
     warm_up(options)
     for item in items:
         started = time.perf_counter()
-        run_item(item, keys, options, Recorder(book, item, chosen.repeat))
+        run_item(item, keys, Ours(item, options, chosen.cut_surfaces), Recorder(book, item, chosen.repeat))
         print(f"{item.key}: {time.perf_counter() - started:.1f} s", file=sys.stderr, flush=True)
 
 

@@ -65,12 +65,16 @@ class Ours:
     item : Item
     options : dict
         Go into every call of the encoder.
+    cut_surfaces : bool
+        Whether files of surfaces may be cut, too, between two layers of offsets; that makes them smaller, and takes
+        about as long as decoding them.
     tried : dict of str to File
         All files that a search has made.
     """
 
     item: Item
     options: dict[str, Any] = field(default_factory=dict)
+    cut_surfaces: bool = False
     tried: dict[str, File] = field(default_factory=dict)
 
     def encode(self, **more: Any) -> bytes:
@@ -147,12 +151,13 @@ class Ours:
         choices = parts_list()
         finer = self._coarsest(choices, bound, target)
         yield finer
-        if finer is not None and bound == "err_mean" and self.item.n == 2:
-            # a tolerance leaves the encoder free to tell what is cheapest within it
+        if finer is not None and bound == "err_mean" and (self.item.n == 2 or self.cut_surfaces):
             at = next(i for i, parts in enumerate(choices) if self._offsets_name(parts) == finer.how)
-            yield from (self.tolerance(factor * 0.5 / choices[at]) for factor in FREER)
-            # where crossings have few different places, fewer parts may come nearer to them
-            yield from (self.offsets(parts) for parts in choices[1:at] if parts <= LARGEST_RADIX)
+            if self.item.n == 2:
+                # a tolerance leaves the encoder free to tell what is cheapest within it
+                yield from (self.tolerance(factor * 0.5 / choices[at]) for factor in FREER)
+                # where crossings have few different places, fewer parts may come nearer to them
+                yield from (self.offsets(parts) for parts in choices[1:at] if parts <= LARGEST_RADIX)
             # one size coarser for all crossings, much finer for some
             coarser = choices[at - 1]
             layers = [("offsets", radix) for radix in (*radices(coarser), 3)]

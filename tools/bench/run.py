@@ -26,10 +26,9 @@ RATES = (1, 3, 7, 15, 31)
 """Parts of an edge whose files make up our curve of rate over distortion."""
 
 
-def run_item(item: Item, keys: list[str], options: dict[str, Any], record: Recorder) -> None:
-    """All classes of ``keys`` that fit an item's axes; ``options`` are for our encoder."""
+def run_item(item: Item, keys: list[str], ours: Ours, record: Recorder) -> None:
+    """All classes of ``keys`` that fit an item's axes."""
     keys = [key for key in keys if BY_KEY[key].n in (0, item.n)]
-    ours = Ours(item, options)
     _signs(item, keys, ours, record)
     if item.n == 2:
         _curves(item, keys, ours, record)

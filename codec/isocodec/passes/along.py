@@ -33,6 +33,14 @@ _STEEP = UNIT // 8
 _GRID_2, _GRID_3 = OFFSET_ROW[2], OFFSET_ROW[3]
 
 
+def place_of(number, parts):
+    """Where an edge is crossed in the middle of a part, in parts of ``UNIT``; of numbers or arrays."""
+    return (2 * number + 1) * (UNIT // 2) // parts
+
+
+place_told = inner(place_of)
+
+
 @inner
 def _near(st, x, y, z, a, b, edge, i, j):
     """Store entry of the vertex i edges along axis a and j along b from (x, y, z); 0 off the box."""
@@ -44,7 +52,7 @@ def _near(st, x, y, z, a, b, edge, i, j):
 
 
 @inner
-def _follow(st, index, number, parts, length, low, high, x, y, z, a, b, edge, way, out):
+def _follow(st, index, places, parts, length, low, high, x, y, z, a, b, edge, way, out):
     """Follow the curve from the edge at (x, y, z) along a into the direction ``way`` of b; leaves two crossings.
 
     ``low`` and ``high`` are the store entries of the edge's ends.
@@ -79,7 +87,7 @@ def _follow(st, index, number, parts, length, low, high, x, y, z, a, b, edge, wa
         e = np.int64(index[(low >> 1) - 1, b if turned else a])
         if e < 0 or length[e] != edge:
             return
-        place = (2 * number[e] + 1) * (UNIT // 2) // parts[e]
+        place = places[e]
         w[out + 3 * k] = way * (j * UNIT + (place if turned else 0))
         w[out + 3 * k + 1] = i * UNIT + (0 if turned else place)
         w[out + 3 * k + 2] = ROUGH if parts[e] == 1 else FINE
@@ -110,23 +118,22 @@ def _cubic(w, c):
 
 
 @inner
-def _crossed(st, number, parts, edges, e, u, length, axis):
+def _crossed(st, places, edges, e, u, length, axis):
     """Coordinate of the crossing on edge e less that of vertex u, in parts of UNIT of a length."""
     a, b = np.int64(st.vertex[edges[e, 0], axis]), np.int64(st.vertex[edges[e, 1], axis])
-    place = (2 * number[e] + 1) * (UNIT // 2) // parts[e]
-    return ((a - st.vertex[u, axis]) * UNIT + (b - a) * place) // length
+    return ((a - st.vertex[u, axis]) * UNIT + (b - a) * places[e]) // length
 
 
 @inner
-def _meet(st, number, parts, edges, length, i, e, f, candidate):
+def _meet(st, places, parts, edges, length, i, e, f, candidate):
     """Where the line through the crossings on edges e and f meets edge i (n = 2)."""
     if min(e, f) < 0:
         return
     u, v = edges[i, 0], edges[i, 1]
-    p0 = _crossed(st, number, parts, edges, e, u, length[i], 0)
-    p1 = _crossed(st, number, parts, edges, e, u, length[i], 1)
-    d0 = _crossed(st, number, parts, edges, f, u, length[i], 0) - p0
-    d1 = _crossed(st, number, parts, edges, f, u, length[i], 1) - p1
+    p0 = _crossed(st, places, edges, e, u, length[i], 0)
+    p1 = _crossed(st, places, edges, e, u, length[i], 1)
+    d0 = _crossed(st, places, edges, f, u, length[i], 0) - p0
+    d1 = _crossed(st, places, edges, f, u, length[i], 1) - p1
     a0 = (np.int64(st.vertex[v, 0]) - st.vertex[u, 0]) * UNIT // length[i]
     a1 = (np.int64(st.vertex[v, 1]) - st.vertex[u, 1]) * UNIT // length[i]
     across = a0 * d1 - a1 * d0
@@ -148,23 +155,23 @@ def _span(st, u, v):
 
 
 @inner
-def find_candidates(st, beside, edges, number, parts, length, i):
+def find_candidates(st, beside, edges, parts, length, i):
     """Leave the candidates for an edge; off the full grid, along how many axes its ends differ, else 0."""
     for c in range(RECENT):
         st.walk[CANDIDATES + 2 * c + 1] = NONE
     span, axis = _span(st, edges[i, 0], edges[i, 1])
     if len(beside.grid) > 0 and span == 1:
-        _find_on_grid(st, beside.grid, number, parts, length, edges[i, 0], edges[i, 1], axis, length[i])
+        _find_on_grid(st, beside.grid, beside.place, parts, length, edges[i, 0], edges[i, 1], axis, length[i])
     if len(beside.near) == 0:
         return np.int64(0)
-    _find_off_grid(st, beside.chain, beside.near, edges, number, parts, length, i)
+    _find_off_grid(st, beside, edges, parts, length, i)
     return span
 
 
 @inner
-def _find_off_grid(st, chain, near, edges, number, parts, length, i):
+def _find_off_grid(st, beside, edges, parts, length, i):
     """What the ends of an edge of leaves say, and the chain of crossings."""
-    w = st.walk
+    w, chain, near = st.walk, beside.chain, beside.near
     u, v = edges[i, 0], edges[i, 1]
     if near[u, 1] > 0 and near[v, 1] > 0:
         a, b = near[u, 0] // near[u, 1], near[v, 0] // near[v, 1]
@@ -175,18 +182,19 @@ def _find_off_grid(st, chain, near, edges, number, parts, length, i):
     elif near[v, 1] > 0:
         _set(w, np.int64(VERTEX), UNIT - near[v, 0] // (near[v, 1] * length[i]), np.int64(ROUGH))
     if len(chain) > 0:
-        _meet(st, number, parts, edges, length, i, chain[i, 0], chain[i, 2], np.int64(CHAIN + LINE))
-        _meet(st, number, parts, edges, length, i, chain[i, 0], chain[i, 1], np.int64(CHAIN + BEFORE))
-        _meet(st, number, parts, edges, length, i, chain[i, 2], chain[i, 3], np.int64(CHAIN + BEHIND))
+        _meet(st, beside.place, parts, edges, length, i, chain[i, 0], chain[i, 2], np.int64(CHAIN + LINE))
+        _meet(st, beside.place, parts, edges, length, i, chain[i, 0], chain[i, 1], np.int64(CHAIN + BEFORE))
+        _meet(st, beside.place, parts, edges, length, i, chain[i, 2], chain[i, 3], np.int64(CHAIN + BEHIND))
         _cubic(w, np.int64(CHAIN))
 
 
 @inner
-def count_near(near, edges, number, parts, length, i, sign):
+def count_near(beside, edges, parts, length, i, sign):
     """Add an edge's crossing to what its ends know of how far crossings are, or take it away."""
+    near = beside.near
     if len(near) > 0 and parts[i] > 1:
         u, v = edges[i, 0], edges[i, 1]
-        place = (2 * number[i] + 1) * (UNIT // 2) // parts[i]
+        place = beside.place[i]
         near[u, 0] += sign * place * length[i]
         near[v, 0] += sign * (UNIT - place) * length[i]
         near[u, 1] += sign
@@ -194,7 +202,7 @@ def count_near(near, edges, number, parts, length, i, sign):
 
 
 @inner
-def _find_on_grid(st, index, number, parts, length, u, v, a, edge):
+def _find_on_grid(st, index, places, parts, length, u, v, a, edge):
     """Candidates of all planes and their mean for the edge of this length from vertex u along axis a to v."""
     w = st.walk
     x, y, z = np.int64(st.vertex[u, 0]), np.int64(st.vertex[u, 1]), np.int64(st.vertex[u, 2])
@@ -202,10 +210,10 @@ def _find_on_grid(st, index, number, parts, length, u, v, a, edge):
     n = dimension(st.tables)
     total, count, worst = np.int64(0), np.int64(0), np.int64(FINE)
     for plane in range(n - 1):
-        b = (a + 1 + plane) % n
+        b = a + 1 + plane if a + 1 + plane < n else a + 1 + plane - n
         one, two = np.int64(_POINTS), np.int64(_POINTS + 6)
-        _follow(st, index, number, parts, length, low, high, x, y, z, a, b, edge, np.int64(1), one)
-        _follow(st, index, number, parts, length, low, high, x, y, z, a, b, edge, np.int64(-1), two)
+        _follow(st, index, places, parts, length, low, high, x, y, z, a, b, edge, np.int64(1), one)
+        _follow(st, index, places, parts, length, low, high, x, y, z, a, b, edge, np.int64(-1), two)
         c = PLANE + 4 * plane
         _extended(w, one, c + BEFORE)
         _extended(w, two, c + BEHIND)
@@ -226,14 +234,13 @@ def _find_on_grid(st, index, number, parts, length, u, v, a, edge):
         elif behind != NONE:
             total, count, worst = total + w[o + 4], count + 1, min(worst, behind)
     if count > 0:
-        _set(w, MEAN, total // count, worst)
+        _set(w, MEAN, total >> (count - 1), worst)
 
 
 @inner
-def remember(st, number, parts, rising):
+def remember(st, place, rising):
     """The crossing just told is a candidate for the next ones: it comes first in the list of recent places."""
     w = st.walk
-    place = (2 * number + 1) * (UNIT // 2) // parts
     place = place if rising else UNIT - place
     o = CANDIDATES + 2 * RECENT
     i = 0

@@ -29,32 +29,34 @@ class Beside(NamedTuple):
         grid.
     chain : (E, 4) int64
         For curves off the full grid the next two edges on either side, the nearer first, or -1; else without rows.
+    place : (E,) int64
+        Where each edge is crossed as far as that is told, from its lower end, in parts of `along.UNIT`.
     """
 
     grid: NDArray[np.int64]
     near: NDArray[np.int64]
     chain: NDArray[np.int64]
+    place: NDArray[np.int64]
 
 
-def beside_grid(st: State, edges: NDArray[np.int64], n: int) -> Beside:
+def beside_grid(st: State, edges: NDArray[np.int64], place: NDArray[np.int64], n: int) -> Beside:
     """Of the crossed edges of the full grid."""
-    return Beside(_leaving(st, edges, n), np.zeros((0, 2), np.int64), np.zeros((0, 4), np.int64))
+    return Beside(_leaving(st, edges, n), np.zeros((0, 2), np.int64), np.zeros((0, 4), np.int64), place)
 
 
 def beside_leaves(
-    st: State, rows: NDArray[np.int64], edges: NDArray[np.int64], number: NDArray[np.int64], parts: NDArray[np.int64],
+    st: State, rows: NDArray[np.int64], edges: NDArray[np.int64], place: NDArray[np.int64], parts: NDArray[np.int64],
     length: NDArray[np.int64], n: int,
 ) -> Beside:  # fmt: skip
     """Of the edges of leaves; ``rows`` are the crossed edges of all leaves as they come."""
     count = int(st.at[VERTICES])
     near = np.zeros((count, 2), np.int64)
     told = np.flatnonzero(parts > 1)
-    place = (2 * number[told] + 1) * (UNIT // 2) // parts[told]
-    for end, way in ((0, place), (1, UNIT - place)):
+    for end, way in ((0, place[told]), (1, UNIT - place[told])):
         np.add.at(near, edges[told, end], np.stack([way * length[told], np.ones_like(told)], axis=1))
     if n == 3:
-        return Beside(_leaving(st, edges, n), near, np.zeros((0, 4), np.int64))
-    return Beside(np.zeros((0, n), np.int64), near, _chain(rows @ (count, 1), edges @ (count, 1)))
+        return Beside(_leaving(st, edges, n), near, np.zeros((0, 4), np.int64), place)
+    return Beside(np.zeros((0, n), np.int64), near, _chain(rows @ (count, 1), edges @ (count, 1)), place)
 
 
 def _leaving(st: State, edges: NDArray[np.int64], n: int) -> NDArray[np.int64]:

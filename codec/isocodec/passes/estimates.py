@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from ..contour.implied import implied_edges
 from ..entropy.coder import Coder
 from . import geometry
+from .along import place_of
 from .beside import Beside, beside_grid, beside_leaves, nearby_samples
 from .leaves import drawn
 from .state import BITS, MESHES, VERTICES, State
@@ -78,7 +79,8 @@ class Estimates:
         self._earlier = np.zeros((0, 2), np.int64)
         self._target = self._slack = NOTHING
         self._plane = 0
-        self._beside = Beside(*(np.zeros((0, columns), np.int64) for columns in (self.n, 2, 4)))
+        grid, near, chain = (np.zeros((0, columns), np.int64) for columns in (self.n, 2, 4))
+        self._beside = Beside(grid, near, chain, NOTHING)
         self._pitch = (1, 0)
 
     def leaves(self, st: State) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
@@ -189,10 +191,10 @@ class Estimates:
         self._rising = st.vertex[edges[:, 1], 3] != 0
         if full:
             self._length = np.ones(len(edges), np.int64)
-            self._beside = beside_grid(st, edges, self.n)
+            self._beside = beside_grid(st, edges, place_of(offset, parts), self.n)
         else:
             self._length = np.abs(np.subtract(*self._ends(st))).max(axis=1, initial=0)
-            self._beside = beside_leaves(st, rows, edges, offset, parts, self._length, self.n)
+            self._beside = beside_leaves(st, rows, edges, place_of(offset, parts), parts, self._length, self.n)
         self._earlier = self._earlier_offsets(st)
         self._target = self.place(*self._ends(st)) if self.place else NOTHING
 

@@ -18,7 +18,7 @@ from ..grid.field import OFFSET_BITS
 from ..jit import DONE, inner, kernel
 from ..mesh.access import dimension
 from ..mesh.store import get
-from .along import count_near, find_candidates, recent_sides, remember, see_along
+from .along import count_near, find_candidates, place_told, recent_sides, remember, see_along
 from .classes import bits
 from .nearby import see_nearby
 from .state import OFFSET_BIT, SIDE, TALLY, VALUE_BIT
@@ -207,7 +207,7 @@ def _halve(st, cd, beside, edges, number, parts, length, i, radix, rising, earli
                 w[HIGH] = earlier_part + 1
             if w[HIGH] - w[LOW] == 1:
                 return np.int64(DONE)
-        w[SPAN] = find_candidates(st, beside, edges, number, parts, length, i)
+        w[SPAN] = find_candidates(st, beside, edges, parts, length, i)
     split = (w[LOW] + w[HIGH]) >> 1
     bit = np.int64(0)
     if cd.reg[MODE] == ENCODE:
@@ -261,12 +261,13 @@ def offsets(st, cd, beside, edges, number, parts, length, rising, earlier, targe
                 return bit
             st.at[TALLY + OFFSET_BIT] += w[HALVED] - told
             if w[HIGH] - w[LOW] == 1:
-                count_near(beside.near, edges, number, parts, length, i, -1)
+                count_near(beside, edges, parts, length, i, -1)
                 number[i] = number[i] * radix + (w[LOW] if rising[i] else radix - 1 - w[LOW])
                 parts[i] *= radix
-                count_near(beside.near, edges, number, parts, length, i, 1)
+                beside.place[i] = place_told(number[i], parts[i])
+                count_near(beside, edges, parts, length, i, 1)
                 w[HALVED] = 0
-                remember(st, number[i], parts[i], rising[i])
+                remember(st, beside.place[i], rising[i])
             continue
         half = radix // 2
         contexts = ctx.OFFSET + (min(half, ctx.OFFSET_SIZES) - 1 + (ctx.OFFSET_SIZES if parts[i] > 1 else 0)) * (

@@ -14,6 +14,9 @@ from .events import LayerComplete
 from .inspect import inspect
 from .program import write_program
 
+_CLOSING = 24
+"""More bytes than the ending of a file and what else a cut adds to what it keeps."""
+
 
 def truncate(data: bytes, *, layers: int | None = None, max_bytes: int | None = None) -> bytes:
     """A complete, valid file with the first layers, or the first symbols, of another.
@@ -48,9 +51,9 @@ def truncate(data: bytes, *, layers: int | None = None, max_bytes: int | None = 
     assert max_bytes is not None
     if max_bytes >= len(data) and _whole(data):
         return data
-    room = max_bytes
+    room = max(min(max_bytes, len(data)) - _CLOSING, 1)
     while room > 0:
-        short = _first_bytes(data[:room])
+        short = _first_bytes(data[:max_bytes], room, max_bytes)
         if short is None:
             break
         if len(short) <= max_bytes:
@@ -93,18 +96,26 @@ def _first_layers(data: bytes, layers: int) -> bytes:
     return _closed(data[: run.chunk_start] + write_chunk(ChunkType.LAYERS, payload, last=True))
 
 
-def _first_bytes(data: bytes) -> bytes | None:
-    """File of the symbols that ``data`` decides; None if it ends before the first run."""
+def _first_bytes(data: bytes, room: int, most: int) -> bytes | None:
+    """File of the symbols that the first ``room`` bytes decide, or more as long as it has at most ``most`` bytes.
+
+    None if ``data`` ends before the first run.
+    """
     decoder = Decoder()
-    decoder.feed(data)
-    for _ in decoder:
-        pass
-    if not decoder.runs:
-        return None
-    run = decoder.runs[-1]
-    symbols = run.symbols - int(decoder.coder.reg[LEFT])
-    payload = write_varint(symbols) + data[run.program_start : run.start] + cut(decoder.coder)
-    return _closed(data[: run.chunk_start] + write_chunk(ChunkType.CUT_LAYERS, payload, last=True))
+    decoder.feed(data[:room])
+    best = None
+    for at in range(room, len(data) + 1):
+        for _ in decoder:
+            pass
+        if decoder.runs:
+            run = decoder.runs[-1]
+            symbols = run.symbols - int(decoder.coder.reg[LEFT])
+            payload = write_varint(symbols) + data[run.program_start : run.start] + cut(decoder.coder)
+            short = _closed(data[: run.chunk_start] + write_chunk(ChunkType.CUT_LAYERS, payload, last=True))
+            if best is None or len(short) <= most:
+                best = short
+        decoder.feed(data[at : at + 1])
+    return best
 
 
 def _closed(data: bytes) -> bytes:
