@@ -88,7 +88,7 @@ def test_full_disk(curve: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch)
 
 # ---- Bad .iso files -------------------------------------------------------------------------------------------------
 
-VERBS = (("decode", "out.npz"), ("info", None), ("truncate", "out.iso"), ("plot", "out.png"))
+VERBS = (("decode", "out.npz"), ("mask", "out.npy"), ("info", None), ("truncate", "out.iso"), ("plot", "out.png"))
 
 
 def each_verb(source: Path, folder: Path) -> list[list[object]]:

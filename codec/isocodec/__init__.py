@@ -14,7 +14,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from .api import decode, encode, warm_up
+    from .api import decode, decode_mask, encode, warm_up
     from .contour import Contour
     from .errors import FormatError, InputError, IsoError, LimitError, MissingExtraError, OptionError, TruncatedError
     from .limits import Limits
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 __version__ = "0.1.0"
 
 _HOMES = {
-    "api": ("decode", "encode", "warm_up"),
+    "api": ("decode", "decode_mask", "encode", "warm_up"),
     "contour": ("Contour",),
     "errors": (
         "FormatError", "InputError", "IsoError", "LimitError", "MissingExtraError", "OptionError", "TruncatedError",
@@ -56,6 +56,7 @@ __all__ = [
     "OptionError",
     "TruncatedError",
     "decode",
+    "decode_mask",
     "encode",
     "inspect",
     "truncate",

@@ -7,7 +7,7 @@ from numbers import Integral
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from .contour import Contour
 from .errors import OptionError, TruncatedError
@@ -98,6 +98,48 @@ def decode(
     LimitError
         If the file needs more than the limits allow.
     """
+    decoder, number = _decoded(data, isovalue, layers, max_bytes, limits, progress)
+    return decoder.drawn(number, smooth)
+
+
+def decode_mask(
+    data: bytes,
+    *,
+    isovalue: float | None = None,
+    max_bytes: int | None = None,
+    limits: Limits | None = None,
+    progress: Callable[[int, int], object] | None = None,
+) -> NDArray[np.bool_]:
+    """Decode a file to which samples lie above its isovalue.
+
+    Parameters
+    ----------
+    data : bytes
+        A file on the full grid: one made without a ``criterion``, and with no tolerance, or last step, from 0.1 on.
+    isovalue, max_bytes, limits, progress
+        As in `decode`.
+
+    Returns
+    -------
+    NDArray
+        Bool, of the shape of the field that was encoded: ``field > isovalue``.
+
+    Raises
+    ------
+    OptionError
+        If the mesh of the file, or of its first bytes, is coarser than the samples.
+    FormatError, LimitError
+        As `decode`; ``limits.samples`` bounds the result.
+    """
+    decoder, number = _decoded(data, isovalue, None, max_bytes, limits, progress)
+    return decoder.mask(number)
+
+
+def _decoded(
+    data: bytes, isovalue: float | None, layers: int | None, max_bytes: int | None, limits: Limits | None,
+    progress: Callable[[int, int], object] | None,
+) -> tuple[Decoder, int]:  # fmt: skip
+    """A decoder that has taken what was asked for of a file, and the number of the isovalue."""
     for asked, what, code in ((layers, "layers", "layers"), (max_bytes, "bytes", "max-bytes")):
         if asked is not None and not (isinstance(asked, Integral) and asked >= 1):
             raise OptionError(f"{asked} {what}, needed is a whole number from 1 on", code=code)
@@ -111,12 +153,12 @@ def decode(
                 progress(event.number, len(decoder.layers))
             done += len(decoder.isovalues) - 1 == number
             if done == layers:
-                return decoder.drawn(number, smooth)
+                return decoder, number
     if max_bytes is None:
         decoder.close()
     if number >= len(decoder.isovalues):
         raise TruncatedError("the file ends before its curve begins", code="truncated")
-    return decoder.drawn(number, smooth)
+    return decoder, number
 
 
 def _chain(data: bytes, isovalue: float | None) -> tuple[int, frozenset[int]]:
@@ -136,7 +178,9 @@ def warm_up(search: bool = True) -> None:
     """
     y, x = np.mgrid[:40, :40]
     hill = (y - 20) ** 2 + (x - 17) ** 2
-    for options in ({"exact": True}, {"tolerance": 0.3}):
-        decode(encode(hill, 99.5, base_level=2, **options), smooth=True)
+    for options in ({"tolerance": 0.3}, {"exact": True}):
+        data = encode(hill, 99.5, base_level=2, **options)
+        decode(data, smooth=True)
+    decode_mask(data)
     if search:
         encode(hill, 99.5, tolerance=1)

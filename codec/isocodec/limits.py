@@ -21,6 +21,8 @@ class Limits:
         Size of a file.
     layers : int
         Layers of a file.
+    samples : int
+        Samples of a mask: only where one is asked for, a byte each.
     """
 
     vertices: int = 1 << 27
@@ -28,3 +30,4 @@ class Limits:
     steps: int = 1 << 27
     bytes: int = 1 << 33
     layers: int = 4096
+    samples: int = 1 << 31

@@ -1,4 +1,4 @@
-"""The command line: ``isocodec encode | decode | info | truncate | plot``.
+"""The command line: ``isocodec encode | decode | mask | info | truncate | plot``.
 
 The modules here load in a few milliseconds; whatever takes longer (numba, matplotlib) is imported by the verb that
 needs it, when it needs it.
@@ -11,6 +11,7 @@ import click
 from .decode import decode_command
 from .encode import encode_command
 from .info import info_command
+from .mask import mask_command
 from .plot import plot_command
 from .report import EXIT_CODES, Program
 from .truncate import truncate_command
@@ -36,5 +37,5 @@ def main() -> None:
     """Progressive, exact and small files (.iso) of isocontours and isosurfaces."""
 
 
-for command in (encode_command, decode_command, info_command, truncate_command, plot_command):
+for command in (encode_command, decode_command, mask_command, info_command, truncate_command, plot_command):
     main.add_command(command)

@@ -6,6 +6,7 @@ from collections.abc import Collection, Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from isospec.container import ChunkType
 from isospec.elements import BY_LAYER, ELEMENTS
@@ -18,7 +19,7 @@ from ..grid.placement import read_placement
 from ..jit import CUT, DONE
 from ..limits import Limits
 from ..passes.decoded import Decoded
-from ..passes.snapshot import leaves_of, state_of
+from ..passes.snapshot import known_mask, leaves_of, state_of
 from ..passes.tube import Tube, out_of_steps
 from .container import CHECKSUM_BYTES, CRITICAL, Envelope, octets, read_envelope, read_further, read_metadata, verify
 from .events import (
@@ -247,6 +248,18 @@ class Decoder:
             )
             contour = draw(leaves, complete=self._ended, smooth=smooth)
         return replace(contour, placement=read_placement(self.metadata, n), metadata=dict(self.metadata))
+
+    def mask(self, number: int = 0) -> NDArray[np.bool_]:
+        """Which samples lie above an isovalue, by number, as of the events taken so far (spec clause 9.7).
+
+        Raises
+        ------
+        OptionError
+            If the mesh is coarser than the samples: then the file does not tell.
+        LimitError
+            If there are more samples than the limits allow.
+        """
+        return known_mask(self._tube_of(number), self.limits)
 
     def mesh(self, number: int = 0) -> tuple[np.ndarray, np.ndarray]:
         """The crossed leaves of the mesh: positions (V, n) and vertices of simplices (M, n + 1), both int64."""

@@ -1,0 +1,76 @@
+"""``isocodec mask``: an .iso file in, which of its samples lie above out."""
+
+from __future__ import annotations
+
+import time
+from contextlib import suppress
+from pathlib import Path
+
+import click
+
+from ..errors import FormatError, TruncatedError
+from .options import iso_argument, json_option, output_option, partial_option
+from .progress import load_kernels, progress_bar
+from .report import PARTIAL, check_output, concerning, read_iso, tell, warn, write_output
+
+
+@click.command("mask", short_help="Decode to which samples lie above, as an array, a picture or a volume.")
+@iso_argument
+@output_option("OUT")
+@click.option("--isovalue", type=float, metavar="V", help="Which isovalue, of several.  [default: the first]")
+@partial_option
+@json_option
+def mask_command(source: Path, output: Path, isovalue: float | None, partial: bool, as_json: bool) -> None:
+    """Decode which samples of IN.iso lie above the isovalue; the suffix of OUT names the format.
+
+    \b
+    .npy           true above
+    .png           of pictures: white above
+    .nii, .nii.gz  of volumes: 1 above, where the file says that the samples lie
+
+    The file has to tell all signs, as it does unless its precision ends at 0.1 cells or more.
+    """
+    from ..io.mask import check_mask_suffix, render_mask
+
+    with concerning(output):
+        check_mask_suffix(output)
+    check_output(output, source)
+    data = read_iso(source)
+
+    import isocodec
+
+    from ..grid.placement import read_placement
+
+    load_kernels()
+    started = time.perf_counter()
+    with concerning(source), progress_bar("decoding") as progress:
+        try:
+            mask = isocodec.decode_mask(data, isovalue=isovalue, progress=progress)
+        except TruncatedError as exc:
+            if not partial:
+                exc.remedy = PARTIAL
+                raise
+            mask = isocodec.decode_mask(data, isovalue=isovalue, max_bytes=len(data) or 1, progress=progress)
+            warn(source, f"{exc.message}; what was received tells all signs")
+    seconds = time.perf_counter() - started
+    placement = None
+    others: list[float] = []
+    # what lies behind the layers that were decoded may be damaged
+    with suppress(FormatError):
+        info = isocodec.inspect(data)
+        placement = read_placement(info.metadata, mask.ndim)
+        others = info.isovalues[1:] if isovalue is None else []
+    if others:
+        warn(source, f"only that of the first isovalue is written; --isovalue chooses {' or '.join(map(repr, others))}")
+    with concerning(output):
+        rendered = render_mask(mask, check_mask_suffix(output, mask.ndim), placement)
+    write_output(output, rendered)
+    above = int(mask.sum())
+    tell(
+        f"{click.format_filename(output)}: {above:,} of {mask.size:,} samples above, {seconds:.2f} s",
+        {
+            "output": str(output), "bytes": len(rendered), "above": above, "samples": mask.size,
+            "shape": list(mask.shape), "seconds": round(seconds, 3),
+        },
+        as_json,
+    )  # fmt: skip

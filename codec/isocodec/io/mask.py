@@ -1,0 +1,103 @@
+"""Masks out: which samples lie above, as arrays, black and white pictures, or volumes of labels."""
+
+from __future__ import annotations
+
+import gzip
+import io
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import OptionError
+from .extras import optional
+
+Mask = NDArray[np.bool_]
+Placement = NDArray[np.float64]
+
+
+def check_mask_suffix(path: Path, n: int | None = None) -> str:
+    """The suffix of ``path`` if masks (of ``n`` axes) can be written so, and the library for it is there.
+
+    Raises
+    ------
+    OptionError
+        Naming the formats that work.
+    MissingExtraError
+    """
+    name = path.name.lower()
+    fitting = [s for s, f in _FORMATS.items() if n is None or n in f.dimensions]
+    suffix = next((s for s in fitting if name.endswith(s)), None)
+    if suffix is None:
+        raise OptionError(
+            f"{path.suffix or 'a name without a suffix'} is not a format for a mask" + (f" of {n} axes" if n else ""),
+            code="suffix", remedy="one of " + ", ".join(fitting),
+        )  # fmt: skip
+    needed = _FORMATS[suffix].needs
+    if needed is not None:
+        needed()
+    return suffix
+
+
+def render_mask(mask: Mask, suffix: str, placement: Placement | None = None) -> bytes:
+    """The whole file of a mask.
+
+    Parameters
+    ----------
+    mask : (s0, s1) or (s0, s1, s2) bool
+    suffix : str
+        As `check_mask_suffix` returns it.
+    placement : (n, n + 1) float64, optional
+        Where the samples lie; formats that cannot say so do without it.
+    """
+    return _FORMATS[suffix].render(mask, placement)
+
+
+def _npy(mask: Mask, _: Placement | None) -> bytes:
+    buffer = io.BytesIO()
+    np.save(buffer, mask)
+    return buffer.getvalue()
+
+
+def _imageio() -> Any:
+    return optional("imageio.v3", extra="image", purpose="writing .png")
+
+
+def _png(mask: Mask, _: Placement | None) -> bytes:
+    """Above is white."""
+    return bytes(_imageio().imwrite("<bytes>", mask.astype(np.uint8) * 255, plugin="pillow", extension=".png"))
+
+
+def _nibabel() -> Any:
+    return optional("nibabel", extra="nifti", purpose="writing NIfTI")
+
+
+def _nii(mask: Mask, placement: Placement | None) -> bytes:
+    """Labels 1 and 0, in the coordinates of the placement, or with voxels of 1."""
+    affine = np.eye(4)
+    if placement is not None:
+        affine[:3] = placement
+    return bytes(_nibabel().Nifti1Image(mask.astype(np.uint8), affine).to_bytes())
+
+
+def _nii_gz(mask: Mask, placement: Placement | None) -> bytes:
+    # without the time of day: the same mask, the same bytes
+    return gzip.compress(_nii(mask, placement), mtime=0)
+
+
+@dataclass(frozen=True)
+class _Format:
+    dimensions: tuple[int, ...]
+    render: Callable[[Mask, Placement | None], bytes]
+    needs: Callable[[], object] | None = None
+
+
+_FORMATS = {
+    ".npy": _Format((2, 3), _npy),
+    ".png": _Format((2,), _png, _imageio),
+    ".nii": _Format((3,), _nii, _nibabel),
+    ".nii.gz": _Format((3,), _nii_gz, _nibabel),
+}

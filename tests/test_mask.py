@@ -1,0 +1,134 @@
+"""Which samples lie above: what comes back is what was encoded, in all formats, or it is said that it cannot."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import nibabel
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from PIL import Image
+
+import isocodec
+from brute import examples, noise, smooth
+from commands import BALL, HILLS, fails, ok, run
+from isocodec import Decoder, LimitError, Limits, OptionError
+from isocodec.contour.mask import mask_of
+
+SHAPES = st.one_of(st.tuples(*[st.integers(2, 20)] * 2), st.tuples(*[st.integers(2, 7)] * 3))
+WAYS = ({"signs_only": True}, {"exact": True}, {}, {"signs_only": True, "profile": "baseline"}, {"base_level": 0})
+
+
+@given(SHAPES, st.integers(0, 2**32 - 1), st.sampled_from(WAYS), st.integers(-1, 6))
+@examples(60)
+def test_any_mask_comes_back(shape, seed, way, isovalue):
+    """Noise, and what is all above or all below."""
+    field = np.random.default_rng(seed).integers(0, 6, shape)
+    data = isocodec.encode(field, isovalue + 0.5, **way)
+    mask = isocodec.decode_mask(data)
+    assert mask.dtype == np.bool_ and np.array_equal(mask, field > isovalue + 0.5)
+
+
+@given(SHAPES, st.integers(0, 2**32 - 1))
+@examples(30)
+def test_out_of_the_ends_of_crossed_edges_alone(shape, seed):
+    """Known are the corner and the samples next to others of another sign; brute force finds these."""
+    rng = np.random.default_rng(seed)
+    above = rng.random(shape) < rng.random() * 0.3
+    known = np.zeros(shape, bool)
+    known[(0,) * len(shape)] = True
+    for axis in range(above.ndim):
+        low, high = (np.moveaxis(known, axis, 0)[part] for part in (slice(None, -1), slice(1, None)))
+        differ = np.diff(np.moveaxis(above, axis, 0).astype(np.int8), axis=0) != 0
+        low |= differ
+        high |= differ
+    position = np.argwhere(known)
+    assert np.array_equal(mask_of(shape, position, above[known]), above)
+
+
+@pytest.mark.parametrize("field", [noise((13, 9)), noise((6, 7, 5)), smooth((40, 33), 1), smooth((9, 18, 10), 2)])
+def test_all_isovalues_of_a_file(field):
+    values = [float(v) for v in np.quantile(field, [0.5, 0.3, 0.8])]
+    data = isocodec.encode(field, values)
+    for value in values:
+        assert np.array_equal(isocodec.decode_mask(data, isovalue=value), field > value)
+
+
+def test_prefixes_tell_it_as_soon_as_the_signs_are_there():
+    data = isocodec.encode(HILLS, 100.5, exact=True)
+    signs = len(isocodec.encode(HILLS, 100.5, signs_only=True))
+    told = []
+    for length in range(40, len(data), 7):
+        try:
+            mask = isocodec.decode_mask(data, max_bytes=length)
+        except OptionError as error:
+            assert error.code == "mask" and not told
+        else:
+            told.append(length)
+            assert np.array_equal(mask, HILLS > 100.5)
+    assert signs < told[0] + 10 and told[0] < signs + 20
+
+
+def test_coarse_meshes_do_not_tell():
+    for options in ({"tolerance": 1}, {"criterion": "level", "parameter": 6}):
+        with pytest.raises(OptionError, match="coarser") as caught:
+            isocodec.decode_mask(isocodec.encode(HILLS, 100.5, **options))
+        assert caught.value.code == "mask"
+    with pytest.raises(OptionError, match="coarser"):
+        Decoder().mask()
+
+
+def test_samples_are_limited():
+    data = isocodec.encode(HILLS, 100.5)
+    isocodec.decode_mask(data, limits=Limits(samples=HILLS.size))
+    with pytest.raises(LimitError) as caught:
+        isocodec.decode_mask(data, limits=Limits(samples=HILLS.size - 1))
+    assert caught.value.code == "limit-samples"
+
+
+def test_pictures_and_arrays(tmp_path: Path) -> None:
+    (tmp_path / "in.iso").write_bytes(isocodec.encode(HILLS, 100.5))
+    record = json.loads(ok("mask", tmp_path / "in.iso", "-o", tmp_path / "m.png", "--json"))
+    assert record["above"] == (HILLS > 100.5).sum() and record["shape"] == list(HILLS.shape)
+    assert np.array_equal(np.asarray(Image.open(tmp_path / "m.png")), np.where(HILLS > 100.5, 255, 0))
+    assert "samples above" in ok("mask", tmp_path / "in.iso", "-o", tmp_path / "m.npy")
+    assert np.array_equal(np.load(tmp_path / "m.npy"), HILLS > 100.5)
+
+
+@pytest.mark.parametrize("suffix", [".nii", ".nii.gz"])
+def test_volumes_of_labels_lie_where_the_volume_did(tmp_path: Path, suffix: str) -> None:
+    affine = nibabel.affines.from_matvec(np.diag([-2.0, 1.5, 3.0]), [90.0, -12.5, 7.0])
+    nibabel.save(nibabel.Nifti1Image(BALL, affine), tmp_path / "in.nii.gz")
+    ok("encode", tmp_path / "in.nii.gz", "-o", tmp_path / "in.iso", "--isovalue", 60.5, "--signs-only")
+    for _ in range(2):
+        ok("mask", tmp_path / "in.iso", "-o", tmp_path / f"m{suffix}")
+        data = (tmp_path / f"m{suffix}").read_bytes()
+        image = nibabel.load(tmp_path / f"m{suffix}")
+        assert np.array_equal(np.asarray(image.dataobj), BALL > 60.5) and np.allclose(image.affine, affine)
+    ok("mask", tmp_path / "in.iso", "-o", tmp_path / f"m{suffix}")
+    assert (tmp_path / f"m{suffix}").read_bytes() == data
+
+
+def test_refusals(tmp_path: Path) -> None:
+    (tmp_path / "in.iso").write_bytes(isocodec.encode(HILLS, 100.5))
+    assert ".npy, .png, .nii, .nii.gz" in fails(2, "mask", tmp_path / "in.iso", "-o", tmp_path / "m.svg")
+    assert "of 2 axes" in fails(2, "mask", tmp_path / "in.iso", "-o", tmp_path / "m.nii")
+    (tmp_path / "coarse.iso").write_bytes(isocodec.encode(HILLS, 100.5, tolerance=1))
+    assert "tolerance below 0.1" in fails(2, "mask", tmp_path / "coarse.iso", "-o", tmp_path / "m.npy")
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["coarse.iso", "in.iso"]
+
+
+def test_truncated_files_and_several_isovalues(tmp_path: Path) -> None:
+    data = isocodec.encode(HILLS, [100.5, 60.5])
+    (tmp_path / "in.iso").write_bytes(data)
+    result = run("mask", tmp_path / "in.iso", "-o", tmp_path / "m.npy")
+    assert result.exit_code == 0 and "--isovalue chooses 60.5" in result.stderr
+    ok("mask", tmp_path / "in.iso", "-o", tmp_path / "m.npy", "--isovalue", 60.5)
+    assert np.array_equal(np.load(tmp_path / "m.npy"), HILLS > 60.5)
+    (tmp_path / "cut.iso").write_bytes(data[:-10])
+    assert "--partial" in fails(5, "mask", tmp_path / "cut.iso", "-o", tmp_path / "n.npy")
+    result = run("mask", tmp_path / "cut.iso", "-o", tmp_path / "n.npy", "--partial")
+    assert result.exit_code == 0 and np.array_equal(np.load(tmp_path / "n.npy"), HILLS > 100.5)
