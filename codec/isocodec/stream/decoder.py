@@ -3,71 +3,38 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from isospec.container import ChunkType
-from isospec.elements import BY_LAYER, ELEMENTS
+from isospec.elements import ELEMENTS
 
 from ..contour import Contour, draw
-from ..entropy.coder import DECODE, END, FINAL, LEFT, POS, UNKNOWN, UNLIMITED, Coder, start
+from ..entropy.coder import Coder
 from ..errors import FormatError, IsoError, LimitError, OptionError, TruncatedError
 from ..grid.field import interval_value
 from ..grid.placement import read_placement
-from ..jit import CUT, DONE
 from ..limits import Limits
 from ..passes.decoded import Decoded
 from ..passes.snapshot import known_mask, leaves_of, state_of
-from ..passes.tube import Tube, out_of_steps
+from ..passes.tube import Tube
 from .container import CHECKSUM_BYTES, CRITICAL, Envelope, octets, read_envelope, read_further, read_metadata, verify
 from .events import (
-    BaseComplete,
     ChunkSkipped,
     End,
     Event,
-    GeometryRefined,
     HeaderRead,
     IsovalueRead,
-    LevelComplete,
     MetadataRead,
 )
-from .header import Header, read_header, varint
-from .program import Layer, ProgramReader, Progress
-from .strand import begin_layer, leaning_tube
-
-_EVENTS = {
-    "base": BaseComplete, "adaptive_base": BaseComplete, "leaf_base": BaseComplete,
-    "refine": LevelComplete, "adapt": LevelComplete,
-    "values": GeometryRefined, "offsets": GeometryRefined,
-}  # fmt: skip
-
+from .header import Header, read_header
+from .layers import LayerReader
+from .program import Progress
+from .strand import leaning_tube
 
 _LARGE = (ChunkType.LAYERS, ChunkType.CUT_LAYERS)
-
-
-@dataclass
-class Run:
-    """A run that the decoder has begun, for those who want to end it elsewhere.
-
-    Attributes
-    ----------
-    chunk_start, program_start, start : int
-        Byte offsets of its chunk, its layer program and its first byte.
-    layers : list of Layer
-    before : Progress
-        Where the programs stood before.
-    symbols : int
-        What ``LEFT`` was set to: the stated number of symbols of a cut run, or no limit.
-    """
-
-    chunk_start: int
-    program_start: int
-    start: int
-    layers: list[Layer]
-    before: Progress
-    symbols: int
 
 
 class Decoder:
@@ -106,26 +73,17 @@ class Decoder:
         self.limits = limits or Limits()
         self.header: Header | None = None
         self.isovalues: list[float] = []
-        self.layers: list[Layer] = []
         self.metadata: dict[str, str] = {}
-        self.runs: list[Run] = []
         self._data = bytearray()
         self._at = 0
         self._chunk: Envelope | None = None
         self._chunk_start = 0
         self._only = only
         self._tubes: list[Tube | None] = []
-        self._run_tube: Tube | None = None
         self._progresses: list[Progress] = []
-        self._pending: list[Layer] | None = None
-        self._program: ProgramReader | None = None
-        self._program_start = 0
-        self._symbols = UNLIMITED
-        self._run = 0
-        self._run_read = 0
-        self._before = np.zeros(len(ELEMENTS), np.int64)
-        self._layer_start = 0
-        self._done = 0
+        self._reader = LayerReader(self.limits, self._data, self._tubes, self._progresses)
+        self.layers = self._reader.layers
+        self.runs = self._reader.runs
         self._cut = False
         self._last = False
         self._ended = False
@@ -186,13 +144,12 @@ class Decoder:
     @property
     def coder(self) -> Coder:
         """The coder of the last run that was begun."""
-        assert self._run_tube is not None
-        return self._run_tube.coder
+        return self._reader.coder
 
     @property
     def symbols(self) -> dict[str, int]:
         """Symbols received so far, by syntax element."""
-        return dict(zip(ELEMENTS, map(int, self._counts()), strict=True))
+        return dict(zip(ELEMENTS, map(int, self._reader.symbols()), strict=True))
 
     @property
     def predictions(self) -> tuple[int, int]:
@@ -299,17 +256,16 @@ class Decoder:
             chunk = self._chunk
             skipped = chunk.type in _LARGE and self._tube is None
             if chunk.type in _LARGE and not skipped:
-                event = self._layers(chunk)
-                if event is not None:
+                event = self._reader.go_on(chunk, self._chunk_start)
+                if event is not None or self._reader.waiting:
                     return event
-                if self._pending is None or self._pending:
-                    return None
             behind = chunk.end + CHECKSUM_BYTES * (chunk.checked + chunk.last)
             if len(self._data) < behind:
                 return None
             verify(self._data, chunk, self._chunk_start)
             self._at = behind
-            self._chunk = self._pending = None
+            self._chunk = None
+            self._reader.leave()
             self._cut |= chunk.type == ChunkType.CUT_LAYERS
             self._last = chunk.last
             if chunk.type == ChunkType.ISOVALUE:
@@ -353,116 +309,3 @@ class Decoder:
 
     def _payload(self, chunk: Envelope) -> bytes:
         return bytes(self._data[chunk.start : chunk.end])
-
-    def _layers(self, chunk: Envelope) -> Event | None:
-        """Go on with a chunk of layers; None if all are done or more bytes are needed."""
-        assert self._tube is not None
-        there = min(len(self._data), chunk.end)
-        whole = there == chunk.end
-        if self._pending is None and not self._open_run(chunk, there, whole):
-            return None
-        coder = self._arrived(there, whole)
-        while self._pending:
-            layer = self._pending[0]
-            try:
-                if not self._tube.running:
-                    begin_layer(self._tube, layer)
-                status = self._tube.advance()
-                if sum(tube.steps for tube in self._tubes if tube) >= self.limits.steps:
-                    raise out_of_steps(self.limits)
-            except IsoError as error:
-                error.offset = self._run + min(_shifts(coder), self._run_read)
-                raise
-            if status == CUT:
-                self._pending = []
-            elif status != DONE:
-                return None
-            else:
-                self._pending.pop(0)
-                return self._completed(layer, chunk)
-        if not whole:
-            return None
-        if _shifts(coder) + 4 < chunk.end - self._run:
-            raise FormatError("bytes left over in a run", code="leftover", offset=chunk.end, clause="6.3")
-        return None
-
-    def _open_run(self, chunk: Envelope, there: int, whole: bool) -> bool:
-        """Read the program of a chunk and start its run; False if more bytes are needed."""
-        if self._program is None:
-            at = chunk.start
-            self._symbols = UNLIMITED
-            if chunk.type == ChunkType.CUT_LAYERS:
-                number = varint(self._data, at, there, "3.5.4")
-                if number is None:
-                    return self._incomplete(there, whole)
-                self._symbols, at = number
-            self._program = ProgramReader(at, self._progress.copy())
-            self._program_start = at
-        program = self._program
-        if not program.read(self._data, there):
-            return self._incomplete(there, whole)
-        if program.progress.layers > self.limits.layers:
-            raise LimitError(
-                f"more than {self.limits.layers} layers", code="limit-layers", offset=self._program_start, clause="11.2"
-            )
-        before, self._progresses[-1] = self._progress, program.progress
-        self._program = None
-        self._run = program.at
-        self._pending = list(program.layers)
-        self.layers += program.layers
-        self._run_read = 0
-        self._layer_start = 0
-        assert self._tube is not None
-        self._run_tube = self._tube
-        reg = self._tube.coder.reg
-        start(reg, DECODE)
-        reg[LEFT] = self._symbols
-        run = Run(self._chunk_start, self._program_start, self._run, program.layers, before, self._symbols)
-        self.runs.append(run)
-        if self._progress.bits is not None:
-            self._tube.estimates.bits = self._progress.bits
-        return True
-
-    @staticmethod
-    def _incomplete(there: int, whole: bool) -> bool:
-        """A program that is not all there: an error if no more of it can come."""
-        if whole:
-            raise FormatError("a layer program is not complete", code="program", offset=there, clause="3.6")
-        return False
-
-    def _arrived(self, there: int, whole: bool) -> Coder:
-        """Hand bytes of the run that have come since to the coder."""
-        assert self._tube is not None
-        coder = self._tube.coder
-        count = there - self._run
-        if count > self._run_read:
-            if count > len(coder.buf):
-                wider = np.zeros(max(2 * len(coder.buf), count), np.uint8)
-                wider[: self._run_read] = coder.buf[: self._run_read]
-                coder = self._tube.coder = coder._replace(buf=wider)
-            fresh = self._data[self._run + self._run_read : there]
-            coder.buf[self._run_read : count] = np.frombuffer(fresh, np.uint8)
-            self._run_read = count
-        coder.reg[END] = count
-        coder.reg[FINAL] = whole
-        return coder
-
-    def _counts(self) -> np.ndarray:
-        none = np.zeros(len(ELEMENTS), np.int64)
-        return sum((tube.tally()[: len(ELEMENTS)] for tube in self._tubes if tube), none)
-
-    def _completed(self, layer: Layer, chunk: Envelope) -> Event:
-        assert self._tube is not None
-        self._done += 1
-        counts = self._counts()
-        fresh = dict(zip(ELEMENTS, map(int, counts - self._before), strict=True))
-        self._before = counts
-        used = min(_shifts(self._tube.coder) + 4, chunk.end - self._run)
-        took, self._layer_start = used - self._layer_start, used
-        symbols = {name: fresh[name] for name in BY_LAYER[layer.kind]}
-        return _EVENTS[layer.kind](self._run + used, self._done, layer, symbols, took)
-
-
-def _shifts(coder: Coder) -> int:
-    """Bytes of the run that the coder has moved past; the same however the bytes came in."""
-    return int(coder.reg[POS]) + int(coder.reg[UNKNOWN]) // 8 - 4
