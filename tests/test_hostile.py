@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import random
 import time
+from contextlib import suppress
 
 import numpy as np
 import pytest
@@ -13,7 +14,7 @@ from hypothesis import strategies as st
 import isocodec
 from brute import INTERPRETED, examples
 from files import HEADER, NAMES, files, layers_file, picture, same_drawing, with_checksum
-from isocodec import Decoder, IsoError, LimitError, Limits
+from isocodec import Decoder, IsoError, LimitError, Limits, OptionError
 from isocodec.passes.snapshot import state_of
 from isocodec.stream.header import Header, write_header
 from isospec.container import ChunkType, Profile, write_varint
@@ -115,7 +116,7 @@ def survive(data, limits=None):
     began = time.monotonic()
     outcomes = []
     for step in (len(data), 7):
-        decoder = Decoder(limits or Limits(vertices=1 << 17, simplices=1 << 18, steps=1 << 22))
+        decoder = Decoder(limits or Limits(vertices=1 << 17, simplices=1 << 18, steps=1 << 22, samples=1 << 20))
         try:
             for i in range(0, len(data), max(step, 1)):
                 decoder.feed(data[i : i + step])
@@ -123,6 +124,8 @@ def survive(data, limits=None):
                 decoder.drawn()
             decoder.close()
             decoder.snapshot()
+            with suppress(OptionError, LimitError):
+                assert decoder.mask().shape == decoder.header.shape
             outcomes.append(state_of(decoder._tube).lines())
         except IsoError as error:
             outcomes.append((type(error), error.code, error.offset))

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import suppress
+
 import numpy as np
 import pytest
 from hypothesis import settings
@@ -191,6 +194,20 @@ def test_truncate_to_layers(name):
         isocodec.truncate(data, layers=0)
 
 
+def closed(data: bytes) -> Decoder:
+    decoder = Decoder()
+    decoder.feed(data)
+    decoder.close()
+    return decoder
+
+
+def all_of_prefixes(data: bytes) -> Iterator[bytes]:
+    """For each prefix that tells some symbols a file of all of them."""
+    for length in range(len(data)):
+        with suppress(OptionError, TruncatedError):
+            yield isocodec.truncate(data[:length], max_bytes=len(data) + 100)
+
+
 @pytest.mark.parametrize("name", NAMES)
 def test_truncate_to_bytes(name):
     """As many symbols as fit: a valid file, not too long, which draws what some prefix near that length does."""
@@ -200,7 +217,8 @@ def test_truncate_to_bytes(name):
         decoder = Decoder()
         decoder.feed(data[:length])
         prefixes.append((decoder.snapshot(), decoder.symbols))
-    fits, before = False, 0
+    kept = [(len(file), closed(file).symbols) for file in all_of_prefixes(data)]
+    fits = False
     for size in range(1, len(data) + 1):
         try:
             short = isocodec.truncate(data, max_bytes=size)
@@ -209,17 +227,19 @@ def test_truncate_to_bytes(name):
             continue
         fits = True
         assert len(short) <= size
-        decoder = Decoder()
-        decoder.feed(short)
+        decoder = closed(short)
         contour = decoder.snapshot()
-        decoder.close()
-        assert contour.complete and sum(decoder.symbols.values()) >= before
-        before = sum(decoder.symbols.values())
+        assert contour.complete
+        most = max((sum(symbols.values()) for length, symbols in kept if length <= size), default=0)
+        assert sum(decoder.symbols.values()) >= most
         # The checksum, the chunk's length and the number of symbols have to fit too: 4 + 1 + 3 and some.
         near = range(size, max(size - 24, 0), -1)
         assert any(prefixes[i][1] == decoder.symbols and same_drawing(prefixes[i][0], contour) for i in near)
         assert isocodec.truncate(short, max_bytes=len(short)) == short
     assert fits and isocodec.truncate(data, max_bytes=len(data) + 5) == data
+    for none in (0, -1):
+        with pytest.raises(OptionError):
+            isocodec.truncate(data, max_bytes=none)
 
 
 def test_truncate_what_was_cut_off():

@@ -98,7 +98,7 @@ def decode(
     LimitError
         If the file needs more than the limits allow.
     """
-    decoder, number = _decoded(data, isovalue, layers, max_bytes, limits, progress)
+    decoder, number = decoded(data, isovalue, layers, max_bytes, limits, progress)
     return decoder.drawn(number, smooth)
 
 
@@ -122,23 +122,28 @@ def decode_mask(
     Returns
     -------
     NDArray
-        Bool, of the shape of the field that was encoded: ``field > isovalue``.
+        Bool, of the shape of the field that was encoded: ``field > isovalue``, with both compared exactly (numpy would
+        round the isovalue to the type of a float32 field).
 
     Raises
     ------
     OptionError
-        If the mesh of the file, or of its first bytes, is coarser than the samples.
+        If the mesh of the file is coarser than the samples.
     FormatError, LimitError
-        As `decode`; ``limits.samples`` bounds the result.
+        As `decode`; ``limits.samples`` bounds the result. ``TruncatedError`` if the first bytes do not tell yet.
     """
-    decoder, number = _decoded(data, isovalue, None, max_bytes, limits, progress)
+    decoder, number = decoded(data, isovalue, None, max_bytes, limits, progress)
     return decoder.mask(number)
 
 
-def _decoded(
-    data: bytes, isovalue: float | None, layers: int | None, max_bytes: int | None, limits: Limits | None,
-    progress: Callable[[int, int], object] | None,
-) -> tuple[Decoder, int]:  # fmt: skip
+def decoded(
+    data: bytes,
+    isovalue: float | None = None,
+    layers: int | None = None,
+    max_bytes: int | None = None,
+    limits: Limits | None = None,
+    progress: Callable[[int, int], object] | None = None,
+) -> tuple[Decoder, int]:
     """A decoder that has taken what was asked for of a file, and the number of the isovalue."""
     for asked, what, code in ((layers, "layers", "layers"), (max_bytes, "bytes", "max-bytes")):
         if asked is not None and not (isinstance(asked, Integral) and asked >= 1):

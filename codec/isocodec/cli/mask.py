@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import time
-from contextlib import suppress
 from pathlib import Path
 
 import click
 
-from ..errors import FormatError, TruncatedError
+from ..errors import TruncatedError
 from .options import iso_argument, json_option, output_option, partial_option
 from .progress import load_kernels, progress_bar
 from .report import PARTIAL, check_output, concerning, read_iso, tell, warn, write_output
@@ -37,31 +36,26 @@ def mask_command(source: Path, output: Path, isovalue: float | None, partial: bo
     check_output(output, source)
     data = read_iso(source)
 
-    import isocodec
-
+    from ..api import decoded
     from ..grid.placement import read_placement
 
     load_kernels()
     started = time.perf_counter()
     with concerning(source), progress_bar("decoding") as progress:
         try:
-            mask = isocodec.decode_mask(data, isovalue=isovalue, progress=progress)
+            decoder, number = decoded(data, isovalue, progress=progress)
         except TruncatedError as exc:
             if not partial:
                 exc.remedy = PARTIAL
                 raise
-            mask = isocodec.decode_mask(data, isovalue=isovalue, max_bytes=len(data) or 1, progress=progress)
-            warn(source, f"{exc.message}; what was received tells all signs")
+            decoder, number = decoded(data, isovalue, max_bytes=len(data) or 1, progress=progress)
+            warn(source, f"{exc.message}; only what was received is looked at")
+        mask = decoder.mask(number)
     seconds = time.perf_counter() - started
-    placement = None
-    others: list[float] = []
-    # what lies behind the layers that were decoded may be damaged
-    with suppress(FormatError):
-        info = isocodec.inspect(data)
-        placement = read_placement(info.metadata, mask.ndim)
-        others = info.isovalues[1:] if isovalue is None else []
-    if others:
-        warn(source, f"only that of the first isovalue is written; --isovalue chooses {' or '.join(map(repr, others))}")
+    others = [repr(v) for i, v in enumerate(decoder.isovalues) if i != number]
+    if others and isovalue is None:
+        warn(source, f"only that of the first isovalue is written; --isovalue chooses {' or '.join(others)}")
+    placement = read_placement(decoder.metadata, mask.ndim)
     with concerning(output):
         rendered = render_mask(mask, check_mask_suffix(output, mask.ndim), placement)
     write_output(output, rendered)
@@ -70,7 +64,8 @@ def mask_command(source: Path, output: Path, isovalue: float | None, partial: bo
         f"{click.format_filename(output)}: {above:,} of {mask.size:,} samples above, {seconds:.2f} s",
         {
             "output": str(output), "bytes": len(rendered), "above": above, "samples": mask.size,
-            "shape": list(mask.shape), "seconds": round(seconds, 3),
+            "isovalue": decoder.isovalues[number], "shape": list(mask.shape), "complete": decoder.complete,
+            "seconds": round(seconds, 3),
         },
         as_json,
     )  # fmt: skip

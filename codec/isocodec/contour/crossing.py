@@ -19,8 +19,8 @@ Edge = tuple[int, int]
 class Drawn(NamedTuple):
     """A drawing: points (P, n), cells (M, n) between them, and where the points are.
 
-    ``edges`` (E, 2) are the edges of the first E points, by the vertices at their ends, ``ratio`` (E,) says where on
-    them the points lie, ``free`` (E,) whether nothing says so; points in the middles of cells follow.
+    ``edges`` (E, 2) are the edges of the first E points, in no order, by the vertices at their ends, ``ratio`` (E,)
+    says where on them the points lie, ``free`` (E,) whether nothing says so; points in the middles of cells follow.
     """
 
     points: NDArray[np.float64]
@@ -199,6 +199,7 @@ def edge_points(leaves: Leaves, edges: NDArray[np.int64], ratio: NDArray[np.floa
 
 @kernel
 def _enter_points(position, edges, ratio, out):
+    """Enter the points so far along edges from their first ends."""
     for i in range(len(edges)):
         for axis in range(position.shape[1]):
             low, high = position[edges[i, 0], axis], position[edges[i, 1], axis]

@@ -19,77 +19,80 @@ def draw_grid(leaves: Leaves) -> Drawn:
 
     Cells that lack some of their mixed leaves are left out: what passes through them is not known yet.
     """
-    table = cube_table(len(leaves.shape))
     grid = _Grid(leaves)
-    cells, _ = grid.rows(table.cells)
-    sides, owner = grid.rows(table.fans)
-    edges = grid.edges
-    ratio, free = ratios_at(leaves, edges, grid.find(leaves.edges))
-    points = edge_points(leaves, edges, ratio)
-    if len(owner):
-        first = np.flatnonzero(np.diff(owner, prepend=-1))
-        count = np.diff(first, append=len(owner))
-        centres = np.add.reduceat(points[sides[:, 0]], first) / count[:, None]
-        fans = np.column_stack([sides, len(points) + np.repeat(np.arange(len(first)), count)])
+    ratio, free = ratios_at(leaves, grid.edges, grid.find(leaves.edges))
+    points, cells = edge_points(leaves, grid.edges, ratio), grid.cells
+    if len(grid.owner):
+        first = np.flatnonzero(np.diff(grid.owner, prepend=-1))
+        count = np.diff(first, append=len(grid.owner))
+        centres = np.add.reduceat(points[grid.sides[:, 0]], first) / count[:, None]
+        fans = np.column_stack([grid.sides, len(points) + np.repeat(np.arange(len(first)), count)])
         points, cells = np.concatenate([points, centres]), np.concatenate([cells, fans])
-    return Drawn(points, cells, edges, ratio, free)
+    return Drawn(points, cells, grid.edges, ratio, free)
 
 
 class _Grid:
-    """Unit cells out of their simplices, and the grid edges that the drawing has come upon.
+    """What passes through unit cells, by the grid edges that it meets.
 
     A grid edge is known by its lower end and its axis: looking that up in an array is faster than sorting.
+
+    Attributes
+    ----------
+    edges : (E, 2) int64
+        Vertices at their ends, the lower first.
+    cells : (M, n) int64
+        Segments or triangles between points on edges, by numbers of these.
+    sides : (S, 2) int64
+        Sides of polygons around points in the middle of cells, likewise.
+    owner : (S,) int64
+        Numbers of their cells, ascending.
     """
 
     def __init__(self, leaves: Leaves) -> None:
         n = len(leaves.shape)
         vertices = len(leaves.position)
-        self._place = np.empty(vertices, np.uint8)
-        _place_vertices(leaves.position, self._place)
+        table = cube_table(n)
+        self._last = np.empty(vertices, np.uint8)
+        _enter_last_bits(leaves.position, self._last)
         corners = np.empty((len(leaves.simplices), 2**n), np.int32)
-        directions, count = np.empty(len(corners), np.uint8), np.empty(len(corners), np.uint8)
-        number = np.zeros(vertices << n, np.int32)
-        used = _join(self._place, leaves.simplices, number, corners, directions, count)
-        self._corners, self._directions = corners[:used], directions[:used]
+        upper, count = np.empty(len(corners), np.uint8), np.empty(len(corners), np.uint8)
+        used = _join(self._last, leaves.simplices, np.zeros(vertices << n, np.int32), corners, upper, count)
+        self._corners, self._upper = corners[:used], upper[:used]
         self._pattern = np.empty(used, np.int64)
-        _see(leaves.above, self._corners, count, cube_table(n).mixed, self._pattern)
+        _enter_patterns(leaves.above, self._corners, count, table.mixed, self._pattern)
         self._number = np.full((vertices, n), -1, np.int32)
-        self._edges = np.empty((n * vertices, 2), np.int64)
-        self._used = 0
+        self.edges = np.empty((n * vertices, 2), np.int64)
+        met, self.cells, _ = self._rows(table.cells, 0)
+        met, self.sides, self.owner = self._rows(table.fans, met)
+        self.edges = self.edges[:met]
 
-    @property
-    def edges(self) -> NDArray[np.int64]:
-        """Ends of the edges met so far, (E, 2), the lower first."""
-        return self._edges[: self._used]
-
-    def rows(self, table: PatternTable) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-        """Rows of a table for all cells, (R, k), as numbers of ``edges``, and the cell of each, ascending."""
+    def _rows(self, table: PatternTable, met: int) -> tuple[int, NDArray[np.int64], NDArray[np.int64]]:
+        """How many edges have been met then; rows of a table for all cells, and their owners."""
         owner = np.repeat(np.arange(len(self._pattern)), np.diff(table.first)[self._pattern])
-        out = np.empty((len(owner), table.edges.shape[1]), np.int64)
-        self._used = _look_up(
-            table.edges, table.first, self._pattern, self._corners, self._directions, self._number, self._edges,
-            self._used, out,
-        )  # fmt: skip
-        return out, owner
+        rows = np.empty((len(owner), table.edges.shape[1]), np.int64)
+        met = _enter_rows(
+            table.edges, table.first, self._pattern, self._corners, self._upper, self._number, self.edges, met, rows
+        )
+        return met, rows, owner
 
     def find(self, stated: NDArray[np.int64]) -> NDArray[np.int64]:
-        """Numbers of edges (S, 2) among ``edges``, or -1."""
+        """Numbers of edges (S, 2) of the mesh among ``edges``, or -1."""
         out = np.empty(len(stated), np.int64)
-        _find(self._place, self._number, self._edges, stated, out)
+        _find(self._last, self._number, self.edges, stated, out)
         return out
 
 
 @kernel
-def _place_vertices(position, place):
-    """The last two bits of each coordinate: they tell a cell's vertices from each other, and upper from lower ones."""
+def _enter_last_bits(position, last):
+    """Enter the last two bits of each coordinate: they tell vertices of a cell from each other, upper from lower."""
     for i in range(len(position)):
         bits = 0
         for axis in range(position.shape[1]):
             bits |= (position[i, axis] & 3) << 2 * axis
-        place[i] = bits
+        last[i] = bits
 
 
-_LAST_BITS = np.int64(0b010101)
+_PARITIES = np.int64(0b010101)
 
 
 @inner
@@ -100,47 +103,50 @@ def _axes(bits):
 
 @inner
 def _differ(a, b):
-    """Bit i says whether two vertices of a cell, by their places, differ along axis i."""
-    return _axes((a ^ b) & _LAST_BITS)
+    """Bit i says whether two vertices of a cell, by their last bits, differ along axis i."""
+    return _axes((a ^ b) & _PARITIES)
 
 
 @inner
 def _upper(a, b):
-    """Bit i says whether the first of two vertices of a cell is the upper one along axis i."""
-    carried = (a ^ b) >> 1 ^ b
-    return _axes((a ^ b) & ~carried & _LAST_BITS)
+    """Bit i says whether the first of two vertices of a cell is the upper one along axis i.
+
+    Of two bits, a is b + 1 if the last ones differ, and the first ones do exactly if b is odd.
+    """
+    carries = ~((a ^ b) >> 1 ^ b)
+    return _axes((a ^ b) & carries & _PARITIES)
 
 
 @kernel
-def _join(place, simplices, number, corners, directions, count):
+def _join(last, simplices, entered, corners, upper, count):
     """Enter the simplices' vertices as corners of their cells, in the order of these; returns how many there are.
 
-    A cell is known by xn and the directions in which x0 lies, bit i for the upper end of axis i. Corners are numbered
-    from x0 (see `isocodec.contour.cube`), -1 where no mixed leaf has one.
+    A cell is known by xn and the axes along which x0 is the upper end. Corners are numbered from x0 (see
+    `isocodec.contour.cube`), -1 where no mixed leaf has one. ``entered`` has each cell's number and 1, or 0.
     """
     n = simplices.shape[1] - 1
     used = 0
     for i in range(len(simplices)):
-        start = np.int64(place[simplices[i, 0]])
-        direction = _upper(start, np.int64(place[simplices[i, n]]))
-        key = simplices[i, n] << n | direction
-        cell = number[key] - 1
+        start = np.int64(last[simplices[i, 0]])
+        axes = _upper(start, np.int64(last[simplices[i, n]]))
+        key = simplices[i, n] << n | axes
+        cell = entered[key] - 1
         if cell < 0:
             cell = used
             used += 1
-            number[key] = used
-            directions[cell] = direction
+            entered[key] = used
+            upper[cell] = axes
             count[cell] = 0
             corners[cell] = -1
         count[cell] += 1
         for j in range(n + 1):
-            corners[cell, _differ(np.int64(place[simplices[i, j]]), start)] = simplices[i, j]
+            corners[cell, _differ(np.int64(last[simplices[i, j]]), start)] = simplices[i, j]
     return used
 
 
 @kernel
-def _see(above, corners, count, mixed, pattern):
-    """All signs of each cell as its pattern; 0, of which nothing is drawn, for a cell that lacks mixed leaves."""
+def _enter_patterns(above, corners, count, mixed, pattern):
+    """Enter the signs of each cell as its pattern; 0, of which nothing is drawn, if it lacks some mixed leaves."""
     for cell in range(len(corners)):
         signs = np.int64(0)
         for corner in range(corners.shape[1]):
@@ -151,37 +157,40 @@ def _see(above, corners, count, mixed, pattern):
 
 
 @kernel
-def _look_up(table, first, pattern, corners, directions, number, edges, used, out):
-    """Write the rows of all cells as numbers of edges, which are given as these are met; returns how many there are."""
+def _enter_rows(table, first, pattern, corners, upper, number, edges, met, rows):
+    """Enter the rows of all cells as numbers of edges, which are given as these are met; returns how many were.
+
+    ``number`` has that of the edge that leaves a vertex upwards along an axis, or -1.
+    """
     row = 0
     for i in range(len(pattern)):
-        direction = np.int64(directions[i])
-        mirrored = (direction ^ direction >> 1 ^ direction >> 2) & 1
+        axes = np.int64(upper[i])
+        mirrored = (axes ^ axes >> 1 ^ axes >> 2) & 1
         for k in range(first[pattern[i]], first[pattern[i] + 1]):
             for j in range(table.shape[1]):
                 low, high = table[k, j, 0], table[k, j, 1]
                 axis = (low ^ high) >> 1
-                if (low ^ direction) >> axis & 1:
+                if (low ^ axes) >> axis & 1:
                     low, high = high, low
                 a = corners[i, low]
                 if number[a, axis] < 0:
-                    number[a, axis] = used
-                    edges[used, 0] = a
-                    edges[used, 1] = corners[i, high]
-                    used += 1
-                out[row, 1 - j if mirrored and j < 2 else j] = number[a, axis]
+                    number[a, axis] = met
+                    edges[met, 0] = a
+                    edges[met, 1] = corners[i, high]
+                    met += 1
+                rows[row, 1 - j if mirrored and j < 2 else j] = number[a, axis]
             row += 1
-    return used
+    return met
 
 
 @kernel
-def _find(place, number, edges, stated, out):
-    """Numbers of edges by the arrays of `_look_up`, or -1."""
+def _find(last, number, edges, stated, out):
+    """Enter the numbers of edges, -1 where there is none: those of coarser meshes run otherwise or farther."""
     n = number.shape[1]
     for i in range(len(stated)):
         out[i] = -1
-        differ = _differ(np.int64(place[stated[i, 0]]), np.int64(place[stated[i, 1]]))
+        axes = _differ(np.int64(last[stated[i, 0]]), np.int64(last[stated[i, 1]]))
         for axis in range(n):
             j = number[stated[i, 0], axis]
-            if differ >> axis & 1 and j >= 0 and edges[j, 1] == stated[i, 1]:
+            if axes >> axis & 1 and j >= 0 and edges[j, 1] == stated[i, 1]:
                 out[i] = j

@@ -122,7 +122,7 @@ class Rings:
 
 
 def rings(leaves: Leaves, edges: NDArray[np.int64]) -> Iterator[Rings]:
-    """Implied edges among those of a drawing, what some follow from before them (spec clause 9.5)."""
+    """Implied edges among those of `crossed`, which are sorted; what some follow from before them (spec clause 9.5)."""
     vertices = len(leaves.position)
     keys = edges[:, 0] * vertices + edges[:, 1]
     rank = rank_of(leaves)

@@ -13,7 +13,7 @@ from ..entropy.blend import clear, see
 from ..entropy.main import OFFSET_ROW, OFFSET_ROWS
 from ..jit import inner
 from ..mesh.access import dimension
-from .classes import CLASSES, FINE, NONE, ROUGH, bits, row_of
+from .classes import CLASSES, FINE, NONE, ROUGH, bits, mean, row_of
 from .state import LAST, entry
 
 UNIT = 4096
@@ -36,9 +36,6 @@ _GRID_2, _GRID_3 = OFFSET_ROW[2], OFFSET_ROW[3]
 def place_of(number, parts):
     """Where an edge is crossed in the middle of a part, in parts of ``UNIT``; of numbers or arrays."""
     return (2 * number + 1) * (UNIT // 2) // parts
-
-
-place_told = inner(place_of)
 
 
 @inner
@@ -234,7 +231,7 @@ def _find_on_grid(st, index, places, parts, length, u, v, a, edge):
         elif behind != NONE:
             total, count, worst = total + w[o + 4], count + 1, min(worst, behind)
     if count > 0:
-        _set(w, MEAN, total >> (count - 1), worst)
+        _set(w, MEAN, mean(total, count), worst)
 
 
 @inner

@@ -30,7 +30,8 @@ class Beside(NamedTuple):
     chain : (E, 4) int64
         For curves off the full grid the next two edges on either side, the nearer first, or -1; else without rows.
     place : (E,) int64
-        Where each edge is crossed as far as that is told, from its lower end, in parts of `along.UNIT`.
+        Where each edge is crossed as far as that is told, from its lower end, in parts of `along.UNIT`; the main
+        profile keeps it up to date.
     """
 
     grid: NDArray[np.int64]

@@ -183,9 +183,9 @@ class Estimates:
         if len(self.edges):
             keys, old = edges @ (count, 1), self.edges @ (count, 1)
             order = np.argsort(old)
-            place = order[np.minimum(np.searchsorted(old[order], keys), len(old) - 1)]
-            same = old[place] == keys
-            parts[same], offset[same] = self.parts[place[same]], self.offset[place[same]]
+            there = order[np.minimum(np.searchsorted(old[order], keys), len(old) - 1)]
+            same = old[there] == keys
+            parts[same], offset[same] = self.parts[there[same]], self.offset[there[same]]
         self.edges, self.parts, self.offset = edges, parts, offset
         self._edges_mesh = int(st.at[MESHES])
         self._rising = st.vertex[edges[:, 1], 3] != 0

@@ -18,7 +18,7 @@ from ..grid.field import OFFSET_BITS
 from ..jit import DONE, inner, kernel
 from ..mesh.access import dimension
 from ..mesh.store import get
-from .along import count_near, find_candidates, place_told, recent_sides, remember, see_along
+from .along import count_near, find_candidates, place_of, recent_sides, remember, see_along
 from .classes import bits
 from .nearby import see_nearby
 from .state import OFFSET_BIT, SIDE, TALLY, VALUE_BIT
@@ -29,6 +29,9 @@ LOW, HIGH, HALVED, SPAN = range(4, 8)
 """Main profile: parts that are left of a digit, how often they were halved, and what `find_candidates` says."""
 VERTEX_ACTIVE = 8
 """Bit of a vertex's mark that says it is in the list; bits 0 to 2 are the grid edges that leave it upwards."""
+
+
+_place_of = inner(place_of)
 
 
 @kernel
@@ -264,7 +267,7 @@ def offsets(st, cd, beside, edges, number, parts, length, rising, earlier, targe
                 count_near(beside, edges, parts, length, i, -1)
                 number[i] = number[i] * radix + (w[LOW] if rising[i] else radix - 1 - w[LOW])
                 parts[i] *= radix
-                beside.place[i] = place_told(number[i], parts[i])
+                beside.place[i] = _place_of(number[i], parts[i])
                 count_near(beside, edges, parts, length, i, 1)
                 w[HALVED] = 0
                 remember(st, beside.place[i], rising[i])

@@ -8,7 +8,7 @@ from ..entropy.blend import clear, see
 from ..entropy.main import VALUE_ROW, VALUE_SLOTS
 from ..jit import inner
 from ..mesh.access import dimension
-from .classes import CLASSES, FINE, NONE, ROUGH, bits, row_of
+from .classes import CLASSES, FINE, NONE, ROUGH, bits, mean, row_of
 from .state import SCRATCH
 
 SAME, OTHER, AXES = range(3)
@@ -25,16 +25,6 @@ def _told(st, number, left, v, u, p):
         return np.int64(0), np.int64(NONE)
     middle = (2 * number[u] + 1) << left[u]
     return middle if st.vertex[u, 3] == st.vertex[v, 3] else -middle, np.int64(FINE if left[u] <= p else ROUGH)
-
-
-@inner
-def _mean(total, count):
-    """``total // count``, which runs longer than all of this, for counts from 1 to 6."""
-    if count & (count - 1) == 0:
-        return total >> (count >> 1)
-    if count == 3:
-        return total // 3
-    return total // 5 if count == 5 else total // 6
 
 
 @inner
@@ -73,9 +63,9 @@ def see_nearby(st, cd, near, i, number, left, v, p):
             far, known = _told(st, number, left, v, near[i, 4 * a + 3], p)
             _show(cd, first, slot + BEHIND, 2 * y - far, min(y_known, known), bound, p)
         if same_count > 0:
-            _show(cd, first, SAME, _mean(same, same_count), same_known, bound, p)
+            _show(cd, first, SAME, mean(same, same_count), same_known, bound, p)
         if other_count > 0:
-            _show(cd, first, OTHER, _mean(other, other_count), other_known, bound, p)
+            _show(cd, first, OTHER, mean(other, other_count), other_known, bound, p)
         o = 4 * n
         slot = AXES + 3 * n
         for a in range(n - 1):
@@ -88,7 +78,7 @@ def see_nearby(st, cd, near, i, number, left, v, p):
                     if known != NONE:
                         total, count, worst = total + w[x] + w[y] - z, count + 1, min(worst, known)
                 if count > 0:
-                    _show(cd, first, slot, _mean(total, count), worst, bound, p)
+                    _show(cd, first, slot, mean(total, count), worst, bound, p)
                 o += 4
                 slot += 1
     o = first + slots * 4 * CLASSES

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 
 import numpy as np
@@ -10,8 +9,6 @@ from numpy.typing import NDArray
 
 from ..contour.leaves import Leaves
 from ..contour.mask import mask_of
-from ..errors import LimitError, OptionError
-from ..limits import Limits
 from ..mesh.store import SHIFT as PAGE_SHIFT
 from ..mesh.store import page_of
 from ..mesh.tables import AXES
@@ -89,14 +86,7 @@ def leaves_of(tube: Tube, isovalue: float, value_of: Callable[..., NDArray[np.fl
     )
 
 
-def known_mask(tube: Tube | None, limits: Limits) -> NDArray[np.bool_]:
-    """Which samples lie above; raises as `Decoder.mask`."""
-    if tube is None or not tube.full:
-        raise OptionError(
-            "which samples lie above is not told: the mesh is coarser than they are", code="mask",
-            remedy="encode with signs_only, exact, or a tolerance below 0.1",
-        )  # fmt: skip
-    if math.prod(tube.shape) > limits.samples:
-        raise LimitError(f"more than {limits.samples} samples", code="limit-samples", clause="11.2")
+def known_mask(tube: Tube) -> NDArray[np.bool_]:
+    """Which samples lie above, where the mesh is the full grid."""
     known = tube.state.vertex[: tube.vertices]
     return mask_of(tube.shape, known[:, : tube.n], known[:, 3] != 0)

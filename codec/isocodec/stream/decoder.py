@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection, Iterator
 from dataclasses import replace
 
@@ -211,12 +212,27 @@ class Decoder:
 
         Raises
         ------
+        TruncatedError
+            If that has not been received yet.
         OptionError
-            If the mesh is coarser than the samples: then the file does not tell.
+            If the file does not tell: its mesh is coarser than the samples.
         LimitError
             If there are more samples than the limits allow.
         """
-        return known_mask(self._tube_of(number), self.limits)
+        tube = self._tube_of(number)
+        if tube is None or not tube.full:
+            if not self.complete:
+                raise TruncatedError(
+                    "which samples lie above has not been told yet", code="truncated", offset=len(self._data),
+                    clause="9.7",
+                )  # fmt: skip
+            raise OptionError(
+                "which samples lie above is not told: the mesh is coarser than they are", code="mask",
+                remedy="encode with signs_only, exact, or a tolerance below 0.1",
+            )  # fmt: skip
+        if math.prod(tube.shape) > self.limits.samples:
+            raise LimitError(f"more than {self.limits.samples} samples", code="limit-samples", clause="11.2")
+        return known_mask(tube)
 
     def mesh(self, number: int = 0) -> tuple[np.ndarray, np.ndarray]:
         """The crossed leaves of the mesh: positions (V, n) and vertices of simplices (M, n + 1), both int64."""

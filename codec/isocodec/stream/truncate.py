@@ -8,7 +8,7 @@ from isospec.container import Checksum, ChunkType, write_varint
 
 from ..entropy.coder import LEFT, cut
 from ..errors import OptionError
-from .container import whole_bytes, write_chunk
+from .container import CHECKSUM_BYTES, whole_bytes, write_chunk
 from .decoder import Decoder
 from .events import LayerComplete
 from .inspect import inspect
@@ -51,15 +51,10 @@ def truncate(data: bytes, *, layers: int | None = None, max_bytes: int | None = 
     assert max_bytes is not None
     if max_bytes >= len(data) and _whole(data):
         return data
-    room = max(min(max_bytes, len(data)) - _CLOSING, 1)
-    while room > 0:
-        short = _first_bytes(data[:max_bytes], room, max_bytes)
-        if short is None:
-            break
-        if len(short) <= max_bytes:
-            return short
-        room -= len(short) - max_bytes
-    raise OptionError(f"{max_bytes} bytes are too few for this file's header and a curve", code="max-bytes")
+    short = _first_bytes(data, max_bytes) if max_bytes > 0 else None
+    if short is None:
+        raise OptionError(f"{max_bytes} bytes are too few for this file's header and a curve", code="max-bytes")
+    return short
 
 
 def _whole(data: bytes) -> bool:
@@ -96,26 +91,27 @@ def _first_layers(data: bytes, layers: int) -> bytes:
     return _closed(data[: run.chunk_start] + write_chunk(ChunkType.LAYERS, payload, last=True))
 
 
-def _first_bytes(data: bytes, room: int, most: int) -> bytes | None:
-    """File of the symbols that the first ``room`` bytes decide, or more as long as it has at most ``most`` bytes.
-
-    None if ``data`` ends before the first run.
-    """
+def _first_bytes(data: bytes, most: int) -> bytes | None:
+    """File of as many symbols as fit ``most`` bytes; None if that is not enough for a run."""
     decoder = Decoder()
-    decoder.feed(data[:room])
+    end = min(most, len(data))
+    at = max(end - _CLOSING, 0)
+    decoder.feed(data[:at])
     best = None
-    for at in range(room, len(data) + 1):
+    while True:
         for _ in decoder:
             pass
         if decoder.runs:
             run = decoder.runs[-1]
             symbols = run.symbols - int(decoder.coder.reg[LEFT])
             payload = write_varint(symbols) + data[run.program_start : run.start] + cut(decoder.coder)
-            short = _closed(data[: run.chunk_start] + write_chunk(ChunkType.CUT_LAYERS, payload, last=True))
-            if best is None or len(short) <= most:
-                best = short
+            chunk = write_chunk(ChunkType.CUT_LAYERS, payload, last=True)
+            if run.chunk_start + len(chunk) + CHECKSUM_BYTES <= most:
+                best = run.chunk_start, chunk
+        if at == end:
+            return _closed(data[: best[0]] + best[1]) if best else None
         decoder.feed(data[at : at + 1])
-    return best
+        at += 1
 
 
 def _closed(data: bytes) -> bytes:
