@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 import isocodec
-from commands import fails, ok, process, run
+from commands import HILLS, fails, ok, process, run
 from isocodec.cli import progress as progress_module
 
 # ---- Where the output goes ------------------------------------------------------------------------------------------
@@ -175,6 +175,28 @@ def test_a_truncated_file_is_drawn_and_said_to_be_one(cut: Path, tmp_path: Path,
     assert not fails(5, "plot", cut, "-o", out, "--partial").endswith("--partial takes what was received")
     result = run("info", cut)
     assert result.exit_code == 0 and f"the file ends after {begin} bytes, before it is complete" in result.stderr
+
+
+@pytest.mark.parametrize("mesh", [False, True])
+def test_a_file_that_ends_within_its_first_layer_is_drawn(tmp_path: Path, mesh: bool) -> None:
+    """Cut to a file of its own, or cut off: the one step there is shows what was told."""
+    data = isocodec.encode(HILLS, 100.5, base_level=10)
+    first = isocodec.inspect(data, symbols=True).layers[0]
+    assert first.offset is not None and first.bytes is not None
+    short = isocodec.truncate(data, max_bytes=first.offset + first.bytes // 2 + 8)
+    (tmp_path / "short.iso").write_bytes(short)
+    (tmp_path / "off.iso").write_bytes(data[: first.offset + first.bytes // 2])
+    options = ["--mesh"] if mesh else []
+    out = ok("plot", tmp_path / "short.iso", "-o", tmp_path / "a.png", *options)
+    assert f"1 steps of {len(short)} bytes" in out
+    result = run("plot", tmp_path / "off.iso", "-o", tmp_path / "b.png", "--partial", *options)
+    assert result.exit_code == 0 and (tmp_path / "b.png").stat().st_size
+
+
+def test_truncate_what_ends_before_its_curve(tmp_path: Path, curve_data: bytes) -> None:
+    (tmp_path / "begin.iso").write_bytes(curve_data[: isocodec.inspect(curve_data).chunks[0].offset + 2])
+    line = fails(5, "truncate", tmp_path / "begin.iso", "-o", tmp_path / "t.iso", "--bytes", 1000)
+    assert "before its curve begins" in line
 
 
 def test_truncation_says_which_isovalues_it_drops(two: Path, tmp_path: Path) -> None:

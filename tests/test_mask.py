@@ -130,14 +130,29 @@ def test_volumes_of_labels_lie_where_the_volume_did(tmp_path: Path, suffix: str)
     ok("mask", tmp_path / "in.iso", "-o", tmp_path / f"m{suffix}")
     image = nibabel.load(tmp_path / f"m{suffix}")
     assert np.array_equal(np.asarray(image.dataobj), BALL > 60.5) and np.allclose(image.affine, affine)
+    assert np.allclose(image.get_qform(), affine) and image.header["qform_code"] == 2
     data = (tmp_path / f"m{suffix}").read_bytes()
     assert suffix == ".nii" or data[4:8] == bytes(4), "no time of day: the same mask, the same bytes"
+
+
+def test_volumes_whose_place_is_odd_or_unknown(tmp_path: Path) -> None:
+    """Sheared axes, which quaternions cannot tell; what no form tells nibabel makes up, of both files alike."""
+    sheared = np.array([[2.0, 0.5, 0, 1], [0, 3, 0, 2], [0, 0, 1, 3], [0, 0, 0, 1]])
+    for name, affine in (("sheared", sheared), ("none", None)):
+        image = nibabel.Nifti1Image(BALL, affine)
+        nibabel.save(image, tmp_path / f"{name}.nii")
+        ok("encode", tmp_path / f"{name}.nii", "-o", tmp_path / "in.iso", "--isovalue", 60.5, "--signs-only")
+        ok("mask", tmp_path / "in.iso", "-o", tmp_path / "out.nii")
+        assert np.allclose(nibabel.load(tmp_path / "out.nii").affine, nibabel.load(tmp_path / f"{name}.nii").affine)
+    ok("encode", tmp_path / "none.nii", "-o", tmp_path / "in.iso", "--isovalue", 60.5, "--no-placement")
+    ok("mask", tmp_path / "in.iso", "-o", tmp_path / "out.nii")
+    assert nibabel.load(tmp_path / "out.nii").header["sform_code"] == 0
 
 
 def test_refusals(tmp_path: Path) -> None:
     (tmp_path / "in.iso").write_bytes(isocodec.encode(HILLS, 100.5))
     assert ".npy, .png, .nii, .nii.gz" in fails(2, "mask", tmp_path / "in.iso", "-o", tmp_path / "m.svg")
-    assert "of 2 axes" in fails(2, "mask", tmp_path / "in.iso", "-o", tmp_path / "m.nii")
+    assert ".nii.gz is not" in fails(2, "mask", tmp_path / "in.iso", "-o", tmp_path / "m.nii.gz")
     (tmp_path / "coarse.iso").write_bytes(isocodec.encode(HILLS, 100.5, tolerance=1))
     assert "tolerance below 0.1" in fails(2, "mask", tmp_path / "coarse.iso", "-o", tmp_path / "m.npy")
     assert sorted(path.name for path in tmp_path.iterdir()) == ["coarse.iso", "in.iso"]

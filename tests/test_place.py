@@ -145,12 +145,17 @@ def test_nifti(tmp_path: Path, suffix: str) -> None:
 
 
 def test_nifti_that_says_less(tmp_path: Path) -> None:
-    """Without a form only the voxels' sizes count; slices and matrices of no use are left out, with a remark."""
+    """Without a form nibabel makes one up; slices, matrices of no use and units are left out, with a remark."""
     image = nibabel.Nifti1Image(BALL.astype(np.float32), None)
     image.header.set_zooms((0.5, 2.0, 3.0))
     nibabel.save(image, tmp_path / "sizes.nii")
     place = read_place(tmp_path / "sizes.nii", 3)
-    assert place.placement is not None and place.placement.tolist() == [[0.5, 0, 0, 0], [0, 2, 0, 0], [0, 0, 3, 0]]
+    assert np.array_equal(place.placement, nibabel.load(tmp_path / "sizes.nii").affine[:3]) and not place.remark
+    for unit, says in (("mm", ""), ("micron", "units of a micron"), ("meter", "units of a meter")):
+        image.header.set_xyzt_units(unit)
+        nibabel.save(image, tmp_path / "unit.nii")
+        assert says in read_place(tmp_path / "unit.nii", 3).remark and (says or not place.remark)
+    image.header.set_xyzt_units("unknown")
     nibabel.save(nibabel.Nifti1Image(HILL.astype(np.float32)[..., None], np.eye(4)), tmp_path / "slice.nii")
     assert "slice" in read_place(tmp_path / "slice.nii", 2).remark
     for name, wrong in (("flat", 0.0), ("nan", np.nan)):

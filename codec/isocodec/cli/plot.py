@@ -28,7 +28,8 @@ def plot_command(
     """Draw what prefixes of IN.iso decode to, from its first layer to all of it (.png, .pdf or .svg).
 
     The steps are those that the file was made with (encode --steps), each with its geometry. In other files, and where
-    there are more, they are spread evenly over the layers; a file of fewer layers has fewer.
+    there are more, they are spread evenly over the layers; a file of fewer layers has fewer. Of a file that ends within
+    a layer the last step is what that tells.
     """
     from ..io.picture import PICTURE_SUFFIXES, Step, matplotlib_figure, steps_picture
 
@@ -71,9 +72,14 @@ def plot_command(
         except TruncatedError as exc:
             if not partial:
                 exc.remedy = PARTIAL
-            if not (partial and drawn):
+            begun = len(decoder.isovalues) > number and any(decoder.symbols.values())
+            if not (partial and begun):
                 raise
             warn(source, f"{exc.message}; only what was received is drawn")
+        if own < sum(layer.isovalue == number for layer in info.layers) or not drawn:
+            # the file ends within a layer
+            under = decoder.mesh(number) if mesh else None
+            drawn.append(Step(decoder.drawn(number, smooth), len(data), len(data), under))
         picture = steps_picture(drawn, suffix)
     write_output(output, picture)
     click.echo(f"{click.format_filename(output)}: {len(drawn)} steps of {len(data):,} bytes")

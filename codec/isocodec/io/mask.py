@@ -5,6 +5,7 @@ from __future__ import annotations
 import gzip
 import io
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -32,8 +33,9 @@ def check_mask_suffix(path: Path, n: int | None = None) -> str:
     fitting = [s for s, f in _FORMATS.items() if n is None or n in f.dimensions]
     suffix = next((s for s in fitting if name.endswith(s)), None)
     if suffix is None:
+        found = next((s for s in _FORMATS if name.endswith(s)), path.suffix)
         raise OptionError(
-            f"{path.suffix or 'a name without a suffix'} is not a format for a mask" + (f" of {n} axes" if n else ""),
+            f"{found or 'a name without a suffix'} is not a format for a mask" + (f" of {n} axes" if n else ""),
             code="suffix", remedy="one of " + ", ".join(fitting),
         )  # fmt: skip
     needed = _FORMATS[suffix].needs
@@ -76,11 +78,15 @@ def _nibabel() -> Any:
 
 
 def _nii(mask: Mask, placement: Placement | None) -> bytes:
-    """Labels 1 and 0, in the coordinates of the placement, or with voxels of 1."""
-    affine = np.eye(4)
-    if placement is not None:
-        affine[:3] = placement
-    return bytes(_nibabel().Nifti1Image(mask.astype(np.uint8), affine).to_bytes())
+    """1 above, in the coordinates of the placement; without one in none."""
+    nibabel = _nibabel()
+    affine = None if placement is None else np.vstack([placement, [0, 0, 0, 1]])
+    image = nibabel.Nifti1Image(mask.astype(np.uint8), affine)
+    if affine is not None:
+        # for programs that only know quaternions, which cannot tell sheared axes
+        with suppress(nibabel.spatialimages.HeaderDataError):
+            image.set_qform(affine, code="aligned", strip_shears=False)
+    return bytes(image.to_bytes())
 
 
 def _nii_gz(mask: Mask, placement: Placement | None) -> bytes:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -47,7 +47,7 @@ class Place:
 def read_place(path: str | os.PathLike[str], n: int) -> Place:
     """Coordinates of a field of n axes that ``read_field`` has read.
 
-    Of NIfTI volumes those of nibabel: x to the right, y to the front, z up. Of those that only have voxel sizes, these.
+    Of NIfTI volumes those of nibabel: x to the right, y to the front, z up.
 
     Raises
     ------
@@ -60,8 +60,11 @@ def read_place(path: str | os.PathLike[str], n: int) -> Place:
         image = nibabel.load(path)
         if n != 3:
             return Place(remark="where the samples of a slice lie in space is left out")
-        told = int(image.header["sform_code"]) or int(image.header["qform_code"])
-        return _usable(image.affine if told else image.header.get_zooms()[:3], n)
+        place = _usable(image.affine, n)
+        unit = image.header.get_xyzt_units()[0]
+        if place.placement is not None and unit not in ("unknown", "mm"):
+            return replace(place, remark=f"that its coordinates are in units of a {unit} is left out")
+        return place
     if name.endswith((".tif", ".tiff")):
         tifffile = optional("tifffile", extra="image", purpose="reading TIFF")
         with tifffile.TiffFile(path) as tiff:

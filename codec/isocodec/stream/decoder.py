@@ -223,12 +223,13 @@ class Decoder:
         if tube is None or not tube.full:
             if not self.complete:
                 raise TruncatedError(
-                    "which samples lie above has not been told yet", code="truncated", offset=len(self._data),
-                    clause="9.7",
+                    "what has been received does not tell which samples lie above", code="truncated",
+                    offset=len(self._data), clause="9.7", remedy="more of the file may",
                 )  # fmt: skip
             raise OptionError(
-                "which samples lie above is not told: the mesh is coarser than they are", code="mask",
-                remedy="encode with signs_only, exact, or a tolerance below 0.1",
+                "which samples lie above is not told: the file's mesh is coarser than they are", code="mask",
+                remedy="take the whole file if this one was cut, or encode signs alone, exact values, or with a "
+                "tolerance below 0.1",
             )  # fmt: skip
         if math.prod(tube.shape) > self.limits.samples:
             raise LimitError(f"more than {self.limits.samples} samples", code="limit-samples", clause="11.2")

@@ -7,7 +7,7 @@ import zlib
 from isospec.container import Checksum, ChunkType, write_varint
 
 from ..entropy.coder import LEFT, cut
-from ..errors import OptionError
+from ..errors import OptionError, TruncatedError
 from .container import CHECKSUM_BYTES, whole_bytes, write_chunk
 from .decoder import Decoder
 from .events import LayerComplete
@@ -39,7 +39,8 @@ def truncate(data: bytes, *, layers: int | None = None, max_bytes: int | None = 
     OptionError
         If not exactly one of ``layers`` and ``max_bytes`` is given, or it is too small for any curve.
     FormatError
-        If ``data`` is not a valid file, or is a whole one that does not agree with its checksum.
+        If ``data`` is not a valid file, or is a whole one that does not agree with its checksum; ``TruncatedError`` if
+        it was cut off before a curve begins.
     """
     if (layers is None) == (max_bytes is None):
         raise OptionError("give either layers or max_bytes", code="options")
@@ -52,6 +53,10 @@ def truncate(data: bytes, *, layers: int | None = None, max_bytes: int | None = 
     if max_bytes >= len(data) and _whole(data):
         return data
     short = _first_bytes(data, max_bytes) if max_bytes > 0 else None
+    if short is None and max_bytes >= len(data):
+        raise TruncatedError(
+            f"the file ends after {len(data)} bytes, before its curve begins", code="truncated", offset=len(data)
+        )
     if short is None:
         raise OptionError(f"{max_bytes} bytes are too few for this file's header and a curve", code="max-bytes")
     return short
