@@ -9,10 +9,11 @@ from pathlib import Path
 
 import click
 
-from ..errors import FormatError, TruncatedError
+from ..errors import FormatError
 from .options import iso_argument, json_option, output_option, partial_option, smooth_option
-from .progress import load_kernels, progress_bar
-from .report import PARTIAL, check_output, concerning, read_iso, tell, warn, write_output
+from .progress import load_kernels
+from .receive import receive, warn_of_others
+from .report import check_output, concerning, read_iso, tell, write_output
 
 
 @click.command("decode", short_help="Decode to a curve, a surface or a picture of it.")
@@ -51,32 +52,14 @@ def decode_command(
 
     load_kernels()
     started = time.perf_counter()
-    with concerning(source), progress_bar("decoding") as progress:
-        try:
-            contour = isocodec.decode(
-                data, isovalue=isovalue, layers=layers, max_bytes=max_bytes, smooth=smooth, progress=progress
-            )
-        except TruncatedError as exc:
-            if max_bytes is not None:
-                raise
-            if not partial:
-                exc.remedy = PARTIAL
-                raise
-            contour = isocodec.decode(
-                data, isovalue=isovalue, layers=layers, max_bytes=len(data) or 1, smooth=smooth, progress=progress
-            )
-            warn(source, f"{exc.message}; only what was received is written")
+    decoder, number = receive(source, data, isovalue, partial, layers, max_bytes)
+    with concerning(source):
+        contour = decoder.drawn(number, smooth)
     seconds = time.perf_counter() - started
-    others: list[float] = []
     if isovalue is None:
         # what lies behind the layers asked for may be damaged
         with suppress(FormatError):
-            others = [v for v in isocodec.inspect(data).isovalues if v != contour.isovalue]
-    if others:
-        warn(
-            source,
-            f"only isovalue {contour.isovalue!r} is written; --isovalue chooses {' or '.join(map(repr, others))}",
-        )
+            warn_of_others(source, contour.isovalue, isocodec.inspect(data).isovalues)
     with concerning(output):
         rendered = render_contour(replace(contour, placement=None) if in_samples else contour, suffix)
     write_output(output, rendered)

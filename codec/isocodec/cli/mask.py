@@ -7,10 +7,10 @@ from pathlib import Path
 
 import click
 
-from ..errors import TruncatedError
 from .options import iso_argument, json_option, output_option, partial_option
-from .progress import load_kernels, progress_bar
-from .report import PARTIAL, check_output, concerning, read_iso, tell, warn, write_output
+from .progress import load_kernels
+from .receive import receive, warn_of_others
+from .report import check_output, concerning, read_iso, tell, write_output
 
 
 @click.command("mask", short_help="Decode to which samples lie above, as an array, a picture or a volume.")
@@ -27,7 +27,7 @@ def mask_command(source: Path, output: Path, isovalue: float | None, partial: bo
     .png           of pictures: white above
     .nii, .nii.gz  of volumes: 1 above, where the file says that the samples lie
 
-    The file has to tell all signs, as it does unless its precision ends at 0.1 cells or more.
+    The file has to tell all signs, as it does unless its precision ends at 0.1 cells or more, or at a criterion's mesh.
     """
     from ..io.mask import check_mask_suffix, render_mask
 
@@ -36,25 +36,16 @@ def mask_command(source: Path, output: Path, isovalue: float | None, partial: bo
     check_output(output, source)
     data = read_iso(source)
 
-    from ..api import decoded
     from ..grid.placement import read_placement
 
     load_kernels()
     started = time.perf_counter()
-    with concerning(source), progress_bar("decoding") as progress:
-        try:
-            decoder, number = decoded(data, isovalue, progress=progress)
-        except TruncatedError as exc:
-            if not partial:
-                exc.remedy = PARTIAL
-                raise
-            decoder, number = decoded(data, isovalue, max_bytes=len(data) or 1, progress=progress)
-            warn(source, f"{exc.message}; only what was received is looked at")
+    decoder, number = receive(source, data, isovalue, partial)
+    with concerning(source):
         mask = decoder.mask(number)
     seconds = time.perf_counter() - started
-    others = [repr(v) for i, v in enumerate(decoder.isovalues) if i != number]
-    if others and isovalue is None:
-        warn(source, f"only that of the first isovalue is written; --isovalue chooses {' or '.join(others)}")
+    if isovalue is None:
+        warn_of_others(source, decoder.isovalues[number], decoder.isovalues)
     placement = read_placement(decoder.metadata, mask.ndim)
     with concerning(output):
         rendered = render_mask(mask, check_mask_suffix(output, mask.ndim), placement)

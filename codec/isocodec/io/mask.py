@@ -1,20 +1,18 @@
-"""Masks out: which samples lie above, as arrays, black and white pictures, or volumes of labels."""
+"""Masks out: which samples lie above, as arrays, black and white pictures, or volumes of zeros and ones."""
 
 from __future__ import annotations
 
 import gzip
 import io
-from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import OptionError
 from .extras import optional
+from .formats import Format, find_suffix
 
 Mask = NDArray[np.bool_]
 Placement = NDArray[np.float64]
@@ -29,18 +27,8 @@ def check_mask_suffix(path: Path, n: int | None = None) -> str:
         Naming the formats that work.
     MissingExtraError
     """
-    name = path.name.lower()
-    fitting = [s for s, f in _FORMATS.items() if n is None or n in f.dimensions]
-    suffix = next((s for s in fitting if name.endswith(s)), None)
-    if suffix is None:
-        found = next((s for s in _FORMATS if name.endswith(s)), path.suffix)
-        raise OptionError(
-            f"{found or 'a name without a suffix'} is not a format for a mask" + (f" of {n} axes" if n else ""),
-            code="suffix", remedy="one of " + ", ".join(fitting),
-        )  # fmt: skip
-    needed = _FORMATS[suffix].needs
-    if needed is not None:
-        needed()
+    suffix = find_suffix(_FORMATS, path, n, f"a mask of {n} axes")
+    _FORMATS[suffix].check_libraries()
     return suffix
 
 
@@ -94,16 +82,9 @@ def _nii_gz(mask: Mask, placement: Placement | None) -> bytes:
     return gzip.compress(_nii(mask, placement), mtime=0)
 
 
-@dataclass(frozen=True)
-class _Format:
-    dimensions: tuple[int, ...]
-    render: Callable[[Mask, Placement | None], bytes]
-    needs: Callable[[], object] | None = None
-
-
 _FORMATS = {
-    ".npy": _Format((2, 3), _npy),
-    ".png": _Format((2,), _png, _imageio),
-    ".nii": _Format((3,), _nii, _nibabel),
-    ".nii.gz": _Format((3,), _nii_gz, _nibabel),
+    ".npy": Format((2, 3), _npy),
+    ".png": Format((2,), _png, _imageio),
+    ".nii": Format((3,), _nii, _nibabel),
+    ".nii.gz": Format((3,), _nii_gz, _nibabel),
 }

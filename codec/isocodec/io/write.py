@@ -12,18 +12,16 @@ import json
 import math
 import os
 import re
-from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from xml.etree import ElementTree
 
 import numpy as np
 
-from ..errors import OptionError
 from ..grid.placement import CRS
 from .atomic import write_bytes
 from .extras import optional
+from .formats import Format, find_suffix
 from .picture import contour_picture, matplotlib_figure
 
 if TYPE_CHECKING:
@@ -41,16 +39,8 @@ def check_suffix(path: str | os.PathLike[str], dimension: int | None = None) -> 
     OptionError
         Naming the formats that work.
     """
-    suffix = Path(path).suffix.lower()
-    fitting = [s for s, f in _FORMATS.items() if dimension is None or dimension in f.dimensions]
-    if suffix in fitting:
-        return suffix
-    if suffix in _FORMATS:
-        kind = {2: "a curve (of a 2-D field)", 3: "a surface (of a 3-D field)"}.get(dimension or 0, f"{dimension}-D")
-        message = f"{suffix} cannot hold {kind}"
-    else:
-        message = f"{suffix or 'a name without a suffix'} is not a format that can be written"
-    raise OptionError(message, code="suffix", remedy="one of " + ", ".join(fitting))
+    kind = {2: "a curve (of a 2-D field)", 3: "a surface (of a 3-D field)"}.get(dimension or 0, f"{dimension}-D")
+    return find_suffix(_FORMATS, path, dimension, kind)
 
 
 def check_libraries(suffix: str) -> None:
@@ -60,9 +50,7 @@ def check_libraries(suffix: str) -> None:
     ------
     MissingExtraError
     """
-    needed = _FORMATS[suffix].needs
-    if needed is not None:
-        needed()
+    _FORMATS[suffix].check_libraries()
 
 
 def render_contour(contour: Contour, suffix: str) -> bytes:
@@ -193,23 +181,15 @@ def _mesh(contour: Contour, suffix: str) -> bytes:
     return data.encode() if isinstance(data, str) else bytes(data)
 
 
-@dataclass(frozen=True)
-class _Format:
-    dimensions: tuple[int, ...]
-    render: Callable[[Contour], bytes]
-    needs: Callable[[], object] | None = None
-    """Loads the library that ``render`` needs, or raises."""
+def _surface_format(suffix: str) -> Format:
+    return Format((3,), lambda contour: _mesh(contour, suffix), lambda: _trimesh(suffix))
 
 
-def _surface_format(suffix: str) -> _Format:
-    return _Format((3,), lambda contour: _mesh(contour, suffix), lambda: _trimesh(suffix))
-
-
-_FORMATS: dict[str, _Format] = {
-    ".npz": _Format((2, 3), _npz),
-    ".png": _Format((2, 3), contour_picture, matplotlib_figure),
-    ".geojson": _Format((2,), _geojson),
-    ".svg": _Format((2,), _svg),
+_FORMATS: dict[str, Format] = {
+    ".npz": Format((2, 3), _npz),
+    ".png": Format((2, 3), contour_picture, matplotlib_figure),
+    ".geojson": Format((2,), _geojson),
+    ".svg": Format((2,), _svg),
     ".ply": _surface_format(".ply"),
     ".stl": _surface_format(".stl"),
     ".obj": _surface_format(".obj"),
