@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from .api import decode, decode_mask, encode, warm_up
     from .contour import Contour
     from .errors import FormatError, InputError, IsoError, LimitError, MissingExtraError, OptionError, TruncatedError
+    from .io.areas import areas
     from .limits import Limits
     from .stream.decoder import Decoder
     from .stream.encoder import Encoder
@@ -32,6 +33,7 @@ _HOMES = {
     "errors": (
         "FormatError", "InputError", "IsoError", "LimitError", "MissingExtraError", "OptionError", "TruncatedError",
     ),
+    "io.areas": ("areas",),
     "limits": ("Limits",),
     "stream.decoder": ("Decoder",),
     "stream.events": ("LayerComplete",),
@@ -55,6 +57,7 @@ __all__ = [
     "MissingExtraError",
     "OptionError",
     "TruncatedError",
+    "areas",
     "decode",
     "decode_mask",
     "encode",

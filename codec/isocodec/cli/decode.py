@@ -23,12 +23,15 @@ from .report import check_output, concerning, read_iso, tell, write_output
 @click.option("--layers", type=click.IntRange(min=1), metavar="N", help="Only the first N layers of that isovalue.")
 @click.option("--max-bytes", type=click.IntRange(min=1), metavar="N", help="Only the first N bytes.")
 @click.option("--in-samples", is_flag=True, help="Coordinates in samples, even if the file says where these lie.")
+@click.option(
+    "--areas", type=click.Choice(["above", "below"]), help="To .geojson: polygons of what lies above, or does not."
+)
 @smooth_option
 @partial_option
 @json_option
 def decode_command(
     source: Path, output: Path, isovalue: float | None, layers: int | None, max_bytes: int | None, in_samples: bool,
-    smooth: bool, partial: bool, as_json: bool,
+    areas: str | None, smooth: bool, partial: bool, as_json: bool,
 ) -> None:  # fmt: skip
     """Decode IN.iso to OUT; the suffix of OUT names the format.
 
@@ -39,12 +42,17 @@ def decode_command(
 
     Coordinates are samples. Where the file says how these lie in the world (encode keeps what NIfTI and GeoTIFF files
     say, or --spacing), .geojson, .ply, .stl and .obj have the coordinates of the world instead.
+
+    With --areas the .geojson holds polygons with holes: the curve, closed along the border of the samples.
     """
-    from ..io.write import check_libraries, check_suffix, render_contour
+    from ..io.write import check_areas, check_libraries, check_suffix, render_areas, render_contour
 
     with concerning(output):
-        suffix = check_suffix(output)
-        check_libraries(suffix)
+        if areas:
+            check_areas(output)
+        else:
+            suffix = check_suffix(output)
+            check_libraries(suffix)
     check_output(output, source)
     data = read_iso(source)
 
@@ -60,8 +68,10 @@ def decode_command(
         # what lies behind the layers asked for may be damaged
         with suppress(FormatError):
             warn_of_others(source, contour.isovalue, isocodec.inspect(data).isovalues)
-    with concerning(output):
-        rendered = render_contour(replace(contour, placement=None) if in_samples else contour, suffix)
+    if in_samples:
+        contour = replace(contour, placement=None)
+    with concerning(source if areas else output):
+        rendered = render_areas(contour, areas == "above") if areas else render_contour(contour, suffix)
     write_output(output, rendered)
     pieces = "segments" if len(contour.shape) == 2 else "triangles"
     tell(

@@ -40,6 +40,8 @@ class Contour:
         Where samples lie in the world: ``placement[:, :n] @ index + placement[:, n]``; None if the file does not say.
     metadata : dict of str to str
         Notes of the file, as far as they had come.
+    origin_above : bool or None
+        Whether the first sample lies above the isovalue; None if that had not come.
     """
 
     points: NDArray[np.float64]
@@ -49,6 +51,7 @@ class Contour:
     complete: bool = True
     placement: NDArray[np.float64] | None = None
     metadata: dict[str, str] = field(default_factory=dict)
+    origin_above: bool | None = None
 
     @cached_property
     def placed(self) -> NDArray[np.float64]:
@@ -57,11 +60,15 @@ class Contour:
         Without one the unit is the cell: in the plane x runs along axis 1 and y along axis 0, in space x, y, z are the
         axes 0, 1, 2.
         """
+        return self.place(self.points)
+
+    def place(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Coordinates of the placement, as of `placed`, of points in index coordinates, (P, n) float64 both."""
         n = len(self.shape)
         if self.placement is None:
-            return self.points[:, ::-1] if n == 2 else self.points
+            return points[:, ::-1] if n == 2 else points
         # axis by axis: how a product of matrices is rounded depends on the library
-        placed = sum(self.points[:, a, None] * self.placement[:, a] for a in range(n)) + self.placement[:, n]
+        placed = sum(points[:, a, None] * self.placement[:, a] for a in range(n)) + self.placement[:, n]
         return np.asarray(placed)
 
     @cached_property
@@ -76,13 +83,13 @@ class Contour:
         OptionError
             For an isosurface.
         """
-        if len(self.shape) != 2:
-            raise OptionError("only an isocontour (n = 2) has lines; a surface has points and cells", code="dimension")
-        return [self.points[walk] for walk in self._walks]
+        return [self.points[walk] for walk in self.walks]
 
     @cached_property
-    def _walks(self) -> list[list[int]]:
-        """Numbers of the points of each polyline."""
+    def walks(self) -> list[list[int]]:
+        """Numbers of the points of each polyline, as `lines`."""
+        if len(self.shape) != 2:
+            raise OptionError("only an isocontour (n = 2) has lines; a surface has points and cells", code="dimension")
         following = np.full(len(self.points), -1, dtype=np.int64)
         following[self.cells[:, 0]] = self.cells[:, 1]
         starts_line = following >= 0
@@ -116,5 +123,5 @@ class Contour:
         """
         if len(self.shape) != 2:
             raise AttributeError("__geo_interface__: a surface has no GeoJSON geometry")
-        coordinates = tuple(tuple(map(tuple, self.placed[walk].tolist())) for walk in self._walks)
+        coordinates = tuple(tuple(map(tuple, self.placed[walk].tolist())) for walk in self.walks)
         return {"type": "MultiLineString", "coordinates": coordinates}

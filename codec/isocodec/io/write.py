@@ -18,7 +18,9 @@ from xml.etree import ElementTree
 
 import numpy as np
 
+from ..errors import OptionError
 from ..grid.placement import CRS
+from .areas import areas, polygons
 from .atomic import write_bytes
 from .extras import optional
 from .formats import Format, find_suffix
@@ -41,6 +43,18 @@ def check_suffix(path: str | os.PathLike[str], dimension: int | None = None) -> 
     """
     kind = {2: "a curve (of a 2-D field)", 3: "a surface (of a 3-D field)"}.get(dimension or 0, f"{dimension}-D")
     return find_suffix(_FORMATS, path, dimension, kind)
+
+
+def check_areas(path: str | os.PathLike[str]) -> None:
+    """That areas can be written to ``path``, and the library for them is there.
+
+    Raises
+    ------
+    OptionError, MissingExtraError
+    """
+    if Path(path).suffix.lower() != ".geojson":
+        raise OptionError("areas can be written as .geojson only", code="suffix")
+    polygons()
 
 
 def check_libraries(suffix: str) -> None:
@@ -103,6 +117,21 @@ def _npz(contour: Contour) -> bytes:
 
 
 def _geojson(contour: Contour) -> bytes:
+    return _feature(contour, contour.__geo_interface__)
+
+
+def render_areas(contour: Contour, above: bool) -> bytes:
+    """A GeoJSON file of the areas on one side of a contour.
+
+    Raises
+    ------
+    OptionError, TruncatedError, MissingExtraError
+        As `areas`.
+    """
+    return _feature(contour, areas(contour, above=above), area="above" if above else "below")
+
+
+def _feature(contour: Contour, geometry: dict[str, Any], **properties: str) -> bytes:
     """A feature with the properties isovalue, shape and complete; an empty curve is an empty geometry.
 
     A reference system other than that of GeoJSON, degrees of longitude and latitude, is named as GeoJSON once had it.
@@ -113,8 +142,9 @@ def _geojson(contour: Contour) -> bytes:
             "isovalue": float(contour.isovalue),
             "shape": [int(n) for n in contour.shape],
             "complete": bool(contour.complete),
+            **properties,
         },
-        "geometry": contour.__geo_interface__,
+        "geometry": geometry,
     }
     system = _EPSG.fullmatch(contour.metadata.get(CRS, ""))
     if contour.placement is not None and system and system[1] != _DEGREES:

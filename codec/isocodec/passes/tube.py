@@ -16,7 +16,7 @@ from ..errors import FormatError, LimitError
 from ..jit import BAD, CUT, DONE, GROW, NEED
 from ..limits import Limits
 from ..mesh.chosen import Chosen, every_vertex, finest_level
-from ..mesh.store import PAGES, copied, grown, new_board, new_store
+from ..mesh.store import PAGES, copied, get, grown, new_board, new_store
 from ..mesh.tables import cube_exponent, mesh_tables
 from . import base as base_pass
 from . import births, refine, seek, significance
@@ -156,6 +156,12 @@ class Tube:
     def vertices(self) -> int:
         """Known vertices."""
         return int(self.state.at[VERTICES])
+
+    @property
+    def origin_above(self) -> bool | None:
+        """Sign of the first sample, if it is known."""
+        entry = get(self.state.known, 0, 0, 0)
+        return bool(entry & 1) if entry else None
 
     @property
     def simplices(self) -> int:

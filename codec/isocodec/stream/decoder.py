@@ -205,6 +205,7 @@ class Decoder:
                 tube, isovalue, lambda steps, above: interval_value(isovalue, header.scale, steps, above)
             )
             contour = draw(leaves, complete=self._ended, smooth=smooth)
+            contour = replace(contour, origin_above=tube.origin_above)
         return replace(contour, placement=read_placement(self.metadata, n), metadata=dict(self.metadata))
 
     def mask(self, number: int = 0) -> NDArray[np.bool_]:
