@@ -9,7 +9,8 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-from numba import njit
+import numpy as np
+from numba import njit, typeof
 from numba.core.options import DefaultOptions
 
 
@@ -48,6 +49,31 @@ def kernel(function: Callable[..., Any]) -> Any:
         return njit(**_OPTIONS)(function)
     except RuntimeError:
         return njit(**(_OPTIONS | {"cache": False}))(function)
+
+
+def compiled(function: Callable[..., Any], *arguments: Any) -> Callable[..., Any]:
+    """A kernel for arguments of these types and no others, which it does not look at again.
+
+    Looking at the types of a state, some fifty arrays, takes longer than a kernel on a small file.
+    """
+    if not hasattr(function, "compile"):  # with NUMBA_DISABLE_JIT
+        return function
+    key = function, _kinds(arguments)
+    if key not in _compiled:
+        _compiled[key] = function.compile(tuple(typeof(argument) for argument in arguments))
+    return _compiled[key]
+
+
+_compiled: dict[Any, Callable[..., Any]] = {}
+
+
+def _kinds(argument: Any) -> Any:
+    """What the compiler distinguishes of arrays, in tuples as they come, and of numbers."""
+    if isinstance(argument, tuple):
+        return tuple(map(_kinds, argument))
+    if isinstance(argument, np.ndarray):
+        return argument.dtype, argument.ndim, argument.flags.num
+    return type(argument)
 
 
 _INNER = {"cache": False, "no_cpython_wrapper": True, "no_cfunc_wrapper": True}

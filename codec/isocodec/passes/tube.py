@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from ..entropy.coder import OVER, Coder
 from ..errors import FormatError, LimitError
-from ..jit import BAD, CUT, DONE, GROW, NEED
+from ..jit import BAD, CUT, DONE, GROW, NEED, compiled
 from ..limits import Limits
 from ..mesh.chosen import Chosen, every_vertex, finest_level
 from ..mesh.store import PAGES, copied, get, grown, new_board, new_store
@@ -129,6 +129,7 @@ class Tube:
         self._finest = -1
         self._items = NOTHING
         self._running = ""
+        self._kernels: dict[Callable[..., int], Callable[..., int]] = {}
         told = (lean.estimates, lean.state) if lean else None
         self.estimates: Estimates = Estimates(shape, truth, told, shift)
 
@@ -302,20 +303,25 @@ class Tube:
                 return int(status)
 
     def _kernel(self) -> int:
-        st, cd = self.state, self.coder
         match self._running:
             case "base":
-                return base_pass.base(st, cd, self._mark, self._order, self._seeds)
+                return self._call(base_pass.base, self._mark, self._order, self._seeds)
             case "continue":
-                return refine.go_on(st, cd, np.int64(self.truth is not None and self._more()))
+                return self._call(refine.go_on, np.int64(self.truth is not None and self._more()))
             case "significance":
-                return significance.significance(st, cd, self._items)
+                return self._call(significance.significance, self._items)
             case "refinement":
-                return refine.refine(st, cd)
+                return self._call(refine.refine)
             case "values":
-                return self.estimates.code_values(st, cd)
+                return self.estimates.code_values(self.state, self.coder)
             case _:
-                return self.estimates.code_offsets(st, cd)
+                return self.estimates.code_offsets(self.state, self.coder)
+
+    def _call(self, kernel: Callable[..., int], *further: object) -> int:
+        """Call a kernel. The types of a tube's arrays stay the same, whatever becomes of their lengths."""
+        if kernel not in self._kernels:
+            self._kernels[kernel] = compiled(kernel, self.state, self.coder, *further)
+        return self._kernels[kernel](self.state, self.coder, *further)
 
     def _more(self) -> bool:
         """Encoder: whether an adaptive layer has anything to do on this level or a finer one."""

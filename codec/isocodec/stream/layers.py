@@ -213,11 +213,11 @@ class LayerReader:
     def _completed(self, layer: Layer, chunk: Envelope) -> Event:
         self._done += 1
         counts = self.symbols()
-        fresh = dict(zip(ELEMENTS, map(int, counts - self._before), strict=True))
+        fresh = (counts - self._before).tolist()
         self._before = counts
         used = min(_shifts(self._tube.coder) + 4, chunk.end - self._run)
         took, self._layer_start = used - self._layer_start, used
-        symbols = {name: fresh[name] for name in BY_LAYER[layer.kind]}
+        symbols = {name: fresh[ELEMENTS.index(name)] for name in BY_LAYER[layer.kind]}
         return _EVENTS[layer.kind](self._run + used, self._done, layer, symbols, took)
 
 
