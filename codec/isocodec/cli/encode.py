@@ -60,6 +60,13 @@ if TYPE_CHECKING:
     metavar="S,S[,S]",
     help="Distances of samples along the axes of the array; negative where an axis runs against its coordinate.",
 )
+@click.option(
+    "--missing",
+    type=click.Choice(["below", "above", "nearest"]),
+    help="Missing samples (NaN; what a GeoTIFF says stands for them, or --nodata) lie below or above, or are as the"
+    " nearest one.",
+)
+@click.option("--nodata", type=float, metavar="V", help="The value that stands for missing samples.")
 @click.option("--no-placement", is_flag=True, help="Leave out where a NIfTI or GeoTIFF file says its samples lie.")
 @click.option("--key", metavar="NAME", help="Which array of an .npz file.")
 @click.option("--channel", type=int, metavar="N", help="Which channel of a colour picture, counted from 0.")
@@ -80,6 +87,8 @@ def encode_command(
     profile: str,
     metadata: tuple[str, ...],
     spacing: str | None,
+    missing: str | None,
+    nodata: float | None,
     no_placement: bool,
     key: str | None,
     channel: int | None,
@@ -103,12 +112,17 @@ def encode_command(
     notes = _metadata(metadata)
     if spacing is not None and no_placement:
         raise click.UsageError("--spacing and --no-placement contradict one another: choose one")
+    if nodata is not None and missing is None:
+        raise click.UsageError("--nodata says which samples are missing; --missing has to say what is taken instead")
     steps_along = _numbers("--spacing", spacing)
     check_output(output, source)
+
+    import numpy as np
 
     import isocodec
 
     from ..grid.placement import CRS, PLACEMENT
+    from ..io.missing import filled, missing_samples, read_nodata
     from ..io.place import read_place
     from ..io.read import read_field
 
@@ -119,6 +133,12 @@ def encode_command(
         field = read_field(source, key=key, channel=channel)
         if steps_along is not None and len(steps_along) != field.ndim:
             raise click.UsageError(f"--spacing {spacing}: needed is a number for each of the {field.ndim} axes")
+        gone = missing_samples(field, read_nodata(source) if nodata is None else nodata)
+        if missing is not None:
+            field = filled(field, gone, missing, isovalues)
+        elif gone.any() and not np.isnan(field[gone]).any():
+            count = f"{int(gone.sum()):,} samples are marked as missing"
+            warn(source, f"{count} and are taken as they are; --missing says what to take instead")
         placement: ArrayLike | None = steps_along
         if placement is None and not no_placement and PLACEMENT not in notes:
             place = read_place(source, field.ndim)

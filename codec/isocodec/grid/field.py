@@ -200,8 +200,8 @@ def check_field(field: ArrayLike, isovalue: float, step: float | None = None) ->
         holes = int(np.count_nonzero(np.isnan(values)))
         if holes:
             raise InputError(
-                f"the field has {holes} NaN among {values.size} samples, and holes are not supported yet", code="nan",
-                remedy="fill them, for example with scipy.ndimage or numpy.nan_to_num",
+                f"the field has {holes} NaN among {values.size} samples, and the format has no holes", code="nan",
+                remedy="fill them, for example with scipy.ndimage or numpy.nan_to_num; isocodec encode has --missing",
             )  # fmt: skip
         signs = values > np.float64(isovalue)
     else:

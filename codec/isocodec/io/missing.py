@@ -1,0 +1,104 @@
+"""Missing samples: which they are, and what is taken instead.
+
+The format has no holes: each sample lies above the isovalue or not. NaN is missing, and so is the value that a GeoTIFF
+says stands for it.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import InputError
+from .extras import optional
+
+Field = NDArray[Any]
+
+WAYS = ("below", "above", "nearest")
+_NODATA = 42113
+"""Tag of a TIFF file: the number as text."""
+
+
+def read_nodata(path: str | os.PathLike[str]) -> float | None:
+    """The value that stands for missing samples in a GeoTIFF that ``read_field`` has read; None if there is none."""
+    if not Path(path).name.lower().endswith((".tif", ".tiff")):
+        return None
+    tifffile = optional("tifffile", extra="image", purpose="reading TIFF")
+    with tifffile.TiffFile(path) as tiff:
+        try:
+            return float(str(tiff.pages[0].tags[_NODATA].value).strip(" \0"))
+        except (KeyError, ValueError):
+            return None
+
+
+def missing_samples(field: Field, nodata: float | None) -> NDArray[np.bool_]:
+    """Where a field has NaN or the value ``nodata``, which is rounded to the type of the samples."""
+    gone = np.isnan(field) if field.dtype.kind == "f" else np.zeros(field.shape, np.bool_)
+    if nodata is None or math.isnan(nodata):
+        return gone
+    if field.dtype.kind == "f":
+        with np.errstate(over="ignore"):
+            gone |= field == np.asarray(nodata).astype(field.dtype)
+    elif nodata.is_integer() and np.iinfo(field.dtype).min <= nodata <= np.iinfo(field.dtype).max:
+        gone |= field == int(nodata)
+    return gone
+
+
+def filled(field: Field, gone: NDArray[np.bool_], way: str, isovalues: Sequence[float]) -> Field:
+    """The field with something else where samples are missing.
+
+    Parameters
+    ----------
+    field : (s0, .., sn-1) array of integers or floats
+    gone : likewise, bool
+        Which samples are missing.
+    way : str
+        ``"below"``: the least value there is, or less, so that they lie below all isovalues, ``"above"`` likewise: the
+        curve runs around them; ``"nearest"``: the value of the nearest sample that is not missing.
+    isovalues : sequence of float
+
+    Returns
+    -------
+    (s0, .., sn-1) array
+        Of the same type.
+
+    Raises
+    ------
+    InputError
+        If all samples are missing, or the type has no value that lies beyond the isovalues.
+    MissingExtraError
+        If scipy is not installed, for ``"nearest"``.
+    """
+    if not gone.any():
+        return field
+    if gone.all():
+        raise InputError("all samples are missing", code="missing")
+    if way == "nearest":
+        ndimage = optional("scipy.ndimage", extra="geo", purpose="filling missing samples")
+        nearest = ndimage.distance_transform_edt(gone, return_distances=False, return_indices=True)
+        return np.asarray(field[tuple(nearest)])
+    there = field[~gone]
+    value = min(there.min(), _just(field, min(isovalues), way)) if way == "below" else (
+        max(there.max(), _just(field, max(isovalues), way))
+    )  # fmt: skip
+    out = field.copy()
+    out[gone] = value
+    return out
+
+
+def _just(field: Field, isovalue: float, way: str) -> Any:
+    """The value of the field's type next to an isovalue, on the way there."""
+    if field.dtype.kind == "f":
+        value = field.dtype.type(isovalue)
+        return value if way == "below" else np.nextafter(value, field.dtype.type(np.inf))
+    whole = math.floor(isovalue) + (way == "above")
+    info = np.iinfo(field.dtype)
+    if not info.min <= whole <= info.max:
+        raise InputError(f"no value of {field.dtype} lies {way} the isovalue {isovalue:g}", code="missing")
+    return field.dtype.type(whole)

@@ -1,0 +1,106 @@
+"""Missing samples: which they are, and that the rest of the field stays as it is."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import tifffile
+
+import isocodec
+from commands import HILLS, fails, ok, run
+from isocodec import InputError
+from isocodec.io.missing import filled, missing_samples, read_nodata
+
+HOLE = np.zeros(HILLS.shape, np.bool_)
+HOLE[8:14, 10:20] = HOLE[0, 0] = HOLE[30:, 38:] = True
+
+
+def tiff(path: Path, field: np.ndarray, nodata: str | None) -> Path:
+    tags: list[Any] = [] if nodata is None else [(42113, "s", 0, nodata, False)]
+    tifffile.imwrite(path, field, extratags=tags)
+    return path
+
+
+@pytest.mark.parametrize(
+    ("dtype", "text", "value"),
+    [("int16", "-32768", -32768), ("float32", "-9999", -9999), ("float32", "-3.4028234663852886e+38", None),
+     ("float64", "1e-3", 1e-3), ("float32", "nan", np.nan), ("uint8", "255 ", 255)],
+)  # fmt: skip
+def test_what_a_geotiff_says(tmp_path: Path, dtype: str, text: str, value: float | None) -> None:
+    field = HILLS.astype(dtype)
+    field[field == 255] = 254
+    field[HOLE] = np.finfo(np.float32).min if value is None else value
+    path = tiff(tmp_path / "dem.tif", field, text)
+    assert np.array_equal(missing_samples(isocodec.io.read_field(path), read_nodata(path)), HOLE)
+
+
+@pytest.mark.parametrize("text", [None, "none", "", "1,5"])
+def test_a_geotiff_that_says_nothing(tmp_path: Path, text: str | None) -> None:
+    assert read_nodata(tiff(tmp_path / "dem.tif", HILLS, text)) is None
+    assert read_nodata(tmp_path / "dem.npy") is None
+
+
+@pytest.mark.parametrize(("dtype", "nodata"), [("uint8", 256.0), ("uint8", -1.0), ("int16", 0.5), ("int16", np.nan)])
+def test_values_that_no_sample_can_have(dtype: str, nodata: float) -> None:
+    assert not missing_samples(np.arange(-3, 9).astype(dtype), nodata).any()
+
+
+@pytest.mark.parametrize("dtype", ["uint8", "int32", "float32", "float64"])
+@pytest.mark.parametrize("isovalues", [[80.5], [80], [20.25, 300]])
+def test_missing_samples_lie_where_they_are_said_to(dtype: str, isovalues: list[float]) -> None:
+    field = HILLS.astype(dtype)
+    if dtype == "uint8" and max(isovalues) > 255:
+        with pytest.raises(InputError, match="no value of uint8 lies above"):
+            filled(field, HOLE, "above", isovalues)
+        return
+    for way, above in (("below", False), ("above", True)):
+        out = filled(field, HOLE, way, isovalues)
+        assert out.dtype == field.dtype and np.array_equal(out[~HOLE], field[~HOLE])
+        for isovalue in isovalues:
+            assert (isocodec.decode_mask(isocodec.encode(out, isovalue))[HOLE] == above).all()
+    assert np.array_equal(field, HILLS), "the field itself stays"
+
+
+def test_the_nearest_sample_stands_in() -> None:
+    out = filled(HILLS, HOLE, "nearest", [80.5])
+    assert np.array_equal(out[~HOLE], HILLS[~HOLE])
+    there = np.argwhere(~HOLE)
+    for place in np.argwhere(HOLE):
+        distance = ((there - place) ** 2).sum(axis=1)
+        near = there[distance == distance.min()]
+        assert out[tuple(place)] in HILLS[tuple(near.T)]
+    volume = np.arange(60.0).reshape(3, 4, 5)
+    gone = volume == 22
+    assert abs(filled(volume, gone, "nearest", [1.0])[gone][0] - 22) in (1, 5, 20)
+
+
+def test_nothing_but_missing_samples() -> None:
+    with pytest.raises(InputError, match="all samples are missing"):
+        filled(HILLS, np.ones_like(HOLE), "below", [1.0])
+
+
+def test_on_the_command_line(tmp_path: Path) -> None:
+    field = HILLS.astype(np.float32)
+    field[HOLE] = -9999
+    dem, out = tiff(tmp_path / "dem.tif", field, "-9999"), tmp_path / "out.iso"
+    result = run("encode", dem, "-o", out, "--isovalue", 80.5)
+    assert result.exit_code == 0 and "samples are marked as missing" in result.stderr and "--missing" in result.stderr
+    for way in ("below", "above", "nearest"):
+        result = run("encode", dem, "-o", out, "--isovalue", 80.5, "--missing", way)
+        assert result.exit_code == 0 and "missing" not in result.stderr
+        assert out.read_bytes() == isocodec.encode(filled(field, HOLE, way, [80.5]), 80.5)
+
+    np.save(tmp_path / "dem.npy", np.where(HOLE, np.nan, field))
+    assert "--missing" in fails(3, "encode", tmp_path / "dem.npy", "-o", out, "--isovalue", 80.5)
+    ok("encode", tmp_path / "dem.npy", "-o", out, "--isovalue", 80.5, "--missing", "below")
+    assert out.read_bytes() == isocodec.encode(filled(field, HOLE, "below", [80.5]), 80.5)
+    np.save(tmp_path / "dem.npy", field)
+    ok("encode", tmp_path / "dem.npy", "-o", out, "--isovalue", 80.5, "--missing", "nearest", "--nodata", "-9999")
+    assert out.read_bytes() == isocodec.encode(filled(field, HOLE, "nearest", [80.5]), 80.5)
+    assert "--missing" in fails(2, "encode", dem, "-o", out, "--isovalue", 80.5, "--nodata", "-9999")
+    assert "all samples" in fails(
+        3, "encode", tiff(tmp_path / "sea.tif", np.zeros((4, 4)), "0"), "-o", out, "--isovalue", 1, "--missing", "below"
+    )
