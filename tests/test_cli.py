@@ -57,6 +57,21 @@ def test_encode_options_are_those_of_the_library(
     assert (tmp_path / "out.iso").read_bytes() == isocodec.encode(HILLS, 80.5, **keywords)
 
 
+@pytest.mark.parametrize(
+    ("options", "keywords"), [([], {"signs_only": True}), (["--tolerance", "0.5"], {"tolerance": 0.5})]
+)
+def test_encode_one_of_several_labels(tmp_path: Path, options: list[str], keywords: dict[str, Any]) -> None:
+    labels = np.digitize(HILLS, [20, 80, 140])
+    source, out = tmp_path / "labels.npy", tmp_path / "out.iso"
+    np.save(source, labels.astype(np.float32))
+    ok("encode", source, "-o", out, "--label", 2, *options)
+    assert out.read_bytes() == isocodec.encode(labels == 2, 0.5, **keywords)
+    assert "there are 0, 1, 2, 3" in fails(3, "encode", source, "-o", out, "--label", 7)
+    assert "not both" in fails(2, "encode", source, "-o", out, "--label", 2, "--isovalue", 1)
+    assert "not both" in fails(2, "encode", source, "-o", out)
+    assert "contradict" in fails(2, "encode", source, "-o", out, "--label", 2, "--missing", "below")
+
+
 def test_encode_floats_in_steps(tmp_path: Path) -> None:
     np.savez(tmp_path / "f.npz", values=HILLS / np.float64(3), other=np.zeros(1))
     ok("encode", tmp_path / "f.npz", "-o", tmp_path / "out.iso", "--isovalue", 25.1, "--step", 0.01)

@@ -14,7 +14,11 @@ from .progress import load_kernels, progress_bar
 from .report import check_output, concerning, tell, warn, write_output
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from numpy.typing import ArrayLike
+
+    from ..io.read import Field
 
 
 @click.command("encode", short_help="Encode the isocontour of a picture, terrain or volume.")
@@ -24,10 +28,15 @@ if TYPE_CHECKING:
     "--isovalue",
     "isovalues",
     type=Isovalue(),
-    required=True,
     multiple=True,
     metavar="V",
     help="Where the contour lies: value > V is inside. May be given several times.",
+)
+@click.option(
+    "--label",
+    type=Isovalue(),
+    metavar="K",
+    help="Instead of an isovalue: inside is where the value is K; with --signs-only if nothing else is said.",
 )
 @click.option("--independent", is_flag=True, help="Several isovalues: each can be decoded without the others.")
 @click.option("--exact", is_flag=True, help="All values along the contour, to the last bit (integer data).")
@@ -75,6 +84,7 @@ def encode_command(
     source: Path,
     output: Path,
     isovalues: tuple[float, ...],
+    label: float | None,
     independent: bool,
     exact: bool,
     tolerance: float | None,
@@ -99,6 +109,8 @@ def encode_command(
     INPUT is .npy, .npz, a PNG, JPEG or TIFF picture (a TIFF stack is a volume), or NIfTI. At most one of --exact,
     --tolerance, --steps, --signs-only and --step says how precisely the contour is kept.
     """
+    if bool(isovalues) == (label is not None):
+        raise click.UsageError("needed is --isovalue, or --label of a volume of labels, not both")
     precise = {"--exact": exact, "--tolerance": tolerance is not None, "--signs-only": signs_only}
     precise |= {"--step": step is not None, "--steps": steps is not None}
     coarse = {"--base-level": base_level is not None, "--steps": steps is not None}
@@ -112,17 +124,16 @@ def encode_command(
     notes = _metadata(metadata)
     if spacing is not None and no_placement:
         raise click.UsageError("--spacing and --no-placement contradict one another: choose one")
+    if label is not None and missing is not None:
+        raise click.UsageError("--label and --missing contradict one another: what has another value has another label")
     if nodata is not None and missing is None:
         raise click.UsageError("--nodata says which samples are missing; --missing has to say what is taken instead")
     steps_along = _numbers("--spacing", spacing)
     check_output(output, source)
 
-    import numpy as np
-
     import isocodec
 
     from ..grid.placement import CRS, PLACEMENT
-    from ..io.missing import filled, missing_samples, read_nodata
     from ..io.place import read_place
     from ..io.read import read_field
 
@@ -133,12 +144,11 @@ def encode_command(
         field = read_field(source, key=key, channel=channel)
         if steps_along is not None and len(steps_along) != field.ndim:
             raise click.UsageError(f"--spacing {spacing}: needed is a number for each of the {field.ndim} axes")
-        gone = missing_samples(field, read_nodata(source) if nodata is None else nodata)
-        if missing is not None:
-            field = filled(field, gone, missing, isovalues)
-        elif gone.any() and not np.isnan(field[gone]).any():
-            count = f"{int(gone.sum()):,} samples are marked as missing"
-            warn(source, f"{count} and are taken as they are; --missing says what to take instead")
+        if label is not None:
+            field, isovalues = _labelled(field, label), (0.5,)
+            signs_only |= not any(precise.values())
+        else:
+            field = _whole(source, field, missing, nodata, isovalues)
         placement: ArrayLike | None = steps_along
         if placement is None and not no_placement and PLACEMENT not in notes:
             place = read_place(source, field.ndim)
@@ -194,6 +204,35 @@ def encode_command(
         },
         as_json,
     )
+
+
+def _labelled(field: Field, label: float) -> Field:
+    """Which samples have a label."""
+    import numpy as np
+
+    from ..errors import InputError
+
+    inside = np.asarray(field == label)
+    if not inside.any():
+        there = np.unique(field)
+        text = ", ".join(f"{value:g}" for value in there[:20]) + (" ..." if len(there) > 20 else "")
+        raise InputError(f"no sample has the label {label:g}", code="label", remedy=f"there are {text}")
+    return inside
+
+
+def _whole(source: Path, field: Field, missing: str | None, nodata: float | None, isovalues: Sequence[float]) -> Field:
+    """The field with something instead of missing samples, or a warning."""
+    import numpy as np
+
+    from ..io.missing import filled, missing_samples, read_nodata
+
+    gone = missing_samples(field, read_nodata(source) if nodata is None else nodata)
+    if missing is not None:
+        return filled(field, gone, missing, isovalues)
+    if gone.any() and not np.isnan(field[gone]).any():
+        count = f"{int(gone.sum()):,} samples are marked as missing"
+        warn(source, f"{count} and are taken as they are; --missing says what to take instead")
+    return field
 
 
 def _criterion(text: str | None) -> tuple[str | None, float | None]:
