@@ -231,7 +231,7 @@ def test_truncate_to_bytes(name):
         assert len(short) <= size
         decoder = closed(short)
         contour = decoder.snapshot()
-        assert contour.complete
+        assert decoder.complete and contour.complete == (short == data)
         most = max((sum(symbols.values()) for length, symbols in kept if length <= size), default=0)
         assert sum(decoder.symbols.values()) >= most
         # The checksum, the chunk's length and the number of symbols have to fit too: 4 + 1 + 3 and some.

@@ -184,12 +184,15 @@ def encode_command(
     for isovalue in isovalues:
         if not low <= isovalue < high:
             warn(source, f"the isovalue {isovalue:g} lies outside the data ({low:g} to {high:g}): the curve is empty")
-        ties = int((field == isovalue).sum()) if preserve_topology or exact or step is not None else 0
+        ties = int((field == isovalue).sum()) if not signs_only else 0
         if ties and preserve_topology:
             warn(source, f"{ties:,} samples equal the isovalue {isovalue:g}: they count as below in the topology")
-        elif ties:
-            text = f"{ties:,} samples equal the isovalue {isovalue:g}: there points of the contour fall together"
-            warn(source, f"{text}, which {isovalue + 0.5:g} avoids" if field.dtype.kind in "biu" else text)
+        elif ties and field.dtype.kind in "biu":
+            text = "there points of the contour fall together" if exact else "they count as below"
+            warn(source, f"{ties:,} samples equal the isovalue {isovalue:g}: {text}, which {isovalue + 0.5:g} avoids")
+        elif ties and step is not None:
+            text = "there points of the contour fall together"
+            warn(source, f"{ties:,} samples equal the isovalue {isovalue:g}: {text}")
     layers = len(isocodec.inspect(data).layers)
     tell(
         f"{click.format_filename(output)}: {len(data):,} bytes, {layers} layers, {seconds:.2f} s",
@@ -228,6 +231,8 @@ def _whole(source: Path, field: Field, missing: str | None, nodata: float | None
 
     gone = missing_samples(field, read_nodata(source) if nodata is None else nodata)
     if missing is not None:
+        if not gone.any():
+            warn(source, "no samples are missing; --nodata says which value stands for them")
         return filled(field, gone, missing, isovalues)
     if gone.any() and not np.isnan(field[gone]).any():
         count = f"{int(gone.sum()):,} samples are marked as missing"

@@ -35,7 +35,7 @@ class Contour:
     shape : tuple of int
         Samples along each axis of the sampled box.
     complete : bool
-        False if the contour was drawn before all of its data had come.
+        False if the contour was drawn before all of its data had come, or from a file cut within a layer.
     placement : (n, n + 1) float64, or None
         Where samples lie in the world: ``placement[:, :n] @ index + placement[:, n]``; None if the file does not say.
     metadata : dict of str to str

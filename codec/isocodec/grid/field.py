@@ -72,8 +72,8 @@ class Field:
             number = np.maximum(number, 0)
         if len(number) and int(number.max()) >= MAX_NUMBER:
             raise InputError(
-                f"values next to the curve lie {int(number.max())} steps from the isovalue, more than 2**52",
-                code="range", remedy="use a larger step, or --tolerance",
+                f"values next to the curve lie {float(number.max()):.3g} steps from the isovalue, more than 2**52",
+                code="range", remedy="use a larger step, or a tolerance; or do they stand for missing samples?",
             )  # fmt: skip
         return number.astype(np.int64)
 

@@ -208,6 +208,8 @@ def _read_tiff(path: Path) -> tuple[Field, int | None]:
     """TIFF: the samples, and which axis is that of the colour channels."""
     tifffile = optional("tifffile", extra="image", purpose=f"reading {path.suffix}")
     with _reading("TIFF"), tifffile.TiffFile(path) as tiff:
+        if not tiff.series:
+            raise InputError("holds no picture", code="unreadable")
         if len(tiff.series) != 1:
             shapes = ", ".join(str(series.shape) for series in tiff.series[:20])
             raise InputError(
@@ -222,14 +224,15 @@ def _read_tiff(path: Path) -> tuple[Field, int | None]:
         colour = next((axes.index(letter) for letter in "SC" if letter in axes), None)
         try:
             picture = series.asarray()
-        except ValueError as exc:
-            if "imagecodecs" not in str(exc) or series.ndim != 2:
+        except (ValueError, ImportError) as exc:
+            # without the library some compressions are said to need it, and of others a module is not found
+            if isinstance(exc, ValueError) and "imagecodecs" not in str(exc):
                 raise
             picture = _read_compressed(path, series.shape, series.dtype, exc)
         return np.asarray(picture), colour
 
 
-def _read_compressed(path: Path, shape: tuple[int, ...], dtype: np.dtype[Any], reason: ValueError) -> Field:
+def _read_compressed(path: Path, shape: tuple[int, ...], dtype: np.dtype[Any], reason: Exception) -> Field:
     """Pictures packed in a way that tifffile leaves to a large extra library; pillow often knows it, too."""
     imageio = optional("imageio.v3", extra="image", purpose="reading a compressed TIFF")
     missing = MissingExtraError(
@@ -255,9 +258,9 @@ def _pick_channel(picture: Field, colour: int | None, channel: int | None) -> Fi
     if channel is None:
         if count > 1:
             raise InputError(
-                f"is a colour picture of {count} channels",
+                f"is a picture of {count} channels, colours or bands",
                 code="colour",
-                remedy=f"take one with --channel 0 to {count - 1}, or convert it to grey",
+                remedy=f"take one with --channel 0 to {count - 1}, or convert it to one",
             )
         channel = 0
     return np.take(picture, channel, axis=colour)

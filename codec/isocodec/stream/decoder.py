@@ -204,7 +204,7 @@ class Decoder:
             leaves = leaves_of(
                 tube, isovalue, lambda steps, above: interval_value(isovalue, header.scale, steps, above)
             )
-            contour = draw(leaves, complete=self._ended, smooth=smooth)
+            contour = draw(leaves, complete=self._ended and not self._cut, smooth=smooth)
             contour = replace(contour, origin_above=tube.origin_above)
         return replace(contour, placement=read_placement(self.metadata, n), metadata=dict(self.metadata))
 
