@@ -67,8 +67,8 @@ def test_encode_one_of_several_labels(tmp_path: Path, options: list[str], keywor
     ok("encode", source, "-o", out, "--label", 2, *options)
     assert out.read_bytes() == isocodec.encode(labels == 2, 0.5, **keywords)
     assert "there are 0, 1, 2, 3" in fails(3, "encode", source, "-o", out, "--label", 7)
-    assert "not both" in fails(2, "encode", source, "-o", out, "--label", 2, "--isovalue", 1)
-    assert "not both" in fails(2, "encode", source, "-o", out)
+    assert "one of them" in fails(2, "encode", source, "-o", out, "--label", 2, "--isovalue", 1)
+    assert "one of them" in fails(2, "encode", source, "-o", out)
     assert "contradict" in fails(2, "encode", source, "-o", out, "--label", 2, "--missing", "below")
 
 
@@ -216,7 +216,7 @@ def test_decode_json(surface: Path, tmp_path: Path, surface_data: bytes) -> None
         "bytes": 84 + 50 * len(contour.cells),
         "points": len(contour.points),
         "cells": len(contour.cells),
-        "isovalue": 55.5,
+        "isovalues": [55.5],
         "shape": [17, 17, 17],
         "complete": True,
     }

@@ -95,7 +95,7 @@ def test_empty_contours_are_valid_files() -> None:
         "type": "MultiLineString",
         "coordinates": [],
     }
-    assert not list(ElementTree.fromstring(render_contour(NO_CURVE, ".svg")).iter("{*}path"))
+    assert not list(ElementTree.fromstring(render_contour(NO_CURVE, ".svg")).findall(".//{*}path"))
     assert render_contour(NO_SURFACE, ".stl") == bytes(84)
     ply = render_contour(NO_SURFACE, ".ply")
     assert b"element vertex 0\n" in ply
@@ -156,7 +156,7 @@ def ink(picture: bytes) -> np.ndarray:
 def test_picture_of_a_curve_has_the_grid_upright() -> None:
     # Row 1 of 21 is in the upper tenth of a picture of 6 inches at 150 dots.
     top = Contour(np.array([(1.0, 2.0), (1.0, 8.0)]), np.array([(0, 1)]), 0.0, (21, 21))
-    inked = ink(contour_picture(top))
+    inked = ink(contour_picture([top]))
     assert inked.shape == (900, 900)
     rows = np.flatnonzero(inked[50:800, 300:350].any(axis=1)) + 50  # without title, frame and ticks
     assert len(rows)

@@ -241,7 +241,7 @@ def leave_files() -> None:
 
 
 def leave_docs() -> None:
-    """The README's pictures: the steps of two files, in few colours."""
+    """The README's pictures, in few colours: the steps of two files, several isovalues, and a smooth drawing."""
     from PIL import Image
 
     for item in ITEMS:
@@ -254,6 +254,12 @@ def leave_docs() -> None:
         run("plot", iso, "-o", picture, "--steps", "4")
         with Image.open(io.BytesIO(picture.read_bytes())) as image:
             image.convert("RGB").quantize(16).save(picture, optimize=True)
+    (terrain,) = (item for item in ITEMS if item.name == "terrain")
+    iso, picture = OUT / "contours.iso", DOCS / "contours.png"
+    run("encode", terrain.path, "-o", iso, "--interval", "100")
+    run("decode", iso, "-o", picture)
+    with Image.open(io.BytesIO(picture.read_bytes())) as image:
+        image.convert("RGB").quantize(32).save(picture, optimize=True)
     (skin,) = (item for item in ITEMS if item.name == "ct-skin")
     with Image.open(io.BytesIO(smoothing(skin))) as image:
         image.convert("RGB").quantize(32).save(DOCS / "smooth.png", optimize=True)

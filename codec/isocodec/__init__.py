@@ -14,7 +14,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from .api import decode, decode_mask, encode, warm_up
+    from .api import decode, decode_all, decode_mask, encode, warm_up
     from .contour import Contour
     from .errors import FormatError, InputError, IsoError, LimitError, MissingExtraError, OptionError, TruncatedError
     from .io.areas import areas
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 __version__ = "0.1.0"
 
 _HOMES = {
-    "api": ("decode", "decode_mask", "encode", "warm_up"),
+    "api": ("decode", "decode_all", "decode_mask", "encode", "warm_up"),
     "contour": ("Contour",),
     "errors": (
         "FormatError", "InputError", "IsoError", "LimitError", "MissingExtraError", "OptionError", "TruncatedError",
@@ -59,6 +59,7 @@ __all__ = [
     "TruncatedError",
     "areas",
     "decode",
+    "decode_all",
     "decode_mask",
     "encode",
     "inspect",

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from numbers import Integral
 from typing import Any
 
@@ -102,6 +102,28 @@ def decode(
     return decoder.drawn(number, smooth)
 
 
+def decode_all(
+    data: bytes,
+    *,
+    max_bytes: int | None = None,
+    smooth: bool = False,
+    limits: Limits | None = None,
+    progress: Callable[[int, int], object] | None = None,
+) -> list[Contour]:
+    """Decode a file to the curves or surfaces of all its isovalues, in the file's order.
+
+    Parameters, errors
+    ------------------
+    As in `decode`. Of the first bytes, those isovalues that begin in them.
+
+    Returns
+    -------
+    list of Contour
+    """
+    decoder = received(data, None, max_bytes, limits, progress)
+    return [decoder.drawn(number, smooth) for number in range(len(decoder.isovalues))]
+
+
 def decode_mask(
     data: bytes,
     *,
@@ -144,12 +166,29 @@ def decoded(
     limits: Limits | None = None,
     progress: Callable[[int, int], object] | None = None,
 ) -> tuple[Decoder, int]:
-    """A decoder that has taken what was asked for of a file, and the number of the isovalue."""
-    for asked, what, code in ((layers, "layers", "layers"), (max_bytes, "bytes", "max-bytes")):
-        if asked is not None and not (isinstance(asked, Integral) and asked >= 1):
-            raise OptionError(f"{asked} {what}, needed is a whole number from 1 on", code=code)
+    """A decoder that has taken what was asked for of an isovalue of a file, and its number."""
+    if layers is not None:
+        _check_count(layers, "layers", "layers")
     number, chain = _chain(data, isovalue)
-    decoder = Decoder(limits, only=chain)
+    decoder = received(data, chain, max_bytes, limits, progress, number, layers)
+    if number >= len(decoder.isovalues):
+        raise TruncatedError("the file ends before its curve begins", code="truncated")
+    return decoder, number
+
+
+def received(
+    data: bytes,
+    only: Collection[int] | None,
+    max_bytes: int | None = None,
+    limits: Limits | None = None,
+    progress: Callable[[int, int], object] | None = None,
+    number: int = 0,
+    layers: int | None = None,
+) -> Decoder:
+    """A decoder that has taken all, or the first ``layers`` layers of isovalue ``number``, or the first bytes."""
+    if max_bytes is not None:
+        _check_count(max_bytes, "bytes", "max-bytes")
+    decoder = Decoder(limits, only=only)
     decoder.feed(octets(data)[:max_bytes])
     done = 0
     for event in decoder:
@@ -158,12 +197,17 @@ def decoded(
                 progress(event.number, len(decoder.layers))
             done += len(decoder.isovalues) - 1 == number
             if done == layers:
-                return decoder, number
+                return decoder
     if max_bytes is None:
         decoder.close()
-    if number >= len(decoder.isovalues):
+    if not decoder.isovalues:
         raise TruncatedError("the file ends before its curve begins", code="truncated")
-    return decoder, number
+    return decoder
+
+
+def _check_count(asked: int, what: str, code: str) -> None:
+    if not (isinstance(asked, Integral) and asked >= 1):
+        raise OptionError(f"{asked} {what}, needed is a whole number from 1 on", code=code)
 
 
 def _chain(data: bytes, isovalue: float | None) -> tuple[int, frozenset[int]]:

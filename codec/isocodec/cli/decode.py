@@ -12,15 +12,19 @@ import click
 from ..errors import FormatError
 from .options import iso_argument, json_option, output_option, partial_option, smooth_option
 from .progress import load_kernels
-from .receive import receive, warn_of_others
+from .receive import receive, receive_all, warn_of_others
 from .report import check_output, concerning, read_iso, tell, write_output
 
 
 @click.command("decode", short_help="Decode to a curve, a surface or a picture of it.")
 @iso_argument
 @output_option("OUT")
-@click.option("--isovalue", type=float, metavar="V", help="Which isovalue, of several.  [default: the first]")
-@click.option("--layers", type=click.IntRange(min=1), metavar="N", help="Only the first N layers of that isovalue.")
+@click.option(
+    "--isovalue", type=float, metavar="V", help="Which isovalue, of several.  [default: all that OUT can hold]"
+)
+@click.option(
+    "--layers", type=click.IntRange(min=1), metavar="N", help="Only the first N layers of that isovalue, or the first."
+)
 @click.option("--max-bytes", type=click.IntRange(min=1), metavar="N", help="Only the first N bytes.")
 @click.option("--in-samples", is_flag=True, help="Coordinates in samples, even if the file says where these lie.")
 @click.option(
@@ -44,47 +48,58 @@ def decode_command(
     say, or --spacing), .geojson, .ply, .stl and .obj have the coordinates of the world instead.
 
     With --areas the .geojson holds polygons with holes: the curve, closed along the border of the samples.
+
+    Of a file of several isovalues, .geojson, .svg and .png show all (a feature each), the others one.
     """
-    from ..io.write import check_areas, check_libraries, check_suffix, render_areas, render_contour
+    from ..io.write import check_areas, check_libraries, check_suffix, holds_several, render_areas, render_contour
 
     with concerning(output):
         if areas:
             check_areas(output)
-        else:
-            suffix = check_suffix(output)
-            check_libraries(suffix)
+        suffix = check_suffix(output)
+        check_libraries(suffix)
     check_output(output, source)
     data = read_iso(source)
 
     import isocodec
 
+    from ..stream.header import read_header
+
     load_kernels()
     started = time.perf_counter()
-    decoder, number = receive(source, data, isovalue, partial, layers, max_bytes)
     with concerning(source):
-        contour = decoder.drawn(number, smooth)
+        found = read_header(data)
+    if found and isovalue is None and layers is None and holds_several(suffix, len(found[0].shape)):
+        decoder = receive_all(source, data, partial, max_bytes)
+        numbers = list(range(len(decoder.isovalues)))
+    else:
+        decoder, number = receive(source, data, isovalue, partial, layers, max_bytes)
+        numbers = [number]
+    with concerning(source):
+        contours = [decoder.drawn(number, smooth) for number in numbers]
     seconds = time.perf_counter() - started
-    if isovalue is None:
+    if isovalue is None and len(contours) == 1:
         # what lies behind the layers asked for may be damaged
         with suppress(FormatError):
-            warn_of_others(source, contour.isovalue, isocodec.inspect(data).isovalues)
+            warn_of_others(source, contours[0].isovalue, isocodec.inspect(data).isovalues)
     if in_samples:
-        contour = replace(contour, placement=None)
+        contours = [replace(contour, placement=None) for contour in contours]
     with concerning(source if areas else output):
-        rendered = render_areas(contour, areas == "above") if areas else render_contour(contour, suffix)
+        rendered = render_areas(contours, areas == "above") if areas else render_contour(contours, suffix)
     write_output(output, rendered)
-    pieces = "segments" if len(contour.shape) == 2 else "triangles"
+    pieces = "segments" if len(contours[0].shape) == 2 else "triangles"
+    points, cells = sum(len(contour.points) for contour in contours), sum(len(contour.cells) for contour in contours)
     tell(
-        f"{click.format_filename(output)}: {len(contour.points):,} points, {len(contour.cells):,} {pieces}, "
-        f"{seconds:.2f} s",
+        f"{click.format_filename(output)}: {points:,} points, {cells:,} {pieces}, {seconds:.2f} s"
+        + (f", {len(contours)} isovalues" if len(contours) > 1 else ""),
         {
             "output": str(output),
             "bytes": len(rendered),
-            "points": len(contour.points),
-            "cells": len(contour.cells),
-            "isovalue": contour.isovalue,
-            "shape": list(contour.shape),
-            "complete": contour.complete,
+            "points": points,
+            "cells": cells,
+            "isovalues": [contour.isovalue for contour in contours],
+            "shape": list(contours[0].shape),
+            "complete": all(contour.complete for contour in contours),
             "seconds": round(seconds, 3),
         },
         as_json,

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import logging
+import math
 import time
+from decimal import Decimal
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -31,6 +33,12 @@ if TYPE_CHECKING:
     multiple=True,
     metavar="V",
     help="Where the contour lies: value > V is inside. May be given several times.",
+)
+@click.option(
+    "--interval",
+    type=Isovalue(),
+    metavar="S",
+    help="Instead of isovalues: all multiples of S among the data, in one file.",
 )
 @click.option(
     "--label",
@@ -84,6 +92,7 @@ def encode_command(
     source: Path,
     output: Path,
     isovalues: tuple[float, ...],
+    interval: float | None,
     label: float | None,
     independent: bool,
     exact: bool,
@@ -109,8 +118,10 @@ def encode_command(
     INPUT is .npy, .npz, a PNG, JPEG or TIFF picture (a TIFF stack is a volume), or NIfTI. At most one of --exact,
     --tolerance, --steps, --signs-only and --step says how precisely the contour is kept.
     """
-    if bool(isovalues) == (label is not None):
-        raise click.UsageError("needed is --isovalue, or --label of a volume of labels, not both")
+    if bool(isovalues) + (interval is not None) + (label is not None) != 1:
+        raise click.UsageError("needed is --isovalue, --interval, or --label of a volume of labels: one of them")
+    if interval is not None and not 0 < interval < math.inf:
+        raise click.UsageError(f"--interval {interval}: needed is a number greater than 0")
     precise = {"--exact": exact, "--tolerance": tolerance is not None, "--signs-only": signs_only}
     precise |= {"--step": step is not None, "--steps": steps is not None}
     coarse = {"--base-level": base_level is not None, "--steps": steps is not None}
@@ -134,6 +145,7 @@ def encode_command(
     import isocodec
 
     from ..grid.placement import CRS, PLACEMENT
+    from ..io.missing import missing_samples, read_nodata
     from ..io.place import read_place
     from ..io.read import read_field
 
@@ -148,7 +160,10 @@ def encode_command(
             field, isovalues = _labelled(field, label), (0.5,)
             signs_only |= not any(precise.values())
         else:
-            field = _whole(source, field, missing, nodata, isovalues)
+            gone = missing_samples(field, read_nodata(source) if nodata is None else nodata)
+            if interval is not None:
+                isovalues = _multiples(interval, field[~gone])
+            field = _whole(source, field, gone, missing, isovalues)
         placement: ArrayLike | None = steps_along
         if placement is None and not no_placement and PLACEMENT not in notes:
             place = read_place(source, field.ndim)
@@ -180,19 +195,7 @@ def encode_command(
             )
         seconds = time.perf_counter() - started
     write_output(output, data)
-    low, high = field.min(), field.max()
-    for isovalue in isovalues:
-        if not low <= isovalue < high:
-            warn(source, f"the isovalue {isovalue:g} lies outside the data ({low:g} to {high:g}): the curve is empty")
-        ties = int((field == isovalue).sum()) if not signs_only else 0
-        if ties and preserve_topology:
-            warn(source, f"{ties:,} samples equal the isovalue {isovalue:g}: they count as below in the topology")
-        elif ties and field.dtype.kind in "biu":
-            text = "there points of the contour fall together" if exact else "they count as below"
-            warn(source, f"{ties:,} samples equal the isovalue {isovalue:g}: {text}, which {isovalue + 0.5:g} avoids")
-        elif ties and step is not None:
-            text = "there points of the contour fall together"
-            warn(source, f"{ties:,} samples equal the isovalue {isovalue:g}: {text}")
+    _warn_of_values(source, field, isovalues, exact or step is not None, preserve_topology, signs_only)
     layers = len(isocodec.inspect(data).layers)
     tell(
         f"{click.format_filename(output)}: {len(data):,} bytes, {layers} layers, {seconds:.2f} s",
@@ -223,13 +226,63 @@ def _labelled(field: Field, label: float) -> Field:
     return inside
 
 
-def _whole(source: Path, field: Field, missing: str | None, nodata: float | None, isovalues: Sequence[float]) -> Field:
+def _multiples(interval: float, samples: Field) -> tuple[float, ...]:
+    """Multiples of an interval with samples above and not above them, rising; of 0.1 they are 0.1, 0.2, 0.3 .. ."""
+    from isospec.container import MAX_ISOVALUES
+
+    from ..errors import InputError
+
+    if not samples.size:
+        return ()
+    low, high = float(samples.min()), float(samples.max())
+    if not (math.isfinite(low) and math.isfinite(high)):
+        raise InputError("the data hold infinite values, and so all multiples", code="interval", remedy="--isovalue")
+    first, end = math.floor(low / interval), math.ceil(high / interval) + 1
+    near = (float(k * Decimal(repr(interval))) for k in range(first, min(end, first + MAX_ISOVALUES + 3)))
+    out = tuple(value for value in near if low <= value < high)
+    if len(out) > MAX_ISOVALUES:
+        raise InputError(
+            f"some {end - first - 1:,} multiples of {interval:g} lie among the data ({low:g} to {high:g}), and a file "
+            f"holds {MAX_ISOVALUES}", code="interval", remedy="choose a larger interval",
+        )  # fmt: skip
+    if not out:
+        raise InputError(
+            f"no multiple of {interval:g} lies among the data ({low:g} to {high:g})", code="interval",
+            remedy="choose a smaller interval",
+        )  # fmt: skip
+    return out
+
+
+def _warn_of_values(
+    source: Path, field: Field, isovalues: Sequence[float], valued: bool, preserve_topology: bool, signs_only: bool
+) -> None:
+    """Say which isovalues lie outside the data, and of which there are samples that may surprise."""
+    low, high = field.min(), field.max()
+    for isovalue in isovalues:
+        if not low <= isovalue < high:
+            warn(source, f"the isovalue {isovalue:g} lies outside the data ({low:g} to {high:g}): the curve is empty")
+    integer = field.dtype.kind in "biu"
+    if signs_only or not (preserve_topology or integer or valued):
+        return
+    ties = {isovalue: int((field == isovalue).sum()) for isovalue in isovalues}
+    tied = [isovalue for isovalue, count in ties.items() if count]
+    if not tied:
+        return
+    text = "there points of the contour fall together" if valued else "they count as below"
+    if preserve_topology:
+        text = "they count as below in the topology"
+    elif integer and len(tied) == 1:
+        text += f", which {tied[0] + 0.5:g} avoids"
+    of = f"the isovalue {tied[0]:g}" if len(tied) == 1 else f"one of {len(tied)} isovalues ({tied[0]:g}, ..)"
+    warn(source, f"{sum(ties.values()):,} samples equal {of}: {text}")
+
+
+def _whole(source: Path, field: Field, gone: Field, missing: str | None, isovalues: Sequence[float]) -> Field:
     """The field with something instead of missing samples, or a warning."""
     import numpy as np
 
-    from ..io.missing import filled, missing_samples, read_nodata
+    from ..io.missing import filled
 
-    gone = missing_samples(field, read_nodata(source) if nodata is None else nodata)
     if missing is not None:
         if not gone.any():
             warn(source, "no samples are missing; --nodata says which value stands for them")

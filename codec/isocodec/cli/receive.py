@@ -1,10 +1,10 @@
-"""What ``decode`` and ``mask`` take of a file: one isovalue, all of it or what was received."""
+"""What ``decode`` and ``mask`` take of a file: one isovalue or all of them, the whole or what was received."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from ..errors import TruncatedError
 from .progress import progress_bar
@@ -12,6 +12,8 @@ from .report import PARTIAL, concerning, warn
 
 if TYPE_CHECKING:
     from ..stream.decoder import Decoder
+
+Taken = TypeVar("Taken")
 
 
 def receive(
@@ -21,16 +23,35 @@ def receive(
     """A decoder that has taken what was asked for, and the number of the isovalue; a warning if it is a part."""
     from ..api import decoded
 
+    def take(most: int | None, progress: Any) -> tuple[Decoder, int]:
+        return decoded(data, isovalue, layers, most, progress=progress)
+
+    return _taken(take, source, data, partial, max_bytes)
+
+
+def receive_all(source: Path, data: bytes, partial: bool, max_bytes: int | None) -> Decoder:
+    """Likewise a decoder that has taken all isovalues."""
+    from ..api import received
+
+    def take(most: int | None, progress: Any) -> Decoder:
+        return received(data, None, most, progress=progress)
+
+    return _taken(take, source, data, partial, max_bytes)
+
+
+def _taken(
+    take: Callable[[int | None, Any], Taken], source: Path, data: bytes, partial: bool, max_bytes: int | None
+) -> Taken:
     with concerning(source), progress_bar("decoding") as progress:
         try:
-            return decoded(data, isovalue, layers, max_bytes, progress=progress)
+            return take(max_bytes, progress)
         except TruncatedError as exc:
             if max_bytes is not None:
                 raise
             if not partial:
                 exc.remedy = PARTIAL
                 raise
-            taken = decoded(data, isovalue, layers, len(data) or 1, progress=progress)
+            taken = take(len(data) or 1, progress)
             warn(source, f"{exc.message}; only what was received is decoded")
             return taken
 

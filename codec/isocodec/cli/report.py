@@ -135,7 +135,10 @@ def tell(text: str, record: dict[str, Any], as_json: bool) -> None:
 def read_iso(path: Path) -> bytes:
     """The bytes of an .iso file."""
     with concerning(path):
-        return path.read_bytes()
+        data = path.read_bytes()
+        if not data:
+            raise TruncatedError("the file is empty", code="truncated", offset=0, clause="3.3")
+        return data
 
 
 def check_output(output: Path, source: Path) -> None:

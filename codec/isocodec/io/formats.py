@@ -22,11 +22,14 @@ class Format:
         Makes the whole file.
     needs : callable, optional
         Loads the library that ``render`` needs, or raises.
+    several : tuple of int
+        Axes of the fields of which it can hold several things: ``render`` then takes a sequence of them.
     """
 
     dimensions: tuple[int, ...]
     render: Callable[..., bytes]
     needs: Callable[[], object] | None = None
+    several: tuple[int, ...] = ()
 
     def check_libraries(self) -> None:
         """Find out before the work that the library is missing.

@@ -6,6 +6,7 @@ Figures are made without ``pyplot``: no window system, no state left behind.
 from __future__ import annotations
 
 import io
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import product
@@ -24,6 +25,9 @@ PICTURE_SUFFIXES = (".png", ".pdf", ".svg")
 
 _DPI = 150
 _INK = (0.10, 0.25, 0.45)
+_INKS = "viridis"
+_NAMED = 12
+"""Most isovalues that a legend lists."""
 _SURFACE = np.array([0.62, 0.72, 0.84])
 _STRETCH = 100.0
 # Panels in one row; more go on to the next.
@@ -51,21 +55,52 @@ class Step:
     mesh: tuple[np.ndarray, np.ndarray] | None = None
 
 
-def contour_picture(contour: Contour, suffix: str = ".png") -> bytes:
-    """The file of a picture of one contour, 2-D or 3-D.
+def contour_picture(contours: Sequence[Contour], suffix: str = ".png") -> bytes:
+    """The file of a picture of a contour, 2-D or 3-D, or of several of one field: curves in one, surfaces side by side.
 
     Raises
     ------
     OptionError
-        If the contour is neither.
+        If the contours are neither.
     MissingExtraError
         Without matplotlib.
     """
-    figure = _figure(_panel_size(contour, 6.0))
-    axes = figure.add_subplot()
-    _draw(axes, contour, pixels=6 * _DPI)
-    axes.set_title(f"isovalue {contour.isovalue:g}", fontsize=9)
+    first = contours[0]
+    if len(contours) > 1 and len(first.shape) == 2:
+        return _file(_curves_figure(contours), suffix)
+    width, height = _panel_size(first, 6.0)
+    columns = math.ceil(math.sqrt(len(contours)))
+    rows = -(-len(contours) // columns)
+    figure = _figure((width, height * rows / columns))
+    for number, contour in enumerate(contours, start=1):
+        axes = figure.add_subplot(rows, columns, number)
+        _draw(axes, contour, pixels=6 * _DPI // columns)
+        axes.set_title(f"isovalue {contour.isovalue:g}", fontsize=9)
     return _file(figure, suffix)
+
+
+def _curves_figure(contours: Sequence[Contour]) -> Any:
+    """Curves of several isovalues in one picture, each in its colour."""
+    cm = optional("matplotlib.cm", extra="plot", purpose="drawing a picture")
+    isovalues = [contour.isovalue for contour in contours]
+    colours = cm.ScalarMappable(cmap=_INKS)
+    low, high = min(isovalues), max(isovalues)
+    colours.set_clim(low, high + (high - low) / 8)  # without the palest, on white
+    width, height = _panel_size(contours[0], 6.0)
+    figure = _figure((width + 1.0, height))  # room for what names the colours
+    axes = figure.add_subplot()
+    for contour in contours:
+        _draw_curve(axes, contour, colours.to_rgba(contour.isovalue))
+    if len(contours) > _NAMED:
+        bar = figure.colorbar(colours, ax=axes, label="isovalue").ax
+        bar.set_ylim(low, high)
+        bar.tick_params(labelsize=7)
+        return figure
+    down = sorted(range(len(contours)), key=lambda i: -isovalues[i])
+    lines = [axes.collections[i] for i in down]
+    names = [f"{isovalues[i]:g}" for i in down]
+    figure.legend(lines, names, loc="outside right upper", fontsize=7, title="isovalue", title_fontsize=7)
+    return figure
 
 
 def steps_picture(steps: Sequence[Step], suffix: str = ".png") -> bytes:
@@ -162,10 +197,10 @@ def _draw_mesh(axes: Any, contour: Contour, position: np.ndarray, simplices: np.
     )
 
 
-def _draw_curve(axes: Any, contour: Contour) -> None:
+def _draw_curve(axes: Any, contour: Contour, colour: tuple[float, ...] = _INK) -> None:
     collections = optional("matplotlib.collections", extra="plot", purpose="drawing a picture")
     lines = [np.asarray(line)[:, ::-1] for line in contour.lines]
-    axes.add_collection(collections.LineCollection(lines, colors=[_INK], linewidths=0.7, capstyle="round"))
+    axes.add_collection(collections.LineCollection(lines, colors=[colour], linewidths=0.7, capstyle="round"))
     rows, columns = contour.shape
     axes.set_xlim(-0.5, columns - 0.5)
     # Downwards, as pictures are shown.

@@ -12,6 +12,7 @@ import json
 import math
 import os
 import re
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from xml.etree import ElementTree
@@ -67,22 +68,33 @@ def check_libraries(suffix: str) -> None:
     _FORMATS[suffix].check_libraries()
 
 
-def render_contour(contour: Contour, suffix: str) -> bytes:
-    """The whole file of a contour, in the format that ``suffix`` (``".ply"``) names.
+def holds_several(suffix: str, dimension: int) -> bool:
+    """Whether a file of this format can hold contours of several isovalues of a field of ``dimension`` axes."""
+    return dimension in _FORMATS[suffix].several
+
+
+def render_contour(contour: Contour | Sequence[Contour], suffix: str) -> bytes:
+    """The whole file of a contour, or of those of several isovalues, in the format that ``suffix`` (``".ply"``) names.
 
     Raises
     ------
     OptionError
-        If there is no such format for the dimension of the contour.
+        If there is no such format for the dimension of the contour, or it cannot hold several.
     MissingExtraError
         If a library is needed that is not installed.
     """
-    suffix = check_suffix(f"_{suffix}", len(contour.shape))
-    return _FORMATS[suffix].render(contour)
+    contours = list(contour) if isinstance(contour, Sequence) else [contour]
+    dimension = len(contours[0].shape)
+    suffix = check_suffix(f"_{suffix}", dimension)
+    if holds_several(suffix, dimension):
+        return _FORMATS[suffix].render(contours)
+    if len(contours) > 1:
+        raise OptionError(f"{suffix} cannot hold several isovalues", code="suffix", remedy="write one after the other")
+    return _FORMATS[suffix].render(contours[0])
 
 
-def write_contour(contour: Contour, path: str | os.PathLike[str]) -> None:
-    """Write a contour in the format that the suffix of ``path`` names; whole, or not at all.
+def write_contour(contour: Contour | Sequence[Contour], path: str | os.PathLike[str]) -> None:
+    """Write a contour, or several, in the format that the suffix of ``path`` names; whole, or not at all.
 
     Raises
     ------
@@ -116,27 +128,25 @@ def _npz(contour: Contour) -> bytes:
 # ---- 2-D ------------------------------------------------------------------------------------------------------------
 
 
-def _geojson(contour: Contour) -> bytes:
-    return _feature(contour, contour.__geo_interface__)
+def _geojson(contours: Sequence[Contour]) -> bytes:
+    return _features([_feature(contour, contour.__geo_interface__) for contour in contours], contours[0])
 
 
-def render_areas(contour: Contour, above: bool) -> bytes:
-    """A GeoJSON file of the areas on one side of a contour.
+def render_areas(contours: Sequence[Contour], above: bool) -> bytes:
+    """A GeoJSON file of the areas on one side of a contour, or of each of several.
 
     Raises
     ------
     OptionError, TruncatedError, MissingExtraError
         As `areas`.
     """
-    return _feature(contour, areas(contour, above=above), area="above" if above else "below")
+    side = "above" if above else "below"
+    return _features([_feature(one, areas(one, above=above), area=side) for one in contours], contours[0])
 
 
-def _feature(contour: Contour, geometry: dict[str, Any], **properties: str) -> bytes:
-    """A feature with the properties isovalue, shape and complete; an empty curve is an empty geometry.
-
-    A reference system other than that of GeoJSON, degrees of longitude and latitude, is named as GeoJSON once had it.
-    """
-    feature: dict[str, Any] = {
+def _feature(contour: Contour, geometry: dict[str, Any], **properties: str) -> dict[str, Any]:
+    """A feature with the properties isovalue, shape and complete; an empty curve is an empty geometry."""
+    return {
         "type": "Feature",
         "properties": {
             "isovalue": float(contour.isovalue),
@@ -146,15 +156,26 @@ def _feature(contour: Contour, geometry: dict[str, Any], **properties: str) -> b
         },
         "geometry": geometry,
     }
+
+
+def _features(features: Sequence[dict[str, Any]], contour: Contour) -> bytes:
+    """The file of a feature, or of a collection of several of the same placement.
+
+    A reference system other than that of GeoJSON, degrees of longitude and latitude, is named as GeoJSON once had it.
+    """
+    whole: dict[str, Any] = features[0] if len(features) == 1 else {"type": "FeatureCollection", "features": features}
     system = _EPSG.fullmatch(contour.metadata.get(CRS, ""))
     if contour.placement is not None and system and system[1] != _DEGREES:
-        feature["crs"] = {"type": "name", "properties": {"name": f"urn:ogc:def:crs:EPSG::{system[1]}"}}
-    return json.dumps(feature, separators=(",", ":"), allow_nan=False).encode() + b"\n"
+        whole["crs"] = {"type": "name", "properties": {"name": f"urn:ogc:def:crs:EPSG::{system[1]}"}}
+    return json.dumps(whole, separators=(",", ":"), allow_nan=False).encode() + b"\n"
 
 
-def _svg(contour: Contour) -> bytes:
-    """One path for each polyline; the view box is that of the picture's pixels, so that the two can be overlaid."""
-    rows, columns = contour.shape
+def _svg(contours: Sequence[Contour]) -> bytes:
+    """A group for each isovalue, in it a path for each polyline.
+
+    The view box is that of the picture's pixels, so that the two can be overlaid.
+    """
+    rows, columns = contours[0].shape
     root = ElementTree.Element(
         "svg",
         {
@@ -165,13 +186,13 @@ def _svg(contour: Contour) -> bytes:
             "viewBox": f"-0.5 -0.5 {columns} {rows}",
         },
     )
-    ElementTree.SubElement(root, "title").text = f"isovalue {contour.isovalue:g}"
-    group = ElementTree.SubElement(
-        root, "g", {"fill": "none", "stroke": "black", "stroke-width": "1", "stroke-linejoin": "round"}
-    )
-    for line in contour.lines:
-        # The width is then one of the screen: a contour has none of its own.
-        ElementTree.SubElement(group, "path", {"d": _path(np.asarray(line)), "vector-effect": "non-scaling-stroke"})
+    strokes = {"fill": "none", "stroke": "black", "stroke-width": "1", "stroke-linejoin": "round"}
+    for contour in contours:
+        group = ElementTree.SubElement(root, "g", strokes)
+        ElementTree.SubElement(group, "title").text = f"isovalue {contour.isovalue:g}"
+        for line in contour.lines:
+            # The width is then one of the screen: a contour has none of its own.
+            ElementTree.SubElement(group, "path", {"d": _path(np.asarray(line)), "vector-effect": "non-scaling-stroke"})
     return b'<?xml version="1.0" encoding="UTF-8"?>\n' + ElementTree.tostring(root) + b"\n"
 
 
@@ -217,9 +238,9 @@ def _surface_format(suffix: str) -> Format:
 
 _FORMATS: dict[str, Format] = {
     ".npz": Format((2, 3), _npz),
-    ".png": Format((2, 3), contour_picture, matplotlib_figure),
-    ".geojson": Format((2,), _geojson),
-    ".svg": Format((2,), _svg),
+    ".png": Format((2, 3), contour_picture, matplotlib_figure, several=(2, 3)),
+    ".geojson": Format((2,), _geojson, several=(2,)),
+    ".svg": Format((2,), _svg, several=(2,)),
     ".ply": _surface_format(".ply"),
     ".stl": _surface_format(".stl"),
     ".obj": _surface_format(".obj"),
