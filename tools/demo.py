@@ -255,11 +255,13 @@ def leave_docs() -> None:
         with Image.open(io.BytesIO(picture.read_bytes())) as image:
             image.convert("RGB").quantize(16).save(picture, optimize=True)
     (terrain,) = (item for item in ITEMS if item.name == "terrain")
-    iso, picture = OUT / "contours.iso", DOCS / "contours.png"
-    run("encode", terrain.path, "-o", iso, "--interval", "100")
-    run("decode", iso, "-o", picture)
-    with Image.open(io.BytesIO(picture.read_bytes())) as image:
-        image.convert("RGB").quantize(32).save(picture, optimize=True)
+    steps = ["--isovalue", f"{terrain.isovalue:g}", "--preserve-topology", "--steps", "16,4,1,0.25,exact"]
+    for name, asked, shown in (("contours", ["--interval", "100"], ["decode"]), ("steps", steps, ["plot", "--mesh"])):
+        iso, picture = OUT / f"{name}.iso", DOCS / f"{name}.png"
+        run("encode", terrain.path, "-o", iso, *asked)
+        run(*shown, iso, "-o", picture)
+        with Image.open(io.BytesIO(picture.read_bytes())) as image:
+            image.convert("RGB").quantize(32).save(picture, optimize=True)
     (skin,) = (item for item in ITEMS if item.name == "ct-skin")
     with Image.open(io.BytesIO(smoothing(skin))) as image:
         image.convert("RGB").quantize(32).save(DOCS / "smooth.png", optimize=True)

@@ -82,7 +82,7 @@ def containers() -> Iterator[Draft]:
     unknown = Chunk(9, b"needed")
     yield _refused("critical_chunk", bytes(plane.with_chunks(first, unknown)), "3.5.2", "an unknown critical chunk")
     yield _refused("chunk_zero", bytes(plane.with_chunks(Chunk(0, b""), first)), "3.5.2", "a critical chunk of type 0")
-    for kind, name in ((ChunkType.METADATA, "metadata"), (ChunkType.INDEX, "index")):
+    for kind, name in ((ChunkType.METADATA, "metadata"), (ChunkType.INDEX, "index"), (ChunkType.PROMISES, "promises")):
         critical = Chunk(kind, b"{}")
         yield _refused(f"critical_{name}", bytes(plane.with_chunks(first, critical)), "3.5.2", f"{name} as critical")
     ancillary = replace(first, ancillary=True)

@@ -131,6 +131,9 @@ def chunks() -> Iterator[Draft]:
     )  # fmt: skip
     odd = [Chunk(ChunkType.METADATA, text, ancillary=True) for text in (b"\xff\xfe", b"[1]", write_metadata({}))]
     yield Draft("plane_metadata_odd", bytes(several.with_chunks(*odd, *several.chunks)), 2, ("metadata to ignore",))
+    texts = (b"", b"\x02", b"\x00\x01", b"\x01\x00\x05", b"\x00\x01\x80\x05", b"\x01\x01\x85", b"\x01\xa0\x00\x85\x00")
+    odd = [Chunk(ChunkType.PROMISES, text, ancillary=True) for text in texts]
+    yield Draft("plane_promises_odd", bytes(several.with_chunks(*odd, *several.chunks)), 2, ("promises to ignore",))
     empty = several.with_chunks(Chunk(UNKNOWN, b"", ancillary=True))
     yield Draft("plane_no_layers", bytes(empty), 2, ("no layers at all",))
     cut = truncate(bytes(several), max_bytes=60)

@@ -29,6 +29,8 @@ MAX_UNIT = 24
 """Largest power of two samples that parts of offsets are counted in (clause 3.6.5)."""
 MAX_ISOVALUES = 64
 """Most isovalues of a file (clause 11.1)."""
+PROMISE_UNIT = 1000
+"""Parts of the distance of samples that promises count in (clause 3.7.3)."""
 MAX_PARTS = 1 << 24
 """Most parts of an edge, by all layers of offsets together (clause 3.6.5)."""
 
@@ -56,6 +58,7 @@ class ChunkType(IntEnum):
     METADATA = 3
     INDEX = 4
     ISOVALUE = 5
+    PROMISES = 6
 
 
 class Operation(IntEnum):

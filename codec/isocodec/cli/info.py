@@ -51,6 +51,10 @@ def _print(source: Path, info: FileInfo) -> None:
         facts.add_row(f"isovalue {number}", f"{isovalue:.17g}{leaning}")
     for key, text in info.metadata.items():
         facts.add_row(escape(_plain(key)), escape(_plain(text)))
+    if any(info.topology):
+        kept = [f"{v:.17g}" for v, kept in zip(info.isovalues, info.topology, strict=True) if kept]
+        whose = "" if all(info.topology) else f" of {', '.join(kept)}"
+        facts.add_row("topology", f"promised in every layer{whose}")
     facts.add_row("bytes", f"{info.bytes:,}")
     facts.add_row("overhead", f"{_number(info.overhead_bytes)} bytes")
     console.print(facts)
@@ -59,12 +63,16 @@ def _print(source: Path, info: FileInfo) -> None:
     layers = Table()
     layers.add_column("layer", justify="right")
     layers.add_column("kind")
-    for heading in ("level", "offset", "bytes"):
+    promised = any(layer.within for layer in info.layers)
+    for heading in ("level", "within", "offset", "bytes") if promised else ("level", "offset", "bytes"):
         layers.add_column(heading, justify="right")
     if counted:
         layers.add_column("symbols")
     for number, layer in enumerate(info.layers, start=1):
-        row = [str(number), layer.kind, _number(layer.level), _number(layer.offset), _number(layer.bytes)]
+        row = [str(number), layer.kind, _number(layer.level)]
+        if promised:
+            row.append("" if layer.within is None else f"{layer.within:g}")
+        row += [_number(layer.offset), _number(layer.bytes)]
         if counted:
             row.append("\n".join(f"{count:,} {element}" for element, count in (layer.symbols or {}).items()))
         layers.add_row(*row)

@@ -51,6 +51,7 @@ def plot_command(
     with concerning(source), progress_bar("drawing") as progress:
         info = isocodec.inspect(data)
         number = info.number_of(isovalue)
+        layers = [layer for layer in info.layers if layer.isovalue == number]
         decoder = isocodec.Decoder()
         decoder.feed(data)
         drawn: list[Step] = []
@@ -61,10 +62,11 @@ def plot_command(
                 continue
             if len(decoder.isovalues) - 1 == number:
                 own += 1
-                chosen = chosen or shown([layer.kind for layer in info.layers if layer.isovalue == number], steps)
+                chosen = chosen or shown([layer.kind for layer in layers], steps)
                 if own in chosen:
                     under = decoder.mesh(number) if mesh else None
-                    drawn.append(Step(decoder.drawn(number, smooth), event.offset, len(data), under))
+                    within = layers[own - 1].within
+                    drawn.append(Step(decoder.drawn(number, smooth), event.offset, len(data), under, within))
                     if progress is not None:
                         progress(len(drawn), len(chosen) + 1)  # and the drawing itself
         try:
@@ -76,7 +78,7 @@ def plot_command(
             if not (partial and begun):
                 raise
             warn(source, f"{exc.message}; only what was received is drawn")
-        if own < sum(layer.isovalue == number for layer in info.layers) or not drawn:
+        if own < len(layers) or not drawn:
             # the file ends within a layer
             under = decoder.mesh(number) if mesh else None
             drawn.append(Step(decoder.drawn(number, smooth), len(data), len(data), under))

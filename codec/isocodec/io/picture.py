@@ -46,13 +46,15 @@ _LIGHT = (_TOWARDS + 0.5 * _UP - 0.4 * _RIGHT) / np.linalg.norm(_TOWARDS + 0.5 *
 class Step:
     """A prefix of a file: what it decodes to, its size, and the size of the whole file.
 
-    ``mesh``, if it is to be drawn, holds the vertices of its crossed simplices and their numbers in rows.
+    ``mesh``, if it is to be drawn, holds the vertices of its crossed simplices and their numbers in rows; ``within`` is
+    what the file promises.
     """
 
     contour: Contour
     bytes: int
     total: int
     mesh: tuple[np.ndarray, np.ndarray] | None = None
+    within: float | None = None
 
 
 def contour_picture(contours: Sequence[Contour], suffix: str = ".png") -> bytes:
@@ -126,7 +128,8 @@ def steps_picture(steps: Sequence[Step], suffix: str = ".png") -> bytes:
         _draw(axes, step.contour, pixels=round(side * _DPI))
         axes.set_xticks([])
         axes.set_yticks([])
-        axes.set_title(f"{step.bytes:,} bytes\n{step.bytes / step.total:.1%} of the file", fontsize=7)
+        promise = "" if step.within is None else f", within {step.within:g}"
+        axes.set_title(f"{step.bytes:,} bytes{promise}\n{step.bytes / step.total:.1%} of the file", fontsize=7)
     return _file(figure, suffix)
 
 

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import json
+import math
 import zlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import accumulate
 
 from isospec.container import (
     CHECKED_CHUNK,
     MAX_ISOVALUES,
+    PROMISE_UNIT,
     Checksum,
     ChunkHead,
     ChunkType,
@@ -167,6 +170,54 @@ def read_metadata(payload: bytes) -> dict[str, str]:
 def _strings(members: Sequence[tuple[str, object]]) -> dict[str, str]:
     """Those that are strings, before the last one of each name is taken."""
     return {name: text for name, text in members if isinstance(text, str)}
+
+
+@dataclass(frozen=True)
+class Promises:
+    """What a writer promises of an isovalue's layers (clause 3.7.3).
+
+    Attributes
+    ----------
+    within : dict of int to float
+        By number of a layer, counted from 1 within the isovalue: when it is complete, and no later one begun, decoded
+        and original curve lie within that many cells of each other.
+    topology : bool
+        Whether each layer, when it is complete, has the topology of the original curve.
+    """
+
+    within: dict[int, float]
+    topology: bool
+
+
+def write_promises(promises: Promises) -> bytes:
+    """Payload of a chunk of promises; distances are rounded up."""
+    out = write_varint(int(promises.topology))
+    before = 0
+    for layer, distance in sorted(promises.within.items()):
+        # what a decimal fraction misses by rounding is not a part more
+        parts = math.ceil(distance * PROMISE_UNIT * (1 - 1e-12))
+        out += write_varint(layer - before) + write_varint(parts)
+        before = layer
+    return out
+
+
+def read_promises(payload: bytes) -> Promises | None:
+    """Inverse of ``write_promises``; None if the payload is malformed, the chunk being ancillary."""
+    numbers: list[int] = []
+    at = 0
+    while at < len(payload):
+        try:
+            number = varint(payload, at, len(payload), "3.7.3")
+        except FormatError:
+            return None
+        if number is None:
+            return None
+        numbers.append(number[0])
+        at = number[1]
+    if len(numbers) % 2 == 0 or numbers[0] > 1 or not all(numbers[1:]):
+        return None
+    layers = accumulate(numbers[1::2])
+    return Promises({k: d / PROMISE_UNIT for k, d in zip(layers, numbers[2::2], strict=True)}, bool(numbers[0]))
 
 
 @dataclass(frozen=True)

@@ -21,7 +21,17 @@ from ..limits import Limits
 from ..passes.decoded import Decoded
 from ..passes.snapshot import known_mask, leaves_of, state_of
 from ..passes.tube import Tube
-from .container import CHECKSUM_BYTES, CRITICAL, Envelope, octets, read_envelope, read_further, read_metadata, verify
+from .container import (
+    CHECKSUM_BYTES,
+    CRITICAL,
+    Envelope,
+    octets,
+    read_envelope,
+    read_further,
+    read_metadata,
+    read_promises,
+    verify,
+)
 from .events import (
     ChunkSkipped,
     End,
@@ -29,6 +39,7 @@ from .events import (
     HeaderRead,
     IsovalueRead,
     MetadataRead,
+    PromisesRead,
 )
 from .header import Header, read_header
 from .layers import LayerReader
@@ -293,6 +304,9 @@ class Decoder:
             if chunk.type == ChunkType.METADATA:
                 self.metadata.update(read_metadata(self._payload(chunk)))
                 return MetadataRead(behind, dict(self.metadata))
+            promises = read_promises(self._payload(chunk)) if chunk.type == ChunkType.PROMISES else None
+            if promises is not None:
+                return PromisesRead(behind, promises)
             if skipped or chunk.ancillary:
                 return ChunkSkipped(behind, chunk.type, chunk.end - chunk.start)
         if len(self._data) > self._at:

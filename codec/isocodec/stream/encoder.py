@@ -19,7 +19,15 @@ from ..grid.placement import PLACEMENT, placement_of, read_placement, write_plac
 from ..mesh.tables import cube_exponent
 from ..passes.tube import Tube
 from . import strategy
-from .container import LayerRecord, write_chunk, write_further, write_index, write_metadata
+from .container import (
+    LayerRecord,
+    Promises,
+    write_chunk,
+    write_further,
+    write_index,
+    write_metadata,
+    write_promises,
+)
 from .crossings import grid_offsets, radices
 from .header import Header, write_header
 from .program import Layer, Progress, write_program
@@ -71,7 +79,8 @@ class Encoder:
         Instead of all these but ``step``: the layers one by one, as ``("base", level)``, ``("refine", rounds)``,
         ``("values", bits)``, ``("offsets", radix)``, where None means as far as it goes; ``("adaptive_base", level,
         mesh)``, ``("adapt", births, mesh)`` with the mesh that they lead to (`mesh.chosen.Chosen`), ``("leaf_base",)``,
-        ``("offsets", radix, unit)``. A mapping gives each isovalue a plan of its own.
+        ``("offsets", radix, unit)``. ``("promise", distance)`` behind layers other than values says how far their curve
+        lies from the original one at most, which nobody proves. A mapping gives each isovalue a plan of its own.
     profile : str
         ``main``, or ``baseline``, which makes larger files for smaller and faster decoders.
     metadata : mapping of str to str, optional
@@ -247,6 +256,9 @@ class Encoder:
 
     def _layers(self, strand: Strand, last: bool) -> Iterator[bytes]:
         """Chunks of layers of one isovalue; behind the last one the level index."""
+        if strand.within:
+            promises = write_promises(Promises(strand.within, self._asked.preserve_topology))
+            yield write_chunk(ChunkType.PROMISES, promises, ancillary=True)
         program = replace(strand.progress.begin(None), lean_level=strand.progress.lean_level)
         done = 0
         while done < len(strand.layers):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from .container import Promises
 from .header import Header
 from .program import Layer
 
@@ -88,6 +89,13 @@ class MetadataRead(Event):
     """A metadata chunk."""
 
     metadata: dict[str, str]
+
+
+@dataclass(frozen=True)
+class PromisesRead(Event):
+    """What the writer promises of the layers of the present isovalue."""
+
+    promises: Promises
 
 
 @dataclass(frozen=True)

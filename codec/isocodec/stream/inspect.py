@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field, replace
 from typing import Any
 
@@ -12,10 +13,12 @@ from ..mesh.tables import cube_exponent
 from .container import (
     CHECKSUM_BYTES,
     Envelope,
+    Promises,
     read_envelope,
     read_further,
     read_index,
     read_metadata,
+    read_promises,
     verify,
     whole_bytes,
 )
@@ -43,6 +46,9 @@ class LayerInfo:
     symbols : dict of str to int, or None
     isovalue : int
         Number of the isovalue that it belongs to.
+    within : float or None
+        How many cells decoded and original curve lie from each other at most, when this layer is complete and no later
+        one begun, if the writer promises it.
     """
 
     kind: str
@@ -53,6 +59,7 @@ class LayerInfo:
     bytes: int | None = None
     symbols: dict[str, int] | None = None
     isovalue: int = 0
+    within: float | None = None
 
 
 @dataclass(frozen=True)
@@ -78,6 +85,8 @@ class FileInfo:
         All isovalues of the file; ``isovalue`` is the first.
     leans : list of int or None
         For each the number of the earlier one that it leans on.
+    topology : list of bool
+        For each whether the writer promises that all complete layers have the topology of the original curve.
     """
 
     version: int
@@ -94,6 +103,7 @@ class FileInfo:
     metadata: dict[str, str] = field(default_factory=dict)
     isovalues: list[float] = field(default_factory=list)
     leans: list[int | None] = field(default_factory=list)
+    topology: list[bool] = field(default_factory=list)
 
     def number_of(self, isovalue: float | None) -> int:
         """Number of an isovalue of the file, of the first if None.
@@ -155,6 +165,7 @@ def inspect(data: bytes, symbols: bool = False) -> FileInfo:
     progresses = [Progress(len(header.shape) * cube_exponent(header.shape))]
     isovalues = [header.isovalue]
     leans: list[int | None] = [None]
+    promises = [Promises({}, False)]
     coded = 0
     complete = False
     while not complete:
@@ -177,11 +188,14 @@ def inspect(data: bytes, symbols: bool = False) -> FileInfo:
                 metadata |= read_metadata(payload)
             elif chunk.type == ChunkType.INDEX:
                 layers = _with_index(payload, plain, layers)
+            elif chunk.type == ChunkType.PROMISES:
+                promises[-1] = read_promises(payload) or promises[-1]
             elif chunk.type == ChunkType.ISOVALUE:
                 isovalue, lean = read_further(payload, chunk.start, isovalues)
                 progresses.append(progresses[-1].begin(None if lean is None else progresses[lean]))
                 isovalues.append(isovalue)
                 leans.append(lean)
+                promises.append(Promises({}, False))
         behind = chunk.end + CHECKSUM_BYTES * (chunk.checked + chunk.last)
         chunks.append(ChunkInfo(_NAMES.get(chunk.type, f"unknown {chunk.type}"), at, min(behind, len(data)) - at))
         if behind > len(data):
@@ -195,8 +209,19 @@ def inspect(data: bytes, symbols: bool = False) -> FileInfo:
         layers = _decoded(data, layers)
     return FileInfo(
         header.writer_version, header.read_version, header.profile.name.lower(), header.shape, header.isovalue,
-        header.scale, len(data), len(data) - coded, complete, layers, chunks, metadata, isovalues, leans,
+        header.scale, len(data), len(data) - coded, complete, _promised(layers, promises), chunks, metadata, isovalues,
+        leans, [one.topology for one in promises],
     )  # fmt: skip
+
+
+def _promised(layers: Sequence[LayerInfo], promises: Sequence[Promises]) -> list[LayerInfo]:
+    """The layers with what is promised of each."""
+    counts = [0] * len(promises)
+    out = []
+    for layer in layers:
+        counts[layer.isovalue] += 1
+        out.append(replace(layer, within=promises[layer.isovalue].within.get(counts[layer.isovalue])))
+    return out
 
 
 def _run_start(data: bytes, chunk: Envelope, end: int, progress: Progress, plain: list[Layer]) -> int | None:

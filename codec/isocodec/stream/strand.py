@@ -25,6 +25,8 @@ from .container import LayerRecord
 from .header import Header
 from .program import Layer, Progress, expand
 
+MAX_PROMISE = 1e12
+"""Least distance that is too great to be promised, in cells: none is that large."""
 MOST_SHIFT = 1 << 52
 """From this distance of isovalues on, in steps, values of the one say nothing of the other (clause 5.9.3)."""
 RUN_BYTES = 1 << 16
@@ -37,6 +39,8 @@ Place = Callable[[NDArray[np.int64], NDArray[np.int64]], NDArray[np.int64]]
 """Where edges between positions are to be crossed, as 30-bit fractions: `passes.truth.Truth.crossing`; or how far from
 there crossings may be told to be."""
 
+PROMISE = "promise"
+"""An entry that makes no layer: what is promised of those before it."""
 _KINDS = ("base", "adaptive_base", "leaf_base", "refine", "adapt", "values", "offsets")
 
 
@@ -96,6 +100,8 @@ class Strand:
     records : list of LayerRecord
         Of the layers that are done.
     run_bytes : int
+    within : dict of int to float
+        What the plan promises, by number of layers (see `Promises`).
     """
 
     def __init__(self, field: Field, tube: Tube, plan: Sequence[Entry], progress: Progress) -> None:
@@ -105,7 +111,10 @@ class Strand:
         self.records: list[LayerRecord] = []
         self.run_bytes = 0
         self.progress = progress
-        self._plan = [_operation(*entry) for entry in plan]  # type: ignore[arg-type]
+        self.within: dict[int, float] = {}
+        self._plan = [_operation(*entry) for entry in plan if entry[0] != PROMISE]  # type: ignore[arg-type]
+        self._promised = _promised(plan)
+        self._expanded = 0
         self._meshes: dict[int, Chosen] = {}
         self._places: dict[int, Place] = {}
         self._slack: dict[int, Place] = {}
@@ -142,6 +151,9 @@ class Strand:
                 self._slack[len(self.layers)] = slack
             self.layers += fresh
             del self._plan[0]
+            self._expanded += 1
+            if self._expanded in self._promised:
+                self.within[len(self.layers)] = self._promised[self._expanded]
 
     def encode_run(self, first: int, report: Callable[[], object]) -> tuple[int, bytes]:
         """Encode layers from number ``first`` on until the run is long enough; their end and the bytes."""
@@ -206,6 +218,22 @@ def begin_layer(tube: Tube, layer: Layer) -> None:
             tube.begin_values(layer.plane)
         case _:
             tube.begin_offsets(layer.parts, layer.unit)
+
+
+def _promised(plan: Sequence[Entry]) -> dict[int, float]:
+    """Distances promised, by number of operations before them."""
+    out: dict[int, float] = {}
+    kinds = [entry[0] for entry in plan]
+    for i, entry in enumerate(plan):
+        if entry[0] != PROMISE:
+            continue
+        distance = entry[1] if len(entry) == 2 else None
+        if not isinstance(distance, float) or not 0 < distance < MAX_PROMISE or i == 0 or "values" in kinds[:i]:
+            raise OptionError(
+                "a promise in a plan needs a distance greater than 0, and layers before it, none of values", code="plan"
+            )
+        out[i - kinds[:i].count(PROMISE)] = distance
+    return out
 
 
 def _operation(

@@ -19,7 +19,7 @@ from ..mesh.chosen import Chosen
 from ..reduce.reduction import Reduction, distinct
 from .crossings import Slack, grid_offsets, pitches, radices
 from .promise import Promise
-from .strand import Entry, Place
+from .strand import PROMISE, Entry, Place
 
 Plan = list[Entry]
 _Found = tuple[float, Plan]
@@ -213,7 +213,7 @@ def stepwise(promise: Promise, steps: Sequence[float], topology: bool) -> Plan:
         last = [("values", None)] if steps[-1] == EXACT else [("offsets", r) for r in radices(steps[-1])]
         return [("base", 0), *last]
     if len(steps) == 1 and steps[0] != EXACT:
-        return smallest(promise, steps[0], topology)
+        return [*smallest(promise, steps[0], topology), (PROMISE, steps[0])]
     distances = [step for step in steps if step != EXACT]
     meshes = _nested(promise, distances, topology)
     plan: Plan = []
@@ -233,7 +233,7 @@ def stepwise(promise: Promise, steps: Sequence[float], topology: bool) -> Plan:
             entries = [("offsets", radix) for radix in radices(tolerance)]
             if len(promise.excess(promise.trial([*plan, *entries])[1], tolerance)):
                 raise NotKeptError(f"no mesh keeps to the step {tolerance:g}", code="steps", remedy="leave it out")
-        plan += entries
+        plan += [*entries, (PROMISE, tolerance)]
     if steps[-1] == EXACT:
         if not full:
             plan += [("refine", None)] if plan else whole_mesh(promise, topology)
