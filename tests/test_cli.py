@@ -117,7 +117,15 @@ def test_usage_errors_are_one_line_too(hills: Path) -> None:
     assert "--isovalue" in fails(2, "encode", hills, "-o", "x.iso")
     assert "'isocodec encode --help'" in fails(2, "encode", "--nonsense")
     assert "nonsense" in fails(2, "nonsense")
+    assert "'isocodec decode --help'" in fails(2, "decode", hills, "--areas")
     assert "not a valid float" in fails(2, "encode", hills, "-o", "x.iso", "--isovalue", "high")
+
+
+@pytest.mark.parametrize("name", ["a.png", "a.NII.gz", "a.geojson", "a.npy"])
+def test_files_do_not_go_under_the_name_of_another_format(hills: Path, curve: Path, tmp_path: Path, name: str) -> None:
+    for command in (["encode", hills, "--isovalue", 80.5], ["truncate", curve, "--layers", 1]):
+        assert "in .iso" in fails(2, *command, "-o", tmp_path / name)
+        assert not (tmp_path / name).exists()
 
 
 def unreadable_fields(folder: Path) -> dict[str, Sequence[str]]:

@@ -336,7 +336,7 @@ def test_what_was_received_of_another_isovalue(two: Path, tmp_path: Path) -> Non
     out = tmp_path / "part.npz"
     for more in ((), ("--layers", 2)):
         report = json.loads(ok("decode", part, "-o", out, "--isovalue", 40.25, "--partial", "--json", *more))
-        assert report["isovalue"] == 40.25
+        assert report["isovalues"] == [40.25]
         assert 0 < report["points"] <= len(whole.points)
     part.write_bytes(data[:40])
     for more in ((), ("--partial",)):

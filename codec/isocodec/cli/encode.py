@@ -13,7 +13,7 @@ import click
 
 from .options import Isovalue, json_option, output_option
 from .progress import load_kernels, progress_bar
-from .report import check_output, concerning, tell, warn, write_output
+from .report import check_iso_output, concerning, tell, warn, write_output
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -140,7 +140,7 @@ def encode_command(
     if nodata is not None and missing is None:
         raise click.UsageError("--nodata says which samples are missing; --missing has to say what is taken instead")
     steps_along = _numbers("--spacing", spacing)
-    check_output(output, source)
+    check_iso_output(output, source)
 
     import isocodec
 

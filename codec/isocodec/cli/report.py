@@ -57,6 +57,16 @@ def concerning(path: str | os.PathLike[str]) -> Iterator[None]:
 class Program(click.Group):
     """A group of commands that never ends in a traceback."""
 
+    verb = ""
+
+    def resolve_command(
+        self, ctx: click.Context, args: list[str]
+    ) -> tuple[str | None, click.Command | None, list[str]]:
+        """As click; what fails while options are read does not know which command they belong to."""
+        resolved = super().resolve_command(ctx, args)
+        self.verb = resolved[0] or ""
+        return resolved
+
     def main(
         self,
         args: Sequence[str] | None = None,
@@ -68,6 +78,7 @@ class Program(click.Group):
         if isinstance(sys.stdout, io.TextIOWrapper):
             # A name that the terminal's encoding lacks must not end the command.
             sys.stdout.reconfigure(errors="backslashreplace")
+        self.verb = ""
         if not standalone_mode:
             return super().main(args, prog_name, complete_var, standalone_mode=False, **extra)
         try:
@@ -75,11 +86,11 @@ class Program(click.Group):
             # Without the standalone mode, click hands back the code that --help and the like end with.
             code = result if isinstance(result, int) else 0
         except Exception as exc:
-            code = _report(exc)
+            code = _report(exc, self.verb)
         sys.exit(code)
 
 
-def _report(exc: Exception) -> int:
+def _report(exc: Exception, verb: str) -> int:
     """Print what there is to say about ``exc``; returns the exit code."""
     if isinstance(exc, click.Abort):
         if isinstance(exc.__cause__, KeyboardInterrupt) or isinstance(exc.__context__, KeyboardInterrupt):
@@ -93,7 +104,7 @@ def _report(exc: Exception) -> int:
         if isinstance(exc, getattr(click.exceptions, "NoArgsIsHelpError", ())):
             exc.show()
         else:
-            command = exc.ctx.command_path if exc.ctx is not None else "isocodec"
+            command = exc.ctx.command_path if exc.ctx is not None else f"isocodec {verb}".rstrip()
             say(f"{exc.format_message().rstrip('.')}: see '{command} --help'")
         return OptionError.exit_code
     path, cause = (exc.path, exc.cause) if isinstance(exc, Failure) else (None, exc)
@@ -159,6 +170,24 @@ def check_output(output: Path, source: Path) -> None:
         check_target(output)
         if output.exists() and source.exists() and output.samefile(source):
             raise OptionError("the output is the input file itself", code="same-file", remedy="choose another name")
+
+
+def check_iso_output(output: Path, source: Path) -> None:
+    """The same of an .iso file, which does not go under the name of another format.
+
+    Raises
+    ------
+    Failure
+    """
+    from ..io import CURVE_SUFFIXES, FIELD_SUFFIXES
+
+    check_output(output, source)
+    with concerning(output):
+        suffix = next((s for s in (*CURVE_SUFFIXES, *FIELD_SUFFIXES) if output.name.lower().endswith(s)), None)
+        if suffix is not None:
+            raise OptionError(
+                f"what is written is an .iso file, not {suffix}", code="suffix", remedy="let its name end in .iso"
+            )
 
 
 def write_output(output: Path, data: bytes) -> None:

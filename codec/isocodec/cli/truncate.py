@@ -8,7 +8,7 @@ import click
 
 from .options import iso_argument, json_option, output_option
 from .progress import load_kernels
-from .report import check_output, concerning, read_iso, tell, warn, write_output
+from .report import check_iso_output, concerning, read_iso, tell, warn, write_output
 
 
 @click.command("truncate", short_help="Cut a file to fewer layers or bytes; the result is a valid file.")
@@ -21,7 +21,7 @@ def truncate_command(source: Path, output: Path, layers: int | None, max_bytes: 
     """Cut IN.iso to its first layers, or to a number of bytes; OUT.iso is complete in itself."""
     if (layers is None) == (max_bytes is None):
         raise click.UsageError("give either --layers or --bytes")
-    check_output(output, source)
+    check_iso_output(output, source)
     data = read_iso(source)
 
     import isocodec

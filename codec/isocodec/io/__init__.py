@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from .atomic import check_target, write_bytes
 from .place import Place, read_place
-from .read import read_field
+from .read import FIELD_SUFFIXES, read_field
 from .write import CURVE_SUFFIXES, check_suffix, render_contour, write_contour
 
 __all__ = [
     "CURVE_SUFFIXES",
+    "FIELD_SUFFIXES",
     "Place",
     "check_suffix",
     "check_target",
