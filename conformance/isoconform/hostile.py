@@ -94,6 +94,12 @@ def containers() -> Iterator[Draft]:
     yield _refused(
         "chunk_checksum", closed(checked[:-5] + bytes([checked[-5] ^ 1])), "3.5.3", "a chunk's checksum is wrong"
     )
+    yield _refused(
+        "chunk_checksum_first",
+        checked[:-5] + bytes([checked[-5] ^ 1]),
+        "3.5.3",
+        "a chunk's checksum is wrong, and the file ends before its own",
+    )
     yield _refused("file_checksum", data[:-1] + bytes([data[-1] ^ 0x80]), "3.4.4", "the file's checksum is wrong")
     space = _space()
     yield _refused("space_file_checksum", space[:-4] + bytes(4), "3.4.4", "the file's checksum is wrong")

@@ -67,6 +67,23 @@ def extremes() -> Iterator[Draft]:
 
 def meshes() -> Iterator[Draft]:
     """Adaptive meshes, whose edges carry offsets; further isovalues."""
+    for shape, seed, level, radix, unit in (
+        ((2, 9), 37, 2, 9, 1), ((2, 33), 8, 0, 9, 3), ((6, 7, 2), 18, 0, 3, 0), ((3, 9, 2), 38, 2, 15, 3),
+    ):  # fmt: skip
+        yield encoded(
+            f"{SPACES[len(shape)]}_main_vertex_{'x'.join(map(str, shape))}", noise(shape, seed, 2), 0.5, "main profile",
+            "places far off an edge that much longer ones show", profile="main",
+            plan=[("base", level), ("offsets", radix, unit)],
+        )  # fmt: skip
+    for shape, field, isovalue, seed in (
+        ((7, 9), noise((7, 9), 1, 1), 0.5, 44), ((9, 12), waves((9, 12), 255, 23), 90.5, 23),
+        ((11, 17), noise((11, 17), 24, 1), 0.5, 24),
+    ):  # fmt: skip
+        yield encoded(
+            f"plane_main_out_by_ancestor_{seed}", field, isovalue, "main profile",
+            "middles out because of an ancestor, and not told out", profile="main",
+            plan=[("adaptive_base", 0, chosen(shape, random_mesh(shape, seed, 30)))],
+        )  # fmt: skip
     for shape in SHAPES:
         space = SPACES[len(shape)]
         field = waves(shape, 255, 2)

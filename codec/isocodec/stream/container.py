@@ -101,8 +101,13 @@ def octets(data: bytes | bytearray | memoryview) -> memoryview:
         ) from None  # fmt: skip
 
 
-def verify(data: bytes | bytearray, chunk: Envelope, start: int) -> None:
-    """Check the checksums behind a chunk that begins at ``start`` and is all there.
+def verify(data: bytes | bytearray, chunk: Envelope, start: int) -> int | None:
+    """Check the checksums behind a chunk that begins at ``start``, as far as they are there.
+
+    Returns
+    -------
+    int or None
+        Where they end; None if the bytes end before that.
 
     Raises
     ------
@@ -116,9 +121,12 @@ def verify(data: bytes | bytearray, chunk: Envelope, start: int) -> None:
             (chunk.checked, start, "a chunk", "3.5.3"), (chunk.last, 0, "the file", "3.4.4")
         ):  # fmt: skip
             if there:
+                if at + CHECKSUM_BYTES > len(data):
+                    return None
                 if Checksum.parse(bytes(view[at : at + CHECKSUM_BYTES])) != zlib.crc32(view[first:at]):
                     raise FormatError(f"{what}'s checksum is wrong", code="checksum", offset=at, clause=clause)
                 at += CHECKSUM_BYTES
+    return at if at <= len(data) else None
 
 
 def write_further(isovalue: float, lean: int | None) -> bytes:

@@ -22,7 +22,6 @@ from ..passes.decoded import Decoded
 from ..passes.snapshot import known_mask, leaves_of, state_of
 from ..passes.tube import Tube
 from .container import (
-    CHECKSUM_BYTES,
     CRITICAL,
     Envelope,
     octets,
@@ -288,10 +287,9 @@ class Decoder:
                 event = self._reader.go_on(chunk, self._chunk_start)
                 if event is not None or self._reader.waiting:
                     return event
-            behind = chunk.end + CHECKSUM_BYTES * (chunk.checked + chunk.last)
-            if len(self._data) < behind:
+            behind = verify(self._data, chunk, self._chunk_start)
+            if behind is None:
                 return None
-            verify(self._data, chunk, self._chunk_start)
             self._at = behind
             self._chunk = None
             self._reader.leave()

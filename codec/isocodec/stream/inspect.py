@@ -198,9 +198,8 @@ def inspect(data: bytes, symbols: bool = False) -> FileInfo:
                 promises.append(Promises({}, False))
         behind = chunk.end + CHECKSUM_BYTES * (chunk.checked + chunk.last)
         chunks.append(ChunkInfo(_NAMES.get(chunk.type, f"unknown {chunk.type}"), at, min(behind, len(data)) - at))
-        if behind > len(data):
+        if verify(data, chunk, at) is None:
             break
-        verify(data, chunk, at)
         if chunk.last and len(data) > behind:
             raise FormatError("bytes after the end of the file", code="trailing", offset=behind, clause="3.4.4")
         complete = chunk.last
