@@ -81,7 +81,7 @@ def meshes() -> Iterator[Draft]:
     ):  # fmt: skip
         yield encoded(
             f"plane_main_out_by_ancestor_{seed}", field, isovalue, "main profile",
-            "middles out because of an ancestor, and not told out", profile="main",
+            "middles told out by being asked for, an older ancestor being out", profile="main",
             plan=[("adaptive_base", 0, chosen(shape, random_mesh(shape, seed, 30)))],
         )  # fmt: skip
     for shape in SHAPES:

@@ -74,7 +74,7 @@ def tell(st, cd, what, level, x, y, z, context):
         st.walk[BEFORE] = (st.walk[BEFORE] << 1 & 2) | bit
     if bit:
         admit(st, count)
-    elif count != BARRED:
+    else:
         put(st.mesh, x, y, z, get(st.mesh, x, y, z) | OUT)
     return bit
 
