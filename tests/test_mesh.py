@@ -16,7 +16,7 @@ from isocodec.entropy.main import no_blend
 from isocodec.limits import Limits
 from isocodec.mesh import access
 from isocodec.mesh.store import full, get, grown, new_store, page_of, put
-from isocodec.mesh.tables import mesh_tables
+from isocodec.mesh.tables import PAGE_SHIFT, mesh_tables
 from isocodec.passes.state import exists
 from isocodec.passes.tube import Tube
 from isoconform.meshes import exponent
@@ -189,6 +189,35 @@ def test_diamonds(uniform, n, k, level):
         assert len(found) == len(members)
 
 
+@pytest.mark.parametrize("n", [2, 3])
+def test_children_of_diamonds_have_their_corners(n):
+    """Of each child in the list of a diamond: its vertices, those before it with the same middle, cells in a page."""
+    t = mesh_tables(n)
+    strides = [1 << PAGE_SHIFT[n] * (n - 1 - a) for a in range(n)]
+    for r in range(n):
+        f = 2 if r == n - 1 else 1
+        for w in product(range(4), repeat=n):
+            kind = access.kind(t, r, *w, *[0] * (3 - n))
+            if kind < 0:
+                continue
+            count = access.corners(t, kind)
+            points = [access.corner(t, kind, i)[:n] for i in range(count)]
+            for i, point in enumerate(points):
+                assert access.delta(t, kind, i) == sum((x - y) * s for x, y, s in zip(point, w, strides, strict=True))
+            points.append(w)
+            middles = []
+            for c in range(2 * access.members(t, kind)):
+                cls, *block, bits = access.grandchild(t, kind, c >> 1, c & 1)
+                found = [access.vertex(t, (r + 1) % n, cls, j)[:n] for j in range(n + 1)]
+                places = [access.place(t, kind, c, j) for j in range(n + 1)]
+                assert sum(1 << i for i in places) == bits
+                for vertex, i in zip(found, places, strict=True):
+                    assert [4 * b + v for b, v in zip(block[:n], vertex, strict=True)] == [f * x for x in points[i]]
+                middles.append(access.middle(t, (r + 1) % n, cls, *block))
+                assert access.twins(t, kind, c) == sum(1 << i for i in range(c) if middles[i] == middles[c])
+            assert len(set(middles)) == len(middles) // (n - 1)
+
+
 @pytest.mark.parametrize("n, k, level", [c for c in CASES if c[2] < c[0] * c[1]])
 def test_only_middles_have_a_kind(uniform, n, k, level):
     """C2-mesh: a lattice point has a diamond iff some simplex of the level is bisected there."""
@@ -307,7 +336,7 @@ def test_store_is_a_dictionary(data, n):
 @pytest.mark.parametrize(("n", "k"), [(2, 24), (3, 20)])
 def test_cells_of_the_largest_crowd_lie_apart(n, k):
     """Four times as far along the first axis as the largest domain: no two places share a page."""
-    store, page = new_store(n), 16 if n == 2 else 8
+    store, page = new_store(n), 1 << PAGE_SHIFT[n]
     places = {}
     for x in (4, (4 << k - 1) + 4, (4 << k) + 4, 5 << k):
         for y in range(0, 6 * page, page):
@@ -324,7 +353,7 @@ def test_cells_of_the_largest_crowd_lie_apart(n, k):
 @pytest.mark.parametrize("n", [2, 3])
 def test_store_grows_with_pages_not_with_the_domain(n):
     """1000 vertices along a diagonal, 16 or 8 apart in each axis: 1000 pages; a gap is never allocated."""
-    page = 16 if n == 2 else 8
+    page = 1 << PAGE_SHIFT[n]
     store = new_store(n)
     for i in range(1000):
         if full(store, 1):

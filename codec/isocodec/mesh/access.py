@@ -17,6 +17,9 @@ _CORNER = START["CORNER"]
 _MEMBERS = START["MEMBERS"]
 _MEMBER = START["MEMBER"]
 _GRANDCHILD = START["GRANDCHILD"]
+_DELTA = START["DELTA"]
+_PLACE = START["PLACE"]
+_TWIN = START["TWIN"]
 
 
 @kernel
@@ -87,6 +90,12 @@ def corner(t, d, i):
 
 
 @kernel
+def delta(t, d, i):
+    """How far the cell of corner i lies behind that of the middle in a page that has both, in units of g."""
+    return t[_DELTA + d * MOST_CORNERS + i]
+
+
+@kernel
 def members(t, d):
     return t[_MEMBERS + d]
 
@@ -103,3 +112,15 @@ def grandchild(t, d, m, side):
     """Class, block delta, bits of the corners of a member's child; the bit after the last corner is the middle."""
     i = _GRANDCHILD + ((d * MOST_MEMBERS + m) * 2 + side) * 5
     return t[i], t[i + 1], t[i + 2], t[i + 3], t[i + 4]
+
+
+@kernel
+def place(t, d, c, j):
+    """Which corner of a diamond vertex j of child c, 2 m + s, is; the number after the last corner's is the middle."""
+    return t[_PLACE + (d * MOST_MEMBERS * 2 + c) * 4 + j]
+
+
+@kernel
+def twins(t, d, c):
+    """Bits of the children before child c that have the same middle."""
+    return t[_TWIN + d * MOST_MEMBERS * 2 + c]

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..jit import inner, kernel
+from .tables import PAGE_SHIFT
 
 PAGES, SHIFT, RECENT = 0, 1, 4
 """Places in ``Store.head``: number of pages, the page's edge along the axes (log2), pages remembered."""
@@ -34,8 +35,8 @@ class Store(NamedTuple):
 
 
 def new_store(n: int) -> Store:
-    """An empty store for n axes: pages of 16 x 16 or 8 x 8 x 8 entries."""
-    edge = 4 if n == 2 else 3
+    """An empty store for n axes: pages of 32 x 32 or 8 x 8 x 8 entries."""
+    edge = PAGE_SHIFT[n]
     return _empty(n, edge, 0, np.zeros((_FIRST, 1 << n * edge), np.int32))
 
 
@@ -162,6 +163,15 @@ def get(st, x, y, z):
     if page < 0:
         return np.int64(0)
     return np.int64(st.pages[page, _cell(st, x, y, z)])
+
+
+@inner
+def page_with(st, x, y, z, g):
+    """Page and cell of (x, y, z) if the page has all within ``g`` along each axis, else -1."""
+    a, b, c = st.head[SHIFT], st.head[SHIFT + 1], st.head[SHIFT + 2]
+    if (x - g) >> a != (x + g) >> a or (y - g) >> b != (y + g) >> b or (c > 0 and (z - g) >> c != (z + g) >> c):
+        return np.int64(-1), np.int64(0)
+    return np.int64(_page(st, x, y, z)), _cell(st, x, y, z)
 
 
 @inner

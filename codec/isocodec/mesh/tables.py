@@ -21,6 +21,8 @@ Simplex = tuple[Point, ...]
 
 AXES = 3
 """Axes that the kernels carry; n = 2 leaves the last one at zero."""
+PAGE_SHIFT = {2: 5, 3: 3}
+"""Log2 of the edge of the pages that vertices are kept in (``mesh.store``), by dimension."""
 
 
 MOST_CLASSES = 192
@@ -41,9 +43,12 @@ _SIZES = {
     "KIND": AXES * 64,  # [r, residues mod 4] diamond kind of a middle, or -1
     "CORNERS": MOST_KINDS,  # [d] number of corners; 0 and 1 are the ends of the subdivision edge
     "CORNER": MOST_KINDS * MOST_CORNERS * 3,  # [d, i, a] in units of g, relative to the block of the middle
+    "DELTA": MOST_KINDS * MOST_CORNERS,  # [d, i] how far its cell in a page lies behind the middle's, in units of g
     "MEMBERS": MOST_KINDS,  # [d] number of simplices in the diamond
     "MEMBER": MOST_KINDS * MOST_MEMBERS * 5,  # [d, m] class and block delta of a member, the bits of its corners
     "GRANDCHILD": MOST_KINDS * MOST_MEMBERS * 10,  # [d, m, s] likewise its children (block as in CHILD)
+    "PLACE": MOST_KINDS * MOST_MEMBERS * 8,  # [d, m, s, j] which corner vertex j of a child is
+    "TWIN": MOST_KINDS * MOST_MEMBERS * 2,  # [d, m, s] bits of the children before it that have its middle
 }
 START = {name: sum(list(_SIZES.values())[:i]) for i, name in enumerate(_SIZES)}
 
@@ -162,7 +167,7 @@ def mesh_tables(n: int) -> NDArray[np.int64]:
     kind = table("KIND", AXES, 64)
     kind[:] = -1
     origin = (0,) * n
-    diamonds: list[tuple[int, list[tuple[int, Point]]]] = []
+    diamonds: list[tuple[int, Point, list[tuple[int, Point]]]] = []
     for r in range(n):
         faces = b.around(r)
         for q, s in enumerate(b.classes[r]):
@@ -181,20 +186,28 @@ def mesh_tables(n: int) -> NDArray[np.int64]:
             cube[r, q] = [q % (len(b.classes[r]) >> n), *_pad(parity)]
         for w, members in sorted(b.diamonds(r).items()):
             kind[r, sum(x << 2 * a for a, x in enumerate(w))] = len(diamonds)
-            diamonds.append((r, members))
+            diamonds.append((r, w, members))
 
     corners = table("CORNERS", MOST_KINDS)
     corner = table("CORNER", MOST_KINDS, MOST_CORNERS, 3)
+    deltas = table("DELTA", MOST_KINDS, MOST_CORNERS)
+    strides = (PAGE_SHIFT[n], 0) if n == 2 else (2 * PAGE_SHIFT[n], PAGE_SHIFT[n], 0)
     members_ = table("MEMBERS", MOST_KINDS)
     member = table("MEMBER", MOST_KINDS, MOST_MEMBERS, 5)
     grandchild = table("GRANDCHILD", MOST_KINDS, MOST_MEMBERS, 2, 5)
-    for d, (r, found) in enumerate(diamonds):
-        points, inside, below = _diamond(b, r, found)
+    place = table("PLACE", MOST_KINDS, MOST_MEMBERS * 2, 4)
+    twin = table("TWIN", MOST_KINDS, MOST_MEMBERS * 2)
+    for d, (r, w, found) in enumerate(diamonds):
+        points, inside, below, children = _diamond(b, r, found)
         corners[d] = len(points)
         members_[d] = len(inside)
         corner[d, : len(points)] = [_pad(p) for p in points]
+        deltas[d, : len(points)] = [sum((x - y) << s for x, y, s in zip(p, w, strides, strict=True)) for p in points]
         member[d, : len(inside)] = inside
         grandchild[d, : len(inside)] = below
+        for i, (vertices, doubled) in enumerate(children):
+            place[d, i, : n + 1] = vertices
+            twin[d, i] = sum(1 << j for j, (_, other) in enumerate(children[:i]) if other == doubled)
     root = [b.number[0][kuhn(n, origin, o)] for o in permutations(range(n))]
     table("DIMENSION", 1)[0] = n
     table("ROOT", 7)[: len(root) + 1] = [len(root), *root]
@@ -203,8 +216,11 @@ def mesh_tables(n: int) -> NDArray[np.int64]:
 
 def _diamond(
     b: _Builder, r: int, members: list[tuple[int, Point]]
-) -> tuple[list[Point], list[list[int]], list[list[list[int]]]]:
-    """Corners, members and their children of one diamond, in canonical order (spec clause 4.4)."""
+) -> tuple[list[Point], list[list[int]], list[list[list[int]]], list[tuple[list[int], Point]]]:
+    """Corners, members and their children of one diamond, in canonical order (spec clause 4.4).
+
+    Of the children also which corners their vertices are, the middle following on the last, and twice their own middle.
+    """
     tag = b.n - r
     moved = [(tuple(_add(v, _scaled(shift, 4)) for v in b.classes[r][q]), q, shift) for q, shift in members]
     moved.sort(key=lambda x: _barycentre(x[0]))
@@ -212,13 +228,17 @@ def _diamond(
     ends = sorted((first[0], first[tag]))
     ring = sorted({v for s, _, _ in moved for v in s} - set(ends))
     points = ends + ring
-    place = {p: 1 << i for i, p in enumerate([*points, _middle(first, tag)])}
-    inside = [[q, *_pad(shift), sum(place[v] for v in s)] for s, q, shift in moved]
+    number = {p: i for i, p in enumerate([*points, _middle(first, tag)])}
+    inside = [[q, *_pad(shift), sum(1 << number[v] for v in s)] for s, q, shift in moved]
     below = []
+    children = []
+    after = tag - 1 or b.n
     for s, q, shift in moved:
         row = []
         for side in (0, 1):
             cls, delta = b.child(r, q, side, shift)
-            row.append([cls, *_pad(delta), sum(place[v] for v in bisect(s, tag)[side])])
+            c = bisect(s, tag)[side]
+            row.append([cls, *_pad(delta), sum(1 << number[v] for v in c)])
+            children.append(([number[v] for v in c], _add(c[0], c[after])))
         below.append(row)
-    return points, inside, below
+    return points, inside, below, children

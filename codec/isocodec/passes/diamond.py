@@ -9,10 +9,12 @@ from __future__ import annotations
 import numpy as np
 
 from ..jit import inner
-from ..mesh.access import corner, dimension, grandchild, member
+from ..mesh.access import corner, delta, dimension, grandchild, member
 from ..mesh.access import corners as corner_count
 from ..mesh.access import members as member_count
-from .state import EDGE, LAST, LEVEL, NEXT, clamped, entry, exists, learn, position
+from ..mesh.store import page_with
+from .rows import push_children
+from .state import EDGE, LAST, clamped, entry, exists, learn, position
 
 
 @inner
@@ -64,6 +66,17 @@ def look(st, edge, r, kind, w0, w1, w2):
     t = st.tables
     known = np.int64(0)
     above = np.int64(0)
+    if whole:
+        g = edge >> 1
+        x, y, z = w0 * g, w1 * g, w2 * g
+        page, cell = page_with(st.known, x, y, z, g)
+        if page >= 0:
+            here = st.known.pages[page]
+            for i in range(corner_count(t, kind)):
+                e = np.int64(here[cell + delta(t, kind, i) * g])
+                known |= np.int64(e != 0) << i
+                above |= (e & 1) << i
+            return whole, members, corners, known, above
     for i in range(corner_count(t, kind)):
         if (corners >> i) & 1:
             x, y, z = position(edge, b0, b1, b2, corner(t, kind, i))
@@ -75,27 +88,15 @@ def look(st, edge, r, kind, w0, w1, w2):
 
 
 @inner
-def push(st, cls, b0, b1, b2, level):
-    """Append a mixed simplex to the list that the round makes."""
-    i = st.at[NEXT]
-    st.below[i, 0] = cls
-    st.below[i, 1] = b0
-    st.below[i, 2] = b1
-    st.below[i, 3] = b2
-    st.below[i, 4] = level
-    st.at[NEXT] = i + 1
-
-
-@inner
 def bisect_member(st, r, kind, m, w0, w1, w2, whole, known, above):
-    """Append the mixed children of one member; their corners become known. Returns the bits known after it.
+    """Make the corners of a member's mixed children known. Returns the bits known after it, and those of the children.
 
     ``above`` holds the signs of all corners and the middle, inferred ones included.
     """
     edge = st.at[EDGE]
     t = st.tables
     b0, b1, b2 = w0 >> 2, w1 >> 2, w2 >> 2
-    level = st.at[LEVEL] + 1
+    children = np.int64(0)
     below = r + 1 if r + 1 < dimension(t) else 0
     f = 1 if below else 2
     for s in range(2):
@@ -103,8 +104,7 @@ def bisect_member(st, r, kind, m, w0, w1, w2, whole, known, above):
         signs = above & bits
         if signs == 0 or signs == bits:
             continue
-        d0, d1, d2 = b0 * f + d0, b1 * f + d1, b2 * f + d2
-        if not whole and not exists(st, edge // f, below, cls, d0, d1, d2):
+        if not whole and not exists(st, edge // f, below, cls, b0 * f + d0, b1 * f + d1, b2 * f + d2):
             continue
         fresh = bits & ~known
         i = 0
@@ -116,8 +116,8 @@ def bisect_member(st, r, kind, m, w0, w1, w2, whole, known, above):
             fresh >>= 1
             i += 1
         known |= bits
-        push(st, cls, d0, d1, d2, level)
-    return known
+        children |= np.int64(1) << (2 * m + s)
+    return known, children
 
 
 @inner
@@ -129,6 +129,9 @@ def bisect(st, r, kind, w0, w1, w2, whole, members, known, above, sign):
     known |= middle
     if sign:
         above |= middle
+    children = np.int64(0)
     for m in range(member_count(st.tables, kind)):
         if (members >> m) & 1:
-            known = bisect_member(st, r, kind, m, w0, w1, w2, whole, known, above)
+            known, more = bisect_member(st, r, kind, m, w0, w1, w2, whole, known, above)
+            children |= more
+    push_children(st, kind, w0, w1, w2, children)

@@ -5,17 +5,23 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from ..jit import kernel
-from ..mesh.access import dimension
+from ..jit import inner, kernel
+from ..mesh.access import corner, dimension, member, middle, place
+from ..mesh.access import corners as corner_count
 from ..mesh.store import get
+from ..mesh.tables import MOST_CORNERS
 from .mesh import IN, KNOWN
+from .rows import child_at, unpacked
 from .seek import middle_at
 from .state import (
     ASKS,
     BEFORE_ROUND,
+    CHILD,
     DONE_LEAVES,
+    HELD,
     LEAVES,
     LEVEL,
+    MIXED,
     NEXT,
     SIZE,
     VERTICES,
@@ -23,45 +29,76 @@ from .state import (
     corner_entry,
     edge_of,
     entry,
+    position,
 )
 
 
-@kernel
-def vertex_numbers(st, leaf, first, count, below, rounds, out, levels):
-    """Vertex numbers of leaves ``first`` to ``count``, as rows of ``out``, and their levels; returns how many.
+@inner
+def _bisected(st, level, cls, b0, b1, b2):
+    """Whether the running round has bisected a leaf: its middle is known."""
+    if level != st.at[LEVEL] or level >= st.at[SIZE] * dimension(st.tables):
+        return False
+    x, y, z = middle_at(st, level, cls, b0, b1, b2)
+    before = st.at[BEFORE_ROUND]
+    if st.at[ASKS]:
+        state = get(st.mesh, x, y, z)
+        before = np.int64(0) if state & IN and not state & KNOWN else st.at[VERTICES]
+    return entry(st, x, y, z) >> 1 > before
 
-    With ``below`` 0 those are left out that the running round, if there is one (``rounds``), has bisected already:
-    their middle is known.
+
+@kernel
+def vertex_numbers(st, leaf, first, count, round_runs, number, out, levels):
+    """Vertex numbers of the leaves of rows ``first`` to ``count``, as rows of ``out``, and their levels; how many.
+
+    With ``round_runs`` those are left out that the running round has bisected already. ``number`` is room for the
+    corners of a diamond and its middle.
     """
     n = dimension(st.tables)
+    t = st.tables
     rows, last = 0, np.int64(-1)
     edge, r = np.int64(0), np.int64(0)
     for i in range(first, count):
-        cls = np.int64(leaf[i, 0])
+        code, level = np.int64(leaf[i, 0]), np.int64(leaf[i, 4])
         b0, b1, b2 = np.int64(leaf[i, 1]), np.int64(leaf[i, 2]), np.int64(leaf[i, 3])
-        level = np.int64(leaf[i, 4])
-        if not below and rounds and level == st.at[LEVEL] and level < st.at[SIZE] * n:
-            x, y, z = middle_at(st, level, cls, b0, b1, b2)
-            before = st.at[BEFORE_ROUND]
-            if st.at[ASKS]:
-                state = get(st.mesh, x, y, z)
-                before = np.int64(0) if state & IN and not state & KNOWN else st.at[VERTICES]
-            if entry(st, x, y, z) >> 1 > before:
-                continue
         if level != last:
             edge, r, last = edge_of(st, level), level % n, level  # divisions take as long as the rest
-        for j in range(n + 1):
-            out[rows, j] = (corner_entry(st, edge, r, cls, b0, b1, b2, j) >> 1) - 1
-        levels[rows] = level
-        rows += 1
+        if code >= 0:
+            if not (round_runs and _bisected(st, level, code, b0, b1, b2)):
+                for j in range(n + 1):
+                    out[rows, j] = (corner_entry(st, edge, r, code, b0, b1, b2, j) >> 1) - 1
+                levels[rows] = level
+                rows += 1
+            continue
+        # the corners of a diamond are those of all its children
+        kind, children, _ = unpacked(code)
+        corners = corner_count(t, kind)
+        for j in range(corners):
+            x, y, z = position(edge, b0, b1, b2, corner(t, kind, j))
+            number[j] = (entry(st, x, y, z) >> 1) - 1
+        c = np.int64(0)
+        cls, d0, d1, d2, _ = member(t, kind, c)
+        w0, w1, w2 = middle(t, r, cls, b0 + d0, b1 + d1, b2 + d2)
+        number[corners] = (entry(st, (w0 * edge) >> 1, (w1 * edge) >> 1, (w2 * edge) >> 1) >> 1) - 1
+        if round_runs and i == first:
+            c = st.at[CHILD]
+        while children >> c:
+            if children >> c & 1:
+                cls, d0, d1, d2 = child_at(t, level, kind, c, b0, b1, b2)
+                if not (round_runs and _bisected(st, level + 1, cls, d0, d1, d2)):
+                    for j in range(n + 1):
+                        out[rows, j] = number[place(t, kind, c, j)]
+                    levels[rows] = level + 1
+                    rows += 1
+            c += 1
     return rows
 
 
 def drawn(st: State, rounds: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Vertex numbers of the leaves at this moment, and their levels; ``rounds`` is 0 during a base."""
     at = st.at
-    room = int(at[LEAVES]) + int(at[NEXT])
+    room = int(at[HELD if rounds else LEAVES]) + int(at[MIXED])
+    number = np.empty(MOST_CORNERS + 1, np.int64)
     rows, levels = np.empty((room, dimension(st.tables) + 1), np.int64), np.empty(room, np.int64)
-    used = vertex_numbers(st, st.leaf, at[DONE_LEAVES], at[LEAVES], 0, rounds, rows, levels)
-    used += vertex_numbers(st, st.below, 0, at[NEXT], 1, rounds, rows[used:], levels[used:])
+    used = vertex_numbers(st, st.leaf, at[DONE_LEAVES], at[LEAVES], rounds, number, rows, levels)
+    used += vertex_numbers(st, st.below, 0, at[NEXT], 0, number, rows[used:], levels[used:])
     return rows[:used], levels[:used]

@@ -13,7 +13,7 @@ from ..entropy.blend import blended, clear, mixing, see
 from ..entropy.coder import ENCODE, MODE, code
 from ..entropy.main import EARLIER_ROWS, MANNER_ROWS, REFINE_KIND, SIGN_NET, SIGN_ROWS
 from ..jit import BAD, DONE, GROW, inner, kernel
-from ..mesh.access import corner, dimension, member, middle
+from ..mesh.access import corner, dimension, member, middle, twins
 from ..mesh.access import corners as corner_count
 from ..mesh.access import kind as kind_of
 from ..mesh.access import members as member_count
@@ -23,10 +23,11 @@ from .ahead import OF_LEAF, ask
 from .around import see_around, survey
 from .classes import bits
 from .crowd import rarity
-from .diamond import bisect, bisect_member, look, push
+from .diamond import bisect, bisect_member, look
 from .infer import implied
 from .mesh import BARRED, IN, KEPT, KNOWN, admit, closure, short
 from .parabola import MOST, nearer
+from .rows import child_at, push, push_children, push_row, unpacked
 from .seek import middle_at
 from .state import (
     AGREED,
@@ -35,6 +36,7 @@ from .state import (
     ASKS,
     BEFORE_ROUND,
     CALM,
+    CHILD,
     CONTINUE,
     DONE_LEAVES,
     EDGE,
@@ -116,13 +118,17 @@ def _bisect_known(st, r, kind, w0, w1, w2, cls, b0, b1, b2, sign):
         mixed = signs != 0 and signs != bits
         same = q == cls and d0 == b0 - (w0 >> 2) and d1 == b1 - (w1 >> 2) and d2 == b2 - (w2 >> 2)
         if same and first:
+            others = np.int64(0)
             for u in range(member_count(t, kind)):
                 bits = member(t, kind, u)[4]
                 plain = (above & bits) == 0 or (above & bits) == bits
                 if (members >> u) & 1 and plain:
-                    known = bisect_member(st, r, kind, u, w0, w1, w2, inside, known, above)
+                    known, children = bisect_member(st, r, kind, u, w0, w1, w2, inside, known, above)
+                    others |= children
+            push_children(st, kind, w0, w1, w2, others)
         if same:
-            known = bisect_member(st, r, kind, m, w0, w1, w2, inside, known, above)
+            known, children = bisect_member(st, r, kind, m, w0, w1, w2, inside, known, above)
+            push_children(st, kind, w0, w1, w2, children)
         if mixed:
             first = False
 
@@ -224,14 +230,66 @@ def _split(st, cd, kind, w0, w1, w2, x, y, z):
 def pending(st):
     """Encoder: whether some leaf of this level or a later one is to be bisected in an adaptive layer."""
     for i in range(st.at[LEAVES]):
-        level = np.int64(st.leaf[i, 4])
-        if level >= st.at[LEVEL]:
-            cls = np.int64(st.leaf[i, 0])
-            b0, b1, b2 = np.int64(st.leaf[i, 1]), np.int64(st.leaf[i, 2]), np.int64(st.leaf[i, 3])
-            x, y, z = middle_at(st, level, cls, b0, b1, b2)
-            if level < st.at[SIZE] * dimension(st.tables) and has(st.chosen, x, y, z):
+        code, level = np.int64(st.leaf[i, 0]), np.int64(st.leaf[i, 4])
+        b0, b1, b2 = np.int64(st.leaf[i, 1]), np.int64(st.leaf[i, 2]), np.int64(st.leaf[i, 3])
+        if code >= 0:
+            if _chosen(st, level, code, b0, b1, b2):
                 return True
+            continue
+        kind, children, _ = unpacked(code)
+        c = np.int64(0)
+        while children >> c:
+            cls, d0, d1, d2 = child_at(st.tables, level, kind, c, b0, b1, b2)
+            if children >> c & 1 and _chosen(st, level + 1, cls, d0, d1, d2):
+                return True
+            c += 1
     return False
+
+
+@inner
+def _chosen(st, level, cls, b0, b1, b2):
+    """Encoder: whether the middle of a leaf is one that this round or a later one adds."""
+    if level < st.at[LEVEL] or level >= st.at[SIZE] * dimension(st.tables):
+        return False
+    x, y, z = middle_at(st, level, cls, b0, b1, b2)
+    return has(st.chosen, x, y, z)
+
+
+@inner
+def _leaf(st):
+    """The next leaf of the list: class, block and level, which is negative if the row at hand has no other.
+
+    Of a diamond's children in a uniform round those are passed over whose middle is that of one before.
+    """
+    i, c = st.at[DONE_LEAVES], st.at[CHILD]
+    code, level = np.int64(st.leaf[i, 0]), np.int64(st.leaf[i, 4])
+    b0, b1, b2 = np.int64(st.leaf[i, 1]), np.int64(st.leaf[i, 2]), np.int64(st.leaf[i, 3])
+    if code >= 0:
+        return code, b0, b1, b2, level
+    kind, children, free = unpacked(code)
+    free = free and not st.at[ASKS]
+    while children >> c and (not children >> c & 1 or (free and children & twins(st.tables, kind, c))):
+        c += 1
+    st.at[CHILD] = c
+    if not children >> c:
+        _row_done(st)
+        return code, b0, b1, b2, np.int64(-1)
+    cls, b0, b1, b2 = child_at(st.tables, level, kind, c, b0, b1, b2)
+    return cls, b0, b1, b2, level + 1
+
+
+@inner
+def _row_done(st):
+    st.at[DONE_LEAVES] += 1
+    st.at[CHILD] = 0
+
+
+@inner
+def _leaf_done(st):
+    if st.leaf[st.at[DONE_LEAVES], 0] >= 0:
+        _row_done(st)
+    else:
+        st.at[CHILD] += 1
 
 
 @kernel
@@ -255,23 +313,29 @@ def refine(st, cd):
     encoding = cd.reg[MODE] == ENCODE
     asks = st.at[ASKS] != 0
     while st.at[DONE_LEAVES] < st.at[LEAVES]:
+        t = st.tables
+        cls, b0, b1, b2, level = _leaf(st)
+        if level < 0:
+            continue
+        w0, w1, w2 = middle(t, r, cls, b0, b1, b2)
+        x, y, z = (w0 * edge) >> 1, (w1 * edge) >> 1, (w2 * edge) >> 1
+        e = np.int64(0)
+        if level == st.at[LEVEL] and not asks:
+            e = entry(st, x, y, z)
+            if e >> 1 > st.at[BEFORE_ROUND]:
+                _leaf_done(st)
+                continue
         if crowded(st):
             return GROW
         if tired(st):
             return BAD
-        i = st.at[DONE_LEAVES]
-        cls = np.int64(st.leaf[i, 0])
-        b0, b1, b2 = np.int64(st.leaf[i, 1]), np.int64(st.leaf[i, 2]), np.int64(st.leaf[i, 3])
-        if st.leaf[i, 4] != st.at[LEVEL]:
-            push(st, cls, b0, b1, b2, np.int64(st.leaf[i, 4]))
-            st.at[DONE_LEAVES] = i + 1
+        if level != st.at[LEVEL]:
+            push_row(st, st.at[DONE_LEAVES])
+            _row_done(st)
             continue
         if mixing(cd) and not survey(st):
             return GROW
-        t = st.tables
-        w0, w1, w2 = middle(t, r, cls, b0, b1, b2)
         kind = kind_of(t, r, w0, w1, w2)
-        x, y, z = (w0 * edge) >> 1, (w1 * edge) >> 1, (w2 * edge) >> 1
         first_known = st.at[BEFORE_ROUND]
         if asks:
             state = _split(st, cd, kind, w0, w1, w2, x, y, z)
@@ -279,15 +343,15 @@ def refine(st, cd):
                 return state
             if state & KEPT:
                 push(st, cls, b0, b1, b2, st.at[LEVEL])
-                st.at[DONE_LEAVES] = i + 1
+                _leaf_done(st)
                 continue
             # whether the middle was known is told by its mark: corners become known during the round, too
             first_known = st.at[VERTICES] if state & KNOWN else np.int64(0)
-        e = entry(st, x, y, z)
+            e = entry(st, x, y, z)
         if e != 0:
             if (e >> 1) - 1 < first_known:
                 _bisect_known(st, r, kind, w0, w1, w2, cls, b0, b1, b2, e & 1)
-            st.at[DONE_LEAVES] = i + 1
+            _leaf_done(st)
             continue
         inside, members, corners, known, above = look(st, edge, r, kind, w0, w1, w2)
         first = above & 1
@@ -348,5 +412,5 @@ def refine(st, cd):
             p0, p1 = _half(st, kind, w0, w1, np.int64(sign == first))
             _remember(st, p0, p1)
         bisect(st, r, kind, w0, w1, w2, inside, members, known, above, sign)
-        st.at[DONE_LEAVES] = i + 1
+        _leaf_done(st)
     return DONE

@@ -36,7 +36,10 @@ size and the next vertex; how often signs have been as predicted, on edges that 
 those that are (7.12)."""
 STEP_WORK = 57
 """WORK before the step that is being taken: one that lacks bytes is taken anew."""
-COUNTERS = 58
+CHILD, MIXED, HELD, MOST_MIXED = range(58, 62)
+"""Children of the row ``DONE_LEAVES`` that are done; simplices in the rows that a round makes, in those of the last
+mesh, and most that may be there."""
+COUNTERS = 62
 ALWAYS, MOSTLY, AGREED_SHIFT = 4096, 3584, 5
 """AGREED and CALM if it has always been so, what they begin with, and how fast they change."""
 
@@ -80,8 +83,8 @@ class State(NamedTuple):
     """Arrays of one isovalue's decoding; the kernels read and write them in place.
 
     A store entry is 0 for an unknown vertex, else ``2 * (number + 1) + sign``; vertices are numbered as they become
-    known. ``leaf`` lists the mixed simplices of the present level (class, block), in order; ``below`` those of the
-    next, while a round of refinement goes on.
+    known. ``leaf`` lists the mixed simplices, in order, ``below`` those that a round of refinement makes, while it goes
+    on: see ``passes.rows``.
     """
 
     tables: NDArray[np.int64]  # the mesh, see mesh.access
@@ -175,6 +178,7 @@ def crowded(st):
         at[VERTICES] + STEP_VERTICES > len(st.vertex)
         or at[LEAVES] + STEP_LEAVES > len(st.leaf)
         or at[NEXT] + STEP_LEAVES > len(st.below)
+        or at[MIXED] + STEP_LEAVES > at[MOST_MIXED]
         or full(st.known, STEP_VERTICES)
         or full(st.mesh, STEP_VERTICES)
         or full(st.crowd, STEP_CELLS)

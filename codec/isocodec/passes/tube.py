@@ -22,6 +22,7 @@ from . import base as base_pass
 from . import births, refine, seek, significance
 from .estimates import Estimates
 from .mesh import IN, MOST_ANCESTORS
+from .rows import one_by_one
 from .state import (
     ADAPTED,
     AGREED,
@@ -29,16 +30,20 @@ from .state import (
     BASE_LEVEL,
     BEFORE_ROUND,
     CALM,
+    CHILD,
     COUNTERS,
     DONE_LEAVES,
     EDGE,
     ELEMENTS,
     ERROR,
     FINEST,
+    HELD,
     LAST,
     LEAVES,
     LEVEL,
     MESHES,
+    MIXED,
+    MOST_MIXED,
     MOST_WORK,
     MOSTLY,
     NEXT,
@@ -109,6 +114,7 @@ class Tube:
         counters = np.zeros(COUNTERS, np.int64)
         counters[SIZE] = self.k
         counters[MOST_WORK] = limits.steps
+        counters[MOST_MIXED] = limits.simplices
         counters[AGREED] = counters[CALM : CALM + 2] = MOSTLY
         counters[LAST : LAST + n] = np.array(shape) - 1
         signs = truth.padded if truth else np.zeros((0, 0, 0), np.bool_)
@@ -167,7 +173,7 @@ class Tube:
     @property
     def simplices(self) -> int:
         """Leaves of the mesh."""
-        return int(self.state.at[LEAVES])
+        return int(self.state.at[HELD])
 
     @property
     def steps(self) -> int:
@@ -223,7 +229,7 @@ class Tube:
         at = self.state.at
         self.state = self.state._replace(mesh=copied(earlier.mesh, IN))
         at[TOLD] = at[SEEDED] = 1
-        self._seeds = earlier.leaf[: earlier.at[LEAVES]].copy()
+        self._seeds = one_by_one(earlier)
         self.begin_base(self.lean.level, adaptive=bool(earlier.at[ADAPTED]))
 
     def begin_round(self) -> None:
@@ -337,6 +343,7 @@ class Tube:
                 self._order = NOTHING
                 self._seeds = self._seeds[:0]
                 at[TOLD] = at[SEEDED] = 0
+                at[HELD] = at[LEAVES]
                 self._end_mesh()
             case "continue":
                 if self.state.walk[0]:
@@ -353,7 +360,8 @@ class Tube:
                 st = self.state
                 self.state = st._replace(leaf=st.below, below=st.leaf)
                 at[LEAVES] = at[NEXT]
-                at[NEXT] = at[DONE_LEAVES] = 0
+                at[HELD] = at[MIXED]
+                at[NEXT] = at[MIXED] = at[DONE_LEAVES] = at[CHILD] = 0
                 at[BEFORE_ROUND] = at[VERTICES]
                 self._set_level(int(at[LEVEL]) + 1)
                 if not at[ASKS]:
@@ -393,7 +401,7 @@ class Tube:
                 f"more than {self.limits.vertices} vertices", code="limit-vertices", clause="11.2",
                 remedy="raise Limits.vertices if the file is trusted",
             )  # fmt: skip
-        if max(at[LEAVES], at[NEXT]) + STEP_LEAVES > self.limits.simplices:
+        if max(at[LEAVES], at[MIXED]) + STEP_LEAVES > self.limits.simplices:
             raise LimitError(
                 f"more than {self.limits.simplices} simplices", code="limit-simplices", clause="11.2",
                 remedy="raise Limits.simplices if the file is trusted",

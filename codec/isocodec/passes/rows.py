@@ -1,0 +1,111 @@
+"""Lists of mixed simplices: a row for a leaf of its own, or for all that the bisection of a diamond made (annex B.4).
+
+Such rows are several times fewer than the simplices; taken one by one these come in the order of clause 5.4.2.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..jit import inner, kernel
+from ..mesh.access import dimension, grandchild
+from .state import EDGE, HELD, LAST, LEAVES, LEVEL, MIXED, NEXT, State
+
+_KIND_BITS, _CHILD_BITS = 6, 16
+_KIND, _CHILDREN = (1 << _KIND_BITS) - 1, (1 << _CHILD_BITS) - 1
+"""A row is a class, its block and level, or, negative, kind and children of a diamond, the block of its middle and its
+level. Children are bits, 2 m + s for child s of member m; a last bit says that none of theirs lies at the border."""
+
+
+@inner
+def _append(st, code, b0, b1, b2, level):
+    i = st.at[NEXT]
+    st.below[i, 0] = code
+    st.below[i, 1] = b0
+    st.below[i, 2] = b1
+    st.below[i, 3] = b2
+    st.below[i, 4] = level
+    st.at[NEXT] = i + 1
+
+
+@inner
+def _ones(bits):
+    count = 0
+    while bits:
+        bits &= bits - 1
+        count += 1
+    return count
+
+
+@inner
+def push(st, cls, b0, b1, b2, level):
+    """Append a simplex to the list that the round makes."""
+    _append(st, cls, b0, b1, b2, level)
+    st.at[MIXED] += 1
+
+
+@inner
+def push_children(st, kind, w0, w1, w2, children):
+    """Append children of the diamond around w, of the present level, if there are any."""
+    if children == 0:
+        return
+    edge, last = st.at[EDGE], st.at
+    # the children's own diamonds reach 2 g to all sides at most
+    free = min(w0, w1) >= 2 and (w0 + 2) * edge <= 2 * last[LAST] and (w1 + 2) * edge <= 2 * last[LAST + 1]
+    if dimension(st.tables) == 3:
+        free = free and w2 >= 2 and (w2 + 2) * edge <= 2 * last[LAST + 2]
+    code = kind | children << _KIND_BITS | np.int64(free) << (_KIND_BITS + _CHILD_BITS)
+    _append(st, -1 - code, w0 >> 2, w1 >> 2, w2 >> 2, st.at[LEVEL])
+    st.at[MIXED] += _ones(children)
+
+
+@inner
+def push_row(st, i):
+    """Append a row of the present list as it is."""
+    code = np.int64(st.leaf[i, 0])
+    _append(st, code, st.leaf[i, 1], st.leaf[i, 2], st.leaf[i, 3], st.leaf[i, 4])
+    st.at[MIXED] += 1 if code >= 0 else _ones(unpacked(code)[1])
+
+
+@inner
+def unpacked(code):
+    """Kind and children of a diamond's row, and whether no child's diamond lies at the border."""
+    code = -1 - code
+    return code & _KIND, (code >> _KIND_BITS) & _CHILDREN, code >> (_KIND_BITS + _CHILD_BITS) != 0
+
+
+@inner
+def child_at(t, level, kind, c, b0, b1, b2):
+    """Class and block of child c, 2 m + s, of a diamond of a level with its middle in block b."""
+    cls, d0, d1, d2, _ = grandchild(t, kind, c >> 1, c & 1)
+    f = 1 if (level + 1) % dimension(t) else 2
+    return cls, b0 * f + d0, b1 * f + d1, b2 * f + d2
+
+
+@kernel
+def _one_by_one(st, out):
+    """The simplices of the list in their order, as rows of class, block and level."""
+    count = 0
+    for i in range(st.at[LEAVES]):
+        code, level = np.int64(st.leaf[i, 0]), np.int64(st.leaf[i, 4])
+        b0, b1, b2 = np.int64(st.leaf[i, 1]), np.int64(st.leaf[i, 2]), np.int64(st.leaf[i, 3])
+        if code >= 0:
+            out[count, 0], out[count, 1], out[count, 2], out[count, 3], out[count, 4] = code, b0, b1, b2, level
+            count += 1
+            continue
+        kind, children, _ = unpacked(code)
+        c = np.int64(0)
+        while children >> c:
+            if children >> c & 1:
+                cls, d0, d1, d2 = child_at(st.tables, level, kind, c, b0, b1, b2)
+                out[count, 0], out[count, 1], out[count, 2], out[count, 3], out[count, 4] = cls, d0, d1, d2, level + 1
+                count += 1
+            c += 1
+
+
+def one_by_one(st: State) -> NDArray[np.int32]:
+    """The mixed simplices of a mesh in their order: class, block and level, (M, 5)."""
+    out = np.empty((int(st.at[HELD]), 5), np.int32)
+    _one_by_one(st, out)
+    return out
