@@ -13,7 +13,7 @@ from ..entropy.blend import blended, clear, mixing, see
 from ..entropy.coder import ENCODE, MODE, code
 from ..entropy.main import EARLIER_ROWS, MANNER_ROWS, REFINE_KIND, SIGN_NET, SIGN_ROWS
 from ..jit import BAD, DONE, GROW, inner, kernel
-from ..mesh.access import corner, dimension, member, middle, twins
+from ..mesh.access import corner, dimension, member, middle
 from ..mesh.access import corners as corner_count
 from ..mesh.access import kind as kind_of
 from ..mesh.access import members as member_count
@@ -27,7 +27,7 @@ from .diamond import bisect, bisect_member, look
 from .infer import implied
 from .mesh import BARRED, IN, KEPT, KNOWN, admit, closure, short
 from .parabola import MOST, nearer
-from .rows import child_at, push, push_children, push_row, unpacked
+from .rows import child_at, leaf_done, next_leaf, push, push_children, push_row, row_done, unpacked
 from .seek import middle_at
 from .state import (
     AGREED,
@@ -36,7 +36,6 @@ from .state import (
     ASKS,
     BEFORE_ROUND,
     CALM,
-    CHILD,
     CONTINUE,
     DONE_LEAVES,
     EDGE,
@@ -255,43 +254,6 @@ def _chosen(st, level, cls, b0, b1, b2):
     return has(st.chosen, x, y, z)
 
 
-@inner
-def _leaf(st):
-    """The next leaf of the list: class, block and level, which is negative if the row at hand has no other.
-
-    Of a diamond's children in a uniform round those are passed over whose middle is that of one before.
-    """
-    i, c = st.at[DONE_LEAVES], st.at[CHILD]
-    code, level = np.int64(st.leaf[i, 0]), np.int64(st.leaf[i, 4])
-    b0, b1, b2 = np.int64(st.leaf[i, 1]), np.int64(st.leaf[i, 2]), np.int64(st.leaf[i, 3])
-    if code >= 0:
-        return code, b0, b1, b2, level
-    kind, children, free = unpacked(code)
-    free = free and not st.at[ASKS]
-    while children >> c and (not children >> c & 1 or (free and children & twins(st.tables, kind, c))):
-        c += 1
-    st.at[CHILD] = c
-    if not children >> c:
-        _row_done(st)
-        return code, b0, b1, b2, np.int64(-1)
-    cls, b0, b1, b2 = child_at(st.tables, level, kind, c, b0, b1, b2)
-    return cls, b0, b1, b2, level + 1
-
-
-@inner
-def _row_done(st):
-    st.at[DONE_LEAVES] += 1
-    st.at[CHILD] = 0
-
-
-@inner
-def _leaf_done(st):
-    if st.leaf[st.at[DONE_LEAVES], 0] >= 0:
-        _row_done(st)
-    else:
-        st.at[CHILD] += 1
-
-
 @kernel
 def go_on(st, cd, more):
     """Cont/Stop before a round of an adaptive layer; the answer is left in the first register."""
@@ -314,7 +276,7 @@ def refine(st, cd):
     asks = st.at[ASKS] != 0
     while st.at[DONE_LEAVES] < st.at[LEAVES]:
         t = st.tables
-        cls, b0, b1, b2, level = _leaf(st)
+        cls, b0, b1, b2, level = next_leaf(st)
         if level < 0:
             continue
         w0, w1, w2 = middle(t, r, cls, b0, b1, b2)
@@ -323,7 +285,7 @@ def refine(st, cd):
         if level == st.at[LEVEL] and not asks:
             e = entry(st, x, y, z)
             if e >> 1 > st.at[BEFORE_ROUND]:
-                _leaf_done(st)
+                leaf_done(st)
                 continue
         if crowded(st):
             return GROW
@@ -331,7 +293,7 @@ def refine(st, cd):
             return BAD
         if level != st.at[LEVEL]:
             push_row(st, st.at[DONE_LEAVES])
-            _row_done(st)
+            row_done(st)
             continue
         if mixing(cd) and not survey(st):
             return GROW
@@ -343,7 +305,7 @@ def refine(st, cd):
                 return state
             if state & KEPT:
                 push(st, cls, b0, b1, b2, st.at[LEVEL])
-                _leaf_done(st)
+                leaf_done(st)
                 continue
             # whether the middle was known is told by its mark: corners become known during the round, too
             first_known = st.at[VERTICES] if state & KNOWN else np.int64(0)
@@ -351,7 +313,7 @@ def refine(st, cd):
         if e != 0:
             if (e >> 1) - 1 < first_known:
                 _bisect_known(st, r, kind, w0, w1, w2, cls, b0, b1, b2, e & 1)
-            _leaf_done(st)
+            leaf_done(st)
             continue
         inside, members, corners, known, above = look(st, edge, r, kind, w0, w1, w2)
         first = above & 1
@@ -412,5 +374,5 @@ def refine(st, cd):
             p0, p1 = _half(st, kind, w0, w1, np.int64(sign == first))
             _remember(st, p0, p1)
         bisect(st, r, kind, w0, w1, w2, inside, members, known, above, sign)
-        _leaf_done(st)
+        leaf_done(st)
     return DONE

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..jit import inner, kernel
-from ..mesh.access import dimension, grandchild
-from .state import EDGE, HELD, LAST, LEAVES, LEVEL, MIXED, NEXT, State
+from ..mesh.access import dimension, grandchild, twins
+from .state import ASKS, CHILD, DONE_LEAVES, EDGE, HELD, LAST, LEAVES, LEVEL, MIXED, NEXT, State
 
 _KIND_BITS, _CHILD_BITS = 6, 16
 _KIND, _CHILDREN = (1 << _KIND_BITS) - 1, (1 << _CHILD_BITS) - 1
@@ -81,6 +81,45 @@ def child_at(t, level, kind, c, b0, b1, b2):
     cls, d0, d1, d2, _ = grandchild(t, kind, c >> 1, c & 1)
     f = 1 if (level + 1) % dimension(t) else 2
     return cls, b0 * f + d0, b1 * f + d1, b2 * f + d2
+
+
+@inner
+def next_leaf(st):
+    """The next leaf of the list: class, block and level, which is negative if the row at hand has no other.
+
+    Of a diamond's children in a uniform round those are passed over whose middle is that of one before.
+    """
+    i, c = st.at[DONE_LEAVES], st.at[CHILD]
+    code, level = np.int64(st.leaf[i, 0]), np.int64(st.leaf[i, 4])
+    b0, b1, b2 = np.int64(st.leaf[i, 1]), np.int64(st.leaf[i, 2]), np.int64(st.leaf[i, 3])
+    if code >= 0:
+        return code, b0, b1, b2, level
+    kind, children, free = unpacked(code)
+    free = free and not st.at[ASKS]
+    while children >> c and (not children >> c & 1 or (free and children & twins(st.tables, kind, c))):
+        c += 1
+    st.at[CHILD] = c
+    if not children >> c:
+        row_done(st)
+        return code, b0, b1, b2, np.int64(-1)
+    cls, b0, b1, b2 = child_at(st.tables, level, kind, c, b0, b1, b2)
+    return cls, b0, b1, b2, level + 1
+
+
+@inner
+def row_done(st):
+    """Go on to the next row."""
+    st.at[DONE_LEAVES] += 1
+    st.at[CHILD] = 0
+
+
+@inner
+def leaf_done(st):
+    """Go on to the next leaf."""
+    if st.leaf[st.at[DONE_LEAVES], 0] >= 0:
+        row_done(st)
+    else:
+        st.at[CHILD] += 1
 
 
 @kernel
