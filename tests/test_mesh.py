@@ -205,12 +205,13 @@ def test_children_of_diamonds_have_their_corners(n):
             for i, point in enumerate(points):
                 assert access.delta(t, kind, i) == sum((x - y) * s for x, y, s in zip(point, w, strides, strict=True))
             points.append(w)
+            assert access.factor(t, kind) == f
             middles = []
             for c in range(2 * access.members(t, kind)):
                 cls, *block, bits = access.grandchild(t, kind, c >> 1, c & 1)
                 found = [access.vertex(t, (r + 1) % n, cls, j)[:n] for j in range(n + 1)]
                 places = [access.place(t, kind, c, j) for j in range(n + 1)]
-                assert sum(1 << i for i in places) == bits
+                assert sum(1 << i for i in places) == bits == access.child_bits(t, kind, c)
                 for vertex, i in zip(found, places, strict=True):
                     assert [4 * b + v for b, v in zip(block[:n], vertex, strict=True)] == [f * x for x in points[i]]
                 middles.append(access.middle(t, (r + 1) % n, cls, *block))

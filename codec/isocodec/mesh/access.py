@@ -18,6 +18,8 @@ _MEMBERS = START["MEMBERS"]
 _MEMBER = START["MEMBER"]
 _GRANDCHILD = START["GRANDCHILD"]
 _DELTA = START["DELTA"]
+_FACTOR = START["FACTOR"]
+_BITS = START["BITS"]
 _PLACE = START["PLACE"]
 _TWIN = START["TWIN"]
 
@@ -112,6 +114,18 @@ def grandchild(t, d, m, side):
     """Class, block delta, bits of the corners of a member's child; the bit after the last corner is the middle."""
     i = _GRANDCHILD + ((d * MOST_MEMBERS + m) * 2 + side) * 5
     return t[i], t[i + 1], t[i + 2], t[i + 3], t[i + 4]
+
+
+@kernel
+def factor(t, d):
+    """What the block of a diamond's member is multiplied by, before the block delta of its child is added."""
+    return t[_FACTOR + d]
+
+
+@kernel
+def child_bits(t, d, c):
+    """Bits of the corners of child c, 2 m + s."""
+    return t[_BITS + d * MOST_MEMBERS * 2 + c]
 
 
 @kernel

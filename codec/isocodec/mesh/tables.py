@@ -47,6 +47,8 @@ _SIZES = {
     "MEMBERS": MOST_KINDS,  # [d] number of simplices in the diamond
     "MEMBER": MOST_KINDS * MOST_MEMBERS * 5,  # [d, m] class and block delta of a member, the bits of its corners
     "GRANDCHILD": MOST_KINDS * MOST_MEMBERS * 10,  # [d, m, s] likewise its children (block as in CHILD)
+    "FACTOR": MOST_KINDS,  # [d] what the block of a member is multiplied by for its children
+    "BITS": MOST_KINDS * MOST_MEMBERS * 2,  # [d, m, s] bits of a child's corners, as in GRANDCHILD
     "PLACE": MOST_KINDS * MOST_MEMBERS * 8,  # [d, m, s, j] which corner vertex j of a child is
     "TWIN": MOST_KINDS * MOST_MEMBERS * 2,  # [d, m, s] bits of the children before it that have its middle
 }
@@ -195,6 +197,7 @@ def mesh_tables(n: int) -> NDArray[np.int64]:
     members_ = table("MEMBERS", MOST_KINDS)
     member = table("MEMBER", MOST_KINDS, MOST_MEMBERS, 5)
     grandchild = table("GRANDCHILD", MOST_KINDS, MOST_MEMBERS, 2, 5)
+    factor, bits = table("FACTOR", MOST_KINDS), table("BITS", MOST_KINDS, MOST_MEMBERS * 2)
     place = table("PLACE", MOST_KINDS, MOST_MEMBERS * 2, 4)
     twin = table("TWIN", MOST_KINDS, MOST_MEMBERS * 2)
     for d, (r, w, found) in enumerate(diamonds):
@@ -205,6 +208,8 @@ def mesh_tables(n: int) -> NDArray[np.int64]:
         deltas[d, : len(points)] = [sum((x - y) << s for x, y, s in zip(p, w, strides, strict=True)) for p in points]
         member[d, : len(inside)] = inside
         grandchild[d, : len(inside)] = below
+        factor[d] = 2 if r == n - 1 else 1
+        bits[d, : len(children)] = [child[-1] for pair in below for child in pair]
         for i, (vertices, doubled) in enumerate(children):
             place[d, i, : n + 1] = vertices
             twin[d, i] = sum(1 << j for j, (_, other) in enumerate(children[:i]) if other == doubled)

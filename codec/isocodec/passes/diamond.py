@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..jit import inner
-from ..mesh.access import corner, delta, dimension, grandchild, member
+from ..mesh.access import child_bits, corner, delta, dimension, grandchild, member
 from ..mesh.access import corners as corner_count
 from ..mesh.access import members as member_count
 from ..mesh.store import page_with
@@ -88,6 +88,21 @@ def look(st, edge, r, kind, w0, w1, w2):
 
 
 @inner
+def _corners_learn(st, kind, b0, b1, b2, whole, known, above, bits):
+    """Make corners known that are not, in order; returns the bits of all that are."""
+    fresh = bits & ~known
+    i = np.int64(0)
+    while fresh:
+        if fresh & 1:
+            x, y, z = position(st.at[EDGE], b0, b1, b2, corner(st.tables, kind, i))
+            if whole or entry(st, x, y, z) == 0:
+                learn(st, x, y, z, (above >> i) & 1)
+        fresh >>= 1
+        i += 1
+    return known | bits
+
+
+@inner
 def bisect_member(st, r, kind, m, w0, w1, w2, whole, known, above):
     """Make the corners of a member's mixed children known. Returns the bits known after it, and those of the children.
 
@@ -106,16 +121,7 @@ def bisect_member(st, r, kind, m, w0, w1, w2, whole, known, above):
             continue
         if not whole and not exists(st, edge // f, below, cls, b0 * f + d0, b1 * f + d1, b2 * f + d2):
             continue
-        fresh = bits & ~known
-        i = 0
-        while fresh:
-            if fresh & 1:
-                x, y, z = position(edge, b0, b1, b2, corner(t, kind, i))
-                if whole or entry(st, x, y, z) == 0:
-                    learn(st, x, y, z, (above >> i) & 1)
-            fresh >>= 1
-            i += 1
-        known |= bits
+        known = _corners_learn(st, kind, b0, b1, b2, whole, known, above, bits)
         children |= np.int64(1) << (2 * m + s)
     return known, children
 
@@ -130,6 +136,17 @@ def bisect(st, r, kind, w0, w1, w2, whole, members, known, above, sign):
     if sign:
         above |= middle
     children = np.int64(0)
+    if whole:
+        b0, b1, b2 = w0 >> 2, w1 >> 2, w2 >> 2
+        for c in range(2 * member_count(st.tables, kind)):
+            bits = child_bits(st.tables, kind, c)
+            signs = above & bits
+            if signs != 0 and signs != bits:
+                if bits & ~known:
+                    known = _corners_learn(st, kind, b0, b1, b2, True, known, above, bits)
+                children |= np.int64(1) << c
+        push_children(st, kind, w0, w1, w2, children)
+        return
     for m in range(member_count(st.tables, kind)):
         if (members >> m) & 1:
             known, more = bisect_member(st, r, kind, m, w0, w1, w2, whole, known, above)

@@ -83,7 +83,7 @@ def vertex_numbers(st, leaf, first, count, round_runs, number, out, levels):
             c = st.at[CHILD]
         while children >> c:
             if children >> c & 1:
-                cls, d0, d1, d2 = child_at(t, level, kind, c, b0, b1, b2)
+                cls, d0, d1, d2 = child_at(t, kind, c, b0, b1, b2)
                 if not (round_runs and _bisected(st, level + 1, cls, d0, d1, d2)):
                     for j in range(n + 1):
                         out[rows, j] = number[place(t, kind, c, j)]

@@ -27,7 +27,7 @@ from .diamond import bisect, bisect_member, look
 from .infer import implied
 from .mesh import BARRED, IN, KEPT, KNOWN, admit, closure, short
 from .parabola import MOST, nearer
-from .rows import child_at, leaf_done, next_leaf, push, push_children, push_row, row_done, unpacked
+from .rows import child_at, leaf_done, next_leaf, ones, push, push_children, push_row, row_done, unpacked
 from .seek import middle_at
 from .state import (
     AGREED,
@@ -67,15 +67,8 @@ FAR = 64
 def _ring(corners, above, wanted):
     """Number of ring corners, and of those with the sign ``wanted``."""
     ring = corners >> 2
-    signs = above >> 2 if wanted else ring & ~(above >> 2)
-    size = 0
-    count = 0
-    while ring:
-        size += ring & 1
-        count += signs & ring & 1
-        ring >>= 1
-        signs >>= 1
-    return size, count
+    signs = above >> 2 if wanted else ~(above >> 2)
+    return ones(ring), ones(signs & ring)
 
 
 @inner
@@ -238,7 +231,7 @@ def pending(st):
         kind, children, _ = unpacked(code)
         c = np.int64(0)
         while children >> c:
-            cls, d0, d1, d2 = child_at(st.tables, level, kind, c, b0, b1, b2)
+            cls, d0, d1, d2 = child_at(st.tables, kind, c, b0, b1, b2)
             if children >> c & 1 and _chosen(st, level + 1, cls, d0, d1, d2):
                 return True
             c += 1

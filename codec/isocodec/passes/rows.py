@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..jit import inner, kernel
-from ..mesh.access import dimension, grandchild, twins
+from ..mesh.access import dimension, factor, grandchild, twins
 from .state import ASKS, CHILD, DONE_LEAVES, EDGE, HELD, LAST, LEAVES, LEVEL, MIXED, NEXT, State
 
 _KIND_BITS, _CHILD_BITS = 6, 16
@@ -30,12 +30,12 @@ def _append(st, code, b0, b1, b2, level):
 
 
 @inner
-def _ones(bits):
-    count = 0
-    while bits:
-        bits &= bits - 1
-        count += 1
-    return count
+def ones(bits):
+    """How many of 16 bits are 1."""
+    bits -= bits >> 1 & 0x5555
+    bits = (bits & 0x3333) + (bits >> 2 & 0x3333)
+    bits = bits + (bits >> 4) & 0x0F0F
+    return bits + (bits >> 8) & 31
 
 
 @inner
@@ -57,7 +57,7 @@ def push_children(st, kind, w0, w1, w2, children):
         free = free and w2 >= 2 and (w2 + 2) * edge <= 2 * last[LAST + 2]
     code = kind | children << _KIND_BITS | np.int64(free) << (_KIND_BITS + _CHILD_BITS)
     _append(st, -1 - code, w0 >> 2, w1 >> 2, w2 >> 2, st.at[LEVEL])
-    st.at[MIXED] += _ones(children)
+    st.at[MIXED] += ones(children)
 
 
 @inner
@@ -65,7 +65,7 @@ def push_row(st, i):
     """Append a row of the present list as it is."""
     code = np.int64(st.leaf[i, 0])
     _append(st, code, st.leaf[i, 1], st.leaf[i, 2], st.leaf[i, 3], st.leaf[i, 4])
-    st.at[MIXED] += 1 if code >= 0 else _ones(unpacked(code)[1])
+    st.at[MIXED] += 1 if code >= 0 else ones(unpacked(code)[1])
 
 
 @inner
@@ -76,10 +76,10 @@ def unpacked(code):
 
 
 @inner
-def child_at(t, level, kind, c, b0, b1, b2):
-    """Class and block of child c, 2 m + s, of a diamond of a level with its middle in block b."""
+def child_at(t, kind, c, b0, b1, b2):
+    """Class and block of child c, 2 m + s, of a diamond with its middle in block b."""
     cls, d0, d1, d2, _ = grandchild(t, kind, c >> 1, c & 1)
-    f = 1 if (level + 1) % dimension(t) else 2
+    f = factor(t, kind)
     return cls, b0 * f + d0, b1 * f + d1, b2 * f + d2
 
 
@@ -102,7 +102,7 @@ def next_leaf(st):
     if not children >> c:
         row_done(st)
         return code, b0, b1, b2, np.int64(-1)
-    cls, b0, b1, b2 = child_at(st.tables, level, kind, c, b0, b1, b2)
+    cls, b0, b1, b2 = child_at(st.tables, kind, c, b0, b1, b2)
     return cls, b0, b1, b2, level + 1
 
 
@@ -137,7 +137,7 @@ def _one_by_one(st, out):
         c = np.int64(0)
         while children >> c:
             if children >> c & 1:
-                cls, d0, d1, d2 = child_at(st.tables, level, kind, c, b0, b1, b2)
+                cls, d0, d1, d2 = child_at(st.tables, kind, c, b0, b1, b2)
                 out[count, 0], out[count, 1], out[count, 2], out[count, 3], out[count, 4] = cls, d0, d1, d2, level + 1
                 count += 1
             c += 1
