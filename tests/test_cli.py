@@ -17,7 +17,7 @@ import trimesh
 from PIL import Image
 
 import isocodec
-from commands import HILLS, fails, ok
+from commands import HILLS, fails, ok, run
 from isocodec.cli.plot import shown, spread
 
 # ---- encode ---------------------------------------------------------------------------------------------------------
@@ -65,7 +65,8 @@ def test_encode_one_of_several_labels(tmp_path: Path, options: list[str], keywor
     source, out = tmp_path / "labels.npy", tmp_path / "out.iso"
     np.save(source, labels.astype(np.float32))
     ok("encode", source, "-o", out, "--label", 2, *options)
-    assert out.read_bytes() == isocodec.encode(labels == 2, 0.5, **keywords)
+    assert out.read_bytes() == isocodec.encode(labels == 2, 0.5, metadata={"label": "2"}, **keywords)
+    assert "one after the other" in fails(2, "encode", source, "-o", out, "--label", 2, "--label", 1)
     assert "there are 0, 1, 2, 3" in fails(3, "encode", source, "-o", out, "--label", 7)
     assert "one of them" in fails(2, "encode", source, "-o", out, "--label", 2, "--isovalue", 1)
     assert "one of them" in fails(2, "encode", source, "-o", out)
@@ -293,6 +294,18 @@ def test_info_shows_metadata_without_orders_to_terminals(tmp_path: Path) -> None
     path.write_bytes(isocodec.encode(HILLS, 80.5, metadata={"note": "\x1b]0;title\x07\u202ered\nline"}))
     shown = ok("info", path)
     assert "\x1b" not in shown and "\u202e" not in shown and "\\x1b]0;title\\x07" in shown
+
+
+def test_info_says_why_sizes_of_layers_are_missing(curve: Path, curve_data: bytes) -> None:
+    assert "too small" in ok("info", curve)
+    curve.write_bytes(curve_data[:-30])
+    shown = run("info", curve).stdout
+    assert "too small" not in shown and "part that is missing" in shown
+
+
+def test_warning_where_nothing_of_the_curve_has_come(curve: Path, curve_data: bytes, tmp_path: Path) -> None:
+    result = run("decode", curve, "-o", tmp_path / "c.npz", "--max-bytes", 14)
+    assert result.exit_code == 0 and "nothing of the curve" in result.stderr
 
 
 def test_layers_before_damage_are_decoded(curve_data: bytes, tmp_path: Path) -> None:

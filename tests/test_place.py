@@ -127,6 +127,29 @@ def test_pictures_that_say_nothing(tmp_path: Path) -> None:
     assert "stack" in read_place(tmp_path / "stack.tif", 3).remark
 
 
+def test_pictures_of_microscopes_are_told_to_need_a_spacing(tmp_path: Path) -> None:
+    cells = BALL.astype(np.uint8)
+    tifffile.imwrite(tmp_path / "i.tif", cells, imagej=True, metadata={"axes": "ZYX", "spacing": 2.5, "unit": "um"})
+    tifffile.imwrite(
+        tmp_path / "o.ome.tif", cells, ome=True, metadata={"axes": "ZYX", "PhysicalSizeX": 0.5, "PhysicalSizeZ": 2.0}
+    )
+    for name in ("i.tif", "o.ome.tif"):
+        assert "--spacing" in read_place(tmp_path / name, 3).remark
+    tifffile.imwrite(tmp_path / "plain.tif", cells, imagej=True, metadata={"axes": "ZYX"})
+    assert read_place(tmp_path / "plain.tif", 3) == Place()
+
+
+def test_warning_where_single_precision_loses_points(tmp_path: Path) -> None:
+    path = tmp_path / "far.iso"
+    for origin, words in ((5.1e6, True), (100.0, False)):
+        placement = np.column_stack([0.5 * np.eye(3), [origin, 0, 0]])
+        path.write_bytes(isocodec.encode(BALL, 0.5 * float(BALL.max()), placement=placement))
+        for suffix in (".ply", ".stl", ".obj"):
+            result = run("decode", path, "-o", tmp_path / f"far{suffix}")
+            assert result.exit_code == 0 and ("are rounded" in result.stderr) == (words and suffix != ".obj")
+        assert "rounded" not in run("decode", path, "-o", tmp_path / "far.ply", "--in-samples").stderr
+
+
 @pytest.mark.parametrize("suffix", [".ply", ".stl", ".obj"])
 def test_nifti(tmp_path: Path, suffix: str) -> None:
     """Surfaces lie where nibabel says, their normals outwards although the matrix mirrors space."""

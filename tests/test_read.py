@@ -223,6 +223,11 @@ def test_nifti_scaled_big_endian_and_squeezed(tmp_path: Path) -> None:
     scaled.to_filename(tmp_path / "s.nii")
     # The samples are stored as they are, and the header says: 0.5 times the sample, plus 10.
     assert same(read_field(tmp_path / "s.nii"), 0.5 * volume + 10)
+    for slope, inter, dtype in ((1, -1024, np.int32), (-3, 5, np.int32), (1 << 30, 0, np.int64)):
+        scaled.header.set_slope_inter(slope, inter)
+        scaled.to_filename(tmp_path / "w.nii")
+        # Whole numbers stay what they are, and can be kept exactly.
+        assert same(read_field(tmp_path / "w.nii"), volume.astype(dtype) * slope + inter)
     header = nibabel.Nifti1Header(endianness=">")
     header.set_data_dtype(np.int16)
     nibabel.Nifti1Image(volume[..., None], np.eye(4), header).to_filename(tmp_path / "b.nii.gz")

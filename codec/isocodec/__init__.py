@@ -21,7 +21,19 @@ if TYPE_CHECKING:
     from .limits import Limits
     from .stream.decoder import Decoder
     from .stream.encoder import Encoder
-    from .stream.events import LayerComplete
+    from .stream.events import (
+        BaseComplete,
+        ChunkSkipped,
+        End,
+        Event,
+        GeometryRefined,
+        HeaderRead,
+        IsovalueRead,
+        LayerComplete,
+        LevelComplete,
+        MetadataRead,
+        PromisesRead,
+    )
     from .stream.inspect import FileInfo, inspect
     from .stream.truncate import truncate
 
@@ -36,7 +48,10 @@ _HOMES = {
     "io.areas": ("areas",),
     "limits": ("Limits",),
     "stream.decoder": ("Decoder",),
-    "stream.events": ("LayerComplete",),
+    "stream.events": (
+        "BaseComplete", "ChunkSkipped", "End", "Event", "GeometryRefined", "HeaderRead",
+        "IsovalueRead", "LayerComplete", "LevelComplete", "MetadataRead", "PromisesRead",
+    ),
     "stream.encoder": ("Encoder",),
     "stream.inspect": ("FileInfo", "inspect"),
     "stream.truncate": ("truncate",),
@@ -44,18 +59,28 @@ _HOMES = {
 _HOME = {name: home for home, names in _HOMES.items() for name in names}
 
 __all__ = [
+    "BaseComplete",
+    "ChunkSkipped",
     "Contour",
     "Decoder",
     "Encoder",
+    "End",
+    "Event",
     "FileInfo",
     "FormatError",
+    "GeometryRefined",
+    "HeaderRead",
     "InputError",
     "IsoError",
+    "IsovalueRead",
     "LayerComplete",
+    "LevelComplete",
     "LimitError",
     "Limits",
+    "MetadataRead",
     "MissingExtraError",
     "OptionError",
+    "PromisesRead",
     "TruncatedError",
     "areas",
     "decode",

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
@@ -13,7 +15,13 @@ from ..errors import FormatError
 from .options import iso_argument, json_option, output_option, partial_option, smooth_option
 from .progress import load_kernels
 from .receive import receive, receive_all, warn_of_others
-from .report import check_output, concerning, read_iso, tell, write_output
+from .report import check_output, concerning, read_iso, tell, warn, write_output
+
+if TYPE_CHECKING:
+    from ..contour import Contour
+
+LOST = 0.01
+"""Share of a cell by which single precision may move points without a word."""
 
 
 @click.command("decode", short_help="Decode to a curve, a surface or a picture of it.")
@@ -86,6 +94,7 @@ def decode_command(
         contours = [replace(contour, placement=None) for contour in contours]
     with concerning(source if areas else output):
         rendered = render_areas(contours, areas == "above") if areas else render_contour(contours, suffix)
+    _warn_of_places(source, suffix, contours)
     write_output(output, rendered)
     pieces = "segments" if len(contours[0].shape) == 2 else "triangles"
     points, cells = sum(len(contour.points) for contour in contours), sum(len(contour.cells) for contour in contours)
@@ -104,3 +113,17 @@ def decode_command(
         },
         as_json,
     )
+
+
+def _warn_of_places(source: Path, suffix: str, contours: Sequence[Contour]) -> None:
+    """Say so where nothing of a curve has come yet, or where coordinates lose what the file knows."""
+    import numpy as np
+
+    if not any(len(contour.points) for contour in contours) and not all(contour.complete for contour in contours):
+        warn(source, "nothing of the curve is in the part that was decoded")
+    placement = contours[0].placement
+    if suffix in (".ply", ".stl") and placement is not None and len(contours[0].points):
+        lost = float(np.spacing(np.float32(np.abs(contours[0].placed).max())))
+        steps = np.linalg.norm(placement[:, :-1], axis=0)
+        if lost > LOST * steps.min():
+            warn(source, f"coordinates in {suffix} are rounded by up to {lost / 2:g}; .obj keeps them, or --in-samples")

@@ -42,7 +42,9 @@ if TYPE_CHECKING:
 )
 @click.option(
     "--label",
+    "labels",
     type=Isovalue(),
+    multiple=True,
     metavar="K",
     help="Instead of an isovalue: inside is where the value is K; with --signs-only if nothing else is said.",
 )
@@ -93,7 +95,7 @@ def encode_command(
     output: Path,
     isovalues: tuple[float, ...],
     interval: float | None,
-    label: float | None,
+    labels: tuple[float, ...],
     independent: bool,
     exact: bool,
     tolerance: float | None,
@@ -118,8 +120,12 @@ def encode_command(
     INPUT is .npy, .npz, a PNG, JPEG or TIFF picture (a TIFF stack is a volume), or NIfTI. At most one of --exact,
     --tolerance, --steps, --signs-only and --step says how precisely the contour is kept.
     """
-    if bool(isovalues) + (interval is not None) + (label is not None) != 1:
+    if bool(isovalues) + (interval is not None) + bool(labels) != 1:
         raise click.UsageError("needed is --isovalue, --interval, or --label of a volume of labels: one of them")
+    if len(labels) > 1:
+        several = " and ".join(f"--label {label:g}" for label in labels)
+        raise click.UsageError(f"{several}: a file holds one label, make one after the other")
+    label = labels[0] if labels else None
     if interval is not None and not 0 < interval < math.inf:
         raise click.UsageError(f"--interval {interval}: needed is a number greater than 0")
     precise = {"--exact": exact, "--tolerance": tolerance is not None, "--signs-only": signs_only}
@@ -158,6 +164,7 @@ def encode_command(
             raise click.UsageError(f"--spacing {spacing}: needed is a number for each of the {field.ndim} axes")
         if label is not None:
             field, isovalues = _labelled(field, label), (0.5,)
+            notes.setdefault("label", f"{label:g}")
             signs_only |= not any(precise.values())
         else:
             gone = missing_samples(field, read_nodata(source) if nodata is None else nodata)

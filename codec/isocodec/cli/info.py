@@ -78,7 +78,8 @@ def _print(source: Path, info: FileInfo) -> None:
         layers.add_row(*row)
     console.print(layers)
     if any(layer.bytes is None for layer in info.layers):
-        console.print("- : not in the file, which is too small for a level index; --symbols decodes it and counts.")
+        why = "which is too small for a level index" if info.complete else "or in the part that is missing"
+        console.print(f"- : not in the file, {why}; --symbols decodes it and counts.")
 
 
 def _plain(text: str) -> str:

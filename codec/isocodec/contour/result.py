@@ -53,6 +53,13 @@ class Contour:
     metadata: dict[str, str] = field(default_factory=dict)
     origin_above: bool | None = None
 
+    def __repr__(self) -> str:
+        pieces = "segments" if len(self.shape) == 2 else "triangles"
+        return (
+            f"Contour(isovalue={self.isovalue:g}, {len(self.points)} points, {len(self.cells)} {pieces}, "
+            f"shape={self.shape}, complete={self.complete})"
+        )
+
     @cached_property
     def placed(self) -> NDArray[np.float64]:
         """The points in the coordinates x, y (, z) of the placement, (P, n) float64.

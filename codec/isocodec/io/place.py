@@ -68,8 +68,24 @@ def read_place(path: str | os.PathLike[str], n: int) -> Place:
     if name.endswith((".tif", ".tiff")):
         tifffile = optional("tifffile", extra="image", purpose="reading TIFF")
         with tifffile.TiffFile(path) as tiff:
-            return _of_picture(tiff.pages[0], n)
+            place = _of_picture(tiff.pages[0], n)
+            if place.placement is None and not place.remark and _has_voxels(tiff):
+                return Place(remark="the sizes of its pixels are left out; --spacing gives them")
+            return place
     return Place()
+
+
+def _has_voxels(tiff: Any) -> bool:
+    """Whether a picture of a microscope says how large its pixels are: as ImageJ or OME have it."""
+    try:
+        notes = tiff.imagej_metadata or {}
+        return (
+            "PhysicalSize" in (tiff.ome_metadata or "")
+            or "spacing" in notes
+            or notes.get("unit", "") not in ("", "pixel")
+        )
+    except Exception:  # of any kind, where the notes are damaged
+        return False
 
 
 def _usable(numbers: Any, n: int, keys: Mapping[str, Any] | None = None) -> Place:

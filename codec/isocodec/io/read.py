@@ -280,13 +280,30 @@ FIELD_SUFFIXES: tuple[str, ...] = (".npy", ".npz", *_PICTURES, ".nii", ".nii.gz"
 # ---- NIfTI ----------------------------------------------------------------------------------------------------------
 
 
+def _scaled(raw: Field, slope: float, inter: float) -> Field | None:
+    """Samples that need no floats: those of a volume without scaling, or integers by whole numbers; else None."""
+    if (slope, inter) == (1.0, 0.0):
+        return raw
+    if raw.dtype.kind not in "iu" or not (slope.is_integer() and inter.is_integer()):
+        return None
+    info = np.iinfo(raw.dtype)
+    ends = [int(end) * int(slope) + int(inter) for end in (info.min, info.max)]
+    for kind in ("int32", "int64"):
+        if np.iinfo(kind).min <= min(*ends, int(slope)) and max(*ends, int(slope)) <= np.iinfo(kind).max:
+            scaled: Field = raw.astype(kind)
+            scaled *= int(slope)
+            scaled += int(inter)
+            return scaled
+    return None
+
+
 def _read_nifti(path: Path) -> Field:
     nibabel = optional("nibabel", extra="nifti", purpose="reading NIfTI")
     with _reading("NIfTI volume"):
         stored = nibabel.load(path).dataobj
-        # Scaling makes floats of integers; without it the raw integers are the samples, and can be kept exactly.
-        scaled = (stored.slope, stored.inter) != (1.0, 0.0)
-        volume = np.asarray(stored) if scaled else np.asarray(stored.get_unscaled())
+        volume = _scaled(np.asarray(stored.get_unscaled()), float(stored.slope), float(stored.inter))
+        if volume is None:
+            volume = np.asarray(stored)
     # Headers have at least three axes; a picture, or one volume of a series, ends in axes of length 1.
     while volume.ndim > 2 and volume.shape[-1] == 1:
         volume = volume[..., 0]

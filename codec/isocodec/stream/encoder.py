@@ -332,6 +332,10 @@ def _check_options(o: Asked) -> None:
 
 def _notes(metadata: Mapping[str, str]) -> dict[str, str]:
     """Metadata that a reader will find again."""
+    if not isinstance(metadata, Mapping):
+        raise OptionError(
+            f"metadata is {metadata!r}, needed are texts by their names", code="metadata", remedy='{"unit": "m"}'
+        )
     for key, text in metadata.items():
         if not (isinstance(key, str) and isinstance(text, str)):
             raise OptionError(
