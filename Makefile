@@ -12,11 +12,6 @@ BENCH ?=
 DEMO_PYTHON := .venv-demo/bin/python
 TEST_PYTHON := .venv-test/bin/python
 
-# numba's cache does not notice a change in an imported kernel, so every state of the sources has a cache of its own.
-SOURCES := $(shell find codec spec -name '*.py' | LC_ALL=C sort)
-KERNELS := $(firstword $(shell cat $(SOURCES) | cksum))
-export NUMBA_CACHE_DIR ?= $(CURDIR)/.numba-cache/$(KERNELS)
-
 .DEFAULT_GOAL := help
 .PHONY: help demo test lint bench vectors clean
 
@@ -42,7 +37,7 @@ vectors: .venv-test/.installed ## Write the conformance vectors anew.
 	$(TEST_PYTHON) -m isoconform generate $(VECTORS)
 
 clean: ## Remove everything that make has made.
-	rm -rf .venv-demo .venv-test .numba-cache demo/out .pytest_cache .mypy_cache .ruff_cache .hypothesis build dist
+	rm -rf .venv-demo .venv-test demo/out .pytest_cache .mypy_cache .ruff_cache .hypothesis build dist
 	find codec spec conformance tests tools -name __pycache__ -type d -prune -exec rm -rf {} +
 
 # The demonstration compares with scikit-image, which only the development extra brings.

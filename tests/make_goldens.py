@@ -11,15 +11,15 @@ from __future__ import annotations
 import argparse
 import hashlib
 import json
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-import conftest
 import isocodec
 from isocodec.passes.snapshot import state_of
 
-PATH = conftest.HERE / "goldens.json"
+PATH = Path(__file__).with_name("goldens.json")
 
 
 def noise(shape: tuple[int, ...], seed: int, span: int) -> NDArray[np.int64]:

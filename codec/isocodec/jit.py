@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import hashlib
 import os
-import time
 from collections.abc import Callable
 from contextlib import suppress
+from functools import cache
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -13,27 +15,43 @@ import numpy as np
 from numba import njit, typeof
 from numba.core.options import DefaultOptions
 
+_HOME = Path(__file__).parent
+_WITHOUT_KERNELS = ("cli", "io")
 
-def drop_stale_kernels(home: Path) -> None:
-    """Delete cached kernels below ``home`` that are older than some source file there.
 
-    The cache sees a change in a kernel's own file, but not in one that it imports; what would run then is an
-    old kernel on new data. Files from the future say nothing: against them every kernel looks old.
+@cache
+def sources() -> str:
+    """Digest of all that compiled kernels depend on: the sources, and whether indices are checked."""
+    digest = hashlib.sha256(os.environ.get("NUMBA_BOUNDSCHECK", "").encode())
+    spec = find_spec("isospec")
+    homes = [_HOME] + [Path(place) for place in spec.submodule_search_locations or ()] if spec else [_HOME]
+    for home in homes:
+        for path in sorted(home.rglob("*.py")):
+            name = path.relative_to(home)
+            if name.parts[0] not in _WITHOUT_KERNELS:
+                text = path.read_bytes()
+                digest.update(f"{name.as_posix()}\0{len(text)}\0".encode() + text)
+    return digest.hexdigest()
+
+
+@cache
+def drop_stale_kernels(folder: Path, stamp: str) -> None:
+    """Empty a folder of cached kernels unless it is noted there that they were compiled from the sources of ``stamp``.
+
+    numba sees a change in a kernel's own file, but not in one that it imports; what would run then is an old kernel on
+    new data.
     """
+    note = folder / "sources.txt"
     with suppress(OSError):
-        now = time.time()
-        changed = [path.stat().st_mtime for path in home.rglob("*.py")]
-        newest = max((at for at in changed if at <= now), default=0.0)
-        for cached in home.rglob("*.nb[ic]"):
-            if cached.stat().st_mtime < newest:
-                cached.unlink()
+        if note.is_file() and note.read_text() == stamp:
+            return
+        for cached in folder.glob("*.nb[ic]"):
+            cached.unlink()
+        folder.mkdir(parents=True, exist_ok=True)
+        note.write_text(stamp)
 
 
-# A cache directory that the user chose is the user's affair.
-if not os.environ.get("NUMBA_CACHE_DIR"):
-    drop_stale_kernels(Path(__file__).parent)
-
-_OPTIONS: dict[str, Any] = {"cache": True, "nogil": True, "error_model": "numpy"}
+_OPTIONS: dict[str, Any] = {"cache": True, "nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True}
 if hasattr(DefaultOptions, "_nrt"):
     # Kernels allocate nothing, so their arrays need no reference counts: these atomics cost ten times the work
     # itself. The option is numba's own for its device targets; without it kernels are slower, not different.
@@ -46,9 +64,12 @@ def kernel(function: Callable[..., Any]) -> Any:
     Where neither the package's directory nor the user's can be written, kernels are compiled by every process.
     """
     try:
-        return njit(**_OPTIONS)(function)
+        made = njit(**_OPTIONS)(function)
     except RuntimeError:
         return njit(**(_OPTIONS | {"cache": False}))(function)
+    if hasattr(made, "stats"):  # without NUMBA_DISABLE_JIT
+        drop_stale_kernels(Path(made.stats.cache_path), sources())
+    return made
 
 
 def compiled(function: Callable[..., Any], *arguments: Any) -> Callable[..., Any]:
@@ -76,7 +97,7 @@ def _kinds(argument: Any) -> Any:
     return type(argument)
 
 
-_INNER = {"cache": False, "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+_INNER = {"cache": False, "no_cpython_wrapper": True}
 if hasattr(DefaultOptions, "forceinline"):
     # A call hands over every array of a state by itself, some hundred numbers: inlining is worth a factor of five.
     _INNER["forceinline"] = True
