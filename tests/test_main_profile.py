@@ -26,6 +26,7 @@ from isocodec.entropy.main import (
     members,
     shipped_models,
 )  # fmt: skip
+from isocodec.entropy.opinion import weighed
 from isocodec.jit import kernel
 from isocodec.mesh.access import dimension
 from isocodec.mesh.store import get
@@ -144,6 +145,23 @@ symbols = st.tuples(
     st.integers(0, NETS - 1), st.booleans(), st.integers(0, KINDS - 1), st.integers(0, CONTEXTS - 1),
     st.lists(st.integers(0, min(ROWS.values()) - 1), min_size=1, max_size=20), st.integers(0, 1),
 )  # fmt: skip
+
+
+@kernel
+def _weighed(row, table, out):
+    return weighed(row, table, out)
+
+
+@examples(60)
+@given(rows=st.lists(st.integers(0, 6), max_size=60), seed=st.integers(0, 99))
+def test_rows_are_weighed(rows, seed):
+    """Vectors give what plain numbers do: sums of any sign, weights of 32 bits, products and totals beyond them."""
+    rng = np.random.default_rng(seed)
+    table = rng.integers(-(1 << 17), 1 << 17, (7, HIDDEN)).astype(np.int32)
+    out = rng.integers(-(1 << 31), 1 << 31, HIDDEN + 1).astype(np.int32)
+    expected = sum(max(sum(int(table[row, j]) for row in rows), 0) * int(out[j]) for j in range(HIDDEN))
+    row = np.array([len(rows), *rows, 5, 5])
+    assert _weighed(row, table, out) == weighed(row, table, out) == expected
 
 
 @examples(60)

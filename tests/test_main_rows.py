@@ -32,6 +32,7 @@ from isocodec.passes.ahead import see_behind, see_mesh
 from isocodec.passes.around import nearest_vertices, survey
 from isocodec.passes.beside import nearby_samples
 from isocodec.passes.crowd import CUBE, NODE, SLOT, see_crowd
+from isocodec.passes.geometry import tell
 from isocodec.passes.mesh import IN, KEPT, OUT
 from isocodec.passes.nearby import see_nearby
 from isocodec.passes.refine import _see
@@ -43,9 +44,8 @@ SHAPES = [(34, 29), (13, 12, 14)]
 
 
 @kernel
-def _nearby(st, cd, near, i, number, left, v, p):
-    clear(cd)
-    see_nearby(st, cd, near, i, number, left, v, p)
+def _nearby(st, cd, near, told, i, number, v, p):
+    see_nearby(st, cd, near, told, i, number, v, p)
 
 
 @kernel
@@ -124,6 +124,8 @@ def test_rows_of_values_nearby(shape, planes):
     rng = np.random.default_rng(planes)
     for v in active[rng.random(len(active)) < 0.5]:
         number[v], left[v] = number[v] >> 1, left[v] + 1
+    told = np.empty(len(active) + 1, np.int64)
+    tell(state, active, number, left, told)
     place = {tuple(map(int, state.vertex[v, :n])): v for v in active}
     slots = {2: 9, 3: 14}[n]
     cd = coder(n)
@@ -131,7 +133,7 @@ def test_rows_of_values_nearby(shape, planes):
         v = active[i]
         if left[v] != p + 1:
             continue
-        _nearby(state, cd, near, *ints(i), number, left, *ints(v, p))
+        _nearby(state, cd, near, told, *ints(i), number, *ints(v, p))
         here = np.array(state.vertex[v, :n], np.int64)
 
         def near_value(*step, here=here, v=v):

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..jit import inner, kernel
+from ..jit import inner
 from .coder import ONE, adapt, emit
 from .main import (
     BUCKET,
@@ -26,6 +26,7 @@ from .main import (
     STRETCH_SHIFT,
     TRUST_SHIFT,
 )
+from .opinion import weighed
 
 EITHER = 2
 """Encoder: a symbol that may be either; the more probable one is taken."""
@@ -46,37 +47,26 @@ def clear(cd):
 @inner
 def see(cd, row):
     """One more row."""
-    bl = cd.blend
-    bl.row[0] += 1
-    bl.row[bl.row[0]] = row
+    rows = cd.blend.row
+    count = rows[0] + 1
+    rows[0] = count
+    rows[np.uint64(count)] = row
 
 
-@kernel
-def _opinion(row, table, hidden, out):
+@inner
+def _opinion(bl, net):
     """What the network says of a 1, in the logistic domain."""
-    # lengths are not constants here: loops that are unrolled before they are seen to be sums of arrays stay slow
-    for j in range(len(hidden)):
-        hidden[j] = 0
-    count = row[0]
-    i = 1
-    while i + 7 <= count:
-        # eight at a time: the sums are read and written less often
-        a, b = table[np.uint64(row[np.uint64(i)])], table[np.uint64(row[np.uint64(i + 1)])]
-        c, d = table[np.uint64(row[np.uint64(i + 2)])], table[np.uint64(row[np.uint64(i + 3)])]
-        e, f = table[np.uint64(row[np.uint64(i + 4)])], table[np.uint64(row[np.uint64(i + 5)])]
-        g, h = table[np.uint64(row[np.uint64(i + 6)])], table[np.uint64(row[np.uint64(i + 7)])]
-        for j in range(len(hidden)):
-            hidden[j] += ((a[j] + b[j]) + (c[j] + d[j])) + ((e[j] + f[j]) + (g[j] + h[j]))
-        i += 8
-    while i <= count:
-        a = table[np.uint64(row[np.uint64(i)])]
-        for j in range(len(hidden)):
-            hidden[j] += a[j]
-        i += 1
-    total = np.int64(out[HIDDEN])
-    for j in range(len(hidden)):
-        total += np.int64(max(hidden[j], np.int32(0))) * np.int64(out[j])
+    out = bl.out[np.uint64(net)]
+    total = np.int64(out[HIDDEN]) + weighed(bl.row, bl.weight, out)
     return min(max(total >> OUT_SHIFT, -MOST_LOGIT), MOST_LOGIT)
+
+
+@inner
+def _stretched(cd, ctx):
+    """What an adaptive probability says, in the logistic domain, as far as it is to be trusted yet."""
+    at = np.uint64(ctx)
+    found = cd.blend.stretch[np.uint64(cd.prob[at] >> STRETCH_SHIFT)]
+    return (found * cd.blend.trust[np.uint64(cd.seen[at])]) >> TRUST_SHIFT
 
 
 @inner
@@ -94,9 +84,9 @@ def _trace(bl, net, bit):
 
 
 @inner
-def _learn(mix, kind, i, step):
+def _learn(mix, i, step):
     """Move a mixing weight, within bounds that no stream can drive sums beyond."""
-    mix[kind, i] = min(max(mix[kind, i] + (step >> RATE_SHIFT), -MOST_MIX), MOST_MIX)
+    mix[i] = min(max(mix[i] + (step >> RATE_SHIFT), -MOST_MIX), MOST_MIX)
 
 
 @inner
@@ -106,17 +96,16 @@ def blended(cd, net, flip, kind, ctx, bit):
     The rows listed say how likely a 1 is, or a 0 if ``flip``. ``kind`` chooses the weights.
     """
     bl = cd.blend
-    # a call, not inlined: in a small function more of it is vectorised
-    opinion = _opinion(bl.row, bl.weight, bl.hidden, bl.out[net])
+    opinion = _opinion(bl, net)
     if flip:
         opinion = -opinion
     place = MAP + kind * BUCKETS + ((opinion + MOST_LOGIT) >> BUCKET)
-    own = (bl.stretch[cd.prob[ctx] >> STRETCH_SHIFT] * bl.trust[cd.seen[ctx]]) >> TRUST_SHIFT
-    mapped = (bl.stretch[cd.prob[place] >> STRETCH_SHIFT] * bl.trust[cd.seen[place]]) >> TRUST_SHIFT
-    mix = bl.mix
-    total = mix[kind, 0] * opinion + mix[kind, 1] * own + mix[kind, 2] * mapped + (mix[kind, 3] << 8)
+    own = _stretched(cd, ctx)
+    mapped = _stretched(cd, place)
+    mix = bl.mix[np.uint64(kind)]
+    total = mix[0] * opinion + mix[1] * own + mix[2] * mapped + (mix[3] << 8)
     total = min(max(total >> MIX_SHIFT, -MOST_LOGIT), MOST_LOGIT)
-    p = bl.squash[total + MOST_LOGIT]
+    p = bl.squash[np.uint64(total + MOST_LOGIT)]
     if bit == EITHER:
         bit = np.int64(2 * p > ONE)
     bit = emit(cd, p, bit)
@@ -125,10 +114,10 @@ def blended(cd, net, flip, kind, ctx, bit):
     if len(bl.trace) > 0:
         _trace(bl, net, bit != flip)
     error = ((bit << 16) - p) * RATE
-    _learn(mix, kind, 0, error * opinion)
-    _learn(mix, kind, 1, error * own)
-    _learn(mix, kind, 2, error * mapped)
-    _learn(mix, kind, 3, error << 8)
+    _learn(mix, 0, error * opinion)
+    _learn(mix, 1, error * own)
+    _learn(mix, 2, error * mapped)
+    _learn(mix, 3, error << 8)
     adapt(cd, ctx, bit)
     adapt(cd, place, bit)
     return bit

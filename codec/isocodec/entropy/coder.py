@@ -49,7 +49,6 @@ class Blend(NamedTuple):
     stretch: NDArray[np.int64]
     trust: NDArray[np.int64]
     row: NDArray[np.int64]
-    hidden: NDArray[np.int32]
     trace: NDArray[np.int32]
 
 
@@ -80,7 +79,7 @@ def _pull(cd):
     reg = cd.reg
     while reg[UNKNOWN] > 0:
         if reg[POS] < reg[END]:
-            reg[CODE] += np.int64(cd.buf[reg[POS]]) << (reg[UNKNOWN] - 8)
+            reg[CODE] += np.int64(cd.buf[np.uint64(reg[POS])]) << (reg[UNKNOWN] - 8)
         elif reg[FINAL] == 0:
             return
         reg[POS] += 1
@@ -90,16 +89,18 @@ def _pull(cd):
 @inner
 def adapt(cd, ctx, bit):
     """Update one model (clause 6.5): the step shrinks with the number of symbols seen."""
-    p = cd.prob[ctx]
-    seen = cd.seen[ctx]
-    step = cd.rate[seen]
+    # unsigned: no test whether it counts from the end
+    at = np.uint64(ctx)
+    p = cd.prob[at]
+    seen = cd.seen[at]
+    step = cd.rate[np.uint64(seen)]
     if bit:
         p += ((ONE - p) * step) >> 16
     else:
         p -= (p * step) >> 16
-    cd.prob[ctx] = min(max(p, FLOOR), ONE - FLOOR)
+    cd.prob[at] = min(max(p, FLOOR), ONE - FLOOR)
     if seen < len(cd.rate) - 1:
-        cd.seen[ctx] = seen + 1
+        cd.seen[at] = seen + 1
 
 
 @kernel
@@ -131,7 +132,7 @@ def emit(cd, p, bit):
             reg[LOW] = low
         while width < TOP:
             low = reg[LOW]
-            cd.buf[reg[POS]] = low >> 24
+            cd.buf[np.uint64(reg[POS])] = low >> 24
             reg[POS] += 1
             reg[LOW] = (low & 0xFFFFFF) << 8
             width <<= 8
@@ -155,7 +156,7 @@ def emit(cd, p, bit):
         while width < TOP:
             reg[CODE] <<= 8
             if reg[UNKNOWN] == 0 and reg[POS] < reg[END]:
-                reg[CODE] += np.int64(cd.buf[reg[POS]])
+                reg[CODE] += np.int64(cd.buf[np.uint64(reg[POS])])
                 reg[POS] += 1
             elif reg[UNKNOWN] == 0 and reg[FINAL]:
                 reg[POS] += 1
@@ -170,7 +171,7 @@ def emit(cd, p, bit):
 @kernel
 def code(cd, ctx, bit):
     """Code one symbol in context ``ctx``; as ``emit``."""
-    bit = emit(cd, cd.prob[ctx], bit)
+    bit = emit(cd, cd.prob[np.uint64(ctx)], bit)
     if bit >= 0:
         adapt(cd, ctx, bit)
     return bit

@@ -136,7 +136,7 @@ def no_blend() -> Blend:
     """What a coder of the baseline profile has."""
     whole = np.zeros(0, np.int64)
     table, short = np.zeros((0, 1), np.int64), np.zeros((0, 1), np.int32)
-    return Blend(short, short, table, whole, whole, whole, whole, short[:, 0], short)
+    return Blend(short, short, table, whole, whole, whole, whole, short)
 
 
 def models(n: int, squash: NDArray[np.int64], t: Tables) -> tuple[NDArray[np.int64], NDArray[np.int64], Blend]:
@@ -155,7 +155,7 @@ def models(n: int, squash: NDArray[np.int64], t: Tables) -> tuple[NDArray[np.int
     trust = (2 * count << TRUST_SHIFT) // (2 * count + 3)
     blend = Blend(
         with_sums(n, t.weight), t.out.astype(np.int32), t.mix.copy(), squash, stretch, trust,
-        np.zeros(MOST_ROWS, np.int64), np.zeros(HIDDEN, np.int32), np.zeros((0, 0), np.int32),
+        np.zeros(MOST_ROWS, np.int64), np.zeros((0, 0), np.int32),
     )  # fmt: skip
     return prob, seen, blend
 
@@ -169,5 +169,5 @@ def _begun(n: int) -> tuple[NDArray[np.int64], NDArray[np.int64], Blend]:
 def shipped_models(n: int) -> tuple[NDArray[np.int64], NDArray[np.int64], Blend]:
     """The same, of the normative tables; what a file changes is its own."""
     prob, seen, blend = _begun(n)
-    blend = blend._replace(mix=blend.mix.copy(), row=blend.row.copy(), hidden=blend.hidden.copy())
+    blend = blend._replace(mix=blend.mix.copy(), row=blend.row.copy())
     return prob.copy(), seen.copy(), blend

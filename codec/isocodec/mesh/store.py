@@ -1,7 +1,8 @@
 """Paged store of integers on the lattice: pages come into being when first touched (spec annex B.3).
 
 Memory follows the curve, not the domain. An open-addressing hash table maps a page's coordinates to its
-number; the pages last asked for are remembered, since neighbouring vertices are asked for together.
+number; the pages last asked for are remembered, since neighbouring vertices are asked for together. Indices are
+unsigned where their sign is not plain: no test whether they count from the end.
 """
 
 from __future__ import annotations
@@ -122,20 +123,20 @@ def _page(st, x, y, z):
     key = x | y << _Y | z << _Z
     # remembered by the low bits of the page's coordinates: a neighbourhood of pages fits
     way = RECENT + 2 * ((x & 3) | (y & 3) << 2 | (z & 3) << 4)
-    if key == head[way]:
-        return head[way + 1]
+    if key == head[np.uint64(way)]:
+        return head[np.uint64(way + 1)]
     table = st.table
     h = _hash(key, len(table))
-    while table[h, 0] != key:
-        if table[h, 0] < 0:
+    while table[np.uint64(h), 0] != key:
+        if table[np.uint64(h), 0] < 0:
             return -1 - h
         h = (h + 1) & (len(table) - 1)
-    head[way] = key
-    head[way + 1] = table[h, 1]
-    return table[h, 1]
+    head[np.uint64(way)] = key
+    head[np.uint64(way + 1)] = table[np.uint64(h), 1]
+    return table[np.uint64(h), 1]
 
 
-@kernel
+@inner
 def page_or_first(st, x, y, z):
     """Number of the page of (x, y, z), or 0 if there is none."""
     return max(_page(st, x, y, z), 0)
@@ -162,7 +163,7 @@ def get(st, x, y, z):
     page = _page(st, x, y, z)
     if page < 0:
         return np.int64(0)
-    return np.int64(st.pages[page, _cell(st, x, y, z)])
+    return np.int64(st.pages[np.uint64(page), np.uint64(_cell(st, x, y, z))])
 
 
 @inner
@@ -181,8 +182,9 @@ def spot(st, x, y, z):
     if page < 0:
         h = -1 - page
         page = st.head[PAGES]
-        st.table[h, 0] = x >> st.head[SHIFT] | (y >> st.head[SHIFT + 1]) << _Y | (z >> st.head[SHIFT + 2]) << _Z
-        st.table[h, 1] = page
+        entry = st.table[np.uint64(h)]
+        entry[0] = x >> st.head[SHIFT] | (y >> st.head[SHIFT + 1]) << _Y | (z >> st.head[SHIFT + 2]) << _Z
+        entry[1] = page
         st.head[PAGES] = page + 1
     return page, _cell(st, x, y, z)
 
@@ -191,4 +193,4 @@ def spot(st, x, y, z):
 def put(st, x, y, z, value):
     """Set the entry at (x, y, z); the caller has made sure of room for a page."""
     page, cell = spot(st, x, y, z)
-    st.pages[page, cell] = value
+    st.pages[np.uint64(page), np.uint64(cell)] = value

@@ -81,8 +81,11 @@ def _follow(st, index, places, parts, length, low, high, x, y, z, a, b, edge, wa
         else:
             i, j = i + s, j + t
             low, high = low_there, high_there
-        e = np.int64(index[(low >> 1) - 1, b if turned else a])
-        if e < 0 or length[e] != edge:
+        found = np.int64(index[np.uint64((low >> 1) - 1), np.uint64(b if turned else a)])
+        if found < 0:
+            return
+        e = np.uint64(found)
+        if length[e] != edge:
             return
         place = places[e]
         w[out + 3 * k] = way * (j * UNIT + (place if turned else 0))
@@ -145,8 +148,9 @@ def _meet(st, places, parts, edges, length, i, e, f, candidate):
 def _span(st, u, v):
     """Along how many axes two vertices differ, and the first of these axes."""
     span, axis = np.int64(0), np.int64(0)
+    lower, upper = st.vertex[np.uint64(u)], st.vertex[np.uint64(v)]
     for a in range(2, -1, -1):
-        if st.vertex[u, a] != st.vertex[v, a]:
+        if lower[a] != upper[a]:
             span, axis = span + 1, np.int64(a)
     return span, axis
 
@@ -202,8 +206,9 @@ def count_near(beside, edges, parts, length, i, sign):
 def _find_on_grid(st, index, places, parts, length, u, v, a, edge):
     """Candidates of all planes and their mean for the edge of this length from vertex u along axis a to v."""
     w = st.walk
-    x, y, z = np.int64(st.vertex[u, 0]), np.int64(st.vertex[u, 1]), np.int64(st.vertex[u, 2])
-    low, high = 2 * (u + 1) + st.vertex[u, 3], 2 * (v + 1) + st.vertex[v, 3]
+    lower, upper = st.vertex[np.uint64(u)], st.vertex[np.uint64(v)]
+    x, y, z = np.int64(lower[0]), np.int64(lower[1]), np.int64(lower[2])
+    low, high = 2 * (u + 1) + lower[3], 2 * (v + 1) + upper[3]
     n = dimension(st.tables)
     total, count, worst = np.int64(0), np.int64(0), np.int64(FINE)
     for plane in range(n - 1):
@@ -288,9 +293,9 @@ def see_along(st, cd, low, high, split, radix, number, parts, rising, span, near
     bound = (number * radix + split) * UNIT // (parts * radix)
     for slot in range(lead + _RECENT):
         c = begin + slot if slot < lead else RECENT + slot - lead
-        known = w[CANDIDATES + 2 * c + 1]
+        known = w[np.uint64(CANDIDATES + 2 * c + 1)]
         if known != NONE:
-            place = w[CANDIDATES + 2 * c]
+            place = w[np.uint64(CANDIDATES + 2 * c)]
             if not rising and c < RECENT:
                 place = UNIT - place
             off = place - bound

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from ..entropy.main import AROUND, AROUND_SUM, AROUND_SUMS, GROUP, PATTERNS
 from ..jit import inner, kernel
 from ..mesh.access import dimension
-from ..mesh.store import full, page_or_first, put, wipe
-from .state import BOARD_EDGE, BOARDED, EDGE, LAST, LEVEL, SCRATCH, SIZE, VERTICES, entry
+from ..mesh.store import PAGES, full, page_or_first, put, wipe
+from .state import BOARD_EDGE, BOARDED, EDGE, LAST, LEVEL, SCRATCH, SIZE, VERTICES, WINDOW, entry
 
 _FAR = {2: 10, 3: 6}
 """No vertex of the lists is as far as this along an axis, in units of g."""
@@ -59,6 +59,7 @@ _SUMS_2, _SUMS_3 = AROUND_SUMS[2], AROUND_SUMS[3]
 _PATTERN = np.arange(PATTERNS)
 _SWAPPED = sum((3 - _PATTERN // 3**i % 3) % 3 * 3**i for i in range(GROUP))
 _MIRROR = np.array([_SWAPPED, _PATTERN])
+_PAGES = WINDOW + 2
 _MARGIN = 32
 """Of the board, in units of g: whole pages, and more than windows reach."""
 
@@ -85,6 +86,7 @@ def survey(st):
         return True
     if at[BOARD_EDGE] != at[EDGE]:
         wipe(st.board)
+        st.walk[WINDOW] = 0
         at[BOARD_EDGE], at[BOARDED] = at[EDGE], 0
     plane = dimension(st.tables) == 2
     reach = _REACH_2 if plane else _REACH_3
@@ -167,6 +169,26 @@ def anchor(st, edge, w0, w1, w2):
 
 
 @inner
+def _window(st, q0, q1, q2):
+    """Find the pages of the board at a corner: two along each axis, the last axis first, as differences.
+
+    Middles that follow one another are near one another: mostly the pages are those of the middle before.
+    """
+    board, w = st.board, st.walk
+    corner = (q0 << 40 | q1 << 20 | q2) + 1
+    if w[WINDOW] == corner and w[WINDOW + 1] == board.head[PAGES]:
+        return
+    w[WINDOW], w[WINDOW + 1] = corner, board.head[PAGES]
+    near = w[_PAGES : _PAGES + 8]
+    plane = dimension(st.tables) == 2
+    edge = 5 if plane else 4
+    for i in range(4 if plane else 8):
+        a, b, c = (i >> 1, i & 1, 0) if plane else (i >> 2, i >> 1 & 1, i & 1)
+        near[i] = page_or_first(board, (q0 + a) << edge, (q1 + b) << edge, (q2 + c) << edge)
+    _as_differences(near, 4 if plane else 8)
+
+
+@inner
 def see_around(st, cd, r, w0, w1, w2):
     """List the known vertices around a middle as rows; returns the sign that they are relative to.
 
@@ -174,23 +196,21 @@ def see_around(st, cd, r, w0, w1, w2):
     """
     here = anchor(st, st.at[EDGE], w0, w1, w2)
     board, row = st.board, cd.blend.row
-    near = st.walk[SCRATCH : SCRATCH + 8]
+    near = st.walk[_PAGES : _PAGES + 8]
     p0, p1, p2 = w0 + _MARGIN, w1 + _MARGIN, w2 + _MARGIN
     if dimension(st.tables) == 2:
-        places = st.walk[SCRATCH + 8 : SCRATCH + 8 + _COUNT_2]
+        places = st.walk[SCRATCH : SCRATCH + _COUNT_2]
         q0, q1 = (p0 - _REACH_2) >> 5, (p1 - _REACH_2) >> 5
-        for i in range(4):
-            near[i] = page_or_first(board, (q0 + (i >> 1)) << 5, (q1 + (i & 1)) << 5, np.int64(0))
-        _as_differences(near, 4)
-        _places_2(near, _PLANE_AT[(w0 & 3) | (w1 & 3) << 2], (p0 - (q0 << 5)) << 6 | (p1 - (q1 << 5)), places)
+        _window(st, q0, q1, np.int64(0))
+        table = _PLANE_AT[np.uint64((w0 & 3) | (w1 & 3) << 2)]
+        _places_2(near, table, (p0 - (q0 << 5)) << 6 | (p1 - (q1 << 5)), places)
     else:
-        places = st.walk[SCRATCH + 8 : SCRATCH + 8 + _COUNT_3]
+        places = st.walk[SCRATCH : SCRATCH + _COUNT_3]
         q0, q1, q2 = (p0 - _REACH_3) >> 4, (p1 - _REACH_3) >> 4, (p2 - _REACH_3) >> 4
-        for i in range(8):
-            near[i] = page_or_first(board, (q0 + (i >> 2)) << 4, (q1 + (i >> 1 & 1)) << 4, (q2 + (i & 1)) << 4)
-        _as_differences(near, 8)
+        _window(st, q0, q1, q2)
+        table = _SPACE_AT[np.uint64((w0 & 3) | (w1 & 3) << 2 | (w2 & 3) << 4)]
         at = (p0 - (q0 << 4)) << 10 | (p1 - (q1 << 4)) << 5 | (p2 - (q2 << 4))
-        _places_3(near, _SPACE_AT[(w0 & 3) | (w1 & 3) << 2 | (w2 & 3) << 4], at, places)
+        _places_3(near, table, at, places)
     first = _FIRST_2 + r * _SUMS_2 if dimension(st.tables) == 2 else _FIRST_3 + r * _SUMS_3
-    row[0] = _listed(board.pages.reshape(-1), row, row[0] + 1, first, _MIRROR[here], places) - 1
+    row[0] = _listed(board.pages.reshape(-1), row, row[0] + 1, first, _MIRROR[np.uint64(here)], places) - 1
     return here

@@ -109,7 +109,7 @@ def _chain(rows: NDArray[np.int64], keys: NDArray[np.int64]) -> NDArray[np.int64
 
 
 def nearby_samples(st: State, active: NDArray[np.int64], n: int) -> NDArray[np.int32]:
-    """Vertices near each vertex of a list, of those in the list, or -1, (A, S).
+    """Places in the list of the vertices near each vertex of a list, or the list's length, (A, S).
 
     For each axis those 1 before, 1 behind, 2 before and 2 behind, then for each two axes the four across.
     """
@@ -117,8 +117,8 @@ def nearby_samples(st: State, active: NDArray[np.int64], n: int) -> NDArray[np.i
     steps = [unit[axis] * far for axis in range(n) for far in (-1, 1, -2, 2)]
     for a, b in combinations(range(n), 2):
         steps += [unit[a] * i + unit[b] * j for i, j in product((-1, 1), repeat=2)]
-    listed = np.zeros(len(st.vertex), np.bool_)
-    listed[active] = True
+    listed = np.full(len(st.vertex) + 1, len(active), np.int32)
+    listed[active] = np.arange(len(active))
     out = np.empty((len(active), len(steps)), np.int32)
     _enter_nearby(st, active, listed, np.array(steps), out)
     return out
@@ -126,7 +126,10 @@ def nearby_samples(st: State, active: NDArray[np.int64], n: int) -> NDArray[np.i
 
 @kernel
 def _enter_nearby(st, active, listed, steps, out):
-    """Enter the numbers of the vertices so many steps from each of the list."""
+    """Enter the places of the vertices so many steps from each of the list.
+
+    ``listed`` has the place of each vertex and, last, that of none.
+    """
     last = st.at
     for i in range(len(active)):
         v = active[i]
@@ -134,4 +137,4 @@ def _enter_nearby(st, active, listed, steps, out):
             x, y, z = st.vertex[v, 0] + steps[k, 0], st.vertex[v, 1] + steps[k, 1], st.vertex[v, 2] + steps[k, 2]
             inside = min(x, y, z) >= 0 and x <= last[LAST] and y <= last[LAST + 1] and z <= last[LAST + 2]
             u = (get(st.known, x, y, z) >> 1) - 1 if inside else np.int64(-1)
-            out[i, k] = u if u >= 0 and listed[u] else -1
+            out[i, k] = listed[u]

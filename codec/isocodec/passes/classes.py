@@ -12,6 +12,9 @@ NONE, ROUGH, FINE = range(3)
 """How well something is known: not, only in part, as well as may be."""
 _AT_ONCE = 13
 """Bits of a number that are counted by one look into ``_BITS``."""
+_PARTS = np.array([0, 60, 30, 20, 15, 12, 10])
+"""60 by each number but 0."""
+_PARTS_FIT = 1 << 57
 _BITS = np.array([x.bit_length() for x in range(1 << _AT_ONCE)], np.int8)
 
 
@@ -22,20 +25,20 @@ def bits(x):
     while x >> _AT_ONCE:
         x >>= _AT_ONCE
         count += _AT_ONCE
-    return count + _BITS[x]
+    return count + _BITS[np.uint64(x)]
 
 
 @inner
 def mean(total, count):
-    """``total // count`` of a few numbers: a division by one that is not constant takes longer than all of this."""
-    if count == 1 or count == 2 or count == 4:
-        return total >> (count >> 1)
-    if count == 3:
-        return total // 3
-    return total // 5 if count == 5 else total // count
+    """``total // count`` of at most six numbers, 0 of none: dividing by a constant is faster than by what comes."""
+    if abs(total) < _PARTS_FIT:
+        return total * _PARTS[np.uint64(count)] // 60
+    return total // max(count, 1)
 
 
 @inner
 def row_of(slot, known, size, negative):
     """Row, from a list's first on, for a candidate so far from where the parts are split."""
-    return (2 * slot + (known == FINE)) * 2 * CLASSES + min(bits(size), CLASSES - 1) + (CLASSES if negative else 0)
+    # the bits of larger numbers are more than the last class's, too
+    of_size = np.int64(_BITS[np.uint64(min(size, (1 << CLASSES - 1) - 1))])
+    return (2 * slot + (known == FINE)) * 2 * CLASSES + of_size + CLASSES * np.int64(negative)

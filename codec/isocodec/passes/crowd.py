@@ -37,12 +37,13 @@ def _place(st, size):
 def _count(st, size, x, y, z, birth):
     """Count a vertex, or a new component, in the cell of ``2**size`` samples that holds it."""
     page, cell = spot(st.crowd, (x >> size) + _place(st, size), y >> size, z >> size)
-    here = np.int64(st.crowd.pages[page, cell])
+    cells = st.crowd.pages[np.uint64(page)]
+    here = np.int64(cells[np.uint64(cell)])
     if birth:
         here += BIRTH if here >> 20 < _MOST_BIRTHS else 0
     else:
         here += 1 if here & _MOST_VERTICES < _MOST_VERTICES else 0
-    st.crowd.pages[page, cell] = here
+    cells[np.uint64(cell)] = here
 
 
 @inner
@@ -96,8 +97,8 @@ def _see_cells(st, cd, first, n, x, y, z):
                     continue
                 c = get(st.crowd, i, j, k) if min(j, k) >= 0 else np.int64(0)
                 count += 1
-                row[count] = first + BIRTH_CLASSES * min(c & _MOST_VERTICES, CELL_CLASSES - 1)
-                row[count] += min(c >> 20, BIRTH_CLASSES - 1)
+                vertices, births = min(c & _MOST_VERTICES, CELL_CLASSES - 1), min(c >> 20, BIRTH_CLASSES - 1)
+                row[np.uint64(count)] = first + BIRTH_CLASSES * vertices + births
                 first += CELL_SUMS
     row[0] = count
 

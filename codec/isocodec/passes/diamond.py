@@ -71,9 +71,9 @@ def look(st, edge, r, kind, w0, w1, w2):
         x, y, z = w0 * g, w1 * g, w2 * g
         page, cell = page_with(st.known, x, y, z, g)
         if page >= 0:
-            here = st.known.pages[page]
+            here = st.known.pages[np.uint64(page)]
             for i in range(corner_count(t, kind)):
-                e = np.int64(here[cell + delta(t, kind, i) * g])
+                e = np.int64(here[np.uint64(cell + delta(t, kind, i) * g)])
                 known |= np.int64(e != 0) << i
                 above |= (e & 1) << i
             return whole, members, corners, known, above

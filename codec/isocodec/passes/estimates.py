@@ -74,6 +74,7 @@ class Estimates:
         self._full = False
         self._wanted = NOTHING
         self._near = np.zeros((0, 0), np.int32)
+        self._told = NOTHING
         self._length = NOTHING
         self._rising = np.zeros(0, np.bool_)
         self._earlier = np.zeros((0, 2), np.int64)
@@ -152,7 +153,11 @@ class Estimates:
         """Go on with a layer of values."""
         if self._full and len(cd.blend.weight) and not len(self._near):
             self._near = nearby_samples(st, self._active, self.n)
-        return int(geometry.values(st, cd, self._near, self._active, self.number, self.left, self._plane, self._wanted))
+            self._told = np.empty(len(self._active) + 1, np.int64)
+            geometry.tell(st, self._active, self.number, self.left, self._told)
+        return int(geometry.values(
+            st, cd, self._near, self._told, self._active, self.number, self.left, self._plane, self._wanted
+        ))  # fmt: skip
 
     def begin_offsets(self, st: State, full: bool, parts: int, unit: int) -> None:
         """Begin a layer of offsets, to at least ``parts`` parts in ``2**unit`` samples of an edge."""

@@ -20,7 +20,7 @@ from ..mesh.access import dimension
 from ..mesh.store import get
 from .along import count_near, find_candidates, place_of, recent_sides, remember, see_along
 from .classes import bits
-from .nearby import see_nearby
+from .nearby import UNKNOWN, packed, see_nearby
 from .state import OFFSET_BIT, SIDE, TALLY, VALUE_BIT
 
 # Registers in State.walk: next item of the list, the symbol before, the place within a digit, its sign.
@@ -115,16 +115,17 @@ def entries(st, position, out):
 
 
 @kernel
-def values(st, cd, near, active, number, left, plane, wanted):
+def values(st, cd, near, told, active, number, left, plane, wanted):
     """Bring the vertices' numbers down to ``plane`` bits left (spec clause 5.6.3).
 
     ``number`` is the distance from the isovalue's side of the interval as far as known, ``left`` the bits of it
-    that are missing, ``wanted`` the encoder's whole number (empty for the decoder), ``near`` the vertices near each.
+    that are missing, ``wanted`` the encoder's whole number (empty for the decoder). For the main profile ``near`` says
+    which vertices of the list lie near each, ``told`` what is told of them (`packed`).
     """
     w = st.walk
     encoding = cd.reg[MODE] == ENCODE
     while w[ITEM] < len(active):
-        v = active[w[ITEM]]
+        v = np.uint64(active[np.uint64(w[ITEM])])
         if left[v] <= plane:
             w[ITEM] += 1
             continue
@@ -134,7 +135,7 @@ def values(st, cd, near, active, number, left, plane, wanted):
             bit = (wanted[v] >> p) & 1
         context = ctx.VALUE + (p * 2 + np.int64(number[v] != 0)) * 3 + w[BEFORE]
         if mixing(cd):
-            see_nearby(st, cd, near, w[ITEM], number, left, v, p)
+            see_nearby(st, cd, near, told, w[ITEM], number, v, p)
             bit = blended(cd, VALUE_NET, False, VALUE_KIND + min(bits(number[v]), 2), context, bit)
         else:
             bit = code(cd, context, bit)
@@ -144,7 +145,17 @@ def values(st, cd, near, active, number, left, plane, wanted):
         w[BEFORE] = 1 + bit
         number[v] = number[v] << 1 | bit
         left[v] = p
+        if len(told) > 0:
+            told[np.uint64(w[ITEM])] = packed(st, number, left, v)
     return DONE
+
+
+@kernel
+def tell(st, active, number, left, told):
+    """Enter what is told of the vertices of a list, and behind them what stands for all others."""
+    for i in range(len(active)):
+        told[i] = packed(st, number, left, np.uint64(active[i]))
+    told[len(active)] = UNKNOWN
 
 
 @inner
@@ -249,10 +260,11 @@ def offsets(st, cd, beside, edges, number, parts, length, rising, earlier, targe
     w = st.walk
     encoding = cd.reg[MODE] == ENCODE
     while w[ITEM] < len(number):
-        i = w[ITEM]
+        # only an index: unsigned, no test whether it counts from the end
+        i = np.uint64(w[ITEM])
         radix = radix_of(length[i], parts[i], target, unit)
         if radix == 1:
-            w[ITEM] = i + 1
+            w[ITEM] += 1
             continue
         leaning = parts[i] == 1 and earlier[i, 1] > 0
         if mixing(cd):

@@ -1,14 +1,17 @@
-"""What the main profile sees of a value: the values at samples nearby, as far as they are told (spec clause 7.15)."""
+"""What the main profile sees of a value: the values at samples nearby, as far as they are told (spec clause 7.15).
+
+Whether a sample nearby is there is as good as random, and a branch that cannot be foreseen takes longer than what it
+would save: everything is computed, and what is not known is overwritten.
+"""
 
 from __future__ import annotations
 
 import numpy as np
 
-from ..entropy.blend import clear, see
 from ..entropy.main import VALUE_ROW, VALUE_SLOTS
 from ..jit import inner
 from ..mesh.access import dimension
-from .classes import CLASSES, FINE, NONE, ROUGH, bits, mean, row_of
+from .classes import CLASSES, FINE, ROUGH, bits, mean, row_of
 from .state import SCRATCH
 
 SAME, OTHER, AXES = range(3)
@@ -16,72 +19,86 @@ SAME, OTHER, AXES = range(3)
 LINE, BEFORE, BEHIND = range(3)
 _FIRST_2, _FIRST_3 = VALUE_ROW[2], VALUE_ROW[3]
 _SLOTS_2, _SLOTS_3 = VALUE_SLOTS[2], VALUE_SLOTS[3]
+_LACK_BITS = 6
+UNKNOWN = (1 << _LACK_BITS) - 1
+"""In place of the bits that a value lacks: nothing is told of it. As a packed number it stands for such a value."""
 
 
 @inner
-def _told(st, number, left, v, u, p):
-    """Twice the middle of where the value at vertex u may lie, seen from the side of vertex v; how well it is known."""
-    if u < 0:
-        return np.int64(0), np.int64(NONE)
-    middle = (2 * number[u] + 1) << left[u]
-    return middle if st.vertex[u, 3] == st.vertex[v, 3] else -middle, np.int64(FINE if left[u] <= p else ROUGH)
+def packed(st, number, left, v):
+    """What is told of the value at a vertex, in one number: twice the middle of where it may lie, and bits it lacks."""
+    middle = (2 * number[v] + 1) << left[v]
+    return (middle if st.vertex[v, 3] else -middle) << _LACK_BITS | left[v]
 
 
 @inner
-def _show(cd, first, slot, place, known, bound, p):
-    """List a candidate for twice the number."""
-    if known != NONE:
-        see(cd, first + row_of(slot, known, abs(place - bound) << 3 >> (p + 1), place < bound))
+def _told(told, way, j):
+    """Twice the middle of where a value may lie, seen from one side; the bits it lacks. It is j-th of the list."""
+    found = told[np.uint64(j)]
+    return way * (found >> _LACK_BITS), found & UNKNOWN
 
 
 @inner
-def see_nearby(st, cd, near, i, number, left, v, p):
+def _show(row, count, first, slot, place, lack, bound, p):
+    """List a candidate for twice the number, if it is known; returns how many rows there are."""
+    far = place - bound
+    known = FINE if lack <= p else ROUGH
+    row[np.uint64(count + 1)] = first + row_of(slot, known, abs(far) << 3 >> (p + 1), far < 0)
+    return count + np.int64(lack != UNKNOWN)
+
+
+@inner
+def see_nearby(st, cd, near, told, i, number, v, p):
     """List what is known of whether bit p of the number of vertex v, the i-th of the list, is 1."""
     n = dimension(st.tables)
     first, slots = (_FIRST_2, _SLOTS_2) if n == 2 else (_FIRST_3, _SLOTS_3)
-    clear(cd)
+    row = cd.blend.row
     bound = (2 * number[v] + 1) << (p + 1)
-    fine = np.int64(0)
+    fine, rows = np.int64(0), np.int64(0)
     if len(near) > 0:
+        way = np.int64(1 if st.vertex[v, 3] else -1)
         same, other, same_count, other_count = np.int64(0), np.int64(0), np.int64(0), np.int64(0)
-        same_known, other_known = np.int64(FINE), np.int64(FINE)
-        w = st.walk[SCRATCH : SCRATCH + 4 * n]
+        same_lack, other_lack = np.int64(0), np.int64(0)
+        around = near[np.uint64(i)]
+        next_to = st.walk[SCRATCH : SCRATCH + 4 * n]
         for a in range(n):
             slot = AXES + 3 * a
-            x, x_known = _told(st, number, left, v, near[i, 4 * a], p)
-            y, y_known = _told(st, number, left, v, near[i, 4 * a + 1], p)
-            w[4 * a], w[4 * a + 1], w[4 * a + 2], w[4 * a + 3] = x, x_known, y, y_known
-            for z, known in ((x, x_known), (y, y_known)):
-                fine += known == FINE
-                if known != NONE and z > 0:
-                    same, same_count, same_known = same + z, same_count + 1, min(same_known, known)
-                elif known != NONE:
-                    other, other_count, other_known = other + z, other_count + 1, min(other_known, known)
-            _show(cd, first, slot + LINE, (x + y) >> 1, min(x_known, y_known), bound, p)
-            far, known = _told(st, number, left, v, near[i, 4 * a + 2], p)
-            _show(cd, first, slot + BEFORE, 2 * x - far, min(x_known, known), bound, p)
-            far, known = _told(st, number, left, v, near[i, 4 * a + 3], p)
-            _show(cd, first, slot + BEHIND, 2 * y - far, min(y_known, known), bound, p)
-        if same_count > 0:
-            _show(cd, first, SAME, mean(same, same_count), same_known, bound, p)
-        if other_count > 0:
-            _show(cd, first, OTHER, mean(other, other_count), other_known, bound, p)
+            x, x_lack = _told(told, way, around[np.uint64(4 * a)])
+            y, y_lack = _told(told, way, around[np.uint64(4 * a + 1)])
+            next_to[4 * a], next_to[4 * a + 1], next_to[4 * a + 2], next_to[4 * a + 3] = x, x_lack, y, y_lack
+            for z, lack in ((x, x_lack), (y, y_lack)):
+                fine += np.int64(lack <= p)
+                here, there = np.int64(z > 0) & np.int64(lack != UNKNOWN), np.int64(z <= 0) & np.int64(lack != UNKNOWN)
+                same, same_count, same_lack = same + here * z, same_count + here, max(same_lack, here * lack)
+                other, other_count, other_lack = other + there * z, other_count + there, max(other_lack, there * lack)
+            rows = _show(row, rows, first, slot + LINE, (x + y) >> 1, max(x_lack, y_lack), bound, p)
+            far, lack = _told(told, way, around[np.uint64(4 * a + 2)])
+            rows = _show(row, rows, first, slot + BEFORE, 2 * x - far, max(x_lack, lack), bound, p)
+            far, lack = _told(told, way, around[np.uint64(4 * a + 3)])
+            rows = _show(row, rows, first, slot + BEHIND, 2 * y - far, max(y_lack, lack), bound, p)
+        same_lack = same_lack if same_count else np.int64(UNKNOWN)
+        other_lack = other_lack if other_count else np.int64(UNKNOWN)
+        rows = _show(row, rows, first, SAME, mean(same, same_count), same_lack, bound, p)
+        rows = _show(row, rows, first, OTHER, mean(other, other_count), other_lack, bound, p)
         o = 4 * n
         slot = AXES + 3 * n
         for a in range(n - 1):
             for b in range(a + 1, n):
-                total, count, worst = np.int64(0), np.int64(0), np.int64(FINE)
+                total, count, worst = np.int64(0), np.int64(0), np.int64(0)
                 for k in range(4):
                     x, y = 4 * a + (k & 2), 4 * b + 2 * (k & 1)
-                    z, known = _told(st, number, left, v, near[i, o + k], p)
-                    known = min(known, w[x + 1], w[y + 1])
-                    if known != NONE:
-                        total, count, worst = total + w[x] + w[y] - z, count + 1, min(worst, known)
-                if count > 0:
-                    _show(cd, first, slot, mean(total, count), worst, bound, p)
+                    z, lack = _told(told, way, around[np.uint64(o + k)])
+                    x, y = np.uint64(x), np.uint64(y)
+                    lack = max(lack, next_to[x + np.uint64(1)], next_to[y + np.uint64(1)])
+                    known = np.int64(lack != UNKNOWN)
+                    total, count = total + known * (next_to[x] + next_to[y] - z), count + known
+                    worst = max(worst, known * lack)
+                worst = worst if count else np.int64(UNKNOWN)
+                rows = _show(row, rows, first, slot, mean(total, count), worst, bound, p)
                 o += 4
                 slot += 1
     o = first + slots * 4 * CLASSES
-    see(cd, o + min(p, 15))
-    see(cd, o + 16 + min(bits(number[v]), 7))
-    see(cd, o + 24 + fine)
+    row[np.uint64(rows + 1)] = o + min(p, 15)
+    row[np.uint64(rows + 2)] = o + 16 + min(bits(number[v]), 7)
+    row[np.uint64(rows + 3)] = o + 24 + fine
+    row[0] = rows + 3

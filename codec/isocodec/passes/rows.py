@@ -21,11 +21,12 @@ level. Children are bits, 2 m + s for child s of member m; a last bit says that 
 @inner
 def _append(st, code, b0, b1, b2, level):
     i = st.at[NEXT]
-    st.below[i, 0] = code
-    st.below[i, 1] = b0
-    st.below[i, 2] = b1
-    st.below[i, 3] = b2
-    st.below[i, 4] = level
+    row = st.below[np.uint64(i)]
+    row[0] = code
+    row[1] = b0
+    row[2] = b1
+    row[3] = b2
+    row[4] = level
     st.at[NEXT] = i + 1
 
 
@@ -90,8 +91,9 @@ def next_leaf(st):
     Of a diamond's children in a uniform round those are passed over whose middle is that of one before.
     """
     i, c = st.at[DONE_LEAVES], st.at[CHILD]
-    code, level = np.int64(st.leaf[i, 0]), np.int64(st.leaf[i, 4])
-    b0, b1, b2 = np.int64(st.leaf[i, 1]), np.int64(st.leaf[i, 2]), np.int64(st.leaf[i, 3])
+    row = st.leaf[np.uint64(i)]
+    code, level = np.int64(row[0]), np.int64(row[4])
+    b0, b1, b2 = np.int64(row[1]), np.int64(row[2]), np.int64(row[3])
     if code >= 0:
         return code, b0, b1, b2, level
     kind, children, free = unpacked(code)
@@ -116,7 +118,7 @@ def row_done(st):
 @inner
 def leaf_done(st):
     """Go on to the next leaf."""
-    if st.leaf[st.at[DONE_LEAVES], 0] >= 0:
+    if st.leaf[np.uint64(st.at[DONE_LEAVES]), 0] >= 0:
         row_done(st)
     else:
         st.at[CHILD] += 1

@@ -127,13 +127,9 @@ def candidate(st, r, w0, w1, w2):
 @inner
 def _push_frame(st, h, x, y, z, number):
     o = st.walk[FRAMES] * FRAME
-    st.stack[o] = h
-    st.stack[o + 1] = x
-    st.stack[o + 2] = y
-    st.stack[o + 3] = z
-    st.stack[o + 4] = number
-    st.stack[o + 5] = 0
-    st.stack[o + 6] = 0
+    frame = st.stack[o : o + FRAME]
+    frame[0], frame[1], frame[2], frame[3], frame[4] = h, x, y, z, number
+    frame[5] = frame[6] = 0
     st.walk[FRAMES] += 1
 
 
@@ -228,8 +224,9 @@ def significance(st, cd, items):
         if tired(st):
             return BAD
         o = (w[FRAMES] - 1) * FRAME
-        h, c0, c1, c2 = st.stack[o], st.stack[o + 1], st.stack[o + 2], st.stack[o + 3]
-        number, child, hits = st.stack[o + 4], st.stack[o + 5], st.stack[o + 6]
+        frame = st.stack[o : o + FRAME]
+        h, c0, c1, c2 = frame[0], frame[1], frame[2], frame[3]
+        number, child, hits = frame[4], frame[5], frame[6]
         if w[ADDING]:
             status = _add(st, cd, c0, c1, c2, child - 1)
             if status < 0:
@@ -252,7 +249,7 @@ def significance(st, cd, items):
             c1 = 2 * c1 + ((child >> (n - 2)) & 1)
             c2 = 2 * c2 + (child & 1 if n == 3 else 0)
             if (c0 << shift) >= cubes0 or (c1 << shift) >= cubes1 or (c2 << shift) >= cubes2:
-                st.stack[o + 5] = child + 1
+                frame[5] = child + 1
                 continue
         if what != NODE:
             first = child if what == SLOT else zero
@@ -270,7 +267,7 @@ def significance(st, cd, items):
             else:
                 last = later == 0
             if near == 0:
-                st.stack[o + 5] = child + 1
+                frame[5] = child + 1
                 continue
             near -= 1
         if what == SLOT and st.at[ASKS]:
@@ -291,10 +288,10 @@ def significance(st, cd, items):
             bit = _ask(st, cd, what, shift, c0, c1, c2, hits, child, near, context + min(hits, 2), want)
             if bit < 0:
                 return bit
-        st.stack[o + 5] = child + 1
+        frame[5] = child + 1
         if bit == 0:
             continue
-        st.stack[o + 6] = hits + 1
+        frame[6] = hits + 1
         if what == SLOT:
             w[ITEM] += 1
             w[ADDING] = 1

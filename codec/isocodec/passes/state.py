@@ -56,7 +56,9 @@ TRAIL = 384
 """Last points of the curve, two numbers a point, in State.walk."""
 EARLY = TRAIL + 40
 """First points of the component, likewise."""
-WALK = EARLY + 40
+WINDOW = EARLY + 40
+"""The pages of the board around the last middle, in State.walk, see passes.around."""
+WALK = WINDOW + 12
 
 OUT_OF_STEPS = 5
 """In State.at[ERROR]."""
@@ -162,10 +164,11 @@ def learn(st, x, y, z, sign):
     """Make the vertex at unclamped (x, y, z) known."""
     v = st.at[VERTICES]
     x, y, z = clamped(st, x, y, z)
-    st.vertex[v, 0] = x
-    st.vertex[v, 1] = y
-    st.vertex[v, 2] = z
-    st.vertex[v, 3] = sign
+    row = st.vertex[np.uint64(v)]
+    row[0] = x
+    row[1] = y
+    row[2] = z
+    row[3] = sign
     put(st.known, x, y, z, 2 * (v + 1) + sign)
     st.at[VERTICES] = v + 1
 
