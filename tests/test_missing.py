@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+import h5py
 import numpy as np
 import pytest
 import tifffile
@@ -41,6 +42,23 @@ def test_what_a_geotiff_says(tmp_path: Path, dtype: str, text: str, value: float
 def test_a_geotiff_that_says_nothing(tmp_path: Path, text: str | None) -> None:
     assert read_nodata(tiff(tmp_path / "dem.tif", HILLS, text)) is None
     assert read_nodata(tmp_path / "dem.npy") is None
+
+
+@pytest.mark.parametrize("name", ["_FillValue", "missing_value"])
+def test_what_netcdf_says(tmp_path: Path, name: str) -> None:
+    """Of one array among several; of packed ones reading has made NaN already."""
+    field = np.where(HOLE, np.float32(1e30), HILLS.astype(np.float32))
+    with h5py.File(tmp_path / "a.nc", "w") as file:
+        file["other"] = HILLS
+        file["z"] = field
+        file["z"].attrs[name] = np.float32([1e30])
+        file["packed"] = np.where(HOLE, -1, 2)
+        file["packed"].attrs.update({name: -1, "scale_factor": 0.5})
+    for key, gone in (("z", HOLE), ("packed", HOLE), ("other", np.zeros_like(HOLE))):
+        read = isocodec.io.read_field(tmp_path / "a.nc", key=key)
+        assert np.array_equal(missing_samples(read, read_nodata(tmp_path / "a.nc", key)), gone)
+    ok("encode", tmp_path / "a.nc", "--key", "z", "-o", tmp_path / "a.iso", "--isovalue", 80, "--missing", "below")
+    assert not isocodec.decode_mask((tmp_path / "a.iso").read_bytes())[HOLE].any()
 
 
 @pytest.mark.parametrize(("dtype", "nodata"), [("uint8", 256.0), ("uint8", -1.0), ("int16", 0.5), ("int16", np.nan)])

@@ -8,9 +8,11 @@ import warnings
 from pathlib import Path
 from typing import Any
 
+import h5py
 import nibabel
 import numpy as np
 import pytest
+import SimpleITK
 import tifffile
 import trimesh
 from hypothesis import given
@@ -137,6 +139,69 @@ def test_pictures_of_microscopes_are_told_to_need_a_spacing(tmp_path: Path) -> N
         assert "--spacing" in read_place(tmp_path / name, 3).remark
     tifffile.imwrite(tmp_path / "plain.tif", cells, imagej=True, metadata={"axes": "ZYX"})
     assert read_place(tmp_path / "plain.tif", 3) == Place()
+
+
+@pytest.mark.parametrize("suffix", [".nrrd", ".mha"])
+def test_volumes_of_itk(tmp_path: Path, suffix: str) -> None:
+    """The same image has the same coordinates, whether ITK wrote NIfTI, read by nibabel, or a format of its own."""
+    image = SimpleITK.GetImageFromArray(BALL.astype(np.float32))
+    image.SetSpacing((0.5, 0.75, 2.0))
+    image.SetOrigin((-20.0, 31.0, 5.5))
+    image.SetDirection(nibabel.eulerangles.euler2mat(0.3, -0.2, 0.1).ravel())
+    SimpleITK.WriteImage(image, tmp_path / f"v{suffix}")
+    SimpleITK.WriteImage(image, tmp_path / "v.nii")
+    place, other = (read_place(tmp_path / name, 3) for name in (f"v{suffix}", "v.nii"))
+    assert place.placement is not None and other.placement is not None
+    assert np.allclose(place.placement, other.placement, rtol=0, atol=1e-5) and not place.remark
+    SimpleITK.WriteImage(SimpleITK.GetImageFromArray(BALL), tmp_path / f"bare{suffix}")
+    assert read_place(tmp_path / f"bare{suffix}", 3) == Place()
+    SimpleITK.WriteImage(image[:, :, 3], tmp_path / f"slice{suffix}")
+    assert "slice" in read_place(tmp_path / f"slice{suffix}", 2).remark
+
+
+def netcdf(path: Path, field: np.ndarray, scales: list[np.ndarray | None], key: str = "z") -> Path:
+    """A file of one array, its axes with scales, or with such as say nothing but how long they are."""
+    with h5py.File(path, "w") as file:
+        file[key] = field
+        for axis, scale in enumerate(scales):
+            name = f"axis{axis}"
+            file[name] = np.zeros(field.shape[axis]) if scale is None else scale
+            note = f"This is a netCDF dimension but not a netCDF variable.{field.shape[axis]:10}"
+            file[name].make_scale(name if scale is not None else note)
+            file[key].dims[axis].attach_scale(file[name])
+    return path
+
+
+def test_scales_of_netcdf(tmp_path: Path) -> None:
+    """x is the last axis, y the one before; what the curve's file says is what the scales do."""
+    north, east = (50 - np.arange(20) / 120).astype(np.float32), 7 + np.arange(30) / 60
+    path = netcdf(tmp_path / "dem.nc", HILL[None], [np.zeros(1), north, east])
+    ok("encode", path, "-o", tmp_path / "dem.iso", "--isovalue", 70)
+    ok("decode", tmp_path / "dem.iso", "-o", tmp_path / "dem.geojson")
+    (line,) = json.loads((tmp_path / "dem.geojson").read_text())["geometry"]["coordinates"]
+    row, column = isocodec.decode((tmp_path / "dem.iso").read_bytes()).lines[0].T
+    expected = np.stack([np.interp(column, range(30), east), np.interp(row, range(20), north)], axis=1)
+    assert np.allclose(line, expected, rtol=0, atol=1e-5)
+
+    heights = np.arange(12) * 100.0
+    place = read_place(netcdf(tmp_path / "v.nc", BALL, [heights, np.arange(13.0), 3 - np.arange(14.0)]), 3)
+    assert place.placement is not None
+    assert place.placement.tolist() == [[0, 0, -1, 3], [0, 1, 0, 0], [100, 0, 0, 0]]
+
+
+@pytest.mark.parametrize(
+    ("scales", "words"),
+    [
+        ([None, None], ""),
+        ([np.arange(20.0), None], "not all axes"),
+        ([np.arange(20.0), np.geomspace(1, 30, 30)], "uneven"),
+        ([np.arange(20.0), np.full(30, np.nan)], "uneven"),
+        ([np.arange(20.0), np.zeros(30)], "one point"),
+    ],
+)
+def test_scales_of_no_use(tmp_path: Path, scales: list[np.ndarray | None], words: str) -> None:
+    place = read_place(netcdf(tmp_path / "a.nc", HILL, scales), 2)
+    assert place.placement is None and words in place.remark and bool(place.remark) == bool(words)
 
 
 def test_warning_where_single_precision_loses_points(tmp_path: Path) -> None:

@@ -10,10 +10,12 @@ import zipfile
 import zlib
 from pathlib import Path
 
+import h5py
 import imageio.v3 as imageio
 import nibabel
 import numpy as np
 import pytest
+import SimpleITK
 import tifffile
 from PIL import Image
 
@@ -100,7 +102,9 @@ def test_objects_are_never_unpickled(tmp_path: Path) -> None:
         read_field(tmp_path / "a.npy")
 
 
-@pytest.mark.parametrize("name", ["a.npy", "a.npz", "a.png", "a.jpg", "a.tif", "a.nii", "a.nii.gz"])
+@pytest.mark.parametrize(
+    "name", ["a.npy", "a.npz", "a.png", "a.jpg", "a.tif", "a.nii", "a.nii.gz", "a.h5", "a.mha", "a.nrrd"]
+)
 @pytest.mark.parametrize("content", [b"", b"this is a text, not a field\n" * 40], ids=["empty", "text"])
 def test_no_file_of_its_kind(tmp_path: Path, name: str, content: bytes) -> None:
     (tmp_path / name).write_bytes(content)
@@ -109,7 +113,7 @@ def test_no_file_of_its_kind(tmp_path: Path, name: str, content: bytes) -> None:
     assert "\n" not in str(caught.value)
 
 
-@pytest.mark.parametrize("name", ["a.npy", "a.npz", "a.png", "a.tif", "a.nii", "a.nii.gz"])
+@pytest.mark.parametrize("name", ["a.npy", "a.npz", "a.png", "a.tif", "a.nii", "a.nii.gz", "a.h5", "a.mha", "a.nrrd"])
 def test_files_cut_short(tmp_path: Path, name: str) -> None:
     path = tmp_path / name
     noise = np.random.default_rng(1).integers(0, 255, (40, 40, 3), dtype=np.uint8)
@@ -121,6 +125,11 @@ def test_files_cut_short(tmp_path: Path, name: str) -> None:
         imageio.imwrite(path, noise[..., 0])
     elif name == "a.tif":
         tifffile.imwrite(path, noise[..., 0])
+    elif name == "a.h5":
+        with h5py.File(path, "w") as file:
+            file["noise"] = noise
+    elif name in ("a.mha", "a.nrrd"):
+        SimpleITK.WriteImage(SimpleITK.GetImageFromArray(noise), path)
     else:
         nibabel.Nifti1Image(noise, np.eye(4)).to_filename(path)
     path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
@@ -240,6 +249,73 @@ def test_nifti_scaled_big_endian_and_squeezed(tmp_path: Path) -> None:
         read_field(tmp_path / "series.nii")
 
 
+@pytest.mark.parametrize("suffix", [".h5", ".hdf5", ".nc"])
+def test_hdf5_takes_the_array_of_several_axes_or_asks(tmp_path: Path, suffix: str) -> None:
+    path = tmp_path / f"a{suffix}"
+    with h5py.File(path, "w") as file:
+        file["time"] = np.arange(3.0)
+        file["run/density"] = GREY16[None].astype(">u2")
+    # One array has a plane; its first axis holds nothing but one time.
+    assert same(read_field(path), GREY16)
+    assert same(read_field(path, key="/run/density"), GREY16)
+    assert same(read_field(path, key="time"), np.arange(3.0))
+    for key in ("run", "speed"):
+        with pytest.raises(InputError, match=rf"no array '{key}', but: run/density \(1, 3, 4\), time \(3,\)"):
+            read_field(path, key=key)
+    with h5py.File(path, "a") as file:
+        file["speed"] = GREY8
+    with pytest.raises(InputError, match=r"2 arrays: run/density \(1, 3, 4\), speed \(3, 4\): .*--key"):
+        read_field(path)
+    with h5py.File(path, "a") as file:
+        file["values"] = COLOUR
+        file["names"] = [["a", "b"]]
+    assert same(read_field(path), COLOUR)
+    with pytest.raises(InputError, match="not real numbers"):
+        read_field(path, key="names")
+
+
+def test_hdf5_without_a_plane(tmp_path: Path) -> None:
+    with h5py.File(tmp_path / "a.h5", "w") as file:
+        file["time"] = np.arange(3.0)
+        file["count"] = 7
+    with pytest.raises(InputError, match=r"no array of two or more axes, but: time \(3,\)"):
+        read_field(tmp_path / "a.h5")
+    with h5py.File(tmp_path / "e.h5", "w"):
+        pass
+    with pytest.raises(InputError, match="but: nothing"):
+        read_field(tmp_path / "e.h5")
+    (tmp_path / "old.nc").write_bytes(b"CDF\1" + bytes(100))
+    with pytest.raises(InputError, match=r"classic kind.*nccopy"):
+        read_field(tmp_path / "old.nc")
+
+
+def test_packed_netcdf(tmp_path: Path) -> None:
+    """What multiplies, what is added and what is missing, as the NetCDF user's guide has it: of the packed number."""
+    with h5py.File(tmp_path / "a.nc", "w") as file:
+        stored = file.create_dataset("z", data=np.array([[1, 2, -9], [4, -9, 6]], np.int16))
+        stored.attrs["scale_factor"] = np.float64([0.5])
+        stored.attrs["_FillValue"] = np.int16([-9])
+    expected = np.array([[0.5, 1, np.nan], [2, np.nan, 3]])
+    assert np.array_equal(read_field(tmp_path / "a.nc"), expected, equal_nan=True)
+    with h5py.File(tmp_path / "a.nc", "a") as file:
+        file["z"].attrs["add_offset"] = 10
+    assert np.array_equal(read_field(tmp_path / "a.nc"), expected + 10, equal_nan=True)
+
+
+@pytest.mark.parametrize("name", ["v.nrrd", "v.nhdr", "v.mha", "v.mhd"])
+def test_volumes_of_itk(tmp_path: Path, name: str) -> None:
+    """Axes are those of NIfTI, whatever the file: i runs fastest in the others' memory."""
+    volume = np.arange(24, dtype=np.int16).reshape(2, 3, 4)
+    SimpleITK.WriteImage(SimpleITK.GetImageFromArray(volume.T.copy()), tmp_path / name, useCompression=True)
+    field = read_field(tmp_path / name)
+    assert same(field, volume) and field.flags.c_contiguous
+    SimpleITK.WriteImage(SimpleITK.GetImageFromArray(volume[:, :, :1].T.copy()), tmp_path / name)
+    assert same(read_field(tmp_path / name), volume[:, :, 0])
+    SimpleITK.WriteImage(SimpleITK.GetImageFromArray(volume, isVector=True), tmp_path / name)
+    with pytest.raises(InputError, match="4 channels"):
+        read_field(tmp_path / name)
+
+
 def test_options_for_another_kind_of_file(tmp_path: Path) -> None:
     np.save(tmp_path / "a.npy", GREY8)
     with pytest.raises(OptionError, match="key"):
@@ -261,7 +337,13 @@ def test_names_that_tell_nothing(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(
     ("module", "name", "extra"),
-    [("imageio.v3", "a.png", "image"), ("tifffile", "a.tif", "image"), ("nibabel", "a.nii", "nifti")],
+    [
+        ("imageio.v3", "a.png", "image"),
+        ("tifffile", "a.tif", "image"),
+        ("nibabel", "a.nii", "nifti"),
+        ("h5py", "a.h5", "hdf5"),
+        ("SimpleITK", "a.mha", "itk"),
+    ],
 )
 def test_reading_names_the_missing_extra(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, module: str, name: str, extra: str

@@ -29,7 +29,10 @@ def encode(field: ArrayLike, isovalue: float | Sequence[float], **options: Any) 
     isovalue : float, or sequence of them
         Samples greater than it lie above. Of several, later ones lean on earlier ones.
     **options
-        See `Encoder`. Without any, the full grid is told with crossings within 0.05 of an edge.
+        One of ``exact``, ``tolerance``, ``steps``, ``signs_only`` and ``step`` says how precisely the curve is kept;
+        without, the full grid is told with crossings within 0.05 of an edge. ``preserve_topology``, ``base_level``,
+        ``criterion``, ``parameter`` and ``plan`` say on which meshes, ``leaning`` and ``profile`` how it is coded;
+        ``metadata``, ``placement``, ``progress``. `Encoder` explains each.
 
     Returns
     -------

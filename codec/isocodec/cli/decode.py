@@ -31,7 +31,10 @@ LOST = 0.01
     "--isovalue", type=float, metavar="V", help="Which isovalue, of several.  [default: all that OUT can hold]"
 )
 @click.option(
-    "--layers", type=click.IntRange(min=1), metavar="N", help="Only the first N layers of that isovalue, or the first."
+    "--layers",
+    type=click.IntRange(min=1),
+    metavar="N",
+    help="Only the first N layers of that isovalue, or of the first; all if it has fewer.",
 )
 @click.option("--max-bytes", type=click.IntRange(min=1), metavar="N", help="Only the first N bytes.")
 @click.option("--in-samples", is_flag=True, help="Coordinates in samples, even if the file says where these lie.")

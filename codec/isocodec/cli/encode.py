@@ -82,12 +82,12 @@ if TYPE_CHECKING:
 @click.option(
     "--missing",
     type=click.Choice(["below", "above", "nearest"]),
-    help="Missing samples (NaN; what a GeoTIFF says stands for them, or --nodata) lie below or above, or are as the"
-    " nearest one.",
+    help="Missing samples (NaN; what GeoTIFF or NetCDF says stands for them, or --nodata) lie below or above, or are as"
+    " the nearest one.",
 )
 @click.option("--nodata", type=float, metavar="V", help="The value that stands for missing samples.")
-@click.option("--no-placement", is_flag=True, help="Leave out where a NIfTI or GeoTIFF file says its samples lie.")
-@click.option("--key", metavar="NAME", help="Which array of an .npz file.")
+@click.option("--no-placement", is_flag=True, help="Leave out where INPUT says its samples lie.")
+@click.option("--key", metavar="NAME", help="Which array of an .npz or HDF5 file.")
 @click.option("--channel", type=int, metavar="N", help="Which channel of a colour picture, counted from 0.")
 @json_option
 def encode_command(
@@ -117,8 +117,9 @@ def encode_command(
 ) -> None:
     """Encode the isocontour (2-D) or isosurface (3-D) of the field in INPUT.
 
-    INPUT is .npy, .npz, a PNG, JPEG or TIFF picture (a TIFF stack is a volume), or NIfTI. At most one of --exact,
-    --tolerance, --steps, --signs-only and --step says how precisely the contour is kept.
+    INPUT is .npy, .npz, HDF5 or NetCDF, a PNG, JPEG or TIFF picture (a TIFF stack is a volume), or a NIfTI, NRRD or
+    MetaImage volume. At most one of --exact, --tolerance, --steps, --signs-only and --step says how precisely the
+    contour is kept.
     """
     if bool(isovalues) + (interval is not None) + bool(labels) != 1:
         raise click.UsageError("needed is --isovalue, --interval, or --label of a volume of labels: one of them")
@@ -167,13 +168,13 @@ def encode_command(
             notes.setdefault("label", f"{label:g}")
             signs_only |= not any(precise.values())
         else:
-            gone = missing_samples(field, read_nodata(source) if nodata is None else nodata)
+            gone = missing_samples(field, read_nodata(source, key) if nodata is None else nodata)
             if interval is not None:
                 isovalues = _multiples(interval, field[~gone])
             field = _whole(source, field, gone, missing, isovalues)
         placement: ArrayLike | None = steps_along
         if placement is None and not no_placement and PLACEMENT not in notes:
-            place = read_place(source, field.ndim)
+            place = read_place(source, field.ndim, key)
             placement = place.placement
             if place.remark:
                 warn(source, place.remark)

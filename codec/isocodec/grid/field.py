@@ -159,7 +159,7 @@ def check_field(field: ArrayLike, isovalue: float, step: float | None = None) ->
     """
     if np.ma.is_masked(field):
         raise InputError(
-            "the field has masked samples, and holes are not supported yet", code="masked",
+            "the field has masked samples, and the format has no holes", code="masked",
             remedy="fill them, for example with scipy.ndimage or numpy.ma.filled",
         )  # fmt: skip
     values = np.asarray(field)

@@ -1,7 +1,7 @@
 """Missing samples: which they are, and what is taken instead.
 
 The format has no holes: each sample lies above the isovalue or not. NaN is missing, and so is the value that a GeoTIFF
-says stands for it.
+or an array of NetCDF says stands for it.
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import InputError
+from .arrays import HDF5_SUFFIXES, dataset, fill_value, is_packed
 from .extras import optional
 
 Field = NDArray[Any]
@@ -25,8 +26,14 @@ _NODATA = 42113
 """Tag of a TIFF file: the number as text."""
 
 
-def read_nodata(path: str | os.PathLike[str]) -> float | None:
-    """The value that stands for missing samples in a GeoTIFF that ``read_field`` has read; None if there is none."""
+def read_nodata(path: str | os.PathLike[str], key: str | None = None) -> float | None:
+    """The value that stands for missing samples in what ``read_field`` has read with that key; None if there is none.
+
+    GeoTIFF has it, and NetCDF; arrays of NetCDF that were unpacked have NaN instead.
+    """
+    if Path(path).name.lower().endswith(HDF5_SUFFIXES):
+        with dataset(Path(path), key) as stored:
+            return None if is_packed(stored) else fill_value(stored)
     if not Path(path).name.lower().endswith((".tif", ".tiff")):
         return None
     tifffile = optional("tifffile", extra="image", purpose="reading TIFF")

@@ -1,4 +1,4 @@
-"""Where the samples of a file lie in the world: what NIfTI volumes and GeoTIFF pictures say of it."""
+"""Where the samples of a file lie in the world: what volumes, GeoTIFF pictures and NetCDF arrays say of it."""
 
 from __future__ import annotations
 
@@ -13,7 +13,10 @@ from numpy.typing import NDArray
 
 from ..errors import OptionError
 from ..grid.placement import placement_of
+from .arrays import HDF5_SUFFIXES, dataset
 from .extras import optional
+from .reading import reading
+from .volume import ITK_SUFFIXES, itk_reader
 
 # Tags of a TIFF file.
 _SCALE, _TIEPOINT, _TRANSFORMATION = 33550, 33922, 34264
@@ -23,6 +26,8 @@ _IS_POINT = 2
 """Raster type whose coordinates are those of the samples; otherwise samples are half a pixel further on."""
 _EPSG = range(1024, 32767)
 """Numbers of systems that the EPSG registry has."""
+_EVEN = 0.01
+"""How far coordinates of samples may be from even steps, in steps: they are often kept in single precision."""
 
 
 @dataclass(frozen=True)
@@ -44,10 +49,10 @@ class Place:
     remark: str = ""
 
 
-def read_place(path: str | os.PathLike[str], n: int) -> Place:
-    """Coordinates of a field of n axes that ``read_field`` has read.
+def read_place(path: str | os.PathLike[str], n: int, key: str | None = None) -> Place:
+    """Coordinates of a field of n axes that ``read_field`` has read, with the same key.
 
-    Of NIfTI volumes those of nibabel: x to the right, y to the front, z up.
+    Of volumes those of nibabel: x to the right, y to the front, z up.
 
     Raises
     ------
@@ -72,7 +77,54 @@ def read_place(path: str | os.PathLike[str], n: int) -> Place:
             if place.placement is None and not place.remark and _has_voxels(tiff):
                 return Place(remark="the sizes of its pixels are left out; --spacing gives them")
             return place
+    if name.endswith(ITK_SUFFIXES):
+        with reading("volume"):
+            return _of_itk(itk_reader(Path(path)), n)
+    if name.endswith(HDF5_SUFFIXES):
+        with dataset(Path(path), key) as stored:
+            return _of_scales([stored.dims[axis] for axis, count in enumerate(stored.shape) if count > 1])
     return Place()
+
+
+def _of_itk(reader: Any, n: int) -> Place:
+    """What ITK knows of a volume, whose x runs to the left and y to the back."""
+    size = reader.GetDimension()
+    if n != 3 or size != 3:
+        return Place(remark="where the samples of a slice lie in space is left out")
+    directions = np.reshape(reader.GetDirection(), (size, size)) * reader.GetSpacing()
+    matrix = np.column_stack([directions, reader.GetOrigin()])
+    if np.array_equal(matrix, np.eye(3, 4)):  # what ITK says where a file says nothing
+        return Place()
+    return _usable(np.diag([-1.0, -1.0, 1.0]) @ matrix, n)
+
+
+def _of_scales(axes: list[Any]) -> Place:
+    """What scales of a dataset's axes say: x runs along the last, y along the one before, as NetCDF recommends."""
+    n = len(axes)
+    matrix = np.zeros((n, n + 1))
+    scales = [_scale(axis) for axis in axes]
+    if all(scale is None for scale in scales):
+        return Place()
+    for axis, scale in enumerate(scales):
+        if scale is None:
+            return Place(remark="where its samples lie is left out: not all axes have coordinates")
+        step = (scale[-1] - scale[0]) / (len(scale) - 1)
+        with np.errstate(invalid="ignore"):
+            even = np.abs(scale - (scale[0] + step * np.arange(len(scale)))).max() <= abs(step) * _EVEN
+        if not even:
+            return Place(remark=f"where its samples lie is left out: steps along axis {axis} are uneven")
+        matrix[n - 1 - axis, [axis, n]] = step, scale[0]
+    return _usable(matrix, n)
+
+
+def _scale(axis: Any) -> NDArray[np.float64] | None:
+    """Coordinates along an axis of a dataset; None if there are none, or no such number of them."""
+    for scale in axis.values():
+        # NetCDF has scales that only say how long an axis is
+        named = bytes(scale.attrs.get("NAME", b"")).startswith(b"This is a netCDF dimension but not a netCDF variable")
+        if scale.dtype.kind in "iuf" and not named:
+            return np.asarray(scale[()], np.float64).ravel()
+    return None
 
 
 def _has_voxels(tiff: Any) -> bool:
