@@ -189,6 +189,18 @@ def test_scales_of_netcdf(tmp_path: Path) -> None:
     assert place.placement.tolist() == [[0, 0, -1, 3], [0, 1, 0, 0], [100, 0, 0, 0]]
 
 
+def test_time_is_no_place(tmp_path: Path) -> None:
+    """Of a series in time each frame lies where the others do; all of them are no volume with coordinates."""
+    path = netcdf(tmp_path / "t.nc", np.stack([HILL, HILL + 1]), [np.arange(2.0), np.arange(20.0), np.arange(30.0)])
+    with h5py.File(path, "a") as file:
+        file["axis0"].attrs["units"] = "hours since 2000-01-01"
+    assert "--frame" in read_place(path, 3).remark and read_place(path, 3).placement is None
+    assert read_place(path, 2).placement is not None
+    ok("encode", path, "-o", tmp_path / "t.iso", "--isovalue", 70, "--frame", 1)
+    data = (tmp_path / "t.iso").read_bytes()
+    assert np.array_equal(isocodec.decode_mask(data), HILL + 1 > 70) and "placement" in isocodec.inspect(data).metadata
+
+
 @pytest.mark.parametrize(
     ("scales", "words"),
     [

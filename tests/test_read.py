@@ -245,7 +245,7 @@ def test_nifti_scaled_big_endian_and_squeezed(tmp_path: Path) -> None:
     nibabel.Nifti1Image(volume[:, :, :1], np.eye(4)).to_filename(tmp_path / "slice.nii")
     assert same(read_field(tmp_path / "slice.nii"), volume[:, :, 0])
     nibabel.Nifti1Image(np.stack([volume, volume], axis=-1), np.eye(4)).to_filename(tmp_path / "series.nii")
-    with pytest.raises(InputError, match=r"series of volumes, of shape \(2, 3, 4, 2\)"):
+    with pytest.raises(InputError, match=r"series of volumes, of shape \(2, 3, 4, 2\).*--frame 0 to 1"):
         read_field(tmp_path / "series.nii")
 
 
@@ -314,6 +314,33 @@ def test_volumes_of_itk(tmp_path: Path, name: str) -> None:
     SimpleITK.WriteImage(SimpleITK.GetImageFromArray(volume, isVector=True), tmp_path / name)
     with pytest.raises(InputError, match="4 channels"):
         read_field(tmp_path / name)
+
+
+def test_one_of_a_series(tmp_path: Path) -> None:
+    """Along the first axis of arrays and stacks, the last of volumes; what is packed or one-valued is left alone."""
+    series = np.arange(120, dtype=np.int16).reshape(2, 3, 4, 5)
+    np.save(tmp_path / "a.npy", series)
+    np.savez(tmp_path / "a.npz", a=series, b=series)
+    with h5py.File(tmp_path / "a.h5", "w") as file:
+        file["a"] = series[:, None]
+        file["b"] = series[1, 2]
+    tifffile.imwrite(tmp_path / "a.tif", series[0], photometric="minisblack")
+    nibabel.Nifti1Image(series[..., None], np.eye(4)).to_filename(tmp_path / "a.nii")
+    SimpleITK.WriteImage(SimpleITK.GetImageFromArray(series.T.copy(), isVector=False), tmp_path / "a.nrrd")
+    for name, key, whole in (
+        ("a.npy", None, series), ("a.npz", "b", series), ("a.h5", "a", series), ("a.tif", None, series[0]),
+        ("a.nii", None, series.T.swapaxes(1, 3)), ("a.nrrd", None, series.T.swapaxes(1, 3)),
+    ):  # fmt: skip
+        for frame in range(len(whole)):
+            assert same(read_field(tmp_path / name, key=key, frame=frame), np.ascontiguousarray(whole[frame])), name
+        for frame in (-1, len(whole)):
+            with pytest.raises(OptionError, match=f"no frame {frame}: the series has {len(whole)}"):
+                read_field(tmp_path / name, key=key, frame=frame)
+    imageio.imwrite(tmp_path / "a.png", GREY8)
+    nibabel.Nifti1Image(series[0], np.eye(4)).to_filename(tmp_path / "one.nii")
+    for name, key in (("a.png", None), ("a.h5", "b"), ("one.nii", None)):
+        with pytest.raises(OptionError, match="not a series"):
+            read_field(tmp_path / name, key=key, frame=0)
 
 
 def test_options_for_another_kind_of_file(tmp_path: Path) -> None:

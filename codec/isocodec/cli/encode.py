@@ -89,6 +89,12 @@ if TYPE_CHECKING:
 @click.option("--no-placement", is_flag=True, help="Leave out where INPUT says its samples lie.")
 @click.option("--key", metavar="NAME", help="Which array of an .npz or HDF5 file.")
 @click.option("--channel", type=int, metavar="N", help="Which channel of a colour picture, counted from 0.")
+@click.option(
+    "--frame",
+    type=int,
+    metavar="N",
+    help="Which of a series, counted from 0: along the first axis of an array or TIFF stack, the last of a volume.",
+)
 @json_option
 def encode_command(
     source: Path,
@@ -113,6 +119,7 @@ def encode_command(
     no_placement: bool,
     key: str | None,
     channel: int | None,
+    frame: int | None,
     as_json: bool,
 ) -> None:
     """Encode the isocontour (2-D) or isosurface (3-D) of the field in INPUT.
@@ -160,7 +167,7 @@ def encode_command(
         # what they make of damaged tags is said once, and by us
         logging.getLogger(library).setLevel(logging.CRITICAL)
     with concerning(source):
-        field = read_field(source, key=key, channel=channel)
+        field = read_field(source, key=key, channel=channel, frame=frame)
         if steps_along is not None and len(steps_along) != field.ndim:
             raise click.UsageError(f"--spacing {spacing}: needed is a number for each of the {field.ndim} axes")
         if label is not None:

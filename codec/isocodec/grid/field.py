@@ -170,7 +170,7 @@ def check_field(field: ArrayLike, isovalue: float, step: float | None = None) ->
     if values.ndim not in (2, 3):
         raise InputError(
             f"the field has {values.ndim} axes {values.shape}, needed are 2 or 3", code="axes",
-            remedy="choose a slice or drop axes of length 1" if values.ndim > 3 else "reshape it",
+            remedy="choose one of the series; isocodec encode has --frame" if values.ndim > 3 else "reshape it",
         )  # fmt: skip
     if min(values.shape) < 2:
         raise InputError(

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from ..errors import InputError, OptionError
 from .extras import optional
-from .reading import reading
+from .reading import check_frame, pick_frame, reading
 
 Field = NDArray[Any]
 
@@ -24,7 +24,7 @@ _PACKED = ("scale_factor", "add_offset")
 DEFAULT_KEY = "values"
 
 
-def read_numpy(path: Path, key: str | None) -> Field:
+def read_numpy(path: Path, key: str | None, frame: int | None) -> Field:
     with path.open("rb") as file:
         magic = file.read(6)
     # numpy takes anything else for a pickle and says so, which would lead the user astray.
@@ -35,9 +35,9 @@ def read_numpy(path: Path, key: str | None) -> Field:
         if isinstance(loaded, np.ndarray):
             if key is not None:
                 raise OptionError("a key names an array of an .npz file; this is a single array", code="key")
-            return loaded
+            return pick_frame(loaded, frame)
         with loaded:
-            return _member(loaded, key)
+            return pick_frame(_member(loaded, key), frame)
 
 
 def _member(archive: Any, key: str | None) -> Field:
@@ -114,12 +114,16 @@ def _shapes(shapes: dict[str, tuple[int, ...]], limit: int = 20) -> str:
     return ", ".join(parts) or "nothing"
 
 
-def read_hdf5(path: Path, key: str | None) -> Field:
+def read_hdf5(path: Path, key: str | None, frame: int | None) -> Field:
     """Samples as they are; packed ones of NetCDF unpacked to float64, NaN where there are none."""
     with dataset(path, key) as stored:
-        field = np.asarray(stored[()])
         # One time, one height: axes along which nothing lies.
-        field = field.reshape([count for count in field.shape if count > 1])
+        where: list[int | slice] = [0 if count == 1 else slice(None) for count in stored.shape]
+        if frame is not None:
+            axes = [axis for axis, count in enumerate(stored.shape) if count > 1]
+            check_frame(frame, stored.shape[axes[0]] if len(axes) > 2 else 0)
+            where[axes[0]] = frame
+        field = np.asarray(stored[tuple(where)])
         if field.dtype.kind not in "iuf" or not is_packed(stored):
             return field
         slope, offset = (_attribute(stored, name) for name in _PACKED)

@@ -82,7 +82,8 @@ def read_place(path: str | os.PathLike[str], n: int, key: str | None = None) -> 
             return _of_itk(itk_reader(Path(path)), n)
     if name.endswith(HDF5_SUFFIXES):
         with dataset(Path(path), key) as stored:
-            return _of_scales([stored.dims[axis] for axis, count in enumerate(stored.shape) if count > 1])
+            axes = [stored.dims[axis] for axis, count in enumerate(stored.shape) if count > 1]
+            return _of_scales(axes[-n:])
     return Place()
 
 
@@ -102,6 +103,8 @@ def _of_scales(axes: list[Any]) -> Place:
     """What scales of a dataset's axes say: x runs along the last, y along the one before, as NetCDF recommends."""
     n = len(axes)
     matrix = np.zeros((n, n + 1))
+    if any(" since " in str(scale.attrs.get("units")) for axis in axes for scale in axis.values()):
+        return Place(remark="one of its axes is time, and where its samples lie is left out; --frame takes one time")
     scales = [_scale(axis) for axis in axes]
     if all(scale is None for scale in scales):
         return Place()

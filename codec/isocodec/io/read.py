@@ -17,11 +17,12 @@ from numpy.typing import NDArray
 from ..errors import InputError, OptionError
 from .arrays import HDF5_SUFFIXES, read_hdf5, read_numpy
 from .raster import pick_channel, read_picture, read_tiff
+from .reading import pick_frame
 from .volume import ITK_SUFFIXES, read_itk, read_nifti
 
 Field = NDArray[Any]
 
-_ARRAYS: dict[str, Callable[[Path, str | None], Field]] = {
+_ARRAYS: dict[str, Callable[[Path, str | None, int | None], Field]] = {
     ".npy": read_numpy,
     ".npz": read_numpy,
     **dict.fromkeys(HDF5_SUFFIXES, read_hdf5),
@@ -33,7 +34,7 @@ _PICTURES: dict[str, Callable[[Path], tuple[Field, int | None]]] = {
     ".tif": read_tiff,
     ".tiff": read_tiff,
 }
-_VOLUMES: dict[str, Callable[[Path], Field]] = {
+_VOLUMES: dict[str, Callable[[Path, int | None], Field]] = {
     ".nii": read_nifti,
     ".nii.gz": read_nifti,
     **dict.fromkeys(ITK_SUFFIXES, read_itk),
@@ -41,7 +42,9 @@ _VOLUMES: dict[str, Callable[[Path], Field]] = {
 FIELD_SUFFIXES: tuple[str, ...] = (*_ARRAYS, *_PICTURES, *_VOLUMES)
 
 
-def read_field(path: str | os.PathLike[str], *, key: str | None = None, channel: int | None = None) -> Field:
+def read_field(
+    path: str | os.PathLike[str], *, key: str | None = None, channel: int | None = None, frame: int | None = None
+) -> Field:
     """Read a sampled scalar field.
 
     Parameters
@@ -54,6 +57,9 @@ def read_field(path: str | os.PathLike[str], *, key: str | None = None, channel:
         one of two or more axes), or the one named ``values``.
     channel : int, optional
         Which channel of a colour picture to take, counted from 0.
+    frame : int, optional
+        Which of a series to take, counted from 0: along the first axis of an array or of a TIFF stack, the last axis of
+        a volume file that has more than three.
 
     Returns
     -------
@@ -70,7 +76,7 @@ def read_field(path: str | os.PathLike[str], *, key: str | None = None, channel:
     InputError
         If it is not what its name says, holds no numbers, or leaves a choice open.
     OptionError
-        If ``key`` or ``channel`` does not apply to this kind of file.
+        If ``key``, ``channel`` or ``frame`` does not apply to this kind of file.
     MissingExtraError
         If a library is needed that is not installed.
     """
@@ -90,10 +96,10 @@ def read_field(path: str | os.PathLike[str], *, key: str | None = None, channel:
     if channel is not None and suffix not in _PICTURES:
         raise OptionError(f"a channel is part of a picture, not of {suffix}", code="channel")
     if suffix in _ARRAYS:
-        return _numbers(_ARRAYS[suffix](path, key))
+        return _numbers(_ARRAYS[suffix](path, key, frame))
     if suffix in _PICTURES:
-        return _numbers(pick_channel(*_PICTURES[suffix](path), channel))
-    return _numbers(_VOLUMES[suffix](path))
+        return _numbers(pick_frame(pick_channel(*_PICTURES[suffix](path), channel), frame))
+    return _numbers(_VOLUMES[suffix](path, frame))
 
 
 def _numbers(array: Field) -> Field:

@@ -1,11 +1,15 @@
-"""What a library raises on a bad file, as one error of ours."""
+"""What readers share: what a library raises on a bad file, as one error of ours; one picture or volume of a series."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from typing import Any
 
-from ..errors import InputError, IsoError, LimitError
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import InputError, IsoError, LimitError, OptionError
 
 
 @contextmanager
@@ -35,5 +39,20 @@ def reading(what: str) -> Iterator[None]:
 
 def one_line(exc: Exception) -> str:
     # SimpleITK says first where in its source it is
-    text = " ".join(str(exc).split()).rpartition("sitk::ERROR: ")[2]
+    text = " ".join(str(exc).split()).rpartition("ERROR: ")[2]
     return text[:200] or type(exc).__name__
+
+
+def check_frame(frame: int, count: int) -> None:
+    """Raise `OptionError` unless a series of that many, 0 if it is none, has such a frame."""
+    if not 0 <= frame < count:
+        there = f"the series has {count}, counted from 0" if count else "this is not a series"
+        raise OptionError(f"there is no frame {frame}: {there}", code="frame")
+
+
+def pick_frame(series: NDArray[Any], frame: int | None, axis: int = 0) -> NDArray[Any]:
+    """One of a series of pictures or volumes along an axis; what is given if none is asked for."""
+    if frame is None:
+        return series
+    check_frame(frame, series.shape[axis] if series.ndim > 2 else 0)
+    return np.take(series, frame, axis=axis)

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from ..errors import InputError
 from .extras import optional
-from .reading import reading
+from .reading import check_frame, reading
 
 Field = NDArray[Any]
 
@@ -34,22 +34,33 @@ def _scaled(raw: Field, slope: float, inter: float) -> Field | None:
     return None
 
 
-def read_nifti(path: Path) -> Field:
+def read_nifti(path: Path, frame: int | None) -> Field:
     nibabel = optional("nibabel", extra="nifti", purpose="reading NIfTI")
     with reading("NIfTI volume"):
         stored = nibabel.load(path).dataobj
         volume = _scaled(np.asarray(stored.get_unscaled()), float(stored.slope), float(stored.inter))
         if volume is None:
             volume = np.asarray(stored)
-    return _single(volume)
+    return _single(volume, frame)
 
 
-def _single(volume: Field) -> Field:
+def _single(volume: Field, frame: int | None) -> Field:
     """Headers have at least three axes; a picture, or one volume of a series, ends in axes of length 1."""
+    volume = _without_ones(volume)
+    if frame is not None:
+        check_frame(frame, volume.shape[-1] if volume.ndim > 3 else 0)
+        volume = _without_ones(volume[..., frame])
+    if volume.ndim > 3:
+        raise InputError(
+            f"holds a series of volumes, of shape {volume.shape}", code="shape",
+            remedy=f"take one with --frame 0 to {volume.shape[-1] - 1}",
+        )  # fmt: skip
+    return volume
+
+
+def _without_ones(volume: Field) -> Field:
     while volume.ndim > 2 and volume.shape[-1] == 1:
         volume = volume[..., 0]
-    if volume.ndim > 3:
-        raise InputError(f"holds a series of volumes, of shape {volume.shape}", code="shape", remedy="save one alone")
     return volume
 
 
@@ -63,7 +74,7 @@ def itk_reader(path: Path) -> Any:
     return reader
 
 
-def read_itk(path: Path) -> Field:
+def read_itk(path: Path, frame: int | None) -> Field:
     """NRRD and MetaImage: axes i, j, k as NIfTI has them."""
     sitk = optional("SimpleITK", extra="itk", purpose=f"reading {path.suffix}")
     with reading(f"{path.suffix} volume"):
@@ -71,4 +82,4 @@ def read_itk(path: Path) -> Field:
         channels = reader.GetNumberOfComponents()
         if channels > 1:
             raise InputError(f"is a volume of {channels} channels", code="colour", remedy="save one of them alone")
-        return _single(sitk.GetArrayFromImage(reader.Execute()).T)
+        return _single(sitk.GetArrayFromImage(reader.Execute()).T, frame)
