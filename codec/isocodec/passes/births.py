@@ -71,9 +71,9 @@ def _ends(w, edge, last):
     m = (w * edge) >> 1
     if not w & 1:
         m = min(m, last)
-        return m, m, m
+        return np.uint64(m), np.uint64(m), np.uint64(m)
     d = edge >> 1 if w & 2 else -(edge >> 1)
-    return min(m, last), min(m + d, last), min(m - d, last)
+    return np.uint64(min(m, last)), np.uint64(min(m + d, last)), np.uint64(min(m - d, last))
 
 
 @inner

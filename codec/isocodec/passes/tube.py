@@ -254,7 +254,8 @@ class Tube:
         self._fresh()
         if self.truth:
             busy = self.truth.busy
-            self._items = np.sort(_filled(lambda out: births.find(self.state, busy, out)))
+            find = self._ready(births.find, self.state, busy, NOTHING)
+            self._items = np.sort(_filled(lambda out: find(self.state, busy, out)))
         self._running = "significance"
 
     def value_bits(self) -> tuple[int, int]:
@@ -324,10 +325,13 @@ class Tube:
                 return self.estimates.code_offsets(self.state, self.coder)
 
     def _call(self, kernel: Callable[..., int], *further: object) -> int:
-        """Call a kernel. The types of a tube's arrays stay the same, whatever becomes of their lengths."""
+        return self._ready(kernel, self.state, self.coder, *further)(self.state, self.coder, *further)
+
+    def _ready(self, kernel: Callable[..., int], *arguments: object) -> Callable[..., int]:
+        """A kernel for these arguments: the types of a tube's arrays stay, whatever becomes of their lengths."""
         if kernel not in self._kernels:
-            self._kernels[kernel] = compiled(kernel, self.state, self.coder, *further)
-        return self._kernels[kernel](self.state, self.coder, *further)
+            self._kernels[kernel] = compiled(kernel, *arguments)
+        return self._kernels[kernel]
 
     def _more(self) -> bool:
         """Encoder: whether an adaptive layer has anything to do on this level or a finer one."""
