@@ -14,11 +14,12 @@ from ..entropy.blend import blended, mixing
 from ..entropy.coder import ENCODE, MODE, adapt, code
 from ..entropy.main import BASE_KIND, BASE_NET
 from ..jit import BAD, DONE, GROW, inner, kernel
-from ..mesh.access import child, cube, dimension, neighbour, roots, vertex
+from ..mesh.access import child, dimension, roots, vertex
 from ..mesh.access import root as root_class
-from ..mesh.store import full, get, put
+from ..mesh.store import full
 from .ahead import ON_PATH, see_behind
 from .behind import resolve, settle, tell
+from .gates import GATE, push_gates, visit, visited
 from .infer import implied
 from .mesh import BARRED
 from .parabola import MOST
@@ -75,77 +76,12 @@ from .walk import (
 # Phases.
 _ORIGIN, _COMPONENT, _ROOT, _LOCATE, _SIGNS, _TRAVERSE = range(6)
 
-GATE = 7
-"""A gate on the stack: class, block and level of the simplex of equal level behind it, the vertex opposite, the leaf
-it was left from."""
-
 
 @inner
 def _corner_learn(st, level, cls, b0, b1, b2, j, sign):
     n = dimension(st.tables)
     x, y, z = position(edge_of(st, level), b0, b1, b2, vertex(st.tables, level % n, cls, j))
     learn(st, x, y, z, sign)
-
-
-@inner
-def _cell(st, level, cls, b0, b1, b2):
-    """Place of a simplex in the store of visited ones, a region of its own for every level, and its bit."""
-    n = dimension(st.tables)
-    number, p0, p1, p2 = cube(st.tables, level % n, cls)
-    size = level // n
-    return 2 * b0 + p0 + (np.int64(1) << size), 2 * b1 + p1 + ((level % n) << size), 2 * b2 + p2, number
-
-
-@inner
-def visited(st, mark, level, cls, b0, b1, b2):
-    x, y, z, number = _cell(st, level, cls, b0, b1, b2)
-    return (get(mark, x, y, z) >> number) & 1
-
-
-@inner
-def _visit(st, mark, level, cls, b0, b1, b2):
-    """Mark a mixed simplex and append it to the tubular neighbourhood."""
-    x, y, z, number = _cell(st, level, cls, b0, b1, b2)
-    put(mark, x, y, z, get(mark, x, y, z) | (np.int64(1) << number))
-    i = st.at[LEAVES]
-    st.leaf[i, 0] = cls
-    st.leaf[i, 1] = b0
-    st.leaf[i, 2] = b1
-    st.leaf[i, 3] = b2
-    st.leaf[i, 4] = level
-    st.at[LEAVES] = i + 1
-
-
-@inner
-def _push_gates(st, mark, level, cls, b0, b1, b2):
-    """Push the mixed faces, in the order of the vertices opposite, that lead to an unvisited simplex."""
-    n = dimension(st.tables)
-    r = level % n
-    edge = edge_of(st, level)
-    w = st.walk
-    above = 0
-    signs = 0
-    for j in range(n + 1):
-        s = corner_entry(st, edge, r, cls, b0, b1, b2, j) & 1
-        signs |= s << j
-        above += s
-    for i in range(n + 1):
-        rest = above - ((signs >> i) & 1)
-        if rest == 0 or rest == n:
-            continue
-        other, opp, d0, d1, d2 = neighbour(st.tables, r, cls, i)
-        c0, c1, c2 = b0 + d0, b1 + d1, b2 + d2
-        if not exists(st, edge, r, other, c0, c1, c2) or visited(st, mark, level, other, c0, c1, c2):
-            continue
-        g = w[GATES] * GATE
-        st.stack[g] = other
-        st.stack[g + 1] = c0
-        st.stack[g + 2] = c1
-        st.stack[g + 3] = c2
-        st.stack[g + 4] = opp
-        st.stack[g + 5] = st.at[LEAVES] - 1
-        st.stack[g + 6] = level
-        w[GATES] += 1
 
 
 @inner
@@ -367,8 +303,8 @@ def base(st, cd, mark, order, seeds):
             if signs != 3:
                 st.at[ERROR] = 3
                 return BAD
-            _visit(st, mark, level, cls, b0, b1, b2)
-            _push_gates(st, mark, level, cls, b0, b1, b2)
+            visit(st, mark, level, cls, b0, b1, b2)
+            push_gates(st, mark, level, cls, b0, b1, b2)
             w[HISTORY] = 0
             w[FRESH] = 0
             w[BRANCH] = st.at[LEAVES] - 1
@@ -442,5 +378,5 @@ def base(st, cd, mark, order, seeds):
                     w[EARLY + 2 * w[FRESH] + 1] = g1
                     w[FRESH] += 1
             w[GATES] -= 1
-            _visit(st, mark, level, cls, b0, b1, b2)
-            _push_gates(st, mark, level, cls, b0, b1, b2)
+            visit(st, mark, level, cls, b0, b1, b2)
+            push_gates(st, mark, level, cls, b0, b1, b2)

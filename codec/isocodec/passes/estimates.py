@@ -13,10 +13,10 @@ from . import geometry
 from .along import place_of
 from .beside import Beside, beside_grid, beside_leaves, nearby_samples
 from .leaves import drawn
+from .room import NOTHING
 from .state import BITS, MESHES, VERTICES, State
 from .truth import Truth
 
-NOTHING = np.zeros(0, np.int64)
 MOST_TAKEN = 1 << 53
 """Numbers of this size and more are not taken over from another isovalue: many isovalues in a row could make any."""
 

@@ -1,4 +1,4 @@
-"""Runs the passes over one isovalue's tubular neighbourhood: growth of arrays, order of layers, what they leave behind.
+"""Runs the passes over one isovalue's tubular neighbourhood: order of layers, what they leave behind.
 
 A layer is begun and then advanced; ``advance`` comes back when the layer is complete or when the coder
 needs bytes. Encoder and decoder use it alike: they differ in the mode of the coder, and the encoder has the truth.
@@ -15,46 +15,35 @@ from ..entropy.coder import OVER, Coder
 from ..errors import FormatError, LimitError
 from ..jit import BAD, CUT, DONE, GROW, NEED, compiled
 from ..limits import Limits
-from ..mesh.chosen import Chosen, every_vertex, finest_level
-from ..mesh.store import PAGES, copied, get, grown, new_board, new_store
-from ..mesh.tables import cube_exponent, mesh_tables
+from ..mesh.chosen import Chosen, finest_level
+from ..mesh.store import PAGES, copied, get, grown, new_store
+from ..mesh.tables import cube_exponent
 from . import base as base_pass
 from . import births, refine, seek, significance
 from .estimates import Estimates
-from .mesh import IN, MOST_ANCESTORS
+from .gates import GATE
+from .mesh import IN
+from .room import NOTHING, filled, first_state, wider, wider_state
 from .rows import one_by_one
 from .state import (
     ADAPTED,
-    AGREED,
     ASKS,
     BASE_LEVEL,
     BEFORE_ROUND,
-    CALM,
     CHILD,
-    COUNTERS,
     DONE_LEAVES,
     EDGE,
     ELEMENTS,
     ERROR,
     FINEST,
     HELD,
-    LAST,
     LEAVES,
     LEVEL,
     MESHES,
     MIXED,
-    MOST_MIXED,
-    MOST_WORK,
-    MOSTLY,
     NEXT,
     OUT_OF_STEPS,
-    ROOM,
     SEEDED,
-    SHIFT,
-    SIDE,
-    SIZE,
-    STEP_CELLS,
-    STEP_LEAVES,
     STEP_VERTICES,
     STEP_WORK,
     TALLY,
@@ -62,15 +51,10 @@ from .state import (
     UNIFORM,
     VERTICES,
     WORK,
-    Lean,
     State,
 )  # fmt: skip
 from .truth import Truth
-from .walk import GATES, registers
-
-NOTHING = np.zeros(0, np.int64)
-STACK = 4096
-ROWS = 2048
+from .walk import GATES
 
 _CLAUSES = {1: "5.3.2", 3: "5.3.3", 4: "5.5", 6: "5.8.2"}
 _REASONS = {
@@ -111,23 +95,10 @@ class Tube:
         self.coder = coder
         self.limits = limits
         self.truth = truth
-        counters = np.zeros(COUNTERS, np.int64)
-        counters[SIZE] = self.k
-        counters[MOST_WORK] = limits.steps
-        counters[MOST_MIXED] = limits.simplices
-        counters[AGREED] = counters[CALM : CALM + 2] = MOSTLY
-        counters[LAST : LAST + n] = np.array(shape) - 1
-        signs = truth.padded if truth else np.zeros((0, 0, 0), np.bool_)
-        self.state = State(
-            mesh_tables(n), counters, new_store(n), _rows(4, limits.vertices), _rows(5, limits.simplices),
-            _rows(5, limits.simplices), new_store(n), new_store(n), new_board(n),
-            np.zeros((MOST_ANCESTORS, 4), np.int64),
-            every_vertex((0,) * n), self._lean(lean, n), signs, registers(), np.zeros(STACK, np.int64),
-        )  # fmt: skip
+        earlier = lean.state if lean else None
+        self.state: State = first_state(shape, limits, truth.padded if truth else None, earlier, shift or 0, side)
         self.lean = lean
         self._shift = shift
-        counters[SIDE] = side
-        counters[SHIFT] = shift or 0
         self._mark = new_store(n)
         self._order = NOTHING
         self._seeds = np.zeros((0, 5), np.int32)
@@ -138,14 +109,6 @@ class Tube:
         self._kernels: dict[Callable[..., int], Callable[..., int]] = {}
         told = (lean.estimates, lean.state) if lean else None
         self.estimates: Estimates = Estimates(shape, truth, told, shift)
-
-    @staticmethod
-    def _lean(lean: Tube | None, n: int) -> Lean:
-        """What the kernels see of the earlier isovalue: values only where they are whole steps of the same scale."""
-        if lean is None:
-            return Lean(mesh_tables(n), np.zeros(COUNTERS, np.int64), new_store(n), new_store(n), NOTHING, NOTHING)
-        st = lean.state
-        return Lean(st.tables, st.at, st.known, st.mesh, NOTHING, NOTHING)
 
     # -- what the state says -------------------------------------------------------------------------------------
 
@@ -219,7 +182,7 @@ class Tube:
         at[EDGE] = 1 << (self.k - level // self.n)
         if self.truth:
             pyramid = self.truth.pyramid(self.full_level if adaptive else level)
-            self._order = _filled(lambda out: seek.mixed_leaves(self.state, *pyramid, out))
+            self._order = filled(lambda out: seek.mixed_leaves(self.state, *pyramid, out))
         self._running = "base"
 
     def begin_leaf_base(self) -> None:
@@ -255,7 +218,7 @@ class Tube:
         if self.truth:
             busy = self.truth.busy
             find = self._ready(births.find, self.state, busy, NOTHING)
-            self._items = np.sort(_filled(lambda out: find(self.state, busy, out)))
+            self._items = np.sort(filled(lambda out: find(self.state, busy, out)))
         self._running = "significance"
 
     def value_bits(self) -> tuple[int, int]:
@@ -397,34 +360,12 @@ class Tube:
         self.state.at[MESHES] += 1
 
     def _grow(self) -> None:
-        st = self.state
-        at = st.at
-        # of the mesh there may be vertices that are not known
-        if max(at[VERTICES] + STEP_VERTICES, st.mesh.head[PAGES] + at[ROOM]) > self.limits.vertices:
-            raise LimitError(
-                f"more than {self.limits.vertices} vertices", code="limit-vertices", clause="11.2",
-                remedy="raise Limits.vertices if the file is trusted",
-            )  # fmt: skip
-        if max(at[LEAVES], at[MIXED]) + STEP_LEAVES > self.limits.simplices:
-            raise LimitError(
-                f"more than {self.limits.simplices} simplices", code="limit-simplices", clause="11.2",
-                remedy="raise Limits.simplices if the file is trusted",
-            )  # fmt: skip
-        stack = st.stack
+        stack = self.state.stack
         if self._running == "base":
             self._mark = grown(self._mark, STEP_VERTICES)
-            if (self.state.walk[GATES] + 128) * base_pass.GATE > len(stack):
-                stack = _wider(stack, 2 * len(stack))
-        self.state = st._replace(
-            known=grown(st.known, STEP_VERTICES),
-            mesh=grown(st.mesh, max(STEP_VERTICES, int(at[ROOM]))),
-            crowd=grown(st.crowd, STEP_CELLS),
-            board=grown(st.board, STEP_VERTICES),
-            vertex=_room(st.vertex, int(at[VERTICES]) + STEP_VERTICES, self.limits.vertices),
-            leaf=_room(st.leaf, int(at[LEAVES]) + STEP_LEAVES, self.limits.simplices),
-            below=_room(st.below, int(at[NEXT]) + STEP_LEAVES, self.limits.simplices),
-            stack=stack,
-        )
+            if (self.state.walk[GATES] + 128) * GATE > len(stack):
+                stack = wider(stack, 2 * len(stack))
+        self.state = wider_state(self.state, self.limits)._replace(stack=stack)
 
 
 def out_of_steps(limits: Limits) -> LimitError:
@@ -432,29 +373,3 @@ def out_of_steps(limits: Limits) -> LimitError:
     return LimitError(
         f"inferring signs and ancestors takes more than {limits.steps} steps", code="limit-steps", clause="11.2"
     )
-
-
-def _filled(kernel: Callable[[NDArray[np.int64]], int]) -> NDArray[np.int64]:
-    """What a kernel writes into an array that it fills as far as it goes, returning how much it has."""
-    out = np.empty(1024, np.int64)
-    count = kernel(out)
-    if count > len(out):
-        out = np.empty(count, np.int64)
-        kernel(out)
-    return out[:count]
-
-
-def _rows(width: int, most: int) -> NDArray[np.int32]:
-    """An array that begins with some rows: small files need no more; never longer than the limit ``most``."""
-    return np.zeros((min(ROWS, most), width), np.int32)
-
-
-def _room(array: NDArray, needed: int, most: int) -> NDArray:
-    """The array, or a longer one where it has no place for ``needed`` rows; never longer than the limit ``most``."""
-    return array if needed <= len(array) else _wider(array, max(min(4 * len(array), most), needed))
-
-
-def _wider(array: NDArray, size: int) -> NDArray:
-    out = np.zeros((size, *array.shape[1:]), array.dtype)
-    out[: len(array)] = array
-    return out
