@@ -129,16 +129,41 @@ def test_pictures_that_say_nothing(tmp_path: Path) -> None:
     assert "stack" in read_place(tmp_path / "stack.tif", 3).remark
 
 
-def test_pictures_of_microscopes_are_told_to_need_a_spacing(tmp_path: Path) -> None:
+def test_voxels_of_microscopes(tmp_path: Path) -> None:
+    """Sizes as OME and ImageJ have them, pixels a unit or units a pixel; x is the last axis."""
     cells = BALL.astype(np.uint8)
-    tifffile.imwrite(tmp_path / "i.tif", cells, imagej=True, metadata={"axes": "ZYX", "spacing": 2.5, "unit": "um"})
-    tifffile.imwrite(
-        tmp_path / "o.ome.tif", cells, ome=True, metadata={"axes": "ZYX", "PhysicalSizeX": 0.5, "PhysicalSizeZ": 2.0}
-    )
+    imagej = {"axes": "ZYX", "spacing": 2.5, "unit": "um"}
+    tifffile.imwrite(tmp_path / "i.tif", cells, imagej=True, resolution=(4.0, 2.0), metadata=imagej)
+    sizes = {"PhysicalSizeX": 0.25, "PhysicalSizeY": 0.5, "PhysicalSizeZ": 2.5}
+    tifffile.imwrite(tmp_path / "o.ome.tif", cells, ome=True, metadata={"axes": "ZYX", **sizes})
     for name in ("i.tif", "o.ome.tif"):
-        assert "--spacing" in read_place(tmp_path / name, 3).remark
+        place = read_place(tmp_path / name, 3)
+        assert place.placement is not None and not place.remark
+        assert place.placement.tolist() == [[0, 0, 0.25, 0], [0, 0.5, 0, 0], [2.5, 0, 0, 0]]
+        frame = read_place(tmp_path / name, 2)
+        assert frame.placement is not None and frame.placement.tolist() == [[0, 0.25, 0], [0.5, 0, 0]]
     tifffile.imwrite(tmp_path / "plain.tif", cells, imagej=True, metadata={"axes": "ZYX"})
     assert read_place(tmp_path / "plain.tif", 3) == Place()
+
+
+@pytest.mark.parametrize(
+    "notes",
+    [
+        {"axes": "TYX", "PhysicalSizeX": 0.25, "PhysicalSizeY": 0.5},
+        {"axes": "ZYX", "PhysicalSizeX": 0.25, "PhysicalSizeY": 0.5},
+        {"axes": "ZYX", "PhysicalSizeX": 0.25, "PhysicalSizeY": 0.5, "PhysicalSizeZ": 0.0},
+    ],
+)
+def test_voxels_that_are_not_known_need_a_spacing(tmp_path: Path, notes: dict[str, Any]) -> None:
+    tifffile.imwrite(tmp_path / "o.ome.tif", BALL.astype(np.uint8), ome=True, metadata=notes)
+    place = read_place(tmp_path / "o.ome.tif", 3)
+    assert place.placement is None and "left out" in place.remark
+
+
+@pytest.mark.parametrize("text", [b"<OME", b"<OME/>", b"<OME><Pixels PhysicalSizeX='a'/></OME>"])
+def test_damaged_notes_of_a_microscope(tmp_path: Path, text: bytes) -> None:
+    tifffile.imwrite(tmp_path / "o.tif", BALL.astype(np.uint8), description=text + b"</OME>", photometric="minisblack")
+    assert read_place(tmp_path / "o.tif", 3) == Place()
 
 
 @pytest.mark.parametrize("suffix", [".nrrd", ".mha"])
@@ -155,6 +180,9 @@ def test_volumes_of_itk(tmp_path: Path, suffix: str) -> None:
     assert np.allclose(place.placement, other.placement, rtol=0, atol=1e-5) and not place.remark
     SimpleITK.WriteImage(SimpleITK.GetImageFromArray(BALL), tmp_path / f"bare{suffix}")
     assert read_place(tmp_path / f"bare{suffix}", 3) == Place()
+    SimpleITK.WriteImage(SimpleITK.JoinSeries([image, image]), tmp_path / f"series{suffix}")
+    again = read_place(tmp_path / f"series{suffix}", 3)
+    assert again.placement is not None and np.allclose(again.placement, place.placement, rtol=0, atol=1e-5)
     SimpleITK.WriteImage(image[:, :, 3], tmp_path / f"slice{suffix}")
     assert "slice" in read_place(tmp_path / f"slice{suffix}", 2).remark
 

@@ -1,4 +1,4 @@
-"""Where the samples of a file lie in the world: what volumes, GeoTIFF pictures and NetCDF arrays say of it."""
+"""Where the samples of a file lie in the world: what volumes, TIFF pictures and NetCDF arrays say of it."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
+from xml.etree import ElementTree
 
 import numpy as np
 from numpy.typing import NDArray
@@ -74,40 +75,37 @@ def read_place(path: str | os.PathLike[str], n: int, key: str | None = None) -> 
         tifffile = optional("tifffile", extra="image", purpose="reading TIFF")
         with tifffile.TiffFile(path) as tiff:
             place = _of_picture(tiff.pages[0], n)
-            if place.placement is None and not place.remark and _has_voxels(tiff):
-                return Place(remark="the sizes of its pixels are left out; --spacing gives them")
-            return place
+            return _of_microscope(tiff, n) if place.placement is None and not place.remark else place
     if name.endswith(ITK_SUFFIXES):
         with reading("volume"):
             return _of_itk(itk_reader(Path(path)), n)
     if name.endswith(HDF5_SUFFIXES):
         with dataset(Path(path), key) as stored:
-            axes = [stored.dims[axis] for axis, count in enumerate(stored.shape) if count > 1]
-            return _of_scales(axes[-n:])
+            return _of_scales(stored, n)
     return Place()
 
 
 def _of_itk(reader: Any, n: int) -> Place:
-    """What ITK knows of a volume, whose x runs to the left and y to the back."""
+    """What ITK knows of a volume, or of each of a series, whose x runs to the left and y to the back."""
     size = reader.GetDimension()
-    if n != 3 or size != 3:
+    if n != 3 or size < 3:
         return Place(remark="where the samples of a slice lie in space is left out")
-    directions = np.reshape(reader.GetDirection(), (size, size)) * reader.GetSpacing()
-    matrix = np.column_stack([directions, reader.GetOrigin()])
+    directions = (np.reshape(reader.GetDirection(), (size, size)) * reader.GetSpacing())[:3, :3]
+    matrix = np.column_stack([directions, reader.GetOrigin()[:3]])
     if np.array_equal(matrix, np.eye(3, 4)):  # what ITK says where a file says nothing
         return Place()
     return _usable(np.diag([-1.0, -1.0, 1.0]) @ matrix, n)
 
 
-def _of_scales(axes: list[Any]) -> Place:
-    """What scales of a dataset's axes say: x runs along the last, y along the one before, as NetCDF recommends."""
-    n = len(axes)
-    matrix = np.zeros((n, n + 1))
-    if any(" since " in str(scale.attrs.get("units")) for axis in axes for scale in axis.values()):
+def _of_scales(stored: Any, n: int) -> Place:
+    """What scales of a dataset's axes say."""
+    axes = [(count, [*stored.dims[axis].values()]) for axis, count in enumerate(stored.shape) if count > 1][-n:]
+    if any(" since " in str(scale.attrs.get("units")) for _, scales in axes for scale in scales):
         return Place(remark="one of its axes is time, and where its samples lie is left out; --frame takes one time")
-    scales = [_scale(axis) for axis in axes]
+    scales = [_scale(*axis) for axis in axes]
     if all(scale is None for scale in scales):
         return Place()
+    steps = []
     for axis, scale in enumerate(scales):
         if scale is None:
             return Place(remark="where its samples lie is left out: not all axes have coordinates")
@@ -116,31 +114,60 @@ def _of_scales(axes: list[Any]) -> Place:
             even = np.abs(scale - (scale[0] + step * np.arange(len(scale)))).max() <= abs(step) * _EVEN
         if not even:
             return Place(remark=f"where its samples lie is left out: steps along axis {axis} are uneven")
-        matrix[n - 1 - axis, [axis, n]] = step, scale[0]
-    return _usable(matrix, n)
+        steps.append((step, scale[0]))
+    return _backwards(steps)
 
 
-def _scale(axis: Any) -> NDArray[np.float64] | None:
-    """Coordinates along an axis of a dataset; None if there are none, or no such number of them."""
-    for scale in axis.values():
+def _scale(count: int, scales: list[Any]) -> NDArray[np.float64] | None:
+    """Coordinates along an axis of so many samples; None if there are none, or no such number of them."""
+    for scale in scales:
         # NetCDF has scales that only say how long an axis is
-        named = bytes(scale.attrs.get("NAME", b"")).startswith(b"This is a netCDF dimension but not a netCDF variable")
-        if scale.dtype.kind in "iuf" and not named:
-            return np.asarray(scale[()], np.float64).ravel()
+        named = "This is a netCDF dimension but not a netCDF variable" not in str(scale.attrs.get("NAME"))
+        if named and scale.shape == (count,) and scale.dtype.kind in "iuf":
+            return np.asarray(scale[()], np.float64)
     return None
 
 
-def _has_voxels(tiff: Any) -> bool:
-    """Whether a picture of a microscope says how large its pixels are: as ImageJ or OME have it."""
+def _of_microscope(tiff: Any, n: int) -> Place:
+    """Sizes of pixels or voxels, as OME and ImageJ have them; these may be damaged in any way."""
     try:
-        notes = tiff.imagej_metadata or {}
-        return (
-            "PhysicalSize" in (tiff.ome_metadata or "")
-            or "spacing" in notes
-            or notes.get("unit", "") not in ("", "pixel")
-        )
-    except Exception:  # of any kind, where the notes are damaged
-        return False
+        sizes = _ome_sizes(tiff.ome_metadata) if tiff.ome_metadata else _imagej_sizes(tiff)
+    except Exception:
+        return Place()
+    if not sizes:
+        return Place()
+    series = tiff.series[0]
+    letters = [a for a, count in zip(series.axes, series.shape, strict=True) if count > 1 and a not in "SC"][-n:]
+    if letters != [*"ZYX"[-n:]] or not set(letters) <= sizes.keys():
+        said = f"its axes are {', '.join(letters)}, and {', '.join(sizes)} have sizes"
+        return Place(remark=f"the sizes of its pixels are left out: {said}; --spacing gives them")
+    return _backwards([(sizes[letter], 0.0) for letter in letters])
+
+
+def _ome_sizes(text: str) -> dict[str, float]:
+    pixels = next(e for e in ElementTree.fromstring(text).iter() if e.tag.endswith("Pixels"))
+    sizes = {a: pixels.attrib[f"PhysicalSize{a}"] for a in "XYZ" if f"PhysicalSize{a}" in pixels.attrib}
+    units = {pixels.get(f"PhysicalSize{a}Unit", "µm") for a in sizes}
+    return {a: float(size) for a, size in sizes.items()} if len(units) == 1 else {}
+
+
+def _imagej_sizes(tiff: Any) -> dict[str, float]:
+    notes = tiff.imagej_metadata or {}
+    if notes.get("unit", "pixel") in ("", "pixel") and "spacing" not in notes:
+        return {}
+    tags = tiff.pages[0].tags
+    resolutions = {a: tags[f"{a}Resolution"].value for a in "XY" if f"{a}Resolution" in tags}
+    sizes = {a: below / above for a, (above, below) in resolutions.items()}
+    return sizes | ({"Z": float(notes["spacing"])} if "spacing" in notes else {})
+
+
+def _backwards(steps: list[tuple[float, float]]) -> Place:
+    """Of step and start along each axis of an array: x runs along the last, y along the one before."""
+    n = len(steps)
+    matrix = np.zeros((n, n + 1))
+    for axis, step in enumerate(steps):
+        matrix[n - 1 - axis, [axis, n]] = step
+    return _usable(matrix, n)
 
 
 def _usable(numbers: Any, n: int, keys: Mapping[str, Any] | None = None) -> Place:
