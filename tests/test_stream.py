@@ -398,4 +398,4 @@ def test_the_types_of_a_tubes_arrays_stay(monkeypatch):
             for _ in decoder:
                 pass
         assert decoder.complete
-    assert {kernel.__name__ for kernel in calls} == {"base", "significance", "refine", "go_on"}
+    assert {kernel.__name__ for kernel in calls} == {"base", "significance", "refine", "go_on", "find"}
