@@ -53,12 +53,12 @@ def busy_of(signs: NDArray[np.bool_]) -> NDArray[np.bool_]:
 
 
 @inner
-def _idle(st, busy, w0, w1, w2):
-    """Whether the block of a lattice point, and with it the point's diamond, lies off the curve."""
+def _idle(st, busy, x, y, z):
+    """Whether the block of a cube, and with it the diamonds of its middles, lies off the curve."""
     edge = st.at[EDGE]
     if edge > 1 << BLOCK:
         return False
-    x, y, z = clamped(st, (w0 * edge) >> 1, (w1 * edge) >> 1, (w2 * edge) >> 1)
+    x, y, z = clamped(st, x * edge, y * edge, z * edge)
     return not busy[x >> BLOCK, y >> BLOCK, z >> BLOCK]
 
 
@@ -111,36 +111,34 @@ def find(st, busy, found):
     field = st.truth
     last0, last1, last2 = st.at[LAST], st.at[LAST + 1], st.at[LAST + 2]
     c0, c1, c2 = cubes(st)
-    # along the last axis there is, the cubes of one block at a time
+    # the cubes of one block at a time
     run = max((1 << BLOCK) // edge, 1)
     zero = np.int64(0)
     count = 0
-    for x in range(c0):
-        for slot in range(slots(n, r)):
-            w0, v1, v2 = middle_of(n, r, x, zero, zero, slot)
-            m0, p0, q0 = _ends(w0, edge, last0)
-            y = zero
-            while y < c1:
-                if n == 2 and y % run == 0 and _idle(st, busy, w0, 2 * y, zero):
-                    y += run
+    for x0 in range(0, c0, run):
+        for y0 in range(0, c1, run):
+            for z0 in range(0, c2, run):
+                if _idle(st, busy, x0, y0, z0):
                     continue
-                w1 = v1 + 2 * y
-                m1, p1, q1 = _ends(w1, edge, last1)
-                for first in range(0, c2, run):
-                    if n == 3 and _idle(st, busy, w0, w1, 2 * first):
-                        continue
-                    for z in range(first, min(first + run, c2)):
-                        w2 = v2 + 2 * z
-                        m2, p2, q2 = _ends(w2, edge, last2)
-                        # most middles agree with an end of their edge; that is found out without the tables
-                        s = field[m0, m1, m2]
-                        if s == field[p0, p1, p2] or s == field[q0, q1, q2]:
-                            continue
-                        if _alone(st, r, w0, w1, w2):
-                            if count < len(found):
-                                found[count] = _morton(n, x, y, z) << SLOT_BITS | slot
-                            count += 1
-                y += 1
+                for slot in range(slots(n, r)):
+                    v0, v1, v2 = middle_of(n, r, zero, zero, zero, slot)
+                    for x in range(x0, min(x0 + run, c0)):
+                        w0 = v0 + 2 * x
+                        m0, p0, q0 = _ends(w0, edge, last0)
+                        for y in range(y0, min(y0 + run, c1)):
+                            w1 = v1 + 2 * y
+                            m1, p1, q1 = _ends(w1, edge, last1)
+                            for z in range(z0, min(z0 + run, c2)):
+                                w2 = v2 + 2 * z
+                                m2, p2, q2 = _ends(w2, edge, last2)
+                                # most middles agree with an end of their edge; that is found out without the tables
+                                s = field[m0, m1, m2]
+                                if s == field[p0, p1, p2] or s == field[q0, q1, q2]:
+                                    continue
+                                if _alone(st, r, w0, w1, w2):
+                                    if count < len(found):
+                                        found[count] = _morton(n, x, y, z) << SLOT_BITS | slot
+                                    count += 1
     return count
 
 

@@ -162,13 +162,12 @@ class Strand:
         begun = 0
         i = first
         while i < len(self.layers):
-            before = tube.tally()[: len(ELEMENTS)]
+            before = tube.tally()
             self._advance(i)
-            counts = dict(zip(ELEMENTS, map(int, tube.tally()[: len(ELEMENTS)] - before), strict=True))
+            symbols = tube.tally() - before
             used = int(tube.coder.reg[POS]) + 4
-            self.records.append(
-                LayerRecord(used - begun, {name: counts[name] for name in BY_LAYER[self.layers[i].kind]})
-            )
+            counts = {name: int(symbols[ELEMENTS.index(name)]) for name in BY_LAYER[self.layers[i].kind]}
+            self.records.append(LayerRecord(used - begun, counts))
             begun = used
             i += 1
             self._extend()
