@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection, Iterable, Sequence
 from numbers import Integral
 from typing import Any
 
@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from .contour import Contour
-from .errors import OptionError, TruncatedError
+from .errors import IsoError, OptionError, TruncatedError
 from .limits import Limits
 from .stream.container import octets
 from .stream.decoder import Decoder
@@ -102,7 +102,7 @@ def decode(
         If the file needs more than the limits allow.
     """
     decoder, number = decoded(data, isovalue, layers, max_bytes, limits, progress)
-    return decoder.drawn(number, smooth)
+    return _drawn(decoder, [number], smooth)[0]
 
 
 def decode_all(
@@ -124,7 +124,21 @@ def decode_all(
     list of Contour
     """
     decoder = received(data, None, max_bytes, limits, progress)
-    return [decoder.drawn(number, smooth) for number in range(len(decoder.isovalues))]
+    return _drawn(decoder, range(len(decoder.isovalues)), smooth)
+
+
+def _drawn(decoder: Decoder, numbers: Iterable[int], smooth: bool) -> list[Contour]:
+    """Contours of isovalues; what each was drawn from goes when it has been."""
+    out: list[Contour] = []
+    try:
+        for number in numbers:
+            decoder.hold(sum(contour.points.nbytes + contour.cells.nbytes for contour in out))
+            out.append(decoder.drawn(number, smooth))
+            decoder.discard(number)
+    except IsoError:
+        decoder.discard()
+        raise
+    return out
 
 
 def decode_mask(
@@ -192,19 +206,24 @@ def received(
     if max_bytes is not None:
         _check_count(max_bytes, "bytes", "max-bytes")
     decoder = Decoder(limits, only=only)
-    decoder.feed(octets(data)[:max_bytes])
-    done = 0
-    for event in decoder:
-        if isinstance(event, LayerComplete):
-            if progress:
-                progress(event.number, len(decoder.layers))
-            done += len(decoder.isovalues) - 1 == number
-            if done == layers:
-                return decoder
-    if max_bytes is None:
-        decoder.close()
-    if not decoder.isovalues:
-        raise TruncatedError("the file ends before its curve begins", code="truncated")
+    try:
+        decoder.feed(octets(data)[:max_bytes])
+        done = 0
+        for event in decoder:
+            if isinstance(event, LayerComplete):
+                if progress:
+                    progress(event.number, len(decoder.layers))
+                done += len(decoder.isovalues) - 1 == number
+                if done == layers:
+                    return decoder
+        if max_bytes is None:
+            decoder.close()
+        if not decoder.isovalues:
+            raise TruncatedError("the file ends before its curve begins", code="truncated")
+    except IsoError:
+        # the frames of an error that somebody keeps would keep all this, too
+        decoder.discard()
+        raise
     return decoder
 
 

@@ -81,6 +81,11 @@ class LimitError(IsoError):
     exit_code = 6
 
 
+def out_of_memory(doing: str) -> LimitError:
+    """What is raised instead of a ``MemoryError``."""
+    return LimitError(f"not enough memory {doing}", code="memory", remedy="free some, or take a smaller file")
+
+
 class MissingExtraError(IsoError, ImportError):
     """An optional library is needed; ``remedy`` names the extra to install."""
 

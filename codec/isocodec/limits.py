@@ -1,33 +1,134 @@
-"""What a decoder may use (spec clause 11.2)."""
+"""What a decoder may use (spec clause 11.2), and the account of the memory that it holds."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
+from isospec.container import MAX_ISOVALUES
+
+from .errors import LimitError, OptionError
+
+WORK_PER_BYTE = 512
+"""Work allowed for each byte read, beside `Limits.work`: real files have at most some hundred symbols a byte."""
+WORK_STEPS = 16
+"""Steps of inference that count as one unit of work."""
+WORK_LIST = 4
+"""Vertices and simplices that a layer lists, likewise."""
+
 
 @dataclass(frozen=True)
 class Limits:
-    """What a decoder may use of one file, checked before it is used (spec clause 11).
+    """What a decoder may use of one file, checked before it is used (spec clause 11.2).
 
     Attributes
     ----------
     vertices : int
-        Vertices of the tubular neighbourhood, all levels together.
+        Vertices of the tubular neighbourhood, of all levels and isovalues together.
     simplices : int
-        Mixed simplices of the mesh at any moment.
+        Mixed simplices of the mesh at any moment, of all isovalues together.
+    symbols : int
+        Coded symbols.
     steps : int
         Steps of the walk back to known vertices, in all; ancestors of vertices to be added count as several.
-    bytes : int
-        Size of a file.
+    isovalues : int
+        Isovalues of a file.
     layers : int
         Layers of a file.
+    bytes : int
+        Size of a file.
     samples : int
         Samples of a mask: only where one is asked for, a byte each.
+    memory : int
+        Bytes that all isovalues of a decoder hold together, and that drawing them takes for a moment. The file itself,
+        the drawings and some 2 MB of tables come on top.
+    work : int
+        Time, in units of about a symbol (some 0.3 microseconds): what a file may take beside 512 units for each of its
+        bytes.
     """
 
     vertices: int = 1 << 27
     simplices: int = 1 << 28
+    symbols: int = 1 << 40
     steps: int = 1 << 27
-    bytes: int = 1 << 33
+    isovalues: int = MAX_ISOVALUES
     layers: int = 4096
-    samples: int = 1 << 31
+    bytes: int = 1 << 33
+    samples: int = 1 << 28
+    memory: int = 1 << 30
+    work: int = 1 << 23
+
+    @classmethod
+    def level(cls, number: int) -> Limits:
+        """The counts that every decoder of a level of conformance has to be able to do (spec clause 11.3).
+
+        Raises
+        ------
+        OptionError
+            If there is no such level.
+        """
+        if number not in LEVELS:
+            raise OptionError(f"there is no level {number}", code="level", remedy="levels are 0 and 1")
+        vertices, simplices, symbols, steps, isovalues = LEVELS[number]
+        return cls(vertices=vertices, simplices=simplices, symbols=symbols, steps=steps, isovalues=isovalues)
+
+
+LEVELS = {
+    0: (1 << 14, 1 << 15, 1 << 20, 1 << 20, 4),
+    1: (1 << 20, 1 << 21, 1 << 23, 1 << 24, MAX_ISOVALUES),
+}
+"""Vertices, simplices, symbols, steps and isovalues (spec clause 11.3)."""
+
+
+class Budget:
+    """Bytes that are held, by holder, and the most that may be.
+
+    Sizes are those of the arrays, whether their pages have been touched or not: the same file needs the same on every
+    machine, however it came in.
+    """
+
+    def __init__(self, most: int) -> None:
+        self._most = most
+        self._held: dict[int, int] = {}
+
+    @property
+    def held(self) -> int:
+        """Bytes held by all."""
+        return sum(self._held.values())
+
+    def hold(self, holder: object, size: int, passing: int = 0) -> None:
+        """Let a holder have ``size`` bytes from now on, instead of what it had, and ``passing`` more for a moment.
+
+        Raises
+        ------
+        LimitError
+            If that is more than there may be; nothing has changed then.
+        """
+        others = self.held - self._held.get(id(holder), 0)
+        if others + size + passing > self._most:
+            raise _over(self._most)
+        self._held[id(holder)] = size
+
+    def release(self, *holders: object) -> None:
+        """Let holders have nothing any more."""
+        for holder in holders:
+            self._held.pop(id(holder), None)
+
+    def check(self, passing: int) -> None:
+        """Raise `LimitError` unless there is room for ``passing`` bytes beside what is held."""
+        if self.held + passing > self._most:
+            raise _over(self._most)
+
+
+def _over(most: int) -> LimitError:
+    return LimitError(
+        f"needs more than {in_units(most)} of memory", code="limit-memory", clause="11.2",
+        remedy="raise the limit of memory if the file is trusted",
+    )  # fmt: skip
+
+
+def in_units(size: int) -> str:
+    """A number of bytes for people."""
+    for unit, shift in (("GiB", 30), ("MiB", 20), ("KiB", 10)):
+        if size >= 1 << shift:
+            return f"{size / (1 << shift):.4g} {unit}"
+    return f"{size} bytes"

@@ -3,22 +3,16 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
 from contextlib import suppress
-from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import click
 
 from ..errors import FormatError
-from .options import iso_argument, json_option, output_option, partial_option, smooth_option
+from .options import iso_argument, json_option, limit_options, limits_of, output_option, partial_option, smooth_option
 from .progress import load_kernels
-from .receive import receive, receive_all, warn_of_others
+from .receive import Drawings, receive, receive_all, warn_of_others
 from .report import check_output, concerning, read_iso, tell, warn, write_output
-
-if TYPE_CHECKING:
-    from ..contour import Contour
 
 LOST = 0.01
 """Share of a cell by which single precision may move points without a word."""
@@ -43,10 +37,11 @@ LOST = 0.01
 )
 @smooth_option
 @partial_option
+@limit_options
 @json_option
 def decode_command(
     source: Path, output: Path, isovalue: float | None, layers: int | None, max_bytes: int | None, in_samples: bool,
-    areas: str | None, smooth: bool, partial: bool, as_json: bool,
+    areas: str | None, smooth: bool, partial: bool, limit_memory: int | None, limit_work: int | None, as_json: bool,
 ) -> None:  # fmt: skip
     """Decode IN.iso to OUT; the suffix of OUT names the format.
 
@@ -62,7 +57,16 @@ def decode_command(
 
     Of a file of several isovalues, .geojson, .svg and .png show all (a feature each), the others one.
     """
-    from ..io.write import check_areas, check_libraries, check_suffix, holds_several, render_areas, render_contour
+    from ..io.write import (
+        AREAS,
+        check_areas,
+        check_libraries,
+        check_suffix,
+        cost_of,
+        holds_several,
+        render_areas,
+        render_contour,
+    )
 
     with concerning(output):
         if areas:
@@ -80,53 +84,55 @@ def decode_command(
     started = time.perf_counter()
     with concerning(source):
         found = read_header(data)
+    limits = limits_of(limit_memory, limit_work)
     if found and isovalue is None and layers is None and holds_several(suffix, len(found[0].shape)):
-        decoder = receive_all(source, data, partial, max_bytes)
+        decoder = receive_all(source, data, partial, limits, max_bytes)
         numbers = list(range(len(decoder.isovalues)))
     else:
-        decoder, number = receive(source, data, isovalue, partial, layers, max_bytes)
+        decoder, number = receive(source, data, isovalue, partial, limits, layers, max_bytes)
         numbers = [number]
-    with concerning(source):
-        contours = [decoder.drawn(number, smooth) for number in numbers]
     seconds = time.perf_counter() - started
-    if isovalue is None and len(contours) == 1:
+    isovalues = [decoder.isovalues[number] for number in numbers]
+    if isovalue is None and len(numbers) == 1:
         # what lies behind the layers asked for may be damaged
         with suppress(FormatError):
-            warn_of_others(source, contours[0].isovalue, isocodec.inspect(data).isovalues)
-    if in_samples:
-        contours = [replace(contour, placement=None) for contour in contours]
-    with concerning(source if areas else output):
-        rendered = render_areas(contours, areas == "above") if areas else render_contour(contours, suffix)
-    _warn_of_places(source, suffix, contours)
+            warn_of_others(source, isovalues[0], isocodec.inspect(data).isovalues)
+    assert decoder.header is not None
+    n = len(decoder.header.shape)
+    with concerning(output):
+        check_suffix(output, n)
+    drawings = Drawings(decoder, numbers, smooth, in_samples, AREAS if areas else cost_of(suffix, n))
+    with concerning(source):
+        rendered = render_areas(drawings, areas == "above") if areas else render_contour(drawings, suffix, n)
+    _warn_of_places(source, suffix, drawings)
     write_output(output, rendered)
-    pieces = "segments" if len(contours[0].shape) == 2 else "triangles"
-    points, cells = sum(len(contour.points) for contour in contours), sum(len(contour.cells) for contour in contours)
+    pieces = "segments" if n == 2 else "triangles"
     tell(
-        f"{click.format_filename(output)}: {points:,} points, {cells:,} {pieces}, {seconds:.2f} s"
-        + (f", {len(contours)} isovalues" if len(contours) > 1 else ""),
+        f"{click.format_filename(output)}: {drawings.points:,} points, {drawings.cells:,} {pieces}, {seconds:.2f} s"
+        + (f", {len(numbers)} isovalues" if len(numbers) > 1 else ""),
         {
             "output": str(output),
             "bytes": len(rendered),
-            "points": points,
-            "cells": cells,
-            "isovalues": [contour.isovalue for contour in contours],
-            "shape": list(contours[0].shape),
-            "complete": all(contour.complete for contour in contours),
+            "points": drawings.points,
+            "cells": drawings.cells,
+            "isovalues": isovalues,
+            "shape": list(drawings.shape),
+            "complete": drawings.complete,
             "seconds": round(seconds, 3),
         },
         as_json,
     )
 
 
-def _warn_of_places(source: Path, suffix: str, contours: Sequence[Contour]) -> None:
+def _warn_of_places(source: Path, suffix: str, drawings: Drawings) -> None:
     """Say so where nothing of a curve has come yet, or where coordinates lose what the file knows."""
     import numpy as np
 
-    if not any(len(contour.points) for contour in contours) and not all(contour.complete for contour in contours):
+    if not drawings.points and not drawings.complete:
         warn(source, "nothing of the curve is in the part that was decoded")
-    placement = contours[0].placement
-    if suffix in (".ply", ".stl") and placement is not None and len(contours[0].points):
-        lost = float(np.spacing(np.float32(np.abs(contours[0].placed).max())))
+    placement = drawings.placement
+    if suffix in (".ply", ".stl") and placement is not None and drawings.points:
+        lost = float(np.spacing(np.float32(drawings.largest)))
         steps = np.linalg.norm(placement[:, :-1], axis=0)
         if lost > LOST * steps.min():
             warn(source, f"coordinates in {suffix} are rounded by up to {lost / 2:g}; .obj keeps them, or --in-samples")

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from .options import iso_argument, json_option
+from .options import iso_argument, json_option, limit_options, limits_of
 from .report import concerning, read_iso, warn
 
 if TYPE_CHECKING:
@@ -18,15 +18,18 @@ if TYPE_CHECKING:
 @click.command("info", short_help="Show what a file holds, layer by layer.")
 @iso_argument
 @click.option("--symbols", is_flag=True, help="Count the coded symbols, too, by syntax element (decodes the file).")
+@limit_options
 @json_option
-def info_command(source: Path, symbols: bool, as_json: bool) -> None:
+def info_command(
+    source: Path, symbols: bool, limit_memory: int | None, limit_work: int | None, as_json: bool
+) -> None:
     """Show version, profile, shape, isovalue and the layers of IN.iso."""
     data = read_iso(source)
 
     import isocodec
 
     with concerning(source):
-        info = isocodec.inspect(data, symbols=symbols)
+        info = isocodec.inspect(data, symbols=symbols, limits=limits_of(limit_memory, limit_work))
     if as_json:
         click.echo(json.dumps(info.as_dict(), allow_nan=False))
     else:

@@ -2,11 +2,17 @@
 
 from __future__ import annotations
 
+import math
+import re
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
+
+if TYPE_CHECKING:
+    from ..limits import Limits
 
 Decorator = Callable[[Callable[..., Any]], Callable[..., Any]]
 
@@ -35,6 +41,43 @@ class Isovalue(click.ParamType):
         except ValueError:
             number: float = click.FLOAT.convert(value, param, ctx)
             return number
+
+
+class Size(click.ParamType):
+    """A number of bytes: 500M, 4G, 1.5GiB."""
+
+    name = "size"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> int:
+        if isinstance(value, int):
+            return value
+        found = _SIZE.fullmatch(str(value).strip())
+        if found is None or not math.isfinite(float(found[1])):
+            self.fail(f"{value!r} is not a size such as 500M or 4G", param, ctx)
+        return int(float(found[1]) * 1024 ** " KMGT".index((found[2] or " ").upper()))
+
+
+_SIZE = re.compile(r"([0-9]+(?:\.[0-9]*)?)([KMGTkmgt]?)(?:i?[Bb])?")
+
+
+def limit_options(command: Callable[..., Any]) -> Callable[..., Any]:
+    """``--limit-memory`` and ``--limit-work``, of every command that decodes."""
+    memory = click.option(
+        "--limit-memory", type=Size(), metavar="SIZE", help="Most memory that decoding may take.  [default: 1G]"
+    )
+    work = click.option(
+        "--limit-work", type=click.IntRange(min=1), metavar="N",
+        help="Most work, in symbols beside what long files are allowed for their length.  [default: 8388608]",
+    )  # fmt: skip
+    return memory(work(command))
+
+
+def limits_of(memory: int | None, work: int | None, samples: int | None = None) -> Limits:
+    """Limits as the options say."""
+    from ..limits import Limits
+
+    given = {"memory": memory, "work": work, "samples": samples}
+    return replace(Limits(), **{name: value for name, value in given.items() if value is not None})
 
 
 def output_option(metavar: str) -> Decorator:

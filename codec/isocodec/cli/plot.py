@@ -3,15 +3,22 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
 from ..errors import OptionError, TruncatedError
-from .options import iso_argument, output_option, partial_option, smooth_option
+from .options import iso_argument, limit_options, limits_of, output_option, partial_option, smooth_option
 from .progress import load_kernels, progress_bar
 from .report import PARTIAL, check_output, concerning, read_iso, warn, write_output
 
+if TYPE_CHECKING:
+    from ..io.picture import Step
+    from ..stream.decoder import Decoder
+
 GEOMETRY = ("values", "offsets")
+MESH = 600
+"""Bytes that drawing the mesh takes for each simplex at most."""
 
 
 @click.command("plot", short_help="Draw the progressive steps of a file side by side.")
@@ -22,16 +29,18 @@ GEOMETRY = ("values", "offsets")
 @click.option("--isovalue", type=float, metavar="V", help="Which isovalue, of several.  [default: the first]")
 @smooth_option
 @partial_option
+@limit_options
 def plot_command(
-    source: Path, output: Path, steps: int, mesh: bool, isovalue: float | None, smooth: bool, partial: bool
-) -> None:
+    source: Path, output: Path, steps: int, mesh: bool, isovalue: float | None, smooth: bool, partial: bool,
+    limit_memory: int | None, limit_work: int | None,
+) -> None:  # fmt: skip
     """Draw what prefixes of IN.iso decode to, from its first layer to all of it (.png, .pdf or .svg).
 
     The steps are those that the file was made with (encode --steps), each with its geometry. In other files, and where
     there are more, they are spread evenly over the layers; a file of fewer layers has fewer. Of a file that ends within
     a layer the last step is what that tells.
     """
-    from ..io.picture import PICTURE_SUFFIXES, Step, matplotlib_figure, steps_picture
+    from ..io.picture import PICTURE_SUFFIXES, matplotlib_figure, steps_picture
 
     suffix = output.suffix.lower()
     with concerning(output):
@@ -52,7 +61,7 @@ def plot_command(
         info = isocodec.inspect(data)
         number = info.number_of(isovalue)
         layers = [layer for layer in info.layers if layer.isovalue == number]
-        decoder = isocodec.Decoder()
+        decoder = isocodec.Decoder(limits_of(limit_memory, limit_work), only=info.chain(number))
         decoder.feed(data)
         drawn: list[Step] = []
         chosen: list[int] = []
@@ -64,9 +73,7 @@ def plot_command(
                 own += 1
                 chosen = chosen or shown([layer.kind for layer in layers], steps)
                 if own in chosen:
-                    under = decoder.mesh(number) if mesh else None
-                    within = layers[own - 1].within
-                    drawn.append(Step(decoder.drawn(number, smooth), event.offset, len(data), under, within))
+                    _draw(decoder, number, smooth, mesh, drawn, event.offset, len(data), layers[own - 1].within)
                     if progress is not None:
                         progress(len(drawn), len(chosen) + 1)  # and the drawing itself
         try:
@@ -80,11 +87,30 @@ def plot_command(
             warn(source, f"{exc.message}; only what was received is drawn")
         if own < len(layers) or not drawn:
             # the file ends within a layer
-            under = decoder.mesh(number) if mesh else None
-            drawn.append(Step(decoder.drawn(number, smooth), len(data), len(data), under))
+            _draw(decoder, number, smooth, mesh, drawn, len(data), len(data), None)
         picture = steps_picture(drawn, suffix)
     write_output(output, picture)
     click.echo(f"{click.format_filename(output)}: {len(drawn)} steps of {len(data):,} bytes")
+
+
+def _draw(
+    decoder: Decoder, number: int, smooth: bool, mesh: bool, drawn: list[Step], offset: int, total: int,
+    within: float | None,
+) -> None:  # fmt: skip
+    """Draw another step, as far as the limit of memory allows it and the picture."""
+    from ..io.picture import PICTURE, Step
+
+    under = decoder.mesh(number) if mesh else None
+    step = Step(decoder.drawn(number, smooth), offset, total, under, within)
+    drawn.append(step)
+    cost = PICTURE[len(step.contour.shape)]
+    sizes = [(len(one.contour.points), len(one.contour.cells)) for one in drawn]
+    arrays = [a for one in drawn for a in (one.contour.points, one.contour.cells, *(one.mesh or ()))]
+    held = sum(array.nbytes for array in arrays)
+    if mesh:
+        # of each cell or simplex three sides
+        held += MESH * sum(max(len(one.mesh[1]) if one.mesh else 0, len(one.contour.cells)) for one in drawn)
+    decoder.hold(held + sum(cost.after(*size) for size in sizes) + max(cost.peak(*size) for size in sizes))
 
 
 def shown(kinds: list[str], steps: int) -> list[int]:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -11,30 +12,33 @@ from .progress import progress_bar
 from .report import PARTIAL, concerning, warn
 
 if TYPE_CHECKING:
+    from ..contour import Contour
+    from ..io.formats import Cost
+    from ..limits import Limits
     from ..stream.decoder import Decoder
 
 Taken = TypeVar("Taken")
 
 
 def receive(
-    source: Path, data: bytes, isovalue: float | None, partial: bool, layers: int | None = None,
+    source: Path, data: bytes, isovalue: float | None, partial: bool, limits: Limits, layers: int | None = None,
     max_bytes: int | None = None,
 ) -> tuple[Decoder, int]:  # fmt: skip
     """A decoder that has taken what was asked for, and the number of the isovalue; a warning if it is a part."""
     from ..api import decoded
 
     def take(most: int | None, progress: Any) -> tuple[Decoder, int]:
-        return decoded(data, isovalue, layers, most, progress=progress)
+        return decoded(data, isovalue, layers, most, limits, progress)
 
     return _taken(take, source, data, partial, max_bytes)
 
 
-def receive_all(source: Path, data: bytes, partial: bool, max_bytes: int | None) -> Decoder:
+def receive_all(source: Path, data: bytes, partial: bool, limits: Limits, max_bytes: int | None) -> Decoder:
     """Likewise a decoder that has taken all isovalues."""
     from ..api import received
 
     def take(most: int | None, progress: Any) -> Decoder:
-        return received(data, None, most, progress=progress)
+        return received(data, None, most, limits, progress)
 
     return _taken(take, source, data, partial, max_bytes)
 
@@ -54,6 +58,67 @@ def _taken(
             taken = take(len(data) or 1, progress)
             warn(source, f"{exc.message}; only what was received is decoded")
             return taken
+
+
+class Drawings:
+    """Contours of a decoder, each drawn when it is its turn, so that what it was drawn from can go.
+
+    They are gone through once. What decoding holds, drawings and what is made of them are within the limit of memory
+    together.
+
+    Attributes
+    ----------
+    points, cells : int
+        Of the contours so far.
+    complete : bool
+        Whether all of them are.
+    largest : float
+        Largest coordinate.
+    shape : tuple of int
+    placement : NDArray or None
+    """
+
+    def __init__(
+        self, decoder: Decoder, numbers: Sequence[int], smooth: bool, in_samples: bool, cost: Cost
+    ) -> None:
+        self.points = self.cells = 0
+        self.complete = True
+        self.largest = 0.0
+        assert decoder.header is not None
+        self.shape = decoder.header.shape
+        self.placement: Any = None
+        self._decoder = decoder
+        self._numbers = numbers
+        self._smooth = smooth
+        self._in_samples = in_samples
+        self._cost = cost
+
+    def __len__(self) -> int:
+        return len(self._numbers)
+
+    def __contains__(self, contour: object) -> bool:
+        return False
+
+    def __iter__(self) -> Iterator[Contour]:
+        kept = 0
+        for number in self._numbers:
+            contour = self._decoder.drawn(number, self._smooth)
+            self._decoder.discard(number)
+            if self._in_samples:
+                contour = replace(contour, placement=None)
+            points, cells = contour.points, contour.cells
+            size = points.nbytes + cells.nbytes
+            self._decoder.hold(kept + size + self._cost.peak(len(points), len(cells)))
+            self.points += len(points)
+            self.cells += len(cells)
+            self.complete &= contour.complete
+            self.placement = contour.placement
+            if len(points):
+                self.largest = max(self.largest, float(abs(contour.placed).max()))
+            yield contour
+            kept += self._cost.after(len(points), len(cells))
+            del contour, points, cells
+            self._decoder.hold(kept)
 
 
 def warn_of_others(source: Path, isovalue: float, isovalues: Sequence[float]) -> None:

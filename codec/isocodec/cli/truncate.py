@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from .options import iso_argument, json_option, output_option
+from .options import iso_argument, json_option, limit_options, limits_of, output_option
 from .progress import load_kernels
 from .report import check_iso_output, concerning, read_iso, tell, warn, write_output
 
@@ -16,8 +16,12 @@ from .report import check_iso_output, concerning, read_iso, tell, warn, write_ou
 @output_option("OUT.iso")
 @click.option("--layers", type=click.IntRange(min=1), metavar="N", help="Keep the first N layers, of all isovalues.")
 @click.option("--bytes", "max_bytes", type=click.IntRange(min=1), metavar="N", help="Keep at most N bytes.")
+@limit_options
 @json_option
-def truncate_command(source: Path, output: Path, layers: int | None, max_bytes: int | None, as_json: bool) -> None:
+def truncate_command(
+    source: Path, output: Path, layers: int | None, max_bytes: int | None, limit_memory: int | None,
+    limit_work: int | None, as_json: bool,
+) -> None:  # fmt: skip
     """Cut IN.iso to its first layers, or to a number of bytes; OUT.iso is complete in itself."""
     if (layers is None) == (max_bytes is None):
         raise click.UsageError("give either --layers or --bytes")
@@ -28,8 +32,9 @@ def truncate_command(source: Path, output: Path, layers: int | None, max_bytes: 
 
     load_kernels()
     with concerning(source):
-        cut = isocodec.truncate(data, layers=layers, max_bytes=max_bytes)
-        short = isocodec.inspect(cut, symbols=True)
+        limits = limits_of(limit_memory, limit_work)
+        cut = isocodec.truncate(data, layers=layers, max_bytes=max_bytes, limits=limits)
+        short = isocodec.inspect(cut, symbols=True, limits=limits)
         kept = sum(layer.bytes is not None for layer in short.layers)
         lost = isocodec.inspect(data).isovalues[len(short.isovalues) :]
     write_output(output, cut)

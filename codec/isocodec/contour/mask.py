@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Iterator
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -10,11 +13,16 @@ from ..jit import kernel
 _UNKNOWN = 0
 
 
-def mask_of(shape: tuple[int, ...], position: NDArray[np.int32], above: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Signs of all samples, out of those of known vertices.
+BLOCK = 1 << 20
+"""Samples that are made known together, or the rows of one index where these are more."""
+
+
+class MaskRows:
+    """Signs of all samples, out of those of known vertices, some rows along the first axis at a time.
 
     A sample next to which the contour passes is known, so that any other is as its neighbours are: along each row the
-    signs go on until the next one that is known.
+    signs go on until the next one that is known. Iterating gives arrays of bool, (rows, ..), True where value >
+    isovalue; all together they have the shape.
 
     Parameters
     ----------
@@ -22,17 +30,36 @@ def mask_of(shape: tuple[int, ...], position: NDArray[np.int32], above: NDArray[
     position : (V, n) int32
         Sample indices of the known vertices; (0, .. 0) is one of them.
     above : (V,) bool
-
-    Returns
-    -------
-    NDArray
-        Bool, of this shape: True where value > isovalue.
     """
-    signs = np.full(shape, _UNKNOWN, np.uint8)
-    signs[tuple(position.T)] = np.where(above, 2, 1)
-    _spread(signs)
-    # in place: signs may take up most of the memory
-    return np.equal(signs, 2, out=signs.view(np.bool_))
+
+    def __init__(self, shape: tuple[int, ...], position: NDArray[np.int32], above: NDArray[np.bool_]) -> None:
+        self.shape = shape
+        self._position = position
+        self._above = above
+        self._row = math.prod(shape[1:])
+        self._rows = max(BLOCK // self._row, 1)
+
+    @property
+    def bytes(self) -> int:
+        """Memory that iterating takes: for each vertex, and for the rows at hand."""
+        return 32 * len(self._above) + 3 * min(self._rows, self.shape[0]) * self._row
+
+    def __iter__(self) -> Iterator[NDArray[np.bool_]]:
+        order = np.argsort(self._position[:, 0], kind="stable")
+        first = self._position[order, 0]
+        corner = np.uint8(_UNKNOWN)
+        for start in range(0, self.shape[0], self._rows):
+            end = min(start + self._rows, self.shape[0])
+            some = order[slice(*np.searchsorted(first, (start, end)))]
+            signs = np.full((end - start, *self.shape[1:]), _UNKNOWN, np.uint8)
+            place = (self._position[some, 0] - start, *self._position[some, 1:].T)
+            signs[place] = np.where(self._above[some], 2, 1)
+            corners = signs.reshape(end - start, -1)[:, 0]
+            if corners[0] == _UNKNOWN:
+                corners[0] = corner
+            _spread(signs)
+            corner = corners[-1]
+            yield np.equal(signs, 2)
 
 
 def _spread(signs: NDArray[np.uint8]) -> None:

@@ -4,10 +4,31 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from ..errors import OptionError
+
+
+@dataclass(frozen=True)
+class Cost:
+    """Bytes of memory that writing takes at most: for each point, for each cell, and in any case.
+
+    ``kept`` of them, for each point, stay until the file is whole; all if it is None.
+    """
+
+    point: int
+    cell: int
+    fixed: int = 0
+    kept: int | None = None
+
+    def peak(self, points: int, cells: int) -> int:
+        """While one drawing is written."""
+        return self.point * points + self.cell * cells + self.fixed
+
+    def after(self, points: int, cells: int) -> int:
+        """When it has been, and others follow."""
+        return self.point * points + self.cell * cells if self.kept is None else self.kept * points
 
 
 @dataclass(frozen=True)
@@ -23,13 +44,17 @@ class Format:
     needs : callable, optional
         Loads the library that ``render`` needs, or raises.
     several : tuple of int
-        Axes of the fields of which it can hold several things: ``render`` then takes a sequence of them.
+        Axes of the fields of which it can hold several things: ``render`` then takes a collection of them, which it
+        goes through once.
+    cost : mapping of int to Cost
+        Memory that ``render`` takes, by axes of the field.
     """
 
     dimensions: tuple[int, ...]
     render: Callable[..., bytes]
     needs: Callable[[], object] | None = None
     several: tuple[int, ...] = ()
+    cost: Mapping[int, Cost] = field(default_factory=dict)
 
     def check_libraries(self) -> None:
         """Find out before the work that the library is missing.

@@ -7,9 +7,9 @@ from __future__ import annotations
 
 import io
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from itertools import product
+from itertools import chain, product
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from ..errors import OptionError
 from .extras import optional
+from .formats import Cost
 
 if TYPE_CHECKING:
     from ..contour import Contour
@@ -57,7 +58,11 @@ class Step:
     within: float | None = None
 
 
-def contour_picture(contours: Sequence[Contour], suffix: str = ".png") -> bytes:
+PICTURE = {2: Cost(200, 160, fixed=1 << 25), 3: Cost(80, 260, fixed=1 << 28, kept=0)}
+"""Memory that pictures take, by axes of the field."""
+
+
+def contour_picture(contours: Collection[Contour], suffix: str = ".png") -> bytes:
     """The file of a picture of a contour, 2-D or 3-D, or of several of one field: curves in one, surfaces side by side.
 
     Raises
@@ -67,41 +72,52 @@ def contour_picture(contours: Sequence[Contour], suffix: str = ".png") -> bytes:
     MissingExtraError
         Without matplotlib.
     """
-    first = contours[0]
-    if len(contours) > 1 and len(first.shape) == 2:
-        return _file(_curves_figure(contours), suffix)
+    each = iter(contours)
+    first = next(each)
+    count = len(contours)
+    if count > 1 and len(first.shape) == 2:
+        return _file(_curves_figure(chain([first], each)), suffix)
     width, height = _panel_size(first, 6.0)
-    columns = math.ceil(math.sqrt(len(contours)))
-    rows = -(-len(contours) // columns)
+    columns = math.ceil(math.sqrt(count))
+    rows = -(-count // columns)
     figure = _figure((width, height * rows / columns))
-    for number, contour in enumerate(contours, start=1):
+    for number, contour in enumerate(chain([first], each), start=1):
         axes = figure.add_subplot(rows, columns, number)
         _draw(axes, contour, pixels=6 * _DPI // columns)
         axes.set_title(f"isovalue {contour.isovalue:g}", fontsize=9)
+        del contour
     return _file(figure, suffix)
 
 
-def _curves_figure(contours: Sequence[Contour]) -> Any:
+def _curves_figure(contours: Iterable[Contour]) -> Any:
     """Curves of several isovalues in one picture, each in its colour."""
     cm = optional("matplotlib.cm", extra="plot", purpose="drawing a picture")
-    isovalues = [contour.isovalue for contour in contours]
+    isovalues: list[float] = []
+    figure: Any = None
+    axes: Any = None
+    for contour in contours:
+        if figure is None:
+            width, height = _panel_size(contour, 6.0)
+            figure = _figure((width + 1.0, height))  # room for what names the colours
+            axes = figure.add_subplot()
+        _draw_curve(axes, contour)
+        isovalues.append(contour.isovalue)
+        del contour
+    lines = list(axes.collections)
     colours = cm.ScalarMappable(cmap=_INKS)
     low, high = min(isovalues), max(isovalues)
     colours.set_clim(low, high + (high - low) / 8)  # without the palest, on white
-    width, height = _panel_size(contours[0], 6.0)
-    figure = _figure((width + 1.0, height))  # room for what names the colours
-    axes = figure.add_subplot()
-    for contour in contours:
-        _draw_curve(axes, contour, colours.to_rgba(contour.isovalue))
-    if len(contours) > _NAMED:
+    for line, isovalue in zip(lines, isovalues, strict=True):
+        line.set_color(colours.to_rgba(isovalue))
+    if len(lines) > _NAMED:
         bar = figure.colorbar(colours, ax=axes, label="isovalue").ax
         bar.set_ylim(low, high)
         bar.tick_params(labelsize=7)
         return figure
-    down = sorted(range(len(contours)), key=lambda i: -isovalues[i])
-    lines = [axes.collections[i] for i in down]
+    down = sorted(range(len(lines)), key=lambda i: -isovalues[i])
     names = [f"{isovalues[i]:g}" for i in down]
-    figure.legend(lines, names, loc="outside right upper", fontsize=7, title="isovalue", title_fontsize=7)
+    figure.legend([lines[i] for i in down], names, loc="outside right upper", fontsize=7, title="isovalue",
+                  title_fontsize=7)  # fmt: skip
     return figure
 
 
@@ -200,10 +216,10 @@ def _draw_mesh(axes: Any, contour: Contour, position: np.ndarray, simplices: np.
     )
 
 
-def _draw_curve(axes: Any, contour: Contour, colour: tuple[float, ...] = _INK) -> None:
+def _draw_curve(axes: Any, contour: Contour) -> None:
     collections = optional("matplotlib.collections", extra="plot", purpose="drawing a picture")
     lines = [np.asarray(line)[:, ::-1] for line in contour.lines]
-    axes.add_collection(collections.LineCollection(lines, colors=[colour], linewidths=0.7, capstyle="round"))
+    axes.add_collection(collections.LineCollection(lines, colors=[_INK], linewidths=0.7, capstyle="round"))
     rows, columns = contour.shape
     axes.set_xlim(-0.5, columns - 0.5)
     # Downwards, as pictures are shown.
@@ -304,7 +320,7 @@ def shade(
 
 
 def _lattices(
-    screen: NDArray[np.float64], cells: NDArray[np.int64], batch: int = 1 << 20
+    screen: NDArray[np.float64], cells: NDArray[np.int64], batch: int = 1 << 17
 ) -> Iterator[tuple[NDArray[np.int64], NDArray[np.float64]]]:
     """Batches of triangles, each with the barycentric weights (S, 3) of points dense enough for all of them."""
     if len(cells) == 0:

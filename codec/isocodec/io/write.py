@@ -12,7 +12,7 @@ import json
 import math
 import os
 import re
-from collections.abc import Sequence
+from collections.abc import Collection, Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from xml.etree import ElementTree
@@ -24,8 +24,8 @@ from ..grid.placement import CRS
 from .areas import areas, polygons
 from .atomic import write_bytes
 from .extras import optional
-from .formats import Format, find_suffix
-from .picture import contour_picture, matplotlib_figure
+from .formats import Cost, Format, find_suffix
+from .picture import PICTURE, contour_picture, matplotlib_figure
 
 if TYPE_CHECKING:
     from ..contour import Contour
@@ -73,8 +73,22 @@ def holds_several(suffix: str, dimension: int) -> bool:
     return dimension in _FORMATS[suffix].several
 
 
-def render_contour(contour: Contour | Sequence[Contour], suffix: str) -> bytes:
+def cost_of(suffix: str, dimension: int) -> Cost:
+    """Memory that writing a contour of a field of ``dimension`` axes takes."""
+    return _FORMATS[suffix].cost[dimension]
+
+
+AREAS = Cost(300, 240, kept=100)
+"""Memory that `render_areas` takes."""
+
+
+def render_contour(
+    contour: Contour | Collection[Contour], suffix: str, dimension: int | None = None
+) -> bytes:
     """The whole file of a contour, or of those of several isovalues, in the format that ``suffix`` (``".ply"``) names.
+
+    Several are gone through once, so that each may be drawn when it is asked for and dropped after that; ``dimension``
+    says then of how many axes the field is.
 
     Raises
     ------
@@ -83,17 +97,18 @@ def render_contour(contour: Contour | Sequence[Contour], suffix: str) -> bytes:
     MissingExtraError
         If a library is needed that is not installed.
     """
-    contours = list(contour) if isinstance(contour, Sequence) else [contour]
-    dimension = len(contours[0].shape)
+    contours: Collection[Contour] = contour if isinstance(contour, Collection) else [contour]
+    if dimension is None:
+        dimension = len(next(iter(contours)).shape)
     suffix = check_suffix(f"_{suffix}", dimension)
     if holds_several(suffix, dimension):
         return _FORMATS[suffix].render(contours)
     if len(contours) > 1:
         raise OptionError(f"{suffix} cannot hold several isovalues", code="suffix", remedy="write one after the other")
-    return _FORMATS[suffix].render(contours[0])
+    return _FORMATS[suffix].render(next(iter(contours)))
 
 
-def write_contour(contour: Contour | Sequence[Contour], path: str | os.PathLike[str]) -> None:
+def write_contour(contour: Contour | Collection[Contour], path: str | os.PathLike[str]) -> None:
     """Write a contour, or several, in the format that the suffix of ``path`` names; whole, or not at all.
 
     Raises
@@ -128,11 +143,11 @@ def _npz(contour: Contour) -> bytes:
 # ---- 2-D ------------------------------------------------------------------------------------------------------------
 
 
-def _geojson(contours: Sequence[Contour]) -> bytes:
-    return _features([_feature(contour, contour.__geo_interface__) for contour in contours], contours[0])
+def _geojson(contours: Iterable[Contour]) -> bytes:
+    return _features((contour, _feature(contour, contour.__geo_interface__)) for contour in contours)
 
 
-def render_areas(contours: Sequence[Contour], above: bool) -> bytes:
+def render_areas(contours: Iterable[Contour], above: bool) -> bytes:
     """A GeoJSON file of the areas on one side of a contour, or of each of several.
 
     Raises
@@ -141,59 +156,70 @@ def render_areas(contours: Sequence[Contour], above: bool) -> bytes:
         As `areas`.
     """
     side = "above" if above else "below"
-    return _features([_feature(one, areas(one, above=above), area=side) for one in contours], contours[0])
+    return _features((one, _feature(one, areas(one, above=above), area=side)) for one in contours)
 
 
-def _feature(contour: Contour, geometry: dict[str, Any], **properties: str) -> dict[str, Any]:
-    """A feature with the properties isovalue, shape and complete; an empty curve is an empty geometry."""
-    return {
-        "type": "Feature",
-        "properties": {
-            "isovalue": float(contour.isovalue),
-            "shape": [int(n) for n in contour.shape],
-            "complete": bool(contour.complete),
-            **properties,
-        },
-        "geometry": geometry,
-    }
+def _feature(contour: Contour, geometry: dict[str, Any], **properties: str) -> bytes:
+    """The text of a feature with the properties isovalue, shape and complete; an empty curve is an empty geometry."""
+    return _json(
+        {
+            "type": "Feature",
+            "properties": {
+                "isovalue": float(contour.isovalue),
+                "shape": [int(n) for n in contour.shape],
+                "complete": bool(contour.complete),
+                **properties,
+            },
+            "geometry": geometry,
+        }
+    )
 
 
-def _features(features: Sequence[dict[str, Any]], contour: Contour) -> bytes:
+def _features(features: Iterable[tuple[Contour, bytes]]) -> bytes:
     """The file of a feature, or of a collection of several of the same placement.
 
     A reference system other than that of GeoJSON, degrees of longitude and latitude, is named as GeoJSON once had it.
     """
-    whole: dict[str, Any] = features[0] if len(features) == 1 else {"type": "FeatureCollection", "features": features}
-    system = _EPSG.fullmatch(contour.metadata.get(CRS, ""))
-    if contour.placement is not None and system and system[1] != _DEGREES:
-        whole["crs"] = {"type": "name", "properties": {"name": f"urn:ogc:def:crs:EPSG::{system[1]}"}}
-    return json.dumps(whole, separators=(",", ":"), allow_nan=False).encode() + b"\n"
+    texts, system = [], b""
+    for contour, text in features:
+        texts.append(text)
+        found = _EPSG.fullmatch(contour.metadata.get(CRS, ""))
+        if contour.placement is not None and found and found[1] != _DEGREES:
+            name = {"type": "name", "properties": {"name": f"urn:ogc:def:crs:EPSG::{found[1]}"}}
+            system = b',"crs":' + _json(name)
+        # of a contour no more is kept than its text
+        del contour
+    if len(texts) == 1:
+        return b"".join([texts[0][:-1], system, b"}\n"])
+    return b"".join([b'{"type":"FeatureCollection","features":[', b",".join(texts), b"]", system, b"}\n"])
 
 
-def _svg(contours: Sequence[Contour]) -> bytes:
+def _json(value: dict[str, Any]) -> bytes:
+    return json.dumps(value, separators=(",", ":"), allow_nan=False).encode()
+
+
+def _svg(contours: Iterable[Contour]) -> bytes:
     """A group for each isovalue, in it a path for each polyline.
 
     The view box is that of the picture's pixels, so that the two can be overlaid.
     """
-    rows, columns = contours[0].shape
-    root = ElementTree.Element(
-        "svg",
-        {
-            "xmlns": "http://www.w3.org/2000/svg",
-            "width": str(columns),
-            "height": str(rows),
-            # Samples are the centres of pixels.
-            "viewBox": f"-0.5 -0.5 {columns} {rows}",
-        },
-    )
     strokes = {"fill": "none", "stroke": "black", "stroke-width": "1", "stroke-linejoin": "round"}
+    size: dict[str, str] = {}
+    groups = []
     for contour in contours:
-        group = ElementTree.SubElement(root, "g", strokes)
+        rows, columns = contour.shape
+        # samples are the centres of pixels
+        size = {"width": str(columns), "height": str(rows), "viewBox": f"-0.5 -0.5 {columns} {rows}"}
+        group = ElementTree.Element("g", strokes)
         ElementTree.SubElement(group, "title").text = f"isovalue {contour.isovalue:g}"
         for line in contour.lines:
             # The width is then one of the screen: a contour has none of its own.
             ElementTree.SubElement(group, "path", {"d": _path(np.asarray(line)), "vector-effect": "non-scaling-stroke"})
-    return b'<?xml version="1.0" encoding="UTF-8"?>\n' + ElementTree.tostring(root) + b"\n"
+        groups.append(ElementTree.tostring(group))
+        del contour, group
+    root = ElementTree.tostring(ElementTree.Element("svg", {"xmlns": "http://www.w3.org/2000/svg", **size}))
+    head = b'<?xml version="1.0" encoding="UTF-8"?>\n' + root.replace(b" />", b">")
+    return b"".join([head, *groups, b"</svg>\n"])
 
 
 def _path(line: np.ndarray) -> str:
@@ -232,18 +258,18 @@ def _mesh(contour: Contour, suffix: str) -> bytes:
     return data.encode() if isinstance(data, str) else bytes(data)
 
 
-def _surface_format(suffix: str) -> Format:
-    return Format((3,), lambda contour: _mesh(contour, suffix), lambda: _trimesh(suffix))
+def _surface_format(suffix: str, cost: Cost) -> Format:
+    return Format((3,), lambda contour: _mesh(contour, suffix), lambda: _trimesh(suffix), cost={3: cost})
 
 
 _FORMATS: dict[str, Format] = {
-    ".npz": Format((2, 3), _npz),
-    ".png": Format((2, 3), contour_picture, matplotlib_figure, several=(2, 3)),
-    ".geojson": Format((2,), _geojson, several=(2,)),
-    ".svg": Format((2,), _svg, several=(2,)),
-    ".ply": _surface_format(".ply"),
-    ".stl": _surface_format(".stl"),
-    ".obj": _surface_format(".obj"),
+    ".npz": Format((2, 3), _npz, cost={2: Cost(40, 48), 3: Cost(40, 48)}),
+    ".png": Format((2, 3), contour_picture, matplotlib_figure, several=(2, 3), cost=PICTURE),
+    ".geojson": Format((2,), _geojson, several=(2,), cost={2: Cost(300, 240, kept=100)}),
+    ".svg": Format((2,), _svg, several=(2,), cost={2: Cost(120, 100, kept=50)}),
+    ".ply": _surface_format(".ply", Cost(70, 52)),
+    ".stl": _surface_format(".stl", Cost(120, 280)),
+    ".obj": _surface_format(".obj", Cost(140, 200)),
 }
 
 CURVE_SUFFIXES: tuple[str, ...] = tuple(_FORMATS)

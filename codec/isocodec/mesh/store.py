@@ -22,6 +22,8 @@ _Y, _Z = 23, 44
 """Bits of a page's key from which its second and third coordinate stand."""
 _FIRST = 64
 """Pages that a store begins with: small files need no more."""
+_LARGE = 1 << 24
+"""Bytes from which on an array grows by half of what it has."""
 
 
 Pages = NDArray[np.int32] | NDArray[np.int8] | NDArray[np.uint8]
@@ -59,16 +61,59 @@ def _empty(n: int, edge: int, used: int, pages: Pages) -> Store:
     return Store(head, np.full((4 * _FIRST, 2), -1, np.int64), pages)
 
 
-def grown(store: Store, room: int, spare: int = 4) -> Store:
-    """The same store with place for at least ``room`` more pages; if it has to grow, for ``spare`` times as many."""
+class Size(NamedTuple):
+    """How many pages and rows of the table a store has, or is to have."""
+
+    pages: int
+    rows: int
+
+    def bytes(self, store: Store) -> int:
+        """What a store of this size takes, with pages as in ``store``."""
+        return self.pages * store.pages.shape[1] * store.pages.itemsize + self.rows * 16
+
+
+def size_of(store: Store) -> Size:
+    """The size of a store."""
+    return Size(len(store.pages), len(store.table))
+
+
+def size_for(store: Store, room: int, factor: int = 4) -> Size:
+    """The size at which a store has place for at least ``room`` more pages: its own, or a good deal more.
+
+    With ``factor`` 1 there is place for these only.
+    """
+    used = int(store.head[PAGES])
+    pages, rows = size_of(store)
+    if used + room > pages:
+        more = spare(used * store.pages.shape[1] * store.pages.itemsize, used) if factor > 1 else 0
+        pages = used + max(more, factor * room)
+    if 2 * (used + room) > rows:
+        rows = 1 << (2 * (used + room)).bit_length()
+    return Size(pages, rows)
+
+
+def spare(size: int, count: int) -> int:
+    """How many more entries an array of ``count``, ``size`` bytes in all, is given when it has to grow.
+
+    Small ones grow by a large factor, since that is fast; large ones by a small one, since memory is limited.
+    """
+    return 3 * count if size < _LARGE else count // 2
+
+
+def grown(store: Store, room: int, factor: int = 4) -> Store:
+    """The same store with place for at least ``room`` more pages."""
+    return resized(store, size_for(store, room, factor))
+
+
+def resized(store: Store, size: Size) -> Store:
+    """The same store with so many pages and rows of the table, at least as many as it has."""
     used = int(store.head[PAGES])
     table, pages = store.table, store.pages
-    if used + room > len(pages):
-        wider = np.zeros((used + max((spare - 1) * used, spare * room), pages.shape[1]), pages.dtype)
-        wider[:used] = pages[:used]
-        pages = wider
-    if 2 * (used + room) > len(table):
-        table = np.full((1 << (2 * (used + room)).bit_length(), 2), -1, np.int64)
+    if size.pages > len(pages):
+        pages = np.zeros((size.pages, pages.shape[1]), pages.dtype)
+        pages[:used] = store.pages[:used]
+    if size.rows > len(table):
+        table = np.full((size.rows, 2), -1, np.int64)
         _rehash(store.table, table)
     return store._replace(table=table, pages=pages)
 
@@ -92,7 +137,10 @@ _page_of = inner(page_of)
 @inner
 def _hash(key, size):
     x, y, z = _page_of(key)
-    return ((x * 73856093) ^ (y * 19349663) ^ (z * 83492791)) & (size - 1)
+    h = (x * 73856093) ^ (y * 19349663) ^ (z * 83492791)
+    # pages of coarse levels lie far apart, at multiples of powers of two: their low bits are all alike
+    h ^= h >> 24 ^ h >> 37
+    return (h ^ h >> 12) & (size - 1)
 
 
 @kernel

@@ -40,6 +40,12 @@ class Beside(NamedTuple):
     place: NDArray[np.int64]
 
 
+def nothing_beside(n: int) -> Beside:
+    """Where there are no edges."""
+    grid, near, chain = (np.zeros((0, columns), np.int64) for columns in (n, 2, 4))
+    return Beside(grid, near, chain, np.zeros(0, np.int64))
+
+
 def beside_grid(st: State, edges: NDArray[np.int64], place: NDArray[np.int64], n: int) -> Beside:
     """Of the crossed edges of the full grid."""
     return Beside(_leaving(st, edges, n), np.zeros((0, 2), np.int64), np.zeros((0, 4), np.int64), place)

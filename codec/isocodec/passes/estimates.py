@@ -9,13 +9,21 @@ from numpy.typing import NDArray
 
 from ..contour.implied import implied_edges
 from ..entropy.coder import Coder
+from ..limits import Budget
 from . import geometry
 from .along import place_of
-from .beside import Beside, beside_grid, beside_leaves, nearby_samples
-from .leaves import drawn
+from .beside import beside_grid, beside_leaves, nearby_samples, nothing_beside
+from .leaves import drawn, drawn_bytes
 from .room import NOTHING
 from .state import BITS, MESHES, VERTICES, State
 from .truth import Truth
+
+_VALUES, _VALUES_TAKEN = 64, 160
+"""Bytes that listing values takes at most for each vertex, and where an earlier isovalue has some."""
+_NEARBY = {2: 60, 3: 108}
+"""Bytes of what is near a vertex that has a value."""
+_EDGES_GRID, _LEAVES = 240, {2: 640, 3: 480}
+"""Bytes that listing offsets takes at most for each edge of the full grid, and for each leaf elsewhere."""
 
 MOST_TAKEN = 1 << 53
 """Numbers of this size and more are not taken over from another isovalue: many isovalues in a row could make any."""
@@ -52,8 +60,9 @@ class Estimates:
     """
 
     def __init__(
-        self, shape: tuple[int, ...], truth: Truth | None, lean: tuple[Estimates, State] | None, shift: int | None
-    ) -> None:
+        self, shape: tuple[int, ...], truth: Truth | None, lean: tuple[Estimates, State] | None, shift: int | None,
+        budget: Budget,
+    ) -> None:  # fmt: skip
         self.shape = shape
         self.n = len(shape)
         self.truth = truth
@@ -80,15 +89,33 @@ class Estimates:
         self._earlier = np.zeros((0, 2), np.int64)
         self._target = self._slack = NOTHING
         self._plane = 0
-        grid, near, chain = (np.zeros((0, columns), np.int64) for columns in (self.n, 2, 4))
-        self._beside = Beside(grid, near, chain, NOTHING)
+        self._beside = nothing_beside(self.n)
         self._pitch = (1, 0)
+        self._budget = budget
+
+    def rest(self) -> None:
+        """No further layer will come: only what has been told is kept."""
+        self._near = np.zeros((0, 0), np.int32)
+        self._active = self._told = self._length = self._target = self._slack = NOTHING
+        self._rising = np.zeros(0, np.bool_)
+        self._earlier = np.zeros((0, 2), np.int64)
+        self._beside = nothing_beside(self.n)
+        self._active_mesh = self._edges_mesh = self._leaves_mesh = -1
+        self._leaves = np.zeros((0, self.n + 1), np.int64), NOTHING
+        self._hold(0)
+
+    def _hold(self, passing: int) -> None:
+        """Count the memory of the lists, and what making the next ones takes for a moment."""
+        lists = (*self._leaves, *self._beside, *(v for v in vars(self).values() if isinstance(v, np.ndarray)))
+        self._budget.hold(self, sum(array.nbytes for array in lists), passing)
 
     def leaves(self, st: State) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
         """Vertex numbers of the leaves of a mesh that is settled (``Tube.settled``), and their levels."""
         if st.at[MESHES] != self._leaves_mesh:
+            self._hold(drawn_bytes(st, 1))
             self._leaves = drawn(st, 1)
             self._leaves_mesh = int(st.at[MESHES])
+            self._hold(0)
         return self._leaves
 
     def _activate(self, st: State, full: bool) -> None:
@@ -96,7 +123,7 @@ class Estimates:
         count = int(st.at[VERTICES])
         active = np.empty(count, np.int64)
         used = geometry.active_vertices(st, self.leaves(st)[0], np.zeros(count, np.uint8), full, active)
-        self._active = active[:used]
+        self._active = active[:used].copy()
         self._active_mesh = int(st.at[MESHES])
         self._near = np.zeros((0, 0), np.int32)
         self._wanted = np.zeros(count if self.truth else 0, np.int64)
@@ -116,6 +143,7 @@ class Estimates:
         """Begin a layer of geometry by values, down to ``plane`` missing bits."""
         count = int(st.at[VERTICES])
         old = len(self.number)
+        self._hold((_VALUES_TAKEN if self._lean else _VALUES) * count)
         if st.at[MESHES] != self._active_mesh:
             self._activate(st, full)
         self._full = full
@@ -130,6 +158,7 @@ class Estimates:
         self.has_values = True
         st.at[BITS : BITS + 2] = self.bits[::-1]
         self._plane = plane
+        self._hold(0)
 
     def _take_values(self, st: State, first: int, end: int) -> None:
         """What the earlier isovalue knows of the values of vertices ``first`` to ``end`` need not be sent again."""
@@ -152,9 +181,11 @@ class Estimates:
     def code_values(self, st: State, cd: Coder) -> int:
         """Go on with a layer of values."""
         if self._full and len(cd.blend.weight) and not len(self._near):
+            self._hold(_NEARBY[self.n] * len(self._active) + 4 * len(st.vertex))
             self._near = nearby_samples(st, self._active, self.n)
             self._told = np.empty(len(self._active) + 1, np.int64)
             geometry.tell(st, self._active, self.number, self.left, self._told)
+            self._hold(0)
         return int(geometry.values(
             st, cd, self._near, self._told, self._active, self.number, self.left, self._plane, self._wanted
         ))  # fmt: skip
@@ -167,6 +198,7 @@ class Estimates:
         self._slack = np.zeros(len(self._target), np.int64)
         if self.slack:
             self._slack[:] = self.slack(*self._ends(st))
+        self._hold(0)
 
     def code_offsets(self, st: State, cd: Coder) -> int:
         """Go on with a layer of offsets."""
@@ -179,9 +211,15 @@ class Estimates:
         """Make the list of edges that carry offsets anew; those that stay keep theirs."""
         count = int(st.at[VERTICES])
         if full:
-            edges = np.empty((self.n * count, 2), np.int64)
-            edges = edges[: geometry.grid_edges(st, self.leaves(st)[0], np.zeros(count, np.uint8), edges)]
+            leaves = self.leaves(st)[0]
+            self._hold((16 * self.n + 1) * count)
+            room = np.empty((self.n * count, 2), np.int64)
+            # a copy: what is kept is as long as it needs to be
+            edges = room[: geometry.grid_edges(st, leaves, np.zeros(count, np.uint8), room)].copy()
+            del room
+            self._hold(_EDGES_GRID * len(edges) + 16 * count)
         else:
+            self._hold(_LEAVES[self.n] * len(self.leaves(st)[0]) + 64 * count)
             rows = self._leaf_rows(st)
             edges = self._leaf_edges(st, rows)
         parts, offset = np.ones(len(edges), np.int64), np.zeros(len(edges), np.int64)

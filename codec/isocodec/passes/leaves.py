@@ -93,10 +93,20 @@ def vertex_numbers(st, leaf, first, count, round_runs, number, out, levels):
     return rows
 
 
+def drawn_leaves(st: State, rounds: bool) -> int:
+    """How many leaves there are at most at this moment; ``rounds`` is false during a base."""
+    return int(st.at[HELD if rounds else LEAVES]) + int(st.at[MIXED])
+
+
+def drawn_bytes(st: State, rounds: int) -> int:
+    """Bytes that `drawn` takes."""
+    return drawn_leaves(st, bool(rounds)) * (dimension(st.tables) + 2) * 8
+
+
 def drawn(st: State, rounds: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Vertex numbers of the leaves at this moment, and their levels; ``rounds`` is 0 during a base."""
     at = st.at
-    room = int(at[HELD if rounds else LEAVES]) + int(at[MIXED])
+    room = drawn_leaves(st, bool(rounds))
     number = np.empty(MOST_CORNERS + 1, np.int64)
     rows, levels = np.empty((room, dimension(st.tables) + 1), np.int64), np.empty(room, np.int64)
     used = vertex_numbers(st, st.leaf, at[DONE_LEAVES], at[LEAVES], rounds, number, rows, levels)

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import cache
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,8 +12,9 @@ from numpy.typing import NDArray
 from ..errors import LimitError
 from ..limits import Limits
 from ..mesh.chosen import every_vertex
-from ..mesh.store import PAGES, grown, new_board, new_store
+from ..mesh.store import PAGES, Store, new_board, new_store, resized, size_for, size_of, spare
 from ..mesh.tables import cube_exponent, mesh_tables
+from .gates import GATE
 from .mesh import MOST_ANCESTORS
 from .state import (
     AGREED,
@@ -35,11 +38,13 @@ from .state import (
     Lean,
     State,
 )
-from .walk import registers
+from .walk import GATES, registers
 
 NOTHING = np.zeros(0, np.int64)
 STACK = 4096
 ROWS = 2048
+STEP_GATES = 128
+"""Gates for which a base's stack has room after it has grown: many more than a step pushes."""
 
 
 def first_state(
@@ -79,15 +84,35 @@ def first_state(
     )  # fmt: skip
 
 
+@cache
+def _no_lean(n: int) -> Lean:
+    return Lean(mesh_tables(n), np.zeros(COUNTERS, np.int64), new_store(n), new_store(n), NOTHING, NOTHING)
+
+
 def _lean(earlier: State | None, n: int) -> Lean:
     """What the kernels see of the earlier isovalue: values only where they are whole steps of the same scale."""
     if earlier is None:
-        return Lean(mesh_tables(n), np.zeros(COUNTERS, np.int64), new_store(n), new_store(n), NOTHING, NOTHING)
+        return _no_lean(n)
     return Lean(earlier.tables, earlier.at, earlier.known, earlier.mesh, NOTHING, NOTHING)
 
 
-def wider_state(st: State, limits: Limits) -> State:
-    """The same state with room for the next steps of any pass.
+def state_bytes(st: State, mark: Store) -> int:
+    """Bytes of the arrays of a state, and of the store of visited simplices; not of what others hold or all share."""
+    stores = sum(size_of(store).bytes(store) for store in (st.known, st.mesh, st.crowd, st.board, mark))
+    return stores + sum(array.nbytes for array in (st.vertex, st.leaf, st.below, st.path, st.stack, st.walk))
+
+
+def wider_state(
+    st: State, mark: Store, walking: bool, limits: Limits, hold: Callable[[int, int], None]
+) -> tuple[State, Store]:
+    """The same state with room for the next steps of any pass, and the store of visited simplices.
+
+    Parameters
+    ----------
+    walking : bool
+        Whether the pass is a base, which needs its stack and that store.
+    hold : callable
+        Told, before anything is allocated, how many bytes there will be, and how many more while arrays are copied.
 
     Raises
     ------
@@ -106,15 +131,45 @@ def wider_state(st: State, limits: Limits) -> State:
             f"more than {limits.simplices} simplices", code="limit-simplices", clause="11.2",
             remedy="raise Limits.simplices if the file is trusted",
         )  # fmt: skip
+    stack = len(st.stack)
+    if walking and (st.walk[GATES] + STEP_GATES) * GATE > stack:
+        stack += spare(st.stack.nbytes, stack)
+    arrays = {
+        "vertex": _length(st.vertex, int(at[VERTICES]) + STEP_VERTICES, limits.vertices),
+        "leaf": _length(st.leaf, int(at[LEAVES]) + STEP_LEAVES, limits.simplices),
+        "below": _length(st.below, int(at[NEXT]) + STEP_LEAVES, limits.simplices),
+        "stack": stack,
+    }
+    stores = {
+        "known": size_for(st.known, STEP_VERTICES),
+        "mesh": size_for(st.mesh, max(STEP_VERTICES, int(at[ROOM]))),
+        "crowd": size_for(st.crowd, STEP_CELLS),
+        "board": size_for(st.board, STEP_VERTICES),
+    }
+    visited = size_for(mark, STEP_VERTICES if walking else 0)
+    after, passing = state_bytes(st, mark), 0
+    for store, size in [(mark, visited), *((getattr(st, name), size) for name, size in stores.items())]:
+        if size != size_of(store):
+            after += size.bytes(store) - size_of(store).bytes(store)
+            passing += size_of(store).bytes(store)
+    for name, length in arrays.items():
+        array = getattr(st, name)
+        if length > len(array):
+            after += length * array[:1].nbytes - array.nbytes
+            passing += array.nbytes
+    hold(after, passing)
+    larger: dict[str, Any] = {name: wider(getattr(st, name), length) for name, length in arrays.items()}
+    larger |= {name: resized(getattr(st, name), size) for name, size in stores.items()}
+    return st._replace(**larger), resized(mark, visited)
+
+
+def at_rest(st: State) -> State:
+    """The same state without what only further layers need: what it says, and what others may lean on, stays."""
+    n = int(st.tables[0])
     return st._replace(
-        known=grown(st.known, STEP_VERTICES),
-        mesh=grown(st.mesh, max(STEP_VERTICES, int(at[ROOM]))),
-        crowd=grown(st.crowd, STEP_CELLS),
-        board=grown(st.board, STEP_VERTICES),
-        vertex=_room(st.vertex, int(at[VERTICES]) + STEP_VERTICES, limits.vertices),
-        leaf=_room(st.leaf, int(at[LEAVES]) + STEP_LEAVES, limits.simplices),
-        below=_room(st.below, int(at[NEXT]) + STEP_LEAVES, limits.simplices),
-    )
+        crowd=new_store(n), board=new_board(n), below=st.below[:0].copy(), path=st.path[:0].copy(),
+        stack=st.stack[:0].copy(),
+    )  # fmt: skip
 
 
 def filled(kernel: Callable[[NDArray[np.int64]], int]) -> NDArray[np.int64]:
@@ -128,7 +183,9 @@ def filled(kernel: Callable[[NDArray[np.int64]], int]) -> NDArray[np.int64]:
 
 
 def wider(array: NDArray, size: int) -> NDArray:
-    """The same array with ``size`` rows, those further on zero."""
+    """The same array with ``size`` rows, those further on zero; itself if it has as many."""
+    if size == len(array):
+        return array
     out = np.zeros((size, *array.shape[1:]), array.dtype)
     out[: len(array)] = array
     return out
@@ -139,6 +196,8 @@ def _rows(width: int, most: int) -> NDArray[np.int32]:
     return np.zeros((min(ROWS, most), width), np.int32)
 
 
-def _room(array: NDArray, needed: int, most: int) -> NDArray:
-    """The array, or a longer one where it has no place for ``needed`` rows; never longer than the limit ``most``."""
-    return array if needed <= len(array) else wider(array, max(min(4 * len(array), most), needed))
+def _length(array: NDArray, needed: int, most: int) -> int:
+    """Rows that the array has, or a good deal more where it has no place for ``needed``; at most the limit ``most``."""
+    if needed <= len(array):
+        return len(array)
+    return max(min(len(array) + spare(array.nbytes, len(array)), most), needed)

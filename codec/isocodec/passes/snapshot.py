@@ -8,12 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..contour.leaves import Leaves
-from ..contour.mask import mask_of
+from ..contour.mask import MaskRows
 from ..mesh.store import SHIFT as PAGE_SHIFT
 from ..mesh.store import page_of
 from ..mesh.tables import AXES
 from .decoded import Decoded
-from .leaves import drawn
+from .leaves import drawn, drawn_leaves
 from .mesh import IN
 from .state import VERTICES
 from .tube import Tube
@@ -57,6 +57,17 @@ def _explicit(tube: Tube) -> NDArray[np.int64]:
     return position[np.lexsort(position.T[::-1])]
 
 
+_DRAWN = {(2, True): (60, 140, 24), (2, False): (40, 240, 40), (3, True): (40, 120, 24), (3, False): (60, 320, 40)}
+"""Bytes that a drawing takes at most for each vertex, leaf and stated edge, by dimension and whether on the full grid."""
+
+
+def drawing_bytes(tube: Tube) -> int:
+    """Bytes that `leaves_of` and the drawing take at most, the drawing included."""
+    vertex, leaf, edge = _DRAWN[tube.n, tube.full]
+    leaves = tube.simplices if tube.settled else drawn_leaves(tube.state, tube.running != "base")
+    return vertex * tube.vertices + leaf * leaves + edge * len(tube.estimates.edges)
+
+
 def leaves_of(tube: Tube, isovalue: float, value_of: Callable[..., NDArray[np.float64]]) -> Leaves:
     """All that the drawing needs; ``value_of(number, above)`` turns numbers of steps into field values."""
     st, est = tube.state, tube.estimates
@@ -86,7 +97,13 @@ def leaves_of(tube: Tube, isovalue: float, value_of: Callable[..., NDArray[np.fl
     )
 
 
-def known_mask(tube: Tube) -> NDArray[np.bool_]:
-    """Which samples lie above, where the mesh is the full grid."""
+def known_rows(tube: Tube, last_first: bool = False) -> MaskRows:
+    """Which samples lie above, where the mesh is the full grid, some rows at a time.
+
+    With ``last_first`` of the transposed array: the order in which programs in Fortran store it.
+    """
     known = tube.state.vertex[: tube.vertices]
-    return mask_of(tube.shape, known[:, : tube.n], known[:, 3] != 0)
+    position = known[:, : tube.n]
+    if last_first:
+        return MaskRows(tube.shape[::-1], position[:, ::-1], known[:, 3] != 0)
+    return MaskRows(tube.shape, position, known[:, 3] != 0)

@@ -6,6 +6,7 @@ needs bytes. Encoder and decoder use it alike: they differ in the mode of the co
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable
 
 import numpy as np
@@ -14,16 +15,15 @@ from numpy.typing import NDArray
 from ..entropy.coder import OVER, Coder
 from ..errors import FormatError, LimitError
 from ..jit import BAD, CUT, DONE, GROW, NEED, compiled
-from ..limits import Limits
+from ..limits import Budget, Limits
 from ..mesh.chosen import Chosen, finest_level
-from ..mesh.store import PAGES, copied, get, grown, new_store
+from ..mesh.store import PAGES, copied, get, new_store, size_of
 from ..mesh.tables import cube_exponent
 from . import base as base_pass
 from . import births, refine, seek, significance
 from .estimates import Estimates
-from .gates import GATE
 from .mesh import IN
-from .room import NOTHING, filled, first_state, wider, wider_state
+from .room import NOTHING, at_rest, filled, first_state, state_bytes, wider_state
 from .rows import one_by_one
 from .state import (
     ADAPTED,
@@ -44,7 +44,6 @@ from .state import (
     NEXT,
     OUT_OF_STEPS,
     SEEDED,
-    STEP_VERTICES,
     STEP_WORK,
     TALLY,
     TOLD,
@@ -54,7 +53,9 @@ from .state import (
     State,
 )  # fmt: skip
 from .truth import Truth
-from .walk import GATES
+
+_SEED = 20
+"""Bytes of a leaf at which a base begins."""
 
 _CLAUSES = {1: "5.3.2", 3: "5.3.3", 4: "5.5", 6: "5.8.2"}
 _REASONS = {
@@ -83,11 +84,13 @@ class Tube:
         How many whole steps above that isovalue this one lies.
     side : int
         1 if it lies above that isovalue, -1 if below.
+    budget : Budget, optional
+        To which the memory of the decoded state is counted; an encoder's is not.
     """
 
     def __init__(
         self, shape: tuple[int, ...], coder: Coder, limits: Limits, truth: Truth | None = None, *,
-        lean: Tube | None = None, shift: int | None = None, side: int = 0,
+        lean: Tube | None = None, shift: int | None = None, side: int = 0, budget: Budget | None = None,
     ) -> None:  # fmt: skip
         self.shape = shape
         self.n = n = len(shape)
@@ -108,7 +111,9 @@ class Tube:
         self._running = ""
         self._kernels: dict[Callable[..., int], Callable[..., int]] = {}
         told = (lean.estimates, lean.state) if lean else None
-        self.estimates: Estimates = Estimates(shape, truth, told, shift)
+        self._budget = budget or Budget(sys.maxsize)
+        self.estimates: Estimates = Estimates(shape, truth, told, shift, self._budget)
+        self._hold(state_bytes(self.state, self._mark), 0)
 
     # -- what the state says -------------------------------------------------------------------------------------
 
@@ -190,6 +195,8 @@ class Tube:
         assert self.lean is not None
         earlier = self.lean.state
         at = self.state.at
+        mesh = size_of(earlier.mesh).bytes(earlier.mesh)
+        self._hold(state_bytes(self.state, self._mark) + mesh, _SEED * self.lean.simplices)
         self.state = self.state._replace(mesh=copied(earlier.mesh, IN))
         at[TOLD] = at[SEEDED] = 1
         self._seeds = one_by_one(earlier)
@@ -253,7 +260,7 @@ class Tube:
         while True:
             status = self._kernel()
             at = self.state.at
-            if status == NEED:
+            if status in (NEED, CUT):
                 at[WORK] = at[STEP_WORK]
             at[STEP_WORK] = at[WORK]
             number = int(at[ERROR])
@@ -360,12 +367,20 @@ class Tube:
         self.state.at[MESHES] += 1
 
     def _grow(self) -> None:
-        stack = self.state.stack
-        if self._running == "base":
-            self._mark = grown(self._mark, STEP_VERTICES)
-            if (self.state.walk[GATES] + 128) * GATE > len(stack):
-                stack = wider(stack, 2 * len(stack))
-        self.state = wider_state(self.state, self.limits)._replace(stack=stack)
+        self.state, self._mark = wider_state(
+            self.state, self._mark, self._running == "base", self.limits, self._hold
+        )  # fmt: skip
+
+    def _hold(self, size: int, passing: int) -> None:
+        """Count the memory of the state; that of the models beside it, but for what all isovalues share."""
+        models = (self.coder.prob, self.coder.seen, self.coder.blend.mix)
+        self._budget.hold(self, size + sum(array.nbytes for array in models), passing)
+
+    def rest(self) -> None:
+        """No further layer will come: only what is drawn, and what other isovalues may lean on, is kept."""
+        self.state = at_rest(self.state)
+        self.estimates.rest()
+        self._hold(state_bytes(self.state, self._mark), 0)
 
 
 def out_of_steps(limits: Limits) -> LimitError:

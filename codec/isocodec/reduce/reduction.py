@@ -367,7 +367,7 @@ class Reduction:
         blocks = -(-(last + 2 * edge) // max(page, edge)) + 2
         room = int(sum(np.prod(np.delete(blocks, a)) * 3 for a in range(n)))
         chosen = self.domain.chosen
-        self.domain = self.domain._replace(chosen=chosen._replace(outside=grown(chosen.outside, room, spare=1)))
+        self.domain = self.domain._replace(chosen=chosen._replace(outside=grown(chosen.outside, room, factor=1)))
 
 
 def distinct(n: int, leaves: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Iterator
+from copy import copy
 from dataclasses import replace
+from typing import NoReturn
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,13 +15,14 @@ from isospec.container import ChunkType
 from isospec.elements import ELEMENTS
 
 from ..contour import Contour, draw
+from ..contour.mask import MaskRows
 from ..entropy.coder import Coder
-from ..errors import FormatError, IsoError, LimitError, OptionError, TruncatedError
+from ..errors import FormatError, IsoError, LimitError, OptionError, TruncatedError, out_of_memory
 from ..grid.field import interval_value
 from ..grid.placement import read_placement
-from ..limits import Limits
+from ..limits import Budget, Limits
 from ..passes.decoded import Decoded
-from ..passes.snapshot import known_mask, leaves_of, state_of
+from ..passes.snapshot import drawing_bytes, known_rows, leaves_of, state_of
 from ..passes.tube import Tube
 from .container import (
     CRITICAL,
@@ -92,6 +95,7 @@ class Decoder:
         self._only = only
         self._tubes: list[Tube | None] = []
         self._progresses: list[Progress] = []
+        self._budget = Budget(self.limits.memory)
         self._reader = LayerReader(self.limits, self._data, self._tubes, self._progresses)
         self.layers = self._reader.layers
         self.runs = self._reader.runs
@@ -106,7 +110,7 @@ class Decoder:
     def feed(self, data: bytes | bytearray | memoryview) -> None:
         """Store some more bytes of the file."""
         if self._error is not None:
-            raise self._error
+            raise copy(self._error)
         if self._closed:
             raise TruncatedError("bytes fed after close", code="closed")
         data = octets(data)
@@ -158,6 +162,16 @@ class Decoder:
         return self._reader.coder
 
     @property
+    def run_symbols(self) -> int:
+        """Symbols that have been decoded of the last run that was begun."""
+        return self._reader.run_symbols
+
+    @property
+    def memory(self) -> int:
+        """Bytes that count to `Limits.memory` at present."""
+        return self._budget.held
+
+    @property
     def symbols(self) -> dict[str, int]:
         """Symbols received so far, by syntax element."""
         return dict(zip(ELEMENTS, map(int, self._reader.symbols()), strict=True))
@@ -171,17 +185,25 @@ class Decoder:
     def __iter__(self) -> Iterator[Event]:
         while True:
             if self._error is not None:
-                raise self._error
+                raise copy(self._error)
+            failure: IsoError | None = None
             try:
                 event = self._step()
             except IsoError as error:
-                self._fail(error)
+                failure = error
+            except MemoryError:
+                failure = out_of_memory("to decode")
+            if failure is not None:
+                self._fail(failure)
             if event is None:
                 return
             yield event
 
     def _tube_of(self, number: int) -> Tube | None:
         """That of an isovalue, by number; None before it has come, or if it is skipped."""
+        if isinstance(self._error, LimitError):
+            # what was decoded has been dropped
+            raise copy(self._error)
         if number < 0:
             raise OptionError(f"isovalue number {number}; they are counted from 0", code="isovalue")
         return self._tubes[number] if number < len(self._tubes) else None
@@ -201,7 +223,20 @@ class Decoder:
         return self.drawn(number, smooth)
 
     def drawn(self, number: int = 0, smooth: bool = False) -> Contour:
-        """Like ``snapshot``, but of the events taken so far only."""
+        """Like ``snapshot``, but of the events taken so far only.
+
+        Raises
+        ------
+        LimitError
+            If drawing takes more memory than the limits allow; the decoder stays as it is.
+        """
+        try:
+            return self._drawn(number, smooth)
+        except MemoryError:
+            pass
+        raise out_of_memory("to draw the contour")
+
+    def _drawn(self, number: int, smooth: bool) -> Contour:
         header = self.header
         tube = self._tube_of(number)
         if header is None:
@@ -211,6 +246,7 @@ class Decoder:
             contour = Contour(np.zeros((0, n)), np.zeros((0, n), np.int64), float("nan"), header.shape, False)
         else:
             isovalue = self.isovalues[number]
+            self._budget.check(drawing_bytes(tube))
             leaves = leaves_of(
                 tube, isovalue, lambda steps, above: interval_value(isovalue, header.scale, steps, above)
             )
@@ -230,6 +266,30 @@ class Decoder:
         LimitError
             If there are more samples than the limits allow.
         """
+        out: NDArray[np.bool_] | None = None
+        try:
+            rows = self.mask_rows(number)
+            out = np.empty(rows.shape, np.bool_)
+            start = 0
+            for some in rows:
+                out[start : start + len(some)] = some
+                start += len(some)
+        except MemoryError:
+            out = None
+        if out is None:
+            raise out_of_memory("for the mask")
+        return out
+
+    def mask_rows(self, number: int = 0, last_first: bool = False) -> MaskRows:
+        """The same some rows at a time, so that the mask need not be in memory as a whole.
+
+        With ``last_first`` of the transposed array, whose first axis is the last one.
+
+        Raises
+        ------
+        TruncatedError, OptionError, LimitError
+            As `mask`.
+        """
         tube = self._tube_of(number)
         if tube is None or not tube.full:
             if not self.complete:
@@ -243,8 +303,13 @@ class Decoder:
                 "tolerance below 0.1",
             )  # fmt: skip
         if math.prod(tube.shape) > self.limits.samples:
-            raise LimitError(f"more than {self.limits.samples} samples", code="limit-samples", clause="11.2")
-        return known_mask(tube)
+            raise LimitError(
+                f"a mask of {math.prod(tube.shape):,} samples, more than {self.limits.samples:,}",
+                code="limit-samples", clause="11.2", remedy="raise Limits.samples if that is wanted",
+            )  # fmt: skip
+        rows = known_rows(tube, last_first)
+        self._budget.check(rows.bytes)
+        return rows
 
     def mesh(self, number: int = 0) -> tuple[np.ndarray, np.ndarray]:
         """The crossed leaves of the mesh: positions (V, n) and vertices of simplices (M, n + 1), both int64."""
@@ -252,13 +317,40 @@ class Decoder:
         if tube is None:
             n = len(self.header.shape) if self.header else 2
             return np.zeros((0, n), np.int64), np.zeros((0, n + 1), np.int64)
+        self._budget.check(drawing_bytes(tube))
         leaves = leaves_of(tube, 0.0, lambda steps, above: steps)
         return leaves.position, leaves.simplices
 
+    def hold(self, size: int) -> None:
+        """Count ``size`` bytes that the caller holds, of drawings for example, to the limit of memory from now on.
+
+        Raises
+        ------
+        LimitError
+            If that is more than there may be; the decoder stays as it is.
+        """
+        self._budget.hold(self, size)
+
+    def discard(self, number: int | None = None) -> None:
+        """Drop what has been decoded of an isovalue, or of all: to free memory once it has been drawn.
+
+        What is to come must not lean on it.
+        """
+        for i, tube in enumerate(self._tubes):
+            if tube is not None and number in (None, i):
+                self._budget.release(tube, tube.estimates)
+                self._tubes[i] = None
+        self._reader.forget()
+
     # -- the machine ---------------------------------------------------------------------------------------------
 
-    def _fail(self, error: IsoError) -> None:
-        self._error = error
+    def _fail(self, error: IsoError) -> NoReturn:
+        """Raise an error, now and whenever the decoder is used again."""
+        # the frames of a traceback would keep everything that was decoded as long as somebody keeps the error
+        error.with_traceback(None)
+        self._error = copy(error)
+        if isinstance(error, LimitError):
+            self.discard()
         raise error
 
     def _step(self) -> Event | None:
@@ -315,6 +407,12 @@ class Decoder:
         """Set the decoder up for an isovalue, which may lean on an earlier one."""
         assert self.header is not None
         number = len(self.isovalues)
+        if number >= self.limits.isovalues:
+            raise LimitError(
+                f"more than {self.limits.isovalues} isovalues", code="limit-isovalues", offset=self._at, clause="11.2"
+            )
+        if self._tube is not None:
+            self._tube.rest()
         self.isovalues.append(isovalue)
         if self._only is not None and number not in self._only:
             self._tubes.append(None)
@@ -330,7 +428,8 @@ class Decoder:
             simplices=max(whole.simplices - sum(tube.simplices for tube in tubes), 0),
         )  # fmt: skip
         tube = leaning_tube(
-            self.header, isovalue, earlier, 0.0 if lean is None else self.isovalues[lean], 4096, limits
+            self.header, isovalue, earlier, 0.0 if lean is None else self.isovalues[lean], 4096, limits,
+            budget=self._budget,
         )  # fmt: skip
         before = self._progress if self._progresses else Progress(tube.full_level)
         before = replace(before, full_level=tube.full_level)

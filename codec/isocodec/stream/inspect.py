@@ -9,6 +9,7 @@ from typing import Any
 from isospec.container import ChunkType
 
 from ..errors import FormatError, OptionError, TruncatedError
+from ..limits import Limits
 from ..mesh.tables import cube_exponent
 from .container import (
     CHECKSUM_BYTES,
@@ -138,7 +139,7 @@ class FileInfo:
         return asdict(self)
 
 
-def inspect(data: bytes, symbols: bool = False) -> FileInfo:
+def inspect(data: bytes, symbols: bool = False, limits: Limits | None = None) -> FileInfo:
     """Structure of a file.
 
     Parameters
@@ -147,11 +148,15 @@ def inspect(data: bytes, symbols: bool = False) -> FileInfo:
         The file, or the beginning of one.
     symbols : bool
         Decode the file to fill in what it does not state of its layers. Loads the kernels.
+    limits : Limits, optional
+        What decoding may take at most.
 
     Raises
     ------
     FormatError
         If the bytes violate the container's specification.
+    LimitError
+        If decoding takes more than the limits allow.
     """
     data = whole_bytes(data)
     found = read_header(data)
@@ -205,7 +210,7 @@ def inspect(data: bytes, symbols: bool = False) -> FileInfo:
         complete = chunk.last
         at = behind
     if symbols:
-        layers = _decoded(data, layers)
+        layers = _decoded(data, layers, limits)
     return FileInfo(
         header.writer_version, header.read_version, header.profile.name.lower(), header.shape, header.isovalue,
         header.scale, len(data), len(data) - coded, complete, _promised(layers, promises), chunks, metadata, isovalues,
@@ -247,11 +252,11 @@ def _with_index(payload: bytes, plain: list[Layer], layers: list[LayerInfo]) -> 
     return out or layers
 
 
-def _decoded(data: bytes, layers: list[LayerInfo]) -> list[LayerInfo]:
+def _decoded(data: bytes, layers: list[LayerInfo], limits: Limits | None) -> list[LayerInfo]:
     from .decoder import Decoder
     from .events import LayerComplete
 
-    decoder = Decoder()
+    decoder = Decoder(limits)
     decoder.feed(data)
     complete = [event for event in decoder if isinstance(event, LayerComplete)]
     out = [

@@ -13,13 +13,16 @@ from isospec.elements import BY_LAYER, ELEMENTS
 from ..entropy.coder import DECODE, END, FINAL, LEFT, POS, UNKNOWN, UNLIMITED, Coder, start
 from ..errors import FormatError, IsoError, LimitError
 from ..jit import CUT, DONE
-from ..limits import Limits
+from ..limits import WORK_LIST, WORK_PER_BYTE, WORK_STEPS, Limits
 from ..passes.tube import Tube, out_of_steps
 from .container import Envelope
 from .events import BaseComplete, Event, GeometryRefined, LevelComplete
 from .header import varint
 from .program import Layer, ProgramReader, Progress
 from .strand import begin_layer
+
+SLICE = 1 << 16
+"""Symbols that are decoded before limits are asked again."""
 
 _EVENTS = {
     "base": BaseComplete, "adaptive_base": BaseComplete, "leaf_base": BaseComplete,
@@ -40,7 +43,7 @@ class Run:
     before : Progress
         Where the programs stood before.
     symbols : int
-        What ``LEFT`` was set to: the stated number of symbols of a cut run, or no limit.
+        The stated number of symbols of a cut run, or no limit.
     """
 
     chunk_start: int
@@ -83,6 +86,8 @@ class LayerReader:
         self._program: ProgramReader | None = None
         self._program_start = 0
         self._symbols = UNLIMITED
+        self._granted = 0
+        self._listed = 0
         self._run = 0
         self._run_read = 0
         self._before = np.zeros(len(ELEMENTS), np.int64)
@@ -111,9 +116,19 @@ class LayerReader:
         """Whether layers of the chunk are still to come."""
         return self._pending is None or bool(self._pending)
 
+    def forget(self) -> None:
+        """Keep nothing alive of what was decoded."""
+        if self._run_tube not in self._tubes:
+            self._run_tube = None
+
     def leave(self) -> None:
         """The chunk has been read."""
         self._pending = None
+
+    @property
+    def run_symbols(self) -> int:
+        """Symbols that have been decoded of the last run that was begun."""
+        return self._granted - int(self.coder.reg[LEFT])
 
     def symbols(self) -> NDArray[np.int64]:
         """Symbols by syntax element so far, of all isovalues."""
@@ -131,8 +146,13 @@ class LayerReader:
             layer = self._pending[0]
             try:
                 if not self._tube.running:
+                    self._listed += (self._tube.vertices + self._tube.simplices) // WORK_LIST
+                    self._grant(coder)
                     begin_layer(self._tube, layer)
                 status = self._tube.advance()
+                while status == CUT and self._granted < self._symbols:
+                    self._grant(coder)
+                    status = self._tube.advance()
                 if sum(tube.steps for tube in self._tubes if tube) >= self.limits.steps:
                     raise out_of_steps(self.limits)
             except IsoError as error:
@@ -150,6 +170,27 @@ class LayerReader:
         if _shifts(coder) + 4 < chunk.end - self._run:
             raise FormatError("bytes left over in a run", code="leftover", offset=chunk.end, clause="6.3")
         return None
+
+    def _grant(self, coder: Coder) -> None:
+        """Allow some more symbols, where the limits do.
+
+        This is asked for when a layer begins and when those granted are used up, never when bytes are: that would
+        depend on how they come in.
+        """
+        symbols = int(self.symbols().sum())
+        read = self._run + _shifts(coder)
+        spent = symbols + sum(tube.steps for tube in self._tubes if tube) // WORK_STEPS + self._listed
+        room = min(self.limits.work + WORK_PER_BYTE * read - spent, self.limits.symbols - symbols)
+        if room <= 0:
+            what, most = ("work", f"takes more time than {self.limits.work} units of work")
+            if symbols >= self.limits.symbols:
+                what, most = "symbols", f"more than {self.limits.symbols} symbols"
+            raise LimitError(
+                most, code=f"limit-{what}", clause="11.2", remedy=f"raise Limits.{what} if the file is trusted"
+            )
+        left = int(coder.reg[LEFT])
+        coder.reg[LEFT] = max(left, min(SLICE, room, left + self._symbols - self._granted))
+        self._granted += int(coder.reg[LEFT]) - left
 
     def _open_run(self, chunk: Envelope, chunk_start: int, there: int, whole: bool) -> bool:
         """Read the program of a chunk and start its run; False if more bytes are needed."""
@@ -180,7 +221,7 @@ class LayerReader:
         self._run_tube = self._tube
         reg = self._tube.coder.reg
         start(reg, DECODE)
-        reg[LEFT] = self._symbols
+        reg[LEFT] = self._granted = 0
         run = Run(chunk_start, self._program_start, self._run, program.layers, before, self._symbols)
         self.runs.append(run)
         if self._progress.bits is not None:

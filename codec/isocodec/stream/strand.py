@@ -17,7 +17,7 @@ from ..entropy.main import no_blend, shipped_models
 from ..errors import OptionError
 from ..grid.field import Field
 from ..jit import DONE
-from ..limits import Limits
+from ..limits import Budget, Limits
 from ..mesh.chosen import Chosen
 from ..passes.truth import Truth
 from ..passes.tube import Tube
@@ -59,17 +59,18 @@ def leaning_coder(header: Header, lean: Tube | None, size: int) -> Coder:
 
 def leaning_tube(
     header: Header, isovalue: float, lean: Tube | None, other: float, size: int, limits: Limits,
-    truth: Truth | None = None,
+    truth: Truth | None = None, budget: Budget | None = None,
 ) -> Tube:  # fmt: skip
     """The tube of an isovalue, leaning on that of another one or on none."""
     coder = leaning_coder(header, lean, size)
     shape = header.shape
     if lean is None or lean.level < 0:
-        return Tube(shape, coder, limits, truth)
+        return Tube(shape, coder, limits, truth, budget=budget)
     shift = None if header.scale is not None else math.floor(isovalue) - math.floor(other)
     if shift is not None and abs(shift) >= MOST_SHIFT:
         shift = None
-    return Tube(shape, coder, limits, truth, lean=lean, shift=shift, side=1 if isovalue > other else -1)
+    side = 1 if isovalue > other else -1
+    return Tube(shape, coder, limits, truth, lean=lean, shift=shift, side=side, budget=budget)
 
 
 def truth_of(field: Field) -> Truth:

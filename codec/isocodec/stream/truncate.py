@@ -6,8 +6,9 @@ import zlib
 
 from isospec.container import Checksum, ChunkType, write_varint
 
-from ..entropy.coder import LEFT, cut
+from ..entropy.coder import cut
 from ..errors import OptionError, TruncatedError
+from ..limits import Limits
 from .container import CHECKSUM_BYTES, whole_bytes, write_chunk
 from .decoder import Decoder
 from .events import LayerComplete
@@ -18,7 +19,9 @@ _CLOSING = 24
 """More bytes than the ending of a file and what else a cut adds to what it keeps."""
 
 
-def truncate(data: bytes, *, layers: int | None = None, max_bytes: int | None = None) -> bytes:
+def truncate(
+    data: bytes, *, layers: int | None = None, max_bytes: int | None = None, limits: Limits | None = None
+) -> bytes:
     """A complete, valid file with the first layers, or the first symbols, of another.
 
     Parameters
@@ -29,6 +32,8 @@ def truncate(data: bytes, *, layers: int | None = None, max_bytes: int | None = 
         Layers to keep.
     max_bytes : int, optional
         Most bytes of the result.
+    limits : Limits, optional
+        What decoding may take at most.
 
     Returns
     -------
@@ -41,6 +46,8 @@ def truncate(data: bytes, *, layers: int | None = None, max_bytes: int | None = 
     FormatError
         If ``data`` is not a valid file, or is a whole one that does not agree with its checksum; ``TruncatedError`` if
         it was cut off before a curve begins.
+    LimitError
+        If decoding takes more than the limits allow.
     """
     if (layers is None) == (max_bytes is None):
         raise OptionError("give either layers or max_bytes", code="options")
@@ -48,11 +55,11 @@ def truncate(data: bytes, *, layers: int | None = None, max_bytes: int | None = 
     # What is damaged must not get a checksum that is right.
     inspect(data)
     if layers is not None:
-        return _first_layers(data, layers)
+        return _first_layers(data, layers, limits)
     assert max_bytes is not None
-    if max_bytes >= len(data) and _whole(data):
+    if max_bytes >= len(data) and _whole(data, limits):
         return data
-    short = _first_bytes(data, max_bytes) if max_bytes > 0 else None
+    short = _first_bytes(data, max_bytes, limits) if max_bytes > 0 else None
     if short is None and max_bytes >= len(data):
         raise TruncatedError(
             f"the file ends after {len(data)} bytes, before its curve begins", code="truncated", offset=len(data)
@@ -62,18 +69,18 @@ def truncate(data: bytes, *, layers: int | None = None, max_bytes: int | None = 
     return short
 
 
-def _whole(data: bytes) -> bool:
-    decoder = Decoder()
+def _whole(data: bytes, limits: Limits | None) -> bool:
+    decoder = Decoder(limits)
     decoder.feed(data)
     for _ in decoder:
         pass
     return decoder.complete
 
 
-def _first_layers(data: bytes, layers: int) -> bytes:
+def _first_layers(data: bytes, layers: int, limits: Limits | None) -> bytes:
     if layers < 1:
         raise OptionError(f"{layers} layers, needed is at least 1", code="layers")
-    decoder = Decoder()
+    decoder = Decoder(limits)
     decoder.feed(data)
     number = 0
     for event in decoder:
@@ -96,9 +103,9 @@ def _first_layers(data: bytes, layers: int) -> bytes:
     return _closed(data[: run.chunk_start] + write_chunk(ChunkType.LAYERS, payload, last=True))
 
 
-def _first_bytes(data: bytes, most: int) -> bytes | None:
+def _first_bytes(data: bytes, most: int, limits: Limits | None) -> bytes | None:
     """File of as many symbols as fit ``most`` bytes; None if that is not enough for a run."""
-    decoder = Decoder()
+    decoder = Decoder(limits)
     end = min(most, len(data))
     at = max(end - _CLOSING, 0)
     decoder.feed(data[:at])
@@ -108,7 +115,7 @@ def _first_bytes(data: bytes, most: int) -> bytes | None:
             pass
         if decoder.runs:
             run = decoder.runs[-1]
-            symbols = run.symbols - int(decoder.coder.reg[LEFT])
+            symbols = decoder.run_symbols
             payload = write_varint(symbols) + data[run.program_start : run.start] + cut(decoder.coder)
             chunk = write_chunk(ChunkType.CUT_LAYERS, payload, last=True)
             if run.chunk_start + len(chunk) + CHECKSUM_BYTES <= most:
