@@ -15,6 +15,9 @@ import numpy as np
 from numba import njit, typeof
 from numba.core.options import DefaultOptions
 
+from .kept import SealedCache
+from .unfinished import new_file_mode, replace_file
+
 _HOME = Path(__file__).parent
 _WITHOUT_KERNELS = ("cli", "io")
 
@@ -43,12 +46,12 @@ def drop_stale_kernels(folder: Path, stamp: str) -> None:
     """
     note = folder / "sources.txt"
     with suppress(OSError):
-        if note.is_file() and note.read_text() == stamp:
+        if note.is_file() and note.read_bytes() == stamp.encode():
             return
-        for cached in folder.glob("*.nb[ic]"):
-            cached.unlink()
+        for cached in folder.glob("*.nb[ic]*"):
+            cached.unlink(missing_ok=True)  # another process may be at it, too
         folder.mkdir(parents=True, exist_ok=True)
-        note.write_text(stamp)
+        replace_file(note, stamp.encode(), new_file_mode())
 
 
 _OPTIONS: dict[str, Any] = {"cache": True, "nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True}
@@ -69,6 +72,7 @@ def kernel(function: Callable[..., Any]) -> Any:
         return njit(**(_OPTIONS | {"cache": False}))(function)
     if hasattr(made, "stats"):  # without NUMBA_DISABLE_JIT
         drop_stale_kernels(Path(made.stats.cache_path), sources())
+        made._cache = SealedCache(function)
     return made
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 import time
 from collections.abc import Callable, Iterator
@@ -9,6 +10,8 @@ from contextlib import contextmanager
 from typing import Any
 
 import click
+
+from ..unfinished import undoing
 
 # Shorter work is over before a bar is read.
 PATIENCE = 1.0
@@ -43,8 +46,14 @@ def progress_bar(label: str) -> Iterator[Callable[[int, int], None] | None]:
         else:
             bar.update(task, description=f"searching ({done} tried)")
 
+    def clear() -> None:
+        # past rich, whose locks may be held where a signal comes: the line is emptied, the cursor is shown
+        if bar is not None:
+            os.write(2, b"\r\x1b[2K\x1b[?25h")
+
     try:
-        yield report
+        with undoing(clear):
+            yield report
     finally:
         if bar is not None:
             bar.stop()

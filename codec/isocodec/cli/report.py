@@ -26,7 +26,7 @@ Exit codes:
   5  the .iso file is truncated
   6  over a limit (memory, number of vertices or layers)
   7  an optional library is missing
-  130  interrupted
+  130, 143, 129  interrupted (SIGINT), terminated (SIGTERM, SIGHUP); nothing is left behind
 With ISOCODEC_DEBUG=1 in the environment errors show their traceback."""
 
 PARTIAL = "--partial takes what was received"

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from numbers import Integral
+from decimal import Decimal
+from fractions import Fraction
+from numbers import Real
 from typing import Any
 
 import numpy as np
@@ -129,8 +131,11 @@ class Field:
         f_low = self.values[tuple(low.T)].astype(np.float64)
         f_high = self.values[tuple(high.T)].astype(np.float64)
         with np.errstate(all="ignore"):
-            # halved, so that the span of two large floats does not overflow
-            where = (self.isovalue / 2 - f_low / 2) / (f_high / 2 - f_low / 2)
+            # The larger end is brought between a half and 1 by a power of two: then the span of two large floats does
+            # not overflow, all bits of tiny ones stay, and what loses some is too small to count.
+            exponent = np.frexp(np.maximum(np.abs(f_low), np.abs(f_high)))[1]
+            at, start, end = (np.ldexp(x, -exponent) for x in (self.isovalue, f_low, f_high))
+            where = (at - start) / (end - start)
         return (step + np.clip(where, 0.0, 1.0)) / length
 
 
@@ -139,14 +144,48 @@ def _wide(samples: NDArray[Any], t: int) -> bool:
     return abs(t) >= 1 << 62 or (samples.dtype.itemsize == 8 and bool(np.any(np.abs(samples.astype(float)) >= 2.0**62)))
 
 
-def check_field(field: ArrayLike, isovalue: float, step: float | None = None) -> Field:
+def isovalue_of(given: object) -> float:
+    """An isovalue as files hold it, in double precision.
+
+    Parameters
+    ----------
+    given : int, float, Fraction, Decimal, or a number of numpy's
+        Finite. Fractions are rounded as in a program's text; whole numbers are not, and no number past one, since that
+        would move samples of integers to the other side.
+
+    Raises
+    ------
+    InputError
+        If it is not a number, not finite, or would be rounded so.
+    """
+    number = given
+    if isinstance(given, np.generic) or (isinstance(given, np.ndarray) and given.ndim == 0):
+        number = given.item()
+    if not isinstance(number, Real | Decimal) or isinstance(number, bool):
+        raise InputError(f"the isovalue {given!r} is not a number", code="isovalue", remedy="for example 500.5")
+    try:
+        isovalue = float(number)
+    except (ValueError, OverflowError):  # a signalling NaN, and what is larger than any float
+        isovalue = math.inf
+    if not math.isfinite(isovalue):
+        raise InputError(f"the isovalue is {isovalue}, needed is a finite number of double precision", code="isovalue")
+    exact = Fraction(*number.as_integer_ratio()) if isinstance(number, np.longdouble) else number
+    if math.floor(exact) != math.floor(isovalue):
+        raise InputError(
+            f"the isovalue {number} is not a number of double precision, which files hold", code="isovalue",
+            remedy=f"the nearest one is {isovalue:.0f}; or subtract a constant from the field",
+        )  # fmt: skip
+    return isovalue
+
+
+def check_field(field: ArrayLike, isovalue: object, step: float | None = None) -> Field:
     """A field that can be encoded at an isovalue.
 
     Parameters
     ----------
     field : (s0, s1) or (s0, s1, s2) array_like of bool, integers or floats
-    isovalue : float
-        Finite.
+    isovalue : number
+        As `isovalue_of` takes it.
     step : float, optional
         For float data: the largest error of values sent, more exactly twice it.
 
@@ -182,18 +221,7 @@ def check_field(field: ArrayLike, isovalue: float, step: float | None = None) ->
             f"the field has {max(values.shape)} samples along an axis, at most {MAX_SIDE[values.ndim]} are possible",
             code="shape", remedy="cut it into tiles",
         )  # fmt: skip
-    given = isovalue
-    try:
-        isovalue = float(isovalue)
-    except (TypeError, ValueError, OverflowError):
-        raise InputError(f"the isovalue {isovalue!r} is not a number", code="isovalue") from None
-    if isinstance(given, Integral) and int(given) != int(isovalue):
-        raise InputError(
-            f"the isovalue {given} is not a number of double precision, which files hold", code="isovalue",
-            remedy=f"the nearest one is {isovalue:.0f}; or subtract a constant from the field",
-        )  # fmt: skip
-    if not math.isfinite(isovalue):
-        raise InputError(f"the isovalue is {isovalue}, needed is a finite number", code="isovalue")
+    isovalue = isovalue_of(isovalue)
     if values.dtype.kind == "b":
         values = values.view(np.uint8)
     if values.dtype.kind == "f":

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import errno
 import os
-import tempfile
 from pathlib import Path
+
+from ..unfinished import new_file_mode, replace_file
 
 
 def check_target(path: str | os.PathLike[str]) -> None:
@@ -52,39 +53,13 @@ def write_bytes(path: str | os.PathLike[str], data: bytes) -> None:
     try:
         mode = target.stat().st_mode & 0o7777
     except FileNotFoundError:
-        mode = 0o666 & ~_umask()
+        mode = new_file_mode()
     try:
-        _replace(target, data, mode)
+        replace_file(target, data, mode)
     except OSError as exc:
         # the name that the caller knows, not that of the file beside it
         raise OSError(exc.errno, exc.strerror or str(exc), str(path)) from exc
 
 
-def _replace(target: Path, data: bytes, mode: int) -> None:
-    # In the same directory, since a rename is only atomic within one file system.
-    # Names have a limit in bytes.
-    start = os.fsdecode(os.fsencode(target.name)[:100])
-    descriptor, name = tempfile.mkstemp(prefix=f".{start}.", suffix=".part", dir=target.parent)
-    beside = Path(name)
-    try:
-        with os.fdopen(descriptor, "wb") as file:
-            file.write(data)
-            file.flush()
-            # Some file systems report a full disk only here, and then the old file must still be there.
-            os.fsync(file.fileno())
-        beside.chmod(mode)
-        os.replace(beside, target)
-    except BaseException:  # an interrupt, too, must not leave the partial file behind
-        beside.unlink(missing_ok=True)
-        raise
-
-
 def _is_special(path: Path) -> bool:
     return path.exists() and not path.is_file() and not path.is_dir()
-
-
-def _umask() -> int:
-    # The mask can only be read by setting it.
-    mask = os.umask(0o077)
-    os.umask(mask)
-    return mask

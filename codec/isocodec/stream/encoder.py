@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-import math
 import zlib
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
-from numbers import Real
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import replace
 
-import numpy as np
 from numpy.typing import ArrayLike
 
-from isospec.container import MAX_ISOVALUES, Checksum, ChunkType, Profile
+from isospec.container import Checksum, ChunkType, Profile
 
 from ..errors import FormatError, OptionError
 from ..grid.field import check_field
@@ -19,6 +16,17 @@ from ..grid.placement import PLACEMENT, placement_of, read_placement, write_plac
 from ..mesh.tables import cube_exponent
 from ..passes.tube import Tube
 from . import strategy
+from .asked import (
+    SEARCHED,
+    Asked,
+    check_options,
+    isovalues_of,
+    notes_of,
+    number_of,
+    plan_of,
+    steps_of,
+    whole_of,
+)
 from .container import (
     LayerRecord,
     Promises,
@@ -38,8 +46,6 @@ DEFAULT_TOLERANCE = 0.05
 """Largest distance in cells between decoded and extracted curve when nothing else is asked for."""
 INDEX_SHARE = 100
 """A level index is written if it takes at most this fraction of the data."""
-SEARCHED = 0.1
-"""From this tolerance on the mesh is chosen; below it nearly every crossing of the grid has to be told anyway."""
 
 
 class Encoder:
@@ -48,8 +54,9 @@ class Encoder:
     Parameters
     ----------
     field : (s0, s1) or (s0, s1, s2) array_like of bool, integers or floats
-    isovalue : float or sequence of float
-        One isovalue, or several of the same field, in the order in which the file has them.
+    isovalue : number or sequence of numbers
+        One isovalue, or several of the same field, in the order in which the file has them: finite numbers of Python's
+        or numpy's, fractions or decimals. Files hold double precision; whole numbers beyond it are refused.
     exact : bool
         Integer data: send the values next to the curve to the last bit.
     tolerance : float, optional
@@ -122,15 +129,16 @@ class Encoder:
         progress: Callable[[int, int], object] | None = None,
     ) -> None:
         self._asked = Asked(
-            exact, _number("tolerance", tolerance), signs_only, _number("step", step), _whole("base_level", base_level),
-            preserve_topology, _steps(steps), criterion, _number("parameter", parameter), plan,
+            exact, number_of("tolerance", tolerance), signs_only, number_of("step", step),
+            whole_of("base_level", base_level), preserve_topology, steps_of(steps), criterion,
+            number_of("parameter", parameter), plan,
         )  # fmt: skip
-        _check_options(self._asked)
+        check_options(self._asked)
         self._leaning = leaning
         if str(profile).upper() not in Profile.__members__:
             names = ", ".join(p.name.lower() for p in Profile)
             raise OptionError(f"unknown profile {profile!r}", code="profile", remedy=f"choose one of: {names}")
-        self.isovalues = _isovalues(isovalue)
+        self.isovalues = isovalues_of(isovalue)
         self._fields = [check_field(field, value, self._asked.step) for value in self.isovalues]
         self._truths = [truth_of(one) for one in self._fields]
         first = self._fields[0]
@@ -138,7 +146,7 @@ class Encoder:
             raise OptionError(
                 "exact is for integer data, and the field holds floats", code="exact", remedy="use step or tolerance"
             )
-        self._metadata = _notes(metadata or {})
+        self._metadata = notes_of(metadata or {})
         if placement is not None:
             if PLACEMENT in self._metadata:
                 raise OptionError("placement and metadata of that name contradict one another", code="options")
@@ -195,7 +203,7 @@ class Encoder:
         """What the options come to for one isovalue."""
         o = self._asked
         if o.plan is not None:
-            plan = o.plan[self.isovalues[number]] if isinstance(o.plan, Mapping) else o.plan
+            plan = plan_of(o.plan, self.isovalues[number])
             if not len(plan) and number == len(self.isovalues) - 1:
                 raise OptionError("the plan has no layers", code="plan", remedy='begin it with ("base", level)')
             return plan
@@ -290,108 +298,3 @@ class Encoder:
         if self._report:
             waiting = len(self.isovalues) - len(self._strands)
             self._report(len(self.records), len(self.layers) + waiting * len(self._strands[0].layers))
-
-
-@dataclass(frozen=True)
-class Asked:
-    """Options of an encoder, as given."""
-
-    exact: bool
-    tolerance: float | None
-    signs_only: bool
-    step: float | None
-    base_level: int | None
-    preserve_topology: bool
-    steps: list[float] | None
-    criterion: str | None
-    parameter: float | None
-    plan: Sequence[Entry] | Mapping[float, Sequence[Entry]] | None
-
-
-def _check_options(o: Asked) -> None:
-    """Refuse options that contradict one another."""
-    given = {name: value is not None and value is not False for name, value in vars(o).items()}
-    precise = [name for name in ("exact", "tolerance", "signs_only", "step", "steps") if given[name]]
-    shape = [name for name in ("base_level", "steps", "criterion") if given[name]]
-    if o.plan is not None and (shape or o.preserve_topology or precise not in ([], ["step"])):
-        raise OptionError("a plan contradicts the other options", code="options", remedy="give the plan alone")
-    for names in (precise, shape):
-        if len(names) > 1:
-            raise OptionError(f"{' and '.join(names)} contradict one another", code="options", remedy="choose one")
-    if o.base_level is not None and o.preserve_topology:
-        raise OptionError(
-            "base_level and preserve_topology contradict one another: a uniform base keeps no topology", code="options",
-            remedy="leave out base_level",
-        )  # fmt: skip
-    if o.parameter is not None and o.criterion is None:
-        raise OptionError("a parameter without a criterion", code="criterion", remedy="name the criterion")
-    if o.parameter is not None and not (math.isfinite(o.parameter) and o.parameter >= 0):
-        raise OptionError(f"the criterion's parameter is {o.parameter}, needed is a positive number", code="criterion")
-    radices(o.tolerance)
-
-
-def _notes(metadata: Mapping[str, str]) -> dict[str, str]:
-    """Metadata that a reader will find again."""
-    if not isinstance(metadata, Mapping):
-        raise OptionError(
-            f"metadata is {metadata!r}, needed are texts by their names", code="metadata", remedy='{"unit": "m"}'
-        )
-    for key, text in metadata.items():
-        if not (isinstance(key, str) and isinstance(text, str)):
-            raise OptionError(
-                f"metadata {key!r}: {text!r}, needed is text", code="metadata", remedy="write numbers as text"
-            )
-        try:
-            (key + text).encode()
-        except UnicodeEncodeError:
-            raise OptionError(f"metadata {key!r}: {text!r} is no text in Unicode", code="metadata") from None
-    return dict(metadata)
-
-
-def _number(name: str, value: object) -> float | None:
-    """An option that is a number of Python's or numpy's, if it is given."""
-    if value is None:
-        return None
-    if not isinstance(value, Real) or isinstance(value, bool):
-        raise OptionError(f"{name} is {value!r}, needed is a number", code=name)
-    return float(value)
-
-
-def _whole(name: str, value: object) -> int | None:
-    """The same of whole numbers."""
-    number = _number(name, value)
-    if number is not None and not number.is_integer():
-        raise OptionError(f"{name} is {value!r}, needed is a whole number", code=name)
-    return None if number is None else int(number)
-
-
-def _steps(steps: Sequence[float | str] | None) -> list[float] | None:
-    """Steps as numbers."""
-    if steps is None:
-        return None
-    if isinstance(steps, str) or not isinstance(steps, Iterable):
-        raise OptionError(f"steps are {steps!r}, needed is a sequence", code="steps", remedy="for example 4, 1, 0.25")
-    out = [strategy.EXACT if step in ("exact", 0) else _number("steps", step) or math.nan for step in steps]
-    for step in out[:-1] if out and out[-1] == strategy.EXACT else out:
-        if not (math.isfinite(step) and step >= SEARCHED):
-            raise OptionError(
-                f"a step of {step!r}, needed is a number of cells from {SEARCHED:g} on", code="steps",
-                remedy="the last one may be exact",
-            )  # fmt: skip
-    if not out:
-        raise OptionError("no steps", code="steps", remedy="for example 4, 1, 0.25")
-    return out
-
-
-def _isovalues(given: float | Sequence[float]) -> list[float]:
-    """The isovalues of a file."""
-    if not isinstance(given, Sequence | np.ndarray) or isinstance(given, str) or np.ndim(given) != 1:
-        return [given]  # type: ignore[list-item]
-    values = list(given)
-    if not values:
-        raise OptionError("no isovalue", code="isovalue", remedy="give one")
-    if len(set(values)) < len(values):
-        raise OptionError("an isovalue is given twice", code="isovalue", remedy="give each once")
-    if len(values) > MAX_ISOVALUES:
-        raise OptionError(f"{len(values)} isovalues, at most {MAX_ISOVALUES} fit a file", code="isovalue")
-    return values

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from numbers import Integral
 
 import numpy as np
 from numpy.typing import NDArray
@@ -41,7 +42,10 @@ there crossings may be told to be."""
 
 PROMISE = "promise"
 """An entry that makes no layer: what is promised of those before it."""
-_KINDS = ("base", "adaptive_base", "leaf_base", "refine", "adapt", "values", "offsets")
+_MEMBERS = {
+    "base": 2, "adaptive_base": 3, "leaf_base": 1, "refine": 2, "adapt": 3, "values": 2, "offsets": 5, PROMISE: 2,
+}  # fmt: skip
+"""Kinds of entries, and how many members they have at most."""
 
 
 def leaning_coder(header: Header, lean: Tube | None, size: int) -> Coder:
@@ -113,6 +117,9 @@ class Strand:
         self.run_bytes = 0
         self.progress = progress
         self.within: dict[int, float] = {}
+        _check_entries(plan)
+        if not field.integer and field.scale is None and any(entry[0] == "values" for entry in plan):
+            raise OptionError("values of floats are told in steps", code="plan", remedy="say how large: step")
         self._plan = [_operation(*entry) for entry in plan if entry[0] != PROMISE]  # type: ignore[arg-type]
         self._promised = _promised(plan)
         self._expanded = 0
@@ -236,21 +243,42 @@ def _promised(plan: Sequence[Entry]) -> dict[int, float]:
     return out
 
 
+def _check_entries(plan: Sequence[Entry]) -> None:
+    """Refuse what is no entry of a plan, or has more members than its kind takes."""
+    for entry in plan:
+        if isinstance(entry, str) or not isinstance(entry, Sequence) or not entry:
+            raise OptionError(
+                f"{entry!r} in a plan, needed is a sequence", code="plan", remedy='for example ("base", level)'
+            )
+        kind = entry[0]
+        if kind not in _MEMBERS:
+            raise OptionError(f"unknown layer {kind!r} in a plan", code="plan", remedy=f"one of {', '.join(_MEMBERS)}")
+        if len(entry) > _MEMBERS[str(kind)]:
+            raise OptionError(f"{kind} in a plan takes at most {_MEMBERS[str(kind)] - 1} members", code="plan")
+
+
 def _operation(
-    kind: str, number: int | None = None, more: int | Chosen | None = None, place: Place | None = None,
-    slack: Place | None = None,
-) -> tuple[Operation, int | None, int, Chosen | None, Place | None, Place | None]:  # fmt: skip
+    kind: str, number: object = None, more: object = None, place: Place | None = None, slack: Place | None = None
+) -> tuple[Operation, int | None, int, Chosen | None, Place | None, Place | None]:
     """An entry of a plan: operation, argument, unit of offsets, mesh, places of crossings, and slack of these."""
-    if kind not in _KINDS:
-        raise OptionError(f"unknown layer {kind!r} in a plan", code="plan", remedy=f"one of {', '.join(_KINDS)}")
+    argument = None if number is None else _count(kind, number)
     if kind == "leaf_base":
-        number = 0
+        argument = 0
     if kind == "offsets":
-        if number is None or number % 2 == 0:
+        if argument is None or argument % 2 == 0:
             raise OptionError(f"offsets with radix {number}, needed is an odd number", code="plan")
-        number //= 2
+        argument //= 2
     if kind in ("adaptive_base", "adapt"):
         if not isinstance(more, Chosen):
             raise OptionError(f"{kind} in a plan needs the mesh that it leads to", code="plan")
-        return Operation[kind.upper()], number, 0, more, None, None
-    return Operation[kind.upper()], number, more if isinstance(more, int) else 0, None, place, slack
+        return Operation[kind.upper()], argument, 0, more, None, None
+    return Operation[kind.upper()], argument, 0 if more is None else _count(kind, more), None, place, slack
+
+
+def _count(kind: str, number: object) -> int:
+    """A number in an entry of a plan."""
+    if not isinstance(number, Integral) or number < 0:
+        raise OptionError(
+            f"{kind} in a plan with {number!r}, needed is a whole number", code="plan", remedy="at least 0, or None"
+        )
+    return int(number)
