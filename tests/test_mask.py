@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import zlib
 from pathlib import Path
+from unittest import mock
 
 import nibabel
 import numpy as np
@@ -18,6 +19,7 @@ from brute import examples, noise, smooth
 from commands import BALL, HILLS, fails, ok, run
 from isocodec import Decoder, LimitError, Limits, OptionError, TruncatedError
 from isocodec.contour import mask as masks
+from isocodec.contour.mask import MaskRows
 
 SHAPES = st.one_of(st.tuples(*[st.integers(2, 20)] * 2), st.tuples(*[st.integers(2, 7)] * 3))
 WAYS = ({"signs_only": True}, {"exact": True}, {}, {"signs_only": True, "profile": "baseline"}, {"base_level": 0})
@@ -47,7 +49,13 @@ def test_out_of_the_ends_of_crossed_edges_alone(shape, seed):
         low |= differ
         high |= differ
     position = np.argwhere(known)
-    assert np.array_equal(mask_of(shape, position, above[known]), above)
+    for block in (1, 30, masks.BLOCK):
+        with mock.patch.object(masks, "BLOCK", block):
+            rows = list(MaskRows(shape, position, above[known]))
+            turned = list(MaskRows(shape[::-1], position[:, ::-1], above[known]))
+        assert len(rows) > 1 or block > 1
+        assert np.array_equal(np.concatenate(rows), above)
+        assert np.array_equal(np.concatenate(turned), above.T)
 
 
 @pytest.mark.parametrize("field", [noise((13, 9)), noise((6, 7, 5)), smooth((40, 33), 1), smooth((9, 18, 10), 2)])

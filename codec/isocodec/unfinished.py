@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from functools import partial
 from pathlib import Path
+from typing import BinaryIO
 
 _begun: list[Callable[[], object]] = []
 
@@ -32,8 +33,9 @@ def undo_all() -> None:
             undo()
 
 
-def replace_file(target: Path, data: bytes, mode: int) -> None:
-    """Write a file beside ``target``, flush it to the disk, give it permissions, and rename it over ``target``.
+@contextmanager
+def replacing(target: Path, mode: int) -> Iterator[BinaryIO]:
+    """A file beside ``target`` to write to, which is then flushed to the disk and renamed over ``target``.
 
     Raises
     ------
@@ -46,12 +48,18 @@ def replace_file(target: Path, data: bytes, mode: int) -> None:
     beside = target.with_name(f".{start}.{secrets.token_hex(8)}.part")
     with undoing(partial(beside.unlink, missing_ok=True)):
         with open(beside, "xb", opener=lambda path, flags: os.open(path, flags, 0o600)) as file:
-            file.write(data)
+            yield file
             file.flush()
             # Some file systems report a full disk only here, and then the old file must still be there.
             os.fsync(file.fileno())
         beside.chmod(mode)
         os.replace(beside, target)
+
+
+def replace_file(target: Path, data: bytes, mode: int) -> None:
+    """Put ``data`` at ``target``, as `replacing`."""
+    with replacing(target, mode) as file:
+        file.write(data)
 
 
 def new_file_mode() -> int:

@@ -2,24 +2,32 @@
 
 from __future__ import annotations
 
+import math
 import time
 from pathlib import Path
 
 import click
 
-from .options import iso_argument, json_option, output_option, partial_option
+from .options import iso_argument, json_option, limit_options, limits_of, output_option, partial_option
 from .progress import load_kernels
 from .receive import receive, warn_of_others
-from .report import check_output, concerning, read_iso, tell, write_output
+from .report import check_output, concerning, read_iso, tell
 
 
 @click.command("mask", short_help="Decode to which samples lie above, as an array, a picture or a volume.")
 @iso_argument
 @output_option("OUT")
 @click.option("--isovalue", type=float, metavar="V", help="Which isovalue, of several.  [default: the first]")
+@click.option(
+    "--limit-samples", type=click.IntRange(min=1), metavar="N", help="Most samples of a mask.  [default: 268435456]"
+)
 @partial_option
+@limit_options
 @json_option
-def mask_command(source: Path, output: Path, isovalue: float | None, partial: bool, as_json: bool) -> None:
+def mask_command(
+    source: Path, output: Path, isovalue: float | None, limit_samples: int | None, partial: bool,
+    limit_memory: int | None, limit_work: int | None, as_json: bool,
+) -> None:  # fmt: skip
     """Decode which samples of IN.iso lie above the isovalue; the suffix of OUT names the format.
 
     \b
@@ -29,7 +37,8 @@ def mask_command(source: Path, output: Path, isovalue: float | None, partial: bo
 
     The file has to tell all signs, as it does unless its precision ends at 0.1 cells or more, or at a criterion's mesh.
     """
-    from ..io.mask import check_mask_suffix, render_mask
+    from ..io.atomic import writing
+    from ..io.mask import check_mask_suffix, stored_last_first, write_mask
 
     with concerning(output):
         check_mask_suffix(output)
@@ -40,22 +49,26 @@ def mask_command(source: Path, output: Path, isovalue: float | None, partial: bo
 
     load_kernels()
     started = time.perf_counter()
-    decoder, number = receive(source, data, isovalue, partial)
+    limits = limits_of(limit_memory, limit_work, limit_samples)
+    decoder, number = receive(source, data, isovalue, partial, limits)
+    assert decoder.header is not None
+    shape = decoder.header.shape
+    with concerning(output):
+        suffix = check_mask_suffix(output, len(shape))
     with concerning(source):
-        mask = decoder.mask(number)
-    seconds = time.perf_counter() - started
+        rows = decoder.mask_rows(number, stored_last_first(suffix))
     if isovalue is None:
         warn_of_others(source, decoder.isovalues[number], decoder.isovalues)
-    placement = read_placement(decoder.metadata, mask.ndim)
-    with concerning(output):
-        rendered = render_mask(mask, check_mask_suffix(output, mask.ndim), placement)
-    write_output(output, rendered)
-    above = int(mask.sum())
+    placement = read_placement(decoder.metadata, len(shape))
+    with concerning(output), writing(output) as file:
+        above = write_mask(file, rows, suffix, placement)
+    seconds = time.perf_counter() - started
+    samples = math.prod(shape)
     tell(
-        f"{click.format_filename(output)}: {above:,} of {mask.size:,} samples above, {seconds:.2f} s",
+        f"{click.format_filename(output)}: {above:,} of {samples:,} samples above, {seconds:.2f} s",
         {
-            "output": str(output), "bytes": len(rendered), "above": above, "samples": mask.size,
-            "isovalue": decoder.isovalues[number], "shape": list(mask.shape), "complete": decoder.complete,
+            "output": str(output), "bytes": output.stat().st_size, "above": above, "samples": samples,
+            "isovalue": decoder.isovalues[number], "shape": list(shape), "complete": decoder.complete,
             "seconds": round(seconds, 3),
         },
         as_json,

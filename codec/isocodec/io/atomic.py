@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import errno
 import os
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
+from typing import BinaryIO
 
-from ..unfinished import new_file_mode, replace_file
+from ..unfinished import new_file_mode, replacing
 
 
 def check_target(path: str | os.PathLike[str]) -> None:
@@ -34,8 +37,9 @@ def check_target(path: str | os.PathLike[str]) -> None:
         raise PermissionError(errno.EACCES, os.strerror(errno.EACCES), str(target))
 
 
-def write_bytes(path: str | os.PathLike[str], data: bytes) -> None:
-    """Put ``data`` at ``path``: afterwards there is the whole new file, or on an error what was there before.
+@contextmanager
+def writing(path: str | os.PathLike[str]) -> Iterator[BinaryIO]:
+    """A file for what goes to ``path``: afterwards there is the whole new file, or on an error what was there before.
 
     A symbolic link is followed, the permissions of an existing file are kept, and what is not a regular
     file (``/dev/null``, a pipe) is written to directly, because it must not be replaced.
@@ -47,7 +51,8 @@ def write_bytes(path: str | os.PathLike[str], data: bytes) -> None:
     """
     if _is_special(Path(path)):
         # before links are followed: that of /dev/stdout may lead to no path
-        Path(path).write_bytes(data)
+        with open(path, "wb") as file:
+            yield file
         return
     target = Path(os.path.realpath(path))
     try:
@@ -55,10 +60,17 @@ def write_bytes(path: str | os.PathLike[str], data: bytes) -> None:
     except FileNotFoundError:
         mode = new_file_mode()
     try:
-        replace_file(target, data, mode)
+        with replacing(target, mode) as file:
+            yield file
     except OSError as exc:
         # the name that the caller knows, not that of the file beside it
         raise OSError(exc.errno, exc.strerror or str(exc), str(path)) from exc
+
+
+def write_bytes(path: str | os.PathLike[str], data: bytes) -> None:
+    """Put ``data`` at ``path``, as `writing`."""
+    with writing(path) as file:
+        file.write(data)
 
 
 def _is_special(path: Path) -> bool:

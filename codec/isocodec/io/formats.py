@@ -6,6 +6,7 @@ import os
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 from ..errors import OptionError
 
@@ -39,8 +40,8 @@ class Format:
     ----------
     dimensions : tuple of int
         Axes of the fields of which it can hold something.
-    render : callable returning bytes
-        Makes the whole file.
+    render : callable
+        Makes the whole file, or writes it.
     needs : callable, optional
         Loads the library that ``render`` needs, or raises.
     several : tuple of int
@@ -51,7 +52,7 @@ class Format:
     """
 
     dimensions: tuple[int, ...]
-    render: Callable[..., bytes]
+    render: Callable[..., Any]
     needs: Callable[[], object] | None = None
     several: tuple[int, ...] = ()
     cost: Mapping[int, Cost] = field(default_factory=dict)

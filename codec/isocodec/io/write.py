@@ -102,10 +102,10 @@ def render_contour(
         dimension = len(next(iter(contours)).shape)
     suffix = check_suffix(f"_{suffix}", dimension)
     if holds_several(suffix, dimension):
-        return _FORMATS[suffix].render(contours)
+        return bytes(_FORMATS[suffix].render(contours))
     if len(contours) > 1:
         raise OptionError(f"{suffix} cannot hold several isovalues", code="suffix", remedy="write one after the other")
-    return _FORMATS[suffix].render(next(iter(contours)))
+    return bytes(_FORMATS[suffix].render(next(iter(contours))))
 
 
 def write_contour(contour: Contour | Collection[Contour], path: str | os.PathLike[str]) -> None:

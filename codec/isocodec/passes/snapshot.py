@@ -58,7 +58,7 @@ def _explicit(tube: Tube) -> NDArray[np.int64]:
 
 
 _DRAWN = {(2, True): (60, 140, 24), (2, False): (40, 240, 40), (3, True): (40, 120, 24), (3, False): (60, 320, 40)}
-"""Bytes that a drawing takes at most for each vertex, leaf and stated edge, by dimension and whether on the full grid."""
+"""Bytes that a drawing takes at most for each vertex, leaf and stated edge, by dimension and if on the full grid."""
 
 
 def drawing_bytes(tube: Tube) -> int:

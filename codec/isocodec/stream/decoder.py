@@ -339,8 +339,7 @@ class Decoder:
         for i, tube in enumerate(self._tubes):
             if tube is not None and number in (None, i):
                 self._budget.release(tube, tube.estimates)
-                self._tubes[i] = None
-        self._reader.forget()
+                self._reader.drop(i)
 
     # -- the machine ---------------------------------------------------------------------------------------------
 

@@ -90,7 +90,7 @@ class LayerReader:
         self._listed = 0
         self._run = 0
         self._run_read = 0
-        self._before = np.zeros(len(ELEMENTS), np.int64)
+        self._before = self._dropped = np.zeros(len(ELEMENTS), np.int64)
         self._layer_start = 0
         self._done = 0
 
@@ -116,9 +116,13 @@ class LayerReader:
         """Whether layers of the chunk are still to come."""
         return self._pending is None or bool(self._pending)
 
-    def forget(self) -> None:
-        """Keep nothing alive of what was decoded."""
-        if self._run_tube not in self._tubes:
+    def drop(self, number: int) -> None:
+        """Keep nothing of what was decoded of an isovalue but how many symbols it took."""
+        tube = self._tubes[number]
+        assert tube is not None
+        self._dropped = self._dropped + tube.tally()[: len(ELEMENTS)]
+        self._tubes[number] = None
+        if self._run_tube is tube:
             self._run_tube = None
 
     def leave(self) -> None:
@@ -132,8 +136,7 @@ class LayerReader:
 
     def symbols(self) -> NDArray[np.int64]:
         """Symbols by syntax element so far, of all isovalues."""
-        none = np.zeros(len(ELEMENTS), np.int64)
-        return sum((tube.tally()[: len(ELEMENTS)] for tube in self._tubes if tube), none)
+        return sum((tube.tally()[: len(ELEMENTS)] for tube in self._tubes if tube), self._dropped)
 
     def go_on(self, chunk: Envelope, chunk_start: int) -> Event | None:
         """Go on with a chunk of layers; None if all are done or more bytes are needed."""
