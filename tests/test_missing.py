@@ -41,6 +41,7 @@ def test_what_a_geotiff_says(tmp_path: Path, dtype: str, text: str, value: float
 @pytest.mark.parametrize("text", [None, "none", "", "1,5"])
 def test_a_geotiff_that_says_nothing(tmp_path: Path, text: str | None) -> None:
     assert read_nodata(tiff(tmp_path / "dem.tif", HILLS, text)) is None
+    np.save(tmp_path / "dem.npy", HILLS)
     assert read_nodata(tmp_path / "dem.npy") is None
 
 

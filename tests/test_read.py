@@ -365,7 +365,7 @@ def test_names_that_tell_nothing(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("module", "name", "extra"),
     [
-        ("imageio.v3", "a.png", "image"),
+        ("PIL", "a.png", "image"),
         ("tifffile", "a.tif", "image"),
         ("nibabel", "a.nii", "nifti"),
         ("h5py", "a.h5", "hdf5"),
