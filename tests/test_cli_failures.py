@@ -117,10 +117,10 @@ def test_missing_iso_and_directory(tmp_path: Path) -> None:
 
 
 def test_permission_denied(curve: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    def closed(self: Path) -> bytes:
+    def closed(self: Path, _: str) -> None:
         raise PermissionError(13, "Permission denied", str(self))
 
-    monkeypatch.setattr(Path, "read_bytes", closed)
+    monkeypatch.setattr(Path, "open", closed)
     assert fails(3, "info", curve) == f"isocodec: {curve}: Permission denied"
 
 

@@ -32,6 +32,7 @@ With ISOCODEC_DEBUG=1 in the environment errors show their traceback."""
 
 PARTIAL = "--partial takes what was received"
 """Remedy of the command line for a truncated file."""
+_PIECE = 1 << 20
 INTERRUPTED = 130  # as shells have it: 128 + SIGINT
 
 
@@ -145,9 +146,20 @@ def tell(text: str, record: dict[str, Any], as_json: bool) -> None:
 
 
 def read_iso(path: Path) -> bytes:
-    """The bytes of an .iso file."""
-    with concerning(path):
-        data = path.read_bytes()
+    """The bytes of an .iso file, which may come through a pipe; of anything else, which may never end, the first."""
+    from isospec.container import SIGNATURE
+
+    from ..limits import Limits
+
+    with concerning(path), path.open("rb") as file:
+        pieces = [file.read(len(SIGNATURE))]
+        most = Limits().bytes - len(SIGNATURE)
+        while pieces[0] == SIGNATURE and most >= 0 and (piece := file.read(_PIECE)):
+            pieces.append(piece)
+            most -= len(piece)
+        if most < 0:
+            raise LimitError(f"more than {Limits().bytes:,} bytes", code="limit-bytes", clause="11.2")
+        data = b"".join(pieces)
         if not data:
             raise TruncatedError("the file is empty", code="truncated", offset=0, clause="3.3")
         return data

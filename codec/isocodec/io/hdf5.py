@@ -54,7 +54,7 @@ def dataset(source: Source, key: str | None) -> Iterator[Any]:
         elif key.strip("/") not in {*shapes, *elsewhere}:
             raise InputError(f"holds no array '{plain(key)}', but: {_shapes(shapes, elsewhere)}", code="key")
         if key.strip("/") in elsewhere:
-            raise source.refused(elsewhere[key.strip("/")], "for samples of its own")
+            raise source.refused(elsewhere[key.strip("/")], "in which samples lie")
         yield file[key]
 
 
@@ -69,7 +69,7 @@ def _other_file(name: str, there: Mapping[str, Any], seen: frozenset[str] = froz
                 return str(part.file_name)
             inner = part.dset_name.strip("/")
             if inner not in there:  # a link, or a pattern of names
-                return f"whatever {part.dset_name} is"
+                return str(part.dset_name)
             if inner not in seen and (found := _other_file(inner, there, seen | {name})) is not None:
                 return found
     return None
