@@ -107,6 +107,14 @@ def test_files_beside_a_detached_header_are_read(tmp_path: Path, name: str, head
     assert caught.value.code == "other-file"
 
 
+@pytest.mark.parametrize("name", ["./data.raw", "in/../data.raw", "C:data.raw", "..\\data.raw", "."])
+def test_paths_are_no_names(tmp_path: Path, name: str) -> None:
+    """Even those that lead back to the same directory, and those of other systems."""
+    (tmp_path / "data.raw").write_bytes(CELLS.tobytes("F"))
+    (tmp_path / "v.mhd").write_bytes(META + b"ElementDataFile = " + name.encode() + b"\n")
+    refused(tmp_path / "v.mhd", name)
+
+
 def test_links_lead_out_of_the_directory_only_if_followed(secret: Path) -> None:
     folder = secret.parent.parent / "in"
     (folder / "v.mhd").write_bytes(META + b"ElementDataFile = data.raw\n")
