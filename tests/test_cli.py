@@ -170,10 +170,10 @@ def test_fields_that_cannot_be_encoded(tmp_path: Path) -> None:
 
 def test_missing_extra(tmp_path: Path, surface: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     Image.fromarray(HILLS).save(tmp_path / "a.png")
-    for module in ("imageio.v3", "trimesh", "matplotlib.figure"):
+    for module in ("PIL", "trimesh", "matplotlib.figure"):
         monkeypatch.setitem(sys.modules, module, None)
     line = fails(7, "encode", tmp_path / "a.png", "-o", tmp_path / "a.iso", "--isovalue", 1)
-    assert line.endswith("reading .png needs imageio: pip install 'isocodec[image]'")
+    assert line.endswith("reading .png needs PIL: pip install 'isocodec[image]'")
     assert "'isocodec[mesh]'" in fails(7, "decode", surface, "-o", tmp_path / "a.ply")
     assert "'isocodec[plot]'" in fails(7, "decode", surface, "-o", tmp_path / "s.png")
     # before any work: the file is not even looked at

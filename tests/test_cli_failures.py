@@ -117,10 +117,10 @@ def test_missing_iso_and_directory(tmp_path: Path) -> None:
 
 
 def test_permission_denied(curve: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    def closed(self: Path) -> bytes:
+    def closed(self: Path, _: str) -> None:
         raise PermissionError(13, "Permission denied", str(self))
 
-    monkeypatch.setattr(Path, "read_bytes", closed)
+    monkeypatch.setattr(Path, "open", closed)
     assert fails(3, "info", curve) == f"isocodec: {curve}: Permission denied"
 
 
@@ -371,3 +371,45 @@ def test_output_to_a_pipe_without_a_path(curve: Path) -> None:
     command = f"{sys.executable} -m isocodec truncate {curve} -o /dev/stdout --bytes 100 | wc -c"
     done = subprocess.run(["sh", "-c", command], capture_output=True, text=True, check=True, timeout=120)
     assert int(done.stdout) <= 250, done
+
+
+# ---- Isovalues at and beyond the ends of the data -------------------------------------------------------------------
+
+
+def warnings_of(source: Path, out: Path, *options: object) -> list[str]:
+    result = run("encode", source, "-o", out, *options)
+    assert result.exit_code == 0, result.output
+    return [line.removeprefix(f"isocodec: {source}: warning: ") for line in result.stderr.splitlines()]
+
+
+def test_isovalues_outside_the_data_are_said_one_by_one(tmp_path: Path) -> None:
+    """Above the lowest of several, not below the highest: the curve of each of these alone is empty."""
+    field = HILLS.astype(np.float64) + 10
+    np.save(tmp_path / "a.npy", field)
+    low, high = field.min(), field.max()
+    lowest = f"the isovalue 5 lies outside the data ({low:g} to {high:g}): the curve is empty"
+    highest = f"the isovalue {high:g} lies outside the data ({low:g} to {high:g}): the curve is empty"
+    out = tmp_path / "a.iso"
+    for isovalues, said in (
+        ((5, 80.5), [lowest]),
+        ((80.5, 5), [lowest]),
+        ((80.5, 40.5), []),
+        ((low, 80.5), []),  # samples that equal the least value lie below it, the others above
+        ((80.5, high), [highest]),
+        ((5, high), [lowest, highest]),
+    ):
+        options = [word for isovalue in isovalues for word in ("--isovalue", isovalue)]
+        assert warnings_of(tmp_path / "a.npy", out, *options) == said
+        for contour in isocodec.decode_all(out.read_bytes()):
+            assert (len(contour.points) == 0) == (not low <= contour.isovalue < high)
+
+
+def test_an_isovalue_equal_to_the_maximum(hills: Path, tmp_path: Path) -> None:
+    """Nothing lies above it, so the curve is empty, and of integers those that are equal to it are counted."""
+    most = int(HILLS.max())
+    outside, tied = warnings_of(hills, tmp_path / "a.iso", "--isovalue", most)
+    assert outside == f"the isovalue {most} lies outside the data ({HILLS.min()} to {most}): the curve is empty"
+    assert tied.startswith(f"{(most == HILLS).sum()} samples equal the isovalue {most}: they count as below")
+    assert not isocodec.decode_mask((tmp_path / "a.iso").read_bytes()).any()
+    assert warnings_of(hills, tmp_path / "a.iso", "--isovalue", most - 1, "--signs-only") == []
+    assert np.array_equal(isocodec.decode_mask((tmp_path / "a.iso").read_bytes()), most == HILLS)

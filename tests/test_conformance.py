@@ -341,6 +341,31 @@ def test_json_report(capsys):
     assert {entry["name"] for entry in report["vectors"]} == set(SOME)
 
 
+def test_json_report_of_failures(capsys, tmp_path):
+    """The exit code is that of the text, and each failure has its reason."""
+    code, lines = run_some(capsys, "--json", "--decoder", decoder_of(tmp_path, "code = 0"))
+    report = json.loads("\n".join(lines))
+    wrong = {"plane_ends_in_values", "plane_ends_in_header", "bad_trailing"}
+    assert code == 1
+    assert (report["passed"], report["failed"]) == (len(SOME) - len(wrong), len(wrong))
+    assert {entry["name"] for entry in report["vectors"] if entry["reason"]} == wrong
+
+
+def test_a_wrong_exit_code_after_a_layer_fails(capsys, tmp_path, importable):
+    """Right states, right at the end: but part of a file is no reason to say that it is cut off, or wrong."""
+    name = "plane_values_8_bit"
+    for wrong in (1, 4, 5, 6):
+        body = (
+            "from isoconform.dump import dump\n"
+            "text = dump(pathlib.Path(sys.argv[1]).read_bytes(), layers=int(sys.argv[2])).text\n"
+            f"code = {wrong} if sys.argv[2] == '2' else 0"
+        )
+        code, lines = run_some(capsys, "--layers", "--decoder", decoder_of(tmp_path, body), names=[name])
+        assert code == 1
+        assert lines[0].startswith(f"FAIL  {name}: after layer 2 (") and f"exit code {wrong}, expected 0" in lines[0]
+        assert run_some(capsys, "--decoder", decoder_of(tmp_path, body), names=[name])[0] == 0
+
+
 @pytest.mark.parametrize(
     "arguments",
     [

@@ -399,7 +399,12 @@ def test_bytes_of_any_kind():
     decoder.feed(data[:1])
     decoder.feed(np.frombuffer(data, np.uint8)[1:40])
     decoder.feed(memoryview(data)[40:])
+    events = list(decoder)
     decoder.close()
+    assert decoder.complete and same_drawing(decoder.snapshot(), isocodec.decode(data))
+    alone = Decoder()
+    alone.feed(data)
+    assert [type(event) for event in events] == [type(event) for event in alone]
 
 
 def test_metadata_keeps_the_strings_among_members_of_one_name():

@@ -291,7 +291,7 @@ def test_options_of_the_wrong_kind(options):
 
 def test_ragged_fields_refused():
     """Nested lists of unequal length: numpy's own error, which is a ValueError too."""
-    with pytest.raises(ValueError):
+    with pytest.raises(ValueError, match="inhomogeneous"):
         isocodec.encode([[1, 2], [3]], 0.5)
 
 

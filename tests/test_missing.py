@@ -41,6 +41,7 @@ def test_what_a_geotiff_says(tmp_path: Path, dtype: str, text: str, value: float
 @pytest.mark.parametrize("text", [None, "none", "", "1,5"])
 def test_a_geotiff_that_says_nothing(tmp_path: Path, text: str | None) -> None:
     assert read_nodata(tiff(tmp_path / "dem.tif", HILLS, text)) is None
+    np.save(tmp_path / "dem.npy", HILLS)
     assert read_nodata(tmp_path / "dem.npy") is None
 
 
@@ -59,6 +60,41 @@ def test_what_netcdf_says(tmp_path: Path, name: str) -> None:
         assert np.array_equal(missing_samples(read, read_nodata(tmp_path / "a.nc", key)), gone)
     ok("encode", tmp_path / "a.nc", "--key", "z", "-o", tmp_path / "a.iso", "--isovalue", 80, "--missing", "below")
     assert not isocodec.decode_mask((tmp_path / "a.iso").read_bytes())[HOLE].any()
+
+
+def test_one_of_two_that_netcdf_says(tmp_path: Path) -> None:
+    """``_FillValue`` is what arrays are filled with, and ``missing_value`` the older way to say so."""
+    field = HILLS.astype(np.int16)
+    field[HOLE], field[5, 5] = -1, -2
+    with h5py.File(tmp_path / "a.nc", "w") as file:
+        for name, more in (("z", {}), ("packed", {"scale_factor": 0.5})):
+            file[name] = field
+            file[name].attrs.update({"missing_value": np.int16(-2), "_FillValue": np.int16(-1), **more})
+    assert read_nodata(tmp_path / "a.nc", "z") == -1
+    assert np.array_equal(missing_samples(isocodec.io.read_field(tmp_path / "a.nc", key="z"), -1.0), HOLE)
+    packed = isocodec.io.read_field(tmp_path / "a.nc", key="packed")
+    assert np.array_equal(np.isnan(packed), HOLE) and packed[5, 5] == -1
+
+
+@pytest.mark.parametrize(("dtype", "nodata", "gone"), [
+    ("int64", -(2.0**63), [0]), ("int64", 2.0**63, []), ("int64", 2.0**62, [3]), ("uint64", 2.0**63, []),
+])  # fmt: skip
+def test_the_largest_values_that_stand_for_missing_samples(dtype: str, nodata: float, gone: list[int]) -> None:
+    """2^63 is one more than the largest of 64 bits with a sign."""
+    least = np.iinfo(dtype).min
+    field = np.array([least, 0, np.iinfo(dtype).max, 2**62], dtype)
+    assert np.flatnonzero(missing_samples(field, nodata)).tolist() == gone
+
+
+def test_below_the_lowest_of_several_isovalues() -> None:
+    """Where all samples lie above it, so that none of them could stand for what is missing."""
+    for dtype in ("uint8", "float32"):
+        field = np.full((6, 6), 50, dtype)
+        field[2:4, 2:4] = 90
+        gone = field == 90
+        for isovalues in ([20, 60], [60, 20], [20.5]):
+            below, above = (filled(field, gone, way, isovalues)[gone] for way in ("below", "above"))
+            assert (below <= min(isovalues)).all() and (above > max(isovalues)).all()
 
 
 @pytest.mark.parametrize(("dtype", "nodata"), [("uint8", 256.0), ("uint8", -1.0), ("int16", 0.5), ("int16", np.nan)])

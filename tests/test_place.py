@@ -22,6 +22,7 @@ from PIL import Image
 import isocodec
 from brute import examples
 from commands import fails, ok, run
+from files import with_checksum
 from isocodec import OptionError
 from isocodec.grid.placement import placement_of, read_placement, unplaced, write_placement
 from isocodec.io import Place, read_place, render_contour
@@ -158,6 +159,21 @@ def test_voxels_that_are_not_known_need_a_spacing(tmp_path: Path, notes: dict[st
     tifffile.imwrite(tmp_path / "o.ome.tif", BALL.astype(np.uint8), ome=True, metadata=notes)
     place = read_place(tmp_path / "o.ome.tif", 3)
     assert place.placement is None and "left out" in place.remark
+
+
+def test_sizes_in_several_units(tmp_path: Path) -> None:
+    """They have no common scale unless all say the same one; a size without a unit is in micrometres."""
+    sizes = {"PhysicalSizeX": 0.25, "PhysicalSizeY": 0.5, "PhysicalSizeZ": 2.5}
+    for units, known in (
+        ({}, True),
+        ({"PhysicalSizeXUnit": "nm"}, False),
+        ({f"PhysicalSize{a}Unit": unit for a, unit in zip("XYZ", ("nm", "nm", "mm"), strict=True)}, False),
+        ({f"PhysicalSize{a}Unit": "nm" for a in "XYZ"}, True),
+        ({f"PhysicalSize{a}Unit": "µm" for a in "XZ"}, True),
+    ):
+        notes = {"axes": "ZYX", **sizes, **units}
+        tifffile.imwrite(tmp_path / "o.ome.tif", BALL.astype(np.uint8), ome=True, metadata=notes)
+        assert (read_place(tmp_path / "o.ome.tif", 3).placement is not None) == known, units
 
 
 @pytest.mark.parametrize("text", [b"<OME", b"<OME/>", b"<OME><Pixels PhysicalSizeX='a'/></OME>"])
@@ -418,6 +434,29 @@ def test_notes(n: int, data: st.DataObject) -> None:
         assert back is not None and np.array_equal(back, placement)
     assert read_placement({"placement": data.draw(st.text(max_size=40))}, n) is None
     assert read_placement({}, n) is None
+
+
+@pytest.mark.parametrize(
+    "note", ["1 0 0 0 1 x", "x", "1 0 0 0 1 nan", "1 0 0 0 1 inf", "1 0 0 0 1 0x1", "1 0 0 0 1 1_0", "1 0 0 0 1 ",
+             "1 0 0 0 1", "1 0 0 0 1 0 0", "1 0 0  0 1 0", "01 0 0 0 1 0", "+1 0 0 0 1 0", "1 0 0 0 1 \u0661"],
+)  # fmt: skip
+def test_notes_with_something_else_than_numbers(note: str) -> None:
+    """Nothing is said by them: a decoder goes on, and an encoder does not write them."""
+    assert read_placement({"placement": note}, 2) is None
+    with pytest.raises(OptionError, match="says nothing"):
+        isocodec.encode(HILL, 70.5, metadata={"placement": note})
+    body = isocodec.encode(HILL, 70.5, metadata={"placemenx": note})[:-4].replace(b"placemenx", b"placement")
+    contour = isocodec.decode(with_checksum(body))
+    assert contour.metadata == {"placement": note} and contour.placement is None
+
+
+def test_the_users_own_system_wins(tmp_path: Path) -> None:
+    """Over the one that the file names; its placement stays."""
+    tifffile.imwrite(tmp_path / "dem.tif", HILL.astype(np.float32), extratags=UTM + keys(1, 32631))
+    for more, crs in (((), "EPSG:32631"), (("--metadata", "crs=EPSG:25831"), "EPSG:25831")):
+        ok("encode", tmp_path / "dem.tif", "-o", tmp_path / "dem.iso", "--isovalue", 70, *more)
+        metadata = isocodec.inspect((tmp_path / "dem.iso").read_bytes()).metadata
+        assert metadata == {"crs": crs, "placement": "0 30 500015 -20 0 3999990"}
 
 
 def test_without() -> None:

@@ -227,6 +227,33 @@ def test_failed_write_leaves_the_old_file(tmp_path: Path, monkeypatch: pytest.Mo
     assert [path.name for path in tmp_path.iterdir()] == ["a.npz"]
 
 
+def test_a_rename_that_fails_leaves_the_old_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    target = tmp_path / "a.npz"
+    target.write_bytes(b"old")
+
+    def refused(*_: object) -> None:
+        raise PermissionError(1, "Operation not permitted", "another name")
+
+    monkeypatch.setattr(os, "replace", refused)
+    with pytest.raises(PermissionError) as caught:
+        write_bytes(target, b"new")
+    assert caught.value.filename == str(target)
+    assert target.read_bytes() == b"old"
+    assert [path.name for path in tmp_path.iterdir()] == ["a.npz"]
+
+
+@pytest.mark.parametrize("mask", [0o022, 0o077, 0o000])
+def test_the_mask_of_the_process_is_kept(tmp_path: Path, mask: int) -> None:
+    """It can only be read by setting it, and then it has to be as before."""
+    before = os.umask(mask)
+    try:
+        write_bytes(tmp_path / "a", b"1")
+    finally:
+        after = os.umask(before)
+    assert after == mask
+    assert stat.S_IMODE((tmp_path / "a").stat().st_mode) == 0o666 & ~mask
+
+
 def test_interrupted_write_leaves_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def interrupt(*_: object) -> None:
         raise KeyboardInterrupt
@@ -270,3 +297,14 @@ def test_targets_that_cannot_be_written(tmp_path: Path, monkeypatch: pytest.Monk
         monkeypatch.setattr(os, "access", lambda path, _, closed=closed: Path(path) != closed)
         with pytest.raises(PermissionError):
             check_target(tmp_path / "file")
+
+
+@pytest.mark.parametrize("lacking", [os.W_OK, os.X_OK])
+def test_folders_that_cannot_be_written_or_entered(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, lacking: int
+) -> None:
+    """Without the right to enter a folder nothing can be made in it, even with that to write."""
+    monkeypatch.setattr(os, "access", lambda path, mode: not (Path(path) == tmp_path and mode & lacking))
+    with pytest.raises(PermissionError) as caught:
+        check_target(tmp_path / "new")
+    assert caught.value.filename == str(tmp_path / "new")

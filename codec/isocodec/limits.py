@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from isospec.container import MAX_ISOVALUES
-
 from .errors import LimitError, OptionError
 
 WORK_PER_BYTE = 512
@@ -14,6 +12,14 @@ WORK_STEPS = 16
 """Steps of inference that count as one unit of work."""
 WORK_LIST = 4
 """Vertices and simplices that a layer lists, likewise."""
+ISOVALUES = 64
+"""As many as a file may have (spec clause 11.1)."""
+FIELD_SAMPLES = 1 << 30
+"""Samples that are read of an input file unless more are asked for.
+
+Volumes of 1024 samples a side and terrains of 32,768 pass, the largest that are common: 8.6 GB in double precision. A
+file that only claims to hold more is refused before anything is allocated for it.
+"""
 
 
 @dataclass(frozen=True)
@@ -50,7 +56,7 @@ class Limits:
     simplices: int = 1 << 28
     symbols: int = 1 << 40
     steps: int = 1 << 27
-    isovalues: int = MAX_ISOVALUES
+    isovalues: int = ISOVALUES
     layers: int = 4096
     bytes: int = 1 << 33
     samples: int = 1 << 28
@@ -74,7 +80,7 @@ class Limits:
 
 LEVELS = {
     0: (1 << 14, 1 << 15, 1 << 20, 1 << 20, 4),
-    1: (1 << 20, 1 << 21, 1 << 23, 1 << 24, MAX_ISOVALUES),
+    1: (1 << 20, 1 << 21, 1 << 23, 1 << 24, ISOVALUES),
 }
 """Vertices, simplices, symbols, steps and isovalues (spec clause 11.3)."""
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import logging
 import math
 import time
 from decimal import Decimal
@@ -11,8 +10,10 @@ from typing import TYPE_CHECKING
 
 import click
 
+from ..limits import FIELD_SAMPLES
 from .options import Isovalue, json_option, output_option
 from .progress import load_kernels, progress_bar
+from .quiet import one_warning
 from .report import check_iso_output, concerning, tell, warn, write_output
 
 if TYPE_CHECKING:
@@ -95,6 +96,18 @@ if TYPE_CHECKING:
     metavar="N",
     help="Which of a series, counted from 0: along the first axis of an array or TIFF stack, the last of a volume.",
 )
+@click.option(
+    "--limit-samples",
+    type=click.IntRange(min=1),
+    metavar="N",
+    help=f"How many samples INPUT may hold at most.  [default: {FIELD_SAMPLES:,}]",
+)
+@click.option(
+    "--follow-paths",
+    "follow",
+    is_flag=True,
+    help="Read other files that INPUT names by a path, or keeps its samples in (HDF5).",
+)
 @json_option
 def encode_command(
     source: Path,
@@ -120,6 +133,8 @@ def encode_command(
     key: str | None,
     channel: int | None,
     frame: int | None,
+    limit_samples: int | None,
+    follow: bool,
     as_json: bool,
 ) -> None:
     """Encode the isocontour (2-D) or isosurface (3-D) of the field in INPUT.
@@ -160,14 +175,18 @@ def encode_command(
 
     from ..grid.placement import CRS, PLACEMENT
     from ..io.missing import missing_samples, read_nodata
-    from ..io.place import read_place
+    from ..io.place import Place, read_place
     from ..io.read import read_field
 
-    for library in ("tifffile", "nibabel.global"):
-        # what they make of damaged tags is said once, and by us
-        logging.getLogger(library).setLevel(logging.CRITICAL)
+    placed = steps_along is None and not no_placement and PLACEMENT not in notes
     with concerning(source):
-        field = read_field(source, key=key, channel=channel, frame=frame)
+        with one_warning(source):
+            field = read_field(source, key=key, channel=channel, frame=frame, samples=limit_samples, follow=follow)
+            if nodata is None and label is None:
+                nodata = read_nodata(source, key, follow=follow)
+            place = Place()
+            if placed:
+                place = read_place(source, field.ndim, key, samples=limit_samples, follow=follow)
         if steps_along is not None and len(steps_along) != field.ndim:
             raise click.UsageError(f"--spacing {spacing}: needed is a number for each of the {field.ndim} axes")
         if label is not None:
@@ -175,18 +194,15 @@ def encode_command(
             notes.setdefault("label", f"{label:g}")
             signs_only |= not any(precise.values())
         else:
-            gone = missing_samples(field, read_nodata(source, key) if nodata is None else nodata)
+            gone = missing_samples(field, nodata)
             if interval is not None:
                 isovalues = _multiples(interval, field[~gone])
             field = _whole(source, field, gone, missing, isovalues)
-        placement: ArrayLike | None = steps_along
-        if placement is None and not no_placement and PLACEMENT not in notes:
-            place = read_place(source, field.ndim, key)
-            placement = place.placement
-            if place.remark:
-                warn(source, place.remark)
-            if place.crs is not None:
-                notes.setdefault(CRS, place.crs)
+        placement: ArrayLike | None = place.placement if placed else steps_along
+        if place.remark:
+            warn(source, place.remark)
+        if place.crs is not None:
+            notes.setdefault(CRS, place.crs)
         load_kernels(search=tolerance is not None or steps is not None or preserve_topology or criterion is not None)
         started = time.perf_counter()
         with progress_bar("encoding") as progress:

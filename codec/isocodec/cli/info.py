@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from ..text import plain
 from .options import iso_argument, json_option, limit_options, limits_of
 from .report import concerning, read_iso, warn
 
@@ -44,7 +45,9 @@ def _print(source: Path, info: FileInfo) -> None:
     from rich.table import Table
 
     console = Console()
-    facts = Table(title=escape(str(source)), title_justify="left", title_style="bold", show_header=False, box=None)
+    facts = Table(
+        title=escape(plain(str(source))), title_justify="left", title_style="bold", show_header=False, box=None
+    )
     facts.add_row("version", f"{info.version} (read version {info.read_version})")
     facts.add_row("profile", str(info.profile))
     facts.add_row("shape", " x ".join(str(n) for n in info.shape))
@@ -53,7 +56,7 @@ def _print(source: Path, info: FileInfo) -> None:
         leaning = "" if lean is None else f", leans on {info.isovalues[lean]:.17g}"
         facts.add_row(f"isovalue {number}", f"{isovalue:.17g}{leaning}")
     for key, text in info.metadata.items():
-        facts.add_row(escape(_plain(key)), escape(_plain(text)))
+        facts.add_row(escape(plain(key, "\n")), escape(plain(text, "\n")))
     if any(info.topology):
         kept = [f"{v:.17g}" for v, kept in zip(info.isovalues, info.topology, strict=True) if kept]
         whose = "" if all(info.topology) else f" of {', '.join(kept)}"
@@ -83,11 +86,6 @@ def _print(source: Path, info: FileInfo) -> None:
     if any(layer.bytes is None for layer in info.layers):
         why = "which is too small for a level index" if info.complete else "or in the part that is missing"
         console.print(f"- : not in the file, {why}; --symbols decodes it and counts.")
-
-
-def _plain(text: str) -> str:
-    """Text of a file without what a terminal takes for orders."""
-    return "".join(c if c.isprintable() or c == "\n" else c.encode("unicode_escape").decode() for c in text)
 
 
 def _number(number: Any) -> str:

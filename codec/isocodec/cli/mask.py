@@ -8,6 +8,7 @@ from pathlib import Path
 
 import click
 
+from ..limits import Limits
 from .options import iso_argument, json_option, limit_options, limits_of, output_option, partial_option
 from .progress import load_kernels
 from .receive import receive, warn_of_others
@@ -19,8 +20,9 @@ from .report import check_output, concerning, read_iso, tell
 @output_option("OUT")
 @click.option("--isovalue", type=float, metavar="V", help="Which isovalue, of several.  [default: the first]")
 @click.option(
-    "--limit-samples", type=click.IntRange(min=1), metavar="N", help="Most samples of a mask.  [default: 268435456]"
-)
+    "--limit-samples", type=click.IntRange(min=1), metavar="N",
+    help=f"How many samples the mask may have at most.  [default: {Limits().samples:,}]",
+)  # fmt: skip
 @partial_option
 @limit_options
 @json_option

@@ -7,12 +7,11 @@ import re
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
 
-if TYPE_CHECKING:
-    from ..limits import Limits
+from ..limits import Limits
 
 Decorator = Callable[[Callable[..., Any]], Callable[..., Any]]
 
@@ -62,20 +61,20 @@ _SIZE = re.compile(r"([0-9]+(?:\.[0-9]*)?)([KMGTkmgt]?)(?:i?[Bb])?")
 
 def limit_options(command: Callable[..., Any]) -> Callable[..., Any]:
     """``--limit-memory`` and ``--limit-work``, of every command that decodes."""
+    usual = Limits()
     memory = click.option(
-        "--limit-memory", type=Size(), metavar="SIZE", help="Most memory that decoding may take.  [default: 1G]"
-    )
+        "--limit-memory", type=Size(), metavar="SIZE",
+        help=f"Most memory that decoding may take.  [default: {usual.memory >> 20}M]",
+    )  # fmt: skip
     work = click.option(
         "--limit-work", type=click.IntRange(min=1), metavar="N",
-        help="Most work, in symbols beside what long files are allowed for their length.  [default: 8388608]",
+        help=f"Most time, in symbols, beside what is allowed for each byte.  [default: {usual.work:,}]",
     )  # fmt: skip
     return memory(work(command))
 
 
 def limits_of(memory: int | None, work: int | None, samples: int | None = None) -> Limits:
     """Limits as the options say."""
-    from ..limits import Limits
-
     given = {"memory": memory, "work": work, "samples": samples}
     return replace(Limits(), **{name: value for name, value in given.items() if value is not None})
 

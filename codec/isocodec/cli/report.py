@@ -15,6 +15,7 @@ from typing import Any
 import click
 
 from ..errors import FormatError, InputError, IsoError, LimitError, OptionError, TruncatedError
+from ..text import plain
 
 EXIT_CODES = """\b
 Exit codes:
@@ -24,13 +25,14 @@ Exit codes:
   3  the input cannot be read or encoded, or the output cannot be written
   4  not a valid .iso file
   5  the .iso file is truncated
-  6  over a limit (memory, number of vertices or layers)
+  6  over a limit (memory, number of samples, vertices or layers)
   7  an optional library is missing
   130, 143, 129  interrupted (SIGINT), terminated (SIGTERM, SIGHUP); nothing is left behind
 With ISOCODEC_DEBUG=1 in the environment errors show their traceback."""
 
 PARTIAL = "--partial takes what was received"
 """Remedy of the command line for a truncated file."""
+_PIECE = 1 << 20
 INTERRUPTED = 130  # as shells have it: 128 + SIGINT
 
 
@@ -98,7 +100,7 @@ def _report(exc: Exception, verb: str) -> int:
             return INTERRUPTED
         exc = exc.__cause__ if isinstance(exc.__cause__, Exception) else exc
     if os.environ.get("ISOCODEC_DEBUG", "0") not in ("", "0"):
-        traceback.print_exception(exc)
+        click.echo(plain("".join(traceback.format_exception(exc)), "\n"), err=True, nl=False)
     if isinstance(exc, click.UsageError):
         # Without arguments click raises the whole help as an error.
         if isinstance(exc, getattr(click.exceptions, "NoArgsIsHelpError", ())):
@@ -129,8 +131,8 @@ def _report(exc: Exception, verb: str) -> int:
 
 
 def say(text: str) -> None:
-    """One line on the error stream, whatever line breaks a file name or a library's message brings along."""
-    click.echo("isocodec: " + " ".join(text.split()), err=True)
+    """One line on the error stream, whatever a file name or a library's message brings along."""
+    click.echo("isocodec: " + plain(" ".join(text.split())), err=True)
 
 
 def warn(path: str | os.PathLike[str], text: str) -> None:
@@ -140,13 +142,24 @@ def warn(path: str | os.PathLike[str], text: str) -> None:
 
 def tell(text: str, record: dict[str, Any], as_json: bool) -> None:
     """The result of a command, on standard output: a line for people, or an object for programs."""
-    click.echo(json.dumps(record, allow_nan=False) if as_json else text)
+    click.echo(json.dumps(record, allow_nan=False) if as_json else plain(text))
 
 
 def read_iso(path: Path) -> bytes:
-    """The bytes of an .iso file."""
-    with concerning(path):
-        data = path.read_bytes()
+    """The bytes of an .iso file, which may come through a pipe; of anything else, which may never end, the first."""
+    from isospec.container import SIGNATURE
+
+    from ..limits import Limits
+
+    with concerning(path), path.open("rb") as file:
+        pieces = [file.read(len(SIGNATURE))]
+        most = Limits().bytes - len(SIGNATURE)
+        while pieces[0] == SIGNATURE and most >= 0 and (piece := file.read(_PIECE)):
+            pieces.append(piece)
+            most -= len(piece)
+        if most < 0:
+            raise LimitError(f"more than {Limits().bytes:,} bytes", code="limit-bytes", clause="11.2")
+        data = b"".join(pieces)
         if not data:
             raise TruncatedError("the file is empty", code="truncated", offset=0, clause="3.3")
         return data

@@ -9,15 +9,17 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Sequence
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import InputError
-from .arrays import HDF5_SUFFIXES, dataset, fill_value, is_packed
 from .extras import optional
+from .hdf5 import HDF5_SUFFIXES, dataset, fill_value, is_packed
+from .raster import TIFF_SUFFIXES, opened_tiff
+from .reading import reading
+from .source import source_of
 
 Field = NDArray[Any]
 
@@ -26,18 +28,23 @@ _NODATA = 42113
 """Tag of a TIFF file: the number as text."""
 
 
-def read_nodata(path: str | os.PathLike[str], key: str | None = None) -> float | None:
+def read_nodata(path: str | os.PathLike[str], key: str | None = None, *, follow: bool = False) -> float | None:
     """The value that stands for missing samples in what ``read_field`` has read with that key; None if there is none.
 
     GeoTIFF has it, and NetCDF; arrays of NetCDF that were unpacked have NaN instead.
+
+    Raises
+    ------
+    OSError, InputError, MissingExtraError
+        As `read_field`.
     """
-    if Path(path).name.lower().endswith(HDF5_SUFFIXES):
-        with dataset(Path(path), key) as stored:
+    source = source_of(path, follow=follow)
+    if source.named(*HDF5_SUFFIXES):
+        with dataset(source, key) as stored:
             return None if is_packed(stored) else fill_value(stored)
-    if not Path(path).name.lower().endswith((".tif", ".tiff")):
+    if not source.named(*TIFF_SUFFIXES):
         return None
-    tifffile = optional("tifffile", extra="image", purpose="reading TIFF")
-    with tifffile.TiffFile(path) as tiff:
+    with reading("TIFF"), opened_tiff(source) as tiff:
         try:
             return float(str(tiff.pages[0].tags[_NODATA].value).strip(" \0"))
         except (KeyError, ValueError):

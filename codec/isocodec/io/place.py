@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
 
@@ -14,10 +13,12 @@ from numpy.typing import NDArray
 
 from ..errors import OptionError
 from ..grid.placement import placement_of
-from .arrays import HDF5_SUFFIXES, dataset
-from .extras import optional
+from ..text import plain
+from .hdf5 import HDF5_SUFFIXES, dataset
+from .raster import TIFF_SUFFIXES, opened_tiff
 from .reading import reading
-from .volume import ITK_SUFFIXES, itk_reader
+from .source import Source, source_of
+from .volume import ITK_SUFFIXES, NIFTI_SUFFIXES, itk_reader, open_nifti
 
 # Tags of a TIFF file.
 _SCALE, _TIEPOINT, _TRANSFORMATION = 33550, 33922, 34264
@@ -50,20 +51,22 @@ class Place:
     remark: str = ""
 
 
-def read_place(path: str | os.PathLike[str], n: int, key: str | None = None) -> Place:
-    """Coordinates of a field of n axes that ``read_field`` has read, with the same key.
+def read_place(
+    path: str | os.PathLike[str], n: int, key: str | None = None, *, samples: int | None = None, follow: bool = False
+) -> Place:
+    """Coordinates of a field of n axes that ``read_field`` has read, with the same key and the same bounds.
 
     Of volumes those of nibabel: x to the right, y to the front, z up.
 
     Raises
     ------
-    MissingExtraError
-        If a library is needed that is not installed.
+    OSError, InputError, LimitError, MissingExtraError
+        As `read_field`.
     """
-    name = Path(path).name.lower()
-    if name.endswith((".nii", ".nii.gz")):
-        nibabel = optional("nibabel", extra="nifti", purpose="reading NIfTI")
-        image = nibabel.load(path)
+    source = source_of(path, samples, follow)
+    if source.named(*NIFTI_SUFFIXES):
+        with reading("NIfTI volume"):
+            image = open_nifti(source)
         if n != 3:
             return Place(remark="where the samples of a slice lie in space is left out")
         place = _usable(image.affine, n)
@@ -71,17 +74,16 @@ def read_place(path: str | os.PathLike[str], n: int, key: str | None = None) -> 
         if place.placement is not None and unit not in ("unknown", "mm"):
             return replace(place, remark=f"that its coordinates are in units of a {unit} is left out")
         return place
-    if name.endswith((".tif", ".tiff")):
-        tifffile = optional("tifffile", extra="image", purpose="reading TIFF")
-        with tifffile.TiffFile(path) as tiff:
+    if source.named(*TIFF_SUFFIXES):
+        with reading("TIFF"), opened_tiff(source) as tiff:
             place = _of_picture(tiff.pages[0], n)
             return _of_microscope(tiff, n) if place.placement is None and not place.remark else place
-    if name.endswith(ITK_SUFFIXES):
+    if source.named(*ITK_SUFFIXES):
         with reading("volume"):
-            return _of_itk(itk_reader(Path(path)), n)
-    if name.endswith(HDF5_SUFFIXES):
-        with dataset(Path(path), key) as stored:
-            return _of_scales(stored, n)
+            return _of_itk(itk_reader(source), n)
+    if source.named(*HDF5_SUFFIXES):
+        with dataset(source, key) as stored:
+            return _of_scales(source, stored, n)
     return Place()
 
 
@@ -97,9 +99,9 @@ def _of_itk(reader: Any, n: int) -> Place:
     return _usable(np.diag([-1.0, -1.0, 1.0]) @ matrix, n)
 
 
-def _of_scales(stored: Any, n: int) -> Place:
-    """What scales of a dataset's axes say."""
-    axes = [(count, [*stored.dims[axis].values()]) for axis, count in enumerate(stored.shape) if count > 1][-n:]
+def _of_scales(source: Source, stored: Any, n: int) -> Place:
+    """What scales of a dataset's axes say, as far as these are kept in the file."""
+    axes = [(count, _scales(source, stored, axis)) for axis, count in enumerate(stored.shape) if count > 1][-n:]
     if any(" since " in str(scale.attrs.get("units")) for _, scales in axes for scale in scales):
         return Place(remark="one of its axes is time, and where its samples lie is left out; --frame takes one time")
     scales = [_scale(*axis) for axis in axes]
@@ -116,6 +118,11 @@ def _of_scales(stored: Any, n: int) -> Place:
             return Place(remark=f"where its samples lie is left out: steps along axis {axis} are uneven")
         steps.append((step, scale[0]))
     return _backwards(steps)
+
+
+def _scales(source: Source, stored: Any, axis: int) -> list[Any]:
+    scales = [*stored.dims[axis].values()]
+    return [scale for scale in scales if source.follow or not (scale.is_virtual or scale.external)]
 
 
 def _scale(count: int, scales: list[Any]) -> NDArray[np.float64] | None:
@@ -139,7 +146,7 @@ def _of_microscope(tiff: Any, n: int) -> Place:
     series = tiff.series[0]
     letters = [a for a, count in zip(series.axes, series.shape, strict=True) if count > 1 and a not in "SC"][-n:]
     if letters != [*"ZYX"[-n:]] or not set(letters) <= sizes.keys():
-        said = f"its axes are {', '.join(letters)}, and {', '.join(sizes)} have sizes"
+        said = f"its axes are {plain(', '.join(letters))}, and {', '.join(sizes)} have sizes"
         return Place(remark=f"the sizes of its pixels are left out: {said}; --spacing gives them")
     return _backwards([(sizes[letter], 0.0) for letter in letters])
 

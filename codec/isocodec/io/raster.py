@@ -2,29 +2,60 @@
 
 from __future__ import annotations
 
-from pathlib import Path
+import lzma
+import math
+import zlib
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Any
+from xml.etree import ElementTree
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import InputError, MissingExtraError, OptionError
 from .extras import optional
-from .reading import one_line, reading
+from .reading import reading, said
+from .source import Source
 
 Field = NDArray[Any]
 
+TIFF_SUFFIXES = (".tif", ".tiff")
 
-def read_picture(path: Path) -> tuple[Field, int | None]:
+_PLUGINS = {
+    b"\x89PNG": ("PIL.PngImagePlugin", "PngImageFile"),
+    b"\xff\xd8\xff": ("PIL.JpegImagePlugin", "JpegImageFile"),
+}
+"""Who reads a picture, by its first bytes."""
+_UNPACKERS: dict[int, Any] = {8: zlib.decompressobj, 32946: zlib.decompressobj, 34925: lzma.LZMADecompressor}
+"""Compressions of a TIFF that tifffile undoes without a bound: Deflate by its two numbers, LZMA."""
+_RATIO = 1 << 13
+"""Bytes that come out of one of these at most."""
+_SMALL = 1 << 26
+
+
+def read_picture(source: Source) -> tuple[Field, int | None]:
     """PNG or JPEG: the samples, and which axis is that of the colour channels."""
-    imageio = optional("imageio.v3", extra="image", purpose=f"reading {path.suffix}")
-    with reading("picture"):
-        # The first picture: the rest of an animated PNG or of a camera's JPEG are previews and further frames.
-        picture = np.asarray(imageio.imread(path, plugin="pillow", index=0))
+    # the plugins themselves: pillow's own limit on sizes is one for the whole process
+    with source.path.open("rb") as file:
+        head = file.read(26)
+    purpose = f"reading {source.path.suffix}"
+    optional("PIL", extra="image", purpose=purpose)
+    module, name = next((m for s, m in _PLUGINS.items() if head.startswith(s)), ("", ""))
+    if not name:
+        raise InputError("is neither PNG nor JPEG", code="unreadable")
+    plugin = getattr(optional(module, extra="image", purpose=purpose), name)
+    # The first picture: the rest of an animated PNG or of a camera's JPEG are previews and further frames.
+    with reading("picture"), plugin(source.path) as image:
+        bands = len(image.palette.mode) if image.mode == "P" else len(image.getbands())
+        source.check_count(math.prod(image.size) * bands)
+        if image.mode == "P":
+            image = image.convert(image.palette.mode)
+        picture = np.asarray(image)
+        if image.mode == "I":  # what older versions make of 16-bit grey
+            picture = picture.astype(np.uint16)
         if picture.ndim == 2:
             return picture, None
-        with path.open("rb") as file:
-            head = file.read(26)
         # Signature, then IHDR with width, height, bit depth: pillow silently halves 16-bit colour to 8 bits.
         if head.startswith(b"\x89PNG") and head[24] == 16 and picture.dtype.itemsize == 1:
             raise InputError(
@@ -35,10 +66,34 @@ def read_picture(path: Path) -> tuple[Field, int | None]:
         return picture, picture.ndim - 1
 
 
-def read_tiff(path: Path) -> tuple[Field, int | None]:
+@contextmanager
+def opened_tiff(source: Source) -> Iterator[Any]:
+    """A TIFF as tifffile has it, which may go on in files beside it, and elsewhere if these are to be followed."""
+    tifffile = optional("tifffile", extra="image", purpose=f"reading {source.path.suffix}")
+    # the index of an NDTiff is another file, which names further ones
+    whole = {} if source.follow else {"is_ndtiff": False}
+    with tifffile.TiffFile(source.path, **whole) as tiff:
+        if tiff.pages and tiff.ome_metadata:
+            _check_companions(source, tiff.ome_metadata)
+        yield tiff
+
+
+def _check_companions(source: Source, notes: str) -> None:
+    """That the files of an OME series are those that may be read."""
+    try:
+        elements = [*ElementTree.fromstring(notes).iter()]
+    except ElementTree.ParseError:  # nor does tifffile know more of it then
+        return
+    names = dict.fromkeys(e.attrib["FileName"] for e in elements if "FileName" in e.attrib)
+    for name in names:
+        if name.lower() != source.path.name.lower():
+            source.beside(name)
+
+
+def read_tiff(source: Source) -> tuple[Field, int | None]:
     """TIFF: the samples, and which axis is that of the colour channels."""
-    tifffile = optional("tifffile", extra="image", purpose=f"reading {path.suffix}")
-    with reading("TIFF"), tifffile.TiffFile(path) as tiff:
+    tifffile = optional("tifffile", extra="image", purpose=f"reading {source.path.suffix}")
+    with reading("TIFF"), opened_tiff(source) as tiff:
         if not tiff.series:
             raise InputError("holds no picture", code="unreadable")
         if len(tiff.series) != 1:
@@ -51,6 +106,7 @@ def read_tiff(path: Path) -> tuple[Field, int | None]:
         series = tiff.series[0]
         if series.keyframe.photometric == tifffile.PHOTOMETRIC.PALETTE:
             raise InputError("holds indices of a palette, not samples", code="palette", remedy="save it as grey")
+        _check_series(source, series)
         axes = str(series.axes)
         colour = next((axes.index(letter) for letter in "SC" if letter in axes), None)
         try:
@@ -59,23 +115,45 @@ def read_tiff(path: Path) -> tuple[Field, int | None]:
             # without the library some compressions are said to need it, and of others a module is not found
             if isinstance(exc, ValueError) and "imagecodecs" not in str(exc):
                 raise
-            picture = _read_compressed(path, series.shape, series.dtype, exc)
+            picture = _read_compressed(source, series.shape, series.dtype, exc)
         return np.asarray(picture), colour
 
 
-def _read_compressed(path: Path, shape: tuple[int, ...], dtype: np.dtype[Any], reason: Exception) -> Field:
+def _check_series(source: Source, series: Any) -> None:
+    """That the samples of a series may be read, and no part of it unpacks to more than they take."""
+    size = source.check_array(series.shape, series.dtype)
+    if series.dataoffset is not None:
+        source.check_bytes(series.dataoffset + size)
+    page = series.keyframe
+    # a tile is unpacked as a whole, however small the picture
+    tile = source.check_count(math.prod(page.chunks)) * page.dtype.itemsize
+    if page.compression not in _UNPACKERS:
+        return
+    for one in series.pages:
+        for offset, count in () if one is None else zip(one.dataoffsets, one.databytecounts, strict=True):
+            if count * _RATIO <= _SMALL:
+                continue
+            file = one.parent.filehandle
+            file.seek(offset)
+            if len(_UNPACKERS[page.compression]().decompress(file.read(count), 2 * tile + _SMALL)) > tile + _SMALL:
+                raise InputError("holds packed samples that unpack to more than its header states", code="unreadable")
+
+
+def _read_compressed(source: Source, shape: tuple[int, ...], dtype: np.dtype[Any], reason: Exception) -> Field:
     """Pictures packed in a way that tifffile leaves to a large extra library; pillow often knows it, too."""
-    imageio = optional("imageio.v3", extra="image", purpose="reading a compressed TIFF")
+    plugin = optional("PIL.TiffImagePlugin", extra="image", purpose="reading a compressed TIFF")
     missing = MissingExtraError(
-        f"reading this TIFF needs another library ({one_line(reason)})", code="missing-extra",
+        f"reading this TIFF needs another library ({said(reason)})", code="missing-extra",
         remedy="pip install imagecodecs, or save it without compression",
     )  # fmt: skip
     try:
-        picture = np.asarray(imageio.imread(path, plugin="pillow", index=0))
+        with plugin.TiffImageFile(source.path) as image:
+            # a stack, of which pillow would give one page, or another size than was checked
+            picture = np.asarray(image) if image.size == tuple(shape[1::-1]) else None
     except Exception:
         raise missing from None
     # Pillow has fewer sample types than TIFF; what it would have converted is not what is stored.
-    if picture.shape != tuple(shape) or picture.dtype != dtype.newbyteorder("="):
+    if picture is None or picture.shape != tuple(shape) or picture.dtype != dtype.newbyteorder("="):
         raise missing
     return picture
 

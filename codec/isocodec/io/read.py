@@ -8,42 +8,47 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import InputError, OptionError
-from .arrays import HDF5_SUFFIXES, read_hdf5, read_numpy
-from .raster import pick_channel, read_picture, read_tiff
+from .hdf5 import HDF5_SUFFIXES, read_hdf5
+from .numpyfile import read_numpy
+from .raster import TIFF_SUFFIXES, pick_channel, read_picture, read_tiff
 from .reading import pick_frame
-from .volume import ITK_SUFFIXES, read_itk, read_nifti
+from .source import Source, check_kind, source_of
+from .volume import ITK_SUFFIXES, NIFTI_SUFFIXES, read_itk, read_nifti
 
 Field = NDArray[Any]
 
-_ARRAYS: dict[str, Callable[[Path, str | None, int | None], Field]] = {
+_ARRAYS: dict[str, Callable[[Source, str | None, int | None], Field]] = {
     ".npy": read_numpy,
     ".npz": read_numpy,
     **dict.fromkeys(HDF5_SUFFIXES, read_hdf5),
 }
-_PICTURES: dict[str, Callable[[Path], tuple[Field, int | None]]] = {
+_PICTURES: dict[str, Callable[[Source], tuple[Field, int | None]]] = {
     ".png": read_picture,
     ".jpg": read_picture,
     ".jpeg": read_picture,
-    ".tif": read_tiff,
-    ".tiff": read_tiff,
+    **dict.fromkeys(TIFF_SUFFIXES, read_tiff),
 }
-_VOLUMES: dict[str, Callable[[Path, int | None], Field]] = {
-    ".nii": read_nifti,
-    ".nii.gz": read_nifti,
+_VOLUMES: dict[str, Callable[[Source, int | None], Field]] = {
+    **dict.fromkeys(NIFTI_SUFFIXES, read_nifti),
     **dict.fromkeys(ITK_SUFFIXES, read_itk),
 }
 FIELD_SUFFIXES: tuple[str, ...] = (*_ARRAYS, *_PICTURES, *_VOLUMES)
 
 
 def read_field(
-    path: str | os.PathLike[str], *, key: str | None = None, channel: int | None = None, frame: int | None = None
+    path: str | os.PathLike[str],
+    *,
+    key: str | None = None,
+    channel: int | None = None,
+    frame: int | None = None,
+    samples: int | None = None,
+    follow: bool = False,
 ) -> Field:
     """Read a sampled scalar field.
 
@@ -60,6 +65,12 @@ def read_field(
     frame : int, optional
         Which of a series to take, counted from 0: along the first axis of an array or of a TIFF stack, the last axis of
         a volume file that has more than three.
+    samples : int, optional
+        How many samples the file may hold at most, all channels and frames that are read on the way among them;
+        `isocodec.limits.FIELD_SAMPLES` if not given. Checked before anything is allocated.
+    follow : bool
+        Read other files that this one names by a path, or HDF5 keeps samples in. Without, only this file is read, and
+        files in the same directory that the header of a MetaImage or NRRD or the notes of an OME-TIFF name.
 
     Returns
     -------
@@ -74,16 +85,17 @@ def read_field(
     OSError
         If the file cannot be opened.
     InputError
-        If it is not what its name says, holds no numbers, or leaves a choice open.
+        If it is not what its name says, a device or a pipe, holds no numbers, names files that are not to be read, or
+        leaves a choice open.
+    LimitError
+        If it holds more samples than may be read.
     OptionError
         If ``key``, ``channel`` or ``frame`` does not apply to this kind of file.
     MissingExtraError
         If a library is needed that is not installed.
     """
-    path = Path(path)
-    # Missing files, directories and permissions are reported alike for all formats, before any library looks.
-    with path.open("rb"):
-        pass
+    source = source_of(path, samples, follow)
+    path = source.path
     suffix = next((s for s in FIELD_SUFFIXES if path.name.lower().endswith(s)), None)
     if suffix is None:
         raise InputError(
@@ -96,20 +108,15 @@ def read_field(
     if channel is not None and suffix not in _PICTURES:
         raise OptionError(f"a channel is part of a picture, not of {suffix}", code="channel")
     if suffix in _ARRAYS:
-        return _numbers(_ARRAYS[suffix](path, key, frame))
+        return _numbers(_ARRAYS[suffix](source, key, frame))
     if suffix in _PICTURES:
-        return _numbers(pick_frame(pick_channel(*_PICTURES[suffix](path), channel), frame))
-    return _numbers(_VOLUMES[suffix](path, frame))
+        return _numbers(pick_frame(pick_channel(*_PICTURES[suffix](source), channel), frame))
+    return _numbers(_VOLUMES[suffix](source, frame))
 
 
 def _numbers(array: Field) -> Field:
     """Check that ``array`` holds real numbers; native byte order and C order."""
-    if array.dtype.names is not None:
-        raise InputError(f"holds records ({', '.join(array.dtype.names)}), not numbers", code="dtype")
+    check_kind(array.dtype)
     if array.dtype.kind == "b":
         array = array.astype(np.uint8)
-    if array.dtype.kind not in "iuf":
-        kinds = {"O": "Python objects", "S": "strings", "U": "strings", "c": "complex numbers", "M": "dates"}
-        held = kinds.get(array.dtype.kind, "values that are not real numbers")
-        raise InputError(f"holds {held} (dtype {array.dtype}), not real numbers", code="dtype")
     return np.ascontiguousarray(array, dtype=array.dtype.newbyteorder("="))

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import InputError, IsoError, LimitError, OptionError
+from ..text import one_line
 
 
 @contextmanager
@@ -28,19 +29,13 @@ def reading(what: str) -> Iterator[None]:
     except Exception as exc:
         if isinstance(exc, OSError) and exc.errno is not None:
             raise
-        if "DecompressionBombError" in (type(exc).__name__, type(exc.__cause__).__name__):
-            raise LimitError(
-                f"the picture is larger than the picture library accepts ({one_line(exc)})",
-                code="picture-size",
-                remedy="save it as TIFF or .npy",
-            ) from exc
-        raise InputError(f"cannot be read as {what} ({one_line(exc)})", code="unreadable") from exc
+        raise InputError(f"cannot be read as {what} ({said(exc)})", code="unreadable") from exc
 
 
-def one_line(exc: Exception) -> str:
+def said(exc: Exception) -> str:
+    """What an error of a library says, in one line."""
     # SimpleITK says first where in its source it is
-    text = " ".join(str(exc).split()).rpartition("ERROR: ")[2]
-    return text[:200] or type(exc).__name__
+    return one_line(str(exc).rpartition("ERROR: ")[2]) or type(exc).__name__
 
 
 def check_frame(frame: int, count: int) -> None:

@@ -2,19 +2,64 @@
 
 from __future__ import annotations
 
-from pathlib import Path
+import gzip
+import math
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import InputError
+from .detached import meta_files, nrrd_files
 from .extras import optional
 from .reading import check_frame, reading
+from .source import Source
 
 Field = NDArray[Any]
 
+NIFTI_SUFFIXES = (".nii", ".nii.gz")
 ITK_SUFFIXES = (".nrrd", ".nhdr", ".mha", ".mhd")
+
+_HEADER = 1 << 26
+"""Bytes before the samples of a NIfTI file, extensions among them."""
+
+
+class _Beginning:
+    """The beginning of a file, for a reader that would take any number of bytes that the file states."""
+
+    def __init__(self, file: Any) -> None:
+        self._file = file
+        self._left = _HEADER
+
+    def read(self, count: int) -> bytes:
+        if not 0 <= count <= self._left:
+            raise InputError(f"states more than {_HEADER >> 20} MiB before its samples", code="unreadable")
+        self._left -= count
+        return bytes(self._file.read(count))
+
+    def tell(self) -> int:
+        return _HEADER - self._left
+
+
+def open_nifti(source: Source) -> Any:
+    """A NIfTI image as nibabel has it, its samples not read yet but known to be allowed; within `reading`."""
+    nibabel = optional("nibabel", extra="nifti", purpose="reading NIfTI")
+    packed = source.named(".gz")
+    with gzip.open(source.path) if packed else source.path.open("rb") as file:
+        first = file.read(4)
+        file.seek(0)
+        # 348 bytes of header are those of version 1, 540 of version 2
+        of_two = 540 in (int.from_bytes(first, "little"), int.from_bytes(first, "big"))
+        kind = nibabel.Nifti2Header if of_two else nibabel.Nifti1Header
+        kind.from_fileobj(_Beginning(file), check=False)
+    image = nibabel.load(source.path)
+    stored = image.dataobj
+    size = source.check_array(stored.shape, stored.dtype)
+    if not 0 <= stored.offset <= _HEADER:
+        raise InputError(f"states {stored.offset} bytes before its samples", code="unreadable")
+    if not packed:
+        source.check_bytes(stored.offset + size)
+    return image
 
 
 def _scaled(raw: Field, slope: float, inter: float) -> Field | None:
@@ -34,10 +79,9 @@ def _scaled(raw: Field, slope: float, inter: float) -> Field | None:
     return None
 
 
-def read_nifti(path: Path, frame: int | None) -> Field:
-    nibabel = optional("nibabel", extra="nifti", purpose="reading NIfTI")
+def read_nifti(source: Source, frame: int | None) -> Field:
     with reading("NIfTI volume"):
-        stored = nibabel.load(path).dataobj
+        stored = open_nifti(source).dataobj
         volume = _scaled(np.asarray(stored.get_unscaled()), float(stored.slope), float(stored.inter))
         if volume is None:
             volume = np.asarray(stored)
@@ -64,21 +108,29 @@ def _without_ones(volume: Field) -> Field:
     return volume
 
 
-def itk_reader(path: Path) -> Any:
-    """A reader of SimpleITK that knows a file's header; `reading` has to be around its use."""
-    sitk = optional("SimpleITK", extra="itk", purpose=f"reading {path.suffix}")
-    sitk.ProcessObject.SetGlobalWarningDisplay(False)
+def itk_reader(source: Source) -> Any:
+    """A reader of SimpleITK that knows a file's header, its samples known to be allowed; within `reading`."""
+    sitk = optional("SimpleITK", extra="itk", purpose=f"reading {source.path.suffix}")
+    of_meta = source.named(".mha", ".mhd")
+    files, plainly = (meta_files if of_meta else nrrd_files)(source)
     reader = sitk.ImageFileReader()
-    reader.SetFileName(str(path))
+    # left to itself it tries all formats that it knows, and some of these name files, too
+    reader.SetImageIO("MetaImageIO" if of_meta else "NrrdImageIO")
+    reader.SetFileName(str(source.path))
     reader.ReadImageInformation()
+    count = source.check_count(math.prod(reader.GetSize()) * reader.GetNumberOfComponents())
+    # such as "16-bit signed integer", or "vector of 32-bit float"
+    bits = sitk.GetPixelIDValueAsString(reader.GetPixelIDValue()).partition("-bit")[0].split()[-1]
+    if plainly and bits.isdigit():
+        source.check_bytes(count * int(bits) // 8, sum(path.stat().st_size for path in files))
     return reader
 
 
-def read_itk(path: Path, frame: int | None) -> Field:
+def read_itk(source: Source, frame: int | None) -> Field:
     """NRRD and MetaImage: axes i, j, k as NIfTI has them."""
-    sitk = optional("SimpleITK", extra="itk", purpose=f"reading {path.suffix}")
-    with reading(f"{path.suffix} volume"):
-        reader = itk_reader(path)
+    sitk = optional("SimpleITK", extra="itk", purpose=f"reading {source.path.suffix}")
+    with reading(f"{source.path.suffix} volume"):
+        reader = itk_reader(source)
         channels = reader.GetNumberOfComponents()
         if channels > 1:
             raise InputError(f"is a volume of {channels} channels", code="colour", remedy="save one of them alone")
