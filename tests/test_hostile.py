@@ -45,10 +45,10 @@ def test_limits(monkeypatch):
     data = isocodec.encode(picture((60, 60), 8, noise=0.5), 0, base_level=0)
     decoder, code = limited(data, vertices=500)
     assert code == "limit-vertices"
-    assert 0 < tubes[-1].state.at[2] <= 500 and len(tables[-1].state.vertex) <= 2 * 500
+    assert 0 < tubes[-1].state.at[2] <= 500 and len(tubes[-1].state.vertex) <= 2 * 500
     decoder, code = limited(data, simplices=700)
     assert code == "limit-simplices"
-    assert max(len(tubes[-1].state.leaf), len(tables[-1].state.below)) <= 2 * 700
+    assert max(len(tubes[-1].state.leaf), len(tubes[-1].state.below)) <= 2 * 700
     decoder, code = limited(data, bytes=len(data) - 1)
     assert code == "limit-bytes" and len(decoder._data) == 0
     Decoder(Limits(bytes=len(data))).feed(data)

@@ -80,7 +80,7 @@ class Limits:
 
 LEVELS = {
     0: (1 << 14, 1 << 15, 1 << 20, 1 << 20, 4),
-    1: (1 << 20, 1 << 21, 1 << 23, 1 << 24, ISOVALUES),
+    1: (1 << 19, 1 << 20, 1 << 23, 1 << 24, ISOVALUES),
 }
 """Vertices, simplices, symbols, steps and isovalues (spec clause 11.3)."""
 
@@ -128,7 +128,7 @@ class Budget:
 def _over(most: int) -> LimitError:
     return LimitError(
         f"needs more than {in_units(most)} of memory", code="limit-memory", clause="11.2",
-        remedy="raise the limit of memory if the file is trusted",
+        remedy="raise Limits.memory (--limit-memory) if the file is trusted",
     )  # fmt: skip
 
 

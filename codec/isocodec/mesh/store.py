@@ -43,6 +43,12 @@ def new_store(n: int) -> Store:
     return _empty(n, edge, 0, np.zeros((_FIRST, 1 << n * edge), np.int32))
 
 
+def new_counts(n: int) -> Store:
+    """A store for cells of all sizes, which may lie apart from each other: pages of 8 x 8 or 4 x 4 x 4 entries."""
+    edge = 3 if n == 2 else 2
+    return _empty(n, edge, 0, np.zeros((_FIRST, 1 << n * edge), np.int32))
+
+
 def new_flags(n: int) -> Store:
     """The same of entries that take a byte."""
     store = new_store(n)

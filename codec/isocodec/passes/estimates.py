@@ -22,7 +22,7 @@ _VALUES, _VALUES_TAKEN = 64, 160
 """Bytes that listing values takes at most for each vertex, and where an earlier isovalue has some."""
 _NEARBY = {2: 60, 3: 108}
 """Bytes of what is near a vertex that has a value."""
-_EDGES_GRID, _LEAVES = 240, {2: 640, 3: 480}
+_EDGES_GRID, _LEAVES = 240, {2: 480, 3: 480}
 """Bytes that listing offsets takes at most for each edge of the full grid, and for each leaf elsewhere."""
 
 MOST_TAKEN = 1 << 53

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from ..errors import LimitError
 from ..limits import Limits
 from ..mesh.chosen import every_vertex
-from ..mesh.store import PAGES, Store, new_board, new_store, resized, size_for, size_of, spare
+from ..mesh.store import PAGES, Store, new_board, new_counts, new_store, resized, size_for, size_of, spare
 from ..mesh.tables import cube_exponent, mesh_tables
 from .gates import GATE
 from .mesh import MOST_ANCESTORS
@@ -78,7 +78,7 @@ def first_state(
     counters[SHIFT] = shift
     return State(
         mesh_tables(n), counters, new_store(n), _rows(4, limits.vertices), _rows(5, limits.simplices),
-        _rows(5, limits.simplices), new_store(n), new_store(n), new_board(n), np.zeros((MOST_ANCESTORS, 4), np.int64),
+        _rows(5, limits.simplices), new_store(n), new_counts(n), new_board(n), np.zeros((MOST_ANCESTORS, 4), np.int64),
         every_vertex((0,) * n), _lean(earlier, n), np.zeros((0, 0, 0), np.bool_) if signs is None else signs,
         registers(), np.zeros(STACK, np.int64),
     )  # fmt: skip
@@ -167,7 +167,7 @@ def at_rest(st: State) -> State:
     """The same state without what only further layers need: what it says, and what others may lean on, stays."""
     n = int(st.tables[0])
     return st._replace(
-        crowd=new_store(n), board=new_board(n), below=st.below[:0].copy(), path=st.path[:0].copy(),
+        crowd=new_counts(n), board=new_board(n), below=st.below[:0].copy(), path=st.path[:0].copy(),
         stack=st.stack[:0].copy(),
     )  # fmt: skip
 

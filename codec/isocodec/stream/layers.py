@@ -189,7 +189,8 @@ class LayerReader:
             if symbols >= self.limits.symbols:
                 what, most = "symbols", f"more than {self.limits.symbols} symbols"
             raise LimitError(
-                most, code=f"limit-{what}", clause="11.2", remedy=f"raise Limits.{what} if the file is trusted"
+                most, code=f"limit-{what}", clause="11.2",
+                remedy=f"raise Limits.{what} (--limit-{what}) if the file is trusted",
             )
         left = int(coder.reg[LEFT])
         coder.reg[LEFT] = max(left, min(SLICE, room, left + self._symbols - self._granted))
