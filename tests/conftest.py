@@ -12,6 +12,8 @@ from hypothesis import settings
 from commands import BALL, HILLS
 from isocodec import encode
 
+# Here alone is said how hypothesis chooses: the same examples each time where CI is set (.ci/run) or kernels are
+# interpreted, others each time elsewhere.
 settings.register_profile("default", deadline=None)
 settings.register_profile("ci", deadline=None, derandomize=True, database=None, print_blob=True)
 settings.register_profile("interpreted", deadline=None, derandomize=True, database=None, max_examples=3)

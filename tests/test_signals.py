@@ -22,8 +22,12 @@ pytestmark = pytest.mark.skipif(os.name != "posix", reason="signals as POSIX has
 ENDS = {signal.SIGINT: (130, "interrupted"), signal.SIGTERM: (143, "terminated"), signal.SIGHUP: (129, "terminated")}
 
 SLOW_DISK = """
-import os, sys, time
+import atexit, os, sys, time
 import isocodec.__main__ as program
+def over():
+    print("over", flush=True)
+    time.sleep(0.4)
+atexit.register(over)
 flush = os.fsync
 def slow(descriptor):
     print("writing", flush=True)
@@ -99,6 +103,18 @@ def test_at_any_moment(folder: Path, trials: int) -> None:
             (folder / "out.iso").write_bytes(b"older")
         else:
             assert ended
+
+
+@pytest.mark.parametrize("number", ENDS)
+def test_too_late(folder: Path, number: signal.Signals) -> None:
+    """What is done is not undone, nor said to have been ended, while Python shuts down."""
+    command = encode(folder)
+    said: list[str] = []
+    assert command.process.stdout is not None
+    while not said or said[-1] not in ("over\n", ""):
+        said.append(command.process.stdout.readline())
+    assert not command.ended_by(number, 0)
+    assert (folder / "out.iso").read_bytes() == isocodec.encode(HILLS, 80.5)
 
 
 @pytest.mark.parametrize("trials", [3, pytest.param(100, marks=pytest.mark.heavy)])

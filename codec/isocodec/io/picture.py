@@ -208,7 +208,9 @@ def _draw_mesh(axes: Any, contour: Contour, position: np.ndarray, simplices: np.
         )
         return
     corners = contour.points[contour.cells] * _proportions(contour)
-    front = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]) @ _TOWARDS > 0
+    # normals point to the samples below; what is outside is what the box's first corner is
+    below = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]) @ _TOWARDS > 0
+    front = below != bool(contour.origin_above)
     flat = _box(contour) @ np.stack([_RIGHT, _UP], axis=1)
     shown = corners[front] @ np.stack([_RIGHT, _UP], axis=1) - (flat.min(axis=0) + flat.max(axis=0)) / 2
     axes.add_collection(

@@ -9,7 +9,7 @@ from numbers import Integral
 import numpy as np
 from numpy.typing import NDArray
 
-from isospec.container import Operation, Profile
+from isospec.container import LAYER_LIMIT, Operation, Profile
 from isospec.elements import BY_LAYER, ELEMENTS
 
 from ..entropy.baseline import models, rates
@@ -149,6 +149,11 @@ class Strand:
                 fresh = expand(operation, number or 0, number is None, state, unit)
             except ValueError as error:
                 raise OptionError(f"the plan cannot be carried out: {error}", code="plan") from None
+            if state.layers + len(fresh) > LAYER_LIMIT:
+                raise OptionError(
+                    f"more than {LAYER_LIMIT} layers, which is as many as a file may have", code="plan",
+                    remedy="fewer of them, or fewer isovalues",
+                )  # fmt: skip
             for layer in fresh:
                 state.add(layer)
             if mesh is not None:

@@ -1,0 +1,159 @@
+"""What ``plot`` draws: steps, the last one of a part of a file, and the mesh."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from matplotlib.figure import Figure
+
+import isocodec
+from commands import BALL, HILLS, fails, ok, run
+from files import picture as field_of
+from isocodec.io import picture
+from isocodec.io.picture import Step
+
+
+@pytest.fixture
+def drawn(monkeypatch: pytest.MonkeyPatch) -> list[Step]:
+    """The steps of pictures made since."""
+    seen: list[Step] = []
+    make = picture.steps_picture
+
+    def noted(steps: list[Step], suffix: str = ".png") -> bytes:
+        seen.extend(steps)
+        return make(steps, suffix)
+
+    monkeypatch.setattr(picture, "steps_picture", noted)
+    return seen
+
+
+def same(a: isocodec.Contour, b: isocodec.Contour) -> bool:
+    return np.array_equal(a.points, b.points) and np.array_equal(a.cells, b.cells) and a.complete == b.complete
+
+
+# ---- Steps ----------------------------------------------------------------------------------------------------------
+
+
+def test_each_step_is_what_its_bytes_decode_to(curve: Path, curve_data: bytes, drawn: list[Step]) -> None:
+    ok("plot", curve, "-o", curve.with_suffix(".png"), "--steps", 3)
+    layers = len(isocodec.inspect(curve_data).layers)
+    assert len(drawn) == 3
+    for step, number in zip(drawn, (1, 1 + round((layers - 1) / 2), layers), strict=True):
+        alone = isocodec.decode(curve_data, layers=number)
+        assert np.array_equal(step.contour.points, alone.points)
+        assert step.total == len(curve_data) and step.mesh is None and step.within is None
+    assert [step.bytes for step in drawn] == sorted({step.bytes for step in drawn})
+    assert drawn[-1].bytes <= len(curve_data)
+
+
+@pytest.mark.parametrize("mesh", [False, True])
+def test_the_last_step_of_a_part_of_a_file(tmp_path: Path, drawn: list[Step], mesh: bool) -> None:
+    """Behind the whole layers comes what the bytes of the next one tell: of all bytes, and with no promise."""
+    data = isocodec.encode(field_of((50, 60), 3), 0.5, steps=[4, 1, 0.25])
+    layers = isocodec.inspect(data, symbols=True).layers
+    promised = [i for i, layer in enumerate(layers, 1) if layer.within]
+    last = layers[-1]
+    assert last.offset is not None and last.bytes is not None and last.bytes > 40
+    part = tmp_path / "part.iso"
+    part.write_bytes(data[: last.offset + last.bytes // 2])
+    size = part.stat().st_size
+    assert "--partial takes" in fails(5, "plot", part, "-o", tmp_path / "a.png")
+    assert not drawn
+    result = run("plot", part, "-o", tmp_path / "a.png", "--partial", *(["--mesh"] if mesh else []))
+    assert result.exit_code == 0
+    assert result.stdout.endswith(f": {len(promised)} steps of {size:,} bytes\n")
+    assert [step.within for step in drawn] == [4, 1, None]
+    *_, before, received = drawn
+    assert received.bytes == received.total == size == before.total > before.bytes
+    assert same(received.contour, isocodec.decode(data, max_bytes=size))
+    assert not np.array_equal(received.contour.points, before.contour.points)
+    assert np.array_equal(before.contour.points, isocodec.decode(data, layers=promised[1]).points)
+    assert (received.mesh is not None) == mesh
+
+
+def test_a_part_that_ends_with_a_layer_has_no_step_more(tmp_path: Path, drawn: list[Step]) -> None:
+    data = isocodec.truncate(isocodec.encode(HILLS, 80.5, base_level=4), layers=2)
+    part = tmp_path / "part.iso"
+    part.write_bytes(data[:-2])
+    result = run("plot", part, "-o", tmp_path / "a.png", "--partial")
+    assert result.exit_code == 0 and len(drawn) == 2
+    assert same(drawn[-1].contour, isocodec.decode(data[:-2], max_bytes=len(data)))
+
+
+# ---- Words for truncated files --------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("verb", "out", "word"), [("decode", "c.svg", "decoded"), ("plot", "c.png", "drawn"), ("mask", "c.npy", "decoded")]
+)
+def test_truncated_files_are_not_called_invalid(tmp_path: Path, verb: str, out: str, word: str) -> None:
+    data = isocodec.encode(HILLS, 80.5)
+    part = tmp_path / "part.iso"
+    part.write_bytes(data[:-6])
+    why = f"isocodec: {part}: the file ends after {len(data) - 6} bytes, before it is complete"
+    line = fails(5, verb, part, "-o", tmp_path / out)
+    assert line.startswith(why) and line.endswith(": --partial takes what was received")
+    assert "valid" not in line and not (tmp_path / out).exists()
+    result = run(verb, part, "-o", tmp_path / out, "--partial")
+    assert result.exit_code == 0 and (tmp_path / out).exists()
+    said = f"{why.replace(': the file', ': warning: the file')}; only what was received is {word}"
+    assert result.stderr.splitlines()[-1] == said
+    part.write_bytes(data[:-6] + bytes(6))
+    assert "not a valid .iso file: " in fails(4, verb, part, "-o", tmp_path / out)
+
+
+@pytest.mark.parametrize("out", ["c.npz", "c.geojson", "c.svg", "c.png"])
+@pytest.mark.parametrize("most", [1, 3, 8])
+def test_fewer_bytes_than_a_header(curve: Path, tmp_path: Path, out: str, most: int) -> None:
+    """Whether a part would do or not: there is no curve to be written."""
+    for more in ((), ("--partial",)):
+        line = fails(5, "decode", curve, "-o", tmp_path / out, "--max-bytes", most, *more)
+        assert line == f"isocodec: {curve}: the file ends before its curve begins"
+        assert not (tmp_path / out).exists()
+
+
+# ---- The mesh -------------------------------------------------------------------------------------------------------
+
+
+def drawn_mesh(contour: isocodec.Contour, *mesh: np.ndarray) -> np.ndarray:
+    """What is drawn of a mesh: lines of points in the picture's coordinates."""
+    axes: Any = Figure().add_subplot()
+    picture._draw_mesh(axes, contour, *mesh)
+    (lines,) = axes.collections
+    return np.array(lines.get_segments())
+
+
+def test_the_mesh_under_a_curve_is_its_triangles(curve_data: bytes) -> None:
+    """Each side once, columns across and rows down, whoever shares it."""
+    decoder = isocodec.Decoder()
+    decoder.feed(curve_data)
+    decoder.close()
+    position, triangles = decoder.mesh()
+    sides = {
+        frozenset((tuple(position[a][::-1]), tuple(position[b][::-1])))
+        for x, y, z in triangles for a, b in ((x, y), (y, z), (z, x))
+    }  # fmt: skip
+    segments = drawn_mesh(decoder.snapshot(), position, triangles)
+    assert len(segments) == len(sides) < 3 * len(triangles)
+    assert {frozenset(map(tuple, segment)) for segment in segments} == sides
+
+
+@pytest.mark.parametrize("field", [BALL, 100 - BALL], ids=["above outside", "above inside"])
+def test_the_mesh_of_a_surface_is_what_looks_at_the_viewer(field: np.ndarray) -> None:
+    """Of a ball the nearer half, whichever side of it is above; triangles as they lie in the picture of the surface."""
+    isovalue = 55.5 if field is BALL else 44.5
+    contour = isocodec.decode(isocodec.encode(field, isovalue, exact=True))
+    corners = contour.points[contour.cells] - 8.0
+    near = corners.mean(axis=1) @ picture._TOWARDS
+    # normals of a ball point away from its middle, or towards it; those at its outline may look either way
+    clear = np.abs(near) > 1.0
+    segments = drawn_mesh(contour, *(np.zeros((0, k), np.int64) for k in (3, 4)))
+    assert segments.shape[1:] == (4, 2) and np.array_equal(segments[:, 0], segments[:, 3])
+    flat = corners @ np.stack([picture._RIGHT, picture._UP], axis=1)
+    shown = {segment[:3].round(9).tobytes() for segment in segments + 0.0}
+    is_shown = np.array([triangle.tobytes() in shown for triangle in flat.round(9) + 0.0])
+    assert clear.sum() > 0.5 * len(near)
+    assert np.array_equal(is_shown[clear], near[clear] > 0)
