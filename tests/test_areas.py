@@ -118,5 +118,5 @@ def test_on_the_command_line(hills: Path, curve: Path, surface: Path, tmp_path: 
     ok("decode", curve, "-o", out, "--areas", "below")
     assert json.loads(out.read_text())["properties"]["area"] == "below"
     assert ".geojson only" in fails(2, "decode", curve, "-o", tmp_path / "high.svg", "--areas", "above")
-    assert "n = 2" in fails(2, "decode", surface, "-o", tmp_path / "high.geojson", "--areas", "above")
+    assert "cannot hold a surface" in fails(2, "decode", surface, "-o", tmp_path / "high.geojson", "--areas", "above")
     assert not (tmp_path / "high.svg").exists()

@@ -31,6 +31,8 @@ _NAMED = 12
 """Most isovalues that a legend lists."""
 _SURFACE = np.array([0.62, 0.72, 0.84])
 _STRETCH = 100.0
+_BAND = 32
+"""Rows of a surface's picture that are coloured at a time."""
 # Panels in one row; more go on to the next.
 _COLUMNS = 6
 
@@ -58,7 +60,7 @@ class Step:
     within: float | None = None
 
 
-PICTURE = {2: Cost(200, 160, fixed=1 << 25), 3: Cost(80, 260, fixed=1 << 28, kept=0)}
+PICTURE = {2: Cost(200, 160, fixed=1 << 25), 3: Cost(80, 260, fixed=1 << 27, kept=0)}
 """Memory that pictures take, by axes of the field."""
 
 
@@ -304,7 +306,20 @@ def shade(
         front = near == nearest[pixel]
         shown[pixel[front]] = np.repeat(chosen, len(weights))[front]
 
-    image = np.zeros((side * side, 4))
+    image = np.empty((pixels, pixels, 4))
+    for start in range(0, pixels, _BAND):
+        end = min(start + _BAND, pixels)
+        seen = shown[2 * start * side : 2 * end * side]
+        image[start:end] = _lit(points, cells, seen).reshape(end - start, 2, pixels, 2, 4).sum(axis=(1, 3))
+    # Colours weighted by opacity, or empty pixels would darken the outline.
+    image[..., :3] /= np.maximum(image[..., 3:], 1.0)
+    image[..., 3] /= 4.0
+    return image
+
+
+def _lit(points: NDArray[np.float64], cells: NDArray[np.int64], shown: NDArray[np.int64]) -> NDArray[np.float64]:
+    """Colour and opacity, (S, 4), of pixels that show a triangle each, or none (-1)."""
+    image = np.zeros((len(shown), 4))
     seen = shown >= 0
     a, b, c = (points[cells[shown[seen], k]] for k in range(3))
     normal = np.cross(b - a, c - a)
@@ -314,11 +329,7 @@ def shade(
     normal *= np.where(normal @ _TOWARDS < 0, -1.0, 1.0)[:, None]
     image[seen, :3] = _SURFACE * (0.3 + 0.7 * np.clip(normal @ _LIGHT, 0.0, 1.0))[:, None]
     image[seen, 3] = 1.0
-    # Colours weighted by opacity, or empty pixels would darken the outline.
-    blocks = image.reshape(pixels, 2, pixels, 2, 4).sum(axis=(1, 3))
-    blocks[..., :3] /= np.maximum(blocks[..., 3:], 1.0)
-    blocks[..., 3] /= 4.0
-    return blocks
+    return image
 
 
 def _lattices(

@@ -57,7 +57,7 @@ def _explicit(tube: Tube) -> NDArray[np.int64]:
     return position[np.lexsort(position.T[::-1])]
 
 
-_DRAWN = {(2, True): (60, 140, 24), (2, False): (40, 240, 40), (3, True): (40, 120, 24), (3, False): (60, 320, 40)}
+_DRAWN = {(2, True): (60, 170, 24), (2, False): (40, 270, 40), (3, True): (40, 160, 24), (3, False): (60, 360, 40)}
 """Bytes that a drawing takes at most for each vertex, leaf and stated edge, by dimension and if on the full grid."""
 
 

@@ -305,7 +305,7 @@ class Decoder:
         if math.prod(tube.shape) > self.limits.samples:
             raise LimitError(
                 f"a mask of {math.prod(tube.shape):,} samples, more than {self.limits.samples:,}",
-                code="limit-samples", clause="11.2", remedy="raise Limits.samples if that is wanted",
+                code="limit-samples", clause="11.2", remedy="raise Limits.samples (--limit-samples) if that is wanted",
             )  # fmt: skip
         rows = known_rows(tube, last_first)
         self._budget.check(rows.bytes)
