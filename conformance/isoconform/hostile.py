@@ -41,6 +41,7 @@ def headers() -> Iterator[Draft]:
     plane, space = split(_plane()), split(_space())
     flags = plane.header[5]
     yield _refused("signature", bytes(plane.with_header(1, ord("i"))), "3.3.1", "another signature")
+    yield _refused("signature_cut", b"\x89IS\0", "3.3.1", "another signature, and the file ends")
     yield _refused("text", b"This is not an .iso file.\n", "3.3.1", "a text file")
     yield _refused("read_version", bytes(plane.with_header(4, 0x11)), "3.3.1", "a newer read version")
     yield _refused("reserved_80", bytes(plane.with_header(5, flags | 0x80)), "3.3.2", "a reserved bit")
@@ -247,6 +248,9 @@ def isovalues() -> Iterator[Draft]:
     ):
         file = plane.with_chunks(*before, layers(steps_of(*steps), b""))
         yield _refused(name, bytes(file), "3.6", about)
+        unread = Chunk(ChunkType.CUT_LAYERS, b"\0" + steps_of(*steps))
+        file = plane.with_chunks(*before, unread)
+        yield _refused(f"unread_{name}", bytes(file), "3.6", f"{about}, of which nothing is read")
     for name, file in (("leaf_base_start_visited", plane), ("space_leaf_base_start_visited", space)):
         further = Chunk(ChunkType.ISOVALUE, write_further(0.0, 0))
         data = _searched(file, "5.3.2", steps_of((LEAVES, 0)), (file.chunks[0], further))

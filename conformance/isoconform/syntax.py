@@ -96,7 +96,7 @@ def curves() -> Iterator[Draft]:
         "second_branch", "a second branch after more than 20 points of the first one", (33, 33), ((BASE, ALL),), 0, 24
     )
     field = np.zeros((1000, 600), np.int64)
-    field[7:9, 7:9] = field[980:982, 585:588] = 1
+    field[5:12, 6:11] = field[985:989, 584] = 1
     yield encoded(
         "plane_far_apart", field, 0.5, "points of the curve more than 1023 units away", signs_only=True, base_level=2
     )
