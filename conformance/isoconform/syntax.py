@@ -121,6 +121,12 @@ def isovalues() -> Iterator[Draft]:
     yield _leaning(
         "values_below_zero", "values taken over by an isovalue below 0", (9, 9), {0.5: exact, -3.5: exact}, 0, 60
     )
+    for isovalue, side, seed in ((1.5, "above", 39), (-1.0, "below", 0)):
+        programs = {0.5: ((BASE, ALL), (OFFSETS, 1)), isovalue: ((BASE, ALL), (OFFSETS, 4))}
+        yield _leaning(
+            f"offsets_on_fewer_parts_{side}", f"offsets {side} those of an earlier isovalue in fewer parts", (9, 9),
+            programs, seed, 60,
+        )  # fmt: skip
 
 
 def bounds() -> Iterator[Draft]:
@@ -132,6 +138,10 @@ def bounds() -> Iterator[Draft]:
     yield _random(
         "arguments_by_escape", "arguments below 14 that follow as numbers", (9, 9),
         ((BASE, ESCAPE), b"\2", (REFINE, ESCAPE), b"\1"), 16, 20,
+    )  # fmt: skip
+    yield encoded(
+        "plane_models_settled", noise((2, 200), 7, 2), 1.5, "more symbols in a context than its model counts", exact=True,
+        base_level=1,
     )  # fmt: skip
     for n, level in ((2, 30), (3, 42)):
         about = "more than 100 ancestors come into the mesh with one vertex"
