@@ -140,8 +140,8 @@ def bounds() -> Iterator[Draft]:
         ((BASE, ESCAPE), b"\2", (REFINE, ESCAPE), b"\1"), 16, 20,
     )  # fmt: skip
     yield encoded(
-        "plane_models_settled", noise((2, 200), 7, 2), 1.5, "more symbols in a context than its model counts", exact=True,
-        base_level=1,
+        "plane_models_settled", noise((2, 200), 7, 2), 1.5, "more symbols in a context than its model counts",
+        exact=True, base_level=1,
     )  # fmt: skip
     for n, level in ((2, 30), (3, 42)):
         about = "more than 100 ancestors come into the mesh with one vertex"
