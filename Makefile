@@ -13,7 +13,7 @@ DEMO_PYTHON := .venv-demo/bin/python
 TEST_PYTHON := .venv-test/bin/python
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test lint bench vectors clean
+.PHONY: help demo test lint bench vectors zoo clean
 
 help: ## Show this list.
 	@sed -n 's/^\([a-z]*\):.*## /\1\t/p' $(MAKEFILE_LIST) | expand -t 10
@@ -35,6 +35,9 @@ bench: .venv-test/.installed ## Measure speed, first use and memory.
 
 vectors: .venv-test/.installed ## Write the conformance vectors anew.
 	$(TEST_PYTHON) -m isoconform generate $(VECTORS)
+
+zoo: .venv-test/.installed ## Plant wrong decoders and see that their vectors catch them.
+	$(TEST_PYTHON) conformance/zoo --jobs $(JOBS)
 
 clean: ## Remove everything that make has made.
 	rm -rf .venv-demo .venv-test demo/out .pytest_cache .mypy_cache .ruff_cache .hypothesis build dist

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from isocodec.stream.events import Event, IsovalueRead, LayerComplete
 
-from . import adaptive, circle, geometry, hostile, isovalues, mixed, special, valid
+from . import adaptive, circle, geometry, hostile, isovalues, mixed, special, syntax, valid
 from .draft import Draft
 from .dump import COMPLETE, CUT_OFF, Output, canonical_layers, dump
 from .manifest import ERROR, NAME, OK, TRUNCATED, Expected, LayerState, Vector, digest, read_manifest, write_manifest
@@ -42,7 +42,7 @@ def generate(directory: Path) -> list[Vector]:
 def all_drafts() -> Iterator[Draft]:
     """All vectors, in the order of the manifest."""
     return chain(
-        *(module.drafts() for module in (valid, special, adaptive, geometry, isovalues, mixed, hostile, circle))
+        *(module.drafts() for module in (valid, special, adaptive, geometry, isovalues, mixed, syntax, hostile, circle))
     )
 
 

@@ -20,6 +20,8 @@ BASE, REFINE, VALUES, OFFSETS, BOTH, ADAPTIVE, ADAPT, LEAVES = Operation
 ESCAPE, ALL = 14, 15
 FULL = 6
 """Full level of the small plane file: 9 x 8 samples."""
+LONG = b"\x81" + b"\x80" * 8 + b"\0"
+"""2**63 as a number of ten bytes."""
 
 
 def _plane() -> bytes:
@@ -39,6 +41,7 @@ def headers() -> Iterator[Draft]:
     plane, space = split(_plane()), split(_space())
     flags = plane.header[5]
     yield _refused("signature", bytes(plane.with_header(1, ord("i"))), "3.3.1", "another signature")
+    yield _refused("signature_cut", b"\x89IS\0", "3.3.1", "another signature, and the file ends")
     yield _refused("text", b"This is not an .iso file.\n", "3.3.1", "a text file")
     yield _refused("read_version", bytes(plane.with_header(4, 0x11)), "3.3.1", "a newer read version")
     yield _refused("reserved_80", bytes(plane.with_header(5, flags | 0x80)), "3.3.2", "a reserved bit")
@@ -69,9 +72,16 @@ def headers() -> Iterator[Draft]:
         head = plane.header[:5] + bytes([flags | 2 << 3]) + plane.header[6:8] + struct.pack(">d", isovalue)
         yield _refused(name, bytes(replace(plane, header=head)), "3.3.4", "an isovalue that is not finite")
     scaled = write_header(Header((9, 8), 128.5, 0.1))[:-8]
-    for name, scale in (("scale_zero", 0.0), ("scale_negative", -0.5), ("scale_nan", float("nan"))):
+    scales = {"zero": 0.0, "negative": -0.5, "nan": float("nan"), "infinite": float("inf")}
+    for name, scale in scales.items():
         head = scaled + struct.pack(">d", scale)
-        yield _refused(name, bytes(replace(plane, header=head)), "3.3.5", "a scale that is not a positive number")
+        yield _refused(
+            f"scale_{name}", bytes(replace(plane, header=head)), "3.3.5", "a scale that is not a positive number"
+        )
+    unknown = plane.with_header(5, flags | 0x18).header[:6]
+    yield _refused("isovalue_kind_cut", unknown, "3.3.4", "an unknown kind of isovalue, and the file ends")
+    head = plane.header[:8] + LONG
+    yield _refused("isovalue_long", bytes(replace(plane, header=head)), "3.3.4", "a number of ten bytes")
 
 
 def containers() -> Iterator[Draft]:
@@ -144,6 +154,9 @@ def programs() -> Iterator[Draft]:
     ]
     for name, about, steps in wrong:
         yield _refused(name, bytes(plane.with_chunks(layers(steps_of(*steps), b""))), "3.6", about)
+        # the same as a cut run of no symbols: who does not look at the program finds nothing else that is wrong
+        unread = Chunk(ChunkType.CUT_LAYERS, b"\0" + steps_of(*steps))
+        yield _refused(f"unread_{name}", bytes(plane.with_chunks(unread)), "3.6", f"{about}, of which nothing is read")
     many = steps_of(full, (VALUES, 0), bits, *[(VALUES, 0)] * 4095)
     yield _refused("layers_4097", bytes(plane.with_chunks(layers(many, b""))), "11.1", "more than 4096 layers")
     for name, stated in (("bits_53", b"\x0f\x35"), ("bits_by_escape", b"\xf0\x0e")):
@@ -155,6 +168,8 @@ def programs() -> Iterator[Draft]:
     yield _refused(
         "symbols_not_shortest", bytes(plane.with_chunks(symbols)), "3.5.4", "a number not in its shortest form"
     )
+    symbols = Chunk(ChunkType.CUT_LAYERS, LONG + steps_of(full) + bytes(4))
+    yield _refused("symbols_long", bytes(plane.with_chunks(symbols)), "3.5.4", "a number of ten bytes")
 
 
 def runs() -> Iterator[Draft]:
@@ -233,6 +248,9 @@ def isovalues() -> Iterator[Draft]:
     ):
         file = plane.with_chunks(*before, layers(steps_of(*steps), b""))
         yield _refused(name, bytes(file), "3.6", about)
+        unread = Chunk(ChunkType.CUT_LAYERS, b"\0" + steps_of(*steps))
+        file = plane.with_chunks(*before, unread)
+        yield _refused(f"unread_{name}", bytes(file), "3.6", f"{about}, of which nothing is read")
     for name, file in (("leaf_base_start_visited", plane), ("space_leaf_base_start_visited", space)):
         further = Chunk(ChunkType.ISOVALUE, write_further(0.0, 0))
         data = _searched(file, "5.3.2", steps_of((LEAVES, 0)), (file.chunks[0], further))

@@ -12,7 +12,7 @@ import json
 import math
 import os
 import re
-from collections.abc import Collection, Iterable
+from collections.abc import Callable, Collection, Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from xml.etree import ElementTree
@@ -144,7 +144,7 @@ def _npz(contour: Contour) -> bytes:
 
 
 def _geojson(contours: Iterable[Contour]) -> bytes:
-    return _features((contour, _feature(contour, contour.__geo_interface__)) for contour in contours)
+    return _features(contours, lambda contour: _feature(contour, contour.__geo_interface__))
 
 
 def render_areas(contours: Iterable[Contour], above: bool) -> bytes:
@@ -156,7 +156,7 @@ def render_areas(contours: Iterable[Contour], above: bool) -> bytes:
         As `areas`.
     """
     side = "above" if above else "below"
-    return _features((one, _feature(one, areas(one, above=above), area=side)) for one in contours)
+    return _features(contours, lambda contour: _feature(contour, areas(contour, above=above), area=side))
 
 
 def _feature(contour: Contour, geometry: dict[str, Any], **properties: str) -> bytes:
@@ -175,14 +175,14 @@ def _feature(contour: Contour, geometry: dict[str, Any], **properties: str) -> b
     )
 
 
-def _features(features: Iterable[tuple[Contour, bytes]]) -> bytes:
-    """The file of a feature, or of a collection of several of the same placement.
+def _features(contours: Iterable[Contour], feature: Callable[[Contour], bytes]) -> bytes:
+    """The file of the feature of a contour, or of a collection of several of the same placement.
 
     A reference system other than that of GeoJSON, degrees of longitude and latitude, is named as GeoJSON once had it.
     """
     texts, system = [], b""
-    for contour, text in features:
-        texts.append(text)
+    for contour in contours:
+        texts.append(feature(contour))
         found = _EPSG.fullmatch(contour.metadata.get(CRS, ""))
         if contour.placement is not None and found and found[1] != _DEGREES:
             name = {"type": "name", "properties": {"name": f"urn:ogc:def:crs:EPSG::{found[1]}"}}
