@@ -75,7 +75,11 @@ class Limits:
         if number not in LEVELS:
             raise OptionError(f"there is no level {number}", code="level", remedy="levels are 0 and 1")
         vertices, simplices, symbols, steps, isovalues = LEVELS[number]
-        return cls(vertices=vertices, simplices=simplices, symbols=symbols, steps=steps, isovalues=isovalues)
+        # room for a step is asked for before it is known to be needed
+        return cls(
+            vertices=vertices + _STEP, simplices=simplices + _STEP, symbols=symbols + 1, steps=steps + 1,
+            isovalues=isovalues,
+        )  # fmt: skip
 
 
 LEVELS = {
@@ -83,6 +87,10 @@ LEVELS = {
     1: (1 << 19, 1 << 20, 1 << 23, 1 << 24, ISOVALUES),
 }
 """Vertices, simplices, symbols, steps and isovalues (spec clause 11.3)."""
+BLOCKS = {0: 1 << 10, 1: 1 << 15}
+"""Blocks likewise; a decoder's memory is limited in bytes instead."""
+_STEP = 32
+"""More vertices and simplices than a step of any pass adds."""
 
 
 class Budget:

@@ -11,6 +11,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 from isocodec.errors import FormatError, IsoError, LimitError, TruncatedError
+from isocodec.limits import Limits
 from isocodec.stream.decoder import Decoder
 from isocodec.stream.events import Event, IsovalueRead, LayerComplete
 
@@ -54,7 +55,7 @@ def canonical(decoder: Decoder) -> str:
     return "".join(f"{line}\n" for line in lines)
 
 
-def dump(data: bytes, *, layers: int = 0, piece: int = 0) -> Output:
+def dump(data: bytes, *, layers: int = 0, piece: int = 0, limits: Limits | None = None) -> Output:
     """Decode a file with the reference decoder.
 
     Parameters
@@ -64,8 +65,10 @@ def dump(data: bytes, *, layers: int = 0, piece: int = 0) -> Output:
         Stop when that many layers are complete; 0 decodes the whole file.
     piece : int
         Feed that many bytes at a time; 0 feeds all at once. The result does not depend on it.
+    limits : Limits, optional
+        Of the decoder.
     """
-    decoder = Decoder()
+    decoder = Decoder(limits)
     events: list[Event] = []
     code, error = COMPLETE, None
     try:

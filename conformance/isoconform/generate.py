@@ -7,12 +7,14 @@ from collections.abc import Iterator
 from itertools import chain
 from pathlib import Path
 
+from isocodec.errors import LimitError
 from isocodec.stream.events import Event, IsovalueRead, LayerComplete
 
-from . import adaptive, circle, geometry, hostile, isovalues, mixed, special, syntax, valid
+from . import adaptive, circle, geometry, hostile, isovalues, mixed, rules, special, valid
 from .draft import Draft
 from .dump import COMPLETE, CUT_OFF, Output, canonical_layers, dump
-from .manifest import ERROR, NAME, OK, TRUNCATED, Expected, LayerState, Vector, digest, read_manifest, write_manifest
+from .levels import BEYOND, needs
+from .manifest import ERROR, LIMIT, NAME, OK, TRUNCATED, Expected, LayerState, Vector, digest, read_manifest, write_manifest
 
 TEXT_LIMIT = 2200
 """Longest canonical text, in bytes, that is kept next to its vector for the runner to show differences."""
@@ -42,7 +44,7 @@ def generate(directory: Path) -> list[Vector]:
 def all_drafts() -> Iterator[Draft]:
     """All vectors, in the order of the manifest."""
     return chain(
-        *(module.drafts() for module in (valid, special, adaptive, geometry, isovalues, mixed, syntax, hostile, circle))
+        *(module.drafts() for module in (valid, special, adaptive, geometry, isovalues, mixed, rules, hostile, circle))
     )
 
 
@@ -65,6 +67,10 @@ def _described(draft: Draft, output: Output) -> Vector:
             sum(line.startswith("v ") for line in lines), sum(line.startswith("e ") for line in lines),
             {name: count for name, count in output.symbols.items() if count},
         )  # fmt: skip
+    elif isinstance(output.error, LimitError):
+        if draft.clause != clause:
+            raise AssertionError(f"{draft.name} needs more than the limits allow: {output.error}")
+        expected = Expected(LIMIT)
     else:
         if draft.clause != clause:
             raise AssertionError(f"{draft.name} violates clause {clause}, not {draft.clause}: {output.error}")
@@ -91,7 +97,14 @@ def _described(draft: Draft, output: Output) -> Vector:
         features=features,
         expected=expected,
         layers=layers,
+        level=_level(draft.data, expected),
     )
+
+
+def _level(data: bytes, expected: Expected) -> int:
+    if expected.status == LIMIT:
+        return BEYOND
+    return 0 if expected.status == ERROR else needs(data).level
 
 
 def _features(events: list[Event], n: int) -> Iterator[str]:

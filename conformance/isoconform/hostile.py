@@ -1,4 +1,7 @@
-"""Vectors of files that a decoder must refuse: each violates one clause, and all checksums but such are right."""
+"""Vectors of files that a decoder must refuse: each violates one clause, and all checksums but such are right.
+
+One more violates none, and asks for more than a decoder has to give.
+"""
 
 from __future__ import annotations
 
@@ -9,7 +12,7 @@ from dataclasses import replace
 from isocodec import Encoder, truncate
 from isocodec.stream.container import write_further
 from isocodec.stream.header import Header, write_header
-from isospec.container import MAX_ISOVALUES, ChunkType, Operation, write_varint
+from isospec.container import MAX_ISOVALUES, ChunkType, Operation, Profile, write_varint
 
 from .draft import Draft
 from .dump import dump
@@ -281,3 +284,22 @@ def drafts() -> Iterator[Draft]:
     """All vectors of this module."""
     for group in (headers, containers, programs, runs, isovalues):
         yield from group()
+    yield _planes()
+
+
+PLANE = bytes.fromhex("9b2f75cb582281daf76f1e91143eddba7f76")
+"""A run of a base of level 24, in cubes of 2048 samples: a plane through all of them, 132,000 vertices."""
+
+AGAIN = tuple(map(bytes.fromhex, ("1cdd27ac1f0727e8", "222ec69ff272", "2e8d29bc0d7e")))
+"""Runs of leaf bases of planes next to it, each at the leaves of the one before."""
+
+
+def _planes() -> Draft:
+    """Vertices that lie farther from each other than any block reaches, and once more for each isovalue."""
+    side = (1 << 19) + 1
+    chunks = [layers(steps_of((BASE, ESCAPE), write_varint(24)), PLANE)]
+    for i, run in enumerate(AGAIN):
+        chunks.append(Chunk(ChunkType.ISOVALUE, write_further(23.0 + 2 * i, i)))
+        chunks.append(layers(steps_of((LEAVES, 0)), run))
+    data = bytes(File(write_header(Header((side,) * 3, 21.0, None, Profile.MAIN)), tuple(chunks)))
+    return Draft("space_main_lone_vertices", data, 3, ("main profile", "beyond all levels"), "11.2")

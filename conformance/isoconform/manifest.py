@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 NAME = "manifest.json"
-OK, TRUNCATED, ERROR = "ok", "truncated", "error"
+OK, TRUNCATED, ERROR, LIMIT = "ok", "truncated", "error", "limit"
 
 
 @dataclass(frozen=True)
@@ -37,7 +37,7 @@ class Expected:
     ----------
     status : str
         ``ok``; ``truncated``: the file ends too early, and the rest is what was received; ``error``: a decoder
-        must refuse it.
+        must refuse it; ``limit``: no decoder has to decode it, and one that does not says so.
     clause : str or None
         Of an ``error``: the clause that the file violates, to inform.
     state : str or None
@@ -74,6 +74,8 @@ class Vector:
     expected : Expected
     layers : list of LayerState
         States after each layer; empty where they are not stated.
+    level : int
+        Lowest level of conformance (spec clause 11.3) whose decoders have to decode the file.
     """
 
     name: str
@@ -85,6 +87,7 @@ class Vector:
     features: list[str]
     expected: Expected
     layers: list[LayerState] = field(default_factory=list)
+    level: int = 0
 
 
 def digest(text: str) -> str:
@@ -137,4 +140,6 @@ def _brief(entry: dict[str, Any]) -> dict[str, Any]:
             del layer["isovalue"]
     if not entry["layers"]:
         del entry["layers"]
+    if not entry["level"]:
+        del entry["level"]
     return entry

@@ -1,0 +1,58 @@
+"""What decoding a file needs, in the counts of the levels of conformance (spec clause 11.3)."""
+
+from __future__ import annotations
+
+from dataclasses import astuple, dataclass
+
+from isocodec import Decoder
+from isocodec.errors import TruncatedError
+from isocodec.limits import BLOCKS, LEVELS
+from isocodec.mesh.store import PAGES
+from isocodec.stream.events import LayerComplete
+
+BEYOND = max(LEVELS) + 1
+"""In place of a level, of files that no level has to decode."""
+
+
+@dataclass(frozen=True)
+class Needs:
+    """The counts of a file."""
+
+    vertices: int
+    simplices: int
+    symbols: int
+    steps: int
+    isovalues: int
+    blocks: int
+
+    @property
+    def level(self) -> int:
+        """The lowest level whose decoders have to decode the file, or ``BEYOND``."""
+        for level, counts in sorted(LEVELS.items()):
+            if all(need <= most for need, most in zip(astuple(self), (*counts, BLOCKS[level]), strict=True)):
+                return level
+        return BEYOND
+
+
+def needs(data: bytes) -> Needs:
+    """The counts of a file that the reference decoder decodes, or of what there is of one that is cut off."""
+    decoder = Decoder()
+    decoder.feed(data)
+    leaves = 0
+    for event in decoder:
+        if isinstance(event, LayerComplete):
+            leaves = max(leaves, sum(tube.simplices for tube in decoder._tubes if tube))
+    if not decoder.complete:
+        try:
+            decoder.close()
+        except TruncatedError:
+            pass
+    tubes = [tube for tube in decoder._tubes if tube]
+    return Needs(
+        vertices=sum(tube.vertices for tube in tubes),
+        simplices=max(leaves, sum(tube.simplices for tube in tubes)),
+        symbols=sum(decoder.symbols.values()),
+        steps=sum(tube.steps for tube in tubes),
+        isovalues=len(decoder.isovalues),
+        blocks=sum(int(store.head[PAGES]) for tube in tubes for store in (tube.state.known, tube.state.mesh)),
+    )
