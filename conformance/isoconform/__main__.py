@@ -11,7 +11,8 @@ from pathlib import Path
 
 from .dump import dump
 from .manifest import default_directory, read_manifest
-from .runner import command, reference, run
+from .decoders import Batch, Command, serve
+from .runner import asked, reference, run
 
 COMMANDS = ("run", "dump", "generate")
 USAGE_ERROR = 2
@@ -50,7 +51,8 @@ def _parser() -> argparse.ArgumentParser:
     dumps = commands.add_parser(
         "dump", help="print the decoded state; exit code 0, 5 (cut off), 4 (invalid) or 6 (over the limits)"
     )
-    dumps.add_argument("file", type=Path)
+    dumps.add_argument("file", type=Path, nargs="?")
+    dumps.add_argument("--batch", action="store_true", help="answer requests of the batch protocol on standard input")
     dumps.add_argument("--layers", type=int, default=0, metavar="N", help="decode N layers only; 0, the default: all")
     dumps.set_defaults(call=_dump)
 
@@ -67,7 +69,7 @@ def _run(options: argparse.Namespace) -> int:
         if unknown:
             raise ValueError(f"no vector is called {', '.join(sorted(unknown))}")
         vectors = [v for v in vectors if v.name in options.only]
-    decode = command(options.decoder) if options.decoder else reference
+    decode = asked(Command(options.decoder)) if options.decoder else reference
     if options.layers and options.decoder and "{layers}" not in options.decoder:
         raise ValueError("the command does not say where the number of {layers} goes")
     results = []
@@ -85,6 +87,11 @@ def _run(options: argparse.Namespace) -> int:
 
 
 def _dump(options: argparse.Namespace) -> int:
+    if options.batch:
+        serve(sys.stdin.buffer, sys.stdout.buffer)
+        return 0
+    if options.file is None:
+        raise ValueError("dump needs a file, or --batch")
     output = dump(options.file.read_bytes(), layers=options.layers)
     if output.error is not None:
         print(f"isoconform: {output.error}", file=sys.stderr)

@@ -3,19 +3,14 @@
 from __future__ import annotations
 
 import hashlib
-import shlex
-import subprocess
-import sys
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import zip_longest
 from pathlib import Path
 
+from .decoders import Decoder, Request
 from .dump import COMPLETE, CUT_OFF, REFUSED, dump
 from .manifest import ERROR, OK, Vector, digest
-
-TIMEOUT = 20.0
-"""Seconds that a decoder has for a file."""
 
 Decode = Callable[[Path, int], tuple[int, str]]
 """A decoder: a file and the layers to decode (0: all) in; exit code and canonical text out."""
@@ -40,33 +35,29 @@ def reference(path: Path, layers: int) -> tuple[int, str]:
     return output.exit_code, output.text
 
 
-def command(template: str) -> Decode:
-    """A decoder that is run as a command.
+class DecoderFailed(Exception):
+    """The decoder did not come to an answer."""
 
-    Parameters
-    ----------
-    template : str
-        Split into words as a shell does; ``{file}`` stands for the file, ``{layers}`` for the number of layers to
-        decode (0: all), ``{python}`` for this interpreter.
+
+def asked(decoder: Decoder) -> Decode:
+    """A decoder under test, one question after the other.
 
     Raises
     ------
-    ValueError
-        If there is no ``{file}`` in it.
+    DecoderFailed
+        From what is returned: the decoder died, took too long, or does not take numbers of layers.
     """
-    words = shlex.split(template)
-    if not any("{file}" in word for word in words):
-        raise ValueError("the command does not say where the {file} goes")
 
-    def run(path: Path, layers: int) -> tuple[int, str]:
-        names = {"{file}": str(path), "{layers}": str(layers), "{python}": sys.executable}
-        filled = list(words)
-        for name, value in names.items():
-            filled = [word.replace(name, value) for word in filled]
-        done = subprocess.run(filled, stdin=subprocess.DEVNULL, capture_output=True, timeout=TIMEOUT, check=False)
-        return done.returncode, done.stdout.decode("ascii", "replace").replace("\r\n", "\n")
+    def decode(path: Path, layers: int) -> tuple[int, str]:
+        decoder.ask(Request(path, layers))
+        answer = decoder.answer()
+        if answer is None:
+            raise DecoderFailed("it does not take a number of layers")
+        if answer.trouble:
+            raise DecoderFailed(answer.trouble)
+        return answer.code, answer.text
 
-    return run
+    return decode
 
 
 def run(vectors: Sequence[Vector], directory: Path, decode: Decode, *, layers: bool = False) -> Iterator[Result]:
@@ -80,8 +71,8 @@ def run(vectors: Sequence[Vector], directory: Path, decode: Decode, *, layers: b
     for vector in vectors:
         try:
             reason = _check(vector, directory, decode, layers)
-        except subprocess.TimeoutExpired:
-            reason = f"no answer within {TIMEOUT:.0f} s"
+        except DecoderFailed as failed:
+            reason = str(failed)
         yield Result(vector.name, reason)
 
 
