@@ -14,7 +14,7 @@ import pytest
 
 from isocodec import Decoder
 from isocodec.entropy.main import KINDS, shipped_models
-from isoconform import runner
+from isoconform import decoders, runner
 from isoconform.__main__ import main
 from isoconform.circle import CENTRE, RADIUS
 from isoconform.dump import CUT_OFF, REFUSED, canonical_layers, dump
@@ -317,7 +317,7 @@ def test_a_wrong_layer_fails(capsys, tmp_path):
 
 def test_a_decoder_that_hangs_fails(capsys, monkeypatch):
     """After the time that a decoder has."""
-    monkeypatch.setattr(runner, "TIMEOUT", 0.5)
+    monkeypatch.setattr(decoders, "TIMEOUT", 0.5)
     command = "{python} -c 'import time; time.sleep(30)' {file}"
     code, lines = run_some(capsys, "--decoder", command, names=["bad_trailing"])
     assert code == 1

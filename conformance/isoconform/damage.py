@@ -103,8 +103,9 @@ def fields_of(header: bytes) -> Fields:
 
 
 NUMBERS = (
-    b"\0", b"\x80\x05", b"\x80", b"\xff" * 9, b"\xff" * 8 + b"\x7f", b"\xff" * 9 + b"\x7f", b"\x81" + b"\x80" * 7 + b"\0",
-    b"\x81" + b"\x80" * 8 + b"\0", *(write_varint(most + more) for most in MAX_SIDE.values() for more in (0, 1)),
+    b"\0", b"\x80\x05", b"\x80", b"\xff" * 9, b"\xff" * 8 + b"\x7f", b"\xff" * 9 + b"\x7f",
+    b"\x81" + b"\x80" * 7 + b"\0", b"\x81" + b"\x80" * 8 + b"\0",
+    *(write_varint(most + more) for most in MAX_SIDE.values() for more in (0, 1)),
 )  # fmt: skip
 """Numbers of variable length that are too small, too large or too long."""
 SINGLES = [struct.pack(">f", x) for x in (float("nan"), float("inf"), float("-inf"), -0.0, 0.5, 3e38)]
@@ -130,9 +131,10 @@ def _header(random: Random, file: Torn) -> bytes:
         case 5:
             fields = replace(fields.flagged(clear=KIND, add=2 << 3), isovalue=random.choice(DOUBLES))
         case 6:
-            fields = replace(fields.flagged(clear=KIND, add=random.choice((0, 3 << 3))), isovalue=random.choice(NUMBERS))
+            halves = fields.flagged(clear=KIND, add=random.choice((0, 3 << 3)))
+            fields = replace(halves, isovalue=random.choice(NUMBERS))
         case _:
-            scale = random.choice((b"\x80" + random.choice(DOUBLES), b"\x80", random.randbytes(1), b""))
+            scale = random.choice((*[b"\x80" + random.choice(DOUBLES)] * 4, b"\x80", random.randbytes(1), b""))
             fields = replace(fields.flagged(add=SCALED), scale=scale)
     return bytes(replace(file, header=bytes(fields)))
 

@@ -17,7 +17,7 @@ from collections import deque
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import BinaryIO, Protocol
+from typing import IO, BinaryIO, Protocol
 
 from .dump import dump
 
@@ -190,7 +190,12 @@ class Batch:
         """As `Decoder`."""
         process = self._started()
         late = threading.Event()
-        alarm = threading.Timer(self._timeout, lambda: (late.set(), process.kill()))
+
+        def stop() -> None:
+            late.set()
+            process.kill()
+
+        alarm = threading.Timer(self._timeout, stop)
         alarm.daemon = True
         alarm.start()
         try:
@@ -200,7 +205,7 @@ class Batch:
             alarm.cancel()
         self._open.popleft()
         if found is not None:
-            return None if found == UNKNOWN else Answer(found[0], found[1])
+            return found if isinstance(found, Answer) else None
         code = self._stop(kill=True)
         if late.is_set():
             return Answer(trouble=f"hang: no answer within {self._timeout:g} s")
@@ -257,8 +262,8 @@ def _line(request: Request) -> bytes:
     return "\t".join(words).encode() + b"\n"
 
 
-def _read_answer(stream: BinaryIO) -> tuple[int, str] | bytes | None:
-    """Code and text, or that the request is not known; None if there is no proper answer."""
+def _read_answer(stream: IO[bytes]) -> Answer | bytes | None:
+    """The answer, or that the request is not known; None if there is no proper one."""
     line = stream.readline()
     words = line.split()
     if words == [UNKNOWN] and line.endswith(b"\n"):
@@ -270,7 +275,7 @@ def _read_answer(stream: BinaryIO) -> tuple[int, str] | bytes | None:
     except ValueError:
         return None
     text = stream.read(length) if length >= 0 else b""
-    return (code, text.decode("ascii", "replace")) if len(text) == length else None
+    return Answer(code, text.decode("ascii", "replace")) if len(text) == length else None
 
 
 def serve(requests: BinaryIO, answers: BinaryIO) -> None:

@@ -20,7 +20,7 @@ SMALL = Limits(vertices=3000, simplices=12000, steps=20000)
 MOST_SYMBOLS = 1200
 TRIES = 40
 """How often bytes are drawn anew before what there is has to do."""
-WORTH, MOST_DULL = 16, 5
+WORTH, MOST_DULL = 16, 3
 """Runs of fewer symbols are drawn anew, but not more often than that."""
 FAR = 1 << 13
 """Length stated of a chunk whose run is still growing."""
@@ -108,22 +108,24 @@ def run_bytes(random: Random, count: int) -> bytes:
     return out[:count]
 
 
-def grown(start: bytes, random: Random, size: int, tries: int = TRIES) -> tuple[bytes, Probe]:
+def grown(
+    start: bytes, random: Random, size: int, tries: int = TRIES, lead: bytes = b""
+) -> tuple[bytes, Probe]:
     """A run of up to ``size`` bytes behind the start of a file, which ends with a program.
 
     The chunk that it stands in has to state a length that is not reached. If all tries fail, the probe says what is
-    wrong with the run.
+    wrong with the run. ``lead`` is what it begins with at first.
     """
     before = probe(start).symbols
-    run = run_bytes(random, size)
+    run = (lead + run_bytes(random, size))[: max(size, len(lead))]
+    found = probe(start + run)
     back, last, dull = 0, -1, 0
-    for _ in range(tries):
-        found = probe(start + run)
+    for _ in range(tries - 1):
         if found.error is None and found.symbols <= MOST_SYMBOLS:
-            if found.symbols - before >= WORTH or dull == MOST_DULL:
+            if dull == MOST_DULL or not before < found.symbols < before + WORTH:
                 break
             # mostly a curve that ends where it began, or none
-            run, dull = run_bytes(random, size), dull + 1
+            run, dull = lead + run_bytes(random, size), dull + 1
         elif found.error is None:
             run = run[: len(run) // 2]
         else:
@@ -132,5 +134,7 @@ def grown(start: bytes, random: Random, size: int, tries: int = TRIES) -> tuple[
             back = back + 1 if place <= last else 0
             last = max(place, last)
             keep = max(place - back, 0)
-            run = run[:keep] + run_bytes(random, size - keep)
-    return run, probe(start + run)
+            # the way out is mostly that there is no further component: a 0
+            run = (run[:keep] + b"\xff" * random.randrange(3) + run_bytes(random, size))[:size]
+        found = probe(start + run)
+    return run, found

@@ -35,8 +35,9 @@ Taste = dict[int, int]
 """Operations behind a base, with how likely each is."""
 SIZES = (6, 12, 20, 30, 45)
 """Most bytes of a run."""
+LARGE = 100
 BROAD = 40
-"""Sides up to this are common enough; a few are larger by far."""
+"""Sides are mostly small; a few are as long as this, and some larger by far."""
 
 
 # -- header --------------------------------------------------------------------------------------------------------
@@ -46,7 +47,7 @@ def any_shape(random: Random) -> tuple[int, ...]:
     """Samples along two or three axes: mostly few, now and then one, many, or as many as there can be."""
     n = random.choice((2, 2, 3))
     few = {2: 10, 3: 6}[n]
-    match random.randrange(12):
+    match random.randrange(10):
         case 0:
             sides = [random.randint(1, few) for _ in range(n)]
         case 1:
@@ -55,7 +56,8 @@ def any_shape(random: Random) -> tuple[int, ...]:
             sides = [random.choice((2, 3, 5, 9, 17, 33)) for _ in range(n)]
         case 3:
             most = MAX_SIDE[n].bit_length() - 1
-            sides = [random.choice((0, -1, 1)) + (1 << random.randint(2, most)) for _ in range(n)]
+            finest = random.choice((random.randint(2, most), most))
+            sides = [random.choice((0, -1, 1)) + (1 << random.randint(2, finest)) for _ in range(n)]
             sides = [min(side, MAX_SIDE[n]) for side in sides]
         case 4 | 5:
             sides = [random.randint(2, few)] * n
@@ -195,11 +197,12 @@ def _argument(random: Random, operation: int, progress: Progress) -> tuple[int, 
         full = progress.full_level
         return random.choice((0, 1, 2, 3, random.randint(0, full), max(full - 1, 0), full)), random.randrange(12) == 0
     if operation == Operation.REFINE:
-        return random.choice((1, 1, 2, 3)), random.randrange(4) == 0
+        far = random.randint(1, 24) if progress.full_level > 14 else 2
+        return random.choice((1, 1, 2, 3, far)), random.randrange(4) == 0
     if operation == Operation.VALUES:
         return random.choice((0, 1, 1, 2, 3)), random.randrange(4) == 0
     if operation == Operation.OFFSETS:
-        return random.choice((0, 1, 1, 2, 3, 4, 13, random.randint(0, 31))), False
+        return random.choice((0, 1, 1, 2, 3, 4, 13, 31, random.randint(0, 31))), False
     return random.choice((0, 1, 1)), False
 
 
@@ -251,6 +254,21 @@ def any_file(random: Random) -> bytes:
     return draft.file()
 
 
+def bare_file(random: Random) -> bytes:
+    """A file with little in its runs: its container and programs are what counts, mostly before they are damaged."""
+    head = any_header(random)
+    draft = _Draft(head, isovalues=[head.isovalue], progresses=[Progress(len(head.shape) * exponent(head.shape))])
+    for number in range(random.choice((1, 1, 2, 3))):
+        if number:
+            _another_isovalue(random, draft)
+        program = any_program(random, draft.progresses[-1], any_taste(random), 3)
+        if program:
+            # no curve: the sign of the origin, and no component
+            draft.chunks.append(Chunk(ChunkType.LAYERS, program + b"\xff" * random.randint(1, 4)))
+        _perhaps_ancillary(random, draft)
+    return draft.file(*[Chunk(random.choice(UNKNOWN_TYPES), b"", True)] * (not draft.chunks))
+
+
 def _more_layers(random: Random, draft: _Draft, taste: Taste, size: int) -> bytes | None:
     """Append a chunk of layers; the whole file if there can be none behind it."""
     progress = draft.progresses[-1].copy()
@@ -258,8 +276,10 @@ def _more_layers(random: Random, draft: _Draft, taste: Taste, size: int) -> byte
     if not program:
         return None
     start = draft.start(ChunkType.LAYERS, program)
+    # in large domains curves are to begin late, at fine levels: first comes a stretch of 0s
+    lead = b"\xff" * random.randrange(5) if max(draft.head.shape) > LARGE and not draft.chunks else b""
     # now and then what goes wrong first
-    run, found = grown(start, random, size, 1 if random.randrange(10) == 0 else TRIES)
+    run, found = grown(start, random, size, 1 if random.randrange(10) == 0 else TRIES, lead)
     if found.error is not None:
         return start + run if random.randrange(2) else draft.file(Chunk(ChunkType.LAYERS, program + run))
     whole = _finished(random, draft, program, run, found) if found.layers == progress.layers else None
