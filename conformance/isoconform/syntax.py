@@ -54,12 +54,12 @@ def any_shape(random: Random) -> tuple[int, ...]:
             sides = [random.randint(2, BROAD) for _ in range(n)]
         case 2:
             sides = [random.choice((2, 3, 5, 9, 17, 33)) for _ in range(n)]
-        case 3:
+        case 3 | 4:
             most = MAX_SIDE[n].bit_length() - 1
             finest = random.choice((random.randint(2, most), most))
             sides = [random.choice((0, -1, 1)) + (1 << random.randint(2, finest)) for _ in range(n)]
             sides = [min(side, MAX_SIDE[n]) for side in sides]
-        case 4 | 5:
+        case 5:
             sides = [random.randint(2, few)] * n
         case _:
             sides = [random.randint(2, few) for _ in range(n)]
@@ -240,9 +240,13 @@ def any_file(random: Random) -> bytes:
     head = any_header(random)
     draft = _Draft(head, isovalues=[head.isovalue], progresses=[Progress(len(head.shape) * exponent(head.shape))])
     size, taste = random.choice(SIZES), any_taste(random)
-    for number in range(random.choice((1, 1, 2, 2, 3))):
+    isovalues = random.choice((1, 1, 2, 2, 3))
+    for number in range(isovalues):
         if number:
             _another_isovalue(random, draft)
+        if number < isovalues - 1 and random.randrange(10) == 0:
+            # one without a base, that others lean on
+            continue
         for _ in range(random.choice((1, 1, 1, 2, 3))):
             _perhaps_ancillary(random, draft)
             last = _more_layers(random, draft, taste, random.randint(2, size))
@@ -264,7 +268,11 @@ def bare_file(random: Random) -> bytes:
         program = any_program(random, draft.progresses[-1], any_taste(random), 3)
         if program:
             # no curve: the sign of the origin, and no component
-            draft.chunks.append(Chunk(ChunkType.LAYERS, program + b"\xff" * random.randint(1, 4)))
+            payload = program + b"\xff" * random.randint(1, 4)
+            if random.randrange(5) == 0:
+                draft.chunks.append(Chunk(ChunkType.CUT_LAYERS, write_varint(random.choice((0, 1, 2, 200))) + payload))
+                break
+            draft.chunks.append(Chunk(ChunkType.LAYERS, payload))
         _perhaps_ancillary(random, draft)
     return draft.file(*[Chunk(random.choice(UNKNOWN_TYPES), b"", True)] * (not draft.chunks))
 
@@ -276,8 +284,9 @@ def _more_layers(random: Random, draft: _Draft, taste: Taste, size: int) -> byte
     if not program:
         return None
     start = draft.start(ChunkType.LAYERS, program)
-    # in large domains curves are to begin late, at fine levels: first comes a stretch of 0s
-    lead = b"\xff" * random.randrange(5) if max(draft.head.shape) > LARGE and not draft.chunks else b""
+    # in large domains curves are to begin late, at fine levels, every other time: first comes a stretch of 0s
+    late = max(draft.head.shape) > LARGE and not draft.chunks and random.randrange(2) == 0
+    lead = b"\xff" * random.randint(1, 4) if late else b""
     # now and then what goes wrong first
     run, found = grown(start, random, size, 1 if random.randrange(10) == 0 else TRIES, lead)
     if found.error is not None:
