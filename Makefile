@@ -6,6 +6,8 @@ JOBS ?= 2
 # What is run once more without compilation: arguments of pytest.
 NOJIT ?= tests/test_determinism.py
 VECTORS ?= conformance/vectors
+# Minutes that the decoder is fuzzed for, and then the encoder.
+MINUTES ?= 5
 # Arguments of the speed measurement, for example BENCH="terrain.npy:500.5 --json".
 BENCH ?=
 
@@ -13,7 +15,7 @@ DEMO_PYTHON := .venv-demo/bin/python
 TEST_PYTHON := .venv-test/bin/python
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test lint bench vectors zoo clean
+.PHONY: help demo test lint bench vectors zoo fuzz clean
 
 help: ## Show this list.
 	@sed -n 's/^\([a-z]*\):.*## /\1\t/p' $(MAKEFILE_LIST) | expand -t 10
@@ -39,8 +41,12 @@ vectors: .venv-test/.installed ## Write the conformance vectors anew.
 zoo: .venv-test/.installed ## Plant wrong decoders and see that their vectors catch them.
 	$(TEST_PYTHON) conformance/zoo --jobs $(JOBS)
 
+fuzz: .venv-test/.installed ## Fuzz the decoder, then the encoder, for MINUTES=5 each; findings in fuzz-out/.
+	$(TEST_PYTHON) -m isoconform fuzz --minutes $(MINUTES) --out fuzz-out
+	$(TEST_PYTHON) -m isoconform fuzz --minutes $(MINUTES) --encoder
+
 clean: ## Remove everything that make has made.
-	rm -rf .venv-demo .venv-test demo/out .pytest_cache .mypy_cache .ruff_cache .hypothesis build dist
+	rm -rf .venv-demo .venv-test demo/out fuzz-out .pytest_cache .mypy_cache .ruff_cache .hypothesis build dist
 	find codec spec conformance tests tools -name __pycache__ -type d -prune -exec rm -rf {} +
 
 # The demonstration compares with scikit-image, which only the development extra brings.

@@ -12,20 +12,25 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from isocodec import Decoder
+from brute import INTERPRETED
+from isocodec import Decoder, LimitError, Limits
 from isocodec.entropy.main import KINDS, shipped_models
-from isoconform import runner
+from isocodec.limits import LEVELS
+from isoconform import decoders, runner
 from isoconform.__main__ import main
 from isoconform.circle import CENTRE, RADIUS
 from isoconform.dump import CUT_OFF, REFUSED, canonical_layers, dump
 from isoconform.generate import generate
-from isoconform.manifest import ERROR, NAME, OK, TRUNCATED, default_directory, digest, read_manifest
+from isoconform.manifest import ERROR, LIMIT, NAME, OK, TRUNCATED, default_directory, digest, read_manifest
 from isospec.elements import ELEMENTS
 
 HOME = default_directory()
 VECTORS = read_manifest(HOME)
 BY_NAME = {v.name: v for v in VECTORS}
 each_vector = pytest.mark.parametrize("vector", VECTORS, ids=[v.name for v in VECTORS])
+LIGHT = [v for v in VECTORS if v.expected.status != LIMIT]
+each_light_vector = pytest.mark.parametrize("vector", LIGHT, ids=[v.name for v in LIGHT])
+"""All but those that take a decoder to its limits, which takes seconds."""
 
 CIRCLE_MEMORY = 64 << 20
 """Issue 2: decoding a 200-cell circle in a domain of 100,000 x 100,000 takes at most this."""
@@ -47,7 +52,7 @@ def test_reference_decoder_agrees(vector):
     assert result.passed, result.reason
 
 
-@each_vector
+@each_light_vector
 def test_byte_by_byte_is_the_same(vector):
     """How the bytes were cut changes nothing: state, symbols, events with their offsets, error."""
     data = (HOME / vector.file).read_bytes()
@@ -60,7 +65,7 @@ def test_byte_by_byte_is_the_same(vector):
         assert bytewise.error.clause == whole.error.clause
 
 
-@each_vector
+@each_light_vector
 def test_manifest_entry_is_right(vector):
     """Counts, symbols and stored texts belong to the digest that they stand next to."""
     data = (HOME / vector.file).read_bytes()
@@ -91,7 +96,7 @@ def test_manifest_covers_the_format():
         of_n = [v for v in VECTORS if v.dimension == n]
         whole = [v for v in of_n if v.expected.status == OK]
         assert {name for v in whole for name in v.elements} == set(ELEMENTS)
-        assert {v.expected.status for v in of_n} == {OK, TRUNCATED, ERROR}
+        assert {v.expected.status for v in of_n} - {LIMIT} == {OK, TRUNCATED, ERROR}
         features = {f for v in whole for f in v.features}
         for residue in range(n):
             for kind in ("base", "refinement", "new components"):
@@ -122,6 +127,35 @@ def test_vectors_of_the_main_profile_use_every_kind_of_symbols(n):
             for tube in decoder._tubes:
                 used |= (tube.coder.blend.mix != weights).any(axis=1)
     assert set(np.flatnonzero(~used)) == ({4, 5, 10, 11, 45, 48} if n == 2 else set())
+
+
+@pytest.mark.parametrize("level", LEVELS)
+def test_levels_of_conformance(level):
+    """Within the counts of its level every vector decodes; some beyond level 0 do not, and exit with 6 then."""
+    limits = Limits.level(level)
+    refused = 0
+    for vector in LIGHT:
+        if vector.expected.status == ERROR or (INTERPRETED and vector.level):
+            continue
+        output = dump((HOME / vector.file).read_bytes(), limits=limits)
+        if vector.level <= level:
+            assert digest(output.text) == vector.expected.state, vector.name
+        refused += output.exit_code == LimitError.exit_code
+    assert (refused >= 3) == (level == 0) or INTERPRETED
+
+
+@pytest.mark.parametrize("level, code, passes", [(0, 6, True), (1, 6, False), (1, 0, False), (0, 4, False)])
+def test_a_decoder_may_refuse_what_its_level_does_not_ask_for(level, code, passes):
+    vector = next(v for v in VECTORS if v.level == 1 and v.expected.status == OK)
+    (result,) = runner.run([vector], HOME, lambda path, layers: (code, ""), level=level)
+    assert result.passed == passes
+
+
+@pytest.mark.parametrize("code, passes", [(6, True), (0, True), (4, False), (5, False), (-9, False)])
+def test_nobody_has_to_decode_what_is_beyond_all_levels(code, passes):
+    (vector,) = (v for v in VECTORS if v.expected.status == LIMIT)
+    (result,) = runner.run([vector], HOME, lambda path, layers: (code, ""))
+    assert result.passed == passes
 
 
 def test_vectors_are_small():
@@ -188,7 +222,9 @@ def test_circle_is_the_circle(name):
 
 MEASURE = """
 import resource, sys, time, tracemalloc
-from isocodec import Decoder
+from brute import INTERPRETED
+from isocodec import Decoder, LimitError, Limits
+from isocodec.limits import LEVELS
 from isocodec.entropy.main import KINDS, shipped_models
 
 def peak():
@@ -317,7 +353,7 @@ def test_a_wrong_layer_fails(capsys, tmp_path):
 
 def test_a_decoder_that_hangs_fails(capsys, monkeypatch):
     """After the time that a decoder has."""
-    monkeypatch.setattr(runner, "TIMEOUT", 0.5)
+    monkeypatch.setattr(decoders, "TIMEOUT", 0.5)
     command = "{python} -c 'import time; time.sleep(30)' {file}"
     code, lines = run_some(capsys, "--decoder", command, names=["bad_trailing"])
     assert code == 1

@@ -14,7 +14,19 @@ from . import adaptive, circle, geometry, hostile, isovalues, mixed, rules, spec
 from .draft import Draft
 from .dump import COMPLETE, CUT_OFF, Output, canonical_layers, dump
 from .levels import BEYOND, needs
-from .manifest import ERROR, LIMIT, NAME, OK, TRUNCATED, Expected, LayerState, Vector, digest, read_manifest, write_manifest
+from .manifest import (
+    ERROR,
+    LIMIT,
+    NAME,
+    OK,
+    TRUNCATED,
+    Expected,
+    LayerState,
+    Vector,
+    digest,
+    read_manifest,
+    write_manifest,
+)
 
 TEXT_LIMIT = 2200
 """Longest canonical text, in bytes, that is kept next to its vector for the runner to show differences."""

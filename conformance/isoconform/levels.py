@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import astuple, dataclass
 
 from isocodec import Decoder
@@ -43,10 +44,8 @@ def needs(data: bytes) -> Needs:
         if isinstance(event, LayerComplete):
             leaves = max(leaves, sum(tube.simplices for tube in decoder._tubes if tube))
     if not decoder.complete:
-        try:
+        with suppress(TruncatedError):
             decoder.close()
-        except TruncatedError:
-            pass
     tubes = [tube for tube in decoder._tubes if tube]
     return Needs(
         vertices=sum(tube.vertices for tube in tubes),

@@ -3,19 +3,17 @@
 from __future__ import annotations
 
 import hashlib
-import shlex
-import subprocess
-import sys
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import zip_longest
 from pathlib import Path
 
-from .dump import COMPLETE, CUT_OFF, REFUSED, dump
-from .manifest import ERROR, OK, Vector, digest
+from isocodec.errors import LimitError
+from isocodec.limits import LEVELS
 
-TIMEOUT = 20.0
-"""Seconds that a decoder has for a file."""
+from .decoders import Decoder, Request
+from .dump import COMPLETE, CUT_OFF, REFUSED, dump
+from .manifest import ERROR, LIMIT, OK, Vector, digest
 
 Decode = Callable[[Path, int], tuple[int, str]]
 """A decoder: a file and the layers to decode (0: all) in; exit code and canonical text out."""
@@ -40,52 +38,52 @@ def reference(path: Path, layers: int) -> tuple[int, str]:
     return output.exit_code, output.text
 
 
-def command(template: str) -> Decode:
-    """A decoder that is run as a command.
+class DecoderFailed(Exception):
+    """The decoder did not come to an answer."""
 
-    Parameters
-    ----------
-    template : str
-        Split into words as a shell does; ``{file}`` stands for the file, ``{layers}`` for the number of layers to
-        decode (0: all), ``{python}`` for this interpreter.
+
+def asked(decoder: Decoder) -> Decode:
+    """A decoder under test, one question after the other.
 
     Raises
     ------
-    ValueError
-        If there is no ``{file}`` in it.
+    DecoderFailed
+        From what is returned: the decoder died, took too long, or does not take numbers of layers.
     """
-    words = shlex.split(template)
-    if not any("{file}" in word for word in words):
-        raise ValueError("the command does not say where the {file} goes")
 
-    def run(path: Path, layers: int) -> tuple[int, str]:
-        names = {"{file}": str(path), "{layers}": str(layers), "{python}": sys.executable}
-        filled = list(words)
-        for name, value in names.items():
-            filled = [word.replace(name, value) for word in filled]
-        done = subprocess.run(filled, stdin=subprocess.DEVNULL, capture_output=True, timeout=TIMEOUT, check=False)
-        return done.returncode, done.stdout.decode("ascii", "replace").replace("\r\n", "\n")
+    def decode(path: Path, layers: int) -> tuple[int, str]:
+        decoder.ask(Request(path, layers))
+        answer = decoder.answer()
+        if answer is None:
+            raise DecoderFailed("it does not take a number of layers")
+        if answer.trouble:
+            raise DecoderFailed(answer.trouble)
+        return answer.code, answer.text
 
-    return run
+    return decode
 
 
-def run(vectors: Sequence[Vector], directory: Path, decode: Decode, *, layers: bool = False) -> Iterator[Result]:
+def run(
+    vectors: Sequence[Vector], directory: Path, decode: Decode, *, layers: bool = False, level: int = max(LEVELS)
+) -> Iterator[Result]:
     """Run a decoder over vectors, one result each.
 
     Parameters
     ----------
     layers : bool
         Also compare the states after each layer, where the manifest states them.
+    level : int
+        Level of conformance that the decoder is to have: what needs a higher one it may refuse with exit code 6.
     """
     for vector in vectors:
         try:
-            reason = _check(vector, directory, decode, layers)
-        except subprocess.TimeoutExpired:
-            reason = f"no answer within {TIMEOUT:.0f} s"
+            reason = _check(vector, directory, decode, layers, level)
+        except DecoderFailed as failed:
+            reason = str(failed)
         yield Result(vector.name, reason)
 
 
-def _check(vector: Vector, directory: Path, decode: Decode, layers: bool) -> str:
+def _check(vector: Vector, directory: Path, decode: Decode, layers: bool, level: int) -> str:
     path = directory / vector.file
     if not path.is_file() or hashlib.sha256(path.read_bytes()).hexdigest() != vector.sha256:
         return "the file is missing or is not the one of the manifest"
@@ -94,6 +92,10 @@ def _check(vector: Vector, directory: Path, decode: Decode, layers: bool) -> str
         if code not in REFUSED:
             return f"exit code {code}, expected {REFUSED[0]}: the file violates clause {vector.expected.clause}"
         return "refused, but with a text" if text else ""
+    if vector.level > level and code == LimitError.exit_code:
+        return "over the limits, but with a text" if text else ""
+    if vector.expected.status == LIMIT:
+        return "" if code == COMPLETE else f"exit code {code}, expected {LimitError.exit_code} or {COMPLETE}"
     wanted = COMPLETE if vector.expected.status == OK else CUT_OFF
     if code != wanted:
         return f"exit code {code}, expected {wanted}"

@@ -34,6 +34,12 @@ class Chunk:
     ancillary: bool = False
     checked: bool = False
 
+    def enveloped(self, *, last: bool = False) -> bytes:
+        """With head, length and, where it has one, its own checksum."""
+        head = {"ancillary": self.ancillary, "checked": self.checked, "last": last, "type": self.type}
+        whole = ChunkHead.build(head) + write_varint(len(self.payload)) + self.payload
+        return whole + (Checksum.build(zlib.crc32(whole)) if self.checked else b"")
+
 
 @dataclass(frozen=True)
 class File:
@@ -43,13 +49,8 @@ class File:
     chunks: tuple[Chunk, ...]
 
     def __bytes__(self) -> bytes:
-        out = self.header
-        for number, chunk in enumerate(self.chunks, 1):
-            last = number == len(self.chunks)
-            head = {"ancillary": chunk.ancillary, "checked": chunk.checked, "last": last, "type": chunk.type}
-            whole = ChunkHead.build(head) + write_varint(len(chunk.payload)) + chunk.payload
-            out += whole + (Checksum.build(zlib.crc32(whole)) if chunk.checked else b"")
-        return closed(out)
+        last = len(self.chunks) - 1
+        return closed(self.header + b"".join(c.enveloped(last=i == last) for i, c in enumerate(self.chunks)))
 
     def with_header(self, at: int, value: int) -> File:
         """The same with one byte of the header replaced."""

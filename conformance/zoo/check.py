@@ -67,8 +67,10 @@ def check(misreading: Misreading) -> Finding:
         try:
             (result,) = json.loads(done.stdout)["vectors"]
         except ValueError:
-            # a decoder that falls over shows that it was planted badly, not that it was caught
             return Finding(misreading, False, f"it fell over: {done.stderr.strip().splitlines()[-1:]}")
+    if result["reason"].startswith("crash"):
+        # that shows that it was planted badly, not that it was caught
+        return Finding(misreading, False, f"it fell over: {result['reason']}")
     return Finding(misreading, bool(result["reason"]), result["reason"] or "it agrees with the vector")
 
 

@@ -1,0 +1,216 @@
+"""An annotated dump of any file: byte by byte, and symbol by symbol with its context and probability.
+
+Damaged and cut files are explained as far as they can be read, and then the reference's error stands.
+"""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import zlib
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from isocodec.errors import FormatError, TruncatedError
+from isocodec.stream.container import CHECKSUM_BYTES, Envelope, read_envelope, read_further
+from isocodec.stream.header import Header, read_header, varint
+from isocodec.stream.program import Layer, ProgramReader, Progress
+from isospec.container import ChunkType, IsovalueKind, Operation, Profile
+
+from .damage import fields_of
+from .dump import COMPLETE
+from .meshes import exponent
+from .trace import Symbol, Tracer, interpreted
+
+__all__ = ["explained", "explanation", "interpreted"]
+
+WIDE = 16
+"""Bytes in a row."""
+CLAUSES = {
+    Operation.BASE: "5.3", Operation.REFINE: "5.4", Operation.VALUES: "5.6, 3.6.4", Operation.OFFSETS: "5.7, 3.6.5",
+    Operation.BASE_AND_REFINE: "5.3, 5.4", Operation.ADAPTIVE_BASE: "5.8.1", Operation.ADAPT: "5.8.4",
+    Operation.LEAF_BASE: "5.9.4",
+}  # fmt: skip
+
+
+@dataclass
+class _Reader:
+    """Goes through a file and notes what its bytes are."""
+
+    data: bytes
+    at: int = 0
+    rows: list[tuple[int, int, str]] = field(default_factory=list)
+    header: Header | None = None
+    isovalues: list[float] = field(default_factory=list)
+    progresses: list[Progress] = field(default_factory=list)
+
+    def note(self, end: int, meaning: str) -> None:
+        """The bytes up to ``end`` are that."""
+        self.rows.append((self.at, min(end, len(self.data)), meaning))
+        self.at = min(end, len(self.data))
+
+    def read(self) -> None:
+        """The whole file; FormatError where it cannot be read on."""
+        found = read_header(self.data)
+        if found is None:
+            return
+        self._header(*found)
+        while self.at < len(self.data):
+            chunk = read_envelope(self.data, self.at)
+            if chunk is None:
+                return
+            self._chunk(chunk)
+            if chunk.last:
+                return
+
+    def _header(self, header: Header, end: int) -> None:
+        self.header = header
+        parts = fields_of(self.data[:end])
+        self.note(4, "signature (3.3.1)")
+        self.note(5, f"writer version {header.writer_version}, read version {header.read_version} (3.3.1)")
+        about = ("equal sides, " * (len(parts.sides) == 1) + ("scaled" if header.scale is not None else "not scaled"))
+        kind = IsovalueKind(self.data[5] >> 3 & 3).name.lower()
+        self.note(6, f"{about}, isovalue as {kind}, {len(header.shape)} axes, profile {header.profile.name.lower()} "
+                  "(3.3.2)")  # fmt: skip
+        k = exponent(header.shape)
+        shape = " x ".join(map(str, header.shape))
+        self.note(
+            self.at + sum(map(len, parts.sides)),
+            f"shape {shape}: k = {k}, the full grid is level {len(header.shape) * k} (3.3.3)",
+        )
+        self.note(self.at + len(parts.isovalue), f"isovalue {header.isovalue!r} (3.3.4)")
+        if parts.scale:
+            self.note(end, f"scale {header.scale!r} (3.3.5)")
+        self._begin(header.isovalue, None)
+
+    def _begin(self, isovalue: float, lean: int | None) -> None:
+        assert self.header is not None
+        full = len(self.header.shape) * exponent(self.header.shape)
+        before = self.progresses[-1] if self.progresses else Progress(full)
+        self.progresses.append(before.begin(None if lean is None else self.progresses[lean]))
+        self.isovalues.append(isovalue)
+
+    def _chunk(self, chunk: Envelope) -> None:
+        start = self.at
+        name = ChunkType(chunk.type).name.lower().replace("_", " ") if chunk.type in [*ChunkType] else "unknown"
+        about = [name] + ["ancillary"] * chunk.ancillary + ["checked"] * chunk.checked + ["last"] * chunk.last
+        self.note(self.at + 1, f"head of a chunk of type {chunk.type}, {', '.join(about)} (3.4.1)")
+        self.note(chunk.start, f"length of the payload: {chunk.end - chunk.start} (3.4.2)")
+        if chunk.type in (ChunkType.LAYERS, ChunkType.CUT_LAYERS):
+            self._layers(chunk)
+        elif chunk.type == ChunkType.ISOVALUE and chunk.end <= len(self.data):
+            isovalue, lean = read_further(self.data[chunk.start : chunk.end], chunk.start, self.isovalues)
+            self.note(chunk.start + 1, "leans on none (3.5.5)" if lean is None else f"leans on isovalue {lean} (3.5.5)")
+            self.note(chunk.end, f"isovalue {len(self.isovalues)}: {isovalue!r} (3.3.4)")
+            self._begin(isovalue, lean)
+        elif chunk.end > chunk.start:
+            self.note(chunk.end, f"payload: {name} (3.5.1)")
+        sums = (chunk.checked, start, "of the chunk (3.5.3)"), (chunk.last, 0, "of the file (3.4.4)")
+        for there, first, what in sums:
+            if there and self.at + CHECKSUM_BYTES <= len(self.data):
+                stated = self.data[self.at : self.at + CHECKSUM_BYTES]
+                right = zlib.crc32(self.data[first : self.at]).to_bytes(CHECKSUM_BYTES, "big")
+                self.note(
+                    self.at + CHECKSUM_BYTES,
+                    f"CRC-32 {what}" + ("" if stated == right else f": wrong, it is {right.hex(' ')}"),
+                )
+
+    def _layers(self, chunk: Envelope) -> None:
+        there = min(chunk.end, len(self.data))
+        if chunk.type == ChunkType.CUT_LAYERS:
+            number = varint(self.data, self.at, there, "3.5.4")
+            if number is None:
+                return
+            self.note(number[1], f"{number[0]} symbols to be decoded (3.5.4)")
+        reader, listed = ProgramReader(self.at, self.progresses[-1].copy()), 0
+        for end in range(self.at + 1, there + 1):
+            reader.read(self.data, end)
+            if reader.at > self.at:
+                byte = self.data[self.at]
+                operation = Operation(byte >> 4 & 7)
+                fresh = [_spoken(layer) for layer in reader.layers[listed:]]
+                about = "; ".join(fresh) if len(fresh) < 3 else f"{fresh[0]} .. {fresh[-1]}, {len(fresh)} layers"
+                name = ("more, " if byte & 0x80 else "") + operation.name.lower().replace("_", " ")
+                self.note(reader.at, f"{name}, argument {byte & 15}: {about} ({CLAUSES[operation]})")
+                listed = len(reader.layers)
+            if reader.done:
+                break
+        if not reader.done:
+            return
+        self.progresses[-1] = reader.progress
+        if self.at < there:
+            self.note(there, f"run of {there - self.at} bytes (6.1)")
+
+
+def _spoken(layer: Layer) -> str:
+    match layer.kind:
+        case "values":
+            return f"values, {layer.plane} bits missing"
+        case "offsets":
+            return f"offsets, {layer.parts} parts of {1 << layer.unit} samples"
+        case "adapt":
+            return f"adapt at level {layer.level}{'' if layer.births else ', no new components'}"
+    return f"{layer.kind.replace('_', ' ')} at level {layer.level}"
+
+
+def explained(data: bytes) -> list[str]:
+    """The lines of an annotated dump; the kernels have to be interpreted (see `isoconform.trace`)."""
+    reader = _Reader(data)
+    try:
+        reader.read()
+    except FormatError as error:
+        reader.note(max(error.offset or 0, reader.at), "what comes before an error")
+    if reader.at < len(data):
+        reader.note(len(data), "not read")
+    tracer = Tracer(data)
+    lines = [f"{len(data)} bytes", "", "offset  bytes and their meaning"]
+    for start, end, meaning in reader.rows:
+        lines += _row(data, start, end, meaning)
+    lines += ["", *_symbols(tracer.symbols), ""]
+    lines.append(_outcome(tracer))
+    return lines
+
+
+def _row(data: bytes, start: int, end: int, meaning: str) -> Iterator[str]:
+    if end <= start:
+        return
+    for at in range(start, end, WIDE):
+        part = data[at : min(at + WIDE, end)].hex(" ")
+        yield f"{at:6}  {part:<12}  {meaning}" if at == start else f"{at:6}  {part}"
+
+
+def _symbols(symbols: list[Symbol]) -> Iterator[str]:
+    layer = 0
+    for number, symbol in enumerate(symbols, 1):
+        if symbol.number != layer:
+            layer = symbol.number
+            yield f"layer {layer}: {_spoken(symbol.layer)}"
+        mixing = f" [{symbol.mixing}]" if symbol.mixing else ""
+        says = f"  {'; '.join(symbol.says)}" if symbol.says else ""
+        yield (
+            f"{number:6}  {symbol.element}, {symbol.context}{mixing}: p = {symbol.probability}/65536, "
+            f"range {symbol.width:09x}, bit {symbol.bit}{says}"
+        )
+    if not symbols:
+        yield "no symbols"
+
+
+def _outcome(tracer: Tracer) -> str:
+    code = COMPLETE if tracer.error is None else tracer.error.exit_code
+    profile = tracer.decoder.header.profile if tracer.decoder.header else None
+    about = "complete" if tracer.error is None else str(tracer.error)
+    if isinstance(tracer.error, TruncatedError):
+        about = f"{tracer.error}: what was received counts"
+    name = f", profile {Profile(profile).name.lower()}" if profile is not None else ""
+    return f"exit code {code}{name}, {len(tracer.symbols)} symbols: {about}"
+
+
+def explanation(path: Path) -> str:
+    """The dump of a file as text, by a process of its own that interprets the kernels."""
+    done = subprocess.run(
+        [sys.executable, "-m", "isoconform", "explain", str(path)], capture_output=True, check=True, text=True,
+        env={**os.environ, "NUMBA_DISABLE_JIT": "1", "PYTHONPATH": os.pathsep.join(p for p in sys.path if p)},
+    )  # fmt: skip
+    return done.stdout
