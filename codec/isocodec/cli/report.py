@@ -25,7 +25,7 @@ Exit codes:
   3  the input cannot be read or encoded, or the output cannot be written
   4  not a valid .iso file
   5  the .iso file is truncated
-  6  over a limit (memory, number of samples, vertices or layers)
+  6  over a limit (memory, work, number of samples, vertices, layers or isovalues)
   7  an optional library is missing
   130, 143, 129  interrupted (SIGINT), terminated (SIGTERM, SIGHUP); nothing is left behind
 With ISOCODEC_DEBUG=1 in the environment errors show their traceback."""
