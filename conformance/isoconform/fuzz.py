@@ -27,6 +27,8 @@ from .syntax import any_file, bare_file
 
 AHEAD = 4
 """Questions that may be open: the next files are made while a decoder is busy."""
+HEADER = 16
+"""Bytes within which most headers end."""
 STATE = "another state"
 BROKEN = -1
 """In place of an exit code: the reference decoder itself failed."""
@@ -131,6 +133,9 @@ def trials_of(seed: int, number: int) -> list[Trial]:
     if random.randrange(3) == 0:
         # mostly behind the header, at the end of which there is always a run or a checksum
         trials.append(Trial(number, data, random.randint(0 if random.randrange(6) == 0 else len(data) // 3, len(data))))
+    if bare and random.randrange(3) == 0:
+        # what is wrong with a header is wrong as soon as its bytes are there
+        trials.append(Trial(number, data, random.randint(1, min(len(data), HEADER))))
     if random.randrange(8) == 0:
         trials.append(Trial(number, data, piece=random.choice((1, 1, 2, 3, 7))))
     layers = sum(isinstance(event, LayerComplete) for event in _expected(trials[0]).events)
