@@ -30,9 +30,10 @@ from .meshes import exponent
 from .streams import Chunk, File
 
 BASES = (Operation.BASE, Operation.BASE_AND_REFINE, Operation.ADAPTIVE_BASE, Operation.LEAF_BASE)
+OTHERS = (Operation.REFINE, Operation.ADAPT, Operation.VALUES, Operation.OFFSETS)
 UNKNOWN_TYPES = (0, 7, 20, 31)
 Taste = dict[int, int]
-"""Operations behind a base, with how likely each is."""
+"""Operations, with how likely each is, among bases and among those behind a base."""
 SIZES = (6, 12, 20, 30, 45)
 """Most bytes of a run."""
 LARGE = 100
@@ -130,11 +131,18 @@ def any_header(random: Random) -> Head:
 
 
 def any_taste(random: Random) -> Taste:
-    """Which operations a file's programs are made of: all, or more of some, since values end offsets for good."""
-    refine, adapt, values, offsets = random.choice(
-        ((4, 4, 2, 4), (2, 4, 0, 1), (2, 2, 3, 0), (2, 2, 0, 4), (1, 0, 0, 3), (4, 0, 1, 0), (3, 1, 0, 0))
-    )
-    return {Operation.REFINE: refine, Operation.ADAPT: adapt, Operation.VALUES: values, Operation.OFFSETS: offsets}
+    """Which operations a file's programs are made of: all, or more of some, since values end offsets for good.
+
+    Every fourth file has geometry on the full grid alone, so that isovalues that lean on one another know of the same
+    edges and vertices.
+    """
+    if random.randrange(4) == 0:
+        bases, others = (0, 3, 0, 2), random.choice(((0, 0, 0, 1), (0, 0, 1, 0), (0, 0, 1, 3)))
+    else:
+        bases, others = (2, 1, 2, 3), random.choice(
+            ((4, 4, 2, 4), (2, 4, 0, 1), (2, 2, 3, 0), (2, 2, 0, 4), (1, 0, 0, 3), (4, 0, 1, 0), (3, 1, 0, 0))
+        )
+    return dict(zip((*BASES, *OTHERS), (*bases, *others), strict=True))
 
 
 def any_program(random: Random, progress: Progress, taste: Taste, most: int = 7) -> bytes:
@@ -181,12 +189,8 @@ def _step(random: Random, progress: Progress, taste: Taste) -> tuple[int, int, b
 
 
 def _operation(random: Random, progress: Progress, taste: Taste) -> int:
-    if progress.level < 0:
-        if progress.lean_level >= 0 and random.randrange(2):
-            return Operation.LEAF_BASE
-        return random.choice((Operation.BASE, Operation.BASE, Operation.BASE_AND_REFINE, Operation.ADAPTIVE_BASE,
-                              Operation.ADAPTIVE_BASE))  # fmt: skip
-    return random.choices(list(taste), list(taste.values()))[0]
+    fitting = OTHERS if progress.level >= 0 else BASES if progress.lean_level >= 0 else BASES[:-1]
+    return random.choices(fitting, [taste[operation] for operation in fitting])[0]
 
 
 def _argument(random: Random, operation: int, progress: Progress) -> tuple[int, bool]:
@@ -240,7 +244,7 @@ def any_file(random: Random) -> bytes:
     head = any_header(random)
     draft = _Draft(head, isovalues=[head.isovalue], progresses=[Progress(len(head.shape) * exponent(head.shape))])
     size, taste = random.choice(SIZES), any_taste(random)
-    isovalues = random.choice((1, 1, 2, 2, 3))
+    isovalues = random.choice((1, 2, 2, 3))
     for number in range(isovalues):
         if number:
             _another_isovalue(random, draft)
