@@ -305,7 +305,7 @@ def test_memory_that_ends_is_an_error_of_ours(where):
 
 def test_memory_that_ends_for_a_mask():
     data = isocodec.encode(picture((40, 40), 3), 0)
-    with mock.patch("isocodec.stream.decoder.np.empty", side_effect=MemoryError), pytest.raises(LimitError) as caught:
+    with mock.patch("isocodec.contour.mask.MaskRows.whole", side_effect=MemoryError), pytest.raises(LimitError) as caught:
         isocodec.decode_mask(data)
     assert caught.value.code == "memory"
 

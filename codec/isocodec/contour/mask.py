@@ -44,6 +44,15 @@ class MaskRows:
         """Memory that iterating takes: for each vertex, and for the rows at hand."""
         return 32 * len(self._above) + 3 * min(self._rows, self.shape[0]) * self._row
 
+    def whole(self) -> NDArray[np.bool_]:
+        """All rows in one array."""
+        out = np.empty(self.shape, np.bool_)
+        start = 0
+        for some in self:
+            out[start : start + len(some)] = some
+            start += len(some)
+        return out
+
     def __iter__(self) -> Iterator[NDArray[np.bool_]]:
         order = np.argsort(self._position[:, 0], kind="stable")
         first = self._position[order, 0]

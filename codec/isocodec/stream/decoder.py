@@ -266,19 +266,11 @@ class Decoder:
         LimitError
             If there are more samples than the limits allow.
         """
-        out: NDArray[np.bool_] | None = None
         try:
-            rows = self.mask_rows(number)
-            out = np.empty(rows.shape, np.bool_)
-            start = 0
-            for some in rows:
-                out[start : start + len(some)] = some
-                start += len(some)
+            return self.mask_rows(number).whole()
         except MemoryError:
-            out = None
-        if out is None:
-            raise out_of_memory("for the mask")
-        return out
+            pass
+        raise out_of_memory("for the mask")
 
     def mask_rows(self, number: int = 0, last_first: bool = False) -> MaskRows:
         """The same some rows at a time, so that the mask need not be in memory as a whole.

@@ -184,14 +184,13 @@ class LayerReader:
         read = self._run + _shifts(coder)
         spent = symbols + sum(tube.steps for tube in self._tubes if tube) // WORK_STEPS + self._listed
         room = min(self.limits.work + WORK_PER_BYTE * read - spent, self.limits.symbols - symbols)
+        if symbols >= self.limits.symbols:
+            raise LimitError(f"more than {self.limits.symbols} symbols", code="limit-symbols", clause="11.2")
         if room <= 0:
-            what, most = ("work", f"takes more time than {self.limits.work} units of work")
-            if symbols >= self.limits.symbols:
-                what, most = "symbols", f"more than {self.limits.symbols} symbols"
             raise LimitError(
-                most, code=f"limit-{what}", clause="11.2",
-                remedy=f"raise Limits.{what} (--limit-{what}) if the file is trusted",
-            )
+                f"takes more time than {self.limits.work:,} units of work", code="limit-work", clause="11.2",
+                remedy="raise Limits.work (--limit-work) if the file is trusted",
+            )  # fmt: skip
         left = int(coder.reg[LEFT])
         coder.reg[LEFT] = max(left, min(SLICE, room, left + self._symbols - self._granted))
         self._granted += int(coder.reg[LEFT]) - left
