@@ -305,7 +305,8 @@ def test_memory_that_ends_is_an_error_of_ours(where):
 
 def test_memory_that_ends_for_a_mask():
     data = isocodec.encode(picture((40, 40), 3), 0)
-    with mock.patch("isocodec.contour.mask.MaskRows.whole", side_effect=MemoryError), pytest.raises(LimitError) as caught:
+    whole = mock.patch("isocodec.contour.mask.MaskRows.whole", side_effect=MemoryError)
+    with whole, pytest.raises(LimitError) as caught:
         isocodec.decode_mask(data)
     assert caught.value.code == "memory"
 

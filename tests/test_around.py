@@ -1,0 +1,298 @@
+"""What stands around the kernels, where a planted fault had gone unnoticed: each test fails for one of them."""
+
+from __future__ import annotations
+
+import json
+from types import SimpleNamespace
+from unittest import mock
+
+import numpy as np
+import pytest
+
+import isocodec
+from brute import INTERPRETED
+from commands import HILLS, fails, ok, run
+from files import picture
+from isocodec import Decoder, FormatError, InputError, LayerComplete, LimitError, Limits
+from isocodec.cli.progress import progress_bar
+from isocodec.cli.receive import Drawings
+from isocodec.contour import mask as masks
+from isocodec.grid.field import check_field
+from isocodec.grid.placement import placement_of, write_placement
+from isocodec.io.detached import _numbered
+from isocodec.io.formats import Cost
+from isocodec.limits import LEVELS, Budget
+from isocodec.passes.room import at_rest, wider_state
+from isocodec.passes.state import ROOM
+from isocodec.stream.container import read_further, write_further
+from isocodec.stream.encoder import Encoder
+from isocodec.unfinished import undo_all, undoing
+
+TWO = isocodec.encode(picture((40, 40), 3), [0.5, 9.5])
+
+
+# --- fields -----------------------------------------------------------------------------------------------------------
+
+
+def test_samples_too_far_from_the_isovalue_are_refused():
+    """Of 64 bits, where a difference would overflow."""
+    field = np.full((9, 9), 5, np.uint64)
+    field[3:6, 3:6] = 2**64 - 1
+    with pytest.raises(InputError):
+        isocodec.encode(field, 100, exact=True)
+
+
+def test_crossings_between_infinite_samples_lie_half_way():
+    field = np.full((4, 4), -np.inf)
+    field[1:3, 1:3] = np.inf
+    ends = np.array([[0, 1]]), np.array([[1, 1]])
+    assert check_field(field, 0.0, None).crossings(*ends).tolist() == [1 << 29]
+    points = isocodec.decode(isocodec.encode(field, 0.0)).points
+    assert np.isin(points * 2 % 2, [0, 1]).all() and len(points) == 8
+
+
+def test_zero_has_no_sign_in_a_placement():
+    assert write_placement(placement_of([[1, -0.0, -0.0], [0, 1, 0]], 2)) == "1 0 0 0 1 0"
+
+
+# --- masks ------------------------------------------------------------------------------------------------------------
+
+
+def test_rows_of_a_mask_go_on_where_those_before_ended():
+    """Below the contour all samples of later blocks are unknown but for what the last one tells."""
+    field = np.zeros((100, 64), np.uint8)
+    field[5:] = 1
+    data = isocodec.encode(field, 0.5, signs_only=True)
+    with mock.patch.object(masks, "BLOCK", 256):
+        assert np.array_equal(isocodec.decode_mask(data), field > 0)
+
+
+# --- container and stream ---------------------------------------------------------------------------------------------
+
+
+def test_bytes_behind_an_isovalue_are_an_error():
+    with pytest.raises(FormatError) as caught:
+        read_further(write_further(7.5, None) + b"\0", 0, [1.0])
+    assert caught.value.code == "isovalue"
+
+
+def test_chunks_of_a_cut_file_end_with_it():
+    for size in range(12, len(TWO)):
+        info = isocodec.inspect(TWO[:size])
+        assert all(chunk.offset + chunk.bytes <= size for chunk in info.chunks)
+
+
+def test_a_file_as_long_as_is_asked_for_stays_as_it_is():
+    assert isocodec.truncate(TWO, max_bytes=len(TWO)) == TWO
+    # with a checksum of its own and no need of one: not cut
+    long = isocodec.encode(picture((40, 40), 3), 0.5, metadata={"note": "x" * 40})
+    assert isocodec.truncate(long, max_bytes=len(long)) == long
+
+
+def test_the_smallest_step_is_a_tenth():
+    data = isocodec.encode(picture((24, 24), 2), 0, steps=[1.0, 0.1])
+    assert [layer.within for layer in isocodec.inspect(data).layers if layer.within] == [1.0, 0.1]
+
+
+def test_progress_knows_the_isovalues_to_come():
+    """The total is never less than what comes."""
+    calls = []
+    list(Encoder(picture((40, 40), 3), [0.5, 5.5, 9.5], progress=lambda *both: calls.append(both)))
+    assert calls[0][1] > calls[-1][1] // 2 and calls[-1][0] == calls[-1][1]
+
+
+def test_trials_leave_the_isovalue_leaned_on_as_it_was():
+    """What is tried for a tolerance uses no steps up."""
+    encoder = Encoder(picture((40, 40), 3), [0.5, 9.5], tolerance=0.5)
+    decoder = Decoder()
+    decoder.feed(b"".join(encoder))
+    list(decoder)
+    assert [strand.tube.steps for strand in encoder._strands] == [tube.steps for tube in decoder._tubes]
+
+
+# --- meshes and drawings ----------------------------------------------------------------------------------------------
+
+
+def test_curves_bend_either_way():
+    """A field and its negative have the same curve, and so the same places where it bends."""
+    field = picture((48, 48), 3).astype(np.float64)
+    sizes = [
+        len(isocodec.encode(way * field, way * 0.25, criterion="curvature", parameter=0.15, signs_only=True))
+        for way in (1, -1)
+    ]
+    assert 0.8 < sizes[0] / sizes[1] < 1.25
+
+
+def test_points_in_the_middles_of_cells_are_smoothed_with_the_others():
+    field = np.random.default_rng(3).integers(0, 2, (12, 12, 12))
+    data = isocodec.encode(field, 0.5, signs_only=True)
+    plain, smooth = isocodec.decode(data).points, isocodec.decode(data, smooth=True).points
+    middle = np.count_nonzero(plain % 1, axis=1) > 1
+    assert middle.sum() > 5 and (np.abs(plain - smooth)[middle].max(axis=1) > 0).mean() > 0.9
+
+
+# --- limits -----------------------------------------------------------------------------------------------------------
+
+
+def test_levels_leave_room_for_the_symbol_and_the_step_that_is_asked_for():
+    for number, (_, _, symbols, steps, _) in LEVELS.items():
+        limits = Limits.level(number)
+        assert limits.symbols > symbols and limits.steps > steps
+
+
+def test_vertices_of_the_mesh_count_before_they_are_known():
+    decoder = Decoder()
+    decoder.feed(TWO)
+    list(decoder)
+    tube = decoder._tubes[0]
+    tube.state.at[ROOM] = 5000
+    with pytest.raises(LimitError) as caught:
+        wider_state(tube.state, tube._mark, False, Limits(vertices=4000), lambda *_: None)
+    assert caught.value.code == "limit-vertices"
+
+
+@pytest.mark.skipif(INTERPRETED, reason="takes long")
+def test_what_rests_keeps_no_room_for_layers():
+    """Not the board, not the crowd, and the account says so."""
+    field = np.random.default_rng(2).integers(0, 9, (300, 300))
+    decoder = Decoder()
+    decoder.feed(isocodec.encode(field, 4.5, exact=True))
+    list(decoder)
+    tube = decoder._tubes[0]
+    rested = at_rest(tube.state)
+    assert rested.board.pages.nbytes < tube.state.board.pages.nbytes and len(rested.below) == 0
+    before = decoder.memory
+    tube.rest()
+    lists = [v for v in vars(tube.estimates).values() if isinstance(v, np.ndarray)]
+    assert decoder.memory < before
+    assert tube.estimates._budget._held[id(tube.estimates)] == sum(v.nbytes for v in lists)
+
+
+@pytest.mark.skipif(INTERPRETED, reason="takes long")
+def test_listing_values_is_counted_before_it_is_done():
+    asked = []
+    hold = Budget.hold
+
+    def noted(budget, holder, size, passing=0):
+        asked.append(passing)
+        hold(budget, holder, size, passing)
+
+    field = np.random.default_rng(2).integers(0, 9, (120, 120))
+    data = isocodec.encode(field, 4.5, exact=True, profile="baseline")
+    with mock.patch.object(Budget, "hold", noted):
+        decoder = Decoder()
+        decoder.feed(data)
+        list(decoder)
+    assert max(asked) >= 64 * decoder._tubes[0].vertices
+
+
+def test_all_drawings_of_a_file_count_together():
+    held = []
+    hold = Decoder.hold
+    with mock.patch.object(Decoder, "hold", lambda decoder, size: (held.append(size), hold(decoder, size))[0]):
+        contours = isocodec.decode_all(TWO)
+    assert held == [0, contours[0].points.nbytes + contours[0].cells.nbytes]
+
+
+def test_what_is_kept_of_a_drawing_counts_when_the_next_one_comes():
+    decoder = Decoder()
+    decoder.feed(TWO)
+    list(decoder)
+    held = []
+    cost = Cost(10, 10, kept=7)
+    with mock.patch.object(Decoder, "hold", lambda _, size: held.append(size)):
+        points = [len(contour.points) for contour in Drawings(decoder, [0, 1], False, False, cost)]
+    assert held[1] == 7 * points[0] and held[3] == 7 * sum(points)
+
+
+# --- inputs and outputs -----------------------------------------------------------------------------------------------
+
+
+def test_files_may_be_numbered_downwards():
+    assert _numbered("s%03d.raw 5 1 -1") == [f"s{number:03d}.raw" for number in (5, 4, 3, 2, 1)]
+    assert _numbered("s%d.raw 1 5 2") == ["s1.raw", "s3.raw", "s5.raw"]
+
+
+def test_degrees_are_not_named(tmp_path):
+    """GeoJSON is in degrees unless it says otherwise."""
+    for system, named in (("EPSG:4326", False), ("EPSG:32631", True)):
+        data = isocodec.encode(HILLS, 100.5, placement=[[0, 1, 5], [1, 0, 6]], metadata={"crs": system})
+        (tmp_path / "in.iso").write_bytes(data)
+        ok("decode", tmp_path / "in.iso", "-o", tmp_path / "out.geojson")
+        assert ("crs" in json.loads((tmp_path / "out.geojson").read_bytes())) == named
+
+
+def test_what_cannot_be_undone_keeps_nothing_else_from_it():
+    done = []
+
+    def broken() -> None:
+        done.append("broken")
+        raise OSError("gone")
+
+    with undoing(lambda: done.append("first")), undoing(broken):
+        undo_all()
+    assert done == ["broken", "first"]
+
+
+# --- the command line -------------------------------------------------------------------------------------------------
+
+
+def test_rounding_is_measured_along_the_finest_axis(tmp_path):
+    placement = np.column_stack([np.diag([0.001, 0.001, 10]), [5e4, 5e4, 5e4]])
+    field = np.indices((9, 9, 9)).sum(axis=0)
+    (tmp_path / "in.iso").write_bytes(isocodec.encode(field, 12.5, placement=placement))
+    result = run("decode", tmp_path / "in.iso", "-o", tmp_path / "a.ply")
+    assert result.exit_code == 0 and "are rounded" in result.stderr
+
+
+def test_who_names_an_isovalue_is_not_told_of_others(tmp_path):
+    (tmp_path / "in.iso").write_bytes(TWO)
+    result = run("decode", tmp_path / "in.iso", "-o", tmp_path / "a.npz", "--isovalue", 9.5)
+    assert result.exit_code == 0 and "only isovalue" not in result.stderr
+    assert "only isovalue 0.5" in run("decode", tmp_path / "in.iso", "-o", tmp_path / "a.npz").stderr
+
+
+def test_memory_that_ends_anywhere_has_its_exit_code(tmp_path, monkeypatch):
+    (tmp_path / "in.iso").write_bytes(TWO)
+
+    def ends() -> None:
+        raise MemoryError
+
+    monkeypatch.setattr("isocodec.cli.decode.load_kernels", ends)
+    assert "not enough memory" in fails(6, "decode", tmp_path / "in.iso", "-o", tmp_path / "a.npz")
+
+
+def test_only_whole_layers_count_as_kept(tmp_path):
+    data = isocodec.encode(picture((60, 60), 3), 0.5, exact=True)
+    (tmp_path / "in.iso").write_bytes(data)
+    for size in (len(data) // 3, len(data) // 2, 2 * len(data) // 3):
+        record = json.loads(
+            ok("truncate", tmp_path / "in.iso", "-o", tmp_path / "out.iso", "--bytes", size, "--json")
+        )
+        decoder = Decoder()
+        decoder.feed((tmp_path / "out.iso").read_bytes())
+        whole = sum(isinstance(event, LayerComplete) for event in decoder)
+        assert record["layers"] == whole < len(isocodec.inspect(data).layers)
+
+
+def test_topology_of_some_isovalues_is_told_of_these(tmp_path, monkeypatch):
+    """A file whose writer promises it of one isovalue only."""
+    (tmp_path / "in.iso").write_bytes(TWO)
+    inspect = isocodec.inspect
+
+    def promised(data: bytes, **options: object) -> object:
+        info = inspect(data, **options)
+        info.topology[1] = True
+        return info
+
+    monkeypatch.setattr(isocodec, "inspect", promised)
+    assert "promised in every layer of 9.5" in ok("info", tmp_path / "in.iso")
+
+
+def test_a_bar_that_has_not_appeared_is_not_cleared(monkeypatch):
+    written = []
+    monkeypatch.setattr("isocodec.cli.progress.sys.stderr", SimpleNamespace(isatty=lambda: True))
+    monkeypatch.setattr("isocodec.cli.progress.os.write", lambda *what: written.append(what))
+    with progress_bar("working"):
+        undo_all()
+    assert written == []
