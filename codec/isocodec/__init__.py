@@ -40,6 +40,7 @@ if TYPE_CHECKING:
 __version__ = "0.1.0"
 
 _HOMES = {
+    "kernel": ("kernels",),
     "api": ("decode", "decode_all", "decode_mask", "encode", "warm_up"),
     "contour": ("Contour",),
     "errors": (

@@ -90,3 +90,9 @@ class MissingExtraError(IsoError, ImportError):
     """An optional library is needed; ``remedy`` names the extra to install."""
 
     exit_code = 7
+
+
+class KernelError(IsoError):
+    """The compiled kernels cannot be loaded, are not those of this source, or were called with other types."""
+
+    exit_code = 8

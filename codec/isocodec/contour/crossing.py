@@ -9,7 +9,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..jit import kernel
+from ..kernel import kernel
+from ..kernel.types import BoolVector, FloatMatrix, FloatVector, IntMatrix, IntVector, IntVolume
 from .leaves import Leaves
 
 Edge = tuple[int, int]
@@ -76,7 +77,9 @@ class PatternTable:
 
 
 @kernel
-def _look_up(edges, first, pattern, vertices, mirrored, out):
+def _look_up(
+    edges: IntVolume, first: IntVector, pattern: IntVector, vertices: IntMatrix, mirrored: BoolVector, out: IntVolume,
+) -> None:  # fmt: skip
     """Write the rows of all simplices or cubes in vertices of the mesh."""
     row = 0
     for i in range(len(pattern)):
@@ -120,7 +123,7 @@ def distinct_edges(leaves: Leaves, ends: NDArray[np.int64]) -> tuple[NDArray[np.
 
 
 @kernel
-def _tell_apart(rank, ends, low, high, count):
+def _tell_apart(rank: IntVector, ends: IntMatrix, low: IntVector, high: IntVector, count: IntVector) -> None:
     """Tell the ends of each edge apart, and count how often each vertex is the first, one place further on."""
     for i in range(len(ends)):
         a, b = ends[i, 0], ends[i, 1]
@@ -129,7 +132,10 @@ def _tell_apart(rank, ends, low, high, count):
 
 
 @kernel
-def _number(low, high, place, seconds, before, edges, number):
+def _number(
+    low: IntVector, high: IntVector, place: IntVector, seconds: IntVector, before: IntVector, edges: IntMatrix,
+    number: IntVector,
+) -> int:  # fmt: skip
     """Number the edges in the order of their ends; returns how many there are.
 
     ``seconds`` has room for the second ends of each vertex from its ``place`` on, -1 where none is: a vertex has few.
@@ -198,7 +204,7 @@ def edge_points(leaves: Leaves, edges: NDArray[np.int64], ratio: NDArray[np.floa
 
 
 @kernel
-def _enter_points(position, edges, ratio, out):
+def _enter_points(position: IntMatrix, edges: IntMatrix, ratio: FloatVector, out: FloatMatrix) -> None:
     """Enter the points so far along edges from their first ends."""
     for i in range(len(edges)):
         for axis in range(position.shape[1]):

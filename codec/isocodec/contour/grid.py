@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from ..jit import inner, kernel
+from ..kernel import inner, kernel
+from ..kernel.types import BoolVector, Int32Matrix, Int32Vector, IntMatrix, IntVector, IntVolume, UInt8Vector
 from .crossing import Drawn, PatternTable, edge_points, ratios_at
 from .cube import cube_table
 from .leaves import Leaves
@@ -83,7 +84,7 @@ class _Grid:
 
 
 @kernel
-def _enter_last_bits(position, last):
+def _enter_last_bits(position: IntMatrix, last: UInt8Vector) -> None:
     """Enter the last two bits of each coordinate: they tell vertices of a cell from each other, upper from lower."""
     for i in range(len(position)):
         bits = 0
@@ -118,7 +119,10 @@ def _upper(a, b):
 
 
 @kernel
-def _join(last, simplices, entered, corners, upper, count):
+def _join(
+    last: UInt8Vector, simplices: IntMatrix, entered: Int32Vector, corners: Int32Matrix, upper: UInt8Vector,
+    count: UInt8Vector,
+) -> int:  # fmt: skip
     """Enter the simplices' vertices as corners of their cells, in the order of these; returns how many there are.
 
     A cell is known by xn and the axes along which x0 is the upper end. Corners are numbered from x0 (see
@@ -145,7 +149,9 @@ def _join(last, simplices, entered, corners, upper, count):
 
 
 @kernel
-def _enter_patterns(above, corners, count, mixed, pattern):
+def _enter_patterns(
+    above: BoolVector, corners: Int32Matrix, count: UInt8Vector, mixed: IntVector, pattern: IntVector,
+) -> None:  # fmt: skip
     """Enter the signs of each cell as its pattern; 0, of which nothing is drawn, if it lacks some mixed leaves."""
     for cell in range(len(corners)):
         signs = np.int64(0)
@@ -157,7 +163,10 @@ def _enter_patterns(above, corners, count, mixed, pattern):
 
 
 @kernel
-def _enter_rows(table, first, pattern, corners, upper, number, edges, met, rows):
+def _enter_rows(
+    table: IntVolume, first: IntVector, pattern: IntVector, corners: Int32Matrix, upper: UInt8Vector,
+    number: Int32Matrix, edges: IntMatrix, met: int, rows: IntMatrix,
+) -> int:  # fmt: skip
     """Enter the rows of all cells as numbers of edges, which are given as these are met; returns how many were.
 
     ``number`` has that of the edge that leaves a vertex upwards along an axis, or -1.
@@ -184,7 +193,7 @@ def _enter_rows(table, first, pattern, corners, upper, number, edges, met, rows)
 
 
 @kernel
-def _find(last, number, edges, stated, out):
+def _find(last: UInt8Vector, number: Int32Matrix, edges: IntMatrix, stated: IntMatrix, out: IntVector) -> None:
     """Enter the numbers of edges, -1 where there is none: those of coarser meshes run otherwise or farther."""
     n = number.shape[1]
     for i in range(len(stated)):

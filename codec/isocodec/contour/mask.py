@@ -8,7 +8,8 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from ..jit import kernel
+from ..kernel import kernel
+from ..kernel.types import UInt8Matrix, UInt8Vector
 
 _UNKNOWN = 0
 
@@ -82,7 +83,7 @@ def _spread(signs: NDArray[np.uint8]) -> None:
 
 
 @kernel
-def _go_on(rows):
+def _go_on(rows: UInt8Matrix) -> None:
     """Let the signs of each row go on, both ways from the first that is known."""
     for i in range(len(rows)):
         sign = np.uint8(_UNKNOWN)
@@ -96,7 +97,7 @@ def _go_on(rows):
 
 
 @kernel
-def _enter_heads(rows, heads):
+def _enter_heads(rows: UInt8Matrix, heads: UInt8Vector) -> None:
     """Rows without known signs are all as their heads."""
     for i in range(len(rows)):
         if rows[i, 0] == _UNKNOWN:

@@ -10,7 +10,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from ..jit import kernel
+from ..kernel import kernel
+from ..kernel.types import BoolVector, FloatMatrix, FloatVector, IntMatrix
 from .crossing import Drawn, edge_ends
 from .leaves import Leaves
 
@@ -46,7 +47,7 @@ def smoothed(leaves: Leaves, drawn: Drawn) -> NDArray[np.float64]:
 
 
 @kernel
-def _gather(points, cells, total, normal, count):
+def _gather(points: FloatMatrix, cells: IntMatrix, total: FloatMatrix, normal: FloatMatrix, count: FloatVector) -> None:
     """Of each point the sum of its neighbours, their number, and the normals of its cells by length or area."""
     n = points.shape[1]
     for i in range(len(cells)):
@@ -74,7 +75,7 @@ def _gather(points, cells, total, normal, count):
 
 
 @kernel
-def _bend(points, total, count, normal, bend):
+def _bend(points: FloatMatrix, total: FloatMatrix, count: FloatVector, normal: FloatMatrix, bend: FloatVector) -> None:
     """How far the middle of its neighbours lies in front of each point, along the normal, which becomes of length 1."""
     n = points.shape[1]
     for i in range(len(points)):
@@ -90,7 +91,7 @@ def _bend(points, total, count, normal, bend):
 
 
 @kernel
-def _around(cells, bend, around):
+def _around(cells: IntMatrix, bend: FloatVector, around: FloatVector) -> None:
     """Of each point the sum of what `_bend` says of its neighbours."""
     n = cells.shape[1]
     for i in range(len(cells)):
@@ -101,7 +102,10 @@ def _around(cells, bend, around):
 
 
 @kernel
-def _move(points, start, way, free, ratio, total, count, normal, bend, around):
+def _move(
+    points: FloatMatrix, start: FloatMatrix, way: FloatMatrix, free: BoolVector, ratio: FloatVector,
+    total: FloatMatrix, count: FloatVector, normal: FloatMatrix, bend: FloatVector, around: FloatVector,
+) -> None:  # fmt: skip
     """One step of each point along its edge; ends of open curves (n = 2), with one neighbour, stay."""
     n = points.shape[1]
     for i in range(len(points)):

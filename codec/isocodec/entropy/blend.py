@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..jit import inner
+from ..kernel import inlined
 from .coder import ONE, adapt, emit
 from .main import (
     BUCKET,
@@ -32,19 +32,19 @@ EITHER = 2
 """Encoder: a symbol that may be either; the more probable one is taken."""
 
 
-@inner
+@inlined
 def mixing(cd):
     """Whether the profile is the main one."""
     return len(cd.blend.weight) > 0
 
 
-@inner
+@inlined
 def clear(cd):
     """Begin a list of rows."""
     cd.blend.row[0] = 0
 
 
-@inner
+@inlined
 def see(cd, row):
     """One more row."""
     rows = cd.blend.row
@@ -53,7 +53,7 @@ def see(cd, row):
     rows[np.uint64(count)] = row
 
 
-@inner
+@inlined
 def _opinion(bl, net):
     """What the network says of a 1, in the logistic domain."""
     out = bl.out[np.uint64(net)]
@@ -61,7 +61,7 @@ def _opinion(bl, net):
     return min(max(total >> OUT_SHIFT, -MOST_LOGIT), MOST_LOGIT)
 
 
-@inner
+@inlined
 def _stretched(cd, ctx):
     """What an adaptive probability says, in the logistic domain, as far as it is to be trusted yet."""
     at = np.uint64(ctx)
@@ -69,7 +69,7 @@ def _stretched(cd, ctx):
     return (found * cd.blend.trust[np.uint64(cd.seen[at])]) >> TRUST_SHIFT
 
 
-@inner
+@inlined
 def _trace(bl, net, bit):
     """Training: a line with the symbol and its rows."""
     line = bl.trace[0, 0]
@@ -83,13 +83,13 @@ def _trace(bl, net, bit):
             bl.trace[line + 1, 3 + i] = bl.row[1 + i]
 
 
-@inner
+@inlined
 def _learn(mix, i, step):
     """Move a mixing weight, within bounds that no stream can drive sums beyond."""
     mix[i] = min(max(mix[i] + (step >> RATE_SHIFT), -MOST_MIX), MOST_MIX)
 
 
-@inner
+@inlined
 def blended(cd, net, flip, kind, ctx, bit):
     """Code one symbol by all opinions; as ``code``.
 

@@ -13,7 +13,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..jit import CUT, NEED, inner, kernel
+from ..kernel import CUT, NEED, inlined, record
+from ..kernel.types import Int32Matrix, IntMatrix, IntVector, UInt8Vector
 
 # Registers of a coder.
 MODE, LOW, RANGE, CODE, POS, END, FINAL, UNKNOWN, LEFT, OVER = range(10)
@@ -34,6 +35,7 @@ MARGIN = 16
 UNLIMITED = 1 << 62
 
 
+@record
 class Blend(NamedTuple):
     """What the main profile has beside (spec clause 7.11), see ``entropy.blend``; empty in the baseline profile.
 
@@ -42,24 +44,25 @@ class Blend(NamedTuple):
     has listed, then those, ``trace`` room for the rows of all symbols while networks are trained.
     """
 
-    weight: NDArray[np.int32]
-    out: NDArray[np.int32]
-    mix: NDArray[np.int64]
-    squash: NDArray[np.int64]
-    stretch: NDArray[np.int64]
-    trust: NDArray[np.int64]
-    row: NDArray[np.int64]
-    trace: NDArray[np.int32]
+    weight: Int32Matrix
+    out: Int32Matrix
+    mix: IntMatrix
+    squash: IntVector
+    stretch: IntVector
+    trust: IntVector
+    row: IntVector
+    trace: Int32Matrix
 
 
+@record
 class Coder(NamedTuple):
     """Registers, the bytes of the run, and the adaptive models: probability of a 1 and number of updates."""
 
-    reg: NDArray[np.int64]
-    buf: NDArray[np.uint8]
-    prob: NDArray[np.int64]
-    seen: NDArray[np.int64]
-    rate: NDArray[np.int64]
+    reg: IntVector
+    buf: UInt8Vector
+    prob: IntVector
+    seen: IntVector
+    rate: IntVector
     blend: Blend
 
 
@@ -73,7 +76,7 @@ def start(reg: NDArray[np.int64], mode: int) -> None:
         reg[UNKNOWN] = 32
 
 
-@inner
+@inlined
 def _pull(cd):
     """Move bytes that have arrived since into the unknown part of the code."""
     reg = cd.reg
@@ -86,7 +89,7 @@ def _pull(cd):
         reg[UNKNOWN] -= 8
 
 
-@inner
+@inlined
 def adapt(cd, ctx, bit):
     """Update one model (clause 6.5): the step shrinks with the number of symbols seen."""
     # unsigned: no test whether it counts from the end
@@ -103,7 +106,7 @@ def adapt(cd, ctx, bit):
         cd.seen[at] = seen + 1
 
 
-@kernel
+@inlined
 def emit(cd, p, bit):
     """Code one symbol whose probability of a 1 is ``p``: write ``bit``, or return the decoded one.
 
@@ -168,7 +171,7 @@ def emit(cd, p, bit):
     return bit
 
 
-@kernel
+@inlined
 def code(cd, ctx, bit):
     """Code one symbol in context ``ctx``; as ``emit``."""
     bit = emit(cd, cd.prob[np.uint64(ctx)], bit)

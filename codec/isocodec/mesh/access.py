@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..jit import kernel
+from ..kernel import inlined
 from .tables import MOST_CLASSES, MOST_CORNERS, MOST_MEMBERS, START
 
 _ROOT = START["ROOT"]
@@ -29,117 +29,117 @@ _PLACE = START["PLACE"]
 _TWIN = START["TWIN"]
 
 
-@kernel
+@inlined
 def dimension(t):
     return t[0]
 
 
-@kernel
+@inlined
 def roots(t):
     return t[_ROOT]
 
 
-@kernel
+@inlined
 def root(t, i):
     return t[np.uint64(_ROOT + 1 + i)]
 
 
-@kernel
+@inlined
 def vertex(t, r, cls, j):
     """Vertex j in units of g, relative to the block."""
     i = _VERTEX + ((r * MOST_CLASSES + cls) * 4 + j) * 3
     return t[np.uint64(i)], t[np.uint64(i + 1)], t[np.uint64(i + 2)]
 
 
-@kernel
+@inlined
 def middle(t, r, cls, b0, b1, b2):
     """Middle of the subdivision edge of a simplex, in units of g."""
     i = _MIDDLE + (r * MOST_CLASSES + cls) * 3
     return 4 * b0 + t[np.uint64(i)], 4 * b1 + t[np.uint64(i + 1)], 4 * b2 + t[np.uint64(i + 2)]
 
 
-@kernel
+@inlined
 def child(t, r, cls, side):
     """Class and block delta."""
     i = _CHILD + ((r * MOST_CLASSES + cls) * 2 + side) * 4
     return t[np.uint64(i)], t[np.uint64(i + 1)], t[np.uint64(i + 2)], t[np.uint64(i + 3)]
 
 
-@kernel
+@inlined
 def neighbour(t, r, cls, face):
     """Class, the vertex opposite, block delta."""
     i = _NEIGHBOUR + ((r * MOST_CLASSES + cls) * 4 + face) * 5
     return t[np.uint64(i)], t[np.uint64(i + 1)], t[np.uint64(i + 2)], t[np.uint64(i + 3)], t[np.uint64(i + 4)]
 
 
-@kernel
+@inlined
 def cube(t, r, cls):
     """Number within the cube, parity of the cube."""
     i = _CUBE + (r * MOST_CLASSES + cls) * 4
     return t[np.uint64(i)], t[np.uint64(i + 1)], t[np.uint64(i + 2)], t[np.uint64(i + 3)]
 
 
-@kernel
+@inlined
 def kind(t, r, w0, w1, w2):
     """Kind of the diamond around the lattice point w (units of g), or -1 if w is no middle of this level."""
     return t[np.uint64(_KIND + r * 64 + ((w0 & 3) | (w1 & 3) << 2 | (w2 & 3) << 4))]
 
 
-@kernel
+@inlined
 def corners(t, d):
     return t[np.uint64(_CORNERS + d)]
 
 
-@kernel
+@inlined
 def corner(t, d, i):
     i = _CORNER + (d * MOST_CORNERS + i) * 3
     return t[np.uint64(i)], t[np.uint64(i + 1)], t[np.uint64(i + 2)]
 
 
-@kernel
+@inlined
 def delta(t, d, i):
     """How far the cell of corner i lies behind that of the middle in a page that has both, in units of g."""
     return t[np.uint64(_DELTA + d * MOST_CORNERS + i)]
 
 
-@kernel
+@inlined
 def members(t, d):
     return t[np.uint64(_MEMBERS + d)]
 
 
-@kernel
+@inlined
 def member(t, d, m):
     """Class, block delta, bits of the corners."""
     i = _MEMBER + (d * MOST_MEMBERS + m) * 5
     return t[np.uint64(i)], t[np.uint64(i + 1)], t[np.uint64(i + 2)], t[np.uint64(i + 3)], t[np.uint64(i + 4)]
 
 
-@kernel
+@inlined
 def grandchild(t, d, m, side):
     """Class, block delta, bits of the corners of a member's child; the bit after the last corner is the middle."""
     i = _GRANDCHILD + ((d * MOST_MEMBERS + m) * 2 + side) * 5
     return t[np.uint64(i)], t[np.uint64(i + 1)], t[np.uint64(i + 2)], t[np.uint64(i + 3)], t[np.uint64(i + 4)]
 
 
-@kernel
+@inlined
 def factor(t, d):
     """What the block of a diamond's member is multiplied by, before the block delta of its child is added."""
     return t[np.uint64(_FACTOR + d)]
 
 
-@kernel
+@inlined
 def child_bits(t, d, c):
     """Bits of the corners of child c, 2 m + s."""
     return t[np.uint64(_BITS + d * MOST_MEMBERS * 2 + c)]
 
 
-@kernel
+@inlined
 def place(t, d, c, j):
     """Which corner of a diamond vertex j of child c, 2 m + s, is; the number after the last corner's is the middle."""
     return t[np.uint64(_PLACE + (d * MOST_MEMBERS * 2 + c) * 4 + j)]
 
 
-@kernel
+@inlined
 def twins(t, d, c):
     """Bits of the children before child c that have the same middle."""
     return t[np.uint64(_TWIN + d * MOST_MEMBERS * 2 + c)]

@@ -10,20 +10,21 @@ from itertools import combinations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ..jit import kernel
-from .store import Store, get, new_flags
+from ..kernel import inlined, record
+from ..kernel.types import UInt8Volume
+from .store import Flags, get, new_flags
 
 GONE = 1
 """Bit of a lattice point that is not a vertex of the mesh."""
 
 
+@record
 class Chosen(NamedTuple):
     """``inside`` has an entry for each sample, on three axes; ``outside`` those of lattice points off the box."""
 
-    inside: NDArray[np.uint8]
-    outside: Store
+    inside: UInt8Volume
+    outside: Flags
 
 
 def every_vertex(shape: tuple[int, ...]) -> Chosen:
@@ -31,7 +32,7 @@ def every_vertex(shape: tuple[int, ...]) -> Chosen:
     return Chosen(np.zeros(shape + (1,) * (3 - len(shape)), np.uint8), new_flags(len(shape)))
 
 
-@kernel
+@inlined
 def flags(chosen, x, y, z):
     """Bits of the lattice point at unclamped (x, y, z)."""
     s0, s1, s2 = chosen.inside.shape
@@ -40,7 +41,7 @@ def flags(chosen, x, y, z):
     return get(chosen.outside, x, y, z)
 
 
-@kernel
+@inlined
 def has(chosen, x, y, z):
     """Whether the lattice point at unclamped (x, y, z) is a vertex of the mesh."""
     return not flags(chosen, x, y, z) & GONE

@@ -7,12 +7,13 @@ unsigned where their sign is not plain: no test whether they count from the end.
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..jit import inner, kernel
+from ..kernel import inlined, kernel, record
+from ..kernel.types import Array, Int8Matrix, IntMatrix, IntVector, Member, UInt8Matrix
 from .tables import PAGE_SHIFT
 
 PAGES, SHIFT, RECENT = 0, 1, 4
@@ -29,12 +30,17 @@ _LARGE = 1 << 24
 Pages = NDArray[np.int32] | NDArray[np.int8] | NDArray[np.uint8]
 
 
+@record
 class Store(NamedTuple):
     """``table`` holds a key and a page number a row."""
 
-    head: NDArray[np.int64]
-    table: NDArray[np.int64]
-    pages: Pages
+    head: IntVector
+    table: IntMatrix
+    pages: Annotated[Pages, Array("int32", 2)]
+
+
+Flags = Annotated[Store, Member("pages", UInt8Matrix)]
+Bytes = Annotated[Store, Member("pages", Int8Matrix)]
 
 
 def new_store(n: int) -> Store:
@@ -137,10 +143,10 @@ def page_of(key):
     return key & ((1 << _Y) - 1), (key >> _Y) & ((1 << _Z - _Y) - 1), key >> _Z
 
 
-_page_of = inner(page_of)
+_page_of = inlined(page_of)
 
 
-@inner
+@inlined
 def _hash(key, size):
     x, y, z = _page_of(key)
     h = (x * 73856093) ^ (y * 19349663) ^ (z * 83492791)
@@ -150,7 +156,7 @@ def _hash(key, size):
 
 
 @kernel
-def _rehash(old, table):
+def _rehash(old: IntMatrix, table: IntMatrix) -> None:
     for i in range(len(old)):
         if old[i, 0] >= 0:
             h = _hash(old[i, 0], len(table))
@@ -160,14 +166,14 @@ def _rehash(old, table):
             table[h, 1] = old[i, 1]
 
 
-@kernel
+@inlined
 def full(st, room):
     """Whether fewer than ``room`` more pages fit."""
     used = st.head[PAGES]
     return used + room > len(st.pages) or 2 * (used + room) > len(st.table)
 
 
-@inner
+@inlined
 def _page(st, x, y, z):
     """Number of the page of (x, y, z), or, if there is none, -1 less the place in the table where it belongs."""
     head = st.head
@@ -190,13 +196,13 @@ def _page(st, x, y, z):
     return table[np.uint64(h), 1]
 
 
-@inner
+@inlined
 def page_or_first(st, x, y, z):
     """Number of the page of (x, y, z), or 0 if there is none."""
     return max(_page(st, x, y, z), 0)
 
 
-@kernel
+@inlined
 def wipe(st):
     """Forget all entries but the first page's."""
     st.pages[: st.head[PAGES]] = 0
@@ -205,13 +211,13 @@ def wipe(st):
     st.head[PAGES] = 1
 
 
-@inner
+@inlined
 def _cell(st, x, y, z):
     a, b, c = st.head[SHIFT], st.head[SHIFT + 1], st.head[SHIFT + 2]
     return (((x & ((1 << a) - 1)) << b | (y & ((1 << b) - 1))) << c) | (z & ((1 << c) - 1))
 
 
-@kernel
+@inlined
 def get(st, x, y, z):
     """Entry at (x, y, z); 0 if never set."""
     page = _page(st, x, y, z)
@@ -220,7 +226,7 @@ def get(st, x, y, z):
     return np.int64(st.pages[np.uint64(page), np.uint64(_cell(st, x, y, z))])
 
 
-@inner
+@inlined
 def page_with(st, x, y, z, g):
     """Page and cell of (x, y, z) if the page has all within ``g`` along each axis, else -1."""
     a, b, c = st.head[SHIFT], st.head[SHIFT + 1], st.head[SHIFT + 2]
@@ -229,7 +235,7 @@ def page_with(st, x, y, z, g):
     return np.int64(_page(st, x, y, z)), _cell(st, x, y, z)
 
 
-@inner
+@inlined
 def spot(st, x, y, z):
     """Page and cell of (x, y, z), to be read and set; the caller has made sure of room for a page."""
     page = _page(st, x, y, z)
@@ -243,7 +249,7 @@ def spot(st, x, y, z):
     return page, _cell(st, x, y, z)
 
 
-@kernel
+@inlined
 def put(st, x, y, z, value):
     """Set the entry at (x, y, z); the caller has made sure of room for a page."""
     page, cell = spot(st, x, y, z)

@@ -12,7 +12,7 @@ import numpy as np
 from ..entropy.blend import blended, clear, mixing, see
 from ..entropy.coder import code
 from ..entropy.main import BASE_ROW, MESH_AROUND, MESH_KIND, MESH_NET, MESH_ROW
-from ..jit import inner
+from ..kernel import inlined
 from ..mesh.access import dimension, vertex
 from ..mesh.store import get
 from .around import PLANE, SPACE, anchor
@@ -31,7 +31,7 @@ ON_PATH, COARSER, FINER, OF_LEAF = np.arange(4)
 """Questions about the mesh: on the path to a component, of the simplex behind a gate, of a leaf."""
 
 
-@inner
+@inlined
 def see_mesh(st, cd, what, history, level, x, y, z):
     """List what the main profile sees around a middle that may be in the mesh (spec clause 7.16)."""
     n = dimension(st.tables)
@@ -59,7 +59,7 @@ def see_mesh(st, cd, what, history, level, x, y, z):
             see(cd, first + 2 * (MESH_AROUND + i) + ((e & 1) == here))
 
 
-@inner
+@inlined
 def ask(st, cd, what, history, level, x, y, z, context, bit):
     """Code whether a middle is in the mesh, in either profile; as ``code``."""
     if not mixing(cd):
@@ -68,7 +68,7 @@ def ask(st, cd, what, history, level, x, y, z, context, bit):
     return blended(cd, MESH_NET, False, MESH_KIND + what, context, bit)
 
 
-@inner
+@inlined
 def see_behind(st, cd, level, cls, b0, b1, b2, opp, guess, case, other):
     """List what the main profile sees around the vertex behind a gate (spec clause 7.17).
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from ..entropy.blend import clear, see
 from ..entropy.main import OFFSET_ROW, OFFSET_ROWS
-from ..jit import inner
+from ..kernel import inlined
 from ..mesh.access import dimension
 from .classes import CLASSES, FINE, NONE, ROUGH, bits, mean, row_of
 from .state import LAST, entry
@@ -38,7 +38,7 @@ def place_of(number, parts):
     return (2 * number + 1) * (UNIT // 2) // parts
 
 
-@inner
+@inlined
 def _near(st, x, y, z, a, b, edge, i, j):
     """Store entry of the vertex i edges along axis a and j along b from (x, y, z); 0 off the box."""
     i, j = i * edge, j * edge
@@ -48,7 +48,7 @@ def _near(st, x, y, z, a, b, edge, i, j):
     return entry(st, x, y, z)
 
 
-@inner
+@inlined
 def _follow(st, index, places, parts, length, low, high, x, y, z, a, b, edge, way, out):
     """Follow the curve from the edge at (x, y, z) along a into the direction ``way`` of b; leaves two crossings.
 
@@ -93,13 +93,13 @@ def _follow(st, index, places, parts, length, low, high, x, y, z, a, b, edge, wa
         w[out + 3 * k + 2] = ROUGH if parts[e] == 1 else FINE
 
 
-@inner
+@inlined
 def _set(w, candidate, place, known):
     w[CANDIDATES + 2 * candidate] = min(max(place, -UNIT), 2 * UNIT)
     w[CANDIDATES + 2 * candidate + 1] = known
 
 
-@inner
+@inlined
 def _extended(w, at, candidate):
     """The line through the two crossings of one side, at the edge."""
     gap = w[at + 3] - w[at]
@@ -108,7 +108,7 @@ def _extended(w, at, candidate):
         _set(w, candidate, w[at + 1] - (w[at + 4] - w[at + 1]) * w[at] // gap, known)
 
 
-@inner
+@inlined
 def _cubic(w, c):
     """The cubic through four crossings, as far as lines through two of them tell it."""
     o = CANDIDATES + 2 * c
@@ -117,14 +117,14 @@ def _cubic(w, c):
         _set(w, c + CUBIC, (4 * w[o] + w[o + 2] + w[o + 4]) // 6, known)
 
 
-@inner
+@inlined
 def _crossed(st, places, edges, e, u, length, axis):
     """Coordinate of the crossing on edge e less that of vertex u, in parts of UNIT of a length."""
     a, b = np.int64(st.vertex[edges[e, 0], axis]), np.int64(st.vertex[edges[e, 1], axis])
     return ((a - st.vertex[u, axis]) * UNIT + (b - a) * places[e]) // length
 
 
-@inner
+@inlined
 def _meet(st, places, parts, edges, length, i, e, f, candidate):
     """Where the line through the crossings on edges e and f meets edge i (n = 2)."""
     if min(e, f) < 0:
@@ -144,7 +144,7 @@ def _meet(st, places, parts, edges, length, i, e, f, candidate):
     _set(st.walk, candidate, place, np.int64(ROUGH if rough else FINE))
 
 
-@inner
+@inlined
 def _span(st, u, v):
     """Along how many axes two vertices differ, and the first of these axes."""
     span, axis = np.int64(0), np.int64(0)
@@ -155,7 +155,7 @@ def _span(st, u, v):
     return span, axis
 
 
-@inner
+@inlined
 def find_candidates(st, beside, edges, parts, length, i):
     """Leave the candidates for an edge; off the full grid, along how many axes its ends differ, else 0."""
     for c in range(RECENT):
@@ -169,7 +169,7 @@ def find_candidates(st, beside, edges, parts, length, i):
     return span
 
 
-@inner
+@inlined
 def _find_off_grid(st, beside, edges, parts, length, i):
     """What the ends of an edge of leaves say, and the chain of crossings."""
     w, chain, near = st.walk, beside.chain, beside.near
@@ -189,7 +189,7 @@ def _find_off_grid(st, beside, edges, parts, length, i):
         _cubic(w, np.int64(CHAIN))
 
 
-@inner
+@inlined
 def count_near(beside, edges, parts, length, i, sign):
     """Add an edge's crossing to what its ends know of how far crossings are, or take it away."""
     near = beside.near
@@ -202,7 +202,7 @@ def count_near(beside, edges, parts, length, i, sign):
         near[v, 1] += sign
 
 
-@inner
+@inlined
 def _find_on_grid(st, index, places, parts, length, u, v, a, edge):
     """Candidates of all planes and their mean for the edge of this length from vertex u along axis a to v."""
     w = st.walk
@@ -239,7 +239,7 @@ def _find_on_grid(st, index, places, parts, length, u, v, a, edge):
         _set(w, MEAN, mean(total, count), worst)
 
 
-@inner
+@inlined
 def remember(st, place, rising):
     """The crossing just told is a candidate for the next ones: it comes first in the list of recent places."""
     w = st.walk
@@ -256,7 +256,7 @@ def remember(st, place, rising):
     w[o + 1] = FINE
 
 
-@inner
+@inlined
 def recent_sides(st, low, high, split, radix, number, parts, rising):
     """Of the last two different places: 0 if off the parts from ``low`` to ``high`` - 1, 1 if before ``split``, else 2.
 
@@ -274,7 +274,7 @@ def recent_sides(st, low, high, split, radix, number, parts, rising):
     return sides
 
 
-@inner
+@inlined
 def see_along(st, cd, low, high, split, radix, number, parts, rising, span, nearer):
     """List what is known of whether the crossing lies in the parts from ``split`` on, of ``low`` to ``high`` - 1.
 

@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..entropy.main import AROUND, AROUND_SUM, AROUND_SUMS, GROUP, PATTERNS
-from ..jit import inner, kernel
+from ..kernel import inlined, inner
+from ..kernel.flat import flat
 from ..mesh.access import dimension
 from ..mesh.store import PAGES, full, page_or_first, put, wipe
 from .state import BOARD_EDGE, BOARDED, EDGE, LAST, LEVEL, SCRATCH, SIZE, VERTICES, WINDOW, entry
@@ -64,7 +65,7 @@ _MARGIN = 32
 """Of the board, in units of g: whole pages, and more than windows reach."""
 
 
-@inner
+@inlined
 def _images(x, last, size, reach):
     """First and last place along an axis, in units of g, of a vertex and its images; none if the last comes first.
 
@@ -110,7 +111,7 @@ def survey(st):
     return True
 
 
-@inner
+@inlined
 def _as_differences(near, count):
     """Replace numbers of pages by what exclusive or makes them of: vectors compute them faster than they look them up.
 
@@ -124,7 +125,7 @@ def _as_differences(near, count):
         bit *= 2
 
 
-@kernel
+@inlined
 def _places_2(near, table, at, out):
     """Places on the board of so many vertices, given from the corner of two by two pages, a coordinate in 6 bits."""
     n0, n1, n2, n3 = near[0], near[1], near[2], near[3]
@@ -135,7 +136,7 @@ def _places_2(near, table, at, out):
         out[i] = page << 10 | (s >> 1 & 0x3E0) | (s & 31)
 
 
-@kernel
+@inlined
 def _places_3(near, table, at, out):
     """The same for n = 3, a coordinate in 5 bits."""
     n0, n1, n2, n3, n4, n5, n6, n7 = near[0], near[1], near[2], near[3], near[4], near[5], near[6], near[7]
@@ -146,7 +147,7 @@ def _places_3(near, table, at, out):
         out[i] = page << 12 | (s >> 2 & 0xF00) | (s >> 1 & 0xF0) | (s & 15)
 
 
-@kernel
+@inlined
 def _listed(cells, row, count, first, mirror, places):
     """Append the rows of the vertices on the board, a group at a time; returns how many rows there are.
 
@@ -161,14 +162,14 @@ def _listed(cells, row, count, first, mirror, places):
     return count
 
 
-@inner
+@inlined
 def anchor(st, edge, w0, w1, w2):
     """Sign of the end of a middle's subdivision edge that lies at multiples of 4 g, 0 if it is not known."""
     a0, a1, a2 = w0 - (1 - (w0 & 2)) * (w0 & 1), w1 - (1 - (w1 & 2)) * (w1 & 1), w2 - (1 - (w2 & 2)) * (w2 & 1)
     return entry(st, (a0 * edge) >> 1, (a1 * edge) >> 1, (a2 * edge) >> 1) & 1
 
 
-@inner
+@inlined
 def _window(st, q0, q1, q2):
     """Find the pages of the board at a corner: two along each axis, the last axis first, as differences.
 
@@ -188,7 +189,7 @@ def _window(st, q0, q1, q2):
     _as_differences(near, 4 if plane else 8)
 
 
-@inner
+@inlined
 def see_around(st, cd, r, w0, w1, w2):
     """List the known vertices around a middle as rows; returns the sign that they are relative to.
 
@@ -212,5 +213,5 @@ def see_around(st, cd, r, w0, w1, w2):
         at = (p0 - (q0 << 4)) << 10 | (p1 - (q1 << 4)) << 5 | (p2 - (q2 << 4))
         _places_3(near, table, at, places)
     first = _FIRST_2 + r * _SUMS_2 if dimension(st.tables) == 2 else _FIRST_3 + r * _SUMS_3
-    row[0] = _listed(board.pages.reshape(-1), row, row[0] + 1, first, _MIRROR[np.uint64(here)], places) - 1
+    row[0] = _listed(flat(board.pages), row, row[0] + 1, first, _MIRROR[np.uint64(here)], places) - 1
     return here

@@ -11,12 +11,13 @@ import numpy as np
 
 from ..entropy import baseline as ctx
 from ..entropy.blend import blended, mixing
-from ..entropy.coder import ENCODE, MODE, adapt, code
+from ..entropy.coder import ENCODE, MODE, Coder, adapt, code
 from ..entropy.main import BASE_KIND, BASE_NET
-from ..jit import BAD, DONE, GROW, inner, kernel
+from ..kernel import BAD, DONE, GROW, inlined, inner, kernel
+from ..kernel.types import Int32Matrix, IntVector
 from ..mesh.access import child, dimension, roots, vertex
 from ..mesh.access import root as root_class
-from ..mesh.store import full
+from ..mesh.store import Store, full
 from .ahead import ON_PATH, see_behind
 from .behind import resolve, settle, tell
 from .gates import GATE, push_gates, visit, visited
@@ -42,6 +43,7 @@ from .state import (
     TOLD,
     TRAIL,
     UNIFORM,
+    State,
     corner_entry,
     corner_truth,
     crowded,
@@ -77,14 +79,14 @@ from .walk import (
 _ORIGIN, _COMPONENT, _ROOT, _LOCATE, _SIGNS, _TRAVERSE = range(6)
 
 
-@inner
+@inlined
 def _corner_learn(st, level, cls, b0, b1, b2, j, sign):
     n = dimension(st.tables)
     x, y, z = position(edge_of(st, level), b0, b1, b2, vertex(st.tables, level % n, cls, j))
     learn(st, x, y, z, sign)
 
 
-@inner
+@inlined
 def _tree_child(st, depth, cls, b0, b1, b2, side):
     """Class and block of a child in the forest of binary trees, and whether it exists."""
     n = dimension(st.tables)
@@ -150,7 +152,7 @@ def _seed(st, cd, mark, seeds):
 
 
 @kernel
-def base(st, cd, mark, order, seeds):
+def base(st: State, cd: Coder, mark: Store, order: IntVector, seeds: Int32Matrix) -> int:
     """Run the pass until it is done or must stop.
 
     ``order`` are the encoder's leaves (``seek.mixed_leaves``), ``seeds`` the leaves of the isovalue that it leans on.

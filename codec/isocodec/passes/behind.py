@@ -6,7 +6,7 @@ import numpy as np
 
 from ..entropy import baseline as ctx
 from ..entropy.coder import ENCODE, MODE
-from ..jit import GROW, inner
+from ..kernel import GROW, inlined, inner
 from ..mesh.access import child, dimension, grandchild, member, vertex
 from ..mesh.access import kind as kind_of
 from ..mesh.access import members as member_count
@@ -21,7 +21,7 @@ from .walk import BEFORE, RESOLVED
 _EQUAL = np.int64(-1)
 
 
-@inner
+@inlined
 def _parent(st, level, cls, b0, b1, b2):
     """Class and block of the parent of a simplex, and which child it is."""
     n = dimension(st.tables)
@@ -40,7 +40,7 @@ def _parent(st, level, cls, b0, b1, b2):
     return cls, b0, b1, b2, 0
 
 
-@inner
+@inlined
 def _question(n, level, opp):
     """What there is to ask about the level behind a gate (design of the alphabets, spec clause 5.8.3)."""
     if opp == newest(n, level % n):
@@ -50,7 +50,7 @@ def _question(n, level, opp):
     return _EQUAL
 
 
-@inner
+@inlined
 def tell(st, cd, what, level, x, y, z, context):
     """Learn whether a middle is in the mesh: 1 or 0, or what the coder says, or GROW.
 
@@ -79,7 +79,7 @@ def tell(st, cd, what, level, x, y, z, context):
     return bit
 
 
-@inner
+@inlined
 def settle(st, level, cls, b0, b1, b2):
     """Mark what a leaf says of the mesh: its newest vertex is in it, its middle is not. 0, GROW or BARRED."""
     n = dimension(st.tables)

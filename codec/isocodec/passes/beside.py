@@ -8,7 +8,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..jit import kernel
+from ..kernel import kernel, record
+from ..kernel.types import Int32Matrix, Int32Vector, IntMatrix, IntVector
 from ..mesh.store import get
 from .along import UNIT
 from .state import LAST, VERTICES, State
@@ -17,6 +18,7 @@ HOPS = 4
 """Edges without offsets that the chain of crossings may pass on the way to one that carries them."""
 
 
+@record
 class Beside(NamedTuple):
     """What is looked up around an edge.
 
@@ -34,10 +36,10 @@ class Beside(NamedTuple):
         profile keeps it up to date.
     """
 
-    grid: NDArray[np.int64]
-    near: NDArray[np.int64]
-    chain: NDArray[np.int64]
-    place: NDArray[np.int64]
+    grid: IntMatrix
+    near: IntMatrix
+    chain: IntMatrix
+    place: IntVector
 
 
 def nothing_beside(n: int) -> Beside:
@@ -74,7 +76,7 @@ def _leaving(st: State, edges: NDArray[np.int64], n: int) -> NDArray[np.int64]:
 
 
 @kernel
-def _enter_straight(st, edges, index):
+def _enter_straight(st: State, edges: IntMatrix, index: IntMatrix) -> None:
     """Enter the edges that run along an axis."""
     for i in range(len(edges)):
         axes, along = 0, 0
@@ -131,7 +133,7 @@ def nearby_samples(st: State, active: NDArray[np.int64], n: int) -> NDArray[np.i
 
 
 @kernel
-def _enter_nearby(st, active, listed, steps, out):
+def _enter_nearby(st: State, active: IntVector, listed: Int32Vector, steps: IntMatrix, out: Int32Matrix) -> None:
     """Enter the places of the vertices so many steps from each of the list.
 
     ``listed`` has the place of each vertex and, last, that of none.

@@ -8,7 +8,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from ..jit import inner, kernel
+from ..kernel import inner, kernel
+from ..kernel.types import BoolVolume, IntVector, UInt8Volume
 from ..mesh.access import corner, dimension
 from ..mesh.access import corners as corner_count
 from ..mesh.access import kind as kind_of
@@ -17,14 +18,14 @@ from ..mesh.store import get
 from .diamond import existing
 from .mesh import IN
 from .significance import SLOT_BITS, cubes, middle_of, slots
-from .state import ASKS, EDGE, LAST, LEVEL, clamped, entry, position, truth
+from .state import ASKS, EDGE, LAST, LEVEL, State, clamped, entry, position, truth
 
 BLOCK = 3
 """Log2 of the edge of the blocks in which the encoder looks for changes of sign."""
 
 
 @kernel
-def busy_blocks(truth, same, busy):
+def busy_blocks(truth: BoolVolume, same: UInt8Volume, busy: BoolVolume) -> None:
     """Which blocks of samples the curve may pass, their neighbours counted in.
 
     ``same`` is room for one flag a block: 1 all below, 2 all above, 3 both.
@@ -100,7 +101,7 @@ def _alone(st, r, w0, w1, w2):
 
 
 @kernel
-def find(st, busy, found):
+def find(st: State, busy: BoolVolume, found: IntVector) -> int:
     """All new components of the round, as Morton numbers of their cubes followed by the slot (unsorted).
 
     Fills ``found`` as far as it goes and returns their number.

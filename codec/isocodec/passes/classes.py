@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..jit import inner
+from ..kernel import inlined
 
 CLASSES = 13
 """Classes of sizes that rows tell apart, on either side."""
@@ -18,7 +18,7 @@ _PARTS_FIT = 1 << 57
 _BITS = np.array([x.bit_length() for x in range(1 << _AT_ONCE)], np.int8)
 
 
-@inner
+@inlined
 def bits(x):
     """Bits of a number."""
     count = np.int64(0)
@@ -28,7 +28,7 @@ def bits(x):
     return count + _BITS[np.uint64(x)]
 
 
-@inner
+@inlined
 def mean(total, count):
     """``total // count`` of at most six numbers, 0 of none: dividing by a constant is faster than by what comes."""
     if abs(total) < _PARTS_FIT:
@@ -36,7 +36,7 @@ def mean(total, count):
     return total // max(count, 1)
 
 
-@inner
+@inlined
 def row_of(slot, known, size, negative):
     """Row, from a list's first on, for a candidate so far from where the parts are split."""
     # the bits of larger numbers are more than the last class's, too

@@ -10,7 +10,7 @@ import numpy as np
 
 from ..entropy.blend import clear, see
 from ..entropy.main import BIRTH_CLASSES, CELL_CLASSES, CELL_SUM, CELL_SUMS, TREE_ROW
-from ..jit import DONE, GROW, inner, kernel
+from ..kernel import DONE, GROW, inlined, inner
 from ..mesh.access import dimension
 from ..mesh.store import full, get, spot
 from .classes import bits
@@ -27,13 +27,13 @@ ROOT = np.int64(-1)
 """Number of the root, which has no siblings."""
 
 
-@inner
+@inlined
 def _place(st, size):
     """Where cells of ``2**size`` samples lie in the store, with room for neighbours that there are not."""
     return np.int64(4) << (st.at[SIZE] - size)
 
 
-@inner
+@inlined
 def _count(st, size, x, y, z, birth):
     """Count a vertex, or a new component, in the cell of ``2**size`` samples that holds it."""
     page, cell = spot(st.crowd, (x >> size) + _place(st, size), y >> size, z >> size)
@@ -46,14 +46,14 @@ def _count(st, size, x, y, z, birth):
     cells[np.uint64(cell)] = here
 
 
-@inner
+@inlined
 def add_birth(st, x, y, z):
     """Count a new component at (x, y, z) in all cells that hold it."""
     for size in range(st.at[SIZE] + 1):
         _count(st, size, x, y, z, True)
 
 
-@kernel
+@inner
 def census(st):
     """Count the vertices that have become known since the last time, size by size: neighbours share pages."""
     at = st.at
@@ -72,19 +72,19 @@ def census(st):
     return DONE
 
 
-@inner
+@inlined
 def rarity(st):
     """Class, 0 to 12, of how many vertices there are for one new component."""
     return min(max(bits((st.at[VERTICES] + 1) // (st.at[BIRTHS] + 1)) - 1, 0), 12)
 
 
-@inner
+@inlined
 def _class(x):
     """0 to 3 are classes of their own, then one for each power of two, up to 512 and more."""
     return x if x < 4 else min(bits(x), 10) + 1
 
 
-@inner
+@inlined
 def _see_cells(st, cd, first, n, x, y, z):
     """A row for each cell around one: classes of the vertices and of the new components in it."""
     row = cd.blend.row
@@ -103,7 +103,7 @@ def _see_cells(st, cd, first, n, x, y, z):
     row[0] = count
 
 
-@inner
+@inlined
 def see_crowd(st, cd, what, shift, x, y, z, hits, child, nearness):
     """List what is known around a node of the tree: cell (x, y, z) of the round's cubes taken ``2**shift`` together.
 

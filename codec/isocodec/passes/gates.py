@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..jit import inner
+from ..kernel import inlined, inner
 from ..mesh.access import cube, dimension, neighbour
 from ..mesh.store import get, put
 from .state import LEAVES, corner_entry, edge_of, exists
@@ -15,7 +15,7 @@ GATE = 7
 it was left from."""
 
 
-@inner
+@inlined
 def _cell(st, level, cls, b0, b1, b2):
     """Place of a simplex in the store of visited ones, a region of its own for every level, and its bit."""
     n = dimension(st.tables)
@@ -24,14 +24,14 @@ def _cell(st, level, cls, b0, b1, b2):
     return 2 * b0 + p0 + (np.int64(1) << size), 2 * b1 + p1 + ((level % n) << size), 2 * b2 + p2, number
 
 
-@inner
+@inlined
 def visited(st, mark, level, cls, b0, b1, b2):
     """Whether a simplex is part of the tubular neighbourhood already, as a bit."""
     x, y, z, number = _cell(st, level, cls, b0, b1, b2)
     return (get(mark, x, y, z) >> number) & 1
 
 
-@inner
+@inlined
 def visit(st, mark, level, cls, b0, b1, b2):
     """Mark a mixed simplex and append it to the tubular neighbourhood."""
     x, y, z, number = _cell(st, level, cls, b0, b1, b2)

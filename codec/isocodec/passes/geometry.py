@@ -12,16 +12,18 @@ from isospec.container import MAX_PARTS, MAX_RADIX, STEP_RADIX
 
 from ..entropy import baseline as ctx
 from ..entropy.blend import EITHER, blended, mixing
-from ..entropy.coder import ENCODE, MODE, code
+from ..entropy.coder import ENCODE, MODE, Coder, code
 from ..entropy.main import LEAF_NET, LEAN_KIND, OFFSET_KIND, OFFSET_NET, VALUE_KIND, VALUE_NET
 from ..grid.field import OFFSET_BITS
-from ..jit import DONE, inner, kernel
+from ..kernel import DONE, inlined, kernel
+from ..kernel.types import BoolVector, Int32Matrix, IntMatrix, IntVector, UInt8Vector
 from ..mesh.access import dimension
 from ..mesh.store import get
 from .along import count_near, find_candidates, place_of, recent_sides, remember, see_along
+from .beside import Beside
 from .classes import bits
 from .nearby import UNKNOWN, packed, see_nearby
-from .state import OFFSET_BIT, SIDE, TALLY, VALUE_BIT
+from .state import OFFSET_BIT, SIDE, TALLY, VALUE_BIT, State
 
 # Registers in State.walk: next item of the list, the symbol before, the place within a digit, its sign.
 ITEM, BEFORE, STEP, SIGN = range(4)
@@ -31,11 +33,11 @@ VERTEX_ACTIVE = 8
 """Bit of a vertex's mark that says it is in the list; bits 0 to 2 are the grid edges that leave it upwards."""
 
 
-_place_of = inner(place_of)
+_place_of = inlined(place_of)
 
 
 @kernel
-def active_vertices(st, leaves, mark, full, out):
+def active_vertices(st: State, leaves: IntMatrix, mark: UInt8Vector, full: bool, out: IntVector) -> int:
     """Vertices that geometry by values refines, in the order of the leaves (spec clause 5.6.2).
 
     On the full grid these are the ends of the grid edges that are crossed, else all vertices of the leaves. ``leaves``
@@ -58,7 +60,7 @@ def active_vertices(st, leaves, mark, full, out):
     return count
 
 
-@inner
+@inlined
 def _lower(st, a, b):
     """Which of two vertices comes first in the order of positions."""
     for axis in range(3):
@@ -68,7 +70,7 @@ def _lower(st, a, b):
 
 
 @kernel
-def grid_edges(st, leaves, mark, out):
+def grid_edges(st: State, leaves: IntMatrix, mark: UInt8Vector, out: IntMatrix) -> int:
     """Edges of the full grid that are crossed, in the order of the leaves: both ends, the lower first (5.7.2)."""
     n = dimension(st.tables)
     count = 0
@@ -91,7 +93,7 @@ def grid_edges(st, leaves, mark, out):
 
 
 @kernel
-def leaf_edges(st, leaves, out):
+def leaf_edges(st: State, leaves: IntMatrix, out: IntMatrix) -> int:
     """Crossed edges of all leaves, repeated as they come: both ends, the lower first (spec clause 5.7.2)."""
     n = dimension(st.tables)
     count = 0
@@ -108,14 +110,17 @@ def leaf_edges(st, leaves, out):
 
 
 @kernel
-def entries(st, position, out):
+def entries(st: State, position: IntMatrix, out: IntVector) -> None:
     """Numbers of the vertices at positions (E, 3), -1 where none is known."""
     for i in range(len(position)):
         out[i] = (get(st.known, position[i, 0], position[i, 1], position[i, 2]) >> 1) - 1
 
 
 @kernel
-def values(st, cd, near, told, active, number, left, plane, wanted):
+def values(
+    st: State, cd: Coder, near: Int32Matrix, told: IntVector, active: IntVector, number: IntVector, left: IntVector,
+    plane: int, wanted: IntVector,
+) -> int:  # fmt: skip
     """Bring the vertices' numbers down to ``plane`` bits left (spec clause 5.6.3).
 
     ``number`` is the distance from the isovalue's side of the interval as far as known, ``left`` the bits of it
@@ -151,14 +156,14 @@ def values(st, cd, near, told, active, number, left, plane, wanted):
 
 
 @kernel
-def tell(st, active, number, left, told):
+def tell(st: State, active: IntVector, number: IntVector, left: IntVector, told: IntVector) -> None:
     """Enter what is told of the vertices of a list, and behind them what stands for all others."""
     for i in range(len(active)):
         told[i] = packed(st, number, left, np.uint64(active[i]))
     told[len(active)] = UNKNOWN
 
 
-@inner
+@inlined
 def radix_of(length, parts, target, unit):
     """Smallest odd number of parts that brings an edge of so many samples to ``target`` parts in ``2**unit`` samples.
 
@@ -169,7 +174,7 @@ def radix_of(length, parts, target, unit):
     return radix if radix <= MAX_RADIX else np.int64(STEP_RADIX)
 
 
-@inner
+@inlined
 def _beyond(st, i, radix, rising, earlier):
     """Part that holds the earlier isovalue's crossing, and how many parts lie beyond it."""
     number, parts = earlier[i, 0], earlier[i, 1]
@@ -180,7 +185,7 @@ def _beyond(st, i, radix, rising, earlier):
     return bound, bound
 
 
-@inner
+@inlined
 def _choice(wanted, slack, parts, radix, number, rising, low, high, split):
     """Encoder: the symbol that leads to a part whose middle is near enough to the crossing, or EITHER.
 
@@ -199,7 +204,7 @@ def _choice(wanted, slack, parts, radix, number, rising, low, high, split):
     return np.int64(1 if least >= split else EITHER)
 
 
-@inner
+@inlined
 def _halve(st, cd, beside, edges, number, parts, length, i, radix, rising, earlier, leaning, wanted, slack):
     """One symbol of a digit in the main profile (spec clause 7.14): which half of the parts left holds the crossing.
 
@@ -248,7 +253,10 @@ def _halve(st, cd, beside, edges, number, parts, length, i, radix, rising, earli
 
 
 @kernel
-def offsets(st, cd, beside, edges, number, parts, length, rising, earlier, target, unit, wanted, slack):
+def offsets(
+    st: State, cd: Coder, beside: Beside, edges: IntMatrix, number: IntVector, parts: IntVector, length: IntVector,
+    rising: BoolVector, earlier: IntMatrix, target: int, unit: int, wanted: IntVector, slack: IntVector,
+) -> int:  # fmt: skip
     """Divide the part of every edge that holds its crossing until the parts are fine enough (spec clause 5.7.3).
 
     Radices are odd and a digit counts from the middle part, so that a crossing drawn in the middle of its part

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..jit import inner
+from ..kernel import inlined
 from ..mesh.access import dimension
 from .state import ADAPTED, BASE_LEVEL, BITS, MOST_WORK, SHIFT, SIDE, SIZE, UNIFORM, WORK, clamped, edge_of, entry
 
 
-@inner
+@inlined
 def infer(st, x, y, z):
     """Sign of a vertex of the mesh that is not known: that of the first known vertex on the way back (clause 5.5.4).
 
@@ -58,7 +58,7 @@ def infer(st, x, y, z):
     return np.int64(-1)
 
 
-@inner
+@inlined
 def level_at(st, x, y, z):
     """Level of the middle at unclamped (x, y, z); -1 for a corner of the root cube."""
     low = x | y | z
@@ -74,7 +74,7 @@ def level_at(st, x, y, z):
     return dimension(st.tables) * (size - depth) - odd
 
 
-@inner
+@inlined
 def earlier(st, x, y, z):
     """Sign of a vertex at the earlier isovalue that this one leans on, or -1; whether it is certain.
 
@@ -89,7 +89,7 @@ def earlier(st, x, y, z):
     return np.int64(-1), False
 
 
-@inner
+@inlined
 def implied(st, x, y, z):
     """Sign of a vertex that follows from the earlier isovalue, or -1; its sign there, or -1 (spec clause 5.9.3)."""
     side = st.at[SIDE]

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from ..jit import inner, kernel
+from ..kernel import inlined, kernel
+from ..kernel.types import Int32Matrix, IntMatrix, IntVector
 from ..mesh.access import corner, dimension, member, middle, place
 from ..mesh.access import corners as corner_count
 from ..mesh.store import get
@@ -33,7 +34,7 @@ from .state import (
 )
 
 
-@inner
+@inlined
 def _bisected(st, level, cls, b0, b1, b2):
     """Whether the running round has bisected a leaf: its middle is known."""
     if level != st.at[LEVEL] or level >= st.at[SIZE] * dimension(st.tables):
@@ -47,7 +48,10 @@ def _bisected(st, level, cls, b0, b1, b2):
 
 
 @kernel
-def vertex_numbers(st, leaf, first, count, round_runs, number, out, levels):
+def vertex_numbers(
+    st: State, leaf: Int32Matrix, first: int, count: int, round_runs: int, number: IntVector, out: IntMatrix,
+    levels: IntVector,
+) -> int:  # fmt: skip
     """Vertex numbers of the leaves of rows ``first`` to ``count``, as rows of ``out``, and their levels; how many.
 
     With ``round_runs`` those are left out that the running round has bisected already. ``number`` is room for the

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..jit import inner
+from ..kernel import inlined, inner
 from ..mesh.access import dimension, member, vertex
 from ..mesh.access import kind as kind_of
 from ..mesh.access import members as member_count
@@ -28,13 +28,13 @@ ANCESTOR = 32
 """Steps that looking at an ancestor counts as: it takes about as long as so many of inference."""
 
 
-@inner
+@inlined
 def newest(n, r):
     """Number of the vertex of a simplex that the bisection of its parent added."""
     return 1 if r == 0 else n - r + 1
 
 
-@inner
+@inlined
 def parent(t, level, edge, kind, m, w0, w1, w2):
     """Unclamped position of the middle whose bisection made member m of the diamond around w."""
     r = level % dimension(t)
@@ -43,14 +43,14 @@ def parent(t, level, edge, kind, m, w0, w1, w2):
     return position(edge, (w0 >> 2) + d0, (w1 >> 2) + d1, (w2 >> 2) + d2, newest_vertex)
 
 
-@inner
+@inlined
 def lattice(st, level, x, y, z):
     """Unclamped position in units of g of a level."""
     edge = edge_of(st, level)
     return 2 * x // edge, 2 * y // edge, 2 * z // edge
 
 
-@inner
+@inlined
 def _listed(st, first, count, x, y, z):
     for i in range(first, count):  # noqa: SIM110 - compiled
         if st.path[i, 0] == x and st.path[i, 1] == y and st.path[i, 2] == z:
@@ -58,7 +58,7 @@ def _listed(st, first, count, x, y, z):
     return False
 
 
-@inner
+@inlined
 def mixed(st, level, x, y, z):
     """Whether the known corners of the diamond around a middle differ in sign."""
     w0, w1, w2 = lattice(st, level, x, y, z)
@@ -115,7 +115,7 @@ def closure(st, level, x, y, z, free):
     return count
 
 
-@inner
+@inlined
 def short(st, count):
     """Whether the store of the mesh lacks room for ``count`` vertices and the rest of the step; it is asked for."""
     if full(st.mesh, count + STEP_VERTICES):
@@ -124,7 +124,7 @@ def short(st, count):
     return False
 
 
-@inner
+@inlined
 def admit(st, count):
     """Mark the first vertices of ``State.path`` as in the mesh."""
     for i in range(count):
@@ -132,7 +132,7 @@ def admit(st, count):
         put(st.mesh, x, y, z, get(st.mesh, x, y, z) | IN)
 
 
-@inner
+@inlined
 def told(st, level, x, y, z):
     """Whether a middle is in the mesh, as far as a base has told: 1, 0, or -1 for not yet."""
     if level < st.at[UNIFORM]:

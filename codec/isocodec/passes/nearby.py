@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..entropy.main import VALUE_ROW, VALUE_SLOTS
-from ..jit import inner
+from ..kernel import inlined
 from ..mesh.access import dimension
 from .classes import CLASSES, FINE, ROUGH, bits, mean, row_of
 from .state import SCRATCH
@@ -24,21 +24,21 @@ UNKNOWN = (1 << _LACK_BITS) - 1
 """In place of the bits that a value lacks: nothing is told of it. As a packed number it stands for such a value."""
 
 
-@inner
+@inlined
 def packed(st, number, left, v):
     """What is told of the value at a vertex, in one number: twice the middle of where it may lie, and bits it lacks."""
     middle = (2 * number[v] + 1) << left[v]
     return (middle if st.vertex[v, 3] else -middle) << _LACK_BITS | left[v]
 
 
-@inner
+@inlined
 def _told(told, way, j):
     """Twice the middle of where a value may lie, seen from one side; the bits it lacks. It is j-th of the list."""
     found = told[np.uint64(j)]
     return way * (found >> _LACK_BITS), found & UNKNOWN
 
 
-@inner
+@inlined
 def _show(row, count, first, slot, place, lack, bound, p):
     """List a candidate for twice the number, if it is known; returns how many rows there are."""
     far = place - bound
@@ -47,7 +47,7 @@ def _show(row, count, first, slot, place, lack, bound, p):
     return count + np.int64(lack != UNKNOWN)
 
 
-@inner
+@inlined
 def see_nearby(st, cd, near, told, i, number, v, p):
     """List what is known of whether bit p of the number of vertex v, the i-th of the list, is 1."""
     n = dimension(st.tables)

@@ -13,7 +13,7 @@ from math import lcm
 import numpy as np
 from numpy.typing import NDArray
 
-from ..jit import kernel
+from ..kernel import inlined
 
 MOST = 20
 """Points that the fit looks back at."""
@@ -49,7 +49,7 @@ def _table() -> NDArray[np.int64]:
 WEIGHTS = _table()
 
 
-@kernel
+@inlined
 def nearer(walk, trail, count, unit, g0, g1, a0, a1, b0, b1):
     """Compare the extrapolated point with the points a and b (all coordinates doubled).
 

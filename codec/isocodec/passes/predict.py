@@ -5,14 +5,14 @@ from __future__ import annotations
 import numpy as np
 
 from ..entropy import baseline as ctx
-from ..jit import inner
+from ..kernel import inlined
 from ..mesh.access import dimension, neighbour, vertex
 from .parabola import MOST, nearer
 from .state import EARLY, SIZE, TRAIL, corner_entry, edge_of, entry, position
 from .walk import FRESH, HISTORY
 
 
-@inner
+@inlined
 def _balance(st, edge, x, y, z):
     """Known vertices above less those below, among the six at one cube's edge from a vertex."""
     total = 0
@@ -25,7 +25,7 @@ def _balance(st, edge, x, y, z):
     return total
 
 
-@inner
+@inlined
 def surface_context(st, level, cls, b0, b1, b2, opp):
     """Majority sign of the neighbours, or else of the gate, and the stated case (spec clause 7.4)."""
     t = st.tables
@@ -47,7 +47,7 @@ def surface_context(st, level, cls, b0, b1, b2, opp):
     return guess, ctx.BASE_SURFACE + case * 4 + 2 * (gate == guess) + (behind == guess)
 
 
-@inner
+@inlined
 def edge_sum(st, level, cls, b0, b1, i, j):
     """Sum of the positions of the vertices i and j: twice the middle of their edge."""
     r = level % dimension(st.tables)
@@ -57,7 +57,7 @@ def edge_sum(st, level, cls, b0, b1, i, j):
     return ((8 * b0 + p[0] + q[0]) * edge) >> 1, ((8 * b1 + p[1] + q[1]) * edge) >> 1
 
 
-@inner
+@inlined
 def curve_context(st, level, cls, b0, b1, opp):
     """Sign that the parabola predicts, and the stated case (spec clause 7.3)."""
     i = 1 if opp == 0 else 0
@@ -74,7 +74,7 @@ def curve_context(st, level, cls, b0, b1, opp):
     return guess, ctx.BASE_CURVE + abs(case)
 
 
-@inner
+@inlined
 def turn_back(st):
     """The second branch of a component starts from the first one's points in reverse (spec clause 7.3)."""
     count = min(st.walk[FRESH], MOST)

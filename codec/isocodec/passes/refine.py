@@ -10,9 +10,9 @@ import numpy as np
 
 from ..entropy import baseline as ctx
 from ..entropy.blend import blended, clear, mixing, see
-from ..entropy.coder import ENCODE, MODE, code
+from ..entropy.coder import ENCODE, MODE, Coder, code
 from ..entropy.main import EARLIER_ROWS, MANNER_ROWS, REFINE_KIND, SIGN_NET, SIGN_ROWS
-from ..jit import BAD, DONE, GROW, inner, kernel
+from ..kernel import BAD, DONE, GROW, inlined, kernel
 from ..mesh.access import corner, dimension, member, middle
 from ..mesh.access import corners as corner_count
 from ..mesh.access import kind as kind_of
@@ -49,6 +49,7 @@ from .state import (
     TALLY,
     TRAIL,
     VERTICES,
+    State,
     crowded,
     entry,
     position,
@@ -63,7 +64,7 @@ FAR = 64
 """Squared distance (doubled coordinates, units of g) from which points belong to different stretches of curve."""
 
 
-@inner
+@inlined
 def _ring(corners, above, wanted):
     """Number of ring corners, and of those with the sign ``wanted``."""
     ring = corners >> 2
@@ -71,7 +72,7 @@ def _ring(corners, above, wanted):
     return ones(ring), ones(signs & ring)
 
 
-@inner
+@inlined
 def _apart(st, kind, w0, w1, w2, known, above):
     """Number of known corners that have another sign at the earlier isovalue."""
     edge = st.at[EDGE]
@@ -86,7 +87,7 @@ def _apart(st, kind, w0, w1, w2, known, above):
     return count
 
 
-@inner
+@inlined
 def _bisect_known(st, r, kind, w0, w1, w2, cls, b0, b1, b2, sign):
     """Bisect a leaf whose middle was known before the round: clamping put it on an older vertex (clause 5.4.4).
 
@@ -125,14 +126,14 @@ def _bisect_known(st, r, kind, w0, w1, w2, cls, b0, b1, b2, sign):
             first = False
 
 
-@inner
+@inlined
 def _half(st, kind, w0, w1, end):
     """Sum of the middle and an end of its edge (twice the middle of that half) in units of g."""
     c0, c1, _ = corner(st.tables, kind, end)
     return (w0 >> 2) * 4 + c0 + w0, (w1 >> 2) * 4 + c1 + w1
 
 
-@inner
+@inlined
 def _side(st, kind, w0, w1):
     """What the parabola says of an edge that is crossed: 1 in the half at end 0, 2 at end 1, 0 no prediction."""
     end = np.int64(0)
@@ -142,7 +143,7 @@ def _side(st, kind, w0, w1):
     return 0 if case == 0 else (1 if case < 0 else 2)
 
 
-@inner
+@inlined
 def _remember(st, p0, p1):
     """Append a point of the curve, forgetting the others if it is far from the last."""
     count = st.walk[HISTORY]
@@ -157,7 +158,7 @@ def _remember(st, p0, p1):
     st.walk[HISTORY] = count + 1
 
 
-@inner
+@inlined
 def _see(st, cd, r, w0, w1, w2, crossed, said, guess, earlier, apart):
     """List what the main profile sees around a middle (spec clause 7.12); whether its rows speak of the bit 0."""
     n = dimension(st.tables)
@@ -180,7 +181,7 @@ def _see(st, cd, r, w0, w1, w2, crossed, said, guess, earlier, apart):
     return target != here, REFINE_KIND + 2 * r + crossed
 
 
-@inner
+@inlined
 def _split(st, cd, kind, w0, w1, w2, x, y, z):
     """Refine or Keep: IN if the middle is in the mesh, KEPT if not, or what the coder says, or GROW.
 
@@ -219,7 +220,7 @@ def _split(st, cd, kind, w0, w1, w2, x, y, z):
 
 
 @kernel
-def pending(st):
+def pending(st: State) -> bool:
     """Encoder: whether some leaf of this level or a later one is to be bisected in an adaptive layer."""
     for i in range(st.at[LEAVES]):
         code, level = np.int64(st.leaf[i, 0]), np.int64(st.leaf[i, 4])
@@ -238,7 +239,7 @@ def pending(st):
     return False
 
 
-@inner
+@inlined
 def _chosen(st, level, cls, b0, b1, b2):
     """Encoder: whether the middle of a leaf is one that this round or a later one adds."""
     if level < st.at[LEVEL] or level >= st.at[SIZE] * dimension(st.tables):
@@ -248,7 +249,7 @@ def _chosen(st, level, cls, b0, b1, b2):
 
 
 @kernel
-def go_on(st, cd, more):
+def go_on(st: State, cd: Coder, more: int) -> int:
     """Cont/Stop before a round of an adaptive layer; the answer is left in the first register."""
     bit = code(cd, ctx.CONTINUE, more)
     if bit < 0:
@@ -259,7 +260,7 @@ def go_on(st, cd, more):
 
 
 @kernel
-def refine(st, cd):
+def refine(st: State, cd: Coder) -> int:
     """Bisect the leaves from number ``DONE_LEAVES`` on, until all are done or the pass must stop."""
     n = dimension(st.tables)
     w = st.walk

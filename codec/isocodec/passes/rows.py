@@ -8,7 +8,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from ..jit import inner, kernel
+from ..kernel import inlined, kernel
+from ..kernel.types import Int32Matrix
 from ..mesh.access import dimension, factor, grandchild, twins
 from .state import ASKS, CHILD, DONE_LEAVES, EDGE, HELD, LAST, LEAVES, LEVEL, MIXED, NEXT, State
 
@@ -18,7 +19,7 @@ _KIND, _CHILDREN = (1 << _KIND_BITS) - 1, (1 << _CHILD_BITS) - 1
 level. Children are bits, 2 m + s for child s of member m; a last bit says that none of theirs lies at the border."""
 
 
-@inner
+@inlined
 def _append(st, code, b0, b1, b2, level):
     i = st.at[NEXT]
     row = st.below[np.uint64(i)]
@@ -30,7 +31,7 @@ def _append(st, code, b0, b1, b2, level):
     st.at[NEXT] = i + 1
 
 
-@inner
+@inlined
 def ones(bits):
     """How many of 16 bits are 1."""
     bits -= bits >> 1 & 0x5555
@@ -39,14 +40,14 @@ def ones(bits):
     return bits + (bits >> 8) & 31
 
 
-@inner
+@inlined
 def push(st, cls, b0, b1, b2, level):
     """Append a simplex to the list that the round makes."""
     _append(st, cls, b0, b1, b2, level)
     st.at[MIXED] += 1
 
 
-@inner
+@inlined
 def push_children(st, kind, w0, w1, w2, children):
     """Append children of the diamond around w, of the present level, if there are any."""
     if children == 0:
@@ -61,7 +62,7 @@ def push_children(st, kind, w0, w1, w2, children):
     st.at[MIXED] += ones(children)
 
 
-@inner
+@inlined
 def push_row(st, i):
     """Append a row of the present list as it is."""
     code = np.int64(st.leaf[i, 0])
@@ -69,14 +70,14 @@ def push_row(st, i):
     st.at[MIXED] += 1 if code >= 0 else ones(unpacked(code)[1])
 
 
-@inner
+@inlined
 def unpacked(code):
     """Kind and children of a diamond's row, and whether no child's diamond lies at the border."""
     code = -1 - code
     return code & _KIND, (code >> _KIND_BITS) & _CHILDREN, code >> (_KIND_BITS + _CHILD_BITS) != 0
 
 
-@inner
+@inlined
 def child_at(t, kind, c, b0, b1, b2):
     """Class and block of child c, 2 m + s, of a diamond with its middle in block b."""
     cls, d0, d1, d2, _ = grandchild(t, kind, c >> 1, c & 1)
@@ -84,7 +85,7 @@ def child_at(t, kind, c, b0, b1, b2):
     return cls, b0 * f + d0, b1 * f + d1, b2 * f + d2
 
 
-@inner
+@inlined
 def next_leaf(st):
     """The next leaf of the list: class, block and level, which is negative if the row at hand has no other.
 
@@ -108,14 +109,14 @@ def next_leaf(st):
     return cls, b0, b1, b2, level + 1
 
 
-@inner
+@inlined
 def row_done(st):
     """Go on to the next row."""
     st.at[DONE_LEAVES] += 1
     st.at[CHILD] = 0
 
 
-@inner
+@inlined
 def leaf_done(st):
     """Go on to the next leaf."""
     if st.leaf[np.uint64(st.at[DONE_LEAVES]), 0] >= 0:
@@ -125,7 +126,7 @@ def leaf_done(st):
 
 
 @kernel
-def _one_by_one(st, out):
+def _one_by_one(st: State, out: Int32Matrix) -> None:
     """The simplices of the list in their order, as rows of class, block and level."""
     count = 0
     for i in range(st.at[LEAVES]):

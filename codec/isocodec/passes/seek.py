@@ -10,12 +10,13 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from ..jit import inner, kernel
+from ..kernel import inner, kernel
+from ..kernel.types import IntMatrix, IntVector, UInt8Vector
 from ..mesh.access import child, cube, dimension, middle, roots
 from ..mesh.access import root as root_class
 from ..mesh.chosen import has
 from ..mesh.store import get
-from .state import FINEST, TOLD, UNIFORM, corner_truth, edge_of, exists
+from .state import FINEST, TOLD, UNIFORM, State, corner_truth, edge_of, exists
 
 
 def build_pyramid(
@@ -118,7 +119,7 @@ def is_split(st, level, cls, b0, b1, b2):
 
 
 @kernel
-def mixed_leaves(st, pyramid, levels, out):
+def mixed_leaves(st: State, pyramid: UInt8Vector, levels: IntMatrix, out: IntVector) -> int:
     """All mixed leaves in the order of the forest, packed; fills ``out`` as far as it goes and returns their number."""
     n = dimension(st.tables)
     stack = st.stack

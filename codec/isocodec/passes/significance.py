@@ -10,9 +10,10 @@ import numpy as np
 
 from ..entropy import baseline as ctx
 from ..entropy.blend import blended, mixing
-from ..entropy.coder import ENCODE, MODE, code
+from ..entropy.coder import ENCODE, MODE, Coder, code
 from ..entropy.main import TREE_KIND, TREE_NET
-from ..jit import BAD, DONE, GROW, inner, kernel
+from ..kernel import BAD, DONE, GROW, inlined, inner, kernel
+from ..kernel.types import IntVector
 from ..mesh.access import corner, dimension
 from ..mesh.access import kind as kind_of
 from ..mesh.store import PAGES, get
@@ -32,6 +33,7 @@ from .state import (
     SIDE,
     SIGNIFICANCE,
     TALLY,
+    State,
     clamped,
     crowded,
     entry,
@@ -48,13 +50,13 @@ FRAME = 7
 SLOT_BITS = 2
 
 
-@inner
+@inlined
 def slots(n, r):
     """Number of slots of a cube: middles have n - r odd coordinates."""
     return 1 if r == 0 else n
 
 
-@inner
+@inlined
 def middle_of(n, r, x, y, z, slot):
     """Lattice point (units of g) of a slot: all odd, or the axis ``slot`` apart from the others (spec clause 5.5.2)."""
     if r == 0:
@@ -69,7 +71,7 @@ def middle_of(n, r, x, y, z, slot):
     )
 
 
-@inner
+@inlined
 def cubes(st):
     """Cubes along each axis that hold a slot: one more than cover the box where slots lie on the lower faces."""
     n = dimension(st.tables)
@@ -81,7 +83,7 @@ def cubes(st):
     return c0, c1, c2
 
 
-@inner
+@inlined
 def height(most):
     """Height of the tree over ``most`` cubes along the longest axis: the root's cube covers them all."""
     h = 0
@@ -90,7 +92,7 @@ def height(most):
     return h
 
 
-@inner
+@inlined
 def candidate(st, r, w0, w1, w2):
     """Nearness (plus one) if the decoder cannot rule out a new component at w, else 0 (spec clause 5.5.1)."""
     kind = kind_of(st.tables, r, w0, w1, w2)
@@ -124,7 +126,7 @@ def candidate(st, r, w0, w1, w2):
     return near + 1
 
 
-@inner
+@inlined
 def _push_frame(st, h, x, y, z, number):
     o = st.walk[FRAMES] * FRAME
     frame = st.stack[o : o + FRAME]
@@ -133,13 +135,13 @@ def _push_frame(st, h, x, y, z, number):
     st.walk[FRAMES] += 1
 
 
-@inner
+@inlined
 def _wanted(items, i, number, shift):
     """Encoder: whether the next item lies under the node ``number``."""
     return np.int64(i < len(items) and (items[i] >> shift) == number)
 
 
-@inner
+@inlined
 def _ask(st, cd, what, shift, x, y, z, hits, child, nearness, context, want):
     """Code one symbol of the tree; as ``code``."""
     if mixing(cd):
@@ -193,7 +195,7 @@ def _add(st, cd, x, y, z, slot):
 
 
 @kernel
-def significance(st, cd, items):
+def significance(st: State, cd: Coder, items: IntVector) -> int:
     """Code the set of new components of the round, adding each to the mesh.
 
     ``items`` is the encoder's sorted list (``find``), empty for the decoder.

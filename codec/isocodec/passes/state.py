@@ -5,14 +5,14 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from isospec.elements import ELEMENTS
 
-from ..jit import inner, kernel
+from ..kernel import inlined, record
+from ..kernel.types import BoolVolume, Int32Matrix, IntMatrix, IntVector
 from ..mesh.access import dimension, vertex
 from ..mesh.chosen import Chosen
-from ..mesh.store import Store, full, get, put
+from ..mesh.store import Bytes, Store, full, get, put
 
 # Counters in State.at.
 LEVEL, EDGE, VERTICES, LEAVES, DONE_LEAVES, NEXT, BASE_LEVEL, ERROR, WORK, SIZE, BEFORE_ROUND, MOST_WORK = range(12)
@@ -70,17 +70,19 @@ STEP_CELLS = 26
 """Most pages of the crowd that one step adds."""
 
 
+@record
 class Lean(NamedTuple):
     """What is known of an earlier isovalue: its mesh, its vertices, and their values as far as sent (clause 5.9)."""
 
-    tables: NDArray[np.int64]
-    at: NDArray[np.int64]
+    tables: IntVector
+    at: IntVector
     known: Store
     mesh: Store
-    number: NDArray[np.int64]
-    left: NDArray[np.int64]
+    number: IntVector
+    left: IntVector
 
 
+@record
 class State(NamedTuple):
     """Arrays of one isovalue's decoding; the kernels read and write them in place.
 
@@ -89,77 +91,77 @@ class State(NamedTuple):
     on: see ``passes.rows``.
     """
 
-    tables: NDArray[np.int64]  # the mesh, see mesh.access
-    at: NDArray[np.int64]  # counters
+    tables: IntVector  # the mesh, see mesh.access
+    at: IntVector  # counters
     known: Store
-    vertex: NDArray[np.int32]  # (V, 4) position and sign
-    leaf: NDArray[np.int32]  # (M, 5)
-    below: NDArray[np.int32]  # (M, 5)
+    vertex: Int32Matrix  # (V, 4) position and sign
+    leaf: Int32Matrix  # (M, 5)
+    below: Int32Matrix  # (M, 5)
     mesh: Store
     crowd: Store  # main profile: counts of vertices and new components in cells of all sizes
-    board: Store  # main profile: what is known on the lattice of the present level, see passes.around
-    path: NDArray[np.int64]  # (P, 4) positions and levels of vertices to be added
+    board: Bytes  # main profile: what is known on the lattice of the present level, see passes.around
+    path: IntMatrix  # (P, 4) positions and levels of vertices to be added
     chosen: Chosen  # encoder: the mesh that an adaptive layer leads to
     lean: Lean  # of an earlier isovalue, or empty
-    truth: NDArray[np.bool_]  # encoder: the signs of the whole field; decoder: empty
-    walk: NDArray[np.int64]  # registers of the running pass
-    stack: NDArray[np.int64]  # its stack
+    truth: BoolVolume  # encoder: the signs of the whole field; decoder: empty
+    walk: IntVector  # registers of the running pass
+    stack: IntVector  # its stack
 
 
-@inner
+@inlined
 def clamped(st, x, y, z):
     """Position on the sampled box (spec clause 4.6)."""
     last = st.at
     return min(max(x, 0), last[LAST]), min(max(y, 0), last[LAST + 1]), min(max(z, 0), last[LAST + 2])
 
 
-@inner
+@inlined
 def edge_of(st, level):
     """Edge of the cubes of a level."""
     return np.int64(1) << (st.at[SIZE] - level // dimension(st.tables))
 
 
-@inner
+@inlined
 def at(edge, block, offset):
     """Coordinate of a lattice point given in units of g = edge / 2 relative to a block."""
     return ((4 * block + offset) * edge) >> 1
 
 
-@inner
+@inlined
 def position(edge, b0, b1, b2, offset):
     """Unclamped position of a lattice point given in units of g relative to a block."""
     return at(edge, b0, offset[0]), at(edge, b1, offset[1]), at(edge, b2, offset[2])
 
 
-@inner
+@inlined
 def entry(st, x, y, z):
     """Store entry of the vertex at unclamped (x, y, z)."""
     x, y, z = clamped(st, x, y, z)
     return get(st.known, x, y, z)
 
 
-@inner
+@inlined
 def truth(st, x, y, z):
     """Encoder: the sign of the vertex at unclamped (x, y, z)."""
     x, y, z = clamped(st, x, y, z)
     return np.int64(st.truth[x, y, z])
 
 
-@inner
+@inlined
 def corner_entry(st, edge, r, cls, b0, b1, b2, j):
     """Store entry of vertex j of a simplex whose cubes have the edge ``edge``."""
     x, y, z = position(edge, b0, b1, b2, vertex(st.tables, r, cls, j))
     return entry(st, x, y, z)
 
 
-@inner
+@inlined
 def corner_truth(st, edge, r, cls, b0, b1, b2, j):
     """Encoder: the sign of vertex j of a simplex."""
     x, y, z = position(edge, b0, b1, b2, vertex(st.tables, r, cls, j))
     return truth(st, x, y, z)
 
 
-@inner
+@inlined
 def learn(st, x, y, z, sign):
     """Make the vertex at unclamped (x, y, z) known."""
     v = st.at[VERTICES]
@@ -173,7 +175,7 @@ def learn(st, x, y, z, sign):
     st.at[VERTICES] = v + 1
 
 
-@inner
+@inlined
 def crowded(st):
     """Whether some array may overflow in one more step."""
     at = st.at
@@ -188,7 +190,7 @@ def crowded(st):
     )
 
 
-@inner
+@inlined
 def tired(st):
     """Before a step of a pass: whether those that a decoder allows are used up; the reason is left in the state."""
     st.at[STEP_WORK] = st.at[WORK]
@@ -198,7 +200,7 @@ def tired(st):
     return True
 
 
-@inner
+@inlined
 def _volume(p, n):
     """Whether the simplex whose vertices lie in the scratch registers has a volume."""
     o = SCRATCH
@@ -211,7 +213,7 @@ def _volume(p, n):
     return a0 * (b1 * c2 - b2 * c1) - a1 * (b0 * c2 - b2 * c0) + a2 * (b0 * c1 - b1 * c0) != 0
 
 
-@kernel
+@inlined
 def exists(st, edge, r, cls, b0, b1, b2):
     """Whether the clamped image of a simplex has positive volume (spec clause 4.6); ``edge`` is its cubes'."""
     n = dimension(st.tables)

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from ..entropy.coder import OVER, Coder
 from ..errors import FormatError, LimitError
-from ..jit import BAD, CUT, DONE, GROW, NEED, compiled
+from ..kernel import BAD, CUT, DONE, GROW, NEED
 from ..limits import Budget, Limits
 from ..mesh.chosen import Chosen, finest_level
 from ..mesh.store import PAGES, copied, get, new_store, size_of
@@ -109,7 +109,6 @@ class Tube:
         self._finest = -1
         self._items = NOTHING
         self._running = ""
-        self._kernels: dict[Callable[..., int], Callable[..., int]] = {}
         told = (lean.estimates, lean.state) if lean else None
         self._budget = budget or Budget(sys.maxsize)
         self.estimates: Estimates = Estimates(shape, truth, told, shift, self._budget)
@@ -224,8 +223,7 @@ class Tube:
         self._fresh()
         if self.truth:
             busy = self.truth.busy
-            find = self._ready(births.find, self.state, busy, NOTHING)
-            self._items = np.sort(filled(lambda out: find(self.state, busy, out)))
+            self._items = np.sort(filled(lambda out: births.find(self.state, busy, out)))
         self._running = "significance"
 
     def value_bits(self) -> tuple[int, int]:
@@ -295,13 +293,7 @@ class Tube:
                 return self.estimates.code_offsets(self.state, self.coder)
 
     def _call(self, kernel: Callable[..., int], *further: object) -> int:
-        return self._ready(kernel, self.state, self.coder, *further)(self.state, self.coder, *further)
-
-    def _ready(self, kernel: Callable[..., int], *arguments: object) -> Callable[..., int]:
-        """A kernel for these arguments: the types of a tube's arrays stay, whatever becomes of their lengths."""
-        if kernel not in self._kernels:
-            self._kernels[kernel] = compiled(kernel, *arguments)
-        return self._kernels[kernel]
+        return kernel(self.state, self.coder, *further)
 
     def _more(self) -> bool:
         """Encoder: whether an adaptive layer has anything to do on this level or a finer one."""

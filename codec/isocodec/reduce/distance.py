@@ -12,7 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ..jit import inner, kernel
+from ..kernel import inner, kernel
+from ..kernel.types import BoolVector, FloatMatrix, FloatVector, IntVector, IntVolume
 from .distortion import closest, near
 
 SMALLEST = 1e-3
@@ -41,7 +42,7 @@ class Excess:
 
 
 @kernel
-def _balls(pieces, ball):
+def _balls(pieces: FloatMatrix, ball: FloatMatrix) -> None:
     """Centre and radius of a ball around each piece."""
     for i in range(len(pieces)):
         o = pieces[i]
@@ -57,7 +58,7 @@ def _balls(pieces, ball):
 
 
 @kernel
-def _sort(pieces, low, size, reach, place, items):
+def _sort(pieces: FloatMatrix, low: FloatVector, size: float, reach: float, place: IntVolume, items: IntVector) -> None:
     """Move each bucket's ``place`` on by the pieces that come within ``reach`` of it.
 
     They are listed there, unless ``items`` is empty: then they are but counted.
@@ -86,7 +87,11 @@ def _span(pieces, i, axis, low, size, reach):
 
 
 @kernel
-def _exceed(source, flat, ball, low, size, shape, first, items, limit, stack, todo, out, places):
+def _exceed(
+    source: FloatMatrix, flat: FloatVector, ball: FloatMatrix, low: FloatVector, size: float, shape: IntVector,
+    first: IntVector, items: IntVector, limit: float, stack: FloatMatrix, todo: IntVector, out: BoolVector,
+    places: FloatMatrix,
+) -> None:  # fmt: skip
     """Mark in ``out`` the pieces ``todo`` of the source that are not proven to lie within ``limit``."""
     squared = limit * limit
     last = np.int64(-1)
@@ -163,7 +168,10 @@ def _beyond(ball, item, x, y, z, limit):
 
 
 @kernel
-def _nearest(points, flat, ball, low, size, shape, first, items, limit, piece, weight):
+def _nearest(
+    points: FloatMatrix, flat: FloatVector, ball: FloatMatrix, low: FloatVector, size: float, shape: IntVector,
+    first: IntVector, items: IntVector, limit: float, piece: IntVector, weight: FloatMatrix,
+) -> None:  # fmt: skip
     """The piece next to each point, -1 if none is within ``limit``, and the weights of its corners 1 and 2."""
     for i in range(len(points)):
         x, y, z = points[i, 0], points[i, 1], points[i, 2]

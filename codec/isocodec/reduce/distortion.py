@@ -8,14 +8,15 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..jit import inner, kernel
+from ..kernel import inner, kernel
+from ..kernel.types import BoolVolume, Float32Matrix, FloatVector, IntVector
 from ..mesh.access import child, corner, dimension, member, middle, vertex
 from ..mesh.access import corners as corner_count
 from ..mesh.access import kind as kind_of
 from ..mesh.access import members as member_count
 from ..passes.diamond import existing
 from ..passes.state import LAST, clamped, edge_of, exists, position
-from .domain import FAILED, OPEN, flags_of, number_of, place_of, set_flags, signs_of
+from .domain import FAILED, OPEN, Domain, flags_of, number_of, place_of, set_flags, signs_of
 from .edges import told_on
 
 _number_of, _place_of = inner(number_of), inner(place_of)
@@ -127,7 +128,7 @@ def simplex_at(dm, level, p0, p1, p2, weight):
 
 
 @kernel
-def diamonds_of(dm, level, points, weight, keys):
+def diamonds_of(dm: Domain, level: int, points: Float32Matrix, weight: FloatVector, keys: IntVector) -> int:
     """For each point the middle of its diamond as one number, or -1 if that is not open."""
     n = dimension(dm.tables)
     edge = edge_of(dm, level)
@@ -289,7 +290,7 @@ def _side(p0, p1, p2, u0, u1, u2):
 
 
 @kernel
-def spread(points, radius, near):
+def spread(points: Float32Matrix, radius: float, near: BoolVolume) -> None:
     """Mark the samples within ``radius`` of a point."""
     squared = radius * radius
     for i in range(len(points)):
@@ -318,7 +319,10 @@ def _strays(room, count, near):
 
 
 @kernel
-def too_far(dm, level, points, keys, order, limit, close, parts, unit):
+def too_far(
+    dm: Domain, level: int, points: Float32Matrix, keys: IntVector, order: IntVector, limit: float, close: BoolVolume,
+    parts: int, unit: int,
+) -> int:  # fmt: skip
     """Mark the diamonds in which a point of the original curve is farther than ``limit`` from the coarser curve.
 
     Also those in which the centre of a piece of that lies next to no sample of ``close``, unless that is empty.

@@ -5,9 +5,9 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ..jit import inner
+from ..kernel import inner, record
+from ..kernel.types import BoolVolume, Float32Volume, FloatVector, IntVector
 from ..mesh.access import corner
 from ..mesh.access import members as member_count
 from ..mesh.chosen import Chosen, flags
@@ -34,16 +34,17 @@ def place_of(n, number):
     return number >> 26, number & 0x3FFFFFF, number & 0
 
 
+@record
 class Domain(NamedTuple):
     """Named like the arrays of ``passes.state.State`` where kernels are shared."""
 
-    tables: NDArray[np.int64]
-    at: NDArray[np.int64]
-    walk: NDArray[np.int64]
-    truth: NDArray[np.bool_]  # signs, three axes
-    phi: NDArray[np.float32]  # value less isovalue, three axes; its sign counts nowhere
+    tables: IntVector
+    at: IntVector
+    walk: IntVector
+    truth: BoolVolume  # signs, three axes
+    phi: Float32Volume  # value less isovalue, three axes; its sign counts nowhere
     chosen: Chosen
-    room: NDArray[np.float64]  # points of a diamond's pieces
+    room: FloatVector  # points of a diamond's pieces
 
 
 @inner

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..jit import inner
+from ..kernel import inner
 from ..passes.geometry import radix_of
 
 

@@ -17,7 +17,8 @@ from numpy.typing import NDArray
 from ..contour import Contour, Leaves
 from ..contour.crossing import edge_points, edge_ratios
 from ..contour.simplex import crossed, rings
-from ..jit import inner, kernel
+from ..kernel import inner, kernel
+from ..kernel.types import FloatMatrix, FloatVector, IntMatrix, IntVector
 from .distance import Target
 
 ROUNDS = (0.5, 0.5, 1.0, 1.0, 1.0)
@@ -45,7 +46,10 @@ def _penalty(x):
 
 
 @kernel
-def relax(first, samples, slopes, gap, where, step, most, scale, sweeps):
+def relax(
+    first: IntVector, samples: IntVector, slopes: FloatVector, gap: FloatVector, where: FloatVector, step: FloatVector,
+    most: int, scale: float, sweeps: int,
+) -> None:  # fmt: skip
     """Move each edge's point by up to ``most`` steps to where the penalty is least.
 
     ``samples[first[e] : first[e + 1]]`` are the points of the original that notice edge e, ``slopes`` how much their
@@ -72,7 +76,10 @@ def relax(first, samples, slopes, gap, where, step, most, scale, sweeps):
 
 
 @kernel
-def _slopes(points, way, corners, weight, apart, gap, slope):
+def _slopes(
+    points: FloatMatrix, way: FloatMatrix, corners: IntMatrix, weight: FloatMatrix, apart: FloatMatrix,
+    gap: FloatVector, slope: FloatMatrix,
+) -> None:  # fmt: skip
     """Lengths of ``apart``, and how they fall as the corners' points move along their edges."""
     n = points.shape[1]
     for i in range(len(corners)):
@@ -111,7 +118,10 @@ def _normal(points, corners, out):
 
 
 @kernel
-def _sorted_by_told(corners, slope, start, told, share, place, samples, slopes):
+def _sorted_by_told(
+    corners: IntMatrix, slope: FloatMatrix, start: IntVector, told: IntVector, share: FloatVector, place: IntVector,
+    samples: IntVector, slopes: FloatVector,
+) -> None:  # fmt: skip
     """Move each told edge's ``place`` on by the samples that notice it; list them there unless ``samples`` is empty.
 
     The point of edge e follows those of ``told[start[e] : start[e + 1]]``, each by its share.

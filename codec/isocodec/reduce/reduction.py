@@ -7,7 +7,8 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
-from ..jit import inner, kernel
+from ..kernel import inner, kernel
+from ..kernel.types import BoolVolume, FloatMatrix, FloatVector, IntMatrix, IntVector
 from ..mesh.access import dimension, middle
 from ..mesh.access import kind as kind_of
 from ..mesh.access import members as member_count
@@ -78,7 +79,7 @@ def _visit(dm, asked, doing, w0, w1, w2):
 
 
 @kernel
-def sweep(dm, busy, asked, doing):
+def sweep(dm: Domain, busy: BoolVolume, asked: int, doing: int) -> None:
     """Visit all middles of the level. Where the curve is nowhere near, they go at once unless finer ones need them."""
     n = dimension(dm.tables)
     r = dm.at[LEVEL] % n
@@ -116,7 +117,7 @@ def sweep(dm, busy, asked, doing):
 
 
 @kernel
-def drop(dm):
+def drop(dm: Domain) -> None:
     """Take away all middles of the level."""
     n = dimension(dm.tables)
     r = dm.at[LEVEL] % n
@@ -131,7 +132,7 @@ def drop(dm):
 
 
 @kernel
-def add(dm, wanted, levels, room):
+def add(dm: Domain, wanted: IntMatrix, levels: IntVector, room: IntMatrix) -> int:
     """Put vertices back, with all their ancestors. ``room`` holds positions and levels; returns how many were added."""
     t = dm.tables
     n = dimension(t)
@@ -169,7 +170,7 @@ def _parents(dm, level, edge, kind, members, w0, w1, w2, room, count):
 
 
 @kernel
-def found_leaves(dm, points, weight, out):
+def found_leaves(dm: Domain, points: FloatMatrix, weight: FloatVector, out: IntMatrix) -> None:
     """For each point the middle and level of the leaf that holds it; level -1 on the full grid."""
     n = dimension(dm.tables)
     for i in range(len(points)):
@@ -353,7 +354,8 @@ class Reduction:
             Unclamped positions, padded to three axes.
         levels : (W,) int64
         """
-        return int(add(self.domain, wanted, levels, np.zeros((8 * self.n * self.k + 8, 4), np.int64)))
+        room = np.zeros((8 * self.n * self.k + 8, 4), np.int64)
+        return int(add(self.domain, np.ascontiguousarray(wanted), np.ascontiguousarray(levels), room))
 
     def _make_room(self) -> None:
         """Pages for all lattice points of the level off the box: a layer along its upper faces."""
@@ -380,7 +382,7 @@ def distinct(n: int, leaves: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDAr
 
 
 @kernel
-def mark(dm, x, y, z, bits):
+def mark(dm: Domain, x: int, y: int, z: int, bits: int) -> None:
     """Set bits of a lattice point."""
     set_flags(dm, x, y, z, flags_of(dm, x, y, z) | bits)
 

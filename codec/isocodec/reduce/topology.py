@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..jit import inner
+from ..kernel import inner
 from ..mesh.access import corner, dimension, member
 from ..mesh.access import members as member_count
 from ..passes.state import LAST, clamped, position

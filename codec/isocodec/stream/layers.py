@@ -12,7 +12,7 @@ from isospec.elements import BY_LAYER, ELEMENTS
 
 from ..entropy.coder import DECODE, END, FINAL, LEFT, POS, UNKNOWN, UNLIMITED, Coder, start
 from ..errors import FormatError, IsoError, LimitError
-from ..jit import CUT, DONE
+from ..kernel import CUT, DONE
 from ..limits import WORK_LIST, WORK_PER_BYTE, WORK_STEPS, Limits
 from ..passes.tube import Tube, out_of_steps
 from .container import Envelope

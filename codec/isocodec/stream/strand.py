@@ -17,7 +17,7 @@ from ..entropy.coder import ENCODE, POS, REGISTERS, Coder, finish, start
 from ..entropy.main import no_blend, shipped_models
 from ..errors import OptionError
 from ..grid.field import Field
-from ..jit import DONE
+from ..kernel import DONE
 from ..limits import Budget, Limits
 from ..mesh.chosen import Chosen
 from ..passes.truth import Truth

@@ -1,0 +1,21 @@
+"""Kernels: the functions that are compiled, and the three ways in which they run.
+
+A kernel is plain Python of numbers and arrays with annotations that say which. The same source runs
+
+- as a library, compiled ahead of time for the platform: what users install (``library``);
+- compiled by numba in the process that runs: for developers (``compiler``);
+- as it stands: the reference.
+
+``ISOCODEC_KERNELS`` chooses among ``library``, ``numba`` and ``python``.
+"""
+
+from __future__ import annotations
+
+from .declare import inlined, inner, kernel
+from .execution import EXECUTION, Execution, kernels
+from .status import BAD, CUT, DONE, GROW, NEED
+from .types import record
+
+__all__ = [
+    "BAD", "CUT", "DONE", "EXECUTION", "GROW", "NEED", "Execution", "inlined", "inner", "kernel", "kernels", "record",
+]  # fmt: skip

@@ -1,0 +1,95 @@
+"""A kernel as the rest of the package calls it, and the entry behind it."""
+
+from __future__ import annotations
+
+import ctypes
+import functools
+from collections.abc import Callable
+from typing import Any
+
+from ..errors import KernelError
+from .types import BOOL, FLOAT, Signature
+
+RESULTS = 8
+"""Numbers that a kernel may return at most."""
+_Results = ctypes.c_int64 * RESULTS
+_Fault = ctypes.c_int64 * 4
+PROTOTYPE = ctypes.CFUNCTYPE(ctypes.c_int32, ctypes.c_void_p, ctypes.c_void_p, ctypes.c_char_p)
+"""An entry of a library: where the results go, where what went wrong, the slots of all arguments; returns a status."""
+FINE = (0, -2)
+"""Statuses of a kernel that came back: with a value, without."""
+Entry = Callable[[Any, Any, bytes], int]
+
+
+class Kernel:
+    """A compiled function.
+
+    Calling it with arguments of other types than its annotations state is an error: nothing else has been compiled,
+    and it never runs as plain Python instead.
+
+    Parameters
+    ----------
+    function : callable
+    entry_of : callable
+        From a kernel to its entry; called once, when it is needed.
+    """
+
+    def __init__(self, function: Callable[..., Any], entry_of: Callable[[Kernel], Entry]) -> None:
+        functools.update_wrapper(self, function)
+        self.function = function
+        self._entry_of = entry_of
+        self._entry: Entry | None = None
+
+    @property
+    def name(self) -> str:
+        """Where it stands in the package, as ``passes.refine.refine``."""
+        return f"{self.function.__module__.removeprefix('isocodec.')}.{self.function.__name__}"
+
+    @functools.cached_property
+    def signature(self) -> Signature:
+        """What it takes and returns."""
+        return Signature.of(self.function)
+
+    @functools.cached_property
+    def _packers(self) -> tuple[Callable[[Any], bytes], ...]:
+        return tuple(kind.pack for _, kind in self.signature.arguments)
+
+    def __call__(self, *arguments: Any) -> Any:
+        try:
+            frame = b"".join([pack(argument) for pack, argument in zip(self._packers, arguments, strict=True)])
+        except (TypeError, ValueError, OverflowError):
+            raise self._unfit(arguments) from None
+        if self._entry is None:
+            self._entry = self._entry_of(self)
+        results, fault = _Results(), _Fault()
+        status = self._entry(results, fault, frame)
+        if status not in FINE:
+            # only of kernels that check indices
+            raise IndexError(f"kernel {self.name}: an index out of bounds, or another fault")
+        return self._returned(results)
+
+    def _returned(self, results: Any) -> Any:
+        match self.signature.result:
+            case None:
+                return None
+            case tuple() as several:
+                return tuple(results[: len(several)])
+            case kind if kind == FLOAT:
+                return ctypes.c_double.from_buffer(results).value
+            case kind if kind == BOOL:
+                return bool(results[0] & 1)
+        return results[0]
+
+    def _unfit(self, arguments: tuple[Any, ...]) -> KernelError:
+        """What is wrong with arguments that cannot be packed."""
+        stated = self.signature.arguments
+        if len(arguments) != len(stated):
+            return KernelError(
+                f"kernel {self.name}{self.signature} called with {len(arguments)} arguments", code="kernel-signature"
+            )
+        for (name, kind), argument in zip(stated, arguments, strict=True):
+            try:
+                kind.pack(argument)
+            except (TypeError, ValueError, OverflowError) as error:
+                return KernelError(f"kernel {self.name}, argument {name}: {error}", code="kernel-signature")
+        return KernelError(f"kernel {self.name}: arguments of other types", code="kernel-signature")

@@ -1,0 +1,35 @@
+"""All entries of an array as a vector, without a copy."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from numpy.typing import NDArray
+
+from .execution import EXECUTION, Execution
+
+if EXECUTION is Execution.NUMBA:
+    # numba's own reshape calls a function of its run-time library
+    from numba import types
+    from numba.core import cgutils
+    from numba.extending import intrinsic
+
+    @intrinsic
+    def flat(_typing, array):  # type: ignore[no-untyped-def]
+        """The entries of a contiguous array in their order."""
+
+        def build(context, builder, signature, arguments):  # type: ignore[no-untyped-def]
+            given = context.make_array(signature.args[0])(context, builder, arguments[0])
+            made = context.make_array(signature.return_type)(context, builder)
+            for name in ("meminfo", "parent", "nitems", "itemsize", "data"):
+                setattr(made, name, getattr(given, name))
+            made.shape = cgutils.pack_array(builder, [given.nitems])
+            made.strides = cgutils.pack_array(builder, [given.itemsize])
+            return made._getvalue()
+
+        return types.Array(array.dtype, 1, "C")(array), build
+else:
+
+    def flat(array: NDArray[Any]) -> NDArray[Any]:
+        """The entries of a contiguous array in their order."""
+        return array.reshape(-1)

@@ -1,0 +1,125 @@
+"""The library of compiled kernels: found in this package and nowhere else, loaded only if it is what was built."""
+
+from __future__ import annotations
+
+import ctypes
+import hashlib
+import json
+from functools import cache
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from ..errors import KernelError
+from .call import PROTOTYPE, Entry, Kernel
+from .sources import PACKAGES, digest_of
+
+BUILT = Path(__file__).parent / "built"
+"""Where a build puts the library, and ``NOTE`` beside it."""
+NOTE = "kernels.json"
+_REMEDY = "install isocodec again; ISOCODEC_KERNELS=python does without the library, slowly"
+
+
+class Note(NamedTuple):
+    """What is noted of a library when it is built.
+
+    Attributes
+    ----------
+    file : str
+    sha256 : str
+        Of the file.
+    platform : str
+    variants : list of str
+        Appended to the names of entries: those for the processors that ``iso_variant`` numbers.
+    signatures : dict
+        Of each entry.
+    ran : bool
+        Whether it has been run on its platform.
+    sources : dict or None
+        Of a checkout, whose sources may change: the files that kernels are compiled from, and their digest.
+    """
+
+    file: str
+    sha256: str
+    platform: str
+    variants: list[str]
+    signatures: dict[str, str]
+    ran: bool
+    sources: dict[str, Any] | None
+
+
+class Library(NamedTuple):
+    """A loaded library."""
+
+    note: Note
+    loaded: ctypes.CDLL
+    suffix: str
+
+    @property
+    def detail(self) -> str:
+        """Its platform, and the instructions beyond those of every processor that are used."""
+        return " ".join([self.note.platform, *filter(None, [self.suffix.removeprefix("_").upper()])])
+
+
+def symbol(name: str) -> str:
+    """The name of a kernel's entry."""
+    return "iso_" + name.replace(".", "_")
+
+
+def is_there() -> bool:
+    """Whether this package has a library."""
+    return (BUILT / NOTE).is_file()
+
+
+@cache
+def note() -> Note:
+    """What is noted of this package's library; KernelError if it is of other sources."""
+    try:
+        out = Note(**json.loads((BUILT / NOTE).read_text()))
+    except (OSError, ValueError, TypeError) as error:
+        raise KernelError(f"{BUILT / NOTE}: {error}", code="kernel-library", remedy=_REMEDY) from None
+    if out.sources is not None and digest_of(out.sources["files"], _homes()) != out.sources["sha256"]:
+        raise KernelError(
+            f"{BUILT / out.file}: the kernels' sources have changed since it was built",
+            code="kernel-library", remedy="python tools/kernels",
+        )  # fmt: skip
+    return out
+
+
+def _homes() -> dict[str, Path]:
+    """The folders of the packages that kernels are compiled from."""
+    specs = ((name, find_spec(name)) for name in PACKAGES)
+    return {name: Path(spec.origin).parent for name, spec in specs if spec and spec.origin}
+
+
+@cache
+def library() -> Library:
+    """The library of this package, once it is known to be what was built."""
+    noted = note()
+    path = BUILT / noted.file
+    try:
+        found = hashlib.sha256(path.read_bytes()).hexdigest()
+        if found != noted.sha256:
+            raise KernelError(
+                f"{path}: damaged, its SHA-256 is {found[:12]}… instead of {noted.sha256[:12]}…",
+                code="kernel-library", remedy=_REMEDY,
+            )  # fmt: skip
+        loaded = ctypes.CDLL(str(path))
+    except OSError as error:
+        raise KernelError(f"{path}: {error}", code="kernel-library", remedy=_REMEDY) from None
+    suffix = noted.variants[loaded.iso_variant()] if len(noted.variants) > 1 else noted.variants[0]
+    return Library(noted, loaded, suffix)
+
+
+def entry(kernel: Kernel) -> Entry:
+    """A kernel's entry in the library."""
+    whole = library()
+    name = symbol(kernel.name)
+    stated, built = str(kernel.signature), whole.note.signatures.get(name)
+    if built != stated:
+        raise KernelError(
+            f"kernel {kernel.name}: {'not in the library' if built is None else f'compiled as {built}'}, "
+            f"its source says {stated}",
+            code="kernel-library", remedy=_REMEDY,
+        )  # fmt: skip
+    return PROTOTYPE((name + whole.suffix, whole.loaded))

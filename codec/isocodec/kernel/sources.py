@@ -1,0 +1,63 @@
+"""The source files that kernels are compiled from."""
+
+from __future__ import annotations
+
+import ast
+import hashlib
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+
+PACKAGES = ("isocodec", "isospec")
+
+
+def digest_of(files: Iterable[str], homes: dict[str, Path]) -> str:
+    """SHA-256 of source files.
+
+    Parameters
+    ----------
+    files : iterable of str
+        Each from its package on, as ``isocodec/mesh/store.py``. One that is missing gives a digest like no other.
+    homes : dict of str to Path
+        The folder of each package.
+    """
+    out = hashlib.sha256()
+    for name in files:
+        package, _, rest = name.partition("/")
+        try:
+            text = (homes[package] / rest).read_bytes()
+        except OSError:
+            text = b"?"
+        out.update(f"{name}\0{len(text)}\0".encode() + text)
+    return out.hexdigest()
+
+
+def needed(homes: dict[str, Path]) -> list[str]:
+    """All files with kernels, and all of these packages that they import, directly or not."""
+    found: set[Path] = set()
+    left = [path for path in sorted(homes["isocodec"].rglob("*.py")) if "\n@kernel\n" in path.read_text()]
+    while left:
+        path = left.pop()
+        if path not in found:
+            found.add(path)
+            left += _imported(path, homes)
+    return sorted(f"{name}/{path.relative_to(home).as_posix()}" for name, home in homes.items()
+                  for path in found if path.is_relative_to(home))  # fmt: skip
+
+
+def _imported(path: Path, homes: dict[str, Path]) -> Iterator[Path]:
+    """Files of these packages that a file imports from."""
+    for node in ast.walk(ast.parse(path.read_text())):
+        if not isinstance(node, ast.ImportFrom):
+            continue
+        parts = node.module.split(".") if node.module else []
+        if node.level:
+            folder = path.parents[node.level - 1]
+        elif parts and parts[0] in homes:
+            folder = homes[parts.pop(0)]
+        else:
+            continue
+        place = folder.joinpath(*parts)
+        for each in [place, *(place / name.name for name in node.names)]:
+            for file in (each.with_suffix(".py"), each / "__init__.py"):
+                if file.is_file():
+                    yield file

@@ -1,0 +1,240 @@
+"""What kernels take and return: numbers, arrays, and records of arrays, and how their values lie in memory.
+
+A kernel's signature is its annotations, and the only types there are those named here. Values are handed over in slots
+of eight bytes, in any machine's order of least significant byte first: a number takes one; an array its address, its
+size, its shape and its strides; a record what its members take, one after the other.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import struct
+import sys
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from functools import cache, cached_property
+from typing import Annotated, Any, TypeVar, get_args, get_origin, get_type_hints
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import KernelError
+
+SLOT = 8
+"""Bytes of a slot."""
+PIECES = "pieces"
+"""Under which the slots of a record's members are noted with it."""
+
+
+@dataclass(frozen=True)
+class Number:
+    """``int64``, ``float64`` or ``bool``."""
+
+    name: str
+    slots = 1
+
+    def pack(self, value: Any) -> bytes:
+        """The slot of a value; TypeError or OverflowError if it is none of this type."""
+        match self.name:
+            case "int64" if isinstance(value, (int, np.integer)) and not isinstance(value, bool):
+                return int(value).to_bytes(SLOT, "little", signed=True)
+            case "float64" if isinstance(value, (float, np.floating)):
+                return struct.pack("<d", value)
+            case "bool" if isinstance(value, (bool, np.bool_)):
+                return int(value).to_bytes(SLOT, "little")
+        raise TypeError(f"{type(value).__name__} instead of {self}")
+
+    def __str__(self) -> str:
+        return self.name
+
+
+@dataclass(frozen=True)
+class Array:
+    """A contiguous array, its last axis the fastest."""
+
+    dtype: str
+    ndim: int
+
+    @property
+    def slots(self) -> int:
+        return 2 + 2 * self.ndim
+
+    @cached_property
+    def pack(self) -> Callable[[Any], bytes]:
+        """From an array to its slots; TypeError if it is another sort of array."""
+        dtype, ndim, slots = np.dtype(self.dtype), self.ndim, struct.Struct(f"<{self.slots}q").pack
+        address, one = ctypes.addressof, ctypes.c_char.from_buffer
+
+        def pack(value: Any) -> bytes:
+            if type(value) is not np.ndarray or value.dtype != dtype or value.ndim != ndim:
+                found = f"{value.dtype}, {value.ndim}d" if isinstance(value, np.ndarray) else type(value).__name__
+                raise TypeError(f"{found} instead of {self}")
+            if not value.flags.c_contiguous:
+                raise TypeError(f"an array with gaps instead of {self}")
+            size = value.size
+            try:  # what array.ctypes.data says, in a third of its time
+                place = address(one(value)) if size else 0
+            except TypeError:  # not to be written
+                place = value.ctypes.data
+            return slots(place, size, *value.shape, *value.strides)
+
+        return pack
+
+    def __str__(self) -> str:
+        return f"{self.dtype}[{self.ndim}d]"
+
+
+@dataclass(frozen=True)
+class Record:
+    """A named tuple of arrays and other records, which kernels get by address."""
+
+    name: str
+    members: tuple[tuple[str, Kind], ...]
+
+    @cached_property
+    def slots(self) -> int:
+        return sum(kind.slots for _, kind in self.members)
+
+    def pack(self, value: Any) -> bytes:
+        """Its slots; TypeError if a member is of another sort.
+
+        They are noted with the value, and with those that `record` makes of it: arrays do not move.
+        """
+        notes = getattr(value, "__dict__", {})
+        if self.name in notes:
+            return notes[self.name]
+        if not isinstance(value, tuple) or len(value) != len(self.members):
+            raise TypeError(f"{type(value).__name__} instead of {self}")
+        known = notes.setdefault(PIECES, {})
+        pieces = []
+        for (name, kind), member in zip(self.members, value, strict=True):
+            if name not in known:
+                try:
+                    known[name] = kind.pack(member)
+                except TypeError as error:
+                    raise TypeError(f"{name}: {error}") from None
+            pieces.append(known[name])
+        out = notes[self.name] = b"".join(pieces)
+        return out
+
+    def __str__(self) -> str:
+        return self.name
+
+
+Kind = Number | Array | Record
+
+INT, FLOAT, BOOL = Number("int64"), Number("float64"), Number("bool")
+
+BoolVector = Annotated[NDArray[np.bool_], Array("bool", 1)]
+BoolVolume = Annotated[NDArray[np.bool_], Array("bool", 3)]
+Int8Vector = Annotated[NDArray[np.int8], Array("int8", 1)]
+Int8Matrix = Annotated[NDArray[np.int8], Array("int8", 2)]
+UInt8Vector = Annotated[NDArray[np.uint8], Array("uint8", 1)]
+UInt8Matrix = Annotated[NDArray[np.uint8], Array("uint8", 2)]
+UInt8Volume = Annotated[NDArray[np.uint8], Array("uint8", 3)]
+Int16Vector = Annotated[NDArray[np.int16], Array("int16", 1)]
+Int32Vector = Annotated[NDArray[np.int32], Array("int32", 1)]
+Int32Matrix = Annotated[NDArray[np.int32], Array("int32", 2)]
+IntVector = Annotated[NDArray[np.int64], Array("int64", 1)]
+IntMatrix = Annotated[NDArray[np.int64], Array("int64", 2)]
+IntVolume = Annotated[NDArray[np.int64], Array("int64", 3)]
+Float32Matrix = Annotated[NDArray[np.float32], Array("float32", 2)]
+Float32Volume = Annotated[NDArray[np.float32], Array("float32", 3)]
+FloatVector = Annotated[NDArray[np.float64], Array("float64", 1)]
+FloatMatrix = Annotated[NDArray[np.float64], Array("float64", 2)]
+
+
+@dataclass(frozen=True)
+class Member:
+    """In an annotation, another type of a record's member: ``Annotated[Store, Member("pages", Int8Matrix)]``."""
+
+    name: str
+    annotation: Any
+
+
+T = TypeVar("T", bound=type)
+
+
+def record(cls: T) -> T:
+    """Decorator of named tuples that kernels take: their values carry a note of their slots."""
+
+    def _replace(self: Any, **changes: Any) -> Any:
+        out = cls._replace(self, **changes)  # type: ignore[attr-defined]
+        known = self.__dict__.get(PIECES, {})
+        out.__dict__[PIECES] = {name: piece for name, piece in known.items() if name not in changes}
+        return out
+
+    made = type(cls.__name__, (cls,), {"__doc__": cls.__doc__, "__module__": cls.__module__, "_replace": _replace})
+    made.__qualname__ = cls.__qualname__
+    return made  # type: ignore[return-value]
+
+
+@cache
+def members_of(cls: type) -> dict[str, Any]:
+    """Names and annotations of a named tuple's members."""
+    hints = get_type_hints(cls, include_extras=True)
+    return {name: hints[name] for name in cls._fields}  # type: ignore[attr-defined]
+
+
+def kind_of(annotation: Any) -> Kind:
+    """The type that an annotation stands for."""
+    if annotation in _NUMBERS:
+        return _NUMBERS[annotation]
+    if get_origin(annotation) is not Annotated:
+        return _record(annotation, ())
+    base, *notes = get_args(annotation)
+    if isinstance(notes[0], Array):
+        return notes[0]
+    return _record(base, tuple(notes))
+
+
+def _record(cls: Any, changes: tuple[Member, ...]) -> Record:
+    if not hasattr(cls, "_fields"):
+        raise KernelError(f"no type of a kernel: {cls}", code="kernel-type")
+    members = members_of(cls) | {change.name: change.annotation for change in changes}
+    kinds = tuple((name, kind_of(annotation)) for name, annotation in members.items())
+    name = cls.__name__ + "".join(f"<{change.name}: {kind_of(change.annotation)}>" for change in changes)
+    return Record(name, kinds)
+
+
+_NUMBERS = {int: INT, float: FLOAT, bool: BOOL}
+
+
+@dataclass(frozen=True)
+class Signature:
+    """What a kernel takes, by name, and what it returns: a number, nothing, or several integers."""
+
+    arguments: tuple[tuple[str, Kind], ...]
+    result: tuple[Number, ...] | Number | None
+
+    @classmethod
+    def of(cls, function: Callable[..., Any]) -> Signature:
+        """The signature that a function's annotations state."""
+        hints = get_type_hints(function, include_extras=True)
+        result = hints.pop("return")
+        kinds = tuple((name, kind_of(annotation)) for name, annotation in hints.items())
+        if get_origin(result) is tuple:
+            return cls(kinds, tuple(_NUMBERS[each] for each in get_args(result)))
+        return cls(kinds, None if result is type(None) else _NUMBERS[result])
+
+    @property
+    def frame(self) -> Record:
+        """All arguments as one record: what is handed over."""
+        return Record("arguments", self.arguments)
+
+    def __str__(self) -> str:
+        taken = ", ".join(f"{name}: {kind}" for name, kind in self.arguments)
+        if isinstance(self.result, tuple):
+            return f"({taken}) -> ({', '.join(map(str, self.result))})"
+        return f"({taken}) -> {self.result}"
+
+
+def records_in(kinds: Iterator[Kind]) -> Iterator[Record]:
+    """All records among types and their members."""
+    for kind in kinds:
+        if isinstance(kind, Record):
+            yield from records_in(member for _, member in kind.members)
+            yield kind
+
+
+assert sys.byteorder == "little"

@@ -1,0 +1,119 @@
+"""The second half of a build: objects of the kernels for a platform, and a library of them."""
+
+from __future__ import annotations
+
+import multiprocessing
+import re
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+from targets import WASM, Target, Variant
+
+PARTS = Path(__file__).parent
+PREFIX = "iso_"
+"""What the names of all entries begin with."""
+_NAMES = "-non-global-value-max-name-size=1000000"
+"""LLVM cuts longer names."""
+
+
+def link(code: bytes, target: Target, place: Path, jobs: int, only: set[str] | None = None) -> None:
+    """Write a library into a folder.
+
+    Parameters
+    ----------
+    code : bytes
+        LLVM's bitcode of all kernels.
+    target : Target
+    place : Path
+    jobs : int
+        Processes.
+    only : set of str, optional
+        The entries that are wanted; all if not given.
+    """
+    with multiprocessing.get_context("spawn").Pool(min(jobs, len(target.variants))) as pool:
+        objects = pool.starmap(_object, [(code, target, variant, only) for variant in target.variants])
+    objects += _parts(target)
+    names = [f"{number}.o" for number in range(len(objects))]
+    for name, content in zip(names, objects, strict=True):
+        (place / name).write_bytes(content)
+    done = subprocess.run(
+        [sys.executable, "-m", "ziglang", *target.linker, *names], cwd=place, capture_output=True, text=True
+    )
+    if done.returncode:
+        raise RuntimeError(f"linking {target.library} for {target.name} failed:\n{done.stderr}")
+    for path in place.iterdir():
+        if path.name != target.library:
+            path.unlink()
+
+
+def _machine(target: Target, variant: Variant):  # type: ignore[no-untyped-def]
+    """LLVM's description of a processor; no product is contracted with a sum."""
+    from llvmlite import binding
+
+    binding.set_option("", _NAMES)
+    binding.initialize_all_targets()
+    binding.initialize_all_asmprinters()
+    binding.initialize_native_asmparser()
+    return binding.Target.from_triple(target.triple).create_target_machine(
+        cpu=variant.cpu, features=variant.features, opt=3, reloc="static" if target is WASM else "pic"
+    )
+
+
+def _object(code: bytes, target: Target, variant: Variant, only: set[str] | None) -> bytes:
+    """The object of all kernels for some processors."""
+    from llvmlite import binding
+
+    machine = _machine(target, variant)
+    text = _for_target(str(binding.parse_bitcode(code)), target, machine)
+    text = re.sub(r'"target-(cpu|features)"="[^"]*"', "", text)
+    # an instruction everywhere
+    text = re.sub(r"^declare .*@sqrt\(.*", "declare double @llvm.sqrt.f64(double)", text, flags=re.M)
+    text = text.replace("@sqrt(", "@llvm.sqrt.f64(")
+    if target.name == WASM.name:
+        # small before fast: what is called from several places stays one function
+        text = re.sub(r"^attributes #(\d+) = \{", r"attributes #\1 = { minsize optsize", text, flags=re.M)
+        text = text.replace("alwaysinline", "")
+    module = binding.parse_assembly(text)
+    for each in [*module.functions, *module.global_variables]:
+        if each.is_declaration:
+            continue
+        if each.name.startswith(PREFIX) and (only is None or each.name in only):
+            each.name += variant.suffix
+            if target.library.endswith(".dll"):
+                each.storage_class = "dllexport"
+        else:
+            each.linkage = "internal"
+    _optimise(module, machine)
+    return machine.emit_object(module)
+
+
+def _optimise(module, machine) -> None:  # type: ignore[no-untyped-def]
+    from llvmlite import binding
+
+    tuning = binding.create_pipeline_tuning_options(speed_level=3)
+    tuning.loop_vectorization = True
+    tuning.slp_vectorization = False
+    builder = binding.create_pass_builder(machine, tuning)
+    builder.getModulePassManager().run(module, builder)
+
+
+def _for_target(text: str, target: Target, machine) -> str:  # type: ignore[no-untyped-def]
+    """LLVM code with the target's name and layout of data instead of its own, if any."""
+    text = re.sub(r"^target (triple|datalayout) = .*\n", "", text, flags=re.M)
+    return f'target datalayout = "{machine.target_data}"\ntarget triple = "{target.triple}"\n{text}'
+
+
+def _parts(target: Target) -> Iterator[bytes]:
+    """Objects of what is written in LLVM's language itself."""
+    from llvmlite import binding
+
+    machine = _machine(target, target.variants[0])
+    for name in ["runtime.ll"] + ["processor.ll"] * (len(target.variants) > 1):
+        module = binding.parse_assembly(_for_target((PARTS / name).read_text(), target, machine))
+        for function in module.functions:
+            if function.name.startswith(PREFIX) and target.library.endswith(".dll"):
+                function.storage_class = "dllexport"
+        _optimise(module, machine)
+        yield machine.emit_object(module)

@@ -1,0 +1,168 @@
+"""The first half of a build: LLVM code of every kernel, as numba makes it, before it is optimised for any processor.
+
+The result is one module with a function for each kernel, named as in ``symbol``, which takes the addresses of its
+results, of a fault and of its arguments' slots. Functions that several kernels call are in it once.
+"""
+
+from __future__ import annotations
+
+import ast
+import gc
+import importlib
+import multiprocessing
+import os
+import sys
+from collections.abc import Callable, Iterable, Iterator
+from pathlib import Path
+from typing import NamedTuple
+
+ROOT = Path(__file__).resolve().parents[2]
+SOURCES = [ROOT / "codec", ROOT / "spec"]
+DECORATORS = {"kernel", "inner", "inlined"}
+
+
+class Found(NamedTuple):
+    """A kernel in the source."""
+
+    module: str
+    name: str
+    lines: int
+
+    @property
+    def symbol(self) -> str:
+        """Its name in a library."""
+        return symbol(f"{self.module.removeprefix('isocodec.')}.{self.name}")
+
+
+def symbol(name: str) -> str:
+    """The name of a kernel's entry in a library."""
+    return "iso_" + name.replace(".", "_")
+
+
+def kernels() -> list[Found]:
+    """All functions in the source that are decorated as kernels; those that take longest to compile first."""
+    out = []
+    for path in sorted((SOURCES[0] / "isocodec").rglob("*.py")):
+        for node in ast.parse(path.read_text()).body:
+            if isinstance(node, ast.FunctionDef) and any(_is(d, "kernel") for d in node.decorator_list):
+                module = ".".join(path.relative_to(SOURCES[0]).with_suffix("").parts)
+                out.append(Found(module, node.name, node.end_lineno - node.lineno))
+    return sorted(out, key=lambda found: (-found.lines, found.symbol))
+
+
+def _is(decorator: ast.expr, name: str) -> bool:
+    return isinstance(decorator, ast.Name) and decorator.id == name
+
+
+def compiled(jobs: int, checked: bool, progress: Callable[[int, int], object]) -> tuple[bytes, dict[str, str]]:
+    """The bitcode of all kernels, and the signature of each.
+
+    Parameters
+    ----------
+    jobs : int
+        Processes.
+    checked : bool
+        Whether indices are checked.
+    progress : callable
+        Called with how many kernels are done, and of how many.
+    """
+    found = kernels()
+    pieces, signatures = {}, {}
+    with _environment(ISOCODEC_KERNELS="numba", NUMBA_BOUNDSCHECK=str(int(checked))):
+        with multiprocessing.get_context("spawn").Pool(jobs, _prepare) as pool:
+            for done, (name, signature, code) in enumerate(pool.imap_unordered(_compile, found), 1):
+                pieces[name], signatures[name] = code, signature
+                progress(done, len(found))
+    return _linked(pieces[name] for name in sorted(pieces)), dict(sorted(signatures.items()))
+
+
+class _environment:
+    """Variables of the environment, for a while."""
+
+    def __init__(self, **values: str) -> None:
+        self._values = values
+
+    def __enter__(self) -> None:
+        self._before = {name: os.environ.get(name) for name in self._values}
+        os.environ.update(self._values)
+
+    def __exit__(self, *_: object) -> None:
+        for name, value in self._before.items():
+            os.environ.pop(name) if value is None else os.environ.update({name: value})
+
+
+def _prepare() -> None:
+    """In each process: numba makes code, but neither optimises nor loads it."""
+    from numba.core import codegen
+
+    gc.disable()  # a fifth of the time, for nothing
+    sys.path[:0] = map(str, SOURCES)
+
+    class Library(codegen.CPUCodeLibrary):
+        def _optimize_final_module(self) -> None:
+            pass
+
+        def _finalize_final_module(self) -> None:
+            self._finalized = True
+
+        def _finalize_specific(self) -> None:
+            pass
+
+        def get_pointer_to_function(self, name: str) -> int:
+            return 0
+
+    codegen.JITCPUCodegen._library_class = Library
+    codegen.JITCPUCodegen.set_env = lambda *_: None
+    _promise_records()
+
+
+def _promise_records() -> None:
+    """Functions say of the addresses of records that there is something to read: it may be read ahead of its use."""
+    from numba.core.callconv import CPUCallConv
+
+    from isocodec.kernel.records import RecordType
+    from isocodec.kernel.types import SLOT
+
+    decorate = CPUCallConv.decorate_function
+
+    def decorated(self, function, names, types, noalias=False):  # type: ignore[no-untyped-def]
+        decorate(self, function, names, types, noalias)
+        arguments = iter(self.get_arguments(function))
+        for kind in types:
+            for part in self._get_arg_packer([kind])._be_args:
+                argument = next(arguments)
+                if isinstance(kind, RecordType):
+                    for attribute in ("noalias", "captures(none)"):
+                        argument.add_attribute(attribute)
+                    argument.attributes.dereferenceable = SLOT * kind.record.slots
+                    argument.attributes.align = SLOT
+
+    CPUCallConv.decorate_function = decorated
+
+
+def _compile(found: Found) -> tuple[str, str, bytes]:
+    """A kernel's symbol, its signature, and its bitcode with all that it calls."""
+    from isocodec.kernel.compiler import compiled
+
+    kernel = getattr(importlib.import_module(found.module), found.name)
+    result = compiled(kernel)
+    module = result.library._final_module
+    for function in module.functions:
+        if function.name == result.fndesc.llvm_func_name:
+            function.name = found.symbol
+        elif not function.is_declaration:
+            function.linkage = "linkonce_odr"
+    return found.symbol, str(kernel.signature), module.as_bitcode()
+
+
+def _linked(pieces: Iterable[bytes]) -> bytes:
+    from llvmlite import binding
+
+    def modules() -> Iterator[binding.ModuleRef]:
+        yield from map(binding.parse_bitcode, pieces)
+
+    rest = modules()
+    whole = next(rest)
+    for module in rest:
+        whole.link_in(module)
+    return whole.as_bitcode()
