@@ -14,10 +14,20 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from .api import decode, decode_all, decode_mask, encode, warm_up
+    from .api import decode, decode_all, decode_mask, encode
     from .contour import Contour
-    from .errors import FormatError, InputError, IsoError, LimitError, MissingExtraError, OptionError, TruncatedError
+    from .errors import (
+        FormatError,
+        InputError,
+        IsoError,
+        KernelError,
+        LimitError,
+        MissingExtraError,
+        OptionError,
+        TruncatedError,
+    )
     from .io.areas import areas
+    from .kernel import kernels
     from .limits import Limits
     from .stream.decoder import Decoder
     from .stream.encoder import Encoder
@@ -40,13 +50,14 @@ if TYPE_CHECKING:
 __version__ = "0.1.0"
 
 _HOMES = {
-    "kernel": ("kernels",),
-    "api": ("decode", "decode_all", "decode_mask", "encode", "warm_up"),
+    "api": ("decode", "decode_all", "decode_mask", "encode"),
     "contour": ("Contour",),
     "errors": (
-        "FormatError", "InputError", "IsoError", "LimitError", "MissingExtraError", "OptionError", "TruncatedError",
+        "FormatError", "InputError", "IsoError", "KernelError", "LimitError", "MissingExtraError", "OptionError",
+        "TruncatedError",
     ),
     "io.areas": ("areas",),
+    "kernel": ("kernels",),
     "limits": ("Limits",),
     "stream.decoder": ("Decoder",),
     "stream.events": (
@@ -74,6 +85,7 @@ __all__ = [
     "InputError",
     "IsoError",
     "IsovalueRead",
+    "KernelError",
     "LayerComplete",
     "LevelComplete",
     "LimitError",
@@ -89,8 +101,8 @@ __all__ = [
     "decode_mask",
     "encode",
     "inspect",
+    "kernels",
     "truncate",
-    "warm_up",
 ]
 
 

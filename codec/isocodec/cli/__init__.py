@@ -1,6 +1,6 @@
 """The command line: ``isocodec encode | decode | mask | info | truncate | plot``.
 
-The modules here load in a few milliseconds; whatever takes longer (numba, matplotlib) is imported by the verb that
+The modules here load in a few milliseconds; whatever takes longer (kernels, matplotlib) is imported by the verb that
 needs it, when it needs it.
 """
 
