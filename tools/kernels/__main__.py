@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import argparse
 import os
+import shutil
 import subprocess
 import sys
 import time
@@ -29,6 +30,8 @@ def main() -> int:
     parser.add_argument("--jobs", type=int, default=os.cpu_count(), help="processes")
     asked = parser.parse_args()
     target = native() if asked.target is None else (TARGETS | {WASM.name: WASM})[asked.target]
+    if target == WASM and not asked.out:
+        parser.error(f"--target {WASM.name} needs --out: there is no library of it in a checkout")
     if target is None:
         print("kernels: there is no library for this platform; ISOCODEC_KERNELS=numba compiles them", file=sys.stderr)
         return 1
@@ -37,10 +40,12 @@ def main() -> int:
     started = time.monotonic()
     with build.library(target, asked.jobs, _progress, asked.checked) as place:
         if asked.out:
-            ...
+            asked.out.mkdir(parents=True, exist_ok=True)
+            for path in place.iterdir():
+                shutil.copy(path, asked.out)
         else:
             build.put_into_checkout(place)
-    print(f"kernels: {build.BUILT.relative_to(front.ROOT)}/{target.library}, {time.monotonic() - started:.0f} s")
+    print(f"kernels: {asked.out or build.BUILT.relative_to(front.ROOT)}/{target.library}, {time.monotonic() - started:.0f} s")
     return 0
 
 

@@ -15,7 +15,8 @@ from typing import Any
 import back
 import cache
 import front
-from targets import Target, native
+import wasm
+from targets import WASM, Target, native
 
 REQUIREMENTS = ("numba==0.68.1", "llvmlite==0.50.0", "ziglang==0.17.1", "numpy>=2.0", "construct>=2.10.70")
 """What a build needs. How numba names and lays out its code is its own affair, hence one release; another one is judged
@@ -29,9 +30,22 @@ Progress = Callable[[int, int], object]
 def sources() -> dict[str, Any]:
     """The files that kernels are compiled from, and their digest, as the library of a checkout notes them."""
     module = _module("sources")
-    homes = {name: home / name for name, home in zip(module.PACKAGES, front.SOURCES, strict=True)}
+    homes = _homes(module)
     files = module.needed(homes)
     return {"files": files, "sha256": module.digest_of(files, homes)}
+
+
+def decoders() -> set[str]:
+    """The entries that a decoder needs: kernels of the modules that it imports."""
+    module = _module("sources")
+    homes = _homes(module)
+    files = module.reached([homes["isocodec"] / "stream" / "decoder.py"], homes)
+    return {found.symbol for found in front.kernels() if found.path in files}
+
+
+def _homes(module: Any) -> dict[str, Path]:
+    """The folders of the packages that kernels are compiled from."""
+    return {name: home / name for name, home in zip(module.PACKAGES, front.SOURCES, strict=True)}
 
 
 def _module(name: str) -> Any:
@@ -47,7 +61,7 @@ def key(target: Target | None, checked: bool) -> str:
     """Names all that a library depends on; without a target, the kernels' code for any platform."""
     out = hashlib.sha256(repr((sources()["sha256"], REQUIREMENTS, target, checked)).encode())
     for path in sorted(Path(__file__).parent.iterdir()):
-        if path.suffix in (".py", ".ll"):
+        if path.suffix in (".py", ".ll") and (target or path.name == "front.py"):
             out.update(path.read_bytes())
     return "-".join([target.name if target else "code", *["checked"] * checked, out.hexdigest()[:24]])
 
@@ -88,7 +102,11 @@ def library(target: Target, jobs: int, progress: Progress, checked: bool = False
     with cache.entry(key(target, checked)) as (place, kept):
         if not kept:
             with _code(jobs, progress, checked) as code:
-                back.link((code / "kernels.bc").read_bytes(), target, place, jobs)
+                bitcode = (code / "kernels.bc").read_bytes()
+                if target == WASM:
+                    wasm.link(bitcode, place, decoders(), jobs)
+                else:
+                    back.link(bitcode, target, place, jobs)
                 signatures = json.loads((code / "signatures.json").read_text())
             note = {
                 "file": target.library,

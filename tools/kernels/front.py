@@ -33,6 +33,11 @@ class Found(NamedTuple):
         """Its name in a library."""
         return symbol(f"{self.module.removeprefix('isocodec.')}.{self.name}")
 
+    @property
+    def path(self) -> Path:
+        """The file that it stands in."""
+        return SOURCES[0].joinpath(*self.module.split(".")).with_suffix(".py")
+
 
 def symbol(name: str) -> str:
     """The name of a kernel's entry in a library."""
