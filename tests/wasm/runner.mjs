@@ -30,11 +30,9 @@ function received(size) {
 }
 
 function send(parts) {
-  const length = Buffer.alloc(4);
-  length.writeUInt32LE(parts.reduce((sum, part) => sum + part.length, 0));
-  for (const part of [length, ...parts]) {
-    for (let place = 0; place < part.length; ) place += writeSync(1, part, place);
-  }
+  const content = Buffer.concat(parts);
+  const whole = Buffer.concat([numbers(content.length), content]);
+  for (let place = 0; place < whole.length; ) place += writeSync(1, whole, place);
 }
 
 function numbers(...values) {

@@ -12,6 +12,7 @@ import json
 import pkgutil
 import struct
 import subprocess
+from bisect import bisect_right
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
@@ -63,7 +64,8 @@ class Runner:
 
     def __init__(self, module: Path) -> None:
         script = Path(__file__).with_suffix(".mjs")
-        self._node = subprocess.Popen(["node", script, module], stdin=subprocess.PIPE, stdout=subprocess.PIPE)
+        pipe = subprocess.PIPE
+        self._node = subprocess.Popen(["node", script, module], stdin=pipe, stdout=pipe, pipesize=1 << 20)
         start = json.loads(self._received())
         self.entries, self.called = set(start["entries"]), set[str]()
         self._scratch = -(-start["free"] // 16) * 16
@@ -96,8 +98,8 @@ class Runner:
             arrays = [(place, slots[place], slots[place + 1] * size) for place, size in places if slots[place + 1]]
             regions = self._placed(_merged((address, size) for _, address, size in arrays))
             for place, address, _ in arrays:
-                start, there = next(r for r in regions if r[0][0] <= address < sum(r[0]))
-                slots[place] = there + address - start[0]
+                (start, _), there = regions[bisect_right(regions, address, key=lambda region: region[0][0]) - 1]
+                slots[place] = there + address - start
             frame = struct.pack(f"<{len(slots)}q", *slots)
             return self._called(name, frame, regions, results)
 
@@ -153,9 +155,9 @@ class Runner:
         self._end = self._scratch + SCRATCH
 
     def _send(self, parts: list[Any]) -> None:
-        self._node.stdin.write(struct.pack("<I", sum(map(len, parts))))
-        for part in parts:
-            self._node.stdin.write(part)
+        content = b"".join(parts)
+        self._node.stdin.write(struct.pack("<I", len(content)))
+        self._node.stdin.write(content)
         self._node.stdin.flush()
 
     def _received(self) -> bytes:
