@@ -54,11 +54,11 @@ def _mach(target: str) -> tuple[str, ...]:
 
 
 # The stack lies below all else: what overflows it fails.
-_WASM = ("wasm-ld", "--no-entry", "--export-dynamic", "--export=__heap_base", "--gc-sections", "--strip-all",
-         "--stack-first", "-z", "stack-size=1048576", "-o")  # fmt: skip
+_WASM = ("wasm-ld", "--no-entry", "--gc-sections", "--strip-all", "--stack-first", "-z", "stack-size=1048576",
+         "--export=__heap_base", "-o")  # fmt: skip
 WASM = Target(
     "wasm32", "wasm32-unknown-unknown", _WASM, "kernels.wasm", "",
-    (Variant("", "", "+bulk-memory,+bulk-memory-opt,+nontrapping-fptoint,+sign-ext"),),
+    (Variant("", "", "+bulk-memory,+bulk-memory-opt,+nontrapping-fptoint,+sign-ext,+simd128"),),
 )  # fmt: skip
 TARGETS = {
     target.name: target

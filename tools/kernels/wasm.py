@@ -12,6 +12,7 @@ import sys
 from pathlib import Path
 
 import back
+import front
 from targets import WASM
 
 DECODER = "decoder.wasm"
@@ -30,29 +31,31 @@ def link(code: bytes, place: Path, decoders: set[str], jobs: int) -> None:
     jobs : int
         Processes.
     """
-    with multiprocessing.get_context("spawn").Pool(min(jobs, 2)) as pool:
-        objects = pool.starmap(_object, [(code, None), (code, decoders)])
-    for name, content in zip([WASM.library, DECODER], objects, strict=True):
-        back.linked([content], [*WASM.linker, name], place)
+    everything = {found.symbol for found in front.kernels()}
+    modules = {WASM.library: everything, DECODER: decoders}
+    with multiprocessing.get_context("spawn").Pool(min(jobs, len(modules))) as pool:
+        objects = pool.starmap(_object, [(code, entries) for entries in modules.values()])
+    for (name, entries), content in zip(modules.items(), objects, strict=True):
+        exports = [f"--export={entry}" for entry in sorted(entries)]
+        back.linked([content], [*WASM.linker, name, *exports], place)
     (place / "0.o").unlink()
 
 
-def _object(code: bytes, wanted: set[str] | None) -> bytes:
-    """The object of some kernels, or of all: small before fast."""
+def _object(code: bytes, entries: set[str]) -> bytes:
+    """The object of some kernels: small before fast."""
     from llvmlite import binding
 
     machine = back.machine_of(WASM, WASM.variants[0], reloc="static")
     text = back.text_of(code, WASM, machine)
     # pointers take four bytes, and lie anywhere in a structure
     text = re.sub(r"^( *(?:%\S+ = load|store) ptr\b.*, align) 8", r"\1 4", text, flags=re.M)
-    # what is called from several places stays one function
-    text = text.replace("alwaysinline", "nounwind")
+    # what is called from several places stays one function, if it is not tiny
+    text = text.replace("alwaysinline", "optsize")
     module = binding.parse_assembly(text)
     for each in back.defined(module):
-        if not each.name.startswith(back.PREFIX) or (wanted is not None and each.name not in wanted):
+        if each.name not in entries:
             each.linkage = "internal"
         if each.is_function:
-            each.add_function_attribute("minsize")
             each.add_function_attribute("optsize")
     back.optimise(module, machine)
     return machine.emit_object(module)
