@@ -62,8 +62,9 @@ clean: ## Remove everything that make has made; what is kept of builds is elsewh
 	rm -rf .venv-build .venv-demo .venv-test codec/isocodec/kernel/built demo/out fuzz-out .pytest_cache .mypy_cache .ruff_cache .hypothesis build dist
 	find codec spec conformance tests tools -name __pycache__ -type d -prune -exec rm -rf {} +
 
-# The demonstration compares with scikit-image, which only the development extra brings.
+.venv-demo/.installed: EXTRA = demo
+.venv-test/.installed: EXTRA = dev
 .venv-demo/.installed .venv-test/.installed: pyproject.toml | kernels
 	$(PYTHON) -m venv --clear $(@D)
-	$(@D)/bin/python -m pip install --disable-pip-version-check --quiet --editable '.[dev]'
+	$(@D)/bin/python -m pip install --disable-pip-version-check --quiet --editable '.[$(EXTRA)]'
 	touch $@

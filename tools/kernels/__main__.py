@@ -55,7 +55,7 @@ def _in_environment(arguments: list[str]) -> int:
         venv.create(ENVIRONMENT, with_pip=True)
     requirements = build.requirements()
     say(f"installing {', '.join(requirements)} into {ENVIRONMENT.name}")
-    pip = [str(python), "-m", "pip", "install", "--quiet", "--disable-pip-version-check", *requirements]
+    pip = [str(python), "-m", "pip", "install", "--quiet", "--no-compile", "--disable-pip-version-check", *requirements]
     if subprocess.run(pip).returncode:
         say("what a build needs cannot be installed, see above")
         return 1
