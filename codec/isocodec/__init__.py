@@ -16,8 +16,18 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from .api import decode, decode_all, decode_mask, encode, warm_up
     from .contour import Contour
-    from .errors import FormatError, InputError, IsoError, LimitError, MissingExtraError, OptionError, TruncatedError
+    from .errors import (
+        FormatError,
+        InputError,
+        IsoError,
+        KernelError,
+        LimitError,
+        MissingExtraError,
+        OptionError,
+        TruncatedError,
+    )
     from .io.areas import areas
+    from .kernel import kernels
     from .limits import Limits
     from .stream.decoder import Decoder
     from .stream.encoder import Encoder
@@ -44,7 +54,8 @@ _HOMES = {
     "api": ("decode", "decode_all", "decode_mask", "encode", "warm_up"),
     "contour": ("Contour",),
     "errors": (
-        "FormatError", "InputError", "IsoError", "LimitError", "MissingExtraError", "OptionError", "TruncatedError",
+        "FormatError", "InputError", "IsoError", "KernelError", "LimitError", "MissingExtraError", "OptionError",
+        "TruncatedError",
     ),
     "io.areas": ("areas",),
     "limits": ("Limits",),
@@ -74,6 +85,7 @@ __all__ = [
     "InputError",
     "IsoError",
     "IsovalueRead",
+    "KernelError",
     "LayerComplete",
     "LevelComplete",
     "LimitError",
@@ -89,6 +101,7 @@ __all__ = [
     "decode_mask",
     "encode",
     "inspect",
+    "kernels",
     "truncate",
     "warm_up",
 ]

@@ -95,11 +95,12 @@ def defined(module):  # type: ignore[no-untyped-def]
     return [each for each in [*module.functions, *module.global_variables] if not each.is_declaration]
 
 
-def optimise(module, machine) -> None:  # type: ignore[no-untyped-def]
+def optimise(module, machine, vectors: bool = True) -> None:  # type: ignore[no-untyped-def]
+    """Run LLVM's passes over a module; whether they may make loops of vectors out of loops of numbers."""
     from llvmlite import binding
 
     tuning = binding.create_pipeline_tuning_options(speed_level=3)
-    tuning.loop_vectorization = True
+    tuning.loop_vectorization = vectors
     tuning.slp_vectorization = False
     builder = binding.create_pass_builder(machine, tuning)
     builder.getModulePassManager().run(module, builder)

@@ -57,7 +57,7 @@ def _object(code: bytes, entries: set[str]) -> bytes:
             each.linkage = "internal"
         if each.is_function:
             each.add_function_attribute("optsize")
-    back.optimise(module, machine)
+    back.optimise(module, machine, vectors=False)
     return machine.emit_object(module)
 
 
