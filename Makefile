@@ -3,54 +3,68 @@
 PYTHON ?= python3
 # Processes that pytest runs tests in; 0 for none but its own.
 JOBS ?= 2
-# What is run once more without compilation: arguments of pytest.
-NOJIT ?= tests/test_determinism.py
+# What is run once more as plain Python: arguments of pytest.
+PLAIN ?= tests/test_determinism.py
 VECTORS ?= conformance/vectors
 # Minutes that the decoder is fuzzed for, and then the encoder.
 MINUTES ?= 5
 # Arguments of the speed measurement, for example BENCH="terrain.npy:500.5 --json".
 BENCH ?=
 
+PLATFORMS ?= linux-x86_64 linux-aarch64 macos-aarch64 macos-x86_64 windows-x86_64
+
 DEMO_PYTHON := .venv-demo/bin/python
 TEST_PYTHON := .venv-test/bin/python
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test lint bench vectors zoo fuzz clean
+.PHONY: help kernels wheels demo test lint bench vectors zoo fuzz clean
 
 help: ## Show this list.
 	@sed -n 's/^\([a-z]*\):.*## /\1\t/p' $(MAKEFILE_LIST) | expand -t 10
 
-demo: .venv-demo/.installed ## Encode and decode the shipped data; tables here, pictures and files in demo/out/.
+kernels: ## Compile the kernels, unless that has been done before.
+	$(PYTHON) tools/kernels
+
+wheels: ## Wheels for all platforms, in dist/.
+	for platform in $(PLATFORMS); do \
+	  $(PYTHON) tools/kernels --target $$platform --out build/$$platform && \
+	  ISOCODEC_WHEEL=$$platform $(PYTHON) -m pip wheel --quiet --no-deps --wheel-dir dist . || exit 1; \
+	done
+
+demo: kernels .venv-demo/.installed ## Encode and decode the shipped data; tables here, pictures and files in demo/out/.
 	$(DEMO_PYTHON) tools/demo.py
 
-test: .venv-test/.installed ## Run the tests, some of them again without compilation, and the conformance vectors.
+test: kernels .venv-test/.installed ## Run the tests, some of them again as plain Python, and the conformance vectors.
 	$(TEST_PYTHON) -m pytest -n $(JOBS) tests
-	NUMBA_DISABLE_JIT=1 $(TEST_PYTHON) -m pytest $(NOJIT)
+	ISOCODEC_KERNELS=python $(TEST_PYTHON) -m pytest $(PLAIN)
 	$(TEST_PYTHON) -m isoconform run --layers --vectors $(VECTORS)
 
 lint: .venv-test/.installed ## Run ruff and mypy.
 	.venv-test/bin/ruff check .
 	.venv-test/bin/mypy
 
-bench: .venv-test/.installed ## Measure speed, first use and memory.
+bench: kernels .venv-test/.installed ## Measure speed, first use and memory.
 	$(TEST_PYTHON) tools/bench_speed.py $(BENCH)
 
-vectors: .venv-test/.installed ## Write the conformance vectors anew.
+vectors: kernels .venv-test/.installed ## Write the conformance vectors anew.
 	$(TEST_PYTHON) -m isoconform generate $(VECTORS)
 
-zoo: .venv-test/.installed ## Plant wrong decoders and see that their vectors catch them.
+zoo: kernels .venv-test/.installed ## Plant wrong decoders and see that their vectors catch them.
 	$(TEST_PYTHON) conformance/zoo --jobs $(JOBS)
 
-fuzz: .venv-test/.installed ## Fuzz the decoder, then the encoder, for MINUTES=5 each; findings in fuzz-out/.
+fuzz: export ISOCODEC_KERNELS = checked
+fuzz: .venv-test/.installed ## Fuzz the decoder, then the encoder, for MINUTES=5 each, all indices checked; findings in fuzz-out/.
+	$(PYTHON) tools/kernels --checked
 	$(TEST_PYTHON) -m isoconform fuzz --minutes $(MINUTES) --out fuzz-out
 	$(TEST_PYTHON) -m isoconform fuzz --minutes $(MINUTES) --encoder
 
-clean: ## Remove everything that make has made.
-	rm -rf .venv-demo .venv-test demo/out fuzz-out .pytest_cache .mypy_cache .ruff_cache .hypothesis build dist
+clean: ## Remove everything that make has made; what is kept of builds is elsewhere, see README.
+	rm -rf .venv-build .venv-demo .venv-test codec/isocodec/kernel/built demo/out fuzz-out .pytest_cache .mypy_cache .ruff_cache .hypothesis build dist
 	find codec spec conformance tests tools -name __pycache__ -type d -prune -exec rm -rf {} +
 
-# The demonstration compares with scikit-image, which only the development extra brings.
-.venv-demo/.installed .venv-test/.installed: pyproject.toml
+.venv-demo/.installed: EXTRA = demo
+.venv-test/.installed: EXTRA = dev
+.venv-demo/.installed .venv-test/.installed: pyproject.toml | kernels
 	$(PYTHON) -m venv --clear $(@D)
-	$(@D)/bin/python -m pip install --disable-pip-version-check --quiet --editable '.[dev]'
+	$(@D)/bin/python -m pip install --disable-pip-version-check --quiet --editable '.[$(EXTRA)]'
 	touch $@

@@ -291,8 +291,6 @@ def main() -> None:
         leave_docs()
         return
     console = Console()
-    if not as_markdown:
-        console.print("The first use of a new version compiles it, which takes about a minute.\n")
     started = time.perf_counter()
     results = [measure(item) for item in ITEMS]
     curves = summary([result for result in results if len(result.shape) == 2])

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import argparse
 import os
+import shutil
 import subprocess
 import sys
 import time
@@ -15,6 +16,7 @@ from pathlib import Path
 
 import build
 import front
+from shown import progress, say
 from targets import TARGETS, WASM, native
 
 ENVIRONMENT = front.ROOT / ".venv-build"
@@ -24,29 +26,26 @@ def main() -> int:
     """The command line; returns its exit code."""
     parser = argparse.ArgumentParser(prog="python tools/kernels", description="Build the kernels' library.")
     parser.add_argument("--target", choices=[*TARGETS, WASM.name], help="platform, if not this one")
-    parser.add_argument("--out", type=Path, help="folder for the library, if not this checkout")
-    parser.add_argument("--checked", action="store_true", help="with checks of indices, for tests")
+    parser.add_argument("--out", type=Path, metavar="FOLDER", help="where to put it, if not into this checkout")
+    parser.add_argument("--checked", action="store_true", help="with checks of indices: for ISOCODEC_KERNELS=checked")
     parser.add_argument("--jobs", type=int, default=os.cpu_count(), help="processes")
     asked = parser.parse_args()
-    target = native() if asked.target is None else (TARGETS | {WASM.name: WASM})[asked.target]
+    target = (TARGETS | {WASM.name: WASM})[asked.target] if asked.target else native()
     if target is None:
-        print("kernels: there is no library for this platform; ISOCODEC_KERNELS=numba compiles them", file=sys.stderr)
+        say("there is no library for this platform; with numba installed, ISOCODEC_KERNELS=numba compiles them")
         return 1
+    if asked.target and target != native() and not asked.out:
+        parser.error(f"a library for {asked.target} is of no use in this checkout: --out FOLDER")
     if not build.is_kept(target, asked.checked) and build.lacking():
         return _in_environment(sys.argv[1:])
     started = time.monotonic()
-    with build.library(target, asked.jobs, _progress, asked.checked) as place:
+    with build.library(target, asked.jobs, progress, asked.checked) as place:
         if asked.out:
-            ...
+            shutil.copytree(place, asked.out, dirs_exist_ok=True)
         else:
-            build.put_into_checkout(place)
-    print(f"kernels: {build.BUILT.relative_to(front.ROOT)}/{target.library}, {time.monotonic() - started:.0f} s")
+            build.put_into_checkout(place, asked.checked)
+    say(f"{target.library} for {target.name}, {time.monotonic() - started:.0f} s")
     return 0
-
-
-def _progress(done: int, count: int) -> None:
-    end = "\n" if done == count else ""
-    print(f"\rkernels: {done} of {count} compiled", end=end, file=sys.stderr, flush=True)
 
 
 def _in_environment(arguments: list[str]) -> int:
@@ -54,10 +53,11 @@ def _in_environment(arguments: list[str]) -> int:
     python = ENVIRONMENT / ("Scripts/python.exe" if os.name == "nt" else "bin/python")
     if not python.exists():
         venv.create(ENVIRONMENT, with_pip=True)
-    print(f"kernels: fetching {', '.join(build.REQUIREMENTS)}", file=sys.stderr)
-    pip = [str(python), "-m", "pip", "install", "--quiet", "--disable-pip-version-check", *build.REQUIREMENTS]
+    requirements = build.requirements()
+    say(f"installing {', '.join(requirements)} into {ENVIRONMENT.name}")
+    pip = [str(python), "-m", "pip", "install", "--quiet", "--no-compile", "--disable-pip-version-check", *requirements]
     if subprocess.run(pip).returncode:
-        print("kernels: cannot install what a build needs", file=sys.stderr)
+        say("what a build needs cannot be installed, see above")
         return 1
     return subprocess.run([str(python), str(Path(__file__).parent), *arguments]).returncode
 

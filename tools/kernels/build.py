@@ -6,32 +6,64 @@ import hashlib
 import importlib.metadata
 import importlib.util
 import json
-import shutil
+import os
+import tomllib
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from functools import cache
 from pathlib import Path
 from typing import Any
 
 import back
-import cache
+import cache as kept_builds
 import front
-from targets import Target, native
+import wasm
+from targets import WASM, Target, native
 
-REQUIREMENTS = ("numba==0.68.1", "llvmlite==0.50.0", "ziglang==0.17.1", "numpy>=2.0", "construct>=2.10.70")
-"""What a build needs. How numba names and lays out its code is its own affair, hence one release; another one is judged
-by the vectors."""
 BUILT = front.SOURCES[0] / "isocodec" / "kernel" / "built"
 """Where the library of a checkout stands."""
 NOTE = "kernels.json"
+_CODE = ("front.py",)
+"""What makes the kernels' code for any platform, beside the requirements."""
+_LIBRARY = (*_CODE, "back.py", "processor.ll", "runtime.ll")
+"""What makes a library of it, beside the target."""
+_MODULES = (*_CODE, "back.py", "wasm.py")
+"""What makes modules of WebAssembly of it."""
 Progress = Callable[[int, int], object]
+
+
+@cache
+def requirements() -> list[str]:
+    """What a build needs: as in ``pyproject.toml``, the extra ``kernels``, and what kernels import.
+
+    numba's names and layouts are its own affair, hence one release; another one is judged by the vectors.
+    """
+    project = tomllib.loads((front.ROOT / "pyproject.toml").read_text())["project"]
+    imported = ("numpy", "construct")
+    return project["optional-dependencies"]["kernels"] + [
+        each for each in project["dependencies"] if each.startswith(imported)
+    ]
 
 
 def sources() -> dict[str, Any]:
     """The files that kernels are compiled from, and their digest, as the library of a checkout notes them."""
     module = _module("sources")
-    homes = {name: home / name for name, home in zip(module.PACKAGES, front.SOURCES, strict=True)}
+    homes = _homes(module)
     files = module.needed(homes)
     return {"files": files, "sha256": module.digest_of(files, homes)}
+
+
+def decoders() -> set[str]:
+    """The entries that a decoder needs: kernels of the modules that it imports."""
+    module = _module("sources")
+    homes = _homes(module)
+    files = module.reached([homes["isocodec"] / "stream" / "decoder.py"], homes)
+    return {found.symbol for found in front.kernels() if found.path in files}
+
+
+def _homes(module: Any) -> dict[str, Path]:
+    """The folders of the packages that kernels are compiled from."""
+    return {name: home / name for name, home in zip(module.PACKAGES, front.SOURCES, strict=True)}
 
 
 def _module(name: str) -> Any:
@@ -45,30 +77,30 @@ def _module(name: str) -> Any:
 
 def key(target: Target | None, checked: bool) -> str:
     """Names all that a library depends on; without a target, the kernels' code for any platform."""
-    out = hashlib.sha256(repr((sources()["sha256"], REQUIREMENTS, target, checked)).encode())
-    for path in sorted(Path(__file__).parent.iterdir()):
-        if path.suffix in (".py", ".ll"):
-            out.update(path.read_bytes())
+    parts = [sources()["sha256"], requirements(), target, checked, sorted(decoders()) if target == WASM else None]
+    out = hashlib.sha256(repr(parts).encode())
+    for name in _CODE if target is None else _MODULES if target == WASM else _LIBRARY:
+        out.update((Path(__file__).parent / name).read_bytes())
     return "-".join([target.name if target else "code", *["checked"] * checked, out.hexdigest()[:24]])
 
 
 def lacking() -> list[str]:
     """Requirements that are not installed in these versions."""
     out = []
-    for requirement in REQUIREMENTS[:3]:
-        name, version = requirement.split("==")
+    for requirement in requirements():
+        name, _, version = requirement.partition("==")
         try:
             found = importlib.metadata.version(name)
         except importlib.metadata.PackageNotFoundError:
             found = ""
-        if found != version:
+        if version and found != version:
             out.append(requirement)
     return out
 
 
 def is_kept(target: Target, checked: bool = False) -> bool:
     """Whether the library needs no building."""
-    return cache.hit(key(target, checked)) is not None
+    return kept_builds.hit(key(target, checked)) is not None
 
 
 @contextmanager
@@ -85,10 +117,14 @@ def library(target: Target, jobs: int, progress: Progress, checked: bool = False
     checked : bool
         Whether indices are checked: for tests.
     """
-    with cache.entry(key(target, checked)) as (place, kept):
+    with kept_builds.entry(key(target, checked)) as (place, kept):
         if not kept:
             with _code(jobs, progress, checked) as code:
-                back.link((code / "kernels.bc").read_bytes(), target, place, jobs)
+                bitcode = (code / "kernels.bc").read_bytes()
+                if target == WASM:
+                    wasm.link(bitcode, place, decoders(), jobs)
+                else:
+                    back.link(bitcode, target, place, jobs)
                 signatures = json.loads((code / "signatures.json").read_text())
             note = {
                 "file": target.library,
@@ -106,7 +142,7 @@ def library(target: Target, jobs: int, progress: Progress, checked: bool = False
 @contextmanager
 def _code(jobs: int, progress: Progress, checked: bool) -> Iterator[Path]:
     """A folder with the kernels' code for any platform, and their signatures."""
-    with cache.entry(key(None, checked)) as (place, kept):
+    with kept_builds.entry(key(None, checked)) as (place, kept):
         if not kept:
             code, signatures = front.compiled(jobs, checked, progress)
             (place / "kernels.bc").write_bytes(code)
@@ -114,14 +150,14 @@ def _code(jobs: int, progress: Progress, checked: bool) -> Iterator[Path]:
         yield place
 
 
-def put_into_checkout(place: Path) -> None:
+def put_into_checkout(place: Path, checked: bool = False) -> None:
     """Give the checkout a library that has been built; it notes which sources it is of."""
     note = json.loads((place / NOTE).read_text()) | {"sources": sources()}
-    BUILT.mkdir(exist_ok=True)
-    (BUILT / NOTE).unlink(missing_ok=True)
-    for path in BUILT.glob("kernels.*"):
-        path.unlink()  # a process may have it loaded: never written into
-    shutil.copy2(place / note["file"], BUILT)
-    unfinished = BUILT / "unfinished.json"
-    unfinished.write_text(json.dumps(note, indent=1))
-    unfinished.replace(BUILT / NOTE)
+    built = BUILT / "checked" if checked else BUILT
+    built.mkdir(parents=True, exist_ok=True)
+    # a process may have the old one loaded: files are replaced, never written into
+    contents = {note["file"]: (place / note["file"]).read_bytes(), NOTE: json.dumps(note, indent=1).encode()}
+    for name, content in contents.items():
+        unfinished = built / f"unfinished-{os.getpid()}"
+        unfinished.write_bytes(content)
+        unfinished.replace(built / name)

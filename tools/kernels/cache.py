@@ -12,7 +12,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import IO
 
-KEPT = 12
+KEPT = 24
 """Builds that are kept: those used last."""
 
 

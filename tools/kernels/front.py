@@ -33,6 +33,11 @@ class Found(NamedTuple):
         """Its name in a library."""
         return symbol(f"{self.module.removeprefix('isocodec.')}.{self.name}")
 
+    @property
+    def path(self) -> Path:
+        """The file that it stands in."""
+        return SOURCES[0].joinpath(*self.module.split(".")).with_suffix(".py")
+
 
 def symbol(name: str) -> str:
     """The name of a kernel's entry in a library."""
@@ -68,11 +73,11 @@ def compiled(jobs: int, checked: bool, progress: Callable[[int, int], object]) -
     """
     found = kernels()
     pieces, signatures = {}, {}
-    with _environment(ISOCODEC_KERNELS="numba", NUMBA_BOUNDSCHECK=str(int(checked))):
-        with multiprocessing.get_context("spawn").Pool(jobs, _prepare) as pool:
-            for done, (name, signature, code) in enumerate(pool.imap_unordered(_compile, found), 1):
-                pieces[name], signatures[name] = code, signature
-                progress(done, len(found))
+    environment = _environment(ISOCODEC_KERNELS="numba", NUMBA_BOUNDSCHECK=str(int(checked)))
+    with environment, multiprocessing.get_context("spawn").Pool(jobs, _prepare) as pool:
+        for done, (name, signature, code) in enumerate(pool.imap_unordered(_compile, found), 1):
+            pieces[name], signatures[name] = code, signature
+            progress(done, len(found))
     return _linked(pieces[name] for name in sorted(pieces)), dict(sorted(signatures.items()))
 
 
@@ -129,7 +134,7 @@ def _promise_records() -> None:
         decorate(self, function, names, types, noalias)
         arguments = iter(self.get_arguments(function))
         for kind in types:
-            for part in self._get_arg_packer([kind])._be_args:
+            for _ in self._get_arg_packer([kind])._be_args:
                 argument = next(arguments)
                 if isinstance(kind, RecordType):
                     for attribute in ("noalias", "captures(none)"):

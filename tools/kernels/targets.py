@@ -46,8 +46,6 @@ _ARM = (Variant("", "generic", ""),)
 _ELF = ("ld.lld", "-shared", "-soname", "kernels.so", "--no-undefined", "-z", "now", "-z", "relro", "-z", "noexecstack",
         "--gc-sections", "--build-id=none", "-s", "-o", "kernels.so")  # fmt: skip
 _PE = ("lld-link", "/dll", "/noentry", "/nodefaultlib", "/machine:x64", "/Brepro", "/out:kernels.dll")
-_WASM = ("wasm-ld", "--no-entry", "--export-dynamic", "--gc-sections", "--strip-all", "-z", "stack-size=1048576", "-o",
-         "kernels.wasm")  # fmt: skip
 
 
 def _mach(target: str) -> tuple[str, ...]:
@@ -55,9 +53,12 @@ def _mach(target: str) -> tuple[str, ...]:
             "--name", "kernels", "-femit-bin=kernels.dylib")  # fmt: skip
 
 
+# The stack lies below all else: what overflows it fails.
+_WASM = ("wasm-ld", "--no-entry", "--gc-sections", "--strip-all", "--stack-first", "-z", "stack-size=1048576",
+         "--export=__heap_base", "-o")  # fmt: skip
 WASM = Target(
     "wasm32", "wasm32-unknown-unknown", _WASM, "kernels.wasm", "",
-    (Variant("", "", "+bulk-memory,+sign-ext,+nontrapping-fptoint"),),
+    (Variant("", "", "+bulk-memory,+bulk-memory-opt,+nontrapping-fptoint,+sign-ext,+simd128"),),
 )  # fmt: skip
 TARGETS = {
     target.name: target

@@ -1,6 +1,6 @@
 """The command line: ``isocodec encode | decode | mask | info | truncate | plot``.
 
-The modules here load in a few milliseconds; whatever takes longer (kernels, matplotlib) is imported by the verb that
+The modules here load in a few milliseconds; whatever takes longer (numpy, matplotlib) is imported by the verb that
 needs it, when it needs it.
 """
 
@@ -24,10 +24,13 @@ def _version(context: click.Context, _: click.Parameter, asked: bool) -> None:
         return
     from importlib import metadata
 
+    from ..kernel import kernels
+
     try:
-        click.echo(f"isocodec {metadata.version('isocodec')}")
+        version = f"isocodec {metadata.version('isocodec')}"
     except metadata.PackageNotFoundError:
-        click.echo("isocodec, run from its sources (not installed)")
+        version = "isocodec, run from its sources (not installed)"
+    click.echo(f"{version} (kernels: {kernels()})")
     context.exit()
 
 

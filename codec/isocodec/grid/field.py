@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import sys
 from dataclasses import dataclass
 from decimal import Decimal
 from fractions import Fraction
@@ -196,7 +197,8 @@ def check_field(field: ArrayLike, isovalue: object, step: float | None = None) -
     OptionError
         If the step is not a positive number, or the data are integers.
     """
-    if np.ma.is_masked(field):
+    # whoever has a masked array has loaded numpy.ma, which takes longer than a small field
+    if "numpy.ma" in sys.modules and np.ma.is_masked(field):
         raise InputError(
             "the field has masked samples, and the format has no holes", code="masked",
             remedy="fill them, for example with scipy.ndimage or numpy.ma.filled",

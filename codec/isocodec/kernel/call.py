@@ -38,7 +38,6 @@ class Kernel:
         functools.update_wrapper(self, function)
         self.function = function
         self._entry_of = entry_of
-        self._entry: Entry | None = None
 
     @property
     def name(self) -> str:
@@ -51,6 +50,11 @@ class Kernel:
         return Signature.of(self.function)
 
     @functools.cached_property
+    def entry(self) -> Entry:
+        """What runs when it is called."""
+        return self._entry_of(self)
+
+    @functools.cached_property
     def _packers(self) -> tuple[Callable[[Any], bytes], ...]:
         return tuple(kind.pack for _, kind in self.signature.arguments)
 
@@ -59,10 +63,8 @@ class Kernel:
             frame = b"".join([pack(argument) for pack, argument in zip(self._packers, arguments, strict=True)])
         except (TypeError, ValueError, OverflowError):
             raise self._unfit(arguments) from None
-        if self._entry is None:
-            self._entry = self._entry_of(self)
         results, fault = _Results(), _Fault()
-        status = self._entry(results, fault, frame)
+        status = self.entry(results, fault, frame)
         if status not in FINE:
             # only of kernels that check indices
             raise IndexError(f"kernel {self.name}: an index out of bounds, or another fault")

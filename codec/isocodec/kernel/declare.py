@@ -12,7 +12,7 @@ from .execution import EXECUTION, Execution
 def kernel(function: Callable[..., Any]) -> Any:
     """Decorator of every function that is compiled and called from Python; its annotations are its one signature."""
     match EXECUTION:
-        case Execution.LIBRARY:
+        case Execution.LIBRARY | Execution.CHECKED:
             from .library import entry
 
             return Kernel(function, entry)

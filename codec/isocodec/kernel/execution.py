@@ -3,17 +3,22 @@
 from __future__ import annotations
 
 import os
+import warnings
 from enum import Enum
 from importlib.util import find_spec
+from pathlib import Path
 from typing import NamedTuple
 
 from ..errors import KernelError
 
 SETTING = "ISOCODEC_KERNELS"
+NOTE = Path(__file__).parent / "built" / "kernels.json"
+"""What is noted of the library that comes with the package."""
 
 
 class Execution(Enum):
     LIBRARY = "library"
+    CHECKED = "checked"
     NUMBA = "numba"
     PYTHON = "python"
 
@@ -24,7 +29,7 @@ class Kernels(NamedTuple):
     Attributes
     ----------
     execution : str
-        ``"library"``, ``"numba"`` or ``"python"``.
+        ``"library"``, ``"numba"`` or ``"python"``; ``"checked"`` is a library that checks indices, for tests.
     detail : str
         Of a library, its platform and which of its instructions are used.
     """
@@ -32,9 +37,14 @@ class Kernels(NamedTuple):
     execution: str
     detail: str
 
+    def __str__(self) -> str:
+        return f"{self.execution}, {self.detail}" if self.detail else self.execution
+
 
 def _chosen() -> Execution:
-    asked = os.environ.get(SETTING, "") or Execution.LIBRARY.value
+    asked = os.environ.get(SETTING, "")
+    if not asked:
+        return Execution.LIBRARY if NOTE.is_file() else _without_library()
     try:
         out = Execution(asked)
     except ValueError:
@@ -45,12 +55,26 @@ def _chosen() -> Execution:
     return out
 
 
+def _without_library() -> Execution:
+    """On a platform that there is no library for."""
+    if find_spec("numba"):
+        warnings.warn("no library of kernels for this platform: numba compiles them, in each process", stacklevel=2)
+        return Execution.NUMBA
+    warnings.warn(
+        "no library of kernels for this platform: they run as plain Python, some hundred times slower; "
+        "with numba installed they are compiled in each process", stacklevel=2,
+    )  # fmt: skip
+    return Execution.PYTHON
+
+
 EXECUTION = _chosen()
+BUILT = Path(__file__).parent / "built" / ("checked" if EXECUTION is Execution.CHECKED else "")
+"""Where a build puts the library, and what is noted of it."""
 
 
 def kernels() -> Kernels:
     """How kernels run in this process: from the library, compiled by numba, or as plain Python."""
-    if EXECUTION is Execution.LIBRARY:
+    if EXECUTION in (Execution.LIBRARY, Execution.CHECKED):
         from .library import library
 
         return Kernels(EXECUTION.value, library().detail)

@@ -6,17 +6,16 @@ import ctypes
 import hashlib
 import json
 from functools import cache
+from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from ..errors import KernelError
 from .call import PROTOTYPE, Entry, Kernel
+from .execution import BUILT, NOTE
 from .sources import PACKAGES, digest_of
 
-BUILT = Path(__file__).parent / "built"
-"""Where a build puts the library, and ``NOTE`` beside it."""
-NOTE = "kernels.json"
 _REMEDY = "install isocodec again; ISOCODEC_KERNELS=python does without the library, slowly"
 
 
@@ -66,18 +65,13 @@ def symbol(name: str) -> str:
     return "iso_" + name.replace(".", "_")
 
 
-def is_there() -> bool:
-    """Whether this package has a library."""
-    return (BUILT / NOTE).is_file()
-
-
 @cache
 def note() -> Note:
     """What is noted of this package's library; KernelError if it is of other sources."""
     try:
-        out = Note(**json.loads((BUILT / NOTE).read_text()))
+        out = Note(**json.loads((BUILT / NOTE.name).read_text()))
     except (OSError, ValueError, TypeError) as error:
-        raise KernelError(f"{BUILT / NOTE}: {error}", code="kernel-library", remedy=_REMEDY) from None
+        raise KernelError(f"{BUILT / NOTE.name}: {error}", code="kernel-library", remedy=_REMEDY) from None
     if out.sources is not None and digest_of(out.sources["files"], _homes()) != out.sources["sha256"]:
         raise KernelError(
             f"{BUILT / out.file}: the kernels' sources have changed since it was built",
@@ -111,9 +105,23 @@ def library() -> Library:
     return Library(noted, loaded, suffix)
 
 
+_checked = False
+"""Whether the check of a library that could not be run where it was built has begun."""
+
+
+def _check_once() -> None:
+    """See that such a library does here what it is to do; the check calls kernels, and comes here again."""
+    global _checked
+    if not _checked:
+        _checked = True
+        import_module("isocodec.selfcheck").check()
+
+
 def entry(kernel: Kernel) -> Entry:
     """A kernel's entry in the library."""
     whole = library()
+    if not whole.note.ran:
+        _check_once()
     name = symbol(kernel.name)
     stated, built = str(kernel.signature), whole.note.signatures.get(name)
     if built != stated:

@@ -33,15 +33,21 @@ def digest_of(files: Iterable[str], homes: dict[str, Path]) -> str:
 
 def needed(homes: dict[str, Path]) -> list[str]:
     """All files with kernels, and all of these packages that they import, directly or not."""
+    found = reached((path for path in homes["isocodec"].rglob("*.py") if "\n@kernel\n" in path.read_text()), homes)
+    return sorted(f"{name}/{path.relative_to(home).as_posix()}" for name, home in homes.items()
+                  for path in found if path.is_relative_to(home))  # fmt: skip
+
+
+def reached(files: Iterable[Path], homes: dict[str, Path]) -> set[Path]:
+    """These files, and all of the packages that they import, directly or not."""
     found: set[Path] = set()
-    left = [path for path in sorted(homes["isocodec"].rglob("*.py")) if "\n@kernel\n" in path.read_text()]
+    left = list(files)
     while left:
         path = left.pop()
         if path not in found:
             found.add(path)
             left += _imported(path, homes)
-    return sorted(f"{name}/{path.relative_to(home).as_posix()}" for name, home in homes.items()
-                  for path in found if path.is_relative_to(home))  # fmt: skip
+    return found
 
 
 def _imported(path: Path, homes: dict[str, Path]) -> Iterator[Path]:

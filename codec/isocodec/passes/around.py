@@ -37,14 +37,14 @@ def nearest_vertices(n: int, phase: int) -> list[tuple[int, ...]]:
 def _table(n: int) -> NDArray[np.int64]:
     """The same for all middles, by their coordinates modulo 4: from end to end the edge may run either way."""
     table = np.zeros((4**n, AROUND[n], 3), np.int64)
+    nearest = [np.array(nearest_vertices(n, phase)) for phase in range(n)]
     for key in range(4**n):
         w = [key >> 2 * axis & 3 for axis in range(n)]
         odd = [axis for axis in range(n) if w[axis] & 1]
         axes = odd + [axis for axis in range(n) if not w[axis] & 1]
         if odd:
-            near = np.array(nearest_vertices(n, n - len(odd)))
             for place, axis in enumerate(axes):
-                table[key, :, axis] = near[:, place] * (-1 if w[axis] == 3 else 1)
+                table[key, :, axis] = nearest[n - len(odd)][:, place] * (-1 if w[axis] == 3 else 1)
     return table
 
 
