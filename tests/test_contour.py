@@ -488,7 +488,7 @@ def test_contours_are_immutable():
 
 
 def test_drawing_imports_nothing_of_the_codec():
-    allowed = sys.stdlib_module_names | {"numpy"}
+    allowed, shared = sys.stdlib_module_names | {"numpy"}, ("..errors", "..kernel", "..kernel.types")
     for source in Path(contour_package.__file__).parent.glob("*.py"):
         for node in ast.walk(ast.parse(source.read_text(encoding="utf-8"))):
             names = []
@@ -497,5 +497,5 @@ def test_drawing_imports_nothing_of_the_codec():
             elif isinstance(node, ast.ImportFrom):
                 names = [f"{'.' * node.level}{node.module or ''}"]
             for name in names:
-                ours = name in ("..errors", "..kernel", "..kernel.types") or (name.startswith(".") and not name.startswith(".."))
+                ours = name in shared or (name.startswith(".") and not name.startswith(".."))
                 assert ours or name.split(".")[0] in allowed, f"{source.name} imports {name}"

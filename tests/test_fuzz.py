@@ -16,13 +16,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from isocodec import encode
+from isocodec import KernelError, encode
 from isocodec.stream.program import Progress, read_program
 from isoconform import strategies
 from isoconform.__main__ import main
 from isoconform.damage import damaged, fields_of, torn
 from isoconform.decoders import Answer, Batch, Command, Reference, Request
 from isoconform.dump import COMPLETE, CUT_OFF, REFUSED, dump
+from isoconform.explain import explanation
 from isoconform.fuzz import STATE, Campaign, Trial, trials_of, verdict
 from isoconform.growing import grown, probe
 from isoconform.manifest import default_directory
@@ -282,6 +283,28 @@ def test_our_own_decoder_has_no_findings():
     campaign = Campaign(Reference(), seed=1, files=100, minutes=5)
     assert list(campaign.run()) == []
     assert campaign.report.files > 90 and campaign.report.questions > campaign.report.files
+
+
+@pytest.mark.parametrize("fault", [IndexError("an index out of bounds"), KernelError("an array with gaps", code="x")])
+def test_faults_of_our_own_kernels_are_findings(tmp_path, monkeypatch, capsys, importable, fault):
+    """They are no verdict on a file that both of two decoders agree on."""
+
+    def broken(*_):
+        raise fault
+
+    monkeypatch.setattr("isocodec.passes.base.base", broken)
+    code = main(["fuzz", "--files", "30", "--shrink", "1", "--most", "3", "--json", "--out", str(tmp_path)])
+    (finding,) = json.loads(capsys.readouterr().out)["findings"]
+    assert (code, finding["sort"]) == (1, "crash")
+    assert f"{type(fault).__name__}: {fault}" in finding["reason"]
+    assert finding["reason"] in (tmp_path / "finding_01.md").read_text()
+    with pytest.raises(type(fault)):
+        dump(ANNEX_D)
+
+
+def test_a_decoder_that_breaks_off_while_it_explains(tmp_path, importable):
+    """Then what it said last stands there."""
+    assert explanation(tmp_path / "nothing.iso").startswith("isoconform: ")
 
 
 FAULTS = {

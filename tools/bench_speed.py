@@ -2,7 +2,7 @@
 
 Speed is measured in process and warm, in coded symbols per second, the best of several runs. Machines differ, and one
 machine differs from hour to hour: beside each figure stands its ratio to the range coder alone, coding pseudo-random
-symbols in 64 contexts in the same process.
+symbols in 64 contexts at the same time (``calibration``, which needs numba).
 
     python tools/bench_speed.py                              the data of the demonstration
     python tools/bench_speed.py terrain.npy:500.5 head.npz   other arrays, .npy or .npz; without an isovalue: the median
@@ -23,13 +23,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 import isocodec
-from isocodec.entropy.baseline import rates
-from isocodec.entropy.coder import DECODE, ENCODE, END, FINAL, ONE, REGISTERS, Coder, code, finish, start
-from isocodec.entropy.main import no_blend
+from isocodec.kernel.execution import SETTING
 
 DATA = Path(__file__).resolve().parent.parent / "demo" / "data"
 DEMO = (
@@ -37,11 +34,6 @@ DEMO = (
     "ct_headsq_quarter.npz:500.5", "ct_headsq_quarter.npz:1150.5",
 )  # fmt: skip
 MODES: dict[str, dict[str, Any]] = {"exact": {"exact": True}, "default": {}, "signs only": {"signs_only": True}}
-
-CONTEXTS = 64
-SYMBOLS = 2_000_000
-PROBABILITY = 0.2
-"""Of a 1 in the calibration."""
 
 
 def best(repeat: int, work: Callable[[], Any]) -> tuple[float, Any]:
@@ -58,54 +50,32 @@ def best(repeat: int, work: Callable[[], Any]) -> tuple[float, Any]:
 # ---- Calibration ----------------------------------------------------------------------------------------------------
 
 
-# Not cached: a cache would not notice a change in the coder.
-@njit(error_model="numpy")
-def _code_all(cd, context, bits):
-    for i in range(len(bits)):
-        bits[i] = code(cd, context[i], bits[i])
-
-
-def _coder(room: int) -> Coder:
-    prob = np.full(CONTEXTS, ONE // 2, np.int64)
-    return Coder(
-        np.zeros(REGISTERS, np.int64), np.zeros(room, np.uint8), prob, np.ones(CONTEXTS, np.int64), rates(), no_blend()
-    )  # fmt: skip
-
-
 class Calibration:
     """The range coder alone: symbols per second, either way."""
 
     def __init__(self) -> None:
-        generator = np.random.default_rng(1)
-        self._context = generator.integers(0, CONTEXTS, SYMBOLS)
-        self._bits = (generator.random(SYMBOLS) < PROBABILITY).astype(np.int64)
+        program = Path(__file__).with_name("calibration.py")
+        self._process = subprocess.Popen(
+            [sys.executable, str(program)], text=True, stdin=subprocess.PIPE, stdout=subprocess.PIPE,
+            env={**os.environ, SETTING: "numba", "PYTHONPATH": os.pathsep.join(filter(None, sys.path))},
+        )  # fmt: skip
         self.best = {"encode": 0.0, "decode": 0.0}
-        self.encode()
-        self.decode()
+        for way in self.best:
+            self.measure(way)
 
-    def encode(self) -> float:
-        """Encoded symbols per second."""
-        coder = _coder(SYMBOLS)
-        start(coder.reg, ENCODE)
-        bits = self._bits.copy()
-        seconds, _ = best(1, lambda: _code_all(coder, self._context, bits))
-        self._run = finish(coder)
-        self.best["encode"] = max(self.best["encode"], SYMBOLS / seconds)
-        return SYMBOLS / seconds
+    def measure(self, way: str) -> float:
+        """Encoded or decoded symbols per second."""
+        assert self._process.stdin and self._process.stdout
+        print(way, file=self._process.stdin, flush=True)
+        answer = self._process.stdout.readline()
+        if not answer:
+            raise SystemExit("the calibration failed, see above")
+        self.best[way] = max(self.best[way], float(answer))
+        return float(answer)
 
-    def decode(self) -> float:
-        """Decoded symbols per second; the symbols are compared."""
-        coder = _coder(len(self._run))
-        coder.buf[:] = np.frombuffer(self._run, np.uint8)
-        start(coder.reg, DECODE)
-        coder.reg[END] = len(self._run)
-        coder.reg[FINAL] = 1
-        bits = np.zeros(SYMBOLS, np.int64)
-        seconds, _ = best(1, lambda: _code_all(coder, self._context, bits))
-        if not np.array_equal(bits, self._bits):
-            raise SystemExit("the range coder did not decode what it encoded")
-        self.best["decode"] = max(self.best["decode"], SYMBOLS / seconds)
-        return SYMBOLS / seconds
+    def close(self) -> None:
+        """End the process."""
+        self._process.communicate()
 
 
 # ---- Speed ----------------------------------------------------------------------------------------------------------
@@ -150,10 +120,10 @@ def speed(argument: str, profile: str, repeat: int, calibration: Calibration) ->
         data, decoder = b"", None
         # In turns, so that a slow moment of the machine meets all of them.
         for _ in range(repeat):
-            alone["encode"] = max(alone["encode"], calibration.encode())
+            alone["encode"] = max(alone["encode"], calibration.measure("encode"))
             took, data = best(1, lambda: isocodec.encode(field, isovalue, **options))  # noqa: B023
             seconds["encode"] = min(seconds["encode"], took)
-            alone["decode"] = max(alone["decode"], calibration.decode())
+            alone["decode"] = max(alone["decode"], calibration.measure("decode"))
             took, decoder = best(1, lambda: decoded(data))  # noqa: B023
             seconds["decode"] = min(seconds["decode"], took)
             took, _ = best(1, decoder.drawn)
@@ -175,15 +145,12 @@ def speed(argument: str, profile: str, repeat: int, calibration: Calibration) ->
 # ---- Fresh processes ------------------------------------------------------------------------------------------------
 
 
-def fresh(program: str, *arguments: str, cache: str | None = None) -> tuple[float, str]:
+def fresh(program: str, *arguments: str) -> tuple[float, str]:
     """Wall-clock seconds of a Python program in a process of its own, and what it printed."""
-    environment = dict(os.environ)
-    if cache is not None:
-        environment["NUMBA_CACHE_DIR"] = cache
     started = time.perf_counter()
     done = subprocess.run(
         [sys.executable, "-c", textwrap.dedent(program), *arguments],
-        env=environment, check=True, capture_output=True, text=True, stdin=subprocess.DEVNULL,
+        check=True, capture_output=True, text=True, stdin=subprocess.DEVNULL,
     )  # fmt: skip
     return time.perf_counter() - started, done.stdout
 
@@ -201,37 +168,22 @@ USE = """
 """
 
 
-def first_use() -> dict[str, float]:
-    """Seconds until a curve, and a surface too, are encoded and decoded, with an empty cache and with a full one."""
-    out: dict[str, float] = {}
-    with tempfile.TemporaryDirectory() as cache:
-        for name in ("first", "second"):
-            before = os.times().children_user
-            total, printed = fresh(USE, cache=cache)
-            curve, both = map(float, printed.split())
-            out |= {f"{name}_use_curve_s": curve, f"{name}_use_both_s": both, f"{name}_use_process_s": total}
-            out[f"{name}_use_processor_s"] = os.times().children_user - before
-    return out
+def first_use(repeat: int) -> dict[str, float]:
+    """Seconds until a new process has encoded and decoded a curve, and a surface too, and until it has ended."""
+    process, printed = min(fresh(USE) for _ in range(repeat))
+    curve, both = map(float, printed.split())
+    return {"first_use_curve_s": curve, "first_use_both_s": both, "first_use_process_s": process}
 
 
-INFO = """
-    import sys
-    from isocodec.cli import main
-    main(["info", sys.argv[1], "--json"], standalone_mode=False)
-    print("numba" in sys.modules)
-"""
-
-
-def info(repeat: int) -> dict[str, Any]:
-    """Seconds of ``isocodec info`` as a process, and whether it loads numba."""
+def info(repeat: int) -> dict[str, float]:
+    """Seconds of ``isocodec info`` as a process."""
     field = np.load(DATA / "jacksboro_fault_dem.npz")["values"]
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder, "terrain.iso")
         path.write_bytes(isocodec.encode(field, 500.5))
         command = [sys.executable, "-m", "isocodec", "info", str(path)]
         seconds, _ = best(repeat, lambda: subprocess.run(command, check=True, capture_output=True))
-        _, printed = fresh(INFO, str(path))
-    return {"info_s": seconds, "info_loads_numba": printed.split()[-1] == "True"}
+    return {"info_s": seconds}
 
 
 CIRCLE = """
@@ -334,9 +286,10 @@ def main() -> None:
     report: dict[str, Any] = {"speed": []}
     for argument in chosen.fields or [str(DATA / name) for name in DEMO]:
         report["speed"] += speed(argument, chosen.profile, chosen.repeat, calibration)
+    calibration.close()
     report["calibration"] = calibration.best
     if not chosen.speed_only:
-        report["first_use"] = first_use()
+        report["first_use"] = first_use(chosen.repeat)
         report["info"] = info(chosen.repeat)
         if chosen.side and sys.platform == "linux":
             report["circle"] = circle(chosen.side)

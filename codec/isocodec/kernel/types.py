@@ -23,7 +23,7 @@ from ..errors import KernelError
 SLOT = 8
 """Bytes of a slot."""
 PIECES = "pieces"
-"""Under which the slots of a record's members are noted with it."""
+"""Under which the slots of a record's members are noted with it, by the type that it was taken for."""
 
 
 @dataclass(frozen=True)
@@ -105,7 +105,7 @@ class Record:
             return notes[self.name]
         if not isinstance(value, tuple) or len(value) != len(self.members):
             raise TypeError(f"{type(value).__name__} instead of {self}")
-        known = notes.setdefault(PIECES, {})
+        known = notes.setdefault(PIECES, {}).setdefault(self.name, {})
         pieces = []
         for (name, kind), member in zip(self.members, value, strict=True):
             if name not in known:
@@ -160,8 +160,10 @@ def record(cls: T) -> T:
 
     def _replace(self: Any, **changes: Any) -> Any:
         out = cls._replace(self, **changes)  # type: ignore[attr-defined]
-        known = self.__dict__.get(PIECES, {})
-        out.__dict__[PIECES] = {name: piece for name, piece in known.items() if name not in changes}
+        out.__dict__[PIECES] = {
+            kind: {name: piece for name, piece in known.items() if name not in changes}
+            for kind, known in self.__dict__.get(PIECES, {}).items()
+        }
         return out
 
     made = type(cls.__name__, (cls,), {"__doc__": cls.__doc__, "__module__": cls.__module__, "_replace": _replace})
