@@ -26,7 +26,8 @@ pytestmark = [
     pytest.mark.skipif(shutil.which("node") is None, reason="node is not installed"),
 ]
 BUILDER = Path(__file__).parents[1] / "tools" / "kernels"
-VECTORS = [vector for vector in read_manifest(default_directory()) if vector.level == 0]
+VECTORS = [vector for vector in read_manifest(default_directory()) if vector.level < 2]
+"""All but those that copy hundreds of megabytes back and forth."""
 PARTS = 4
 """Vectors are run in so many tests, which may go side by side."""
 LARGEST = 60_000
@@ -91,7 +92,7 @@ def test_the_decoder_is_small(built: Path):
 
 @pytest.mark.parametrize("part", range(PARTS))
 def test_vectors(decoder: Runner, part: int):
-    """Every vector of level 0 is decoded, or refused, as it has to be."""
+    """Every vector is decoded, or refused, as it has to be."""
     with decoder.at_work():
         results = list(runner.run(VECTORS[part::PARTS], default_directory(), runner.reference))
     assert [result for result in results if not result.passed] == []
