@@ -5,7 +5,6 @@ Nothing here uses the codec's tables; the mesh comes from the root cube by Mauba
 
 from __future__ import annotations
 
-import os
 from functools import cache, lru_cache
 from itertools import permutations
 
@@ -15,8 +14,9 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from isoconform.meshes import Mesh, closed, exponent, parents
+from isoconform.plain import interpreted
 
-INTERPRETED = os.environ.get("NUMBA_DISABLE_JIT", "0") not in ("", "0")
+INTERPRETED = interpreted()
 
 
 def examples(count: int) -> settings:

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from hypothesis import settings
 
+from brute import INTERPRETED
 from commands import BALL, HILLS
 from isocodec import encode
 
@@ -17,7 +18,7 @@ from isocodec import encode
 settings.register_profile("default", deadline=None)
 settings.register_profile("ci", deadline=None, derandomize=True, database=None, print_blob=True)
 settings.register_profile("interpreted", deadline=None, derandomize=True, database=None, max_examples=3)
-if os.environ.get("NUMBA_DISABLE_JIT", "0") not in ("", "0"):
+if INTERPRETED:
     settings.load_profile("interpreted")
 else:
     settings.load_profile("ci" if os.environ.get("CI") else "default")

@@ -27,7 +27,6 @@ from isocodec.entropy.main import (
     shipped_models,
 )  # fmt: skip
 from isocodec.entropy.opinion import weighed
-from isocodec.jit import kernel
 from isocodec.mesh.access import dimension
 from isocodec.mesh.store import get
 from isocodec.mesh.tables import cube_exponent
@@ -84,7 +83,6 @@ def test_vertices_around_a_middle(n, phase):
 # -- arithmetic --------------------------------------------------------------------------------------------------------
 
 
-@kernel
 def _code(cd, net, flip, kind, ctx, rows, bit):
     clear(cd)
     for row in rows:
@@ -147,7 +145,6 @@ symbols = st.tuples(
 )  # fmt: skip
 
 
-@kernel
 def _weighed(row, table, out):
     return weighed(row, table, out)
 
@@ -254,12 +251,10 @@ def test_main_is_the_default_and_smaller(n):
         assert len(small) < 0.9 * len(isocodec.encode(field, 0.1, profile="baseline", **options))
 
 
-@kernel
 def _surveyed(state):
     return survey(state)
 
 
-@kernel
 def _around(state, cd, w0, w1, w2):
     clear(cd)
     return see_around(state, cd, state.at[LEVEL] % dimension(state.tables), w0, w1, w2)

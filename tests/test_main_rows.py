@@ -24,7 +24,6 @@ from isocodec.entropy.main import (
     shipped_models,
 )  # fmt: skip
 from isocodec.grid.field import check_field
-from isocodec.jit import kernel
 from isocodec.mesh.access import dimension, vertex
 from isocodec.mesh.store import get
 from isocodec.mesh.tables import cube_exponent
@@ -43,31 +42,26 @@ from isocodec.stream.strategy import grid_plan, reduced
 SHAPES = [(34, 29), (13, 12, 14)]
 
 
-@kernel
 def _nearby(st, cd, near, told, i, number, v, p):
     see_nearby(st, cd, near, told, i, number, v, p)
 
 
-@kernel
 def _mesh(st, cd, what, history, level, x, y, z):
     clear(cd)
     see_mesh(st, cd, what, history, level, x, y, z)
 
 
-@kernel
 def _behind(st, cd, level, cls, b0, b1, b2, opp, guess, case, other):
     clear(cd)
     see_behind(st, cd, level, cls, b0, b1, b2, opp, guess, case, other)
 
 
-@kernel
 def _sign(st, cd, w0, w1, w2, crossed):
     survey(st)
     r = st.at[LEVEL] % dimension(st.tables)
     _see(st, cd, r, w0, w1, w2, crossed, 0, np.int64(1), np.int64(-1), np.int64(0))
 
 
-@kernel
 def _crowd(st, cd, what, shift, x, y, z, hits, child, nearness):
     clear(cd)
     see_crowd(st, cd, what, shift, x, y, z, hits, child, nearness)

@@ -15,7 +15,7 @@ from brute import blobs, crossing_edges, crossing_points, examples, lattice, mix
 from isocodec import Decoder, Encoder
 from isocodec.entropy.coder import ENCODE, END, FINAL, finish, start
 from isocodec.grid.field import interval_value
-from isocodec.jit import DONE, NEED
+from isocodec.kernel import DONE, NEED
 from isocodec.mesh.tables import cube_exponent
 from isocodec.passes import snapshot
 from isocodec.stream.events import BaseComplete, GeometryRefined, LayerComplete, LevelComplete

@@ -20,7 +20,6 @@ from numpy.typing import NDArray
 
 from brute import crossing_points, examples, mesh_leaves, mixed_leaves, sign_fields, simplices, smooth
 from isocodec.grid.field import check_field
-from isocodec.jit import kernel
 from isocodec.mesh.chosen import has
 from isocodec.passes.mesh import newest
 from isocodec.reduce.domain import number_of, place_of
@@ -317,7 +316,6 @@ def test_keep(shape):
 # -- distances -------------------------------------------------------------------------------------------------------
 
 
-@kernel
 def fractions(dm, edges, out):
     for i in range(len(edges)):
         e = edges[i]

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import os
 import subprocess
 import sys
 from collections.abc import Sequence
@@ -149,12 +148,13 @@ def _dump(options: argparse.Namespace) -> int:
 
 
 def _explain(options: argparse.Namespace) -> int:
-    from .explain import explained, interpreted
+    from .explain import explained
+    from .plain import environment, interpreted
 
     if not interpreted():
         # kernels that are compiled cannot be listened to
         words = [sys.executable, "-m", "isoconform", "explain", str(options.file)]
-        return subprocess.run(words, env={**os.environ, "NUMBA_DISABLE_JIT": "1"}, check=False).returncode
+        return subprocess.run(words, env=environment(), check=False).returncode
     print("\n".join(explained(options.file.read_bytes())))
     return 0
 

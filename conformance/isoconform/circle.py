@@ -1,15 +1,14 @@
 """A circle of 200 cells in a domain of 100,000 x 100,000: decoding must follow the curve, not the domain.
 
 Nobody holds ten thousand million samples: the encoder is given an object that works out a sign when asked for it, by
-integers. Compiled kernels take arrays only, so this module runs with compilation switched off, in a process of its
-own (``python -m isoconform.circle``, see ``drafts``). There, and only there, ``main`` replaces what looks at the field
+integers. Compiled kernels take arrays only, so this module runs them as plain Python, in a process of its own
+(``python -m isoconform.circle``, see ``drafts``). There, and only there, ``main`` replaces what looks at the field
 as a whole by what knows where the circle is: the blocks that the curve passes, the cubes that see both signs, the
 search for new components. The symbols coded are those of the ordinary encoder.
 """
 
 from __future__ import annotations
 
-import os
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -23,6 +22,7 @@ from isocodec.stream.header import Header
 from isocodec.stream.program import Layer
 
 from .draft import Draft
+from .plain import environment
 from .streams import planned, rounds, sign_tube
 
 SIDE = 100_000
@@ -90,7 +90,7 @@ def _find(st, busy: object, found: NDArray[np.int64]) -> int:
 
 
 def main(name: str) -> bytes:
-    """A file of the circle; to be called in a process without compilation."""
+    """A file of the circle; to be called in a process that runs kernels as plain Python."""
     Truth.busy = np.zeros((1, 1, 1), np.bool_)  # type: ignore[assignment]
     Truth.pyramid = lambda *_: (np.zeros(1, np.uint8), np.zeros((1, 4), np.int64))  # type: ignore[method-assign]
     seek._mixed_cube = _mixed_cube
@@ -103,8 +103,7 @@ def drafts() -> Iterator[Draft]:
     """All vectors of this module, each made by a process of its own."""
     for name, plan in PLANS.items():
         command = [sys.executable, "-m", f"{__package__}.circle", name]
-        environment = {**os.environ, "NUMBA_DISABLE_JIT": "1", "PYTHONPATH": os.pathsep.join(p for p in sys.path if p)}
-        data = subprocess.run(command, env=environment, stdout=subprocess.PIPE, check=True).stdout
+        data = subprocess.run(command, env=environment(), stdout=subprocess.PIPE, check=True).stdout
         about = ("a small circle in a domain of 100,000 x 100,000", "single rate" if len(plan) == 1 else "12 rounds")
         yield Draft(name, data, 2, about, layers=len(plan) > 1)
 

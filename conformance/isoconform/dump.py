@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 
-from isocodec.errors import FormatError, IsoError, LimitError, TruncatedError
+from isocodec.errors import FormatError, IsoError, KernelError, LimitError, TruncatedError
 from isocodec.limits import Limits
 from isocodec.stream.decoder import Decoder
 from isocodec.stream.events import Event, IsovalueRead, LayerComplete
@@ -80,6 +80,9 @@ def dump(data: bytes, *, layers: int = 0, piece: int = 0, limits: Limits | None 
             decoder.close()
     except TruncatedError as cut:
         code, error = cut.exit_code, cut
+    except KernelError:
+        # the file is not to blame
+        raise
     except IsoError as wrong:
         return Output(wrong.exit_code, "", wrong, {}, events)
     return Output(code, canonical(decoder), error, decoder.symbols, events)

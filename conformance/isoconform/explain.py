@@ -5,7 +5,6 @@ Damaged and cut files are explained as far as they can be read, and then the ref
 
 from __future__ import annotations
 
-import os
 import subprocess
 import sys
 import zlib
@@ -22,9 +21,8 @@ from isospec.container import ChunkType, IsovalueKind, Operation, Profile
 from .damage import fields_of
 from .dump import COMPLETE
 from .meshes import exponent
-from .trace import Symbol, Tracer, interpreted
-
-__all__ = ["explained", "explanation", "interpreted"]
+from .plain import environment
+from .trace import Symbol, Tracer
 
 WIDE = 16
 """Bytes in a row."""
@@ -156,7 +154,7 @@ def _spoken(layer: Layer) -> str:
 
 
 def explained(data: bytes) -> list[str]:
-    """The lines of an annotated dump; the kernels have to be interpreted (see `isoconform.trace`)."""
+    """The lines of an annotated dump; the kernels have to be interpreted (see `plain`)."""
     reader = _Reader(data)
     try:
         reader.read()
@@ -208,9 +206,7 @@ def _outcome(tracer: Tracer) -> str:
 
 
 def explanation(path: Path) -> str:
-    """The dump of a file as text, by a process of its own that interprets the kernels."""
-    done = subprocess.run(
-        [sys.executable, "-m", "isoconform", "explain", str(path)], capture_output=True, check=True, text=True,
-        env={**os.environ, "NUMBA_DISABLE_JIT": "1", "PYTHONPATH": os.pathsep.join(p for p in sys.path if p)},
-    )  # fmt: skip
-    return done.stdout
+    """The dump of a file as text, by a process of its own that interprets the kernels; if it fails, with what."""
+    command = [sys.executable, "-m", "isoconform", "explain", str(path)]
+    done = subprocess.run(command, capture_output=True, check=False, text=True, env=environment())
+    return done.stdout if done.returncode == 0 else "".join(done.stderr.splitlines(keepends=True)[-1:])

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from random import Random
 
 from isocodec.entropy.coder import POS, UNKNOWN
-from isocodec.errors import IsoError, LimitError, TruncatedError
+from isocodec.errors import FormatError, IsoError, LimitError, TruncatedError
 from isocodec.limits import Limits
 from isocodec.stream.decoder import Decoder
 from isocodec.stream.events import LayerComplete
@@ -80,7 +80,7 @@ def probe(data: bytes) -> Probe:
         decoder.close()
     except TruncatedError:
         pass
-    except IsoError as wrong:
+    except (FormatError, LimitError) as wrong:
         error = wrong
     except Exception as bug:
         raise ReferenceBroke(data) from bug

@@ -13,7 +13,7 @@ from isocodec.entropy.baseline import models, rates
 from isocodec.entropy.coder import ENCODE, REGISTERS, Coder, finish, start
 from isocodec.entropy.main import no_blend
 from isocodec.grid.field import Field
-from isocodec.jit import DONE
+from isocodec.kernel import DONE
 from isocodec.limits import Limits
 from isocodec.mesh.chosen import Chosen
 from isocodec.passes.tube import Truth, Tube

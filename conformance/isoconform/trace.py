@@ -1,11 +1,10 @@
 """What the reference decoder reads, symbol by symbol: it runs as plain Python, with ears in the coder.
 
-The kernels have to be interpreted: ``NUMBA_DISABLE_JIT=1`` before isocodec is imported.
+The process has to run kernels as plain Python (see `plain`).
 """
 
 from __future__ import annotations
 
-import os
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -15,10 +14,14 @@ from typing import Any
 
 from isocodec.entropy import baseline, blend, coder
 from isocodec.errors import IsoError
+from isocodec.kernel import Execution
+from isocodec.kernel.execution import SETTING
 from isocodec.passes.state import VERTICES
 from isocodec.stream.decoder import Decoder
 from isocodec.stream.events import LayerComplete
 from isocodec.stream.program import Layer
+
+from .plain import interpreted
 
 CONTEXTS = (
     ("ORIGIN", "ORIGIN", "origin", (3,)), ("COMPONENT", "COMPONENT", "component", ()),
@@ -93,11 +96,6 @@ def context_name(number: int, mixed: bool) -> tuple[str, str]:
     raise ValueError(f"no context has the number {number}")
 
 
-def interpreted() -> bool:
-    """Whether kernels run as plain Python."""
-    return os.environ.get("NUMBA_DISABLE_JIT", "0") not in ("", "0")
-
-
 def _place(position: Sequence[int]) -> str:
     return f"({', '.join(map(str, position))})"
 
@@ -120,7 +118,7 @@ class Tracer:
 
     def __init__(self, data: bytes) -> None:
         if not interpreted():
-            raise RuntimeError("symbols are seen with NUMBA_DISABLE_JIT=1 only")
+            raise RuntimeError(f"symbols are seen with {SETTING}={Execution.PYTHON.value} only")
         self.decoder = Decoder()
         self.symbols: list[Symbol] = []
         self.error: IsoError | None = None

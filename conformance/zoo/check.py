@@ -31,7 +31,7 @@ sources in plain Python, and checks every row. {count} misreadings, {vectors} ve
     python conformance/zoo decoder NAME {{file}}   # runs it as `isoconform dump`
     python conformance/zoo table                 # writes this file
 
-What `plant` writes runs as `NUMBA_DISABLE_JIT=1 PYTHONPATH=DIRECTORY python -m isoconform dump`.
+What `plant` writes runs as `ISOCODEC_KERNELS=python PYTHONPATH=DIRECTORY python -m isoconform dump`.
 
 What clause 9 says of drawings is not part of the decoded state, and neither are the isovalue and the scale but for what
 they do to isovalues that lean on another one: no vector can tell how they were read.

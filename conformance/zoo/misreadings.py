@@ -10,6 +10,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from isocodec.kernel import Execution
+from isocodec.kernel.execution import SETTING
+
 HOME = Path(__file__).resolve().parent
 ROOT = HOME.parent.parent
 PACKAGES = ("codec/isocodec", "spec/isospec", "conformance/isoconform")
@@ -120,7 +123,7 @@ def plant(misreading: Misreading, directory: Path) -> None:
     directory.mkdir(parents=True, exist_ok=True)
     for package in PACKAGES:
         shutil.copytree(
-            ROOT / package, directory / Path(package).name, ignore=shutil.ignore_patterns("__pycache__"),
+            ROOT / package, directory / Path(package).name, ignore=shutil.ignore_patterns("__pycache__", "built"),
             dirs_exist_ok=True,
         )  # fmt: skip
     for file, text in texts.items():
@@ -130,10 +133,10 @@ def plant(misreading: Misreading, directory: Path) -> None:
 
 def environment(directory: Path, misreading: Misreading | None = None) -> dict[str, str]:
     """Environment in which Python imports the packages of a directory, not compiled unless a misreading asks for it."""
-    compiled = misreading is not None and misreading.compiled
-    disabled = {"NUMBA_DISABLE_JIT": "0" if compiled else "1"}
-    # the caches of kernels and of modules stay in the copy, or are not written at all
-    return {**os.environ, **disabled, "PYTHONPATH": str(directory), "PYTHONDONTWRITEBYTECODE": "1"}
+    execution = Execution.NUMBA if misreading is not None and misreading.compiled else Execution.PYTHON
+    return {
+        **os.environ, SETTING: execution.value, "PYTHONPATH": str(directory), "PYTHONDONTWRITEBYTECODE": "1",
+    }  # fmt: skip
 
 
 def by_name(misreadings: Sequence[Misreading], names: Sequence[str]) -> list[Misreading]:

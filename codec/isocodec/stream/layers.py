@@ -11,7 +11,7 @@ from isospec.container import ChunkType
 from isospec.elements import BY_LAYER, ELEMENTS
 
 from ..entropy.coder import DECODE, END, FINAL, LEFT, POS, UNKNOWN, UNLIMITED, Coder, start
-from ..errors import FormatError, IsoError, LimitError
+from ..errors import FormatError, LimitError
 from ..kernel import CUT, DONE
 from ..limits import WORK_LIST, WORK_PER_BYTE, WORK_STEPS, Limits
 from ..passes.tube import Tube, out_of_steps
@@ -158,7 +158,7 @@ class LayerReader:
                     status = self._tube.advance()
                 if sum(tube.steps for tube in self._tubes if tube) >= self.limits.steps:
                     raise out_of_steps(self.limits)
-            except IsoError as error:
+            except (FormatError, LimitError) as error:
                 error.offset = self._run + min(_shifts(coder), self._run_read)
                 raise
             if status == CUT:
