@@ -255,10 +255,10 @@ def test_who_names_an_isovalue_is_not_told_of_others(tmp_path):
 def test_memory_that_ends_anywhere_has_its_exit_code(tmp_path, monkeypatch):
     (tmp_path / "in.iso").write_bytes(TWO)
 
-    def ends() -> None:
+    def ends(*_: object) -> None:
         raise MemoryError
 
-    monkeypatch.setattr("isocodec.cli.decode.load_kernels", ends)
+    monkeypatch.setattr("isocodec.cli.decode.limits_of", ends)
     assert "not enough memory" in fails(6, "decode", tmp_path / "in.iso", "-o", tmp_path / "a.npz")
 
 

@@ -1,20 +1,28 @@
-"""The same bytes everywhere: frozen digests, and kernels that are compiled or interpreted."""
+"""The same bytes everywhere: frozen digests, and kernels from the library, compiled by numba, or as plain Python."""
 
 from __future__ import annotations
 
+import copy
 import json
 import os
 import subprocess
 import sys
-import tempfile
 from pathlib import Path
+from typing import Any
 
+import numpy as np
 import pytest
 
 import isocodec
-from brute import INTERPRETED
-from isocodec.jit import drop_stale_kernels
+from brute import INTERPRETED, smooth
+from isocodec.kernel import EXECUTION, Execution
+from isocodec.kernel.call import Kernel
+from isocodec.kernel.execution import SETTING
 from make_goldens import CASES, PATH, SMALL, digests
+
+sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "tools" / "kernels"))
+
+from front import kernels
 
 
 @pytest.mark.parametrize("name", SMALL if INTERPRETED else list(CASES))
@@ -25,16 +33,88 @@ def test_goldens(name):
     assert digests(name) == goldens[name]
 
 
-def test_interpreted_kernels_give_the_same():
-    """Without numba's compiler, in another process: the same bytes and the same decoded state, n = 2 and 3."""
+@pytest.mark.skipif(EXECUTION is not Execution.LIBRARY, reason="tried from there")
+@pytest.mark.parametrize("execution", ["python", "numba"])
+def test_other_executions_give_the_same(execution):
+    """In another process: the same bytes and the same decoded state, n = 2 and 3."""
     assert {CASES[name][0].ndim for name in SMALL} == {2, 3}
-    environment = {**os.environ, "NUMBA_DISABLE_JIT": "1", "PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
+    environment = {**os.environ, SETTING: execution, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
     script = str(PATH.with_name("make_goldens.py"))
     done = subprocess.run(
-        [sys.executable, script, "--print", *SMALL], env=environment, capture_output=True, text=True, timeout=300
+        [sys.executable, script, "--print", *SMALL], env=environment, capture_output=True, text=True, timeout=600
     )
     assert done.returncode == 0, done.stderr
     assert json.loads(done.stdout) == {name: digests(name) for name in SMALL}
+
+
+def doubled(value: Any, copies: dict[int, Any]) -> Any:
+    """An argument of a kernel, its arrays copied; one that comes again is the same copy again."""
+    if isinstance(value, tuple):
+        return type(value)._make(doubled(member, copies) for member in value)  # type: ignore[attr-defined]
+    return copies.setdefault(id(value), copy.copy(value))
+
+
+def contents(value: Any) -> Any:
+    """What can be compared of an argument of a kernel, or of what it returned, to the last bit."""
+    if isinstance(value, tuple):
+        return tuple(map(contents, value))
+    if isinstance(value, np.ndarray):
+        return value.tobytes()
+    return np.float64(value).tobytes() if isinstance(value, float) else value
+
+
+@pytest.fixture
+def twice(monkeypatch):
+    """Each call of a kernel is made twice, to what is compiled and to its source; names of those that were called."""
+    compiled, called = Kernel.__call__, set()
+
+    def both(kernel: Kernel, *arguments: Any) -> Any:
+        copies: dict[int, Any] = {}
+        others = [doubled(argument, copies) for argument in arguments]
+        result = compiled(kernel, *arguments)
+        assert contents(result) == contents(kernel.function(*others)), kernel.name
+        for (name, _), mine, other in zip(kernel.signature.arguments, arguments, others, strict=True):
+            assert contents(mine) == contents(other), f"{kernel.name}: {name}"
+        called.add(f"isocodec.{kernel.name}")
+        return result
+
+    monkeypatch.setattr(Kernel, "__call__", both)
+    return called
+
+
+@pytest.mark.skipif(INTERPRETED, reason="nothing is compiled")
+def test_compiled_kernels_do_what_their_source_says(twice):
+    """All of them: to the last bit, what they return and what becomes of arrays."""
+    leaves = {0.5: [("base", 3)], 5.5: [("leaf_base",), ("refine", None)]}
+    for shape in ((9, 11), (4, 5, 6)):
+        field = np.rint(100 * smooth(shape, 3)).astype(np.int64)
+        for options in (
+            {"exact": True, "base_level": 2}, {"criterion": "curvature", "parameter": 0.5, "tolerance": 0.2},
+            {"criterion": "distortion", "parameter": 0.5, "tolerance": 0.2, "preserve_topology": True},
+            {"plan": leaves}, {"signs_only": True, "profile": "baseline"},
+        ):  # fmt: skip
+            isocodec.decode_all(isocodec.encode(field, [0.5, 5.5], **options), smooth=True)
+    for shape in ((6, 7), (3, 4, 4)):
+        field = np.rint(100 * smooth(shape, 3)).astype(np.int64)
+        data = isocodec.encode(field, 0.5, tolerance=0.05)
+        assert np.array_equal(isocodec.decode_mask(data), field > 0.5)
+        isocodec.encode(field, 0.5, tolerance=0.5)
+    assert twice == {f"{found.module}.{found.name}" for found in kernels()}
+
+
+@pytest.mark.skipif(INTERPRETED, reason="nothing is compiled")
+def test_rows_are_weighed_alike(twice):
+    """Weights as large as they may be, where products and totals go beyond 32 bits, and sums of either sign."""
+    field = np.rint(100 * smooth((9, 11), 3)).astype(np.int64)
+    rng = np.random.default_rng(1)
+    encoder = isocodec.Encoder(field, 0.5, exact=True)
+    tube = encoder._strands[0].tube
+    blend = tube.coder.blend
+    weight = rng.integers(-(1 << 17), 1 << 17, blend.weight.shape).astype(blend.weight.dtype)
+    out = rng.integers(-(1 << 31), 1 << 31, blend.out.shape).astype(blend.out.dtype)
+    tube.coder = tube.coder._replace(blend=blend._replace(weight=weight, out=out))
+    assert b"".join(encoder) != isocodec.encode(field, 0.5, exact=True)
+    assert "isocodec.passes.geometry.values" in twice
 
 
 @pytest.mark.parametrize("name", SMALL)
@@ -44,31 +124,3 @@ def test_nothing_is_left_behind(name):
     first = isocodec.encode(field, isovalue, **options)
     isocodec.encode(field.T, isovalue + 1, signs_only=True)
     assert isocodec.encode(field, isovalue, **options) == first
-
-
-def test_kernels_of_other_sources_are_dropped(tmp_path: Path):
-    """Whatever the times of the files: archives and package managers set them as they like."""
-    folder = tmp_path / "kernels"
-    drop_stale_kernels.cache_clear()
-    drop_stale_kernels(folder, "first")
-    for name in ("kernel.nbi", "kernel.1.nbc", "module.pyc"):
-        (folder / name).touch()
-    drop_stale_kernels.cache_clear()
-    drop_stale_kernels(folder, "first")
-    assert len(list(folder.glob("*.nb[ic]"))) == 2
-    drop_stale_kernels(folder, "second")
-    assert {path.name for path in folder.iterdir()} == {"module.pyc", "sources.txt"}
-
-
-def test_kernels_are_noted_to_be_of_these_sources():
-    """The note says what they were compiled from wherever numba keeps them; indices that are checked are another."""
-    program = "from isocodec.passes.base import base; print(getattr(base, 'stats').cache_path)"
-    with tempfile.TemporaryDirectory() as folder:
-        notes = []
-        for checked in ("0", "1"):
-            environment = {**os.environ, "NUMBA_CACHE_DIR": folder, "NUMBA_BOUNDSCHECK": checked}
-            environment |= {"NUMBA_DISABLE_JIT": "0", "PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
-            done = subprocess.run([sys.executable, "-c", program], env=environment, capture_output=True, text=True)
-            assert done.returncode == 0, done.stderr
-            notes.append((Path(done.stdout.strip()) / "sources.txt").read_text())
-    assert len(notes[0]) == 64 and notes[0] != notes[1]

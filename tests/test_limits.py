@@ -366,7 +366,6 @@ def test_contours_of_a_file_are_drawn_one_after_the_other(tmp_path, monkeypatch)
         alive.append(weakref.ref(contour))
         return contour
 
-    monkeypatch.setattr("isocodec.cli.decode.load_kernels", lambda: None)
     monkeypatch.setattr(Decoder, "drawn", noted)
     for suffix in (".svg", ".geojson"):
         alive.clear()

@@ -145,20 +145,16 @@ symbols = st.tuples(
 )  # fmt: skip
 
 
-def _weighed(row, table, out):
-    return weighed(row, table, out)
-
-
 @examples(60)
 @given(rows=st.lists(st.integers(0, 6), max_size=60), seed=st.integers(0, 99))
 def test_rows_are_weighed(rows, seed):
-    """Vectors give what plain numbers do: sums of any sign, weights of 32 bits, products and totals beyond them."""
+    """As plain numbers are: sums of any sign, weights of 32 bits, products and totals beyond them."""
     rng = np.random.default_rng(seed)
     table = rng.integers(-(1 << 17), 1 << 17, (7, HIDDEN)).astype(np.int32)
     out = rng.integers(-(1 << 31), 1 << 31, HIDDEN + 1).astype(np.int32)
     expected = sum(max(sum(int(table[row, j]) for row in rows), 0) * int(out[j]) for j in range(HIDDEN))
     row = np.array([len(rows), *rows, 5, 5])
-    assert _weighed(row, table, out) == weighed(row, table, out) == expected
+    assert weighed(row, table, out) == expected
 
 
 @examples(60)
@@ -251,10 +247,6 @@ def test_main_is_the_default_and_smaller(n):
         assert len(small) < 0.9 * len(isocodec.encode(field, 0.1, profile="baseline", **options))
 
 
-def _surveyed(state):
-    return survey(state)
-
-
 def _around(state, cd, w0, w1, w2):
     clear(cd)
     return see_around(state, cd, state.at[LEVEL] % dimension(state.tables), w0, w1, w2)
@@ -270,7 +262,7 @@ def test_rows_of_known_vertices_around(shape, back):
     tube = encoder._strands[0].tube
     tube._grow()
     state = tube.state
-    while not _surveyed(state):
+    while not survey(state):
         tube._grow()
         state = tube.state
     level, g = full - back, int(state.at[EDGE]) // 2

@@ -42,10 +42,6 @@ from isocodec.stream.strategy import grid_plan, reduced
 SHAPES = [(34, 29), (13, 12, 14)]
 
 
-def _nearby(st, cd, near, told, i, number, v, p):
-    see_nearby(st, cd, near, told, i, number, v, p)
-
-
 def _mesh(st, cd, what, history, level, x, y, z):
     clear(cd)
     see_mesh(st, cd, what, history, level, x, y, z)
@@ -127,7 +123,7 @@ def test_rows_of_values_nearby(shape, planes):
         v = active[i]
         if left[v] != p + 1:
             continue
-        _nearby(state, cd, near, told, *ints(i), number, *ints(v, p))
+        see_nearby(state, cd, near, told, *ints(i), number, *ints(v, p))
         here = np.array(state.vertex[v, :n], np.int64)
 
         def near_value(*step, here=here, v=v):

@@ -10,13 +10,11 @@ import pytest
 from hypothesis import settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, rule
-from numba import typeof
 
 import isocodec
 from brute import INTERPRETED
 from files import NAMES, files, picture, same_drawing, whole
 from isocodec import Decoder, Encoder, FormatError, OptionError, TruncatedError
-from isocodec.passes import tube
 from isocodec.passes.snapshot import state_of
 from isocodec.stream.container import read_envelope
 from isocodec.stream.events import BaseComplete, ChunkSkipped, End, HeaderRead, LayerComplete
@@ -376,29 +374,3 @@ def test_any_buffer_of_bytes(wrap):
     assert same_drawing(isocodec.decode(wrap(data)), isocodec.decode(data))
     assert same_drawing(isocodec.decode(wrap(data), max_bytes=60), isocodec.decode(data, max_bytes=60))
     assert isocodec.inspect(wrap(data)).complete
-
-
-def test_the_types_of_a_tubes_arrays_stay(monkeypatch):
-    """Kernels are called for the types of the first call without looking at them again."""
-    calls = []
-
-    def checked(kernel, *first):
-        types = typeof(first)
-
-        def call(*arguments):
-            assert typeof(arguments) == types
-            calls.append(kernel)
-            return kernel(*arguments)
-
-        return call
-
-    monkeypatch.setattr(tube, "compiled", checked)
-    field = picture((17, 22), 4)
-    for options in ({}, {"exact": True}, {"tolerance": 0.5}, {"signs_only": True, "profile": "baseline"}):
-        decoder = Decoder()
-        for byte in isocodec.encode(field, [0, 3, -2], **options):
-            decoder.feed(bytes([byte]))
-            for _ in decoder:
-                pass
-        assert decoder.complete
-    assert {kernel.__name__ for kernel in calls} == {"base", "significance", "refine", "go_on", "find"}

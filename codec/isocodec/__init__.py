@@ -14,7 +14,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from .api import decode, decode_all, decode_mask, encode, warm_up
+    from .api import decode, decode_all, decode_mask, encode
     from .contour import Contour
     from .errors import (
         FormatError,
@@ -50,14 +50,14 @@ if TYPE_CHECKING:
 __version__ = "0.1.0"
 
 _HOMES = {
-    "kernel": ("kernels",),
-    "api": ("decode", "decode_all", "decode_mask", "encode", "warm_up"),
+    "api": ("decode", "decode_all", "decode_mask", "encode"),
     "contour": ("Contour",),
     "errors": (
         "FormatError", "InputError", "IsoError", "KernelError", "LimitError", "MissingExtraError", "OptionError",
         "TruncatedError",
     ),
     "io.areas": ("areas",),
+    "kernel": ("kernels",),
     "limits": ("Limits",),
     "stream.decoder": ("Decoder",),
     "stream.events": (
@@ -103,7 +103,6 @@ __all__ = [
     "inspect",
     "kernels",
     "truncate",
-    "warm_up",
 ]
 
 

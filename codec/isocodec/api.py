@@ -239,19 +239,3 @@ def _chain(data: bytes, isovalue: float | None) -> tuple[int, frozenset[int]]:
     info = inspect(data)
     number = info.number_of(isovalue)
     return number, info.chain(number)
-
-
-def warm_up(search: bool = True) -> None:
-    """Load the kernels, compiling them if this is the first use after installation (about a minute).
-
-    Call it where a pause is acceptable; otherwise the first ``encode`` and ``decode`` do it on their way. Without
-    ``search`` those are left out that only the search for a tolerance needs.
-    """
-    y, x = np.mgrid[:40, :40]
-    hill = (y - 20) ** 2 + (x - 17) ** 2
-    for options in ({"tolerance": 0.3}, {"exact": True}):
-        data = encode(hill, 99.5, base_level=2, **options)
-        decode(data, smooth=True)
-    decode_mask(data)
-    if search:
-        encode(hill, 99.5, tolerance=1)

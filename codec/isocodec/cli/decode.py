@@ -10,7 +10,6 @@ import click
 
 from ..errors import FormatError
 from .options import iso_argument, json_option, limit_options, limits_of, output_option, partial_option, smooth_option
-from .progress import load_kernels
 from .receive import Drawings, receive, receive_all, warn_of_others
 from .report import check_output, concerning, read_iso, tell, warn, write_output
 
@@ -80,7 +79,6 @@ def decode_command(
 
     from ..stream.header import read_header
 
-    load_kernels()
     started = time.perf_counter()
     with concerning(source):
         found = read_header(data)

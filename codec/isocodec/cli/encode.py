@@ -12,7 +12,7 @@ import click
 
 from ..limits import FIELD_SAMPLES
 from .options import Isovalue, json_option, output_option
-from .progress import load_kernels, progress_bar
+from .progress import progress_bar
 from .quiet import one_warning
 from .report import check_iso_output, concerning, tell, warn, write_output
 
@@ -203,7 +203,6 @@ def encode_command(
             warn(source, place.remark)
         if place.crs is not None:
             notes.setdefault(CRS, place.crs)
-        load_kernels(search=tolerance is not None or steps is not None or preserve_topology or criterion is not None)
         started = time.perf_counter()
         with progress_bar("encoding") as progress:
             data = isocodec.encode(

@@ -10,7 +10,6 @@ import click
 
 from ..limits import Limits
 from .options import iso_argument, json_option, limit_options, limits_of, output_option, partial_option
-from .progress import load_kernels
 from .receive import receive, warn_of_others
 from .report import check_output, concerning, read_iso, tell
 
@@ -49,7 +48,6 @@ def mask_command(
 
     from ..grid.placement import read_placement
 
-    load_kernels()
     started = time.perf_counter()
     limits = limits_of(limit_memory, limit_work, limit_samples)
     decoder, number = receive(source, data, isovalue, partial, limits)

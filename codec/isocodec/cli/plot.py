@@ -9,7 +9,7 @@ import click
 
 from ..errors import OptionError, TruncatedError
 from .options import iso_argument, limit_options, limits_of, output_option, partial_option, smooth_option
-from .progress import load_kernels, progress_bar
+from .progress import progress_bar
 from .report import PARTIAL, check_output, concerning, read_iso, warn, write_output
 
 if TYPE_CHECKING:
@@ -56,7 +56,6 @@ def plot_command(
 
     import isocodec
 
-    load_kernels()
     with concerning(source), progress_bar("drawing") as progress:
         info = isocodec.inspect(data)
         number = info.number_of(isovalue)

@@ -9,8 +9,6 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
 
-import click
-
 from ..unfinished import undoing
 
 # Shorter work is over before a bar is read.
@@ -57,23 +55,3 @@ def progress_bar(label: str) -> Iterator[Callable[[int, int], None] | None]:
     finally:
         if bar is not None:
             bar.stop()
-
-
-def load_kernels(search: bool = False) -> None:
-    """Load the compiled kernels; after installation they are compiled first, and the user is told so.
-
-    With ``search`` those for encoding under a tolerance, too.
-    """
-    import threading
-
-    import isocodec
-
-    notice = threading.Timer(
-        3 * PATIENCE, click.echo, ["isocodec: compiling the kernels, once after installation ..."], {"err": True}
-    )
-    notice.daemon = True
-    notice.start()
-    try:
-        isocodec.warm_up(search)
-    finally:
-        notice.cancel()

@@ -14,7 +14,7 @@ from typing import Any
 
 import click
 
-from ..errors import FormatError, InputError, IsoError, LimitError, OptionError, TruncatedError
+from ..errors import FormatError, InputError, IsoError, KernelError, LimitError, OptionError, TruncatedError
 from ..text import plain
 
 EXIT_CODES = """\b
@@ -27,6 +27,7 @@ Exit codes:
   5  the .iso file is truncated
   6  over a limit (memory, work, number of samples, vertices, layers or isovalues)
   7  an optional library is missing
+  8  the compiled kernels cannot be loaded, or are of another version
   130, 143, 129  interrupted (SIGINT), terminated (SIGTERM, SIGHUP); nothing is left behind
 With ISOCODEC_DEBUG=1 in the environment errors show their traceback."""
 
@@ -47,9 +48,11 @@ class Failure(Exception):
 
 @contextmanager
 def concerning(path: str | os.PathLike[str]) -> Iterator[None]:
-    """Whatever goes wrong within is reported as being about ``path``."""
+    """Whatever goes wrong within is reported as being about ``path``, but for what is wrong with this installation."""
     try:
         yield
+    except KernelError:
+        raise
     except (IsoError, OSError) as exc:
         raise Failure(path, exc) from exc
     except MemoryError as exc:

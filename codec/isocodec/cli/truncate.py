@@ -7,7 +7,6 @@ from pathlib import Path
 import click
 
 from .options import iso_argument, json_option, limit_options, limits_of, output_option
-from .progress import load_kernels
 from .report import check_iso_output, concerning, read_iso, tell, warn, write_output
 
 
@@ -30,7 +29,6 @@ def truncate_command(
 
     import isocodec
 
-    load_kernels()
     with concerning(source):
         limits = limits_of(limit_memory, limit_work)
         cut = isocodec.truncate(data, layers=layers, max_bytes=max_bytes, limits=limits)

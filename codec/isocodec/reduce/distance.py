@@ -201,7 +201,9 @@ def _nearest(
 
 @inner
 def _apart(o, i, x, y, z):
-    return (o[i] - x) ** 2 + (o[i + 1] - y) ** 2 + (o[i + 2] - z) ** 2
+    # squares as products: plain Python's powers are rounded otherwise
+    u, v, w = o[i] - x, o[i + 1] - y, o[i + 2] - z
+    return u * u + v * v + w * w
 
 
 @inner

@@ -294,10 +294,10 @@ def spread(points: Float32Matrix, radius: float, near: BoolVolume) -> None:
     """Mark the samples within ``radius`` of a point."""
     squared = radius * radius
     for i in range(len(points)):
-        x, y, z = points[i, 0], points[i, 1], points[i, 2]
+        x, y, z = np.float64(points[i, 0]), np.float64(points[i, 1]), np.float64(points[i, 2])
         for p in range(max(int(np.ceil(x - radius)), 0), min(int(x + radius), near.shape[0] - 1) + 1):
             for q in range(max(int(np.ceil(y - radius)), 0), min(int(y + radius), near.shape[1] - 1) + 1):
-                rest = squared - (p - x) ** 2 - (q - y) ** 2
+                rest = squared - (p - x) * (p - x) - (q - y) * (q - y)
                 if rest < 0.0:
                     continue
                 reach = np.sqrt(rest)

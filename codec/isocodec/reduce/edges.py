@@ -41,7 +41,7 @@ def crossing_on(dm, a, b):
                     f, g = dm.phi[p0, p1, p2], dm.phi[q0, q1, q2]
                     where = 0.5
                     if f != g:
-                        where = min(max(f / (f - g), 0.0), 1.0)
+                        where = min(max(np.float64(f / (f - g)), 0.0), 1.0)
                     return (i - 1 + where) / length
             before = now
             p0, p1, p2 = q0, q1, q2

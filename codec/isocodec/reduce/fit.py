@@ -85,7 +85,7 @@ def _slopes(
     for i in range(len(corners)):
         far = 0.0
         for axis in range(n):
-            far += apart[i, axis] ** 2
+            far += apart[i, axis] * apart[i, axis]
         far = np.sqrt(far)
         gap[i] = far
         if far > _TOUCH:
@@ -106,13 +106,13 @@ def _normal(points, corners, out):
     a, b = points[corners[0]], points[corners[1]]
     if len(corners) == 2:
         out[0], out[1] = a[1] - b[1], b[0] - a[0]
-        length = np.sqrt(out[0] ** 2 + out[1] ** 2)
+        length = np.sqrt(out[0] * out[0] + out[1] * out[1])
     else:
         c = points[corners[2]]
         u0, u1, u2 = b[0] - a[0], b[1] - a[1], b[2] - a[2]
         v0, v1, v2 = c[0] - a[0], c[1] - a[1], c[2] - a[2]
         out[0], out[1], out[2] = u1 * v2 - u2 * v1, u2 * v0 - u0 * v2, u0 * v1 - u1 * v0
-        length = np.sqrt(out[0] ** 2 + out[1] ** 2 + out[2] ** 2)
+        length = np.sqrt(out[0] * out[0] + out[1] * out[1] + out[2] * out[2])
     for axis in range(len(corners)):
         out[axis] /= max(length, 1e-12)
 
