@@ -85,9 +85,9 @@ def text_of(code: bytes, target: Target, machine) -> str:  # type: ignore[no-unt
 
     text = _for_target(str(binding.parse_bitcode(code)), target, machine)
     text = re.sub(r'"target-(cpu|features)"="[^"]*"', "", text)
-    # an instruction everywhere
-    text = re.sub(r"^declare .*@sqrt\(.*", "declare double @llvm.sqrt.f64(double)", text, flags=re.M)
-    return text.replace("@sqrt(", "@llvm.sqrt.f64(")
+    # an instruction everywhere; where LLVM has seen that no root is of a negative number, it is one already
+    text = re.sub(r"^declare .*@(sqrt|llvm\.sqrt\.f64)\(.*\n", "", text, flags=re.M)
+    return text.replace("@sqrt(", "@llvm.sqrt.f64(") + "\ndeclare double @llvm.sqrt.f64(double)\n"
 
 
 def defined(module):  # type: ignore[no-untyped-def]
