@@ -56,7 +56,7 @@ class _Address(models.PrimitiveModel):
 class _Members(AttributeTemplate):
     key = RecordType
 
-    def generic_resolve(self, value: Any, attr: str) -> Any:
+    def generic_resolve(self, value: Any, attr: str) -> Any:  # type: ignore[override]
         return next((type_of(member) for found, member in value.record.members if found == attr), None)
 
 
