@@ -23,7 +23,7 @@ def digest() -> str:
     exact, baseline, reduced = {"exact": True}, {"profile": "baseline"}, {"criterion": "distortion", "parameter": 1.0}
     for field, isovalue in ((hill, 40.5), (ball, 70.5)):
         for options in (exact, baseline, reduced):
-            data = encode(field, isovalue, **options)  # type: ignore[arg-type]
+            data = encode(field, isovalue, **options)
             out.update(data)
             for smooth in (False, True):
                 curve = decode(data, smooth=smooth)

@@ -43,7 +43,7 @@ function numbers(...values) {
 
 function grow(end) {
   if (end <= live.length) return;
-  memory.grow(Math.ceil((end - live.length) / PAGE));
+  memory.grow(Math.ceil(Math.max(end - live.length, live.length) / PAGE));
   live = Buffer.from(memory.buffer);
   const before = known;
   known = Buffer.alloc(live.length);

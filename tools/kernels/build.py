@@ -17,7 +17,7 @@ from typing import Any
 import back
 import cache as kept_builds
 import front
-import wasm
+import webassembly
 from targets import WASM, Target, native
 
 BUILT = front.SOURCES[0] / "isocodec" / "kernel" / "built"
@@ -27,7 +27,7 @@ _CODE = ("front.py",)
 """What makes the kernels' code for any platform, beside the requirements."""
 _LIBRARY = (*_CODE, "back.py", "processor.ll", "runtime.ll")
 """What makes a library of it, beside the target."""
-_MODULES = (*_CODE, "back.py", "wasm.py")
+_MODULES = (*_CODE, "back.py", "webassembly.py")
 """What makes modules of WebAssembly of it."""
 Progress = Callable[[int, int], object]
 
@@ -122,7 +122,7 @@ def library(target: Target, jobs: int, progress: Progress, checked: bool = False
             with _code(jobs, progress, checked) as code:
                 bitcode = (code / "kernels.bc").read_bytes()
                 if target == WASM:
-                    wasm.link(bitcode, place, decoders(), jobs)
+                    webassembly.link(bitcode, place, decoders(), jobs)
                 else:
                     back.link(bitcode, target, place, jobs)
                 signatures = json.loads((code / "signatures.json").read_text())

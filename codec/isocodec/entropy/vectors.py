@@ -23,7 +23,7 @@ _INTS, _LONGS = ir.VectorType(_INT, _LANES), ir.VectorType(_LONG, _LANES)
 
 def instead_of(weighed: Callable[..., int]) -> None:
     """Kernels that call ``opinion.weighed`` get this."""
-    overload(weighed)(lambda row, table, out: lambda row, table, out: _vectors(row, table, out))
+    overload(weighed)(lambda row, table, out: lambda row, table, out: _vectors(row, table, out))  # type: ignore[call-arg]
 
 
 @intrinsic

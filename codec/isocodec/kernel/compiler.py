@@ -8,7 +8,7 @@ from __future__ import annotations
 import functools
 import os
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from numba import njit, types
 from numba.core.compiler_lock import global_compiler_lock
@@ -18,9 +18,6 @@ from ..errors import KernelError
 from .call import PROTOTYPE, Entry, Kernel
 from .records import type_of
 from .types import Number, Signature
-
-if TYPE_CHECKING:
-    from numba.core.compiler import CompileResult
 
 CHECKED = os.environ.get("NUMBA_BOUNDSCHECK", "0") not in ("", "0")
 """Whether indices are checked: for tests."""
@@ -37,7 +34,7 @@ class Inner:
     def __init__(self, function: Callable[..., Any], **options: bool) -> None:
         functools.update_wrapper(self, function)
         self._function = function
-        self.dispatcher = njit(**_OPTIONS, **options)(function)
+        self.dispatcher = njit(**(_OPTIONS | options))(function)
 
     def __call__(self, *arguments: Any) -> Any:
         return self._function(*arguments)
@@ -57,8 +54,8 @@ def _called_by_a_kernel(function: Inner | CompiledKernel, _context: Any) -> type
     return types.Dispatcher(function.dispatcher)
 
 
-def compiled(kernel: CompiledKernel) -> CompileResult:
-    """A function of one argument, the address of the slots of what a kernel takes, which calls it."""
+def compiled(kernel: CompiledKernel) -> Any:
+    """What numba made of a function of one argument, the address of the slots of what a kernel takes: it calls that."""
     signature = kernel.signature
     taken = ", ".join(f"arguments.{name}" for name, _ in signature.arguments)
     scope: dict[str, Any] = {"kernel": kernel}
@@ -67,7 +64,7 @@ def compiled(kernel: CompiledKernel) -> CompileResult:
     frame = type_of(signature.frame)
     with global_compiler_lock:
         unpacked.compile((frame,))
-        result = unpacked.overloads[(frame,)]
+        result: Any = unpacked.overloads[(frame,)]
         _check_result(kernel, signature, result.signature.return_type)
         result.library._ensure_finalized()
     return result

@@ -8,17 +8,20 @@ from numpy.typing import NDArray
 
 from .execution import EXECUTION, Execution
 
+
+def flat(array: NDArray[Any]) -> NDArray[Any]:
+    """The entries of a contiguous array in their order."""
+    return array.reshape(-1)
+
+
 if EXECUTION is Execution.NUMBA:
     # numba's own reshape calls a function of its run-time library
     from numba import types
     from numba.core import cgutils
     from numba.extending import intrinsic
 
-    @intrinsic
-    def flat(_typing, array):  # type: ignore[no-untyped-def]
-        """The entries of a contiguous array in their order."""
-
-        def build(context, builder, signature, arguments):  # type: ignore[no-untyped-def]
+    def _flat(_typing: Any, array: Any) -> Any:
+        def build(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
             given = context.make_array(signature.args[0])(context, builder, arguments[0])
             made = context.make_array(signature.return_type)(context, builder)
             for name in ("meminfo", "parent", "nitems", "itemsize", "data"):
@@ -28,8 +31,5 @@ if EXECUTION is Execution.NUMBA:
             return made._getvalue()
 
         return types.Array(array.dtype, 1, "C")(array), build
-else:
 
-    def flat(array: NDArray[Any]) -> NDArray[Any]:
-        """The entries of a contiguous array in their order."""
-        return array.reshape(-1)
+    globals()["flat"] = intrinsic(_flat)

@@ -47,17 +47,17 @@ def type_of(kind: Kind) -> types.Type:
 
 
 @register_default(RecordType)
-class _Address(models.PrimitiveModel):  # type: ignore[misc]
+class _Address(models.PrimitiveModel):
     def __init__(self, manager: Any, kind: RecordType) -> None:
         super().__init__(manager, kind, _ADDRESS)
 
 
 @infer_getattr
-class _Members(AttributeTemplate):  # type: ignore[misc]
+class _Members(AttributeTemplate):
     key = RecordType
 
-    def generic_resolve(self, kind: RecordType, name: str) -> types.Type | None:
-        return next((type_of(member) for found, member in kind.record.members if found == name), None)
+    def generic_resolve(self, value: Any, attr: str) -> Any:  # type: ignore[override]
+        return next((type_of(member) for found, member in value.record.members if found == attr), None)
 
 
 @lower_getattr_generic(RecordType)
@@ -80,7 +80,7 @@ def _read(context: Any, builder: ir.IRBuilder, address: ir.Value, kind: Kind) ->
         value.set_metadata("invariant.load", builder.module.add_metadata([]))
         return value
 
-    kind_type = type_of(kind)
+    kind_type: Any = type_of(kind)
     match kind:
         case Record():
             return address

@@ -73,7 +73,7 @@ class Array:
                 raise TypeError(f"an array with gaps instead of {self}")
             size = value.size
             try:  # what array.ctypes.data says, in a third of its time
-                place = address(one(value)) if size else 0
+                place = address(one(value)) if size else 0  # type: ignore[arg-type]
             except TypeError:  # not to be written
                 place = value.ctypes.data
             return slots(place, size, *value.shape, *value.strides)

@@ -1,7 +1,9 @@
 """The kernels as WebAssembly: a module of all of them, and one of those that a decoder needs.
 
 Modules import nothing; they export their memory, and ``__heap_base``, from where on it is free. Entries are those of a
-library, with addresses in the low halves of their slots. ``python tools/kernels/wasm.py DIR`` says what modules weigh.
+library, with addresses in the low halves of their slots.
+
+    python tools/kernels/webassembly.py DIR    says what the modules in a folder weigh; needs brotli
 """
 
 from __future__ import annotations

@@ -1,0 +1,125 @@
+"""Kernels as WebAssembly, under node: files, states and curves are those of this platform's kernels, bit by bit."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import subprocess
+import sys
+import zlib
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from isocodec import decode_all, decode_mask, encode
+from isocodec.kernel import EXECUTION, Execution
+from isoconform import runner
+from isoconform.manifest import default_directory, read_manifest
+from make_goldens import CASES, PATH, digests, hill, noise
+from wasm.runner import Failed, Runner
+
+pytestmark = [
+    pytest.mark.skipif(EXECUTION is Execution.PYTHON, reason="kernels run as plain Python"),
+    pytest.mark.skipif(shutil.which("node") is None, reason="node is not installed"),
+]
+BUILDER = Path(__file__).parents[1] / "tools" / "kernels"
+VECTORS = [vector for vector in read_manifest(default_directory()) if vector.level < 2]
+"""All but those that copy hundreds of megabytes back and forth."""
+PARTS = 4
+"""Vectors are run in so many tests, which may go side by side."""
+LARGEST = 60_000
+"""Bytes that a decoder's module takes on its way, at most."""
+PLANE = hill((45, 60), 900) + noise((45, 60), 1, 40)
+SPACE = hill((12, 14, 13), 150) + noise((12, 14, 13), 2, 9)
+FILES: dict[str, tuple[np.ndarray, Any, dict[str, Any]]] = {
+    "search": (PLANE, 300.5, {"tolerance": 1}),
+    "search in space": (SPACE, 60.5, {"tolerance": 0.5}),
+    "topology": (PLANE, 300.5, {"tolerance": 0.7, "preserve_topology": True}),
+    "steps": (SPACE, 60.5, {"steps": [2, 0.5, "exact"]}),
+    "isovalues": (PLANE, [300.5, 310.5, 100.5], {"exact": True}),
+    "floats": (PLANE / 7, 43.2, {"step": 0.01}),
+    "curvature": (SPACE, 60.5, {"criterion": "curvature", "parameter": 0.3}),
+    "same mesh": (PLANE, [300.5, 310.5], {"plan": {
+        300.5: [("base", 2), ("refine", None), ("values", None)], 310.5: [("leaf_base",), ("values", None)],
+    }}),
+}  # fmt: skip
+"""Between them, they need every kernel."""
+MASKED = ("isovalues", "floats")
+"""Some on the full grid, of which there are masks."""
+
+
+@pytest.fixture(scope="module")
+def built(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The folder with both modules."""
+    out = tmp_path_factory.mktemp("wasm")
+    done = subprocess.run([sys.executable, BUILDER, "--target", "wasm32", "--out", out], capture_output=True, text=True)
+    if "cannot be installed" in done.stderr:
+        pytest.skip("the modules are not built, and what their build needs cannot be installed")
+    assert done.returncode == 0, done.stderr
+    return out
+
+
+@pytest.fixture(scope="module")
+def whole(built: Path) -> Iterator[Runner]:
+    """All kernels."""
+    out = Runner(built / "kernels.wasm")
+    yield out
+    out.close()
+
+
+@pytest.fixture(scope="module")
+def decoder(built: Path) -> Iterator[Runner]:
+    """Those of a decoder."""
+    out = Runner(built / "decoder.wasm")
+    yield out
+    out.close()
+
+
+def drawn(data: bytes, masked: bool) -> list[bytes]:
+    """All that can be made of a file."""
+    curves = [*decode_all(data), *decode_all(data, smooth=True)]
+    out = [array.tobytes() for curve in curves for array in (curve.points, curve.cells)]
+    return [*out, decode_mask(data).tobytes()] if masked else out
+
+
+def test_the_decoder_is_small(built: Path):
+    """As servers send it; with brotli, which not everybody has, by a tenth less still."""
+    assert len(zlib.compress((built / "decoder.wasm").read_bytes(), 9)) <= LARGEST
+
+
+@pytest.mark.parametrize("part", range(PARTS))
+def test_vectors(decoder: Runner, part: int):
+    """Every vector is decoded, or refused, as it has to be."""
+    with decoder.at_work():
+        results = list(runner.run(VECTORS[part::PARTS], default_directory(), runner.reference))
+    assert [result for result in results if not result.passed] == []
+    assert "iso_passes_base_base" in decoder.called
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_goldens(whole: Runner, name: str):
+    """Files and states are those of every platform."""
+    with whole.at_work():
+        assert digests(name) == json.loads(PATH.read_text())[name]
+
+
+def test_files_and_curves(whole: Runner, decoder: Runner):
+    """Files, points, smooth ones and masks are this platform's, bit by bit; every kernel has been called."""
+    for name, (field, isovalue, options) in FILES.items():
+        data = encode(field, isovalue, **options)
+        expected = drawn(data, name in MASKED)
+        with whole.at_work():
+            assert encode(field, isovalue, **options) == data, name
+        with decoder.at_work():
+            assert drawn(data, name in MASKED) == expected, name
+    assert whole.entries - whole.called <= decoder.called
+    assert {entry for entry in decoder.entries if entry.startswith("iso_contour_")} <= decoder.called
+
+
+def test_a_decoder_does_not_encode(decoder: Runner):
+    """What the module does not have does not run elsewhere instead."""
+    with decoder.at_work(), pytest.raises(Failed, match=r"iso_reduce_.* is not in the module"):
+        encode(PLANE, 300.5, tolerance=1)
