@@ -8,9 +8,11 @@ from __future__ import annotations
 
 import ast
 import gc
+import hashlib
 import importlib
 import multiprocessing
 import os
+import re
 import sys
 from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
@@ -157,7 +159,48 @@ def _compile(found: Found) -> tuple[str, str, bytes]:
             function.name = found.symbol
         elif not function.is_declaration:
             function.linkage = "linkonce_odr"
+    _name_by_content(module)
     return found.symbol, str(kernel.signature), module.as_bitcode()
+
+
+def _name_by_content(module) -> None:  # type: ignore[no-untyped-def]
+    """Name the functions that kernels share by what they do.
+
+    numba numbers names as a process goes on, and which kernels it compiles is left to chance: the same function would
+    have several names, and, what is worse, two functions could have the same.
+    """
+    functions = {each.name: str(each) for each in module.functions if not each.is_declaration}
+    noted = dict(re.findall(r"^(?:attributes )?([#!@]\S+) = (.*)", str(module), re.M))
+    digests: dict[str, str] = {}
+
+    def digest(name: str, callers: tuple[str, ...] = ()) -> str:
+        if name in callers:
+            if name != callers[-1]:
+                raise RuntimeError(f"functions call one another in a circle: {', '.join(callers)}")
+            return "itself"
+        if name not in digests:
+            text = _REFERENCE.sub(lambda found: meaning(found[0], (*callers, name)), functions[name])
+            digests[name] = hashlib.sha256(text.encode()).hexdigest()[:32]
+        return digests[name]
+
+    def meaning(reference: str, callers: tuple[str, ...]) -> str:
+        if reference[1:].strip('"') in functions:
+            return digest(reference[1:].strip('"'), callers)
+        said = noted.get(reference, reference)
+        if reference.startswith("@") and said != reference:  # data, which may hold the addresses of other data
+            return re.sub(_DATA, lambda found: meaning(found[0], callers), said)
+        return re.sub(r"!\d+", "!", said)
+
+    for name in functions:
+        digest(name)
+    for function in module.functions:
+        if function.linkage == function.linkage.linkonce_odr:
+            function.name = f"shared_{digests[function.name]}"
+
+
+_DATA = r'@"[^"]+"|@[\w.$-]+'
+_REFERENCE = re.compile(rf"{_DATA}|[#!]\d+")
+"""In the text of a function: another one or data, attributes, metadata."""
 
 
 def _linked(pieces: Iterable[bytes]) -> bytes:
