@@ -66,5 +66,5 @@ clean: ## Remove everything that make has made; what is kept of builds is elsewh
 .venv-test/.installed: EXTRA = dev
 .venv-demo/.installed .venv-test/.installed: pyproject.toml | kernels
 	$(PYTHON) -m venv --clear $(@D)
-	$(@D)/bin/python -m pip install --disable-pip-version-check --quiet --editable '.[$(EXTRA)]'
+	$(@D)/bin/python -m pip install --disable-pip-version-check --quiet --no-compile --editable '.[$(EXTRA)]'
 	touch $@

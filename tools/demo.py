@@ -12,7 +12,9 @@ import json
 import os
 import time
 from collections.abc import Sequence
+from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
+from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
@@ -292,7 +294,14 @@ def main() -> None:
         return
     console = Console()
     started = time.perf_counter()
-    results = [measure(item) for item in ITEMS]
+    if as_markdown:
+        results = [measure(item) for item in ITEMS]
+    else:
+        with ProcessPoolExecutor(mp_context=get_context("spawn")) as processes:
+            measured = processes.map(measure, ITEMS)
+            leave_files()
+            results = list(measured)
+        print()
     curves = summary([result for result in results if len(result.shape) == 2])
     surfaces = summary([result for result in results if len(result.shape) == 3])
     failed = [result.item.name for result in results if not result.equal]
@@ -310,7 +319,6 @@ def main() -> None:
         errors = [[r.item.name, *(f"{r.errors[m]:.2g}" for m in modes), "yes" if r.equal else "NO"] for r in results]
         title = "Largest distance in cells between decoded and extracted points"
         console.print(plain_table(title, ["item", *modes, "equal if exact"], errors))
-        leave_files()
         console.print(f"\n{time.perf_counter() - started:.0f} s. Pictures and files are in {OUT}/.")
     if failed:
         raise SystemExit(f"the decoded points are not those that scikit-image extracts: {', '.join(failed)}")

@@ -111,7 +111,7 @@ def library(target: Target, jobs: int, progress: Progress, checked: bool = False
     ----------
     target : Target
     jobs : int
-        Processes.
+        Processes for what follows LLVM's code.
     progress : callable
         Called with how many kernels have been compiled, and of how many.
     checked : bool
@@ -119,7 +119,7 @@ def library(target: Target, jobs: int, progress: Progress, checked: bool = False
     """
     with kept_builds.entry(key(target, checked)) as (place, kept):
         if not kept:
-            with _code(jobs, progress, checked) as code:
+            with _code(progress, checked) as code:
                 bitcode = (code / "kernels.bc").read_bytes()
                 if target == WASM:
                     webassembly.link(bitcode, place, decoders(), jobs)
@@ -140,11 +140,11 @@ def library(target: Target, jobs: int, progress: Progress, checked: bool = False
 
 
 @contextmanager
-def _code(jobs: int, progress: Progress, checked: bool) -> Iterator[Path]:
+def _code(progress: Progress, checked: bool) -> Iterator[Path]:
     """A folder with the kernels' code for any platform, and their signatures."""
     with kept_builds.entry(key(None, checked)) as (place, kept):
         if not kept:
-            code, signatures = front.compiled(jobs, checked, progress)
+            code, signatures = front.compiled(checked, progress)
             (place / "kernels.bc").write_bytes(code)
             (place / "signatures.json").write_text(json.dumps(signatures))
         yield place

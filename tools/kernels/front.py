@@ -15,12 +15,16 @@ import os
 import re
 import sys
 from collections.abc import Callable, Iterable, Iterator
+from contextlib import ExitStack
+from itertools import cycle
 from pathlib import Path
 from typing import NamedTuple
 
 ROOT = Path(__file__).resolve().parents[2]
 SOURCES = [ROOT / "codec", ROOT / "spec"]
-DECORATORS = {"kernel", "inner", "inlined"}
+PROCESSES = 2
+"""That compile kernels in turn, on any machine: what numba makes of one depends on those that its process compiled
+before, and builds are to be the same. More of them take no less time: each compiles anew what kernels share."""
 
 
 class Found(NamedTuple):
@@ -61,13 +65,11 @@ def _is(decorator: ast.expr, name: str) -> bool:
     return isinstance(decorator, ast.Name) and decorator.id == name
 
 
-def compiled(jobs: int, checked: bool, progress: Callable[[int, int], object]) -> tuple[bytes, dict[str, str]]:
+def compiled(checked: bool, progress: Callable[[int, int], object]) -> tuple[bytes, dict[str, str]]:
     """The bitcode of all kernels, and the signature of each.
 
     Parameters
     ----------
-    jobs : int
-        Processes.
     checked : bool
         Whether indices are checked.
     progress : callable
@@ -75,10 +77,18 @@ def compiled(jobs: int, checked: bool, progress: Callable[[int, int], object]) -
     """
     found = kernels()
     pieces, signatures = {}, {}
-    environment = _environment(ISOCODEC_KERNELS="numba", NUMBA_BOUNDSCHECK=str(int(checked)))
-    with environment, multiprocessing.get_context("spawn").Pool(jobs, _prepare) as pool:
-        for done, (name, signature, code) in enumerate(pool.imap_unordered(_compile, found), 1):
-            pieces[name], signatures[name] = code, signature
+    settings = _environment(
+        ISOCODEC_KERNELS="numba", NUMBA_BOUNDSCHECK=str(int(checked)), NUMBA_CPU_NAME="generic", NUMBA_CPU_FEATURES="",
+        PYTHONHASHSEED="0",
+    )  # fmt: skip
+    with ExitStack() as stack:
+        stack.enter_context(settings)
+        spawn = multiprocessing.get_context("spawn")
+        processes = [stack.enter_context(spawn.Pool(1, _prepare)) for _ in range(PROCESSES)]
+        begun = [process.apply_async(_compile, (kernel,)) for kernel, process in zip(found, cycle(processes))]
+        for done, one in enumerate(begun, 1):
+            name, signature, code = one.get()
+            signatures[name], pieces[name] = signature, code
             progress(done, len(found))
     return _linked(pieces[name] for name in sorted(pieces)), dict(sorted(signatures.items()))
 

@@ -50,7 +50,7 @@ def _question(n, level, opp):
     return _EQUAL
 
 
-@inlined
+@inner
 def tell(st, cd, what, level, x, y, z, context):
     """Learn whether a middle is in the mesh: 1 or 0, or what the coder says, or GROW.
 
@@ -79,7 +79,7 @@ def tell(st, cd, what, level, x, y, z, context):
     return bit
 
 
-@inlined
+@inner
 def settle(st, level, cls, b0, b1, b2):
     """Mark what a leaf says of the mesh: its newest vertex is in it, its middle is not. 0, GROW or BARRED."""
     n = dimension(st.tables)

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..kernel import inlined
+from ..kernel import inlined, inner
 from ..mesh.access import child_bits, corner, delta, dimension, grandchild, member
 from ..mesh.access import corners as corner_count
 from ..mesh.access import members as member_count
@@ -40,7 +40,7 @@ def inside(st, edge, w0, w1, w2):
     return dimension(st.tables) == 2 or (w2 >= 1 and (w2 + 1) * edge <= 2 * last[LAST + 2])
 
 
-@inlined
+@inner
 def existing(st, edge, r, kind, w0, w1, w2):
     """Whether a diamond lies wholly inside the box, and bits of its members that exist and of their corners."""
     t = st.tables
@@ -58,7 +58,7 @@ def existing(st, edge, r, kind, w0, w1, w2):
     return False, members, corners
 
 
-@inlined
+@inner
 def look(st, edge, r, kind, w0, w1, w2):
     """What ``existing`` says of a diamond, and bits of those corners that are known, and of the known ones above."""
     whole, members, corners = existing(st, edge, r, kind, w0, w1, w2)
@@ -87,7 +87,7 @@ def look(st, edge, r, kind, w0, w1, w2):
     return whole, members, corners, known, above
 
 
-@inlined
+@inner
 def _corners_learn(st, kind, b0, b1, b2, whole, known, above, bits):
     """Make corners known that are not, in order; returns the bits of all that are."""
     fresh = bits & ~known
@@ -102,7 +102,7 @@ def _corners_learn(st, kind, b0, b1, b2, whole, known, above, bits):
     return known | bits
 
 
-@inlined
+@inner
 def bisect_member(st, r, kind, m, w0, w1, w2, whole, known, above):
     """Make the corners of a member's mixed children known. Returns the bits known after it, and those of the children.
 

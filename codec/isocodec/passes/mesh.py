@@ -58,7 +58,7 @@ def _listed(st, first, count, x, y, z):
     return False
 
 
-@inlined
+@inner
 def mixed(st, level, x, y, z):
     """Whether the known corners of the diamond around a middle differ in sign."""
     w0, w1, w2 = lattice(st, level, x, y, z)

@@ -92,7 +92,7 @@ def height(most):
     return h
 
 
-@inlined
+@inner
 def candidate(st, r, w0, w1, w2):
     """Nearness (plus one) if the decoder cannot rule out a new component at w, else 0 (spec clause 5.5.1)."""
     kind = kind_of(st.tables, r, w0, w1, w2)
