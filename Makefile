@@ -17,7 +17,7 @@ DEMO_PYTHON := .venv-demo/bin/python
 TEST_PYTHON := .venv-test/bin/python
 
 .DEFAULT_GOAL := help
-.PHONY: help kernels wheels demo test lint bench vectors zoo fuzz clean
+.PHONY: help kernels wheels demo test heavy lint bench vectors zoo fuzz clean
 
 help: ## Show this list.
 	@sed -n 's/^\([a-z]*\):.*## /\1\t/p' $(MAKEFILE_LIST) | expand -t 10
@@ -38,6 +38,9 @@ test: kernels .venv-test/.installed ## Run the tests, some of them again as plai
 	$(TEST_PYTHON) -m pytest -n $(JOBS) tests
 	ISOCODEC_KERNELS=python $(TEST_PYTHON) -m pytest $(PLAIN)
 	$(TEST_PYTHON) -m isoconform run --layers --vectors $(VECTORS)
+
+heavy: kernels .venv-test/.installed ## Run the tests that take long.
+	$(TEST_PYTHON) -m pytest -m heavy tests
 
 lint: .venv-test/.installed ## Run ruff and mypy.
 	.venv-test/bin/ruff check .

@@ -34,7 +34,7 @@ def test_goldens(name):
 
 
 @pytest.mark.skipif(EXECUTION is not Execution.LIBRARY, reason="tried from there")
-@pytest.mark.parametrize("execution", ["python", "numba"])
+@pytest.mark.parametrize("execution", ["python", pytest.param("numba", marks=pytest.mark.heavy)])
 def test_other_executions_give_the_same(execution):
     """In another process: the same bytes and the same decoded state, n = 2 and 3."""
     assert {CASES[name][0].ndim for name in SMALL} == {2, 3}

@@ -210,8 +210,8 @@ def test_curves_never_cross(n):
 def test_each_keeps_to_the_tolerance(options, profile):
     """Proven for what the file says, which for later isovalues is not what a file of their own would say."""
     tolerance = options.get("tolerance", 0.25)
-    fields = [np.rint(smooth((70, 90), seed) * 300).astype(np.int64) for seed in range(3)]
-    for field in [*fields, np.rint(smooth((14, 12, 13), 6) * 300).astype(np.int64)]:
+    fields = [np.rint(smooth((45, 60), seed) * 300).astype(np.int64) for seed in range(2)]
+    for field in [*fields, np.rint(smooth((11, 10, 11), 6) * 300).astype(np.int64)]:
         isovalues = [20.5, 25.5, 21.5]
         data = isocodec.encode(field, isovalues, profile=profile, **options)
         for isovalue in isovalues:
