@@ -249,7 +249,7 @@ def test_main_is_the_default_and_smaller(n):
 
 def _around(state, cd, w0, w1, w2):
     clear(cd)
-    return see_around(state, cd, state.at[LEVEL] % dimension(state.tables), w0, w1, w2)
+    return see_around(state, cd, state.at[LEVEL] % dimension(state.grid.tables), w0, w1, w2)
 
 
 @pytest.mark.parametrize("shape", [(70, 81), (34, 3), (19, 17, 21), (2, 9, 12)])

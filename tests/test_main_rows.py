@@ -54,7 +54,7 @@ def _behind(st, cd, level, cls, b0, b1, b2, opp, guess, case, other):
 
 def _sign(st, cd, w0, w1, w2, crossed):
     survey(st)
-    r = st.at[LEVEL] % dimension(st.tables)
+    r = st.at[LEVEL] % dimension(st.grid.tables)
     _see(st, cd, r, w0, w1, w2, crossed, 0, np.int64(1), np.int64(-1), np.int64(0))
 
 
@@ -233,7 +233,7 @@ def test_rows_behind_a_gate(shape):
     for i in rng.choice(int(state.at[LEAVES]), 80):
         cls, *block, level = (int(x) for x in state.leaf[i])
         edge = 1 << (k - level // n)
-        corners = [vertex(state.tables, *ints(level % n, cls, j)) for j in range(n + 1)]
+        corners = [vertex(state.grid.tables, *ints(level % n, cls, j)) for j in range(n + 1)]
         corners = [np.array([(4 * block[a] + int(c[a])) * edge // 2 for a in range(n)]) for c in corners]
         opp, guess, case, other = (int(x) for x in rng.integers([0, 0, 0, -1], [n + 1, 2, 48, 2]))
         _behind(state, cd, *ints(level, cls, *block, opp, guess, case, other))

@@ -15,9 +15,9 @@ from isocodec.entropy.coder import Coder
 from isocodec.entropy.main import no_blend
 from isocodec.limits import Limits
 from isocodec.mesh import access
+from isocodec.mesh.simplex import exists
 from isocodec.mesh.store import full, get, grown, new_store, page_of, put
 from isocodec.mesh.tables import PAGE_SHIFT, mesh_tables
-from isocodec.passes.state import exists
 from isocodec.passes.tube import Tube
 from isoconform.meshes import exponent
 
@@ -263,7 +263,7 @@ def test_clamped_simplices_tile_the_box(shape):
         mesh = Uniform(n, k, level)
         for s, exp in zip(before.tolist(), there, strict=True):
             cls, block = mesh.name[tuple(map(tuple, s))]
-            assert exists(tube.state, edge, r, cls, *block, *(0,) * (3 - n)) == exp
+            assert exists(tube.state.grid, edge, r, cls, *block, *(0,) * (3 - n)) == exp
 
 
 @examples(60)

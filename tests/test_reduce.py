@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from brute import crossing_points, examples, mesh_leaves, mixed_leaves, sign_fields, simplices, smooth
 from isocodec.grid.field import check_field
 from isocodec.mesh.chosen import has
-from isocodec.passes.mesh import newest
+from isocodec.mesh.simplex import newest
 from isocodec.reduce.domain import number_of, place_of
 from isocodec.reduce.edges import crossing_on
 from isocodec.reduce.reduction import Reduction, distinct

@@ -21,9 +21,7 @@ if TYPE_CHECKING:
 @click.option("--symbols", is_flag=True, help="Count the coded symbols, too, by syntax element (decodes the file).")
 @limit_options
 @json_option
-def info_command(
-    source: Path, symbols: bool, limit_memory: int | None, limit_work: int | None, as_json: bool
-) -> None:
+def info_command(source: Path, symbols: bool, limit_memory: int | None, limit_work: int | None, as_json: bool) -> None:
     """Show version, profile, shape, isovalue and the layers of IN.iso."""
     data = read_iso(source)
 

@@ -78,9 +78,7 @@ class Drawings:
     placement : NDArray or None
     """
 
-    def __init__(
-        self, decoder: Decoder, numbers: Sequence[int], smooth: bool, in_samples: bool, cost: Cost
-    ) -> None:
+    def __init__(self, decoder: Decoder, numbers: Sequence[int], smooth: bool, in_samples: bool, cost: Cost) -> None:
         self.points = self.cells = 0
         self.complete = True
         self.largest = 0.0

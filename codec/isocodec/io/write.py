@@ -82,9 +82,7 @@ AREAS = Cost(300, 240, kept=100)
 """Memory that `render_areas` takes."""
 
 
-def render_contour(
-    contour: Contour | Collection[Contour], suffix: str, dimension: int | None = None
-) -> bytes:
+def render_contour(contour: Contour | Collection[Contour], suffix: str, dimension: int | None = None) -> bytes:
     """The whole file of a contour, or of those of several isovalues, in the format that ``suffix`` (``".ply"``) names.
 
     Several are gone through once, so that each may be drawn when it is asked for and dropped after that; ``dimension``

@@ -14,10 +14,11 @@ from ..entropy.coder import code
 from ..entropy.main import BASE_ROW, MESH_AROUND, MESH_KIND, MESH_NET, MESH_ROW
 from ..kernel import inlined
 from ..mesh.access import dimension, vertex
+from ..mesh.grid import edge_of, lattice, position
 from ..mesh.store import get
 from .around import PLANE, SPACE, anchor
-from .mesh import IN, KEPT, OUT, lattice
-from .state import SCRATCH, SIZE, edge_of, entry, position
+from .mesh import IN, KEPT, OUT
+from .state import SCRATCH, entry
 
 _MESH_2, _MESH_3 = MESH_ROW[2], MESH_ROW[3]
 _STEPS = {
@@ -34,19 +35,19 @@ ON_PATH, COARSER, FINER, OF_LEAF = np.arange(4)
 @inlined
 def see_mesh(st, cd, what, history, level, x, y, z):
     """List what the main profile sees around a middle that may be in the mesh (spec clause 7.16)."""
-    n = dimension(st.tables)
+    n = dimension(st.grid.tables)
     r = level % n
     first = _MESH_2 if n == 2 else _MESH_3
     clear(cd)
     see(cd, first + 3 * what + r)
-    see(cd, first + 12 + min(n * st.at[SIZE] - level, 23))
+    see(cd, first + 12 + min(n * st.grid.exponent - level, 23))
     see(cd, first + 36 + history)
     first += 44 + 4 * MESH_AROUND * r
-    edge = edge_of(st, level)
-    w0, w1, w2 = lattice(st, level, x, y, z)
+    edge = edge_of(st.grid, level)
+    w0, w1, w2 = lattice(st.grid, level, x, y, z)
     key = (w0 & 3) | (w1 & 3) << 2 | (w2 & 3) << 4
     here = anchor(st, edge, w0, w1, w2)
-    most = np.int64(1) << st.at[SIZE]
+    most = np.int64(1) << st.grid.exponent
     for i in range(MESH_AROUND):
         d = PLANE[key, i] if n == 2 else SPACE[key, i]
         p0, p1, p2 = ((w0 + d[0]) * edge) >> 1, ((w1 + d[1]) * edge) >> 1, ((w2 + d[2]) * edge) >> 1
@@ -74,11 +75,11 @@ def see_behind(st, cd, level, cls, b0, b1, b2, opp, guess, case, other):
 
     ``case`` is the number of its context; what that says beside the prediction's quality has rows of its own.
     """
-    n = dimension(st.tables)
+    n = dimension(st.grid.tables)
     r = level % n
     plane = n == 2
     first, count, cases = (_BASE_2, len(_STEPS_2), 4) if plane else (_BASE_3, len(_STEPS_3), 16)
-    edge = edge_of(st, level)
+    edge = edge_of(st.grid, level)
     frame = r * (n + 1) + opp
     clear(cd)
     see(cd, first + case % cases)
@@ -86,11 +87,13 @@ def see_behind(st, cd, level, cls, b0, b1, b2, opp, guess, case, other):
         see(cd, first + 16 + (other == guess))
     first += 18 + 2 * count * frame
     p = st.walk[SCRATCH : SCRATCH + 12]
-    x, y, z = position(edge, b0, b1, b2, vertex(st.tables, r, cls, opp))
+    x, y, z = position(edge, b0, b1, b2, vertex(st.grid.tables, r, cls, opp))
     k = 0
     for j in range(n + 1):
         if j != opp:
-            p[3 * k], p[3 * k + 1], p[3 * k + 2] = position(edge, b0, b1, b2, vertex(st.tables, r, cls, np.int64(j)))
+            p[3 * k], p[3 * k + 1], p[3 * k + 2] = position(
+                edge, b0, b1, b2, vertex(st.grid.tables, r, cls, np.int64(j))
+            )
             p[3 * k] -= x
             p[3 * k + 1] -= y
             p[3 * k + 2] -= z

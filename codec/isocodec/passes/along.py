@@ -14,7 +14,7 @@ from ..entropy.main import OFFSET_ROW, OFFSET_ROWS
 from ..kernel import inlined
 from ..mesh.access import dimension
 from .classes import CLASSES, FINE, NONE, ROUGH, bits, mean, row_of
-from .state import LAST, entry
+from .state import entry
 
 UNIT = 4096
 """Positions on an edge and between edges are counted in parts of this."""
@@ -43,7 +43,7 @@ def _near(st, x, y, z, a, b, edge, i, j):
     """Store entry of the vertex i edges along axis a and j along b from (x, y, z); 0 off the box."""
     i, j = i * edge, j * edge
     x, y, z = x + i * (a == 0) + j * (b == 0), y + i * (a == 1) + j * (b == 1), z + i * (a == 2) + j * (b == 2)
-    if min(x, y, z) < 0 or x > st.at[LAST] or y > st.at[LAST + 1] or z > st.at[LAST + 2]:
+    if min(x, y, z) < 0 or x > st.grid.last0 or y > st.grid.last1 or z > st.grid.last2:
         return np.int64(0)
     return entry(st, x, y, z)
 
@@ -209,7 +209,7 @@ def _find_on_grid(st, index, places, parts, length, u, v, a, edge):
     lower, upper = st.vertex[np.uint64(u)], st.vertex[np.uint64(v)]
     x, y, z = np.int64(lower[0]), np.int64(lower[1]), np.int64(lower[2])
     low, high = 2 * (u + 1) + lower[3], 2 * (v + 1) + upper[3]
-    n = dimension(st.tables)
+    n = dimension(st.grid.tables)
     total, count, worst = np.int64(0), np.int64(0), np.int64(FINE)
     for plane in range(n - 1):
         b = a + 1 + plane if a + 1 + plane < n else a + 1 + plane - n
@@ -282,7 +282,7 @@ def see_along(st, cd, low, high, split, radix, number, parts, rising, span, near
     crossing of the earlier isovalue, -1 if there is none. ``span`` is the number of axes along which the ends of the
     edge differ, 0 on the full grid.
     """
-    plane = dimension(st.tables) == 2
+    plane = dimension(st.grid.tables) == 2
     first = (_GRID_2 if plane else _GRID_3) + (OFFSET_ROWS if span > 0 else 0)
     # candidates that such an edge may have, before the recent ones
     begin, lead = (VERTEX, RECENT - VERTEX) if plane and span > 0 else (0, VERTEX + (span > 0))

@@ -12,7 +12,7 @@ from ..kernel import inlined, inner
 from ..kernel.flat import flat
 from ..mesh.access import dimension
 from ..mesh.store import PAGES, full, page_or_first, put, wipe
-from .state import BOARD_EDGE, BOARDED, EDGE, LAST, LEVEL, SCRATCH, SIZE, VERTICES, WINDOW, entry
+from .state import BOARD_EDGE, BOARDED, EDGE, LEVEL, SCRATCH, VERTICES, WINDOW, entry
 
 _FAR = {2: 10, 3: 6}
 """No vertex of the lists is as far as this along an axis, in units of g."""
@@ -89,18 +89,18 @@ def survey(st):
         wipe(st.board)
         st.walk[WINDOW] = 0
         at[BOARD_EDGE], at[BOARDED] = at[EDGE], 0
-    plane = dimension(st.tables) == 2
+    plane = dimension(st.grid.tables) == 2
     reach = _REACH_2 if plane else _REACH_3
     # of g, which is half the edge
-    size = at[SIZE] - at[LEVEL] // dimension(st.tables) - 1
+    size = st.grid.exponent - at[LEVEL] // dimension(st.grid.tables) - 1
     while at[BOARDED] < at[VERTICES]:
         # a vertex and its images reach over two pages along each axis
         if full(st.board, 8):
             return False
         x, y, z, sign = st.vertex[at[BOARDED]]
-        x0, x1 = _images(np.int64(x), at[LAST], size, reach)
-        y0, y1 = _images(np.int64(y), at[LAST + 1], size, reach)
-        z0, z1 = _images(np.int64(z), at[LAST + 2], size, reach)
+        x0, x1 = _images(np.int64(x), st.grid.last0, size, reach)
+        y0, y1 = _images(np.int64(y), st.grid.last1, size, reach)
+        z0, z1 = _images(np.int64(z), st.grid.last2, size, reach)
         if plane:
             z0 = z1 = np.int64(0)
         for i in range(x0, x1 + 1):
@@ -181,7 +181,7 @@ def _window(st, q0, q1, q2):
         return
     w[WINDOW], w[WINDOW + 1] = corner, board.head[PAGES]
     near = w[_PAGES : _PAGES + 8]
-    plane = dimension(st.tables) == 2
+    plane = dimension(st.grid.tables) == 2
     edge = 5 if plane else 4
     for i in range(4 if plane else 8):
         a, b, c = (i >> 1, i & 1, 0) if plane else (i >> 2, i >> 1 & 1, i & 1)
@@ -199,7 +199,7 @@ def see_around(st, cd, r, w0, w1, w2):
     board, row = st.board, cd.blend.row
     near = st.walk[_PAGES : _PAGES + 8]
     p0, p1, p2 = w0 + _MARGIN, w1 + _MARGIN, w2 + _MARGIN
-    if dimension(st.tables) == 2:
+    if dimension(st.grid.tables) == 2:
         places = st.walk[SCRATCH : SCRATCH + _COUNT_2]
         q0, q1 = (p0 - _REACH_2) >> 5, (p1 - _REACH_2) >> 5
         _window(st, q0, q1, np.int64(0))
@@ -212,6 +212,6 @@ def see_around(st, cd, r, w0, w1, w2):
         table = _SPACE_AT[np.uint64((w0 & 3) | (w1 & 3) << 2 | (w2 & 3) << 4)]
         at = (p0 - (q0 << 4)) << 10 | (p1 - (q1 << 4)) << 5 | (p2 - (q2 << 4))
         _places_3(near, table, at, places)
-    first = _FIRST_2 + r * _SUMS_2 if dimension(st.tables) == 2 else _FIRST_3 + r * _SUMS_3
+    first = _FIRST_2 + r * _SUMS_2 if dimension(st.grid.tables) == 2 else _FIRST_3 + r * _SUMS_3
     row[0] = _listed(flat(board.pages), row, row[0] + 1, first, _MIRROR[np.uint64(here)], places) - 1
     return here

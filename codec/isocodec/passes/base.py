@@ -15,8 +15,10 @@ from ..entropy.coder import ENCODE, MODE, Coder, adapt, code
 from ..entropy.main import BASE_KIND, BASE_NET
 from ..kernel import BAD, DONE, GROW, inlined, inner, kernel
 from ..kernel.types import Int32Matrix, IntVector
-from ..mesh.access import child, dimension, roots, vertex
+from ..mesh.access import dimension, roots, vertex
 from ..mesh.access import root as root_class
+from ..mesh.grid import edge_of, position
+from ..mesh.simplex import child_of, exists, middle_at
 from ..mesh.store import Store, full
 from .ahead import ON_PATH, see_behind
 from .behind import resolve, settle, tell
@@ -25,7 +27,7 @@ from .infer import implied
 from .mesh import BARRED
 from .parabola import MOST
 from .predict import curve_context, edge_sum, surface_context, turn_back
-from .seek import descend, middle_at, unpacked
+from .seek import descend, unpacked
 from .state import (
     BASE_SIGN,
     COMPONENT,
@@ -47,13 +49,10 @@ from .state import (
     corner_entry,
     corner_truth,
     crowded,
-    edge_of,
     entry,
-    exists,
     learn,
-    position,
     tired,
-)  # fmt: skip
+)
 from .walk import (
     B0,
     B1,
@@ -81,20 +80,9 @@ _ORIGIN, _COMPONENT, _ROOT, _LOCATE, _SIGNS, _TRAVERSE = range(6)
 
 @inlined
 def _corner_learn(st, level, cls, b0, b1, b2, j, sign):
-    n = dimension(st.tables)
-    x, y, z = position(edge_of(st, level), b0, b1, b2, vertex(st.tables, level % n, cls, j))
+    n = dimension(st.grid.tables)
+    x, y, z = position(edge_of(st.grid, level), b0, b1, b2, vertex(st.grid.tables, level % n, cls, j))
     learn(st, x, y, z, sign)
-
-
-@inlined
-def _tree_child(st, depth, cls, b0, b1, b2, side):
-    """Class and block of a child in the forest of binary trees, and whether it exists."""
-    n = dimension(st.tables)
-    r = depth % n
-    q, d0, d1, d2 = child(st.tables, r, cls, side)
-    f = 2 if r == n - 1 else 1
-    c0, c1, c2 = b0 * f + d0, b1 * f + d1, b2 * f + d2
-    return q, c0, c1, c2, exists(st, edge_of(st, depth + 1), (depth + 1) % n, q, c0, c1, c2)
 
 
 @inner
@@ -109,19 +97,21 @@ def _trouble(st, status):
 @inner
 def _implied_corner(st, level, cls, b0, b1, b2, j):
     """What ``implied`` says of vertex j of a simplex."""
-    x, y, z = position(edge_of(st, level), b0, b1, b2, vertex(st.tables, level % dimension(st.tables), cls, j))
+    x, y, z = position(
+        edge_of(st.grid, level), b0, b1, b2, vertex(st.grid.tables, level % dimension(st.grid.tables), cls, j)
+    )
     return implied(st, x, y, z)
 
 
 @inner
 def _seed(st, cd, mark, seeds):
     """Go on with the leaves of an earlier isovalue as first simplices (S3-close-by, spec clause 5.9.4)."""
-    n = dimension(st.tables)
+    n = dimension(st.grid.tables)
     w = st.walk
     i = w[SEED]
     level, cls = np.int64(seeds[i, 4]), np.int64(seeds[i, 0])
     b0, b1, b2 = np.int64(seeds[i, 1]), np.int64(seeds[i, 2]), np.int64(seeds[i, 3])
-    edge, r = edge_of(st, level), level % n
+    edge, r = edge_of(st.grid, level), level % n
     before = 0
     for j in range(n + 1):
         e = corner_entry(st, edge, r, cls, b0, b1, b2, j)
@@ -157,7 +147,7 @@ def base(st: State, cd: Coder, mark: Store, order: IntVector, seeds: Int32Matrix
 
     ``order`` are the encoder's leaves (``seek.mixed_leaves``), ``seeds`` the leaves of the isovalue that it leans on.
     """
-    n = dimension(st.tables)
+    n = dimension(st.grid.tables)
     w = st.walk
     encoding = cd.reg[MODE] == ENCODE
     adaptive = st.at[UNIFORM] != st.at[FINEST]
@@ -207,7 +197,7 @@ def base(st: State, cd: Coder, mark: Store, order: IntVector, seeds: Int32Matrix
             # one symbol for each root from the last component's on: is it here?
             root = w[CORNER]
             bit = np.int64(1)
-            if root < roots(st.tables) - 1:
+            if root < roots(st.grid.tables) - 1:
                 here = np.int64(0)
                 if encoding:
                     here = np.int64(unpacked(order[w[ITEM]])[0] == root)
@@ -219,7 +209,7 @@ def base(st: State, cd: Coder, mark: Store, order: IntVector, seeds: Int32Matrix
                 if root != w[LAST_ROOT]:
                     w[TIGHT] = 0
                 w[LAST_ROOT] = root
-                w[CLASS] = root_class(st.tables, root)
+                w[CLASS] = root_class(st.grid.tables, root)
                 w[B0] = 0
                 w[B1] = 0
                 w[B2] = 0
@@ -231,12 +221,12 @@ def base(st: State, cd: Coder, mark: Store, order: IntVector, seeds: Int32Matrix
         elif phase == _LOCATE:
             depth = w[DEPTH]
             cls, b0, b1, b2 = w[CLASS], w[B0], w[B1], w[B2]
-            x, y, z = middle_at(st, depth, cls, b0, b1, b2)
+            x, y, z = middle_at(st.grid, depth, cls, b0, b1, b2)
             split = tell(st, cd, ON_PATH, depth, x, y, z, ctx.LEVEL_PATH + depth)
             if split < 0:
                 return _trouble(st, split)
             if split == 0:
-                if not exists(st, edge_of(st, depth), depth % n, cls, b0, b1, b2) or visited(
+                if not exists(st.grid, edge_of(st.grid, depth), depth % n, cls, b0, b1, b2) or visited(
                     st, mark, depth, cls, b0, b1, b2
                 ):
                     st.at[ERROR] = 1
@@ -245,8 +235,8 @@ def base(st: State, cd: Coder, mark: Store, order: IntVector, seeds: Int32Matrix
                 w[PHASE] = _SIGNS
                 continue
             side = np.int64(0)
-            k0, l0, l1, l2, left = _tree_child(st, depth, w[CLASS], w[B0], w[B1], w[B2], side + 0)
-            k1, r0, r1, r2, right = _tree_child(st, depth, w[CLASS], w[B0], w[B1], w[B2], side + 1)
+            k0, l0, l1, l2, left = child_of(st.grid, depth, w[CLASS], w[B0], w[B1], w[B2], side + 0)
+            k1, r0, r1, r2, right = child_of(st.grid, depth, w[CLASS], w[B0], w[B1], w[B2], side + 1)
             # ascending order: along the last path nothing is left of it
             bit = np.int64(1)
             if not right:
@@ -273,7 +263,7 @@ def base(st: State, cd: Coder, mark: Store, order: IntVector, seeds: Int32Matrix
             j = w[CORNER]
             level, cls, b0, b1, b2 = w[DEPTH], w[CLASS], w[B0], w[B1], w[B2]
             r = level % n
-            edge = edge_of(st, level)
+            edge = edge_of(st.grid, level)
             if j <= n:
                 if corner_entry(st, edge, r, cls, b0, b1, b2, j) == 0:
                     before = 0
@@ -329,9 +319,9 @@ def base(st: State, cd: Coder, mark: Store, order: IntVector, seeds: Int32Matrix
                 w[GATES] -= 1
                 continue
             r = level % n
-            edge = edge_of(st, level)
+            edge = edge_of(st.grid, level)
             if adaptive:
-                if not exists(st, edge, r, cls, b0, b1, b2):
+                if not exists(st.grid, edge, r, cls, b0, b1, b2):
                     w[GATES] -= 1
                     continue
                 status = np.int64(0) if settled else settle(st, level, cls, b0, b1, b2)

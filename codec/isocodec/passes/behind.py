@@ -7,37 +7,17 @@ import numpy as np
 from ..entropy import baseline as ctx
 from ..entropy.coder import ENCODE, MODE
 from ..kernel import GROW, inlined, inner
-from ..mesh.access import child, dimension, grandchild, member, vertex
-from ..mesh.access import kind as kind_of
-from ..mesh.access import members as member_count
+from ..mesh.access import child, dimension, vertex
 from ..mesh.chosen import has
+from ..mesh.grid import edge_of, position
+from ..mesh.simplex import middle_at, newest, parent_of
 from ..mesh.store import get, put
 from .ahead import COARSER, FINER, ask
-from .mesh import BARRED, IN, OUT, admit, closure, newest, short, told
-from .seek import middle_at
-from .state import FINEST, LEVEL_SYMBOL, TALLY, UNIFORM, edge_of, position
+from .mesh import BARRED, IN, OUT, admit, closure, short, told
+from .state import FINEST, LEVEL_SYMBOL, TALLY, UNIFORM
 from .walk import BEFORE, RESOLVED
 
 _EQUAL = np.int64(-1)
-
-
-@inlined
-def _parent(st, level, cls, b0, b1, b2):
-    """Class and block of the parent of a simplex, and which child it is."""
-    n = dimension(st.tables)
-    r = (level - 1) % n
-    f = 2 if r == n - 1 else 1
-    z = position(edge_of(st, level), b0, b1, b2, vertex(st.tables, level % n, cls, newest(n, level % n)))
-    up = edge_of(st, level - 1)
-    w0, w1, w2 = 2 * z[0] // up, 2 * z[1] // up, 2 * z[2] // up
-    kind = kind_of(st.tables, r, w0, w1, w2)
-    for m in range(member_count(st.tables, kind)):
-        for side in range(2):
-            q, d0, d1, d2, _ = grandchild(st.tables, kind, m, side)
-            if q == cls and (w0 >> 2) * f + d0 == b0 and (w1 >> 2) * f + d1 == b1 and (w2 >> 2) * f + d2 == b2:
-                other, d0, d1, d2, _ = member(st.tables, kind, m)
-                return other, (w0 >> 2) + d0, (w1 >> 2) + d1, (w2 >> 2) + d2, side
-    return cls, b0, b1, b2, 0
 
 
 @inlined
@@ -82,8 +62,8 @@ def tell(st, cd, what, level, x, y, z, context):
 @inner
 def settle(st, level, cls, b0, b1, b2):
     """Mark what a leaf says of the mesh: its newest vertex is in it, its middle is not. 0, GROW or BARRED."""
-    n = dimension(st.tables)
-    x, y, z = middle_at(st, level, cls, b0, b1, b2)
+    n = dimension(st.grid.tables)
+    x, y, z = middle_at(st.grid, level, cls, b0, b1, b2)
     if level < st.at[FINEST]:
         state = get(st.mesh, x, y, z)
         if state & IN:
@@ -91,7 +71,9 @@ def settle(st, level, cls, b0, b1, b2):
         put(st.mesh, x, y, z, state | OUT)
     if level - 1 < st.at[UNIFORM]:
         return np.int64(0)
-    x, y, z = position(edge_of(st, level), b0, b1, b2, vertex(st.tables, level % n, cls, newest(n, level % n)))
+    x, y, z = position(
+        edge_of(st.grid, level), b0, b1, b2, vertex(st.grid.tables, level % n, cls, newest(n, level % n))
+    )
     state = get(st.mesh, x, y, z)
     if state & IN:
         return np.int64(0)
@@ -109,25 +91,25 @@ def settle(st, level, cls, b0, b1, b2):
 @inner
 def resolve(st, cd, level, cls, b0, b1, b2, opp):
     """Find the leaf behind a gate, leaving it in the registers: 0, or what ``tell`` or ``settle`` say."""
-    n = dimension(st.tables)
+    n = dimension(st.grid.tables)
     r = level % n
     w = st.walk
     question = _question(n, level, opp)
     if question == FINER or (question == COARSER and level > 0):
         coarser = np.int64(question == COARSER)
-        x, y, z = middle_at(st, level, cls, b0, b1, b2)
+        x, y, z = middle_at(st.grid, level, cls, b0, b1, b2)
         if coarser:
-            x, y, z = position(edge_of(st, level), b0, b1, b2, vertex(st.tables, r, cls, opp))
+            x, y, z = position(edge_of(st.grid, level), b0, b1, b2, vertex(st.grid.tables, r, cls, opp))
         bit = tell(st, cd, question, level - coarser, x, y, z, ctx.LEVEL + (r * 2 + coarser) * 4 + w[BEFORE])
         if bit < 0:
             return bit
         if coarser and bit == 0:
-            cls, b0, b1, b2, side = _parent(st, level, cls, b0, b1, b2)
+            cls, b0, b1, b2, side = parent_of(st.grid, level, cls, b0, b1, b2)
             level -= 1
             opp = np.int64(0) if side else n - level % n
         elif bit == 1 and not coarser:
             side = 1 if opp == 0 else 0
-            q, d0, d1, d2 = child(st.tables, r, cls, side)
+            q, d0, d1, d2 = child(st.grid.tables, r, cls, side)
             f = 2 if r == n - 1 else 1
             cls, b0, b1, b2 = q, b0 * f + d0, b1 * f + d1, b2 * f + d2
             level += 1

@@ -12,7 +12,7 @@ from ..kernel import kernel, record
 from ..kernel.types import Int32Matrix, Int32Vector, IntMatrix, IntVector
 from ..mesh.store import get
 from .along import UNIT
-from .state import LAST, VERTICES, State
+from .state import VERTICES, State
 
 HOPS = 4
 """Edges without offsets that the chain of crossings may pass on the way to one that carries them."""
@@ -138,11 +138,11 @@ def _enter_nearby(st: State, active: IntVector, listed: Int32Vector, steps: IntM
 
     ``listed`` has the place of each vertex and, last, that of none.
     """
-    last = st.at
+    box = st.grid
     for i in range(len(active)):
         v = active[i]
         for k in range(len(steps)):
             x, y, z = st.vertex[v, 0] + steps[k, 0], st.vertex[v, 1] + steps[k, 1], st.vertex[v, 2] + steps[k, 2]
-            inside = min(x, y, z) >= 0 and x <= last[LAST] and y <= last[LAST + 1] and z <= last[LAST + 2]
+            inside = min(x, y, z) >= 0 and x <= box.last0 and y <= box.last1 and z <= box.last2
             u = (get(st.known, x, y, z) >> 1) - 1 if inside else np.int64(-1)
             out[i, k] = listed[u]

@@ -14,11 +14,13 @@ from ..mesh.access import corner, dimension
 from ..mesh.access import corners as corner_count
 from ..mesh.access import kind as kind_of
 from ..mesh.chosen import has
+from ..mesh.diamond import existing
+from ..mesh.grid import clamped, position
+from ..mesh.slots import cubes, middle_of, slots
 from ..mesh.store import get
-from .diamond import existing
 from .mesh import IN
-from .significance import SLOT_BITS, cubes, middle_of, slots
-from .state import ASKS, EDGE, LAST, LEVEL, State, clamped, entry, position, truth
+from .significance import SLOT_BITS
+from .state import ASKS, EDGE, LEVEL, State, entry, truth
 
 BLOCK = 3
 """Log2 of the edge of the blocks in which the encoder looks for changes of sign."""
@@ -59,7 +61,7 @@ def _idle(st, busy, x, y, z):
     edge = st.at[EDGE]
     if edge > 1 << BLOCK:
         return False
-    x, y, z = clamped(st, x * edge, y * edge, z * edge)
+    x, y, z = clamped(st.grid, x * edge, y * edge, z * edge)
     return not busy[x >> BLOCK, y >> BLOCK, z >> BLOCK]
 
 
@@ -79,21 +81,21 @@ def _ends(w, edge, last):
 
 @inner
 def _corner_sign(st, kind, i, w0, w1, w2):
-    x, y, z = position(st.at[EDGE], w0 >> 2, w1 >> 2, w2 >> 2, corner(st.tables, kind, i))
+    x, y, z = position(st.at[EDGE], w0 >> 2, w1 >> 2, w2 >> 2, corner(st.grid.tables, kind, i))
     return truth(st, x, y, z)
 
 
 @inner
 def _alone(st, r, w0, w1, w2):
     """Whether a middle differs from all corners of its diamond."""
-    t = st.tables
+    t = st.grid.tables
     edge = st.at[EDGE]
     kind = kind_of(t, r, w0, w1, w2)
     x, y, z = (w0 * edge) >> 1, (w1 * edge) >> 1, (w2 * edge) >> 1
     if (st.at[ASKS] and not has(st.chosen, x, y, z)) or entry(st, x, y, z) != 0 or get(st.mesh, x, y, z) & IN:
         return False
     s = truth(st, (w0 * edge) >> 1, (w1 * edge) >> 1, (w2 * edge) >> 1)
-    corners = existing(st, edge, r, kind, w0, w1, w2)[2]
+    corners = existing(st.grid, edge, r, kind, w0, w1, w2)[2]
     for i in range(corner_count(t, kind)):
         if (corners >> i) & 1 and s == _corner_sign(st, kind, i, w0, w1, w2):
             return False
@@ -106,12 +108,12 @@ def find(st: State, busy: BoolVolume, found: IntVector) -> int:
 
     Fills ``found`` as far as it goes and returns their number.
     """
-    n = dimension(st.tables)
+    n = dimension(st.grid.tables)
     r = st.at[LEVEL] % n
     edge = st.at[EDGE]
     field = st.truth
-    last0, last1, last2 = st.at[LAST], st.at[LAST + 1], st.at[LAST + 2]
-    c0, c1, c2 = cubes(st)
+    last0, last1, last2 = st.grid.last0, st.grid.last1, st.grid.last2
+    c0, c1, c2 = cubes(st.grid, st.at[LEVEL])
     # the cubes of one block at a time
     run = max((1 << BLOCK) // edge, 1)
     zero = np.int64(0)

@@ -14,7 +14,7 @@ from ..kernel import DONE, GROW, inlined, inner
 from ..mesh.access import dimension
 from ..mesh.store import full, get, spot
 from .classes import bits
-from .state import BIRTHS, COUNTED, COUNTED_SIZE, COUNTING, EDGE, LEVEL, SIZE, VERTICES
+from .state import BIRTHS, COUNTED, COUNTED_SIZE, COUNTING, EDGE, LEVEL, VERTICES
 
 BIRTH = 1 << 20
 """Counts of new components are multiples of this, those of vertices the rest."""
@@ -30,7 +30,7 @@ ROOT = np.int64(-1)
 @inlined
 def _place(st, size):
     """Where cells of ``2**size`` samples lie in the store, with room for neighbours that there are not."""
-    return np.int64(4) << (st.at[SIZE] - size)
+    return np.int64(4) << (st.grid.exponent - size)
 
 
 @inlined
@@ -49,7 +49,7 @@ def _count(st, size, x, y, z, birth):
 @inlined
 def add_birth(st, x, y, z):
     """Count a new component at (x, y, z) in all cells that hold it."""
-    for size in range(st.at[SIZE] + 1):
+    for size in range(st.grid.exponent + 1):
         _count(st, size, x, y, z, True)
 
 
@@ -57,7 +57,7 @@ def add_birth(st, x, y, z):
 def census(st):
     """Count the vertices that have become known since the last time, size by size: neighbours share pages."""
     at = st.at
-    while at[COUNTED_SIZE] <= at[SIZE]:
+    while at[COUNTED_SIZE] <= st.grid.exponent:
         size = at[COUNTED_SIZE]
         while at[COUNTING] < at[VERTICES]:
             if full(st.crowd, 1):
@@ -109,7 +109,7 @@ def see_crowd(st, cd, what, shift, x, y, z, hits, child, nearness):
 
     ``child`` is its number among its siblings, or ``ROOT``.
     """
-    n = dimension(st.tables)
+    n = dimension(st.grid.tables)
     r = st.at[LEVEL] % n
     first = _FIRST_2 if n == 2 else _FIRST_3
     clear(cd)
@@ -119,7 +119,7 @@ def see_crowd(st, cd, what, shift, x, y, z, hits, child, nearness):
     see(cd, first + 51 + (5 if what == NODE else nearness))
     see(cd, first + 81 + rarity(st))
     size = shift + bits(st.at[EDGE]) - 1
-    if size > st.at[SIZE]:
+    if size > st.grid.exponent:
         return
     x += _place(st, size)
     here = get(st.crowd, x, y, z)

@@ -9,61 +9,23 @@ from __future__ import annotations
 import numpy as np
 
 from ..kernel import inlined, inner
-from ..mesh.access import child_bits, corner, delta, dimension, grandchild, member
+from ..mesh.access import child_bits, corner, delta, dimension, grandchild
 from ..mesh.access import corners as corner_count
 from ..mesh.access import members as member_count
+from ..mesh.diamond import existing
+from ..mesh.grid import position
+from ..mesh.simplex import exists
 from ..mesh.store import page_with
 from .rows import push_children
-from .state import EDGE, LAST, clamped, entry, exists, learn, position
-
-
-@inlined
-def coincident(st, edge, kind, corners, w0, w1, w2):
-    """Whether the middle falls on one of the corners after clamping: no vertex is added then (spec clause 4.6)."""
-    t = st.tables
-    here = clamped(st, (w0 * edge) >> 1, (w1 * edge) >> 1, (w2 * edge) >> 1)
-    for i in range(corner_count(t, kind)):
-        if (corners >> i) & 1:
-            x, y, z = position(edge, w0 >> 2, w1 >> 2, w2 >> 2, corner(t, kind, i))
-            x, y, z = clamped(st, x, y, z)
-            if x == here[0] and y == here[1] and z == here[2]:
-                return True
-    return False
-
-
-@inlined
-def inside(st, edge, w0, w1, w2):
-    """Whether the diamond around a middle lies wholly inside the box: it reaches g to all sides."""
-    last = st.at
-    if min(w0, w1) < 1 or (w0 + 1) * edge > 2 * last[LAST] or (w1 + 1) * edge > 2 * last[LAST + 1]:
-        return False
-    return dimension(st.tables) == 2 or (w2 >= 1 and (w2 + 1) * edge <= 2 * last[LAST + 2])
-
-
-@inner
-def existing(st, edge, r, kind, w0, w1, w2):
-    """Whether a diamond lies wholly inside the box, and bits of its members that exist and of their corners."""
-    t = st.tables
-    members = (np.int64(1) << member_count(t, kind)) - 1
-    corners = (np.int64(1) << corner_count(t, kind)) - 1
-    if inside(st, edge, w0, w1, w2):
-        return True, members, corners
-    members = np.int64(0)
-    corners = np.int64(0)
-    for m in range(member_count(t, kind)):
-        cls, d0, d1, d2, bits = member(t, kind, m)
-        if exists(st, edge, r, cls, (w0 >> 2) + d0, (w1 >> 2) + d1, (w2 >> 2) + d2):
-            members |= np.int64(1) << m
-            corners |= bits
-    return False, members, corners
+from .state import EDGE, entry, learn
 
 
 @inner
 def look(st, edge, r, kind, w0, w1, w2):
     """What ``existing`` says of a diamond, and bits of those corners that are known, and of the known ones above."""
-    whole, members, corners = existing(st, edge, r, kind, w0, w1, w2)
+    whole, members, corners = existing(st.grid, edge, r, kind, w0, w1, w2)
     b0, b1, b2 = w0 >> 2, w1 >> 2, w2 >> 2
-    t = st.tables
+    t = st.grid.tables
     known = np.int64(0)
     above = np.int64(0)
     if whole:
@@ -94,7 +56,7 @@ def _corners_learn(st, kind, b0, b1, b2, whole, known, above, bits):
     i = np.int64(0)
     while fresh:
         if fresh & 1:
-            x, y, z = position(st.at[EDGE], b0, b1, b2, corner(st.tables, kind, i))
+            x, y, z = position(st.at[EDGE], b0, b1, b2, corner(st.grid.tables, kind, i))
             if whole or entry(st, x, y, z) == 0:
                 learn(st, x, y, z, (above >> i) & 1)
         fresh >>= 1
@@ -109,7 +71,7 @@ def bisect_member(st, r, kind, m, w0, w1, w2, whole, known, above):
     ``above`` holds the signs of all corners and the middle, inferred ones included.
     """
     edge = st.at[EDGE]
-    t = st.tables
+    t = st.grid.tables
     b0, b1, b2 = w0 >> 2, w1 >> 2, w2 >> 2
     children = np.int64(0)
     below = r + 1 if r + 1 < dimension(t) else 0
@@ -119,7 +81,7 @@ def bisect_member(st, r, kind, m, w0, w1, w2, whole, known, above):
         signs = above & bits
         if signs == 0 or signs == bits:
             continue
-        if not whole and not exists(st, edge // f, below, cls, b0 * f + d0, b1 * f + d1, b2 * f + d2):
+        if not whole and not exists(st.grid, edge // f, below, cls, b0 * f + d0, b1 * f + d1, b2 * f + d2):
             continue
         known = _corners_learn(st, kind, b0, b1, b2, whole, known, above, bits)
         children |= np.int64(1) << (2 * m + s)
@@ -131,15 +93,15 @@ def bisect(st, r, kind, w0, w1, w2, whole, members, known, above, sign):
     """Add the middle with its sign, and append the mixed children of all members, in order."""
     edge = st.at[EDGE]
     learn(st, (w0 * edge) >> 1, (w1 * edge) >> 1, (w2 * edge) >> 1, sign)
-    middle = np.int64(1) << corner_count(st.tables, kind)
+    middle = np.int64(1) << corner_count(st.grid.tables, kind)
     known |= middle
     if sign:
         above |= middle
     children = np.int64(0)
     if whole:
         b0, b1, b2 = w0 >> 2, w1 >> 2, w2 >> 2
-        for c in range(2 * member_count(st.tables, kind)):
-            bits = child_bits(st.tables, kind, c)
+        for c in range(2 * member_count(st.grid.tables, kind)):
+            bits = child_bits(st.grid.tables, kind, c)
             signs = above & bits
             if signs != 0 and signs != bits:
                 if bits & ~known:
@@ -147,7 +109,7 @@ def bisect(st, r, kind, w0, w1, w2, whole, members, known, above, sign):
                 children |= np.int64(1) << c
         push_children(st, kind, w0, w1, w2, children)
         return
-    for m in range(member_count(st.tables, kind)):
+    for m in range(member_count(st.grid.tables, kind)):
         if (members >> m) & 1:
             known, more = bisect_member(st, r, kind, m, w0, w1, w2, whole, known, above)
             children |= more

@@ -6,8 +6,10 @@ import numpy as np
 
 from ..kernel import inlined, inner
 from ..mesh.access import cube, dimension, neighbour
+from ..mesh.grid import edge_of
+from ..mesh.simplex import exists
 from ..mesh.store import get, put
-from .state import LEAVES, corner_entry, edge_of, exists
+from .state import LEAVES, corner_entry
 from .walk import GATES
 
 GATE = 7
@@ -18,8 +20,8 @@ it was left from."""
 @inlined
 def _cell(st, level, cls, b0, b1, b2):
     """Place of a simplex in the store of visited ones, a region of its own for every level, and its bit."""
-    n = dimension(st.tables)
-    number, p0, p1, p2 = cube(st.tables, level % n, cls)
+    n = dimension(st.grid.tables)
+    number, p0, p1, p2 = cube(st.grid.tables, level % n, cls)
     size = level // n
     return 2 * b0 + p0 + (np.int64(1) << size), 2 * b1 + p1 + ((level % n) << size), 2 * b2 + p2, number
 
@@ -48,9 +50,9 @@ def visit(st, mark, level, cls, b0, b1, b2):
 @inner
 def push_gates(st, mark, level, cls, b0, b1, b2):
     """Push the mixed faces, in the order of the vertices opposite, that lead to an unvisited simplex."""
-    n = dimension(st.tables)
+    n = dimension(st.grid.tables)
     r = level % n
-    edge = edge_of(st, level)
+    edge = edge_of(st.grid, level)
     w = st.walk
     above = 0
     signs = 0
@@ -62,9 +64,9 @@ def push_gates(st, mark, level, cls, b0, b1, b2):
         rest = above - ((signs >> i) & 1)
         if rest == 0 or rest == n:
             continue
-        other, opp, d0, d1, d2 = neighbour(st.tables, r, cls, i)
+        other, opp, d0, d1, d2 = neighbour(st.grid.tables, r, cls, i)
         c0, c1, c2 = b0 + d0, b1 + d1, b2 + d2
-        if not exists(st, edge, r, other, c0, c1, c2) or visited(st, mark, level, other, c0, c1, c2):
+        if not exists(st.grid, edge, r, other, c0, c1, c2) or visited(st, mark, level, other, c0, c1, c2):
             continue
         g = w[GATES] * GATE
         st.stack[g] = other

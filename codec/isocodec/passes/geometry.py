@@ -43,7 +43,7 @@ def active_vertices(st: State, leaves: IntMatrix, mark: UInt8Vector, full: bool,
     On the full grid these are the ends of the grid edges that are crossed, else all vertices of the leaves. ``leaves``
     are rows of numbers of vertices.
     """
-    n = dimension(st.tables)
+    n = dimension(st.grid.tables)
     count = 0
     for i in range(len(leaves)):
         for j in range(n + 1):
@@ -72,7 +72,7 @@ def _lower(st, a, b):
 @kernel
 def grid_edges(st: State, leaves: IntMatrix, mark: UInt8Vector, out: IntMatrix) -> int:
     """Edges of the full grid that are crossed, in the order of the leaves: both ends, the lower first (5.7.2)."""
-    n = dimension(st.tables)
+    n = dimension(st.grid.tables)
     count = 0
     for i in range(len(leaves)):
         for j in range(n):
@@ -95,7 +95,7 @@ def grid_edges(st: State, leaves: IntMatrix, mark: UInt8Vector, out: IntMatrix) 
 @kernel
 def leaf_edges(st: State, leaves: IntMatrix, out: IntMatrix) -> int:
     """Crossed edges of all leaves, repeated as they come: both ends, the lower first (spec clause 5.7.2)."""
-    n = dimension(st.tables)
+    n = dimension(st.grid.tables)
     count = 0
     for i in range(len(leaves)):
         for j in range(n + 1):

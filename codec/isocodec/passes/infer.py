@@ -6,7 +6,8 @@ import numpy as np
 
 from ..kernel import inlined
 from ..mesh.access import dimension
-from .state import ADAPTED, BASE_LEVEL, BITS, MOST_WORK, SHIFT, SIDE, SIZE, UNIFORM, WORK, clamped, edge_of, entry
+from ..mesh.grid import clamped, edge_of, level_at
+from .state import ADAPTED, BASE_LEVEL, BITS, MOST_WORK, SHIFT, SIDE, UNIFORM, WORK, entry
 
 
 @inlined
@@ -18,8 +19,8 @@ def infer(st, x, y, z):
     That is the sign wherever all meshes on the way were decoded level by level, and nearly always in adaptive meshes.
     -1 when the limit of steps is reached.
     """
-    coarse = edge_of(st, st.at[BASE_LEVEL])
-    n = dimension(st.tables)
+    coarse = edge_of(st.grid, st.at[BASE_LEVEL])
+    n = dimension(st.grid.tables)
     phase = st.at[BASE_LEVEL] % n
     while st.at[WORK] < st.at[MOST_WORK]:
         st.at[WORK] += 1
@@ -59,22 +60,6 @@ def infer(st, x, y, z):
 
 
 @inlined
-def level_at(st, x, y, z):
-    """Level of the middle at unclamped (x, y, z); -1 for a corner of the root cube."""
-    low = x | y | z
-    size = st.at[SIZE]
-    if low == 0:
-        return np.int64(-1)
-    depth = np.int64(0)
-    while not (low >> depth) & 1:
-        depth += 1
-    if depth >= size:
-        return np.int64(-1)
-    odd = ((x >> depth) & 1) + ((y >> depth) & 1) + ((z >> depth) & 1)
-    return dimension(st.tables) * (size - depth) - odd
-
-
-@inlined
 def earlier(st, x, y, z):
     """Sign of a vertex at the earlier isovalue that this one leans on, or -1; whether it is certain.
 
@@ -83,8 +68,8 @@ def earlier(st, x, y, z):
     e = entry(st.lean, x, y, z)
     if e != 0:
         return e & 1, True
-    x, y, z = clamped(st, x, y, z)
-    if level_at(st, x, y, z) < st.lean.at[UNIFORM]:
+    x, y, z = clamped(st.grid, x, y, z)
+    if level_at(st.grid, x, y, z) < st.lean.at[UNIFORM]:
         return infer(st.lean, x, y, z), st.lean.at[ADAPTED] == 0
     return np.int64(-1), False
 

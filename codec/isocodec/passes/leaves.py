@@ -9,11 +9,12 @@ from ..kernel import inlined, kernel
 from ..kernel.types import Int32Matrix, IntMatrix, IntVector
 from ..mesh.access import corner, dimension, member, middle, place
 from ..mesh.access import corners as corner_count
+from ..mesh.grid import edge_of, position
+from ..mesh.simplex import middle_at
 from ..mesh.store import get
 from ..mesh.tables import MOST_CORNERS
 from .mesh import IN, KNOWN
 from .rows import child_at, unpacked
-from .seek import middle_at
 from .state import (
     ASKS,
     BEFORE_ROUND,
@@ -24,22 +25,19 @@ from .state import (
     LEVEL,
     MIXED,
     NEXT,
-    SIZE,
     VERTICES,
     State,
     corner_entry,
-    edge_of,
     entry,
-    position,
 )
 
 
 @inlined
 def _bisected(st, level, cls, b0, b1, b2):
     """Whether the running round has bisected a leaf: its middle is known."""
-    if level != st.at[LEVEL] or level >= st.at[SIZE] * dimension(st.tables):
+    if level != st.at[LEVEL] or level >= st.grid.exponent * dimension(st.grid.tables):
         return False
-    x, y, z = middle_at(st, level, cls, b0, b1, b2)
+    x, y, z = middle_at(st.grid, level, cls, b0, b1, b2)
     before = st.at[BEFORE_ROUND]
     if st.at[ASKS]:
         state = get(st.mesh, x, y, z)
@@ -57,15 +55,15 @@ def vertex_numbers(
     With ``round_runs`` those are left out that the running round has bisected already. ``number`` is room for the
     corners of a diamond and its middle.
     """
-    n = dimension(st.tables)
-    t = st.tables
+    n = dimension(st.grid.tables)
+    t = st.grid.tables
     rows, last = 0, np.int64(-1)
     edge, r = np.int64(0), np.int64(0)
     for i in range(first, count):
         code, level = np.int64(leaf[i, 0]), np.int64(leaf[i, 4])
         b0, b1, b2 = np.int64(leaf[i, 1]), np.int64(leaf[i, 2]), np.int64(leaf[i, 3])
         if level != last:
-            edge, r, last = edge_of(st, level), level % n, level  # divisions take as long as the rest
+            edge, r, last = edge_of(st.grid, level), level % n, level  # divisions take as long as the rest
         if code >= 0:
             if not (round_runs and _bisected(st, level, code, b0, b1, b2)):
                 for j in range(n + 1):
@@ -104,7 +102,7 @@ def drawn_leaves(st: State, rounds: bool) -> int:
 
 def drawn_bytes(st: State, rounds: int) -> int:
     """Bytes that `drawn` takes."""
-    return drawn_leaves(st, bool(rounds)) * (dimension(st.tables) + 2) * 8
+    return drawn_leaves(st, bool(rounds)) * (dimension(st.grid.tables) + 2) * 8
 
 
 def drawn(st: State, rounds: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
@@ -112,7 +110,7 @@ def drawn(st: State, rounds: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]
     at = st.at
     room = drawn_leaves(st, bool(rounds))
     number = np.empty(MOST_CORNERS + 1, np.int64)
-    rows, levels = np.empty((room, dimension(st.tables) + 1), np.int64), np.empty(room, np.int64)
+    rows, levels = np.empty((room, dimension(st.grid.tables) + 1), np.int64), np.empty(room, np.int64)
     used = vertex_numbers(st, st.leaf, at[DONE_LEAVES], at[LEAVES], rounds, number, rows, levels)
     used += vertex_numbers(st, st.below, 0, at[NEXT], 0, number, rows[used:], levels[used:])
     return rows[:used], levels[:used]

@@ -9,12 +9,14 @@ from __future__ import annotations
 import numpy as np
 
 from ..kernel import inlined, inner
-from ..mesh.access import dimension, member, vertex
+from ..mesh.access import dimension
 from ..mesh.access import kind as kind_of
 from ..mesh.access import members as member_count
+from ..mesh.diamond import existing, parent
+from ..mesh.grid import edge_of, lattice
 from ..mesh.store import full, get, put
-from .diamond import existing, look
-from .state import FINEST, ROOM, STEP_VERTICES, TOLD, UNIFORM, WORK, edge_of, position
+from .diamond import look
+from .state import FINEST, ROOM, STEP_VERTICES, TOLD, UNIFORM, WORK
 
 IN, OUT, KEPT, KNOWN = 1, 2, 4, 8
 """Marks of a lattice point: in the mesh; told not to be in it; kept in this layer; known when it was added."""
@@ -29,28 +31,6 @@ ANCESTOR = 32
 
 
 @inlined
-def newest(n, r):
-    """Number of the vertex of a simplex that the bisection of its parent added."""
-    return 1 if r == 0 else n - r + 1
-
-
-@inlined
-def parent(t, level, edge, kind, m, w0, w1, w2):
-    """Unclamped position of the middle whose bisection made member m of the diamond around w."""
-    r = level % dimension(t)
-    cls, d0, d1, d2, _ = member(t, kind, m)
-    newest_vertex = vertex(t, r, cls, newest(dimension(t), r))
-    return position(edge, (w0 >> 2) + d0, (w1 >> 2) + d1, (w2 >> 2) + d2, newest_vertex)
-
-
-@inlined
-def lattice(st, level, x, y, z):
-    """Unclamped position in units of g of a level."""
-    edge = edge_of(st, level)
-    return 2 * x // edge, 2 * y // edge, 2 * z // edge
-
-
-@inlined
 def _listed(st, first, count, x, y, z):
     for i in range(first, count):  # noqa: SIM110 - compiled
         if st.path[i, 0] == x and st.path[i, 1] == y and st.path[i, 2] == z:
@@ -61,9 +41,9 @@ def _listed(st, first, count, x, y, z):
 @inner
 def mixed(st, level, x, y, z):
     """Whether the known corners of the diamond around a middle differ in sign."""
-    w0, w1, w2 = lattice(st, level, x, y, z)
-    r = level % dimension(st.tables)
-    known, above = look(st, edge_of(st, level), r, kind_of(st.tables, r, w0, w1, w2), w0, w1, w2)[3:]
+    w0, w1, w2 = lattice(st.grid, level, x, y, z)
+    r = level % dimension(st.grid.tables)
+    known, above = look(st, edge_of(st.grid, level), r, kind_of(st.grid.tables, r, w0, w1, w2), w0, w1, w2)[3:]
     return above != 0 and above != known
 
 
@@ -74,8 +54,8 @@ def closure(st, level, x, y, z, free):
     With ``free`` 0 an ancestor that would need a symbol of its own bars the middle, and so does, with ``free`` 1, one
     that was told not to be in the mesh: ``BARRED``. Ancestors looked at count as steps (``tired``).
     """
-    n = dimension(st.tables)
-    t = st.tables
+    n = dimension(st.grid.tables)
+    t = st.grid.tables
     st.path[0, 0] = x
     st.path[0, 1] = y
     st.path[0, 2] = z
@@ -92,10 +72,10 @@ def closure(st, level, x, y, z, free):
         i += 1
         if level - 1 < st.at[UNIFORM]:
             continue
-        edge = edge_of(st, level)
-        w0, w1, w2 = lattice(st, level, x, y, z)
+        edge = edge_of(st.grid, level)
+        w0, w1, w2 = lattice(st.grid, level, x, y, z)
         kind = kind_of(t, level % n, w0, w1, w2)
-        members = existing(st, edge, level % n, kind, w0, w1, w2)[1]
+        members = existing(st.grid, edge, level % n, kind, w0, w1, w2)[1]
         for m in range(member_count(t, kind)):
             if not (members >> m) & 1:
                 continue
@@ -146,12 +126,12 @@ def told(st, level, x, y, z):
         return 0
     if level - 1 < st.at[UNIFORM]:
         return -1
-    n = dimension(st.tables)
-    t = st.tables
-    edge = edge_of(st, level)
-    w0, w1, w2 = lattice(st, level, x, y, z)
+    n = dimension(st.grid.tables)
+    t = st.grid.tables
+    edge = edge_of(st.grid, level)
+    w0, w1, w2 = lattice(st.grid, level, x, y, z)
     kind = kind_of(t, level % n, w0, w1, w2)
-    members = existing(st, edge, level % n, kind, w0, w1, w2)[1]
+    members = existing(st.grid, edge, level % n, kind, w0, w1, w2)[1]
     for m in range(member_count(t, kind)):
         if (members >> m) & 1:
             p0, p1, p2 = parent(t, level, edge, kind, m, w0, w1, w2)

@@ -50,7 +50,7 @@ def _show(row, count, first, slot, place, lack, bound, p):
 @inlined
 def see_nearby(st, cd, near, told, i, number, v, p):
     """List what is known of whether bit p of the number of vertex v, the i-th of the list, is 1."""
-    n = dimension(st.tables)
+    n = dimension(st.grid.tables)
     first, slots = (_FIRST_2, _SLOTS_2) if n == 2 else (_FIRST_3, _SLOTS_3)
     row = cd.blend.row
     bound = (2 * number[v] + 1) << (p + 1)

@@ -7,8 +7,9 @@ import numpy as np
 from ..entropy import baseline as ctx
 from ..kernel import inlined
 from ..mesh.access import dimension, neighbour, vertex
+from ..mesh.grid import edge_of, position
 from .parabola import MOST, nearer
-from .state import EARLY, SIZE, TRAIL, corner_entry, edge_of, entry, position
+from .state import EARLY, TRAIL, corner_entry, entry
 from .walk import FRESH, HISTORY
 
 
@@ -28,10 +29,10 @@ def _balance(st, edge, x, y, z):
 @inlined
 def surface_context(st, level, cls, b0, b1, b2, opp):
     """Majority sign of the neighbours, or else of the gate, and the stated case (spec clause 7.4)."""
-    t = st.tables
+    t = st.grid.tables
     n = dimension(t)
     r = level % n
-    edge = edge_of(st, level)
+    edge = edge_of(st.grid, level)
     above = 0
     for j in range(n + 1):
         if j != opp:
@@ -50,10 +51,10 @@ def surface_context(st, level, cls, b0, b1, b2, opp):
 @inlined
 def edge_sum(st, level, cls, b0, b1, i, j):
     """Sum of the positions of the vertices i and j: twice the middle of their edge."""
-    r = level % dimension(st.tables)
-    edge = edge_of(st, level)
-    p = vertex(st.tables, r, cls, i)
-    q = vertex(st.tables, r, cls, j)
+    r = level % dimension(st.grid.tables)
+    edge = edge_of(st.grid, level)
+    p = vertex(st.grid.tables, r, cls, i)
+    q = vertex(st.grid.tables, r, cls, j)
     return ((8 * b0 + p[0] + q[0]) * edge) >> 1, ((8 * b1 + p[1] + q[1]) * edge) >> 1
 
 
@@ -65,12 +66,12 @@ def curve_context(st, level, cls, b0, b1, opp):
     g0, g1 = edge_sum(st, level, cls, b0, b1, i, j)
     a0, a1 = edge_sum(st, level, cls, b0, b1, opp, i)
     c0, c1 = edge_sum(st, level, cls, b0, b1, opp, j)
-    unit = st.at[SIZE] - level // 2
+    unit = st.grid.exponent - level // 2
     case = nearer(st.walk, TRAIL, st.walk[HISTORY], unit, g0, g1, a0, a1, c0, c1)
     # the curve leaves through the edge between the new vertex and the gate's vertex of the other sign
     through = i if case < 0 else j
     zero = np.int64(0)
-    guess = 1 - (corner_entry(st, edge_of(st, level), level % 2, cls, b0, b1, zero, through) & 1)
+    guess = 1 - (corner_entry(st, edge_of(st.grid, level), level % 2, cls, b0, b1, zero, through) & 1)
     return guess, ctx.BASE_CURVE + abs(case)
 
 

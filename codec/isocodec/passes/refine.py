@@ -18,6 +18,8 @@ from ..mesh.access import corners as corner_count
 from ..mesh.access import kind as kind_of
 from ..mesh.access import members as member_count
 from ..mesh.chosen import has
+from ..mesh.grid import position
+from ..mesh.simplex import middle_at
 from ..mesh.store import get, put
 from .ahead import OF_LEAF, ask
 from .around import see_around, survey
@@ -28,7 +30,6 @@ from .infer import implied
 from .mesh import BARRED, IN, KEPT, KNOWN, admit, closure, short
 from .parabola import MOST, nearer
 from .rows import child_at, leaf_done, next_leaf, ones, push, push_children, push_row, row_done, unpacked
-from .seek import middle_at
 from .state import (
     AGREED,
     AGREED_SHIFT,
@@ -44,7 +45,6 @@ from .state import (
     PREDICTED,
     PREDICTED_RIGHT,
     REFINEMENT_SIGN,
-    SIZE,
     SPLIT,
     TALLY,
     TRAIL,
@@ -52,10 +52,9 @@ from .state import (
     State,
     crowded,
     entry,
-    position,
     tired,
     truth,
-)  # fmt: skip
+)
 
 # Registers in State.walk: the last two outcomes on the border and inside, the points of the curve.
 BORDER, CROSSED, HISTORY, SPLITS = range(4)
@@ -80,7 +79,7 @@ def _apart(st, kind, w0, w1, w2, known, above):
     i = 0
     while known >> i:
         if (known >> i) & 1:
-            x, y, z = position(edge, w0 >> 2, w1 >> 2, w2 >> 2, corner(st.tables, kind, np.int64(i)))
+            x, y, z = position(edge, w0 >> 2, w1 >> 2, w2 >> 2, corner(st.grid.tables, kind, np.int64(i)))
             e = entry(st.lean, x, y, z)
             count += e != 0 and (e & 1) != (above >> i) & 1
         i += 1
@@ -95,7 +94,7 @@ def _bisect_known(st, r, kind, w0, w1, w2, cls, b0, b1, b2, sign):
     not mixed, which the curve may enter.
     """
     inside, members, corners, known, above = look(st, st.at[EDGE], r, kind, w0, w1, w2)
-    t = st.tables
+    t = st.grid.tables
     if above & 1 and above & 2:
         above |= corners & ~known
     middle = np.int64(1) << corner_count(t, kind)
@@ -129,7 +128,7 @@ def _bisect_known(st, r, kind, w0, w1, w2, cls, b0, b1, b2, sign):
 @inlined
 def _half(st, kind, w0, w1, end):
     """Sum of the middle and an end of its edge (twice the middle of that half) in units of g."""
-    c0, c1, _ = corner(st.tables, kind, end)
+    c0, c1, _ = corner(st.grid.tables, kind, end)
     return (w0 >> 2) * 4 + c0 + w0, (w1 >> 2) * 4 + c1 + w1
 
 
@@ -161,7 +160,7 @@ def _remember(st, p0, p1):
 @inlined
 def _see(st, cd, r, w0, w1, w2, crossed, said, guess, earlier, apart):
     """List what the main profile sees around a middle (spec clause 7.12); whether its rows speak of the bit 0."""
-    n = dimension(st.tables)
+    n = dimension(st.grid.tables)
     w = st.walk
     first = r * (_SIGN_ROWS_2 if n == 2 else _SIGN_ROWS_3)
     clear(cd)
@@ -199,7 +198,7 @@ def _split(st, cd, kind, w0, w1, w2, x, y, z):
         w = st.walk
         if cd.reg[MODE] == ENCODE:
             bit = np.int64(has(st.chosen, x, y, z))
-        r = level % dimension(st.tables)
+        r = level % dimension(st.grid.tables)
         _, _, corners, _, above = look(st, st.at[EDGE], r, kind, w0, w1, w2)
         crossed = (above & 1) != (above >> 1) & 1
         size, odd = _ring(corners, above, np.int64(1))
@@ -232,7 +231,7 @@ def pending(st: State) -> bool:
         kind, children, _ = unpacked(code)
         c = np.int64(0)
         while children >> c:
-            cls, d0, d1, d2 = child_at(st.tables, kind, c, b0, b1, b2)
+            cls, d0, d1, d2 = child_at(st.grid.tables, kind, c, b0, b1, b2)
             if children >> c & 1 and _chosen(st, level + 1, cls, d0, d1, d2):
                 return True
             c += 1
@@ -242,9 +241,9 @@ def pending(st: State) -> bool:
 @inlined
 def _chosen(st, level, cls, b0, b1, b2):
     """Encoder: whether the middle of a leaf is one that this round or a later one adds."""
-    if level < st.at[LEVEL] or level >= st.at[SIZE] * dimension(st.tables):
+    if level < st.at[LEVEL] or level >= st.grid.exponent * dimension(st.grid.tables):
         return False
-    x, y, z = middle_at(st, level, cls, b0, b1, b2)
+    x, y, z = middle_at(st.grid, level, cls, b0, b1, b2)
     return has(st.chosen, x, y, z)
 
 
@@ -262,14 +261,14 @@ def go_on(st: State, cd: Coder, more: int) -> int:
 @kernel
 def refine(st: State, cd: Coder) -> int:
     """Bisect the leaves from number ``DONE_LEAVES`` on, until all are done or the pass must stop."""
-    n = dimension(st.tables)
+    n = dimension(st.grid.tables)
     w = st.walk
     r = st.at[LEVEL] % n
     edge = st.at[EDGE]
     encoding = cd.reg[MODE] == ENCODE
     asks = st.at[ASKS] != 0
     while st.at[DONE_LEAVES] < st.at[LEAVES]:
-        t = st.tables
+        t = st.grid.tables
         cls, b0, b1, b2, level = next_leaf(st)
         if level < 0:
             continue

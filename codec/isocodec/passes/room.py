@@ -12,15 +12,15 @@ from numpy.typing import NDArray
 from ..errors import LimitError
 from ..limits import Limits
 from ..mesh.chosen import every_vertex
+from ..mesh.grid import Grid, grid_of
 from ..mesh.store import PAGES, Store, new_board, new_counts, new_store, resized, size_for, size_of, spare
-from ..mesh.tables import cube_exponent, mesh_tables
+from ..mesh.tables import mesh_tables
 from .gates import GATE
 from .mesh import MOST_ANCESTORS
 from .state import (
     AGREED,
     CALM,
     COUNTERS,
-    LAST,
     LEAVES,
     MIXED,
     MOST_MIXED,
@@ -30,7 +30,6 @@ from .state import (
     ROOM,
     SHIFT,
     SIDE,
-    SIZE,
     STEP_CELLS,
     STEP_LEAVES,
     STEP_VERTICES,
@@ -69,15 +68,13 @@ def first_state(
     """
     n = len(shape)
     counters = np.zeros(COUNTERS, np.int64)
-    counters[SIZE] = cube_exponent(shape)
     counters[MOST_WORK] = limits.steps
     counters[MOST_MIXED] = limits.simplices
     counters[AGREED] = counters[CALM : CALM + 2] = MOSTLY
-    counters[LAST : LAST + n] = np.array(shape) - 1
     counters[SIDE] = side
     counters[SHIFT] = shift
     return State(
-        mesh_tables(n), counters, new_store(n), _rows(4, limits.vertices), _rows(5, limits.simplices),
+        grid_of(shape), counters, new_store(n), _rows(4, limits.vertices), _rows(5, limits.simplices),
         _rows(5, limits.simplices), new_store(n), new_counts(n), new_board(n), np.zeros((MOST_ANCESTORS, 4), np.int64),
         every_vertex((0,) * n), _lean(earlier, n), np.zeros((0, 0, 0), np.bool_) if signs is None else signs,
         registers(), np.zeros(STACK, np.int64),
@@ -86,14 +83,15 @@ def first_state(
 
 @cache
 def _no_lean(n: int) -> Lean:
-    return Lean(mesh_tables(n), np.zeros(COUNTERS, np.int64), new_store(n), new_store(n), NOTHING, NOTHING)
+    empty = Grid(mesh_tables(n), 0, 0, 0, 0)
+    return Lean(empty, np.zeros(COUNTERS, np.int64), new_store(n), new_store(n), NOTHING, NOTHING)
 
 
 def _lean(earlier: State | None, n: int) -> Lean:
     """What the kernels see of the earlier isovalue: values only where they are whole steps of the same scale."""
     if earlier is None:
         return _no_lean(n)
-    return Lean(earlier.tables, earlier.at, earlier.known, earlier.mesh, NOTHING, NOTHING)
+    return Lean(earlier.grid, earlier.at, earlier.known, earlier.mesh, NOTHING, NOTHING)
 
 
 def state_bytes(st: State, mark: Store) -> int:
@@ -165,7 +163,7 @@ def wider_state(
 
 def at_rest(st: State) -> State:
     """The same state without what only further layers need: what it says, and what others may lean on, stays."""
-    n = int(st.tables[0])
+    n = int(st.grid.tables[0])
     return st._replace(
         crowd=new_counts(n), board=new_board(n), below=st.below[:0].copy(), path=st.path[:0].copy(),
         stack=st.stack[:0].copy(),

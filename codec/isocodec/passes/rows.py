@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from ..kernel import inlined, kernel
 from ..kernel.types import Int32Matrix
 from ..mesh.access import dimension, factor, grandchild, twins
-from .state import ASKS, CHILD, DONE_LEAVES, EDGE, HELD, LAST, LEAVES, LEVEL, MIXED, NEXT, State
+from .state import ASKS, CHILD, DONE_LEAVES, EDGE, HELD, LEAVES, LEVEL, MIXED, NEXT, State
 
 _KIND_BITS, _CHILD_BITS = 6, 16
 _KIND, _CHILDREN = (1 << _KIND_BITS) - 1, (1 << _CHILD_BITS) - 1
@@ -52,11 +52,11 @@ def push_children(st, kind, w0, w1, w2, children):
     """Append children of the diamond around w, of the present level, if there are any."""
     if children == 0:
         return
-    edge, last = st.at[EDGE], st.at
+    edge, box = st.at[EDGE], st.grid
     # the children's own diamonds reach 2 g to all sides at most
-    free = min(w0, w1) >= 2 and (w0 + 2) * edge <= 2 * last[LAST] and (w1 + 2) * edge <= 2 * last[LAST + 1]
-    if dimension(st.tables) == 3:
-        free = free and w2 >= 2 and (w2 + 2) * edge <= 2 * last[LAST + 2]
+    free = min(w0, w1) >= 2 and (w0 + 2) * edge <= 2 * box.last0 and (w1 + 2) * edge <= 2 * box.last1
+    if dimension(st.grid.tables) == 3:
+        free = free and w2 >= 2 and (w2 + 2) * edge <= 2 * box.last2
     code = kind | children << _KIND_BITS | np.int64(free) << (_KIND_BITS + _CHILD_BITS)
     _append(st, -1 - code, w0 >> 2, w1 >> 2, w2 >> 2, st.at[LEVEL])
     st.at[MIXED] += ones(children)
@@ -99,13 +99,13 @@ def next_leaf(st):
         return code, b0, b1, b2, level
     kind, children, free = unpacked(code)
     free = free and not st.at[ASKS]
-    while children >> c and (not children >> c & 1 or (free and children & twins(st.tables, kind, c))):
+    while children >> c and (not children >> c & 1 or (free and children & twins(st.grid.tables, kind, c))):
         c += 1
     st.at[CHILD] = c
     if not children >> c:
         row_done(st)
         return code, b0, b1, b2, np.int64(-1)
-    cls, b0, b1, b2 = child_at(st.tables, kind, c, b0, b1, b2)
+    cls, b0, b1, b2 = child_at(st.grid.tables, kind, c, b0, b1, b2)
     return cls, b0, b1, b2, level + 1
 
 
@@ -140,7 +140,7 @@ def _one_by_one(st: State, out: Int32Matrix) -> None:
         c = np.int64(0)
         while children >> c:
             if children >> c & 1:
-                cls, d0, d1, d2 = child_at(st.tables, kind, c, b0, b1, b2)
+                cls, d0, d1, d2 = child_at(st.grid.tables, kind, c, b0, b1, b2)
                 out[count, 0], out[count, 1], out[count, 2], out[count, 3], out[count, 4] = cls, d0, d1, d2, level + 1
                 count += 1
             c += 1

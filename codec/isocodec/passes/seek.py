@@ -12,11 +12,13 @@ from numpy.typing import NDArray
 
 from ..kernel import inner, kernel
 from ..kernel.types import IntMatrix, IntVector, UInt8Vector
-from ..mesh.access import child, cube, dimension, middle, roots
+from ..mesh.access import child, cube, dimension, roots
 from ..mesh.access import root as root_class
 from ..mesh.chosen import has
+from ..mesh.grid import edge_of
+from ..mesh.simplex import exists, middle_at
 from ..mesh.store import get
-from .state import FINEST, TOLD, UNIFORM, State, corner_truth, edge_of, exists
+from .state import FINEST, TOLD, UNIFORM, State, corner_truth
 
 
 def build_pyramid(
@@ -92,17 +94,9 @@ def _mixed_cube(pyramid, levels, m, x, y, z):
 @inner
 def _mixed_leaf(st, level, cls, b0, b1, b2):
     signs = 0
-    for j in range(dimension(st.tables) + 1):
-        signs |= 1 << corner_truth(st, edge_of(st, level), level % dimension(st.tables), cls, b0, b1, b2, j)
+    for j in range(dimension(st.grid.tables) + 1):
+        signs |= 1 << corner_truth(st, edge_of(st.grid, level), level % dimension(st.grid.tables), cls, b0, b1, b2, j)
     return signs == 3
-
-
-@inner
-def middle_at(st, level, cls, b0, b1, b2):
-    """Unclamped position of the middle of a simplex's subdivision edge."""
-    edge = edge_of(st, level)
-    w0, w1, w2 = middle(st.tables, level % dimension(st.tables), cls, b0, b1, b2)
-    return (w0 * edge) >> 1, (w1 * edge) >> 1, (w2 * edge) >> 1
 
 
 @inner
@@ -112,7 +106,7 @@ def is_split(st, level, cls, b0, b1, b2):
         return True
     if level >= st.at[FINEST]:
         return False
-    x, y, z = middle_at(st, level, cls, b0, b1, b2)
+    x, y, z = middle_at(st.grid, level, cls, b0, b1, b2)
     if st.at[TOLD]:
         return get(st.mesh, x, y, z) != 0
     return has(st.chosen, x, y, z)
@@ -121,30 +115,32 @@ def is_split(st, level, cls, b0, b1, b2):
 @kernel
 def mixed_leaves(st: State, pyramid: UInt8Vector, levels: IntMatrix, out: IntVector) -> int:
     """All mixed leaves in the order of the forest, packed; fills ``out`` as far as it goes and returns their number."""
-    n = dimension(st.tables)
+    n = dimension(st.grid.tables)
     stack = st.stack
     zero = np.int64(0)
     count = 0
-    for root in range(roots(st.tables)):
-        size = _push(stack, zero, zero, root_class(st.tables, root), zero, zero, zero, zero + 1)
+    for root in range(roots(st.grid.tables)):
+        size = _push(stack, zero, zero, root_class(st.grid.tables, root), zero, zero, zero, zero + 1)
         while size > 0:
             size -= 1
             o = size * _NODE
             depth, cls, path = stack[o], stack[o + 1], stack[o + 5]
             b0, b1, b2 = stack[o + 2], stack[o + 3], stack[o + 4]
             r = depth % n
-            _, p0, p1, p2 = cube(st.tables, r, cls)
+            _, p0, p1, p2 = cube(st.grid.tables, r, cls)
             if not _mixed_cube(pyramid, levels, depth // n, 2 * b0 + p0, 2 * b1 + p1, 2 * b2 + p2):
                 continue
             if not is_split(st, depth, cls, b0, b1, b2):
-                if exists(st, edge_of(st, depth), r, cls, b0, b1, b2) and _mixed_leaf(st, depth, cls, b0, b1, b2):
+                if exists(st.grid, edge_of(st.grid, depth), r, cls, b0, b1, b2) and _mixed_leaf(
+                    st, depth, cls, b0, b1, b2
+                ):
                     if count < len(out):
                         out[count] = np.int64(root) << _ROOT_SHIFT | path
                     count += 1
                 continue
             f = 2 if r == n - 1 else 1
             for s in range(1, -1, -1):
-                q, d0, d1, d2 = child(st.tables, r, cls, s)
+                q, d0, d1, d2 = child(st.grid.tables, r, cls, s)
                 size = _push(stack, size, depth + 1, q, b0 * f + d0, b1 * f + d1, b2 * f + d2, path << 1 | s)
     return count
 
@@ -162,14 +158,14 @@ def unpacked(item):
 @inner
 def descend(st, item):
     """Level, class and block of a packed leaf."""
-    n = dimension(st.tables)
+    n = dimension(st.grid.tables)
     root, depth, path = unpacked(item)
-    cls = root_class(st.tables, root)
+    cls = root_class(st.grid.tables, root)
     b0, b1, b2 = np.int64(0), np.int64(0), np.int64(0)
     for level in range(depth):
         r = level % n
         f = 2 if r == n - 1 else 1
-        cls, d0, d1, d2 = child(st.tables, r, cls, (path >> (depth - 1 - level)) & 1)
+        cls, d0, d1, d2 = child(st.grid.tables, r, cls, (path >> (depth - 1 - level)) & 1)
         b0, b1, b2 = b0 * f + d0, b1 * f + d1, b2 * f + d2
     return depth, cls, b0, b1, b2
 

@@ -16,9 +16,12 @@ from ..kernel import BAD, DONE, GROW, inlined, inner, kernel
 from ..kernel.types import IntVector
 from ..mesh.access import corner, dimension
 from ..mesh.access import kind as kind_of
+from ..mesh.diamond import coincident
+from ..mesh.grid import clamped, position
+from ..mesh.slots import cubes, height, middle_of, slots
 from ..mesh.store import PAGES, get
 from .crowd import CUBE, NODE, ROOT, SLOT, add_birth, census, see_crowd
-from .diamond import bisect, coincident, look
+from .diamond import bisect, look
 from .infer import implied, infer
 from .mesh import BARRED, IN, admit, closure, short
 from .state import (
@@ -27,20 +30,17 @@ from .state import (
     BIRTHS,
     EDGE,
     ERROR,
-    LAST,
     LEVEL,
     OUT_OF_STEPS,
     SIDE,
     SIGNIFICANCE,
     TALLY,
     State,
-    clamped,
     crowded,
     entry,
-    position,
     tired,
     truth,
-)  # fmt: skip
+)
 
 # Registers in State.walk: stack frames in use, next item of the encoder's list, whether the root was coded, whether the
 # slot before the next one is being added.
@@ -50,52 +50,10 @@ FRAME = 7
 SLOT_BITS = 2
 
 
-@inlined
-def slots(n, r):
-    """Number of slots of a cube: middles have n - r odd coordinates."""
-    return 1 if r == 0 else n
-
-
-@inlined
-def middle_of(n, r, x, y, z, slot):
-    """Lattice point (units of g) of a slot: all odd, or the axis ``slot`` apart from the others (spec clause 5.5.2)."""
-    if r == 0:
-        return 2 * x + 1, 2 * y + 1, 2 * z + (1 if n == 3 else 0)
-    # one odd axis (n - r == 1), or one even axis (n = 3, r == 1)
-    here = 1 if n - r == 1 else 0
-    there = 1 - here
-    return (
-        2 * x + (here if slot == 0 else there),
-        2 * y + (here if slot == 1 else there),
-        2 * z + ((here if slot == 2 else there) if n == 3 else 0),
-    )
-
-
-@inlined
-def cubes(st):
-    """Cubes along each axis that hold a slot: one more than cover the box where slots lie on the lower faces."""
-    n = dimension(st.tables)
-    edge = st.at[EDGE]
-    more = 0 if st.at[LEVEL] % n == 0 else 1
-    c0 = (st.at[LAST] + edge - 1) // edge + more
-    c1 = (st.at[LAST + 1] + edge - 1) // edge + more
-    c2 = (st.at[LAST + 2] + edge - 1) // edge + more if n == 3 else 1
-    return c0, c1, c2
-
-
-@inlined
-def height(most):
-    """Height of the tree over ``most`` cubes along the longest axis: the root's cube covers them all."""
-    h = 0
-    while (1 << h) < most:
-        h += 1
-    return h
-
-
 @inner
 def candidate(st, r, w0, w1, w2):
     """Nearness (plus one) if the decoder cannot rule out a new component at w, else 0 (spec clause 5.5.1)."""
-    kind = kind_of(st.tables, r, w0, w1, w2)
+    kind = kind_of(st.grid.tables, r, w0, w1, w2)
     edge = st.at[EDGE]
     x, y, z = (w0 * edge) >> 1, (w1 * edge) >> 1, (w2 * edge) >> 1
     if entry(st, x, y, z) != 0:
@@ -104,7 +62,7 @@ def candidate(st, r, w0, w1, w2):
     inside, members, corners, known, above = look(st, edge, r, kind, w0, w1, w2)
     if members == 0 or (above != 0 and above != known):
         return 0
-    if not inside and coincident(st, edge, kind, corners, w0, w1, w2):
+    if not inside and coincident(st.grid, edge, kind, corners, w0, w1, w2):
         return 0
     meshed = st.at[ASKS] or st.mesh.head[PAGES] > 0
     if meshed and (get(st.mesh, x, y, z) & IN or closure(st, level, x, y, z, np.int64(0)) == BARRED):
@@ -157,11 +115,11 @@ def _ask(st, cd, what, shift, x, y, z, hits, child, nearness, context, want):
 @inner
 def _add(st, cd, x, y, z, slot):
     """Add the new component of a slot, with all its diamond (spec clause 5.5.4); negative: no effect yet."""
-    n = dimension(st.tables)
+    n = dimension(st.grid.tables)
     level, edge = st.at[LEVEL], st.at[EDGE]
     r = level % n
     w0, w1, w2 = middle_of(n, r, x, y, z, slot)
-    kind = kind_of(st.tables, r, w0, w1, w2)
+    kind = kind_of(st.grid.tables, r, w0, w1, w2)
     inside, members, corners, known, above = look(st, edge, r, kind, w0, w1, w2)
     m0, m1, m2 = (w0 * edge) >> 1, (w1 * edge) >> 1, (w2 * edge) >> 1
     if known != 0:
@@ -170,7 +128,7 @@ def _add(st, cd, x, y, z, slot):
         i = 0
         while not (corners >> i) & 1:
             i += 1
-        u0, u1, u2 = position(edge, w0 >> 2, w1 >> 2, w2 >> 2, corner(st.tables, kind, i))
+        u0, u1, u2 = position(edge, w0 >> 2, w1 >> 2, w2 >> 2, corner(st.grid.tables, kind, i))
         sign = infer(st, u0, u1, u2)
         if sign < 0:
             st.at[ERROR] = OUT_OF_STEPS
@@ -185,7 +143,7 @@ def _add(st, cd, x, y, z, slot):
             st.at[TALLY + SIGNIFICANCE] += 1
             sign ^= turned
     if mixing(cd):
-        u0, u1, u2 = clamped(st, m0, m1, m2)
+        u0, u1, u2 = clamped(st.grid, m0, m1, m2)
         add_birth(st, u0, u1, u2)
         st.at[BIRTHS] += 1
     if st.at[ASKS]:
@@ -200,14 +158,14 @@ def significance(st: State, cd: Coder, items: IntVector) -> int:
 
     ``items`` is the encoder's sorted list (``find``), empty for the decoder.
     """
-    n = dimension(st.tables)
+    n = dimension(st.grid.tables)
     r = st.at[LEVEL] % n
     edge = st.at[EDGE]
     w = st.walk
     encoding = cd.reg[MODE] == ENCODE
     fan = 1 << n
     per_cube = slots(n, r)
-    cubes0, cubes1, cubes2 = cubes(st)
+    cubes0, cubes1, cubes2 = cubes(st.grid, st.at[LEVEL])
     zero = np.int64(0)
     if w[STARTED] == 0:
         if mixing(cd) and census(st) == GROW:

@@ -10,17 +10,16 @@ from isospec.elements import ELEMENTS
 
 from ..kernel import inlined, record
 from ..kernel.types import BoolVolume, Int32Matrix, IntMatrix, IntVector
-from ..mesh.access import dimension, vertex
+from ..mesh.access import vertex
 from ..mesh.chosen import Chosen
+from ..mesh.grid import Grid, clamped, position
 from ..mesh.store import Bytes, Store, full, get, put
 
 # Counters in State.at.
-LEVEL, EDGE, VERTICES, LEAVES, DONE_LEAVES, NEXT, BASE_LEVEL, ERROR, WORK, SIZE, BEFORE_ROUND, MOST_WORK = range(12)
+LEVEL, EDGE, VERTICES, LEAVES, DONE_LEAVES, NEXT, BASE_LEVEL, ERROR, WORK, BEFORE_ROUND, MOST_WORK = range(11)
 UNIFORM, FINEST, ASKS, ROOM = range(12, 16)
 """Middles of levels below UNIFORM are in the mesh, those of FINEST and above are not; whether a round asks for each
 subdivision edge; pages that the store of the mesh lacks."""
-LAST = 16
-"""Largest sample index along each axis, in State.at."""
 TALLY = 20
 """Symbols by element, in State.at; then predictions and right ones."""
 (
@@ -74,7 +73,7 @@ STEP_CELLS = 26
 class Lean(NamedTuple):
     """What is known of an earlier isovalue: its mesh, its vertices, and their values as far as sent (clause 5.9)."""
 
-    tables: IntVector
+    grid: Grid
     at: IntVector
     known: Store
     mesh: Store
@@ -91,7 +90,7 @@ class State(NamedTuple):
     on: see ``passes.rows``.
     """
 
-    tables: IntVector  # the mesh, see mesh.access
+    grid: Grid
     at: IntVector  # counters
     known: Store
     vertex: Int32Matrix  # (V, 4) position and sign
@@ -109,55 +108,30 @@ class State(NamedTuple):
 
 
 @inlined
-def clamped(st, x, y, z):
-    """Position on the sampled box (spec clause 4.6)."""
-    last = st.at
-    return min(max(x, 0), last[LAST]), min(max(y, 0), last[LAST + 1]), min(max(z, 0), last[LAST + 2])
-
-
-@inlined
-def edge_of(st, level):
-    """Edge of the cubes of a level."""
-    return np.int64(1) << (st.at[SIZE] - level // dimension(st.tables))
-
-
-@inlined
-def at(edge, block, offset):
-    """Coordinate of a lattice point given in units of g = edge / 2 relative to a block."""
-    return ((4 * block + offset) * edge) >> 1
-
-
-@inlined
-def position(edge, b0, b1, b2, offset):
-    """Unclamped position of a lattice point given in units of g relative to a block."""
-    return at(edge, b0, offset[0]), at(edge, b1, offset[1]), at(edge, b2, offset[2])
-
-
-@inlined
 def entry(st, x, y, z):
     """Store entry of the vertex at unclamped (x, y, z)."""
-    x, y, z = clamped(st, x, y, z)
+    x, y, z = clamped(st.grid, x, y, z)
     return get(st.known, x, y, z)
 
 
 @inlined
 def truth(st, x, y, z):
     """Encoder: the sign of the vertex at unclamped (x, y, z)."""
-    x, y, z = clamped(st, x, y, z)
+    x, y, z = clamped(st.grid, x, y, z)
     return np.int64(st.truth[x, y, z])
 
 
 @inlined
 def corner_entry(st, edge, r, cls, b0, b1, b2, j):
     """Store entry of vertex j of a simplex whose cubes have the edge ``edge``."""
-    x, y, z = position(edge, b0, b1, b2, vertex(st.tables, r, cls, j))
+    x, y, z = position(edge, b0, b1, b2, vertex(st.grid.tables, r, cls, j))
     return entry(st, x, y, z)
 
 
 @inlined
 def corner_truth(st, edge, r, cls, b0, b1, b2, j):
     """Encoder: the sign of vertex j of a simplex."""
-    x, y, z = position(edge, b0, b1, b2, vertex(st.tables, r, cls, j))
+    x, y, z = position(edge, b0, b1, b2, vertex(st.grid.tables, r, cls, j))
     return truth(st, x, y, z)
 
 
@@ -165,7 +139,7 @@ def corner_truth(st, edge, r, cls, b0, b1, b2, j):
 def learn(st, x, y, z, sign):
     """Make the vertex at unclamped (x, y, z) known."""
     v = st.at[VERTICES]
-    x, y, z = clamped(st, x, y, z)
+    x, y, z = clamped(st.grid, x, y, z)
     row = st.vertex[np.uint64(v)]
     row[0] = x
     row[1] = y
@@ -198,35 +172,3 @@ def tired(st):
         return False
     st.at[ERROR] = OUT_OF_STEPS
     return True
-
-
-@inlined
-def _volume(p, n):
-    """Whether the simplex whose vertices lie in the scratch registers has a volume."""
-    o = SCRATCH
-    x, y, z = p[o], p[o + 1], p[o + 2]
-    a0, a1, a2 = p[o + 3] - x, p[o + 4] - y, p[o + 5] - z
-    b0, b1, b2 = p[o + 6] - x, p[o + 7] - y, p[o + 8] - z
-    if n == 2:
-        return a0 * b1 - a1 * b0 != 0
-    c0, c1, c2 = p[o + 9] - x, p[o + 10] - y, p[o + 11] - z
-    return a0 * (b1 * c2 - b2 * c1) - a1 * (b0 * c2 - b2 * c0) + a2 * (b0 * c1 - b1 * c0) != 0
-
-
-@inlined
-def exists(st, edge, r, cls, b0, b1, b2):
-    """Whether the clamped image of a simplex has positive volume (spec clause 4.6); ``edge`` is its cubes'."""
-    n = dimension(st.tables)
-    last = st.at
-    inside = min(b0, b1, b2) >= 0 and 2 * (b0 + 1) * edge <= last[LAST] and 2 * (b1 + 1) * edge <= last[LAST + 1]
-    if inside and (n == 2 or 2 * (b2 + 1) * edge <= last[LAST + 2]):
-        return True
-    p = st.walk
-    for j in range(n + 1):
-        x, y, z = position(edge, b0, b1, b2, vertex(st.tables, r, cls, j))
-        x, y, z = clamped(st, x, y, z)
-        o = SCRATCH + 3 * j
-        p[o] = x
-        p[o + 1] = y
-        p[o + 2] = z
-    return _volume(p, n)

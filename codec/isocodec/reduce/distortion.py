@@ -14,8 +14,9 @@ from ..mesh.access import child, corner, dimension, member, middle, vertex
 from ..mesh.access import corners as corner_count
 from ..mesh.access import kind as kind_of
 from ..mesh.access import members as member_count
-from ..passes.diamond import existing
-from ..passes.state import LAST, clamped, edge_of, exists, position
+from ..mesh.diamond import existing
+from ..mesh.grid import clamped, edge_of, position
+from ..mesh.simplex import exists
 from .domain import FAILED, OPEN, Domain, flags_of, number_of, place_of, set_flags, signs_of
 from .edges import told_on
 
@@ -37,15 +38,15 @@ def _turn(a, b, c, d, n):
 
 @inner
 def _vertex_at(dm, edge, r, cls, b0, b1, b2, j):
-    x, y, z = position(edge, b0, b1, b2, vertex(dm.tables, r, cls, j))
-    x, y, z = clamped(dm, x, y, z)
+    x, y, z = position(edge, b0, b1, b2, vertex(dm.grid.tables, r, cls, j))
+    x, y, z = clamped(dm.grid, x, y, z)
     return float(x), float(y), float(z)
 
 
 @inner
 def _clamped_simplex_at(dm, level, edge, cube0, cube1, cube2, p0, p1, p2):
     """The same in a cube that the box cuts: clamped images of simplices are not nested, so each is looked at."""
-    n = dimension(dm.tables)
+    n = dimension(dm.grid.tables)
     r = level % n
     b0, b1, b2 = np.int64(cube0 >> 1), np.int64(cube1 >> 1), np.int64(cube2 >> 1)
     count = (2 if n == 2 else 6) << r
@@ -55,7 +56,7 @@ def _clamped_simplex_at(dm, level, edge, cube0, cube1, cube2, p0, p1, p2):
     p = (float(p0), float(p1), float(p2))
     best, found = -np.inf, np.int64(parity * count)
     for cls in range(parity * count, (parity + 1) * count):
-        if not exists(dm, edge, r, np.int64(cls), b0, b1, b2):
+        if not exists(dm.grid, edge, r, np.int64(cls), b0, b1, b2):
             continue
         x = _vertex_at(dm, edge, r, cls, b0, b1, b2, 0)
         y = _vertex_at(dm, edge, r, cls, b0, b1, b2, 1)
@@ -73,19 +74,15 @@ def _clamped_simplex_at(dm, level, edge, cube0, cube1, cube2, p0, p1, p2):
 @inner
 def simplex_at(dm, level, p0, p1, p2, weight):
     """Class and block of a simplex of a level that holds a point; ``weight`` is room for four numbers."""
-    t = dm.tables
+    t = dm.grid.tables
     n = dimension(t)
-    edge = edge_of(dm, level)
+    edge = edge_of(dm.grid, level)
     # a point on an upper face of the box belongs to the last cube
-    last = dm.at
-    cube0 = min(int(p0) // edge, max(last[LAST] - 1, 0) // edge)
-    cube1 = min(int(p1) // edge, max(last[LAST + 1] - 1, 0) // edge)
-    cube2 = min(int(p2) // edge, max(last[LAST + 2] - 1, 0) // edge)
-    if (
-        (cube0 + 1) * edge > last[LAST]
-        or (cube1 + 1) * edge > last[LAST + 1]
-        or (n == 3 and (cube2 + 1) * edge > last[LAST + 2])
-    ):
+    box = dm.grid
+    cube0 = min(int(p0) // edge, max(box.last0 - 1, 0) // edge)
+    cube1 = min(int(p1) // edge, max(box.last1 - 1, 0) // edge)
+    cube2 = min(int(p2) // edge, max(box.last2 - 1, 0) // edge)
+    if (cube0 + 1) * edge > box.last0 or (cube1 + 1) * edge > box.last1 or (n == 3 and (cube2 + 1) * edge > box.last2):
         return _clamped_simplex_at(dm, level, edge, cube0, cube1, cube2, p0, p1, p2)
     u0, u1, u2 = p0 / edge - cube0, p1 / edge - cube1, p2 / edge - cube2
     parity = (cube0 & 1, cube1 & 1, cube2 & 1)
@@ -130,12 +127,12 @@ def simplex_at(dm, level, p0, p1, p2, weight):
 @kernel
 def diamonds_of(dm: Domain, level: int, points: Float32Matrix, weight: FloatVector, keys: IntVector) -> int:
     """For each point the middle of its diamond as one number, or -1 if that is not open."""
-    n = dimension(dm.tables)
-    edge = edge_of(dm, level)
+    n = dimension(dm.grid.tables)
+    edge = edge_of(dm.grid, level)
     count = 0
     for i in range(len(points)):
         cls, b0, b1, b2 = simplex_at(dm, level, points[i, 0], points[i, 1], points[i, 2], weight)
-        w0, w1, w2 = middle(dm.tables, level % n, cls, b0, b1, b2)
+        w0, w1, w2 = middle(dm.grid.tables, level % n, cls, b0, b1, b2)
         x, y, z = (w0 * edge) >> 1, (w1 * edge) >> 1, (w2 * edge) >> 1
         keys[i] = -1
         if flags_of(dm, x, y, z) & OPEN:
@@ -148,10 +145,10 @@ def diamonds_of(dm: Domain, level: int, points: Float32Matrix, weight: FloatVect
 def _crossing(dm, edge, kind, w0, w1, w2, i, j, parts, unit):
     """Point that a decoder has on the edge between two corners, from the lexicographically smaller one."""
     b0, b1, b2 = w0 >> 2, w1 >> 2, w2 >> 2
-    p = position(edge, b0, b1, b2, corner(dm.tables, kind, i))
-    q = position(edge, b0, b1, b2, corner(dm.tables, kind, j))
-    p = clamped(dm, p[0], p[1], p[2])
-    q = clamped(dm, q[0], q[1], q[2])
+    p = position(edge, b0, b1, b2, corner(dm.grid.tables, kind, i))
+    q = position(edge, b0, b1, b2, corner(dm.grid.tables, kind, j))
+    p = clamped(dm.grid, p[0], p[1], p[2])
+    q = clamped(dm.grid, q[0], q[1], q[2])
     if p[0] > q[0] or (p[0] == q[0] and (p[1] > q[1] or (p[1] == q[1] and p[2] > q[2]))):
         p, q = q, p
     s = told_on(dm, p, q, parts, unit)
@@ -161,7 +158,7 @@ def _crossing(dm, edge, kind, w0, w1, w2, i, j, parts, unit):
 @inner
 def _implied(dm, edge, kind, corners, above, w0, w1, w2, parts, unit):
     """Point on the subdivision edge of a whole diamond, which follows from those at the ring (clause 9.5)."""
-    t = dm.tables
+    t = dm.grid.tables
     count = corner_count(t, kind)
     b0, b1, b2 = w0 >> 2, w1 >> 2, w2 >> 2
     a = position(edge, b0, b1, b2, corner(t, kind, np.int64(0)))
@@ -203,10 +200,10 @@ def pieces_of(dm, level, kind, w0, w1, w2, parts, unit):
 
     In two dimensions the third point is the second.
     """
-    t = dm.tables
+    t = dm.grid.tables
     n = dimension(t)
-    edge = edge_of(dm, level)
-    whole, members, corners = existing(dm, edge, level % n, kind, w0, w1, w2)
+    edge = edge_of(dm.grid, level)
+    whole, members, corners = existing(dm.grid, edge, level % n, kind, w0, w1, w2)
     above = signs_of(dm, edge, kind, corners, w0, w1, w2)
     out = dm.room
     count = 0
@@ -328,8 +325,8 @@ def too_far(
     Also those in which the centre of a piece of that lies next to no sample of ``close``, unless that is empty.
     ``order`` sorts the points by diamond. Returns the number of diamonds that failed.
     """
-    n = dimension(dm.tables)
-    edge = edge_of(dm, level)
+    n = dimension(dm.grid.tables)
+    edge = edge_of(dm.grid, level)
     squared = limit * limit
     failed = 0
     i = 0
@@ -340,7 +337,7 @@ def too_far(
             stop += 1
         x, y, z = _place_of(n, key)
         w0, w1, w2 = 2 * x // edge, 2 * y // edge, 2 * z // edge
-        kind = kind_of(dm.tables, level % n, w0, w1, w2)
+        kind = kind_of(dm.grid.tables, level % n, w0, w1, w2)
         count = pieces_of(dm, level, kind, w0, w1, w2, parts, unit)
         held = 0
         if len(close) and _strays(dm.room, count, close):

@@ -11,9 +11,10 @@ from ..kernel.types import BoolVolume, Float32Volume, FloatVector, IntVector
 from ..mesh.access import corner
 from ..mesh.access import members as member_count
 from ..mesh.chosen import Chosen, flags
+from ..mesh.diamond import parent
+from ..mesh.grid import Grid, edge_of, position
 from ..mesh.store import put
-from ..passes.mesh import parent
-from ..passes.state import edge_of, position, truth
+from ..passes.state import truth
 
 NEEDED, OPEN, FAILED = 2, 4, 8
 """Bits of a lattice point, beside GONE: a child is left; it may go if the curve stays near enough; it does not."""
@@ -38,9 +39,8 @@ def place_of(n, number):
 class Domain(NamedTuple):
     """Named like the arrays of ``passes.state.State`` where kernels are shared."""
 
-    tables: IntVector
+    grid: Grid
     at: IntVector
-    walk: IntVector
     truth: BoolVolume  # signs, three axes
     phi: Float32Volume  # value less isovalue, three axes; its sign counts nowhere
     chosen: Chosen
@@ -69,7 +69,7 @@ def signs_of(dm, edge, kind, corners, w0, w1, w2):
     i = 0
     while corners >> i:
         if (corners >> i) & 1:
-            x, y, z = position(edge, w0 >> 2, w1 >> 2, w2 >> 2, corner(dm.tables, kind, np.int64(i)))
+            x, y, z = position(edge, w0 >> 2, w1 >> 2, w2 >> 2, corner(dm.grid.tables, kind, np.int64(i)))
             above |= truth(dm, x, y, z) << i
         i += 1
     return above
@@ -78,8 +78,8 @@ def signs_of(dm, edge, kind, corners, w0, w1, w2):
 @inner
 def need_parents(dm, level, kind, members, w0, w1, w2):
     """Mark the parents of a vertex that stays."""
-    t = dm.tables
-    edge = edge_of(dm, level)
+    t = dm.grid.tables
+    edge = edge_of(dm.grid, level)
     if level == 0:
         return
     for m in range(member_count(t, kind)):

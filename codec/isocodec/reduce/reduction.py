@@ -13,14 +13,14 @@ from ..mesh.access import dimension, middle
 from ..mesh.access import kind as kind_of
 from ..mesh.access import members as member_count
 from ..mesh.chosen import GONE, Chosen, every_vertex, has
+from ..mesh.diamond import existing, parent
+from ..mesh.grid import edge_of, grid_of
+from ..mesh.slots import cubes, middle_of, slots
 from ..mesh.store import copied as copied_store
 from ..mesh.store import grown
-from ..mesh.tables import AXES, cube_exponent, mesh_tables
+from ..mesh.tables import AXES, cube_exponent
 from ..passes.births import BLOCK, busy_of
-from ..passes.diamond import existing
-from ..passes.mesh import parent
-from ..passes.significance import cubes, middle_of, slots
-from ..passes.state import COUNTERS, EDGE, LAST, LEVEL, SIZE, WALK, edge_of, truth
+from ..passes.state import COUNTERS, EDGE, LEVEL, truth
 from .distortion import diamonds_of, simplex_at, spread, too_far
 from .domain import (
     FAILED,
@@ -49,7 +49,7 @@ AT_ONCE = 16
 @inner
 def _visit(dm, asked, doing, w0, w1, w2):
     """Decide, or commit, about one middle of the level."""
-    t = dm.tables
+    t = dm.grid.tables
     level, edge = dm.at[LEVEL], dm.at[EDGE]
     x, y, z = (w0 * edge) >> 1, (w1 * edge) >> 1, (w2 * edge) >> 1
     bits = flags_of(dm, x, y, z)
@@ -57,7 +57,7 @@ def _visit(dm, asked, doing, w0, w1, w2):
         return
     r = level % dimension(t)
     kind = kind_of(t, r, w0, w1, w2)
-    whole, members, corners = existing(dm, edge, r, kind, w0, w1, w2)
+    whole, members, corners = existing(dm.grid, edge, r, kind, w0, w1, w2)
     if members == 0:
         set_flags(dm, x, y, z, np.int64(GONE))
         return
@@ -81,10 +81,10 @@ def _visit(dm, asked, doing, w0, w1, w2):
 @kernel
 def sweep(dm: Domain, busy: BoolVolume, asked: int, doing: int) -> None:
     """Visit all middles of the level. Where the curve is nowhere near, they go at once unless finer ones need them."""
-    n = dimension(dm.tables)
+    n = dimension(dm.grid.tables)
     r = dm.at[LEVEL] % n
     edge = dm.at[EDGE]
-    c0, c1, c2 = cubes(dm)
+    c0, c1, c2 = cubes(dm.grid, dm.at[LEVEL])
     # along the last axis, the cubes of one block at a time
     run = max((1 << BLOCK) // edge, 1)
     flags = dm.chosen.inside
@@ -119,10 +119,10 @@ def sweep(dm: Domain, busy: BoolVolume, asked: int, doing: int) -> None:
 @kernel
 def drop(dm: Domain) -> None:
     """Take away all middles of the level."""
-    n = dimension(dm.tables)
+    n = dimension(dm.grid.tables)
     r = dm.at[LEVEL] % n
     edge = dm.at[EDGE]
-    c0, c1, c2 = cubes(dm)
+    c0, c1, c2 = cubes(dm.grid, dm.at[LEVEL])
     for x in range(c0):
         for slot in range(slots(n, r)):
             for y in range(c1):
@@ -134,7 +134,7 @@ def drop(dm: Domain) -> None:
 @kernel
 def add(dm: Domain, wanted: IntMatrix, levels: IntVector, room: IntMatrix) -> int:
     """Put vertices back, with all their ancestors. ``room`` holds positions and levels; returns how many were added."""
-    t = dm.tables
+    t = dm.grid.tables
     n = dimension(t)
     added = 0
     for i in range(len(wanted)):
@@ -149,10 +149,10 @@ def add(dm: Domain, wanted: IntMatrix, levels: IntVector, room: IntMatrix) -> in
             added += 1
             if level == 0:
                 continue
-            edge = np.int64(1) << (dm.at[SIZE] - level // n)
+            edge = np.int64(1) << (dm.grid.exponent - level // n)
             w0, w1, w2 = 2 * x // edge, 2 * y // edge, 2 * z // edge
             kind = kind_of(t, level % n, w0, w1, w2)
-            _, members, _ = existing(dm, edge, level % n, kind, w0, w1, w2)
+            _, members, _ = existing(dm.grid, edge, level % n, kind, w0, w1, w2)
             count = _parents(dm, level, edge, kind, members, w0, w1, w2, room, count)
     return added
 
@@ -160,7 +160,7 @@ def add(dm: Domain, wanted: IntMatrix, levels: IntVector, room: IntMatrix) -> in
 @inner
 def _parents(dm, level, edge, kind, members, w0, w1, w2, room, count):
     """Append the parents of a middle to ``room``."""
-    t = dm.tables
+    t = dm.grid.tables
     for m in range(member_count(t, kind)):
         if (members >> m) & 1:
             p = parent(t, level, edge, kind, m, w0, w1, w2)
@@ -172,14 +172,14 @@ def _parents(dm, level, edge, kind, members, w0, w1, w2, room, count):
 @kernel
 def found_leaves(dm: Domain, points: FloatMatrix, weight: FloatVector, out: IntMatrix) -> None:
     """For each point the middle and level of the leaf that holds it; level -1 on the full grid."""
-    n = dimension(dm.tables)
+    n = dimension(dm.grid.tables)
     for i in range(len(points)):
         out[i, 3] = -1
-        for level in range(n * dm.at[SIZE]):
+        for level in range(n * dm.grid.exponent):
             here = np.int64(level)
             cls, b0, b1, b2 = simplex_at(dm, here, points[i, 0], points[i, 1], points[i, 2], weight)
-            edge = edge_of(dm, here)
-            w0, w1, w2 = middle(dm.tables, here % n, cls, b0, b1, b2)
+            edge = edge_of(dm.grid, here)
+            w0, w1, w2 = middle(dm.grid.tables, here % n, cls, b0, b1, b2)
             x, y, z = (w0 * edge) >> 1, (w1 * edge) >> 1, (w2 * edge) >> 1
             if flags_of(dm, x, y, z) & GONE:
                 out[i, 0], out[i, 1], out[i, 2], out[i, 3] = x, y, z, here
@@ -211,14 +211,10 @@ class Reduction:
         self.n = n = signs.ndim
         self.k = cube_exponent(signs.shape)
         at = np.zeros(COUNTERS, np.int64)
-        at[SIZE] = self.k
-        at[LAST : LAST + n] = np.array(signs.shape) - 1
         padded = signs.shape + (1,) * (AXES - n)
         signs = signs.reshape(padded)
         chosen = every_vertex(self.shape) if start is None else copied(start)
-        self.domain = Domain(
-            mesh_tables(n), at, np.zeros(WALK, np.int64), signs, phi.reshape(padded), chosen, np.zeros(ROOM)
-        )
+        self.domain = Domain(grid_of(self.shape), at, signs, phi.reshape(padded), chosen, np.zeros(ROOM))
         self.points = np.zeros((len(points), AXES), np.float32)
         self.points[:, :n] = points
         self.busy = busy_of(signs) if busy is None else busy

@@ -14,7 +14,7 @@ import numpy as np
 from ..kernel import inner
 from ..mesh.access import corner, dimension, member
 from ..mesh.access import members as member_count
-from ..passes.state import LAST, clamped, position
+from ..mesh.grid import clamped, position
 
 
 @inner
@@ -31,7 +31,7 @@ def _stretches(t, kind, differ):
 @inner
 def safe(dm, edge, kind, whole, corners, above, sign, w0, w1, w2):
     """Whether the middle of a diamond can go; ``above`` are its corners' signs, ``sign`` that of the middle."""
-    t = dm.tables
+    t = dm.grid.tables
     differ = corners & ~above if sign else above
     if differ == 0:
         return True
@@ -45,15 +45,16 @@ def safe(dm, edge, kind, whole, corners, above, sign, w0, w1, w2):
             return differ & ring != 0 and differ & ring != ring
         return _stretches(t, kind, differ) == 2
     # at the border: along an end that lies on all faces of the box on which the middle lies
-    here = clamped(dm, (w0 * edge) >> 1, (w1 * edge) >> 1, (w2 * edge) >> 1)
+    here = clamped(dm.grid, (w0 * edge) >> 1, (w1 * edge) >> 1, (w2 * edge) >> 1)
+    last = dm.grid.last0, dm.grid.last1, dm.grid.last2
     for end in range(2):
         if (differ >> end) & 1 or not (corners >> end) & 1:
             continue
         x, y, z = position(edge, w0 >> 2, w1 >> 2, w2 >> 2, corner(t, kind, np.int64(end)))
-        there = clamped(dm, x, y, z)
+        there = clamped(dm.grid, x, y, z)
         free = True
         for axis in range(dimension(t)):
-            if (here[axis] == 0 or here[axis] == dm.at[LAST + axis]) and there[axis] != here[axis]:
+            if (here[axis] == 0 or here[axis] == last[axis]) and there[axis] != here[axis]:
                 free = False
         if free:
             return True
