@@ -11,8 +11,10 @@ import pytest
 import isocodec
 from brute import smooth
 from isocodec import Decoder, FormatError
+from isocodec.format import chunks
+from isocodec.layers import writer
 from isocodec.passes.snapshot import state_of
-from isocodec.stream import container, encoder, strand
+from isocodec.stream import encoder
 from isospec.container import (
     ChunkType,
     write_varint,
@@ -39,12 +41,12 @@ def files():
         "empty": isocodec.encode(np.zeros((8, 5), int), 0),
     }
     # Small limits in the encoder make a short file with all that a long one has: runs, checksums, an index.
-    saved = strand.RUN_BYTES, encoder.INDEX_SHARE, container.CHECKED_CHUNK
-    strand.RUN_BYTES, encoder.INDEX_SHARE, container.CHECKED_CHUNK = 24, 0, 16
+    saved = writer.RUN_BYTES, encoder.INDEX_SHARE, chunks.CHECKED_CHUNK
+    writer.RUN_BYTES, encoder.INDEX_SHARE, chunks.CHECKED_CHUNK = 24, 0, 16
     try:
         made["several runs"] = isocodec.encode(picture((13, 16), 6), 2, exact=True, base_level=1)
     finally:
-        strand.RUN_BYTES, encoder.INDEX_SHARE, container.CHECKED_CHUNK = saved
+        writer.RUN_BYTES, encoder.INDEX_SHARE, chunks.CHECKED_CHUNK = saved
     return made
 
 

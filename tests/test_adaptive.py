@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from brute import examples, meshes, mixed_leaves, sign_fields
-from isocodec.mesh.chosen import finest_level, has
+from isocodec.mesh.vertex_set import finest_level, has
 from isocodec.passes import snapshot
 from isocodec.stream.decoder import Decoder
 from isocodec.stream.encoder import Encoder

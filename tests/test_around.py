@@ -16,16 +16,16 @@ from files import picture
 from isocodec import Decoder, FormatError, InputError, LayerComplete, LimitError, Limits
 from isocodec.cli.progress import progress_bar
 from isocodec.cli.receive import Drawings
-from isocodec.contour import mask as masks
-from isocodec.grid.field import check_field
-from isocodec.grid.placement import placement_of, write_placement
+from isocodec.drawing import mask as masks
+from isocodec.field.placement import placement_of, write_placement
+from isocodec.field.samples import check_field
+from isocodec.format.chunks import read_further, write_further
 from isocodec.io.detached import _numbered
 from isocodec.io.formats import Cost
 from isocodec.limits import LEVELS, Budget
-from isocodec.passes.room import at_rest, wider_state
-from isocodec.passes.state import ROOM
-from isocodec.stream.container import read_further, write_further
 from isocodec.stream.encoder import Encoder
+from isocodec.tube.capacity import at_rest, wider_state
+from isocodec.tube.state import ROOM
 from isocodec.unfinished import undo_all, undoing
 
 TWO = isocodec.encode(picture((40, 40), 3), [0.5, 9.5])

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 import isocodec
 from brute import examples
 from isocodec import InputError, OptionError
-from isocodec.grid.field import check_field, isovalue_of
+from isocodec.field.samples import check_field, isovalue_of
 from isocodec.stream.encoder import DEFAULT_TOLERANCE
 
 FIELD = np.add.outer(np.arange(6), np.arange(7)).astype(np.uint8)

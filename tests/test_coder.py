@@ -8,8 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from brute import examples
-from isocodec.entropy.baseline import CONTEXTS, models, rates
-from isocodec.entropy.coder import (
+from isocodec.entropy.range_coder import (
     BEYOND,
     DECODE,
     ENCODE,
@@ -25,9 +24,10 @@ from isocodec.entropy.coder import (
     cut,
     finish,
     start,
-)  # fmt: skip
-from isocodec.entropy.main import no_blend
-from isocodec.passes.parabola import LEAST, MOST, WEIGHTS, extrapolation, nearer
+)
+from isocodec.models.contexts import CONTEXTS, models, rates
+from isocodec.models.parabola import LEAST, MOST, WEIGHTS, extrapolation, nearer
+from isocodec.models.trained import no_blend
 
 HALF = ONE // 2
 ADAPTIVE = rates()

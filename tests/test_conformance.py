@@ -14,8 +14,8 @@ import pytest
 
 from brute import INTERPRETED
 from isocodec import Decoder, LimitError, Limits
-from isocodec.entropy.main import KINDS, shipped_models
 from isocodec.limits import LEVELS
+from isocodec.models.trained import shipped_models
 from isoconform import decoders, runner
 from isoconform.__main__ import main
 from isoconform.circle import CENTRE, RADIUS
@@ -23,6 +23,7 @@ from isoconform.dump import CUT_OFF, REFUSED, canonical_layers, dump
 from isoconform.generate import generate
 from isoconform.manifest import ERROR, LIMIT, NAME, OK, TRUNCATED, default_directory, digest, read_manifest
 from isospec.elements import ELEMENTS
+from isospec.tables import KINDS
 
 HOME = default_directory()
 VECTORS = read_manifest(HOME)
@@ -217,7 +218,8 @@ import resource, sys, time, tracemalloc
 from brute import INTERPRETED
 from isocodec import Decoder, LimitError, Limits
 from isocodec.limits import LEVELS
-from isocodec.entropy.main import KINDS, shipped_models
+from isocodec.models.trained import shipped_models
+from isospec.tables import KINDS
 
 def peak():
     # ru_maxrss is the parent's where a process was started by vfork; the kernel's own mark is not

@@ -13,11 +13,11 @@ import isocodec
 from brute import examples
 from files import HEADER, chunk, files, layers_file, picture, refused, same_drawing, whole, with_checksum
 from isocodec import Decoder, Encoder, FormatError, OptionError
-from isocodec.stream import container
-from isocodec.stream.container import read_metadata
-from isocodec.stream.events import ChunkSkipped, MetadataRead
-from isocodec.stream.header import Header, read_header, write_header, write_isovalue
-from isocodec.stream.program import Layer, Progress, read_program, write_program
+from isocodec.format import chunks
+from isocodec.format.chunks import read_metadata
+from isocodec.format.header import Header, read_header, write_header, write_isovalue
+from isocodec.format.program import Layer, Progress, read_program, write_program
+from isocodec.layers.events import ChunkSkipped, MetadataRead
 from isospec.container import (
     CHECKED_CHUNK,
     LAYER_LIMIT,
@@ -289,7 +289,7 @@ def split_file(name):
     data = files()[name]
     head = read_header(data)[1]
     (one,) = isocodec.inspect(data).chunks
-    envelope = container.read_envelope(data, one.offset)
+    envelope = chunks.read_envelope(data, one.offset)
     return data[:head], data[envelope.start : envelope.end]
 
 
@@ -372,7 +372,7 @@ def test_nothing_follows_a_cut_run():
     head = read_header(short)[1]
     (one,) = isocodec.inspect(short).chunks
     assert one.type == "cut_layers"
-    envelope = container.read_envelope(short, one.offset)
+    envelope = chunks.read_envelope(short, one.offset)
     first = chunk(ChunkType.CUT_LAYERS, short[envelope.start : envelope.end])
     more = chunk(ChunkType.LAYERS, b"\x11", last=True)
     refused(with_checksum(short[:head] + first + more), "cut", head + len(first))

@@ -114,7 +114,7 @@ def test_rows_are_weighed_alike(twice):
     out = rng.integers(-(1 << 31), 1 << 31, blend.out.shape).astype(blend.out.dtype)
     tube.coder = tube.coder._replace(blend=blend._replace(weight=weight, out=out))
     assert b"".join(encoder) != isocodec.encode(field, 0.5, exact=True)
-    assert "isocodec.passes.geometry.values" in twice
+    assert "isocodec.passes.values.values" in twice
 
 
 @pytest.mark.parametrize("name", SMALL)

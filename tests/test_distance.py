@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from brute import examples
-from isocodec.reduce.distance import SMALLEST, Target, hausdorff, one_sided
+from isocodec.search.distance import SMALLEST, Target, hausdorff, one_sided
 
 
 def line(*points):

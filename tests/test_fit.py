@@ -10,14 +10,14 @@ from scipy.spatial import KDTree
 
 import isocodec
 from brute import examples, smooth
-from isocodec.contour import draw
-from isocodec.contour.simplex import crossed, rings
-from isocodec.grid.field import check_field
+from isocodec.drawing.drawing import draw
+from isocodec.drawing.simplices import crossed, rings
+from isocodec.field.samples import check_field
 from isocodec.mesh.tables import cube_exponent
 from isocodec.passes.snapshot import leaves_of
-from isocodec.reduce import fit
-from isocodec.reduce.distance import Target, hausdorff
-from isocodec.stream.promise import Promise
+from isocodec.search import fit
+from isocodec.search.distance import Target, hausdorff
+from isocodec.search.promise import Promise
 from isoconform.meshes import chosen, uniform
 
 

@@ -17,7 +17,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from isocodec import KernelError, encode
-from isocodec.stream.program import Progress, read_program
+from isocodec.format.program import Progress, read_program
 from isoconform import strategies
 from isoconform.__main__ import main
 from isoconform.damage import damaged, fields_of, torn

@@ -10,13 +10,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from brute import examples, smooth
-from isocodec.contour.crossing import edge_ratios
-from isocodec.contour.simplex import crossed, draw_simplices
-from isocodec.grid.field import check_field
+from isocodec.drawing.crossing import edge_ratios
+from isocodec.drawing.simplices import crossed, draw_simplices
+from isocodec.field.samples import check_field
 from isocodec.mesh.tables import cube_exponent
 from isocodec.passes.snapshot import leaves_of
-from isocodec.stream.promise import Promise
-from isocodec.stream.strategy import reduced
+from isocodec.search.promise import Promise
+from isocodec.search.strategy import reduced
 from isoconform.meshes import chosen, uniform
 
 

@@ -13,14 +13,14 @@ import isocodec
 from brute import blobs, examples, meshes, mixed, smooth
 from isocodec import Decoder, Encoder
 from isocodec.errors import FormatError, OptionError
-from isocodec.grid.field import Field
+from isocodec.field.samples import Field
+from isocodec.layers.events import IsovalueRead
 from isocodec.mesh.tables import cube_exponent
+from isocodec.passes.runner import Tube
 from isocodec.passes.snapshot import leaves_of, state_of
-from isocodec.passes.tube import Tube
-from isocodec.stream import strategy
+from isocodec.search import strategy
+from isocodec.search.strategy import grid_plan
 from isocodec.stream.encoder import DEFAULT_TOLERANCE
-from isocodec.stream.events import IsovalueRead
-from isocodec.stream.strategy import grid_plan
 from isoconform.meshes import chosen, uniform
 from isoconform.streams import layers, split
 
@@ -154,8 +154,8 @@ def test_bijection(n):
 
 
 def promise(field, isovalue):
-    from isocodec.grid.field import check_field
-    from isocodec.stream.promise import Promise
+    from isocodec.field.samples import check_field
+    from isocodec.search.promise import Promise
 
     return Promise(check_field(field, isovalue))
 

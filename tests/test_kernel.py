@@ -39,7 +39,7 @@ from isocodec.kernel.types import (
     kind_of,
 )  # fmt: skip
 from isocodec.mesh.store import new_store
-from isocodec.passes.geometry import entries
+from isocodec.passes.carriers import entries
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "tools" / "kernels"))
 

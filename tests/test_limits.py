@@ -20,7 +20,7 @@ from isocodec import Decoder, InputError, IsoError, LimitError, Limits, OptionEr
 from isocodec import limits as module
 from isocodec.io.write import AREAS, cost_of, render_areas, render_contour
 from isocodec.limits import Budget, in_units
-from isocodec.passes.tube import Tube
+from isocodec.passes.runner import Tube
 from isospec.container import MAX_ISOVALUES
 
 ONE_PLANE = bytes.fromhex("8949534f0045a08001022114 0e189b2f75cb582281daf76f1e91143eddba7f7684d168eb".replace(" ", ""))
@@ -216,12 +216,12 @@ def test_work_is_limited_by_what_has_been_read():
     """More symbols than that are refused, at the same one however the bytes come; the limit grows with the file."""
     data = isocodec.encode(picture((90, 90), 2, noise=0.3), 0, signs_only=True)
     symbols = sum(s for layer in isocodec.inspect(data, symbols=True).layers for s in layer.symbols.values())
-    with mock.patch.object(sys.modules["isocodec.stream.layers"], "SLICE", 64):
+    with mock.patch.object(sys.modules["isocodec.layers.reader"], "SLICE", 64):
         ends = []
         for step in (len(data), 3):
             decoder = Decoder(Limits(work=symbols // 4))
             with (
-                mock.patch.object(sys.modules["isocodec.stream.layers"], "WORK_PER_BYTE", 0),
+                mock.patch.object(sys.modules["isocodec.layers.reader"], "WORK_PER_BYTE", 0),
                 pytest.raises(LimitError) as caught,
             ):
                 for at in range(0, len(data), step):
@@ -250,7 +250,7 @@ def test_slices_change_nothing(symbols, monkeypatch):
     data = isocodec.encode(picture((60, 60), 2, noise=0.4), 0, exact=True)
     cuts = [isocodec.truncate(data, max_bytes=n) for n in (60, 200)]
     expected = [isocodec.decode(one).points for one in (data, *cuts)]
-    monkeypatch.setattr("isocodec.stream.layers.SLICE", symbols)
+    monkeypatch.setattr("isocodec.layers.reader.SLICE", symbols)
     assert [isocodec.truncate(data, max_bytes=n) for n in (60, 200)] == cuts
     assert all(np.array_equal(isocodec.decode(one).points, e) for one, e in zip((data, *cuts), expected, strict=True))
 
@@ -289,7 +289,7 @@ def test_an_error_is_raised_again_without_what_led_to_it():
         list(decoder)
 
 
-@pytest.mark.parametrize("where", ["isocodec.passes.tube.wider_state", "isocodec.stream.decoder.leaves_of"])
+@pytest.mark.parametrize("where", ["isocodec.passes.runner.wider_state", "isocodec.stream.decoder.leaves_of"])
 def test_memory_that_ends_is_an_error_of_ours(where):
     """Whatever the limits say: the machine may have less."""
     data = isocodec.encode(field(2, 150, 1), 0.5)
@@ -305,7 +305,7 @@ def test_memory_that_ends_is_an_error_of_ours(where):
 
 def test_memory_that_ends_for_a_mask():
     data = isocodec.encode(picture((40, 40), 3), 0)
-    whole = mock.patch("isocodec.contour.mask.MaskRows.whole", side_effect=MemoryError)
+    whole = mock.patch("isocodec.drawing.mask.MaskRows.whole", side_effect=MemoryError)
     with whole, pytest.raises(LimitError) as caught:
         isocodec.decode_mask(data)
     assert caught.value.code == "memory"

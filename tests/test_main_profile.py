@@ -12,29 +12,20 @@ from hypothesis import strategies as st
 
 import isocodec
 from brute import examples, sign_fields, smooth
-from isocodec.entropy.baseline import CONTEXTS, rates
-from isocodec.entropy.blend import blended, clear, see
-from isocodec.entropy.coder import DECODE, ENCODE, END, FINAL, REGISTERS, Coder, finish, start
-from isocodec.entropy.main import (
-    BASE_ROW,
-    BASE_ROWS,
-    KINDS,
-    MAP,
-    MOST_MIX,
-    SIGN_ROWS,
-    STATES,
-    members,
-    shipped_models,
-)  # fmt: skip
-from isocodec.entropy.opinion import weighed
+from isocodec.entropy.mixer import MOST_MIX, blended, clear, see
+from isocodec.entropy.network import weighed
+from isocodec.entropy.range_coder import DECODE, ENCODE, END, FINAL, REGISTERS, Coder, finish, start
 from isocodec.mesh.access import dimension
 from isocodec.mesh.store import get
 from isocodec.mesh.tables import cube_exponent
-from isocodec.passes.around import nearest_vertices, see_around, survey
-from isocodec.passes.crowd import BIRTH
-from isocodec.passes.state import BIRTHS, COUNTED, EDGE, LEVEL, VERTICES
-from isocodec.stream.strategy import grid_plan
-from isospec.tables import HIDDEN, MOST_LOGIT, NETS, ROWS, packed, shipped, unpacked
+from isocodec.models.contexts import CONTEXTS, rates
+from isocodec.models.layout import BASE_ROW, BASE_ROWS, MAP, SIGN_ROWS, STATES
+from isocodec.models.neighbourhood import nearest_vertices, see_around, survey
+from isocodec.models.new_components import BIRTH
+from isocodec.models.trained import members, shipped_models
+from isocodec.search.strategy import grid_plan
+from isocodec.tube.state import BIRTHS, COUNTED, EDGE, LEVEL, VERTICES
+from isospec.tables import HIDDEN, KINDS, MOST_LOGIT, NETS, ROWS, packed, shipped, unpacked
 
 # -- tables ----------------------------------------------------------------------------------------------------------
 

@@ -9,35 +9,26 @@ import pytest
 
 from brute import smooth
 from isocodec import Encoder
-from isocodec.entropy.baseline import rates
-from isocodec.entropy.blend import clear
-from isocodec.entropy.coder import ENCODE, REGISTERS, Coder, start
-from isocodec.entropy.main import (
-    AROUND,
-    BASE_ROW,
-    MESH_ROW,
-    MOST_ROWS,
-    SIGN_ROWS,
-    TREE_ROW,
-    VALUE_ROW,
-    members,
-    shipped_models,
-)  # fmt: skip
-from isocodec.grid.field import check_field
+from isocodec.entropy.mixer import clear
+from isocodec.entropy.range_coder import ENCODE, REGISTERS, Coder, start
+from isocodec.field.samples import check_field
 from isocodec.mesh.access import dimension, vertex
 from isocodec.mesh.store import get
 from isocodec.mesh.tables import cube_exponent
-from isocodec.passes.ahead import see_behind, see_mesh
-from isocodec.passes.around import nearest_vertices, survey
-from isocodec.passes.beside import nearby_samples
-from isocodec.passes.crowd import CUBE, NODE, SLOT, see_crowd
-from isocodec.passes.geometry import tell
-from isocodec.passes.mesh import IN, KEPT, OUT
-from isocodec.passes.nearby import see_nearby
-from isocodec.passes.refine import _see
-from isocodec.passes.state import BIRTHS, CALM, COUNTED, EDGE, LEAVES, LEVEL, VERTICES
-from isocodec.stream.promise import Promise
-from isocodec.stream.strategy import grid_plan, reduced
+from isocodec.mesh.vertex_set import IN, KEPT, OUT
+from isocodec.models.base_signs import see_behind
+from isocodec.models.contexts import rates
+from isocodec.models.layout import AROUND, BASE_ROW, MESH_ROW, MOST_ROWS, SIGN_ROWS, TREE_ROW, VALUE_ROW
+from isocodec.models.mesh_questions import see_mesh
+from isocodec.models.neighbourhood import nearest_vertices, survey
+from isocodec.models.new_components import CUBE, NODE, SLOT, see_crowd
+from isocodec.models.refinement_signs import see_middle
+from isocodec.models.trained import members, shipped_models
+from isocodec.models.values import nearby_samples, see_nearby
+from isocodec.passes.values import enter_told
+from isocodec.search.promise import Promise
+from isocodec.search.strategy import grid_plan, reduced
+from isocodec.tube.state import BIRTHS, CALM, COUNTED, EDGE, LEAVES, LEVEL, VERTICES
 
 SHAPES = [(34, 29), (13, 12, 14)]
 
@@ -55,7 +46,7 @@ def _behind(st, cd, level, cls, b0, b1, b2, opp, guess, case, other):
 def _sign(st, cd, w0, w1, w2, crossed):
     survey(st)
     r = st.at[LEVEL] % dimension(st.grid.tables)
-    _see(st, cd, r, w0, w1, w2, crossed, 0, np.int64(1), np.int64(-1), np.int64(0))
+    see_middle(st, cd, r, w0, w1, w2, crossed, 0, np.int64(1), np.int64(-1), np.int64(0))
 
 
 def _crowd(st, cd, what, shift, x, y, z, hits, child, nearness):
@@ -115,7 +106,7 @@ def test_rows_of_values_nearby(shape, planes):
     for v in active[rng.random(len(active)) < 0.5]:
         number[v], left[v] = number[v] >> 1, left[v] + 1
     told = np.empty(len(active) + 1, np.int64)
-    tell(state, active, number, left, told)
+    enter_told(state, active, number, left, told)
     place = {tuple(map(int, state.vertex[v, :n])): v for v in active}
     slots = {2: 9, 3: 14}[n]
     cd = coder(n)

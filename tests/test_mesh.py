@@ -11,14 +11,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from brute import examples, simplices, volumes
-from isocodec.entropy.coder import Coder
-from isocodec.entropy.main import no_blend
+from isocodec.entropy.range_coder import Coder
 from isocodec.limits import Limits
 from isocodec.mesh import access
 from isocodec.mesh.simplex import exists
 from isocodec.mesh.store import full, get, grown, new_store, page_of, put
 from isocodec.mesh.tables import PAGE_SHIFT, mesh_tables
-from isocodec.passes.tube import Tube
+from isocodec.models.trained import no_blend
+from isocodec.passes.runner import Tube
 from isoconform.meshes import exponent
 
 # A root of edge 8 has two whole periods of the second finest cubes along each axis.

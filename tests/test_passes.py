@@ -13,15 +13,15 @@ from hypothesis import strategies as st
 
 from brute import blobs, crossing_edges, crossing_points, examples, lattice, mixed, sign_fields, smooth
 from isocodec import Decoder, Encoder
-from isocodec.entropy.coder import ENCODE, END, FINAL, finish, start
-from isocodec.grid.field import interval_value
+from isocodec.entropy.range_coder import ENCODE, END, FINAL, finish, start
+from isocodec.field.samples import interval_value
+from isocodec.format.header import write_header
+from isocodec.format.program import Layer
 from isocodec.kernel import DONE, NEED
+from isocodec.layers.events import BaseComplete, GeometryRefined, LayerComplete, LevelComplete
 from isocodec.mesh.tables import cube_exponent
 from isocodec.passes import snapshot
-from isocodec.stream.events import BaseComplete, GeometryRefined, LayerComplete, LevelComplete
-from isocodec.stream.header import write_header
-from isocodec.stream.program import Layer
-from isocodec.stream.strategy import grid_plan
+from isocodec.search.strategy import grid_plan
 from isoconform.meshes import exponent
 
 # --- set-up and checks ----------------------------------------------------------------------------------------------

@@ -24,7 +24,7 @@ from brute import examples
 from commands import fails, ok, run
 from files import with_checksum
 from isocodec import OptionError
-from isocodec.grid.placement import placement_of, read_placement, unplaced, write_placement
+from isocodec.field.placement import placement_of, read_placement, unplaced, write_placement
 from isocodec.io import Place, read_place, render_contour
 
 HILL = 100 - np.hypot(*(np.mgrid[:20, :30] - np.array([9.3, 14.2])[:, None, None])) * 5

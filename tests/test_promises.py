@@ -12,8 +12,8 @@ import isocodec
 from brute import examples
 from commands import BALL, HILLS, ok
 from isocodec import Decoder, OptionError
-from isocodec.stream.container import Promises, read_promises, write_promises
-from isocodec.stream.events import ChunkSkipped, PromisesRead
+from isocodec.format.chunks import Promises, read_promises, write_promises
+from isocodec.layers.events import ChunkSkipped, PromisesRead
 from isospec.container import ChunkType
 
 FINE = 24

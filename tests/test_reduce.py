@@ -19,13 +19,13 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from brute import crossing_points, examples, mesh_leaves, mixed_leaves, sign_fields, simplices, smooth
-from isocodec.grid.field import check_field
-from isocodec.mesh.chosen import has
+from isocodec.field.samples import check_field
 from isocodec.mesh.simplex import newest
-from isocodec.reduce.domain import number_of, place_of
-from isocodec.reduce.edges import crossing_on
-from isocodec.reduce.reduction import Reduction, distinct
-from isocodec.stream.promise import Promise
+from isocodec.mesh.vertex_set import has
+from isocodec.search.domain import number_of, place_of
+from isocodec.search.edges import crossing_on
+from isocodec.search.promise import Promise
+from isocodec.search.reduction import Reduction, distinct
 from isoconform.meshes import Mesh, closed, exponent, level_of, parents
 from isospec.container import MAX_SIDE
 

@@ -10,7 +10,7 @@ import pytest
 import isocodec
 from brute import ball, noise, smooth
 from commands import ok
-from isocodec.contour import smooth as smoothing
+from isocodec.drawing import smoothing
 
 
 def both(field, isovalue, **options):

@@ -15,10 +15,10 @@ import isocodec
 from brute import INTERPRETED
 from files import NAMES, files, picture, same_drawing, whole
 from isocodec import Decoder, Encoder, FormatError, OptionError, TruncatedError
+from isocodec.format.chunks import read_envelope
+from isocodec.format.header import read_header
+from isocodec.layers.events import BaseComplete, ChunkSkipped, End, HeaderRead, LayerComplete
 from isocodec.passes.snapshot import state_of
-from isocodec.stream.container import read_envelope
-from isocodec.stream.events import BaseComplete, ChunkSkipped, End, HeaderRead, LayerComplete
-from isocodec.stream.header import read_header
 from isospec.container import ChunkType
 
 # --- cutting the bytes ----------------------------------------------------------------------------------------------

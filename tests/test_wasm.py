@@ -116,10 +116,10 @@ def test_files_and_curves(whole: Runner, decoder: Runner):
         with decoder.at_work():
             assert drawn(data, name in MASKED) == expected, name
     assert whole.entries - whole.called <= decoder.called
-    assert {entry for entry in decoder.entries if entry.startswith("iso_contour_")} <= decoder.called
+    assert {entry for entry in decoder.entries if entry.startswith("iso_drawing_")} <= decoder.called
 
 
 def test_a_decoder_does_not_encode(decoder: Runner):
     """What the module does not have does not run elsewhere instead."""
-    with decoder.at_work(), pytest.raises(Failed, match=r"iso_reduce_.* is not in the module"):
+    with decoder.at_work(), pytest.raises(Failed, match=r"iso_search_.* is not in the module"):
         encode(PLANE, 300.5, tolerance=1)

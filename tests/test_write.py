@@ -17,7 +17,7 @@ import trimesh
 from PIL import Image
 
 from files import same
-from isocodec.contour import Contour
+from isocodec.drawing.contour import Contour
 from isocodec.errors import MissingExtraError, OptionError
 from isocodec.io import check_suffix, check_target, render_contour, write_bytes, write_contour
 from isocodec.io.picture import Step, contour_picture, shade, steps_picture

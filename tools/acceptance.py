@@ -26,7 +26,7 @@ from scipy.spatial import cKDTree
 from skimage.measure import find_contours, marching_cubes
 
 import isocodec
-from isocodec.stream.events import LayerComplete
+from isocodec.layers.events import LayerComplete
 
 LARGEST = 200**3
 """Volumes with more samples are left out of the exactness check."""

@@ -13,11 +13,11 @@ import time
 
 import numpy as np
 
-from isocodec.entropy.baseline import rates
-from isocodec.entropy.coder import DECODE, ENCODE, END, FINAL, ONE, REGISTERS, Coder, code, finish, start
-from isocodec.entropy.main import no_blend
+from isocodec.entropy.range_coder import DECODE, ENCODE, END, FINAL, ONE, REGISTERS, Coder, code, finish, start
 from isocodec.kernel import kernel
 from isocodec.kernel.types import IntVector
+from isocodec.models.contexts import rates
+from isocodec.models.trained import no_blend
 
 CONTEXTS = 64
 SYMBOLS = 2_000_000

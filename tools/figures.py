@@ -25,11 +25,11 @@ import numpy as np
 import isocodec
 from acceptance import Item, items
 from isocodec.cli.plot import spread
-from isocodec.grid.field import check_field
+from isocodec.field.samples import check_field
 from isocodec.io.picture import Step, steps_picture
-from isocodec.reduce.distance import hausdorff
-from isocodec.reduce.original import original
-from isocodec.stream.events import LayerComplete
+from isocodec.layers.events import LayerComplete
+from isocodec.search.distance import hausdorff
+from isocodec.search.original import original
 
 TERRAIN = ("esterel_257", "jacksboro_fault_dem")
 SLICES = ("ct_head_693", "ct_head_avm_040", "ct_headsq_40")

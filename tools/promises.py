@@ -29,12 +29,12 @@ from scipy.sparse.csgraph import connected_components
 
 import isocodec
 from acceptance import Item, Sampled, items
-from isocodec.contour import Contour
-from isocodec.grid.field import check_field
-from isocodec.reduce.distance import Target, hausdorff
-from isocodec.reduce.original import original
-from isocodec.stream.events import LayerComplete
-from isocodec.stream.promise import Promise
+from isocodec.drawing.contour import Contour
+from isocodec.field.samples import check_field
+from isocodec.layers.events import LayerComplete
+from isocodec.search.distance import Target, hausdorff
+from isocodec.search.original import original
+from isocodec.search.promise import Promise
 
 TOLERANCES = (0.1, 0.25, 1.0, 4.0)
 ROUNDING = 1e-9

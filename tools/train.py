@@ -23,15 +23,16 @@ from numpy.typing import NDArray
 from acceptance import Item, items
 from generated import blurred, generated
 from isocodec import Encoder
-from isocodec.entropy import main as profile
-from isocodec.entropy.coder import FLOOR
-from isocodec.grid.field import check_field
+from isocodec.entropy.range_coder import FLOOR
+from isocodec.field.samples import check_field
+from isocodec.layers.plan import Entry
 from isocodec.mesh.tables import cube_exponent
-from isocodec.passes.around import nearest_vertices
-from isocodec.stream.crossings import grid_offsets, pitches
-from isocodec.stream.promise import Promise
-from isocodec.stream.strand import Entry
-from isocodec.stream.strategy import even_starts, grid_plan, loose_start, reduced
+from isocodec.models import layout
+from isocodec.models import trained as models
+from isocodec.models.neighbourhood import nearest_vertices
+from isocodec.search.promise import Promise
+from isocodec.search.strategy import even_starts, grid_plan, loose_start, reduced
+from isocodec.search.tolerance import grid_offsets, pitches
 from isospec.tables import HIDDEN, INPUTS, KINDS, MOST_LOGIT, NETS, ROWS, Tables, packed
 
 ITEMS = {
@@ -103,8 +104,8 @@ def data(folder: Path, n: int) -> list[Item]:
 
 def use(n: int, squash: NDArray[np.int64], tables: Tables) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Let encoders start with these tables; probabilities of a 1, and symbols seen, that they start with."""
-    begun = profile.models(n, squash, tables)
-    profile._begun = lambda _: begun  # type: ignore[attr-defined]
+    begun = models.models(n, squash, tables)
+    models._begun = lambda _: begun  # type: ignore[attr-defined]
     return begun[0], begun[1]
 
 
@@ -112,7 +113,7 @@ def traced(item: Item, options: dict[str, object]) -> list[NDArray[np.int16]]:
     """What the passes list around the symbols of a file's last isovalue, by network: symbol, number of rows, rows."""
     encoder = Encoder(item.values, item.isovalue, profile="main", **options)  # type: ignore[arg-type]
     tube = encoder._strands[0].tube
-    trace = np.zeros((MOST_LINES, 3 + profile.MOST_ROWS), np.int32)
+    trace = np.zeros((MOST_LINES, 3 + layout.MOST_ROWS), np.int32)
     tube.coder = tube.coder._replace(blend=tube.coder.blend._replace(trace=trace))
     begun = 0
     for _ in encoder:
@@ -125,7 +126,7 @@ def traced(item: Item, options: dict[str, object]) -> list[NDArray[np.int16]]:
         own = np.flatnonzero(lines[:, 1] == net)
         own = own[:: 1 + len(own) // MOST_SYMBOLS]
         most = lines[own, 2].max(initial=0)
-        count, rows = apart(profile.members(item.values.ndim), lines[own, 2], lines[own, 3 : 3 + most])
+        count, rows = apart(models.members(item.values.ndim), lines[own, 2], lines[own, 3 : 3 + most])
         found.append(np.column_stack([lines[own, 0], count, rows]).astype(np.int16))
     return found
 
@@ -202,7 +203,7 @@ def symmetries(n: int, net: int) -> NDArray[np.int64]:
     """Rows of a network in all orders that mean the same field, turned or mirrored."""
     rows = span(n, net)[1]
     same = np.arange(rows)
-    if net >= profile.TREE_NET:
+    if net >= layout.TREE_NET:
         return same[None]
     around = nearest_vertices(n, net)
     place = {d: i for i, d in enumerate(around)}
@@ -225,15 +226,15 @@ def symmetries(n: int, net: int) -> NDArray[np.int64]:
 
 def span(n: int, net: int) -> tuple[int, int]:
     """First row of a network, and how many it has."""
-    if net < profile.TREE_NET:
-        return net * profile.SIGN_ROWS[n], profile.SIGN_ROWS[n] if net < n else 0
+    if net < layout.TREE_NET:
+        return net * layout.SIGN_ROWS[n], layout.SIGN_ROWS[n] if net < n else 0
     return {
-        profile.TREE_NET: (profile.TREE_ROW[n], profile.TREE_ROWS[n]),
-        profile.OFFSET_NET: (profile.OFFSET_ROW[n], profile.OFFSET_ROWS),
-        profile.LEAF_NET: (profile.OFFSET_ROW[n] + profile.OFFSET_ROWS, profile.LEAF_ROWS[n]),
-        profile.VALUE_NET: (profile.VALUE_ROW[n], profile.VALUE_ROWS[n]),
-        profile.MESH_NET: (profile.MESH_ROW[n], profile.MESH_ROWS[n]),
-        profile.BASE_NET: (profile.BASE_ROW[n], profile.BASE_ROWS[n]),
+        layout.TREE_NET: (layout.TREE_ROW[n], layout.TREE_ROWS[n]),
+        layout.OFFSET_NET: (layout.OFFSET_ROW[n], layout.OFFSET_ROWS),
+        layout.LEAF_NET: (layout.OFFSET_ROW[n] + layout.OFFSET_ROWS, layout.LEAF_ROWS[n]),
+        layout.VALUE_NET: (layout.VALUE_ROW[n], layout.VALUE_ROWS[n]),
+        layout.MESH_NET: (layout.MESH_ROW[n], layout.MESH_ROWS[n]),
+        layout.BASE_NET: (layout.BASE_ROW[n], layout.BASE_ROWS[n]),
     }[net]
 
 
@@ -336,7 +337,7 @@ def adapted(n: int, coded: list[tuple[Item, dict[str, object]]], squash: NDArray
 
     Each file begins with what there is so far. Files count alike, but for those that have few symbols of a kind.
     """
-    prob, seen, blend = profile.models(n, squash, tables)
+    prob, seen, blend = models.models(n, squash, tables)
     mean, weight = prob.astype(float), np.zeros(len(prob))
     mix, mixed = blend.mix.astype(float), np.zeros(KINDS)
     for item, options in coded:

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from .api import decode, decode_all, decode_mask, encode
-    from .contour import Contour
+    from .drawing.contour import Contour
     from .errors import (
         FormatError,
         InputError,
@@ -28,10 +28,7 @@ if TYPE_CHECKING:
     )
     from .io.areas import areas
     from .kernel import kernels
-    from .limits import Limits
-    from .stream.decoder import Decoder
-    from .stream.encoder import Encoder
-    from .stream.events import (
+    from .layers.events import (
         BaseComplete,
         ChunkSkipped,
         End,
@@ -44,6 +41,9 @@ if TYPE_CHECKING:
         MetadataRead,
         PromisesRead,
     )
+    from .limits import Limits
+    from .stream.decoder import Decoder
+    from .stream.encoder import Encoder
     from .stream.inspect import FileInfo, inspect
     from .stream.truncate import truncate
 
@@ -51,7 +51,7 @@ __version__ = "0.1.0"
 
 _HOMES = {
     "api": ("decode", "decode_all", "decode_mask", "encode"),
-    "contour": ("Contour",),
+    "drawing.contour": ("Contour",),
     "errors": (
         "FormatError", "InputError", "IsoError", "KernelError", "LimitError", "MissingExtraError", "OptionError",
         "TruncatedError",
@@ -60,7 +60,7 @@ _HOMES = {
     "kernel": ("kernels",),
     "limits": ("Limits",),
     "stream.decoder": ("Decoder",),
-    "stream.events": (
+    "layers.events": (
         "BaseComplete", "ChunkSkipped", "End", "Event", "GeometryRefined", "HeaderRead",
         "IsovalueRead", "LayerComplete", "LevelComplete", "MetadataRead", "PromisesRead",
     ),

@@ -9,13 +9,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .contour import Contour
+from .drawing.contour import Contour
 from .errors import IsoError, OptionError, TruncatedError
+from .format.chunks import octets
+from .layers.events import LayerComplete
 from .limits import Limits
-from .stream.container import octets
 from .stream.decoder import Decoder
 from .stream.encoder import Encoder
-from .stream.events import LayerComplete
 from .stream.inspect import inspect
 
 

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from isocodec.stream.container import CHECKSUM_BYTES
-from isocodec.stream.events import LayerComplete
-from isocodec.stream.header import Header, write_header
-from isocodec.stream.program import Layer
+from isocodec.format.chunks import CHECKSUM_BYTES
+from isocodec.format.header import Header, write_header
+from isocodec.format.program import Layer
+from isocodec.layers.events import LayerComplete
 from isospec.container import ChunkType, Operation
 
 from .draft import Draft, cut_within, encoded, within

@@ -16,10 +16,12 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from isocodec.passes import births, seek, significance, tube
-from isocodec.passes.truth import Truth
-from isocodec.stream.header import Header
-from isocodec.stream.program import Layer
+from isocodec.format.header import Header
+from isocodec.format.program import Layer
+from isocodec.passes import new_components
+from isocodec.search import base_order, component_search
+from isocodec.search.ground_truth import GroundTruth
+from isocodec.tube.state import EDGE, LEVEL
 
 from .draft import Draft
 from .plain import environment
@@ -73,7 +75,7 @@ def _find(st, busy: object, found: NDArray[np.int64]) -> int:
 
     A middle differs from all corners of its diamond only if the circle passes the square of two cubes around it.
     """
-    r, edge = int(st.at[tube.LEVEL]) % 2, int(st.at[tube.EDGE])
+    r, edge = int(st.at[LEVEL]) % 2, int(st.at[EDGE])
     first = [(c - RADIUS) // edge - 2 for c in CENTRE]
     last = [(c + RADIUS) // edge + 2 for c in CENTRE]
     count = 0
@@ -81,20 +83,20 @@ def _find(st, busy: object, found: NDArray[np.int64]) -> int:
         for y in range(first[1], last[1] + 1):
             if not passes(((x - 1) * edge, (y - 1) * edge), ((x + 2) * edge, (y + 2) * edge)):
                 continue
-            for slot in range(significance.slots(2, r)):
-                if births._alone(st, r, *significance.middle_of(2, r, x, y, 0, slot)):
+            for slot in range(new_components.slots(2, r)):
+                if component_search._alone(st, r, *new_components.middle_of(2, r, x, y, 0, slot)):
                     if count < len(found):
-                        found[count] = births._morton(2, x, y, 0) << significance.SLOT_BITS | slot
+                        found[count] = component_search._morton(2, x, y, 0) << new_components.SLOT_BITS | slot
                     count += 1
     return count
 
 
 def main(name: str) -> bytes:
     """A file of the circle; to be called in a process that runs kernels as plain Python."""
-    Truth.busy = np.zeros((1, 1, 1), np.bool_)  # type: ignore[assignment]
-    Truth.pyramid = lambda *_: (np.zeros(1, np.uint8), np.zeros((1, 4), np.int64))  # type: ignore[method-assign]
-    seek._mixed_cube = _mixed_cube
-    births.find = _find
+    GroundTruth.busy = np.zeros((1, 1, 1), np.bool_)  # type: ignore[assignment]
+    GroundTruth.pyramid = lambda *_: (np.zeros(1, np.uint8), np.zeros((1, 4), np.int64))  # type: ignore[method-assign]
+    base_order._mixed_cube = _mixed_cube
+    component_search.find = _find
     signs: NDArray[np.bool_] = Circle()  # type: ignore[assignment]
     return bytes(planned(Header((SIDE, SIDE), 0.5), sign_tube((SIDE, SIDE), signs), [PLANS[name]]))
 

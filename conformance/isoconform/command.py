@@ -209,4 +209,3 @@ def _generate(options: argparse.Namespace) -> int:
     vectors = generate(options.directory)
     print(f"{len(vectors)} vectors, {sum(v.bytes for v in vectors)} bytes, in {options.directory}")
     return 0
-

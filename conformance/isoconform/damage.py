@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 from random import Random
 
 from isocodec.errors import FormatError
-from isocodec.stream.container import CHECKSUM_BYTES, read_envelope
-from isocodec.stream.header import read_header
+from isocodec.format.chunks import CHECKSUM_BYTES, read_envelope
+from isocodec.format.header import read_header
 from isospec.container import MAX_SIDE, ChunkType, IsovalueKind, read_varint, write_varint
 
 from .streams import Chunk, closed

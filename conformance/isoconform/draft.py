@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from isocodec import encode, truncate
-from isocodec.stream.events import LayerComplete
+from isocodec.layers.events import LayerComplete
 
 from .dump import COMPLETE, dump
 

@@ -11,9 +11,9 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 from isocodec.errors import FormatError, IsoError, KernelError, LimitError, TruncatedError
+from isocodec.layers.events import Event, IsovalueRead, LayerComplete
 from isocodec.limits import Limits
 from isocodec.stream.decoder import Decoder
-from isocodec.stream.events import Event, IsovalueRead, LayerComplete
 
 COMPLETE = 0
 CUT_OFF = TruncatedError.exit_code

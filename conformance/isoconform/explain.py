@@ -13,9 +13,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from isocodec.errors import FormatError, TruncatedError
-from isocodec.stream.container import CHECKSUM_BYTES, Envelope, read_envelope, read_further
-from isocodec.stream.header import Header, read_header, varint
-from isocodec.stream.program import Layer, ProgramReader, Progress
+from isocodec.format.chunks import CHECKSUM_BYTES, Envelope, read_envelope, read_further
+from isocodec.format.header import Header, read_header, varint
+from isocodec.format.program import Layer, ProgramReader, Progress
 from isospec.container import ChunkType, IsovalueKind, Operation, Profile
 
 from .damage import fields_of
@@ -68,7 +68,7 @@ class _Reader:
         parts = fields_of(self.data[:end])
         self.note(4, "signature (3.3.1)")
         self.note(5, f"writer version {header.writer_version}, read version {header.read_version} (3.3.1)")
-        about = ("equal sides, " * (len(parts.sides) == 1) + ("scaled" if header.scale is not None else "not scaled"))
+        about = "equal sides, " * (len(parts.sides) == 1) + ("scaled" if header.scale is not None else "not scaled")
         kind = IsovalueKind(self.data[5] >> 3 & 3).name.lower()
         self.note(6, f"{about}, isovalue as {kind}, {len(header.shape)} axes, profile {header.profile.name.lower()} "
                   "(3.3.2)")  # fmt: skip

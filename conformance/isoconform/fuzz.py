@@ -15,7 +15,7 @@ from pathlib import Path
 from random import Random
 
 from isocodec.errors import LimitError
-from isocodec.stream.events import LayerComplete
+from isocodec.layers.events import LayerComplete
 
 from .damage import damaged
 from .decoders import Answer, Decoder, Request

@@ -8,7 +8,7 @@ from itertools import chain
 from pathlib import Path
 
 from isocodec.errors import LimitError
-from isocodec.stream.events import Event, IsovalueRead, LayerComplete
+from isocodec.layers.events import Event, IsovalueRead, LayerComplete
 
 from . import adaptive, circle, geometry, hostile, isovalues, mixed, rules, special, valid
 from .draft import Draft

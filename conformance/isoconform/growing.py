@@ -9,11 +9,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 from random import Random
 
-from isocodec.entropy.coder import POS, UNKNOWN
+from isocodec.entropy.range_coder import POS, UNKNOWN
 from isocodec.errors import FormatError, IsoError, LimitError, TruncatedError
+from isocodec.layers.events import LayerComplete
 from isocodec.limits import Limits
 from isocodec.stream.decoder import Decoder
-from isocodec.stream.events import LayerComplete
 
 SMALL = Limits(vertices=3000, simplices=12000, steps=20000)
 """What a file for fuzzing may need of a decoder at most: slow ones are to get through many."""
@@ -108,9 +108,7 @@ def run_bytes(random: Random, count: int) -> bytes:
     return out[:count]
 
 
-def grown(
-    start: bytes, random: Random, size: int, tries: int = TRIES, lead: bytes = b""
-) -> tuple[bytes, Probe]:
+def grown(start: bytes, random: Random, size: int, tries: int = TRIES, lead: bytes = b"") -> tuple[bytes, Probe]:
     """A run of up to ``size`` bytes behind the start of a file, which ends with a program.
 
     The chunk that it stands in has to state a length that is not reached. If all tries fail, the probe says what is

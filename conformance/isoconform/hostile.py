@@ -10,8 +10,8 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 from isocodec import Encoder, truncate
-from isocodec.stream.container import write_further
-from isocodec.stream.header import Header, write_header
+from isocodec.format.chunks import write_further
+from isocodec.format.header import Header, write_header
 from isospec.container import MAX_ISOVALUES, ChunkType, Operation, Profile, write_varint
 
 from .draft import Draft

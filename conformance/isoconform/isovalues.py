@@ -7,8 +7,8 @@ from collections.abc import Iterator, Mapping, Sequence
 import numpy as np
 
 from isocodec import Decoder, truncate
-from isocodec.stream.container import write_further
-from isocodec.stream.events import IsovalueRead
+from isocodec.format.chunks import write_further
+from isocodec.layers.events import IsovalueRead
 from isospec.container import ALL, MAX_ISOVALUES, ChunkType, Operation
 
 from .adaptive import SOME, SPACES, Steps, adapt_to, base_on, random_run

@@ -7,9 +7,9 @@ from dataclasses import astuple, dataclass
 
 from isocodec import Decoder
 from isocodec.errors import TruncatedError
+from isocodec.layers.events import LayerComplete
 from isocodec.limits import BLOCKS, LEVELS
 from isocodec.mesh.store import PAGES
-from isocodec.stream.events import LayerComplete
 
 BEYOND = max(LEVELS) + 1
 """In place of a level, of files that no level has to decode."""

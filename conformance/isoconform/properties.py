@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from isocodec import Decoder, encode
-from isocodec.passes.decoded import Decoded
+from isocodec.tube.decoded import Decoded
 
 from .dump import COMPLETE, canonical, dump
 from .meshes import exponent

@@ -10,8 +10,8 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from isocodec.stream.container import write_further
-from isocodec.stream.header import Header, write_header
+from isocodec.format.chunks import write_further
+from isocodec.format.header import Header, write_header
 from isospec.container import ALL, ESCAPE, MAX_SIDE, ChunkType, Operation, Profile
 
 from .adaptive import SPACES

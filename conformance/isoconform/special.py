@@ -10,12 +10,12 @@ from operator import mul
 import numpy as np
 
 from isocodec import Decoder, Encoder, encode, truncate
-from isocodec.entropy.coder import cut
-from isocodec.grid.field import Field, check_field
-from isocodec.stream.container import write_index, write_metadata
-from isocodec.stream.events import LayerComplete
-from isocodec.stream.header import Header, write_header
-from isocodec.stream.program import Layer
+from isocodec.entropy.range_coder import cut
+from isocodec.field.samples import Field, check_field
+from isocodec.format.chunks import write_index, write_metadata
+from isocodec.format.header import Header, write_header
+from isocodec.format.program import Layer
+from isocodec.layers.events import LayerComplete
 from isospec.container import MAX_SIDE, ChunkType, Operation, write_varint
 
 from .draft import Draft, encoded

@@ -9,19 +9,20 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from isocodec.entropy.baseline import models, rates
-from isocodec.entropy.coder import ENCODE, REGISTERS, Coder, finish, start
-from isocodec.entropy.main import no_blend
-from isocodec.grid.field import Field
+from isocodec.entropy.range_coder import ENCODE, REGISTERS, Coder, finish, start
+from isocodec.field.samples import Field
+from isocodec.format.chunks import CHECKSUM_BYTES, read_envelope
+from isocodec.format.header import Header, read_header, write_header
+from isocodec.format.program import Layer, Progress, read_program, write_program
 from isocodec.kernel import DONE
+from isocodec.layers.beginning import begin_layer
 from isocodec.limits import Limits
-from isocodec.mesh.chosen import Chosen
-from isocodec.passes.tube import Truth, Tube
-from isocodec.stream.container import CHECKSUM_BYTES, read_envelope
+from isocodec.mesh.vertex_set import Chosen
+from isocodec.models.contexts import models, rates
+from isocodec.models.trained import no_blend
+from isocodec.passes.runner import Tube
+from isocodec.search.ground_truth import GroundTruth
 from isocodec.stream.decoder import Decoder
-from isocodec.stream.header import Header, read_header, write_header
-from isocodec.stream.program import Layer, Progress, read_program, write_program
-from isocodec.stream.strand import begin_layer
 from isospec.container import Checksum, ChunkHead, ChunkType, OperationByte, write_varint
 
 
@@ -115,12 +116,12 @@ def layers(program: bytes, run: bytes) -> Chunk:
 
 def encoding_tube(field: Field) -> Tube:
     """A tube that encodes a field."""
-    return Tube(field.values.shape, _coder(), Limits(), Truth(field.signs, field.numbers, field.crossings))
+    return Tube(field.values.shape, _coder(), Limits(), GroundTruth(field.signs, field.numbers, field.crossings))
 
 
 def sign_tube(shape: tuple[int, ...], signs: NDArray[np.bool_]) -> Tube:
     """A tube that encodes signs alone; interpreted kernels take any object that answers to ``signs[x, y, z]``."""
-    return Tube(shape, _coder(), Limits(), Truth(signs, _none, _none))
+    return Tube(shape, _coder(), Limits(), GroundTruth(signs, _none, _none))
 
 
 def _coder() -> Coder:

@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from random import Random
 
-from isocodec.stream.program import Progress, expand
+from isocodec.format.program import Progress, expand
 from isospec.container import (
     ALL,
     ESCAPE,
@@ -139,8 +139,11 @@ def any_taste(random: Random) -> Taste:
     if random.randrange(4) == 0:
         bases, others = (0, 3, 0, 2), random.choice(((0, 0, 0, 1), (0, 0, 1, 0), (0, 0, 1, 3)))
     else:
-        bases, others = (2, 1, 2, 3), random.choice(
-            ((4, 4, 2, 4), (2, 4, 0, 1), (2, 2, 3, 0), (2, 2, 0, 4), (1, 0, 0, 3), (4, 0, 1, 0), (3, 1, 0, 0))
+        bases, others = (
+            (2, 1, 2, 3),
+            random.choice(
+                ((4, 4, 2, 4), (2, 4, 0, 1), (2, 2, 3, 0), (2, 2, 0, 4), (1, 0, 0, 3), (4, 0, 1, 0), (3, 1, 0, 0))
+            ),
         )
     return dict(zip((*BASES, *OTHERS), (*bases, *others), strict=True))
 
@@ -355,4 +358,3 @@ def _unfinished(random: Random, draft: _Draft, program: bytes, run: bytes) -> by
         if probe(data).error is None:
             break
     return data
-

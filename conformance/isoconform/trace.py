@@ -12,14 +12,15 @@ from dataclasses import dataclass, field
 from math import prod
 from typing import Any
 
-from isocodec.entropy import baseline, blend, coder
+from isocodec.entropy import mixer, range_coder
 from isocodec.errors import IsoError
+from isocodec.format.program import Layer
 from isocodec.kernel import Execution
 from isocodec.kernel.execution import SETTING
-from isocodec.passes.state import VERTICES
+from isocodec.layers.events import LayerComplete
+from isocodec.models import contexts
 from isocodec.stream.decoder import Decoder
-from isocodec.stream.events import LayerComplete
-from isocodec.stream.program import Layer
+from isocodec.tube.state import VERTICES
 
 from .plain import interpreted
 
@@ -30,7 +31,7 @@ CONTEXTS = (
     ("SIGNIFICANT", "TREE", "significance", (25, 3)), ("SIGNIFICANT_LEAF", "LEAF", "significance", (4, 5, 3)),
     ("REFINE_BORDER", "BORDER", "refinement sign", (7, 3, 10, 4)),
     ("REFINE_CROSSED", "CROSSED", "refinement sign", (7, 3, 10, 3, 4)), ("VALUE", "VALUE", "value bit", (52, 2, 3)),
-    ("OFFSET", "OFFSET", "offset bit", (2, 8, baseline.OFFSET_STRIDE)), ("LEVEL", "LEVEL", "level", (3, 2, 4)),
+    ("OFFSET", "OFFSET", "offset bit", (2, 8, contexts.OFFSET_STRIDE)), ("LEVEL", "LEVEL", "level", (3, 2, 4)),
     ("LEVEL_PATH", "LEVEL_PATH", "level", (64,)), ("SPLIT", "SPLIT", "split", (3, 2, 4, 8)),
     ("CONTINUE", "CONTINUE", "continue", ()), ("SEED", "SEED", "base sign", (2, 4, 2)),
     ("OFFSET_LEAN", "OFFSET_LEAN", "offset bit", (8, 16)), ("TURNED", "TURNED", "significance", ()),
@@ -78,7 +79,7 @@ class Symbol:
 def context_name(number: int, mixed: bool) -> tuple[str, str]:
     """Name of a context as clause 7.1 has it, and its syntax element."""
     for name, spoken, element, sizes in reversed(CONTEXTS):
-        rest = number - getattr(baseline, name)
+        rest = number - getattr(contexts, name)
         if rest < 0:
             continue
         if name == "OFFSET" and mixed:
@@ -170,11 +171,11 @@ class Tracer:
     @contextmanager
     def _listening(self) -> Iterator[None]:
         """Put ears where a symbol is coded, wherever that is used."""
-        emit, code, blended = coder.emit, coder.code, blend.blended
+        emit, code, blended = range_coder.emit, range_coder.code, mixer.blended
 
         def heard(cd: Any, p: int, bit: int) -> int:
             self._look()
-            before = int(cd.reg[coder.RANGE])
+            before = int(cd.reg[range_coder.RANGE])
             bit = emit(cd, p, bit)
             if bit >= 0:
                 self._told = (int(p), before, int(bit))
@@ -208,5 +209,3 @@ class Tracer:
         finally:
             for module, name, old in replaced:
                 setattr(module, name, old)
-
-

@@ -9,10 +9,10 @@ from __future__ import annotations
 from contextlib import suppress
 
 from isocodec import Decoder
-from isocodec.entropy.coder import CODE, POS, RANGE, UNKNOWN, cut
+from isocodec.entropy.range_coder import CODE, POS, RANGE, UNKNOWN, cut
 from isocodec.errors import FormatError
-from isocodec.stream.container import CHECKSUM_BYTES
-from isocodec.stream.events import LayerComplete
+from isocodec.format.chunks import CHECKSUM_BYTES
+from isocodec.layers.events import LayerComplete
 from isospec.container import ChunkType, write_varint
 from isospec.elements import ELEMENTS
 

@@ -8,9 +8,9 @@ from functools import cached_property
 from typing import Any
 
 import isocodec
-from isocodec.contour import Contour
+from isocodec.drawing.contour import Contour
 from isocodec.mesh.tables import cube_exponent
-from isocodec.stream.strategy import BASE_CYCLES
+from isocodec.search.strategy import BASE_CYCLES
 
 from .errors import Shape, apart
 from .items import Item

@@ -77,7 +77,7 @@ def decode_command(
 
     import isocodec
 
-    from ..stream.header import read_header
+    from ..format.header import read_header
 
     started = time.perf_counter()
     with concerning(source):

@@ -173,7 +173,7 @@ def encode_command(
 
     import isocodec
 
-    from ..grid.placement import CRS, PLACEMENT
+    from ..field.placement import CRS, PLACEMENT
     from ..io.missing import missing_samples, read_nodata
     from ..io.place import Place, read_place
     from ..io.read import read_field

@@ -46,7 +46,7 @@ def mask_command(
     check_output(output, source)
     data = read_iso(source)
 
-    from ..grid.placement import read_placement
+    from ..field.placement import read_placement
 
     started = time.perf_counter()
     limits = limits_of(limit_memory, limit_work, limit_samples)

@@ -12,7 +12,7 @@ from .progress import progress_bar
 from .report import PARTIAL, concerning, warn
 
 if TYPE_CHECKING:
-    from ..contour import Contour
+    from ..drawing.contour import Contour
     from ..io.formats import Cost
     from ..limits import Limits
     from ..stream.decoder import Decoder

@@ -1,4 +1,4 @@
-"""``opinion.weighed`` for the compiler.
+"""``network.weighed`` for the compiler.
 
 It would keep the sums of a loop over rows in memory; as vectors they stay in registers, which takes half of the time.
 """
@@ -13,7 +13,7 @@ from numba import types
 from numba.core import cgutils
 from numba.extending import intrinsic, overload
 
-from .main import HIDDEN
+from isospec.tables import HIDDEN
 
 _LANES = 8
 """Numbers of a vector: any processor's instructions make up such vectors of their own."""
@@ -22,7 +22,7 @@ _INTS, _LONGS = ir.VectorType(_INT, _LANES), ir.VectorType(_LONG, _LANES)
 
 
 def instead_of(weighed: Callable[..., int]) -> None:
-    """Kernels that call ``opinion.weighed`` get this."""
+    """Kernels that call ``network.weighed`` get this."""
     overload(weighed)(lambda row, table, out: lambda row, table, out: _vectors(row, table, out))  # type: ignore[call-arg]
 
 

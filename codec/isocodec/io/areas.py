@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..contour import Contour
+from ..drawing.contour import Contour
 from ..errors import OptionError, TruncatedError
 from .extras import optional
 

@@ -11,7 +11,7 @@ from typing import Any, BinaryIO, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from ..contour.mask import MaskRows
+from ..drawing.mask import MaskRows
 from .extras import optional
 from .formats import Format, find_suffix
 

@@ -20,7 +20,7 @@ from .extras import optional
 from .formats import Cost
 
 if TYPE_CHECKING:
-    from ..contour import Contour
+    from ..drawing.contour import Contour
 
 PICTURE_SUFFIXES = (".png", ".pdf", ".svg")
 

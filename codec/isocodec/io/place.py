@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import OptionError
-from ..grid.placement import placement_of
+from ..field.placement import placement_of
 from ..text import plain
 from .hdf5 import HDF5_SUFFIXES, dataset
 from .raster import TIFF_SUFFIXES, opened_tiff

@@ -20,7 +20,7 @@ from xml.etree import ElementTree
 import numpy as np
 
 from ..errors import OptionError
-from ..grid.placement import CRS
+from ..field.placement import CRS
 from .areas import areas, polygons
 from .atomic import write_bytes
 from .extras import optional
@@ -28,7 +28,7 @@ from .formats import Cost, Format, find_suffix
 from .picture import PICTURE, contour_picture, matplotlib_figure
 
 if TYPE_CHECKING:
-    from ..contour import Contour
+    from ..drawing.contour import Contour
 
 _EPSG = re.compile("EPSG:([1-9][0-9]{0,5})")
 _DEGREES = "4326"

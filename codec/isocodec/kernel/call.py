@@ -41,7 +41,7 @@ class Kernel:
 
     @property
     def name(self) -> str:
-        """Where it stands in the package, as ``passes.refine.refine``."""
+        """Where it stands in the package, as ``passes.refinement.refine``."""
         return f"{self.function.__module__.removeprefix('isocodec.')}.{self.function.__name__}"
 
     @functools.cached_property

@@ -9,31 +9,29 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..entropy import baseline as ctx
-from ..entropy.blend import blended, mixing
-from ..entropy.coder import ENCODE, MODE, Coder, adapt, code
-from ..entropy.main import BASE_KIND, BASE_NET
+from ..entropy.mixer import blended, mixing
+from ..entropy.range_coder import ENCODE, MODE, Coder, adapt, code
 from ..kernel import BAD, DONE, GROW, inlined, inner, kernel
 from ..kernel.types import Int32Matrix, IntVector
 from ..mesh.access import dimension, roots, vertex
 from ..mesh.access import root as root_class
 from ..mesh.grid import edge_of, position
+from ..mesh.path import descend, unpacked
 from ..mesh.simplex import child_of, exists, middle_at
 from ..mesh.store import Store, full
-from .ahead import ON_PATH, see_behind
-from .behind import resolve, settle, tell
-from .gates import GATE, push_gates, visit, visited
-from .infer import implied
-from .mesh import BARRED
-from .parabola import MOST
-from .predict import curve_context, edge_sum, surface_context, turn_back
-from .seek import descend, unpacked
-from .state import (
+from ..models import contexts as ctx
+from ..models.base_signs import curve_context, edge_sum, see_behind, surface_context, turn_back
+from ..models.layout import BASE_KIND, BASE_NET
+from ..models.mesh_questions import ON_PATH
+from ..models.parabola import MOST
+from ..tube.inference import implied
+from ..tube.state import (
     BASE_SIGN,
     COMPONENT,
     EARLY,
     ERROR,
     FINEST,
+    GATE,
     LEAVES,
     LOCATION,
     ORIGIN,
@@ -53,7 +51,7 @@ from .state import (
     learn,
     tired,
 )
-from .walk import (
+from ..tube.walk import (
     B0,
     B1,
     B2,
@@ -73,6 +71,8 @@ from .walk import (
     SEED,
     TIGHT,
 )
+from .adaptive_mesh import BARRED, settle, tell
+from .traversal import push_gates, resolve, visit, visited
 
 # Phases.
 _ORIGIN, _COMPONENT, _ROOT, _LOCATE, _SIGNS, _TRAVERSE = range(6)
@@ -179,7 +179,7 @@ def base(st: State, cd: Coder, mark: Store, order: IntVector, seeds: Int32Matrix
         elif phase == _COMPONENT:
             if encoding:
                 while w[ITEM] < len(order):
-                    level, cls, b0, b1, b2 = descend(st, order[w[ITEM]])
+                    level, cls, b0, b1, b2 = descend(st.grid, order[w[ITEM]])
                     if not visited(st, mark, level, cls, b0, b1, b2):
                         break
                     w[ITEM] += 1

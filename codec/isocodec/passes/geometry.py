@@ -1,350 +1,288 @@
-"""Geometry: bits of the values at vertices, or of the crossings' offsets on edges (spec clauses 5.6, 5.7).
-
-Row C2-geometry, and offsets on any mesh. Both code the distance from where the sign already says the
-number to be, from the highest bit down.
-"""
+"""What geometry has told: numbers of the values at vertices, or parts of crossed edges (spec clauses 5.6, 5.7, 5.9)."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
+from numpy.typing import NDArray
 
-from isospec.container import MAX_PARTS, MAX_RADIX, STEP_RADIX
+from ..entropy.range_coder import Coder
+from ..limits import Budget
+from ..mesh.implied import implied_edges
+from ..models.crossings_nearby import beside_grid, beside_leaves, nothing_beside
+from ..models.offsets import place_of
+from ..models.values import nearby_samples
+from ..tube.capacity import NOTHING
+from ..tube.leaf_vertices import drawn, drawn_bytes
+from ..tube.state import BITS, MESHES, VERTICES, State
+from ..tube.truth import Truth
+from . import carriers, offsets, values
 
-from ..entropy import baseline as ctx
-from ..entropy.blend import EITHER, blended, mixing
-from ..entropy.coder import ENCODE, MODE, Coder, code
-from ..entropy.main import LEAF_NET, LEAN_KIND, OFFSET_KIND, OFFSET_NET, VALUE_KIND, VALUE_NET
-from ..grid.field import OFFSET_BITS
-from ..kernel import DONE, inlined, kernel
-from ..kernel.types import BoolVector, Int32Matrix, IntMatrix, IntVector, UInt8Vector
-from ..mesh.access import dimension
-from ..mesh.store import get
-from .along import count_near, find_candidates, place_of, recent_sides, remember, see_along
-from .beside import Beside
-from .classes import bits
-from .nearby import UNKNOWN, packed, see_nearby
-from .state import OFFSET_BIT, SIDE, TALLY, VALUE_BIT, State
-
-# Registers in State.walk: next item of the list, the symbol before, the place within a digit, its sign.
-ITEM, BEFORE, STEP, SIGN = range(4)
-LOW, HIGH, HALVED, SPAN = range(4, 8)
-"""Main profile: parts that are left of a digit, how often they were halved, and what `find_candidates` says."""
-VERTEX_ACTIVE = 8
-"""Bit of a vertex's mark that says it is in the list; bits 0 to 2 are the grid edges that leave it upwards."""
+_VALUES, _VALUES_TAKEN = 64, 160
+"""Bytes that listing values takes at most for each vertex, and where an earlier isovalue has some."""
+_NEARBY = {2: 60, 3: 108}
+"""Bytes of what is near a vertex that has a value."""
+_EDGES_GRID, _LEAVES = 240, {2: 480, 3: 480}
+"""Bytes that listing offsets takes at most for each edge of the full grid, and for each leaf elsewhere."""
+MOST_TAKEN = 1 << 53
+"""Numbers of this size and more are not taken over from another isovalue: many isovalues in a row could make any."""
 
 
-_place_of = inlined(place_of)
+class Estimates:
+    """What layers of geometry have told of one isovalue.
 
+    Parameters
+    ----------
+    shape : tuple of int
+    truth : Truth or None
+        For the encoder.
+    lean : tuple of Estimates and State, or None
+        Those of the earlier isovalue, complete.
+    shift : int or None
+        How many whole steps above that isovalue this one lies; None if values of the one say nothing of the other.
 
-@kernel
-def active_vertices(st: State, leaves: IntMatrix, mark: UInt8Vector, full: bool, out: IntVector) -> int:
-    """Vertices that geometry by values refines, in the order of the leaves (spec clause 5.6.2).
-
-    On the full grid these are the ends of the grid edges that are crossed, else all vertices of the leaves. ``leaves``
-    are rows of numbers of vertices.
+    Attributes
+    ----------
+    has_values : bool
+    bits : tuple of int
+        Bits of the numbers of values above and below the isovalue.
+    number, left : (V,) int64
+        Of each vertex, as far as values have come: its number so far, and the bits that are missing.
+    edges : (E, 2) int64
+        Vertices at the lower and upper ends of the edges that carry offsets.
+    parts, offset : (E,) int64
+        Parts of each, and the number of the one that holds the crossing.
+    place : function of (E, n) int64, (E, n) int64 to (E,) int64, or None
+        Encoder: where edges are to be crossed, instead of what the field says (``Truth.crossing``).
+    slack : function like ``place``, or None
+        Encoder: how far from there the next layer of offsets may tell the crossings to be, in the same unit.
     """
-    n = dimension(st.grid.tables)
-    count = 0
-    for i in range(len(leaves)):
-        for j in range(n + 1):
-            v = leaves[i, j]
-            drawn = not full
-            if j > 0 and st.vertex[v, 3] != st.vertex[leaves[i, j - 1], 3]:
-                drawn = True
-            if j < n and st.vertex[v, 3] != st.vertex[leaves[i, j + 1], 3]:
-                drawn = True
-            if drawn and not mark[v] & VERTEX_ACTIVE:
-                mark[v] |= VERTEX_ACTIVE
-                out[count] = v
-                count += 1
-    return count
 
+    def __init__(
+        self, shape: tuple[int, ...], truth: Truth | None, lean: tuple[Estimates, State] | None, shift: int | None,
+        budget: Budget,
+    ) -> None:  # fmt: skip
+        self.shape = shape
+        self.n = len(shape)
+        self.truth = truth
+        self.place = truth.crossing if truth else None
+        self.slack: Callable[[NDArray[np.int64], NDArray[np.int64]], NDArray[np.int64]] | None = None
+        self.has_values = False
+        self.bits = (0, 0)
+        self.number = NOTHING
+        self.left = NOTHING
+        self.edges = np.zeros((0, 2), np.int64)
+        self.parts = NOTHING
+        self.offset = NOTHING
+        self._lean = lean
+        self._shift = shift
+        self._active = NOTHING
+        self._active_mesh = self._edges_mesh = self._leaves_mesh = -1
+        self._leaves = np.zeros((0, self.n + 1), np.int64), NOTHING
+        self._full = False
+        self._wanted = NOTHING
+        self._near = np.zeros((0, 0), np.int32)
+        self._told = NOTHING
+        self._length = NOTHING
+        self._rising = np.zeros(0, np.bool_)
+        self._earlier = np.zeros((0, 2), np.int64)
+        self._target = self._slack = NOTHING
+        self._plane = 0
+        self._beside = nothing_beside(self.n)
+        self._pitch = (1, 0)
+        self._budget = budget
 
-@inlined
-def _lower(st, a, b):
-    """Which of two vertices comes first in the order of positions."""
-    for axis in range(3):
-        if st.vertex[a, axis] != st.vertex[b, axis]:
-            return a if st.vertex[a, axis] < st.vertex[b, axis] else b
-    return a
+    def rest(self) -> None:
+        """No further layer will come: only what has been told is kept."""
+        self._near = np.zeros((0, 0), np.int32)
+        self._active = self._told = self._length = self._target = self._slack = NOTHING
+        self._rising = np.zeros(0, np.bool_)
+        self._earlier = np.zeros((0, 2), np.int64)
+        self._beside = nothing_beside(self.n)
+        self._active_mesh = self._edges_mesh = self._leaves_mesh = -1
+        self._leaves = np.zeros((0, self.n + 1), np.int64), NOTHING
+        self._hold(0)
 
+    def _hold(self, passing: int) -> None:
+        """Count the memory of the lists, and what making the next ones takes for a moment."""
+        lists = (*self._leaves, *self._beside, *(v for v in vars(self).values() if isinstance(v, np.ndarray)))
+        self._budget.hold(self, sum(array.nbytes for array in lists), passing)
 
-@kernel
-def grid_edges(st: State, leaves: IntMatrix, mark: UInt8Vector, out: IntMatrix) -> int:
-    """Edges of the full grid that are crossed, in the order of the leaves: both ends, the lower first (5.7.2)."""
-    n = dimension(st.grid.tables)
-    count = 0
-    for i in range(len(leaves)):
-        for j in range(n):
-            a, b = leaves[i, j], leaves[i, j + 1]
-            if st.vertex[a, 3] == st.vertex[b, 3]:
-                continue
-            low = _lower(st, a, b)
-            high = b if low == a else a
-            axis = 0
-            while st.vertex[a, axis] == st.vertex[b, axis]:
-                axis += 1
-            if not mark[low] >> axis & 1:
-                mark[low] |= 1 << axis
-                out[count, 0] = low
-                out[count, 1] = high
-                count += 1
-    return count
+    def leaves(self, st: State) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """Vertex numbers of the leaves of a mesh that is settled (``Tube.settled``), and their levels."""
+        if st.at[MESHES] != self._leaves_mesh:
+            self._hold(drawn_bytes(st, 1))
+            self._leaves = drawn(st, 1)
+            self._leaves_mesh = int(st.at[MESHES])
+            self._hold(0)
+        return self._leaves
 
+    def _activate(self, st: State, full: bool) -> None:
+        """Find the vertices that geometry by values refines now, and the encoder's numbers for them."""
+        count = int(st.at[VERTICES])
+        active = np.empty(count, np.int64)
+        used = carriers.active_vertices(st, self.leaves(st)[0], np.zeros(count, np.uint8), full, active)
+        self._active = active[:used].copy()
+        self._active_mesh = int(st.at[MESHES])
+        self._near = np.zeros((0, 0), np.int32)
+        self._wanted = np.zeros(count if self.truth else 0, np.int64)
+        if self.truth:
+            above = st.vertex[self._active, 3] != 0
+            self._wanted[self._active] = self.truth.number(st.vertex[self._active, : self.n], above)
 
-@kernel
-def leaf_edges(st: State, leaves: IntMatrix, out: IntMatrix) -> int:
-    """Crossed edges of all leaves, repeated as they come: both ends, the lower first (spec clause 5.7.2)."""
-    n = dimension(st.grid.tables)
-    count = 0
-    for i in range(len(leaves)):
-        for j in range(n + 1):
-            for k in range(j + 1, n + 1):
-                a, b = leaves[i, j], leaves[i, k]
-                if st.vertex[a, 3] != st.vertex[b, 3]:
-                    low = _lower(st, a, b)
-                    out[count, 0] = low
-                    out[count, 1] = b if low == a else a
-                    count += 1
-    return count
+    def value_bits(self, st: State, full: bool) -> tuple[int, int]:
+        """Encoder: bits that the numbers of the present vertices need, above and below the isovalue."""
+        self._activate(st, full)
+        above = st.vertex[self._active, 3] != 0
+        numbers = self._wanted[self._active]
+        bits = [int(numbers[side].max(initial=0)).bit_length() for side in (above, ~above)]
+        return bits[0], bits[1]
 
+    def begin_values(self, st: State, full: bool, plane: int) -> None:
+        """Begin a layer of geometry by values, down to ``plane`` missing bits."""
+        count = int(st.at[VERTICES])
+        old = len(self.number)
+        self._hold((_VALUES_TAKEN if self._lean else _VALUES) * count)
+        if st.at[MESHES] != self._active_mesh:
+            self._activate(st, full)
+        self._full = full
+        if count > old:
+            self.number = np.concatenate([self.number, np.zeros(count - old, np.int64)])
+            bits = np.where(st.vertex[old:count, 3] != 0, *self.bits).astype(np.int64)
+            self.left = np.concatenate([self.left, bits])
+            self._take_values(st, old, count)
+        if not self.has_values:
+            # what offsets said of the crossings, values say better
+            self.edges, self.parts, self.offset = np.zeros((0, 2), np.int64), NOTHING, NOTHING
+        self.has_values = True
+        st.at[BITS : BITS + 2] = self.bits[::-1]
+        self._plane = plane
+        self._hold(0)
 
-@kernel
-def entries(st: State, position: IntMatrix, out: IntVector) -> None:
-    """Numbers of the vertices at positions (E, 3), -1 where none is known."""
-    for i in range(len(position)):
-        out[i] = (get(st.known, position[i, 0], position[i, 1], position[i, 2]) >> 1) - 1
+    def _take_values(self, st: State, first: int, end: int) -> None:
+        """What the earlier isovalue knows of the values of vertices ``first`` to ``end`` need not be sent again."""
+        if self._lean is None or self._shift is None or not len(self._lean[0].number):
+            return
+        earlier, other = self._lean
+        vertex = np.empty(end - first, np.int64)
+        carriers.entries(other, st.vertex[first:end, :3].astype(np.int64), vertex)
+        known = np.flatnonzero((vertex >= 0) & (vertex < len(earlier.number)))
+        side = other.vertex[vertex[known], 3] != 0
+        sent = np.where(side, *earlier.bits) > 0
+        known = known[sent & (earlier.left[vertex[known]] == 0)]
+        number = earlier.number[vertex[known]]
+        steps = np.where(other.vertex[vertex[known], 3] != 0, number + 1, -number) - self._shift
+        taken = np.where(st.vertex[first + known, 3] != 0, steps - 1, -steps)
+        possible = np.abs(taken) < MOST_TAKEN
+        self.number[first + known[possible]] = taken[possible]
+        self.left[first + known[possible]] = 0
 
+    def code_values(self, st: State, cd: Coder) -> int:
+        """Go on with a layer of values."""
+        if self._full and len(cd.blend.weight) and not len(self._near):
+            self._hold(_NEARBY[self.n] * len(self._active) + 4 * len(st.vertex))
+            self._near = nearby_samples(st, self._active, self.n)
+            self._told = np.empty(len(self._active) + 1, np.int64)
+            values.enter_told(st, self._active, self.number, self.left, self._told)
+            self._hold(0)
+        return int(values.values(
+            st, cd, self._near, self._told, self._active, self.number, self.left, self._plane, self._wanted
+        ))  # fmt: skip
 
-@kernel
-def values(
-    st: State, cd: Coder, near: Int32Matrix, told: IntVector, active: IntVector, number: IntVector, left: IntVector,
-    plane: int, wanted: IntVector,
-) -> int:  # fmt: skip
-    """Bring the vertices' numbers down to ``plane`` bits left (spec clause 5.6.3).
+    def begin_offsets(self, st: State, full: bool, parts: int, unit: int) -> None:
+        """Begin a layer of offsets, to at least ``parts`` parts in ``2**unit`` samples of an edge."""
+        self._pitch = (parts, unit)
+        if st.at[MESHES] != self._edges_mesh:
+            self._list_edges(st, full)
+        self._slack = np.zeros(len(self._target), np.int64)
+        if self.slack:
+            self._slack[:] = self.slack(*self._ends(st))
+        self._hold(0)
 
-    ``number`` is the distance from the isovalue's side of the interval as far as known, ``left`` the bits of it
-    that are missing, ``wanted`` the encoder's whole number (empty for the decoder). For the main profile ``near`` says
-    which vertices of the list lie near each, ``told`` what is told of them (`packed`).
-    """
-    w = st.walk
-    encoding = cd.reg[MODE] == ENCODE
-    while w[ITEM] < len(active):
-        v = np.uint64(active[np.uint64(w[ITEM])])
-        if left[v] <= plane:
-            w[ITEM] += 1
-            continue
-        p = left[v] - 1
-        bit = np.int64(0)
-        if encoding:
-            bit = (wanted[v] >> p) & 1
-        context = ctx.VALUE + (p * 2 + np.int64(number[v] != 0)) * 3 + w[BEFORE]
-        if mixing(cd):
-            see_nearby(st, cd, near, told, w[ITEM], number, v, p)
-            bit = blended(cd, VALUE_NET, False, VALUE_KIND + min(bits(number[v]), 2), context, bit)
+    def code_offsets(self, st: State, cd: Coder) -> int:
+        """Go on with a layer of offsets."""
+        return int(offsets.offsets(
+            st, cd, self._beside, self.edges, self.offset, self.parts, self._length, self._rising, self._earlier,
+            *self._pitch, self._target, self._slack,
+        ))  # fmt: skip
+
+    def _list_edges(self, st: State, full: bool) -> None:
+        """Make the list of edges that carry offsets anew; those that stay keep theirs."""
+        count = int(st.at[VERTICES])
+        if full:
+            leaves = self.leaves(st)[0]
+            self._hold((16 * self.n + 1) * count)
+            room = np.empty((self.n * count, 2), np.int64)
+            # a copy: what is kept is as long as it needs to be
+            edges = room[: carriers.grid_edges(st, leaves, np.zeros(count, np.uint8), room)].copy()
+            del room
+            self._hold(_EDGES_GRID * len(edges) + 16 * count)
         else:
-            bit = code(cd, context, bit)
-        if bit < 0:
-            return bit
-        st.at[TALLY + VALUE_BIT] += 1
-        w[BEFORE] = 1 + bit
-        number[v] = number[v] << 1 | bit
-        left[v] = p
-        if len(told) > 0:
-            told[np.uint64(w[ITEM])] = packed(st, number, left, v)
-    return DONE
-
-
-@kernel
-def tell(st: State, active: IntVector, number: IntVector, left: IntVector, told: IntVector) -> None:
-    """Enter what is told of the vertices of a list, and behind them what stands for all others."""
-    for i in range(len(active)):
-        told[i] = packed(st, number, left, np.uint64(active[i]))
-    told[len(active)] = UNKNOWN
-
-
-@inlined
-def radix_of(length, parts, target, unit):
-    """Smallest odd number of parts that brings an edge of so many samples to ``target`` parts in ``2**unit`` samples.
-
-    Large ones are reached in steps.
-    """
-    wanted = min((length * target + (np.int64(1) << unit) - 1) >> unit, MAX_PARTS)
-    radix = (wanted + parts - 1) // parts | 1
-    return radix if radix <= MAX_RADIX else np.int64(STEP_RADIX)
-
-
-@inlined
-def _beyond(st, i, radix, rising, earlier):
-    """Part that holds the earlier isovalue's crossing, and how many parts lie beyond it."""
-    number, parts = earlier[i, 0], earlier[i, 1]
-    if rising[i] == (st.at[SIDE] > 0):
-        bound = number * radix // parts
-        return bound, radix - 1 - bound
-    bound = ((number + 1) * radix - 1) // parts
-    return bound, bound
-
-
-@inlined
-def _choice(wanted, slack, parts, radix, number, rising, low, high, split):
-    """Encoder: the symbol that leads to a part whose middle is near enough to the crossing, or EITHER.
-
-    The part that holds the crossing is always good enough, unless it is ruled out: then the one next to it is.
-    """
-    total = parts * radix
-    true = (wanted * total) >> OFFSET_BITS
-    half = np.int64(1) << (OFFSET_BITS - 1)
-    least = min(((wanted - slack) * total + half - 1) >> OFFSET_BITS, true) - number * radix
-    most = max(((wanted + slack) * total - half) >> OFFSET_BITS, true) - number * radix
-    if not rising:
-        least, most = radix - 1 - most, radix - 1 - least
-    least, most = min(max(least, low), high - 1), min(max(most, low), high - 1)
-    if most < split:
-        return np.int64(0)
-    return np.int64(1 if least >= split else EITHER)
-
-
-@inlined
-def _halve(st, cd, beside, edges, number, parts, length, i, radix, rising, earlier, leaning, wanted, slack):
-    """One symbol of a digit in the main profile (spec clause 7.14): which half of the parts left holds the crossing.
-
-    Parts are counted from the end that is below; those before the earlier isovalue's crossing are ruled out. Returns
-    what the coder says; the digit is complete when one part is left.
-    """
-    w = st.walk
-    grid = len(beside.near) == 0
-    earlier_part = np.int64(-1)
-    if leaning:
-        bound = _beyond(st, i, radix, rising, earlier)[0]
-        earlier_part = bound if rising[i] else radix - 1 - bound
-    if w[HALVED] == 0:
-        w[LOW], w[HIGH] = 0, radix
-        if leaning:
-            if st.at[SIDE] > 0:
-                w[LOW] = earlier_part
-            else:
-                w[HIGH] = earlier_part + 1
-            if w[HIGH] - w[LOW] == 1:
-                return np.int64(DONE)
-        w[SPAN] = find_candidates(st, beside, edges, parts, length, i)
-    split = (w[LOW] + w[HIGH]) >> 1
-    bit = np.int64(0)
-    if cd.reg[MODE] == ENCODE:
-        bit = _choice(wanted[i], slack[i], parts[i], radix, number[i], rising[i], w[LOW], w[HIGH], split)
-    again = np.int64(parts[i] > 1)
-    sides = recent_sides(st, w[LOW], w[HIGH], split, radix, number[i], parts[i], rising[i])
-    context = ctx.OFFSET + (8 * again + min(w[HALVED], 7)) * 9 + sides
-    kind = OFFSET_KIND + min(w[HALVED], 2) + 3 * again + (0 if grid else 6)
-    nearer = np.int64(-1)
-    if leaning:
-        nearer = split - earlier_part if st.at[SIDE] > 0 else earlier_part + 1 - split
-        context = ctx.OFFSET_LEAN + min(bits(nearer), 7) * 16 + min(w[HIGH] - w[LOW], 15)
-        kind = LEAN_KIND + min(w[HALVED], 2) + (0 if grid else 3)
-    see_along(st, cd, w[LOW], w[HIGH], split, radix, number[i], parts[i], rising[i], w[SPAN], nearer)
-    net = OFFSET_NET if grid else LEAF_NET
-    bit = blended(cd, net, False, kind, context, bit)
-    if bit >= 0:
-        w[HALVED] += 1
-        if bit:
-            w[LOW] = split
+            self._hold(_LEAVES[self.n] * len(self.leaves(st)[0]) + 64 * count)
+            rows = self._leaf_rows(st)
+            edges = self._leaf_edges(st, rows)
+        parts, offset = np.ones(len(edges), np.int64), np.zeros(len(edges), np.int64)
+        if len(self.edges):
+            keys, old = edges @ (count, 1), self.edges @ (count, 1)
+            order = np.argsort(old)
+            there = order[np.minimum(np.searchsorted(old[order], keys), len(old) - 1)]
+            same = old[there] == keys
+            parts[same], offset[same] = self.parts[there[same]], self.offset[there[same]]
+        self.edges, self.parts, self.offset = edges, parts, offset
+        self._edges_mesh = int(st.at[MESHES])
+        self._rising = st.vertex[edges[:, 1], 3] != 0
+        if full:
+            self._length = np.ones(len(edges), np.int64)
+            self._beside = beside_grid(st, edges, place_of(offset, parts), self.n)
         else:
-            w[HIGH] = split
-    return bit
+            self._length = np.abs(np.subtract(*self._ends(st))).max(axis=1, initial=0)
+            self._beside = beside_leaves(st, rows, edges, place_of(offset, parts), parts, self._length, self.n)
+        self._earlier = self._earlier_offsets(st)
+        self._target = self.place(*self._ends(st)) if self.place else NOTHING
 
+    def _ends(self, st: State) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """Positions of both ends of the edges."""
+        low, high = (st.vertex[self.edges[:, i], : self.n].astype(np.int64) for i in (0, 1))
+        return low, high
 
-@kernel
-def offsets(
-    st: State, cd: Coder, beside: Beside, edges: IntMatrix, number: IntVector, parts: IntVector, length: IntVector,
-    rising: BoolVector, earlier: IntMatrix, target: int, unit: int, wanted: IntVector, slack: IntVector,
-) -> int:  # fmt: skip
-    """Divide the part of every edge that holds its crossing until the parts are fine enough (spec clause 5.7.3).
+    def _earlier_offsets(self, st: State) -> NDArray[np.int64]:
+        """Numbers and parts at the earlier isovalue, of edges between neighbouring samples; 0 parts where it has none.
 
-    Radices are odd and a digit counts from the middle part, so that a crossing drawn in the middle of its part
-    is never moved away from where it is. Where the edge is also crossed at an earlier isovalue (``earlier``: number
-    and parts), the digit counts from there. ``rising`` tells whether the upper end is above, ``wanted`` are the
-    encoder's offsets as 30-bit fractions. In the main profile it may tell a part whose middle is at most ``slack`` from
-    there instead of the one that holds it: the more probable of those.
-    """
-    w = st.walk
-    encoding = cd.reg[MODE] == ENCODE
-    while w[ITEM] < len(number):
-        # only an index: unsigned, no test whether it counts from the end
-        i = np.uint64(w[ITEM])
-        radix = radix_of(length[i], parts[i], target, unit)
-        if radix == 1:
-            w[ITEM] += 1
-            continue
-        leaning = parts[i] == 1 and earlier[i, 1] > 0
-        if mixing(cd):
-            told = w[HALVED]
-            bit = _halve(
-                st, cd, beside, edges, number, parts, length, i, radix, rising, earlier, leaning, wanted, slack
-            )
-            if bit < 0:
-                return bit
-            st.at[TALLY + OFFSET_BIT] += w[HALVED] - told
-            if w[HIGH] - w[LOW] == 1:
-                count_near(beside, edges, parts, length, i, -1)
-                number[i] = number[i] * radix + (w[LOW] if rising[i] else radix - 1 - w[LOW])
-                parts[i] *= radix
-                beside.place[i] = _place_of(number[i], parts[i])
-                count_near(beside, edges, parts, length, i, 1)
-                w[HALVED] = 0
-                remember(st, beside.place[i], rising[i])
-            continue
-        half = radix // 2
-        contexts = ctx.OFFSET + (min(half, ctx.OFFSET_SIZES) - 1 + (ctx.OFFSET_SIZES if parts[i] > 1 else 0)) * (
-            ctx.OFFSET_STRIDE
-        )
-        step = w[STEP]
-        digit = np.int64(0)
-        if encoding:
-            digit = ((wanted[i] * parts[i] * radix) >> OFFSET_BITS) - number[i] * radix - half
-        if leaning:
-            bound, room = _beyond(st, i, radix, rising, earlier)
-            way = np.int64(1 if rising[i] == (st.at[SIDE] > 0) else -1)
-            bit = np.int64(0)
-            if step < room:
-                context = ctx.OFFSET_LEAN + min(step, 7) * 16 + min(room - step, 15)
-                bit = code(cd, context, np.int64((digit + half - bound) * way > step))
-                if bit < 0:
-                    return bit
-                st.at[TALLY + OFFSET_BIT] += 1
-            if bit:
-                w[STEP] = step + 1
-                continue
-            number[i] = bound + way * step
-            digit = number[i] - half
-            parts[i] = radix
-            w[BEFORE] = 1 if digit == 0 else (3 if digit > 0 else 2)
-            w[STEP] = 0
-            continue
-        if step == 0:
-            bit = code(cd, contexts + w[BEFORE], np.int64(digit != 0))
-        elif step == 1:
-            bit = code(cd, contexts + 4 + w[BEFORE], np.int64(digit > 0))
-        else:
-            bit = code(cd, contexts + 8 + step - 2, np.int64(abs(digit) >= step))
-        if bit < 0:
-            return bit
-        st.at[TALLY + OFFSET_BIT] += 1
-        if step == 0 and bit:
-            w[STEP] = 1
-            continue
-        if step == 1:
-            w[SIGN] = bit
-            bit = np.int64(1)
-            step = 1
-        # a magnitude goes on while its bits are 1 and larger ones exist
-        if bit and step < half:
-            w[STEP] = step + 1
-            continue
-        size = step if bit else step - 1
-        if step == 0:
-            size = np.int64(0)
-        number[i] = number[i] * radix + half + (size if w[SIGN] else -size)
-        parts[i] *= radix
-        w[BEFORE] = 1 if size == 0 else (3 if w[SIGN] else 2)
-        w[STEP] = 0
-        w[SIGN] = 0
-    return DONE
+        On longer edges the order of crossings is not certain: each isovalue may have several.
+        """
+        out = np.zeros((len(self.edges), 2), np.int64)
+        if self._lean is None or not len(self._lean[0].edges):
+            return out
+        earlier, other = self._lean
+        ends = np.empty((2, len(self.edges)), np.int64)
+        for i in (0, 1):
+            carriers.entries(other, st.vertex[self.edges[:, i], :3].astype(np.int64), ends[i])
+        count = int(other.at[VERTICES])
+        wanted = np.where((ends >= 0).all(axis=0) & (self._length == 1), count * ends[0] + ends[1], -1)
+        keys = earlier.edges @ (count, 1)
+        order = np.argsort(keys)
+        place = order[np.minimum(np.searchsorted(keys[order], wanted), len(keys) - 1)]
+        same = (keys[place] == wanted) & (earlier.parts[place] > 1)
+        out[same, 0], out[same, 1] = earlier.offset[place[same]], earlier.parts[place[same]]
+        return out
+
+    def _leaf_rows(self, st: State) -> NDArray[np.int64]:
+        """Crossed edges of the leaves as they come."""
+        numbers, _ = self.leaves(st)
+        rows = np.empty((len(numbers) * (2 if self.n == 2 else 4), 2), np.int64)
+        return rows[: carriers.leaf_edges(st, numbers, rows)]
+
+    def _leaf_edges(self, st: State, rows: NDArray[np.int64]) -> NDArray[np.int64]:
+        """Each at its first occurrence, but for those that follow from others."""
+        _, first = np.unique(rows @ (int(st.at[VERTICES]), 1), return_index=True)
+        edges = rows[np.sort(first)]
+        numbers, levels = self.leaves(st)
+        position = st.vertex[: st.at[VERTICES], : self.n].astype(np.int64)
+        rank = np.ravel_multi_index(tuple(position.T), self.shape)
+        above = st.vertex[: st.at[VERTICES], 3] != 0
+        implied = [i.edges for i in implied_edges(rank, position, above, numbers, levels)]
+        if implied:
+            weights = (int(st.at[VERTICES]), 1)
+            edges = edges[~np.isin(edges @ weights, np.concatenate(implied) @ weights)]
+        return edges

@@ -7,16 +7,16 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from ..contour.leaves import Leaves
-from ..contour.mask import MaskRows
+from ..drawing.leaves import Leaves
+from ..drawing.mask import MaskRows
 from ..mesh.store import SHIFT as PAGE_SHIFT
 from ..mesh.store import page_of
 from ..mesh.tables import AXES
-from .decoded import Decoded
-from .leaves import drawn, drawn_leaves
-from .mesh import IN
-from .state import VERTICES
-from .tube import Tube
+from ..mesh.vertex_set import IN
+from ..tube.decoded import Decoded
+from ..tube.leaf_vertices import drawn, drawn_leaves
+from ..tube.state import VERTICES
+from .runner import Tube
 
 
 def state_of(tube: Tube) -> Decoded:

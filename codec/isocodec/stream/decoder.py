@@ -14,17 +14,14 @@ from numpy.typing import NDArray
 from isospec.container import ChunkType
 from isospec.elements import ELEMENTS
 
-from ..contour import Contour, draw
-from ..contour.mask import MaskRows
-from ..entropy.coder import Coder
+from ..drawing.contour import Contour
+from ..drawing.drawing import draw
+from ..drawing.mask import MaskRows
+from ..entropy.range_coder import Coder
 from ..errors import FormatError, IsoError, LimitError, OptionError, TruncatedError, out_of_memory
-from ..grid.field import interval_value
-from ..grid.placement import read_placement
-from ..limits import Budget, Limits
-from ..passes.decoded import Decoded
-from ..passes.snapshot import drawing_bytes, known_rows, leaves_of, state_of
-from ..passes.tube import Tube
-from .container import (
+from ..field.placement import read_placement
+from ..field.samples import interval_value
+from ..format.chunks import (
     CRITICAL,
     Envelope,
     octets,
@@ -34,19 +31,15 @@ from .container import (
     read_promises,
     verify,
 )
-from .events import (
-    ChunkSkipped,
-    End,
-    Event,
-    HeaderRead,
-    IsovalueRead,
-    MetadataRead,
-    PromisesRead,
-)
-from .header import Header, read_header
-from .layers import LayerReader
-from .program import Progress
-from .strand import leaning_tube
+from ..format.header import Header, read_header
+from ..format.program import Progress
+from ..layers.beginning import leaning_tube
+from ..layers.events import ChunkSkipped, End, Event, HeaderRead, IsovalueRead, MetadataRead, PromisesRead
+from ..layers.reader import LayerReader
+from ..limits import Budget, Limits
+from ..passes.runner import Tube
+from ..passes.snapshot import drawing_bytes, known_rows, leaves_of, state_of
+from ..tube.decoded import Decoded
 
 _LARGE = (ChunkType.LAYERS, ChunkType.CUT_LAYERS)
 

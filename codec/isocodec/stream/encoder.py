@@ -11,23 +11,9 @@ from numpy.typing import ArrayLike
 from isospec.container import Checksum, ChunkType, Profile
 
 from ..errors import FormatError, OptionError
-from ..grid.field import check_field
-from ..grid.placement import PLACEMENT, placement_of, read_placement, write_placement
-from ..mesh.tables import cube_exponent
-from ..passes.tube import Tube
-from . import strategy
-from .asked import (
-    SEARCHED,
-    Asked,
-    check_options,
-    isovalues_of,
-    notes_of,
-    number_of,
-    plan_of,
-    steps_of,
-    whole_of,
-)
-from .container import (
+from ..field.placement import PLACEMENT, placement_of, read_placement, write_placement
+from ..field.samples import check_field
+from ..format.chunks import (
     LayerRecord,
     Promises,
     write_chunk,
@@ -36,11 +22,16 @@ from .container import (
     write_metadata,
     write_promises,
 )
-from .crossings import grid_offsets, radices
-from .header import Header, write_header
-from .program import Layer, Progress, write_program
-from .promise import Promise
-from .strand import Entry, Strand, field_tube, truth_of
+from ..format.header import Header, write_header
+from ..format.program import Layer, Progress, write_program
+from ..layers.plan import Entry
+from ..layers.writer import LayerWriter, field_tube, truth_of
+from ..mesh.tables import cube_exponent
+from ..passes.runner import Tube
+from ..search import strategy
+from ..search.promise import Promise
+from ..search.tolerance import grid_offsets, radices
+from .options import SEARCHED, Asked, check_options, isovalues_of, notes_of, number_of, plan_of, steps_of, whole_of
 
 DEFAULT_TOLERANCE = 0.05
 """Largest distance in cells between decoded and extracted curve when nothing else is asked for."""
@@ -85,9 +76,9 @@ class Encoder:
     plan : sequence of entries, optional
         Instead of all these but ``step``: the layers one by one, as ``("base", level)``, ``("refine", rounds)``,
         ``("values", bits)``, ``("offsets", radix)``, where None means as far as it goes; ``("adaptive_base", level,
-        mesh)``, ``("adapt", births, mesh)`` with the mesh that they lead to (`mesh.chosen.Chosen`), ``("leaf_base",)``,
-        ``("offsets", radix, unit)``. ``("promise", distance)`` behind layers other than values says how far their curve
-        lies from the original one at most, which nobody proves. A mapping gives each isovalue a plan of its own.
+        mesh)``, ``("adapt", births, mesh)`` with the mesh that they lead to (`mesh.vertex_set.Chosen`),
+        ``("leaf_base",)``, ``("offsets", radix, unit)``. ``("promise", distance)`` behind layers other than values says
+        how far their curve lies from the original one at most, which nobody proves. A mapping gives each isovalue a plan of its own.
     profile : str
         ``main``, or ``baseline``, which makes larger files for smaller and faster decoders.
     metadata : mapping of str to str, optional
@@ -159,7 +150,7 @@ class Encoder:
         self._report = progress
         self._tried = 0
         self.header = Header(first.values.shape, first.isovalue, self._asked.step, Profile[profile.upper()])
-        self._strands: list[Strand] = []
+        self._strands: list[LayerWriter] = []
         self._strands.append(self._strand(0, Progress(self._full_level))[0])
         self._begun = False
 
@@ -181,7 +172,7 @@ class Encoder:
     def _tube(self) -> Tube:
         return self._strands[-1].tube
 
-    def _strand(self, number: int, progress: Progress) -> tuple[Strand, int | None]:
+    def _strand(self, number: int, progress: Progress) -> tuple[LayerWriter, int | None]:
         """The layers of an isovalue, ready to be encoded when those before it are done; the one that it leans on."""
         lean = self._leans_on(number)
         try:
@@ -192,7 +183,7 @@ class Encoder:
             lean = None
             plan = self._plan_of(number, None)
         begun = progress.begin(None if lean is None else self._strands[lean].progress)
-        return Strand(self._fields[number], self._fresh(number, lean), plan, begun), lean
+        return LayerWriter(self._fields[number], self._fresh(number, lean), plan, begun), lean
 
     def _fresh(self, number: int, lean: int | None) -> Tube:
         """A tube of an isovalue that nothing is told of yet."""
@@ -262,7 +253,7 @@ class Encoder:
                 yield write_chunk(ChunkType.ISOVALUE, write_further(self.isovalues[number], lean))
             yield from self._layers(self._strands[number], number == len(self.isovalues) - 1)
 
-    def _layers(self, strand: Strand, last: bool) -> Iterator[bytes]:
+    def _layers(self, strand: LayerWriter, last: bool) -> Iterator[bytes]:
         """Chunks of layers of one isovalue; behind the last one the level index."""
         if strand.within:
             promises = write_promises(Promises(strand.within, self._asked.preserve_topology))

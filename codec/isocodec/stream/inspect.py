@@ -9,9 +9,7 @@ from typing import Any
 from isospec.container import ChunkType
 
 from ..errors import FormatError, OptionError, TruncatedError
-from ..limits import Limits
-from ..mesh.tables import cube_exponent
-from .container import (
+from ..format.chunks import (
     CHECKSUM_BYTES,
     Envelope,
     Promises,
@@ -23,8 +21,10 @@ from .container import (
     verify,
     whole_bytes,
 )
-from .header import Header, read_header, varint
-from .program import Layer, Progress, read_program
+from ..format.header import Header, read_header, varint
+from ..format.program import Layer, Progress, read_program
+from ..limits import Limits
+from ..mesh.tables import cube_exponent
 
 _NAMES = {t.value: t.name.lower() for t in ChunkType}
 
@@ -253,8 +253,8 @@ def _with_index(payload: bytes, plain: list[Layer], layers: list[LayerInfo]) -> 
 
 
 def _decoded(data: bytes, layers: list[LayerInfo], limits: Limits | None) -> list[LayerInfo]:
+    from ..layers.events import LayerComplete
     from .decoder import Decoder
-    from .events import LayerComplete
 
     decoder = Decoder(limits)
     decoder.feed(data)

@@ -6,14 +6,14 @@ import zlib
 
 from isospec.container import Checksum, ChunkType, write_varint
 
-from ..entropy.coder import cut
+from ..entropy.range_coder import cut
 from ..errors import OptionError, TruncatedError
+from ..format.chunks import CHECKSUM_BYTES, whole_bytes, write_chunk
+from ..format.program import write_program
+from ..layers.events import LayerComplete
 from ..limits import Limits
-from .container import CHECKSUM_BYTES, whole_bytes, write_chunk
 from .decoder import Decoder
-from .events import LayerComplete
 from .inspect import inspect
-from .program import write_program
 
 _CLOSING = 24
 """More bytes than the ending of a file and what else a cut adds to what it keeps."""

@@ -1,0 +1,205 @@
+"""Drawing on the full grid: points on grid edges only, as marching squares and marching cubes have them."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..kernel import inner, kernel
+from ..kernel.types import BoolVector, Int32Matrix, Int32Vector, IntMatrix, IntVector, IntVolume, UInt8Vector
+from .crossing import Drawn, PatternTable, edge_points, ratios_at
+from .cube import cube_table
+from .leaves import Leaves
+
+
+def draw_grid(leaves: Leaves) -> Drawn:
+    """Draw leaves of the full grid.
+
+    A saddle (of a cell in 2-D, of a cell's face in 3-D) is resolved by the mesh: the two corners on its diagonal are
+    connected. Points that are not on grid edges, in the middle of a few cells (n = 3), come last.
+
+    Cells that lack some of their mixed leaves are left out: what passes through them is not known yet.
+    """
+    grid = _Grid(leaves)
+    ratio, free = ratios_at(leaves, grid.edges, grid.find(leaves.edges))
+    points, cells = edge_points(leaves, grid.edges, ratio), grid.cells
+    if len(grid.owner):
+        first = np.flatnonzero(np.diff(grid.owner, prepend=-1))
+        count = np.diff(first, append=len(grid.owner))
+        centres = np.add.reduceat(points[grid.sides[:, 0]], first) / count[:, None]
+        fans = np.column_stack([grid.sides, len(points) + np.repeat(np.arange(len(first)), count)])
+        points, cells = np.concatenate([points, centres]), np.concatenate([cells, fans])
+    return Drawn(points, cells, grid.edges, ratio, free)
+
+
+class _Grid:
+    """What passes through unit cells, by the grid edges that it meets.
+
+    A grid edge is known by its lower end and its axis: looking that up in an array is faster than sorting.
+
+    Attributes
+    ----------
+    edges : (E, 2) int64
+        Vertices at their ends, the lower first.
+    cells : (M, n) int64
+        Segments or triangles between points on edges, by numbers of these.
+    sides : (S, 2) int64
+        Sides of polygons around points in the middle of cells, likewise.
+    owner : (S,) int64
+        Numbers of their cells, ascending.
+    """
+
+    def __init__(self, leaves: Leaves) -> None:
+        n = len(leaves.shape)
+        vertices = len(leaves.position)
+        table = cube_table(n)
+        self._last = np.empty(vertices, np.uint8)
+        _enter_last_bits(leaves.position, self._last)
+        corners = np.empty((len(leaves.simplices), 2**n), np.int32)
+        upper, count = np.empty(len(corners), np.uint8), np.empty(len(corners), np.uint8)
+        used = _join(self._last, leaves.simplices, np.zeros(vertices << n, np.int32), corners, upper, count)
+        self._corners, self._upper = corners[:used], upper[:used]
+        self._pattern = np.empty(used, np.int64)
+        _enter_patterns(leaves.above, self._corners, count, table.mixed, self._pattern)
+        self._number = np.full((vertices, n), -1, np.int32)
+        self.edges = np.empty((n * vertices, 2), np.int64)
+        met, self.cells, _ = self._rows(table.cells, 0)
+        met, self.sides, self.owner = self._rows(table.fans, met)
+        self.edges = self.edges[:met]
+
+    def _rows(self, table: PatternTable, met: int) -> tuple[int, NDArray[np.int64], NDArray[np.int64]]:
+        """How many edges have been met then; rows of a table for all cells, and their owners."""
+        owner = np.repeat(np.arange(len(self._pattern)), np.diff(table.first)[self._pattern])
+        rows = np.empty((len(owner), table.edges.shape[1]), np.int64)
+        met = _enter_rows(
+            table.edges, table.first, self._pattern, self._corners, self._upper, self._number, self.edges, met, rows
+        )
+        return met, rows, owner
+
+    def find(self, stated: NDArray[np.int64]) -> NDArray[np.int64]:
+        """Numbers of edges (S, 2) of the mesh among ``edges``, or -1."""
+        out = np.empty(len(stated), np.int64)
+        _find(self._last, self._number, self.edges, stated, out)
+        return out
+
+
+@kernel
+def _enter_last_bits(position: IntMatrix, last: UInt8Vector) -> None:
+    """Enter the last two bits of each coordinate: they tell vertices of a cell from each other, upper from lower."""
+    for i in range(len(position)):
+        bits = 0
+        for axis in range(position.shape[1]):
+            bits |= (position[i, axis] & 3) << 2 * axis
+        last[i] = bits
+
+
+_PARITIES = np.int64(0b010101)
+
+
+@inner
+def _axes(bits):
+    """Every second bit."""
+    return bits & 1 | bits >> 1 & 2 | bits >> 2 & 4
+
+
+@inner
+def _differ(a, b):
+    """Bit i says whether two vertices of a cell, by their last bits, differ along axis i."""
+    return _axes((a ^ b) & _PARITIES)
+
+
+@inner
+def _upper(a, b):
+    """Bit i says whether the first of two vertices of a cell is the upper one along axis i.
+
+    Of two bits, a is b + 1 if the last ones differ, and the first ones do exactly if b is odd.
+    """
+    carries = ~((a ^ b) >> 1 ^ b)
+    return _axes((a ^ b) & carries & _PARITIES)
+
+
+@kernel
+def _join(
+    last: UInt8Vector, simplices: IntMatrix, entered: Int32Vector, corners: Int32Matrix, upper: UInt8Vector,
+    count: UInt8Vector,
+) -> int:  # fmt: skip
+    """Enter the simplices' vertices as corners of their cells, in the order of these; returns how many there are.
+
+    A cell is known by xn and the axes along which x0 is the upper end. Corners are numbered from x0 (see
+    `isocodec.drawing.cube`), -1 where no mixed leaf has one. ``entered`` has each cell's number and 1, or 0.
+    """
+    n = simplices.shape[1] - 1
+    used = 0
+    for i in range(len(simplices)):
+        start = np.int64(last[simplices[i, 0]])
+        axes = _upper(start, np.int64(last[simplices[i, n]]))
+        key = simplices[i, n] << n | axes
+        cell = entered[key] - 1
+        if cell < 0:
+            cell = used
+            used += 1
+            entered[key] = used
+            upper[cell] = axes
+            count[cell] = 0
+            corners[cell] = -1
+        count[cell] += 1
+        for j in range(n + 1):
+            corners[cell, _differ(np.int64(last[simplices[i, j]]), start)] = simplices[i, j]
+    return used
+
+
+@kernel
+def _enter_patterns(
+    above: BoolVector, corners: Int32Matrix, count: UInt8Vector, mixed: IntVector, pattern: IntVector,
+) -> None:  # fmt: skip
+    """Enter the signs of each cell as its pattern; 0, of which nothing is drawn, if it lacks some mixed leaves."""
+    for cell in range(len(corners)):
+        signs = np.int64(0)
+        for corner in range(corners.shape[1]):
+            # a corner that no mixed simplex has agrees with x0, or each of its simplices would be mixed
+            v = corners[cell, corner] if corners[cell, corner] >= 0 else corners[cell, 0]
+            signs |= np.int64(above[v]) << corner
+        pattern[cell] = signs if count[cell] == mixed[signs] else 0
+
+
+@kernel
+def _enter_rows(
+    table: IntVolume, first: IntVector, pattern: IntVector, corners: Int32Matrix, upper: UInt8Vector,
+    number: Int32Matrix, edges: IntMatrix, met: int, rows: IntMatrix,
+) -> int:  # fmt: skip
+    """Enter the rows of all cells as numbers of edges, which are given as these are met; returns how many were.
+
+    ``number`` has that of the edge that leaves a vertex upwards along an axis, or -1.
+    """
+    row = 0
+    for i in range(len(pattern)):
+        axes = np.int64(upper[i])
+        mirrored = (axes ^ axes >> 1 ^ axes >> 2) & 1
+        for k in range(first[pattern[i]], first[pattern[i] + 1]):
+            for j in range(table.shape[1]):
+                low, high = table[k, j, 0], table[k, j, 1]
+                axis = (low ^ high) >> 1
+                if (low ^ axes) >> axis & 1:
+                    low, high = high, low
+                a = corners[i, low]
+                if number[a, axis] < 0:
+                    number[a, axis] = met
+                    edges[met, 0] = a
+                    edges[met, 1] = corners[i, high]
+                    met += 1
+                rows[row, 1 - j if mirrored and j < 2 else j] = number[a, axis]
+            row += 1
+    return met
+
+
+@kernel
+def _find(last: UInt8Vector, number: Int32Matrix, edges: IntMatrix, stated: IntMatrix, out: IntVector) -> None:
+    """Enter the numbers of edges, -1 where there is none: those of coarser meshes run otherwise or farther."""
+    n = number.shape[1]
+    for i in range(len(stated)):
+        out[i] = -1
+        axes = _differ(np.int64(last[stated[i, 0]]), np.int64(last[stated[i, 1]]))
+        for axis in range(n):
+            j = number[stated[i, 0], axis]
+            if axes >> axis & 1 and j >= 0 and edges[j, 1] == stated[i, 1]:
+                out[i] = j

@@ -1,0 +1,145 @@
+"""One piece of contour per mixed simplex (Lewiner et al. 2004), the same for every dimension."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..mesh.implied import Implied, implied_edges, implied_ratio, near_ends
+from .crossing import Drawn, Edge, PatternTable, distinct_edges, edge_points, edge_ratios, rank_of
+from .leaves import Leaves
+
+_SLOPE = 1e-6
+"""By how much a ratio is moved to see what follows."""
+
+
+def simplex_pieces(n: int, pattern: int) -> list[list[Edge]]:
+    """Cut one n-simplex between its signs.
+
+    The cut is the product of the simplex of the vertices above and that of the vertices below: its points are the
+    pairs of both, its cells the monotone staircases through them. In 2-D that is one segment, in 3-D one triangle or
+    one quadrangle cut along a diagonal, which lies inside the tetrahedron and so cannot clash with a neighbour.
+
+    Parameters
+    ----------
+    n : int
+    pattern : int
+        Bit i is set if local vertex i is above.
+
+    Returns
+    -------
+    list of list of Edge
+        Cells of n edges each, oriented as `Contour` says for a simplex with det(x1 - x0, ..., xn - x0) > 0.
+    """
+    above = [i for i in range(n + 1) if pattern >> i & 1]
+    below = [i for i in range(n + 1) if not pattern >> i & 1]
+    if not above or not below:
+        return []
+    corners = np.vstack([np.zeros(n), np.eye(n)])
+    pieces = []
+    for ups in itertools.combinations(range(n - 1), len(above) - 1):
+        i = j = 0
+        piece = [(above[0], below[0])]
+        for step in range(n - 1):
+            i, j = (i + 1, j) if step in ups else (i, j + 1)
+            piece.append((above[i], below[j]))
+        middle = np.array([(corners[a] + corners[b]) / 2 for a, b in piece])
+        # Left of a segment is where det(direction, offset) > 0; behind a triangle det(side, side, offset) < 0.
+        side = np.linalg.det(np.vstack([middle[1:], corners[piece[0][0]]]) - middle[0])
+        if side * (-1) ** n < 0:
+            piece[:2] = piece[1::-1]
+        pieces.append(piece)
+    return pieces
+
+
+@cache
+def simplex_table(n: int) -> PatternTable:
+    """`simplex_pieces` of all sign patterns."""
+    return PatternTable.build([simplex_pieces(n, pattern) for pattern in range(2 ** (n + 1))], n)
+
+
+def crossed(leaves: Leaves) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Edges (P, 2) that leaves of any level have a point on, as `distinct_edges`, and cells (M, n) between these."""
+    n = len(leaves.shape)
+    mirrored = _determinant([(x[:, 1:] - x[:, :1]).T for x in (c[leaves.simplices] for c in leaves.position.T)]) < 0
+    pattern = leaves.above[leaves.simplices] @ (1 << np.arange(n + 1))
+    ends, _ = simplex_table(n).lookup(pattern, leaves.simplices, mirrored)
+    return distinct_edges(leaves, ends)
+
+
+def draw_simplices(leaves: Leaves) -> Drawn:
+    """Draw leaves of any level, one point per crossing edge."""
+    edges, cells = crossed(leaves)
+    ratio, free = edge_ratios(leaves, edges)
+    if leaves.value is None:
+        for ring in rings(leaves, edges):
+            ratio[ring.edge] = ring.ratio(ratio)
+            free[ring.edge] = free[ring.beside].any(axis=1)
+    return Drawn(edge_points(leaves, edges, ratio), cells, edges, ratio, free)
+
+
+@dataclass(frozen=True)
+class Rings:
+    """Implied edges among those of a drawing, and the edges that say where they are crossed.
+
+    Attributes
+    ----------
+    edge : (I,) int64
+        Numbers of the implied edges.
+    beside : (I, m) int64
+        Numbers of the edges between an end of each and the corners of its ring.
+    """
+
+    edge: NDArray[np.int64]
+    beside: NDArray[np.int64]
+    _swap: NDArray[np.bool_]
+    _implied: Implied
+    _above: NDArray[np.bool_]
+
+    def ratio(self, stated: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Where the implied edges are crossed, from where all edges are, as fractions from their first ends."""
+        return implied_ratio(self._implied, self._above, self._from_ends(stated))
+
+    def slopes(self, stated: NDArray[np.float64]) -> NDArray[np.float64]:
+        """How much these ratios grow with those of each of the edges beside, (I, m) float64."""
+        s = self._from_ends(stated)
+        ratio = implied_ratio(self._implied, self._above, s)
+        out = np.empty_like(s)
+        for column in range(s.shape[1]):
+            moved = s.copy()
+            moved[:, column] += _SLOPE
+            out[:, column] = (implied_ratio(self._implied, self._above, moved) - ratio) / _SLOPE
+        return np.where(self._swap, -out, out)
+
+    def _from_ends(self, stated: NDArray[np.float64]) -> NDArray[np.float64]:
+        s = stated[self.beside]
+        return np.where(self._swap, 1.0 - s, s)
+
+
+def rings(leaves: Leaves, edges: NDArray[np.int64]) -> Iterator[Rings]:
+    """Implied edges among those of `crossed`, which are sorted; what some follow from before them (spec clause 9.5)."""
+    vertices = len(leaves.position)
+    keys = edges[:, 0] * vertices + edges[:, 1]
+    rank = rank_of(leaves)
+    for some in implied_edges(rank, leaves.position, leaves.above, leaves.simplices, leaves.levels):
+        near = near_ends(some, leaves.above)
+        swap = rank[near] > rank[some.ring]
+        low, high = np.where(swap, some.ring, near), np.where(swap, near, some.ring)
+        edge = np.searchsorted(keys, some.edges[:, 0] * vertices + some.edges[:, 1])
+        yield Rings(edge, np.searchsorted(keys, low * vertices + high), swap, some, leaves.above)
+
+
+def _determinant(rows: list[NDArray[np.int64]]) -> NDArray[np.int64]:
+    """Determinants of many small matrices; ``rows[i][j]`` is the array of the entries (i, j)."""
+    if len(rows) == 1:
+        return rows[0][0]
+    total = np.zeros_like(rows[0][0])
+    for j, entry in enumerate(rows[0]):
+        minor = _determinant([np.delete(row, j, axis=0) for row in rows[1:]])
+        total += (-1) ** j * entry * minor
+    return total

@@ -1,0 +1,226 @@
+"""The binary adaptive range coder, one function for both directions (spec clause 6).
+
+A run is one string of bytes, read as a binary fraction. The coder keeps an interval of width ``RANGE`` (at most
+2**32) and splits it by a 16-bit probability; every intermediate stays below 2**48. The decoder keeps the
+distance ``CODE`` from the interval's start to the value of the bytes. Bytes that have not arrived are counted as
+``UNKNOWN`` low bits of it: a symbol is decoded only if they cannot change it (clause 6.4).
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..kernel import CUT, NEED, inlined, record
+from ..kernel.types import Int32Matrix, IntMatrix, IntVector, UInt8Vector
+
+# Registers of a coder.
+MODE, LOW, RANGE, CODE, POS, END, FINAL, UNKNOWN, LEFT, OVER = range(10)
+REGISTERS = 10
+ENCODE, DECODE = 0, 1
+ONE = 1 << 16
+"""Probability one."""
+FLOOR = 32
+"""No probability is nearer to 0 or 1 than this (clause 6.5): it bounds the symbols that a byte can stand for."""
+TOP = 1 << 24
+WORD = 1 << 32
+BEYOND = 4
+"""Bytes past its end that a run may be read for, as zeros (clause 6.3)."""
+MARGIN = 16
+"""Free bytes that the encoder wants before it codes a symbol."""
+UNLIMITED = 1 << 62
+
+
+@record
+class Blend(NamedTuple):
+    """What the main profile has beside (spec clause 7.11), see ``entropy.mixer``; empty in the baseline profile.
+
+    ``weight`` (rows, HIDDEN) and ``out`` (networks, HIDDEN + 1) are the networks, ``mix`` (classes, INPUTS) the weights
+    that adapt, ``squash`` and ``stretch`` the logistic function and its inverse, ``row`` the number of rows that a pass
+    has listed, then those, ``trace`` room for the rows of all symbols while networks are trained.
+    """
+
+    weight: Int32Matrix
+    out: Int32Matrix
+    mix: IntMatrix
+    squash: IntVector
+    stretch: IntVector
+    trust: IntVector
+    row: IntVector
+    trace: Int32Matrix
+
+
+@record
+class Coder(NamedTuple):
+    """Registers, the bytes of the run, and the adaptive models: probability of a 1 and number of updates."""
+
+    reg: IntVector
+    buf: UInt8Vector
+    prob: IntVector
+    seen: IntVector
+    rate: IntVector
+    blend: Blend
+
+
+def start(reg: NDArray[np.int64], mode: int) -> None:
+    """Set the registers for the first symbol of a run."""
+    reg[:] = 0
+    reg[MODE] = mode
+    reg[RANGE] = WORD
+    reg[LEFT] = UNLIMITED
+    if mode == DECODE:
+        reg[UNKNOWN] = 32
+
+
+@inlined
+def _pull(cd):
+    """Move bytes that have arrived since into the unknown part of the code."""
+    reg = cd.reg
+    while reg[UNKNOWN] > 0:
+        if reg[POS] < reg[END]:
+            reg[CODE] += np.int64(cd.buf[np.uint64(reg[POS])]) << (reg[UNKNOWN] - 8)
+        elif reg[FINAL] == 0:
+            return
+        reg[POS] += 1
+        reg[UNKNOWN] -= 8
+
+
+@inlined
+def adapt(cd, ctx, bit):
+    """Update one model (clause 6.5): the step shrinks with the number of symbols seen."""
+    # unsigned: no test whether it counts from the end
+    at = np.uint64(ctx)
+    p = cd.prob[at]
+    seen = cd.seen[at]
+    step = cd.rate[np.uint64(seen)]
+    if bit:
+        p += ((ONE - p) * step) >> 16
+    else:
+        p -= (p * step) >> 16
+    cd.prob[at] = min(max(p, FLOOR), ONE - FLOOR)
+    if seen < len(cd.rate) - 1:
+        cd.seen[at] = seen + 1
+
+
+@inlined
+def emit(cd, p, bit):
+    """Code one symbol whose probability of a 1 is ``p``: write ``bit``, or return the decoded one.
+
+    Returns NEED, with nothing changed, when the coder needs bytes (or room), and CUT at the end of a cut run.
+    """
+    reg = cd.reg
+    if reg[LEFT] == 0:
+        return CUT
+    width = reg[RANGE]
+    bound = (width * p) >> 16
+    if reg[MODE] == ENCODE:
+        if reg[POS] + MARGIN > len(cd.buf):
+            return NEED
+        if bit:
+            width = bound
+        else:
+            width -= bound
+            low = reg[LOW] + bound
+            if low >= WORD:
+                low -= WORD
+                i = reg[POS] - 1
+                while cd.buf[i] == 255:
+                    cd.buf[i] = 0
+                    i -= 1
+                cd.buf[i] += 1
+            reg[LOW] = low
+        while width < TOP:
+            low = reg[LOW]
+            cd.buf[np.uint64(reg[POS])] = low >> 24
+            reg[POS] += 1
+            reg[LOW] = (low & 0xFFFFFF) << 8
+            width <<= 8
+    else:
+        if reg[UNKNOWN] > 0:
+            _pull(cd)
+            span = (np.int64(1) << reg[UNKNOWN]) - 1
+            most = min(reg[CODE] + span, width - 1)
+            if (reg[CODE] < bound) != (most < bound):
+                return NEED
+        if reg[POS] > reg[END] + BEYOND:
+            reg[OVER] = 1
+            return NEED
+        if reg[CODE] < bound:
+            bit = 1
+            width = bound
+        else:
+            bit = 0
+            reg[CODE] -= bound
+            width -= bound
+        while width < TOP:
+            reg[CODE] <<= 8
+            if reg[UNKNOWN] == 0 and reg[POS] < reg[END]:
+                reg[CODE] += np.int64(cd.buf[np.uint64(reg[POS])])
+                reg[POS] += 1
+            elif reg[UNKNOWN] == 0 and reg[FINAL]:
+                reg[POS] += 1
+            else:
+                reg[UNKNOWN] += 8
+            width <<= 8
+    reg[RANGE] = width
+    reg[LEFT] -= 1
+    return bit
+
+
+@inlined
+def code(cd, ctx, bit):
+    """Code one symbol in context ``ctx``; as ``emit``."""
+    bit = emit(cd, cd.prob[np.uint64(ctx)], bit)
+    if bit >= 0:
+        adapt(cd, ctx, bit)
+    return bit
+
+
+def _carry(data: bytearray) -> bytearray:
+    """Add one to the last byte, with carries."""
+    i = len(data) - 1
+    while data[i] == 255:
+        data[i] = 0
+        i -= 1
+    data[i] += 1
+    return data
+
+
+def finish(cd: Coder) -> bytes:
+    """Bytes of an encoded run: the shortest ending whose value lies in the final interval (clause 6.3)."""
+    low, width, pos = int(cd.reg[LOW]), int(cd.reg[RANGE]), int(cd.reg[POS])
+    for extra in range(5):
+        unit = 1 << (32 - 8 * extra)
+        value = -(-low // unit) * unit
+        if value < low + width:
+            break
+    head = bytearray(cd.buf[:pos].tobytes())
+    if value >= WORD:
+        head = _carry(head)
+        value -= WORD
+    return bytes(head) + value.to_bytes(4, "big")[:extra]
+
+
+def cut(cd: Coder) -> bytes:
+    """Shortest bytes, from those that a decoder has read, that decode to the symbols decoded so far (clause 6.6).
+
+    The bytes from the decoder's window on are dropped as far as the interval allows, if need be adding one to
+    the last byte kept.
+    """
+    reg = cd.reg
+    known = (32 - int(reg[UNKNOWN])) // 8
+    pos, end = int(reg[POS]), int(reg[END])
+    window = pos - known  # of the 4-byte window in which CODE and RANGE are measured
+    data = bytearray(cd.buf[: min(pos, end)].tobytes()).ljust(max(pos, window + 4), b"\0")
+    width, distance = int(reg[RANGE]), int(reg[CODE])
+    word = int.from_bytes(data[window : window + 4], "big")
+    for keep in range(5):
+        rest = word & ((1 << (32 - 8 * keep)) - 1)
+        head = data[: window + keep]
+        if distance - rest >= 0:
+            return bytes(head)
+        if distance - rest + (1 << (32 - 8 * keep)) < width:
+            return bytes(_carry(head))
+    return bytes(data[: window + 4])

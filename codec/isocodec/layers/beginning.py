@@ -1,0 +1,67 @@
+"""How the layers of an isovalue begin, for both directions (spec clauses 3.6, 5.9.2)."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from isospec.container import Profile
+
+from ..entropy.range_coder import REGISTERS, Coder
+from ..format.header import Header
+from ..format.program import Layer
+from ..limits import Budget, Limits
+from ..models.contexts import models, rates
+from ..models.trained import no_blend, shipped_models
+from ..passes.runner import Tube
+from ..search.ground_truth import GroundTruth
+
+MOST_SHIFT = 1 << 52
+"""From this distance of isovalues on, in steps, values of the one say nothing of the other (clause 5.9.3)."""
+
+
+def leaning_coder(header: Header, lean: Tube | None, size: int) -> Coder:
+    """A coder with models as at the start of a file, or as the isovalue leaned on has left them (clause 5.9.2)."""
+    registers, room = np.zeros(REGISTERS, np.int64), np.zeros(size, np.uint8)
+    if lean is not None:
+        cd = lean.coder
+        blend = cd.blend._replace(mix=cd.blend.mix.copy())
+        return Coder(registers, room, cd.prob.copy(), cd.seen.copy(), cd.rate, blend)
+    if header.profile == Profile.MAIN:
+        prob, seen, blend = shipped_models(len(header.shape))
+        return Coder(registers, room, prob, seen, rates(), blend)
+    return Coder(registers, room, *models(), rates(), no_blend())
+
+
+def leaning_tube(
+    header: Header, isovalue: float, lean: Tube | None, other: float, size: int, limits: Limits,
+    truth: GroundTruth | None = None, budget: Budget | None = None,
+) -> Tube:  # fmt: skip
+    """The tube of an isovalue, leaning on that of another one or on none."""
+    coder = leaning_coder(header, lean, size)
+    shape = header.shape
+    if lean is None or lean.level < 0:
+        return Tube(shape, coder, limits, truth, budget=budget)
+    shift = None if header.scale is not None else math.floor(isovalue) - math.floor(other)
+    if shift is not None and abs(shift) >= MOST_SHIFT:
+        shift = None
+    side = 1 if isovalue > other else -1
+    return Tube(shape, coder, limits, truth, lean=lean, shift=shift, side=side, budget=budget)
+
+
+def begin_layer(tube: Tube, layer: Layer) -> None:
+    """Begin a layer of a program."""
+    match layer.kind:
+        case "base" | "adaptive_base":
+            tube.begin_base(layer.level, layer.kind == "adaptive_base")
+        case "leaf_base":
+            tube.begin_leaf_base()
+        case "refine":
+            tube.begin_round()
+        case "adapt":
+            tube.begin_adapt(layer.births)
+        case "values":
+            tube.begin_values(layer.plane)
+        case _:
+            tube.begin_offsets(layer.parts, layer.unit)

@@ -1,0 +1,111 @@
+"""What a decoder reports, in the order of the bytes (spec clause 8.2)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from ..format.chunks import Promises
+from ..format.header import Header
+from ..format.program import Layer
+
+
+@dataclass(frozen=True)
+class Event:
+    """Something that has been received.
+
+    Attributes
+    ----------
+    offset : int
+        Byte offset at which it ends in the file, for a layer where the coder's window of four bytes stands then. It
+        does not depend on how the bytes were fed; a layer may be reported up to four bytes earlier.
+    """
+
+    offset: int
+
+
+@dataclass(frozen=True)
+class HeaderRead(Event):
+    """The header is there."""
+
+    header: Header
+
+
+@dataclass(frozen=True)
+class IsovalueRead(Event):
+    """Another isovalue begins: the layers that follow are its own.
+
+    Attributes
+    ----------
+    number : int
+        Its number in the file; the header's is 0.
+    isovalue : float
+    lean : int or None
+        Number of the earlier isovalue that it leans on.
+    """
+
+    number: int
+    isovalue: float
+    lean: int | None
+
+
+@dataclass(frozen=True)
+class LayerComplete(Event):
+    """A layer has been decoded to its end.
+
+    Attributes
+    ----------
+    number : int
+        Its number in the file, from 1.
+    layer : Layer
+    symbols : dict of str to int
+        Symbols by syntax element.
+    bytes : int
+        Entropy-coded bytes that it took.
+    """
+
+    number: int
+    layer: Layer
+    symbols: dict[str, int]
+    bytes: int
+
+
+@dataclass(frozen=True)
+class BaseComplete(LayerComplete):
+    """The base is there."""
+
+
+@dataclass(frozen=True)
+class LevelComplete(LayerComplete):
+    """A round of refinement is there."""
+
+
+@dataclass(frozen=True)
+class GeometryRefined(LayerComplete):
+    """One more bit of all values, or of all offsets, is there."""
+
+
+@dataclass(frozen=True)
+class MetadataRead(Event):
+    """A metadata chunk."""
+
+    metadata: dict[str, str]
+
+
+@dataclass(frozen=True)
+class PromisesRead(Event):
+    """What the writer promises of the layers of the present isovalue."""
+
+    promises: Promises
+
+
+@dataclass(frozen=True)
+class ChunkSkipped(Event):
+    """An ancillary chunk that a decoder has no use for."""
+
+    type: int
+    length: int
+
+
+@dataclass(frozen=True)
+class End(Event):
+    """The end of the file, its checksum verified."""

@@ -1,0 +1,80 @@
+"""Plans: which layers an encoder is to make, and what each takes (spec clause 3.6)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from numbers import Integral
+
+from isospec.container import Operation
+
+from ..errors import OptionError
+from ..mesh.vertex_set import Chosen
+from ..tube.truth import Place
+
+MAX_PROMISE = 1e12
+"""Least distance that is too great to be promised, in cells: none is that large."""
+Entry = Sequence[object]
+"""Of a plan: the kind of layer, its number, and what else it takes: see `Encoder`."""
+PROMISE = "promise"
+"""An entry that makes no layer: what is promised of those before it."""
+_MEMBERS = {
+    "base": 2, "adaptive_base": 3, "leaf_base": 1, "refine": 2, "adapt": 3, "values": 2, "offsets": 5, PROMISE: 2,
+}  # fmt: skip
+"""Kinds of entries, and how many members they have at most."""
+
+
+def promised(plan: Sequence[Entry]) -> dict[int, float]:
+    """Distances promised, by number of operations before them."""
+    out: dict[int, float] = {}
+    kinds = [entry[0] for entry in plan]
+    for i, entry in enumerate(plan):
+        if entry[0] != PROMISE:
+            continue
+        distance = entry[1] if len(entry) == 2 else None
+        if not isinstance(distance, float) or not 0 < distance < MAX_PROMISE or i == 0 or "values" in kinds[:i]:
+            raise OptionError(
+                "a promise in a plan needs a distance greater than 0, and layers before it, none of values", code="plan"
+            )
+        out[i - kinds[:i].count(PROMISE)] = distance
+    return out
+
+
+def check_entries(plan: Sequence[Entry]) -> None:
+    """Refuse what is no entry of a plan, or has more members than its kind takes."""
+    for entry in plan:
+        if isinstance(entry, str) or not isinstance(entry, Sequence) or not entry:
+            raise OptionError(
+                f"{entry!r} in a plan, needed is a sequence", code="plan", remedy='for example ("base", level)'
+            )
+        kind = entry[0]
+        if kind not in _MEMBERS:
+            raise OptionError(f"unknown layer {kind!r} in a plan", code="plan", remedy=f"one of {', '.join(_MEMBERS)}")
+        if len(entry) > _MEMBERS[str(kind)]:
+            raise OptionError(f"{kind} in a plan takes at most {_MEMBERS[str(kind)] - 1} members", code="plan")
+
+
+def operation_of(
+    kind: str, number: object = None, more: object = None, place: Place | None = None, slack: Place | None = None
+) -> tuple[Operation, int | None, int, Chosen | None, Place | None, Place | None]:
+    """An entry of a plan: operation, argument, unit of offsets, mesh, places of crossings, and slack of these."""
+    argument = None if number is None else _count(kind, number)
+    if kind == "leaf_base":
+        argument = 0
+    if kind == "offsets":
+        if argument is None or argument % 2 == 0:
+            raise OptionError(f"offsets with radix {number}, needed is an odd number", code="plan")
+        argument //= 2
+    if kind in ("adaptive_base", "adapt"):
+        if not isinstance(more, Chosen):
+            raise OptionError(f"{kind} in a plan needs the mesh that it leads to", code="plan")
+        return Operation[kind.upper()], argument, 0, more, None, None
+    return Operation[kind.upper()], argument, 0 if more is None else _count(kind, more), None, place, slack
+
+
+def _count(kind: str, number: object) -> int:
+    """A number in an entry of a plan."""
+    if not isinstance(number, Integral) or number < 0:
+        raise OptionError(
+            f"{kind} in a plan with {number!r}, needed is a whole number", code="plan", remedy="at least 0, or None"
+        )
+    return int(number)

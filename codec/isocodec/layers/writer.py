@@ -1,0 +1,166 @@
+"""The layers of one isovalue, on the encoder's side: from a plan to runs of symbols (spec clauses 3.6, 6.1)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from isospec.container import LAYER_LIMIT, Operation
+from isospec.elements import BY_LAYER, ELEMENTS
+
+from ..entropy.range_coder import ENCODE, POS, finish, start
+from ..errors import OptionError
+from ..field.samples import Field
+from ..format.chunks import LayerRecord
+from ..format.header import Header
+from ..format.program import Layer, Progress, expand
+from ..kernel import DONE
+from ..limits import Limits
+from ..mesh.vertex_set import Chosen
+from ..passes.runner import Tube
+from ..search.ground_truth import GroundTruth
+from ..tube.truth import Place
+from .beginning import begin_layer, leaning_tube
+from .plan import PROMISE, Entry, check_entries, operation_of, promised
+
+RUN_BYTES = 1 << 16
+"""A run is ended at the first end of a layer after this many bytes."""
+
+
+def truth_of(field: Field) -> GroundTruth:
+    """What tubes of a field know."""
+    return GroundTruth(field.signs, field.numbers, field.crossings)
+
+
+def field_tube(header: Header, field: Field, truth: GroundTruth, lean: Tube | None = None, other: float = 0.0) -> Tube:
+    """The encoder's tube of a field at its isovalue, leaning on that of the isovalue ``other`` or on none."""
+    return leaning_tube(header, field.isovalue, lean, other, 1 << 16, Limits(), truth)
+
+
+class LayerWriter:
+    """Encodes the layers of one isovalue.
+
+    Parameters
+    ----------
+    field : Field
+    tube : Tube
+    plan : sequence of entries
+    progress : Progress
+        Where the programs stand when the strand begins.
+
+    Attributes
+    ----------
+    layers : list of Layer
+        Known so far: values wait until their range is known.
+    records : list of LayerRecord
+        Of the layers that are done.
+    run_bytes : int
+    within : dict of int to float
+        What the plan promises, by number of layers (see `Promises`).
+    """
+
+    def __init__(self, field: Field, tube: Tube, plan: Sequence[Entry], progress: Progress) -> None:
+        self.field = field
+        self.tube = tube
+        self.layers: list[Layer] = []
+        self.records: list[LayerRecord] = []
+        self.run_bytes = 0
+        self.progress = progress
+        self.within: dict[int, float] = {}
+        check_entries(plan)
+        if not field.integer and field.scale is None and any(entry[0] == "values" for entry in plan):
+            raise OptionError("values of floats are told in steps", code="plan", remedy="say how large: step")
+        self._plan = [operation_of(*entry) for entry in plan if entry[0] != PROMISE]  # type: ignore[arg-type]
+        self._promised = promised(plan)
+        self._expanded = 0
+        self._meshes: dict[int, Chosen] = {}
+        self._places: dict[int, Place] = {}
+        self._slack: dict[int, Place] = {}
+        self._extend()
+
+    @property
+    def bits(self) -> tuple[int, int]:
+        """Bits of the numbers above and below the isovalue, as far as known."""
+        return self.tube.estimates.bits
+
+    def _extend(self) -> None:
+        """Turn operations of the plan into layers, up to the first values: they wait until their range is known."""
+        state = self.progress
+        while self._plan:
+            operation, number, unit, mesh, place, slack = self._plan[0]
+            if operation == Operation.VALUES and state.bits is None:
+                if len(self.layers) > len(self.records):
+                    return
+                later = any(step[0] in (Operation.REFINE, Operation.ADAPT) for step in self._plan)
+                state.bits = self.field.number_bits() if later else self.tube.value_bits()
+                state.plane = max(state.bits)
+                self.tube.estimates.bits = state.bits
+            try:
+                fresh = expand(operation, number or 0, number is None, state, unit)
+            except ValueError as error:
+                raise OptionError(f"the plan cannot be carried out: {error}", code="plan") from None
+            if state.layers + len(fresh) > LAYER_LIMIT:
+                raise OptionError(
+                    f"more than {LAYER_LIMIT} layers, which is as many as a file may have", code="plan",
+                    remedy="fewer of them, or fewer isovalues",
+                )  # fmt: skip
+            for layer in fresh:
+                state.add(layer)
+            if mesh is not None:
+                self._meshes[len(self.layers)] = mesh
+            if place is not None:
+                self._places[len(self.layers)] = place
+            if slack is not None:
+                self._slack[len(self.layers)] = slack
+            self.layers += fresh
+            del self._plan[0]
+            self._expanded += 1
+            if self._expanded in self._promised:
+                self.within[len(self.layers)] = self._promised[self._expanded]
+
+    def encode_run(self, first: int, report: Callable[[], object]) -> tuple[int, bytes]:
+        """Encode layers from number ``first`` on until the run is long enough; their end and the bytes."""
+        tube = self.tube
+        start(tube.coder.reg, ENCODE)
+        begun = 0
+        i = first
+        while i < len(self.layers):
+            before = tube.tally()
+            self._advance(i)
+            symbols = tube.tally() - before
+            used = int(tube.coder.reg[POS]) + 4
+            counts = {name: int(symbols[ELEMENTS.index(name)]) for name in BY_LAYER[self.layers[i].kind]}
+            self.records.append(LayerRecord(used - begun, counts))
+            begun = used
+            i += 1
+            self._extend()
+            report()
+            if used >= RUN_BYTES:
+                break
+        run = finish(tube.coder)
+        # what the decoder's window reads past the end of the run belongs to no layer
+        self._trim(first, i, len(run))
+        self.run_bytes += len(run)
+        return i, run
+
+    def _trim(self, first: int, end: int, length: int) -> None:
+        place = 0
+        for i in range(first, end):
+            stop = min(place + self.records[i].bytes, length)
+            self.records[i] = LayerRecord(stop - place, self.records[i].symbols)
+            place = stop
+
+    def _advance(self, number: int) -> None:
+        tube = self.tube
+        if number in self._meshes:
+            tube.choose(self._meshes[number])
+        if number in self._places:
+            tube.estimates.place = self._places[number]
+        tube.estimates.slack = self._slack.get(number)
+        begin_layer(tube, self.layers[number])
+        while tube.advance() != DONE:
+            buf = tube.coder.buf
+            wider = np.zeros(2 * len(buf), np.uint8)
+            wider[: len(buf)] = buf
+            tube.coder = tube.coder._replace(buf=wider)

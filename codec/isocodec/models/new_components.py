@@ -1,0 +1,142 @@
+"""What the main profile sees of where new components may be: how many vertices are known nearby (spec clause 7.13).
+
+Counts are kept for the cells of every power of two of samples: of vertices known before the round, and of new
+components found so far, which cluster.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..entropy.mixer import blended, clear, mixing, see
+from ..entropy.range_coder import code
+from ..kernel import DONE, GROW, inlined, inner
+from ..mesh.access import dimension
+from ..mesh.store import full, get, spot
+from ..tube.state import BIRTHS, COUNTED, COUNTED_SIZE, COUNTING, EDGE, LEVEL, SIDE, SIGNIFICANCE, TALLY, VERTICES
+from .layout import BIRTH_CLASSES, CELL_CLASSES, CELL_SUM, CELL_SUMS, TREE_KIND, TREE_NET, TREE_ROW
+from .magnitude import bits
+
+
+@inlined
+def code_significance(st, cd, what, shift, x, y, z, hits, child, nearness, context, want):
+    """Code one symbol of the tree; as ``code``."""
+    if mixing(cd):
+        see_crowd(st, cd, what, shift, x, y, z, hits, child, nearness)
+        bit = blended(cd, TREE_NET, False, TREE_KIND + what + 3 * (st.at[SIDE] != 0), context, want)
+    else:
+        bit = code(cd, context, want)
+    if bit >= 0:
+        st.at[TALLY + SIGNIFICANCE] += 1
+    return bit
+
+
+BIRTH = 1 << 20
+"""Counts of new components are multiples of this, those of vertices the rest."""
+_MOST_BIRTHS, _MOST_VERTICES = 2047, BIRTH - 1
+_FIRST_2, _FIRST_3 = TREE_ROW[2], TREE_ROW[3]
+_CELLS_2, _CELLS_3 = CELL_SUM[2], CELL_SUM[3]
+NODE, CUBE, SLOT = np.arange(3)
+ROOT = np.int64(-1)
+"""Number of the root, which has no siblings."""
+
+
+@inlined
+def _place(st, size):
+    """Where cells of ``2**size`` samples lie in the store, with room for neighbours that there are not."""
+    return np.int64(4) << (st.grid.exponent - size)
+
+
+@inlined
+def _count(st, size, x, y, z, birth):
+    """Count a vertex, or a new component, in the cell of ``2**size`` samples that holds it."""
+    page, cell = spot(st.crowd, (x >> size) + _place(st, size), y >> size, z >> size)
+    cells = st.crowd.pages[np.uint64(page)]
+    here = np.int64(cells[np.uint64(cell)])
+    if birth:
+        here += BIRTH if here >> 20 < _MOST_BIRTHS else 0
+    else:
+        here += 1 if here & _MOST_VERTICES < _MOST_VERTICES else 0
+    cells[np.uint64(cell)] = here
+
+
+@inlined
+def add_birth(st, x, y, z):
+    """Count a new component at (x, y, z) in all cells that hold it."""
+    for size in range(st.grid.exponent + 1):
+        _count(st, size, x, y, z, True)
+
+
+@inner
+def census(st):
+    """Count the vertices that have become known since the last time, size by size: neighbours share pages."""
+    at = st.at
+    while at[COUNTED_SIZE] <= st.grid.exponent:
+        size = at[COUNTED_SIZE]
+        while at[COUNTING] < at[VERTICES]:
+            if full(st.crowd, 1):
+                return GROW
+            x, y, z, _ = st.vertex[at[COUNTING]]
+            _count(st, size, np.int64(x), np.int64(y), np.int64(z), False)
+            at[COUNTING] += 1
+        at[COUNTING] = at[COUNTED]
+        at[COUNTED_SIZE] += 1
+    at[COUNTED_SIZE] = 0
+    at[COUNTED] = at[COUNTING] = at[VERTICES]
+    return DONE
+
+
+@inlined
+def rarity(st):
+    """Class, 0 to 12, of how many vertices there are for one new component."""
+    return min(max(bits((st.at[VERTICES] + 1) // (st.at[BIRTHS] + 1)) - 1, 0), 12)
+
+
+@inlined
+def _class(x):
+    """0 to 3 are classes of their own, then one for each power of two, up to 512 and more."""
+    return x if x < 4 else min(bits(x), 10) + 1
+
+
+@inlined
+def _see_cells(st, cd, first, n, x, y, z):
+    """A row for each cell around one: classes of the vertices and of the new components in it."""
+    row = cd.blend.row
+    count = row[0]
+    far, deep = (2, 0) if n == 2 else (1, 1)
+    for i in range(x - far, x + far + 1):
+        for j in range(y - far, y + far + 1):
+            for k in range(z - deep, z + deep + 1):
+                if i == x and j == y and k == z:
+                    continue
+                c = get(st.crowd, i, j, k) if min(j, k) >= 0 else np.int64(0)
+                count += 1
+                vertices, births = min(c & _MOST_VERTICES, CELL_CLASSES - 1), min(c >> 20, BIRTH_CLASSES - 1)
+                row[np.uint64(count)] = first + BIRTH_CLASSES * vertices + births
+                first += CELL_SUMS
+    row[0] = count
+
+
+@inlined
+def see_crowd(st, cd, what, shift, x, y, z, hits, child, nearness):
+    """List what is known around a node of the tree: cell (x, y, z) of the round's cubes taken ``2**shift`` together.
+
+    ``child`` is its number among its siblings, or ``ROOT``.
+    """
+    n = dimension(st.grid.tables)
+    r = st.at[LEVEL] % n
+    first = _FIRST_2 if n == 2 else _FIRST_3
+    clear(cd)
+    see(cd, first + (8 if what == SLOT else min(shift, 7)) * 3 + r)
+    if child != ROOT:
+        see(cd, first + 27 + min(hits, 2) * 8 + child)
+    see(cd, first + 51 + (5 if what == NODE else nearness))
+    see(cd, first + 81 + rarity(st))
+    size = shift + bits(st.at[EDGE]) - 1
+    if size > st.grid.exponent:
+        return
+    x += _place(st, size)
+    here = get(st.crowd, x, y, z)
+    see(cd, first + 57 + _class(here & _MOST_VERTICES))
+    see(cd, first + 69 + _class(here >> 20))
+    _see_cells(st, cd, _CELLS_2 if n == 2 else _CELLS_3, n, x, y, z)

@@ -1,0 +1,142 @@
+"""What the main profile sees of a value: the values at samples nearby, as far as they are told (spec clause 7.15).
+
+Whether a sample nearby is there is as good as random, and a branch that cannot be foreseen takes longer than what it
+would save: everything is computed, and what is not known is overwritten.
+"""
+
+from __future__ import annotations
+
+from itertools import combinations, product
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..kernel import inlined, kernel
+from ..kernel.types import Int32Matrix, Int32Vector, IntMatrix, IntVector
+from ..mesh.access import dimension
+from ..mesh.store import get
+from ..tube.state import SCRATCH, State
+from .layout import VALUE_ROW, VALUE_SLOTS
+from .magnitude import CLASSES, FINE, ROUGH, bits, mean, row_of
+
+
+def nearby_samples(st: State, active: NDArray[np.int64], n: int) -> NDArray[np.int32]:
+    """Places in the list of the vertices near each vertex of a list, or the list's length, (A, S).
+
+    For each axis those 1 before, 1 behind, 2 before and 2 behind, then for each two axes the four across.
+    """
+    unit = np.eye(3, dtype=np.int64)
+    steps = [unit[axis] * far for axis in range(n) for far in (-1, 1, -2, 2)]
+    for a, b in combinations(range(n), 2):
+        steps += [unit[a] * i + unit[b] * j for i, j in product((-1, 1), repeat=2)]
+    listed = np.full(len(st.vertex) + 1, len(active), np.int32)
+    listed[active] = np.arange(len(active))
+    out = np.empty((len(active), len(steps)), np.int32)
+    _enter_nearby(st, active, listed, np.array(steps), out)
+    return out
+
+
+@kernel
+def _enter_nearby(st: State, active: IntVector, listed: Int32Vector, steps: IntMatrix, out: Int32Matrix) -> None:
+    """Enter the places of the vertices so many steps from each of the list.
+
+    ``listed`` has the place of each vertex and, last, that of none.
+    """
+    box = st.grid
+    for i in range(len(active)):
+        v = active[i]
+        for k in range(len(steps)):
+            x, y, z = st.vertex[v, 0] + steps[k, 0], st.vertex[v, 1] + steps[k, 1], st.vertex[v, 2] + steps[k, 2]
+            inside = min(x, y, z) >= 0 and x <= box.last0 and y <= box.last1 and z <= box.last2
+            u = (get(st.known, x, y, z) >> 1) - 1 if inside else np.int64(-1)
+            out[i, k] = listed[u]
+
+
+SAME, OTHER, AXES = range(3)
+"""Slots: means of the next samples on the same side of the isovalue and on the other one, then three for each axis."""
+LINE, BEFORE, BEHIND = range(3)
+_FIRST_2, _FIRST_3 = VALUE_ROW[2], VALUE_ROW[3]
+_SLOTS_2, _SLOTS_3 = VALUE_SLOTS[2], VALUE_SLOTS[3]
+_LACK_BITS = 6
+UNKNOWN = (1 << _LACK_BITS) - 1
+"""In place of the bits that a value lacks: nothing is told of it. As a packed number it stands for such a value."""
+
+
+@inlined
+def packed(st, number, left, v):
+    """What is told of the value at a vertex, in one number: twice the middle of where it may lie, and bits it lacks."""
+    middle = (2 * number[v] + 1) << left[v]
+    return (middle if st.vertex[v, 3] else -middle) << _LACK_BITS | left[v]
+
+
+@inlined
+def _told(told, way, j):
+    """Twice the middle of where a value may lie, seen from one side; the bits it lacks. It is j-th of the list."""
+    found = told[np.uint64(j)]
+    return way * (found >> _LACK_BITS), found & UNKNOWN
+
+
+@inlined
+def _show(row, count, first, slot, place, lack, bound, p):
+    """List a candidate for twice the number, if it is known; returns how many rows there are."""
+    far = place - bound
+    known = FINE if lack <= p else ROUGH
+    row[np.uint64(count + 1)] = first + row_of(slot, known, abs(far) << 3 >> (p + 1), far < 0)
+    return count + np.int64(lack != UNKNOWN)
+
+
+@inlined
+def see_nearby(st, cd, near, told, i, number, v, p):
+    """List what is known of whether bit p of the number of vertex v, the i-th of the list, is 1."""
+    n = dimension(st.grid.tables)
+    first, slots = (_FIRST_2, _SLOTS_2) if n == 2 else (_FIRST_3, _SLOTS_3)
+    row = cd.blend.row
+    bound = (2 * number[v] + 1) << (p + 1)
+    fine, rows = np.int64(0), np.int64(0)
+    if len(near) > 0:
+        way = np.int64(1 if st.vertex[v, 3] else -1)
+        same, other, same_count, other_count = np.int64(0), np.int64(0), np.int64(0), np.int64(0)
+        same_lack, other_lack = np.int64(0), np.int64(0)
+        around = near[np.uint64(i)]
+        next_to = st.walk[SCRATCH : SCRATCH + 4 * n]
+        for a in range(n):
+            slot = AXES + 3 * a
+            x, x_lack = _told(told, way, around[np.uint64(4 * a)])
+            y, y_lack = _told(told, way, around[np.uint64(4 * a + 1)])
+            next_to[4 * a], next_to[4 * a + 1], next_to[4 * a + 2], next_to[4 * a + 3] = x, x_lack, y, y_lack
+            for z, lack in ((x, x_lack), (y, y_lack)):
+                fine += np.int64(lack <= p)
+                here, there = np.int64(z > 0) & np.int64(lack != UNKNOWN), np.int64(z <= 0) & np.int64(lack != UNKNOWN)
+                same, same_count, same_lack = same + here * z, same_count + here, max(same_lack, here * lack)
+                other, other_count, other_lack = other + there * z, other_count + there, max(other_lack, there * lack)
+            rows = _show(row, rows, first, slot + LINE, (x + y) >> 1, max(x_lack, y_lack), bound, p)
+            far, lack = _told(told, way, around[np.uint64(4 * a + 2)])
+            rows = _show(row, rows, first, slot + BEFORE, 2 * x - far, max(x_lack, lack), bound, p)
+            far, lack = _told(told, way, around[np.uint64(4 * a + 3)])
+            rows = _show(row, rows, first, slot + BEHIND, 2 * y - far, max(y_lack, lack), bound, p)
+        same_lack = same_lack if same_count else np.int64(UNKNOWN)
+        other_lack = other_lack if other_count else np.int64(UNKNOWN)
+        rows = _show(row, rows, first, SAME, mean(same, same_count), same_lack, bound, p)
+        rows = _show(row, rows, first, OTHER, mean(other, other_count), other_lack, bound, p)
+        o = 4 * n
+        slot = AXES + 3 * n
+        for a in range(n - 1):
+            for b in range(a + 1, n):
+                total, count, worst = np.int64(0), np.int64(0), np.int64(0)
+                for k in range(4):
+                    x, y = 4 * a + (k & 2), 4 * b + 2 * (k & 1)
+                    z, lack = _told(told, way, around[np.uint64(o + k)])
+                    x, y = np.uint64(x), np.uint64(y)
+                    lack = max(lack, next_to[x + np.uint64(1)], next_to[y + np.uint64(1)])
+                    known = np.int64(lack != UNKNOWN)
+                    total, count = total + known * (next_to[x] + next_to[y] - z), count + known
+                    worst = max(worst, known * lack)
+                worst = worst if count else np.int64(UNKNOWN)
+                rows = _show(row, rows, first, slot, mean(total, count), worst, bound, p)
+                o += 4
+                slot += 1
+    o = first + slots * 4 * CLASSES
+    row[np.uint64(rows + 1)] = o + min(p, 15)
+    row[np.uint64(rows + 2)] = o + 16 + min(bits(number[v]), 7)
+    row[np.uint64(rows + 3)] = o + 24 + fine
+    row[0] = rows + 3

@@ -1,0 +1,125 @@
+"""Gates: faces that the curve passes, and what lies behind them (spec clauses 5.3.3, 5.8.3)."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..kernel import inlined, inner
+from ..mesh.access import child, cube, dimension, neighbour, vertex
+from ..mesh.grid import edge_of, position
+from ..mesh.simplex import exists, middle_at, newest, parent_of
+from ..mesh.store import get, put
+from ..models import contexts as ctx
+from ..models.mesh_questions import COARSER, FINER
+from ..tube.state import GATE, LEAVES, corner_entry
+from ..tube.walk import BEFORE, GATES, RESOLVED
+from .adaptive_mesh import tell
+
+_EQUAL = np.int64(-1)
+
+
+@inlined
+def _question(n, level, opp):
+    """What there is to ask about the level behind a gate (design of the alphabets, spec clause 5.8.3)."""
+    if opp == newest(n, level % n):
+        return COARSER
+    if opp == 0 or opp == n - level % n:
+        return FINER
+    return _EQUAL
+
+
+@inner
+def resolve(st, cd, level, cls, b0, b1, b2, opp):
+    """Find the leaf behind a gate, leaving it in the registers: 0, or what ``tell`` or ``settle`` say."""
+    n = dimension(st.grid.tables)
+    r = level % n
+    w = st.walk
+    question = _question(n, level, opp)
+    if question == FINER or (question == COARSER and level > 0):
+        coarser = np.int64(question == COARSER)
+        x, y, z = middle_at(st.grid, level, cls, b0, b1, b2)
+        if coarser:
+            x, y, z = position(edge_of(st.grid, level), b0, b1, b2, vertex(st.grid.tables, r, cls, opp))
+        bit = tell(st, cd, question, level - coarser, x, y, z, ctx.LEVEL + (r * 2 + coarser) * 4 + w[BEFORE])
+        if bit < 0:
+            return bit
+        if coarser and bit == 0:
+            cls, b0, b1, b2, side = parent_of(st.grid, level, cls, b0, b1, b2)
+            level -= 1
+            opp = np.int64(0) if side else n - level % n
+        elif bit == 1 and not coarser:
+            side = 1 if opp == 0 else 0
+            q, d0, d1, d2 = child(st.grid.tables, r, cls, side)
+            f = 2 if r == n - 1 else 1
+            cls, b0, b1, b2 = q, b0 * f + d0, b1 * f + d1, b2 * f + d2
+            level += 1
+            opp = newest(n, level % n)
+    w[RESOLVED] = level
+    w[RESOLVED + 1] = cls
+    w[RESOLVED + 2] = b0
+    w[RESOLVED + 3] = b1
+    w[RESOLVED + 4] = b2
+    w[RESOLVED + 5] = opp
+    return np.int64(0)
+
+
+@inlined
+def _cell(st, level, cls, b0, b1, b2):
+    """Place of a simplex in the store of visited ones, a region of its own for every level, and its bit."""
+    n = dimension(st.grid.tables)
+    number, p0, p1, p2 = cube(st.grid.tables, level % n, cls)
+    size = level // n
+    return 2 * b0 + p0 + (np.int64(1) << size), 2 * b1 + p1 + ((level % n) << size), 2 * b2 + p2, number
+
+
+@inlined
+def visited(st, mark, level, cls, b0, b1, b2):
+    """Whether a simplex is part of the tubular neighbourhood already, as a bit."""
+    x, y, z, number = _cell(st, level, cls, b0, b1, b2)
+    return (get(mark, x, y, z) >> number) & 1
+
+
+@inlined
+def visit(st, mark, level, cls, b0, b1, b2):
+    """Mark a mixed simplex and append it to the tubular neighbourhood."""
+    x, y, z, number = _cell(st, level, cls, b0, b1, b2)
+    put(mark, x, y, z, get(mark, x, y, z) | (np.int64(1) << number))
+    i = st.at[LEAVES]
+    st.leaf[i, 0] = cls
+    st.leaf[i, 1] = b0
+    st.leaf[i, 2] = b1
+    st.leaf[i, 3] = b2
+    st.leaf[i, 4] = level
+    st.at[LEAVES] = i + 1
+
+
+@inner
+def push_gates(st, mark, level, cls, b0, b1, b2):
+    """Push the mixed faces, in the order of the vertices opposite, that lead to an unvisited simplex."""
+    n = dimension(st.grid.tables)
+    r = level % n
+    edge = edge_of(st.grid, level)
+    w = st.walk
+    above = 0
+    signs = 0
+    for j in range(n + 1):
+        s = corner_entry(st, edge, r, cls, b0, b1, b2, j) & 1
+        signs |= s << j
+        above += s
+    for i in range(n + 1):
+        rest = above - ((signs >> i) & 1)
+        if rest == 0 or rest == n:
+            continue
+        other, opp, d0, d1, d2 = neighbour(st.grid.tables, r, cls, i)
+        c0, c1, c2 = b0 + d0, b1 + d1, b2 + d2
+        if not exists(st.grid, edge, r, other, c0, c1, c2) or visited(st, mark, level, other, c0, c1, c2):
+            continue
+        g = w[GATES] * GATE
+        st.stack[g] = other
+        st.stack[g + 1] = c0
+        st.stack[g + 2] = c1
+        st.stack[g + 3] = c2
+        st.stack[g + 4] = opp
+        st.stack[g + 5] = st.at[LEAVES] - 1
+        st.stack[g + 6] = level
+        w[GATES] += 1

@@ -1,0 +1,65 @@
+"""Values: bits of the distance from the isovalue, from the highest down (spec clause 5.6)."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..entropy.mixer import blended, mixing
+from ..entropy.range_coder import ENCODE, MODE, Coder, code
+from ..kernel import DONE, kernel
+from ..kernel.types import Int32Matrix, IntVector
+from ..models import contexts as ctx
+from ..models.layout import VALUE_KIND, VALUE_NET
+from ..models.magnitude import bits
+from ..models.values import UNKNOWN, packed, see_nearby
+from ..tube.state import TALLY, VALUE_BIT, State
+
+# Registers in State.walk: next item of the list, the symbol before, the place within a digit, its sign.
+ITEM, BEFORE, STEP, SIGN = range(4)
+
+
+@kernel
+def values(
+    st: State, cd: Coder, near: Int32Matrix, told: IntVector, active: IntVector, number: IntVector, left: IntVector,
+    plane: int, wanted: IntVector,
+) -> int:  # fmt: skip
+    """Bring the vertices' numbers down to ``plane`` bits left (spec clause 5.6.3).
+
+    ``number`` is the distance from the isovalue's side of the interval as far as known, ``left`` the bits of it
+    that are missing, ``wanted`` the encoder's whole number (empty for the decoder). For the main profile ``near`` says
+    which vertices of the list lie near each, ``told`` what is told of them (`packed`).
+    """
+    w = st.walk
+    encoding = cd.reg[MODE] == ENCODE
+    while w[ITEM] < len(active):
+        v = np.uint64(active[np.uint64(w[ITEM])])
+        if left[v] <= plane:
+            w[ITEM] += 1
+            continue
+        p = left[v] - 1
+        bit = np.int64(0)
+        if encoding:
+            bit = (wanted[v] >> p) & 1
+        context = ctx.VALUE + (p * 2 + np.int64(number[v] != 0)) * 3 + w[BEFORE]
+        if mixing(cd):
+            see_nearby(st, cd, near, told, w[ITEM], number, v, p)
+            bit = blended(cd, VALUE_NET, False, VALUE_KIND + min(bits(number[v]), 2), context, bit)
+        else:
+            bit = code(cd, context, bit)
+        if bit < 0:
+            return bit
+        st.at[TALLY + VALUE_BIT] += 1
+        w[BEFORE] = 1 + bit
+        number[v] = number[v] << 1 | bit
+        left[v] = p
+        if len(told) > 0:
+            told[np.uint64(w[ITEM])] = packed(st, number, left, v)
+    return DONE
+
+
+@kernel
+def enter_told(st: State, active: IntVector, number: IntVector, left: IntVector, told: IntVector) -> None:
+    """Enter what is told of the vertices of a list, and behind them what stands for all others."""
+    for i in range(len(active)):
+        told[i] = packed(st, number, left, np.uint64(active[i]))
+    told[len(active)] = UNKNOWN

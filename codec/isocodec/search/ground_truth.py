@@ -1,0 +1,60 @@
+"""What the encoder knows and the decoder does not."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..mesh.tables import AXES, cube_exponent
+from ..tube.capacity import filled
+from ..tube.state import State
+from .base_order import build_pyramid, mixed_leaves
+from .component_search import busy_of, find
+
+Pyramid = tuple[NDArray[np.uint8], NDArray[np.int64]]
+
+
+@dataclass(frozen=True)
+class GroundTruth:
+    """What the encoder knows: the field's signs, and the numbers that geometry sends.
+
+    ``number(positions, above)`` gives the distances from the isovalue's side in steps, int64;
+    ``crossing(low, high)`` the places of crossings between positions as 30-bit binary fractions, int64. Surveys of the
+    whole domain are made when they are first asked for, and kept: many trials may share them.
+    """
+
+    signs: NDArray[np.bool_]
+    number: Callable[..., NDArray[np.int64]]
+    crossing: Callable[..., NDArray[np.int64]]
+    _pyramids: dict[int, Pyramid] = field(default_factory=dict, init=False, repr=False)
+
+    @property
+    def padded(self) -> NDArray[np.bool_]:
+        """The signs on three axes."""
+        return self.signs.reshape(self.signs.shape + (1,) * (AXES - len(self.signs.shape)))
+
+    @cached_property
+    def busy(self) -> NDArray[np.bool_]:
+        """Blocks that the curve passes: `births.busy_of`."""
+        return busy_of(self.padded)
+
+    def pyramid(self, level: int) -> Pyramid:
+        """Cubes with both signs in them, down to a level: `seek.build_pyramid`."""
+        if level not in self._pyramids:
+            shape = self.signs.shape
+            last = np.array(self.padded.shape) - 1
+            self._pyramids[level] = build_pyramid(self.padded, last, cube_exponent(shape), level, len(shape))
+        return self._pyramids[level]
+
+    def mixed_leaves(self, state: State, level: int) -> NDArray[np.int64]:
+        """The mixed leaves of the mesh that a base is to have, down to a level, as paths in the order of the forest."""
+        pyramid = self.pyramid(level)
+        return filled(lambda out: mixed_leaves(state, *pyramid, out))
+
+    def new_components(self, state: State) -> NDArray[np.int64]:
+        """The new components of a round, as sorted numbers of slots."""
+        return np.sort(filled(lambda out: find(state, self.busy, out)))

@@ -1,0 +1,49 @@
+"""The curve or surface that an encoder starts from, drawn as a decoder of the full grid would (spec clause 9)."""
+
+from __future__ import annotations
+
+import math
+from itertools import permutations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..drawing.contour import Contour
+from ..drawing.drawing import draw
+from ..drawing.leaves import Leaves
+from ..field.samples import Field
+
+
+def original(field: Field) -> Contour:
+    """The contour of a field: points on the grid's edges by linear interpolation."""
+    shape, n = field.signs.shape, field.signs.ndim
+    cells = _mixed_cells(field.signs)
+    # x0 has even indices only, xn odd ones; a simplex is a path between them, one axis at a time
+    even = cells + (cells & 1)
+    step = 1 - 2 * (cells & 1)
+    first = np.ravel_multi_index(tuple(even.T), shape)[:, None]
+    moves = step * [math.prod(shape[axis + 1 :]) for axis in range(n)]
+    paths = [np.hstack([first, first + np.cumsum(moves[:, order], axis=1)]) for order in permutations(range(n))]
+    flat = np.stack(paths, axis=1).reshape(-1, n + 1)
+    signs = field.signs.reshape(-1)[flat]
+    flat = flat[signs.any(axis=1) & ~signs.all(axis=1)]
+    used, index = np.unique(flat, return_inverse=True)
+    position = np.stack(np.unravel_index(used, shape), axis=-1).reshape(-1, n)
+    values = field.values.reshape(-1)[used].astype(np.float64)
+    leaves = Leaves(
+        shape=shape, isovalue=field.isovalue, position=position, above=field.signs.reshape(-1)[used], value=values,
+        simplices=index.reshape(-1, n + 1), levels=np.zeros(len(flat), np.int64), full=True,
+        edges=np.zeros((0, 2), np.int64), edge_offset=np.zeros(0),
+    )  # fmt: skip
+    return draw(leaves)
+
+
+def _mixed_cells(signs: NDArray[np.bool_]) -> NDArray[np.int64]:
+    """Unit cells whose corners are not all of one sign, by their lowest corner."""
+    some, every = signs, signs
+    for axis in range(signs.ndim):
+        low = [slice(None)] * signs.ndim
+        high = [slice(None)] * signs.ndim
+        low[axis], high[axis] = slice(None, -1), slice(1, None)
+        some, every = some[tuple(low)] | some[tuple(high)], every[tuple(low)] & every[tuple(high)]
+    return np.argwhere(some & ~every)

@@ -1,0 +1,375 @@
+"""Reduction of a mesh, level by level from the finest, while criteria allow it (row C2-reduce; spec annex G)."""
+
+from __future__ import annotations
+
+from itertools import product
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..kernel import inner, kernel
+from ..kernel.types import BoolVolume, FloatMatrix, FloatVector, IntMatrix, IntVector
+from ..mesh.access import dimension, middle
+from ..mesh.access import kind as kind_of
+from ..mesh.access import members as member_count
+from ..mesh.diamond import existing, parent
+from ..mesh.grid import edge_of, grid_of
+from ..mesh.slots import cubes, middle_of, slots
+from ..mesh.store import copied as copied_store
+from ..mesh.store import grown
+from ..mesh.tables import AXES, cube_exponent
+from ..mesh.vertex_set import GONE, Chosen, every_vertex, has
+from ..tube.state import COUNTERS, EDGE, LEVEL, truth
+from .component_search import BLOCK, busy_of
+from .distortion import diamonds_of, simplex_at, spread, too_far
+from .domain import FAILED, NEEDED, OPEN, ROOM, Domain, flags_of, need_parents, number_of, place_of, set_flags, signs_of
+from .topology import safe
+
+# What a vertex whose star the curve crosses is asked for.
+CROSSING, TOPOLOGY, PLACE = 1, 2, 4
+# What a sweep over a level does.
+_OPEN, _COMMIT = range(2)
+AT_ONCE = 16
+"""Leaves of which none is left for later."""
+
+
+@inner
+def _visit(dm, asked, doing, w0, w1, w2):
+    """Decide, or commit, about one middle of the level."""
+    t = dm.grid.tables
+    level, edge = dm.at[LEVEL], dm.at[EDGE]
+    x, y, z = (w0 * edge) >> 1, (w1 * edge) >> 1, (w2 * edge) >> 1
+    bits = flags_of(dm, x, y, z)
+    if bits & GONE or (doing == _OPEN and bits & NEEDED):
+        return
+    r = level % dimension(t)
+    kind = kind_of(t, r, w0, w1, w2)
+    whole, members, corners = existing(dm.grid, edge, r, kind, w0, w1, w2)
+    if members == 0:
+        set_flags(dm, x, y, z, np.int64(GONE))
+        return
+    if doing == _COMMIT:
+        if bits & OPEN and not bits & FAILED:
+            set_flags(dm, x, y, z, np.int64(GONE))
+            return
+        set_flags(dm, x, y, z, np.int64(0))
+        need_parents(dm, level, kind, members, w0, w1, w2)
+        return
+    sign = truth(dm, x, y, z)
+    above = signs_of(dm, edge, kind, corners, w0, w1, w2)
+    if above == (corners if sign else 0):
+        set_flags(dm, x, y, z, np.int64(GONE))
+    elif not asked & CROSSING and (
+        not asked & TOPOLOGY or safe(dm, edge, kind, whole, corners, above, sign, w0, w1, w2)
+    ):
+        set_flags(dm, x, y, z, bits | OPEN)
+
+
+@kernel
+def sweep(dm: Domain, busy: BoolVolume, asked: int, doing: int) -> None:
+    """Visit all middles of the level. Where the curve is nowhere near, they go at once unless finer ones need them."""
+    n = dimension(dm.grid.tables)
+    r = dm.at[LEVEL] % n
+    edge = dm.at[EDGE]
+    c0, c1, c2 = cubes(dm.grid, dm.at[LEVEL])
+    # along the last axis, the cubes of one block at a time
+    run = max((1 << BLOCK) // edge, 1)
+    flags = dm.chosen.inside
+    s0, s1, s2 = flags.shape
+    for x in range(c0):
+        for slot in range(slots(n, r)):
+            for y in range(c1):
+                for first in range(0, c2, run):
+                    w0, w1, w2 = middle_of(n, r, x, y, np.int64(first), slot)
+                    p0, p1 = (w0 * edge) >> 1, (w1 * edge) >> 1
+                    idle = False
+                    if edge <= 1 << BLOCK:
+                        q2 = min(first * edge, s2 - 1) >> BLOCK if n == 3 else 0
+                        idle = not busy[min(p0, s0 - 1) >> BLOCK, min(p1, s1 - 1) >> BLOCK, q2]
+                    for _ in range(first, min(first + run, c2)):
+                        p2 = (w2 * edge) >> 1
+                        if p0 < s0 and p1 < s1 and p2 < s2:
+                            # most vertices are settled here, without a call
+                            bits = np.int64(flags[p0, p1, p2])
+                            if bits & GONE or (idle and doing == _COMMIT and not bits & NEEDED):
+                                w2 += 2
+                                continue
+                            if idle and doing == _OPEN:
+                                if not bits & NEEDED:
+                                    flags[p0, p1, p2] = GONE
+                                w2 += 2
+                                continue
+                        _visit(dm, asked, doing, w0, w1, w2)
+                        w2 += 2
+
+
+@kernel
+def drop(dm: Domain) -> None:
+    """Take away all middles of the level."""
+    n = dimension(dm.grid.tables)
+    r = dm.at[LEVEL] % n
+    edge = dm.at[EDGE]
+    c0, c1, c2 = cubes(dm.grid, dm.at[LEVEL])
+    for x in range(c0):
+        for slot in range(slots(n, r)):
+            for y in range(c1):
+                for z in range(c2):
+                    w0, w1, w2 = middle_of(n, r, x, y, z, slot)
+                    set_flags(dm, (w0 * edge) >> 1, (w1 * edge) >> 1, (w2 * edge) >> 1, np.int64(GONE))
+
+
+@kernel
+def add(dm: Domain, wanted: IntMatrix, levels: IntVector, room: IntMatrix) -> int:
+    """Put vertices back, with all their ancestors. ``room`` holds positions and levels; returns how many were added."""
+    t = dm.grid.tables
+    n = dimension(t)
+    added = 0
+    for i in range(len(wanted)):
+        count = 1
+        room[0, 0], room[0, 1], room[0, 2], room[0, 3] = wanted[i, 0], wanted[i, 1], wanted[i, 2], levels[i]
+        while count > 0:
+            count -= 1
+            x, y, z, level = room[count, 0], room[count, 1], room[count, 2], room[count, 3]
+            if not flags_of(dm, x, y, z) & GONE:
+                continue
+            set_flags(dm, x, y, z, np.int64(0))
+            added += 1
+            if level == 0:
+                continue
+            edge = np.int64(1) << (dm.grid.exponent - level // n)
+            w0, w1, w2 = 2 * x // edge, 2 * y // edge, 2 * z // edge
+            kind = kind_of(t, level % n, w0, w1, w2)
+            _, members, _ = existing(dm.grid, edge, level % n, kind, w0, w1, w2)
+            count = _parents(dm, level, edge, kind, members, w0, w1, w2, room, count)
+    return added
+
+
+@inner
+def _parents(dm, level, edge, kind, members, w0, w1, w2, room, count):
+    """Append the parents of a middle to ``room``."""
+    t = dm.grid.tables
+    for m in range(member_count(t, kind)):
+        if (members >> m) & 1:
+            p = parent(t, level, edge, kind, m, w0, w1, w2)
+            room[count, 0], room[count, 1], room[count, 2], room[count, 3] = p[0], p[1], p[2], level - 1
+            count += 1
+    return count
+
+
+@kernel
+def found_leaves(dm: Domain, points: FloatMatrix, weight: FloatVector, out: IntMatrix) -> None:
+    """For each point the middle and level of the leaf that holds it; level -1 on the full grid."""
+    n = dimension(dm.grid.tables)
+    for i in range(len(points)):
+        out[i, 3] = -1
+        for level in range(n * dm.grid.exponent):
+            here = np.int64(level)
+            cls, b0, b1, b2 = simplex_at(dm, here, points[i, 0], points[i, 1], points[i, 2], weight)
+            edge = edge_of(dm.grid, here)
+            w0, w1, w2 = middle(dm.grid.tables, here % n, cls, b0, b1, b2)
+            x, y, z = (w0 * edge) >> 1, (w1 * edge) >> 1, (w2 * edge) >> 1
+            if flags_of(dm, x, y, z) & GONE:
+                out[i, 0], out[i, 1], out[i, 2], out[i, 3] = x, y, z, here
+                break
+
+
+class Reduction:
+    """A mesh over a field that is taken apart and put back.
+
+    Parameters
+    ----------
+    signs : (s0, s1) or (s0, s1, s2) bool
+        Whether value > isovalue.
+    phi : float32, of the same shape
+        Value less isovalue.
+    points : (P, n) float
+        Points of the original curve, on the grid's edges; at least one of each crossed edge.
+    start : Chosen, optional
+        The mesh to begin with; the full grid if not given.
+    busy : bool, optional
+        Blocks that the curve passes, if they are known: `search.component_search.busy_of`.
+    """
+
+    def __init__(
+        self, signs: NDArray[np.bool_], phi: NDArray[np.float32], points: NDArray[np.float64],
+        start: Chosen | None = None, busy: NDArray[np.bool_] | None = None,
+    ) -> None:  # fmt: skip
+        self.shape = signs.shape
+        self.n = n = signs.ndim
+        self.k = cube_exponent(signs.shape)
+        at = np.zeros(COUNTERS, np.int64)
+        padded = signs.shape + (1,) * (AXES - n)
+        signs = signs.reshape(padded)
+        chosen = every_vertex(self.shape) if start is None else copied(start)
+        self.domain = Domain(grid_of(self.shape), at, signs, phi.reshape(padded), chosen, np.zeros(ROOM))
+        self.points = np.zeros((len(points), AXES), np.float32)
+        self.points[:, :n] = points
+        self.busy = busy_of(signs) if busy is None else busy
+
+    @property
+    def chosen(self) -> Chosen:
+        """The mesh as it is."""
+        return self.domain.chosen
+
+    def reduce(
+        self, *, topology: bool = False, crossing: bool = False, level: int | None = None, coarsest: int = 0,
+        distortion: float | None = None, back: float = 0.0, parts: int = 0, unit: int = 0,
+        keep: NDArray[np.bool_] | None = None,
+    ) -> None:  # fmt: skip
+        """Take vertices away while all criteria that are given allow it.
+
+        Parameters
+        ----------
+        topology : bool
+            Not if the topology of the curve changes.
+        crossing : bool
+            Not if the tubular neighbourhood changes.
+        level : int, optional
+            All vertices of this level and finer ones go, whatever else is asked.
+        coarsest : int
+            Vertices of coarser levels stay.
+        distortion : float, optional
+            Not if a point of the original curve gets farther than this many cells from the new curve.
+        back : float
+            Nor if the middle of a piece of the new curve gets about this far from the original; 0 asks for nothing.
+        parts, unit : int
+            For the distortion: a decoder knows crossings in this many parts of ``2**unit`` samples; 0 parts: exactly.
+        keep : (P,) bool, optional
+            Points of the original curve in whose diamonds no vertex goes.
+        """
+        dm = self.domain
+        asked = (CROSSING if crossing else 0) | (TOPOLOGY if topology else 0)
+        if level is not None and not asked and distortion is None and keep is None:
+            # nothing is asked of coarser vertices: they stay
+            coarsest = max(coarsest, level)
+        weight = np.zeros(AXES + 1)
+        close = np.zeros(self.domain.truth.shape if back else (0, 0, 0), np.bool_)
+        spread(self.points, float(back), close)
+        for here in range(self.n * self.k - 1, coarsest - 1, -1):
+            dm.at[LEVEL] = here
+            dm.at[EDGE] = 1 << (self.k - here // self.n)
+            self._make_room()
+            dm = self.domain
+            if level is not None and here >= level:
+                drop(dm)
+                continue
+            sweep(dm, self.busy, np.int64(asked), np.int64(_OPEN))
+            if distortion is not None or keep is not None:
+                keys = np.empty(len(self.points), np.int64)
+                if diamonds_of(dm, np.int64(here), self.points, weight, keys):
+                    order = np.argsort(keys, kind="stable")
+                    order = order[np.searchsorted(keys[order], 0) :]
+                    if keep is not None:
+                        self._fail(keys[keep])
+                    if distortion is not None:
+                        too_far(dm, np.int64(here), self.points, keys, order, float(distortion), close, np.int64(parts),
+                                np.int64(unit))  # fmt: skip
+            sweep(dm, self.busy, np.int64(asked), np.int64(_COMMIT))
+
+    def restore(
+        self, places: NDArray[np.float64], most: Chosen | None = None, share: float = 1.0,
+        leaves: NDArray[np.int64] | None = None,
+    ) -> int:  # fmt: skip
+        """Bisect the leaves at some places; how many vertices that put back.
+
+        Topology that was kept so far stays kept: each vertex that is left out could go by itself, whatever else stays.
+
+        Parameters
+        ----------
+        places : (P, n) float64
+        most : Chosen, optional
+            A mesh whose vertices alone may come back.
+        share : float
+            Of many leaves only this share is bisected, those with the most places.
+        leaves : (P, 4) int64, optional
+            `leaves_at` the places, if that is known.
+        """
+        leaves = self.leaves_at(places) if leaves is None else leaves
+        # where it is full already: the leaves next to it, so that diamonds get whole and their points implied
+        done = places[leaves[:, 3] < 0]
+        around = np.array(list(product((-0.75, 0.0, 0.75), repeat=self.n)))
+        more = self.leaves_at((done[:, None] + around).reshape(-1, self.n))
+        wanted, count = distinct(self.n, np.concatenate([leaves, more]))
+        if most is not None and len(wanted):
+            inside = np.array([has(most, *w[:3]) for w in wanted])
+            wanted, count = wanted[inside], count[inside]
+        wanted = wanted[np.argsort(-count, kind="stable")[: max(int(share * len(wanted)), AT_ONCE)]]
+        return self.add(wanted[:, :3], wanted[:, 3]) if len(wanted) else 0
+
+    def curved(self, kappa: float) -> NDArray[np.bool_]:
+        """Points of the original at which its mean curvature, in 1 / cells, exceeds ``kappa`` (row C2-curvature)."""
+        phi = self.domain.phi.reshape(self.shape).astype(np.float64)
+        slopes = np.gradient(phi)
+        length = np.sqrt(np.sum([s * s for s in slopes], axis=0))
+        with np.errstate(invalid="ignore", divide="ignore"):
+            bends = [np.gradient(np.where(length > 0, s / length, 0.0), axis=a) for a, s in enumerate(slopes)]
+        places = np.rint(self.points[:, : self.n]).astype(np.int64)
+        return np.abs(np.sum(bends, axis=0)[tuple(places.T)]) > kappa
+
+    def leaves_at(self, places: NDArray[np.float64]) -> NDArray[np.int64]:
+        """Middle (unclamped, padded to three axes) and level of the leaf at each place, level -1 on the full grid.
+
+        Parameters
+        ----------
+        places : (P, n) float64
+
+        Returns
+        -------
+        (P, 4) int64
+        """
+        points = np.zeros((len(places), AXES))
+        points[:, : self.n] = np.clip(places, 0, np.array(self.shape) - 1)
+        out = np.zeros((len(places), 4), np.int64)
+        found_leaves(self.domain, points, np.zeros(AXES + 1), out)
+        return out
+
+    def _fail(self, keys: NDArray[np.int64]) -> None:
+        for key in np.unique(keys[keys >= 0]):
+            x, y, z = place_of(self.n, key)
+            mark(self.domain, x, y, z, np.int64(FAILED))
+
+    def add(self, wanted: NDArray[np.int64], levels: NDArray[np.int64]) -> int:
+        """Put vertices back, with their ancestors; how many were added.
+
+        Parameters
+        ----------
+        wanted : (W, 3) int64
+            Unclamped positions, padded to three axes.
+        levels : (W,) int64
+        """
+        room = np.zeros((8 * self.n * self.k + 8, 4), np.int64)
+        return int(add(self.domain, np.ascontiguousarray(wanted), np.ascontiguousarray(levels), room))
+
+    def _make_room(self) -> None:
+        """Pages for all lattice points of the level off the box: a layer along its upper faces."""
+        at, n = self.domain.at, self.n
+        edge = int(at[EDGE])
+        last = np.array(self.shape) - 1
+        over = -(-last // edge) * edge + (edge if at[LEVEL] % n else 0) > last
+        if not over.any():
+            return
+        page = 16 if n == 2 else 8
+        blocks = -(-(last + 2 * edge) // max(page, edge)) + 2
+        room = int(sum(np.prod(np.delete(blocks, a)) * 3 for a in range(n)))
+        chosen = self.domain.chosen
+        self.domain = self.domain._replace(chosen=chosen._replace(outside=grown(chosen.outside, room, factor=1)))
+
+
+def distinct(n: int, leaves: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """The leaves of `Reduction.leaves_at`, each once, but for those of the full grid; how often each was there."""
+    leaves = leaves[leaves[:, 3] >= 0]
+    # a middle has but one level
+    keys = number_of(n, *leaves[:, :3].T)
+    _, first, count = np.unique(keys, return_index=True, return_counts=True)
+    return leaves[first], count
+
+
+@kernel
+def mark(dm: Domain, x: int, y: int, z: int, bits: int) -> None:
+    """Set bits of a lattice point."""
+    set_flags(dm, x, y, z, flags_of(dm, x, y, z) | bits)
+
+
+def copied(chosen: Chosen) -> Chosen:
+    """The same mesh in arrays of its own."""
+    return Chosen(chosen.inside & np.uint8(GONE), copied_store(chosen.outside, GONE))

@@ -1,0 +1,117 @@
+"""How finely crossings are told for a tolerance, and how freely (spec annex G.3)."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from itertools import product
+
+import numpy as np
+from numpy.typing import NDArray
+
+from isospec.container import MAX_PARTS, MAX_RADIX
+
+from ..errors import OptionError
+from ..field.samples import OFFSET_BITS
+from ..layers.plan import Entry
+
+PITCHES = {2: (2.7, 3), 3: (2.0, 2)}
+"""Coarsest pitch of offsets that is tried, in units of the tolerance, and how many, for curves and for surfaces."""
+MOST_SLACK = 2.0
+"""Crossings are told at most this many tolerances off along their edges."""
+
+
+class Slack:
+    """How far from where the field crosses an edge of the full grid the crossing may be told to be.
+
+    If all are told within a tolerance, the curve keeps to it. Where the curve meets an edge at a slant it
+    takes a longer way along the edge to get as far from the curve; that is tried, and taken back where the tolerance is
+    not kept.
+    """
+
+    def __init__(self, tolerance: float, phi: NDArray[np.float32] | None = None) -> None:
+        self._tolerance = tolerance
+        self._phi = phi
+        self._tight = np.zeros(0, np.int64)
+
+    def tighten(self, places: NDArray[np.float64]) -> None:
+        """Take it back around some places."""
+        assert self._phi is not None
+        reach = math.ceil(self._tolerance) + 1
+        around = np.array(list(product(range(-reach, reach + 1), repeat=self._phi.ndim)))
+        last = np.array(self._phi.shape) - 1
+        near = np.clip(np.floor(places).astype(np.int64)[:, None] + around, 0, last).reshape(-1, self._phi.ndim)
+        self._tight = np.union1d(self._tight, np.ravel_multi_index(tuple(near.T), self._phi.shape))
+
+    def __call__(self, low: NDArray[np.int64], high: NDArray[np.int64]) -> NDArray[np.int64]:
+        """As ``Field.crossings``."""
+        slack = np.full(len(low), self._tolerance)
+        if self._phi is not None:
+            slope = self._slopes(low) + self._slopes(high)
+            steep = np.sqrt((slope**2).sum(axis=1))
+            along = np.abs((slope * (high - low)).sum(axis=1))
+            least = np.maximum(steep / MOST_SLACK, np.finfo(np.float64).tiny)
+            slanted = self._tolerance * np.clip(steep / np.maximum(along, least), 1.0, MOST_SLACK)
+            tight = np.isin(np.ravel_multi_index(tuple(low.T), self._phi.shape), self._tight)
+            slack = np.where(tight | ~np.isfinite(slanted), slack, slanted)
+        # places are rounded to the same unit
+        return np.maximum(np.floor(np.minimum(slack, 1.0) * (1 << OFFSET_BITS)).astype(np.int64) - 2, 0)
+
+    def _slopes(self, position: NDArray[np.int64]) -> NDArray[np.float64]:
+        """Central differences, (E, n)."""
+        assert self._phi is not None
+        out = np.empty(position.shape)
+        for axis, size in enumerate(self._phi.shape):
+            up, down = position.copy(), position.copy()
+            up[:, axis] = np.minimum(up[:, axis] + 1, size - 1)
+            down[:, axis] = np.maximum(down[:, axis] - 1, 0)
+            out[:, axis] = self._phi[tuple(up.T)].astype(np.float64) - self._phi[tuple(down.T)]
+        return out
+
+
+def grid_offsets(tolerance: float | None, free: bool) -> list[Entry]:
+    """Layers of offsets on the full grid that keep to the tolerance; if ``free``, the last one has slack."""
+    plan: list[Entry] = [("offsets", radix) for radix in radices(tolerance)]
+    if free and tolerance is not None and plan:
+        plan[-1] = (*plan[-1], 0, None, Slack(tolerance))
+    return plan
+
+
+def radices(tolerance: float | None) -> list[int]:
+    """Parts that layers of offsets divide into, so that crossings end up within ``tolerance`` of where they are.
+
+    The middle of the right one of m parts is at most 1 / 2m off. Of the odd numbers that will do, the smallest is
+    taken that is a product of small factors: one layer each, so that crossings get finer step by step.
+    """
+    if tolerance is None:
+        return []
+    if not (math.isfinite(tolerance) and tolerance > 0):
+        raise OptionError(f"the tolerance is {tolerance}, needed is a positive number", code="tolerance")
+    if tolerance < 0.5 / (MAX_PARTS * 0.9):
+        raise OptionError(
+            f"a tolerance of {tolerance} cells is too fine for offsets", code="tolerance", remedy="use exact or step"
+        )
+    # offsets are rounded to 30 bits before they are told
+    parts = max(math.ceil(0.5 / (tolerance - 2.0**-OFFSET_BITS)), 1) | 1
+    while True:
+        rest, factors = parts, []
+        for factor in (13, 11, 7, 5, 3):
+            while rest % factor == 0:
+                rest //= factor
+                factors.append(factor)
+        if rest == 1:
+            return factors[::-1]
+        parts += 2
+
+
+def pitches(tolerance: float, n: int) -> Iterator[tuple[int, int]]:
+    """Parts in ``2**unit`` samples to be tried for a tolerance, the coarsest first."""
+    coarsest, count = PITCHES[n]
+    found: set[tuple[float, int, int]] = set()
+    for unit in range(12):
+        for parts in range(1, MAX_RADIX + 1, 2):
+            pitch = 2.0**unit / parts
+            if pitch <= coarsest * tolerance and (parts <= 3 or unit == 0):
+                found.add((-pitch, parts, unit))
+    for _, parts, unit in sorted(found)[:count]:
+        yield parts, unit
