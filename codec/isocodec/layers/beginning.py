@@ -15,7 +15,7 @@ from ..limits import Budget, Limits
 from ..models.contexts import models, rates
 from ..models.trained import no_blend, shipped_models
 from ..passes.runner import Tube
-from ..search.ground_truth import GroundTruth
+from ..tube.truth import Truth
 
 MOST_SHIFT = 1 << 52
 """From this distance of isovalues on, in steps, values of the one say nothing of the other (clause 5.9.3)."""
@@ -36,7 +36,7 @@ def leaning_coder(header: Header, lean: Tube | None, size: int) -> Coder:
 
 def leaning_tube(
     header: Header, isovalue: float, lean: Tube | None, other: float, size: int, limits: Limits,
-    truth: GroundTruth | None = None, budget: Budget | None = None,
+    truth: Truth | None = None, budget: Budget | None = None,
 ) -> Tube:  # fmt: skip
     """The tube of an isovalue, leaning on that of another one or on none."""
     coder = leaning_coder(header, lean, size)

@@ -19,8 +19,7 @@ from ..kernel import DONE
 from ..limits import Limits
 from ..mesh.vertex_set import Chosen
 from ..passes.runner import Tube
-from ..search.ground_truth import GroundTruth
-from ..tube.truth import Place
+from ..tube.truth import Place, Truth
 from .beginning import begin_layer, leaning_tube
 from .plan import PROMISE, Entry, check_entries, operation_of, promised
 
@@ -28,12 +27,7 @@ RUN_BYTES = 1 << 16
 """A run is ended at the first end of a layer after this many bytes."""
 
 
-def truth_of(field: Field) -> GroundTruth:
-    """What tubes of a field know."""
-    return GroundTruth(field.signs, field.numbers, field.crossings)
-
-
-def field_tube(header: Header, field: Field, truth: GroundTruth, lean: Tube | None = None, other: float = 0.0) -> Tube:
+def field_tube(header: Header, field: Field, truth: Truth, lean: Tube | None = None, other: float = 0.0) -> Tube:
     """The encoder's tube of a field at its isovalue, leaning on that of the isovalue ``other`` or on none."""
     return leaning_tube(header, field.isovalue, lean, other, 1 << 16, Limits(), truth)
 

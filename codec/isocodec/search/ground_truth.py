@@ -9,6 +9,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from ..field.samples import Field
 from ..mesh.tables import AXES, cube_exponent
 from ..tube.capacity import filled
 from ..tube.state import State
@@ -58,3 +59,8 @@ class GroundTruth:
     def new_components(self, state: State) -> NDArray[np.int64]:
         """The new components of a round, as sorted numbers of slots."""
         return np.sort(filled(lambda out: find(state, self.busy, out)))
+
+
+def truth_of(field: Field) -> GroundTruth:
+    """What tubes of a field know."""
+    return GroundTruth(field.signs, field.numbers, field.crossings)

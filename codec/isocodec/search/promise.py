@@ -18,7 +18,7 @@ from ..field.samples import OFFSET_BITS, Field
 from ..format.header import Header
 from ..format.program import Progress
 from ..layers.plan import Entry
-from ..layers.writer import LayerWriter, field_tube, truth_of
+from ..layers.writer import LayerWriter, field_tube
 from ..mesh.tables import cube_exponent
 from ..mesh.vertex_set import Chosen
 from ..passes.runner import Tube
@@ -27,7 +27,7 @@ from ..tube.state import WORK
 from ..tube.truth import Place
 from .distance import Target
 from .fit import AGAIN, REACHES, ROUNDS, fitted_offsets
-from .ground_truth import GroundTruth
+from .ground_truth import GroundTruth, truth_of
 from .original import original
 from .reduction import Reduction
 

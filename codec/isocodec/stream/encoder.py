@@ -25,10 +25,11 @@ from ..format.chunks import (
 from ..format.header import Header, write_header
 from ..format.program import Layer, Progress, write_program
 from ..layers.plan import Entry
-from ..layers.writer import LayerWriter, field_tube, truth_of
+from ..layers.writer import LayerWriter, field_tube
 from ..mesh.tables import cube_exponent
 from ..passes.runner import Tube
 from ..search import strategy
+from ..search.ground_truth import truth_of
 from ..search.promise import Promise
 from ..search.tolerance import grid_offsets, radices
 from .options import SEARCHED, Asked, check_options, isovalues_of, notes_of, number_of, plan_of, steps_of, whole_of

@@ -1,0 +1,69 @@
+"""The house: who may import whom, what a kernel may take, how long things may be."""
+
+from __future__ import annotations
+
+import ast
+import inspect
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+import isocodec
+
+HOME = Path(inspect.getfile(isocodec)).parent
+FLOORS = (
+    "kernel", "field", "mesh", "entropy", "tube", "models", "drawing", "passes", "format", "layers", "search", "stream",
+    "io", "cli",
+)  # fmt: skip
+"""Packages, from the ground up: each imports from those below it only."""
+KERNELS = {"kernel", "inner", "inlined"}
+MODULES = sorted(path for path in HOME.rglob("*.py") if path.parent.name != "built")
+WORDS = ("vertex", "simplex", "gate", "diamond", "dimension", "middle")
+"""What entropy coding knows nothing of."""
+
+
+def imports(path: Path) -> Iterator[str]:
+    """Packages of ours that a module imports from, by their first name."""
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.ImportFrom) and node.level == len(path.relative_to(HOME).parts):
+            yield from [node.module.split(".")[0]] if node.module else [name.name for name in node.names]
+
+
+def kernels(path: Path) -> Iterator[ast.FunctionDef]:
+    """Functions of a module that are compiled."""
+    for node in ast.parse(path.read_text(encoding="utf-8")).body:
+        if isinstance(node, ast.FunctionDef):
+            if any(isinstance(each, ast.Name) and each.id in KERNELS for each in node.decorator_list):
+                yield node
+
+
+def test_every_package_has_its_floor():
+    assert {path.parent.name for path in MODULES} - {HOME.name} == set(FLOORS)
+
+
+@pytest.mark.parametrize("floor", FLOORS)
+def test_imports_go_down(floor: str):
+    above = set(FLOORS[FLOORS.index(floor) + 1 :])
+    found = {path.name: sorted(above & set(imports(path))) for path in MODULES if path.parent.name == floor}
+    assert {name: names for name, names in found.items() if names} == {}
+
+
+def test_the_mesh_takes_a_grid():
+    """Not the coder, nor the state of a tube."""
+    for path in (HOME / "mesh").glob("*.py"):
+        taken = {argument.arg for found in kernels(path) for argument in found.args.args}
+        assert not taken & {"st", "cd", "state", "coder"}, path.name
+
+
+def test_entropy_coding_knows_no_mesh():
+    for path in (HOME / "entropy").glob("*.py"):
+        text = path.read_text(encoding="utf-8").lower()
+        assert not [word for word in WORDS if word in text], path.name
+
+
+def test_modules_are_short_and_named():
+    for path in MODULES:
+        text = path.read_text(encoding="utf-8")
+        assert ast.get_docstring(ast.parse(text)), path
+        assert len(text.splitlines()) <= 400 + 31 * (path.name == "decoder.py"), path
