@@ -25,7 +25,6 @@ from isocodec.io.formats import Cost
 from isocodec.limits import LEVELS, Budget
 from isocodec.stream.encoder import Encoder
 from isocodec.tube.capacity import at_rest, wider_state
-from isocodec.tube.state import ROOM
 from isocodec.unfinished import undo_all, undoing
 
 TWO = isocodec.encode(picture((40, 40), 3), [0.5, 9.5])
@@ -145,7 +144,7 @@ def test_vertices_of_the_mesh_count_before_they_are_known():
     decoder.feed(TWO)
     list(decoder)
     tube = decoder._tubes[0]
-    tube.state.at[ROOM] = 5000
+    tube.state.counters.room = 5000
     with pytest.raises(LimitError) as caught:
         wider_state(tube.state, tube._mark, False, Limits(vertices=4000), lambda *_: None)
     assert caught.value.code == "limit-vertices"

@@ -12,14 +12,10 @@ from isocodec.entropy.range_coder import (
     BEYOND,
     DECODE,
     ENCODE,
-    END,
-    FINAL,
     FLOOR,
-    LEFT,
     ONE,
-    OVER,
-    REGISTERS,
     Coder,
+    CoderRegisters,
     code,
     cut,
     finish,
@@ -39,7 +35,7 @@ def coder(mode, probabilities, rate=ADAPTIVE, room=1 << 14):
     """A coder whose context i starts with probability ``probabilities[i]`` (of 2**16) of a 1."""
     prob = np.array(probabilities, np.int64)
     cd = Coder(
-        np.zeros(REGISTERS, np.int64), np.zeros(room, np.uint8), prob, np.zeros(len(prob), np.int64), rate, no_blend()
+        CoderRegisters(), np.zeros(room, np.uint8), prob, np.zeros(len(prob), np.int64), rate, no_blend()
     )
     start(cd.reg, mode)
     return cd
@@ -56,8 +52,8 @@ def encoded(symbols, probabilities, rate=ADAPTIVE):
 def feed(cd, data, final):
     """Hand all of ``data`` over; a prefix of it may have been handed over before."""
     cd.buf[: len(data)] = np.frombuffer(data, np.uint8)
-    cd.reg[END] = len(data)
-    cd.reg[FINAL] = final
+    cd.reg.end = len(data)
+    cd.reg.final = final
 
 
 def decoded(data, contexts, probabilities, rate=ADAPTIVE, final=True):
@@ -317,9 +313,9 @@ def test_end_of_a_run_by_hand():
     cd = coder(DECODE, [HALF], FIXED)
     feed(cd, b"", True)
     assert [code(cd, 0, 0) for _ in range(8 * (BEYOND - 4) + 9)] == [1] * 9
-    assert cd.reg[OVER] == 0
+    assert cd.reg.over == 0
     assert code(cd, 0, 0) == -1
-    assert cd.reg[OVER] == 1
+    assert cd.reg.over == 1
 
 
 @examples(60)
@@ -331,14 +327,14 @@ def test_a_run_is_never_read_far_past_its_end(data, probabilities):
     for count in range(12_000 * (len(data) + BEYOND + 1)):
         if code(cd, count % CONTEXTS_USED, 0) < 0:
             break
-    assert cd.reg[OVER] == 1
+    assert cd.reg.over == 1
 
 
 def test_a_cut_run_ends_after_its_symbols():
     """With a number of symbols stated the coder says -2, not -1, when they are done."""
     cd = coder(DECODE, [HALF], FIXED)
     feed(cd, b"\xaa", True)
-    cd.reg[LEFT] = 3
+    cd.reg.left = 3
     assert [code(cd, 0, 0) for _ in range(5)] == [0, 1, 0, -2, -2]
 
 
@@ -395,10 +391,10 @@ def test_nearer_point(data):
     coordinate = st.integers(-40, 40)
     trail = [(data.draw(coordinate), data.draw(coordinate)) for _ in range(count)]
     g, a, b = (np.array([data.draw(coordinate), data.draw(coordinate)]) for _ in range(3))
-    walk = np.zeros(2 * MOST + 8, np.int64)
+    trail = np.zeros(2 * MOST, np.int64)
     for i, p in enumerate(trail):
-        walk[8 + 2 * (i % MOST) : 10 + 2 * (i % MOST)] = p
-    case = nearer(walk, 8, count, 1, *g, *a, *b)
+        trail[2 * (i % MOST) : 2 + 2 * (i % MOST)] = p
+    case = nearer(trail, count, 1, *g, *a, *b)
     if count < LEAST:
         assert case == 0
         return

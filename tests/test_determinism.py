@@ -18,6 +18,7 @@ from brute import INTERPRETED, smooth
 from isocodec.kernel import EXECUTION, Execution
 from isocodec.kernel.call import Kernel
 from isocodec.kernel.execution import SETTING
+from isocodec.kernel.types import Registers
 from make_goldens import CASES, PATH, SMALL, digests
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "tools" / "kernels"))
@@ -60,6 +61,8 @@ def contents(value: Any) -> Any:
         return tuple(map(contents, value))
     if isinstance(value, np.ndarray):
         return value.tobytes()
+    if isinstance(value, Registers):
+        return value.values.tobytes()
     return np.float64(value).tobytes() if isinstance(value, float) else value
 
 

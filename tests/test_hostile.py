@@ -45,7 +45,7 @@ def test_limits(monkeypatch):
     data = isocodec.encode(picture((60, 60), 8, noise=0.5), 0, base_level=0)
     decoder, code = limited(data, vertices=500)
     assert code == "limit-vertices"
-    assert 0 < tubes[-1].state.at[2] <= 500 and len(tubes[-1].state.vertex) <= 2 * 500
+    assert 0 < tubes[-1].state.counters.vertices <= 500 and len(tubes[-1].state.vertex) <= 2 * 500
     decoder, code = limited(data, simplices=700)
     assert code == "limit-simplices"
     assert max(len(tubes[-1].state.leaf), len(tubes[-1].state.below)) <= 2 * 700

@@ -33,9 +33,9 @@ def imports(path: Path) -> Iterator[str]:
 def kernels(path: Path) -> Iterator[ast.FunctionDef]:
     """Functions of a module that are compiled."""
     for node in ast.parse(path.read_text(encoding="utf-8")).body:
-        if isinstance(node, ast.FunctionDef):
-            if any(isinstance(each, ast.Name) and each.id in KERNELS for each in node.decorator_list):
-                yield node
+        decorators = node.decorator_list if isinstance(node, ast.FunctionDef) else []
+        if any(isinstance(each, ast.Name) and each.id in KERNELS for each in decorators):
+            yield node
 
 
 def test_every_package_has_its_floor():

@@ -266,7 +266,7 @@ def test_arguments_of_other_types(arguments, match):
 
 @pytest.mark.skipif(not IN_LIBRARY, reason="no kernel is called there")
 def test_a_real_kernel_refuses_what_does_not_fit():
-    with pytest.raises(KernelError, match=r"passes\.geometry\.entries, argument st: tuple instead of State"):
+    with pytest.raises(KernelError, match=r"passes\.carriers\.entries, argument st: tuple instead of State"):
         entries((1, 2), np.zeros((1, 3), np.int64), np.zeros(1, np.int64))
 
 

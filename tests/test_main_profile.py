@@ -14,7 +14,7 @@ import isocodec
 from brute import examples, sign_fields, smooth
 from isocodec.entropy.mixer import MOST_MIX, blended, clear, see
 from isocodec.entropy.network import weighed
-from isocodec.entropy.range_coder import DECODE, ENCODE, END, FINAL, REGISTERS, Coder, finish, start
+from isocodec.entropy.range_coder import DECODE, ENCODE, Coder, CoderRegisters, finish, start
 from isocodec.mesh.access import dimension
 from isocodec.mesh.store import get
 from isocodec.mesh.tables import cube_exponent
@@ -24,7 +24,6 @@ from isocodec.models.neighbourhood import nearest_vertices, see_around, survey
 from isocodec.models.new_components import BIRTH
 from isocodec.models.trained import members, shipped_models
 from isocodec.search.strategy import grid_plan
-from isocodec.tube.state import BIRTHS, COUNTED, EDGE, LEVEL, VERTICES
 from isospec.tables import HIDDEN, KINDS, MOST_LOGIT, NETS, ROWS, packed, shipped, unpacked
 
 # -- tables ----------------------------------------------------------------------------------------------------------
@@ -83,7 +82,7 @@ def _code(cd, net, flip, kind, ctx, rows, bit):
 
 def coder(mode: int, n: int, room: int = 1 << 15) -> Coder:
     prob, seen, blend = shipped_models(n)
-    cd = Coder(np.zeros(REGISTERS, np.int64), np.zeros(room, np.uint8), prob, seen, rates(), blend)
+    cd = Coder(CoderRegisters(), np.zeros(room, np.uint8), prob, seen, rates(), blend)
     start(cd.reg, mode)
     return cd
 
@@ -162,7 +161,7 @@ def test_mixing_is_that_of_the_specification(n, found, again):
     data = finish(cd)
     back = coder(DECODE, n)
     back.buf[: len(data)] = np.frombuffer(data, np.uint8)
-    back.reg[END], back.reg[FINAL] = len(data), 1
+    back.reg.end, back.reg.final = len(data), 1
     for net, flip, kind, ctx, rows, bit in found * again:
         assert _code(back, net, flip, kind, ctx, np.array(rows), 0) == bit
 
@@ -186,7 +185,7 @@ def test_extremes(pattern):
         assert len(data) < count / 40
     back = coder(DECODE, 2)
     back.buf[: len(data)] = np.frombuffer(data, np.uint8)
-    back.reg[END], back.reg[FINAL] = len(data), 1
+    back.reg.end, back.reg.final = len(data), 1
     assert [_code(back, 4, False, 3, 700, row, 0) for row in rows] == bits.tolist()
 
 
@@ -240,7 +239,7 @@ def test_main_is_the_default_and_smaller(n):
 
 def _around(state, cd, w0, w1, w2):
     clear(cd)
-    return see_around(state, cd, state.at[LEVEL] % dimension(state.grid.tables), w0, w1, w2)
+    return see_around(state, cd, state.counters.level % dimension(state.grid.tables), w0, w1, w2)
 
 
 @pytest.mark.parametrize("shape", [(70, 81), (34, 3), (19, 17, 21), (2, 9, 12)])
@@ -256,9 +255,9 @@ def test_rows_of_known_vertices_around(shape, back):
     while not survey(state):
         tube._grow()
         state = tube.state
-    level, g = full - back, int(state.at[EDGE]) // 2
+    level, g = full - back, int(state.counters.edge) // 2
     odd = n - level % n
-    known = {tuple(map(int, v[:n])): int(v[3]) for v in state.vertex[: state.at[VERTICES]]}
+    known = {tuple(map(int, v[:n])): int(v[3]) for v in state.vertex[: state.counters.vertices]}
     around = nearest_vertices(n, level % n)
     cd = coder(ENCODE, n)
     rng = np.random.default_rng(back)
@@ -293,9 +292,9 @@ def test_crowd_counts_the_cells_of_every_size(shape):
     encoder = isocodec.Encoder(rng.integers(0, 2, shape), 0.5, signs_only=True, base_level=0)
     assert b"".join(encoder)
     tube = encoder._strands[0].tube
-    at, crowd = tube.state.at, tube.state.crowd
-    counted = tube.state.vertex[: at[COUNTED], :3].astype(np.int64)
-    assert at[BIRTHS] > 0
+    counters, crowd = tube.state.counters, tube.state.crowd
+    counted = tube.state.vertex[: counters.counted, :3].astype(np.int64)
+    assert counters.births > 0
     for size in range(tube.k + 1):
         cells = (1 << tube.k - size) + 1
         births = 0
@@ -304,4 +303,4 @@ def test_crowd_counts_the_cells_of_every_size(shape):
             stored = get(crowd, x + (4 << tube.k - size), y, z)
             assert stored & (BIRTH - 1) == (counted >> size == cell).all(axis=1).sum()
             births += stored >> 20
-        assert births == at[BIRTHS]
+        assert births == counters.births

@@ -10,7 +10,7 @@ import pytest
 from brute import smooth
 from isocodec import Encoder
 from isocodec.entropy.mixer import clear
-from isocodec.entropy.range_coder import ENCODE, REGISTERS, Coder, start
+from isocodec.entropy.range_coder import ENCODE, Coder, CoderRegisters, start
 from isocodec.field.samples import check_field
 from isocodec.mesh.access import dimension, vertex
 from isocodec.mesh.store import get
@@ -28,7 +28,6 @@ from isocodec.models.values import nearby_samples, see_nearby
 from isocodec.passes.values import enter_told
 from isocodec.search.promise import Promise
 from isocodec.search.strategy import grid_plan, reduced
-from isocodec.tube.state import BIRTHS, CALM, COUNTED, EDGE, LEAVES, LEVEL, VERTICES
 
 SHAPES = [(34, 29), (13, 12, 14)]
 
@@ -45,7 +44,7 @@ def _behind(st, cd, level, cls, b0, b1, b2, opp, guess, case, other):
 
 def _sign(st, cd, w0, w1, w2, crossed):
     survey(st)
-    r = st.at[LEVEL] % dimension(st.grid.tables)
+    r = st.counters.level % dimension(st.grid.tables)
     see_middle(st, cd, r, w0, w1, w2, crossed, 0, np.int64(1), np.int64(-1), np.int64(0))
 
 
@@ -56,7 +55,7 @@ def _crowd(st, cd, what, shift, x, y, z, hits, child, nearness):
 
 def coder(n):
     prob, seen, blend = shipped_models(n)
-    cd = Coder(np.zeros(REGISTERS, np.int64), np.zeros(64, np.uint8), prob, seen, rates(), blend)
+    cd = Coder(CoderRegisters(), np.zeros(64, np.uint8), prob, seen, rates(), blend)
     start(cd.reg, ENCODE)
     return cd
 
@@ -82,7 +81,7 @@ def ints(*numbers):
 
 def known(state, n):
     """Signs of the known vertices by position."""
-    return {tuple(map(int, v[:n])): int(v[3]) for v in state.vertex[: state.at[VERTICES]]}
+    return {tuple(map(int, v[:n])): int(v[3]) for v in state.vertex[: state.counters.vertices]}
 
 
 def clamped(position, shape):
@@ -221,7 +220,7 @@ def test_rows_behind_a_gate(shape):
     state, signs, cd = tube.state, known(tube.state, n), coder(n)
     steps = [d for d in product(range(-3, 4), repeat=n) if any(d) and (n == 2 or sum(map(abs, d)) <= 3)]
     rng = np.random.default_rng(1)
-    for i in rng.choice(int(state.at[LEAVES]), 80):
+    for i in rng.choice(int(state.counters.leaves), 80):
         cls, *block, level = (int(x) for x in state.leaf[i])
         edge = 1 << (k - level // n)
         corners = [vertex(state.grid.tables, *ints(level % n, cls, j)) for j in range(n + 1)]
@@ -252,7 +251,7 @@ def noisy(shape, back):
 
 
 def rarity(state):
-    q = (int(state.at[VERTICES]) + 1) // (int(state.at[BIRTHS]) + 1)
+    q = (int(state.counters.vertices) + 1) // (int(state.counters.births) + 1)
     return min(bits(q) - 1, 12) if q else 0
 
 
@@ -264,13 +263,13 @@ def test_rows_of_the_manner(shape, back):
     tube = noisy(shape, back)
     state, first = tube.state, 10 + 2 * AROUND[n]
     cd = coder(n)
-    level = int(state.at[LEVEL])
+    level = int(state.counters.level)
     edge = 1 << tube.k - level // n
-    assert state.at[EDGE] == edge and state.at[BIRTHS] > 0
+    assert state.counters.edge == edge and state.counters.births > 0
     w = [3 if axis < n - level % n else 2 for axis in range(n)] + [0] * (3 - n)
-    for births in (0, int(state.at[BIRTHS]), 10 * int(state.at[VERTICES])):
+    for births in (0, int(state.counters.births), 10 * int(state.counters.vertices)):
         for calm in ((3584, 0), (255, 4065), (256, 511)):
-            state.at[BIRTHS], state.at[CALM], state.at[CALM + 1] = births, *calm
+            state.counters.births, state.calm[0], state.calm[1] = births, *calm
             for crossed in range(2):
                 _sign(state, cd, *ints(*w, crossed))
                 own = level % n * (first + 38 + 60) + first
@@ -296,8 +295,8 @@ def test_calm_follows_what_was_predicted(shape):
             if net < n and own[0] < 4:
                 assert [row for row in own if manner <= row < manner + 16] == [manner + calm // 256]
                 calm += (4096 * symbol - calm) >> 5
-        assert tube.state.at[CALM] == calm != 3584
-        crossed_calm.append(tube.state.at[CALM + 1])
+        assert tube.state.calm[0] == calm != 3584
+        crossed_calm.append(tube.state.calm[1])
     assert crossed_calm[0] > crossed_calm[1]
 
 
@@ -308,8 +307,8 @@ def test_rows_of_the_crowd(shape, back):
     n = len(shape)
     tube = noisy(shape, back)
     state = tube.state
-    counted = state.vertex[: state.at[COUNTED], :n].astype(np.int64)
-    unit = bits(state.at[EDGE]) - 1
+    counted = state.vertex[: state.counters.counted, :n].astype(np.int64)
+    unit = bits(state.counters.edge) - 1
     cd = coder(n)
     rng = np.random.default_rng(back)
 
@@ -332,7 +331,7 @@ def test_rows_of_the_crowd(shape, back):
         cell = [int(rng.integers(0, (length - 1 >> size) + 1)) for length in shape]
         hits, child, nearness = (int(rng.integers(first, 4)) for first in (0, -1, 0))
         _crowd(state, cd, *ints(what, shift, *(*cell, 0)[:3], hits, child, nearness))
-        expected = [3 * (8 if what == SLOT else min(shift, 7)) + int(state.at[LEVEL]) % n]
+        expected = [3 * (8 if what == SLOT else min(shift, 7)) + int(state.counters.level) % n]
         expected += [51 + (5 if what == NODE else nearness), 81 + rarity(state)]
         expected += [27 + 8 * min(hits, 2) + child] if child >= 0 else []
         if size <= tube.k:

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from brute import blobs, crossing_edges, crossing_points, examples, lattice, mixed, sign_fields, smooth
 from isocodec import Decoder, Encoder
-from isocodec.entropy.range_coder import ENCODE, END, FINAL, finish, start
+from isocodec.entropy.range_coder import ENCODE, finish, start
 from isocodec.field.samples import interval_value
 from isocodec.format.header import write_header
 from isocodec.format.program import Layer
@@ -320,11 +320,11 @@ def run_layers(encoder, steps):
         begin(other, step)
         while (status := other.advance()) != DONE:
             assert status == NEED
-            if other.coder.reg[END] < len(run):
-                other.coder.reg[END] += 1
+            if other.coder.reg.end < len(run):
+                other.coder.reg.end += 1
             else:
-                assert other.coder.reg[FINAL] == 0
-                other.coder.reg[FINAL] = 1
+                assert other.coder.reg.final == 0
+                other.coder.reg.final = 1
         yield step, other
     same_state(tube, other)
 

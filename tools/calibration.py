@@ -13,7 +13,7 @@ import time
 
 import numpy as np
 
-from isocodec.entropy.range_coder import DECODE, ENCODE, END, FINAL, ONE, REGISTERS, Coder, code, finish, start
+from isocodec.entropy.range_coder import DECODE, ENCODE, ONE, Coder, CoderRegisters, code, finish, start
 from isocodec.kernel import kernel
 from isocodec.kernel.types import IntVector
 from isocodec.models.contexts import rates
@@ -36,7 +36,7 @@ def coder(room: int) -> Coder:
     """A coder of the baseline profile."""
     prob = np.full(CONTEXTS, ONE // 2, np.int64)
     return Coder(
-        np.zeros(REGISTERS, np.int64), np.zeros(room, np.uint8), prob, np.ones(CONTEXTS, np.int64), rates(), no_blend()
+        CoderRegisters(), np.zeros(room, np.uint8), prob, np.ones(CONTEXTS, np.int64), rates(), no_blend()
     )  # fmt: skip
 
 
@@ -55,7 +55,7 @@ def decode(context: IntVector, bits: IntVector, run: bytes) -> float:
     cd = coder(len(run))
     cd.buf[:] = np.frombuffer(run, np.uint8)
     start(cd.reg, DECODE)
-    cd.reg[END], cd.reg[FINAL] = len(run), 1
+    cd.reg.end, cd.reg.final = len(run), 1
     found = np.zeros(SYMBOLS, np.int64)
     started = time.perf_counter()
     code_all(cd, context, found)

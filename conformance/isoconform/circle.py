@@ -21,7 +21,6 @@ from isocodec.format.program import Layer
 from isocodec.passes import new_components
 from isocodec.search import base_order, component_search
 from isocodec.search.ground_truth import GroundTruth
-from isocodec.tube.state import EDGE, LEVEL
 
 from .draft import Draft
 from .plain import environment
@@ -75,7 +74,7 @@ def _find(st, busy: object, found: NDArray[np.int64]) -> int:
 
     A middle differs from all corners of its diamond only if the circle passes the square of two cubes around it.
     """
-    r, edge = int(st.at[LEVEL]) % 2, int(st.at[EDGE])
+    r, edge = int(st.counters.level) % 2, int(st.counters.edge)
     first = [(c - RADIUS) // edge - 2 for c in CENTRE]
     last = [(c + RADIUS) // edge + 2 for c in CENTRE]
     count = 0

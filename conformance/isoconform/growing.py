@@ -9,7 +9,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 from random import Random
 
-from isocodec.entropy.range_coder import POS, UNKNOWN
 from isocodec.errors import FormatError, IsoError, LimitError, TruncatedError
 from isocodec.layers.events import LayerComplete
 from isocodec.limits import Limits
@@ -87,7 +86,7 @@ def probe(data: bytes) -> Probe:
     shifted = 0
     if decoder.runs and not isinstance(error, LimitError):
         reg = decoder.coder.reg
-        shifted = int(reg[POS]) + int(reg[UNKNOWN]) // 8 - 4
+        shifted = reg.pos + reg.unknown // 8 - 4
     return Probe(error, layers, sum(decoder.symbols.values()), used, shifted)
 
 

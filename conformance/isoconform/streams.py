@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from isocodec.entropy.range_coder import ENCODE, REGISTERS, Coder, finish, start
+from isocodec.entropy.range_coder import ENCODE, Coder, CoderRegisters, finish, start
 from isocodec.field.samples import Field
 from isocodec.format.chunks import CHECKSUM_BYTES, read_envelope
 from isocodec.format.header import Header, read_header, write_header
@@ -125,7 +125,7 @@ def sign_tube(shape: tuple[int, ...], signs: NDArray[np.bool_]) -> Tube:
 
 
 def _coder() -> Coder:
-    return Coder(np.zeros(REGISTERS, np.int64), np.zeros(1 << 16, np.uint8), *models(), rates(), no_blend())
+    return Coder(CoderRegisters(), np.zeros(1 << 16, np.uint8), *models(), rates(), no_blend())
 
 
 def _none(*_: object) -> NDArray[np.int64]:

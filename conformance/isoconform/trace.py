@@ -20,7 +20,6 @@ from isocodec.kernel.execution import SETTING
 from isocodec.layers.events import LayerComplete
 from isocodec.models import contexts
 from isocodec.stream.decoder import Decoder
-from isocodec.tube.state import VERTICES
 
 from .plain import interpreted
 
@@ -145,7 +144,7 @@ class Tracer:
             return
         if tube is not self._tube:
             self._tube, self._vertices, self._geometry = tube, 0, {}
-        count = int(tube.state.at[VERTICES])
+        count = int(tube.state.counters.vertices)
         vertex = tube.state.vertex[:count, : tube.n].tolist()
         above = tube.state.vertex[:count, 3].tolist()
         says = [f"{_place(vertex[i])} {'above' if above[i] else 'below'}" for i in range(self._vertices, count)]
@@ -175,7 +174,7 @@ class Tracer:
 
         def heard(cd: Any, p: int, bit: int) -> int:
             self._look()
-            before = int(cd.reg[range_coder.RANGE])
+            before = cd.reg.range
             bit = emit(cd, p, bit)
             if bit >= 0:
                 self._told = (int(p), before, int(bit))

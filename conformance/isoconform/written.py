@@ -9,7 +9,7 @@ from __future__ import annotations
 from contextlib import suppress
 
 from isocodec import Decoder
-from isocodec.entropy.range_coder import CODE, POS, RANGE, UNKNOWN, cut
+from isocodec.entropy.range_coder import cut
 from isocodec.errors import FormatError
 from isocodec.format.chunks import CHECKSUM_BYTES
 from isocodec.layers.events import LayerComplete
@@ -78,8 +78,8 @@ def said(file: File, program: bytes, *symbols: tuple[str, str]) -> File:
             raise ValueError(f"symbol {number} is asked for as {' '.join(asked) or 'nothing'}, not as {element}")
         before = decoder.symbols
         reg = decoder.coder.reg
-        moved = int(reg[POS]) + int(reg[UNKNOWN]) // 8 - 4
-        low, width = (value << 8 * (moved - shifts)) - int(reg[CODE]), int(reg[RANGE])
+        moved = reg.pos + reg.unknown // 8 - 4
+        low, width = (value << 8 * (moved - shifts)) - reg.code, reg.range
         shifts = moved
     run = _shortest(low, width, shifts)
     whole = file.with_chunks(*file.chunks, layers(program, run))

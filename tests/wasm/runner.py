@@ -24,7 +24,7 @@ import numpy as np
 import isocodec
 from isocodec.kernel.call import RESULTS, Entry, Kernel
 from isocodec.kernel.library import symbol
-from isocodec.kernel.types import SLOT, Array, Kind, Record
+from isocodec.kernel.types import SLOT, Array, Kind, Named, Record
 
 FAILED = -1
 SCRATCH = 1 << 16
@@ -169,6 +169,8 @@ def _arrays(kind: Kind, slot: int) -> Iterator[tuple[int, int]]:
     """Of each array in what is handed over: its first slot, and the bytes of an entry."""
     if isinstance(kind, Array):
         yield slot, np.dtype(kind.dtype).itemsize
+    elif isinstance(kind, Named):
+        yield slot, SLOT
     elif isinstance(kind, Record):
         for _, member in kind.members:
             yield from _arrays(member, slot)

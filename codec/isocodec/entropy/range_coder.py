@@ -11,14 +11,10 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..kernel import CUT, NEED, inlined, record
-from ..kernel.types import Int32Matrix, IntMatrix, IntVector, UInt8Vector
+from ..kernel.types import Int32Matrix, IntMatrix, IntVector, Registers, UInt8Vector
 
-# Registers of a coder.
-MODE, LOW, RANGE, CODE, POS, END, FINAL, UNKNOWN, LEFT, OVER = range(10)
-REGISTERS = 10
 ENCODE, DECODE = 0, 1
 ONE = 1 << 16
 """Probability one."""
@@ -31,6 +27,35 @@ BEYOND = 4
 MARGIN = 16
 """Free bytes that the encoder wants before it codes a symbol."""
 UNLIMITED = 1 << 62
+
+
+class CoderRegisters(Registers):
+    """The state of a coder.
+
+    Attributes
+    ----------
+    mode : int
+        ``ENCODE`` or ``DECODE``.
+    low, range : int
+        Encoder: where the interval begins; both: how wide it is.
+    code, unknown : int
+        Decoder: distance from the interval's start to the value of the bytes, and how many low bits of it are unknown.
+    pos, end, final : int
+        Next byte, where those that have arrived end, and whether they are all.
+    left, over : int
+        Symbols that may be coded yet, and whether a run was read too far past its end.
+    """
+
+    mode: int
+    low: int
+    range: int
+    code: int
+    unknown: int
+    pos: int
+    end: int
+    final: int
+    left: int
+    over: int
 
 
 @record
@@ -56,7 +81,7 @@ class Blend(NamedTuple):
 class Coder(NamedTuple):
     """Registers, the bytes of the run, and the adaptive models: probability of a 1 and number of updates."""
 
-    reg: IntVector
+    reg: CoderRegisters
     buf: UInt8Vector
     prob: IntVector
     seen: IntVector
@@ -64,27 +89,27 @@ class Coder(NamedTuple):
     blend: Blend
 
 
-def start(reg: NDArray[np.int64], mode: int) -> None:
+def start(reg: CoderRegisters, mode: int) -> None:
     """Set the registers for the first symbol of a run."""
-    reg[:] = 0
-    reg[MODE] = mode
-    reg[RANGE] = WORD
-    reg[LEFT] = UNLIMITED
+    reg.clear()
+    reg.mode = mode
+    reg.range = WORD
+    reg.left = UNLIMITED
     if mode == DECODE:
-        reg[UNKNOWN] = 32
+        reg.unknown = 32
 
 
 @inlined
 def _pull(cd):
     """Move bytes that have arrived since into the unknown part of the code."""
     reg = cd.reg
-    while reg[UNKNOWN] > 0:
-        if reg[POS] < reg[END]:
-            reg[CODE] += np.int64(cd.buf[np.uint64(reg[POS])]) << (reg[UNKNOWN] - 8)
-        elif reg[FINAL] == 0:
+    while reg.unknown > 0:
+        if reg.pos < reg.end:
+            reg.code += np.int64(cd.buf[np.uint64(reg.pos)]) << (reg.unknown - 8)
+        elif reg.final == 0:
             return
-        reg[POS] += 1
-        reg[UNKNOWN] -= 8
+        reg.pos += 1
+        reg.unknown -= 8
 
 
 @inlined
@@ -111,61 +136,61 @@ def emit(cd, p, bit):
     Returns NEED, with nothing changed, when the coder needs bytes (or room), and CUT at the end of a cut run.
     """
     reg = cd.reg
-    if reg[LEFT] == 0:
+    if reg.left == 0:
         return CUT
-    width = reg[RANGE]
+    width = reg.range
     bound = (width * p) >> 16
-    if reg[MODE] == ENCODE:
-        if reg[POS] + MARGIN > len(cd.buf):
+    if reg.mode == ENCODE:
+        if reg.pos + MARGIN > len(cd.buf):
             return NEED
         if bit:
             width = bound
         else:
             width -= bound
-            low = reg[LOW] + bound
+            low = reg.low + bound
             if low >= WORD:
                 low -= WORD
-                i = reg[POS] - 1
+                i = reg.pos - 1
                 while cd.buf[i] == 255:
                     cd.buf[i] = 0
                     i -= 1
                 cd.buf[i] += 1
-            reg[LOW] = low
+            reg.low = low
         while width < TOP:
-            low = reg[LOW]
-            cd.buf[np.uint64(reg[POS])] = low >> 24
-            reg[POS] += 1
-            reg[LOW] = (low & 0xFFFFFF) << 8
+            low = reg.low
+            cd.buf[np.uint64(reg.pos)] = low >> 24
+            reg.pos += 1
+            reg.low = (low & 0xFFFFFF) << 8
             width <<= 8
     else:
-        if reg[UNKNOWN] > 0:
+        if reg.unknown > 0:
             _pull(cd)
-            span = (np.int64(1) << reg[UNKNOWN]) - 1
-            most = min(reg[CODE] + span, width - 1)
-            if (reg[CODE] < bound) != (most < bound):
+            span = (np.int64(1) << reg.unknown) - 1
+            most = min(reg.code + span, width - 1)
+            if (reg.code < bound) != (most < bound):
                 return NEED
-        if reg[POS] > reg[END] + BEYOND:
-            reg[OVER] = 1
+        if reg.pos > reg.end + BEYOND:
+            reg.over = 1
             return NEED
-        if reg[CODE] < bound:
+        if reg.code < bound:
             bit = 1
             width = bound
         else:
             bit = 0
-            reg[CODE] -= bound
+            reg.code -= bound
             width -= bound
         while width < TOP:
-            reg[CODE] <<= 8
-            if reg[UNKNOWN] == 0 and reg[POS] < reg[END]:
-                reg[CODE] += np.int64(cd.buf[np.uint64(reg[POS])])
-                reg[POS] += 1
-            elif reg[UNKNOWN] == 0 and reg[FINAL]:
-                reg[POS] += 1
+            reg.code <<= 8
+            if reg.unknown == 0 and reg.pos < reg.end:
+                reg.code += np.int64(cd.buf[np.uint64(reg.pos)])
+                reg.pos += 1
+            elif reg.unknown == 0 and reg.final:
+                reg.pos += 1
             else:
-                reg[UNKNOWN] += 8
+                reg.unknown += 8
             width <<= 8
-    reg[RANGE] = width
-    reg[LEFT] -= 1
+    reg.range = width
+    reg.left -= 1
     return bit
 
 
@@ -190,7 +215,7 @@ def _carry(data: bytearray) -> bytearray:
 
 def finish(cd: Coder) -> bytes:
     """Bytes of an encoded run: the shortest ending whose value lies in the final interval (clause 6.3)."""
-    low, width, pos = int(cd.reg[LOW]), int(cd.reg[RANGE]), int(cd.reg[POS])
+    low, width, pos = cd.reg.low, cd.reg.range, cd.reg.pos
     for extra in range(5):
         unit = 1 << (32 - 8 * extra)
         value = -(-low // unit) * unit
@@ -210,11 +235,11 @@ def cut(cd: Coder) -> bytes:
     the last byte kept.
     """
     reg = cd.reg
-    known = (32 - int(reg[UNKNOWN])) // 8
-    pos, end = int(reg[POS]), int(reg[END])
+    known = (32 - reg.unknown) // 8
+    pos, end = reg.pos, reg.end
     window = pos - known  # of the 4-byte window in which CODE and RANGE are measured
     data = bytearray(cd.buf[: min(pos, end)].tobytes()).ljust(max(pos, window + 4), b"\0")
-    width, distance = int(reg[RANGE]), int(reg[CODE])
+    width, distance = reg.range, reg.code
     word = int.from_bytes(data[window : window + 4], "big")
     for keep in range(5):
         rest = word & ((1 << (32 - 8 * keep)) - 1)

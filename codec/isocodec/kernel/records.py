@@ -14,10 +14,11 @@ from numba import types
 from numba.core import cgutils
 from numba.core.datamodel import models
 from numba.core.datamodel.registry import register_default
+from numba.core.imputils import lower_setattr_generic
 from numba.core.typing.templates import AttributeTemplate
 from numba.extending import infer_getattr, lower_getattr_generic
 
-from .types import SLOT, Array, Kind, Number, Record
+from .types import SLOT, Array, Kind, Named, Number, Record
 
 _INT = ir.IntType(64)
 _ADDRESS = ir.IntType(8).as_pointer()
@@ -29,6 +30,14 @@ class RecordType(types.Type):
     def __init__(self, record: Record) -> None:
         self.record = record
         super().__init__(name=f"{record.name}#{_numbers.setdefault(record, len(_numbers))}")
+
+
+class RegistersType(types.Type):
+    """numba's type of registers: the address of the first."""
+
+    def __init__(self, named: Named) -> None:
+        self.named = named
+        super().__init__(name=f"{named.name}#registers")
 
 
 _numbers: dict[Record, int] = {}
@@ -43,9 +52,12 @@ def type_of(kind: Kind) -> types.Type:
             return {"int64": types.int64, "float64": types.float64, "bool": types.boolean}[name]
         case Array(dtype, ndim):
             return types.Array(getattr(types, "boolean" if dtype == "bool" else dtype), ndim, "C")
+        case Named():
+            return RegistersType(kind)
     return RecordType(kind)
 
 
+@register_default(RegistersType)
 @register_default(RecordType)
 class _Address(models.PrimitiveModel):
     def __init__(self, manager: Any, kind: RecordType) -> None:
@@ -58,6 +70,31 @@ class _Members(AttributeTemplate):
 
     def generic_resolve(self, value: Any, attr: str) -> Any:  # type: ignore[override]
         return next((type_of(member) for found, member in value.record.members if found == attr), None)
+
+
+@infer_getattr
+class _Registers(AttributeTemplate):
+    key = RegistersType
+
+    def generic_resolve(self, value: Any, attr: str) -> Any:  # type: ignore[override]
+        return types.int64 if attr in value.named.members else None
+
+
+def _register(builder: ir.IRBuilder, kind: RegistersType, address: ir.Value, name: str) -> ir.Value:
+    """Address of a register."""
+    place = builder.gep(address, [_INT(SLOT * kind.named.members.index(name))], inbounds=True)
+    return builder.bitcast(place, _INT.as_pointer())
+
+
+@lower_getattr_generic(RegistersType)
+def _read_register(context: Any, builder: ir.IRBuilder, kind: Any, address: ir.Value, name: str) -> ir.Value:
+    return builder.load(_register(builder, kind, address, name), align=SLOT)
+
+
+@lower_setattr_generic(RegistersType)
+def _write_register(context: Any, builder: ir.IRBuilder, signature: Any, arguments: Any, name: str) -> None:
+    address, value = arguments
+    builder.store(value, _register(builder, signature.args[0], address, name), align=SLOT)
 
 
 @lower_getattr_generic(RecordType)
@@ -84,6 +121,8 @@ def _read(context: Any, builder: ir.IRBuilder, address: ir.Value, kind: Kind) ->
     match kind:
         case Record():
             return address
+        case Named():
+            return slot(0, _ADDRESS)
         case Number("bool"):
             return builder.trunc(slot(0, _INT), ir.IntType(1))
         case Number():

@@ -121,7 +121,64 @@ class Record:
         return self.name
 
 
-Kind = Number | Array | Record
+class Registers:
+    """Integers that kernels read and change by name; a subclass annotates each with ``int``. All begin with 0.
+
+    Attributes
+    ----------
+    values : (R,) int64
+        Where they are kept: this array stays the same.
+    """
+
+    names: tuple[str, ...] = ()
+
+    def __init_subclass__(cls) -> None:
+        cls.names = tuple(cls.__annotations__)
+        for number, name in enumerate(cls.names):
+            setattr(cls, name, _register(number))
+
+    def __init__(self) -> None:
+        self.values = np.zeros(len(self.names), np.int64)
+
+    def __copy__(self) -> Registers:
+        out = type(self)()
+        out.values[:] = self.values
+        return out
+
+    def clear(self) -> None:
+        """All of them 0."""
+        self.values[:] = 0
+
+
+def _register(number: int) -> property:
+    def read(self: Registers) -> int:
+        return int(self.values[number])
+
+    def write(self: Registers, value: int) -> None:
+        self.values[number] = value
+
+    return property(read, write)
+
+
+@dataclass(frozen=True)
+class Named:
+    """A sort of registers: their address and number."""
+
+    name: str
+    members: tuple[str, ...]
+    slots = 2
+
+    def pack(self, value: Any) -> bytes:
+        """Their slots; TypeError if it is another sort."""
+        if type(value).__name__ != self.name or not isinstance(value, Registers):
+            raise TypeError(f"{type(value).__name__} instead of {self}")
+        return struct.pack("<2q", value.values.ctypes.data, len(self.members))
+
+    def __str__(self) -> str:
+        return self.name
+
+
+Kind = Number | Array | Named | Record
 
 INT, FLOAT, BOOL = Number("int64"), Number("float64"), Number("bool")
 
@@ -182,6 +239,8 @@ def kind_of(annotation: Any) -> Kind:
     """The type that an annotation stands for."""
     if annotation in _NUMBERS:
         return _NUMBERS[annotation]
+    if isinstance(annotation, type) and issubclass(annotation, Registers):
+        return Named(annotation.__name__, annotation.names)
     if get_origin(annotation) is not Annotated:
         return _record(annotation, ())
     base, *notes = get_args(annotation)

@@ -8,7 +8,7 @@ import numpy as np
 
 from isospec.container import Profile
 
-from ..entropy.range_coder import REGISTERS, Coder
+from ..entropy.range_coder import Coder, CoderRegisters
 from ..format.header import Header
 from ..format.program import Layer
 from ..limits import Budget, Limits
@@ -23,7 +23,7 @@ MOST_SHIFT = 1 << 52
 
 def leaning_coder(header: Header, lean: Tube | None, size: int) -> Coder:
     """A coder with models as at the start of a file, or as the isovalue leaned on has left them (clause 5.9.2)."""
-    registers, room = np.zeros(REGISTERS, np.int64), np.zeros(size, np.uint8)
+    registers, room = CoderRegisters(), np.zeros(size, np.uint8)
     if lean is not None:
         cd = lean.coder
         blend = cd.blend._replace(mix=cd.blend.mix.copy())

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from isospec.container import ChunkType
 from isospec.elements import BY_LAYER, ELEMENTS
 
-from ..entropy.range_coder import DECODE, END, FINAL, LEFT, POS, UNKNOWN, UNLIMITED, Coder, start
+from ..entropy.range_coder import DECODE, UNLIMITED, Coder, start
 from ..errors import FormatError, LimitError
 from ..format.chunks import Envelope
 from ..format.header import varint
@@ -131,7 +131,7 @@ class LayerReader:
     @property
     def run_symbols(self) -> int:
         """Symbols that have been decoded of the last run that was begun."""
-        return self._granted - int(self.coder.reg[LEFT])
+        return self._granted - self.coder.reg.left
 
     def symbols(self) -> NDArray[np.int64]:
         """Symbols by syntax element so far, of all isovalues."""
@@ -190,9 +190,9 @@ class LayerReader:
                 f"takes more time than {self.limits.work:,} units of work", code="limit-work", clause="11.2",
                 remedy="raise Limits.work (--limit-work) if the file is trusted",
             )  # fmt: skip
-        left = int(coder.reg[LEFT])
-        coder.reg[LEFT] = max(left, min(SLICE, room, left + self._symbols - self._granted))
-        self._granted += int(coder.reg[LEFT]) - left
+        left = coder.reg.left
+        coder.reg.left = max(left, min(SLICE, room, left + self._symbols - self._granted))
+        self._granted += coder.reg.left - left
 
     def _open_run(self, chunk: Envelope, chunk_start: int, there: int, whole: bool) -> bool:
         """Read the program of a chunk and start its run; False if more bytes are needed."""
@@ -223,7 +223,7 @@ class LayerReader:
         self._run_tube = self._tube
         reg = self._tube.coder.reg
         start(reg, DECODE)
-        reg[LEFT] = self._granted = 0
+        reg.left = self._granted = 0
         run = Run(chunk_start, self._program_start, self._run, program.layers, before, self._symbols)
         self.runs.append(run)
         if self._progress.bits is not None:
@@ -249,8 +249,8 @@ class LayerReader:
             fresh = self._data[self._run + self._run_read : there]
             coder.buf[self._run_read : count] = np.frombuffer(fresh, np.uint8)
             self._run_read = count
-        coder.reg[END] = count
-        coder.reg[FINAL] = whole
+        coder.reg.end = count
+        coder.reg.final = whole
         return coder
 
     def _completed(self, layer: Layer, chunk: Envelope) -> Event:
@@ -266,4 +266,4 @@ class LayerReader:
 
 def _shifts(coder: Coder) -> int:
     """Bytes of the run that the coder has moved past; the same however the bytes came in."""
-    return int(coder.reg[POS]) + int(coder.reg[UNKNOWN]) // 8 - 4
+    return coder.reg.pos + coder.reg.unknown // 8 - 4

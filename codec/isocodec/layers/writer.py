@@ -9,7 +9,7 @@ import numpy as np
 from isospec.container import LAYER_LIMIT, Operation
 from isospec.elements import BY_LAYER, ELEMENTS
 
-from ..entropy.range_coder import ENCODE, POS, finish, start
+from ..entropy.range_coder import ENCODE, finish, start
 from ..errors import OptionError
 from ..field.samples import Field
 from ..format.chunks import LayerRecord
@@ -123,7 +123,7 @@ class LayerWriter:
             before = tube.tally()
             self._advance(i)
             symbols = tube.tally() - before
-            used = int(tube.coder.reg[POS]) + 4
+            used = tube.coder.reg.pos + 4
             counts = {name: int(symbols[ELEMENTS.index(name)]) for name in BY_LAYER[self.layers[i].kind]}
             self.records.append(LayerRecord(used - begun, counts))
             begun = used

@@ -167,16 +167,16 @@ def _rehash(old: IntMatrix, table: IntMatrix) -> None:
 
 
 @inlined
-def full(st, room):
+def full(store, room):
     """Whether fewer than ``room`` more pages fit."""
-    used = st.head[PAGES]
-    return used + room > len(st.pages) or 2 * (used + room) > len(st.table)
+    used = store.head[PAGES]
+    return used + room > len(store.pages) or 2 * (used + room) > len(store.table)
 
 
 @inlined
-def _page(st, x, y, z):
+def _page(store, x, y, z):
     """Number of the page of (x, y, z), or, if there is none, -1 less the place in the table where it belongs."""
-    head = st.head
+    head = store.head
     x >>= head[SHIFT]
     y >>= head[SHIFT + 1]
     z >>= head[SHIFT + 2]
@@ -185,7 +185,7 @@ def _page(st, x, y, z):
     way = RECENT + 2 * ((x & 3) | (y & 3) << 2 | (z & 3) << 4)
     if key == head[np.uint64(way)]:
         return head[np.uint64(way + 1)]
-    table = st.table
+    table = store.table
     h = _hash(key, len(table))
     while table[np.uint64(h), 0] != key:
         if table[np.uint64(h), 0] < 0:
@@ -197,60 +197,60 @@ def _page(st, x, y, z):
 
 
 @inlined
-def page_or_first(st, x, y, z):
+def page_or_first(store, x, y, z):
     """Number of the page of (x, y, z), or 0 if there is none."""
-    return max(_page(st, x, y, z), 0)
+    return max(_page(store, x, y, z), 0)
 
 
 @inlined
-def wipe(st):
+def wipe(store):
     """Forget all entries but the first page's."""
-    st.pages[: st.head[PAGES]] = 0
-    st.table[:] = -1
-    st.head[RECENT:] = -1
-    st.head[PAGES] = 1
+    store.pages[: store.head[PAGES]] = 0
+    store.table[:] = -1
+    store.head[RECENT:] = -1
+    store.head[PAGES] = 1
 
 
 @inlined
-def _cell(st, x, y, z):
-    a, b, c = st.head[SHIFT], st.head[SHIFT + 1], st.head[SHIFT + 2]
+def _cell(store, x, y, z):
+    a, b, c = store.head[SHIFT], store.head[SHIFT + 1], store.head[SHIFT + 2]
     return (((x & ((1 << a) - 1)) << b | (y & ((1 << b) - 1))) << c) | (z & ((1 << c) - 1))
 
 
 @inlined
-def get(st, x, y, z):
+def get(store, x, y, z):
     """Entry at (x, y, z); 0 if never set."""
-    page = _page(st, x, y, z)
+    page = _page(store, x, y, z)
     if page < 0:
         return np.int64(0)
-    return np.int64(st.pages[np.uint64(page), np.uint64(_cell(st, x, y, z))])
+    return np.int64(store.pages[np.uint64(page), np.uint64(_cell(store, x, y, z))])
 
 
 @inlined
-def page_with(st, x, y, z, g):
+def page_with(store, x, y, z, g):
     """Page and cell of (x, y, z) if the page has all within ``g`` along each axis, else -1."""
-    a, b, c = st.head[SHIFT], st.head[SHIFT + 1], st.head[SHIFT + 2]
+    a, b, c = store.head[SHIFT], store.head[SHIFT + 1], store.head[SHIFT + 2]
     if (x - g) >> a != (x + g) >> a or (y - g) >> b != (y + g) >> b or (c > 0 and (z - g) >> c != (z + g) >> c):
         return np.int64(-1), np.int64(0)
-    return np.int64(_page(st, x, y, z)), _cell(st, x, y, z)
+    return np.int64(_page(store, x, y, z)), _cell(store, x, y, z)
 
 
 @inlined
-def spot(st, x, y, z):
+def spot(store, x, y, z):
     """Page and cell of (x, y, z), to be read and set; the caller has made sure of room for a page."""
-    page = _page(st, x, y, z)
+    page = _page(store, x, y, z)
     if page < 0:
         h = -1 - page
-        page = st.head[PAGES]
-        entry = st.table[np.uint64(h)]
-        entry[0] = x >> st.head[SHIFT] | (y >> st.head[SHIFT + 1]) << _Y | (z >> st.head[SHIFT + 2]) << _Z
+        page = store.head[PAGES]
+        entry = store.table[np.uint64(h)]
+        entry[0] = x >> store.head[SHIFT] | (y >> store.head[SHIFT + 1]) << _Y | (z >> store.head[SHIFT + 2]) << _Z
         entry[1] = page
-        st.head[PAGES] = page + 1
-    return page, _cell(st, x, y, z)
+        store.head[PAGES] = page + 1
+    return page, _cell(store, x, y, z)
 
 
 @inlined
-def put(st, x, y, z, value):
+def put(store, x, y, z, value):
     """Set the entry at (x, y, z); the caller has made sure of room for a page."""
-    page, cell = spot(st, x, y, z)
-    st.pages[np.uint64(page), np.uint64(cell)] = value
+    page, cell = spot(store, x, y, z)
+    store.pages[np.uint64(page), np.uint64(cell)] = value

@@ -10,8 +10,7 @@ from ..entropy.mixer import clear, see
 from ..kernel import inlined
 from ..mesh.access import dimension, neighbour, vertex
 from ..mesh.grid import edge_of, position
-from ..tube.state import EARLY, SCRATCH, TRAIL, corner_entry, entry
-from ..tube.walk import FRESH, HISTORY
+from ..tube.state import corner_entry, entry
 from . import contexts as ctx
 from .layout import BASE_ROW
 from .parabola import MOST, nearer
@@ -42,7 +41,7 @@ def see_behind(st, cd, level, cls, b0, b1, b2, opp, guess, case, other):
     if other >= 0:
         see(cd, first + 16 + (other == guess))
     first += 18 + 2 * count * frame
-    p = st.walk[SCRATCH : SCRATCH + 12]
+    p = st.scratch[:12]
     x, y, z = position(edge, b0, b1, b2, vertex(st.grid.tables, r, cls, opp))
     k = 0
     for j in range(n + 1):
@@ -118,7 +117,7 @@ def curve_context(st, level, cls, b0, b1, opp):
     a0, a1 = edge_sum(st, level, cls, b0, b1, opp, i)
     c0, c1 = edge_sum(st, level, cls, b0, b1, opp, j)
     unit = st.grid.exponent - level // 2
-    case = nearer(st.walk, TRAIL, st.walk[HISTORY], unit, g0, g1, a0, a1, c0, c1)
+    case = nearer(st.trail, st.base.points, unit, g0, g1, a0, a1, c0, c1)
     # the curve leaves through the edge between the new vertex and the gate's vertex of the other sign
     through = i if case < 0 else j
     zero = np.int64(0)
@@ -129,8 +128,8 @@ def curve_context(st, level, cls, b0, b1, opp):
 @inlined
 def turn_back(st):
     """The second branch of a component starts from the first one's points in reverse (spec clause 7.3)."""
-    count = min(st.walk[FRESH], MOST)
+    count = min(st.base.early_points, MOST)
     for i in range(count):
-        st.walk[TRAIL + 2 * i] = st.walk[EARLY + 2 * (count - 1 - i)]
-        st.walk[TRAIL + 2 * i + 1] = st.walk[EARLY + 2 * (count - 1 - i) + 1]
-    st.walk[HISTORY] = count
+        st.trail[2 * i] = st.early[2 * (count - 1 - i)]
+        st.trail[2 * i + 1] = st.early[2 * (count - 1 - i) + 1]
+    st.base.points = count

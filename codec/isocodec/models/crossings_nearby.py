@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from ..kernel import kernel, record
 from ..kernel.types import IntMatrix, IntVector
-from ..tube.state import VERTICES, State
+from ..tube.state import State
 from .offsets import UNIT
 
 HOPS = 4
@@ -56,7 +56,7 @@ def beside_leaves(
     length: NDArray[np.int64], n: int,
 ) -> Beside:  # fmt: skip
     """Of the edges of leaves; ``rows`` are the crossed edges of all leaves as they come."""
-    count = int(st.at[VERTICES])
+    count = int(st.counters.vertices)
     near = np.zeros((count, 2), np.int64)
     told = np.flatnonzero(parts > 1)
     for end, way in ((0, place[told]), (1, UNIT - place[told])):
@@ -68,7 +68,7 @@ def beside_leaves(
 
 def _leaving(st: State, edges: NDArray[np.int64], n: int) -> NDArray[np.int64]:
     """Which of the edges leaves a vertex upwards along an axis."""
-    index = np.full((int(st.at[VERTICES]), n), -1, np.int64)
+    index = np.full((int(st.counters.vertices), n), -1, np.int64)
     _enter_straight(st, edges, index)
     return index
 

@@ -11,7 +11,7 @@ from ..kernel import inlined, inner
 from ..kernel.flat import flat
 from ..mesh.access import dimension
 from ..mesh.store import PAGES, full, page_or_first, put, wipe
-from ..tube.state import BOARD_EDGE, BOARDED, EDGE, LEVEL, SCRATCH, VERTICES, WINDOW, entry
+from ..tube.state import entry
 from .layout import AROUND, AROUND_SUM, AROUND_SUMS, GROUP, PATTERNS
 
 _FAR = {2: 10, 3: 6}
@@ -60,7 +60,7 @@ _SUMS_2, _SUMS_3 = AROUND_SUMS[2], AROUND_SUMS[3]
 _PATTERN = np.arange(PATTERNS)
 _SWAPPED = sum((3 - _PATTERN // 3**i % 3) % 3 * 3**i for i in range(GROUP))
 _MIRROR = np.array([_SWAPPED, _PATTERN])
-_PAGES = WINDOW + 2
+_PAGES = 2
 _MARGIN = 32
 """Of the board, in units of g: whole pages, and more than windows reach."""
 
@@ -82,22 +82,22 @@ def survey(st):
     The board shows the lattice of the present level in units of g, ``_MARGIN`` beyond the box: 0 where nothing is
     known, else 1 + the sign.
     """
-    at = st.at
-    if at[BOARDED] == at[VERTICES] and at[BOARD_EDGE] == at[EDGE]:
+    counters = st.counters
+    if counters.boarded == counters.vertices and counters.board_edge == counters.edge:
         return True
-    if at[BOARD_EDGE] != at[EDGE]:
+    if counters.board_edge != counters.edge:
         wipe(st.board)
-        st.walk[WINDOW] = 0
-        at[BOARD_EDGE], at[BOARDED] = at[EDGE], 0
+        st.window[0] = 0
+        counters.board_edge, counters.boarded = counters.edge, 0
     plane = dimension(st.grid.tables) == 2
     reach = _REACH_2 if plane else _REACH_3
     # of g, which is half the edge
-    size = st.grid.exponent - at[LEVEL] // dimension(st.grid.tables) - 1
-    while at[BOARDED] < at[VERTICES]:
+    size = st.grid.exponent - counters.level // dimension(st.grid.tables) - 1
+    while counters.boarded < counters.vertices:
         # a vertex and its images reach over two pages along each axis
         if full(st.board, 8):
             return False
-        x, y, z, sign = st.vertex[at[BOARDED]]
+        x, y, z, sign = st.vertex[counters.boarded]
         x0, x1 = _images(np.int64(x), st.grid.last0, size, reach)
         y0, y1 = _images(np.int64(y), st.grid.last1, size, reach)
         z0, z1 = _images(np.int64(z), st.grid.last2, size, reach)
@@ -107,7 +107,7 @@ def survey(st):
             for j in range(y0, y1 + 1):
                 for k in range(z0, z1 + 1):
                     put(st.board, _MARGIN + i, _MARGIN + j, k if plane else _MARGIN + k, 1 + sign)
-        at[BOARDED] += 1
+        counters.boarded += 1
     return True
 
 
@@ -175,12 +175,12 @@ def _window(st, q0, q1, q2):
 
     Middles that follow one another are near one another: mostly the pages are those of the middle before.
     """
-    board, w = st.board, st.walk
+    board, window = st.board, st.window
     corner = (q0 << 40 | q1 << 20 | q2) + 1
-    if w[WINDOW] == corner and w[WINDOW + 1] == board.head[PAGES]:
+    if window[0] == corner and window[1] == board.head[PAGES]:
         return
-    w[WINDOW], w[WINDOW + 1] = corner, board.head[PAGES]
-    near = w[_PAGES : _PAGES + 8]
+    window[0], window[1] = corner, board.head[PAGES]
+    near = window[_PAGES : _PAGES + 8]
     plane = dimension(st.grid.tables) == 2
     edge = 5 if plane else 4
     for i in range(4 if plane else 8):
@@ -195,18 +195,18 @@ def see_around(st, cd, r, w0, w1, w2):
 
     That is the sign of the end of the subdivision edge at multiples of 4 g. The board has been surveyed.
     """
-    here = anchor(st, st.at[EDGE], w0, w1, w2)
+    here = anchor(st, st.counters.edge, w0, w1, w2)
     board, row = st.board, cd.blend.row
-    near = st.walk[_PAGES : _PAGES + 8]
+    near = st.window[_PAGES : _PAGES + 8]
     p0, p1, p2 = w0 + _MARGIN, w1 + _MARGIN, w2 + _MARGIN
     if dimension(st.grid.tables) == 2:
-        places = st.walk[SCRATCH : SCRATCH + _COUNT_2]
+        places = st.scratch[:_COUNT_2]
         q0, q1 = (p0 - _REACH_2) >> 5, (p1 - _REACH_2) >> 5
         _window(st, q0, q1, np.int64(0))
         table = _PLANE_AT[np.uint64((w0 & 3) | (w1 & 3) << 2)]
         _places_2(near, table, (p0 - (q0 << 5)) << 6 | (p1 - (q1 << 5)), places)
     else:
-        places = st.walk[SCRATCH : SCRATCH + _COUNT_3]
+        places = st.scratch[:_COUNT_3]
         q0, q1, q2 = (p0 - _REACH_3) >> 4, (p1 - _REACH_3) >> 4, (p2 - _REACH_3) >> 4
         _window(st, q0, q1, q2)
         table = _SPACE_AT[np.uint64((w0 & 3) | (w1 & 3) << 2 | (w2 & 3) << 4)]

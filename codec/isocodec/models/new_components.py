@@ -13,7 +13,7 @@ from ..entropy.range_coder import code
 from ..kernel import DONE, GROW, inlined, inner
 from ..mesh.access import dimension
 from ..mesh.store import full, get, spot
-from ..tube.state import BIRTHS, COUNTED, COUNTED_SIZE, COUNTING, EDGE, LEVEL, SIDE, SIGNIFICANCE, TALLY, VERTICES
+from ..tube.state import SIGNIFICANCE
 from .layout import BIRTH_CLASSES, CELL_CLASSES, CELL_SUM, CELL_SUMS, TREE_KIND, TREE_NET, TREE_ROW
 from .magnitude import bits
 
@@ -23,11 +23,11 @@ def code_significance(st, cd, what, shift, x, y, z, hits, child, nearness, conte
     """Code one symbol of the tree; as ``code``."""
     if mixing(cd):
         see_crowd(st, cd, what, shift, x, y, z, hits, child, nearness)
-        bit = blended(cd, TREE_NET, False, TREE_KIND + what + 3 * (st.at[SIDE] != 0), context, want)
+        bit = blended(cd, TREE_NET, False, TREE_KIND + what + 3 * (st.counters.side != 0), context, want)
     else:
         bit = code(cd, context, want)
     if bit >= 0:
-        st.at[TALLY + SIGNIFICANCE] += 1
+        st.tally[SIGNIFICANCE] += 1
     return bit
 
 
@@ -70,26 +70,26 @@ def add_birth(st, x, y, z):
 @inner
 def census(st):
     """Count the vertices that have become known since the last time, size by size: neighbours share pages."""
-    at = st.at
-    while at[COUNTED_SIZE] <= st.grid.exponent:
-        size = at[COUNTED_SIZE]
-        while at[COUNTING] < at[VERTICES]:
+    counters = st.counters
+    while counters.counted_size <= st.grid.exponent:
+        size = counters.counted_size
+        while counters.counting < counters.vertices:
             if full(st.crowd, 1):
                 return GROW
-            x, y, z, _ = st.vertex[at[COUNTING]]
+            x, y, z, _ = st.vertex[counters.counting]
             _count(st, size, np.int64(x), np.int64(y), np.int64(z), False)
-            at[COUNTING] += 1
-        at[COUNTING] = at[COUNTED]
-        at[COUNTED_SIZE] += 1
-    at[COUNTED_SIZE] = 0
-    at[COUNTED] = at[COUNTING] = at[VERTICES]
+            counters.counting += 1
+        counters.counting = counters.counted
+        counters.counted_size += 1
+    counters.counted_size = 0
+    counters.counted = counters.counting = counters.vertices
     return DONE
 
 
 @inlined
 def rarity(st):
     """Class, 0 to 12, of how many vertices there are for one new component."""
-    return min(max(bits((st.at[VERTICES] + 1) // (st.at[BIRTHS] + 1)) - 1, 0), 12)
+    return min(max(bits((st.counters.vertices + 1) // (st.counters.births + 1)) - 1, 0), 12)
 
 
 @inlined
@@ -124,7 +124,7 @@ def see_crowd(st, cd, what, shift, x, y, z, hits, child, nearness):
     ``child`` is its number among its siblings, or ``ROOT``.
     """
     n = dimension(st.grid.tables)
-    r = st.at[LEVEL] % n
+    r = st.counters.level % n
     first = _FIRST_2 if n == 2 else _FIRST_3
     clear(cd)
     see(cd, first + (8 if what == SLOT else min(shift, 7)) * 3 + r)
@@ -132,7 +132,7 @@ def see_crowd(st, cd, what, shift, x, y, z, hits, child, nearness):
         see(cd, first + 27 + min(hits, 2) * 8 + child)
     see(cd, first + 51 + (5 if what == NODE else nearness))
     see(cd, first + 81 + rarity(st))
-    size = shift + bits(st.at[EDGE]) - 1
+    size = shift + bits(st.counters.edge) - 1
     if size > st.grid.exponent:
         return
     x += _place(st, size)

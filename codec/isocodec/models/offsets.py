@@ -18,16 +18,15 @@ from .magnitude import CLASSES, FINE, NONE, ROUGH, bits, mean, row_of
 
 UNIT = 4096
 """Positions on an edge and between edges are counted in parts of this."""
-CANDIDATES = 16
-"""First of the candidates in State.walk, two numbers each: the place, and how well it is known."""
 MEAN, PLANE, VERTEX, CHAIN, RECENT = 0, 1, 9, 10, 14
-"""The candidates: the mean of all planes', then for each plane four; off the full grid what the ends' other edges say,
-then, for curves, four along the chain of crossings; the last different places told."""
+"""In ``State.candidates``, two numbers each, the place and how well it is known: the mean of all planes', then for each
+plane four; off the full grid what the ends' other edges say, then, for curves, four along the chain of crossings; the
+last different places told."""
 LINE, BEFORE, BEHIND, CUBIC = range(4)
 _RECENT = 4
-_POINTS = 96
-"""First of the crossings next to the edge in State.walk, three numbers each: distance from the edge, place along it,
-how well it is known. Two on either side."""
+_POINTS = 64
+"""First of the crossings next to the edge, behind the candidates, three numbers each: distance from the edge, place
+along it, how well it is known. Two on either side."""
 _STEEP = UNIT // 8
 """Where crossings lie less apart than this, their line is not extended."""
 _GRID_2, _GRID_3 = OFFSET_ROW[2], OFFSET_ROW[3]
@@ -54,7 +53,7 @@ def _follow(st, index, places, parts, length, low, high, x, y, z, a, b, edge, wa
 
     ``low`` and ``high`` are the store entries of the edge's ends.
     """
-    w = st.walk
+    w = st.candidates
     w[out + 2] = NONE
     w[out + 5] = NONE
     # the lower end of the edge reached, whether it runs along b, and where the curve leaves it to
@@ -95,8 +94,8 @@ def _follow(st, index, places, parts, length, low, high, x, y, z, a, b, edge, wa
 
 @inlined
 def _set(w, candidate, place, known):
-    w[CANDIDATES + 2 * candidate] = min(max(place, -UNIT), 2 * UNIT)
-    w[CANDIDATES + 2 * candidate + 1] = known
+    w[2 * candidate] = min(max(place, -UNIT), 2 * UNIT)
+    w[2 * candidate + 1] = known
 
 
 @inlined
@@ -111,7 +110,7 @@ def _extended(w, at, candidate):
 @inlined
 def _cubic(w, c):
     """The cubic through four crossings, as far as lines through two of them tell it."""
-    o = CANDIDATES + 2 * c
+    o = 2 * c
     known = min(w[o + 1], w[o + 3], w[o + 5])
     if known != NONE:
         _set(w, c + CUBIC, (4 * w[o] + w[o + 2] + w[o + 4]) // 6, known)
@@ -141,7 +140,7 @@ def _meet(st, places, parts, edges, length, i, e, f, candidate):
         return
     place = (p0 * d1 - p1 * d0) * UNIT // across
     rough = parts[e] == 1 or parts[f] == 1
-    _set(st.walk, candidate, place, np.int64(ROUGH if rough else FINE))
+    _set(st.candidates, candidate, place, np.int64(ROUGH if rough else FINE))
 
 
 @inlined
@@ -159,7 +158,7 @@ def _span(st, u, v):
 def find_candidates(st, beside, edges, parts, length, i):
     """Leave the candidates for an edge; off the full grid, along how many axes its ends differ, else 0."""
     for c in range(RECENT):
-        st.walk[CANDIDATES + 2 * c + 1] = NONE
+        st.candidates[2 * c + 1] = NONE
     span, axis = _span(st, edges[i, 0], edges[i, 1])
     if len(beside.grid) > 0 and span == 1:
         _find_on_grid(st, beside.grid, beside.place, parts, length, edges[i, 0], edges[i, 1], axis, length[i])
@@ -172,7 +171,7 @@ def find_candidates(st, beside, edges, parts, length, i):
 @inlined
 def _find_off_grid(st, beside, edges, parts, length, i):
     """What the ends of an edge of leaves say, and the chain of crossings."""
-    w, chain, near = st.walk, beside.chain, beside.near
+    w, chain, near = st.candidates, beside.chain, beside.near
     u, v = edges[i, 0], edges[i, 1]
     if near[u, 1] > 0 and near[v, 1] > 0:
         a, b = near[u, 0] // near[u, 1], near[v, 0] // near[v, 1]
@@ -205,7 +204,7 @@ def count_near(beside, edges, parts, length, i, sign):
 @inlined
 def _find_on_grid(st, index, places, parts, length, u, v, a, edge):
     """Candidates of all planes and their mean for the edge of this length from vertex u along axis a to v."""
-    w = st.walk
+    w = st.candidates
     lower, upper = st.vertex[np.uint64(u)], st.vertex[np.uint64(v)]
     x, y, z = np.int64(lower[0]), np.int64(lower[1]), np.int64(lower[2])
     low, high = 2 * (u + 1) + lower[3], 2 * (v + 1) + upper[3]
@@ -224,7 +223,7 @@ def _find_on_grid(st, index, places, parts, length, u, v, a, edge):
         if known != NONE and span > 0:
             _set(w, c + LINE, (w[one + 1] * w[two] + w[two + 1] * w[one]) // span, known)
         _cubic(w, c)
-        o = CANDIDATES + 2 * c
+        o = 2 * c
         line, before, behind = w[o + 1], w[o + 3], w[o + 5]
         # the best that the plane has
         if w[o + 7] != NONE:
@@ -242,9 +241,9 @@ def _find_on_grid(st, index, places, parts, length, u, v, a, edge):
 @inlined
 def remember(st, place, rising):
     """The crossing just told is a candidate for the next ones: it comes first in the list of recent places."""
-    w = st.walk
+    w = st.candidates
     place = place if rising else UNIT - place
-    o = CANDIDATES + 2 * RECENT
+    o = 2 * RECENT
     i = 0
     while i + 1 < _RECENT and w[o + 2 * i + 1] != NONE and w[o + 2 * i] != place:
         i += 1
@@ -262,12 +261,12 @@ def recent_sides(st, low, high, split, radix, number, parts, rising):
 
     The first counts three times. Parts are counted from the end that is below.
     """
-    w = st.walk
+    w = st.candidates
     if not rising:
         number = parts - 1 - number
     sides = np.int64(0)
     for k in range(2):
-        o = CANDIDATES + 2 * (RECENT + k)
+        o = 2 * (RECENT + k)
         part = (w[o] * parts * radix // UNIT) - number * radix
         side = 0 if w[o + 1] == NONE or part < low or part >= high else 1 if part < split else 2
         sides = 3 * sides + side
@@ -286,16 +285,16 @@ def see_along(st, cd, low, high, split, radix, number, parts, rising, span, near
     first = (_GRID_2 if plane else _GRID_3) + (OFFSET_ROWS if span > 0 else 0)
     # candidates that such an edge may have, before the recent ones
     begin, lead = (VERTEX, RECENT - VERTEX) if plane and span > 0 else (0, VERTEX + (span > 0))
-    w = st.walk
+    w = st.candidates
     clear(cd)
     if not rising:
         number = parts - 1 - number
     bound = (number * radix + split) * UNIT // (parts * radix)
     for slot in range(lead + _RECENT):
         c = begin + slot if slot < lead else RECENT + slot - lead
-        known = w[np.uint64(CANDIDATES + 2 * c + 1)]
+        known = w[np.uint64(2 * c + 1)]
         if known != NONE:
-            place = w[np.uint64(CANDIDATES + 2 * c)]
+            place = w[np.uint64(2 * c)]
             if not rising and c < RECENT:
                 place = UNIT - place
             off = place - bound

@@ -15,7 +15,7 @@ from ..kernel import inlined, kernel
 from ..kernel.types import Int32Matrix, Int32Vector, IntMatrix, IntVector
 from ..mesh.access import dimension
 from ..mesh.store import get
-from ..tube.state import SCRATCH, State
+from ..tube.state import State
 from .layout import VALUE_ROW, VALUE_SLOTS
 from .magnitude import CLASSES, FINE, ROUGH, bits, mean, row_of
 
@@ -98,7 +98,7 @@ def see_nearby(st, cd, near, told, i, number, v, p):
         same, other, same_count, other_count = np.int64(0), np.int64(0), np.int64(0), np.int64(0)
         same_lack, other_lack = np.int64(0), np.int64(0)
         around = near[np.uint64(i)]
-        next_to = st.walk[SCRATCH : SCRATCH + 4 * n]
+        next_to = st.scratch[: 4 * n]
         for a in range(n):
             slot = AXES + 3 * a
             x, x_lack = _told(told, way, around[np.uint64(4 * a)])

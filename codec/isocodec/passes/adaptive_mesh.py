@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..entropy.range_coder import ENCODE, MODE
+from ..entropy.range_coder import ENCODE
 from ..kernel import GROW, inlined, inner
 from ..mesh.access import dimension, vertex
 from ..mesh.access import kind as kind_of
@@ -15,8 +15,7 @@ from ..mesh.simplex import middle_at, newest
 from ..mesh.store import full, get, put
 from ..mesh.vertex_set import IN, OUT, has
 from ..models.mesh_questions import ask
-from ..tube.state import FINEST, LEVEL_SYMBOL, ROOM, STEP_VERTICES, TALLY, TOLD, UNIFORM, WORK
-from ..tube.walk import BEFORE
+from ..tube.state import LEVEL_SYMBOL, STEP_VERTICES
 from .bisection import look
 
 BARRED = -16
@@ -63,9 +62,9 @@ def closure(st, level, x, y, z, free):
         if i == parents:
             parents = count
         x, y, z, level = st.path[i, 0], st.path[i, 1], st.path[i, 2], st.path[i, 3]
-        st.at[WORK] += ANCESTOR * (i > 0)
+        st.counters.work += ANCESTOR * (i > 0)
         i += 1
-        if level - 1 < st.at[UNIFORM]:
+        if level - 1 < st.counters.uniform:
             continue
         edge = edge_of(st.grid, level)
         w0, w1, w2 = lattice(st.grid, level, x, y, z)
@@ -94,7 +93,7 @@ def closure(st, level, x, y, z, free):
 def short(st, count):
     """Whether the store of the mesh lacks room for ``count`` vertices and the rest of the step; it is asked for."""
     if full(st.mesh, count + STEP_VERTICES):
-        st.at[ROOM] = max(st.at[ROOM], count + STEP_VERTICES)
+        st.counters.room = max(st.counters.room, count + STEP_VERTICES)
         return True
     return False
 
@@ -110,16 +109,16 @@ def admit(st, count):
 @inlined
 def told(st, level, x, y, z):
     """Whether a middle is in the mesh, as far as a base has told: 1, 0, or -1 for not yet."""
-    if level < st.at[UNIFORM]:
+    if level < st.counters.uniform:
         return 1
-    if level >= st.at[FINEST]:
+    if level >= st.counters.finest:
         return 0
     state = get(st.mesh, x, y, z)
     if state & IN:
         return 1
-    if state & OUT or st.at[TOLD]:
+    if state & OUT or st.counters.told:
         return 0
-    if level - 1 < st.at[UNIFORM]:
+    if level - 1 < st.counters.uniform:
         return -1
     n = dimension(st.grid.tables)
     t = st.grid.tables
@@ -148,15 +147,15 @@ def tell(st, cd, what, level, x, y, z, context):
     if count != BARRED and short(st, count):
         return np.int64(GROW)
     want = np.int64(0)
-    if cd.reg[MODE] == ENCODE:
+    if cd.reg.mode == ENCODE:
         want = np.int64(has(st.chosen, x, y, z))
     bit = np.int64(0)
     if count != BARRED:
-        bit = ask(st, cd, what, st.walk[BEFORE], level, x, y, z, context, want)
+        bit = ask(st, cd, what, st.base.before, level, x, y, z, context, want)
         if bit < 0:
             return bit
-        st.at[TALLY + LEVEL_SYMBOL] += 1
-        st.walk[BEFORE] = (st.walk[BEFORE] << 1 & 2) | bit
+        st.tally[LEVEL_SYMBOL] += 1
+        st.base.before = (st.base.before << 1 & 2) | bit
     if bit:
         admit(st, count)
     else:
@@ -169,12 +168,12 @@ def settle(st, level, cls, b0, b1, b2):
     """Mark what a leaf says of the mesh: its newest vertex is in it, its middle is not. 0, GROW or BARRED."""
     n = dimension(st.grid.tables)
     x, y, z = middle_at(st.grid, level, cls, b0, b1, b2)
-    if level < st.at[FINEST]:
+    if level < st.counters.finest:
         state = get(st.mesh, x, y, z)
         if state & IN:
             return np.int64(BARRED)
         put(st.mesh, x, y, z, state | OUT)
-    if level - 1 < st.at[UNIFORM]:
+    if level - 1 < st.counters.uniform:
         return np.int64(0)
     x, y, z = position(
         edge_of(st.grid, level), b0, b1, b2, vertex(st.grid.tables, level % n, cls, newest(n, level % n))

@@ -1,7 +1,7 @@
 """Bases: localisation, first signs, depth-first traversal through gates (spec clauses 5.3 and 5.8).
 
-Rows C2-localise, C2-uniform-base, C2-adaptive-base, S3-dfs. The pass is a small machine over ``State.walk``; every step
-codes at most one symbol and changes nothing before the symbol is there, so that it can stop and resume at any of them.
+Rows C2-localise, C2-uniform-base, C2-adaptive-base, S3-dfs. The pass is a small machine over its registers; every
+step codes at most one symbol and changes nothing before the symbol is there, so that it can stop and resume at any.
 A uniform base is an adaptive one that has nothing to tell about levels.
 """
 
@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..entropy.mixer import blended, mixing
-from ..entropy.range_coder import ENCODE, MODE, Coder, adapt, code
+from ..entropy.range_coder import ENCODE, Coder, adapt, code
 from ..kernel import BAD, DONE, GROW, inlined, inner, kernel
 from ..kernel.types import Int32Matrix, IntVector
 from ..mesh.access import dimension, roots, vertex
@@ -28,21 +28,12 @@ from ..tube.inference import implied
 from ..tube.state import (
     BASE_SIGN,
     COMPONENT,
-    EARLY,
-    ERROR,
-    FINEST,
     GATE,
-    LEAVES,
     LOCATION,
     ORIGIN,
     PREDICTED,
     PREDICTED_RIGHT,
-    SEEDED,
     STEP_VERTICES,
-    TALLY,
-    TOLD,
-    TRAIL,
-    UNIFORM,
     State,
     corner_entry,
     corner_truth,
@@ -50,26 +41,6 @@ from ..tube.state import (
     entry,
     learn,
     tired,
-)
-from ..tube.walk import (
-    B0,
-    B1,
-    B2,
-    BEFORE,
-    BRANCH,
-    CLASS,
-    CORNER,
-    DEPTH,
-    FRESH,
-    GATES,
-    HISTORY,
-    ITEM,
-    LAST_ROOT,
-    PATH,
-    PHASE,
-    RESOLVED,
-    SEED,
-    TIGHT,
 )
 from .adaptive_mesh import BARRED, settle, tell
 from .traversal import push_gates, resolve, visit, visited
@@ -89,7 +60,7 @@ def _corner_learn(st, level, cls, b0, b1, b2, j, sign):
 def _trouble(st, status):
     """What the pass returns when a question about the mesh was not answered."""
     if status == BARRED:
-        st.at[ERROR] = 6
+        st.counters.error = 6
         return BAD
     return status
 
@@ -107,8 +78,8 @@ def _implied_corner(st, level, cls, b0, b1, b2, j):
 def _seed(st, cd, mark, seeds):
     """Go on with the leaves of an earlier isovalue as first simplices (S3-close-by, spec clause 5.9.4)."""
     n = dimension(st.grid.tables)
-    w = st.walk
-    i = w[SEED]
+    walk = st.base
+    i = walk.seed
     level, cls = np.int64(seeds[i, 4]), np.int64(seeds[i, 0])
     b0, b1, b2 = np.int64(seeds[i, 1]), np.int64(seeds[i, 2]), np.int64(seeds[i, 3])
     edge, r = edge_of(st.grid, level), level % n
@@ -124,20 +95,20 @@ def _seed(st, cd, mark, seeds):
         bit, other = _implied_corner(st, level, cls, b0, b1, b2, corner)
         if bit < 0:
             bit = np.int64(0)
-            if cd.reg[MODE] == ENCODE:
+            if cd.reg.mode == ENCODE:
                 bit = corner_truth(st, edge, r, cls, b0, b1, b2, corner)
-            bit = code(cd, ctx.SEED + (max(other, 0) * 4 + before) * 2 + w[BEFORE], bit)
+            bit = code(cd, ctx.SEED + (max(other, 0) * 4 + before) * 2 + walk.before, bit)
             if bit < 0:
                 return bit
-            st.at[TALLY + BASE_SIGN] += 1
-            w[BEFORE] = bit
+            st.tally[BASE_SIGN] += 1
+            walk.before = bit
         _corner_learn(st, level, cls, b0, b1, b2, corner, bit)
         return np.int64(0)
-    w[SEED] = i + 1
+    walk.seed = i + 1
     if before == 3 and not visited(st, mark, level, cls, b0, b1, b2):
-        w[DEPTH], w[CLASS], w[B0], w[B1], w[B2] = level, cls, b0, b1, b2
-        w[CORNER] = n + 1
-        w[PHASE] = _SIGNS
+        walk.depth, walk.cls, walk.b0, walk.b1, walk.b2 = level, cls, b0, b1, b2
+        walk.corner = n + 1
+        walk.phase = _SIGNS
     return np.int64(0)
 
 
@@ -148,19 +119,19 @@ def base(st: State, cd: Coder, mark: Store, order: IntVector, seeds: Int32Matrix
     ``order`` are the encoder's leaves (``seek.mixed_leaves``), ``seeds`` the leaves of the isovalue that it leans on.
     """
     n = dimension(st.grid.tables)
-    w = st.walk
-    encoding = cd.reg[MODE] == ENCODE
-    adaptive = st.at[UNIFORM] != st.at[FINEST]
-    settled = st.at[TOLD] != 0
+    walk = st.base
+    encoding = cd.reg.mode == ENCODE
+    adaptive = st.counters.uniform != st.counters.finest
+    settled = st.counters.told != 0
     while True:
-        if crowded(st) or full(mark, STEP_VERTICES) or (w[GATES] + n + 1) * GATE > len(st.stack):
+        if crowded(st) or full(mark, STEP_VERTICES) or (walk.gates + n + 1) * GATE > len(st.stack):
             return GROW
         if tired(st):
             return BAD
-        phase = w[PHASE]
+        phase = walk.phase
 
         if phase == _ORIGIN:
-            if st.at[SEEDED] and w[SEED] < len(seeds):
+            if st.counters.seeded and walk.seed < len(seeds):
                 status = _seed(st, cd, mark, seeds)
                 if status < 0:
                     return _trouble(st, status)
@@ -172,55 +143,55 @@ def base(st: State, cd: Coder, mark: Store, order: IntVector, seeds: Int32Matrix
                     bit = code(cd, ctx.ORIGIN + other + 1, np.int64(encoding and st.truth[0, 0, 0]))
                     if bit < 0:
                         return bit
-                    st.at[TALLY + ORIGIN] += 1
+                    st.tally[ORIGIN] += 1
                 learn(st, zero, zero, zero, bit)
-            w[PHASE] = _COMPONENT
+            walk.phase = _COMPONENT
 
         elif phase == _COMPONENT:
             if encoding:
-                while w[ITEM] < len(order):
-                    level, cls, b0, b1, b2 = descend(st.grid, order[w[ITEM]])
+                while walk.item < len(order):
+                    level, cls, b0, b1, b2 = descend(st.grid, order[walk.item])
                     if not visited(st, mark, level, cls, b0, b1, b2):
                         break
-                    w[ITEM] += 1
-            bit = code(cd, ctx.COMPONENT, np.int64(w[ITEM] < len(order)))
+                    walk.item += 1
+            bit = code(cd, ctx.COMPONENT, np.int64(walk.item < len(order)))
             if bit < 0:
                 return bit
-            st.at[TALLY + COMPONENT] += 1
+            st.tally[COMPONENT] += 1
             if bit == 0:
                 return DONE
-            w[PHASE] = _ROOT
-            w[CORNER] = max(w[LAST_ROOT], 0)
-            w[TIGHT] = 1
+            walk.phase = _ROOT
+            walk.corner = max(walk.last_root, 0)
+            walk.tight = 1
 
         elif phase == _ROOT:
             # one symbol for each root from the last component's on: is it here?
-            root = w[CORNER]
+            root = walk.corner
             bit = np.int64(1)
             if root < roots(st.grid.tables) - 1:
                 here = np.int64(0)
                 if encoding:
-                    here = np.int64(unpacked(order[w[ITEM]])[0] == root)
+                    here = np.int64(unpacked(order[walk.item])[0] == root)
                 bit = code(cd, ctx.ROOT, here)
                 if bit < 0:
                     return bit
-                st.at[TALLY + LOCATION] += 1
+                st.tally[LOCATION] += 1
             if bit:
-                if root != w[LAST_ROOT]:
-                    w[TIGHT] = 0
-                w[LAST_ROOT] = root
-                w[CLASS] = root_class(st.grid.tables, root)
-                w[B0] = 0
-                w[B1] = 0
-                w[B2] = 0
-                w[DEPTH] = 0
-                w[PHASE] = _LOCATE
+                if root != walk.last_root:
+                    walk.tight = 0
+                walk.last_root = root
+                walk.cls = root_class(st.grid.tables, root)
+                walk.b0 = 0
+                walk.b1 = 0
+                walk.b2 = 0
+                walk.depth = 0
+                walk.phase = _LOCATE
             else:
-                w[CORNER] += 1
+                walk.corner += 1
 
         elif phase == _LOCATE:
-            depth = w[DEPTH]
-            cls, b0, b1, b2 = w[CLASS], w[B0], w[B1], w[B2]
+            depth = walk.depth
+            cls, b0, b1, b2 = walk.cls, walk.b0, walk.b1, walk.b2
             x, y, z = middle_at(st.grid, depth, cls, b0, b1, b2)
             split = tell(st, cd, ON_PATH, depth, x, y, z, ctx.LEVEL_PATH + depth)
             if split < 0:
@@ -229,39 +200,39 @@ def base(st: State, cd: Coder, mark: Store, order: IntVector, seeds: Int32Matrix
                 if not exists(st.grid, edge_of(st.grid, depth), depth % n, cls, b0, b1, b2) or visited(
                     st, mark, depth, cls, b0, b1, b2
                 ):
-                    st.at[ERROR] = 1
+                    st.counters.error = 1
                     return BAD
-                w[CORNER] = 0
-                w[PHASE] = _SIGNS
+                walk.corner = 0
+                walk.phase = _SIGNS
                 continue
             side = np.int64(0)
-            k0, l0, l1, l2, left = child_of(st.grid, depth, w[CLASS], w[B0], w[B1], w[B2], side + 0)
-            k1, r0, r1, r2, right = child_of(st.grid, depth, w[CLASS], w[B0], w[B1], w[B2], side + 1)
+            k0, l0, l1, l2, left = child_of(st.grid, depth, walk.cls, walk.b0, walk.b1, walk.b2, side + 0)
+            k1, r0, r1, r2, right = child_of(st.grid, depth, walk.cls, walk.b0, walk.b1, walk.b2, side + 1)
             # ascending order: along the last path nothing is left of it
             bit = np.int64(1)
             if not right:
                 bit = np.int64(0)
-            elif left and not (w[TIGHT] and w[PATH + depth]):
+            elif left and not (walk.tight and st.turns[depth]):
                 want = np.int64(0)
                 if encoding:
-                    _, deep, path = unpacked(order[w[ITEM]])
+                    _, deep, path = unpacked(order[walk.item])
                     want = (path >> (deep - 1 - depth)) & 1
-                bit = code(cd, ctx.PATH + w[TIGHT], want)
+                bit = code(cd, ctx.PATH + walk.tight, want)
                 if bit < 0:
                     return bit
-                st.at[TALLY + LOCATION] += 1
-            if w[TIGHT] and bit != w[PATH + depth]:
-                w[TIGHT] = 0
-            w[PATH + depth] = bit
-            w[CLASS] = k1 if bit else k0
-            w[B0] = r0 if bit else l0
-            w[B1] = r1 if bit else l1
-            w[B2] = r2 if bit else l2
-            w[DEPTH] = depth + 1
+                st.tally[LOCATION] += 1
+            if walk.tight and bit != st.turns[depth]:
+                walk.tight = 0
+            st.turns[depth] = bit
+            walk.cls = k1 if bit else k0
+            walk.b0 = r0 if bit else l0
+            walk.b1 = r1 if bit else l1
+            walk.b2 = r2 if bit else l2
+            walk.depth = depth + 1
 
         elif phase == _SIGNS:
-            j = w[CORNER]
-            level, cls, b0, b1, b2 = w[DEPTH], w[CLASS], w[B0], w[B1], w[B2]
+            j = walk.corner
+            level, cls, b0, b1, b2 = walk.depth, walk.cls, walk.b0, walk.b1, walk.b2
             r = level % n
             edge = edge_of(st.grid, level)
             if j <= n:
@@ -285,53 +256,53 @@ def base(st: State, cd: Coder, mark: Store, order: IntVector, seeds: Int32Matrix
                             bit = code(cd, ctx.FIRST + 8 * (other + 1) + 4 * (j > 0) + before, bit)
                             if bit < 0:
                                 return bit
-                            st.at[TALLY + BASE_SIGN] += 1
+                            st.tally[BASE_SIGN] += 1
                         _corner_learn(st, level, cls, b0, b1, b2, j, bit)
-                w[CORNER] = j + 1
+                walk.corner = j + 1
                 continue
             signs = 0
             for i in range(n + 1):
                 signs |= 1 << (corner_entry(st, edge, r, cls, b0, b1, b2, i) & 1)
             if signs != 3:
-                st.at[ERROR] = 3
+                st.counters.error = 3
                 return BAD
             visit(st, mark, level, cls, b0, b1, b2)
             push_gates(st, mark, level, cls, b0, b1, b2)
-            w[HISTORY] = 0
-            w[FRESH] = 0
-            w[BRANCH] = st.at[LEAVES] - 1
-            w[PHASE] = _TRAVERSE
+            walk.points = 0
+            walk.early_points = 0
+            walk.branch = st.counters.leaves - 1
+            walk.phase = _TRAVERSE
 
         else:
-            if w[GATES] == 0:
-                w[PHASE] = _ORIGIN
+            if walk.gates == 0:
+                walk.phase = _ORIGIN
                 continue
-            g = (w[GATES] - 1) * GATE
+            g = (walk.gates - 1) * GATE
             level, cls, b0, b1, b2 = st.stack[g + 6], st.stack[g], st.stack[g + 1], st.stack[g + 2], st.stack[g + 3]
             opp, left_from = st.stack[g + 4], st.stack[g + 5]
             if adaptive:
                 status = resolve(st, cd, level, cls, b0, b1, b2, opp)
                 if status < 0:
                     return _trouble(st, status)
-                level, cls, opp = w[RESOLVED], w[RESOLVED + 1], w[RESOLVED + 5]
-                b0, b1, b2 = w[RESOLVED + 2], w[RESOLVED + 3], w[RESOLVED + 4]
+                level, cls, opp = walk.behind_level, walk.behind_cls, walk.behind_opposite
+                b0, b1, b2 = walk.behind_b0, walk.behind_b1, walk.behind_b2
             if visited(st, mark, level, cls, b0, b1, b2):
-                w[GATES] -= 1
+                walk.gates -= 1
                 continue
             r = level % n
             edge = edge_of(st.grid, level)
             if adaptive:
                 if not exists(st.grid, edge, r, cls, b0, b1, b2):
-                    w[GATES] -= 1
+                    walk.gates -= 1
                     continue
                 status = np.int64(0) if settled else settle(st, level, cls, b0, b1, b2)
                 if status < 0:
                     return _trouble(st, status)
             e = corner_entry(st, edge, r, cls, b0, b1, b2, opp)
             if n == 2:
-                if left_from == w[BRANCH] and left_from != st.at[LEAVES] - 1:
+                if left_from == walk.branch and left_from != st.counters.leaves - 1:
                     turn_back(st)
-                    w[BRANCH] = -1
+                    walk.branch = -1
                 guess, context = curve_context(st, level, cls, b0, b1, opp)
             else:
                 guess, context = surface_context(st, level, cls, b0, b1, b2, opp)
@@ -351,9 +322,9 @@ def base(st: State, cd: Coder, mark: Store, order: IntVector, seeds: Int32Matrix
                         bit = code(cd, context, right_guess)
                     if bit < 0:
                         return bit
-                    st.at[TALLY + BASE_SIGN] += 1
-                    st.at[TALLY + PREDICTED] += 1
-                    st.at[TALLY + PREDICTED_RIGHT] += bit
+                    st.tally[BASE_SIGN] += 1
+                    st.tally[PREDICTED] += 1
+                    st.tally[PREDICTED_RIGHT] += bit
                     sign = guess if bit else 1 - guess
                 _corner_learn(st, level, cls, b0, b1, b2, opp, sign)
             else:
@@ -361,14 +332,14 @@ def base(st: State, cd: Coder, mark: Store, order: IntVector, seeds: Int32Matrix
             if n == 2:
                 i = 1 if opp == 0 else 0
                 g0, g1 = edge_sum(st, level, cls, b0, b1, i, 3 - opp - i)
-                slot = w[HISTORY] % MOST
-                w[TRAIL + 2 * slot] = g0
-                w[TRAIL + 2 * slot + 1] = g1
-                w[HISTORY] += 1
-                if w[FRESH] < MOST and w[BRANCH] >= 0:
-                    w[EARLY + 2 * w[FRESH]] = g0
-                    w[EARLY + 2 * w[FRESH] + 1] = g1
-                    w[FRESH] += 1
-            w[GATES] -= 1
+                slot = walk.points % MOST
+                st.trail[2 * slot] = g0
+                st.trail[2 * slot + 1] = g1
+                walk.points += 1
+                if walk.early_points < MOST and walk.branch >= 0:
+                    st.early[2 * walk.early_points] = g0
+                    st.early[2 * walk.early_points + 1] = g1
+                    walk.early_points += 1
+            walk.gates -= 1
             visit(st, mark, level, cls, b0, b1, b2)
             push_gates(st, mark, level, cls, b0, b1, b2)

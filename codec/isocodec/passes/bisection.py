@@ -13,7 +13,7 @@ from ..mesh.grid import position
 from ..mesh.simplex import exists
 from ..mesh.store import page_with
 from ..tube.leaf_list import push_children
-from ..tube.state import EDGE, entry, learn
+from ..tube.state import entry, learn
 
 
 @inner
@@ -52,7 +52,7 @@ def _corners_learn(st, kind, b0, b1, b2, whole, known, above, bits):
     i = np.int64(0)
     while fresh:
         if fresh & 1:
-            x, y, z = position(st.at[EDGE], b0, b1, b2, corner(st.grid.tables, kind, i))
+            x, y, z = position(st.counters.edge, b0, b1, b2, corner(st.grid.tables, kind, i))
             if whole or entry(st, x, y, z) == 0:
                 learn(st, x, y, z, (above >> i) & 1)
         fresh >>= 1
@@ -66,7 +66,7 @@ def bisect_member(st, r, kind, m, w0, w1, w2, whole, known, above):
 
     ``above`` holds the signs of all corners and the middle, inferred ones included.
     """
-    edge = st.at[EDGE]
+    edge = st.counters.edge
     t = st.grid.tables
     b0, b1, b2 = w0 >> 2, w1 >> 2, w2 >> 2
     children = np.int64(0)
@@ -87,7 +87,7 @@ def bisect_member(st, r, kind, m, w0, w1, w2, whole, known, above):
 @inlined
 def bisect(st, r, kind, w0, w1, w2, whole, members, known, above, sign):
     """Add the middle with its sign, and append the mixed children of all members, in order."""
-    edge = st.at[EDGE]
+    edge = st.counters.edge
     learn(st, (w0 * edge) >> 1, (w1 * edge) >> 1, (w2 * edge) >> 1, sign)
     middle = np.int64(1) << corner_count(st.grid.tables, kind)
     known |= middle

@@ -15,7 +15,7 @@ from ..models.offsets import place_of
 from ..models.values import nearby_samples
 from ..tube.capacity import NOTHING
 from ..tube.leaf_vertices import drawn, drawn_bytes
-from ..tube.state import BITS, MESHES, VERTICES, State
+from ..tube.state import State
 from ..tube.truth import Truth
 from . import carriers, offsets, values
 
@@ -111,20 +111,20 @@ class Estimates:
 
     def leaves(self, st: State) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
         """Vertex numbers of the leaves of a mesh that is settled (``Tube.settled``), and their levels."""
-        if st.at[MESHES] != self._leaves_mesh:
+        if st.counters.meshes != self._leaves_mesh:
             self._hold(drawn_bytes(st, 1))
             self._leaves = drawn(st, 1)
-            self._leaves_mesh = int(st.at[MESHES])
+            self._leaves_mesh = int(st.counters.meshes)
             self._hold(0)
         return self._leaves
 
     def _activate(self, st: State, full: bool) -> None:
         """Find the vertices that geometry by values refines now, and the encoder's numbers for them."""
-        count = int(st.at[VERTICES])
+        count = int(st.counters.vertices)
         active = np.empty(count, np.int64)
         used = carriers.active_vertices(st, self.leaves(st)[0], np.zeros(count, np.uint8), full, active)
         self._active = active[:used].copy()
-        self._active_mesh = int(st.at[MESHES])
+        self._active_mesh = int(st.counters.meshes)
         self._near = np.zeros((0, 0), np.int32)
         self._wanted = np.zeros(count if self.truth else 0, np.int64)
         if self.truth:
@@ -141,10 +141,10 @@ class Estimates:
 
     def begin_values(self, st: State, full: bool, plane: int) -> None:
         """Begin a layer of geometry by values, down to ``plane`` missing bits."""
-        count = int(st.at[VERTICES])
+        count = int(st.counters.vertices)
         old = len(self.number)
         self._hold((_VALUES_TAKEN if self._lean else _VALUES) * count)
-        if st.at[MESHES] != self._active_mesh:
+        if st.counters.meshes != self._active_mesh:
             self._activate(st, full)
         self._full = full
         if count > old:
@@ -156,7 +156,7 @@ class Estimates:
             # what offsets said of the crossings, values say better
             self.edges, self.parts, self.offset = np.zeros((0, 2), np.int64), NOTHING, NOTHING
         self.has_values = True
-        st.at[BITS : BITS + 2] = self.bits[::-1]
+        st.value_bits[:] = self.bits[::-1]
         self._plane = plane
         self._hold(0)
 
@@ -193,7 +193,7 @@ class Estimates:
     def begin_offsets(self, st: State, full: bool, parts: int, unit: int) -> None:
         """Begin a layer of offsets, to at least ``parts`` parts in ``2**unit`` samples of an edge."""
         self._pitch = (parts, unit)
-        if st.at[MESHES] != self._edges_mesh:
+        if st.counters.meshes != self._edges_mesh:
             self._list_edges(st, full)
         self._slack = np.zeros(len(self._target), np.int64)
         if self.slack:
@@ -209,7 +209,7 @@ class Estimates:
 
     def _list_edges(self, st: State, full: bool) -> None:
         """Make the list of edges that carry offsets anew; those that stay keep theirs."""
-        count = int(st.at[VERTICES])
+        count = int(st.counters.vertices)
         if full:
             leaves = self.leaves(st)[0]
             self._hold((16 * self.n + 1) * count)
@@ -230,7 +230,7 @@ class Estimates:
             same = old[there] == keys
             parts[same], offset[same] = self.parts[there[same]], self.offset[there[same]]
         self.edges, self.parts, self.offset = edges, parts, offset
-        self._edges_mesh = int(st.at[MESHES])
+        self._edges_mesh = int(st.counters.meshes)
         self._rising = st.vertex[edges[:, 1], 3] != 0
         if full:
             self._length = np.ones(len(edges), np.int64)
@@ -258,7 +258,7 @@ class Estimates:
         ends = np.empty((2, len(self.edges)), np.int64)
         for i in (0, 1):
             carriers.entries(other, st.vertex[self.edges[:, i], :3].astype(np.int64), ends[i])
-        count = int(other.at[VERTICES])
+        count = int(other.counters.vertices)
         wanted = np.where((ends >= 0).all(axis=0) & (self._length == 1), count * ends[0] + ends[1], -1)
         keys = earlier.edges @ (count, 1)
         order = np.argsort(keys)
@@ -275,14 +275,14 @@ class Estimates:
 
     def _leaf_edges(self, st: State, rows: NDArray[np.int64]) -> NDArray[np.int64]:
         """Each at its first occurrence, but for those that follow from others."""
-        _, first = np.unique(rows @ (int(st.at[VERTICES]), 1), return_index=True)
+        _, first = np.unique(rows @ (int(st.counters.vertices), 1), return_index=True)
         edges = rows[np.sort(first)]
         numbers, levels = self.leaves(st)
-        position = st.vertex[: st.at[VERTICES], : self.n].astype(np.int64)
+        position = st.vertex[: st.counters.vertices, : self.n].astype(np.int64)
         rank = np.ravel_multi_index(tuple(position.T), self.shape)
-        above = st.vertex[: st.at[VERTICES], 3] != 0
+        above = st.vertex[: st.counters.vertices, 3] != 0
         implied = [i.edges for i in implied_edges(rank, position, above, numbers, levels)]
         if implied:
-            weights = (int(st.at[VERTICES]), 1)
+            weights = (int(st.counters.vertices), 1)
             edges = edges[~np.isin(edges @ weights, np.concatenate(implied) @ weights)]
         return edges

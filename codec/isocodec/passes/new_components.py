@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..entropy.mixer import mixing
-from ..entropy.range_coder import ENCODE, MODE, Coder, code
+from ..entropy.range_coder import ENCODE, Coder, code
 from ..kernel import BAD, DONE, GROW, inlined, inner, kernel
 from ..kernel.types import IntVector
 from ..mesh.access import corner, dimension
@@ -23,16 +23,8 @@ from ..models import contexts as ctx
 from ..models.new_components import CUBE, NODE, ROOT, SLOT, add_birth, census, code_significance
 from ..tube.inference import implied, infer
 from ..tube.state import (
-    ADAPTED,
-    ASKS,
-    BIRTHS,
-    EDGE,
-    ERROR,
-    LEVEL,
     OUT_OF_STEPS,
-    SIDE,
     SIGNIFICANCE,
-    TALLY,
     State,
     crowded,
     entry,
@@ -42,9 +34,6 @@ from ..tube.state import (
 from .adaptive_mesh import BARRED, admit, closure, short
 from .bisection import bisect, look
 
-# Registers in State.walk: stack frames in use, next item of the encoder's list, whether the root was coded, whether the
-# slot before the next one is being added.
-FRAMES, ITEM, STARTED, ADDING = range(4)
 FRAME = 7
 """A frame: height, cube at that height, Morton number, next child, number of significant children."""
 SLOT_BITS = 2
@@ -54,17 +43,17 @@ SLOT_BITS = 2
 def candidate(st, r, w0, w1, w2):
     """Nearness (plus one) if the decoder cannot rule out a new component at w, else 0 (spec clause 5.5.1)."""
     kind = kind_of(st.grid.tables, r, w0, w1, w2)
-    edge = st.at[EDGE]
+    edge = st.counters.edge
     x, y, z = (w0 * edge) >> 1, (w1 * edge) >> 1, (w2 * edge) >> 1
     if entry(st, x, y, z) != 0:
         return 0
-    level = st.at[LEVEL]
+    level = st.counters.level
     inside, members, corners, known, above = look(st, edge, r, kind, w0, w1, w2)
     if members == 0 or (above != 0 and above != known):
         return 0
     if not inside and coincident(st.grid, edge, kind, corners, w0, w1, w2):
         return 0
-    meshed = st.at[ASKS] or st.mesh.head[PAGES] > 0
+    meshed = st.counters.asks or st.mesh.head[PAGES] > 0
     if meshed and (get(st.mesh, x, y, z) & IN or closure(st, level, x, y, z, np.int64(0)) == BARRED):
         return 0
     count = 0
@@ -73,7 +62,7 @@ def candidate(st, r, w0, w1, w2):
         count += bits & 1
         bits >>= 1
     near = 0 if count == 0 else (1 if count <= 2 else 2)
-    if known != 0 and st.at[SIDE] != 0:
+    if known != 0 and st.counters.side != 0:
         # what an earlier isovalue says of it
         sign, other = implied(st, x, y, z)
         here = np.int64(above != 0)
@@ -86,11 +75,11 @@ def candidate(st, r, w0, w1, w2):
 
 @inlined
 def _push_frame(st, h, x, y, z, number):
-    o = st.walk[FRAMES] * FRAME
+    o = st.tree.frames * FRAME
     frame = st.stack[o : o + FRAME]
     frame[0], frame[1], frame[2], frame[3], frame[4] = h, x, y, z, number
     frame[5] = frame[6] = 0
-    st.walk[FRAMES] += 1
+    st.tree.frames += 1
 
 
 @inlined
@@ -103,7 +92,7 @@ def _wanted(items, i, number, shift):
 def _add(st, cd, x, y, z, slot):
     """Add the new component of a slot, with all its diamond (spec clause 5.5.4); negative: no effect yet."""
     n = dimension(st.grid.tables)
-    level, edge = st.at[LEVEL], st.at[EDGE]
+    level, edge = st.counters.level, st.counters.edge
     r = level % n
     w0, w1, w2 = middle_of(n, r, x, y, z, slot)
     kind = kind_of(st.grid.tables, r, w0, w1, w2)
@@ -118,22 +107,22 @@ def _add(st, cd, x, y, z, slot):
         u0, u1, u2 = position(edge, w0 >> 2, w1 >> 2, w2 >> 2, corner(st.grid.tables, kind, i))
         sign = infer(st, u0, u1, u2)
         if sign < 0:
-            st.at[ERROR] = OUT_OF_STEPS
+            st.counters.error = OUT_OF_STEPS
             return BAD
-        if st.at[ADAPTED]:
+        if st.counters.adapted:
             turned = np.int64(0)
-            if cd.reg[MODE] == ENCODE:
+            if cd.reg.mode == ENCODE:
                 turned = np.int64(sign == truth(st, m0, m1, m2))
             turned = code(cd, ctx.TURNED, turned)
             if turned < 0:
                 return turned
-            st.at[TALLY + SIGNIFICANCE] += 1
+            st.tally[SIGNIFICANCE] += 1
             sign ^= turned
     if mixing(cd):
         u0, u1, u2 = clamped(st.grid, m0, m1, m2)
         add_birth(st, u0, u1, u2)
-        st.at[BIRTHS] += 1
-    if st.at[ASKS]:
+        st.counters.births += 1
+    if st.counters.asks:
         admit(st, closure(st, level, m0, m1, m2, np.int64(0)))
     bisect(st, r, kind, w0, w1, w2, inside, members, known, corners if sign else np.int64(0), 1 - sign)
     return DONE
@@ -146,15 +135,15 @@ def significance(st: State, cd: Coder, items: IntVector) -> int:
     ``items`` is the encoder's sorted list (``find``), empty for the decoder.
     """
     n = dimension(st.grid.tables)
-    r = st.at[LEVEL] % n
-    edge = st.at[EDGE]
-    w = st.walk
-    encoding = cd.reg[MODE] == ENCODE
+    r = st.counters.level % n
+    edge = st.counters.edge
+    walk = st.tree
+    encoding = cd.reg.mode == ENCODE
     fan = 1 << n
     per_cube = slots(n, r)
-    cubes0, cubes1, cubes2 = cubes(st.grid, st.at[LEVEL])
+    cubes0, cubes1, cubes2 = cubes(st.grid, st.counters.level)
     zero = np.int64(0)
-    if w[STARTED] == 0:
+    if walk.started == 0:
         if mixing(cd) and census(st) == GROW:
             return GROW
         h = np.int64(height(max(cubes0, cubes1, cubes2)))
@@ -162,26 +151,26 @@ def significance(st: State, cd: Coder, items: IntVector) -> int:
         bit = code_significance(st, cd, NODE, h, zero, zero, zero, zero, ROOT, zero, ctx.SIGNIFICANT + h * 3, want)
         if bit < 0:
             return bit
-        w[STARTED] = 1
+        walk.started = 1
         if bit:
             _push_frame(st, h, zero, zero, zero, zero)
-    while w[FRAMES] > 0:
+    while walk.frames > 0:
         if crowded(st):
             return GROW
         if tired(st):
             return BAD
-        o = (w[FRAMES] - 1) * FRAME
+        o = (walk.frames - 1) * FRAME
         frame = st.stack[o : o + FRAME]
         h, c0, c1, c2 = frame[0], frame[1], frame[2], frame[3]
         number, child, hits = frame[4], frame[5], frame[6]
-        if w[ADDING]:
+        if walk.adding:
             status = _add(st, cd, c0, c1, c2, child - 1)
             if status < 0:
                 return status
-            w[ADDING] = 0
+            walk.adding = 0
             continue
         if child == (fan if h > 0 else per_cube):
-            w[FRAMES] -= 1
+            walk.frames -= 1
             continue
 
         # the next child: a node or cube of a node, or a slot of a cube
@@ -217,10 +206,10 @@ def significance(st: State, cd: Coder, items: IntVector) -> int:
                 frame[5] = child + 1
                 continue
             near -= 1
-        if what == SLOT and st.at[ASKS]:
+        if what == SLOT and st.counters.asks:
             w0, w1, w2 = middle_of(n, r, c0, c1, c2, child)
             x, y, z = (w0 * edge) >> 1, (w1 * edge) >> 1, (w2 * edge) >> 1
-            if short(st, closure(st, st.at[LEVEL], x, y, z, zero)):
+            if short(st, closure(st, st.counters.level, x, y, z, zero)):
                 return GROW
 
         number = number << (SLOT_BITS if what == SLOT else n) | child
@@ -231,7 +220,7 @@ def significance(st: State, cd: Coder, items: IntVector) -> int:
             else:
                 context = ctx.SIGNIFICANT_LEAF + ((1 + r if what == SLOT else 0) * ctx.NEARNESS + near) * 3
             below = zero if what == SLOT else SLOT_BITS + n * shift
-            want = _wanted(items, w[ITEM], number, below) if encoding else zero
+            want = _wanted(items, walk.item, number, below) if encoding else zero
             bit = code_significance(st, cd, what, shift, c0, c1, c2, hits, child, near, context + min(hits, 2), want)
             if bit < 0:
                 return bit
@@ -240,11 +229,11 @@ def significance(st: State, cd: Coder, items: IntVector) -> int:
             continue
         frame[6] = hits + 1
         if what == SLOT:
-            w[ITEM] += 1
-            w[ADDING] = 1
+            walk.item += 1
+            walk.adding = 1
         else:
             _push_frame(st, shift, c0, c1, c2, number)
-    if encoding and w[ITEM] != len(items):
-        st.at[ERROR] = 4
+    if encoding and walk.item != len(items):
+        st.counters.error = 4
         return BAD
     return DONE

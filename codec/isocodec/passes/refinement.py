@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..entropy.mixer import blended, mixing
-from ..entropy.range_coder import ENCODE, MODE, Coder, code
+from ..entropy.range_coder import ENCODE, Coder, code
 from ..kernel import BAD, DONE, GROW, inlined, kernel
 from ..mesh.access import corners as corner_count
 from ..mesh.access import dimension, member, middle
@@ -23,9 +23,6 @@ from ..models.layout import SIGN_NET
 from ..models.mesh_questions import OF_LEAF, ask
 from ..models.neighbourhood import survey
 from ..models.refinement_signs import (
-    BORDER,
-    CROSSED,
-    SPLITS,
     apart_from,
     append_point,
     half_of,
@@ -36,23 +33,13 @@ from ..models.refinement_signs import (
 from ..tube.inference import implied
 from ..tube.leaf_list import child_at, leaf_done, next_leaf, push, push_children, push_row, row_done, unpacked
 from ..tube.state import (
-    AGREED,
     AGREED_SHIFT,
     ALWAYS,
-    ASKS,
-    BEFORE_ROUND,
-    CALM,
     CONTINUE,
-    DONE_LEAVES,
-    EDGE,
-    LEAVES,
-    LEVEL,
     PREDICTED,
     PREDICTED_RIGHT,
     REFINEMENT_SIGN,
     SPLIT,
-    TALLY,
-    VERTICES,
     State,
     crowded,
     entry,
@@ -70,7 +57,7 @@ def _bisect_known(st, r, kind, w0, w1, w2, cls, b0, b1, b2, sign):
     Every mixed member of the diamond does so for itself; the first of them also bisects the members that are
     not mixed, which the curve may enter.
     """
-    inside, members, corners, known, above = look(st, st.at[EDGE], r, kind, w0, w1, w2)
+    inside, members, corners, known, above = look(st, st.counters.edge, r, kind, w0, w1, w2)
     t = st.grid.tables
     if above & 1 and above & 2:
         above |= corners & ~known
@@ -111,26 +98,26 @@ def _split(st, cd, kind, w0, w1, w2, x, y, z):
     state = get(st.mesh, x, y, z)
     if state & (IN | KEPT):
         return state
-    level = st.at[LEVEL]
+    level = st.counters.level
     count = closure(st, level, x, y, z, np.int64(0))
     bit = np.int64(0)
     if count != BARRED:
         if short(st, count):
             return np.int64(GROW)
-        w = st.walk
-        if cd.reg[MODE] == ENCODE:
+        walk = st.refinement
+        if cd.reg.mode == ENCODE:
             bit = np.int64(has(st.chosen, x, y, z))
         r = level % dimension(st.grid.tables)
-        _, _, corners, _, above = look(st, st.at[EDGE], r, kind, w0, w1, w2)
+        _, _, corners, _, above = look(st, st.counters.edge, r, kind, w0, w1, w2)
         crossed = (above & 1) != (above >> 1) & 1
         size, odd = ring(corners, above, np.int64(1))
         odd = min(odd, size - odd)
         case = (r * 2 + crossed) * 4 + min(odd, 3)
-        bit = ask(st, cd, OF_LEAF, w[SPLITS], level, x, y, z, ctx.SPLIT + case * 8 + w[SPLITS], bit)
+        bit = ask(st, cd, OF_LEAF, walk.splits, level, x, y, z, ctx.SPLIT + case * 8 + walk.splits, bit)
         if bit < 0:
             return bit
-        st.at[TALLY + SPLIT] += 1
-        w[SPLITS] = (w[SPLITS] << 1 & 7) | bit
+        st.tally[SPLIT] += 1
+        walk.splits = (walk.splits << 1 & 7) | bit
     if bit == 0:
         put(st.mesh, x, y, z, KEPT)
         return np.int64(KEPT)
@@ -143,7 +130,7 @@ def _split(st, cd, kind, w0, w1, w2, x, y, z):
 @kernel
 def pending(st: State) -> bool:
     """Encoder: whether some leaf of this level or a later one is to be bisected in an adaptive layer."""
-    for i in range(st.at[LEAVES]):
+    for i in range(st.counters.leaves):
         code, level = np.int64(st.leaf[i, 0]), np.int64(st.leaf[i, 4])
         b0, b1, b2 = np.int64(st.leaf[i, 1]), np.int64(st.leaf[i, 2]), np.int64(st.leaf[i, 3])
         if code >= 0:
@@ -163,7 +150,7 @@ def pending(st: State) -> bool:
 @inlined
 def _chosen(st, level, cls, b0, b1, b2):
     """Encoder: whether the middle of a leaf is one that this round or a later one adds."""
-    if level < st.at[LEVEL] or level >= st.grid.exponent * dimension(st.grid.tables):
+    if level < st.counters.level or level >= st.grid.exponent * dimension(st.grid.tables):
         return False
     x, y, z = middle_at(st.grid, level, cls, b0, b1, b2)
     return has(st.chosen, x, y, z)
@@ -175,8 +162,8 @@ def go_on(st: State, cd: Coder, more: int) -> int:
     bit = code(cd, ctx.CONTINUE, more)
     if bit < 0:
         return bit
-    st.at[TALLY + CONTINUE] += 1
-    st.walk[0] = bit
+    st.tally[CONTINUE] += 1
+    st.refinement.more = bit
     return DONE
 
 
@@ -184,12 +171,12 @@ def go_on(st: State, cd: Coder, more: int) -> int:
 def refine(st: State, cd: Coder) -> int:
     """Bisect the leaves from number ``DONE_LEAVES`` on, until all are done or the pass must stop."""
     n = dimension(st.grid.tables)
-    w = st.walk
-    r = st.at[LEVEL] % n
-    edge = st.at[EDGE]
-    encoding = cd.reg[MODE] == ENCODE
-    asks = st.at[ASKS] != 0
-    while st.at[DONE_LEAVES] < st.at[LEAVES]:
+    walk = st.refinement
+    r = st.counters.level % n
+    edge = st.counters.edge
+    encoding = cd.reg.mode == ENCODE
+    asks = st.counters.asks != 0
+    while st.counters.done_leaves < st.counters.leaves:
         t = st.grid.tables
         cls, b0, b1, b2, level = next_leaf(st)
         if level < 0:
@@ -197,33 +184,33 @@ def refine(st: State, cd: Coder) -> int:
         w0, w1, w2 = middle(t, r, cls, b0, b1, b2)
         x, y, z = (w0 * edge) >> 1, (w1 * edge) >> 1, (w2 * edge) >> 1
         e = np.int64(0)
-        if level == st.at[LEVEL] and not asks:
+        if level == st.counters.level and not asks:
             e = entry(st, x, y, z)
-            if e >> 1 > st.at[BEFORE_ROUND]:
+            if e >> 1 > st.counters.before_round:
                 leaf_done(st)
                 continue
         if crowded(st):
             return GROW
         if tired(st):
             return BAD
-        if level != st.at[LEVEL]:
-            push_row(st, st.at[DONE_LEAVES])
+        if level != st.counters.level:
+            push_row(st, st.counters.done_leaves)
             row_done(st)
             continue
         if mixing(cd) and not survey(st):
             return GROW
         kind = kind_of(t, r, w0, w1, w2)
-        first_known = st.at[BEFORE_ROUND]
+        first_known = st.counters.before_round
         if asks:
             state = _split(st, cd, kind, w0, w1, w2, x, y, z)
             if state < 0:
                 return state
             if state & KEPT:
-                push(st, cls, b0, b1, b2, st.at[LEVEL])
+                push(st, cls, b0, b1, b2, st.counters.level)
                 leaf_done(st)
                 continue
             # whether the middle was known is told by its mark: corners become known during the round, too
-            first_known = st.at[VERTICES] if state & KNOWN else np.int64(0)
+            first_known = st.counters.vertices if state & KNOWN else 0
             e = entry(st, x, y, z)
         if e != 0:
             if (e >> 1) - 1 < first_known:
@@ -248,14 +235,14 @@ def refine(st: State, cd: Coder) -> int:
             if said != 0:
                 said = 1 if (said == 1) == (guess != first) else 2
             odd = min(count, size - count)
-            context = ctx.REFINE_CROSSED + ((r * 10 + odd) * 3 + said) * 4 + w[CROSSED]
+            context = ctx.REFINE_CROSSED + ((r * 10 + odd) * 3 + said) * 4 + walk.crossed
             bank = np.int64(ctx.CROSSED)
         else:
             if first:
                 above |= corners & ~known
             size, count = ring(corners, above, 1 - first)
             guess = first
-            context = ctx.REFINE_BORDER + (r * 10 + count) * 4 + w[BORDER]
+            context = ctx.REFINE_BORDER + (r * 10 + count) * 4 + walk.border
             bank = np.int64(ctx.BORDER)
         sign, other = implied(st, x, y, z)
         if sign < 0:
@@ -273,18 +260,18 @@ def refine(st: State, cd: Coder) -> int:
                 bit = code(cd, context, bit)
             if bit < 0:
                 return bit
-            st.at[TALLY + REFINEMENT_SIGN] += 1
-            st.at[TALLY + PREDICTED] += 1
+            st.tally[REFINEMENT_SIGN] += 1
+            st.tally[PREDICTED] += 1
             right = bit == crossed
-            st.at[TALLY + PREDICTED_RIGHT] += right
-            st.at[CALM + crossed] += (ALWAYS * right - st.at[CALM + crossed]) >> AGREED_SHIFT
+            st.tally[PREDICTED_RIGHT] += right
+            st.calm[np.uint64(crossed)] += (ALWAYS * right - st.calm[np.uint64(crossed)]) >> AGREED_SHIFT
             sign = guess if right else 1 - guess
             if crossed:
-                w[CROSSED] = (w[CROSSED] << 1 & 2) | bit
+                walk.crossed = (walk.crossed << 1 & 2) | bit
             else:
-                w[BORDER] = (w[BORDER] << 1 & 2) | bit
+                walk.border = (walk.border << 1 & 2) | bit
             if other >= 0 and apart == 0:
-                st.at[AGREED] += (ALWAYS * (sign == other) - st.at[AGREED]) >> AGREED_SHIFT
+                st.counters.agreed += (ALWAYS * (sign == other) - st.counters.agreed) >> AGREED_SHIFT
         if crossed and n == 2:
             p0, p1 = half_of(st, kind, w0, w1, np.int64(sign == first))
             append_point(st, p0, p1)

@@ -12,9 +12,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from isospec.elements import ELEMENTS
-
-from ..entropy.range_coder import OVER, Coder
+from ..entropy.range_coder import Coder
 from ..errors import FormatError, LimitError
 from ..kernel import BAD, CUT, DONE, GROW, NEED
 from ..limits import Budget, Limits
@@ -24,29 +22,7 @@ from ..mesh.vertex_set import IN, Chosen, finest_level
 from ..tube.capacity import NOTHING, at_rest, first_state, state_bytes, wider_state
 from ..tube.leaf_list import one_by_one
 from ..tube.state import (
-    ADAPTED,
-    ASKS,
-    BASE_LEVEL,
-    BEFORE_ROUND,
-    CHILD,
-    DONE_LEAVES,
-    EDGE,
-    ERROR,
-    FINEST,
-    HELD,
-    LEAVES,
-    LEVEL,
-    MESHES,
-    MIXED,
-    NEXT,
     OUT_OF_STEPS,
-    SEEDED,
-    STEP_WORK,
-    TALLY,
-    TOLD,
-    UNIFORM,
-    VERTICES,
-    WORK,
     State,
 )
 from ..tube.truth import Truth
@@ -118,7 +94,7 @@ class Tube:
     @property
     def level(self) -> int:
         """Level up to which the mesh is uniform; -1 before a base."""
-        return int(self.state.at[UNIFORM]) if self._begun else -1
+        return int(self.state.counters.uniform) if self._begun else -1
 
     @property
     def full_level(self) -> int:
@@ -128,7 +104,7 @@ class Tube:
     @property
     def vertices(self) -> int:
         """Known vertices."""
-        return int(self.state.at[VERTICES])
+        return int(self.state.counters.vertices)
 
     @property
     def origin_above(self) -> bool | None:
@@ -139,12 +115,12 @@ class Tube:
     @property
     def simplices(self) -> int:
         """Leaves of the mesh."""
-        return int(self.state.at[HELD])
+        return int(self.state.counters.held)
 
     @property
     def steps(self) -> int:
         """Steps of inference (spec clause 11.2)."""
-        return int(self.state.at[WORK])
+        return int(self.state.counters.work)
 
     @property
     def running(self) -> str:
@@ -163,11 +139,11 @@ class Tube:
 
     @property
     def _begun(self) -> bool:
-        return bool(self.state.at[EDGE])
+        return bool(self.state.counters.edge)
 
     def tally(self) -> NDArray[np.int64]:
         """Symbols by syntax element so far, then predictions and right ones."""
-        return self.state.at[TALLY : TALLY + len(ELEMENTS) + 2].copy()
+        return self.state.tally.copy()
 
     # -- layers --------------------------------------------------------------------------------------------------
 
@@ -178,11 +154,11 @@ class Tube:
 
     def begin_base(self, level: int, adaptive: bool = False) -> None:
         """Begin a base at a uniform level, 0 to ``full_level``, or an adaptive one that has at least that level."""
-        at = self.state.at
-        at[LEVEL] = at[BASE_LEVEL] = at[UNIFORM] = level
-        at[FINEST] = self.full_level if adaptive else level
-        at[ADAPTED] = adaptive
-        at[EDGE] = 1 << (self.k - level // self.n)
+        counters = self.state.counters
+        counters.level = counters.base_level = counters.uniform = level
+        counters.finest = self.full_level if adaptive else level
+        counters.adapted = adaptive
+        counters.edge = 1 << (self.k - level // self.n)
         if self.truth:
             self._order = self.truth.mixed_leaves(self.state, self.full_level if adaptive else level)
         self._running = "base"
@@ -191,24 +167,24 @@ class Tube:
         """Begin a base on the mesh of the isovalue that this one leans on, at its leaves."""
         assert self.lean is not None
         earlier = self.lean.state
-        at = self.state.at
+        counters = self.state.counters
         mesh = size_of(earlier.mesh).bytes(earlier.mesh)
         self._hold(state_bytes(self.state, self._mark) + mesh, _SEED * self.lean.simplices)
         self.state = self.state._replace(mesh=copied(earlier.mesh, IN))
-        at[TOLD] = at[SEEDED] = 1
+        counters.told = counters.seeded = 1
         self._seeds = one_by_one(earlier)
-        self.begin_base(self.lean.level, adaptive=bool(earlier.at[ADAPTED]))
+        self.begin_base(self.lean.level, adaptive=bool(earlier.counters.adapted))
 
     def begin_round(self) -> None:
         """Begin a uniform round of refinement: all leaves of the uniform level are bisected."""
-        self.state.at[ASKS] = 0
+        self.state.counters.asks = 0
         self._births = True
         self._begin_significance()
 
     def begin_adapt(self, births: bool) -> None:
         """Begin an adaptive layer of refinement; with ``births`` new components may come in it."""
         st = self.state
-        st.at[ASKS] = st.at[ADAPTED] = 1
+        st.counters.asks = st.counters.adapted = 1
         st.mesh.pages[: st.mesh.head[PAGES]] &= IN
         self._births = births
         self._begin_question()
@@ -240,7 +216,11 @@ class Tube:
         self._running = "offsets"
 
     def _fresh(self) -> None:
-        self.state.walk[:] = 0
+        st = self.state
+        for walk in (st.refinement, st.tree, st.value, st.digit):
+            walk.clear()
+        for array in (st.trail, st.candidates, st.window):
+            array[:] = 0
         self._items = NOTHING
 
     def advance(self) -> int:
@@ -254,12 +234,12 @@ class Tube:
             ))  # fmt: skip
         while True:
             status = self._kernel()
-            at = self.state.at
+            counters = self.state.counters
             if status in (NEED, CUT):
-                at[WORK] = at[STEP_WORK]
-            at[STEP_WORK] = at[WORK]
-            number = int(at[ERROR])
-            tired = self.lean is not None and self.lean.state.at[WORK] >= self.limits.steps
+                counters.work = counters.step_work
+            counters.step_work = counters.work
+            number = int(counters.error)
+            tired = self.lean is not None and self.lean.state.counters.work >= self.limits.steps
             if tired or (status == BAD and number == OUT_OF_STEPS):
                 raise out_of_steps(self.limits)
             if status == GROW:
@@ -270,7 +250,7 @@ class Tube:
                 if self._finish():
                     return DONE
             else:
-                if status != CUT and self.coder.reg[OVER]:
+                if status != CUT and self.coder.reg.over:
                     raise FormatError("symbols go on past the end of their run", code="overrun", clause="6.3")
                 return int(status)
 
@@ -294,22 +274,22 @@ class Tube:
 
     def _more(self) -> bool:
         """Encoder: whether an adaptive layer has anything to do on this level or a finer one."""
-        at = self.state.at
-        return bool(self._births and at[LEVEL] <= self._finest) or refinement.pending(self.state)
+        counters = self.state.counters
+        return bool(self._births and counters.level <= self._finest) or refinement.pending(self.state)
 
     def _finish(self) -> bool:
         """End of a pass; False if the layer has another one."""
-        at = self.state.at
+        counters = self.state.counters
         match self._running:
             case "base":
                 self._mark = new_store(self.n)
                 self._order = NOTHING
                 self._seeds = self._seeds[:0]
-                at[TOLD] = at[SEEDED] = 0
-                at[HELD] = at[LEAVES]
+                counters.told = counters.seeded = 0
+                counters.held = counters.leaves
                 self._end_mesh()
             case "continue":
-                if self.state.walk[0]:
+                if self.state.refinement.more:
                     if self._births:
                         self._begin_significance()
                     else:
@@ -322,15 +302,15 @@ class Tube:
             case "refinement":
                 st = self.state
                 self.state = st._replace(leaf=st.below, below=st.leaf)
-                at[LEAVES] = at[NEXT]
-                at[HELD] = at[MIXED]
-                at[NEXT] = at[MIXED] = at[DONE_LEAVES] = at[CHILD] = 0
-                at[BEFORE_ROUND] = at[VERTICES]
-                self._set_level(int(at[LEVEL]) + 1)
-                if not at[ASKS]:
-                    at[UNIFORM] = at[LEVEL]
+                counters.leaves = counters.next
+                counters.held = counters.mixed
+                counters.next = counters.mixed = counters.done_leaves = counters.child = 0
+                counters.before_round = counters.vertices
+                self._set_level(int(counters.level) + 1)
+                if not counters.asks:
+                    counters.uniform = counters.level
                     self._end_mesh()
-                elif at[LEVEL] < self.full_level:
+                elif counters.level < self.full_level:
                     self._begin_question()
                     return False
                 else:
@@ -343,17 +323,17 @@ class Tube:
         self._running = "refinement"
 
     def _set_level(self, level: int) -> None:
-        self.state.at[LEVEL] = level
-        self.state.at[EDGE] = 1 << (self.k - level // self.n)
+        self.state.counters.level = level
+        self.state.counters.edge = 1 << (self.k - level // self.n)
 
     def _end_adapt(self) -> None:
-        self.state.at[ASKS] = 0
+        self.state.counters.asks = 0
         self._set_level(self.level)
         self._end_mesh()
 
     def _end_mesh(self) -> None:
-        self.state.at[BEFORE_ROUND] = self.state.at[VERTICES]
-        self.state.at[MESHES] += 1
+        self.state.counters.before_round = self.state.counters.vertices
+        self.state.counters.meshes += 1
 
     def _grow(self) -> None:
         self.state, self._mark = wider_state(

@@ -15,14 +15,13 @@ from ..mesh.tables import AXES
 from ..mesh.vertex_set import IN
 from ..tube.decoded import Decoded
 from ..tube.leaf_vertices import drawn, drawn_leaves
-from ..tube.state import VERTICES
 from .runner import Tube
 
 
 def state_of(tube: Tube) -> Decoded:
     """All that is known, in canonical order (spec annex C)."""
     st, est = tube.state, tube.estimates
-    count = int(st.at[VERTICES])
+    count = int(st.counters.vertices)
     position = st.vertex[:count, : tube.n].astype(np.int64)
     order = np.lexsort(position.T[::-1])
     missing = np.full(count, -1, np.int64)
@@ -71,7 +70,7 @@ def drawing_bytes(tube: Tube) -> int:
 def leaves_of(tube: Tube, isovalue: float, value_of: Callable[..., NDArray[np.float64]]) -> Leaves:
     """All that the drawing needs; ``value_of(number, above)`` turns numbers of steps into field values."""
     st, est = tube.state, tube.estimates
-    count = int(st.at[VERTICES])
+    count = int(st.counters.vertices)
     rows, levels = est.leaves(st) if tube.settled else drawn(st, int(tube.running != "base"))
     above = st.vertex[:count, 3] != 0
     value = None

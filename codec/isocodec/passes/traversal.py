@@ -11,8 +11,7 @@ from ..mesh.simplex import exists, middle_at, newest, parent_of
 from ..mesh.store import get, put
 from ..models import contexts as ctx
 from ..models.mesh_questions import COARSER, FINER
-from ..tube.state import GATE, LEAVES, corner_entry
-from ..tube.walk import BEFORE, GATES, RESOLVED
+from ..tube.state import GATE, corner_entry
 from .adaptive_mesh import tell
 
 _EQUAL = np.int64(-1)
@@ -33,14 +32,14 @@ def resolve(st, cd, level, cls, b0, b1, b2, opp):
     """Find the leaf behind a gate, leaving it in the registers: 0, or what ``tell`` or ``settle`` say."""
     n = dimension(st.grid.tables)
     r = level % n
-    w = st.walk
+    walk = st.base
     question = _question(n, level, opp)
     if question == FINER or (question == COARSER and level > 0):
         coarser = np.int64(question == COARSER)
         x, y, z = middle_at(st.grid, level, cls, b0, b1, b2)
         if coarser:
             x, y, z = position(edge_of(st.grid, level), b0, b1, b2, vertex(st.grid.tables, r, cls, opp))
-        bit = tell(st, cd, question, level - coarser, x, y, z, ctx.LEVEL + (r * 2 + coarser) * 4 + w[BEFORE])
+        bit = tell(st, cd, question, level - coarser, x, y, z, ctx.LEVEL + (r * 2 + coarser) * 4 + walk.before)
         if bit < 0:
             return bit
         if coarser and bit == 0:
@@ -54,12 +53,12 @@ def resolve(st, cd, level, cls, b0, b1, b2, opp):
             cls, b0, b1, b2 = q, b0 * f + d0, b1 * f + d1, b2 * f + d2
             level += 1
             opp = newest(n, level % n)
-    w[RESOLVED] = level
-    w[RESOLVED + 1] = cls
-    w[RESOLVED + 2] = b0
-    w[RESOLVED + 3] = b1
-    w[RESOLVED + 4] = b2
-    w[RESOLVED + 5] = opp
+    walk.behind_level = level
+    walk.behind_cls = cls
+    walk.behind_b0 = b0
+    walk.behind_b1 = b1
+    walk.behind_b2 = b2
+    walk.behind_opposite = opp
     return np.int64(0)
 
 
@@ -84,13 +83,13 @@ def visit(st, mark, level, cls, b0, b1, b2):
     """Mark a mixed simplex and append it to the tubular neighbourhood."""
     x, y, z, number = _cell(st, level, cls, b0, b1, b2)
     put(mark, x, y, z, get(mark, x, y, z) | (np.int64(1) << number))
-    i = st.at[LEAVES]
+    i = st.counters.leaves
     st.leaf[i, 0] = cls
     st.leaf[i, 1] = b0
     st.leaf[i, 2] = b1
     st.leaf[i, 3] = b2
     st.leaf[i, 4] = level
-    st.at[LEAVES] = i + 1
+    st.counters.leaves = i + 1
 
 
 @inner
@@ -99,7 +98,7 @@ def push_gates(st, mark, level, cls, b0, b1, b2):
     n = dimension(st.grid.tables)
     r = level % n
     edge = edge_of(st.grid, level)
-    w = st.walk
+    walk = st.base
     above = 0
     signs = 0
     for j in range(n + 1):
@@ -114,12 +113,12 @@ def push_gates(st, mark, level, cls, b0, b1, b2):
         c0, c1, c2 = b0 + d0, b1 + d1, b2 + d2
         if not exists(st.grid, edge, r, other, c0, c1, c2) or visited(st, mark, level, other, c0, c1, c2):
             continue
-        g = w[GATES] * GATE
+        g = walk.gates * GATE
         st.stack[g] = other
         st.stack[g + 1] = c0
         st.stack[g + 2] = c1
         st.stack[g + 3] = c2
         st.stack[g + 4] = opp
-        st.stack[g + 5] = st.at[LEAVES] - 1
+        st.stack[g + 5] = st.counters.leaves - 1
         st.stack[g + 6] = level
-        w[GATES] += 1
+        walk.gates += 1

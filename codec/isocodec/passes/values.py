@@ -5,17 +5,14 @@ from __future__ import annotations
 import numpy as np
 
 from ..entropy.mixer import blended, mixing
-from ..entropy.range_coder import ENCODE, MODE, Coder, code
+from ..entropy.range_coder import ENCODE, Coder, code
 from ..kernel import DONE, kernel
 from ..kernel.types import Int32Matrix, IntVector
 from ..models import contexts as ctx
 from ..models.layout import VALUE_KIND, VALUE_NET
 from ..models.magnitude import bits
 from ..models.values import UNKNOWN, packed, see_nearby
-from ..tube.state import TALLY, VALUE_BIT, State
-
-# Registers in State.walk: next item of the list, the symbol before, the place within a digit, its sign.
-ITEM, BEFORE, STEP, SIGN = range(4)
+from ..tube.state import VALUE_BIT, State
 
 
 @kernel
@@ -29,31 +26,31 @@ def values(
     that are missing, ``wanted`` the encoder's whole number (empty for the decoder). For the main profile ``near`` says
     which vertices of the list lie near each, ``told`` what is told of them (`packed`).
     """
-    w = st.walk
-    encoding = cd.reg[MODE] == ENCODE
-    while w[ITEM] < len(active):
-        v = np.uint64(active[np.uint64(w[ITEM])])
+    walk = st.value
+    encoding = cd.reg.mode == ENCODE
+    while walk.item < len(active):
+        v = np.uint64(active[np.uint64(walk.item)])
         if left[v] <= plane:
-            w[ITEM] += 1
+            walk.item += 1
             continue
         p = left[v] - 1
         bit = np.int64(0)
         if encoding:
             bit = (wanted[v] >> p) & 1
-        context = ctx.VALUE + (p * 2 + np.int64(number[v] != 0)) * 3 + w[BEFORE]
+        context = ctx.VALUE + (p * 2 + np.int64(number[v] != 0)) * 3 + walk.before
         if mixing(cd):
-            see_nearby(st, cd, near, told, w[ITEM], number, v, p)
+            see_nearby(st, cd, near, told, walk.item, number, v, p)
             bit = blended(cd, VALUE_NET, False, VALUE_KIND + min(bits(number[v]), 2), context, bit)
         else:
             bit = code(cd, context, bit)
         if bit < 0:
             return bit
-        st.at[TALLY + VALUE_BIT] += 1
-        w[BEFORE] = 1 + bit
+        st.tally[VALUE_BIT] += 1
+        walk.before = 1 + bit
         number[v] = number[v] << 1 | bit
         left[v] = p
         if len(told) > 0:
-            told[np.uint64(w[ITEM])] = packed(st, number, left, v)
+            told[np.uint64(walk.item)] = packed(st, number, left, v)
     return DONE
 
 

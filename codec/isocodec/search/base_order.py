@@ -19,7 +19,7 @@ from ..mesh.path import _ROOT_SHIFT
 from ..mesh.simplex import exists, middle_at
 from ..mesh.store import get
 from ..mesh.vertex_set import has
-from ..tube.state import FINEST, TOLD, UNIFORM, State, corner_truth
+from ..tube.state import State, corner_truth
 
 
 def build_pyramid(
@@ -101,12 +101,12 @@ def _mixed_leaf(st, level, cls, b0, b1, b2):
 @inner
 def is_split(st, level, cls, b0, b1, b2):
     """Encoder: whether the mesh goes on below a simplex."""
-    if level < st.at[UNIFORM]:
+    if level < st.counters.uniform:
         return True
-    if level >= st.at[FINEST]:
+    if level >= st.counters.finest:
         return False
     x, y, z = middle_at(st.grid, level, cls, b0, b1, b2)
-    if st.at[TOLD]:
+    if st.counters.told:
         return get(st.mesh, x, y, z) != 0
     return has(st.chosen, x, y, z)
 

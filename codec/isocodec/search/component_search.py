@@ -19,7 +19,7 @@ from ..mesh.slots import cubes, middle_of, slots
 from ..mesh.store import get
 from ..mesh.vertex_set import IN, has
 from ..passes.new_components import SLOT_BITS
-from ..tube.state import ASKS, EDGE, LEVEL, State, entry, truth
+from ..tube.state import State, entry, truth
 
 BLOCK = 3
 """Log2 of the edge of the blocks in which the encoder looks for changes of sign."""
@@ -57,7 +57,7 @@ def busy_of(signs: NDArray[np.bool_]) -> NDArray[np.bool_]:
 @inner
 def _idle(st, busy, x, y, z):
     """Whether the block of a cube, and with it the diamonds of its middles, lies off the curve."""
-    edge = st.at[EDGE]
+    edge = st.counters.edge
     if edge > 1 << BLOCK:
         return False
     x, y, z = clamped(st.grid, x * edge, y * edge, z * edge)
@@ -80,7 +80,7 @@ def _ends(w, edge, last):
 
 @inner
 def _corner_sign(st, kind, i, w0, w1, w2):
-    x, y, z = position(st.at[EDGE], w0 >> 2, w1 >> 2, w2 >> 2, corner(st.grid.tables, kind, i))
+    x, y, z = position(st.counters.edge, w0 >> 2, w1 >> 2, w2 >> 2, corner(st.grid.tables, kind, i))
     return truth(st, x, y, z)
 
 
@@ -88,10 +88,10 @@ def _corner_sign(st, kind, i, w0, w1, w2):
 def _alone(st, r, w0, w1, w2):
     """Whether a middle differs from all corners of its diamond."""
     t = st.grid.tables
-    edge = st.at[EDGE]
+    edge = st.counters.edge
     kind = kind_of(t, r, w0, w1, w2)
     x, y, z = (w0 * edge) >> 1, (w1 * edge) >> 1, (w2 * edge) >> 1
-    if (st.at[ASKS] and not has(st.chosen, x, y, z)) or entry(st, x, y, z) != 0 or get(st.mesh, x, y, z) & IN:
+    if (st.counters.asks and not has(st.chosen, x, y, z)) or entry(st, x, y, z) != 0 or get(st.mesh, x, y, z) & IN:
         return False
     s = truth(st, (w0 * edge) >> 1, (w1 * edge) >> 1, (w2 * edge) >> 1)
     corners = existing(st.grid, edge, r, kind, w0, w1, w2)[2]
@@ -108,11 +108,11 @@ def find(st: State, busy: BoolVolume, found: IntVector) -> int:
     Fills ``found`` as far as it goes and returns their number.
     """
     n = dimension(st.grid.tables)
-    r = st.at[LEVEL] % n
-    edge = st.at[EDGE]
+    r = st.counters.level % n
+    edge = st.counters.edge
     field = st.truth
     last0, last1, last2 = st.grid.last0, st.grid.last1, st.grid.last2
-    c0, c1, c2 = cubes(st.grid, st.at[LEVEL])
+    c0, c1, c2 = cubes(st.grid, st.counters.level)
     # the cubes of one block at a time
     run = max((1 << BLOCK) // edge, 1)
     zero = np.int64(0)

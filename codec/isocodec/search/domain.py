@@ -7,14 +7,14 @@ from typing import NamedTuple
 import numpy as np
 
 from ..kernel import inner, record
-from ..kernel.types import BoolVolume, Float32Volume, FloatVector, IntVector
+from ..kernel.types import BoolVolume, Float32Volume, FloatVector
 from ..mesh.access import corner
 from ..mesh.access import members as member_count
 from ..mesh.diamond import parent
 from ..mesh.grid import Grid, edge_of, position
 from ..mesh.store import put
 from ..mesh.vertex_set import Chosen, flags
-from ..tube.state import truth
+from ..tube.state import Counters, truth
 
 NEEDED, OPEN, FAILED = 2, 4, 8
 """Bits of a lattice point, beside GONE: a child is left; it may go if the curve stays near enough; it does not."""
@@ -39,7 +39,7 @@ class Domain(NamedTuple):
     """Named like the arrays of ``tube.state.State`` where kernels are shared."""
 
     grid: Grid
-    at: IntVector
+    counters: Counters
     truth: BoolVolume  # signs, three axes
     phi: Float32Volume  # value less isovalue, three axes; its sign counts nowhere
     chosen: Chosen

@@ -23,7 +23,6 @@ from ..mesh.tables import cube_exponent
 from ..mesh.vertex_set import Chosen
 from ..passes.runner import Tube
 from ..passes.snapshot import leaves_of
-from ..tube.state import WORK
 from ..tube.truth import Place
 from .distance import Target
 from .fit import AGAIN, REACHES, ROUNDS, fitted_offsets
@@ -116,14 +115,14 @@ class Promise:
     def _encoded(self, plan: Sequence[Entry]) -> tuple[int, Tube]:
         tube = self.fresh() if self.fresh else self._alone()
         # the earlier isovalue has a limit of steps, which trials do not take part in
-        steps = tube.lean.state.at[WORK] if tube.lean else 0
+        steps = tube.lean.state.counters.work if tube.lean else 0
         strand = LayerWriter(self.field, tube, plan, Progress(tube.full_level))
         total = done = 0
         while done < len(strand.layers):
             done, run = strand.encode_run(done, lambda: None)
             total += len(run)
         if tube.lean:
-            tube.lean.state.at[WORK] = steps
+            tube.lean.state.counters.work = steps
         return total, tube
 
     def _alone(self) -> Tube:

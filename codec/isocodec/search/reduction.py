@@ -19,7 +19,7 @@ from ..mesh.store import copied as copied_store
 from ..mesh.store import grown
 from ..mesh.tables import AXES, cube_exponent
 from ..mesh.vertex_set import GONE, Chosen, every_vertex, has
-from ..tube.state import COUNTERS, EDGE, LEVEL, truth
+from ..tube.state import Counters, truth
 from .component_search import BLOCK, busy_of
 from .distortion import diamonds_of, simplex_at, spread, too_far
 from .domain import FAILED, NEEDED, OPEN, ROOM, Domain, flags_of, need_parents, number_of, place_of, set_flags, signs_of
@@ -37,7 +37,7 @@ AT_ONCE = 16
 def _visit(dm, asked, doing, w0, w1, w2):
     """Decide, or commit, about one middle of the level."""
     t = dm.grid.tables
-    level, edge = dm.at[LEVEL], dm.at[EDGE]
+    level, edge = dm.counters.level, dm.counters.edge
     x, y, z = (w0 * edge) >> 1, (w1 * edge) >> 1, (w2 * edge) >> 1
     bits = flags_of(dm, x, y, z)
     if bits & GONE or (doing == _OPEN and bits & NEEDED):
@@ -69,9 +69,9 @@ def _visit(dm, asked, doing, w0, w1, w2):
 def sweep(dm: Domain, busy: BoolVolume, asked: int, doing: int) -> None:
     """Visit all middles of the level. Where the curve is nowhere near, they go at once unless finer ones need them."""
     n = dimension(dm.grid.tables)
-    r = dm.at[LEVEL] % n
-    edge = dm.at[EDGE]
-    c0, c1, c2 = cubes(dm.grid, dm.at[LEVEL])
+    r = dm.counters.level % n
+    edge = dm.counters.edge
+    c0, c1, c2 = cubes(dm.grid, dm.counters.level)
     # along the last axis, the cubes of one block at a time
     run = max((1 << BLOCK) // edge, 1)
     flags = dm.chosen.inside
@@ -107,9 +107,9 @@ def sweep(dm: Domain, busy: BoolVolume, asked: int, doing: int) -> None:
 def drop(dm: Domain) -> None:
     """Take away all middles of the level."""
     n = dimension(dm.grid.tables)
-    r = dm.at[LEVEL] % n
-    edge = dm.at[EDGE]
-    c0, c1, c2 = cubes(dm.grid, dm.at[LEVEL])
+    r = dm.counters.level % n
+    edge = dm.counters.edge
+    c0, c1, c2 = cubes(dm.grid, dm.counters.level)
     for x in range(c0):
         for slot in range(slots(n, r)):
             for y in range(c1):
@@ -197,11 +197,11 @@ class Reduction:
         self.shape = signs.shape
         self.n = n = signs.ndim
         self.k = cube_exponent(signs.shape)
-        at = np.zeros(COUNTERS, np.int64)
+        counters = Counters()
         padded = signs.shape + (1,) * (AXES - n)
         signs = signs.reshape(padded)
         chosen = every_vertex(self.shape) if start is None else copied(start)
-        self.domain = Domain(grid_of(self.shape), at, signs, phi.reshape(padded), chosen, np.zeros(ROOM))
+        self.domain = Domain(grid_of(self.shape), counters, signs, phi.reshape(padded), chosen, np.zeros(ROOM))
         self.points = np.zeros((len(points), AXES), np.float32)
         self.points[:, :n] = points
         self.busy = busy_of(signs) if busy is None else busy
@@ -246,8 +246,8 @@ class Reduction:
         close = np.zeros(self.domain.truth.shape if back else (0, 0, 0), np.bool_)
         spread(self.points, float(back), close)
         for here in range(self.n * self.k - 1, coarsest - 1, -1):
-            dm.at[LEVEL] = here
-            dm.at[EDGE] = 1 << (self.k - here // self.n)
+            dm.counters.level = here
+            dm.counters.edge = 1 << (self.k - here // self.n)
             self._make_room()
             dm = self.domain
             if level is not None and here >= level:
@@ -342,10 +342,10 @@ class Reduction:
 
     def _make_room(self) -> None:
         """Pages for all lattice points of the level off the box: a layer along its upper faces."""
-        at, n = self.domain.at, self.n
-        edge = int(at[EDGE])
+        counters, n = self.domain.counters, self.n
+        edge = counters.edge
         last = np.array(self.shape) - 1
-        over = -(-last // edge) * edge + (edge if at[LEVEL] % n else 0) > last
+        over = -(-last // edge) * edge + (edge if counters.level % n else 0) > last
         if not over.any():
             return
         page = 16 if n == 2 else 8

@@ -79,7 +79,8 @@ class Encoder:
         ``("values", bits)``, ``("offsets", radix)``, where None means as far as it goes; ``("adaptive_base", level,
         mesh)``, ``("adapt", births, mesh)`` with the mesh that they lead to (`mesh.vertex_set.Chosen`),
         ``("leaf_base",)``, ``("offsets", radix, unit)``. ``("promise", distance)`` behind layers other than values says
-        how far their curve lies from the original one at most, which nobody proves. A mapping gives each isovalue a plan of its own.
+        how far their curve lies from the original one at most, which nobody proves. A mapping gives each isovalue a
+        plan of its own.
     profile : str
         ``main``, or ``baseline``, which makes larger files for smaller and faster decoders.
     metadata : mapping of str to str, optional

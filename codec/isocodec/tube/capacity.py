@@ -9,6 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from isospec.elements import ELEMENTS
+
 from ..errors import LimitError
 from ..limits import Limits
 from ..mesh.grid import Grid, grid_of
@@ -16,31 +18,26 @@ from ..mesh.store import PAGES, Store, new_board, new_counts, new_store, resized
 from ..mesh.tables import mesh_tables
 from ..mesh.vertex_set import every_vertex
 from .state import (
-    AGREED,
-    CALM,
-    COUNTERS,
     GATE,
-    LEAVES,
-    MIXED,
     MOST_ANCESTORS,
-    MOST_MIXED,
-    MOST_WORK,
     MOSTLY,
-    NEXT,
-    ROOM,
-    SHIFT,
-    SIDE,
     STEP_CELLS,
     STEP_LEAVES,
     STEP_VERTICES,
-    VERTICES,
+    BaseWalk,
+    Counters,
+    DigitWalk,
     Lean,
+    RefinementWalk,
     State,
+    TreeWalk,
+    ValueWalk,
 )
-from .walk import GATES, registers
 
 NOTHING = np.zeros(0, np.int64)
 STACK = 4096
+MOST_LEVELS, MOST_POINTS = 80, 20
+"""Turns of a path, and points of a curve that are remembered, at most."""
 ROWS = 2048
 STEP_GATES = 128
 """Gates for which a base's stack has room after it has grown: many more than a step pushes."""
@@ -67,37 +64,39 @@ def first_state(
         That of the isovalue that this one leans on; it lies ``shift`` whole steps below, on ``side`` 1 or -1 of this.
     """
     n = len(shape)
-    counters = np.zeros(COUNTERS, np.int64)
-    counters[MOST_WORK] = limits.steps
-    counters[MOST_MIXED] = limits.simplices
-    counters[AGREED] = counters[CALM : CALM + 2] = MOSTLY
-    counters[SIDE] = side
-    counters[SHIFT] = shift
+    counters = Counters()
+    counters.most_work, counters.most_mixed = limits.steps, limits.simplices
+    counters.agreed = MOSTLY
+    counters.side, counters.shift = side, shift
+    base = BaseWalk()
+    base.last_root = -1
     return State(
-        grid_of(shape), counters, new_store(n), _rows(4, limits.vertices), _rows(5, limits.simplices),
+        grid_of(shape), counters, np.zeros(len(ELEMENTS) + 2, np.int64), np.full(2, MOSTLY, np.int64),
+        np.zeros(2, np.int64), new_store(n), _rows(4, limits.vertices), _rows(5, limits.simplices),
         _rows(5, limits.simplices), new_store(n), new_counts(n), new_board(n), np.zeros((MOST_ANCESTORS, 4), np.int64),
         every_vertex((0,) * n), _lean(earlier, n), np.zeros((0, 0, 0), np.bool_) if signs is None else signs,
-        registers(), np.zeros(STACK, np.int64),
+        base, RefinementWalk(), TreeWalk(), ValueWalk(), DigitWalk(),
+        *(np.zeros(size, np.int64) for size in (MOST_LEVELS, 2 * MOST_POINTS, 2 * MOST_POINTS, 80, 10, 128, STACK)),
     )  # fmt: skip
 
 
 @cache
 def _no_lean(n: int) -> Lean:
     empty = Grid(mesh_tables(n), 0, 0, 0, 0)
-    return Lean(empty, np.zeros(COUNTERS, np.int64), new_store(n), new_store(n), NOTHING, NOTHING)
+    return Lean(empty, Counters(), np.zeros(2, np.int64), new_store(n), new_store(n), NOTHING, NOTHING)
 
 
 def _lean(earlier: State | None, n: int) -> Lean:
     """What the kernels see of the earlier isovalue: values only where they are whole steps of the same scale."""
     if earlier is None:
         return _no_lean(n)
-    return Lean(earlier.grid, earlier.at, earlier.known, earlier.mesh, NOTHING, NOTHING)
+    return Lean(earlier.grid, earlier.counters, earlier.value_bits, earlier.known, earlier.mesh, NOTHING, NOTHING)
 
 
 def state_bytes(st: State, mark: Store) -> int:
     """Bytes of the arrays of a state, and of the store of visited simplices; not of what others hold or all share."""
     stores = sum(size_of(store).bytes(store) for store in (st.known, st.mesh, st.crowd, st.board, mark))
-    return stores + sum(array.nbytes for array in (st.vertex, st.leaf, st.below, st.path, st.stack, st.walk))
+    return stores + sum(array.nbytes for array in (st.vertex, st.leaf, st.below, st.path, st.stack))
 
 
 def wider_state(
@@ -117,30 +116,30 @@ def wider_state(
     LimitError
         If that is more than the limits allow.
     """
-    at = st.at
+    counters = st.counters
     # of the mesh there may be vertices that are not known
-    if max(at[VERTICES] + STEP_VERTICES, st.mesh.head[PAGES] + at[ROOM]) > limits.vertices:
+    if max(counters.vertices + STEP_VERTICES, st.mesh.head[PAGES] + counters.room) > limits.vertices:
         raise LimitError(
             f"more than {limits.vertices} vertices", code="limit-vertices", clause="11.2",
             remedy="raise Limits.vertices if the file is trusted",
         )  # fmt: skip
-    if max(at[LEAVES], at[MIXED]) + STEP_LEAVES > limits.simplices:
+    if max(counters.leaves, counters.mixed) + STEP_LEAVES > limits.simplices:
         raise LimitError(
             f"more than {limits.simplices} simplices", code="limit-simplices", clause="11.2",
             remedy="raise Limits.simplices if the file is trusted",
         )  # fmt: skip
     stack = len(st.stack)
-    if walking and (st.walk[GATES] + STEP_GATES) * GATE > stack:
+    if walking and (st.base.gates + STEP_GATES) * GATE > stack:
         stack += spare(st.stack.nbytes, stack)
     arrays = {
-        "vertex": _length(st.vertex, int(at[VERTICES]) + STEP_VERTICES, limits.vertices),
-        "leaf": _length(st.leaf, int(at[LEAVES]) + STEP_LEAVES, limits.simplices),
-        "below": _length(st.below, int(at[NEXT]) + STEP_LEAVES, limits.simplices),
+        "vertex": _length(st.vertex, int(counters.vertices) + STEP_VERTICES, limits.vertices),
+        "leaf": _length(st.leaf, int(counters.leaves) + STEP_LEAVES, limits.simplices),
+        "below": _length(st.below, int(counters.next) + STEP_LEAVES, limits.simplices),
         "stack": stack,
     }
     stores = {
         "known": size_for(st.known, STEP_VERTICES),
-        "mesh": size_for(st.mesh, max(STEP_VERTICES, int(at[ROOM]))),
+        "mesh": size_for(st.mesh, max(STEP_VERTICES, int(counters.room))),
         "crowd": size_for(st.crowd, STEP_CELLS),
         "board": size_for(st.board, STEP_VERTICES),
     }

@@ -7,7 +7,7 @@ import numpy as np
 from ..kernel import inlined
 from ..mesh.access import dimension
 from ..mesh.grid import clamped, edge_of, level_at
-from .state import ADAPTED, BASE_LEVEL, BITS, MOST_WORK, SHIFT, SIDE, UNIFORM, WORK, entry
+from .state import entry
 
 
 @inlined
@@ -19,11 +19,11 @@ def infer(st, x, y, z):
     That is the sign wherever all meshes on the way were decoded level by level, and nearly always in adaptive meshes.
     -1 when the limit of steps is reached.
     """
-    coarse = edge_of(st.grid, st.at[BASE_LEVEL])
+    coarse = edge_of(st.grid, st.counters.base_level)
     n = dimension(st.grid.tables)
-    phase = st.at[BASE_LEVEL] % n
-    while st.at[WORK] < st.at[MOST_WORK]:
-        st.at[WORK] += 1
+    phase = st.counters.base_level % n
+    while st.counters.work < st.counters.most_work:
+        st.counters.work += 1
         e = entry(st, x, y, z)
         if e != 0:
             return e & 1
@@ -69,15 +69,15 @@ def earlier(st, x, y, z):
     if e != 0:
         return e & 1, True
     x, y, z = clamped(st.grid, x, y, z)
-    if level_at(st.grid, x, y, z) < st.lean.at[UNIFORM]:
-        return infer(st.lean, x, y, z), st.lean.at[ADAPTED] == 0
+    if level_at(st.grid, x, y, z) < st.lean.counters.uniform:
+        return infer(st.lean, x, y, z), st.lean.counters.adapted == 0
     return np.int64(-1), False
 
 
 @inlined
 def implied(st, x, y, z):
     """Sign of a vertex that follows from the earlier isovalue, or -1; its sign there, or -1 (spec clause 5.9.3)."""
-    side = st.at[SIDE]
+    side = st.counters.side
     unknown = np.int64(-1)
     if side == 0:
         return unknown, unknown
@@ -89,7 +89,7 @@ def implied(st, x, y, z):
     if side < 0 and other == 1:
         return np.int64(1), other
     v = (entry(st.lean, x, y, z) >> 1) - 1
-    if 0 <= v < len(st.lean.number) and st.lean.left[v] < st.lean.at[BITS + other]:
+    if 0 <= v < len(st.lean.number) and st.lean.left[v] < st.lean.value_bits[other]:
         # the interval of its value, in steps above the earlier isovalue's floor
         low = st.lean.number[v] << st.lean.left[v]
         high = ((st.lean.number[v] + 1) << st.lean.left[v]) - 1
@@ -97,8 +97,8 @@ def implied(st, x, y, z):
             low, high = -high, -low
         else:
             low, high = low + 1, high + 1
-        if low > st.at[SHIFT]:
+        if low > st.counters.shift:
             return np.int64(1), other
-        if high <= st.at[SHIFT]:
+        if high <= st.counters.shift:
             return np.int64(0), other
     return unknown, other

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from ..kernel import inlined, kernel
 from ..kernel.types import Int32Matrix
 from ..mesh.access import dimension, factor, grandchild, twins
-from .state import ASKS, CHILD, DONE_LEAVES, EDGE, HELD, LEAVES, LEVEL, MIXED, NEXT, State
+from .state import State
 
 _KIND_BITS, _CHILD_BITS = 6, 16
 _KIND, _CHILDREN = (1 << _KIND_BITS) - 1, (1 << _CHILD_BITS) - 1
@@ -21,14 +21,14 @@ level. Children are bits, 2 m + s for child s of member m; a last bit says that 
 
 @inlined
 def _append(st, code, b0, b1, b2, level):
-    i = st.at[NEXT]
+    i = st.counters.next
     row = st.below[np.uint64(i)]
     row[0] = code
     row[1] = b0
     row[2] = b1
     row[3] = b2
     row[4] = level
-    st.at[NEXT] = i + 1
+    st.counters.next = i + 1
 
 
 @inlined
@@ -44,7 +44,7 @@ def ones(bits):
 def push(st, cls, b0, b1, b2, level):
     """Append a simplex to the list that the round makes."""
     _append(st, cls, b0, b1, b2, level)
-    st.at[MIXED] += 1
+    st.counters.mixed += 1
 
 
 @inlined
@@ -52,14 +52,14 @@ def push_children(st, kind, w0, w1, w2, children):
     """Append children of the diamond around w, of the present level, if there are any."""
     if children == 0:
         return
-    edge, box = st.at[EDGE], st.grid
+    edge, box = st.counters.edge, st.grid
     # the children's own diamonds reach 2 g to all sides at most
     free = min(w0, w1) >= 2 and (w0 + 2) * edge <= 2 * box.last0 and (w1 + 2) * edge <= 2 * box.last1
     if dimension(st.grid.tables) == 3:
         free = free and w2 >= 2 and (w2 + 2) * edge <= 2 * box.last2
     code = kind | children << _KIND_BITS | np.int64(free) << (_KIND_BITS + _CHILD_BITS)
-    _append(st, -1 - code, w0 >> 2, w1 >> 2, w2 >> 2, st.at[LEVEL])
-    st.at[MIXED] += ones(children)
+    _append(st, -1 - code, w0 >> 2, w1 >> 2, w2 >> 2, st.counters.level)
+    st.counters.mixed += ones(children)
 
 
 @inlined
@@ -67,7 +67,7 @@ def push_row(st, i):
     """Append a row of the present list as it is."""
     code = np.int64(st.leaf[i, 0])
     _append(st, code, st.leaf[i, 1], st.leaf[i, 2], st.leaf[i, 3], st.leaf[i, 4])
-    st.at[MIXED] += 1 if code >= 0 else ones(unpacked(code)[1])
+    st.counters.mixed += 1 if code >= 0 else ones(unpacked(code)[1])
 
 
 @inlined
@@ -91,17 +91,17 @@ def next_leaf(st):
 
     Of a diamond's children in a uniform round those are passed over whose middle is that of one before.
     """
-    i, c = st.at[DONE_LEAVES], st.at[CHILD]
+    i, c = st.counters.done_leaves, st.counters.child
     row = st.leaf[np.uint64(i)]
     code, level = np.int64(row[0]), np.int64(row[4])
     b0, b1, b2 = np.int64(row[1]), np.int64(row[2]), np.int64(row[3])
     if code >= 0:
         return code, b0, b1, b2, level
     kind, children, free = unpacked(code)
-    free = free and not st.at[ASKS]
+    free = free and not st.counters.asks
     while children >> c and (not children >> c & 1 or (free and children & twins(st.grid.tables, kind, c))):
         c += 1
-    st.at[CHILD] = c
+    st.counters.child = c
     if not children >> c:
         row_done(st)
         return code, b0, b1, b2, np.int64(-1)
@@ -112,24 +112,24 @@ def next_leaf(st):
 @inlined
 def row_done(st):
     """Go on to the next row."""
-    st.at[DONE_LEAVES] += 1
-    st.at[CHILD] = 0
+    st.counters.done_leaves += 1
+    st.counters.child = 0
 
 
 @inlined
 def leaf_done(st):
     """Go on to the next leaf."""
-    if st.leaf[np.uint64(st.at[DONE_LEAVES]), 0] >= 0:
+    if st.leaf[np.uint64(st.counters.done_leaves), 0] >= 0:
         row_done(st)
     else:
-        st.at[CHILD] += 1
+        st.counters.child += 1
 
 
 @kernel
 def _one_by_one(st: State, out: Int32Matrix) -> None:
     """The simplices of the list in their order, as rows of class, block and level."""
     count = 0
-    for i in range(st.at[LEAVES]):
+    for i in range(st.counters.leaves):
         code, level = np.int64(st.leaf[i, 0]), np.int64(st.leaf[i, 4])
         b0, b1, b2 = np.int64(st.leaf[i, 1]), np.int64(st.leaf[i, 2]), np.int64(st.leaf[i, 3])
         if code >= 0:
@@ -148,6 +148,6 @@ def _one_by_one(st: State, out: Int32Matrix) -> None:
 
 def one_by_one(st: State) -> NDArray[np.int32]:
     """The mixed simplices of a mesh in their order: class, block and level, (M, 5)."""
-    out = np.empty((int(st.at[HELD]), 5), np.int32)
+    out = np.empty((int(st.counters.held), 5), np.int32)
     _one_by_one(st, out)
     return out

@@ -16,16 +16,6 @@ from ..mesh.tables import MOST_CORNERS
 from ..mesh.vertex_set import IN, KNOWN
 from .leaf_list import child_at, unpacked
 from .state import (
-    ASKS,
-    BEFORE_ROUND,
-    CHILD,
-    DONE_LEAVES,
-    HELD,
-    LEAVES,
-    LEVEL,
-    MIXED,
-    NEXT,
-    VERTICES,
     State,
     corner_entry,
     entry,
@@ -35,13 +25,13 @@ from .state import (
 @inlined
 def _bisected(st, level, cls, b0, b1, b2):
     """Whether the running round has bisected a leaf: its middle is known."""
-    if level != st.at[LEVEL] or level >= st.grid.exponent * dimension(st.grid.tables):
+    if level != st.counters.level or level >= st.grid.exponent * dimension(st.grid.tables):
         return False
     x, y, z = middle_at(st.grid, level, cls, b0, b1, b2)
-    before = st.at[BEFORE_ROUND]
-    if st.at[ASKS]:
+    before = st.counters.before_round
+    if st.counters.asks:
         state = get(st.mesh, x, y, z)
-        before = np.int64(0) if state & IN and not state & KNOWN else st.at[VERTICES]
+        before = np.int64(0) if state & IN and not state & KNOWN else st.counters.vertices
     return entry(st, x, y, z) >> 1 > before
 
 
@@ -77,12 +67,10 @@ def vertex_numbers(
         for j in range(corners):
             x, y, z = position(edge, b0, b1, b2, corner(t, kind, j))
             number[j] = (entry(st, x, y, z) >> 1) - 1
-        c = np.int64(0)
-        cls, d0, d1, d2, _ = member(t, kind, c)
+        cls, d0, d1, d2, _ = member(t, kind, np.int64(0))
         w0, w1, w2 = middle(t, r, cls, b0 + d0, b1 + d1, b2 + d2)
         number[corners] = (entry(st, (w0 * edge) >> 1, (w1 * edge) >> 1, (w2 * edge) >> 1) >> 1) - 1
-        if round_runs and i == first:
-            c = st.at[CHILD]
+        c = st.counters.child if round_runs and i == first else np.int64(0)
         while children >> c:
             if children >> c & 1:
                 cls, d0, d1, d2 = child_at(t, kind, c, b0, b1, b2)
@@ -97,7 +85,7 @@ def vertex_numbers(
 
 def drawn_leaves(st: State, rounds: bool) -> int:
     """How many leaves there are at most at this moment; ``rounds`` is false during a base."""
-    return int(st.at[HELD if rounds else LEAVES]) + int(st.at[MIXED])
+    return (st.counters.held if rounds else st.counters.leaves) + st.counters.mixed
 
 
 def drawn_bytes(st: State, rounds: int) -> int:
@@ -107,10 +95,10 @@ def drawn_bytes(st: State, rounds: int) -> int:
 
 def drawn(st: State, rounds: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Vertex numbers of the leaves at this moment, and their levels; ``rounds`` is 0 during a base."""
-    at = st.at
+    counters = st.counters
     room = drawn_leaves(st, bool(rounds))
     number = np.empty(MOST_CORNERS + 1, np.int64)
     rows, levels = np.empty((room, dimension(st.grid.tables) + 1), np.int64), np.empty(room, np.int64)
-    used = vertex_numbers(st, st.leaf, at[DONE_LEAVES], at[LEAVES], rounds, number, rows, levels)
-    used += vertex_numbers(st, st.below, 0, at[NEXT], 0, number, rows[used:], levels[used:])
+    used = vertex_numbers(st, st.leaf, counters.done_leaves, counters.leaves, rounds, number, rows, levels)
+    used += vertex_numbers(st, st.below, 0, counters.next, 0, number, rows[used:], levels[used:])
     return rows[:used], levels[:used]

@@ -9,7 +9,7 @@ import numpy as np
 from isospec.elements import ELEMENTS
 
 from ..kernel import inlined, record
-from ..kernel.types import BoolVolume, Int32Matrix, IntMatrix, IntVector
+from ..kernel.types import BoolVolume, Int32Matrix, IntMatrix, IntVector, Registers
 from ..mesh.access import vertex
 from ..mesh.grid import Grid, clamped, position
 from ..mesh.store import Bytes, Store, full, get, put
@@ -20,49 +20,167 @@ GATE = 7
 it was left from."""
 MOST_ANCESTORS = 4096
 """Rows of ``State.path``; a vertex with more ancestors to be added is barred (spec clause 11.1)."""
-# Counters in State.at.
-LEVEL, EDGE, VERTICES, LEAVES, DONE_LEAVES, NEXT, BASE_LEVEL, ERROR, WORK, BEFORE_ROUND, MOST_WORK = range(11)
-UNIFORM, FINEST, ASKS, ROOM = range(12, 16)
-"""Middles of levels below UNIFORM are in the mesh, those of FINEST and above are not; whether a round asks for each
-subdivision edge; pages that the store of the mesh lacks."""
-TALLY = 20
-"""Symbols by element, in State.at; then predictions and right ones."""
-(
-    SIDE, SHIFT, TOLD, SEEDED, BITS, _, MESHES, ADAPTED, COUNTED, BIRTHS, BOARD_EDGE, BOARDED, AGREED, COUNTED_SIZE,
-    COUNTING, CALM,
-) = range(40, 56)  # fmt: skip
-"""Whether the isovalue lies above (1) or below (-1) the earlier one that it leans on, by how many whole steps; whether
-the mesh is told from the start; whether the base begins at the leaves of the earlier one; bits of values below the
-isovalue and, next to it, above; how many meshes have been completed; whether an adaptive layer has begun
-(5.8); vertices counted in the crowd, and new components found so far (7.13); the edge that the board is made for, and
-the vertices on it; how often signs have been those of the earlier isovalue (7.12); of a census that goes on the cells'
-size and the next vertex; how often signs have been as predicted, on edges that are not crossed and, next to it, on
-those that are (7.12)."""
-STEP_WORK = 57
-"""WORK before the step that is being taken: one that lacks bytes is taken anew."""
-CHILD, MIXED, HELD, MOST_MIXED = range(58, 62)
-"""Children of the row ``DONE_LEAVES`` that are done; simplices in the rows that a round makes, in those of the last
-mesh, and most that may be there."""
-COUNTERS = 62
-ALWAYS, MOSTLY, AGREED_SHIFT = 4096, 3584, 5
-"""AGREED and CALM if it has always been so, what they begin with, and how fast they change."""
 # Syntax elements, in the order of isospec (spec clause 5.2).
 (
     ORIGIN, COMPONENT, LOCATION, BASE_SIGN, SIGNIFICANCE, REFINEMENT_SIGN, VALUE_BIT, OFFSET_BIT,
     LEVEL_SYMBOL, SPLIT, CONTINUE,
 ) = range(len(ELEMENTS))  # fmt: skip
 PREDICTED, PREDICTED_RIGHT = len(ELEMENTS), len(ELEMENTS) + 1
-SCRATCH = 256
-"""Room for a step's intermediate results, in State.walk."""
-TRAIL = 384
-"""Last points of the curve, two numbers a point, in State.walk."""
-EARLY = TRAIL + 40
-"""First points of the component, likewise."""
-WINDOW = EARLY + 40
-"""The pages of the board around the last middle, in State.walk, see passes.around."""
-WALK = WINDOW + 12
+
+ALWAYS, MOSTLY, AGREED_SHIFT = 4096, 3584, 5
+"""How often something has been so, if always, what it begins with, and how fast it changes."""
+
+
+class Counters(Registers):
+    """What is counted, and where the coding stands.
+
+    Attributes
+    ----------
+    level, edge : int
+        Level that is worked on, and the edge of its cubes.
+    vertices, leaves, next : int
+        Rows of ``vertex``, ``leaf`` and ``below`` in use.
+    done_leaves, child : int
+        Rows of ``leaf`` that a round is done with, and children of the next row.
+    mixed, held, most_mixed : int
+        Simplices in the rows that a round makes, in those of the last mesh, and most that may be there.
+    base_level, uniform, finest : int
+        Level of the base; middles of levels below ``uniform`` are in the mesh, those of ``finest`` and above are not.
+    before_round : int
+        Vertices known before the round.
+    error : int
+        Why a pass gave up: see ``ERRORS``.
+    work, step_work, most_work : int
+        Steps of inference so far, before the step that is being taken, and most that are allowed.
+    asks, adapted : int
+        Whether a round asks for each subdivision edge; whether an adaptive layer has begun (5.8).
+    room : int
+        Pages that the store of the mesh lacks.
+    side, shift : int
+        Whether the isovalue lies above (1) or below (-1) the earlier one that it leans on, by how many whole steps.
+    told, seeded : int
+        Whether the mesh is told from the start; whether the base begins at the leaves of the earlier isovalue.
+    meshes : int
+        Meshes that have been completed.
+    births, counted, counting, counted_size : int
+        New components so far; vertices counted in the crowd; of a census that goes on the next vertex and the cells'
+        size (7.13).
+    boarded, board_edge : int
+        Vertices on the board, and the edge that it is made for.
+    agreed : int
+        How often signs have been those of the earlier isovalue (7.12).
+    """
+
+    level: int
+    edge: int
+    vertices: int
+    leaves: int
+    next: int
+    done_leaves: int
+    child: int
+    mixed: int
+    held: int
+    most_mixed: int
+    base_level: int
+    uniform: int
+    finest: int
+    before_round: int
+    error: int
+    work: int
+    step_work: int
+    most_work: int
+    asks: int
+    adapted: int
+    room: int
+    side: int
+    shift: int
+    told: int
+    seeded: int
+    meshes: int
+    births: int
+    counted: int
+    counting: int
+    counted_size: int
+    boarded: int
+    board_edge: int
+    agreed: int
+
+
+class BaseWalk(Registers):
+    """Where a base stands: its phase, the present simplex, the gates, the points of the curve, the leaf behind."""
+
+    phase: int
+    depth: int
+    cls: int
+    b0: int
+    b1: int
+    b2: int
+    tight: int
+    corner: int
+    gates: int
+    points: int
+    early_points: int
+    branch: int
+    item: int
+    before: int
+    last_root: int
+    seed: int
+    behind_level: int
+    behind_cls: int
+    behind_b0: int
+    behind_b1: int
+    behind_b2: int
+    behind_opposite: int
+
+
+class RefinementWalk(Registers):
+    """The last two outcomes on the border and inside, points of the curve, the last answers on the mesh, Cont/Stop."""
+
+    border: int
+    crossed: int
+    points: int
+    splits: int
+    more: int
+
+
+class TreeWalk(Registers):
+    """Where the tree of new components stands.
+
+    Frames of the stack in use, the next item of the encoder's list, whether the root was coded, whether the slot before
+    the next one is being added.
+    """
+
+    frames: int
+    item: int
+    started: int
+    adding: int
+
+
+class ValueWalk(Registers):
+    """The next item of the list of values, and the symbol before."""
+
+    item: int
+    before: int
+
+
+class DigitWalk(Registers):
+    """Where offsets stand: the next edge, the digit before, the place within a digit, its sign.
+
+    In the main profile: the parts that are left, how often they were halved, and what ``find_candidates`` says.
+    """
+
+    item: int
+    before: int
+    step: int
+    sign: int
+    low: int
+    high: int
+    halved: int
+    span: int
+
+
 OUT_OF_STEPS = 5
-"""In State.at[ERROR]."""
+"""In State.counters.error."""
 STEP_VERTICES = 16
 """Most vertices (and pages) that one step of a pass adds."""
 STEP_LEAVES = 24
@@ -76,7 +194,8 @@ class Lean(NamedTuple):
     """What is known of an earlier isovalue: its mesh, its vertices, and their values as far as sent (clause 5.9)."""
 
     grid: Grid
-    at: IntVector
+    counters: Counters
+    value_bits: IntVector
     known: Store
     mesh: Store
     number: IntVector
@@ -93,7 +212,12 @@ class State(NamedTuple):
     """
 
     grid: Grid
-    at: IntVector  # counters
+    counters: Counters
+    tally: IntVector  # symbols by element, then predictions and right ones
+    calm: (
+        IntVector  # how often signs have been as predicted, on edges that are not crossed and on those that are (7.12)
+    )
+    value_bits: IntVector  # of numbers below the isovalue, and above
     known: Store
     vertex: Int32Matrix  # (V, 4) position and sign
     leaf: Int32Matrix  # (M, 5)
@@ -105,8 +229,18 @@ class State(NamedTuple):
     chosen: Chosen  # encoder: the mesh that an adaptive layer leads to
     lean: Lean  # of an earlier isovalue, or empty
     truth: BoolVolume  # encoder: the signs of the whole field; decoder: empty
-    walk: IntVector  # registers of the running pass
-    stack: IntVector  # its stack
+    base: BaseWalk
+    refinement: RefinementWalk
+    tree: TreeWalk
+    value: ValueWalk
+    digit: DigitWalk
+    turns: IntVector  # of the last component's path, one for each level
+    trail: IntVector  # last points of the curve, two numbers a point
+    early: IntVector  # first points of the component, likewise
+    candidates: IntVector  # for a crossing, see models.offsets
+    window: IntVector  # the pages of the board around the last middle, see models.neighbourhood
+    scratch: IntVector  # a step's intermediate results
+    stack: IntVector  # of the running pass
 
 
 @inlined
@@ -140,7 +274,7 @@ def corner_truth(st, edge, r, cls, b0, b1, b2, j):
 @inlined
 def learn(st, x, y, z, sign):
     """Make the vertex at unclamped (x, y, z) known."""
-    v = st.at[VERTICES]
+    v = st.counters.vertices
     x, y, z = clamped(st.grid, x, y, z)
     row = st.vertex[np.uint64(v)]
     row[0] = x
@@ -148,18 +282,18 @@ def learn(st, x, y, z, sign):
     row[2] = z
     row[3] = sign
     put(st.known, x, y, z, 2 * (v + 1) + sign)
-    st.at[VERTICES] = v + 1
+    st.counters.vertices = v + 1
 
 
 @inlined
 def crowded(st):
     """Whether some array may overflow in one more step."""
-    at = st.at
+    counters = st.counters
     return (
-        at[VERTICES] + STEP_VERTICES > len(st.vertex)
-        or at[LEAVES] + STEP_LEAVES > len(st.leaf)
-        or at[NEXT] + STEP_LEAVES > len(st.below)
-        or at[MIXED] + STEP_LEAVES > at[MOST_MIXED]
+        counters.vertices + STEP_VERTICES > len(st.vertex)
+        or counters.leaves + STEP_LEAVES > len(st.leaf)
+        or counters.next + STEP_LEAVES > len(st.below)
+        or counters.mixed + STEP_LEAVES > counters.most_mixed
         or full(st.known, STEP_VERTICES)
         or full(st.mesh, STEP_VERTICES)
         or full(st.crowd, STEP_CELLS)
@@ -169,8 +303,8 @@ def crowded(st):
 @inlined
 def tired(st):
     """Before a step of a pass: whether those that a decoder allows are used up; the reason is left in the state."""
-    st.at[STEP_WORK] = st.at[WORK]
-    if st.at[WORK] < st.at[MOST_WORK]:
+    st.counters.step_work = st.counters.work
+    if st.counters.work < st.counters.most_work:
         return False
-    st.at[ERROR] = OUT_OF_STEPS
+    st.counters.error = OUT_OF_STEPS
     return True
