@@ -287,9 +287,10 @@ def test_nothing_changes_when_bytes_are_missing():
     """A refused symbol leaves registers and models as they were."""
     cd = coder(DECODE, [HALF])
     feed(cd, b"", False)
-    before = [a.copy() for a in cd[:-1]]
+    arrays = [cd.reg.values, *cd[1:-1]]
+    before = [array.copy() for array in arrays]
     assert code(cd, 0, 0) == -1
-    assert all(np.array_equal(a, b) for a, b in zip(before, cd[:-1], strict=True))
+    assert all(np.array_equal(a, b) for a, b in zip(before, arrays, strict=True))
 
 
 def test_encoder_asks_for_room():
@@ -391,10 +392,10 @@ def test_nearer_point(data):
     coordinate = st.integers(-40, 40)
     trail = [(data.draw(coordinate), data.draw(coordinate)) for _ in range(count)]
     g, a, b = (np.array([data.draw(coordinate), data.draw(coordinate)]) for _ in range(3))
-    trail = np.zeros(2 * MOST, np.int64)
+    ring = np.zeros(2 * MOST, np.int64)
     for i, p in enumerate(trail):
-        trail[2 * (i % MOST) : 2 + 2 * (i % MOST)] = p
-    case = nearer(trail, count, 1, *g, *a, *b)
+        ring[2 * (i % MOST) : 2 + 2 * (i % MOST)] = p
+    case = nearer(ring, count, 1, *g, *a, *b)
     if count < LEAST:
         assert case == 0
         return

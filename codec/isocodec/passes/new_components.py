@@ -34,6 +34,8 @@ from ..tube.state import (
 from .adaptive_mesh import BARRED, admit, closure, short
 from .bisection import bisect, look
 
+UNPLACED = 4
+"""Error: the encoder's list names a slot that no new component can lie in."""
 FRAME = 7
 """A frame: height, cube at that height, Morton number, next child, number of significant children."""
 SLOT_BITS = 2
@@ -234,6 +236,6 @@ def significance(st: State, cd: Coder, items: IntVector) -> int:
         else:
             _push_frame(st, shift, c0, c1, c2, number)
     if encoding and walk.item != len(items):
-        st.counters.error = 4
+        st.counters.error = UNPLACED
         return BAD
     return DONE

@@ -27,18 +27,18 @@ from ..tube.state import (
 )
 from ..tube.truth import Truth
 from . import base as base_pass
-from . import new_components, refinement
+from . import new_components, refinement, traversal
 from .geometry import Estimates
 
 _SEED = 20
 """Bytes of a leaf at which a base begins."""
-_CLAUSES = {1: "5.3.2", 3: "5.3.3", 4: "5.5", 6: "5.8.2"}
 _REASONS = {
-    1: "a component starts in a simplex that does not exist or was visited before",
-    3: "a component starts in a simplex that the curve does not cross",
-    4: "a new component could not be placed",
-    6: "a leaf contradicts what was told of the mesh",
+    base_pass.NO_START: ("5.3.2", "a component starts in a simplex that does not exist or was visited before"),
+    base_pass.NOT_CROSSED: ("5.3.3", "a component starts in a simplex that the curve does not cross"),
+    traversal.CONTRADICTED: ("5.8.2", "a leaf contradicts what was told of the mesh"),
+    new_components.UNPLACED: ("5.5", "a new component could not be placed"),
 }
+"""Clause and message of each error of a pass."""
 
 
 class Tube:
@@ -245,7 +245,8 @@ class Tube:
             if status == GROW:
                 self._grow()
             elif status == BAD:
-                raise FormatError(_REASONS[number], code="stream", clause=_CLAUSES[number])
+                clause, reason = _REASONS[number]
+                raise FormatError(reason, code="stream", clause=clause)
             elif status == DONE:
                 if self._finish():
                     return DONE

@@ -1,18 +1,130 @@
-"""Gates: faces that the curve passes, and what lies behind them (spec clauses 5.3.3, 5.8.3)."""
+"""Gates: faces that the curve passes, what lies behind them, and its sign (spec clauses 5.3.3, 5.3.4, 5.8.3)."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from ..kernel import inlined, inner
+from ..entropy.mixer import blended, mixing
+from ..entropy.range_coder import ENCODE, adapt, code
+from ..kernel import BAD, inlined, inner
 from ..mesh.access import child, cube, dimension, neighbour, vertex
 from ..mesh.grid import edge_of, position
 from ..mesh.simplex import exists, middle_at, newest, parent_of
 from ..mesh.store import get, put
 from ..models import contexts as ctx
+from ..models.base_signs import curve_context, edge_sum, see_behind, surface_context, turn_back
+from ..models.layout import BASE_KIND, BASE_NET
 from ..models.mesh_questions import COARSER, FINER
-from ..tube.state import GATE, corner_entry
-from .adaptive_mesh import tell
+from ..models.parabola import MOST
+from ..tube.inference import implied
+from ..tube.state import BASE_SIGN, GATE, PREDICTED, PREDICTED_RIGHT, corner_entry, corner_truth, learn
+from .adaptive_mesh import BARRED, settle, tell
+
+CONTRADICTED = 6
+"""Error: a leaf contradicts what was told of the mesh."""
+
+
+@inlined
+def learn_corner(st, level, cls, b0, b1, b2, j, sign):
+    n = dimension(st.grid.tables)
+    x, y, z = position(edge_of(st.grid, level), b0, b1, b2, vertex(st.grid.tables, level % n, cls, j))
+    learn(st, x, y, z, sign)
+
+
+@inner
+def trouble(st, status):
+    """What the pass returns when a question about the mesh was not answered."""
+    if status == BARRED:
+        st.counters.error = CONTRADICTED
+        return BAD
+    return status
+
+
+@inner
+def implied_corner(st, level, cls, b0, b1, b2, j):
+    """What ``implied`` says of vertex j of a simplex."""
+    x, y, z = position(
+        edge_of(st.grid, level), b0, b1, b2, vertex(st.grid.tables, level % dimension(st.grid.tables), cls, j)
+    )
+    return implied(st, x, y, z)
+
+
+@inner
+def traverse(st, cd, mark):
+    """What lies behind the gate on top of the stack (spec clauses 5.3.4, 5.8.3)."""
+    n = dimension(st.grid.tables)
+    walk = st.base
+    encoding = cd.reg.mode == ENCODE
+    adaptive = st.counters.uniform != st.counters.finest
+    settled = st.counters.told != 0
+    g = (walk.gates - 1) * GATE
+    level, cls, b0, b1, b2 = st.stack[g + 6], st.stack[g], st.stack[g + 1], st.stack[g + 2], st.stack[g + 3]
+    opp, left_from = st.stack[g + 4], st.stack[g + 5]
+    if adaptive:
+        status = resolve(st, cd, level, cls, b0, b1, b2, opp)
+        if status < 0:
+            return trouble(st, status)
+        level, cls, opp = walk.behind_level, walk.behind_cls, walk.behind_opposite
+        b0, b1, b2 = walk.behind_b0, walk.behind_b1, walk.behind_b2
+    if visited(st, mark, level, cls, b0, b1, b2):
+        walk.gates -= 1
+        return np.int64(0)
+    r = level % n
+    edge = edge_of(st.grid, level)
+    if adaptive:
+        if not exists(st.grid, edge, r, cls, b0, b1, b2):
+            walk.gates -= 1
+            return np.int64(0)
+        status = np.int64(0) if settled else settle(st, level, cls, b0, b1, b2)
+        if status < 0:
+            return trouble(st, status)
+    e = corner_entry(st, edge, r, cls, b0, b1, b2, opp)
+    if n == 2:
+        if left_from == walk.branch and left_from != st.counters.leaves - 1:
+            turn_back(st)
+            walk.branch = -1
+        guess, context = curve_context(st, level, cls, b0, b1, opp)
+    else:
+        guess, context = surface_context(st, level, cls, b0, b1, b2, opp)
+    if e == 0:
+        sign, other = implied_corner(st, level, cls, b0, b1, b2, opp)
+        if sign < 0:
+            if other >= 0:
+                context += (ctx.SURFACE if n == 3 else 4) * (1 + (other == guess))
+            right_guess = np.int64(0)
+            if encoding:
+                right_guess = np.int64(corner_truth(st, edge, r, cls, b0, b1, b2, opp) == guess)
+            if mixing(cd):
+                case = context - (ctx.BASE_CURVE if n == 2 else ctx.BASE_SURFACE)
+                see_behind(st, cd, level, cls, b0, b1, b2, opp, guess, case, other)
+                bit = blended(cd, BASE_NET, False, BASE_KIND + r + 3 * (other >= 0), context, right_guess)
+            else:
+                bit = code(cd, context, right_guess)
+            if bit < 0:
+                return bit
+            st.tally[BASE_SIGN] += 1
+            st.tally[PREDICTED] += 1
+            st.tally[PREDICTED_RIGHT] += bit
+            sign = guess if bit else 1 - guess
+        learn_corner(st, level, cls, b0, b1, b2, opp, sign)
+    else:
+        adapt(cd, context, np.int64((e & 1) == guess))
+    if n == 2:
+        i = 1 if opp == 0 else 0
+        g0, g1 = edge_sum(st, level, cls, b0, b1, i, 3 - opp - i)
+        slot = walk.points % MOST
+        st.trail[2 * slot] = g0
+        st.trail[2 * slot + 1] = g1
+        walk.points += 1
+        if walk.early_points < MOST and walk.branch >= 0:
+            st.early[2 * walk.early_points] = g0
+            st.early[2 * walk.early_points + 1] = g1
+            walk.early_points += 1
+    walk.gates -= 1
+    visit(st, mark, level, cls, b0, b1, b2)
+    push_gates(st, mark, level, cls, b0, b1, b2)
+    return np.int64(0)
+
 
 _EQUAL = np.int64(-1)
 
