@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import click
 
 from ..errors import OptionError, TruncatedError
+from ..format.kinds import GEOMETRY
 from .options import iso_argument, limit_options, limits_of, output_option, partial_option, smooth_option
 from .progress import progress_bar
 from .report import PARTIAL, check_output, concerning, read_iso, warn, write_output
@@ -16,7 +17,6 @@ if TYPE_CHECKING:
     from ..io.picture import Step
     from ..stream.decoder import Decoder
 
-GEOMETRY = ("values", "offsets")
 MESH = 600
 """Bytes that drawing the mesh takes for each simplex at most."""
 

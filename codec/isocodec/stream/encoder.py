@@ -22,6 +22,7 @@ from ..format.chunks import (
     write_promises,
 )
 from ..format.header import Header, write_header
+from ..format.kinds import LayerKind
 from ..format.program import Layer, Progress, write_program
 from ..layers.plan import Entry
 from ..layers.writer import LayerWriter, field_tube, truth_of
@@ -150,7 +151,7 @@ class Encoder:
             if not len(plan) and number == len(self.isovalues) - 1:
                 raise OptionError("the plan has no layers", code="plan", remedy='begin it with ("base", level)')
             return plan
-        values: list[Entry] = [("values", None)] if o.exact or o.step is not None else []
+        values: list[Entry] = [(LayerKind.VALUES, None)] if o.exact or o.step is not None else []
         fine = None if values or o.signs_only else o.tolerance or DEFAULT_TOLERANCE
         free = self.header.profile == Profile.MAIN and self._slack_keeps_order(fine)
         offsets = grid_offsets(fine, free)
@@ -163,7 +164,7 @@ class Encoder:
             return strategy.stepwise(promise, o.distances, o.preserve_topology)
         if o.criterion is not None:
             mesh: strategy.Plan = strategy.reduced(promise, o.criterion, o.parameter, o.preserve_topology)
-            return mesh + values + [("offsets", radix, 0) for radix in radices(fine)]
+            return mesh + values + [(LayerKind.OFFSETS, radix, 0) for radix in radices(fine)]
         if searched is not None:
             return strategy.smallest(promise, searched, o.preserve_topology)
         return strategy.whole_mesh(promise, True) + values + offsets
@@ -216,7 +217,7 @@ class Encoder:
             try:
                 end, run = strand.encode_run(done, self._done)
             except FormatError as error:
-                if all(layer.births for layer in self.layers if layer.kind == "adapt"):
+                if all(layer.births for layer in self.layers if layer.kind == LayerKind.ADAPT):
                     raise
                 raise OptionError(
                     "an adaptive layer of the plan leaves out new components that there are", code="plan",

@@ -179,12 +179,12 @@ def _notes_of(metadata: object) -> dict[str, str]:
     for key, text in metadata.items():
         if not (isinstance(key, str) and isinstance(text, str)):
             raise OptionError(
-                f"metadata {key!r}: {text!r} is not text", code="metadata", remedy="write numbers as text"
+                f"metadata {key!r}: {text!r}; it must be text", code="metadata", remedy="write numbers as text"
             )
         try:
             (key + text).encode()
         except UnicodeEncodeError:
-            raise OptionError(f"metadata {key!r}: {text!r} is not valid Unicode", code="metadata") from None
+            raise OptionError(f"metadata {key!r}: {text!r} is not Unicode text", code="metadata") from None
     return dict(metadata)
 
 
