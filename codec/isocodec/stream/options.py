@@ -90,11 +90,6 @@ class Options:
         """``steps`` as numbers, with `EXACT` for exact values."""
         return None if self.steps is None else tuple(float(step) for step in self.steps)
 
-    @property
-    def valued(self) -> bool:
-        """Whether values next to the curve are kept, in the last layers at least."""
-        return self.exact or self.step is not None or EXACT in (self.distances or ())
-
     def _check_conflicts(self) -> None:
         values = {name: getattr(self, name) for name in (*PRECISIONS, *MESHES, "preserve_topology")}
         given = {name for name, value in values.items() if value is not None and value is not False}
