@@ -295,7 +295,7 @@ def test_nifti_that_says_less(tmp_path: Path) -> None:
     nibabel.save(image, tmp_path / "sizes.nii")
     place = read_place(tmp_path / "sizes.nii", 3)
     assert np.array_equal(place.placement, nibabel.load(tmp_path / "sizes.nii").affine[:3]) and not place.remark
-    for unit, says in (("mm", ""), ("micron", "unit of its coordinates, micron,"), ("meter", "units of a meter")):
+    for unit, says in (("mm", ""), ("micron", "unit of its coordinates, micron,"), ("meter", "coordinates, meter,")):
         image.header.set_xyzt_units(unit)
         nibabel.save(image, tmp_path / "unit.nii")
         assert says in read_place(tmp_path / "unit.nii", 3).remark and (says or not place.remark)
