@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import math
+from dataclasses import FrozenInstanceError, fields, replace
 from decimal import Decimal
 from fractions import Fraction
+from inspect import Parameter, signature
+from typing import get_type_hints
 
 import numpy as np
 import pytest
@@ -15,7 +18,7 @@ import isocodec
 from brute import examples
 from isocodec import InputError, OptionError
 from isocodec.field.samples import check_field, isovalue_of
-from isocodec.stream.encoder import DEFAULT_TOLERANCE
+from isocodec.stream.options import DEFAULT_TOLERANCE, Options
 
 FIELD = np.add.outer(np.arange(6), np.arange(7)).astype(np.uint8)
 
@@ -144,3 +147,29 @@ def test_crossings_of_all_finite_floats(numbers):
         points = isocodec.decode(isocodec.encode(np.array(values), isovalue)).points
         assert len(points) == 2
         assert np.abs(points[:, axis] - float(expected)).max() <= DEFAULT_TOLERANCE
+
+
+# --- options --------------------------------------------------------------------------------------------------------
+
+
+def test_encode_and_encoder_take_the_options_by_name():
+    """Editors and type checkers see them, each with the default that `Options` has."""
+    stated = {f.name: f.default for f in fields(Options)} | {"progress": None}
+    for function in (isocodec.encode, isocodec.Encoder):
+        taken = [p for p in signature(function).parameters.values() if p.kind == Parameter.KEYWORD_ONLY]
+        assert {p.name: p.default for p in taken} == stated
+    assert set(stated) - {"progress"} <= get_type_hints(Options).keys()
+
+
+def test_an_unknown_option_is_refused_by_encode():
+    with pytest.raises(TypeError, match=r"^encode\(\) got an unexpected keyword argument 'precision'"):
+        isocodec.encode(FIELD, 5, precision=1)
+
+
+def test_an_encoder_shows_its_options():
+    options = isocodec.Encoder(FIELD, 5, tolerance=np.float32(0.5), metadata={"unit": "m"}).options
+    assert options == Options(tolerance=0.5, metadata={"unit": "m"}) and type(options.tolerance) is float
+    assert Options(steps=[2, "exact"]).distances == (2, 0)
+    assert replace(Options(steps=[2, 0.5]), metadata={}).distances == (2, 0.5)
+    with pytest.raises(FrozenInstanceError):
+        options.exact = True

@@ -39,7 +39,7 @@ def test_one_limit_for_all_formats(tmp_path: Path, name: str) -> None:
     with pytest.raises(LimitError) as caught:
         read_field(path, samples=field.size - 1)
     assert caught.value.code == "limit-samples"
-    said = f"holds {field.size} samples, and {field.size - 1} are read at most: --limit-samples (samples= in Python)"
+    said = f"holds {field.size} samples, more than the limit of {field.size - 1}: raise it with --limit-samples"
     assert str(caught.value).startswith(said)
     out = tmp_path / "out.iso"
     line = fails(6, "encode", path, "-o", out, "--isovalue", 5.5, "--limit-samples", field.size - 1)
@@ -133,7 +133,7 @@ def test_small_files_that_claim_to_be_huge(tmp_path: Path, name: str) -> None:
         peak = tracemalloc.get_traced_memory()[1]
     finally:
         tracemalloc.stop()
-    assert "samples, and 1,073,741,824 are read at most: --limit-samples" in line
+    assert "samples, more than the limit of 1,073,741,824: raise it with --limit-samples" in line
     assert peak < 50e6
 
 
@@ -157,7 +157,7 @@ def test_sizes_that_the_bytes_cannot_hold(tmp_path: Path, name: str) -> None:
     path.write_bytes(path.read_bytes()[:2000])
     tracemalloc.start()
     try:
-        with pytest.raises(InputError, match=r"is cut short: its header tells of [34][,0-9]{8,} bytes, and there are"):
+        with pytest.raises(InputError, match=r"is cut short: its header states [34][,0-9]{8,} bytes, but there are"):
             read_field(path)
         peak = tracemalloc.get_traced_memory()[1]
     finally:
@@ -187,7 +187,7 @@ def test_listing_arrays_reads_headers_only(tmp_path: Path) -> None:
     with zipfile.ZipFile(tmp_path / "a.npz", "w", zipfile.ZIP_DEFLATED) as archive:
         for name in ("a.npy", "b.npy"):
             archive.writestr(name, npy_header((1 << 20, 1 << 20)))
-    with pytest.raises(InputError, match=r"a \(1048576, 1048576\), b \(1048576, 1048576\): name one with --key"):
+    with pytest.raises(InputError, match=r"a \(1048576, 1048576\), b \(1048576, 1048576\): choose one with --key"):
         read_field(tmp_path / "a.npz")
 
 
@@ -224,7 +224,7 @@ def test_strips_that_unpack_to_more_than_the_picture(tmp_path: Path) -> None:
 def test_arrays_of_hdf5_that_were_never_written(tmp_path: Path) -> None:
     with h5py.File(tmp_path / "a.h5", "w") as file:
         file.create_dataset("x", (3, 4), "u1")
-    with pytest.raises(InputError, match=r"no samples of '/x', only its shape \(3, 4\)"):
+    with pytest.raises(InputError, match=r"the shape of '/x', \(3, 4\), but no samples"):
         read_field(tmp_path / "a.h5")
 
 
@@ -250,7 +250,7 @@ def test_devices_and_pipes(tmp_path: Path) -> None:
             with pytest.raises(InputError, match="device or a pipe"):
                 read(path)
     (tmp_path / "v.mhd").write_bytes(META + b"ElementDataFile = zero.npy\n")
-    with pytest.raises(InputError, match="no file beside it"):
+    with pytest.raises(InputError, match="no such file beside it"):
         read_field(tmp_path / "v.mhd", follow=True)
     for verb in (["info"], ["mask", "-o", tmp_path / "m.npy"]):
         assert "not a valid .iso file" in fails(4, verb[0], "/dev/zero", *verb[1:])

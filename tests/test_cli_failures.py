@@ -143,12 +143,12 @@ def cut(tmp_path: Path, curve_data: bytes) -> Path:
 
 def only_partial(verb: str, cut: Path, out: Path) -> None:
     """A verb takes what was received, with a warning, if it is told so, and nothing otherwise."""
-    assert fails(5, verb, cut, "-o", out).endswith(": --partial takes what was received")
+    assert fails(5, verb, cut, "-o", out).endswith(": use --partial to decode what there is")
     assert not out.exists()
     result = run(verb, cut, "-o", out, "--partial")
     assert result.exit_code == 0
     assert result.stderr.startswith(f"isocodec: {cut}: warning: ")
-    assert "only what was received is" in result.stderr
+    assert "as far as it goes" in result.stderr
     assert out.stat().st_size
 
 
@@ -172,7 +172,7 @@ def test_a_truncated_file_is_drawn_and_said_to_be_one(cut: Path, tmp_path: Path,
     only_partial("plot", cut, out)
     begin = isocodec.inspect(curve_data).layers[0].offset
     cut.write_bytes(curve_data[:begin])
-    assert not fails(5, "plot", cut, "-o", out, "--partial").endswith("--partial takes what was received")
+    assert not fails(5, "plot", cut, "-o", out, "--partial").endswith("use --partial to decode what there is")
     result = run("info", cut)
     assert result.exit_code == 0 and f"the file ends after {begin} bytes, before it is complete" in result.stderr
 
@@ -235,6 +235,23 @@ def test_help_lists_the_exit_codes() -> None:
     for verb, _ in (*VERBS, ("encode", None)):
         assert "Usage: isocodec" in ok(verb, "--help")
     assert ok("--version").startswith("isocodec")
+
+
+def test_the_options_of_encode_fit_a_screen(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Under headings, in one column, on 50 lines of 80 characters."""
+    monkeypatch.setenv("COLUMNS", "80")
+    lines = ok("encode", "--help").splitlines()
+    assert len(lines) <= 50 and max(map(len, lines)) <= 80
+    headings = [line.split("(")[0].strip(" :") for line in lines if line.endswith(":")]
+    assert headings == ["Isovalue", "Precision", "Layers", "Input", "Limits", "Output"]
+    assert sum(line.startswith("  -") for line in lines) == 26
+
+
+def test_options_that_contradict_one_another_are_named_as_on_the_command_line(hills: Path, tmp_path: Path) -> None:
+    encode = ("encode", hills, "-o", tmp_path / "o.iso", "--isovalue", 40)
+    assert "--exact and --signs-only contradict one another" in fails(2, *encode, "--exact", "--signs-only")
+    assert "--base-level and --preserve-topology" in fails(2, *encode, "--base-level", 1, "--preserve-topology")
+    assert "exactly one of --isovalue, --interval and --label" in fails(2, *encode, "--label", 1)
 
 
 def test_internal_errors_are_one_line(curve: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -352,7 +369,7 @@ def test_bytes_that_end_before_the_curve_begins(two: Path, tmp_path: Path) -> No
 def test_isovalues_are_said_in_full(hills: Path, tmp_path: Path) -> None:
     out = tmp_path / "fine.iso"
     ok("encode", hills, "-o", out, "--isovalue", 80.5, "--isovalue", 40.123456789)
-    assert "--isovalue chooses 40.123456789" in run("decode", out, "-o", tmp_path / "a.npz").stderr
+    assert "choose another with --isovalue: 40.123456789" in run("decode", out, "-o", tmp_path / "a.npz").stderr
     assert "40.123456789" in fails(2, "decode", out, "-o", tmp_path / "a.npz", "--isovalue", 40.1235)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import struct
 
 import numpy as np
@@ -12,11 +13,13 @@ from hypothesis import strategies as st
 import isocodec
 from brute import examples
 from files import HEADER, chunk, files, layers_file, picture, refused, same_drawing, whole, with_checksum
-from isocodec import Decoder, Encoder, FormatError, OptionError
+from isocodec import Decoder, Encoder, FormatError, OptionError, inspect
 from isocodec.format import chunks
 from isocodec.format.chunks import read_metadata
 from isocodec.format.header import Header, read_header, write_header, write_isovalue
+from isocodec.format.kinds import LayerKind
 from isocodec.format.program import Layer, Progress, read_program, write_program
+from isocodec.layers.contents import LAYER_CHUNKS, READERS
 from isocodec.layers.events import ChunkSkipped, MetadataRead
 from isospec.container import (
     CHECKED_CHUNK,
@@ -25,12 +28,14 @@ from isospec.container import (
     WRITER_VERSION,
     ChunkType,
     IsovalueKind,
+    Operation,
     VarintError,
     read_varint,
     unzigzag,
     write_varint,
     zigzag,
 )  # fmt: skip
+from isospec.elements import BY_LAYER
 
 # --- numbers --------------------------------------------------------------------------------------------------------
 
@@ -428,3 +433,14 @@ def test_largest_isovalues_of_single_precision():
 def test_metadata_that_is_no_text(metadata):
     with pytest.raises(OptionError, match="text"):
         Encoder(np.eye(4), 0.5, metadata=metadata)
+
+
+def test_every_chunk_type_has_one_reader_and_every_kind_of_layer_its_symbols():
+    assert {*READERS} | {*LAYER_CHUNKS} == {*ChunkType} and not {*READERS} & {*LAYER_CHUNKS}
+    assert {*LayerKind} == {*BY_LAYER} and {kind.operation for kind in LayerKind} < {*Operation}
+
+
+def test_kinds_of_layers_are_strings():
+    info = inspect(b"".join(Encoder(np.eye(4), 0.5, plan=[(LayerKind.BASE, None), ("values", None)], step=0.5)))
+    assert [layer.kind for layer in info.layers][:2] == ["base", "values"]
+    assert json.loads(json.dumps(info.as_dict()))["layers"][0]["kind"] == "base"

@@ -60,7 +60,7 @@ def test_the_last_step_of_a_part_of_a_file(tmp_path: Path, drawn: list[Step], me
     part = tmp_path / "part.iso"
     part.write_bytes(data[: last.offset + last.bytes // 2])
     size = part.stat().st_size
-    assert "--partial takes" in fails(5, "plot", part, "-o", tmp_path / "a.png")
+    assert "use --partial" in fails(5, "plot", part, "-o", tmp_path / "a.png")
     assert not drawn
     result = run("plot", part, "-o", tmp_path / "a.png", "--partial", *(["--mesh"] if mesh else []))
     assert result.exit_code == 0
@@ -95,11 +95,11 @@ def test_truncated_files_are_not_called_invalid(tmp_path: Path, verb: str, out: 
     part.write_bytes(data[:-6])
     why = f"isocodec: {part}: the file ends after {len(data) - 6} bytes, before it is complete"
     line = fails(5, verb, part, "-o", tmp_path / out)
-    assert line.startswith(why) and line.endswith(": --partial takes what was received")
+    assert line.startswith(why) and line.endswith(": use --partial to decode what there is")
     assert "valid" not in line and not (tmp_path / out).exists()
     result = run(verb, part, "-o", tmp_path / out, "--partial")
     assert result.exit_code == 0 and (tmp_path / out).exists()
-    said = f"{why.replace(': the file', ': warning: the file')}; only what was received is {word}"
+    said = f"{why.replace(': the file', ': warning: the file')}; {word} as far as it goes"
     assert result.stderr.splitlines()[-1] == said
     part.write_bytes(data[:-6] + bytes(6))
     assert "not a valid .iso file: " in fails(4, verb, part, "-o", tmp_path / out)

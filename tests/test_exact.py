@@ -17,7 +17,7 @@ import isocodec
 from brute import crossing_edges, crossing_points, examples, mixed, smooth
 from isocodec import InputError, OptionError
 from isocodec.passes.snapshot import state_of
-from isocodec.stream.encoder import SEARCHED
+from isocodec.stream.options import SEARCHED
 
 
 def integers(shape, seed, span=100.0, noise=0.0):

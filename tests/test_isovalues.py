@@ -20,7 +20,7 @@ from isocodec.passes.runner import Tube
 from isocodec.passes.snapshot import leaves_of, state_of
 from isocodec.search import strategy
 from isocodec.search.strategy import grid_plan
-from isocodec.stream.encoder import DEFAULT_TOLERANCE
+from isocodec.stream.options import DEFAULT_TOLERANCE
 from isoconform.meshes import chosen, uniform
 from isoconform.streams import layers, split
 

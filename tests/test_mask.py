@@ -109,7 +109,7 @@ def test_damage_behind_the_isovalue_changes_nothing(tmp_path: Path) -> None:
         isocodec.inspect(bytes(data))
     (tmp_path / "in.iso").write_bytes(data)
     result = run("mask", tmp_path / "in.iso", "-o", tmp_path / "m.npy", "--json")
-    assert result.exit_code == 0 and "--isovalue chooses 60.5" in result.stderr
+    assert result.exit_code == 0 and "choose another with --isovalue: 60.5" in result.stderr
     assert json.loads(result.stdout)["isovalue"] == 100.5
 
 
@@ -170,7 +170,7 @@ def test_truncated_files_and_several_isovalues(tmp_path: Path) -> None:
     data = isocodec.encode(HILLS, [100.5, 60.5])
     (tmp_path / "in.iso").write_bytes(data)
     result = run("mask", tmp_path / "in.iso", "-o", tmp_path / "m.npy")
-    assert result.exit_code == 0 and "--isovalue chooses 60.5" in result.stderr
+    assert result.exit_code == 0 and "choose another with --isovalue: 60.5" in result.stderr
     ok("mask", tmp_path / "in.iso", "-o", tmp_path / "m.npy", "--isovalue", 60.5)
     assert np.array_equal(np.load(tmp_path / "m.npy"), HILLS > 60.5)
     (tmp_path / "cut.iso").write_bytes(data[:-10])

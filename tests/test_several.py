@@ -123,7 +123,7 @@ def test_pictures_of_surfaces_stand_side_by_side(tmp_path: Path) -> None:
 def test_others_are_named_where_only_one_is_written(several: Path, tmp_path: Path, options: list[object]) -> None:
     out = tmp_path / ("one.svg" if options else "one.npz")
     result = run("decode", several, "-o", out, *options)
-    assert result.exit_code == 0 and "--isovalue chooses 100.5 or 80.5" in result.stderr
+    assert result.exit_code == 0 and "choose another with --isovalue: 100.5 or 80.5" in result.stderr
 
 
 def test_formats_that_hold_one(data: bytes) -> None:
@@ -136,7 +136,7 @@ def test_damage_behind_the_first_isovalue(several: Path, data: bytes, tmp_path: 
     out = tmp_path / "cut.geojson"
     assert "--partial" in fails(5, "decode", several, "-o", out)
     assert not out.exists()
-    assert "only what was received" in run("decode", several, "-o", out, "--partial").stderr
+    assert "as far as it goes" in run("decode", several, "-o", out, "--partial").stderr
     features = json.loads(out.read_text())["features"]
     assert [feature["properties"]["complete"] for feature in features] == [False] * len(features)
     several.write_bytes(b"")
@@ -165,8 +165,8 @@ def test_intervals_that_fit_no_file(tmp_path: Path) -> None:
     np.save(path, HILLS)
     for wrong in ("0", "-1", "nan", "inf"):
         assert "greater than 0" in fails(2, "encode", path, "-o", out, "--interval", wrong)
-    assert "needed is" in fails(2, "encode", path, "-o", out, "--interval", 20, "--isovalue", 30)
-    assert "a file holds 64" in fails(3, "encode", path, "-o", out, "--interval", 0.25)
+    assert "exactly one of" in fails(2, "encode", path, "-o", out, "--interval", 20, "--isovalue", 30)
+    assert "a file holds at most 64" in fails(3, "encode", path, "-o", out, "--interval", 0.25)
     np.save(path, HILLS + 1)
     assert "no multiple" in fails(3, "encode", path, "-o", out, "--interval", 1000)
     np.save(path, np.array([[0.0, np.inf], [1.0, 2.0]]))

@@ -106,7 +106,7 @@ def test_what_libraries_say_is_one_warning(capfd: pytest.CaptureFixture[str]) ->
             print("printed")
     out, err = capfd.readouterr()
     assert out == ""
-    assert err == "isocodec: a.tif: warning: said while it was read: warned; logged twice; printed, and 1 more\n"
+    assert err == "isocodec: a.tif: warning: messages while reading it: warned; logged twice; printed, and 1 more\n"
     assert logger.handlers == [mine] and logging.root.handlers == before
     os.write(1, b"back\n")
     with pytest.raises(InputError), one_warning(Path("a.tif")):
@@ -130,7 +130,7 @@ def test_libraries_are_heard_in_one_line(tmp_path: Path) -> None:
         lines = done.stderr.splitlines()
         assert done.returncode == 0, done
         assert all(line.startswith(f"isocodec: {tmp_path / name}: warning: ") for line in lines), lines
-        assert sum("said while it was read: " in line for line in lines) == 1, lines
+        assert sum("messages while reading it: " in line for line in lines) == 1, lines
     (tmp_path / "v.mha").write_bytes(
         META.replace(b"MET_UCHAR", b"MET_NOTHING") + b"ElementDataFile = LOCAL\n" + bytes(24)
     )

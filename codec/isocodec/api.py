@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from numbers import Integral
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -13,26 +12,90 @@ from .drawing.contour import Contour
 from .errors import IsoError, OptionError, TruncatedError
 from .format.chunks import octets
 from .layers.events import LayerComplete
+from .layers.plan import Entry
 from .limits import Limits
 from .stream.decoder import Decoder
 from .stream.encoder import Encoder
 from .stream.inspect import inspect
 
 
-def encode(field: ArrayLike, isovalue: float | Sequence[float], **options: Any) -> bytes:
+def encode(
+    field: ArrayLike,
+    isovalue: float | Sequence[float],
+    *,
+    exact: bool = False,
+    tolerance: float | None = None,
+    signs_only: bool = False,
+    step: float | None = None,
+    base_level: int | None = None,
+    preserve_topology: bool = False,
+    steps: Sequence[float | str] | None = None,
+    criterion: str | None = None,
+    parameter: float | None = None,
+    leaning: bool = True,
+    plan: Sequence[Entry] | Mapping[float, Sequence[Entry]] | None = None,
+    profile: str = "main",
+    metadata: Mapping[str, str] | None = None,
+    placement: ArrayLike | None = None,
+    progress: Callable[[int, int], object] | None = None,
+) -> bytes:
     """Encode one or more isocontours or isosurfaces of a sampled field.
+
+    Choose the precision with one of ``exact``, ``tolerance``, ``steps``, ``signs_only`` and ``step``. Without any,
+    crossings on the full grid are kept to within 0.05 cells.
 
     Parameters
     ----------
     field : (s0, s1) or (s0, s1, s2) array_like of bool, integers or floats
         Samples on a regular grid, without NaN.
-    isovalue : float, or sequence of them
-        Samples greater than it lie above. Of several, later ones lean on earlier ones.
-    **options
-        One of ``exact``, ``tolerance``, ``steps``, ``signs_only`` and ``step`` says how precisely the curve is kept;
-        without, the full grid is told with crossings within 0.05 of an edge. ``preserve_topology``, ``base_level``,
-        ``criterion``, ``parameter`` and ``plan`` say on which meshes, ``leaning`` and ``profile`` how it is coded;
-        ``metadata``, ``placement``, ``progress``. `Encoder` explains each.
+    isovalue : number or sequence of numbers
+        One isovalue, or several of the same field, in the order in which the file has them: finite numbers of Python's
+        or numpy's, fractions or decimals. Samples greater than it lie above. Files hold double precision; whole numbers
+        beyond it are refused.
+    exact : bool
+        Integer data: keep the values next to the curve to the last bit.
+    tolerance : float, optional
+        Largest distance, in cells, between the decoded and the extracted curve, both ways. From 0.1 on the encoder
+        searches for a mesh and a precision of crossings that make the file small, and proves the distance on the
+        decoded curve. Below, and by default with 0.05, it codes all crossings of the grid, without a search. With a
+        ``criterion``, that chooses the mesh, and the tolerance holds for its crossings alone.
+    signs_only : bool
+        Keep no geometry: which samples lie above is exact, crossings are drawn half-way.
+    step : float, optional
+        Float data: keep the values next to the curve to within half this step.
+    base_level : int, optional
+        Uniform level of the base; the level of the full grid makes a single-rate file.
+    preserve_topology : bool
+        Every layer, from the base on, has as many components as the curve, nested alike; surfaces with the same
+        Euler characteristics. Samples equal to the isovalue count as below it.
+    steps : sequence of float or str, optional
+        Falling distances, in cells, that the layers promise one after the other; the last may be "exact" (or 0).
+    criterion : str, optional
+        Reduce the mesh under one criterion, as published: ``crossing``, ``topology``, ``curvature`` (``parameter``:
+        mean curvature above which the finest mesh stays, 1 / cells), ``distortion`` (``parameter``: distance in
+        cells from the original curve to the new one), ``level`` (``parameter``: that of a uniform mesh).
+    parameter : float, optional
+        Number that the criterion takes.
+    leaning : bool
+        Whether each further isovalue is coded with the help of the nearest one before it in the file.
+    plan : sequence of entries, optional
+        Instead of all these but ``step``: the layers one by one, as ``("base", level)``, ``("refine", rounds)``,
+        ``("values", bits)``, ``("offsets", radix)``, where None means as far as it goes; ``("adaptive_base", level,
+        mesh)``, ``("adapt", births, mesh)`` with the mesh that they lead to (`mesh.vertex_set.Chosen`),
+        ``("leaf_base",)``, ``("offsets", radix, unit)``. ``("promise", distance)`` behind layers other than values
+        states how far their curve lies from the original one at most, without proof. A mapping gives each isovalue a
+        plan of its own.
+    profile : str
+        ``main``, or ``baseline``, which makes larger files for smaller and faster decoders.
+    metadata : mapping of str to str, optional
+        Notes to go into the file.
+    placement : (n,), (n, n + 1) or (n + 1, n + 1) array_like, optional
+        Where the samples lie: distances of neighbours along each axis of the array, or a row for each coordinate x, y
+        (, z) with what a step along each axis adds to it and what it is at sample 0; a last row of 0 .. 0 1 may follow.
+        It goes into the metadata, and changes nothing but `Contour.placed`; tolerances stay in cells.
+    progress : callable, optional
+        Called with the layers done and their total; before, while a mesh is searched for, with the number of curves
+        tried and 0.
 
     Returns
     -------
@@ -54,7 +117,14 @@ def encode(field: ArrayLike, isovalue: float | Sequence[float], **options: Any) 
     >>> decode(data).lines[0].shape[1]
     2
     """
-    return b"".join(Encoder(field, isovalue, **options))
+    return b"".join(
+        Encoder(
+            field, isovalue, exact=exact, tolerance=tolerance, signs_only=signs_only, step=step,
+            base_level=base_level, preserve_topology=preserve_topology, steps=steps, criterion=criterion,
+            parameter=parameter, leaning=leaning, plan=plan, profile=profile, metadata=metadata, placement=placement,
+            progress=progress,
+        )
+    )  # fmt: skip
 
 
 def decode(
@@ -204,7 +274,7 @@ def received(
 ) -> Decoder:
     """A decoder that has taken all, or the first ``layers`` layers of isovalue ``number``, or the first bytes."""
     if max_bytes is not None:
-        _check_count(max_bytes, "bytes", "max-bytes")
+        _check_count(max_bytes, "max_bytes", "max-bytes")
     decoder = Decoder(limits, only=only)
     try:
         decoder.feed(octets(data)[:max_bytes])
@@ -229,7 +299,7 @@ def received(
 
 def _check_count(asked: int, what: str, code: str) -> None:
     if not (isinstance(asked, Integral) and asked >= 1):
-        raise OptionError(f"{asked} {what}, needed is a whole number from 1 on", code=code)
+        raise OptionError(f"{what} is {asked}; it must be a whole number from 1 on", code=code)
 
 
 def _chain(data: bytes, isovalue: float | None) -> tuple[int, frozenset[int]]:

@@ -21,18 +21,21 @@ LOST = 0.01
 @iso_argument
 @output_option("OUT")
 @click.option(
-    "--isovalue", type=float, metavar="V", help="Which isovalue, of several.  [default: all that OUT can hold]"
+    "--isovalue",
+    type=float,
+    metavar="V",
+    help="Isovalue to decode, if there are several.  [default: all that OUT can hold]",
 )
 @click.option(
     "--layers",
     type=click.IntRange(min=1),
     metavar="N",
-    help="Only the first N layers of that isovalue, or of the first; all if it has fewer.",
+    help="Decode only the first N layers of the isovalue.",
 )
-@click.option("--max-bytes", type=click.IntRange(min=1), metavar="N", help="Only the first N bytes.")
-@click.option("--in-samples", is_flag=True, help="Coordinates in samples, even if the file says where these lie.")
+@click.option("--max-bytes", type=click.IntRange(min=1), metavar="N", help="Decode only the first N bytes.")
+@click.option("--in-samples", is_flag=True, help="Write coordinates in samples, even if the file has a placement.")
 @click.option(
-    "--areas", type=click.Choice(["above", "below"]), help="To .geojson: polygons of what lies above, or does not."
+    "--areas", type=click.Choice(["above", "below"]), help="Write polygons of the areas above or below (.geojson)."
 )
 @smooth_option
 @partial_option
@@ -49,12 +52,12 @@ def decode_command(
     Curves               .geojson, .svg (x along axis 1, y along axis 0)
     Surfaces             .ply, .stl, .obj (x, y, z along axes 0, 1, 2)
 
-    Coordinates are samples. Where the file says how these lie in the world (encode keeps what NIfTI and GeoTIFF files
-    say, or --spacing), .geojson, .ply, .stl and .obj have the coordinates of the world instead.
+    Coordinates are in samples. If the file has a placement (from NIfTI or GeoTIFF, for example, or encode --spacing),
+    .geojson, .ply, .stl and .obj have world coordinates instead.
 
     With --areas the .geojson holds polygons with holes: the curve, closed along the border of the samples.
 
-    Of a file of several isovalues, .geojson, .svg and .png show all (a feature each), the others one.
+    If there are several isovalues, .geojson, .svg and .png hold all of them, the other formats one.
     """
     from ..io.write import (
         AREAS,
@@ -127,10 +130,13 @@ def _warn_of_places(source: Path, suffix: str, drawings: Drawings) -> None:
     import numpy as np
 
     if not drawings.points and not drawings.complete:
-        warn(source, "nothing of the curve is in the part that was decoded")
+        warn(source, "the part that was decoded holds nothing of the curve")
     placement = drawings.placement
     if suffix in (".ply", ".stl") and placement is not None and drawings.points:
         lost = float(np.spacing(np.float32(drawings.largest)))
         steps = np.linalg.norm(placement[:, :-1], axis=0)
         if lost > LOST * steps.min():
-            warn(source, f"coordinates in {suffix} are rounded by up to {lost / 2:g}; .obj keeps them, or --in-samples")
+            warn(
+                source,
+                f"coordinates in {suffix} are rounded by up to {lost / 2:g}; use .obj or --in-samples to avoid that",
+            )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import time
+from dataclasses import replace
 from decimal import Decimal
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -11,7 +12,7 @@ from typing import TYPE_CHECKING
 import click
 
 from ..limits import FIELD_SAMPLES
-from .options import Isovalue, json_option, output_option
+from .options import Grouped, Isovalue, json_option, output_option, section
 from .progress import progress_bar
 from .quiet import one_warning
 from .report import check_iso_output, concerning, tell, warn, write_output
@@ -24,91 +25,77 @@ if TYPE_CHECKING:
     from ..io.read import Field
 
 
-@click.command("encode", short_help="Encode the isocontour of a picture, terrain or volume.")
+@click.command("encode", cls=Grouped, short_help="Encode the isocontour of a picture, terrain or volume.")
 @click.argument("source", metavar="INPUT", type=click.Path(path_type=Path, readable=False))
-@output_option("OUT.iso")
-@click.option(
-    "--isovalue",
-    "isovalues",
-    type=Isovalue(),
-    multiple=True,
-    metavar="V",
-    help="Where the contour lies: value > V is inside. May be given several times.",
+@section(
+    "Isovalue (give exactly one of --isovalue, --interval and --label)",
+    click.option(
+        "--isovalue", "isovalues", type=Isovalue(), multiple=True, metavar="V", help="Inside is value > V. Repeatable."
+    ),
+    click.option("--interval", type=Isovalue(), metavar="S", help="All multiples of S within the data, in one file."),
+    click.option(
+        "--label",
+        "labels",
+        type=Isovalue(),
+        multiple=True,
+        metavar="K",
+        help="Inside is value == K; --signs-only by default.",
+    ),
+    click.option("--independent", is_flag=True, help="Keep each isovalue decodable without the others."),
 )
-@click.option(
-    "--interval",
-    type=Isovalue(),
-    metavar="S",
-    help="Instead of isovalues: all multiples of S among the data, in one file.",
+@section(
+    "Precision (choose at most one; the default is --tolerance 0.05)",
+    click.option("--exact", is_flag=True, help="Keep all values along the contour (integer data)."),
+    click.option("--step", type=float, metavar="S", help="Round values along the contour to steps of S (floats)."),
+    click.option(
+        "--tolerance",
+        type=float,
+        metavar="D",
+        help="Largest distance from the contour and back, in cells; from 0.1 on, search for the smallest file.",
+    ),
+    click.option("--steps", metavar="D,D,..", help="Falling tolerances, one after the other; the last may be exact."),
+    click.option("--signs-only", is_flag=True, help="Keep only which samples are inside."),
 )
-@click.option(
-    "--label",
-    "labels",
-    type=Isovalue(),
-    multiple=True,
-    metavar="K",
-    help="Instead of an isovalue: inside is where the value is K; with --signs-only if nothing else is said.",
+@section(
+    "Layers",
+    click.option("--preserve-topology", is_flag=True, help="Keep the topology of the contour in every layer."),
+    click.option("--base-level", type=int, metavar="L", help="Begin on the uniform mesh of level L; no search."),
+    click.option(
+        "--criterion",
+        metavar="NAME[=X]",
+        help="Reduce the mesh by crossing, topology, curvature=K, distortion=D or level=L; precision then holds for "
+        "crossings on that mesh only.",
+    ),
 )
-@click.option("--independent", is_flag=True, help="Several isovalues: each can be decoded without the others.")
-@click.option("--exact", is_flag=True, help="All values along the contour, to the last bit (integer data).")
-@click.option(
-    "--tolerance",
-    type=float,
-    metavar="D",
-    help="Largest distance to the extracted contour and back, in cells; from 0.1 on the smallest file is looked for.",
+@section(
+    "Input",
+    click.option("--key", metavar="NAME", help="Array of an .npz or HDF5 file."),
+    click.option("--channel", type=int, metavar="N", help="Channel of a colour picture, counted from 0."),
+    click.option("--frame", type=int, metavar="N", help="Item of a series or time step, counted from 0."),
+    click.option(
+        "--missing",
+        type=click.Choice(["below", "above", "nearest"]),
+        metavar="HOW",
+        help="Treat missing samples as below, as above, or as the nearest valid sample.",
+    ),
+    click.option("--nodata", type=float, metavar="V", help="Value that marks missing samples, besides NaN."),
+    click.option("--spacing", metavar="S,S[,S]", help="Distances of samples along the axes; may be negative."),
+    click.option("--no-placement", is_flag=True, help="Ignore the coordinates that INPUT gives its samples."),
 )
-@click.option("--steps", metavar="D,D,..", help="What layers promise, one by one: falling distances, or exact at last.")
-@click.option("--preserve-topology", is_flag=True, help="As many pieces as the contour, nested alike, in every layer.")
-@click.option(
-    "--criterion",
-    metavar="NAME[=X]",
-    help="Reduce the mesh as published: crossing, topology, curvature=K, distortion=D or level=L. What --tolerance and"
-    " --exact say then holds for crossings and values on that mesh, not between them.",
+@section(
+    "Limits",
+    click.option(
+        "--limit-samples", type=click.IntRange(min=1), metavar="N", help=f"Most samples.  [default: {FIELD_SAMPLES:,}]"
+    ),
+    click.option("--follow-paths", "follow", is_flag=True, help="Read other files that INPUT refers to by a path."),
 )
-@click.option("--signs-only", is_flag=True, help="Only on which side the samples are: no positions within a cell.")
-@click.option("--step", type=float, metavar="S", help="Values along the contour in steps of S (float data).")
-@click.option(
-    "--base-level",
-    type=int,
-    metavar="L",
-    help="Level of the coarsest mesh, where the file begins; the full grid follows, without a search.",
+@section(
+    "Output",
+    output_option("OUT.iso"),
+    click.option("--metadata", multiple=True, metavar="KEY=TEXT", help="Add a note to the file. Repeatable."),
+    click.option("--profile", default="main", metavar="NAME", help="Entropy coding: main (default) or baseline."),
+    json_option,
 )
-@click.option("--profile", default="main", show_default=True, metavar="NAME", help="Entropy coding profile.")
-@click.option("--metadata", multiple=True, metavar="KEY=TEXT", help="A note to go into the file. Several may be given.")
-@click.option(
-    "--spacing",
-    metavar="S,S[,S]",
-    help="Distances of samples along the axes of the array; negative where an axis runs against its coordinate.",
-)
-@click.option(
-    "--missing",
-    type=click.Choice(["below", "above", "nearest"]),
-    help="Missing samples (NaN; what GeoTIFF or NetCDF says stands for them, or --nodata) lie below or above, or are as"
-    " the nearest one.",
-)
-@click.option("--nodata", type=float, metavar="V", help="The value that stands for missing samples.")
-@click.option("--no-placement", is_flag=True, help="Leave out where INPUT says its samples lie.")
-@click.option("--key", metavar="NAME", help="Which array of an .npz or HDF5 file.")
-@click.option("--channel", type=int, metavar="N", help="Which channel of a colour picture, counted from 0.")
-@click.option(
-    "--frame",
-    type=int,
-    metavar="N",
-    help="Which of a series, counted from 0: along the first axis of an array or TIFF stack, the last of a volume.",
-)
-@click.option(
-    "--limit-samples",
-    type=click.IntRange(min=1),
-    metavar="N",
-    help=f"How many samples INPUT may hold at most.  [default: {FIELD_SAMPLES:,}]",
-)
-@click.option(
-    "--follow-paths",
-    "follow",
-    is_flag=True,
-    help="Read other files that INPUT names by a path, or keeps its samples in (HDF5).",
-)
-@json_option
 def encode_command(
     source: Path,
     output: Path,
@@ -139,36 +126,37 @@ def encode_command(
 ) -> None:
     """Encode the isocontour (2-D) or isosurface (3-D) of the field in INPUT.
 
-    INPUT is .npy, .npz, HDF5 or NetCDF, a PNG, JPEG or TIFF picture (a TIFF stack is a volume), or a NIfTI, NRRD or
-    MetaImage volume. At most one of --exact, --tolerance, --steps, --signs-only and --step says how precisely the
-    contour is kept.
+    INPUT is .npy, .npz, HDF5, NetCDF, PNG, JPEG, TIFF (a stack is a volume), NIfTI, NRRD or MetaImage.
     """
     if bool(isovalues) + (interval is not None) + bool(labels) != 1:
-        raise click.UsageError("needed is --isovalue, --interval, or --label of a volume of labels: one of them")
+        raise click.UsageError("give exactly one of --isovalue, --interval and --label")
     if len(labels) > 1:
         several = " and ".join(f"--label {label:g}" for label in labels)
-        raise click.UsageError(f"{several}: a file holds one label, make one after the other")
+        raise click.UsageError(f"{several}: a file holds one label; make one file for each")
     label = labels[0] if labels else None
     if interval is not None and not 0 < interval < math.inf:
-        raise click.UsageError(f"--interval {interval}: needed is a number greater than 0")
-    precise = {"--exact": exact, "--tolerance": tolerance is not None, "--signs-only": signs_only}
-    precise |= {"--step": step is not None, "--steps": steps is not None}
-    coarse = {"--base-level": base_level is not None, "--steps": steps is not None}
-    coarse |= {"--criterion": criterion is not None}
-    uniform = {"--base-level": base_level is not None, "--preserve-topology": preserve_topology}
-    for given in (precise, coarse, uniform):
-        chosen = [name for name, is_given in given.items() if is_given]
-        if len(chosen) > 1:
-            raise click.UsageError(f"{' and '.join(chosen)} contradict one another: choose one")
+        raise click.UsageError(f"--interval {interval}: must be greater than 0")
     name, parameter = _criterion(criterion)
     notes = _metadata(metadata)
     if spacing is not None and no_placement:
         raise click.UsageError("--spacing and --no-placement contradict one another: choose one")
     if label is not None and missing is not None:
-        raise click.UsageError("--label and --missing contradict one another: what has another value has another label")
+        raise click.UsageError("--label and --missing contradict one another: a missing sample has another label")
     if nodata is not None and missing is None:
-        raise click.UsageError("--nodata says which samples are missing; --missing has to say what is taken instead")
+        raise click.UsageError("--nodata needs --missing, which chooses how missing samples are treated")
     steps_along = _numbers("--spacing", spacing)
+    distances = _steps(steps)
+
+    from ..stream.options import PRECISIONS, Options, conflict
+
+    if chosen := conflict([name for name, value in click.get_current_context().params.items() if _is_given(value)]):
+        names = " and ".join("--" + option.replace("_", "-") for option in chosen)
+        raise click.UsageError(f"{names} contradict one another: choose one")
+    options = Options(
+        exact=exact, tolerance=tolerance, signs_only=signs_only, step=step, base_level=base_level,
+        preserve_topology=preserve_topology, steps=distances, criterion=name, parameter=parameter,
+        leaning=not independent, profile=profile, metadata=notes,
+    )  # fmt: skip
     check_iso_output(output, source)
 
     import isocodec
@@ -188,11 +176,12 @@ def encode_command(
             if placed:
                 place = read_place(source, field.ndim, key, samples=limit_samples, follow=follow)
         if steps_along is not None and len(steps_along) != field.ndim:
-            raise click.UsageError(f"--spacing {spacing}: needed is a number for each of the {field.ndim} axes")
+            raise click.UsageError(f"--spacing {spacing}: give one number for each of the {field.ndim} axes")
         if label is not None:
             field, isovalues = _labelled(field, label), (0.5,)
             notes.setdefault("label", f"{label:g}")
-            signs_only |= not any(precise.values())
+            if not any(_is_given(getattr(options, precision)) for precision in PRECISIONS):
+                options = replace(options, signs_only=True)
         else:
             gone = missing_samples(field, nodata)
             if interval is not None:
@@ -203,29 +192,15 @@ def encode_command(
             warn(source, place.remark)
         if place.crs is not None:
             notes.setdefault(CRS, place.crs)
+        options = replace(options, metadata=notes, placement=placement)
         started = time.perf_counter()
         with progress_bar("encoding") as progress:
             data = isocodec.encode(
-                field,
-                isovalues[0] if len(isovalues) == 1 else isovalues,
-                leaning=not independent,
-                steps=_steps(steps),
-                preserve_topology=preserve_topology,
-                criterion=name,
-                parameter=parameter,
-                exact=exact,
-                tolerance=tolerance,
-                signs_only=signs_only,
-                step=step,
-                base_level=base_level,
-                profile=profile,
-                metadata=notes,
-                placement=placement,
-                progress=progress,
+                field, isovalues[0] if len(isovalues) == 1 else isovalues, progress=progress, **vars(options)
             )
         seconds = time.perf_counter() - started
     write_output(output, data)
-    _warn_of_values(source, field, isovalues, exact or step is not None, preserve_topology, signs_only)
+    _warn_of_values(source, field, isovalues, exact or step is not None, preserve_topology, options.signs_only)
     layers = len(isocodec.inspect(data).layers)
     tell(
         f"{click.format_filename(output)}: {len(data):,} bytes, {layers} layers, {seconds:.2f} s",
@@ -242,6 +217,11 @@ def encode_command(
     )
 
 
+def _is_given(value: object) -> bool:
+    """Whether an option was given on the command line: a flag, or a value."""
+    return value is not None and value is not False
+
+
 def _labelled(field: Field, label: float) -> Field:
     """Which samples have a label."""
     import numpy as np
@@ -252,7 +232,7 @@ def _labelled(field: Field, label: float) -> Field:
     if not inside.any():
         there = np.unique(field)
         text = ", ".join(f"{value:g}" for value in there[:20]) + (" ..." if len(there) > 20 else "")
-        raise InputError(f"no sample has the label {label:g}", code="label", remedy=f"there are {text}")
+        raise InputError(f"no sample has the label {label:g}", code="label", remedy=f"the labels are {text}")
     return inside
 
 
@@ -266,18 +246,18 @@ def _multiples(interval: float, samples: Field) -> tuple[float, ...]:
         return ()
     low, high = float(samples.min()), float(samples.max())
     if not (math.isfinite(low) and math.isfinite(high)):
-        raise InputError("the data hold infinite values, and so all multiples", code="interval", remedy="--isovalue")
+        raise InputError("the data hold infinite values", code="interval", remedy="use --isovalue")
     first, end = math.floor(low / interval), math.ceil(high / interval) + 1
     near = (float(k * Decimal(repr(interval))) for k in range(first, min(end, first + MAX_ISOVALUES + 3)))
     out = tuple(value for value in near if low <= value < high)
     if len(out) > MAX_ISOVALUES:
         raise InputError(
-            f"some {end - first - 1:,} multiples of {interval:g} lie among the data ({low:g} to {high:g}), and a file "
-            f"holds {MAX_ISOVALUES}", code="interval", remedy="choose a larger interval",
+            f"about {end - first - 1:,} multiples of {interval:g} lie within the data ({low:g} to {high:g}); a file "
+            f"holds at most {MAX_ISOVALUES}", code="interval", remedy="choose a larger interval",
         )  # fmt: skip
     if not out:
         raise InputError(
-            f"no multiple of {interval:g} lies among the data ({low:g} to {high:g})", code="interval",
+            f"no multiple of {interval:g} lies within the data ({low:g} to {high:g})", code="interval",
             remedy="choose a smaller interval",
         )  # fmt: skip
     return out
@@ -298,7 +278,7 @@ def _warn_of_values(
     tied = [isovalue for isovalue, count in ties.items() if count]
     if not tied:
         return
-    text = "there points of the contour fall together" if valued else "they count as below"
+    text = "points of the contour coincide there" if valued else "they count as below"
     if preserve_topology:
         text = "they count as below in the topology"
     elif integer and len(tied) == 1:
@@ -315,11 +295,11 @@ def _whole(source: Path, field: Field, gone: Field, missing: str | None, isovalu
 
     if missing is not None:
         if not gone.any():
-            warn(source, "no samples are missing; --nodata says which value stands for them")
+            warn(source, "no samples are missing; --nodata sets the value that marks them")
         return filled(field, gone, missing, isovalues)
     if gone.any() and not np.isnan(field[gone]).any():
         count = f"{int(gone.sum()):,} samples are marked as missing"
-        warn(source, f"{count} and are taken as they are; --missing says what to take instead")
+        warn(source, f"{count} and are encoded as they are; --missing treats them otherwise")
     return field
 
 
@@ -342,7 +322,7 @@ def _metadata(given: tuple[str, ...]) -> dict[str, str]:
     for text in given:
         key, equals, note = text.partition("=")
         if not (key and equals) or key in out:
-            raise click.UsageError(f"--metadata {text}: needed is KEY=TEXT, each key once")
+            raise click.UsageError(f"--metadata {text}: give KEY=TEXT, each key once")
         out[key] = note
     return out
 
@@ -354,7 +334,7 @@ def _numbers(option: str, text: str | None) -> list[float] | None:
     try:
         return [float(part) for part in text.split(",")]
     except ValueError:
-        raise click.UsageError(f"{option} {text}: needed are numbers, a comma between them") from None
+        raise click.UsageError(f"{option} {text}: give numbers separated by commas") from None
 
 
 def _steps(text: str | None) -> list[float | str] | None:

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 @click.command("info", short_help="Show what a file holds, layer by layer.")
 @iso_argument
-@click.option("--symbols", is_flag=True, help="Count the coded symbols, too, by syntax element (decodes the file).")
+@click.option("--symbols", is_flag=True, help="Also count symbols by syntax element (decodes the file).")
 @limit_options
 @json_option
 def info_command(source: Path, symbols: bool, limit_memory: int | None, limit_work: int | None, as_json: bool) -> None:
@@ -83,7 +83,7 @@ def _print(source: Path, info: FileInfo) -> None:
     console.print(layers)
     if any(layer.bytes is None for layer in info.layers):
         why = "which is too small for a level index" if info.complete else "or in the part that is missing"
-        console.print(f"- : not in the file, {why}; --symbols decodes it and counts.")
+        console.print(f"- : not in the file, {why}; --symbols decodes the file to find out.")
 
 
 def _number(number: Any) -> str:

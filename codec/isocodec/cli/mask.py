@@ -14,13 +14,15 @@ from .receive import receive, warn_of_others
 from .report import check_output, concerning, read_iso, tell
 
 
-@click.command("mask", short_help="Decode to which samples lie above, as an array, a picture or a volume.")
+@click.command("mask", short_help="Decode which samples are inside, to an array, picture or volume.")
 @iso_argument
 @output_option("OUT")
-@click.option("--isovalue", type=float, metavar="V", help="Which isovalue, of several.  [default: the first]")
+@click.option(
+    "--isovalue", type=float, metavar="V", help="Isovalue to decode, if there are several.  [default: the first]"
+)
 @click.option(
     "--limit-samples", type=click.IntRange(min=1), metavar="N",
-    help=f"How many samples the mask may have at most.  [default: {Limits().samples:,}]",
+    help=f"Most samples of the mask.  [default: {Limits().samples:,}]",
 )  # fmt: skip
 @partial_option
 @limit_options
@@ -34,9 +36,9 @@ def mask_command(
     \b
     .npy           true above
     .png           of pictures: white above
-    .nii, .nii.gz  of volumes: 1 above, where the file says that the samples lie
+    .nii, .nii.gz  of volumes: 1 above, placed as the file states
 
-    The file has to tell all signs, as it does unless its precision ends at 0.1 cells or more, or at a criterion's mesh.
+    The file must hold the full grid. Files made with a criterion, or with a (last) tolerance of 0.1 or more, may not.
     """
     from ..io.atomic import writing
     from ..io.mask import check_mask_suffix, stored_last_first, write_mask

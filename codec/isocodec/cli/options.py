@@ -18,15 +18,46 @@ Decorator = Callable[[Callable[..., Any]], Callable[..., Any]]
 # Whether files can be read is not asked here: a missing file is an error of input (3), not of usage (2).
 iso_argument: Decorator = click.argument("source", metavar="IN.iso", type=click.Path(path_type=Path, readable=False))
 
-partial_option: Decorator = click.option("--partial", is_flag=True, help="Of a truncated file, take what was received.")
+partial_option: Decorator = click.option("--partial", is_flag=True, help="Decode what there is of a truncated file.")
 
 smooth_option: Decorator = click.option(
     "--smooth",
     is_flag=True,
-    help="Points that only the edge is told of: not half-way, but where the contour bends evenly.",
+    help="Where only signs are known, place points for a smooth contour, not half-way.",
 )
 
 json_option: Decorator = click.option("--json", "as_json", is_flag=True, help="Print the result as JSON.")
+
+
+class Grouped(click.Command):
+    """A command whose help shows its options under headings, in columns of the same width."""
+
+    def format_options(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """One block for each heading; `--help` goes to the last."""
+        blocks: dict[str, list[tuple[str, str]]] = {}
+        heading = "Options"
+        for option in self.get_params(ctx):
+            record = option.get_help_record(ctx)
+            if isinstance(option, click.Option) and record is not None:
+                heading = getattr(option, "heading", heading)
+                blocks.setdefault(heading, []).append(record)
+        width = max(len(record[0]) for block in blocks.values() for record in block)
+        for heading, block in blocks.items():
+            formatter.write(f"\n{heading}:\n")
+            with formatter.indentation():
+                formatter.write_dl([(names.ljust(width), text) for names, text in block])
+
+
+def section(heading: str, *options: Decorator) -> Decorator:
+    """Several options of a `Grouped` command, under a heading of its help."""
+
+    def decorate(command: Callable[..., Any]) -> Callable[..., Any]:
+        for option in reversed(options):
+            command = option(command)
+            command.__click_params__[-1].heading = heading  # type: ignore[attr-defined]
+        return command
+
+    return decorate
 
 
 class Isovalue(click.ParamType):
@@ -64,11 +95,11 @@ def limit_options(command: Callable[..., Any]) -> Callable[..., Any]:
     usual = Limits()
     memory = click.option(
         "--limit-memory", type=Size(), metavar="SIZE",
-        help=f"Most memory that decoding may take.  [default: {usual.memory >> 20}M]",
+        help=f"Most memory for decoding.  [default: {usual.memory >> 20}M]",
     )  # fmt: skip
     work = click.option(
         "--limit-work", type=click.IntRange(min=1), metavar="N",
-        help=f"Most time, in symbols, beside what is allowed for each byte.  [default: {usual.work:,}]",
+        help=f"Most work, in symbols, besides an allowance for each byte.  [default: {usual.work:,}]",
     )  # fmt: skip
     return memory(work(command))
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import click
 
 from ..errors import OptionError, TruncatedError
+from ..format.kinds import GEOMETRY
 from .options import iso_argument, limit_options, limits_of, output_option, partial_option, smooth_option
 from .progress import progress_bar
 from .report import PARTIAL, check_output, concerning, read_iso, warn, write_output
@@ -16,7 +17,6 @@ if TYPE_CHECKING:
     from ..io.picture import Step
     from ..stream.decoder import Decoder
 
-GEOMETRY = ("values", "offsets")
 MESH = 600
 """Bytes that drawing the mesh takes for each simplex at most."""
 
@@ -24,9 +24,13 @@ MESH = 600
 @click.command("plot", short_help="Draw the progressive steps of a file side by side.")
 @iso_argument
 @output_option("OUT.png")
-@click.option("--steps", type=click.IntRange(min=1), default=5, show_default=True, metavar="N", help="How many steps.")
-@click.option("--mesh", is_flag=True, help="The mesh under the curve: its crossed triangles, or the surface's own.")
-@click.option("--isovalue", type=float, metavar="V", help="Which isovalue, of several.  [default: the first]")
+@click.option("--steps", type=click.IntRange(min=1), default=5, show_default=True, metavar="N", help="Number of steps.")
+@click.option(
+    "--mesh", is_flag=True, help="Draw the mesh, too: the triangles that the curve crosses, or those of the surface."
+)
+@click.option(
+    "--isovalue", type=float, metavar="V", help="Isovalue to draw, if there are several.  [default: the first]"
+)
 @smooth_option
 @partial_option
 @limit_options
@@ -36,9 +40,8 @@ def plot_command(
 ) -> None:  # fmt: skip
     """Draw what prefixes of IN.iso decode to, from its first layer to all of it (.png, .pdf or .svg).
 
-    The steps are those that the file was made with (encode --steps), each with its geometry. In other files, and where
-    there are more, they are spread evenly over the layers; a file of fewer layers has fewer. Of a file that ends within
-    a layer the last step is what that tells.
+    The steps are those of encode --steps, if the file was made with them; otherwise, and if there are more than asked
+    for, they are spread evenly over the layers. The last step of a file that ends within a layer shows that part of it.
     """
     from ..io.picture import PICTURE_SUFFIXES, matplotlib_figure, steps_picture
 
@@ -83,7 +86,7 @@ def plot_command(
             begun = len(decoder.isovalues) > number and any(decoder.symbols.values())
             if not (partial and begun):
                 raise
-            warn(source, f"{exc.message}; only what was received is drawn")
+            warn(source, f"{exc.message}; drawn as far as it goes")
         if own < len(layers) or not drawn:
             # the file ends within a layer
             _draw(decoder, number, smooth, mesh, drawn, len(data), len(data), None)

@@ -59,7 +59,7 @@ def one_warning(path: Path) -> Iterator[None]:
     lines = [*dict.fromkeys(line for text in texts if (line := one_line(text)))]
     if lines:
         more = f", and {len(lines) - _SHOWN} more" if len(lines) > _SHOWN else ""
-        warn(path, f"said while it was read: {'; '.join(lines[:_SHOWN])}{more}")
+        warn(path, f"messages while reading it: {'; '.join(lines[:_SHOWN])}{more}")
 
 
 @contextmanager

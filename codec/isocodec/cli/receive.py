@@ -56,7 +56,7 @@ def _taken(
                 exc.remedy = PARTIAL
                 raise
             taken = take(len(data) or 1, progress)
-            warn(source, f"{exc.message}; only what was received is decoded")
+            warn(source, f"{exc.message}; decoded as far as it goes")
             return taken
 
 
@@ -123,4 +123,4 @@ def warn_of_others(source: Path, isovalue: float, isovalues: Sequence[float]) ->
     """Say that a file holds further isovalues, where none was asked for."""
     others = [repr(v) for v in isovalues if v != isovalue]
     if others:
-        warn(source, f"only isovalue {isovalue!r} is written; --isovalue chooses {' or '.join(others)}")
+        warn(source, f"only isovalue {isovalue!r} is written; choose another with --isovalue: {' or '.join(others)}")

@@ -21,17 +21,17 @@ EXIT_CODES = """\b
 Exit codes:
   0  done
   1  internal error
-  2  wrong usage: options that are unknown, contradict one another or do not fit
+  2  wrong usage: options that are unknown, invalid or contradict one another
   3  the input cannot be read or encoded, or the output cannot be written
   4  not a valid .iso file
   5  the .iso file is truncated
-  6  over a limit (memory, work, number of samples, vertices, layers or isovalues)
+  6  a limit is exceeded (memory, work, samples, vertices, layers or isovalues)
   7  an optional library is missing
   8  the compiled kernels cannot be loaded, or are of another version
   130, 143, 129  interrupted (SIGINT), terminated (SIGTERM, SIGHUP); nothing is left behind
-With ISOCODEC_DEBUG=1 in the environment errors show their traceback."""
+Set ISOCODEC_DEBUG=1 in the environment to see tracebacks."""
 
-PARTIAL = "--partial takes what was received"
+PARTIAL = "use --partial to decode what there is"
 """Remedy of the command line for a truncated file."""
 _PIECE = 1 << 20
 INTERRUPTED = 130  # as shells have it: 128 + SIGINT
@@ -180,9 +180,7 @@ def check_output(output: Path, source: Path) -> None:
 
     with concerning(output):
         if str(output) == "-":
-            raise OptionError(
-                "results go to files only", code="output", remedy="/dev/stdout is one where the system has it"
-            )
+            raise OptionError("output must be a file", code="output", remedy="use /dev/stdout where the system has it")
         check_target(output)
         if output.exists() and source.exists() and output.samefile(source):
             raise OptionError("the output is the input file itself", code="same-file", remedy="choose another name")
@@ -202,7 +200,7 @@ def check_iso_output(output: Path, source: Path) -> None:
         suffix = next((s for s in (*CURVE_SUFFIXES, *FIELD_SUFFIXES) if output.name.lower().endswith(s)), None)
         if suffix is not None:
             raise OptionError(
-                f"what is written is an .iso file, not {suffix}", code="suffix", remedy="let its name end in .iso"
+                f"the output is an .iso file, not {suffix}", code="suffix", remedy="choose a name that ends in .iso"
             )
 
 

@@ -23,7 +23,7 @@ def truncate_command(
 ) -> None:  # fmt: skip
     """Cut IN.iso to its first layers, or to a number of bytes; OUT.iso is complete in itself."""
     if (layers is None) == (max_bytes is None):
-        raise click.UsageError("give either --layers or --bytes")
+        raise click.UsageError("give exactly one of --layers and --bytes")
     check_iso_output(output, source)
     data = read_iso(source)
 
@@ -37,7 +37,7 @@ def truncate_command(
         lost = isocodec.inspect(data).isovalues[len(short.isovalues) :]
     write_output(output, cut)
     if lost:
-        warn(source, f"what was kept ends before isovalue {' and '.join(map(repr, lost))}")
+        warn(source, f"the result ends before isovalue {' and '.join(map(repr, lost))}")
     tell(
         f"{click.format_filename(output)}: {len(cut):,} of {len(data):,} bytes, {kept} whole layers",
         {"output": str(output), "bytes": len(cut), "input_bytes": len(data), "layers": kept},

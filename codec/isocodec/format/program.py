@@ -19,6 +19,7 @@ from isospec.container import (
 
 from ..errors import FormatError
 from .header import varint
+from .kinds import LayerKind
 
 MAX_BITS = 52
 
@@ -30,7 +31,7 @@ class Layer:
     Attributes
     ----------
     kind : str
-        ``base``, ``adaptive_base``, ``leaf_base``, ``refine``, ``adapt``, ``values`` or ``offsets``.
+        A `LayerKind`, or its name.
     level : int
         Level up to which the mesh is uniform when the layer is complete.
     plane : int
@@ -74,9 +75,9 @@ class Progress:
         """Take note of a layer."""
         self.level = layer.level
         self.layers += 1
-        if layer.kind == "values":
+        if layer.kind == LayerKind.VALUES:
             self.plane = layer.plane
-        elif layer.kind == "offsets" and layer.level == self.full_level:
+        elif layer.kind == LayerKind.OFFSETS and layer.level == self.full_level:
             self.parts = layer.parts
 
 
@@ -96,22 +97,22 @@ def write_program(layers: Sequence[Layer], progress: Progress, bits: tuple[int, 
         argument: int | None
         full = layers[j - 1].level == progress.full_level
         unit = layers[i].unit
-        if kind == "base":
+        if kind == LayerKind.BASE:
             operation, argument = Operation.BASE, None if full else layers[i].level
             end = i + 1
-            while end < len(layers) and layers[end].kind == "refine":
+            while end < len(layers) and layers[end].kind == LayerKind.REFINE:
                 end += 1
             if end > i + 1 and layers[end - 1].level == progress.full_level:
                 operation, j = Operation.BASE_AND_REFINE, end
-        elif kind == "adaptive_base":
+        elif kind == LayerKind.ADAPTIVE_BASE:
             operation, argument = Operation.ADAPTIVE_BASE, layers[i].level
-        elif kind == "leaf_base":
+        elif kind == LayerKind.LEAF_BASE:
             operation, argument = Operation.LEAF_BASE, 0
-        elif kind == "adapt":
+        elif kind == LayerKind.ADAPT:
             operation, argument = Operation.ADAPT, int(layers[i].births)
-        elif kind == "refine":
+        elif kind == LayerKind.REFINE:
             operation, argument = Operation.REFINE, None if full else j - i
-        elif kind == "values":
+        elif kind == LayerKind.VALUES:
             operation = Operation.VALUES
             if progress.bits is None:
                 progress.bits, progress.plane = bits, max(bits)
@@ -149,7 +150,7 @@ def _continues(one: Layer, other: Layer) -> bool:
     """Whether one operation gives both layers."""
     if one.kind != other.kind:
         return False
-    return one.kind == "refine" or (one.kind == "values" and one.plane == other.plane + 1)
+    return one.kind == LayerKind.REFINE or (one.kind == LayerKind.VALUES and one.plane == other.plane + 1)
 
 
 def _write_bits(bits: tuple[int, int]) -> bytes:
@@ -265,17 +266,17 @@ def expand(operation: int, argument: int, stated_all: bool, state: Progress, uni
         if level > full:
             raise ValueError(f"base at level {level}, the full grid is level {full}")
         if operation == Operation.ADAPTIVE_BASE:
-            return [Layer("adaptive_base", level)]
-        layers = [Layer("base", level)]
+            return [Layer(LayerKind.ADAPTIVE_BASE, level)]
+        layers = [Layer(LayerKind.BASE, level)]
         if operation == Operation.BASE_AND_REFINE:
-            layers += [Layer("refine", i) for i in range(level + 1, full + 1)]
+            layers += [Layer(LayerKind.REFINE, i) for i in range(level + 1, full + 1)]
         return layers
     if operation == Operation.LEAF_BASE:
         if state.level >= 0:
             raise ValueError("a second base")
         if argument or stated_all or state.lean_level < 0:
             raise ValueError("a base from the leaves of no earlier isovalue")
-        return [Layer("leaf_base", state.lean_level)]
+        return [Layer(LayerKind.LEAF_BASE, state.lean_level)]
     if state.level < 0:
         raise ValueError("a layer before the base")
     if operation == Operation.ADAPT:
@@ -283,18 +284,18 @@ def expand(operation: int, argument: int, stated_all: bool, state: Progress, uni
             raise ValueError(f"unknown kind {argument} of adaptive refinement")
         if state.level == full:
             raise ValueError("adaptive refinement of the full grid")
-        return [Layer("adapt", state.level, births=bool(argument))]
+        return [Layer(LayerKind.ADAPT, state.level, births=bool(argument))]
     if operation == Operation.REFINE:
         count = full - state.level if stated_all else argument
         if count < 1 or state.level + count > full:
             raise ValueError(f"{count} rounds of refinement from level {state.level}, the full grid is level {full}")
-        return [Layer("refine", state.level + i) for i in range(1, count + 1)]
+        return [Layer(LayerKind.REFINE, state.level + i) for i in range(1, count + 1)]
     if operation == Operation.VALUES:
         count = state.plane if stated_all else argument
         if count > state.plane:
             raise ValueError("more value bits than there are")
         planes = range(state.plane - 1, state.plane - count - 1, -1) if count else [state.plane]
-        return [Layer("values", state.level, plane) for plane in planes]
+        return [Layer(LayerKind.VALUES, state.level, plane) for plane in planes]
     if operation == Operation.OFFSETS:
         if state.bits is not None:
             raise ValueError("offsets after values")
@@ -304,5 +305,5 @@ def expand(operation: int, argument: int, stated_all: bool, state: Progress, uni
             raise ValueError(f"offsets in {radix} parts of {before}")
         if unit > MAX_UNIT:
             raise ValueError(f"offsets in parts of 2**{unit} samples")
-        return [Layer("offsets", state.level, 0, before * radix, unit)]
+        return [Layer(LayerKind.OFFSETS, state.level, 0, before * radix, unit)]
     raise ValueError(f"unknown operation {operation}")

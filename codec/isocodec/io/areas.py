@@ -153,6 +153,6 @@ def _along_border(points: Ring, far: NDArray[np.float64]) -> NDArray[np.float64]
 
 def _unfinished() -> TruncatedError:
     return TruncatedError(
-        "what has been received does not tell the areas: the curve ends within the box", code="truncated",
+        "too little has been received to close the areas: the curve ends within the box", code="truncated",
         remedy="take whole layers",
     )  # fmt: skip

@@ -40,7 +40,7 @@ def meta_files(source: Source) -> tuple[list[Path], bool]:
     # the first place where the key stands has to be a line of its own, not what a field without a value goes on with
     alone = line_break and not indent.strip() and fields and fields[-1][2].strip()
     if at < 0 or not alone or value[:1] not in (b"=", b":") or any(c in before + line for c in b"\r\0"):
-        raise InputError("has no header of a MetaImage", code="unreadable")
+        raise InputError("has no MetaImage header", code="unreadable")
     stated = {name.strip(): value.strip().lower() for name, _, value in fields}
     plainly = stated.get(b"CompressedData") != b"true" and stated.get(b"BinaryData") != b"false"
     target = _text(value.lstrip(b"=: \t"))
@@ -63,7 +63,7 @@ def nrrd_files(source: Source) -> tuple[list[Path], bool]:
     head, cut = _head(source)
     head, end, _ = head.partition(b"\n\n")
     if not head.startswith(b"NRRD") or (cut and not end) or any(c in head for c in b"\r\0"):
-        raise InputError("has no header of an NRRD", code="unreadable")
+        raise InputError("has no NRRD header", code="unreadable")
     files: list[Path] = []
     encoding = ""
     lines = _text(head).split("\n")

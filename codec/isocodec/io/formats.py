@@ -86,5 +86,5 @@ def find_suffix(
     if suffix is not None:
         message = f"{suffix} cannot hold {what}"
     else:
-        message = f"{Path(path).suffix.lower() or 'a name without a suffix'} is not a format that can be written"
+        message = f"{Path(path).suffix.lower() or 'a name without a suffix'} is not a supported output format"
     raise OptionError(message, code="suffix", remedy="one of " + ", ".join(fitting))

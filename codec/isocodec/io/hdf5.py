@@ -48,7 +48,7 @@ def dataset(source: Source, key: str | None) -> Iterator[Any]:
             if len(candidates) > 1 and DEFAULT_KEY not in candidates:
                 raise InputError(
                     f"holds {len(candidates)} arrays: {_shapes(fields, elsewhere)}", code="key",
-                    remedy="name one with --key",
+                    remedy="choose one with --key",
                 )  # fmt: skip
             key = DEFAULT_KEY if DEFAULT_KEY in candidates else candidates[0]
         elif key.strip("/") not in {*shapes, *elsewhere}:
@@ -107,7 +107,7 @@ def _check_storage(source: Source, stored: Any, taken: list[int]) -> None:
     # a chunk is unpacked as a whole, however few of its samples are wanted
     source.check_count(math.prod(stored.chunks or ()))
     if not (stored.is_virtual or stored.external) and stored.size and not stored.id.get_storage_size():
-        raise InputError(f"holds no samples of '{plain(stored.name)}', only its shape {stored.shape}", code="empty")
+        raise InputError(f"holds the shape of '{plain(stored.name)}', {stored.shape}, but no samples", code="empty")
 
 
 def is_packed(stored: Any) -> bool:

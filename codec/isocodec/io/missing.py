@@ -114,5 +114,5 @@ def _just(field: Field, isovalue: float, way: str) -> Any:
     whole = math.floor(isovalue) + (way == "above")
     info = np.iinfo(field.dtype)
     if not info.min <= whole <= info.max:
-        raise InputError(f"no value of {field.dtype} lies {way} the isovalue {isovalue:g}", code="missing")
+        raise InputError(f"{field.dtype} has no value {way} the isovalue {isovalue:g}", code="missing")
     return field.dtype.type(whole)

@@ -71,7 +71,7 @@ def _member(source: Source, file: IO[bytes], key: str | None) -> Field:
             else:
                 raise InputError(
                     f"holds {len(members)} arrays: {_listing(archive, members)}", code="key",
-                    remedy="name one with --key",
+                    remedy="choose one with --key",
                 )  # fmt: skip
         elif (key := key.removesuffix(".npy")) not in members:
             listing = _listing(archive, members) or "nothing"

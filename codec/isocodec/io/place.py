@@ -68,11 +68,11 @@ def read_place(
         with reading("NIfTI volume"):
             image = open_nifti(source)
         if n != 3:
-            return Place(remark="where the samples of a slice lie in space is left out")
+            return Place(remark="the position of a slice in space is ignored")
         place = _usable(image.affine, n)
         unit = image.header.get_xyzt_units()[0]
         if place.placement is not None and unit not in ("unknown", "mm"):
-            return replace(place, remark=f"that its coordinates are in units of a {unit} is left out")
+            return replace(place, remark=f"the unit of its coordinates, {unit}, is ignored")
         return place
     if source.named(*TIFF_SUFFIXES):
         with reading("TIFF"), opened_tiff(source) as tiff:
@@ -91,7 +91,7 @@ def _of_itk(reader: Any, n: int) -> Place:
     """What ITK knows of a volume, or of each of a series, whose x runs to the left and y to the back."""
     size = reader.GetDimension()
     if n != 3 or size < 3:
-        return Place(remark="where the samples of a slice lie in space is left out")
+        return Place(remark="the position of a slice in space is ignored")
     directions = (np.reshape(reader.GetDirection(), (size, size)) * reader.GetSpacing())[:3, :3]
     matrix = np.column_stack([directions, reader.GetOrigin()[:3]])
     if np.array_equal(matrix, np.eye(3, 4)):  # what ITK says where a file says nothing
@@ -103,19 +103,19 @@ def _of_scales(source: Source, stored: Any, n: int) -> Place:
     """What scales of a dataset's axes say, as far as these are kept in the file."""
     axes = [(count, _scales(source, stored, axis)) for axis, count in enumerate(stored.shape) if count > 1][-n:]
     if any(" since " in str(scale.attrs.get("units")) for _, scales in axes for scale in scales):
-        return Place(remark="one of its axes is time, and where its samples lie is left out; --frame takes one time")
+        return Place(remark="its coordinates are ignored, as one of its axes is time; choose one time with --frame")
     scales = [_scale(*axis) for axis in axes]
     if all(scale is None for scale in scales):
         return Place()
     steps = []
     for axis, scale in enumerate(scales):
         if scale is None:
-            return Place(remark="where its samples lie is left out: not all axes have coordinates")
+            return Place(remark="its coordinates are ignored: not all axes have them")
         step = (scale[-1] - scale[0]) / (len(scale) - 1)
         with np.errstate(invalid="ignore"):
             even = np.abs(scale - (scale[0] + step * np.arange(len(scale)))).max() <= abs(step) * _EVEN
         if not even:
-            return Place(remark=f"where its samples lie is left out: steps along axis {axis} are uneven")
+            return Place(remark=f"its coordinates are ignored: steps along axis {axis} are uneven")
         steps.append((step, scale[0]))
     return _backwards(steps)
 
@@ -147,7 +147,7 @@ def _of_microscope(tiff: Any, n: int) -> Place:
     letters = [a for a, count in zip(series.axes, series.shape, strict=True) if count > 1 and a not in "SC"][-n:]
     if letters != [*"ZYX"[-n:]] or not set(letters) <= sizes.keys():
         said = f"its axes are {plain(', '.join(letters))}, and {', '.join(sizes)} have sizes"
-        return Place(remark=f"the sizes of its pixels are left out: {said}; --spacing gives them")
+        return Place(remark=f"the sizes of its pixels are ignored: {said}; set them with --spacing")
     return _backwards([(sizes[letter], 0.0) for letter in letters])
 
 
@@ -182,11 +182,11 @@ def _usable(numbers: Any, n: int, keys: Mapping[str, Any] | None = None) -> Plac
     try:
         placement = placement_of(numbers, n)
     except OptionError as error:
-        return Place(remark=f"what it says of where its samples lie is left out: {error.message}")
+        return Place(remark=f"its coordinates are ignored: {error.message}")
     if not keys:
         return Place(placement)
     crs = _system(keys)
-    return Place(placement, crs, "" if crs else "its reference system has no EPSG number, and is left out")
+    return Place(placement, crs, "" if crs else "its reference system is ignored, as it has no EPSG number")
 
 
 def _of_picture(page: Any, n: int) -> Place:
@@ -195,7 +195,7 @@ def _of_picture(page: Any, n: int) -> Place:
     if not (len(scale) or len(tiepoint) or len(matrix)):
         return Place()
     if n != 2:
-        return Place(remark="where the pages of a stack lie is left out")
+        return Place(remark="the coordinates of a stack of pages are ignored")
     try:
         keys = dict(page.geotiff_tags or {})
     except Exception:  # of any kind, where the tag is damaged
@@ -208,7 +208,7 @@ def _of_picture(page: Any, n: int) -> Place:
             across, down = np.array([scale[0], 0.0]), np.array([0.0, -scale[1]])
             start = tiepoint[3:5] - tiepoint[0] * across - tiepoint[1] * down
         else:
-            return Place(remark="where its samples lie is left out: it has single points only, no steps between pixels")
+            return Place(remark="its coordinates are ignored: it has single points only, no steps between pixels")
         if keys.get("GTRasterTypeGeoKey") != _IS_POINT:
             start = start + (across + down) / 2
     return _usable(np.column_stack([down, across, start]), n, keys)

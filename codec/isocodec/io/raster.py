@@ -101,7 +101,7 @@ def read_tiff(source: Source) -> tuple[Field, int | None]:
             raise InputError(
                 f"holds {len(tiff.series)} pictures of different kinds: {shapes}",
                 code="series",
-                remedy="save the one you mean as a file of its own",
+                remedy="save the one you want as a separate file",
             )
         series = tiff.series[0]
         if series.keyframe.photometric == tifffile.PHOTOMETRIC.PALETTE:

@@ -99,7 +99,7 @@ def read_field(
     suffix = next((s for s in FIELD_SUFFIXES if path.name.lower().endswith(s)), None)
     if suffix is None:
         raise InputError(
-            f"{path.suffix or 'a name without a suffix'} is not a kind of field that can be read",
+            f"{path.suffix or 'a name without a suffix'} is not a supported format of fields",
             code="suffix",
             remedy="one of " + ", ".join(FIELD_SUFFIXES),
         )

@@ -59,8 +59,8 @@ class Source:
         """
         if count > self.samples:
             raise LimitError(
-                f"holds {count:,} samples, and {self.samples:,} are read at most", code="limit-samples",
-                remedy="--limit-samples (samples= in Python) allows more",
+                f"holds {count:,} samples, more than the limit of {self.samples:,}", code="limit-samples",
+                remedy="raise it with --limit-samples (samples= in Python)",
             )  # fmt: skip
         return count
 
@@ -74,7 +74,7 @@ class Source:
         there = self.path.stat().st_size if there is None else there
         if stated > there:
             raise InputError(
-                f"is cut short: its header tells of {stated:,} bytes, and there are {there:,}", code="unreadable"
+                f"is cut short: its header states {stated:,} bytes, but there are {there:,}", code="unreadable"
             )
 
     def beside(self, name: str) -> Path:
@@ -93,14 +93,14 @@ class Source:
             if os.path.dirname(os.path.realpath(target)) != os.path.realpath(self.path.parent):
                 raise self.refused(name, "which links to another directory")
         if "\0" in name or not target.is_file():
-            raise InputError(f"names {_quoted(name)}, which is no file beside it", code="other-file")
+            raise InputError(f"names {_quoted(name)}, but there is no such file beside it", code="other-file")
         return target
 
     def refused(self, name: str, why: str = "which is not beside it") -> InputError:
         """The error for another file that was not asked for."""
         return InputError(
             f"names another file, {_quoted(name)}, {why}", code="other-file",
-            remedy="--follow-paths (follow=True in Python) reads it if you trust this file",
+            remedy="use --follow-paths (follow=True in Python) if you trust this file",
         )  # fmt: skip
 
 
@@ -118,11 +118,13 @@ def source_of(path: str | os.PathLike[str], samples: int | None = None, follow: 
     """
     path = Path(path)
     if samples is not None and samples < 1:
-        raise OptionError(f"at most {samples} samples, needed is a number from 1 on", code="limit-samples")
+        raise OptionError(f"at most {samples} samples; it must be a number from 1 on", code="limit-samples")
     mode = path.stat().st_mode
     if not (stat.S_ISREG(mode) or stat.S_ISDIR(mode)):
         raise InputError(
-            "is a device or a pipe, and fields are read from files", code="no-file", remedy="save what it gives first"
+            "is a device or a pipe; fields are read from files only",
+            code="no-file",
+            remedy="save its contents to a file first",
         )
     # Missing files, directories and permissions are reported alike for all formats, before any library looks.
     with path.open("rb"):

@@ -10,6 +10,7 @@ from isospec.container import Profile
 
 from ..entropy.range_coder import Coder, CoderRegisters
 from ..format.header import Header
+from ..format.kinds import LayerKind
 from ..format.program import Layer
 from ..limits import Budget, Limits
 from ..models.contexts import models, rates
@@ -53,15 +54,15 @@ def leaning_tube(
 def begin_layer(tube: Tube, layer: Layer) -> None:
     """Begin a layer of a program."""
     match layer.kind:
-        case "base" | "adaptive_base":
-            tube.begin_base(layer.level, layer.kind == "adaptive_base")
-        case "leaf_base":
+        case LayerKind.BASE | LayerKind.ADAPTIVE_BASE:
+            tube.begin_base(layer.level, layer.kind == LayerKind.ADAPTIVE_BASE)
+        case LayerKind.LEAF_BASE:
             tube.begin_leaf_base()
-        case "refine":
+        case LayerKind.REFINE:
             tube.begin_round()
-        case "adapt":
+        case LayerKind.ADAPT:
             tube.begin_adapt(layer.births)
-        case "values":
+        case LayerKind.VALUES:
             tube.begin_values(layer.plane)
         case _:
             tube.begin_offsets(layer.parts, layer.unit)

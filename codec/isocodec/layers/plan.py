@@ -8,6 +8,7 @@ from numbers import Integral
 from isospec.container import Operation
 
 from ..errors import OptionError
+from ..format.kinds import ADAPTIVE, LayerKind
 from ..mesh.vertex_set import Chosen
 from ..tube.truth import Place
 
@@ -17,8 +18,9 @@ Entry = Sequence[object]
 """Of a plan: the kind of layer, its number, and what else it takes: see `Encoder`."""
 PROMISE = "promise"
 """An entry that makes no layer: what is promised of those before it."""
-_MEMBERS = {
-    "base": 2, "adaptive_base": 3, "leaf_base": 1, "refine": 2, "adapt": 3, "values": 2, "offsets": 5, PROMISE: 2,
+_MEMBERS: dict[str, int] = {
+    LayerKind.BASE: 2, LayerKind.ADAPTIVE_BASE: 3, LayerKind.LEAF_BASE: 1, LayerKind.REFINE: 2, LayerKind.ADAPT: 3,
+    LayerKind.VALUES: 2, LayerKind.OFFSETS: 5, PROMISE: 2,
 }  # fmt: skip
 """Kinds of entries, and how many members they have at most."""
 
@@ -31,7 +33,7 @@ def promised(plan: Sequence[Entry]) -> dict[int, float]:
         if entry[0] != PROMISE:
             continue
         distance = entry[1] if len(entry) == 2 else None
-        if not isinstance(distance, float) or not 0 < distance < MAX_PROMISE or i == 0 or "values" in kinds[:i]:
+        if not isinstance(distance, float) or not 0 < distance < MAX_PROMISE or i == 0 or LayerKind.VALUES in kinds[:i]:
             raise OptionError(
                 "a promise in a plan needs a distance greater than 0, and layers before it, none of values", code="plan"
             )
@@ -44,7 +46,7 @@ def check_entries(plan: Sequence[Entry]) -> None:
     for entry in plan:
         if isinstance(entry, str) or not isinstance(entry, Sequence) or not entry:
             raise OptionError(
-                f"{entry!r} in a plan, needed is a sequence", code="plan", remedy='for example ("base", level)'
+                f"{entry!r} in a plan is not a sequence", code="plan", remedy='for example ("base", level)'
             )
         kind = entry[0]
         if kind not in _MEMBERS:
@@ -58,23 +60,23 @@ def operation_of(
 ) -> tuple[Operation, int | None, int, Chosen | None, Place | None, Place | None]:
     """An entry of a plan: operation, argument, unit of offsets, mesh, places of crossings, and slack of these."""
     argument = None if number is None else _count(kind, number)
-    if kind == "leaf_base":
+    if kind == LayerKind.LEAF_BASE:
         argument = 0
-    if kind == "offsets":
+    if kind == LayerKind.OFFSETS:
         if argument is None or argument % 2 == 0:
-            raise OptionError(f"offsets with radix {number}, needed is an odd number", code="plan")
+            raise OptionError(f"offsets in a plan with radix {number}; it must be odd", code="plan")
         argument //= 2
-    if kind in ("adaptive_base", "adapt"):
+    if kind in ADAPTIVE:
         if not isinstance(more, Chosen):
             raise OptionError(f"{kind} in a plan needs the mesh that it leads to", code="plan")
-        return Operation[kind.upper()], argument, 0, more, None, None
-    return Operation[kind.upper()], argument, 0 if more is None else _count(kind, more), None, place, slack
+        return LayerKind(kind).operation, argument, 0, more, None, None
+    return LayerKind(kind).operation, argument, 0 if more is None else _count(kind, more), None, place, slack
 
 
 def _count(kind: str, number: object) -> int:
     """A number in an entry of a plan."""
     if not isinstance(number, Integral) or number < 0:
         raise OptionError(
-            f"{kind} in a plan with {number!r}, needed is a whole number", code="plan", remedy="at least 0, or None"
+            f"{kind} in a plan with {number!r}; it must be a whole number from 0 on, or None", code="plan"
         )
     return int(number)

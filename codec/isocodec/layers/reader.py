@@ -14,20 +14,22 @@ from ..entropy.range_coder import DECODE, UNLIMITED, Coder, start
 from ..errors import FormatError, LimitError
 from ..format.chunks import Envelope
 from ..format.header import varint
+from ..format.kinds import BASES, GEOMETRY, LayerKind
 from ..format.program import Layer, ProgramReader, Progress
 from ..kernel import CUT, DONE
 from ..limits import WORK_LIST, WORK_PER_BYTE, WORK_STEPS, Limits
 from ..passes.runner import Tube, out_of_steps
 from .beginning import begin_layer
-from .events import BaseComplete, Event, GeometryRefined, LevelComplete
+from .events import BaseComplete, Event, GeometryRefined, LayerComplete, LevelComplete
 
 SLICE = 1 << 16
 """Symbols that are decoded before limits are asked again."""
-_EVENTS = {
-    "base": BaseComplete, "adaptive_base": BaseComplete, "leaf_base": BaseComplete,
-    "refine": LevelComplete, "adapt": LevelComplete,
-    "values": GeometryRefined, "offsets": GeometryRefined,
-}  # fmt: skip
+_EVENTS: dict[str, type[LayerComplete]] = {
+    **dict.fromkeys(BASES, BaseComplete),
+    LayerKind.REFINE: LevelComplete,
+    LayerKind.ADAPT: LevelComplete,
+    **dict.fromkeys(GEOMETRY, GeometryRefined),
+}
 
 
 @dataclass

@@ -14,6 +14,7 @@ from ..errors import OptionError
 from ..field.samples import Field
 from ..format.chunks import LayerRecord
 from ..format.header import Header
+from ..format.kinds import LayerKind
 from ..format.program import Layer, Progress, expand
 from ..kernel import DONE
 from ..limits import Limits
@@ -63,8 +64,8 @@ class LayerWriter:
         self.progress = progress
         self.within: dict[int, float] = {}
         check_entries(plan)
-        if not field.integer and field.scale is None and any(entry[0] == "values" for entry in plan):
-            raise OptionError("values of floats are told in steps", code="plan", remedy="say how large: step")
+        if not field.integer and field.scale is None and any(entry[0] == LayerKind.VALUES for entry in plan):
+            raise OptionError("a plan with values of floats needs a step", code="plan", remedy="give step")
         self._plan = [operation_of(*entry) for entry in plan if entry[0] != PROMISE]  # type: ignore[arg-type]
         self._promised = promised(plan)
         self._expanded = 0

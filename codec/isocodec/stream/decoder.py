@@ -15,33 +15,27 @@ from isospec.container import ChunkType
 from isospec.elements import ELEMENTS
 
 from ..drawing.contour import Contour
-from ..drawing.drawing import draw
 from ..drawing.mask import MaskRows
 from ..entropy.range_coder import Coder
 from ..errors import FormatError, IsoError, LimitError, OptionError, TruncatedError, out_of_memory
-from ..field.placement import read_placement
-from ..field.samples import interval_value
 from ..format.chunks import (
     CRITICAL,
     Envelope,
     octets,
     read_envelope,
-    read_further,
-    read_metadata,
-    read_promises,
     verify,
 )
 from ..format.header import Header, read_header
 from ..format.program import Progress
 from ..layers.beginning import leaning_tube
-from ..layers.events import ChunkSkipped, End, Event, HeaderRead, IsovalueRead, MetadataRead, PromisesRead
+from ..layers.contents import LAYER_CHUNKS, Contents
+from ..layers.events import ChunkSkipped, End, Event, HeaderRead, IsovalueRead
 from ..layers.reader import LayerReader
 from ..limits import Budget, Limits
 from ..passes.runner import Tube
-from ..passes.snapshot import drawing_bytes, known_rows, leaves_of, state_of
+from ..passes.snapshot import state_of
 from ..tube.decoded import Decoded
-
-_LARGE = (ChunkType.LAYERS, ChunkType.CUT_LAYERS)
+from .drawn import contour_of, mask_rows_of, mesh_of
 
 
 class Decoder:
@@ -79,8 +73,6 @@ class Decoder:
     def __init__(self, limits: Limits | None = None, *, only: Collection[int] | None = None) -> None:
         self.limits = limits or Limits()
         self.header: Header | None = None
-        self.isovalues: list[float] = []
-        self.metadata: dict[str, str] = {}
         self._data = bytearray()
         self._at = 0
         self._chunk: Envelope | None = None
@@ -91,6 +83,9 @@ class Decoder:
         self._budget = Budget(self.limits.memory)
         self._reader = LayerReader(self.limits, self._data, self._tubes, self._progresses)
         self.layers = self._reader.layers
+        self._contents = Contents(layers=self.layers)
+        self.isovalues = self._contents.isovalues
+        self.metadata = self._contents.metadata
         self.runs = self._reader.runs
         self._cut = False
         self._last = False
@@ -230,22 +225,10 @@ class Decoder:
         raise out_of_memory("to draw the contour")
 
     def _drawn(self, number: int, smooth: bool) -> Contour:
-        header = self.header
         tube = self._tube_of(number)
-        if header is None:
-            return Contour(np.zeros((0, 2)), np.zeros((0, 2), np.int64), float("nan"), (0, 0), False)
-        n = len(header.shape)
-        if tube is None:
-            contour = Contour(np.zeros((0, n)), np.zeros((0, n), np.int64), float("nan"), header.shape, False)
-        else:
-            isovalue = self.isovalues[number]
-            self._budget.check(drawing_bytes(tube))
-            leaves = leaves_of(
-                tube, isovalue, lambda steps, above: interval_value(isovalue, header.scale, steps, above)
-            )
-            contour = draw(leaves, complete=self._ended and not self._cut, smooth=smooth)
-            contour = replace(contour, origin_above=tube.origin_above)
-        return replace(contour, placement=read_placement(self.metadata, n), metadata=dict(self.metadata))
+        isovalue = self.isovalues[number] if tube else math.nan
+        complete = self._ended and not self._cut
+        return contour_of(tube, isovalue, self.header, self.metadata, complete, smooth, self._budget)
 
     def mask(self, number: int = 0) -> NDArray[np.bool_]:
         """Which samples lie above an isovalue, by number, as of the events taken so far (spec clause 9.7).
@@ -276,35 +259,12 @@ class Decoder:
             As `mask`.
         """
         tube = self._tube_of(number)
-        if tube is None or not tube.full:
-            if not self.complete:
-                raise TruncatedError(
-                    "what has been received does not tell which samples lie above", code="truncated",
-                    offset=len(self._data), clause="9.7", remedy="more of the file may",
-                )  # fmt: skip
-            raise OptionError(
-                "which samples lie above is not told: the file's mesh is coarser than they are", code="mask",
-                remedy="take the whole file if this one was cut, or encode signs alone, exact values, or with a "
-                "tolerance below 0.1",
-            )  # fmt: skip
-        if math.prod(tube.shape) > self.limits.samples:
-            raise LimitError(
-                f"a mask of {math.prod(tube.shape):,} samples, more than {self.limits.samples:,}",
-                code="limit-samples", clause="11.2", remedy="raise Limits.samples (--limit-samples) if that is wanted",
-            )  # fmt: skip
-        rows = known_rows(tube, last_first)
-        self._budget.check(rows.bytes)
-        return rows
+        return mask_rows_of(tube, len(self._data), self.complete, last_first, self.limits, self._budget)
 
     def mesh(self, number: int = 0) -> tuple[np.ndarray, np.ndarray]:
         """The crossed leaves of the mesh: positions (V, n) and vertices of simplices (M, n + 1), both int64."""
-        tube = self._tube_of(number)
-        if tube is None:
-            n = len(self.header.shape) if self.header else 2
-            return np.zeros((0, n), np.int64), np.zeros((0, n + 1), np.int64)
-        self._budget.check(drawing_bytes(tube))
-        leaves = leaves_of(tube, 0.0, lambda steps, above: steps)
-        return leaves.position, leaves.simplices
+        n = len(self.header.shape) if self.header else 2
+        return mesh_of(self._tube_of(number), n, self._budget)
 
     def hold(self, size: int) -> None:
         """Count ``size`` bytes that the caller holds, of drawings for example, to the limit of memory from now on.
@@ -348,7 +308,8 @@ class Decoder:
                 if found is None:
                     return None
                 self.header, self._at = found
-                self._begin(self.header.isovalue, None)
+                self._contents.begin(self.header)
+                self._begin(None)
                 return HeaderRead(self._at, self.header)
             if self._chunk is None:
                 chunk = read_envelope(self._data, self._at)
@@ -358,8 +319,8 @@ class Decoder:
                     raise FormatError("layers after a cut run", code="cut", offset=self._at, clause="3.5.4")
                 self._chunk, self._chunk_start = chunk, self._at
             chunk = self._chunk
-            skipped = chunk.type in _LARGE and self._tube is None
-            if chunk.type in _LARGE and not skipped:
+            skipped = chunk.type in LAYER_CHUNKS and self._tube is None
+            if chunk.type in LAYER_CHUNKS and not skipped:
                 event = self._reader.go_on(chunk, self._chunk_start)
                 if event is not None or self._reader.waiting:
                     return event
@@ -371,33 +332,27 @@ class Decoder:
             self._reader.leave()
             self._cut |= chunk.type == ChunkType.CUT_LAYERS
             self._last = chunk.last
-            if chunk.type == ChunkType.ISOVALUE:
-                isovalue, lean = read_further(self._payload(chunk), chunk.start, self.isovalues)
-                self._begin(isovalue, lean)
-                return IsovalueRead(behind, len(self.isovalues) - 1, isovalue, lean)
-            if chunk.type == ChunkType.METADATA:
-                self.metadata.update(read_metadata(self._payload(chunk)))
-                return MetadataRead(behind, dict(self.metadata))
-            promises = read_promises(self._payload(chunk)) if chunk.type == ChunkType.PROMISES else None
-            if promises is not None:
-                return PromisesRead(behind, promises)
-            if skipped or chunk.ancillary:
+            if chunk.type not in LAYER_CHUNKS:
+                event = self._contents.read(chunk, bytes(self._data[chunk.start : chunk.end]), behind)
+                if isinstance(event, IsovalueRead):
+                    self._begin(event.lean)
+                return event
+            if skipped:
                 return ChunkSkipped(behind, chunk.type, chunk.end - chunk.start)
         if len(self._data) > self._at:
             raise FormatError("bytes after the end of the file", code="trailing", offset=self._at, clause="3.4.4")
         return None
 
-    def _begin(self, isovalue: float, lean: int | None) -> None:
-        """Set the decoder up for an isovalue, which may lean on an earlier one."""
+    def _begin(self, lean: int | None) -> None:
+        """Set the decoder up for the isovalue that has come, which may lean on an earlier one."""
         assert self.header is not None
-        number = len(self.isovalues)
+        number = len(self._tubes)
         if number >= self.limits.isovalues:
             raise LimitError(
                 f"more than {self.limits.isovalues} isovalues", code="limit-isovalues", offset=self._at, clause="11.2"
             )
         if self._tube is not None:
             self._tube.rest()
-        self.isovalues.append(isovalue)
         if self._only is not None and number not in self._only:
             self._tubes.append(None)
             self._progresses.append(self._progress if self._progresses else Progress(0))
@@ -412,13 +367,10 @@ class Decoder:
             simplices=max(whole.simplices - sum(tube.simplices for tube in tubes), 0),
         )  # fmt: skip
         tube = leaning_tube(
-            self.header, isovalue, earlier, 0.0 if lean is None else self.isovalues[lean], 4096, limits,
+            self.header, self.isovalues[number], earlier, 0.0 if lean is None else self.isovalues[lean], 4096, limits,
             budget=self._budget,
         )  # fmt: skip
         before = self._progress if self._progresses else Progress(tube.full_level)
         before = replace(before, full_level=tube.full_level)
         self._progresses.append(before.begin(None if lean is None else self._progresses[lean]))
         self._tubes.append(tube)
-
-    def _payload(self, chunk: Envelope) -> bytes:
-        return bytes(self._data[chunk.start : chunk.end])

@@ -11,7 +11,6 @@ from numpy.typing import ArrayLike
 from isospec.container import Checksum, ChunkType, Profile
 
 from ..errors import FormatError, OptionError
-from ..field.placement import PLACEMENT, placement_of, read_placement, write_placement
 from ..field.samples import check_field
 from ..format.chunks import (
     LayerRecord,
@@ -23,6 +22,7 @@ from ..format.chunks import (
     write_promises,
 )
 from ..format.header import Header, write_header
+from ..format.kinds import LayerKind
 from ..format.program import Layer, Progress, write_program
 from ..layers.plan import Entry
 from ..layers.writer import LayerWriter, field_tube
@@ -32,10 +32,8 @@ from ..search import strategy
 from ..search.ground_truth import truth_of
 from ..search.promise import Promise
 from ..search.tolerance import grid_offsets, radices
-from .options import SEARCHED, Asked, check_options, isovalues_of, notes_of, number_of, plan_of, steps_of, whole_of
+from .options import DEFAULT_TOLERANCE, SEARCHED, Options, isovalues_of
 
-DEFAULT_TOLERANCE = 0.05
-"""Largest distance in cells between decoded and extracted curve when nothing else is asked for."""
 INDEX_SHARE = 100
 """A level index is written if it takes at most this fraction of the data."""
 
@@ -49,48 +47,19 @@ class Encoder:
     isovalue : number or sequence of numbers
         One isovalue, or several of the same field, in the order in which the file has them: finite numbers of Python's
         or numpy's, fractions or decimals. Files hold double precision; whole numbers beyond it are refused.
-    exact : bool
-        Integer data: send the values next to the curve to the last bit.
-    tolerance : float, optional
-        Largest distance, in cells, of every point of the decoded curve from the extracted one and the reverse. From
-        0.1 on the mesh and the fineness of crossings are chosen so that the file is small; the distance is proven on
-        the decoded curve. Below, and by default with 0.05, all crossings of the grid are told, without a search. With
-        a ``criterion`` the mesh is that of the criterion, and the distance is that of its crossings alone.
-    signs_only : bool
-        Send no geometry: which samples lie above is exact, crossings are drawn half-way.
-    step : float, optional
-        Float data: send the values next to the curve to within half this step.
-    base_level : int, optional
-        Uniform level of the base; the level of the full grid makes a single-rate file.
-    preserve_topology : bool
-        Every layer, from the base on, has as many components as the curve, nested alike; surfaces with the same
-        Euler characteristics. Samples equal to the isovalue count as below it.
-    steps : sequence of float, optional
-        What layers promise one after the other, falling, in cells; "exact" (or 0) at the end stands for all values.
-    criterion : str, optional
-        Reduce the mesh under one criterion, as published: ``crossing``, ``topology``, ``curvature`` (``parameter``:
-        mean curvature above which the finest mesh stays, 1 / cells), ``distortion`` (``parameter``: distance in
-        cells from the original curve to the new one), ``level`` (``parameter``: that of a uniform mesh).
-    parameter : float, optional
-    leaning : bool
-        Whether each further isovalue makes use of what the file says of the nearest one before it.
-    plan : sequence of entries, optional
-        Instead of all these but ``step``: the layers one by one, as ``("base", level)``, ``("refine", rounds)``,
-        ``("values", bits)``, ``("offsets", radix)``, where None means as far as it goes; ``("adaptive_base", level,
-        mesh)``, ``("adapt", births, mesh)`` with the mesh that they lead to (`mesh.vertex_set.Chosen`),
-        ``("leaf_base",)``, ``("offsets", radix, unit)``. ``("promise", distance)`` behind layers other than values says
-        how far their curve lies from the original one at most, which nobody proves. A mapping gives each isovalue a
-        plan of its own.
-    profile : str
-        ``main``, or ``baseline``, which makes larger files for smaller and faster decoders.
-    metadata : mapping of str to str, optional
-    placement : (n,), (n, n + 1) or (n + 1, n + 1) array_like, optional
-        Where the samples lie: distances of neighbours along each axis of the array, or a row for each coordinate x, y
-        (, z) with what a step along each axis adds to it and what it is at sample 0; a last row of 0 .. 0 1 may follow.
-        It goes into the metadata, and changes nothing but `Contour.placed`; tolerances stay in cells.
+    exact, tolerance, signs_only, step, base_level, preserve_topology, steps, criterion, parameter, leaning, plan, \
+    profile, metadata, placement
+        As in `encode`.
     progress : callable, optional
         Called with the layers done and their total; before, while a mesh is searched for, with the number of curves
         tried and 0.
+
+    Attributes
+    ----------
+    options : Options
+        What was asked for, numbers of any kind as Python's own.
+    isovalues : list of float
+    header : Header
 
     Raises
     ------
@@ -111,7 +80,7 @@ class Encoder:
         step: float | None = None,
         base_level: int | None = None,
         preserve_topology: bool = False,
-        steps: Sequence[float] | None = None,
+        steps: Sequence[float | str] | None = None,
         criterion: str | None = None,
         parameter: float | None = None,
         leaning: bool = True,
@@ -121,37 +90,20 @@ class Encoder:
         placement: ArrayLike | None = None,
         progress: Callable[[int, int], object] | None = None,
     ) -> None:
-        self._asked = Asked(
-            exact, number_of("tolerance", tolerance), signs_only, number_of("step", step),
-            whole_of("base_level", base_level), preserve_topology, steps_of(steps), criterion,
-            number_of("parameter", parameter), plan,
+        self.options = Options(
+            exact=exact, tolerance=tolerance, signs_only=signs_only, step=step, base_level=base_level,
+            preserve_topology=preserve_topology, steps=steps, criterion=criterion, parameter=parameter,
+            leaning=leaning, plan=plan, profile=profile, metadata=metadata, placement=placement,
         )  # fmt: skip
-        check_options(self._asked)
-        self._leaning = leaning
-        if str(profile).upper() not in Profile.__members__:
-            names = ", ".join(p.name.lower() for p in Profile)
-            raise OptionError(f"unknown profile {profile!r}", code="profile", remedy=f"choose one of: {names}")
         self.isovalues = isovalues_of(isovalue)
-        self._fields = [check_field(field, value, self._asked.step) for value in self.isovalues]
+        self._fields = [check_field(field, value, self.options.step) for value in self.isovalues]
         self._truths = [truth_of(one) for one in self._fields]
         first = self._fields[0]
-        if (exact or strategy.EXACT in (self._asked.steps or [])) and not first.integer:
-            raise OptionError(
-                "exact is for integer data, and the field holds floats", code="exact", remedy="use step or tolerance"
-            )
-        self._metadata = notes_of(metadata or {})
-        if placement is not None:
-            if PLACEMENT in self._metadata:
-                raise OptionError("placement and metadata of that name contradict one another", code="options")
-            self._metadata[PLACEMENT] = write_placement(placement_of(placement, first.values.ndim))
-        elif PLACEMENT in self._metadata and read_placement(self._metadata, first.values.ndim) is None:
-            raise OptionError(
-                f"the note {PLACEMENT}, {self._metadata[PLACEMENT]!r}, says nothing that a reader would understand",
-                code="placement", remedy="see clause 3.7.2, or give the numbers as the option of that name",
-            )  # fmt: skip
+        self.options.check_data(first.integer)
+        self._metadata = self.options.notes(first.values.ndim)
         self._report = progress
         self._tried = 0
-        self.header = Header(first.values.shape, first.isovalue, self._asked.step, Profile[profile.upper()])
+        self.header = Header(first.values.shape, first.isovalue, self.options.step, Profile[profile.upper()])
         self._strands: list[LayerWriter] = []
         self._strands.append(self._strand(0, Progress(self._full_level))[0])
         self._begun = False
@@ -194,13 +146,13 @@ class Encoder:
 
     def _plan_of(self, number: int, lean: int | None) -> Sequence[Entry]:
         """What the options come to for one isovalue."""
-        o = self._asked
-        if o.plan is not None:
-            plan = plan_of(o.plan, self.isovalues[number])
+        o = self.options
+        plan = o.plan_for(self.isovalues[number])
+        if plan is not None:
             if not len(plan) and number == len(self.isovalues) - 1:
                 raise OptionError("the plan has no layers", code="plan", remedy='begin it with ("base", level)')
             return plan
-        values: list[Entry] = [("values", None)] if o.exact or o.step is not None else []
+        values: list[Entry] = [(LayerKind.VALUES, None)] if o.exact or o.step is not None else []
         fine = None if values or o.signs_only else o.tolerance or DEFAULT_TOLERANCE
         free = self.header.profile == Profile.MAIN and self._slack_keeps_order(fine)
         offsets = grid_offsets(fine, free)
@@ -209,11 +161,11 @@ class Encoder:
             return strategy.grid_plan(len(self.header.shape), self._full_level, o.base_level) + values + offsets
         truth = self._truths[number]
         promise = Promise(self._fields[number], lambda: self._fresh(number, lean), free, self._try, truth)
-        if o.steps is not None:
-            return strategy.stepwise(promise, o.steps, o.preserve_topology)
+        if o.distances is not None:
+            return strategy.stepwise(promise, o.distances, o.preserve_topology)
         if o.criterion is not None:
             mesh: strategy.Plan = strategy.reduced(promise, o.criterion, o.parameter, o.preserve_topology)
-            return mesh + values + [("offsets", radix, 0) for radix in radices(fine)]
+            return mesh + values + [(LayerKind.OFFSETS, radix, 0) for radix in radices(fine)]
         if searched is not None:
             return strategy.smallest(promise, searched, o.preserve_topology)
         return strategy.whole_mesh(promise, True) + values + offsets
@@ -225,11 +177,11 @@ class Encoder:
         """
         before = [self.isovalues[:i] for i in range(1, len(self.isovalues))]
         outward = all(not min(b) < v < max(b) for b, v in zip(before, self.isovalues[1:], strict=True))
-        return len(self.isovalues) == 1 or (self._leaning and outward and len(radices(tolerance)) <= 1)
+        return len(self.isovalues) == 1 or (self.options.leaning and outward and len(radices(tolerance)) <= 1)
 
     def _leans_on(self, number: int) -> int | None:
         """Number of the earlier isovalue that lies nearest."""
-        if number == 0 or not self._leaning:
+        if number == 0 or not self.options.leaning:
             return None
         return min(range(number), key=lambda i: abs(self.isovalues[i] - self.isovalues[number]))
 
@@ -258,7 +210,7 @@ class Encoder:
     def _layers(self, strand: LayerWriter, last: bool) -> Iterator[bytes]:
         """Chunks of layers of one isovalue; behind the last one the level index."""
         if strand.within:
-            promises = write_promises(Promises(strand.within, self._asked.preserve_topology))
+            promises = write_promises(Promises(strand.within, self.options.preserve_topology))
             yield write_chunk(ChunkType.PROMISES, promises, ancillary=True)
         program = replace(strand.progress.begin(None), lean_level=strand.progress.lean_level)
         done = 0
@@ -266,7 +218,7 @@ class Encoder:
             try:
                 end, run = strand.encode_run(done, self._done)
             except FormatError as error:
-                if all(layer.births for layer in self.layers if layer.kind == "adapt"):
+                if all(layer.births for layer in self.layers if layer.kind == LayerKind.ADAPT):
                     raise
                 raise OptionError(
                     "an adaptive layer of the plan leaves out new components that there are", code="plan",

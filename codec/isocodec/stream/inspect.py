@@ -9,20 +9,11 @@ from typing import Any
 from isospec.container import ChunkType
 
 from ..errors import FormatError, OptionError, TruncatedError
-from ..format.chunks import (
-    CHECKSUM_BYTES,
-    Envelope,
-    Promises,
-    read_envelope,
-    read_further,
-    read_index,
-    read_metadata,
-    read_promises,
-    verify,
-    whole_bytes,
-)
+from ..format.chunks import CHECKSUM_BYTES, Envelope, LayerRecord, Promises, read_envelope, verify, whole_bytes
 from ..format.header import Header, read_header, varint
 from ..format.program import Layer, Progress, read_program
+from ..layers.contents import LAYER_CHUNKS, Contents
+from ..layers.events import IsovalueRead, LayerComplete
 from ..limits import Limits
 from ..mesh.tables import cube_exponent
 
@@ -165,12 +156,9 @@ def inspect(data: bytes, symbols: bool = False, limits: Limits | None = None) ->
     header, at = found
     chunks: list[ChunkInfo] = []
     layers: list[LayerInfo] = []
-    plain: list[Layer] = []
-    metadata: dict[str, str] = {}
+    contents = Contents()
+    contents.begin(header)
     progresses = [Progress(len(header.shape) * cube_exponent(header.shape))]
-    isovalues = [header.isovalue]
-    leans: list[int | None] = [None]
-    promises = [Promises({}, False)]
     coded = 0
     complete = False
     while not complete:
@@ -178,30 +166,20 @@ def inspect(data: bytes, symbols: bool = False, limits: Limits | None = None) ->
         if chunk is None:
             break
         end = min(chunk.end, len(data))
-        if chunk.type in (ChunkType.LAYERS, ChunkType.CUT_LAYERS):
-            run = _run_start(data, chunk, end, progresses[-1], plain)
+        behind = chunk.end + CHECKSUM_BYTES * (chunk.checked + chunk.last)
+        if chunk.type in LAYER_CHUNKS:
+            first = len(contents.layers)
+            run = _run_start(data, chunk, end, progresses[-1], contents.layers)
             if run is not None:
                 coded += end - run
-                first = len(layers)
-                for layer in plain[first:]:
-                    place = run if len(layers) == first else None
-                    number = len(isovalues) - 1
+                for i, layer in enumerate(contents.layers[first:]):
+                    number = len(contents.isovalues) - 1
+                    place = None if i else run
                     layers.append(LayerInfo(layer.kind, layer.level, layer.plane, layer.parts, place, isovalue=number))
         elif chunk.end <= len(data):
-            payload = data[chunk.start : chunk.end]
-            if chunk.type == ChunkType.METADATA:
-                metadata |= read_metadata(payload)
-            elif chunk.type == ChunkType.INDEX:
-                layers = _with_index(payload, plain, layers)
-            elif chunk.type == ChunkType.PROMISES:
-                promises[-1] = read_promises(payload) or promises[-1]
-            elif chunk.type == ChunkType.ISOVALUE:
-                isovalue, lean = read_further(payload, chunk.start, isovalues)
-                progresses.append(progresses[-1].begin(None if lean is None else progresses[lean]))
-                isovalues.append(isovalue)
-                leans.append(lean)
-                promises.append(Promises({}, False))
-        behind = chunk.end + CHECKSUM_BYTES * (chunk.checked + chunk.last)
+            event = contents.read(chunk, data[chunk.start : chunk.end], behind)
+            if isinstance(event, IsovalueRead):
+                progresses.append(progresses[-1].begin(None if event.lean is None else progresses[event.lean]))
         chunks.append(ChunkInfo(_NAMES.get(chunk.type, f"unknown {chunk.type}"), at, min(behind, len(data)) - at))
         if verify(data, chunk, at) is None:
             break
@@ -209,12 +187,13 @@ def inspect(data: bytes, symbols: bool = False, limits: Limits | None = None) ->
             raise FormatError("bytes after the end of the file", code="trailing", offset=behind, clause="3.4.4")
         complete = chunk.last
         at = behind
+    layers = _with_index(contents.records, layers)
     if symbols:
         layers = _decoded(data, layers, limits)
     return FileInfo(
         header.writer_version, header.read_version, header.profile.name.lower(), header.shape, header.isovalue,
-        header.scale, len(data), len(data) - coded, complete, _promised(layers, promises), chunks, metadata, isovalues,
-        leans, [one.topology for one in promises],
+        header.scale, len(data), len(data) - coded, complete, _promised(layers, contents.promises), chunks,
+        contents.metadata, contents.isovalues, contents.leans, [one.topology for one in contents.promises],
     )  # fmt: skip
 
 
@@ -242,18 +221,18 @@ def _run_start(data: bytes, chunk: Envelope, end: int, progress: Progress, plain
     return program[1]
 
 
-def _with_index(payload: bytes, plain: list[Layer], layers: list[LayerInfo]) -> list[LayerInfo]:
+def _with_index(records: Sequence[LayerRecord], layers: list[LayerInfo]) -> list[LayerInfo]:
+    """The layers with what a level index says of the first of them."""
     out = []
     place = 0
-    for info, record in zip(layers, read_index(payload, plain), strict=False):
+    for info, record in zip(layers, records, strict=False):
         place = info.offset if info.offset is not None else place
         out.append(replace(info, offset=place, bytes=record.bytes, symbols=record.symbols))
         place += record.bytes
-    return out or layers
+    return out + layers[len(out) :]
 
 
 def _decoded(data: bytes, layers: list[LayerInfo], limits: Limits | None) -> list[LayerInfo]:
-    from ..layers.events import LayerComplete
     from .decoder import Decoder
 
     decoder = Decoder(limits)

@@ -1,84 +1,185 @@
-"""What is asked of an encoder: its options, as numbers, and none that contradict one another."""
+"""The options of an encoder, with the checks that each of them and all together have to pass."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from numbers import Real
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from isospec.container import MAX_ISOVALUES
+from isospec.container import MAX_ISOVALUES, Profile
 
 from ..errors import OptionError
+from ..field.placement import PLACEMENT, placement_of, read_placement, write_placement
 from ..field.samples import isovalue_of
 from ..layers.plan import Entry
 from ..search.strategy import EXACT
 from ..search.tolerance import radices
 
+DEFAULT_TOLERANCE = 0.05
+"""Largest distance in cells between decoded and extracted curve when nothing else is asked for."""
 SEARCHED = 0.1
-"""From this tolerance on the mesh is chosen; below it nearly every crossing of the grid has to be told anyway."""
+"""From this tolerance on the mesh is chosen; below it nearly every crossing of the grid has to be coded anyway."""
+PRECISIONS = ("exact", "tolerance", "signs_only", "step", "steps")
+"""Options that set the precision."""
+MESHES = ("base_level", "steps", "criterion")
+"""Options that choose the mesh."""
+EXCLUSIVE = (PRECISIONS, MESHES, ("base_level", "preserve_topology"))
+"""Of each of these groups an encoder takes one option."""
 
 
-@dataclass(frozen=True)
-class Asked:
-    """Options of an encoder, as given."""
+@dataclass(frozen=True, kw_only=True)
+class Options:
+    """What an encoder is asked for: the keyword parameters of `encode`, `Encoder` and the command line.
 
-    exact: bool
-    tolerance: float | None
-    signs_only: bool
-    step: float | None
-    base_level: int | None
-    preserve_topology: bool
-    steps: list[float] | None
-    criterion: str | None
-    parameter: float | None
-    plan: Sequence[Entry] | Mapping[float, Sequence[Entry]] | None
+    Numbers of any kind become Python's own. `encode` explains the options in full.
 
+    Raises
+    ------
+    OptionError
+        If options contradict one another or are out of range.
+    """
 
-def check_options(o: Asked) -> None:
-    """Refuse options that contradict one another."""
-    given = {name: value is not None and value is not False for name, value in vars(o).items()}
-    precise = [name for name in ("exact", "tolerance", "signs_only", "step", "steps") if given[name]]
-    shape = [name for name in ("base_level", "steps", "criterion") if given[name]]
-    if o.plan is not None and (shape or o.preserve_topology or precise not in ([], ["step"])):
-        raise OptionError("a plan contradicts the other options", code="options", remedy="give the plan alone")
-    for names in (precise, shape):
-        if len(names) > 1:
+    exact: bool = False
+    """Integer data: keep the values next to the curve to the last bit."""
+    tolerance: float | None = None
+    """Largest distance, in cells, between the decoded and the extracted curve, both ways."""
+    signs_only: bool = False
+    """Keep only which samples lie above."""
+    step: float | None = None
+    """Float data: keep the values next to the curve to within half this step."""
+    base_level: int | None = None
+    """Uniform level of the base."""
+    preserve_topology: bool = False
+    """Every layer has the components of the curve, nested alike."""
+    steps: Sequence[float | str] | None = None
+    """Falling distances that the layers promise one after the other; the last may be "exact"."""
+    criterion: str | None = None
+    """Reduce the mesh under one criterion."""
+    parameter: float | None = None
+    """Number that the criterion takes."""
+    leaning: bool = True
+    """Each further isovalue makes use of the nearest one before it."""
+    plan: Sequence[Entry] | Mapping[float, Sequence[Entry]] | None = None
+    """The layers one by one, instead of all options above but ``step`` and ``leaning``."""
+    profile: str = "main"
+    """Entropy coding profile."""
+    metadata: Mapping[str, str] | None = None
+    """Notes to go into the file."""
+    placement: ArrayLike | None = None
+    """Where the samples lie in the world."""
+
+    def __post_init__(self) -> None:
+        for name in ("tolerance", "step", "parameter"):
+            object.__setattr__(self, name, number_of(name, getattr(self, name)))
+        object.__setattr__(self, "base_level", whole_of("base_level", self.base_level))
+        object.__setattr__(self, "steps", _steps_of(self.steps))
+        self._check_conflicts()
+        self._check_criterion()
+        radices(self.tolerance)
+        if str(self.profile).upper() not in Profile.__members__:
+            names = ", ".join(p.name.lower() for p in Profile)
+            raise OptionError(f"unknown profile {self.profile!r}", code="profile", remedy=f"choose one of: {names}")
+        object.__setattr__(self, "metadata", _notes_of(self.metadata or {}))
+
+    @property
+    def distances(self) -> tuple[float, ...] | None:
+        """``steps`` as numbers, with `EXACT` for exact values."""
+        return None if self.steps is None else tuple(float(step) for step in self.steps)
+
+    def _check_conflicts(self) -> None:
+        values = {name: getattr(self, name) for name in (*PRECISIONS, *MESHES, "preserve_topology")}
+        given = {name for name, value in values.items() if value is not None and value is not False}
+        if self.plan is not None and given - {"step"}:
+            raise OptionError("a plan contradicts the other options", code="options", remedy="give the plan alone")
+        names = conflict(given)
+        if "preserve_topology" in names:
+            raise OptionError(
+                "base_level and preserve_topology contradict one another: a uniform base keeps no topology",
+                code="options", remedy="leave out base_level",
+            )  # fmt: skip
+        if names:
             raise OptionError(f"{' and '.join(names)} contradict one another", code="options", remedy="choose one")
-    if o.base_level is not None and o.preserve_topology:
-        raise OptionError(
-            "base_level and preserve_topology contradict one another: a uniform base keeps no topology", code="options",
-            remedy="leave out base_level",
-        )  # fmt: skip
-    if o.criterion == "level" and o.preserve_topology:
-        raise OptionError(
-            "the criterion level and preserve_topology contradict one another: a uniform mesh keeps no topology",
-            code="options", remedy="leave out one, or choose another criterion",
-        )  # fmt: skip
-    if o.parameter is not None and o.criterion is None:
-        raise OptionError("a parameter without a criterion", code="criterion", remedy="name the criterion")
-    if o.parameter is not None and not (math.isfinite(o.parameter) and o.parameter >= 0):
-        raise OptionError(f"the criterion's parameter is {o.parameter}, needed is a positive number", code="criterion")
-    radices(o.tolerance)
+
+    def _check_criterion(self) -> None:
+        if self.criterion == "level" and self.preserve_topology:
+            raise OptionError(
+                "the criterion level and preserve_topology contradict one another: a uniform mesh keeps no topology",
+                code="options", remedy="leave out one, or choose another criterion",
+            )  # fmt: skip
+        if self.parameter is None:
+            return
+        if self.criterion is None:
+            raise OptionError("a parameter without a criterion", code="criterion", remedy="name the criterion")
+        if not (math.isfinite(self.parameter) and self.parameter >= 0):
+            raise OptionError(
+                f"the criterion's parameter is {self.parameter}; it must be a number from 0 on", code="criterion"
+            )
+
+    def check_data(self, integer: bool) -> None:
+        """Refuse exact values of floats."""
+        if not integer and (self.exact or EXACT in (self.distances or ())):
+            raise OptionError(
+                "exact is for integer data, and the field holds floats", code="exact", remedy="use step or tolerance"
+            )
+
+    def notes(self, n: int) -> dict[str, str]:
+        """The metadata of the file of a field of ``n`` axes, where its samples lie included."""
+        notes = dict(self.metadata or {})
+        if self.placement is not None:
+            if PLACEMENT in notes:
+                raise OptionError("placement and metadata of that name contradict one another", code="options")
+            notes[PLACEMENT] = write_placement(placement_of(self.placement, n))
+        elif PLACEMENT in notes and read_placement(notes, n) is None:
+            raise OptionError(
+                f"the note {PLACEMENT}, {notes[PLACEMENT]!r}, cannot be understood by a reader",
+                code="placement", remedy="see clause 3.7.2, or give the numbers as the option of that name",
+            )  # fmt: skip
+        return notes
+
+    def plan_for(self, isovalue: float) -> Sequence[Entry] | None:
+        """The plan of an isovalue, if plans are given."""
+        given: object = self.plan
+        if given is None:
+            return None
+        if isinstance(given, Mapping):
+            if isovalue not in given:
+                raise OptionError(f"the plan has no entry for the isovalue {isovalue!r}", code="plan")
+            given = given[isovalue]
+        if not isinstance(given, Sequence) or isinstance(given, str):
+            raise OptionError(
+                f"the plan is {given!r}; it must be a sequence", code="plan", remedy='begin it with ("base", level)'
+            )
+        return given
 
 
-def notes_of(metadata: Mapping[str, str]) -> dict[str, str]:
+def conflict(given: Collection[str]) -> tuple[str, ...]:
+    """Those of the options given that contradict one another: of the first group of which there are several."""
+    for group in EXCLUSIVE:
+        names = tuple(name for name in group if name in given)
+        if len(names) > 1:
+            return names
+    return ()
+
+
+def _notes_of(metadata: object) -> dict[str, str]:
     """Metadata that a reader will find again."""
     if not isinstance(metadata, Mapping):
         raise OptionError(
-            f"metadata is {metadata!r}, needed are texts by their names", code="metadata", remedy='{"unit": "m"}'
+            f"metadata is {metadata!r}; it must map names to texts", code="metadata", remedy='{"unit": "m"}'
         )
     for key, text in metadata.items():
         if not (isinstance(key, str) and isinstance(text, str)):
             raise OptionError(
-                f"metadata {key!r}: {text!r}, needed is text", code="metadata", remedy="write numbers as text"
+                f"metadata {key!r}: {text!r}; it must be text", code="metadata", remedy="write numbers as text"
             )
         try:
             (key + text).encode()
         except UnicodeEncodeError:
-            raise OptionError(f"metadata {key!r}: {text!r} is no text in Unicode", code="metadata") from None
+            raise OptionError(f"metadata {key!r}: {text!r} is not Unicode text", code="metadata") from None
     return dict(metadata)
 
 
@@ -87,7 +188,7 @@ def number_of(name: str, value: object) -> float | None:
     if value is None:
         return None
     if not isinstance(value, Real) or isinstance(value, bool):
-        raise OptionError(f"{name} is {value!r}, needed is a number", code=name)
+        raise OptionError(f"{name} is {value!r}; it must be a number", code=name)
     return float(value)
 
 
@@ -95,21 +196,23 @@ def whole_of(name: str, value: object) -> int | None:
     """The same of whole numbers."""
     number = number_of(name, value)
     if number is not None and not number.is_integer():
-        raise OptionError(f"{name} is {value!r}, needed is a whole number", code=name)
+        raise OptionError(f"{name} is {value!r}; it must be a whole number", code=name)
     return None if number is None else int(number)
 
 
-def steps_of(steps: Sequence[float | str] | None) -> list[float] | None:
+def _steps_of(steps: object) -> tuple[float, ...] | None:
     """Steps as numbers."""
     if steps is None:
         return None
     if isinstance(steps, str) or not isinstance(steps, Iterable):
-        raise OptionError(f"steps are {steps!r}, needed is a sequence", code="steps", remedy="for example 4, 1, 0.25")
-    out = [EXACT if step in ("exact", 0) else number_of("steps", step) or math.nan for step in steps]
+        raise OptionError(
+            f"steps are {steps!r}; they must be a sequence", code="steps", remedy="for example 4, 1, 0.25"
+        )
+    out = tuple(EXACT if step in ("exact", 0) else number_of("steps", step) or math.nan for step in steps)
     for step in out[:-1] if out and out[-1] == EXACT else out:
         if not (math.isfinite(step) and step >= SEARCHED):
             raise OptionError(
-                f"a step of {step!r}, needed is a number of cells from {SEARCHED:g} on", code="steps",
+                f"a step of {step!r}; it must be a number of cells from {SEARCHED:g} on", code="steps",
                 remedy="the last one may be exact",
             )  # fmt: skip
     if not out:
@@ -135,18 +238,5 @@ def isovalues_of(given: object) -> list[float]:
     if len(set(values)) < len(values):
         raise OptionError("an isovalue is given twice", code="isovalue", remedy="give each once")
     if len(values) > MAX_ISOVALUES:
-        raise OptionError(f"{len(values)} isovalues, at most {MAX_ISOVALUES} fit a file", code="isovalue")
+        raise OptionError(f"{len(values)} isovalues; a file holds at most {MAX_ISOVALUES}", code="isovalue")
     return values
-
-
-def plan_of(given: object, isovalue: float) -> Sequence[Entry]:
-    """What a plan, or one of each isovalue, says of an isovalue."""
-    if isinstance(given, Mapping):
-        if isovalue not in given:
-            raise OptionError(f"the plan says nothing of the isovalue {isovalue!r}", code="plan")
-        given = given[isovalue]
-    if not isinstance(given, Sequence) or isinstance(given, str):
-        raise OptionError(
-            f"the plan is {given!r}, needed is a sequence", code="plan", remedy='begin it with ("base", level)'
-        )
-    return given

@@ -65,7 +65,7 @@ def truncate(
             f"the file ends after {len(data)} bytes, before its curve begins", code="truncated", offset=len(data)
         )
     if short is None:
-        raise OptionError(f"{max_bytes} bytes are too few for this file's header and a curve", code="max-bytes")
+        raise OptionError(f"{max_bytes} bytes are too few for the header of this file and a curve", code="max-bytes")
     return short
 
 
@@ -79,7 +79,7 @@ def _whole(data: bytes, limits: Limits | None) -> bool:
 
 def _first_layers(data: bytes, layers: int, limits: Limits | None) -> bytes:
     if layers < 1:
-        raise OptionError(f"{layers} layers, needed is at least 1", code="layers")
+        raise OptionError(f"layers is {layers}; it must be at least 1", code="layers")
     decoder = Decoder(limits)
     decoder.feed(data)
     number = 0
@@ -92,7 +92,7 @@ def _first_layers(data: bytes, layers: int, limits: Limits | None) -> bytes:
         if decoder.complete:
             return data
         raise OptionError(
-            f"only {number} layers have been received whole",
+            f"only {number} whole layers have been received",
             code="layers",
             remedy="ask for fewer, or for a number of bytes",
         )

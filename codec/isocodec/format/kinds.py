@@ -1,0 +1,32 @@
+"""Kinds of layers, by the names that plans, events and JSON use."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+
+from isospec.container import Operation
+
+
+class LayerKind(StrEnum):
+    """What a layer adds (spec clause 3.6). Members are strings: ``LayerKind.BASE == "base"``."""
+
+    BASE = "base"
+    ADAPTIVE_BASE = "adaptive_base"
+    LEAF_BASE = "leaf_base"
+    REFINE = "refine"
+    ADAPT = "adapt"
+    VALUES = "values"
+    OFFSETS = "offsets"
+
+    @property
+    def operation(self) -> Operation:
+        """The operation of a layer program that gives layers of this kind."""
+        return Operation[self.name]
+
+
+BASES = (LayerKind.BASE, LayerKind.ADAPTIVE_BASE, LayerKind.LEAF_BASE)
+"""Kinds that begin an isovalue."""
+ADAPTIVE = (LayerKind.ADAPTIVE_BASE, LayerKind.ADAPT)
+"""Kinds that lead to a mesh of the writer's choice."""
+GEOMETRY = (LayerKind.VALUES, LayerKind.OFFSETS)
+"""Kinds that say where within a cell the curve lies."""

@@ -1,0 +1,107 @@
+"""What the chunks of a file say: one reader for each type, for the decoder and for inspection (spec clause 3.5)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+
+from isospec.container import ChunkType
+
+from ..format.chunks import (
+    Envelope,
+    LayerRecord,
+    Promises,
+    read_further,
+    read_index,
+    read_metadata,
+    read_promises,
+)
+from ..format.header import Header
+from ..format.program import Layer
+from .events import ChunkSkipped, Event, IsovalueRead, MetadataRead, PromisesRead
+
+LAYER_CHUNKS = (ChunkType.LAYERS, ChunkType.CUT_LAYERS)
+"""Chunks that are decoded as they come in; the others are read when they are complete."""
+
+
+@dataclass
+class Contents:
+    """What has been read of a file so far, but for its symbols.
+
+    Attributes
+    ----------
+    isovalues : list of float
+    leans : list of int or None
+        For each isovalue the number of the earlier one that it leans on.
+    promises : list of Promises
+        For each isovalue what the writer promises of its layers.
+    metadata : dict of str to str
+    layers : list of Layer
+        Announced so far; whoever reads the chunks of layers adds them.
+    records : list of LayerRecord
+        What the level index says of the layers, if there is one.
+    """
+
+    isovalues: list[float] = field(default_factory=list)
+    leans: list[int | None] = field(default_factory=list)
+    promises: list[Promises] = field(default_factory=list)
+    metadata: dict[str, str] = field(default_factory=dict)
+    layers: list[Layer] = field(default_factory=list)
+    records: list[LayerRecord] = field(default_factory=list)
+
+    def begin(self, header: Header) -> None:
+        """Take note of the header, and of its isovalue."""
+        self._add(header.isovalue, None)
+
+    def read(self, chunk: Envelope, payload: bytes, behind: int) -> Event:
+        """Read a chunk other than of layers; ``behind`` is the place behind it in the file.
+
+        Raises
+        ------
+        FormatError
+            If the chunk is critical and malformed. Malformed ancillary ones are skipped.
+        """
+        reader = READERS.get(chunk.type)
+        event = None if reader is None else reader(self, payload, chunk.start, behind)
+        return event or ChunkSkipped(behind, chunk.type, len(payload))
+
+    def _add(self, isovalue: float, lean: int | None) -> None:
+        self.isovalues.append(isovalue)
+        self.leans.append(lean)
+        self.promises.append(Promises({}, False))
+
+
+Reader = Callable[[Contents, bytes, int, int], Event | None]
+"""Of the payload of a chunk, given where it begins and where the chunk ends in the file; None if it has no event."""
+
+
+def _isovalue(contents: Contents, payload: bytes, start: int, behind: int) -> Event:
+    isovalue, lean = read_further(payload, start, contents.isovalues)
+    contents._add(isovalue, lean)
+    return IsovalueRead(behind, len(contents.isovalues) - 1, isovalue, lean)
+
+
+def _metadata(contents: Contents, payload: bytes, start: int, behind: int) -> Event:
+    contents.metadata.update(read_metadata(payload))
+    return MetadataRead(behind, dict(contents.metadata))
+
+
+def _promises(contents: Contents, payload: bytes, start: int, behind: int) -> Event | None:
+    promises = read_promises(payload)
+    if promises is None:
+        return None
+    contents.promises[-1] = promises
+    return PromisesRead(behind, promises)
+
+
+def _index(contents: Contents, payload: bytes, start: int, behind: int) -> None:
+    contents.records = read_index(payload, contents.layers) or contents.records
+
+
+READERS: Mapping[int, Reader] = {
+    ChunkType.ISOVALUE: _isovalue,
+    ChunkType.METADATA: _metadata,
+    ChunkType.PROMISES: _promises,
+    ChunkType.INDEX: _index,
+}
+"""By type of chunk."""

@@ -1,0 +1,72 @@
+"""What is drawn of the decoded state of an isovalue: its contour, its mask, its mesh (spec clause 9)."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..drawing.contour import Contour
+from ..drawing.drawing import draw
+from ..drawing.mask import MaskRows
+from ..errors import LimitError, OptionError, TruncatedError
+from ..field.placement import read_placement
+from ..field.samples import interval_value
+from ..format.header import Header
+from ..limits import Budget, Limits
+from ..passes.runner import Tube
+from ..passes.snapshot import drawing_bytes, known_rows, leaves_of
+
+
+def contour_of(
+    tube: Tube | None, isovalue: float, header: Header | None, metadata: Mapping[str, str], complete: bool,
+    smooth: bool, budget: Budget,
+) -> Contour:  # fmt: skip
+    """The contour of a tube; an empty one where there is none yet."""
+    if header is None:
+        return Contour(np.zeros((0, 2)), np.zeros((0, 2), np.int64), float("nan"), (0, 0), False)
+    n = len(header.shape)
+    if tube is None:
+        contour = Contour(np.zeros((0, n)), np.zeros((0, n), np.int64), float("nan"), header.shape, False)
+    else:
+        budget.check(drawing_bytes(tube))
+        leaves = leaves_of(tube, isovalue, lambda steps, above: interval_value(isovalue, header.scale, steps, above))
+        contour = replace(draw(leaves, complete=complete, smooth=smooth), origin_above=tube.origin_above)
+    return replace(contour, placement=read_placement(metadata, n), metadata=dict(metadata))
+
+
+def mask_rows_of(
+    tube: Tube | None, received: int, complete: bool, last_first: bool, limits: Limits, budget: Budget
+) -> MaskRows:
+    """Which samples lie above, by rows; ``received`` and ``complete`` tell how much of the file there is."""
+    if tube is None or not tube.full:
+        if not complete:
+            raise TruncatedError(
+                "too little has been received to tell which samples lie above", code="truncated", offset=received,
+                clause="9.7", remedy="feed more of the file",
+            )  # fmt: skip
+        raise OptionError(
+            "the file does not hold which samples lie above: its mesh is coarser than the samples", code="mask",
+            remedy="take the whole file if this one was cut, or encode signs alone, exact values, or with a "
+            "tolerance below 0.1",
+        )  # fmt: skip
+    if math.prod(tube.shape) > limits.samples:
+        raise LimitError(
+            f"a mask of {math.prod(tube.shape):,} samples, more than {limits.samples:,}",
+            code="limit-samples", clause="11.2", remedy="raise Limits.samples (--limit-samples) if that is wanted",
+        )  # fmt: skip
+    rows = known_rows(tube, last_first)
+    budget.check(rows.bytes)
+    return rows
+
+
+def mesh_of(tube: Tube | None, n: int, budget: Budget) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Positions and simplices of the crossed leaves of a tube's mesh of ``n`` axes."""
+    if tube is None:
+        return np.zeros((0, n), np.int64), np.zeros((0, n + 1), np.int64)
+    budget.check(drawing_bytes(tube))
+    leaves = leaves_of(tube, 0.0, lambda steps, above: steps)
+    return leaves.position, leaves.simplices
