@@ -19,8 +19,7 @@ from numpy.typing import NDArray
 from isocodec.format.header import Header
 from isocodec.format.program import Layer
 from isocodec.passes import new_components
-from isocodec.search import base_order, component_search
-from isocodec.search.ground_truth import GroundTruth
+from isocodec.search import base_order, component_search, ground_truth
 
 from .draft import Draft
 from .plain import environment
@@ -64,13 +63,13 @@ def passes(low: tuple[int, int], high: tuple[int, int]) -> bool:
 
 
 def _mixed_cube(pyramid: object, levels: object, m: int, x: int, y: int, z: int) -> bool:
-    """For ``seek``: whether the mesh may see both signs in a cube, of the size that m halvings of the root's leave."""
+    """For ``base_order``: whether a cube, of the size that m halvings of the root's leave, may hold both signs."""
     edge = (1 << FULL // 2) >> m
     return passes((x * edge, y * edge), (x * edge + edge, y * edge + edge))
 
 
 def _find(st, busy: object, found: NDArray[np.int64]) -> int:
-    """Like ``births.find``, which fills ``found`` as far as it goes, but over the cubes around the circle only.
+    """Like ``component_search.find``, which fills ``found`` as far as it goes, but around the circle only.
 
     A middle differs from all corners of its diamond only if the circle passes the square of two cubes around it.
     """
@@ -92,10 +91,10 @@ def _find(st, busy: object, found: NDArray[np.int64]) -> int:
 
 def main(name: str) -> bytes:
     """A file of the circle; to be called in a process that runs kernels as plain Python."""
-    GroundTruth.busy = np.zeros((1, 1, 1), np.bool_)  # type: ignore[assignment]
-    GroundTruth.pyramid = lambda *_: (np.zeros(1, np.uint8), np.zeros((1, 4), np.int64))  # type: ignore[method-assign]
+    ground_truth.GroundTruth.busy = np.zeros((1, 1, 1), np.bool_)  # type: ignore[assignment]
+    ground_truth.GroundTruth.pyramid = lambda *_: (np.zeros(1, np.uint8), np.zeros((1, 4), np.int64))  # type: ignore[method-assign]
     base_order._mixed_cube = _mixed_cube
-    component_search.find = _find
+    ground_truth.find = _find
     signs: NDArray[np.bool_] = Circle()  # type: ignore[assignment]
     return bytes(planned(Header((SIDE, SIDE), 0.5), sign_tube((SIDE, SIDE), signs), [PLANS[name]]))
 

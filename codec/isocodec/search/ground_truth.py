@@ -40,11 +40,11 @@ class GroundTruth:
 
     @cached_property
     def busy(self) -> NDArray[np.bool_]:
-        """Blocks that the curve passes: `births.busy_of`."""
+        """Blocks that the curve passes: `component_search.busy_of`."""
         return busy_of(self.padded)
 
     def pyramid(self, level: int) -> Pyramid:
-        """Cubes with both signs in them, down to a level: `seek.build_pyramid`."""
+        """Cubes with both signs in them, down to a level: `base_order.build_pyramid`."""
         if level not in self._pyramids:
             shape = self.signs.shape
             last = np.array(self.padded.shape) - 1
