@@ -203,6 +203,17 @@ def code(cd, ctx, bit):
     return bit
 
 
+@inlined
+def code_below(cd, ctx, above, bit):
+    """The same in a context below another one, which it takes after when it is used for the first time."""
+    if ctx != above and cd.seen[np.uint64(ctx)] == 0:
+        cd.prob[np.uint64(ctx)] = cd.prob[np.uint64(above)]
+    bit = code(cd, ctx, bit)
+    if bit >= 0 and ctx != above:
+        adapt(cd, above, bit)
+    return bit
+
+
 def _carry(data: bytearray) -> bytearray:
     """Add one to the last byte, with carries."""
     i = len(data) - 1

@@ -8,8 +8,6 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from isospec.container import MAX_RADIX
-
 from ..entropy.range_coder import ONE
 
 PLANES = 52
@@ -19,8 +17,6 @@ NEARNESS = 5
 SURFACE = 3 * 4 * 4 * 4
 BORDER = 3 * 10 * 4
 CROSSED = 3 * 10 * 3 * 4
-OFFSET_SIZES = 8
-OFFSET_STRIDE = 8 + MAX_RADIX // 2
 # element: (contexts, probability of a 1 at the start, weight of that start in symbols)
 _LAYOUT = {
     "ORIGIN": (3, 0.5, 1),
@@ -35,7 +31,7 @@ _LAYOUT = {
     "REFINE_BORDER": (7 * BORDER, 0.2, 4),
     "REFINE_CROSSED": (7 * CROSSED, 0.8, 4),
     "VALUE": (PLANES * 2 * 3, 0.5, 2),
-    "OFFSET": (2 * OFFSET_SIZES * OFFSET_STRIDE, 0.5, 2),
+    "OFFSET": (2 * 8 * 9, 0.5, 2),
     "LEVEL": (3 * 2 * 4, 0.5, 2),
     "LEVEL_PATH": (LEVELS, 0.8, 2),
     "SPLIT": (3 * 2 * 4 * 8, 0.5, 2),
@@ -43,6 +39,8 @@ _LAYOUT = {
     "SEED": (2 * 4 * 2, 0.5, 2),
     "OFFSET_LEAN": (8 * 16, 0.5, 2),
     "TURNED": (1, 0.02, 2),
+    "VALUE_NEAR": (16 * 2 * 16, 0.5, 0),
+    "OFFSET_NEAR": (2 * 4 * 2 * 16, 0.5, 0),
 }
 _first = 0
 _starts: dict[str, int] = {}
@@ -70,6 +68,8 @@ CONTINUE = _starts["CONTINUE"]
 SEED = _starts["SEED"]
 OFFSET_LEAN = _starts["OFFSET_LEAN"]
 TURNED = _starts["TURNED"]
+VALUE_NEAR = _starts["VALUE_NEAR"]
+OFFSET_NEAR = _starts["OFFSET_NEAR"]
 RATES = 160
 
 

@@ -9,11 +9,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..entropy.mixer import clear, see
+from ..entropy.mixer import blended, clear, mixing, see
+from ..entropy.range_coder import code_below
 from ..kernel import inlined
 from ..mesh.access import dimension
 from ..tube.state import entry
-from .layout import OFFSET_ROW, OFFSET_ROWS
+from . import contexts as ctx
+from .layout import LEAF_NET, LEAN_KIND, OFFSET_KIND, OFFSET_NET, OFFSET_ROW, OFFSET_ROWS
 from .magnitude import CLASSES, FINE, NONE, ROUGH, bits, mean, row_of
 
 UNIT = 4096
@@ -307,3 +309,47 @@ def see_along(st, cd, low, high, split, radix, number, parts, rising, span, near
         see(cd, o + 36 + min(bits(nearer), 7))
     if span > 0:
         see(cd, o + 43 + span)
+
+
+@inlined
+def _guessed(st, span):
+    """The candidate that the baseline profile goes by, the best that there is: its place and how well it is known."""
+    w = st.candidates
+    best = np.int64(MEAN)
+    if span > 0 and dimension(st.grid.tables) == 2:
+        best = np.int64(CHAIN + CUBIC)
+        for c in (LINE, BEFORE, BEHIND):
+            if w[2 * best + 1] == NONE:
+                best = np.int64(CHAIN + c)
+    if span > 0 and w[2 * best + 1] == NONE:
+        best = np.int64(VERTEX)
+    return w[2 * best], w[2 * best + 1]
+
+
+@inlined
+def code_half(st, cd, radix, split, number, parts, rising, bit):
+    """One symbol of a digit: whether the crossing lies in the parts from ``split`` on; as ``code``."""
+    walk = st.digit
+    low, high, span = walk.low, walk.high, walk.span
+    again = np.int64(parts > 1)
+    halved = walk.halved
+    context = ctx.OFFSET + (8 * again + min(halved, 7)) * 9
+    context += recent_sides(st, low, high, split, radix, number, parts, rising)
+    leaning = walk.nearest >= 0
+    nearer = np.int64(-1)
+    if leaning:
+        nearer = split - walk.nearest if st.counters.side > 0 else walk.nearest + 1 - split
+        context = ctx.OFFSET_LEAN + min(bits(nearer), 7) * 16 + min(high - low, 15)
+    if mixing(cd):
+        kind = LEAN_KIND + min(halved, 2) + 3 * (span > 0) if leaning else OFFSET_KIND + min(halved, 2) + 3 * again + 6 * (span > 0)
+        see_along(st, cd, low, high, split, radix, number, parts, rising, span, nearer)
+        return blended(cd, LEAF_NET if span > 0 else OFFSET_NET, False, kind, context, bit)
+    place, known = _guessed(st, span)
+    if known == NONE:
+        return code_below(cd, context, context, bit)
+    told = number if rising else parts - 1 - number
+    place = place if rising else UNIT - place
+    total = parts * radix
+    far = (place * total - (told * radix + split) * UNIT) * 4 // ((high - low) * UNIT)
+    near = ((again * 4 + min(halved, 3)) * 2 + (known == FINE)) * 16 + 8 + min(max(far, -8), 7)
+    return code_below(cd, ctx.OFFSET_NEAR + near, context, bit)

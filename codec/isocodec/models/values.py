@@ -13,10 +13,13 @@ from numpy.typing import NDArray
 
 from ..kernel import inlined, kernel
 from ..kernel.types import Int32Matrix, Int32Vector, IntMatrix, IntVector
+from ..entropy.mixer import blended, mixing
+from ..entropy.range_coder import code_below
 from ..mesh.access import dimension
 from ..mesh.store import get
 from ..tube.state import State
-from .layout import VALUE_ROW, VALUE_SLOTS
+from . import contexts as ctx
+from .layout import VALUE_KIND, VALUE_NET, VALUE_ROW, VALUE_SLOTS
 from .magnitude import CLASSES, FINE, ROUGH, bits, mean, row_of
 
 
@@ -140,3 +143,60 @@ def see_nearby(st, cd, near, told, i, number, v, p):
     row[np.uint64(rows + 2)] = o + 16 + min(bits(number[v]), 7)
     row[np.uint64(rows + 3)] = o + 24 + fine
     row[0] = rows + 3
+
+
+@inlined
+def _guessed(st, near, told, i, v):
+    """Twice the number of vertex v, the i-th of the list, as its neighbours have it; -1 if they say nothing.
+
+    The mean of what lines along axes and planes through three corners of a square say, and of the mean of the neighbours
+    on the same side of the isovalue; if there is none of these, of lines through two samples on one side.
+    """
+    n = dimension(st.grid.tables)
+    way = np.int64(1 if st.vertex[v, 3] else -1)
+    around = near[np.uint64(i)]
+    next_to = st.scratch[: 4 * n]
+    total, count = np.int64(0), np.int64(0)
+    beyond, lines = np.int64(0), np.int64(0)
+    same, some = np.int64(0), np.int64(0)
+    for a in range(n):
+        for s in range(2):
+            x, lack = _told(told, way, around[np.uint64(4 * a + s)])
+            next_to[4 * a + 2 * s], next_to[4 * a + 2 * s + 1] = x, lack
+            if lack != UNKNOWN:
+                if x > 0:
+                    same, some = same + x, some + 1
+                far, lack = _told(told, way, around[np.uint64(4 * a + 2 + s)])
+                if lack != UNKNOWN:
+                    beyond, lines = beyond + 2 * x - far, lines + 1
+        if max(next_to[4 * a + 1], next_to[4 * a + 3]) != UNKNOWN:
+            total, count = total + max((next_to[4 * a] + next_to[4 * a + 2]) >> 1, 0), count + 1
+    o = 4 * n
+    for a in range(n - 1):
+        for b in range(a + 1, n):
+            for k in range(4):
+                x, y = 4 * a + (k & 2), 4 * b + 2 * (k & 1)
+                far, lack = _told(told, way, around[np.uint64(o + k)])
+                if max(lack, next_to[x + 1], next_to[y + 1]) != UNKNOWN:
+                    total, count = total + max(next_to[x] + next_to[y] - far, 0), count + 1
+            o += 4
+    if some > 0:
+        total, count = total + same // some, count + 1
+    if count == 0:
+        total, count = max(beyond, 0), lines
+    return total // count if count > 0 else np.int64(-1)
+
+
+@inlined
+def code_value(st, cd, near, told, i, number, v, p, bit):
+    """Bit p of the number of vertex v, the i-th of the list; as ``code``."""
+    context = ctx.VALUE + (p * 2 + np.int64(number[v] != 0)) * 3 + st.value.before
+    if mixing(cd):
+        see_nearby(st, cd, near, told, i, number, v, p)
+        return blended(cd, VALUE_NET, False, VALUE_KIND + min(bits(number[v]), 2), context, bit)
+    guess = _guessed(st, near, told, i, v) if len(near) > 0 else np.int64(-1)
+    if guess < 0:
+        return code_below(cd, context, context, bit)
+    far = ((guess - ((2 * number[v] + 1) << (p + 1))) * 4) >> (p + 1)
+    below = (min(p, 15) * 2 + np.int64(number[v] != 0)) * 16 + 8 + min(max(far, -8), 7)
+    return code_below(cd, ctx.VALUE_NEAR + below, context, bit)

@@ -180,7 +180,7 @@ class Estimates:
 
     def code_values(self, st: State, cd: Coder) -> int:
         """Go on with a layer of values."""
-        if self._full and len(cd.blend.weight) and not len(self._near):
+        if self._full and not len(self._near):
             self._hold(_NEARBY[self.n] * len(self._active) + 4 * len(st.vertex))
             self._near = nearby_samples(st, self._active, self.n)
             self._told = np.empty(len(self._active) + 1, np.int64)

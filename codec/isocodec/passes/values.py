@@ -4,14 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..entropy.mixer import blended, mixing
-from ..entropy.range_coder import ENCODE, Coder, code
+from ..entropy.range_coder import ENCODE, Coder
 from ..kernel import DONE, kernel
 from ..kernel.types import Int32Matrix, IntVector
-from ..models import contexts as ctx
-from ..models.layout import VALUE_KIND, VALUE_NET
-from ..models.magnitude import bits
-from ..models.values import UNKNOWN, packed, see_nearby
+from ..models.values import UNKNOWN, code_value, packed
 from ..tube.state import VALUE_BIT, State
 
 
@@ -37,12 +33,7 @@ def values(
         bit = np.int64(0)
         if encoding:
             bit = (wanted[v] >> p) & 1
-        context = ctx.VALUE + (p * 2 + np.int64(number[v] != 0)) * 3 + walk.before
-        if mixing(cd):
-            see_nearby(st, cd, near, told, walk.item, number, v, p)
-            bit = blended(cd, VALUE_NET, False, VALUE_KIND + min(bits(number[v]), 2), context, bit)
-        else:
-            bit = code(cd, context, bit)
+        bit = code_value(st, cd, near, told, walk.item, number, v, p, bit)
         if bit < 0:
             return bit
         st.tally[VALUE_BIT] += 1

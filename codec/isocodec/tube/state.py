@@ -164,18 +164,16 @@ class ValueWalk(Registers):
 
 
 class DigitWalk(Registers):
-    """Where offsets stand: the next edge, the digit before, the place within a digit, its sign.
+    """Where offsets stand: the next edge, of its digit the parts that are left and how often they were halved.
 
-    In the main profile: the parts that are left, how often they were halved, and what ``find_candidates`` says.
+    Further the part of the earlier isovalue's crossing, -1 if there is none, and what ``find_candidates`` says.
     """
 
     item: int
-    before: int
-    step: int
-    sign: int
     low: int
     high: int
     halved: int
+    nearest: int
     span: int
 
 
