@@ -50,13 +50,12 @@ WEIGHTS = _table()
 
 
 @inlined
-def nearer(trail, count, unit, g0, g1, a0, a1, b0, b1):
-    """Compare the extrapolated point with the points a and b (all coordinates doubled).
+def nearer(trail, count, unit, g, a, b):
+    """Compare the extrapolated point with the points a and b (pairs; all coordinates doubled).
 
-    ``trail`` holds the last points, a ring of MOST pairs. Everything is measured from the point
-    (g0, g1) in units of g = ``2**(unit - 1)``, and cut off where it is too far away to matter, so that the numbers
-    stay small. Returns 0 without a prediction, else the case 1 (doubtful), 2 or 3 (sure), negative if a is nearer
-    than b.
+    ``trail`` holds the last points, a ring of MOST pairs. Everything is measured from the point ``g`` in units of
+    ``2**(unit - 1)``, and cut off where it is too far away to matter, so that the numbers stay small. Returns 0 without
+    a prediction, else the case 1 (doubtful), 2 or 3 (sure), negative if a is nearer than b.
     """
     if count < LEAST:
         return 0
@@ -68,12 +67,12 @@ def nearer(trail, count, unit, g0, g1, a0, a1, b0, b1):
     for i in range(used):
         w = WEIGHTS[used, 1 + i]
         j = j + 1 if j + 1 < MOST else 0
-        p0 += w * min(max(((trail[2 * j] - g0) << 1) >> unit, -REACH), REACH)
-        p1 += w * min(max(((trail[2 * j + 1] - g1) << 1) >> unit, -REACH), REACH)
-    a0 = ((a0 - g0) << 1) >> unit
-    a1 = ((a1 - g1) << 1) >> unit
-    b0 = ((b0 - g0) << 1) >> unit
-    b1 = ((b1 - g1) << 1) >> unit
+        p0 += w * min(max(((trail[2 * j] - g[0]) << 1) >> unit, -REACH), REACH)
+        p1 += w * min(max(((trail[2 * j + 1] - g[1]) << 1) >> unit, -REACH), REACH)
+    a0 = ((a[0] - g[0]) << 1) >> unit
+    a1 = ((a[1] - g[1]) << 1) >> unit
+    b0 = ((b[0] - g[0]) << 1) >> unit
+    b1 = ((b[1] - g[1]) << 1) >> unit
     s = 2 * (p0 * (b0 - a0) + p1 * (b1 - a1)) + denominator * (a0 * a0 + a1 * a1 - b0 * b0 - b1 * b1)
     span = denominator * ((b0 - a0) * (b0 - a0) + (b1 - a1) * (b1 - a1))
     size = abs(s)

@@ -7,17 +7,37 @@ would save: everything is computed, and what is not known is overwritten.
 from __future__ import annotations
 
 from itertools import combinations, product
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..kernel import inlined, kernel
+from ..entropy.mixer import blended, mixing
+from ..entropy.range_coder import code
+from ..kernel import inlined, kernel, record
 from ..kernel.types import Int32Matrix, Int32Vector, IntMatrix, IntVector
 from ..mesh.access import dimension
 from ..mesh.store import get
 from ..tube.state import State
-from .layout import VALUE_ROW, VALUE_SLOTS
+from . import contexts as ctx
+from .layout import VALUE_KIND, VALUE_NET, VALUE_ROW, VALUE_SLOTS
 from .magnitude import CLASSES, FINE, ROUGH, bits, mean, row_of
+
+
+@record
+class Nearby(NamedTuple):
+    """What is looked up around the values of a list; without rows in the baseline profile and off the full grid.
+
+    Attributes
+    ----------
+    near : (A, S) int32
+        See `nearby_samples`.
+    told : (A + 1,) int64
+        What is told of each value of the list (`packed`), and last what stands for all others.
+    """
+
+    near: Int32Matrix
+    told: IntVector
 
 
 def nearby_samples(st: State, active: NDArray[np.int64], n: int) -> NDArray[np.int32]:
@@ -86,11 +106,11 @@ def _show(row, count, first, slot, place, lack, bound, p):
 
 
 @inlined
-def see_nearby(st, cd, near, told, i, number, v, p):
+def see_nearby(st, cd, nearby, i, number, v, p):
     """List what is known of whether bit p of the number of vertex v, the i-th of the list, is 1."""
     n = dimension(st.grid.tables)
     first, slots = (_FIRST_2, _SLOTS_2) if n == 2 else (_FIRST_3, _SLOTS_3)
-    row = cd.blend.row
+    near, told, row = nearby.near, nearby.told, cd.blend.row
     bound = (2 * number[v] + 1) << (p + 1)
     fine, rows = np.int64(0), np.int64(0)
     if len(near) > 0:
@@ -140,3 +160,14 @@ def see_nearby(st, cd, near, told, i, number, v, p):
     row[np.uint64(rows + 2)] = o + 16 + min(bits(number[v]), 7)
     row[np.uint64(rows + 3)] = o + 24 + fine
     row[0] = rows + 3
+
+
+@inlined
+def code_value_bit(st, cd, nearby, number, v, p, bit):
+    """Code bit p of the number of vertex v, the present one of the list; as ``code``."""
+    walk = st.value
+    context = ctx.VALUE + (p * 2 + np.int64(number[v] != 0)) * 3 + walk.before
+    if not mixing(cd):
+        return code(cd, context, bit)
+    see_nearby(st, cd, nearby, walk.item, number, v, p)
+    return blended(cd, VALUE_NET, False, VALUE_KIND + min(bits(number[v]), 2), context, bit)

@@ -7,17 +7,20 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
+from ..entropy.mixer import mixing
 from ..entropy.range_coder import Coder
 from ..limits import Budget
 from ..mesh.implied import implied_edges
 from ..models.crossings_nearby import beside_grid, beside_leaves, nothing_beside
-from ..models.offsets import place_of
-from ..models.values import nearby_samples
+from ..models.offsets import Crossings, place_of
+from ..models.values import Nearby, nearby_samples
 from ..tube.capacity import NOTHING
 from ..tube.leaf_vertices import drawn, drawn_bytes
 from ..tube.state import State
 from ..tube.truth import Truth
-from . import carriers, offsets, values
+from . import carriers, values
+from .digits import digits
+from .halves import halves
 
 _VALUES, _VALUES_TAKEN = 64, 160
 """Bytes that listing values takes at most for each vertex, and where an earlier isovalue has some."""
@@ -180,15 +183,14 @@ class Estimates:
 
     def code_values(self, st: State, cd: Coder) -> int:
         """Go on with a layer of values."""
-        if self._full and len(cd.blend.weight) and not len(self._near):
+        if self._full and mixing(cd) and not len(self._near):
             self._hold(_NEARBY[self.n] * len(self._active) + 4 * len(st.vertex))
             self._near = nearby_samples(st, self._active, self.n)
             self._told = np.empty(len(self._active) + 1, np.int64)
             values.enter_told(st, self._active, self.number, self.left, self._told)
             self._hold(0)
-        return int(values.values(
-            st, cd, self._near, self._told, self._active, self.number, self.left, self._plane, self._wanted
-        ))  # fmt: skip
+        nearby = Nearby(self._near, self._told)
+        return int(values.values(st, cd, nearby, self._active, self.number, self.left, self._plane, self._wanted))
 
     def begin_offsets(self, st: State, full: bool, parts: int, unit: int) -> None:
         """Begin a layer of offsets, to at least ``parts`` parts in ``2**unit`` samples of an edge."""
@@ -202,10 +204,10 @@ class Estimates:
 
     def code_offsets(self, st: State, cd: Coder) -> int:
         """Go on with a layer of offsets."""
-        return int(offsets.offsets(
-            st, cd, self._beside, self.edges, self.offset, self.parts, self._length, self._rising, self._earlier,
-            *self._pitch, self._target, self._slack,
-        ))  # fmt: skip
+        crossings = Crossings(self.edges, self.offset, self.parts, self._length, self._rising, self._earlier)
+        if mixing(cd):
+            return int(halves(st, cd, self._beside, crossings, *self._pitch, self._target, self._slack))
+        return int(digits(st, cd, crossings, *self._pitch, self._target))
 
     def _list_edges(self, st: State, full: bool) -> None:
         """Make the list of edges that carry offsets anew; those that stay keep theirs."""

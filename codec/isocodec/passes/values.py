@@ -4,27 +4,22 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..entropy.mixer import blended, mixing
-from ..entropy.range_coder import ENCODE, Coder, code
+from ..entropy.range_coder import ENCODE, Coder
 from ..kernel import DONE, kernel
-from ..kernel.types import Int32Matrix, IntVector
-from ..models import contexts as ctx
-from ..models.layout import VALUE_KIND, VALUE_NET
-from ..models.magnitude import bits
-from ..models.values import UNKNOWN, packed, see_nearby
+from ..kernel.types import IntVector
+from ..models.values import UNKNOWN, Nearby, code_value_bit, packed
 from ..tube.state import VALUE_BIT, State
 
 
 @kernel
 def values(
-    st: State, cd: Coder, near: Int32Matrix, told: IntVector, active: IntVector, number: IntVector, left: IntVector,
-    plane: int, wanted: IntVector,
+    st: State, cd: Coder, nearby: Nearby, active: IntVector, number: IntVector, left: IntVector, plane: int,
+    wanted: IntVector,
 ) -> int:  # fmt: skip
     """Bring the vertices' numbers down to ``plane`` bits left (spec clause 5.6.3).
 
     ``number`` is the distance from the isovalue's side of the interval as far as known, ``left`` the bits of it
-    that are missing, ``wanted`` the encoder's whole number (empty for the decoder). For the main profile ``near`` says
-    which vertices of the list lie near each, ``told`` what is told of them (`packed`).
+    that are missing, ``wanted`` the encoder's whole number (empty for the decoder).
     """
     walk = st.value
     encoding = cd.reg.mode == ENCODE
@@ -37,20 +32,15 @@ def values(
         bit = np.int64(0)
         if encoding:
             bit = (wanted[v] >> p) & 1
-        context = ctx.VALUE + (p * 2 + np.int64(number[v] != 0)) * 3 + walk.before
-        if mixing(cd):
-            see_nearby(st, cd, near, told, walk.item, number, v, p)
-            bit = blended(cd, VALUE_NET, False, VALUE_KIND + min(bits(number[v]), 2), context, bit)
-        else:
-            bit = code(cd, context, bit)
+        bit = code_value_bit(st, cd, nearby, number, v, p, bit)
         if bit < 0:
             return bit
         st.tally[VALUE_BIT] += 1
         walk.before = 1 + bit
         number[v] = number[v] << 1 | bit
         left[v] = p
-        if len(told) > 0:
-            told[np.uint64(walk.item)] = packed(st, number, left, v)
+        if len(nearby.told) > 0:
+            nearby.told[np.uint64(walk.item)] = packed(st, number, left, v)
     return DONE
 
 
