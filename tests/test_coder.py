@@ -395,7 +395,7 @@ def test_nearer_point(data):
     ring = np.zeros(2 * MOST, np.int64)
     for i, p in enumerate(trail):
         ring[2 * (i % MOST) : 2 + 2 * (i % MOST)] = p
-    case = nearer(ring, count, 1, *g, *a, *b)
+    case = nearer(ring, count, 1, g, a, b)
     if count < LEAST:
         assert case == 0
         return

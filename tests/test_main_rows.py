@@ -13,18 +13,20 @@ from isocodec.entropy.mixer import clear
 from isocodec.entropy.range_coder import ENCODE, Coder, CoderRegisters, start
 from isocodec.field.samples import check_field
 from isocodec.mesh.access import dimension, vertex
+from isocodec.mesh.diamond import diamond_at
+from isocodec.mesh.simplex import Simplex
 from isocodec.mesh.store import get
 from isocodec.mesh.tables import cube_exponent
 from isocodec.mesh.vertex_set import IN, KEPT, OUT
 from isocodec.models.base_signs import see_behind
 from isocodec.models.contexts import rates
 from isocodec.models.layout import AROUND, BASE_ROW, MESH_ROW, MOST_ROWS, SIGN_ROWS, TREE_ROW, VALUE_ROW
-from isocodec.models.mesh_questions import see_mesh
+from isocodec.models.mesh_questions import Question, see_mesh
 from isocodec.models.neighbourhood import nearest_vertices, survey
-from isocodec.models.new_components import CUBE, NODE, SLOT, see_crowd
-from isocodec.models.refinement_signs import see_middle
+from isocodec.models.new_components import CUBE, NODE, SLOT, Node, see_crowd
+from isocodec.models.refinement_signs import Before, Expected, see_middle
 from isocodec.models.trained import members, shipped_models
-from isocodec.models.values import nearby_samples, see_nearby
+from isocodec.models.values import Nearby, nearby_samples, see_nearby
 from isocodec.passes.values import enter_told
 from isocodec.search.promise import Promise
 from isocodec.search.strategy import grid_plan, reduced
@@ -34,23 +36,24 @@ SHAPES = [(34, 29), (13, 12, 14)]
 
 def _mesh(st, cd, what, history, level, x, y, z):
     clear(cd)
-    see_mesh(st, cd, what, history, level, x, y, z)
+    see_mesh(st, cd, Question(what, history, level, x, y, z))
 
 
 def _behind(st, cd, level, cls, b0, b1, b2, opp, guess, case, other):
     clear(cd)
-    see_behind(st, cd, level, cls, b0, b1, b2, opp, guess, case, other)
+    see_behind(st, cd, Simplex(level, cls, b0, b1, b2), opp, guess, case, other)
 
 
 def _sign(st, cd, w0, w1, w2, crossed):
     survey(st)
     r = st.counters.level % dimension(st.grid.tables)
-    see_middle(st, cd, r, w0, w1, w2, crossed, 0, np.int64(1), np.int64(-1), np.int64(0))
+    diamond = diamond_at(st.grid, np.int64(st.counters.edge), np.int64(r), w0, w1, w2)
+    see_middle(st, cd, diamond, Expected(crossed, *ints(1, 0, 0)), Before(*ints(-1, 0)))
 
 
 def _crowd(st, cd, what, shift, x, y, z, hits, child, nearness):
     clear(cd)
-    see_crowd(st, cd, what, shift, x, y, z, hits, child, nearness)
+    see_crowd(st, cd, Node(what, shift, x, y, z, hits, child, nearness))
 
 
 def coder(n):
@@ -113,7 +116,7 @@ def test_rows_of_values_nearby(shape, planes):
         v = active[i]
         if left[v] != p + 1:
             continue
-        see_nearby(state, cd, near, told, *ints(i), number, *ints(v, p))
+        see_nearby(state, cd, Nearby(near, told), *ints(i), number, *ints(v, p))
         here = np.array(state.vertex[v, :n], np.int64)
 
         def near_value(*step, here=here, v=v):

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
-from ..kernel import inner, kernel
+from ..kernel import inner, kernel, record
 from ..kernel.types import BoolVector, Int32Matrix, Int32Vector, IntMatrix, IntVector, IntVolume, UInt8Vector
 from .crossing import Drawn, PatternTable, edge_points, ratios_at
 from .cube import cube_table
@@ -30,6 +32,25 @@ def draw_grid(leaves: Leaves) -> Drawn:
         fans = np.column_stack([grid.sides, len(points) + np.repeat(np.arange(len(first)), count)])
         points, cells = np.concatenate([points, centres]), np.concatenate([cells, fans])
     return Drawn(points, cells, grid.edges, ratio, free)
+
+
+@record
+class _Cells(NamedTuple):
+    """Unit cells that the contour passes through.
+
+    Attributes
+    ----------
+    pattern : (C,) int64
+        Signs of their corners as bits.
+    corners : (C, 2**n) int32
+        Vertices, from x0 on.
+    upper : (C,) uint8
+        The axes along which x0 is the upper end, as bits.
+    """
+
+    pattern: IntVector
+    corners: Int32Matrix
+    upper: UInt8Vector
 
 
 class _Grid:
@@ -58,9 +79,8 @@ class _Grid:
         corners = np.empty((len(leaves.simplices), 2**n), np.int32)
         upper, count = np.empty(len(corners), np.uint8), np.empty(len(corners), np.uint8)
         used = _join(self._last, leaves.simplices, np.zeros(vertices << n, np.int32), corners, upper, count)
-        self._corners, self._upper = corners[:used], upper[:used]
-        self._pattern = np.empty(used, np.int64)
-        _enter_patterns(leaves.above, self._corners, count, table.mixed, self._pattern)
+        self._cells = _Cells(np.empty(used, np.int64), corners[:used], upper[:used])
+        _enter_patterns(leaves.above, self._cells.corners, count, table.mixed, self._cells.pattern)
         self._number = np.full((vertices, n), -1, np.int32)
         self.edges = np.empty((n * vertices, 2), np.int64)
         met, self.cells, _ = self._rows(table.cells, 0)
@@ -69,11 +89,10 @@ class _Grid:
 
     def _rows(self, table: PatternTable, met: int) -> tuple[int, NDArray[np.int64], NDArray[np.int64]]:
         """How many edges have been met then; rows of a table for all cells, and their owners."""
-        owner = np.repeat(np.arange(len(self._pattern)), np.diff(table.first)[self._pattern])
+        pattern = self._cells.pattern
+        owner = np.repeat(np.arange(len(pattern)), np.diff(table.first)[pattern])
         rows = np.empty((len(owner), table.edges.shape[1]), np.int64)
-        met = _enter_rows(
-            table.edges, table.first, self._pattern, self._corners, self._upper, self._number, self.edges, met, rows
-        )
+        met = _enter_rows(table.edges, table.first, self._cells, self._number, self.edges, met, rows)
         return met, rows, owner
 
     def find(self, stated: NDArray[np.int64]) -> NDArray[np.int64]:
@@ -164,16 +183,17 @@ def _enter_patterns(
 
 @kernel
 def _enter_rows(
-    table: IntVolume, first: IntVector, pattern: IntVector, corners: Int32Matrix, upper: UInt8Vector,
-    number: Int32Matrix, edges: IntMatrix, met: int, rows: IntMatrix,
+    table: IntVolume, first: IntVector, cells: _Cells, number: Int32Matrix, edges: IntMatrix, met: int,
+    rows: IntMatrix,
 ) -> int:  # fmt: skip
     """Enter the rows of all cells as numbers of edges, which are given as these are met; returns how many were.
 
     ``number`` has that of the edge that leaves a vertex upwards along an axis, or -1.
     """
+    pattern, corners = cells.pattern, cells.corners
     row = 0
     for i in range(len(pattern)):
-        axes = np.int64(upper[i])
+        axes = np.int64(cells.upper[i])
         mirrored = (axes ^ axes >> 1 ^ axes >> 2) & 1
         for k in range(first[pattern[i]], first[pattern[i] + 1]):
             for j in range(table.shape[1]):

@@ -7,10 +7,12 @@ that is stated, and promises nothing more.
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
-from ..kernel import kernel
+from ..kernel import kernel, record
 from ..kernel.types import BoolVector, FloatMatrix, FloatVector, IntMatrix
 from .crossing import Drawn, edge_ends
 from .leaves import Leaves
@@ -25,6 +27,27 @@ GRAZING = 1e-6
 """Edges along which a curve runs say nothing about it."""
 
 
+@record
+class _Ways(NamedTuple):
+    """Where points may go.
+
+    Attributes
+    ----------
+    start, way : (P, n) float64
+        The lower ends of their edges, and the way from there to the upper ends; of points in the middles of cells
+        the way is 0.
+    free : (P,) bool
+        Whether nothing else is said of a point.
+    ratio : (P,) float64
+        How far along its edge each is.
+    """
+
+    start: FloatMatrix
+    way: FloatMatrix
+    free: BoolVector
+    ratio: FloatVector
+
+
 def smoothed(leaves: Leaves, drawn: Drawn) -> NDArray[np.float64]:
     """Points (P, n) of a drawing, moved along their edges; those in the middles of cells follow their neighbours."""
     low, high = edge_ends(leaves, drawn.edges)
@@ -33,6 +56,7 @@ def smoothed(leaves: Leaves, drawn: Drawn) -> NDArray[np.float64]:
     way = np.concatenate([high - low, np.zeros_like(start[:count])])
     ratio = np.concatenate([drawn.ratio, np.zeros(count)])
     free = np.concatenate([drawn.free, np.ones(count, np.bool_)])
+    ways = _Ways(start, way, free, ratio)
     points = drawn.points.copy()
     total, normal = np.empty_like(points), np.empty_like(points)
     neighbours, bend, around = (np.empty(len(points)) for _ in range(3))
@@ -42,7 +66,7 @@ def smoothed(leaves: Leaves, drawn: Drawn) -> NDArray[np.float64]:
         _gather(points, drawn.cells, total, normal, neighbours)
         _bend(points, total, neighbours, normal, bend)
         _around(drawn.cells, bend, around)
-        _move(points, start, way, free, ratio, total, neighbours, normal, bend, around)
+        _move(points, ways, total, neighbours, normal, bend, around)
     return points
 
 
@@ -103,13 +127,14 @@ def _around(cells: IntMatrix, bend: FloatVector, around: FloatVector) -> None:
 
 @kernel
 def _move(
-    points: FloatMatrix, start: FloatMatrix, way: FloatMatrix, free: BoolVector, ratio: FloatVector,
-    total: FloatMatrix, count: FloatVector, normal: FloatMatrix, bend: FloatVector, around: FloatVector,
+    points: FloatMatrix, ways: _Ways, total: FloatMatrix, count: FloatVector, normal: FloatMatrix, bend: FloatVector,
+    around: FloatVector,
 ) -> None:  # fmt: skip
     """One step of each point along its edge; ends of open curves (n = 2), with one neighbour, stay."""
     n = points.shape[1]
+    way, ratio = ways.way, ways.ratio
     for i in range(len(points)):
-        if count[i] < 2 or not free[i]:
+        if count[i] < 2 or not ways.free[i]:
             continue
         length, across = 0.0, 0.0
         for axis in range(n):
@@ -119,4 +144,4 @@ def _move(
             to = ratio[i] + STEP * (bend[i] - around[i] / count[i]) / across
             ratio[i] = min(max(to, NEAR), 1 - NEAR)
         for axis in range(n):
-            points[i, axis] = start[i, axis] + ratio[i] * way[i, axis] if length > 0 else total[i, axis] / count[i]
+            points[i, axis] = ways.start[i, axis] + ratio[i] * way[i, axis] if length > 0 else total[i, axis] / count[i]

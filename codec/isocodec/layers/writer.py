@@ -159,3 +159,11 @@ class LayerWriter:
             wider = np.zeros(2 * len(buf), np.uint8)
             wider[: len(buf)] = buf
             tube.coder = tube.coder._replace(buf=wider)
+
+
+def encoded_size(writer: LayerWriter) -> int:
+    """Bytes of all runs of a writer, which is done then: for trials."""
+    done = 0
+    while done < len(writer.layers):
+        done, _ = writer.encode_run(done, lambda: None)
+    return writer.run_bytes

@@ -6,14 +6,60 @@ after the last corner stands for the middle itself.
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from ..kernel import inlined, inner
 from .access import corner, dimension, member, vertex
 from .access import corners as corner_count
+from .access import kind as kind_of
 from .access import members as member_count
 from .grid import clamped, position
 from .simplex import exists, newest
+
+
+class Diamond(NamedTuple):
+    """The simplices of a level around a middle.
+
+    Attributes
+    ----------
+    edge : int
+        Of the cubes of the level.
+    phase : int
+        The level, modulo the dimension.
+    kind : int
+        See ``mesh.tables``.
+    w0, w1, w2 : int
+        The middle, in units of g.
+    """
+
+    edge: int
+    phase: int
+    kind: int
+    w0: int
+    w1: int
+    w2: int
+
+
+@inlined
+def diamond_at(grid, edge, r, w0, w1, w2):
+    """The diamond around a middle."""
+    return Diamond(edge, r, kind_of(grid.tables, r, w0, w1, w2), w0, w1, w2)
+
+
+@inlined
+def middle_position(diamond):
+    """Unclamped position of the middle."""
+    edge = diamond.edge
+    return (diamond.w0 * edge) >> 1, (diamond.w1 * edge) >> 1, (diamond.w2 * edge) >> 1
+
+
+@inlined
+def corner_position(grid, diamond, i):
+    """Unclamped position of corner i."""
+    w0, w1, w2 = diamond.w0, diamond.w1, diamond.w2
+    return position(diamond.edge, w0 >> 2, w1 >> 2, w2 >> 2, corner(grid.tables, diamond.kind, i))
 
 
 @inlined

@@ -2,11 +2,23 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 from ..kernel import inlined, inner
 from .access import child, dimension, grandchild, member, middle, vertex
 from .access import kind as kind_of
 from .access import members as member_count
 from .grid import clamped, edge_of, position
+
+
+class Simplex(NamedTuple):
+    """A simplex: its level, its class, and the block that it lies in."""
+
+    level: int
+    cls: int
+    b0: int
+    b1: int
+    b2: int
 
 
 @inlined

@@ -6,13 +6,14 @@ from itertools import product
 
 import numpy as np
 
-from ..entropy.mixer import clear, see
+from ..entropy.mixer import blended, clear, mixing, see
+from ..entropy.range_coder import code
 from ..kernel import inlined
 from ..mesh.access import dimension, neighbour, vertex
 from ..mesh.grid import edge_of, position
 from ..tube.state import corner_entry, entry
 from . import contexts as ctx
-from .layout import BASE_ROW
+from .layout import BASE_KIND, BASE_NET, BASE_ROW
 from .parabola import MOST, nearer
 
 _STEPS = {
@@ -25,12 +26,13 @@ _BASE_2, _BASE_3 = BASE_ROW[2], BASE_ROW[3]
 
 
 @inlined
-def see_behind(st, cd, level, cls, b0, b1, b2, opp, guess, case, other):
+def see_behind(st, cd, simplex, opp, guess, case, other):
     """List what the main profile sees around the vertex behind a gate (spec clause 7.17).
 
     ``case`` is the number of its context; what that says beside the prediction's quality has rows of its own.
     """
     n = dimension(st.grid.tables)
+    level, cls, b0, b1, b2 = simplex
     r = level % n
     plane = n == 2
     first, count, cases = (_BASE_2, len(_STEPS_2), 4) if plane else (_BASE_3, len(_STEPS_3), 16)
@@ -61,6 +63,20 @@ def see_behind(st, cd, level, cls, b0, b1, b2, opp, guess, case, other):
         e = entry(st, q0, q1, q2)
         if e != 0:
             see(cd, first + 2 * i + ((e & 1) == guess))
+
+
+@inlined
+def code_behind(st, cd, simplex, opp, guess, context, other, bit):
+    """Code whether the sign of the vertex behind a gate, number ``opp`` of the simplex there, is as predicted.
+
+    ``context`` is the baseline's, ``other`` the sign at the earlier isovalue or -1. As ``code``.
+    """
+    if not mixing(cd):
+        return code(cd, context, bit)
+    n = dimension(st.grid.tables)
+    case = (context - ctx.BASE_CURVE) >> 2 if n == 2 else context - ctx.BASE_SURFACE
+    see_behind(st, cd, simplex, opp, guess, case, other)
+    return blended(cd, BASE_NET, False, BASE_KIND + simplex.level % n + 3 * (other >= 0), context, bit)
 
 
 @inlined
@@ -113,16 +129,16 @@ def curve_context(st, level, cls, b0, b1, opp):
     """Sign that the parabola predicts, and the stated case (spec clause 7.3)."""
     i = 1 if opp == 0 else 0
     j = 3 - opp - i
-    g0, g1 = edge_sum(st, level, cls, b0, b1, i, j)
-    a0, a1 = edge_sum(st, level, cls, b0, b1, opp, i)
-    c0, c1 = edge_sum(st, level, cls, b0, b1, opp, j)
+    g = edge_sum(st, level, cls, b0, b1, i, j)
+    a = edge_sum(st, level, cls, b0, b1, opp, i)
+    b = edge_sum(st, level, cls, b0, b1, opp, j)
     unit = st.grid.exponent - level // 2
-    case = nearer(st.trail, st.base.points, unit, g0, g1, a0, a1, c0, c1)
+    case = nearer(st.trail, st.base.points, unit, g, a, b, True)
     # the curve leaves through the edge between the new vertex and the gate's vertex of the other sign
     through = i if case < 0 else j
     zero = np.int64(0)
     guess = 1 - (corner_entry(st, edge_of(st.grid, level), level % 2, cls, b0, b1, zero, through) & 1)
-    return guess, ctx.BASE_CURVE + abs(case)
+    return guess, ctx.BASE_CURVE + 4 * abs(case) + st.base.history
 
 
 @inlined

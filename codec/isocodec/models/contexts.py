@@ -9,14 +9,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..entropy.range_coder import ONE
+from ..kernel import inlined
 
 PLANES = 52
 DEPTHS = 25
 LEVELS = 64
 NEARNESS = 5
+CURVE = 4 * 4
 SURFACE = 3 * 4 * 4 * 4
 BORDER = 3 * 10 * 4
 CROSSED = 3 * 10 * 3 * 4
+NEAR = 8
+"""Classes of how far a guessed value or crossing lies from the middle of what is left, to either side."""
 # element: (contexts, probability of a 1 at the start, weight of that start in symbols)
 _LAYOUT = {
     "ORIGIN": (3, 0.5, 1),
@@ -24,7 +28,7 @@ _LAYOUT = {
     "ROOT": (1, 0.5, 1),
     "PATH": (2, 0.5, 4),
     "FIRST": (3 * 8, 0.5, 1),
-    "BASE_CURVE": (3 * 4, 0.8, 8),
+    "BASE_CURVE": (3 * CURVE, 0.8, 8),
     "BASE_SURFACE": (3 * SURFACE, 0.8, 4),
     "SIGNIFICANT": (DEPTHS * 3, 0.5, 1),
     "SIGNIFICANT_LEAF": (4 * NEARNESS * 3, 0.2, 2),
@@ -39,8 +43,8 @@ _LAYOUT = {
     "SEED": (2 * 4 * 2, 0.5, 2),
     "OFFSET_LEAN": (8 * 16, 0.5, 2),
     "TURNED": (1, 0.02, 2),
-    "VALUE_NEAR": (16 * 2 * 16, 0.5, 0),
-    "OFFSET_NEAR": (2 * 4 * 2 * 16, 0.5, 0),
+    "VALUE_NEAR": (16 * 2 * 2 * NEAR, 0.5, 0),
+    "OFFSET_NEAR": (2 * 4 * 2 * 2 * NEAR, 0.5, 0),
 }
 _first = 0
 _starts: dict[str, int] = {}
@@ -71,6 +75,12 @@ TURNED = _starts["TURNED"]
 VALUE_NEAR = _starts["VALUE_NEAR"]
 OFFSET_NEAR = _starts["OFFSET_NEAR"]
 RATES = 160
+
+
+@inlined
+def near_class(far):
+    """Class of how far a guess lies from the middle of what is left, from 0 to ``2 * NEAR - 1``."""
+    return NEAR + min(max(far, -NEAR), NEAR - 1)
 
 
 def rates() -> NDArray[np.int64]:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from ..entropy.mixer import blended, clear, mixing, see
@@ -20,19 +22,41 @@ ON_PATH, COARSER, FINER, OF_LEAF = np.arange(4)
 """Questions about the mesh: on the path to a component, of the simplex behind a gate, of a leaf."""
 
 
+class Question(NamedTuple):
+    """Whether a middle is in the mesh.
+
+    Attributes
+    ----------
+    what : int
+        One of the four sorts of questions.
+    history : int
+        The last answers, as bits.
+    level, x, y, z : int
+        Of the middle; its position is unclamped.
+    """
+
+    what: int
+    history: int
+    level: int
+    x: int
+    y: int
+    z: int
+
+
 @inlined
-def see_mesh(st, cd, what, history, level, x, y, z):
+def see_mesh(st, cd, question):
     """List what the main profile sees around a middle that may be in the mesh (spec clause 7.16)."""
     n = dimension(st.grid.tables)
+    level = question.level
     r = level % n
     first = _MESH_2 if n == 2 else _MESH_3
     clear(cd)
-    see(cd, first + 3 * what + r)
+    see(cd, first + 3 * question.what + r)
     see(cd, first + 12 + min(n * st.grid.exponent - level, 23))
-    see(cd, first + 36 + history)
+    see(cd, first + 36 + question.history)
     first += 44 + 4 * MESH_AROUND * r
     edge = edge_of(st.grid, level)
-    w0, w1, w2 = lattice(st.grid, level, x, y, z)
+    w0, w1, w2 = lattice(st.grid, level, question.x, question.y, question.z)
     key = (w0 & 3) | (w1 & 3) << 2 | (w2 & 3) << 4
     here = anchor(st, edge, w0, w1, w2)
     most = np.int64(1) << st.grid.exponent
@@ -49,9 +73,9 @@ def see_mesh(st, cd, what, history, level, x, y, z):
 
 
 @inlined
-def ask(st, cd, what, history, level, x, y, z, context, bit):
+def ask(st, cd, question, context, bit):
     """Code whether a middle is in the mesh, in either profile; as ``code``."""
     if not mixing(cd):
         return code(cd, context, bit)
-    see_mesh(st, cd, what, history, level, x, y, z)
-    return blended(cd, MESH_NET, False, MESH_KIND + what, context, bit)
+    see_mesh(st, cd, question)
+    return blended(cd, MESH_NET, False, MESH_KIND + question.what, context, bit)

@@ -6,6 +6,8 @@ components found so far, which cluster.
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from ..entropy.mixer import blended, clear, mixing, see
@@ -14,22 +16,9 @@ from ..kernel import DONE, GROW, inlined, inner
 from ..mesh.access import dimension
 from ..mesh.store import full, get, spot
 from ..tube.state import SIGNIFICANCE
+from . import contexts as ctx
 from .layout import BIRTH_CLASSES, CELL_CLASSES, CELL_SUM, CELL_SUMS, TREE_KIND, TREE_NET, TREE_ROW
 from .magnitude import bits
-
-
-@inlined
-def code_significance(st, cd, what, shift, x, y, z, hits, child, nearness, context, want):
-    """Code one symbol of the tree; as ``code``."""
-    if mixing(cd):
-        see_crowd(st, cd, what, shift, x, y, z, hits, child, nearness)
-        bit = blended(cd, TREE_NET, False, TREE_KIND + what + 3 * (st.counters.side != 0), context, want)
-    else:
-        bit = code(cd, context, want)
-    if bit >= 0:
-        st.tally[SIGNIFICANCE] += 1
-    return bit
-
 
 BIRTH = 1 << 20
 """Counts of new components are multiples of this, those of vertices the rest."""
@@ -39,6 +28,54 @@ _CELLS_2, _CELLS_3 = CELL_SUM[2], CELL_SUM[3]
 NODE, CUBE, SLOT = np.arange(3)
 ROOT = np.int64(-1)
 """Number of the root, which has no siblings."""
+
+
+class Node(NamedTuple):
+    """A node of the tree.
+
+    Attributes
+    ----------
+    what : int
+        ``NODE``, ``CUBE`` or ``SLOT``.
+    shift : int
+        The round's cubes are taken ``2**shift`` together.
+    x, y, z : int
+        Place among these; of a slot, that of its cube.
+    hits : int
+        Significant siblings before it.
+    child : int
+        Number among its siblings, or ``ROOT``.
+    near : int
+        Nearness of a cube or slot.
+    """
+
+    what: int
+    shift: int
+    x: int
+    y: int
+    z: int
+    hits: int
+    child: int
+    near: int
+
+
+@inlined
+def code_significance(st, cd, node, want):
+    """Code whether a new component lies under a node; as ``code``."""
+    r = st.counters.level % dimension(st.grid.tables)
+    if node.what == NODE:
+        context = ctx.SIGNIFICANT + node.shift * 3
+    else:
+        context = ctx.SIGNIFICANT_LEAF + ((1 + r if node.what == SLOT else 0) * ctx.NEARNESS + node.near) * 3
+    context += min(node.hits, 2)
+    if mixing(cd):
+        see_crowd(st, cd, node)
+        bit = blended(cd, TREE_NET, False, TREE_KIND + node.what + 3 * (st.counters.side != 0), context, want)
+    else:
+        bit = code(cd, context, want)
+    if bit >= 0:
+        st.tally[SIGNIFICANCE] += 1
+    return bit
 
 
 @inlined
@@ -61,14 +98,17 @@ def _count(st, size, x, y, z, birth):
 
 
 @inlined
-def add_birth(st, x, y, z):
-    """Count a new component at (x, y, z) in all cells that hold it."""
+def add_birth(st, cd, x, y, z):
+    """Main profile: count a new component at (x, y, z) in all cells that hold it."""
+    if not mixing(cd):
+        return
+    st.counters.births += 1
     for size in range(st.grid.exponent + 1):
         _count(st, size, x, y, z, True)
 
 
 @inner
-def census(st):
+def _census(st):
     """Count the vertices that have become known since the last time, size by size: neighbours share pages."""
     counters = st.counters
     while counters.counted_size <= st.grid.exponent:
@@ -84,6 +124,12 @@ def census(st):
     counters.counted_size = 0
     counters.counted = counters.counting = counters.vertices
     return DONE
+
+
+@inlined
+def begin_round(st, cd):
+    """Before the root is coded: the main profile counts what is known. DONE, or GROW if there is no room for it."""
+    return _census(st) if mixing(cd) else np.int64(DONE)
 
 
 @inlined
@@ -118,11 +164,9 @@ def _see_cells(st, cd, first, n, x, y, z):
 
 
 @inlined
-def see_crowd(st, cd, what, shift, x, y, z, hits, child, nearness):
-    """List what is known around a node of the tree: cell (x, y, z) of the round's cubes taken ``2**shift`` together.
-
-    ``child`` is its number among its siblings, or ``ROOT``.
-    """
+def see_crowd(st, cd, node):
+    """List what is known around a node of the tree."""
+    what, shift, x, y, z, hits, child, near = node
     n = dimension(st.grid.tables)
     r = st.counters.level % n
     first = _FIRST_2 if n == 2 else _FIRST_3
@@ -130,7 +174,7 @@ def see_crowd(st, cd, what, shift, x, y, z, hits, child, nearness):
     see(cd, first + (8 if what == SLOT else min(shift, 7)) * 3 + r)
     if child != ROOT:
         see(cd, first + 27 + min(hits, 2) * 8 + child)
-    see(cd, first + 51 + (5 if what == NODE else nearness))
+    see(cd, first + 51 + (5 if what == NODE else near))
     see(cd, first + 81 + rarity(st))
     size = shift + bits(st.counters.edge) - 1
     if size > st.grid.exponent:

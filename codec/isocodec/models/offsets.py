@@ -1,4 +1,4 @@
-"""What the main profile sees of where an edge is crossed (spec clause 7.14).
+"""What is seen of where an edge is crossed (spec clauses 7.8, 7.14).
 
 On a grid the curve goes on, in each plane along two axes, from edge to edge of the grid's squares. What is known of the
 next two crossings on either side gives candidates for this one: by lines and a cubic through them. Where leaves make up
@@ -7,11 +7,14 @@ cubes, their edges are those of a coarser grid.
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from ..entropy.mixer import blended, clear, mixing, see
 from ..entropy.range_coder import code_below
-from ..kernel import inlined
+from ..kernel import inlined, record
+from ..kernel.types import BoolVector, IntMatrix, IntVector
 from ..mesh.access import dimension
 from ..tube.state import entry
 from . import contexts as ctx
@@ -34,24 +37,64 @@ _STEEP = UNIT // 8
 _GRID_2, _GRID_3 = OFFSET_ROW[2], OFFSET_ROW[3]
 
 
+@record
+class Crossings(NamedTuple):
+    """Edges that carry offsets, and what is told of where they are crossed (spec clause 5.7).
+
+    Attributes
+    ----------
+    edges : (E, 2) int64
+        Vertices at the lower and upper ends.
+    number, parts : (E,) int64
+        Parts of each, and the number of the one that holds the crossing, from the lower end; passes change them.
+    length : (E,) int64
+        In samples.
+    rising : (E,) bool
+        Whether the upper end is above.
+    earlier : (E, 2) int64
+        Number and parts at an earlier isovalue, 0 parts where it has none.
+    """
+
+    edges: IntMatrix
+    number: IntVector
+    parts: IntVector
+    length: IntVector
+    rising: BoolVector
+    earlier: IntMatrix
+
+
+class _Square(NamedTuple):
+    """An edge of the grid from (x, y, z) along axis a, of length ``edge``, in the plane of the axes a and b."""
+
+    x: int
+    y: int
+    z: int
+    a: int
+    b: int
+    edge: int
+
+
 def place_of(number, parts):
     """Where an edge is crossed in the middle of a part, in parts of ``UNIT``; of numbers or arrays."""
     return (2 * number + 1) * (UNIT // 2) // parts
 
 
 @inlined
-def _near(st, x, y, z, a, b, edge, i, j):
+def _near(st, square, i, j):
     """Store entry of the vertex i edges along axis a and j along b from (x, y, z); 0 off the box."""
-    i, j = i * edge, j * edge
-    x, y, z = x + i * (a == 0) + j * (b == 0), y + i * (a == 1) + j * (b == 1), z + i * (a == 2) + j * (b == 2)
+    a, b = square.a, square.b
+    i, j = i * square.edge, j * square.edge
+    x = square.x + i * (a == 0) + j * (b == 0)
+    y = square.y + i * (a == 1) + j * (b == 1)
+    z = square.z + i * (a == 2) + j * (b == 2)
     if min(x, y, z) < 0 or x > st.grid.last0 or y > st.grid.last1 or z > st.grid.last2:
         return np.int64(0)
     return entry(st, x, y, z)
 
 
 @inlined
-def _follow(st, index, places, parts, length, low, high, x, y, z, a, b, edge, way, out):
-    """Follow the curve from the edge at (x, y, z) along a into the direction ``way`` of b; leaves two crossings.
+def _follow(st, beside, crossings, square, low, high, way, out):
+    """Follow the curve from the edge of a square into the direction ``way`` of b; leaves two crossings.
 
     ``low`` and ``high`` are the store entries of the edge's ends.
     """
@@ -62,8 +105,8 @@ def _follow(st, index, places, parts, length, low, high, x, y, z, a, b, edge, wa
     i, j, turned, step = np.int64(0), np.int64(0), False, way
     for k in range(2):
         s, t = (step, 0) if turned else (0, step)
-        low_there = _near(st, x, y, z, a, b, edge, i + s, j + t)
-        high_there = _near(st, x, y, z, a, b, edge, i + s + (not turned), j + t + turned)
+        low_there = _near(st, square, i + s, j + t)
+        high_there = _near(st, square, i + s + (not turned), j + t + turned)
         if low_there == 0 or high_there == 0:
             return
         at_low, at_high = (low ^ low_there) & 1, (high ^ high_there) & 1
@@ -82,16 +125,16 @@ def _follow(st, index, places, parts, length, low, high, x, y, z, a, b, edge, wa
         else:
             i, j = i + s, j + t
             low, high = low_there, high_there
-        found = np.int64(index[np.uint64((low >> 1) - 1), np.uint64(b if turned else a)])
+        found = np.int64(beside.grid[np.uint64((low >> 1) - 1), np.uint64(square.b if turned else square.a)])
         if found < 0:
             return
         e = np.uint64(found)
-        if length[e] != edge:
+        if crossings.length[e] != square.edge:
             return
-        place = places[e]
+        place = beside.place[e]
         w[out + 3 * k] = way * (j * UNIT + (place if turned else 0))
         w[out + 3 * k + 1] = i * UNIT + (0 if turned else place)
-        w[out + 3 * k + 2] = ROUGH if parts[e] == 1 else FINE
+        w[out + 3 * k + 2] = ROUGH if crossings.parts[e] == 1 else FINE
 
 
 @inlined
@@ -126,22 +169,23 @@ def _crossed(st, places, edges, e, u, length, axis):
 
 
 @inlined
-def _meet(st, places, parts, edges, length, i, e, f, candidate):
+def _meet(st, beside, crossings, i, e, f, candidate):
     """Where the line through the crossings on edges e and f meets edge i (n = 2)."""
     if min(e, f) < 0:
         return
+    places, edges, length = beside.place, crossings.edges, crossings.length[i]
     u, v = edges[i, 0], edges[i, 1]
-    p0 = _crossed(st, places, edges, e, u, length[i], 0)
-    p1 = _crossed(st, places, edges, e, u, length[i], 1)
-    d0 = _crossed(st, places, edges, f, u, length[i], 0) - p0
-    d1 = _crossed(st, places, edges, f, u, length[i], 1) - p1
-    a0 = (np.int64(st.vertex[v, 0]) - st.vertex[u, 0]) * UNIT // length[i]
-    a1 = (np.int64(st.vertex[v, 1]) - st.vertex[u, 1]) * UNIT // length[i]
+    p0 = _crossed(st, places, edges, e, u, length, 0)
+    p1 = _crossed(st, places, edges, e, u, length, 1)
+    d0 = _crossed(st, places, edges, f, u, length, 0) - p0
+    d1 = _crossed(st, places, edges, f, u, length, 1) - p1
+    a0 = (np.int64(st.vertex[v, 0]) - st.vertex[u, 0]) * UNIT // length
+    a1 = (np.int64(st.vertex[v, 1]) - st.vertex[u, 1]) * UNIT // length
     across = a0 * d1 - a1 * d0
     if 8 * abs(across) < UNIT * max(abs(d0), abs(d1)) or across == 0:
         return
     place = (p0 * d1 - p1 * d0) * UNIT // across
-    rough = parts[e] == 1 or parts[f] == 1
+    rough = crossings.parts[e] == 1 or crossings.parts[f] == 1
     _set(st.candidates, candidate, place, np.int64(ROUGH if rough else FINE))
 
 
@@ -157,55 +201,56 @@ def _span(st, u, v):
 
 
 @inlined
-def find_candidates(st, beside, edges, parts, length, i):
+def find_candidates(st, beside, crossings, i):
     """Leave the candidates for an edge; off the full grid, along how many axes its ends differ, else 0."""
     for c in range(RECENT):
         st.candidates[2 * c + 1] = NONE
-    span, axis = _span(st, edges[i, 0], edges[i, 1])
+    span, axis = _span(st, crossings.edges[i, 0], crossings.edges[i, 1])
     if len(beside.grid) > 0 and span == 1:
-        _find_on_grid(st, beside.grid, beside.place, parts, length, edges[i, 0], edges[i, 1], axis, length[i])
+        _find_on_grid(st, beside, crossings, i, axis)
     if len(beside.near) == 0:
         return np.int64(0)
-    _find_off_grid(st, beside, edges, parts, length, i)
+    _find_off_grid(st, beside, crossings, i)
     return span
 
 
 @inlined
-def _find_off_grid(st, beside, edges, parts, length, i):
+def _find_off_grid(st, beside, crossings, i):
     """What the ends of an edge of leaves say, and the chain of crossings."""
-    w, chain, near = st.candidates, beside.chain, beside.near
-    u, v = edges[i, 0], edges[i, 1]
+    w, chain, near, length = st.candidates, beside.chain, beside.near, crossings.length[i]
+    u, v = crossings.edges[i, 0], crossings.edges[i, 1]
     if near[u, 1] > 0 and near[v, 1] > 0:
         a, b = near[u, 0] // near[u, 1], near[v, 0] // near[v, 1]
         if a + b > 0:
             _set(w, np.int64(VERTEX), a * UNIT // (a + b), np.int64(FINE))
     elif near[u, 1] > 0:
-        _set(w, np.int64(VERTEX), near[u, 0] // (near[u, 1] * length[i]), np.int64(ROUGH))
+        _set(w, np.int64(VERTEX), near[u, 0] // (near[u, 1] * length), np.int64(ROUGH))
     elif near[v, 1] > 0:
-        _set(w, np.int64(VERTEX), UNIT - near[v, 0] // (near[v, 1] * length[i]), np.int64(ROUGH))
+        _set(w, np.int64(VERTEX), UNIT - near[v, 0] // (near[v, 1] * length), np.int64(ROUGH))
     if len(chain) > 0:
-        _meet(st, beside.place, parts, edges, length, i, chain[i, 0], chain[i, 2], np.int64(CHAIN + LINE))
-        _meet(st, beside.place, parts, edges, length, i, chain[i, 0], chain[i, 1], np.int64(CHAIN + BEFORE))
-        _meet(st, beside.place, parts, edges, length, i, chain[i, 2], chain[i, 3], np.int64(CHAIN + BEHIND))
+        _meet(st, beside, crossings, i, chain[i, 0], chain[i, 2], np.int64(CHAIN + LINE))
+        _meet(st, beside, crossings, i, chain[i, 0], chain[i, 1], np.int64(CHAIN + BEFORE))
+        _meet(st, beside, crossings, i, chain[i, 2], chain[i, 3], np.int64(CHAIN + BEHIND))
         _cubic(w, np.int64(CHAIN))
 
 
 @inlined
-def count_near(beside, edges, parts, length, i, sign):
+def count_near(beside, crossings, i, sign):
     """Add an edge's crossing to what its ends know of how far crossings are, or take it away."""
     near = beside.near
-    if len(near) > 0 and parts[i] > 1:
-        u, v = edges[i, 0], edges[i, 1]
-        place = beside.place[i]
-        near[u, 0] += sign * place * length[i]
-        near[v, 0] += sign * (UNIT - place) * length[i]
+    if len(near) > 0 and crossings.parts[i] > 1:
+        u, v = crossings.edges[i, 0], crossings.edges[i, 1]
+        place, length = beside.place[i], crossings.length[i]
+        near[u, 0] += sign * place * length
+        near[v, 0] += sign * (UNIT - place) * length
         near[u, 1] += sign
         near[v, 1] += sign
 
 
 @inlined
-def _find_on_grid(st, index, places, parts, length, u, v, a, edge):
-    """Candidates of all planes and their mean for the edge of this length from vertex u along axis a to v."""
+def _find_on_grid(st, beside, crossings, i, a):
+    """Candidates of all planes and their mean for an edge along axis a."""
+    u, v = crossings.edges[i, 0], crossings.edges[i, 1]
     w = st.candidates
     lower, upper = st.vertex[np.uint64(u)], st.vertex[np.uint64(v)]
     x, y, z = np.int64(lower[0]), np.int64(lower[1]), np.int64(lower[2])
@@ -215,8 +260,9 @@ def _find_on_grid(st, index, places, parts, length, u, v, a, edge):
     for plane in range(n - 1):
         b = a + 1 + plane if a + 1 + plane < n else a + 1 + plane - n
         one, two = np.int64(_POINTS), np.int64(_POINTS + 6)
-        _follow(st, index, places, parts, length, low, high, x, y, z, a, b, edge, np.int64(1), one)
-        _follow(st, index, places, parts, length, low, high, x, y, z, a, b, edge, np.int64(-1), two)
+        square = _Square(x, y, z, a, b, crossings.length[i])
+        _follow(st, beside, crossings, square, low, high, np.int64(1), one)
+        _follow(st, beside, crossings, square, low, high, np.int64(-1), two)
         c = PLANE + 4 * plane
         _extended(w, one, c + BEFORE)
         _extended(w, two, c + BEHIND)
@@ -258,14 +304,27 @@ def remember(st, place, rising):
 
 
 @inlined
-def recent_sides(st, low, high, split, radix, number, parts, rising):
-    """Of the last two different places: 0 if off the parts from ``low`` to ``high`` - 1, 1 if before ``split``, else 2.
+def middle_part(walk):
+    """The first part of the second half of those that are left."""
+    return (walk.low + walk.high) >> 1
+
+
+@inlined
+def _number_from_below(crossings, i):
+    """Number of the part that holds the crossing of edge i, from the end that is below."""
+    number = crossings.number[i]
+    return number if crossings.rising[i] else crossings.parts[i] - 1 - number
+
+
+@inlined
+def _recent_sides(st, crossings, i, radix):
+    """Of the last two different places: 0 if off the parts that are left, 1 if in their first half, 2 in the second.
 
     The first counts three times. Parts are counted from the end that is below.
     """
-    w = st.candidates
-    if not rising:
-        number = parts - 1 - number
+    w, walk, parts = st.candidates, st.digit, crossings.parts[i]
+    low, high, split = walk.low, walk.high, middle_part(walk)
+    number = _number_from_below(crossings, i)
     sides = np.int64(0)
     for k in range(2):
         o = 2 * (RECENT + k)
@@ -276,22 +335,21 @@ def recent_sides(st, low, high, split, radix, number, parts, rising):
 
 
 @inlined
-def see_along(st, cd, low, high, split, radix, number, parts, rising, span, nearer):
-    """List what is known of whether the crossing lies in the parts from ``split`` on, of ``low`` to ``high`` - 1.
+def _see_along(st, cd, crossings, i, radix, nearer):
+    """List what is known of whether the crossing lies in the second half of the parts that are left.
 
-    Parts and places are counted from the end that is below. ``nearer`` of the parts are nearer than ``split`` to the
-    crossing of the earlier isovalue, -1 if there is none. ``span`` is the number of axes along which the ends of the
-    edge differ, 0 on the full grid.
+    Parts and places are counted from the end that is below. ``nearer`` of the parts are nearer than that half to the
+    crossing of the earlier isovalue, -1 if there is none.
     """
+    walk, parts, rising = st.digit, crossings.parts[i], crossings.rising[i]
+    low, high, span = walk.low, walk.high, walk.span
     plane = dimension(st.grid.tables) == 2
     first = (_GRID_2 if plane else _GRID_3) + (OFFSET_ROWS if span > 0 else 0)
     # candidates that such an edge may have, before the recent ones
     begin, lead = (VERTEX, RECENT - VERTEX) if plane and span > 0 else (0, VERTEX + (span > 0))
     w = st.candidates
     clear(cd)
-    if not rising:
-        number = parts - 1 - number
-    bound = (number * radix + split) * UNIT // (parts * radix)
+    bound = (_number_from_below(crossings, i) * radix + middle_part(walk)) * UNIT // (parts * radix)
     for slot in range(lead + _RECENT):
         c = begin + slot if slot < lead else RECENT + slot - lead
         known = w[np.uint64(2 * c + 1)]
@@ -312,44 +370,47 @@ def see_along(st, cd, low, high, split, radix, number, parts, rising, span, near
 
 
 @inlined
-def _guessed(st, span):
+def _guessed(st):
     """The candidate that the baseline profile goes by, the best that there is: its place and how well it is known."""
-    w = st.candidates
+    w, leaves = st.candidates, st.digit.span > 0
     best = np.int64(MEAN)
-    if span > 0 and dimension(st.grid.tables) == 2:
+    if leaves and dimension(st.grid.tables) == 2:
         best = np.int64(CHAIN + CUBIC)
         for c in (LINE, BEFORE, BEHIND):
             if w[2 * best + 1] == NONE:
                 best = np.int64(CHAIN + c)
-    if span > 0 and w[2 * best + 1] == NONE:
+    if leaves and w[2 * best + 1] == NONE:
         best = np.int64(VERTEX)
     return w[2 * best], w[2 * best + 1]
 
 
 @inlined
-def code_half(st, cd, radix, split, number, parts, rising, bit):
-    """One symbol of a digit: whether the crossing lies in the parts from ``split`` on; as ``code``."""
-    walk = st.digit
-    low, high, span = walk.low, walk.high, walk.span
-    again = np.int64(parts > 1)
-    halved = walk.halved
-    context = ctx.OFFSET + (8 * again + min(halved, 7)) * 9
-    context += recent_sides(st, low, high, split, radix, number, parts, rising)
-    leaning = walk.nearest >= 0
-    nearer = np.int64(-1)
-    if leaning:
-        nearer = split - walk.nearest if st.counters.side > 0 else walk.nearest + 1 - split
-        context = ctx.OFFSET_LEAN + min(bits(nearer), 7) * 16 + min(high - low, 15)
-    if mixing(cd):
-        kind = LEAN_KIND + min(halved, 2) + 3 * (span > 0) if leaning else OFFSET_KIND + min(halved, 2) + 3 * again + 6 * (span > 0)
-        see_along(st, cd, low, high, split, radix, number, parts, rising, span, nearer)
-        return blended(cd, LEAF_NET if span > 0 else OFFSET_NET, False, kind, context, bit)
-    place, known = _guessed(st, span)
+def _near_context(st, crossings, i, radix, context):
+    """The context below ``context`` that says where the guessed place lies; ``context`` if nothing is guessed."""
+    walk, parts = st.digit, crossings.parts[i]
+    place, known = _guessed(st)
     if known == NONE:
-        return code_below(cd, context, context, bit)
-    told = number if rising else parts - 1 - number
-    place = place if rising else UNIT - place
-    total = parts * radix
-    far = (place * total - (told * radix + split) * UNIT) * 4 // ((high - low) * UNIT)
-    near = ((again * 4 + min(halved, 3)) * 2 + (known == FINE)) * 16 + 8 + min(max(far, -8), 7)
-    return code_below(cd, ctx.OFFSET_NEAR + near, context, bit)
+        return context
+    place = place if crossings.rising[i] else UNIT - place
+    bound = (_number_from_below(crossings, i) * radix + middle_part(walk)) * UNIT
+    far = (place * parts * radix - bound) * 4 // ((walk.high - walk.low) * UNIT)
+    step = np.int64(4 if parts > 1 else 0) + min(walk.halved, 3)
+    return ctx.OFFSET_NEAR + (2 * step + (known == FINE)) * 2 * ctx.NEAR + ctx.near_class(far)
+
+
+@inlined
+def code_half(st, cd, crossings, i, radix, nearer, bit):
+    """Code whether the crossing lies in the second half of the parts that are left; as ``code``."""
+    walk = st.digit
+    grid = walk.span == 0
+    again = np.int64(crossings.parts[i] > 1)
+    context = ctx.OFFSET + (8 * again + min(walk.halved, 7)) * 9 + _recent_sides(st, crossings, i, radix)
+    if nearer >= 0:
+        context = ctx.OFFSET_LEAN + min(bits(nearer), 7) * 16 + min(walk.high - walk.low, 15)
+    if not mixing(cd):
+        return code_below(cd, _near_context(st, crossings, i, radix, context), context, bit)
+    kind = OFFSET_KIND + min(walk.halved, 2) + 3 * again + (0 if grid else 6)
+    if nearer >= 0:
+        kind = LEAN_KIND + min(walk.halved, 2) + (0 if grid else 3)
+    _see_along(st, cd, crossings, i, radix, nearer)
+    return blended(cd, OFFSET_NET if grid else LEAF_NET, False, kind, context, bit)

@@ -2,13 +2,15 @@
 
 A parabola is fitted by least squares to the last points of the curve, each coordinate against the point's index,
 and extrapolated by one. Extrapolation is a fixed linear combination: the weights are integers over a common
-denominator, one row for each number of points from 3 to 20.
+denominator, one row for each number of points. In a base the parabola goes through the gate's point, which is known,
+and is kept from bending too much.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from fractions import Fraction
-from math import lcm
+from math import gcd, lcm
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +20,9 @@ from ..kernel import inlined
 MOST = 20
 """Points that the fit looks back at."""
 LEAST = 3
-"""Fewer points than this give no prediction."""
+"""Fewer points than this give no prediction where the next point is to be found."""
+STIFFNESS = 1 << 16
+"""Added to what keeps a parabola through the gate's point from bending: it is nearly a line."""
 REACH = 1023
 """Farthest that a point counts, in units of g."""
 
@@ -37,43 +41,54 @@ def extrapolation(points: int) -> tuple[int, list[int]]:
     return denominator, [int(w * denominator) for w in weights]
 
 
-def _table() -> NDArray[np.int64]:
+def through_the_gate(points: int) -> tuple[int, list[int]]:
+    """Denominator and weights that take f(-points) .. f(-1) to the value at 1 of a stiff parabola that is 0 at 0."""
+    t = range(-points, 0)
+    s2, s3, s4 = sum(v**2 for v in t), sum(v**3 for v in t), sum(v**4 for v in t) + STIFFNESS
+    weights = [v * (s4 - s3 + (s2 - s3) * v) for v in t]
+    denominator = s2 * s4 - s3 * s3
+    common = gcd(denominator, *weights)
+    return denominator // common, [w // common for w in weights]
+
+
+def _table(least: int, fitted: Callable[[int], tuple[int, list[int]]]) -> NDArray[np.int64]:
     table = np.zeros((MOST + 1, MOST + 1), np.int64)
-    for points in range(LEAST, MOST + 1):
-        denominator, weights = extrapolation(points)
+    for points in range(least, MOST + 1):
+        denominator, weights = fitted(points)
         table[points, 0] = denominator
         table[points, 1 : points + 1] = weights
     return table
 
 
-WEIGHTS = _table()
+NEXT, ONWARD = _table(LEAST, extrapolation), _table(1, through_the_gate)
 
 
 @inlined
-def nearer(trail, count, unit, g0, g1, a0, a1, b0, b1):
-    """Compare the extrapolated point with the points a and b (all coordinates doubled).
+def nearer(trail, count, unit, g, a, b, onward):
+    """Compare the extrapolated point with the points a and b (pairs; all coordinates doubled).
 
-    ``trail`` holds the last points, a ring of MOST pairs. Everything is measured from the point
-    (g0, g1) in units of g = ``2**(unit - 1)``, and cut off where it is too far away to matter, so that the numbers
-    stay small. Returns 0 without a prediction, else the case 1 (doubtful), 2 or 3 (sure), negative if a is nearer
-    than b.
+    The curve is extrapolated to where ``g`` is expected, or with ``onward`` through ``g`` to the point behind.
+
+    ``trail`` holds the last points, a ring of MOST pairs. Everything is measured from the point ``g`` in units of
+    ``2**(unit - 1)``, and cut off where it is too far away to matter, so that the numbers stay small. Returns 0 without
+    a prediction, else the case 1 (doubtful), 2 or 3 (sure), negative if a is nearer than b.
     """
-    if count < LEAST:
+    if count < (1 if onward else LEAST):
         return 0
     used = min(count, MOST)
-    denominator = WEIGHTS[used, 0]
+    denominator = ONWARD[used, 0] if onward else NEXT[used, 0]
     p0 = np.int64(0)
     p1 = np.int64(0)
     j = (count - used) % MOST - 1
     for i in range(used):
-        w = WEIGHTS[used, 1 + i]
+        w = ONWARD[used, 1 + i] if onward else NEXT[used, 1 + i]
         j = j + 1 if j + 1 < MOST else 0
-        p0 += w * min(max(((trail[2 * j] - g0) << 1) >> unit, -REACH), REACH)
-        p1 += w * min(max(((trail[2 * j + 1] - g1) << 1) >> unit, -REACH), REACH)
-    a0 = ((a0 - g0) << 1) >> unit
-    a1 = ((a1 - g1) << 1) >> unit
-    b0 = ((b0 - g0) << 1) >> unit
-    b1 = ((b1 - g1) << 1) >> unit
+        p0 += w * min(max(((trail[2 * j] - g[0]) << 1) >> unit, -REACH), REACH)
+        p1 += w * min(max(((trail[2 * j + 1] - g[1]) << 1) >> unit, -REACH), REACH)
+    a0 = ((a[0] - g[0]) << 1) >> unit
+    a1 = ((a[1] - g[1]) << 1) >> unit
+    b0 = ((b[0] - g[0]) << 1) >> unit
+    b1 = ((b[1] - g[1]) << 1) >> unit
     s = 2 * (p0 * (b0 - a0) + p1 * (b1 - a1)) + denominator * (a0 * a0 + a1 * a1 - b0 * b0 - b1 * b1)
     span = denominator * ((b0 - a0) * (b0 - a0) + (b1 - a1) * (b1 - a1))
     size = abs(s)

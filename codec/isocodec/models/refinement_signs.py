@@ -2,23 +2,54 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
-from ..entropy.mixer import clear, see
+from ..entropy.mixer import blended, clear, mixing, see
+from ..entropy.range_coder import code
 from ..kernel import inlined
 from ..mesh.access import corner, dimension
-from ..mesh.grid import position
+from ..mesh.diamond import corner_position
 from ..tube.leaf_list import ones
 from ..tube.state import ALWAYS, entry
-from .layout import EARLIER_ROWS, MANNER_ROWS, REFINE_KIND, SIGN_ROWS
+from . import contexts as ctx
+from .layout import EARLIER_ROWS, MANNER_ROWS, REFINE_KIND, SIGN_NET, SIGN_ROWS
 from .magnitude import bits
-from .neighbourhood import see_around
+from .neighbourhood import see_around, survey
 from .new_components import rarity
 from .parabola import MOST, nearer
 
 _SIGN_ROWS_2, _SIGN_ROWS_3 = SIGN_ROWS[2], SIGN_ROWS[3]
 FAR = 64
 """Squared distance (doubled coordinates, units of g) from which points belong to different stretches of curve."""
+
+
+class Expected(NamedTuple):
+    """What is expected of the sign of a middle (spec clause 7.6).
+
+    Attributes
+    ----------
+    crossed : bool
+        Whether the ends of its edge differ.
+    guess : int
+        The sign that is likely.
+    said : int
+        What the parabola says of that: 1 another one, 2 the same, 0 nothing.
+    context : int
+    """
+
+    crossed: bool
+    guess: int
+    said: int
+    context: int
+
+
+class Before(NamedTuple):
+    """The sign of a middle at the earlier isovalue, or -1, and how many known corners have another one there."""
+
+    sign: int
+    apart: int
 
 
 @inlined
@@ -30,35 +61,73 @@ def ring(corners, above, wanted):
 
 
 @inlined
-def apart_from(st, kind, w0, w1, w2, known, above):
+def apart_from(st, diamond, seen):
     """Number of known corners that have another sign at the earlier isovalue."""
-    edge = st.counters.edge
-    count = 0
-    i = 0
-    while known >> i:
-        if (known >> i) & 1:
-            x, y, z = position(edge, w0 >> 2, w1 >> 2, w2 >> 2, corner(st.grid.tables, kind, np.int64(i)))
+    count = np.int64(0)
+    i = np.int64(0)
+    while seen.known >> i:
+        if (seen.known >> i) & 1:
+            x, y, z = corner_position(st.grid, diamond, i)
             e = entry(st.lean, x, y, z)
-            count += e != 0 and (e & 1) != (above >> i) & 1
+            count += e != 0 and (e & 1) != (seen.above >> i) & 1
         i += 1
     return count
 
 
 @inlined
-def half_of(st, kind, w0, w1, end):
+def half_of(st, diamond, end):
     """Sum of the middle and an end of its edge (twice the middle of that half) in units of g."""
-    c0, c1, _ = corner(st.grid.tables, kind, end)
+    w0, w1 = diamond.w0, diamond.w1
+    c0, c1, _ = corner(st.grid.tables, diamond.kind, end)
     return (w0 >> 2) * 4 + c0 + w0, (w1 >> 2) * 4 + c1 + w1
 
 
 @inlined
-def side_of(st, kind, w0, w1):
+def _side_of(st, diamond):
     """What the parabola says of an edge that is crossed: 1 in the half at end 0, 2 at end 1, 0 no prediction."""
-    end = np.int64(0)
-    a0, a1 = half_of(st, kind, w0, w1, end)
-    b0, b1 = half_of(st, kind, w0, w1, end + 1)
-    case = nearer(st.trail, st.refinement.points, 1, 2 * w0, 2 * w1, a0, a1, b0, b1)
-    return 0 if case == 0 else (1 if case < 0 else 2)
+    a = half_of(st, diamond, np.int64(0))
+    b = half_of(st, diamond, np.int64(1))
+    case = nearer(st.trail, st.refinement.points, 1, (2 * diamond.w0, 2 * diamond.w1), a, b, False)
+    return np.int64(0 if case == 0 else (1 if case < 0 else 2))
+
+
+@inlined
+def _expect_crossed(st, diamond, seen):
+    """Where the ends of the edge differ: the sign of most of the ring, or the parabola's; what that says; a context."""
+    first = seen.above & 1
+    size, count = ring(seen.corners, seen.above, np.int64(1))
+    guess = first
+    said = np.int64(0)
+    if dimension(st.grid.tables) == 2:
+        said = _side_of(st, diamond)
+        if said == 1:
+            guess = 1 - first
+    if 2 * count > size:
+        guess = np.int64(1)
+    elif 2 * count < size:
+        guess = np.int64(0)
+    if said != 0:
+        said = np.int64(1 if (said == 1) == (guess != first) else 2)
+    odd = min(count, size - count)
+    context = ctx.REFINE_CROSSED + ((diamond.phase * 10 + odd) * 3 + said) * 4 + st.refinement.crossed
+    return guess, said, context
+
+
+@inlined
+def _expect_border(st, diamond, seen):
+    """Where the ends of the edge have one sign: that one; a context."""
+    first = seen.above & 1
+    _, count = ring(seen.corners, seen.above, 1 - first)
+    context = ctx.REFINE_BORDER + (diamond.phase * 10 + count) * 4 + st.refinement.border
+    return first, np.int64(0), context
+
+
+@inlined
+def expected_sign(st, diamond, seen):
+    """What is expected of the sign of a middle, of what is seen of its diamond, inferred signs included."""
+    crossed = (seen.above & 1) != (seen.above >> 1) & 1
+    guess, said, context = _expect_crossed(st, diamond, seen) if crossed else _expect_border(st, diamond, seen)
+    return Expected(crossed, guess, said, context)
 
 
 @inlined
@@ -77,14 +146,15 @@ def append_point(st, p0, p1):
 
 
 @inlined
-def see_middle(st, cd, r, w0, w1, w2, crossed, said, guess, earlier, apart):
+def see_middle(st, cd, diamond, expected, before):
     """List what the main profile sees around a middle (spec clause 7.12); whether its rows speak of the bit 0."""
     n = dimension(st.grid.tables)
     walk = st.refinement
+    r, crossed, said, guess = diamond.phase, expected.crossed, expected.said, expected.guess
     first = r * (_SIGN_ROWS_2 if n == 2 else _SIGN_ROWS_3)
     clear(cd)
     see(cd, first + 4 * crossed + (walk.crossed if crossed else walk.border))
-    here = see_around(st, cd, r, w0, w1, w2)
+    here = see_around(st, cd, r, diamond.w0, diamond.w1, diamond.w2)
     target = guess if crossed else 1 - guess
     if said != 0:
         see(cd, first + 8 + ((said == 1) == (guess == here)))
@@ -92,8 +162,27 @@ def see_middle(st, cd, r, w0, w1, w2, crossed, said, guess, earlier, apart):
     see(cd, manner + min(bits(st.counters.edge) - 1, 8))
     see(cd, manner + 9 + rarity(st))
     see(cd, manner + 22 + (st.calm[np.uint64(crossed)] >> 8))
-    if earlier >= 0:
+    if before.sign >= 0:
         rows = manner + MANNER_ROWS
         apt = bits((ALWAYS - st.counters.agreed) >> 4)
-        see(cd, rows + 30 * (earlier == here) + 10 * min(apart, 2) + apt)
+        see(cd, rows + 30 * (before.sign == here) + 10 * min(before.apart, 2) + apt)
     return target != here, REFINE_KIND + 2 * r + crossed
+
+
+@inlined
+def ready(st, cd):
+    """Before a middle is coded: the main profile keeps the board up to date. False if there is no room for it."""
+    return not mixing(cd) or survey(st)
+
+
+@inlined
+def code_middle(st, cd, diamond, expected, before, bit):
+    """Code whether a middle has the expected sign, or, between ends of one sign, the other one; as ``code``."""
+    context = expected.context
+    if before.sign >= 0:
+        bank = np.int64(ctx.CROSSED if expected.crossed else ctx.BORDER)
+        context += bank * (1 + 2 * min(before.apart, 2) + (before.sign == expected.guess))
+    if not mixing(cd):
+        return code(cd, context, bit)
+    flip, kind = see_middle(st, cd, diamond, expected, before)
+    return blended(cd, SIGN_NET + diamond.phase, flip, kind + 6 * (before.sign >= 0), context, bit)

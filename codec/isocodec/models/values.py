@@ -7,20 +7,41 @@ would save: everything is computed, and what is not known is overwritten.
 from __future__ import annotations
 
 from itertools import combinations, product
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..kernel import inlined, kernel
-from ..kernel.types import Int32Matrix, Int32Vector, IntMatrix, IntVector
 from ..entropy.mixer import blended, mixing
 from ..entropy.range_coder import code_below
+from ..kernel import inlined, kernel, record
+from ..kernel.types import Int32Matrix, Int32Vector, IntMatrix, IntVector
 from ..mesh.access import dimension
 from ..mesh.store import get
 from ..tube.state import State
 from . import contexts as ctx
 from .layout import VALUE_KIND, VALUE_NET, VALUE_ROW, VALUE_SLOTS
 from .magnitude import CLASSES, FINE, ROUGH, bits, mean, row_of
+
+
+@record
+class Nearby(NamedTuple):
+    """What is looked up around the values of a list, and what an earlier isovalue says of them.
+
+    Attributes
+    ----------
+    near : (A, S) int32
+        See `nearby_samples`; without rows off the full grid.
+    told : (A + 1,) int64
+        What is told of each value of the list (`packed`), and last what stands for all others; likewise.
+    least, most : (V,) int64
+        What the numbers of all vertices are at least and at most; without rows where nothing says so.
+    """
+
+    near: Int32Matrix
+    told: IntVector
+    least: IntVector
+    most: IntVector
 
 
 def nearby_samples(st: State, active: NDArray[np.int64], n: int) -> NDArray[np.int32]:
@@ -89,11 +110,11 @@ def _show(row, count, first, slot, place, lack, bound, p):
 
 
 @inlined
-def see_nearby(st, cd, near, told, i, number, v, p):
+def see_nearby(st, cd, nearby, i, number, v, p):
     """List what is known of whether bit p of the number of vertex v, the i-th of the list, is 1."""
     n = dimension(st.grid.tables)
     first, slots = (_FIRST_2, _SLOTS_2) if n == 2 else (_FIRST_3, _SLOTS_3)
-    row = cd.blend.row
+    near, told, row = nearby.near, nearby.told, cd.blend.row
     bound = (2 * number[v] + 1) << (p + 1)
     fine, rows = np.int64(0), np.int64(0)
     if len(near) > 0:
@@ -146,18 +167,17 @@ def see_nearby(st, cd, near, told, i, number, v, p):
 
 
 @inlined
-def _guessed(st, near, told, i, v):
-    """Twice the number of vertex v, the i-th of the list, as its neighbours have it; -1 if they say nothing.
+def _guessed(st, nearby, v):
+    """Twice the number of vertex v, the present one of the list, as its neighbours have it; -1 if they say nothing.
 
-    The mean of what lines along axes and planes through three corners of a square say, and of the mean of the neighbours
-    on the same side of the isovalue; if there is none of these, of lines through two samples on one side.
+    The mean of what lines along axes and planes through three corners of a square say, and of the mean of the
+    neighbours on the same side of the isovalue; without any of these, of lines through two samples on one side.
     """
     n = dimension(st.grid.tables)
     way = np.int64(1 if st.vertex[v, 3] else -1)
-    around = near[np.uint64(i)]
+    told, around = nearby.told, nearby.near[np.uint64(st.value.item)]
     next_to = st.scratch[: 4 * n]
-    total, count = np.int64(0), np.int64(0)
-    beyond, lines = np.int64(0), np.int64(0)
+    total, count, beyond, lines = np.int64(0), np.int64(0), np.int64(0), np.int64(0)
     same, some = np.int64(0), np.int64(0)
     for a in range(n):
         for s in range(2):
@@ -188,15 +208,29 @@ def _guessed(st, near, told, i, v):
 
 
 @inlined
-def code_value(st, cd, near, told, i, number, v, p, bit):
-    """Bit p of the number of vertex v, the i-th of the list; as ``code``."""
-    context = ctx.VALUE + (p * 2 + np.int64(number[v] != 0)) * 3 + st.value.before
+def implied_bit(nearby, number, v, p):
+    """Bit p of the number of vertex v if it follows from what the number is at least and at most, or -1."""
+    if len(nearby.least) == 0:
+        return np.int64(-1)
+    one = (2 * number[v] + 1) << p
+    if nearby.most[v] < one:
+        return np.int64(0)
+    return np.int64(1 if nearby.least[v] >= one else -1)
+
+
+@inlined
+def code_value_bit(st, cd, nearby, number, v, p, bit):
+    """Code bit p of the number of vertex v, the present one of the list; as ``code``."""
+    walk = st.value
+    context = ctx.VALUE + (p * 2 + np.int64(number[v] != 0)) * 3 + walk.before
     if mixing(cd):
-        see_nearby(st, cd, near, told, i, number, v, p)
+        see_nearby(st, cd, nearby, walk.item, number, v, p)
         return blended(cd, VALUE_NET, False, VALUE_KIND + min(bits(number[v]), 2), context, bit)
-    guess = _guessed(st, near, told, i, v) if len(near) > 0 else np.int64(-1)
-    if guess < 0:
-        return code_below(cd, context, context, bit)
-    far = ((guess - ((2 * number[v] + 1) << (p + 1))) * 4) >> (p + 1)
-    below = (min(p, 15) * 2 + np.int64(number[v] != 0)) * 16 + 8 + min(max(far, -8), 7)
-    return code_below(cd, ctx.VALUE_NEAR + below, context, bit)
+    below = context
+    if len(nearby.near) > 0:
+        guess = _guessed(st, nearby, v)
+        if guess >= 0:
+            far = ((guess - ((2 * number[v] + 1) << (p + 1))) * 4) >> (p + 1)
+            below = ctx.VALUE_NEAR + (2 * min(p, 15) + np.int64(number[v] != 0)) * 2 * ctx.NEAR
+            below += ctx.near_class(far)
+    return code_below(cd, below, context, bit)

@@ -9,12 +9,12 @@ from ..kernel import GROW, inlined, inner
 from ..mesh.access import dimension, vertex
 from ..mesh.access import kind as kind_of
 from ..mesh.access import members as member_count
-from ..mesh.diamond import existing, parent
+from ..mesh.diamond import diamond_at, existing, parent
 from ..mesh.grid import edge_of, lattice, position
 from ..mesh.simplex import middle_at, newest
 from ..mesh.store import full, get, put
 from ..mesh.vertex_set import IN, OUT, has
-from ..models.mesh_questions import ask
+from ..models.mesh_questions import Question, ask
 from ..tube.state import LEVEL_SYMBOL, STEP_VERTICES
 from .bisection import look
 
@@ -37,8 +37,8 @@ def mixed(st, level, x, y, z):
     """Whether the known corners of the diamond around a middle differ in sign."""
     w0, w1, w2 = lattice(st.grid, level, x, y, z)
     r = level % dimension(st.grid.tables)
-    known, above = look(st, edge_of(st.grid, level), r, kind_of(st.grid.tables, r, w0, w1, w2), w0, w1, w2)[3:]
-    return above != 0 and above != known
+    seen = look(st, diamond_at(st.grid, edge_of(st.grid, level), r, w0, w1, w2))
+    return seen.above != 0 and seen.above != seen.known
 
 
 @inner
@@ -151,7 +151,7 @@ def tell(st, cd, what, level, x, y, z, context):
         want = np.int64(has(st.chosen, x, y, z))
     bit = np.int64(0)
     if count != BARRED:
-        bit = ask(st, cd, what, st.base.before, level, x, y, z, context, want)
+        bit = ask(st, cd, Question(what, st.base.before, level, x, y, z), context, want)
         if bit < 0:
             return bit
         st.tally[LEVEL_SYMBOL] += 1

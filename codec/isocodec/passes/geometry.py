@@ -11,20 +11,23 @@ from ..entropy.range_coder import Coder
 from ..limits import Budget
 from ..mesh.implied import implied_edges
 from ..models.crossings_nearby import beside_grid, beside_leaves, nothing_beside
-from ..models.offsets import place_of
-from ..models.values import nearby_samples
+from ..models.offsets import Crossings, place_of
+from ..models.values import Nearby, nearby_samples
 from ..tube.capacity import NOTHING
 from ..tube.leaf_vertices import drawn, drawn_bytes
 from ..tube.state import State
 from ..tube.truth import Truth
-from . import carriers, offsets, values
+from . import carriers, values
+from .offsets import offsets
 
-_VALUES, _VALUES_TAKEN = 64, 160
+_VALUES, _VALUES_TAKEN = 64, 240
 """Bytes that listing values takes at most for each vertex, and where an earlier isovalue has some."""
 _NEARBY = {2: 60, 3: 108}
 """Bytes of what is near a vertex that has a value."""
 _EDGES_GRID, _LEAVES = 240, {2: 480, 3: 480}
 """Bytes that listing offsets takes at most for each edge of the full grid, and for each leaf elsewhere."""
+UNBOUNDED = np.int64(1 << 62)
+"""No number is as large."""
 MOST_TAKEN = 1 << 53
 """Numbers of this size and more are not taken over from another isovalue: many isovalues in a row could make any."""
 
@@ -72,6 +75,7 @@ class Estimates:
         self.bits = (0, 0)
         self.number = NOTHING
         self.left = NOTHING
+        self._least = self._most = NOTHING
         self.edges = np.zeros((0, 2), np.int64)
         self.parts = NOTHING
         self.offset = NOTHING
@@ -96,7 +100,8 @@ class Estimates:
     def rest(self) -> None:
         """No further layer will come: only what has been told is kept."""
         self._near = np.zeros((0, 0), np.int32)
-        self._active = self._told = self._length = self._target = self._slack = NOTHING
+        self._active = self._told = self._least = self._most = NOTHING
+        self._length = self._target = self._slack = NOTHING
         self._rising = np.zeros(0, np.bool_)
         self._earlier = np.zeros((0, 2), np.int64)
         self._beside = nothing_beside(self.n)
@@ -161,22 +166,31 @@ class Estimates:
         self._hold(0)
 
     def _take_values(self, st: State, first: int, end: int) -> None:
-        """What the earlier isovalue knows of the values of vertices ``first`` to ``end`` need not be sent again."""
+        """What the earlier isovalue knows of the values of vertices ``first`` to ``end`` (spec clause 5.9.5)."""
         if self._lean is None or self._shift is None or not len(self._lean[0].number):
             return
         earlier, other = self._lean
         vertex = np.empty(end - first, np.int64)
         carriers.entries(other, st.vertex[first:end, :3].astype(np.int64), vertex)
         known = np.flatnonzero((vertex >= 0) & (vertex < len(earlier.number)))
-        side = other.vertex[vertex[known], 3] != 0
-        sent = np.where(side, *earlier.bits) > 0
-        known = known[sent & (earlier.left[vertex[known]] == 0)]
-        number = earlier.number[vertex[known]]
-        steps = np.where(other.vertex[vertex[known], 3] != 0, number + 1, -number) - self._shift
-        taken = np.where(st.vertex[first + known, 3] != 0, steps - 1, -steps)
-        possible = np.abs(taken) < MOST_TAKEN
-        self.number[first + known[possible]] = taken[possible]
-        self.left[first + known[possible]] = 0
+        stated = np.where(other.vertex[vertex[known], 3] != 0, *earlier.bits)
+        known = known[earlier.left[vertex[known]] < stated]
+        left = earlier.left[vertex[known]]
+        low = earlier.number[vertex[known]] << left
+        high = low + (1 << left) - 1
+        # steps between the earlier isovalue and the value, from this one, then numbers on this one's side
+        above = other.vertex[vertex[known], 3] != 0
+        low, high = np.where(above, low + 1, -high) - self._shift, np.where(above, high + 1, -low) - self._shift
+        above = st.vertex[first + known, 3] != 0
+        low, high = np.where(above, low - 1, -high), np.where(above, high - 1, -low)
+        possible = np.maximum(np.abs(low), np.abs(high)) < MOST_TAKEN
+        known, left, low, high = known[possible], left[possible], low[possible], high[possible]
+        whole = left == 0
+        self.number[first + known[whole]] = low[whole]
+        self.left[first + known[whole]] = 0
+        self._least = np.concatenate([self._least, np.zeros(end - first, np.int64)])
+        self._most = np.concatenate([self._most, np.full(end - first, UNBOUNDED)])
+        self._least[first + known], self._most[first + known] = low, high
 
     def code_values(self, st: State, cd: Coder) -> int:
         """Go on with a layer of values."""
@@ -186,9 +200,8 @@ class Estimates:
             self._told = np.empty(len(self._active) + 1, np.int64)
             values.enter_told(st, self._active, self.number, self.left, self._told)
             self._hold(0)
-        return int(values.values(
-            st, cd, self._near, self._told, self._active, self.number, self.left, self._plane, self._wanted
-        ))  # fmt: skip
+        nearby = Nearby(self._near, self._told, self._least, self._most)
+        return int(values.values(st, cd, nearby, self._active, self.number, self.left, self._plane, self._wanted))
 
     def begin_offsets(self, st: State, full: bool, parts: int, unit: int) -> None:
         """Begin a layer of offsets, to at least ``parts`` parts in ``2**unit`` samples of an edge."""
@@ -202,10 +215,8 @@ class Estimates:
 
     def code_offsets(self, st: State, cd: Coder) -> int:
         """Go on with a layer of offsets."""
-        return int(offsets.offsets(
-            st, cd, self._beside, self.edges, self.offset, self.parts, self._length, self._rising, self._earlier,
-            *self._pitch, self._target, self._slack,
-        ))  # fmt: skip
+        crossings = Crossings(self.edges, self.offset, self.parts, self._length, self._rising, self._earlier)
+        return int(offsets(st, cd, self._beside, crossings, *self._pitch, self._target, self._slack))
 
     def _list_edges(self, st: State, full: bool) -> None:
         """Make the list of edges that carry offsets anew; those that stay keep theirs."""

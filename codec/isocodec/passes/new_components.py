@@ -8,19 +8,17 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..entropy.mixer import mixing
 from ..entropy.range_coder import ENCODE, Coder, code
 from ..kernel import BAD, DONE, GROW, inlined, inner, kernel
 from ..kernel.types import IntVector
-from ..mesh.access import corner, dimension
-from ..mesh.access import kind as kind_of
-from ..mesh.diamond import coincident
-from ..mesh.grid import clamped, position
+from ..mesh.access import dimension
+from ..mesh.diamond import coincident, corner_position, diamond_at, middle_position
+from ..mesh.grid import clamped
 from ..mesh.slots import cubes, height, middle_of, slots
 from ..mesh.store import PAGES, get
 from ..mesh.vertex_set import IN
 from ..models import contexts as ctx
-from ..models.new_components import CUBE, NODE, ROOT, SLOT, add_birth, census, code_significance
+from ..models.new_components import CUBE, NODE, ROOT, SLOT, Node, add_birth, begin_round, code_significance
 from ..tube.inference import implied, infer
 from ..tube.state import (
     OUT_OF_STEPS,
@@ -32,7 +30,7 @@ from ..tube.state import (
     truth,
 )
 from .adaptive_mesh import BARRED, admit, closure, short
-from .bisection import bisect, look
+from .bisection import bisect, look, with_signs
 
 UNPLACED = 4
 """Error: the encoder's list names a slot that no new component can lie in."""
@@ -42,18 +40,19 @@ SLOT_BITS = 2
 
 
 @inner
-def candidate(st, r, w0, w1, w2):
-    """Nearness (plus one) if the decoder cannot rule out a new component at w, else 0 (spec clause 5.5.1)."""
-    kind = kind_of(st.grid.tables, r, w0, w1, w2)
-    edge = st.counters.edge
-    x, y, z = (w0 * edge) >> 1, (w1 * edge) >> 1, (w2 * edge) >> 1
+def candidate(st, diamond):
+    """Nearness (plus one) if the decoder cannot rule out a new component at a middle, else 0 (spec clause 5.5.1)."""
+    x, y, z = middle_position(diamond)
     if entry(st, x, y, z) != 0:
         return 0
     level = st.counters.level
-    inside, members, corners, known, above = look(st, edge, r, kind, w0, w1, w2)
-    if members == 0 or (above != 0 and above != known):
+    seen = look(st, diamond)
+    known, above = seen.known, seen.above
+    if seen.members == 0 or (above != 0 and above != known):
         return 0
-    if not inside and coincident(st.grid, edge, kind, corners, w0, w1, w2):
+    if not seen.whole and coincident(
+        st.grid, diamond.edge, diamond.kind, seen.corners, diamond.w0, diamond.w1, diamond.w2
+    ):
         return 0
     meshed = st.counters.asks or st.mesh.head[PAGES] > 0
     if meshed and (get(st.mesh, x, y, z) & IN or closure(st, level, x, y, z, np.int64(0)) == BARRED):
@@ -76,6 +75,25 @@ def candidate(st, r, w0, w1, w2):
 
 
 @inlined
+def _diamond_of(st, x, y, z, slot):
+    """The diamond of a slot of a cube of the round."""
+    n = dimension(st.grid.tables)
+    r = st.counters.level % n
+    w0, w1, w2 = middle_of(n, r, x, y, z, slot)
+    return diamond_at(st.grid, st.counters.edge, r, w0, w1, w2)
+
+
+@inner
+def _nearest(st, x, y, z, first):
+    """Greatest nearness (plus one) of the slots of a cube from number ``first`` on, 0 if all are ruled out."""
+    n = dimension(st.grid.tables)
+    out = np.int64(0)
+    for slot in range(first, slots(n, st.counters.level % n)):
+        out = max(out, np.int64(candidate(st, _diamond_of(st, x, y, z, slot))))
+    return out
+
+
+@inlined
 def _push_frame(st, h, x, y, z, number):
     o = st.tree.frames * FRAME
     frame = st.stack[o : o + FRAME]
@@ -86,48 +104,146 @@ def _push_frame(st, h, x, y, z, number):
 
 @inlined
 def _wanted(items, i, number, shift):
-    """Encoder: whether the next item lies under the node ``number``."""
+    """Encoder: whether item i lies under the node ``number``, which has ``2**shift`` slots."""
     return np.int64(i < len(items) and (items[i] >> shift) == number)
+
+
+@inner
+def _sign_of_new(st, cd, diamond, seen):
+    """Sign of a new component: other than that of the corners (spec clause 5.5.4); negative: no effect yet.
+
+    Where none is known their sign is inferred; in adaptive meshes it may not be, and what is inferred is corrected.
+    """
+    if seen.known != 0:
+        return np.int64(seen.above == 0)
+    i = 0
+    while not (seen.corners >> i) & 1:
+        i += 1
+    u0, u1, u2 = corner_position(st.grid, diamond, i)
+    sign = infer(st, u0, u1, u2)
+    if sign < 0:
+        st.counters.error = OUT_OF_STEPS
+        return np.int64(BAD)
+    if st.counters.adapted:
+        turned = np.int64(0)
+        if cd.reg.mode == ENCODE:
+            x, y, z = middle_position(diamond)
+            turned = np.int64(sign == truth(st, x, y, z))
+        turned = code(cd, ctx.TURNED, turned)
+        if turned < 0:
+            return turned
+        st.tally[SIGNIFICANCE] += 1
+        sign ^= turned
+    return 1 - sign
 
 
 @inner
 def _add(st, cd, x, y, z, slot):
     """Add the new component of a slot, with all its diamond (spec clause 5.5.4); negative: no effect yet."""
-    n = dimension(st.grid.tables)
-    level, edge = st.counters.level, st.counters.edge
-    r = level % n
-    w0, w1, w2 = middle_of(n, r, x, y, z, slot)
-    kind = kind_of(st.grid.tables, r, w0, w1, w2)
-    inside, members, corners, known, above = look(st, edge, r, kind, w0, w1, w2)
-    m0, m1, m2 = (w0 * edge) >> 1, (w1 * edge) >> 1, (w2 * edge) >> 1
-    if known != 0:
-        sign = np.int64(1 if above != 0 else 0)
-    else:
-        i = 0
-        while not (corners >> i) & 1:
-            i += 1
-        u0, u1, u2 = position(edge, w0 >> 2, w1 >> 2, w2 >> 2, corner(st.grid.tables, kind, i))
-        sign = infer(st, u0, u1, u2)
-        if sign < 0:
-            st.counters.error = OUT_OF_STEPS
-            return BAD
-        if st.counters.adapted:
-            turned = np.int64(0)
-            if cd.reg.mode == ENCODE:
-                turned = np.int64(sign == truth(st, m0, m1, m2))
-            turned = code(cd, ctx.TURNED, turned)
-            if turned < 0:
-                return turned
-            st.tally[SIGNIFICANCE] += 1
-            sign ^= turned
-    if mixing(cd):
-        u0, u1, u2 = clamped(st.grid, m0, m1, m2)
-        add_birth(st, u0, u1, u2)
-        st.counters.births += 1
+    diamond = _diamond_of(st, x, y, z, slot)
+    seen = look(st, diamond)
+    sign = _sign_of_new(st, cd, diamond, seen)
+    if sign < 0:
+        return sign
+    m0, m1, m2 = middle_position(diamond)
+    u0, u1, u2 = clamped(st.grid, m0, m1, m2)
+    add_birth(st, cd, u0, u1, u2)
     if st.counters.asks:
-        admit(st, closure(st, level, m0, m1, m2, np.int64(0)))
-    bisect(st, r, kind, w0, w1, w2, inside, members, known, corners if sign else np.int64(0), 1 - sign)
-    return DONE
+        admit(st, closure(st, st.counters.level, m0, m1, m2, np.int64(0)))
+    bisect(st, diamond, with_signs(seen, np.int64(0) if sign else seen.corners), sign)
+    return np.int64(DONE)
+
+
+@inlined
+def _begin(st, cd, items):
+    """The root of the tree, which covers all cubes."""
+    status = begin_round(st, cd)
+    if status < 0:
+        return status
+    cubes0, cubes1, cubes2 = cubes(st.grid, st.counters.level)
+    zero = np.int64(0)
+    h = np.int64(height(max(cubes0, cubes1, cubes2)))
+    want = np.int64(cd.reg.mode == ENCODE and len(items) > 0)
+    bit = code_significance(st, cd, Node(NODE, h, zero, zero, zero, zero, ROOT, zero), want)
+    if bit < 0:
+        return bit
+    st.tree.started = 1
+    if bit:
+        _push_frame(st, h, zero, zero, zero, zero)
+    return np.int64(DONE)
+
+
+@inlined
+def _next_child(n, frame):
+    """The next child of a frame: a node or cube of a node, or a slot of a cube. Its nearness is not known yet."""
+    h, x, y, z, child, hits, zero = frame[0], frame[1], frame[2], frame[3], frame[5], frame[6], np.int64(0)
+    if h == 0:
+        return Node(SLOT, zero, x, y, z, hits, child, zero)
+    x = 2 * x + (child >> (n - 1))
+    y = 2 * y + ((child >> (n - 2)) & 1)
+    z = 2 * z + (child & 1 if n == 3 else 0)
+    return Node(CUBE if h == 1 else NODE, h - 1, x, y, z, hits, child, zero)
+
+
+@inlined
+def _nearness(st, node):
+    """Nearness (plus one) of a node, 0 if no new component can lie there; of a slot, whether none can in later ones."""
+    if node.what == NODE:
+        return np.int64(1), False
+    if node.what == CUBE:
+        return _nearest(st, node.x, node.y, node.z, np.int64(0)), False
+    near = np.int64(candidate(st, _diamond_of(st, node.x, node.y, node.z, node.child)))
+    return near, near > 0 and _nearest(st, node.x, node.y, node.z, node.child + 1) == 0
+
+
+@inlined
+def _lacks_room(st, node):
+    """Whether the store of the mesh lacks room for the new component of a slot and its ancestors."""
+    if node.what != SLOT or not st.counters.asks:
+        return False
+    x, y, z = middle_position(_diamond_of(st, node.x, node.y, node.z, node.child))
+    return short(st, closure(st, st.counters.level, x, y, z, np.int64(0)))
+
+
+@inlined
+def _descend(st, cd, items, extent, frame):
+    """Go on to the next child of a frame, of a tree over ``extent`` cubes along each axis."""
+    n = dimension(st.grid.tables)
+    fan = 1 << n
+    walk = st.tree
+    node = _next_child(n, frame)
+    what, shift, child = node.what, node.shift, node.child
+    if (node.x << shift) >= extent[0] or (node.y << shift) >= extent[1] or (node.z << shift) >= extent[2]:
+        frame[5] = child + 1
+        return np.int64(DONE)
+    near, last = _nearness(st, node)
+    if near == 0:
+        frame[5] = child + 1
+        return np.int64(DONE)
+    if what != SLOT:
+        last = child == fan - 1
+    if _lacks_room(st, node):
+        return np.int64(GROW)
+    number = frame[4] << (SLOT_BITS if what == SLOT else n) | child
+    bit = np.int64(1)
+    if node.hits > 0 or not last:
+        want = np.int64(0)
+        if cd.reg.mode == ENCODE:
+            want = _wanted(items, walk.item, number, np.int64(0) if what == SLOT else SLOT_BITS + n * shift)
+        node = Node(what, shift, node.x, node.y, node.z, node.hits, child, near - 1)
+        bit = code_significance(st, cd, node, want)
+        if bit < 0:
+            return bit
+    frame[5] = child + 1
+    if bit == 0:
+        return np.int64(DONE)
+    frame[6] = node.hits + 1
+    if what == SLOT:
+        walk.item += 1
+        walk.adding = 1
+    else:
+        _push_frame(st, shift, node.x, node.y, node.z, number)
+    return np.int64(DONE)
 
 
 @kernel
@@ -137,25 +253,13 @@ def significance(st: State, cd: Coder, items: IntVector) -> int:
     ``items`` is the encoder's sorted list (``find``), empty for the decoder.
     """
     n = dimension(st.grid.tables)
-    r = st.counters.level % n
-    edge = st.counters.edge
     walk = st.tree
-    encoding = cd.reg.mode == ENCODE
-    fan = 1 << n
-    per_cube = slots(n, r)
-    cubes0, cubes1, cubes2 = cubes(st.grid, st.counters.level)
-    zero = np.int64(0)
+    per_cube = slots(n, st.counters.level % n)
+    extent = cubes(st.grid, st.counters.level)
     if walk.started == 0:
-        if mixing(cd) and census(st) == GROW:
-            return GROW
-        h = np.int64(height(max(cubes0, cubes1, cubes2)))
-        want = np.int64(encoding and len(items) > 0)
-        bit = code_significance(st, cd, NODE, h, zero, zero, zero, zero, ROOT, zero, ctx.SIGNIFICANT + h * 3, want)
-        if bit < 0:
-            return bit
-        walk.started = 1
-        if bit:
-            _push_frame(st, h, zero, zero, zero, zero)
+        status = _begin(st, cd, items)
+        if status < 0:
+            return status
     while walk.frames > 0:
         if crowded(st):
             return GROW
@@ -163,79 +267,18 @@ def significance(st: State, cd: Coder, items: IntVector) -> int:
             return BAD
         o = (walk.frames - 1) * FRAME
         frame = st.stack[o : o + FRAME]
-        h, c0, c1, c2 = frame[0], frame[1], frame[2], frame[3]
-        number, child, hits = frame[4], frame[5], frame[6]
+        status = np.int64(DONE)
         if walk.adding:
-            status = _add(st, cd, c0, c1, c2, child - 1)
-            if status < 0:
-                return status
-            walk.adding = 0
-            continue
-        if child == (fan if h > 0 else per_cube):
+            status = _add(st, cd, frame[1], frame[2], frame[3], frame[5] - 1)
+            if status == DONE:
+                walk.adding = 0
+        elif frame[5] == (1 << n if frame[0] > 0 else per_cube):
             walk.frames -= 1
-            continue
-
-        # the next child: a node or cube of a node, or a slot of a cube
-        what, shift = SLOT, zero
-        last = False
-        near, later = zero, zero
-        if h > 0:
-            shift = h - 1
-            what = CUBE if shift == 0 else NODE
-            last = child == fan - 1
-            c0 = 2 * c0 + (child >> (n - 1))
-            c1 = 2 * c1 + ((child >> (n - 2)) & 1)
-            c2 = 2 * c2 + (child & 1 if n == 3 else 0)
-            if (c0 << shift) >= cubes0 or (c1 << shift) >= cubes1 or (c2 << shift) >= cubes2:
-                frame[5] = child + 1
-                continue
-        if what != NODE:
-            first = child if what == SLOT else zero
-            for slot in range(first, per_cube):
-                w0, w1, w2 = middle_of(n, r, c0, c1, c2, slot)
-                found = np.int64(candidate(st, r, w0, w1, w2))
-                if slot > first:
-                    later = max(later, found)
-                else:
-                    near = found
-                    if what == SLOT and near == 0:
-                        break
-            if what == CUBE:
-                near = max(near, later)
-            else:
-                last = later == 0
-            if near == 0:
-                frame[5] = child + 1
-                continue
-            near -= 1
-        if what == SLOT and st.counters.asks:
-            w0, w1, w2 = middle_of(n, r, c0, c1, c2, child)
-            x, y, z = (w0 * edge) >> 1, (w1 * edge) >> 1, (w2 * edge) >> 1
-            if short(st, closure(st, st.counters.level, x, y, z, zero)):
-                return GROW
-
-        number = number << (SLOT_BITS if what == SLOT else n) | child
-        bit = np.int64(1)
-        if hits > 0 or not last:
-            if what == NODE:
-                context = ctx.SIGNIFICANT + shift * 3
-            else:
-                context = ctx.SIGNIFICANT_LEAF + ((1 + r if what == SLOT else 0) * ctx.NEARNESS + near) * 3
-            below = zero if what == SLOT else SLOT_BITS + n * shift
-            want = _wanted(items, walk.item, number, below) if encoding else zero
-            bit = code_significance(st, cd, what, shift, c0, c1, c2, hits, child, near, context + min(hits, 2), want)
-            if bit < 0:
-                return bit
-        frame[5] = child + 1
-        if bit == 0:
-            continue
-        frame[6] = hits + 1
-        if what == SLOT:
-            walk.item += 1
-            walk.adding = 1
         else:
-            _push_frame(st, shift, c0, c1, c2, number)
-    if encoding and walk.item != len(items):
+            status = _descend(st, cd, items, extent, frame)
+        if status < 0:
+            return status
+    if cd.reg.mode == ENCODE and walk.item != len(items):
         st.counters.error = UNPLACED
         return BAD
     return DONE

@@ -8,30 +8,28 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..entropy.mixer import blended, mixing
 from ..entropy.range_coder import ENCODE, Coder, code
 from ..kernel import BAD, DONE, GROW, inlined, kernel
-from ..mesh.access import corners as corner_count
 from ..mesh.access import dimension, member, middle
-from ..mesh.access import kind as kind_of
 from ..mesh.access import members as member_count
-from ..mesh.simplex import middle_at
+from ..mesh.diamond import diamond_at, middle_position
+from ..mesh.simplex import Simplex, middle_at
 from ..mesh.store import get, put
 from ..mesh.vertex_set import IN, KEPT, KNOWN, has
 from ..models import contexts as ctx
-from ..models.layout import SIGN_NET
-from ..models.mesh_questions import OF_LEAF, ask
-from ..models.neighbourhood import survey
+from ..models.mesh_questions import OF_LEAF, Question, ask
 from ..models.refinement_signs import (
+    Before,
     apart_from,
     append_point,
+    code_middle,
+    expected_sign,
     half_of,
+    ready,
     ring,
-    see_middle,
-    side_of,
 )
 from ..tube.inference import implied
-from ..tube.leaf_list import child_at, leaf_done, next_leaf, push, push_children, push_row, row_done, unpacked
+from ..tube.leaf_list import child_at, leaf_done, next_leaf, push, push_row, row_done, unpacked
 from ..tube.state import (
     AGREED_SHIFT,
     ALWAYS,
@@ -47,54 +45,62 @@ from ..tube.state import (
     truth,
 )
 from .adaptive_mesh import BARRED, admit, closure, short
-from .bisection import bisect, bisect_member, look
+from .bisection import bisect, bisect_member, look, push_bisected, with_middle, with_signs
 
 
 @inlined
-def _bisect_known(st, r, kind, w0, w1, w2, cls, b0, b1, b2, sign):
+def _bisect_plain(st, diamond, seen, known):
+    """Bisect the members of a diamond that are not mixed, which the curve may enter; returns the bits known then."""
+    t = st.grid.tables
+    children = np.int64(0)
+    for m in range(member_count(t, diamond.kind)):
+        bits = member(t, diamond.kind, m)[4]
+        plain = (seen.above & bits) == 0 or (seen.above & bits) == bits
+        if (seen.members >> m) & 1 and plain:
+            known, more = bisect_member(st, diamond, m, seen, known)
+            children |= more
+    push_bisected(st, diamond, children)
+    return known
+
+
+@inlined
+def _bisect_known(st, diamond, leaf, sign):
     """Bisect a leaf whose middle was known before the round: clamping put it on an older vertex (clause 5.4.4).
 
     Every mixed member of the diamond does so for itself; the first of them also bisects the members that are
-    not mixed, which the curve may enter.
+    not mixed.
     """
-    inside, members, corners, known, above = look(st, st.counters.edge, r, kind, w0, w1, w2)
+    seen = look(st, diamond)
     t = st.grid.tables
-    if above & 1 and above & 2:
-        above |= corners & ~known
-    middle = np.int64(1) << corner_count(t, kind)
-    known |= middle
-    if sign:
-        above |= middle
+    if seen.above & 1 and seen.above & 2:
+        seen = with_signs(seen, seen.above | seen.corners & ~seen.known)
+    seen = with_middle(st, diamond, seen, sign)
+    known = seen.known
+    c0, c1, c2 = leaf.b0 - (diamond.w0 >> 2), leaf.b1 - (diamond.w1 >> 2), leaf.b2 - (diamond.w2 >> 2)
     first = True
-    for m in range(member_count(t, kind)):
-        if not (members >> m) & 1:
+    for m in range(member_count(t, diamond.kind)):
+        if not (seen.members >> m) & 1:
             continue
-        q, d0, d1, d2, bits = member(t, kind, m)
-        signs = above & bits
+        cls, d0, d1, d2, bits = member(t, diamond.kind, m)
+        signs = seen.above & bits
         mixed = signs != 0 and signs != bits
-        same = q == cls and d0 == b0 - (w0 >> 2) and d1 == b1 - (w1 >> 2) and d2 == b2 - (w2 >> 2)
+        same = cls == leaf.cls and d0 == c0 and d1 == c1 and d2 == c2
         if same and first:
-            others = np.int64(0)
-            for u in range(member_count(t, kind)):
-                bits = member(t, kind, u)[4]
-                plain = (above & bits) == 0 or (above & bits) == bits
-                if (members >> u) & 1 and plain:
-                    known, children = bisect_member(st, r, kind, u, w0, w1, w2, inside, known, above)
-                    others |= children
-            push_children(st, kind, w0, w1, w2, others)
+            known = _bisect_plain(st, diamond, seen, known)
         if same:
-            known, children = bisect_member(st, r, kind, m, w0, w1, w2, inside, known, above)
-            push_children(st, kind, w0, w1, w2, children)
+            known, children = bisect_member(st, diamond, m, seen, known)
+            push_bisected(st, diamond, children)
         if mixed:
             first = False
 
 
 @inlined
-def _split(st, cd, kind, w0, w1, w2, x, y, z):
+def _split(st, cd, diamond):
     """Refine or Keep: IN if the middle is in the mesh, KEPT if not, or what the coder says, or GROW.
 
     Keep bars the middle and its descendants until the layer's end; what its refinement implies costs nothing.
     """
+    x, y, z = middle_position(diamond)
     state = get(st.mesh, x, y, z)
     if state & (IN | KEPT):
         return state
@@ -107,13 +113,13 @@ def _split(st, cd, kind, w0, w1, w2, x, y, z):
         walk = st.refinement
         if cd.reg.mode == ENCODE:
             bit = np.int64(has(st.chosen, x, y, z))
-        r = level % dimension(st.grid.tables)
-        _, _, corners, _, above = look(st, st.counters.edge, r, kind, w0, w1, w2)
-        crossed = (above & 1) != (above >> 1) & 1
-        size, odd = ring(corners, above, np.int64(1))
+        seen = look(st, diamond)
+        crossed = (seen.above & 1) != (seen.above >> 1) & 1
+        size, odd = ring(seen.corners, seen.above, np.int64(1))
         odd = min(odd, size - odd)
-        case = (r * 2 + crossed) * 4 + min(odd, 3)
-        bit = ask(st, cd, OF_LEAF, walk.splits, level, x, y, z, ctx.SPLIT + case * 8 + walk.splits, bit)
+        case = (diamond.phase * 2 + crossed) * 4 + min(odd, 3)
+        question = Question(OF_LEAF, walk.splits, level, x, y, z)
+        bit = ask(st, cd, question, ctx.SPLIT + case * 8 + walk.splits, bit)
         if bit < 0:
             return bit
         st.tally[SPLIT] += 1
@@ -167,25 +173,97 @@ def go_on(st: State, cd: Coder, more: int) -> int:
     return DONE
 
 
+@inlined
+def _sign(st, cd, diamond, seen):
+    """The sign of a middle, as an earlier isovalue implies it or as it is coded; or what the coder says."""
+    x, y, z = middle_position(diamond)
+    sign, other = implied(st, x, y, z)
+    if sign >= 0:
+        return sign
+    walk = st.refinement
+    expected = expected_sign(st, diamond, seen)
+    crossed, guess = expected.crossed, expected.guess
+    apart = np.int64(0)
+    if other >= 0:
+        apart = apart_from(st, diamond, seen)
+    bit = np.int64(0)
+    if cd.reg.mode == ENCODE:
+        bit = np.int64((truth(st, x, y, z) == guess) == crossed)
+    bit = code_middle(st, cd, diamond, expected, Before(other, apart), bit)
+    if bit < 0:
+        return bit
+    right = bit == crossed
+    st.tally[REFINEMENT_SIGN] += 1
+    st.tally[PREDICTED] += 1
+    st.tally[PREDICTED_RIGHT] += right
+    st.calm[np.uint64(crossed)] += (ALWAYS * right - st.calm[np.uint64(crossed)]) >> AGREED_SHIFT
+    sign = guess if right else 1 - guess
+    if crossed:
+        walk.crossed = (walk.crossed << 1 & 2) | bit
+    else:
+        walk.border = (walk.border << 1 & 2) | bit
+    if other >= 0 and apart == 0:
+        st.counters.agreed += (ALWAYS * (sign == other) - st.counters.agreed) >> AGREED_SHIFT
+    return sign
+
+
+@inlined
+def _bisect_new(st, cd, diamond):
+    """Bisect a diamond whose middle is not known yet."""
+    seen = look(st, diamond)
+    first = seen.above & 1
+    crossed = first != (seen.above >> 1) & 1
+    if first and not crossed:
+        # a corner that is not known has the sign of both ends
+        seen = with_signs(seen, seen.above | seen.corners & ~seen.known)
+    sign = _sign(st, cd, diamond, seen)
+    if sign < 0:
+        return sign
+    if crossed and dimension(st.grid.tables) == 2:
+        p0, p1 = half_of(st, diamond, np.int64(sign == first))
+        append_point(st, p0, p1)
+    bisect(st, diamond, seen, sign)
+    return np.int64(DONE)
+
+
+@inlined
+def _refine_leaf(st, cd, leaf, diamond, e):
+    """Bisect a leaf of the round's level, or keep it; ``e`` is its middle's store entry, where it was looked up."""
+    if not ready(st, cd):
+        return np.int64(GROW)
+    first_known = st.counters.before_round
+    if st.counters.asks:
+        state = _split(st, cd, diamond)
+        if state < 0:
+            return state
+        if state & KEPT:
+            push(st, leaf.cls, leaf.b0, leaf.b1, leaf.b2, leaf.level)
+            return np.int64(DONE)
+        # whether the middle was known is told by its mark: corners become known during the round, too
+        first_known = st.counters.vertices if state & KNOWN else 0
+        x, y, z = middle_position(diamond)
+        e = entry(st, x, y, z)
+    if e == 0:
+        return _bisect_new(st, cd, diamond)
+    if (e >> 1) - 1 < first_known:
+        _bisect_known(st, diamond, leaf, e & 1)
+    return np.int64(DONE)
+
+
 @kernel
 def refine(st: State, cd: Coder) -> int:
     """Bisect the leaves from number ``DONE_LEAVES`` on, until all are done or the pass must stop."""
-    n = dimension(st.grid.tables)
-    walk = st.refinement
-    r = st.counters.level % n
+    r = st.counters.level % dimension(st.grid.tables)
     edge = st.counters.edge
-    encoding = cd.reg.mode == ENCODE
     asks = st.counters.asks != 0
     while st.counters.done_leaves < st.counters.leaves:
-        t = st.grid.tables
         cls, b0, b1, b2, level = next_leaf(st)
         if level < 0:
             continue
-        w0, w1, w2 = middle(t, r, cls, b0, b1, b2)
-        x, y, z = (w0 * edge) >> 1, (w1 * edge) >> 1, (w2 * edge) >> 1
+        w0, w1, w2 = middle(st.grid.tables, r, cls, b0, b1, b2)
         e = np.int64(0)
         if level == st.counters.level and not asks:
-            e = entry(st, x, y, z)
+            e = entry(st, (w0 * edge) >> 1, (w1 * edge) >> 1, (w2 * edge) >> 1)
             if e >> 1 > st.counters.before_round:
                 leaf_done(st)
                 continue
@@ -197,84 +275,9 @@ def refine(st: State, cd: Coder) -> int:
             push_row(st, st.counters.done_leaves)
             row_done(st)
             continue
-        if mixing(cd) and not survey(st):
-            return GROW
-        kind = kind_of(t, r, w0, w1, w2)
-        first_known = st.counters.before_round
-        if asks:
-            state = _split(st, cd, kind, w0, w1, w2, x, y, z)
-            if state < 0:
-                return state
-            if state & KEPT:
-                push(st, cls, b0, b1, b2, st.counters.level)
-                leaf_done(st)
-                continue
-            # whether the middle was known is told by its mark: corners become known during the round, too
-            first_known = st.counters.vertices if state & KNOWN else 0
-            e = entry(st, x, y, z)
-        if e != 0:
-            if (e >> 1) - 1 < first_known:
-                _bisect_known(st, r, kind, w0, w1, w2, cls, b0, b1, b2, e & 1)
-            leaf_done(st)
-            continue
-        inside, members, corners, known, above = look(st, edge, r, kind, w0, w1, w2)
-        first = above & 1
-        crossed = first != (above >> 1) & 1
-        said = 0
-        if crossed:
-            size, count = ring(corners, above, np.int64(1))
-            guess = first
-            if n == 2:
-                said = side_of(st, kind, w0, w1)
-                if said == 1:
-                    guess = 1 - first
-            if 2 * count > size:
-                guess = np.int64(1)
-            elif 2 * count < size:
-                guess = np.int64(0)
-            if said != 0:
-                said = 1 if (said == 1) == (guess != first) else 2
-            odd = min(count, size - count)
-            context = ctx.REFINE_CROSSED + ((r * 10 + odd) * 3 + said) * 4 + walk.crossed
-            bank = np.int64(ctx.CROSSED)
-        else:
-            if first:
-                above |= corners & ~known
-            size, count = ring(corners, above, 1 - first)
-            guess = first
-            context = ctx.REFINE_BORDER + (r * 10 + count) * 4 + walk.border
-            bank = np.int64(ctx.BORDER)
-        sign, other = implied(st, x, y, z)
-        if sign < 0:
-            apart = np.int64(0)
-            if other >= 0:
-                apart = apart_from(st, kind, w0, w1, w2, known, above)
-                context += bank * (1 + 2 * min(apart, 2) + (other == guess))
-            bit = np.int64(0)
-            if encoding:
-                bit = np.int64((truth(st, x, y, z) == guess) == crossed)
-            if mixing(cd):
-                flip, symbols = see_middle(st, cd, r, w0, w1, w2, crossed, said, guess, other, apart)
-                bit = blended(cd, SIGN_NET + r, flip, symbols + 6 * (other >= 0), context, bit)
-            else:
-                bit = code(cd, context, bit)
-            if bit < 0:
-                return bit
-            st.tally[REFINEMENT_SIGN] += 1
-            st.tally[PREDICTED] += 1
-            right = bit == crossed
-            st.tally[PREDICTED_RIGHT] += right
-            st.calm[np.uint64(crossed)] += (ALWAYS * right - st.calm[np.uint64(crossed)]) >> AGREED_SHIFT
-            sign = guess if right else 1 - guess
-            if crossed:
-                walk.crossed = (walk.crossed << 1 & 2) | bit
-            else:
-                walk.border = (walk.border << 1 & 2) | bit
-            if other >= 0 and apart == 0:
-                st.counters.agreed += (ALWAYS * (sign == other) - st.counters.agreed) >> AGREED_SHIFT
-        if crossed and n == 2:
-            p0, p1 = half_of(st, kind, w0, w1, np.int64(sign == first))
-            append_point(st, p0, p1)
-        bisect(st, r, kind, w0, w1, w2, inside, members, known, above, sign)
+        leaf = Simplex(level, cls, b0, b1, b2)
+        status = _refine_leaf(st, cd, leaf, diamond_at(st.grid, edge, r, w0, w1, w2), e)
+        if status < 0:
+            return status
         leaf_done(st)
     return DONE

@@ -4,16 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..entropy.mixer import blended, mixing
-from ..entropy.range_coder import ENCODE, adapt, code
+from ..entropy.range_coder import ENCODE, adapt
 from ..kernel import BAD, inlined, inner
 from ..mesh.access import child, cube, dimension, neighbour, vertex
 from ..mesh.grid import edge_of, position
-from ..mesh.simplex import exists, middle_at, newest, parent_of
+from ..mesh.simplex import Simplex, exists, middle_at, newest, parent_of
 from ..mesh.store import get, put
 from ..models import contexts as ctx
-from ..models.base_signs import curve_context, edge_sum, see_behind, surface_context, turn_back
-from ..models.layout import BASE_KIND, BASE_NET
+from ..models.base_signs import code_behind, curve_context, edge_sum, surface_context, turn_back
 from ..models.mesh_questions import COARSER, FINER
 from ..models.parabola import MOST
 from ..tube.inference import implied
@@ -90,21 +88,17 @@ def traverse(st, cd, mark):
         sign, other = implied_corner(st, level, cls, b0, b1, b2, opp)
         if sign < 0:
             if other >= 0:
-                context += (ctx.SURFACE if n == 3 else 4) * (1 + (other == guess))
+                context += (ctx.SURFACE if n == 3 else ctx.CURVE) * (1 + (other == guess))
             right_guess = np.int64(0)
             if encoding:
                 right_guess = np.int64(corner_truth(st, edge, r, cls, b0, b1, b2, opp) == guess)
-            if mixing(cd):
-                case = context - (ctx.BASE_CURVE if n == 2 else ctx.BASE_SURFACE)
-                see_behind(st, cd, level, cls, b0, b1, b2, opp, guess, case, other)
-                bit = blended(cd, BASE_NET, False, BASE_KIND + r + 3 * (other >= 0), context, right_guess)
-            else:
-                bit = code(cd, context, right_guess)
+            bit = code_behind(st, cd, Simplex(level, cls, b0, b1, b2), opp, guess, context, other, right_guess)
             if bit < 0:
                 return bit
             st.tally[BASE_SIGN] += 1
             st.tally[PREDICTED] += 1
             st.tally[PREDICTED_RIGHT] += bit
+            walk.history = (walk.history & 1) << 1 | bit
             sign = guess if bit else 1 - guess
         learn_corner(st, level, cls, b0, b1, b2, opp, sign)
     else:

@@ -6,21 +6,20 @@ import numpy as np
 
 from ..entropy.range_coder import ENCODE, Coder
 from ..kernel import DONE, kernel
-from ..kernel.types import Int32Matrix, IntVector
-from ..models.values import UNKNOWN, code_value, packed
+from ..kernel.types import IntVector
+from ..models.values import UNKNOWN, Nearby, code_value_bit, implied_bit, packed
 from ..tube.state import VALUE_BIT, State
 
 
 @kernel
 def values(
-    st: State, cd: Coder, near: Int32Matrix, told: IntVector, active: IntVector, number: IntVector, left: IntVector,
-    plane: int, wanted: IntVector,
+    st: State, cd: Coder, nearby: Nearby, active: IntVector, number: IntVector, left: IntVector, plane: int,
+    wanted: IntVector,
 ) -> int:  # fmt: skip
     """Bring the vertices' numbers down to ``plane`` bits left (spec clause 5.6.3).
 
     ``number`` is the distance from the isovalue's side of the interval as far as known, ``left`` the bits of it
-    that are missing, ``wanted`` the encoder's whole number (empty for the decoder). For the main profile ``near`` says
-    which vertices of the list lie near each, ``told`` what is told of them (`packed`).
+    that are missing, ``wanted`` the encoder's whole number (empty for the decoder).
     """
     walk = st.value
     encoding = cd.reg.mode == ENCODE
@@ -30,18 +29,20 @@ def values(
             walk.item += 1
             continue
         p = left[v] - 1
-        bit = np.int64(0)
-        if encoding:
-            bit = (wanted[v] >> p) & 1
-        bit = code_value(st, cd, near, told, walk.item, number, v, p, bit)
+        bit = implied_bit(nearby, number, v, p)
         if bit < 0:
-            return bit
-        st.tally[VALUE_BIT] += 1
-        walk.before = 1 + bit
+            bit = np.int64(0)
+            if encoding:
+                bit = (wanted[v] >> p) & 1
+            bit = code_value_bit(st, cd, nearby, number, v, p, bit)
+            if bit < 0:
+                return bit
+            st.tally[VALUE_BIT] += 1
+            walk.before = 1 + bit
         number[v] = number[v] << 1 | bit
         left[v] = p
-        if len(told) > 0:
-            told[np.uint64(walk.item)] = packed(st, number, left, v)
+        if len(nearby.told) > 0:
+            nearby.told[np.uint64(walk.item)] = packed(st, number, left, v)
     return DONE
 
 

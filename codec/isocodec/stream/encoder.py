@@ -25,7 +25,7 @@ from ..format.header import Header, write_header
 from ..format.kinds import LayerKind
 from ..format.program import Layer, Progress, write_program
 from ..layers.plan import Entry
-from ..layers.writer import LayerWriter, field_tube
+from ..layers.writer import LayerWriter, encoded_size, field_tube
 from ..mesh.tables import cube_exponent
 from ..passes.runner import Tube
 from ..search import strategy
@@ -158,7 +158,10 @@ class Encoder:
         offsets = grid_offsets(fine, free)
         searched = o.tolerance if o.base_level is None and (o.tolerance or 0) >= SEARCHED else None
         if searched is o.steps is o.criterion is None and not o.preserve_topology:
-            return strategy.grid_plan(len(self.header.shape), self._full_level, o.base_level) + values + offsets
+            grid = strategy.grid_plan(len(self.header.shape), self._full_level, o.base_level)
+            if lean is not None and o.base_level is None and self._strands[lean].tube.full:
+                grid = min(grid, [(LayerKind.LEAF_BASE,)], key=lambda base: self._size(number, lean, base))
+            return grid + values + offsets
         truth = self._truths[number]
         promise = Promise(self._fields[number], lambda: self._fresh(number, lean), free, self._try, truth)
         if o.distances is not None:
@@ -169,6 +172,16 @@ class Encoder:
         if searched is not None:
             return strategy.smallest(promise, searched, o.preserve_topology)
         return strategy.whole_mesh(promise, True) + values + offsets
+
+    def _size(self, number: int, lean: int, plan: Sequence[Entry]) -> int:
+        """Bytes that a plan's runs take for an isovalue, which leans on one that is done."""
+        earlier = self._strands[lean]
+        # what inference takes of the limit of steps is not part of the file
+        steps = earlier.tube.state.counters.work
+        progress = self._strands[-1].progress.begin(earlier.progress)
+        size = encoded_size(LayerWriter(self._fields[number], self._fresh(number, lean), plan, progress))
+        earlier.tube.state.counters.work = steps
+        return size
 
     def _slack_keeps_order(self, tolerance: float | None) -> bool:
         """Whether crossings of several isovalues stay in order if they are told with slack (spec annex G.3).

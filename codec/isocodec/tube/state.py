@@ -107,7 +107,10 @@ class Counters(Registers):
 
 
 class BaseWalk(Registers):
-    """Where a base stands: its phase, the present simplex, the gates, the points of the curve, the leaf behind."""
+    """Where a base stands: its phase, the present simplex, the gates, the points of the curve, the leaf behind.
+
+    ``before`` are the last answers on the mesh, ``history`` whether the last two predictions were right.
+    """
 
     phase: int
     depth: int
@@ -123,6 +126,7 @@ class BaseWalk(Registers):
     branch: int
     item: int
     before: int
+    history: int
     last_root: int
     seed: int
     behind_level: int
