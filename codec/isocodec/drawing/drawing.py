@@ -2,8 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
+import numpy as np
+
 from ..errors import OptionError
+from ..mesh.tables import cube_exponent
 from .contour import Contour
+from .crossing import Drawn
 from .full_grid import draw_grid
 from .leaves import Leaves
 from .simplices import draw_simplices
@@ -13,9 +19,9 @@ from .smoothing import smoothed
 def draw(leaves: Leaves, *, complete: bool = True, smooth: bool = False) -> Contour:
     """Draw the isocontour (n = 2) or isosurface (n = 3) that runs through mixed leaf simplices.
 
-    On the full grid (``leaves.full``) the points lie on grid edges: those of marching squares and of marching
-    cubes. Elsewhere every leaf gives one segment, one triangle or one quadrangle cut in two (Lewiner et al. 2004),
-    with one point on each crossing edge of the mesh.
+    On the full grid (``leaves.full``), and in unit cells where the mesh is as fine, the points lie on grid edges: those
+    of marching squares and of marching cubes. Elsewhere every leaf gives one segment, one triangle or one quadrangle
+    cut in two (Lewiner et al. 2004), with one point on each crossing edge of the mesh.
 
     Parameters
     ----------
@@ -39,6 +45,29 @@ def draw(leaves: Leaves, *, complete: bool = True, smooth: bool = False) -> Cont
     n = len(leaves.shape)
     if n not in (2, 3):
         raise OptionError(f"cannot draw a field with {n} axes, only with 2 or 3", code="dimension")
-    drawn = draw_grid(leaves) if leaves.full else draw_simplices(leaves)
+    drawn = draw_grid(leaves)[0] if leaves.full else _drawn_together(leaves)
     points = smoothed(leaves, drawn) if smooth else drawn.points
     return Contour(points, drawn.cells, leaves.isovalue, tuple(leaves.shape), complete)
+
+
+def _drawn_together(leaves: Leaves) -> Drawn:
+    """Leaves that fill unit cells as on the full grid, the others one by one (spec clause 9.1)."""
+    finest = leaves.levels == len(leaves.shape) * cube_exponent(leaves.shape)
+    if not finest.any():
+        return draw_simplices(leaves)
+    grid, whole = draw_grid(replace(leaves, simplices=leaves.simplices[finest], levels=leaves.levels[finest]))
+    alone = np.ones(len(finest), np.bool_)
+    alone[finest] = ~whole
+    return _joined(leaves, grid, draw_simplices(leaves, alone)) if alone.any() else grid
+
+
+def _joined(leaves: Leaves, grid: Drawn, other: Drawn) -> Drawn:
+    """Two drawings, with one point on each edge."""
+    both = np.concatenate([grid.edges, other.edges])
+    _, first, number = np.unique(both @ (len(leaves.position), 1), return_index=True, return_inverse=True)
+    centres = grid.points[len(grid.edges) :]
+    of_grid = np.concatenate([number[: len(grid.edges)], len(first) + np.arange(len(centres))])
+    of_other = number[len(grid.edges) :]
+    points = np.concatenate([np.concatenate([grid.points[: len(grid.edges)], other.points])[first], centres])
+    ratio, free = (np.concatenate(pair)[first] for pair in ((grid.ratio, other.ratio), (grid.free, other.free)))
+    return Drawn(points, np.concatenate([of_grid[grid.cells], of_other[other.cells]]), both[first], ratio, free)

@@ -14,8 +14,8 @@ from .cube import cube_table
 from .leaves import Leaves
 
 
-def draw_grid(leaves: Leaves) -> Drawn:
-    """Draw leaves of the full grid.
+def draw_grid(leaves: Leaves) -> tuple[Drawn, NDArray[np.bool_]]:
+    """Draw leaves of the finest level; which of them (M,) bool are drawn.
 
     A saddle (of a cell in 2-D, of a cell's face in 3-D) is resolved by the mesh: the two corners on its diagonal are
     connected. Points that are not on grid edges, in the middle of a few cells (n = 3), come last.
@@ -31,7 +31,7 @@ def draw_grid(leaves: Leaves) -> Drawn:
         centres = np.add.reduceat(points[grid.sides[:, 0]], first) / count[:, None]
         fans = np.column_stack([grid.sides, len(points) + np.repeat(np.arange(len(first)), count)])
         points, cells = np.concatenate([points, centres]), np.concatenate([cells, fans])
-    return Drawn(points, cells, grid.edges, ratio, free)
+    return Drawn(points, cells, grid.edges, ratio, free), grid.drawn
 
 
 @record
@@ -68,6 +68,8 @@ class _Grid:
         Sides of polygons around points in the middle of cells, likewise.
     owner : (S,) int64
         Numbers of their cells, ascending.
+    drawn : (M,) bool
+        Simplices whose cells have all their mixed leaves.
     """
 
     def __init__(self, leaves: Leaves) -> None:
@@ -78,9 +80,11 @@ class _Grid:
         _enter_last_bits(leaves.position, self._last)
         corners = np.empty((len(leaves.simplices), 2**n), np.int32)
         upper, count = np.empty(len(corners), np.uint8), np.empty(len(corners), np.uint8)
-        used = _join(self._last, leaves.simplices, np.zeros(vertices << n, np.int32), corners, upper, count)
+        cell = np.empty(len(corners), np.int32)
+        used = _join(self._last, leaves.simplices, np.zeros(vertices << n, np.int32), corners, upper, count, cell)
         self._cells = _Cells(np.empty(used, np.int64), corners[:used], upper[:used])
         _enter_patterns(leaves.above, self._cells.corners, count, table.mixed, self._cells.pattern)
+        self.drawn = self._cells.pattern[cell] != 0
         self._number = np.full((vertices, n), -1, np.int32)
         self.edges = np.empty((n * vertices, 2), np.int64)
         met, self.cells, _ = self._rows(table.cells, 0)
@@ -140,7 +144,7 @@ def _upper(a, b):
 @kernel
 def _join(
     last: UInt8Vector, simplices: IntMatrix, entered: Int32Vector, corners: Int32Matrix, upper: UInt8Vector,
-    count: UInt8Vector,
+    count: UInt8Vector, cell_of: Int32Vector,
 ) -> int:  # fmt: skip
     """Enter the simplices' vertices as corners of their cells, in the order of these; returns how many there are.
 
@@ -162,6 +166,7 @@ def _join(
             count[cell] = 0
             corners[cell] = -1
         count[cell] += 1
+        cell_of[i] = cell
         for j in range(n + 1):
             corners[cell, _differ(np.int64(last[simplices[i, j]]), start)] = simplices[i, j]
     return used

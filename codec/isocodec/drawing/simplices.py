@@ -65,22 +65,41 @@ def simplex_table(n: int) -> PatternTable:
 
 def crossed(leaves: Leaves) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Edges (P, 2) that leaves of any level have a point on, as `distinct_edges`, and cells (M, n) between these."""
+    return distinct_edges(leaves, _pieces(leaves)[0])
+
+
+def _pieces(leaves: Leaves) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Of each cell the ends (M, n, 2) of the edges with its points, and its leaf (M,)."""
     n = len(leaves.shape)
     mirrored = _determinant([(x[:, 1:] - x[:, :1]).T for x in (c[leaves.simplices] for c in leaves.position.T)]) < 0
     pattern = leaves.above[leaves.simplices] @ (1 << np.arange(n + 1))
-    ends, _ = simplex_table(n).lookup(pattern, leaves.simplices, mirrored)
-    return distinct_edges(leaves, ends)
+    return simplex_table(n).lookup(pattern, leaves.simplices, mirrored)
 
 
-def draw_simplices(leaves: Leaves) -> Drawn:
-    """Draw leaves of any level, one point per crossing edge."""
-    edges, cells = crossed(leaves)
+def draw_simplices(leaves: Leaves, chosen: NDArray[np.bool_] | None = None) -> Drawn:
+    """Draw leaves of any level, one point per crossing edge: all, or those chosen, a bool each.
+
+    Where points are, all leaves say.
+    """
+    ends, owner = _pieces(leaves)
+    edges, cells = distinct_edges(leaves, ends)
     ratio, free = edge_ratios(leaves, edges)
-    if leaves.value is None:
-        for ring in rings(leaves, edges):
-            ratio[ring.edge] = ring.ratio(ratio)
-            free[ring.edge] = free[ring.beside].any(axis=1)
-    return Drawn(edge_points(leaves, edges, ratio), cells, edges, ratio, free)
+    for ring in rings(leaves, edges):
+        at = np.ones(len(ring.edge), np.bool_) if leaves.value is None else _is_short(leaves, edges[ring.edge])
+        ratio[ring.edge[at]] = ring.ratio(ratio)[at]
+        free[ring.edge[at]] = free[ring.beside[at]].any(axis=1)
+    if chosen is None:
+        return Drawn(edge_points(leaves, edges, ratio), cells, edges, ratio, free)
+    cells = cells[chosen[owner]]
+    used = np.zeros(len(edges), np.bool_)
+    used[cells] = True
+    edges, ratio, cells = edges[used], ratio[used], (np.cumsum(used) - 1)[cells]
+    return Drawn(edge_points(leaves, edges, ratio), cells, edges, ratio, free[used])
+
+
+def _is_short(leaves: Leaves, edges: NDArray[np.int64]) -> NDArray[np.bool_]:
+    """Whether edges lie in one unit cell."""
+    return np.abs(leaves.position[edges[:, 1]] - leaves.position[edges[:, 0]]).max(axis=1, initial=0) <= 1
 
 
 @dataclass(frozen=True)
