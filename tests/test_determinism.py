@@ -94,7 +94,7 @@ def test_compiled_kernels_do_what_their_source_says(twice):
         for options in (
             {"exact": True, "base_level": 2}, {"criterion": "curvature", "parameter": 0.5, "tolerance": 0.2},
             {"criterion": "distortion", "parameter": 0.5, "tolerance": 0.2, "preserve_topology": True},
-            {"plan": leaves}, {"signs_only": True, "profile": "baseline"},
+            {"plan": leaves}, {"signs_only": True, "profile": "baseline"}, {"tolerance": 0.2, "profile": "baseline"},
         ):  # fmt: skip
             isocodec.decode_all(isocodec.encode(field, [0.5, 5.5], **options), smooth=True)
     for shape in ((6, 7), (3, 4, 4)):

@@ -180,6 +180,9 @@ class Named:
 
 Kind = Number | Array | Named | Record
 
+Integer = int | np.integer[Any]
+"""In named tuples of numbers, which compiled functions hand to one another: compiled, they are int64."""
+
 INT, FLOAT, BOOL = Number("int64"), Number("float64"), Number("bool")
 
 BoolVector = Annotated[NDArray[np.bool_], Array("bool", 1)]

@@ -11,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..kernel import inlined, inner
+from ..kernel.types import Integer
 from .access import corner, dimension, member, vertex
 from .access import corners as corner_count
 from .access import kind as kind_of
@@ -34,12 +35,12 @@ class Diamond(NamedTuple):
         The middle, in units of g.
     """
 
-    edge: int
-    phase: int
-    kind: int
-    w0: int
-    w1: int
-    w2: int
+    edge: Integer
+    phase: Integer
+    kind: Integer
+    w0: Integer
+    w1: Integer
+    w2: Integer
 
 
 @inlined

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from ..kernel import inlined, inner
+from ..kernel.types import Integer
 from .access import child, dimension, grandchild, member, middle, vertex
 from .access import kind as kind_of
 from .access import members as member_count
@@ -14,11 +15,11 @@ from .grid import clamped, edge_of, position
 class Simplex(NamedTuple):
     """A simplex: its level, its class, and the block that it lies in."""
 
-    level: int
-    cls: int
-    b0: int
-    b1: int
-    b2: int
+    level: Integer
+    cls: Integer
+    b0: Integer
+    b1: Integer
+    b2: Integer
 
 
 @inlined

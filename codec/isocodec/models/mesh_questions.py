@@ -9,6 +9,7 @@ import numpy as np
 from ..entropy.mixer import blended, clear, mixing, see
 from ..entropy.range_coder import code
 from ..kernel import inlined
+from ..kernel.types import Integer
 from ..mesh.access import dimension
 from ..mesh.grid import edge_of, lattice
 from ..mesh.store import get
@@ -35,12 +36,12 @@ class Question(NamedTuple):
         Of the middle; its position is unclamped.
     """
 
-    what: int
-    history: int
-    level: int
-    x: int
-    y: int
-    z: int
+    what: Integer
+    history: Integer
+    level: Integer
+    x: Integer
+    y: Integer
+    z: Integer
 
 
 @inlined

@@ -13,6 +13,7 @@ import numpy as np
 from ..entropy.mixer import blended, clear, mixing, see
 from ..entropy.range_coder import code
 from ..kernel import DONE, GROW, inlined, inner
+from ..kernel.types import Integer
 from ..mesh.access import dimension
 from ..mesh.store import full, get, spot
 from ..tube.state import SIGNIFICANCE
@@ -49,14 +50,14 @@ class Node(NamedTuple):
         Nearness of a cube or slot.
     """
 
-    what: int
-    shift: int
-    x: int
-    y: int
-    z: int
-    hits: int
-    child: int
-    near: int
+    what: Integer
+    shift: Integer
+    x: Integer
+    y: Integer
+    z: Integer
+    hits: Integer
+    child: Integer
+    near: Integer
 
 
 @inlined

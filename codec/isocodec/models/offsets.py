@@ -14,7 +14,7 @@ import numpy as np
 from ..entropy.mixer import blended, clear, mixing, see
 from ..entropy.range_coder import code_below
 from ..kernel import inlined, record
-from ..kernel.types import BoolVector, IntMatrix, IntVector
+from ..kernel.types import BoolVector, Integer, IntMatrix, IntVector
 from ..mesh.access import dimension
 from ..tube.state import entry
 from . import contexts as ctx
@@ -66,12 +66,12 @@ class Crossings(NamedTuple):
 class _Square(NamedTuple):
     """An edge of the grid from (x, y, z) along axis a, of length ``edge``, in the plane of the axes a and b."""
 
-    x: int
-    y: int
-    z: int
-    a: int
-    b: int
-    edge: int
+    x: Integer
+    y: Integer
+    z: Integer
+    a: Integer
+    b: Integer
+    edge: Integer
 
 
 def place_of(number, parts):

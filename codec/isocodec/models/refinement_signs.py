@@ -9,6 +9,7 @@ import numpy as np
 from ..entropy.mixer import blended, clear, mixing, see
 from ..entropy.range_coder import code
 from ..kernel import inlined
+from ..kernel.types import Integer
 from ..mesh.access import corner, dimension
 from ..mesh.diamond import corner_position
 from ..tube.leaf_list import ones
@@ -40,16 +41,16 @@ class Expected(NamedTuple):
     """
 
     crossed: bool
-    guess: int
-    said: int
-    context: int
+    guess: Integer
+    said: Integer
+    context: Integer
 
 
 class Before(NamedTuple):
     """The sign of a middle at the earlier isovalue, or -1, and how many known corners have another one there."""
 
-    sign: int
-    apart: int
+    sign: Integer
+    apart: Integer
 
 
 @inlined

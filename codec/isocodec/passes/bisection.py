@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..kernel import inlined, inner
+from ..kernel.types import Integer
 from ..mesh.access import child_bits, delta, dimension, grandchild
 from ..mesh.access import corners as corner_count
 from ..mesh.access import members as member_count
@@ -31,10 +32,10 @@ class Known(NamedTuple):
     """
 
     whole: bool
-    members: int
-    corners: int
-    known: int
-    above: int
+    members: Integer
+    corners: Integer
+    known: Integer
+    above: Integer
 
 
 @inner
@@ -82,15 +83,15 @@ def with_middle(st, diamond, seen, sign):
 
 
 @inner
-def _corners_learn(st, diamond, seen, known, bits):
+def _corners_learn(st, diamond, whole, known, above, bits):
     """Make corners known that are not, in order; returns the bits of all that are."""
     fresh = bits & ~known
     i = np.int64(0)
     while fresh:
         if fresh & 1:
             x, y, z = corner_position(st.grid, diamond, i)
-            if seen.whole or entry(st, x, y, z) == 0:
-                learn(st, x, y, z, (seen.above >> i) & 1)
+            if whole or entry(st, x, y, z) == 0:
+                learn(st, x, y, z, (above >> i) & 1)
         fresh >>= 1
         i += 1
     return known | bits
@@ -118,7 +119,7 @@ def bisect_member(st, diamond, m, seen, known):
             c0, c1, c2 = b0 * f + d0, b1 * f + d1, b2 * f + d2
             if not exists(st.grid, diamond.edge // f, below, cls, c0, c1, c2):
                 continue
-        known = _corners_learn(st, diamond, seen, known, bits)
+        known = _corners_learn(st, diamond, seen.whole, known, above, bits)
         children |= np.int64(1) << (2 * m + s)
     return known, children
 
@@ -143,7 +144,7 @@ def bisect(st, diamond, seen, sign):
             signs = above & bits
             if signs != 0 and signs != bits:
                 if bits & ~known:
-                    known = _corners_learn(st, diamond, seen, known, bits)
+                    known = _corners_learn(st, diamond, True, known, above, bits)
                 children |= np.int64(1) << c
         push_bisected(st, diamond, children)
         return
