@@ -8,9 +8,10 @@ import numpy as np
 
 from ..kernel import inner, record
 from ..kernel.types import BoolVolume, Float32Volume, FloatVector
-from ..mesh.access import corner
+from ..mesh.access import corner, dimension
+from ..mesh.access import kind as kind_of
 from ..mesh.access import members as member_count
-from ..mesh.diamond import parent
+from ..mesh.diamond import existing, parent
 from ..mesh.grid import Grid, edge_of, position
 from ..mesh.store import put
 from ..mesh.vertex_set import Chosen, flags
@@ -34,6 +35,10 @@ def place_of(n, number):
     return number >> 26, number & 0x3FFFFFF, number & 0
 
 
+EXACT_POINTS, LINEAR_POINTS = 0, -1
+"""In place of parts: points where the field crosses the edge; where it would by linear interpolation of its ends."""
+
+
 @record
 class Domain(NamedTuple):
     """Named like the arrays of ``tube.state.State`` where kernels are shared."""
@@ -44,6 +49,49 @@ class Domain(NamedTuple):
     phi: Float32Volume  # value less isovalue, three axes; its sign counts nowhere
     chosen: Chosen
     room: FloatVector  # points of a diamond's pieces
+    parts: int  # a decoder knows crossings in this many parts of 2**unit samples
+    unit: int
+
+
+class Diamond(NamedTuple):
+    """A diamond of a level: its middle in units of half the edge, bits of the members and corners that exist, signs."""
+
+    level: int
+    edge: int
+    kind: int
+    w0: int
+    w1: int
+    w2: int
+    whole: bool  # wholly inside the box
+    members: int
+    corners: int
+    above: int  # corners that are
+
+
+@inner
+def diamond_at(dm, level, x, y, z):
+    """The diamond of the middle at unclamped (x, y, z)."""
+    t = dm.grid.tables
+    edge = edge_of(dm.grid, level)
+    w0, w1, w2 = 2 * x // edge, 2 * y // edge, 2 * z // edge
+    r = level % dimension(t)
+    kind = kind_of(t, r, w0, w1, w2)
+    whole, members, corners = existing(dm.grid, edge, r, kind, w0, w1, w2)
+    above = np.int64(0)
+    i = 0
+    while corners >> i:
+        if (corners >> i) & 1:
+            u = position(edge, w0 >> 2, w1 >> 2, w2 >> 2, corner(t, kind, np.int64(i)))
+            above |= truth(dm, u[0], u[1], u[2]) << i
+        i += 1
+    return Diamond(level, edge, kind, w0, w1, w2, whole, members, corners, above)
+
+
+@inner
+def corner_at(dm, diamond, i):
+    """Unclamped position of a corner of a diamond."""
+    offset = corner(dm.grid.tables, diamond.kind, i)
+    return position(diamond.edge, diamond.w0 >> 2, diamond.w1 >> 2, diamond.w2 >> 2, offset)
 
 
 @inner
@@ -62,28 +110,20 @@ def set_flags(dm, x, y, z, bits):
 
 
 @inner
-def signs_of(dm, edge, kind, corners, w0, w1, w2):
-    """Bits of the corners that are above."""
-    above = np.int64(0)
-    i = 0
-    while corners >> i:
-        if (corners >> i) & 1:
-            x, y, z = position(edge, w0 >> 2, w1 >> 2, w2 >> 2, corner(dm.grid.tables, kind, np.int64(i)))
-            above |= truth(dm, x, y, z) << i
-        i += 1
-    return above
-
-
-@inner
-def need_parents(dm, level, kind, members, w0, w1, w2):
+def need_parents(dm, diamond):
     """Mark the parents of a vertex that stays."""
-    t = dm.grid.tables
-    edge = edge_of(dm.grid, level)
-    if level == 0:
+    if diamond.level == 0:
         return
-    for m in range(member_count(t, kind)):
-        if (members >> m) & 1:
-            p = parent(t, level, edge, kind, m, w0, w1, w2)
+    for m in range(member_count(dm.grid.tables, diamond.kind)):
+        if (diamond.members >> m) & 1:
+            p = parent_at(dm, diamond, m)
             bits = flags_of(dm, p[0], p[1], p[2])
             if not bits & NEEDED:
                 set_flags(dm, p[0], p[1], p[2], bits | NEEDED)
+
+
+@inner
+def parent_at(dm, diamond, m):
+    """Unclamped position of the middle whose bisection made member m of a diamond."""
+    w0, w1, w2 = diamond.w0, diamond.w1, diamond.w2
+    return parent(dm.grid.tables, diamond.level, diamond.edge, diamond.kind, m, w0, w1, w2)

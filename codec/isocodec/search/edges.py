@@ -6,6 +6,7 @@ import numpy as np
 
 from ..kernel import inner
 from ..passes.offsets import radix_of
+from .domain import EXACT_POINTS, LINEAR_POINTS
 
 
 @inner
@@ -50,15 +51,18 @@ def crossing_on(dm, a, b):
 
 
 @inner
-def told_on(dm, a, b, parts, unit):
-    """The same as a decoder has it, which knows ``parts`` parts in ``2**unit`` samples; 0 parts: exactly."""
+def told_on(dm, a, b):
+    """The same as a decoder has it, which knows ``dm.parts`` parts in ``2**dm.unit`` samples, or by its own rule."""
+    if dm.parts == LINEAR_POINTS:
+        f, g = np.float64(dm.phi[a[0], a[1], a[2]]), np.float64(dm.phi[b[0], b[1], b[2]])
+        return min(max(f / (f - g), 0.0), 1.0) if f != g else 0.5
     where = crossing_on(dm, a, b)
-    if parts == 0:
+    if dm.parts == EXACT_POINTS:
         return where
     length = max(abs(b[0] - a[0]), abs(b[1] - a[1]), abs(b[2] - a[2]))
     total = np.int64(1)
     while True:
-        radix = radix_of(np.int64(length), total, parts, unit)
+        radix = radix_of(np.int64(length), total, dm.parts, dm.unit)
         if radix == 1:
             break
         total *= radix

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +19,7 @@ from ..drawing.contour import Contour
 from ..drawing.crossing import edge_points, edge_ratios
 from ..drawing.leaves import Leaves
 from ..drawing.simplices import crossed, rings
-from ..kernel import inner, kernel
+from ..kernel import inner, kernel, record
 from ..kernel.types import FloatMatrix, FloatVector, IntMatrix, IntVector
 from .distance import Target
 
@@ -46,16 +47,31 @@ def _penalty(x):
     return 0.02 * y + z * z
 
 
-@kernel
-def relax(
-    first: IntVector, samples: IntVector, slopes: FloatVector, gap: FloatVector, where: FloatVector, step: FloatVector,
-    most: int, scale: float, sweeps: int,
-) -> None:  # fmt: skip
-    """Move each edge's point by up to ``most`` steps to where the penalty is least.
+@record
+class Pull(NamedTuple):
+    """How distances of points of either curve change as the points on edges move.
 
-    ``samples[first[e] : first[e + 1]]`` are the points of the original that notice edge e, ``slopes`` how much their
-    distances ``gap`` fall as ``where[e]`` grows; both arrays are kept up to date.
+    Attributes
+    ----------
+    first : (E + 1,) int64
+        ``samples[first[e] : first[e + 1]]`` are the points that notice edge e.
+    samples : int64 vector
+    slopes : float64 vector
+        How much the distance of each of these falls as the point on the edge moves up.
+    gap : (S,) float64
+        The distance of each point.
     """
+
+    first: IntVector
+    samples: IntVector
+    slopes: FloatVector
+    gap: FloatVector
+
+
+@kernel
+def relax(pull: Pull, where: FloatVector, step: FloatVector, most: int, scale: float, sweeps: int) -> None:
+    """Move each edge's point by up to ``most`` steps to where the penalty is least; ``pull.gap`` is kept up to date."""
+    first, samples, slopes, gap = pull.first, pull.samples, pull.slopes, pull.gap
     for _ in range(sweeps):
         for e in range(len(where)):
             if first[e] == first[e + 1]:
@@ -164,8 +180,8 @@ class _Fit:
 
     def linear(
         self, points: NDArray[np.float64], contour: Contour, targets: Sequence[Target]
-    ) -> tuple[NDArray[np.float64], NDArray[np.int64], NDArray[np.int64], NDArray[np.float64]]:
-        """Distances between the curves, from points of either, and how they fall: entries sorted by told edge."""
+    ) -> Pull:
+        """Distances between the curves, from points of either, and how they fall."""
         samples = contour.points
         piece, weight = _nearest(samples, [Target(points, self.cells, t.limit) for t in targets])
         near = np.flatnonzero(piece >= 0)
@@ -186,7 +202,7 @@ class _Fit:
         first = np.cumsum(first)
         found, slopes = np.empty(first[-1], np.int64), np.empty(first[-1])
         _sorted_by_told(corners, slope, *follow, first[:-1].copy(), found, slopes)
-        return gap, first, found, slopes
+        return Pull(first, found, slopes, gap)
 
     def _follow(self) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float64]]:
         """Told edges that the point of each edge follows, and by how much, edge by edge.
@@ -280,16 +296,6 @@ def fitted_offsets(
     for share in rounds:
         if share == 1.0:
             where = (np.minimum(np.floor(where * parts), parts - 1) + 0.5) / parts
-        gap, first, samples, slopes = fit.linear(fit.points(where), contour, targets)
-        relax(
-            first,
-            samples,
-            slopes,
-            gap,
-            where,
-            share / parts,
-            2,
-            1.0 / (MARGIN * tolerance),
-            SWEEPS,
-        )
+        pull = fit.linear(fit.points(where), contour, targets)
+        relax(pull, where, share / parts, 2, 1.0 / (MARGIN * tolerance), SWEEPS)
     return np.minimum(np.floor(where * parts), parts - 1).astype(np.int64)

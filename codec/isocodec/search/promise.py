@@ -24,6 +24,7 @@ from ..mesh.vertex_set import Chosen
 from ..passes.runner import Tube
 from ..passes.snapshot import leaves_of
 from ..tube.truth import Place
+from .curvature import curvature
 from .distance import Target
 from .fit import AGAIN, REACHES, ROUNDS, fitted_offsets
 from .ground_truth import GroundTruth, truth_of
@@ -70,7 +71,8 @@ class Promise:
         # slice by slice: in double precision the whole would take several times the memory
         for samples, phi in zip(self.field.values, self.phi, strict=True):
             phi[...] = np.clip(samples.astype(np.float64) - self.field.isovalue, -largest, largest)
-        self._points = _grid_points(self.contour)
+        # points on edges of the grid: one of each that the curve crosses
+        self._on_grid = (self.contour.points != np.floor(self.contour.points)).sum(axis=1) <= 1
 
     @property
     def n(self) -> int:
@@ -84,7 +86,11 @@ class Promise:
 
     def reduction(self, start: Chosen | None = None) -> Reduction:
         """A reduction of the full grid, or of a mesh."""
-        return Reduction(self.field.signs, self.phi, self._points, start, self._truth.busy)
+        return Reduction(self.field.signs, self.phi, self.contour.points[self._on_grid], start, self._truth.busy)
+
+    def curvature(self) -> NDArray[np.float64]:
+        """Curvature of the original curve at the points of its reductions, in 1 / cells."""
+        return curvature(self.contour)[self._on_grid]
 
     def trial(self, plan: Sequence[Entry]) -> tuple[int, Contour]:
         """Bytes of the runs of a plan, and what a decoder draws in the end."""
@@ -156,8 +162,3 @@ class Places:
         for i, name in enumerate(np.hstack([low, high])):
             out[i] = self._where.get(name.tobytes(), out[i])
         return out
-
-
-def _grid_points(contour: Contour) -> np.ndarray:
-    """The points of a contour that lie on edges of the grid, for each of the grid's edges that it crosses."""
-    return contour.points[(contour.points != np.floor(contour.points)).sum(axis=1) <= 1]

@@ -8,25 +8,43 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..kernel import inner, kernel
-from ..kernel.types import BoolVolume, FloatMatrix, FloatVector, IntMatrix, IntVector
-from ..mesh.access import dimension, middle
-from ..mesh.access import kind as kind_of
+from ..kernel.types import BoolVolume, IntMatrix, IntVector
+from ..mesh.access import dimension
 from ..mesh.access import members as member_count
-from ..mesh.diamond import existing, parent
-from ..mesh.grid import edge_of, grid_of
+from ..mesh.grid import grid_of
 from ..mesh.slots import cubes, middle_of, slots
 from ..mesh.store import copied as copied_store
 from ..mesh.store import grown
 from ..mesh.tables import AXES, cube_exponent
 from ..mesh.vertex_set import GONE, Chosen, every_vertex, has
+from ..tube.capacity import filled
 from ..tube.state import Counters, truth
+from .buckets import STACK
 from .component_search import BLOCK, busy_of
-from .distortion import diamonds_of, simplex_at, spread, too_far
-from .domain import FAILED, NEEDED, OPEN, ROOM, Domain, flags_of, need_parents, number_of, place_of, set_flags, signs_of
+from .distance import Target
+from .distortion import Carried, too_far
+from .domain import (
+    EXACT_POINTS,
+    FAILED,
+    NEEDED,
+    OPEN,
+    ROOM,
+    Domain,
+    diamond_at,
+    flags_of,
+    need_parents,
+    number_of,
+    parent_at,
+    place_of,
+    set_flags,
+)
+from .location import diamonds_of, found_leaves
 from .topology import safe
 
+_number_of, _place_of = inner(number_of), inner(place_of)
+
 # What a vertex whose star the curve crosses is asked for.
-CROSSING, TOPOLOGY, PLACE = 1, 2, 4
+CROSSING, TOPOLOGY = 1, 2
 # What a sweep over a level does.
 _OPEN, _COMMIT = range(2)
 AT_ONCE = 16
@@ -35,39 +53,39 @@ AT_ONCE = 16
 
 @inner
 def _visit(dm, asked, doing, w0, w1, w2):
-    """Decide, or commit, about one middle of the level."""
-    t = dm.grid.tables
-    level, edge = dm.counters.level, dm.counters.edge
+    """Decide, or commit, about one middle of the level; whether it is open now."""
+    level, edge = np.int64(dm.counters.level), dm.counters.edge
     x, y, z = (w0 * edge) >> 1, (w1 * edge) >> 1, (w2 * edge) >> 1
     bits = flags_of(dm, x, y, z)
     if bits & GONE or (doing == _OPEN and bits & NEEDED):
-        return
-    r = level % dimension(t)
-    kind = kind_of(t, r, w0, w1, w2)
-    whole, members, corners = existing(dm.grid, edge, r, kind, w0, w1, w2)
-    if members == 0:
+        return False
+    diamond = diamond_at(dm, level, x, y, z)
+    if diamond.members == 0:
         set_flags(dm, x, y, z, np.int64(GONE))
-        return
+        return False
     if doing == _COMMIT:
         if bits & OPEN and not bits & FAILED:
             set_flags(dm, x, y, z, np.int64(GONE))
-            return
+            return False
         set_flags(dm, x, y, z, np.int64(0))
-        need_parents(dm, level, kind, members, w0, w1, w2)
-        return
+        need_parents(dm, diamond)
+        return False
     sign = truth(dm, x, y, z)
-    above = signs_of(dm, edge, kind, corners, w0, w1, w2)
-    if above == (corners if sign else 0):
+    if diamond.above == (diamond.corners if sign else 0):
         set_flags(dm, x, y, z, np.int64(GONE))
-    elif not asked & CROSSING and (
-        not asked & TOPOLOGY or safe(dm, edge, kind, whole, corners, above, sign, w0, w1, w2)
-    ):
+    elif not asked & CROSSING and (not asked & TOPOLOGY or safe(dm, diamond, sign)):
         set_flags(dm, x, y, z, bits | OPEN)
+        return True
+    return False
 
 
 @kernel
-def sweep(dm: Domain, busy: BoolVolume, asked: int, doing: int) -> None:
-    """Visit all middles of the level. Where the curve is nowhere near, they go at once unless finer ones need them."""
+def sweep(dm: Domain, busy: BoolVolume, asked: int, doing: int, opened: IntVector) -> int:
+    """Visit all middles of the level. Where the curve is nowhere near, they go at once unless finer ones need them.
+
+    Those that may go otherwise are listed in ``opened``, as numbers, as far as that goes; returns how many they are.
+    """
+    count = 0
     n = dimension(dm.grid.tables)
     r = dm.counters.level % n
     edge = dm.counters.edge
@@ -99,8 +117,12 @@ def sweep(dm: Domain, busy: BoolVolume, asked: int, doing: int) -> None:
                                     flags[p0, p1, p2] = GONE
                                 w2 += 2
                                 continue
-                        _visit(dm, asked, doing, w0, w1, w2)
+                        if _visit(dm, asked, doing, w0, w1, w2):
+                            if count < len(opened):
+                                opened[count] = _number_of(n, (w0 * edge) >> 1, (w1 * edge) >> 1, (w2 * edge) >> 1)
+                            count += 1
                         w2 += 2
+    return count
 
 
 @kernel
@@ -136,41 +158,13 @@ def add(dm: Domain, wanted: IntMatrix, levels: IntVector, room: IntMatrix) -> in
             added += 1
             if level == 0:
                 continue
-            edge = np.int64(1) << (dm.grid.exponent - level // n)
-            w0, w1, w2 = 2 * x // edge, 2 * y // edge, 2 * z // edge
-            kind = kind_of(t, level % n, w0, w1, w2)
-            _, members, _ = existing(dm.grid, edge, level % n, kind, w0, w1, w2)
-            count = _parents(dm, level, edge, kind, members, w0, w1, w2, room, count)
+            diamond = diamond_at(dm, level, x, y, z)
+            for m in range(member_count(t, diamond.kind)):
+                if (diamond.members >> m) & 1:
+                    p = parent_at(dm, diamond, m)
+                    room[count, 0], room[count, 1], room[count, 2], room[count, 3] = p[0], p[1], p[2], level - 1
+                    count += 1
     return added
-
-
-@inner
-def _parents(dm, level, edge, kind, members, w0, w1, w2, room, count):
-    """Append the parents of a middle to ``room``."""
-    t = dm.grid.tables
-    for m in range(member_count(t, kind)):
-        if (members >> m) & 1:
-            p = parent(t, level, edge, kind, m, w0, w1, w2)
-            room[count, 0], room[count, 1], room[count, 2], room[count, 3] = p[0], p[1], p[2], level - 1
-            count += 1
-    return count
-
-
-@kernel
-def found_leaves(dm: Domain, points: FloatMatrix, weight: FloatVector, out: IntMatrix) -> None:
-    """For each point the middle and level of the leaf that holds it; level -1 on the full grid."""
-    n = dimension(dm.grid.tables)
-    for i in range(len(points)):
-        out[i, 3] = -1
-        for level in range(n * dm.grid.exponent):
-            here = np.int64(level)
-            cls, b0, b1, b2 = simplex_at(dm, here, points[i, 0], points[i, 1], points[i, 2], weight)
-            edge = edge_of(dm.grid, here)
-            w0, w1, w2 = middle(dm.grid.tables, here % n, cls, b0, b1, b2)
-            x, y, z = (w0 * edge) >> 1, (w1 * edge) >> 1, (w2 * edge) >> 1
-            if flags_of(dm, x, y, z) & GONE:
-                out[i, 0], out[i, 1], out[i, 2], out[i, 3] = x, y, z, here
-                break
 
 
 class Reduction:
@@ -201,7 +195,8 @@ class Reduction:
         padded = signs.shape + (1,) * (AXES - n)
         signs = signs.reshape(padded)
         chosen = every_vertex(self.shape) if start is None else copied(start)
-        self.domain = Domain(grid_of(self.shape), counters, signs, phi.reshape(padded), chosen, np.zeros(ROOM))
+        self.domain = Domain(grid_of(self.shape), counters, signs, phi.reshape(padded), chosen, np.zeros(ROOM),
+                             EXACT_POINTS, 0)  # fmt: skip
         self.points = np.zeros((len(points), AXES), np.float32)
         self.points[:, :n] = points
         self.busy = busy_of(signs) if busy is None else busy
@@ -213,8 +208,8 @@ class Reduction:
 
     def reduce(
         self, *, topology: bool = False, crossing: bool = False, level: int | None = None, coarsest: int = 0,
-        distortion: float | None = None, back: float = 0.0, parts: int = 0, unit: int = 0,
-        keep: NDArray[np.bool_] | None = None,
+        distortion: float | None = None, original: Target | None = None, parts: int = EXACT_POINTS, unit: int = 0,
+        curvature: NDArray[np.float64] | None = None, kappa: float = 0.0,
     ) -> None:  # fmt: skip
         """Take vertices away while all criteria that are given allow it.
 
@@ -225,46 +220,58 @@ class Reduction:
         crossing : bool
             Not if the tubular neighbourhood changes.
         level : int, optional
-            All vertices of this level and finer ones go, whatever else is asked.
+            All vertices of this level and finer ones go that topology and crossings allow to; coarser ones stay.
         coarsest : int
             Vertices of coarser levels stay.
         distortion : float, optional
             Not if a point of the original curve gets farther than this many cells from the new curve.
-        back : float
-            Nor if the middle of a piece of the new curve gets about this far from the original; 0 asks for nothing.
+        original : Target, optional
+            The original curve. Nor if a piece of the new one is not proven to lie within the target's limit of it.
+            Needed for the distortion.
         parts, unit : int
-            For the distortion: a decoder knows crossings in this many parts of ``2**unit`` samples; 0 parts: exactly.
-        keep : (P,) bool, optional
-            Points of the original curve in whose diamonds no vertex goes.
+            For the distortion: a decoder knows crossings in this many parts of ``2**unit`` samples, or
+            `EXACT_POINTS` or `LINEAR_POINTS`.
+        curvature : (P,) float64, optional
+            That of the original curve at its points, in 1 / cells.
+        kappa : float
+            Not if the mean curvature of the points in the vertex's star exceeds this.
         """
-        dm = self.domain
         asked = (CROSSING if crossing else 0) | (TOPOLOGY if topology else 0)
-        if level is not None and not asked and distortion is None and keep is None:
-            # nothing is asked of coarser vertices: they stay
-            coarsest = max(coarsest, level)
-        weight = np.zeros(AXES + 1)
-        close = np.zeros(self.domain.truth.shape if back else (0, 0, 0), np.bool_)
-        spread(self.points, float(back), close)
+        coarsest = coarsest if level is None else max(coarsest, level)
+        self.domain = self.domain._replace(parts=parts, unit=unit)
+        carried = self._carried()
+        watched = original is not None or curvature is not None
         for here in range(self.n * self.k - 1, coarsest - 1, -1):
-            dm.counters.level = here
-            dm.counters.edge = 1 << (self.k - here // self.n)
+            self.domain.counters.level = here
+            self.domain.counters.edge = 1 << (self.k - here // self.n)
             self._make_room()
             dm = self.domain
-            if level is not None and here >= level:
+            if level is not None and not asked:
                 drop(dm)
                 continue
-            sweep(dm, self.busy, np.int64(asked), np.int64(_OPEN))
-            if distortion is not None or keep is not None:
-                keys = np.empty(len(self.points), np.int64)
-                if diamonds_of(dm, np.int64(here), self.points, weight, keys):
-                    order = np.argsort(keys, kind="stable")
-                    order = order[np.searchsorted(keys[order], 0) :]
-                    if keep is not None:
-                        self._fail(keys[keep])
-                    if distortion is not None:
-                        too_far(dm, np.int64(here), self.points, keys, order, float(distortion), close, np.int64(parts),
-                                np.int64(unit))  # fmt: skip
-            sweep(dm, self.busy, np.int64(asked), np.int64(_COMMIT))
+            opened = filled(lambda out: sweep(self.domain, self.busy, asked, _OPEN, out))
+            if watched and len(opened):
+                # where they lie on the curve as it is now; bends are those of the original in the star
+                keys = self._diamonds(here, self.points if curvature is not None else carried.places)
+                if curvature is not None:
+                    self._fail(bent(keys, curvature, kappa))
+                if original is not None and distortion is not None:
+                    if curvature is not None:
+                        keys = self._diamonds(here, carried.places)
+                    too_far(dm, opened, by_diamond(carried, keys, opened), original.buckets, float(distortion))
+            sweep(dm, self.busy, asked, _COMMIT, opened)
+
+    def _carried(self) -> Carried:
+        """All points at their own places."""
+        none = np.zeros(0, np.int64)
+        places, moved = self.points.copy(), self.points.copy()
+        return Carried(self.points, places, moved, none, none.reshape(0, 2), np.zeros((STACK, 9)))
+
+    def _diamonds(self, level: int, places: NDArray[np.float32]) -> NDArray[np.int64]:
+        """Numbers of the open diamonds of a level that hold the places, -1 where none does."""
+        keys = np.empty(len(places), np.int64)
+        diamonds_of(self.domain, level, places, np.zeros(AXES + 1), keys)
+        return keys
 
     def restore(
         self, places: NDArray[np.float64], most: Chosen | None = None, share: float = 1.0,
@@ -296,16 +303,6 @@ class Reduction:
         wanted = wanted[np.argsort(-count, kind="stable")[: max(int(share * len(wanted)), AT_ONCE)]]
         return self.add(wanted[:, :3], wanted[:, 3]) if len(wanted) else 0
 
-    def curved(self, kappa: float) -> NDArray[np.bool_]:
-        """Points of the original at which its mean curvature, in 1 / cells, exceeds ``kappa`` (row C2-curvature)."""
-        phi = self.domain.phi.reshape(self.shape).astype(np.float64)
-        slopes = np.gradient(phi)
-        length = np.sqrt(np.sum([s * s for s in slopes], axis=0))
-        with np.errstate(invalid="ignore", divide="ignore"):
-            bends = [np.gradient(np.where(length > 0, s / length, 0.0), axis=a) for a, s in enumerate(slopes)]
-        places = np.rint(self.points[:, : self.n]).astype(np.int64)
-        return np.abs(np.sum(bends, axis=0)[tuple(places.T)]) > kappa
-
     def leaves_at(self, places: NDArray[np.float64]) -> NDArray[np.int64]:
         """Middle (unclamped, padded to three axes) and level of the leaf at each place, level -1 on the full grid.
 
@@ -324,9 +321,7 @@ class Reduction:
         return out
 
     def _fail(self, keys: NDArray[np.int64]) -> None:
-        for key in np.unique(keys[keys >= 0]):
-            x, y, z = place_of(self.n, key)
-            mark(self.domain, x, y, z, np.int64(FAILED))
+        mark(self.domain, keys, FAILED)
 
     def add(self, wanted: NDArray[np.int64], levels: NDArray[np.int64]) -> int:
         """Put vertices back, with their ancestors; how many were added.
@@ -364,10 +359,29 @@ def distinct(n: int, leaves: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDAr
     return leaves[first], count
 
 
+def bent(keys: NDArray[np.int64], curvature: NDArray[np.float64], kappa: float) -> NDArray[np.int64]:
+    """The diamonds whose points have a mean curvature above ``kappa``; keys of the others' points are -1."""
+    some = np.flatnonzero(keys >= 0)
+    diamonds, number = np.unique(keys[some], return_inverse=True)
+    total = np.bincount(number, weights=curvature[some], minlength=len(diamonds))
+    return diamonds[total > kappa * np.bincount(number, minlength=len(diamonds))]
+
+
+def by_diamond(carried: Carried, keys: NDArray[np.int64], opened: NDArray[np.int64]) -> Carried:
+    """Points sorted by their diamonds, and those of each of the ``opened`` ones."""
+    order = np.argsort(keys, kind="stable")
+    held = keys[order]
+    spans = np.stack([np.searchsorted(held, opened, side) for side in ("left", "right")], axis=1)
+    return carried._replace(order=order, spans=np.ascontiguousarray(spans))
+
+
 @kernel
-def mark(dm: Domain, x: int, y: int, z: int, bits: int) -> None:
-    """Set bits of a lattice point."""
-    set_flags(dm, x, y, z, flags_of(dm, x, y, z) | bits)
+def mark(dm: Domain, keys: IntVector, bits: int) -> None:
+    """Set bits of lattice points, which are given as numbers."""
+    n = dimension(dm.grid.tables)
+    for i in range(len(keys)):
+        x, y, z = _place_of(n, keys[i])
+        set_flags(dm, x, y, z, flags_of(dm, x, y, z) | bits)
 
 
 def copied(chosen: Chosen) -> Chosen:

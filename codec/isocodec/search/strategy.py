@@ -126,7 +126,8 @@ def _meshed(
 def loose_start(promise: Promise, tolerance: float, topology: bool) -> Chosen:
     """A mesh to begin with that is coarse where the curve is flat."""
     reduction = promise.reduction()
-    reduction.reduce(topology=topology, distortion=LOOSE * tolerance, back=BACK * tolerance + SPACING)
+    original = promise.target(BACK * tolerance + SPACING)
+    reduction.reduce(topology=topology, distortion=LOOSE * tolerance, original=original)
     return reduction.chosen
 
 
@@ -249,7 +250,8 @@ def _nested(promise: Promise, distances: Sequence[float], topology: bool) -> lis
         found = []
         for parts, unit in pitches(tolerance, promise.n):
             reduction = promise.reduction(start)
-            reduction.reduce(topology=topology, distortion=tolerance, parts=parts, unit=unit)
+            original = promise.target(tolerance)
+            reduction.reduce(topology=topology, distortion=tolerance, original=original, parts=parts, unit=unit)
             kept = _repaired(promise, reduction, tolerance, parts, unit, within=start)
             if kept is not None:
                 found.append((kept.size, parts, unit, kept.mesh))
@@ -291,39 +293,77 @@ def _kept(
     return best
 
 
-def whole_mesh(promise: Promise, topology: bool) -> Plan:
-    """To the full grid, by way of meshes that all have the right topology if that is asked for."""
+def whole_mesh(promise: Promise, topology: bool, base_level: int | None = None) -> Plan:
+    """To the full grid, by way of meshes that all have the right topology if that is asked for.
+
+    With topology a base of a uniform level is finer where that needs it.
+    """
+    grid = grid_plan(promise.n, promise.full_level, base_level)
     if not topology:
-        return grid_plan(promise.n, promise.full_level, None)
+        return grid
     reduction = promise.reduction()
-    reduction.reduce(topology=True)
+    reduction.reduce(topology=True, level=base_level)
     return [("adaptive_base", 0, reduction.chosen)] + ([("refine", None)] if promise.full_level else [])
 
 
-def reduced(promise: Promise, criterion: str, parameter: float | None, topology: bool) -> Plan:
-    """A base on a mesh reduced under one criterion, as published."""
+def within(promise: Promise, distance: float, topology: bool, geometry: Plan, told: tuple[int, int], grid: Plan) -> Plan:
+    """The mesh of the criterion distortion: greedily reduced, with vertices put back where the proof fails in the end.
+
+    Parameters
+    ----------
+    geometry : plan
+        Layers that follow on the mesh.
+    told : (parts, unit)
+        How points are known after these, as `Reduction.reduce` takes it.
+    grid : plan
+        A file on the full grid, which is taken if it is smaller and keeps to the distance, too.
+    """
     reduction = promise.reduction()
-    match criterion:
-        case "crossing" | "topology" if parameter is not None:
-            raise OptionError(f"the criterion {criterion} takes no number", code="criterion")
-        case "crossing":
+    original = promise.target(distance)
+    parts, unit = told
+    reduction.reduce(topology=topology, distortion=distance, original=original, parts=parts, unit=unit)
+    best: _Found = (math.inf, [])
+    for _ in range(MOST_REPAIRS):
+        plan: Plan = [("adaptive_base", 0, reduction.chosen), *geometry]
+        size, contour = promise.trial(plan)
+        places = promise.excess(contour, distance)
+        if not len(places):
+            best = size, plan
+            break
+        if not reduction.restore(places):
+            break
+    best = _better(promise, distance, grid, best)
+    if not best[1]:
+        raise NotKeptError(
+            f"no mesh was proven to keep to a distortion of {distance:g}", code="criterion",
+            remedy="use a larger one, or tell crossings more finely",
+        )  # fmt: skip
+    return best[1]
+
+
+def reduced(promise: Promise, criterion: str, parameter: float | None, topology: bool) -> Plan:
+    """A base on a mesh reduced under one criterion, as published; under distortion as `within` begins."""
+    if criterion in ("crossing", "topology") and parameter is not None:
+        raise OptionError(f"the criterion {criterion} takes no number", code="criterion")
+    if criterion in ("curvature", "distortion", "level") and parameter is None:
+        raise OptionError(f"the criterion {criterion} needs a number", code="criterion")
+    reduction = promise.reduction()
+    match criterion, parameter:
+        case "crossing", _:
             reduction.reduce(topology=topology, crossing=True)
-        case "topology":
+        case "topology", _:
             reduction.reduce(topology=True)
-        case "curvature" | "distortion" | "level":
-            if parameter is None:
-                raise OptionError(f"the criterion {criterion} needs a number", code="criterion")
-            if criterion == "level":
-                if not (parameter.is_integer() and parameter <= promise.full_level):
-                    raise OptionError(
-                        f"the level is {parameter:g}, needed is a whole number up to that of the full grid, "
-                        f"{promise.full_level}", code="criterion",
-                    )  # fmt: skip
-                reduction.reduce(topology=topology, level=int(parameter))
-            elif criterion == "curvature":
-                reduction.reduce(topology=topology, keep=reduction.curved(parameter))
-            else:
-                reduction.reduce(topology=topology, distortion=parameter)
+        case "level", float():
+            if not (parameter.is_integer() and parameter <= promise.full_level):
+                raise OptionError(
+                    f"the level is {parameter:g}, needed is a whole number up to that of the full grid, "
+                    f"{promise.full_level}", code="criterion",
+                )  # fmt: skip
+            reduction.reduce(topology=topology, level=int(parameter))
+        case "curvature", float():
+            reduction.reduce(topology=topology, curvature=promise.curvature(), kappa=parameter)
+        case "distortion", float():
+            reduction.reduce(topology=topology, distortion=parameter, original=promise.target(parameter))
         case _:
             raise OptionError(
                 f"unknown criterion {criterion!r}", code="criterion",

@@ -12,9 +12,10 @@ from __future__ import annotations
 import numpy as np
 
 from ..kernel import inner
-from ..mesh.access import corner, dimension, member
+from ..mesh.access import dimension, member
 from ..mesh.access import members as member_count
-from ..mesh.grid import clamped, position
+from ..mesh.grid import clamped
+from .domain import corner_at
 
 
 @inner
@@ -29,15 +30,16 @@ def _stretches(t, kind, differ):
 
 
 @inner
-def safe(dm, edge, kind, whole, corners, above, sign, w0, w1, w2):
-    """Whether the middle of a diamond can go; ``above`` are its corners' signs, ``sign`` that of the middle."""
+def safe(dm, diamond, sign):
+    """Whether the middle of a diamond, which has the sign ``sign``, can go."""
     t = dm.grid.tables
-    differ = corners & ~above if sign else above
+    kind, corners = diamond.kind, diamond.corners
+    differ = corners & ~diamond.above if sign else diamond.above
     if differ == 0:
         return True
     if differ == corners:
         return False
-    if whole:
+    if diamond.whole:
         if differ & 3 != 3:
             return True
         ring = corners & ~np.int64(3)
@@ -45,12 +47,13 @@ def safe(dm, edge, kind, whole, corners, above, sign, w0, w1, w2):
             return differ & ring != 0 and differ & ring != ring
         return _stretches(t, kind, differ) == 2
     # at the border: along an end that lies on all faces of the box on which the middle lies
-    here = clamped(dm.grid, (w0 * edge) >> 1, (w1 * edge) >> 1, (w2 * edge) >> 1)
+    edge = diamond.edge
+    here = clamped(dm.grid, (diamond.w0 * edge) >> 1, (diamond.w1 * edge) >> 1, (diamond.w2 * edge) >> 1)
     last = dm.grid.last0, dm.grid.last1, dm.grid.last2
     for end in range(2):
         if (differ >> end) & 1 or not (corners >> end) & 1:
             continue
-        x, y, z = position(edge, w0 >> 2, w1 >> 2, w2 >> 2, corner(t, kind, np.int64(end)))
+        x, y, z = corner_at(dm, diamond, np.int64(end))
         there = clamped(dm.grid, x, y, z)
         free = True
         for axis in range(dimension(t)):

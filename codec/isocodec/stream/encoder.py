@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import zlib
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
@@ -29,11 +30,16 @@ from ..layers.writer import LayerWriter, encoded_size, field_tube
 from ..mesh.tables import cube_exponent
 from ..passes.runner import Tube
 from ..search import strategy
+from ..search.domain import LINEAR_POINTS
 from ..search.ground_truth import truth_of
 from ..search.promise import Promise
 from ..search.tolerance import grid_offsets, radices
 from .options import DEFAULT_TOLERANCE, SEARCHED, Options, isovalues_of
 
+FINE_SHARE = 0.25
+"""Under the criterion distortion crossings are told within this share of its distance, or more finely."""
+NO_OFFSETS = 1, 40
+"""Parts and unit of crossings that are not told: middles of edges, all of them shorter than the unit."""
 INDEX_SHARE = 100
 """A level index is written if it takes at most this fraction of the data."""
 
@@ -166,12 +172,28 @@ class Encoder:
         promise = Promise(self._fields[number], lambda: self._fresh(number, lean), free, self._try, truth)
         if o.distances is not None:
             return strategy.stepwise(promise, o.distances, o.preserve_topology)
+        if o.criterion == "distortion" and o.parameter:
+            return self._within(promise, values, fine, free)
         if o.criterion is not None:
             mesh: strategy.Plan = strategy.reduced(promise, o.criterion, o.parameter, o.preserve_topology)
             return mesh + values + [(LayerKind.OFFSETS, radix, 0) for radix in radices(fine)]
         if searched is not None:
             return strategy.smallest(promise, searched, o.preserve_topology)
-        return strategy.whole_mesh(promise, True) + values + offsets
+        return strategy.whole_mesh(promise, True, o.base_level) + values + offsets
+
+    def _within(self, promise: Promise, values: list[Entry], fine: float | None, free: bool) -> Sequence[Entry]:
+        """Layers under the criterion distortion, with crossings told finely enough for it unless something else is said."""
+        o = self.options
+        distance = o.parameter or 0.0
+        told = NO_OFFSETS if fine is None else (0, 0)
+        if values:
+            told = LINEAR_POINTS, 0
+        elif fine is not None:
+            fine = fine if o.tolerance else min(fine, FINE_SHARE * distance)
+            told = math.prod(radices(fine)), 0
+        geometry = values + [(LayerKind.OFFSETS, radix, 0) for radix in radices(fine)]
+        grid = [*strategy.whole_mesh(promise, o.preserve_topology), *values, *grid_offsets(fine, free)]
+        return strategy.within(promise, distance, o.preserve_topology, geometry, told, grid)
 
     def _size(self, number: int, lean: int, plan: Sequence[Entry]) -> int:
         """Bytes that a plan's runs take for an isovalue, which leans on one that is done."""

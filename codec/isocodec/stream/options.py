@@ -27,7 +27,7 @@ PRECISIONS = ("exact", "tolerance", "signs_only", "step", "steps")
 """Options that set the precision."""
 MESHES = ("base_level", "steps", "criterion")
 """Options that choose the mesh."""
-EXCLUSIVE = (PRECISIONS, MESHES, ("base_level", "preserve_topology"))
+EXCLUSIVE = (PRECISIONS, MESHES)
 """Of each of these groups an encoder takes one option."""
 
 
@@ -91,25 +91,15 @@ class Options:
         return None if self.steps is None else tuple(float(step) for step in self.steps)
 
     def _check_conflicts(self) -> None:
-        values = {name: getattr(self, name) for name in (*PRECISIONS, *MESHES, "preserve_topology")}
+        values = {name: getattr(self, name) for name in (*PRECISIONS, *MESHES)}
         given = {name for name, value in values.items() if value is not None and value is not False}
         if self.plan is not None and given - {"step"}:
             raise OptionError("a plan contradicts the other options", code="options", remedy="give the plan alone")
         names = conflict(given)
-        if "preserve_topology" in names:
-            raise OptionError(
-                "base_level and preserve_topology contradict one another: a uniform base keeps no topology",
-                code="options", remedy="leave out base_level",
-            )  # fmt: skip
         if names:
             raise OptionError(f"{' and '.join(names)} contradict one another", code="options", remedy="choose one")
 
     def _check_criterion(self) -> None:
-        if self.criterion == "level" and self.preserve_topology:
-            raise OptionError(
-                "the criterion level and preserve_topology contradict one another: a uniform mesh keeps no topology",
-                code="options", remedy="leave out one, or choose another criterion",
-            )  # fmt: skip
         if self.parameter is None:
             return
         if self.criterion is None:

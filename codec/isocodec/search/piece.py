@@ -1,0 +1,76 @@
+"""Segments and triangles as nine numbers, three corners of three axes: distances from points, and halves.
+
+A segment has its second point twice.
+"""
+
+from __future__ import annotations
+
+from ..kernel import inner
+
+
+@inner
+def closest(out, o, x, y, z):
+    """The point of the triangle, or segment, at ``o`` that is nearest: squared distance, weights of corners 1 and 2."""
+    a0, a1, a2 = out[o], out[o + 1], out[o + 2]
+    u0, u1, u2 = out[o + 3] - a0, out[o + 4] - a1, out[o + 5] - a2
+    v0, v1, v2 = out[o + 6] - a0, out[o + 7] - a1, out[o + 8] - a2
+    p0, p1, p2 = x - a0, y - a1, z - a2
+    uu, uv, vv = u0 * u0 + u1 * u1 + u2 * u2, u0 * v0 + u1 * v1 + u2 * v2, v0 * v0 + v1 * v1 + v2 * v2
+    pu, pv = p0 * u0 + p1 * u1 + p2 * u2, p0 * v0 + p1 * v1 + p2 * v2
+    det = uu * vv - uv * uv
+    if det > 1e-12 * uu * vv:
+        s, r = (vv * pu - uv * pv) / det, (uu * pv - uv * pu) / det
+        if s >= 0.0 and r >= 0.0 and s + r <= 1.0:
+            d0, d1, d2 = p0 - s * u0 - r * v0, p1 - s * u1 - r * v1, p2 - s * u2 - r * v2
+            return d0 * d0 + d1 * d1 + d2 * d2, s, r
+    best, s = _side(p0, p1, p2, u0, u1, u2)
+    r = 0.0
+    other, along = _side(p0, p1, p2, v0, v1, v2)
+    if other < best:
+        best, s, r = other, 0.0, along
+    other, along = _side(p0 - u0, p1 - u1, p2 - u2, v0 - u0, v1 - u1, v2 - u2)
+    if other < best:
+        best, s, r = other, 1.0 - along, along
+    return best, s, r
+
+
+@inner
+def near(out, o, x, y, z):
+    """Squared distance from a point to the triangle, or segment, at ``o``."""
+    return closest(out, o, x, y, z)[0]
+
+
+@inner
+def _side(p0, p1, p2, u0, u1, u2):
+    """Squared distance to the segment from the origin to u, and where on it that is."""
+    uu = u0 * u0 + u1 * u1 + u2 * u2
+    s = 0.0
+    if uu > 0.0:
+        s = min(max((p0 * u0 + p1 * u1 + p2 * u2) / uu, 0.0), 1.0)
+    d0, d1, d2 = p0 - s * u0, p1 - s * u1, p2 - s * u2
+    return d0 * d0 + d1 * d1 + d2 * d2, s
+
+
+@inner
+def apart(o, i, x, y, z):
+    # squares as products: plain Python's powers are rounded otherwise
+    u, v, w = o[i] - x, o[i + 1] - y, o[i + 2] - z
+    return u * u + v * v + w * w
+
+
+@inner
+def halve(stack, depth):
+    """Replace the piece at ``depth`` by its two halves across its longest side."""
+    o = stack[depth]
+    longest, a, b, c = -1.0, 0, 3, 6
+    for i in range(3):
+        p, q = 3 * i, 3 * ((i + 1) % 3)
+        d = apart(o, p, o[q], o[q + 1], o[q + 2])
+        if d > longest:
+            longest, a, b, c = d, p, q, 3 * ((i + 2) % 3)
+    segment = apart(o, c, o[b], o[b + 1], o[b + 2]) == 0.0 or apart(o, c, o[a], o[a + 1], o[a + 2]) == 0.0
+    for axis in range(3):
+        u, v, w = o[a + axis], o[b + axis], o[c + axis]
+        m = 0.5 * (u + v)
+        stack[depth, axis], stack[depth, 3 + axis], stack[depth, 6 + axis] = u, m, m if segment else w
+        stack[depth + 1, axis], stack[depth + 1, 3 + axis], stack[depth + 1, 6 + axis] = v, m, m if segment else w
