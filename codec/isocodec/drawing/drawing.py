@@ -51,14 +51,20 @@ def draw(leaves: Leaves, *, complete: bool = True, smooth: bool = False) -> Cont
 
 
 def _drawn_together(leaves: Leaves) -> Drawn:
-    """Leaves that fill unit cells as on the full grid, the others one by one (spec clause 9.1)."""
+    """Leaves that fill unit cells as on the full grid, the others one by one (spec clause 9.1).
+
+    Cubes are drawn so if all leaves fill some: else diagonals of their faces would have points on one side only.
+    """
     finest = leaves.levels == len(leaves.shape) * cube_exponent(leaves.shape)
-    if not finest.any():
+    plane = len(leaves.shape) == 2
+    if not (finest.any() if plane else finest.all()):
         return draw_simplices(leaves)
     grid, whole = draw_grid(replace(leaves, simplices=leaves.simplices[finest], levels=leaves.levels[finest]))
     alone = np.ones(len(finest), np.bool_)
     alone[finest] = ~whole
-    return _joined(leaves, grid, draw_simplices(leaves, alone)) if alone.any() else grid
+    if not alone.any():
+        return grid
+    return _joined(leaves, grid, draw_simplices(leaves, alone)) if plane else draw_simplices(leaves)
 
 
 def _joined(leaves: Leaves, grid: Drawn, other: Drawn) -> Drawn:

@@ -35,11 +35,11 @@ def see_behind(st, cd, simplex, opp, guess, case, other):
     level, cls, b0, b1, b2 = simplex
     r = level % n
     plane = n == 2
-    first, count, cases = (_BASE_2, len(_STEPS_2), 4) if plane else (_BASE_3, len(_STEPS_3), 16)
+    first, count = (_BASE_2, len(_STEPS_2)) if plane else (_BASE_3, len(_STEPS_3))
     edge = edge_of(st.grid, level)
     frame = r * (n + 1) + opp
     clear(cd)
-    see(cd, first + case % cases)
+    see(cd, first + case % ctx.CURVE)
     if other >= 0:
         see(cd, first + 16 + (other == guess))
     first += 18 + 2 * count * frame
@@ -74,7 +74,7 @@ def code_behind(st, cd, simplex, opp, guess, context, other, bit):
     if not mixing(cd):
         return code(cd, context, bit)
     n = dimension(st.grid.tables)
-    case = (context - ctx.BASE_CURVE) >> 2 if n == 2 else context - ctx.BASE_SURFACE
+    case = context - (ctx.BASE_CURVE if n == 2 else ctx.BASE_SURFACE)
     see_behind(st, cd, simplex, opp, guess, case, other)
     return blended(cd, BASE_NET, False, BASE_KIND + simplex.level % n + 3 * (other >= 0), context, bit)
 
