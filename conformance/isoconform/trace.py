@@ -26,22 +26,17 @@ from .plain import interpreted
 CONTEXTS = (
     ("ORIGIN", "ORIGIN", "origin", (3,)), ("COMPONENT", "COMPONENT", "component", ()),
     ("ROOT", "ROOT", "location", ()), ("PATH", "PATH", "location", (2,)), ("FIRST", "FIRST", "base sign", (3, 2, 4)),
-    ("BASE_CURVE", "CURVE", "base sign", (3, 4)), ("BASE_SURFACE", "SURFACE", "base sign", (3, 3, 4, 4, 2, 2)),
+    ("BASE_CURVE", "CURVE", "base sign", (3, 4, 4)), ("BASE_SURFACE", "SURFACE", "base sign", (3, 3, 4, 4, 2, 2)),
     ("SIGNIFICANT", "TREE", "significance", (25, 3)), ("SIGNIFICANT_LEAF", "LEAF", "significance", (4, 5, 3)),
     ("REFINE_BORDER", "BORDER", "refinement sign", (7, 3, 10, 4)),
     ("REFINE_CROSSED", "CROSSED", "refinement sign", (7, 3, 10, 3, 4)), ("VALUE", "VALUE", "value bit", (52, 2, 3)),
-    ("OFFSET", "OFFSET", "offset bit", (2, 8, contexts.OFFSET_STRIDE)), ("LEVEL", "LEVEL", "level", (3, 2, 4)),
+    ("OFFSET", "OFFSET", "offset bit", (2, 8, 3, 3)), ("LEVEL", "LEVEL", "level", (3, 2, 4)),
     ("LEVEL_PATH", "LEVEL_PATH", "level", (64,)), ("SPLIT", "SPLIT", "split", (3, 2, 4, 8)),
     ("CONTINUE", "CONTINUE", "continue", ()), ("SEED", "SEED", "base sign", (2, 4, 2)),
     ("OFFSET_LEAN", "OFFSET_LEAN", "offset bit", (8, 16)), ("TURNED", "TURNED", "significance", ()),
+    ("VALUE_NEAR", "VALUE_NEAR", "value bit", (16, 2, 16)), ("OFFSET_NEAR", "OFFSET_NEAR", "offset bit", (2, 4, 2, 16)),
 )  # fmt: skip
 """Names of contexts in the implementation and in clause 7.1, the syntax element, and the numbers of their values."""
-MIXED_OFFSET = (2, 8, 3, 3)
-"""Of OFFSET in the main profile (clause 7.10(2))."""
-MORE = 7
-"""Contexts of a digit's size before those of more: zero and side, four each, and counting from 1."""
-
-
 @dataclass
 class Symbol:
     """A symbol that was received.
@@ -75,23 +70,17 @@ class Symbol:
     says: list[str] = field(default_factory=list)
 
 
-def context_name(number: int, mixed: bool) -> tuple[str, str]:
+def context_name(number: int) -> tuple[str, str]:
     """Name of a context as clause 7.1 has it, and its syntax element."""
     for name, spoken, element, sizes in reversed(CONTEXTS):
         rest = number - getattr(contexts, name)
         if rest < 0:
             continue
-        if name == "OFFSET" and mixed:
-            sizes = MIXED_OFFSET
         values = []
         for i in range(len(sizes)):
             below = prod(sizes[i + 1 :])
             values.append(rest // below)
             rest %= below
-        if name == "OFFSET" and not mixed:
-            again, size, place = values
-            which = ("ZERO", "SIDE", "MORE")[min(place // 4, 2)]
-            spoken, values = f"OFFSET_{which}", [again, size, place - MORE if which == "MORE" else place % 4]
         return f"{spoken}({', '.join(map(str, values))})" if values else spoken, element
     raise ValueError(f"no context has the number {number}")
 
@@ -163,7 +152,7 @@ class Tracer:
 
     def _note(self, context: int, mixing: str) -> None:
         p, width, bit = self._told
-        name, element = context_name(context, bool(mixing))
+        name, element = context_name(context)
         layer = self.decoder.layers[self._done]
         self.symbols.append(Symbol(layer, self._done + 1, element, name, mixing, p, width, bit))
 
