@@ -22,7 +22,7 @@ from isocodec.entropy.range_coder import (
     start,
 )
 from isocodec.models.contexts import CONTEXTS, models, rates
-from isocodec.models.parabola import LEAST, MOST, WEIGHTS, extrapolation, nearer
+from isocodec.models.parabola import LEAST, MOST, NEXT, ONWARD, STIFFNESS, extrapolation, nearer, through_the_gate
 from isocodec.models.trained import no_blend
 
 HALF = ONE // 2
@@ -374,7 +374,7 @@ def test_extrapolation_is_least_squares(points):
     y = np.random.default_rng(points).normal(size=points)
     fit = np.polyval(np.polyfit(np.arange(points), y, 2), points)
     assert np.dot(weights, y) / denominator == pytest.approx(fit, abs=1e-9)
-    assert list(WEIGHTS[points, : points + 1]) == [denominator, *weights]
+    assert list(NEXT[points, : points + 1]) == [denominator, *weights]
 
 
 def test_extrapolation_from_twenty_points():
@@ -382,6 +382,23 @@ def test_extrapolation_from_twenty_points():
     denominator, weights = extrapolation(20)
     assert (denominator, sum(map(abs, weights))) == (1140, 2820)
     assert extrapolation(3) == (1, [1, -3, 3])  # f(3) = f(0) - 3 f(1) + 3 f(2) for any parabola
+    denominator, weights = through_the_gate(20)
+    assert (denominator, sum(map(abs, weights))) == (79_332_435, 11_755_498)
+
+
+@pytest.mark.parametrize("points", range(1, MOST + 1))
+def test_onward_is_least_squares_through_the_gate(points):
+    """C2-arith, F-80: b t + c t**2 with the least sum of squares, bending weighed; lines are continued exactly for c = 0.
+
+    The oracle is ``numpy.linalg.lstsq`` with a row for the bending.
+    """
+    denominator, weights = through_the_gate(points)
+    assert list(ONWARD[points, : points + 1]) == [denominator, *weights]
+    t = np.arange(-points, 0)
+    rows = np.vstack([np.column_stack([t, t**2]), [0, np.sqrt(STIFFNESS)]])
+    y = np.random.default_rng(points).normal(size=points)
+    b, c = np.linalg.lstsq(rows, np.append(y, 0), rcond=None)[0]
+    assert np.dot(weights, y) / denominator == pytest.approx(b + c, abs=1e-6)
 
 
 @examples(200)
@@ -395,13 +412,18 @@ def test_nearer_point(data):
     ring = np.zeros(2 * MOST, np.int64)
     for i, p in enumerate(trail):
         ring[2 * (i % MOST) : 2 + 2 * (i % MOST)] = p
-    case = nearer(ring, count, 1, g, a, b)
-    if count < LEAST:
+    onward = data.draw(st.booleans())
+    case = nearer(ring, count, 1, g, a, b, onward)
+    if count < (1 if onward else LEAST):
         assert case == 0
         return
     last = np.array(trail[-MOST:], float)
-    x = np.arange(len(last))
-    p = np.array([np.polyval(np.polyfit(x, last[:, axis], 2), len(last)) for axis in (0, 1)])
+    if onward:
+        denominator, weights = through_the_gate(len(last))
+        p = g + np.array(weights) @ (last - g) / denominator
+    else:
+        x = np.arange(len(last))
+        p = np.array([np.polyval(np.polyfit(x, last[:, axis], 2), len(last)) for axis in (0, 1)])
     margin = ((p - a) ** 2).sum() - ((p - b) ** 2).sum()
     assert 1 <= abs(case) <= 3
     if abs(margin) > 1e-6:

@@ -30,6 +30,7 @@ from isocodec.models.values import Nearby, nearby_samples, see_nearby
 from isocodec.passes.values import enter_told
 from isocodec.search.promise import Promise
 from isocodec.search.strategy import grid_plan, reduced
+from isocodec.tube.capacity import NOTHING
 
 SHAPES = [(34, 29), (13, 12, 14)]
 
@@ -116,7 +117,7 @@ def test_rows_of_values_nearby(shape, planes):
         v = active[i]
         if left[v] != p + 1:
             continue
-        see_nearby(state, cd, Nearby(near, told), *ints(i), number, *ints(v, p))
+        see_nearby(state, cd, Nearby(near, told, NOTHING, NOTHING), *ints(i), number, *ints(v, p))
         here = np.array(state.vertex[v, :n], np.int64)
 
         def near_value(*step, here=here, v=v):

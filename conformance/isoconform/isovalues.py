@@ -58,6 +58,13 @@ def whole() -> Iterator[Draft]:
             f"{space}_isovalues_many", field, (HIGH_VALUE, LOW_VALUE, HIGH_VALUE + 4, LOW_VALUE - 1, VALUE),
             "isovalues that lean on different earlier ones", exact=True,
         )  # fmt: skip
+        part: dict[float, Steps] = {VALUE: [*GRID, ("values", 4)]}
+        for further, base in ((VALUE + 2, GRID), (VALUE - 3, [("leaf_base",)]), (HIGH_VALUE, GRID)):
+            part[further] = [*base, ("values", None)]
+        yield encoded(
+            f"{space}_isovalues_values_in_part", field, tuple(part), "isovalues: values known in part", plan=part,
+            layers=True,
+        )  # fmt: skip
         yield encoded(
             f"{space}_isovalues_scaled", field / 8, (10.0, 10.5, 9.25), "isovalues of scaled data", "power-of-two step",
             step=0.25,
