@@ -46,6 +46,7 @@ if TYPE_CHECKING:
     from .stream.encoder import Encoder
     from .stream.inspect import FileInfo, inspect
     from .stream.plan_file import read_plan
+    from .stream.statistics import FileStatistics, statistics
     from .stream.truncate import truncate
 
 __version__ = "0.1.0"
@@ -68,6 +69,7 @@ _HOMES = {
     "stream.encoder": ("Encoder",),
     "stream.inspect": ("FileInfo", "inspect"),
     "stream.plan_file": ("read_plan",),
+    "stream.statistics": ("FileStatistics", "statistics"),
     "stream.truncate": ("truncate",),
 }  # fmt: skip
 _HOME = {name: home for home, names in _HOMES.items() for name in names}
@@ -81,6 +83,7 @@ __all__ = [
     "End",
     "Event",
     "FileInfo",
+    "FileStatistics",
     "FormatError",
     "GeometryRefined",
     "HeaderRead",
@@ -105,6 +108,7 @@ __all__ = [
     "inspect",
     "kernels",
     "read_plan",
+    "statistics",
     "truncate",
 ]
 
