@@ -114,7 +114,7 @@ def steps(item: Item, out: Path, name: str, count: int = 5) -> None:
 def cortex(folder: Path, out: Path) -> None:
     """F-cortex: a slice of a head, topology controlled, steps that double the bytes."""
     steps(load(folder, "medical/mni152_axial_100", 120.5), out, "cortex")
-    steps(load(folder, "medical/ct_head_693", 1100.5), out, "bone")
+    steps(load(folder, "medical/ct_head_693", 300.5), out, "bone")
 
 
 def terrain(folder: Path, out: Path) -> None:

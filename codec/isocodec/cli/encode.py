@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 @click.command("encode", cls=Grouped, short_help="Encode the isocontour of a picture, terrain or volume.")
 @click.argument("source", metavar="INPUT", type=click.Path(path_type=Path, readable=False))
 @section(
-    "Isovalue (give exactly one of --isovalue, --interval and --label, or a plan that names isovalues)",
+    "Isovalue (give one of --isovalue, --interval and --label, unless a plan does)",
     click.option(
         "--isovalue", "isovalues", type=Isovalue(), multiple=True, metavar="V", help="Inside is value > V. Repeatable."
     ),
@@ -139,14 +139,14 @@ def encode_command(
 
     \b
     Lines of a plan, # begins a comment:
-      isovalue V                     the layers of this isovalue follow
-      base [LEVEL]                   uniform base; of the full grid without LEVEL
-      adaptive-base [LEVEL] CRIT ..  base on a mesh reduced under criteria
-      leaf-base                      base on the mesh of the isovalue leaned on
-      refine [ROUNDS]                uniform refinement; to the full grid
+      isovalue V                       the layers of this isovalue follow
+      base [LEVEL]                     uniform base; without LEVEL the full grid
+      adaptive-base [LEVEL] CRIT ..    base on a mesh reduced under criteria
+      leaf-base                        base on the mesh of the isovalue leaned on
+      refine [ROUNDS]                  uniform refinement, up to the full grid
       adapt CRIT .. [same-components]  refinement to a mesh under criteria
-      values [BITS | left=BITS]      so many bits more; until so many are left
-      offsets RADIX [unit=U]         crossings in RADIX (odd) parts each
+      values [BITS | left=BITS]        so many bits more; until so many are left
+      offsets RADIX [unit=U]           crossings in RADIX (odd) parts each
     CRIT is crossing, topology, curvature=K, distortion=D or level=L.
     """
     asked = bool(isovalues) + (interval is not None) + bool(labels)
