@@ -231,6 +231,7 @@ def test_a_plan_is_checked_before_the_field_is_encoded() -> None:
 def test_help_and_the_module_name_the_same_lines() -> None:
     from isocodec.stream.plan_file import _LINES
 
-    shown = ok("encode", "--help")
+    shown = ok("encode", "--plan-help")
+    assert "--plan-help" in ok("encode", "--help")
     for word in _LINES:
         assert word in shown and f"``{word}" in (LANGUAGE or "")

@@ -27,6 +27,15 @@ if TYPE_CHECKING:
     from ..io.read import Field
 
 
+def _explain(context: click.Context, option: click.Parameter, asked: bool) -> None:
+    """Print what a plan may say."""
+    if asked:
+        from ..stream import plan_file
+
+        click.echo((plan_file.__doc__ or "").replace("``", ""), nl=False)
+        context.exit()
+
+
 @click.command("encode", cls=Grouped, short_help="Encode the isocontour of a picture, terrain or volume.")
 @click.argument("source", metavar="INPUT", type=click.Path(path_type=Path, readable=False))
 @section(
@@ -55,7 +64,7 @@ if TYPE_CHECKING:
         metavar="D",
         help="Largest distance from the contour and back, in cells; from 0.1 on, search for the smallest file.",
     ),
-    click.option("--steps", metavar="D,D,..", help="Falling tolerances, one after the other; the last may be exact."),
+    click.option("--steps", metavar="D,D,..", help="Falling tolerances, one by one; the last may be exact."),
     click.option("--signs-only", is_flag=True, help="Keep only which samples are inside."),
 )
 @section(
@@ -72,7 +81,10 @@ if TYPE_CHECKING:
         "--plan",
         type=click.Path(path_type=Path, readable=False),
         metavar="FILE",
-        help="Make the layers that FILE lists, a line each (see below).",
+        help="Make the layers that FILE lists (--plan-help).",
+    ),
+    click.option(
+        "--plan-help", is_flag=True, is_eager=True, expose_value=False, callback=_explain, help="Explain such lists."
     ),
 )
 @section(
@@ -136,18 +148,6 @@ def encode_command(
     """Encode the isocontour (2-D) or isosurface (3-D) of the field in INPUT.
 
     INPUT is .npy, .npz, HDF5, NetCDF, PNG, JPEG, TIFF (a stack is a volume), NIfTI, NRRD or MetaImage.
-
-    \b
-    Lines of a plan, # begins a comment:
-      isovalue V                       the layers of this isovalue follow
-      base [LEVEL]                     uniform base; without LEVEL the full grid
-      adaptive-base [LEVEL] CRIT ..    base on a mesh reduced under criteria
-      leaf-base                        base on the mesh of the isovalue leaned on
-      refine [ROUNDS]                  uniform refinement, up to the full grid
-      adapt CRIT .. [same-components]  refinement to a mesh under criteria
-      values [BITS | left=BITS]        so many bits more; until so many are left
-      offsets RADIX [unit=U]           crossings in RADIX (odd) parts each
-    CRIT is crossing, topology, curvature=K, distortion=D or level=L.
     """
     asked = bool(isovalues) + (interval is not None) + bool(labels)
     if asked > 1 or (asked == 0 and plan is None):

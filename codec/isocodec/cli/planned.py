@@ -44,7 +44,7 @@ class Planned:
             except UnicodeDecodeError:
                 text = "\0"
             if len(data) > MOST or "\0" in text:
-                raise OptionError("not a plan, which is a short text", code="plan", remedy="see encode --help")
+                raise OptionError("not a plan, which is a short text", code="plan", remedy="see encode --plan-help")
             return cls(path, read_plan(text))
 
     def isovalues(self, given: Sequence[float], shape: tuple[int, ...], leaning: bool) -> tuple[float, ...]:
