@@ -244,7 +244,7 @@ def test_the_options_of_encode_fit_a_screen(monkeypatch: pytest.MonkeyPatch) -> 
     assert len(lines) <= 50 and max(map(len, lines)) <= 80
     headings = [line.split("(")[0].strip(" :") for line in lines if line.endswith(":")]
     assert headings == ["Isovalue", "Precision", "Layers", "Input", "Limits", "Output"]
-    assert sum(line.startswith("  -") for line in lines) == 26
+    assert sum(line.startswith("  -") for line in lines) == 28
 
 
 def test_options_that_contradict_one_another_are_named_as_on_the_command_line(hills: Path, tmp_path: Path) -> None:

@@ -14,6 +14,7 @@ from commands import BALL, HILLS, fails, ok, run
 from files import picture as field_of
 from isocodec.io import picture
 from isocodec.io.picture import Step
+from isocodec.io.view import USUAL, upright
 
 
 @pytest.fixture
@@ -22,9 +23,9 @@ def drawn(monkeypatch: pytest.MonkeyPatch) -> list[Step]:
     seen: list[Step] = []
     make = picture.steps_picture
 
-    def noted(steps: list[Step], suffix: str = ".png") -> bytes:
+    def noted(steps: list[Step], *how: object) -> bytes:
         seen.extend(steps)
-        return make(steps, suffix)
+        return make(steps, *how)
 
     monkeypatch.setattr(picture, "steps_picture", noted)
     return seen
@@ -147,12 +148,13 @@ def test_the_mesh_of_a_surface_is_what_looks_at_the_viewer(field: np.ndarray) ->
     isovalue = 55.5 if field is BALL else 44.5
     contour = isocodec.decode(isocodec.encode(field, isovalue, exact=True))
     corners = contour.points[contour.cells] - 8.0
-    near = corners.mean(axis=1) @ picture._TOWARDS
+    world = upright(contour).T
+    near = corners.mean(axis=1) @ world @ USUAL.towards
     # normals of a ball point away from its middle, or towards it; those at its outline may look either way
     clear = np.abs(near) > 1.0
     segments = drawn_mesh(contour, *(np.zeros((0, k), np.int64) for k in (3, 4)))
     assert segments.shape[1:] == (4, 2) and np.array_equal(segments[:, 0], segments[:, 3])
-    flat = corners @ np.stack([picture._RIGHT, picture._UP], axis=1)
+    flat = corners @ world @ USUAL.screen
     shown = {segment[:3].round(9).tobytes() for segment in segments + 0.0}
     is_shown = np.array([triangle.tobytes() in shown for triangle in flat.round(9) + 0.0])
     assert clear.sum() > 0.5 * len(near)

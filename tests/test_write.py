@@ -20,7 +20,9 @@ from files import same
 from isocodec.drawing.contour import Contour
 from isocodec.errors import MissingExtraError, OptionError
 from isocodec.io import check_suffix, check_target, render_contour, write_bytes, write_contour
-from isocodec.io.picture import Step, contour_picture, shade, steps_picture
+from isocodec.io.picture import Step, contour_picture, steps_picture
+from isocodec.io.shading import shade
+from isocodec.io.view import USUAL, upright
 
 # A diamond around sample (2, 3), closed, and one segment that leaves the grid.
 SQUARE = [(1.0, 3.0), (2.0, 2.0), (3.0, 3.0), (2.0, 4.25)]
@@ -39,6 +41,7 @@ SURFACE = Contour(
     isovalue=0.25,
     shape=(4, 5, 6),
 )
+WORLD = upright(SURFACE).T
 NO_SURFACE = Contour(np.zeros((0, 3)), np.zeros((0, 3), dtype=np.int64), 9.0, (4, 5, 6))
 
 
@@ -167,7 +170,7 @@ def test_shading_fills_the_silhouette() -> None:
     # A unit square, facing axis 0, in two triangles; its image is a parallelogram without holes.
     points = np.array([(0.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 1.0, 1.0), (0.0, 0.0, 1.0)])
     # Off the middle, so that no edge lies just between two columns of pixels.
-    whole = shade(points, np.array([(0, 1, 2), (0, 2, 3)]), np.array([0.013, 0.007]), 4.0, 100)
+    whole = shade(points @ WORLD, np.array([(0, 1, 2), (0, 2, 3)]), USUAL, np.array([0.013, 0.007]), 4.0, 100)
     # Viewed along (-0.42, -0.75, -0.55) / 1.0203 it shrinks to 0.412 of its area: 625 pixels of area 1.
     assert whole[..., 3].sum() == pytest.approx(625 * 0.412, rel=0.08)
     opaque = whole[..., 3] > 0
@@ -181,9 +184,9 @@ def test_shading_hides_what_lies_behind() -> None:
     behind = front * 1.0 - np.array([-0.42, -0.75, -0.55])
     behind[2, 0] += 0.4  # tilted, so that its shade is another
     both = np.concatenate([front, behind])
-    alone = shade(front, np.array([(0, 1, 2)]), np.zeros(2), 4.0, 60)
+    alone = shade(front @ WORLD, np.array([(0, 1, 2)]), USUAL, np.zeros(2), 4.0, 60)
     for cells in ([(0, 1, 2), (3, 4, 5)], [(3, 4, 5), (0, 1, 2)]):
-        seen = shade(both, np.array(cells), np.zeros(2), 4.0, 60)
+        seen = shade(both @ WORLD, np.array(cells), USUAL, np.zeros(2), 4.0, 60)
         inner = alone[..., 3] == 1.0
         assert inner.any()
         assert np.array_equal(seen[inner], alone[inner])

@@ -45,6 +45,8 @@ if TYPE_CHECKING:
     from .stream.decoder import Decoder
     from .stream.encoder import Encoder
     from .stream.inspect import FileInfo, inspect
+    from .stream.plan_file import read_plan
+    from .stream.statistics import FileStatistics, statistics
     from .stream.truncate import truncate
 
 __version__ = "0.1.0"
@@ -66,6 +68,8 @@ _HOMES = {
     ),
     "stream.encoder": ("Encoder",),
     "stream.inspect": ("FileInfo", "inspect"),
+    "stream.plan_file": ("read_plan",),
+    "stream.statistics": ("FileStatistics", "statistics"),
     "stream.truncate": ("truncate",),
 }  # fmt: skip
 _HOME = {name: home for home, names in _HOMES.items() for name in names}
@@ -79,6 +83,7 @@ __all__ = [
     "End",
     "Event",
     "FileInfo",
+    "FileStatistics",
     "FormatError",
     "GeometryRefined",
     "HeaderRead",
@@ -102,6 +107,8 @@ __all__ = [
     "encode",
     "inspect",
     "kernels",
+    "read_plan",
+    "statistics",
     "truncate",
 ]
 

@@ -80,11 +80,12 @@ def encode(
         Whether each further isovalue is coded with the help of the nearest one before it in the file.
     plan : sequence of entries, optional
         Instead of all these but ``step``: the layers one by one, as ``("base", level)``, ``("refine", rounds)``,
-        ``("values", bits)``, ``("offsets", radix)``, where None means as far as it goes; ``("adaptive_base", level,
-        mesh)``, ``("adapt", births, mesh)`` with the mesh that they lead to (`mesh.vertex_set.Chosen`),
+        ``("values", bits)``, ``("offsets", radix)``, where None means as far as it goes; ``("values", None, left)``
+        leaves so many bits; ``("adaptive_base", level, mesh)``, ``("adapt", births, mesh)`` with the mesh that they
+        lead to (`mesh.vertex_set.Chosen`) or the criteria of its reduction (`layers.plan.Criteria`),
         ``("leaf_base",)``, ``("offsets", radix, unit)``. ``("promise", distance)`` behind layers other than values
         states how far their curve lies from the original one at most, without proof. A mapping gives each isovalue a
-        plan of its own.
+        plan of its own. `read_plan` makes plans of text.
     profile : str
         ``main``, or ``baseline``, which makes larger files for smaller and faster decoders.
     metadata : mapping of str to str, optional

@@ -9,6 +9,7 @@ from pathlib import Path
 import click
 
 from ..errors import FormatError
+from .mesh import write_mesh
 from .options import iso_argument, json_option, limit_options, limits_of, output_option, partial_option, smooth_option
 from .receive import Drawings, receive, receive_all, warn_of_others
 from .report import check_output, concerning, read_iso, tell, warn, write_output
@@ -37,13 +38,18 @@ LOST = 0.01
 @click.option(
     "--areas", type=click.Choice(["above", "below"]), help="Write polygons of the areas above or below (.geojson)."
 )
+@click.option(
+    "--mesh", type=click.Choice(["whole", "tube"]),
+    help="Write the mesh instead: of the whole box, or the simplices that the curve crosses (.vtu, .ply, .geojson).",
+)
 @smooth_option
 @partial_option
 @limit_options
 @json_option
 def decode_command(
     source: Path, output: Path, isovalue: float | None, layers: int | None, max_bytes: int | None, in_samples: bool,
-    areas: str | None, smooth: bool, partial: bool, limit_memory: int | None, limit_work: int | None, as_json: bool,
+    areas: str | None, mesh: str | None, smooth: bool, partial: bool, limit_memory: int | None,
+    limit_work: int | None, as_json: bool,
 ) -> None:  # fmt: skip
     """Decode IN.iso to OUT; the suffix of OUT names the format.
 
@@ -57,8 +63,19 @@ def decode_command(
 
     With --areas the .geojson holds polygons with holes: the curve, closed along the border of the samples.
 
+    With --mesh the file holds triangles or tetrahedra with their level, and vertices with their sign (above: 1, 0).
+
     If there are several isovalues, .geojson, .svg and .png hold all of them, the other formats one.
     """
+    if mesh and (areas or smooth):
+        raise click.UsageError(f"--mesh and --{'areas' if areas else 'smooth'} contradict one another: choose one")
+    if mesh:
+        write_mesh(
+            source, output, isovalue, mesh == "whole", in_samples, partial, limits_of(limit_memory, limit_work),
+            layers, max_bytes, as_json,
+        )  # fmt: skip
+        return
+
     from ..io.write import (
         AREAS,
         check_areas,

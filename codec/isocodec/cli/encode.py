@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import time
+from contextlib import nullcontext
 from dataclasses import replace
 from decimal import Decimal
 from pathlib import Path
@@ -13,6 +14,7 @@ import click
 
 from ..limits import FIELD_SAMPLES
 from .options import Grouped, Isovalue, json_option, output_option, section
+from .planned import Planned
 from .progress import progress_bar
 from .quiet import one_warning
 from .report import check_iso_output, concerning, tell, warn, write_output
@@ -25,10 +27,19 @@ if TYPE_CHECKING:
     from ..io.read import Field
 
 
+def _explain(context: click.Context, option: click.Parameter, asked: bool) -> None:
+    """Print what a plan may say."""
+    if asked:
+        from ..stream import plan_file
+
+        click.echo((plan_file.__doc__ or "").replace("``", ""), nl=False)
+        context.exit()
+
+
 @click.command("encode", cls=Grouped, short_help="Encode the isocontour of a picture, terrain or volume.")
 @click.argument("source", metavar="INPUT", type=click.Path(path_type=Path, readable=False))
 @section(
-    "Isovalue (give exactly one of --isovalue, --interval and --label)",
+    "Isovalue (give one of --isovalue, --interval and --label, unless a plan does)",
     click.option(
         "--isovalue", "isovalues", type=Isovalue(), multiple=True, metavar="V", help="Inside is value > V. Repeatable."
     ),
@@ -53,7 +64,7 @@ if TYPE_CHECKING:
         metavar="D",
         help="Largest distance from the contour and back, in cells; from 0.1 on, search for the smallest file.",
     ),
-    click.option("--steps", metavar="D,D,..", help="Falling tolerances, one after the other; the last may be exact."),
+    click.option("--steps", metavar="D,D,..", help="Falling tolerances, one by one; the last may be exact."),
     click.option("--signs-only", is_flag=True, help="Keep only which samples are inside."),
 )
 @section(
@@ -65,6 +76,15 @@ if TYPE_CHECKING:
         metavar="NAME[=X]",
         help="Reduce the mesh by crossing, topology, curvature=K, distortion=D or level=L; precision then holds for "
         "crossings on that mesh only.",
+    ),
+    click.option(
+        "--plan",
+        type=click.Path(path_type=Path, readable=False),
+        metavar="FILE",
+        help="Make the layers that FILE lists (--plan-help).",
+    ),
+    click.option(
+        "--plan-help", is_flag=True, is_eager=True, expose_value=False, callback=_explain, help="Explain such lists."
     ),
 )
 @section(
@@ -108,6 +128,7 @@ def encode_command(
     steps: str | None,
     preserve_topology: bool,
     criterion: str | None,
+    plan: Path | None,
     signs_only: bool,
     step: float | None,
     base_level: int | None,
@@ -128,7 +149,8 @@ def encode_command(
 
     INPUT is .npy, .npz, HDF5, NetCDF, PNG, JPEG, TIFF (a stack is a volume), NIfTI, NRRD or MetaImage.
     """
-    if bool(isovalues) + (interval is not None) + bool(labels) != 1:
+    asked = bool(isovalues) + (interval is not None) + bool(labels)
+    if asked > 1 or (asked == 0 and plan is None):
         raise click.UsageError("give exactly one of --isovalue, --interval and --label")
     if len(labels) > 1:
         several = " and ".join(f"--label {label:g}" for label in labels)
@@ -152,10 +174,11 @@ def encode_command(
     if chosen := conflict([name for name, value in click.get_current_context().params.items() if _is_given(value)]):
         names = " and ".join("--" + option.replace("_", "-") for option in chosen)
         raise click.UsageError(f"{names} contradict one another: choose one")
+    planned = None if plan is None else Planned.read(plan)
     options = Options(
         exact=exact, tolerance=tolerance, signs_only=signs_only, step=step, base_level=base_level,
         preserve_topology=preserve_topology, steps=distances, criterion=name, parameter=parameter,
-        leaning=not independent, profile=profile, metadata=notes,
+        leaning=not independent, plan=None if planned is None else planned.plan, profile=profile, metadata=notes,
     )  # fmt: skip
     check_iso_output(output, source)
 
@@ -180,12 +203,16 @@ def encode_command(
         if label is not None:
             field, isovalues = _labelled(field, label), (0.5,)
             notes.setdefault("label", f"{label:g}")
-            if not any(_is_given(getattr(options, precision)) for precision in PRECISIONS):
+            if planned is not None:
+                planned.isovalues(isovalues, field.shape, not independent)
+            if plan is None and not any(_is_given(getattr(options, precision)) for precision in PRECISIONS):
                 options = replace(options, signs_only=True)
         else:
             gone = missing_samples(field, nodata)
             if interval is not None:
                 isovalues = _multiples(interval, field[~gone])
+            if planned is not None:
+                isovalues = planned.isovalues(isovalues, field.shape, not independent)
             field = _whole(source, field, gone, missing, isovalues)
         placement: ArrayLike | None = place.placement if placed else steps_along
         if place.remark:
@@ -194,7 +221,8 @@ def encode_command(
             notes.setdefault(CRS, place.crs)
         options = replace(options, metadata=notes, placement=placement)
         started = time.perf_counter()
-        with progress_bar("encoding") as progress:
+        about_plan = nullcontext() if planned is None else planned.blamed()
+        with progress_bar("encoding") as progress, about_plan:
             data = isocodec.encode(
                 field, isovalues[0] if len(isovalues) == 1 else isovalues, progress=progress, **vars(options)
             )

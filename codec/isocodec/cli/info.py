@@ -13,26 +13,39 @@ from .options import iso_argument, json_option, limit_options, limits_of
 from .report import concerning, read_iso, warn
 
 if TYPE_CHECKING:
-    from .. import FileInfo
+    from .. import FileInfo, FileStatistics
 
 
 @click.command("info", short_help="Show what a file holds, layer by layer.")
 @iso_argument
 @click.option("--symbols", is_flag=True, help="Also count symbols by syntax element (decodes the file).")
+@click.option(
+    "--statistics",
+    "counted",
+    is_flag=True,
+    help="Also tell bits per crossed pixel, vertex and face, and how many signs were as predicted (decodes the file).",
+)
 @limit_options
 @json_option
-def info_command(source: Path, symbols: bool, limit_memory: int | None, limit_work: int | None, as_json: bool) -> None:
+def info_command(
+    source: Path, symbols: bool, counted: bool, limit_memory: int | None, limit_work: int | None, as_json: bool
+) -> None:
     """Show version, profile, shape, isovalue and the layers of IN.iso."""
     data = read_iso(source)
 
     import isocodec
 
+    limits = limits_of(limit_memory, limit_work)
     with concerning(source):
-        info = isocodec.inspect(data, symbols=symbols, limits=limits_of(limit_memory, limit_work))
+        info = isocodec.inspect(data, symbols=symbols, limits=limits)
+        statistics = isocodec.statistics(data, limits) if counted else None
     if as_json:
-        click.echo(json.dumps(info.as_dict(), allow_nan=False))
+        more = {} if statistics is None else {"statistics": statistics.as_dict()}
+        click.echo(json.dumps({**info.as_dict(), **more}, allow_nan=False))
     else:
         _print(source, info)
+        if statistics is not None:
+            _print_statistics(statistics, len(info.shape))
     if not info.complete:
         warn(source, f"the file ends after {info.bytes:,} bytes, before it is complete")
 
@@ -84,6 +97,38 @@ def _print(source: Path, info: FileInfo) -> None:
     if any(layer.bytes is None for layer in info.layers):
         why = "which is too small for a level index" if info.complete else "or in the part that is missing"
         console.print(f"- : not in the file, {why}; --symbols decodes the file to find out.")
+
+
+def _print_statistics(statistics: FileStatistics, dimension: int) -> None:
+    """Two tables: signs as predicted, by layer; bits for each pixel, vertex and face, by isovalue."""
+    from rich.console import Console
+    from rich.table import Table
+
+    console = Console()
+    layers = Table(title="Signs that were as predicted", title_justify="left")
+    for heading in ("layer", "kind", "level", "bits", "signs", "right"):
+        layers.add_column(heading, justify="left" if heading == "kind" else "right")
+    for number, layer in enumerate(statistics.layers, start=1):
+        if layer.signs:
+            shown = (str(number), layer.kind, str(layer.level), f"{layer.bits:,}", f"{layer.signs:,}")
+            layers.add_row(*shown, f"{layer.right / layer.signs:.1%}")
+    signs = sum(layer.signs for layer in statistics.layers)
+    if signs:
+        layers.add_section()
+        right = sum(layer.right for layer in statistics.layers) / signs
+        layers.add_row("", "all", "", "", f"{signs:,}", f"{right:.1%}")
+    console.print(layers)
+
+    pixel, face = ("crossed pixel", "segment") if dimension == 2 else ("crossed voxel", "face")
+    for one in statistics.contours:
+        bits = Table(title=f"Bits, isovalue {one.isovalue:.17g}", title_justify="left")
+        for heading in ("for each", "number", "connectivity", "geometry", "all", "signs before coding"):
+            bits.add_column(heading, justify="left" if heading == "for each" else "right")
+        for name, count in ((pixel, one.pixels), ("vertex", one.vertices), (face, one.faces)):
+            if count:
+                parts = (one.connectivity_bits, one.geometry_bits, one.bits, one.signs)
+                bits.add_row(name, f"{count:,}", *(f"{part / count:.3f}" for part in parts))
+        console.print(bits)
 
 
 def _number(number: Any) -> str:

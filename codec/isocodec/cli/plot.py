@@ -29,14 +29,20 @@ MESH = 600
     "--mesh", is_flag=True, help="Draw the mesh, too: the triangles that the curve crosses, or those of the surface."
 )
 @click.option(
+    "--view",
+    metavar="VIEW",
+    help="Look at a surface from front, back, left, right, top or bottom, or from AZIMUTH,ELEVATION in degrees "
+    "(0,0 is the front, 90,0 the side of +x).",
+)
+@click.option(
     "--isovalue", type=float, metavar="V", help="Isovalue to draw, if there are several.  [default: the first]"
 )
 @smooth_option
 @partial_option
 @limit_options
 def plot_command(
-    source: Path, output: Path, steps: int, mesh: bool, isovalue: float | None, smooth: bool, partial: bool,
-    limit_memory: int | None, limit_work: int | None,
+    source: Path, output: Path, steps: int, mesh: bool, view: str | None, isovalue: float | None, smooth: bool,
+    partial: bool, limit_memory: int | None, limit_work: int | None,
 ) -> None:  # fmt: skip
     """Draw what prefixes of IN.iso decode to, from its first layer to all of it (.png, .pdf or .svg).
 
@@ -44,7 +50,12 @@ def plot_command(
     for, they are spread evenly over the layers. The last step of a file that ends within a layer shows that part of it.
     """
     from ..io.picture import PICTURE_SUFFIXES, matplotlib_figure, steps_picture
+    from ..io.view import USUAL, read_view
 
+    try:
+        seen = USUAL if view is None else read_view(view)
+    except OptionError as error:
+        raise click.UsageError(f"--view {view}: {error}") from None
     suffix = output.suffix.lower()
     with concerning(output):
         if suffix not in PICTURE_SUFFIXES:
@@ -61,6 +72,8 @@ def plot_command(
 
     with concerning(source), progress_bar("drawing") as progress:
         info = isocodec.inspect(data)
+        if view is not None and len(info.shape) != 3:
+            raise OptionError("there are views of surfaces only", code="view", remedy="leave out --view")
         number = info.number_of(isovalue)
         layers = [layer for layer in info.layers if layer.isovalue == number]
         decoder = isocodec.Decoder(limits_of(limit_memory, limit_work), only=info.chain(number))
@@ -90,7 +103,7 @@ def plot_command(
         if own < len(layers) or not drawn:
             # the file ends within a layer
             _draw(decoder, number, smooth, mesh, drawn, len(data), len(data), None)
-        picture = steps_picture(drawn, suffix)
+        picture = steps_picture(drawn, suffix, seen)
     write_output(output, picture)
     click.echo(f"{click.format_filename(output)}: {len(drawn)} steps of {len(data):,} bytes")
 

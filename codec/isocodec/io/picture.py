@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import io
 import math
-from collections.abc import Collection, Iterable, Iterator, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass
 from itertools import chain, product
 from typing import TYPE_CHECKING, Any
@@ -18,6 +18,8 @@ from numpy.typing import NDArray
 from ..errors import OptionError
 from .extras import optional
 from .formats import Cost
+from .shading import shade
+from .view import USUAL, View, proportions, upright
 
 if TYPE_CHECKING:
     from ..drawing.contour import Contour
@@ -29,20 +31,8 @@ _INK = (0.10, 0.25, 0.45)
 _INKS = "viridis"
 _NAMED = 12
 """Most isovalues that a legend lists."""
-_SURFACE = np.array([0.62, 0.72, 0.84])
-_STRETCH = 100.0
-_BAND = 32
-"""Rows of a surface's picture that are coloured at a time."""
 # Panels in one row; more go on to the next.
 _COLUMNS = 6
-
-# The direction of view on a surface: from the side, in front and above. Volumes are mostly stored slice by slice, so
-# axis 0 of the array is upright; it runs downwards, as the rows of a picture do.
-_TOWARDS = np.array([-0.42, -0.75, -0.55]) / np.linalg.norm([-0.42, -0.75, -0.55])
-_RIGHT = np.cross([-1.0, 0.0, 0.0], _TOWARDS) / np.linalg.norm(np.cross([-1.0, 0.0, 0.0], _TOWARDS))
-_UP = np.cross(_TOWARDS, _RIGHT)
-# Light from over the viewer's left shoulder.
-_LIGHT = (_TOWARDS + 0.5 * _UP - 0.4 * _RIGHT) / np.linalg.norm(_TOWARDS + 0.5 * _UP - 0.4 * _RIGHT)
 
 
 @dataclass(frozen=True)
@@ -64,8 +54,10 @@ PICTURE = {2: Cost(200, 160, fixed=1 << 25), 3: Cost(80, 260, fixed=1 << 27, kep
 """Memory that pictures take, by axes of the field."""
 
 
-def contour_picture(contours: Collection[Contour], suffix: str = ".png") -> bytes:
+def contour_picture(contours: Collection[Contour], suffix: str = ".png", view: View = USUAL) -> bytes:
     """The file of a picture of a contour, 2-D or 3-D, or of several of one field: curves in one, surfaces side by side.
+
+    ``view`` is that of surfaces.
 
     Raises
     ------
@@ -85,7 +77,7 @@ def contour_picture(contours: Collection[Contour], suffix: str = ".png") -> byte
     figure = _figure((width, height * rows / columns))
     for number, contour in enumerate(chain([first], each), start=1):
         axes = figure.add_subplot(rows, columns, number)
-        _draw(axes, contour, pixels=6 * _DPI // columns)
+        _draw(axes, contour, 6 * _DPI // columns, view)
         axes.set_title(f"isovalue {contour.isovalue:g}", fontsize=9)
         del contour
     return _file(figure, suffix)
@@ -123,8 +115,10 @@ def _curves_figure(contours: Iterable[Contour]) -> Any:
     return figure
 
 
-def steps_picture(steps: Sequence[Step], suffix: str = ".png") -> bytes:
+def steps_picture(steps: Sequence[Step], suffix: str = ".png", view: View = USUAL) -> bytes:
     """The file of a picture of several prefixes side by side, each under its bytes and its share of the file.
+
+    ``view`` is that of surfaces.
 
     Raises
     ------
@@ -142,8 +136,8 @@ def steps_picture(steps: Sequence[Step], suffix: str = ".png") -> bytes:
     for number, step in enumerate(steps, start=1):
         axes = figure.add_subplot(rows, columns, number)
         if step.mesh is not None:
-            _draw_mesh(axes, step.contour, *step.mesh)
-        _draw(axes, step.contour, pixels=round(side * _DPI))
+            _draw_mesh(axes, step.contour, *step.mesh, view)
+        _draw(axes, step.contour, round(side * _DPI), view)
         axes.set_xticks([])
         axes.set_yticks([])
         promise = "" if step.within is None else f", within {step.within:g}"
@@ -171,36 +165,29 @@ def _file(figure: Any, suffix: str) -> bytes:
     return buffer.getvalue()
 
 
-def _proportions(contour: Contour) -> NDArray[np.float64]:
-    """Distances of neighbouring samples along each axis, the shortest of them 1, the longest at most ``_STRETCH``."""
-    n = len(contour.shape)
-    if contour.placement is None:
-        return np.ones(n)
-    steps = np.linalg.norm(contour.placement[:, :n], axis=0)
-    return np.minimum(steps / steps.min(), _STRETCH)
-
-
 def _panel_size(contour: Contour, longest: float) -> tuple[float, float]:
     """Width and height in inches: in the proportions of a plane grid, but never a mere strip."""
     if len(contour.shape) != 2:
         return longest, longest
-    rows, columns = contour.shape * _proportions(contour)
+    rows, columns = contour.shape * proportions(contour)
     least = longest / 4
     if columns >= rows:
         return longest, max(longest * rows / columns, least)
     return max(longest * columns / rows, least), longest
 
 
-def _draw(axes: Any, contour: Contour, pixels: int) -> None:
+def _draw(axes: Any, contour: Contour, pixels: int, view: View) -> None:
     if len(contour.shape) == 2:
         _draw_curve(axes, contour)
     elif len(contour.shape) == 3:
-        _draw_surface(axes, contour, pixels)
+        _draw_surface(axes, contour, pixels, view)
     else:
         raise OptionError(f"there is no picture of a field of {len(contour.shape)} axes", code="dimension")
 
 
-def _draw_mesh(axes: Any, contour: Contour, position: np.ndarray, simplices: np.ndarray) -> None:
+def _draw_mesh(
+    axes: Any, contour: Contour, position: np.ndarray, simplices: np.ndarray, view: View = USUAL
+) -> None:
     """The triangles under a curve; of a surface the sides of its own triangles, those that look at the viewer."""
     collections = optional("matplotlib.collections", extra="plot", purpose="drawing a picture")
     if len(contour.shape) == 2:
@@ -209,12 +196,13 @@ def _draw_mesh(axes: Any, contour: Contour, position: np.ndarray, simplices: np.
             collections.LineCollection(position[ends][:, :, ::-1], colors=["0.7"], linewidths=0.25, zorder=0)
         )
         return
-    corners = contour.points[contour.cells] * _proportions(contour)
-    # normals point to the samples below; what is outside is what the box's first corner is
-    below = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]) @ _TOWARDS > 0
-    front = below != bool(contour.origin_above)
-    flat = _box(contour) @ np.stack([_RIGHT, _UP], axis=1)
-    shown = corners[front] @ np.stack([_RIGHT, _UP], axis=1) - (flat.min(axis=0) + flat.max(axis=0)) / 2
+    world = upright(contour)
+    corners = contour.points[contour.cells] @ world.T
+    below = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]) @ view.towards
+    # normals point to the samples below, unless space is mirrored; what is outside is what the box's first corner is
+    front = (below > 0) != (bool(contour.origin_above) != (np.linalg.det(world) < 0))
+    flat = _box(contour) @ world.T @ view.screen
+    shown = corners[front] @ view.screen - (flat.min(axis=0) + flat.max(axis=0)) / 2
     axes.add_collection(
         collections.LineCollection(shown[:, [0, 1, 2, 0]], colors=[(0, 0, 0, 0.25)], linewidths=0.2, zorder=3)
     )
@@ -228,18 +216,19 @@ def _draw_curve(axes: Any, contour: Contour) -> None:
     axes.set_xlim(-0.5, columns - 0.5)
     # Downwards, as pictures are shown.
     axes.set_ylim(rows - 0.5, -0.5)
-    down, across = _proportions(contour)
+    down, across = proportions(contour)
     axes.set_aspect(down / across)
     axes.tick_params(labelsize=7)
 
 
-def _draw_surface(axes: Any, contour: Contour, pixels: int) -> None:
+def _draw_surface(axes: Any, contour: Contour, pixels: int, view: View) -> None:
     """The surface as a picture of its own: matplotlib sorts whole triangles, and that shows in every fold."""
-    flat = _box(contour) @ np.stack([_RIGHT, _UP], axis=1)
+    world = upright(contour)
+    flat = _box(contour) @ world.T @ view.screen
     low, high = flat.min(axis=0), flat.max(axis=0)
     scale = float((high - low).max()) or 1.0
     centre = (low + high) / 2
-    image = shade(contour.points * _proportions(contour), contour.cells, centre, scale, pixels)
+    image = shade(contour.points @ world.T, contour.cells, view, centre, scale, pixels)
     half = scale / 2
     for a, b in zip(*_box_edges(), strict=True):
         line = flat[[a, b]] - centre
@@ -252,103 +241,11 @@ def _draw_surface(axes: Any, contour: Contour, pixels: int) -> None:
 
 
 def _box(contour: Contour) -> NDArray[np.float64]:
-    """Corners of the sampled box, (8, 3)."""
-    return np.array(list(product(*((0.0, n - 1.0) for n in contour.shape)))) * _proportions(contour)
+    """Corners of the sampled box, (8, 3), in samples."""
+    return np.array(list(product(*((0.0, n - 1.0) for n in contour.shape))))
 
 
 def _box_edges() -> tuple[list[int], list[int]]:
     """Pairs of corners of a cube, numbered by their bits, that differ in one bit."""
     pairs = [(a, a | 1 << axis) for a in range(8) for axis in range(3) if not a >> axis & 1]
     return [a for a, _ in pairs], [b for _, b in pairs]
-
-
-def shade(
-    points: NDArray[np.float64],
-    cells: NDArray[np.int64],
-    centre: NDArray[np.float64],
-    scale: float,
-    pixels: int,
-) -> NDArray[np.float64]:
-    """Draw triangles in parallel projection with a depth buffer, lit by their normals.
-
-    Triangles are splatted as lattices of points less than a pixel apart, so that the time follows the
-    area on the screen and not the number of triangles.
-
-    Parameters
-    ----------
-    points : (P, 3) float64
-    cells : (M, 3) int64
-    centre : (2,) float64
-        What lies in the middle of the picture, along right and up.
-    scale : float
-        Width and height of what the picture shows.
-    pixels : int
-        Width and height of the picture.
-
-    Returns
-    -------
-    (pixels, pixels, 4) float64
-        Red, green, blue and opacity in 0 .. 1; the first row is the lowest.
-    """
-    side = 2 * pixels  # averaged down below, against ragged edges
-    # Half a pixel of room, so that what lies on the border of the box falls inside.
-    screen = (points @ np.stack([_RIGHT, _UP], axis=1) - centre) * ((side - 1) / scale) + side / 2
-    depth = points @ _TOWARDS
-    nearest = np.full(side * side, -np.inf)
-    shown = np.full(side * side, -1, dtype=np.int64)
-    for chosen, weights in _lattices(screen, cells):
-        corners = cells[chosen]
-        at = weights @ screen[corners]
-        inside = np.clip(np.floor(at).astype(np.int64), 0, side - 1)
-        pixel = (inside[..., 1] * side + inside[..., 0]).ravel()
-        near = (depth[corners] @ weights.T).ravel()
-        np.maximum.at(nearest, pixel, near)
-        front = near == nearest[pixel]
-        shown[pixel[front]] = np.repeat(chosen, len(weights))[front]
-
-    image = np.empty((pixels, pixels, 4))
-    for start in range(0, pixels, _BAND):
-        end = min(start + _BAND, pixels)
-        seen = shown[2 * start * side : 2 * end * side]
-        image[start:end] = _lit(points, cells, seen).reshape(end - start, 2, pixels, 2, 4).sum(axis=(1, 3))
-    # Colours weighted by opacity, or empty pixels would darken the outline.
-    image[..., :3] /= np.maximum(image[..., 3:], 1.0)
-    image[..., 3] /= 4.0
-    return image
-
-
-def _lit(points: NDArray[np.float64], cells: NDArray[np.int64], shown: NDArray[np.int64]) -> NDArray[np.float64]:
-    """Colour and opacity, (S, 4), of pixels that show a triangle each, or none (-1)."""
-    image = np.zeros((len(shown), 4))
-    seen = shown >= 0
-    a, b, c = (points[cells[shown[seen], k]] for k in range(3))
-    normal = np.cross(b - a, c - a)
-    length = np.linalg.norm(normal, axis=1)
-    normal /= np.where(length > 0, length, 1.0)[:, None]
-    # Both sides are lit alike: an open surface shows its inside.
-    normal *= np.where(normal @ _TOWARDS < 0, -1.0, 1.0)[:, None]
-    image[seen, :3] = _SURFACE * (0.3 + 0.7 * np.clip(normal @ _LIGHT, 0.0, 1.0))[:, None]
-    image[seen, 3] = 1.0
-    return image
-
-
-def _lattices(
-    screen: NDArray[np.float64], cells: NDArray[np.int64], batch: int = 1 << 17
-) -> Iterator[tuple[NDArray[np.int64], NDArray[np.float64]]]:
-    """Batches of triangles, each with the barycentric weights (S, 3) of points dense enough for all of them."""
-    if len(cells) == 0:
-        return
-    a, b, c = (screen[cells[:, k]] for k in range(3))
-    longest = np.sqrt(np.max([((p - q) ** 2).sum(axis=1) for p, q in ((a, b), (b, c), (c, a))], axis=0))
-    # At 0.85 pixels no pixel inside a triangle stays empty: the widest gap in the lattice is then below one.
-    steps = np.maximum(np.ceil(longest / 0.85), 1.0)
-    sizes = np.unique([m << k for k in range(14) for m in (2, 3)] + [1])
-    size = sizes[np.minimum(np.searchsorted(sizes, steps), len(sizes) - 1)]
-    for n in np.unique(size):
-        i, j = np.meshgrid(np.arange(n + 1), np.arange(n + 1), indexing="ij")
-        kept = i + j <= n
-        weights = np.stack([i[kept], j[kept], n - i[kept] - j[kept]], axis=1) / n
-        chosen = np.flatnonzero(size == n)
-        count = max(1, batch // len(weights))
-        for start in range(0, len(chosen), count):
-            yield chosen[start : start + count], weights

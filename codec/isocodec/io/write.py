@@ -25,10 +25,12 @@ from .areas import areas, polygons
 from .atomic import write_bytes
 from .extras import optional
 from .formats import Cost, Format, find_suffix
+from .mesh import MESHES
 from .picture import PICTURE, contour_picture, matplotlib_figure
 
 if TYPE_CHECKING:
     from ..drawing.contour import Contour
+    from ..drawing.tessellation import Tessellation
 
 _EPSG = re.compile("EPSG:([1-9][0-9]{0,5})")
 _DEGREES = "4326"
@@ -76,6 +78,29 @@ def holds_several(suffix: str, dimension: int) -> bool:
 def cost_of(suffix: str, dimension: int) -> Cost:
     """Memory that writing a contour of a field of ``dimension`` axes takes."""
     return _FORMATS[suffix].cost[dimension]
+
+
+def check_mesh(path: str | os.PathLike[str], dimension: int | None = None) -> str:
+    """The suffix of ``path``, if a mesh (of a field of ``dimension`` axes) can be written to it.
+
+    Raises
+    ------
+    OptionError, MissingExtraError
+    """
+    suffix = find_suffix(MESHES, path, dimension, f"the mesh of a {dimension}-D field")
+    MESHES[suffix].check_libraries()
+    return suffix
+
+
+def render_mesh(mesh: Tessellation, suffix: str) -> bytes:
+    """The whole file of a mesh in the format that ``suffix`` (``".vtu"``) names.
+
+    Raises
+    ------
+    OptionError, MissingExtraError
+        As `check_mesh`.
+    """
+    return bytes(MESHES[check_mesh(f"_{suffix}", len(mesh.shape))].render(mesh))
 
 
 AREAS = Cost(300, 240, kept=100)

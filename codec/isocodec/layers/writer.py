@@ -22,7 +22,7 @@ from ..mesh.vertex_set import Chosen
 from ..passes.runner import Tube
 from ..tube.truth import Place, Truth
 from .beginning import begin_layer, leaning_tube
-from .plan import PROMISE, Entry, check_entries, operation_of, promised
+from .plan import PROMISE, Entry, check_entries, operation_of, promised, where
 
 RUN_BYTES = 1 << 16
 """A run is ended at the first end of a layer after this many bytes."""
@@ -66,7 +66,8 @@ class LayerWriter:
         check_entries(plan)
         if not field.integer and field.scale is None and any(entry[0] == LayerKind.VALUES for entry in plan):
             raise OptionError("a plan with values of floats needs a step", code="plan", remedy="give step")
-        self._plan = [operation_of(*entry) for entry in plan if entry[0] != PROMISE]  # type: ignore[arg-type]
+        self._entries = [entry for entry in plan if entry[0] != PROMISE]
+        self._plan = [operation_of(*entry) for entry in self._entries]  # type: ignore[arg-type]
         self._promised = promised(plan)
         self._expanded = 0
         self._meshes: dict[int, Chosen] = {}
@@ -91,10 +92,17 @@ class LayerWriter:
                 state.bits = self.field.number_bits() if later else self.tube.value_bits()
                 state.plane = max(state.bits)
                 self.tube.estimates.bits = state.bits
+            if operation == Operation.VALUES and unit:
+                # down to so many bits, of which there may be fewer
+                number = max(state.plane - unit, 0)
             try:
                 fresh = expand(operation, number or 0, number is None, state, unit)
             except ValueError as error:
-                raise OptionError(f"the plan cannot be carried out: {error}", code="plan") from None
+                line = where(self._entries[self._expanded])
+                fewer = "fewer bits, or all of them" if operation == Operation.VALUES else None
+                raise OptionError(
+                    f"{line}the plan cannot be carried out: {error}", code="plan", remedy=fewer
+                ) from None
             if state.layers + len(fresh) > LAYER_LIMIT:
                 raise OptionError(
                     f"more than {LAYER_LIMIT} layers, which is as many as a file may have", code="plan",

@@ -16,6 +16,7 @@ from isospec.elements import ELEMENTS
 
 from ..drawing.contour import Contour
 from ..drawing.mask import MaskRows
+from ..drawing.tessellation import Tessellation
 from ..entropy.range_coder import Coder
 from ..errors import FormatError, IsoError, LimitError, OptionError, TruncatedError, out_of_memory
 from ..format.chunks import (
@@ -35,7 +36,7 @@ from ..limits import Budget, Limits
 from ..passes.runner import Tube
 from ..passes.snapshot import state_of
 from ..tube.decoded import Decoded
-from .drawn import contour_of, mask_rows_of, mesh_of
+from .drawn import contour_of, mask_rows_of, mesh_of, tessellation_of
 
 
 class Decoder:
@@ -265,6 +266,25 @@ class Decoder:
         """The crossed leaves of the mesh: positions (V, n) and vertices of simplices (M, n + 1), both int64."""
         n = len(self.header.shape) if self.header else 2
         return mesh_of(self._tube_of(number), n, self._budget)
+
+    def tessellation(self, number: int = 0, whole: bool = True) -> Tessellation:
+        """The mesh of an isovalue, by number, with signs of vertices: of the whole box, or its crossed leaves alone.
+
+        Raises
+        ------
+        TruncatedError
+            If that has not been received yet.
+        LimitError
+            If it takes more memory than the limits allow; the decoder stays as it is.
+        """
+        tube = self._tube_of(number)
+        isovalue = self.isovalues[number] if tube else math.nan
+        complete = self._ended and not self._cut
+        try:
+            return tessellation_of(tube, isovalue, self.header, self.metadata, complete, whole, self._budget)
+        except MemoryError:
+            pass
+        raise out_of_memory("for the mesh")
 
     def hold(self, size: int) -> None:
         """Count ``size`` bytes that the caller holds, of drawings for example, to the limit of memory from now on.

@@ -12,13 +12,14 @@ from numpy.typing import NDArray
 from ..drawing.contour import Contour
 from ..drawing.drawing import draw
 from ..drawing.mask import MaskRows
+from ..drawing.tessellation import Tessellation, compact, inferred, tessellated
 from ..errors import LimitError, OptionError, TruncatedError
 from ..field.placement import read_placement
 from ..field.samples import interval_value
 from ..format.header import Header
 from ..limits import Budget, Limits
 from ..passes.runner import Tube
-from ..passes.snapshot import drawing_bytes, known_rows, leaves_of
+from ..passes.snapshot import drawing_bytes, known_rows, leaves_of, state_of
 
 
 def contour_of(
@@ -70,3 +71,25 @@ def mesh_of(tube: Tube | None, n: int, budget: Budget) -> tuple[NDArray[np.int64
     budget.check(drawing_bytes(tube))
     leaves = leaves_of(tube, 0.0, lambda steps, above: steps)
     return leaves.position, leaves.simplices
+
+
+def tessellation_of(
+    tube: Tube | None, isovalue: float, header: Header | None, metadata: Mapping[str, str], complete: bool,
+    whole: bool, budget: Budget,
+) -> Tessellation:  # fmt: skip
+    """The mesh of a tube, with signs and levels: that of the whole box, or its crossed leaves alone."""
+    if tube is None or header is None or tube.origin_above is None or (whole and tube.running == "base"):
+        raise TruncatedError("too little has been received to tell the mesh", code="truncated", clause="4.7")
+    budget.check(drawing_bytes(tube))
+    if whole:
+        state = state_of(tube)
+        points, cells, levels = tessellated(tube.shape, tube.k, state.level, state.mesh, budget.check)
+        above = inferred(points, cells, state.position, state.above, tube.origin_above)
+    else:
+        leaves = leaves_of(tube, 0.0, lambda steps, above: steps)
+        points, above, cells = compact(leaves.position, leaves.above, leaves.simplices)
+        levels = leaves.levels
+    placement = read_placement(metadata, tube.n)
+    return Tessellation(
+        points, cells, levels, above, isovalue, tube.shape, complete, placement, dict(metadata)
+    )

@@ -34,7 +34,8 @@ from ..search.domain import LINEAR_POINTS
 from ..search.ground_truth import truth_of
 from ..search.promise import Promise
 from ..search.tolerance import grid_offsets, radices
-from .options import DEFAULT_TOLERANCE, SEARCHED, Options, isovalues_of
+from .options import DEFAULT_TOLERANCE, SEARCHED, Options, isovalues_of, nearest_before
+from .plan_meshes import with_meshes
 
 FINE_SHARE = 0.25
 """Under the criterion distortion crossings are told within this share of its distance, or more finely."""
@@ -157,7 +158,8 @@ class Encoder:
         if plan is not None:
             if not len(plan) and number == len(self.isovalues) - 1:
                 raise OptionError("the plan has no layers", code="plan", remedy='begin it with ("base", level)')
-            return plan
+            return with_meshes(plan, self._full_level, -1 if lean is None else self._strands[lean].progress.level,
+                               lambda: Promise(self._fields[number], truth=self._truths[number]))  # fmt: skip
         values: list[Entry] = [(LayerKind.VALUES, None)] if o.exact or o.step is not None else []
         fine = None if values or o.signs_only else o.tolerance or DEFAULT_TOLERANCE
         free = self.header.profile == Profile.MAIN and self._slack_keeps_order(fine)
@@ -218,7 +220,7 @@ class Encoder:
         """Number of the earlier isovalue that lies nearest."""
         if number == 0 or not self.options.leaning:
             return None
-        return min(range(number), key=lambda i: abs(self.isovalues[i] - self.isovalues[number]))
+        return nearest_before(self.isovalues, number)
 
     def __iter__(self) -> Iterator[bytes]:
         if self._begun:

@@ -27,7 +27,10 @@ PRECISIONS = ("exact", "tolerance", "signs_only", "step", "steps")
 """Options that set the precision."""
 MESHES = ("base_level", "steps", "criterion")
 """Options that choose the mesh."""
-EXCLUSIVE = (PRECISIONS, MESHES)
+EXCLUSIVE = (
+    PRECISIONS, MESHES,
+    *(("plan", name) for name in (*PRECISIONS, *MESHES, "preserve_topology") if name != "step"),
+)  # fmt: skip
 """Of each of these groups an encoder takes one option."""
 
 
@@ -230,3 +233,8 @@ def isovalues_of(given: object) -> list[float]:
     if len(values) > MAX_ISOVALUES:
         raise OptionError(f"{len(values)} isovalues; a file holds at most {MAX_ISOVALUES}", code="isovalue")
     return values
+
+
+def nearest_before(isovalues: Sequence[float], number: int) -> int:
+    """Number of the isovalue that a further one leans on: of those before it the one that lies nearest."""
+    return min(range(number), key=lambda i: abs(isovalues[i] - isovalues[number]))

@@ -1,0 +1,65 @@
+"""The mesh under a curve or surface as a file: ``isocodec decode --mesh``."""
+
+from __future__ import annotations
+
+import time
+from contextlib import suppress
+from dataclasses import replace
+from pathlib import Path
+
+import click
+
+from ..errors import FormatError
+from ..limits import Limits
+from .receive import receive, warn_of_others
+from .report import check_output, concerning, read_iso, tell, write_output
+
+
+def write_mesh(
+    source: Path, output: Path, isovalue: float | None, whole: bool, in_samples: bool, partial: bool, limits: Limits,
+    layers: int | None, max_bytes: int | None, as_json: bool,
+) -> None:  # fmt: skip
+    """Decode what was asked for and write its mesh, of the whole box or the tube alone."""
+    from ..io.mesh import MESHES
+    from ..io.write import check_mesh, render_mesh
+
+    with concerning(output):
+        suffix = check_mesh(output)
+    check_output(output, source)
+    data = read_iso(source)
+
+    import isocodec
+
+    started = time.perf_counter()
+    decoder, number = receive(source, data, isovalue, partial, limits, layers, max_bytes)
+    if isovalue is None:
+        # what lies behind the layers asked for may be damaged
+        with suppress(FormatError):
+            warn_of_others(source, decoder.isovalues[number], isocodec.inspect(data).isovalues)
+    with concerning(source):
+        mesh = decoder.tessellation(number, whole)
+        if in_samples:
+            mesh = replace(mesh, placement=None)
+        with concerning(output):
+            check_mesh(output, len(mesh.shape))
+        held = sum(array.nbytes for array in (mesh.points, mesh.cells, mesh.levels, mesh.above))
+        decoder.hold(held + MESHES[suffix].cost[len(mesh.shape)].peak(len(mesh.points), len(mesh.cells)))
+        rendered = render_mesh(mesh, suffix)
+    write_output(output, rendered)
+    seconds = time.perf_counter() - started
+    pieces = "triangles" if len(mesh.shape) == 2 else "tetrahedra"
+    counts = f"{len(mesh.points):,} vertices, {len(mesh.cells):,} {pieces}"
+    tell(
+        f"{click.format_filename(output)}: {counts}, {seconds:.2f} s",
+        {
+            "output": str(output),
+            "bytes": len(rendered),
+            "vertices": len(mesh.points),
+            pieces: len(mesh.cells),
+            "isovalue": mesh.isovalue,
+            "shape": list(mesh.shape),
+            "complete": mesh.complete,
+            "seconds": round(seconds, 3),
+        },
+        as_json,
+    )

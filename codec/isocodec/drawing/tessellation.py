@@ -1,0 +1,187 @@
+"""The mesh itself: its simplices with their levels, the signs of its vertices; the whole box, or the tube alone.
+
+The mesh of a decoded state is the uniform one of a level and a set of vertices beyond that, closed under parents
+(spec clause 4.7): it is found again by bisecting from the root cube (clauses 4.1, 4.2).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from itertools import permutations
+
+import numpy as np
+from numpy.typing import NDArray
+
+_KEY_BITS = 63
+"""Bits of the key of a lattice point, in equal parts for its coordinates."""
+_SIMPLEX = 300
+"""Bytes that bisecting, inferring signs and the mesh itself take at most for each simplex."""
+
+
+@dataclass(frozen=True, eq=False)
+class Tessellation:
+    """A conforming mesh of triangles (n = 2) or tetrahedra (n = 3).
+
+    Attributes
+    ----------
+    points : (V, n) int64
+        Vertices as sample indices, within the box.
+    cells : (M, n + 1) int64
+        Indices into ``points``; in index coordinates all are oriented alike, with a positive volume.
+    levels : (M,) int64
+        Level of each simplex: n bisections halve its cube.
+    above : (V,) bool
+        Whether the value at a vertex is greater than the isovalue.
+    isovalue : float
+    shape : tuple of int
+        Samples along each axis of the sampled box.
+    complete : bool
+        False if the file had not come as a whole.
+    placement : (n, n + 1) float64, or None
+        As of `Contour`.
+    metadata : dict of str to str
+    """
+
+    points: NDArray[np.int64]
+    cells: NDArray[np.int64]
+    levels: NDArray[np.int64]
+    above: NDArray[np.bool_]
+    isovalue: float
+    shape: tuple[int, ...]
+    complete: bool = True
+    placement: NDArray[np.float64] | None = None
+    metadata: dict[str, str] = field(default_factory=dict)
+
+
+def tessellated(
+    shape: tuple[int, ...], exponent: int, level: int, explicit: NDArray[np.int64], check: Callable[[int], object]
+) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
+    """Vertices (V, n) in lexicographic order, simplices (M, n + 1) and levels (M,) of a mesh that fills the box.
+
+    Parameters
+    ----------
+    shape : tuple of int
+    exponent : int
+        The root cube has the edge ``2**exponent``.
+    level : int
+        Level up to which the mesh is uniform.
+    explicit : (W, n) int64
+        Unclamped positions of the vertices beyond it.
+    check : callable
+        Called with the bytes that the mesh takes, as far as it has got; raises if those are too many.
+    """
+    n = len(shape)
+    inside = np.sort(_keys(explicit))
+    last = np.array(shape) - 1
+    growing = _roots(n, exponent)
+    done: list[tuple[NDArray[np.int64], int]] = []
+    count = 0
+    for here in range(n * exponent + 1):
+        check(_SIMPLEX * (count + 2 * len(growing)))
+        tag = n - here % n
+        middles = (growing[:, 0] + growing[:, tag]) // 2
+        split = np.full(len(growing), here < level) | _found(_keys(middles), inside)
+        split &= here < n * exponent
+        done.append((np.minimum(growing[~split], last), here))
+        count += len(done[-1][0])
+        growing, middle = growing[split], middles[split, None]
+        growing = np.concatenate(
+            [
+                np.concatenate([growing[:, :tag], middle, growing[:, tag + 1 :]], axis=1),
+                np.concatenate([growing[:, 1 : tag + 1], middle, growing[:, tag + 1 :]], axis=1),
+            ]
+        )
+        # off the box there is nothing: what has no volume there has no parts that do (clause 4.6)
+        growing = growing[_volumes(np.minimum(growing, last)) != 0]
+    corners = np.concatenate([simplices for simplices, _ in done])
+    levels = np.concatenate([np.full(len(simplices), here) for simplices, here in done])
+    keys, cells = np.unique(_keys(corners.reshape(-1, n)), return_inverse=True)
+    bits = _KEY_BITS // n
+    points = np.stack([keys >> bits * (n - 1 - a) & ((1 << bits) - 1) for a in range(n)], axis=1)
+    return points, oriented(points, cells.reshape(-1, n + 1)), levels
+
+
+def compact(
+    position: NDArray[np.int64], above: NDArray[np.bool_], simplices: NDArray[np.int64]
+) -> tuple[NDArray[np.int64], NDArray[np.bool_], NDArray[np.int64]]:
+    """The vertices that simplices have, their signs, and the simplices, oriented."""
+    used, cells = np.unique(simplices, return_inverse=True)
+    return position[used], above[used], oriented(position[used], cells.reshape(simplices.shape))
+
+
+def oriented(points: NDArray[np.int64], cells: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Simplices with their last two vertices exchanged where the volume is negative."""
+    out = cells.copy()
+    turned = _volumes(points[cells]) < 0
+    out[turned, -2:] = out[turned, :-3:-1]
+    return out
+
+
+def inferred(
+    points: NDArray[np.int64], cells: NDArray[np.int64], known: NDArray[np.int64], above: NDArray[np.bool_],
+    origin_above: bool,
+) -> NDArray[np.bool_]:
+    """Signs of all vertices of a mesh, of which some are known (spec clause 5.5.4).
+
+    All simplices that the curve crosses have known vertices, so that others are of one sign throughout.
+
+    Parameters
+    ----------
+    points : (V, n) int64
+        In lexicographic order.
+    cells : (M, n + 1) int64
+    known : (K, n) int64
+        Positions of the vertices that are known, ``above`` (K,) their signs.
+    origin_above : bool
+        The sign where nothing is known at all.
+    """
+    keys = _keys(points)
+    sign = np.full(len(points), -1, np.int8)
+    place = np.minimum(np.searchsorted(keys, _keys(known)), max(len(keys) - 1, 0))
+    there = keys[place] == _keys(known) if len(keys) else np.zeros(len(known), bool)
+    sign[place[there]] = above[there]
+    while len(cells):
+        of = sign[cells]
+        told = of.max(axis=1)
+        touched = (told >= 0) & (of.min(axis=1) < 0)
+        if not touched.any():
+            break
+        sign[cells[touched]] = np.where(of[touched] < 0, told[touched, None], of[touched])
+        cells = cells[of.min(axis=1) < 0]
+    sign[sign < 0] = origin_above
+    return sign == 1
+
+
+def _roots(n: int, exponent: int) -> NDArray[np.int64]:
+    """The Kuhn simplices of the root cube (n!, n + 1, n), x0 first."""
+    paths = []
+    for order in permutations(range(n)):
+        steps = np.zeros((n + 1, n), np.int64)
+        steps[range(1, n + 1), order] = 1
+        paths.append(np.cumsum(steps, axis=0) << exponent)
+    return np.array(paths)
+
+
+def _volumes(corners: NDArray[np.int64]) -> NDArray[np.int64]:
+    """n! times the signed volume of simplices (M, n + 1, n)."""
+    a = corners[:, 1:] - corners[:, :1]
+    if a.shape[2] == 2:
+        return np.asarray(a[:, 0, 0] * a[:, 1, 1] - a[:, 0, 1] * a[:, 1, 0])
+    return np.asarray((a[:, 0] * np.cross(a[:, 1], a[:, 2])).sum(axis=1))
+
+
+def _keys(position: NDArray[np.int64]) -> NDArray[np.int64]:
+    """A number for each lattice point, in lexicographic order."""
+    n = position.shape[1]
+    key = np.zeros(len(position), np.int64)
+    for a in range(n):
+        key |= position[:, a] << _KEY_BITS // n * (n - 1 - a)
+    return key
+
+
+def _found(keys: NDArray[np.int64], among: NDArray[np.int64]) -> NDArray[np.bool_]:
+    """Which keys are among others, which are sorted."""
+    if not len(among):
+        return np.zeros(len(keys), bool)
+    return np.asarray(among[np.minimum(np.searchsorted(among, keys), len(among) - 1)] == keys)

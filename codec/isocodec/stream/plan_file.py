@@ -1,0 +1,282 @@
+"""Plans as text: the layers of a file one by one, a line each (spec clause 3.6).
+
+A plan is read from the top; everything behind a ``#`` is a comment. Lines are
+
+``isovalue V``
+    Begins the layers of an isovalue. Without such lines the plan holds for every isovalue that is encoded.
+``base [LEVEL]``
+    A base on the uniform mesh of a level, of the full grid if none is given.
+``adaptive-base [LEVEL] CRITERION ..``
+    A base on a mesh reduced under criteria, uniform at least up to a level (0).
+``leaf-base``
+    A base on the mesh of the isovalue that this one leans on.
+``refine [ROUNDS]``
+    Uniform rounds of refinement, a layer each; all up to the full grid if no number is given.
+``adapt CRITERION .. [same-components]``
+    A layer that refines the mesh to one reduced under criteria; with ``same-components`` it may add no component.
+``values [BITS]``, ``values left=BITS``
+    Geometry by values: that many bits more, a layer each; down to so many bits that are left; to the last bit.
+    ``values 0`` brings vertices that are new to the precision of the others.
+``offsets RADIX [unit=U]``
+    Geometry by crossing offsets: parts are divided into RADIX (odd) each; on a mesh coarser than the full grid
+    every 2**U samples of an edge have RADIX parts.
+
+A CRITERION is ``crossing``, ``topology``, ``curvature=K``, ``distortion=D`` or ``level=L``, as of `encode`; of several
+all hold. Meshes of later lines contain those of earlier ones, whatever is stated.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Mapping, Sequence
+from math import isfinite
+
+from ..errors import OptionError
+from ..format.kinds import LayerKind
+from ..format.program import Progress, expand
+from ..layers.plan import Criteria, Entry, Line, where
+from .options import nearest_before
+
+ISOVALUE = "isovalue"
+CRITERIA = "crossing, topology, curvature=K, distortion=D or level=L"
+MOST_BITS = 52
+"""Bits of values there may be at most (spec clause 3.6.4): how many there are shows while layers are made."""
+
+Plan = list[Entry]
+
+
+def read_plan(text: str) -> Plan | dict[float, Plan]:
+    """The plan that a text states, for `encode`: one for all isovalues, or one for each that it names.
+
+    Raises
+    ------
+    OptionError
+        Naming the line that cannot be understood. What cannot be carried out shows when the field is there.
+    """
+    everything: Plan = []
+    sections: dict[float, Plan] = {}
+    layers = everything
+    for number, line in enumerate(text.splitlines(), start=1):
+        said = " ".join(line.partition("#")[0].split())
+        if not said:
+            continue
+        at = Line((), number, said)
+        word, *rest = said.split()
+        if word != ISOVALUE:
+            layers.append(Line(_entry(at, word, rest), number, said))
+            continue
+        isovalue = _isovalue(at, rest)
+        if everything or isovalue in sections or (not layers and sections):
+            raise _wrong(
+                at, "layers before the first isovalue" if everything else "given twice" if isovalue in sections
+                else "the isovalue before has no layers", "begin each isovalue with its own line, then its layers",
+            )  # fmt: skip
+        layers = sections[isovalue] = []
+    if not layers:
+        raise OptionError("the plan has no layers", code="plan", remedy="begin with the line: base 0")
+    return sections or everything
+
+
+def isovalues_in(plan: Plan | Mapping[float, Plan], given: Sequence[float]) -> tuple[float, ...]:
+    """The isovalues to encode: those given, or those that the plan names.
+
+    Raises
+    ------
+    OptionError
+        If there are none, or not those of the plan.
+    """
+    if not isinstance(plan, Mapping):
+        if not given:
+            raise OptionError(
+                "the plan names no isovalue", code="plan", remedy="begin with a line such as: isovalue 500.5"
+            )
+        return tuple(given)
+    if given and set(given) != set(plan):
+        raise OptionError(
+            f"the plan is of the isovalues {', '.join(f'{v:g}' for v in plan)}, "
+            f"those given are {', '.join(f'{v:g}' for v in given)}", code="plan", remedy="give none",
+        )  # fmt: skip
+    return tuple(given or plan)
+
+
+def check_plan(
+    plan: Plan | Mapping[float, Plan], isovalues: Sequence[float], full_level: int, leaning: bool = True
+) -> None:
+    """Refuse a plan that cannot be carried out on a grid, as far as that shows before its layers are made.
+
+    Raises
+    ------
+    OptionError
+        Naming the line, and what would do.
+    """
+    ends: list[Progress] = []
+    for number, isovalue in enumerate(isovalues):
+        lean = ends[nearest_before(isovalues, number)] if number and leaning else None
+        progress = Progress(full_level, lean_level=-1 if lean is None else lean.level)
+        for entry in plan[isovalue] if isinstance(plan, Mapping) else plan:
+            _check(entry, progress)
+        ends.append(progress)
+
+
+def _check(entry: Entry, progress: Progress) -> None:
+    """One entry behind those before it."""
+    kind = LayerKind(str(entry[0]))
+    if kind == LayerKind.VALUES and progress.bits is None and progress.level >= 0:
+        progress.bits, progress.plane = (MOST_BITS, MOST_BITS), MOST_BITS
+    argument, more = _number_at(entry, 1), _number_at(entry, 2) or 0
+    if kind == LayerKind.OFFSETS:
+        argument = (argument or 0) // 2
+    elif kind == LayerKind.LEAF_BASE:
+        argument = 0
+    elif kind == LayerKind.VALUES and more:
+        argument = max(progress.plane - more, 0)
+    try:
+        layers = expand(kind.operation, argument or 0, argument is None, progress, more)
+    except ValueError as error:
+        raise OptionError(f"{where(entry)}{error}", code="plan", remedy=_remedy(kind, progress)) from None
+    for layer in layers:
+        progress.add(layer)
+
+
+def _number_at(entry: Entry, place: int) -> int | None:
+    """A number among the members of an entry."""
+    member = entry[place] if len(entry) > place else None
+    return member if isinstance(member, int) else None
+
+
+def _remedy(kind: LayerKind, progress: Progress) -> str:
+    """What can be said instead of an operation that cannot follow."""
+    left = progress.full_level - progress.level
+    if kind in (LayerKind.BASE, LayerKind.ADAPTIVE_BASE, LayerKind.LEAF_BASE):
+        if progress.level >= 0:
+            return "an isovalue has one base; go on with refine or adapt"
+        if kind == LayerKind.LEAF_BASE:
+            return "only an isovalue that leans on one before it has such a base"
+        return f"give a level from 0 to {progress.full_level}"
+    if progress.level < 0:
+        return "begin with base, adaptive-base or leaf-base"
+    if kind in (LayerKind.REFINE, LayerKind.ADAPT):
+        if left == 0:
+            return "leave it out, the mesh is the full grid already"
+        return f"give at most {left} rounds, or none for all of them"
+    if kind == LayerKind.VALUES:
+        return "give fewer bits, or none for all of them"
+    if progress.bits is not None:
+        return "put offsets before the first values, or leave them out"
+    return "the radix is an odd number from 1 to 63, the unit at most 24"
+
+
+def _wrong(at: Line, message: str, remedy: str | None = None) -> OptionError:
+    return OptionError(f"{where(at)}{message}", code="plan", remedy=remedy)
+
+
+def _entry(at: Line, word: str, rest: list[str]) -> Sequence[object]:
+    """The entry of a line."""
+    if word not in _LINES:
+        names = ", ".join([ISOVALUE, *_LINES])
+        raise _wrong(at, f"there is no layer {word!r}", f"a line begins with one of {names}")
+    return _LINES[word](at, rest)
+
+
+def _isovalue(at: Line, rest: list[str]) -> float:
+    try:
+        (text,) = rest
+        # whole numbers stay whole, so that those that would be rounded are noticed
+        value = int(text) if re.fullmatch(r"[+-]?\d+", text) else float(text)
+    except ValueError:
+        raise _wrong(at, "an isovalue is one number", "for example: isovalue 500.5") from None
+    if not isfinite(value):
+        raise _wrong(at, "an isovalue is a finite number")
+    return value
+
+
+def _counted(kind: LayerKind, what: str) -> Callable[[Line, list[str]], Sequence[object]]:
+    """Reads the line of a kind that takes a number, or none."""
+
+    def read(at: Line, rest: list[str]) -> Sequence[object]:
+        if len(rest) > 1:
+            raise _wrong(at, f"{at.text.split()[0]} takes {what} only")
+        return (kind, _whole(at, rest[0], what) if rest else None)
+
+    return read
+
+
+def _plain_base(at: Line, rest: list[str]) -> Sequence[object]:
+    if rest:
+        raise _wrong(at, "leaf-base takes nothing")
+    return (LayerKind.LEAF_BASE,)
+
+
+def _adaptive_base(at: Line, rest: list[str]) -> Sequence[object]:
+    stated = bool(rest) and re.match(r"[-+\d]", rest[0]) is not None
+    level = _whole(at, rest[0], "a level") if stated else 0
+    return (LayerKind.ADAPTIVE_BASE, level, _criteria(at, rest[1:] if stated else rest))
+
+
+def _adapt(at: Line, rest: list[str]) -> Sequence[object]:
+    same = rest.count("same-components")
+    return (LayerKind.ADAPT, int(not same), _criteria(at, [word for word in rest if word != "same-components"]))
+
+
+def _values(at: Line, rest: list[str]) -> Sequence[object]:
+    if len(rest) == 1 and rest[0].startswith("left="):
+        left = _whole(at, rest[0].removeprefix("left="), "a number of bits")
+        return (LayerKind.VALUES, None, left) if left else (LayerKind.VALUES, None)
+    return _counted(LayerKind.VALUES, "a number of bits, or left= and one")(at, rest)
+
+
+def _offsets(at: Line, rest: list[str]) -> Sequence[object]:
+    if not 1 <= len(rest) <= 2 or (len(rest) == 2 and not rest[1].startswith("unit=")):
+        raise _wrong(at, "offsets take a radix, and perhaps a unit", "for example: offsets 9, or: offsets 9 unit=2")
+    radix = _whole(at, rest[0], "a radix")
+    if radix % 2 == 0:
+        raise _wrong(at, f"a radix of {radix}; it must be odd", f"for example {radix + 1}")
+    unit = _whole(at, rest[1].removeprefix("unit="), "a unit") if rest[1:] else 0
+    return (LayerKind.OFFSETS, radix, unit)
+
+
+def _whole(at: Line, text: str, what: str) -> int:
+    if not re.fullmatch(r"[0-9]{1,9}", text):
+        raise _wrong(at, f"{text!r} is not {what}: it must be a whole number from 0 on")
+    return int(text)
+
+
+def _criteria(at: Line, words: list[str]) -> Criteria:
+    """Several criteria that hold together."""
+    found: dict[str, bool | int | float] = {}
+    for word in words:
+        name, equals, number = word.partition("=")
+        if name in found:
+            raise _wrong(at, f"{name} is given twice", "give each criterion once")
+        if name in ("crossing", "topology") and not equals:
+            found[name] = True
+        elif name == "level" and equals:
+            found[name] = _whole(at, number, "a level")
+        elif name in ("curvature", "distortion") and equals:
+            found[name] = _number(at, name, number)
+        else:
+            raise _wrong(at, f"{word!r} is not a criterion", f"give {CRITERIA}")
+    if not found:
+        raise _wrong(at, "no criterion for the mesh", f"give {CRITERIA}")
+    return Criteria(**found)  # type: ignore[arg-type]
+
+
+def _number(at: Line, name: str, text: str) -> float:
+    try:
+        number = float(text)
+    except ValueError:
+        number = -1.0
+    if not (isfinite(number) and number >= 0):
+        raise _wrong(at, f"{text!r} is not a {name}: it must be a number from 0 on")
+    return number
+
+
+_LINES: dict[str, Callable[[Line, list[str]], Sequence[object]]] = {
+    "base": _counted(LayerKind.BASE, "a level"),
+    "adaptive-base": _adaptive_base,
+    "leaf-base": _plain_base,
+    "refine": _counted(LayerKind.REFINE, "a number of rounds"),
+    "adapt": _adapt,
+    "values": _values,
+    "offsets": _offsets,
+}

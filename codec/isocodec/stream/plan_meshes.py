@@ -1,0 +1,82 @@
+"""Meshes that a plan states by criteria: reduced from the field, each one part of the next (spec clause 5.8)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+from ..format.kinds import ADAPTIVE, LayerKind
+from ..layers.plan import Criteria, Entry, Line
+from ..mesh.vertex_set import Chosen
+from ..search.promise import Promise
+from ..search.reduction import Reduction
+
+
+def with_meshes(
+    plan: Sequence[Entry], full_level: int, lean_level: int, promise: Callable[[], Promise]
+) -> Sequence[Entry]:
+    """A plan with meshes in place of its `Criteria`.
+
+    Parameters
+    ----------
+    plan : sequence of entries
+    full_level : int
+        Level of the full grid.
+    lean_level : int
+        Uniform level of the isovalue that this one leans on, -1 if none.
+    promise : callable
+        Makes the original curve to reduce meshes of; called if there are criteria.
+    """
+    if not any(_criteria(entry) for entry in plan):
+        return plan
+    levels = _uniform_levels(plan, full_level, lean_level)
+    original = promise()
+    out = list(plan)
+    later: Chosen | None = None
+    # the last mesh first: earlier ones have to be part of it
+    for i in range(len(plan) - 1, -1, -1):
+        entry, criteria = plan[i], _criteria(plan[i])
+        if criteria is not None:
+            later = _reduced(original.reduction(later), criteria, levels[i])
+            members = (*entry[:2], later)
+            out[i] = Line(members, entry.number, entry.text) if isinstance(entry, Line) else members
+        elif _is_adaptive(entry) and isinstance(entry[-1], Chosen):
+            later = entry[-1]
+    return out
+
+
+def _is_adaptive(entry: object) -> bool:
+    return isinstance(entry, Sequence) and len(entry) == 3 and entry[0] in ADAPTIVE
+
+
+def _criteria(entry: object) -> Criteria | None:
+    """The criteria of an entry, if it has any; what is no entry is refused later."""
+    if isinstance(entry, Sequence) and _is_adaptive(entry) and isinstance(entry[2], Criteria):
+        return entry[2]
+    return None
+
+
+def _reduced(reduction: Reduction, criteria: Criteria, coarsest: int) -> Chosen:
+    """The mesh that the criteria leave; vertices of levels below ``coarsest`` stay."""
+    keep = None if criteria.curvature is None else reduction.curved(criteria.curvature)
+    reduction.reduce(
+        topology=criteria.topology, crossing=criteria.crossing, level=criteria.level, coarsest=coarsest,
+        distortion=criteria.distortion, keep=keep,
+    )  # fmt: skip
+    return reduction.chosen
+
+
+def _uniform_levels(plan: Sequence[Entry], full_level: int, lean_level: int) -> list[int]:
+    """For each entry the level up to which the mesh is uniform, of adaptive bases included, as far as numbers tell."""
+    level = 0
+    out = []
+    for entry in plan:
+        kind, *rest = entry if isinstance(entry, Sequence) and len(entry) else [None]
+        number = rest[0] if rest and isinstance(rest[0], int) else None
+        if kind in (LayerKind.BASE, LayerKind.ADAPTIVE_BASE):
+            level = full_level if number is None else number
+        elif kind == LayerKind.LEAF_BASE:
+            level = max(lean_level, 0)
+        elif kind == LayerKind.REFINE:
+            level = full_level if number is None else level + number
+        out.append(min(level, full_level))
+    return out

@@ -1,0 +1,71 @@
+"""The figures' own arithmetic: what is traced of a walk, parabolas, which layers are shown."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+pytest.importorskip("matplotlib")
+sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "tools"))
+
+import isocodec
+from commands import HILLS
+from figures.corpus import by_bytes, ends, stages
+from figures.planes import draw_mesh
+from figures.walk import parabola, path_of, small_field, symbols_of
+from isocodec.models.parabola import extrapolation
+
+
+def test_the_trace_of_a_walk_is_what_the_decoder_knows() -> None:
+    field = small_field()
+    data = isocodec.encode(field, 0, plan=[("base", None)], profile="baseline")
+    symbols = symbols_of(data)
+    (layer,) = isocodec.inspect(data, symbols=True).layers
+    names = ["origin", "component", "location", "base_sign"]
+    assert layer.symbols == {name: sum(s["element"] == name.replace("_", " ") for s in symbols) for name in names}
+    told = {(row, column): above for symbol in symbols for row, column, above in symbol["vertices"]}
+    assert len(told) == sum(len(symbol["vertices"]) for symbol in symbols)
+    assert all(above == (field[place] > 0) for place, above in told.items())
+    # one gate after the other lies in the tube, on edges whose ends differ
+    path = path_of(symbols)
+    assert len(path) > 50 and np.abs(np.diff(path, axis=0)).max() <= 1
+    right = sum(s["bit"] for s in symbols if s["context"].startswith("CURVE") and s["vertices"])
+    assert right == isocodec.statistics(data).layers[0].right
+
+
+def test_the_parabola_is_that_of_the_predictor() -> None:
+    points = np.random.default_rng(3).integers(0, 40, (20, 2)) / 2
+    for count in (3, 7, 20):
+        denominator, weights = extrapolation(count)
+        wanted = np.array(weights) @ points[:count] / denominator
+        assert parabola(points[:count], np.array([count]))[0] == pytest.approx(wanted)
+
+
+def test_layers_that_share_a_file_by_bytes() -> None:
+    data = isocodec.encode(HILLS, 60.5)
+    offsets, chosen = ends(data), by_bytes(data, 4)
+    assert chosen == sorted(set(chosen)) and chosen[-1] == len(offsets) and len(chosen) <= 4
+    for wanted in (len(data) / 4, len(data) / 2):
+        best = min(offsets, key=lambda offset: abs(np.log(offset / wanted)))
+        assert best in [offsets[number - 1] for number in chosen]
+    for number, stage in zip(chosen, stages(data, chosen), strict=True):
+        assert stage.bytes == offsets[number - 1]
+        alone = isocodec.decode(data, layers=number)
+        assert np.array_equal(stage.decoder.drawn().points, alone.points)
+
+
+def test_all_sides_of_a_mesh_are_drawn_once() -> None:
+    from matplotlib.figure import Figure
+
+    decoder = stages(isocodec.encode(HILLS, 60.5, tolerance=2), [1])[0].decoder
+    mesh = decoder.tessellation()
+    axes = Figure().add_subplot()
+    draw_mesh(axes, mesh)
+    lines = [np.asarray(line) for drawn in axes.collections for line in drawn.get_segments()]
+    found = {frozenset(map(tuple, line[:, ::-1])) for line in lines}
+    corners = ([0, 1], [1, 2], [2, 0])
+    sides = {frozenset(map(tuple, mesh.points[cell[two]])) for cell in mesh.cells for two in corners}
+    assert found == sides

@@ -1,0 +1,237 @@
+"""Plans as text: what each line comes to, what is refused and how, and that fields come back."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import isocodec
+from commands import BALL, HILLS, fails, ok
+from isocodec import OptionError, read_plan
+from isocodec.field.samples import check_field
+from isocodec.layers.plan import Criteria
+from isocodec.search.promise import Promise
+from isocodec.stream.plan_file import __doc__ as LANGUAGE
+from isocodec.stream.plan_file import check_plan
+from isospec.container import SIGNATURE
+
+FULL = 12
+"""Level of the full grid of HILLS: two axes, a root cube with an edge of 64 samples."""
+
+
+@pytest.fixture
+def hills(tmp_path: Path) -> Path:
+    path = tmp_path / "hills.npy"
+    np.save(path, HILLS)
+    return path
+
+
+def layers_of(data: bytes) -> list[tuple[str, int, int, int]]:
+    return [(layer.kind, layer.level, layer.plane, layer.parts) for layer in isocodec.inspect(data).layers]
+
+
+def test_every_line_becomes_an_entry() -> None:
+    text = """
+    # a comment
+    base 4        # and another
+    base
+    refine 3
+    refine
+    values 2
+    values left=3
+    values left=0
+    values
+    offsets 9
+    offsets 9 unit=2
+    leaf-base
+    adaptive-base topology distortion=0.5
+    adaptive-base 3 crossing
+    adapt curvature=0.25
+    adapt level=7 same-components
+    """
+    assert read_plan(text) == [
+        ("base", 4), ("base", None), ("refine", 3), ("refine", None), ("values", 2), ("values", None, 3),
+        ("values", None), ("values", None), ("offsets", 9, 0), ("offsets", 9, 2), ("leaf_base",),
+        ("adaptive_base", 0, Criteria(topology=True, distortion=0.5)), ("adaptive_base", 3, Criteria(crossing=True)),
+        ("adapt", 1, Criteria(curvature=0.25)), ("adapt", 0, Criteria(level=7)),
+    ]  # fmt: skip
+
+
+def test_the_program_has_the_operations_of_the_lines() -> None:
+    data = isocodec.encode(HILLS, 60.5, plan=read_plan("base 1\nrefine 2\nvalues 2\nrefine 1\nvalues 3"))
+    # more base 1, more refine 2, more values 2 (8 bits above, 6 below), more refine 1, values 3: clause 3.6.1
+    above, below = 195 - 60, 60  # HILLS has values from 0 to 195 at its samples at most 200
+    assert HILLS.max() <= 200 and above.bit_length() == 8 and below.bit_length() == 6
+    assert bytes.fromhex("81 92 a2 86 91 23") in data[len(SIGNATURE) : 40]
+
+
+def test_two_bits_in_between_two_levels() -> None:
+    """Row C2-geometry: two bits, another level, the bits that are new vertices' due, and down to one bit left."""
+    data = isocodec.encode(HILLS, 60.5, plan=read_plan("base 10\nvalues 2\nrefine 1\nvalues 0\nrefine\nvalues left=1"))
+    told = [(kind, level, plane) for kind, level, plane, _ in layers_of(data)]
+    assert told == [
+        ("base", 10, 0), ("values", 10, 7), ("values", 10, 6), ("refine", 11, 0), ("values", 11, 6), ("refine", 12, 0),
+        *(("values", 12, plane) for plane in (5, 4, 3, 2, 1)),
+    ]  # fmt: skip
+    decoder = isocodec.Decoder()
+    decoder.feed(data)
+    decoder.close()
+    state = decoder.state()
+    assert state is not None
+    padded = np.pad(HILLS > 60, 1, mode="edge")
+    crossed = np.zeros(HILLS.shape, bool)
+    for neighbours in (padded[2:, 1:-1], padded[:-2, 1:-1], padded[1:-1, 2:], padded[1:-1, :-2]):
+        crossed |= neighbours != (HILLS > 60)
+    told = crossed[tuple(state.position.T)]
+    assert told.sum() == crossed.sum() > 100 and set(state.missing[told]) == {1}
+    number = HILLS[tuple(state.position.T)].astype(int)
+    assert np.array_equal(state.number[told], np.where(state.above, number - 61, 60 - number)[told] >> 1)
+
+
+def test_bits_left_are_never_more_than_there_are() -> None:
+    """Of a mask a value has one bit: a layer that leaves three tells nothing."""
+    data = isocodec.encode(HILLS > 60, 0.5, plan=read_plan("base\nvalues left=3"))
+    assert [kind for kind, *_ in layers_of(data)] == ["base", "values"]
+    assert isocodec.decode_mask(data).sum() == (HILLS > 60).sum()
+
+
+@pytest.mark.parametrize("field, isovalue", [(HILLS, 60.5), (BALL, 50.5)])
+def test_adaptive_meshes_by_criteria_come_to_the_field(field: np.ndarray, isovalue: float) -> None:
+    text = "adaptive-base topology distortion=2\noffsets 3 unit=1\nadapt distortion=0.5\nrefine 2\nrefine\nvalues"
+    data = isocodec.encode(field, isovalue, plan=read_plan(text))
+    assert np.array_equal(isocodec.decode_mask(data), field > isovalue)
+    whole, own = isocodec.encode(field, isovalue, exact=True), isocodec.decode(data)
+    assert np.array_equal(np.sort(own.points, axis=0), np.sort(isocodec.decode(whole).points, axis=0))
+
+
+def test_meshes_are_those_of_the_reduction_each_part_of_the_next() -> None:
+    promise = Promise(check_field(HILLS, 60.5))
+    fine = promise.reduction()
+    fine.reduce(distortion=0.25, coarsest=3)
+    coarse = promise.reduction(fine.chosen)
+    coarse.reduce(topology=True, distortion=2, coarsest=2)
+    expected = [("base", 2), ("adapt", 1, coarse.chosen), ("refine", 1), ("adapt", 1, fine.chosen)]
+    text = "base 2\nadapt topology distortion=2\nrefine 1\nadapt distortion=0.25"
+    assert isocodec.encode(HILLS, 60.5, plan=read_plan(text)) == isocodec.encode(HILLS, 60.5, plan=expected)
+
+
+def test_one_criterion_is_that_of_encode() -> None:
+    for text, options in (
+        ("crossing", {"criterion": "crossing"}),
+        ("curvature=0.2", {"criterion": "curvature", "parameter": 0.2}),
+        ("level=6", {"criterion": "level", "parameter": 6}),
+        ("distortion=1 topology", {"criterion": "distortion", "parameter": 1, "preserve_topology": True}),
+    ):
+        plan = read_plan(f"adaptive-base {text}")
+        assert isocodec.encode(HILLS, 60.5, plan=plan) == isocodec.encode(HILLS, 60.5, signs_only=True, **options)
+
+
+def test_isovalues_have_plans_of_their_own(tmp_path: Path, hills: Path) -> None:
+    plan, out = tmp_path / "two.plan", tmp_path / "two.iso"
+    plan.write_text("isovalue 60.5\nbase 4\nrefine 4\nvalues 3\nisovalue 80.5\nleaf-base\nrefine\nvalues\n")
+    assert json.loads(ok("encode", hills, "-o", out, "--plan", plan, "--json"))["isovalues"] == [60.5, 80.5]
+    info = isocodec.inspect(out.read_bytes())
+    kinds = [layer.kind for layer in info.layers if layer.isovalue == 1]
+    assert info.leans == [None, 0] and kinds[0] == "leaf_base" and kinds[-1] == "values"
+    assert np.array_equal(isocodec.decode_mask(out.read_bytes(), isovalue=80.5), HILLS > 80)
+    line = fails(2, "encode", hills, "-o", out, "--plan", plan, "--isovalue", 60.5)
+    assert "the plan is of the isovalues 60.5, 80.5, those given are 60.5" in line
+    # without a line of an isovalue the plan is one for all
+    plan.write_text("base\n")
+    ok("encode", hills, "-o", out, "--plan", plan, "--isovalue", 60.5, "--isovalue", 70.5, "--independent")
+    assert layers_of(out.read_bytes()) == [("base", FULL, 0, 0)] * 2
+
+
+@pytest.mark.parametrize(
+    "text, line, said",
+    [
+        ("base 4\nrefine 9", 2, "9 rounds of refinement from level 4, the full grid is level 12: give at most 8"),
+        ("base\nadapt topology", 2, "adaptive refinement of the full grid: leave it out"),
+        ("base\nrefine", 2, "leave it out, the mesh is the full grid already"),
+        ("base 4\n\nvalues 2\noffsets 3", 4, "offsets after values: put offsets before the first values"),
+        ("base 4\nbase 5", 2, "a second base: an isovalue has one base"),
+        ("base 4\nadaptive-base topology", 2, "a second base"),
+        ("base 13", 1, "base at level 13, the full grid is level 12: give a level from 0 to 12"),
+        ("values 2", 1, "a layer before the base: begin with base"),
+        ("leaf-base", 1, "only an isovalue that leans on one before it"),
+        ("base\nvalues 40", 2, "more value bits than there are: fewer bits"),
+        ("base\nvalues 2\nvalues 40", 3, "more value bits than there are"),
+        ("base\noffsets 4", 2, "a radix of 4; it must be odd: for example 5"),
+        ("base\noffsets 65", 2, "the radix is an odd number from 1 to 63"),
+        ("base 2\noffsets 3 unit=25", 2, "the unit at most 24"),
+        ("base\noffsets", 2, "offsets take a radix"),
+        ("base\noffsets 3 5", 2, "for example: offsets 9"),
+        ("base 4 5", 1, "base takes a level only"),
+        ("base four", 1, "'four' is not a level: it must be a whole number"),
+        ("base -1", 1, "it must be a whole number from 0 on"),
+        ("adaptive-base -1 topology", 1, "it must be a whole number from 0 on"),
+        ("adaptive-base", 1, "no criterion for the mesh: give crossing, topology"),
+        ("adaptive-base topology=1", 1, "'topology=1' is not a criterion"),
+        ("adaptive-base distortion=nan", 1, "'nan' is not a distortion"),
+        ("adaptive-base topology topology", 1, "topology is given twice"),
+        ("# two\nbass 2", 2, "there is no layer 'bass': a line begins with one of isovalue, base, "),
+        ("base\nisovalue 60.5\nbase", 2, "layers before the first isovalue"),
+        ("isovalue 60.5\nbase\nisovalue 60.5\nbase", 3, "given twice"),
+        ("isovalue 60.5\nisovalue 61.5\nbase", 2, "the isovalue before has no layers"),
+        ("isovalue inf\nbase", 1, "an isovalue is a finite number"),
+        ("leaf-base 3", 1, "leaf-base takes nothing"),
+    ],
+)
+def test_a_line_that_cannot_be_carried_out_is_named(
+    tmp_path: Path, hills: Path, text: str, line: int, said: str
+) -> None:
+    plan, out = tmp_path / "wrong.plan", tmp_path / "out.iso"
+    plan.write_text(text)
+    message = fails(2, "encode", hills, "-o", out, "--plan", plan, *([] if "iso" in text else ["--isovalue", "60.5"]))
+    assert f"wrong.plan: line {line}, {text.splitlines()[line - 1]!r}: " in message
+    assert said in message
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["hills.npy", "wrong.plan"]
+
+
+def test_what_is_wrong_with_a_plan_as_a_whole(tmp_path: Path, hills: Path) -> None:
+    plan, out = tmp_path / "some.plan", tmp_path / "out.iso"
+    command = ["encode", hills, "-o", out, "--plan", plan]
+    assert "some.plan: No such file" in fails(3, *command, "--isovalue", 60.5)
+    plan.write_text("# nothing\n")
+    assert "the plan has no layers" in fails(2, *command, "--isovalue", 60.5)
+    plan.write_bytes(b"\xff\xfe")
+    assert "not a plan, which is a short text" in fails(2, *command, "--isovalue", 60.5)
+    plan.write_text("base")
+    assert "the plan names no isovalue" in fails(2, *command)
+    for option in ("--exact", "--signs-only", "--preserve-topology"):
+        assert f"--plan and {option} contradict" in fails(2, *command, "--isovalue", 60.5, option)
+    assert "--plan and --tolerance contradict" in fails(2, *command, "--isovalue", 60.5, "--tolerance", 1)
+    np.save(hills, HILLS / 7)
+    plan.write_text("base\nvalues")
+    assert "a plan with values of floats needs a step" in fails(2, *command, "--isovalue", 9.5)
+    ok(*command, "--isovalue", 9.5, "--step", 0.1)
+
+
+def test_a_label_with_a_plan(tmp_path: Path, hills: Path) -> None:
+    plan, out = tmp_path / "label.plan", tmp_path / "out.iso"
+    plan.write_text("base 3\nrefine")
+    ok("encode", hills, "-o", out, "--plan", plan, "--label", 3)
+    assert np.array_equal(isocodec.decode_mask(out.read_bytes()), HILLS == 3)
+
+
+def test_entries_with_bits_and_bits_left_are_refused() -> None:
+    with pytest.raises(OptionError, match="both how many bits come and how many are left"):
+        isocodec.encode(HILLS, 60.5, plan=[("base", None), ("values", 2, 1)])
+
+
+def test_a_plan_is_checked_before_the_field_is_encoded() -> None:
+    plan = read_plan("base 3\nvalues left=2\nrefine 9\noffsets 3")
+    with pytest.raises(OptionError, match="line 4, 'offsets 3': offsets after values"):
+        check_plan(plan, [60.5], FULL)
+
+
+def test_help_and_the_module_name_the_same_lines() -> None:
+    from isocodec.stream.plan_file import _LINES
+
+    shown = ok("encode", "--plan-help")
+    assert "--plan-help" in ok("encode", "--help")
+    for word in _LINES:
+        assert word in shown and f"``{word}" in (LANGUAGE or "")

@@ -1,0 +1,1 @@
+"""The pictures of the papers anew (see `__main__`)."""

@@ -1,0 +1,51 @@
+"""The pictures of the papers anew, from a folder of real arrays.
+
+``python tools/figures FOLDER -o OUT [NAME ..]`` draws all figures, or those named, to ``OUT/*.png``.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import time
+from pathlib import Path
+
+import matplotlib
+
+if not __package__:
+    # run as a folder: the modules next to this one are found by the name of the package
+    sys.path[0] = str(Path(__file__).resolve().parent.parent)
+matplotlib.use("Agg")
+
+from figures.planes import cortex, criteria, levels, plate, terrain
+from figures.rates import rates, surface_rates
+from figures.surfaces import surfaces
+from figures.walk import walk
+
+FIGURES = {
+    "criteria": criteria, "levels": levels, "walk": walk, "plate": plate, "cortex": cortex, "terrain": terrain,
+    "rates": rates, "surface-rates": surface_rates, "surfaces": surfaces,
+}  # fmt: skip
+
+
+def main() -> None:
+    """Draw what is asked for."""
+    text = "\n".join(f"  {name:14} {(draw.__doc__ or '').splitlines()[0]}" for name, draw in FIGURES.items())
+    parser = argparse.ArgumentParser(
+        description=f"{__doc__}\nFigures:\n{text}", formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("folder", type=Path)
+    parser.add_argument("names", nargs="*", metavar="NAME", help="figures to draw; all if none is named")
+    parser.add_argument("-o", "--output", type=Path, required=True, help="folder of the pictures")
+    options = parser.parse_intermixed_args()
+    if unknown := set(options.names) - set(FIGURES):
+        parser.error(f"there is no figure {', '.join(sorted(unknown))}; there are {', '.join(FIGURES)}")
+    options.output.mkdir(parents=True, exist_ok=True)
+    for name in options.names or FIGURES:
+        began = time.perf_counter()
+        FIGURES[name](options.folder, options.output)
+        print(f"{name}: {time.perf_counter() - began:.0f} s")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,118 @@
+"""Rate and distortion of curves and surfaces, for every strategy (row F-rd)."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import matplotlib.pyplot as plt
+import numpy as np
+
+import isocodec
+from figures.corpus import Item, load
+from figures.planes import save
+from isocodec.errors import OptionError
+from isocodec.field.samples import check_field
+from isocodec.layers.events import LayerComplete
+from isocodec.mesh.tables import cube_exponent
+from isocodec.search.distance import hausdorff
+from isocodec.search.original import original
+
+Point = tuple[str, int, float]
+"""Strategy, bytes, largest distance in cells, both ways."""
+CURVES = (("terrain/esterel_257", 300.5), ("medical/mni152_axial_100", 120.5), ("image/car_plate_de", 127.5))
+SURFACES = (("sdf/horse_65", 0.5), ("sdf/eight_65", 0.5))
+TOLERANCES = (8.0, 4.0, 2.0, 1.0, 0.5, 0.25, 0.1)
+RADICES = (1, 3, 5, 9, 21, 63)
+DISTORTIONS = (4, 2, 1, 0.5, 0.25)
+MARKS = "ovsD^<>pP*XhH"
+
+PREFIXES: dict[str, dict[str, Any]] = {
+    "progressive, uniform, signs then offsets": {},
+    "progressive, uniform, signs then exact values": {"exact": True},
+    "progressive, topology kept, steps 4, 1, 0.25": {"preserve_topology": True, "steps": [4.0, 1.0, 0.25]},
+}
+"""Files of which every layer is a point of the plot."""
+SEARCHED: dict[str, dict[str, Any]] = {
+    "searched under a tolerance": {}, "searched, topology kept": {"preserve_topology": True},
+}  # fmt: skip
+"""Files for a tolerance each."""
+FAMILIES: dict[str, list[str]] = {
+    "single rate, offsets in 1 to 63 parts": [f"base\noffsets {radix}" for radix in RADICES],
+    "single rate, values of 1 bit and more": [f"base\nvalues {bits}" for bits in (1, 2, 3, 4, 5, 6)],
+    "crossing, 1 to 63 parts": [f"adaptive-base crossing\noffsets {radix}" for radix in RADICES],
+    "topology, 1 to 63 parts": [f"adaptive-base topology\noffsets {radix} unit=2" for radix in RADICES],
+    "curvature 1 to 0.1": [f"adaptive-base curvature={k}\noffsets 5" for k in (1, 0.7, 0.5, 0.3, 0.2, 0.1)],
+    "distortion 4 to 0.25, 5 parts": [f"adaptive-base distortion={d}\noffsets 5 unit=1" for d in DISTORTIONS],
+    "distortion and topology, 5 parts": [
+        f"adaptive-base topology distortion={d}\noffsets 5 unit=1" for d in DISTORTIONS
+    ],
+}  # fmt: skip
+"""Files by plan, a point each; of coarse meshes every 2 or 4 samples are divided."""
+
+
+def measured(item: Item) -> Iterator[Point]:
+    """All strategies on one item."""
+    whole = original(check_field(item.values, item.isovalue))
+
+    def apart(contour: isocodec.Contour) -> float:
+        return max(hausdorff(whole.points, whole.cells, contour.points, contour.cells))
+
+    n, full = item.values.ndim, item.values.ndim * cube_exponent(item.values.shape)
+    for name, options in PREFIXES.items():
+        decoder = isocodec.Decoder()
+        decoder.feed(isocodec.encode(item.values, item.isovalue, **options))
+        for event in decoder:
+            if isinstance(event, LayerComplete) and (event.layer.level == full or event.layer.level % n == 0):
+                yield name, event.offset, apart(decoder.drawn())
+    for name, plans in FAMILIES.items():
+        for text in plans:
+            try:
+                data = isocodec.encode(item.values, item.isovalue, plan=isocodec.read_plan(text))
+            except OptionError:
+                # there are not that many bits of values
+                continue
+            yield name, len(data), apart(isocodec.decode(data))
+    levels = [f"base {level}\noffsets 5 unit=1" for level in range(2 * n, full, n)]
+    for text in levels:
+        data = isocodec.encode(item.values, item.isovalue, plan=isocodec.read_plan(text))
+        yield "uniform levels, 5 parts", len(data), apart(isocodec.decode(data))
+    for name, options in SEARCHED.items():
+        for tolerance in TOLERANCES if n == 2 else (2.0, 1.0, 0.5):
+            data = isocodec.encode(item.values, item.isovalue, tolerance=tolerance, **options)
+            yield name, len(data), apart(isocodec.decode(data))
+
+
+def draw(item: Item, points: list[Point], path: Path) -> None:
+    """Bytes and distance, a line for each strategy."""
+    figure, axes = plt.subplots(figsize=(9.0, 5.2), layout="constrained")
+    names = list(dict.fromkeys(name for name, _, _ in points))
+    colours = plt.get_cmap("tab20")(np.linspace(0, 1, len(names)))
+    for mark, name, colour in zip(MARKS * 2, names, colours, strict=False):
+        some = np.array(sorted((size, far) for of, size, far in points if of == name and 0 < far < np.inf))
+        if len(some):
+            axes.plot(*some.T, marker=mark, markersize=4, linewidth=1, label=name, color=colour)
+    axes.set(xscale="log", yscale="log", xlabel="bytes", ylabel="Hausdorff distance (cells)", title=item.title)
+    axes.grid(visible=True, which="both", linewidth=0.3)
+    axes.legend(fontsize="x-small", loc="center left", bbox_to_anchor=(1.0, 0.5))
+    save(figure, path)
+
+
+def _rates(folder: Path, out: Path, chosen: tuple[tuple[str, float], ...]) -> None:
+    for name, isovalue in chosen:
+        item = load(folder, name, isovalue)
+        points = list(measured(item))
+        draw(item, points, out / f"rate-{item.short}.png")
+        (out / f"rate-{item.short}.json").write_text(json.dumps(points, indent=1) + "\n")
+
+
+def rates(folder: Path, out: Path) -> None:
+    """F-rd: rate and distortion of curves, single rate and progressive, each criterion, quantisations."""
+    _rates(folder, out, CURVES)
+
+
+def surface_rates(folder: Path, out: Path) -> None:
+    """F-rd: the same of surfaces."""
+    _rates(folder, out, SURFACES)
