@@ -388,7 +388,7 @@ def test_extrapolation_from_twenty_points():
 
 @pytest.mark.parametrize("points", range(1, MOST + 1))
 def test_onward_is_least_squares_through_the_gate(points):
-    """C2-arith, F-80: b t + c t**2 with the least sum of squares, bending weighed; lines are continued exactly for c = 0.
+    """C2-arith, F-80: b t + c t**2 with the least sum of squares, bending weighed.
 
     The oracle is ``numpy.linalg.lstsq`` with a row for the bending.
     """
