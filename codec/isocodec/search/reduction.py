@@ -144,7 +144,6 @@ def drop(dm: Domain) -> None:
 def add(dm: Domain, wanted: IntMatrix, levels: IntVector, room: IntMatrix) -> int:
     """Put vertices back, with all their ancestors. ``room`` holds positions and levels; returns how many were added."""
     t = dm.grid.tables
-    n = dimension(t)
     added = 0
     for i in range(len(wanted)):
         count = 1
