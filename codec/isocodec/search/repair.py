@@ -17,8 +17,9 @@ from .reduction import Reduction, distinct
 Plan = list[Entry]
 MOST_REPAIRS = 64
 """How often vertices are put back."""
-BEHIND, SURE = 1.04, 3
-"""A mesh is given up that takes so many times the bytes that the best one took at as many places, after some turns."""
+BEHIND, NOISE, SURE = 1.03, 12, 3
+"""A mesh is given up that takes so many times the bytes, and so many more, that the best one took at as many places,
+after some turns."""
 LEAF = 0.25
 """Bytes that a leaf costs at least, with all that comes of it, where the curve is too far away."""
 SHARES = {2: 1.0, 3: 0.25}
@@ -38,7 +39,7 @@ class Course:
         known = sorted(self.best)
         if len(self.now) <= SURE or not known or places > known[-1]:
             return False
-        return bool(size > BEHIND * np.interp(places, known, [self.best[k] for k in known]))
+        return bool(size > BEHIND * np.interp(places, known, [self.best[k] for k in known]) + NOISE)
 
     def done(self, better: bool) -> None:
         """The end of a way."""

@@ -81,15 +81,14 @@ def smallest(promise: Promise, tolerance: float, topology: bool) -> Plan:
         )
     if full == 0:
         return best[1]
-    course = Course()
-    tried = list(pitches(tolerance, promise.n))
+    course, tried = Course(), list(pitches(tolerance, promise.n))
     for start, lead in () if topology else even_starts(promise, tolerance):
-        found, pitch = _meshed(promise, tolerance, start, lead, best, tried, course)
-        if pitch is None and len(tried) == 1:
+        found, better = _meshed(promise, tolerance, start, lead, best, tried, course)
+        if len(tried) == 1 and better is None:
             # of even larger cubes the same would come
             break
-        if pitch is not None:
-            best, tried = found, [pitch]
+        # what is told best on one mesh is on the others
+        best, tried = found, tried if better is None else [better]
     start = loose_start(promise, tolerance, topology)
     return _meshed(promise, tolerance, start, [], best, tried, course, topology)[0][1]
 
@@ -104,26 +103,24 @@ def _meshed(
     promise: Promise, tolerance: float, start: Chosen, lead: Plan, best: _Found, tried: Sequence[tuple[int, int]],
     course: Course, topology: bool = False,
 ) -> tuple[_Found, tuple[int, int] | None]:  # fmt: skip
-    """The best plan, or a better one on a mesh to begin with, and its parts and unit, of those ``tried``.
+    """The best plan, or a better one on a mesh to begin with, and then its parts and unit, of those ``tried``.
 
     ``lead`` leads to a part of the mesh.
     """
     better: tuple[int, int] | None = None
     for pitch in tried:
-        most = best[0] if lead else HOPELESS * best[0]
+        before, most = best, best[0] if lead else HOPELESS * best[0]
         kept = repaired(promise, promise.reduction(start), tolerance, pitch, lead, most=most, course=course)
         course.done(kept is not None and kept.size < best[0])
         if kept is None:
             continue
-        before = best
         if kept.size < best[0]:
             best = kept.size, kept.plan
         coarse = base_of(promise.n, promise.full_level)
         if not (lead or topology) and coarse < promise.full_level:
             # a coarse uniform base has vertices that the mesh may lack: proven anew
             best = _better(promise, tolerance, [("base", coarse), ("adapt", 1, kept.mesh), kept.plan[-1]], best)
-        if best is not before:
-            better = pitch
+        better = pitch if best is not before else better
     return best, better
 
 
