@@ -22,11 +22,11 @@ from brute import crossing_points, examples, mesh_leaves, mixed_leaves, sign_fie
 from isocodec.field.samples import check_field
 from isocodec.mesh.simplex import newest
 from isocodec.mesh.vertex_set import has
+from isocodec.search.distance import Target
 from isocodec.search.domain import number_of, place_of
 from isocodec.search.edges import crossing_on
-from isocodec.search.promise import Promise
-from isocodec.search.distance import Target
 from isocodec.search.original import original
+from isocodec.search.promise import Promise
 from isocodec.search.reduction import Reduction, bent, distinct
 from isoconform.meshes import Mesh, closed, exponent, level_of, parents
 from isospec.container import MAX_SIDE

@@ -15,7 +15,7 @@ from isospec.container import MAX_RADIX
 from ..errors import OptionError
 from ..mesh.vertex_set import Chosen
 from .promise import Promise
-from .repair import MOST_REPAIRS, Course, Plan, repaired
+from .repair import BEHIND, MOST_REPAIRS, Course, Plan, repaired
 from .tolerance import Slack, grid_offsets, pitches, radices
 
 _Found = tuple[float, Plan]
@@ -81,14 +81,15 @@ def smallest(promise: Promise, tolerance: float, topology: bool) -> Plan:
         )
     if full == 0:
         return best[1]
-    course, tried = Course(), list(pitches(tolerance, promise.n))
+    course, helped, tried = Course(), False, list(pitches(tolerance, promise.n))
     for start, lead in () if topology else even_starts(promise, tolerance):
-        found, better = _meshed(promise, tolerance, start, lead, best, tried, course)
-        if len(tried) == 1 and better is None:
+        found, good = _meshed(promise, tolerance, start, lead, best, tried, course)
+        if helped and found is best:
             # of even larger cubes the same would come
             break
-        # what is told best on one mesh is on the others
-        best, tried = found, tried if better is None else [better]
+        helped |= found is not best
+        # what is told well on one mesh is on the others
+        best, tried = found, good or tried
     start = loose_start(promise, tolerance, topology)
     return _meshed(promise, tolerance, start, [], best, tried, course, topology)[0][1]
 
@@ -102,26 +103,26 @@ def _better(promise: Promise, tolerance: float, plan: Plan, best: _Found) -> _Fo
 def _meshed(
     promise: Promise, tolerance: float, start: Chosen, lead: Plan, best: _Found, tried: Sequence[tuple[int, int]],
     course: Course, topology: bool = False,
-) -> tuple[_Found, tuple[int, int] | None]:  # fmt: skip
-    """The best plan, or a better one on a mesh to begin with, and then its parts and unit, of those ``tried``.
+) -> tuple[_Found, list[tuple[int, int]]]:  # fmt: skip
+    """The best plan, or a better one on a mesh to begin with; which of the parts and units ``tried`` do well there.
 
     ``lead`` leads to a part of the mesh.
     """
-    better: tuple[int, int] | None = None
+    sizes: dict[tuple[int, int], int] = {}
     for pitch in tried:
-        before, most = best, best[0] if lead else HOPELESS * best[0]
+        most = best[0] if lead else HOPELESS * best[0]
         kept = repaired(promise, promise.reduction(start), tolerance, pitch, lead, most=most, course=course)
         course.done(kept is not None and kept.size < best[0])
         if kept is None:
             continue
+        sizes[pitch] = kept.size
         if kept.size < best[0]:
             best = kept.size, kept.plan
         coarse = base_of(promise.n, promise.full_level)
         if not (lead or topology) and coarse < promise.full_level:
             # a coarse uniform base has vertices that the mesh may lack: proven anew
             best = _better(promise, tolerance, [("base", coarse), ("adapt", 1, kept.mesh), kept.plan[-1]], best)
-        better = pitch if best is not before else better
-    return best, better
+    return best, [pitch for pitch, size in sizes.items() if size <= BEHIND * min(sizes.values())]
 
 
 def loose_start(promise: Promise, tolerance: float, topology: bool) -> Chosen:
