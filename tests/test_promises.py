@@ -80,7 +80,8 @@ def test_promised_layers_keep_their_promise(topology: bool) -> None:
     assert list(promised.values()) == steps[:-1]
     original = isocodec.decode(data)
     for layers, within in promised.items():
-        assert info.layers[layers - 1].kind == "offsets"
+        # signs alone, but for the last
+        assert info.layers[layers - 1].kind == "offsets" or within > 1
         coarse = isocodec.decode(data, layers=layers)
         assert farthest(coarse, original) <= within + 2 / FINE
         if topology:

@@ -18,7 +18,7 @@ from ..layers.plan import PROMISE
 from ..mesh.vertex_set import Chosen
 from .promise import Promise
 from .repair import MOST_REPAIRS, Plan, repaired
-from .strategy import EXACT, base_of, smallest, whole_mesh
+from .strategy import EXACT, NotKeptError, base_of, smallest, whole_mesh
 from .tolerance import NO_OFFSETS, grid_offsets, pitches, radices
 
 FULL: Plan = [("refine", None)]
@@ -47,14 +47,18 @@ def stepwise(promise: Promise, steps: Sequence[float], topology: bool) -> Plan:
     plans = []
     if len(fine) == 1:
         plans.append(_joined(promise, coarse, smallest(promise, fine[0], topology), fine, topology))
-    if coarse and (len(fine) > 1 or values):
+    if values or plans in ([], [None]):
         # if values follow, less is wasted of offsets on the full grid, as a rule
         grid = [*whole_mesh(promise, topology), *_offsets(promise, fine)]
         plans.append(_joined(promise, coarse, grid, fine, topology))
-    elif len(fine) > 1:
-        plans.append([*whole_mesh(promise, topology), *_offsets(promise, fine)])
-    plans = [[*plan, *(FULL if values and _chosen(plan) else []), *values] for plan in plans]
-    return min(plans, key=lambda plan: promise.trial(plan)[0]) if len(plans) > 1 else plans[0]
+    if plans[0] is None and _signs_keep(promise, fine[0]):
+        # a mesh with offsets has no room for one without: none at all
+        bare = _bare(promise, fine[0], topology, None)
+        plans.append(bare and _joined(promise, coarse, _first(promise, bare, topology), fine, topology))
+    found = [[*plan, *(FULL if values and _chosen(plan) else []), *values] for plan in plans if plan]
+    if not found:
+        raise NotKeptError(f"no meshes keep to the steps {steps}", code="steps", remedy="leave some out")
+    return min(found, key=lambda plan: promise.trial(plan)[0]) if len(found) > 1 else found[0]
 
 
 def _signs_keep(promise: Promise, distance: float) -> bool:
@@ -77,8 +81,13 @@ def _chosen(plan: Plan) -> Chosen | None:
     return mesh if isinstance(mesh, Chosen) else None
 
 
-def _joined(promise: Promise, coarse: Sequence[float], ending: Plan, fine: Sequence[float], topology: bool) -> Plan:
-    """Steps without offsets, and the mesh and the offsets of a plan that keeps to the finer distances."""
+def _joined(
+    promise: Promise, coarse: Sequence[float], ending: Plan, fine: Sequence[float], topology: bool
+) -> Plan | None:
+    """Steps without offsets, and the mesh and the offsets of a plan that keeps to the finer distances.
+
+    None if a step would need vertices that the mesh has not.
+    """
     promised = [] if PROMISE in [entry[0] for entry in ending] else [(PROMISE, fine[-1])]
     geometry = [entry for entry in ending if entry[0] in (LayerKind.OFFSETS, PROMISE)]
     mesh = finer = _chosen(ending)
@@ -86,7 +95,7 @@ def _joined(promise: Promise, coarse: Sequence[float], ending: Plan, fine: Seque
     for distance in reversed(coarse):
         found = _bare(promise, distance, topology, finer)
         if found is None:
-            continue
+            return None
         finer = found
         meshes.append((distance, found))
     meshes.reverse()
