@@ -21,7 +21,7 @@ from isocodec.field.placement import placement_of, write_placement
 from isocodec.field.samples import check_field
 from isocodec.format.chunks import read_further, write_further
 from isocodec.io.detached import _numbered
-from isocodec.io.formats import Cost
+from isocodec.io.output_formats import Cost
 from isocodec.limits import LEVELS, Budget
 from isocodec.stream.encoder import Encoder
 from isocodec.tube.capacity import at_rest, wider_state

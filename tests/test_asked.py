@@ -113,12 +113,6 @@ def test_values_of_floats_need_a_step(field):
             isocodec.encode(field, 0.5, plan=plan, step=1.0)
 
 
-def test_no_topology_on_uniform_meshes():
-    with pytest.raises(OptionError, match="preserve_topology") as caught:
-        isocodec.encode(FIELD, 5.5, criterion="level", parameter=2, preserve_topology=True)
-    assert caught.value.code == "options" and caught.value.remedy
-
-
 # --- crossings ------------------------------------------------------------------------------------------------------
 
 finite = st.floats(allow_nan=False, allow_infinity=False)

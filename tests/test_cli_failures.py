@@ -250,7 +250,6 @@ def test_the_options_of_encode_fit_a_screen(monkeypatch: pytest.MonkeyPatch) -> 
 def test_options_that_contradict_one_another_are_named_as_on_the_command_line(hills: Path, tmp_path: Path) -> None:
     encode = ("encode", hills, "-o", tmp_path / "o.iso", "--isovalue", 40)
     assert "--exact and --signs-only contradict one another" in fails(2, *encode, "--exact", "--signs-only")
-    assert "--base-level and --preserve-topology" in fails(2, *encode, "--base-level", 1, "--preserve-topology")
     assert "exactly one of --isovalue, --interval and --label" in fails(2, *encode, "--label", 1)
 
 

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from brute import examples
-from isocodec.search.distance import SMALLEST, Target, hausdorff, one_sided
+from isocodec.search.proof import SMALLEST, Target, hausdorff, one_sided
 
 
 def line(*points):
@@ -62,7 +62,7 @@ def test_a_few_pieces_far_apart_take_few_buckets(n):
     points = np.concatenate([starts, starts + np.eye(n)[0], starts + np.eye(n)[1]])
     cells = np.array([[i, i + 3, i + 6][:n] for i in range(3)])
     target = Target(points, cells, 1.0)
-    assert len(target.first) < 10_000
+    assert len(target.buckets.first) < 10_000
     near, far = points[cells].mean(axis=1) + 0.4 * np.eye(n)[1], points[cells].mean(axis=1) + 90 * np.eye(n)[0]
     assert target.nearest(near)[0].tolist() == [0, 1, 2]
     assert target.nearest(far)[0].tolist() == [-1] * 3

@@ -16,8 +16,8 @@ from isocodec.field.samples import check_field
 from isocodec.mesh.tables import cube_exponent
 from isocodec.passes.snapshot import leaves_of
 from isocodec.search import fit
-from isocodec.search.distance import Target, hausdorff
 from isocodec.search.promise import Promise
+from isocodec.search.proof import Target, hausdorff
 from isoconform.meshes import chosen, uniform
 
 
@@ -41,7 +41,7 @@ def test_a_ball_on_both_sides(n):
     level = n * (cube_exponent((33,) * n) - (3 if n == 2 else 2))
     before, mesh = trial(promise, level, 5, 0)
     worst = max(hausdorff(before.points, before.cells, promise.contour.points, promise.contour.cells))
-    place = promise.placed(mesh, 5, 0, 0.6 * worst)
+    place = promise.placed(mesh, 5, 0, 0.6 * worst).place
     after, _ = trial(promise, level, 5, 0, place)
     assert (
         max(hausdorff(after.points, after.cells, promise.contour.points, promise.contour.cells))
@@ -63,7 +63,7 @@ def test_numbers_are_parts_of_edges(n):
         shape = (14, 11) if n == 2 else (7, 9, 8)
         promise = Promise(check_field(smooth(shape, seed) - 0.01, 0.0))
         mesh = chosen(shape, uniform(shape, n * cube_exponent(shape) - n))
-        place = promise.placed(mesh, *pitch, tolerance)
+        place = promise.placed(mesh, *pitch, tolerance).place
         tube = promise._encoded([("adaptive_base", 0, mesh), ("offsets", *pitch, place)])[1]
         told = tube.estimates
         position = tube.state.vertex[:, :n].astype(np.int64)
@@ -136,10 +136,35 @@ def test_samples_of_pieces(n):
 
 def test_edges_that_nothing_notices_stay():
     where, gap = np.array([0.5, 0.5]), np.array([1.0])
-    fit.relax(
-        np.array([0, 1, 1]), np.array([0]), np.array([1.0]), gap, where, np.array([0.1, 0.1]), 2, 1.0, 2
-    )  # fmt: skip
+    pull = fit.Pull(np.array([0, 1, 1]), np.array([0]), np.array([1.0]), gap)
+    fit.relax(pull, where, np.array([0.1, 0.1]), 2, 1.0, 2)
     assert where == pytest.approx([0.9, 0.5]) and gap == pytest.approx([0.6])
+
+
+def test_points_without_a_step_stay():
+    where, gap = np.array([0.5, 0.5]), np.array([1.0, 1.0])
+    pull = fit.Pull(np.array([0, 1, 2]), np.array([0, 1]), np.array([1.0, 1.0]), gap)
+    fit.relax(pull, where, np.array([0.1, 0.0]), 2, 1.0, 2)
+    assert where == pytest.approx([0.9, 0.5]) and gap == pytest.approx([0.6, 1.0])
+
+
+@pytest.mark.parametrize("n", [2, 3])
+def test_fitted_again_around_a_place(n):
+    """Points far from where the curve is too far away stay, and what may have changed is seen to be held against it."""
+    promise = Promise(check_field(ball(n, 65, 27.3), 0.0))
+    mesh = chosen((65,) * n, uniform((65,) * n, n * cube_exponent((65,) * n) - 2 * n))
+    before = promise.placed(mesh, 5, 0, 0.5)
+    place = promise.contour.points[:1]
+    after = promise.placed(mesh, 5, 0, 0.3, before, places=place)
+    assert after.drawing.changed is not None
+    moved = (after.drawing.points != before.drawing.points).any(axis=1)
+    assert not (moved & ~after.drawing.changed.holds(after.drawing.points)).any()
+    assert (np.linalg.norm(after.drawing.points[moved] - place, axis=1) < 12).all() and not moved.all()
+    # where nothing is left out the faults found there are those of the whole proof
+    drawn = after.drawing
+    whole = promise._excess(drawn.points, drawn.cells, 0.3)
+    there = after.drawing.changed.holds(whole)
+    assert len(promise.excess_near(drawn, 0.3)) >= there.sum() - 1
 
 
 @pytest.mark.parametrize("n", [2, 3])
@@ -167,7 +192,7 @@ def test_relax_finds_the_best_places():
     where = np.array([0.1])
     gap = np.array([0.4, -0.2])
     step = np.array([0.05])
-    fit.relax(np.array([0, 2]), np.array([0, 1]), np.array([1.0, 1.0]), gap, where, step, 2, 1.0, 10)
+    fit.relax(fit.Pull(np.array([0, 2]), np.array([0, 1]), np.array([1.0, 1.0]), gap), where, step, 2, 1.0, 10)
     assert where[0] == pytest.approx(0.2) and gap == pytest.approx([0.3, -0.3])
 
 

@@ -24,8 +24,10 @@ from isocodec.mesh.simplex import newest
 from isocodec.mesh.vertex_set import has
 from isocodec.search.domain import number_of, place_of
 from isocodec.search.edges import crossing_on
+from isocodec.search.original import original
 from isocodec.search.promise import Promise
-from isocodec.search.reduction import Reduction, distinct
+from isocodec.search.proof import Target
+from isocodec.search.reduction import Reduction, bent, distinct
 from isoconform.meshes import Mesh, closed, exponent, level_of, parents
 from isospec.container import MAX_SIDE
 
@@ -268,10 +270,12 @@ def test_start():
         phi = smooth(shape, seed).astype(np.float32)
         points = crossing_points(phi, 0.0)
         first = Reduction(phi > 0, phi, points)
-        first.reduce(topology=True, distortion=0.2)
+        contour = original(check_field(phi, 0.0))
+        near, far = (Target(contour.points, contour.cells, limit) for limit in (0.2, 1.0))
+        first.reduce(topology=True, distortion=0.2, original=near)
         mesh = mesh_of(first)
         second = Reduction(phi > 0, phi, points, first.chosen)
-        second.reduce(topology=True, distortion=1.0)
+        second.reduce(topology=True, distortion=1.0, original=far)
         assert mesh_of(second) <= mesh == mesh_of(first)
         assert is_closed(mesh_of(second), shape) and same_topology(phi > 0, mesh_of(second))
 
@@ -287,7 +291,8 @@ def test_levels_that_stay(shape):
         assert mesh_of(reduction) == uniform
         reduction = of(field)
         reduction.reduce(level=level, topology=True)
-        assert mesh_of(reduction) <= uniform and is_closed(mesh_of(reduction), shape)
+        mesh = mesh_of(reduction)
+        assert uniform <= mesh and is_closed(mesh, shape) and same_topology(field, mesh)
 
 
 @pytest.mark.parametrize("shape", [(17, 9), (5, 4, 7)])
@@ -301,16 +306,23 @@ def test_level_alone(shape):
 
 
 @pytest.mark.parametrize("shape", [(33, 33), (20, 31), (9, 8, 10)])
-def test_keep(shape):
-    """Around the points to be kept the grid is full, at the border of the box as well."""
+def test_stars_that_bend(shape):
+    """Around points that bend enough the grid is full, at the border of the box as well."""
     phi = smooth(shape, 5).astype(np.float32)
     points = crossing_points(phi, 0.0)
     keep = np.random.default_rng(0).random(len(points)) < 0.1
     reduction = Reduction(phi > 0, phi, points)
-    reduction.reduce(topology=True, keep=keep)
+    reduction.reduce(topology=True, curvature=np.where(keep, 1e9, 0.0), kappa=1.0)
     left, kept = (distinct(len(shape), reduction.leaves_at(of))[0] for of in (points, points[keep]))
     assert len(left) and not len(kept)
     assert same_topology(phi > 0, mesh_of(reduction))
+
+
+def test_the_mean_over_a_star_counts():
+    keys, curvature = np.array([7, -1, 3, 7, 3]), np.array([0.1, 9.0, 1.0, 0.5, 0.0])
+    assert bent(keys, curvature, 0.3).tolist() == [3]
+    assert bent(keys, curvature, 0.29).tolist() == [3, 7]
+    assert not len(bent(keys, curvature, 0.5))
 
 
 # -- distances -------------------------------------------------------------------------------------------------------
@@ -353,7 +365,7 @@ def test_distance_after_one_level(shape, parts):
     # half a part of an edge of the full grid is what points may be off where nothing went
     tolerance = 0.3 if parts > 1 else 0.6
     reduction = promise.reduction()
-    reduction.reduce(distortion=tolerance, parts=parts, coarsest=n * k - 1)
+    reduction.reduce(distortion=tolerance, original=promise.target(2 * tolerance), parts=parts, coarsest=n * k - 1)
     gone = len(parents(shape)) - len(mesh_of(reduction))
     _, contour = promise.trial([("adaptive_base", 0, reduction.chosen), ("offsets", parts, 0)])
     points = crossing_points(promise.field.values, 0.0)

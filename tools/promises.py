@@ -32,9 +32,9 @@ from acceptance import Item, Sampled, items
 from isocodec.drawing.contour import Contour
 from isocodec.field.samples import check_field
 from isocodec.layers.events import LayerComplete
-from isocodec.search.distance import Target, hausdorff
 from isocodec.search.original import original
 from isocodec.search.promise import Promise
+from isocodec.search.proof import Target, hausdorff
 
 TOLERANCES = (0.1, 0.25, 1.0, 4.0)
 ROUNDING = 1e-9
@@ -210,9 +210,9 @@ def horse(chosen: list[Item], _: argparse.Namespace) -> Iterator[str]:
         field = check_field(item.values, item.isovalue)
         promise = Promise(field)
         fine = promise.reduction()
-        fine.reduce(topology=True, distortion=0.2, parts=9)
+        fine.reduce(topology=True, distortion=0.2, original=promise.target(0.2), parts=9)
         coarse = promise.reduction(fine.chosen)
-        coarse.reduce(topology=True, distortion=3.0, parts=1, unit=1)
+        coarse.reduce(topology=True, distortion=3.0, original=promise.target(3.0), parts=1, unit=1)
         plan = [("adaptive_base", 0, coarse.chosen), ("offsets", 3, 1), ("adapt", 0, fine.chosen), ("offsets", 9, 0)]
         data = isocodec.encode(item.values, item.isovalue, plan=plan)
         whole = promise.contour
@@ -254,13 +254,14 @@ def reduction(chosen: list[Item], _: argparse.Namespace) -> Iterator[str]:
     yield "| item | samples | seconds | bytes per sample beyond the input |\n| --- | ---: | ---: | ---: |"
     for item in chosen:
         promise = Promise(check_field(item.values, item.isovalue))
-        promise.reduction().reduce(topology=True, distortion=1.0, parts=3)
+        promise.reduction().reduce(topology=True, distortion=1.0, original=promise.target(1.0), parts=3)
         began = time.perf_counter()
-        promise.reduction().reduce(topology=True, distortion=1.0, parts=3)
+        promise.reduction().reduce(topology=True, distortion=1.0, original=promise.target(1.0), parts=3)
         seconds = time.perf_counter() - began
         del promise
         tracemalloc.start()
-        Promise(check_field(item.values, item.isovalue)).reduction().reduce(topology=True, distortion=1.0, parts=3)
+        promise = Promise(check_field(item.values, item.isovalue))
+        promise.reduction().reduce(topology=True, distortion=1.0, original=promise.target(1.0), parts=3)
         peak = tracemalloc.get_traced_memory()[1]
         tracemalloc.stop()
         yield f"| {item.name} | {item.values.size} | {seconds:.2f} | {peak / item.values.size:.1f} |"

@@ -46,9 +46,9 @@ def rows(run: bytes, symbols: list[Symbol]) -> Iterator[str]:
 def text() -> str:
     """Bytes and symbols, as the annex shows them."""
     data = example()
-    lines = [f"{len(data)} bytes: `{data.hex(' ')}`", "", "| no. | element | context | p | range | code | bound | bit | what it says |"]
-    lines += ["| --- | --- | --- | --- | --- | --- | --- | --- | --- |", *rows(data[RUN:-4], Tracer(data).symbols)]
-    return "\n".join(lines) + "\n"
+    heads = ("no.", "element", "context", "p", "range", "code", "bound", "bit", "what it says")
+    lines = [f"{len(data)} bytes: `{data.hex(' ')}`", "", f"| {' | '.join(heads)} |", "| --- " * len(heads) + "|"]
+    return "\n".join([*lines, *rows(data[RUN:-4], Tracer(data).symbols)]) + "\n"
 
 
 def main() -> None:

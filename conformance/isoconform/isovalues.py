@@ -58,7 +58,7 @@ def whole() -> Iterator[Draft]:
             f"{space}_isovalues_many", field, (HIGH_VALUE, LOW_VALUE, HIGH_VALUE + 4, LOW_VALUE - 1, VALUE),
             "isovalues that lean on different earlier ones", exact=True,
         )  # fmt: skip
-        part: dict[float, Steps] = {VALUE: [*GRID, ("values", 4)]}
+        part: dict[float, list[Steps]] = {VALUE: [*GRID, ("values", 4)]}
         for further, base in ((VALUE + 2, GRID), (VALUE - 3, [("leaf_base",)]), (HIGH_VALUE, GRID)):
             part[further] = [*base, ("values", None)]
         yield encoded(

@@ -17,8 +17,8 @@ from isocodec.errors import OptionError
 from isocodec.field.samples import check_field
 from isocodec.layers.events import LayerComplete
 from isocodec.mesh.tables import cube_exponent
-from isocodec.search.distance import hausdorff
 from isocodec.search.original import original
+from isocodec.search.proof import hausdorff
 
 Point = tuple[str, int, float]
 """Strategy, bytes, largest distance in cells, both ways."""

@@ -13,7 +13,7 @@ from .report import PARTIAL, concerning, warn
 
 if TYPE_CHECKING:
     from ..drawing.contour import Contour
-    from ..io.formats import Cost
+    from ..io.output_formats import Cost
     from ..limits import Limits
     from ..stream.decoder import Decoder
 

@@ -75,5 +75,6 @@ def _joined(leaves: Leaves, grid: Drawn, other: Drawn) -> Drawn:
     of_grid = np.concatenate([number[: len(grid.edges)], len(first) + np.arange(len(centres))])
     of_other = number[len(grid.edges) :]
     points = np.concatenate([np.concatenate([grid.points[: len(grid.edges)], other.points])[first], centres])
-    ratio, free = (np.concatenate(pair)[first] for pair in ((grid.ratio, other.ratio), (grid.free, other.free)))
+    ratio = np.concatenate([grid.ratio, other.ratio])[first]
+    free = np.concatenate([grid.free, other.free])[first]
     return Drawn(points, np.concatenate([of_grid[grid.cells], of_other[other.cells]]), both[first], ratio, free)

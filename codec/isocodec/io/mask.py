@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from ..drawing.mask import MaskRows
 from .extras import optional
-from .formats import Format, find_suffix
+from .output_formats import Format, find_suffix
 
 Mask = NDArray[np.bool_]
 Placement = NDArray[np.float64]

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from ..drawing.contour import Contour
 from ..field.placement import CRS
 from .extras import optional
-from .formats import Cost, Format
+from .output_formats import Cost, Format
 
 if TYPE_CHECKING:
     from ..drawing.tessellation import Tessellation

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from ..errors import OptionError
 from .extras import optional
-from .formats import Cost
+from .output_formats import Cost
 from .shading import shade
 from .view import USUAL, View, proportions, upright
 

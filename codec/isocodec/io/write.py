@@ -24,8 +24,8 @@ from ..field.placement import CRS
 from .areas import areas, polygons
 from .atomic import write_bytes
 from .extras import optional
-from .formats import Cost, Format, find_suffix
 from .mesh import MESHES
+from .output_formats import Cost, Format, find_suffix
 from .picture import PICTURE, contour_picture, matplotlib_figure
 
 if TYPE_CHECKING:

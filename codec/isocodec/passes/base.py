@@ -37,7 +37,7 @@ from ..tube.state import (
     tired,
 )
 from .adaptive_mesh import tell
-from .traversal import implied_corner, learn_corner, push_gates, traverse, trouble, visit, visited
+from .gates import implied_corner, learn_corner, push_gates, traverse, trouble, visit, visited
 
 _ORIGIN, _COMPONENT, _ROOT, _LOCATE, _SIGNS, _TRAVERSE, _DONE = range(7)
 _ON = 0

@@ -27,7 +27,7 @@ from ..tube.state import (
 )
 from ..tube.truth import Truth
 from . import base as base_pass
-from . import new_components, refinement, traversal
+from . import gates, new_components, refinement
 from .geometry import Estimates
 
 _SEED = 20
@@ -35,7 +35,7 @@ _SEED = 20
 _REASONS = {
     base_pass.NO_START: ("5.3.2", "a component starts in a simplex that does not exist or was visited before"),
     base_pass.NOT_CROSSED: ("5.3.3", "a component starts in a simplex that the curve does not cross"),
-    traversal.CONTRADICTED: ("5.8.2", "a leaf contradicts what was told of the mesh"),
+    gates.CONTRADICTED: ("5.8.2", "a leaf contradicts what was told of the mesh"),
     new_components.UNPLACED: ("5.5", "a new component could not be placed"),
 }
 """Clause and message of each error of a pass."""

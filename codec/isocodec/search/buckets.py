@@ -114,8 +114,8 @@ def bucket_of(buckets, x, y, z):
 def unproven(buckets, stack, last):
     """Whether the piece in the first row of ``stack`` is not proven to lie within the limit.
 
-    Also where that shows: the row of the stack with a piece whose centre does. ``last`` is the place in ``flat`` of what
-    proved the piece before, which proves this one, too, more often than not; it is returned, brought up to date.
+    Also where that shows: the row of the stack with a piece whose centre does. ``last`` is the place in ``flat`` of
+    what proved the piece before, which proves this one, too, more often than not; it is returned, brought up to date.
     """
     limit = buckets.limit
     squared = limit * limit

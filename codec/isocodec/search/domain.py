@@ -77,7 +77,7 @@ def diamond_at(dm, level, x, y, z):
     r = level % dimension(t)
     kind = kind_of(t, r, w0, w1, w2)
     whole, members, corners = existing(dm.grid, edge, r, kind, w0, w1, w2)
-    above = np.int64(0)
+    above = 0
     i = 0
     while corners >> i:
         if (corners >> i) & 1:

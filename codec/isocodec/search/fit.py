@@ -21,7 +21,8 @@ from ..drawing.leaves import Leaves
 from ..drawing.simplices import crossed, rings
 from ..kernel import inner, kernel, record
 from ..kernel.types import FloatMatrix, FloatVector, IntMatrix, IntVector
-from .distance import Target
+from .around import Around
+from .proof import Target
 
 ROUNDS = (0.5, 0.5, 1.0, 1.0, 1.0)
 """Steps of the points in each round, in units of the parts that are told."""
@@ -70,11 +71,14 @@ class Pull(NamedTuple):
 
 @kernel
 def relax(pull: Pull, where: FloatVector, step: FloatVector, most: int, scale: float, sweeps: int) -> None:
-    """Move each edge's point by up to ``most`` steps to where the penalty is least; ``pull.gap`` is kept up to date."""
+    """Move each edge's point by up to ``most`` steps to where the penalty is least; ``pull.gap`` is kept up to date.
+
+    Where the step is 0 it stays.
+    """
     first, samples, slopes, gap = pull.first, pull.samples, pull.slopes, pull.gap
     for _ in range(sweeps):
         for e in range(len(where)):
-            if first[e] == first[e + 1]:
+            if first[e] == first[e + 1] or step[e] == 0.0:
                 continue
             best, least = 0, np.inf
             for turn in range(2 * most + 1):
@@ -179,17 +183,24 @@ class _Fit:
         return edge_points(self.leaves, self.edges, self.stated)
 
     def linear(
-        self, points: NDArray[np.float64], contour: Contour, targets: Sequence[Target]
+        self, points: NDArray[np.float64], contour: Contour, targets: Sequence[Target], part: Around | None
     ) -> Pull:
-        """Distances between the curves, from points of either, and how they fall."""
-        samples = contour.points
-        piece, weight = _nearest(samples, [Target(points, self.cells, t.limit) for t in targets])
-        near = np.flatnonzero(piece >= 0)
-        corners, weight = self.cells[piece[near]], weight[near]
-        apart = samples[near] - _at(weight, points[corners])
+        """Distances between the curves, from points of either, of ``part`` if it is given, and how they fall."""
+        samples, cells = contour.points, self.cells
+        some = np.arange(len(self.of_cell))
         own = _at(self.samples.weight, points[self.samples.corner])
-        back, there = _nearest(own, targets)
-        close = self.of_cell[back[self.of_cell] >= 0]
+        if part:
+            samples, cells = samples[part.holds(samples)], cells[part.touches(points, cells)]
+            some = some[part.holds(own)[self.of_cell]]
+        piece, weight = _nearest(samples, [Target(points, cells, t.limit) for t in targets])
+        near = np.flatnonzero(piece >= 0)
+        corners, weight = cells[piece[near]], weight[near]
+        apart = samples[near] - _at(weight, points[corners])
+        wanted = np.unique(self.of_cell[some]) if part else np.arange(len(own))
+        back, there = np.full(len(own), -1), np.zeros((len(own), points.shape[1]))
+        back[wanted], there[wanted] = _nearest(own[wanted], targets)
+        close = self.of_cell[some]
+        close = close[back[close] >= 0]
         away = _at(there[close], contour.points[contour.cells[back[close]]]) - own[close]
         corners = np.concatenate([corners, self.samples.corner[close]])
         weight = np.concatenate([weight, self.samples.weight[close]])
@@ -203,6 +214,10 @@ class _Fit:
         found, slopes = np.empty(first[-1], np.int64), np.empty(first[-1])
         _sorted_by_told(corners, slope, *follow, first[:-1].copy(), found, slopes)
         return Pull(first, found, slopes, gap)
+
+    def longest(self, part: Around, points: NDArray[np.float64]) -> float:
+        """Longest of the edges with a point in a part of the domain."""
+        return float(np.linalg.norm(self.way[part.holds(points)], axis=1).max(initial=1.0))
 
     def _follow(self) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float64]]:
         """Told edges that the point of each edge follows, and by how much, edge by edge.
@@ -263,10 +278,30 @@ def _at(weight: NDArray[np.float64], corners: NDArray[np.float64]) -> NDArray[np
     return np.einsum("pk,pkc->pc", weight, corners)
 
 
+@dataclass(frozen=True)
+class Drawing:
+    """What comes of a fit: parts of edges that hold the points, and the curve through their middles.
+
+    Attributes
+    ----------
+    number : (E,) int64
+    points : (P, n) float64
+    cells : (M, n) int64
+    changed, seen : Around, optional
+        Where pieces may have moved, and what lies near enough to be held against these; the whole domain if not given.
+    """
+
+    number: NDArray[np.int64]
+    points: NDArray[np.float64]
+    cells: NDArray[np.int64]
+    changed: Around | None = None
+    seen: Around | None = None
+
+
 def fitted_offsets(
     contour: Contour, targets: Sequence[Target], leaves: Leaves, told: NDArray[np.int64], parts: NDArray[np.int64],
-    where: NDArray[np.float64], tolerance: float, rounds: Sequence[float] = ROUNDS,
-) -> NDArray[np.int64]:  # fmt: skip
+    where: NDArray[np.float64], tolerance: float, *, rounds: Sequence[float] = ROUNDS, around: Around | None = None,
+) -> Drawing:  # fmt: skip
     """Parts of edges that hold the points of a curve near the original.
 
     Parameters
@@ -285,17 +320,22 @@ def fitted_offsets(
         Where on them to begin, as fractions.
     tolerance : float
     rounds : sequence of float
-
-    Returns
-    -------
-    (E,) int64
-        Numbers of parts.
+    around : Around, optional
+        Points of other parts of the domain stay.
     """
     fit = _Fit(leaves, told)
     where = where.copy()
+    points = fit.points(where)
+    step, changed, seen = 1.0 / parts, None, None
+    if around:
+        step = np.where(around.holds(points[fit.told]), step, 0.0)
+        longest = fit.longest(around, points)
+        changed = around.wider(longest + tolerance)
+        seen = changed.wider(longest + REACHES[-1] * tolerance)
     for share in rounds:
         if share == 1.0:
             where = (np.minimum(np.floor(where * parts), parts - 1) + 0.5) / parts
-        pull = fit.linear(fit.points(where), contour, targets)
-        relax(pull, where, share / parts, 2, 1.0 / (MARGIN * tolerance), SWEEPS)
-    return np.minimum(np.floor(where * parts), parts - 1).astype(np.int64)
+        pull = fit.linear(fit.points(where), contour, targets, changed)
+        relax(pull, where, share * step, 2, 1.0 / (MARGIN * tolerance), SWEEPS)
+    number = np.minimum(np.floor(where * parts), parts - 1).astype(np.int64)
+    return Drawing(number, fit.points((number + 0.5) / parts), fit.cells, changed, seen)

@@ -119,7 +119,6 @@ def simplex_at(dm, level, p0, p1, p2, weight):
 def diamonds_of(dm: Domain, level: int, points: Float32Matrix, weight: FloatVector, keys: IntVector) -> int:
     """For each point the middle of its diamond as one number, or -1 if that is not open."""
     n = dimension(dm.grid.tables)
-    edge = edge_of(dm.grid, level)
     count = 0
     for i in range(len(points)):
         cls, b0, b1, b2 = simplex_at(dm, level, points[i, 0], points[i, 1], points[i, 2], weight)

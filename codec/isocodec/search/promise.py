@@ -23,13 +23,16 @@ from ..mesh.tables import cube_exponent
 from ..mesh.vertex_set import Chosen
 from ..passes.runner import Tube
 from ..passes.snapshot import leaves_of
-from ..tube.truth import Place
+from .around import Around
 from .curvature import curvature
-from .distance import Target
-from .fit import AGAIN, REACHES, ROUNDS, fitted_offsets
+from .fit import AGAIN, REACHES, ROUNDS, Drawing, fitted_offsets
 from .ground_truth import GroundTruth, truth_of
 from .original import original
+from .proof import Target
 from .reduction import Reduction
+
+MOSTLY = 0.5
+"""Share of the curve from which on all of it is fitted anew."""
 
 
 @dataclass
@@ -94,42 +97,88 @@ class Promise:
 
     def trial(self, plan: Sequence[Entry]) -> tuple[int, Contour]:
         """Bytes of the runs of a plan, and what a decoder draws in the end."""
-        total, tube = self._encoded(plan)
+        total, tube, _ = self._encoded(plan)
         if self.tried:
             self.tried()
         return total, draw(self._leaves(tube))
 
-    def placed(self, mesh: Chosen, parts: int, unit: int, tolerance: float, before: Place | None = None) -> Place:
+    def layers(self, plan: Sequence[Entry]) -> list[tuple[Contour, float | None]]:
+        """What a decoder draws after each layer of a plan, and which distance has been promised by then."""
+        contours: list[Contour] = []
+        promised = self._encoded(plan, lambda tube: contours.append(draw(self._leaves(tube))))[2]
+        at = [max((layers for layers in promised if layers <= done), default=0) for done in range(1, len(contours) + 1)]
+        return [(contour, promised.get(layers)) for contour, layers in zip(contours, at, strict=True)]
+
+    def placed(
+        self, mesh: Chosen, parts: int, unit: int, tolerance: float, before: Fitted | None = None,
+        *, lead: Sequence[Entry] = (), places: NDArray[np.float64] | None = None,
+    ) -> Fitted:  # fmt: skip
         """Where the curve is to cross the edges of a mesh so that it lies within a tolerance, if it can be.
 
-        ``before`` are the places on a mesh of which most edges are left.
+        Parameters
+        ----------
+        mesh : Chosen
+        parts, unit : int
+            Of the offsets.
+        tolerance : float
+        before : Fitted, optional
+            Places on a mesh of which most edges are left.
+        lead : plan
+            Layers that lead to a part of the mesh; without them it is a base.
+        places : (P, n) float64, optional
+            Where the curve of ``before`` is too far away: if that is not everywhere, the rest stays as it is.
         """
-        tube = self._encoded([("adaptive_base", 0, mesh), ("offsets", parts, unit)])[1]
+        crossing = before.place if before else None
+        size, tube, _ = self._encoded([*lead, onto(mesh, lead), ("offsets", parts, unit, crossing)])
         told = tube.estimates
         position = tube.state.vertex[:, : self.n].astype(np.int64)
         low, high = position[told.edges[:, 0]], position[told.edges[:, 1]]
-        where = np.ldexp((before or self.field.crossings)(low, high) + 0.5, -OFFSET_BITS)
-        number = fitted_offsets(
+        where = np.ldexp((crossing or self.field.crossings)(low, high) + 0.5, -OFFSET_BITS)
+        around = self._around(places, tolerance) if before and places is not None else None
+        drawing = fitted_offsets(
             self.contour, [self.target(reach * tolerance) for reach in REACHES], self._leaves(tube), told.edges,
-            told.parts, where, tolerance, AGAIN if before else ROUNDS,
+            told.parts, where, tolerance, rounds=AGAIN if before else ROUNDS, around=around,
         )  # fmt: skip
-        return Places(self.field, low, high, ((2 * number + 1) << (OFFSET_BITS - 1)) // told.parts)
+        if self.tried:
+            self.tried()
+        return Fitted(Places(self.field, low, high, ((2 * drawing.number + 1) << (OFFSET_BITS - 1)) // told.parts),
+                      drawing, size)  # fmt: skip
+
+    def _around(self, places: NDArray[np.float64], tolerance: float) -> Around | None:
+        """What lies around places where the curve is too far away; None if that is most of the curve."""
+        size = max(2.0 * tolerance, 2.0)
+        around = Around.of(places, self.field.signs.shape, size).wider(size)
+        return around if around.holds(self.contour.points).mean() < MOSTLY else None
+
+    def excess_near(self, drawing: Drawing, tolerance: float) -> np.ndarray:
+        """As `excess` of a fitted curve, but only where it may have changed: this finds faults, and proves nothing."""
+        if drawing.changed is None or drawing.seen is None:
+            return self._excess(drawing.points, drawing.cells, tolerance)
+        points, cells = drawing.points, drawing.cells
+        moved = drawing.changed.touches(points, cells)
+        ours = drawing.changed.touches(self.contour.points, self.contour.cells)
+        near = Target(points, cells[drawing.seen.touches(points, cells)], tolerance)
+        there = near.exceeded(self.contour.points, self.contour.cells, ours).places
+        return np.concatenate([there, self.target(tolerance).exceeded(points, cells, moved).places])
 
     def _leaves(self, tube: Tube) -> Leaves:
         return leaves_of(tube, self.field.isovalue, lambda number, above: number)
 
-    def _encoded(self, plan: Sequence[Entry]) -> tuple[int, Tube]:
+    def _encoded(
+        self, plan: Sequence[Entry], seen: Callable[[Tube], object] | None = None
+    ) -> tuple[int, Tube, dict[int, float]]:
+        """Bytes of the runs of a plan, the tube in the end, and distances promised by number of layers."""
         tube = self.fresh() if self.fresh else self._alone()
         # the earlier isovalue has a limit of steps, which trials do not take part in
         steps = tube.lean.state.counters.work if tube.lean else 0
         strand = LayerWriter(self.field, tube, plan, Progress(tube.full_level))
         total = done = 0
         while done < len(strand.layers):
-            done, run = strand.encode_run(done, lambda: None)
+            done, run = strand.encode_run(done, (lambda: seen(tube)) if seen else (lambda: None))
             total += len(run)
         if tube.lean:
             tube.lean.state.counters.work = steps
-        return total, tube
+        return total, tube, strand.within
 
     def _alone(self) -> Tube:
         header = Header(self.field.values.shape, self.field.isovalue, self.field.scale, Profile.MAIN)
@@ -137,9 +186,11 @@ class Promise:
 
     def excess(self, contour: Contour, tolerance: float) -> np.ndarray:
         """Places where the two curves are not proven to lie within the tolerance of each other, (K, n)."""
-        ours, theirs = (self.contour.points, self.contour.cells), (contour.points, contour.cells)
-        there = Target(*theirs, tolerance).exceeded(*ours).places
-        return np.concatenate([there, self.target(tolerance).exceeded(*theirs).places])
+        return self._excess(contour.points, contour.cells, tolerance)
+
+    def _excess(self, points: NDArray[np.float64], cells: NDArray[np.int64], tolerance: float) -> np.ndarray:
+        there = Target(points, cells, tolerance).exceeded(self.contour.points, self.contour.cells).places
+        return np.concatenate([there, self.target(tolerance).exceeded(points, cells).places])
 
     def target(self, limit: float) -> Target:
         """The original curve, for others to be held against it."""
@@ -148,17 +199,41 @@ class Promise:
         return self._targets[limit]
 
 
+def onto(mesh: Chosen, lead: Sequence[Entry]) -> Entry:
+    """The entry of a plan that leads to a mesh from what comes before it."""
+    return ("adapt", 1, mesh) if lead else ("adaptive_base", 0, mesh)
+
+
+@dataclass(frozen=True)
+class Fitted:
+    """Places of crossings that were fitted, the curve through them, and bytes of its runs with the places before."""
+
+    place: Places
+    drawing: Drawing
+    size: int
+
+
 class Places:
     """Chosen places on edges; on others those where the field crosses."""
 
     def __init__(self, field: Field, low: NDArray[np.int64], high: NDArray[np.int64], where: NDArray[np.int64]) -> None:
         self._field = field
-        names = np.hstack([low, high])
-        self._where = {name.tobytes(): int(x) for name, x in zip(names, where, strict=True)}
+        names = self._names(low, high)
+        order = np.argsort(names)
+        self._known, self._where = names[order], where[order]
 
     def __call__(self, low: NDArray[np.int64], high: NDArray[np.int64]) -> NDArray[np.int64]:
         """As ``Field.crossings``."""
-        out = self._field.crossings(low, high)
-        for i, name in enumerate(np.hstack([low, high])):
-            out[i] = self._where.get(name.tobytes(), out[i])
+        names = self._names(low, high)
+        at = np.minimum(np.searchsorted(self._known, names), len(self._known) - 1)
+        known = self._known[at] == names if len(self._known) else np.zeros(len(names), np.bool_)
+        out = np.empty(len(names), np.int64)
+        out[known] = self._where[at[known]]
+        out[~known] = self._field.crossings(low[~known], high[~known])
         return out
+
+    def _names(self, low: NDArray[np.int64], high: NDArray[np.int64]) -> NDArray[np.int64]:
+        """One number for each edge."""
+        shape = self._field.signs.shape
+        first, second = (np.ravel_multi_index(tuple(ends.T), shape) for ends in (low, high))
+        return first * np.int64(self._field.signs.size) + second

@@ -21,7 +21,6 @@ from ..tube.capacity import filled
 from ..tube.state import Counters, truth
 from .buckets import STACK
 from .component_search import BLOCK, busy_of
-from .distance import Target
 from .distortion import Carried, too_far
 from .domain import (
     EXACT_POINTS,
@@ -39,6 +38,7 @@ from .domain import (
     set_flags,
 )
 from .location import diamonds_of, found_leaves
+from .proof import Target
 from .topology import safe
 
 _number_of, _place_of = inner(number_of), inner(place_of)
@@ -144,7 +144,6 @@ def drop(dm: Domain) -> None:
 def add(dm: Domain, wanted: IntMatrix, levels: IntVector, room: IntMatrix) -> int:
     """Put vertices back, with all their ancestors. ``room`` holds positions and levels; returns how many were added."""
     t = dm.grid.tables
-    n = dimension(t)
     added = 0
     for i in range(len(wanted)):
         count = 1

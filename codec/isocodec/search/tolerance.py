@@ -17,6 +17,8 @@ from ..layers.plan import Entry
 
 PITCHES = {2: (2.7, 3), 3: (2.0, 2)}
 """Coarsest pitch of offsets that is tried, in units of the tolerance, and how many, for curves and for surfaces."""
+NO_OFFSETS = 1, 40
+"""Parts and unit of crossings that are not told: middles of edges, all of them shorter than the unit."""
 MOST_SLACK = 2.0
 """Crossings are told at most this many tolerances off along their edges."""
 

@@ -33,14 +33,13 @@ from ..search import strategy
 from ..search.domain import LINEAR_POINTS
 from ..search.ground_truth import truth_of
 from ..search.promise import Promise
-from ..search.tolerance import grid_offsets, radices
+from ..search.steps import stepwise
+from ..search.tolerance import NO_OFFSETS, grid_offsets, radices
 from .options import DEFAULT_TOLERANCE, SEARCHED, Options, isovalues_of, nearest_before
 from .plan_meshes import with_meshes
 
 FINE_SHARE = 0.25
 """Under the criterion distortion crossings are told within this share of its distance, or more finely."""
-NO_OFFSETS = 1, 40
-"""Parts and unit of crossings that are not told: middles of edges, all of them shorter than the unit."""
 INDEX_SHARE = 100
 """A level index is written if it takes at most this fraction of the data."""
 
@@ -173,7 +172,7 @@ class Encoder:
         truth = self._truths[number]
         promise = Promise(self._fields[number], lambda: self._fresh(number, lean), free, self._try, truth)
         if o.distances is not None:
-            return strategy.stepwise(promise, o.distances, o.preserve_topology)
+            return stepwise(promise, o.distances, o.preserve_topology)
         if o.criterion == "distortion" and o.parameter:
             return self._within(promise, values, fine, free)
         if o.criterion is not None:
@@ -184,7 +183,7 @@ class Encoder:
         return strategy.whole_mesh(promise, True, o.base_level) + values + offsets
 
     def _within(self, promise: Promise, values: list[Entry], fine: float | None, free: bool) -> Sequence[Entry]:
-        """Layers under the criterion distortion, with crossings told finely enough for it unless something else is said."""
+        """Layers under the criterion distortion, with crossings told finely enough for it unless it is said how."""
         o = self.options
         distance = o.parameter or 0.0
         told = NO_OFFSETS if fine is None else (0, 0)

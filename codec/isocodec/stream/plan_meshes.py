@@ -8,7 +8,6 @@ from ..format.kinds import ADAPTIVE, LayerKind
 from ..layers.plan import Criteria, Entry, Line
 from ..mesh.vertex_set import Chosen
 from ..search.promise import Promise
-from ..search.reduction import Reduction
 
 
 def with_meshes(
@@ -36,7 +35,7 @@ def with_meshes(
     for i in range(len(plan) - 1, -1, -1):
         entry, criteria = plan[i], _criteria(plan[i])
         if criteria is not None:
-            later = _reduced(original.reduction(later), criteria, levels[i])
+            later = _reduced(original, later, criteria, levels[i])
             members = (*entry[:2], later)
             out[i] = Line(members, entry.number, entry.text) if isinstance(entry, Line) else members
         elif _is_adaptive(entry) and isinstance(entry[-1], Chosen):
@@ -55,12 +54,14 @@ def _criteria(entry: object) -> Criteria | None:
     return None
 
 
-def _reduced(reduction: Reduction, criteria: Criteria, coarsest: int) -> Chosen:
-    """The mesh that the criteria leave; vertices of levels below ``coarsest`` stay."""
-    keep = None if criteria.curvature is None else reduction.curved(criteria.curvature)
+def _reduced(original: Promise, start: Chosen | None, criteria: Criteria, coarsest: int) -> Chosen:
+    """The mesh that the criteria leave of one to begin with; vertices of levels below ``coarsest`` stay."""
+    reduction = original.reduction(start)
     reduction.reduce(
         topology=criteria.topology, crossing=criteria.crossing, level=criteria.level, coarsest=coarsest,
-        distortion=criteria.distortion, keep=keep,
+        distortion=criteria.distortion,
+        original=None if criteria.distortion is None else original.target(criteria.distortion),
+        curvature=None if criteria.curvature is None else original.curvature(), kappa=criteria.curvature or 0.0,
     )  # fmt: skip
     return reduction.chosen
 

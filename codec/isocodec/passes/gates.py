@@ -59,7 +59,7 @@ def traverse(st, cd, mark):
     level, cls, b0, b1, b2 = st.stack[g + 6], st.stack[g], st.stack[g + 1], st.stack[g + 2], st.stack[g + 3]
     opp, left_from = st.stack[g + 4], st.stack[g + 5]
     if adaptive:
-        status = resolve(st, cd, level, cls, b0, b1, b2, opp)
+        status = behind(st, cd, level, cls, b0, b1, b2, opp)
         if status < 0:
             return trouble(st, status)
         level, cls, opp = walk.behind_level, walk.behind_cls, walk.behind_opposite
@@ -134,7 +134,7 @@ def _question(n, level, opp):
 
 
 @inner
-def resolve(st, cd, level, cls, b0, b1, b2, opp):
+def behind(st, cd, level, cls, b0, b1, b2, opp):
     """Find the leaf behind a gate, leaving it in the registers: 0, or what ``tell`` or ``settle`` say."""
     n = dimension(st.grid.tables)
     r = level % n

@@ -1,0 +1,100 @@
+"""Putting vertices back into a mesh until a promise is kept (row S3-distortion; spec annex G.3)."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..layers.plan import Entry
+from ..mesh.vertex_set import Chosen
+from .promise import Fitted, Promise, onto
+from .reduction import Reduction, distinct
+
+Plan = list[Entry]
+MOST_REPAIRS = 64
+"""How often vertices are put back."""
+BEHIND, NOISE, SURE = 1.03, 12, 3
+"""A mesh is given up that takes so many times the bytes, and so many more, that the best one took at as many places,
+after some turns."""
+LEAF = 0.25
+"""Bytes that a leaf costs at least, with all that comes of it, where the curve is too far away."""
+SHARES = {2: 1.0, 3: 0.25}
+"""Of the leaves where it is, so many are bisected before points are fitted again: of surfaces that helps the others."""
+
+
+class Course:
+    """How many bytes the best mesh so far took on its way at so many places too far away: what the others aim at."""
+
+    def __init__(self) -> None:
+        self.best: dict[int, int] = {}
+        self.now: dict[int, int] = {}
+
+    def behind(self, places: int, size: int) -> bool:
+        """Whether a mesh takes clearly more bytes than the best one did; notes it."""
+        self.now[places] = size
+        known = sorted(self.best)
+        if len(self.now) <= SURE or not known or places > known[-1]:
+            return False
+        return bool(size > BEHIND * np.interp(places, known, [self.best[k] for k in known]) + NOISE)
+
+    def done(self, better: bool) -> None:
+        """The end of a way."""
+        if better:
+            self.best = self.now
+        self.now = {}
+
+
+@dataclass(frozen=True)
+class Kept:
+    """A mesh and a layer of offsets that keep a promise, with the plan that leads there and the bytes of its runs."""
+
+    size: int
+    plan: Plan
+    mesh: Chosen
+
+
+def repaired(
+    promise: Promise, reduction: Reduction, tolerance: float, pitch: tuple[int, int], lead: Sequence[Entry] = (), *,
+    most: float = math.inf, course: Course | None = None,
+) -> Kept | None:  # fmt: skip
+    """A mesh as reduced, with vertices put back and points fitted until the promise is kept; None if it cannot be.
+
+    Parameters
+    ----------
+    promise : Promise
+    reduction : Reduction
+        The mesh to begin with.
+    tolerance : float
+    pitch : (parts, unit)
+        Of the offsets.
+    lead : plan
+        Leads to a part of the mesh; without one it is a base.
+    most : float
+        Plans of more bytes are given up,
+    course : Course, optional
+        and those that are behind on this.
+    """
+    fitted: Fitted | None = None
+    places: NDArray[np.float64] | None = None
+    for _ in range(MOST_REPAIRS):
+        mesh = reduction.chosen
+        fitted = promise.placed(mesh, *pitch, tolerance, fitted, lead=lead, places=places)
+        places, size = promise.excess_near(fitted.drawing, tolerance), fitted.size
+        if not len(places):
+            # so it seems: now with all that the file says
+            plan = [*lead, onto(mesh, lead), ("offsets", *pitch, fitted.place)]
+            size, contour = promise.trial(plan)
+            places = promise.excess(contour, tolerance)
+            if not len(places) and size <= most:
+                return Kept(size, plan, mesh)
+        if size > most or (course and course.behind(len(places), size)):
+            return None
+        leaves = reduction.leaves_at(places)
+        hopeless = size + LEAF * len(distinct(promise.n, leaves)[0]) > most
+        if hopeless or not reduction.restore(places, share=SHARES[promise.n], leaves=leaves):
+            return None
+    return None
