@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from ..kernel import kernel, record
 from ..kernel.types import IntMatrix, IntVector
 from ..tube.state import State
-from .offsets import UNIT
+from .crossing_candidates import UNIT
 
 HOPS = 4
 """Edges without offsets that the chain of crossings may pass on the way to one that carries them."""

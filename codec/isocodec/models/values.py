@@ -190,7 +190,7 @@ def _guessed(st, nearby, v):
                 if lack != UNKNOWN:
                     beyond, lines = beyond + 2 * x - far, lines + 1
         if max(next_to[4 * a + 1], next_to[4 * a + 3]) != UNKNOWN:
-            total, count = total + max((next_to[4 * a] + next_to[4 * a + 2]) >> 1, 0), count + 1
+            total, count = total + max((next_to[4 * a] + next_to[4 * a + 2]) >> 1, np.int64(0)), count + 1
     o = 4 * n
     for a in range(n - 1):
         for b in range(a + 1, n):
@@ -198,12 +198,12 @@ def _guessed(st, nearby, v):
                 x, y = 4 * a + (k & 2), 4 * b + 2 * (k & 1)
                 far, lack = _told(told, way, around[np.uint64(o + k)])
                 if max(lack, next_to[x + 1], next_to[y + 1]) != UNKNOWN:
-                    total, count = total + max(next_to[x] + next_to[y] - far, 0), count + 1
+                    total, count = total + max(next_to[x] + next_to[y] - far, np.int64(0)), count + 1
             o += 4
     if some > 0:
         total, count = total + same // some, count + 1
     if count == 0:
-        total, count = max(beyond, 0), lines
+        total, count = max(beyond, np.int64(0)), lines
     return total // count if count > 0 else np.int64(-1)
 
 

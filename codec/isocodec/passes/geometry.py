@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from ..entropy.range_coder import Coder
 from ..limits import Budget
 from ..mesh.implied import implied_edges
+from ..models.crossing_candidates import Crossings, place_of
 from ..models.crossings_nearby import beside_grid, beside_leaves, nothing_beside
-from ..models.offsets import Crossings, place_of
 from ..models.values import Nearby, nearby_samples
 from ..tube.capacity import NOTHING
 from ..tube.leaf_vertices import drawn, drawn_bytes

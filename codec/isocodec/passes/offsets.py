@@ -11,8 +11,9 @@ from ..entropy.range_coder import ENCODE, Coder
 from ..field.samples import OFFSET_BITS
 from ..kernel import DONE, inlined, kernel
 from ..kernel.types import IntVector
+from ..models.crossing_candidates import Crossings, count_near, find_candidates, place_of, remember
 from ..models.crossings_nearby import Beside
-from ..models.offsets import Crossings, code_half, count_near, find_candidates, middle_part, place_of, remember
+from ..models.offsets import code_half, middle_part
 from ..tube.state import OFFSET_BIT, State
 
 _place_of = inlined(place_of)

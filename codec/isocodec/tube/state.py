@@ -239,7 +239,7 @@ class State(NamedTuple):
     turns: IntVector  # of the last component's path, one for each level
     trail: IntVector  # last points of the curve, two numbers a point
     early: IntVector  # first points of the component, likewise
-    candidates: IntVector  # for a crossing, see models.offsets
+    candidates: IntVector  # for a crossing, see models.crossing_candidates
     window: IntVector  # the pages of the board around the last middle, see models.neighbourhood
     scratch: IntVector  # a step's intermediate results
     stack: IntVector  # of the running pass
