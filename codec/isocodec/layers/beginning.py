@@ -64,5 +64,7 @@ def begin_layer(tube: Tube, layer: Layer) -> None:
             tube.begin_adapt(layer.births)
         case LayerKind.VALUES:
             tube.begin_values(layer.plane)
-        case _:
+        case LayerKind.OFFSETS:
             tube.begin_offsets(layer.parts, layer.unit)
+        case other:
+            raise AssertionError(f"no way to begin a layer of the kind {other!r}")

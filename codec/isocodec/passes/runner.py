@@ -267,8 +267,10 @@ class Tube:
                 return self._call(refinement.refine)
             case "values":
                 return self.estimates.code_values(self.state, self.coder)
-            case _:
+            case "offsets":
                 return self.estimates.code_offsets(self.state, self.coder)
+            case other:
+                raise AssertionError(f"no kernel for the pass {other!r}")
 
     def _call(self, kernel: Callable[..., int], *further: object) -> int:
         return kernel(self.state, self.coder, *further)
