@@ -233,7 +233,7 @@ def test_rows_behind_a_gate(shape):
         _behind(state, cd, *ints(level, cls, *block, opp, guess, case, other))
         origin = corners[opp]
         others = [c - origin for j, c in enumerate(corners) if j != opp]
-        expected = [case % (4 if n == 2 else 16)] + ([16 + (other == guess)] if other >= 0 else [])
+        expected = [case % 16] + ([16 + (other == guess)] if other >= 0 else [])
         first = 18 + 2 * len(steps) * (level % n * (n + 1) + opp)
         for number, d in enumerate(steps):
             sign = signs.get(clamped(origin + sum(x * e for x, e in zip(d, others, strict=True)), shape))

@@ -110,9 +110,9 @@ def test_adaptive_meshes_by_criteria_come_to_the_field(field: np.ndarray, isoval
 def test_meshes_are_those_of_the_reduction_each_part_of_the_next() -> None:
     promise = Promise(check_field(HILLS, 60.5))
     fine = promise.reduction()
-    fine.reduce(distortion=0.25, coarsest=3)
+    fine.reduce(distortion=0.25, original=promise.target(0.25), coarsest=3)
     coarse = promise.reduction(fine.chosen)
-    coarse.reduce(topology=True, distortion=2, coarsest=2)
+    coarse.reduce(topology=True, distortion=2, original=promise.target(2), coarsest=2)
     expected = [("base", 2), ("adapt", 1, coarse.chosen), ("refine", 1), ("adapt", 1, fine.chosen)]
     text = "base 2\nadapt topology distortion=2\nrefine 1\nadapt distortion=0.25"
     assert isocodec.encode(HILLS, 60.5, plan=read_plan(text)) == isocodec.encode(HILLS, 60.5, plan=expected)
@@ -123,7 +123,7 @@ def test_one_criterion_is_that_of_encode() -> None:
         ("crossing", {"criterion": "crossing"}),
         ("curvature=0.2", {"criterion": "curvature", "parameter": 0.2}),
         ("level=6", {"criterion": "level", "parameter": 6}),
-        ("distortion=1 topology", {"criterion": "distortion", "parameter": 1, "preserve_topology": True}),
+        ("curvature=0.2 topology", {"criterion": "curvature", "parameter": 0.2, "preserve_topology": True}),
     ):
         plan = read_plan(f"adaptive-base {text}")
         assert isocodec.encode(HILLS, 60.5, plan=plan) == isocodec.encode(HILLS, 60.5, signs_only=True, **options)

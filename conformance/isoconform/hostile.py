@@ -287,10 +287,13 @@ def drafts() -> Iterator[Draft]:
     yield _planes()
 
 
-PLANE = bytes.fromhex("9b2f75cb582281daf76f1e91143eddba7f76")
+PLANE = bytes.fromhex("d6cb3f70e7654bda076d61f38967c65abe3f")
 """A run of a base of level 24, in cubes of 2048 samples: a plane through all of them, 132,000 vertices."""
 
-AGAIN = tuple(map(bytes.fromhex, ("1cdd27ac1f0727e8", "222ec69ff272", "2e8d29bc0d7e")))
+AGAIN = tuple(
+    bytes.fromhex("ff" * count + rest)
+    for count, rest in ((32, "f9ef7a342807f8830e707f47"), (29, "d9c393aeae156b000297"), (29, "d8bb5e881986420b"))
+)
 """Runs of leaf bases of planes next to it, each at the leaves of the one before."""
 
 

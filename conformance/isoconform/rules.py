@@ -67,15 +67,15 @@ def meshes() -> Iterator[Draft]:
     """Rules of meshes and of inference that need bases with holes, or very large domains."""
     yield _random(
         "explicit_not_candidates", "new components in uniform rounds, next to explicit vertices", (9, 9),
-        ((ADAPTIVE, 0), (REFINE, ALL)), 5, 40,
+        ((ADAPTIVE, 0), (REFINE, ALL)), 10, 40,
     )  # fmt: skip
     yield _random(
         "inference_at_centres", "inference at centres of the cubes of the base", (17, 17), ((BASE, 3), (REFINE, ALL)),
-        210, 40,
+        4, 40,
     )  # fmt: skip
     yield _random(
         "inference_at_corners", "inference at corners of the cubes of the base", (17, 17),
-        ((ADAPTIVE, 3), (REFINE, 4)), 76, 40,
+        ((ADAPTIVE, 3), (REFINE, 4)), 2, 40,
     )  # fmt: skip
     yield _random(
         "inference_off_the_box", "inference that starts off the box", (11, 6), ((ADAPTIVE, 2), (REFINE, ALL)), 1791, 40
@@ -86,14 +86,14 @@ def meshes() -> Iterator[Draft]:
     yield _random(
         "first_mixed_member", "middles known before the round: only the first mixed member bisects the others",
         (6, 3, 6), ((BASE, 1), (REFINE, 1), (OFFSETS, 2), b"\0", (REFINE, 1), (OFFSETS, 2), b"\0", (REFINE, ALL)),
-        123, 40,
+        185, 40,
     )  # fmt: skip
 
 
 def curves() -> Iterator[Draft]:
     """The parabola: its second branch, and points too far away."""
     yield _random(
-        "second_branch", "a second branch after more than 20 points of the first one", (33, 33), ((BASE, ALL),), 0, 24
+        "second_branch", "a second branch after more than 20 points of the first one", (33, 33), ((BASE, ALL),), 1, 24
     )
     field = np.zeros((1000, 600), np.int64)
     field[5:12, 6:11] = field[985:989, 584] = 1
@@ -107,11 +107,11 @@ def isovalues() -> Iterator[Draft]:
     about = "new components after a leaf base on an adapted mesh"
     programs: dict[float, Steps] = {0.5: ((ADAPTIVE, 0),), 1.5: ((LEAVES, 0), (REFINE, ALL))}
     yield _leaning("leaf_base_turned", about, (5, 5), programs, 165, 40)
-    yield _leaning("leaf_base_turned", about, (5, 5, 5), programs, 33, 40)
+    yield _leaning("leaf_base_turned", about, (5, 5, 5), programs, 401, 40)
     programs = {0.5: ((ADAPTIVE, 0),), 1.5: ((LEAVES, 0),), 2.5: ((BASE, 3),)}
     yield _leaning(
         "leaning_on_leaf_base", "leaning on a leaf base on an adapted mesh: signs that are inferred are not certain",
-        (9, 9), programs, 21, 40,
+        (9, 9), programs, 113, 40,
     )  # fmt: skip
     yield _leaning(
         "first_sign_before_lean", "a first simplex is mixed, whatever the earlier isovalue says", (5, 5, 5),
@@ -119,9 +119,9 @@ def isovalues() -> Iterator[Draft]:
     )  # fmt: skip
     exact: Steps = ((BASE, ALL), (VALUES, ALL), b"\x55")
     yield _leaning(
-        "values_below_zero", "values taken over by an isovalue below 0", (9, 9), {0.5: exact, -3.5: exact}, 0, 60
+        "values_below_zero", "values taken over by an isovalue below 0", (9, 9), {0.5: exact, -3.5: exact}, 26, 60
     )
-    for isovalue, side, seed in ((1.5, "above", 39), (-1.0, "below", 0)):
+    for isovalue, side, seed in ((1.5, "above", 39), (-1.0, "below", 174)):
         programs = {0.5: ((BASE, ALL), (OFFSETS, 1)), isovalue: ((BASE, ALL), (OFFSETS, 4))}
         yield _leaning(
             f"offsets_on_fewer_parts_{side}", f"offsets {side} those of an earlier isovalue in fewer parts", (9, 9),
@@ -137,7 +137,7 @@ def bounds() -> Iterator[Draft]:
     )  # fmt: skip
     yield _random(
         "arguments_by_escape", "arguments below 14 that follow as numbers", (9, 9),
-        ((BASE, ESCAPE), b"\2", (REFINE, ESCAPE), b"\1"), 16, 20,
+        ((BASE, ESCAPE), b"\2", (REFINE, ESCAPE), b"\1"), 32, 20,
     )  # fmt: skip
     yield encoded(
         "plane_models_settled", noise((2, 200), 7, 2), 1.5, "more symbols in a context than its model counts",
@@ -171,7 +171,7 @@ def main_profile() -> Iterator[Draft]:
         ((ADAPTIVE, 0),), 1, 20, profile=MAIN,
     )  # fmt: skip
     yield _random(
-        "main_sure", "main profile: opinions that are limited", (17, 17), ((ADAPTIVE, 0), (REFINE, 2)), 55, 40,
+        "main_sure", "main profile: opinions that are limited", (17, 17), ((ADAPTIVE, 0), (REFINE, 2)), 111, 40,
         profile=MAIN,
     )  # fmt: skip
     line = np.repeat([[0], [1]], 6000, axis=1)
@@ -189,7 +189,7 @@ def main_profile() -> Iterator[Draft]:
     )  # fmt: skip
     yield _random(
         "main_near_crossings", "main profile: crossings next to one another that are not extended", (9, 9),
-        ((BASE, ALL), (OFFSETS, ESCAPE), b"\x1e"), 374, 40, profile=MAIN,
+        ((BASE, ALL), (OFFSETS, ESCAPE), b"\x1e"), 309, 40, profile=MAIN,
     )  # fmt: skip
     # a curve around one corner: of the last edge's ends both have another crossing that falls together with them
     start = File(write_header(Header((65, 65), 0.5, profile=MAIN)), ())
@@ -212,9 +212,9 @@ def refused() -> Iterator[Draft]:
     nowhere = said(start, steps_of((BASE, 3)), ("origin", "0"), ("component", "1"), ("location", "11"))
     yield _draft("start_nowhere", (6, 3), nowhere, ("a component starts in a simplex that does not exist",), "5.3.2")
     for shape, name, clause, about, seed in (
-        ((5, 5), "start_not_mixed", "5.3.3", "where the curve does not pass", 15),
+        ((5, 5), "start_not_mixed", "5.3.3", "where the curve does not pass", 7),
         ((5, 5), "start_visited", "5.3.2", "where one has been", 0),
-        ((5, 5, 5), "start_not_mixed", "5.3.3", "where the surface does not pass", 14),
+        ((5, 5, 5), "start_not_mixed", "5.3.3", "where the surface does not pass", 67),
         ((5, 5, 5), "start_visited", "5.3.2", "where one has been", 0),
     ):
         yield _random(
@@ -223,7 +223,7 @@ def refused() -> Iterator[Draft]:
         )  # fmt: skip
     for name, about, shape, steps, seed, size in (
         ("main_leftover", "bytes left over in a run", (5, 5), ((BASE, 1), (REFINE, 1)), 19, 20),
-        ("main_overrun", "symbols past the end of a run", (5, 5, 5), ((BASE, 3), (REFINE, ALL)), 142, 8),
+        ("main_overrun", "symbols past the end of a run", (5, 5, 5), ((BASE, 3), (REFINE, ALL)), 17, 8),
     ):
         run = layers(steps_of(*steps), bytes(random_numbers(seed, size, 8)))
         file = File(write_header(Header(shape, 0.5, profile=MAIN)), (run,))
