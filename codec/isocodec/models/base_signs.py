@@ -66,12 +66,13 @@ def see_behind(st, cd, simplex, opp, guess, case, other):
 
 
 @inlined
-def code_behind(st, cd, simplex, opp, guess, context, other, bit):
+def code_behind(st, cd, simplex, opp, guess, context, other, hole, bit):
     """Code whether the sign of the vertex behind a gate, number ``opp`` of the simplex there, is as predicted.
 
-    ``context`` is the baseline's, ``other`` the sign at the earlier isovalue or -1. As ``code``.
+    ``context`` is the baseline's, ``other`` the sign at the earlier isovalue or -1, ``hole`` says whether the vertex is
+    missing. As ``code``.
     """
-    if not mixing(cd):
+    if hole or not mixing(cd):
         return code(cd, context, bit)
     n = dimension(st.grid.tables)
     case = context - (ctx.BASE_CURVE if n == 2 else ctx.BASE_SURFACE)

@@ -177,8 +177,15 @@ def ready(st, cd):
 
 
 @inlined
-def code_middle(st, cd, diamond, expected, before, bit):
-    """Code whether a middle has the expected sign, or, between ends of one sign, the other one; as ``code``."""
+def code_middle(st, cd, diamond, expected, before, hole, bit):
+    """Code whether a middle has the expected sign, or, between ends of one sign, the other one; as ``code``.
+
+    ``hole`` says whether the middle is missing.
+    """
+    if hole:
+        if expected.crossed:
+            return code(cd, ctx.hole_context(cd, ctx.CROSSED_HOLE, st.refinement.crossed), bit)
+        return code(cd, ctx.hole_context(cd, ctx.BORDER_HOLE, st.refinement.border), bit)
     context = expected.context
     if before.sign >= 0:
         bank = np.int64(ctx.CROSSED if expected.crossed else ctx.BORDER)

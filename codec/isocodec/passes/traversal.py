@@ -14,6 +14,7 @@ from ..models import contexts as ctx
 from ..models.base_signs import code_behind, curve_context, edge_sum, surface_context, turn_back
 from ..models.mesh_questions import COARSER, FINER
 from ..models.parabola import MOST
+from ..tube.holes import missing
 from ..tube.inference import implied
 from ..tube.state import BASE_SIGN, GATE, PREDICTED, PREDICTED_RIGHT, corner_entry, corner_truth, learn
 from .adaptive_mesh import BARRED, settle, tell
@@ -45,6 +46,13 @@ def implied_corner(st, level, cls, b0, b1, b2, j):
         edge_of(st.grid, level), b0, b1, b2, vertex(st.grid.tables, level % dimension(st.grid.tables), cls, j)
     )
     return implied(st, x, y, z)
+
+
+@inlined
+def _behind_is_missing(st, edge, r, cls, b0, b1, b2, j):
+    """Whether vertex j of a simplex is missing."""
+    x, y, z = position(edge, b0, b1, b2, vertex(st.grid.tables, r, cls, j))
+    return missing(st, x, y, z)
 
 
 @inner
@@ -84,15 +92,18 @@ def traverse(st, cd, mark):
         guess, context = curve_context(st, level, cls, b0, b1, opp)
     else:
         guess, context = surface_context(st, level, cls, b0, b1, b2, opp)
+    hole = _behind_is_missing(st, edge, r, cls, b0, b1, b2, opp)
+    if hole:
+        context = ctx.hole_context(cd, ctx.BEHIND_HOLE, walk.history)
     if e == 0:
         sign, other = implied_corner(st, level, cls, b0, b1, b2, opp)
         if sign < 0:
-            if other >= 0:
+            if other >= 0 and not hole:
                 context += (ctx.SURFACE if n == 3 else ctx.CURVE) * (1 + (other == guess))
             right_guess = np.int64(0)
             if encoding:
                 right_guess = np.int64(corner_truth(st, edge, r, cls, b0, b1, b2, opp) == guess)
-            bit = code_behind(st, cd, Simplex(level, cls, b0, b1, b2), opp, guess, context, other, right_guess)
+            bit = code_behind(st, cd, Simplex(level, cls, b0, b1, b2), opp, guess, context, other, hole, right_guess)
             if bit < 0:
                 return bit
             st.tally[BASE_SIGN] += 1

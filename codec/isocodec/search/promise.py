@@ -23,6 +23,7 @@ from ..mesh.tables import cube_exponent
 from ..mesh.vertex_set import Chosen
 from ..passes.runner import Tube
 from ..passes.snapshot import leaves_of
+from ..tube.holes import Holes
 from ..tube.truth import Place
 from .curvature import curvature
 from .distance import Target
@@ -48,6 +49,8 @@ class Promise:
         Called after each trial.
     truth : Truth, optional
         What the encoder knows of the field, if that has been made.
+    holes : Holes, optional
+        The mask, where samples are missing.
     contour : Contour
         The original curve.
     phi : ndarray of float32
@@ -59,6 +62,7 @@ class Promise:
     free: bool = True
     tried: Callable[[], object] | None = None
     truth: GroundTruth | None = None
+    holes: Holes | None = None
     contour: Contour = derived(init=False)
     phi: NDArray[np.float32] = derived(init=False)
     _targets: dict[float, Target] = derived(init=False, default_factory=dict)
@@ -133,7 +137,7 @@ class Promise:
 
     def _alone(self) -> Tube:
         header = Header(self.field.values.shape, self.field.isovalue, self.field.scale, Profile.MAIN)
-        return field_tube(header, self.field, self._truth)
+        return field_tube(header, self.field, self._truth, holes=self.holes)
 
     def excess(self, contour: Contour, tolerance: float) -> np.ndarray:
         """Places where the two curves are not proven to lie within the tolerance of each other, (K, n)."""

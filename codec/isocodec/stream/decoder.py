@@ -28,15 +28,16 @@ from ..format.chunks import (
 )
 from ..format.header import Header, read_header
 from ..format.program import Progress
-from ..layers.beginning import leaning_tube
+from ..layers.beginning import leaning_tube, mask_tube
 from ..layers.contents import LAYER_CHUNKS, Contents
-from ..layers.events import ChunkSkipped, End, Event, HeaderRead, IsovalueRead
-from ..layers.reader import LayerReader
+from ..layers.events import ChunkSkipped, End, Event, HeaderRead, IsovalueRead, MaskComplete
+from ..layers.reader import LayerReader, MaskReader
 from ..limits import Budget, Limits
 from ..passes.runner import Tube
 from ..passes.snapshot import state_of
 from ..tube.decoded import Decoded
-from .drawn import contour_of, mask_rows_of, mesh_of, tessellation_of
+from ..tube.holes import Holes
+from .drawn import contour_of, mask_rows_of, mesh_of, tessellation_of, valid_rows_of
 
 
 class Decoder:
@@ -82,7 +83,10 @@ class Decoder:
         self._tubes: list[Tube | None] = []
         self._progresses: list[Progress] = []
         self._budget = Budget(self.limits.memory)
-        self._reader = LayerReader(self.limits, self._data, self._tubes, self._progresses)
+        self._mask_tubes: list[Tube | None] = []
+        self._mask_reader: MaskReader | None = None
+        self._holes: Holes | None = None
+        self._reader = LayerReader(self.limits, self._data, self._tubes, self._progresses, self._mask_tubes)
         self.layers = self._reader.layers
         self._contents = Contents(layers=self.layers)
         self.isovalues = self._contents.isovalues
@@ -229,7 +233,7 @@ class Decoder:
         tube = self._tube_of(number)
         isovalue = self.isovalues[number] if tube else math.nan
         complete = self._ended and not self._cut
-        return contour_of(tube, isovalue, self.header, self.metadata, complete, smooth, self._budget)
+        return contour_of(tube, isovalue, self.header, self.metadata, complete, smooth, self._budget, self._holes)
 
     def mask(self, number: int = 0) -> NDArray[np.bool_]:
         """Which samples lie above an isovalue, by number, as of the events taken so far (spec clause 9.7).
@@ -261,6 +265,31 @@ class Decoder:
         """
         tube = self._tube_of(number)
         return mask_rows_of(tube, len(self._data), self.complete, last_first, self.limits, self._budget)
+
+    def valid(self) -> NDArray[np.bool_]:
+        """Which samples are valid, as of the events taken so far; all are if the file has no mask.
+
+        Raises
+        ------
+        TruncatedError
+            If a mask may still come.
+        LimitError
+            If there are more samples than the limits allow.
+        """
+        try:
+            return self.valid_rows().whole()
+        except MemoryError:
+            pass
+        raise out_of_memory("for the mask")
+
+    def valid_rows(self, last_first: bool = False) -> MaskRows:
+        """The same some rows at a time; ``last_first`` and errors as in `mask_rows`."""
+        if isinstance(self._error, LimitError):
+            raise copy(self._error)
+        tube = self._mask_tubes[0] if self._holes else None
+        return valid_rows_of(
+            tube, self.header, len(self._data), self.complete, last_first, self.limits, self._budget
+        )
 
     def mesh(self, number: int = 0) -> tuple[np.ndarray, np.ndarray]:
         """The crossed leaves of the mesh: positions (V, n) and vertices of simplices (M, n + 1), both int64."""
@@ -337,8 +366,12 @@ class Decoder:
                     return None
                 if self._cut and chunk.type in CRITICAL:
                     raise FormatError("layers after a cut run", code="cut", offset=self._at, clause="3.5.4")
+                if chunk.type == ChunkType.MASK:
+                    self._begin_mask()
                 self._chunk, self._chunk_start = chunk, self._at
             chunk = self._chunk
+            if self._mask_reader is not None and not self._mask_reader.read(chunk, self._chunk_start):
+                return None
             skipped = chunk.type in LAYER_CHUNKS and self._tube is None
             if chunk.type in LAYER_CHUNKS and not skipped:
                 event = self._reader.go_on(chunk, self._chunk_start)
@@ -350,6 +383,9 @@ class Decoder:
             self._at = behind
             self._chunk = None
             self._reader.leave()
+            if self._mask_reader is not None:
+                self._end_mask()
+                return MaskComplete(behind, chunk.end - chunk.start)
             self._cut |= chunk.type == ChunkType.CUT_LAYERS
             self._last = chunk.last
             if chunk.type not in LAYER_CHUNKS:
@@ -377,20 +413,47 @@ class Decoder:
             self._tubes.append(None)
             self._progresses.append(self._progress if self._progresses else Progress(0))
             return
-        earlier = None if lean is None else self._tubes[lean]
-        if lean is not None and earlier is None:
+        if lean is not None and self._tubes[lean] is None:
             raise OptionError(f"isovalue {number} leans on isovalue {lean}, which is not decoded", code="only")
-        # a file of many isovalues may not have more than one of a single one
-        whole, tubes = self.limits, [tube for tube in self._tubes if tube]
-        limits = replace(
-            whole, vertices=max(whole.vertices - sum(tube.vertices for tube in tubes), 0),
-            simplices=max(whole.simplices - sum(tube.simplices for tube in tubes), 0),
-        )  # fmt: skip
-        tube = leaning_tube(
-            self.header, self.isovalues[number], earlier, 0.0 if lean is None else self.isovalues[lean], 4096, limits,
-            budget=self._budget,
-        )  # fmt: skip
+        tube = self._fresh(number, lean)
         before = self._progress if self._progresses else Progress(tube.full_level)
         before = replace(before, full_level=tube.full_level)
         self._progresses.append(before.begin(None if lean is None else self._progresses[lean]))
         self._tubes.append(tube)
+
+    def _fresh(self, number: int, lean: int | None) -> Tube:
+        """A tube of an isovalue of which no layer has come."""
+        assert self.header is not None
+        earlier, other = (None, 0.0) if lean is None else (self._tubes[lean], self.isovalues[lean])
+        return leaning_tube(
+            self.header, self.isovalues[number], earlier, other, 4096, self._limits_left(), budget=self._budget,
+            holes=self._holes,
+        )  # fmt: skip
+
+    def _limits_left(self) -> Limits:
+        """What one more tube may have: those of a file may not have more than a single one."""
+        whole, tubes = self.limits, [tube for tube in (*self._tubes, *self._mask_tubes) if tube]
+        return replace(
+            whole, vertices=max(whole.vertices - sum(tube.vertices for tube in tubes), 0),
+            simplices=max(whole.simplices - sum(tube.simplices for tube in tubes), 0),
+        )  # fmt: skip
+
+    def _begin_mask(self) -> None:
+        """Set the decoder up for the mask."""
+        assert self.header is not None
+        self._contents.begin_mask(self._at)
+        tube = mask_tube(self.header, 4096, self._limits_left(), budget=self._budget)
+        self._mask_tubes.append(tube)
+        self._mask_reader = MaskReader(self.limits, self._data, tube, self._tubes)
+
+    def _end_mask(self) -> None:
+        """The mask is complete; an isovalue of which no layer has begun is coded with it."""
+        (tube,) = self._mask_tubes
+        assert tube is not None
+        tube.rest()
+        self._mask_reader, self._holes = None, Holes(tube.state)
+        present = self._tube
+        if present is not None and present.level < 0 and not present.running:
+            self._budget.release(present, present.estimates)
+            number = len(self._tubes) - 1
+            self._tubes[-1] = self._fresh(number, self._contents.leans[number])
