@@ -27,7 +27,7 @@ TRUST_SHIFT = 8
 BUCKET = 7
 BUCKETS = (2 * MOST_LOGIT >> BUCKET) + 1
 """Classes of opinions, of ``2**BUCKET`` logits each."""
-HOLES = 16
+HOLES = 48
 """Contexts of vertices that a mask says are missing; they are the last ones, in both profiles."""
 EITHER = 2
 """Encoder: a symbol that may be either; the more probable one is taken."""

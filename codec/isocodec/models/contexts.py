@@ -78,14 +78,15 @@ VALUE_NEAR = _starts["VALUE_NEAR"]
 OFFSET_NEAR = _starts["OFFSET_NEAR"]
 RATES = 160
 BEHIND_HOLE, CROSSED_HOLE, BORDER_HOLE, SLOT_HOLE = range(4)
-"""Elements whose symbols have contexts of their own at missing vertices, four cases each."""
+HOLE_CASES = HOLES // 4
+"""Elements whose symbols have contexts of their own at missing vertices, and how many cases each of them has."""
 _HOLE_PROBABILITY, _HOLE_WEIGHT = (0.95, 0.95, 0.05, 0.05), 2
 
 
 @inlined
 def hole_context(cd, element, case):
     """Context of a symbol at a vertex that the mask says is missing (spec clause 5.10)."""
-    return len(cd.prob) - HOLES + 4 * element + case
+    return len(cd.prob) - HOLES + HOLE_CASES * element + case
 
 
 @inlined
@@ -106,7 +107,7 @@ def models() -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     for name, (count, p, weight) in _LAYOUT.items():
         prob[_starts[name] : _starts[name] + count] = round(p * ONE)
         seen[_starts[name] : _starts[name] + count] = weight
-    prob[CONTEXTS:] = np.repeat([round(p * ONE) for p in _HOLE_PROBABILITY], HOLES // len(_HOLE_PROBABILITY))
+    prob[CONTEXTS:] = np.repeat([round(p * ONE) for p in _HOLE_PROBABILITY], HOLE_CASES)
     seen[CONTEXTS:] = _HOLE_WEIGHT
     _gaussian(prob)
     return prob, seen
