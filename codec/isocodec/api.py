@@ -126,8 +126,8 @@ def encode(
         Encoder(
             field, isovalue, exact=exact, tolerance=tolerance, signs_only=signs_only, step=step,
             base_level=base_level, preserve_topology=preserve_topology, steps=steps, criterion=criterion,
-            parameter=parameter, leaning=leaning, mask=mask, plan=plan, profile=profile, metadata=metadata, placement=placement,
-            progress=progress,
+            parameter=parameter, leaning=leaning, mask=mask, plan=plan, profile=profile,
+            metadata=metadata, placement=placement, progress=progress,
         )
     )  # fmt: skip
 

@@ -52,7 +52,7 @@ def draw(leaves: Leaves, *, complete: bool = True, smooth: bool = False) -> Cont
     cells = drawn.cells
     if leaves.whole is not None and not leaves.full:
         points, cells = clipped(points, cells, tuple(leaves.shape), leaves.whole)
-    return Contour(points, cells, leaves.isovalue, tuple(leaves.shape), complete)
+    return Contour(points, cells, leaves.isovalue, tuple(leaves.shape), complete, masked=leaves.whole is not None)
 
 
 def _drawn_together(leaves: Leaves) -> Drawn:

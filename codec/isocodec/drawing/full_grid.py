@@ -20,8 +20,8 @@ def draw_grid(leaves: Leaves) -> tuple[Drawn, NDArray[np.bool_]]:
     A saddle (of a cell in 2-D, of a cell's face in 3-D) is resolved by the mesh: the two corners on its diagonal are
     connected. Points that are not on grid edges, in the middle of a few cells (n = 3), come last.
 
-    Cells that lack some of their mixed leaves are left out: what passes through them is not known yet. Those with missing
-    corners are drawn, as nothing.
+    Cells that lack some of their mixed leaves are left out: what passes through them is not known yet. Those with
+    missing corners are drawn, as nothing.
     """
     grid = _Grid(leaves)
     ratio, free = ratios_at(leaves, grid.edges, grid.find(leaves.edges))

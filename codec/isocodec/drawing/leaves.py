@@ -8,7 +8,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-
 WholeCells = Callable[[NDArray[np.int64]], NDArray[np.bool_]]
 
 
@@ -39,8 +38,8 @@ class Leaves:
     edge_offset : (E,) float64
         Place of the crossing as a fraction of the way from the first end, within (0, 1).
     whole : callable, optional
-        Which unit cells, by their lowest corners (C, n), lie in the box and have no missing corner, (C,) bool. All do if
-        not given.
+        Which unit cells, by their lowest corners (C, n), lie in the box and have no missing corner, (C,) bool. All
+        do if not given.
     """
 
     shape: tuple[int, ...]

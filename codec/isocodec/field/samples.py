@@ -204,7 +204,7 @@ def without_holes(field: ArrayLike, mask: ArrayLike | None = None) -> tuple[NDAr
     gone = np.isnan(values) if values.dtype.kind == "f" else np.zeros(values.shape, np.bool_)
     # whoever has a masked array has loaded numpy.ma, which takes longer than a small field
     if "numpy.ma" in sys.modules and np.ma.is_masked(field):
-        gone |= np.ma.getmaskarray(field)
+        gone |= np.ma.getmaskarray(np.ma.asanyarray(field))
     if mask is not None:
         masked = np.asarray(mask)
         if masked.dtype.kind != "b":

@@ -69,20 +69,20 @@ class LayerReader:
         Where their programs stand.
     beside : list of Tube or None
         Others that have a part in the limits.
+    layers : list of Layer
+        Those announced so far; it grows.
 
     Attributes
     ----------
-    layers : list of Layer
-        Announced so far.
     runs : list of Run
     """
 
     def __init__(
         self, limits: Limits, data: bytearray, tubes: list[Tube | None], progresses: list[Progress],
-        beside: list[Tube | None],
+        beside: list[Tube | None], layers: list[Layer],
     ) -> None:  # fmt: skip
         self.limits = limits
-        self.layers: list[Layer] = []
+        self.layers = layers
         self.runs: list[Run] = []
         self._data = data
         self._tubes = tubes
@@ -293,7 +293,7 @@ class MaskReader(LayerReader):
     """
 
     def __init__(self, limits: Limits, data: bytearray, tube: Tube, beside: list[Tube | None]) -> None:
-        super().__init__(limits, data, [tube], [Progress(tube.full_level)], beside)
+        super().__init__(limits, data, [tube], [Progress(tube.full_level)], beside, [])
 
     def _open_run(self, chunk: Envelope, chunk_start: int, there: int, whole: bool) -> bool:
         layers = mask_layers(self._tube.n, self._tube.full_level)

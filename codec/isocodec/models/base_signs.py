@@ -66,16 +66,15 @@ def see_behind(st, cd, simplex, opp, guess, case, other):
 
 
 @inlined
-def code_behind(st, cd, simplex, opp, guess, context, other, hole, bit):
+def code_behind(st, cd, simplex, opp, guess, case, context, other, bit):
     """Code whether the sign of the vertex behind a gate, number ``opp`` of the simplex there, is as predicted.
 
-    ``context`` is the baseline's, ``other`` the sign at the earlier isovalue or -1, ``hole`` says whether the vertex is
-    missing. As ``code``.
+    ``case`` is the number of the prediction's context, ``context`` the one to use, ``other`` the sign at the earlier
+    isovalue or -1. As ``code``.
     """
-    if hole or not mixing(cd):
+    if not mixing(cd):
         return code(cd, context, bit)
     n = dimension(st.grid.tables)
-    case = context - (ctx.BASE_CURVE if n == 2 else ctx.BASE_SURFACE)
     see_behind(st, cd, simplex, opp, guess, case, other)
     return blended(cd, BASE_NET, False, BASE_KIND + simplex.level % n + 3 * (other >= 0), context, bit)
 

@@ -73,8 +73,8 @@ def code_significance(st, cd, node, want):
         context = ctx.SIGNIFICANT_LEAF + ((1 + r if node.what == SLOT else 0) * ctx.NEARNESS + node.near) * 3
     context += min(node.hits, 2)
     if node.hole:
-        bit = code(cd, ctx.hole_context(cd, ctx.SLOT_HOLE, 2 * node.near + (node.hits > 0)), want)
-    elif mixing(cd):
+        context = ctx.hole_context(cd, ctx.SLOT_HOLE, 2 * node.near + (node.hits > 0))
+    if mixing(cd):
         see_crowd(st, cd, node)
         bit = blended(cd, TREE_NET, False, TREE_KIND + node.what + 3 * (st.counters.side != 0), context, want)
     else:

@@ -185,11 +185,11 @@ def code_middle(st, cd, diamond, expected, before, hole, bit):
 
     ``hole`` says whether the middle is missing.
     """
+    context = expected.context
     if hole:
         element = np.int64(ctx.CROSSED_HOLE if expected.crossed else ctx.BORDER_HOLE)
-        return code(cd, ctx.hole_context(cd, element, expected.case), bit)
-    context = expected.context
-    if before.sign >= 0:
+        context = ctx.hole_context(cd, element, expected.case)
+    elif before.sign >= 0:
         bank = np.int64(ctx.CROSSED if expected.crossed else ctx.BORDER)
         context += bank * (1 + 2 * min(before.apart, 2) + (before.sign == expected.guess))
     if not mixing(cd):

@@ -93,17 +93,21 @@ def traverse(st, cd, mark):
     else:
         guess, context = surface_context(st, level, cls, b0, b1, b2, opp)
     hole = _behind_is_missing(st, edge, r, cls, b0, b1, b2, opp)
+    case = context - (ctx.BASE_CURVE if n == 2 else ctx.BASE_SURFACE)
     if hole:
         context = ctx.hole_context(cd, ctx.BEHIND_HOLE, walk.history)
     if e == 0:
         sign, other = implied_corner(st, level, cls, b0, b1, b2, opp)
         if sign < 0:
-            if other >= 0 and not hole:
-                context += (ctx.SURFACE if n == 3 else ctx.CURVE) * (1 + (other == guess))
+            if other >= 0:
+                bank = (ctx.SURFACE if n == 3 else ctx.CURVE) * (1 + (other == guess))
+                case += bank
+                if not hole:
+                    context += bank
             right_guess = np.int64(0)
             if encoding:
                 right_guess = np.int64(corner_truth(st, edge, r, cls, b0, b1, b2, opp) == guess)
-            bit = code_behind(st, cd, Simplex(level, cls, b0, b1, b2), opp, guess, context, other, hole, right_guess)
+            bit = code_behind(st, cd, Simplex(level, cls, b0, b1, b2), opp, guess, case, context, other, right_guess)
             if bit < 0:
                 return bit
             st.tally[BASE_SIGN] += 1

@@ -35,7 +35,9 @@ def contour_of(
         contour = Contour(np.zeros((0, n)), np.zeros((0, n), np.int64), float("nan"), header.shape, False)
     else:
         budget.check(drawing_bytes(tube))
-        leaves = leaves_of(tube, isovalue, lambda steps, above: interval_value(isovalue, header.scale, steps, above), holes)
+        leaves = leaves_of(
+            tube, isovalue, lambda steps, above: interval_value(isovalue, header.scale, steps, above), holes
+        )
         contour = replace(draw(leaves, complete=complete, smooth=smooth), origin_above=tube.origin_above)
     return replace(contour, placement=read_placement(metadata, n), metadata=dict(metadata))
 

@@ -56,8 +56,8 @@ class Encoder:
     isovalue : number or sequence of numbers
         One isovalue, or several of the same field, in the order in which the file has them: finite numbers of Python's
         or numpy's, fractions or decimals. Files hold double precision; whole numbers beyond it are refused.
-    exact, tolerance, signs_only, step, base_level, preserve_topology, steps, criterion, parameter, leaning, mask, plan, \
-    profile, metadata, placement
+    exact, tolerance, signs_only, step, base_level, preserve_topology, steps, criterion, parameter, leaning, mask, \
+    plan, profile, metadata, placement
         As in `encode`.
     progress : callable, optional
         Called with the layers done and their total; before, while a mesh is searched for, with the number of curves
@@ -170,8 +170,9 @@ class Encoder:
         if plan is not None:
             if not len(plan) and number == len(self.isovalues) - 1:
                 raise OptionError("the plan has no layers", code="plan", remedy='begin it with ("base", level)')
+            field, truth = self._fields[number], self._truths[number]
             return with_meshes(plan, self._full_level, -1 if lean is None else self._strands[lean].progress.level,
-                               lambda: Promise(self._fields[number], truth=self._truths[number], holes=self._holes))  # fmt: skip
+                               lambda: Promise(field, truth=truth, holes=self._holes))  # fmt: skip
         values: list[Entry] = [(LayerKind.VALUES, None)] if o.exact or o.step is not None else []
         fine = None if values or o.signs_only else o.tolerance or DEFAULT_TOLERANCE
         free = self.header.profile == Profile.MAIN and self._slack_keeps_order(fine)

@@ -78,7 +78,8 @@ def first_state(
         grid_of(shape), counters, np.zeros(len(ELEMENTS) + 2, np.int64), np.full(2, MOSTLY, np.int64),
         np.zeros(2, np.int64), new_store(n), _rows(4, limits.vertices), _rows(5, limits.simplices),
         _rows(5, limits.simplices), new_store(n), new_counts(n), new_board(n), np.zeros((MOST_ANCESTORS, 4), np.int64),
-        every_vertex((0,) * n), _lean(earlier, n), _no_lean(n) if hole is None else hole, np.zeros((0, 0, 0), np.bool_) if signs is None else signs,
+        every_vertex((0,) * n), _lean(earlier, n), hole or _no_lean(n),
+        np.zeros((0, 0, 0), np.bool_) if signs is None else signs,
         base, RefinementWalk(), TreeWalk(), ValueWalk(), DigitWalk(),
         *(np.zeros(size, np.int64) for size in (MOST_LEVELS, 2 * MOST_POINTS, 2 * MOST_POINTS, 80, 10, 128, STACK)),
     )  # fmt: skip

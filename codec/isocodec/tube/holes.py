@@ -57,9 +57,8 @@ def on_whole_cell(st, x, y, z, axis):
         return True
     deep = dimension(st.grid.tables) == 3
     for side in range(8 if deep else 4):
-        if side >> axis & 1 == 0:
-            if whole_cell(st.hole, x - (side & 1), y - (side >> 1 & 1), z - (side >> 2)):
-                return True
+        if side >> axis & 1 == 0 and whole_cell(st.hole, x - (side & 1), y - (side >> 1 & 1), z - (side >> 2)):
+            return True
     return False
 
 
@@ -101,7 +100,7 @@ class Holes:
 
 def whole_cells_of(gone: NDArray[np.bool_], low: NDArray[np.int64]) -> NDArray[np.bool_]:
     """As `Holes.whole_cells`, from all samples: ``gone`` is where they are missing."""
-    inside = ((low >= 0) & (low < np.array(gone.shape) - 1)).all(axis=1)
+    inside: NDArray[np.bool_] = np.asarray(((low >= 0) & (low < np.array(gone.shape) - 1)).all(axis=1))
     place = np.where(inside[:, None], low, 0)
     for corner in product((0, 1), repeat=gone.ndim):
         inside &= ~gone[tuple((place + corner).T)]
