@@ -42,9 +42,7 @@ def crossings_of_whole_cells(field: np.ndarray, gone: np.ndarray, isovalue: floa
     for axis in range(n):
         for low in np.argwhere(np.ones([s - (a == axis) for a, s in enumerate(field.shape)])):
             high = low + (np.arange(n) == axis)
-            beside = [
-                low - np.array(step) for step in product((0, 1), repeat=n) if step[axis] == 0
-            ]
+            beside = [low - np.array(step) for step in product((0, 1), repeat=n) if step[axis] == 0]
             inside = [c for c in beside if (c >= 0).all() and (c < missing.shape).all()]
             if all(missing[tuple(c)] for c in inside):
                 continue
@@ -74,7 +72,9 @@ def test_curves_are_those_of_find_contours(profile: str, isovalue: float) -> Non
 
 @settings(max_examples=25, deadline=None)
 @given(
-    st.tuples(st.integers(2, 20), st.integers(2, 20)), st.integers(0, 1000), st.sampled_from([0.02, 0.2, 0.6]),
+    st.tuples(st.integers(2, 20), st.integers(2, 20)),
+    st.integers(0, 1000),
+    st.sampled_from([0.02, 0.2, 0.6]),
     st.sampled_from([None, 0, 2, 3]),
 )
 def test_random_masks_in_the_plane(shape: tuple[int, int], seed: int, share: float, base: int | None) -> None:
@@ -92,7 +92,9 @@ def test_random_masks_in_the_plane(shape: tuple[int, int], seed: int, share: flo
 
 @settings(max_examples=12, deadline=None)
 @given(
-    st.tuples(*[st.integers(2, 8)] * 3), st.integers(0, 1000), st.sampled_from([0.02, 0.1, 0.4]),
+    st.tuples(*[st.integers(2, 8)] * 3),
+    st.integers(0, 1000),
+    st.sampled_from([0.02, 0.1, 0.4]),
     st.sampled_from(["baseline", "main"]),
 )
 def test_random_masks_in_space(shape: tuple[int, int, int], seed: int, share: float, profile: str) -> None:
@@ -129,6 +131,12 @@ def test_masks_of_another_shape_or_type(mask: np.ndarray) -> None:
     with pytest.raises(InputError, match="the mask has") as caught:
         isocodec.encode(HILLS, 80.5, mask=mask)
     assert caught.value.code == "mask"
+
+
+def test_areas_are_not_closed_along_holes() -> None:
+    contour = isocodec.decode(isocodec.encode(FLOATS, 80.5, mask=HOLE))
+    with pytest.raises(isocodec.OptionError, match="missing samples"):
+        isocodec.areas(contour)
 
 
 def test_nothing_is_left() -> None:

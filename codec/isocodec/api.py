@@ -251,9 +251,7 @@ def decode_mask(
     return decoder.mask(number)
 
 
-def decode_valid(
-    data: bytes, *, max_bytes: int | None = None, limits: Limits | None = None
-) -> NDArray[np.bool_]:
+def decode_valid(data: bytes, *, max_bytes: int | None = None, limits: Limits | None = None) -> NDArray[np.bool_]:
     """Decode which samples of a file are valid; the others are missing.
 
     Parameters

@@ -86,7 +86,8 @@ class Contour:
         """Polylines of an isocontour, (K, 2) float64 each, their points in walking order (see Orientation).
 
         First those that are open, which start and end at the border of the box (or at missing samples, or where a part
-        has not been received yet), then the closed ones, which repeat their first point at the end as ``find_contours`` does.
+        has not been received yet), then the closed ones, which repeat their first point at the end as ``find_contours``
+        does.
 
         Raises
         ------

@@ -115,9 +115,7 @@ class LayerWriter:
             except ValueError as error:
                 line = where(self._entries[self._expanded])
                 fewer = "fewer bits, or all of them" if operation == Operation.VALUES else None
-                raise OptionError(
-                    f"{line}the plan cannot be carried out: {error}", code="plan", remedy=fewer
-                ) from None
+                raise OptionError(f"{line}the plan cannot be carried out: {error}", code="plan", remedy=fewer) from None
             if state.layers + len(fresh) > LAYER_LIMIT:
                 raise OptionError(
                     f"more than {LAYER_LIMIT} layers, which is as many as a file may have", code="plan",
@@ -137,9 +135,7 @@ class LayerWriter:
             if self._expanded in self._promised:
                 self.within[len(self.layers)] = self._promised[self._expanded]
 
-    def encode_run(
-        self, first: int, report: Callable[[], object], enough: float = RUN_BYTES
-    ) -> tuple[int, bytes]:
+    def encode_run(self, first: int, report: Callable[[], object], enough: float = RUN_BYTES) -> tuple[int, bytes]:
         """Encode layers from number ``first`` on until the run has enough bytes; their end and the bytes."""
         tube = self.tube
         start(tube.coder.reg, ENCODE)

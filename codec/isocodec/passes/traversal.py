@@ -11,7 +11,7 @@ from ..mesh.grid import edge_of, position
 from ..mesh.simplex import Simplex, exists, middle_at, newest, parent_of
 from ..mesh.store import get, put
 from ..models import contexts as ctx
-from ..models.base_signs import code_behind, curve_context, edge_sum, surface_context, turn_back
+from ..models.base_signs import Behind, code_behind, curve_context, edge_sum, surface_context, turn_back
 from ..models.mesh_questions import COARSER, FINER
 from ..models.parabola import MOST
 from ..tube.holes import missing
@@ -107,7 +107,8 @@ def traverse(st, cd, mark):
             right_guess = np.int64(0)
             if encoding:
                 right_guess = np.int64(corner_truth(st, edge, r, cls, b0, b1, b2, opp) == guess)
-            bit = code_behind(st, cd, Simplex(level, cls, b0, b1, b2), opp, guess, case, context, other, right_guess)
+            behind = Behind(guess, case, context, other)
+            bit = code_behind(st, cd, Simplex(level, cls, b0, b1, b2), opp, behind, right_guess)
             if bit < 0:
                 return bit
             st.tally[BASE_SIGN] += 1

@@ -132,6 +132,11 @@ class Decoder:
         return self._ended
 
     @property
+    def _tube(self) -> Tube | None:
+        """That of the isovalue whose layers come at present; None if it is skipped."""
+        return self._strands.present
+
+    @property
     def _progress(self) -> Progress:
         return self._progresses[-1]
 
@@ -366,7 +371,7 @@ class Decoder:
             chunk = self._chunk
             if not self._mask.go_on(chunk, self._chunk_start):
                 return None
-            skipped = chunk.type in LAYER_CHUNKS and self._strands.present is None
+            skipped = chunk.type in LAYER_CHUNKS and self._tube is None
             if chunk.type in LAYER_CHUNKS and not skipped:
                 event = self._reader.go_on(chunk, self._chunk_start)
                 if event is not None or self._reader.waiting:

@@ -115,6 +115,4 @@ def tessellation_of(
         points, above, cells = compact(leaves.position, leaves.above, leaves.simplices)
         levels = leaves.levels
     placement = read_placement(metadata, tube.n)
-    return Tessellation(
-        points, cells, levels, above, isovalue, tube.shape, complete, placement, dict(metadata)
-    )
+    return Tessellation(points, cells, levels, above, isovalue, tube.shape, complete, placement, dict(metadata))
