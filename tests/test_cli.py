@@ -37,6 +37,7 @@ def test_encode_tells_what_it_wrote(hills: Path, tmp_path: Path, curve_data: byt
         "layers": layers,
         "shape": [33, 41],
         "dtype": "uint8",
+        "missing": 0,
         "isovalues": [80.5],
     }
 

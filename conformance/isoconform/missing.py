@@ -80,8 +80,9 @@ def places() -> Iterator[Draft]:
                 f"{space}_missing_mask_{name}_isovalue", data, len(shape),
                 ("missing samples: the mask between two isovalues, of which one is coded with it",),
             )  # fmt: skip
-        whole = encode(field, VALUE, mask=gone, profile="baseline", exact=True)
-        yield Draft(f"{space}_missing_cut", cut_within(whole, "values"), len(shape), ("missing samples: a cut run",))
+    field, gone = _holed(SHAPES[0])
+    data = cut_within(encode(field, VALUE, mask=gone, profile="baseline", exact=True), "values")
+    yield Draft("plane_missing_cut", data, 2, ("missing samples: a cut run",))
 
 
 def refused() -> Iterator[Draft]:

@@ -135,8 +135,9 @@ class LayerWriter:
             if self._expanded in self._promised:
                 self.within[len(self.layers)] = self._promised[self._expanded]
 
-    def encode_run(self, first: int, report: Callable[[], object], enough: float = RUN_BYTES) -> tuple[int, bytes]:
+    def encode_run(self, first: int, report: Callable[[], object], enough: float | None = None) -> tuple[int, bytes]:
         """Encode layers from number ``first`` on until the run has enough bytes; their end and the bytes."""
+        enough = RUN_BYTES if enough is None else enough
         tube = self.tube
         start(tube.coder.reg, ENCODE)
         begun = 0
