@@ -37,6 +37,7 @@ def test_encode_tells_what_it_wrote(hills: Path, tmp_path: Path, curve_data: byt
         "layers": layers,
         "shape": [33, 41],
         "dtype": "uint8",
+        "missing": 0,
         "isovalues": [80.5],
     }
 
@@ -140,7 +141,7 @@ def unreadable_fields(folder: Path) -> dict[str, Sequence[str]]:
     Image.fromarray(np.dstack([HILLS] * 3)).save(folder / "colour.png")
     (folder / "table.csv").write_text("1,2\n")
     (folder / "directory.npy").mkdir()
-    np.save(folder / "holes.npy", np.where(HILLS > 150, np.nan, HILLS))
+    np.save(folder / "holes.npy", np.full(HILLS.shape, np.nan))
     np.save(folder / "scalar.npy", np.float64(3))
     return {
         "missing.npy": ["No such file"],
@@ -153,7 +154,7 @@ def unreadable_fields(folder: Path) -> dict[str, Sequence[str]]:
         "several.npz": ["a (33, 41), b (33, 41)", "--key"],
         "colour.png": ["3 channels", "--channel"],
         "table.csv": [".csv", ".npy"],
-        "holes.npy": ["NaN"],
+        "holes.npy": ["all samples are missing"],
         "scalar.npy": [],
     }
 

@@ -8,6 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from brute import examples
+from isocodec.entropy.mixer import HOLES
 from isocodec.entropy.range_coder import (
     BEYOND,
     DECODE,
@@ -34,9 +35,7 @@ FIXED = np.zeros(1, np.int64)
 def coder(mode, probabilities, rate=ADAPTIVE, room=1 << 14):
     """A coder whose context i starts with probability ``probabilities[i]`` (of 2**16) of a 1."""
     prob = np.array(probabilities, np.int64)
-    cd = Coder(
-        CoderRegisters(), np.zeros(room, np.uint8), prob, np.zeros(len(prob), np.int64), rate, no_blend()
-    )
+    cd = Coder(CoderRegisters(), np.zeros(room, np.uint8), prob, np.zeros(len(prob), np.int64), rate, no_blend())
     start(cd.reg, mode)
     return cd
 
@@ -135,7 +134,7 @@ def test_probabilities_keep_from_certainty():
 def test_initial_models():
     """Every context starts within the floor, and with a count that the rates know."""
     prob, seen = models()
-    assert len(prob) == len(seen) == CONTEXTS
+    assert len(prob) == len(seen) == CONTEXTS + HOLES
     assert prob.min() >= FLOOR and prob.max() <= ONE - FLOOR
     assert seen.min() >= 0 and seen.max() < len(ADAPTIVE)
 

@@ -436,7 +436,7 @@ def test_metadata_that_is_no_text(metadata):
 
 
 def test_every_chunk_type_has_one_reader_and_every_kind_of_layer_its_symbols():
-    assert {*READERS} | {*LAYER_CHUNKS} == {*ChunkType} and not {*READERS} & {*LAYER_CHUNKS}
+    assert {*READERS} | {*LAYER_CHUNKS} | {ChunkType.MASK} == {*ChunkType} and not {*READERS} & {*LAYER_CHUNKS}
     assert {*LayerKind} == {*BY_LAYER} and {kind.operation for kind in LayerKind} < {*Operation}
 
 

@@ -102,6 +102,9 @@ def test_compiled_kernels_do_what_their_source_says(twice):
         data = isocodec.encode(field, 0.5, tolerance=0.05)
         assert np.array_equal(isocodec.decode_mask(data), field > 0.5)
         isocodec.encode(field, 0.5, tolerance=0.5)
+        gone = np.random.default_rng(4).random(shape) < 0.1
+        for more in ({"exact": True}, {"tolerance": 0.05}, {"exact": True, "profile": "baseline"}):
+            isocodec.decode(isocodec.encode(field, 0.5, mask=gone, **more))
     assert twice == {f"{found.module}.{found.name}" for found in kernels()}
 
 

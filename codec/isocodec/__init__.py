@@ -14,7 +14,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from .api import decode, decode_all, decode_mask, encode
+    from .api import decode, decode_all, decode_mask, decode_valid, encode
     from .drawing.contour import Contour
     from .errors import (
         FormatError,
@@ -38,6 +38,7 @@ if TYPE_CHECKING:
         IsovalueRead,
         LayerComplete,
         LevelComplete,
+        MaskComplete,
         MetadataRead,
         PromisesRead,
     )
@@ -52,7 +53,7 @@ if TYPE_CHECKING:
 __version__ = "0.1.0"
 
 _HOMES = {
-    "api": ("decode", "decode_all", "decode_mask", "encode"),
+    "api": ("decode", "decode_all", "decode_mask", "decode_valid", "encode"),
     "drawing.contour": ("Contour",),
     "errors": (
         "FormatError", "InputError", "IsoError", "KernelError", "LimitError", "MissingExtraError", "OptionError",
@@ -64,7 +65,7 @@ _HOMES = {
     "stream.decoder": ("Decoder",),
     "layers.events": (
         "BaseComplete", "ChunkSkipped", "End", "Event", "GeometryRefined", "HeaderRead",
-        "IsovalueRead", "LayerComplete", "LevelComplete", "MetadataRead", "PromisesRead",
+        "IsovalueRead", "LayerComplete", "LevelComplete", "MaskComplete", "MetadataRead", "PromisesRead",
     ),
     "stream.encoder": ("Encoder",),
     "stream.inspect": ("FileInfo", "inspect"),
@@ -95,6 +96,7 @@ __all__ = [
     "LevelComplete",
     "LimitError",
     "Limits",
+    "MaskComplete",
     "MetadataRead",
     "MissingExtraError",
     "OptionError",
@@ -104,6 +106,7 @@ __all__ = [
     "decode",
     "decode_all",
     "decode_mask",
+    "decode_valid",
     "encode",
     "inspect",
     "kernels",

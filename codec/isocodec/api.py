@@ -33,6 +33,7 @@ def encode(
     criterion: str | None = None,
     parameter: float | None = None,
     leaning: bool = True,
+    mask: ArrayLike | None = None,
     plan: Sequence[Entry] | Mapping[float, Sequence[Entry]] | None = None,
     profile: str = "main",
     metadata: Mapping[str, str] | None = None,
@@ -47,7 +48,8 @@ def encode(
     Parameters
     ----------
     field : (s0, s1) or (s0, s1, s2) array_like of bool, integers or floats
-        Samples on a regular grid, without NaN.
+        Samples on a regular grid. NaN, and what a masked array masks, is missing: the curve ends at unit cells with a
+        missing corner.
     isovalue : number or sequence of numbers
         One isovalue, or several of the same field, in the order in which the file has them: finite numbers of Python's
         or numpy's, fractions or decimals. Samples greater than it lie above. Files hold double precision; whole numbers
@@ -78,6 +80,8 @@ def encode(
         Number that the criterion takes.
     leaning : bool
         Whether each further isovalue is coded with the help of the nearest one before it in the file.
+    mask : array_like of bool, optional
+        Of the field's shape, True where a sample is missing, as in ``numpy.ma``.
     plan : sequence of entries, optional
         Instead of all these but ``step``: the layers one by one, as ``("base", level)``, ``("refine", rounds)``,
         ``("values", bits)``, ``("offsets", radix)``, where None means as far as it goes; ``("values", None, left)``
@@ -122,8 +126,8 @@ def encode(
         Encoder(
             field, isovalue, exact=exact, tolerance=tolerance, signs_only=signs_only, step=step,
             base_level=base_level, preserve_topology=preserve_topology, steps=steps, criterion=criterion,
-            parameter=parameter, leaning=leaning, plan=plan, profile=profile, metadata=metadata, placement=placement,
-            progress=progress,
+            parameter=parameter, leaning=leaning, mask=mask, plan=plan, profile=profile,
+            metadata=metadata, placement=placement, progress=progress,
         )
     )  # fmt: skip
 
@@ -233,7 +237,8 @@ def decode_mask(
     -------
     NDArray
         Bool, of the shape of the field that was encoded: ``field > isovalue``, with both compared exactly (numpy would
-        round the isovalue to the type of a float32 field).
+        round the isovalue to the type of a float32 field). What it says of missing samples means nothing:
+        `decode_valid` tells which they are.
 
     Raises
     ------
@@ -244,6 +249,28 @@ def decode_mask(
     """
     decoder, number = decoded(data, isovalue, None, max_bytes, limits, progress)
     return decoder.mask(number)
+
+
+def decode_valid(data: bytes, *, max_bytes: int | None = None, limits: Limits | None = None) -> NDArray[np.bool_]:
+    """Decode which samples of a file are valid; the others are missing.
+
+    Parameters
+    ----------
+    data : bytes
+    max_bytes, limits
+        As in `decode`.
+
+    Returns
+    -------
+    NDArray
+        Bool, of the shape of the field that was encoded; all True if the file has no mask.
+
+    Raises
+    ------
+    FormatError, LimitError
+        As `decode`; ``limits.samples`` bounds the result. ``TruncatedError`` if the first bytes do not tell yet.
+    """
+    return received(data, (), max_bytes, limits).valid()
 
 
 def decoded(

@@ -45,13 +45,17 @@ class Output:
 
 
 def canonical(decoder: Decoder) -> str:
-    """Text of the states of all isovalues that have come; empty before the header."""
+    """Text of the states of all isovalues that have come, and of the mask; empty before the header."""
     lines: list[str] = []
     for number in range(len(decoder.isovalues)):
         state = decoder.state(number)
         assert state is not None
         # the shape is the same for all
         lines += [f"isovalue {number}", *state.lines()[1:]] if number else state.lines()
+    mask = decoder.mask_state()
+    if mask is not None:
+        # neither values nor explicit vertices
+        lines += ["mask", *mask.lines()[1:]]
     return "".join(f"{line}\n" for line in lines)
 
 

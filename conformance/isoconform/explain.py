@@ -103,6 +103,8 @@ class _Reader:
             self.note(chunk.start + 1, "leans on none (3.5.5)" if lean is None else f"leans on isovalue {lean} (3.5.5)")
             self.note(chunk.end, f"isovalue {len(self.isovalues)}: {isovalue!r} (3.3.4)")
             self._begin(isovalue, lean)
+        elif chunk.type == ChunkType.MASK:
+            self.note(chunk.end, "run of the mask (3.5.6)")
         elif chunk.end > chunk.start:
             self.note(chunk.end, f"payload: {name} (3.5.1)")
         sums = (chunk.checked, start, "of the chunk (3.5.3)"), (chunk.last, 0, "of the file (3.4.4)")

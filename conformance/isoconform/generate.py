@@ -10,7 +10,7 @@ from pathlib import Path
 from isocodec.errors import LimitError
 from isocodec.layers.events import Event, IsovalueRead, LayerComplete
 
-from . import adaptive, circle, geometry, hostile, isovalues, mixed, rules, special, valid
+from . import adaptive, circle, geometry, hostile, isovalues, missing, mixed, rules, special, valid
 from .draft import Draft
 from .dump import COMPLETE, CUT_OFF, Output, canonical_layers, dump
 from .levels import BEYOND, needs
@@ -56,7 +56,10 @@ def generate(directory: Path) -> list[Vector]:
 def all_drafts() -> Iterator[Draft]:
     """All vectors, in the order of the manifest."""
     return chain(
-        *(module.drafts() for module in (valid, special, adaptive, geometry, isovalues, mixed, rules, hostile, circle))
+        *(
+            module.drafts()
+            for module in (valid, special, adaptive, geometry, isovalues, mixed, rules, hostile, circle, missing)
+        )
     )
 
 

@@ -71,14 +71,14 @@ def meshes() -> Iterator[Draft]:
     )  # fmt: skip
     yield _random(
         "inference_at_centres", "inference at centres of the cubes of the base", (17, 17), ((BASE, 3), (REFINE, ALL)),
-        4, 40,
+        3143, 40,
     )  # fmt: skip
     yield _random(
         "inference_at_corners", "inference at corners of the cubes of the base", (17, 17),
         ((ADAPTIVE, 3), (REFINE, 4)), 2, 40,
     )  # fmt: skip
     yield _random(
-        "inference_off_the_box", "inference that starts off the box", (11, 6), ((ADAPTIVE, 2), (REFINE, ALL)), 1791, 40
+        "inference_off_the_box", "inference that starts off the box", (11, 6), ((ADAPTIVE, 2), (REFINE, ALL)), 2740, 40
     )
     yield _random(
         "assumed_below", "corners that are not known where the ends differ", (9, 9), ((BASE, 2), (REFINE, ALL)), 92, 30

@@ -59,6 +59,7 @@ class ChunkType(IntEnum):
     INDEX = 4
     ISOVALUE = 5
     PROMISES = 6
+    MASK = 7
 
 
 class Operation(IntEnum):

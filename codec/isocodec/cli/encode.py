@@ -94,9 +94,10 @@ def _explain(context: click.Context, option: click.Parameter, asked: bool) -> No
     click.option("--frame", type=int, metavar="N", help="Item of a series or time step, counted from 0."),
     click.option(
         "--missing",
-        type=click.Choice(["below", "above", "nearest"]),
+        type=click.Choice(["hole", "below", "above", "nearest"]),
         metavar="HOW",
-        help="Treat missing samples as below, as above, or as the nearest valid sample.",
+        help="Treat missing samples as a hole, where the contour ends (default), as below, as above, or as the nearest "
+        "valid sample.",
     ),
     click.option("--nodata", type=float, metavar="V", help="Value that marks missing samples, besides NaN."),
     click.option("--spacing", metavar="S,S[,S]", help="Distances of samples along the axes; may be negative."),
@@ -164,8 +165,6 @@ def encode_command(
         raise click.UsageError("--spacing and --no-placement contradict one another: choose one")
     if label is not None and missing is not None:
         raise click.UsageError("--label and --missing contradict one another: a missing sample has another label")
-    if nodata is not None and missing is None:
-        raise click.UsageError("--nodata needs --missing, which chooses how missing samples are treated")
     steps_along = _numbers("--spacing", spacing)
     distances = _steps(steps)
 
@@ -185,7 +184,7 @@ def encode_command(
     import isocodec
 
     from ..field.placement import CRS, PLACEMENT
-    from ..io.missing import missing_samples, read_nodata
+    from ..io.missing import filled, missing_samples, read_nodata
     from ..io.place import Place, read_place
     from ..io.read import read_field
 
@@ -193,6 +192,7 @@ def encode_command(
     with concerning(source):
         with one_warning(source):
             field = read_field(source, key=key, channel=channel, frame=frame, samples=limit_samples, follow=follow)
+            nodata_given = nodata is not None
             if nodata is None and label is None:
                 nodata = read_nodata(source, key, follow=follow)
             place = Place()
@@ -200,6 +200,7 @@ def encode_command(
                 place = read_place(source, field.ndim, key, samples=limit_samples, follow=follow)
         if steps_along is not None and len(steps_along) != field.ndim:
             raise click.UsageError(f"--spacing {spacing}: give one number for each of the {field.ndim} axes")
+        hole: Field | None = None
         if label is not None:
             field, isovalues = _labelled(field, label), (0.5,)
             notes.setdefault("label", f"{label:g}")
@@ -213,7 +214,12 @@ def encode_command(
                 isovalues = _multiples(interval, field[~gone])
             if planned is not None:
                 isovalues = planned.isovalues(isovalues, field.shape, not independent)
-            field = _whole(source, field, gone, missing, isovalues)
+            if not gone.any() and (missing is not None or nodata_given):
+                warn(source, "no samples are missing; --nodata sets the value that marks them")
+            if missing in (None, "hole"):
+                hole = gone if gone.any() else None
+            else:
+                field = filled(field, gone, missing, isovalues)
         placement: ArrayLike | None = place.placement if placed else steps_along
         if place.remark:
             warn(source, place.remark)
@@ -224,11 +230,12 @@ def encode_command(
         about_plan = nullcontext() if planned is None else planned.blamed()
         with progress_bar("encoding") as progress, about_plan:
             data = isocodec.encode(
-                field, isovalues[0] if len(isovalues) == 1 else isovalues, progress=progress, **vars(options)
+                field, isovalues[0] if len(isovalues) == 1 else isovalues, mask=hole, progress=progress, **vars(options)
             )
         seconds = time.perf_counter() - started
     write_output(output, data)
-    _warn_of_values(source, field, isovalues, exact or step is not None, preserve_topology, options.signs_only)
+    valid = field if hole is None else field[~hole]
+    _warn_of_values(source, valid, isovalues, exact or step is not None, preserve_topology, options.signs_only)
     layers = len(isocodec.inspect(data).layers)
     tell(
         f"{click.format_filename(output)}: {len(data):,} bytes, {layers} layers, {seconds:.2f} s",
@@ -239,6 +246,7 @@ def encode_command(
             "seconds": round(seconds, 3),
             "shape": list(field.shape),
             "dtype": str(field.dtype),
+            "missing": 0 if hole is None else int(hole.sum()),
             "isovalues": [float(isovalue) for isovalue in isovalues],
         },
         as_json,
@@ -313,22 +321,6 @@ def _warn_of_values(
         text += f", which {tied[0] + 0.5:g} avoids"
     of = f"the isovalue {tied[0]:g}" if len(tied) == 1 else f"one of {len(tied)} isovalues ({tied[0]:g}, ..)"
     warn(source, f"{sum(ties.values()):,} samples equal {of}: {text}")
-
-
-def _whole(source: Path, field: Field, gone: Field, missing: str | None, isovalues: Sequence[float]) -> Field:
-    """The field with something instead of missing samples, or a warning."""
-    import numpy as np
-
-    from ..io.missing import filled
-
-    if missing is not None:
-        if not gone.any():
-            warn(source, "no samples are missing; --nodata sets the value that marks them")
-        return filled(field, gone, missing, isovalues)
-    if gone.any() and not np.isnan(field[gone]).any():
-        count = f"{int(gone.sum()):,} samples are marked as missing"
-        warn(source, f"{count} and are encoded as they are; --missing treats them otherwise")
-    return field
 
 
 def _criterion(text: str | None) -> tuple[str | None, float | None]:

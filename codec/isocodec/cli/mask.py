@@ -24,11 +24,12 @@ from .report import check_output, concerning, read_iso, tell
     "--limit-samples", type=click.IntRange(min=1), metavar="N",
     help=f"Most samples of the mask.  [default: {Limits().samples:,}]",
 )  # fmt: skip
+@click.option("--valid", is_flag=True, help="Write which samples are valid instead: all but the missing ones.")
 @partial_option
 @limit_options
 @json_option
 def mask_command(
-    source: Path, output: Path, isovalue: float | None, limit_samples: int | None, partial: bool,
+    source: Path, output: Path, isovalue: float | None, limit_samples: int | None, valid: bool, partial: bool,
     limit_memory: int | None, limit_work: int | None, as_json: bool,
 ) -> None:  # fmt: skip
     """Decode which samples of IN.iso lie above the isovalue; the suffix of OUT names the format.
@@ -39,6 +40,7 @@ def mask_command(
     .nii, .nii.gz  of volumes: 1 above, placed as the file states
 
     The file must hold the full grid. Files made with a criterion, or with a (last) tolerance of 0.1 or more, may not.
+    What is written of missing samples means nothing; --valid tells which are valid, in any file.
     """
     from ..io.atomic import writing
     from ..io.mask import check_mask_suffix, stored_last_first, write_mask
@@ -58,18 +60,19 @@ def mask_command(
     with concerning(output):
         suffix = check_mask_suffix(output, len(shape))
     with concerning(source):
-        rows = decoder.mask_rows(number, stored_last_first(suffix))
-    if isovalue is None:
+        last_first = stored_last_first(suffix)
+        rows = decoder.valid_rows(last_first) if valid else decoder.mask_rows(number, last_first)
+    if isovalue is None and not valid:
         warn_of_others(source, decoder.isovalues[number], decoder.isovalues)
     placement = read_placement(decoder.metadata, len(shape))
     with concerning(output), writing(output) as file:
         above = write_mask(file, rows, suffix, placement)
     seconds = time.perf_counter() - started
-    samples = math.prod(shape)
+    samples, which = math.prod(shape), "valid" if valid else "above"
     tell(
-        f"{click.format_filename(output)}: {above:,} of {samples:,} samples above, {seconds:.2f} s",
+        f"{click.format_filename(output)}: {above:,} of {samples:,} samples {which}, {seconds:.2f} s",
         {
-            "output": str(output), "bytes": output.stat().st_size, "above": above, "samples": samples,
+            "output": str(output), "bytes": output.stat().st_size, which: above, "samples": samples,
             "isovalue": decoder.isovalues[number], "shape": list(shape), "complete": decoder.complete,
             "seconds": round(seconds, 3),
         },

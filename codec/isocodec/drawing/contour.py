@@ -40,6 +40,8 @@ class Contour:
         Where samples lie in the world: ``placement[:, :n] @ index + placement[:, n]``; None if the file does not say.
     metadata : dict of str to str
         Notes of the file, as far as they had come.
+    masked : bool
+        Whether samples are missing: lines may end, and surfaces have edges, at unit cells with a missing corner.
     origin_above : bool or None
         Whether the first sample lies above the isovalue; None if that had not come.
     """
@@ -52,6 +54,7 @@ class Contour:
     placement: NDArray[np.float64] | None = None
     metadata: dict[str, str] = field(default_factory=dict)
     origin_above: bool | None = None
+    masked: bool = False
 
     def __repr__(self) -> str:
         pieces = "segments" if len(self.shape) == 2 else "triangles"
@@ -82,8 +85,9 @@ class Contour:
     def lines(self) -> list[NDArray[np.float64]]:
         """Polylines of an isocontour, (K, 2) float64 each, their points in walking order (see Orientation).
 
-        First those that are open, which start and end at the border of the box (or where a part has not been received
-        yet), then the closed ones, which repeat their first point at the end as ``find_contours`` does.
+        First those that are open, which start and end at the border of the box (or at missing samples, or where a part
+        has not been received yet), then the closed ones, which repeat their first point at the end as ``find_contours``
+        does.
 
         Raises
         ------

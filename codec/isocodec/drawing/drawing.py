@@ -8,6 +8,7 @@ import numpy as np
 
 from ..errors import OptionError
 from ..mesh.tables import cube_exponent
+from .clipping import clipped
 from .contour import Contour
 from .crossing import Drawn
 from .full_grid import draw_grid
@@ -21,7 +22,8 @@ def draw(leaves: Leaves, *, complete: bool = True, smooth: bool = False) -> Cont
 
     On the full grid (``leaves.full``), and in unit cells where the mesh is as fine, the points lie on grid edges: those
     of marching squares and of marching cubes. Elsewhere every leaf gives one segment, one triangle or one quadrangle
-    cut in two (Lewiner et al. 2004), with one point on each crossing edge of the mesh.
+    cut in two (Lewiner et al. 2004), with one point on each crossing edge of the mesh. What lies in unit cells with
+    missing corners (``leaves.whole``) is left out.
 
     Parameters
     ----------
@@ -47,7 +49,10 @@ def draw(leaves: Leaves, *, complete: bool = True, smooth: bool = False) -> Cont
         raise OptionError(f"cannot draw a field with {n} axes, only with 2 or 3", code="dimension")
     drawn = draw_grid(leaves)[0] if leaves.full else _drawn_together(leaves)
     points = smoothed(leaves, drawn) if smooth else drawn.points
-    return Contour(points, drawn.cells, leaves.isovalue, tuple(leaves.shape), complete)
+    cells = drawn.cells
+    if leaves.whole is not None and not leaves.full:
+        points, cells = clipped(points, cells, tuple(leaves.shape), leaves.whole)
+    return Contour(points, cells, leaves.isovalue, tuple(leaves.shape), complete, masked=leaves.whole is not None)
 
 
 def _drawn_together(leaves: Leaves) -> Drawn:

@@ -20,7 +20,8 @@ def draw_grid(leaves: Leaves) -> tuple[Drawn, NDArray[np.bool_]]:
     A saddle (of a cell in 2-D, of a cell's face in 3-D) is resolved by the mesh: the two corners on its diagonal are
     connected. Points that are not on grid edges, in the middle of a few cells (n = 3), come last.
 
-    Cells that lack some of their mixed leaves are left out: what passes through them is not known yet.
+    Cells that lack some of their mixed leaves are left out: what passes through them is not known yet. Those with
+    missing corners are drawn, as nothing.
     """
     grid = _Grid(leaves)
     ratio, free = ratios_at(leaves, grid.edges, grid.find(leaves.edges))
@@ -85,6 +86,9 @@ class _Grid:
         self._cells = _Cells(np.empty(used, np.int64), corners[:used], upper[:used])
         _enter_patterns(leaves.above, self._cells.corners, count, table.mixed, self._cells.pattern)
         self.drawn = self._cells.pattern[cell] != 0
+        if leaves.whole is not None:
+            low = leaves.position[corners[:used, 0]] - (upper[:used, None] >> np.arange(n) & 1)
+            self._cells.pattern[~leaves.whole(low)] = 0
         self._number = np.full((vertices, n), -1, np.int32)
         self.edges = np.empty((n * vertices, 2), np.int64)
         met, self.cells, _ = self._rows(table.cells, 0)

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+
+WholeCells = Callable[[NDArray[np.int64]], NDArray[np.bool_]]
 
 
 @dataclass(frozen=True)
@@ -34,6 +37,9 @@ class Leaves:
         Edges that carry an offset: the vertices at their ends, the lexicographically smaller position first.
     edge_offset : (E,) float64
         Place of the crossing as a fraction of the way from the first end, within (0, 1).
+    whole : callable, optional
+        Which unit cells, by their lowest corners (C, n), lie in the box and have no missing corner, (C,) bool. All
+        do if not given.
     """
 
     shape: tuple[int, ...]
@@ -46,3 +52,4 @@ class Leaves:
     full: bool
     edges: NDArray[np.int64]
     edge_offset: NDArray[np.float64]
+    whole: WholeCells | None = None

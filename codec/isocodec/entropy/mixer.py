@@ -27,6 +27,8 @@ TRUST_SHIFT = 8
 BUCKET = 7
 BUCKETS = (2 * MOST_LOGIT >> BUCKET) + 1
 """Classes of opinions, of ``2**BUCKET`` logits each."""
+HOLES = 48
+"""Contexts of vertices that a mask says are missing; they are the last ones, in both profiles."""
 EITHER = 2
 """Encoder: a symbol that may be either; the more probable one is taken."""
 
@@ -98,8 +100,8 @@ def blended(cd, net, flip, kind, ctx, bit):
     opinion = _opinion(bl, net)
     if flip:
         opinion = -opinion
-    # the adaptive probabilities of classes of opinions follow those of all contexts
-    place = len(cd.prob) + (kind - KINDS) * BUCKETS + ((opinion + MOST_LOGIT) >> BUCKET)
+    # the adaptive probabilities of classes of opinions lie between those of other contexts and those of holes
+    place = len(cd.prob) - HOLES + (kind - KINDS) * BUCKETS + ((opinion + MOST_LOGIT) >> BUCKET)
     own = _stretched(cd, ctx)
     mapped = _stretched(cd, place)
     mix = bl.mix[np.uint64(kind)]

@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from isospec.container import MAX_SIDE
 
 from ..errors import InputError, OptionError
+from .filling import filled_smoothly
 
 OFFSET_BITS = 30
 MAX_NUMBER = 1 << 52
@@ -33,12 +34,15 @@ class Field:
         ``value > isovalue``, strict (spec clause 2.2).
     scale : float or None
         Step of the numbers; None for integers, which are their own numbers.
+    gone : likewise, bool, or None
+        Which samples are missing; ``values`` has something else for them. None if none is.
     """
 
     values: NDArray[Any]
     isovalue: float
     signs: NDArray[np.bool_]
     scale: float | None = None
+    gone: NDArray[np.bool_] | None = None
 
     @property
     def integer(self) -> bool:
@@ -179,7 +183,49 @@ def isovalue_of(given: object) -> float:
     return isovalue
 
 
-def check_field(field: ArrayLike, isovalue: object, step: float | None = None) -> Field:
+def without_holes(field: ArrayLike, mask: ArrayLike | None = None) -> tuple[NDArray[Any], NDArray[np.bool_] | None]:
+    """Samples with something in place of the missing ones, and which these are, None if none is.
+
+    Parameters
+    ----------
+    field : (s0, .., sn-1) array_like
+        NaN, and what a masked array of numpy masks, is missing.
+    mask : (s0, .., sn-1) array_like of bool, optional
+        What is missing, too.
+
+    Raises
+    ------
+    InputError
+        If the mask has another shape or is not of bool, or nothing is left.
+    """
+    values = np.asarray(field)
+    if values.dtype.kind not in "biuf":
+        return values, None
+    gone = np.isnan(values) if values.dtype.kind == "f" else np.zeros(values.shape, np.bool_)
+    # whoever has a masked array has loaded numpy.ma, which takes longer than a small field
+    if "numpy.ma" in sys.modules and np.ma.is_masked(field):
+        gone |= np.ma.getmaskarray(np.ma.asanyarray(field))
+    if mask is not None:
+        masked = np.asarray(mask)
+        if masked.dtype.kind != "b":
+            raise InputError(
+                f"the mask has samples of type {masked.dtype}", code="mask", remedy="make it bool: True where missing"
+            )
+        if masked.shape != values.shape:
+            raise InputError(f"the mask has shape {masked.shape}, the field {values.shape}", code="mask")
+        gone |= masked
+    if not gone.any():
+        return values, None
+    if gone.all():
+        raise InputError("all samples are missing", code="missing")
+    if values.dtype.kind == "b":
+        values = values.view(np.uint8)
+    return filled_smoothly(values, gone), gone
+
+
+def check_field(
+    field: ArrayLike, isovalue: object, step: float | None = None, gone: NDArray[np.bool_] | None = None
+) -> Field:
     """A field that can be encoded at an isovalue.
 
     Parameters
@@ -189,6 +235,8 @@ def check_field(field: ArrayLike, isovalue: object, step: float | None = None) -
         As `isovalue_of` takes it.
     step : float, optional
         For float data: the largest error of values sent, more exactly twice it.
+    gone : (s0, .., sn-1) bool, optional
+        Which samples are missing, of a field that has something in place of them: `without_holes`.
 
     Raises
     ------
@@ -197,12 +245,6 @@ def check_field(field: ArrayLike, isovalue: object, step: float | None = None) -
     OptionError
         If the step is not a positive number, or the data are integers.
     """
-    # whoever has a masked array has loaded numpy.ma, which takes longer than a small field
-    if "numpy.ma" in sys.modules and np.ma.is_masked(field):
-        raise InputError(
-            "the field has masked samples, and the format has no holes", code="masked",
-            remedy="fill them, for example with scipy.ndimage or numpy.ma.filled",
-        )  # fmt: skip
     values = np.asarray(field)
     if values.dtype.kind not in "biuf":
         raise InputError(
@@ -227,12 +269,6 @@ def check_field(field: ArrayLike, isovalue: object, step: float | None = None) -
     if values.dtype.kind == "b":
         values = values.view(np.uint8)
     if values.dtype.kind == "f":
-        holes = int(np.count_nonzero(np.isnan(values)))
-        if holes:
-            raise InputError(
-                f"the field has {holes} NaN among {values.size} samples, and the format has no holes", code="nan",
-                remedy="fill them, for example with scipy.ndimage or numpy.nan_to_num; isocodec encode has --missing",
-            )  # fmt: skip
         signs = values > np.float64(isovalue)
     else:
         signs = values > math.floor(isovalue)
@@ -240,7 +276,13 @@ def check_field(field: ArrayLike, isovalue: object, step: float | None = None) -
             raise OptionError("a step is for float data; integers are sent exactly", code="step", remedy="use exact")
     if step is not None and not (math.isfinite(step) and step > 0):
         raise OptionError(f"the step is {step}, needed is a positive number", code="step")
-    return Field(values, isovalue, np.ascontiguousarray(signs), step)
+    return Field(values, isovalue, np.ascontiguousarray(signs), step, gone)
+
+
+def mask_field(gone: NDArray[np.bool_]) -> Field:
+    """The field of a mask (spec clause 5.10.1): 1 where samples are valid, 0 where they are missing."""
+    valid = ~gone
+    return Field(valid.view(np.uint8), 0.5, valid)
 
 
 def interval_value(isovalue: float, scale: float | None, number: NDArray[Any], above: NDArray[Any]) -> NDArray[Any]:

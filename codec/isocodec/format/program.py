@@ -81,6 +81,13 @@ class Progress:
             self.parts = layer.parts
 
 
+def mask_layers(n: int, full_level: int) -> list[Layer]:
+    """Layers of a mask (clause 5.10.1): a coarse base, and all rounds up to the full grid."""
+    base = min(n, full_level)
+    rounds = [Layer(LayerKind.REFINE, level) for level in range(base + 1, full_level + 1)]
+    return [Layer(LayerKind.BASE, base), *rounds]
+
+
 def write_program(layers: Sequence[Layer], progress: Progress, bits: tuple[int, int]) -> bytes:
     """Shortest program of some consecutive layers; ``progress`` is moved behind them.
 

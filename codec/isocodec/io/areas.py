@@ -44,7 +44,7 @@ def areas(contour: Contour, *, above: bool = True) -> dict[str, Any]:
     Raises
     ------
     OptionError
-        For an isosurface.
+        For an isosurface, or if samples are missing: what they hide may be on either side.
     TruncatedError
         If the curve ends within the box, since not all of a layer has come.
     MissingExtraError
@@ -52,6 +52,11 @@ def areas(contour: Contour, *, above: bool = True) -> dict[str, Any]:
     """
     if len(contour.shape) != 2:
         raise OptionError("only an isocontour (n = 2) has areas", code="dimension")
+    if contour.masked:
+        raise OptionError(
+            "the field has missing samples, where areas have no border", code="holes",
+            remedy="encode with --missing below, above or nearest, which closes areas along them",
+        )  # fmt: skip
     shapely = polygons()
     touching = _touching(contour)
     outer: list[Any] = []

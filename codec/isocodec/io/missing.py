@@ -1,7 +1,6 @@
-"""Missing samples: which they are, and what is taken instead.
+"""Missing samples: which they are, and what may be taken instead of holes.
 
-The format has no holes: each sample lies above the isovalue or not. NaN is missing, and so is the value that a GeoTIFF
-or an array of NetCDF says stands for it.
+NaN is missing, and so is the value that a GeoTIFF or an array of NetCDF says stands for it.
 """
 
 from __future__ import annotations

@@ -16,6 +16,7 @@ from ..limits import Budget, Limits
 from ..models.contexts import models, rates
 from ..models.trained import no_blend, shipped_models
 from ..passes.runner import Tube
+from ..tube.holes import Holes
 from ..tube.truth import Truth
 
 MOST_SHIFT = 1 << 52
@@ -37,18 +38,25 @@ def leaning_coder(header: Header, lean: Tube | None, size: int) -> Coder:
 
 def leaning_tube(
     header: Header, isovalue: float, lean: Tube | None, other: float, size: int, limits: Limits,
-    truth: Truth | None = None, budget: Budget | None = None,
+    truth: Truth | None = None, budget: Budget | None = None, holes: Holes | None = None,
 ) -> Tube:  # fmt: skip
-    """The tube of an isovalue, leaning on that of another one or on none."""
+    """The tube of an isovalue, leaning on that of another one or on none, with a mask or without."""
     coder = leaning_coder(header, lean, size)
     shape = header.shape
     if lean is None or lean.level < 0:
-        return Tube(shape, coder, limits, truth, budget=budget)
+        return Tube(shape, coder, limits, truth, holes=holes, budget=budget)
     shift = None if header.scale is not None else math.floor(isovalue) - math.floor(other)
     if shift is not None and abs(shift) >= MOST_SHIFT:
         shift = None
     side = 1 if isovalue > other else -1
-    return Tube(shape, coder, limits, truth, lean=lean, shift=shift, side=side, budget=budget)
+    return Tube(shape, coder, limits, truth, lean=lean, shift=shift, side=side, holes=holes, budget=budget)
+
+
+def mask_tube(
+    header: Header, size: int, limits: Limits, truth: Truth | None = None, budget: Budget | None = None
+) -> Tube:
+    """The tube of a mask, which has models of its own (clause 5.10.1)."""
+    return Tube(header.shape, leaning_coder(header, None, size), limits, truth, budget=budget)
 
 
 def begin_layer(tube: Tube, layer: Layer) -> None:

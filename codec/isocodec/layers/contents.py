@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 
 from isospec.container import ChunkType
 
+from ..errors import FormatError
 from ..format.chunks import (
     Envelope,
     LayerRecord,
@@ -21,7 +22,7 @@ from ..format.program import Layer
 from .events import ChunkSkipped, Event, IsovalueRead, MetadataRead, PromisesRead
 
 LAYER_CHUNKS = (ChunkType.LAYERS, ChunkType.CUT_LAYERS)
-"""Chunks that are decoded as they come in; the others are read when they are complete."""
+"""Chunks that are decoded as they come in; so is a mask. The others are read when they are complete."""
 
 
 @dataclass
@@ -40,6 +41,8 @@ class Contents:
         Announced so far; whoever reads the chunks of layers adds them.
     records : list of LayerRecord
         What the level index says of the layers, if there is one.
+    masked : bool
+        Whether there is a mask.
     """
 
     isovalues: list[float] = field(default_factory=list)
@@ -48,10 +51,23 @@ class Contents:
     metadata: dict[str, str] = field(default_factory=dict)
     layers: list[Layer] = field(default_factory=list)
     records: list[LayerRecord] = field(default_factory=list)
+    masked: bool = False
 
     def begin(self, header: Header) -> None:
         """Take note of the header, and of its isovalue."""
         self._add(header.isovalue, None)
+
+    def begin_mask(self, offset: int) -> None:
+        """Take note of a mask, whose chunk begins at ``offset``.
+
+        Raises
+        ------
+        FormatError
+            If there has been one.
+        """
+        if self.masked:
+            raise FormatError("a second mask", code="mask", offset=offset, clause="3.5.6")
+        self.masked = True
 
     def read(self, chunk: Envelope, payload: bytes, behind: int) -> Event:
         """Read a chunk other than of layers; ``behind`` is the place behind it in the file.

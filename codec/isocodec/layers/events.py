@@ -92,6 +92,19 @@ class MetadataRead(Event):
 
 
 @dataclass(frozen=True)
+class MaskComplete(Event):
+    """Which samples are missing is there.
+
+    Attributes
+    ----------
+    bytes : int
+        Entropy-coded bytes that it took.
+    """
+
+    bytes: int
+
+
+@dataclass(frozen=True)
 class PromisesRead(Event):
     """What the writer promises of the layers of the present isovalue."""
 

@@ -15,7 +15,7 @@ from ..errors import FormatError, LimitError
 from ..format.chunks import Envelope
 from ..format.header import varint
 from ..format.kinds import BASES, GEOMETRY, LayerKind
-from ..format.program import Layer, ProgramReader, Progress
+from ..format.program import Layer, ProgramReader, Progress, mask_layers
 from ..kernel import CUT, DONE
 from ..limits import WORK_LIST, WORK_PER_BYTE, WORK_STEPS, Limits
 from ..passes.runner import Tube, out_of_steps
@@ -67,21 +67,27 @@ class LayerReader:
         Of all isovalues; the last one's layers come at present.
     progresses : list of Progress
         Where their programs stand.
+    beside : list of Tube or None
+        Others that have a part in the limits.
+    layers : list of Layer
+        Those announced so far; it grows.
 
     Attributes
     ----------
-    layers : list of Layer
-        Announced so far.
     runs : list of Run
     """
 
-    def __init__(self, limits: Limits, data: bytearray, tubes: list[Tube | None], progresses: list[Progress]) -> None:
+    def __init__(
+        self, limits: Limits, data: bytearray, tubes: list[Tube | None], progresses: list[Progress],
+        beside: list[Tube | None], layers: list[Layer],
+    ) -> None:  # fmt: skip
         self.limits = limits
-        self.layers: list[Layer] = []
+        self.layers = layers
         self.runs: list[Run] = []
         self._data = data
         self._tubes = tubes
         self._progresses = progresses
+        self._beside = beside
         self._run_tube: Tube | None = None
         self._pending: list[Layer] | None = None
         self._program: ProgramReader | None = None
@@ -139,6 +145,10 @@ class LayerReader:
         """Symbols by syntax element so far, of all isovalues."""
         return sum((tube.tally()[: len(ELEMENTS)] for tube in self._tubes if tube), self._dropped)
 
+    def _steps(self) -> int:
+        """Steps of inference so far, of all tubes."""
+        return sum(tube.steps for tube in (*self._tubes, *self._beside) if tube)
+
     def go_on(self, chunk: Envelope, chunk_start: int) -> Event | None:
         """Go on with a chunk of layers; None if all are done or more bytes are needed."""
         there = min(len(self._data), chunk.end)
@@ -157,7 +167,7 @@ class LayerReader:
                 while status == CUT and self._granted < self._symbols:
                     self._grant(coder)
                     status = self._tube.advance()
-                if sum(tube.steps for tube in self._tubes if tube) >= self.limits.steps:
+                if self._steps() >= self.limits.steps:
                     raise out_of_steps(self.limits)
             except (FormatError, LimitError) as error:
                 error.offset = self._run + min(_shifts(coder), self._run_read)
@@ -181,9 +191,10 @@ class LayerReader:
         This is asked for when a layer begins and when those granted are used up, never when bytes are: that would
         depend on how they come in.
         """
-        symbols = int(self.symbols().sum())
+        others = sum(int(tube.tally()[: len(ELEMENTS)].sum()) for tube in self._beside if tube)
+        symbols = int(self.symbols().sum()) + others
         read = self._run + _shifts(coder)
-        spent = symbols + sum(tube.steps for tube in self._tubes if tube) // WORK_STEPS + self._listed
+        spent = symbols + self._steps() // WORK_STEPS + self._listed
         room = min(self.limits.work + WORK_PER_BYTE * read - spent, self.limits.symbols - symbols)
         if symbols >= self.limits.symbols:
             raise LimitError(f"more than {self.limits.symbols} symbols", code="limit-symbols", clause="11.2")
@@ -217,20 +228,23 @@ class LayerReader:
             )
         before, self._progresses[-1] = self._progress, program.progress
         self._program = None
-        self._run = program.at
-        self._pending = list(program.layers)
-        self.layers += program.layers
+        self._begin_run(Run(chunk_start, self._program_start, program.at, program.layers, before, self._symbols))
+        if self._progress.bits is not None:
+            self._tube.estimates.bits = self._progress.bits
+        return True
+
+    def _begin_run(self, run: Run) -> None:
+        """Begin the layers of a run."""
+        self._run = run.start
+        self._pending = list(run.layers)
+        self.layers += run.layers
         self._run_read = 0
         self._layer_start = 0
         self._run_tube = self._tube
         reg = self._tube.coder.reg
         start(reg, DECODE)
         reg.left = self._granted = 0
-        run = Run(chunk_start, self._program_start, self._run, program.layers, before, self._symbols)
         self.runs.append(run)
-        if self._progress.bits is not None:
-            self._tube.estimates.bits = self._progress.bits
-        return True
 
     @staticmethod
     def _incomplete(there: int, whole: bool) -> bool:
@@ -264,6 +278,33 @@ class LayerReader:
         took, self._layer_start = used - self._layer_start, used
         symbols = {name: fresh[ELEMENTS.index(name)] for name in BY_LAYER[layer.kind]}
         return _EVENTS[layer.kind](self._run + used, self._done, layer, symbols, took)
+
+
+class MaskReader(LayerReader):
+    """Decodes the chunk of a mask, whose layers are always the same (spec clause 5.10.1).
+
+    Parameters
+    ----------
+    limits, data
+        As of `LayerReader`.
+    tube : Tube
+    beside : list of Tube or None
+        Those of the isovalues.
+    """
+
+    def __init__(self, limits: Limits, data: bytearray, tube: Tube, beside: list[Tube | None]) -> None:
+        super().__init__(limits, data, [tube], [Progress(tube.full_level)], beside, [])
+
+    def _open_run(self, chunk: Envelope, chunk_start: int, there: int, whole: bool) -> bool:
+        layers = mask_layers(self._tube.n, self._tube.full_level)
+        self._begin_run(Run(chunk_start, chunk.start, chunk.start, layers, self._progress, UNLIMITED))
+        return True
+
+    def read(self, chunk: Envelope, chunk_start: int) -> bool:
+        """Go on with the chunk; whether all of it has been read."""
+        while self.go_on(chunk, chunk_start) is not None:
+            pass
+        return not self.waiting
 
 
 def _shifts(coder: Coder) -> int:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 
 import numpy as np
@@ -15,22 +16,36 @@ from ..field.samples import Field
 from ..format.chunks import LayerRecord
 from ..format.header import Header
 from ..format.kinds import LayerKind
-from ..format.program import Layer, Progress, expand
+from ..format.program import Layer, Progress, expand, mask_layers
 from ..kernel import DONE
 from ..limits import Limits
 from ..mesh.vertex_set import Chosen
 from ..passes.runner import Tube
+from ..tube.holes import Holes
 from ..tube.truth import Place, Truth
-from .beginning import begin_layer, leaning_tube
+from .beginning import begin_layer, leaning_tube, mask_tube
 from .plan import PROMISE, Entry, check_entries, operation_of, promised, where
 
 RUN_BYTES = 1 << 16
 """A run is ended at the first end of a layer after this many bytes."""
 
 
-def field_tube(header: Header, field: Field, truth: Truth, lean: Tube | None = None, other: float = 0.0) -> Tube:
+def field_tube(
+    header: Header, field: Field, truth: Truth, lean: Tube | None = None, other: float = 0.0,
+    holes: Holes | None = None,
+) -> Tube:  # fmt: skip
     """The encoder's tube of a field at its isovalue, leaning on that of the isovalue ``other`` or on none."""
-    return leaning_tube(header, field.isovalue, lean, other, 1 << 16, Limits(), truth)
+    return leaning_tube(header, field.isovalue, lean, other, 1 << 16, Limits(), truth, holes=holes)
+
+
+def encoded_mask(header: Header, field: Field, truth: Truth) -> tuple[bytes, Holes]:
+    """The run of a mask (spec clause 5.10.1), and what it says."""
+    tube = mask_tube(header, 1 << 16, Limits(), truth)
+    layers = mask_layers(tube.n, tube.full_level)
+    plan: list[Entry] = [("base", layers[0].level)]
+    plan += [("refine", None)] if len(layers) > 1 else []
+    run = LayerWriter(field, tube, plan, Progress(tube.full_level)).encode_run(0, lambda: None, math.inf)[1]
+    return run, Holes(tube.state)
 
 
 class LayerWriter:
@@ -100,9 +115,7 @@ class LayerWriter:
             except ValueError as error:
                 line = where(self._entries[self._expanded])
                 fewer = "fewer bits, or all of them" if operation == Operation.VALUES else None
-                raise OptionError(
-                    f"{line}the plan cannot be carried out: {error}", code="plan", remedy=fewer
-                ) from None
+                raise OptionError(f"{line}the plan cannot be carried out: {error}", code="plan", remedy=fewer) from None
             if state.layers + len(fresh) > LAYER_LIMIT:
                 raise OptionError(
                     f"more than {LAYER_LIMIT} layers, which is as many as a file may have", code="plan",
@@ -122,8 +135,9 @@ class LayerWriter:
             if self._expanded in self._promised:
                 self.within[len(self.layers)] = self._promised[self._expanded]
 
-    def encode_run(self, first: int, report: Callable[[], object]) -> tuple[int, bytes]:
-        """Encode layers from number ``first`` on until the run is long enough; their end and the bytes."""
+    def encode_run(self, first: int, report: Callable[[], object], enough: float | None = None) -> tuple[int, bytes]:
+        """Encode layers from number ``first`` on until the run has enough bytes; their end and the bytes."""
+        enough = RUN_BYTES if enough is None else enough
         tube = self.tube
         start(tube.coder.reg, ENCODE)
         begun = 0
@@ -139,7 +153,7 @@ class LayerWriter:
             i += 1
             self._extend()
             report()
-            if used >= RUN_BYTES:
+            if used >= enough:
                 break
         run = finish(tube.coder)
         # what the decoder's window reads past the end of the run belongs to no layer

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from itertools import product
+from typing import NamedTuple
 
 import numpy as np
 
 from ..entropy.mixer import blended, clear, mixing, see
 from ..entropy.range_coder import code
 from ..kernel import inlined
+from ..kernel.types import Integer
 from ..mesh.access import dimension, neighbour, vertex
 from ..mesh.grid import edge_of, position
 from ..tube.state import corner_entry, entry
@@ -23,6 +25,27 @@ _STEPS = {
 """Vertices around the one behind a gate, in units of the edges from there to the gate's vertices."""
 _STEPS_2, _STEPS_3 = _STEPS[2], _STEPS[3]
 _BASE_2, _BASE_3 = BASE_ROW[2], BASE_ROW[3]
+
+
+class Behind(NamedTuple):
+    """What is expected of the sign behind a gate.
+
+    Attributes
+    ----------
+    guess : int
+        The sign that is likely.
+    case : int
+        Number of the prediction's context among those of curves or surfaces.
+    context : int
+        The one to use.
+    other : int
+        The sign at the earlier isovalue, or -1.
+    """
+
+    guess: Integer
+    case: Integer
+    context: Integer
+    other: Integer
 
 
 @inlined
@@ -66,17 +89,16 @@ def see_behind(st, cd, simplex, opp, guess, case, other):
 
 
 @inlined
-def code_behind(st, cd, simplex, opp, guess, context, other, bit):
+def code_behind(st, cd, simplex, opp, behind, bit):
     """Code whether the sign of the vertex behind a gate, number ``opp`` of the simplex there, is as predicted.
 
-    ``context`` is the baseline's, ``other`` the sign at the earlier isovalue or -1. As ``code``.
+    As ``code``.
     """
     if not mixing(cd):
-        return code(cd, context, bit)
+        return code(cd, behind.context, bit)
     n = dimension(st.grid.tables)
-    case = context - (ctx.BASE_CURVE if n == 2 else ctx.BASE_SURFACE)
-    see_behind(st, cd, simplex, opp, guess, case, other)
-    return blended(cd, BASE_NET, False, BASE_KIND + simplex.level % n + 3 * (other >= 0), context, bit)
+    see_behind(st, cd, simplex, opp, behind.guess, behind.case, behind.other)
+    return blended(cd, BASE_NET, False, BASE_KIND + simplex.level % n + 3 * (behind.other >= 0), behind.context, bit)
 
 
 @inlined

@@ -8,6 +8,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from ..entropy.mixer import HOLES
 from ..entropy.range_coder import ONE
 from ..kernel import inlined
 
@@ -52,6 +53,7 @@ for _name, (_count, _p, _weight) in _LAYOUT.items():
     _starts[_name] = _first
     _first += _count
 CONTEXTS = _first
+"""Those but of holes, which are the last ones of both profiles."""
 ORIGIN = _starts["ORIGIN"]
 COMPONENT = _starts["COMPONENT"]
 ROOT = _starts["ROOT"]
@@ -75,6 +77,16 @@ TURNED = _starts["TURNED"]
 VALUE_NEAR = _starts["VALUE_NEAR"]
 OFFSET_NEAR = _starts["OFFSET_NEAR"]
 RATES = 160
+BEHIND_HOLE, CROSSED_HOLE, BORDER_HOLE, SLOT_HOLE = range(4)
+HOLE_CASES = HOLES // 4
+"""Elements whose symbols have contexts of their own at missing vertices, and how many cases each of them has."""
+_HOLE_PROBABILITY, _HOLE_WEIGHT = (0.95, 0.95, 0.05, 0.05), 2
+
+
+@inlined
+def hole_context(cd, element, case):
+    """Context of a symbol at a vertex that the mask says is missing (spec clause 5.10)."""
+    return len(cd.prob) - HOLES + HOLE_CASES * element + case
 
 
 @inlined
@@ -90,11 +102,13 @@ def rates() -> NDArray[np.int64]:
 
 def models() -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Probability of a 1 and number of symbols seen, for all contexts, before the first symbol of a file."""
-    prob = np.empty(CONTEXTS, np.int64)
-    seen = np.empty(CONTEXTS, np.int64)
+    prob = np.empty(CONTEXTS + HOLES, np.int64)
+    seen = np.empty(CONTEXTS + HOLES, np.int64)
     for name, (count, p, weight) in _LAYOUT.items():
         prob[_starts[name] : _starts[name] + count] = round(p * ONE)
         seen[_starts[name] : _starts[name] + count] = weight
+    prob[CONTEXTS:] = np.repeat([round(p * ONE) for p in _HOLE_PROBABILITY], HOLE_CASES)
+    seen[CONTEXTS:] = _HOLE_WEIGHT
     _gaussian(prob)
     return prob, seen
 

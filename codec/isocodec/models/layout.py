@@ -6,12 +6,12 @@ import numpy as np
 
 from isospec.tables import KINDS, ROWS
 
-from ..entropy.mixer import BUCKETS
+from ..entropy.mixer import BUCKETS, HOLES
 from .contexts import CONTEXTS
 
 MAP = CONTEXTS
 """The adaptive probabilities of classes of opinions follow those of the baseline profile."""
-STATES = CONTEXTS + KINDS * BUCKETS
+STATES = CONTEXTS + KINDS * BUCKETS + HOLES
 MOST_ROWS = 256
 # Kinds of symbols that are mixed; each has weights and classes of opinions of its own.
 REFINE_KIND = 0

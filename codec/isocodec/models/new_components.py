@@ -48,6 +48,8 @@ class Node(NamedTuple):
         Number among its siblings, or ``ROOT``.
     near : int
         Nearness of a cube or slot.
+    hole : bool
+        Whether the vertex of a slot is missing.
     """
 
     what: Integer
@@ -58,6 +60,7 @@ class Node(NamedTuple):
     hits: Integer
     child: Integer
     near: Integer
+    hole: bool
 
 
 @inlined
@@ -69,6 +72,8 @@ def code_significance(st, cd, node, want):
     else:
         context = ctx.SIGNIFICANT_LEAF + ((1 + r if node.what == SLOT else 0) * ctx.NEARNESS + node.near) * 3
     context += min(node.hits, 2)
+    if node.hole:
+        context = ctx.hole_context(cd, ctx.SLOT_HOLE, 2 * node.near + (node.hits > 0))
     if mixing(cd):
         see_crowd(st, cd, node)
         bit = blended(cd, TREE_NET, False, TREE_KIND + node.what + 3 * (st.counters.side != 0), context, want)
@@ -167,7 +172,7 @@ def _see_cells(st, cd, first, n, x, y, z):
 @inlined
 def see_crowd(st, cd, node):
     """List what is known around a node of the tree."""
-    what, shift, x, y, z, hits, child, near = node
+    what, shift, x, y, z, hits, child, near, _ = node
     n = dimension(st.grid.tables)
     r = st.counters.level % n
     first = _FIRST_2 if n == 2 else _FIRST_3

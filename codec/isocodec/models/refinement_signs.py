@@ -38,12 +38,15 @@ class Expected(NamedTuple):
     said : int
         What the parabola says of that: 1 another one, 2 the same, 0 nothing.
     context : int
+    case : int
+        That of its context where the middle is missing.
     """
 
     crossed: bool
     guess: Integer
     said: Integer
     context: Integer
+    case: Integer
 
 
 class Before(NamedTuple):
@@ -94,7 +97,7 @@ def _side_of(st, diamond):
 
 @inlined
 def _expect_crossed(st, diamond, seen):
-    """Where the ends of the edge differ: the sign of most of the ring, or the parabola's; what that says; a context."""
+    """Where the ends of the edge differ: the sign of most of the ring, or the parabola's; what that says; contexts."""
     first = seen.above & 1
     size, count = ring(seen.corners, seen.above, np.int64(1))
     guess = first
@@ -111,24 +114,24 @@ def _expect_crossed(st, diamond, seen):
         said = np.int64(1 if (said == 1) == (guess != first) else 2)
     odd = min(count, size - count)
     context = ctx.REFINE_CROSSED + ((diamond.phase * 10 + odd) * 3 + said) * 4 + st.refinement.crossed
-    return guess, said, context
+    return guess, said, context, 4 * said + min(odd, 3)
 
 
 @inlined
 def _expect_border(st, diamond, seen):
-    """Where the ends of the edge have one sign: that one; a context."""
+    """Where the ends of the edge have one sign: that one; contexts."""
     first = seen.above & 1
     _, count = ring(seen.corners, seen.above, 1 - first)
     context = ctx.REFINE_BORDER + (diamond.phase * 10 + count) * 4 + st.refinement.border
-    return first, np.int64(0), context
+    return first, np.int64(0), context, count
 
 
 @inlined
 def expected_sign(st, diamond, seen):
     """What is expected of the sign of a middle, of what is seen of its diamond, inferred signs included."""
     crossed = (seen.above & 1) != (seen.above >> 1) & 1
-    guess, said, context = _expect_crossed(st, diamond, seen) if crossed else _expect_border(st, diamond, seen)
-    return Expected(crossed, guess, said, context)
+    guess, said, context, case = _expect_crossed(st, diamond, seen) if crossed else _expect_border(st, diamond, seen)
+    return Expected(crossed, guess, said, context, case)
 
 
 @inlined
@@ -177,10 +180,16 @@ def ready(st, cd):
 
 
 @inlined
-def code_middle(st, cd, diamond, expected, before, bit):
-    """Code whether a middle has the expected sign, or, between ends of one sign, the other one; as ``code``."""
+def code_middle(st, cd, diamond, expected, before, hole, bit):
+    """Code whether a middle has the expected sign, or, between ends of one sign, the other one; as ``code``.
+
+    ``hole`` says whether the middle is missing.
+    """
     context = expected.context
-    if before.sign >= 0:
+    if hole:
+        element = np.int64(ctx.CROSSED_HOLE if expected.crossed else ctx.BORDER_HOLE)
+        context = ctx.hole_context(cd, element, expected.case)
+    elif before.sign >= 0:
         bank = np.int64(ctx.CROSSED if expected.crossed else ctx.BORDER)
         context += bank * (1 + 2 * min(before.apart, 2) + (before.sign == expected.guess))
     if not mixing(cd):

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from isospec.tables import HIDDEN, KINDS, MOST_LOGIT, ROWS, Tables, shipped, unpacked
 
-from ..entropy.mixer import BUCKET, BUCKETS, STRETCH_SHIFT, TRUST_SHIFT
+from ..entropy.mixer import BUCKET, BUCKETS, HOLES, STRETCH_SHIFT, TRUST_SHIFT
 from ..entropy.range_coder import ONE, Blend
 from .contexts import CONTEXTS, RATES
 from .contexts import models as baseline_models
@@ -82,9 +82,11 @@ def models(n: int, squash: NDArray[np.int64], t: Tables) -> tuple[NDArray[np.int
     """Probabilities of a 1, symbols seen, and the rest, as a file begins with them."""
     prob = np.empty(STATES, np.int64)
     seen = np.zeros(STATES, np.int64)
-    prob[:CONTEXTS], seen[:CONTEXTS] = baseline_models()
+    begun = baseline_models()
+    for mine, of_baseline in zip((prob, seen), begun, strict=True):
+        mine[:CONTEXTS], mine[-HOLES:] = of_baseline[:CONTEXTS], of_baseline[CONTEXTS:]
     middles = (np.arange(BUCKETS) << BUCKET) + (1 << BUCKET >> 1)
-    prob[MAP:] = np.tile(squash[np.minimum(middles, 2 * MOST_LOGIT)], KINDS)
+    prob[MAP:-HOLES] = np.tile(squash[np.minimum(middles, 2 * MOST_LOGIT)], KINDS)
     prob[t.state[:, 0]], seen[t.state[:, 0]] = t.state[:, 1], t.state[:, 2]
     # the least logit that reaches the middle of each class of probabilities
     half = 1 << STRETCH_SHIFT >> 1

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from ..kernel import inlined, kernel
 from ..kernel.types import IntMatrix, IntVector, UInt8Vector
 from ..mesh.access import dimension
 from ..mesh.store import get
+from ..tube.holes import on_whole_cell
 from ..tube.state import State
 
 VERTEX_ACTIVE = 8
@@ -16,8 +19,8 @@ VERTEX_ACTIVE = 8
 def active_vertices(st: State, leaves: IntMatrix, mark: UInt8Vector, full: bool, out: IntVector) -> int:
     """Vertices that geometry by values refines, in the order of the leaves (spec clause 5.6.2).
 
-    On the full grid these are the ends of the grid edges that are crossed, else all vertices of the leaves. ``leaves``
-    are rows of numbers of vertices.
+    On the full grid these are the ends of the grid edges that are crossed and, where a mask is known, that some unit
+    cell without missing corners has; else all vertices of the leaves. ``leaves`` are rows of numbers of vertices.
     """
     n = dimension(st.grid.tables)
     count = 0
@@ -25,11 +28,13 @@ def active_vertices(st: State, leaves: IntMatrix, mark: UInt8Vector, full: bool,
         for j in range(n + 1):
             v = leaves[i, j]
             drawn = not full
-            if j > 0 and st.vertex[v, 3] != st.vertex[leaves[i, j - 1], 3]:
-                drawn = True
-            if j < n and st.vertex[v, 3] != st.vertex[leaves[i, j + 1], 3]:
-                drawn = True
-            if drawn and not mark[v] & VERTEX_ACTIVE:
+            if mark[v] & VERTEX_ACTIVE:
+                continue
+            if full and j > 0 and st.vertex[v, 3] != st.vertex[leaves[i, j - 1], 3]:
+                drawn = _carries(st, v, leaves[i, j - 1])
+            if full and j < n and not drawn and st.vertex[v, 3] != st.vertex[leaves[i, j + 1], 3]:
+                drawn = _carries(st, v, leaves[i, j + 1])
+            if drawn:
                 mark[v] |= VERTEX_ACTIVE
                 out[count] = v
                 count += 1
@@ -45,9 +50,29 @@ def _lower(st, a, b):
     return a
 
 
+@inlined
+def _axis(st, a, b):
+    """Along which axis two ends of a grid edge differ."""
+    axis = 0
+    while st.vertex[a, axis] == st.vertex[b, axis]:
+        axis += 1
+    return axis
+
+
+@inlined
+def _carries(st, a, b):
+    """Whether some unit cell without missing corners has the grid edge between two vertices."""
+    low = _lower(st, a, b)
+    x, y, z = np.int64(st.vertex[low, 0]), np.int64(st.vertex[low, 1]), np.int64(st.vertex[low, 2])
+    return on_whole_cell(st, x, y, z, _axis(st, a, b))
+
+
 @kernel
 def grid_edges(st: State, leaves: IntMatrix, mark: UInt8Vector, out: IntMatrix) -> int:
-    """Edges of the full grid that are crossed, in the order of the leaves: both ends, the lower first (5.7.2)."""
+    """Edges of the full grid that are crossed, in the order of the leaves: both ends, the lower first (5.7.2).
+
+    Where a mask is known, those that no unit cell without missing corners has are left out.
+    """
     n = dimension(st.grid.tables)
     count = 0
     for i in range(len(leaves)):
@@ -57,10 +82,8 @@ def grid_edges(st: State, leaves: IntMatrix, mark: UInt8Vector, out: IntMatrix) 
                 continue
             low = _lower(st, a, b)
             high = b if low == a else a
-            axis = 0
-            while st.vertex[a, axis] == st.vertex[b, axis]:
-                axis += 1
-            if not mark[low] >> axis & 1:
+            axis = _axis(st, a, b)
+            if not mark[low] >> axis & 1 and _carries(st, a, b):
                 mark[low] |= 1 << axis
                 out[count, 0] = low
                 out[count, 1] = high

@@ -11,9 +11,10 @@ from ..mesh.grid import edge_of, position
 from ..mesh.simplex import Simplex, exists, middle_at, newest, parent_of
 from ..mesh.store import get, put
 from ..models import contexts as ctx
-from ..models.base_signs import code_behind, curve_context, edge_sum, surface_context, turn_back
+from ..models.base_signs import Behind, code_behind, curve_context, edge_sum, surface_context, turn_back
 from ..models.mesh_questions import COARSER, FINER
 from ..models.parabola import MOST
+from ..tube.holes import missing
 from ..tube.inference import implied
 from ..tube.state import BASE_SIGN, GATE, PREDICTED, PREDICTED_RIGHT, corner_entry, corner_truth, learn
 from .adaptive_mesh import BARRED, settle, tell
@@ -45,6 +46,13 @@ def implied_corner(st, level, cls, b0, b1, b2, j):
         edge_of(st.grid, level), b0, b1, b2, vertex(st.grid.tables, level % dimension(st.grid.tables), cls, j)
     )
     return implied(st, x, y, z)
+
+
+@inlined
+def _behind_is_missing(st, edge, r, cls, b0, b1, b2, j):
+    """Whether vertex j of a simplex is missing."""
+    x, y, z = position(edge, b0, b1, b2, vertex(st.grid.tables, r, cls, j))
+    return missing(st, x, y, z)
 
 
 @inner
@@ -84,15 +92,23 @@ def traverse(st, cd, mark):
         guess, context = curve_context(st, level, cls, b0, b1, opp)
     else:
         guess, context = surface_context(st, level, cls, b0, b1, b2, opp)
+    hole = _behind_is_missing(st, edge, r, cls, b0, b1, b2, opp)
+    case = context - (ctx.BASE_CURVE if n == 2 else ctx.BASE_SURFACE)
+    if hole:
+        context = ctx.hole_context(cd, ctx.BEHIND_HOLE, walk.history)
     if e == 0:
         sign, other = implied_corner(st, level, cls, b0, b1, b2, opp)
         if sign < 0:
             if other >= 0:
-                context += (ctx.SURFACE if n == 3 else ctx.CURVE) * (1 + (other == guess))
+                bank = (ctx.SURFACE if n == 3 else ctx.CURVE) * (1 + (other == guess))
+                case += bank
+                if not hole:
+                    context += bank
             right_guess = np.int64(0)
             if encoding:
                 right_guess = np.int64(corner_truth(st, edge, r, cls, b0, b1, b2, opp) == guess)
-            bit = code_behind(st, cd, Simplex(level, cls, b0, b1, b2), opp, guess, context, other, right_guess)
+            behind = Behind(guess, case, context, other)
+            bit = code_behind(st, cd, Simplex(level, cls, b0, b1, b2), opp, behind, right_guess)
             if bit < 0:
                 return bit
             st.tally[BASE_SIGN] += 1

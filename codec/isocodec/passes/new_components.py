@@ -19,6 +19,7 @@ from ..mesh.store import PAGES, get
 from ..mesh.vertex_set import IN
 from ..models import contexts as ctx
 from ..models.new_components import CUBE, NODE, ROOT, SLOT, Node, add_birth, begin_round, code_significance
+from ..tube.holes import missing
 from ..tube.inference import implied, infer
 from ..tube.state import (
     OUT_OF_STEPS,
@@ -164,7 +165,7 @@ def _begin(st, cd, items):
     zero = np.int64(0)
     h = np.int64(height(max(cubes0, cubes1, cubes2)))
     want = np.int64(cd.reg.mode == ENCODE and len(items) > 0)
-    bit = code_significance(st, cd, Node(NODE, h, zero, zero, zero, zero, ROOT, zero), want)
+    bit = code_significance(st, cd, Node(NODE, h, zero, zero, zero, zero, ROOT, zero, False), want)
     if bit < 0:
         return bit
     st.tree.started = 1
@@ -178,11 +179,11 @@ def _next_child(n, frame):
     """The next child of a frame: a node or cube of a node, or a slot of a cube. Its nearness is not known yet."""
     h, x, y, z, child, hits, zero = frame[0], frame[1], frame[2], frame[3], frame[5], frame[6], np.int64(0)
     if h == 0:
-        return Node(SLOT, zero, x, y, z, hits, child, zero)
+        return Node(SLOT, zero, x, y, z, hits, child, zero, False)
     x = 2 * x + (child >> (n - 1))
     y = 2 * y + ((child >> (n - 2)) & 1)
     z = 2 * z + (child & 1 if n == 3 else 0)
-    return Node(CUBE if h == 1 else NODE, h - 1, x, y, z, hits, child, zero)
+    return Node(CUBE if h == 1 else NODE, h - 1, x, y, z, hits, child, zero, False)
 
 
 @inlined
@@ -203,6 +204,15 @@ def _lacks_room(st, node):
         return False
     x, y, z = middle_position(_diamond_of(st, node.x, node.y, node.z, node.child))
     return short(st, closure(st, st.counters.level, x, y, z, np.int64(0)))
+
+
+@inlined
+def _hole(st, node):
+    """Whether the vertex of a slot is missing."""
+    if node.what != SLOT:
+        return False
+    x, y, z = middle_position(_diamond_of(st, node.x, node.y, node.z, node.child))
+    return missing(st, x, y, z)
 
 
 @inlined
@@ -230,7 +240,7 @@ def _descend(st, cd, items, extent, frame):
         want = np.int64(0)
         if cd.reg.mode == ENCODE:
             want = _wanted(items, walk.item, number, np.int64(0) if what == SLOT else SLOT_BITS + n * shift)
-        node = Node(what, shift, node.x, node.y, node.z, node.hits, child, near - 1)
+        node = Node(what, shift, node.x, node.y, node.z, node.hits, child, near - 1, _hole(st, node))
         bit = code_significance(st, cd, node, want)
         if bit < 0:
             return bit

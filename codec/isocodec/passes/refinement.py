@@ -28,6 +28,7 @@ from ..models.refinement_signs import (
     ready,
     ring,
 )
+from ..tube.holes import missing
 from ..tube.inference import implied
 from ..tube.leaf_list import child_at, leaf_done, next_leaf, push, push_row, row_done, unpacked
 from ..tube.state import (
@@ -189,7 +190,7 @@ def _sign(st, cd, diamond, seen):
     bit = np.int64(0)
     if cd.reg.mode == ENCODE:
         bit = np.int64((truth(st, x, y, z) == guess) == crossed)
-    bit = code_middle(st, cd, diamond, expected, Before(other, apart), bit)
+    bit = code_middle(st, cd, diamond, expected, Before(other, apart), missing(st, x, y, z), bit)
     if bit < 0:
         return bit
     right = bit == crossed

@@ -20,6 +20,7 @@ from ..mesh.store import PAGES, copied, get, new_store, size_of
 from ..mesh.tables import cube_exponent
 from ..mesh.vertex_set import IN, Chosen, finest_level
 from ..tube.capacity import NOTHING, at_rest, first_state, state_bytes, wider_state
+from ..tube.holes import Holes
 from ..tube.leaf_list import one_by_one
 from ..tube.state import (
     OUT_OF_STEPS,
@@ -59,13 +60,16 @@ class Tube:
         How many whole steps above that isovalue this one lies.
     side : int
         1 if it lies above that isovalue, -1 if below.
+    holes : Holes, optional
+        The mask that says which samples are missing, complete (spec clause 5.10).
     budget : Budget, optional
         To which the memory of the decoded state is counted; an encoder's is not.
     """
 
     def __init__(
         self, shape: tuple[int, ...], coder: Coder, limits: Limits, truth: Truth | None = None, *,
-        lean: Tube | None = None, shift: int | None = None, side: int = 0, budget: Budget | None = None,
+        lean: Tube | None = None, shift: int | None = None, side: int = 0, holes: Holes | None = None,
+        budget: Budget | None = None,
     ) -> None:  # fmt: skip
         self.shape = shape
         self.n = n = len(shape)
@@ -74,8 +78,10 @@ class Tube:
         self.limits = limits
         self.truth = truth
         earlier = lean.state if lean else None
-        self.state: State = first_state(shape, limits, truth.padded if truth else None, earlier, shift or 0, side)
+        signs, hole = truth.padded if truth else None, holes.lean if holes else None
+        self.state: State = first_state(shape, limits, signs, earlier, shift or 0, side, hole)
         self.lean = lean
+        self.holes = holes
         self._shift = shift
         self._mark = new_store(n)
         self._order = NOTHING

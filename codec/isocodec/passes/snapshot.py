@@ -14,6 +14,7 @@ from ..mesh.store import page_of
 from ..mesh.tables import AXES
 from ..mesh.vertex_set import IN
 from ..tube.decoded import Decoded
+from ..tube.holes import Holes
 from ..tube.leaf_vertices import drawn, drawn_leaves
 from .runner import Tube
 
@@ -67,8 +68,14 @@ def drawing_bytes(tube: Tube) -> int:
     return vertex * tube.vertices + leaf * leaves + edge * len(tube.estimates.edges)
 
 
-def leaves_of(tube: Tube, isovalue: float, value_of: Callable[..., NDArray[np.float64]]) -> Leaves:
-    """All that the drawing needs; ``value_of(number, above)`` turns numbers of steps into field values."""
+def leaves_of(
+    tube: Tube, isovalue: float, value_of: Callable[..., NDArray[np.float64]], holes: Holes | None = None
+) -> Leaves:
+    """All that the drawing needs; ``value_of(number, above)`` turns numbers of steps into field values.
+
+    ``holes`` are those of a mask that the tube was not coded with.
+    """
+    holes = holes or tube.holes
     st, est = tube.state, tube.estimates
     count = int(st.counters.vertices)
     rows, levels = est.leaves(st) if tube.settled else drawn(st, int(tube.running != "base"))
@@ -93,6 +100,7 @@ def leaves_of(tube: Tube, isovalue: float, value_of: Callable[..., NDArray[np.fl
         full=tube.full,
         edges=est.edges[sent],
         edge_offset=(est.offset[sent] + 0.5) / est.parts[sent],
+        whole=holes.whole_cells if holes else None,
     )
 
 

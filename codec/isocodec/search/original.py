@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import partial
 from itertools import permutations
 
 import numpy as np
@@ -12,6 +13,7 @@ from ..drawing.contour import Contour
 from ..drawing.drawing import draw
 from ..drawing.leaves import Leaves
 from ..field.samples import Field
+from ..tube.holes import whole_cells_of
 
 
 def original(field: Field) -> Contour:
@@ -34,6 +36,7 @@ def original(field: Field) -> Contour:
         shape=shape, isovalue=field.isovalue, position=position, above=field.signs.reshape(-1)[used], value=values,
         simplices=index.reshape(-1, n + 1), levels=np.zeros(len(flat), np.int64), full=True,
         edges=np.zeros((0, 2), np.int64), edge_offset=np.zeros(0),
+        whole=None if field.gone is None else partial(whole_cells_of, field.gone),
     )  # fmt: skip
     return draw(leaves)
 

@@ -23,6 +23,7 @@ from ..mesh.tables import cube_exponent
 from ..mesh.vertex_set import Chosen
 from ..passes.runner import Tube
 from ..passes.snapshot import leaves_of
+from ..tube.holes import Holes
 from .around import Around
 from .curvature import curvature
 from .fit import AGAIN, REACHES, ROUNDS, Drawing, fitted_offsets
@@ -51,6 +52,8 @@ class Promise:
         Called after each trial.
     truth : Truth, optional
         What the encoder knows of the field, if that has been made.
+    holes : Holes, optional
+        The mask, where samples are missing.
     contour : Contour
         The original curve.
     phi : ndarray of float32
@@ -62,6 +65,7 @@ class Promise:
     free: bool = True
     tried: Callable[[], object] | None = None
     truth: GroundTruth | None = None
+    holes: Holes | None = None
     contour: Contour = derived(init=False)
     phi: NDArray[np.float32] = derived(init=False)
     _targets: dict[float, Target] = derived(init=False, default_factory=dict)
@@ -182,7 +186,7 @@ class Promise:
 
     def _alone(self) -> Tube:
         header = Header(self.field.values.shape, self.field.isovalue, self.field.scale, Profile.MAIN)
-        return field_tube(header, self.field, self._truth)
+        return field_tube(header, self.field, self._truth, holes=self.holes)
 
     def excess(self, contour: Contour, tolerance: float) -> np.ndarray:
         """Places where the two curves are not proven to lie within the tolerance of each other, (K, n)."""

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Iterator
 from copy import copy
-from dataclasses import replace
 from typing import NoReturn
 
 import numpy as np
@@ -27,16 +26,16 @@ from ..format.chunks import (
     verify,
 )
 from ..format.header import Header, read_header
-from ..format.program import Progress
-from ..layers.beginning import leaning_tube
+from ..format.program import Layer, Progress
 from ..layers.contents import LAYER_CHUNKS, Contents
-from ..layers.events import ChunkSkipped, End, Event, HeaderRead, IsovalueRead
+from ..layers.events import ChunkSkipped, End, Event, HeaderRead, IsovalueRead, MaskComplete
 from ..layers.reader import LayerReader
 from ..limits import Budget, Limits
 from ..passes.runner import Tube
 from ..passes.snapshot import state_of
 from ..tube.decoded import Decoded
-from .drawn import contour_of, mask_rows_of, mesh_of, tessellation_of
+from .drawn import contour_of, mask_rows_of, mesh_of, tessellation_of, valid_rows_of
+from .tubes import Tubes
 
 
 class Decoder:
@@ -78,13 +77,14 @@ class Decoder:
         self._at = 0
         self._chunk: Envelope | None = None
         self._chunk_start = 0
-        self._only = only
-        self._tubes: list[Tube | None] = []
-        self._progresses: list[Progress] = []
-        self._budget = Budget(self.limits.memory)
-        self._reader = LayerReader(self.limits, self._data, self._tubes, self._progresses)
-        self.layers = self._reader.layers
+        self.layers: list[Layer] = []
         self._contents = Contents(layers=self.layers)
+        self._budget = Budget(self.limits.memory)
+        self._strands = strands = Tubes(self.limits, self._data, self._contents, self._budget, only)
+        self._tubes, self._progresses, self._mask = strands.all, strands.progresses, strands.mask
+        self._reader = LayerReader(
+            self.limits, self._data, self._tubes, self._progresses, self._mask.tubes, self.layers
+        )
         self.isovalues = self._contents.isovalues
         self.metadata = self._contents.metadata
         self.runs = self._reader.runs
@@ -134,7 +134,7 @@ class Decoder:
     @property
     def _tube(self) -> Tube | None:
         """That of the isovalue whose layers come at present; None if it is skipped."""
-        return self._tubes[-1] if self._tubes else None
+        return self._strands.present
 
     @property
     def _progress(self) -> Progress:
@@ -202,6 +202,10 @@ class Decoder:
         tube = self._tube_of(number)
         return state_of(tube) if tube else None
 
+    def mask_state(self) -> Decoded | None:
+        """The decoded state of the mask, likewise; None before its chunk has come."""
+        return state_of(self._mask.tube) if self._mask.tube else None
+
     def snapshot(self, number: int = 0, smooth: bool = False) -> Contour:
         """The curve or surface of all symbols received of an isovalue (spec clause 9).
 
@@ -229,7 +233,7 @@ class Decoder:
         tube = self._tube_of(number)
         isovalue = self.isovalues[number] if tube else math.nan
         complete = self._ended and not self._cut
-        return contour_of(tube, isovalue, self.header, self.metadata, complete, smooth, self._budget)
+        return contour_of(tube, isovalue, self.header, self.metadata, complete, smooth, self._budget, self._mask.holes)
 
     def mask(self, number: int = 0) -> NDArray[np.bool_]:
         """Which samples lie above an isovalue, by number, as of the events taken so far (spec clause 9.7).
@@ -261,6 +265,29 @@ class Decoder:
         """
         tube = self._tube_of(number)
         return mask_rows_of(tube, len(self._data), self.complete, last_first, self.limits, self._budget)
+
+    def valid(self) -> NDArray[np.bool_]:
+        """Which samples are valid, as of the events taken so far; all are if the file has no mask.
+
+        Raises
+        ------
+        TruncatedError
+            If a mask may still come.
+        LimitError
+            If there are more samples than the limits allow.
+        """
+        try:
+            return self.valid_rows().whole()
+        except MemoryError:
+            pass
+        raise out_of_memory("for the mask")
+
+    def valid_rows(self, last_first: bool = False) -> MaskRows:
+        """The same some rows at a time; ``last_first`` and errors as in `mask_rows`."""
+        if isinstance(self._error, LimitError):
+            raise copy(self._error)
+        tube, received = self._mask.tube if self._mask.holes else None, len(self._data)
+        return valid_rows_of(tube, self.header, received, self.complete, last_first, self.limits, self._budget)
 
     def mesh(self, number: int = 0) -> tuple[np.ndarray, np.ndarray]:
         """The crossed leaves of the mesh: positions (V, n) and vertices of simplices (M, n + 1), both int64."""
@@ -315,6 +342,7 @@ class Decoder:
         self._error = copy(error)
         if isinstance(error, LimitError):
             self.discard()
+            self._mask.drop()
         raise error
 
     def _step(self) -> Event | None:
@@ -329,7 +357,7 @@ class Decoder:
                     return None
                 self.header, self._at = found
                 self._contents.begin(self.header)
-                self._begin(None)
+                self._strands.begin(self.header, None, self._at)
                 return HeaderRead(self._at, self.header)
             if self._chunk is None:
                 chunk = read_envelope(self._data, self._at)
@@ -337,8 +365,12 @@ class Decoder:
                     return None
                 if self._cut and chunk.type in CRITICAL:
                     raise FormatError("layers after a cut run", code="cut", offset=self._at, clause="3.5.4")
+                if chunk.type == ChunkType.MASK:
+                    self._strands.begin_mask(self.header, self._at)
                 self._chunk, self._chunk_start = chunk, self._at
             chunk = self._chunk
+            if not self._mask.go_on(chunk, self._chunk_start):
+                return None
             skipped = chunk.type in LAYER_CHUNKS and self._tube is None
             if chunk.type in LAYER_CHUNKS and not skipped:
                 event = self._reader.go_on(chunk, self._chunk_start)
@@ -352,45 +384,16 @@ class Decoder:
             self._reader.leave()
             self._cut |= chunk.type == ChunkType.CUT_LAYERS
             self._last = chunk.last
+            if self._mask.coming:
+                self._strands.end_mask(self.header)
+                return MaskComplete(behind, chunk.end - chunk.start)
             if chunk.type not in LAYER_CHUNKS:
                 event = self._contents.read(chunk, bytes(self._data[chunk.start : chunk.end]), behind)
                 if isinstance(event, IsovalueRead):
-                    self._begin(event.lean)
+                    self._strands.begin(self.header, event.lean, self._at)
                 return event
             if skipped:
                 return ChunkSkipped(behind, chunk.type, chunk.end - chunk.start)
         if len(self._data) > self._at:
             raise FormatError("bytes after the end of the file", code="trailing", offset=self._at, clause="3.4.4")
         return None
-
-    def _begin(self, lean: int | None) -> None:
-        """Set the decoder up for the isovalue that has come, which may lean on an earlier one."""
-        assert self.header is not None
-        number = len(self._tubes)
-        if number >= self.limits.isovalues:
-            raise LimitError(
-                f"more than {self.limits.isovalues} isovalues", code="limit-isovalues", offset=self._at, clause="11.2"
-            )
-        if self._tube is not None:
-            self._tube.rest()
-        if self._only is not None and number not in self._only:
-            self._tubes.append(None)
-            self._progresses.append(self._progress if self._progresses else Progress(0))
-            return
-        earlier = None if lean is None else self._tubes[lean]
-        if lean is not None and earlier is None:
-            raise OptionError(f"isovalue {number} leans on isovalue {lean}, which is not decoded", code="only")
-        # a file of many isovalues may not have more than one of a single one
-        whole, tubes = self.limits, [tube for tube in self._tubes if tube]
-        limits = replace(
-            whole, vertices=max(whole.vertices - sum(tube.vertices for tube in tubes), 0),
-            simplices=max(whole.simplices - sum(tube.simplices for tube in tubes), 0),
-        )  # fmt: skip
-        tube = leaning_tube(
-            self.header, self.isovalues[number], earlier, 0.0 if lean is None else self.isovalues[lean], 4096, limits,
-            budget=self._budget,
-        )  # fmt: skip
-        before = self._progress if self._progresses else Progress(tube.full_level)
-        before = replace(before, full_level=tube.full_level)
-        self._progresses.append(before.begin(None if lean is None else self._progresses[lean]))
-        self._tubes.append(tube)

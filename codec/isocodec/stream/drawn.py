@@ -20,11 +20,12 @@ from ..format.header import Header
 from ..limits import Budget, Limits
 from ..passes.runner import Tube
 from ..passes.snapshot import drawing_bytes, known_rows, leaves_of, state_of
+from ..tube.holes import Holes
 
 
 def contour_of(
     tube: Tube | None, isovalue: float, header: Header | None, metadata: Mapping[str, str], complete: bool,
-    smooth: bool, budget: Budget,
+    smooth: bool, budget: Budget, holes: Holes | None = None,
 ) -> Contour:  # fmt: skip
     """The contour of a tube; an empty one where there is none yet."""
     if header is None:
@@ -34,7 +35,9 @@ def contour_of(
         contour = Contour(np.zeros((0, n)), np.zeros((0, n), np.int64), float("nan"), header.shape, False)
     else:
         budget.check(drawing_bytes(tube))
-        leaves = leaves_of(tube, isovalue, lambda steps, above: interval_value(isovalue, header.scale, steps, above))
+        leaves = leaves_of(
+            tube, isovalue, lambda steps, above: interval_value(isovalue, header.scale, steps, above), holes
+        )
         contour = replace(draw(leaves, complete=complete, smooth=smooth), origin_above=tube.origin_above)
     return replace(contour, placement=read_placement(metadata, n), metadata=dict(metadata))
 
@@ -54,14 +57,36 @@ def mask_rows_of(
             remedy="take the whole file if this one was cut, or encode signs alone, exact values, or with a "
             "tolerance below 0.1",
         )  # fmt: skip
-    if math.prod(tube.shape) > limits.samples:
-        raise LimitError(
-            f"a mask of {math.prod(tube.shape):,} samples, more than {limits.samples:,}",
-            code="limit-samples", clause="11.2", remedy="raise Limits.samples (--limit-samples) if that is wanted",
-        )  # fmt: skip
+    _check_samples(tube.shape, limits)
     rows = known_rows(tube, last_first)
     budget.check(rows.bytes)
     return rows
+
+
+def valid_rows_of(
+    mask: Tube | None, header: Header | None, received: int, complete: bool, last_first: bool, limits: Limits,
+    budget: Budget,
+) -> MaskRows:  # fmt: skip
+    """Which samples are valid, by rows; ``mask`` is the tube of the mask, None where there is none."""
+    if header is None or (mask is None and not complete):
+        raise TruncatedError(
+            "too little has been received to tell which samples are valid", code="truncated", offset=received,
+            clause="9.8", remedy="feed more of the file",
+        )  # fmt: skip
+    if mask is not None:
+        return mask_rows_of(mask, received, complete, last_first, limits, budget)
+    _check_samples(header.shape, limits)
+    shape = header.shape[::-1] if last_first else header.shape
+    return MaskRows(shape, np.zeros((1, len(shape)), np.int32), np.ones(1, np.bool_))
+
+
+def _check_samples(shape: tuple[int, ...], limits: Limits) -> None:
+    """Raise `LimitError` if a mask would have more samples than the limits allow."""
+    if math.prod(shape) > limits.samples:
+        raise LimitError(
+            f"a mask of {math.prod(shape):,} samples, more than {limits.samples:,}",
+            code="limit-samples", clause="11.2", remedy="raise Limits.samples (--limit-samples) if that is wanted",
+        )  # fmt: skip
 
 
 def mesh_of(tube: Tube | None, n: int, budget: Budget) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
@@ -90,6 +115,4 @@ def tessellation_of(
         points, above, cells = compact(leaves.position, leaves.above, leaves.simplices)
         levels = leaves.levels
     placement = read_placement(metadata, tube.n)
-    return Tessellation(
-        points, cells, levels, above, isovalue, tube.shape, complete, placement, dict(metadata)
-    )
+    return Tessellation(points, cells, levels, above, isovalue, tube.shape, complete, placement, dict(metadata))

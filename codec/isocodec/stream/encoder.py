@@ -7,12 +7,13 @@ import zlib
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 
-from numpy.typing import ArrayLike
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from isospec.container import Checksum, ChunkType, Profile
 
 from ..errors import FormatError, OptionError
-from ..field.samples import check_field
+from ..field.samples import check_field, mask_field, without_holes
 from ..format.chunks import (
     LayerRecord,
     Promises,
@@ -26,7 +27,7 @@ from ..format.header import Header, write_header
 from ..format.kinds import LayerKind
 from ..format.program import Layer, Progress, write_program
 from ..layers.plan import Entry
-from ..layers.writer import LayerWriter, encoded_size, field_tube
+from ..layers.writer import LayerWriter, encoded_mask, encoded_size, field_tube
 from ..mesh.tables import cube_exponent
 from ..passes.runner import Tube
 from ..search import strategy
@@ -35,6 +36,7 @@ from ..search.ground_truth import truth_of
 from ..search.promise import Promise
 from ..search.steps import stepwise
 from ..search.tolerance import NO_OFFSETS, grid_offsets, radices
+from ..tube.holes import Holes
 from .options import DEFAULT_TOLERANCE, SEARCHED, Options, isovalues_of, nearest_before
 from .plan_meshes import with_meshes
 
@@ -53,8 +55,8 @@ class Encoder:
     isovalue : number or sequence of numbers
         One isovalue, or several of the same field, in the order in which the file has them: finite numbers of Python's
         or numpy's, fractions or decimals. Files hold double precision; whole numbers beyond it are refused.
-    exact, tolerance, signs_only, step, base_level, preserve_topology, steps, criterion, parameter, leaning, plan, \
-    profile, metadata, placement
+    exact, tolerance, signs_only, step, base_level, preserve_topology, steps, criterion, parameter, leaning, mask, \
+    plan, profile, metadata, placement
         As in `encode`.
     progress : callable, optional
         Called with the layers done and their total; before, while a mesh is searched for, with the number of curves
@@ -90,6 +92,7 @@ class Encoder:
         criterion: str | None = None,
         parameter: float | None = None,
         leaning: bool = True,
+        mask: ArrayLike | None = None,
         plan: Sequence[Entry] | Mapping[float, Sequence[Entry]] | None = None,
         profile: str = "main",
         metadata: Mapping[str, str] | None = None,
@@ -102,7 +105,8 @@ class Encoder:
             leaning=leaning, plan=plan, profile=profile, metadata=metadata, placement=placement,
         )  # fmt: skip
         self.isovalues = isovalues_of(isovalue)
-        self._fields = [check_field(field, value, self.options.step) for value in self.isovalues]
+        values, gone = without_holes(field, mask)
+        self._fields = [check_field(values, value, self.options.step, gone) for value in self.isovalues]
         self._truths = [truth_of(one) for one in self._fields]
         first = self._fields[0]
         self.options.check_data(first.integer)
@@ -110,9 +114,17 @@ class Encoder:
         self._report = progress
         self._tried = 0
         self.header = Header(first.values.shape, first.isovalue, self.options.step, Profile[profile.upper()])
+        self._mask_run, self._holes = self._encoded_mask(gone)
         self._strands: list[LayerWriter] = []
         self._strands.append(self._strand(0, Progress(self._full_level))[0])
         self._begun = False
+
+    def _encoded_mask(self, gone: NDArray[np.bool_] | None) -> tuple[bytes, Holes | None]:
+        """The run of the mask, and what it says, if any samples are missing."""
+        if gone is None:
+            return b"", None
+        mask = mask_field(gone)
+        return encoded_mask(self.header, mask, truth_of(mask))
 
     @property
     def layers(self) -> list[Layer]:
@@ -148,7 +160,7 @@ class Encoder:
     def _fresh(self, number: int, lean: int | None) -> Tube:
         """A tube of an isovalue that nothing is told of yet."""
         earlier, other = (None, 0.0) if lean is None else (self._strands[lean].tube, self.isovalues[lean])
-        return field_tube(self.header, self._fields[number], self._truths[number], earlier, other)
+        return field_tube(self.header, self._fields[number], self._truths[number], earlier, other, self._holes)
 
     def _plan_of(self, number: int, lean: int | None) -> Sequence[Entry]:
         """What the options come to for one isovalue."""
@@ -157,8 +169,9 @@ class Encoder:
         if plan is not None:
             if not len(plan) and number == len(self.isovalues) - 1:
                 raise OptionError("the plan has no layers", code="plan", remedy='begin it with ("base", level)')
+            field, truth = self._fields[number], self._truths[number]
             return with_meshes(plan, self._full_level, -1 if lean is None else self._strands[lean].progress.level,
-                               lambda: Promise(self._fields[number], truth=self._truths[number]))  # fmt: skip
+                               lambda: Promise(field, truth=truth, holes=self._holes))  # fmt: skip
         values: list[Entry] = [(LayerKind.VALUES, None)] if o.exact or o.step is not None else []
         fine = None if values or o.signs_only else o.tolerance or DEFAULT_TOLERANCE
         free = self.header.profile == Profile.MAIN and self._slack_keeps_order(fine)
@@ -170,7 +183,7 @@ class Encoder:
                 grid = min(grid, [(LayerKind.LEAF_BASE,)], key=lambda base: self._size(number, lean, base))
             return grid + values + offsets
         truth = self._truths[number]
-        promise = Promise(self._fields[number], lambda: self._fresh(number, lean), free, self._try, truth)
+        promise = Promise(self._fields[number], lambda: self._fresh(number, lean), free, self._try, truth, self._holes)
         if o.distances is not None:
             return stepwise(promise, o.distances, o.preserve_topology)
         if o.criterion == "distortion" and o.parameter:
@@ -236,6 +249,8 @@ class Encoder:
         yield write_header(self.header)
         if self._metadata:
             yield write_chunk(ChunkType.METADATA, write_metadata(self._metadata), ancillary=True)
+        if self._holes:
+            yield write_chunk(ChunkType.MASK, self._mask_run)
         for number in range(len(self.isovalues)):
             if number > 0:
                 strand, lean = self._strand(number, self._strands[-1].progress)

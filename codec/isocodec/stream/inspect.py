@@ -79,6 +79,8 @@ class FileInfo:
         For each the number of the earlier one that it leans on.
     topology : list of bool
         For each whether the writer promises that all complete layers have the topology of the original curve.
+    mask_bytes : int or None
+        Entropy-coded bytes of the mask; None if no sample is missing.
     """
 
     version: int
@@ -96,6 +98,7 @@ class FileInfo:
     isovalues: list[float] = field(default_factory=list)
     leans: list[int | None] = field(default_factory=list)
     topology: list[bool] = field(default_factory=list)
+    mask_bytes: int | None = None
 
     def number_of(self, isovalue: float | None) -> int:
         """Number of an isovalue of the file, of the first if None.
@@ -159,7 +162,7 @@ def inspect(data: bytes, symbols: bool = False, limits: Limits | None = None) ->
     contents = Contents()
     contents.begin(header)
     progresses = [Progress(len(header.shape) * cube_exponent(header.shape))]
-    coded = 0
+    coded = mask_bytes = 0
     complete = False
     while not complete:
         chunk = read_envelope(data, at)
@@ -176,6 +179,10 @@ def inspect(data: bytes, symbols: bool = False, limits: Limits | None = None) ->
                     number = len(contents.isovalues) - 1
                     place = None if i else run
                     layers.append(LayerInfo(layer.kind, layer.level, layer.plane, layer.parts, place, isovalue=number))
+        elif chunk.type == ChunkType.MASK:
+            contents.begin_mask(at)
+            mask_bytes = end - chunk.start
+            coded += mask_bytes
         elif chunk.end <= len(data):
             event = contents.read(chunk, data[chunk.start : chunk.end], behind)
             if isinstance(event, IsovalueRead):
@@ -194,6 +201,7 @@ def inspect(data: bytes, symbols: bool = False, limits: Limits | None = None) ->
         header.writer_version, header.read_version, header.profile.name.lower(), header.shape, header.isovalue,
         header.scale, len(data), len(data) - coded, complete, _promised(layers, contents.promises), chunks,
         contents.metadata, contents.isovalues, contents.leans, [one.topology for one in contents.promises],
+        mask_bytes if contents.masked else None,
     )  # fmt: skip
 
 

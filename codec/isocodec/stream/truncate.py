@@ -8,7 +8,7 @@ from isospec.container import Checksum, ChunkType, write_varint
 
 from ..entropy.range_coder import cut
 from ..errors import OptionError, TruncatedError
-from ..format.chunks import CHECKSUM_BYTES, whole_bytes, write_chunk
+from ..format.chunks import CHECKSUM_BYTES, read_envelope, whole_bytes, write_chunk
 from ..format.program import write_program
 from ..layers.events import LayerComplete
 from ..limits import Limits
@@ -100,7 +100,21 @@ def _first_layers(data: bytes, layers: int, limits: Limits | None) -> bytes:
     kept = run.layers[: number - run.before.layers]
     bits = decoder.value_bits
     payload = write_program(kept, run.before.copy(), bits) + cut(decoder.coder)
-    return _closed(data[: run.chunk_start] + write_chunk(ChunkType.LAYERS, payload, last=True))
+    mask = _later_mask(data, run.chunk_start)
+    chunks = write_chunk(ChunkType.LAYERS, payload, last=mask is None)
+    if mask is not None:
+        chunks += write_chunk(ChunkType.MASK, mask, last=True)
+    return _closed(data[: run.chunk_start] + chunks)
+
+
+def _later_mask(data: bytes, start: int) -> bytes | None:
+    """Payload of a mask that comes behind a chunk that begins at ``start``, as far as it is there in full."""
+    at = start
+    while (chunk := read_envelope(data, at)) is not None and chunk.end <= len(data):
+        if chunk.type == ChunkType.MASK:
+            return data[chunk.start : chunk.end]
+        at = chunk.end + CHECKSUM_BYTES * (chunk.checked + chunk.last)
+    return None
 
 
 def _first_bytes(data: bytes, most: int, limits: Limits | None) -> bytes | None:

@@ -50,6 +50,7 @@ def first_state(
     earlier: State | None,
     shift: int,
     side: int,
+    hole: Lean | None = None,
 ) -> State:
     """What is known of an isovalue of which nothing is told.
 
@@ -62,19 +63,23 @@ def first_state(
         Encoder: those of the field, padded to three axes.
     earlier : State, optional
         That of the isovalue that this one leans on; it lies ``shift`` whole steps below, on ``side`` 1 or -1 of this.
+    hole : Lean, optional
+        The mask that is coded with, if there is one: see `tube.holes`.
     """
     n = len(shape)
     counters = Counters()
     counters.most_work, counters.most_mixed = limits.steps, limits.simplices
     counters.agreed = MOSTLY
     counters.side, counters.shift = side, shift
+    counters.masked = hole is not None
     base = BaseWalk()
     base.last_root = -1
     return State(
         grid_of(shape), counters, np.zeros(len(ELEMENTS) + 2, np.int64), np.full(2, MOSTLY, np.int64),
         np.zeros(2, np.int64), new_store(n), _rows(4, limits.vertices), _rows(5, limits.simplices),
         _rows(5, limits.simplices), new_store(n), new_counts(n), new_board(n), np.zeros((MOST_ANCESTORS, 4), np.int64),
-        every_vertex((0,) * n), _lean(earlier, n), np.zeros((0, 0, 0), np.bool_) if signs is None else signs,
+        every_vertex((0,) * n), _lean(earlier, n), hole or _no_lean(n),
+        np.zeros((0, 0, 0), np.bool_) if signs is None else signs,
         base, RefinementWalk(), TreeWalk(), ValueWalk(), DigitWalk(),
         *(np.zeros(size, np.int64) for size in (MOST_LEVELS, 2 * MOST_POINTS, 2 * MOST_POINTS, 80, 10, 128, STACK)),
     )  # fmt: skip

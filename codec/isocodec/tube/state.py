@@ -69,6 +69,8 @@ class Counters(Registers):
         Vertices on the board, and the edge that it is made for.
     agreed : int
         How often signs have been those of the earlier isovalue (7.12).
+    masked : int
+        Whether a mask says which samples are missing (5.10).
     """
 
     level: int
@@ -104,6 +106,7 @@ class Counters(Registers):
     boarded: int
     board_edge: int
     agreed: int
+    masked: int
 
 
 class BaseWalk(Registers):
@@ -193,7 +196,10 @@ STEP_CELLS = 26
 
 @record
 class Lean(NamedTuple):
-    """What is known of an earlier isovalue: its mesh, its vertices, and their values as far as sent (clause 5.9)."""
+    """What is known of an earlier isovalue: its mesh, its vertices, and their values as far as sent (clause 5.9).
+
+    The same of the mask, which has no values and whose isovalue lies between missing and valid (clause 5.10).
+    """
 
     grid: Grid
     counters: Counters
@@ -230,6 +236,7 @@ class State(NamedTuple):
     path: IntMatrix  # (P, 4) positions and levels of vertices to be added
     chosen: Chosen  # encoder: the mesh that an adaptive layer leads to
     lean: Lean  # of an earlier isovalue, or empty
+    hole: Lean  # of the mask, or empty
     truth: BoolVolume  # encoder: the signs of the whole field; decoder: empty
     base: BaseWalk
     refinement: RefinementWalk

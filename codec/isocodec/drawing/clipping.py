@@ -1,0 +1,129 @@
+"""Drawings without what lies in unit cells that have missing corners (spec clause 9.8)."""
+
+from __future__ import annotations
+
+from itertools import product
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .leaves import WholeCells
+
+_GRAIN = 1 << 30
+"""Points of pieces that were cut are one if they agree to this part of a cell."""
+Pieces = NDArray[np.float64]
+"""(M, n, n) corners of segments or triangles."""
+
+
+def clipped(
+    points: NDArray[np.float64], cells: NDArray[np.int64], shape: tuple[int, ...], whole: WholeCells
+) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    """Points and cells of a drawing, cut where planes of the grid part whole unit cells from others.
+
+    Pieces that lie in whole cells stay as they are; points that none has go.
+    """
+    pieces, owner = _unit_pieces(points[cells])
+    kept = _in_whole_cell(pieces, shape, whole)
+    untouched = np.ones(len(cells), np.bool_)
+    untouched[owner[~kept]] = False
+    cut = kept & ~untouched[owner]
+    pieces, owner = pieces[cut], owner[cut]
+    if len(shape) == 2:
+        pieces = _joined(pieces, owner)
+    stays = cells[untouched]
+    used = np.unique(stays)
+    number = np.zeros(len(points), np.int64)
+    number[used] = np.arange(len(used))
+    both = np.concatenate([points[used], pieces.reshape(-1, len(shape))])
+    _, first, same = np.unique(np.rint(both * _GRAIN), axis=0, return_index=True, return_inverse=True)
+    # points that were there before stay apart, even where they fall together
+    order = np.sort(first[first >= len(used)])
+    place = np.empty(len(both), np.int64)
+    place[order] = len(used) + np.arange(len(order))
+    place[: len(used)] = np.arange(len(used))
+    of_cut = place[first[same.reshape(-1)[len(used) :]]].reshape(-1, len(shape))
+    return np.concatenate([points[used], both[order]]), np.concatenate([number[stays], of_cut])
+
+
+def _unit_pieces(pieces: Pieces) -> tuple[Pieces, NDArray[np.int64]]:
+    """Pieces cut by the planes of the grid, each in one unit cell, and what each is a part of; the order along segments
+    stays."""
+    owner = np.arange(len(pieces))
+    for axis in range(pieces.shape[2]):
+        while True:
+            low = np.floor(pieces[:, :, axis].min(axis=1, initial=np.inf))
+            high = np.ceil(pieces[:, :, axis].max(axis=1, initial=-np.inf))
+            wide = high - low > 1
+            if not wide.any():
+                break
+            plane = low[wide] + (high - low)[wide] // 2
+            parts, part_owner = (_cut_segments if pieces.shape[2] == 2 else _cut_triangles)(pieces[wide], plane, axis)
+            owner = np.concatenate([owner[~wide], owner[wide][part_owner]])
+            pieces = np.concatenate([pieces[~wide], parts])
+    return pieces, owner
+
+
+def _crossing(a: NDArray[np.float64], b: NDArray[np.float64], plane: NDArray[np.float64], axis: int) -> Pieces:
+    """Where lines from a to b (K, n) meet planes; the same whichever end is a."""
+    swap = a[:, axis] > b[:, axis]
+    low, high = np.where(swap[:, None], b, a), np.where(swap[:, None], a, b)
+    share = (plane - low[:, axis]) / (high[:, axis] - low[:, axis])
+    out = low + share[:, None] * (high - low)
+    out[:, axis] = plane
+    return np.asarray(out)
+
+
+def _cut_segments(pieces: Pieces, plane: NDArray[np.float64], axis: int) -> tuple[Pieces, NDArray[np.int64]]:
+    """Both parts of each segment."""
+    middle = _crossing(pieces[:, 0], pieces[:, 1], plane, axis)
+    parts = np.stack([np.stack([pieces[:, 0], middle], axis=1), np.stack([middle, pieces[:, 1]], axis=1)], axis=1)
+    return parts.reshape(-1, 2, 2), np.repeat(np.arange(len(pieces)), 2)
+
+
+def _cut_triangles(pieces: Pieces, plane: NDArray[np.float64], axis: int) -> tuple[Pieces, NDArray[np.int64]]:
+    """The three parts of each triangle, those without area left out: one corner is alone on its side."""
+    side = np.sign(pieces[:, :, axis] - plane[:, None])
+    alone = np.argmax(
+        [(side[:, i] != 0) & (side[:, i - 2] != side[:, i]) & (side[:, i - 1] != side[:, i]) for i in range(3)], axis=0
+    )
+    rows = np.arange(len(pieces))
+    a, b, c = (pieces[rows, (alone + i) % 3] for i in range(3))
+    to = []
+    for i, corner in ((1, b), (2, c)):
+        on_plane = side[rows, (alone + i) % 3] == 0
+        cut = corner.copy()
+        cut[~on_plane] = _crossing(a[~on_plane], corner[~on_plane], plane[~on_plane], axis)
+        to.append(cut)
+    parts = np.stack([np.stack(part, axis=1) for part in ((a, to[0], to[1]), (to[0], b, c), (to[0], c, to[1]))], axis=1)
+    parts = parts.reshape(-1, 3, 3)
+    real = np.ones(len(parts), np.bool_)
+    for i in range(3):
+        real &= (parts[:, i] != parts[:, i - 1]).any(axis=1)
+    return parts[real], np.repeat(rows, 3)[real]
+
+
+def _in_whole_cell(pieces: Pieces, shape: tuple[int, ...], whole: WholeCells) -> NDArray[np.bool_]:
+    """Whether pieces lie in whole unit cells; those within a face of some cells, in one of these."""
+    middle = pieces.mean(axis=1)
+    low, high = np.floor(pieces.min(axis=1)), np.ceil(pieces.max(axis=1))
+    cell = np.where(high > low, np.floor(middle), low).astype(np.int64)
+    flat = high == low
+    out = np.zeros(len(pieces), np.bool_)
+    for step in product((0, 1), repeat=len(shape)):
+        some = np.flatnonzero((flat | (np.array(step) == 0)).all(axis=1) & ~out)
+        out[some] = whole(cell[some] - step)
+    return out
+
+
+def _joined(pieces: Pieces, owner: NDArray[np.int64]) -> Pieces:
+    """Parts of the same segment that follow on each other, as one."""
+    if not len(pieces):
+        return pieces
+    way = pieces[:, 1] - pieces[:, 0]
+    along = (pieces[:, 0] * np.sign(way)).sum(axis=1)
+    order = np.lexsort((along, owner))
+    pieces, owner = pieces[order], owner[order]
+    begins = np.ones(len(pieces), np.bool_)
+    begins[1:] = (owner[1:] != owner[:-1]) | (pieces[1:, 0] != pieces[:-1, 1]).any(axis=1)
+    ends = np.append(begins[1:], True)
+    return np.stack([pieces[begins, 0], pieces[ends, 1]], axis=1)

@@ -1,0 +1,94 @@
+"""What an encoder takes for missing samples: a smooth continuation of the others.
+
+Decoders do not care. Curves through holes cost bytes, so that they should be short and bend little: at each scale, from
+the coarsest to the finest, missing samples begin as at the coarser one and go towards the mean of their neighbours.
+"""
+
+from __future__ import annotations
+
+from itertools import product
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+ROUNDS = 12
+"""Steps towards the mean of the neighbours, at each scale."""
+_MOST = 1e150
+"""Larger samples count as this: sums of them stay finite."""
+
+
+def filled_smoothly(values: NDArray[Any], gone: NDArray[np.bool_]) -> NDArray[Any]:
+    """Samples with something smooth where they are missing.
+
+    Parameters
+    ----------
+    values : (s0, .., sn-1) array of integers or floats
+    gone : likewise, bool
+        Which samples are missing; not all.
+
+    Returns
+    -------
+    (s0, .., sn-1) array
+        Of the same type, within the range of the samples that are there.
+    """
+    there = values[~gone]
+    smooth = np.where(gone, 0, values).astype(np.float64)
+    _fill(np.clip(smooth, -_MOST, _MOST, out=smooth), gone)
+    found = smooth[gone]
+    if values.dtype.kind in "iu":
+        found = np.rint(found)
+    out = values.copy()
+    # no rounding may lead beyond what there is
+    least, most = there.min(), there.max()
+    inside = (found > float(least)) & (found < float(most))
+    out[gone] = np.where(found >= float(most), most, least)
+    place = np.flatnonzero(gone)[inside]
+    out.reshape(-1)[place] = np.clip(found[inside].astype(values.dtype), least, most)
+    return out
+
+
+def _fill(values: NDArray[np.float64], gone: NDArray[np.bool_]) -> None:
+    """Replace missing values in place."""
+    if not gone.any():
+        return
+    if max(values.shape) == 1 or gone.all():
+        values[gone] = 0.0
+        return
+    coarse, empty = _coarser(values, gone)
+    _fill(coarse, empty)
+    for axis, size in enumerate(values.shape):
+        coarse = np.take(np.repeat(coarse, 2, axis=axis), range(size), axis=axis)
+    values[gone] = coarse[gone]
+    _relax(values, gone)
+
+
+def _coarser(values: NDArray[np.float64], gone: NDArray[np.bool_]) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+    """Means of the samples there are in blocks of two along each axis, and which blocks have none."""
+    shape = tuple((size + 1) // 2 for size in values.shape)
+    total, count = np.zeros(shape), np.zeros(shape)
+    for start in product((0, 1), repeat=values.ndim):
+        some = tuple(slice(first, None, 2) for first in start)
+        here = ~gone[some]
+        block = tuple(slice(size) for size in here.shape)
+        total[block] += np.where(here, values[some], 0.0)
+        count[block] += here
+    return total / np.maximum(count, 1), count == 0
+
+
+def _relax(values: NDArray[np.float64], gone: NDArray[np.bool_]) -> None:
+    """Let missing values go towards the mean of their neighbours; at the border of the box each is its own one."""
+    place = np.nonzero(gone)
+    last = np.array(values.shape) - 1
+    around = []
+    for axis in range(values.ndim):
+        for step in (-1, 1):
+            moved = list(place)
+            moved[axis] = np.clip(place[axis] + step, 0, last[axis])
+            around.append(np.ravel_multi_index(tuple(moved), values.shape))
+    flat, here = values.reshape(-1), np.ravel_multi_index(place, values.shape)
+    for _ in range(ROUNDS):
+        total = np.zeros(len(here))
+        for neighbour in around:
+            total += flat[neighbour]
+        flat[here] = total / len(around)

@@ -1,0 +1,77 @@
+"""The mask of a file, on the decoder's side: its chunk, and what it says then (spec clauses 3.5.6, 5.10)."""
+
+from __future__ import annotations
+
+from ..format.chunks import Envelope
+from ..format.header import Header
+from ..layers.beginning import mask_tube
+from ..layers.reader import MaskReader
+from ..limits import Budget, Limits
+from ..passes.runner import Tube
+from ..tube.holes import Holes
+
+_ROOM = 4096
+
+
+class MaskStrand:
+    """What is known of the mask.
+
+    Parameters
+    ----------
+    limits : Limits
+    data : bytearray
+        The file as far as it has come; it grows.
+    budget : Budget
+    tubes : list of Tube or None
+        Those of the isovalues.
+
+    Attributes
+    ----------
+    tubes : list of Tube or None
+        That of the mask, if its chunk has begun.
+    holes : Holes or None
+        What it says, if it is complete.
+    """
+
+    def __init__(self, limits: Limits, data: bytearray, budget: Budget, tubes: list[Tube | None]) -> None:
+        self.tubes: list[Tube | None] = []
+        self.holes: Holes | None = None
+        self._limits = limits
+        self._data = data
+        self._budget = budget
+        self._others = tubes
+        self._reader: MaskReader | None = None
+
+    @property
+    def tube(self) -> Tube | None:
+        """That of the mask, if its chunk has begun and it was not dropped."""
+        return self.tubes[0] if self.tubes else None
+
+    @property
+    def coming(self) -> bool:
+        """Whether its chunk is being read."""
+        return self._reader is not None
+
+    def begin(self, header: Header, left: Limits) -> None:
+        """Its chunk begins; ``left`` is what its tube may have."""
+        tube = mask_tube(header, _ROOM, left, budget=self._budget)
+        self.tubes.append(tube)
+        self._reader = MaskReader(self._limits, self._data, tube, self._others)
+
+    def go_on(self, chunk: Envelope, chunk_start: int) -> bool:
+        """Go on with its chunk; whether all has come, and where another chunk comes, too."""
+        return self._reader is None or self._reader.read(chunk, chunk_start)
+
+    def end(self) -> None:
+        """Its chunk has been read and verified."""
+        tube = self.tube
+        assert tube is not None
+        tube.rest()
+        self._reader, self.holes = None, Holes(tube.state)
+
+    def drop(self) -> None:
+        """Keep nothing of it."""
+        if self.tube is not None:
+            self._budget.release(self.tube, self.tube.estimates)
+        self.tubes.clear()
+        self.holes = None
