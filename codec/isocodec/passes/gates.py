@@ -107,8 +107,8 @@ def traverse(st, cd, mark):
             right_guess = np.int64(0)
             if encoding:
                 right_guess = np.int64(corner_truth(st, edge, r, cls, b0, b1, b2, opp) == guess)
-            behind = Behind(guess, case, context, other)
-            bit = code_behind(st, cd, Simplex(level, cls, b0, b1, b2), opp, behind, right_guess)
+            expected = Behind(guess, case, context, other)
+            bit = code_behind(st, cd, Simplex(level, cls, b0, b1, b2), opp, expected, right_guess)
             if bit < 0:
                 return bit
             st.tally[BASE_SIGN] += 1
