@@ -23,7 +23,7 @@ from isocodec.limits import Budget, in_units
 from isocodec.passes.runner import Tube
 from isospec.container import MAX_ISOVALUES
 
-ONE_PLANE = bytes.fromhex("8949534f0045a08001022114 0e189b2f75cb582281daf76f1e91143eddba7f7684d168eb".replace(" ", ""))
+ONE_PLANE = bytes.fromhex("8949534f0045a080010221140e18d6cb3f70e7654bda076d61f38967c65abe3fc5d0a2e4")
 """A plane far above the full grid: 132,000 vertices, each more than 1,000 samples from the next."""
 MIB = 1 << 20
 

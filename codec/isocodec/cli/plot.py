@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -76,6 +77,7 @@ def plot_command(
             raise OptionError("there are views of surfaces only", code="view", remedy="leave out --view")
         number = info.number_of(isovalue)
         layers = [layer for layer in info.layers if layer.isovalue == number]
+        promised = [i for i, layer in enumerate(layers, 1) if layer.within]
         decoder = isocodec.Decoder(limits_of(limit_memory, limit_work), only=info.chain(number))
         decoder.feed(data)
         drawn: list[Step] = []
@@ -86,7 +88,7 @@ def plot_command(
                 continue
             if len(decoder.isovalues) - 1 == number:
                 own += 1
-                chosen = chosen or shown([layer.kind for layer in layers], steps)
+                chosen = chosen or shown([layer.kind for layer in layers], steps, promised)
                 if own in chosen:
                     _draw(decoder, number, smooth, mesh, drawn, event.offset, len(data), layers[own - 1].within)
                     if progress is not None:
@@ -128,10 +130,13 @@ def _draw(
     decoder.hold(held + sum(cost.after(*size) for size in sizes) + max(cost.peak(*size) for size in sizes))
 
 
-def shown(kinds: list[str], steps: int) -> list[int]:
-    """Numbers of the layers after which to draw: ends of geometry that a further mesh follows on, or any."""
+def shown(kinds: list[str], steps: int, promised: Sequence[int] = ()) -> list[int]:
+    """Numbers of the layers after which to draw: promised ones, ends of geometry that a mesh follows on, or any."""
     told = [kind in GEOMETRY for kind in kinds]
     ends = [i + 1 for i, here in enumerate(told) if here and not (i + 1 < len(told) and told[i + 1])]
+    if promised:
+        # what comes behind the last promise is more precise: all values
+        ends = sorted({*promised, len(kinds)})
     if len(ends) < 2:
         return spread(len(kinds), steps)
     return [ends[k - 1] for k in spread(len(ends), steps)]
