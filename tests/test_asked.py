@@ -148,11 +148,11 @@ def test_crossings_of_all_finite_floats(numbers):
 
 def test_encode_and_encoder_take_the_options_by_name():
     """Editors and type checkers see them, each with the default that `Options` has."""
-    stated = {f.name: f.default for f in fields(Options)} | {"progress": None}
+    stated = {f.name: f.default for f in fields(Options)} | {"mask": None, "progress": None}
     for function in (isocodec.encode, isocodec.Encoder):
         taken = [p for p in signature(function).parameters.values() if p.kind == Parameter.KEYWORD_ONLY]
         assert {p.name: p.default for p in taken} == stated
-    assert set(stated) - {"progress"} <= get_type_hints(Options).keys()
+    assert set(stated) - {"mask", "progress"} <= get_type_hints(Options).keys()
 
 
 def test_an_unknown_option_is_refused_by_encode():

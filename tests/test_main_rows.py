@@ -49,12 +49,12 @@ def _sign(st, cd, w0, w1, w2, crossed):
     survey(st)
     r = st.counters.level % dimension(st.grid.tables)
     diamond = diamond_at(st.grid, np.int64(st.counters.edge), np.int64(r), w0, w1, w2)
-    see_middle(st, cd, diamond, Expected(crossed, *ints(1, 0, 0)), Before(*ints(-1, 0)))
+    see_middle(st, cd, diamond, Expected(crossed, *ints(1, 0, 0, 0)), Before(*ints(-1, 0)))
 
 
 def _crowd(st, cd, what, shift, x, y, z, hits, child, nearness):
     clear(cd)
-    see_crowd(st, cd, Node(what, shift, x, y, z, hits, child, nearness))
+    see_crowd(st, cd, Node(what, shift, x, y, z, hits, child, nearness, False))
 
 
 def coder(n):

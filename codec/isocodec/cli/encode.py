@@ -96,8 +96,7 @@ def _explain(context: click.Context, option: click.Parameter, asked: bool) -> No
         "--missing",
         type=click.Choice(["hole", "below", "above", "nearest"]),
         metavar="HOW",
-        help="Treat missing samples as a hole, where the contour ends (default), as below, as above, or as the nearest "
-        "valid sample.",
+        help="Treat missing samples as a hole, where the contour ends (default), below, above, or as the nearest one.",
     ),
     click.option("--nodata", type=float, metavar="V", help="Value that marks missing samples, besides NaN."),
     click.option("--spacing", metavar="S,S[,S]", help="Distances of samples along the axes; may be negative."),
