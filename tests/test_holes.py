@@ -139,6 +139,35 @@ def test_areas_are_not_closed_along_holes() -> None:
         isocodec.areas(contour)
 
 
+@pytest.mark.parametrize("options", [{}, {"exact": True}, {"signs_only": True}, {"tolerance": 1.0}])
+def test_areas_closed_along_holes(options: dict[str, object]) -> None:
+    """Both sides together are the whole cells, and valid samples lie in the area of their side."""
+    shapely = pytest.importorskip("shapely")
+    data = isocodec.encode(HILLS, 80.5, mask=HOLE, **options)
+    contour, valid = isocodec.decode(data, through_holes=True), isocodec.decode_valid(data)
+    sides = [shapely.geometry.shape(isocodec.areas(contour, above=side, valid=valid)) for side in (True, False)]
+    whole = valid[:-1, :-1] & valid[1:, :-1] & valid[:-1, 1:] & valid[1:, 1:]
+    assert sides[0].area + sides[1].area == pytest.approx(whole.sum())
+    assert sides[0].intersection(sides[1]).area == pytest.approx(0, abs=1e-9)
+    middles = np.argwhere(~whole) + 0.5
+    for side in sides:
+        assert not shapely.intersects(side, shapely.points(middles[:, 1], middles[:, 0])).any()
+    # a sample on no whole cell lies in neither
+    seen = np.zeros(HILLS.shape, np.bool_)
+    for i, j in np.argwhere(whole):
+        seen[i : i + 2, j : j + 2] = True
+    if "tolerance" not in options:
+        here = np.argwhere(seen)
+        inside = shapely.intersects(sides[0].buffer(1e-9), shapely.points(here[:, 1], here[:, 0]))
+        assert np.array_equal(inside, HILLS[seen] > 80.5)
+
+
+def test_what_areas_along_holes_take() -> None:
+    data = isocodec.encode(FLOATS, 80.5, mask=HOLE)
+    with pytest.raises(isocodec.OptionError, match="valid has shape"):
+        isocodec.areas(isocodec.decode(data, through_holes=True), valid=np.ones((3, 3), bool))
+
+
 def test_nothing_is_left() -> None:
     with pytest.raises(InputError, match="all samples are missing"):
         isocodec.encode(np.full((4, 4), np.nan), 1)
@@ -290,6 +319,9 @@ def test_on_the_command_line(tmp_path: Path) -> None:
         ok("encode", tmp_path / "b.npy", "-o", tmp_path / "b.iso", "--isovalue", 80.5, "--nodata", -9999, *more)
         assert (tmp_path / "b.iso").read_bytes() == isocodec.encode(field, 80.5)
     assert "mask" in ok("info", tmp_path / "a.iso")
+    ok("decode", tmp_path / "a.iso", "-o", tmp_path / "a.geojson", "--areas", "above", "--along-holes")
+    fails(2, "decode", tmp_path / "a.iso", "-o", tmp_path / "b.geojson", "--areas", "above")
+    fails(2, "decode", tmp_path / "a.iso", "-o", tmp_path / "b.geojson", "--along-holes")
     ok("mask", tmp_path / "a.iso", "-o", tmp_path / "valid.npy", "--valid")
     assert np.array_equal(np.load(tmp_path / "valid.npy"), ~HOLE)
     np.save(tmp_path / "c.npy", np.full((5, 5), np.nan))

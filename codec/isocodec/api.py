@@ -139,6 +139,7 @@ def decode(
     layers: int | None = None,
     max_bytes: int | None = None,
     smooth: bool = False,
+    through_holes: bool = False,
     limits: Limits | None = None,
     progress: Callable[[int, int], object] | None = None,
 ) -> Contour:
@@ -158,6 +159,8 @@ def decode(
         nearer to the curve in the mean where the field is smooth, by up to a half, farther from it where the field is
         rough or has few values. What the file does say stays; a tolerance holds without this only, and curves of
         several isovalues may cross.
+    through_holes : bool
+        Draw the curve through missing samples, too, where the encoder chose its way; `areas` takes it.
     limits : Limits, optional
         What the file may need at most, where it comes from strangers.
     progress : callable, optional
@@ -177,7 +180,7 @@ def decode(
         If the file needs more than the limits allow.
     """
     decoder, number = decoded(data, isovalue, layers, max_bytes, limits, progress)
-    return _drawn(decoder, [number], smooth)[0]
+    return _drawn(decoder, [number], smooth, through_holes)[0]
 
 
 def decode_all(
@@ -199,16 +202,16 @@ def decode_all(
     list of Contour
     """
     decoder = received(data, None, max_bytes, limits, progress)
-    return _drawn(decoder, range(len(decoder.isovalues)), smooth)
+    return _drawn(decoder, range(len(decoder.isovalues)), smooth, False)
 
 
-def _drawn(decoder: Decoder, numbers: Iterable[int], smooth: bool) -> list[Contour]:
+def _drawn(decoder: Decoder, numbers: Iterable[int], smooth: bool, through_holes: bool) -> list[Contour]:
     """Contours of isovalues; what each was drawn from goes when it has been."""
     out: list[Contour] = []
     try:
         for number in numbers:
             decoder.hold(sum(contour.points.nbytes + contour.cells.nbytes for contour in out))
-            out.append(decoder.drawn(number, smooth))
+            out.append(decoder.drawn(number, smooth, through_holes))
             decoder.discard(number)
     except IsoError:
         decoder.discard()

@@ -38,6 +38,7 @@ LOST = 0.01
 @click.option(
     "--areas", type=click.Choice(["above", "below"]), help="Write polygons of the areas above or below (.geojson)."
 )
+@click.option("--along-holes", is_flag=True, help="With --areas: close areas along missing samples, too.")
 @click.option(
     "--mesh", type=click.Choice(["whole", "tube"]),
     help="Write the mesh instead: of the whole box, or the simplices that the curve crosses (.vtu, .ply, .geojson).",
@@ -48,7 +49,7 @@ LOST = 0.01
 @json_option
 def decode_command(
     source: Path, output: Path, isovalue: float | None, layers: int | None, max_bytes: int | None, in_samples: bool,
-    areas: str | None, mesh: str | None, smooth: bool, partial: bool, limit_memory: int | None,
+    areas: str | None, along_holes: bool, mesh: str | None, smooth: bool, partial: bool, limit_memory: int | None,
     limit_work: int | None, as_json: bool,
 ) -> None:  # fmt: skip
     """Decode IN.iso to OUT; the suffix of OUT names the format.
@@ -61,12 +62,15 @@ def decode_command(
     Coordinates are in samples. If the file has a placement (from NIfTI or GeoTIFF, for example, or encode --spacing),
     .geojson, .ply, .stl and .obj have world coordinates instead.
 
-    With --areas the .geojson holds polygons with holes: the curve, closed along the border of the samples.
+    With --areas the .geojson holds polygons with holes: the curve, closed along the border of the samples,
+    and with --along-holes along unit cells that have a missing corner.
 
     With --mesh the file holds triangles or tetrahedra with their level, and vertices with their sign (above: 1, 0).
 
     If there are several isovalues, .geojson, .svg and .png hold all of them, the other formats one.
     """
+    if along_holes and not areas:
+        raise click.UsageError("--along-holes closes areas: choose --areas above or below, too")
     if mesh and (areas or smooth):
         raise click.UsageError(f"--mesh and --{'areas' if areas else 'smooth'} contradict one another: choose one")
     if mesh:
@@ -119,9 +123,12 @@ def decode_command(
     n = len(decoder.header.shape)
     with concerning(output):
         check_suffix(output, n)
-    drawings = Drawings(decoder, numbers, smooth, in_samples, AREAS if areas else cost_of(suffix, n))
+    drawings = Drawings(decoder, numbers, smooth, in_samples, AREAS if areas else cost_of(suffix, n), along_holes)
     with concerning(source):
-        rendered = render_areas(drawings, areas == "above") if areas else render_contour(drawings, suffix, n)
+        if areas:
+            rendered = render_areas(drawings, areas == "above", decoder.valid() if along_holes else None)
+        else:
+            rendered = render_contour(drawings, suffix, n)
     _warn_of_places(source, suffix, drawings)
     write_output(output, rendered)
     pieces = "segments" if n == 2 else "triangles"

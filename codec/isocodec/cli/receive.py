@@ -78,7 +78,8 @@ class Drawings:
     placement : NDArray or None
     """
 
-    def __init__(self, decoder: Decoder, numbers: Sequence[int], smooth: bool, in_samples: bool, cost: Cost) -> None:
+    def __init__(self, decoder: Decoder, numbers: Sequence[int], smooth: bool, in_samples: bool, cost: Cost,
+                 through_holes: bool = False) -> None:  # fmt: skip
         self.points = self.cells = 0
         self.complete = True
         self.largest = 0.0
@@ -88,6 +89,7 @@ class Drawings:
         self._decoder = decoder
         self._numbers = numbers
         self._smooth = smooth
+        self._through_holes = through_holes
         self._in_samples = in_samples
         self._cost = cost
 
@@ -100,7 +102,7 @@ class Drawings:
     def __iter__(self) -> Iterator[Contour]:
         kept = 0
         for number in self._numbers:
-            contour = self._decoder.drawn(number, self._smooth)
+            contour = self._decoder.drawn(number, self._smooth, self._through_holes)
             self._decoder.discard(number)
             if self._in_samples:
                 contour = replace(contour, placement=None)

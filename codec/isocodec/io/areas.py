@@ -24,7 +24,7 @@ def polygons() -> Any:
     return optional("shapely", extra="geo", purpose="making areas")
 
 
-def areas(contour: Contour, *, above: bool = True) -> dict[str, Any]:
+def areas(contour: Contour, *, above: bool = True, valid: NDArray[np.bool_] | None = None) -> dict[str, Any]:
     """The part of the box where values lie above the isovalue, or not above it, as polygons.
 
     Parameters
@@ -33,18 +33,22 @@ def areas(contour: Contour, *, above: bool = True) -> dict[str, Any]:
         An isocontour (n = 2).
     above : bool
         Which part.
+    valid : (s0, s1) array_like of bool, optional
+        Of a file with missing samples, as `decode_valid` gives it, with a contour that was decoded
+        ``through_holes``: areas are closed along the unit cells that have a missing corner.
 
     Returns
     -------
     dict
         GeoJSON ``MultiPolygon`` in the coordinates of `Contour.placed`, exterior rings counter-clockwise in these and
         holes clockwise; ``shapely.geometry.shape`` takes it. The two parts share the contour and make up the box, from
-        the first sample to the last along each axis. Where samples equal the isovalue, rings may touch.
+        the first sample to the last along each axis, without cells that have a missing corner. Where samples equal the
+        isovalue, rings may touch.
 
     Raises
     ------
     OptionError
-        For an isosurface, or if samples are missing: what they hide may be on either side.
+        For an isosurface, if samples are missing that ``valid`` does not say, or if it is of another shape.
     TruncatedError
         If the curve ends within the box, since not all of a layer has come.
     MissingExtraError
@@ -55,8 +59,10 @@ def areas(contour: Contour, *, above: bool = True) -> dict[str, Any]:
     if contour.masked:
         raise OptionError(
             "the field has missing samples, where areas have no border", code="holes",
-            remedy="encode with --missing below, above or nearest, which closes areas along them",
+            remedy="close areas along them with --along-holes (decode(.., through_holes=True), then areas(.., valid=..))",
         )  # fmt: skip
+    if valid is not None and np.shape(valid) != contour.shape:
+        raise OptionError(f"valid has shape {np.shape(valid)}, the field {contour.shape}", code="valid")
     shapely = polygons()
     touching = _touching(contour)
     outer: list[Any] = []
@@ -80,10 +86,22 @@ def areas(contour: Contour, *, above: bool = True) -> dict[str, Any]:
     area = shapely.MultiPolygon(parts)
     if touching and not area.is_valid:
         area = shapely.MultiPolygon(_pieces(shapely.union_all(parts)))
+    if valid is not None:
+        whole = shapely.difference(area, shapely.union_all(_holes(np.asarray(valid, np.bool_), shapely)))
+        area = shapely.MultiPolygon(_pieces(whole))
     placed = shapely.transform(area, contour.place)
     placed = shapely.MultiPolygon([shapely.geometry.polygon.orient(part) for part in placed.geoms])
     geometry: dict[str, Any] = shapely.geometry.mapping(placed)
     return geometry
+
+
+def _holes(valid: NDArray[np.bool_], shapely: Any) -> Any:
+    """Boxes that make up the unit cells with a missing corner: in each row of cells the runs."""
+    missing = ~(valid[:-1, :-1] & valid[1:, :-1] & valid[:-1, 1:] & valid[1:, 1:])
+    ends = np.diff(missing.astype(np.int8), axis=1, prepend=0, append=0)
+    row, first = np.nonzero(ends == 1)
+    last = np.nonzero(ends == -1)[1]
+    return shapely.box(row, first, row + 1, last)
 
 
 def _touching(contour: Contour) -> bool:

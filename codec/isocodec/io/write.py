@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Any
 from xml.etree import ElementTree
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..errors import OptionError
 from ..field.placement import CRS
@@ -170,8 +171,8 @@ def _geojson(contours: Iterable[Contour]) -> bytes:
     return _features(contours, lambda contour: _feature(contour, contour.__geo_interface__))
 
 
-def render_areas(contours: Iterable[Contour], above: bool) -> bytes:
-    """A GeoJSON file of the areas on one side of a contour, or of each of several.
+def render_areas(contours: Iterable[Contour], above: bool, valid: NDArray[np.bool_] | None = None) -> bytes:
+    """A GeoJSON file of the areas on one side of a contour, or of each of several; ``valid`` as in `areas`.
 
     Raises
     ------
@@ -179,7 +180,7 @@ def render_areas(contours: Iterable[Contour], above: bool) -> bytes:
         As `areas`.
     """
     side = "above" if above else "below"
-    return _features(contours, lambda contour: _feature(contour, areas(contour, above=above), area=side))
+    return _features(contours, lambda contour: _feature(contour, areas(contour, above=above, valid=valid), area=side))
 
 
 def _feature(contour: Contour, geometry: dict[str, Any], **properties: str) -> bytes:

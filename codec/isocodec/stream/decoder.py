@@ -215,8 +215,8 @@ class Decoder:
             pass
         return self.drawn(number, smooth)
 
-    def drawn(self, number: int = 0, smooth: bool = False) -> Contour:
-        """Like ``snapshot``, but of the events taken so far only.
+    def drawn(self, number: int = 0, smooth: bool = False, through_holes: bool = False) -> Contour:
+        """Like ``snapshot``, but of the events taken so far only; ``through_holes`` as in `decode`.
 
         Raises
         ------
@@ -224,16 +224,18 @@ class Decoder:
             If drawing takes more memory than the limits allow; the decoder stays as it is.
         """
         try:
-            return self._drawn(number, smooth)
+            return self._drawn(number, smooth, through_holes)
         except MemoryError:
             pass
         raise out_of_memory("to draw the contour")
 
-    def _drawn(self, number: int, smooth: bool) -> Contour:
+    def _drawn(self, number: int, smooth: bool, through_holes: bool) -> Contour:
         tube = self._tube_of(number)
         isovalue = self.isovalues[number] if tube else math.nan
         complete = self._ended and not self._cut
-        return contour_of(tube, isovalue, self.header, self.metadata, complete, smooth, self._budget, self._mask.holes)
+        return contour_of(
+            tube, isovalue, self.header, self.metadata, complete, smooth, self._budget, self._mask.holes, through_holes
+        )
 
     def mask(self, number: int = 0) -> NDArray[np.bool_]:
         """Which samples lie above an isovalue, by number, as of the events taken so far (spec clause 9.7).

@@ -25,9 +25,9 @@ from ..tube.holes import Holes
 
 def contour_of(
     tube: Tube | None, isovalue: float, header: Header | None, metadata: Mapping[str, str], complete: bool,
-    smooth: bool, budget: Budget, holes: Holes | None = None,
+    smooth: bool, budget: Budget, holes: Holes | None = None, through_holes: bool = False,
 ) -> Contour:  # fmt: skip
-    """The contour of a tube; an empty one where there is none yet."""
+    """The contour of a tube; an empty one where there is none yet. ``through_holes`` draws what is missing, too."""
     if header is None:
         return Contour(np.zeros((0, 2)), np.zeros((0, 2), np.int64), float("nan"), (0, 0), False)
     n = len(header.shape)
@@ -38,6 +38,8 @@ def contour_of(
         leaves = leaves_of(
             tube, isovalue, lambda steps, above: interval_value(isovalue, header.scale, steps, above), holes
         )
+        if through_holes:
+            leaves = replace(leaves, whole=None)
         contour = replace(draw(leaves, complete=complete, smooth=smooth), origin_above=tube.origin_above)
     return replace(contour, placement=read_placement(metadata, n), metadata=dict(metadata))
 
