@@ -59,7 +59,7 @@ def areas(contour: Contour, *, above: bool = True, valid: NDArray[np.bool_] | No
     if contour.masked:
         raise OptionError(
             "the field has missing samples, where areas have no border", code="holes",
-            remedy="close areas along them with --along-holes (decode(.., through_holes=True), then areas(.., valid=..))",
+            remedy="close them along holes: decode(.., through_holes=True), areas(.., valid=..); --along-holes",
         )  # fmt: skip
     if valid is not None and np.shape(valid) != contour.shape:
         raise OptionError(f"valid has shape {np.shape(valid)}, the field {contour.shape}", code="valid")
