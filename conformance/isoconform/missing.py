@@ -49,6 +49,17 @@ def whole() -> Iterator[Draft]:
                 f"{space}_missing_{name}", field, isovalues, f"missing samples: {about}", layers=name == "exact",
                 mask=gone, **options,
             )  # fmt: skip
+        rough, spots = noise(shape, 94, 4), noise(shape, 95, 4) > 9
+        spots[-1], spots[:, -2] = True, True
+        spots[0], spots[-1, :2] = False, False
+        for name, about, plan in (
+            ("rounds", "in rounds", GRID),
+            ("base", "in a base", [("base", None)]),
+        ):
+            yield encoded(
+                f"{space}_missing_noise_{name}", rough, (7, 9), f"missing samples: noise and spots, {about}",
+                layers=False, mask=spots, plan=[*plan, ("values", None)],
+            )  # fmt: skip
         most = np.arange(field.size).reshape(shape) > 0
         about = "missing samples: all but one"
         yield encoded(f"{space}_missing_all_but_one", field, VALUE, about, mask=most, exact=True)
