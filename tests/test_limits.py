@@ -360,9 +360,9 @@ def test_contours_of_a_file_are_drawn_one_after_the_other(tmp_path, monkeypatch)
     alive = []
     drawn = Decoder.drawn
 
-    def noted(decoder, number, smooth=False):
+    def noted(decoder, *arguments):
         assert all(ref() is None for ref in alive)
-        contour = drawn(decoder, number, smooth)
+        contour = drawn(decoder, *arguments)
         alive.append(weakref.ref(contour))
         return contour
 
