@@ -26,7 +26,10 @@ if TYPE_CHECKING:
         OptionError,
         TruncatedError,
     )
+    from .field.sampled import Field
+    from .files import EncodeOptions, IsoFile, open, save
     from .io.areas import areas
+    from .io.sources import read
     from .kernel import kernels
     from .layers.events import (
         BaseComplete,
@@ -59,7 +62,10 @@ _HOMES = {
         "FormatError", "InputError", "IsoError", "KernelError", "LimitError", "MissingExtraError", "OptionError",
         "TruncatedError",
     ),
+    "field.sampled": ("Field",),
+    "files": ("EncodeOptions", "IsoFile", "open", "save"),
     "io.areas": ("areas",),
+    "io.sources": ("read",),
     "kernel": ("kernels",),
     "limits": ("Limits",),
     "stream.decoder": ("Decoder",),
@@ -80,9 +86,11 @@ __all__ = [
     "ChunkSkipped",
     "Contour",
     "Decoder",
+    "EncodeOptions",
     "Encoder",
     "End",
     "Event",
+    "Field",
     "FileInfo",
     "FileStatistics",
     "FormatError",
@@ -90,6 +98,7 @@ __all__ = [
     "HeaderRead",
     "InputError",
     "IsoError",
+    "IsoFile",
     "IsovalueRead",
     "KernelError",
     "LayerComplete",
@@ -110,7 +119,10 @@ __all__ = [
     "encode",
     "inspect",
     "kernels",
+    "open",
+    "read",
     "read_plan",
+    "save",
     "statistics",
     "truncate",
 ]
