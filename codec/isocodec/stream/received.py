@@ -1,0 +1,237 @@
+"""What a decoder has received so far: its numbers, drawings, masks and meshes (spec clause 9)."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection
+from copy import copy
+
+import numpy as np
+from numpy.typing import NDArray
+
+from isospec.elements import ELEMENTS
+
+from ..drawing.contour import Contour
+from ..drawing.mask import MaskRows
+from ..drawing.tessellation import Tessellation
+from ..entropy.range_coder import Coder
+from ..errors import IsoError, LimitError, OptionError, out_of_memory
+from ..format.header import Header
+from ..format.program import Layer, Progress
+from ..layers.contents import Contents
+from ..layers.reader import LayerReader
+from ..limits import Budget, Limits
+from ..passes.runner import Tube
+from ..passes.snapshot import state_of
+from ..tube.decoded import Decoded
+from .drawn import contour_of, mask_rows_of, mesh_of, tessellation_of, valid_rows_of
+from .tubes import Tubes
+
+
+class Received:
+    """What bytes have been fed and what has been decoded of them, as of the events taken so far.
+
+    `Decoder` adds the bytes and takes the events.
+    """
+
+    def __init__(self, limits: Limits | None = None, *, only: Collection[int] | None = None) -> None:
+        self.limits = limits or Limits()
+        self.header: Header | None = None
+        self._data = bytearray()
+        self.layers: list[Layer] = []
+        self._contents = Contents(layers=self.layers)
+        self._budget = Budget(self.limits.memory)
+        self._strands = strands = Tubes(self.limits, self._data, self._contents, self._budget, only)
+        self._tubes, self._progresses, self._mask = strands.all, strands.progresses, strands.mask
+        self._reader = LayerReader(
+            self.limits, self._data, self._tubes, self._progresses, self._mask.tubes, self.layers
+        )
+        self.isovalues = self._contents.isovalues
+        self.metadata = self._contents.metadata
+        self.runs = self._reader.runs
+        self._cut = False
+        self._ended = False
+        self._error: IsoError | None = None
+
+    @property
+    def complete(self) -> bool:
+        """Whether the whole file has been received and verified."""
+        return self._ended
+
+    @property
+    def _tube(self) -> Tube | None:
+        """That of the isovalue whose layers come at present; None if it is skipped."""
+        return self._strands.present
+
+    @property
+    def _progress(self) -> Progress:
+        return self._progresses[-1]
+
+    @property
+    def value_bits(self) -> tuple[int, int]:
+        """Bits of the numbers above and below the isovalue, as far as stated."""
+        return (self._progress.bits if self._progresses else None) or (0, 0)
+
+    @property
+    def coder(self) -> Coder:
+        """The coder of the last run that was begun."""
+        return self._reader.coder
+
+    @property
+    def run_symbols(self) -> int:
+        """Symbols that have been decoded of the last run that was begun."""
+        return self._reader.run_symbols
+
+    @property
+    def memory(self) -> int:
+        """Bytes that count to `Limits.memory` at present."""
+        return self._budget.held
+
+    @property
+    def symbols(self) -> dict[str, int]:
+        """Symbols received so far, by syntax element."""
+        return dict(zip(ELEMENTS, map(int, self._reader.symbols()), strict=True))
+
+    @property
+    def predictions(self) -> tuple[int, int]:
+        """Signs that were predicted so far, and how many of them rightly."""
+        tallies = [tube.tally()[-2:] for tube in self._tubes if tube]
+        return sum(int(t[0]) for t in tallies), sum(int(t[1]) for t in tallies)
+
+    def _tube_of(self, number: int) -> Tube | None:
+        """That of an isovalue, by number; None before it has come, or if it is skipped."""
+        if isinstance(self._error, LimitError):
+            # what was decoded has been dropped
+            raise copy(self._error)
+        if number < 0:
+            raise OptionError(f"isovalue number {number}; they are counted from 0", code="isovalue")
+        return self._tubes[number] if number < len(self._tubes) else None
+
+    def state(self, number: int = 0) -> Decoded | None:
+        """The decoded state of an isovalue, by number, in integers; None before it has come, or if it is skipped."""
+        tube = self._tube_of(number)
+        return state_of(tube) if tube else None
+
+    def mask_state(self) -> Decoded | None:
+        """The decoded state of the mask, likewise; None before its chunk has come."""
+        return state_of(self._mask.tube) if self._mask.tube else None
+
+    def drawn(self, number: int = 0, smooth: bool = False, through_holes: bool = False) -> Contour:
+        """The curve or surface of an isovalue, by number; ``smooth`` and ``through_holes`` as in `decode`.
+
+        Raises
+        ------
+        LimitError
+            If drawing takes more memory than the limits allow; the decoder stays as it is.
+        """
+        try:
+            return self._drawn(number, smooth, through_holes)
+        except MemoryError:
+            pass
+        raise out_of_memory("to draw the contour")
+
+    def _drawn(self, number: int, smooth: bool, through_holes: bool) -> Contour:
+        tube = self._tube_of(number)
+        isovalue = self.isovalues[number] if tube else math.nan
+        complete = self._ended and not self._cut
+        return contour_of(
+            tube, isovalue, self.header, self.metadata, complete, smooth, self._budget, self._mask.holes, through_holes
+        )
+
+    def mask(self, number: int = 0) -> NDArray[np.bool_]:
+        """Which samples lie above an isovalue, by number, as of the events taken so far (spec clause 9.7).
+
+        Raises
+        ------
+        TruncatedError
+            If that has not been received yet.
+        OptionError
+            If the file does not tell: its mesh is coarser than the samples.
+        LimitError
+            If there are more samples than the limits allow.
+        """
+        try:
+            return self.mask_rows(number).whole()
+        except MemoryError:
+            pass
+        raise out_of_memory("for the mask")
+
+    def mask_rows(self, number: int = 0, last_first: bool = False) -> MaskRows:
+        """The same some rows at a time, so that the mask need not be in memory as a whole.
+
+        With ``last_first`` of the transposed array, whose first axis is the last one.
+
+        Raises
+        ------
+        TruncatedError, OptionError, LimitError
+            As `mask`.
+        """
+        tube = self._tube_of(number)
+        return mask_rows_of(tube, len(self._data), self.complete, last_first, self.limits, self._budget)
+
+    def valid(self) -> NDArray[np.bool_]:
+        """Which samples are valid, as of the events taken so far; all are if the file has no mask.
+
+        Raises
+        ------
+        TruncatedError
+            If a mask may still come.
+        LimitError
+            If there are more samples than the limits allow.
+        """
+        try:
+            return self.valid_rows().whole()
+        except MemoryError:
+            pass
+        raise out_of_memory("for the mask")
+
+    def valid_rows(self, last_first: bool = False) -> MaskRows:
+        """The same some rows at a time; ``last_first`` and errors as in `mask_rows`."""
+        if isinstance(self._error, LimitError):
+            raise copy(self._error)
+        tube, received = self._mask.tube if self._mask.holes else None, len(self._data)
+        return valid_rows_of(tube, self.header, received, self.complete, last_first, self.limits, self._budget)
+
+    def mesh(self, number: int = 0) -> tuple[np.ndarray, np.ndarray]:
+        """The crossed leaves of the mesh: positions (V, n) and vertices of simplices (M, n + 1), both int64."""
+        n = len(self.header.shape) if self.header else 2
+        return mesh_of(self._tube_of(number), n, self._budget)
+
+    def tessellation(self, number: int = 0, whole: bool = True) -> Tessellation:
+        """The mesh of an isovalue, by number, with signs of vertices: of the whole box, or its crossed leaves alone.
+
+        Raises
+        ------
+        TruncatedError
+            If that has not been received yet.
+        LimitError
+            If it takes more memory than the limits allow; the decoder stays as it is.
+        """
+        tube = self._tube_of(number)
+        isovalue = self.isovalues[number] if tube else math.nan
+        complete = self._ended and not self._cut
+        try:
+            return tessellation_of(tube, isovalue, self.header, self.metadata, complete, whole, self._budget)
+        except MemoryError:
+            pass
+        raise out_of_memory("for the mesh")
+
+    def hold(self, size: int) -> None:
+        """Count ``size`` bytes that the caller holds, of drawings for example, to the limit of memory from now on.
+
+        Raises
+        ------
+        LimitError
+            If that is more than there may be; the decoder stays as it is.
+        """
+        self._budget.hold(self, size)
+
+    def discard(self, number: int | None = None) -> None:
+        """Drop what has been decoded of an isovalue, or of all: to free memory once it has been drawn.
+
+        What is to come must not lean on it.
+        """
+        for i, tube in enumerate(self._tubes):
+            if tube is not None and number in (None, i):
+                self._budget.release(tube, tube.estimates)
+                self._reader.drop(i)
