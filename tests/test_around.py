@@ -213,11 +213,11 @@ def test_files_may_be_numbered_downwards():
 
 
 def test_degrees_are_not_named(tmp_path):
-    """GeoJSON is in degrees unless it says otherwise."""
+    """GeoJSON is in degrees unless it is asked to keep the system of the file, which it then names."""
     for system, named in (("EPSG:4326", False), ("EPSG:32631", True)):
         data = isocodec.encode(HILLS, 100.5, placement=[[0, 1, 5], [1, 0, 6]], metadata={"crs": system})
         (tmp_path / "in.iso").write_bytes(data)
-        ok("decode", tmp_path / "in.iso", "-o", tmp_path / "out.geojson")
+        ok("decode", tmp_path / "in.iso", "-o", tmp_path / "out.geojson", "--keep-crs")
         assert ("crs" in json.loads((tmp_path / "out.geojson").read_bytes())) == named
 
 

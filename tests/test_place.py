@@ -45,7 +45,7 @@ def test_geotiff(tmp_path: Path, raster: int, half: float) -> None:
     """Pixels that are areas have their samples in the middle; rows run southwards."""
     tifffile.imwrite(tmp_path / "dem.tif", HILL.astype(np.float32), extratags=UTM + keys(raster, 32631))
     ok("encode", tmp_path / "dem.tif", "-o", tmp_path / "dem.iso", "--isovalue", 70)
-    ok("decode", tmp_path / "dem.iso", "-o", tmp_path / "dem.geojson")
+    ok("decode", tmp_path / "dem.iso", "-o", tmp_path / "dem.geojson", "--keep-crs")
     feature = json.loads((tmp_path / "dem.geojson").read_text())
     assert feature["crs"]["properties"]["name"] == "urn:ogc:def:crs:EPSG::32631"
     (line,) = feature["geometry"]["coordinates"]

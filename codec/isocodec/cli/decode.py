@@ -12,7 +12,7 @@ from ..errors import FormatError
 from .mesh import write_mesh
 from .options import iso_argument, json_option, limit_options, limits_of, output_option, partial_option, smooth_option
 from .receive import Drawings, receive, receive_all, warn_of_others
-from .report import check_output, concerning, read_iso, tell, warn, write_output
+from .report import check_output, concerning, read_iso, tell, warn
 
 LOST = 0.01
 """Share of a cell by which single precision may move points without a word."""
@@ -34,9 +34,14 @@ LOST = 0.01
     help="Decode only the first N layers of the isovalue.",
 )
 @click.option("--max-bytes", type=click.IntRange(min=1), metavar="N", help="Decode only the first N bytes.")
+@click.option(
+    "--keep-crs", is_flag=True,
+    help="Write .geojson in the reference system of the file, not in longitude and latitude.",
+)
 @click.option("--in-samples", is_flag=True, help="Write coordinates in samples, even if the file has a placement.")
 @click.option(
-    "--areas", type=click.Choice(["above", "below"]), help="Write polygons of the areas above or below (.geojson)."
+    "--areas", type=click.Choice(["above", "below"]),
+    help="Write polygons of the areas above or below (.geojson, .gpkg, .fgb, .shp, .parquet).",
 )
 @click.option("--along-holes", is_flag=True, help="With --areas: close areas along missing samples, too.")
 @click.option(
@@ -48,26 +53,28 @@ LOST = 0.01
 @limit_options
 @json_option
 def decode_command(
-    source: Path, output: Path, isovalue: float | None, layers: int | None, max_bytes: int | None, in_samples: bool,
-    areas: str | None, along_holes: bool, mesh: str | None, smooth: bool, partial: bool, limit_memory: int | None,
-    limit_work: int | None, as_json: bool,
+    source: Path, output: Path, isovalue: float | None, layers: int | None, max_bytes: int | None, keep_crs: bool,
+    in_samples: bool, areas: str | None, along_holes: bool, mesh: str | None, smooth: bool, partial: bool,
+    limit_memory: int | None, limit_work: int | None, as_json: bool,
 ) -> None:  # fmt: skip
     """Decode IN.iso to OUT; the suffix of OUT names the format.
 
     \b
-    Curves and surfaces  .npz (points, cells, isovalue, shape; placement, crs), .png
-    Curves               .geojson, .svg (x along axis 1, y along axis 0)
-    Surfaces             .ply, .stl, .obj (x, y, z along axes 0, 1, 2)
+    Curves and surfaces  .npz (points, cells, isovalue, shape; placement, crs), .png, .dxf, .vtp
+    Curves               .geojson, .gpkg, .fgb, .shp, .parquet, .svg (x along axis 1, y along axis 0)
+    Surfaces             .ply, .stl, .off, .obj, .glb, .3mf (x, y, z along axes 0, 1, 2)
 
     Coordinates are in samples. If the file has a placement (from NIfTI or GeoTIFF, for example, or encode --spacing),
-    .geojson, .ply, .stl and .obj have world coordinates instead.
+    all but .npz, .svg and .png have world coordinates instead. GeoJSON has longitude and latitude (RFC 7946) if the
+    file names its reference system.
 
-    With --areas the .geojson holds polygons with holes: the curve, closed along the border of the samples,
+    With --areas the file holds polygons with holes: the curve, closed along the border of the samples,
     and with --along-holes along unit cells that have a missing corner.
 
     With --mesh the file holds triangles or tetrahedra with their level, and vertices with their sign (above: 1, 0).
 
-    If there are several isovalues, .geojson, .svg and .png hold all of them, the other formats one.
+    If there are several isovalues, .npz, .ply, .stl and .off hold one of them, the other formats all: as features and
+    rows with their isovalue, layers (.dxf) or named objects.
     """
     if along_holes and not areas:
         raise click.UsageError("--along-holes closes areas: choose --areas above or below, too")
@@ -87,8 +94,9 @@ def decode_command(
         check_suffix,
         cost_of,
         holds_several,
-        render_areas,
+        put,
         render_contour,
+        render_sides,
     )
 
     with concerning(output):
@@ -126,11 +134,13 @@ def decode_command(
     drawings = Drawings(decoder, numbers, smooth, in_samples, AREAS if areas else cost_of(suffix, n), along_holes)
     with concerning(source):
         if areas:
-            rendered = render_areas(drawings, areas == "above", decoder.valid() if along_holes else None)
+            valid = decoder.valid() if along_holes else None
+            rendered = render_sides(drawings, suffix, areas == "above", valid, keep_crs)
         else:
-            rendered = render_contour(drawings, suffix, n)
-    _warn_of_places(source, suffix, drawings)
-    write_output(output, rendered)
+            rendered = render_contour(drawings, suffix, n, keep_crs)
+    _warn_of_places(source, suffix, drawings, keep_crs or in_samples)
+    with concerning(output):
+        put(output, suffix, rendered)
     pieces = "segments" if n == 2 else "triangles"
     tell(
         f"{click.format_filename(output)}: {drawings.points:,} points, {drawings.cells:,} {pieces}, {seconds:.2f} s"
@@ -149,13 +159,22 @@ def decode_command(
     )
 
 
-def _warn_of_places(source: Path, suffix: str, drawings: Drawings) -> None:
+def _warn_of_places(source: Path, suffix: str, drawings: Drawings, as_they_are: bool) -> None:
     """Say so where nothing of a curve has come yet, or where coordinates lose what the file knows."""
     import numpy as np
 
     if not drawings.points and not drawings.complete:
         warn(source, "the part that was decoded holds nothing of the curve")
     placement = drawings.placement
+    if suffix == ".geojson" and drawings.points and not drawings.in_degrees and not as_they_are:
+        where = "in samples: the file does not say where these lie" if placement is None else (
+            "in a reference system that the file does not name"
+        )
+        warn(
+            source,
+            f"coordinates are no longitudes and latitudes, as GeoJSON has them (RFC 7946), but {where}; say it with "
+            "encode --spacing and --metadata crs=EPSG:.., or use .gpkg",
+        )
     if suffix in (".ply", ".stl") and placement is not None and drawings.points:
         lost = float(np.spacing(np.float32(drawings.largest)))
         steps = np.linalg.norm(placement[:, :-1], axis=0)

@@ -76,6 +76,8 @@ class Drawings:
         Largest coordinate.
     shape : tuple of int
     placement : NDArray or None
+    in_degrees : bool
+        Whether their reference system is known.
     """
 
     def __init__(self, decoder: Decoder, numbers: Sequence[int], smooth: bool, in_samples: bool, cost: Cost,
@@ -86,6 +88,7 @@ class Drawings:
         assert decoder.header is not None
         self.shape = decoder.header.shape
         self.placement: Any = None
+        self.in_degrees = False
         self._decoder = decoder
         self._numbers = numbers
         self._smooth = smooth
@@ -100,6 +103,8 @@ class Drawings:
         return False
 
     def __iter__(self) -> Iterator[Contour]:
+        from ..io.system import epsg_of
+
         kept = 0
         for number in self._numbers:
             contour = self._decoder.drawn(number, self._smooth, self._through_holes)
@@ -113,6 +118,7 @@ class Drawings:
             self.cells += len(cells)
             self.complete &= contour.complete
             self.placement = contour.placement
+            self.in_degrees = epsg_of(contour) is not None
             if len(points):
                 self.largest = max(self.largest, float(abs(contour.placed).max()))
             yield contour

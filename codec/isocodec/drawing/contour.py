@@ -10,10 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import OptionError
+from ..exchange import Exchange
 
 
 @dataclass(frozen=True, eq=False)
-class Contour:
+class Contour(Exchange):
     """An isocontour (n = 2) or isosurface (n = 3): points, and the segments or triangles between them.
 
     Orientation, n = 2: on the way from ``points[cells[i, 0]]`` to ``points[cells[i, 1]]``, in the plane with axis 0 as

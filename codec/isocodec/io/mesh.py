@@ -7,7 +7,6 @@ Coordinates are those of curves and surfaces (see `io.write`): of the placement,
 from __future__ import annotations
 
 import json
-import re
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
@@ -16,23 +15,26 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..drawing.contour import Contour
-from ..field.placement import CRS
 from .extras import optional
 from .output_formats import Cost, Format
+from .system import to_degrees
 
 if TYPE_CHECKING:
     from ..drawing.tessellation import Tessellation
 
 VALUES = "above", "level"
 """Names of the values at vertices and of simplices."""
-_EPSG = re.compile("EPSG:([1-9][0-9]{0,5})")
-_DEGREES = "4326"
 
 
 def placed(mesh: Tessellation) -> NDArray[np.float64]:
     """Vertices in the coordinates x, y (, z) of the placement, or of samples (see `Contour.placed`)."""
-    about = Contour(np.zeros((0, 2)), np.zeros((0, 2), np.int64), mesh.isovalue, mesh.shape, placement=mesh.placement)
-    return about.place(mesh.points.astype(np.float64))
+    return _about(mesh).place(mesh.points.astype(np.float64))
+
+
+def _about(mesh: Tessellation) -> Contour:
+    """An empty contour that says where the mesh lies."""
+    none = np.zeros((0, 2)), np.zeros((0, 2), np.int64)
+    return Contour(*none, mesh.isovalue, mesh.shape, placement=mesh.placement, metadata=mesh.metadata)
 
 
 def _in_space(mesh: Tessellation) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
@@ -92,6 +94,7 @@ def _ply(mesh: Tessellation) -> bytes:
 def _geojson(mesh: Tessellation) -> bytes:
     """A polygon for each triangle, with its level and the signs of its corners."""
     points, cells = _in_space(mesh)
+    points = to_degrees(_about(mesh))(points[:, :2])
     features = [
         {
             "type": "Feature",
@@ -99,14 +102,10 @@ def _geojson(mesh: Tessellation) -> bytes:
             "geometry": {"type": "Polygon", "coordinates": [[*corners, corners[0]]]},
         }
         for corners, level, above in zip(
-            points[cells][:, :, :2].tolist(), mesh.levels.tolist(), mesh.above[cells].astype(int).tolist(), strict=True
+            points[cells].tolist(), mesh.levels.tolist(), mesh.above[cells].astype(int).tolist(), strict=True
         )
     ]
-    system: dict[str, Any] = {}
-    found = _EPSG.fullmatch(mesh.metadata.get(CRS, ""))
-    if mesh.placement is not None and found and found[1] != _DEGREES:
-        system["crs"] = {"type": "name", "properties": {"name": f"urn:ogc:def:crs:EPSG::{found[1]}"}}
-    whole = {"type": "FeatureCollection", **system, "features": features}
+    whole = {"type": "FeatureCollection", "features": features}
     return json.dumps(whole, separators=(",", ":"), allow_nan=False).encode() + b"\n"
 
 

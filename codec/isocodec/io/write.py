@@ -1,18 +1,16 @@
 """Curves and surfaces out, in the formats of other tools.
 
-GeoJSON, PLY, STL and OBJ have the coordinates of the file's placement (`Contour.placed`). Without one, and always in an
-SVG, the unit is the cell: in the plane x runs along axis 1 of the array and y along axis 0, sample (i, j) at x = j,
-y = i; in space x, y, z are the axes 0, 1, 2 of the array.
+Coordinates are those of the file's placement (`Contour.placed`), of GeoJSON in longitude and latitude where the
+reference system is known. Without a placement, and always in an SVG, the unit is the cell: in the plane x runs along
+axis 1 of the array and y along axis 0, sample (i, j) at x = j, y = i; in space x, y, z are the axes 0, 1, 2.
 """
 
 from __future__ import annotations
 
 import io
-import json
-import math
 import os
-import re
-from collections.abc import Callable, Collection, Iterable
+from collections.abc import Collection, Iterable
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from xml.etree import ElementTree
@@ -22,19 +20,20 @@ from numpy.typing import NDArray
 
 from ..errors import OptionError
 from ..field.placement import CRS
-from .areas import areas, polygons
+from .areas import polygons
 from .atomic import write_bytes
-from .extras import optional
+from .dxf import ezdxf, render_dxf
+from .geojson import render_areas, render_lines
 from .mesh import MESHES
 from .output_formats import Cost, Format, find_suffix
 from .picture import PICTURE, contour_picture, matplotlib_figure
+from .surfaces import render_groups, render_single, trimesh_for
+from .vector import VECTOR_SUFFIXES, libraries, render_table, unpacked
+from .vtp import render_vtp
 
 if TYPE_CHECKING:
     from ..drawing.contour import Contour
     from ..drawing.tessellation import Tessellation
-
-_EPSG = re.compile("EPSG:([1-9][0-9]{0,5})")
-_DEGREES = "4326"
 
 
 def check_suffix(path: str | os.PathLike[str], dimension: int | None = None) -> str:
@@ -50,15 +49,17 @@ def check_suffix(path: str | os.PathLike[str], dimension: int | None = None) -> 
 
 
 def check_areas(path: str | os.PathLike[str]) -> None:
-    """That areas can be written to ``path``, and the library for them is there.
+    """That areas can be written to ``path``, and the libraries for them are there.
 
     Raises
     ------
     OptionError, MissingExtraError
     """
-    if Path(path).suffix.lower() != ".geojson":
-        raise OptionError("areas can be written as .geojson only", code="suffix")
+    suffix = Path(path).suffix.lower()
+    if suffix not in _OF_AREAS:
+        raise OptionError(f"areas can be written as {', '.join(_OF_AREAS)} only", code="suffix")
     polygons()
+    check_libraries(suffix)
 
 
 def check_libraries(suffix: str) -> None:
@@ -105,14 +106,34 @@ def render_mesh(mesh: Tessellation, suffix: str) -> bytes:
 
 
 AREAS = Cost(300, 240, kept=100)
-"""Memory that `render_areas` takes."""
+"""Memory that `render_sides` takes."""
+_OF_AREAS = (".geojson", *VECTOR_SUFFIXES)
 
 
-def render_contour(contour: Contour | Collection[Contour], suffix: str, dimension: int | None = None) -> bytes:
+def render_sides(
+    contours: Iterable[Contour], suffix: str, above: bool, valid: NDArray[np.bool_] | None = None, keep: bool = False
+) -> bytes:
+    """The file of the areas on one side of a contour, or of each of several; ``valid`` as in `areas`.
+
+    Raises
+    ------
+    OptionError, TruncatedError, MissingExtraError
+        As `areas`.
+    """
+    if suffix == ".geojson":
+        return render_areas(contours, above, valid, keep)
+    return render_table(contours, suffix, "above" if above else "below", valid)
+
+
+def render_contour(
+    contour: Contour | Collection[Contour], suffix: str, dimension: int | None = None, keep: bool = False
+) -> bytes:
     """The whole file of a contour, or of those of several isovalues, in the format that ``suffix`` (``".ply"``) names.
 
     Several are gone through once, so that each may be drawn when it is asked for and dropped after that; ``dimension``
-    says then of how many axes the field is.
+    says then of how many axes the field is. With ``keep`` GeoJSON has the coordinates of the file's reference system;
+    without, they become longitude and latitude where that system is known. Of a Shapefile the result is an archive of
+    its files, as `put` takes it.
 
     Raises
     ------
@@ -125,6 +146,8 @@ def render_contour(contour: Contour | Collection[Contour], suffix: str, dimensio
     if dimension is None:
         dimension = len(next(iter(contours)).shape)
     suffix = check_suffix(f"_{suffix}", dimension)
+    if suffix == ".geojson":
+        return render_lines(contours, keep)
     if holds_several(suffix, dimension):
         return bytes(_FORMATS[suffix].render(contours))
     if len(contours) > 1:
@@ -142,7 +165,19 @@ def write_contour(contour: Contour | Collection[Contour], path: str | os.PathLik
     OSError
         If the file cannot be written.
     """
-    write_bytes(path, render_contour(contour, Path(path).suffix))
+    suffix = check_suffix(path)
+    put(Path(path), suffix, render_contour(contour, suffix))
+
+
+def put(path: Path, suffix: str, data: bytes) -> None:
+    """Write a file that was rendered: each of its files, if these are several (.shp), whole or not at all.
+
+    Raises
+    ------
+    OSError
+    """
+    for part, content in unpacked(path, data) if suffix == ".shp" else [(path, data)]:
+        write_bytes(part, content)
 
 
 # ---- Both dimensions ------------------------------------------------------------------------------------------------
@@ -165,61 +200,6 @@ def _npz(contour: Contour) -> bytes:
 
 
 # ---- 2-D ------------------------------------------------------------------------------------------------------------
-
-
-def _geojson(contours: Iterable[Contour]) -> bytes:
-    return _features(contours, lambda contour: _feature(contour, contour.__geo_interface__))
-
-
-def render_areas(contours: Iterable[Contour], above: bool, valid: NDArray[np.bool_] | None = None) -> bytes:
-    """A GeoJSON file of the areas on one side of a contour, or of each of several; ``valid`` as in `areas`.
-
-    Raises
-    ------
-    OptionError, TruncatedError, MissingExtraError
-        As `areas`.
-    """
-    side = "above" if above else "below"
-    return _features(contours, lambda contour: _feature(contour, areas(contour, above=above, valid=valid), area=side))
-
-
-def _feature(contour: Contour, geometry: dict[str, Any], **properties: str) -> bytes:
-    """The text of a feature with the properties isovalue, shape and complete; an empty curve is an empty geometry."""
-    return _json(
-        {
-            "type": "Feature",
-            "properties": {
-                "isovalue": float(contour.isovalue),
-                "shape": [int(n) for n in contour.shape],
-                "complete": bool(contour.complete),
-                **properties,
-            },
-            "geometry": geometry,
-        }
-    )
-
-
-def _features(contours: Iterable[Contour], feature: Callable[[Contour], bytes]) -> bytes:
-    """The file of the feature of a contour, or of a collection of several of the same placement.
-
-    A reference system other than that of GeoJSON, degrees of longitude and latitude, is named as GeoJSON once had it.
-    """
-    texts, system = [], b""
-    for contour in contours:
-        texts.append(feature(contour))
-        found = _EPSG.fullmatch(contour.metadata.get(CRS, ""))
-        if contour.placement is not None and found and found[1] != _DEGREES:
-            name = {"type": "name", "properties": {"name": f"urn:ogc:def:crs:EPSG::{found[1]}"}}
-            system = b',"crs":' + _json(name)
-        # of a contour no more is kept than its text
-        del contour
-    if len(texts) == 1:
-        return b"".join([texts[0][:-1], system, b"}\n"])
-    return b"".join([b'{"type":"FeatureCollection","features":[', b",".join(texts), b"]", system, b"}\n"])
-
-
-def _json(value: dict[str, Any]) -> bytes:
-    return json.dumps(value, separators=(",", ":"), allow_nan=False).encode()
 
 
 def _svg(contours: Iterable[Contour]) -> bytes:
@@ -258,42 +238,35 @@ def _decimal(number: float) -> str:
     return "0" if text == "-0" else text
 
 
-# ---- 3-D ------------------------------------------------------------------------------------------------------------
+# ---- All formats ----------------------------------------------------------------------------------------------------
 
 
-def _trimesh(suffix: str) -> Any:
-    return optional("trimesh", extra="mesh", purpose=f"writing {suffix}")
+def _single(suffix: str, cost: Cost) -> Format:
+    return Format((3,), partial(render_single, suffix=suffix), partial(trimesh_for, suffix), cost={3: cost})
 
 
-def _mesh(contour: Contour, suffix: str) -> bytes:
-    """PLY (binary) and STL (binary) hold single precision by custom; OBJ has eight decimal places of a cell."""
-    trimesh = _trimesh(suffix)
-    if suffix == ".obj" and len(contour.cells) == 0:
-        # The library would write keywords without numbers, which no reader takes.
-        return b"# empty isosurface\n"
-    # A placement that mirrors space turns triangles over.
-    mirrored = contour.placement is not None and np.linalg.det(contour.placement[:, :3]) < 0
-    cells = contour.cells[:, ::-1] if mirrored else contour.cells
-    # Without processing: the vertices and their order are ours.
-    mesh = trimesh.Trimesh(vertices=contour.placed, faces=cells, process=False)
-    steps = [1.0] if contour.placement is None else np.linalg.norm(contour.placement[:, :3], axis=0)
-    places = {"digits": 8 + max(0, math.ceil(-math.log10(min(steps))))} if suffix == ".obj" else {}
-    data = mesh.export(file_type=suffix[1:], **places)
-    return data.encode() if isinstance(data, str) else bytes(data)
+def _groups(suffix: str, cost: Cost) -> Format:
+    return Format((3,), partial(render_groups, suffix=suffix), partial(trimesh_for, suffix), (3,), {3: cost})
 
 
-def _surface_format(suffix: str, cost: Cost) -> Format:
-    return Format((3,), lambda contour: _mesh(contour, suffix), lambda: _trimesh(suffix), cost={3: cost})
+def _map(suffix: str) -> Format:
+    return Format((2,), partial(render_table, suffix=suffix), libraries, (2,), {2: Cost(300, 240, kept=200)})
 
 
 _FORMATS: dict[str, Format] = {
     ".npz": Format((2, 3), _npz, cost={2: Cost(40, 48), 3: Cost(40, 48)}),
     ".png": Format((2, 3), contour_picture, matplotlib_figure, several=(2, 3), cost=PICTURE),
-    ".geojson": Format((2,), _geojson, several=(2,), cost={2: Cost(300, 240, kept=100)}),
+    ".geojson": Format((2,), render_lines, several=(2,), cost={2: Cost(300, 240, kept=100)}),
     ".svg": Format((2,), _svg, several=(2,), cost={2: Cost(120, 100, kept=50)}),
-    ".ply": _surface_format(".ply", Cost(70, 52)),
-    ".stl": _surface_format(".stl", Cost(120, 280)),
-    ".obj": _surface_format(".obj", Cost(140, 200)),
+    **{suffix: _map(suffix) for suffix in VECTOR_SUFFIXES},
+    ".dxf": Format((2, 3), render_dxf, ezdxf, (2, 3), {2: Cost(1200, 0, 1 << 24), 3: Cost(600, 900, 1 << 24)}),
+    ".vtp": Format((2, 3), render_vtp, several=(2, 3), cost={2: Cost(120, 100), 3: Cost(200, 160)}),
+    ".ply": _single(".ply", Cost(70, 52)),
+    ".stl": _single(".stl", Cost(120, 280)),
+    ".off": _single(".off", Cost(140, 200)),
+    ".obj": _groups(".obj", Cost(140, 200)),
+    ".glb": _groups(".glb", Cost(160, 200)),
+    ".3mf": _groups(".3mf", Cost(600, 900)),
 }
 
 CURVE_SUFFIXES: tuple[str, ...] = tuple(_FORMATS)

@@ -1,0 +1,162 @@
+"""Contours for other libraries and notebooks: what users ask of a contour beside its points and cells."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .errors import MissingExtraError, OptionError
+
+if TYPE_CHECKING:
+    from .drawing.contour import Contour
+
+
+
+class Exchange:
+    """The part of `Contour` that makes objects of other libraries.
+
+    Coordinates are those of `Contour.placed`: of the placement, or in samples without one.
+    """
+
+    @cached_property
+    def mirrored(self: Any) -> bool:
+        """Whether the way from index coordinates to those of the placement turns left into right."""
+        n = len(self.shape)
+        middle = (np.array(self.shape, np.float64) - 1) / 2
+        corners = self.place(np.concatenate([middle[None], middle + np.eye(n) / 2]))
+        return bool(np.linalg.det(corners[1:] - corners[0]) < 0)
+
+    @property
+    def placed_cells(self: Any) -> NDArray[np.int64]:
+        """Segments or triangles (M, n) between the points of `placed`, of which triangles are turned where those are
+        mirrored: counter-clockwise seen from lower values."""
+        turned: NDArray[np.int64] = self.cells[:, ::-1] if len(self.shape) == 3 and self.mirrored else self.cells
+        return turned
+
+    @cached_property
+    def normals(self: Any) -> NDArray[np.float64]:
+        """Unit vectors (P, n) at the points of `placed`, towards lower values: means over the cells around each,
+        weighted by their size; 0 where there is none."""
+        placed = self.placed
+        cells = self.placed_cells
+        out = np.zeros_like(placed)
+        if placed.shape[1] == 3:
+            a, b, c = (placed[cells[:, k]] for k in range(3))
+            across = np.cross(b - a, c - a)
+        else:
+            along = placed[cells[:, 1]] - placed[cells[:, 0]]
+            # in index coordinates higher values are on the left
+            across = np.stack([along[:, 1], -along[:, 0]], axis=1) * (-1 if self.mirrored else 1)
+        for k in range(cells.shape[1]):
+            np.add.at(out, cells[:, k], across)
+        length = np.linalg.norm(out, axis=1, keepdims=True)
+        return np.asarray(np.divide(out, length, out=np.zeros_like(out), where=length > 0))
+
+    def flip(self: Any) -> Contour:
+        """The same curve or surface with above and below exchanged: cells run the other way, normals point to higher
+        values. For distance fields and densities whose inside is what lies below."""
+        above = None if self.origin_above is None else not self.origin_above
+        flipped: Contour = replace(self, cells=self.cells[:, ::-1].copy(), origin_above=above)
+        return flipped
+
+    def to_shapely(self: Any) -> Any:
+        """A ``shapely.MultiLineString`` of an isocontour.
+
+        Raises
+        ------
+        OptionError
+            For an isosurface.
+        MissingExtraError
+            If shapely is not installed.
+        """
+        from .io.areas import polygons
+
+        if len(self.shape) != 2:
+            raise OptionError("a surface is no geometry of shapely", code="dimension", remedy="use to_trimesh")
+        placed = self.placed
+        return polygons().MultiLineString([placed[walk] for walk in self.walks])
+
+    def to_geodataframe(self: Any) -> Any:
+        """A ``geopandas.GeoDataFrame`` of an isocontour: a row for each line, with ``isovalue``, ``closed`` and
+        ``complete``, in the reference system of the file.
+
+        Raises
+        ------
+        OptionError
+            For an isosurface.
+        MissingExtraError
+            If geopandas is not installed.
+        """
+        from .io.vector import table_of
+
+        return table_of([self])
+
+    def to_trimesh(self: Any) -> Any:
+        """A ``trimesh.Trimesh`` of an isosurface: its points as vertices, in their order.
+
+        Raises
+        ------
+        OptionError
+            For an isocontour of the plane.
+        MissingExtraError
+            If trimesh is not installed.
+        """
+        from .io.surfaces import mesh_of
+
+        if len(self.shape) != 3:
+            raise OptionError("a curve is no mesh of trimesh", code="dimension", remedy="use to_shapely")
+        return mesh_of(self)
+
+    def to_pyvista(self: Any) -> Any:
+        """A ``pyvista.PolyData``: lines, or triangles with normals; cells have the value ``isovalue``.
+
+        Raises
+        ------
+        MissingExtraError
+            If pyvista is not installed.
+        """
+        from .io.extras import optional
+
+        pyvista = optional("pyvista", extra="vtk", purpose="making a mesh of pyvista")
+        placed = self.placed
+        points = np.pad(placed, ((0, 0), (0, 3 - placed.shape[1])))
+        if len(self.shape) == 2:
+            rows: list[int] = [n for walk in self.walks for n in (len(walk), *walk)]
+            mesh = pyvista.PolyData(points, lines=np.array(rows, np.int64))
+        else:
+            mesh = pyvista.PolyData(points, faces=np.insert(self.placed_cells, 0, 3, axis=1).ravel())
+            mesh.point_data["Normals"] = self.normals
+        mesh.cell_data["isovalue"] = np.full(mesh.n_cells, float(self.isovalue))
+        return mesh
+
+    def to_xarray(self: Any) -> Any:
+        """An ``xarray.Dataset``: variables ``x``, ``y`` (, ``z``) along ``point``, ``index`` with the index
+        coordinates, ``cells`` with numbers of points; the isovalue, shape and notes as attributes.
+
+        Raises
+        ------
+        MissingExtraError
+            If xarray is not installed.
+        """
+        from .io.extras import optional
+
+        xarray = optional("xarray", extra="xarray", purpose="making a Dataset")
+        columns = {name: ("point", column) for name, column in zip("xyz", self.placed.T, strict=False)}
+        about = {"isovalue": float(self.isovalue), "shape": list(self.shape), "complete": int(self.complete)}
+        return xarray.Dataset(
+            {"index": (("point", "axis"), self.points), "cells": (("cell", "corner"), self.placed_cells)},
+            coords=columns, attrs={**self.metadata, **about},
+        )  # fmt: skip
+
+    def _repr_png_(self: Any) -> bytes | None:
+        """A picture for notebooks; none without matplotlib."""
+        from .io.picture import contour_picture
+
+        try:
+            return contour_picture([self])
+        except MissingExtraError:
+            return None
