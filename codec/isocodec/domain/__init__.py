@@ -1,0 +1,1 @@
+"""Explicit domains: triangulations and tetrahedra that are given, not derived (spec clause 10)."""
