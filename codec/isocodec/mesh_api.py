@@ -87,7 +87,7 @@ def encode_mesh(
 
 def on_mesh(data: bytes) -> bool:
     """Whether a file's domain is explicit: a mesh."""
-    found = read_header(octets(data).tobytes()[:HEADER_BYTES])
+    found = read_header(bytes(octets(data)[:HEADER_BYTES]))
     return found is not None and found[0].cells is not None
 
 

@@ -110,8 +110,8 @@ Prefix = Struct(
         "profile" / BitsInteger(2),
     ),
 )
-"""First six bytes of a file; ``axes`` is the dimension less two, ``equal`` says that all sides are, ``explicit`` that there
-are no sides, but cells (clause 10).
+"""First six bytes of a file; ``axes`` is the dimension less two, ``equal`` says that all sides are, ``explicit`` that
+there are no sides, but cells (clause 10).
 """
 
 ChunkHead = BitStruct("ancillary" / Flag, "checked" / Flag, "last" / Flag, "type" / BitsInteger(5))

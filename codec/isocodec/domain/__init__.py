@@ -1,1 +1,1 @@
-"""Explicit domains: triangulations and tetrahedra that are given, not derived (spec clause 10)."""
+"""Domains that no lattice gives: meshes, points of the plane and their triangulation (spec clause 10)."""

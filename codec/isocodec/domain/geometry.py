@@ -1,4 +1,4 @@
-"""Where crossed edges of an explicit domain are crossed, and values at vertices (spec clause 10.5)."""
+"""Where crossed edges of an explicit domain are crossed, and values at vertices (spec clause 10.6)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The multi-triangulation of a mesh in the plane: rounds of removed vertices, and their stars (spec clause 10.7).
+"""The multi-triangulation of a mesh in the plane: rounds of removed vertices, and their stars (spec clause 10.8).
 
 A round removes vertices that share no triangle, each with the triangles around it; the hole is cut into triangles
 again. The rounds reversed are levels of a progressive file: a removed vertex comes back into the ring that it left.

@@ -1,4 +1,4 @@
-"""Signs of a mesh in the plane level by level: those left of it, then vertices that come back (spec clause 10.7)."""
+"""Signs of a mesh in the plane level by level: those left of it, then vertices that come back (spec clause 10.8)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The contour of crossed cells of an explicit domain: a piece for each (spec clause 10.6)."""
+"""The contour of crossed cells of an explicit domain: a piece for each (spec clause 10.7)."""
 
 from __future__ import annotations
 

@@ -77,17 +77,17 @@ def decided(cd, kind, bit):
 
 @inlined
 def _share(cd, far, width):
-    """Share of a bell, of 2**16, that lies below a place ``far`` beyond its middle."""
+    """Share of a bell, of 2**16, that lies below a place ``far`` beyond its centre."""
     bounded = min(max(far, -REACH), REACH)
     logit = min(max((bounded << 8) // width, -MOST_LOGIT), MOST_LOGIT)
     return cd.blend.squash[logit + MOST_LOGIT]
 
 
 @inlined
-def _half(cd, guess, width, low, middle, high):
+def _half(cd, guess, width, low, centre, high):
     """Logit of: the number lies in the upper half, if a bell around the guess tells."""
     below = _share(cd, (low << FINE) - guess, width)
-    at = _share(cd, (middle << FINE) - guess, width)
+    at = _share(cd, (centre << FINE) - guess, width)
     above = _share(cd, (high << FINE) - guess, width)
     p = ((above - at + 1) << 16) // (above - below + 2)
     return cd.blend.stretch[min(max(p, 0), 65535) >> 4]
@@ -103,27 +103,27 @@ def near_guess(cd, kind, ctx, count, guess, width, number):
     low = np.int64(0)
     high = np.int64(count)
     while high - low > 1:
-        middle = (low + high) >> 1
+        centre = (low + high) >> 1
         deep = 0
         while deep < DEPTHS - 1 and (high - low) << FINE < (width << 3) >> deep:
             deep += 1
         clear_opinions(cd)
-        say(cd, _half(cd, guess, max(width >> 2, 1), low, middle, high))
-        say(cd, _half(cd, guess, max(width, 1), low, middle, high))
-        say(cd, _half(cd, guess, width << 2, low, middle, high))
+        say(cd, _half(cd, guess, max(width >> 2, 1), low, centre, high))
+        say(cd, _half(cd, guess, max(width, 1), low, centre, high))
+        say(cd, _half(cd, guess, width << 2, low, centre, high))
         side = 0
-        if (middle << FINE) < guess - (width >> 1):
+        if (centre << FINE) < guess - (width >> 1):
             side = 1
-        if (middle << FINE) > guess + (width >> 1):
+        if (centre << FINE) > guess + (width >> 1):
             side = 2
         if low << FINE > guess or high << FINE < guess:
             side = 3
         hear(cd, ctx + 4 * deep + side)
-        bit = decided(cd, kind + deep, np.int64(number >= middle))
+        bit = decided(cd, kind + deep, np.int64(number >= centre))
         if bit < 0:
             return bit
         if bit:
-            low = middle
+            low = centre
         else:
-            high = middle
+            high = centre
     return low

@@ -347,4 +347,4 @@ class MeshDecoder:
             return history_of(self._domain)
         except OptionError as error:
             text = f"a layer of levels, but {error.message}"
-            raise FormatError(text, code="layer", offset=self._at, clause="10.7.1") from None
+            raise FormatError(text, code="layer", offset=self._at, clause="10.8.1") from None
