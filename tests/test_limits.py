@@ -18,7 +18,7 @@ from commands import fails, ok
 from files import picture
 from isocodec import Decoder, InputError, IsoError, LimitError, Limits, OptionError
 from isocodec import limits as module
-from isocodec.io.write import AREAS, cost_of, render_areas, render_contour
+from isocodec.io.write import AREAS, cost_of, render_contour, render_sides
 from isocodec.limits import Budget, in_units
 from isocodec.passes.runner import Tube
 from isospec.container import MAX_ISOVALUES
@@ -130,7 +130,7 @@ def test_writing_takes_no_more_than_is_counted(n, suffix, rough):
     small = isocodec.decode(isocodec.encode(field(n, 6, 1), 0.5))
 
     def write(contour):
-        return render_areas([contour], True) if suffix == "areas" else render_contour(contour, suffix)
+        return render_sides([contour], ".geojson", True) if suffix == "areas" else render_contour(contour, suffix)
 
     write(small)
     gc.collect()

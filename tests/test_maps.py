@@ -113,9 +113,11 @@ def test_geojson_that_is_not_in_degrees(tmp_path: Path, hills: bytes) -> None:
         result = run("decode", tmp_path / "in.iso", "-o", tmp_path / "out.geojson")
         assert result.exit_code == 0 and "no longitudes and latitudes" in result.stderr and said in result.stderr
         assert not run("decode", tmp_path / "in.iso", "-o", tmp_path / "out.geojson", "--in-samples").stderr
-    (tmp_path / "in.iso").write_bytes(isocodec.encode(HILLS, 80.5, placement=(1e12, 1e12), metadata={"crs": "EPSG:32631"}))
+    outside = isocodec.encode(HILLS, 80.5, placement=(1e12, 1e12), metadata={"crs": "EPSG:32631"})
+    (tmp_path / "in.iso").write_bytes(outside)
     assert "no longitude and latitude" in fails(2, "decode", tmp_path / "in.iso", "-o", tmp_path / "out.geojson")
-    (tmp_path / "in.iso").write_bytes(isocodec.encode(HILLS, 80.5, placement=(1, 1), metadata={"crs": "EPSG:999999"}))
+    unknown = isocodec.encode(HILLS, 80.5, placement=(1, 1), metadata={"crs": "EPSG:999999"})
+    (tmp_path / "in.iso").write_bytes(unknown)
     assert "no reference system EPSG:999999" in fails(2, "decode", tmp_path / "in.iso", "-o", tmp_path / "o.geojson")
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import cached_property
+from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -73,12 +74,10 @@ class Exchange:
         MissingExtraError
             If shapely is not installed.
         """
-        from .io.areas import polygons
-
         if len(self.shape) != 2:
             raise OptionError("a surface is no geometry of shapely", code="dimension", remedy="use to_trimesh")
         placed = self.placed
-        return polygons().MultiLineString([placed[walk] for walk in self.walks])
+        return _io("areas").polygons().MultiLineString([placed[walk] for walk in self.walks])
 
     def to_geodataframe(self: Any) -> Any:
         """A ``geopandas.GeoDataFrame`` of an isocontour: a row for each line, with ``isovalue``, ``closed`` and
@@ -91,9 +90,7 @@ class Exchange:
         MissingExtraError
             If geopandas is not installed.
         """
-        from .io.vector import table_of
-
-        return table_of([self])
+        return _io("vector").table_of([self])
 
     def to_trimesh(self: Any) -> Any:
         """A ``trimesh.Trimesh`` of an isosurface: its points as vertices, in their order.
@@ -105,11 +102,9 @@ class Exchange:
         MissingExtraError
             If trimesh is not installed.
         """
-        from .io.surfaces import mesh_of
-
         if len(self.shape) != 3:
             raise OptionError("a curve is no mesh of trimesh", code="dimension", remedy="use to_shapely")
-        return mesh_of(self)
+        return _io("surfaces").mesh_of(self)
 
     def to_pyvista(self: Any) -> Any:
         """A ``pyvista.PolyData``: lines, or triangles with normals; cells have the value ``isovalue``.
@@ -119,9 +114,7 @@ class Exchange:
         MissingExtraError
             If pyvista is not installed.
         """
-        from .io.extras import optional
-
-        pyvista = optional("pyvista", extra="vtk", purpose="making a mesh of pyvista")
+        pyvista = _io("extras").optional("pyvista", extra="vtk", purpose="making a mesh of pyvista")
         placed = self.placed
         points = np.pad(placed, ((0, 0), (0, 3 - placed.shape[1])))
         if len(self.shape) == 2:
@@ -142,9 +135,7 @@ class Exchange:
         MissingExtraError
             If xarray is not installed.
         """
-        from .io.extras import optional
-
-        xarray = optional("xarray", extra="xarray", purpose="making a Dataset")
+        xarray = _io("extras").optional("xarray", extra="xarray", purpose="making a Dataset")
         columns = {name: ("point", column) for name, column in zip("xyz", self.placed.T, strict=False)}
         about = {"isovalue": float(self.isovalue), "shape": list(self.shape), "complete": int(self.complete)}
         return xarray.Dataset(
@@ -154,9 +145,13 @@ class Exchange:
 
     def _repr_png_(self: Any) -> bytes | None:
         """A picture for notebooks; none without matplotlib."""
-        from .io.picture import contour_picture
-
         try:
-            return contour_picture([self])
+            picture: bytes = _io("picture").contour_picture([self])
         except MissingExtraError:
             return None
+        return picture
+
+
+def _io(name: str) -> Any:
+    """A module of the readers and writers, loaded when it is needed: kernels, which know contours, do not hang on it."""
+    return import_module(f".io.{name}", __package__)

@@ -61,7 +61,8 @@ def encode_command(
 ) -> None:
     """Encode the isocontour (2-D) or isosurface (3-D) of the field in INPUT.
 
-    INPUT is .npy, .npz, HDF5, NetCDF, PNG, JPEG, TIFF (a stack is a volume), NIfTI, NRRD or MetaImage.
+    INPUT is .npy, .npz, HDF5, NetCDF, Zarr, GRIB, PNG, JPEG, TIFF (a stack is a volume), NIfTI, NRRD, MetaImage, DICOM
+    (a folder of slices, or a file) or .vti.
     """
     asked = bool(isovalues) + (interval is not None) + bool(labels)
     if asked > 1 or (asked == 0 and plan is None):
@@ -110,7 +111,7 @@ def encode_command(
                 nodata = read_nodata(source, key, follow=follow)
             place = Place()
             if placed:
-                place = read_place(source, field.ndim, key, samples=limit_samples, follow=follow)
+                place = read_place(source, field.ndim, key, samples=limit_samples, follow=follow, frame=frame)
         if steps_along is not None and len(steps_along) != field.ndim:
             raise click.UsageError(f"--spacing {spacing}: give one number for each of the {field.ndim} axes")
         hole: Field | None = None

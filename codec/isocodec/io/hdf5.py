@@ -29,11 +29,6 @@ _LISTED = 20
 def dataset(source: Source, key: str | None) -> Iterator[Any]:
     """The array of an HDF5 file that a key names: the only one of two or more axes, or ``values``, if there is none."""
     h5py = optional("h5py", extra="hdf5", purpose=f"reading {source.path.suffix}")
-    with source.path.open("rb") as file:
-        if file.read(3) == b"CDF":
-            raise InputError(
-                "is NetCDF of the classic kind, not HDF5", code="unreadable", remedy="convert it: nccopy -k nc4 IN OUT"
-            )
     with reading("HDF5 file"), h5py.File(source.path, "r") as file:
         there: dict[str, Any] = {}
         file.visititems(lambda name, item: there.update({name: item} if isinstance(item, h5py.Dataset) else {}))

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import InputError
+from .engines import is_labelled_file
 from .extras import optional
 from .hdf5 import HDF5_SUFFIXES, dataset, fill_value, is_packed
 from .raster import TIFF_SUFFIXES, opened_tiff
@@ -38,6 +39,8 @@ def read_nodata(path: str | os.PathLike[str], key: str | None = None, *, follow:
         As `read_field`.
     """
     source = source_of(path, follow=follow)
+    if is_labelled_file(source):
+        return None  # they are NaN already
     if source.named(*HDF5_SUFFIXES):
         with dataset(source, key) as stored:
             return None if is_packed(stored) else fill_value(stored)

@@ -13,12 +13,16 @@ from numpy.typing import NDArray
 
 from ..errors import OptionError
 from ..field.placement import placement_of
+from ..field.sampled import Field
 from ..text import plain
+from .dicom import DICOM_SUFFIXES, dicom_matrix, is_series
+from .engines import is_labelled_file, read_labelled
 from .hdf5 import HDF5_SUFFIXES, dataset
 from .raster import TIFF_SUFFIXES, opened_tiff
 from .reading import reading
 from .source import Source, source_of
 from .volume import ITK_SUFFIXES, NIFTI_SUFFIXES, itk_reader, open_nifti
+from .vti import VTI_SUFFIXES, vti_matrix
 
 # Tags of a TIFF file.
 _SCALE, _TIEPOINT, _TRANSFORMATION = 33550, 33922, 34264
@@ -52,8 +56,9 @@ class Place:
 
 
 def read_place(
-    path: str | os.PathLike[str], n: int, key: str | None = None, *, samples: int | None = None, follow: bool = False
-) -> Place:
+    path: str | os.PathLike[str], n: int, key: str | None = None, *, samples: int | None = None, follow: bool = False,
+    frame: int | None = None,
+) -> Place:  # fmt: skip
     """Coordinates of a field of n axes that ``read_field`` has read, with the same key and the same bounds.
 
     Of volumes those of nibabel: x to the right, y to the front, z up.
@@ -64,6 +69,14 @@ def read_place(
         As `read_field`.
     """
     source = source_of(path, samples, follow)
+    if is_labelled_file(source):
+        return _of_labels(read_labelled(source, key, frame))
+    if is_series(source.path) or source.named(*DICOM_SUFFIXES):
+        if n != 3:
+            return Place(remark="the position of a slice in space is ignored")
+        return usable(dicom_matrix(source, key), n)
+    if source.named(*VTI_SUFFIXES):
+        return usable(vti_matrix(source), n)
     if source.named(*NIFTI_SUFFIXES):
         with reading("NIfTI volume"):
             image = open_nifti(source)
@@ -85,6 +98,13 @@ def read_place(
         with dataset(source, key) as stored:
             return _of_scales(source, stored, n)
     return Place()
+
+
+def _of_labels(field: Field) -> Place:
+    """What a labelled array says; its coordinates may not have even steps."""
+    if field.coordinates is not None:
+        return Place(remark="its coordinates are ignored: their steps are uneven")
+    return Place(field.placement, field.crs, "; ".join(field.remarks))
 
 
 def of_itk(reader: Any, n: int) -> Place:

@@ -14,12 +14,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import InputError, OptionError
+from .dicom import DICOM_SUFFIXES, is_series, read_dicom
+from .engines import GRIB_SUFFIXES, ZARR_SUFFIXES, is_labelled_file, read_labelled, values_of
 from .hdf5 import HDF5_SUFFIXES, read_hdf5
 from .numpyfile import read_numpy
 from .raster import TIFF_SUFFIXES, pick_channel, read_picture, read_tiff
 from .reading import pick_frame
 from .source import Source, check_kind, source_of
 from .volume import ITK_SUFFIXES, NIFTI_SUFFIXES, read_itk, read_nifti
+from .vti import VTI_SUFFIXES, read_vti
 
 Field = NDArray[Any]
 
@@ -27,7 +30,10 @@ _ARRAYS: dict[str, Callable[[Source, str | None, int | None], Field]] = {
     ".npy": read_numpy,
     ".npz": read_numpy,
     **dict.fromkeys(HDF5_SUFFIXES, read_hdf5),
+    **dict.fromkeys(VTI_SUFFIXES, read_vti),
+    **dict.fromkeys(DICOM_SUFFIXES, read_dicom),
 }
+_LABELLED = (*ZARR_SUFFIXES, *GRIB_SUFFIXES)
 _PICTURES: dict[str, Callable[[Source], tuple[Field, int | None]]] = {
     ".png": read_picture,
     ".jpg": read_picture,
@@ -38,7 +44,7 @@ _VOLUMES: dict[str, Callable[[Source, int | None], Field]] = {
     **dict.fromkeys(NIFTI_SUFFIXES, read_nifti),
     **dict.fromkeys(ITK_SUFFIXES, read_itk),
 }
-FIELD_SUFFIXES: tuple[str, ...] = (*_ARRAYS, *_PICTURES, *_VOLUMES)
+FIELD_SUFFIXES: tuple[str, ...] = (*_ARRAYS, *_PICTURES, *_VOLUMES, *_LABELLED)
 
 
 def read_field(
@@ -56,10 +62,11 @@ def read_field(
     ----------
     path : path
         ``.npy``, ``.npz``, HDF5 (``.h5``, ``.hdf5``, ``.nc``), ``.png``, ``.jpg``, ``.jpeg``, ``.tif``, ``.tiff``,
-        ``.nii``, ``.nii.gz``, NRRD (``.nrrd``, ``.nhdr``) or MetaImage (``.mha``, ``.mhd``).
+        ``.nii``, ``.nii.gz``, NRRD (``.nrrd``, ``.nhdr``), MetaImage (``.mha``, ``.mhd``), DICOM (a folder with a
+        series, or ``.dcm``), ``.vti``, ``.zarr``, GRIB (``.grib``, ``.grib2``, ``.grb``, ``.grb2``).
     key : str, optional
         Name of the array in an ``.npz`` or an HDF5 file. Without it the only array is taken (of HDF5 files the only
-        one of two or more axes), or the one named ``values``.
+        one of two or more axes), or the one named ``values``. Of a folder of DICOM the series.
     channel : int, optional
         Which channel of a colour picture to take, counted from 0.
     frame : int, optional
@@ -90,12 +97,14 @@ def read_field(
     LimitError
         If it holds more samples than may be read.
     OptionError
-        If ``key``, ``channel`` or ``frame`` does not apply to this kind of file.
+        If ``key``, ``channel`` or ``frame`` do not apply to this kind of file.
     MissingExtraError
         If a library is needed that is not installed.
     """
     source = source_of(path, samples, follow)
     path = source.path
+    if is_series(path):
+        return _numbers(read_dicom(source, key, frame))
     suffix = next((s for s in FIELD_SUFFIXES if path.name.lower().endswith(s)), None)
     if suffix is None:
         raise InputError(
@@ -103,10 +112,12 @@ def read_field(
             code="suffix",
             remedy="one of " + ", ".join(FIELD_SUFFIXES),
         )
-    if key is not None and suffix not in _ARRAYS:
-        raise OptionError(f"a key names an array of an .npz or HDF5 file, not of {suffix}", code="key")
+    if key is not None and suffix not in (*_ARRAYS, *_LABELLED):
+        raise OptionError(f"a key names an array of a file that holds several, not of {suffix}", code="key")
     if channel is not None and suffix not in _PICTURES:
         raise OptionError(f"a channel is part of a picture, not of {suffix}", code="channel")
+    if is_labelled_file(source):
+        return _numbers(values_of(read_labelled(source, key, frame)))
     if suffix in _ARRAYS:
         return _numbers(_ARRAYS[suffix](source, key, frame))
     if suffix in _PICTURES:

@@ -23,7 +23,9 @@ _SIGNS: tuple[tuple[int, bytes, str], ...] = (
     (0, b"\x93NUMPY", ".npy"), (0, b"PK\x03\x04", ".npz"), (0, b"\x89HDF\r\n\x1a\n", ".h5"), (0, b"\x89PNG", ".png"),
     (0, b"\xff\xd8\xff", ".jpg"), (0, b"II*\0", ".tif"), (0, b"MM\0*", ".tif"), (0, b"II+\0", ".tif"),
     (0, b"MM\0+", ".tif"), (344, b"n+1\0", ".nii"), (4, b"n+2\0", ".nii"), (0, b"\x1f\x8b", ".nii.gz"),
-    (0, b"NRRD", ".nrrd"), (0, b"ObjectType", ".mha"), (0, b"NDims", ".mha"),
+    (0, b"NRRD", ".nrrd"), (0, b"CDF\x01", ".nc"), (0, b"CDF\x02", ".nc"), (0, b"CDF\x05", ".nc"),
+    (0, b"GRIB", ".grib"), (128, b"DICM", ".dcm"), (0, b"<VTKFile", ".vti"), (0, b"<?xml", ".vti"),
+    (0, b"ObjectType", ".mha"), (0, b"NDims", ".mha"),
 )  # fmt: skip
 """What files of each kind begin with, and where."""
 _HEAD = 512

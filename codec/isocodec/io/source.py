@@ -126,10 +126,25 @@ def source_of(path: str | os.PathLike[str], samples: int | None = None, follow: 
             code="no-file",
             remedy="save its contents to a file first",
         )
-    # Missing files, directories and permissions are reported alike for all formats, before any library looks.
-    with path.open("rb"):
-        pass
+    # Missing files, directories and permissions are reported alike for all formats, before any library looks; some
+    # formats are a folder.
+    if not (stat.S_ISDIR(mode) and _is_format(path)):
+        with path.open("rb"):
+            pass
     return Source(path, FIELD_SAMPLES if samples is None else int(samples), follow)
+
+
+def _is_format(folder: Path) -> bool:
+    """Whether a folder is an array of Zarr, or holds files of DICOM."""
+    return folder.suffix.lower() == ".zarr" or any(map(is_dicom, sorted(folder.iterdir())))
+
+
+def is_dicom(path: Path) -> bool:
+    """Whether this is a file of DICOM, by its first bytes."""
+    if not path.is_file():
+        return False
+    with path.open("rb") as file:
+        return file.read(132)[128:] == b"DICM"
 
 
 def check_kind(dtype: np.dtype[Any]) -> None:

@@ -12,6 +12,7 @@ import numpy as np
 from ..errors import InputError, OptionError
 from ..field.sampled import Field
 from ..text import plain
+from .engines import is_labelled_file, read_labelled
 from .hdf5 import HDF5_SUFFIXES, attribute_text, dataset
 from .images import is_itk, is_nibabel, itk_field, nibabel_field
 from .labelled import is_labelled, labelled_field
@@ -136,6 +137,9 @@ def _of_file(
     path: str | os.PathLike[str], key: str | None, channel: int | None, frame: int | None, samples: int | None,
     follow: bool,
 ) -> Field:  # fmt: skip
+    source = source_of(path, samples, follow)
+    if is_labelled_file(source):
+        return read_labelled(source, key, frame)
     values = read_field(path, key=key, channel=channel, frame=frame, samples=samples, follow=follow)
     gone = missing_samples(values, read_nodata(path, key, follow=follow))
     if values.dtype.kind == "f":
@@ -145,7 +149,6 @@ def _of_file(
         values, gone if gone.any() else None, place.placement, crs=place.crs,
         remarks=(place.remark,) if place.remark else (),
     )  # fmt: skip
-    source = source_of(path, samples, follow)
     if source.named(*HDF5_SUFFIXES):
         with dataset(source, key) as stored:
             name = attribute_text(stored, "long_name") or str(stored.name).strip("/")

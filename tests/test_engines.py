@@ -1,0 +1,223 @@
+"""Zarr, NetCDF of the classic kind, GRIB, DICOM and VTK image data: written with the libraries of their users."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import eccodes
+import numpy as np
+import pydicom
+import pytest
+import SimpleITK
+import vtk
+import xarray
+from pydicom.dataset import FileDataset, FileMetaDataset
+from pydicom.uid import CTImageStorage, ExplicitVRLittleEndian, generate_uid
+from vtk.util.numpy_support import numpy_to_vtk
+
+import isocodec
+from commands import fails, ok
+from isocodec import InputError, LimitError, OptionError
+from isocodec.io import read_field, read_place
+
+HILL = 100 - np.hypot(*(np.mgrid[:20, :30] - np.array([9.3, 14.2])[:, None, None])) * 5
+BALL = 100 - np.linalg.norm(np.mgrid[:12, :13, :14] - np.array([5.6, 6.2, 6.9])[:, None, None, None], axis=0) * 10
+
+
+def grid() -> xarray.DataArray:
+    field = np.stack([HILL, HILL + 1]).astype(np.float32)
+    field[:, 2, 3] = np.nan
+    return xarray.DataArray(
+        field, dims=("time", "lat", "lon"), name="tas", attrs={"units": "K"},
+        coords={"time": np.array(["2020-01-01", "2020-01-02"], "datetime64[ns]"),
+                "lat": ("lat", 60 - 0.5 * np.arange(20), {"units": "degrees_north"}),
+                "lon": ("lon", 5 + 0.25 * np.arange(30), {"units": "degrees_east"})},
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("name", ["a.zarr", "a.nc"])
+def test_labelled_files(tmp_path: Path, name: str) -> None:
+    """Values, holes, coordinates and the time of a frame, by read and by the command line."""
+    path = tmp_path / name
+    if name == "a.zarr":
+        grid().to_dataset().to_zarr(path)
+    else:
+        grid().to_dataset().to_netcdf(path, engine="scipy")
+        assert path.read_bytes().startswith(b"CDF")
+    field = isocodec.read(path, frame=1)
+    assert np.array_equal(field.values, grid().values[1], equal_nan=True)
+    assert field.placement is not None and field.placement.tolist() == [[0, 0.25, 5], [-0.5, 0, 60]]
+    assert (field.name, field.unit, field.crs) == ("tas", "K", "EPSG:4326")
+    assert field.notes["time"].startswith("2020-01-02")
+    ok("encode", path, "-o", tmp_path / "a.iso", "--isovalue", 70, "--frame", 1)
+    file = isocodec.open(tmp_path / "a.iso")
+    assert file.placement is not None and np.array_equal(file.placement, field.placement)
+    assert file.crs == "EPSG:4326" and not file.valid()[2, 3] and file.valid().sum() == 599
+    assert read_field(path, key="tas", frame=0).shape == (20, 30)
+    with pytest.warns(UserWarning, match="time"):
+        assert isocodec.read(path).shape == (2, 20, 30)
+
+
+def test_labelled_files_that_leave_a_choice(tmp_path: Path) -> None:
+    xarray.Dataset({"a": grid()[0], "b": grid()[1].drop_vars("time")}).to_netcdf(tmp_path / "two.nc", engine="scipy")
+    with pytest.raises(InputError, match=r"a \(20, 30\), b \(20, 30\): choose one with --key"):
+        read_field(tmp_path / "two.nc")
+    assert np.array_equal(read_field(tmp_path / "two.nc", key="b"), grid().values[1], equal_nan=True)
+    with pytest.raises(LimitError, match="600 samples"):
+        read_field(tmp_path / "two.nc", key="b", samples=599)
+    with pytest.raises(OptionError, match="no frame 2"):
+        grid().to_dataset().to_netcdf(tmp_path / "series.nc", engine="scipy")
+        read_field(tmp_path / "series.nc", frame=2)
+    data = (tmp_path / "two.nc").read_bytes()
+    (tmp_path / "cut.nc").write_bytes(data[: len(data) // 2])
+    with pytest.raises(InputError):
+        read_field(tmp_path / "cut.nc", key="b")
+    (tmp_path / "none.zarr").mkdir()
+    with pytest.raises(InputError):
+        read_field(tmp_path / "none.zarr")
+
+
+def test_grib(tmp_path: Path) -> None:
+    """Written with eccodes, without an index left beside it."""
+    message = eccodes.codes_grib_new_from_samples("regular_ll_sfc_grib2")
+    for key, value in {"Ni": 30, "Nj": 20, "latitudeOfFirstGridPointInDegrees": 60.0,
+                       "jDirectionIncrementInDegrees": 0.5, "latitudeOfLastGridPointInDegrees": 50.5,
+                       "longitudeOfFirstGridPointInDegrees": 5.0,
+                       "longitudeOfLastGridPointInDegrees": 12.25, "iDirectionIncrementInDegrees": 0.25,
+                       "bitsPerValue": 24}.items():  # fmt: skip
+        eccodes.codes_set(message, key, value)
+    eccodes.codes_set_values(message, HILL.ravel())
+    with (tmp_path / "a.grib2").open("wb") as file:
+        eccodes.codes_write(message, file)
+    eccodes.codes_release(message)
+    field = isocodec.read(tmp_path / "a.grib2")
+    assert np.abs(field.values - HILL).max() < 1e-4
+    assert field.placement is not None and np.allclose(field.placement, [[0, 0.25, 5], [-0.5, 0, 60]])
+    assert field.crs == "EPSG:4326"
+    assert [path.name for path in tmp_path.iterdir()] == ["a.grib2"]
+    (tmp_path / "b.grib").write_bytes(b"whatever")
+    with pytest.raises(InputError):
+        read_field(tmp_path / "b.grib")
+
+
+# ---- DICOM ----------------------------------------------------------------------------------------------------------
+
+TILT = np.array([[1, 0, 0], [0, np.cos(0.3), -np.sin(0.3)], [0, np.sin(0.3), np.cos(0.3)]])
+
+
+def slices(folder: Path, count: int = 5, series: str = "1.2.3") -> np.ndarray:
+    """A series of CT slices as pydicom writes it, names in no order; values in Hounsfield units, axes i, j, k."""
+    folder.mkdir(exist_ok=True)
+    volume = np.rint(BALL[:, :, :count] * 10).astype(np.int16)
+    for k in range(count):
+        meta = FileMetaDataset()
+        meta.MediaStorageSOPClassUID, meta.MediaStorageSOPInstanceUID = CTImageStorage, generate_uid()
+        meta.TransferSyntaxUID = ExplicitVRLittleEndian
+        one = FileDataset("", {}, file_meta=meta, preamble=bytes(128))
+        one.SOPClassUID, one.SOPInstanceUID = CTImageStorage, meta.MediaStorageSOPInstanceUID
+        one.SeriesInstanceUID, one.StudyInstanceUID, one.Modality = series, "1.2", "CT"
+        one.Columns, one.Rows = volume.shape[:2]
+        one.PixelSpacing, one.SliceThickness = [2.0, 1.5], 3.0
+        one.ImageOrientationPatient = [*TILT[:, 0], *TILT[:, 1]]
+        one.ImagePositionPatient = [*(np.array([-90.0, 12.5, 7.0]) + 3.0 * k * TILT[:, 2])]
+        one.InstanceNumber, one.SamplesPerPixel, one.PhotometricInterpretation = k + 1, 1, "MONOCHROME2"
+        one.BitsAllocated, one.BitsStored, one.HighBit, one.PixelRepresentation = 16, 16, 15, 1
+        one.RescaleSlope, one.RescaleIntercept = 1, -1024
+        one.PixelData = (volume[:, :, k].T + 1024).astype(np.int16).tobytes()
+        one.save_as(folder / f"{(k * 7) % count:03}-{series}.dcm", enforce_file_format=True)
+    return volume
+
+
+def test_dicom_series(tmp_path: Path) -> None:
+    """Sorted by position, rescaled, and where pydicom says that the samples lie."""
+    volume = slices(tmp_path / "ct")
+    field = isocodec.read(tmp_path / "ct")
+    assert np.array_equal(field.values, volume)
+    first = pydicom.dcmread(next(p for p in (tmp_path / "ct").iterdir() if pydicom.dcmread(p).InstanceNumber == 1))
+    corner = np.array([float(x) for x in first.ImagePositionPatient])
+    matrix = np.column_stack([TILT[:, 0] * 1.5, TILT[:, 1] * 2.0, TILT[:, 2] * 3.0, corner])
+    assert field.placement is not None
+    assert np.allclose(field.placement, np.diag([-1.0, -1, 1]) @ matrix, atol=1e-6)
+    names = SimpleITK.ImageSeriesReader.GetGDCMSeriesFileNames(str(tmp_path / "ct"))
+    assert np.allclose(isocodec.read(SimpleITK.ReadImage(names)).placement, field.placement, atol=1e-6)
+    ok("encode", tmp_path / "ct", "-o", tmp_path / "ct.iso", "--isovalue", 650.5, "--exact")
+    assert np.array_equal(isocodec.decode_mask(tmp_path / "ct.iso"), volume > 650.5)
+    one = read_field(tmp_path / "ct" / "000-1.2.3.dcm")
+    assert np.array_equal(one, volume[:, :, 0])
+    assert "ignored" in read_place(tmp_path / "ct" / "000-1.2.3.dcm", 2).remark
+
+
+def test_dicom_that_leaves_a_choice_or_is_damaged(tmp_path: Path) -> None:
+    slices(tmp_path / "two", 3)
+    volume = slices(tmp_path / "two", 4, "1.2.4")
+    with pytest.raises(InputError, match=r"2 series: 1\.2\.3, 1\.2\.4: choose one with --key"):
+        read_field(tmp_path / "two")
+    assert np.array_equal(read_field(tmp_path / "two", key="1.2.4"), volume)
+    with pytest.raises(InputError, match="no series 'x'"):
+        read_field(tmp_path / "two", key="x")
+    slices(tmp_path / "gap")
+    next(p for p in (tmp_path / "gap").iterdir() if pydicom.dcmread(p).InstanceNumber == 3).unlink()
+    with pytest.raises(InputError, match="uneven steps: 3 mm behind slice 0, 4 in the mean"):
+        read_field(tmp_path / "gap")
+    with pytest.raises(LimitError):
+        read_field(tmp_path / "two", key="1.2.4", samples=100)
+    (tmp_path / "a.dcm").write_bytes(bytes(128) + b"DICM" + b"\0" * 50)
+    with pytest.raises(InputError):
+        read_field(tmp_path / "a.dcm")
+    (tmp_path / "empty").mkdir()
+    with pytest.raises(IsADirectoryError):
+        read_field(tmp_path / "empty")
+
+
+# ---- VTK ------------------------------------------------------------------------------------------------------------
+
+
+def image(path: Path, field: np.ndarray, *names: str, mode: str = "appended") -> None:
+    made = vtk.vtkImageData()
+    shape = (*field.shape, 1)[:3]
+    made.SetExtent(2, shape[0] + 1, 0, shape[1] - 1, 0, shape[2] - 1)
+    made.SetSpacing(0.5, 2, 3)
+    made.SetOrigin(10, 20, 30)
+    made.SetDirectionMatrix(0, -1, 0, 1, 0, 0, 0, 0, 1)
+    for name in names:
+        array = numpy_to_vtk(np.ascontiguousarray(field.T).ravel(), deep=True)
+        array.SetName(name)
+        made.GetPointData().AddArray(array)
+    writer = vtk.vtkXMLImageDataWriter()
+    writer.SetFileName(str(path))
+    writer.SetInputData(made)
+    writer.SetDataMode(["ascii", "binary", "appended"].index(mode))
+    writer.Write()
+
+
+@pytest.mark.parametrize("mode", ["appended", "ascii", "binary"])
+def test_vti(tmp_path: Path, mode: str) -> None:
+    image(tmp_path / "a.vti", BALL, "density", mode=mode)
+    field = isocodec.read(tmp_path / "a.vti")
+    assert np.allclose(field.values, BALL, rtol=1e-5)
+    assert field.placement is not None
+    # the first point is number 2 along x
+    assert np.allclose(field.placement, [[0, -2, 0, 10], [0.5, 0, 0, 21], [0, 0, 3, 30]])
+    ok("encode", tmp_path / "a.vti", "-o", tmp_path / "a.iso", "--isovalue", 50)
+    with (tmp_path / "a.vti").open("rb") as file:
+        assert isocodec.read(file).shape == BALL.shape
+
+
+def test_vti_that_leaves_a_choice_or_is_damaged(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    image(tmp_path / "two.vti", HILL, "a", "b")
+    with pytest.raises(InputError, match="holds a, b: choose one with --key"):
+        read_field(tmp_path / "two.vti")
+    assert np.array_equal(read_field(tmp_path / "two.vti", key="b"), HILL)
+    placement = read_place(tmp_path / "two.vti", 2).placement
+    assert placement is not None and np.allclose(placement, [[0, -2, 10], [0.5, 0, 21]])
+    with pytest.raises(LimitError):
+        read_field(tmp_path / "two.vti", key="a", samples=100)
+    image(tmp_path / "none.vti", HILL)
+    with pytest.raises(InputError, match="no values at its points"):
+        read_field(tmp_path / "none.vti")
+    data = (tmp_path / "two.vti").read_bytes()
+    (tmp_path / "cut.vti").write_bytes(data[: len(data) // 3])
+    with pytest.raises(InputError):
+        read_field(tmp_path / "cut.vti", key="a")
+    (tmp_path / "other.vti").write_bytes(b"whatever")
+    assert "no image data" in fails(3, "encode", tmp_path / "other.vti", "-o", tmp_path / "a.iso", "--isovalue", 1)
