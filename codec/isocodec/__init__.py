@@ -31,6 +31,7 @@ if TYPE_CHECKING:
     from .layers.events import (
         BaseComplete,
         ChunkSkipped,
+        CoordinatesRead,
         End,
         Event,
         GeometryRefined,
@@ -64,7 +65,7 @@ _HOMES = {
     "limits": ("Limits",),
     "stream.decoder": ("Decoder",),
     "layers.events": (
-        "BaseComplete", "ChunkSkipped", "End", "Event", "GeometryRefined", "HeaderRead",
+        "BaseComplete", "ChunkSkipped", "CoordinatesRead", "End", "Event", "GeometryRefined", "HeaderRead",
         "IsovalueRead", "LayerComplete", "LevelComplete", "MaskComplete", "MetadataRead", "PromisesRead",
     ),
     "stream.encoder": ("Encoder",),
@@ -79,6 +80,7 @@ __all__ = [
     "BaseComplete",
     "ChunkSkipped",
     "Contour",
+    "CoordinatesRead",
     "Decoder",
     "Encoder",
     "End",

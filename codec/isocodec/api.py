@@ -38,6 +38,10 @@ def encode(
     profile: str = "main",
     metadata: Mapping[str, str] | None = None,
     placement: ArrayLike | None = None,
+    coordinates: Sequence[ArrayLike] | None = None,
+    coordinates_error: float | None = None,
+    periodic: int | Sequence[int] | None = None,
+    period: float | Sequence[float] | None = None,
     progress: Callable[[int, int], object] | None = None,
 ) -> bytes:
     """Encode one or more isocontours or isosurfaces of a sampled field.
@@ -98,6 +102,18 @@ def encode(
         Where the samples lie: distances of neighbours along each axis of the array, or a row for each coordinate x, y
         (, z) with what a step along each axis adds to it and what it is at sample 0; a last row of 0 .. 0 1 may follow.
         It goes into the metadata, and changes nothing but `Contour.placed`; tolerances stay in cells.
+    coordinates : sequence of n array_like, optional
+        Where the samples lie on a mapped grid, instead of a placement: an array for each axis of the field, in its
+        order (in the plane x runs along axis 1, in space x, y, z along the axes 0, 1, 2); or x, y (, z) for each
+        sample, as arrays of n axes that broadcast to the field's shape. Cells must not fold. Where samples are missing
+        they may be anything. `Contour.placed` follows them, multilinear within each cell.
+    coordinates_error : float, optional
+        Cells by which coordinates may be off in the file; 0.005 if not given.
+    periodic : int or sequence of int, optional
+        Axes of the field along which the first sample follows on the last one. The file has that plane of samples once
+        more behind the last one, so that curves end at neither.
+    period : float or sequence of float, optional
+        Distance after which a coordinate is the same, 360 for longitudes: that of x, or of x, y (, z) with 0 for none.
     progress : callable, optional
         Called with the layers done and their total; before, while a mesh is searched for, with the number of curves
         tried and 0.
@@ -127,7 +143,8 @@ def encode(
             field, isovalue, exact=exact, tolerance=tolerance, signs_only=signs_only, step=step,
             base_level=base_level, preserve_topology=preserve_topology, steps=steps, criterion=criterion,
             parameter=parameter, leaning=leaning, mask=mask, plan=plan, profile=profile,
-            metadata=metadata, placement=placement, progress=progress,
+            metadata=metadata, placement=placement, coordinates=coordinates, coordinates_error=coordinates_error,
+            periodic=periodic, period=period, progress=progress,
         )
     )  # fmt: skip
 

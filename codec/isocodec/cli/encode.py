@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 import click
 
 from .encode_options import encode_options, read_criterion, read_metadata, read_numbers, read_steps
+from .mapped import world_of
 from .options import Grouped
 from .planned import Planned
 from .progress import progress_bar
@@ -52,6 +53,9 @@ def encode_command(
     missing: str | None,
     nodata: float | None,
     no_placement: bool,
+    coordinates_error: float | None,
+    periodic: tuple[int, ...],
+    period: str | None,
     key: str | None,
     channel: int | None,
     frame: int | None,
@@ -79,6 +83,7 @@ def encode_command(
     if label is not None and missing is not None:
         raise click.UsageError("--label and --missing contradict one another: a missing sample has another label")
     steps_along = read_numbers("--spacing", spacing)
+    periods = read_numbers("--period", period)
     distances = read_steps(steps)
 
     from ..stream.options import PRECISIONS, Options, conflict
@@ -136,9 +141,10 @@ def encode_command(
         placement: ArrayLike | None = place.placement if placed else steps_along
         if place.remark:
             warn(source, place.remark)
+        world = world_of(source, field.shape, place.mapped, placement, options, coordinates_error, periodic, periods)
         if place.crs is not None:
             notes.setdefault(CRS, place.crs)
-        options = replace(options, metadata=notes, placement=placement)
+        options = replace(options, metadata=notes, **world)
         started = time.perf_counter()
         about_plan = nullcontext() if planned is None else planned.blamed()
         with progress_bar("encoding") as progress, about_plan:

@@ -97,6 +97,13 @@ SECTIONS = (
         click.option("--nodata", type=float, metavar="V", help="Value that marks missing samples, besides NaN."),
         click.option("--spacing", metavar="S,S[,S]", help="Distances of samples along the axes; may be negative."),
         click.option("--no-placement", is_flag=True, help="Ignore the coordinates that INPUT gives its samples."),
+        click.option(
+            "--coordinates-error", type=float, metavar="D", help="Cells that coordinates may be off.  [default: 0.005]"
+        ),
+        click.option(
+            "--periodic", type=int, multiple=True, metavar="AXIS", help="Join the ends of an axis (from 0). Repeatable."
+        ),
+        click.option("--period", metavar="P[,P..]", help="Distance after which x (or x, y, z) repeats; 0: never."),
     ),
     section(
         "Limits",

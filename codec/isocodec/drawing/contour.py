@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import OptionError
+from ..field.mapped import Mapped
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,6 +39,8 @@ class Contour:
         False if the contour was drawn before all of its data had come, or from a file cut within a layer.
     placement : (n, n + 1) float64, or None
         Where samples lie in the world: ``placement[:, :n] @ index + placement[:, n]``; None if the file does not say.
+    mapped : Mapped, or None
+        Where samples lie that have coordinates of their own: ``mapped.place``.
     metadata : dict of str to str
         Notes of the file, as far as they had come.
     masked : bool
@@ -55,6 +58,7 @@ class Contour:
     metadata: dict[str, str] = field(default_factory=dict)
     origin_above: bool | None = None
     masked: bool = False
+    mapped: Mapped | None = None
 
     def __repr__(self) -> str:
         pieces = "segments" if len(self.shape) == 2 else "triangles"
@@ -65,16 +69,18 @@ class Contour:
 
     @cached_property
     def placed(self) -> NDArray[np.float64]:
-        """The points in the coordinates x, y (, z) of the placement, (P, n) float64.
+        """The points in the coordinates x, y (, z) of the mapped grid or the placement, (P, n) float64.
 
-        Without one the unit is the cell: in the plane x runs along axis 1 and y along axis 0, in space x, y, z are the
-        axes 0, 1, 2.
+        Without either the unit is the cell: in the plane x runs along axis 1 and y along axis 0, in space x, y, z are
+        the axes 0, 1, 2.
         """
         return self.place(self.points)
 
     def place(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
         """Coordinates of the placement, as of `placed`, of points in index coordinates, (P, n) float64 both."""
         n = len(self.shape)
+        if self.mapped is not None:
+            return self.mapped.place(points)
         if self.placement is None:
             return points[:, ::-1] if n == 2 else points
         # axis by axis: how a product of matrices is rounded depends on the library

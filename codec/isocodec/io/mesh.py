@@ -31,7 +31,10 @@ _DEGREES = "4326"
 
 def placed(mesh: Tessellation) -> NDArray[np.float64]:
     """Vertices in the coordinates x, y (, z) of the placement, or of samples (see `Contour.placed`)."""
-    about = Contour(np.zeros((0, 2)), np.zeros((0, 2), np.int64), mesh.isovalue, mesh.shape, placement=mesh.placement)
+    about = Contour(
+        np.zeros((0, 2)), np.zeros((0, 2), np.int64), mesh.isovalue, mesh.shape, placement=mesh.placement,
+        mapped=mesh.mapped,
+    )  # fmt: skip
     return about.place(mesh.points.astype(np.float64))
 
 
