@@ -43,8 +43,8 @@ def cylinder() -> tuple[Array, list[Array]]:
     radius = np.linspace(1.0, 2.0, 11)[None, None]
     field = radius - 1.5 - 0.2 * np.cos(3 * angle + height) + 0.1 * np.sin(4 * height)
     full = (9, 24, 11)
-    return field, [np.broadcast_to(radius * np.cos(angle), full).copy(), np.broadcast_to(radius * np.sin(angle), full).copy(),
-                   np.broadcast_to(height, full).copy()]  # fmt: skip
+    places = radius * np.cos(angle), radius * np.sin(angle), height
+    return field, [np.broadcast_to(one, full).copy() for one in places]
 
 
 def interpolated(array: Array, points: Array) -> Array:

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import zlib
 from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 import pytest
+import shapely
+import trimesh
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from skimage.measure import find_contours
@@ -14,9 +17,9 @@ from skimage.measure import find_contours
 import grids
 import isocodec
 from isocodec import CoordinatesRead, Decoder, InputError, LimitError, Limits, OptionError
+from isocodec.field.mapped import Coordinate
 from isocodec.format.chunks import write_chunk
 from isocodec.format.coordinates import CoordinatesRecord, read_coordinates, write_coordinates
-from isocodec.field.mapped import Coordinate
 from isocodec.passes.coordinates import Grid, decode_run, encode_run
 from isospec.container import ChunkType
 
@@ -78,14 +81,14 @@ def test_volumes() -> None:
     assert 0 < grids.off(contour.points, contour.placed, arrays) <= 0.005
     axes = [np.geomspace(1, 5, 9), np.arange(24.0), np.linspace(7, 3, 11)]
     placed = isocodec.decode(isocodec.encode(field, 0.0, coordinates=axes)).placed
-    expected = np.stack([np.interp(contour.points[:, a], range(len(axis)), axis) for a, axis in enumerate(axes)], axis=1)
-    assert np.abs(placed - expected).max() < 0.005
+    expected = [np.interp(contour.points[:, a], range(len(axis)), axis) for a, axis in enumerate(axes)]
+    assert np.abs(placed - np.stack(expected, axis=1)).max() < 0.005
 
 
 @pytest.mark.parametrize("options", [{}, {"signs_only": True}, {"step": 0.01}, {"profile": "baseline"}])
 @pytest.mark.parametrize("grid", [grids.polar, grids.cylinder])
 def test_no_seam(grid: Callable[[], tuple[Array, list[Array]]], options: dict[str, Any]) -> None:
-    """The curve ends at neither end of a periodic axis: what ends at the one goes on at the other, at the same place."""
+    """What ends at one end of a periodic axis goes on at the other, at the same place."""
     field, arrays = grid()
     data = isocodec.encode(field, 0.05, coordinates=arrays, periodic=1, **options)
     contour = isocodec.decode(data)
@@ -234,6 +237,31 @@ def test_options_without_coordinates() -> None:
     assert np.abs(contour.placed - contour.points[:, ::-1]).max() < 0.005
 
 
+def test_curves_close_across_the_seam() -> None:
+    """A ring around the centre is one closed line in the world, a pipe one surface with the two ends of its axis."""
+    field, arrays = grids.polar()
+    contour = isocodec.decode(isocodec.encode(field, 0.05, coordinates=arrays, periodic=1))
+    (line,) = contour.__geo_interface__["coordinates"]
+    assert line[0] == line[-1] and len(line) == len(contour.points)
+    assert len(contour.lines) == 1 and contour.lines[0][0].tolist() != contour.lines[0][-1].tolist()
+    ring = shapely.Polygon(line)
+    above, below = (shapely.geometry.shape(isocodec.areas(contour, above=side)) for side in (True, False))
+    assert above.is_valid and below.is_valid and len(below.geoms) == len(above.geoms) == 1
+    assert len(above.geoms[0].interiors) == len(below.geoms[0].interiors) == 1
+    radius = np.hypot(*arrays)
+    turn = 60 * np.sin(2 * np.pi / 60) / 2
+    whole = turn * (radius[-1, 0] ** 2 - radius[0, 0] ** 2)
+    assert above.area + below.area == pytest.approx(whole, rel=1e-3)
+    assert below.area == pytest.approx(ring.area - turn * radius[0, 0] ** 2, rel=1e-2)
+
+    field, arrays = grids.cylinder()
+    contour = isocodec.decode(isocodec.encode(field, 0.0, coordinates=arrays, periodic=1))
+    mesh = trimesh.Trimesh(contour.joined.placed, contour.joined.cells, process=False)
+    assert mesh.body_count == 1 and mesh.euler_number == 0 and mesh.is_winding_consistent
+    loops = mesh.outline().discrete
+    assert len(loops) == 2
+
+
 # -- the chunk ---------------------------------------------------------------------------------------------------------
 
 RECORD = CoordinatesRecord((1,), (Coordinate((0, 1), 1.5, 0.25), Coordinate((1,), -3.0, 2.0, 180)), b"abcde")
@@ -302,7 +330,8 @@ def test_values_come_back(data: st.DataObject) -> None:
 @given(st.binary(max_size=60), st.sampled_from([0, 5, 1000]))
 def test_any_bytes(run: bytes, period: int) -> None:
     """Any bytes are values or none; never an error."""
-    payload = write_coordinates(CoordinatesRecord((), (Coordinate((0, 1), 0.0, 1.0, period), Coordinate((1,), 0.0, 1.0)), run))
+    both = Coordinate((0, 1), 0.0, 1.0, period), Coordinate((1,), 0.0, 1.0)
+    payload = write_coordinates(CoordinatesRecord((), both, run))
     record = read_coordinates(payload, (13, 11))
     assert record is not None
     decode_run(record.run, [Grid(one.counts((13, 11)), one.period) for one in record.coordinates])
@@ -312,10 +341,9 @@ def test_a_run_that_is_none_is_ignored() -> None:
     field = grids.polar()[0]
     plain = isocodec.encode(field, 0.05)
     header = len(plain) - sum(c.bytes for c in isocodec.inspect(plain).chunks)
-    record = CoordinatesRecord((), (Coordinate((0, 1), 0.0, 1.0), Coordinate((1,), 0.0, 1.0)), bytes(range(200, 250)) * 9)
+    both = Coordinate((0, 1), 0.0, 1.0), Coordinate((1,), 0.0, 1.0)
+    record = CoordinatesRecord((), both, bytes(range(200, 250)) * 9)
     chunk = write_chunk(ChunkType.COORDINATES, write_coordinates(record), ancillary=True)
-    import zlib
-
     data = plain[:header] + chunk + plain[header:-4]
     data += zlib.crc32(data).to_bytes(4, "big")
     assert isocodec.decode(data).mapped is None

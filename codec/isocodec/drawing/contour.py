@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from ..errors import OptionError
 from ..field.mapped import Mapped
+from .seam import joined
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,6 +89,39 @@ class Contour:
         return np.asarray(placed)
 
     @cached_property
+    def joined(self) -> Contour:
+        """The contour with one point where it had two, at either end of a periodic axis that closes in the world.
+
+        Its index coordinates jump there, its places do not. The contour itself if no axis closes so.
+        """
+        if self.mapped is None or not self.mapped.closes:
+            return self
+        points, cells = joined(self.points, self.cells, self.shape, self.mapped.periodic)
+        return replace(self, points=points, cells=cells)
+
+    @property
+    def frame(self) -> NDArray[np.float64] | None:
+        """What a step along each axis adds to x, y (, z), (n, n) float64: on a mapped grid in a cell of the contour.
+
+        None where neither a placement nor coordinates are there.
+        """
+        n = len(self.shape)
+        if self.mapped is not None:
+            corner = np.floor(self.points[len(self.points) // 2 :][:1]) if len(self.points) else np.zeros((1, n))
+            corner = np.minimum(corner, np.array(self.shape) - 2)
+            steps = self.mapped.place(np.concatenate([corner, corner + np.eye(n)]))
+            return (steps[1:] - steps[0]).T
+        return None if self.placement is None else self.placement[:, :n]
+
+    def along(self, walk: list[int]) -> NDArray[np.float64]:
+        """Places of points one after the other, (K, n) float64: coordinates with a period go on across its end."""
+        places = self.placed[walk]
+        for c, period in enumerate(self.mapped.periods if self.mapped is not None else ()):
+            if period:
+                places[:, c] = np.unwrap(places[:, c], period=period)
+        return places
+
+    @cached_property
     def lines(self) -> list[NDArray[np.float64]]:
         """Polylines of an isocontour, (K, 2) float64 each, their points in walking order (see Orientation).
 
@@ -140,5 +174,6 @@ class Contour:
         """
         if len(self.shape) != 2:
             raise AttributeError("__geo_interface__: a surface has no GeoJSON geometry")
-        coordinates = tuple(tuple(map(tuple, self.placed[walk].tolist())) for walk in self.walks)
+        whole = self.joined
+        coordinates = tuple(tuple(map(tuple, whole.along(walk).tolist())) for walk in whole.walks)
         return {"type": "MultiLineString", "coordinates": coordinates}

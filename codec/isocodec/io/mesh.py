@@ -107,7 +107,7 @@ def _geojson(mesh: Tessellation) -> bytes:
     ]
     system: dict[str, Any] = {}
     found = _EPSG.fullmatch(mesh.metadata.get(CRS, ""))
-    if mesh.placement is not None and found and found[1] != _DEGREES:
+    if (mesh.placement is not None or mesh.mapped is not None) and found and found[1] != _DEGREES:
         system["crs"] = {"type": "name", "properties": {"name": f"urn:ogc:def:crs:EPSG::{found[1]}"}}
     whole = {"type": "FeatureCollection", **system, "features": features}
     return json.dumps(whole, separators=(",", ":"), allow_nan=False).encode() + b"\n"

@@ -141,7 +141,7 @@ class Received:
         contour = contour_of(
             tube, isovalue, self.header, self.metadata, complete, smooth, self._budget, self._mask.holes, through_holes
         )
-        return replace(contour, mapped=self._mapped())
+        return replace(contour, mapped=self.mapped())
 
     def mask(self, number: int = 0) -> NDArray[np.bool_]:
         """Which samples lie above an isovalue, by number, as of the events taken so far (spec clause 9.7).
@@ -217,12 +217,19 @@ class Received:
         complete = self._ended and not self._cut
         try:
             mesh = tessellation_of(tube, isovalue, self.header, self.metadata, complete, whole, self._budget)
-            return replace(mesh, mapped=self._mapped())
+            return replace(mesh, mapped=self.mapped())
         except MemoryError:
             pass
         raise out_of_memory("for the mesh")
 
-    def _mapped(self) -> Mapped | None:
+    def mapped(self) -> Mapped | None:
+        """Where samples lie that have coordinates of their own; None if those have not come.
+
+        Raises
+        ------
+        LimitError
+            If they take more memory than the limits allow; the decoder stays as it is.
+        """
         return None if self.header is None else self._world.mapped(self._contents.coordinates, self.header.shape)
 
     def hold(self, size: int) -> None:
