@@ -44,7 +44,7 @@ class Mapped:
     coordinates : tuple of Coordinate
         x, y (, z).
     values : tuple of (s0 or 1, .., sn-1 or 1) int64
-        For each coordinate its values at the nodes, in units.
+        For each coordinate its values at the nodes, in units; they are changed to what clause 9.9(2) says.
     periodic : tuple of int
         Axes whose last plane of samples is the first one again.
     """
@@ -55,11 +55,14 @@ class Mapped:
     periodic: tuple[int, ...] = ()
 
     def __post_init__(self) -> None:
-        for value in self.values:
+        for one, value in zip(self.coordinates, self.values, strict=True):
             for axis in self.periodic:
                 if value.shape[axis] > 1:
                     along = np.moveaxis(value, axis, 0)
                     along[-1] = along[0]
+            for axis in one.axes if one.period else ():
+                along = np.moveaxis(value, axis, 0)
+                along[1:] = along[:1] + np.cumsum(nearest(np.diff(along, axis=0), one.period), axis=0)
 
     @property
     def periods(self) -> tuple[float, ...]:
