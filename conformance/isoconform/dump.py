@@ -21,6 +21,8 @@ from isospec.container import Double
 COMPLETE = 0
 COORDINATES = "coordinates"
 """Line before coordinates."""
+NO_COORDINATES = f"{COORDINATES}\n"
+"""What a decoder that reads coordinates prints where there are none."""
 CUT_OFF = TruncatedError.exit_code
 REFUSED = (FormatError.exit_code, LimitError.exit_code)
 
@@ -49,7 +51,7 @@ class Output:
     error: IsoError | None = None
     symbols: dict[str, int] = field(default_factory=dict)
     events: list[Event] = field(default_factory=list)
-    coordinates: str = ""
+    coordinates: str = NO_COORDINATES
 
 
 def canonical(decoder: Decoder) -> str:
@@ -68,10 +70,10 @@ def canonical(decoder: Decoder) -> str:
 
 
 def canonical_coordinates(decoder: Decoder) -> str:
-    """Text of the coordinates of a mapped grid; empty where there are none."""
+    """Text of the coordinates of a mapped grid; a line only where there are none."""
     mapped = decoder.mapped()
     if mapped is None:
-        return ""
+        return NO_COORDINATES
     lines = [COORDINATES, " ".join(["periodic", *map(str, mapped.periodic)])]
     for number, (one, values) in enumerate(zip(mapped.coordinates, mapped.values, strict=True)):
         lines.append(f"c {number} {one.period} {Double.build(one.origin).hex()} {Double.build(one.unit).hex()}")

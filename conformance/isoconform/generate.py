@@ -12,7 +12,7 @@ from isocodec.layers.events import Event, IsovalueRead, LayerComplete
 
 from . import adaptive, circle, geometry, hostile, isovalues, mapped, missing, mixed, rules, special, valid
 from .draft import Draft
-from .dump import COMPLETE, CUT_OFF, Output, canonical_layers, dump
+from .dump import COMPLETE, CUT_OFF, NO_COORDINATES, Output, canonical_layers, dump
 from .levels import BEYOND, needs
 from .manifest import (
     ERROR,
@@ -77,7 +77,7 @@ def _described(draft: Draft, output: Output) -> Vector:
             OK if output.exit_code == COMPLETE else TRUNCATED, None, digest(output.text),
             sum(line.startswith("v ") for line in lines), sum(line.startswith("e ") for line in lines),
             {name: count for name, count in output.symbols.items() if count},
-            digest(output.coordinates) if output.coordinates else None,
+            digest(output.coordinates) if output.coordinates != NO_COORDINATES else None,
         )  # fmt: skip
     elif isinstance(output.error, LimitError):
         if draft.clause != clause:

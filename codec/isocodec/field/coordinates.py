@@ -15,6 +15,8 @@ from .mapped import Coordinate
 
 MOST_UNITS = 1 << 50
 """Units between two coordinates at most."""
+MOST_PERIOD = 1 << 32
+"""Periods have fewer units: values that go round many times still fit 64 bits (clause 3.7.4)."""
 PARTS = 8.5
 """Units of the error that is allowed: half a quantum of what is coded, and half a unit of rounding (clause 3.7.4)."""
 
@@ -145,9 +147,9 @@ def check_coordinates(
         units = int(np.ceil(period / unit)) if period else 0
         unit = period / units if units else unit
         finite = array[np.isfinite(array)]
-        if max(units, float(np.ptp(finite)) / unit) >= MOST_UNITS:
+        if units >= MOST_PERIOD or float(np.ptp(finite)) / unit >= MOST_UNITS:
             raise InputError(
-                f"the coordinates {name} range over more than 2**50 units of {unit:g}", code="coordinates",
+                f"the coordinates {name} would take too many units of {unit:g}", code="coordinates",
                 remedy="allow a larger coordinates_error; or do cells all but vanish somewhere?",
             )  # fmt: skip
         first = array.flat[0]

@@ -6,9 +6,10 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from isospec.container import MOST_COORDINATE, Double, write_varint
+from isospec.container import Double, write_varint
 
 from ..errors import FormatError
+from ..field.coordinates import MOST_PERIOD
 from ..field.mapped import Coordinate
 from .header import varint
 
@@ -67,7 +68,7 @@ def read_coordinates(payload: bytes, shape: Sequence[int]) -> CoordinatesRecord 
         period = 0
         if wraps:
             found = _number(payload, at)
-            if found is None or not 0 < found[0] < MOST_COORDINATE:
+            if found is None or not 0 < found[0] < MOST_PERIOD:
                 return None
             period, at = found
         coordinates.append(Coordinate(_axes(axes), origin, unit, period))
