@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from isospec.container import Checksum, ChunkType, Profile
 
 from ..errors import FormatError, OptionError
+from ..field.sampled import check_bare
 from ..field.samples import check_field, mask_field, without_holes
 from ..format.chunks import (
     LayerRecord,
@@ -112,6 +113,7 @@ class Encoder:
         )  # fmt: skip
         self.isovalues = isovalues_of(isovalue)
         self._world = GivenWorld(coordinates, coordinates_error, periodic, period)
+        check_bare(field)
         values, gone = without_holes(field, mask)
         check_axes(self._world.periodic, values.shape)
         values = closed(values, self._world.periodic)
