@@ -92,9 +92,9 @@ def areas(contour: Contour, *, above: bool = True, valid: NDArray[np.bool_] | No
     if contour.mapped is not None:
         # the border bends with the grid
         area = shapely.segmentize(area, 1.0)
-    placed = shapely.transform(area, contour.place)
+    placed = shapely.MultiPolygon(_pieces(shapely.transform(area, contour.place)))
     if contour.mapped is not None and contour.mapped.closes:
-        placed = shapely.MultiPolygon(_pieces(shapely.union_all(placed.geoms)))
+        placed = shapely.MultiPolygon(_pieces(shapely.union_all(_pieces(placed))))
     placed = shapely.MultiPolygon([shapely.geometry.polygon.orient(part) for part in placed.geoms])
     geometry: dict[str, Any] = shapely.geometry.mapping(placed)
     return geometry
