@@ -37,6 +37,7 @@ if TYPE_CHECKING:
         BaseComplete,
         ChunkSkipped,
         CoordinatesRead,
+        DomainRead,
         End,
         Event,
         GeometryRefined,
@@ -45,13 +46,17 @@ if TYPE_CHECKING:
         LayerComplete,
         LevelComplete,
         MaskComplete,
+        MeshLayerComplete,
         MetadataRead,
         PromisesRead,
     )
     from .limits import Limits
+    from .mesh_api import encode_mesh
     from .stream.decoder import Decoder
     from .stream.encoder import Encoder
     from .stream.inspect import FileInfo, inspect
+    from .stream.mesh_decoder import MeshDecoder
+    from .stream.mesh_encoder import MeshEncoder
     from .stream.plan_file import read_plan
     from .stream.statistics import FileStatistics, statistics
     from .stream.truncate import truncate
@@ -73,13 +78,17 @@ _HOMES = {
     "io.sources": ("read",),
     "kernel": ("kernels",),
     "limits": ("Limits",),
+    "mesh_api": ("encode_mesh",),
     "stream.decoder": ("Decoder",),
     "layers.events": (
-        "BaseComplete", "ChunkSkipped", "CoordinatesRead", "End", "Event", "GeometryRefined", "HeaderRead",
-        "IsovalueRead", "LayerComplete", "LevelComplete", "MaskComplete", "MetadataRead", "PromisesRead",
+        "BaseComplete", "ChunkSkipped", "CoordinatesRead", "DomainRead", "End", "Event", "GeometryRefined",
+        "HeaderRead", "IsovalueRead", "LayerComplete", "LevelComplete", "MaskComplete", "MeshLayerComplete", "MetadataRead",
+        "PromisesRead",
     ),
     "stream.encoder": ("Encoder",),
     "stream.inspect": ("FileInfo", "inspect"),
+    "stream.mesh_decoder": ("MeshDecoder",),
+    "stream.mesh_encoder": ("MeshEncoder",),
     "stream.plan_file": ("read_plan",),
     "stream.statistics": ("FileStatistics", "statistics"),
     "stream.truncate": ("truncate",),
@@ -92,6 +101,7 @@ __all__ = [
     "Contour",
     "CoordinatesRead",
     "Decoder",
+    "DomainRead",
     "EncodeOptions",
     "Encoder",
     "End",
@@ -112,6 +122,9 @@ __all__ = [
     "LimitError",
     "Limits",
     "MaskComplete",
+    "MeshDecoder",
+    "MeshEncoder",
+    "MeshLayerComplete",
     "MetadataRead",
     "MissingExtraError",
     "OptionError",
@@ -125,6 +138,7 @@ __all__ = [
     "decode_mask",
     "decode_valid",
     "encode",
+    "encode_mesh",
     "inspect",
     "kernels",
     "open",

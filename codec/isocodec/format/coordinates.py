@@ -51,7 +51,8 @@ def write_coordinates(record: CoordinatesRecord) -> bytes:
 def read_coordinates(payload: bytes, shape: Sequence[int]) -> CoordinatesRecord | None:
     """Inverse of ``write_coordinates``, given the header's shape; None if malformed, the chunk being ancillary."""
     n = len(shape)
-    if not payload or payload[0] >= 1 << n:
+    # an explicit domain has no grid
+    if n == 0 or not payload or payload[0] >= 1 << n:
         return None
     at = 1
     coordinates = []

@@ -18,9 +18,10 @@ from ..format.chunks import (
     read_promises,
 )
 from ..format.coordinates import CoordinatesRecord, read_coordinates
+from ..format.domain import DomainHead, read_domain
 from ..format.header import Header
 from ..format.program import Layer
-from .events import ChunkSkipped, CoordinatesRead, Event, IsovalueRead, MetadataRead, PromisesRead
+from .events import ChunkSkipped, CoordinatesRead, DomainRead, Event, IsovalueRead, MetadataRead, PromisesRead
 
 LAYER_CHUNKS = (ChunkType.LAYERS, ChunkType.CUT_LAYERS)
 """Chunks that are decoded as they come in; so is a mask. The others are read when they are complete."""
@@ -48,6 +49,10 @@ class Contents:
         Where the samples lie.
     shape : tuple of int
         Of the samples, once the header is there.
+    cells : int or None
+        Dimension of the cells of an explicit domain.
+    domain : DomainHead or None
+        What is said of an explicit domain.
     """
 
     isovalues: list[float] = field(default_factory=list)
@@ -59,10 +64,13 @@ class Contents:
     masked: bool = False
     coordinates: CoordinatesRecord | None = None
     shape: tuple[int, ...] = ()
+    cells: int | None = None
+    domain: DomainHead | None = None
 
     def begin(self, header: Header) -> None:
         """Take note of the header, and of its isovalue."""
         self.shape = header.shape
+        self.cells = header.cells
         self._add(header.isovalue, None)
 
     def begin_mask(self, offset: int) -> None:
@@ -130,11 +138,19 @@ def _index(contents: Contents, payload: bytes, start: int, behind: int) -> None:
     contents.records = read_index(payload, contents.layers) or contents.records
 
 
+def _domain(contents: Contents, payload: bytes, start: int, behind: int) -> Event:
+    if contents.cells is None:
+        raise FormatError("a domain in a file of a grid", code="domain", offset=start, clause="3.5.8")
+    contents.domain, _ = read_domain(payload, contents.cells, start)
+    return DomainRead(behind, contents.domain.vertices, contents.domain.cells)
+
+
 READERS: Mapping[int, Reader] = {
     ChunkType.ISOVALUE: _isovalue,
     ChunkType.METADATA: _metadata,
     ChunkType.PROMISES: _promises,
     ChunkType.INDEX: _index,
     ChunkType.COORDINATES: _coordinates,
+    ChunkType.DOMAIN: _domain,
 }
 """By type of chunk."""
