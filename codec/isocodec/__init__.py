@@ -82,8 +82,8 @@ _HOMES = {
     "stream.decoder": ("Decoder",),
     "layers.events": (
         "BaseComplete", "ChunkSkipped", "CoordinatesRead", "DomainRead", "End", "Event", "GeometryRefined",
-        "HeaderRead", "IsovalueRead", "LayerComplete", "LevelComplete", "MaskComplete", "MeshLayerComplete", "MetadataRead",
-        "PromisesRead",
+        "HeaderRead", "IsovalueRead", "LayerComplete", "LevelComplete", "MaskComplete", "MeshLayerComplete",
+        "MetadataRead", "PromisesRead",
     ),
     "stream.encoder": ("Encoder",),
     "stream.inspect": ("FileInfo", "inspect"),

@@ -94,7 +94,7 @@ def areas(contour: Contour, *, above: bool = True, valid: NDArray[np.bool_] | No
         area = shapely.segmentize(area, 1.0)
     placed = shapely.MultiPolygon(_pieces(shapely.transform(area, contour.place)))
     if contour.mapped is not None and contour.mapped.closes:
-        placed = shapely.MultiPolygon(_pieces(shapely.union_all(_pieces(placed))))
+        placed = shapely.MultiPolygon(_pieces(shapely.union_all(shapely.make_valid(_pieces(placed)))))
     placed = shapely.MultiPolygon([shapely.geometry.polygon.orient(part) for part in placed.geoms])
     geometry: dict[str, Any] = shapely.geometry.mapping(placed)
     return geometry
