@@ -12,6 +12,7 @@ import shapely
 import trimesh
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.spatial import cKDTree
 from skimage.measure import find_contours
 
 import grids
@@ -260,6 +261,45 @@ def test_curves_close_across_the_seam() -> None:
     assert mesh.body_count == 1 and mesh.euler_number == 0 and mesh.is_winding_consistent
     loops = mesh.outline().discrete
     assert len(loops) == 2
+
+
+@pytest.mark.parametrize("unit", ["km", "degrees"])
+def test_tolerances_in_the_world(unit: str) -> None:
+    """Between the curves, both ways, in kilometres on a sphere or in the unit of the coordinates."""
+    field, arrays = grids.rotated_pole(60, 80)
+    tolerance = {"km": "60km", "degrees": "0.8deg"}[unit]
+    data = isocodec.encode(
+        field, 0.1, coordinates=unwrapped(arrays), tolerance=tolerance, period=UNWRAP if unit == "km" else None
+    )
+    fine = isocodec.decode(isocodec.encode(field, 0.1, coordinates=unwrapped(arrays), step=1e-9))
+    coarse = isocodec.decode(data)
+    assert len(data) < len(isocodec.encode(field, 0.1, coordinates=unwrapped(arrays), tolerance=0.05))
+    along = np.linspace(0, 1, 30)[:, None, None]
+    dense = [
+        c.place(((1 - along) * c.points[c.cells[:, 0]] + along * c.points[c.cells[:, 1]]).reshape(-1, 2))
+        for c in (coarse, fine)
+    ]
+    if unit == "km":
+        dense = [6371 * np.stack([np.cos(y) * np.cos(x), np.cos(y) * np.sin(x), np.sin(y)], axis=1)
+                 for x, y in (np.radians(one).T for one in dense)]  # fmt: skip
+    trees = [cKDTree(one) for one in dense]
+    most = max(trees[0].query(dense[1])[0].max(), trees[1].query(dense[0])[0].max())
+    assert most < {"km": 60 * 1.02, "degrees": 0.8 * 1.02}[unit]
+
+
+def test_tolerances_by_a_matrix() -> None:
+    """Cells of a volume whose steps differ: the longest counts."""
+    field = grids.polar()[0]
+    spaced = isocodec.encode(field, 0.05, tolerance="0.75mm", placement=(3, 1.5))
+    assert spaced == isocodec.encode(field, 0.05, tolerance=0.25, placement=(3, 1.5))
+    turn = np.array([[0.6, 0.8, 1], [-0.8, 0.6, 2]]) * 2
+    assert isocodec.encode(field, 0.05, tolerance="1m", placement=turn) == isocodec.encode(
+        field, 0.05, tolerance=0.5, placement=turn
+    )
+    assert isocodec.encode(field, 0.05, tolerance="0.5") == isocodec.encode(field, 0.05, tolerance=0.5)
+    for wrong in ("1m", "much", "1 2m", "m", ""):
+        with pytest.raises(OptionError):
+            isocodec.encode(field, 0.05, tolerance=wrong)
 
 
 # -- the chunk ---------------------------------------------------------------------------------------------------------

@@ -108,3 +108,13 @@ def test_what_files_say(tmp_path: Path) -> None:
     np.savez(tmp_path / "b.npz", values=WAVES, lon=EAST, lat=SOUTH[:5])
     contour, _ = encoded(tmp_path / "b.npz", 0.9)
     assert contour.mapped is None and contour.shape == (13, 36)
+
+
+def test_tolerance_with_a_unit(tmp_path: Path) -> None:
+    np.save(tmp_path / "a.npy", grids.polar()[0])
+    encoded(tmp_path / "a.npy", 0.05, "--spacing", "30,20", "--tolerance", "15 m")
+    far = (tmp_path / "a.iso").read_bytes()
+    encoded(tmp_path / "a.npy", 0.05, "--spacing", "30,20", "--tolerance", "0.5")
+    assert far == (tmp_path / "a.iso").read_bytes()
+    nowhere = run("encode", tmp_path / "a.npy", "-o", tmp_path / "b.iso", "--isovalue", 0, "--tolerance", "15m")
+    assert nowhere.exit_code == 2 and "nowhere" in nowhere.stderr

@@ -27,7 +27,7 @@ def encode(
     isovalue: float | Sequence[float] | None = None,
     *,
     exact: bool = False,
-    tolerance: float | None = None,
+    tolerance: float | str | None = None,
     signs_only: bool = False,
     step: float | None = None,
     base_level: int | None = None,
@@ -66,10 +66,12 @@ def encode(
         precision; whole numbers beyond it are refused.
     exact : bool
         Integer data: keep the values next to the curve to the last bit.
-    tolerance : float, optional
-        Largest distance, in cells, between the decoded and the extracted curve, both ways. From 0.1 on the encoder
-        searches for a mesh and a precision of crossings that make the file small, and proves the distance on the
-        decoded curve. Below, and by default with 0.05, it codes all crossings of the grid, without a search. With a
+    tolerance : float or str, optional
+        Largest distance, in cells, between the decoded and the extracted curve, both ways; a text with a unit, as
+        "100m", is one in the world of ``placement`` or ``coordinates`` (in their unit, or m or km where these are
+        longitudes of a ``period`` of 360 and latitudes), which everywhere holds at least so closely. From 0.1 on the
+        encoder searches for a mesh and a precision of crossings that make the file small, and proves the distance on
+        the decoded curve. Below, and by default with 0.05, it codes all crossings of the grid, without a search. With a
         ``criterion``, that chooses the mesh, and the tolerance holds for its crossings alone.
     signs_only : bool
         Keep no geometry: which samples lie above is exact, crossings are drawn half-way.

@@ -50,9 +50,9 @@ SECTIONS = (
         click.option("--step", type=float, metavar="S", help="Round values along the contour to steps of S (floats)."),
         click.option(
             "--tolerance",
-            type=float,
             metavar="D",
-            help="Largest distance from the contour and back, in cells; from 0.1 on, search for the smallest file.",
+            help="Largest distance from the contour and back, in cells (or in the world: 100m); from 0.1 on, search "
+            "for the smallest file.",
         ),
         click.option("--steps", metavar="D,D,..", help="Falling tolerances, one by one; the last may be exact."),
         click.option("--signs-only", is_flag=True, help="Keep only which samples are inside."),

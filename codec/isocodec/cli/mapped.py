@@ -15,6 +15,28 @@ if TYPE_CHECKING:
     from ..stream.options import Options
 
 
+def read_tolerance(text: str | None) -> float | None:
+    """A number of cells; None of a distance with a unit, which takes a field to be one."""
+    if text is None:
+        return None
+    from ..field.stretch import distance_of
+
+    number, unit = distance_of(text)
+    return None if unit else number
+
+
+def cells_of(
+    distance: str, field: ArrayLike, hole: ArrayLike | None, mapped: MappedPlace | None, placement: ArrayLike | None,
+    period: Sequence[float] | None,
+) -> float:  # fmt: skip
+    """How many cells a distance in the world is at least."""
+    from ..stream.mapped import GivenWorld
+
+    coordinates = None if mapped is None else mapped.coordinates
+    periods = None if mapped is None else period or mapped.period
+    return GivenWorld(coordinates, None, None, periods).cells_of(distance, field, hole, placement)
+
+
 def world_of(
     source: Path, shape: tuple[int, ...], mapped: MappedPlace | None, placement: ArrayLike | None, options: Options,
     error: float | None, periodic: Sequence[int], period: Sequence[float] | None,

@@ -121,7 +121,7 @@ def check_coordinates(
     InputError
         If a coordinate that matters is not finite, if axes do not rise or fall strictly, or if cells fold.
     """
-    whole = np.ones([size - 1 for size in shape], np.bool_) if gone is None else _whole(gone)
+    whole = np.ones([size - 1 for size in shape], np.bool_) if gone is None else whole_cells(gone)
     used = np.ones(shape, np.bool_) if gone is None else _touched(whole, shape)
     needed: list[NDArray[np.bool_]] = []
     for name, array in zip("xyz", arrays, strict=False):
@@ -157,7 +157,7 @@ def check_coordinates(
     return Given(tuple(coordinates), tuple(arrays), tuple(needed))
 
 
-def _whole(gone: NDArray[np.bool_]) -> NDArray[np.bool_]:
+def whole_cells(gone: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """Unit cells without a missing corner."""
     out = np.ones([size - 1 for size in gone.shape], np.bool_)
     for corner in product((0, 1), repeat=gone.ndim):
@@ -173,7 +173,7 @@ def _touched(whole: NDArray[np.bool_], shape: tuple[int, ...]) -> NDArray[np.boo
     return out
 
 
-def _steps(array: Array, axis: int, period: float) -> Array:
+def steps_along(array: Array, axis: int, period: float) -> Array:
     """Differences of neighbours along an axis, up to the period."""
     steps = np.diff(array, axis=axis)
     return (steps + period / 2) % period - period / 2 if period else steps
@@ -188,7 +188,7 @@ def _no_wrap(periodic: Sequence[int], periods: Sequence[float]) -> str | None:
 
 def _along_axis(array: Array, axis: int, period: float, periodic: Sequence[int]) -> float:
     """Cells by a unit of a coordinate that varies along one axis, at most."""
-    steps = _steps(array, axis, period).ravel()
+    steps = steps_along(array, axis, period).ravel()
     falling = np.count_nonzero(steps < 0) > len(steps) / 2
     bad = np.flatnonzero(steps >= 0 if falling else steps <= 0)
     if len(bad):
@@ -207,14 +207,14 @@ def _inverse(
     """For each coordinate the most cells by a unit of it, over all corners of whole cells, none of which may fold."""
     n = len(arrays)
     steps = [
-        [_steps(array, axis, period) if array.shape[axis] > 1 else None for axis in range(n)]
+        [steps_along(array, axis, period) if array.shape[axis] > 1 else None for axis in range(n)]
         for array, period in zip(arrays, periods, strict=True)
     ]
     far = [0.0] * n
     turned = 0
     with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
         for corner in product((0, 1), repeat=n):
-            j = [[_at_corner(step, axis, corner) for axis, step in enumerate(row)] for row in steps]
+            j = [[at_corner(step, axis, corner) for axis, step in enumerate(row)] for row in steps]
             cofactors = [_cofactors(j[(c + 1) % n], j[(c + n - 1) % n]) for c in range(n)]
             size = sum(j[0][a] * cofactors[0][a] for a in range(n))
             size = np.broadcast_to(np.asarray(size), whole.shape)
@@ -234,7 +234,7 @@ def _inverse(
     return [reach or 1.0 for reach in far]
 
 
-def _at_corner(step: Array | None, axis: int, corner: tuple[int, ...]) -> Any:
+def at_corner(step: Array | None, axis: int, corner: tuple[int, ...]) -> Any:
     """Steps along the edges of all cells that begin at a corner; 0 where a coordinate does not vary."""
     if step is None:
         return 0.0

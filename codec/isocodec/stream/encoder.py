@@ -85,7 +85,7 @@ class Encoder:
         isovalue: float | Sequence[float],
         *,
         exact: bool = False,
-        tolerance: float | None = None,
+        tolerance: float | str | None = None,
         signs_only: bool = False,
         step: float | None = None,
         base_level: int | None = None,
@@ -105,6 +105,9 @@ class Encoder:
         period: float | Sequence[float] | None = None,
         progress: Callable[[int, int], object] | None = None,
     ) -> None:
+        self._world = GivenWorld(coordinates, coordinates_error, periodic, period)
+        if isinstance(tolerance, str):
+            tolerance = self._world.cells_of(tolerance, field, mask, placement)
         self.options = Options(
             exact=exact, tolerance=tolerance, signs_only=signs_only, step=step, base_level=base_level,
             preserve_topology=preserve_topology, steps=steps, criterion=criterion, parameter=parameter,
@@ -112,7 +115,6 @@ class Encoder:
             coordinates=coordinates, coordinates_error=coordinates_error, periodic=periodic, period=period,
         )  # fmt: skip
         self.isovalues = isovalues_of(isovalue)
-        self._world = GivenWorld(coordinates, coordinates_error, periodic, period)
         check_bare(field)
         values, gone = without_holes(field, mask)
         check_axes(self._world.periodic, values.shape)

@@ -8,17 +8,22 @@ from numbers import Real
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from ..errors import InputError, OptionError
-from ..field.coordinates import Given, arrays_of, check_coordinates
+from ..field.coordinates import Given, arrays_of, check_coordinates, whole_cells
 from ..field.filling import filled_smoothly
+from ..field.placement import placement_of
+from ..field.samples import without_holes
+from ..field.stretch import distance_of, largest_step
 from ..format.coordinates import CoordinatesRecord, write_coordinates
 from ..passes.coordinates import AXES, Grid, encode_run
 
 DEFAULT_ERROR = 0.005
 """Largest distance in cells between coordinates given and kept, if nothing else is asked for."""
 MOST_ERROR = 0.5
+TURN = 360.0
+"""Period of longitudes."""
 
 
 def closed(array: NDArray[Any], periodic: Sequence[int]) -> NDArray[Any]:
@@ -66,6 +71,46 @@ class GivenWorld:
     def there(self) -> bool:
         """Whether there is something to be coded."""
         return self._coordinates is not None or bool(self.periodic)
+
+    def cells_of(
+        self, distance: str, field: ArrayLike, mask: ArrayLike | None = None, placement: ArrayLike | None = None
+    ) -> float:
+        """How many cells a distance in the world is at least, anywhere and in any direction.
+
+        Parameters
+        ----------
+        distance : str
+            A number with a unit: that of the coordinates, or m or km if these are longitudes (of a period of 360) and
+            latitudes, on a sphere; without a unit cells.
+        field, mask, placement
+            As `encode` takes them.
+
+        Raises
+        ------
+        OptionError
+            If it is no distance, or if the field lies nowhere in the world.
+        InputError
+            As `given`.
+        """
+        number, unit = distance_of(distance)
+        values, gone = without_holes(field, mask)
+        shape, n = values.shape, values.ndim
+        if not unit:
+            return number
+        if self._coordinates is None and placement is None:
+            raise OptionError(
+                f"a tolerance of {distance} for a field that lies nowhere in the world", code="tolerance",
+                remedy="give a placement or coordinates, or a number of cells",
+            )  # fmt: skip
+        if self._coordinates is None and placement is not None:
+            matrix = placement_of(placement, n)
+            ends = np.indices((2,) * n).reshape(n, -1)
+            arrays = [(sum(row[a] * ends[a] for a in range(n))).reshape((2,) * n) for row in matrix]
+            return number / largest_step(arrays, [0.0] * n, np.ones((1,) * n, np.bool_), unit, False)
+        arrays = arrays_of(self._coordinates, shape)
+        periods = _periods_of(self._period, n)
+        whole = np.ones([size - 1 for size in shape], np.bool_) if gone is None else whole_cells(gone)
+        return number / largest_step(arrays, periods, whole, unit, periods[0] == TURN)
 
     def given(self, shape: tuple[int, ...], gone: NDArray[np.bool_] | None) -> Given:
         """The coordinates of a field, periodic axes closed; ``shape`` and ``gone`` are those of the closed one.
