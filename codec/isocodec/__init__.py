@@ -33,6 +33,7 @@ if TYPE_CHECKING:
     from .layers.events import (
         BaseComplete,
         ChunkSkipped,
+        DomainRead,
         End,
         Event,
         GeometryRefined,
@@ -41,13 +42,17 @@ if TYPE_CHECKING:
         LayerComplete,
         LevelComplete,
         MaskComplete,
+        MeshLayerComplete,
         MetadataRead,
         PromisesRead,
     )
     from .limits import Limits
+    from .mesh_api import encode_mesh
     from .stream.decoder import Decoder
     from .stream.encoder import Encoder
     from .stream.inspect import FileInfo, inspect
+    from .stream.mesh_decoder import MeshDecoder
+    from .stream.mesh_encoder import MeshEncoder
     from .stream.plan_file import read_plan
     from .stream.statistics import FileStatistics, statistics
     from .stream.truncate import truncate
@@ -66,13 +71,17 @@ _HOMES = {
     "io.areas": ("areas",),
     "kernel": ("kernels",),
     "limits": ("Limits",),
+    "mesh_api": ("encode_mesh",),
     "stream.decoder": ("Decoder",),
     "layers.events": (
-        "BaseComplete", "ChunkSkipped", "End", "Event", "GeometryRefined", "HeaderRead",
-        "IsovalueRead", "LayerComplete", "LevelComplete", "MaskComplete", "MetadataRead", "PromisesRead",
+        "BaseComplete", "ChunkSkipped", "DomainRead", "End", "Event", "GeometryRefined", "HeaderRead",
+        "IsovalueRead", "LayerComplete", "LevelComplete", "MaskComplete", "MeshLayerComplete", "MetadataRead",
+        "PromisesRead",
     ),
     "stream.encoder": ("Encoder",),
     "stream.inspect": ("FileInfo", "inspect"),
+    "stream.mesh_decoder": ("MeshDecoder",),
+    "stream.mesh_encoder": ("MeshEncoder",),
     "stream.plan_file": ("read_plan",),
     "stream.statistics": ("FileStatistics", "statistics"),
     "stream.truncate": ("truncate",),
@@ -84,6 +93,7 @@ __all__ = [
     "ChunkSkipped",
     "Contour",
     "Decoder",
+    "DomainRead",
     "Encoder",
     "End",
     "Event",
@@ -101,6 +111,9 @@ __all__ = [
     "LimitError",
     "Limits",
     "MaskComplete",
+    "MeshDecoder",
+    "MeshEncoder",
+    "MeshLayerComplete",
     "MetadataRead",
     "MissingExtraError",
     "OptionError",
@@ -114,6 +127,7 @@ __all__ = [
     "decode_mask",
     "decode_valid",
     "encode",
+    "encode_mesh",
     "inspect",
     "kernels",
     "read_plan",
