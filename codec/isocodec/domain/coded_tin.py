@@ -1,4 +1,4 @@
-"""Points and values in a run, in layers that add points to those before (spec clause 10.6)."""
+"""Points and values in a run, in layers that add points to those before (spec clause 10.8)."""
 
 from __future__ import annotations
 
@@ -78,7 +78,7 @@ class _Run:
         order = by_rank(union[:, 0], union[:, 1])
         x, y = np.ascontiguousarray(union[order].T)
         if np.any((x[1:] == x[:-1]) & (y[1:] == y[:-1])):
-            raise FormatError("points come twice", code="points", clause="10.6.3")
+            raise FormatError("points come twice", code="points", clause="10.8.3")
         place = np.empty(len(union), np.int64)
         place[order] = np.arange(len(union))
         new = place[known:]
@@ -118,10 +118,10 @@ class _Run:
         hull = np.zeros(2 * len(x) + 2, np.int32)
         count = hull_of(tri, np.lexsort((y, x)), hull) if len(x) > 2 else 0
         if count < 3:
-            raise FormatError("all points lie on a line", code="points", clause="10.6.3")
+            raise FormatError("all points lie on a line", code="points", clause="10.8.3")
         hull = np.roll(hull[:count], -int(hull[:count].argmin()))
         if len(known) and not np.isin(hull, known).all():
-            raise FormatError("points outside of those of the first layer", code="points", clause="10.6.3")
+            raise FormatError("points outside of those of the first layer", code="points", clause="10.8.3")
         build_hull(tri, hull, np.sort(hull), np.zeros(len(x), np.int32), np.zeros(len(x), np.int32))
         if len(known):
             early = np.sort(known)
@@ -183,7 +183,7 @@ def decoded(
         if status == GROW:
             raise LimitError("a triangulation takes more than allowed", code="limit-work", clause="11.2")
         if status == BAD:
-            raise FormatError("a value out of range", code="value", clause="10.6.4")
+            raise FormatError("a value out of range", code="value", clause="10.8.4")
         if status == NEED and not whole:
             return Layers(run.points, run.numbers, tuple(run.ends), False)
         if status == NEED:

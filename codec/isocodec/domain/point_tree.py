@@ -1,4 +1,4 @@
-"""Coded positions: a box halved again and again, and which halves have points (spec clause 10.6.3)."""
+"""Coded positions: a box halved again and again, and which halves have points (spec clause 10.8.3)."""
 
 from __future__ import annotations
 
