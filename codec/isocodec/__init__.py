@@ -28,7 +28,10 @@ if TYPE_CHECKING:
         OptionError,
         TruncatedError,
     )
+    from .field.sampled import Field
+    from .files import EncodeOptions, IsoFile, open, save
     from .io.areas import areas
+    from .io.sources import read
     from .kernel import kernels
     from .layers.events import (
         BaseComplete,
@@ -68,7 +71,10 @@ _HOMES = {
         "FormatError", "InputError", "IsoError", "KernelError", "LimitError", "MissingExtraError", "OptionError",
         "TruncatedError",
     ),
+    "field.sampled": ("Field",),
+    "files": ("EncodeOptions", "IsoFile", "open", "save"),
     "io.areas": ("areas",),
+    "io.sources": ("read",),
     "kernel": ("kernels",),
     "limits": ("Limits",),
     "mesh_api": ("encode_mesh",),
@@ -94,9 +100,11 @@ __all__ = [
     "Contour",
     "Decoder",
     "DomainRead",
+    "EncodeOptions",
     "Encoder",
     "End",
     "Event",
+    "Field",
     "FileInfo",
     "FileStatistics",
     "FormatError",
@@ -104,6 +112,7 @@ __all__ = [
     "HeaderRead",
     "InputError",
     "IsoError",
+    "IsoFile",
     "IsovalueRead",
     "KernelError",
     "LayerComplete",
@@ -130,7 +139,10 @@ __all__ = [
     "encode_mesh",
     "inspect",
     "kernels",
+    "open",
+    "read",
     "read_plan",
+    "save",
     "statistics",
     "thin",
     "truncate",

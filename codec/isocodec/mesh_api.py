@@ -30,6 +30,7 @@ def encode_mesh(
     tolerance: float | None = None,
     signs_only: bool = False,
     leaning: bool = True,
+    progressive: bool = False,
     metadata: Mapping[str, str] | None = None,
 ) -> bytes:
     """Encode one or more isocontours or isosurfaces of values at the vertices of a mesh.
@@ -50,6 +51,9 @@ def encode_mesh(
         ``known``: whoever decodes has the mesh, points and cells in the same order; the file holds its hash.
     exact, step, signs_only, leaning, metadata
         As in `encode`.
+    progressive : bool
+        Tell the signs level by level, from a coarse mesh to the whole one, so that the first bytes show all of the
+        curve; for triangles in the plane.
     tolerance : float, optional
         Largest distance, in the unit of the points, between the decoded and the extracted curve, both ways.
 
@@ -76,7 +80,7 @@ def encode_mesh(
     return b"".join(
         MeshEncoder(
             points, cells, values, isovalue, mesh=mesh, exact=exact, step=step, tolerance=tolerance,
-            signs_only=signs_only, leaning=leaning, metadata=metadata,
+            signs_only=signs_only, leaning=leaning, progressive=progressive, metadata=metadata,
         )
     )  # fmt: skip
 

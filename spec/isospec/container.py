@@ -77,6 +77,7 @@ class MeshLayer(IntEnum):
     SIGNS = 0
     OFFSETS = 1
     VALUES = 2
+    LEVELS = 3
 
 
 class Operation(IntEnum):

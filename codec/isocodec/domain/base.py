@@ -233,6 +233,17 @@ def _walk(mesh, st, cd):
 
 
 @kernel
+def trace(mesh: Mesh, st: Strand, cd: Coder) -> None:
+    """Find the leaves of signs that are all known, in the order of a walk."""
+    for t in range(len(mesh.cell)):
+        if st.visited[t] or not mixed(mesh, st, t):
+            continue
+        st.stack[0] = 0
+        _visit(mesh, st, t)
+        _walk(mesh, st, cd)
+
+
+@kernel
 def code_base(mesh: Mesh, st: Strand, cd: Coder) -> int:
     """Code all components: the encoder's from ``truth``, the decoder's from the run."""
     least = 0

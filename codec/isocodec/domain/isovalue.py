@@ -11,9 +11,11 @@ from numpy.typing import NDArray
 from ..entropy.range_coder import DECODE, ENCODE, finish, start
 from ..errors import FormatError, LimitError
 from ..kernel import BAD, CUT, DONE
-from .base import UNKNOWN, Strand, WalkRegisters, code_base
+from .base import UNKNOWN, Strand, WalkRegisters, code_base, trace
 from .complex import Complex
 from .geometry import active_vertices, code_offsets, code_values, crossed_edges, parts_of
+from .history import History
+from .levels import coarse_signs, signs_of_round
 from .models import NUMBERS, new_coder
 
 _ROOM = 1 << 12
@@ -100,6 +102,8 @@ class MeshIsovalue:
     ----------
     strand : Strand
     run : Run
+    rounds : int or None
+        How many rounds of the history are to come back yet, in signs that come level by level.
     edges : (E, 3) int64 or None
         Crossed edges, when the signs are known: both ends, and the leaf that has it first.
     parts, number : (E,) int64 or None
@@ -122,6 +126,7 @@ class MeshIsovalue:
             np.zeros(cells, np.bool_), np.zeros(cells, np.int64), np.zeros((corners - 1) * cells + 8, np.int64),
             np.zeros(NUMBERS, np.int64), WalkRegisters(),
         )  # fmt: skip
+        self.rounds: int | None = None
         self.edges: NDArray[np.int64] | None = None
         self.parts: NDArray[np.int64] | None = None
         self.number: NDArray[np.int64] | None = None
@@ -148,6 +153,25 @@ class MeshIsovalue:
         status = code_base(mesh, self.strand, self.run.coder)
         self.run.check(status, self.strand.reg.error)
         self.edges = crossed_edges(mesh, self.leaves, self.strand.sign)
+
+    def code_levels(self, history: History, rounds: int, truth: NDArray[np.bool_] | None = None) -> None:
+        """Code which vertices lie above, of those that are there when so many rounds are to come back yet.
+
+        Those of earlier layers are known. ``truth`` as in `code_signs`.
+        """
+        mesh, run = self.domain.mesh, self.run
+        if truth is not None:
+            self.strand.truth[:] = truth
+        run.room(4 * len(mesh.position) + 64)
+        if self.rounds is None:
+            run.check(coarse_signs(history, rounds, self.strand, run.coder))
+        else:
+            for number in range(self.rounds - 1, rounds - 1, -1):
+                run.check(signs_of_round(history, number, self.strand, run.coder))
+        self.rounds = rounds
+        if rounds == 0:
+            trace(mesh, self.strand, run.coder)
+            self.edges = crossed_edges(mesh, self.leaves, self.strand.sign)
 
     def code_offsets(self, step: int, number: NDArray[np.int64] | None = None) -> None:
         """Code which part of each edge is crossed."""

@@ -20,6 +20,10 @@ CROSSINGS = 6
 """Classes of what is known about where an edge is crossed."""
 NUMBERS = 4
 """The same of values at vertices."""
+SHARES = 18
+"""Classes of the share of what is around that lies above: none known, 0 to 16."""
+RING_COUNTS = 81
+"""Numbers of vertices around, and of those above: up to 8 each."""
 # element: (contexts, probability of a 1 at the start, weight of that start in symbols)
 _LAYOUT = {
     "COMPONENT": (1, 0.8, 1),
@@ -28,6 +32,11 @@ _LAYOUT = {
     "SIGN_RING": (CLASSES * RINGS, 0.7, 1),
     "SIGN_PAST": (PASTS * 2, 0.7, 1),
     "SIGN_BOTH": (RINGS * 8 * 3, 0.7, 1),
+    "COARSE": (8 * SHARES, 0.5, 0),
+    "LEVEL_RING": (2 * SHARES, 0.5, 0),
+    "LEVEL_COUNT": (RING_COUNTS, 0.5, 0),
+    "LEVEL_PAST": (4 * SHARES, 0.5, 0),
+    "NEW": (16, 0.1, 1),
     "OFFSET": (CROSSINGS * 4 * DEPTHS, 0.5, 0),
     "VALUE": (NUMBERS * 4 * DEPTHS, 0.5, 0),
 }
@@ -39,11 +48,14 @@ for _name, (_count, _p, _weight) in _LAYOUT.items():
 COMPONENT, FIRST = CONTEXT["COMPONENT"], CONTEXT["FIRST"]
 SIGN_SURE, SIGN_RING = CONTEXT["SIGN_SURE"], CONTEXT["SIGN_RING"]
 SIGN_PAST, SIGN_BOTH = CONTEXT["SIGN_PAST"], CONTEXT["SIGN_BOTH"]
+COARSE, NEW = CONTEXT["COARSE"], CONTEXT["NEW"]
+LEVEL_RING, LEVEL_COUNT, LEVEL_PAST = CONTEXT["LEVEL_RING"], CONTEXT["LEVEL_COUNT"], CONTEXT["LEVEL_PAST"]
 OFFSET, VALUE = CONTEXT["OFFSET"], CONTEXT["VALUE"]
 MIX_SIGN = 0
 MIX_OFFSET = MIX_SIGN + CLASSES
 MIX_VALUE = MIX_OFFSET + CROSSINGS * DEPTHS
-MIXES = MIX_VALUE + NUMBERS * DEPTHS
+MIX_LEVEL = MIX_VALUE + NUMBERS * DEPTHS
+MIXES = MIX_LEVEL + SHARES // 2
 WEIGHT = 22000
 """Mixing weight that every opinion starts with, of 2**16."""
 

@@ -97,11 +97,14 @@ class MeshLayerHead:
         Offsets: the longest part of an edge, in units of positions.
     bits : (int, int)
         Values: bits of the numbers below and above the isovalue.
+    rounds : int
+        Levels: rounds of the history that are to come back yet.
     """
 
     kind: MeshLayer
     step: int = 0
     bits: tuple[int, int] = (0, 0)
+    rounds: int = 0
 
 
 def write_mesh_layer(head: MeshLayerHead) -> bytes:
@@ -109,6 +112,8 @@ def write_mesh_layer(head: MeshLayerHead) -> bytes:
     out = bytes([head.kind])
     if head.kind == MeshLayer.OFFSETS:
         out += write_varint(head.step)
+    if head.kind == MeshLayer.LEVELS:
+        out += write_varint(head.rounds)
     if head.kind == MeshLayer.VALUES:
         out += bytes(head.bits)
     return out
@@ -134,6 +139,11 @@ def read_mesh_layer(payload: bytes, start: int) -> tuple[MeshLayerHead, int]:
         if found is None or not 1 <= found[0] <= MOST_STEP:
             raise wrong("no step of offsets, or one out of range")
         return MeshLayerHead(kind, step=found[0]), found[1]
+    if kind == MeshLayer.LEVELS:
+        found = varint(payload, 1, len(payload), "10.1.3")
+        if found is None:
+            raise wrong("no number of rounds")
+        return MeshLayerHead(kind, rounds=found[0]), found[1]
     if kind == MeshLayer.VALUES:
         if len(payload) < 3 or max(payload[1:3]) > MOST_BITS:
             raise wrong("no numbers of bits, or more than there may be")

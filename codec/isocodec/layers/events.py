@@ -121,7 +121,7 @@ class MeshLayerComplete(Event):
     number : int
         Its number in the file, from 1.
     kind : str
-        ``signs``, ``offsets`` or ``values``.
+        ``signs``, ``levels``, ``offsets`` or ``values``.
     bytes : int
         Entropy-coded bytes that it took.
     """

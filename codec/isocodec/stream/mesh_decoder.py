@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterator
 from copy import copy
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -11,13 +12,14 @@ from numpy.typing import ArrayLike, NDArray
 from isospec.container import ChunkType, MeshLayer
 
 from ..domain.complex import Complex, complex_of
+from ..domain.history import History, history_of
 from ..domain.isovalue import MeshIsovalue
 from ..drawing.contour import Contour
 from ..drawing.explicit import draw_cells
 from ..errors import FormatError, InputError, IsoError, LimitError, OptionError, TruncatedError, out_of_memory
 from ..field.samples import interval_value
 from ..format.chunks import Envelope, octets, read_envelope, verify
-from ..format.domain import DomainHead, read_mesh_layer
+from ..format.domain import DomainHead, MeshLayerHead, read_mesh_layer
 from ..format.header import Header, read_header
 from ..layers.contents import Contents
 from ..layers.events import ChunkSkipped, DomainRead, End, Event, HeaderRead, IsovalueRead, MeshLayerComplete
@@ -25,6 +27,8 @@ from ..limits import Budget, Limits
 
 REFUSED = (ChunkType.CUT_LAYERS, ChunkType.MASK)
 """Critical chunks that a file of an explicit domain does not have."""
+HISTORY_PER_CELL = 300
+"""Bytes that the history of a mesh takes for a cell, about."""
 PER_CELL = 200
 """Bytes that checking a known mesh and drawing it take for a cell, about."""
 
@@ -149,6 +153,8 @@ class MeshDecoder:
         n = self.header.n if self.header else 2
         found = self.strand(number)
         notes = dict(self.metadata)
+        if found is not None and found.edges is None and found.rounds is not None:
+            return self._coarse(found, notes)
         if found is None or found.edges is None or self._domain is None or self._points is None:
             d = n if self.head is None else self.head.d
             return Contour(np.zeros((0, d)), np.zeros((0, n), np.int64), float("nan"), (), False, metadata=notes)
@@ -158,6 +164,18 @@ class MeshDecoder:
             found.edges[:, :2], self._ratio(found),
         )  # fmt: skip
         return Contour(points, cells, found.value, (), self._ended, metadata=notes)
+
+    def _coarse(self, found: MeshIsovalue, notes: dict[str, str]) -> Contour:
+        """The curve on what is left of the mesh after some rounds."""
+        assert self._points is not None and found.rounds is not None
+        cells, above = self._history.cells[found.rounds], found.strand.sign == 1
+        cells = cells[above[cells].any(axis=1) & ~above[cells].all(axis=1)]
+        ends = np.sort(cells[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
+        edges = np.unique(ends[above[ends[:, 0]] != above[ends[:, 1]]], axis=0)
+        points, pieces = draw_cells(
+            self._points, cells, np.zeros(len(cells), np.bool_), above, edges, np.full(len(edges), 0.5)
+        )
+        return Contour(points, pieces, found.value, (), False, metadata=notes)
 
     def snapshot(self, number: int = 0) -> Contour:
         """The same of all bytes fed so far."""
@@ -290,14 +308,13 @@ class MeshDecoder:
         head, at = read_mesh_layer(payload, start)
         if present is None:
             return ChunkSkipped(behind, ChunkType.LAYERS, len(payload))
-        told = {
-            MeshLayer.SIGNS: present.edges, MeshLayer.OFFSETS: present.parts, MeshLayer.VALUES: present.active
-        }  # fmt: skip
-        if told[head.kind] is not None or (head.kind != MeshLayer.SIGNS and present.edges is None):
+        if not self._fits(head, present):
             raise FormatError("a layer that comes twice, or too early", code="layer", offset=start, clause="10.1.3")
         present.run.begin(payload[at:], start + at, self._symbols)
         if head.kind == MeshLayer.SIGNS:
             present.code_signs()
+        elif head.kind == MeshLayer.LEVELS:
+            present.code_levels(self._history, head.rounds)
         elif head.kind == MeshLayer.OFFSETS:
             present.code_offsets(head.step)
         else:
@@ -305,3 +322,29 @@ class MeshDecoder:
         present.run.end()
         self._symbols = present.run.coder.reg.left
         return MeshLayerComplete(behind, self._layers, head.kind.name.lower(), len(payload) - at)
+
+    def _fits(self, head: MeshLayerHead, present: MeshIsovalue) -> bool:
+        """Whether a layer may come next."""
+        match head.kind:
+            case MeshLayer.SIGNS:
+                return present.rounds is None and present.edges is None
+            case MeshLayer.LEVELS if present.edges is None:
+                return (
+                    head.rounds <= len(self._history.rounds) if present.rounds is None else head.rounds < present.rounds
+                )
+            case MeshLayer.OFFSETS:
+                return present.edges is not None and present.parts is None
+            case MeshLayer.VALUES:
+                return present.edges is not None and present.active is None
+        return False
+
+    @cached_property
+    def _history(self) -> History:
+        """Of the domain."""
+        assert self._domain is not None
+        self._budget.check(HISTORY_PER_CELL * len(self._domain.mesh.cell))
+        try:
+            return history_of(self._domain)
+        except OptionError as error:
+            text = f"a layer of levels, but {error.message}"
+            raise FormatError(text, code="layer", offset=self._at, clause="10.8.1") from None

@@ -13,6 +13,7 @@ from isospec.container import Checksum, ChunkType, DomainKind, MeshLayer, Profil
 
 from ..domain.complex import Complex, complex_of
 from ..domain.geometry import MOST_PARTS, active_vertices, parts_of
+from ..domain.history import history_of
 from ..domain.isovalue import MeshIsovalue
 from ..errors import InputError, OptionError
 from ..field.samples import Field, isovalue_of
@@ -21,6 +22,8 @@ from ..format.domain import DomainHead, MeshLayerHead, write_domain, write_mesh_
 from ..format.header import Header, write_header
 from .options import Options, isovalues_of, nearest_before
 
+FINER = 2
+"""How many times as many vertices are told after a layer of signs than before it, at least."""
 EDGE_SHARE = 0.05
 """Without an option, points lie as near to the contour as this share of the median edge."""
 KINDS = ("known",)
@@ -31,7 +34,7 @@ class MeshEncoder:
 
     Parameters
     ----------
-    points, cells, values, isovalue, mesh, exact, step, tolerance, signs_only, leaning, metadata
+    points, cells, values, isovalue, mesh, exact, step, tolerance, signs_only, leaning, progressive, metadata
         As in `encode_mesh`.
 
     Raises
@@ -55,6 +58,7 @@ class MeshEncoder:
         tolerance: float | None = None,
         signs_only: bool = False,
         leaning: bool = True,
+        progressive: bool = False,
         metadata: Mapping[str, str] | None = None,
     ) -> None:
         if mesh not in KINDS:
@@ -67,6 +71,7 @@ class MeshEncoder:
         self._fields = [vertex_field(values, self.domain, one, self.options.step) for one in self.isovalues]
         self.options.check_data(self._fields[0].integer)
         self._step = self._offset_step()
+        self._history = history_of(self.domain) if progressive else None
         profile = Profile.MAIN
         self.header = Header((), self._fields[0].isovalue, self.options.step, profile, cells=self.domain.n)
         self.strands: list[MeshIsovalue] = []
@@ -118,12 +123,16 @@ class MeshEncoder:
         strand, field = self.strands[number], self._fields[number]
         geometry = self._geometry()
         ends = number == len(self.isovalues) - 1
-        strand.run.begin(None)
-        strand.code_signs(field.signs)
-        payload = write_mesh_layer(MeshLayerHead(MeshLayer.SIGNS)) + strand.run.end()
+        for head in self._sign_layers():
+            strand.run.begin(None)
+            if self._history is None:
+                strand.code_signs(field.signs)
+            else:
+                strand.code_levels(self._history, head.rounds, field.signs)
+            empty = strand.edges is not None and not len(strand.edges)
+            last = ends and head.rounds == 0 and (empty or geometry is None)
+            yield write_chunk(ChunkType.LAYERS, write_mesh_layer(head) + strand.run.end(), last=last)
         assert strand.edges is not None
-        empty = not len(strand.edges)
-        yield write_chunk(ChunkType.LAYERS, payload, last=ends and (empty or geometry is None))
         if geometry is None or empty:
             return
         strand.run.begin(None)
@@ -138,6 +147,20 @@ class MeshEncoder:
             head = MeshLayerHead(geometry, bits=(bits[0], bits[1]))
             strand.code_values(head.bits, steps)
         yield write_chunk(ChunkType.LAYERS, write_mesh_layer(head) + strand.run.end(), last=ends)
+
+    def _sign_layers(self) -> list[MeshLayerHead]:
+        """Layers that tell the signs: one, or one for every few rounds."""
+        if self._history is None:
+            return [MeshLayerHead(MeshLayer.SIGNS)]
+        rounds = len(self._history.rounds)
+        out, there, told = [rounds], self._history.left, self._history.left
+        while rounds:
+            rounds -= 1
+            there += len(self._history.rounds[rounds].vertex)
+            if there >= FINER * told or rounds == 0:
+                out.append(rounds)
+                told = there
+        return [MeshLayerHead(MeshLayer.LEVELS, rounds=each) for each in out]
 
     def _geometry(self) -> MeshLayer | None:
         """What tells where within cells the curve lies."""
