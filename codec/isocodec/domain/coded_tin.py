@@ -1,4 +1,4 @@
-"""Points and values in a run, in layers that add points to those before (spec clause 10.8)."""
+"""Points and values in a run, in layers that add points to those before (spec clause 10.9)."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..entropy.range_coder import DECODE, ENCODE, Coder, finish, start
-from ..errors import FormatError, LimitError, TruncatedError
+from ..errors import FormatError, LimitError
 from ..kernel import BAD, DONE, GROW, NEED
 from .delaunay import build_hull, hull_of, insert_all, insertion_order
 from .point_tree import code_positions
@@ -20,6 +20,9 @@ from .triangulation import Triangulation, empty
 
 _ROUND, _FACTOR = 64, 4
 """Points of lowest rank that come first, and how many times as many have come after each later round."""
+_STEPS = 16
+"""Triangles that are looked at for a unit of work."""
+_UNLIMITED = 1 << 62
 _ROOM = 64
 """Bytes of a run for each point at most, and some more."""
 
@@ -70,7 +73,7 @@ class _Run:
         self, count: int, largest: int, points: NDArray[np.int64] | None, numbers: NDArray[np.int64] | None
     ) -> int:
         """Code the next layer; a status."""
-        status, found = code_positions(self.coder, self.extent, count, points, self.most)
+        status, found, self.work = code_positions(self.coder, self.extent, count, points, self.most, self.work)
         if status != DONE:
             return status
         known = len(self.points)
@@ -78,7 +81,7 @@ class _Run:
         order = by_rank(union[:, 0], union[:, 1])
         x, y = np.ascontiguousarray(union[order].T)
         if np.any((x[1:] == x[:-1]) & (y[1:] == y[:-1])):
-            raise FormatError("points come twice", code="points", clause="10.8.3")
+            raise FormatError("points come twice", code="points", clause="10.9.3")
         place = np.empty(len(union), np.int64)
         place[order] = np.arange(len(union))
         new = place[known:]
@@ -103,8 +106,9 @@ class _Run:
                 queue = queue[~told[queue]]
         done = 0
         if status == DONE:
-            status, done = code_inner(self.coder, tri, values, queue, self.work)
+            status, done = code_inner(self.coder, tri, values, queue, min(_STEPS * self.work, _UNLIMITED))
             told[queue[:done]] = True
+            self.work -= tri.reg.work // _STEPS
         if status == DONE or told.sum() > known:
             self.points, self.numbers = union[told[place]], number[place][told[place]]
             self.ends.append(len(self.points))
@@ -113,19 +117,19 @@ class _Run:
     def _triangulation(
         self, x: NDArray[np.int64], y: NDArray[np.int64], known: NDArray[np.int64]
     ) -> tuple[Triangulation, NDArray[np.int32]]:
-        """The triangulation of the points known before, or of the corners of the hull; these from the lowest rank on."""
+        """The triangulation of the points known before, or of the hull; its corners from the lowest rank on."""
         tri = empty(x, y)
         hull = np.zeros(2 * len(x) + 2, np.int32)
         count = hull_of(tri, np.lexsort((y, x)), hull) if len(x) > 2 else 0
         if count < 3:
-            raise FormatError("all points lie on a line", code="points", clause="10.8.3")
+            raise FormatError("all points lie on a line", code="points", clause="10.9.3")
         hull = np.roll(hull[:count], -int(hull[:count].argmin()))
         if len(known) and not np.isin(hull, known).all():
-            raise FormatError("points outside of those of the first layer", code="points", clause="10.8.3")
+            raise FormatError("points outside of those of the first layer", code="points", clause="10.9.3")
         build_hull(tri, hull, np.sort(hull), np.zeros(len(x), np.int32), np.zeros(len(x), np.int32))
         if len(known):
             early = np.sort(known)
-            insert_all(tri, early[insertion_order(x[early], y[early])].astype(np.int32), 1 << 62)
+            insert_all(tri, early[insertion_order(x[early], y[early])].astype(np.int32), _UNLIMITED)
         return tri, hull
 
 
@@ -142,7 +146,7 @@ def encoded(layers: Layers, extent: tuple[int, int], largest: int) -> bytes:
     """
     coder = new_coder()._replace(buf=np.zeros(_ROOM * len(layers.points) + 4096, np.uint8))
     start(coder.reg, ENCODE)
-    run = _Run(coder, extent, len(layers.points), 1 << 62)
+    run = _Run(coder, extent, len(layers.points), _UNLIMITED)
     begin = 0
     for end in layers.ends:
         status = run.layer(end - begin, largest, layers.points[begin:end], layers.numbers[begin:end])
@@ -163,7 +167,7 @@ def decoded(
     most : int
         Points at most.
     work : int
-        Triangles to look at, at most, in a layer.
+        Units of work at most (`Limits.work`).
     whole : bool
         Whether these are all bytes of the run; if not, what they say is taken.
 
@@ -183,7 +187,7 @@ def decoded(
         if status == GROW:
             raise LimitError("a triangulation takes more than allowed", code="limit-work", clause="11.2")
         if status == BAD:
-            raise FormatError("a value out of range", code="value", clause="10.8.4")
+            raise FormatError("a value out of range", code="value", clause="10.9.4")
         if status == NEED and not whole:
             return Layers(run.points, run.numbers, tuple(run.ends), False)
         if status == NEED:

@@ -103,7 +103,7 @@ def put_back(th: Thinning, order: Int32Vector, point: Int32Vector, most: int, to
 
 
 def exchange(th: Thinning, count: int, low: float, high: float, rounds: int = len(_SHARES)) -> None:
-    """Bring a thinning by squared errors to ``count`` vertices, with fitted values, and exchange points for better ones.
+    """Bring a thinning by squared errors to ``count`` vertices with fitted values, and exchange points for better ones.
 
     Parameters
     ----------

@@ -43,10 +43,10 @@ def list_shares(s: Surface, shares: Shares, at: IntVector) -> None:
     """List them; ``at`` begins as a copy of ``first``."""
     tri = s.tri
     o = tri.origin
-    for v in range(len(s.value)):
-        if tri.leaving[v] >= 0:
-            shares.point[at[v]], shares.weight[at[v]] = v, 1.0
-            at[v] += 1
+    for own in range(len(s.value)):
+        if tri.leaving[own] >= 0:
+            shares.point[at[own]], shares.weight[at[own]] = own, 1.0
+            at[own] += 1
     for t in range(len(o) // 3):
         if o[3 * t] < 0:
             continue

@@ -1,4 +1,4 @@
-"""Coded positions: a box halved again and again, and which halves have points (spec clause 10.8.3)."""
+"""Coded positions: a box halved again and again, and which halves have points (spec clause 10.9.3)."""
 
 from __future__ import annotations
 
@@ -21,6 +21,8 @@ _SECOND = np.array(
     [-1419, -1241, -1063, -883, -702, -516, -322, -111, 139, 475, 1019, 2047, 2047, 2047, 2047, 2047, 2047]
 )
 """Logits of: the second half has points, too."""
+_WORK = 4
+"""Units of work that a cell counts as."""
 _EMPTY, _FULL, _OPEN = 0, 1, 2
 _FREE = -1
 
@@ -30,9 +32,9 @@ class Level(NamedTuple):
     """Cells with points before and after a halving.
 
     ``cell`` (C, 2) are those before, in order, ``half`` those after; ``table`` and ``halves`` are hash tables of them:
-    a key and a number in each row. ``size`` has the cells' sizes as powers of two after the halving, the axis that is
-    halved, the extents of the box, how many points there are about, how many halves have been listed, and whether the last three second
-    halves had points.
+    a key and a number in each row. ``size`` has the sizes of halves as powers of two, the axis that is halved, the
+    extents of the box, about how many points there are, how many halves have been listed, whether the last three second
+    halves had points, and the sizes of the box as powers of two.
     """
 
     cell: IntMatrix
@@ -206,8 +208,8 @@ def enter_all(table: IntMatrix, cell: IntMatrix) -> None:
 
 
 def code_positions(
-    coder: Coder, extent: tuple[int, int], count: int, points: NDArray[np.int64] | None, most: int
-) -> tuple[int, NDArray[np.int64]]:
+    coder: Coder, extent: tuple[int, int], count: int, points: NDArray[np.int64] | None, most: int, work: int
+) -> tuple[int, NDArray[np.int64], int]:
     """Code positions in a box.
 
     Parameters
@@ -221,6 +223,8 @@ def code_positions(
         Distinct ones, of an encoder.
     most : int
         Points at most.
+    work : int
+        Units of work at most.
 
     Returns
     -------
@@ -228,11 +232,13 @@ def code_positions(
         DONE, or why the coder stopped.
     (N, 2) int64
         All positions, in the order of the tree.
+    int
+        Units of work that are left.
 
     Raises
     ------
     LimitError
-        If there are too many points.
+        If there are too many points, or it takes too much work.
     """
     sx, sy = map(_log, extent)
     cell = np.zeros((1, 2), np.int64)
@@ -254,12 +260,15 @@ def code_positions(
         level = Level(cell, np.zeros((2 * len(cell), 2), np.int64), table, halves, size)
         status = halve(coder, level, truth)
         if status != DONE:
-            return status, cell[:0]
+            return status, cell[:0], work
         cell = level.half[: size[_LISTED]].copy()
         if len(cell) > most:
             raise LimitError(f"more than {most:,} points", code="limit-vertices", clause="11.2")
+        work -= _WORK * len(cell)
+        if work < 0:
+            raise LimitError("positions take more work than allowed", code="limit-work", clause="11.2")
         if owner is not None:
             # halves of each cell stand one after the other
             behind = np.concatenate([[0], np.cumsum((truth & 1) + (truth >> 1))])
             owner = behind[owner] + (side & truth[owner] & 1)
-    return DONE, cell
+    return DONE, cell, work

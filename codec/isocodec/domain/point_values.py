@@ -1,4 +1,4 @@
-"""Coded values at points: predicted by the triangulation of those that are known (spec clause 10.8.4)."""
+"""Coded values at points: predicted by the triangulation of those that are known (spec clause 10.9.4)."""
 
 from __future__ import annotations
 

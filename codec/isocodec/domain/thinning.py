@@ -73,8 +73,8 @@ def thinning(
     reg.criterion, reg.count = criterion, len(x)
     count = len(x)
     out = Thinning(
-        surface(delaunay(x, y)[0], value, target), new_heap(count), np.zeros(count, np.int32), np.zeros(count), np.zeros(count),
-        np.zeros(count, np.int32), reg,
+        surface(delaunay(x, y)[0], value, target), new_heap(count), np.zeros(count, np.int32), np.zeros(count),
+        np.zeros(count), np.zeros(count, np.int32), reg,
     )  # fmt: skip
     refresh(out)
     return out

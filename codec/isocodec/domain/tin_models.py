@@ -1,4 +1,4 @@
-"""Contexts and mixing weights of coded points and their values, and how they start (spec clause 10.8.2)."""
+"""Contexts and mixing weights of coded points and their values, and how they start (spec clause 10.9.2)."""
 
 from __future__ import annotations
 

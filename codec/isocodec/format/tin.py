@@ -1,4 +1,4 @@
-"""The head of a domain chunk that holds points and values (spec clause 10.8.1)."""
+"""The head of a domain chunk that holds points and values (spec clause 10.9.1)."""
 
 from __future__ import annotations
 
@@ -86,11 +86,11 @@ def read_tin(payload: bytes, start: int) -> tuple[TinHead, int]:
     at = 1
 
     def wrong(what: str) -> FormatError:
-        return FormatError(what, code="domain", offset=start, clause="10.8.1")
+        return FormatError(what, code="domain", offset=start, clause="10.9.1")
 
     def take(least: int, most: int, what: str) -> int:
         nonlocal at
-        found = varint(payload, at, len(payload), "10.8.1")
+        found = varint(payload, at, len(payload), "10.9.1")
         if found is None:
             raise wrong("a head that is not complete")
         if not least <= found[0] <= most:
