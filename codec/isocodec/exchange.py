@@ -26,10 +26,8 @@ class Exchange:
     @cached_property
     def mirrored(self: Any) -> bool:
         """Whether the way from index coordinates to those of the placement turns left into right."""
-        n = len(self.shape)
-        middle = (np.array(self.shape, np.float64) - 1) / 2
-        corners = self.place(np.concatenate([middle[None], middle + np.eye(n) / 2]))
-        return bool(np.linalg.det(corners[1:] - corners[0]) < 0)
+        frame = self.frame
+        return len(self.shape) == 2 if frame is None else bool(np.linalg.det(frame) < 0)
 
     @property
     def placed_cells(self: Any) -> NDArray[np.int64]:
@@ -76,8 +74,8 @@ class Exchange:
         """
         if len(self.shape) != 2:
             raise OptionError("a surface is no geometry of shapely", code="dimension", remedy="use to_trimesh")
-        placed = self.placed
-        return _io("areas").polygons().MultiLineString([placed[walk] for walk in self.walks])
+        whole = self.joined
+        return _io("areas").polygons().MultiLineString([whole.along(walk) for walk in whole.walks])
 
     def to_geodataframe(self: Any) -> Any:
         """A ``geopandas.GeoDataFrame`` of an isocontour: a row for each line, with ``isovalue``, ``closed`` and
@@ -115,14 +113,15 @@ class Exchange:
             If pyvista is not installed.
         """
         pyvista = _io("extras").optional("pyvista", extra="vtk", purpose="making a mesh of pyvista")
-        placed = self.placed
+        whole = self.joined
+        placed = whole.placed
         points = np.pad(placed, ((0, 0), (0, 3 - placed.shape[1])))
         if len(self.shape) == 2:
-            rows: list[int] = [n for walk in self.walks for n in (len(walk), *walk)]
+            rows: list[int] = [n for walk in whole.walks for n in (len(walk), *walk)]
             mesh = pyvista.PolyData(points, lines=np.array(rows, np.int64))
         else:
-            mesh = pyvista.PolyData(points, faces=np.insert(self.placed_cells, 0, 3, axis=1).ravel())
-            mesh.point_data["Normals"] = self.normals
+            mesh = pyvista.PolyData(points, faces=np.insert(whole.placed_cells, 0, 3, axis=1).ravel())
+            mesh.point_data["Normals"] = whole.normals
         mesh.cell_data["isovalue"] = np.full(mesh.n_cells, float(self.isovalue))
         return mesh
 
@@ -153,5 +152,5 @@ class Exchange:
 
 
 def _io(name: str) -> Any:
-    """A module of the readers and writers, loaded when it is needed: kernels, which know contours, do not hang on it."""
+    """A module of the readers and writers, loaded when needed: what kernels know of a contour does not hang on it."""
     return import_module(f".io.{name}", __package__)

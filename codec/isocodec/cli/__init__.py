@@ -1,4 +1,4 @@
-"""The command line: ``isocodec encode | decode | mask | info | truncate | plot | thin``.
+"""The command line: ``isocodec encode | decode | mask | info | truncate | plot | verify | thin``.
 
 The modules here load in a few milliseconds; whatever takes longer (numpy, matplotlib) is imported by the verb that
 needs it, when it needs it.
@@ -16,6 +16,7 @@ from .plot import plot_command
 from .report import EXIT_CODES, Program
 from .thin import thin_command
 from .truncate import truncate_command
+from .verify import verify_command
 
 __all__ = ["main"]
 
@@ -42,6 +43,7 @@ def main() -> None:
 
 
 for command in (
-    encode_command, decode_command, mask_command, info_command, truncate_command, plot_command, thin_command,
+    encode_command, decode_command, mask_command, info_command, truncate_command, plot_command, verify_command,
+    thin_command,
 ):  # fmt: skip
     main.add_command(command)

@@ -12,7 +12,7 @@ from ..errors import FormatError
 from .mesh import write_mesh
 from .options import iso_argument, json_option, limit_options, limits_of, output_option, partial_option, smooth_option
 from .receive import Drawings, receive, receive_all, warn_of_others
-from .report import check_output, concerning, read_iso, tell, warn
+from .report import STANDARD, check_output, concerning, read_iso, tell, warn, write_output
 
 LOST = 0.01
 """Share of a cell by which single precision may move points without a word."""
@@ -21,6 +21,7 @@ LOST = 0.01
 @click.command("decode", short_help="Decode to a curve, a surface or a picture of it.")
 @iso_argument
 @output_option("OUT")
+@click.option("--to", metavar="SUFFIX", help="Format of OUT, where its name does not tell: .geojson, for - as OUT.")
 @click.option(
     "--isovalue",
     type=float,
@@ -53,11 +54,11 @@ LOST = 0.01
 @limit_options
 @json_option
 def decode_command(
-    source: Path, output: Path, isovalue: float | None, layers: int | None, max_bytes: int | None, keep_crs: bool,
-    in_samples: bool, areas: str | None, along_holes: bool, mesh: str | None, smooth: bool, partial: bool,
-    limit_memory: int | None, limit_work: int | None, as_json: bool,
+    source: Path, output: Path, to: str | None, isovalue: float | None, layers: int | None, max_bytes: int | None,
+    keep_crs: bool, in_samples: bool, areas: str | None, along_holes: bool, mesh: str | None, smooth: bool,
+    partial: bool, limit_memory: int | None, limit_work: int | None, as_json: bool,
 ) -> None:  # fmt: skip
-    """Decode IN.iso to OUT; the suffix of OUT names the format.
+    """Decode IN.iso to OUT; the suffix of OUT names the format. IN.iso may be - or a URL, OUT - (with --to).
 
     \b
     Curves and surfaces  .npz (points, cells, isovalue, shape; placement, crs), .png, .dxf, .vtp
@@ -70,6 +71,8 @@ def decode_command(
 
     With --areas the file holds polygons with holes: the curve, closed along the border of the samples,
     and with --along-holes along unit cells that have a missing corner.
+
+    Triangulated surfaces (of thin) are written as .ply, .vtu, .geojson or .npz, pictures of them as .npy.
 
     With --mesh the file holds triangles or tetrahedra with their level, and vertices with their sign (above: 1, 0).
 
@@ -87,6 +90,14 @@ def decode_command(
         )  # fmt: skip
         return
 
+    from .tin import decode_surface, holds_surface
+
+    if holds_surface(source):
+        if isovalue is not None or layers is not None or areas or smooth:
+            raise click.UsageError("the file holds a surface: --isovalue, --layers, --areas and --smooth mean nothing")
+        decode_surface(source, output, max_bytes, in_samples, partial, limits_of(limit_memory, limit_work), as_json)
+        return
+
     from ..io.write import (
         AREAS,
         check_areas,
@@ -99,10 +110,13 @@ def decode_command(
         render_sides,
     )
 
+    if to is None and str(output) == STANDARD:
+        raise click.UsageError("--to says in which format to write to standard output: --to .geojson")
+    named = output if to is None else Path(f"_.{to.lstrip('.')}")
     with concerning(output):
         if areas:
-            check_areas(output)
-        suffix = check_suffix(output)
+            check_areas(named)
+        suffix = check_suffix(named)
         check_libraries(suffix)
     check_output(output, source)
     data = read_iso(source)
@@ -130,7 +144,7 @@ def decode_command(
     assert decoder.header is not None
     n = len(decoder.header.shape)
     with concerning(output):
-        check_suffix(output, n)
+        check_suffix(named, n)
     drawings = Drawings(decoder, numbers, smooth, in_samples, AREAS if areas else cost_of(suffix, n), along_holes)
     with concerning(source):
         if areas:
@@ -140,7 +154,10 @@ def decode_command(
             rendered = render_contour(drawings, suffix, n, keep_crs)
     _warn_of_places(source, suffix, drawings, keep_crs or in_samples)
     with concerning(output):
-        put(output, suffix, rendered)
+        if str(output) == STANDARD:
+            write_output(output, rendered)
+        else:
+            put(output, suffix, rendered)
     pieces = "segments" if n == 2 else "triangles"
     tell(
         f"{click.format_filename(output)}: {drawings.points:,} points, {drawings.cells:,} {pieces}, {seconds:.2f} s"

@@ -13,6 +13,8 @@ from typing import TYPE_CHECKING
 import click
 
 from .encode_options import encode_options, read_criterion, read_metadata, read_numbers, read_steps
+from .inputs import local_input
+from .mapped import cells_of, read_tolerance, world_of
 from .options import Grouped
 from .planned import Planned
 from .progress import progress_bar
@@ -38,7 +40,7 @@ def encode_command(
     labels: tuple[float, ...],
     independent: bool,
     exact: bool,
-    tolerance: float | None,
+    tolerance: str | None,
     steps: str | None,
     preserve_topology: bool,
     criterion: str | None,
@@ -52,9 +54,13 @@ def encode_command(
     missing: str | None,
     nodata: float | None,
     no_placement: bool,
+    coordinates_error: float | None,
+    periodic: tuple[int, ...],
+    period: str | None,
     key: str | None,
     channel: int | None,
     frame: int | None,
+    kind: str | None,
     limit_samples: int | None,
     follow: bool,
     as_json: bool,
@@ -62,7 +68,7 @@ def encode_command(
     """Encode the isocontour (2-D) or isosurface (3-D) of the field in INPUT.
 
     INPUT is .npy, .npz, HDF5, NetCDF, Zarr, GRIB, PNG, JPEG, TIFF (a stack is a volume), NIfTI, NRRD, MetaImage, DICOM
-    (a folder of slices, or a file) or .vti.
+    (a folder of slices, or a file) or .vti; - for standard input, or a URL.
     """
     asked = bool(isovalues) + (interval is not None) + bool(labels)
     if asked > 1 or (asked == 0 and plan is None):
@@ -80,6 +86,7 @@ def encode_command(
     if label is not None and missing is not None:
         raise click.UsageError("--label and --missing contradict one another: a missing sample has another label")
     steps_along = read_numbers("--spacing", spacing)
+    periods = read_numbers("--period", period)
     distances = read_steps(steps)
 
     from ..stream.options import PRECISIONS, Options, conflict
@@ -89,7 +96,7 @@ def encode_command(
         raise click.UsageError(f"{names} contradict one another: choose one")
     planned = None if plan is None else Planned.read(plan)
     options = Options(
-        exact=exact, tolerance=tolerance, signs_only=signs_only, step=step, base_level=base_level,
+        exact=exact, tolerance=read_tolerance(tolerance), signs_only=signs_only, step=step, base_level=base_level,
         preserve_topology=preserve_topology, steps=distances, criterion=name, parameter=parameter,
         leaning=not independent, plan=None if planned is None else planned.plan, profile=profile, metadata=notes,
     )  # fmt: skip
@@ -104,14 +111,14 @@ def encode_command(
 
     placed = steps_along is None and not no_placement and PLACEMENT not in notes
     with concerning(source):
-        with one_warning(source):
-            field = read_field(source, key=key, channel=channel, frame=frame, samples=limit_samples, follow=follow)
+        with local_input(source, kind, limit_samples) as path, one_warning(source):
+            field = read_field(path, key=key, channel=channel, frame=frame, samples=limit_samples, follow=follow)
             nodata_given = nodata is not None
             if nodata is None and label is None:
-                nodata = read_nodata(source, key, follow=follow)
+                nodata = read_nodata(path, key, follow=follow)
             place = Place()
             if placed:
-                place = read_place(source, field.ndim, key, samples=limit_samples, follow=follow, frame=frame)
+                place = read_place(path, field.ndim, key, samples=limit_samples, follow=follow, frame=frame)
         if steps_along is not None and len(steps_along) != field.ndim:
             raise click.UsageError(f"--spacing {spacing}: give one number for each of the {field.ndim} axes")
         hole: Field | None = None
@@ -137,9 +144,12 @@ def encode_command(
         placement: ArrayLike | None = place.placement if placed else steps_along
         if place.remark:
             warn(source, place.remark)
+        if options.tolerance is None and tolerance is not None:
+            options = replace(options, tolerance=cells_of(tolerance, field, hole, place.mapped, placement, periods))
+        world = world_of(source, field.shape, place.mapped, placement, options, coordinates_error, periodic, periods)
         if place.crs is not None:
             notes.setdefault(CRS, place.crs)
-        options = replace(options, metadata=notes, placement=placement)
+        options = replace(options, metadata=notes, **world)
         started = time.perf_counter()
         about_plan = nullcontext() if planned is None else planned.blamed()
         with progress_bar("encoding") as progress, about_plan:

@@ -5,12 +5,13 @@ from __future__ import annotations
 import io
 import json
 import os
+import re
 import sys
 import traceback
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import click
 
@@ -28,12 +29,17 @@ Exit codes:
   6  a limit is exceeded (memory, work, samples, vertices, layers or isovalues)
   7  an optional library is missing
   8  the compiled kernels cannot be loaded, or are of another version
+  9  verify: the file does not keep what it promises
   130, 143, 129  interrupted (SIGINT), terminated (SIGTERM, SIGHUP); nothing is left behind
 Set ISOCODEC_DEBUG=1 in the environment to see tracebacks."""
 
 PARTIAL = "use --partial to decode what there is"
 """Remedy of the command line for a truncated file."""
+STANDARD = "-"
+"""Name of standard input and standard output."""
+_URL = re.compile(r"([A-Za-z][A-Za-z0-9+.-]+):/{1,2}")
 _PIECE = 1 << 20
+BROKEN = 9
 INTERRUPTED = 130  # as shells have it: 128 + SIGINT
 
 
@@ -144,8 +150,12 @@ def warn(path: str | os.PathLike[str], text: str) -> None:
 
 
 def tell(text: str, record: dict[str, Any], as_json: bool) -> None:
-    """The result of a command, on standard output: a line for people, or an object for programs."""
-    click.echo(json.dumps(record, allow_nan=False) if as_json else plain(text))
+    """The result of a command: a line for people, or an object for programs.
+
+    On standard output, or on the error stream if the file that was written went there.
+    """
+    away = record.get("output") == STANDARD
+    click.echo(json.dumps(record, allow_nan=False) if as_json else plain(text, "\n"), err=away)
 
 
 def read_iso(path: Path) -> bytes:
@@ -154,7 +164,7 @@ def read_iso(path: Path) -> bytes:
 
     from ..limits import Limits
 
-    with concerning(path), path.open("rb") as file:
+    with concerning(path), _opened(path) as file:
         pieces = [file.read(len(SIGNATURE))]
         most = Limits().bytes - len(SIGNATURE)
         while pieces[0] == SIGNATURE and most >= 0 and (piece := file.read(_PIECE)):
@@ -168,6 +178,23 @@ def read_iso(path: Path) -> bytes:
         return data
 
 
+def _opened(path: Path) -> AbstractContextManager[BinaryIO]:
+    """A file, standard input (``-``), or what a URL names."""
+    if str(path) == STANDARD:
+        return nullcontext(sys.stdin.buffer)
+    if url := url_of(path):
+        from ..io.remote import opened
+
+        return opened(url)
+    return path.open("rb")
+
+
+def url_of(path: str | os.PathLike[str]) -> str | None:
+    """The URL that an argument is, of which a path has lost a slash; None if it is the name of a file."""
+    found = _URL.match(str(path))
+    return f"{found[1]}://{str(path)[found.end() :]}" if found and not os.path.exists(path) else None
+
+
 def check_output(output: Path, source: Path) -> None:
     """Find out before the work that ``output`` can be written, and is not the input.
 
@@ -179,8 +206,8 @@ def check_output(output: Path, source: Path) -> None:
     from ..io.atomic import check_target
 
     with concerning(output):
-        if str(output) == "-":
-            raise OptionError("output must be a file", code="output", remedy="use /dev/stdout where the system has it")
+        if str(output) == STANDARD:
+            return
         check_target(output)
         if output.exists() and source.exists() and output.samefile(source):
             raise OptionError("the output is the input file itself", code="same-file", remedy="choose another name")
@@ -205,8 +232,12 @@ def check_iso_output(output: Path, source: Path) -> None:
 
 
 def write_output(output: Path, data: bytes) -> None:
-    """Write the result, whole or not at all."""
+    """Write the result, whole or not at all; on standard output as it is."""
     from ..io.atomic import write_bytes
 
     with concerning(output):
-        write_bytes(output, data)
+        if str(output) == STANDARD:
+            sys.stdout.buffer.write(data)
+            sys.stdout.buffer.flush()
+        else:
+            write_bytes(output, data)

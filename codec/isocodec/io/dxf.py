@@ -38,16 +38,18 @@ def render_dxf(contours: Iterable[Contour]) -> bytes:
             if name not in document.layers:
                 document.layers.add(name, color=colour)
             if len(contour.shape) == 2:
-                placed = contour.placed
-                for walk in contour.walks:
-                    closed = len(walk) > 2 and walk[0] == walk[-1]
-                    points = placed[walk[:-1] if closed else walk].tolist()
+                whole = contour.joined
+                for walk in whole.walks:
+                    places = whole.along(walk)
+                    closed = len(walk) > 2 and bool((places[0] == places[-1]).all())
+                    points = places[: -1 if closed else None].tolist()
                     attributes = {"layer": name, "elevation": float(contour.isovalue)}
                     space.add_lwpolyline(points, format="xy", close=closed, dxfattribs=attributes)
             elif len(contour.cells):
+                whole = contour.joined
                 with space.add_mesh(dxfattribs={"layer": name}).edit_data() as mesh:
-                    mesh.vertices = contour.placed.tolist()
-                    mesh.faces = contour.placed_cells.tolist()
+                    mesh.vertices = whole.placed.tolist()
+                    mesh.faces = whole.placed_cells.tolist()
             del contour
         text = io.StringIO()
         document.write(text)

@@ -26,8 +26,9 @@ def render_lines(contours: Iterable[Contour], keep: bool = False) -> bytes:
     """
 
     def feature(contour: Contour) -> bytes:
-        placed = contour.placed if keep else to_degrees(contour)(contour.placed)
-        coordinates = [placed[walk].tolist() for walk in contour.walks]
+        move = (lambda points: points) if keep else to_degrees(contour)
+        whole = contour.joined
+        coordinates = [move(whole.along(walk)).tolist() for walk in whole.walks]
         return _feature(contour, {"type": "MultiLineString", "coordinates": coordinates})
 
     return _features(contours, feature, keep)

@@ -34,7 +34,9 @@ def placed(mesh: Tessellation) -> NDArray[np.float64]:
 def _about(mesh: Tessellation) -> Contour:
     """An empty contour that says where the mesh lies."""
     none = np.zeros((0, 2)), np.zeros((0, 2), np.int64)
-    return Contour(*none, mesh.isovalue, mesh.shape, placement=mesh.placement, metadata=mesh.metadata)
+    return Contour(
+        *none, mesh.isovalue, mesh.shape, placement=mesh.placement, metadata=mesh.metadata, mapped=mesh.mapped
+    )
 
 
 def _in_space(mesh: Tessellation) -> tuple[NDArray[np.float64], NDArray[np.int64]]:

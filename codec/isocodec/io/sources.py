@@ -146,7 +146,8 @@ def _of_file(
         gone &= ~np.isnan(values)
     place = read_place(path, values.ndim, key, samples=samples, follow=follow)
     field = Field(
-        values, gone if gone.any() else None, place.placement, crs=place.crs,
+        values, gone if gone.any() else None, place.placement,
+        None if place.mapped is None else tuple(place.mapped.coordinates), place.crs,
         remarks=(place.remark,) if place.remark else (),
     )  # fmt: skip
     if source.named(*HDF5_SUFFIXES):

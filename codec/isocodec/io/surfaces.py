@@ -39,7 +39,8 @@ def trimesh_for(suffix: str) -> Any:
 
 def mesh_of(contour: Contour, suffix: str = "a mesh") -> Any:
     """A ``Trimesh``, its vertices and their order as they are."""
-    return trimesh_for(suffix).Trimesh(vertices=contour.placed, faces=contour.placed_cells, process=False)
+    whole = contour.joined
+    return trimesh_for(suffix).Trimesh(vertices=whole.placed, faces=whole.placed_cells, process=False)
 
 
 def render_single(contour: Contour, suffix: str) -> bytes:
@@ -85,7 +86,7 @@ def render_groups(contours: Iterable[Contour], suffix: str) -> bytes:
 
 def _digits(contour: Contour) -> int:
     """Decimal places that are a hundred millionth of a cell."""
-    steps = [1.0] if contour.placement is None else np.linalg.norm(contour.placement[:, :3], axis=0)
+    steps = [1.0] if contour.frame is None else np.linalg.norm(contour.frame, axis=0)
     return 8 + max(0, math.ceil(-math.log10(min(steps))))
 
 

@@ -30,7 +30,7 @@ def epsg_of(contour: Contour) -> str | None:
 
 def is_placed(contour: Contour) -> bool:
     """Whether a contour has coordinates other than samples."""
-    return contour.placement is not None or getattr(contour, "mapped", None) is not None
+    return contour.frame is not None
 
 
 def named(contour: Contour) -> dict[str, Any]:

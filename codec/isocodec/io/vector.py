@@ -69,9 +69,10 @@ def table_of(
             parts = [shapely.geometry.shape(areas(contour, above=side == "above", valid=valid))]
             kinds: list[Any] = [side]
         else:
-            walks, placed = contour.walks, contour.placed
-            parts = [shapely.LineString(placed[walk]) for walk in walks]
-            kinds = [len(walk) > 2 and walk[0] == walk[-1] for walk in walks]
+            whole = contour.joined
+            parts = [shapely.LineString(whole.along(walk)) for walk in whole.walks]
+            kinds = [len(walk) > 2 and walk[0] == walk[-1] for walk in whole.walks]
+            del whole
         shapes += parts
         columns["isovalue"] += [float(contour.isovalue)] * len(parts)
         columns["side" if side else "closed"] += kinds

@@ -194,6 +194,8 @@ def _npz(contour: Contour) -> bytes:
     if contour.placement is not None:
         arrays["placement"] = contour.placement
         arrays["crs"] = np.asarray(contour.metadata.get(CRS, ""))
+    if contour.mapped is not None:
+        arrays["placed"] = contour.placed
     buffer = io.BytesIO()
     np.savez(buffer, **arrays)
     return buffer.getvalue()

@@ -1,0 +1,138 @@
+"""Whether a file keeps what it promises of a field: signs, missing samples, and distances measured anew."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from .content import Readable, SpatialImage, content
+from .errors import InputError, OptionError
+from .field.sampled import Field
+from .field.samples import check_field, without_holes
+from .limits import Limits
+
+if TYPE_CHECKING:
+    from .drawing.contour import Contour
+
+ROUNDING = 1e-6
+"""Cells that the measured distance, which is an upper bound, and points in double precision may be off."""
+MEASURED = 0.001
+"""Cells by which the distance is measured too large at most."""
+
+
+@dataclass(frozen=True)
+class Kept:
+    """What was found of one isovalue.
+
+    Attributes
+    ----------
+    isovalue : float
+    promised : float or None
+        Cells that decoded and original curve lie from each other at most, as the file or the caller says.
+    there, back : float
+        Largest distance, in cells, from the decoded to the original curve, and the other way; at most 0.001 too large.
+    wrong : int or None
+        Samples on the wrong side of the isovalue; None if the mesh of the file is coarser than the samples.
+    kept : bool
+        Whether no sample is wrong, and neither distance is larger than promised.
+    """
+
+    isovalue: float
+    promised: float | None
+    there: float
+    back: float
+    wrong: int | None
+    kept: bool
+
+
+def verify(
+    data: Readable, field: ArrayLike | Field | SpatialImage, *, within: float | None = None,
+    limits: Limits | None = None,
+) -> list[Kept]:  # fmt: skip
+    """Hold a file against the field that it was made from.
+
+    Parameters
+    ----------
+    data : bytes, path, URL or file object
+        The whole file.
+    field : array_like, Field, DataArray or image
+        As of `encode`.
+    within : float, optional
+        Distance in cells that is to be kept, instead of the one that the file promises.
+    limits : Limits, optional
+
+    Returns
+    -------
+    list of Kept
+        One for each isovalue, in the order of the file.
+
+    Raises
+    ------
+    InputError
+        If the field has another shape than that of the file, or misses other samples.
+    FormatError, TruncatedError, LimitError
+        As `decode`.
+    """
+    from .api import decode_all, decode_valid
+    from .io.sources import read
+    from .stream.inspect import inspect
+    from .stream.mapped import closed
+
+    whole = bytes(content(data, limits))
+    info = inspect(whole)
+    contours = decode_all(whole, limits=limits)
+    known = read(field)
+    values, gone = without_holes(known.values, known.mask)
+    label = info.metadata.get("label")
+    if label is not None:
+        values = _labelled(values, label)
+    axes = contours[0].mapped.periodic if contours[0].mapped is not None else ()
+    values, gone = closed(values, axes), None if gone is None else closed(gone, axes)
+    if values.shape != tuple(info.shape):
+        raise InputError(f"the field has shape {values.shape}, that of the file {tuple(info.shape)}", code="shape")
+    missing = np.zeros(values.shape, np.bool_) if gone is None else gone
+    others = int((decode_valid(whole, limits=limits) == missing).sum())
+    if others:
+        raise InputError(f"{others:,} samples are missing in the field or in the file, but not in both", code="missing")
+    return [
+        _kept(whole, contour, values, gone, within if within is not None else _promised(info.layers, number), limits)
+        for number, contour in enumerate(contours)
+    ]
+
+
+def _kept(
+    whole: bytes, contour: Contour, values: Any, gone: Any, promised: float | None, limits: Limits | None
+) -> Kept:
+    """What is found of one isovalue."""
+    from .api import decode_mask
+    from .search.original import original
+    from .search.proof import hausdorff
+
+    sampled = check_field(values, contour.isovalue, gone=gone)
+    first = original(sampled)
+    there, back = hausdorff(contour.points, contour.cells, first.points, first.cells, MEASURED)
+    wrong: int | None
+    try:
+        above = decode_mask(whole, isovalue=contour.isovalue, limits=limits)
+        differ = above != sampled.signs
+        wrong = int((differ if gone is None else differ & ~gone).sum())
+    except OptionError:
+        wrong = None
+    far = promised is not None and max(there, back) > promised + MEASURED + ROUNDING
+    return Kept(contour.isovalue, promised, there, back, wrong, not (wrong or far))
+
+
+def _promised(layers: Any, number: int) -> float | None:
+    """What the last layer of an isovalue promises, if it does."""
+    own = [layer for layer in layers if layer.isovalue == number]
+    return own[-1].within if own else None
+
+
+def _labelled(values: Any, label: str) -> Any:
+    try:
+        return values == float(label)
+    except ValueError:
+        raise InputError(f"the note label of the file, {label!r}, is no number", code="label") from None

@@ -1,0 +1,42 @@
+"""Standard input and output of the command line, and URLs: a pipe does what files do."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+
+import isocodec
+from commands import HILLS, fails, ok
+
+
+def piped(data: bytes, *arguments: str, cwd: Path | None = None) -> tuple[bytes, str]:
+    done = subprocess.run([sys.executable, "-m", "isocodec", *arguments], input=data, capture_output=True, cwd=cwd)
+    assert done.returncode == 0, done.stderr
+    return done.stdout, done.stderr.decode()
+
+
+def test_a_field_in_and_a_file_out(tmp_path: Path) -> None:
+    """The line for people goes to the error stream, and the first bytes tell the format."""
+    np.save(tmp_path / "hills.npy", HILLS)
+    stored = (tmp_path / "hills.npy").read_bytes()
+    encoded, said = piped(stored, "encode", "-", "-o", "-", "--isovalue", "80.5", "--exact")
+    assert encoded == isocodec.encode(HILLS, 80.5, exact=True) and "bytes" in said
+    raw, _ = piped(encoded, "decode", "-", "-o", "-", "--to", "geojson")
+    (tmp_path / "a.iso").write_bytes(encoded)
+    ok("decode", tmp_path / "a.iso", "-o", tmp_path / "a.geojson")
+    assert raw == (tmp_path / "a.geojson").read_bytes()
+    told, _ = piped(encoded, "info", "-", "--json")
+    assert json.loads(told)["shape"] == list(HILLS.shape)
+
+
+def test_urls(tmp_path: Path) -> None:
+    np.save(tmp_path / "hills.npy", HILLS)
+    ok("encode", f"file://{tmp_path}/hills.npy", "-o", tmp_path / "a.iso", "--isovalue", 80.5)
+    ok("decode", f"file://{tmp_path}/a.iso", "-o", tmp_path / "a.svg")
+    assert "no-such" in fails(3, "encode", f"file://{tmp_path}/no-such.npy", "-o", tmp_path / "b.iso", "--isovalue", 1)
+    assert "--kind is for" in fails(2, "encode", tmp_path / "hills.npy", "-o", tmp_path / "b.iso", "--isovalue", 1,
+                                    "--kind", "npy")  # fmt: skip

@@ -1,0 +1,75 @@
+"""Files held against their fields: what they promise is kept, and what was tampered with is found."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import shapely
+
+import isocodec
+from commands import BALL, HILLS, fails, ok, run
+from isocodec import InputError
+from isocodec.field.samples import check_field
+from isocodec.search.original import original
+
+
+@pytest.mark.parametrize(
+    "options",
+    [{}, {"exact": True}, {"signs_only": True}, {"tolerance": 0.5}, {"steps": [4, 1, 0.25]}, {"tolerance": 1.0}],
+)
+def test_promises_are_kept(options: dict[str, Any]) -> None:
+    """The distances are those that shapely measures between the same two curves."""
+    data = isocodec.encode(HILLS, [80.5, 100.5], **options)
+    found = isocodec.verify(data, HILLS, within=0.5 if options == {"signs_only": True} else None)
+    assert [one.isovalue for one in found] == [80.5, 100.5] and all(one.kept for one in found)
+    for one, contour in zip(found, isocodec.decode_all(data), strict=True):
+        first = original(check_field(HILLS, one.isovalue))
+        ours, theirs = (shapely.MultiLineString([*c.points[c.cells]]) for c in (contour, first))
+        measured = [
+            shapely.distance(shapely.points(shapely.get_coordinates(curve.segmentize(0.05))), other).max()
+            for curve, other in ((ours, theirs), (theirs, ours))
+        ]
+        for exact, bound in zip(measured, (one.there, one.back), strict=True):
+            assert exact - 1e-6 <= bound <= exact + 0.03
+        coarse = "steps" in options or "tolerance" in options
+        assert (one.wrong is None) == coarse
+        if "steps" in options:
+            assert one.promised == options["steps"][-1]
+
+
+def test_surfaces_and_holes() -> None:
+    field = BALL.astype(float)
+    field[3, 4, 5] = np.nan
+    assert isocodec.verify(isocodec.encode(field, 55.5, tolerance=0.01), field, within=0.01)[0].kept
+    with pytest.raises(InputError, match="1 samples are missing"):
+        isocodec.verify(isocodec.encode(BALL.astype(float), 55.5), field)
+
+
+def test_what_is_not_kept(tmp_path: Path) -> None:
+    data = isocodec.encode(HILLS, 80.5)
+    other = HILLS.copy()
+    other[tuple(np.argwhere(HILLS > 80.5)[0])] = 0
+    (one,) = isocodec.verify(data, other)
+    assert one.wrong == 1 and not one.kept
+    (one,) = isocodec.verify(data, HILLS, within=0.001)
+    assert not one.kept and one.wrong == 0
+    with pytest.raises(InputError, match="has shape"):
+        isocodec.verify(data, HILLS[1:])
+
+
+def test_command(tmp_path: Path, hills: Path) -> None:
+    path = tmp_path / "a.iso"
+    ok("encode", hills, "-o", path, "--isovalue", 80.5, "--steps", "2,0.5")
+    assert "kept; 0." in ok("verify", hills, path) and "promised 0.5" in ok("verify", hills, path)
+    record = json.loads(ok("verify", hills, path, "--json"))
+    assert record["kept"] and record["isovalues"][0]["promised"] == 0.5
+    result = run("verify", hills, path, "--within", 0.01)
+    assert result.exit_code == 9 and "NOT KEPT" in result.stdout
+    np.save(tmp_path / "labels.npy", (HILLS // 40).astype(np.uint8))
+    ok("encode", tmp_path / "labels.npy", "-o", path, "--label", 2)
+    assert "0 wrong signs" in ok("verify", tmp_path / "labels.npy", path)
+    assert "no-such" in fails(3, "verify", tmp_path / "no-such.npy", path)
