@@ -192,7 +192,10 @@ def _opened(path: Path) -> AbstractContextManager[BinaryIO]:
 def url_of(path: str | os.PathLike[str]) -> str | None:
     """The URL that an argument is, of which a path has lost a slash; None if it is the name of a file."""
     found = _URL.match(str(path))
-    return f"{found[1]}://{str(path)[found.end() :]}" if found and not os.path.exists(path) else None
+    if found is None or os.path.exists(path):
+        return None
+    host = "/" if found[1].lower() == "file" else ""
+    return f"{found[1]}://{host}{str(path)[found.end() :]}"
 
 
 def check_output(output: Path, source: Path) -> None:

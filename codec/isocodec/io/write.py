@@ -252,7 +252,7 @@ def _groups(suffix: str, cost: Cost) -> Format:
 
 
 def _map(suffix: str) -> Format:
-    return Format((2,), partial(render_table, suffix=suffix), libraries, (2,), {2: Cost(300, 240, kept=200)})
+    return Format((2,), partial(render_table, suffix=suffix), libraries, (2,), {2: Cost(160, 100)})
 
 
 _FORMATS: dict[str, Format] = {
@@ -261,13 +261,13 @@ _FORMATS: dict[str, Format] = {
     ".geojson": Format((2,), render_lines, several=(2,), cost={2: Cost(300, 240, kept=100)}),
     ".svg": Format((2,), _svg, several=(2,), cost={2: Cost(120, 100, kept=50)}),
     **{suffix: _map(suffix) for suffix in VECTOR_SUFFIXES},
-    ".dxf": Format((2, 3), render_dxf, ezdxf, (2, 3), {2: Cost(1200, 0, 1 << 24), 3: Cost(600, 900, 1 << 24)}),
+    ".dxf": Format((2, 3), render_dxf, ezdxf, (2, 3), {2: Cost(500, 200, 1 << 23), 3: Cost(600, 900, 1 << 24)}),
     ".vtp": Format((2, 3), render_vtp, several=(2, 3), cost={2: Cost(120, 100), 3: Cost(200, 160)}),
     ".ply": _single(".ply", Cost(70, 52)),
     ".stl": _single(".stl", Cost(120, 280)),
-    ".off": _single(".off", Cost(140, 200)),
+    ".off": _single(".off", Cost(170, 220)),
     ".obj": _groups(".obj", Cost(140, 200)),
-    ".glb": _groups(".glb", Cost(160, 200)),
+    ".glb": _groups(".glb", Cost(90, 90)),
     ".3mf": _groups(".3mf", Cost(600, 900)),
 }
 
