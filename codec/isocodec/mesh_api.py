@@ -25,6 +25,7 @@ def encode_mesh(
     isovalue: float | Sequence[float],
     *,
     mesh: str = "known",
+    mesh_error: float | None = None,
     exact: bool = False,
     step: float | None = None,
     tolerance: float | None = None,
@@ -48,7 +49,12 @@ def encode_mesh(
     isovalue : number or sequence of numbers
         As in `encode`.
     mesh : str
-        ``known``: whoever decodes has the mesh, points and cells in the same order; the file holds its hash.
+        ``known``: whoever decodes has the mesh, points and cells in the same order; the file holds its hash. ``coded``:
+        the file holds the cells that the contours cross, ``whole``: all cells.
+    mesh_error : float, optional
+        Of a mesh in the file, the largest distance between vertices and their points; less where cells would fold. By
+        default 0.07 of the median edge. Points of contours are told on the edges of that mesh, where these meet the
+        contour of the given one, so that they may lie much nearer to it.
     exact, step, signs_only, leaning, metadata
         As in `encode`.
     progressive : bool
@@ -79,8 +85,8 @@ def encode_mesh(
     """
     return b"".join(
         MeshEncoder(
-            points, cells, values, isovalue, mesh=mesh, exact=exact, step=step, tolerance=tolerance,
-            signs_only=signs_only, leaning=leaning, progressive=progressive, metadata=metadata,
+            points, cells, values, isovalue, mesh=mesh, mesh_error=mesh_error, exact=exact, step=step,
+            tolerance=tolerance, signs_only=signs_only, leaning=leaning, progressive=progressive, metadata=metadata,
         )
     )  # fmt: skip
 
