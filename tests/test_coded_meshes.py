@@ -1,4 +1,4 @@
-"""Meshes in the file: positions and connectivity, and isovalues on them (spec clause 10.9)."""
+"""Meshes in the file: positions and connectivity, and isovalues on them (spec clause 10.10)."""
 
 from __future__ import annotations
 

@@ -111,6 +111,8 @@ def test_compiled_kernels_do_what_their_source_says(twice):
     for criterion in ("inf", "AT3", "l2", "NAT"):
         isocodec.thin(points, points[:, 0] % 7, criterion, to=8).tin()
         isocodec.thin(points[:, 0].reshape(5, 6) % 7, criterion=criterion, error=2.5)
+    for options in ({"to": 12}, {"error": 1.0, "layers": 2}):
+        isocodec.decode_tin(isocodec.encode_tin(points[:, 0].reshape(5, 6) % 7, **options)).raster()
     triangulation, _ = delaunay(*np.ascontiguousarray(points[by_rank(*points.T)].T))
     assert sum(remove(triangulation, v) for v in range(30)) > 10
     assert twice == {f"{found.module}.{found.name}" for found in kernels()}

@@ -59,6 +59,7 @@ if TYPE_CHECKING:
     from .stream.plan_file import read_plan
     from .stream.statistics import FileStatistics, statistics
     from .stream.truncate import truncate
+    from .tin_api import decode_tin, encode_tin
 
 __version__ = "0.1.0"
 
@@ -91,6 +92,7 @@ _HOMES = {
     "stream.plan_file": ("read_plan",),
     "stream.statistics": ("FileStatistics", "statistics"),
     "stream.truncate": ("truncate",),
+    "tin_api": ("decode_tin", "encode_tin"),
 }  # fmt: skip
 _HOME = {name: home for home, names in _HOMES.items() for name in names}
 
@@ -134,9 +136,11 @@ __all__ = [
     "decode",
     "decode_all",
     "decode_mask",
+    "decode_tin",
     "decode_valid",
     "encode",
     "encode_mesh",
+    "encode_tin",
     "inspect",
     "kernels",
     "open",

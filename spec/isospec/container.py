@@ -68,6 +68,7 @@ class DomainKind(IntEnum):
 
     KNOWN = 0
     CODED = 1
+    POINTS = 2
 
 
 class MeshLayer(IntEnum):

@@ -1,4 +1,4 @@
-"""A mesh in the file: for each open face whether a cell is behind it, and its vertex (spec clause 10.9)."""
+"""A mesh in the file: for each open face whether a cell is behind it, and its vertex (spec clause 10.10)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A mesh that grows cell by cell: its faces, and what stands around the next one (spec clause 10.9.2)."""
+"""A mesh that grows cell by cell: its faces, and what stands around the next one (spec clause 10.10.2)."""
 
 from __future__ import annotations
 

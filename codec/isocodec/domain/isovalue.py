@@ -22,8 +22,8 @@ _ROOM = 1 << 12
 _ERRORS = {
     1: ("a component begins where one has been", "10.3.1"),
     2: ("a component begins at a cell that is not crossed", "10.3.1"),
-    3: ("more vertices or cells than stated", "10.9.1"),
-    4: ("cells that make up no complex", "10.9.2"),
+    3: ("more vertices or cells than stated", "10.10.1"),
+    4: ("cells that make up no complex", "10.10.2"),
 }
 """What was wrong, and the clause, by ``error`` of registers."""
 

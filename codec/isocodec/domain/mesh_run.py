@@ -1,4 +1,4 @@
-"""Meshes to bytes and back (spec clause 10.9)."""
+"""Meshes to bytes and back (spec clause 10.10)."""
 
 from __future__ import annotations
 
@@ -62,5 +62,5 @@ def decoded_mesh(
     run.check(status, g.reg.error)
     run.end()
     if g.reg.vertices < vertices:
-        raise FormatError("fewer vertices than stated", code="domain", offset=offset, clause="10.9.1")
+        raise FormatError("fewer vertices than stated", code="domain", offset=offset, clause="10.10.1")
     return grown(g, unit)

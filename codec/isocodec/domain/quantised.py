@@ -1,4 +1,4 @@
-"""Positions of a mesh that goes into a file, rounded, and where its curve lies then: for encoders (clause 10.9)."""
+"""Positions of a mesh that goes into a file, rounded, and where its curve lies then: for encoders (clause 10.10)."""
 
 from __future__ import annotations
 
