@@ -36,6 +36,7 @@ if TYPE_CHECKING:
     from .layers.events import (
         BaseComplete,
         ChunkSkipped,
+        CoordinatesRead,
         DomainRead,
         End,
         Event,
@@ -81,9 +82,9 @@ _HOMES = {
     "mesh_api": ("encode_mesh",),
     "stream.decoder": ("Decoder",),
     "layers.events": (
-        "BaseComplete", "ChunkSkipped", "DomainRead", "End", "Event", "GeometryRefined", "HeaderRead",
-        "IsovalueRead", "LayerComplete", "LevelComplete", "MaskComplete", "MeshLayerComplete", "MetadataRead",
-        "PromisesRead",
+        "BaseComplete", "ChunkSkipped", "CoordinatesRead", "DomainRead", "End", "Event", "GeometryRefined",
+        "HeaderRead", "IsovalueRead", "LayerComplete", "LevelComplete", "MaskComplete", "MeshLayerComplete",
+        "MetadataRead", "PromisesRead",
     ),
     "stream.encoder": ("Encoder",),
     "stream.inspect": ("FileInfo", "inspect"),
@@ -100,6 +101,7 @@ __all__ = [
     "BaseComplete",
     "ChunkSkipped",
     "Contour",
+    "CoordinatesRead",
     "Decoder",
     "DomainRead",
     "EncodeOptions",

@@ -14,7 +14,7 @@ from isospec.container import Checksum, ChunkType, DomainKind, MeshLayer, Profil
 
 from ..domain.complex import Complex, complex_of
 from ..domain.geometry import STEPS, active_vertices, parts_of
-from ..domain.history import history_of
+from ..domain.history import has_levels, history_of
 from ..domain.isovalue import MeshIsovalue
 from ..domain.mesh_run import encoded_mesh
 from ..domain.quantised import quantised, refitted
@@ -66,7 +66,7 @@ class MeshEncoder:
         tolerance: float | None = None,
         signs_only: bool = False,
         leaning: bool = True,
-        progressive: bool = False,
+        progressive: bool | None = None,
         metadata: Mapping[str, str] | None = None,
     ) -> None:
         if mesh not in KINDS:
@@ -82,6 +82,8 @@ class MeshEncoder:
         self._rounded: NDArray[np.float64] | None = None
         self._domain_chunk = self._known() if mesh == "known" else self._coded(mesh == "whole", mesh_error)
         self._step = self._offset_step()
+        if progressive is None:
+            progressive = mesh == "known" and has_levels(self.domain)
         self._history = history_of(self.domain) if progressive else None
         self.header = Header((), self._fields[0].isovalue, self.options.step, Profile.MAIN, cells=self.domain.n)
         self.strands: list[MeshIsovalue] = []
