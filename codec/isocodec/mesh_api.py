@@ -59,7 +59,7 @@ def encode_mesh(
         As in `encode`.
     progressive : bool, optional
         Tell the signs level by level, from a coarse mesh to the whole one, so that the first bytes show all of the
-        curve: for triangles in the plane, where this is the default. Else they come along the curve.
+        curve: for triangles in the plane, the default if both sides have the mesh. Else they come along the curve.
     tolerance : float, optional
         Largest distance, in the unit of the points, between the decoded and the extracted curve, both ways.
 
