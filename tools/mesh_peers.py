@@ -8,6 +8,7 @@ less.
 from __future__ import annotations
 
 import sys
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -63,7 +64,7 @@ def along(lines: list[NDArray[np.float64]], step: float) -> NDArray[np.float64]:
     """Points along lines."""
     out = []
     for line in lines:
-        for a, b in zip(line[:-1], line[1:], strict=True):
+        for a, b in pairwise(line):
             count = int(np.ceil(np.linalg.norm(b - a) / step)) + 1
             out.append(a + np.linspace(0, 1, count)[:, None] * (b - a))
     return np.concatenate(out)
