@@ -36,6 +36,7 @@ if TYPE_CHECKING:
     from .layers.events import (
         BaseComplete,
         ChunkSkipped,
+        CoordinatesRead,
         DomainRead,
         End,
         Event,
@@ -59,6 +60,7 @@ if TYPE_CHECKING:
     from .stream.plan_file import read_plan
     from .stream.statistics import FileStatistics, statistics
     from .stream.truncate import truncate
+    from .tin_api import decode_tin, encode_tin
 
 __version__ = "0.1.0"
 
@@ -80,9 +82,9 @@ _HOMES = {
     "mesh_api": ("encode_mesh",),
     "stream.decoder": ("Decoder",),
     "layers.events": (
-        "BaseComplete", "ChunkSkipped", "DomainRead", "End", "Event", "GeometryRefined", "HeaderRead",
-        "IsovalueRead", "LayerComplete", "LevelComplete", "MaskComplete", "MeshLayerComplete", "MetadataRead",
-        "PromisesRead",
+        "BaseComplete", "ChunkSkipped", "CoordinatesRead", "DomainRead", "End", "Event", "GeometryRefined",
+        "HeaderRead", "IsovalueRead", "LayerComplete", "LevelComplete", "MaskComplete", "MeshLayerComplete",
+        "MetadataRead", "PromisesRead",
     ),
     "stream.encoder": ("Encoder",),
     "stream.inspect": ("FileInfo", "inspect"),
@@ -91,6 +93,7 @@ _HOMES = {
     "stream.plan_file": ("read_plan",),
     "stream.statistics": ("FileStatistics", "statistics"),
     "stream.truncate": ("truncate",),
+    "tin_api": ("decode_tin", "encode_tin"),
 }  # fmt: skip
 _HOME = {name: home for home, names in _HOMES.items() for name in names}
 
@@ -98,6 +101,7 @@ __all__ = [
     "BaseComplete",
     "ChunkSkipped",
     "Contour",
+    "CoordinatesRead",
     "Decoder",
     "DomainRead",
     "EncodeOptions",
@@ -134,9 +138,11 @@ __all__ = [
     "decode",
     "decode_all",
     "decode_mask",
+    "decode_tin",
     "decode_valid",
     "encode",
     "encode_mesh",
+    "encode_tin",
     "inspect",
     "kernels",
     "open",

@@ -17,10 +17,11 @@ from ..format.chunks import (
     read_metadata,
     read_promises,
 )
+from ..format.coordinates import CoordinatesRecord, read_coordinates
 from ..format.domain import DomainHead, read_domain
 from ..format.header import Header
 from ..format.program import Layer
-from .events import ChunkSkipped, DomainRead, Event, IsovalueRead, MetadataRead, PromisesRead
+from .events import ChunkSkipped, CoordinatesRead, DomainRead, Event, IsovalueRead, MetadataRead, PromisesRead
 
 LAYER_CHUNKS = (ChunkType.LAYERS, ChunkType.CUT_LAYERS)
 """Chunks that are decoded as they come in; so is a mask. The others are read when they are complete."""
@@ -44,6 +45,10 @@ class Contents:
         What the level index says of the layers, if there is one.
     masked : bool
         Whether there is a mask.
+    coordinates : CoordinatesRecord or None
+        Where the samples lie.
+    shape : tuple of int
+        Of the samples, once the header is there.
     cells : int or None
         Dimension of the cells of an explicit domain.
     domain : DomainHead or None
@@ -57,11 +62,14 @@ class Contents:
     layers: list[Layer] = field(default_factory=list)
     records: list[LayerRecord] = field(default_factory=list)
     masked: bool = False
+    coordinates: CoordinatesRecord | None = None
+    shape: tuple[int, ...] = ()
     cells: int | None = None
     domain: DomainHead | None = None
 
     def begin(self, header: Header) -> None:
         """Take note of the header, and of its isovalue."""
+        self.shape = header.shape
         self.cells = header.cells
         self._add(header.isovalue, None)
 
@@ -118,6 +126,14 @@ def _promises(contents: Contents, payload: bytes, start: int, behind: int) -> Ev
     return PromisesRead(behind, promises)
 
 
+def _coordinates(contents: Contents, payload: bytes, start: int, behind: int) -> Event | None:
+    found = read_coordinates(payload, contents.shape)
+    if found is None:
+        return None
+    contents.coordinates = found
+    return CoordinatesRead(behind, found)
+
+
 def _index(contents: Contents, payload: bytes, start: int, behind: int) -> None:
     contents.records = read_index(payload, contents.layers) or contents.records
 
@@ -134,6 +150,7 @@ READERS: Mapping[int, Reader] = {
     ChunkType.METADATA: _metadata,
     ChunkType.PROMISES: _promises,
     ChunkType.INDEX: _index,
+    ChunkType.COORDINATES: _coordinates,
     ChunkType.DOMAIN: _domain,
 }
 """By type of chunk."""

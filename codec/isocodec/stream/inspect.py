@@ -10,6 +10,7 @@ from isospec.container import ChunkType
 
 from ..errors import FormatError, OptionError, TruncatedError
 from ..format.chunks import CHECKSUM_BYTES, Envelope, LayerRecord, Promises, read_envelope, verify, whole_bytes
+from ..format.coordinates import CoordinatesRecord
 from ..format.domain import DomainHead, read_mesh_layer
 from ..format.header import Header, read_header, varint
 from ..format.program import Layer, Progress, read_program
@@ -82,6 +83,8 @@ class FileInfo:
         For each whether the writer promises that all complete layers have the topology of the original curve.
     mask_bytes : int or None
         Entropy-coded bytes of the mask; None if no sample is missing.
+    coordinates : str or None
+        In words, how samples lie on a mapped grid; None if it is none.
     domain : DomainHead or None
         Of a file on a mesh what it says of that.
     """
@@ -102,6 +105,7 @@ class FileInfo:
     leans: list[int | None] = field(default_factory=list)
     topology: list[bool] = field(default_factory=list)
     mask_bytes: int | None = None
+    coordinates: str | None = None
     domain: DomainHead | None = None
 
     def number_of(self, isovalue: float | None) -> int:
@@ -218,8 +222,20 @@ def inspect(data: bytes, symbols: bool = False, limits: Limits | None = None) ->
         header.writer_version, header.read_version, header.profile.name.lower(), header.shape, header.isovalue,
         header.scale, len(data), len(data) - coded, complete, _promised(layers, contents.promises), chunks,
         contents.metadata, contents.isovalues, contents.leans, [one.topology for one in contents.promises],
-        mask_bytes if contents.masked else None, contents.domain,
+        mask_bytes if contents.masked else None, _in_words(contents.coordinates), contents.domain,
     )  # fmt: skip
+
+
+def _in_words(record: CoordinatesRecord | None) -> str | None:
+    """What a chunk of coordinates says, without decoding its run."""
+    if record is None:
+        return None
+    nodes = any(len(one.axes) > 1 for one in record.coordinates)
+    parts = ["for each sample" if nodes else "for each axis", f"{len(record.run):,} bytes"]
+    parts += [f"axis {axis} is periodic" for axis in record.periodic]
+    periods = zip("xyz", record.coordinates, strict=False)
+    parts += [f"{name} repeats after {one.unit * one.period:.12g}" for name, one in periods if one.period]
+    return ", ".join(parts)
 
 
 def _promised(layers: Sequence[LayerInfo], promises: Sequence[Promises]) -> list[LayerInfo]:
