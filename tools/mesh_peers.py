@@ -110,14 +110,14 @@ def plane(path: str, isovalues: list[float]) -> None:
 
 
 def nearest(
-    mesh: Mesh, values: NDArray[np.float64], isovalues: list[float], exact: list[NDArray[np.float64]], error: float,
+    given: Mesh, values: NDArray[np.float64], isovalues: list[float], exact: list[NDArray[np.float64]], error: float,
     edge: float, **options: object,
 ) -> tuple[bytes, float]:  # fmt: skip
     """The smallest of our files that has the error, and its error; that of the least tolerance if none has."""
     for tolerance in error * np.array([4, 3.4, 2.9, 2.5, 2.1, 1.8, 1.5, 1.2, 0.9, 0.6, 0.3]):
-        data = isocodec.encode_mesh(*mesh, values, isovalues, tolerance=tolerance, **options)  # type: ignore[arg-type]
-        drawn = isocodec.decode_all(data, mesh=mesh)
-        if mesh[1].shape[1] == 3:
+        data = isocodec.encode_mesh(*given, values, isovalues, tolerance=tolerance, **options)  # type: ignore[arg-type]
+        drawn = isocodec.decode_all(data, mesh=given)
+        if given[1].shape[1] == 3:
             places = [along(contour.lines, edge / SAMPLES) for contour in drawn]
         else:
             places = [over(contour.points, contour.cells) for contour in drawn]
