@@ -255,7 +255,7 @@ WRONG
 WRONG = {
     'isocodec.encode(field, 1.0, exakt=True)': 'Unexpected keyword argument "exakt"',
     'isocodec.save("a.iso", field, 1.0, tolerence=1)': 'Unexpected keyword argument "tolerence"',
-    'isocodec.encode(field, 1.0, tolerance="fine")': "incompatible type",
+    'isocodec.encode(field, 1.0, tolerance=[1])': "incompatible type",
     'isocodec.decode(5)': "incompatible type",
     'contour.pionts': "has no attribute",
 }  # fmt: skip

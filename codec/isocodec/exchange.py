@@ -27,13 +27,13 @@ class Exchange:
     def mirrored(self: Any) -> bool:
         """Whether the way from index coordinates to those of the placement turns left into right."""
         frame = self.frame
-        return len(self.shape) == 2 if frame is None else bool(np.linalg.det(frame) < 0)
+        return bool(self.n == 2 and self.shape) if frame is None else bool(np.linalg.det(frame) < 0)
 
     @property
     def placed_cells(self: Any) -> NDArray[np.int64]:
         """Segments or triangles (M, n) between the points of `placed`, of which triangles are turned where those are
         mirrored: counter-clockwise seen from lower values."""
-        turned: NDArray[np.int64] = self.cells[:, ::-1] if len(self.shape) == 3 and self.mirrored else self.cells
+        turned: NDArray[np.int64] = self.cells[:, ::-1] if self.n == 3 and self.mirrored else self.cells
         return turned
 
     @cached_property
@@ -43,7 +43,7 @@ class Exchange:
         placed = self.placed
         cells = self.placed_cells
         out = np.zeros_like(placed)
-        if placed.shape[1] == 3:
+        if self.n == 3:
             a, b, c = (placed[cells[:, k]] for k in range(3))
             across = np.cross(b - a, c - a)
         else:
@@ -72,7 +72,7 @@ class Exchange:
         MissingExtraError
             If shapely is not installed.
         """
-        if len(self.shape) != 2:
+        if self.n != 2:
             raise OptionError("a surface is no geometry of shapely", code="dimension", remedy="use to_trimesh")
         whole = self.joined
         return _io("areas").polygons().MultiLineString([whole.along(walk) for walk in whole.walks])
@@ -100,7 +100,7 @@ class Exchange:
         MissingExtraError
             If trimesh is not installed.
         """
-        if len(self.shape) != 3:
+        if self.n != 3:
             raise OptionError("a curve is no mesh of trimesh", code="dimension", remedy="use to_shapely")
         return _io("surfaces").mesh_of(self)
 
@@ -116,7 +116,7 @@ class Exchange:
         whole = self.joined
         placed = whole.placed
         points = np.pad(placed, ((0, 0), (0, 3 - placed.shape[1])))
-        if len(self.shape) == 2:
+        if self.n == 2:
             rows: list[int] = [n for walk in whole.walks for n in (len(walk), *walk)]
             mesh = pyvista.PolyData(points, lines=np.array(rows, np.int64))
         else:

@@ -198,7 +198,7 @@ def save(
     if (contours is not None or isinstance(what, bytes)) and (isovalue is not None or options):
         raise OptionError("isovalue and options are for fields, and this is encoded already", code="options")
     if contours is not None:
-        check_suffix(path, len(contours[0].shape))
+        check_suffix(path, contours[0].n)
         write_contour(contours if len(contours) > 1 else contours[0], path)
         return
     suffix = Path(path).suffix.lower()

@@ -37,7 +37,7 @@ def render_dxf(contours: Iterable[Contour]) -> bytes:
             colour = colour % 6 + 1
             if name not in document.layers:
                 document.layers.add(name, color=colour)
-            if len(contour.shape) == 2:
+            if contour.n == 2:
                 whole = contour.joined
                 for walk in whole.walks:
                     places = whole.along(walk)

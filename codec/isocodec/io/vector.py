@@ -63,7 +63,7 @@ def table_of(
     shapes: list[Any] = []
     system: str | None = None
     for contour in contours:
-        if len(contour.shape) != 2:
+        if contour.n != 2:
             raise OptionError("only an isocontour (n = 2) has lines for a map", code="dimension")
         if side is not None:
             parts = [shapely.geometry.shape(areas(contour, above=side == "above", valid=valid))]

@@ -23,7 +23,7 @@ def render_vtp(contours: Iterable[Contour]) -> bytes:
     values: list[NDArray[np.float64]] = []
     start, plane = 0, True
     for contour in contours:
-        plane = len(contour.shape) == 2
+        plane = contour.n == 2
         contour = contour.joined
         placed = contour.placed
         points.append(np.pad(placed, ((0, 0), (0, 3 - placed.shape[1]))))

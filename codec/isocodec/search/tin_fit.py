@@ -13,6 +13,7 @@ from ..domain.coded_tin import Layers
 from ..domain.criteria import AT1, SQUARED
 from ..domain.exchange import ROUNDS, exchange
 from ..domain.fitting import fit
+from ..domain.insertion import fewest
 from ..domain.points import Points
 from ..domain.thinning import Thinning, thin_to, thinning
 
@@ -30,6 +31,8 @@ _PARTS = 1 << 20
 _CLOSE = 0.985
 """A file that takes this much of the bytes that it may is good enough."""
 _SWEEPS = 8
+_ROUNDS = 6
+"""Rounds in which points are put back and others taken out, within an error."""
 _PIECE = 1 << 16
 _LARGEST = (1 << 16) - 1
 _GROWTH = 4
@@ -71,9 +74,10 @@ def within(given: Points, error: float) -> Chosen:
     if step <= 0 or (high - low) / step > _LARGEST:
         step = _exact_step(given.value, low, high)
     number = np.rint((given.value - low) / step)
-    state = thinning(given.x, given.y, low + step * number, AT1, given.value)
+    value = low + step * number
+    state = thinning(given.x, given.y, value.copy(), AT1, given.value)
     _thin(state, 0, error)
-    some = np.flatnonzero(state.surface.tri.leaving >= 0)
+    some = fewest(state, value, error, _ROUNDS)
     return Chosen(some, number[some].astype(np.int64), low, step, (), int(number.max()))
 
 
