@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import json
+import shutil
 import subprocess
 import sys
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 import isocodec
 from commands import HILLS, fails, ok
@@ -40,3 +42,16 @@ def test_urls(tmp_path: Path) -> None:
     assert "no-such" in fails(3, "encode", f"file://{tmp_path}/no-such.npy", "-o", tmp_path / "b.iso", "--isovalue", 1)
     assert "--kind is for" in fails(2, "encode", tmp_path / "hills.npy", "-o", tmp_path / "b.iso", "--isovalue", 1,
                                     "--kind", "npy")  # fmt: skip
+
+
+@pytest.mark.skipif(shutil.which("file") is None, reason="file(1) is not installed")
+def test_magic(tmp_path: Path) -> None:
+    """An .iso file is told from the image of a disc."""
+    magic = Path(__file__).parents[1] / "docs" / "isocodec.magic"
+    (tmp_path / "a.iso").write_bytes(isocodec.encode(HILLS, 80.5))
+    (tmp_path / "b.iso").write_bytes(bytes(40000))
+    told = [
+        subprocess.run(["file", "--brief", "--mime-type", "-m", magic, tmp_path / name], capture_output=True, text=True)
+        for name in ("a.iso", "b.iso")
+    ]
+    assert told[0].stdout.strip() == "application/vnd.isocodec" != told[1].stdout.strip()
