@@ -117,6 +117,7 @@ def test_on_the_command_line(hills: Path, curve: Path, surface: Path, tmp_path: 
     assert np.array_equal(covered(shape_of(feature["geometry"]), field.shape), field > 80.5)
     ok("decode", curve, "-o", out, "--areas", "below")
     assert json.loads(out.read_text())["properties"]["area"] == "below"
-    assert ".geojson only" in fails(2, "decode", curve, "-o", tmp_path / "high.svg", "--areas", "above")
+    wrong = fails(2, "decode", curve, "-o", tmp_path / "high.svg", "--areas", "above")
+    assert ".geojson, .gpkg, .fgb, .shp, .parquet only" in wrong
     assert "cannot hold a surface" in fails(2, "decode", surface, "-o", tmp_path / "high.geojson", "--areas", "above")
     assert not (tmp_path / "high.svg").exists()

@@ -236,7 +236,7 @@ def test_decode_of_the_wrong_dimension(curve: Path, surface: Path, tmp_path: Pat
     line = fails(2, "decode", curve, "-o", tmp_path / "c.stl")
     assert line.startswith(f"isocodec: {tmp_path / 'c.stl'}: ")
     assert ".npz, .png, .geojson, .svg" in line
-    assert ".npz, .png, .ply, .stl, .obj" in fails(2, "decode", surface, "-o", tmp_path / "s.svg")
+    assert ".npz, .png, .dxf, .vtp, .ply, .stl" in fails(2, "decode", surface, "-o", tmp_path / "s.svg")
     assert ".geojson" in fails(2, "decode", surface, "-o", tmp_path / "s.xyz")
 
 

@@ -31,6 +31,7 @@ if TYPE_CHECKING:
     from .field.sampled import Field
     from .files import EncodeOptions, IsoFile, open, save
     from .io.areas import areas
+    from .io.capping import cap
     from .io.sources import read
     from .kernel import kernels
     from .layers.events import (
@@ -77,6 +78,7 @@ _HOMES = {
     "field.sampled": ("Field",),
     "files": ("EncodeOptions", "IsoFile", "open", "save"),
     "io.areas": ("areas",),
+    "io.capping": ("cap",),
     "io.sources": ("read",),
     "kernel": ("kernels",),
     "limits": ("Limits",),
@@ -138,6 +140,7 @@ __all__ = [
     "Tin",
     "TruncatedError",
     "areas",
+    "cap",
     "decode",
     "decode_all",
     "decode_mask",
