@@ -11,6 +11,8 @@ from .buckets import SMALLEST, STACK, Buckets, balls, exceed, nearest, sort
 
 MOST_BUCKETS, LEAST_BUCKETS = 8, 1 << 12
 """Buckets for each piece, and beside."""
+SMALLEST_BUCKET = 1.0
+"""Size of a bucket at least, in cells."""
 
 
 @dataclass(frozen=True)
@@ -54,17 +56,20 @@ class Target:
         todo = np.arange(len(cells)) if todo is None else todo
         if self.empty:
             return Excess(todo, points[cells[todo, 0]])
-        out, places = np.zeros(len(cells), np.bool_), np.zeros((len(cells), 3))
-        exceed(pieces_of(points, cells), self.buckets, todo, np.zeros((STACK, 9)), out, places)
-        found = np.flatnonzero(out)
-        return Excess(found, places[found, :n])
+        out, places = np.zeros(len(todo), np.bool_), np.zeros((len(todo), 3))
+        exceed(pieces_of(points, cells[todo]), self.buckets, np.zeros((STACK, 9)), out, places)
+        return Excess(todo[out], places[out, :n])
 
-    def nearest(self, points: NDArray[np.float64]) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    def nearest(
+        self, points: NDArray[np.float64], guess: NDArray[np.int64] | None = None
+    ) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
         """The piece next to each point, and where on it: weights of its n corners.
 
         Parameters
         ----------
         points : (P, n) float64
+        guess : (P,) int64, optional
+            A piece that may be near each, or -1: saves time where it is.
 
         Returns
         -------
@@ -77,32 +82,35 @@ class Target:
         padded[:, :n] = points
         piece, two = np.full(len(points), -1), np.zeros((len(points), 2))
         if not self.empty:
+            if guess is not None:
+                piece[:] = guess
             nearest(padded, self.buckets, piece, two)
         first = 1.0 - two.sum(axis=1, keepdims=True)
         return piece, np.hstack([first, two if n == 3 else two.sum(axis=1, keepdims=True)])
 
 
 def _sorted(pieces: NDArray[np.float64], limit: float) -> Buckets:
-    """Pieces (M, 9) in buckets of twice the limit or more."""
+    """Pieces (M, 9) in buckets as large as they are and half the limit or more."""
     ball = np.empty((len(pieces), 4))
     balls(pieces, ball)
-    size = max(2.0 * limit, 2.0)
     corners = pieces.reshape(-1, 3)
-    reach = limit * (1 + 1e-9) + 1e-9
-    low = corners.min(axis=0, initial=0.0) - reach
-    high = corners.max(axis=0, initial=0.0) + reach
+    low, high = corners.min(axis=0, initial=0.0), corners.max(axis=0, initial=0.0)
+    size = max(SMALLEST_BUCKET, 0.5 * limit, float(ball[:, 3].mean()) if len(ball) else 0.0)
     while True:
-        shape = np.maximum(np.floor((high - low) / size).astype(np.int64) + 1, 1)
+        shape = np.floor((high - low) / size).astype(np.int64) + 1
         if shape.prod() <= MOST_BUCKETS * len(pieces) + LEAST_BUCKETS:
             break
         # of a small curve in a large domain: the cost follows the curve
         size *= 2
+    # where there is but one row, all lies in its middle
+    low = np.where(shape == 1, (low + high - size) / 2, low)
     counts = np.zeros(tuple(shape), np.int64)
-    sort(pieces, low, size, reach, counts, np.empty(0, np.int64))
+    sort(pieces, low, size, counts, np.empty(0, np.int32))
     first = np.concatenate([[0], np.cumsum(counts.ravel())])
-    items = np.empty(first[-1], np.int64)
-    sort(pieces, low, size, reach, first[:-1].reshape(counts.shape).copy(), items)
-    return Buckets(pieces.ravel(), ball, low, shape, first, items, size, limit)
+    items = np.empty(first[-1], np.int32)
+    sort(pieces, low, size, first[:-1].reshape(counts.shape).copy(), items)
+    widest = float(ball[:, 3].max(initial=0.0))
+    return Buckets(pieces.ravel(), ball, low, shape, first, items, size, widest, limit)
 
 
 def pieces_of(points: NDArray[np.float64], cells: NDArray[np.int64]) -> NDArray[np.float64]:
