@@ -27,8 +27,9 @@ ROUNDS = (0.5, 0.5, 1.0, 1.0, 1.0)
 AGAIN = ROUNDS[-1:]
 """The same where most points were fitted before."""
 SWEEPS = 2
-REACH = 2.0
-"""Points of a curve farther than this, in tolerances, from the other pull at nothing."""
+REACHES = (0.4, 2.0)
+"""Points of a curve farther than the last one of these, in tolerances, from the other pull at nothing; near ones are
+found faster."""
 MARGIN = 0.95
 """Share of the tolerance from which on distances count as too large."""
 
@@ -47,9 +48,6 @@ class _Fit:
         self.stated, _ = edge_ratios(leaves, self.edges)
         self.way = np.diff(leaves.position[self.edges].astype(np.float64), axis=1)[:, 0]
         self.samples = _samples(self.cells, len(self.edges))
-        # what was nearest in the round before: of points of the original, and of the drawing's samples
-        self.ahead = np.zeros(0, np.int64)
-        self.back = np.full(len(self.samples.corner), -1)
 
     def points(self, where: NDArray[np.float64]) -> NDArray[np.float64]:
         """Points of the drawing with those of the told edges at ``where``."""
@@ -58,10 +56,11 @@ class _Fit:
             self.stated[ring.edge] = ring.ratio(self.stated)
         return edge_points(self.leaves, self.edges, self.stated)
 
-    def linear(self, points: NDArray[np.float64], contour: Contour, target: Target, part: Around | None) -> Pull:
+    def linear(
+        self, points: NDArray[np.float64], contour: Contour, targets: Sequence[Target], part: Around | None
+    ) -> Pull:
         """Distances between the curves, from points of either, of ``part`` if it is given, and how they fall."""
-        ours = self._from_original(points, contour, target.limit, part)
-        sides = [ours, self._from_drawing(points, contour, target, part)]
+        sides = self._from_original(points, contour, targets, part), self._from_drawing(points, contour, targets, part)
         ends = np.cumsum([0] + [len(side.piece) for side in sides])
         gap, slope = np.empty(ends[-1]), np.empty((ends[-1], points.shape[1]))
         for side, first, last in zip(sides, ends[:-1], ends[1:], strict=True):
@@ -80,24 +79,18 @@ class _Fit:
         enter(start[:-1].copy(), samples, slopes)
         return Pull(start, samples, slopes, gap, np.concatenate([side.times for side in sides]))
 
-    def _from_original(self, points: NDArray[np.float64], contour: Contour, limit: float, part: Around | None) -> _Held:
+    def _from_original(
+        self, points: NDArray[np.float64], contour: Contour, targets: Sequence[Target], part: Around | None
+    ) -> _Held:
         """Points of the original, and where they are nearest to the drawing."""
         there, cells = contour.points, self.cells
-        guess = self.ahead if len(self.ahead) else np.full(len(there), -1)
-        if not part:
-            piece, weight = Target(points, cells, limit).nearest(there, guess)
-            self.ahead = piece
-            return _Held(cells, piece, weight, there.copy(), np.ones(len(piece)))
-        held, some = np.flatnonzero(part.holds(there)), part.touches(points, cells)
-        number = np.full(len(cells) + 1, -1)
-        number[some] = np.arange(len(some))
-        piece, weight = Target(points, cells[some], limit).nearest(there[held], number[guess[held]])
-        self.ahead = np.full(len(there), -1)
-        self.ahead[held] = np.append(some, -1)[piece]
-        return _Held(cells[some], piece, weight, there[held], np.ones(len(held)))
+        if part:
+            there, cells = there[part.holds(there)], cells[part.touches(points, cells)]
+        piece, weight = _nearest(there, [Target(points, cells, target.limit) for target in targets])
+        return _Held(cells, piece, weight, there.copy(), np.ones(len(piece)))
 
     def _from_drawing(
-        self, points: NDArray[np.float64], contour: Contour, target: Target, part: Around | None
+        self, points: NDArray[np.float64], contour: Contour, targets: Sequence[Target], part: Around | None
     ) -> _Held:
         """Points of the drawing, and the original's that are nearest to them."""
         some = np.arange(len(self.samples.corner))
@@ -106,8 +99,7 @@ class _Fit:
         if part:
             some = np.flatnonzero(part.holds(own))
             own = own[some]
-        found, weight = target.nearest(own, self.back[some])
-        self.back[some] = found
+        found, weight = _nearest(own, targets)
         there = np.empty_like(own)
         places_on(contour.points, contour.cells, found, weight, there)
         return _Held(self.samples.corner, np.where(found >= 0, some, -1), self.samples.weight[some], there,
@@ -189,6 +181,15 @@ def _samples(cells: NDArray[np.int64], points: int) -> _Samples:
     return _Samples(corner, weight, np.concatenate(times).astype(np.float64))
 
 
+def _nearest(samples: NDArray[np.float64], targets: Sequence[Target]) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    """As `Target.nearest`, for targets of growing limits."""
+    piece, weight = targets[0].nearest(samples)
+    for target in targets[1:]:
+        left = np.flatnonzero(piece < 0)
+        piece[left], weight[left] = target.nearest(samples[left])
+    return piece, weight
+
+
 @dataclass(frozen=True)
 class Drawing:
     """What comes of a fit: parts of edges that hold the points, and the curve through their middles.
@@ -210,7 +211,7 @@ class Drawing:
 
 
 def fitted_offsets(
-    contour: Contour, target: Target, leaves: Leaves, told: NDArray[np.int64], parts: NDArray[np.int64],
+    contour: Contour, targets: Sequence[Target], leaves: Leaves, told: NDArray[np.int64], parts: NDArray[np.int64],
     where: NDArray[np.float64], tolerance: float, *, rounds: Sequence[float] = ROUNDS, around: Around | None = None,
 ) -> Drawing:  # fmt: skip
     """Parts of edges that hold the points of a curve near the original.
@@ -219,8 +220,8 @@ def fitted_offsets(
     ----------
     contour : Contour
         The original curve.
-    target : Target
-        The same, to be held against within ``REACH`` tolerances.
+    targets : sequence of Target
+        The same, to be held against within ``REACHES`` tolerances.
     leaves : Leaves
         Of the coarse mesh.
     told : (E, 2) int64
@@ -242,11 +243,11 @@ def fitted_offsets(
         step = np.where(around.holds(points[fit.told]), step, 0.0)
         longest = fit.longest(around, points)
         changed = around.wider(longest + tolerance)
-        seen = changed.wider(longest + REACH * tolerance)
+        seen = changed.wider(longest + REACHES[-1] * tolerance)
     for share in rounds:
         if share == 1.0:
             where = (np.minimum(np.floor(where * parts), parts - 1) + 0.5) / parts
-        pull = fit.linear(fit.points(where), contour, target, changed)
+        pull = fit.linear(fit.points(where), contour, targets, changed)
         relax(pull, where, share * step, 2, 1.0 / (MARGIN * tolerance), SWEEPS)
     number = np.minimum(np.floor(where * parts), parts - 1).astype(np.int64)
     return Drawing(number, fit.points((number + 0.5) / parts), fit.cells, changed, seen)

@@ -26,7 +26,7 @@ from ..passes.snapshot import leaves_of
 from ..tube.holes import Holes
 from .around import Around
 from .curvature import curvature
-from .fit import AGAIN, REACH, ROUNDS, Drawing, fitted_offsets
+from .fit import AGAIN, REACHES, ROUNDS, Drawing, fitted_offsets
 from .ground_truth import GroundTruth, truth_of
 from .original import original
 from .proof import Target
@@ -140,7 +140,7 @@ class Promise:
         where = np.ldexp((crossing or self.field.crossings)(low, high) + 0.5, -OFFSET_BITS)
         around = self._around(places, tolerance) if before and places is not None else None
         drawing = fitted_offsets(
-            self.contour, self.target(REACH * tolerance), self._leaves(tube), told.edges,
+            self.contour, [self.target(reach * tolerance) for reach in REACHES], self._leaves(tube), told.edges,
             told.parts, where, tolerance, rounds=AGAIN if before else ROUNDS, around=around,
         )  # fmt: skip
         if self.tried:

@@ -11,8 +11,6 @@ from .buckets import SMALLEST, STACK, Buckets, balls, exceed, nearest, sort
 
 MOST_BUCKETS, LEAST_BUCKETS = 8, 1 << 12
 """Buckets for each piece, and beside."""
-SMALLEST_BUCKET = 1.0
-"""Size of a bucket at least, in cells."""
 
 
 @dataclass(frozen=True)
@@ -60,16 +58,12 @@ class Target:
         exceed(pieces_of(points, cells[todo]), self.buckets, np.zeros((STACK, 9)), out, places)
         return Excess(todo[out], places[out, :n])
 
-    def nearest(
-        self, points: NDArray[np.float64], guess: NDArray[np.int64] | None = None
-    ) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    def nearest(self, points: NDArray[np.float64]) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
         """The piece next to each point, and where on it: weights of its n corners.
 
         Parameters
         ----------
         points : (P, n) float64
-        guess : (P,) int64, optional
-            A piece that may be near each, or -1: saves time where it is.
 
         Returns
         -------
@@ -82,35 +76,32 @@ class Target:
         padded[:, :n] = points
         piece, two = np.full(len(points), -1), np.zeros((len(points), 2))
         if not self.empty:
-            if guess is not None:
-                piece[:] = guess
             nearest(padded, self.buckets, piece, two)
         first = 1.0 - two.sum(axis=1, keepdims=True)
         return piece, np.hstack([first, two if n == 3 else two.sum(axis=1, keepdims=True)])
 
 
 def _sorted(pieces: NDArray[np.float64], limit: float) -> Buckets:
-    """Pieces (M, 9) in buckets as large as they are and half the limit or more."""
+    """Pieces (M, 9) in buckets of twice the limit or more."""
     ball = np.empty((len(pieces), 4))
     balls(pieces, ball)
+    size = max(2.0 * limit, 2.0)
     corners = pieces.reshape(-1, 3)
-    low, high = corners.min(axis=0, initial=0.0), corners.max(axis=0, initial=0.0)
-    size = max(SMALLEST_BUCKET, 0.5 * limit, float(ball[:, 3].mean()) if len(ball) else 0.0)
+    reach = limit * (1 + 1e-9) + 1e-9
+    low = corners.min(axis=0, initial=0.0) - reach
+    high = corners.max(axis=0, initial=0.0) + reach
     while True:
-        shape = np.floor((high - low) / size).astype(np.int64) + 1
+        shape = np.maximum(np.floor((high - low) / size).astype(np.int64) + 1, 1)
         if shape.prod() <= MOST_BUCKETS * len(pieces) + LEAST_BUCKETS:
             break
         # of a small curve in a large domain: the cost follows the curve
         size *= 2
-    # where there is but one row, all lies in its middle
-    low = np.where(shape == 1, (low + high - size) / 2, low)
     counts = np.zeros(tuple(shape), np.int64)
-    sort(pieces, low, size, counts, np.empty(0, np.int32))
+    sort(pieces, low, size, reach, counts, np.empty(0, np.int32))
     first = np.concatenate([[0], np.cumsum(counts.ravel())])
     items = np.empty(first[-1], np.int32)
-    sort(pieces, low, size, first[:-1].reshape(counts.shape).copy(), items)
-    widest = float(ball[:, 3].max(initial=0.0))
-    return Buckets(pieces.ravel(), ball, low, shape, first, items, size, widest, limit)
+    sort(pieces, low, size, reach, first[:-1].reshape(counts.shape).copy(), items)
+    return Buckets(pieces.ravel(), ball, low, shape, first, items, size, limit)
 
 
 def pieces_of(points: NDArray[np.float64], cells: NDArray[np.int64]) -> NDArray[np.float64]:
