@@ -28,11 +28,15 @@ if TYPE_CHECKING:
         OptionError,
         TruncatedError,
     )
+    from .field.sampled import Field
+    from .files import EncodeOptions, IsoFile, open, save
     from .io.areas import areas
+    from .io.sources import read
     from .kernel import kernels
     from .layers.events import (
         BaseComplete,
         ChunkSkipped,
+        DomainRead,
         End,
         Event,
         GeometryRefined,
@@ -41,13 +45,17 @@ if TYPE_CHECKING:
         LayerComplete,
         LevelComplete,
         MaskComplete,
+        MeshLayerComplete,
         MetadataRead,
         PromisesRead,
     )
     from .limits import Limits
+    from .mesh_api import encode_mesh
     from .stream.decoder import Decoder
     from .stream.encoder import Encoder
     from .stream.inspect import FileInfo, inspect
+    from .stream.mesh_decoder import MeshDecoder
+    from .stream.mesh_encoder import MeshEncoder
     from .stream.plan_file import read_plan
     from .stream.statistics import FileStatistics, statistics
     from .stream.truncate import truncate
@@ -63,16 +71,23 @@ _HOMES = {
         "FormatError", "InputError", "IsoError", "KernelError", "LimitError", "MissingExtraError", "OptionError",
         "TruncatedError",
     ),
+    "field.sampled": ("Field",),
+    "files": ("EncodeOptions", "IsoFile", "open", "save"),
     "io.areas": ("areas",),
+    "io.sources": ("read",),
     "kernel": ("kernels",),
     "limits": ("Limits",),
+    "mesh_api": ("encode_mesh",),
     "stream.decoder": ("Decoder",),
     "layers.events": (
-        "BaseComplete", "ChunkSkipped", "End", "Event", "GeometryRefined", "HeaderRead",
-        "IsovalueRead", "LayerComplete", "LevelComplete", "MaskComplete", "MetadataRead", "PromisesRead",
+        "BaseComplete", "ChunkSkipped", "DomainRead", "End", "Event", "GeometryRefined", "HeaderRead",
+        "IsovalueRead", "LayerComplete", "LevelComplete", "MaskComplete", "MeshLayerComplete", "MetadataRead",
+        "PromisesRead",
     ),
     "stream.encoder": ("Encoder",),
     "stream.inspect": ("FileInfo", "inspect"),
+    "stream.mesh_decoder": ("MeshDecoder",),
+    "stream.mesh_encoder": ("MeshEncoder",),
     "stream.plan_file": ("read_plan",),
     "stream.statistics": ("FileStatistics", "statistics"),
     "stream.truncate": ("truncate",),
@@ -84,9 +99,12 @@ __all__ = [
     "ChunkSkipped",
     "Contour",
     "Decoder",
+    "DomainRead",
+    "EncodeOptions",
     "Encoder",
     "End",
     "Event",
+    "Field",
     "FileInfo",
     "FileStatistics",
     "FormatError",
@@ -94,6 +112,7 @@ __all__ = [
     "HeaderRead",
     "InputError",
     "IsoError",
+    "IsoFile",
     "IsovalueRead",
     "KernelError",
     "LayerComplete",
@@ -101,6 +120,9 @@ __all__ = [
     "LimitError",
     "Limits",
     "MaskComplete",
+    "MeshDecoder",
+    "MeshEncoder",
+    "MeshLayerComplete",
     "MetadataRead",
     "MissingExtraError",
     "OptionError",
@@ -114,9 +136,13 @@ __all__ = [
     "decode_mask",
     "decode_valid",
     "encode",
+    "encode_mesh",
     "inspect",
     "kernels",
+    "open",
+    "read",
     "read_plan",
+    "save",
     "statistics",
     "thin",
     "truncate",

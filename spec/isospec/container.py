@@ -60,6 +60,23 @@ class ChunkType(IntEnum):
     ISOVALUE = 5
     PROMISES = 6
     MASK = 7
+    DOMAIN = 10
+
+
+class DomainKind(IntEnum):
+    """Where an explicit domain comes from (clause 10.1.2)."""
+
+    KNOWN = 0
+    CODED = 1
+
+
+class MeshLayer(IntEnum):
+    """Layers of an explicit domain (clause 10.1.3)."""
+
+    SIGNS = 0
+    OFFSETS = 1
+    VALUES = 2
+    LEVELS = 3
 
 
 class Operation(IntEnum):
@@ -85,7 +102,7 @@ Prefix = Struct(
     "version" / BitStruct("writer" / Nibble, "read" / Nibble),
     "flags"
     / BitStruct(
-        "reserved" / BitsInteger(1),
+        "explicit" / Flag,
         "equal" / Flag,
         "scaled" / Flag,
         "isovalue" / BitsInteger(2),
@@ -93,7 +110,9 @@ Prefix = Struct(
         "profile" / BitsInteger(2),
     ),
 )
-"""First six bytes of a file; ``axes`` is the dimension less two, ``equal`` says that all sides are."""
+"""First six bytes of a file; ``axes`` is the dimension less two, ``equal`` says that all sides are, ``explicit`` that
+there are no sides, but cells (clause 10).
+"""
 
 ChunkHead = BitStruct("ancillary" / Flag, "checked" / Flag, "last" / Flag, "type" / BitsInteger(5))
 """First byte of a chunk; its length follows as a variable-length number."""

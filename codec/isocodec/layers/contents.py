@@ -17,9 +17,10 @@ from ..format.chunks import (
     read_metadata,
     read_promises,
 )
+from ..format.domain import DomainHead, read_domain
 from ..format.header import Header
 from ..format.program import Layer
-from .events import ChunkSkipped, Event, IsovalueRead, MetadataRead, PromisesRead
+from .events import ChunkSkipped, DomainRead, Event, IsovalueRead, MetadataRead, PromisesRead
 
 LAYER_CHUNKS = (ChunkType.LAYERS, ChunkType.CUT_LAYERS)
 """Chunks that are decoded as they come in; so is a mask. The others are read when they are complete."""
@@ -43,6 +44,10 @@ class Contents:
         What the level index says of the layers, if there is one.
     masked : bool
         Whether there is a mask.
+    cells : int or None
+        Dimension of the cells of an explicit domain.
+    domain : DomainHead or None
+        What is said of an explicit domain.
     """
 
     isovalues: list[float] = field(default_factory=list)
@@ -52,9 +57,12 @@ class Contents:
     layers: list[Layer] = field(default_factory=list)
     records: list[LayerRecord] = field(default_factory=list)
     masked: bool = False
+    cells: int | None = None
+    domain: DomainHead | None = None
 
     def begin(self, header: Header) -> None:
         """Take note of the header, and of its isovalue."""
+        self.cells = header.cells
         self._add(header.isovalue, None)
 
     def begin_mask(self, offset: int) -> None:
@@ -114,10 +122,18 @@ def _index(contents: Contents, payload: bytes, start: int, behind: int) -> None:
     contents.records = read_index(payload, contents.layers) or contents.records
 
 
+def _domain(contents: Contents, payload: bytes, start: int, behind: int) -> Event:
+    if contents.cells is None:
+        raise FormatError("a domain in a file of a grid", code="domain", offset=start, clause="3.5.8")
+    contents.domain, _ = read_domain(payload, contents.cells, start)
+    return DomainRead(behind, contents.domain.vertices, contents.domain.cells)
+
+
 READERS: Mapping[int, Reader] = {
     ChunkType.ISOVALUE: _isovalue,
     ChunkType.METADATA: _metadata,
     ChunkType.PROMISES: _promises,
     ChunkType.INDEX: _index,
+    ChunkType.DOMAIN: _domain,
 }
 """By type of chunk."""

@@ -9,7 +9,7 @@ from typing import NoReturn
 from isospec.container import ChunkType
 
 from ..drawing.contour import Contour
-from ..errors import FormatError, IsoError, LimitError, TruncatedError, out_of_memory
+from ..errors import FormatError, IsoError, LimitError, OptionError, TruncatedError, out_of_memory
 from ..format.chunks import CRITICAL, Envelope, octets, read_envelope, verify
 from ..format.header import read_header
 from ..layers.contents import LAYER_CHUNKS
@@ -138,6 +138,8 @@ class Decoder(Received):
                 found = read_header(self._data)
                 if found is None:
                     return None
+                if found[0].cells is not None:
+                    raise OptionError("the file's domain is a mesh", code="domain", remedy="take MeshDecoder")
                 self.header, self._at = found
                 self._contents.begin(self.header)
                 self._strands.begin(self.header, None, self._at)

@@ -10,6 +10,7 @@ from isospec.container import ChunkType
 
 from ..errors import FormatError, OptionError, TruncatedError
 from ..format.chunks import CHECKSUM_BYTES, Envelope, LayerRecord, Promises, read_envelope, verify, whole_bytes
+from ..format.domain import DomainHead, read_mesh_layer
 from ..format.header import Header, read_header, varint
 from ..format.program import Layer, Progress, read_program
 from ..layers.contents import LAYER_CHUNKS, Contents
@@ -81,6 +82,8 @@ class FileInfo:
         For each whether the writer promises that all complete layers have the topology of the original curve.
     mask_bytes : int or None
         Entropy-coded bytes of the mask; None if no sample is missing.
+    domain : DomainHead or None
+        Of a file on a mesh what it says of that.
     """
 
     version: int
@@ -99,6 +102,7 @@ class FileInfo:
     leans: list[int | None] = field(default_factory=list)
     topology: list[bool] = field(default_factory=list)
     mask_bytes: int | None = None
+    domain: DomainHead | None = None
 
     def number_of(self, isovalue: float | None) -> int:
         """Number of an isovalue of the file, of the first if None.
@@ -130,7 +134,13 @@ class FileInfo:
 
     def as_dict(self) -> dict[str, Any]:
         """Plain data, for JSON."""
-        return asdict(self)
+        out = asdict(self)
+        if self.domain is None:
+            del out["domain"]
+        else:
+            out["domain"]["digest"] = self.domain.digest.hex()
+            out["domain"]["kind"] = self.domain.kind.name.lower()
+        return out
 
 
 def inspect(data: bytes, symbols: bool = False, limits: Limits | None = None) -> FileInfo:
@@ -161,7 +171,7 @@ def inspect(data: bytes, symbols: bool = False, limits: Limits | None = None) ->
     layers: list[LayerInfo] = []
     contents = Contents()
     contents.begin(header)
-    progresses = [Progress(len(header.shape) * cube_exponent(header.shape))]
+    progresses = [Progress(len(header.shape) * cube_exponent(header.shape) if header.shape else 0)]
     coded = mask_bytes = 0
     complete = False
     while not complete:
@@ -170,7 +180,14 @@ def inspect(data: bytes, symbols: bool = False, limits: Limits | None = None) ->
             break
         end = min(chunk.end, len(data))
         behind = chunk.end + CHECKSUM_BYTES * (chunk.checked + chunk.last)
-        if chunk.type in LAYER_CHUNKS:
+        if header.cells is not None and chunk.type == ChunkType.LAYERS:
+            if chunk.end <= len(data):
+                head, begins = read_mesh_layer(data[chunk.start : chunk.end], chunk.start)
+                size, number = chunk.end - chunk.start - begins, len(contents.isovalues) - 1
+                coded += size
+                kind = head.kind.name.lower()
+                layers.append(LayerInfo(kind, -1, 0, 0, chunk.start + begins, size, isovalue=number))
+        elif chunk.type in LAYER_CHUNKS:
             first = len(contents.layers)
             run = _run_start(data, chunk, end, progresses[-1], contents.layers)
             if run is not None:
@@ -195,13 +212,13 @@ def inspect(data: bytes, symbols: bool = False, limits: Limits | None = None) ->
         complete = chunk.last
         at = behind
     layers = _with_index(contents.records, layers)
-    if symbols:
+    if symbols and header.cells is None:
         layers = _decoded(data, layers, limits)
     return FileInfo(
         header.writer_version, header.read_version, header.profile.name.lower(), header.shape, header.isovalue,
         header.scale, len(data), len(data) - coded, complete, _promised(layers, contents.promises), chunks,
         contents.metadata, contents.isovalues, contents.leans, [one.topology for one in contents.promises],
-        mask_bytes if contents.masked else None,
+        mask_bytes if contents.masked else None, contents.domain,
     )  # fmt: skip
 
 
