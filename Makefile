@@ -17,7 +17,7 @@ DEMO_PYTHON := .venv-demo/bin/python
 TEST_PYTHON := .venv-test/bin/python
 
 .DEFAULT_GOAL := help
-.PHONY: help kernels wheels demo test test-web heavy lint bench vectors zoo fuzz clean
+.PHONY: help kernels wheels demo test test-web view heavy lint bench vectors zoo fuzz clean
 
 help: ## Show this list.
 	@sed -n 's/^\([a-z-]*\):.*## /\1\t/p' $(MAKEFILE_LIST) | expand -t 10
@@ -41,6 +41,10 @@ test: kernels .venv-test/.installed ## Run the tests, some of them again as plai
 
 test-web: ## Build the npm package and run its tests, where node and npm can be had; says so if not.
 	$(PYTHON) tools/test_web.py
+
+view: ## Build the viewer and serve it at http://localhost:8137/.
+	$(PYTHON) tools/test_web.py --viewer
+	$(PYTHON) -m http.server --directory build/viewer --bind localhost 8137
 
 heavy: kernels .venv-test/.installed ## Run the tests that take long.
 	$(TEST_PYTHON) -m pytest -m heavy tests

@@ -15,7 +15,9 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
 PACKAGE = ROOT / "codec" / "js"
+VIEWER = ROOT / "tools" / "viewer"
 OLDEST_NODE = 20
+BROWSERS = ("chromium", "chromium-browser", "google-chrome")
 
 
 def left_out() -> str | None:
@@ -44,18 +46,30 @@ def left_out() -> str | None:
 def main() -> int:
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--strict", action="store_true", help="fail where something is missing")
-    strict = parser.parse_args().strict
+    parser.add_argument("--viewer", action="store_true", help="build the viewer only, in build/viewer")
+    options = parser.parse_args()
+    strict = options.strict or options.viewer
     reason = left_out()
     if reason is not None:
         print(f"test-web: left out, {reason}")
         return 1 if strict else 0
     node = shutil.which("node") or "node"
+    if options.viewer:
+        return subprocess.run([node, str(VIEWER / "build.mjs")], check=False).returncode
     environment = {**os.environ, "ISOCODEC_PYTHON": str(ROOT / ".venv-test" / "bin" / "python")}
-    tests = sorted(str(path) for path in (PACKAGE / "test").glob("*.test.mjs"))
-    for command in ([node, "build.mjs"], [node, "--test", "--test-reporter=dot", *tests]):
+    tests = sorted(str(path) for folder in (PACKAGE / "test", VIEWER) for path in folder.glob("*.test.mjs"))
+    for command in (
+        [node, "build.mjs"],
+        [node, str(PACKAGE / "node_modules" / "typescript" / "bin" / "tsc"), "-p", str(VIEWER)],
+        [node, str(VIEWER / "build.mjs")],
+        [node, "--test", "--test-reporter=dot", *tests],
+    ):
         code = subprocess.run(command, cwd=PACKAGE, env=environment, check=False).returncode
         if code:
             return code
+    if not any(shutil.which(name) for name in BROWSERS):
+        print("test-web: the viewer's pixels are left out, no Chromium is installed")
+        return 1 if strict else 0
     return 0
 
 

@@ -210,10 +210,13 @@ export class Decoder {
     yield* this.need(2);
     const version = yield* this.byte("3.3.1"), flags = yield* this.byte("3.3.2");
     if ((version & 15) > 0) throw this.wrong("3.3.1", "a later version of the format");
-    if (flags & 128) throw this.wrong("3.3.2", "a reserved flag");
     if ((flags & 3) > 1) throw this.wrong("3.3.2", "an unknown profile");
     const kind = (flags >> 3) & 3, n = 2 + ((flags >> 2) & 1);
     if (kind === 3) throw this.wrong("3.3.4", "an unknown kind of isovalue");
+    if (flags & 128) {
+      if ((flags & 67) !== 1) throw this.wrong("3.3.2", "flags that exclude one another");
+      throw new IsoError("limit", "10", this.offset, "explicit domains are beyond this decoder");
+    }
     const shape: number[] = [];
     for (let a = 0; a < (flags & 64 ? 1 : n); a++) {
       const size = yield* this.varint("3.3.3");
@@ -262,11 +265,12 @@ export class Decoder {
       this.meter.bytes = this.offset;
       yield* this.need(1);
       const head = this.input.data[this.at]!, type = head & 31, ancillary = (head & 128) !== 0;
-      const critical = type === 1 || type === 2 || type === 5 || type === 7;
+      const critical = type === 1 || type === 2 || type === 5 || type === 7 || type === 10;
       if (ancillary ? critical : !critical) throw this.wrong("3.5.2", "an unknown critical chunk");
       this.at++;
       const length = yield* this.varint("3.4.2");
       if (critical && cut) throw this.wrong("3.5.4", "a critical chunk behind cut layers");
+      if (type === 10) throw this.wrong("3.5.8", "a domain in a file of a grid");
       if (type === 7 && masks++) throw this.wrong("3.5.6", "a second mask");
       this.stop = this.at + length;
       const payload = this.at, stop = this.stop;

@@ -65,13 +65,20 @@ function reference() {
     buffer = Buffer.concat([buffer, data]);
     wake();
   });
+  let gone = false;
+  process.on("exit", () => {
+    gone = true;
+    wake();
+  });
+  process.stdin.on("error", () => undefined);
   const until = async (there) => {
-    while (!there()) await new Promise((resolve) => (wake = resolve));
+    while (!there() && !gone) await new Promise((resolve) => (wake = resolve));
   };
   return {
     async ask(file) {
       process.stdin.write(file + "\n");
       await until(() => buffer.includes(10));
+      if (!buffer.includes(10)) return undefined;
       const end = buffer.indexOf(10), [code, length] = buffer.subarray(0, end).toString().split(" ");
       await until(() => buffer.length >= end + 1 + Number(length));
       const text = buffer.subarray(end + 1, end + 1 + Number(length)).toString();
@@ -83,7 +90,7 @@ function reference() {
 }
 
 test("mutated files decode as the reference decodes them", { skip: existsSync(python) ? false : "no reference decoder" },
-  async () => {
+  async (t) => {
     const { vectors } = JSON.parse(readFileSync(join(folder, "manifest.json"), "utf8"));
     const small = vectors.filter((v) => v.bytes < 4000 && v.level === undefined && v.name !== "plane_main_mixing_limit");
     const scratch = mkdtempSync(join(tmpdir(), "isocodec-"));
@@ -95,6 +102,9 @@ test("mutated files decode as the reference decodes them", { skip: existsSync(py
         const file = join(scratch, "mutated.iso");
         writeFileSync(file, data);
         const wanted = await other.ask(file), got = ours(data);
+        // its kernels have to be compiled: `make kernels`
+        if (!wanted && i === 0) return t.skip("the reference decoder does not run");
+        assert.ok(wanted, "the reference decoder has ended");
         const name = `${vector.name}, number ${i}, seed ${before}: ${got.error?.message}`;
         if (got.code !== wanted.code || got.text !== wanted.text) {
           writeFileSync(join(tmpdir(), `differs-${before}.iso`), data);
