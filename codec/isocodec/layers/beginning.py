@@ -17,6 +17,7 @@ from ..models.contexts import models, rates
 from ..models.trained import no_blend, shipped_models
 from ..passes.runner import Tube
 from ..tube.holes import Holes
+from ..tube.state import FRAME
 from ..tube.truth import Truth
 
 MOST_SHIFT = 1 << 52
@@ -38,13 +39,18 @@ def leaning_coder(header: Header, lean: Tube | None, size: int) -> Coder:
 
 def leaning_tube(
     header: Header, isovalue: float, lean: Tube | None, other: float, size: int, limits: Limits,
-    truth: Truth | None = None, budget: Budget | None = None, holes: Holes | None = None,
+    truth: Truth | None = None, budget: Budget | None = None, holes: Holes | None = None, frame: bool = False,
 ) -> Tube:  # fmt: skip
-    """The tube of an isovalue, leaning on that of another one or on none, with a mask or without."""
+    """The tube of an isovalue, leaning on that of another one or on none, with a mask or without.
+
+    With ``frame`` the other one is that of the frame before.
+    """
     coder = leaning_coder(header, lean, size)
     shape = header.shape
     if lean is None or lean.level < 0:
         return Tube(shape, coder, limits, truth, holes=holes, budget=budget)
+    if frame:
+        return Tube(shape, coder, limits, truth, lean=lean, side=FRAME, holes=holes, budget=budget)
     shift = None if header.scale is not None else math.floor(isovalue) - math.floor(other)
     if shift is not None and abs(shift) >= MOST_SHIFT:
         shift = None
