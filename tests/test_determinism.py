@@ -15,6 +15,8 @@ import pytest
 
 import isocodec
 from brute import INTERPRETED, smooth
+from isocodec.domain.delaunay import delaunay, remove
+from isocodec.domain.rank import by_rank
 from isocodec.kernel import EXECUTION, Execution
 from isocodec.kernel.call import Kernel
 from isocodec.kernel.execution import SETTING
@@ -105,6 +107,12 @@ def test_compiled_kernels_do_what_their_source_says(twice):
         gone = np.random.default_rng(4).random(shape) < 0.1
         for more in ({"exact": True}, {"tolerance": 0.05}, {"exact": True, "profile": "baseline"}):
             isocodec.decode(isocodec.encode(field, 0.5, mask=gone, **more))
+    points = np.random.default_rng(5).integers(0, 1 << 20, (30, 2))
+    for criterion in ("inf", "AT3", "l2", "NAT"):
+        isocodec.thin(points, points[:, 0] % 7, criterion, to=8).tin()
+        isocodec.thin(points[:, 0].reshape(5, 6) % 7, criterion=criterion, error=2.5)
+    triangulation, _ = delaunay(*np.ascontiguousarray(points[by_rank(*points.T)].T))
+    assert sum(remove(triangulation, v) for v in range(30)) > 10
     assert twice == {f"{found.module}.{found.name}" for found in kernels()}
 
 

@@ -15,6 +15,8 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from .api import decode, decode_all, decode_mask, decode_valid, encode
+    from .domain.thinned import Thinned, thin
+    from .domain.tin import Tin
     from .drawing.contour import Contour
     from .errors import (
         FormatError,
@@ -54,6 +56,8 @@ __version__ = "0.1.0"
 
 _HOMES = {
     "api": ("decode", "decode_all", "decode_mask", "decode_valid", "encode"),
+    "domain.thinned": ("Thinned", "thin"),
+    "domain.tin": ("Tin",),
     "drawing.contour": ("Contour",),
     "errors": (
         "FormatError", "InputError", "IsoError", "KernelError", "LimitError", "MissingExtraError", "OptionError",
@@ -101,6 +105,8 @@ __all__ = [
     "MissingExtraError",
     "OptionError",
     "PromisesRead",
+    "Thinned",
+    "Tin",
     "TruncatedError",
     "areas",
     "decode",
@@ -112,6 +118,7 @@ __all__ = [
     "kernels",
     "read_plan",
     "statistics",
+    "thin",
     "truncate",
 ]
 

@@ -1,4 +1,4 @@
-"""The command line: ``isocodec encode | decode | mask | info | truncate | plot``.
+"""The command line: ``isocodec encode | decode | mask | info | truncate | plot | thin``.
 
 The modules here load in a few milliseconds; whatever takes longer (numpy, matplotlib) is imported by the verb that
 needs it, when it needs it.
@@ -14,6 +14,7 @@ from .info import info_command
 from .mask import mask_command
 from .plot import plot_command
 from .report import EXIT_CODES, Program
+from .thin import thin_command
 from .truncate import truncate_command
 
 __all__ = ["main"]
@@ -40,5 +41,7 @@ def main() -> None:
     """Progressive, exact and small files (.iso) of isocontours and isosurfaces."""
 
 
-for command in (encode_command, decode_command, mask_command, info_command, truncate_command, plot_command):
+for command in (
+    encode_command, decode_command, mask_command, info_command, truncate_command, plot_command, thin_command,
+):  # fmt: skip
     main.add_command(command)

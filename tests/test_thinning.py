@@ -1,0 +1,231 @@
+"""Adaptive thinning: the published example, brute force, and what users see of it."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+
+import isocodec
+from commands import fails, ok, run
+from isocodec.errors import InputError, OptionError
+
+LINE = np.array([(i, 0) for i in range(1, 8)] + [(1, 1)])
+VALUES = np.array([5, -1, 0, -3, 0, -1.1, 2.5, 0])
+EXAMPLE = {
+    "inf": [(3, 2.00), (5, 2.05), (4, 1.95), (6, 3.40)],
+    "AT1": [(3, 2.00), (5, 2.05), (6, 1.77), (2, 3.33)],
+    "AT2": [(3, 2.00), (5, 2.05), (6, 1.77), (2, 3.33)],
+    "AT3": [(3, 2.00), (5, 2.05), (6, 1.77), (2, 3.33)],
+    "l2": [(3, 4.00), (4, 3.56), (5, -1.55), (6, 15.26)],
+}
+"""Points (counted from 1) and anticipated errors: worked out with a triangulation by another library at every step."""
+CRITERIA = [*EXAMPLE, "NAT"]
+
+
+def terrain(count: int = 400, seed: int = 1) -> tuple[np.ndarray, np.ndarray]:
+    """Scattered points of a smooth surface with a cliff."""
+    rng = np.random.default_rng(seed)
+    points = np.unique(rng.integers(0, 200, (count, 2)), axis=0)
+    x, y = points.T / 40
+    return points, np.rint(100 * (np.sin(x) + np.cos(1.3 * y) + (x > 2.5)))
+
+
+def interpolated(tin: isocodec.Tin, points: np.ndarray) -> np.ndarray:
+    """The surface at points, by another library's barycentric weights on our triangles."""
+    from matplotlib.tri import LinearTriInterpolator, Triangulation
+
+    x, y = tin.points.T
+    return np.asarray(LinearTriInterpolator(Triangulation(x, y, tin.triangles), tin.values)(*points.T))
+
+
+@pytest.mark.parametrize("criterion", EXAMPLE)
+def test_published_example(criterion: str):
+    found = isocodec.thin(LINE, VALUES, criterion, to=4)
+    assert (found.order[:4] + 1).tolist() == [point for point, _ in EXAMPLE[criterion]]
+    assert found.anticipated[:4].round(2).tolist() == [error for _, error in EXAMPLE[criterion]]
+
+
+@pytest.mark.parametrize("criterion", CRITERIA)
+def test_errors_are_those_of_the_surface(criterion: str):
+    points, values = terrain()
+    found = isocodec.thin(points, values, criterion, to=40)
+    for count in (40, 100, 250):
+        tin = found.tin(count)
+        missed = np.abs(interpolated(tin, points) - values)
+        at = len(points) - count - 1
+        assert found.errors[at] == pytest.approx(missed.max(), abs=1e-9)
+
+
+def test_keys_are_what_brute_force_finds():
+    """AT1, AT2 and l2 take the vertex with the least of what any removal would lead to, from scratch each time."""
+    points, values = terrain(60)
+    for criterion in ("AT2", "l2"):
+        found = isocodec.thin(points, values, criterion, to=30)
+        left = np.arange(len(points))
+        before = 0.0
+        for step in range(25):
+            costs = {}
+            for v in left.tolist():
+                some = left[left != v]
+                tin = isocodec.thin(points[some], values[some], to=len(some)).tin()
+                missed = np.ma.masked_invalid(interpolated(tin, points)) - values
+                if np.ma.is_masked(missed):
+                    continue  # a corner of the hull: without it, not all points are covered
+                costs[v] = abs(missed[v]) if criterion == "AT2" else float((missed**2).sum()) - before
+            best = min(costs.values())
+            assert found.anticipated[step] == pytest.approx(best, abs=1e-6)
+            v = int(found.order[step])
+            assert costs[v] == pytest.approx(best, abs=1e-6)
+            left = left[left != v]
+            tin = isocodec.thin(points[left], values[left], to=len(left)).tin()
+            before = float(((interpolated(tin, points) - values) ** 2).sum())
+
+
+@pytest.mark.parametrize("criterion", CRITERIA)
+def test_order_of_points_does_not_matter(criterion: str):
+    points, values = terrain()
+    mixed = np.random.default_rng(3).permutation(len(points))
+    first = isocodec.thin(points, values, criterion, to=30)
+    second = isocodec.thin(points[mixed], values[mixed], criterion, to=30)
+    assert np.array_equal(first.order, mixed[second.order])
+    assert np.array_equal(first.errors, second.errors)
+    assert np.array_equal(first.tin().points[first.tin().triangles], second.tin().points[second.tin().triangles])
+
+
+@pytest.mark.parametrize("criterion", CRITERIA)
+def test_error_is_kept(criterion: str):
+    points, values = terrain()
+    found = isocodec.thin(points, values, criterion, error=6)
+    missed = np.abs(interpolated(found.tin(), points) - values)
+    assert missed.max() <= 6 + 1e-9
+    assert len(found) < len(points)
+
+
+def test_a_field_and_its_samples_are_alike():
+    y, x = np.mgrid[:24, :31]
+    field = np.hypot(y - 10.0, x - 12.0)
+    found = isocodec.thin(field, criterion="l2", to=60)
+    same = isocodec.thin(np.argwhere(np.ones(field.shape)), field.ravel(), "l2", to=60)
+    assert np.array_equal(found.order, same.order)
+    # the border is straight: only its corners have to stay
+    assert np.isin([0, 30, 23 * 31, 24 * 31 - 1], found.kept).all()
+
+
+def test_a_plane_needs_its_corners_only():
+    y, x = np.mgrid[:20, :20]
+    found = isocodec.thin(3 * x - 2 * y + 7, error=0)
+    assert found.kept.tolist() == [0, 19, 380, 399]
+
+
+def test_ranking_of_the_criteria():
+    """As published: AT1 before AT3 and AT2, NAT far behind."""
+    points, values = terrain(3000, 4)
+    last = {name: isocodec.thin(points, values, name, to=150).errors[-1] for name in CRITERIA}
+    assert last["AT1"] < 0.8 * last["AT2"]
+    assert last["AT1"] < last["AT3"]
+    assert last["NAT"] > 2 * last["AT1"]
+
+
+def test_points_that_coincide():
+    points = np.array([(0, 0), (9, 0), (0, 9), (9, 9), (4, 4), (4, 4), (4, 4)])
+    found = isocodec.thin(points, np.array([0, 0, 0, 0, 1.0, 2.0, 6.0]), to=5)
+    assert found.merged == 2
+    assert found.kept.tolist() == [0, 1, 2, 3, 4]
+    assert sorted(found.tin().values.tolist()) == [0, 0, 0, 0, 3.0]
+
+
+def test_floating_point_positions():
+    """Those that a fine grid holds stay as they are; others are rounded to a part in 2**24 of the extent."""
+    rng = np.random.default_rng(0)
+    exact = rng.integers(0, 1 << 20, (50, 2)) / 1024 + 500000
+    assert np.isin(isocodec.thin(exact, np.zeros(50), to=50).tin().points, exact).all()
+    rough = rng.normal(size=(50, 2)) * 1e-9
+    tin = isocodec.thin(rough, np.zeros(50), to=50).tin()
+    found = tin.points[np.lexsort(tin.points.T)]
+    assert np.abs(found - rough[np.lexsort(rough.T)]).max() < np.ptp(rough) / 2**23
+
+
+@pytest.mark.parametrize(
+    ("points", "values", "code"),
+    [
+        (LINE[:7], VALUES[:7], "collinear"),
+        (LINE[:2], VALUES[:2], "points"),
+        (LINE[:0], VALUES[:0], "points"),
+        (LINE, np.full(8, np.nan), "missing"),
+        (np.full((8, 2), np.inf), VALUES, "missing"),
+        (LINE[:, :1], VALUES, "shape"),
+        (LINE, VALUES[:3], "shape"),
+        (LINE, VALUES.astype(str), "dtype"),
+        (LINE * 2**40, VALUES, "range"),
+        (np.zeros((3, 3, 3)), None, "axes"),
+    ],
+)
+def test_input_that_cannot_be_thinned(points: np.ndarray, values: np.ndarray | None, code: str):
+    with pytest.raises(InputError) as caught, np.errstate(all="ignore"):
+        isocodec.thin(points, values, to=3)
+    assert caught.value.code == code
+
+
+@pytest.mark.parametrize(
+    "options", [{}, {"to": 5, "error": 1.0}, {"to": 2}, {"error": -1.0}, {"error": np.nan}, {"to": 4, "criterion": "X"}]
+)
+def test_options_that_make_no_sense(options: dict):
+    with pytest.raises(OptionError):
+        isocodec.thin(LINE, VALUES, **options)
+
+
+def test_surfaces_that_there_are():
+    found = isocodec.thin(LINE, VALUES, to=4)
+    assert len(found.tin(8).points) == 8
+    for count in (3, 9, 4.5):
+        with pytest.raises(OptionError):
+            found.tin(count)  # type: ignore[arg-type]
+
+
+# ---- Command line ---------------------------------------------------------------------------------------------------
+
+
+def test_command(tmp_path):
+    y, x = np.mgrid[:40, :50]
+    source = tmp_path / "hill.npy"
+    np.save(source, np.rint(100 * np.exp(-((y - 20.0) ** 2 + (x - 30.0) ** 2) / 200)))
+    for suffix in (".npz", ".ply", ".vtu", ".geojson"):
+        told = json.loads(ok("thin", source, "-o", tmp_path / f"out{suffix}", "--error", 2, "--json"))
+        assert told["error"] <= 2
+        assert told["points"] + told["removed"] == 2000
+    with np.load(tmp_path / "out.npz") as found:
+        assert found["triangles"].max() == len(found["points"]) - 1
+        assert len(found["errors"]) == told["removed"]
+    import meshio
+    import trimesh
+
+    surface = trimesh.load(tmp_path / "out.ply", process=False)
+    assert len(surface.vertices) == told["points"]
+    assert (surface.face_normals[:, 2] > 0).all()
+    assert len(meshio.read(tmp_path / "out.vtu").cells_dict["triangle"]) == told["triangles"]
+    assert len(json.loads((tmp_path / "out.geojson").read_text())["features"]) == told["triangles"]
+
+
+def test_command_with_a_table(tmp_path):
+    points, values = terrain()
+    table = np.column_stack([points, values])
+    source, out = tmp_path / "table.npy", tmp_path / "out.ply"
+    np.save(source, np.concatenate([table, table[:5]]))
+    done = run("thin", source, "-o", out, "--scattered", "--points", 50, "--criterion", "AT3")
+    assert done.exit_code == 0, done.output
+    assert "5 points coincide" in done.stderr
+    assert "50 of" in done.stdout
+    fails(2, "thin", source, "-o", out)
+    fails(2, "thin", source, "-o", tmp_path / "out.stl", "--points", 9)
+
+
+def test_command_with_missing_samples(tmp_path):
+    field = np.add.outer(np.arange(9.0), np.arange(9.0))
+    field[3:5, 3:5] = np.nan
+    np.save(tmp_path / "holes.npy", field)
+    done = run("thin", tmp_path / "holes.npy", "-o", tmp_path / "out.ply", "--error", 0)
+    assert done.exit_code == 0, done.output
+    assert "4 missing samples" in done.stderr
+    assert "4 of 77 points" in done.stdout
