@@ -60,6 +60,7 @@ class ChunkType(IntEnum):
     ISOVALUE = 5
     PROMISES = 6
     MASK = 7
+    FRAME = 9
 
 
 class Operation(IntEnum):

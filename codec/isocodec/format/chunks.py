@@ -26,7 +26,7 @@ from .header import read_isovalue, varint, write_isovalue
 from .program import Layer
 
 CHECKSUM_BYTES = 4
-CRITICAL = (ChunkType.LAYERS, ChunkType.CUT_LAYERS, ChunkType.ISOVALUE, ChunkType.MASK)
+CRITICAL = (ChunkType.LAYERS, ChunkType.CUT_LAYERS, ChunkType.ISOVALUE, ChunkType.MASK, ChunkType.FRAME)
 
 
 @dataclass(frozen=True)

@@ -8,6 +8,7 @@ import numpy as np
 
 from isospec.container import Profile
 
+from ..entropy.panel import no_panel, panel_after
 from ..entropy.range_coder import Coder, CoderRegisters
 from ..format.header import Header
 from ..format.kinds import LayerKind
@@ -24,12 +25,17 @@ MOST_SHIFT = 1 << 52
 """From this distance of isovalues on, in steps, values of the one say nothing of the other (clause 5.9.3)."""
 
 
-def leaning_coder(header: Header, lean: Tube | None, size: int) -> Coder:
-    """A coder with models as at the start of a file, or as the isovalue leaned on has left them (clause 5.9.2)."""
+def leaning_coder(header: Header, lean: Tube | None, size: int, frame: bool = False) -> Coder:
+    """A coder with models as at the start of a file, or as the isovalue leaned on has left them (clause 5.9.2).
+
+    With ``frame`` that is one of the frame before.
+    """
     registers, room = CoderRegisters(), np.zeros(size, np.uint8)
     if lean is not None:
         cd = lean.coder
-        blend = cd.blend._replace(mix=cd.blend.mix.copy())
+        further = frame and header.profile == Profile.MAIN
+        panel = panel_after(cd.blend.panel) if further else no_panel()
+        blend = cd.blend._replace(mix=cd.blend.mix.copy(), panel=panel)
         return Coder(registers, room, cd.prob.copy(), cd.seen.copy(), cd.rate, blend)
     if header.profile == Profile.MAIN:
         prob, seen, blend = shipped_models(len(header.shape))
@@ -45,7 +51,7 @@ def leaning_tube(
 
     With ``frame`` the other one is that of the frame before.
     """
-    coder = leaning_coder(header, lean, size)
+    coder = leaning_coder(header, lean, size, frame)
     shape = header.shape
     if lean is None or lean.level < 0:
         return Tube(shape, coder, limits, truth, holes=holes, budget=budget)

@@ -17,9 +17,10 @@ from ..format.chunks import (
     read_metadata,
     read_promises,
 )
+from ..format.frames import FRAME_BEFORE, is_key, read_frame, read_interval
 from ..format.header import Header
 from ..format.program import Layer
-from .events import ChunkSkipped, Event, IsovalueRead, MetadataRead, PromisesRead
+from .events import ChunkSkipped, Event, FrameRead, IsovalueRead, MetadataRead, PromisesRead, SeriesRead
 
 LAYER_CHUNKS = (ChunkType.LAYERS, ChunkType.CUT_LAYERS)
 """Chunks that are decoded as they come in; so is a mask. The others are read when they are complete."""
@@ -43,6 +44,10 @@ class Contents:
         What the level index says of the layers, if there is one.
     masked : bool
         Whether there is a mask.
+    interval : int or None
+        Of a series, how often a frame leans on none before it (see `SeriesRead`); None of a file without frames.
+    frame, number : int
+        The present frame and isovalue, whose layers come.
     """
 
     isovalues: list[float] = field(default_factory=list)
@@ -52,6 +57,9 @@ class Contents:
     layers: list[Layer] = field(default_factory=list)
     records: list[LayerRecord] = field(default_factory=list)
     masked: bool = False
+    interval: int | None = None
+    frame: int = 0
+    number: int = 0
 
     def begin(self, header: Header) -> None:
         """Take note of the header, and of its isovalue."""
@@ -63,8 +71,10 @@ class Contents:
         Raises
         ------
         FormatError
-            If there has been one.
+            If there has been one, or a further frame.
         """
+        if self.frame > 0:
+            raise FormatError("a mask behind the first frame", code="mask", offset=offset, clause="3.5.7")
         if self.masked:
             raise FormatError("a second mask", code="mask", offset=offset, clause="3.5.6")
         self.masked = True
@@ -84,6 +94,7 @@ class Contents:
     def _add(self, isovalue: float, lean: int | None) -> None:
         self.isovalues.append(isovalue)
         self.leans.append(lean)
+        self.number = len(self.leans) - 1
         self.promises.append(Promises({}, False))
 
 
@@ -92,9 +103,31 @@ Reader = Callable[[Contents, bytes, int, int], Event | None]
 
 
 def _isovalue(contents: Contents, payload: bytes, start: int, behind: int) -> Event:
+    if contents.frame > 0:
+        raise FormatError("another isovalue in a further frame", code="frame", offset=start, clause="3.5.7")
     isovalue, lean = read_further(payload, start, contents.isovalues)
     contents._add(isovalue, lean)
     return IsovalueRead(behind, len(contents.isovalues) - 1, isovalue, lean)
+
+
+def _frame(contents: Contents, payload: bytes, start: int, behind: int) -> Event:
+    if contents.interval is None:
+        if contents.layers:
+            raise FormatError("frames are announced behind layers", code="frame", offset=start, clause="3.5.7")
+        contents.interval = read_interval(payload, start)
+        return SeriesRead(behind, contents.interval)
+    frame, number = contents.frame, contents.number + 1
+    if number == len(contents.isovalues):
+        frame, number = frame + 1, 0
+    if frame == 0:
+        raise FormatError("a frame begins before the first one", code="frame", offset=start, clause="3.5.7")
+    lean = read_frame(payload, start, number, is_key(frame, contents.interval))
+    if frame > contents.frame:
+        contents.layers.clear()
+        contents.promises[:] = [Promises({}, False) for _ in contents.promises]
+    contents.frame, contents.number = frame, number
+    before = lean == FRAME_BEFORE
+    return FrameRead(behind, frame, number, number if before else lean, before)
 
 
 def _metadata(contents: Contents, payload: bytes, start: int, behind: int) -> Event:
@@ -106,7 +139,7 @@ def _promises(contents: Contents, payload: bytes, start: int, behind: int) -> Ev
     promises = read_promises(payload)
     if promises is None:
         return None
-    contents.promises[-1] = promises
+    contents.promises[contents.number] = promises
     return PromisesRead(behind, promises)
 
 
@@ -116,6 +149,7 @@ def _index(contents: Contents, payload: bytes, start: int, behind: int) -> None:
 
 READERS: Mapping[int, Reader] = {
     ChunkType.ISOVALUE: _isovalue,
+    ChunkType.FRAME: _frame,
     ChunkType.METADATA: _metadata,
     ChunkType.PROMISES: _promises,
     ChunkType.INDEX: _index,

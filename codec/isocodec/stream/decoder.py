@@ -13,7 +13,7 @@ from ..errors import FormatError, IsoError, LimitError, TruncatedError, out_of_m
 from ..format.chunks import CRITICAL, Envelope, octets, read_envelope, verify
 from ..format.header import read_header
 from ..layers.contents import LAYER_CHUNKS
-from ..layers.events import ChunkSkipped, End, Event, HeaderRead, IsovalueRead, MaskComplete
+from ..layers.events import ChunkSkipped, End, Event, FrameRead, HeaderRead, IsovalueRead, MaskComplete, SeriesRead
 from ..limits import Limits
 from .received import Received
 
@@ -31,6 +31,9 @@ class Decoder(Received):
     only : collection of int, optional
         Numbers of the isovalues to decode, from 0; the chunks of others are skipped. Those that they lean on are
         needed, too. All isovalues if not given.
+    frame : int, optional
+        Of a series, the frame to decode, from 0; those that it leans on are decoded, too, the chunks of others are
+        skipped. All frames if not given, one after the other: drawings are of the last that has begun.
 
     Attributes
     ----------
@@ -50,8 +53,10 @@ class Decoder(Received):
         From iterating: the file needs more than the limits allow.
     """
 
-    def __init__(self, limits: Limits | None = None, *, only: Collection[int] | None = None) -> None:
-        super().__init__(limits, only=only)
+    def __init__(
+        self, limits: Limits | None = None, *, only: Collection[int] | None = None, frame: int | None = None
+    ) -> None:
+        super().__init__(limits, only=only, frame=frame)
         self._at = 0
         self._chunk: Envelope | None = None
         self._chunk_start = 0
@@ -172,11 +177,27 @@ class Decoder(Received):
                 return MaskComplete(behind, chunk.end - chunk.start)
             if chunk.type not in LAYER_CHUNKS:
                 event = self._contents.read(chunk, bytes(self._data[chunk.start : chunk.end]), behind)
-                if isinstance(event, IsovalueRead):
-                    self._strands.begin(self.header, event.lean, self._at)
+                self._begin(event)
                 return event
             if skipped:
                 return ChunkSkipped(behind, chunk.type, chunk.end - chunk.start)
+        self._nothing_behind()
+        return None
+
+    def _begin(self, event: Event) -> None:
+        """What begins with an event: another isovalue, a series, a further frame."""
+        assert self.header is not None
+        if isinstance(event, IsovalueRead):
+            self._strands.begin(self.header, event.lean, self._at)
+        elif isinstance(event, SeriesRead):
+            self._strands.begin_series()
+        elif isinstance(event, FrameRead):
+            if event.number == 0 and not self._strands.past:
+                self._reader.next_frame(self._strands.before)
+                self._strands.next_frame()
+            self._strands.begin_frame(self.header, event)
+
+    def _nothing_behind(self) -> None:
+        """Raise where bytes come behind the end of the file."""
         if len(self._data) > self._at:
             raise FormatError("bytes after the end of the file", code="trailing", offset=self._at, clause="3.4.4")
-        return None

@@ -34,18 +34,21 @@ class Received:
     `Decoder` adds the bytes and takes the events.
     """
 
-    def __init__(self, limits: Limits | None = None, *, only: Collection[int] | None = None) -> None:
+    def __init__(
+        self, limits: Limits | None = None, *, only: Collection[int] | None = None, frame: int | None = None
+    ) -> None:
         self.limits = limits or Limits()
         self.header: Header | None = None
         self._data = bytearray()
         self.layers: list[Layer] = []
         self._contents = Contents(layers=self.layers)
         self._budget = Budget(self.limits.memory)
-        self._strands = strands = Tubes(self.limits, self._data, self._contents, self._budget, only)
+        self._strands = strands = Tubes(self.limits, self._data, self._contents, self._budget, only, frame)
         self._tubes, self._progresses, self._mask = strands.all, strands.progresses, strands.mask
         self._reader = LayerReader(
             self.limits, self._data, self._tubes, self._progresses, self._mask.tubes, self.layers
         )
+        self._wanted = frame
         self.isovalues = self._contents.isovalues
         self.metadata = self._contents.metadata
         self.runs = self._reader.runs
@@ -66,6 +69,24 @@ class Received:
     @property
     def _progress(self) -> Progress:
         return self._progresses[-1]
+
+    @property
+    def interval(self) -> int | None:
+        """Of a series: frames whose number is a multiple of it lean on none before them, 0 if only the first does.
+
+        None of a file without frames, and before that is known.
+        """
+        return self._contents.interval
+
+    @property
+    def frame(self) -> int:
+        """Number of the frame that has begun last, or, once it has come, of the one that is wanted: it can be drawn."""
+        return self._contents.frame if self._wanted is None else min(self._contents.frame, self._wanted)
+
+    @property
+    def present(self) -> tuple[int, int]:
+        """Number of the present frame and of its isovalue, whose layers come at present or come next."""
+        return self._contents.frame, self._contents.number
 
     @property
     def value_bits(self) -> tuple[int, int]:
@@ -95,8 +116,8 @@ class Received:
     @property
     def predictions(self) -> tuple[int, int]:
         """Signs that were predicted so far, and how many of them rightly."""
-        tallies = [tube.tally()[-2:] for tube in self._tubes if tube]
-        return sum(int(t[0]) for t in tallies), sum(int(t[1]) for t in tallies)
+        made, right = self._reader.tally()[-2:]
+        return int(made), int(right)
 
     def _tube_of(self, number: int) -> Tube | None:
         """That of an isovalue, by number; None before it has come, or if it is skipped."""

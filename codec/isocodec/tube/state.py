@@ -242,6 +242,7 @@ class State(NamedTuple):
     chosen: Chosen  # encoder: the mesh that an adaptive layer leads to
     lean: Lean  # of an earlier isovalue, or empty
     hole: Lean  # of the mask, or empty
+    soft: Store  # the signs of the frame before, see tube.softened, or empty
     truth: BoolVolume  # encoder: the signs of the whole field; decoder: empty
     base: BaseWalk
     refinement: RefinementWalk
