@@ -17,10 +17,10 @@ DEMO_PYTHON := .venv-demo/bin/python
 TEST_PYTHON := .venv-test/bin/python
 
 .DEFAULT_GOAL := help
-.PHONY: help kernels wheels demo test heavy lint bench vectors zoo fuzz clean
+.PHONY: help kernels wheels demo test test-web heavy lint bench vectors zoo fuzz clean
 
 help: ## Show this list.
-	@sed -n 's/^\([a-z]*\):.*## /\1\t/p' $(MAKEFILE_LIST) | expand -t 10
+	@sed -n 's/^\([a-z-]*\):.*## /\1\t/p' $(MAKEFILE_LIST) | expand -t 10
 
 kernels: ## Compile the kernels, unless that has been done before.
 	$(PYTHON) tools/kernels
@@ -38,6 +38,9 @@ test: kernels .venv-test/.installed ## Run the tests, some of them again as plai
 	$(TEST_PYTHON) -m pytest -n $(JOBS) tests
 	ISOCODEC_KERNELS=python $(TEST_PYTHON) -m pytest $(PLAIN)
 	$(TEST_PYTHON) -m isoconform run --layers --vectors $(VECTORS)
+
+test-web: ## Build the npm package and run its tests, where node and npm can be had; says so if not.
+	$(PYTHON) tools/test_web.py
 
 heavy: kernels .venv-test/.installed ## Run the tests that take long.
 	$(TEST_PYTHON) -m pytest -m heavy tests
@@ -62,7 +65,7 @@ fuzz: .venv-test/.installed ## Fuzz the decoder, then the encoder, for MINUTES=5
 	$(TEST_PYTHON) -m isoconform fuzz --minutes $(MINUTES) --encoder
 
 clean: ## Remove everything that make has made; what is kept of builds is elsewhere, see README.
-	rm -rf .venv-build .venv-demo .venv-test codec/isocodec/kernel/built demo/out fuzz-out .pytest_cache .mypy_cache .ruff_cache .hypothesis build dist
+	rm -rf .venv-build .venv-demo .venv-test codec/isocodec/kernel/built demo/out fuzz-out .pytest_cache .mypy_cache .ruff_cache .hypothesis build dist codec/js/dist codec/js/node_modules
 	find codec spec conformance tests tools -name __pycache__ -type d -prune -exec rm -rf {} +
 
 .venv-demo/.installed: EXTRA = demo

@@ -28,7 +28,10 @@ if TYPE_CHECKING:
         OptionError,
         TruncatedError,
     )
+    from .field.sampled import Field
+    from .files import EncodeOptions, IsoFile, open, save
     from .io.areas import areas
+    from .io.sources import read
     from .kernel import kernels
     from .layers.events import (
         BaseComplete,
@@ -63,7 +66,10 @@ _HOMES = {
         "FormatError", "InputError", "IsoError", "KernelError", "LimitError", "MissingExtraError", "OptionError",
         "TruncatedError",
     ),
+    "field.sampled": ("Field",),
+    "files": ("EncodeOptions", "IsoFile", "open", "save"),
     "io.areas": ("areas",),
+    "io.sources": ("read",),
     "kernel": ("kernels",),
     "limits": ("Limits",),
     "stream.decoder": ("Decoder",),
@@ -84,9 +90,11 @@ __all__ = [
     "ChunkSkipped",
     "Contour",
     "Decoder",
+    "EncodeOptions",
     "Encoder",
     "End",
     "Event",
+    "Field",
     "FileInfo",
     "FileStatistics",
     "FormatError",
@@ -94,6 +102,7 @@ __all__ = [
     "HeaderRead",
     "InputError",
     "IsoError",
+    "IsoFile",
     "IsovalueRead",
     "KernelError",
     "LayerComplete",
@@ -116,7 +125,10 @@ __all__ = [
     "encode",
     "inspect",
     "kernels",
+    "open",
+    "read",
     "read_plan",
+    "save",
     "statistics",
     "thin",
     "truncate",

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from numbers import Integral
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from .content import Readable, SpatialImage, content, described
 from .drawing.contour import Contour
 from .errors import IsoError, OptionError, TruncatedError
+from .field.sampled import Field
 from .format.chunks import octets
 from .layers.events import LayerComplete
 from .layers.plan import Entry
@@ -20,8 +23,8 @@ from .stream.inspect import inspect
 
 
 def encode(
-    field: ArrayLike,
-    isovalue: float | Sequence[float],
+    field: ArrayLike | Field | SpatialImage,
+    isovalue: float | Sequence[float] | None = None,
     *,
     exact: bool = False,
     tolerance: float | None = None,
@@ -47,13 +50,16 @@ def encode(
 
     Parameters
     ----------
-    field : (s0, s1) or (s0, s1, s2) array_like of bool, integers or floats
+    field : (s0, s1) or (s0, s1, s2) array_like of bool, integers or floats; or a Field, a DataArray, an image
         Samples on a regular grid. NaN, and what a masked array masks, is missing: the curve ends at unit cells with a
-        missing corner.
-    isovalue : number or sequence of numbers
-        One isovalue, or several of the same field, in the order in which the file has them: finite numbers of Python's
-        or numpy's, fractions or decimals. Samples greater than it lie above. Files hold double precision; whole numbers
-        beyond it are refused.
+        missing corner. Of what `read` returns, and of what it takes (a DataArray of xarray, images of nibabel and
+        SimpleITK), mask, placement, coordinates, reference system, name and unit go into the file, too, unless
+        ``placement`` and ``metadata`` say otherwise.
+    isovalue : number or sequence of numbers, optional
+        May be left out where the field is of bool: its border is kept then, with ``signs_only`` unless a precision is
+        chosen. Otherwise one isovalue, or several of the same field, in the order in which the file has them: finite
+        numbers of Python's or numpy's, fractions or decimals. Samples greater than it lie above. Files hold double
+        precision; whole numbers beyond it are refused.
     exact : bool
         Integer data: keep the values next to the curve to the last bit.
     tolerance : float, optional
@@ -122,18 +128,26 @@ def encode(
     >>> decode(data).lines[0].shape[1]
     2
     """
+    options: dict[str, Any] = {"mask": mask, "placement": placement, "metadata": metadata}
+    values: Any = field
+    if not isinstance(field, np.ndarray):
+        values, options = described(field, **options)
+    if isovalue is None:
+        if plan is None and np.asarray(values).dtype.kind != "b":
+            raise OptionError("which isovalue?", code="isovalue", remedy="only the border of a mask (bool) needs none")
+        isovalue = 0.5
+        signs_only = signs_only or not (exact or tolerance or step or steps or plan)
     return b"".join(
         Encoder(
-            field, isovalue, exact=exact, tolerance=tolerance, signs_only=signs_only, step=step,
+            values, isovalue, exact=exact, tolerance=tolerance, signs_only=signs_only, step=step,
             base_level=base_level, preserve_topology=preserve_topology, steps=steps, criterion=criterion,
-            parameter=parameter, leaning=leaning, mask=mask, plan=plan, profile=profile,
-            metadata=metadata, placement=placement, progress=progress,
+            parameter=parameter, leaning=leaning, plan=plan, profile=profile, progress=progress, **options,
         )
     )  # fmt: skip
 
 
 def decode(
-    data: bytes,
+    data: Readable,
     *,
     isovalue: float | None = None,
     layers: int | None = None,
@@ -147,7 +161,8 @@ def decode(
 
     Parameters
     ----------
-    data : bytes
+    data : bytes, path, URL or file object
+        A whole file, or where it is.
     isovalue : float, optional
         Which one, of a file that holds several; the first if not given. Others are decoded as far as it leans on them.
     layers : int, optional
@@ -173,18 +188,20 @@ def decode(
 
     Raises
     ------
+    OSError
+        If a file cannot be opened.
     FormatError
         If the bytes are not a valid file; ``TruncatedError`` if they end too early, with ``max_bytes`` only if they end
         before the curve begins.
     LimitError
         If the file needs more than the limits allow.
     """
-    decoder, number = decoded(data, isovalue, layers, max_bytes, limits, progress)
+    decoder, number = decoded(content(data, limits), isovalue, layers, max_bytes, limits, progress)
     return _drawn(decoder, [number], smooth, through_holes)[0]
 
 
 def decode_all(
-    data: bytes,
+    data: Readable,
     *,
     max_bytes: int | None = None,
     smooth: bool = False,
@@ -201,7 +218,7 @@ def decode_all(
     -------
     list of Contour
     """
-    decoder = received(data, None, max_bytes, limits, progress)
+    decoder = received(content(data, limits), None, max_bytes, limits, progress)
     return _drawn(decoder, range(len(decoder.isovalues)), smooth, False)
 
 
@@ -220,7 +237,7 @@ def _drawn(decoder: Decoder, numbers: Iterable[int], smooth: bool, through_holes
 
 
 def decode_mask(
-    data: bytes,
+    data: Readable,
     *,
     isovalue: float | None = None,
     max_bytes: int | None = None,
@@ -231,7 +248,7 @@ def decode_mask(
 
     Parameters
     ----------
-    data : bytes
+    data : bytes, path, URL or file object
         A file on the full grid: one made without a ``criterion``, and with no tolerance, or last step, from 0.1 on.
     isovalue, max_bytes, limits, progress
         As in `decode`.
@@ -250,16 +267,16 @@ def decode_mask(
     FormatError, LimitError
         As `decode`; ``limits.samples`` bounds the result. ``TruncatedError`` if the first bytes do not tell yet.
     """
-    decoder, number = decoded(data, isovalue, None, max_bytes, limits, progress)
+    decoder, number = decoded(content(data, limits), isovalue, None, max_bytes, limits, progress)
     return decoder.mask(number)
 
 
-def decode_valid(data: bytes, *, max_bytes: int | None = None, limits: Limits | None = None) -> NDArray[np.bool_]:
+def decode_valid(data: Readable, *, max_bytes: int | None = None, limits: Limits | None = None) -> NDArray[np.bool_]:
     """Decode which samples of a file are valid; the others are missing.
 
     Parameters
     ----------
-    data : bytes
+    data : bytes, path, URL or file object
     max_bytes, limits
         As in `decode`.
 
@@ -273,7 +290,7 @@ def decode_valid(data: bytes, *, max_bytes: int | None = None, limits: Limits | 
     FormatError, LimitError
         As `decode`; ``limits.samples`` bounds the result. ``TruncatedError`` if the first bytes do not tell yet.
     """
-    return received(data, (), max_bytes, limits).valid()
+    return received(content(data, limits), (), max_bytes, limits).valid()
 
 
 def decoded(

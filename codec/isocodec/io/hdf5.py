@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import InputError
-from ..text import plain
+from ..text import one_line, plain
 from .extras import optional
 from .numpyfile import DEFAULT_KEY
 from .reading import check_frame, reading
@@ -127,3 +127,13 @@ def _attribute(stored: Any, name: str) -> float | None:
         return float(np.ravel(stored.attrs[name])[0])
     except (KeyError, IndexError, TypeError, ValueError, OSError):
         return None
+
+
+def attribute_text(stored: Any, name: str) -> str | None:
+    """What an attribute of a dataset says in words; None if it is not there or holds none."""
+    try:
+        said = stored.attrs[name]
+    except (KeyError, TypeError, ValueError, OSError):
+        return None
+    said = said.decode(errors="replace") if isinstance(said, bytes) else said
+    return one_line(said) if isinstance(said, str) and said.strip() else None

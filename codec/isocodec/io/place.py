@@ -69,7 +69,7 @@ def read_place(
             image = open_nifti(source)
         if n != 3:
             return Place(remark="the position of a slice in space is ignored")
-        place = _usable(image.affine, n)
+        place = usable(image.affine, n)
         unit = image.header.get_xyzt_units()[0]
         if place.placement is not None and unit not in ("unknown", "mm"):
             return replace(place, remark=f"the unit of its coordinates, {unit}, is ignored")
@@ -80,14 +80,14 @@ def read_place(
             return _of_microscope(tiff, n) if place.placement is None and not place.remark else place
     if source.named(*ITK_SUFFIXES):
         with reading("volume"):
-            return _of_itk(itk_reader(source), n)
+            return of_itk(itk_reader(source), n)
     if source.named(*HDF5_SUFFIXES):
         with dataset(source, key) as stored:
             return _of_scales(source, stored, n)
     return Place()
 
 
-def _of_itk(reader: Any, n: int) -> Place:
+def of_itk(reader: Any, n: int) -> Place:
     """What ITK knows of a volume, or of each of a series, whose x runs to the left and y to the back."""
     size = reader.GetDimension()
     if n != 3 or size < 3:
@@ -96,7 +96,7 @@ def _of_itk(reader: Any, n: int) -> Place:
     matrix = np.column_stack([directions, reader.GetOrigin()[:3]])
     if np.array_equal(matrix, np.eye(3, 4)):  # what ITK says where a file says nothing
         return Place()
-    return _usable(np.diag([-1.0, -1.0, 1.0]) @ matrix, n)
+    return usable(np.diag([-1.0, -1.0, 1.0]) @ matrix, n)
 
 
 def _of_scales(source: Source, stored: Any, n: int) -> Place:
@@ -174,10 +174,10 @@ def _backwards(steps: list[tuple[float, float]]) -> Place:
     matrix = np.zeros((n, n + 1))
     for axis, step in enumerate(steps):
         matrix[n - 1 - axis, [axis, n]] = step
-    return _usable(matrix, n)
+    return usable(matrix, n)
 
 
-def _usable(numbers: Any, n: int, keys: Mapping[str, Any] | None = None) -> Place:
+def usable(numbers: Any, n: int, keys: Mapping[str, Any] | None = None) -> Place:
     """A place, if the numbers are those of a placement, and its system, which GeoKeys name."""
     try:
         placement = placement_of(numbers, n)
@@ -211,7 +211,7 @@ def _of_picture(page: Any, n: int) -> Place:
             return Place(remark="its coordinates are ignored: it has single points only, no steps between pixels")
         if keys.get("GTRasterTypeGeoKey") != _IS_POINT:
             start = start + (across + down) / 2
-    return _usable(np.column_stack([down, across, start]), n, keys)
+    return usable(np.column_stack([down, across, start]), n, keys)
 
 
 def _numbers(page: Any, tag: int) -> NDArray[np.float64]:

@@ -14,9 +14,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import InputError, MissingExtraError, OptionError
+from ..text import plain
 from .extras import optional
 from .reading import reading, said
 from .source import Source
+from .tile_sizes import LERC, PICTURES, stated_samples, unpacked_lerc
 
 Field = NDArray[Any]
 
@@ -30,7 +32,11 @@ _PLUGINS = {
 _UNPACKERS: dict[int, Any] = {8: zlib.decompressobj, 32946: zlib.decompressobj, 34925: lzma.LZMADecompressor}
 """Compressions of a TIFF that tifffile undoes without a bound: Deflate by its two numbers, LZMA."""
 _RATIO = 1 << 13
-"""Bytes that come out of one of these at most."""
+"""Bytes that come out of a byte of these at most."""
+_BOUNDED = frozenset((1, 2, 3, 4, 5, 32771, 32773, 50000))
+"""Compressions of which no more comes out than room was made for: none, CCITT, LZW, PackBits, Zstandard."""
+_LERC_PARAMETERS = 50674
+"""Tag of a TIFF file: what packs LERC parts once more."""
 _SMALL = 1 << 26
 
 
@@ -115,7 +121,10 @@ def read_tiff(source: Source) -> tuple[Field, int | None]:
             # without the library some compressions are said to need it, and of others a module is not found
             if isinstance(exc, ValueError) and "imagecodecs" not in str(exc):
                 raise
-            picture = _read_compressed(source, series.shape, series.dtype, exc)
+            raise MissingExtraError(
+                f"reading this TIFF needs another library ({said(exc)})", code="missing-extra",
+                remedy="pip install 'isocodec[image]', or save it without compression",
+            ) from exc  # fmt: skip
         return np.asarray(picture), colour
 
 
@@ -127,35 +136,36 @@ def _check_series(source: Source, series: Any) -> None:
     page = series.keyframe
     # a tile is unpacked as a whole, however small the picture
     tile = source.check_count(math.prod(page.chunks)) * page.dtype.itemsize
-    if page.compression not in _UNPACKERS:
-        return
+    if page.compression in _UNPACKERS:
+        for packed in _parts(series):
+            if len(packed) * _RATIO <= _SMALL:
+                continue
+            unpacker = _UNPACKERS[page.compression]()
+            if len(unpacker.decompress(packed, 2 * tile + _SMALL)) > tile + _SMALL:
+                raise InputError("holds packed samples that unpack to more than its header states", code="unreadable")
+    elif page.compression in PICTURES:
+        tag = page.tags.get(_LERC_PARAMETERS)
+        most = math.prod(page.chunks)
+        for packed in _parts(series):
+            part = unpacked_lerc(packed, tag and tag.value, most) if page.compression in LERC else packed
+            stated = stated_samples(part, int(page.compression))
+            if stated is None or stated > most:
+                raise InputError("holds a part whose own header states another size", code="unreadable")
+    elif page.compression not in _BOUNDED:
+        raise InputError(
+            f"is a TIFF of compression {plain(str(getattr(page.compression, 'name', page.compression)))}, which is "
+            "not read", code="compression", remedy="save it with LZW, Deflate or Zstandard",
+        )  # fmt: skip
+
+
+def _parts(series: Any) -> Iterator[bytes]:
+    """Strips and tiles of all pages of a series, as they are stored."""
     for one in series.pages:
         for offset, count in () if one is None else zip(one.dataoffsets, one.databytecounts, strict=True):
-            if count * _RATIO <= _SMALL:
-                continue
-            file = one.parent.filehandle
-            file.seek(offset)
-            if len(_UNPACKERS[page.compression]().decompress(file.read(count), 2 * tile + _SMALL)) > tile + _SMALL:
-                raise InputError("holds packed samples that unpack to more than its header states", code="unreadable")
-
-
-def _read_compressed(source: Source, shape: tuple[int, ...], dtype: np.dtype[Any], reason: Exception) -> Field:
-    """Pictures packed in a way that tifffile leaves to a large extra library; pillow often knows it, too."""
-    plugin = optional("PIL.TiffImagePlugin", extra="image", purpose="reading a compressed TIFF")
-    missing = MissingExtraError(
-        f"reading this TIFF needs another library ({said(reason)})", code="missing-extra",
-        remedy="pip install imagecodecs, or save it without compression",
-    )  # fmt: skip
-    try:
-        with plugin.TiffImageFile(source.path) as image:
-            # a stack, of which pillow would give one page, or another size than was checked
-            picture = np.asarray(image) if image.size == tuple(shape[1::-1]) else None
-    except Exception:
-        raise missing from None
-    # Pillow has fewer sample types than TIFF; what it would have converted is not what is stored.
-    if picture is None or picture.shape != tuple(shape) or picture.dtype != dtype.newbyteorder("="):
-        raise missing
-    return picture
+            if count:
+                file = one.parent.filehandle
+                file.seek(offset)
+                yield file.read(count)
 
 
 def pick_channel(picture: Field, colour: int | None, channel: int | None) -> Field:

@@ -62,7 +62,7 @@ def open_nifti(source: Source) -> Any:
     return image
 
 
-def _scaled(raw: Field, slope: float, inter: float) -> Field | None:
+def scaled(raw: Field, slope: float, inter: float) -> Field | None:
     """Samples that need no floats: those of a volume without scaling, or integers by whole numbers; else None."""
     if (slope, inter) == (1.0, 0.0):
         return raw
@@ -82,13 +82,13 @@ def _scaled(raw: Field, slope: float, inter: float) -> Field | None:
 def read_nifti(source: Source, frame: int | None) -> Field:
     with reading("NIfTI volume"):
         stored = open_nifti(source).dataobj
-        volume = _scaled(np.asarray(stored.get_unscaled()), float(stored.slope), float(stored.inter))
+        volume = scaled(np.asarray(stored.get_unscaled()), float(stored.slope), float(stored.inter))
         if volume is None:
             volume = np.asarray(stored)
-    return _single(volume, frame)
+    return single(volume, frame)
 
 
-def _single(volume: Field, frame: int | None) -> Field:
+def single(volume: Field, frame: int | None) -> Field:
     """Headers have at least three axes; a picture, or one volume of a series, ends in axes of length 1."""
     volume = _without_ones(volume)
     if frame is not None:
@@ -134,4 +134,4 @@ def read_itk(source: Source, frame: int | None) -> Field:
         channels = reader.GetNumberOfComponents()
         if channels > 1:
             raise InputError(f"is a volume of {channels} channels", code="colour", remedy="save one of them alone")
-        return _single(sitk.GetArrayFromImage(reader.Execute()).T, frame)
+        return single(sitk.GetArrayFromImage(reader.Execute()).T, frame)

@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from isospec.container import Checksum, ChunkType, Profile
 
 from ..errors import FormatError, OptionError
+from ..field.sampled import check_bare
 from ..field.samples import check_field, mask_field, without_holes
 from ..format.chunks import (
     LayerRecord,
@@ -129,6 +130,7 @@ class Encoder:
             leaning=leaning, plan=plan, profile=profile, metadata=metadata, placement=placement,
         )  # fmt: skip
         self.isovalues = isovalues_of(isovalue)
+        check_bare(field)
         values, gone = without_holes(field, mask)
         self._fields = [check_field(values, value, self.options.step, gone) for value in self.isovalues]
         self._truths = [truth_of(one) for one in self._fields]

@@ -1,0 +1,56 @@
+/** Command line for conformance: prints the decoded state, or answers the batch protocol of isoconform. */
+import { readFileSync, writeSync } from "node:fs";
+import { createInterface } from "node:readline";
+import { Decoder } from "./decoder.js";
+import { canonicalText } from "./text.js";
+
+const tables = process.env["ISOCODEC_TABLES"] ?? new URL("./main.bin", import.meta.url);
+let main: Uint8Array | undefined;
+
+function dump(file: string, layers: number, bytes: number, piece: number): [number, string] {
+  main ??= readFileSync(tables);
+  const data = new Uint8Array(readFileSync(file)).subarray(0, bytes);
+  const decoder = new Decoder({ tables: main });
+  if (layers > 0) decoder.pauseAt = layers;
+  for (let at = 0; at < data.length && !decoder.error; at += piece) decoder.feed(data.subarray(at, at + piece));
+  if (decoder.layers < decoder.pauseAt) decoder.end();
+  const kind = decoder.error?.kind;
+  const code = kind === "malformed" ? 4 : kind === "limit" ? 6 : kind === "truncated" ? 5 : 0;
+  return [code, code === 0 || code === 5 ? canonicalText(decoder) : ""];
+}
+
+function write(text: string): void {
+  const bytes = Buffer.from(text);
+  for (let at = 0; at < bytes.length; ) {
+    try {
+      at += writeSync(1, bytes, at);
+    } catch (error) {
+      if ((error as NodeJS.ErrnoException).code !== "EAGAIN") throw error;
+    }
+  }
+}
+
+const args = process.argv.slice(2);
+if (args.includes("--batch")) {
+  for await (const line of createInterface({ input: process.stdin })) {
+    const [file, ...fields] = line.split("\t");
+    const asked = { layers: 0, bytes: Infinity, piece: 2 ** 30 };
+    let understood = true;
+    for (const field of fields) {
+      const [name, value] = field.split("=");
+      if (name! in asked && value !== undefined) asked[name as keyof typeof asked] = Number(value);
+      else understood = false;
+    }
+    if (!understood) write("-\n");
+    else {
+      const [code, text] = dump(file!, asked.layers, asked.bytes, asked.piece);
+      write(`${code} ${Buffer.byteLength(text)}\n${text}`);
+    }
+  }
+} else {
+  const option = args.indexOf("--layers");
+  const layers = option < 0 ? 0 : Number(args.splice(option, 2)[1]);
+  const [code, text] = dump(args[args.length - 1]!, layers, Infinity, 2 ** 30);
+  write(text);
+  process.exitCode = code;
+}

@@ -1,0 +1,76 @@
+/** Errors of decoding (clauses 1.2(3), 8.3 and 11.2(1)). */
+
+/** What went wrong: the file violates the specification, ends too early, or needs more than the limits allow. */
+export type ErrorKind = "malformed" | "truncated" | "limit";
+
+/** A file that cannot be decoded any further; what was decoded before stays available. */
+export class IsoError extends Error {
+  override name = "IsoError";
+  constructor(
+    readonly kind: ErrorKind,
+    /** The clause of the specification that is violated, for example "3.4.4". */
+    readonly clause: string,
+    /** Byte of the file where that was found. */
+    readonly offset: number,
+    what: string,
+  ) {
+    super(`${what} (clause ${clause}, byte ${offset})`);
+  }
+}
+
+/** Bounds on what a file may ask for. */
+export interface Limits {
+  /** Bytes of memory that the decoded state may take. */
+  memory: number;
+  /** Symbols, or steps that take as long; see `workPerByte`. */
+  work: number;
+  /** What each byte of the file adds to `work`. */
+  workPerByte: number;
+  /** Known vertices of all isovalues. */
+  vertices: number;
+  /** Bytes of the file. */
+  bytes: number;
+}
+
+export const LIMITS: Readonly<Limits> = {
+  memory: 2 ** 30,
+  work: 2 ** 23,
+  workPerByte: 512,
+  vertices: 2 ** 27,
+  bytes: 2 ** 31 - 2 ** 16,
+};
+
+/** Counts what has been used of the limits. Steps are sixteenths of a symbol. */
+export class Meter {
+  memory = 0;
+  steps = 0;
+  vertices = 0;
+  blocks = 0;
+  bytes = 0;
+  constructor(readonly limits: Limits) {}
+
+  private stop(what: string): never {
+    throw new IsoError("limit", "11.2", this.bytes, `the file needs more than the limit of ${what}`);
+  }
+
+  /** Take `bytes` more memory; call before it is allocated. */
+  take(bytes: number): void {
+    this.memory += bytes;
+    if (this.memory > this.limits.memory) this.stop("memory");
+  }
+
+  /** Count `steps` sixteenths of a symbol's work. */
+  step(steps: number): void {
+    this.steps += steps;
+    if (this.steps > 16 * (this.limits.work + this.limits.workPerByte * this.bytes)) this.stop("work");
+  }
+
+  /** One more block of marks: next to no vertices in each are no file of an ordinary field (11.2(5)). */
+  block(): void {
+    if (++this.blocks > 65536 && 4 * this.blocks > this.vertices) this.stop("blocks with few vertices");
+  }
+
+  vertex(): void {
+    if (++this.vertices > this.limits.vertices) this.stop("vertices");
+  }
+}

@@ -1,0 +1,88 @@
+/** Where a curve goes on: extrapolation of points and choice between two edges (7.3.1). */
+
+/** Weights of (2) by the number of points, with their denominators at the end; and those of (3). */
+const AHEAD: Float64Array[] = [], ONWARD: Float64Array[] = [];
+
+for (let m = 0; m <= 20; m++) {
+  const ahead = new Float64Array(m + 1), onward = new Float64Array(m + 1);
+  let s2 = 0, s3 = 0, s4 = 65536;
+  for (let t = -m; t < 0; t++) {
+    s2 += t * t;
+    s3 += t * t * t;
+    s4 += t * t * t * t;
+  }
+  for (let i = 0; i < m; i++) {
+    ahead[i] = 3 * ((m - 1) * (m - 2) - (8 * m - 6) * i + 10 * i * i);
+    const t = i - m;
+    onward[i] = t * (s4 - s3 + (s2 - s3) * t);
+  }
+  ahead[m] = m * (m - 1) * (m - 2);
+  onward[m] = s2 * s4 - s3 * s3;
+  AHEAD.push(ahead);
+  ONWARD.push(onward);
+}
+
+/** Up to 20 points, the last ones, and the first 20 since `clear`. */
+export class Trail {
+  private readonly x = new Float64Array(32);
+  private readonly y = new Float64Array(32);
+  private readonly firstX: number[] = [];
+  private readonly firstY: number[] = [];
+  private from = 0;
+  length = 0;
+
+  clear(): void {
+    this.length = this.from = this.firstX.length = this.firstY.length = 0;
+  }
+
+  push(x: number, y: number): void {
+    const at = (this.from + this.length) & 31;
+    this.x[at] = x;
+    this.y[at] = y;
+    if (this.length < 20) this.length++;
+    else this.from++;
+    if (this.firstX.length < 20) {
+      this.firstX.push(x);
+      this.firstY.push(y);
+    }
+  }
+
+  /** Replace all by the first 20 points since `clear`, in reverse order (7.3(2)). */
+  turn(): void {
+    const x = this.firstX.slice().reverse(), y = this.firstY.slice().reverse();
+    this.clear();
+    x.forEach((value, i) => this.push(value, y[i]!));
+  }
+
+  get lastX(): number {
+    return this.x[(this.from + this.length - 1) & 31]!;
+  }
+
+  get lastY(): number {
+    return this.y[(this.from + this.length - 1) & 31]!;
+  }
+
+  /**
+   * The case of 7.3.1(4): negative if A is nearer. Differences are multiplied by 2 and divided by `unit`, rounding down;
+   * a unit of 2 leaves them as they are.
+   */
+  choose(onward: boolean, unit: number, gx: number, gy: number, ax: number, ay: number, bx: number, by: number): number {
+    const m = this.length;
+    if (m < (onward ? 1 : 3)) return 0;
+    const w = (onward ? ONWARD : AHEAD)[m]!, D = w[m]!;
+    let aheadX = 0, aheadY = 0;
+    for (let i = 0; i < m; i++) {
+      const at = (this.from + i) & 31;
+      const fx = Math.floor((2 * (this.x[at]! - gx)) / unit), fy = Math.floor((2 * (this.y[at]! - gy)) / unit);
+      aheadX += w[i]! * (fx < -1023 ? -1023 : fx > 1023 ? 1023 : fx);
+      aheadY += w[i]! * (fy < -1023 ? -1023 : fy > 1023 ? 1023 : fy);
+    }
+    const toAx = Math.floor((2 * (ax - gx)) / unit), toAy = Math.floor((2 * (ay - gy)) / unit);
+    const toBx = Math.floor((2 * (bx - gx)) / unit), toBy = Math.floor((2 * (by - gy)) / unit);
+    const dx = toBx - toAx, dy = toBy - toAy;
+    const lead = 2 * (aheadX * dx + aheadY * dy) + D * (toAx * toAx + toAy * toAy - toBx * toBx - toBy * toBy);
+    const span = D * (dx * dx + dy * dy), size = Math.abs(lead);
+    const result = size >= span ? 3 : 2 * size >= span ? 2 : 1;
+    return lead > 0 ? result : -result;
+  }
+}

@@ -1,0 +1,60 @@
+/** The canonical text of a decoded state (annex C). */
+import type { Decoder } from "./decoder.js";
+import { KNOWN, SIGN } from "./store.js";
+import type { Tube } from "./tube.js";
+
+function sorted(data: Int32Array, length: number, width: number): number[] {
+  const order = Array.from({ length: length / width }, (_, i) => i * width);
+  return order.sort((p, q) => {
+    for (let i = 0; i < width; i++) if (data[p + i] !== data[q + i]) return data[p + i]! - data[q + i]!;
+    return 0;
+  });
+}
+
+function vertices(t: Tube, lines: string[]): void {
+  const { data, length } = t.known, { n, store, values } = t;
+  for (const i of sorted(data, length, 3)) {
+    const x = data[i]!, y = data[i + 1]!, z = data[i + 2]!, flags = store.get(x, y, z);
+    if (!(flags & KNOWN)) continue;
+    let line = n === 2 ? `v ${x} ${y}` : `v ${x} ${y} ${z}`;
+    line += flags & SIGN ? " 1" : " 0";
+    const id = values ? values.id(x, y, z) : -1;
+    lines.push(id < 0 ? line : `${line} ${values!.missing[id]!} ${values!.number[id]!}`);
+  }
+}
+
+function tube(t: Tube, lines: string[]): void {
+  const { n } = t;
+  lines.push(`level ${t.shown}`);
+  const { data, length } = t.explicit;
+  for (const i of sorted(data, length, 3)) {
+    const p = Array.from(data.subarray(i, i + 3));
+    if (t.grid.levelOf(p[0]!, p[1]!, p[2]!) >= t.uniform) lines.push(`m ${p.slice(0, n).join(" ")}`);
+  }
+  vertices(t, lines);
+  const offsets = t.offsets;
+  if (!offsets) return;
+  const { edges, parts, number } = offsets, e = edges.ends;
+  for (const o of sorted(e, 6 * edges.count, 6)) {
+    const id = o / 6;
+    if (parts[id]! <= 1) continue;
+    const low = Array.from(e.subarray(o, o + n)), high = Array.from(e.subarray(o + 3, o + 3 + n));
+    lines.push(`e ${[...low, ...high, parts[id]!, number[id]!].join(" ")}`);
+  }
+}
+
+/** The text of all that has been decoded; nothing before the header is there. */
+export function canonicalText(decoder: Decoder): string {
+  if (!decoder.header) return "";
+  const lines = [`shape ${decoder.header.shape.join(" ")}`];
+  decoder.contours.forEach((contour, i) => {
+    if (i) lines.push(`isovalue ${i}`);
+    tube(contour.tube, lines);
+  });
+  const mask = decoder.maskTube;
+  if (mask) {
+    lines.push("mask", `level ${mask.shown}`);
+    vertices(mask, lines);
+  }
+  return lines.join("\n") + "\n";
+}

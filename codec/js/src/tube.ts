@@ -1,0 +1,364 @@
+/** The state of one isovalue (5.1): known vertices, the mesh, leaves; what follows from an earlier isovalue (5.9). */
+import type { Coder } from "./coder.js";
+import type { Crowd } from "./crowd.js";
+import type { Meter } from "./errors.js";
+import { DiamondView, type Grid } from "./grid.js";
+import { Models, type Tables } from "./models.js";
+import type { Offsets } from "./offsets.js";
+import type { Rounds } from "./refine.js";
+import { ADDED, EXPLICIT, Ints, KNOWN, NEW, OLD, OUT, SIGN, Store } from "./store.js";
+import { MIDDLE } from "./tables.js";
+import type { Values } from "./values.js";
+
+/** A pass: yields whenever the symbol that it needs is not there. */
+export type Pass = Generator<void, void, void>;
+
+/** Whether samples are missing, once a mask is complete (5.10.2). */
+export interface Missing {
+  missing(x: number, y: number, z: number): boolean;
+}
+
+/** Leaves, four numbers each: `256 * level + class` and the corner of the period. */
+export class Leaves extends Ints {
+  add(level: number, cls: number, x: number, y: number, z: number): void {
+    this.room(4);
+    const d = this.data, i = this.length;
+    d[i] = 256 * level + cls;
+    d[i + 1] = x;
+    d[i + 2] = y;
+    d[i + 3] = z;
+    this.length = i + 4;
+  }
+}
+
+export class Tube {
+  readonly n: number;
+  readonly store: Store;
+  readonly view: DiamondView;
+  /** Known vertices in the order in which they became known, three coordinates each. */
+  readonly known: Ints;
+  /** Explicit vertices, likewise. */
+  readonly explicit: Ints;
+  models: Models;
+  uniform = -1;
+  base = 0;
+  /** Uniform level by complete layers, what annex C calls `level`. */
+  shown = -1;
+  adapted = false;
+  leaves: Leaves;
+  /** While a round is decoded: its level, the leaf it has come to, and the new list. */
+  round: { level: number; next: Leaves; turn: number; adaptive: boolean } | undefined;
+  baseDone = false;
+  hasBase = false;
+  /** Changes of the mesh, so that lists are made anew when they have to be. */
+  changes = 0;
+  values: Values | undefined;
+  offsets: Offsets | undefined;
+  crowd: Crowd | undefined;
+  rounds: Rounds | undefined;
+  /** New components so far. */
+  born = 0;
+  calm = [3584, 3584];
+  agreed = 3584;
+  mask: Missing | undefined;
+  readonly side: number;
+  /** `floor(c) - floor(c')` for integer data, where it is small enough. */
+  readonly shift: number | undefined;
+  private readonly marks: Ints;
+
+  constructor(readonly grid: Grid, readonly meter: Meter, readonly coder: Coder, tables: Tables | undefined,
+              readonly isovalue: number, readonly scaled: boolean, readonly lean?: Tube) {
+    this.n = grid.n;
+    this.store = new Store(meter, grid.n, grid.k);
+    this.view = new DiamondView(grid);
+    this.known = new Ints(meter);
+    this.explicit = new Ints(meter, 0);
+    this.marks = new Ints(meter, 0);
+    this.leaves = new Leaves(meter);
+    this.models = new Models(tables, lean?.models);
+    this.side = lean && isovalue > lean.isovalue ? 1 : -1;
+    if (lean && !lean.hasBase) this.lean = undefined;
+    if (lean && !scaled) {
+      const shift = BigInt(Math.floor(isovalue)) - BigInt(Math.floor(lean.isovalue));
+      if (shift < 2n ** 52n && shift > -(2n ** 52n)) this.shift = Number(shift);
+    }
+  }
+
+  get main(): boolean {
+    return this.models.tables !== undefined;
+  }
+
+  get onFullGrid(): boolean {
+    return this.uniform === this.grid.full;
+  }
+
+  /** Marks at the clamped image of a lattice point. */
+  see(x: number, y: number, z: number): number {
+    const [lastX, lastY, lastZ] = this.grid.last;
+    return this.store.get(x < 0 ? 0 : x > lastX ? lastX : x, y < 0 ? 0 : y > lastY ? lastY : y,
+      z < 0 ? 0 : z > lastZ ? lastZ : z);
+  }
+
+  /** A lattice point becomes known, if it is not. */
+  learn(x: number, y: number, z: number, sign: number): void {
+    const [lastX, lastY, lastZ] = this.grid.last;
+    const px = x < 0 ? 0 : x > lastX ? lastX : x, py = y < 0 ? 0 : y > lastY ? lastY : y;
+    const pz = z < 0 ? 0 : z > lastZ ? lastZ : z;
+    const at = this.store.make(px, py, pz), flags = this.store.flags;
+    if (flags[at]! & KNOWN) return;
+    flags[at]! |= KNOWN | NEW | (sign ? SIGN : 0);
+    const known = this.known;
+    known.room(3);
+    known.data[known.length] = px;
+    known.data[known.length + 1] = py;
+    known.data[known.length + 2] = pz;
+    known.length += 3;
+    this.meter.vertex();
+  }
+
+  /** Forget which vertices are new, from that number in `known` on. */
+  settle(from: number): void {
+    const { data, length } = this.known;
+    for (let i = from; i < length; i += 3) this.store.flags[this.store.at(data[i]!, data[i + 1]!, data[i + 2]!)]! &= ~NEW;
+  }
+
+  missing(x: number, y: number, z: number): boolean {
+    if (!this.mask) return false;
+    const [lastX, lastY, lastZ] = this.grid.last;
+    return this.mask.missing(x < 0 ? 0 : x > lastX ? lastX : x, y < 0 ? 0 : y > lastY ? lastY : y,
+      z < 0 ? 0 : z > lastZ ? lastZ : z);
+  }
+
+  /** The sign of a lattice point that is known or follows in the mesh so far (5.5.4(3)). */
+  infer(x: number, y: number, z: number): number {
+    const B = this.base, { grid, n } = this, C = grid.edge(B);
+    for (let steps = 1; ; steps++) {
+      const flags = this.see(x, y, z);
+      if (flags & KNOWN) {
+        this.meter.step(steps);
+        return flags & SIGN ? 1 : 0;
+      }
+      if ((steps & 1023) === 0) {
+        this.meter.step(1024);
+        steps = 0;
+      }
+      const all = x | y | z, u = all & -all;
+      if (2 * u === C && grid.levelOf(x, y, z) < B) {
+        if (x & u) x -= u;
+        if (y & u) y -= u;
+        if (z & u) z -= u;
+      } else if (u < C && u !== 0) {
+        const q = 3 * u;
+        if (x & u) x += (x & q) === q ? u : -u;
+        if (y & u) y += (y & q) === q ? u : -u;
+        if (z & u) z += (z & q) === q ? u : -u;
+      } else if (B % n > 0) {
+        const v = C / 2;
+        x += x > 0 ? -v : v;
+        y += y > 0 ? -v : v;
+        if (n === 3) z += z > 0 ? -v : v;
+      } else if (x > 0) x -= C;
+      else if (y > 0) y -= C;
+      else z -= C;
+    }
+  }
+
+  /** The earlier sign of a lattice point, plus 2 if it is certain; -1 if it is not known (5.9.3(1)). */
+  earlier(x: number, y: number, z: number): number {
+    const other = this.lean;
+    if (!other) return -1;
+    const [lastX, lastY, lastZ] = this.grid.last;
+    x = x < 0 ? 0 : x > lastX ? lastX : x;
+    y = y < 0 ? 0 : y > lastY ? lastY : y;
+    z = z < 0 ? 0 : z > lastZ ? lastZ : z;
+    const flags = other.store.get(x, y, z);
+    if (flags & KNOWN) return flags & SIGN ? 3 : 2;
+    if (this.grid.levelOf(x, y, z) >= other.uniform) return -1;
+    return other.infer(x, y, z) + (other.adapted ? 0 : 2);
+  }
+
+  /** The sign that follows from the earlier isovalue, -1 if none does (5.9.3); `earlier` is that of the point. */
+  follows(earlier: number, x: number, y: number, z: number): number {
+    if (earlier < 2) return -1;
+    const sign = earlier - 2;
+    if (this.side === 1 && sign === 0) return 0;
+    if (this.side === -1 && sign === 1) return 1;
+    const range = this.bounds(x, y, z, sign);
+    if (!range) return -1;
+    if (range[0] > this.shift!) return 1;
+    return range[1] <= this.shift! ? 0 : -1;
+  }
+
+  /** `lo` and `hi` of 5.9.3(3) for a point that has a number at the earlier isovalue, and the bits missing there. */
+  bounds(x: number, y: number, z: number, sign: number): [number, number, number] | undefined {
+    const other = this.lean;
+    if (!other?.values || this.scaled || this.shift === undefined) return undefined;
+    const [lastX, lastY, lastZ] = this.grid.last;
+    const id = other.values.id(x < 0 ? 0 : x > lastX ? lastX : x, y < 0 ? 0 : y > lastY ? lastY : y,
+      z < 0 ? 0 : z > lastZ ? lastZ : z);
+    if (id < 0) return undefined;
+    const missing = other.values.missing[id]!, number = other.values.number[id]!;
+    if (missing >= (sign ? other.values.above : other.values.below)) return undefined;
+    const a = number * 2 ** missing, b = (number + 1) * 2 ** missing - 1;
+    return sign ? [a + 1, b + 1, missing] : [-b, -a, missing];
+  }
+
+  /** Put a lattice point into `E`. */
+  private explain(x: number, y: number, z: number): void {
+    const at = this.store.make(x, y, z);
+    if (this.store.flags[at]! & EXPLICIT) return;
+    this.store.flags[at]! |= EXPLICIT;
+    this.explicit.push(x);
+    this.explicit.push(y);
+    this.explicit.push(z);
+  }
+
+  inMesh(level: number, x: number, y: number, z: number): boolean {
+    return level < this.uniform || (this.store.get(x, y, z) & EXPLICIT) !== 0;
+  }
+
+  /** Mark a lattice point until the next adaptive layer begins. */
+  mark(x: number, y: number, z: number, bits: number): void {
+    const at = this.store.make(x, y, z);
+    if (!(this.store.flags[at]! & (OUT | ADDED | OLD))) this.marks.push(at);
+    this.store.flags[at]! |= bits;
+  }
+
+  forgetMarks(): void {
+    const { data, length } = this.marks;
+    for (let i = 0; i < length; i++) this.store.flags[data[i]!]! &= ~(OUT | ADDED | OLD);
+    this.marks.length = 0;
+  }
+
+  /** Parents of a middle (4.7(3)), three coordinates each, appended to `list`. */
+  private parents(level: number, x: number, y: number, z: number, list: number[]): void {
+    if (level === 0) return;
+    const { view, grid } = this, phase = grid.phases[level % this.n]!;
+    view.look(level, x, y, z);
+    const d = view.diamond, c = view.edge, from = list.length;
+    for (let m = 0; m < d.members; m++) {
+      if (!((view.members >> m) & 1)) continue;
+      const o = 12 * d.cls[m]! + 3 * phase.newest;
+      const px = view.bx + (4 * d.shift[3 * m]! + phase.off[o]!) * (c / 2);
+      const py = view.by + (4 * d.shift[3 * m + 1]! + phase.off[o + 1]!) * (c / 2);
+      const pz = view.bz + (4 * d.shift[3 * m + 2]! + phase.off[o + 2]!) * (c / 2);
+      let there = false;
+      for (let i = from; i < list.length; i += 3)
+        there ||= list[i] === px && list[i + 1] === py && list[i + 2] === pz;
+      if (!there) list.push(px, py, pz);
+    }
+  }
+
+  /**
+   * The ancestors of a middle that are not in the mesh, level by level downwards from its own, itself first; undefined
+   * if it is too deep (4.7(6)). `ends` has the end of each generation in the list.
+   */
+  ancestors(level: number, x: number, y: number, z: number): { list: number[]; ends: number[] } | undefined {
+    const list = [x, y, z], ends = [3], parents: number[] = [];
+    let from = 0;
+    for (let l = level; l > 0 && from < list.length; l--) {
+      const to = list.length;
+      if (l - 1 < this.uniform) break;
+      for (let i = from; i < to; i += 3) {
+        parents.length = 0;
+        this.parents(l, list[i]!, list[i + 1]!, list[i + 2]!, parents);
+        this.meter.step(32);
+        for (let j = 0; j < parents.length; j += 3) {
+          const px = parents[j]!, py = parents[j + 1]!, pz = parents[j + 2]!;
+          if (this.store.get(px, py, pz) & EXPLICIT) continue;
+          let there = false;
+          for (let h = to; h < list.length; h += 3)
+            there ||= list[h] === px && list[h + 1] === py && list[h + 2] === pz;
+          if (!there) list.push(px, py, pz);
+          if (list.length > 3 * 4096) return undefined;
+        }
+        if (((i - from) & 15) === 0) this.meter.step((list.length - to) >> 5);
+      }
+      from = to;
+      ends.push(list.length);
+    }
+    return { list, ends };
+  }
+
+  /** Add a middle with all ancestors that `ancestors` found. */
+  add(found: { list: number[] }): void {
+    for (let i = 0; i < found.list.length; i += 3) this.explain(found.list[i]!, found.list[i + 1]!, found.list[i + 2]!);
+    this.changes++;
+  }
+
+  /** Whether a middle is barred in a round of an adaptive layer (5.8.4(4)); what `add` takes, if not. */
+  unbarred(level: number, x: number, y: number, z: number): { list: number[] } | undefined {
+    const found = this.ancestors(level, x, y, z);
+    if (!found) return undefined;
+    const { list, ends } = found, { view } = this;
+    for (let g = 1; g < ends.length; g++) {
+      for (let i = ends[g - 1]!; i < ends[g]!; i += 3) {
+        view.look(level - g, list[i]!, list[i + 1]!, list[i + 2]!);
+        const signs = this.cornerSigns();
+        if ((signs & 3) === 3) return undefined;
+      }
+    }
+    return found;
+  }
+
+  /** Of the corners of the diamond in `view`: 1 if some is known and below, plus 2 if some is known and above. */
+  private cornerSigns(): number {
+    const { view, store } = this;
+    let signs = 0;
+    for (let i = 0; i < view.diamond.corners; i++) {
+      if (!((view.corners >> i) & 1)) continue;
+      const flags = store.get(view.cx[i]!, view.cy[i]!, view.cz[i]!);
+      if (flags & KNOWN) signs |= flags & SIGN ? 2 : 1;
+    }
+    return signs;
+  }
+
+  /** The known corners of the diamond in `view`, and those above, as bits. */
+  corners(): { known: number; above: number } {
+    const { view, store } = this, result = this.found;
+    result.known = result.above = 0;
+    for (let i = 0; i < view.diamond.corners; i++) {
+      if (!((view.corners >> i) & 1)) continue;
+      const flags = store.get(view.cx[i]!, view.cy[i]!, view.cz[i]!);
+      if (flags & KNOWN) {
+        result.known |= 1 << i;
+        if (flags & SIGN) result.above |= 1 << i;
+      }
+    }
+    return result;
+  }
+  private readonly found = { known: 0, above: 0 };
+
+  /** Known corners of the diamond in `view` that are known at the earlier isovalue with another sign (7.1(2)). */
+  apart(known: number, above: number): number {
+    const { view } = this, other = this.lean;
+    if (!other) return 0;
+    let count = 0;
+    for (let i = 0; i < view.diamond.corners; i++) {
+      if (!((known >> i) & 1)) continue;
+      const flags = other.store.get(view.cx[i]!, view.cy[i]!, view.cz[i]!);
+      if (flags & KNOWN && ((flags & SIGN) !== 0) !== (((above >> i) & 1) !== 0)) count++;
+    }
+    return count;
+  }
+
+  /** Bisect the members in `which` of the diamond in `view` (5.4.2(2)); corners and middle by the bits of `above`. */
+  bisect(which: number, known: number, above: number, next: Leaves): void {
+    const { view, grid } = this, d = view.diamond, level = view.level + 1, s = 2 * grid.edge(level);
+    for (let child = 0; child < 2 * d.members; child++) {
+      if (!((which >> (child >> 1)) & 1)) continue;
+      const mask = d.childMask[child]!, signs = above & mask;
+      if (signs === 0 || signs === mask) continue;
+      const i = 3 * child;
+      const x = view.bx + s * d.childShift[i]!, y = view.by + s * d.childShift[i + 1]!;
+      const z = view.bz + s * d.childShift[i + 2]!, cls = d.childCls[child]!;
+      if (!view.inner && !grid.exists(level, cls, x, y, z)) continue;
+      for (let more = mask & ~known & (MIDDLE - 1); more; more &= more - 1) {
+        const j = 31 - Math.clz32(more & -more);
+        this.learn(view.cx[j]!, view.cy[j]!, view.cz[j]!, (above >> j) & 1);
+        known |= 1 << j;
+      }
+      next.add(level, cls, x, y, z);
+    }
+  }
+}

@@ -1,0 +1,109 @@
+// Mutated vectors, against the reference decoder's command line. ISOCODEC_MUTATED says how many; ISOCODEC_SEED which.
+import assert from "node:assert/strict";
+import { spawn } from "node:child_process";
+import { existsSync, mkdtempSync, readFileSync, rmSync, writeFileSync } from "node:fs";
+import { tmpdir } from "node:os";
+import { join } from "node:path";
+import { test } from "node:test";
+import { fileURLToPath } from "node:url";
+import { crc32 } from "node:zlib";
+import { Decoder, canonicalText } from "../dist/index.js";
+
+const root = fileURLToPath(new URL("../../../", import.meta.url));
+const python = process.env.ISOCODEC_PYTHON ?? join(root, ".venv-test/bin/python");
+const folder = join(root, "conformance/vectors");
+const tables = readFileSync(new URL("../dist/main.bin", import.meta.url));
+const count = Number(process.env.ISOCODEC_MUTATED ?? 150);
+
+let seed = Number(process.env.ISOCODEC_SEED ?? 1);
+function random(below) {
+  seed = (Math.imul(seed, 1664525) + 1013904223) >>> 0;
+  return Math.floor((seed / 2 ** 32) * below);
+}
+
+function mutated(data) {
+  const bytes = Array.from(data);
+  for (let times = 1 + random(3); times; times--) {
+    const at = random(bytes.length), what = random(6);
+    if (what < 2) bytes[at] ^= 1 << random(8);
+    else if (what === 2) bytes[at] = random(256);
+    else if (what === 3) bytes.splice(at, 1 + random(3));
+    else if (what === 4) bytes.splice(at, 0, random(256));
+    else bytes.length = Math.max(1, at);
+  }
+  const result = Uint8Array.from(bytes);
+  if (random(4) && result.length > 8) {
+    const view = new DataView(result.buffer);
+    view.setUint32(result.length - 4, (crc32 ?? slow)(result.subarray(0, -4)));
+  }
+  return result;
+}
+
+function slow(bytes) {
+  let x = -1;
+  for (const byte of bytes) {
+    x ^= byte;
+    for (let i = 0; i < 8; i++) x = x & 1 ? (x >>> 1) ^ 0xedb88320 : x >>> 1;
+  }
+  return ~x >>> 0;
+}
+
+function ours(data) {
+  const decoder = new Decoder({ tables });
+  for (let at = 0; at < data.length; at += 1000) decoder.feed(data.subarray(at, at + 1000));
+  decoder.end();
+  const kind = decoder.error?.kind;
+  if (kind === "malformed" || kind === "limit") return { code: "refused", text: "", error: decoder.error };
+  return { code: kind ? "5" : "0", text: canonicalText(decoder), error: decoder.error };
+}
+
+/** The reference decoder by the batch protocol. */
+function reference() {
+  const process = spawn(python, ["-m", "isoconform", "dump", "--batch"], { cwd: root, stdio: ["pipe", "pipe", "inherit"] });
+  let buffer = Buffer.alloc(0), wake = () => {};
+  process.stdout.on("data", (data) => {
+    buffer = Buffer.concat([buffer, data]);
+    wake();
+  });
+  const until = async (there) => {
+    while (!there()) await new Promise((resolve) => (wake = resolve));
+  };
+  return {
+    async ask(file) {
+      process.stdin.write(file + "\n");
+      await until(() => buffer.includes(10));
+      const end = buffer.indexOf(10), [code, length] = buffer.subarray(0, end).toString().split(" ");
+      await until(() => buffer.length >= end + 1 + Number(length));
+      const text = buffer.subarray(end + 1, end + 1 + Number(length)).toString();
+      buffer = buffer.subarray(end + 1 + Number(length));
+      return { code: code === "4" || code === "6" ? "refused" : code, text };
+    },
+    end: () => process.stdin.end(),
+  };
+}
+
+test("mutated files decode as the reference decodes them", { skip: existsSync(python) ? false : "no reference decoder" },
+  async () => {
+    const { vectors } = JSON.parse(readFileSync(join(folder, "manifest.json"), "utf8"));
+    const small = vectors.filter((v) => v.bytes < 4000 && v.level === undefined && v.name !== "plane_main_mixing_limit");
+    const scratch = mkdtempSync(join(tmpdir(), "isocodec-"));
+    const other = reference();
+    try {
+      for (let i = 0; i < count; i++) {
+        const before = seed, vector = small[random(small.length)];
+        const data = mutated(readFileSync(join(folder, vector.file)));
+        const file = join(scratch, "mutated.iso");
+        writeFileSync(file, data);
+        const wanted = await other.ask(file), got = ours(data);
+        const name = `${vector.name}, number ${i}, seed ${before}: ${got.error?.message}`;
+        if (got.code !== wanted.code || got.text !== wanted.text) {
+          writeFileSync(join(tmpdir(), `differs-${before}.iso`), data);
+        }
+        assert.equal(got.code, wanted.code, name);
+        assert.ok(got.text === wanted.text, `texts differ: ${name}`);
+      }
+    } finally {
+      other.end();
+      rmSync(scratch, { recursive: true });
+    }
+  });

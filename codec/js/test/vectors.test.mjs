@@ -1,0 +1,48 @@
+// Every conformance vector: the state after the whole file, after each layer, and in pieces.
+import assert from "node:assert/strict";
+import { createHash } from "node:crypto";
+import { readFileSync } from "node:fs";
+import { test } from "node:test";
+import { Decoder, canonicalText } from "../dist/index.js";
+
+const folder = new URL("../../../conformance/vectors/", import.meta.url);
+const { vectors } = JSON.parse(readFileSync(new URL("manifest.json", folder), "utf8"));
+const tables = readFileSync(new URL("../dist/main.bin", import.meta.url));
+const hash = (text) => createHash("sha256").update(text).digest("hex");
+
+/** Vectors of features that this decoder does not have yet, by the beginning of their names. */
+const OPEN = [];
+/** 4.5 million symbols of numbers with 52 bits. */
+const SLOW = ["plane_main_mixing_limit"];
+
+function status(decoder) {
+  if (!decoder.error) return "ok";
+  return { malformed: "error", truncated: "truncated", limit: "limit" }[decoder.error.kind];
+}
+
+for (const vector of vectors) {
+  const open = OPEN.some((name) => vector.name.startsWith(name));
+  const slow = SLOW.includes(vector.name) && !process.env.ISOCODEC_SLOW;
+  test(vector.name, { skip: open ? "not decoded yet" : slow ? "takes long" : false }, () => {
+    const data = readFileSync(new URL(vector.file, folder));
+    const decoder = new Decoder({ tables });
+    const states = [];
+    decoder.pauseAt = vector.layers ? 1 : Infinity;
+    decoder.feed(data);
+    while (decoder.layers >= decoder.pauseAt) {
+      states.push(hash(canonicalText(decoder)));
+      decoder.pauseAt++;
+      decoder.go();
+    }
+    decoder.end();
+    assert.equal(status(decoder), vector.expected.status);
+    if (vector.expected.state) assert.equal(hash(canonicalText(decoder)), vector.expected.state);
+    if (!vector.layers) return;
+    assert.deepEqual(states.slice(0, vector.layers.length), vector.layers.map((layer) => layer.state));
+    if (data.length > 20000) return;
+    const pieces = new Decoder({ tables });
+    for (let at = 0, i = 1; at < data.length; at += i, i = (i % 7) + 1) pieces.feed(data.subarray(at, at + i));
+    pieces.end();
+    assert.equal(canonicalText(pieces), canonicalText(decoder));
+  });
+}
