@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     )
     from .field.sampled import Field
     from .files import EncodeOptions, IsoFile, open, save
+    from .frames import decode_frames
     from .io.areas import areas
     from .io.sources import read
     from .kernel import kernels
@@ -38,6 +39,7 @@ if TYPE_CHECKING:
         ChunkSkipped,
         End,
         Event,
+        FrameRead,
         GeometryRefined,
         HeaderRead,
         IsovalueRead,
@@ -46,12 +48,14 @@ if TYPE_CHECKING:
         MaskComplete,
         MetadataRead,
         PromisesRead,
+        SeriesRead,
     )
     from .limits import Limits
     from .stream.decoder import Decoder
     from .stream.encoder import Encoder
     from .stream.inspect import FileInfo, inspect
     from .stream.plan_file import read_plan
+    from .stream.series import SeriesEncoder, encode_frames
     from .stream.statistics import FileStatistics, statistics
     from .stream.truncate import truncate
 
@@ -68,18 +72,21 @@ _HOMES = {
     ),
     "field.sampled": ("Field",),
     "files": ("EncodeOptions", "IsoFile", "open", "save"),
+    "frames": ("decode_frames",),
     "io.areas": ("areas",),
     "io.sources": ("read",),
     "kernel": ("kernels",),
     "limits": ("Limits",),
     "stream.decoder": ("Decoder",),
     "layers.events": (
-        "BaseComplete", "ChunkSkipped", "End", "Event", "GeometryRefined", "HeaderRead",
+        "BaseComplete", "ChunkSkipped", "End", "Event", "FrameRead", "GeometryRefined", "HeaderRead",
         "IsovalueRead", "LayerComplete", "LevelComplete", "MaskComplete", "MetadataRead", "PromisesRead",
+        "SeriesRead",
     ),
     "stream.encoder": ("Encoder",),
     "stream.inspect": ("FileInfo", "inspect"),
     "stream.plan_file": ("read_plan",),
+    "stream.series": ("SeriesEncoder", "encode_frames"),
     "stream.statistics": ("FileStatistics", "statistics"),
     "stream.truncate": ("truncate",),
 }  # fmt: skip
@@ -98,6 +105,7 @@ __all__ = [
     "FileInfo",
     "FileStatistics",
     "FormatError",
+    "FrameRead",
     "GeometryRefined",
     "HeaderRead",
     "InputError",
@@ -114,15 +122,19 @@ __all__ = [
     "MissingExtraError",
     "OptionError",
     "PromisesRead",
+    "SeriesEncoder",
+    "SeriesRead",
     "Thinned",
     "Tin",
     "TruncatedError",
     "areas",
     "decode",
     "decode_all",
+    "decode_frames",
     "decode_mask",
     "decode_valid",
     "encode",
+    "encode_frames",
     "inspect",
     "kernels",
     "open",

@@ -42,7 +42,7 @@ MESH = 600
 @partial_option
 @limit_options
 def plot_command(
-    source: Path, output: Path, steps: int, mesh: bool, view: str | None, isovalue: float | None, smooth: bool,
+    source: Path, output: Path, steps: int, mesh: bool, view: str | None, isovalue: float | None, frame: int | None, smooth: bool,
     partial: bool, limit_memory: int | None, limit_work: int | None,
 ) -> None:  # fmt: skip
     """Draw what prefixes of IN.iso decode to, from its first layer to all of it (.png, .pdf or .svg).

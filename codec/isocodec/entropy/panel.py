@@ -28,7 +28,8 @@ _COUNT = int(_FIRST[-1])
 _FIRST_WEIGHT = 1 << 12
 """Weight that a further opinion begins with, of 2**16."""
 _MOST = 1 << 22
-_SHIFT = 20
+_SHIFT = 21
+"""Weights of the panel move half as fast as the others."""
 _STRETCH_SHIFT, _TRUST_SHIFT = 4, 8
 
 

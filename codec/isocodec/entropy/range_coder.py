@@ -63,7 +63,8 @@ class Panel(NamedTuple):
     """Further opinions, of counts, on symbols that have them (spec clause 7.18), see ``entropy.panel``; mostly empty.
 
     ``prob`` and ``seen`` are the adaptive probabilities, ``mix`` (kinds, opinions) the weights of the opinions,
-    ``about`` says what is seen around the present symbol, ``place`` which contexts that comes to, ``said`` what they say.
+    ``about`` says what is seen around the present symbol, ``place`` which contexts that comes to, ``said`` what these
+    say.
     """
 
     prob: IntVector

@@ -28,7 +28,7 @@ _MOST_CLASS = 9
 SEED = np.int64(9)
 """Kind of the signs at the seeds of a leaf base; those of other signs come before it."""
 BEHIND = 6
-"""First kind of signs behind gates, by phase; refinement signs, by phase and whether the edge is crossed, begin at 0."""
+"""First kind of signs behind gates, by phase; those of refinement signs, by phase and crossing, begin at 0."""
 
 
 def _around(n: int) -> np.ndarray:

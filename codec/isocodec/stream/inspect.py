@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections import Counter
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from typing import Any
 
@@ -10,10 +11,11 @@ from isospec.container import ChunkType
 
 from ..errors import FormatError, OptionError, TruncatedError
 from ..format.chunks import CHECKSUM_BYTES, Envelope, LayerRecord, Promises, read_envelope, verify, whole_bytes
+from ..format.frames import is_key
 from ..format.header import Header, read_header, varint
 from ..format.program import Layer, Progress, read_program
 from ..layers.contents import LAYER_CHUNKS, Contents
-from ..layers.events import IsovalueRead, LayerComplete
+from ..layers.events import FrameRead, IsovalueRead, LayerComplete
 from ..limits import Limits
 from ..mesh.tables import cube_exponent
 
@@ -41,6 +43,8 @@ class LayerInfo:
     within : float or None
         How many cells decoded and original curve lie from each other at most, when this layer is complete and no later
         one begun, if the writer promises it.
+    frame : int
+        Number of the frame that it belongs to.
     """
 
     kind: str
@@ -52,6 +56,28 @@ class LayerInfo:
     symbols: dict[str, int] | None = None
     isovalue: int = 0
     within: float | None = None
+    frame: int = 0
+
+
+@dataclass(frozen=True)
+class FrameInfo:
+    """One frame of a series.
+
+    Attributes
+    ----------
+    offset, bytes : int
+        Where in the file its first chunk begins, and what all of its chunks take; for the first frame from the file's
+        beginning on.
+    key : bool
+        Whether it leans on none before it.
+    leans : list of int or None
+        For each isovalue the number of the one of the same frame that it leans on.
+    """
+
+    offset: int
+    bytes: int
+    key: bool
+    leans: list[int | None]
 
 
 @dataclass(frozen=True)
@@ -81,6 +107,10 @@ class FileInfo:
         For each whether the writer promises that all complete layers have the topology of the original curve.
     mask_bytes : int or None
         Entropy-coded bytes of the mask; None if no sample is missing.
+    interval : int or None
+        Of a series, how often a frame leans on none before it; 0 if only the first does. None without frames.
+    frames : list of FrameInfo
+        Those of a series.
     """
 
     version: int
@@ -99,6 +129,8 @@ class FileInfo:
     leans: list[int | None] = field(default_factory=list)
     topology: list[bool] = field(default_factory=list)
     mask_bytes: int | None = None
+    interval: int | None = None
+    frames: list[FrameInfo] = field(default_factory=list)
 
     def number_of(self, isovalue: float | None) -> int:
         """Number of an isovalue of the file, of the first if None.
@@ -120,12 +152,14 @@ class FileInfo:
         return self.isovalues.index(isovalue)
 
     def chain(self, number: int) -> frozenset[int]:
-        """Numbers of all isovalues that it takes to decode one."""
+        """Numbers of all isovalues that it takes to decode one, in any frame."""
         out = {number}
-        lean = self.leans[number]
-        while lean is not None:
-            out.add(lean)
-            lean = self.leans[lean]
+        for leans in [self.leans, *(frame.leans for frame in self.frames)]:
+            # an isovalue leans on earlier ones only
+            for i in range(len(leans) - 1, -1, -1):
+                lean = leans[i]
+                if i in out and lean is not None:
+                    out.add(lean)
         return frozenset(out)
 
     def as_dict(self) -> dict[str, Any]:
@@ -162,6 +196,10 @@ def inspect(data: bytes, symbols: bool = False, limits: Limits | None = None) ->
     contents = Contents()
     contents.begin(header)
     progresses = [Progress(len(header.shape) * cube_exponent(header.shape))]
+    before = progresses
+    promised: dict[tuple[int, int], Promises] = {}
+    starts: list[int] = [0]
+    leans: list[list[int | None]] = [contents.leans]
     coded = mask_bytes = 0
     complete = False
     while not complete:
@@ -176,9 +214,13 @@ def inspect(data: bytes, symbols: bool = False, limits: Limits | None = None) ->
             if run is not None:
                 coded += end - run
                 for i, layer in enumerate(contents.layers[first:]):
-                    number = len(contents.isovalues) - 1
+                    number, frame = contents.number, contents.frame
                     place = None if i else run
-                    layers.append(LayerInfo(layer.kind, layer.level, layer.plane, layer.parts, place, isovalue=number))
+                    layers.append(
+                        LayerInfo(
+                            layer.kind, layer.level, layer.plane, layer.parts, place, isovalue=number, frame=frame
+                        )
+                    )  # fmt: skip
         elif chunk.type == ChunkType.MASK:
             contents.begin_mask(at)
             mask_bytes = end - chunk.start
@@ -187,6 +229,16 @@ def inspect(data: bytes, symbols: bool = False, limits: Limits | None = None) ->
             event = contents.read(chunk, data[chunk.start : chunk.end], behind)
             if isinstance(event, IsovalueRead):
                 progresses.append(progresses[-1].begin(None if event.lean is None else progresses[event.lean]))
+            elif isinstance(event, FrameRead):
+                if event.number == 0:
+                    before, progresses = progresses, []
+                    starts.append(at)
+                    leans.append([])
+                leans[-1].append(None if event.before else event.lean)
+                fresh = Progress(before[0].full_level, layers=progresses[-1].layers if progresses else 0)
+                of = before if event.before else progresses
+                progresses.append(fresh.begin(None if event.lean is None else of[event.lean]))
+            promised[contents.frame, contents.number] = contents.promises[contents.number]
         chunks.append(ChunkInfo(_NAMES.get(chunk.type, f"unknown {chunk.type}"), at, min(behind, len(data)) - at))
         if verify(data, chunk, at) is None:
             break
@@ -194,25 +246,40 @@ def inspect(data: bytes, symbols: bool = False, limits: Limits | None = None) ->
             raise FormatError("bytes after the end of the file", code="trailing", offset=behind, clause="3.4.4")
         complete = chunk.last
         at = behind
-    layers = _with_index(contents.records, layers)
+    earlier = sum(layer.frame < contents.frame for layer in layers)
+    layers = layers[:earlier] + _with_index(contents.records, layers[earlier:])
     if symbols:
         layers = _decoded(data, layers, limits)
     return FileInfo(
         header.writer_version, header.read_version, header.profile.name.lower(), header.shape, header.isovalue,
-        header.scale, len(data), len(data) - coded, complete, _promised(layers, contents.promises), chunks,
+        header.scale, len(data), len(data) - coded, complete, _promised(layers, promised), chunks,
         contents.metadata, contents.isovalues, contents.leans, [one.topology for one in contents.promises],
-        mask_bytes if contents.masked else None,
+        mask_bytes if contents.masked else None, contents.interval, _frames(contents.interval, starts, at, leans),
     )  # fmt: skip
 
 
-def _promised(layers: Sequence[LayerInfo], promises: Sequence[Promises]) -> list[LayerInfo]:
+def _promised(layers: Sequence[LayerInfo], promises: Mapping[tuple[int, int], Promises]) -> list[LayerInfo]:
     """The layers with what is promised of each."""
-    counts = [0] * len(promises)
+    counts: Counter[tuple[int, int]] = Counter()
     out = []
     for layer in layers:
-        counts[layer.isovalue] += 1
-        out.append(replace(layer, within=promises[layer.isovalue].within.get(counts[layer.isovalue])))
+        strand = layer.frame, layer.isovalue
+        counts[strand] += 1
+        within = promises[strand].within.get(counts[strand]) if strand in promises else None
+        out.append(replace(layer, within=within))
     return out
+
+
+def _frames(
+    interval: int | None, starts: Sequence[int], end: int, leans: Sequence[list[int | None]]
+) -> list[FrameInfo]:  # fmt: skip
+    """The frames of a series, given where each begins."""
+    if interval is None:
+        return []
+    return [
+        FrameInfo(start, stop - start, is_key(number, interval), of)
+        for number, (start, stop, of) in enumerate(zip(starts, [*starts[1:], end], leans, strict=True))
+    ]
 
 
 def _run_start(data: bytes, chunk: Envelope, end: int, progress: Progress, plain: list[Layer]) -> int | None:
@@ -253,4 +320,4 @@ def _decoded(data: bytes, layers: list[LayerInfo], limits: Limits | None) -> lis
     return out + [replace(info, offset=None, bytes=None, symbols=None) for info in layers[len(out) :]]
 
 
-__all__ = ["ChunkInfo", "FileInfo", "Header", "LayerInfo", "inspect"]
+__all__ = ["ChunkInfo", "FileInfo", "FrameInfo", "Header", "LayerInfo", "inspect"]

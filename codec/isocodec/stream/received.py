@@ -128,17 +128,25 @@ class Received:
             raise OptionError(f"isovalue number {number}; they are counted from 0", code="isovalue")
         return self._tubes[number] if number < len(self._tubes) else None
 
-    def state(self, number: int = 0) -> Decoded | None:
-        """The decoded state of an isovalue, by number, in integers; None before it has come, or if it is skipped."""
-        tube = self._tube_of(number)
+    def state(self, number: int = 0, *, before: bool = False) -> Decoded | None:
+        """The decoded state of an isovalue, by number, in integers; None before it has come, or if it is skipped.
+
+        With ``before`` that of the frame before.
+        """
+        tubes = self._strands.before
+        tube = (tubes[number] if number < len(tubes) else None) if before else self._tube_of(number)
         return state_of(tube) if tube else None
 
     def mask_state(self) -> Decoded | None:
         """The decoded state of the mask, likewise; None before its chunk has come."""
         return state_of(self._mask.tube) if self._mask.tube else None
 
-    def drawn(self, number: int = 0, smooth: bool = False, through_holes: bool = False) -> Contour:
+    def drawn(
+        self, number: int = 0, smooth: bool = False, through_holes: bool = False, *, before: bool = False
+    ) -> Contour:
         """The curve or surface of an isovalue, by number; ``smooth`` and ``through_holes`` as in `decode`.
+
+        With ``before`` that of the frame before, which is complete.
 
         Raises
         ------
@@ -146,15 +154,15 @@ class Received:
             If drawing takes more memory than the limits allow; the decoder stays as it is.
         """
         try:
-            return self._drawn(number, smooth, through_holes)
+            return self._drawn(number, smooth, through_holes, before)
         except MemoryError:
             pass
         raise out_of_memory("to draw the contour")
 
-    def _drawn(self, number: int, smooth: bool, through_holes: bool) -> Contour:
-        tube = self._tube_of(number)
+    def _drawn(self, number: int, smooth: bool, through_holes: bool, before: bool) -> Contour:
+        tube = self._strands.before[number] if before else self._tube_of(number)
         isovalue = self.isovalues[number] if tube else math.nan
-        complete = self._ended and not self._cut
+        complete = before or (self._ended and not self._cut)
         return contour_of(
             tube, isovalue, self.header, self.metadata, complete, smooth, self._budget, self._mask.holes, through_holes
         )

@@ -1,4 +1,4 @@
-"""The signs of the frame before, softened: how far from its curve, and on which side, a sample lies (spec clause 7.18.1).
+"""The signs of the frame before, softened: how far from its curve a sample lies, on which side (spec clause 7.18.1).
 
 Signs of samples that are not known there are filled in within each page of the store, which is a block of the
 specification; then they are smoothed, once and three times.
