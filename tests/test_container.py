@@ -111,8 +111,8 @@ def test_equal_sides_told_one_by_one():
         ("50", "signature", 0),  # seen in the first byte
         (f"8949534f 0{WRITER_VERSION + 1} 00 05 04 02", "version", 4),
         ("8949534f 0f 00 05 04 02", "version", 4),
-        ("8949534f 00 80 05 04 02", "reserved", 5),
-        ("8949534f 00 c0 05 02", "reserved", 5),
+        ("8949534f 00 80 05 04 02", "domain", 5),
+        ("8949534f 00 c0 05 02", "domain", 5),
         ("8949534f 00 03 05 04 02", "profile", 5),
         ("8949534f 00 18 05 04 02", "isovalue", 5),
         ("8949534f 00 00 00 04 02", "shape", 6),

@@ -37,6 +37,7 @@ if TYPE_CHECKING:
     from .layers.events import (
         BaseComplete,
         ChunkSkipped,
+        DomainRead,
         End,
         Event,
         FrameRead,
@@ -46,14 +47,18 @@ if TYPE_CHECKING:
         LayerComplete,
         LevelComplete,
         MaskComplete,
+        MeshLayerComplete,
         MetadataRead,
         PromisesRead,
         SeriesRead,
     )
     from .limits import Limits
+    from .mesh_api import encode_mesh
     from .stream.decoder import Decoder
     from .stream.encoder import Encoder
     from .stream.inspect import FileInfo, inspect
+    from .stream.mesh_decoder import MeshDecoder
+    from .stream.mesh_encoder import MeshEncoder
     from .stream.plan_file import read_plan
     from .stream.series import SeriesEncoder, encode_frames
     from .stream.statistics import FileStatistics, statistics
@@ -77,14 +82,17 @@ _HOMES = {
     "io.sources": ("read",),
     "kernel": ("kernels",),
     "limits": ("Limits",),
+    "mesh_api": ("encode_mesh",),
     "stream.decoder": ("Decoder",),
     "layers.events": (
-        "BaseComplete", "ChunkSkipped", "End", "Event", "FrameRead", "GeometryRefined", "HeaderRead",
-        "IsovalueRead", "LayerComplete", "LevelComplete", "MaskComplete", "MetadataRead", "PromisesRead",
-        "SeriesRead",
+        "BaseComplete", "ChunkSkipped", "DomainRead", "End", "Event", "FrameRead", "GeometryRefined", "HeaderRead",
+        "IsovalueRead", "LayerComplete", "LevelComplete", "MaskComplete", "MeshLayerComplete", "MetadataRead",
+        "PromisesRead", "SeriesRead",
     ),
     "stream.encoder": ("Encoder",),
     "stream.inspect": ("FileInfo", "inspect"),
+    "stream.mesh_decoder": ("MeshDecoder",),
+    "stream.mesh_encoder": ("MeshEncoder",),
     "stream.plan_file": ("read_plan",),
     "stream.series": ("SeriesEncoder", "encode_frames"),
     "stream.statistics": ("FileStatistics", "statistics"),
@@ -97,6 +105,7 @@ __all__ = [
     "ChunkSkipped",
     "Contour",
     "Decoder",
+    "DomainRead",
     "EncodeOptions",
     "Encoder",
     "End",
@@ -118,6 +127,9 @@ __all__ = [
     "LimitError",
     "Limits",
     "MaskComplete",
+    "MeshDecoder",
+    "MeshEncoder",
+    "MeshLayerComplete",
     "MetadataRead",
     "MissingExtraError",
     "OptionError",
@@ -135,6 +147,7 @@ __all__ = [
     "decode_valid",
     "encode",
     "encode_frames",
+    "encode_mesh",
     "inspect",
     "kernels",
     "open",

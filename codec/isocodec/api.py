@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
-from numbers import Integral
 from typing import Any
 
 import numpy as np
@@ -18,6 +17,7 @@ from .frames import check_frame, frame_of
 from .layers.events import LayerComplete
 from .layers.plan import Entry
 from .limits import Limits
+from .mesh_api import check_count, mesh_decoded, on_mesh
 from .stream.decoder import Decoder
 from .stream.encoder import Encoder
 from .stream.inspect import inspect
@@ -156,6 +156,7 @@ def decode(
     max_bytes: int | None = None,
     smooth: bool = False,
     through_holes: bool = False,
+    mesh: tuple[ArrayLike, ArrayLike] | None = None,
     limits: Limits | None = None,
     progress: Callable[[int, int], object] | None = None,
 ) -> Contour:
@@ -180,6 +181,8 @@ def decode(
         several isovalues may cross.
     through_holes : bool
         Draw the curve through missing samples, too, where the encoder chose its way; `areas` takes it.
+    mesh : (points, cells), optional
+        The mesh of a file that was made on one and does not hold it: what `encode_mesh` was given.
     limits : Limits, optional
         What the file may need at most, where it comes from strangers.
     progress : callable, optional
@@ -199,8 +202,14 @@ def decode(
         before the curve begins.
     LimitError
         If the file needs more than the limits allow.
+    InputError
+        If the mesh is not the one that the file was made on.
     """
-    decoder, number = decoded(content(data, limits), isovalue, layers, max_bytes, limits, progress, frame)
+    data = content(data, limits)
+    if on_mesh(data):
+        chosen, chain = _chain(data, isovalue)
+        return mesh_decoded(data, mesh, chain, max_bytes, limits).drawn(chosen)
+    decoder, number = decoded(data, isovalue, layers, max_bytes, limits, progress, frame)
     return _drawn(decoder, [number], smooth, through_holes)[0]
 
 
@@ -210,6 +219,7 @@ def decode_all(
     frame: int | None = None,
     max_bytes: int | None = None,
     smooth: bool = False,
+    mesh: tuple[ArrayLike, ArrayLike] | None = None,
     limits: Limits | None = None,
     progress: Callable[[int, int], object] | None = None,
 ) -> list[Contour]:
@@ -223,7 +233,11 @@ def decode_all(
     -------
     list of Contour
     """
-    decoder = received(content(data, limits), None, max_bytes, limits, progress, frame=frame)
+    data = content(data, limits)
+    if on_mesh(data):
+        on = mesh_decoded(data, mesh, None, max_bytes, limits)
+        return [on.drawn(number) for number in range(len(on.isovalues))]
+    decoder = received(data, None, max_bytes, limits, progress, frame=frame)
     return _drawn(decoder, range(len(decoder.isovalues)), smooth, False)
 
 
@@ -310,7 +324,7 @@ def decoded(
 ) -> tuple[Decoder, int]:
     """A decoder that has taken what was asked for of an isovalue of a file, and its number."""
     if layers is not None:
-        _check_count(layers, "layers", "layers")
+        check_count(layers, "layers", "layers")
     number, chain = _chain(data, isovalue)
     decoder = received(data, chain, max_bytes, limits, progress, number, layers, frame)
     if number >= len(decoder.isovalues):
@@ -333,7 +347,7 @@ def received(
     All of a frame, that is, of the first if none is given.
     """
     if max_bytes is not None:
-        _check_count(max_bytes, "max_bytes", "max-bytes")
+        check_count(max_bytes, "max_bytes", "max-bytes")
     wanted = frame_of(frame)
     decoder = Decoder(limits, only=only, frame=wanted)
     try:
@@ -356,11 +370,6 @@ def received(
         decoder.discard()
         raise
     return decoder
-
-
-def _check_count(asked: int, what: str, code: str) -> None:
-    if not (isinstance(asked, Integral) and asked >= 1):
-        raise OptionError(f"{what} is {asked}; it must be a whole number from 1 on", code=code)
 
 
 def _chain(data: bytes, isovalue: float | None) -> tuple[int, frozenset[int]]:

@@ -58,7 +58,9 @@ def all_drafts() -> Iterator[Draft]:
     return chain(
         *(
             module.drafts()
-            for module in (valid, special, adaptive, geometry, isovalues, mixed, rules, hostile, circle, missing, frames)
+            for module in (
+                valid, special, adaptive, geometry, isovalues, mixed, rules, hostile, circle, missing, frames,
+            )  # fmt: skip
         )
     )
 

@@ -61,6 +61,23 @@ class ChunkType(IntEnum):
     PROMISES = 6
     MASK = 7
     FRAME = 9
+    DOMAIN = 10
+
+
+class DomainKind(IntEnum):
+    """Where an explicit domain comes from (clause 10.1.2)."""
+
+    KNOWN = 0
+    CODED = 1
+
+
+class MeshLayer(IntEnum):
+    """Layers of an explicit domain (clause 10.1.3)."""
+
+    SIGNS = 0
+    OFFSETS = 1
+    VALUES = 2
+    LEVELS = 3
 
 
 class Operation(IntEnum):
@@ -86,7 +103,7 @@ Prefix = Struct(
     "version" / BitStruct("writer" / Nibble, "read" / Nibble),
     "flags"
     / BitStruct(
-        "reserved" / BitsInteger(1),
+        "explicit" / Flag,
         "equal" / Flag,
         "scaled" / Flag,
         "isovalue" / BitsInteger(2),
@@ -94,7 +111,9 @@ Prefix = Struct(
         "profile" / BitsInteger(2),
     ),
 )
-"""First six bytes of a file; ``axes`` is the dimension less two, ``equal`` says that all sides are."""
+"""First six bytes of a file; ``axes`` is the dimension less two, ``equal`` says that all sides are, ``explicit`` that
+there are no sides, but cells (clause 10).
+"""
 
 ChunkHead = BitStruct("ancillary" / Flag, "checked" / Flag, "last" / Flag, "type" / BitsInteger(5))
 """First byte of a chunk; its length follows as a variable-length number."""

@@ -58,9 +58,9 @@ LOST = 0.01
 @limit_options
 @json_option
 def decode_command(
-    source: Path, output: Path, isovalue: float | None, frame: int | None, layers: int | None, max_bytes: int | None, in_samples: bool,
-    areas: str | None, along_holes: bool, mesh: str | None, smooth: bool, partial: bool, limit_memory: int | None,
-    limit_work: int | None, as_json: bool,
+    source: Path, output: Path, isovalue: float | None, frame: int | None, layers: int | None, max_bytes: int | None,
+    in_samples: bool, areas: str | None, along_holes: bool, mesh: str | None, smooth: bool, partial: bool,
+    limit_memory: int | None, limit_work: int | None, as_json: bool,
 ) -> None:  # fmt: skip
     """Decode IN.iso to OUT; the suffix of OUT names the format.
 

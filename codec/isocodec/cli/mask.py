@@ -30,8 +30,8 @@ from .report import check_output, concerning, read_iso, tell
 @limit_options
 @json_option
 def mask_command(
-    source: Path, output: Path, isovalue: float | None, frame: int | None, limit_samples: int | None, valid: bool, partial: bool,
-    limit_memory: int | None, limit_work: int | None, as_json: bool,
+    source: Path, output: Path, isovalue: float | None, frame: int | None, limit_samples: int | None, valid: bool,
+    partial: bool, limit_memory: int | None, limit_work: int | None, as_json: bool,
 ) -> None:  # fmt: skip
     """Decode which samples of IN.iso lie above the isovalue; the suffix of OUT names the format.
 

@@ -1,1 +1,1 @@
-"""Domains that no lattice gives: points of the plane and their triangulation (spec clause 10)."""
+"""Domains that no lattice gives: meshes, points of the plane and their triangulation (spec clause 10)."""

@@ -33,7 +33,7 @@ class Contour:
         of at most one segment and the end of at most one.
     isovalue : float
     shape : tuple of int
-        Samples along each axis of the sampled box.
+        Samples along each axis of the sampled box; empty if the domain is a mesh, whose coordinates points then have.
     complete : bool
         False if the contour was drawn before all of its data had come, or from a file cut within a layer.
     placement : (n, n + 1) float64, or None
@@ -57,11 +57,16 @@ class Contour:
     masked: bool = False
 
     def __repr__(self) -> str:
-        pieces = "segments" if len(self.shape) == 2 else "triangles"
+        pieces = "segments" if self.n == 2 else "triangles"
         return (
             f"Contour(isovalue={self.isovalue:g}, {len(self.points)} points, {len(self.cells)} {pieces}, "
             f"shape={self.shape}, complete={self.complete})"
         )
+
+    @property
+    def n(self) -> int:
+        """Dimension of the domain: 2 for curves, 3 for surfaces."""
+        return self.cells.shape[1]
 
     @cached_property
     def placed(self) -> NDArray[np.float64]:
@@ -75,6 +80,8 @@ class Contour:
     def place(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
         """Coordinates of the placement, as of `placed`, of points in index coordinates, (P, n) float64 both."""
         n = len(self.shape)
+        if not self.shape:
+            return points
         if self.placement is None:
             return points[:, ::-1] if n == 2 else points
         # axis by axis: how a product of matrices is rounded depends on the library
@@ -99,7 +106,7 @@ class Contour:
     @cached_property
     def walks(self) -> list[list[int]]:
         """Numbers of the points of each polyline, as `lines`."""
-        if len(self.shape) != 2:
+        if self.n != 2:
             raise OptionError("only an isocontour (n = 2) has lines; a surface has points and cells", code="dimension")
         following = np.full(len(self.points), -1, dtype=np.int64)
         following[self.cells[:, 0]] = self.cells[:, 1]
@@ -132,7 +139,7 @@ class Contour:
         AttributeError
             For an isosurface, so that ``hasattr`` tells that there is no such interface.
         """
-        if len(self.shape) != 2:
+        if self.n != 2:
             raise AttributeError("__geo_interface__: a surface has no GeoJSON geometry")
         coordinates = tuple(tuple(map(tuple, self.placed[walk].tolist())) for walk in self.walks)
         return {"type": "MultiLineString", "coordinates": coordinates}

@@ -64,7 +64,7 @@ def _opinion(bl, net):
 
 
 @inlined
-def _stretched(cd, ctx):
+def stretched(cd, ctx):
     """What an adaptive probability says, in the logistic domain, as far as it is to be trusted yet."""
     at = np.uint64(ctx)
     found = cd.blend.stretch[np.uint64(cd.prob[at] >> STRETCH_SHIFT)]
@@ -103,8 +103,8 @@ def blended(cd, net, flip, kind, ctx, bit):
         opinion = -opinion
     # the adaptive probabilities of classes of opinions lie between those of other contexts and those of holes
     place = len(cd.prob) - HOLES + (kind - KINDS) * BUCKETS + ((opinion + MOST_LOGIT) >> BUCKET)
-    own = _stretched(cd, ctx)
-    mapped = _stretched(cd, place)
+    own = stretched(cd, ctx)
+    mapped = stretched(cd, place)
     mix = bl.mix[np.uint64(kind)]
     total = mix[0] * opinion + mix[1] * own + mix[2] * mapped + (mix[3] << 8)
     heard = bl.panel.about[ON]

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import zlib
 
-from isospec.container import CHECKED_CHUNK, Checksum, write_varint
+from isospec.container import CHECKED_CHUNK, Checksum, ChunkType, write_varint
 
 from ..errors import FormatError
+from .chunks import Envelope
 from .header import varint
 
 FRAME_BEFORE = -1
@@ -78,6 +79,18 @@ def read_frame(payload: bytes, start: int, number: int, key: bool) -> int | None
             "an isovalue of a frame leans on none that began before in it", code="frame", offset=start, clause="3.5.7"
         )
     return payload[0] - 1 if payload[0] else None
+
+
+def first_operation(data: bytes | bytearray, chunk: Envelope) -> int | None:
+    """Place of the first byte of the program of a chunk of layers; None if it is not there, or not yet."""
+    at = chunk.start
+    there = min(len(data), chunk.end)
+    if chunk.type == ChunkType.CUT_LAYERS:
+        number = varint(data, at, there, "3.5.4")
+        if number is None:
+            return None
+        at = number[1]
+    return at if at < there else None
 
 
 def as_last(chunk: bytes) -> bytes:

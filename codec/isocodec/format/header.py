@@ -22,13 +22,15 @@ class Header:
     Attributes
     ----------
     shape : tuple of int
-        Samples along each axis, in the order of the encoded array.
+        Samples along each axis, in the order of the encoded array; empty if the domain is explicit.
     isovalue : float
     scale : float or None
         Step of the numbers that geometry by values sends; None for integer data (step 1).
     profile : Profile
     writer_version, read_version : int
         Version that wrote the file, and the oldest one that can read it.
+    cells : int or None
+        Dimension of the cells of an explicit domain (clause 10); None if the domain is a grid.
     """
 
     shape: tuple[int, ...]
@@ -37,6 +39,12 @@ class Header:
     profile: Profile = Profile.BASELINE
     writer_version: int = spec.WRITER_VERSION
     read_version: int = spec.READ_VERSION
+    cells: int | None = None
+
+    @property
+    def n(self) -> int:
+        """Dimension of the domain."""
+        return self.cells or len(self.shape)
 
 
 def write_header(header: Header) -> bytes:
@@ -48,11 +56,11 @@ def write_header(header: Header) -> bytes:
             "signature": spec.SIGNATURE,
             "version": {"writer": header.writer_version, "read": header.read_version},
             "flags": {
-                "reserved": 0,
+                "explicit": header.cells is not None,
                 "equal": equal,
                 "scaled": header.scale is not None,
                 "isovalue": kind,
-                "axes": len(header.shape) - 2,
+                "axes": header.n - 2,
                 "profile": header.profile,
             },
         }
@@ -100,12 +108,12 @@ def read_header(data: bytes | bytearray) -> tuple[Header, int] | None:
             code="version", offset=4, clause="3.3.1", remedy="update isocodec",
         )  # fmt: skip
     flags = prefix.flags
-    if flags.reserved:
-        raise FormatError("reserved bits are set", code="reserved", offset=5, clause="3.3.2")
     if flags.profile not in Profile.__members__.values():
         raise FormatError(f"unknown profile {flags.profile}", code="profile", offset=5, clause="3.3.2")
     if flags.isovalue not in IsovalueKind.__members__.values():
         raise FormatError("unknown kind of isovalue", code="isovalue", offset=5, clause="3.3.4")
+    if flags.explicit and (flags.equal or flags.profile != Profile.MAIN):
+        raise FormatError("an explicit domain with sizes or another profile", code="domain", offset=5, clause="3.3.2")
     return _read_rest(data, prefix, 2 + flags.axes)
 
 
@@ -113,7 +121,7 @@ def _read_rest(data: bytes | bytearray, prefix: object, n: int) -> tuple[Header,
     flags, version = prefix.flags, prefix.version  # type: ignore[attr-defined]
     at = PREFIX_BYTES
     shape = []
-    for _ in range(1 if flags.equal else n):
+    for _ in range(0 if flags.explicit else 1 if flags.equal else n):
         number = varint(data, at, len(data), "3.3.3")
         if number is None:
             return None
@@ -144,7 +152,8 @@ def _read_rest(data: bytes | bytearray, prefix: object, n: int) -> tuple[Header,
             if not (math.isfinite(scale) and scale > 0):
                 raise FormatError("the scale is not a positive number", code="scale", offset=at, clause="3.3.5")
             at += 9
-    header = Header(tuple(shape), isovalue, scale, Profile(flags.profile), version.writer, version.read)
+    cells = n if flags.explicit else None
+    header = Header(tuple(shape), isovalue, scale, Profile(flags.profile), version.writer, version.read, cells)
     return header, at
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
-from isospec.container import ChunkType
+from isospec.container import ChunkType, Operation
 
 from ..errors import FormatError
 from ..format.chunks import (
@@ -17,13 +17,17 @@ from ..format.chunks import (
     read_metadata,
     read_promises,
 )
+from ..format.domain import DomainHead, read_domain
 from ..format.frames import FRAME_BEFORE, is_key, read_frame, read_interval
 from ..format.header import Header
 from ..format.program import Layer
-from .events import ChunkSkipped, Event, FrameRead, IsovalueRead, MetadataRead, PromisesRead, SeriesRead
+from .events import ChunkSkipped, DomainRead, Event, FrameRead, IsovalueRead, MetadataRead, PromisesRead, SeriesRead
 
 LAYER_CHUNKS = (ChunkType.LAYERS, ChunkType.CUT_LAYERS)
 """Chunks that are decoded as they come in; so is a mask. The others are read when they are complete."""
+
+_BASES = (Operation.BASE, Operation.BASE_AND_REFINE, Operation.ADAPTIVE_BASE, Operation.LEAF_BASE)
+"""Operations that begin the layers of an isovalue."""
 
 
 @dataclass
@@ -48,6 +52,12 @@ class Contents:
         Of a series, how often a frame leans on none before it (see `SeriesRead`); None of a file without frames.
     frame, number : int
         The present frame and isovalue, whose layers come.
+    based : bool
+        Whether a chunk of its layers has begun with a base.
+    cells : int or None
+        Dimension of the cells of an explicit domain.
+    domain : DomainHead or None
+        What is said of an explicit domain.
     """
 
     isovalues: list[float] = field(default_factory=list)
@@ -60,9 +70,13 @@ class Contents:
     interval: int | None = None
     frame: int = 0
     number: int = 0
+    based: bool = False
+    cells: int | None = None
+    domain: DomainHead | None = None
 
     def begin(self, header: Header) -> None:
         """Take note of the header, and of its isovalue."""
+        self.cells = header.cells
         self._add(header.isovalue, None)
 
     def begin_mask(self, offset: int) -> None:
@@ -91,10 +105,48 @@ class Contents:
         event = None if reader is None else reader(self, payload, chunk.start, behind)
         return event or ChunkSkipped(behind, chunk.type, len(payload))
 
+    def begin_layers(self, operation: int, start: int) -> FrameRead | None:
+        """Take note of a chunk of layers: of a series it may begin another isovalue, if it begins with a base.
+
+        Parameters
+        ----------
+        operation : int
+            The first byte of its program, and where that stands in the file.
+        start : int
+        """
+        if operation >> 4 & 7 not in _BASES:
+            return None
+        again, self.based = self.based, True
+        if self.interval is None or not again:
+            return None
+        event = self.begin_next(b"", start, start + 1)
+        self.based = True
+        return event
+
+    def begin_next(self, payload: bytes, start: int, behind: int) -> FrameRead:
+        """The next isovalue of a series begins, in the present frame or the next one.
+
+        Raises
+        ------
+        FormatError
+            If the payload of its chunk is malformed.
+        """
+        assert self.interval is not None
+        frame, number = self.frame, self.number + 1
+        if number == len(self.isovalues):
+            frame, number = frame + 1, 0
+        lean = read_frame(payload, start, number, is_key(frame, self.interval))
+        if frame > self.frame:
+            self.layers.clear()
+            self.promises[:] = [Promises({}, False) for _ in self.promises]
+        self.frame, self.number, self.based = frame, number, False
+        before = lean == FRAME_BEFORE
+        return FrameRead(behind, frame, number, number if before else lean, before)
+
     def _add(self, isovalue: float, lean: int | None) -> None:
         self.isovalues.append(isovalue)
         self.leans.append(lean)
-        self.number = len(self.leans) - 1
+        self.number, self.based = len(self.leans) - 1, False
         self.promises.append(Promises({}, False))
 
 
@@ -111,23 +163,13 @@ def _isovalue(contents: Contents, payload: bytes, start: int, behind: int) -> Ev
 
 
 def _frame(contents: Contents, payload: bytes, start: int, behind: int) -> Event:
-    if contents.interval is None:
-        if contents.layers:
-            raise FormatError("frames are announced behind layers", code="frame", offset=start, clause="3.5.7")
-        contents.interval = read_interval(payload, start)
-        return SeriesRead(behind, contents.interval)
-    frame, number = contents.frame, contents.number + 1
-    if number == len(contents.isovalues):
-        frame, number = frame + 1, 0
-    if frame == 0:
-        raise FormatError("a frame begins before the first one", code="frame", offset=start, clause="3.5.7")
-    lean = read_frame(payload, start, number, is_key(frame, contents.interval))
-    if frame > contents.frame:
-        contents.layers.clear()
-        contents.promises[:] = [Promises({}, False) for _ in contents.promises]
-    contents.frame, contents.number = frame, number
-    before = lean == FRAME_BEFORE
-    return FrameRead(behind, frame, number, number if before else lean, before)
+    if contents.interval is not None:
+        return contents.begin_next(payload, start, behind)
+    if contents.cells is not None or contents.layers:
+        where = "a file of an explicit domain" if contents.cells is not None else "a file behind layers"
+        raise FormatError(f"frames in {where}", code="frame", offset=start, clause="3.5.7")
+    contents.interval = read_interval(payload, start)
+    return SeriesRead(behind, contents.interval)
 
 
 def _metadata(contents: Contents, payload: bytes, start: int, behind: int) -> Event:
@@ -147,11 +189,19 @@ def _index(contents: Contents, payload: bytes, start: int, behind: int) -> None:
     contents.records = read_index(payload, contents.layers) or contents.records
 
 
+def _domain(contents: Contents, payload: bytes, start: int, behind: int) -> Event:
+    if contents.cells is None:
+        raise FormatError("a domain in a file of a grid", code="domain", offset=start, clause="3.5.8")
+    contents.domain, _ = read_domain(payload, contents.cells, start)
+    return DomainRead(behind, contents.domain.vertices, contents.domain.cells)
+
+
 READERS: Mapping[int, Reader] = {
     ChunkType.ISOVALUE: _isovalue,
     ChunkType.FRAME: _frame,
     ChunkType.METADATA: _metadata,
     ChunkType.PROMISES: _promises,
     ChunkType.INDEX: _index,
+    ChunkType.DOMAIN: _domain,
 }
 """By type of chunk."""

@@ -140,6 +140,33 @@ class MaskComplete(Event):
 
 
 @dataclass(frozen=True)
+class DomainRead(Event):
+    """The domain is there: vertices and cells of its mesh."""
+
+    vertices: int
+    cells: int
+
+
+@dataclass(frozen=True)
+class MeshLayerComplete(Event):
+    """A layer of an explicit domain has been decoded.
+
+    Attributes
+    ----------
+    number : int
+        Its number in the file, from 1.
+    kind : str
+        ``signs``, ``levels``, ``offsets`` or ``values``.
+    bytes : int
+        Entropy-coded bytes that it took.
+    """
+
+    number: int
+    kind: str
+    bytes: int
+
+
+@dataclass(frozen=True)
 class PromisesRead(Event):
     """What the writer promises of the layers of the present isovalue."""
 

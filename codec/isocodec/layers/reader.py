@@ -244,7 +244,8 @@ class LayerReader:
             )
         before, self._progresses[-1] = self._progress, program.progress
         self._program = None
-        self._begin_run(Run(chunk_start, self._program_start, program.at, program.layers, before, self._symbols, self._done))
+        start = self._program_start
+        self._begin_run(Run(chunk_start, start, program.at, program.layers, before, self._symbols, self._done))
         if self._progress.bits is not None:
             self._tube.estimates.bits = self._progress.bits
         return True

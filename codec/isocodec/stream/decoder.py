@@ -9,8 +9,9 @@ from typing import NoReturn
 from isospec.container import ChunkType
 
 from ..drawing.contour import Contour
-from ..errors import FormatError, IsoError, LimitError, TruncatedError, out_of_memory
+from ..errors import FormatError, IsoError, LimitError, OptionError, TruncatedError, out_of_memory
 from ..format.chunks import CRITICAL, Envelope, octets, read_envelope, verify
+from ..format.frames import first_operation
 from ..format.header import read_header
 from ..layers.contents import LAYER_CHUNKS
 from ..layers.events import ChunkSkipped, End, Event, FrameRead, HeaderRead, IsovalueRead, MaskComplete, SeriesRead
@@ -60,6 +61,7 @@ class Decoder(Received):
         self._at = 0
         self._chunk: Envelope | None = None
         self._chunk_start = 0
+        self._looked = False
         self._last = False
         self._closed = False
 
@@ -143,6 +145,8 @@ class Decoder(Received):
                 found = read_header(self._data)
                 if found is None:
                     return None
+                if found[0].cells is not None:
+                    raise OptionError("the file's domain is a mesh", code="domain", remedy="take MeshDecoder")
                 self.header, self._at = found
                 self._contents.begin(self.header)
                 self._strands.begin(self.header, None, self._at)
@@ -157,6 +161,15 @@ class Decoder(Received):
                     self._strands.begin_mask(self.header, self._at)
                 self._chunk, self._chunk_start = chunk, self._at
             chunk = self._chunk
+            if chunk.type in LAYER_CHUNKS and not self._looked:
+                place = first_operation(self._data, chunk)
+                if place is None and len(self._data) < chunk.end:
+                    return None
+                self._looked = True
+                frame = None if place is None else self._contents.begin_layers(self._data[place], place)
+                if frame is not None:
+                    self._begin(frame)
+                    return frame
             if not self._mask.go_on(chunk, self._chunk_start):
                 return None
             skipped = chunk.type in LAYER_CHUNKS and self._tube is None
@@ -168,7 +181,7 @@ class Decoder(Received):
             if behind is None:
                 return None
             self._at = behind
-            self._chunk = None
+            self._chunk, self._looked = None, False
             self._reader.leave()
             self._cut |= chunk.type == ChunkType.CUT_LAYERS
             self._last = chunk.last

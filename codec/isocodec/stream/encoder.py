@@ -67,6 +67,8 @@ class Earlier:
 
 FINE_SHARE = 0.25
 """Under the criterion distortion crossings are told within this share of its distance, or more finely."""
+LEVELS_WORTH = 0.95
+"""A frame begins at the leaves of the one before if that takes less than this share of what levels would take."""
 INDEX_SHARE = 100
 """A level index is written if it takes at most this fraction of the data."""
 
@@ -214,7 +216,11 @@ class Encoder:
         if searched is o.steps is o.criterion is None and not o.preserve_topology:
             grid = strategy.grid_plan(len(self.header.shape), self._full_level, o.base_level)
             if lean is not None and o.base_level is None and lean.strand.tube.full:
-                grid = min(grid, [(LayerKind.LEAF_BASE,)], key=lambda base: self._size(number, lean, base))
+                # of a series, levels are worth a little, and their networks keep learning
+                least = LEVELS_WORTH if lean.in_frame_before else 1.0
+                leaf: list[Entry] = [(LayerKind.LEAF_BASE,)]
+                if self._size(number, lean, leaf) < least * self._size(number, lean, grid):
+                    grid = leaf
             return grid + values + offsets
         truth = self._truths[number]
         promise = Promise(self._fields[number], lambda: self._fresh(number, lean), free, self._try, truth, self._holes)
@@ -290,7 +296,8 @@ class Encoder:
             if number > 0:
                 strand, lean = self._strand(number, self._strands[-1].progress)
                 self._strands.append(strand)
-                yield write_chunk(ChunkType.ISOVALUE, write_further(self.isovalues[number], lean.number if lean else None))
+                further = write_further(self.isovalues[number], lean.number if lean else None)
+                yield write_chunk(ChunkType.ISOVALUE, further)
             yield from self._layers(self._strands[number], number == len(self.isovalues) - 1)
 
     def _layers(self, strand: LayerWriter, last: bool) -> Iterator[bytes]:

@@ -11,7 +11,8 @@ from isospec.container import ChunkType
 
 from ..errors import FormatError, OptionError, TruncatedError
 from ..format.chunks import CHECKSUM_BYTES, Envelope, LayerRecord, Promises, read_envelope, verify, whole_bytes
-from ..format.frames import is_key
+from ..format.domain import DomainHead, read_mesh_layer
+from ..format.frames import first_operation, is_key
 from ..format.header import Header, read_header, varint
 from ..format.program import Layer, Progress, read_program
 from ..layers.contents import LAYER_CHUNKS, Contents
@@ -111,6 +112,8 @@ class FileInfo:
         Of a series, how often a frame leans on none before it; 0 if only the first does. None without frames.
     frames : list of FrameInfo
         Those of a series.
+    domain : DomainHead or None
+        Of a file on a mesh what it says of that.
     """
 
     version: int
@@ -131,6 +134,7 @@ class FileInfo:
     mask_bytes: int | None = None
     interval: int | None = None
     frames: list[FrameInfo] = field(default_factory=list)
+    domain: DomainHead | None = None
 
     def number_of(self, isovalue: float | None) -> int:
         """Number of an isovalue of the file, of the first if None.
@@ -164,7 +168,45 @@ class FileInfo:
 
     def as_dict(self) -> dict[str, Any]:
         """Plain data, for JSON."""
-        return asdict(self)
+        out = asdict(self)
+        if self.domain is None:
+            del out["domain"]
+        else:
+            out["domain"]["digest"] = self.domain.digest.hex()
+            out["domain"]["kind"] = self.domain.kind.name.lower()
+        return out
+
+
+@dataclass
+class _Strands:
+    """Where the programs of isovalues stand, of the present frame and of the one before; where frames begin."""
+
+    progresses: list[Progress]
+    starts: list[int]
+    leans: list[list[int | None]]
+    before: list[Progress] = field(default_factory=list)
+
+    def begin(self, event: FrameRead, start: int) -> None:
+        """Another isovalue of a series begins with a chunk at ``start``."""
+        if event.number == 0:
+            self.before, self.progresses = self.progresses, []
+            self.starts.append(start)
+            self.leans.append([])
+        self.leans[-1].append(None if event.before else event.lean)
+        earlier = self.before if event.before else self.progresses
+        layers = self.progresses[-1].layers if self.progresses else 0
+        fresh = Progress((self.progresses or self.before)[0].full_level, layers=layers)
+        self.progresses.append(fresh.begin(None if event.lean is None else earlier[event.lean]))
+
+    def frames(self, interval: int | None, end: int) -> list[FrameInfo]:
+        """The frames of a series."""
+        if interval is None:
+            return []
+        ends = [*self.starts[1:], end]
+        return [
+            FrameInfo(start, stop - start, is_key(number, interval), leans)
+            for number, (start, stop, leans) in enumerate(zip(self.starts, ends, self.leans, strict=True))
+        ]
 
 
 def inspect(data: bytes, symbols: bool = False, limits: Limits | None = None) -> FileInfo:
@@ -195,11 +237,10 @@ def inspect(data: bytes, symbols: bool = False, limits: Limits | None = None) ->
     layers: list[LayerInfo] = []
     contents = Contents()
     contents.begin(header)
-    progresses = [Progress(len(header.shape) * cube_exponent(header.shape))]
-    before = progresses
+    strands = _Strands(
+        [Progress(len(header.shape) * cube_exponent(header.shape) if header.shape else 0)], [0], [contents.leans]
+    )
     promised: dict[tuple[int, int], Promises] = {}
-    starts: list[int] = [0]
-    leans: list[list[int | None]] = [contents.leans]
     coded = mask_bytes = 0
     complete = False
     while not complete:
@@ -208,9 +249,16 @@ def inspect(data: bytes, symbols: bool = False, limits: Limits | None = None) ->
             break
         end = min(chunk.end, len(data))
         behind = chunk.end + CHECKSUM_BYTES * (chunk.checked + chunk.last)
-        if chunk.type in LAYER_CHUNKS:
+        if header.cells is not None and chunk.type == ChunkType.LAYERS:
+            if chunk.end <= len(data):
+                head, begins = read_mesh_layer(data[chunk.start : chunk.end], chunk.start)
+                size, number = chunk.end - chunk.start - begins, len(contents.isovalues) - 1
+                coded += size
+                kind = head.kind.name.lower()
+                layers.append(LayerInfo(kind, -1, 0, 0, chunk.start + begins, size, isovalue=number))
+        elif chunk.type in LAYER_CHUNKS:
             first = len(contents.layers)
-            run = _run_start(data, chunk, end, progresses[-1], contents.layers)
+            run = _run_start(data, chunk, end, strands.progresses[-1], contents.layers)
             if run is not None:
                 coded += end - run
                 for i, layer in enumerate(contents.layers[first:]):
@@ -228,16 +276,11 @@ def inspect(data: bytes, symbols: bool = False, limits: Limits | None = None) ->
         elif chunk.end <= len(data):
             event = contents.read(chunk, data[chunk.start : chunk.end], behind)
             if isinstance(event, IsovalueRead):
-                progresses.append(progresses[-1].begin(None if event.lean is None else progresses[event.lean]))
+                strands.progresses.append(
+                    strands.progresses[-1].begin(None if event.lean is None else strands.progresses[event.lean])
+                )
             elif isinstance(event, FrameRead):
-                if event.number == 0:
-                    before, progresses = progresses, []
-                    starts.append(at)
-                    leans.append([])
-                leans[-1].append(None if event.before else event.lean)
-                fresh = Progress(before[0].full_level, layers=progresses[-1].layers if progresses else 0)
-                of = before if event.before else progresses
-                progresses.append(fresh.begin(None if event.lean is None else of[event.lean]))
+                strands.begin(event, at)
             promised[contents.frame, contents.number] = contents.promises[contents.number]
         chunks.append(ChunkInfo(_NAMES.get(chunk.type, f"unknown {chunk.type}"), at, min(behind, len(data)) - at))
         if verify(data, chunk, at) is None:
@@ -248,13 +291,14 @@ def inspect(data: bytes, symbols: bool = False, limits: Limits | None = None) ->
         at = behind
     earlier = sum(layer.frame < contents.frame for layer in layers)
     layers = layers[:earlier] + _with_index(contents.records, layers[earlier:])
-    if symbols:
+    if symbols and header.cells is None:
         layers = _decoded(data, layers, limits)
     return FileInfo(
         header.writer_version, header.read_version, header.profile.name.lower(), header.shape, header.isovalue,
         header.scale, len(data), len(data) - coded, complete, _promised(layers, promised), chunks,
         contents.metadata, contents.isovalues, contents.leans, [one.topology for one in contents.promises],
-        mask_bytes if contents.masked else None, contents.interval, _frames(contents.interval, starts, at, leans),
+        mask_bytes if contents.masked else None, contents.interval, strands.frames(contents.interval, at),
+        contents.domain,
     )  # fmt: skip
 
 
@@ -268,18 +312,6 @@ def _promised(layers: Sequence[LayerInfo], promises: Mapping[tuple[int, int], Pr
         within = promises[strand].within.get(counts[strand]) if strand in promises else None
         out.append(replace(layer, within=within))
     return out
-
-
-def _frames(
-    interval: int | None, starts: Sequence[int], end: int, leans: Sequence[list[int | None]]
-) -> list[FrameInfo]:  # fmt: skip
-    """The frames of a series, given where each begins."""
-    if interval is None:
-        return []
-    return [
-        FrameInfo(start, stop - start, is_key(number, interval), of)
-        for number, (start, stop, of) in enumerate(zip(starts, [*starts[1:], end], leans, strict=True))
-    ]
 
 
 def _run_start(data: bytes, chunk: Envelope, end: int, progress: Progress, plain: list[Layer]) -> int | None:

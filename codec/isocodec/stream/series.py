@@ -90,7 +90,7 @@ class SeriesEncoder:
             If options contradict one another, or the series is finished.
         """
         self._check_open()
-        array = np.ma.asanyarray(field)
+        array: NDArray[Any] = np.ma.asanyarray(field)
         self._check_alike(array)
         before = self._before
         key = is_key(self._frames, self._interval)
@@ -136,8 +136,8 @@ class SeriesEncoder:
         shape = self._before.header.shape
         if field.shape != shape:
             raise InputError(
-                f"frame {self._frames} has the shape {_shape(field.shape)}, those before {_shape(shape)}", code="frames",
-                remedy="frames of one file have one shape",
+                f"frame {self._frames} has the shape {_shape(field.shape)}, those before {_shape(shape)}", 
+                code="frames", remedy="frames of one file have one shape",
             )  # fmt: skip
         if field.dtype != self._dtype:
             raise InputError(
@@ -196,7 +196,11 @@ class _FrameEncoder(Encoder):
                 self._strands.append(strand)
             of = None if lean is None else lean.number
             if not self._first:
-                yield write_chunk(ChunkType.FRAME, write_frame(of, self._key))
+                payload = write_frame(of, self._key)
+                alone = bool(self._strands[number].layers) and (number == 0 or bool(self._strands[number - 1].layers))
+                # layers that begin with a base begin the next isovalue by themselves
+                if payload or not alone:
+                    yield write_chunk(ChunkType.FRAME, payload)
             elif number > 0:
                 yield write_chunk(ChunkType.ISOVALUE, write_further(isovalue, of))
             yield from self._layers(self._strands[number], False)

@@ -12,6 +12,20 @@ const WIDE = 43;
 // eslint-disable-next-line @typescript-eslint/no-explicit-any
 type Wide = any;
 
+/** Steps from a vertex to the samples around it, three coordinates each, in the order of `survey`. */
+const STEPS = [2, 3].map((n) => {
+  const steps: number[] = [];
+  const push = (...ways: [number, number][]): void => {
+    const by = [0, 0, 0];
+    for (const [a, way] of ways) by[a] = way;
+    steps.push(...by);
+  };
+  for (let a = 0; a < n; a++) for (const way of [-1, 1, -2, 2]) push([a, way]);
+  for (let a = 0; a < n; a++) for (let b = a + 1; b < n; b++)
+    for (const i of [-1, 1]) for (const j of [-1, 1]) push([a, i], [b, j]);
+  return Int8Array.from(steps);
+});
+
 export class Values {
   /** By the number of the vertex in `known`: what has been sent, the bits missing, 1 if it is active. */
   number = new Float64Array(0);
@@ -25,12 +39,20 @@ export class Values {
   private listed = -1;
   private wide: boolean;
   /** Near values around a vertex: what is there, known finely, and its value. */
-  private readonly there = new Uint8Array(32);
-  private readonly fine = new Uint8Array(32);
-  private near: Wide[] = [];
-  private slots: Wide[] = [];
-  private slotFine: number[] = [];
-  private guess: Wide;
+  private readonly there = new Uint8Array(24);
+  private readonly fine = new Uint8Array(24);
+  private readonly near = new Float64Array(24);
+  private readonly wideNear: bigint[] = [];
+  /** Candidates by slot: whether they are there, known finely, and their places; the guess of 7.7(3). */
+  private readonly slotThere = new Uint8Array(14);
+  private readonly slotFine = new Uint8Array(14);
+  private readonly slots = new Float64Array(14);
+  private readonly wideSlots: bigint[] = [];
+  private guessed = false;
+  private readonly guess = new Float64Array(1);
+  private wideGuess = 0n;
+  private per = 0;
+  private neighbours = new Int32Array(0);
 
   constructor(private readonly t: Tube, readonly above: number, readonly below: number) {
     this.list = new Ints(t.meter);
@@ -123,6 +145,7 @@ export class Values {
         this.list.push(id);
       }
     }
+    if (full) this.survey();
   }
 
   /** A layer that leaves `plane` bits missing (5.6.3). */
@@ -130,12 +153,11 @@ export class Values {
     const { t } = this;
     this.assign();
     this.relist();
-    const { list, number, missing, least, most } = this, { known, store, coder } = t;
+    const { list, number, missing, least, most } = this, { coder } = t;
     const full = t.onFullGrid;
     let before = 0;
     for (let i = 0; i < list.length; i++) {
-      const id = list.data[i]!, x = known.data[3 * id]!, y = known.data[3 * id + 1]!, z = known.data[3 * id + 2]!;
-      const sign = store.get(x, y, z) & SIGN;
+      const id = list.data[i]!;
       t.meter.step(4);
       while (missing[id]! > plane) {
         const m = missing[id]! - 1, so = number[id]!;
@@ -147,7 +169,7 @@ export class Values {
         }
         if (bit < 0) {
           const context = VALUE + (2 * m + (so !== 0 ? 1 : 0)) * 3 + before;
-          if (full) this.around(x, y, z, sign, m);
+          if (full) this.around(i, m);
           if (t.main) {
             this.see(so, m, full);
             const kind = 36 + Math.min(bits(so), 2);
@@ -168,106 +190,129 @@ export class Values {
     }
   }
 
-  /** Near value of a sample (7.15(2)) into place `i`. */
-  private look(i: number, x: number, y: number, z: number, sign: number, plane: number): void {
-    const { t } = this, [lastX, lastY, lastZ] = t.grid.last;
-    this.there[i] = 0;
-    if (x < 0 || y < 0 || z < 0 || x > lastX || y > lastY || z > lastZ) return;
-    const at = t.store.at(x, y, z), id = (this.ids[at]! | 0) - 1;
-    if (id < 0 || !this.active[id]) return;
-    const missing = this.missing[id]!;
-    this.there[i] = 1;
-    this.fine[i] = missing <= plane ? 1 : 0;
-    const size = 2 * this.number[id]! + 1, same = (t.store.flags[at]! & SIGN) === sign;
-    if (this.wide) {
-      const value = (2n * BigInt(this.number[id]!) + 1n) << BigInt(missing);
-      this.near[i] = same ? value : -value;
-    } else this.near[i] = (same ? size : -size) * 2 ** missing;
-  }
-
-  /** Near values, candidates by slot, and the guess of 7.7(3). */
-  private around(x: number, y: number, z: number, sign: number, plane: number): void {
-    const { t, there, fine, near, slots, slotFine } = this, { n } = t;
-    const Z: (x: number) => Wide = this.wide ? BigInt : Number;
-    const div = (a: Wide, count: number): Wide => {
-      if (!this.wide) return Math.floor(a / count);
-      const b = BigInt(count), q = a / b;
-      return a % b !== 0n && a < 0n ? q - 1n : q;
-    };
-    const zero = Z(0);
-    slots.length = slotFine.length = 2 + 3 * n + (n === 2 ? 1 : 3);
-    slots.fill(undefined);
-    // places: 4 * axis + 0 .. 3 for back_1, on_1, back_2, on_2
-    for (let a = 0; a < n; a++) {
-      for (let i = 0; i < 4; i++) {
-        const by = (i & 1 ? 1 : -1) * (i < 2 ? 1 : 2);
-        this.look(4 * a + i, x + (a === 0 ? by : 0), y + (a === 1 ? by : 0), z + (a === 2 ? by : 0), sign, plane);
+  /**
+   * Samples around each active vertex, as twice their number in `known`, plus 1 if their sign is that of the vertex, or -1:
+   * for each axis back_1, on_1, back_2, on_2, then the four of each pair of axes (7.15(3)).
+   */
+  private survey(): void {
+    const { t, list, ids } = this, { n, store, known } = t, [lastX, lastY, lastZ] = t.grid.last;
+    const per = (this.per = n === 2 ? 12 : 24), d = known.data;
+    t.meter.take(4 * per * list.length);
+    const around = (this.neighbours = new Int32Array(per * list.length)), steps = STEPS[n - 2]!;
+    for (let i = 0; i < list.length; i++) {
+      const id = list.data[i]!, x = d[3 * id]!, y = d[3 * id + 1]!, z = d[3 * id + 2]!, sign = store.get(x, y, z) & SIGN;
+      for (let j = 0; j < per; j++) {
+        const px = x + steps[3 * j]!, py = y + steps[3 * j + 1]!, pz = z + steps[3 * j + 2]!;
+        let found = -1;
+        if (px >= 0 && py >= 0 && pz >= 0 && px <= lastX && py <= lastY && pz <= lastZ) {
+          const at = store.at(px, py, pz), other = (ids[at]! | 0) - 1;
+          if (other >= 0 && this.active[other]) found = 2 * other + ((store.flags[at]! & SIGN) === sign ? 1 : 0);
+        }
+        around[per * i + j] = found;
       }
     }
+  }
+
+  /** Near values, candidates by slot, and the guess of 7.7(3), for entry `entry` of the list. */
+  private around(entry: number, plane: number): void {
+    const { neighbours, per, there, fine, missing, number, wide, slotThere, slotFine } = this, { n } = this.t;
+    const near: Wide = wide ? this.wideNear : this.near, slots: Wide = wide ? this.wideSlots : this.slots;
+    for (let i = 0; i < per; i++) {
+      const found = neighbours[per * entry + i]!;
+      if (found < 0) {
+        there[i] = 0;
+        continue;
+      }
+      const id = found >> 1, m = missing[id]!, same = (found & 1) === 1;
+      there[i] = 1;
+      fine[i] = m <= plane ? 1 : 0;
+      if (wide) {
+        const value = (2n * BigInt(number[id]!) + 1n) << BigInt(m);
+        near[i] = same ? value : -value;
+      } else {
+        const value = (2 * number[id]! + 1) * (m < 31 ? 1 << m : 2 ** m);
+        near[i] = same ? value : -value;
+      }
+    }
+    const zero: Wide = wide ? 0n : 0;
+    slotThere.fill(0);
     let same = zero, other = zero, sames = 0, others = 0, sameFine = 1, otherFine = 1;
     let sum = zero, count = 0, rest = zero, rests = 0;
     for (let a = 0; a < n; a++) {
       const b = 4 * a;
       for (let i = b; i < b + 2; i++) {
         if (!there[i]) continue;
-        if (near[i]! > zero) {
-          same += near[i]!;
+        if (near[i] > zero) {
+          same += near[i];
           sames++;
           sameFine &= fine[i]!;
         } else {
-          other += near[i]!;
+          other += near[i];
           others++;
           otherFine &= fine[i]!;
         }
       }
       if (there[b] && there[b + 1]) {
-        const line = div(near[b]! + near[b + 1]!, 2);
-        slots[2 + 3 * a] = line;
-        slotFine[2 + 3 * a] = fine[b]! & fine[b + 1]!;
+        const line = this.div(near[b] + near[b + 1], 2), slot = 2 + 3 * a;
+        slots[slot] = line;
+        slotThere[slot] = 1;
+        slotFine[slot] = fine[b]! & fine[b + 1]!;
         if (line > zero) sum += line;
         count++;
       }
-      for (let i = 0; i < 2; i++) {
-        if (!there[b + i] || !there[b + 2 + i]) continue;
-        const beyond = near[b + i]! + near[b + i]! - near[b + 2 + i]!;
-        slots[3 + 3 * a + i] = beyond;
-        slotFine[3 + 3 * a + i] = fine[b + i]! & fine[b + 2 + i]!;
+      for (let i = b; i < b + 2; i++) {
+        if (!there[i] || !there[i + 2]) continue;
+        const beyond = near[i] + near[i] - near[i + 2], slot = 3 + 3 * a + i - b;
+        slots[slot] = beyond;
+        slotThere[slot] = 1;
+        slotFine[slot] = fine[i]! & fine[i + 2]!;
         rest += beyond;
         rests++;
       }
     }
-    let pair = 2 + 3 * n;
+    let pair = 2 + 3 * n, at = 4 * n;
     for (let a = 0; a < n; a++) for (let b = a + 1; b < n; b++, pair++) {
       let across = zero, acrosses = 0, acrossFine = 1;
-      for (let i = 0; i < 4; i++) {
+      for (let i = 0; i < 4; i++, at++) {
         const p = 4 * a + (i >> 1), q = 4 * b + (i & 1);
-        if (!there[p] || !there[q]) continue;
-        const wa = i >> 1 ? 1 : -1, wb = i & 1 ? 1 : -1;
-        this.look(12, x + (a === 0 ? wa : 0), y + (a === 1 ? wa : b === 1 ? wb : 0), z + (b === 2 ? wb : 0), sign, plane);
-        if (!there[12]) continue;
-        const place = near[p]! + near[q]! - near[12]!;
+        if (!there[at] || !there[p] || !there[q]) continue;
+        const place = near[p] + near[q] - near[at];
         across += place;
         acrosses++;
-        acrossFine &= fine[p]! & fine[q]! & fine[12]!;
+        acrossFine &= fine[p]! & fine[q]! & fine[at]!;
         if (place > zero) sum += place;
         count++;
       }
       if (acrosses) {
-        slots[pair] = div(across, acrosses);
+        slots[pair] = this.div(across, acrosses);
+        slotThere[pair] = 1;
         slotFine[pair] = acrossFine;
       }
     }
     if (sames) {
-      slots[0] = div(same, sames);
+      const mean = this.div(same, sames);
+      slots[0] = mean;
+      slotThere[0] = 1;
       slotFine[0] = sameFine;
-      sum += slots[0];
+      sum += mean;
       count++;
     }
     if (others) {
-      slots[1] = div(other, others);
+      slots[1] = this.div(other, others);
+      slotThere[1] = 1;
       slotFine[1] = otherFine;
     }
-    this.guess = count ? div(sum, count) : rests ? div(rest > zero ? rest : zero, rests) : undefined;
+    this.guessed = count > 0 || rests > 0;
+    if (!this.guessed) return;
+    const guess = count ? this.div(sum, count) : this.div(rest > zero ? rest : zero, rests);
+    if (wide) this.wideGuess = guess;
+    else this.guess[0] = guess;
+  }
+
+  private div(a: Wide, count: number): Wide {
+    if (!this.wide) return Math.floor(a / count);
+    const b = BigInt(count), q = a / b;
+    return a % b !== 0n && a < 0n ? q - 1n : q;
   }
 
   /** `x >> shift`, as a number from -8 to 7 or so: limited, so that wide numbers fit. */
@@ -281,22 +326,23 @@ export class Values {
 
   /** `near` of 7.7(2), -1 without a guess. */
   private class(number: number, plane: number): number {
-    if (this.guess === undefined) return -1;
-    const far = this.guess - this.cut(number, plane), near = this.shifted(far + far + far + far, plane + 1);
+    if (!this.guessed) return -1;
+    const guess: Wide = this.wide ? this.wideGuess : this.guess[0];
+    const far = guess - this.cut(number, plane), near = this.shifted(far + far + far + far, plane + 1);
     return 8 + (near < -8 ? -8 : near > 7 ? 7 : near);
   }
 
   /** Rows of 7.15(4). */
   private see(number: number, plane: number, full: boolean): void {
-    const { t, slots, slotFine, there, fine } = this, { n } = t, base = n === 2 ? 2144 : 2819;
+    const { t, slotThere, slotFine, there, fine } = this, { n } = t, base = n === 2 ? 2144 : 2819;
     let seen = 0, count = 0;
     if (full) {
-      const cut = this.cut(number, plane);
-      for (let slot = 0; slot < slots.length; slot++) {
-        if (slots[slot] === undefined) continue;
+      const cut = this.cut(number, plane), slots: Wide = this.wide ? this.wideSlots : this.slots;
+      for (let slot = 0; slot < 14; slot++) {
+        if (!slotThere[slot]) continue;
         const off = slots[slot] - cut, below = off < 0, size = below ? -off : off, twice = size + size;
         const far = this.shifted(twice + twice + twice + twice, plane + 1);
-        rows[seen++] = base + 52 * slot + 26 * slotFine[slot]! + (below ? 13 : 0) + Math.min(bits(far), 12);
+        rows[seen++] = base + 52 * slot + 26 * slotFine[slot]! + (below ? 13 : 0) + (far < 4096 ? bits(far) : 12);
       }
       for (let a = 0; a < n; a++) for (let i = 4 * a; i < 4 * a + 2; i++) if (there[i] && fine[i]) count++;
     }

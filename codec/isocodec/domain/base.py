@@ -1,0 +1,277 @@
+"""The base of an explicit domain: components, first signs, the walk through gates (spec clause 10.3)."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from ..entropy.guesses import clear_opinions, decided, hear
+from ..entropy.range_coder import DECODE, ONE, Coder, code, emit
+from ..kernel import BAD, DONE, inlined, inner, kernel, record
+from ..kernel.types import BoolVector, Int8Vector, IntVector, Registers
+from .affine import beyond
+from .complex import Mesh
+from .models import (
+    CLASSES,
+    COMPONENT,
+    FIRST,
+    MIX_SIGN,
+    RINGS,
+    SIGN_BOTH,
+    SIGN_PAST,
+    SIGN_RING,
+    SIGN_SURE,
+)
+
+UNKNOWN = -1
+ESTIMATE = 1 << 10
+"""How far above or below a vertex is taken to lie at first."""
+LEAST, MOST = ESTIMATE * 3 // 10, ESTIMATE * 2
+"""Bounds of the estimates that the walk goes on with."""
+
+
+class WalkRegisters(Registers):
+    """Where the walk stands.
+
+    Attributes
+    ----------
+    leaves, known : int
+        Crossed cells and known vertices so far.
+    past : int
+        Last symbols of the walk as bits, the latest lowest.
+    error : int
+        What was wrong when a kernel returned BAD: 1 a start that was visited, 2 one that is not mixed.
+    """
+
+    leaves: int
+    known: int
+    past: int
+    error: int
+
+
+@record
+class Strand(NamedTuple):
+    """What is known of an isovalue on a complex of V vertices and T cells.
+
+    ``sign`` (V,): 1, 0, or -1 if not known; ``given`` (V,): likewise what follows from earlier isovalues; ``truth``
+    (V,): the encoder's signs; ``estimate`` (V,): how far vertices may lie above; ``visited`` (T,); ``leaf`` (T,): the
+    crossed cells in their order; ``stack``: gates, as cell times (n + 1) plus face; ``spread`` (4,): how far guesses of
+    values have been wrong.
+    """
+
+    sign: Int8Vector
+    given: Int8Vector
+    truth: Int8Vector
+    estimate: IntVector
+    visited: BoolVector
+    leaf: IntVector
+    stack: IntVector
+    spread: IntVector
+    reg: WalkRegisters
+
+
+@inlined
+def _learn(st, v, sign, estimate):
+    """A vertex becomes known."""
+    st.sign[v] = sign
+    st.estimate[v] = estimate if sign else -estimate
+    st.reg.known += 1
+
+
+@inlined
+def mixed(mesh, st, t):
+    """Whether a cell of which all signs are known has both."""
+    above = np.int64(0)
+    for i in range(mesh.cell.shape[1]):
+        above += st.sign[mesh.cell[t, i]]
+    return 0 < above < mesh.cell.shape[1]
+
+
+@inner
+def _next_start(mesh, st, least):
+    """Encoder: first crossed cell from ``least`` on that was not visited, or -1."""
+    for t in range(least, len(mesh.cell)):
+        if not st.visited[t]:
+            first = st.truth[mesh.cell[t, 0]]
+            for i in range(1, mesh.cell.shape[1]):
+                if st.truth[mesh.cell[t, i]] != first:
+                    return t
+    return -1
+
+
+@inner
+def _number(cd, low, high, number):
+    """Code a number from ``low`` to ``high - 1``, all equally likely."""
+    while high - low > 1:
+        middle = (low + high) >> 1
+        bit = emit(cd, ONE >> 1, np.int64(number >= middle))
+        if bit < 0:
+            return bit
+        if bit:
+            low = middle
+        else:
+            high = middle
+    return low
+
+
+@inner
+def _first_signs(mesh, st, cd, t):
+    """Signs of the cell that a component begins with."""
+    last = mesh.cell.shape[1] - 1
+    for i in range(last + 1):
+        v = mesh.cell[t, i]
+        if st.sign[v] != UNKNOWN:
+            continue
+        bit = np.int64(st.given[v])
+        if bit == UNKNOWN:
+            seen = np.int64(0)
+            above = np.int64(0)
+            for j in range(last + 1):
+                sign = st.sign[mesh.cell[t, j]]
+                if sign != UNKNOWN:
+                    seen += 1
+                    above += sign
+            if seen == last and (above == 0 or above == last):
+                bit = np.int64(above == 0)
+            else:
+                bit = code(cd, FIRST + 4 * seen + above, np.int64(st.truth[v]))
+                if bit < 0:
+                    return bit
+        _learn(st, v, bit, ESTIMATE)
+    return DONE
+
+
+@inlined
+def _visit(mesh, st, t):
+    """Take a crossed cell as a leaf and push its gates."""
+    corners = mesh.cell.shape[1]
+    st.visited[t] = True
+    st.leaf[st.reg.leaves] = t
+    st.reg.leaves += 1
+    count = st.stack[0]
+    for i in range(corners):
+        other = mesh.neighbour[t, i]
+        if other < 0 or st.visited[other]:
+            continue
+        above = np.int64(0)
+        for j in range(corners):
+            if j != i:
+                above += st.sign[mesh.cell[t, j]]
+        if above > 0 and above < corners - 1:
+            count += 1
+            st.stack[count] = t * corners + i
+    st.stack[0] = count
+
+
+@inlined
+def surplus(mesh, st, v):
+    """How many more corners of the cells around a vertex are known to lie above than below, a class."""
+    more = np.int64(0)
+    for k in range(mesh.first[v], mesh.first[v + 1]):
+        t = mesh.star[k]
+        for i in range(mesh.cell.shape[1]):
+            sign = st.sign[mesh.cell[t, i]]
+            if sign != UNKNOWN:
+                more += 2 * sign - 1
+    if mesh.cell.shape[1] == 4:
+        more >>= 1
+    return min(max(more, -(RINGS // 2)), RINGS // 2)
+
+
+@inner
+def _apex_sign(mesh, st, cd, t, o, v):
+    """Sign of the vertex v behind the face o of the leaf t."""
+    guess = beyond(mesh, st.estimate, t, o, v)
+    above = np.int64(guess > 0)
+    size = min(abs(guess), MOST)
+    if st.given[v] != UNKNOWN:
+        bit = np.int64(st.given[v] == above)
+    else:
+        more = surplus(mesh, st, v)
+        ring = (more if above else -more) + RINGS // 2
+        sure = min((size * CLASSES) // (2 * ESTIMATE), CLASSES - 1)
+        left = np.int64(st.sign[mesh.cell[t, o]])
+        past = st.reg.past
+        turned = past & 7 if above else 7 - (past & 7)
+        clear_opinions(cd)
+        hear(cd, SIGN_SURE + 3 * sure + (2 if ring > RINGS // 2 else np.int64(ring == RINGS // 2)))
+        hear(cd, SIGN_RING + RINGS * sure + ring)
+        hear(cd, SIGN_PAST + 2 * (past & 63) + above)
+        hear(cd, SIGN_BOTH + 3 * (8 * ring + turned) + (2 if sure > 3 else np.int64(left == above)))
+        bit = decided(cd, MIX_SIGN + sure, np.int64(st.truth[v] == above))
+        if bit < 0:
+            return bit
+    sign = above if bit else 1 - above
+    st.reg.past = (st.reg.past << 1 | sign) & 63
+    _learn(st, v, sign, max(size, LEAST) if bit else LEAST)
+    return DONE
+
+
+@inner
+def _walk(mesh, st, cd):
+    """Follow all gates of the stack."""
+    corners = mesh.cell.shape[1]
+    while st.stack[0] > 0:
+        gate = st.stack[st.stack[0]]
+        st.stack[0] -= 1
+        left = gate // corners
+        face = gate - left * corners
+        t = mesh.neighbour[left, face]
+        if st.visited[t]:
+            continue
+        apex = np.int64(0)
+        for i in range(corners):
+            if mesh.neighbour[t, i] == left:
+                apex = mesh.cell[t, i]
+        if st.sign[apex] == UNKNOWN:
+            status = _apex_sign(mesh, st, cd, left, face, apex)
+            if status < 0:
+                return status
+        _visit(mesh, st, t)
+    return DONE
+
+
+@kernel
+def trace(mesh: Mesh, st: Strand, cd: Coder) -> None:
+    """Find the leaves of signs that are all known, in the order of a walk."""
+    for t in range(len(mesh.cell)):
+        if st.visited[t] or not mixed(mesh, st, t):
+            continue
+        st.stack[0] = 0
+        _visit(mesh, st, t)
+        _walk(mesh, st, cd)
+
+
+@kernel
+def code_base(mesh: Mesh, st: Strand, cd: Coder) -> int:
+    """Code all components: the encoder's from ``truth``, the decoder's from the run."""
+    least = 0
+    while least < len(mesh.cell):
+        start = np.int64(-1)
+        if cd.reg.mode != DECODE:
+            start = np.int64(_next_start(mesh, st, least))
+        bit = code(cd, COMPONENT, np.int64(start >= 0))
+        if bit < 0:
+            return bit
+        if bit == 0:
+            return DONE
+        t = _number(cd, np.int64(least), np.int64(len(mesh.cell)), start)
+        if t < 0:
+            return t
+        if st.visited[t]:
+            st.reg.error = 1
+            return BAD
+        status = _first_signs(mesh, st, cd, t)
+        if status < 0:
+            return status
+        if not mixed(mesh, st, t):
+            st.reg.error = 2
+            return BAD
+        st.stack[0] = 0
+        _visit(mesh, st, t)
+        status = _walk(mesh, st, cd)
+        if status < 0:
+            return status
+        least = t + 1
+    return DONE

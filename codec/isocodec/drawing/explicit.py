@@ -1,0 +1,45 @@
+"""The contour of crossed cells of an explicit domain: a piece for each (spec clause 10.7)."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .simplices import simplex_table
+
+
+def draw_cells(
+    points: NDArray[np.float64], cells: NDArray[np.int64], mirrored: NDArray[np.bool_], above: NDArray[np.bool_],
+    edges: NDArray[np.int64], ratio: NDArray[np.float64],
+) -> tuple[NDArray[np.float64], NDArray[np.int64]]:  # fmt: skip
+    """Points on edges, and cells between them.
+
+    Parameters
+    ----------
+    points : (V, d) float64
+    cells : (L, n + 1) int64
+        The crossed cells.
+    mirrored : (L,) bool
+        Those whose orientation is the reverse of the one that `Contour` speaks of.
+    above : (V,) bool
+    edges : (E, 2) int64
+        All crossed edges of these cells, the lower vertex first.
+    ratio : (E,) float64
+        Where the points lie on them, from the lower vertex.
+
+    Returns
+    -------
+    points : (E, d) float64
+    cells : (M, n) int64
+    """
+    corners = cells.shape[1]
+    pattern = above[cells] @ (1 << np.arange(corners))
+    ends, _ = simplex_table(corners - 1).lookup(pattern, cells, mirrored)
+    ends.sort(axis=2)
+    key = edges[:, 0] * np.int64(len(points)) + edges[:, 1]
+    order = np.argsort(key)
+    place = np.searchsorted(key[order], ends[..., 0] * np.int64(len(points)) + ends[..., 1])
+    low, high = points[edges[:, 0]], points[edges[:, 1]]
+    # halves first: the difference of two large floats may overflow
+    at = ratio[:, None]
+    return low * (1 - at) + high * at, order[place]

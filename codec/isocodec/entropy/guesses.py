@@ -1,0 +1,129 @@
+"""Opinions without a network, mixed; and whole numbers that lie near a guess (spec clause 10.4).
+
+A pass lists opinions: adaptive probabilities by context, or logits that it works out. A list is mixed by weights that
+adapt, as in the main profile. A number of a known range is coded by halving the range; how likely each half is follows
+from bells of several widths around the guess.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from isospec.tables import MOST_LOGIT
+
+from ..kernel import inlined, inner
+from .mixer import MIX_SHIFT, MOST_MIX, RATE_SHIFT, stretched
+from .range_coder import adapt, emit
+
+MOST_OPINIONS = 12
+"""Opinions on a symbol at most."""
+LEARNING = 160
+"""How fast mixing weights learn, as ``mixer.RATE``."""
+FINE = 8
+"""Guesses and widths count in parts of a whole number: ``2**FINE`` of them."""
+DEPTHS = 8
+"""Classes of how wide a range is, as against the width of the bell."""
+REACH = 1 << 40
+"""What lies farther from a guess counts as that far."""
+
+
+@inlined
+def clear_opinions(cd):
+    """Begin a list of opinions."""
+    cd.blend.row[0] = 0
+
+
+@inlined
+def hear(cd, ctx):
+    """One more opinion: an adaptive probability."""
+    row = cd.blend.row
+    k = row[0]
+    row[1 + 2 * k] = ctx
+    row[2 + 2 * k] = stretched(cd, ctx)
+    row[0] = k + 1
+
+
+@inlined
+def say(cd, logit):
+    """One more opinion: a logit, in units of 1/256."""
+    row = cd.blend.row
+    k = row[0]
+    row[1 + 2 * k] = -1
+    row[2 + 2 * k] = min(max(logit, -MOST_LOGIT), MOST_LOGIT)
+    row[0] = k + 1
+
+
+@inner
+def decided(cd, kind, bit):
+    """Code one symbol by the opinions listed, with the mixing weights of ``kind``; as ``range_coder.code``."""
+    row = cd.blend.row
+    mix = cd.blend.mix[kind]
+    count = row[0]
+    total = 0
+    for k in range(count):
+        total += mix[k] * row[2 + 2 * k]
+    total = min(max(total >> MIX_SHIFT, -MOST_LOGIT), MOST_LOGIT)
+    p = cd.blend.squash[total + MOST_LOGIT]
+    bit = emit(cd, p, bit)
+    if bit < 0:
+        return bit
+    error = ((bit << 16) - p) * LEARNING
+    for k in range(count):
+        mix[k] = min(max(mix[k] + ((error * row[2 + 2 * k]) >> RATE_SHIFT), -MOST_MIX), MOST_MIX)
+        if row[1 + 2 * k] >= 0:
+            adapt(cd, row[1 + 2 * k], bit)
+    return bit
+
+
+@inlined
+def _share(cd, far, width):
+    """Share of a bell, of 2**16, that lies below a place ``far`` beyond its centre."""
+    bounded = min(max(far, -REACH), REACH)
+    logit = min(max((bounded << 8) // width, -MOST_LOGIT), MOST_LOGIT)
+    return cd.blend.squash[logit + MOST_LOGIT]
+
+
+@inlined
+def _half(cd, guess, width, low, centre, high):
+    """Logit of: the number lies in the upper half, if a bell around the guess tells."""
+    below = _share(cd, (low << FINE) - guess, width)
+    at = _share(cd, (centre << FINE) - guess, width)
+    above = _share(cd, (high << FINE) - guess, width)
+    p = ((above - at + 1) << 16) // (above - below + 2)
+    return cd.blend.stretch[min(max(p, 0), 65535) >> 4]
+
+
+@inner
+def near_guess(cd, kind, ctx, count, guess, width, number):
+    """Code a number from 0 to ``count - 1`` that lies near ``guess``, which counts as ``width`` does.
+
+    ``kind`` is the first of ``DEPTHS`` mixing classes, ``ctx`` the first of ``4 * DEPTHS`` contexts. Returns the
+    number, or what is negative if the coder stops.
+    """
+    low = np.int64(0)
+    high = np.int64(count)
+    while high - low > 1:
+        centre = (low + high) >> 1
+        deep = 0
+        while deep < DEPTHS - 1 and (high - low) << FINE < (width << 3) >> deep:
+            deep += 1
+        clear_opinions(cd)
+        say(cd, _half(cd, guess, max(width >> 2, 1), low, centre, high))
+        say(cd, _half(cd, guess, max(width, 1), low, centre, high))
+        say(cd, _half(cd, guess, width << 2, low, centre, high))
+        side = 0
+        if (centre << FINE) < guess - (width >> 1):
+            side = 1
+        if (centre << FINE) > guess + (width >> 1):
+            side = 2
+        if low << FINE > guess or high << FINE < guess:
+            side = 3
+        hear(cd, ctx + 4 * deep + side)
+        bit = decided(cd, kind + deep, np.int64(number >= centre))
+        if bit < 0:
+            return bit
+        if bit:
+            low = centre
+        else:
+            high = centre
+    return low

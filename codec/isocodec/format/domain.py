@@ -1,0 +1,149 @@
+"""What a file says of an explicit domain, and the heads of its layers (spec clauses 3.5.8 and 10.1)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from isospec.container import DomainKind, MeshLayer, unzigzag, write_varint, zigzag
+
+from ..errors import FormatError
+from .header import varint
+
+DIGEST = 16
+"""Bytes of the hash of a known mesh."""
+MOST_EXPONENT = 1100
+MOST_BITS = 52
+MOST_STEP = 1 << 32
+
+
+@dataclass(frozen=True)
+class DomainHead:
+    """The head of a domain chunk.
+
+    Attributes
+    ----------
+    kind : DomainKind
+    d : int
+        Dimension of the positions.
+    exponent : int
+        Positions count in units of ``2**exponent`` of the coordinates.
+    vertices, cells : int
+    digest : bytes
+        Of a known mesh the first 16 bytes of the SHA-256 of its canonical form; else empty.
+    """
+
+    kind: DomainKind
+    d: int
+    exponent: int
+    vertices: int
+    cells: int
+    digest: bytes = b""
+
+
+def write_domain(head: DomainHead, n: int) -> bytes:
+    """Payload of a domain chunk, up to what is coded of the mesh."""
+    out = bytes([head.kind << 4 | (head.d - n)]) + write_varint(zigzag(head.exponent))
+    return out + write_varint(head.vertices) + write_varint(head.cells) + head.digest
+
+
+def read_domain(payload: bytes, n: int, start: int) -> tuple[DomainHead, int]:
+    """Inverse of ``write_domain``: the head, and the place behind it in the payload, which begins at ``start``.
+
+    Raises
+    ------
+    FormatError
+        If it is malformed.
+    """
+
+    def wrong(what: str) -> FormatError:
+        return FormatError(what, code="domain", offset=start, clause="3.5.8")
+
+    if not payload:
+        raise wrong("an empty domain chunk")
+    kind, higher = payload[0] >> 4, payload[0] & 15
+    if kind not in DomainKind.__members__.values():
+        raise wrong(f"unknown kind of domain {kind}")
+    if higher > 3 - n:
+        raise wrong("cells of more dimensions than their vertices have coordinates, or other reserved bits")
+    numbers = []
+    at = 1
+    for _ in range(3):
+        found = varint(payload, at, len(payload), "3.5.8")
+        if found is None:
+            raise wrong("a domain chunk that is not complete")
+        numbers.append(found[0])
+        at = found[1]
+    exponent, vertices, cells = unzigzag(numbers[0]), numbers[1], numbers[2]
+    if abs(exponent) > MOST_EXPONENT:
+        raise wrong("a unit of positions beyond all coordinates")
+    if not n < vertices < 1 << 31 or not 0 < cells < 1 << 31:
+        raise wrong("a mesh without cells, or with too many of them")
+    digest = payload[at : at + DIGEST] if kind == DomainKind.KNOWN else b""
+    if kind == DomainKind.KNOWN and len(payload) != at + DIGEST:
+        raise wrong("a hash of another length")
+    return DomainHead(DomainKind(kind), n + higher, exponent, vertices, cells, digest), at + len(digest)
+
+
+@dataclass(frozen=True)
+class MeshLayerHead:
+    """The head of a layer of an explicit domain.
+
+    Attributes
+    ----------
+    kind : MeshLayer
+    step : int
+        Offsets: the longest part of an edge, in units of positions.
+    bits : (int, int)
+        Values: bits of the numbers below and above the isovalue.
+    rounds : int
+        Levels: rounds of the history that are to come back yet.
+    """
+
+    kind: MeshLayer
+    step: int = 0
+    bits: tuple[int, int] = (0, 0)
+    rounds: int = 0
+
+
+def write_mesh_layer(head: MeshLayerHead) -> bytes:
+    """The bytes before the run."""
+    out = bytes([head.kind])
+    if head.kind == MeshLayer.OFFSETS:
+        out += write_varint(head.step)
+    if head.kind == MeshLayer.LEVELS:
+        out += write_varint(head.rounds)
+    if head.kind == MeshLayer.VALUES:
+        out += bytes(head.bits)
+    return out
+
+
+def read_mesh_layer(payload: bytes, start: int) -> tuple[MeshLayerHead, int]:
+    """Inverse of ``write_mesh_layer``: the head, and where the run begins in the payload, which begins at ``start``.
+
+    Raises
+    ------
+    FormatError
+        If it is malformed.
+    """
+
+    def wrong(what: str) -> FormatError:
+        return FormatError(what, code="layer", offset=start, clause="10.1.3")
+
+    if not payload or payload[0] not in MeshLayer.__members__.values():
+        raise wrong("unknown kind of layer")
+    kind = MeshLayer(payload[0])
+    if kind == MeshLayer.OFFSETS:
+        found = varint(payload, 1, len(payload), "10.1.3")
+        if found is None or not 1 <= found[0] <= MOST_STEP:
+            raise wrong("no step of offsets, or one out of range")
+        return MeshLayerHead(kind, step=found[0]), found[1]
+    if kind == MeshLayer.LEVELS:
+        found = varint(payload, 1, len(payload), "10.1.3")
+        if found is None:
+            raise wrong("no number of rounds")
+        return MeshLayerHead(kind, rounds=found[0]), found[1]
+    if kind == MeshLayer.VALUES:
+        if len(payload) < 3 or max(payload[1:3]) > MOST_BITS:
+            raise wrong("no numbers of bits, or more than there may be")
+        return MeshLayerHead(kind, bits=(payload[1], payload[2])), 3
+    return MeshLayerHead(kind), 1

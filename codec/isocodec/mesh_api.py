@@ -1,0 +1,117 @@
+"""Whole files on meshes at once: points, cells and values in, bytes out, and back (spec clause 10)."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping, Sequence
+from numbers import Integral
+
+from numpy.typing import ArrayLike
+
+from .errors import OptionError, TruncatedError
+from .format.chunks import octets
+from .format.header import read_header
+from .limits import Limits
+from .stream.mesh_decoder import MeshDecoder
+from .stream.mesh_encoder import MeshEncoder
+
+HEADER_BYTES = 64
+"""Longer than any header."""
+
+
+def encode_mesh(
+    points: ArrayLike,
+    cells: ArrayLike,
+    values: ArrayLike,
+    isovalue: float | Sequence[float],
+    *,
+    mesh: str = "known",
+    exact: bool = False,
+    step: float | None = None,
+    tolerance: float | None = None,
+    signs_only: bool = False,
+    leaning: bool = True,
+    progressive: bool = False,
+    metadata: Mapping[str, str] | None = None,
+) -> bytes:
+    """Encode one or more isocontours or isosurfaces of values at the vertices of a mesh.
+
+    Choose the precision with one of ``exact``, ``tolerance``, ``signs_only`` and ``step``. Without any, points are kept
+    to within 0.05 of the median edge.
+
+    Parameters
+    ----------
+    points : (V, 2) or (V, 3) array_like of numbers
+        Coordinates x, y (, z) of the vertices.
+    cells : (T, 3) or (T, 4) array_like of int
+        Vertices of triangles, in the plane or of a surface in space, or of tetrahedra.
+    values : (V,) array_like of bool, integers or floats
+    isovalue : number or sequence of numbers
+        As in `encode`.
+    mesh : str
+        ``known``: whoever decodes has the mesh, points and cells in the same order; the file holds its hash.
+    exact, step, signs_only, leaning, metadata
+        As in `encode`.
+    progressive : bool
+        Tell the signs level by level, from a coarse mesh to the whole one, so that the first bytes show all of the
+        curve; for triangles in the plane.
+    tolerance : float, optional
+        Largest distance, in the unit of the points, between the decoded and the extracted curve, both ways.
+
+    Returns
+    -------
+    bytes
+        An ``.iso`` file.
+
+    Raises
+    ------
+    InputError
+        If the mesh is no complex (faces of more than two cells, cells that are degenerate or given twice, points that
+        coincide), or the values or the isovalue cannot be encoded.
+    OptionError
+        If options contradict one another or are out of range.
+
+    Examples
+    --------
+    >>> from isocodec import decode
+    >>> data = encode_mesh([[0, 0], [1, 0], [0, 1], [1, 1]], [[0, 1, 2], [1, 3, 2]], [0, 1, 1, 2], 0.5)
+    >>> decode(data, mesh=([[0, 0], [1, 0], [0, 1], [1, 1]], [[0, 1, 2], [1, 3, 2]])).points.shape
+    (2, 2)
+    """
+    return b"".join(
+        MeshEncoder(
+            points, cells, values, isovalue, mesh=mesh, exact=exact, step=step, tolerance=tolerance,
+            signs_only=signs_only, leaning=leaning, progressive=progressive, metadata=metadata,
+        )
+    )  # fmt: skip
+
+
+def on_mesh(data: bytes) -> bool:
+    """Whether a file's domain is explicit: a mesh."""
+    found = read_header(bytes(octets(data)[:HEADER_BYTES]))
+    return found is not None and found[0].cells is not None
+
+
+def mesh_decoded(
+    data: bytes,
+    mesh: tuple[ArrayLike, ArrayLike] | None = None,
+    only: Collection[int] | None = None,
+    max_bytes: int | None = None,
+    limits: Limits | None = None,
+) -> MeshDecoder:
+    """A decoder that has taken all of a file on a mesh, or its first bytes; ``only`` those isovalues."""
+    if max_bytes is not None:
+        check_count(max_bytes, "max_bytes", "max-bytes")
+    decoder = MeshDecoder(mesh, limits, only=only)
+    decoder.feed(octets(data)[:max_bytes])
+    for _ in decoder:
+        pass
+    if max_bytes is None:
+        decoder.close()
+    if not decoder.isovalues:
+        raise TruncatedError("the file ends before its curve begins", code="truncated")
+    return decoder
+
+
+def check_count(asked: int, what: str, code: str) -> None:
+    if not (isinstance(asked, Integral) and asked >= 1):
+        raise OptionError(f"{what} is {asked}; it must be a whole number from 1 on", code=code)

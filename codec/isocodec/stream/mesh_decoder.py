@@ -1,0 +1,350 @@
+"""The decoder of files of explicit domains: chunks in, contours out (spec clause 10)."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator
+from copy import copy
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from isospec.container import ChunkType, MeshLayer
+
+from ..domain.complex import Complex, complex_of
+from ..domain.history import History, history_of
+from ..domain.isovalue import MeshIsovalue
+from ..drawing.contour import Contour
+from ..drawing.explicit import draw_cells
+from ..errors import FormatError, InputError, IsoError, LimitError, OptionError, TruncatedError, out_of_memory
+from ..field.samples import interval_value
+from ..format.chunks import Envelope, octets, read_envelope, verify
+from ..format.domain import DomainHead, MeshLayerHead, read_mesh_layer
+from ..format.header import Header, read_header
+from ..layers.contents import Contents
+from ..layers.events import ChunkSkipped, DomainRead, End, Event, HeaderRead, IsovalueRead, MeshLayerComplete
+from ..limits import Budget, Limits
+
+REFUSED = (ChunkType.CUT_LAYERS, ChunkType.MASK)
+"""Critical chunks that a file of an explicit domain does not have."""
+HISTORY_PER_CELL = 300
+"""Bytes that the history of a mesh takes for a cell, about."""
+PER_CELL = 200
+"""Bytes that checking a known mesh and drawing it take for a cell, about."""
+
+
+class MeshDecoder:
+    """Decodes a file of an explicit domain as its bytes come in, chunk by chunk.
+
+    Parameters
+    ----------
+    mesh : (points, cells), optional
+        The mesh that the file was made on, if that is known to both sides: (V, d) coordinates and (T, n + 1) vertices.
+    limits : Limits, optional
+    only : collection of int, optional
+        Numbers of the isovalues to decode, as of `Decoder`.
+
+    Attributes
+    ----------
+    header : Header or None
+    isovalues : list of float
+    metadata : dict of str to str
+
+    Raises
+    ------
+    FormatError
+        From iterating or ``close``: the bytes violate the specification.
+    InputError
+        From iterating: the mesh is not the one that the file was made on.
+    LimitError
+        From iterating: the file needs more than the limits allow.
+    """
+
+    def __init__(
+        self,
+        mesh: tuple[ArrayLike, ArrayLike] | None = None,
+        limits: Limits | None = None,
+        *,
+        only: Collection[int] | None = None,
+    ) -> None:
+        self.limits = limits or Limits()
+        self.header: Header | None = None
+        self._mesh = mesh
+        self._only = only
+        self._data = bytearray()
+        self._at = 0
+        self._contents = Contents()
+        self.isovalues, self.metadata = self._contents.isovalues, self._contents.metadata
+        self._domain: Complex | None = None
+        self._points: NDArray[np.float64] | None = None
+        self._strands: list[MeshIsovalue | None] = []
+        self._budget = Budget(self.limits.memory)
+        self._layers = 0
+        self._symbols = self.limits.symbols
+        self._last = self._ended = self._closed = False
+        self._error: IsoError | None = None
+
+    @property
+    def head(self) -> DomainHead | None:
+        """What the file says of its domain, once that has come."""
+        return self._contents.domain
+
+    @property
+    def complete(self) -> bool:
+        """Whether the whole file has been received and verified."""
+        return self._ended
+
+    def feed(self, data: bytes | bytearray | memoryview) -> None:
+        """Store some more bytes of the file."""
+        if self._error is not None:
+            raise copy(self._error)
+        if self._closed:
+            raise TruncatedError("bytes fed after close", code="closed")
+        if len(self._data) + len(octets(data)) > self.limits.bytes:
+            raise LimitError(f"more than {self.limits.bytes} bytes", code="limit-bytes", clause="11.2")
+        self._data += octets(data)
+
+    def close(self) -> None:
+        """Say that no more bytes will come.
+
+        Raises
+        ------
+        TruncatedError
+            If the file is not complete. What was decoded can still be drawn.
+        """
+        for _ in self:
+            pass
+        self._closed = True
+        if not self._ended:
+            raise TruncatedError(
+                f"the file ends after {len(self._data)} bytes, before it is complete", code="truncated",
+                offset=len(self._data), clause="8.3",
+            )  # fmt: skip
+
+    def __iter__(self) -> Iterator[Event]:
+        while True:
+            if self._error is not None:
+                raise copy(self._error)
+            try:
+                event = self._step()
+            except IsoError as error:
+                self._error = copy(error)
+                raise
+            except MemoryError:
+                self._error = out_of_memory("to decode")
+                raise copy(self._error) from None
+            if event is None:
+                return
+            yield event
+
+    def strand(self, number: int = 0) -> MeshIsovalue | None:
+        """What is known of an isovalue, by number; None before it has come, or if it is skipped."""
+        if number < 0:
+            raise OptionError(f"isovalue number {number}; they are counted from 0", code="isovalue")
+        return self._strands[number] if number < len(self._strands) else None
+
+    @property
+    def domain(self) -> Complex | None:
+        """The complex, once it has come."""
+        return self._domain
+
+    def drawn(self, number: int = 0) -> Contour:
+        """The curve or surface of an isovalue, by number, as of the events taken so far."""
+        n = self.header.n if self.header else 2
+        found = self.strand(number)
+        notes = dict(self.metadata)
+        if found is not None and found.edges is None and found.rounds is not None:
+            return self._coarse(found, notes)
+        if found is None or found.edges is None or self._domain is None or self._points is None:
+            d = n if self.head is None else self.head.d
+            return Contour(np.zeros((0, d)), np.zeros((0, n), np.int64), float("nan"), (), False, metadata=notes)
+        leaves = found.leaves
+        points, cells = draw_cells(
+            self._points, self._domain.mesh.cell[leaves], self._domain.mirrored[leaves], found.strand.sign == 1,
+            found.edges[:, :2], self._ratio(found),
+        )  # fmt: skip
+        return Contour(points, cells, found.value, (), self._ended, metadata=notes)
+
+    def _coarse(self, found: MeshIsovalue, notes: dict[str, str]) -> Contour:
+        """The curve on what is left of the mesh after some rounds."""
+        assert self._points is not None and found.rounds is not None
+        cells, above = self._history.cells[found.rounds], found.strand.sign == 1
+        cells = cells[above[cells].any(axis=1) & ~above[cells].all(axis=1)]
+        ends = np.sort(cells[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
+        edges = np.unique(ends[above[ends[:, 0]] != above[ends[:, 1]]], axis=0)
+        points, pieces = draw_cells(
+            self._points, cells, np.zeros(len(cells), np.bool_), above, edges, np.full(len(edges), 0.5)
+        )
+        return Contour(points, pieces, found.value, (), False, metadata=notes)
+
+    def snapshot(self, number: int = 0) -> Contour:
+        """The same of all bytes fed so far."""
+        for _ in self:
+            pass
+        return self.drawn(number)
+
+    def _ratio(self, found: MeshIsovalue) -> NDArray[np.float64]:
+        """Where edges are crossed, from their lower vertices."""
+        assert found.edges is not None
+        if found.active is not None and found.steps is not None:
+            value = np.zeros(len(found.strand.sign))
+            above = found.strand.sign[found.active[:, 0]] == 1
+            value[found.active[:, 0]] = interval_value(found.value, found.scale, found.steps, above) - found.value
+            low, high = value[found.edges[:, 0]], value[found.edges[:, 1]]
+            with np.errstate(all="ignore"):
+                ratio = low / (low - high)
+            return np.where(np.isfinite(ratio), np.clip(ratio, 0, 1), 0.5)
+        if found.parts is not None and found.number is not None:
+            return np.asarray((2 * found.number + 1) / (2 * found.parts))
+        return np.full(len(found.edges), 0.5)
+
+    # -- the machine ---------------------------------------------------------------------------------------------
+
+    def _step(self) -> Event | None:
+        """Next event; None if it needs more bytes."""
+        if self._ended:
+            if len(self._data) > self._at:
+                raise FormatError("bytes after the end of the file", code="trailing", offset=self._at, clause="3.4.4")
+            return None
+        if self._last:
+            self._ended = True
+            return End(self._at)
+        if self.header is None:
+            found = read_header(self._data)
+            if found is None:
+                return None
+            if found[0].cells is None:
+                raise OptionError("the file's domain is a grid", code="domain", remedy="take Decoder, or decode")
+            self.header, self._at = found
+            self._contents.begin(self.header)
+            return HeaderRead(self._at, self.header)
+        chunk = read_envelope(self._data, self._at)
+        if chunk is None:
+            return None
+        self._check(chunk)
+        behind = verify(self._data, chunk, self._at)
+        if behind is None:
+            return None
+        self._at = behind
+        self._last = chunk.last
+        return self._read(chunk, bytes(self._data[chunk.start : chunk.end]), behind)
+
+    def _check(self, chunk: Envelope) -> None:
+        """Refuse critical chunks that do not belong here."""
+        if chunk.type in REFUSED:
+            raise FormatError("not in an explicit domain", code="chunk", offset=self._at, clause="10.1.1")
+        if (chunk.type == ChunkType.DOMAIN) == (self.head is not None) and not chunk.ancillary:
+            what = "a second domain" if self.head else "the domain has to come first"
+            raise FormatError(what, code="domain", offset=self._at, clause="3.5.8")
+
+    def _read(self, chunk: Envelope, payload: bytes, behind: int) -> Event:
+        if chunk.type == ChunkType.LAYERS:
+            return self._read_layer(payload, chunk.start, behind)
+        if chunk.type == ChunkType.INDEX:
+            return ChunkSkipped(behind, chunk.type, len(payload))
+        event = self._contents.read(chunk, payload, behind)
+        if isinstance(event, IsovalueRead):
+            self._begin(event.number, event.lean)
+        if isinstance(event, DomainRead):
+            self._begin_domain()
+        return event
+
+    def _begin_domain(self) -> None:
+        """The domain's chunk has been read."""
+        assert self.header is not None and self.head is not None
+        n, head = self.header.n, self.head
+        if head.vertices > self.limits.vertices or head.cells > self.limits.simplices:
+            raise LimitError("more vertices or cells than the limits allow", code="limit-vertices", clause="11.2")
+        self._budget.check(PER_CELL * (head.vertices + head.cells))
+        self._domain, self._points = self._known_mesh(head, n)
+        self._begin(0, None)
+
+    def _known_mesh(self, head: DomainHead, n: int) -> tuple[Complex, NDArray[np.float64]]:
+        """The mesh that was given, if it is the file's."""
+        if self._mesh is None:
+            raise InputError(
+                f"the file was made on a mesh of {head.vertices} points and {head.cells} cells that it does not hold",
+                code="mesh", remedy="give that mesh (mesh=, --domain)",
+            )  # fmt: skip
+        points, cells = np.asarray(self._mesh[0]), np.asarray(self._mesh[1])
+        shapes = (head.vertices, head.d), (head.cells, n + 1)
+        if (points.shape, cells.shape) != shapes:
+            raise InputError(
+                f"the mesh has points {points.shape} and cells {cells.shape}, the file's {shapes[0]} and {shapes[1]}",
+                code="mesh", remedy="give the mesh that the file was made on",
+            )  # fmt: skip
+        domain, coordinates = complex_of(points, cells, head.exponent)
+        if domain.digest != head.digest:
+            raise InputError(
+                f"the mesh has the SHA-256 {domain.digest.hex()}.., the file's has {head.digest.hex()}..", code="mesh",
+                remedy="give the mesh that the file was made on, its points and cells in the same order",
+            )  # fmt: skip
+        return domain, coordinates
+
+    def _begin(self, number: int, lean: int | None) -> None:
+        """An isovalue begins."""
+        assert self.header is not None and self._domain is not None
+        if number >= self.limits.isovalues:
+            raise LimitError(f"more than {self.limits.isovalues} isovalues", code="limit-isovalues", clause="11.2")
+        if self._only is not None and number not in self._only:
+            self._strands.append(None)
+            return
+        earlier = []
+        while lean is not None:
+            one = self._strands[lean]
+            if one is None:
+                raise OptionError(f"isovalue {number} leans on isovalue {lean}, which is not decoded", code="only")
+            earlier.append(one)
+            lean = self._contents.leans[lean]
+        held = sum(one is not None for one in self._strands) + 1
+        self._budget.hold(self, held * MeshIsovalue.bytes_for(self._domain))
+        self._strands.append(MeshIsovalue(self._domain, self.isovalues[number], self.header.scale, earlier))
+
+    def _read_layer(self, payload: bytes, start: int, behind: int) -> Event:
+        present = self._strands[-1]
+        self._layers += 1
+        if self._layers > self.limits.layers:
+            raise LimitError(f"more than {self.limits.layers} layers", code="limit-layers", clause="11.2")
+        head, at = read_mesh_layer(payload, start)
+        if present is None:
+            return ChunkSkipped(behind, ChunkType.LAYERS, len(payload))
+        if not self._fits(head, present):
+            raise FormatError("a layer that comes twice, or too early", code="layer", offset=start, clause="10.1.3")
+        present.run.begin(payload[at:], start + at, self._symbols)
+        if head.kind == MeshLayer.SIGNS:
+            present.code_signs()
+        elif head.kind == MeshLayer.LEVELS:
+            present.code_levels(self._history, head.rounds)
+        elif head.kind == MeshLayer.OFFSETS:
+            present.code_offsets(head.step)
+        else:
+            present.code_values(head.bits)
+        present.run.end()
+        self._symbols = present.run.coder.reg.left
+        return MeshLayerComplete(behind, self._layers, head.kind.name.lower(), len(payload) - at)
+
+    def _fits(self, head: MeshLayerHead, present: MeshIsovalue) -> bool:
+        """Whether a layer may come next."""
+        match head.kind:
+            case MeshLayer.SIGNS:
+                return present.rounds is None and present.edges is None
+            case MeshLayer.LEVELS if present.edges is None:
+                return (
+                    head.rounds <= len(self._history.rounds) if present.rounds is None else head.rounds < present.rounds
+                )
+            case MeshLayer.OFFSETS:
+                return present.edges is not None and present.parts is None
+            case MeshLayer.VALUES:
+                return present.edges is not None and present.active is None
+        return False
+
+    @cached_property
+    def _history(self) -> History:
+        """Of the domain."""
+        assert self._domain is not None
+        self._budget.check(HISTORY_PER_CELL * len(self._domain.mesh.cell))
+        try:
+            return history_of(self._domain)
+        except OptionError as error:
+            text = f"a layer of levels, but {error.message}"
+            raise FormatError(text, code="layer", offset=self._at, clause="10.8.1") from None

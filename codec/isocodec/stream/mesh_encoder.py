@@ -1,0 +1,214 @@
+"""The encoder of isovalues on explicit domains (spec clause 10)."""
+
+from __future__ import annotations
+
+import math
+import zlib
+from collections.abc import Iterator, Mapping, Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from isospec.container import Checksum, ChunkType, DomainKind, MeshLayer, Profile
+
+from ..domain.complex import Complex, complex_of
+from ..domain.geometry import MOST_PARTS, active_vertices, parts_of
+from ..domain.history import history_of
+from ..domain.isovalue import MeshIsovalue
+from ..errors import InputError, OptionError
+from ..field.samples import Field, isovalue_of
+from ..format.chunks import write_chunk, write_further, write_metadata
+from ..format.domain import DomainHead, MeshLayerHead, write_domain, write_mesh_layer
+from ..format.header import Header, write_header
+from .options import Options, isovalues_of, nearest_before
+
+FINER = 2
+"""How many times as many vertices are told after a layer of signs than before it, at least."""
+EDGE_SHARE = 0.05
+"""Without an option, points lie as near to the contour as this share of the median edge."""
+KINDS = ("known",)
+
+
+class MeshEncoder:
+    """Encodes isocontours of values at the vertices of a mesh; iterating, once, yields the bytes of the file.
+
+    Parameters
+    ----------
+    points, cells, values, isovalue, mesh, exact, step, tolerance, signs_only, leaning, progressive, metadata
+        As in `encode_mesh`.
+
+    Raises
+    ------
+    InputError
+        If the mesh, the values or the isovalue cannot be encoded.
+    OptionError
+        If options contradict one another or are out of range.
+    """
+
+    def __init__(
+        self,
+        points: ArrayLike,
+        cells: ArrayLike,
+        values: ArrayLike,
+        isovalue: float | Sequence[float],
+        *,
+        mesh: str = "known",
+        exact: bool = False,
+        step: float | None = None,
+        tolerance: float | None = None,
+        signs_only: bool = False,
+        leaning: bool = True,
+        progressive: bool = False,
+        metadata: Mapping[str, str] | None = None,
+    ) -> None:
+        if mesh not in KINDS:
+            raise OptionError(f"the mesh is {mesh!r}", code="mesh", remedy=f"choose one of: {', '.join(KINDS)}")
+        self.options = Options(
+            exact=exact, step=step, tolerance=tolerance, signs_only=signs_only, leaning=leaning, metadata=metadata
+        )
+        self.isovalues = isovalues_of(isovalue)
+        self.domain, self._points = complex_of(points, cells)
+        self._fields = [vertex_field(values, self.domain, one, self.options.step) for one in self.isovalues]
+        self.options.check_data(self._fields[0].integer)
+        self._step = self._offset_step()
+        self._history = history_of(self.domain) if progressive else None
+        profile = Profile.MAIN
+        self.header = Header((), self._fields[0].isovalue, self.options.step, profile, cells=self.domain.n)
+        self.strands: list[MeshIsovalue] = []
+
+    def _offset_step(self) -> int:
+        """The longest part of an edge, in units of positions; 0 without offsets."""
+        o = self.options
+        if o.exact or o.signs_only or o.step is not None:
+            return 0
+        cells = self.domain.mesh.cell
+        unit = 2.0**self.domain.exponent
+        side = self._points[cells[:, 1]] - self._points[cells[:, 0]]
+        tolerance = o.tolerance or EDGE_SHARE * float(np.median(np.sqrt((side**2).sum(axis=1))))
+        return int(min(max(2 * tolerance / unit, 1), MOST_PARTS))
+
+    def __iter__(self) -> Iterator[bytes]:
+        checksum = 0
+        for piece in self._pieces():
+            checksum = zlib.crc32(piece, checksum)
+            yield piece
+        yield Checksum.build(checksum)
+
+    def _pieces(self) -> Iterator[bytes]:
+        """The file but for its checksum."""
+        yield write_header(self.header)
+        if self.options.metadata:
+            yield write_chunk(ChunkType.METADATA, write_metadata(self.options.metadata), ancillary=True)
+        mesh = self.domain.mesh
+        head = DomainHead(
+            DomainKind.KNOWN, mesh.position.shape[1], self.domain.exponent, len(mesh.position), len(mesh.cell),
+            self.domain.digest,
+        )  # fmt: skip
+        yield write_chunk(ChunkType.DOMAIN, write_domain(head, self.domain.n))
+        leans: list[int | None] = []
+        for number, value in enumerate(self.isovalues):
+            lean = nearest_before(self.isovalues, number) if number and self.options.leaning else None
+            leans.append(lean)
+            if number:
+                yield write_chunk(ChunkType.ISOVALUE, write_further(value, lean))
+            earlier = []
+            while lean is not None:
+                earlier.append(self.strands[lean])
+                lean = leans[lean]
+            self.strands.append(MeshIsovalue(self.domain, value, self.options.step, earlier))
+            yield from self._layers(number)
+
+    def _layers(self, number: int) -> Iterator[bytes]:
+        """Chunks of the layers of an isovalue."""
+        strand, field = self.strands[number], self._fields[number]
+        geometry = self._geometry()
+        ends = number == len(self.isovalues) - 1
+        for head in self._sign_layers():
+            strand.run.begin(None)
+            if self._history is None:
+                strand.code_signs(field.signs)
+            else:
+                strand.code_levels(self._history, head.rounds, field.signs)
+            empty = strand.edges is not None and not len(strand.edges)
+            last = ends and head.rounds == 0 and (empty or geometry is None)
+            yield write_chunk(ChunkType.LAYERS, write_mesh_layer(head) + strand.run.end(), last=last)
+        assert strand.edges is not None
+        if geometry is None or empty:
+            return
+        strand.run.begin(None)
+        if geometry == MeshLayer.OFFSETS:
+            number_of = offsets(field, strand.edges, parts_of(self.domain.mesh, strand.edges, self._step))
+            head = MeshLayerHead(geometry, step=self._step)
+            strand.code_offsets(self._step, number_of)
+        else:
+            active = active_vertices(strand.edges)[:, 0]
+            steps = field.numbers(active[:, None], field.signs[active])
+            bits = [max((int(n).bit_length() for n in steps[field.signs[active] == s]), default=0) for s in (0, 1)]
+            head = MeshLayerHead(geometry, bits=(bits[0], bits[1]))
+            strand.code_values(head.bits, steps)
+        yield write_chunk(ChunkType.LAYERS, write_mesh_layer(head) + strand.run.end(), last=ends)
+
+    def _sign_layers(self) -> list[MeshLayerHead]:
+        """Layers that tell the signs: one, or one for every few rounds."""
+        if self._history is None:
+            return [MeshLayerHead(MeshLayer.SIGNS)]
+        rounds = len(self._history.rounds)
+        out, there, told = [rounds], self._history.left, self._history.left
+        while rounds:
+            rounds -= 1
+            there += len(self._history.rounds[rounds].vertex)
+            if there >= FINER * told or rounds == 0:
+                out.append(rounds)
+                told = there
+        return [MeshLayerHead(MeshLayer.LEVELS, rounds=each) for each in out]
+
+    def _geometry(self) -> MeshLayer | None:
+        """What tells where within cells the curve lies."""
+        if self.options.signs_only:
+            return None
+        return MeshLayer.OFFSETS if self._step else MeshLayer.VALUES
+
+
+def vertex_field(values: ArrayLike, domain: Complex, isovalue: float, step: float | None) -> Field:
+    """Values at the vertices of a complex as a field; raises `InputError` if they are none."""
+    found = np.asarray(values)
+    vertices, cells = len(domain.mesh.position), len(domain.mesh.cell)
+    if found.dtype.kind not in "biuf":
+        raise InputError(
+            f"the values are of type {found.dtype}", code="dtype", remedy="convert them to integers or floats"
+        )
+    if found.shape == (cells,) and cells != vertices:
+        raise InputError(
+            "a value for each cell, needed is one for each point", code="values",
+            remedy="average the cells around each point, or encode the dual mesh",
+        )  # fmt: skip
+    if found.shape != (vertices,):
+        raise InputError(f"the values have shape {found.shape}, needed is ({vertices},)", code="values")
+    if found.dtype.kind == "b":
+        found = found.view(np.uint8)
+    if found.dtype.kind == "f":
+        if np.isnan(found).any():
+            bad = np.flatnonzero(np.isnan(found))[:5].tolist()
+            raise InputError(
+                f"values are missing (NaN): points {', '.join(map(str, bad))} ..", code="missing",
+                remedy="leave out the cells that have them",
+            )  # fmt: skip
+        signs = found > np.float64(isovalue)
+    else:
+        signs = found > math.floor(isovalue)
+        if step is not None:
+            raise OptionError("a step is for float data; integers are sent exactly", code="step", remedy="use exact")
+    if step is not None and not (math.isfinite(step) and step > 0):
+        raise OptionError(f"the step is {step}, needed is a positive number", code="step")
+    return Field(found, isovalue_of(isovalue), signs, step)
+
+
+def offsets(field: Field, edges: NDArray[np.int64], parts: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Parts of edges that are crossed, by linear interpolation."""
+    low, high = (field.values[edges[:, i]].astype(np.float64) for i in (0, 1))
+    with np.errstate(all="ignore"):
+        # as of fields: no overflow, and all bits of tiny numbers
+        exponent = np.frexp(np.maximum(np.abs(low), np.abs(high)))[1]
+        at, start, end = (np.ldexp(x, -exponent) for x in (field.isovalue, low, high))
+        where = np.nan_to_num((at - start) / (end - start), nan=0.5)
+    return np.clip(np.floor(where * parts), 0, parts - 1).astype(np.int64)

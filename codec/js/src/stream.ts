@@ -1,0 +1,40 @@
+/** Files from streams, the tables of the main profile fetched when they are needed. */
+import { Decoder, type DecoderOptions, type IsoEvent } from "./decoder.js";
+
+export interface StreamOptions extends DecoderOptions {
+  /** Fetches `main.bin`; by default from beside this module. Asked for once, when a file needs it. */
+  loadTables?: () => Promise<Uint8Array>;
+}
+
+let tables: Promise<Uint8Array> | undefined;
+
+/** The tables of the main profile, from beside this module; they are fetched once. */
+export function fetchTables(url: string | URL = new URL("./main.bin", import.meta.url)): Promise<Uint8Array> {
+  tables ??= fetch(url).then(async (answer) => {
+    if (!answer.ok) throw new Error(`${url}: ${answer.status} ${answer.statusText}`);
+    return new Uint8Array(await answer.arrayBuffer());
+  });
+  tables.catch(() => (tables = undefined));
+  return tables;
+}
+
+/**
+ * Decode a stream of bytes. Yields the decoder with what has happened since the last time: after each piece that came,
+ * and at the end. Draw from it whenever there is time; an error of the file is the last event.
+ */
+export async function* decodeStream(stream: ReadableStream<Uint8Array>, options: StreamOptions = {}):
+AsyncGenerator<{ decoder: Decoder; events: IsoEvent[] }, Decoder, void> {
+  const decoder = new Decoder(options), reader = stream.getReader();
+  try {
+    for (;;) {
+      const { done, value } = await reader.read();
+      let events = done ? decoder.end() : decoder.feed(value);
+      if (decoder.needsTables && !options.tables && !decoder.contours.length && !decoder.error)
+        events = events.concat(decoder.setTables(await (options.loadTables ?? fetchTables)()));
+      yield { decoder, events };
+      if (done || decoder.error) return decoder;
+    }
+  } finally {
+    reader.cancel().catch(() => undefined);
+  }
+}

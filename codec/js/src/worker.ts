@@ -1,0 +1,144 @@
+/**
+ * Decoding in a worker. The page sends a request and gets drawings as typed arrays, transferred, never more often than it
+ * takes them: it answers each drawing with `next`.
+ */
+import { Decoder, type Header, type IsoEvent } from "./decoder.js";
+import { draw, type Drawing } from "./draw.js";
+import type { Limits } from "./errors.js";
+import { fetchTables } from "./stream.js";
+
+/** What the page sends. Streams and bytes are transferred. */
+export type Request =
+  | { type: "open"; id: number; url: string; tables?: string; limits?: Partial<Limits>; bytesPerSecond?: number }
+  | { type: "open"; id: number; stream: ReadableStream<Uint8Array>; tables?: string; limits?: Partial<Limits> }
+  | { type: "open"; id: number; bytes: Uint8Array; tables?: string; limits?: Partial<Limits>; bytesPerSecond?: number }
+  | { type: "isovalue"; id: number; isovalue: number }
+  | { type: "next"; id: number };
+
+/** What the worker answers. */
+export type Answer =
+  | { type: "events"; id: number; events: PlainEvent[]; header: Header | undefined; total: number | undefined }
+  | { type: "drawing"; id: number; isovalue: number; bytes: number; layers: number; final: boolean; drawing: Drawing }
+  | { type: "failed"; id: number; message: string };
+
+/** Events as they can be sent: an error as its words. */
+export type PlainEvent = Exclude<IsoEvent, { type: "error" }> |
+  { type: "error"; bytes: number; kind: string; clause: string; message: string };
+
+const scope = self as unknown as {
+  postMessage(message: Answer, transfer?: Transferable[]): void;
+  onmessage: ((event: MessageEvent<Request>) => void) | null;
+};
+
+class Job {
+  readonly decoder: Decoder;
+  private isovalue = -1;
+  private wanted = 0;
+  private ready = true;
+  private stale = false;
+  private done = false;
+  private bytes = 0;
+  private total: number | undefined;
+
+  constructor(private readonly request: Request & { type: "open" }) {
+    this.decoder = new Decoder({ limits: request.limits ?? {} });
+  }
+
+  get id(): number {
+    return this.request.id;
+  }
+
+  private async source(): Promise<ReadableStream<Uint8Array>> {
+    const { request } = this;
+    if ("stream" in request) return request.stream;
+    let stream: ReadableStream<Uint8Array>;
+    if ("bytes" in request) {
+      this.total = request.bytes.length;
+      stream = new Response(request.bytes as BlobPart & Uint8Array<ArrayBuffer>).body!;
+    } else {
+      const answer = await fetch(request.url);
+      if (!answer.ok || !answer.body) throw new Error(`${request.url}: ${answer.status} ${answer.statusText}`);
+      const length = answer.headers.get("content-length");
+      if (length && !answer.headers.get("content-encoding")) this.total = Number(length);
+      stream = answer.body;
+    }
+    return request.bytesPerSecond ? stream.pipeThrough(slower(request.bytesPerSecond)) : stream;
+  }
+
+  async run(): Promise<void> {
+    const { decoder } = this, reader = (await this.source()).getReader();
+    for (;;) {
+      const { done, value } = await reader.read();
+      if (current !== this) return void reader.cancel();
+      this.bytes += value?.length ?? 0;
+      let events = done ? decoder.end() : decoder.feed(value);
+      if (decoder.needsTables && !decoder.contours.length && !decoder.error) {
+        this.send(events);
+        events = decoder.setTables(await fetchTables(this.request.tables));
+      }
+      this.done = done || decoder.error !== undefined;
+      this.send(events);
+      this.stale = true;
+      this.draw();
+      // let requests of the page come in between
+      await new Promise((resolve) => setTimeout(resolve, 0));
+      if (this.done) return;
+    }
+  }
+
+  private send(events: IsoEvent[]): void {
+    const plain = events.map((event): PlainEvent => event.type !== "error" ? event : {
+      type: "error", bytes: event.bytes, kind: event.error.kind, clause: event.error.clause, message: event.error.message,
+    });
+    scope.postMessage({ type: "events", id: this.id, events: plain, header: this.decoder.header, total: this.total });
+  }
+
+  show(isovalue: number): void {
+    this.wanted = isovalue;
+    this.stale = true;
+    this.draw();
+  }
+
+  next(): void {
+    this.ready = true;
+    this.draw();
+  }
+
+  private draw(): void {
+    if (!this.ready || !this.stale || !this.decoder.contours.length) return;
+    this.isovalue = Math.min(this.wanted, this.decoder.contours.length - 1);
+    const drawing = draw(this.decoder, this.isovalue);
+    this.ready = this.stale = false;
+    scope.postMessage({
+      type: "drawing", id: this.id, isovalue: this.isovalue, bytes: this.bytes, layers: this.decoder.layers,
+      final: this.done, drawing,
+    }, [drawing.points.buffer, drawing.cells.buffer]);
+  }
+}
+
+/** Lets so many bytes through in a second, a twentieth at a time. */
+function slower(bytesPerSecond: number): TransformStream<Uint8Array, Uint8Array> {
+  const piece = Math.max(1, Math.round(bytesPerSecond / 20));
+  return new TransformStream({
+    async transform(bytes, controller) {
+      for (let at = 0; at < bytes.length; at += piece) {
+        controller.enqueue(bytes.slice(at, at + piece));
+        await new Promise((resolve) => setTimeout(resolve, 50));
+      }
+    },
+  });
+}
+
+let current: Job | undefined;
+
+scope.onmessage = ({ data: request }) => {
+  if (request.type === "open") {
+    const job = (current = new Job(request));
+    job.run().catch((error: unknown) => {
+      if (current === job) scope.postMessage({ type: "failed", id: job.id, message: String(error) });
+    });
+  } else if (current?.id === request.id) {
+    if (request.type === "next") current.next();
+    else current.show(request.isovalue);
+  }
+};

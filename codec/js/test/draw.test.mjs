@@ -1,0 +1,120 @@
+// Drawings: closed within the box, in whole files and in parts of them; lines, GeoJSON, three.js, streams.
+import assert from "node:assert/strict";
+import { readFileSync } from "node:fs";
+import { test } from "node:test";
+import { Decoder, decodeStream, draw, lines, place, placement, toGeoJSON } from "../dist/index.js";
+import { toBufferGeometry } from "../dist/three.js";
+
+const folder = new URL("../../../conformance/vectors/", import.meta.url);
+const tables = new Uint8Array(readFileSync(new URL("../dist/main.bin", import.meta.url)));
+const vector = (name) => new Uint8Array(readFileSync(new URL(`${name}.iso`, folder)));
+
+function decoded(data) {
+  const decoder = new Decoder({ tables });
+  decoder.feed(data);
+  return decoder;
+}
+
+/** Sides of the cells that no other cell has the other way round. */
+function border({ n, cells }) {
+  const sides = new Map();
+  const add = (p, q) => {
+    const key = n === 2 ? p : `${Math.min(p, q)} ${Math.max(p, q)}`, way = n === 2 ? q : p < q ? 1 : -1;
+    sides.set(key, (sides.get(key) ?? 0) + way);
+  };
+  for (let c = 0; c < cells.length; c += n) {
+    if (n === 2) {
+      add(cells[c], 1);
+      add(cells[c + 1], -1);
+    } else for (let i = 0; i < 3; i++) add(cells[c + i], cells[c + ((i + 1) % 3)]);
+  }
+  return [...sides].filter(([, count]) => count !== 0).flatMap(([key]) => String(key).split(" ").map(Number));
+}
+
+const NAMES = [
+  "plane_base_0", "plane_values_8_bit", "plane_offsets_32", "plane_steps", "plane_adapt_births", "plane_adapt_twice",
+  "plane_main_offsets_between", "plane_values_interleaved", "space_base_0", "space_values_noise", "space_offsets_32",
+  "space_adapt_births", "space_adapt_twice", "space_main_offsets_between", "space_cubes_even", "space_cubes_cut",
+];
+
+for (const name of NAMES) {
+  test(`${name} is closed within the box`, () => {
+    const data = vector(name);
+    for (const part of [0.3, 0.5, 0.7, 1]) {
+      const decoder = decoded(data.subarray(0, Math.round(part * data.length)));
+      if (!decoder.contours[0]?.tube.baseDone) continue;
+      const drawing = draw(decoder), { n, points } = drawing, { shape } = decoder.header;
+      for (const i of border(drawing)) {
+        const p = Array.from(points.subarray(n * i, n * i + n));
+        assert.ok(p.some((x, a) => x === 0 || x === shape[a] - 1), `open at ${p} after ${part} of the file`);
+      }
+    }
+  });
+}
+
+test("samples above a curve lie on its left, in front of a surface those below", () => {
+  for (const [name, way] of [["plane_base_8", 1], ["space_base_9", 1]]) {
+    const drawing = draw(decoded(vector(name))), { n, points, cells } = drawing;
+    const decoder = decoded(vector(name)), { tube } = decoder.contours[0];
+    let agree = 0;
+    for (let c = 0; c < cells.length; c += n) {
+      const p = [0, 1, 2].slice(0, n).map((i) => Array.from(points.subarray(n * cells[c + i], n * cells[c + i] + n)));
+      const normal = n === 2 ? [p[1][1] - p[0][1], p[0][0] - p[1][0]] : [0, 1, 2].map((a) => {
+        const [u, v] = [p[1], p[2]].map((q) => q.map((x, i) => x - p[0][i])), [b, d] = [(a + 1) % 3, (a + 2) % 3];
+        return u[b] * v[d] - u[d] * v[b];
+      });
+      const mean = p[0].map((_, a) => p.reduce((sum, q) => sum + q[a], 0) / n), size = Math.hypot(...normal);
+      const near = (by) => {
+        const at = mean.map((x, a) => Math.round(x + (by * normal[a]) / size));
+        return tube.see(at[0], at[1], at[2] ?? 0);
+      };
+      const [ahead, behind] = [near(0.6), near(-0.6)];
+      if ((ahead & 1) && (behind & 1) && (ahead & 2) !== (behind & 2)) agree += ahead & 2 ? -1 : 1;
+    }
+    assert.ok(way * agree > 0, name);
+  }
+});
+
+test("curves, GeoJSON and placements", () => {
+  const drawing = draw(decoded(vector("plane_values_8_bit"))), found = lines(drawing);
+  assert.equal(found.reduce((sum, line) => sum + line.length - 1, 0), drawing.cells.length / 2);
+  const feature = toGeoJSON(drawing, undefined, { level: 1 }), [x, y] = feature.geometry.coordinates[0][0];
+  assert.deepEqual([y, x], Array.from(drawing.points.subarray(2 * lines(place(drawing, [[0, 1, 0], [1, 0, 0]]))[0][0]).subarray(0, 2)));
+  assert.equal(feature.properties.level, 1);
+  const rows = placement({ placement: "2 0 10 0 -3 20" }, 2);
+  assert.deepEqual(rows, [[2, 0, 10], [0, -3, 20]]);
+  assert.equal(place(drawing, rows).points[0], 10 + 2 * drawing.points[0]);
+  for (const text of ["1 2 3", "1 0 0 0 0 0", "1 0 0 0 01 0", "1 0 0 0 1e-31 0", "1 2 0 2 4 0"])
+    assert.equal(placement({ placement: text }, 2), undefined, text);
+});
+
+test("three.js takes a surface and curves", () => {
+  const surface = draw(decoded(vector("space_values_noise"))), geometry = toBufferGeometry(surface);
+  assert.equal(geometry.getAttribute("position").count, surface.points.length / 3);
+  assert.equal(geometry.getIndex().count, surface.cells.length);
+  assert.equal(geometry.getAttribute("normal").count, surface.points.length / 3);
+  const curves = draw(decoded(vector("plane_values_8_bit")));
+  assert.equal(toBufferGeometry(curves).getAttribute("position").count, curves.points.length / 2);
+});
+
+test("a stream whose tables are fetched when they are needed", async () => {
+  let asked = 0;
+  const loadTables = async () => {
+    asked++;
+    return tables;
+  };
+  for (const [name, times] of [["plane_base_0", 0], ["plane_main_offsets", 1]]) {
+    asked = 0;
+    const data = vector(name);
+    const stream = new ReadableStream({
+      start(controller) {
+        for (let at = 0; at < data.length; at += 10) controller.enqueue(data.slice(at, at + 10));
+        controller.close();
+      },
+    });
+    let last;
+    for await (const { events } of decodeStream(stream, { loadTables })) last = events.at(-1) ?? last;
+    assert.equal(last.type, "end");
+    assert.equal(asked, times);
+  }
+});

@@ -1,0 +1,306 @@
+"""Explicit domains: contours of values at the vertices of meshes (spec clause 10)."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import isocodec
+from brute import INTERPRETED, clamped
+from explicit_meshes import components, crossings, euler, pieces, plane, space, torus
+from isocodec import (
+    FormatError,
+    InputError,
+    IsoError,
+    LimitError,
+    Limits,
+    MeshDecoder,
+    OptionError,
+    TruncatedError,
+    decode,
+    decode_all,
+    encode,
+    encode_mesh,
+)
+from isoconform.meshes import exponent
+
+MANY = 6 if INTERPRETED else 150
+"""Random complexes, of each dimension."""
+
+
+def rounded(points):
+    """Points as a sorted array that can be compared."""
+    found = np.round(points, 6) + 0.0
+    return found[np.lexsort(found.T)]
+
+
+def noise(count, seed, low=0, high=100):
+    return np.random.default_rng(seed).integers(low, high, count)
+
+
+def smooth(points):
+    """A few hills."""
+    x = points / 20
+    return np.rint(100 * np.sin(x[:, 0]) * np.cos(x[:, 1]) + 3 * x[:, -1]).astype(np.int64)
+
+
+def check(mesh, values, isovalue, **options):
+    """Encode and decode; points and pieces are those of brute force."""
+    data = encode_mesh(*mesh, values, isovalue, **options)
+    contour = decode(data, mesh=mesh)
+    wanted = crossings(mesh, values, isovalue)
+    assert contour.complete
+    assert len(contour.points) == len(wanted)
+    if options.get("exact"):
+        points = np.array(list(wanted.values())).reshape(-1, mesh[0].shape[1])
+        assert np.allclose(rounded(contour.points), rounded(points))
+    return data, contour
+
+
+@pytest.mark.parametrize("make", [plane, space])
+@pytest.mark.parametrize("values_of", ["noise", "smooth"])
+def test_random_complexes(make, values_of):
+    """Points, components and Euler characteristics are those of brute force; with borders, pieces, lone vertices."""
+    for seed in range(MANY):
+        mesh = make(seed)
+        values = noise(len(mesh[0]), seed) if values_of == "noise" else smooth(mesh[0])
+        isovalue = int(np.median(values)) + 0.5
+        _, contour = check(mesh, values, isovalue, exact=True)
+        number = {edge: i for i, edge in enumerate(crossings(mesh, values, isovalue))}
+        if make is plane:
+            cells = [[number[edge] for edge in edges] for edges in pieces(mesh, values, isovalue)]
+            cells = np.array(cells, np.int64).reshape(-1, 2)
+            assert components(len(number), cells) == components(len(contour.points), contour.cells)
+            assert euler(len(number), cells) == euler(len(contour.points), contour.cells)
+        else:
+            cells = [[number[edge] for edge in edges] for edges in pieces(mesh, values, isovalue)]
+            linked = [(cell[0], other) for cell in cells for other in cell[1:]]
+            assert components(len(number), np.array(linked, np.int64).reshape(-1, 2)) == components(
+                len(contour.points), contour.cells
+            )
+            assert len(contour.cells) == sum(len(cell) - 2 for cell in cells)
+
+
+def test_orientation():
+    """Curves have the higher values on their left; normals of surfaces point to lower values."""
+    points, cells = plane(5, 60, 1.0)
+    contour = check((points, cells), points[:, 0], 50.0, step=1e-6)[1]
+    assert (np.diff(contour.points[contour.cells], axis=1)[:, 0, 1] <= 1e-9).all()
+    points, cells = space(5, 40, 1.0)
+    contour = check((points, cells), points[:, 2], 50.0, step=1e-6)[1]
+    a, b, c = (contour.points[contour.cells[:, i]] for i in range(3))
+    assert (np.cross(b - a, c - a)[:, 2] <= 1e-9).all()
+
+
+def test_handle():
+    """On a torus in space level curves are closed lines with the points of brute force."""
+    mesh = torus()
+    values = np.rint(mesh[0][:, 2] * 100 + mesh[0][:, 0]).astype(np.int64)
+    contour = check(mesh, values, 50.5, exact=True)[1]
+    assert contour.points.shape[1] == 3
+    assert all(np.array_equal(line[0], line[-1]) for line in contour.lines)
+    assert len(contour.lines) == 2
+
+
+@pytest.mark.parametrize("shape", [(9, 9), (7, 12)])
+def test_lattice_as_a_mesh(shape):
+    """A level of the grid's mesh, given as triangles, has the same curve."""
+    field = np.random.default_rng(3).integers(0, 50, shape)
+    level = 2 * exponent(shape) - 2
+    s = clamped(shape, level)
+    points, cells = np.unique(s.reshape(-1, 2), axis=0, return_inverse=True)
+    values = field[tuple(points.T)]
+    grid = decode(encode(field, 24.5, plan=[("base", level), ("values", None)]))
+    mesh = points, cells.reshape(-1, 3)
+    contour = decode(encode_mesh(*mesh, values, 24.5, exact=True), mesh=mesh)
+    segments = [np.round(c.points[c.cells], 6).reshape(-1, 4) for c in (contour, grid)]
+    assert {tuple(x) for x in segments[0].tolist()} == {tuple(x) for x in segments[1].tolist()}
+
+
+def test_tricontour():
+    """Matplotlib finds the same points."""
+    tri = pytest.importorskip("matplotlib.tri")
+    from matplotlib.figure import Figure
+
+    points, cells = plane(11, 300, 1.0)
+    values = np.hypot(points[:, 0] - 40, points[:, 1] - 55)
+    drawn = Figure().add_subplot().tricontour(tri.Triangulation(*points.T, cells), values, levels=[30.0])
+    theirs = np.concatenate([path.vertices for path in drawn.get_paths()])
+    mine = decode(encode_mesh(points, cells, values, 30.0, step=1e-4), mesh=(points, cells)).points
+    distance = np.sqrt(((mine[:, None] - theirs[None]) ** 2).sum(axis=2))
+    assert distance.min(axis=1).max() < 1e-3
+    assert distance.min(axis=0).max() < 1e-3
+
+
+@pytest.mark.parametrize("make", [plane, space])
+@pytest.mark.parametrize("tolerance", [0.02, 1.0, 30.0])
+def test_tolerance(make, tolerance):
+    """Points lie within the tolerance of the crossings of their edges."""
+    mesh = make(2, 80)
+    values = np.sin(mesh[0][:, 0] / 15) * 50 + mesh[0][:, 1]
+    contour = check(mesh, values, 50.0, tolerance=tolerance)[1]
+    wanted = np.array(list(crossings(mesh, values, 50.0).values()))
+    distance = np.sqrt(((contour.points[:, None] - wanted[None]) ** 2).sum(axis=2)).min(axis=1)
+    assert distance.max() <= tolerance
+
+
+def test_several_isovalues():
+    """Each leans on others, takes fewer bytes for it, and is that of a file of its own."""
+    mesh = plane(4, 60 if INTERPRETED else 500, 0.95)
+    values = smooth(mesh[0])
+    isovalues = [20.5, -30.5, 60.5, 0]
+    for options in ({"exact": True}, {"tolerance": 0.5}, {"signs_only": True}):
+        data = encode_mesh(*mesh, values, isovalues, **options)
+        alone = encode_mesh(*mesh, values, isovalues, leaning=False, **options)
+        assert len(data) < len(alone)
+        for contour, isovalue in zip(decode_all(data, mesh=mesh), isovalues, strict=True):
+            single = decode(encode_mesh(*mesh, values, isovalue, **options), mesh=mesh)
+            assert np.array_equal(rounded(contour.points), rounded(single.points))
+            assert np.array_equal(contour.points, decode(data, mesh=mesh, isovalue=isovalue).points)
+            assert contour.isovalue == isovalue
+    assert decode(alone, mesh=mesh, isovalue=60.5).complete
+
+
+def test_nothing_crossed():
+    mesh = plane(1)
+    data = encode_mesh(*mesh, np.zeros(len(mesh[0])), 5)
+    contour = decode(data, mesh=mesh)
+    assert contour.complete and contour.points.shape == (0, 2) and contour.cells.shape == (0, 2)
+
+
+def test_piece_by_piece():
+    """Nothing depends on how bytes come; a file that ends early has the layers before."""
+    mesh = plane(7)
+    values = noise(len(mesh[0]), 7)
+    data = encode_mesh(*mesh, values, [30, 60], exact=True, metadata={"unit": "m"})
+    whole = MeshDecoder(mesh)
+    whole.feed(data)
+    events = list(whole)
+    pieces_ = MeshDecoder(mesh)
+    found = []
+    for byte in data:
+        pieces_.feed(bytes([byte]))
+        found += list(pieces_)
+    pieces_.close()
+    assert found == events
+    assert pieces_.metadata == {"unit": "m"}
+    for size in range(len(data)):
+        decoder = MeshDecoder(mesh)
+        decoder.feed(data[:size])
+        with pytest.raises(TruncatedError):
+            decoder.close()
+        assert len(decoder.drawn(0).points) in (0, len(whole.drawn(0).points))
+    with pytest.raises(FormatError):
+        decode(data + b"x", mesh=mesh)
+
+
+def test_inspect():
+    mesh = plane(7)
+    info = isocodec.inspect(encode_mesh(*mesh, noise(len(mesh[0]), 7), [30, 60], exact=True))
+    assert [layer.kind for layer in info.layers] == ["signs", "values"] * 2
+    assert info.domain.vertices == len(mesh[0]) and info.domain.cells == len(mesh[1])
+    assert info.as_dict()["domain"]["kind"] == "known"
+
+
+def test_another_mesh():
+    """A mesh that is not the file's is refused; the message says in what it differs."""
+    points, cells = plane(3)
+    data = encode_mesh(points, cells, noise(len(points), 1), 40)
+    with pytest.raises(InputError, match="does not hold"):
+        decode(data)
+    with pytest.raises(InputError, match="points"):
+        decode(data, mesh=(points[:-1], cells[(cells < len(points) - 1).all(axis=1)]))
+    with pytest.raises(InputError, match="SHA-256"):
+        decode(data, mesh=(points, cells[::-1]))
+    moved = points.copy()
+    moved[3] += 1e-3
+    with pytest.raises(InputError, match="SHA-256"):
+        decode(data, mesh=(moved, cells))
+    nearly = points * (1 + 1e-12)
+    assert decode(data, mesh=(nearly, cells)).complete
+    with pytest.raises(OptionError):
+        list(_fed(isocodec.Decoder(), data))
+    with pytest.raises(OptionError):
+        list(_fed(MeshDecoder(), encode(np.eye(5), 0.5)))
+
+
+def _fed(decoder, data):
+    decoder.feed(data)
+    return decoder
+
+
+SQUARE = np.array([[0, 0], [1, 0], [0, 1], [1, 1]], float)
+BAD = {
+    "points": (SQUARE[:2], [[0, 1, 1]], "points"),
+    "NaN": (np.where(SQUARE == 1, np.nan, SQUARE), [[0, 1, 2]], "points"),
+    "range": (SQUARE, [[0, 1, 4]], "cells"),
+    "shape": (SQUARE, [[0, 1]], "cells"),
+    "tetrahedra in the plane": (SQUARE, [[0, 1, 2, 3]], "cells"),
+    "repeated vertex": (SQUARE, [[0, 1, 2], [1, 1, 3]], "degenerate"),
+    "no area": (np.array([[0, 0], [1, 0], [2, 0], [0, 1]]), [[0, 1, 3], [0, 1, 2]], "degenerate"),
+    "twice": (SQUARE, [[0, 1, 2], [2, 0, 1]], "repeated"),
+    "manifold": (np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1], [0, 1, 1]]), [[0, 1, 2], [0, 1, 3], [1, 0, 4]],
+                 "manifold"),
+    "coincident": (np.array([[0, 0], [1, 0], [0, 1], [1, 0], [2, 2]]), [[0, 1, 2], [1, 2, 4], [3, 4, 2]], "coincident"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", BAD)
+def test_no_complex(name):
+    """Meshes that are none are refused, with the numbers of what is wrong."""
+    points, cells, code = BAD[name]
+    with pytest.raises(InputError) as caught:
+        encode_mesh(points, cells, np.arange(len(points)), 1.5)
+    assert caught.value.code == code
+
+
+@pytest.mark.parametrize(
+    "values",
+    [np.arange(2), [0, 1, 2, np.nan], ["a"] * 4, np.zeros((4, 1))],
+)
+def test_values_that_do_not_fit(values):
+    with pytest.raises(InputError):
+        encode_mesh(SQUARE, [[0, 1, 2], [1, 3, 2]], values, 1.5)
+
+
+def test_options_that_do_not_fit():
+    mesh = SQUARE, [[0, 1, 2], [1, 3, 2]]
+    for values, options in (
+        ([0.0, 1, 2, 3], {"exact": True}),
+        ([0, 1, 2, 3], {"step": 0.5}),
+        ([0.0, 1, 2, 3], {"step": 0.5, "tolerance": 1}),
+        ([0.0, 1, 2, 3], {"step": -1}),
+        ([0, 1, 2, 3], {"mesh": "unknown"}),
+    ):
+        with pytest.raises(OptionError):
+            encode_mesh(*mesh, values, 1.5, **options)
+
+
+@pytest.mark.parametrize("make", [plane, space])
+def test_damaged(make):
+    """Whatever bytes come, a decoder ends with an error of ours or a contour."""
+    mesh = make(9)
+    data = encode_mesh(*mesh, noise(len(mesh[0]), 9), [30, 60], tolerance=1)
+    rng = np.random.default_rng(1)
+    for _ in range(20 if INTERPRETED else 300):
+        wrong = bytearray(data)
+        for _ in range(rng.integers(1, 4)):
+            wrong[rng.integers(len(wrong))] = rng.integers(256)
+        decoder = MeshDecoder(mesh)
+        try:
+            decoder.feed(bytes(wrong))
+            list(decoder)
+        except IsoError:
+            pass
+        decoder.drawn(0)
+
+
+def test_limits():
+    mesh = plane(3)
+    data = encode_mesh(*mesh, noise(len(mesh[0]), 1), [40, 50])
+    for limits in (
+        Limits(vertices=10), Limits(simplices=10), Limits(symbols=20), Limits(isovalues=1), Limits(layers=1),
+        Limits(bytes=20), Limits(memory=1000),
+    ):  # fmt: skip
+        with pytest.raises(LimitError):
+            decode_all(data, mesh=mesh, limits=limits)
