@@ -202,8 +202,8 @@ def test_prefixes_give_the_frames_they_hold():
         with pytest.raises(TruncatedError):
             for curves in isocodec.decode_frames(data[:length]):
                 taken.append(curves)
-        # a frame is over as soon as the next one begins, whose first chunk takes two bytes
-        assert len(taken) == sum(length >= end + 2 for end in ends)
+        # a frame is over as soon as the first operation of the next one is there
+        assert len(taken) == sum(length >= end + 3 for end in ends)
 
 
 @pytest.mark.parametrize("share", [0.3, 0.6, 0.9])
@@ -302,12 +302,26 @@ def test_frames_that_are_not_there():
 
 
 def test_a_frame_is_written_as_its_type_says():
-    data = encode_frames(moving(2, 8), ISOVALUE, interval=5, signs_only=True)
-    chunks = inspect(data).chunks
-    assert [chunk.type for chunk in chunks] == ["frame", "layers", "frame", "layers"]
-    first, second = chunks[0].offset, chunks[2].offset
-    assert data[first : first + 3] == bytes([9, 1, 5])
-    assert data[second : second + 2] == bytes([9, 0])
+    data = encode_frames(moving(3, 8), [ISOVALUE, 20], interval=2, signs_only=True)
+    info = inspect(data)
+    kinds = [chunk.type for chunk in info.chunks]
+    # the second isovalue of a key frame leans on the first
+    assert kinds == ["frame", "layers", "isovalue", "layers", "layers", "layers", "layers", "frame", "layers"]
+    first, last = info.chunks[0].offset, info.chunks[7].offset
+    assert data[first : first + 3] == bytes([9, 1, 2])
+    assert data[last : last + 3] == bytes([9, 1, 1])
+    assert [frame.leans for frame in info.frames] == [[None, 0], [None, None], [None, 0]]
+
+
+def test_a_frame_may_have_a_chunk_where_it_needs_none():
+    data = encode_frames(moving(3, 8), ISOVALUE, signs_only=True)
+    for chunk in reversed(inspect(data).chunks[2:]):
+        data = data[: chunk.offset] + bytes([9, 0]) + data[chunk.offset :]
+    data = with_checksum(data)
+    assert [len(curves) for curves in isocodec.decode_frames(data)] == [1, 1, 1]
+    for number, frame in enumerate(moving(3, 8)):
+        alone = isocodec.decode(isocodec.encode(frame, ISOVALUE, signs_only=True))
+        assert points(isocodec.decode(data, frame=number)) == points(alone)
 
 
 @pytest.mark.parametrize(
@@ -320,7 +334,8 @@ def test_a_frame_is_written_as_its_type_says():
 def test_malformed_chunks(number: int, chunk: bytes):
     data = encode_frames(moving(2, 8), ISOVALUE, interval=5, signs_only=True)
     place = inspect(data).chunks[number]
-    bad = with_checksum(data[: place.offset] + chunk + data[place.offset + place.bytes :])
+    end = place.offset + (place.bytes if number == 0 else 0)
+    bad = with_checksum(data[: place.offset] + chunk + data[end:])
     with pytest.raises(FormatError) as caught:
         isocodec.decode(bad)
     assert caught.value.clause in ("3.5.7", "3.5.2")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -55,7 +55,7 @@ def whole() -> Iterator[Draft]:
         yield encoded_series(
             f"{space}_frames_independent", frames, VALUE, "frames: that lean on none", leaning=False, signs_only=True
         )
-        base = [("base", len(shape)), ("refine", None)]
+        base: Sequence[Entry] = [("base", len(shape)), ("refine", None)]
         for name, plan in (("refined", base), ("leaf_base", [("leaf_base",)]), ("coarse", [("base", 5)])):
             plans = encode_plans(frames, plan, base)
             yield Draft(f"{space}_frames_main_{name}", plans, len(shape), ("series of frames", f"frames: {name}"))
@@ -83,7 +83,7 @@ def whole() -> Iterator[Draft]:
     )  # fmt: skip
 
 
-def encode_plans(frames: list[Integers], plan: list[Entry], first: list[Entry]) -> bytes:
+def encode_plans(frames: list[Integers], plan: Sequence[Entry], first: Sequence[Entry]) -> bytes:
     """A series in the main profile whose first frame has one plan and all others another."""
     series = SeriesEncoder(VALUE, profile="main", plan=first)
     data = series.add(frames[0])
@@ -94,8 +94,16 @@ def encode_plans(frames: list[Integers], plan: list[Entry], first: list[Entry]) 
 
 
 def _file(shape: tuple[int, ...]) -> File:
-    """A small series of two isovalues."""
-    return split(encode_frames(_moving(shape, 3), (VALUE, VALUE + 9), profile="baseline", interval=2, signs_only=True))
+    """A small series of two isovalues, in which each further one begins with a chunk of its own."""
+    file = split(encode_frames(_moving(shape, 3), (VALUE, VALUE + 9), profile="baseline", interval=2, signs_only=True))
+    chunks: list[Chunk] = []
+    layers = 0
+    for chunk in file.chunks:
+        layers += chunk.type == ChunkType.LAYERS
+        if chunk.type == ChunkType.LAYERS and layers > 2 and chunks[-1].type != ChunkType.FRAME:
+            chunks.append(Chunk(ChunkType.FRAME, b""))
+        chunks.append(chunk)
+    return file.with_chunks(*chunks)
 
 
 def parts() -> Iterator[Draft]:
@@ -114,6 +122,9 @@ def parts() -> Iterator[Draft]:
             f"{space}_frames_begun", data, n, ("series of frames", "frames: the last isovalue without layers")
         )
         data = bytes(file)
+        yield Draft(
+            f"{space}_frames_chunks", data, n, ("series of frames", "frames: each isovalue with a chunk of its own")
+        )
         yield Draft(f"{space}_frames_truncated", data[: len(data) * 2 // 3], n, ("series of frames", "truncated"))
         whole = encode_frames(_moving(shape), VALUE, profile="main", exact=True)
         yield Draft(
@@ -148,7 +159,7 @@ def refused() -> Iterator[Draft]:
             ("interval_and_more", "3.5.7", "more than an interval", changed(first, b"\2\0")),
             ("interval_long", "3.5.7", "an interval not in its shortest form", changed(first, b"\x80\2")),
             ("behind_layers", "3.5.7", "the first chunk of frames behind layers",
-             (*chunks[:first], *chunks[first + 1 : first + 2], chunks[first], *chunks[first + 2 :])),
+             (*(c for c in chunks[:second] if c.type == ChunkType.LAYERS), chunks[first])),
             ("lean_on_itself", "3.5.7", "leaning on an isovalue that has not begun", changed(second, b"\1")),
             ("lean_too_far", "3.5.7", "leaning on an isovalue that has not begun", changed(third, b"\2")),
             ("lean_and_more", "3.5.7", "more than one byte", changed(third, b"\0\0")),

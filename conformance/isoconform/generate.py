@@ -58,10 +58,9 @@ def all_drafts() -> Iterator[Draft]:
     return chain(
         *(
             module.drafts()
-            for module in (
-                valid, special, adaptive, geometry, isovalues, mixed, rules, hostile, circle, missing, frames,
-            )  # fmt: skip
-        )
+            for module in (valid, special, adaptive, geometry, isovalues, mixed, rules, hostile, circle, missing)
+        ),
+        frames.drafts(),
     )
 
 

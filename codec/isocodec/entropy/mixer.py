@@ -136,7 +136,7 @@ def blended(cd, net, flip, kind, ctx, bit):
 def counted(cd, ctx, bit):
     """Code one symbol that has no network, by its context and the panel; as ``code``."""
     bl = cd.blend
-    own = _stretched(cd, ctx)
+    own = stretched(cd, ctx)
     total = (own << MIX_SHIFT) + listened(cd, own)
     bl.panel.about[ON] = 0
     total = min(max(total >> MIX_SHIFT, -MOST_LOGIT), MOST_LOGIT)

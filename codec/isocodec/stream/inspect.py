@@ -257,6 +257,10 @@ def inspect(data: bytes, symbols: bool = False, limits: Limits | None = None) ->
                 kind = head.kind.name.lower()
                 layers.append(LayerInfo(kind, -1, 0, 0, chunk.start + begins, size, isovalue=number))
         elif chunk.type in LAYER_CHUNKS:
+            operation = first_operation(data, chunk)
+            begun = None if operation is None else contents.begin_layers(data[operation], operation)
+            if begun is not None:
+                strands.begin(begun, at)
             first = len(contents.layers)
             run = _run_start(data, chunk, end, strands.progresses[-1], contents.layers)
             if run is not None:

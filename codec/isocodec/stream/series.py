@@ -136,7 +136,7 @@ class SeriesEncoder:
         shape = self._before.header.shape
         if field.shape != shape:
             raise InputError(
-                f"frame {self._frames} has the shape {_shape(field.shape)}, those before {_shape(shape)}", 
+                f"frame {self._frames} has the shape {_shape(field.shape)}, those before {_shape(shape)}",
                 code="frames", remedy="frames of one file have one shape",
             )  # fmt: skip
         if field.dtype != self._dtype:
