@@ -15,6 +15,7 @@ import pytest
 
 import isocodec
 from brute import INTERPRETED, smooth
+from explicit_meshes import plane, space, torus
 from isocodec.domain.delaunay import delaunay, remove
 from isocodec.domain.rank import by_rank
 from isocodec.kernel import EXECUTION, Execution
@@ -107,10 +108,16 @@ def test_compiled_kernels_do_what_their_source_says(twice):
         gone = np.random.default_rng(4).random(shape) < 0.1
         for more in ({"exact": True}, {"tolerance": 0.05}, {"exact": True, "profile": "baseline"}):
             isocodec.decode(isocodec.encode(field, 0.5, mask=gone, **more))
+    for mesh in (plane(1, 30), space(1, 12), torus(6, 5)):
+        values = np.rint(mesh[0].sum(axis=1) * 7).astype(np.int64) % 50
+        for more in ({"exact": True}, {"tolerance": 1.0}, {"signs_only": True, "progressive": len(values) == 30}):
+            isocodec.decode_all(isocodec.encode_mesh(*mesh, values, [20.5, 30.5], **more), mesh=mesh)
     points = np.random.default_rng(5).integers(0, 1 << 20, (30, 2))
     for criterion in ("inf", "AT3", "l2", "NAT"):
         isocodec.thin(points, points[:, 0] % 7, criterion, to=8).tin()
         isocodec.thin(points[:, 0].reshape(5, 6) % 7, criterion=criterion, error=2.5)
+    for options in ({"to": 12}, {"error": 1.0, "layers": 2}):
+        isocodec.decode_tin(isocodec.encode_tin(points[:, 0].reshape(5, 6) % 7, **options)).raster()
     triangulation, _ = delaunay(*np.ascontiguousarray(points[by_rank(*points.T)].T))
     assert sum(remove(triangulation, v) for v in range(30)) > 10
     assert twice == {f"{found.module}.{found.name}" for found in kernels()}

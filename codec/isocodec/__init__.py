@@ -37,6 +37,7 @@ if TYPE_CHECKING:
     from .layers.events import (
         BaseComplete,
         ChunkSkipped,
+        CoordinatesRead,
         DomainRead,
         End,
         Event,
@@ -63,6 +64,7 @@ if TYPE_CHECKING:
     from .stream.series import SeriesEncoder, encode_frames
     from .stream.statistics import FileStatistics, statistics
     from .stream.truncate import truncate
+    from .tin_api import decode_tin, encode_tin
 
 __version__ = "0.1.0"
 
@@ -85,9 +87,9 @@ _HOMES = {
     "mesh_api": ("encode_mesh",),
     "stream.decoder": ("Decoder",),
     "layers.events": (
-        "BaseComplete", "ChunkSkipped", "DomainRead", "End", "Event", "FrameRead", "GeometryRefined", "HeaderRead",
-        "IsovalueRead", "LayerComplete", "LevelComplete", "MaskComplete", "MeshLayerComplete", "MetadataRead",
-        "PromisesRead", "SeriesRead",
+        "BaseComplete", "ChunkSkipped", "CoordinatesRead", "DomainRead", "End", "Event", "FrameRead", "GeometryRefined",
+        "HeaderRead", "IsovalueRead", "LayerComplete", "LevelComplete", "MaskComplete", "MeshLayerComplete",
+        "MetadataRead", "PromisesRead", "SeriesRead",
     ),
     "stream.encoder": ("Encoder",),
     "stream.inspect": ("FileInfo", "inspect"),
@@ -97,6 +99,7 @@ _HOMES = {
     "stream.series": ("SeriesEncoder", "encode_frames"),
     "stream.statistics": ("FileStatistics", "statistics"),
     "stream.truncate": ("truncate",),
+    "tin_api": ("decode_tin", "encode_tin"),
 }  # fmt: skip
 _HOME = {name: home for home, names in _HOMES.items() for name in names}
 
@@ -104,6 +107,7 @@ __all__ = [
     "BaseComplete",
     "ChunkSkipped",
     "Contour",
+    "CoordinatesRead",
     "Decoder",
     "DomainRead",
     "EncodeOptions",
@@ -144,10 +148,12 @@ __all__ = [
     "decode_all",
     "decode_frames",
     "decode_mask",
+    "decode_tin",
     "decode_valid",
     "encode",
     "encode_frames",
     "encode_mesh",
+    "encode_tin",
     "inspect",
     "kernels",
     "open",

@@ -28,7 +28,7 @@ def encode(
     isovalue: float | Sequence[float] | None = None,
     *,
     exact: bool = False,
-    tolerance: float | None = None,
+    tolerance: float | str | None = None,
     signs_only: bool = False,
     step: float | None = None,
     base_level: int | None = None,
@@ -42,6 +42,10 @@ def encode(
     profile: str = "main",
     metadata: Mapping[str, str] | None = None,
     placement: ArrayLike | None = None,
+    coordinates: Sequence[ArrayLike] | None = None,
+    coordinates_error: float | None = None,
+    periodic: int | Sequence[int] | None = None,
+    period: float | Sequence[float] | None = None,
     progress: Callable[[int, int], object] | None = None,
 ) -> bytes:
     """Encode one or more isocontours or isosurfaces of a sampled field.
@@ -63,10 +67,12 @@ def encode(
         precision; whole numbers beyond it are refused.
     exact : bool
         Integer data: keep the values next to the curve to the last bit.
-    tolerance : float, optional
-        Largest distance, in cells, between the decoded and the extracted curve, both ways. From 0.1 on the encoder
-        searches for a mesh and a precision of crossings that make the file small, and proves the distance on the
-        decoded curve. Below, and by default with 0.05, it codes all crossings of the grid, without a search. With a
+    tolerance : float or str, optional
+        Largest distance, in cells, between the decoded and the extracted curve, both ways; a text with a unit, as
+        "100m", is one in the world of ``placement`` or ``coordinates`` (in their unit, or m or km where these are
+        longitudes of a ``period`` of 360 and latitudes), which everywhere holds at least so closely. From 0.1 on the
+        encoder searches for a mesh and a precision of crossings that make the file small, and proves the distance on
+        the decoded curve. Below, and by default with 0.05, it codes all crossings of the grid, without a search. With a
         ``criterion``, that chooses the mesh, and the tolerance holds for its crossings alone.
     signs_only : bool
         Keep no geometry: which samples lie above is exact, crossings are drawn half-way.
@@ -105,6 +111,18 @@ def encode(
         Where the samples lie: distances of neighbours along each axis of the array, or a row for each coordinate x, y
         (, z) with what a step along each axis adds to it and what it is at sample 0; a last row of 0 .. 0 1 may follow.
         It goes into the metadata, and changes nothing but `Contour.placed`; tolerances stay in cells.
+    coordinates : sequence of n array_like, optional
+        Where the samples lie on a mapped grid, instead of a placement: an array for each axis of the field, in its
+        order (in the plane x runs along axis 1, in space x, y, z along the axes 0, 1, 2); or x, y (, z) for each
+        sample, as arrays of n axes that broadcast to the field's shape. Cells must not fold. Where samples are missing
+        they may be anything. `Contour.placed` follows them, multilinear within each cell.
+    coordinates_error : float, optional
+        Cells by which coordinates may be off in the file; 0.005 if not given.
+    periodic : int or sequence of int, optional
+        Axes of the field along which the first sample follows on the last one. The file has that plane of samples once
+        more behind the last one, so that curves end at neither.
+    period : float or sequence of float, optional
+        Distance after which a coordinate is the same, 360 for longitudes: that of x, or of x, y (, z) with 0 for none.
     progress : callable, optional
         Called with the layers done and their total; before, while a mesh is searched for, with the number of curves
         tried and 0.
@@ -129,7 +147,9 @@ def encode(
     >>> decode(data).lines[0].shape[1]
     2
     """
-    options: dict[str, Any] = {"mask": mask, "placement": placement, "metadata": metadata}
+    options: dict[str, Any] = {
+        "mask": mask, "placement": placement, "metadata": metadata, "coordinates": coordinates, "period": period,
+    }  # fmt: skip
     values: Any = field
     if not isinstance(field, np.ndarray):
         values, options = described(field, **options)
@@ -142,7 +162,8 @@ def encode(
         Encoder(
             values, isovalue, exact=exact, tolerance=tolerance, signs_only=signs_only, step=step,
             base_level=base_level, preserve_topology=preserve_topology, steps=steps, criterion=criterion,
-            parameter=parameter, leaning=leaning, plan=plan, profile=profile, progress=progress, **options,
+            parameter=parameter, leaning=leaning, plan=plan, profile=profile, coordinates_error=coordinates_error,
+            periodic=periodic, progress=progress, **options,
         )
     )  # fmt: skip
 

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, BinaryIO, Protocol, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .errors import InputError, LimitError, OptionError
+from .errors import LimitError, OptionError
 from .field.placement import PLACEMENT
 from .field.sampled import Field
 from .limits import Limits
@@ -18,6 +18,8 @@ from .limits import Limits
 Readable: TypeAlias = bytes | bytearray | memoryview | str | os.PathLike[str] | BinaryIO
 """An ``.iso`` file: its bytes, or where they are."""
 _PIECE = 1 << 20
+_DEGREES, _TURN = "EPSG:4326", 360.0
+"""Reference system in which x is a longitude, and after how much it is the same."""
 
 
 class SpatialImage(Protocol):
@@ -71,31 +73,32 @@ def _read(file: Any, limits: Limits | None) -> bytes:
 
 def described(
     field: ArrayLike | Field | SpatialImage, mask: ArrayLike | None = None, placement: ArrayLike | None = None,
-    metadata: Mapping[str, str] | None = None,
+    metadata: Mapping[str, str] | None = None, coordinates: Sequence[ArrayLike] | None = None,
+    period: float | Sequence[float] | None = None,
 ) -> tuple[ArrayLike, dict[str, Any]]:  # fmt: skip
-    """The samples of a field, and ``mask``, ``placement`` and ``metadata`` with what it says itself.
+    """The samples of a field, and these options with what it says itself.
 
     Raises
     ------
     InputError
-        As `isocodec.read`; or if it has coordinates that would be lost.
+        As `isocodec.read`.
     """
     from .io.sources import is_described, read
 
+    options: dict[str, Any] = {
+        "mask": mask, "placement": placement, "metadata": metadata, "coordinates": coordinates, "period": period,
+    }  # fmt: skip
     if not is_described(field):
-        return field, {"mask": mask, "placement": placement, "metadata": metadata}  # type: ignore[return-value]
+        return field, options  # type: ignore[return-value]
     known = read(field)
     notes = {**known.metadata, **(metadata or {})}
-    options: dict[str, Any] = {"mask": mask, "placement": placement, "metadata": notes}
+    options["metadata"] = notes
     if mask is None:
         options["mask"] = known.mask
     elif known.mask is not None:
         options["mask"] = known.mask | np.asarray(mask, np.bool_)
-    if placement is None and PLACEMENT not in notes:
-        options["placement"] = known.placement
-        if known.coordinates is not None:
-            raise InputError(
-                "the field has coordinates with uneven steps, which would be lost", code="coordinates",
-                remedy="give a placement (spacing), or the bare samples: field.values",
-            )  # fmt: skip
+    if placement is coordinates is None and PLACEMENT not in notes:
+        options["placement"], options["coordinates"] = known.placement, known.coordinates
+        if known.coordinates is not None and period is None and known.crs == _DEGREES:
+            options["period"] = _TURN
     return known.values, options

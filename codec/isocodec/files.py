@@ -30,7 +30,7 @@ class EncodeOptions(TypedDict, total=False):
     """Options of `isocodec.encode`, by name."""
 
     exact: bool
-    tolerance: float | None
+    tolerance: float | str | None
     signs_only: bool
     step: float | None
     base_level: int | None
@@ -44,6 +44,10 @@ class EncodeOptions(TypedDict, total=False):
     profile: str
     metadata: Mapping[str, str] | None
     placement: ArrayLike | None
+    coordinates: Sequence[ArrayLike] | None
+    coordinates_error: float | None
+    periodic: int | Sequence[int] | None
+    period: float | Sequence[float] | None
     progress: Callable[[int, int], object] | None
 
 

@@ -30,7 +30,7 @@ def encode_mesh(
     tolerance: float | None = None,
     signs_only: bool = False,
     leaning: bool = True,
-    progressive: bool = False,
+    progressive: bool | None = None,
     metadata: Mapping[str, str] | None = None,
 ) -> bytes:
     """Encode one or more isocontours or isosurfaces of values at the vertices of a mesh.
@@ -51,9 +51,9 @@ def encode_mesh(
         ``known``: whoever decodes has the mesh, points and cells in the same order; the file holds its hash.
     exact, step, signs_only, leaning, metadata
         As in `encode`.
-    progressive : bool
+    progressive : bool, optional
         Tell the signs level by level, from a coarse mesh to the whole one, so that the first bytes show all of the
-        curve; for triangles in the plane.
+        curve: for triangles in the plane, where this is the default. Else they come along the curve.
     tolerance : float, optional
         Largest distance, in the unit of the points, between the decoded and the extracted curve, both ways.
 

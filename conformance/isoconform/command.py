@@ -64,6 +64,7 @@ def _parser() -> argparse.ArgumentParser:
     dumps.add_argument("file", type=Path, nargs="?")
     dumps.add_argument("--layers", type=int, default=0, metavar="N", help="decode N layers only; 0, the default: all")
     dumps.add_argument("--level", type=int, choices=sorted(LEVELS), help="with the limits of a level of conformance")
+    dumps.add_argument("--coordinates", action="store_true", help="print coordinates of a mapped grid, too")
     dumps.add_argument("--batch", action="store_true", help="answer requests of the batch protocol on standard input")
     dumps.set_defaults(call=_dump)
 
@@ -143,7 +144,8 @@ def _dump(options: argparse.Namespace) -> int:
     output = dump(options.file.read_bytes(), layers=options.layers, limits=limits)
     if output.error is not None:
         print(f"isoconform: {output.error}", file=sys.stderr)
-    sys.stdout.buffer.write(output.text.encode("ascii"))
+    text = output.text + output.coordinates if options.coordinates else output.text
+    sys.stdout.buffer.write(text.encode("ascii"))
     return output.exit_code
 
 

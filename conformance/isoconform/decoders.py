@@ -88,7 +88,7 @@ class Reference:
             output = dump(data, layers=request.layers, piece=request.piece)
         except Exception as bug:
             return Answer(trouble=f"crash: {type(bug).__name__}: {bug}")
-        return Answer(output.exit_code, output.text)
+        return Answer(output.exit_code, output.text + output.coordinates * bool(output.text))
 
     def close(self) -> None:
         """As `Decoder`."""

@@ -10,12 +10,19 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 
+import numpy as np
+
 from isocodec.errors import FormatError, IsoError, KernelError, LimitError, TruncatedError
 from isocodec.layers.events import Event, FrameRead, LayerComplete
 from isocodec.limits import Limits
 from isocodec.stream.decoder import Decoder
+from isospec.container import Double
 
 COMPLETE = 0
+COORDINATES = "coordinates"
+"""Line before coordinates."""
+NO_COORDINATES = f"{COORDINATES}\n"
+"""What a decoder that reads coordinates prints where there are none."""
 CUT_OFF = TruncatedError.exit_code
 REFUSED = (FormatError.exit_code, LimitError.exit_code)
 
@@ -29,6 +36,8 @@ class Output:
     exit_code : int
     text : str
         Canonical text with a final newline; empty for a file that was refused or ends within its header.
+    coordinates : str
+        Canonical text of coordinates, of the reference decoder.
     error : IsoError or None
         Of the reference decoder.
     symbols : dict of str to int
@@ -42,6 +51,7 @@ class Output:
     error: IsoError | None = None
     symbols: dict[str, int] = field(default_factory=dict)
     events: list[Event] = field(default_factory=list)
+    coordinates: str = NO_COORDINATES
 
 
 class Frames:
@@ -83,6 +93,24 @@ def canonical(decoder: Decoder, past: Frames | None = None) -> str:
     return "".join(f"{line}\n" for line in lines)
 
 
+def canonical_coordinates(decoder: Decoder) -> str:
+    """Text of the coordinates of a mapped grid; a line only where there are none."""
+    mapped = decoder.mapped()
+    if mapped is None:
+        return NO_COORDINATES
+    lines = [COORDINATES, " ".join(["periodic", *map(str, mapped.periodic)])]
+    for number, (one, values) in enumerate(zip(mapped.coordinates, mapped.values, strict=True)):
+        lines.append(f"c {number} {one.period} {Double.build(one.origin).hex()} {Double.build(one.unit).hex()}")
+        lines += [f"n {' '.join(map(str, node))} {value}" for node, value in np.ndenumerate(values)]
+    return "".join(f"{line}\n" for line in lines)
+
+
+def parted(text: str) -> tuple[str, str]:
+    """What a decoder says of the state, and what of coordinates, if it reads these."""
+    state, word, rest = text.partition(f"{COORDINATES}\n")
+    return state, word + rest
+
+
 def dump(data: bytes, *, layers: int = 0, piece: int = 0, limits: Limits | None = None) -> Output:
     """Decode a file with the reference decoder.
 
@@ -115,7 +143,7 @@ def dump(data: bytes, *, layers: int = 0, piece: int = 0, limits: Limits | None 
         raise
     except IsoError as wrong:
         return Output(wrong.exit_code, "", wrong, {}, events)
-    return Output(code, canonical(decoder, past), error, decoder.symbols, events)
+    return Output(code, canonical(decoder, past), error, decoder.symbols, events, canonical_coordinates(decoder))
 
 
 def canonical_layers(data: bytes) -> Iterator[tuple[LayerComplete, int, str]]:

@@ -19,7 +19,7 @@ from isocodec.layers.events import LayerComplete
 
 from .damage import damaged
 from .decoders import Answer, Decoder, Request
-from .dump import REFUSED, Output, dump
+from .dump import REFUSED, Output, dump, parted
 from .growing import MOST_SYMBOLS, ReferenceBroke, probe
 from .runner import difference
 from .shrink import shrunk
@@ -161,7 +161,8 @@ def verdict(expected: Output, answer: Answer) -> str:
         return "refused with a text" if answer.text else ""
     if answer.code != expected.exit_code:
         return f"exit code {answer.code} instead of {expected.exit_code}"
-    return STATE if answer.text != expected.text else ""
+    state, coordinates = parted(answer.text)
+    return STATE if state != expected.text or coordinates not in ("", expected.coordinates) else ""
 
 
 def reason_of(expected: Output, answer: Answer) -> str:

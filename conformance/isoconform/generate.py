@@ -10,9 +10,9 @@ from pathlib import Path
 from isocodec.errors import LimitError
 from isocodec.layers.events import Event, FrameRead, IsovalueRead, LayerComplete
 
-from . import adaptive, circle, frames, geometry, hostile, isovalues, missing, mixed, rules, special, valid
+from . import adaptive, circle, frames, geometry, hostile, isovalues, mapped, missing, mixed, rules, special, valid
 from .draft import Draft
-from .dump import COMPLETE, CUT_OFF, Output, canonical_layers, dump
+from .dump import COMPLETE, CUT_OFF, NO_COORDINATES, Output, canonical_layers, dump
 from .levels import BEYOND, needs
 from .manifest import (
     ERROR,
@@ -28,6 +28,7 @@ from .manifest import (
     write_manifest,
 )
 
+_MODULES = valid, special, adaptive, geometry, isovalues, mixed, rules, hostile, circle, missing, mapped, frames
 TEXT_LIMIT = 2200
 """Longest canonical text, in bytes, that is kept next to its vector for the runner to show differences."""
 
@@ -55,13 +56,7 @@ def generate(directory: Path) -> list[Vector]:
 
 def all_drafts() -> Iterator[Draft]:
     """All vectors, in the order of the manifest."""
-    return chain(
-        *(
-            module.drafts()
-            for module in (valid, special, adaptive, geometry, isovalues, mixed, rules, hostile, circle, missing)
-        ),
-        frames.drafts(),
-    )
+    return chain(*(module.drafts() for module in _MODULES))
 
 
 def _clear(directory: Path) -> None:
@@ -82,6 +77,7 @@ def _described(draft: Draft, output: Output) -> Vector:
             OK if output.exit_code == COMPLETE else TRUNCATED, None, digest(output.text),
             sum(line.startswith("v ") for line in lines), sum(line.startswith("e ") for line in lines),
             {name: count for name, count in output.symbols.items() if count},
+            digest(output.coordinates) if output.coordinates != NO_COORDINATES else None,
         )  # fmt: skip
     elif isinstance(output.error, LimitError):
         if draft.clause != clause:

@@ -46,6 +46,8 @@ class Expected:
         Lines of the text that tell of vertices, and of edges with offsets.
     symbols : dict of str to int
         Symbols by syntax element, to inform.
+    coordinates : str or None
+        Digest of the text of coordinates, of a file that has them; a decoder need not read them.
     """
 
     status: str
@@ -54,6 +56,7 @@ class Expected:
     vertices: int | None = None
     edges: int | None = None
     symbols: dict[str, int] | None = None
+    coordinates: str | None = None
 
 
 @dataclass(frozen=True)

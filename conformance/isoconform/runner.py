@@ -12,7 +12,7 @@ from isocodec.errors import LimitError
 from isocodec.limits import LEVELS
 
 from .decoders import Decoder, Request
-from .dump import COMPLETE, CUT_OFF, REFUSED, dump
+from .dump import COMPLETE, CUT_OFF, NO_COORDINATES, REFUSED, dump, parted
 from .manifest import ERROR, LIMIT, OK, Vector, digest
 
 Decode = Callable[[Path, int], tuple[int, str]]
@@ -35,7 +35,7 @@ class Result:
 def reference(path: Path, layers: int) -> tuple[int, str]:
     """The reference decoder, in this process."""
     output = dump(path.read_bytes(), layers=layers)
-    return output.exit_code, output.text
+    return output.exit_code, output.text + output.coordinates * bool(output.text)
 
 
 class DecoderFailed(Exception):
@@ -99,10 +99,14 @@ def _check(vector: Vector, directory: Path, decode: Decode, layers: bool, level:
     wanted = COMPLETE if vector.expected.status == OK else CUT_OFF
     if code != wanted:
         return f"exit code {code}, expected {wanted}"
+    text, coordinates = parted(text)
     if digest(text) != vector.expected.state:
         return difference(_stored(path), text) or _counts(vector, text)
+    if coordinates and digest(coordinates) != (vector.expected.coordinates or digest(NO_COORDINATES)):
+        return "other coordinates"
     for number, layer in enumerate(vector.layers if layers else [], 1):
         code, text = decode(path, number)
+        text = parted(text)[0]
         name = f"after layer {number} ({layer.kind}, level {layer.level}): "
         if code != COMPLETE:
             return f"{name}exit code {code}, expected {COMPLETE}"

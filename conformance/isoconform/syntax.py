@@ -31,7 +31,7 @@ from .streams import Chunk, File
 
 BASES = (Operation.BASE, Operation.BASE_AND_REFINE, Operation.ADAPTIVE_BASE, Operation.LEAF_BASE)
 OTHERS = (Operation.REFINE, Operation.ADAPT, Operation.VALUES, Operation.OFFSETS)
-UNKNOWN_TYPES = (0, 8, 20, 31)
+UNKNOWN_TYPES = (0, 13, 20, 31)
 assert not {*UNKNOWN_TYPES} & {*ChunkType}, "a type of chunk that is known by now"
 Taste = dict[int, int]
 """Operations, with how likely each is, among bases and among those behind a base."""

@@ -17,7 +17,7 @@ HOME = Path(__file__).resolve().parent
 ROOT = HOME.parent.parent
 PACKAGES = ("codec/isocodec", "spec/isospec", "conformance/isoconform")
 """What a planted decoder consists of, relative to the repository."""
-THEMES = ("container", "mesh", "base", "refinement", "geometry", "isovalues", "missing", "coder", "main")
+THEMES = ("container", "mesh", "base", "refinement", "geometry", "isovalues", "missing", "mapped", "coder", "main")
 """Files of misreadings, in the order of the specification."""
 
 

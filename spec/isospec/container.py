@@ -31,6 +31,8 @@ MAX_ISOVALUES = 64
 """Most isovalues of a file (clause 11.1)."""
 PROMISE_UNIT = 1000
 """Parts of the distance of samples that promises count in (clause 3.7.3)."""
+MOST_COORDINATE = 1 << 52
+"""Coordinates of samples lie within so many units of their first one (clause 3.7.4)."""
 MAX_PARTS = 1 << 24
 """Most parts of an edge, by all layers of offsets together (clause 3.6.5)."""
 
@@ -60,6 +62,7 @@ class ChunkType(IntEnum):
     ISOVALUE = 5
     PROMISES = 6
     MASK = 7
+    COORDINATES = 8
     FRAME = 9
     DOMAIN = 10
 
@@ -69,6 +72,7 @@ class DomainKind(IntEnum):
 
     KNOWN = 0
     CODED = 1
+    POINTS = 2
 
 
 class MeshLayer(IntEnum):

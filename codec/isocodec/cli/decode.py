@@ -75,6 +75,8 @@ def decode_command(
     With --areas the .geojson holds polygons with holes: the curve, closed along the border of the samples,
     and with --along-holes along unit cells that have a missing corner.
 
+    Triangulated surfaces (of thin) are written as .ply, .vtu, .geojson or .npz, pictures of them as .npy.
+
     With --mesh the file holds triangles or tetrahedra with their level, and vertices with their sign (above: 1, 0).
 
     If there are several isovalues, .geojson, .svg and .png hold all of them, the other formats one.
@@ -88,6 +90,14 @@ def decode_command(
             source, output, isovalue, mesh == "whole", in_samples, partial, limits_of(limit_memory, limit_work),
             layers, max_bytes, as_json, frame,
         )  # fmt: skip
+        return
+
+    from .tin import decode_surface, holds_surface
+
+    if holds_surface(source):
+        if isovalue is not None or layers is not None or areas or smooth:
+            raise click.UsageError("the file holds a surface: --isovalue, --layers, --areas and --smooth mean nothing")
+        decode_surface(source, output, max_bytes, in_samples, partial, limits_of(limit_memory, limit_work), as_json)
         return
 
     from ..io.write import (

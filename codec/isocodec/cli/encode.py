@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 import click
 
 from .encode_options import encode_options, read_criterion, read_metadata, read_numbers, read_steps
+from .mapped import cells_of, read_tolerance, world_of
 from .options import Grouped
 from .planned import Planned
 from .progress import progress_bar
@@ -39,7 +40,7 @@ def encode_command(
     labels: tuple[float, ...],
     independent: bool,
     exact: bool,
-    tolerance: float | None,
+    tolerance: str | None,
     steps: str | None,
     preserve_topology: bool,
     criterion: str | None,
@@ -53,6 +54,9 @@ def encode_command(
     missing: str | None,
     nodata: float | None,
     no_placement: bool,
+    coordinates_error: float | None,
+    periodic: tuple[int, ...],
+    period: str | None,
     key: str | None,
     channel: int | None,
     frame: int | None,
@@ -84,6 +88,7 @@ def encode_command(
     if label is not None and missing is not None:
         raise click.UsageError("--label and --missing contradict one another: a missing sample has another label")
     steps_along = read_numbers("--spacing", spacing)
+    periods = read_numbers("--period", period)
     distances = read_steps(steps)
 
     from ..stream.options import PRECISIONS, Options, conflict
@@ -93,7 +98,7 @@ def encode_command(
         raise click.UsageError(f"{names} contradict one another: choose one")
     planned = None if plan is None else Planned.read(plan)
     options = Options(
-        exact=exact, tolerance=tolerance, signs_only=signs_only, step=step, base_level=base_level,
+        exact=exact, tolerance=read_tolerance(tolerance), signs_only=signs_only, step=step, base_level=base_level,
         preserve_topology=preserve_topology, steps=distances, criterion=name, parameter=parameter,
         leaning=not independent, plan=None if planned is None else planned.plan, profile=profile, metadata=notes,
     )  # fmt: skip
@@ -144,9 +149,12 @@ def encode_command(
         placement: ArrayLike | None = place.placement if placed else steps_along
         if place.remark:
             warn(source, place.remark)
+        if options.tolerance is None and tolerance is not None:
+            options = replace(options, tolerance=cells_of(tolerance, field, hole, place.mapped, placement, periods))
+        world = world_of(source, field.shape, place.mapped, placement, options, coordinates_error, periodic, periods)
         if place.crs is not None:
             notes.setdefault(CRS, place.crs)
-        options = replace(options, metadata=notes, placement=placement)
+        options = replace(options, metadata=notes, **world)
         started = time.perf_counter()
         about_plan = nullcontext() if planned is None else planned.blamed()
         with progress_bar("encoding") as progress, about_plan:

@@ -50,9 +50,9 @@ SECTIONS = (
         click.option("--step", type=float, metavar="S", help="Round values along the contour to steps of S (floats)."),
         click.option(
             "--tolerance",
-            type=float,
             metavar="D",
-            help="Largest distance from the contour and back, in cells; from 0.1 on, search for the smallest file.",
+            help="Largest distance from the contour and back, in cells (or in the world: 100m); from 0.1 on, search "
+            "for the smallest file.",
         ),
         click.option("--steps", metavar="D,D,..", help="Falling tolerances, one by one; the last may be exact."),
         click.option("--signs-only", is_flag=True, help="Keep only which samples are inside."),
@@ -105,6 +105,13 @@ SECTIONS = (
         click.option("--nodata", type=float, metavar="V", help="Value that marks missing samples, besides NaN."),
         click.option("--spacing", metavar="S,S[,S]", help="Distances of samples along the axes; may be negative."),
         click.option("--no-placement", is_flag=True, help="Ignore the coordinates that INPUT gives its samples."),
+        click.option(
+            "--coordinates-error", type=float, metavar="D", help="Cells that coordinates may be off.  [default: 0.005]"
+        ),
+        click.option(
+            "--periodic", type=int, multiple=True, metavar="AXIS", help="Join the ends of an axis (from 0). Repeatable."
+        ),
+        click.option("--period", metavar="P[,P..]", help="Distance after which x (or x, y, z) repeats; 0: never."),
     ),
     section(
         "Limits",

@@ -72,6 +72,8 @@ def _print(source: Path, info: FileInfo) -> None:
         kept = [f"{v:.17g}" for v, kept in zip(info.isovalues, info.topology, strict=True) if kept]
         whose = "" if all(info.topology) else f" of {', '.join(kept)}"
         facts.add_row("topology", f"promised in every layer{whose}")
+    if info.coordinates is not None:
+        facts.add_row("coordinates", info.coordinates)
     if info.mask_bytes is not None:
         facts.add_row("mask", f"{info.mask_bytes:,} bytes")
     if info.interval is not None:

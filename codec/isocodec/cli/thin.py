@@ -28,10 +28,12 @@ _MUCH = 1 << 30
 @output_option("OUT")
 @click.option("--points", "to", type=click.IntRange(min=3), metavar="N", help="Keep N points.")
 @click.option("--error", type=float, metavar="E", help="Keep as few as miss no value by more than E.")
+@click.option("--bytes", "size", type=click.IntRange(min=1), metavar="N", help="OUT.iso: at most N bytes.")
+@click.option("--layers", type=click.IntRange(min=1), default=1, metavar="N", help="OUT.iso: points in N layers.")
 @click.option(
-    "--criterion", type=click.Choice(CRITERIA), default="AT1", show_default=True,
+    "--criterion", type=click.Choice(CRITERIA),
     help="Which point matters least: by its star's largest error (AT1), at the point alone (AT2, AT3), over all points "
-    "(inf), by squared errors (l2), by distance (NAT).",
+    "(inf), by squared errors (l2), by distance (NAT).  [default: AT1]",
 )  # fmt: skip
 @click.option("--scattered", is_flag=True, help="INPUT is a table of points: rows of x, y, value.")
 @click.option("--key", metavar="NAME", help="Array of an .npz or HDF5 file.")
@@ -42,8 +44,9 @@ _MUCH = 1 << 30
 )
 @json_option
 def thin_command(
-    source: Path, output: Path, to: int | None, error: float | None, criterion: str, scattered: bool, key: str | None,
-    channel: int | None, frame: int | None, limit_samples: int | None, as_json: bool,
+    source: Path, output: Path, to: int | None, error: float | None, size: int | None, layers: int,
+    criterion: str | None, scattered: bool, key: str | None, channel: int | None, frame: int | None,
+    limit_samples: int | None, as_json: bool,
 ) -> None:  # fmt: skip
     """Take the points that matter least out of INPUT one by one; write the Delaunay triangulation of the others.
 
@@ -52,15 +55,21 @@ def thin_command(
     .ply       a surface, its height the value
     .vtu       the same for tools of simulation
     .geojson   a polygon with heights for each triangle
+    .iso       points and values in few bytes; decode makes the others of it
 
     INPUT is a picture, a terrain or any array of two axes that encode reads.
     """
-    if (to is None) == (error is None):
-        raise click.UsageError("give exactly one of --points and --error")
+    coded = output.suffix.lower() == ".iso"
+    if sum(each is not None for each in (to, error, size)) != 1:
+        raise click.UsageError("give exactly one of --points, --error and --bytes")
+    if not coded and (size is not None or layers > 1):
+        raise click.UsageError("--bytes and --layers are for an OUT that ends in .iso")
+    if coded and criterion is not None:
+        raise click.UsageError("--criterion: a coded surface has its own, AT1 with --error, l2 otherwise")
     from ..io.tin import PlacedTin, check_tin, render_tin
 
     with concerning(output):
-        suffix = check_tin(output)
+        suffix = ".iso" if coded else check_tin(output)
     check_output(output, source)
 
     import numpy as np
@@ -95,8 +104,14 @@ def thin_command(
         if needed > _MUCH:
             warn(source, f"thinning may take {in_units(needed)} of memory")
         started = time.perf_counter()
+        if coded:
+            from .tin import encode_surface
+
+            encode_surface(output, given, values, place, {"error": error, "to": to, "size": size, "layers": layers},
+                           as_json)  # fmt: skip
+            return
         with progress_bar("thinning") as progress:
-            found = isocodec.thin(given, values, criterion, to=to, error=error, progress=progress)
+            found = isocodec.thin(given, values, criterion or "AT1", to=to, error=error, progress=progress)
             tin = found.tin()
         seconds = time.perf_counter() - started
     if found.merged:
@@ -112,7 +127,7 @@ def thin_command(
         f"{len(tin.triangles):,} triangles, largest error {largest:g}, {seconds:.2f} s",
         {
             "output": str(output), "bytes": len(data), "points": len(found), "triangles": len(tin.triangles),
-            "removed": len(found.order), "merged": found.merged, "error": largest, "criterion": criterion,
+            "removed": len(found.order), "merged": found.merged, "error": largest, "criterion": criterion or "AT1",
             "seconds": round(seconds, 3),
         },
         as_json,

@@ -33,11 +33,11 @@ def by_ears(s, q):
 @inner
 def largest_without(s, v):
     """The largest error in the star of a vertex, without it: in the gathered and filled polygon."""
-    out = abs(by_ears(s, v) - s.value[v])
+    out = abs(by_ears(s, v) - s.target[v])
     for i in range(s.tri.reg.cavity):
         p = np.int64(s.first[s.tri.cavity[i]])
         while p >= 0:
-            out = max(out, abs(by_ears(s, p) - s.value[p]))
+            out = max(out, abs(by_ears(s, p) - s.target[p]))
             p = np.int64(s.next[p])
     return out
 
@@ -45,12 +45,12 @@ def largest_without(s, v):
 @inner
 def _more_squared(s, v):
     """By how much the sum of squared errors would grow without a vertex."""
-    missed = by_ears(s, v) - s.value[v]
-    out = missed * missed
+    missed = by_ears(s, v) - s.target[v]
+    out = missed * missed - s.error[v] * s.error[v]
     for i in range(s.tri.reg.cavity):
         p = np.int64(s.first[s.tri.cavity[i]])
         while p >= 0:
-            missed = by_ears(s, p) - s.value[p]
+            missed = by_ears(s, p) - s.target[p]
             out += missed * missed - s.error[p] * s.error[p]
             p = np.int64(s.next[p])
     return out
@@ -68,7 +68,7 @@ def _directional(s, v):
             a, b = np.int64(ring[(i + step) % count]), np.int64(ring[(i + step + 1) % count])
             # seen from z, the polygon goes to the right of the line through the vertex first
             if orientation(tri, z, v, b) >= 0:
-                out = max(out, abs(interpolated(s, z, a, b, v) - s.value[v]))
+                out = max(out, abs(interpolated(s, z, a, b, v) - s.target[v]))
                 break
     return out
 
@@ -84,7 +84,7 @@ def _along_hull(s, v):
         u, whole = abs(x[v] - x[a]), abs(x[b] - x[a])
     else:
         u, whole = abs(y[v] - y[a]), abs(y[b] - y[a])
-    return abs((u * s.value[b] + (whole - u) * s.value[a]) / whole - s.value[v])
+    return abs((u * s.value[b] + (whole - u) * s.value[a]) / whole - s.target[v])
 
 
 @inlined
@@ -119,7 +119,7 @@ def keys(s, criterion, v):
         return (_along_hull(s, v) if s.tri.reg.open else _directional(s, v)), 0.0
     fill(s.tri)
     if criterion == AT2:
-        return abs(by_ears(s, v) - s.value[v]), 0.0
+        return abs(by_ears(s, v) - s.target[v]), 0.0
     if criterion == SQUARED:
         return _more_squared(s, v), 0.0
     return largest_without(s, v), 0.0

@@ -99,7 +99,7 @@ def _carve(tri, p, skipped, depth):
 
 
 @inner
-def _fan(tri, p):
+def fan(tri, p):
     """Put a triangle with the apex ``p`` on each edge of the cavity; ``cavity`` lists them then."""
     reg = tri.reg
     for i in range(reg.cavity):
@@ -147,7 +147,7 @@ def carve_at(tri, p, t):
 def insert_inside(tri, p):
     """Add a point within the hull."""
     carve_at(tri, p, locate(tri, p))
-    _fan(tri, p)
+    fan(tri, p)
 
 
 @inner
@@ -166,7 +166,7 @@ def _insert_outside(tri, p, h):
         tri.outer[0] = h
         reg.ring = 1
         reg.cavity = 0
-    _fan(tri, p)
+    fan(tri, p)
 
 
 @kernel

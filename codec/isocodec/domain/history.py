@@ -267,20 +267,25 @@ class History:
         return len(np.unique(self.cells[-1]))
 
 
+def has_levels(domain: Complex) -> bool:
+    """Whether there is a history: of triangles in the plane whose extent is not too large for their unit."""
+    position = domain.mesh.position
+    return domain.n == position.shape[1] == 2 and int(np.ptp(position, axis=0).max()) < MOST_EXTENT
+
+
 def history_of(domain: Complex) -> History:
     """Remove vertices round by round, until no more can go; the outline stays.
 
     Raises
     ------
     OptionError
-        If it is not a mesh of triangles in the plane, or its extent is too large for its unit.
+        If there are no levels.
     """
-    if domain.n != 2 or domain.mesh.position.shape[1] != 2:
+    if not has_levels(domain):
         raise OptionError(
-            "the mesh is none of triangles in the plane", code="progressive", remedy="leave progressive out"
-        )
-    if len(domain.mesh.position) and np.ptp(domain.mesh.position, axis=0).max() >= MOST_EXTENT:
-        raise OptionError("the mesh extends too far for its unit", code="progressive", remedy="leave progressive out")
+            "the mesh is none of triangles in the plane, or extends too far for its unit", code="progressive",
+            remedy="leave progressive out",
+        )  # fmt: skip
     w = _working(domain)
     vertices = len(w.position)
     order = np.argsort(np.arange(vertices, dtype=np.int64) * SHUFFLE % (1 << 32), kind="stable")

@@ -109,7 +109,8 @@ def _whole(given: NDArray[np.generic]) -> tuple[NDArray[np.int64], NDArray[np.fl
         at = np.rint(steps).astype(np.int64)
         if at.max() < 1 << BITS and (bits == _FINE or np.array_equal(at, steps)):
             break
-    shared = int(np.bitwise_or.reduce(at, axis=None))
+    # a grid that is coarser, if that holds everything, too
+    shared = int(np.bitwise_or.reduce(at, axis=None)) | int(origin[0] / unit) | int(origin[1] / unit)
     shift = (shared & -shared).bit_length() - 1 if shared else 0
     return at >> shift, origin, unit * (1 << shift)
 

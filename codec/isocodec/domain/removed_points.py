@@ -15,15 +15,16 @@ from .triangulation import NONE, Triangulation, orientation
 
 @record
 class Surface(NamedTuple):
-    """A triangulation that interpolates the values of its vertices, and the points beside.
+    """A triangulation that interpolates the values of its vertices, the points beside, and what all should have.
 
-    ``first`` has a point of each triangle, ``next`` the one after each point, -1 at the end. ``error`` is by how much
-    the surface lies above each of these points, ``worst`` a heap of triangles by their largest error, negated.
-    ``loose`` has the first point of a list that is to be put into triangles.
+    ``target`` is what the surface is to have at each point, vertex or not, ``error`` by how much it lies above that.
+    ``first`` has a point of each triangle, ``next`` the one after each point, -1 at the end; ``worst`` is a heap of
+    triangles by their largest error, negated. ``loose`` has the first point of a list that is to be put into triangles.
     """
 
     tri: Triangulation
     value: FloatVector
+    target: FloatVector
     first: Int32Vector
     next: Int32Vector
     error: FloatVector
@@ -31,11 +32,14 @@ class Surface(NamedTuple):
     loose: IntVector
 
 
-def surface(tri: Triangulation, value: NDArray[np.float64]) -> Surface:
+def surface(
+    tri: Triangulation, value: NDArray[np.float64], target: NDArray[np.float64] | None = None
+) -> Surface:
     """A surface over a triangulation; points that are no vertices are in no triangle yet."""
+    target = value if target is None else target
     count, triangles = len(value), len(tri.origin) // 3
     return Surface(
-        tri, value, np.full(triangles, NONE, np.int32), np.full(count, NONE, np.int32), np.zeros(count),
+        tri, value, target, np.full(triangles, NONE, np.int32), np.full(count, NONE, np.int32), value - target,
         new_heap(triangles), np.full(1, NONE, np.int64),
     )  # fmt: skip
 
@@ -69,8 +73,10 @@ def loosen(s):
         take_out(s.worst, t)
         while p >= 0:
             after = np.int64(s.next[p])
-            s.next[p] = s.loose[0]
-            s.loose[0] = p
+            # one of them may be a vertex from now on
+            if s.tri.leaving[p] < 0:
+                s.next[p] = s.loose[0]
+                s.loose[0] = p
             p = after
 
 
@@ -79,7 +85,11 @@ def settle(s):
     """Put the loose points into the triangles of ``cavity``, with their errors."""
     tri = s.tri
     for i in range(tri.reg.cavity):
-        set_key(s.worst, np.int64(tri.cavity[i]), 0.0, 0.0)
+        t = np.int64(tri.cavity[i])
+        size = 0.0
+        for side in range(3):
+            size = max(size, abs(s.error[tri.origin[3 * t + side]]))
+        set_key(s.worst, t, -size, 0.0)
     p: Integer = s.loose[0]
     s.loose[0] = NONE
     at: Integer = np.int64(0)
@@ -93,12 +103,11 @@ def settle(s):
             t = np.int64(tri.cavity[i])
             found = at_triangle(s, t, p)
             if not np.isnan(found):
-                s.error[p] = found - s.value[p]
+                s.error[p] = found - s.target[p]
                 s.next[p] = s.first[t]
                 s.first[t] = p
-                size = -abs(s.error[p])
-                if size < s.worst.key[t]:
-                    set_key(s.worst, t, size, 0.0)
+                if -abs(s.error[p]) < s.worst.key[t]:
+                    set_key(s.worst, t, -abs(s.error[p]), 0.0)
                 at = i
                 break
         p = after

@@ -50,7 +50,13 @@ class Thinning(NamedTuple):
     reg: ThinningCounters
 
 
-def thinning(x: NDArray[np.int64], y: NDArray[np.int64], value: NDArray[np.float64], criterion: int) -> Thinning:
+def thinning(
+    x: NDArray[np.int64],
+    y: NDArray[np.int64],
+    value: NDArray[np.float64],
+    criterion: int,
+    target: NDArray[np.float64] | None = None,
+) -> Thinning:
     """A thinning that has not begun: all points are vertices.
 
     Parameters
@@ -60,25 +66,35 @@ def thinning(x: NDArray[np.int64], y: NDArray[np.int64], value: NDArray[np.float
     value : (N,) float64
     criterion : int
         One of `criteria`.
+    target : (N,) float64, optional
+        What errors are measured against, if not the values.
     """
     reg = ThinningCounters()
     reg.criterion, reg.count = criterion, len(x)
     count = len(x)
     out = Thinning(
-        surface(delaunay(x, y)[0], value), new_heap(count), np.zeros(count, np.int32), np.zeros(count), np.zeros(count),
-        np.zeros(count, np.int32), reg,
+        surface(delaunay(x, y)[0], value, target), new_heap(count), np.zeros(count, np.int32), np.zeros(count),
+        np.zeros(count), np.zeros(count, np.int32), reg,
     )  # fmt: skip
-    begin(out)
+    refresh(out)
     return out
 
 
 @kernel
-def begin(th: Thinning) -> None:
-    """Put all triangles and all vertices into their heaps."""
+def refresh(th: Thinning) -> None:
+    """Bring all triangles and vertices up to date in their heaps."""
     s = th.surface
     for t in range(len(s.tri.origin) // 3):
-        if s.tri.origin[3 * t] >= 0:
-            set_key(s.worst, t, 0.0, 0.0)
+        if s.tri.origin[3 * t] < 0:
+            continue
+        size = 0.0
+        for side in range(3):
+            size = max(size, abs(s.error[s.tri.origin[3 * t + side]]))
+        p = np.int64(s.first[t])
+        while p >= 0:
+            size = max(size, abs(s.error[p]))
+            p = np.int64(s.next[p])
+        set_key(s.worst, t, -size, 0.0)
     for v in range(len(s.value)):
         if s.tri.leaving[v] >= 0:
             _appraise(th, v)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
@@ -10,6 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import OptionError
+from ..field.mapped import Mapped
+from .seam import joined
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,6 +40,8 @@ class Contour:
         False if the contour was drawn before all of its data had come, or from a file cut within a layer.
     placement : (n, n + 1) float64, or None
         Where samples lie in the world: ``placement[:, :n] @ index + placement[:, n]``; None if the file does not say.
+    mapped : Mapped, or None
+        Where samples lie that have coordinates of their own: ``mapped.place``.
     metadata : dict of str to str
         Notes of the file, as far as they had come.
     masked : bool
@@ -55,6 +59,7 @@ class Contour:
     metadata: dict[str, str] = field(default_factory=dict)
     origin_above: bool | None = None
     masked: bool = False
+    mapped: Mapped | None = None
 
     def __repr__(self) -> str:
         pieces = "segments" if self.n == 2 else "triangles"
@@ -70,16 +75,18 @@ class Contour:
 
     @cached_property
     def placed(self) -> NDArray[np.float64]:
-        """The points in the coordinates x, y (, z) of the placement, (P, n) float64.
+        """The points in the coordinates x, y (, z) of the mapped grid or the placement, (P, n) float64.
 
-        Without one the unit is the cell: in the plane x runs along axis 1 and y along axis 0, in space x, y, z are the
-        axes 0, 1, 2.
+        Without either the unit is the cell: in the plane x runs along axis 1 and y along axis 0, in space x, y, z are
+        the axes 0, 1, 2.
         """
         return self.place(self.points)
 
     def place(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
         """Coordinates of the placement, as of `placed`, of points in index coordinates, (P, n) float64 both."""
         n = len(self.shape)
+        if self.mapped is not None:
+            return self.mapped.place(points)
         if not self.shape:
             return points
         if self.placement is None:
@@ -87,6 +94,39 @@ class Contour:
         # axis by axis: how a product of matrices is rounded depends on the library
         placed = sum(points[:, a, None] * self.placement[:, a] for a in range(n)) + self.placement[:, n]
         return np.asarray(placed)
+
+    @cached_property
+    def joined(self) -> Contour:
+        """The contour with one point where it had two, at either end of a periodic axis that closes in the world.
+
+        Its index coordinates jump there, its places do not. The contour itself if no axis closes so.
+        """
+        if self.mapped is None or not self.mapped.closes:
+            return self
+        points, cells = joined(self.points, self.cells, self.shape, self.mapped.periodic)
+        return replace(self, points=points, cells=cells)
+
+    @property
+    def frame(self) -> NDArray[np.float64] | None:
+        """What a step along each axis adds to x, y (, z), (n, n) float64: on a mapped grid in a cell of the contour.
+
+        None where neither a placement nor coordinates are there.
+        """
+        n = len(self.shape)
+        if self.mapped is not None:
+            corner = np.floor(self.points[len(self.points) // 2 :][:1]) if len(self.points) else np.zeros((1, n))
+            corner = np.minimum(corner, np.array(self.shape) - 2)
+            steps = self.mapped.place(np.concatenate([corner, corner + np.eye(n)]))
+            return (steps[1:] - steps[0]).T
+        return None if self.placement is None else self.placement[:, :n]
+
+    def along(self, walk: list[int]) -> NDArray[np.float64]:
+        """Places of points one after the other, (K, n) float64: coordinates with a period go on across its end."""
+        places = self.placed[walk]
+        for c, period in enumerate(self.mapped.periods if self.mapped is not None else ()):
+            if period:
+                places[:, c] = np.unwrap(places[:, c], period=period)
+        return places
 
     @cached_property
     def lines(self) -> list[NDArray[np.float64]]:
@@ -141,5 +181,6 @@ class Contour:
         """
         if self.n != 2:
             raise AttributeError("__geo_interface__: a surface has no GeoJSON geometry")
-        coordinates = tuple(tuple(map(tuple, self.placed[walk].tolist())) for walk in self.walks)
+        whole = self.joined
+        coordinates = tuple(tuple(map(tuple, whole.along(walk).tolist())) for walk in whole.walks)
         return {"type": "MultiLineString", "coordinates": coordinates}

@@ -13,6 +13,8 @@ from itertools import permutations
 import numpy as np
 from numpy.typing import NDArray
 
+from ..field.mapped import Mapped
+
 _KEY_BITS = 63
 """Bits of the key of a lattice point, in equal parts for its coordinates."""
 _SIMPLEX = 300
@@ -40,6 +42,8 @@ class Tessellation:
         False if the file had not come as a whole.
     placement : (n, n + 1) float64, or None
         As of `Contour`.
+    mapped : Mapped, or None
+        Likewise.
     metadata : dict of str to str
     """
 
@@ -52,6 +56,7 @@ class Tessellation:
     complete: bool = True
     placement: NDArray[np.float64] | None = None
     metadata: dict[str, str] = field(default_factory=dict)
+    mapped: Mapped | None = None
 
 
 def tessellated(

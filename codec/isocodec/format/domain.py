@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from isospec.container import DomainKind, MeshLayer, unzigzag, write_varint, zigzag
 
-from ..errors import FormatError
+from ..errors import FormatError, OptionError
 from .header import varint
 
 DIGEST = 16
@@ -61,6 +61,8 @@ def read_domain(payload: bytes, n: int, start: int) -> tuple[DomainHead, int]:
     if not payload:
         raise wrong("an empty domain chunk")
     kind, higher = payload[0] >> 4, payload[0] & 15
+    if kind == DomainKind.POINTS:
+        raise OptionError("the file holds a triangulated surface, not a mesh", code="domain", remedy="take decode_tin")
     if kind not in DomainKind.__members__.values():
         raise wrong(f"unknown kind of domain {kind}")
     if higher > 3 - n:

@@ -89,7 +89,12 @@ def areas(contour: Contour, *, above: bool = True, valid: NDArray[np.bool_] | No
     if valid is not None:
         whole = shapely.difference(area, shapely.union_all(_holes(np.asarray(valid, np.bool_), shapely)))
         area = shapely.MultiPolygon(_pieces(whole))
-    placed = shapely.transform(area, contour.place)
+    if contour.mapped is not None:
+        # the border bends with the grid
+        area = shapely.segmentize(area, 1.0)
+    placed = shapely.MultiPolygon(_pieces(shapely.transform(area, contour.place)))
+    if contour.mapped is not None and contour.mapped.closes:
+        placed = shapely.MultiPolygon(_pieces(shapely.union_all(shapely.make_valid(_pieces(placed)))))
     placed = shapely.MultiPolygon([shapely.geometry.polygon.orient(part) for part in placed.geoms])
     geometry: dict[str, Any] = shapely.geometry.mapping(placed)
     return geometry

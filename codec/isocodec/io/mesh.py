@@ -31,7 +31,10 @@ _DEGREES = "4326"
 
 def placed(mesh: Tessellation) -> NDArray[np.float64]:
     """Vertices in the coordinates x, y (, z) of the placement, or of samples (see `Contour.placed`)."""
-    about = Contour(np.zeros((0, 2)), np.zeros((0, 2), np.int64), mesh.isovalue, mesh.shape, placement=mesh.placement)
+    about = Contour(
+        np.zeros((0, 2)), np.zeros((0, 2), np.int64), mesh.isovalue, mesh.shape, placement=mesh.placement,
+        mapped=mesh.mapped,
+    )  # fmt: skip
     return about.place(mesh.points.astype(np.float64))
 
 
@@ -104,7 +107,7 @@ def _geojson(mesh: Tessellation) -> bytes:
     ]
     system: dict[str, Any] = {}
     found = _EPSG.fullmatch(mesh.metadata.get(CRS, ""))
-    if mesh.placement is not None and found and found[1] != _DEGREES:
+    if (mesh.placement is not None or mesh.mapped is not None) and found and found[1] != _DEGREES:
         system["crs"] = {"type": "name", "properties": {"name": f"urn:ogc:def:crs:EPSG::{found[1]}"}}
     whole = {"type": "FeatureCollection", **system, "features": features}
     return json.dumps(whole, separators=(",", ":"), allow_nan=False).encode() + b"\n"

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from ..errors import OptionError
 from ..field.placement import placement_of
 from ..text import plain
+from .coordinates import MappedPlace, auxiliary, beside, scales_of, text_of
 from .hdf5 import HDF5_SUFFIXES, dataset
 from .raster import TIFF_SUFFIXES, opened_tiff
 from .reading import reading
@@ -44,11 +45,14 @@ class Place:
         The reference system of the coordinates, as ``EPSG:32631``.
     remark : str
         What the file says and is left out, and why; or nothing.
+    mapped : MappedPlace or None
+        Instead of a placement, coordinates that are no even steps, or that go round.
     """
 
     placement: NDArray[np.float64] | None = None
     crs: str | None = None
     remark: str = ""
+    mapped: MappedPlace | None = None
 
 
 def read_place(
@@ -84,6 +88,8 @@ def read_place(
     if source.named(*HDF5_SUFFIXES):
         with dataset(source, key) as stored:
             return _of_scales(source, stored, n)
+    if source.named(".npz"):
+        return Place(mapped=beside(source, n))
     return Place()
 
 
@@ -102,22 +108,29 @@ def of_itk(reader: Any, n: int) -> Place:
 def _of_scales(source: Source, stored: Any, n: int) -> Place:
     """What scales of a dataset's axes say, as far as these are kept in the file."""
     axes = [(count, _scales(source, stored, axis)) for axis, count in enumerate(stored.shape) if count > 1][-n:]
+    shape = [count for count, _ in axes]
     if any(" since " in str(scale.attrs.get("units")) for _, scales in axes for scale in scales):
         return Place(remark="its coordinates are ignored, as one of its axes is time; choose one time with --frame")
-    scales = [_scale(*axis) for axis in axes]
+    found = [_scale(*axis) for axis in axes]
+    scales = [None if one is None else one[0] for one in found]
+    curvilinear = auxiliary(stored, shape, scales[0] if n == 3 else None)
+    if curvilinear is not None:
+        return Place(mapped=curvilinear)
     if all(scale is None for scale in scales):
         return Place()
     steps = []
+    even = True
     for axis, scale in enumerate(scales):
         if scale is None:
             return Place(remark="its coordinates are ignored: not all axes have them")
         step = (scale[-1] - scale[0]) / (len(scale) - 1)
-        with np.errstate(invalid="ignore"):
-            even = np.abs(scale - (scale[0] + step * np.arange(len(scale)))).max() <= abs(step) * _EVEN
-        if not even:
-            return Place(remark=f"its coordinates are ignored: steps along axis {axis} are uneven")
+        each = np.diff(scale)
+        if not (np.isfinite(scale).all() and ((each > 0).all() or (each < 0).all() or not each.any())):
+            return Place(remark=f"its coordinates are ignored: along axis {axis} they neither rise nor fall")
+        even &= bool(np.abs(scale - (scale[0] + step * np.arange(len(scale)))).max() <= abs(step) * _EVEN)
         steps.append((step, scale[0]))
-    return _backwards(steps)
+    mapped = scales_of([one for one in found if one is not None])
+    return _backwards(steps) if even and not mapped.periodic else Place(mapped=mapped)
 
 
 def _scales(source: Source, stored: Any, axis: int) -> list[Any]:
@@ -125,13 +138,13 @@ def _scales(source: Source, stored: Any, axis: int) -> list[Any]:
     return [scale for scale in scales if source.follow or not (scale.is_virtual or scale.external)]
 
 
-def _scale(count: int, scales: list[Any]) -> NDArray[np.float64] | None:
-    """Coordinates along an axis of so many samples; None if there are none, or no such number of them."""
+def _scale(count: int, scales: list[Any]) -> tuple[NDArray[np.float64], str] | None:
+    """Coordinates along an axis of so many samples and their unit; None if there are none, or not so many."""
     for scale in scales:
         # NetCDF has scales that only say how long an axis is
         named = "This is a netCDF dimension but not a netCDF variable" not in str(scale.attrs.get("NAME"))
         if named and scale.shape == (count,) and scale.dtype.kind in "iuf":
-            return np.asarray(scale[()], np.float64)
+            return np.asarray(scale[()], np.float64), text_of(scale, "units")
     return None
 
 

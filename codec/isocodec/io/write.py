@@ -159,6 +159,8 @@ def _npz(contour: Contour) -> bytes:
     if contour.placement is not None:
         arrays["placement"] = contour.placement
         arrays["crs"] = np.asarray(contour.metadata.get(CRS, ""))
+    if contour.mapped is not None:
+        arrays["placed"] = contour.placed
     buffer = io.BytesIO()
     np.savez(buffer, **arrays)
     return buffer.getvalue()
@@ -208,7 +210,7 @@ def _features(contours: Iterable[Contour], feature: Callable[[Contour], bytes]) 
     for contour in contours:
         texts.append(feature(contour))
         found = _EPSG.fullmatch(contour.metadata.get(CRS, ""))
-        if contour.placement is not None and found and found[1] != _DEGREES:
+        if contour.frame is not None and found and found[1] != _DEGREES:
             name = {"type": "name", "properties": {"name": f"urn:ogc:def:crs:EPSG::{found[1]}"}}
             system = b',"crs":' + _json(name)
         # of a contour no more is kept than its text
@@ -271,12 +273,14 @@ def _mesh(contour: Contour, suffix: str) -> bytes:
     if suffix == ".obj" and len(contour.cells) == 0:
         # The library would write keywords without numbers, which no reader takes.
         return b"# empty isosurface\n"
-    # A placement that mirrors space turns triangles over.
-    mirrored = contour.placement is not None and np.linalg.det(contour.placement[:, :3]) < 0
+    contour = contour.joined
+    # What mirrors space turns triangles over.
+    frame = contour.frame
+    mirrored = frame is not None and np.linalg.det(frame) < 0
     cells = contour.cells[:, ::-1] if mirrored else contour.cells
     # Without processing: the vertices and their order are ours.
     mesh = trimesh.Trimesh(vertices=contour.placed, faces=cells, process=False)
-    steps = [1.0] if contour.placement is None else np.linalg.norm(contour.placement[:, :3], axis=0)
+    steps = [1.0] if frame is None else np.linalg.norm(frame, axis=0)
     places = {"digits": 8 + max(0, math.ceil(-math.log10(min(steps))))} if suffix == ".obj" else {}
     data = mesh.export(file_type=suffix[1:], **places)
     return data.encode() if isinstance(data, str) else bytes(data)

@@ -17,11 +17,22 @@ from ..format.chunks import (
     read_metadata,
     read_promises,
 )
+from ..format.coordinates import CoordinatesRecord, read_coordinates
 from ..format.domain import DomainHead, read_domain
 from ..format.frames import FRAME_BEFORE, is_key, read_frame, read_interval
 from ..format.header import Header
 from ..format.program import Layer
-from .events import ChunkSkipped, DomainRead, Event, FrameRead, IsovalueRead, MetadataRead, PromisesRead, SeriesRead
+from .events import (
+    ChunkSkipped,
+    CoordinatesRead,
+    DomainRead,
+    Event,
+    FrameRead,
+    IsovalueRead,
+    MetadataRead,
+    PromisesRead,
+    SeriesRead,
+)
 
 LAYER_CHUNKS = (ChunkType.LAYERS, ChunkType.CUT_LAYERS)
 """Chunks that are decoded as they come in; so is a mask. The others are read when they are complete."""
@@ -54,6 +65,10 @@ class Contents:
         The present frame and isovalue, whose layers come.
     based : bool
         Whether a chunk of its layers has begun with a base.
+    coordinates : CoordinatesRecord or None
+        Where the samples lie.
+    shape : tuple of int
+        Of the samples, once the header is there.
     cells : int or None
         Dimension of the cells of an explicit domain.
     domain : DomainHead or None
@@ -71,11 +86,14 @@ class Contents:
     frame: int = 0
     number: int = 0
     based: bool = False
+    coordinates: CoordinatesRecord | None = None
+    shape: tuple[int, ...] = ()
     cells: int | None = None
     domain: DomainHead | None = None
 
     def begin(self, header: Header) -> None:
         """Take note of the header, and of its isovalue."""
+        self.shape = header.shape
         self.cells = header.cells
         self._add(header.isovalue, None)
 
@@ -185,6 +203,14 @@ def _promises(contents: Contents, payload: bytes, start: int, behind: int) -> Ev
     return PromisesRead(behind, promises)
 
 
+def _coordinates(contents: Contents, payload: bytes, start: int, behind: int) -> Event | None:
+    found = read_coordinates(payload, contents.shape)
+    if found is None:
+        return None
+    contents.coordinates = found
+    return CoordinatesRead(behind, found)
+
+
 def _index(contents: Contents, payload: bytes, start: int, behind: int) -> None:
     contents.records = read_index(payload, contents.layers) or contents.records
 
@@ -202,6 +228,7 @@ READERS: Mapping[int, Reader] = {
     ChunkType.METADATA: _metadata,
     ChunkType.PROMISES: _promises,
     ChunkType.INDEX: _index,
+    ChunkType.COORDINATES: _coordinates,
     ChunkType.DOMAIN: _domain,
 }
 """By type of chunk."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from ..format.chunks import Promises
+from ..format.coordinates import CoordinatesRecord
 from ..format.header import Header
 from ..format.program import Layer
 
@@ -171,6 +172,13 @@ class PromisesRead(Event):
     """What the writer promises of the layers of the present isovalue."""
 
     promises: Promises
+
+
+@dataclass(frozen=True)
+class CoordinatesRead(Event):
+    """Where the samples lie has come; the numbers are decoded when something is drawn there."""
+
+    coordinates: CoordinatesRecord
 
 
 @dataclass(frozen=True)

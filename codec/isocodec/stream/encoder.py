@@ -39,6 +39,7 @@ from ..search.promise import Promise
 from ..search.steps import stepwise
 from ..search.tolerance import NO_OFFSETS, grid_offsets, radices
 from ..tube.holes import Holes
+from .mapped import GivenWorld, check_axes, closed
 from .options import DEFAULT_TOLERANCE, SEARCHED, Options, isovalues_of, nearest_before
 from .plan_meshes import with_meshes
 
@@ -83,7 +84,7 @@ class Encoder:
         One isovalue, or several of the same field, in the order in which the file has them: finite numbers of Python's
         or numpy's, fractions or decimals. Files hold double precision; whole numbers beyond it are refused.
     exact, tolerance, signs_only, step, base_level, preserve_topology, steps, criterion, parameter, leaning, mask, \
-    plan, profile, metadata, placement
+    plan, profile, metadata, placement, coordinates, coordinates_error, periodic, period
         As in `encode`.
     progress : callable, optional
         Called with the layers done and their total; before, while a mesh is searched for, with the number of curves
@@ -110,7 +111,7 @@ class Encoder:
         isovalue: float | Sequence[float],
         *,
         exact: bool = False,
-        tolerance: float | None = None,
+        tolerance: float | str | None = None,
         signs_only: bool = False,
         step: float | None = None,
         base_level: int | None = None,
@@ -124,21 +125,33 @@ class Encoder:
         profile: str = "main",
         metadata: Mapping[str, str] | None = None,
         placement: ArrayLike | None = None,
+        coordinates: Sequence[ArrayLike] | None = None,
+        coordinates_error: float | None = None,
+        periodic: int | Sequence[int] | None = None,
+        period: float | Sequence[float] | None = None,
         progress: Callable[[int, int], object] | None = None,
     ) -> None:
+        self._world = GivenWorld(coordinates, coordinates_error, periodic, period)
+        if isinstance(tolerance, str):
+            tolerance = self._world.cells_of(tolerance, field, mask, placement)
         self.options = Options(
             exact=exact, tolerance=tolerance, signs_only=signs_only, step=step, base_level=base_level,
             preserve_topology=preserve_topology, steps=steps, criterion=criterion, parameter=parameter,
             leaning=leaning, plan=plan, profile=profile, metadata=metadata, placement=placement,
+            coordinates=coordinates, coordinates_error=coordinates_error, periodic=periodic, period=period,
         )  # fmt: skip
         self.isovalues = isovalues_of(isovalue)
         check_bare(field)
         values, gone = without_holes(field, mask)
+        check_axes(self._world.periodic, values.shape)
+        values = closed(values, self._world.periodic)
+        gone = None if gone is None else closed(gone, self._world.periodic)
         self._fields = [check_field(values, value, self.options.step, gone) for value in self.isovalues]
         self._truths = [truth_of(one) for one in self._fields]
         first = self._fields[0]
         self.options.check_data(first.integer)
         self._metadata = self.options.notes(first.values.ndim)
+        self._coordinates = self._world.payload(first.values.shape, gone) if self._world.there else b""
         self._report = progress
         self._tried = 0
         self.header = Header(first.values.shape, first.isovalue, self.options.step, Profile[profile.upper()])
@@ -210,7 +223,8 @@ class Encoder:
                                lambda: Promise(field, truth=truth, holes=self._holes))  # fmt: skip
         values: list[Entry] = [(LayerKind.VALUES, None)] if o.exact or o.step is not None else []
         fine = None if values or o.signs_only else o.tolerance or DEFAULT_TOLERANCE
-        free = self.header.profile == Profile.MAIN and self._slack_keeps_order(fine)
+        # crossings of the planes that close an axis have to be the same ones
+        free = self.header.profile == Profile.MAIN and not self._world.periodic and self._slack_keeps_order(fine)
         offsets = grid_offsets(fine, free)
         searched = o.tolerance if o.base_level is None and (o.tolerance or 0) >= SEARCHED else None
         if searched is o.steps is o.criterion is None and not o.preserve_topology:
@@ -290,6 +304,8 @@ class Encoder:
         yield write_header(self.header)
         if self._metadata:
             yield write_chunk(ChunkType.METADATA, write_metadata(self._metadata), ancillary=True)
+        if self._coordinates:
+            yield write_chunk(ChunkType.COORDINATES, self._coordinates, ancillary=True)
         if self._holes:
             yield write_chunk(ChunkType.MASK, self._mask_run)
         for number in range(len(self.isovalues)):

@@ -11,6 +11,7 @@ from isospec.container import ChunkType
 
 from ..errors import FormatError, OptionError, TruncatedError
 from ..format.chunks import CHECKSUM_BYTES, Envelope, LayerRecord, Promises, read_envelope, verify, whole_bytes
+from ..format.coordinates import CoordinatesRecord
 from ..format.domain import DomainHead, read_mesh_layer
 from ..format.frames import first_operation, is_key
 from ..format.header import Header, read_header, varint
@@ -112,6 +113,8 @@ class FileInfo:
         Of a series, how often a frame leans on none before it; 0 if only the first does. None without frames.
     frames : list of FrameInfo
         Those of a series.
+    coordinates : str or None
+        In words, how samples lie on a mapped grid; None if it is none.
     domain : DomainHead or None
         Of a file on a mesh what it says of that.
     """
@@ -134,6 +137,7 @@ class FileInfo:
     mask_bytes: int | None = None
     interval: int | None = None
     frames: list[FrameInfo] = field(default_factory=list)
+    coordinates: str | None = None
     domain: DomainHead | None = None
 
     def number_of(self, isovalue: float | None) -> int:
@@ -302,8 +306,20 @@ def inspect(data: bytes, symbols: bool = False, limits: Limits | None = None) ->
         header.scale, len(data), len(data) - coded, complete, _promised(layers, promised), chunks,
         contents.metadata, contents.isovalues, contents.leans, [one.topology for one in contents.promises],
         mask_bytes if contents.masked else None, contents.interval, strands.frames(contents.interval, at),
-        contents.domain,
+        _in_words(contents.coordinates), contents.domain,
     )  # fmt: skip
+
+
+def _in_words(record: CoordinatesRecord | None) -> str | None:
+    """What a chunk of coordinates says, without decoding its run."""
+    if record is None:
+        return None
+    nodes = any(len(one.axes) > 1 for one in record.coordinates)
+    parts = ["for each sample" if nodes else "for each axis", f"{len(record.run):,} bytes"]
+    parts += [f"axis {axis} is periodic" for axis in record.periodic]
+    periods = zip("xyz", record.coordinates, strict=False)
+    parts += [f"{name} repeats after {one.unit * one.period:.12g}" for name, one in periods if one.period]
+    return ", ".join(parts)
 
 
 def _promised(layers: Sequence[LayerInfo], promises: Mapping[tuple[int, int], Promises]) -> list[LayerInfo]:

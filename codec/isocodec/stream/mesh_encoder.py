@@ -13,7 +13,7 @@ from isospec.container import Checksum, ChunkType, DomainKind, MeshLayer, Profil
 
 from ..domain.complex import Complex, complex_of
 from ..domain.geometry import MOST_PARTS, active_vertices, parts_of
-from ..domain.history import history_of
+from ..domain.history import has_levels, history_of
 from ..domain.isovalue import MeshIsovalue
 from ..errors import InputError, OptionError
 from ..field.samples import Field, isovalue_of
@@ -58,7 +58,7 @@ class MeshEncoder:
         tolerance: float | None = None,
         signs_only: bool = False,
         leaning: bool = True,
-        progressive: bool = False,
+        progressive: bool | None = None,
         metadata: Mapping[str, str] | None = None,
     ) -> None:
         if mesh not in KINDS:
@@ -71,7 +71,9 @@ class MeshEncoder:
         self._fields = [vertex_field(values, self.domain, one, self.options.step) for one in self.isovalues]
         self.options.check_data(self._fields[0].integer)
         self._step = self._offset_step()
-        self._history = history_of(self.domain) if progressive else None
+        self._history = (
+            history_of(self.domain) if progressive or (progressive is None and has_levels(self.domain)) else None
+        )
         profile = Profile.MAIN
         self.header = Header((), self._fields[0].isovalue, self.options.step, profile, cells=self.domain.n)
         self.strands: list[MeshIsovalue] = []

@@ -73,7 +73,15 @@ class Options:
     metadata: Mapping[str, str] | None = None
     """Notes to go into the file."""
     placement: ArrayLike | None = None
-    """Where the samples lie in the world."""
+    """Where the samples lie in the world, by one matrix."""
+    coordinates: Sequence[ArrayLike] | None = None
+    """Where they lie, axis by axis or node by node."""
+    coordinates_error: float | None = None
+    """Cells by which coordinates may be off."""
+    periodic: int | Sequence[int] | None = None
+    """Axes along which the first sample follows on the last one."""
+    period: float | Sequence[float] | None = None
+    """Distances after which coordinates are the same."""
 
     def __post_init__(self) -> None:
         for name in ("tolerance", "step", "parameter"):
@@ -101,6 +109,26 @@ class Options:
         names = conflict(given)
         if names:
             raise OptionError(f"{' and '.join(names)} contradict one another", code="options", remedy="choose one")
+        if self.placement is not None and not (self.coordinates is self.periodic is None):
+            raise OptionError(
+                "a placement and coordinates or periodic axes contradict one another", code="options",
+                remedy="give coordinates instead of the placement",
+            )  # fmt: skip
+        if self.periodic is not None and self.chooses_mesh:
+            raise OptionError(
+                f"periodic and {self.chooses_mesh} contradict one another: the mesh must be the same at both ends of "
+                "the axis", code="periodic", remedy=f"use exact, step, signs_only or a tolerance below {SEARCHED:g}",
+            )  # fmt: skip
+
+    @property
+    def chooses_mesh(self) -> str:
+        """The option that leads to a mesh which is not uniform, if there is one."""
+        chosen = {
+            "plan": self.plan is not None, "steps": self.steps is not None, "criterion": self.criterion is not None,
+            "tolerance": self.tolerance is not None and self.tolerance >= SEARCHED,
+            "preserve_topology": self.preserve_topology,
+        }  # fmt: skip
+        return next((name for name, given in chosen.items() if given), "")
 
     def _check_criterion(self) -> None:
         if self.parameter is None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Collection
 from copy import copy
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +17,7 @@ from ..drawing.mask import MaskRows
 from ..drawing.tessellation import Tessellation
 from ..entropy.range_coder import Coder
 from ..errors import IsoError, LimitError, OptionError, out_of_memory
+from ..field.mapped import Mapped
 from ..format.header import Header
 from ..format.program import Layer, Progress
 from ..layers.contents import Contents
@@ -26,6 +28,7 @@ from ..passes.snapshot import state_of
 from ..tube.decoded import Decoded
 from .drawn import contour_of, mask_rows_of, mesh_of, tessellation_of, valid_rows_of
 from .tubes import Tubes
+from .world import World
 
 
 class Received:
@@ -52,6 +55,7 @@ class Received:
         self.isovalues = self._contents.isovalues
         self.metadata = self._contents.metadata
         self.runs = self._reader.runs
+        self._world = World(self._budget)
         self._cut = False
         self._ended = False
         self._error: IsoError | None = None
@@ -163,9 +167,10 @@ class Received:
         tube = self._strands.before[number] if before else self._tube_of(number)
         isovalue = self.isovalues[number] if tube else math.nan
         complete = before or (self._ended and not self._cut)
-        return contour_of(
+        contour = contour_of(
             tube, isovalue, self.header, self.metadata, complete, smooth, self._budget, self._mask.holes, through_holes
         )
+        return replace(contour, mapped=self.mapped())
 
     def mask(self, number: int = 0) -> NDArray[np.bool_]:
         """Which samples lie above an isovalue, by number, as of the events taken so far (spec clause 9.7).
@@ -240,10 +245,21 @@ class Received:
         isovalue = self.isovalues[number] if tube else math.nan
         complete = self._ended and not self._cut
         try:
-            return tessellation_of(tube, isovalue, self.header, self.metadata, complete, whole, self._budget)
+            mesh = tessellation_of(tube, isovalue, self.header, self.metadata, complete, whole, self._budget)
+            return replace(mesh, mapped=self.mapped())
         except MemoryError:
             pass
         raise out_of_memory("for the mesh")
+
+    def mapped(self) -> Mapped | None:
+        """Where samples lie that have coordinates of their own; None if those have not come.
+
+        Raises
+        ------
+        LimitError
+            If they take more memory than the limits allow; the decoder stays as it is.
+        """
+        return None if self.header is None else self._world.mapped(self._contents.coordinates, self.header.shape)
 
     def hold(self, size: int) -> None:
         """Count ``size`` bytes that the caller holds, of drawings for example, to the limit of memory from now on.

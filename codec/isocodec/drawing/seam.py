@@ -1,0 +1,40 @@
+"""Where a contour goes on at the other end of a periodic axis (spec clause 9.9(4))."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+def joined(
+    points: NDArray[np.float64], cells: NDArray[np.int64], shape: Sequence[int], axes: Sequence[int]
+) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    """Points and cells with the points of the last plane along some axes replaced by those of the first.
+
+    Parameters
+    ----------
+    points : (P, n) float64
+        In index coordinates.
+    cells : (M, n) int64
+    shape : sequence of int
+        Samples along each axis.
+    axes : sequence of int
+        Those that are periodic.
+
+    Returns
+    -------
+    (Q, n) float64, (M, n) int64
+    """
+    number = np.arange(len(points))
+    for axis in axes:
+        beside = np.delete(points, axis, axis=1)
+        first, last = (np.flatnonzero(points[:, axis] == end) for end in (0, shape[axis] - 1))
+        there = {tuple(place): i for place, i in zip(beside[first].tolist(), first.tolist(), strict=True)}
+        for i, place in zip(last.tolist(), beside[last].tolist(), strict=True):
+            number[i] = there.get(tuple(place), i)
+        # along two axes a point may be replaced twice
+        number = number[number]
+    kept, cells = np.unique(number[cells], return_inverse=True)
+    return points[kept], cells.reshape(-1, points.shape[1])

@@ -1,0 +1,251 @@
+"""Coordinates that a user gives a field's samples: what they have to be, how finely they are kept (spec clause 9.9)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import product
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import InputError
+from .mapped import Coordinate
+
+MOST_UNITS = 1 << 50
+"""Units between two coordinates at most."""
+MOST_PERIOD = 1 << 32
+"""Periods have fewer units: values that go round many times still fit 64 bits (clause 3.7.4)."""
+PARTS = 8.5
+"""Units of the error that is allowed: half a quantum of what is coded, and half a unit of rounding (clause 3.7.4)."""
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Given:
+    """Coordinates of the samples, checked.
+
+    Attributes
+    ----------
+    coordinates : tuple of Coordinate
+        x, y (, z), with units that keep the error.
+    arrays : tuple of (s0 or 1, .., sn-1 or 1) float64
+        Each of them; it varies along the axes that it has more than one node of.
+    needed : tuple of likewise, bool
+        Where they matter: at nodes of whole unit cells.
+    """
+
+    coordinates: tuple[Coordinate, ...]
+    arrays: tuple[Array, ...]
+    needed: tuple[NDArray[np.bool_], ...]
+
+
+def arrays_of(given: Any, shape: tuple[int, ...]) -> list[Array]:
+    """Coordinates x, y (, z) as arrays that broadcast to the shape of the field.
+
+    Parameters
+    ----------
+    given : sequence of n array_like
+        An array of one axis for each axis of the field, in the field's order (in the plane x runs along axis 1, in
+        space x, y, z along the axes 0, 1, 2); or x, y (, z) as arrays of n axes that broadcast to the field's shape.
+    shape : tuple of int
+
+    Raises
+    ------
+    InputError
+        If it is none of these.
+    """
+    n = len(shape)
+    try:
+        parts = [np.asarray(part) for part in given]
+    except (TypeError, ValueError):
+        parts = []
+    if len(parts) != n or any(part.dtype.kind not in "iuf" for part in parts):
+        raise InputError(
+            f"coordinates must be {n} arrays of numbers, one for each axis of the field, or x, y{', z' * (n == 3)}",
+            code="coordinates",
+        )
+    parts = [part.astype(np.float64) for part in parts]
+    if all(part.ndim == 1 for part in parts):
+        for axis, part in enumerate(parts):
+            if len(part) != shape[axis]:
+                raise InputError(
+                    f"{len(part)} coordinates for axis {axis} of the field, which has {shape[axis]} samples",
+                    code="coordinates", remedy="give one for each sample, axes in the order of the field",
+                )  # fmt: skip
+            parts[axis] = part.reshape([-1 if a == axis else 1 for a in range(n)])
+        return parts[::-1] if n == 2 else parts
+    for name, part in zip("xyz", parts, strict=False):
+        if part.ndim != n or any(count not in (1, size) for count, size in zip(part.shape, shape, strict=True)):
+            raise InputError(
+                f"the coordinates {name} have shape {part.shape}, the field {shape}", code="coordinates",
+                remedy="give one for each sample, with the field's axes",
+            )  # fmt: skip
+    return [_least(part) for part in parts]
+
+
+def _least(array: Array) -> Array:
+    """Without the axes along which it does not vary."""
+    for axis in range(array.ndim):
+        first = array.take([0], axis=axis)
+        if np.array_equal(np.broadcast_to(first, array.shape), array):
+            array = first
+    return array
+
+
+def check_coordinates(
+    arrays: Sequence[Array], shape: tuple[int, ...], gone: NDArray[np.bool_] | None, periods: Sequence[float],
+    error: float, periodic: Sequence[int] = (),
+) -> Given:  # fmt: skip
+    """Coordinates that do not fold, and units in which they are kept within ``error`` cells.
+
+    Parameters
+    ----------
+    arrays : sequence of (s0 or 1, .., sn-1 or 1) float64
+        As `arrays_of` gives them.
+    shape : tuple of int
+        Of the field.
+    gone : (s0, .., sn-1) bool, optional
+        Which samples are missing: cells that have one do not count.
+    periods : sequence of float
+        Of each coordinate; 0 if there is none.
+    error : float
+        In cells.
+    periodic : sequence of int
+        Axes whose last plane is the first one again.
+
+    Raises
+    ------
+    InputError
+        If a coordinate that matters is not finite, if axes do not rise or fall strictly, or if cells fold.
+    """
+    whole = np.ones([size - 1 for size in shape], np.bool_) if gone is None else whole_cells(gone)
+    used = np.ones(shape, np.bool_) if gone is None else _touched(whole, shape)
+    needed: list[NDArray[np.bool_]] = []
+    for name, array in zip("xyz", arrays, strict=False):
+        flat = tuple(axis for axis, count in enumerate(array.shape) if count == 1)
+        some = used.any(axis=flat, keepdims=True) if array.ndim > len(flat) else np.ones_like(array, np.bool_)
+        bad = some & ~np.isfinite(array)
+        if bad.any():
+            where = tuple(np.argwhere(bad)[0].tolist())
+            raise InputError(
+                f"the coordinate {name} of sample {where} is {array[where]}", code="coordinates",
+                remedy="mask samples without coordinates: NaN, or the option mask",
+            )  # fmt: skip
+        needed.append(np.asarray(some))
+    varying = [[axis for axis, count in enumerate(array.shape) if count > 1] for array in arrays]
+    if all(len(axes) == 1 for axes in varying) and len({axes[0] for axes in varying}) == len(varying):
+        reach = [_along_axis(array, axes[0], period, periodic)
+                 for array, axes, period in zip(arrays, varying, periods, strict=True)]  # fmt: skip
+    else:
+        reach = _inverse(arrays, periods, whole, periodic)
+    coordinates = []
+    for name, array, axes, period, far in zip("xyz", arrays, varying, periods, reach, strict=False):
+        unit = error / (len(arrays) * far * PARTS)
+        units = int(np.ceil(period / unit)) if period else 0
+        unit = period / units if units else unit
+        finite = array[np.isfinite(array)]
+        if units >= MOST_PERIOD or float(np.ptp(finite)) / unit >= MOST_UNITS:
+            raise InputError(
+                f"the coordinates {name} would take too many units of {unit:g}", code="coordinates",
+                remedy="allow a larger coordinates_error; or do cells all but vanish somewhere?",
+            )  # fmt: skip
+        first = array.flat[0]
+        coordinates.append(Coordinate(tuple(axes), float(first if np.isfinite(first) else finite[0]), unit, units))
+    return Given(tuple(coordinates), tuple(arrays), tuple(needed))
+
+
+def whole_cells(gone: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Unit cells without a missing corner."""
+    out = np.ones([size - 1 for size in gone.shape], np.bool_)
+    for corner in product((0, 1), repeat=gone.ndim):
+        out &= ~gone[tuple(slice(c, c + size) for c, size in zip(corner, out.shape, strict=True))]
+    return out
+
+
+def _touched(whole: NDArray[np.bool_], shape: tuple[int, ...]) -> NDArray[np.bool_]:
+    """Nodes of whole cells."""
+    out = np.zeros(shape, np.bool_)
+    for corner in product((0, 1), repeat=len(shape)):
+        out[tuple(slice(c, c + size) for c, size in zip(corner, whole.shape, strict=True))] |= whole
+    return out
+
+
+def steps_along(array: Array, axis: int, period: float) -> Array:
+    """Differences of neighbours along an axis, up to the period."""
+    steps = np.diff(array, axis=axis)
+    return (steps + period / 2) % period - period / 2 if period else steps
+
+
+def _no_wrap(periodic: Sequence[int], periods: Sequence[float]) -> str | None:
+    """What to do where the last cell of a periodic axis folds."""
+    if periodic and not any(periods):
+        return "give the period of the coordinate, 360 of longitudes, unless the ends are one place"
+    return None
+
+
+def _along_axis(array: Array, axis: int, period: float, periodic: Sequence[int]) -> float:
+    """Cells by a unit of a coordinate that varies along one axis, at most."""
+    steps = steps_along(array, axis, period).ravel()
+    falling = np.count_nonzero(steps < 0) > len(steps) / 2
+    bad = np.flatnonzero(steps >= 0 if falling else steps <= 0)
+    if len(bad):
+        i = int(bad[0])
+        raise InputError(
+            f"the coordinates along axis {axis} neither rise nor fall all the way: {array.ravel()[i]:g} is followed by "
+            f"{array.ravel()[i + 1]:g} at sample {i + 1}", code="coordinates",
+            remedy=_no_wrap([a for a in periodic if a == axis], [period]) or "sort the samples along that axis",
+        )  # fmt: skip
+    return float(1 / np.abs(steps).min())
+
+
+def _inverse(
+    arrays: Sequence[Array], periods: Sequence[float], whole: NDArray[np.bool_], periodic: Sequence[int]
+) -> list[float]:
+    """For each coordinate the most cells by a unit of it, over all corners of whole cells, none of which may fold."""
+    n = len(arrays)
+    steps = [
+        [steps_along(array, axis, period) if array.shape[axis] > 1 else None for axis in range(n)]
+        for array, period in zip(arrays, periods, strict=True)
+    ]
+    far = [0.0] * n
+    turned = 0
+    with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
+        for corner in product((0, 1), repeat=n):
+            j = [[at_corner(step, axis, corner) for axis, step in enumerate(row)] for row in steps]
+            cofactors = [_cofactors(j[(c + 1) % n], j[(c + n - 1) % n]) for c in range(n)]
+            size = sum(j[0][a] * cofactors[0][a] for a in range(n))
+            size = np.broadcast_to(np.asarray(size), whole.shape)
+            up = np.count_nonzero(whole & (size > 0))
+            turned = turned or (1 if 2 * up >= np.count_nonzero(whole) else -1)
+            bad = whole & ~(size * turned > 0)
+            if bad.any():
+                where = tuple(np.argwhere(bad)[0].tolist())
+                raise InputError(
+                    f"the coordinates fold: the cell at sample {where} is turned over or has no size, as are "
+                    f"{np.count_nonzero(bad) - 1:,} more", code="coordinates",
+                    remedy=_no_wrap(periodic, periods) or "mask those samples, or leave out rows that repeat others",
+                )  # fmt: skip
+            for c in range(n):
+                column = np.sqrt(sum(part * part for part in cofactors[c])) / np.abs(size)
+                far[c] = max(far[c], float(np.max(np.broadcast_to(column, whole.shape), where=whole, initial=0.0)))
+    return [reach or 1.0 for reach in far]
+
+
+def at_corner(step: Array | None, axis: int, corner: tuple[int, ...]) -> Any:
+    """Steps along the edges of all cells that begin at a corner; 0 where a coordinate does not vary."""
+    if step is None:
+        return 0.0
+    return step[tuple(
+        slice(None) if a == axis or step.shape[a] == 1 else slice(corner[a], corner[a] + step.shape[a] - 1)
+        for a in range(step.ndim)
+    )]  # fmt: skip
+
+
+def _cofactors(u: list[Any], v: list[Any]) -> list[Any]:
+    """Of the row of a matrix, given the others: in the plane one other (twice), in space two, whose product it is."""
+    if len(u) == 2:
+        return [u[1], -u[0]]
+    return [u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]]

@@ -1,0 +1,122 @@
+"""A mapped grid: samples that lie where coordinates say, and what lies between them (spec clauses 3.7.4, 9.9)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+@dataclass(frozen=True)
+class Coordinate:
+    """One coordinate of the nodes of a grid.
+
+    Attributes
+    ----------
+    axes : tuple of int
+        Axes of the array along which it varies.
+    origin, unit : float
+        It is ``origin + unit * value``.
+    period : int
+        In units: places that many units apart are the same; 0 if there is none.
+    """
+
+    axes: tuple[int, ...]
+    origin: float
+    unit: float
+    period: int = 0
+
+    def counts(self, shape: Sequence[int]) -> tuple[int, ...]:
+        """Nodes along each axis of an array: 1 along those that it does not depend on."""
+        return tuple(size if axis in self.axes else 1 for axis, size in enumerate(shape))
+
+
+@dataclass(frozen=True, eq=False)
+class Mapped:
+    """Where the samples of a field lie, and all points between them.
+
+    Attributes
+    ----------
+    shape : tuple of int
+        Samples along each axis, the plane that closes a periodic axis included.
+    coordinates : tuple of Coordinate
+        x, y (, z).
+    values : tuple of (s0 or 1, .., sn-1 or 1) int64
+        For each coordinate its values at the nodes, in units; they are changed to what clause 9.9(2) says.
+    periodic : tuple of int
+        Axes whose last plane of samples is the first one again.
+    """
+
+    shape: tuple[int, ...]
+    coordinates: tuple[Coordinate, ...]
+    values: tuple[NDArray[np.int64], ...]
+    periodic: tuple[int, ...] = ()
+
+    def __post_init__(self) -> None:
+        for one, value in zip(self.coordinates, self.values, strict=True):
+            for axis in self.periodic:
+                if value.shape[axis] > 1:
+                    along = np.moveaxis(value, axis, 0)
+                    along[-1] = along[0]
+            for axis in one.axes if one.period else ():
+                along = np.moveaxis(value, axis, 0)
+                along[1:] = along[:1] + np.cumsum(nearest(np.diff(along, axis=0), one.period), axis=0)
+
+    @property
+    def periods(self) -> tuple[float, ...]:
+        """For each coordinate x, y (, z) the distance after which it is the same; 0.0 if there is none."""
+        return tuple(one.unit * one.period for one in self.coordinates)
+
+    @property
+    def closes(self) -> bool:
+        """Whether places at both ends of a periodic axis are one point, and do not differ by a period."""
+        return bool(self.periodic) and not any(
+            one.period and axis in one.axes for one in self.coordinates for axis in self.periodic
+        )
+
+    def nodes(self) -> list[NDArray[np.float64]]:
+        """Each coordinate x, y (, z) at the nodes: arrays that broadcast to the shape."""
+        return [
+            one.origin + one.unit * value.astype(np.float64)
+            for one, value in zip(self.coordinates, self.values, strict=True)
+        ]
+
+    def place(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Coordinates x, y (, z) of points in index coordinates within the box, (P, n) float64 both.
+
+        Within each unit cell they are multilinear.
+        """
+        last = np.array(self.shape) - 2
+        cell = np.clip(np.floor(points).astype(np.int64), 0, last)
+        along = points - cell
+        out = np.empty(points.shape)
+        for c, (one, value) in enumerate(zip(self.coordinates, self.values, strict=True)):
+            out[:, c] = one.origin + one.unit * _between(one, value, cell, along)
+        return out
+
+
+def nearest(difference: NDArray[np.int64], period: int) -> NDArray[np.int64]:
+    """Differences up to multiples of the period: those nearest to 0."""
+    return (difference + period // 2) % period - period // 2 if period else difference
+
+
+def _between(
+    one: Coordinate, value: NDArray[np.int64], cell: NDArray[np.int64], along: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Values, in units, within cells: ``along`` says where, from 0 to 1 along each axis."""
+
+    def corner(number: int) -> NDArray[np.int64]:
+        index = [np.zeros(len(cell), np.int64)] * value.ndim
+        for bit, axis in enumerate(one.axes):
+            index[axis] = cell[:, axis] + (number >> bit & 1)
+        return np.asarray(value[tuple(index)])
+
+    first = corner(0)
+    parts = [(first + nearest(corner(i) - first, one.period)).astype(np.float64) for i in range(1 << len(one.axes))]
+    for axis in one.axes:
+        t = along[:, axis]
+        # so that at t = 0 and 1 nothing is rounded, and neighbouring cells agree
+        parts = [a * (1 - t) + b * t for a, b in zip(parts[::2], parts[1::2], strict=True)]
+    return parts[0]

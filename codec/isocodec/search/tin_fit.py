@@ -1,0 +1,162 @@
+"""Which points and values a coded surface has: to an error, to a number of points, to a size of the file."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..domain.coded_tin import Layers
+from ..domain.criteria import AT1, SQUARED
+from ..domain.exchange import exchange
+from ..domain.fitting import fit
+from ..domain.points import Points
+from ..domain.thinning import Thinning, thin_to, thinning
+
+MOST_PALETTE = 24
+"""Values that a field has at most, for its points to have no others."""
+_BITS = 10.8
+"""Of a point and its value, about."""
+_STEP = 1.25
+"""Step of values, in roots of the mean squared error that there is without steps: found on pictures."""
+_TRIES = 8
+_CLOSE = 0.985
+"""A file that takes this much of the bytes that it may is good enough."""
+_SWEEPS = 8
+_PIECE = 1 << 16
+_LARGEST = (1 << 16) - 1
+_GROWTH = 4
+"""How many times as many points each layer has as the one before."""
+
+
+@dataclass(frozen=True)
+class Chosen:
+    """Points by rank and the numbers of their values.
+
+    Attributes
+    ----------
+    some : (K,) int64
+        Which of the points are kept.
+    numbers : (K,) int64
+    offset, step : float
+    palette : tuple of int
+    largest : int
+    """
+
+    some: NDArray[np.int64]
+    numbers: NDArray[np.int64]
+    offset: float
+    step: float
+    palette: tuple[int, ...]
+    largest: int
+
+
+def within(given: Points, error: float) -> Chosen:
+    """Points such that the surface misses no value by more than an error.
+
+    Values are rounded to steps of the error first; the error is held against what was given.
+    """
+    low, high = float(given.value.min()), float(given.value.max())
+    step = error
+    if step <= 0 or (high - low) / step > _LARGEST:
+        step = _exact_step(given.value, low, high)
+    number = np.rint((given.value - low) / step)
+    state = thinning(given.x, given.y, low + step * number, AT1, given.value)
+    _thin(state, 0, error)
+    some = np.flatnonzero(state.surface.tri.leaving >= 0)
+    return Chosen(some, number[some].astype(np.int64), low, step, (), int(number.max()))
+
+
+def _exact_step(value: NDArray[np.float64], low: float, high: float) -> float:
+    """A step that holds all values exactly, if they are whole; else a 65,535th of their range."""
+    if np.array_equal(value, np.rint(value)) and high - low <= _LARGEST:
+        return 1.0
+    return max(high - low, 1e-300) / _LARGEST
+
+
+def best(given: Points, count: int, step: float | None) -> Chosen:
+    """So many points whose surface has the least squared error."""
+    return _Squared(given).chosen(count, step)
+
+
+def smallest(given: Points, size: int, encode: Callable[[Chosen], bytes], step: float | None) -> Chosen:
+    """As many points as a file of so many bytes has room for."""
+    search = _Squared(given)
+    count = max(int(8 * size / _BITS), 3)
+    found: Chosen | None = None
+    for _ in range(_TRIES):
+        tried = search.chosen(count, step)
+        took = len(encode(tried))
+        if took <= size:
+            found = tried
+            if took >= _CLOSE * size or count >= len(given.x):
+                break
+        # a little less than what seems to fit
+        count = max(min(int(count * (size / took - 0.002)), len(given.x)), 3)
+        if found is not None and count <= len(found.some):
+            break
+    if found is None:
+        found = search.chosen(3, step)
+    return found
+
+
+class _Squared:
+    """Surfaces of falling numbers of points, with the least squared error that was found."""
+
+    def __init__(self, given: Points) -> None:
+        self._given = given
+        self.low, self.high = float(given.value.min()), float(given.value.max())
+        self._state: Thinning | None = None
+
+    def chosen(self, count: int, step: float | None) -> Chosen:
+        """So many points, values fitted in steps."""
+        given = self._given
+        state = self._state
+        if state is None or state.reg.count < count:
+            state = thinning(given.x, given.y, given.value.copy(), SQUARED, given.value)
+            _thin(state, count, math.inf)
+        exchange(state, count, self.low, self.high)
+        self._state = state
+        s = state.surface
+        mean = float((s.error**2).mean())
+        if step is None:
+            step = max(_STEP * math.sqrt(mean), (self.high - self.low) / _LARGEST, 1e-300)
+            step = _rounded(step)
+        value, error = s.value.copy(), s.error.copy()
+        steps = min(max(math.ceil((self.high - self.low) / step - 0.25), 1), _LARGEST)
+        top = self.low + steps * step
+        fit(s, self.low, top, step, _SWEEPS)
+        some = np.flatnonzero(s.tri.leaving >= 0)
+        number = np.rint((s.value[some] - self.low) / step).astype(np.int64)
+        s.value[:], s.error[:] = value, error
+        return Chosen(some, number, self.low, step, (), steps)
+
+
+def _rounded(step: float) -> float:
+    """A number of few binary digits."""
+    mantissa, exponent = math.frexp(step)
+    return math.ldexp(round(mantissa * 16), exponent - 4)
+
+
+def _thin(state: Thinning, count: int, error: float) -> None:
+    while not thin_to(state, count, error, _PIECE):
+        pass
+
+
+def in_layers(given: Points, chosen: Chosen, layers: int) -> Layers:
+    """The chosen points in layers, the most significant first: those that thinning takes out last."""
+    some = chosen.some
+    points = np.stack([given.x[some], given.y[some]], axis=1)
+    if layers == 1 or len(some) < 8:
+        return Layers(points, chosen.numbers, (len(some),))
+    value = chosen.offset + chosen.step * chosen.numbers.astype(np.float64)
+    state = thinning(given.x[some], given.y[some], value, SQUARED)
+    _thin(state, 3, math.inf)
+    order = state.order[: state.reg.removed][::-1].astype(np.int64)
+    order = np.concatenate([np.setdiff1d(np.arange(len(some)), order), order])
+    corners = len(some) - state.reg.removed
+    ends = sorted({max(len(some) // _GROWTH**k, corners) for k in range(layers)})
+    return Layers(points[order], chosen.numbers[order], tuple(ends))

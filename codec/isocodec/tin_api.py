@@ -1,0 +1,257 @@
+"""Triangulated surfaces in files: points, terrains or pictures in, bytes out, and back (spec clause 10.9)."""
+
+from __future__ import annotations
+
+import math
+import zlib
+from collections.abc import Mapping
+from numbers import Integral
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from isospec.container import Checksum, ChunkType, DomainKind, Profile
+
+from .domain.coded_tin import decoded, encoded
+from .domain.delaunay import delaunay, triangles
+from .domain.points import Points, points_of
+from .domain.rank import by_rank
+from .domain.tin import Tin
+from .errors import FormatError, LimitError, OptionError, TruncatedError
+from .format.chunks import CHECKSUM_BYTES, octets, read_envelope, read_metadata, verify, write_chunk, write_metadata
+from .format.header import Header, read_header, write_header
+from .format.tin import MOST_LAYERS, TinHead, read_tin, values_of, write_tin
+from .limits import WORK_PER_BYTE, Limits
+from .search.tin_fit import Chosen, best, in_layers, smallest, within
+
+PER_POINT = 400
+"""Bytes that decoding takes for each point at most."""
+
+
+def encode_tin(
+    points: ArrayLike,
+    values: ArrayLike | None = None,
+    *,
+    error: float | None = None,
+    to: int | None = None,
+    size: int | None = None,
+    step: float | None = None,
+    layers: int = 1,
+    metadata: Mapping[str, str] | None = None,
+) -> bytes:
+    """Encode a terrain, a picture or scattered points as a triangulated surface.
+
+    The file holds positions and values of the points that matter; triangles follow from them. Choose one of ``error``,
+    ``to`` and ``size``.
+
+    Parameters
+    ----------
+    points : (N, 2) array_like, or (s0, s1) array_like without ``values``
+        As of `thin`.
+    values : (N,) array_like, optional
+    error : float, optional
+        Largest distance of the surface from any value.
+    to : int, optional
+        Number of points; these and their values are chosen so that the sum of squared errors is small.
+    size : int, optional
+        Bytes of the file at most; likewise.
+    step : float, optional
+        Step of values, with ``to`` and ``size``; one that fits the error, if not given.
+    layers : int
+        Layers that points come in, each with four times as many as the one before: the beginning of a file is a coarse
+        surface, for some more bytes in all.
+    metadata : mapping of str to str, optional
+        Notes to go into the file.
+
+    Returns
+    -------
+    bytes
+        An ``.iso`` file.
+
+    Raises
+    ------
+    InputError
+        As `thin`.
+    OptionError
+        If not exactly one of ``error``, ``to`` and ``size`` is given, or a number is out of range.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> y, x = np.mgrid[:32, :32]
+    >>> data = encode_tin(np.hypot(x - 9.5, y - 20), error=0.5)
+    >>> bool(np.abs(decode_tin(data).raster() - np.hypot(x - 9.5, y - 20)).max() <= 0.5)
+    True
+    """
+    _check(error, to, size, step, layers)
+    given = points_of(points, values)
+    shape = np.shape(points) if values is None else None
+    notes = write_chunk(ChunkType.METADATA, write_metadata(metadata), ancillary=True) if metadata else b""
+
+    def file(chosen: Chosen) -> bytes:
+        return _file(given, chosen, shape, layers, notes)
+
+    if error is not None:
+        return file(within(given, float(error)))
+    if to is not None:
+        return file(best(given, int(to), step))
+    assert size is not None
+    out = file(smallest(given, int(size), file, step))
+    if len(out) > size:
+        raise OptionError(f"no surface fits into {size} bytes", code="size", remedy=f"allow {len(out)}")
+    return out
+
+
+def _check(error: float | None, to: int | None, size: int | None, step: float | None, layers: int) -> None:
+    if sum(each is not None for each in (error, to, size)) != 1:
+        raise OptionError("give exactly one of error, to and size", code="tin", remedy="error=5.0, or size=2000")
+    if error is not None and not 0 <= error < math.inf:
+        raise OptionError(f"the error is {error}; it must be 0 or more", code="error")
+    for what, number, least in (("points", to, 3), ("bytes", size, 1), ("layers", layers, 1)):
+        if number is not None and not (isinstance(number, Integral) and number >= least):
+            raise OptionError(f"{number} {what}; it must be a whole number from {least} on", code=what)
+    if layers > MOST_LAYERS:
+        raise OptionError(f"{layers} layers; a surface has at most {MOST_LAYERS}", code="layers")
+    if step is not None and (error is not None or not 0 < step < math.inf):
+        raise OptionError(
+            "a step goes with a number of points or a size, and is greater than 0", code="step",
+            remedy="with an error, values are rounded as it allows",
+        )  # fmt: skip
+
+
+def _file(given: Points, chosen: Chosen, shape: tuple[int, int] | None, layers: int, notes: bytes) -> bytes:
+    """The file of chosen points."""
+    parts = in_layers(given, chosen, layers)
+    extent = (int(given.x.max()) + 1, int(given.y.max()) + 1) if shape is None else shape
+    exponent = math.frexp(given.unit)[1] - 1
+    first, second = (int(each / given.unit) for each in given.origin)
+    counts = np.diff([0, *parts.ends]).tolist()
+    head = TinHead(
+        extent, shape is not None, exponent, (first, second), chosen.offset, chosen.step, chosen.palette,
+        chosen.largest, tuple(counts),
+    )  # fmt: skip
+    payload = write_tin(head) + encoded(parts, extent, chosen.largest)
+    out = write_header(Header((), 0.0, None, Profile.MAIN, cells=2)) + notes
+    out += write_chunk(ChunkType.DOMAIN, payload, last=True)
+    return out + Checksum.build(zlib.crc32(out))
+
+
+def is_tin(data: bytes) -> bool:
+    """Whether the first bytes of a file are those of one that holds a surface.
+
+    Raises
+    ------
+    FormatError
+        If they are not those of a file.
+    """
+    found = read_header(data)
+    if found is None or found[0].cells != 2:
+        return False
+    at = found[1]
+    while True:
+        chunk = read_envelope(data, at)
+        if chunk is None:
+            return False
+        if chunk.type == ChunkType.DOMAIN:
+            return chunk.start < len(data) and data[chunk.start] >> 4 == DomainKind.POINTS
+        at = chunk.end + CHECKSUM_BYTES * chunk.checked
+
+
+def decode_tin(data: bytes, *, max_bytes: int | None = None, limits: Limits | None = None) -> Tin:
+    """Decode a file to its triangulated surface.
+
+    Parameters
+    ----------
+    data : bytes
+        As `encode_tin` makes them.
+    max_bytes : int, optional
+        Decode the first bytes only, whatever surface they give.
+    limits : Limits, optional
+
+    Returns
+    -------
+    Tin
+
+    Raises
+    ------
+    FormatError
+        If the bytes are not such a file; ``TruncatedError`` if they end too early, with ``max_bytes`` only if they end
+        before three points have come.
+    LimitError
+        If the file needs more than the limits allow.
+    """
+    limits = limits or Limits()
+    whole = bytes(octets(data)[:max_bytes])
+    if len(whole) > limits.bytes:
+        raise LimitError(f"more than {limits.bytes} bytes", code="limit-bytes", clause="11.2")
+    found = read_header(whole)
+    early = TruncatedError("the file ends before its surface begins", code="truncated", offset=len(whole), clause="8.3")
+    if found is None:
+        raise early
+    header, at = found
+    if header.cells != 2:
+        raise OptionError("the file holds no surface", code="domain", remedy="take decode")
+    metadata: dict[str, str] = {}
+    while True:
+        chunk = read_envelope(whole, at)
+        if chunk is None:
+            raise early
+        if not chunk.ancillary and chunk.type != ChunkType.DOMAIN:
+            raise FormatError("not in a file of a surface", code="chunk", offset=at, clause="10.9.1")
+        behind = verify(whole, chunk, at)
+        payload = whole[chunk.start : chunk.end]
+        if chunk.type == ChunkType.DOMAIN and not chunk.ancillary:
+            break
+        if behind is None:
+            raise early
+        if chunk.last:
+            raise FormatError("a file without a domain", code="domain", offset=at, clause="3.5.8")
+        if chunk.type == ChunkType.METADATA:
+            metadata |= read_metadata(payload)
+        at = behind
+    if payload and payload[0] >> 4 != DomainKind.POINTS:
+        raise OptionError("the file holds a mesh, no surface", code="domain", remedy="take decode")
+    if behind is None and max_bytes is None:
+        raise TruncatedError(
+            f"the file ends after {len(whole)} bytes, before it is complete", code="truncated", offset=len(whole),
+            clause="8.3", remedy="give max_bytes to decode what there is",
+        )  # fmt: skip
+    complete = behind is not None and (chunk.last or max_bytes is not None)
+    if behind is not None and chunk.last and behind < len(whole):
+        raise FormatError("bytes after the end of the file", code="trailing", offset=behind, clause="3.4.4")
+    return _surface(payload, chunk.start, behind is not None, complete, metadata, limits)
+
+
+def _surface(
+    payload: bytes, start: int, whole: bool, complete: bool, metadata: dict[str, str], limits: Limits
+) -> Tin:
+    """The surface of a payload, or of its beginning."""
+    early = TruncatedError("the file ends before its surface begins", code="truncated", clause="8.3")
+    if not payload:
+        if whole:
+            raise FormatError("an empty domain chunk", code="domain", offset=start, clause="3.5.8")
+        raise early
+    try:
+        head, at = read_tin(payload, start)
+    except FormatError:
+        # what is not complete yet is no error
+        if whole:
+            raise
+        raise early from None
+    most = min(limits.vertices, limits.memory // PER_POINT)
+    work = (limits.work + WORK_PER_BYTE * len(payload))
+    parts = decoded(payload[at:], head.counts, head.extent, head.largest, most, work, whole)
+    if len(parts.points) < 3:
+        raise early
+    order = by_rank(parts.points[:, 0], parts.points[:, 1])
+    x, y = np.ascontiguousarray(parts.points[order].T)
+    tri, _ = delaunay(x, y)
+    positions = np.stack([x, y], axis=1).astype(np.float64)
+    if not head.grid:
+        with np.errstate(over="ignore"):
+            positions = np.ldexp(positions + np.array(head.origin, np.float64), head.exponent)
+    values = np.array(values_of(head, parts.numbers[order].tolist()))
+    return Tin(
+        positions, values, triangles(tri).astype(np.int64), head.extent if head.grid else None,
+        complete and parts.complete, metadata,
+    )  # fmt: skip

@@ -1,0 +1,120 @@
+"""Mapped grids in files and on the command line: what NetCDF and .npz say of coordinates, and what is written there."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+
+import grids
+import isocodec
+from commands import ok, run
+from isocodec.io.place import read_place
+
+FIELD, NODES = grids.rotated_pole()
+SOUTH, EAST = np.linspace(60, -60, 13), np.arange(36) * 10.0
+WAVES = np.cos(np.radians(EAST))[None] + 0.2 * np.sin(np.radians(SOUTH))[:, None]
+
+
+def netcdf(path: Path, field: np.ndarray, coordinates: dict[str, tuple[np.ndarray, str]], scales: bool) -> Path:
+    """A field with coordinates: as scales of its axes, or named by its attribute."""
+    with h5py.File(path, "w") as file:
+        file["f"] = field
+        for name, (values, units) in coordinates.items():
+            file[name] = values
+            file[name].attrs["units"] = units
+        if not scales:
+            file["f"].attrs["coordinates"] = " ".join(coordinates)
+        for axis, name in enumerate(coordinates if scales else ()):
+            file[name].make_scale(name)
+            file["f"].dims[axis].attach_scale(file[name])
+    return path
+
+
+def encoded(path: Path, isovalue: float, *options: object) -> tuple[isocodec.Contour, str]:
+    result = run("encode", path, "-o", path.with_suffix(".iso"), "--isovalue", isovalue, *options)
+    assert result.exit_code == 0, result.output
+    return isocodec.decode(path.with_suffix(".iso").read_bytes()), result.stderr
+
+
+def test_longitudes_all_round(tmp_path: Path) -> None:
+    """They are joined by themselves; lines in GeoJSON go on across the end of the period."""
+    units = {"lat": (SOUTH, "degrees_north"), "lon": (EAST, "degrees_east")}
+    path = netcdf(tmp_path / "a.nc", WAVES, units, True)
+    contour, _ = encoded(path, 0.9, "--key", "f")
+    assert contour.shape == (13, 37) and contour.mapped is not None and contour.mapped.periodic == (1,)
+    assert np.allclose(contour.placed[:, 1], np.interp(contour.points[:, 0], range(13), SOUTH), atol=0.05)
+    ok("decode", path.with_suffix(".iso"), "-o", tmp_path / "a.geojson")
+    lines = json.loads((tmp_path / "a.geojson").read_text())["geometry"]["coordinates"]
+    assert lines and all(np.abs(np.diff(np.array(line)[:, 0])).max() < 20 for line in lines)
+    text = ok("info", path.with_suffix(".iso"))
+    assert "axis 1 is periodic" in text and "x repeats after 360" in text
+    # a mesh that is searched for has other ends: they stay apart, with a warning
+    contour, said = encoded(path, 0.9, "--key", "f", "--tolerance", 1)
+    assert contour.shape == (13, 36) and "not joined" in said
+    contour, said = encoded(path, 0.9, "--key", "f", "--no-placement")
+    assert contour.shape == (13, 36) and contour.mapped is None and not said
+    refused = run("encode", path, "-o", tmp_path / "b.iso", "--isovalue", 0.9, "--key", "f", "--tolerance", 1,
+                  "--periodic", 1)  # fmt: skip
+    assert refused.exit_code == 2 and "contradict" in refused.stderr
+
+
+def test_coordinates_of_each_sample(tmp_path: Path) -> None:
+    units = {"lon": (NODES[0], "degrees_east"), "lat": (NODES[1], "degrees_north")}
+    contour, _ = encoded(netcdf(tmp_path / "a.nc", FIELD, units, False), 0.1, "--key", "f")
+    np.savez(tmp_path / "b.npz", values=FIELD, lon=NODES[0], lat=NODES[1])
+    other, _ = encoded(tmp_path / "b.npz", 0.1)
+    direct = isocodec.decode(isocodec.encode(FIELD, 0.1, coordinates=NODES, period=360))
+    assert np.array_equal(contour.placed, direct.placed) and np.array_equal(other.placed, direct.placed)
+    ok("decode", tmp_path / "a.iso", "-o", tmp_path / "a.npz")
+    assert np.array_equal(np.load(tmp_path / "a.npz")["placed"], direct.placed)
+    ok("decode", tmp_path / "a.iso", "-o", tmp_path / "s.geojson", "--in-samples")
+    (first, *_) = json.loads((tmp_path / "s.geojson").read_text())["geometry"]["coordinates"]
+    assert np.allclose(first, direct.lines[0][:, ::-1])
+
+
+def test_uneven_steps_of_volumes(tmp_path: Path) -> None:
+    """x runs along the last axis."""
+    field = grids.cylinder()[0]
+    axes = {"z": (np.geomspace(1, 9, 9), "m"), "y": (np.arange(24.0), "m"), "x": (np.arange(11.0) ** 2, "m")}
+    path = netcdf(tmp_path / "a.nc", field, axes, True)
+    contour, _ = encoded(path, 0.0, "--key", "f")
+    expected = [np.interp(contour.points[:, 2 - c], range(field.shape[2 - c]), axes[n][0]) for c, n in enumerate("xyz")]
+    assert np.abs(contour.placed - np.stack(expected, axis=1)).max() < 0.005
+    for suffix in (".ply", ".stl", ".obj"):
+        ok("decode", path.with_suffix(".iso"), "-o", tmp_path / f"a{suffix}")
+    ok("decode", path.with_suffix(".iso"), "-o", tmp_path / "a.vtu", "--mesh", "tube")
+
+
+def test_periodic_axis_by_option(tmp_path: Path) -> None:
+    field = grids.polar()[0]
+    np.save(tmp_path / "a.npy", field)
+    contour, _ = encoded(tmp_path / "a.npy", 0.05, "--periodic", 1)
+    assert contour.shape == (24, 61) and contour.mapped is not None
+    contour, _ = encoded(tmp_path / "a.npy", 0.05, "--periodic", 1, "--spacing", "0.1,6", "--period", 360)
+    assert contour.mapped is not None and contour.mapped.periods == pytest.approx((360, 0))
+    assert np.abs(contour.placed - contour.points[:, ::-1] * (6, 0.1)).max() < 0.03
+    assert run("encode", tmp_path / "a.npy", "-o", tmp_path / "b.iso", "--isovalue", 0, "--period", "x").exit_code == 2
+
+
+def test_what_files_say(tmp_path: Path) -> None:
+    """Even steps stay a placement; coordinates that have nothing to do with the field are left out."""
+    units = {"lat": (SOUTH, "degrees_north"), "lon": (EAST / 2, "degrees_east")}
+    place = read_place(netcdf(tmp_path / "a.nc", WAVES, units, True), 2, "f")
+    assert place.placement is not None and place.mapped is None
+    np.savez(tmp_path / "b.npz", values=WAVES, lon=EAST, lat=SOUTH[:5])
+    contour, _ = encoded(tmp_path / "b.npz", 0.9)
+    assert contour.mapped is None and contour.shape == (13, 36)
+
+
+def test_tolerance_with_a_unit(tmp_path: Path) -> None:
+    np.save(tmp_path / "a.npy", grids.polar()[0])
+    encoded(tmp_path / "a.npy", 0.05, "--spacing", "30,20", "--tolerance", "15 m")
+    far = (tmp_path / "a.iso").read_bytes()
+    encoded(tmp_path / "a.npy", 0.05, "--spacing", "30,20", "--tolerance", "0.5")
+    assert far == (tmp_path / "a.iso").read_bytes()
+    nowhere = run("encode", tmp_path / "a.npy", "-o", tmp_path / "b.iso", "--isovalue", 0, "--tolerance", "15m")
+    assert nowhere.exit_code == 2 and "nowhere" in nowhere.stderr

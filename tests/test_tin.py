@@ -1,0 +1,230 @@
+"""Surfaces in files: points and values there and back, to an error, a number of points or a size."""
+
+from __future__ import annotations
+
+import json
+import zlib
+
+import numpy as np
+import pytest
+
+import isocodec
+from commands import fails, ok
+from isocodec.errors import FormatError, InputError, LimitError, OptionError, TruncatedError
+from isocodec.format.tin import TinHead, read_tin, write_tin
+
+Y, X = np.mgrid[:40, :52]
+HILL = np.rint(100 * np.exp(-((Y - 20.0) ** 2 + (X - 30.0) ** 2) / 200)) + (X > 12) * 20
+"""A hill beside a cliff."""
+
+
+def scattered(count: int = 300, seed: int = 2) -> tuple[np.ndarray, np.ndarray]:
+    points = np.random.default_rng(seed).normal(size=(count, 2)) * 1e3 + 5e5
+    return points, np.sin(points[:, 0] / 700) * 30
+
+
+def end(data: bytes) -> bytes:
+    """The file with its checksum made anew."""
+    return data[:-4] + zlib.crc32(data[:-4]).to_bytes(4, "big")
+
+
+@pytest.mark.parametrize("error", [0.0, 0.5, 2.0, 7.5, 500.0])
+def test_error_is_kept(error: float):
+    tin = isocodec.decode_tin(isocodec.encode_tin(HILL, error=error))
+    assert np.abs(tin.raster() - HILL).max() <= error + 1e-9
+    assert tin.shape == HILL.shape
+    assert tin.complete
+
+
+def test_error_is_kept_at_scattered_points():
+    from matplotlib.tri import LinearTriInterpolator, Triangulation
+
+    points, values = scattered()
+    tin = isocodec.decode_tin(isocodec.encode_tin(points, values, error=1.5))
+    surface = LinearTriInterpolator(Triangulation(*tin.points.T, tin.triangles), tin.values)
+    # positions are rounded to a part in 2**24 of the extent: a place of the hull's border may lie outside by that
+    missed = np.ma.masked_invalid(surface(*points.T)) - values
+    assert np.ma.count_masked(missed) < 10
+    assert np.abs(missed).max() <= 1.5 + 1e-3
+    assert tin.shape is None
+    with pytest.raises(OptionError):
+        tin.raster()
+
+
+def test_points_are_samples():
+    """Thinning to a number of points without steps that matter: nearly the same surface as before it was coded."""
+    tin = isocodec.decode_tin(isocodec.encode_tin(HILL, to=80, step=1 / 64))
+    assert len(tin.points) == 80
+    assert np.array_equal(tin.points, np.rint(tin.points))
+    plain = isocodec.thin(HILL, criterion="l2", to=80).tin()
+    before = isocodec.Tin(plain.points, plain.values, plain.triangles, HILL.shape).raster()
+    assert ((tin.raster() - HILL) ** 2).mean() <= ((before - HILL) ** 2).mean()
+
+
+@pytest.mark.parametrize("size", [90, 150, 400])
+def test_size_is_kept(size: int):
+    data = isocodec.encode_tin(HILL, size=size)
+    assert 0.8 * size < len(data) <= size
+
+
+def test_more_bytes_give_smaller_errors():
+    errors = []
+    for size in (80, 120, 200, 400):
+        missed = isocodec.decode_tin(isocodec.encode_tin(HILL, size=size)).raster() - HILL
+        errors.append((missed**2).mean())
+    assert errors == sorted(errors, reverse=True)
+
+
+def test_any_prefix_of_a_progressive_file():
+    data = isocodec.encode_tin(HILL, error=1.0, layers=4)
+    found = []
+    for size in range(len(data) + 1):
+        try:
+            tin = isocodec.decode_tin(data, max_bytes=max(size, 1))
+        except TruncatedError:
+            assert not found
+            continue
+        missed = tin.raster() - HILL
+        assert tin.complete == (size == len(data))
+        found.append(float((missed**2).mean()))
+    assert len(found) > 0.8 * len(data)
+    thirds = [np.mean(part) for part in np.array_split(found, 4)]
+    assert thirds == sorted(thirds, reverse=True)
+    assert np.abs(missed).max() <= 1.0 + 1e-9
+
+
+def test_layers_hold_the_same_points():
+    one, several = (isocodec.decode_tin(isocodec.encode_tin(HILL, error=2.0, layers=n)) for n in (1, 5))
+    assert np.array_equal(one.points, several.points)
+    assert np.array_equal(one.values, several.values)
+
+
+def test_order_of_points_does_not_matter():
+    points, values = scattered()
+    mixed = np.random.default_rng(3).permutation(len(points))
+    for options in ({"error": 2.0}, {"to": 60}, {"size": 200}):
+        assert isocodec.encode_tin(points, values, **options) == isocodec.encode_tin(
+            points[mixed], values[mixed], **options
+        )
+
+
+def test_coordinates_come_back():
+    """Those that a grid holds, far from the origin, to the last bit."""
+    points = np.random.default_rng(1).integers(0, 4000, (60, 2)) * 25.5 + np.array([449999.5, -5.25e6])
+    tin = isocodec.decode_tin(isocodec.encode_tin(points, points[:, 0], error=1e-3))
+    assert set(map(tuple, tin.points)) <= set(map(tuple, points))
+
+
+def test_head_as_bytes():
+    """Worked out by hand: kind 2; 40 x 52; 5 = 5 * 2**0, 0.75 = 3 * 2**-2; the largest number; a layer of 9."""
+    head = TinHead((40, 52), True, 0, (0, 0), 5.0, 0.75, (), 100, (9,))
+    data = bytes([0x20, 40, 52, 10, 0, 6, 3, 100, 1, 9])
+    assert write_tin(head) == data
+    assert read_tin(data, 0) == (head, len(data))
+    head = TinHead((40, 52), False, -3, (1, -2), 0.0, 4.0, (0, 1, 5), 2, (4, 300))
+    data = bytes([0x23, 40, 52, 5, 2, 3, 0, 2, 4, 2, 1, 4, 2, 4, 0x82, 0x2C])
+    assert write_tin(head) == data
+    assert read_tin(data, 0) == (head, len(data))
+
+
+@pytest.mark.parametrize(
+    "head",
+    ["2428280a000603640109", "20002810000603640109", "200000", "2028280a000003640109", "2028280a000503640109",
+     "2028280a0006036400", "2028280a0006036441", "20282880", "2028280a000603848000010901", "2028280a00060364"],
+)  # fmt: skip
+def test_heads_that_are_none(head: str):
+    with pytest.raises(FormatError) as caught:
+        read_tin(bytes.fromhex(head), 0)
+    assert caught.value.clause == "10.9.1"
+
+
+def test_damaged_files():
+    """Every damage is found by the checksum; where that is made anew, by a rule, or gives another surface."""
+    data = isocodec.encode_tin(HILL, error=2.0)
+    rng = np.random.default_rng(7)
+    kinds = set()
+    for turn in range(150):
+        bad = bytearray(data)
+        for _ in range(rng.integers(1, 4)):
+            bad[rng.integers(6, len(bad) - 4)] = rng.integers(256)
+        if bytes(bad) == data:
+            continue
+        if turn < 20:
+            with pytest.raises((FormatError, OptionError)):
+                isocodec.decode_tin(bytes(bad))
+        try:
+            tin = isocodec.decode_tin(end(bytes(bad)), limits=isocodec.Limits(vertices=20_000))
+            assert len(tin.triangles) > 0
+            kinds.add("fine")
+        except (FormatError, LimitError, OptionError) as error:
+            kinds.add(type(error).__name__)
+    assert {"fine", "FormatError"} <= kinds
+
+
+def test_files_cut_short():
+    data = isocodec.encode_tin(HILL, error=2.0)
+    for size in range(len(data)):
+        with pytest.raises(TruncatedError):
+            isocodec.decode_tin(data[:size])
+    with pytest.raises(FormatError):
+        isocodec.decode_tin(data + b"x")
+
+
+def test_limits():
+    data = isocodec.encode_tin(HILL, error=0.5)
+    for limits in ({"vertices": 20}, {"memory": 4000}, {"bytes": 40}):
+        with pytest.raises(LimitError):
+            isocodec.decode_tin(data, limits=isocodec.Limits(**limits))
+
+
+def test_other_files():
+    contour = isocodec.encode(HILL, 50)
+    with pytest.raises(OptionError):
+        isocodec.decode_tin(contour)
+    mesh = isocodec.encode_mesh([[0, 0], [1, 0], [0, 1]], [[0, 1, 2]], [0, 1, 2], 0.5)
+    with pytest.raises(OptionError):
+        isocodec.decode_tin(mesh)
+    with pytest.raises(OptionError) as caught:
+        isocodec.decode(isocodec.encode_tin(HILL, to=10))
+    assert "decode_tin" in str(caught.value)
+
+
+def test_notes():
+    assert isocodec.decode_tin(isocodec.encode_tin(HILL, to=10, metadata={"unit": "m"})).metadata == {"unit": "m"}
+
+
+@pytest.mark.parametrize(
+    "options",
+    [{}, {"error": 1.0, "to": 9}, {"error": -1.0}, {"error": np.nan}, {"to": 2}, {"size": 0}, {"size": 20},
+     {"to": 9, "layers": 0}, {"to": 9, "layers": 65}, {"to": 9, "step": 0.0}, {"error": 1.0, "step": 1.0}],
+)  # fmt: skip
+def test_options_that_make_no_sense(options: dict):
+    with pytest.raises(OptionError):
+        isocodec.encode_tin(HILL, **options)
+
+
+def test_input_that_makes_no_surface():
+    with pytest.raises(InputError):
+        isocodec.encode_tin(np.full((4, 4), np.nan), error=1)
+    with pytest.raises(InputError):
+        isocodec.encode_tin(np.zeros((1, 9)), error=1)
+
+
+def test_constant_values():
+    assert (isocodec.decode_tin(isocodec.encode_tin(np.full((9, 9), 7.25), error=0)).raster() == 7.25).all()
+    assert (isocodec.decode_tin(isocodec.encode_tin(np.full((9, 9), 7.25), to=9)).raster() == 7.25).all()
+
+
+def test_command(tmp_path):
+    source, coded = tmp_path / "hill.npy", tmp_path / "hill.iso"
+    np.save(source, HILL)
+    told = json.loads(ok("thin", source, "-o", coded, "--error", 2, "--layers", 3, "--json"))
+    assert told["bytes"] == coded.stat().st_size
+    assert told["error"] <= 2
+    for suffix in (".npy", ".npz", ".ply", ".vtu", ".geojson"):
+        ok("decode", coded, "-o", tmp_path / f"out{suffix}")
+    assert np.abs(np.load(tmp_path / "out.npy") - HILL).max() <= 2
+    ok("decode", coded, "-o", tmp_path / "coarse.ply", "--max-bytes", 100)
+    assert json.loads(ok("thin", source, "-o", coded, "--bytes", 200, "--json"))["bytes"] <= 200
+    fails(2, "decode", coded, "-o", tmp_path / "out.svg")
+    fails(2, "thin", source, "-o", tmp_path / "out.ply", "--bytes", 300)
