@@ -363,10 +363,7 @@ def received(
     layers: int | None = None,
     frame: int | None = None,
 ) -> Decoder:
-    """A decoder that has taken all, or the first ``layers`` layers of isovalue ``number``, or the first bytes.
-
-    All of a frame, that is, of the first if none is given.
-    """
+    """A decoder that has taken a frame, the first ``layers`` layers of its isovalue ``number``, or the first bytes."""
     if max_bytes is not None:
         check_count(max_bytes, "max_bytes", "max-bytes")
     wanted = frame_of(frame)

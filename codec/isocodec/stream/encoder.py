@@ -301,13 +301,7 @@ class Encoder:
 
     def _pieces(self) -> Iterator[bytes]:
         """The file but for its checksum."""
-        yield write_header(self.header)
-        if self._metadata:
-            yield write_chunk(ChunkType.METADATA, write_metadata(self._metadata), ancillary=True)
-        if self._coordinates:
-            yield write_chunk(ChunkType.COORDINATES, self._coordinates, ancillary=True)
-        if self._holes:
-            yield write_chunk(ChunkType.MASK, self._mask_run)
+        yield from self._beginning()
         for number in range(len(self.isovalues)):
             if number > 0:
                 strand, lean = self._strand(number, self._strands[-1].progress)
@@ -315,6 +309,16 @@ class Encoder:
                 further = write_further(self.isovalues[number], lean.number if lean else None)
                 yield write_chunk(ChunkType.ISOVALUE, further)
             yield from self._layers(self._strands[number], number == len(self.isovalues) - 1)
+
+    def _beginning(self) -> Iterator[bytes]:
+        """The header, and what is about the whole file."""
+        yield write_header(self.header)
+        if self._metadata:
+            yield write_chunk(ChunkType.METADATA, write_metadata(self._metadata), ancillary=True)
+        if self._coordinates:
+            yield write_chunk(ChunkType.COORDINATES, self._coordinates, ancillary=True)
+        if self._holes:
+            yield write_chunk(ChunkType.MASK, self._mask_run)
 
     def _layers(self, strand: LayerWriter, last: bool) -> Iterator[bytes]:
         """Chunks of layers of one isovalue; behind the last one the level index."""

@@ -12,9 +12,8 @@ from numpy.typing import ArrayLike, NDArray
 from isospec.container import Checksum, ChunkType
 
 from ..errors import InputError, OptionError
-from ..format.chunks import write_chunk, write_further, write_metadata
+from ..format.chunks import write_chunk, write_further
 from ..format.frames import FRAME_BEFORE, as_last, is_key, write_frame, write_interval
-from ..format.header import write_header
 from ..layers.writer import LayerWriter
 from ..tube.holes import Holes
 from .encoder import Earlier, Encoder
@@ -183,12 +182,8 @@ class _FrameEncoder(Encoder):
     def chunks(self, interval: int) -> Iterator[bytes]:
         """The chunks of the frame, the first one with the header before it."""
         if self._first:
-            begin = write_header(self.header)
-            if self._metadata:
-                begin += write_chunk(ChunkType.METADATA, write_metadata(self._metadata), ancillary=True)
-            if self._holes:
-                begin += write_chunk(ChunkType.MASK, self._mask_run)
-            yield begin + write_chunk(ChunkType.FRAME, write_interval(interval))
+            yield from self._beginning()
+            yield write_chunk(ChunkType.FRAME, write_interval(interval))
         for number, isovalue in enumerate(self.isovalues):
             lean = self._lean_of_first if number == 0 else None
             if number > 0:
