@@ -230,8 +230,8 @@ class Encoder:
         if searched is o.steps is o.criterion is None and not o.preserve_topology:
             grid = strategy.grid_plan(len(self.header.shape), self._full_level, o.base_level)
             if lean is not None and o.base_level is None and lean.strand.tube.full:
-                # of a series, levels are worth a little, and their networks keep learning
-                least = LEVELS_WORTH if lean.in_frame_before else 1.0
+                # of a series, levels are worth a little: their networks keep learning; geometry likes leaves in order
+                least = LEVELS_WORTH if lean.in_frame_before and o.signs_only else 1.0
                 leaf: list[Entry] = [(LayerKind.LEAF_BASE,)]
                 if self._size(number, lean, leaf) < least * self._size(number, lean, grid):
                     grid = leaf
