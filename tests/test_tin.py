@@ -228,3 +228,13 @@ def test_command(tmp_path):
     assert json.loads(ok("thin", source, "-o", coded, "--bytes", 200, "--json"))["bytes"] <= 200
     fails(2, "decode", coded, "-o", tmp_path / "out.svg")
     fails(2, "thin", source, "-o", tmp_path / "out.ply", "--bytes", 300)
+
+
+@pytest.mark.parametrize("values", [(0, 255), (0.0, 0.1, 0.30000001), (-5, 7, 1000)])
+def test_pictures_of_few_values(values: tuple[float, ...]):
+    """A palette: corners of shapes keep their values, and no value lies between."""
+    picture = np.array(values)[(X > 20).astype(int) + ((X - 30) ** 2 + (Y - 20) ** 2 < 90) * (len(values) - 2)]
+    tin = isocodec.decode_tin(isocodec.encode_tin(picture, size=220))
+    assert np.abs(tin.values[:, None] - np.array(values)).min(axis=1).max() <= np.ptp(values) / 2**20
+    missed = tin.raster() - picture
+    assert (missed**2).mean() < 0.02 * np.ptp(values) ** 2

@@ -17,6 +17,7 @@ if not __package__:
     sys.path[0] = str(Path(__file__).resolve().parent.parent)
 matplotlib.use("Agg")
 
+from figures.mapped import irregular
 from figures.planes import cortex, criteria, levels, plate, terrain
 from figures.rates import rates, surface_rates
 from figures.surfaces import surfaces
@@ -24,7 +25,7 @@ from figures.walk import walk
 
 FIGURES = {
     "criteria": criteria, "levels": levels, "walk": walk, "plate": plate, "cortex": cortex, "terrain": terrain,
-    "rates": rates, "surface-rates": surface_rates, "surfaces": surfaces,
+    "rates": rates, "surface-rates": surface_rates, "surfaces": surfaces, "irregular": irregular,
 }  # fmt: skip
 
 

@@ -13,6 +13,7 @@ from .thinning import Thinning, refresh, thin_to
 
 _SHARES = (0.3, 0.25, 0.2, 0.2, 0.15, 0.15, 0.1, 0.1, 0.08, 0.06)
 """Points that are exchanged in each round, of all vertices at most."""
+ROUNDS = len(_SHARES)
 _PIECE = 1 << 20
 
 
@@ -102,7 +103,9 @@ def put_back(th: Thinning, order: Int32Vector, point: Int32Vector, most: int, to
     return done
 
 
-def exchange(th: Thinning, count: int, low: float, high: float, rounds: int = len(_SHARES)) -> None:
+def exchange(
+    th: Thinning, count: int, low: float, high: float, rounds: int, fitted: bool
+) -> None:
     """Bring a thinning by squared errors to ``count`` vertices with fitted values, and exchange points for better ones.
 
     Parameters
@@ -111,8 +114,12 @@ def exchange(th: Thinning, count: int, low: float, high: float, rounds: int = le
         With more vertices than ``count``, or as many.
     low, high : float
         Least and greatest value.
+    rounds : int
+        Rounds of exchange at most.
+    fitted : bool
+        Whether values are fitted; vertices have what was given otherwise.
     """
-    _down(th, count, low, high)
+    _down(th, count, low, high, fitted)
     triangles = len(th.surface.first)
     point, gain = np.zeros(triangles, np.int32), np.zeros(triangles)
     for share in _SHARES[:rounds]:
@@ -120,15 +127,17 @@ def exchange(th: Thinning, count: int, low: float, high: float, rounds: int = le
         some = np.flatnonzero(gain > 0)
         order = some[np.lexsort((some, -gain[some]))].astype(np.int32)
         put_back(th, order, point, int(share * count), np.zeros(triangles, np.uint8))
-        fit(th.surface, low, high)
-        _down(th, (th.reg.count + count) // 2, low, high)
-        _down(th, count, low, high)
+        if fitted:
+            fit(th.surface, low, high)
+        _down(th, (th.reg.count + count) // 2, low, high, fitted)
+        _down(th, count, low, high, fitted)
 
 
-def _down(th: Thinning, count: int, low: float, high: float) -> None:
-    """Thin to so many vertices and fit the values of those."""
+def _down(th: Thinning, count: int, low: float, high: float, fitted: bool) -> None:
+    """Thin to so many vertices and, if asked for, fit the values of those."""
     refresh(th)
     th.reg.removed = 0
     while not thin_to(th, count, np.inf, _PIECE):
         pass
-    fit(th.surface, low, high)
+    if fitted:
+        fit(th.surface, low, high)

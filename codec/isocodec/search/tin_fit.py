@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from ..domain.coded_tin import Layers
 from ..domain.criteria import AT1, SQUARED
-from ..domain.exchange import exchange
+from ..domain.exchange import ROUNDS, exchange
 from ..domain.fitting import fit
 from ..domain.points import Points
 from ..domain.thinning import Thinning, thin_to, thinning
@@ -23,6 +23,10 @@ _BITS = 10.8
 _STEP = 1.25
 """Step of values, in roots of the mean squared error that there is without steps: found on pictures."""
 _TRIES = 8
+_TRIED = 1, 10, 3
+"""Rounds of exchange for each, and for all later ones."""
+_PARTS = 1 << 20
+"""Parts of the range of values that entries of a palette are rounded to, if they are no whole numbers."""
 _CLOSE = 0.985
 """A file that takes this much of the bytes that it may is good enough."""
 _SWEEPS = 8
@@ -44,6 +48,8 @@ class Chosen:
     offset, step : float
     palette : tuple of int
     largest : int
+    squared : float
+        Mean of squared errors of the surface.
     """
 
     some: NDArray[np.int64]
@@ -52,6 +58,7 @@ class Chosen:
     step: float
     palette: tuple[int, ...]
     largest: int
+    squared: float = 0.0
 
 
 def within(given: Points, error: float) -> Chosen:
@@ -79,49 +86,67 @@ def _exact_step(value: NDArray[np.float64], low: float, high: float) -> float:
 
 def best(given: Points, count: int, step: float | None) -> Chosen:
     """So many points whose surface has the least squared error."""
-    return _Squared(given).chosen(count, step)
+    tried = [search.chosen(count, step, ROUNDS) for search in _searches(given, step)]
+    return min(tried, key=lambda each: each.squared)
 
 
 def smallest(given: Points, size: int, encode: Callable[[Chosen], bytes], step: float | None) -> Chosen:
     """As many points as a file of so many bytes has room for."""
-    search = _Squared(given)
+    found = [_filling(given, search, size, encode, step) for search in _searches(given, step)]
+    fitting = [each for each in found if len(encode(each)) <= size] or found[:1]
+    return min(fitting, key=lambda each: each.squared)
+
+
+def _searches(given: Points, step: float | None) -> list[_Squared]:
+    """With fitted values, and, of fields with few values, with these only."""
+    few = step is None and len(np.unique(given.value)) <= MOST_PALETTE
+    return [_Squared(given, False), _Squared(given, True)] if few else [_Squared(given, False)]
+
+
+def _filling(
+    given: Points, search: _Squared, size: int, encode: Callable[[Chosen], bytes], step: float | None
+) -> Chosen:
+    """As many points as a file of so many bytes has room for, by one search."""
     count = max(int(8 * size / _BITS), 3)
     found: Chosen | None = None
-    for _ in range(_TRIES):
-        tried = search.chosen(count, step)
+    for turn in range(_TRIES):
+        # the first ones find out how many points there is room for
+        tried = search.chosen(count, step, _TRIED[min(turn, len(_TRIED) - 1)])
         took = len(encode(tried))
         if took <= size:
             found = tried
-            if took >= _CLOSE * size or count >= len(given.x):
+            if turn > 0 and (took >= _CLOSE * size or count >= len(given.x)):
                 break
         # a little less than what seems to fit
         count = max(min(int(count * (size / took - 0.002)), len(given.x)), 3)
-        if found is not None and count <= len(found.some):
+        if turn > 0 and found is not None and count <= len(found.some):
             break
     if found is None:
-        found = search.chosen(3, step)
+        found = search.chosen(3, step, 0)
     return found
 
 
 class _Squared:
     """Surfaces of falling numbers of points, with the least squared error that was found."""
 
-    def __init__(self, given: Points) -> None:
-        self._given = given
+    def __init__(self, given: Points, few: bool) -> None:
+        self._given, self._few = given, few
         self.low, self.high = float(given.value.min()), float(given.value.max())
         self._state: Thinning | None = None
 
-    def chosen(self, count: int, step: float | None) -> Chosen:
-        """So many points, values fitted in steps."""
+    def chosen(self, count: int, step: float | None, rounds: int) -> Chosen:
+        """So many points after rounds of exchange, values fitted in steps."""
         given = self._given
         state = self._state
         if state is None or state.reg.count < count:
             state = thinning(given.x, given.y, given.value.copy(), SQUARED, given.value)
             _thin(state, count, math.inf)
-        exchange(state, count, self.low, self.high)
+        exchange(state, count, self.low, self.high, rounds, not self._few)
         self._state = state
         s = state.surface
         mean = float((s.error**2).mean())
+        if self._few:
+            return self._of_few(np.flatnonzero(s.tri.leaving >= 0), mean)
         if step is None:
             step = max(_STEP * math.sqrt(mean), (self.high - self.low) / _LARGEST, 1e-300)
             step = _rounded(step)
@@ -131,8 +156,17 @@ class _Squared:
         fit(s, self.low, top, step, _SWEEPS)
         some = np.flatnonzero(s.tri.leaving >= 0)
         number = np.rint((s.value[some] - self.low) / step).astype(np.int64)
+        mean = float((s.error**2).mean())
         s.value[:], s.error[:] = value, error
-        return Chosen(some, number, self.low, step, (), steps)
+        return Chosen(some, number, self.low, step, (), steps, mean)
+
+    def _of_few(self, some: NDArray[np.int64], mean: float) -> Chosen:
+        """Points with the values that they were given."""
+        there, number = np.unique(self._given.value[some], return_inverse=True)
+        whole = np.array_equal(there, np.rint(there)) and np.ptp(there) < _PARTS
+        step = 1.0 if whole else max(float(np.ptp(there)) / _PARTS, 1e-300)
+        palette = tuple(np.rint((there - there[0]) / step).astype(np.int64).tolist())
+        return Chosen(some, number.astype(np.int64), float(there[0]), step, palette, len(there) - 1, mean)
 
 
 def _rounded(step: float) -> float:
