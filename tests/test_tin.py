@@ -11,7 +11,10 @@ import pytest
 import isocodec
 from commands import fails, ok
 from isocodec.errors import FormatError, InputError, LimitError, OptionError, TruncatedError
+from isocodec.format.chunks import write_chunk
+from isocodec.format.header import Header, write_header
 from isocodec.format.tin import TinHead, read_tin, write_tin
+from isospec.container import ChunkType, Profile
 
 Y, X = np.mgrid[:40, :52]
 HILL = np.rint(100 * np.exp(-((Y - 20.0) ** 2 + (X - 30.0) ** 2) / 200)) + (X > 12) * 20
@@ -238,3 +241,13 @@ def test_pictures_of_few_values(values: tuple[float, ...]):
     assert np.abs(tin.values[:, None] - np.array(values)).min(axis=1).max() <= np.ptp(values) / 2**20
     missed = tin.raster() - picture
     assert (missed**2).mean() < 0.02 * np.ptp(values) ** 2
+
+
+def test_work_is_bounded():
+    """A few hundred bytes that ask for ever more points in a box of 2**28 a side."""
+    head = TinHead((1 << 28, 1 << 28), True, 0, (0, 0), 0.0, 1.0, (), 255, (1 << 28,))
+    chunk = write_chunk(ChunkType.DOMAIN, write_tin(head) + bytes(300), last=True)
+    data = write_header(Header((), 0.0, None, Profile.MAIN, cells=2)) + chunk + bytes(4)
+    with pytest.raises(LimitError) as caught:
+        isocodec.decode_tin(end(data), limits=isocodec.Limits(work=1 << 16))
+    assert caught.value.code == "limit-work"

@@ -64,7 +64,8 @@ def terrain(name: str) -> None:
 
 def psnr(field: np.ndarray, decoded: np.ndarray) -> float:
     """In decibels, of values from 0 to 255."""
-    return 10 * math.log10(255**2 / ((decoded.astype(float) - field) ** 2).mean())
+    mean = ((decoded.astype(float) - field) ** 2).mean()
+    return 10 * math.log10(255**2 / mean) if mean else math.inf
 
 
 def filling(size: int, encode: Callable[[float], bytes], low: float, high: float) -> bytes:

@@ -25,6 +25,7 @@ def encode_mesh(
     isovalue: float | Sequence[float],
     *,
     mesh: str = "known",
+    mesh_error: float | None = None,
     exact: bool = False,
     step: float | None = None,
     tolerance: float | None = None,
@@ -48,12 +49,17 @@ def encode_mesh(
     isovalue : number or sequence of numbers
         As in `encode`.
     mesh : str
-        ``known``: whoever decodes has the mesh, points and cells in the same order; the file holds its hash.
+        ``known``: whoever decodes has the mesh, points and cells in the same order; the file holds its hash. ``coded``:
+        the file holds the cells that the contours cross, ``whole``: all cells.
+    mesh_error : float, optional
+        Of a mesh in the file, the largest distance between vertices and their points; less where cells would fold. By
+        default 0.07 of the median edge. Points of contours are told on the edges of that mesh, where these meet the
+        contour of the given one, so that they may lie much nearer to it.
     exact, step, signs_only, leaning, metadata
         As in `encode`.
     progressive : bool, optional
         Tell the signs level by level, from a coarse mesh to the whole one, so that the first bytes show all of the
-        curve: for triangles in the plane, where this is the default. Else they come along the curve.
+        curve: for triangles in the plane, the default if both sides have the mesh. Else they come along the curve.
     tolerance : float, optional
         Largest distance, in the unit of the points, between the decoded and the extracted curve, both ways.
 
@@ -79,8 +85,8 @@ def encode_mesh(
     """
     return b"".join(
         MeshEncoder(
-            points, cells, values, isovalue, mesh=mesh, exact=exact, step=step, tolerance=tolerance,
-            signs_only=signs_only, leaning=leaning, progressive=progressive, metadata=metadata,
+            points, cells, values, isovalue, mesh=mesh, mesh_error=mesh_error, exact=exact, step=step,
+            tolerance=tolerance, signs_only=signs_only, leaning=leaning, progressive=progressive, metadata=metadata,
         )
     )  # fmt: skip
 

@@ -53,13 +53,18 @@ LOST = 0.01
     "--mesh", type=click.Choice(["whole", "tube"]),
     help="Write the mesh instead: of the whole box, or the simplices that the curve crosses (.vtu, .ply, .geojson).",
 )
+@click.option(
+    "--domain", type=click.Path(path_type=Path, readable=False), metavar="MESH",
+    help="File with the mesh, if IN.iso holds values on one that it does not hold.",
+)
 @smooth_option
 @partial_option
 @limit_options
 @json_option
 def decode_command(
     source: Path, output: Path, isovalue: float | None, frame: int | None, layers: int | None, max_bytes: int | None,
-    in_samples: bool, areas: str | None, along_holes: bool, mesh: str | None, smooth: bool, partial: bool,
+    in_samples: bool, areas: str | None, along_holes: bool, mesh: str | None, domain: Path | None, smooth: bool,
+    partial: bool,
     limit_memory: int | None, limit_work: int | None, as_json: bool,
 ) -> None:  # fmt: skip
     """Decode IN.iso to OUT; the suffix of OUT names the format.
@@ -74,6 +79,8 @@ def decode_command(
 
     With --areas the .geojson holds polygons with holes: the curve, closed along the border of the samples,
     and with --along-holes along unit cells that have a missing corner.
+
+    Of values on a mesh, curves are written as .geojson or .npz, surfaces as .ply, .stl, .obj or .npz, as it lies.
 
     Triangulated surfaces (of thin) are written as .ply, .vtu, .geojson or .npz, pictures of them as .npy.
 
@@ -99,6 +106,17 @@ def decode_command(
             raise click.UsageError("the file holds a surface: --isovalue, --layers, --areas and --smooth mean nothing")
         decode_surface(source, output, max_bytes, in_samples, partial, limits_of(limit_memory, limit_work), as_json)
         return
+
+    from .on_mesh import decode_on_mesh, is_on_mesh
+
+    if is_on_mesh(source):
+        if layers is not None or areas or smooth:
+            raise click.UsageError("the file is of a mesh: --layers, --areas and --smooth mean nothing")
+        check_output(output, source)
+        decode_on_mesh(source, output, domain, isovalue, max_bytes, limits_of(limit_memory, limit_work), as_json)
+        return
+    if domain is not None:
+        raise click.UsageError("--domain: the file is of a grid, not of a mesh")
 
     from ..io.write import (
         AREAS,

@@ -65,12 +65,28 @@ def encode_command(
     frame_interval: int | None,
     limit_samples: int | None,
     follow: bool,
+    values_name: str | None,
+    mesh: str | None,
+    mesh_error: float | None,
     as_json: bool,
 ) -> None:
     """Encode the isocontour (2-D) or isosurface (3-D) of the field in INPUT.
 
-    INPUT is .npy, .npz, HDF5, NetCDF, PNG, JPEG, TIFF (a stack is a volume), NIfTI, NRRD or MetaImage.
+    INPUT is .npy, .npz, HDF5, NetCDF, PNG, JPEG, TIFF (a stack is a volume), NIfTI, NRRD or MetaImage. With
+    --values it is a mesh of triangles or tetrahedra: .vtu, .msh, .ply, .xdmf, or .npz with points and cells.
     """
+    if values_name is not None:
+        from .on_mesh import encode_on_mesh
+
+        check_iso_output(output, source)
+        on_mesh = {
+            "mesh": mesh or "known", "mesh_error": mesh_error, "exact": exact, "step": step, "tolerance": tolerance,
+            "signs_only": signs_only, "leaning": not independent, "metadata": read_metadata(metadata),
+        }  # fmt: skip
+        encode_on_mesh(source, output, values_name, isovalues, limit_samples, on_mesh, as_json)
+        return
+    if mesh is not None or mesh_error is not None:
+        raise click.UsageError("--mesh and --mesh-error are for meshes: name the values at its points by --values")
     asked = bool(isovalues) + (interval is not None) + bool(labels)
     if asked > 1 or (asked == 0 and plan is None):
         raise click.UsageError("give exactly one of --isovalue, --interval and --label")

@@ -114,6 +114,16 @@ SECTIONS = (
         click.option("--period", metavar="P[,P..]", help="Distance after which x (or x, y, z) repeats; 0: never."),
     ),
     section(
+        "Meshes of triangles or tetrahedra",
+        click.option("--values", "values_name", metavar="NAME", help="INPUT is a mesh; which values at its points."),
+        click.option(
+            "--mesh",
+            type=click.Choice(["known", "coded", "whole"]),
+            help="Whoever decodes has the mesh (default), or the file holds the cells that are crossed, or all.",
+        ),
+        click.option("--mesh-error", type=float, metavar="D", help="Largest error of points of a mesh in the file."),
+    ),
+    section(
         "Limits",
         click.option(
             "--limit-samples",

@@ -101,7 +101,7 @@ def _next_start(mesh, st, least):
 
 
 @inner
-def _number(cd, low, high, number):
+def uniform(cd, low, high, number):
     """Code a number from ``low`` to ``high - 1``, all equally likely."""
     while high - low > 1:
         middle = (low + high) >> 1
@@ -256,7 +256,7 @@ def code_base(mesh: Mesh, st: Strand, cd: Coder) -> int:
             return bit
         if bit == 0:
             return DONE
-        t = _number(cd, np.int64(least), np.int64(len(mesh.cell)), start)
+        t = uniform(cd, np.int64(least), np.int64(len(mesh.cell)), start)
         if t < 0:
             return t
         if st.visited[t]:

@@ -44,14 +44,14 @@ class Complex:
     Attributes
     ----------
     mesh : Mesh
-    exponent : int
-        Positions count in units of ``2**exponent`` of the coordinates.
+    unit : float
+        What positions count in.
     mirrored : (T,) bool
         Cells whose vertices stand in the order that drawing has to reverse.
     """
 
     mesh: Mesh
-    exponent: int
+    unit: float
     mirrored: NDArray[np.bool_]
 
     @property
@@ -97,20 +97,21 @@ def complex_of(points: ArrayLike, cells: ArrayLike, exponent: int | None = None)
     if scaled.size and np.abs(scaled).max() >= MOST_POSITION:
         raise InputError("coordinates are too large for the unit of positions", code="points")
     position = scaled.astype(np.int64)
-    return assembled(position, simplices, exponent), coordinates
+    _check_degenerate(position, simplices)
+    return assembled(position, simplices, float(np.ldexp(1.0, exponent)), neighbours(simplices)), coordinates
 
 
-def assembled(position: NDArray[np.int64], cells: NDArray[np.int64], exponent: int) -> Complex:
-    """The complex of integer positions (V, d) and cells (T, n + 1); errors as `complex_of`."""
-    _check_degenerate(position, cells)
-    neighbour = _neighbours(cells)
+def assembled(
+    position: NDArray[np.int64], cells: NDArray[np.int64], unit: float, neighbour: NDArray[np.int64]
+) -> Complex:
+    """The complex of integer positions (V, d), cells (T, n + 1) and their neighbours."""
     order = np.argsort(cells.ravel(), kind="stable")
     first = np.searchsorted(cells.ravel()[order], np.arange(len(position) + 1))
     mesh = Mesh(
         np.ascontiguousarray(position), np.ascontiguousarray(cells), neighbour, first.astype(np.int64),
         np.ascontiguousarray(order // cells.shape[1]),
     )  # fmt: skip
-    return Complex(mesh, exponent, _mirrored(mesh))
+    return Complex(mesh, unit, _mirrored(mesh))
 
 
 def _checked_points(points: ArrayLike) -> NDArray[np.float64]:
@@ -178,7 +179,7 @@ def _check_degenerate(position: NDArray[np.int64], cells: NDArray[np.int64]) -> 
     """Refuse cells without a volume, and cells that are there twice."""
     ordered = np.sort(cells, axis=1)
     twice = (ordered[:, 1:] == ordered[:, :-1]).any(axis=1)
-    bad = np.flatnonzero(twice | ~_has_volume(position, cells))
+    bad = np.flatnonzero(twice | ~has_volume(position, cells))
     if len(bad):
         raise InputError(
             f"{len(bad)} degenerate cells, of no size: cells {_named(bad)}", code="degenerate", remedy="leave them out"
@@ -208,14 +209,15 @@ def determinants(position: NDArray[np.int64], cells: NDArray[np.int64]) -> NDArr
     return out
 
 
-def _has_volume(position: NDArray[np.int64], cells: NDArray[np.int64]) -> NDArray[np.bool_]:
+def has_volume(position: NDArray[np.int64], cells: NDArray[np.int64]) -> NDArray[np.bool_]:
+    """Which cells have a size, (T,) bool."""
     if position.shape[1] == cells.shape[1] - 1:
         return np.asarray(determinants(position, cells) != 0, np.bool_)
     flat = [determinants(np.delete(position, axis, axis=1), cells) for axis in range(3)]
     return np.any([each != 0 for each in flat], axis=0)
 
 
-def _neighbours(cells: NDArray[np.int64]) -> NDArray[np.int64]:
+def neighbours(cells: NDArray[np.int64]) -> NDArray[np.int64]:
     """Cells across the faces, (T, n + 1); refuses faces of more than two cells."""
     count, corners = cells.shape
     faces = np.concatenate([np.delete(cells, i, axis=1) for i in range(corners)])

@@ -21,6 +21,8 @@ START = 1 << 14
 PLACE = 16
 """Places on an edge count in parts of ``2**-PLACE`` of it."""
 MOST_PARTS = 1 << 24
+STEPS = 256
+"""Steps of offsets count in parts of a unit of positions: so many of them."""
 LARGEST, WIDEST = 1 << 44, 1 << 48
 """Numbers count for the guess of others as that much at most; how far guesses are wrong, in parts, likewise."""
 HALF = 1 << (FINE - 1)
@@ -44,12 +46,12 @@ def crossed_edges(mesh: Mesh, leaf: NDArray[np.int64], sign: NDArray[np.int8]) -
 
 
 def parts_of(mesh: Mesh, edges: NDArray[np.int64], step: int) -> NDArray[np.int64]:
-    """How many equal parts each edge is divided into: none longer than ``step`` units of positions."""
+    """How many equal parts each edge is divided into: none longer than ``step`` of ``STEPS`` to a unit of positions."""
     side = mesh.position[edges[:, 1]] - mesh.position[edges[:, 0]]
     largest = np.abs(side).max(axis=1, initial=1)
-    # lengths of up to 2**31 have squares that a sum of three holds
-    shift = np.maximum(np.frexp(largest.astype(np.float64))[1] - 30, 0).astype(np.int64)
-    square = ((side >> shift[:, None]) ** 2).sum(axis=1)
+    # so that the sum of three squares, of differences in steps, is below 2**63
+    shift = np.maximum(np.frexp(largest.astype(np.float64))[1] - 22, 0).astype(np.int64)
+    square = ((side >> shift[:, None]) ** 2).sum(axis=1) * STEPS**2
     length = np.sqrt(square.astype(np.float64)).astype(np.int64)
     length += (length + 1) ** 2 <= square
     length -= length**2 > square

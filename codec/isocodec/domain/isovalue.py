@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from ..entropy.range_coder import DECODE, ENCODE, finish, start
+from ..entropy.range_coder import DECODE, ENCODE, Coder, finish, start
 from ..errors import FormatError, LimitError
 from ..kernel import BAD, CUT, DONE
 from .base import UNKNOWN, Strand, WalkRegisters, code_base, trace
@@ -19,7 +19,13 @@ from .levels import coarse_signs, signs_of_round
 from .models import NUMBERS, new_coder
 
 _ROOM = 1 << 12
-_ERRORS = {1: "a component begins where one has been", 2: "a component begins at a cell that is not crossed"}
+_ERRORS = {
+    1: ("a component begins where one has been", "10.3.1"),
+    2: ("a component begins at a cell that is not crossed", "10.3.1"),
+    3: ("more vertices or cells than stated", "10.10.1"),
+    4: ("cells that make up no complex", "10.10.2"),
+}
+"""What was wrong, and the clause, by ``error`` of registers."""
 
 
 class Run:
@@ -29,14 +35,16 @@ class Run:
     ----------
     earlier : Run, optional
         Whose models it goes on with.
+    coder : Coder, optional
+        Another than that of isovalues.
 
     Attributes
     ----------
     coder : Coder
     """
 
-    def __init__(self, earlier: Run | None = None) -> None:
-        self.coder = new_coder()
+    def __init__(self, earlier: Run | None = None, coder: Coder | None = None) -> None:
+        self.coder = coder or new_coder()
         if earlier is not None:
             self.coder.prob[:], self.coder.seen[:] = earlier.coder.prob, earlier.coder.seen
             self.coder.blend.mix[:] = earlier.coder.blend.mix
@@ -69,7 +77,8 @@ class Run:
         if status == DONE:
             return
         if status == BAD:
-            raise FormatError(_ERRORS[error], code="start", offset=self._offset, clause="10.3.1")
+            what, clause = _ERRORS[error]
+            raise FormatError(what, code="domain", offset=self._offset, clause=clause)
         if status == CUT:
             raise LimitError("more symbols than allowed", code="limit-symbols", clause="11.2")
         raise FormatError("a run is too short", code="overrun", offset=self._offset, clause="6.3")

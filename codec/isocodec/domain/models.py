@@ -70,9 +70,8 @@ def begun() -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
     return prob, seen, np.full((MIXES, MOST_OPINIONS), WEIGHT, np.int64)
 
 
-def new_coder() -> Coder:
-    """A coder for all runs of a file; ``range_coder.start`` and its ``buf`` begin a run."""
-    prob, seen, mix = begun()
+def coder_of(prob: NDArray[np.int64], seen: NDArray[np.int64], mix: NDArray[np.int64]) -> Coder:
+    """A coder with these models; ``range_coder.start`` and its ``buf`` begin a run."""
     tables = shipped_models(2)[2]
     short = np.zeros((0, 0), np.int32)
     blend = Blend(
@@ -80,3 +79,8 @@ def new_coder() -> Coder:
         short, no_panel(),
     )  # fmt: skip
     return Coder(CoderRegisters(), np.zeros(0, np.uint8), prob, seen, rates(), blend)
+
+
+def new_coder() -> Coder:
+    """A coder for all runs of an isovalue."""
+    return coder_of(*begun())

@@ -21,7 +21,7 @@ _SECOND = np.array(
     [-1419, -1241, -1063, -883, -702, -516, -322, -111, 139, 475, 1019, 2047, 2047, 2047, 2047, 2047, 2047]
 )
 """Logits of: the second half has points, too."""
-_WORK = 4
+_WORK = 8
 """Units of work that a cell counts as."""
 _EMPTY, _FULL, _OPEN = 0, 1, 2
 _FREE = -1

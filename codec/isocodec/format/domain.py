@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 
 from isospec.container import DomainKind, MeshLayer, unzigzag, write_varint, zigzag
 
@@ -13,7 +14,10 @@ DIGEST = 16
 """Bytes of the hash of a known mesh."""
 MOST_EXPONENT = 1100
 MOST_BITS = 52
-MOST_STEP = 1 << 32
+MOST_STEP = 1 << 40
+MOST_MULTIPLE, MOST_PLACE, MOST_EXTENT = 1 << 20, 1 << 40, 1 << 24
+MOST_OF_BYTE = 512
+"""Vertices and cells of a coded mesh for each byte of its payload, at most."""
 
 
 @dataclass(frozen=True)
@@ -30,6 +34,10 @@ class DomainHead:
     vertices, cells : int
     digest : bytes
         Of a known mesh the first 16 bytes of the SHA-256 of its canonical form; else empty.
+    multiple : int
+        Of a coded mesh: positions count in so many times ``2**exponent``.
+    origin, extent : tuple of int
+        Of a coded mesh, for each coordinate: the least position, and how many there may be from there on.
     """
 
     kind: DomainKind
@@ -38,12 +46,19 @@ class DomainHead:
     vertices: int
     cells: int
     digest: bytes = b""
+    multiple: int = 1
+    origin: tuple[int, ...] = ()
+    extent: tuple[int, ...] = ()
 
 
 def write_domain(head: DomainHead, n: int) -> bytes:
     """Payload of a domain chunk, up to what is coded of the mesh."""
     out = bytes([head.kind << 4 | (head.d - n)]) + write_varint(zigzag(head.exponent))
-    return out + write_varint(head.vertices) + write_varint(head.cells) + head.digest
+    out += write_varint(head.vertices) + write_varint(head.cells) + head.digest
+    if head.kind == DomainKind.CODED:
+        numbers = (head.multiple, *map(zigzag, head.origin), *head.extent)
+        out += b"".join(map(write_varint, numbers))
+    return out
 
 
 def read_domain(payload: bytes, n: int, start: int) -> tuple[DomainHead, int]:
@@ -83,7 +98,30 @@ def read_domain(payload: bytes, n: int, start: int) -> tuple[DomainHead, int]:
     digest = payload[at : at + DIGEST] if kind == DomainKind.KNOWN else b""
     if kind == DomainKind.KNOWN and len(payload) != at + DIGEST:
         raise wrong("a hash of another length")
-    return DomainHead(DomainKind(kind), n + higher, exponent, vertices, cells, digest), at + len(digest)
+    head = DomainHead(DomainKind(kind), n + higher, exponent, vertices, cells, digest)
+    at += len(digest)
+    return (head, at) if kind == DomainKind.KNOWN else _read_box(head, payload, at, wrong)
+
+
+def _read_box(
+    head: DomainHead, payload: bytes, at: int, wrong: Callable[[str], FormatError]
+) -> tuple[DomainHead, int]:  # fmt: skip
+    """The rest of the head of a coded mesh: what its positions count in, and where they lie."""
+    numbers = []
+    for _ in range(1 + 2 * head.d):
+        found = varint(payload, at, len(payload), "3.5.8")
+        if found is None:
+            raise wrong("a domain chunk that is not complete")
+        numbers.append(found[0])
+        at = found[1]
+    origin, extent = tuple(map(unzigzag, numbers[1 : 1 + head.d])), tuple(numbers[1 + head.d :])
+    if not 0 < numbers[0] <= MOST_MULTIPLE or max(map(abs, origin)) > MOST_PLACE:
+        raise wrong("a unit or origin of positions out of range")
+    if not all(0 < each <= MOST_EXTENT for each in extent):
+        raise wrong("an extent of positions out of range")
+    if head.vertices + head.cells > MOST_OF_BYTE * len(payload):
+        raise wrong("more vertices and cells than so few bytes can tell")
+    return replace(head, multiple=numbers[0], origin=origin, extent=extent), at
 
 
 @dataclass(frozen=True)
@@ -94,7 +132,7 @@ class MeshLayerHead:
     ----------
     kind : MeshLayer
     step : int
-        Offsets: the longest part of an edge, in units of positions.
+        Offsets: the longest part of an edge, in 1/256 of a unit of positions.
     bits : (int, int)
         Values: bits of the numbers below and above the isovalue.
     rounds : int

@@ -73,6 +73,8 @@ class Contents:
         Dimension of the cells of an explicit domain.
     domain : DomainHead or None
         What is said of an explicit domain.
+    run_of_domain : int
+        Where the run of a coded mesh begins in the payload of its chunk.
     """
 
     isovalues: list[float] = field(default_factory=list)
@@ -90,6 +92,7 @@ class Contents:
     shape: tuple[int, ...] = ()
     cells: int | None = None
     domain: DomainHead | None = None
+    run_of_domain: int = 0
 
     def begin(self, header: Header) -> None:
         """Take note of the header, and of its isovalue."""
@@ -218,7 +221,7 @@ def _index(contents: Contents, payload: bytes, start: int, behind: int) -> None:
 def _domain(contents: Contents, payload: bytes, start: int, behind: int) -> Event:
     if contents.cells is None:
         raise FormatError("a domain in a file of a grid", code="domain", offset=start, clause="3.5.8")
-    contents.domain, _ = read_domain(payload, contents.cells, start)
+    contents.domain, contents.run_of_domain = read_domain(payload, contents.cells, start)
     return DomainRead(behind, contents.domain.vertices, contents.domain.cells)
 
 

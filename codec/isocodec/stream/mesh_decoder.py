@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection, Iterator
 from copy import copy
 from functools import cached_property
@@ -9,11 +10,12 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from isospec.container import ChunkType, MeshLayer
+from isospec.container import ChunkType, DomainKind, MeshLayer
 
 from ..domain.complex import Complex, complex_of
 from ..domain.history import History, history_of
 from ..domain.isovalue import MeshIsovalue
+from ..domain.mesh_run import decoded_mesh
 from ..drawing.contour import Contour
 from ..drawing.explicit import draw_cells
 from ..errors import FormatError, InputError, IsoError, LimitError, OptionError, TruncatedError, out_of_memory
@@ -33,13 +35,19 @@ PER_CELL = 200
 """Bytes that checking a known mesh and drawing it take for a cell, about."""
 
 
+def coordinates_of(domain: Complex, head: DomainHead) -> NDArray[np.float64]:
+    """Coordinates of the vertices of a coded mesh, (V, d) float64."""
+    places = (domain.mesh.position + np.array(head.origin, np.int64)).astype(np.float64)
+    return np.asarray(np.ldexp(places * head.multiple, head.exponent))
+
+
 class MeshDecoder:
     """Decodes a file of an explicit domain as its bytes come in, chunk by chunk.
 
     Parameters
     ----------
     mesh : (points, cells), optional
-        The mesh that the file was made on, if that is known to both sides: (V, d) coordinates and (T, n + 1) vertices.
+        The mesh that the file was made on, if the file does not hold it: (V, d) coordinates and (T, n + 1) vertices.
     limits : Limits, optional
     only : collection of int, optional
         Numbers of the isovalues to decode, as of `Decoder`.
@@ -246,17 +254,24 @@ class MeshDecoder:
         if isinstance(event, IsovalueRead):
             self._begin(event.number, event.lean)
         if isinstance(event, DomainRead):
-            self._begin_domain()
+            self._begin_domain(payload, chunk.start)
         return event
 
-    def _begin_domain(self) -> None:
+    def _begin_domain(self, payload: bytes, start: int) -> None:
         """The domain's chunk has been read."""
         assert self.header is not None and self.head is not None
         n, head = self.header.n, self.head
         if head.vertices > self.limits.vertices or head.cells > self.limits.simplices:
             raise LimitError("more vertices or cells than the limits allow", code="limit-vertices", clause="11.2")
         self._budget.check(PER_CELL * (head.vertices + head.cells))
-        self._domain, self._points = self._known_mesh(head, n)
+        if head.kind == DomainKind.KNOWN:
+            self._domain, self._points = self._known_mesh(head, n)
+        else:
+            run, unit = self._contents.run_of_domain, math.ldexp(head.multiple, head.exponent)
+            self._domain = decoded_mesh(
+                payload[run:], start + run, head.vertices, head.cells, n + 1, head.extent, unit
+            )  # fmt: skip
+            self._points = coordinates_of(self._domain, head)
         self._begin(0, None)
 
     def _known_mesh(self, head: DomainHead, n: int) -> tuple[Complex, NDArray[np.float64]]:

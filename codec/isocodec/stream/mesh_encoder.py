@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import zlib
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -12,21 +13,26 @@ from numpy.typing import ArrayLike, NDArray
 from isospec.container import Checksum, ChunkType, DomainKind, MeshLayer, Profile
 
 from ..domain.complex import Complex, complex_of
-from ..domain.geometry import MOST_PARTS, active_vertices, parts_of
+from ..domain.geometry import STEPS, active_vertices, parts_of
 from ..domain.history import has_levels, history_of
 from ..domain.isovalue import MeshIsovalue
+from ..domain.mesh_run import encoded_mesh
+from ..domain.quantised import quantised, refitted
 from ..errors import InputError, OptionError
 from ..field.samples import Field, isovalue_of
 from ..format.chunks import write_chunk, write_further, write_metadata
-from ..format.domain import DomainHead, MeshLayerHead, write_domain, write_mesh_layer
+from ..format.domain import MOST_STEP, DomainHead, MeshLayerHead, write_domain, write_mesh_layer
 from ..format.header import Header, write_header
+from .mesh_decoder import coordinates_of
 from .options import Options, isovalues_of, nearest_before
 
 FINER = 2
 """How many times as many vertices are told after a layer of signs than before it, at least."""
 EDGE_SHARE = 0.05
 """Without an option, points lie as near to the contour as this share of the median edge."""
-KINDS = ("known",)
+MESH_SHARE = 0.07
+"""Without an option, vertices of a mesh in the file lie as near to theirs as this share of the median edge."""
+KINDS = ("known", "coded", "whole")
 
 
 class MeshEncoder:
@@ -34,7 +40,8 @@ class MeshEncoder:
 
     Parameters
     ----------
-    points, cells, values, isovalue, mesh, exact, step, tolerance, signs_only, leaning, progressive, metadata
+    points, cells, values, isovalue, mesh, mesh_error, exact, step, tolerance, signs_only, leaning, progressive, \
+    metadata
         As in `encode_mesh`.
 
     Raises
@@ -53,6 +60,7 @@ class MeshEncoder:
         isovalue: float | Sequence[float],
         *,
         mesh: str = "known",
+        mesh_error: float | None = None,
         exact: bool = False,
         step: float | None = None,
         tolerance: float | None = None,
@@ -70,24 +78,65 @@ class MeshEncoder:
         self.domain, self._points = complex_of(points, cells)
         self._fields = [vertex_field(values, self.domain, one, self.options.step) for one in self.isovalues]
         self.options.check_data(self._fields[0].integer)
+        self._edge = self._median_edge()
+        self._rounded: NDArray[np.float64] | None = None
+        self._domain_chunk = self._known() if mesh == "known" else self._coded(mesh == "whole", mesh_error)
         self._step = self._offset_step()
-        self._history = (
-            history_of(self.domain) if progressive or (progressive is None and has_levels(self.domain)) else None
-        )
-        profile = Profile.MAIN
-        self.header = Header((), self._fields[0].isovalue, self.options.step, profile, cells=self.domain.n)
+        if progressive is None:
+            progressive = mesh == "known" and has_levels(self.domain)
+        self._history = history_of(self.domain) if progressive else None
+        self.header = Header((), self._fields[0].isovalue, self.options.step, Profile.MAIN, cells=self.domain.n)
         self.strands: list[MeshIsovalue] = []
 
+    def _median_edge(self) -> float:
+        """Length of an edge of the mesh."""
+        cells = self.domain.mesh.cell
+        side = self._points[cells[:, 1]] - self._points[cells[:, 0]]
+        return float(np.median(np.sqrt((side**2).sum(axis=1))))
+
+    def _known(self) -> bytes:
+        """Payload of the chunk of a domain that both sides have."""
+        mesh = self.domain.mesh
+        exponent = math.frexp(self.domain.unit)[1] - 1
+        size = len(mesh.position), len(mesh.cell)
+        head = DomainHead(DomainKind.KNOWN, mesh.position.shape[1], exponent, *size, self.domain.digest)
+        return write_domain(head, self.domain.n)
+
+    def _coded(self, whole: bool, error: float | None) -> bytes:
+        """Payload of the chunk of a mesh in the file; from now on the domain is what decoders have."""
+        if error is not None and not (math.isfinite(error) and error > 0):
+            raise OptionError(f"the error of the mesh is {error}; it must be greater than 0", code="mesh-error")
+        cells = self.domain.mesh.cell
+        if not whole:
+            signs = [field.signs[cells] for field in self._fields]
+            crossed = np.any([one.any(axis=1) & ~one.all(axis=1) for one in signs], axis=0)
+            # a file has a cell at least
+            crossed[0] |= not crossed.any()
+            cells = cells[crossed]
+        used, numbers = np.unique(cells, return_inverse=True)
+        points = self._points[used]
+        found = quantised(points, numbers.reshape(cells.shape), error or MESH_SHARE * self._edge)
+        run, self.domain, order = encoded_mesh(found.domain, found.extent, found.unit)
+        size = len(used), len(cells)
+        d = points.shape[1]
+        head = DomainHead(
+            DomainKind.CODED, d, found.exponent, *size, b"", found.multiple, found.origin, found.extent
+        )
+        self._points = points[order]
+        self._rounded = coordinates_of(self.domain, head)
+        source = used[order]
+        self._fields = [
+            replace(field, values=field.values[source], signs=field.signs[source]) for field in self._fields
+        ]
+        return write_domain(head, self.domain.n) + run
+
     def _offset_step(self) -> int:
-        """The longest part of an edge, in units of positions; 0 without offsets."""
+        """The longest part of an edge, in steps of offsets; 0 without offsets."""
         o = self.options
         if o.exact or o.signs_only or o.step is not None:
             return 0
-        cells = self.domain.mesh.cell
-        unit = 2.0**self.domain.exponent
-        side = self._points[cells[:, 1]] - self._points[cells[:, 0]]
-        tolerance = o.tolerance or EDGE_SHARE * float(np.median(np.sqrt((side**2).sum(axis=1))))
-        return int(min(max(2 * tolerance / unit, 1), MOST_PARTS))
+        tolerance = o.tolerance or EDGE_SHARE * self._edge
+        return int(min(max(2 * tolerance / self.domain.unit * STEPS, 1), MOST_STEP))
 
     def __iter__(self) -> Iterator[bytes]:
         checksum = 0
@@ -101,12 +150,7 @@ class MeshEncoder:
         yield write_header(self.header)
         if self.options.metadata:
             yield write_chunk(ChunkType.METADATA, write_metadata(self.options.metadata), ancillary=True)
-        mesh = self.domain.mesh
-        head = DomainHead(
-            DomainKind.KNOWN, mesh.position.shape[1], self.domain.exponent, len(mesh.position), len(mesh.cell),
-            self.domain.digest,
-        )  # fmt: skip
-        yield write_chunk(ChunkType.DOMAIN, write_domain(head, self.domain.n))
+        yield write_chunk(ChunkType.DOMAIN, self._domain_chunk)
         leans: list[int | None] = []
         for number, value in enumerate(self.isovalues):
             lean = nearest_before(self.isovalues, number) if number and self.options.leaning else None
@@ -139,7 +183,7 @@ class MeshEncoder:
             return
         strand.run.begin(None)
         if geometry == MeshLayer.OFFSETS:
-            number_of = offsets(field, strand.edges, parts_of(self.domain.mesh, strand.edges, self._step))
+            number_of = self._offsets(strand, field)
             head = MeshLayerHead(geometry, step=self._step)
             strand.code_offsets(self._step, number_of)
         else:
@@ -149,6 +193,16 @@ class MeshEncoder:
             head = MeshLayerHead(geometry, bits=(bits[0], bits[1]))
             strand.code_values(head.bits, steps)
         yield write_chunk(ChunkType.LAYERS, write_mesh_layer(head) + strand.run.end(), last=ends)
+
+    def _offsets(self, strand: MeshIsovalue, field: Field) -> NDArray[np.int64]:
+        """Parts of the crossed edges that the curve lies in."""
+        assert strand.edges is not None
+        where = crossing_places(field, strand.edges)
+        if self._rounded is not None:
+            above = field.values.astype(np.float64) - field.isovalue
+            where = refitted(self.domain, self._points, self._rounded, strand.edges[:, :2], above, where)
+        parts = parts_of(self.domain.mesh, strand.edges, self._step)
+        return np.clip(np.floor(where * parts), 0, parts - 1).astype(np.int64)
 
     def _sign_layers(self) -> list[MeshLayerHead]:
         """Layers that tell the signs: one, or one for every few rounds."""
@@ -205,12 +259,12 @@ def vertex_field(values: ArrayLike, domain: Complex, isovalue: float, step: floa
     return Field(found, isovalue_of(isovalue), signs, step)
 
 
-def offsets(field: Field, edges: NDArray[np.int64], parts: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Parts of edges that are crossed, by linear interpolation."""
+def crossing_places(field: Field, edges: NDArray[np.int64]) -> NDArray[np.float64]:
+    """Where edges are crossed, from 0 to 1 from their lower vertices, by linear interpolation."""
     low, high = (field.values[edges[:, i]].astype(np.float64) for i in (0, 1))
     with np.errstate(all="ignore"):
         # as of fields: no overflow, and all bits of tiny numbers
         exponent = np.frexp(np.maximum(np.abs(low), np.abs(high)))[1]
         at, start, end = (np.ldexp(x, -exponent) for x in (field.isovalue, low, high))
         where = np.nan_to_num((at - start) / (end - start), nan=0.5)
-    return np.clip(np.floor(where * parts), 0, parts - 1).astype(np.int64)
+    return np.asarray(np.clip(where, 0.0, 1.0))

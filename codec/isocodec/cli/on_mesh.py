@@ -1,0 +1,131 @@
+"""``isocodec encode`` and ``decode`` of values on meshes (spec clause 10)."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from ..errors import IsoError, OptionError
+from .receive import warn_of_others
+from .report import concerning, read_iso, tell, write_output
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from ..limits import Limits
+
+NOT_ON_MESHES = (
+    "interval", "labels", "steps", "preserve_topology", "criterion", "plan", "base_level", "spacing", "missing",
+    "nodata", "no_placement", "key", "channel", "frame", "follow",
+)  # fmt: skip
+"""Options of encode that mean nothing there."""
+WRITTEN = (".geojson", ".npz", ".ply", ".stl", ".obj")
+"""Formats of contours that know no samples."""
+
+
+def encode_on_mesh(
+    source: Path, output: Path, values: str, isovalues: Sequence[float], samples: int | None,
+    options: Mapping[str, object], as_json: bool,
+) -> None:  # fmt: skip
+    """Encode values at the points of a mesh in a file; ``options`` are those of `encode_mesh`."""
+    given = click.get_current_context().params
+    wrong = [name for name in NOT_ON_MESHES if given.get(name) not in (None, False, ())]
+    if wrong:
+        raise click.UsageError(f"--{wrong[0].rstrip('s').replace('_', '-')} means nothing for values on a mesh")
+    if not isovalues:
+        raise click.UsageError("give --isovalue")
+    import isocodec
+
+    from ..io.mesh_read import read_mesh
+
+    started = time.perf_counter()
+    with concerning(source):
+        found = read_mesh(source, samples)
+        data = isocodec.encode_mesh(
+            found.points, found.cells, found.values_named(values), list(isovalues), **options  # type: ignore[arg-type]
+        )
+    seconds = time.perf_counter() - started
+    write_output(output, data)
+    layers = len(isocodec.inspect(data).layers)
+    tell(
+        f"{click.format_filename(output)}: {len(data):,} bytes, {layers} layers, {seconds:.2f} s",
+        {
+            "output": str(output),
+            "bytes": len(data),
+            "layers": layers,
+            "seconds": round(seconds, 3),
+            "points": len(found.points),
+            "cells": len(found.cells),
+            "isovalues": [float(isovalue) for isovalue in isovalues],
+        },
+        as_json,
+    )
+
+
+def is_on_mesh(source: Path) -> bool:
+    """Whether a file begins like one of values on a mesh; False if it cannot be read."""
+    from ..mesh_api import HEADER_BYTES, on_mesh
+
+    try:
+        with source.open("rb") as file:
+            return source.is_file() and on_mesh(file.read(HEADER_BYTES))
+    except (OSError, IsoError):
+        return False
+
+
+def decode_on_mesh(
+    source: Path, output: Path, domain: Path | None, isovalue: float | None, max_bytes: int | None, limits: Limits,
+    as_json: bool,
+) -> None:  # fmt: skip
+    """Decode a file of values on a mesh; ``domain`` is the file with the mesh, if ``source`` does not hold it."""
+    import isocodec
+
+    from ..io.mesh_read import read_mesh
+    from ..io.write import check_libraries, check_suffix, render_contour
+
+    with concerning(output):
+        suffix = check_suffix(output)
+        if suffix not in WRITTEN:
+            raise OptionError(
+                f"what lies on a mesh cannot be written as {suffix}", code="suffix",
+                remedy=f"choose one of {', '.join(WRITTEN)}",
+            )  # fmt: skip
+        check_libraries(suffix)
+    mesh = None
+    if domain is not None:
+        with concerning(domain):
+            found = read_mesh(domain)
+            mesh = found.points, found.cells
+    started = time.perf_counter()
+    data = read_iso(source)
+    with concerning(source):
+        if isovalue is None and suffix == ".geojson":
+            contours = isocodec.decode_all(data, max_bytes=max_bytes, mesh=mesh, limits=limits)
+        else:
+            contours = [isocodec.decode(data, isovalue=isovalue, max_bytes=max_bytes, mesh=mesh, limits=limits)]
+            if isovalue is None:
+                warn_of_others(source, contours[0].isovalue, isocodec.inspect(data).isovalues)
+    seconds = time.perf_counter() - started
+    n = contours[0].n
+    with concerning(output):
+        check_suffix(output, n)
+        rendered = render_contour(contours, suffix, n)
+    write_output(output, rendered)
+    pieces = "segments" if n == 2 else "triangles"
+    points, cells = sum(len(contour.points) for contour in contours), sum(len(contour.cells) for contour in contours)
+    tell(
+        f"{click.format_filename(output)}: {points:,} points, {cells:,} {pieces}, {seconds:.2f} s",
+        {
+            "output": str(output),
+            "bytes": len(rendered),
+            "points": points,
+            "cells": cells,
+            "isovalues": [contour.isovalue for contour in contours],
+            "complete": all(contour.complete for contour in contours),
+            "seconds": round(seconds, 3),
+        },
+        as_json,
+    )

@@ -1,0 +1,182 @@
+"""Meshes in the file: positions and connectivity, and isovalues on them (spec clause 10.10)."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from brute import INTERPRETED
+from explicit_meshes import components, crossings, euler, plane, space, torus
+from isocodec import (
+    FormatError,
+    InputError,
+    IsoError,
+    MeshDecoder,
+    OptionError,
+    decode,
+    decode_all,
+    encode_mesh,
+    inspect,
+)
+from isocodec.domain.mesh_run import decoded_mesh, encoded_mesh
+from isocodec.domain.quantised import quantised
+from isocodec.format.domain import DomainHead, read_domain, write_domain
+from isospec.container import DomainKind
+
+MANY = 4 if INTERPRETED else 60
+MAKERS = {"plane": plane, "space": space, "surface": lambda seed: torus(6 + seed % 5, 5)}
+
+
+def values_of(points, seed):
+    """Hills of integers."""
+    x = points / max(np.ptp(points), 1e-9) * 6 + seed
+    return np.rint(100 * np.sin(x[:, 0]) * np.cos(x[:, 1]) + 20 * x[:, -1]).astype(np.int64)
+
+
+def same_cells(cells):
+    return {tuple(cell) for cell in np.sort(cells, axis=1).tolist()}
+
+
+@pytest.mark.parametrize("name", MAKERS)
+def test_meshes_return(name):
+    """All cells and positions, whatever borders, pieces, holes and handles there are."""
+    for seed in range(MANY):
+        points, cells = MAKERS[name](seed)
+        used, numbers = np.unique(cells, return_inverse=True)
+        found = quantised(points[used], numbers.reshape(cells.shape), 0.001)
+        run, coded, order = encoded_mesh(found.domain, found.extent, found.unit)
+        back = decoded_mesh(run, 0, len(used), len(cells), cells.shape[1], found.extent, found.unit)
+        assert np.array_equal(back.mesh.cell, coded.mesh.cell)
+        assert np.array_equal(back.mesh.position, found.domain.mesh.position[order])
+        assert same_cells(order[back.mesh.cell]) == same_cells(found.domain.mesh.cell)
+        mine = np.sort(order[back.mesh.cell], axis=1)
+        neighbours = {
+            (tuple(cell), tuple(mine[other])) for cell, row in zip(mine.tolist(), back.mesh.neighbour, strict=True)
+            for other in row if other >= 0
+        }  # fmt: skip
+        original = np.sort(found.domain.mesh.cell, axis=1)
+        wanted = {
+            (tuple(cell), tuple(original[other]))
+            for cell, row in zip(original.tolist(), found.domain.mesh.neighbour, strict=True)
+            for other in row if other >= 0
+        }  # fmt: skip
+        assert neighbours == wanted
+
+
+@pytest.mark.parametrize("name", MAKERS)
+@pytest.mark.parametrize("mesh", ["coded", "whole"])
+def test_contours(name, mesh):
+    """The contour has the topology of that of the mesh as given, and lies within the errors."""
+    for seed in range(MANY):
+        given = MAKERS[name](seed)
+        values = values_of(given[0], seed)
+        isovalue = int(np.median(values)) + 0.5
+        for options in ({"exact": True}, {"tolerance": 0.01}, {"signs_only": True}):
+            contour = decode(encode_mesh(*given, values, isovalue, mesh=mesh, mesh_error=0.01, **options))
+            known = decode(encode_mesh(*given, values, isovalue, **options), mesh=given)
+            assert contour.complete
+            assert len(contour.points) == len(known.points) and len(contour.cells) == len(known.cells)
+            assert components(len(contour.points), contour.cells) == components(len(known.points), known.cells)
+            if given[1].shape[1] == 3:
+                assert euler(len(contour.points), contour.cells) == euler(len(known.points), known.cells)
+            if "signs_only" not in options:
+                wanted = np.array(list(crossings(given, values, isovalue).values()))
+                far = np.sqrt(((contour.points[:, None] - wanted[None]) ** 2).sum(axis=2))
+                assert np.median(far.min(axis=1)) <= 0.05
+
+
+def test_several_isovalues():
+    given = plane(4, 60 if INTERPRETED else 400, 0.95)
+    values = values_of(given[0], 1)
+    isovalues = [20.5, -30.5, 60.5, 0.5]
+    data = encode_mesh(*given, values, isovalues, mesh="coded", tolerance=1)
+    assert len(data) < sum(len(encode_mesh(*given, values, one, mesh="coded", tolerance=1)) for one in isovalues)
+    for contour, isovalue in zip(decode_all(data), isovalues, strict=True):
+        assert len(contour.points) == len(crossings(given, values, isovalue))
+        assert np.array_equal(contour.points, decode(data, isovalue=isovalue).points)
+
+
+def test_errors_of_meshes():
+    """Vertices lie within the error that was asked for, also where coordinates are large."""
+    points, cells = plane(8, 60, 1.0)
+    points = points + [7e5, 5e6]
+    for error in (5.0, 0.3, 0.01):
+        data = encode_mesh(points, cells, values_of(points, 2), 0.5, mesh="whole", mesh_error=error)
+        decoder = MeshDecoder()
+        decoder.feed(data)
+        decoder.close()
+        there = decoder._points
+        distance = np.sqrt(((points[:, None] - there[None]) ** 2).sum(axis=2))
+        assert distance.min(axis=1).max() <= error and distance.min(axis=0).max() <= error
+        assert inspect(data).as_dict()["domain"]["kind"] == "coded"
+    for bad in (0, -1.0, np.nan):
+        with pytest.raises(OptionError):
+            encode_mesh(points, cells, points[:, 0], 7e5, mesh="coded", mesh_error=bad)
+    with pytest.raises(InputError):
+        encode_mesh(points, cells, points[:, 0], 7e5, mesh="whole", mesh_error=1e-9)
+
+
+def test_nothing_crossed():
+    contour = decode(encode_mesh(*plane(1), np.zeros(40), 5, mesh="coded"))
+    assert contour.complete and contour.points.shape == (0, 2)
+
+
+@pytest.mark.parametrize("name", MAKERS)
+def test_damaged(name):
+    """Whatever bytes come, a decoder ends with an error of ours or a contour."""
+    given = MAKERS[name](2)
+    values = values_of(given[0], 2)
+    data = encode_mesh(*given, values, int(np.median(values)) + 0.5, mesh="whole", tolerance=0.1)
+    rng = np.random.default_rng(1)
+    ended = set()
+    for _ in range(20 if INTERPRETED else 400):
+        wrong = bytearray(data)
+        for _ in range(rng.integers(1, 4)):
+            wrong[rng.integers(8, len(wrong) - 4)] = rng.integers(256)
+        decoder = MeshDecoder()
+        try:
+            decoder.feed(bytes(wrong))
+            list(decoder)
+        except IsoError as error:
+            ended.add(error.code)
+        decoder.drawn(0)
+    assert "checksum" in ended or INTERPRETED
+
+
+def test_random_runs():
+    """Runs of random bytes decode to a complex or are refused."""
+    rng = np.random.default_rng(3)
+    ended = {"complex": 0}
+    for _ in range(10 if INTERPRETED else 300):
+        d = int(rng.integers(2, 4))
+        corners = int(rng.integers(3, d + 2))
+        data = rng.bytes(int(rng.integers(1, 60)))
+        vertices, cells = rng.integers(corners, 30), rng.integers(1, 40)
+        try:
+            found = decoded_mesh(data, 0, int(vertices), int(cells), corners, [50] * d, 1.0)
+        except IsoError as error:
+            ended[error.code] = ended.get(error.code, 0) + 1
+            continue
+        ended["complex"] += 1
+        assert (np.sort(found.mesh.cell, axis=1)[:, 1:] != np.sort(found.mesh.cell, axis=1)[:, :-1]).all()
+        assert len(same_cells(found.mesh.cell)) == len(found.mesh.cell)
+    assert len(ended) > 2 or INTERPRETED
+
+
+def test_what_a_file_claims():
+    """Numbers of vertices and cells are bounded by the bytes that came, before anything is allocated."""
+    head = DomainHead(DomainKind.CODED, 2, 0, 5, 3, b"", 1, (0, 0), (9, 9))
+    assert read_domain(write_domain(head, 2), 2, 0)[0] == head
+    for wrong in (
+        {"vertices": 1 << 20}, {"cells": 1 << 20}, {"cells": 0}, {"vertices": 2}, {"extent": (9, 1 << 25)},
+        {"extent": (0, 9)}, {"multiple": 0}, {"multiple": 1 << 21}, {"origin": (1 << 41, 0)}, {"exponent": 2000},
+        {"d": 4},
+    ):  # fmt: skip
+        with pytest.raises(FormatError) as caught:
+            read_domain(write_domain(replace(head, **wrong), 2), 2, 0)
+        assert caught.value.clause == "3.5.8"
+    for size in range(len(write_domain(head, 2))):
+        with pytest.raises(FormatError):
+            read_domain(write_domain(head, 2)[:size], 2, 0)
