@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from isocodec import encode, encode_frames
+from isocodec import encode_frames
 from isocodec.layers.plan import Entry
 from isocodec.stream.series import SeriesEncoder
 from isospec.container import ChunkType
@@ -130,15 +130,6 @@ def parts() -> Iterator[Draft]:
         yield Draft(
             f"{space}_frames_cut", cut_within(whole, "values"), n, ("series of frames", "frames: a cut run")
         )
-        # a frame without a base, on which the next one leans
-        single = split(encode_frames(_moving(shape, 3), VALUE, profile="main", plan=[("base", 4)]))
-        layers = [i for i, chunk in enumerate(single.chunks) if chunk.type == ChunkType.LAYERS]
-        rest = split(encode(_moving(shape, 3)[2], VALUE, profile="main", plan=[("base", 4)])).chunks[0]
-        chunks = [*single.chunks[: layers[1]], *single.chunks[layers[1] + 1 : layers[2]], rest]
-        yield Draft(
-            f"{space}_frames_without_base", bytes(single.with_chunks(*chunks)), n,
-            ("series of frames", "frames: leaning on one without a base"),
-        )  # fmt: skip
 
 
 def refused() -> Iterator[Draft]:
@@ -159,7 +150,7 @@ def refused() -> Iterator[Draft]:
             ("interval_and_more", "3.5.7", "more than an interval", changed(first, b"\2\0")),
             ("interval_long", "3.5.7", "an interval not in its shortest form", changed(first, b"\x80\2")),
             ("behind_layers", "3.5.7", "the first chunk of frames behind layers",
-             (*(c for c in chunks[:second] if c.type == ChunkType.LAYERS), chunks[first])),
+             (next(c for c in chunks if c.type == ChunkType.LAYERS), chunks[first])),
             ("lean_on_itself", "3.5.7", "leaning on an isovalue that has not begun", changed(second, b"\1")),
             ("lean_too_far", "3.5.7", "leaning on an isovalue that has not begun", changed(third, b"\2")),
             ("lean_and_more", "3.5.7", "more than one byte", changed(third, b"\0\0")),
