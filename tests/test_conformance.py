@@ -162,7 +162,7 @@ def test_nobody_has_to_decode_what_is_beyond_all_levels(code, passes):
 def test_vectors_are_small():
     """They travel with the package."""
     assert max(v.bytes for v in VECTORS) < 5000
-    assert sum(path.stat().st_size for path in HOME.iterdir()) < 950_000
+    assert sum(path.stat().st_size for path in HOME.iterdir()) < 1_200_000
 
 
 def test_generation_gives_the_same_bytes(tmp_path):

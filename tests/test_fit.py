@@ -122,28 +122,29 @@ def test_what_follows_from_what_is_told(below):
 
 @pytest.mark.parametrize("n", [2, 3])
 def test_samples_of_pieces(n):
-    """Of each piece its corners, the middles of what lies opposite these, and the centre; shared ones once."""
+    """Of each piece its corners, the middles of what lies opposite, and the centre: as often as pieces have it."""
     points = np.random.default_rng(n).uniform(0, 9, (6, n))
     cells = np.array([[0, 1], [1, 2], [2, 0], [4, 5]] if n == 2 else [[0, 1, 2], [2, 1, 3], [0, 3, 5], [5, 4, 0]])
-    samples, own = fit._samples(cells, len(points))
+    samples = fit._samples(cells, len(points))
     places = np.einsum("pk,pkc->pc", samples.weight, points[samples.corner])
-    assert len(places) == 6 + {2: 5, 3: 10}[n] + len(cells)
-    for cell, found in zip(cells, places[own].reshape(len(cells), -1, n), strict=True):
-        corners = points[cell]
-        opposite = (corners.sum(axis=0) - corners) / (n - 1)
-        assert found == pytest.approx(np.concatenate([corners, opposite, [corners.mean(axis=0)]]))
+    assert len(places) == 6 + {2: 0, 3: 10}[n] + len(cells)
+    corners = points[cells]
+    opposite = (corners.sum(axis=1, keepdims=True) - corners) / (n - 1)
+    wanted = np.concatenate([corners, opposite, corners.mean(axis=1, keepdims=True)], axis=1).reshape(-1, n)
+    found = np.repeat(places, samples.times.astype(int), axis=0)
+    assert found[np.lexsort(found.round(9).T)] == pytest.approx(wanted[np.lexsort(wanted.round(9).T)])
 
 
 def test_edges_that_nothing_notices_stay():
     where, gap = np.array([0.5, 0.5]), np.array([1.0])
-    pull = fit.Pull(np.array([0, 1, 1]), np.array([0]), np.array([1.0]), gap)
+    pull = fit.Pull(np.array([0, 1, 1]), np.array([0]), np.array([1.0]), gap, np.ones(1))
     fit.relax(pull, where, np.array([0.1, 0.1]), 2, 1.0, 2)
     assert where == pytest.approx([0.9, 0.5]) and gap == pytest.approx([0.6])
 
 
 def test_points_without_a_step_stay():
     where, gap = np.array([0.5, 0.5]), np.array([1.0, 1.0])
-    pull = fit.Pull(np.array([0, 1, 2]), np.array([0, 1]), np.array([1.0, 1.0]), gap)
+    pull = fit.Pull(np.array([0, 1, 2]), np.array([0, 1]), np.array([1.0, 1.0]), gap, np.ones(2))
     fit.relax(pull, where, np.array([0.1, 0.0]), 2, 1.0, 2)
     assert where == pytest.approx([0.9, 0.5]) and gap == pytest.approx([0.6, 1.0])
 
@@ -192,7 +193,8 @@ def test_relax_finds_the_best_places():
     where = np.array([0.1])
     gap = np.array([0.4, -0.2])
     step = np.array([0.05])
-    fit.relax(fit.Pull(np.array([0, 2]), np.array([0, 1]), np.array([1.0, 1.0]), gap), where, step, 2, 1.0, 10)
+    one = np.ones(2)
+    fit.relax(fit.Pull(np.array([0, 2]), np.array([0, 1]), one, gap, one), where, step, 2, 1.0, 10)
     assert where[0] == pytest.approx(0.2) and gap == pytest.approx([0.3, -0.3])
 
 

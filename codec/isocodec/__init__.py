@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     )
     from .field.sampled import Field
     from .files import EncodeOptions, IsoFile, open, save
+    from .frames import decode_frames
     from .io.areas import areas
     from .io.capping import cap
     from .io.sources import read
@@ -41,6 +42,7 @@ if TYPE_CHECKING:
         DomainRead,
         End,
         Event,
+        FrameRead,
         GeometryRefined,
         HeaderRead,
         IsovalueRead,
@@ -50,6 +52,7 @@ if TYPE_CHECKING:
         MeshLayerComplete,
         MetadataRead,
         PromisesRead,
+        SeriesRead,
     )
     from .limits import Limits
     from .mesh_api import encode_mesh
@@ -59,6 +62,7 @@ if TYPE_CHECKING:
     from .stream.mesh_decoder import MeshDecoder
     from .stream.mesh_encoder import MeshEncoder
     from .stream.plan_file import read_plan
+    from .stream.series import SeriesEncoder, encode_frames
     from .stream.statistics import FileStatistics, statistics
     from .stream.truncate import truncate
     from .tin_api import decode_tin, encode_tin
@@ -77,6 +81,7 @@ _HOMES = {
     ),
     "field.sampled": ("Field",),
     "files": ("EncodeOptions", "IsoFile", "open", "save"),
+    "frames": ("decode_frames",),
     "io.areas": ("areas",),
     "io.capping": ("cap",),
     "io.sources": ("read",),
@@ -85,15 +90,16 @@ _HOMES = {
     "mesh_api": ("encode_mesh",),
     "stream.decoder": ("Decoder",),
     "layers.events": (
-        "BaseComplete", "ChunkSkipped", "CoordinatesRead", "DomainRead", "End", "Event", "GeometryRefined",
+        "BaseComplete", "ChunkSkipped", "CoordinatesRead", "DomainRead", "End", "Event", "FrameRead", "GeometryRefined",
         "HeaderRead", "IsovalueRead", "LayerComplete", "LevelComplete", "MaskComplete", "MeshLayerComplete",
-        "MetadataRead", "PromisesRead",
+        "MetadataRead", "PromisesRead", "SeriesRead",
     ),
     "stream.encoder": ("Encoder",),
     "stream.inspect": ("FileInfo", "inspect"),
     "stream.mesh_decoder": ("MeshDecoder",),
     "stream.mesh_encoder": ("MeshEncoder",),
     "stream.plan_file": ("read_plan",),
+    "stream.series": ("SeriesEncoder", "encode_frames"),
     "stream.statistics": ("FileStatistics", "statistics"),
     "stream.truncate": ("truncate",),
     "verification": ("Kept", "verify"),
@@ -116,6 +122,7 @@ __all__ = [
     "FileInfo",
     "FileStatistics",
     "FormatError",
+    "FrameRead",
     "GeometryRefined",
     "HeaderRead",
     "InputError",
@@ -136,6 +143,8 @@ __all__ = [
     "MissingExtraError",
     "OptionError",
     "PromisesRead",
+    "SeriesEncoder",
+    "SeriesRead",
     "Thinned",
     "Tin",
     "TruncatedError",
@@ -143,10 +152,12 @@ __all__ = [
     "cap",
     "decode",
     "decode_all",
+    "decode_frames",
     "decode_mask",
     "decode_tin",
     "decode_valid",
     "encode",
+    "encode_frames",
     "encode_mesh",
     "encode_tin",
     "inspect",

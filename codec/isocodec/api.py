@@ -13,6 +13,7 @@ from .drawing.contour import Contour
 from .errors import IsoError, OptionError, TruncatedError
 from .field.sampled import Field
 from .format.chunks import octets
+from .frames import check_frame, frame_of
 from .layers.events import LayerComplete
 from .layers.plan import Entry
 from .limits import Limits
@@ -171,6 +172,7 @@ def decode(
     data: Readable,
     *,
     isovalue: float | None = None,
+    frame: int | None = None,
     layers: int | None = None,
     max_bytes: int | None = None,
     smooth: bool = False,
@@ -187,6 +189,8 @@ def decode(
         A whole file, or where it is.
     isovalue : float, optional
         Which one, of a file that holds several; the first if not given. Others are decoded as far as it leans on them.
+    frame : int, optional
+        Which one, from 0, of a series; the first if not given. Of others only those are decoded that it leans on.
     layers : int, optional
         Decode that many layers only; all if there are fewer.
     max_bytes : int, optional
@@ -226,13 +230,14 @@ def decode(
     if on_mesh(data):
         chosen, chain = _chain(data, isovalue)
         return mesh_decoded(data, mesh, chain, max_bytes, limits).drawn(chosen)
-    decoder, number = decoded(data, isovalue, layers, max_bytes, limits, progress)
+    decoder, number = decoded(data, isovalue, layers, max_bytes, limits, progress, frame)
     return _drawn(decoder, [number], smooth, through_holes)[0]
 
 
 def decode_all(
     data: Readable,
     *,
+    frame: int | None = None,
     max_bytes: int | None = None,
     smooth: bool = False,
     mesh: tuple[ArrayLike, ArrayLike] | None = None,
@@ -253,7 +258,7 @@ def decode_all(
     if on_mesh(data):
         on = mesh_decoded(data, mesh, None, max_bytes, limits)
         return [on.drawn(number) for number in range(len(on.isovalues))]
-    decoder = received(data, None, max_bytes, limits, progress)
+    decoder = received(data, None, max_bytes, limits, progress, frame=frame)
     return _drawn(decoder, range(len(decoder.isovalues)), smooth, False)
 
 
@@ -275,6 +280,7 @@ def decode_mask(
     data: Readable,
     *,
     isovalue: float | None = None,
+    frame: int | None = None,
     max_bytes: int | None = None,
     limits: Limits | None = None,
     progress: Callable[[int, int], object] | None = None,
@@ -285,7 +291,7 @@ def decode_mask(
     ----------
     data : bytes, path, URL or file object
         A file on the full grid: one made without a ``criterion``, and with no tolerance, or last step, from 0.1 on.
-    isovalue, max_bytes, limits, progress
+    isovalue, frame, max_bytes, limits, progress
         As in `decode`.
 
     Returns
@@ -302,7 +308,7 @@ def decode_mask(
     FormatError, LimitError
         As `decode`; ``limits.samples`` bounds the result. ``TruncatedError`` if the first bytes do not tell yet.
     """
-    decoder, number = decoded(content(data, limits), isovalue, None, max_bytes, limits, progress)
+    decoder, number = decoded(content(data, limits), isovalue, None, max_bytes, limits, progress, frame)
     return decoder.mask(number)
 
 
@@ -335,12 +341,13 @@ def decoded(
     max_bytes: int | None = None,
     limits: Limits | None = None,
     progress: Callable[[int, int], object] | None = None,
+    frame: int | None = None,
 ) -> tuple[Decoder, int]:
     """A decoder that has taken what was asked for of an isovalue of a file, and its number."""
     if layers is not None:
         check_count(layers, "layers", "layers")
     number, chain = _chain(data, isovalue)
-    decoder = received(data, chain, max_bytes, limits, progress, number, layers)
+    decoder = received(data, chain, max_bytes, limits, progress, number, layers, frame)
     if number >= len(decoder.isovalues):
         raise TruncatedError("the file ends before its curve begins", code="truncated")
     return decoder, number
@@ -354,11 +361,13 @@ def received(
     progress: Callable[[int, int], object] | None = None,
     number: int = 0,
     layers: int | None = None,
+    frame: int | None = None,
 ) -> Decoder:
-    """A decoder that has taken all, or the first ``layers`` layers of isovalue ``number``, or the first bytes."""
+    """A decoder that has taken a frame, the first ``layers`` layers of its isovalue ``number``, or the first bytes."""
     if max_bytes is not None:
         check_count(max_bytes, "max_bytes", "max-bytes")
-    decoder = Decoder(limits, only=only)
+    wanted = frame_of(frame)
+    decoder = Decoder(limits, only=only, frame=wanted)
     try:
         decoder.feed(octets(data)[:max_bytes])
         done = 0
@@ -366,13 +375,14 @@ def received(
             if isinstance(event, LayerComplete):
                 if progress:
                     progress(event.number, len(decoder.layers))
-                done += len(decoder.isovalues) - 1 == number
+                done += decoder.present == (wanted, number)
                 if done == layers:
                     return decoder
         if max_bytes is None:
             decoder.close()
         if not decoder.isovalues:
             raise TruncatedError("the file ends before its curve begins", code="truncated")
+        check_frame(decoder, wanted)
     except IsoError:
         # the frames of an error that somebody keeps would keep all this, too
         decoder.discard()

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from isocodec import encode, truncate
+from isocodec import encode, encode_frames, truncate
 from isocodec.layers.events import LayerComplete
 
 from .dump import COMPLETE, dump
@@ -48,6 +48,15 @@ def encoded(
     """A vector as the reference encoder writes it."""
     data = encode(field, isovalue, **{"profile": "baseline", **options})
     return Draft(name, data, np.ndim(field), features, layers=layers)
+
+
+def encoded_series(
+    name: str, fields: Sequence[ArrayLike], isovalue: float | Sequence[float], *features: str, layers: bool = False,
+    **options,
+) -> Draft:  # fmt: skip
+    """A vector of a series of frames as the reference encoder writes it."""
+    data = encode_frames(fields, isovalue, **{"profile": "baseline", **options})
+    return Draft(name, data, np.ndim(fields[0]), ("series of frames", *features), layers=layers)
 
 
 def within(data: bytes, kind: str) -> tuple[int, bytes]:

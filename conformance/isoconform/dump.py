@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from isocodec.errors import FormatError, IsoError, KernelError, LimitError, TruncatedError
-from isocodec.layers.events import Event, IsovalueRead, LayerComplete
+from isocodec.layers.events import Event, FrameRead, LayerComplete
 from isocodec.limits import Limits
 from isocodec.stream.decoder import Decoder
 from isospec.container import Double
@@ -54,14 +54,38 @@ class Output:
     coordinates: str = NO_COORDINATES
 
 
-def canonical(decoder: Decoder) -> str:
-    """Text of the states of all isovalues that have come, and of the mask; empty before the header."""
-    lines: list[str] = []
+class Frames:
+    """Texts of the frames of a series that are over, which a decoder keeps no longer than it needs them."""
+
+    def __init__(self) -> None:
+        self.lines: list[str] = []
+
+    def take(self, decoder: Decoder, event: Event) -> None:
+        """Keep the text of the frame before the one that begins with an event."""
+        if isinstance(event, FrameRead) and event.number == 0:
+            self.lines += _frame_lines(decoder, event.frame - 1, before=True)
+
+
+def _frame_lines(decoder: Decoder, frame: int, before: bool = False) -> list[str]:
+    """Text of the isovalues of a frame that have come."""
+    lines = [f"frame {frame}"] if frame else []
     for number in range(len(decoder.isovalues)):
-        state = decoder.state(number)
-        assert state is not None
+        state = decoder.state(number, before=before)
+        if state is None:
+            assert frame, "all isovalues of the first frame come before others"
+            break
         # the shape is the same for all
-        lines += [f"isovalue {number}", *state.lines()[1:]] if number else state.lines()
+        of_isovalue = state.lines() if number == frame == 0 else state.lines()[1:]
+        lines += [f"isovalue {number}", *of_isovalue] if number else of_isovalue
+    return lines
+
+
+def canonical(decoder: Decoder, past: Frames | None = None) -> str:
+    """Text of the states of all isovalues that have come, and of the mask; empty before the header.
+
+    ``past`` are the frames before the present one.
+    """
+    lines = [*(past.lines if past else []), *_frame_lines(decoder, decoder.present[0])]
     mask = decoder.mask_state()
     if mask is not None:
         # neither values nor explicit vertices
@@ -103,9 +127,11 @@ def dump(data: bytes, *, layers: int = 0, piece: int = 0, limits: Limits | None 
     decoder = Decoder(limits)
     events: list[Event] = []
     code, error = COMPLETE, None
+    past = Frames()
     try:
         for event in _events(decoder, data, piece):
             events.append(event)
+            past.take(decoder, event)
             if isinstance(event, LayerComplete) and event.number == layers:
                 break
         else:
@@ -117,18 +143,17 @@ def dump(data: bytes, *, layers: int = 0, piece: int = 0, limits: Limits | None 
         raise
     except IsoError as wrong:
         return Output(wrong.exit_code, "", wrong, {}, events)
-    return Output(code, canonical(decoder), error, decoder.symbols, events, canonical_coordinates(decoder))
+    return Output(code, canonical(decoder, past), error, decoder.symbols, events, canonical_coordinates(decoder))
 
 
 def canonical_layers(data: bytes) -> Iterator[tuple[LayerComplete, int, str]]:
     """Every layer of a file, the number of its isovalue, and the canonical text after it."""
     decoder = Decoder()
-    isovalue = 0
+    past = Frames()
     for event in _events(decoder, data, 0):
-        if isinstance(event, IsovalueRead):
-            isovalue = event.number
-        elif isinstance(event, LayerComplete):
-            yield event, isovalue, canonical(decoder)
+        past.take(decoder, event)
+        if isinstance(event, LayerComplete):
+            yield event, decoder.present[1], canonical(decoder, past)
 
 
 def _events(decoder: Decoder, data: bytes, piece: int) -> Iterator[Event]:

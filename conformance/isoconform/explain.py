@@ -16,6 +16,8 @@ from isocodec.errors import FormatError, TruncatedError
 from isocodec.format.chunks import CHECKSUM_BYTES, Envelope, read_envelope, read_further
 from isocodec.format.header import Header, read_header, varint
 from isocodec.format.program import Layer, ProgramReader, Progress
+from isocodec.layers.contents import Contents
+from isocodec.layers.events import FrameRead, SeriesRead
 from isospec.container import ChunkType, IsovalueKind, Operation, Profile
 
 from .damage import fields_of
@@ -43,6 +45,8 @@ class _Reader:
     header: Header | None = None
     isovalues: list[float] = field(default_factory=list)
     progresses: list[Progress] = field(default_factory=list)
+    before: list[Progress] = field(default_factory=list)
+    contents: Contents = field(default_factory=Contents)
 
     def note(self, end: int, meaning: str) -> None:
         """The bytes up to ``end`` are that."""
@@ -89,6 +93,8 @@ class _Reader:
         before = self.progresses[-1] if self.progresses else Progress(full)
         self.progresses.append(before.begin(None if lean is None else self.progresses[lean]))
         self.isovalues.append(isovalue)
+        self.contents.isovalues.append(isovalue)
+        self.contents.number = len(self.isovalues) - 1
 
     def _chunk(self, chunk: Envelope) -> None:
         start = self.at
@@ -103,6 +109,8 @@ class _Reader:
             self.note(chunk.start + 1, "leans on none (3.5.5)" if lean is None else f"leans on isovalue {lean} (3.5.5)")
             self.note(chunk.end, f"isovalue {len(self.isovalues)}: {isovalue!r} (3.3.4)")
             self._begin(isovalue, lean)
+        elif chunk.type == ChunkType.FRAME and chunk.end <= len(self.data):
+            self._frame(chunk)
         elif chunk.type == ChunkType.MASK:
             self.note(chunk.end, "run of the mask (3.5.6)")
         elif chunk.end > chunk.start:
@@ -116,6 +124,21 @@ class _Reader:
                     self.at + CHECKSUM_BYTES,
                     f"CRC-32 {what}" + ("" if stated == right else f": wrong, it is {right.hex(' ')}"),
                 )
+
+    def _frame(self, chunk: Envelope) -> None:
+        """The first chunk of frames, or the beginning of an isovalue of a further frame."""
+        event = self.contents.read(chunk, self.data[chunk.start : chunk.end], chunk.end)
+        if isinstance(event, SeriesRead):
+            self.note(chunk.end, f"interval {event.interval} of a series (3.5.7)")
+        elif isinstance(event, FrameRead):
+            of = "none" if event.lean is None else f"isovalue {event.lean}{' of the frame before' * event.before}"
+            if chunk.end > chunk.start:
+                self.note(chunk.end, f"leans on {of} (3.5.7)")
+            if event.number == 0:
+                self.before, self.progresses = self.progresses, []
+            layers = self.progresses[-1].layers if self.progresses else 0
+            lean = None if event.lean is None else (self.before if event.before else self.progresses)[event.lean]
+            self.progresses.append(Progress(self.before[0].full_level, layers=layers).begin(lean))
 
     def _layers(self, chunk: Envelope) -> None:
         there = min(chunk.end, len(self.data))

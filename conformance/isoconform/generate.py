@@ -8,9 +8,9 @@ from itertools import chain
 from pathlib import Path
 
 from isocodec.errors import LimitError
-from isocodec.layers.events import Event, IsovalueRead, LayerComplete
+from isocodec.layers.events import Event, FrameRead, IsovalueRead, LayerComplete
 
-from . import adaptive, circle, geometry, hostile, isovalues, mapped, missing, mixed, rules, special, valid
+from . import adaptive, circle, frames, geometry, hostile, isovalues, mapped, missing, mixed, rules, special, valid
 from .draft import Draft
 from .dump import COMPLETE, CUT_OFF, NO_COORDINATES, Output, canonical_layers, dump
 from .levels import BEYOND, needs
@@ -28,7 +28,7 @@ from .manifest import (
     write_manifest,
 )
 
-_MODULES = valid, special, adaptive, geometry, isovalues, mixed, rules, hostile, circle, missing, mapped
+_MODULES = valid, special, adaptive, geometry, isovalues, mixed, rules, hostile, circle, missing, mapped, frames
 TEXT_LIMIT = 2200
 """Longest canonical text, in bytes, that is kept next to its vector for the runner to show differences."""
 
@@ -89,7 +89,7 @@ def _described(draft: Draft, output: Output) -> Vector:
         expected = Expected(ERROR, clause)
     layers = []
     if draft.layers:
-        several = any(isinstance(event, IsovalueRead) for event in output.events)
+        several = any(isinstance(event, (IsovalueRead, FrameRead)) for event in output.events)
         for event, isovalue, text in canonical_layers(draft.data):
             layer = event.layer
             number = isovalue if several else None
@@ -125,6 +125,10 @@ def _features(events: list[Event], n: int) -> Iterator[str]:
         if isinstance(event, IsovalueRead):
             yield "several isovalues"
             yield "isovalue that leans on none" if event.lean is None else "isovalue that leans on an earlier one"
+        if isinstance(event, FrameRead):
+            yield "frames"
+            if not event.before:
+                yield "isovalue of a further frame that leans on one of its own" if event.lean else "key frame"
         if not isinstance(event, LayerComplete):
             continue
         kind, level = event.layer.kind, event.layer.level

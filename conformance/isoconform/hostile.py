@@ -92,7 +92,7 @@ def containers() -> Iterator[Draft]:
     data = _plane()
     plane = split(data)
     first = plane.chunks[0]
-    unknown = Chunk(9, b"needed")
+    unknown = Chunk(11, b"needed")
     yield _refused("critical_chunk", bytes(plane.with_chunks(first, unknown)), "3.5.2", "an unknown critical chunk")
     yield _refused("chunk_zero", bytes(plane.with_chunks(Chunk(0, b""), first)), "3.5.2", "a critical chunk of type 0")
     for kind, name in ((ChunkType.METADATA, "metadata"), (ChunkType.INDEX, "index"), (ChunkType.PROMISES, "promises")):

@@ -7,9 +7,10 @@ from dataclasses import astuple, dataclass
 
 from isocodec import Decoder
 from isocodec.errors import TruncatedError
-from isocodec.layers.events import LayerComplete
+from isocodec.layers.events import End, FrameRead, LayerComplete
 from isocodec.limits import BLOCKS, LEVELS
 from isocodec.mesh.store import PAGES
+from isocodec.passes.runner import Tube
 
 BEYOND = max(LEVELS) + 1
 """In place of a level, of files that no level has to decode."""
@@ -39,19 +40,30 @@ def needs(data: bytes) -> Needs:
     """The counts of a file that the reference decoder decodes, or of what there is of one that is cut off."""
     decoder = Decoder()
     decoder.feed(data)
-    leaves = 0
+    leaves = vertices = blocks = steps = 0
     for event in decoder:
-        if isinstance(event, LayerComplete):
-            leaves = max(leaves, sum(tube.simplices for tube in decoder._tubes if tube))
+        if isinstance(event, FrameRead) and event.number == 0:
+            steps += sum(tube.steps for tube in decoder._strands.before if tube)
+        if isinstance(event, (LayerComplete, End)):
+            tubes = [tube for tube in (*decoder._strands.before, *decoder._tubes) if tube]
+            leaves = max(leaves, sum(tube.simplices for tube in tubes))
+            vertices = max(vertices, sum(tube.vertices for tube in tubes))
+            blocks = max(blocks, sum(map(_blocks, tubes)))
     if not decoder.complete:
         with suppress(TruncatedError):
             decoder.close()
-    tubes = [tube for tube in decoder._tubes if tube]
+    tubes = [tube for tube in (*decoder._strands.before, *decoder._tubes) if tube]
+    steps += sum(tube.steps for tube in decoder._tubes if tube)
     return Needs(
-        vertices=sum(tube.vertices for tube in tubes),
+        vertices=max(vertices, sum(tube.vertices for tube in tubes)),
         simplices=max(leaves, sum(tube.simplices for tube in tubes)),
         symbols=sum(decoder.symbols.values()),
-        steps=sum(tube.steps for tube in tubes),
+        steps=steps,
         isovalues=len(decoder.isovalues),
-        blocks=sum(int(store.head[PAGES]) for tube in tubes for store in (tube.state.known, tube.state.mesh)),
+        blocks=max(blocks, sum(map(_blocks, tubes))),
     )
+
+
+def _blocks(tube: Tube) -> int:
+    """Blocks that hold a vertex of an isovalue."""
+    return sum(int(store.head[PAGES]) for store in (tube.state.known, tube.state.mesh))

@@ -159,7 +159,7 @@ class Tracer:
     @contextmanager
     def _listening(self) -> Iterator[None]:
         """Put ears where a symbol is coded, wherever that is used."""
-        emit, code, blended = range_coder.emit, range_coder.code, mixer.blended
+        emit, code, blended, counted = range_coder.emit, range_coder.code, mixer.blended, mixer.counted
 
         def heard(cd: Any, p: int, bit: int) -> int:
             self._look()
@@ -182,8 +182,14 @@ class Tracer:
                 self._note(int(context), f"network {net}, kind {kind}, {rows} rows" + (", flipped" if flip else ""))
             return bit
 
+        def counted_on(cd: Any, context: int, bit: int) -> int:
+            bit = counted(cd, context, bit)
+            if bit >= 0:
+                self._note(int(context), "panel")
+            return bit
+
         instead: list[tuple[Callable[..., int], Callable[..., int]]] = [
-            (emit, heard), (code, coded), (blended, mixed)
+            (emit, heard), (code, coded), (blended, mixed), (counted, counted_on)
         ]  # fmt: skip
         replaced = []
         for module in [m for name, m in sys.modules.items() if name.startswith("isocodec.")]:

@@ -17,7 +17,9 @@ HOME = Path(__file__).resolve().parent
 ROOT = HOME.parent.parent
 PACKAGES = ("codec/isocodec", "spec/isospec", "conformance/isoconform")
 """What a planted decoder consists of, relative to the repository."""
-THEMES = ("container", "mesh", "base", "refinement", "geometry", "isovalues", "missing", "mapped", "coder", "main")
+THEMES = (
+    "container", "mesh", "base", "refinement", "geometry", "isovalues", "missing", "frames", "mapped", "coder", "main",
+)  # fmt: skip
 """Files of misreadings, in the order of the specification."""
 
 

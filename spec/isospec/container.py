@@ -63,6 +63,7 @@ class ChunkType(IntEnum):
     PROMISES = 6
     MASK = 7
     COORDINATES = 8
+    FRAME = 9
     DOMAIN = 10
 
 

@@ -10,7 +10,16 @@ import click
 
 from ..errors import FormatError
 from .mesh import write_mesh
-from .options import iso_argument, json_option, limit_options, limits_of, output_option, partial_option, smooth_option
+from .options import (
+    frame_option,
+    iso_argument,
+    json_option,
+    limit_options,
+    limits_of,
+    output_option,
+    partial_option,
+    smooth_option,
+)
 from .receive import Drawings, receive, receive_all, warn_of_others
 from .report import STANDARD, check_output, concerning, read_iso, tell, warn, write_output
 
@@ -28,6 +37,7 @@ LOST = 0.01
     metavar="V",
     help="Isovalue to decode, if there are several.  [default: all that OUT can hold]",
 )
+@frame_option
 @click.option(
     "--layers",
     type=click.IntRange(min=1),
@@ -58,9 +68,9 @@ LOST = 0.01
 @limit_options
 @json_option
 def decode_command(
-    source: Path, output: Path, to: str | None, isovalue: float | None, layers: int | None, max_bytes: int | None,
-    keep_crs: bool, in_samples: bool, areas: str | None, along_holes: bool, mesh: str | None, domain: Path | None,
-    smooth: bool, partial: bool, limit_memory: int | None, limit_work: int | None, as_json: bool,
+    source: Path, output: Path, to: str | None, isovalue: float | None, frame: int | None, layers: int | None,
+    max_bytes: int | None, keep_crs: bool, in_samples: bool, areas: str | None, along_holes: bool, mesh: str | None,
+    domain: Path | None, smooth: bool, partial: bool, limit_memory: int | None, limit_work: int | None, as_json: bool,
 ) -> None:  # fmt: skip
     """Decode IN.iso to OUT; the suffix of OUT names the format. IN.iso may be - or a URL, OUT - (with --to).
 
@@ -92,7 +102,7 @@ def decode_command(
     if mesh:
         write_mesh(
             source, output, isovalue, mesh == "whole", in_samples, partial, limits_of(limit_memory, limit_work),
-            layers, max_bytes, as_json,
+            layers, max_bytes, as_json, frame,
         )  # fmt: skip
         return
 
@@ -147,10 +157,10 @@ def decode_command(
         found = read_header(data)
     limits = limits_of(limit_memory, limit_work)
     if found and isovalue is None and layers is None and holds_several(suffix, len(found[0].shape)):
-        decoder = receive_all(source, data, partial, limits, max_bytes)
+        decoder = receive_all(source, data, partial, limits, max_bytes, frame)
         numbers = list(range(len(decoder.isovalues)))
     else:
-        decoder, number = receive(source, data, isovalue, partial, limits, layers, max_bytes)
+        decoder, number = receive(source, data, isovalue, partial, limits, layers, max_bytes, frame)
         numbers = [number]
     seconds = time.perf_counter() - started
     isovalues = [decoder.isovalues[number] for number in numbers]

@@ -20,6 +20,7 @@ from .planned import Planned
 from .progress import progress_bar
 from .quiet import one_warning
 from .report import check_iso_output, concerning, tell, warn, write_output
+from .series import along_axis, check_series, encode_series
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -60,6 +61,9 @@ def encode_command(
     key: str | None,
     channel: int | None,
     frame: int | None,
+    frames: bool,
+    frame_axis: int | None,
+    frame_interval: int | None,
     kind: str | None,
     limit_samples: int | None,
     follow: bool,
@@ -97,6 +101,7 @@ def encode_command(
         raise click.UsageError(f"--interval {interval}: must be greater than 0")
     name, parameter = read_criterion(criterion)
     notes = read_metadata(metadata)
+    check_series(frames, frame_axis, frame_interval)
     if spacing is not None and no_placement:
         raise click.UsageError("--spacing and --no-placement contradict one another: choose one")
     if label is not None and missing is not None:
@@ -125,7 +130,7 @@ def encode_command(
     from ..io.place import Place, read_place
     from ..io.read import read_field
 
-    placed = steps_along is None and not no_placement and PLACEMENT not in notes
+    placed = steps_along is None and not no_placement and PLACEMENT not in notes and not frames
     with concerning(source):
         with local_input(source, kind, limit_samples) as path, one_warning(source):
             field = read_field(path, key=key, channel=channel, frame=frame, samples=limit_samples, follow=follow)
@@ -135,14 +140,17 @@ def encode_command(
             place = Place()
             if placed:
                 place = read_place(path, field.ndim, key, samples=limit_samples, follow=follow, frame=frame)
-        if steps_along is not None and len(steps_along) != field.ndim:
-            raise click.UsageError(f"--spacing {spacing}: give one number for each of the {field.ndim} axes")
+        axes = field.ndim - frames
+        if steps_along is not None and len(steps_along) != axes:
+            raise click.UsageError(f"--spacing {spacing}: give one number for each of the {axes} axes")
+        series = along_axis(field, frame_axis or 0) if frames else None
+        shape = field.shape if series is None else series.shape[1:]
         hole: Field | None = None
         if label is not None:
             field, isovalues = _labelled(field, label), (0.5,)
             notes.setdefault("label", f"{label:g}")
             if planned is not None:
-                planned.isovalues(isovalues, field.shape, not independent)
+                planned.isovalues(isovalues, shape, not independent)
             if plan is None and not any(_is_given(getattr(options, precision)) for precision in PRECISIONS):
                 options = replace(options, signs_only=True)
         else:
@@ -150,7 +158,7 @@ def encode_command(
             if interval is not None:
                 isovalues = _multiples(interval, field[~gone])
             if planned is not None:
-                isovalues = planned.isovalues(isovalues, field.shape, not independent)
+                isovalues = planned.isovalues(isovalues, shape, not independent)
             if not gone.any() and (missing is not None or nodata_given):
                 warn(source, "no samples are missing; --nodata sets the value that marks them")
             if missing in (None, "hole"):
@@ -169,9 +177,15 @@ def encode_command(
         started = time.perf_counter()
         about_plan = nullcontext() if planned is None else planned.blamed()
         with progress_bar("encoding") as progress, about_plan:
-            data = isocodec.encode(
-                field, isovalues[0] if len(isovalues) == 1 else isovalues, mask=hole, progress=progress, **vars(options)
-            )
+            if series is None:
+                data = isocodec.encode(
+                    field, isovalues[0] if len(isovalues) == 1 else isovalues, mask=hole, progress=progress,
+                    **vars(options),
+                )  # fmt: skip
+            else:
+                data = encode_series(
+                    field, hole, frame_axis or 0, frame_interval or 0, isovalues, vars(options), progress
+                )
         seconds = time.perf_counter() - started
     write_output(output, data)
     valid = field if hole is None else field[~hole]

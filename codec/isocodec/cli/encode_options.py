@@ -88,6 +88,14 @@ SECTIONS = (
         click.option("--channel", type=int, metavar="N", help="Channel of a colour picture, counted from 0."),
         click.option("--kind", metavar="SUFFIX", help="Format of standard input or a URL: .tif."),
         click.option("--frame", type=int, metavar="N", help="Item of a series or time step, counted from 0."),
+        click.option("--frames", is_flag=True, help="Keep slices of the volume as a series of pictures."),
+        click.option(
+            "--frame-axis", type=int, metavar="A", help="With --frames: the axis that counts them.  [default: 0]"
+        ),
+        click.option(
+            "--frame-interval", type=click.IntRange(min=0), metavar="K",
+            help="With --frames: every K frames one decodes without those before it.  [default: 0, the first only]",
+        ),
         click.option(
             "--missing",
             type=click.Choice(["hole", "below", "above", "nearest"]),

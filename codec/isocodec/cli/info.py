@@ -76,9 +76,24 @@ def _print(source: Path, info: FileInfo) -> None:
         facts.add_row("coordinates", info.coordinates)
     if info.mask_bytes is not None:
         facts.add_row("mask", f"{info.mask_bytes:,} bytes")
+    if info.interval is not None:
+        every = f", every {info.interval} one that stands by itself" if info.interval else ""
+        facts.add_row("frames", f"{len(info.frames)}{every}")
     facts.add_row("bytes", f"{info.bytes:,}")
     facts.add_row("overhead", f"{_number(info.overhead_bytes)} bytes")
     console.print(facts)
+
+    if info.frames:
+        frames = Table()
+        for heading in ("frame", "offset", "bytes", "layers", "stands by itself"):
+            frames.add_column(heading, justify="right")
+        for number, frame in enumerate(info.frames):
+            count = sum(layer.frame == number for layer in info.layers)
+            frames.add_row(
+                str(number), f"{frame.offset:,}", f"{frame.bytes:,}", str(count), "yes" if frame.key else ""
+            )
+        console.print(frames)
+        return
 
     counted = any(layer.symbols for layer in info.layers)
     layers = Table()

@@ -9,7 +9,7 @@ from pathlib import Path
 import click
 
 from ..limits import Limits
-from .options import iso_argument, json_option, limit_options, limits_of, output_option, partial_option
+from .options import frame_option, iso_argument, json_option, limit_options, limits_of, output_option, partial_option
 from .receive import receive, warn_of_others
 from .report import check_output, concerning, read_iso, tell
 
@@ -20,6 +20,7 @@ from .report import check_output, concerning, read_iso, tell
 @click.option(
     "--isovalue", type=float, metavar="V", help="Isovalue to decode, if there are several.  [default: the first]"
 )
+@frame_option
 @click.option(
     "--limit-samples", type=click.IntRange(min=1), metavar="N",
     help=f"Most samples of the mask.  [default: {Limits().samples:,}]",
@@ -29,8 +30,8 @@ from .report import check_output, concerning, read_iso, tell
 @limit_options
 @json_option
 def mask_command(
-    source: Path, output: Path, isovalue: float | None, limit_samples: int | None, valid: bool, partial: bool,
-    limit_memory: int | None, limit_work: int | None, as_json: bool,
+    source: Path, output: Path, isovalue: float | None, frame: int | None, limit_samples: int | None, valid: bool,
+    partial: bool, limit_memory: int | None, limit_work: int | None, as_json: bool,
 ) -> None:  # fmt: skip
     """Decode which samples of IN.iso lie above the isovalue; the suffix of OUT names the format.
 
@@ -54,7 +55,7 @@ def mask_command(
 
     started = time.perf_counter()
     limits = limits_of(limit_memory, limit_work, limit_samples)
-    decoder, number = receive(source, data, isovalue, partial, limits)
+    decoder, number = receive(source, data, isovalue, partial, limits, frame=frame)
     assert decoder.header is not None
     shape = decoder.header.shape
     with concerning(output):

@@ -17,7 +17,7 @@ from .report import check_output, concerning, read_iso, tell, write_output
 
 def write_mesh(
     source: Path, output: Path, isovalue: float | None, whole: bool, in_samples: bool, partial: bool, limits: Limits,
-    layers: int | None, max_bytes: int | None, as_json: bool,
+    layers: int | None, max_bytes: int | None, as_json: bool, frame: int | None,
 ) -> None:  # fmt: skip
     """Decode what was asked for and write its mesh, of the whole box or the tube alone."""
     from ..io.mesh import MESHES
@@ -31,7 +31,7 @@ def write_mesh(
     import isocodec
 
     started = time.perf_counter()
-    decoder, number = receive(source, data, isovalue, partial, limits, layers, max_bytes)
+    decoder, number = receive(source, data, isovalue, partial, limits, layers, max_bytes, frame)
     if isovalue is None:
         # what lies behind the layers asked for may be damaged
         with suppress(FormatError):

@@ -20,6 +20,10 @@ iso_argument: Decorator = click.argument("source", metavar="IN.iso", type=click.
 
 partial_option: Decorator = click.option("--partial", is_flag=True, help="Decode what there is of a truncated file.")
 
+frame_option: Decorator = click.option(
+    "--frame", type=click.IntRange(min=0), metavar="N", help="Frame of a series, from 0.  [default: the first]"
+)
+
 smooth_option: Decorator = click.option(
     "--smooth",
     is_flag=True,

@@ -10,7 +10,7 @@ import click
 
 from ..errors import OptionError, TruncatedError
 from ..format.kinds import GEOMETRY
-from .options import iso_argument, limit_options, limits_of, output_option, partial_option, smooth_option
+from .options import frame_option, iso_argument, limit_options, limits_of, output_option, partial_option, smooth_option
 from .progress import progress_bar
 from .report import PARTIAL, check_output, concerning, read_iso, warn, write_output
 
@@ -38,12 +38,13 @@ MESH = 600
 @click.option(
     "--isovalue", type=float, metavar="V", help="Isovalue to draw, if there are several.  [default: the first]"
 )
+@frame_option
 @smooth_option
 @partial_option
 @limit_options
 def plot_command(
-    source: Path, output: Path, steps: int, mesh: bool, view: str | None, isovalue: float | None, smooth: bool,
-    partial: bool, limit_memory: int | None, limit_work: int | None,
+    source: Path, output: Path, steps: int, mesh: bool, view: str | None, isovalue: float | None, frame: int | None,
+    smooth: bool, partial: bool, limit_memory: int | None, limit_work: int | None,
 ) -> None:  # fmt: skip
     """Draw what prefixes of IN.iso decode to, from its first layer to all of it (.png, .pdf or .svg).
 
@@ -71,14 +72,17 @@ def plot_command(
 
     import isocodec
 
+    from ..frames import check_frame
+
     with concerning(source), progress_bar("drawing") as progress:
         info = isocodec.inspect(data)
         if view is not None and len(info.shape) != 3:
             raise OptionError("there are views of surfaces only", code="view", remedy="leave out --view")
         number = info.number_of(isovalue)
-        layers = [layer for layer in info.layers if layer.isovalue == number]
+        wanted = frame or 0
+        layers = [layer for layer in info.layers if (layer.frame, layer.isovalue) == (wanted, number)]
         promised = [i for i, layer in enumerate(layers, 1) if layer.within]
-        decoder = isocodec.Decoder(limits_of(limit_memory, limit_work), only=info.chain(number))
+        decoder = isocodec.Decoder(limits_of(limit_memory, limit_work), only=info.chain(number), frame=wanted)
         decoder.feed(data)
         drawn: list[Step] = []
         chosen: list[int] = []
@@ -86,7 +90,7 @@ def plot_command(
         for event in decoder:
             if not isinstance(event, isocodec.LayerComplete):
                 continue
-            if len(decoder.isovalues) - 1 == number:
+            if decoder.present == (wanted, number):
                 own += 1
                 chosen = chosen or shown([layer.kind for layer in layers], steps, promised)
                 if own in chosen:
@@ -102,6 +106,7 @@ def plot_command(
             if not (partial and begun):
                 raise
             warn(source, f"{exc.message}; drawn as far as it goes")
+        check_frame(decoder, wanted)
         if own < len(layers) or not drawn:
             # the file ends within a layer
             _draw(decoder, number, smooth, mesh, drawn, len(data), len(data), None)

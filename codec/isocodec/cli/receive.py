@@ -22,23 +22,25 @@ Taken = TypeVar("Taken")
 
 def receive(
     source: Path, data: bytes, isovalue: float | None, partial: bool, limits: Limits, layers: int | None = None,
-    max_bytes: int | None = None,
+    max_bytes: int | None = None, frame: int | None = None,
 ) -> tuple[Decoder, int]:  # fmt: skip
     """A decoder that has taken what was asked for, and the number of the isovalue; a warning if it is a part."""
     from ..api import decoded
 
     def take(most: int | None, progress: Any) -> tuple[Decoder, int]:
-        return decoded(data, isovalue, layers, most, limits, progress)
+        return decoded(data, isovalue, layers, most, limits, progress, frame)
 
     return _taken(take, source, data, partial, max_bytes)
 
 
-def receive_all(source: Path, data: bytes, partial: bool, limits: Limits, max_bytes: int | None) -> Decoder:
+def receive_all(
+    source: Path, data: bytes, partial: bool, limits: Limits, max_bytes: int | None, frame: int | None = None
+) -> Decoder:
     """Likewise a decoder that has taken all isovalues."""
     from ..api import received
 
     def take(most: int | None, progress: Any) -> Decoder:
-        return received(data, None, most, limits, progress)
+        return received(data, None, most, limits, progress, frame=frame)
 
     return _taken(take, source, data, partial, max_bytes)
 

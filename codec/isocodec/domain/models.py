@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..entropy.guesses import DEPTHS, MOST_OPINIONS
+from ..entropy.panel import no_panel
 from ..entropy.range_coder import ONE, Blend, Coder, CoderRegisters
 from ..models.contexts import rates
 from ..models.trained import shipped_models
@@ -74,8 +75,9 @@ def coder_of(prob: NDArray[np.int64], seen: NDArray[np.int64], mix: NDArray[np.i
     tables = shipped_models(2)[2]
     short = np.zeros((0, 0), np.int32)
     blend = Blend(
-        short, short, mix, tables.squash, tables.stretch, tables.trust, np.zeros(2 * MOST_OPINIONS + 1, np.int64), short
-    )
+        short, short, mix, tables.squash, tables.stretch, tables.trust, np.zeros(2 * MOST_OPINIONS + 1, np.int64),
+        short, no_panel(),
+    )  # fmt: skip
     return Coder(CoderRegisters(), np.zeros(0, np.uint8), prob, seen, rates(), blend)
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..entropy.guesses import MOST_OPINIONS
+from ..entropy.panel import no_panel
 from ..entropy.range_coder import ONE, Blend, Coder, CoderRegisters
 from ..models.contexts import rates
 from ..models.trained import shipped_models
@@ -66,7 +67,8 @@ def new_coder() -> Coder:
     short = np.zeros((0, 0), np.int32)
     mix = np.full((MIXES, MOST_OPINIONS), WEIGHT, np.int64)
     blend = Blend(
-        short, short, mix, tables.squash, tables.stretch, tables.trust, np.zeros(2 * MOST_OPINIONS + 1, np.int64), short
-    )
+        short, short, mix, tables.squash, tables.stretch, tables.trust, np.zeros(2 * MOST_OPINIONS + 1, np.int64),
+        short, no_panel(),
+    )  # fmt: skip
     prob = np.full(CONTEXTS, ONE // 2, np.int64)
     return Coder(CoderRegisters(), np.zeros(0, np.uint8), prob, np.zeros(CONTEXTS, np.int64), rates(), blend)

@@ -112,10 +112,15 @@ def distinct_edges(leaves: Leaves, ends: NDArray[np.int64]) -> tuple[NDArray[np.
     number : (...) int64
         Index into ``edges``.
     """
+    return distinct_pairs(rank_of(leaves), ends)
+
+
+def distinct_pairs(rank: NDArray[np.int64], ends: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """The same of vertices that have ranks (V,)."""
     flat = ends.reshape(-1, 2)
     low, high, number = (np.empty(len(flat), np.int64) for _ in range(3))
-    count = np.zeros(len(leaves.position) + 1, np.int64)
-    _tell_apart(rank_of(leaves), flat, low, high, count)
+    count = np.zeros(len(rank) + 1, np.int64)
+    _tell_apart(rank, flat, low, high, count)
     edges = np.empty((len(flat), 2), np.int64)
     seconds = np.full(len(flat), -1, np.int64)
     used = _number(low, high, np.cumsum(count), seconds, count, edges, number)

@@ -14,6 +14,7 @@ from isospec.tables import HIDDEN, KINDS, MOST_LOGIT
 
 from ..kernel import inlined
 from .network import weighed
+from .panel import ON, corrected, listened
 from .range_coder import ONE, adapt, emit
 
 OUT_SHIFT = 12
@@ -106,6 +107,10 @@ def blended(cd, net, flip, kind, ctx, bit):
     mapped = stretched(cd, place)
     mix = bl.mix[np.uint64(kind)]
     total = mix[0] * opinion + mix[1] * own + mix[2] * mapped + (mix[3] << 8)
+    heard = bl.panel.about[ON]
+    if heard:
+        total += listened(cd, opinion)
+        bl.panel.about[ON] = 0
     total = min(max(total >> MIX_SHIFT, -MOST_LOGIT), MOST_LOGIT)
     p = bl.squash[np.uint64(total + MOST_LOGIT)]
     if bit == EITHER:
@@ -120,6 +125,25 @@ def blended(cd, net, flip, kind, ctx, bit):
     _learn(mix, 1, error * own)
     _learn(mix, 2, error * mapped)
     _learn(mix, 3, error << 8)
+    if heard:
+        corrected(cd, error, bit)
     adapt(cd, ctx, bit)
     adapt(cd, place, bit)
+    return bit
+
+
+@inlined
+def counted(cd, ctx, bit):
+    """Code one symbol that has no network, by its context and the panel; as ``code``."""
+    bl = cd.blend
+    own = stretched(cd, ctx)
+    total = (own << MIX_SHIFT) + listened(cd, own)
+    bl.panel.about[ON] = 0
+    total = min(max(total >> MIX_SHIFT, -MOST_LOGIT), MOST_LOGIT)
+    p = bl.squash[np.uint64(total + MOST_LOGIT)]
+    bit = emit(cd, p, bit)
+    if bit < 0:
+        return bit
+    corrected(cd, ((bit << 16) - p) * RATE, bit)
+    adapt(cd, ctx, bit)
     return bit

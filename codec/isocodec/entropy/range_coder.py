@@ -59,12 +59,30 @@ class CoderRegisters(Registers):
 
 
 @record
+class Panel(NamedTuple):
+    """Further opinions, of counts, on symbols that have them (spec clause 7.18), see ``entropy.panel``; mostly empty.
+
+    ``prob`` and ``seen`` are the adaptive probabilities, ``mix`` (kinds, opinions) the weights of the opinions,
+    ``about`` says what is seen around the present symbol, ``place`` which contexts that comes to, ``said`` what these
+    say.
+    """
+
+    prob: IntVector
+    seen: IntVector
+    mix: IntMatrix
+    about: IntVector
+    place: IntVector
+    said: IntVector
+
+
+@record
 class Blend(NamedTuple):
     """What the main profile has beside (spec clause 7.11), see ``entropy.mixer``; empty in the baseline profile.
 
     ``weight`` (rows, HIDDEN) and ``out`` (networks, HIDDEN + 1) are the networks, ``mix`` (classes, INPUTS) the weights
     that adapt, ``squash`` and ``stretch`` the logistic function and its inverse, ``row`` the number of rows that a pass
-    has listed, then those, ``trace`` room for the rows of all symbols while networks are trained.
+    has listed, then those, ``trace`` room for the rows of all symbols while networks are trained, ``panel`` what
+    frames of a series have beside.
     """
 
     weight: Int32Matrix
@@ -75,6 +93,7 @@ class Blend(NamedTuple):
     trust: IntVector
     row: IntVector
     trace: Int32Matrix
+    panel: Panel
 
 
 @record
@@ -115,18 +134,24 @@ def _pull(cd):
 @inlined
 def adapt(cd, ctx, bit):
     """Update one model (clause 6.5): the step shrinks with the number of symbols seen."""
+    adapt_in(cd, cd.prob, cd.seen, ctx, bit)
+
+
+@inlined
+def adapt_in(cd, probs, counts, ctx, bit):
+    """The same of a model of any list."""
     # unsigned: no test whether it counts from the end
     at = np.uint64(ctx)
-    p = cd.prob[at]
-    seen = cd.seen[at]
+    p = probs[at]
+    seen = counts[at]
     step = cd.rate[np.uint64(seen)]
     if bit:
         p += ((ONE - p) * step) >> 16
     else:
         p -= (p * step) >> 16
-    cd.prob[at] = min(max(p, FLOOR), ONE - FLOOR)
+    probs[at] = min(max(p, FLOOR), ONE - FLOOR)
     if seen < len(cd.rate) - 1:
-        cd.seen[at] = seen + 1
+        counts[at] = seen + 1
 
 
 @inlined

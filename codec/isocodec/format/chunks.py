@@ -26,7 +26,9 @@ from .header import read_isovalue, varint, write_isovalue
 from .program import Layer
 
 CHECKSUM_BYTES = 4
-CRITICAL = (ChunkType.LAYERS, ChunkType.CUT_LAYERS, ChunkType.ISOVALUE, ChunkType.MASK, ChunkType.DOMAIN)
+CRITICAL = (
+    ChunkType.LAYERS, ChunkType.CUT_LAYERS, ChunkType.ISOVALUE, ChunkType.MASK, ChunkType.FRAME, ChunkType.DOMAIN,
+)  # fmt: skip
 
 
 @dataclass(frozen=True)

@@ -8,6 +8,7 @@ import numpy as np
 
 from isospec.container import Profile
 
+from ..entropy.panel import no_panel, panel_after
 from ..entropy.range_coder import Coder, CoderRegisters
 from ..format.header import Header
 from ..format.kinds import LayerKind
@@ -17,18 +18,24 @@ from ..models.contexts import models, rates
 from ..models.trained import no_blend, shipped_models
 from ..passes.runner import Tube
 from ..tube.holes import Holes
+from ..tube.state import FRAME
 from ..tube.truth import Truth
 
 MOST_SHIFT = 1 << 52
 """From this distance of isovalues on, in steps, values of the one say nothing of the other (clause 5.9.3)."""
 
 
-def leaning_coder(header: Header, lean: Tube | None, size: int) -> Coder:
-    """A coder with models as at the start of a file, or as the isovalue leaned on has left them (clause 5.9.2)."""
+def leaning_coder(header: Header, lean: Tube | None, size: int, frame: bool = False) -> Coder:
+    """A coder with models as at the start of a file, or as the isovalue leaned on has left them (clause 5.9.2).
+
+    With ``frame`` that is one of the frame before.
+    """
     registers, room = CoderRegisters(), np.zeros(size, np.uint8)
     if lean is not None:
         cd = lean.coder
-        blend = cd.blend._replace(mix=cd.blend.mix.copy())
+        further = frame and header.profile == Profile.MAIN
+        panel = panel_after(cd.blend.panel) if further else no_panel()
+        blend = cd.blend._replace(mix=cd.blend.mix.copy(), panel=panel)
         return Coder(registers, room, cd.prob.copy(), cd.seen.copy(), cd.rate, blend)
     if header.profile == Profile.MAIN:
         prob, seen, blend = shipped_models(len(header.shape))
@@ -38,13 +45,18 @@ def leaning_coder(header: Header, lean: Tube | None, size: int) -> Coder:
 
 def leaning_tube(
     header: Header, isovalue: float, lean: Tube | None, other: float, size: int, limits: Limits,
-    truth: Truth | None = None, budget: Budget | None = None, holes: Holes | None = None,
+    truth: Truth | None = None, budget: Budget | None = None, holes: Holes | None = None, frame: bool = False,
 ) -> Tube:  # fmt: skip
-    """The tube of an isovalue, leaning on that of another one or on none, with a mask or without."""
-    coder = leaning_coder(header, lean, size)
+    """The tube of an isovalue, leaning on that of another one or on none, with a mask or without.
+
+    With ``frame`` the other one is that of the frame before.
+    """
+    coder = leaning_coder(header, lean, size, frame)
     shape = header.shape
     if lean is None or lean.level < 0:
         return Tube(shape, coder, limits, truth, holes=holes, budget=budget)
+    if frame:
+        return Tube(shape, coder, limits, truth, lean=lean, side=FRAME, holes=holes, budget=budget)
     shift = None if header.scale is not None else math.floor(isovalue) - math.floor(other)
     if shift is not None and abs(shift) >= MOST_SHIFT:
         shift = None

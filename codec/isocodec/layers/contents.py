@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
-from isospec.container import ChunkType
+from isospec.container import ChunkType, Operation
 
 from ..errors import FormatError
 from ..format.chunks import (
@@ -19,12 +19,26 @@ from ..format.chunks import (
 )
 from ..format.coordinates import CoordinatesRecord, read_coordinates
 from ..format.domain import DomainHead, read_domain
+from ..format.frames import FRAME_BEFORE, is_key, read_frame, read_interval
 from ..format.header import Header
 from ..format.program import Layer
-from .events import ChunkSkipped, CoordinatesRead, DomainRead, Event, IsovalueRead, MetadataRead, PromisesRead
+from .events import (
+    ChunkSkipped,
+    CoordinatesRead,
+    DomainRead,
+    Event,
+    FrameRead,
+    IsovalueRead,
+    MetadataRead,
+    PromisesRead,
+    SeriesRead,
+)
 
 LAYER_CHUNKS = (ChunkType.LAYERS, ChunkType.CUT_LAYERS)
 """Chunks that are decoded as they come in; so is a mask. The others are read when they are complete."""
+
+_BASES = (Operation.BASE, Operation.BASE_AND_REFINE, Operation.ADAPTIVE_BASE, Operation.LEAF_BASE)
+"""Operations that begin the layers of an isovalue."""
 
 
 @dataclass
@@ -45,6 +59,12 @@ class Contents:
         What the level index says of the layers, if there is one.
     masked : bool
         Whether there is a mask.
+    interval : int or None
+        Of a series, how often a frame leans on none before it (see `SeriesRead`); None of a file without frames.
+    frame, number : int
+        The present frame and isovalue, whose layers come.
+    based : bool
+        Whether a chunk of its layers has begun with a base.
     coordinates : CoordinatesRecord or None
         Where the samples lie.
     shape : tuple of int
@@ -64,6 +84,10 @@ class Contents:
     layers: list[Layer] = field(default_factory=list)
     records: list[LayerRecord] = field(default_factory=list)
     masked: bool = False
+    interval: int | None = None
+    frame: int = 0
+    number: int = 0
+    based: bool = False
     coordinates: CoordinatesRecord | None = None
     shape: tuple[int, ...] = ()
     cells: int | None = None
@@ -82,8 +106,10 @@ class Contents:
         Raises
         ------
         FormatError
-            If there has been one.
+            If there has been one, or a further frame.
         """
+        if self.frame > 0:
+            raise FormatError("a mask behind the first frame", code="mask", offset=offset, clause="3.5.7")
         if self.masked:
             raise FormatError("a second mask", code="mask", offset=offset, clause="3.5.6")
         self.masked = True
@@ -100,9 +126,48 @@ class Contents:
         event = None if reader is None else reader(self, payload, chunk.start, behind)
         return event or ChunkSkipped(behind, chunk.type, len(payload))
 
+    def begin_layers(self, operation: int, start: int) -> FrameRead | None:
+        """Take note of a chunk of layers: of a series it may begin another isovalue, if it begins with a base.
+
+        Parameters
+        ----------
+        operation : int
+            The first byte of its program, and where that stands in the file.
+        start : int
+        """
+        if operation >> 4 & 7 not in _BASES:
+            return None
+        again, self.based = self.based, True
+        if self.interval is None or not again:
+            return None
+        event = self.begin_next(b"", start, start + 1)
+        self.based = True
+        return event
+
+    def begin_next(self, payload: bytes, start: int, behind: int) -> FrameRead:
+        """The next isovalue of a series begins, in the present frame or the next one.
+
+        Raises
+        ------
+        FormatError
+            If the payload of its chunk is malformed.
+        """
+        assert self.interval is not None
+        frame, number = self.frame, self.number + 1
+        if number == len(self.isovalues):
+            frame, number = frame + 1, 0
+        lean = read_frame(payload, start, number, is_key(frame, self.interval))
+        if frame > self.frame:
+            self.layers.clear()
+            self.promises[:] = [Promises({}, False) for _ in self.promises]
+        self.frame, self.number, self.based = frame, number, False
+        before = lean == FRAME_BEFORE
+        return FrameRead(behind, frame, number, number if before else lean, before)
+
     def _add(self, isovalue: float, lean: int | None) -> None:
         self.isovalues.append(isovalue)
         self.leans.append(lean)
+        self.number, self.based = len(self.leans) - 1, False
         self.promises.append(Promises({}, False))
 
 
@@ -111,9 +176,21 @@ Reader = Callable[[Contents, bytes, int, int], Event | None]
 
 
 def _isovalue(contents: Contents, payload: bytes, start: int, behind: int) -> Event:
+    if contents.frame > 0:
+        raise FormatError("another isovalue in a further frame", code="frame", offset=start, clause="3.5.7")
     isovalue, lean = read_further(payload, start, contents.isovalues)
     contents._add(isovalue, lean)
     return IsovalueRead(behind, len(contents.isovalues) - 1, isovalue, lean)
+
+
+def _frame(contents: Contents, payload: bytes, start: int, behind: int) -> Event:
+    if contents.interval is not None:
+        return contents.begin_next(payload, start, behind)
+    if contents.cells is not None or contents.layers:
+        where = "a file of an explicit domain" if contents.cells is not None else "a file behind layers"
+        raise FormatError(f"frames in {where}", code="frame", offset=start, clause="3.5.7")
+    contents.interval = read_interval(payload, start)
+    return SeriesRead(behind, contents.interval)
 
 
 def _metadata(contents: Contents, payload: bytes, start: int, behind: int) -> Event:
@@ -125,7 +202,7 @@ def _promises(contents: Contents, payload: bytes, start: int, behind: int) -> Ev
     promises = read_promises(payload)
     if promises is None:
         return None
-    contents.promises[-1] = promises
+    contents.promises[contents.number] = promises
     return PromisesRead(behind, promises)
 
 
@@ -150,6 +227,7 @@ def _domain(contents: Contents, payload: bytes, start: int, behind: int) -> Even
 
 READERS: Mapping[int, Reader] = {
     ChunkType.ISOVALUE: _isovalue,
+    ChunkType.FRAME: _frame,
     ChunkType.METADATA: _metadata,
     ChunkType.PROMISES: _promises,
     ChunkType.INDEX: _index,

@@ -50,6 +50,41 @@ class IsovalueRead(Event):
 
 
 @dataclass(frozen=True)
+class SeriesRead(Event):
+    """The file holds a series of frames.
+
+    Attributes
+    ----------
+    interval : int
+        Frames whose number is a multiple of it lean on none before them; 0 if only the first does.
+    """
+
+    interval: int
+
+
+@dataclass(frozen=True)
+class FrameRead(Event):
+    """An isovalue of a further frame begins: the layers that follow are its own.
+
+    Attributes
+    ----------
+    frame : int
+        Number of the frame; the first is 0.
+    number : int
+        Number of the isovalue, as in the first frame.
+    lean : int or None
+        Number of the isovalue that it leans on.
+    before : bool
+        Whether that is one of the frame before.
+    """
+
+    frame: int
+    number: int
+    lean: int | None
+    before: bool
+
+
+@dataclass(frozen=True)
 class LayerComplete(Event):
     """A layer has been decoded to its end.
 

@@ -45,6 +45,8 @@ class Run:
         Where the programs stood before.
     symbols : int
         The stated number of symbols of a cut run, or no limit.
+    done : int
+        Layers of the file that were complete before.
     """
 
     chunk_start: int
@@ -53,6 +55,7 @@ class Run:
     layers: list[Layer]
     before: Progress
     symbols: int
+    done: int = 0
 
 
 class LayerReader:
@@ -97,9 +100,11 @@ class LayerReader:
         self._listed = 0
         self._run = 0
         self._run_read = 0
-        self._before = self._dropped = np.zeros(len(ELEMENTS), np.int64)
+        self._before = np.zeros(len(ELEMENTS), np.int64)
+        self._dropped = np.zeros(len(ELEMENTS) + 2, np.int64)
         self._layer_start = 0
         self._done = 0
+        self._spent = 0
 
     @property
     def _tube(self) -> Tube:
@@ -127,10 +132,17 @@ class LayerReader:
         """Keep nothing of what was decoded of an isovalue but how many symbols it took."""
         tube = self._tubes[number]
         assert tube is not None
-        self._dropped = self._dropped + tube.tally()[: len(ELEMENTS)]
+        self._dropped = self._dropped + tube.tally()
         self._tubes[number] = None
         if self._run_tube is tube:
             self._run_tube = None
+
+    def next_frame(self, before: list[Tube | None]) -> None:
+        """A further frame begins: keep of the present one how many symbols it took; ``before`` is let go of."""
+        for tube in filter(None, self._tubes):
+            self._dropped = self._dropped + tube.tally()
+        self._spent += sum(tube.steps for tube in before if tube)
+        self.runs.clear()
 
     def leave(self) -> None:
         """The chunk has been read."""
@@ -143,7 +155,11 @@ class LayerReader:
 
     def symbols(self) -> NDArray[np.int64]:
         """Symbols by syntax element so far, of all isovalues."""
-        return sum((tube.tally()[: len(ELEMENTS)] for tube in self._tubes if tube), self._dropped)
+        return self.tally()[: len(ELEMENTS)]
+
+    def tally(self) -> NDArray[np.int64]:
+        """The same, then predictions and right ones."""
+        return sum((tube.tally() for tube in self._tubes if tube), self._dropped)
 
     def _steps(self) -> int:
         """Steps of inference so far, of all tubes."""
@@ -160,7 +176,7 @@ class LayerReader:
             layer = self._pending[0]
             try:
                 if not self._tube.running:
-                    self._listed += (self._tube.vertices + self._tube.simplices) // WORK_LIST
+                    self._listed += _listed(self._tube)
                     self._grant(coder)
                     begin_layer(self._tube, layer)
                 status = self._tube.advance()
@@ -194,7 +210,7 @@ class LayerReader:
         others = sum(int(tube.tally()[: len(ELEMENTS)].sum()) for tube in self._beside if tube)
         symbols = int(self.symbols().sum()) + others
         read = self._run + _shifts(coder)
-        spent = symbols + self._steps() // WORK_STEPS + self._listed
+        spent = symbols + (self._steps() + self._spent) // WORK_STEPS + self._listed
         room = min(self.limits.work + WORK_PER_BYTE * read - spent, self.limits.symbols - symbols)
         if symbols >= self.limits.symbols:
             raise LimitError(f"more than {self.limits.symbols} symbols", code="limit-symbols", clause="11.2")
@@ -228,7 +244,8 @@ class LayerReader:
             )
         before, self._progresses[-1] = self._progress, program.progress
         self._program = None
-        self._begin_run(Run(chunk_start, self._program_start, program.at, program.layers, before, self._symbols))
+        start = self._program_start
+        self._begin_run(Run(chunk_start, start, program.at, program.layers, before, self._symbols, self._done))
         if self._progress.bits is not None:
             self._tube.estimates.bits = self._progress.bits
         return True
@@ -305,6 +322,12 @@ class MaskReader(LayerReader):
         while self.go_on(chunk, chunk_start) is not None:
             pass
         return not self.waiting
+
+
+def _listed(tube: Tube) -> int:
+    """What beginning a layer counts to the limit of work: lists over what is there, or over the frame before."""
+    first = tube.lean if tube.follows else None
+    return ((first or tube).vertices + (first or tube).simplices) // WORK_LIST
 
 
 def _shifts(coder: Coder) -> int:

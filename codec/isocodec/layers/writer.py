@@ -32,10 +32,10 @@ RUN_BYTES = 1 << 16
 
 def field_tube(
     header: Header, field: Field, truth: Truth, lean: Tube | None = None, other: float = 0.0,
-    holes: Holes | None = None,
+    holes: Holes | None = None, frame: bool = False,
 ) -> Tube:  # fmt: skip
     """The encoder's tube of a field at its isovalue, leaning on that of the isovalue ``other`` or on none."""
-    return leaning_tube(header, field.isovalue, lean, other, 1 << 16, Limits(), truth, holes=holes)
+    return leaning_tube(header, field.isovalue, lean, other, 1 << 16, Limits(), truth, holes=holes, frame=frame)
 
 
 def encoded_mask(header: Header, field: Field, truth: Truth) -> tuple[bytes, Holes]:

@@ -7,7 +7,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..entropy.mixer import blended, clear, mixing, see
+from ..entropy.mixer import blended, clear, counted, mixing, see
+from ..entropy.panel import ON
 from ..entropy.range_coder import code
 from ..kernel import inlined
 from ..kernel.types import Integer
@@ -15,6 +16,7 @@ from ..mesh.access import dimension, neighbour, vertex
 from ..mesh.grid import edge_of, position
 from ..tube.state import corner_entry, entry
 from . import contexts as ctx
+from .frame_before import BEHIND, SEED, Spot, see_before
 from .layout import BASE_KIND, BASE_NET, BASE_ROW
 from .parabola import MOST, nearer
 
@@ -89,6 +91,28 @@ def see_behind(st, cd, simplex, opp, guess, case, other):
 
 
 @inlined
+def _spot(st, simplex, j):
+    """Vertex j of a simplex."""
+    level, cls, b0, b1, b2 = simplex
+    edge = edge_of(st.grid, level)
+    x, y, z = position(edge, b0, b1, b2, vertex(st.grid.tables, level % dimension(st.grid.tables), cls, j))
+    return Spot(x, y, z, edge)
+
+
+@inlined
+def code_seed(st, cd, simplex, j, other, before, bit):
+    """Code the sign of vertex j of a seed, which is ``other`` at the earlier isovalue, or -1 (clause 7.9); as ``code``.
+
+    ``before`` says which signs the simplex has so far.
+    """
+    context = ctx.SEED + (max(other, 0) * 4 + before) * 2 + st.base.before
+    see_before(st, cd, _spot(st, simplex, j), np.int64(1), SEED, other)
+    if cd.blend.panel.about[ON]:
+        return counted(cd, context, bit)
+    return code(cd, context, bit)
+
+
+@inlined
 def code_behind(st, cd, simplex, opp, behind, bit):
     """Code whether the sign of the vertex behind a gate, number ``opp`` of the simplex there, is as predicted.
 
@@ -98,6 +122,7 @@ def code_behind(st, cd, simplex, opp, behind, bit):
         return code(cd, behind.context, bit)
     n = dimension(st.grid.tables)
     see_behind(st, cd, simplex, opp, behind.guess, behind.case, behind.other)
+    see_before(st, cd, _spot(st, simplex, opp), behind.guess, BEHIND + simplex.level % n, behind.other)
     return blended(cd, BASE_NET, False, BASE_KIND + simplex.level % n + 3 * (behind.other >= 0), behind.context, bit)
 
 

@@ -11,10 +11,11 @@ from ..entropy.range_coder import code
 from ..kernel import inlined
 from ..kernel.types import Integer
 from ..mesh.access import corner, dimension
-from ..mesh.diamond import corner_position
+from ..mesh.diamond import corner_position, middle_position
 from ..tube.leaf_list import ones
 from ..tube.state import ALWAYS, entry
 from . import contexts as ctx
+from .frame_before import Spot, see_before
 from .layout import EARLIER_ROWS, MANNER_ROWS, REFINE_KIND, SIGN_NET, SIGN_ROWS
 from .magnitude import bits
 from .neighbourhood import see_around, survey
@@ -195,4 +196,8 @@ def code_middle(st, cd, diamond, expected, before, hole, bit):
     if not mixing(cd):
         return code(cd, context, bit)
     flip, kind = see_middle(st, cd, diamond, expected, before)
+    x, y, z = middle_position(diamond)
+    target = expected.guess if expected.crossed else 1 - expected.guess
+    spot = Spot(x, y, z, st.counters.edge)
+    see_before(st, cd, spot, target, 2 * diamond.phase + expected.crossed, before.sign)
     return blended(cd, SIGN_NET + diamond.phase, flip, kind + 6 * (before.sign >= 0), context, bit)

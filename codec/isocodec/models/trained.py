@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from isospec.tables import HIDDEN, KINDS, MOST_LOGIT, ROWS, Tables, shipped, unpacked
 
 from ..entropy.mixer import BUCKET, BUCKETS, HOLES, STRETCH_SHIFT, TRUST_SHIFT
+from ..entropy.panel import no_panel
 from ..entropy.range_coder import ONE, Blend
 from .contexts import CONTEXTS, RATES
 from .contexts import models as baseline_models
@@ -75,7 +76,7 @@ def no_blend() -> Blend:
     """What a coder of the baseline profile has."""
     whole = np.zeros(0, np.int64)
     table, short = np.zeros((0, 1), np.int64), np.zeros((0, 1), np.int32)
-    return Blend(short, short, table, whole, whole, whole, whole, short)
+    return Blend(short, short, table, whole, whole, whole, whole, short, no_panel())
 
 
 def models(n: int, squash: NDArray[np.int64], t: Tables) -> tuple[NDArray[np.int64], NDArray[np.int64], Blend]:
@@ -96,7 +97,7 @@ def models(n: int, squash: NDArray[np.int64], t: Tables) -> tuple[NDArray[np.int
     trust = (2 * count << TRUST_SHIFT) // (2 * count + 3)
     blend = Blend(
         with_sums(n, t.weight), t.out.astype(np.int32), t.mix.copy(), squash, stretch, trust,
-        np.zeros(MOST_ROWS, np.int64), np.zeros((0, 0), np.int32),
+        np.zeros(MOST_ROWS, np.int64), np.zeros((0, 0), np.int32), no_panel(),
     )  # fmt: skip
     return prob, seen, blend
 
@@ -110,5 +111,5 @@ def _begun(n: int) -> tuple[NDArray[np.int64], NDArray[np.int64], Blend]:
 def shipped_models(n: int) -> tuple[NDArray[np.int64], NDArray[np.int64], Blend]:
     """The same, of the normative tables; what a file changes is its own."""
     prob, seen, blend = _begun(n)
-    blend = blend._replace(mix=blend.mix.copy(), row=blend.row.copy())
+    blend = blend._replace(mix=blend.mix.copy(), row=blend.row.copy(), panel=no_panel())
     return prob.copy(), seen.copy(), blend

@@ -16,9 +16,10 @@ from ..mesh.access import dimension, roots
 from ..mesh.access import root as root_class
 from ..mesh.grid import edge_of
 from ..mesh.path import descend, unpacked
-from ..mesh.simplex import child_of, exists, middle_at
+from ..mesh.simplex import Simplex, child_of, exists, middle_at
 from ..mesh.store import Store, full
 from ..models import contexts as ctx
+from ..models.base_signs import code_seed
 from ..models.mesh_questions import ON_PATH
 from ..tube.inference import implied
 from ..tube.state import (
@@ -71,7 +72,7 @@ def _seed(st, cd, mark, seeds):
             bit = np.int64(0)
             if cd.reg.mode == ENCODE:
                 bit = corner_truth(st, edge, r, cls, b0, b1, b2, corner)
-            bit = code(cd, ctx.SEED + (max(other, 0) * 4 + before) * 2 + walk.before, bit)
+            bit = code_seed(st, cd, Simplex(level, cls, b0, b1, b2), corner, other, before, bit)
             if bit < 0:
                 return bit
             st.tally[BASE_SIGN] += 1

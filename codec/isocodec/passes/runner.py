@@ -12,6 +12,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
+from ..entropy.mixer import mixing
 from ..entropy.range_coder import Coder
 from ..errors import FormatError, LimitError
 from ..kernel import BAD, CUT, DONE, GROW, NEED
@@ -19,10 +20,12 @@ from ..limits import Budget, Limits
 from ..mesh.store import PAGES, copied, get, new_store, size_of
 from ..mesh.tables import cube_exponent
 from ..mesh.vertex_set import IN, Chosen, finest_level
-from ..tube.capacity import NOTHING, at_rest, first_state, state_bytes, wider_state
+from ..tube.capacity import NOTHING, at_rest, first_state, no_lean, state_bytes, wider_state
 from ..tube.holes import Holes
 from ..tube.leaf_list import one_by_one
+from ..tube.softened import softened
 from ..tube.state import (
+    FRAME,
     OUT_OF_STEPS,
     State,
 )
@@ -55,11 +58,12 @@ class Tube:
     truth : Truth, optional
         For the encoder.
     lean : Tube, optional
-        That of an earlier isovalue of the same field, which this one leans on (spec clause 5.9).
+        That of an earlier isovalue of the same field, which this one leans on (spec clause 5.9), or of an earlier frame
+        (5.11).
     shift : int
         How many whole steps above that isovalue this one lies.
     side : int
-        1 if it lies above that isovalue, -1 if below.
+        1 if it lies above that isovalue, -1 if below; ``FRAME`` if that is one of an earlier frame.
     holes : Holes, optional
         The mask that says which samples are missing, complete (spec clause 5.10).
     budget : Budget, optional
@@ -90,7 +94,7 @@ class Tube:
         self._finest = -1
         self._items = NOTHING
         self._running = ""
-        told = (lean.estimates, lean.state) if lean else None
+        told = (lean.estimates, lean.state) if lean and side != FRAME else None
         self._budget = budget or Budget(sys.maxsize)
         self.estimates: Estimates = Estimates(shape, truth, told, shift, self._budget)
         self._hold(state_bytes(self.state, self._mark), 0)
@@ -147,6 +151,11 @@ class Tube:
     def _begun(self) -> bool:
         return bool(self.state.counters.edge)
 
+    @property
+    def follows(self) -> bool:
+        """Whether nothing has come yet of an isovalue that leans on one of the frame before."""
+        return self.lean is not None and self.state.counters.side == FRAME and not self._begun
+
     def tally(self) -> NDArray[np.int64]:
         """Symbols by syntax element so far, then predictions and right ones."""
         return self.state.tally.copy()
@@ -160,6 +169,9 @@ class Tube:
 
     def begin_base(self, level: int, adaptive: bool = False) -> None:
         """Begin a base at a uniform level, 0 to ``full_level``, or an adaptive one that has at least that level."""
+        if self.follows and mixing(self.coder):
+            self._hold(state_bytes(self.state, self._mark), size_of(self.state.lean.known).bytes(self.state.lean.known))
+            self.state = self.state._replace(soft=softened(self.state.lean))
         counters = self.state.counters
         counters.level = counters.base_level = counters.uniform = level
         counters.finest = self.full_level if adaptive else level
@@ -351,7 +363,8 @@ class Tube:
 
     def _hold(self, size: int, passing: int) -> None:
         """Count the memory of the state; that of the models beside it, but for what all isovalues share."""
-        models = (self.coder.prob, self.coder.seen, self.coder.blend.mix)
+        panel = self.coder.blend.panel
+        models = (self.coder.prob, self.coder.seen, self.coder.blend.mix, panel.prob, panel.seen)
         self._budget.hold(self, size + sum(array.nbytes for array in models), passing)
 
     def rest(self) -> None:
@@ -359,6 +372,12 @@ class Tube:
         self.state = at_rest(self.state)
         self.estimates.rest()
         self._hold(state_bytes(self.state, self._mark), 0)
+
+    def part(self) -> None:
+        """Only later frames lean on this tube from now on: it lets go of the one that it leaned on itself."""
+        self.rest()
+        self.lean = None
+        self.state = self.state._replace(lean=no_lean(self.n))
 
 
 def out_of_steps(limits: Limits) -> LimitError:

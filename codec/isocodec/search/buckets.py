@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..kernel import inner, kernel, record
-from ..kernel.types import BoolVector, FloatMatrix, FloatVector, IntVector, IntVolume
+from ..kernel.types import BoolVector, FloatMatrix, FloatVector, Int32Vector, IntVector, IntVolume
 from .piece import apart, closest, halve, near
 
 SMALLEST = 1e-3
@@ -39,7 +39,7 @@ class Buckets(NamedTuple):
         Buckets along each axis.
     first : (buckets + 1,) int64
         The pieces of bucket b are ``items[first[b] : first[b + 1]]``.
-    items : int64 vector
+    items : int32 vector
     size, limit : float
     """
 
@@ -48,7 +48,7 @@ class Buckets(NamedTuple):
     low: FloatVector
     shape: IntVector
     first: IntVector
-    items: IntVector
+    items: Int32Vector
     size: float
     limit: float
 
@@ -70,7 +70,9 @@ def balls(pieces: FloatMatrix, ball: FloatMatrix) -> None:
 
 
 @kernel
-def sort(pieces: FloatMatrix, low: FloatVector, size: float, reach: float, place: IntVolume, items: IntVector) -> None:
+def sort(
+    pieces: FloatMatrix, low: FloatVector, size: float, reach: float, place: IntVolume, items: Int32Vector
+) -> None:
     """Move each bucket's ``place`` on by the pieces that come within ``reach`` of it.
 
     They are listed there, unless ``items`` is empty: then they are but counted.
@@ -129,7 +131,7 @@ def unproven(buckets, stack, last):
         bucket = -1 if proven else bucket_of(buckets, x, y, z)
         if bucket >= 0:
             for k in range(buckets.first[bucket], buckets.first[bucket + 1]):
-                item = buckets.items[k]
+                item = np.int64(buckets.items[k])
                 if _beyond(buckets.ball, item, x, y, z, limit):
                     continue
                 if found and _useless(buckets.ball, item, o, x, y, z, radius, limit):
@@ -149,13 +151,10 @@ def unproven(buckets, stack, last):
 
 
 @kernel
-def exceed(
-    source: FloatMatrix, buckets: Buckets, todo: IntVector, stack: FloatMatrix, out: BoolVector, places: FloatMatrix
-) -> None:
-    """Mark in ``out`` the pieces ``todo`` of the source that are not proven to lie within the limit; places of them."""
+def exceed(source: FloatMatrix, buckets: Buckets, stack: FloatMatrix, out: BoolVector, places: FloatMatrix) -> None:
+    """Mark in ``out`` the pieces of the source that are not proven to lie within the limit; places of them."""
     last = np.int64(-1)
-    for t in range(len(todo)):
-        i = todo[t]
+    for i in range(len(source)):
         for k in range(9):
             stack[0, k] = source[i, k]
         far, row, last = unproven(buckets, stack, last)
@@ -214,7 +213,7 @@ def nearest(points: FloatMatrix, buckets: Buckets, piece: IntVector, weight: Flo
             if d < best:
                 best, root = d, np.sqrt(d)
         for k in range(buckets.first[bucket], buckets.first[bucket + 1]):
-            item = buckets.items[k]
+            item = np.int64(buckets.items[k])
             if _beyond(ball, item, x, y, z, root):
                 continue
             d, s, t = closest(flat, 9 * item, x, y, z)

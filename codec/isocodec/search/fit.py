@@ -10,19 +10,17 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..drawing.contour import Contour
-from ..drawing.crossing import edge_points, edge_ratios
+from ..drawing.crossing import distinct_pairs, edge_points, edge_ratios
 from ..drawing.leaves import Leaves
 from ..drawing.simplices import crossed, rings
-from ..kernel import inner, kernel, record
-from ..kernel.types import FloatMatrix, FloatVector, IntMatrix, IntVector
 from .around import Around
 from .proof import Target
+from .pull import Follow, Pull, places_on, relax, slopes_of, sort_by_told
 
 ROUNDS = (0.5, 0.5, 1.0, 1.0, 1.0)
 """Steps of the points in each round, in units of the parts that are told."""
@@ -34,130 +32,6 @@ REACHES = (0.4, 2.0)
 found faster."""
 MARGIN = 0.95
 """Share of the tolerance from which on distances count as too large."""
-_SLOPE = 1e-6
-"""Slopes below this are left out."""
-_TOUCH = 1e-9
-"""Distance in cells below which curves touch: only normals say where a distance would grow."""
-
-
-@inner
-def _penalty(x):
-    """Of a distance as a share of the tolerance: small ones hardly count, those beyond nearly exclude all else."""
-    y = x * x
-    z = y * y
-    return 0.02 * y + z * z
-
-
-@record
-class Pull(NamedTuple):
-    """How distances of points of either curve change as the points on edges move.
-
-    Attributes
-    ----------
-    first : (E + 1,) int64
-        ``samples[first[e] : first[e + 1]]`` are the points that notice edge e.
-    samples : int64 vector
-    slopes : float64 vector
-        How much the distance of each of these falls as the point on the edge moves up.
-    gap : (S,) float64
-        The distance of each point.
-    """
-
-    first: IntVector
-    samples: IntVector
-    slopes: FloatVector
-    gap: FloatVector
-
-
-@kernel
-def relax(pull: Pull, where: FloatVector, step: FloatVector, most: int, scale: float, sweeps: int) -> None:
-    """Move each edge's point by up to ``most`` steps to where the penalty is least; ``pull.gap`` is kept up to date.
-
-    Where the step is 0 it stays.
-    """
-    first, samples, slopes, gap = pull.first, pull.samples, pull.slopes, pull.gap
-    for _ in range(sweeps):
-        for e in range(len(where)):
-            if first[e] == first[e + 1] or step[e] == 0.0:
-                continue
-            best, least = 0, np.inf
-            for turn in range(2 * most + 1):
-                move = turn - most
-                if not 0.0 < where[e] + move * step[e] < 1.0:
-                    continue
-                total = 0.0
-                for j in range(first[e], first[e + 1]):
-                    total += _penalty((gap[samples[j]] - slopes[j] * move * step[e]) * scale)
-                if total < least:
-                    best, least = move, total
-            if best != 0:
-                where[e] += best * step[e]
-                for j in range(first[e], first[e + 1]):
-                    gap[samples[j]] -= slopes[j] * best * step[e]
-
-
-@kernel
-def _slopes(
-    points: FloatMatrix, way: FloatMatrix, corners: IntMatrix, weight: FloatMatrix, apart: FloatMatrix,
-    gap: FloatVector, slope: FloatMatrix,
-) -> None:  # fmt: skip
-    """Lengths of ``apart``, and how they fall as the corners' points move along their edges."""
-    n = points.shape[1]
-    for i in range(len(corners)):
-        far = 0.0
-        for axis in range(n):
-            far += apart[i, axis] * apart[i, axis]
-        far = np.sqrt(far)
-        gap[i] = far
-        if far > _TOUCH:
-            for axis in range(n):
-                apart[i, axis] /= far
-        else:
-            _normal(points, corners[i], apart[i])
-        for k in range(n):
-            along = 0.0
-            for axis in range(n):
-                along += way[corners[i, k], axis] * apart[i, axis]
-            slope[i, k] = weight[i, k] * along
-
-
-@inner
-def _normal(points, corners, out):
-    """Unit normal of a piece, 0 where there is none."""
-    a, b = points[corners[0]], points[corners[1]]
-    if len(corners) == 2:
-        out[0], out[1] = a[1] - b[1], b[0] - a[0]
-        length = np.sqrt(out[0] * out[0] + out[1] * out[1])
-    else:
-        c = points[corners[2]]
-        u0, u1, u2 = b[0] - a[0], b[1] - a[1], b[2] - a[2]
-        v0, v1, v2 = c[0] - a[0], c[1] - a[1], c[2] - a[2]
-        out[0], out[1], out[2] = u1 * v2 - u2 * v1, u2 * v0 - u0 * v2, u0 * v1 - u1 * v0
-        length = np.sqrt(out[0] * out[0] + out[1] * out[1] + out[2] * out[2])
-    for axis in range(len(corners)):
-        out[axis] /= max(length, 1e-12)
-
-
-@kernel
-def _sorted_by_told(
-    corners: IntMatrix, slope: FloatMatrix, start: IntVector, told: IntVector, share: FloatVector, place: IntVector,
-    samples: IntVector, slopes: FloatVector,
-) -> None:  # fmt: skip
-    """Move each told edge's ``place`` on by the samples that notice it; list them there unless ``samples`` is empty.
-
-    The point of edge e follows those of ``told[start[e] : start[e + 1]]``, each by its share.
-    """
-    for i in range(len(corners)):
-        for k in range(corners.shape[1]):
-            e = corners[i, k]
-            for j in range(start[e], start[e + 1]):
-                s = slope[i, k] * share[j]
-                if abs(s) > _SLOPE:
-                    at = place[told[j]]
-                    if len(samples):
-                        samples[at] = i
-                        slopes[at] = s
-                    place[told[j]] = at + 1
 
 
 class _Fit:
@@ -173,7 +47,7 @@ class _Fit:
         self.rings = list(rings(leaves, self.edges))
         self.stated, _ = edge_ratios(leaves, self.edges)
         self.way = np.diff(leaves.position[self.edges].astype(np.float64), axis=1)[:, 0]
-        self.samples, self.of_cell = _samples(self.cells, len(self.edges))
+        self.samples = _samples(self.cells, len(self.edges))
 
     def points(self, where: NDArray[np.float64]) -> NDArray[np.float64]:
         """Points of the drawing with those of the told edges at ``where``."""
@@ -186,40 +60,56 @@ class _Fit:
         self, points: NDArray[np.float64], contour: Contour, targets: Sequence[Target], part: Around | None
     ) -> Pull:
         """Distances between the curves, from points of either, of ``part`` if it is given, and how they fall."""
-        samples, cells = contour.points, self.cells
-        some = np.arange(len(self.of_cell))
-        own = _at(self.samples.weight, points[self.samples.corner])
-        if part:
-            samples, cells = samples[part.holds(samples)], cells[part.touches(points, cells)]
-            some = some[part.holds(own)[self.of_cell]]
-        piece, weight = _nearest(samples, [Target(points, cells, t.limit) for t in targets])
-        near = np.flatnonzero(piece >= 0)
-        corners, weight = cells[piece[near]], weight[near]
-        apart = samples[near] - _at(weight, points[corners])
-        wanted = np.unique(self.of_cell[some]) if part else np.arange(len(own))
-        back, there = np.full(len(own), -1), np.zeros((len(own), points.shape[1]))
-        back[wanted], there[wanted] = _nearest(own[wanted], targets)
-        close = self.of_cell[some]
-        close = close[back[close] >= 0]
-        away = _at(there[close], contour.points[contour.cells[back[close]]]) - own[close]
-        corners = np.concatenate([corners, self.samples.corner[close]])
-        weight = np.concatenate([weight, self.samples.weight[close]])
-        gap, slope = np.empty(len(corners)), np.empty(corners.shape)
-        _slopes(points, self.way, corners, weight, np.concatenate([apart, away]), gap, slope)
+        sides = self._from_original(points, contour, targets, part), self._from_drawing(points, contour, targets, part)
+        ends = np.cumsum([0] + [len(side.piece) for side in sides])
+        gap, slope = np.empty(ends[-1]), np.empty((ends[-1], points.shape[1]))
+        for side, first, last in zip(sides, ends[:-1], ends[1:], strict=True):
+            gaps, slopes = gap[first:last], slope[first:last]
+            slopes_of(points, self.way, side.cells, side.piece, side.weight, side.there, gaps, slopes)
         follow = self._follow()
-        first = np.zeros(len(self.told) + 1, np.int64)
-        none = np.zeros(0, np.int64)
-        _sorted_by_told(corners, slope, *follow, first[1:], none, none.astype(np.float64))
-        first = np.cumsum(first)
-        found, slopes = np.empty(first[-1], np.int64), np.empty(first[-1])
-        _sorted_by_told(corners, slope, *follow, first[:-1].copy(), found, slopes)
-        return Pull(first, found, slopes, gap)
+
+        def enter(place: NDArray[np.int64], samples: NDArray[np.int64], slopes: NDArray[np.float64]) -> None:
+            for side, first, last in zip(sides, ends[:-1], ends[1:], strict=True):
+                sort_by_told(follow, side.cells, side.piece, slope[first:last], int(first), place, samples, slopes)
+
+        start = np.zeros(len(self.told) + 1, np.int64)
+        enter(start[1:], np.empty(0, np.int64), np.empty(0))
+        start = np.cumsum(start)
+        samples, slopes = np.empty(start[-1], np.int64), np.empty(start[-1])
+        enter(start[:-1].copy(), samples, slopes)
+        return Pull(start, samples, slopes, gap, np.concatenate([side.times for side in sides]))
+
+    def _from_original(
+        self, points: NDArray[np.float64], contour: Contour, targets: Sequence[Target], part: Around | None
+    ) -> _Held:
+        """Points of the original, and where they are nearest to the drawing."""
+        there, cells = contour.points, self.cells
+        if part:
+            there, cells = there[part.holds(there)], cells[part.touches(points, cells)]
+        piece, weight = _nearest(there, [Target(points, cells, target.limit) for target in targets])
+        return _Held(cells, piece, weight, there.copy(), np.ones(len(piece)))
+
+    def _from_drawing(
+        self, points: NDArray[np.float64], contour: Contour, targets: Sequence[Target], part: Around | None
+    ) -> _Held:
+        """Points of the drawing, and the original's that are nearest to them."""
+        some = np.arange(len(self.samples.corner))
+        own = np.empty((len(some), points.shape[1]))
+        places_on(points, self.samples.corner, some, self.samples.weight, own)
+        if part:
+            some = np.flatnonzero(part.holds(own))
+            own = own[some]
+        found, weight = _nearest(own, targets)
+        there = np.empty_like(own)
+        places_on(contour.points, contour.cells, found, weight, there)
+        return _Held(self.samples.corner, np.where(found >= 0, some, -1), self.samples.weight[some], there,
+                     self.samples.times[some])  # fmt: skip
 
     def longest(self, part: Around, points: NDArray[np.float64]) -> float:
         """Longest of the edges with a point in a part of the domain."""
         return float(np.linalg.norm(self.way[part.holds(points)], axis=1).max(initial=1.0))
 
-    def _follow(self) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float64]]:
+    def _follow(self) -> Follow:
         """Told edges that the point of each edge follows, and by how much, edge by edge.
 
         Points of implied edges follow from those at their rings.
@@ -239,29 +129,56 @@ class _Fit:
         some = np.flatnonzero(self.number[via] >= 0)
         some = some[np.argsort(edge[some], kind="stable")]
         start = np.searchsorted(edge[some], np.arange(len(self.edges) + 1))
-        return start, self.number[via[some]], share[some]
+        return Follow(start, self.number[via[some]], share[some])
+
+
+@dataclass(frozen=True)
+class _Held:
+    """Places on ``cells[piece]`` by ``weight``, -1 for none; the nearest ones ``there`` on the other curve.
+
+    Each counts so many ``times``.
+    """
+
+    cells: NDArray[np.int64]
+    piece: NDArray[np.int64]
+    weight: NDArray[np.float64]
+    there: NDArray[np.float64]
+    times: NDArray[np.float64]
 
 
 @dataclass(frozen=True)
 class _Samples:
-    """Points of pieces: ``corner`` (K, n) numbers of points, ``weight`` (K, n) how much each counts."""
+    """Corners, sides' middles and centres of pieces.
+
+    Attributes
+    ----------
+    corner : (K, n) int64
+        Numbers of points,
+    weight : (K, n) float64
+        how much each counts,
+    times : (K,) float64
+        and of how many pieces it is a sample.
+    """
 
     corner: NDArray[np.int64]
     weight: NDArray[np.float64]
+    times: NDArray[np.float64]
 
 
-def _samples(cells: NDArray[np.int64], points: int) -> tuple[_Samples, NDArray[np.int64]]:
-    """Corners, sides' middles and centres of pieces, and, for each piece in turn, the numbers of its own."""
+def _samples(cells: NDArray[np.int64], points: int) -> _Samples:
+    """Those of pieces between a number of points."""
     n = cells.shape[1]
-    # what lies opposite each corner: a side, in two dimensions the other corner
-    rest = np.sort(np.stack([np.delete(cells, k, axis=1) for k in range(n)], axis=1), axis=2)
-    keys, opposite = np.unique(rest @ [points**k for k in range(n - 1)], return_inverse=True)
-    sides = np.stack([keys // points**k % points for k in range(n - 1)], axis=1)
-    parts = [np.arange(points)[:, None], sides, cells]
+    at = np.bincount(cells.ravel(), minlength=points)
+    if n == 2:
+        # each end is the side that lies opposite the other one, too
+        parts, times = [np.arange(points)[:, None], cells], [2 * at, np.ones(len(cells))]
+    else:
+        sides, number = distinct_pairs(np.arange(points), cells[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2))
+        parts = [np.arange(points)[:, None], sides, cells]
+        times = [at, np.bincount(number, minlength=len(sides)), np.ones(len(cells))]
     corner = np.concatenate([np.pad(part, ((0, 0), (0, n - part.shape[1]))) for part in parts])
     weight = np.concatenate([np.tile((np.arange(n) < part.shape[1]) / part.shape[1], (len(part), 1)) for part in parts])
-    own = [cells, points + opposite.reshape(cells.shape), points + len(sides) + np.arange(len(cells))[:, None]]
-    return _Samples(corner, weight), np.concatenate(own, axis=1).ravel()
+    return _Samples(corner, weight, np.concatenate(times).astype(np.float64))
 
 
 def _nearest(samples: NDArray[np.float64], targets: Sequence[Target]) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
@@ -271,11 +188,6 @@ def _nearest(samples: NDArray[np.float64], targets: Sequence[Target]) -> tuple[N
         left = np.flatnonzero(piece < 0)
         piece[left], weight[left] = target.nearest(samples[left])
     return piece, weight
-
-
-def _at(weight: NDArray[np.float64], corners: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Points of pieces by the weights of their corners."""
-    return np.einsum("pk,pkc->pc", weight, corners)
 
 
 @dataclass(frozen=True)

@@ -54,10 +54,9 @@ class Target:
         todo = np.arange(len(cells)) if todo is None else todo
         if self.empty:
             return Excess(todo, points[cells[todo, 0]])
-        out, places = np.zeros(len(cells), np.bool_), np.zeros((len(cells), 3))
-        exceed(pieces_of(points, cells), self.buckets, todo, np.zeros((STACK, 9)), out, places)
-        found = np.flatnonzero(out)
-        return Excess(found, places[found, :n])
+        out, places = np.zeros(len(todo), np.bool_), np.zeros((len(todo), 3))
+        exceed(pieces_of(points, cells[todo]), self.buckets, np.zeros((STACK, 9)), out, places)
+        return Excess(todo[out], places[out, :n])
 
     def nearest(self, points: NDArray[np.float64]) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
         """The piece next to each point, and where on it: weights of its n corners.
@@ -98,9 +97,9 @@ def _sorted(pieces: NDArray[np.float64], limit: float) -> Buckets:
         # of a small curve in a large domain: the cost follows the curve
         size *= 2
     counts = np.zeros(tuple(shape), np.int64)
-    sort(pieces, low, size, reach, counts, np.empty(0, np.int64))
+    sort(pieces, low, size, reach, counts, np.empty(0, np.int32))
     first = np.concatenate([[0], np.cumsum(counts.ravel())])
-    items = np.empty(first[-1], np.int64)
+    items = np.empty(first[-1], np.int32)
     sort(pieces, low, size, reach, first[:-1].reshape(counts.shape).copy(), items)
     return Buckets(pieces.ravel(), ball, low, shape, first, items, size, limit)
 

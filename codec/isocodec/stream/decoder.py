@@ -11,9 +11,10 @@ from isospec.container import ChunkType
 from ..drawing.contour import Contour
 from ..errors import FormatError, IsoError, LimitError, OptionError, TruncatedError, out_of_memory
 from ..format.chunks import CRITICAL, Envelope, octets, read_envelope, verify
+from ..format.frames import first_operation
 from ..format.header import read_header
 from ..layers.contents import LAYER_CHUNKS
-from ..layers.events import ChunkSkipped, End, Event, HeaderRead, IsovalueRead, MaskComplete
+from ..layers.events import ChunkSkipped, End, Event, FrameRead, HeaderRead, IsovalueRead, MaskComplete, SeriesRead
 from ..limits import Limits
 from .received import Received
 
@@ -31,6 +32,9 @@ class Decoder(Received):
     only : collection of int, optional
         Numbers of the isovalues to decode, from 0; the chunks of others are skipped. Those that they lean on are
         needed, too. All isovalues if not given.
+    frame : int, optional
+        Of a series, the frame to decode, from 0; those that it leans on are decoded, too, the chunks of others are
+        skipped. All frames if not given, one after the other: drawings are of the last that has begun.
 
     Attributes
     ----------
@@ -50,11 +54,14 @@ class Decoder(Received):
         From iterating: the file needs more than the limits allow.
     """
 
-    def __init__(self, limits: Limits | None = None, *, only: Collection[int] | None = None) -> None:
-        super().__init__(limits, only=only)
+    def __init__(
+        self, limits: Limits | None = None, *, only: Collection[int] | None = None, frame: int | None = None
+    ) -> None:
+        super().__init__(limits, only=only, frame=frame)
         self._at = 0
         self._chunk: Envelope | None = None
         self._chunk_start = 0
+        self._looked = False
         self._last = False
         self._closed = False
 
@@ -154,6 +161,15 @@ class Decoder(Received):
                     self._strands.begin_mask(self.header, self._at)
                 self._chunk, self._chunk_start = chunk, self._at
             chunk = self._chunk
+            if chunk.type in LAYER_CHUNKS and not self._looked:
+                place = first_operation(self._data, chunk)
+                if place is None and len(self._data) < chunk.end:
+                    return None
+                self._looked = True
+                frame = None if place is None else self._contents.begin_layers(self._data[place], place)
+                if frame is not None:
+                    self._begin(frame)
+                    return frame
             if not self._mask.go_on(chunk, self._chunk_start):
                 return None
             skipped = chunk.type in LAYER_CHUNKS and self._tube is None
@@ -165,7 +181,7 @@ class Decoder(Received):
             if behind is None:
                 return None
             self._at = behind
-            self._chunk = None
+            self._chunk, self._looked = None, False
             self._reader.leave()
             self._cut |= chunk.type == ChunkType.CUT_LAYERS
             self._last = chunk.last
@@ -174,11 +190,27 @@ class Decoder(Received):
                 return MaskComplete(behind, chunk.end - chunk.start)
             if chunk.type not in LAYER_CHUNKS:
                 event = self._contents.read(chunk, bytes(self._data[chunk.start : chunk.end]), behind)
-                if isinstance(event, IsovalueRead):
-                    self._strands.begin(self.header, event.lean, self._at)
+                self._begin(event)
                 return event
             if skipped:
                 return ChunkSkipped(behind, chunk.type, chunk.end - chunk.start)
+        self._nothing_behind()
+        return None
+
+    def _begin(self, event: Event) -> None:
+        """What begins with an event: another isovalue, a series, a further frame."""
+        assert self.header is not None
+        if isinstance(event, IsovalueRead):
+            self._strands.begin(self.header, event.lean, self._at)
+        elif isinstance(event, SeriesRead):
+            self._strands.begin_series()
+        elif isinstance(event, FrameRead):
+            if event.number == 0 and not self._strands.past:
+                self._reader.next_frame(self._strands.before)
+                self._strands.next_frame()
+            self._strands.begin_frame(self.header, event)
+
+    def _nothing_behind(self) -> None:
+        """Raise where bytes come behind the end of the file."""
         if len(self._data) > self._at:
             raise FormatError("bytes after the end of the file", code="trailing", offset=self._at, clause="3.4.4")
-        return None

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import zlib
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -24,6 +24,7 @@ from ..format.chunks import (
     write_metadata,
     write_promises,
 )
+from ..format.frames import FRAME_BEFORE
 from ..format.header import Header, write_header
 from ..format.kinds import LayerKind
 from ..format.program import Layer, Progress, write_program
@@ -42,8 +43,33 @@ from .mapped import GivenWorld, check_axes, closed
 from .options import DEFAULT_TOLERANCE, SEARCHED, Options, isovalues_of, nearest_before
 from .plan_meshes import with_meshes
 
+
+@dataclass(frozen=True)
+class Earlier:
+    """What an isovalue leans on.
+
+    Attributes
+    ----------
+    strand : LayerWriter
+    isovalue : float
+    number : int
+        Its number in its frame, or ``FRAME_BEFORE`` if it is the same isovalue of the frame before.
+    """
+
+    strand: LayerWriter
+    isovalue: float
+    number: int
+
+    @property
+    def in_frame_before(self) -> bool:
+        """Whether it belongs to the frame before."""
+        return self.number == FRAME_BEFORE
+
+
 FINE_SHARE = 0.25
 """Under the criterion distortion crossings are told within this share of its distance, or more finely."""
+LEVELS_WORTH = 0.95
+"""A frame begins at the leaves of the one before if that takes less than this share of what levels would take."""
 INDEX_SHARE = 100
 """A level index is written if it takes at most this fraction of the data."""
 
@@ -130,8 +156,13 @@ class Encoder:
         self._tried = 0
         self.header = Header(first.values.shape, first.isovalue, self.options.step, Profile[profile.upper()])
         self._mask_run, self._holes = self._encoded_mask(gone)
+        self._begin_strands()
+
+    def _begin_strands(self) -> None:
+        """Get the first isovalue ready to be encoded."""
         self._strands: list[LayerWriter] = []
-        self._strands.append(self._strand(0, Progress(self._full_level))[0])
+        strand, self._lean_of_first = self._strand(0, Progress(self._full_level))
+        self._strands.append(strand)
         self._begun = False
 
     def _encoded_mask(self, gone: NDArray[np.bool_] | None) -> tuple[bytes, Holes | None]:
@@ -159,7 +190,7 @@ class Encoder:
     def _tube(self) -> Tube:
         return self._strands[-1].tube
 
-    def _strand(self, number: int, progress: Progress) -> tuple[LayerWriter, int | None]:
+    def _strand(self, number: int, progress: Progress) -> tuple[LayerWriter, Earlier | None]:
         """The layers of an isovalue, ready to be encoded when those before it are done; the one that it leans on."""
         lean = self._leans_on(number)
         try:
@@ -169,15 +200,18 @@ class Encoder:
                 raise
             lean = None
             plan = self._plan_of(number, None)
-        begun = progress.begin(None if lean is None else self._strands[lean].progress)
+        begun = progress.begin(None if lean is None else lean.strand.progress)
         return LayerWriter(self._fields[number], self._fresh(number, lean), plan, begun), lean
 
-    def _fresh(self, number: int, lean: int | None) -> Tube:
+    def _fresh(self, number: int, lean: Earlier | None) -> Tube:
         """A tube of an isovalue that nothing is told of yet."""
-        earlier, other = (None, 0.0) if lean is None else (self._strands[lean].tube, self.isovalues[lean])
-        return field_tube(self.header, self._fields[number], self._truths[number], earlier, other, self._holes)
+        field, truth = self._fields[number], self._truths[number]
+        if lean is None:
+            return field_tube(self.header, field, truth, holes=self._holes)
+        frame = lean.in_frame_before
+        return field_tube(self.header, field, truth, lean.strand.tube, lean.isovalue, self._holes, frame)
 
-    def _plan_of(self, number: int, lean: int | None) -> Sequence[Entry]:
+    def _plan_of(self, number: int, lean: Earlier | None) -> Sequence[Entry]:
         """What the options come to for one isovalue."""
         o = self.options
         plan = o.plan_for(self.isovalues[number])
@@ -185,7 +219,7 @@ class Encoder:
             if not len(plan) and number == len(self.isovalues) - 1:
                 raise OptionError("the plan has no layers", code="plan", remedy='begin it with ("base", level)')
             field, truth = self._fields[number], self._truths[number]
-            return with_meshes(plan, self._full_level, -1 if lean is None else self._strands[lean].progress.level,
+            return with_meshes(plan, self._full_level, -1 if lean is None else lean.strand.progress.level,
                                lambda: Promise(field, truth=truth, holes=self._holes))  # fmt: skip
         values: list[Entry] = [(LayerKind.VALUES, None)] if o.exact or o.step is not None else []
         fine = None if values or o.signs_only else o.tolerance or DEFAULT_TOLERANCE
@@ -195,8 +229,12 @@ class Encoder:
         searched = o.tolerance if o.base_level is None and (o.tolerance or 0) >= SEARCHED else None
         if searched is o.steps is o.criterion is None and not o.preserve_topology:
             grid = strategy.grid_plan(len(self.header.shape), self._full_level, o.base_level)
-            if lean is not None and o.base_level is None and self._strands[lean].tube.full:
-                grid = min(grid, [(LayerKind.LEAF_BASE,)], key=lambda base: self._size(number, lean, base))
+            if lean is not None and o.base_level is None and lean.strand.tube.full:
+                # of a series, levels are worth a little: their networks keep learning; geometry likes leaves in order
+                least = LEVELS_WORTH if lean.in_frame_before and o.signs_only else 1.0
+                leaf: list[Entry] = [(LayerKind.LEAF_BASE,)]
+                if self._size(number, lean, leaf) < least * self._size(number, lean, grid):
+                    grid = leaf
             return grid + values + offsets
         truth = self._truths[number]
         promise = Promise(self._fields[number], lambda: self._fresh(number, lean), free, self._try, truth, self._holes)
@@ -225,12 +263,12 @@ class Encoder:
         grid = [*strategy.whole_mesh(promise, o.preserve_topology), *values, *grid_offsets(fine, free)]
         return strategy.within(promise, distance, o.preserve_topology, geometry, told, grid)
 
-    def _size(self, number: int, lean: int, plan: Sequence[Entry]) -> int:
+    def _size(self, number: int, lean: Earlier, plan: Sequence[Entry]) -> int:
         """Bytes that a plan's runs take for an isovalue, which leans on one that is done."""
-        earlier = self._strands[lean]
+        earlier = lean.strand
         # what inference takes of the limit of steps is not part of the file
         steps = earlier.tube.state.counters.work
-        progress = self._strands[-1].progress.begin(earlier.progress)
+        progress = Progress(self._full_level).begin(earlier.progress)
         size = encoded_size(LayerWriter(self._fields[number], self._fresh(number, lean), plan, progress))
         earlier.tube.state.counters.work = steps
         return size
@@ -244,11 +282,12 @@ class Encoder:
         outward = all(not min(b) < v < max(b) for b, v in zip(before, self.isovalues[1:], strict=True))
         return len(self.isovalues) == 1 or (self.options.leaning and outward and len(radices(tolerance)) <= 1)
 
-    def _leans_on(self, number: int) -> int | None:
-        """Number of the earlier isovalue that lies nearest."""
+    def _leans_on(self, number: int) -> Earlier | None:
+        """The earlier isovalue that lies nearest."""
         if number == 0 or not self.options.leaning:
             return None
-        return nearest_before(self.isovalues, number)
+        nearest = nearest_before(self.isovalues, number)
+        return Earlier(self._strands[nearest], self.isovalues[nearest], nearest)
 
     def __iter__(self) -> Iterator[bytes]:
         if self._begun:
@@ -262,6 +301,17 @@ class Encoder:
 
     def _pieces(self) -> Iterator[bytes]:
         """The file but for its checksum."""
+        yield from self._beginning()
+        for number in range(len(self.isovalues)):
+            if number > 0:
+                strand, lean = self._strand(number, self._strands[-1].progress)
+                self._strands.append(strand)
+                further = write_further(self.isovalues[number], lean.number if lean else None)
+                yield write_chunk(ChunkType.ISOVALUE, further)
+            yield from self._layers(self._strands[number], number == len(self.isovalues) - 1)
+
+    def _beginning(self) -> Iterator[bytes]:
+        """The header, and what is about the whole file."""
         yield write_header(self.header)
         if self._metadata:
             yield write_chunk(ChunkType.METADATA, write_metadata(self._metadata), ancillary=True)
@@ -269,12 +319,6 @@ class Encoder:
             yield write_chunk(ChunkType.COORDINATES, self._coordinates, ancillary=True)
         if self._holes:
             yield write_chunk(ChunkType.MASK, self._mask_run)
-        for number in range(len(self.isovalues)):
-            if number > 0:
-                strand, lean = self._strand(number, self._strands[-1].progress)
-                self._strands.append(strand)
-                yield write_chunk(ChunkType.ISOVALUE, write_further(self.isovalues[number], lean))
-            yield from self._layers(self._strands[number], number == len(self.isovalues) - 1)
 
     def _layers(self, strand: LayerWriter, last: bool) -> Iterator[bytes]:
         """Chunks of layers of one isovalue; behind the last one the level index."""

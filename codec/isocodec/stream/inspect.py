@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections import Counter
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from typing import Any
 
@@ -12,10 +13,11 @@ from ..errors import FormatError, OptionError, TruncatedError
 from ..format.chunks import CHECKSUM_BYTES, Envelope, LayerRecord, Promises, read_envelope, verify, whole_bytes
 from ..format.coordinates import CoordinatesRecord
 from ..format.domain import DomainHead, read_mesh_layer
+from ..format.frames import first_operation, is_key
 from ..format.header import Header, read_header, varint
 from ..format.program import Layer, Progress, read_program
 from ..layers.contents import LAYER_CHUNKS, Contents
-from ..layers.events import IsovalueRead, LayerComplete
+from ..layers.events import FrameRead, IsovalueRead, LayerComplete
 from ..limits import Limits
 from ..mesh.tables import cube_exponent
 
@@ -43,6 +45,8 @@ class LayerInfo:
     within : float or None
         How many cells decoded and original curve lie from each other at most, when this layer is complete and no later
         one begun, if the writer promises it.
+    frame : int
+        Number of the frame that it belongs to.
     """
 
     kind: str
@@ -54,6 +58,28 @@ class LayerInfo:
     symbols: dict[str, int] | None = None
     isovalue: int = 0
     within: float | None = None
+    frame: int = 0
+
+
+@dataclass(frozen=True)
+class FrameInfo:
+    """One frame of a series.
+
+    Attributes
+    ----------
+    offset, bytes : int
+        Where in the file its first chunk begins, and what all of its chunks take; for the first frame from the file's
+        beginning on.
+    key : bool
+        Whether it leans on none before it.
+    leans : list of int or None
+        For each isovalue the number of the one of the same frame that it leans on.
+    """
+
+    offset: int
+    bytes: int
+    key: bool
+    leans: list[int | None]
 
 
 @dataclass(frozen=True)
@@ -83,6 +109,10 @@ class FileInfo:
         For each whether the writer promises that all complete layers have the topology of the original curve.
     mask_bytes : int or None
         Entropy-coded bytes of the mask; None if no sample is missing.
+    interval : int or None
+        Of a series, how often a frame leans on none before it; 0 if only the first does. None without frames.
+    frames : list of FrameInfo
+        Those of a series.
     coordinates : str or None
         In words, how samples lie on a mapped grid; None if it is none.
     domain : DomainHead or None
@@ -105,6 +135,8 @@ class FileInfo:
     leans: list[int | None] = field(default_factory=list)
     topology: list[bool] = field(default_factory=list)
     mask_bytes: int | None = None
+    interval: int | None = None
+    frames: list[FrameInfo] = field(default_factory=list)
     coordinates: str | None = None
     domain: DomainHead | None = None
 
@@ -128,12 +160,14 @@ class FileInfo:
         return self.isovalues.index(isovalue)
 
     def chain(self, number: int) -> frozenset[int]:
-        """Numbers of all isovalues that it takes to decode one."""
+        """Numbers of all isovalues that it takes to decode one, in any frame."""
         out = {number}
-        lean = self.leans[number]
-        while lean is not None:
-            out.add(lean)
-            lean = self.leans[lean]
+        for leans in [self.leans, *(frame.leans for frame in self.frames)]:
+            # an isovalue leans on earlier ones only
+            for i in range(len(leans) - 1, -1, -1):
+                lean = leans[i]
+                if i in out and lean is not None:
+                    out.add(lean)
         return frozenset(out)
 
     def as_dict(self) -> dict[str, Any]:
@@ -145,6 +179,38 @@ class FileInfo:
             out["domain"]["digest"] = self.domain.digest.hex()
             out["domain"]["kind"] = self.domain.kind.name.lower()
         return out
+
+
+@dataclass
+class _Strands:
+    """Where the programs of isovalues stand, of the present frame and of the one before; where frames begin."""
+
+    progresses: list[Progress]
+    starts: list[int]
+    leans: list[list[int | None]]
+    before: list[Progress] = field(default_factory=list)
+
+    def begin(self, event: FrameRead, start: int) -> None:
+        """Another isovalue of a series begins with a chunk at ``start``."""
+        if event.number == 0:
+            self.before, self.progresses = self.progresses, []
+            self.starts.append(start)
+            self.leans.append([])
+        self.leans[-1].append(None if event.before else event.lean)
+        earlier = self.before if event.before else self.progresses
+        layers = self.progresses[-1].layers if self.progresses else 0
+        fresh = Progress((self.progresses or self.before)[0].full_level, layers=layers)
+        self.progresses.append(fresh.begin(None if event.lean is None else earlier[event.lean]))
+
+    def frames(self, interval: int | None, end: int) -> list[FrameInfo]:
+        """The frames of a series."""
+        if interval is None:
+            return []
+        ends = [*self.starts[1:], end]
+        return [
+            FrameInfo(start, stop - start, is_key(number, interval), leans)
+            for number, (start, stop, leans) in enumerate(zip(self.starts, ends, self.leans, strict=True))
+        ]
 
 
 def inspect(data: bytes, symbols: bool = False, limits: Limits | None = None) -> FileInfo:
@@ -175,7 +241,10 @@ def inspect(data: bytes, symbols: bool = False, limits: Limits | None = None) ->
     layers: list[LayerInfo] = []
     contents = Contents()
     contents.begin(header)
-    progresses = [Progress(len(header.shape) * cube_exponent(header.shape) if header.shape else 0)]
+    strands = _Strands(
+        [Progress(len(header.shape) * cube_exponent(header.shape) if header.shape else 0)], [0], [contents.leans]
+    )
+    promised: dict[tuple[int, int], Promises] = {}
     coded = mask_bytes = 0
     complete = False
     while not complete:
@@ -192,14 +261,22 @@ def inspect(data: bytes, symbols: bool = False, limits: Limits | None = None) ->
                 kind = head.kind.name.lower()
                 layers.append(LayerInfo(kind, -1, 0, 0, chunk.start + begins, size, isovalue=number))
         elif chunk.type in LAYER_CHUNKS:
+            operation = first_operation(data, chunk)
+            begun = None if operation is None else contents.begin_layers(data[operation], operation)
+            if begun is not None:
+                strands.begin(begun, at)
             first = len(contents.layers)
-            run = _run_start(data, chunk, end, progresses[-1], contents.layers)
+            run = _run_start(data, chunk, end, strands.progresses[-1], contents.layers)
             if run is not None:
                 coded += end - run
                 for i, layer in enumerate(contents.layers[first:]):
-                    number = len(contents.isovalues) - 1
+                    number, frame = contents.number, contents.frame
                     place = None if i else run
-                    layers.append(LayerInfo(layer.kind, layer.level, layer.plane, layer.parts, place, isovalue=number))
+                    layers.append(
+                        LayerInfo(
+                            layer.kind, layer.level, layer.plane, layer.parts, place, isovalue=number, frame=frame
+                        )
+                    )  # fmt: skip
         elif chunk.type == ChunkType.MASK:
             contents.begin_mask(at)
             mask_bytes = end - chunk.start
@@ -207,7 +284,12 @@ def inspect(data: bytes, symbols: bool = False, limits: Limits | None = None) ->
         elif chunk.end <= len(data):
             event = contents.read(chunk, data[chunk.start : chunk.end], behind)
             if isinstance(event, IsovalueRead):
-                progresses.append(progresses[-1].begin(None if event.lean is None else progresses[event.lean]))
+                strands.progresses.append(
+                    strands.progresses[-1].begin(None if event.lean is None else strands.progresses[event.lean])
+                )
+            elif isinstance(event, FrameRead):
+                strands.begin(event, at)
+            promised[contents.frame, contents.number] = contents.promises[contents.number]
         chunks.append(ChunkInfo(_NAMES.get(chunk.type, f"unknown {chunk.type}"), at, min(behind, len(data)) - at))
         if verify(data, chunk, at) is None:
             break
@@ -215,14 +297,16 @@ def inspect(data: bytes, symbols: bool = False, limits: Limits | None = None) ->
             raise FormatError("bytes after the end of the file", code="trailing", offset=behind, clause="3.4.4")
         complete = chunk.last
         at = behind
-    layers = _with_index(contents.records, layers)
+    earlier = sum(layer.frame < contents.frame for layer in layers)
+    layers = layers[:earlier] + _with_index(contents.records, layers[earlier:])
     if symbols and header.cells is None:
         layers = _decoded(data, layers, limits)
     return FileInfo(
         header.writer_version, header.read_version, header.profile.name.lower(), header.shape, header.isovalue,
-        header.scale, len(data), len(data) - coded, complete, _promised(layers, contents.promises), chunks,
+        header.scale, len(data), len(data) - coded, complete, _promised(layers, promised), chunks,
         contents.metadata, contents.isovalues, contents.leans, [one.topology for one in contents.promises],
-        mask_bytes if contents.masked else None, _in_words(contents.coordinates), contents.domain,
+        mask_bytes if contents.masked else None, contents.interval, strands.frames(contents.interval, at),
+        _in_words(contents.coordinates), contents.domain,
     )  # fmt: skip
 
 
@@ -238,13 +322,15 @@ def _in_words(record: CoordinatesRecord | None) -> str | None:
     return ", ".join(parts)
 
 
-def _promised(layers: Sequence[LayerInfo], promises: Sequence[Promises]) -> list[LayerInfo]:
+def _promised(layers: Sequence[LayerInfo], promises: Mapping[tuple[int, int], Promises]) -> list[LayerInfo]:
     """The layers with what is promised of each."""
-    counts = [0] * len(promises)
+    counts: Counter[tuple[int, int]] = Counter()
     out = []
     for layer in layers:
-        counts[layer.isovalue] += 1
-        out.append(replace(layer, within=promises[layer.isovalue].within.get(counts[layer.isovalue])))
+        strand = layer.frame, layer.isovalue
+        counts[strand] += 1
+        within = promises[strand].within.get(counts[strand]) if strand in promises else None
+        out.append(replace(layer, within=within))
     return out
 
 
@@ -286,4 +372,4 @@ def _decoded(data: bytes, layers: list[LayerInfo], limits: Limits | None) -> lis
     return out + [replace(info, offset=None, bytes=None, symbols=None) for info in layers[len(out) :]]
 
 
-__all__ = ["ChunkInfo", "FileInfo", "Header", "LayerInfo", "inspect"]
+__all__ = ["ChunkInfo", "FileInfo", "FrameInfo", "Header", "LayerInfo", "inspect"]

@@ -37,18 +37,21 @@ class Received:
     `Decoder` adds the bytes and takes the events.
     """
 
-    def __init__(self, limits: Limits | None = None, *, only: Collection[int] | None = None) -> None:
+    def __init__(
+        self, limits: Limits | None = None, *, only: Collection[int] | None = None, frame: int | None = None
+    ) -> None:
         self.limits = limits or Limits()
         self.header: Header | None = None
         self._data = bytearray()
         self.layers: list[Layer] = []
         self._contents = Contents(layers=self.layers)
         self._budget = Budget(self.limits.memory)
-        self._strands = strands = Tubes(self.limits, self._data, self._contents, self._budget, only)
+        self._strands = strands = Tubes(self.limits, self._data, self._contents, self._budget, only, frame)
         self._tubes, self._progresses, self._mask = strands.all, strands.progresses, strands.mask
         self._reader = LayerReader(
             self.limits, self._data, self._tubes, self._progresses, self._mask.tubes, self.layers
         )
+        self._wanted = frame
         self.isovalues = self._contents.isovalues
         self.metadata = self._contents.metadata
         self.runs = self._reader.runs
@@ -70,6 +73,24 @@ class Received:
     @property
     def _progress(self) -> Progress:
         return self._progresses[-1]
+
+    @property
+    def interval(self) -> int | None:
+        """Of a series: frames whose number is a multiple of it lean on none before them, 0 if only the first does.
+
+        None of a file without frames, and before that is known.
+        """
+        return self._contents.interval
+
+    @property
+    def frame(self) -> int:
+        """Number of the frame that has begun last, or, once it has come, of the one that is wanted: it can be drawn."""
+        return self._contents.frame if self._wanted is None else min(self._contents.frame, self._wanted)
+
+    @property
+    def present(self) -> tuple[int, int]:
+        """Number of the present frame and of its isovalue, whose layers come at present or come next."""
+        return self._contents.frame, self._contents.number
 
     @property
     def value_bits(self) -> tuple[int, int]:
@@ -99,8 +120,8 @@ class Received:
     @property
     def predictions(self) -> tuple[int, int]:
         """Signs that were predicted so far, and how many of them rightly."""
-        tallies = [tube.tally()[-2:] for tube in self._tubes if tube]
-        return sum(int(t[0]) for t in tallies), sum(int(t[1]) for t in tallies)
+        made, right = self._reader.tally()[-2:]
+        return int(made), int(right)
 
     def _tube_of(self, number: int) -> Tube | None:
         """That of an isovalue, by number; None before it has come, or if it is skipped."""
@@ -111,17 +132,25 @@ class Received:
             raise OptionError(f"isovalue number {number}; they are counted from 0", code="isovalue")
         return self._tubes[number] if number < len(self._tubes) else None
 
-    def state(self, number: int = 0) -> Decoded | None:
-        """The decoded state of an isovalue, by number, in integers; None before it has come, or if it is skipped."""
-        tube = self._tube_of(number)
+    def state(self, number: int = 0, *, before: bool = False) -> Decoded | None:
+        """The decoded state of an isovalue, by number, in integers; None before it has come, or if it is skipped.
+
+        With ``before`` that of the frame before.
+        """
+        tubes = self._strands.before
+        tube = (tubes[number] if number < len(tubes) else None) if before else self._tube_of(number)
         return state_of(tube) if tube else None
 
     def mask_state(self) -> Decoded | None:
         """The decoded state of the mask, likewise; None before its chunk has come."""
         return state_of(self._mask.tube) if self._mask.tube else None
 
-    def drawn(self, number: int = 0, smooth: bool = False, through_holes: bool = False) -> Contour:
+    def drawn(
+        self, number: int = 0, smooth: bool = False, through_holes: bool = False, *, before: bool = False
+    ) -> Contour:
         """The curve or surface of an isovalue, by number; ``smooth`` and ``through_holes`` as in `decode`.
+
+        With ``before`` that of the frame before, which is complete.
 
         Raises
         ------
@@ -129,15 +158,15 @@ class Received:
             If drawing takes more memory than the limits allow; the decoder stays as it is.
         """
         try:
-            return self._drawn(number, smooth, through_holes)
+            return self._drawn(number, smooth, through_holes, before)
         except MemoryError:
             pass
         raise out_of_memory("to draw the contour")
 
-    def _drawn(self, number: int, smooth: bool, through_holes: bool) -> Contour:
-        tube = self._tube_of(number)
+    def _drawn(self, number: int, smooth: bool, through_holes: bool, before: bool) -> Contour:
+        tube = self._strands.before[number] if before else self._tube_of(number)
         isovalue = self.isovalues[number] if tube else math.nan
-        complete = self._ended and not self._cut
+        complete = before or (self._ended and not self._cut)
         contour = contour_of(
             tube, isovalue, self.header, self.metadata, complete, smooth, self._budget, self._mask.holes, through_holes
         )

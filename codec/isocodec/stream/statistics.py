@@ -113,7 +113,7 @@ def statistics(data: bytes, limits: Limits | None = None) -> FileStatistics:
             _, right = decoder.predictions
             layers.append(
                 LayerStatistics(
-                    str(event.layer.kind), event.layer.level, len(decoder.isovalues) - 1, 8 * event.bytes,
+                    str(event.layer.kind), event.layer.level, decoder.present[1], 8 * event.bytes,
                     sum(event.symbols.get(name, 0) for name in SIGNS), right - before,
                 )
             )  # fmt: skip

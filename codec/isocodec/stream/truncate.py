@@ -97,7 +97,7 @@ def _first_layers(data: bytes, layers: int, limits: Limits | None) -> bytes:
             remedy="ask for fewer, or for a number of bytes",
         )
     run = decoder.runs[-1]
-    kept = run.layers[: number - run.before.layers]
+    kept = run.layers[: number - run.done]
     bits = decoder.value_bits
     payload = write_program(kept, run.before.copy(), bits) + cut(decoder.coder)
     mask = _later_mask(data, run.chunk_start)

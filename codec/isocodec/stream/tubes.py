@@ -6,10 +6,12 @@ from collections.abc import Collection
 from dataclasses import replace
 
 from ..errors import LimitError, OptionError
+from ..format.frames import key_of
 from ..format.header import Header
 from ..format.program import Progress
 from ..layers.beginning import leaning_tube
 from ..layers.contents import Contents
+from ..layers.events import FrameRead
 from ..limits import Budget, Limits
 from ..passes.runner import Tube
 from .mask_strand import MaskStrand
@@ -30,31 +32,51 @@ class Tubes:
     budget : Budget
     only : collection of int, optional
         Numbers of the isovalues that are wanted.
+    frame : int, optional
+        Number of the frame that is wanted; all if not given.
 
     Attributes
     ----------
     all : list of Tube or None
-        By isovalue, None for those that are skipped.
+        By isovalue, None for those that are skipped; of a series those of the present frame, or of the one wanted.
+    before : list of Tube or None
+        Those of the frame before, which the present ones may lean on.
     progresses : list of Progress
         Where their programs stand.
     mask : MaskStrand
     """
 
     def __init__(
-        self, limits: Limits, data: bytearray, contents: Contents, budget: Budget, only: Collection[int] | None
-    ) -> None:
+        self, limits: Limits, data: bytearray, contents: Contents, budget: Budget, only: Collection[int] | None,
+        frame: int | None = None,
+    ) -> None:  # fmt: skip
         self.all: list[Tube | None] = []
+        self.before: list[Tube | None] = []
         self.progresses: list[Progress] = []
         self.mask = MaskStrand(limits, data, budget, self.all)
         self._limits = limits
         self._contents = contents
         self._budget = budget
         self._only = only
+        self._frame = frame
+        self._progresses_before: list[Progress] = []
 
     @property
     def present(self) -> Tube | None:
         """That of the isovalue whose layers come at present; None if it is skipped."""
-        return self.all[-1] if self.all else None
+        return self.all[-1] if self.all and not self.past else None
+
+    @property
+    def past(self) -> bool:
+        """Whether the frame that is wanted lies behind."""
+        return self._frame is not None and self._contents.frame > self._frame
+
+    def _is_wanted(self, number: int) -> bool:
+        """Whether isovalue ``number`` of the present frame is to be decoded."""
+        if self._only is not None and number not in self._only:
+            return False
+        interval, frame = self._contents.interval, self._frame
+        return frame is None or interval is None or self._contents.frame >= key_of(frame, interval)
 
     def begin(self, header: Header, lean: int | None, offset: int) -> None:
         """An isovalue has come, which may lean on an earlier one."""
@@ -66,7 +88,7 @@ class Tubes:
         if self.present is not None:
             self.present.rest()
         before = self.progresses[-1] if self.progresses else Progress(0)
-        if self._only is not None and number not in self._only:
+        if not self._is_wanted(number):
             self.all.append(None)
             self.progresses.append(before)
             return
@@ -77,17 +99,58 @@ class Tubes:
         self.progresses.append(before.begin(None if lean is None else self.progresses[lean]))
         self.all.append(tube)
 
-    def _fresh(self, header: Header, number: int, lean: int | None) -> Tube:
-        """A tube of an isovalue of which no layer has come."""
+    def begin_series(self) -> None:
+        """The file turns out to be a series: the first frame may not be wanted."""
+        for number, tube in enumerate(self.all):
+            if tube is not None and not self._is_wanted(number):
+                self._budget.release(tube, tube.estimates)
+                self.all[number] = None
+
+    def begin_frame(self, header: Header, event: FrameRead) -> None:
+        """An isovalue of a further frame has come; the tubes of the frame before are in ``before``."""
+        if self.past:
+            return
+        if self.present is not None:
+            self.present.rest()
+        number, lean = event.number, event.lean
+        if not self._is_wanted(number):
+            self.all.append(None)
+            self.progresses.append(Progress(0))
+            return
+        earlier, progresses = (self.before, self._progresses_before) if event.before else (self.all, self.progresses)
+        if lean is not None and (lean >= len(earlier) or earlier[lean] is None):
+            raise OptionError(f"isovalue {number} leans on isovalue {lean}, which is not decoded", code="only")
+        tube = self._fresh(header, number, lean, event.before)
+        layers = self.progresses[-1].layers if self.progresses else 0
+        before = Progress(tube.full_level, layers=layers)
+        self.progresses.append(before.begin(None if lean is None else progresses[lean]))
+        self.all.append(tube)
+
+    def next_frame(self) -> None:
+        """Let go of the frame before, and take the present one for it."""
+        for tube in self.before:
+            if tube is not None:
+                self._budget.release(tube, tube.estimates)
+        for tube in self.all:
+            if tube is not None:
+                tube.part()
+        self.before[:], self._progresses_before = self.all, list(self.progresses)
+        self.all.clear()
+        self.progresses.clear()
+
+    def _fresh(self, header: Header, number: int, lean: int | None, before: bool = False) -> Tube:
+        """A tube of an isovalue of which no layer has come, leaning on one of its own frame or of the one before."""
         isovalues = self._contents.isovalues
-        earlier, other = (None, 0.0) if lean is None else (self.all[lean], isovalues[lean])
+        tubes = self.before if before else self.all
+        earlier, other = (None, 0.0) if lean is None else (tubes[lean], isovalues[lean])
         return leaning_tube(
-            header, isovalues[number], earlier, other, _ROOM, self._left(), budget=self._budget, holes=self.mask.holes
-        )
+            header, isovalues[number], earlier, other, _ROOM, self._left(), budget=self._budget, holes=self.mask.holes,
+            frame=before,
+        )  # fmt: skip
 
     def _left(self) -> Limits:
         """What one more tube may have: those of a file may not have more than a single one."""
-        whole, tubes = self._limits, [tube for tube in (*self.all, self.mask.tube) if tube]
+        whole, tubes = self._limits, [tube for tube in (*self.before, *self.all, self.mask.tube) if tube]
         return replace(
             whole, vertices=max(whole.vertices - sum(tube.vertices for tube in tubes), 0),
             simplices=max(whole.simplices - sum(tube.simplices for tube in tubes), 0),

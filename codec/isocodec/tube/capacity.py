@@ -18,6 +18,7 @@ from ..mesh.store import PAGES, Store, new_board, new_counts, new_store, resized
 from ..mesh.tables import mesh_tables
 from ..mesh.vertex_set import every_vertex
 from .state import (
+    FRAME,
     GATE,
     MOST_ANCESTORS,
     MOSTLY,
@@ -78,7 +79,7 @@ def first_state(
         grid_of(shape), counters, np.zeros(len(ELEMENTS) + 2, np.int64), np.full(2, MOSTLY, np.int64),
         np.zeros(2, np.int64), new_store(n), _rows(4, limits.vertices), _rows(5, limits.simplices),
         _rows(5, limits.simplices), new_store(n), new_counts(n), new_board(n), np.zeros((MOST_ANCESTORS, 4), np.int64),
-        every_vertex((0,) * n), _lean(earlier, n), hole or _no_lean(n),
+        every_vertex((0,) * n), _lean(earlier, n), hole or no_lean(n), no_lean(n).known,
         np.zeros((0, 0, 0), np.bool_) if signs is None else signs,
         base, RefinementWalk(), TreeWalk(), ValueWalk(), DigitWalk(),
         *(np.zeros(size, np.int64) for size in (MOST_LEVELS, 2 * MOST_POINTS, 2 * MOST_POINTS, 80, 10, 128, STACK)),
@@ -86,7 +87,8 @@ def first_state(
 
 
 @cache
-def _no_lean(n: int) -> Lean:
+def no_lean(n: int) -> Lean:
+    """What the kernels see where there is no earlier isovalue."""
     empty = Grid(mesh_tables(n), 0, 0, 0, 0)
     return Lean(empty, Counters(), np.zeros(2, np.int64), new_store(n), new_store(n), NOTHING, NOTHING)
 
@@ -94,13 +96,14 @@ def _no_lean(n: int) -> Lean:
 def _lean(earlier: State | None, n: int) -> Lean:
     """What the kernels see of the earlier isovalue: values only where they are whole steps of the same scale."""
     if earlier is None:
-        return _no_lean(n)
+        return no_lean(n)
     return Lean(earlier.grid, earlier.counters, earlier.value_bits, earlier.known, earlier.mesh, NOTHING, NOTHING)
 
 
 def state_bytes(st: State, mark: Store) -> int:
     """Bytes of the arrays of a state, and of the store of visited simplices; not of what others hold or all share."""
-    stores = sum(size_of(store).bytes(store) for store in (st.known, st.mesh, st.crowd, st.board, mark))
+    held = (st.known, st.mesh, st.crowd, st.board, mark, *([st.soft] if st.counters.side == FRAME else []))
+    stores = sum(size_of(store).bytes(store) for store in held)
     return stores + sum(array.nbytes for array in (st.vertex, st.leaf, st.below, st.path, st.stack))
 
 
@@ -170,7 +173,7 @@ def at_rest(st: State) -> State:
     n = int(st.grid.tables[0])
     return st._replace(
         crowd=new_counts(n), board=new_board(n), below=st.below[:0].copy(), path=st.path[:0].copy(),
-        stack=st.stack[:0].copy(),
+        stack=st.stack[:0].copy(), soft=no_lean(n).known,
     )  # fmt: skip
 
 

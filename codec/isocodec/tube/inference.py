@@ -7,7 +7,7 @@ import numpy as np
 from ..kernel import inlined
 from ..mesh.access import dimension
 from ..mesh.grid import clamped, edge_of, level_at
-from .state import entry
+from .state import FRAME, entry
 
 
 @inlined
@@ -82,7 +82,7 @@ def implied(st, x, y, z):
     if side == 0:
         return unknown, unknown
     other, certain = earlier(st, x, y, z)
-    if other < 0 or not certain:
+    if side == FRAME or other < 0 or not certain:
         return unknown, other
     if side > 0 and other == 0:
         return np.int64(0), other

@@ -31,6 +31,10 @@ ALWAYS, MOSTLY, AGREED_SHIFT = 4096, 3584, 5
 """How often something has been so, if always, what it begins with, and how fast it changes."""
 
 
+FRAME = 2
+"""In State.counters.side: the isovalue leans on an earlier frame's."""
+
+
 class Counters(Registers):
     """What is counted, and where the coding stands.
 
@@ -57,7 +61,8 @@ class Counters(Registers):
     room : int
         Pages that the store of the mesh lacks.
     side, shift : int
-        Whether the isovalue lies above (1) or below (-1) the earlier one that it leans on, by how many whole steps.
+        Whether the isovalue lies above (1) or below (-1) the earlier one that it leans on, by how many whole steps;
+        ``FRAME`` if that is one of an earlier frame, from which no sign follows (5.11).
     told, seeded : int
         Whether the mesh is told from the start; whether the base begins at the leaves of the earlier isovalue.
     meshes : int
@@ -237,6 +242,7 @@ class State(NamedTuple):
     chosen: Chosen  # encoder: the mesh that an adaptive layer leads to
     lean: Lean  # of an earlier isovalue, or empty
     hole: Lean  # of the mask, or empty
+    soft: Store  # the signs of the frame before, see tube.softened, or empty
     truth: BoolVolume  # encoder: the signs of the whole field; decoder: empty
     base: BaseWalk
     refinement: RefinementWalk

@@ -1,0 +1,102 @@
+"""Chunks of frames: how often a frame stands by itself, and what an isovalue of a further frame leans on (3.5.7)."""
+
+from __future__ import annotations
+
+import zlib
+
+from isospec.container import CHECKED_CHUNK, Checksum, ChunkType, write_varint
+
+from ..errors import FormatError
+from .chunks import Envelope
+from .header import varint
+
+FRAME_BEFORE = -1
+"""What an isovalue leans on that leans on the same one of the frame before."""
+_LAST = 0x20
+"""Bit of a chunk's head that marks the last one of a file."""
+
+
+def is_key(frame: int, interval: int) -> bool:
+    """Whether a frame leans on none before it."""
+    return frame == 0 or (interval > 0 and frame % interval == 0)
+
+
+def key_of(frame: int, interval: int) -> int:
+    """The last frame up to ``frame`` that leans on none before it."""
+    return frame - frame % interval if interval > 0 else 0
+
+
+def write_interval(interval: int) -> bytes:
+    """Payload of the first chunk of frames: every so many frames lean on none before them; 0 if only the first does."""
+    return write_varint(interval)
+
+
+def read_interval(payload: bytes, start: int) -> int:
+    """Inverse of ``write_interval``; ``start`` is the payload's place in the file.
+
+    Raises
+    ------
+    FormatError
+        If it is malformed.
+    """
+    try:
+        found = varint(payload, 0, len(payload), "3.5.7")
+    except FormatError as error:
+        error.offset = start
+        raise
+    if found is None or found[1] != len(payload):
+        raise FormatError("an interval of frames is not one number", code="frame", offset=start, clause="3.5.7")
+    return found[0]
+
+
+def write_frame(lean: int | None, key: bool) -> bytes:
+    """Payload of a further chunk of frames.
+
+    Parameters
+    ----------
+    lean : int or None
+        Number of the isovalue of the same frame that it leans on, ``FRAME_BEFORE``, or None.
+    key : bool
+        Whether the frame is one that leans on none before it.
+    """
+    if lean == (None if key else FRAME_BEFORE):
+        return b""
+    return bytes([0 if lean is None else lean + 1])
+
+
+def read_frame(payload: bytes, start: int, number: int, key: bool) -> int | None:
+    """Inverse of ``write_frame``, of isovalue ``number`` of a frame; ``start`` is the payload's place in the file.
+
+    Raises
+    ------
+    FormatError
+        If it is malformed.
+    """
+    if not payload:
+        return None if key else FRAME_BEFORE
+    if len(payload) > 1 or payload[0] > number:
+        raise FormatError(
+            "an isovalue of a frame leans on none that began before in it", code="frame", offset=start, clause="3.5.7"
+        )
+    return payload[0] - 1 if payload[0] else None
+
+
+def first_operation(data: bytes | bytearray, chunk: Envelope) -> int | None:
+    """Place of the first byte of the program of a chunk of layers; None if it is not there, or not yet."""
+    at = chunk.start
+    there = min(len(data), chunk.end)
+    if chunk.type == ChunkType.CUT_LAYERS:
+        number = varint(data, at, there, "3.5.4")
+        if number is None:
+            return None
+        at = number[1]
+    return at if at < there else None
+
+
+def as_last(chunk: bytes) -> bytes:
+    """The same chunk marked as the last one of its file, whose checksum is to follow."""
+    found = varint(chunk, 1, len(chunk), "3.4.2")
+    assert found is not None
+    length, start = found
+    body = bytes([chunk[0] | _LAST]) + chunk[1 : start + length]
+    return body + Checksum.build(zlib.crc32(body)) if length >= CHECKED_CHUNK else body

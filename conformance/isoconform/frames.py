@@ -1,0 +1,170 @@
+"""Vectors of series of frames (clauses 3.5.7, 5.11 and 7.18)."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from isocodec import encode_frames
+from isocodec.layers.plan import Entry
+from isocodec.stream.series import SeriesEncoder
+from isospec.container import ChunkType
+
+from .adaptive import SPACES
+from .draft import Draft, cut_within, encoded_series
+from .fields import Integers, noise, waves
+from .streams import Chunk, File, split
+
+SHAPES = ((17, 14), (9, 8, 10))
+HIGH, VALUE = 255, 85.5
+COUNT = 4
+WIDE = (70, 40)
+"""More than a block of softened signs along one axis, and than two along the other."""
+
+
+def _moving(shape: tuple[int, ...], count: int = COUNT, rough: int = 30) -> list[Integers]:
+    """Hills that move along all axes, with some noise of their own."""
+    wide = tuple(side + count for side in shape)
+    hills = waves(wide, HIGH, 4)
+    return [
+        hills[tuple(slice(t, t + side) for side in shape)] + noise(shape, rough, t) if rough
+        else hills[tuple(slice(t, t + side) for side in shape)] for t in range(count)
+    ]  # fmt: skip
+
+
+def whole() -> Iterator[Draft]:
+    """As the reference encoder's options give them."""
+    for shape in SHAPES:
+        space, frames = SPACES[len(shape)], _moving(shape)
+        for profile in ("baseline", "main"):
+            for name, options in (
+                ("signs", {"signs_only": True}),
+                ("values", {"exact": True, "interval": 2}),
+                ("offsets", {"tolerance": 0.05, "interval": 3}),
+            ):
+                yield encoded_series(
+                    f"{space}_frames_{profile}_{name}", frames, VALUE, f"frames: {name}", profile=profile,
+                    layers=name == "values", **options,
+                )  # fmt: skip
+        yield encoded_series(
+            f"{space}_frames_isovalues", frames, (VALUE, VALUE + 9, VALUE - 7), "frames: several isovalues",
+            interval=2, exact=True, profile="main", layers=True,
+        )  # fmt: skip
+        yield encoded_series(
+            f"{space}_frames_independent", frames, VALUE, "frames: that lean on none", leaning=False, signs_only=True
+        )
+        base: Sequence[Entry] = [("base", len(shape)), ("refine", None)]
+        for name, plan in (("refined", base), ("leaf_base", [("leaf_base",)]), ("coarse", [("base", 5)])):
+            plans = encode_plans(frames, plan, base)
+            yield Draft(f"{space}_frames_main_{name}", plans, len(shape), ("series of frames", f"frames: {name}"))
+        yield encoded_series(
+            f"{space}_frames_main_adapted", frames, VALUE, "frames: adaptive meshes", profile="main", signs_only=True,
+            preserve_topology=True,
+        )  # fmt: skip
+        empty = [np.zeros_like(frames[0]), *frames[:2], np.zeros_like(frames[0]), frames[2]]
+        yield encoded_series(
+            f"{space}_frames_empty", empty, VALUE, "frames: some without a curve", profile="main", signs_only=True
+        )
+        gone = noise(shape, 9, 5) == 0
+        yield encoded_series(
+            f"{space}_frames_missing", frames, VALUE, "frames: missing samples", mask=gone, profile="main", exact=True
+        )
+    smooth = _moving(WIDE, 3, 0)
+    yield encoded_series(
+        "plane_frames_main_wide", smooth, VALUE, "frames: softened signs of several blocks", profile="main",
+        signs_only=True,
+    )  # fmt: skip
+    smooth = _moving((18, 11, 9), 3, 0)
+    yield encoded_series(
+        "space_frames_main_wide", smooth, VALUE, "frames: softened signs of several blocks", profile="main",
+        signs_only=True,
+    )  # fmt: skip
+
+
+def encode_plans(frames: list[Integers], plan: Sequence[Entry], first: Sequence[Entry]) -> bytes:
+    """A series in the main profile whose first frame has one plan and all others another."""
+    series = SeriesEncoder(VALUE, profile="main", plan=first)
+    data = series.add(frames[0])
+    series._options = {**series._options, "plan": plan}
+    for frame in frames[1:]:
+        data += series.add(frame)
+    return data + series.finish()
+
+
+def _file(shape: tuple[int, ...]) -> File:
+    """A small series of two isovalues, in which each further one begins with a chunk of its own."""
+    file = split(encode_frames(_moving(shape, 3), (VALUE, VALUE + 9), profile="baseline", interval=2, signs_only=True))
+    chunks: list[Chunk] = []
+    layers = 0
+    for chunk in file.chunks:
+        layers += chunk.type == ChunkType.LAYERS
+        if chunk.type == ChunkType.LAYERS and layers > 2 and chunks[-1].type != ChunkType.FRAME:
+            chunks.append(Chunk(ChunkType.FRAME, b""))
+        chunks.append(chunk)
+    return file.with_chunks(*chunks)
+
+
+def parts() -> Iterator[Draft]:
+    """Series that end early: cut, truncated, without all isovalues of the last frame."""
+    for shape in SHAPES:
+        space, n = SPACES[len(shape)], len(shape)
+        file = _file(shape)
+        places = [i for i, chunk in enumerate(file.chunks) if chunk.type == ChunkType.FRAME]
+        data = bytes(file.with_chunks(*file.chunks[: places[-1]]))
+        yield Draft(
+            f"{space}_frames_fewer_isovalues", data, n,
+            ("series of frames", "frames: the last one without its last isovalue"),
+        )  # fmt: skip
+        data = bytes(file.with_chunks(*file.chunks[: places[-1] + 1]))
+        yield Draft(
+            f"{space}_frames_begun", data, n, ("series of frames", "frames: the last isovalue without layers")
+        )
+        data = bytes(file)
+        yield Draft(
+            f"{space}_frames_chunks", data, n, ("series of frames", "frames: each isovalue with a chunk of its own")
+        )
+        yield Draft(f"{space}_frames_truncated", data[: len(data) * 2 // 3], n, ("series of frames", "truncated"))
+        whole = encode_frames(_moving(shape), VALUE, profile="main", exact=True)
+        yield Draft(
+            f"{space}_frames_cut", cut_within(whole, "values"), n, ("series of frames", "frames: a cut run")
+        )
+
+
+def refused() -> Iterator[Draft]:
+    """Chunks of frames that violate the format."""
+    for shape in SHAPES:
+        space, n = SPACES[len(shape)], len(shape)
+        file = _file(shape)
+        chunks = file.chunks
+        places = [i for i, chunk in enumerate(chunks) if chunk.type == ChunkType.FRAME]
+        first, second, third = places[0], places[1], places[2]
+        isovalue = next(chunk for chunk in chunks if chunk.type == ChunkType.ISOVALUE)
+
+        def changed(number: int, payload: bytes) -> tuple[Chunk, ...]:
+            return tuple(replace(c, payload=payload) if i == number else c for i, c in enumerate(chunks))  # noqa: B023
+
+        for name, clause, about, found in (
+            ("no_interval", "3.5.7", "no interval", changed(first, b"")),
+            ("interval_and_more", "3.5.7", "more than an interval", changed(first, b"\2\0")),
+            ("interval_long", "3.5.7", "an interval not in its shortest form", changed(first, b"\x80\2")),
+            ("behind_layers", "3.5.7", "the first chunk of frames behind layers",
+             (next(c for c in chunks if c.type == ChunkType.LAYERS), chunks[first])),
+            ("lean_on_itself", "3.5.7", "leaning on an isovalue that has not begun", changed(second, b"\1")),
+            ("lean_too_far", "3.5.7", "leaning on an isovalue that has not begun", changed(third, b"\2")),
+            ("lean_and_more", "3.5.7", "more than one byte", changed(third, b"\0\0")),
+            ("ancillary", "3.5.2", "frames marked as ancillary",
+             tuple(replace(c, ancillary=True) if i == second else c for i, c in enumerate(chunks))),
+            ("isovalue_later", "3.5.7", "another isovalue in a further frame", (*chunks[: second + 1], isovalue)),
+            ("mask_later", "3.5.7", "a mask in a further frame", (*chunks[: second + 1], Chunk(ChunkType.MASK, b""))),
+        ):  # fmt: skip
+            yield Draft(
+                f"{space}_frames_{name}", bytes(file.with_chunks(*found)), n, (f"error: {about}",), clause
+            )
+
+
+def drafts() -> Iterator[Draft]:
+    """All vectors of this module."""
+    for group in (whole, parts, refused):
+        yield from group()
