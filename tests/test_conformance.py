@@ -112,7 +112,7 @@ def test_manifest_covers_the_format():
         assert layers == {"base", "adaptive_base", "leaf_base", "refine", "adapt", "values", "offsets"}
         assert {layer.unit for v in whole for layer in v.layers} >= {0, 1, 3}
         lines = Counter(line.split()[0] for v in whole for line in dump((HOME / v.file).read_bytes()).text.splitlines())
-        assert set(lines) == {"shape", "level", "m", "v", "e", "isovalue", "mask"}
+        assert set(lines) == {"shape", "level", "m", "v", "e", "isovalue", "mask", "frame"}
 
 
 @pytest.mark.parametrize("n", [2, 3])
@@ -189,7 +189,8 @@ def test_several_isovalues_have_sections():
     assert lines[1].startswith("level") and lines[place + 1].startswith("level")
     numbers = [layer.isovalue for layer in vector.layers]
     assert numbers == sorted(numbers) and set(numbers) == {0, 1}
-    assert {layer.isovalue for v in VECTORS if "several isovalues" not in v.features for layer in v.layers} == {None}
+    several = {"several isovalues", "series of frames"}
+    assert {layer.isovalue for v in VECTORS if not several & set(v.features) for layer in v.layers} == {None}
 
 
 # --- the circle -----------------------------------------------------------------------------------------------------

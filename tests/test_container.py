@@ -323,7 +323,7 @@ def test_chunks_refused():
     """Unknown critical chunks, layers that call themselves ancillary, lengths that are not the shortest."""
     head, payload = split_file("exact")
     layers = chunk(ChunkType.LAYERS, payload, last=True)
-    refused(with_checksum(head + chunk(9, b"x") + layers), "chunk", len(head))
+    refused(with_checksum(head + chunk(11, b"x") + layers), "chunk", len(head))
     refused(with_checksum(head + chunk(ChunkType.METADATA, b"{}") + layers), "chunk", len(head))
     refused(with_checksum(head + chunk(ChunkType.LAYERS, payload, ancillary=True, last=True)), "chunk", len(head))
     refused(with_checksum(head + b"\x21\x80\x05"), "varint", len(head) + 1)

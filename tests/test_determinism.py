@@ -110,8 +110,14 @@ def test_compiled_kernels_do_what_their_source_says(twice):
             isocodec.decode(isocodec.encode(field, 0.5, mask=gone, **more))
     for mesh in (plane(1, 30), space(1, 12), torus(6, 5)):
         values = np.rint(mesh[0].sum(axis=1) * 7).astype(np.int64) % 50
-        for more in ({"exact": True}, {"tolerance": 1.0}, {"signs_only": True, "progressive": len(values) == 30}):
+        for more in ({"exact": True}, {"tolerance": 1.0}, {"signs_only": True, "progressive": mesh[0].shape[1] == 2}):
             isocodec.decode_all(isocodec.encode_mesh(*mesh, values, [20.5, 30.5], **more), mesh=mesh)
+        isocodec.decode(isocodec.encode_mesh(*mesh, values, 20.5, mesh="coded"))
+    hills = np.rint(100 * smooth((9, 9, 8), 3)).astype(np.int64)
+    for options in ({"signs_only": True}, {"exact": True, "profile": "baseline"}):
+        isocodec.decode(isocodec.encode_frames(hills[:3], 0.5, **options), frame=2)
+    coordinates = np.arange(9.0)[:, None] + np.zeros(8), np.arange(8.0) + np.arange(9.0)[:, None] / 9
+    isocodec.decode(isocodec.encode(hills[0], 0.5, coordinates=coordinates))
     points = np.random.default_rng(5).integers(0, 1 << 20, (30, 2))
     for criterion in ("inf", "AT3", "l2", "NAT"):
         isocodec.thin(points, points[:, 0] % 7, criterion, to=8).tin()
