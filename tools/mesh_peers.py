@@ -173,7 +173,7 @@ def tetrahedra(side: int = 33) -> None:
         back = DracoPy.decode(data)
         error = apart(over(np.asarray(back.points, float), np.asarray(back.faces, np.int64)), exact)
         for kind in ("known", "coded"):
-            options = {} if kind == "known" else {"mesh": "coded", "mesh_error": 0.07}
+            options = {} if kind == "known" else {"mesh": "coded", "mesh_error": 0.05}
             ours, found = nearest(mesh, values, [0.5], [exact], error, 1.0, **options)
             domain = isocodec.inspect(ours).chunks[0].bytes
             print(

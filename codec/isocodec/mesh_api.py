@@ -53,7 +53,7 @@ def encode_mesh(
         the file holds the cells that the contours cross, ``whole``: all cells.
     mesh_error : float, optional
         Of a mesh in the file, the largest distance between vertices and their points; less where cells would fold. By
-        default 0.07 of the median edge. Points of contours are told on the edges of that mesh, where these meet the
+        default 0.05 of the median edge. Points of contours are told on the edges of that mesh, where these meet the
         contour of the given one, so that they may lie much nearer to it.
     exact, step, signs_only, leaning, metadata
         As in `encode`.

@@ -26,11 +26,11 @@ from ..format.header import Header, write_header
 from .mesh_decoder import coordinates_of
 from .options import Options, isovalues_of, nearest_before
 
-FINER = 2
+FINER = 3
 """How many times as many vertices are told after a layer of signs than before it, at least."""
 EDGE_SHARE = 0.05
 """Without an option, points lie as near to the contour as this share of the median edge."""
-MESH_SHARE = 0.07
+MESH_SHARE = 0.05
 """Without an option, vertices of a mesh in the file lie as near to theirs as this share of the median edge."""
 KINDS = ("known", "coded", "whole")
 
