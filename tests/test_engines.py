@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import eccodes
 import numpy as np
 import pydicom
 import pytest
@@ -78,7 +77,8 @@ def test_labelled_files_that_leave_a_choice(tmp_path: Path) -> None:
 
 
 def test_grib(tmp_path: Path) -> None:
-    """Written with eccodes, without an index left beside it."""
+    """Written with eccodes, without an index left beside it; left out without the extra ``grib``."""
+    eccodes = pytest.importorskip("eccodes")
     message = eccodes.codes_grib_new_from_samples("regular_ll_sfc_grib2")
     for key, value in {"Ni": 30, "Nj": 20, "latitudeOfFirstGridPointInDegrees": 60.0,
                        "jDirectionIncrementInDegrees": 0.5, "latitudeOfLastGridPointInDegrees": 50.5,

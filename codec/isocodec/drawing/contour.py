@@ -96,7 +96,7 @@ class Contour(Exchange):
         placed = sum(points[:, a, None] * self.placement[:, a] for a in range(n)) + self.placement[:, n]
         return np.asarray(placed)
 
-    @cached_property
+    @property
     def joined(self) -> Contour:
         """The contour with one point where it had two, at either end of a periodic axis that closes in the world.
 
