@@ -152,8 +152,9 @@ def test_points_without_a_step_stay():
 @pytest.mark.parametrize("n", [2, 3])
 def test_fitted_again_around_a_place(n):
     """Points far from where the curve is too far away stay, and what may have changed is seen to be held against it."""
-    promise = Promise(check_field(ball(n, 65, 27.3), 0.0))
-    mesh = chosen((65,) * n, uniform((65,) * n, n * cube_exponent((65,) * n) - 2 * n))
+    side, radius = (65, 27.3) if n == 2 else (41, 17.3)
+    promise = Promise(check_field(ball(n, side, radius), 0.0))
+    mesh = chosen((side,) * n, uniform((side,) * n, n * cube_exponent((side,) * n) - 2 * n))
     before = promise.placed(mesh, 5, 0, 0.5)
     place = promise.contour.points[:1]
     after = promise.placed(mesh, 5, 0, 0.3, before, places=place)
