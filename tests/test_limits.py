@@ -96,7 +96,7 @@ WAYS = {
 @pytest.mark.parametrize("n, size, rough", [(2, 150, 1), (2, 300, 0), (3, 24, 1), (3, 50, 0)])
 def test_decoding_and_drawing_take_no_more_than_is_counted(n, size, rough, way, monkeypatch):
     """What is really allocated, against the account: as good as all of it, and never more."""
-    monkeypatch.setattr("isocodec.stream.received.Budget", Traced)
+    monkeypatch.setattr("isocodec.stream.container.Budget", Traced)
     isovalues = [0.5, 120.5] if way in ("offsets", "values") else [0.5]
     data = isocodec.encode(field(n, size, rough), isovalues, **WAYS[way])
 

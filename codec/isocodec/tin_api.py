@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import math
-import zlib
 from collections.abc import Mapping
 from numbers import Integral
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from isospec.container import Checksum, ChunkType, DomainKind, Profile
+from isospec.container import ChunkType, DomainKind, Profile
 
 from .domain.coded_tin import decoded, encoded
 from .domain.delaunay import delaunay, triangles
@@ -18,11 +17,12 @@ from .domain.points import Points, points_of
 from .domain.rank import by_rank
 from .domain.tin import Tin
 from .errors import FormatError, LimitError, OptionError, TruncatedError
-from .format.chunks import CHECKSUM_BYTES, octets, read_envelope, read_metadata, verify, write_chunk, write_metadata
-from .format.header import Header, read_header, write_header
+from .format.chunks import CHECKSUM_BYTES, octets, read_envelope, read_metadata, verify, write_chunk
+from .format.header import Header, read_header
 from .format.tin import MOST_LAYERS, TinHead, read_tin, values_of, write_tin
 from .limits import WORK_PER_BYTE, Limits
 from .search.tin_fit import Chosen, best, in_layers, smallest, within
+from .stream.container import beginning, with_checksum
 
 PER_POINT = 400
 """Bytes that decoding takes for each point at most."""
@@ -86,10 +86,9 @@ def encode_tin(
     _check(error, to, size, step, layers)
     given = points_of(points, values)
     shape = np.shape(points) if values is None else None
-    notes = write_chunk(ChunkType.METADATA, write_metadata(metadata), ancillary=True) if metadata else b""
 
     def file(chosen: Chosen) -> bytes:
-        return _file(given, chosen, shape, layers, notes)
+        return _file(given, chosen, shape, layers, metadata)
 
     if error is not None:
         return file(within(given, float(error)))
@@ -119,7 +118,9 @@ def _check(error: float | None, to: int | None, size: int | None, step: float | 
         )  # fmt: skip
 
 
-def _file(given: Points, chosen: Chosen, shape: tuple[int, int] | None, layers: int, notes: bytes) -> bytes:
+def _file(
+    given: Points, chosen: Chosen, shape: tuple[int, int] | None, layers: int, metadata: Mapping[str, str] | None
+) -> bytes:
     """The file of chosen points."""
     parts = in_layers(given, chosen, layers)
     extent = (int(given.x.max()) + 1, int(given.y.max()) + 1) if shape is None else shape
@@ -131,9 +132,8 @@ def _file(given: Points, chosen: Chosen, shape: tuple[int, int] | None, layers: 
         chosen.largest, tuple(counts),
     )  # fmt: skip
     payload = write_tin(head) + encoded(parts, extent, chosen.largest)
-    out = write_header(Header((), 0.0, None, Profile.MAIN, cells=2)) + notes
-    out += write_chunk(ChunkType.DOMAIN, payload, last=True)
-    return out + Checksum.build(zlib.crc32(out))
+    begun = beginning(Header((), 0.0, None, Profile.MAIN, cells=2), metadata)
+    return b"".join(with_checksum([*begun, write_chunk(ChunkType.DOMAIN, payload, last=True)]))
 
 
 def is_tin(data: bytes) -> bool:

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import math
-import zlib
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from isospec.container import Checksum, ChunkType, Profile
+from isospec.container import ChunkType, Profile
 
 from ..errors import FormatError, OptionError
 from ..field.sampled import check_bare
@@ -21,11 +20,10 @@ from ..format.chunks import (
     write_chunk,
     write_further,
     write_index,
-    write_metadata,
     write_promises,
 )
 from ..format.frames import FRAME_BEFORE
-from ..format.header import Header, write_header
+from ..format.header import Header
 from ..format.kinds import LayerKind
 from ..format.program import Layer, Progress, write_program
 from ..layers.plan import Entry
@@ -39,6 +37,7 @@ from ..search.promise import Promise
 from ..search.steps import stepwise
 from ..search.tolerance import NO_OFFSETS, grid_offsets, radices
 from ..tube.holes import Holes
+from .container import ContainerEncoder, beginning
 from .mapped import GivenWorld, check_axes, closed
 from .options import DEFAULT_TOLERANCE, SEARCHED, Options, isovalues_of, nearest_before
 from .plan_meshes import with_meshes
@@ -74,7 +73,7 @@ INDEX_SHARE = 100
 """A level index is written if it takes at most this fraction of the data."""
 
 
-class Encoder:
+class Encoder(ContainerEncoder):
     """Encodes isocontours of a field; iterating, once, yields the bytes of the file, chunk by chunk.
 
     Parameters
@@ -163,7 +162,6 @@ class Encoder:
         self._strands: list[LayerWriter] = []
         strand, self._lean_of_first = self._strand(0, Progress(self._full_level))
         self._strands.append(strand)
-        self._begun = False
 
     def _encoded_mask(self, gone: NDArray[np.bool_] | None) -> tuple[bytes, Holes | None]:
         """The run of the mask, and what it says, if any samples are missing."""
@@ -289,16 +287,6 @@ class Encoder:
         nearest = nearest_before(self.isovalues, number)
         return Earlier(self._strands[nearest], self.isovalues[nearest], nearest)
 
-    def __iter__(self) -> Iterator[bytes]:
-        if self._begun:
-            raise OptionError("an encoder can be iterated only once", code="iterated", remedy="make another one")
-        self._begun = True
-        checksum = 0
-        for piece in self._pieces():
-            checksum = zlib.crc32(piece, checksum)
-            yield piece
-        yield Checksum.build(checksum)
-
     def _pieces(self) -> Iterator[bytes]:
         """The file but for its checksum."""
         yield from self._beginning()
@@ -312,9 +300,7 @@ class Encoder:
 
     def _beginning(self) -> Iterator[bytes]:
         """The header, and what is about the whole file."""
-        yield write_header(self.header)
-        if self._metadata:
-            yield write_chunk(ChunkType.METADATA, write_metadata(self._metadata), ancillary=True)
+        yield from beginning(self.header, self._metadata)
         if self._coordinates:
             yield write_chunk(ChunkType.COORDINATES, self._coordinates, ancillary=True)
         if self._holes:

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterator
-from copy import copy
+from collections.abc import Collection
 from functools import cached_property
 
 import numpy as np
@@ -18,14 +17,15 @@ from ..domain.isovalue import MeshIsovalue
 from ..domain.mesh_run import decoded_mesh
 from ..drawing.contour import Contour
 from ..drawing.explicit import draw_cells
-from ..errors import FormatError, InputError, IsoError, LimitError, OptionError, TruncatedError, out_of_memory
+from ..errors import FormatError, InputError, LimitError, OptionError
 from ..field.samples import interval_value
-from ..format.chunks import Envelope, octets, read_envelope, verify
+from ..format.chunks import Envelope, read_envelope, verify
 from ..format.domain import DomainHead, MeshLayerHead, read_mesh_layer
-from ..format.header import Header, read_header
+from ..format.header import Header
 from ..layers.contents import Contents
-from ..layers.events import ChunkSkipped, DomainRead, End, Event, HeaderRead, IsovalueRead, MeshLayerComplete
-from ..limits import Budget, Limits
+from ..layers.events import ChunkSkipped, DomainRead, Event, IsovalueRead, MeshLayerComplete
+from ..limits import Limits
+from .container import ContainerDecoder
 
 REFUSED = (ChunkType.CUT_LAYERS, ChunkType.MASK)
 """Critical chunks that a file of an explicit domain does not have."""
@@ -41,7 +41,7 @@ def coordinates_of(domain: Complex, head: DomainHead) -> NDArray[np.float64]:
     return np.asarray(np.ldexp(places * head.multiple, head.exponent))
 
 
-class MeshDecoder:
+class MeshDecoder(ContainerDecoder):
     """Decodes a file of an explicit domain as its bytes come in, chunk by chunk.
 
     Parameters
@@ -75,75 +75,19 @@ class MeshDecoder:
         *,
         only: Collection[int] | None = None,
     ) -> None:
-        self.limits = limits or Limits()
-        self.header: Header | None = None
+        super().__init__(limits, Contents())
         self._mesh = mesh
         self._only = only
-        self._data = bytearray()
-        self._at = 0
-        self._contents = Contents()
-        self.isovalues, self.metadata = self._contents.isovalues, self._contents.metadata
         self._domain: Complex | None = None
         self._points: NDArray[np.float64] | None = None
         self._strands: list[MeshIsovalue | None] = []
-        self._budget = Budget(self.limits.memory)
         self._layers = 0
         self._symbols = self.limits.symbols
-        self._last = self._ended = self._closed = False
-        self._error: IsoError | None = None
 
     @property
     def head(self) -> DomainHead | None:
         """What the file says of its domain, once that has come."""
         return self._contents.domain
-
-    @property
-    def complete(self) -> bool:
-        """Whether the whole file has been received and verified."""
-        return self._ended
-
-    def feed(self, data: bytes | bytearray | memoryview) -> None:
-        """Store some more bytes of the file."""
-        if self._error is not None:
-            raise copy(self._error)
-        if self._closed:
-            raise TruncatedError("bytes fed after close", code="closed")
-        if len(self._data) + len(octets(data)) > self.limits.bytes:
-            raise LimitError(f"more than {self.limits.bytes} bytes", code="limit-bytes", clause="11.2")
-        self._data += octets(data)
-
-    def close(self) -> None:
-        """Say that no more bytes will come.
-
-        Raises
-        ------
-        TruncatedError
-            If the file is not complete. What was decoded can still be drawn.
-        """
-        for _ in self:
-            pass
-        self._closed = True
-        if not self._ended:
-            raise TruncatedError(
-                f"the file ends after {len(self._data)} bytes, before it is complete", code="truncated",
-                offset=len(self._data), clause="8.3",
-            )  # fmt: skip
-
-    def __iter__(self) -> Iterator[Event]:
-        while True:
-            if self._error is not None:
-                raise copy(self._error)
-            try:
-                event = self._step()
-            except IsoError as error:
-                self._error = copy(error)
-                raise
-            except MemoryError:
-                self._error = out_of_memory("to decode")
-                raise copy(self._error) from None
-            if event is None:
-                return
-            yield event
 
     def strand(self, number: int = 0) -> MeshIsovalue | None:
         """What is known of an isovalue, by number; None before it has come, or if it is skipped."""
@@ -187,8 +131,7 @@ class MeshDecoder:
 
     def snapshot(self, number: int = 0) -> Contour:
         """The same of all bytes fed so far."""
-        for _ in self:
-            pass
+        self._take_all()
         return self.drawn(number)
 
     def _ratio(self, found: MeshIsovalue) -> NDArray[np.float64]:
@@ -208,24 +151,12 @@ class MeshDecoder:
 
     # -- the machine ---------------------------------------------------------------------------------------------
 
-    def _step(self) -> Event | None:
-        """Next event; None if it needs more bytes."""
-        if self._ended:
-            if len(self._data) > self._at:
-                raise FormatError("bytes after the end of the file", code="trailing", offset=self._at, clause="3.4.4")
-            return None
-        if self._last:
-            self._ended = True
-            return End(self._at)
-        if self.header is None:
-            found = read_header(self._data)
-            if found is None:
-                return None
-            if found[0].cells is None:
-                raise OptionError("the file's domain is a grid", code="domain", remedy="take Decoder, or decode")
-            self.header, self._at = found
-            self._contents.begin(self.header)
-            return HeaderRead(self._at, self.header)
+    def _begin_file(self, header: Header) -> None:
+        if header.cells is None:
+            raise OptionError("the file's domain is a grid", code="domain", remedy="take Decoder, or decode")
+        super()._begin_file(header)
+
+    def _step(self, header: Header) -> Event | None:
         chunk = read_envelope(self._data, self._at)
         if chunk is None:
             return None

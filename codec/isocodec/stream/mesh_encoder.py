@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import math
-import zlib
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from isospec.container import Checksum, ChunkType, DomainKind, MeshLayer, Profile
+from isospec.container import ChunkType, DomainKind, MeshLayer, Profile
 
 from ..domain.complex import Complex, complex_of
 from ..domain.geometry import STEPS, active_vertices, parts_of
@@ -20,9 +19,10 @@ from ..domain.mesh_run import encoded_mesh
 from ..domain.quantised import quantised, refitted
 from ..errors import InputError, OptionError
 from ..field.samples import Field, isovalue_of
-from ..format.chunks import write_chunk, write_further, write_metadata
+from ..format.chunks import write_chunk, write_further
 from ..format.domain import MOST_STEP, DomainHead, MeshLayerHead, write_domain, write_mesh_layer
-from ..format.header import Header, write_header
+from ..format.header import Header
+from .container import ContainerEncoder, beginning
 from .mesh_decoder import coordinates_of
 from .options import Options, isovalues_of, nearest_before
 
@@ -35,7 +35,7 @@ MESH_SHARE = 0.05
 KINDS = ("known", "coded", "whole")
 
 
-class MeshEncoder:
+class MeshEncoder(ContainerEncoder):
     """Encodes isocontours of values at the vertices of a mesh; iterating, once, yields the bytes of the file.
 
     Parameters
@@ -138,18 +138,9 @@ class MeshEncoder:
         tolerance = o.tolerance or EDGE_SHARE * self._edge
         return int(min(max(2 * tolerance / self.domain.unit * STEPS, 1), MOST_STEP))
 
-    def __iter__(self) -> Iterator[bytes]:
-        checksum = 0
-        for piece in self._pieces():
-            checksum = zlib.crc32(piece, checksum)
-            yield piece
-        yield Checksum.build(checksum)
-
     def _pieces(self) -> Iterator[bytes]:
         """The file but for its checksum."""
-        yield write_header(self.header)
-        if self.options.metadata:
-            yield write_chunk(ChunkType.METADATA, write_metadata(self.options.metadata), ancillary=True)
+        yield from beginning(self.header, self.options.metadata)
         yield write_chunk(ChunkType.DOMAIN, self._domain_chunk)
         leans: list[int | None] = []
         for number, value in enumerate(self.isovalues):

@@ -16,54 +16,41 @@ from ..drawing.contour import Contour
 from ..drawing.mask import MaskRows
 from ..drawing.tessellation import Tessellation
 from ..entropy.range_coder import Coder
-from ..errors import IsoError, LimitError, OptionError, out_of_memory
+from ..errors import LimitError, OptionError, out_of_memory
 from ..field.mapped import Mapped
-from ..format.header import Header
 from ..format.program import Layer, Progress
 from ..layers.contents import Contents
 from ..layers.reader import LayerReader
-from ..limits import Budget, Limits
+from ..limits import Limits
 from ..passes.runner import Tube
 from ..passes.snapshot import state_of
 from ..tube.decoded import Decoded
+from .container import ContainerDecoder
 from .drawn import contour_of, mask_rows_of, mesh_of, tessellation_of, valid_rows_of
 from .tubes import Tubes
 from .world import World
 
 
-class Received:
+class Received(ContainerDecoder):
     """What bytes have been fed and what has been decoded of them, as of the events taken so far.
 
-    `Decoder` adds the bytes and takes the events.
+    `Decoder` takes the events.
     """
 
     def __init__(
         self, limits: Limits | None = None, *, only: Collection[int] | None = None, frame: int | None = None
     ) -> None:
-        self.limits = limits or Limits()
-        self.header: Header | None = None
-        self._data = bytearray()
         self.layers: list[Layer] = []
-        self._contents = Contents(layers=self.layers)
-        self._budget = Budget(self.limits.memory)
+        super().__init__(limits, Contents(layers=self.layers))
         self._strands = strands = Tubes(self.limits, self._data, self._contents, self._budget, only, frame)
         self._tubes, self._progresses, self._mask = strands.all, strands.progresses, strands.mask
         self._reader = LayerReader(
             self.limits, self._data, self._tubes, self._progresses, self._mask.tubes, self.layers
         )
         self._wanted = frame
-        self.isovalues = self._contents.isovalues
-        self.metadata = self._contents.metadata
         self.runs = self._reader.runs
         self._world = World(self._budget)
         self._cut = False
-        self._ended = False
-        self._error: IsoError | None = None
-
-    @property
-    def complete(self) -> bool:
-        """Whether the whole file has been received and verified."""
-        return self._ended
 
     @property
     def _tube(self) -> Tube | None:
