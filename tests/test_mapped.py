@@ -361,9 +361,10 @@ def test_values_come_back(data: st.DataObject) -> None:
     if period:
         missed = (missed + period // 2) % period - period // 2
     assert np.abs(missed[~free]).max(initial=0) <= 8
-    # bytes behind the end are refused, and so is a run that is far too short
+    # bytes behind the end are refused; half of a run may by chance be that of other values, as any bytes may
     assert decode_run(run + bytes(5), [grid]) is None
-    assert len(run) < 20 or decode_run(run[: len(run) // 2], [grid]) is None
+    half = decode_run(run[: len(run) // 2], [grid])
+    assert len(run) < 20 or half is None or not np.array_equal(half[0], values)
 
 
 @settings(deadline=None, max_examples=60)
