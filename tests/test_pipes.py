@@ -35,6 +35,18 @@ def test_a_field_in_and_a_file_out(tmp_path: Path) -> None:
     assert json.loads(told)["shape"] == list(HILLS.shape)
 
 
+def test_meshes_and_surfaces(tmp_path: Path) -> None:
+    """Told apart by what comes, however long the notes before it are."""
+    points, cells = np.array([[0, 0], [1, 0], [0, 1], [1, 1]]), [[0, 1, 2], [1, 3, 2]]
+    mesh = isocodec.encode_mesh(points, cells, [0, 1, 1, 2], 0.5, mesh="coded", metadata={"note": "x" * 5000})
+    surface = isocodec.encode_tin(HILLS, error=4, metadata={"note": "x" * 5000})
+    for name, data, kind, word in (("mesh", mesh, "geojson", "LineString"), ("surface", surface, "ply", "ply")):
+        raw, _ = piped(data, "decode", "-", "-o", "-", "--to", kind)
+        (tmp_path / f"{name}.iso").write_bytes(data)
+        ok("decode", tmp_path / f"{name}.iso", "-o", tmp_path / f"{name}.{kind}")
+        assert raw == (tmp_path / f"{name}.{kind}").read_bytes() and word.encode() in raw
+
+
 def test_urls(tmp_path: Path) -> None:
     np.save(tmp_path / "hills.npy", HILLS)
     ok("encode", f"file://{tmp_path}/hills.npy", "-o", tmp_path / "a.iso", "--isovalue", 80.5)

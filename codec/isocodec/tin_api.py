@@ -17,7 +17,7 @@ from .domain.points import Points, points_of
 from .domain.rank import by_rank
 from .domain.tin import Tin
 from .errors import FormatError, LimitError, OptionError, TruncatedError
-from .format.chunks import CHECKSUM_BYTES, octets, read_envelope, read_metadata, verify, write_chunk
+from .format.chunks import octets, read_envelope, read_metadata, verify, write_chunk
 from .format.header import Header, read_header
 from .format.tin import MOST_LAYERS, TinHead, read_tin, values_of, write_tin
 from .limits import WORK_PER_BYTE, Limits
@@ -134,27 +134,6 @@ def _file(
     payload = write_tin(head) + encoded(parts, extent, chosen.largest)
     begun = beginning(Header((), 0.0, None, Profile.MAIN, cells=2), metadata)
     return b"".join(with_checksum([*begun, write_chunk(ChunkType.DOMAIN, payload, last=True)]))
-
-
-def is_tin(data: bytes) -> bool:
-    """Whether the first bytes of a file are those of one that holds a surface.
-
-    Raises
-    ------
-    FormatError
-        If they are not those of a file.
-    """
-    found = read_header(data)
-    if found is None or found[0].cells != 2:
-        return False
-    at = found[1]
-    while True:
-        chunk = read_envelope(data, at)
-        if chunk is None:
-            return False
-        if chunk.type == ChunkType.DOMAIN:
-            return chunk.start < len(data) and data[chunk.start] >> 4 == DomainKind.POINTS
-        at = chunk.end + CHECKSUM_BYTES * chunk.checked
 
 
 def decode_tin(data: bytes, *, max_bytes: int | None = None, limits: Limits | None = None) -> Tin:

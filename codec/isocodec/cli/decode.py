@@ -106,22 +106,27 @@ def decode_command(
         )  # fmt: skip
         return
 
-    from .tin import decode_surface, holds_surface
+    from isospec.container import DomainKind
 
-    if holds_surface(source):
+    from ..format.domain import kind_of_domain
+    from .on_mesh import decode_on_mesh
+    from .tin import decode_surface
+
+    if to is None and str(output) == STANDARD:
+        raise click.UsageError("--to says in which format to write to standard output: --to .geojson")
+    named = output if to is None else Path(f"_.{to.lstrip('.')}")
+    limits = limits_of(limit_memory, limit_work)
+    check_output(output, source)
+    data = read_iso(source)
+    kind = kind_of_domain(data)
+    if kind == DomainKind.POINTS:
         if isovalue is not None or layers is not None or areas or smooth:
             raise click.UsageError("the file holds a surface: --isovalue, --layers, --areas and --smooth mean nothing")
-        decode_surface(source, output, max_bytes, in_samples, partial, limits_of(limit_memory, limit_work), as_json)
-        return
-
-    from .on_mesh import decode_on_mesh, is_on_mesh
-
-    if is_on_mesh(source):
+        return decode_surface(source, data, output, named, max_bytes, in_samples, partial, limits, as_json)
+    if kind is not None:
         if layers is not None or areas or smooth:
             raise click.UsageError("the file is of a mesh: --layers, --areas and --smooth mean nothing")
-        check_output(output, source)
-        decode_on_mesh(source, output, domain, isovalue, max_bytes, limits_of(limit_memory, limit_work), as_json)
-        return
+        return decode_on_mesh(source, data, output, named, domain, isovalue, max_bytes, limits, as_json)
     if domain is not None:
         raise click.UsageError("--domain: the file is of a grid, not of a mesh")
 
@@ -137,16 +142,11 @@ def decode_command(
         render_sides,
     )
 
-    if to is None and str(output) == STANDARD:
-        raise click.UsageError("--to says in which format to write to standard output: --to .geojson")
-    named = output if to is None else Path(f"_.{to.lstrip('.')}")
     with concerning(output):
         if areas:
             check_areas(named)
         suffix = check_suffix(named)
         check_libraries(suffix)
-    check_output(output, source)
-    data = read_iso(source)
 
     import isocodec
 
@@ -155,7 +155,6 @@ def decode_command(
     started = time.perf_counter()
     with concerning(source):
         found = read_header(data)
-    limits = limits_of(limit_memory, limit_work)
     if found and isovalue is None and layers is None and holds_several(suffix, len(found[0].shape)):
         decoder = receive_all(source, data, partial, limits, max_bytes, frame)
         numbers = list(range(len(decoder.isovalues)))

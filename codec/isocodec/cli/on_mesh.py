@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 
 import click
 
-from ..errors import IsoError, OptionError
+from ..errors import OptionError
 from .receive import warn_of_others
-from .report import concerning, read_iso, tell, write_output
+from .report import concerning, tell, write_output
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -65,29 +65,21 @@ def encode_on_mesh(
     )
 
 
-def is_on_mesh(source: Path) -> bool:
-    """Whether a file begins like one of values on a mesh; False if it cannot be read."""
-    from ..mesh_api import HEADER_BYTES, on_mesh
-
-    try:
-        with source.open("rb") as file:
-            return source.is_file() and on_mesh(file.read(HEADER_BYTES))
-    except (OSError, IsoError):
-        return False
-
-
 def decode_on_mesh(
-    source: Path, output: Path, domain: Path | None, isovalue: float | None, max_bytes: int | None, limits: Limits,
-    as_json: bool,
+    source: Path, data: bytes, output: Path, named: Path, domain: Path | None, isovalue: float | None,
+    max_bytes: int | None, limits: Limits, as_json: bool,
 ) -> None:  # fmt: skip
-    """Decode a file of values on a mesh; ``domain`` is the file with the mesh, if ``source`` does not hold it."""
+    """Decode a file of values on a mesh; ``domain`` is the file with the mesh, if ``source`` does not hold it.
+
+    ``named`` has the suffix that names the format.
+    """
     import isocodec
 
     from ..io.mesh_read import read_mesh
     from ..io.write import check_libraries, check_suffix, render_contour
 
     with concerning(output):
-        suffix = check_suffix(output)
+        suffix = check_suffix(named)
         if suffix not in WRITTEN:
             raise OptionError(
                 f"what lies on a mesh cannot be written as {suffix}", code="suffix",
@@ -100,7 +92,6 @@ def decode_on_mesh(
             found = read_mesh(domain)
             mesh = found.points, found.cells
     started = time.perf_counter()
-    data = read_iso(source)
     with concerning(source):
         if isovalue is None and suffix == ".geojson":
             contours = isocodec.decode_all(data, max_bytes=max_bytes, mesh=mesh, limits=limits)
@@ -111,7 +102,7 @@ def decode_on_mesh(
     seconds = time.perf_counter() - started
     n = contours[0].n
     with concerning(output):
-        check_suffix(output, n)
+        check_suffix(named, n)
         rendered = render_contour(contours, suffix, n)
     write_output(output, rendered)
     pieces = "segments" if n == 2 else "triangles"

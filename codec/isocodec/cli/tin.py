@@ -8,16 +8,12 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from ..errors import IsoError
 from ..limits import Limits
-from .report import check_output, concerning, read_iso, tell, write_output
+from .report import concerning, tell, write_output
 
 if TYPE_CHECKING:
     from ..io.place import Place
     from ..io.read import Field
-
-_HEAD = 256
-"""Bytes that show what a file holds, if no long notes come first."""
 
 
 def encode_surface(
@@ -57,21 +53,11 @@ def encode_surface(
     )  # fmt: skip
 
 
-def holds_surface(source: Path) -> bool:
-    """Whether a file begins like one that holds a surface; False if it cannot be read."""
-    from ..tin_api import is_tin
-
-    try:
-        with source.open("rb") as file:
-            return source.is_file() and is_tin(file.read(_HEAD))
-    except (OSError, IsoError):
-        return False
-
-
 def decode_surface(
-    source: Path, output: Path, max_bytes: int | None, in_samples: bool, partial: bool, limits: Limits, as_json: bool
-) -> None:
-    """Write the surface of a file, or the picture that it makes."""
+    source: Path, data: bytes, output: Path, named: Path, max_bytes: int | None, in_samples: bool, partial: bool,
+    limits: Limits, as_json: bool,
+) -> None:  # fmt: skip
+    """Write the surface of a file, or the picture that it makes; ``named`` has the suffix that names the format."""
     import io
 
     import numpy as np
@@ -81,11 +67,9 @@ def decode_surface(
     from ..field.placement import CRS, read_placement, unplaced
     from ..io.tin import PlacedTin, check_tin, render_tin
 
-    picture = output.suffix.lower() == ".npy"
+    picture = named.suffix.lower() == ".npy"
     with concerning(output):
-        suffix = ".npy" if picture else check_tin(output)
-    check_output(output, source)
-    data = read_iso(source)
+        suffix = ".npy" if picture else check_tin(named)
     started = time.perf_counter()
     with concerning(source):
         tin = isocodec.decode_tin(data, max_bytes=len(data) if partial and max_bytes is None else max_bytes,
