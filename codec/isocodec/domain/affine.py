@@ -42,7 +42,7 @@ def _volume(mesh, a, sides, shift):
 
 
 @inlined
-def _root(x):
+def root(x):
     """Whole part of a square root."""
     if x <= 0:
         return np.int64(0)
@@ -95,8 +95,8 @@ def beyond(mesh, value, t, o, v):
         base = _dot(mesh, b, b, a, shift)
         at_v = _dot(mesh, v, b, a, shift)
         at_l = _dot(mesh, left, b, a, shift)
-        area_v = _root(max(base * (_dot(mesh, v, v, a, shift)) - at_v * at_v, 0))
-        area_l = _root(max(base * (_dot(mesh, left, left, a, shift)) - at_l * at_l, 0))
+        area_v = root(max(base * (_dot(mesh, v, v, a, shift)) - at_v * at_v, 0))
+        area_l = root(max(base * (_dot(mesh, left, left, a, shift)) - at_l * at_l, 0))
         foot_v = va + ((vb - va) * ratio(at_v, base)) // UNIT
         foot_l = va + ((vb - va) * ratio(at_l, base)) // UNIT
         return foot_v + ((foot_l - vl) * ratio(area_v, area_l)) // UNIT

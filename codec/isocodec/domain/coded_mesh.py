@@ -13,6 +13,7 @@ from ..kernel import BAD, CUT, DONE, inlined, inner, kernel, record
 from ..kernel.types import IntMatrix, IntVector
 from .base import uniform
 from .complex import Complex, assembled
+from .expected import expect, learn_miss
 from .growth import (
     BORDER,
     CANDIDATES,
@@ -22,7 +23,6 @@ from .growth import (
     GrowthRegisters,
     attach,
     borders,
-    expected,
     face_size,
     list_candidates,
     near_class,
@@ -67,7 +67,6 @@ class Original(NamedTuple):
 @inner
 def _code_place(g, cd, origin, face, truth):
     """Code where a new vertex lies: behind a face, or far from all."""
-    corners = g.cell.shape[1]
     v = np.int64(g.reg.vertices)
     if v >= len(g.position):
         g.reg.error = 3
@@ -75,13 +74,11 @@ def _code_place(g, cd, origin, face, truth):
     for k in range(g.position.shape[1]):
         case = 3 + k if face >= 0 else k
         if face >= 0:
-            t = face // corners
-            guess = expected(g, t, face - t * corners, k)
+            guess = g.aim[g.reg.chosen, k]
         elif v > 0:
             guess = g.position[v - 1, k]
         else:
             guess = g.extent[k] >> 1
-        guess = min(max(guess, 0), g.extent[k] - 1)
         width = g.spread[case]
         if width == 0:
             width = max((g.extent[k] << FINE) >> (5 if face >= 0 else 3), LEAST)
@@ -95,6 +92,8 @@ def _code_place(g, cd, origin, face, truth):
         wrong = abs(found - guess) << FINE
         g.spread[case] = max(width + ((wrong - width) >> 5), LEAST)
         g.position[v, k] = found
+        if face >= 0:
+            learn_miss(g, k, found, FINE)
     g.reg.vertices += 1
     if truth >= 0:
         origin.vertex[truth] = v
@@ -189,6 +188,7 @@ def _code_face(g, cd, origin, face):
     truth, apex = np.int64(-1), np.int64(-1)
     if cd.reg.mode != DECODE:
         truth, apex = _behind(g, origin, t, o)
+    expect(g, t, o)
     count = list_candidates(g, t, o, face_size(g, t, o))
     near = near_class(g.candidate[CANDIDATES]) if count > 0 else NEAR - 1
     edge = borders(g, t)
@@ -267,7 +267,7 @@ def growth_of(vertices: int, cells: int, corners: int, extent: NDArray[np.int64]
         np.zeros((vertices, d), np.int64), extent, np.zeros((cells, corners), np.int64),
         np.full((cells, corners), OPEN, np.int64), np.full(vertices, -1, np.int64),
         np.zeros(cells * corners, np.int64), np.zeros(cells * corners, np.int64), np.zeros(2 * CANDIDATES, np.int64),
-        np.zeros(6, np.int64), GrowthRegisters(),
+        np.zeros(6, np.int64), np.zeros((2, d), np.int64), np.zeros(2, np.int64), GrowthRegisters(),
     )  # fmt: skip
 
 

@@ -15,8 +15,6 @@ CANDIDATES = 4
 """Vertices that the next cell may have already, at most."""
 NEAR = 12
 """Classes of how far vertices lie from where the next one is expected."""
-EVEN = 887
-"""Height of a triangle of equal sides, in parts of 1024 of a side."""
 
 
 class GrowthRegisters(Registers):
@@ -32,6 +30,8 @@ class GrowthRegisters(Registers):
         Whether the last faces were on the border, as bits, the latest lowest.
     work : int
         Cells that were looked at.
+    chosen : int
+        Which row of ``aim`` is followed.
     error : int
         What was wrong when a kernel returned BAD: 3 more vertices or cells than stated, 4 no complex.
     """
@@ -42,6 +42,7 @@ class GrowthRegisters(Registers):
     last: int
     past: int
     work: int
+    chosen: int
     error: int
 
 
@@ -53,7 +54,8 @@ class Growth(NamedTuple):
     the face opposite each vertex, ``OPEN`` or ``BORDER``; ``head`` (V,): the last corner (cell times (n + 1) plus
     place) of each vertex, ``link`` (T (n + 1),): the corner of the same vertex before each; ``queue``: faces that wait;
     ``candidate`` (2 CANDIDATES,): vertices, and how far they lie; ``spread`` (2 d,): how far positions have been from
-    where they were expected.
+    where they were expected; ``aim`` (2, d): where the next one is, by reflection and evenly; ``missed`` (2,): how far
+    both have been from positions.
     """
 
     position: IntMatrix
@@ -65,6 +67,8 @@ class Growth(NamedTuple):
     queue: IntVector
     candidate: IntVector
     spread: IntVector
+    aim: IntMatrix
+    missed: IntVector
     reg: GrowthRegisters
 
 
@@ -133,27 +137,6 @@ def attach(g):
     for i in range(corners):
         fits = fits and _join(g, t, i)
     return fits
-
-
-@inner
-def expected(g, t, o, k):
-    """Coordinate k of where a vertex behind face o of cell t is expected."""
-    corners = g.cell.shape[1]
-    total = np.int64(0)
-    for i in range(corners):
-        if i != o:
-            total += g.position[g.cell[t, i], k]
-    left = g.cell[t, o]
-    reflected = 2 * total // (corners - 1) - g.position[left, k]
-    if corners == 4 or g.position.shape[1] == 3:
-        return reflected
-    a, b = g.cell[t, (o + 1) % 3], g.cell[t, (o + 2) % 3]
-    x, y = g.position[b, 0] - g.position[a, 0], g.position[b, 1] - g.position[a, 1]
-    side = x * (g.position[left, 1] - g.position[a, 1]) - y * (g.position[left, 0] - g.position[a, 0])
-    normal = -y if k == 0 else x
-    if side > 0:
-        normal = -normal
-    return (reflected + ((512 * total + EVEN * normal) >> 10)) >> 1
 
 
 @inlined
@@ -225,7 +208,7 @@ def list_candidates(g, t, o, size):
                 if shared == corners - 2 and lone != g.cell[t, o]:
                     far = np.int64(0)
                     for m in range(g.position.shape[1]):
-                        step = g.position[lone, m] - expected(g, t, o, m)
+                        step = g.position[lone, m] - g.aim[g.reg.chosen, m]
                         far += step * step
                     count = _offer(g, count, lone, far * 8 // size)
             k = g.link[k]
