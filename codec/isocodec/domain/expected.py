@@ -59,9 +59,9 @@ def _even(g, t, o):
     height = np.int64(0)
     for k in range(d):
         side = g.position[b, k] - g.position[a, k]
-        g.aim[EVEN, k] = g.position[a, k] + along * side // max(base, 1) - g.position[left, k]
+        g.aim[EVEN, k] = g.position[a, k] + along * side // (base if base > 0 else np.int64(1)) - g.position[left, k]
         height += g.aim[EVEN, k] * g.aim[EVEN, k]
-    length, height = root(length), max(root(height), 1)
+    length, height = root(length), max(root(height), np.int64(1))
     at_a, at_b = _front(g, t, o, a), _front(g, t, o, b)
     for k in range(d):
         bent = g.position[at_a, k] - g.position[a, k] + g.position[at_b, k] - g.position[b, k]
