@@ -229,7 +229,7 @@ def decode(
     data = content(data, limits)
     if on_mesh(data):
         chosen, chain = _chain(data, isovalue)
-        return mesh_decoded(data, mesh, chain, max_bytes, limits).drawn(chosen)
+        return mesh_decoded(data, mesh, chain, max_bytes, limits, frame).drawn(chosen)
     decoder, number = decoded(data, isovalue, layers, max_bytes, limits, progress, frame)
     return _drawn(decoder, [number], smooth, through_holes)[0]
 
@@ -256,7 +256,7 @@ def decode_all(
     """
     data = content(data, limits)
     if on_mesh(data):
-        on = mesh_decoded(data, mesh, None, max_bytes, limits)
+        on = mesh_decoded(data, mesh, None, max_bytes, limits, frame)
         return [on.drawn(number) for number in range(len(on.isovalues))]
     decoder = received(data, None, max_bytes, limits, progress, frame=frame)
     return _drawn(decoder, range(len(decoder.isovalues)), smooth, False)

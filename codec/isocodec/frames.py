@@ -3,26 +3,33 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
+from functools import partial
+from itertools import chain
 from numbers import Integral
+
+from numpy.typing import ArrayLike
 
 from .drawing.contour import Contour
 from .errors import OptionError, TruncatedError
 from .format.chunks import octets
+from .format.header import read_header
 from .layers.events import End, FrameRead
 from .limits import Limits
 from .stream.decoder import Decoder
+from .stream.mesh_decoder import MeshDecoder
 
 
 def decode_frames(
-    data: bytes | bytearray | memoryview | Iterable[bytes], *, smooth: bool = False, limits: Limits | None = None
-) -> Iterator[list[Contour]]:
+    data: bytes | bytearray | memoryview | Iterable[bytes], *, smooth: bool = False,
+    mesh: tuple[ArrayLike, ArrayLike] | None = None, limits: Limits | None = None,
+) -> Iterator[list[Contour]]:  # fmt: skip
     """Decode a file frame by frame; no more than two frames are in memory.
 
     Parameters
     ----------
     data : bytes, or iterable of bytes
         The file, or pieces of it as they come.
-    smooth, limits
+    smooth, mesh, limits
         As in `decode`.
 
     Yields
@@ -37,13 +44,19 @@ def decode_frames(
     LimitError
         If the file needs more than the limits allow.
     """
-    decoder = Decoder(limits)
-    for piece in [octets(data)] if isinstance(data, (bytes, bytearray, memoryview)) else data:
+    pieces = iter([bytes(octets(data))] if isinstance(data, (bytes, bytearray, memoryview)) else data)
+    begun = bytearray()
+    while (found := read_header(begun)) is None and (piece := next(pieces, None)) is not None:
+        begun += piece
+    on_mesh = found is not None and found[0].cells is not None
+    decoder: Decoder | MeshDecoder = MeshDecoder(mesh, limits) if on_mesh else Decoder(limits)
+    draw = decoder.drawn if isinstance(decoder, MeshDecoder) else partial(decoder.drawn, smooth=smooth)
+    for piece in chain([bytes(begun)], pieces):
         decoder.feed(piece)
         for event in decoder:
             if isinstance(event, End) or (isinstance(event, FrameRead) and event.number == 0):
                 before = isinstance(event, FrameRead)
-                yield [decoder.drawn(i, smooth, before=before) for i in range(len(decoder.isovalues))]
+                yield [draw(i, before=before) for i in range(len(decoder.isovalues))]
     decoder.close()
 
 
@@ -62,7 +75,7 @@ def frame_of(frame: int | None) -> int:
     return int(frame)
 
 
-def check_frame(decoder: Decoder, frame: int) -> None:
+def check_frame(decoder: Decoder | MeshDecoder, frame: int) -> None:
     """Refuse a frame that a decoder which has taken the file has not met.
 
     Raises

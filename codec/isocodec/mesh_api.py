@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 from .errors import OptionError, TruncatedError
 from .format.chunks import octets
 from .format.header import read_header
+from .frames import check_frame, frame_of
 from .limits import Limits
 from .stream.mesh_decoder import MeshDecoder
 from .stream.mesh_encoder import MeshEncoder
@@ -32,6 +33,7 @@ def encode_mesh(
     signs_only: bool = False,
     leaning: bool = True,
     progressive: bool | None = None,
+    interval: int = 0,
     metadata: Mapping[str, str] | None = None,
 ) -> bytes:
     """Encode one or more isocontours or isosurfaces of values at the vertices of a mesh.
@@ -45,7 +47,8 @@ def encode_mesh(
         Coordinates x, y (, z) of the vertices.
     cells : (T, 3) or (T, 4) array_like of int
         Vertices of triangles, in the plane or of a surface in space, or of tetrahedra.
-    values : (V,) array_like of bool, integers or floats
+    values : (V,) or (F, V) array_like of bool, integers or floats
+        With two axes, those of F frames: a series, each frame leaning on the one before.
     isovalue : number or sequence of numbers
         As in `encode`.
     mesh : str
@@ -60,6 +63,8 @@ def encode_mesh(
     progressive : bool, optional
         Tell the signs level by level, from a coarse mesh to the whole one, so that the first bytes show all of the
         curve: for triangles in the plane, the default if both sides have the mesh. Else they come along the curve.
+    interval : int
+        As in `encode_frames`.
     tolerance : float, optional
         Largest distance, in the unit of the points, between the decoded and the extracted curve, both ways.
 
@@ -86,7 +91,8 @@ def encode_mesh(
     return b"".join(
         MeshEncoder(
             points, cells, values, isovalue, mesh=mesh, mesh_error=mesh_error, exact=exact, step=step,
-            tolerance=tolerance, signs_only=signs_only, leaning=leaning, progressive=progressive, metadata=metadata,
+            tolerance=tolerance, signs_only=signs_only, leaning=leaning, progressive=progressive, interval=interval,
+            metadata=metadata,
         )
     )  # fmt: skip
 
@@ -103,11 +109,13 @@ def mesh_decoded(
     only: Collection[int] | None = None,
     max_bytes: int | None = None,
     limits: Limits | None = None,
+    frame: int | None = None,
 ) -> MeshDecoder:
-    """A decoder that has taken all of a file on a mesh, or its first bytes; ``only`` those isovalues."""
+    """A decoder that has taken a frame of a file on a mesh, or its first bytes; ``only`` those isovalues."""
     if max_bytes is not None:
         check_count(max_bytes, "max_bytes", "max-bytes")
-    decoder = MeshDecoder(mesh, limits, only=only)
+    wanted = frame_of(frame)
+    decoder = MeshDecoder(mesh, limits, only=only, frame=wanted)
     decoder.feed(octets(data)[:max_bytes])
     for _ in decoder:
         pass
@@ -115,6 +123,7 @@ def mesh_decoded(
         decoder.close()
     if not decoder.isovalues:
         raise TruncatedError("the file ends before its curve begins", code="truncated")
+    check_frame(decoder, wanted)
     return decoder
 
 

@@ -162,7 +162,11 @@ def _compile(found: Found) -> tuple[str, str, bytes]:
     from isocodec.kernel.compiler import compiled
 
     kernel = getattr(importlib.import_module(found.module), found.name)
-    result = compiled(kernel)
+    try:
+        result = compiled(kernel)
+    except Exception as error:
+        # one of the package would not come through to a process that has not loaded it, and nothing would end then
+        raise RuntimeError(f"kernel {found.module}.{found.name}: {error}") from None
     module = result.library._final_module
     for function in module.functions:
         if function.name == result.fndesc.llvm_func_name:

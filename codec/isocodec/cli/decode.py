@@ -126,7 +126,7 @@ def decode_command(
     if kind is not None:
         if layers is not None or areas or smooth:
             raise click.UsageError("the file is of a mesh: --layers, --areas and --smooth mean nothing")
-        return decode_on_mesh(source, data, output, named, domain, isovalue, max_bytes, limits, as_json)
+        return decode_on_mesh(source, data, output, named, domain, isovalue, frame, max_bytes, limits, as_json)
     if domain is not None:
         raise click.UsageError("--domain: the file is of a grid, not of a mesh")
 

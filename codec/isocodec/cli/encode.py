@@ -84,7 +84,8 @@ def encode_command(
         check_iso_output(output, source)
         on_mesh = {
             "mesh": mesh or "known", "mesh_error": mesh_error, "exact": exact, "step": step, "tolerance": tolerance,
-            "signs_only": signs_only, "leaning": not independent, "metadata": read_metadata(metadata),
+            "signs_only": signs_only, "leaning": not independent, "interval": frame_interval or 0,
+            "metadata": read_metadata(metadata),
         }  # fmt: skip
         encode_on_mesh(source, output, values_name, isovalues, limit_samples, on_mesh, as_json)
         return

@@ -94,7 +94,8 @@ SECTIONS = (
         ),
         click.option(
             "--frame-interval", type=click.IntRange(min=0), metavar="K",
-            help="With --frames: every K frames one decodes without those before it.  [default: 0, the first only]",
+            help="With --frames, or several frames on a mesh: every K frames one decodes without those before it.  "
+            "[default: 0, the first only]",
         ),
         click.option(
             "--missing",

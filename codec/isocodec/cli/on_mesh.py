@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 NOT_ON_MESHES = (
     "interval", "labels", "steps", "preserve_topology", "criterion", "plan", "base_level", "spacing", "missing",
-    "nodata", "no_placement", "key", "channel", "frame", "follow",
+    "nodata", "no_placement", "key", "channel", "frame", "follow", "frames", "frame_axis",
 )  # fmt: skip
 """Options of encode that mean nothing there."""
 WRITTEN = (".geojson", ".npz", ".ply", ".stl", ".obj")
@@ -34,7 +34,8 @@ def encode_on_mesh(
     given = click.get_current_context().params
     wrong = [name for name in NOT_ON_MESHES if given.get(name) not in (None, False, ())]
     if wrong:
-        raise click.UsageError(f"--{wrong[0].rstrip('s').replace('_', '-')} means nothing for values on a mesh")
+        option = "label" if wrong[0] == "labels" else wrong[0].replace("_", "-")
+        raise click.UsageError(f"--{option} means nothing for values on a mesh")
     if not isovalues:
         raise click.UsageError("give --isovalue")
     import isocodec
@@ -67,7 +68,7 @@ def encode_on_mesh(
 
 def decode_on_mesh(
     source: Path, data: bytes, output: Path, named: Path, domain: Path | None, isovalue: float | None,
-    max_bytes: int | None, limits: Limits, as_json: bool,
+    frame: int | None, max_bytes: int | None, limits: Limits, as_json: bool,
 ) -> None:  # fmt: skip
     """Decode a file of values on a mesh; ``domain`` is the file with the mesh, if ``source`` does not hold it.
 
@@ -94,9 +95,13 @@ def decode_on_mesh(
     started = time.perf_counter()
     with concerning(source):
         if isovalue is None and suffix == ".geojson":
-            contours = isocodec.decode_all(data, max_bytes=max_bytes, mesh=mesh, limits=limits)
+            contours = isocodec.decode_all(data, frame=frame, max_bytes=max_bytes, mesh=mesh, limits=limits)
         else:
-            contours = [isocodec.decode(data, isovalue=isovalue, max_bytes=max_bytes, mesh=mesh, limits=limits)]
+            contours = [
+                isocodec.decode(
+                    data, isovalue=isovalue, frame=frame, max_bytes=max_bytes, mesh=mesh, limits=limits
+                )
+            ]  # fmt: skip
             if isovalue is None:
                 warn_of_others(source, contours[0].isovalue, isocodec.inspect(data).isovalues)
     seconds = time.perf_counter() - started

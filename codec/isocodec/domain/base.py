@@ -11,20 +11,21 @@ from ..entropy.range_coder import DECODE, ONE, Coder, code, emit
 from ..kernel import BAD, DONE, inlined, inner, kernel, record
 from ..kernel.types import BoolVector, Int8Vector, IntVector, Registers
 from .affine import beyond
+from .before import RINGS, UNKNOWN, learn_agreement, sign_before, surplus
 from .complex import Mesh
 from .models import (
     CLASSES,
     COMPONENT,
     FIRST,
     MIX_SIGN,
-    RINGS,
     SIGN_BOTH,
     SIGN_PAST,
     SIGN_RING,
     SIGN_SURE,
+    SIGN_THEN,
+    SIGN_THEN_SURE,
 )
 
-UNKNOWN = -1
 ESTIMATE = 1 << 10
 """How far above or below a vertex is taken to lie at first."""
 LEAST, MOST = ESTIMATE * 3 // 10, ESTIMATE * 2
@@ -40,6 +41,10 @@ class WalkRegisters(Registers):
         Crossed cells and known vertices so far.
     past : int
         Last symbols of the walk as bits, the latest lowest.
+    leans : int
+        1 if there is a frame before, else 0.
+    agreed : int
+        Whether the last signs were those of the frame before, as bits, the latest lowest.
     error : int
         What was wrong when a kernel returned BAD: 1 a start that was visited, 2 one that is not mixed.
     """
@@ -47,6 +52,8 @@ class WalkRegisters(Registers):
     leaves: int
     known: int
     past: int
+    leans: int
+    agreed: int
     error: int
 
 
@@ -56,8 +63,10 @@ class Strand(NamedTuple):
 
     ``sign`` (V,): 1, 0, or -1 if not known; ``given`` (V,): likewise what follows from earlier isovalues; ``truth``
     (V,): the encoder's signs; ``estimate`` (V,): how far vertices may lie above; ``visited`` (T,); ``leaf`` (T,): the
-    crossed cells in their order; ``stack``: gates, as cell times (n + 1) plus face; ``spread`` (4,): how far guesses of
-    values have been wrong.
+    crossed cells in their order; ``stack``: gates, as cell times (n + 1) plus face; ``spread`` (2 NUMBERS,): how far
+    guesses of values have been wrong; ``before`` (V,): signs of the frame before, or -1; ``bells`` (4,): as of
+    `near_guess`; ``drift`` (2,): by how much places or numbers have moved since the frame before, and how far that has
+    been wrong.
     """
 
     sign: Int8Vector
@@ -68,6 +77,9 @@ class Strand(NamedTuple):
     leaf: IntVector
     stack: IntVector
     spread: IntVector
+    before: Int8Vector
+    bells: IntVector
+    drift: IntVector
     reg: WalkRegisters
 
 
@@ -164,21 +176,6 @@ def _visit(mesh, st, t):
     st.stack[0] = count
 
 
-@inlined
-def surplus(mesh, st, v):
-    """How many more corners of the cells around a vertex are known to lie above than below, a class."""
-    more = np.int64(0)
-    for k in range(mesh.first[v], mesh.first[v + 1]):
-        t = mesh.star[k]
-        for i in range(mesh.cell.shape[1]):
-            sign = st.sign[mesh.cell[t, i]]
-            if sign != UNKNOWN:
-                more += 2 * sign - 1
-    if mesh.cell.shape[1] == 4:
-        more >>= 1
-    return min(max(more, -(RINGS // 2)), RINGS // 2)
-
-
 @inner
 def _apex_sign(mesh, st, cd, t, o, v):
     """Sign of the vertex v behind the face o of the leaf t."""
@@ -188,7 +185,7 @@ def _apex_sign(mesh, st, cd, t, o, v):
     if st.given[v] != UNKNOWN:
         bit = np.int64(st.given[v] == above)
     else:
-        more = surplus(mesh, st, v)
+        more = surplus(mesh, st.sign, v)
         ring = (more if above else -more) + RINGS // 2
         sure = min((size * CLASSES) // (2 * ESTIMATE), CLASSES - 1)
         left = np.int64(st.sign[mesh.cell[t, o]])
@@ -199,11 +196,17 @@ def _apex_sign(mesh, st, cd, t, o, v):
         hear(cd, SIGN_RING + RINGS * sure + ring)
         hear(cd, SIGN_PAST + 2 * (past & 63) + above)
         hear(cd, SIGN_BOTH + 3 * (8 * ring + turned) + (2 if sure > 3 else np.int64(left == above)))
+        if st.reg.leans:
+            more = surplus(mesh, st.before, v)
+            seen = 3 * ((more if above else -more) + RINGS // 2) + sign_before(st, v, above)
+            hear(cd, SIGN_THEN + 27 * st.reg.agreed + seen)
+            hear(cd, SIGN_THEN_SURE + 27 * sure + seen)
         bit = decided(cd, MIX_SIGN + sure, np.int64(st.truth[v] == above))
         if bit < 0:
             return bit
     sign = above if bit else 1 - above
     st.reg.past = (st.reg.past << 1 | sign) & 63
+    learn_agreement(st, v, sign)
     _learn(st, v, sign, max(size, LEAST) if bit else LEAST)
     return DONE
 

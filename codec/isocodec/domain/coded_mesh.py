@@ -82,10 +82,10 @@ def _code_place(g, cd, origin, face, truth):
         width = g.spread[case]
         if width == 0:
             width = max((g.extent[k] << FINE) >> (5 if face >= 0 else 3), LEAST)
+        g.bells[0], g.bells[1] = (guess << FINE) + (1 << (FINE - 1)), width
         want = origin.position[truth, k] if truth >= 0 else np.int64(0)
         found = near_guess(
-            cd, MIX_PLACE + DEPTHS * case, PLACE + 4 * DEPTHS * case, g.extent[k], (guess << FINE) + (1 << (FINE - 1)),
-            width, want,
+            cd, MIX_PLACE + DEPTHS * case, PLACE + 4 * DEPTHS * case, g.extent[k], g.bells, want
         )  # fmt: skip
         if found < 0:
             return found
@@ -267,7 +267,8 @@ def growth_of(vertices: int, cells: int, corners: int, extent: NDArray[np.int64]
         np.zeros((vertices, d), np.int64), extent, np.zeros((cells, corners), np.int64),
         np.full((cells, corners), OPEN, np.int64), np.full(vertices, -1, np.int64),
         np.zeros(cells * corners, np.int64), np.zeros(cells * corners, np.int64), np.zeros(2 * CANDIDATES, np.int64),
-        np.zeros(6, np.int64), np.zeros((2, d), np.int64), np.zeros(2, np.int64), GrowthRegisters(),
+        np.zeros(6, np.int64), np.zeros((2, d), np.int64), np.zeros(2, np.int64), np.zeros(4, np.int64),
+        GrowthRegisters(),
     )  # fmt: skip
 
 

@@ -8,11 +8,11 @@ from numpy.typing import NDArray
 from ..entropy.guesses import DEPTHS, FINE, near_guess
 from ..entropy.range_coder import Coder
 from ..kernel import DONE, inlined, inner, kernel
-from ..kernel.types import BoolVector, IntMatrix, IntVector
+from ..kernel.types import IntMatrix, IntVector
 from .affine import beyond
 from .base import Strand
 from .complex import Mesh
-from .models import MIX_OFFSET, MIX_VALUE, OFFSET, VALUE
+from .models import CROSSINGS, MIX_OFFSET, MIX_VALUE, NUMBERS, OFFSET, VALUE
 
 LARGE, SMALL = 1 << 24, 1 << 4
 """Bounds of how far vertices are taken to lie above or below."""
@@ -26,6 +26,8 @@ STEPS = 256
 LARGEST, WIDEST = 1 << 44, 1 << 48
 """Numbers count for the guess of others as that much at most; how far guesses are wrong, in parts, likewise."""
 HALF = 1 << (FINE - 1)
+TOLD = 1 << 62
+"""Instead of twice a number of the frame before: the present one has been told."""
 
 
 def crossed_edges(mesh: Mesh, leaf: NDArray[np.int64], sign: NDArray[np.int8]) -> NDArray[np.int64]:
@@ -85,11 +87,32 @@ def _guessed(mesh, st, t, v):
     return np.int64(0)
 
 
+@inlined
+def _expect_then(st, place, upwards, known):
+    """The second guess: what the frame before says, moved as others have been; none if it does not know."""
+    st.bells[2] = place + (st.drift[0] if upwards else -st.drift[0])
+    st.bells[3] = (st.drift[1] if st.drift[1] > 0 else st.bells[1]) if known else np.int64(0)
+
+
+@inlined
+def _learn_drift(st, moved, upwards):
+    """Take in by how much a place or number has moved, which counts towards what lies above if ``upwards``."""
+    step = moved if upwards else -moved
+    wrong = abs(step - st.drift[0])
+    if st.drift[1] == 0:
+        st.drift[1] = wrong
+    st.drift[0] += (step - st.drift[0]) >> 3
+    st.drift[1] = max(st.drift[1] + ((wrong - st.drift[1]) >> 4), 1 << (FINE - 2))
+
+
 @kernel
-def code_offsets(mesh: Mesh, st: Strand, cd: Coder, edges: IntMatrix, parts: IntVector, number: IntVector) -> int:
+def code_offsets(
+    mesh: Mesh, st: Strand, cd: Coder, edges: IntMatrix, parts: IntVector, number: IntVector, then: IntVector
+) -> int:
     """Code which part of each edge is crossed, counted from its lower vertex.
 
-    ``st.estimate`` has to be 0 everywhere; it is where values are kept, which are right but for a factor.
+    ``st.estimate`` has to be 0 everywhere; it is where values are kept, which are right but for a factor. ``then`` (E,)
+    is where the edge was crossed in the frame before, in parts of ``2**-PLACE`` of it; 0 where it was not.
     """
     for k in range(len(edges)):
         a, b = edges[k, 0], edges[k, 1]
@@ -118,13 +141,18 @@ def code_offsets(mesh: Mesh, st: Strand, cd: Coder, edges: IntMatrix, parts: Int
         width = width >> (1 if case == 0 else 3)
         count = parts[k]
         middle = (guess * count) >> (PLACE - FINE)
+        st.bells[0], st.bells[1] = middle, max(width, 1 << (FINE - 2))
+        if then[k] > 0:
+            case += CROSSINGS
+        _expect_then(st, then[k] * count >> (PLACE - FINE), st.sign[b] == 1, then[k] > 0)
         found = near_guess(
-            cd, MIX_OFFSET + DEPTHS * case, OFFSET + 4 * DEPTHS * case, count, middle, max(width, 1 << (FINE - 2)),
-            number[k],
+            cd, MIX_OFFSET + DEPTHS * case, OFFSET + 4 * DEPTHS * case, count, st.bells, number[k]
         )  # fmt: skip
         if found < 0:
             return found
         number[k] = found
+        if then[k] > 0:
+            _learn_drift(st, (found << FINE) + HALF - (then[k] * count >> (PLACE - FINE)), st.sign[b] == 1)
         # the middle of the part, as a place on the edge
         place = ((2 * found + 1) << PLACE) // (2 * count)
         place = min(max(place, 1), (1 << PLACE) - 1)
@@ -133,6 +161,11 @@ def code_offsets(mesh: Mesh, st: Strand, cd: Coder, edges: IntMatrix, parts: Int
         elif st.estimate[a] == 0:
             st.estimate[a] = _bounded(-(st.estimate[b] * place) // ((1 << PLACE) - place), st.sign[a])
     return DONE
+
+
+def places_on(parts: NDArray[np.int64], number: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Where edges of so many parts are crossed, from 1 to ``2**PLACE - 1``."""
+    return np.clip(((2 * number + 1) << PLACE) // (2 * parts), 1, (1 << PLACE) - 1)
 
 
 def active_vertices(edges: NDArray[np.int64]) -> NDArray[np.int64]:
@@ -159,17 +192,19 @@ def _mean_around(mesh, st, v):
 
 @kernel
 def code_values(
-    mesh: Mesh, st: Strand, cd: Coder, active: IntMatrix, bits: IntVector, number: IntVector, told: BoolVector
+    mesh: Mesh, st: Strand, cd: Coder, active: IntMatrix, bits: IntVector, number: IntVector, then: IntVector
 ) -> int:  # fmt: skip
     """Code the numbers of active vertices, of ``bits[sign]`` bits; those that were told take no symbols.
 
     ``st.estimate`` has to be 0 everywhere; it is where twice the numbers are kept, with the sign of their side.
+    ``then`` (A,) is twice the number in the frame before, and 1, negative if it lay below; ``TOLD`` if ``number`` has
+    been told, and 0 if nothing is known.
     """
     spread = st.spread
     for k in range(len(active)):
         v = active[k, 0]
         sign = np.int64(st.sign[v])
-        if not told[k]:
+        if then[k] != TOLD:
             case = 0
             guess = _guessed(mesh, st, st.leaf[active[k, 1]], v)
             if guess != 0 and (guess > 0) == (sign == 1):
@@ -184,13 +219,18 @@ def code_values(
             count = np.int64(1) << bits[sign]
             if spread[case] == 0:
                 spread[case] = max((count >> 3) << FINE, 1 << FINE) if bits[sign] < 40 else WIDEST
+            st.bells[0], st.bells[1] = (size << FINE) + HALF, spread[case]
+            near = then[k] if sign else -then[k]
+            _expect_then(st, near << (FINE - 1), sign == 1, then[k] != 0)
+            kind = case + NUMBERS * np.int64(then[k] != 0)
             found = near_guess(
-                cd, MIX_VALUE + DEPTHS * case, VALUE + 4 * DEPTHS * case, count, (size << FINE) + HALF, spread[case],
-                number[k],
+                cd, MIX_VALUE + DEPTHS * kind, VALUE + 4 * DEPTHS * kind, count, st.bells, number[k]
             )  # fmt: skip
             if found < 0:
                 return found
             number[k] = found
+            if then[k] != 0:
+                _learn_drift(st, (min(found, LARGEST) << FINE) + HALF - (near << (FINE - 1)), sign == 1)
             wrong = min(abs(found - size), LARGEST) << FINE
             spread[case] = min(max(spread[case] + ((wrong - spread[case]) >> 4), 1 << (FINE - 2)), WIDEST)
         twice = 2 * min(number[k], LARGEST) + 1

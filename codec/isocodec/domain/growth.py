@@ -55,7 +55,7 @@ class Growth(NamedTuple):
     place) of each vertex, ``link`` (T (n + 1),): the corner of the same vertex before each; ``queue``: faces that wait;
     ``candidate`` (2 CANDIDATES,): vertices, and how far they lie; ``spread`` (2 d,): how far positions have been from
     where they were expected; ``aim`` (2, d): where the next one is, by reflection and evenly; ``missed`` (2,): how far
-    both have been from positions.
+    both have been from positions; ``bells`` (4,): as of `near_guess`.
     """
 
     position: IntMatrix
@@ -69,6 +69,7 @@ class Growth(NamedTuple):
     spread: IntVector
     aim: IntMatrix
     missed: IntVector
+    bells: IntVector
     reg: GrowthRegisters
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,9 +12,19 @@ from numpy.typing import NDArray
 from ..entropy.range_coder import DECODE, ENCODE, Coder, finish, start
 from ..errors import FormatError, LimitError
 from ..kernel import BAD, CUT, DONE
-from .base import UNKNOWN, Strand, WalkRegisters, code_base, trace
+from .base import Strand, WalkRegisters, code_base, trace
+from .before import UNKNOWN, spread_signs
 from .complex import Complex
-from .geometry import active_vertices, code_offsets, code_values, crossed_edges, parts_of
+from .geometry import (
+    LARGEST,
+    TOLD,
+    active_vertices,
+    code_offsets,
+    code_values,
+    crossed_edges,
+    parts_of,
+    places_on,
+)
 from .history import History
 from .levels import coarse_signs, signs_of_round
 from .models import NUMBERS, new_coder
@@ -95,6 +106,46 @@ class Run:
         return self._data
 
 
+class _Then(NamedTuple):
+    """Geometry of the frame before.
+
+    ``key``, ``place`` (E,): crossed edges, ascending, lower vertex times V and the other one, and where they were
+    crossed; ``number`` (V,): twice the numbers of vertices, and 1, negative below, 0 if not known; or empty.
+    """
+
+    key: NDArray[np.int64]
+    place: NDArray[np.int64]
+    number: NDArray[np.int64]
+
+    def places(self, edges: NDArray[np.int64], strand: Strand) -> NDArray[np.int64]:
+        """Where edges were crossed in the same direction, (E,); 0 if they were not."""
+        out = np.zeros(len(edges), np.int64)
+        if not len(self.key):
+            return out
+        wanted = edges[:, 0] * np.int64(len(strand.sign)) + edges[:, 1]
+        at = np.minimum(np.searchsorted(self.key, wanted), len(self.key) - 1)
+        same = (self.key[at] == wanted) & (strand.before[edges[:, 0]] == strand.sign[edges[:, 0]])
+        return np.where(same, self.place[at], out)
+
+    def numbers(self, vertices: NDArray[np.int64]) -> NDArray[np.int64]:
+        """What is known of vertices."""
+        return self.number[vertices] if len(self.number) else np.zeros(len(vertices), np.int64)
+
+
+def _then_of(before: MeshIsovalue, vertices: int) -> _Then:
+    """Geometry of an isovalue, for that of the frame behind it."""
+    key = place = number = np.zeros(0, np.int64)
+    if before.edges is not None and before.parts is not None and before.number is not None:
+        key = before.edges[:, 0] * np.int64(vertices) + before.edges[:, 1]
+        order = np.argsort(key)
+        key, place = key[order], places_on(before.parts, before.number)[order]
+    if before.active is not None and before.steps is not None:
+        number = np.zeros(vertices, np.int64)
+        twice = 2 * np.minimum(before.steps, LARGEST) + 1
+        number[before.active[:, 0]] = np.where(before.strand.sign[before.active[:, 0]] == 1, twice, -twice)
+    return _Then(key, place, number)
+
+
 class MeshIsovalue:
     """What is known of an isovalue.
 
@@ -106,6 +157,8 @@ class MeshIsovalue:
         Step of numbers of values; None for integers.
     earlier : sequence of MeshIsovalue
         Those that it leans on, the nearest first.
+    before : MeshIsovalue, optional
+        Instead, the same isovalue of the frame before.
 
     Attributes
     ----------
@@ -122,18 +175,20 @@ class MeshIsovalue:
     """
 
     def __init__(
-        self, domain: Complex, value: float, scale: float | None = None, earlier: Sequence[MeshIsovalue] = ()
-    ) -> None:
+        self, domain: Complex, value: float, scale: float | None = None, earlier: Sequence[MeshIsovalue] = (),
+        before: MeshIsovalue | None = None,
+    ) -> None:  # fmt: skip
         self.domain, self.value, self.scale = domain, value, scale
         self._earlier = earlier
-        self.run: Run = Run(earlier[0].run if earlier else None)
+        leant = before or (earlier[0] if earlier else None)
+        self.run: Run = Run(leant.run if leant else None)
         mesh = domain.mesh
         vertices, (cells, corners) = len(mesh.position), mesh.cell.shape
         unknown = np.full(vertices, UNKNOWN, np.int8)
         self.strand = Strand(
             unknown, _implied(unknown, value, earlier), unknown.copy(), np.zeros(vertices, np.int64),
             np.zeros(cells, np.bool_), np.zeros(cells, np.int64), np.zeros((corners - 1) * cells + 8, np.int64),
-            np.zeros(NUMBERS, np.int64), WalkRegisters(),
+            np.zeros(NUMBERS, np.int64), unknown.copy(), np.zeros(4, np.int64), np.zeros(2, np.int64), WalkRegisters(),
         )  # fmt: skip
         self.rounds: int | None = None
         self.edges: NDArray[np.int64] | None = None
@@ -141,12 +196,19 @@ class MeshIsovalue:
         self.number: NDArray[np.int64] | None = None
         self.active: NDArray[np.int64] | None = None
         self.steps: NDArray[np.int64] | None = None
+        self._then = _Then(np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros(0, np.int64))
+        if before is not None:
+            self.strand.reg.leans = 1
+            if before.edges is not None:
+                self.strand.before[:] = before.strand.sign
+                spread_signs(mesh, self.strand.before, np.zeros(vertices, np.int64))
+                self._then = _then_of(before, vertices)
 
     @staticmethod
     def bytes_for(domain: Complex) -> int:
         """Memory that an isovalue holds."""
         vertices, (cells, corners) = len(domain.mesh.position), domain.mesh.cell.shape
-        return vertices * 11 + cells * (9 + 8 * (corners - 1))
+        return vertices * 20 + cells * (9 + 8 * (corners - 1))
 
     @property
     def leaves(self) -> NDArray[np.int64]:
@@ -187,9 +249,11 @@ class MeshIsovalue:
         assert self.edges is not None
         parts = parts_of(self.domain.mesh, self.edges, step)
         found = np.zeros(len(parts), np.int64) if number is None else number.copy()
+        then = self._then.places(self.edges, self.strand)
         self.strand.estimate[:] = 0
+        self.strand.drift[:] = 0
         self.run.room(25 * len(parts))
-        self.run.check(code_offsets(self.domain.mesh, self.strand, self.run.coder, self.edges, parts, found))
+        self.run.check(code_offsets(self.domain.mesh, self.strand, self.run.coder, self.edges, parts, found, then))
         self.parts, self.number = parts, found
 
     def code_values(self, bits: tuple[int, int], number: NDArray[np.int64] | None = None) -> None:
@@ -199,11 +263,13 @@ class MeshIsovalue:
         found, told = self._told(active[:, 0])
         if number is not None:
             found = np.where(told, found, number)
+        then = np.where(told, TOLD, self._then.numbers(active[:, 0]))
         self.strand.estimate[:] = 0
         self.strand.spread[:] = 0
+        self.strand.drift[:] = 0
         self.run.room(52 * len(active))
         bits_of = np.array(bits, np.int64)
-        self.run.check(code_values(self.domain.mesh, self.strand, self.run.coder, active, bits_of, found, told))
+        self.run.check(code_values(self.domain.mesh, self.strand, self.run.coder, active, bits_of, found, then))
         self.active, self.steps = active, found
 
     def _told(self, vertices: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:

@@ -9,9 +9,22 @@ from ..entropy.guesses import clear_opinions, decided, hear
 from ..entropy.range_coder import Coder, code
 from ..kernel import DONE, inlined, inner, kernel
 from ..kernel.types import IntMatrix, IntVector
-from .base import UNKNOWN, Strand
+from .base import Strand
+from .before import AGREED, UNKNOWN, learn_agreement, sign_before
 from .history import MOST_RING, History
-from .models import COARSE, LEVEL_COUNT, LEVEL_PAST, LEVEL_RING, MIX_LEVEL, NEW
+from .models import (
+    COARSE,
+    COARSE_THEN,
+    LEVEL_COUNT,
+    LEVEL_PAST,
+    LEVEL_RING,
+    LEVEL_THEN,
+    LEVEL_THEN_SHARE,
+    MIX_LEVEL,
+    NEW,
+    NEW_THEN,
+    TURNED,
+)
 
 NEAR = 16
 """Weights count in parts of that of the nearest vertex: ``2**NEAR`` of them."""
@@ -27,11 +40,11 @@ def _square(position, v, u):
 
 
 @inner
-def _share(position, st, v, around, start, end):
+def _share(position, sign, v, around, start, end):
     """Share of the weight of the known vertices around one that lies above, of ``PARTS``; -1 if none is known."""
     nearest = np.int64(-1)
     for k in range(start, end):
-        if st.sign[around[k]] != UNKNOWN:
+        if sign[around[k]] != UNKNOWN:
             d = _square(position, v, around[k])
             if nearest < 0 or d < nearest:
                 nearest = d
@@ -43,11 +56,11 @@ def _share(position, st, v, around, start, end):
     above = np.int64(0)
     total = np.int64(0)
     for k in range(start, end):
-        if st.sign[around[k]] != UNKNOWN:
+        if sign[around[k]] != UNKNOWN:
             far = _square(position, v, around[k]) >> shift
             weight = ((nearest >> shift) << NEAR) // (far if far > 0 else np.int64(1))
             total += weight
-            above += weight * st.sign[around[k]]
+            above += weight * sign[around[k]]
     return PARTS * above // total
 
 
@@ -55,6 +68,7 @@ def _share(position, st, v, around, start, end):
 def _told(st, v, bit):
     """A vertex becomes known."""
     st.sign[v] = bit
+    learn_agreement(st, v, bit)
     st.reg.past = (st.reg.past << 1 | bit) & 63
 
 
@@ -80,8 +94,11 @@ def code_coarse(
                 continue
             bit = np.int64(st.given[v])
             if bit == UNKNOWN:
-                share = _share(position, st, v, around, first[v], first[v + 1])
-                bit = code(cd, COARSE + 8 * (share + 1) + (st.reg.past & 7), np.int64(st.truth[v]))
+                share = _share(position, st.sign, v, around, first[v], first[v + 1])
+                ctx = COARSE + 8 * (share + 1) + (st.reg.past & 7)
+                if st.reg.leans:
+                    ctx = COARSE_THEN + 3 * (AGREED * (share + 1) + st.reg.agreed) + sign_before(st, v, 1)
+                bit = code(cd, ctx, np.int64(st.truth[v]))
                 if bit < 0:
                     return bit
             _told(st, v, bit)
@@ -92,13 +109,22 @@ def code_coarse(
     return DONE
 
 
+@inlined
+def _turned(st, ring, start, end):
+    """Class of how many vertices of a ring have another sign than in the frame before."""
+    count = np.int64(0)
+    for k in range(start, end):
+        count += np.int64(st.before[ring[k]] != UNKNOWN and st.before[ring[k]] != st.sign[ring[k]])
+    return min(count, TURNED - 1)
+
+
 @inner
 def _mixed_sign(position, st, cd, v, ring, start, end):
     """Sign of a vertex that comes back into a ring of both signs."""
     bit = np.int64(st.given[v])
     if bit != UNKNOWN:
         return bit
-    share = _share(position, st, v, ring, start, end)
+    share = _share(position, st.sign, v, ring, start, end)
     above = np.int64(0)
     turns = np.int64(0)
     last = st.sign[ring[end - 1]]
@@ -111,6 +137,11 @@ def _mixed_sign(position, st, cd, v, ring, start, end):
     hear(cd, LEVEL_RING + 2 * share + np.int64(turns > 2))
     hear(cd, LEVEL_COUNT + (MOST_RING + 1) * (end - start) + above)
     hear(cd, LEVEL_PAST + 8 * (share >> 1) + (st.reg.past & 7))
+    if st.reg.leans:
+        then = 3 * st.reg.agreed + sign_before(st, v, 1)
+        before = _share(position, st.before, v, ring, start, end)
+        hear(cd, LEVEL_THEN_SHARE + 12 * (before + 1) + then)
+        hear(cd, LEVEL_THEN + 12 * (5 * _turned(st, ring, start, end) + (share >> 2)) + then)
     return decided(cd, MIX_LEVEL + (share >> 1), np.int64(st.truth[v]))
 
 
@@ -182,6 +213,11 @@ def code_round(
             _told(st, v, bit)
         elif st.given[v] != UNKNOWN:
             st.sign[v] = st.given[v]
+        elif st.before[v] != UNKNOWN and st.before[v] != sign:
+            bit = code(cd, NEW_THEN + _turned(st, ring, first[i], first[i + 1]), np.int64(st.truth[v] != sign))
+            if bit < 0:
+                return bit
+            st.sign[v] = sign ^ bit
         else:
             candidate[count] = v
             count += 1

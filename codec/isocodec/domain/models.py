@@ -10,17 +10,18 @@ from ..entropy.panel import no_panel
 from ..entropy.range_coder import ONE, Blend, Coder, CoderRegisters
 from ..models.contexts import rates
 from ..models.trained import shipped_models
+from .before import AGREED, RINGS
 
 CLASSES = 8
 """Classes of how sure an estimate is."""
-RINGS = 9
-"""Classes of how many more vertices around lie above than below."""
 PASTS = 64
 """Last symbols, six of them."""
-CROSSINGS = 6
-"""Classes of what is known about where an edge is crossed."""
+CROSSINGS = 4
+"""Classes of what is known about where an edge is crossed; as many more where the frame before knows, too."""
 NUMBERS = 4
 """The same of values at vertices."""
+TURNED = 4
+"""Numbers of vertices of a ring whose signs are others than in the frame before: so many or more are one class."""
 SHARES = 18
 """Classes of the share of what is around that lies above: none known, 0 to 16."""
 RING_COUNTS = 81
@@ -33,13 +34,19 @@ _LAYOUT = {
     "SIGN_RING": (CLASSES * RINGS, 0.7, 1),
     "SIGN_PAST": (PASTS * 2, 0.7, 1),
     "SIGN_BOTH": (RINGS * 8 * 3, 0.7, 1),
+    "SIGN_THEN": (AGREED * RINGS * 3, 0.7, 1),
+    "SIGN_THEN_SURE": (CLASSES * RINGS * 3, 0.7, 1),
     "COARSE": (8 * SHARES, 0.5, 0),
+    "COARSE_THEN": (3 * AGREED * SHARES, 0.5, 0),
     "LEVEL_RING": (2 * SHARES, 0.5, 0),
     "LEVEL_COUNT": (RING_COUNTS, 0.5, 0),
     "LEVEL_PAST": (4 * SHARES, 0.5, 0),
+    "LEVEL_THEN": (3 * AGREED * TURNED * 5, 0.5, 0),
+    "LEVEL_THEN_SHARE": (3 * AGREED * SHARES, 0.5, 0),
     "NEW": (16, 0.1, 1),
-    "OFFSET": (CROSSINGS * 4 * DEPTHS, 0.5, 0),
-    "VALUE": (NUMBERS * 4 * DEPTHS, 0.5, 0),
+    "NEW_THEN": (TURNED, 0.5, 0),
+    "OFFSET": (2 * CROSSINGS * 4 * DEPTHS, 0.5, 0),
+    "VALUE": (2 * NUMBERS * 4 * DEPTHS, 0.5, 0),
 }
 CONTEXT: dict[str, int] = {}
 CONTEXTS = 0
@@ -49,13 +56,15 @@ for _name, (_count, _p, _weight) in _LAYOUT.items():
 COMPONENT, FIRST = CONTEXT["COMPONENT"], CONTEXT["FIRST"]
 SIGN_SURE, SIGN_RING = CONTEXT["SIGN_SURE"], CONTEXT["SIGN_RING"]
 SIGN_PAST, SIGN_BOTH = CONTEXT["SIGN_PAST"], CONTEXT["SIGN_BOTH"]
-COARSE, NEW = CONTEXT["COARSE"], CONTEXT["NEW"]
+SIGN_THEN, SIGN_THEN_SURE = CONTEXT["SIGN_THEN"], CONTEXT["SIGN_THEN_SURE"]
+COARSE, COARSE_THEN, NEW, NEW_THEN = (CONTEXT[name] for name in ("COARSE", "COARSE_THEN", "NEW", "NEW_THEN"))
+LEVEL_THEN, LEVEL_THEN_SHARE = CONTEXT["LEVEL_THEN"], CONTEXT["LEVEL_THEN_SHARE"]
 LEVEL_RING, LEVEL_COUNT, LEVEL_PAST = CONTEXT["LEVEL_RING"], CONTEXT["LEVEL_COUNT"], CONTEXT["LEVEL_PAST"]
 OFFSET, VALUE = CONTEXT["OFFSET"], CONTEXT["VALUE"]
 MIX_SIGN = 0
 MIX_OFFSET = MIX_SIGN + CLASSES
-MIX_VALUE = MIX_OFFSET + CROSSINGS * DEPTHS
-MIX_LEVEL = MIX_VALUE + NUMBERS * DEPTHS
+MIX_VALUE = MIX_OFFSET + 2 * CROSSINGS * DEPTHS
+MIX_LEVEL = MIX_VALUE + 2 * NUMBERS * DEPTHS
 MIXES = MIX_LEVEL + SHARES // 2
 WEIGHT = 22000
 """Mixing weight that every opinion starts with, of 2**16."""

@@ -94,12 +94,14 @@ def _half(cd, guess, width, low, centre, high):
 
 
 @inner
-def near_guess(cd, kind, ctx, count, guess, width, number):
-    """Code a number from 0 to ``count - 1`` that lies near ``guess``, which counts as ``width`` does.
+def near_guess(cd, kind, ctx, count, bells, number):
+    """Code a number from 0 to ``count - 1`` that lies near a guess.
 
-    ``kind`` is the first of ``DEPTHS`` mixing classes, ``ctx`` the first of ``4 * DEPTHS`` contexts. Returns the
-    number, or what is negative if the coder stops.
+    ``bells`` (4,) holds the guess and its width, which count in the same parts, and a second guess with its own width,
+    0 if there is none. ``kind`` is the first of ``DEPTHS`` mixing classes, ``ctx`` the first of ``4 * DEPTHS``
+    contexts. Returns the number, or what is negative if the coder stops.
     """
+    guess, width = bells[0], bells[1]
     low = np.int64(0)
     high = np.int64(count)
     while high - low > 1:
@@ -111,6 +113,9 @@ def near_guess(cd, kind, ctx, count, guess, width, number):
         say(cd, _half(cd, guess, max(width >> 2, 1), low, centre, high))
         say(cd, _half(cd, guess, max(width, 1), low, centre, high))
         say(cd, _half(cd, guess, width << 2, low, centre, high))
+        if bells[3] > 0:
+            say(cd, _half(cd, bells[2], max(bells[3] >> 1, 1), low, centre, high))
+            say(cd, _half(cd, bells[2], bells[3] << 1, low, centre, high))
         side = 0
         if (centre << FINE) < guess - (width >> 1):
             side = 1

@@ -33,8 +33,8 @@ class MeshRead:
     points : (V, 2) or (V, 3) float64
         Coordinates; two where all points have the same third one and cells are triangles.
     cells : (T, 3) or (T, 4) int64
-    values : dict of str to (V,) array
-        Numbers at points, by name.
+    values : dict of str to (V,) or (F, V) array
+        Numbers at points, by name; with two axes, those of F frames.
     of_cells : list of str
         Names of numbers that cells have.
     """
@@ -70,7 +70,7 @@ def read_mesh(path: str | os.PathLike[str], samples: int | None = None) -> MeshR
     ----------
     path : path
         Its suffix, one of ``MESHES``, names the format. An .npz file has the arrays ``points``, ``cells``, and values
-        at points under other names.
+        at points, of one frame or of several, under other names. Of an XDMF file with time steps all are read.
     samples : int, optional
         As of `read_field`: most points and cells.
 
@@ -103,7 +103,22 @@ def _npz(source: Source) -> MeshRead:
         if points.ndim != 2 or cells.ndim != 2 or cells.shape[1] not in (3, 4):
             raise InputError("holds points or cells of another shape", code="mesh")
         others = {name: arrays[name] for name in arrays.files if name not in ("points", "cells")}
-    return MeshRead(points, cells, {name: each for name, each in others.items() if each.shape == (len(points),)})
+    return MeshRead(points, cells, {name: each for name, each in others.items() if each.shape[-1:] == (len(points),)})
+
+
+def _series(meshio: Any, source: Source) -> Any:
+    """A series of an XDMF file as a mesh whose values have an axis of frames; None if the file holds none."""
+    try:
+        with meshio.xdmf.TimeSeriesReader(source.path) as series:
+            points, cells = series.read_points_cells()
+            steps = [series.read_data(number)[1] for number in range(series.num_steps)]
+    except meshio.ReadError:
+        return None
+    mesh = meshio.Mesh(points, cells)
+    names = set(steps[0]).intersection(*steps)
+    # set behind the library's back, which knows values of one frame only
+    mesh.point_data.update({name: np.stack([step[name] for step in steps]) for name in sorted(names)})
+    return mesh
 
 
 def _by_meshio(source: Source) -> MeshRead:
@@ -112,7 +127,7 @@ def _by_meshio(source: Source) -> MeshRead:
         try:
             # the library says on the console what it does not like, and then ends the process
             with redirect_stdout(io.StringIO()), redirect_stderr(io.StringIO()):
-                found = meshio.read(source.path)
+                found = (source.named(".xdmf") and _series(meshio, source)) or meshio.read(source.path)
         except SystemExit:
             raise InputError("cannot be read as a mesh", code="unreadable") from None
         kinds = {block.type for block in found.cells}

@@ -186,9 +186,8 @@ def _isovalue(contents: Contents, payload: bytes, start: int, behind: int) -> Ev
 def _frame(contents: Contents, payload: bytes, start: int, behind: int) -> Event:
     if contents.interval is not None:
         return contents.begin_next(payload, start, behind)
-    if contents.cells is not None or contents.layers:
-        where = "a file of an explicit domain" if contents.cells is not None else "a file behind layers"
-        raise FormatError(f"frames in {where}", code="frame", offset=start, clause="3.5.7")
+    if contents.layers or contents.based:
+        raise FormatError("frames behind layers", code="frame", offset=start, clause="3.5.7")
     contents.interval = read_interval(payload, start)
     return SeriesRead(behind, contents.interval)
 

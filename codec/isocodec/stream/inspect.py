@@ -256,10 +256,11 @@ def inspect(data: bytes, symbols: bool = False, limits: Limits | None = None) ->
         if header.cells is not None and chunk.type == ChunkType.LAYERS:
             if chunk.end <= len(data):
                 head, begins = read_mesh_layer(data[chunk.start : chunk.end], chunk.start)
-                size, number = chunk.end - chunk.start - begins, len(contents.isovalues) - 1
+                size, number, frame = chunk.end - chunk.start - begins, contents.number, contents.frame
+                contents.based = True
                 coded += size
                 kind = head.kind.name.lower()
-                layers.append(LayerInfo(kind, -1, 0, 0, chunk.start + begins, size, isovalue=number))
+                layers.append(LayerInfo(kind, -1, 0, 0, chunk.start + begins, size, isovalue=number, frame=frame))
         elif chunk.type in LAYER_CHUNKS:
             operation = first_operation(data, chunk)
             begun = None if operation is None else contents.begin_layers(data[operation], operation)

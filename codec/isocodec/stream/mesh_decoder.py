@@ -21,9 +21,10 @@ from ..errors import FormatError, InputError, LimitError, OptionError
 from ..field.samples import interval_value
 from ..format.chunks import Envelope, read_envelope, verify
 from ..format.domain import DomainHead, MeshLayerHead, read_mesh_layer
+from ..format.frames import key_of
 from ..format.header import Header
 from ..layers.contents import Contents
-from ..layers.events import ChunkSkipped, DomainRead, Event, IsovalueRead, MeshLayerComplete
+from ..layers.events import ChunkSkipped, DomainRead, Event, FrameRead, IsovalueRead, MeshLayerComplete
 from ..limits import Limits
 from .container import ContainerDecoder
 
@@ -51,6 +52,8 @@ class MeshDecoder(ContainerDecoder):
     limits : Limits, optional
     only : collection of int, optional
         Numbers of the isovalues to decode, as of `Decoder`.
+    frame : int, optional
+        Of a series, the frame to decode, as of `Decoder`; all, one after the other, if None.
 
     Attributes
     ----------
@@ -74,13 +77,17 @@ class MeshDecoder(ContainerDecoder):
         limits: Limits | None = None,
         *,
         only: Collection[int] | None = None,
+        frame: int | None = None,
     ) -> None:
         super().__init__(limits, Contents())
         self._mesh = mesh
         self._only = only
+        self._wanted = frame
         self._domain: Complex | None = None
         self._points: NDArray[np.float64] | None = None
         self._strands: list[MeshIsovalue | None] = []
+        self._leans: list[int | None] = []
+        self._before: list[MeshIsovalue | None] = []
         self._layers = 0
         self._symbols = self.limits.symbols
 
@@ -96,14 +103,22 @@ class MeshDecoder(ContainerDecoder):
         return self._strands[number] if number < len(self._strands) else None
 
     @property
+    def frame(self) -> int:
+        """Number of the frame that has begun last, or, once it has come, of the one that is wanted: it can be drawn."""
+        return self._contents.frame if self._wanted is None else min(self._contents.frame, self._wanted)
+
+    @property
     def domain(self) -> Complex | None:
         """The complex, once it has come."""
         return self._domain
 
-    def drawn(self, number: int = 0) -> Contour:
-        """The curve or surface of an isovalue, by number, as of the events taken so far."""
+    def drawn(self, number: int = 0, *, before: bool = False) -> Contour:
+        """The curve or surface of an isovalue, by number, as of the events taken so far.
+
+        ``before``: that of the frame before, while the next one begins.
+        """
         n = self.header.n if self.header else 2
-        found = self.strand(number)
+        found = self._before[number] if before else self.strand(number)
         notes = dict(self.metadata)
         if found is not None and found.edges is None and found.rounds is not None:
             return self._coarse(found, notes)
@@ -184,6 +199,8 @@ class MeshDecoder(ContainerDecoder):
         event = self._contents.read(chunk, payload, behind)
         if isinstance(event, IsovalueRead):
             self._begin(event.number, event.lean)
+        if isinstance(event, FrameRead):
+            self._begin_in_frame(event)
         if isinstance(event, DomainRead):
             self._begin_domain(payload, chunk.start)
         return event
@@ -227,27 +244,47 @@ class MeshDecoder(ContainerDecoder):
             )  # fmt: skip
         return domain, coordinates
 
-    def _begin(self, number: int, lean: int | None) -> None:
-        """An isovalue begins."""
+    def _begin_in_frame(self, event: FrameRead) -> None:
+        """An isovalue of a further frame begins."""
+        if self._wanted is not None and event.frame > self._wanted:
+            return
+        if event.number == 0:
+            self._before, self._strands, self._leans, self._layers = self._strands, [], [], 0
+        self._begin(event.number, event.lean, event.before)
+
+    @property
+    def _skipped(self) -> bool:
+        """Whether nothing of the present frame is needed."""
+        if self._wanted is None:
+            return False
+        first = key_of(self._wanted, self._contents.interval or 0)
+        return not first <= self._contents.frame <= self._wanted
+
+    def _begin(self, number: int, lean: int | None, before: bool = False) -> None:
+        """An isovalue begins; ``before`` if it leans on the frame before."""
         assert self.header is not None and self._domain is not None
         if number >= self.limits.isovalues:
             raise LimitError(f"more than {self.limits.isovalues} isovalues", code="limit-isovalues", clause="11.2")
-        if self._only is not None and number not in self._only:
+        self._leans.append(None if before else lean)
+        if self._skipped or (self._only is not None and number not in self._only):
             self._strands.append(None)
             return
         earlier = []
+        then = self._before[number] if before else None
+        lean = self._leans[number]
         while lean is not None:
             one = self._strands[lean]
             if one is None:
                 raise OptionError(f"isovalue {number} leans on isovalue {lean}, which is not decoded", code="only")
             earlier.append(one)
-            lean = self._contents.leans[lean]
-        held = sum(one is not None for one in self._strands) + 1
+            lean = self._leans[lean]
+        held = sum(one is not None for one in [*self._before, *self._strands]) + 1
         self._budget.hold(self, held * MeshIsovalue.bytes_for(self._domain))
-        self._strands.append(MeshIsovalue(self._domain, self.isovalues[number], self.header.scale, earlier))
+        self._strands.append(MeshIsovalue(self._domain, self.isovalues[number], self.header.scale, earlier, then))
 
     def _read_layer(self, payload: bytes, start: int, behind: int) -> Event:
-        present = self._strands[-1]
+        present = None if self._skipped else self._strands[-1]
+        self._contents.based = True
         self._layers += 1
         if self._layers > self.limits.layers:
             raise LimitError(f"more than {self.limits.layers} layers", code="limit-layers", clause="11.2")

@@ -5,13 +5,14 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from isospec.container import ChunkType, DomainKind, MeshLayer, Profile
 
-from ..domain.complex import Complex, complex_of
+from ..domain.complex import complex_of
 from ..domain.geometry import STEPS, active_vertices, parts_of
 from ..domain.history import has_levels, history_of
 from ..domain.isovalue import MeshIsovalue
@@ -21,10 +22,11 @@ from ..errors import InputError, OptionError
 from ..field.samples import Field, isovalue_of
 from ..format.chunks import write_chunk, write_further
 from ..format.domain import MOST_STEP, DomainHead, MeshLayerHead, write_domain, write_mesh_layer
+from ..format.frames import FRAME_BEFORE, is_key, write_frame, write_interval
 from ..format.header import Header
 from .container import ContainerEncoder, beginning
 from .mesh_decoder import coordinates_of
-from .options import Options, isovalues_of, nearest_before
+from .options import Options, check_interval, isovalues_of, nearest_before
 
 FINER = 3
 """How many times as many vertices are told after a layer of signs than before it, at least."""
@@ -41,7 +43,7 @@ class MeshEncoder(ContainerEncoder):
     Parameters
     ----------
     points, cells, values, isovalue, mesh, mesh_error, exact, step, tolerance, signs_only, leaning, progressive, \
-    metadata
+    interval, metadata
         As in `encode_mesh`.
 
     Raises
@@ -67,6 +69,7 @@ class MeshEncoder(ContainerEncoder):
         signs_only: bool = False,
         leaning: bool = True,
         progressive: bool | None = None,
+        interval: int = 0,
         metadata: Mapping[str, str] | None = None,
     ) -> None:
         if mesh not in KINDS:
@@ -76,8 +79,13 @@ class MeshEncoder(ContainerEncoder):
         )
         self.isovalues = isovalues_of(isovalue)
         self.domain, self._points = complex_of(points, cells)
-        self._fields = [vertex_field(values, self.domain, one, self.options.step) for one in self.isovalues]
-        self.options.check_data(self._fields[0].integer)
+        self._frames = _frames_of(values)
+        self._series = np.ndim(values) == 2
+        self._interval = check_interval(interval)
+        self._size = len(self.domain.mesh.position), len(self.domain.mesh.cell)
+        self._source = np.arange(self._size[0])
+        for frame in range(len(self._frames)):
+            self.options.check_data(self._fields(frame)[0].integer)
         self._edge = self._median_edge()
         self._rounded: NDArray[np.float64] | None = None
         self._domain_chunk = self._known() if mesh == "known" else self._coded(mesh == "whole", mesh_error)
@@ -85,8 +93,14 @@ class MeshEncoder(ContainerEncoder):
         if progressive is None:
             progressive = mesh == "known" and has_levels(self.domain)
         self._history = history_of(self.domain) if progressive else None
-        self.header = Header((), self._fields[0].isovalue, self.options.step, Profile.MAIN, cells=self.domain.n)
+        self.header = Header((), self._fields(0)[0].isovalue, self.options.step, Profile.MAIN, cells=self.domain.n)
         self.strands: list[MeshIsovalue] = []
+
+    def _fields(self, frame: int) -> list[Field]:
+        """The values of a frame at the vertices of the domain, for each isovalue."""
+        values = self._frames[frame]
+        found = [vertex_field(values, *self._size, one, self.options.step) for one in self.isovalues]
+        return [replace(one, values=one.values[self._source], signs=one.signs[self._source]) for one in found]
 
     def _median_edge(self) -> float:
         """Length of an edge of the mesh."""
@@ -108,8 +122,11 @@ class MeshEncoder(ContainerEncoder):
             raise OptionError(f"the error of the mesh is {error}; it must be greater than 0", code="mesh-error")
         cells = self.domain.mesh.cell
         if not whole:
-            signs = [field.signs[cells] for field in self._fields]
-            crossed = np.any([one.any(axis=1) & ~one.all(axis=1) for one in signs], axis=0)
+            crossed = np.zeros(len(cells), np.bool_)
+            for frame in range(len(self._frames)):
+                for field in self._fields(frame):
+                    signs = field.signs[cells]
+                    crossed |= signs.any(axis=1) & ~signs.all(axis=1)
             # a file has a cell at least
             crossed[0] |= not crossed.any()
             cells = cells[crossed]
@@ -124,10 +141,7 @@ class MeshEncoder(ContainerEncoder):
         )
         self._points = points[order]
         self._rounded = coordinates_of(self.domain, head)
-        source = used[order]
-        self._fields = [
-            replace(field, values=field.values[source], signs=field.signs[source]) for field in self._fields
-        ]
+        self._source = used[order]
         return write_domain(head, self.domain.n) + run
 
     def _offset_step(self) -> int:
@@ -142,24 +156,37 @@ class MeshEncoder(ContainerEncoder):
         """The file but for its checksum."""
         yield from beginning(self.header, self.options.metadata)
         yield write_chunk(ChunkType.DOMAIN, self._domain_chunk)
+        if self._series:
+            yield write_chunk(ChunkType.FRAME, write_interval(self._interval))
+        for frame in range(len(self._frames)):
+            yield from self._frame(frame)
+
+    def _frame(self, frame: int) -> Iterator[bytes]:
+        """Chunks of a frame."""
+        key = is_key(frame, self._interval)
+        before = [] if key or not self.options.leaning else self.strands
+        self.strands = []
         leans: list[int | None] = []
+        fields = self._fields(frame)
         for number, value in enumerate(self.isovalues):
-            lean = nearest_before(self.isovalues, number) if number and self.options.leaning else None
+            then = before[number] if before else None
+            lean = nearest_before(self.isovalues, number) if number and self.options.leaning and not then else None
             leans.append(lean)
-            if number:
+            if frame:
+                yield write_chunk(ChunkType.FRAME, write_frame(FRAME_BEFORE if then else lean, key))
+            elif number:
                 yield write_chunk(ChunkType.ISOVALUE, write_further(value, lean))
             earlier = []
             while lean is not None:
                 earlier.append(self.strands[lean])
                 lean = leans[lean]
-            self.strands.append(MeshIsovalue(self.domain, value, self.options.step, earlier))
-            yield from self._layers(number)
+            self.strands.append(MeshIsovalue(self.domain, value, self.options.step, earlier, then))
+            ends = frame == len(self._frames) - 1 and number == len(self.isovalues) - 1
+            yield from self._layers(self.strands[number], fields[number], ends)
 
-    def _layers(self, number: int) -> Iterator[bytes]:
-        """Chunks of the layers of an isovalue."""
-        strand, field = self.strands[number], self._fields[number]
+    def _layers(self, strand: MeshIsovalue, field: Field, ends: bool) -> Iterator[bytes]:
+        """Chunks of the layers of an isovalue; ``ends`` if it is the last of the file."""
         geometry = self._geometry()
-        ends = number == len(self.isovalues) - 1
         for head in self._sign_layers():
             strand.run.begin(None)
             if self._history is None:
@@ -216,10 +243,17 @@ class MeshEncoder(ContainerEncoder):
         return MeshLayer.OFFSETS if self._step else MeshLayer.VALUES
 
 
-def vertex_field(values: ArrayLike, domain: Complex, isovalue: float, step: float | None) -> Field:
-    """Values at the vertices of a complex as a field; raises `InputError` if they are none."""
+def _frames_of(values: ArrayLike) -> NDArray[Any]:
+    """Values of all frames, (F, V): those of the one frame of a file that is no series."""
     found = np.asarray(values)
-    vertices, cells = len(domain.mesh.position), len(domain.mesh.cell)
+    if found.ndim == 2 and not len(found):
+        raise InputError("a series without frames", code="frames", remedy="give at least one")
+    return found if found.ndim == 2 else found[None]
+
+
+def vertex_field(values: NDArray[Any], vertices: int, cells: int, isovalue: float, step: float | None) -> Field:
+    """Values at the vertices of a mesh as a field; raises `InputError` if they are none."""
+    found = values
     if found.dtype.kind not in "biuf":
         raise InputError(
             f"the values are of type {found.dtype}", code="dtype", remedy="convert them to integers or floats"

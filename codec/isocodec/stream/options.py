@@ -266,3 +266,19 @@ def isovalues_of(given: object) -> list[float]:
 def nearest_before(isovalues: Sequence[float], number: int) -> int:
     """Number of the isovalue that a further one leans on: of those before it the one that lies nearest."""
     return min(range(number), key=lambda i: abs(isovalues[i] - isovalues[number]))
+
+
+def check_interval(interval: int) -> int:
+    """Every how many frames one leans on none before it.
+
+    Raises
+    ------
+    OptionError
+        If it is no number from 0 on.
+    """
+    if not (isinstance(interval, (int, np.integer)) and 0 <= interval < 1 << 32):
+        raise OptionError(
+            f"interval is {interval}; it must be a whole number from 0 on", code="interval",
+            remedy="0 lets all frames but the first lean on the one before",
+        )  # fmt: skip
+    return int(interval)

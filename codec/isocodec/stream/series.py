@@ -17,6 +17,7 @@ from ..format.frames import FRAME_BEFORE, as_last, is_key, write_frame, write_in
 from ..layers.writer import LayerWriter
 from ..tube.holes import Holes
 from .encoder import Earlier, Encoder
+from .options import check_interval
 
 
 class SeriesEncoder:
@@ -48,13 +49,8 @@ class SeriesEncoder:
     """
 
     def __init__(self, isovalue: float | Sequence[float], *, interval: int = 0, **options: Any) -> None:
-        if not (isinstance(interval, (int, np.integer)) and 0 <= interval < 1 << 32):
-            raise OptionError(
-                f"interval is {interval}; it must be a whole number from 0 on", code="interval",
-                remedy="0 lets all frames but the first lean on the one before",
-            )  # fmt: skip
         self._isovalue = isovalue
-        self._interval = int(interval)
+        self._interval = check_interval(interval)
         self._options = options
         self._frames = 0
         self._before: _FrameEncoder | None = None

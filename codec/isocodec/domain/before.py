@@ -1,0 +1,70 @@
+"""What is known of a vertex from the frame before, and how far the present one has agreed (spec clause 10.1.5)."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..kernel import inlined, inner, kernel
+from ..kernel.types import Int8Vector, IntVector
+from .complex import Mesh
+
+UNKNOWN = -1
+RINGS = 9
+"""Classes of how many more vertices around lie above than below."""
+AGREED = 4
+"""Whether the last two signs were those of the frame before."""
+
+
+@inner
+def surplus(mesh, sign, v):
+    """How many more corners of the cells around a vertex are known to lie above than below, a class."""
+    more = np.int64(0)
+    for k in range(mesh.first[v], mesh.first[v + 1]):
+        t = mesh.star[k]
+        for i in range(mesh.cell.shape[1]):
+            one = sign[mesh.cell[t, i]]
+            if one != UNKNOWN:
+                more += 2 * one - 1
+    if mesh.cell.shape[1] == 4:
+        more >>= 1
+    return min(max(more, -(RINGS // 2)), RINGS // 2)
+
+
+@inlined
+def learn_agreement(st, v, sign):
+    """Take in whether a sign is that of the frame before."""
+    if st.before[v] != UNKNOWN:
+        st.reg.agreed = (st.reg.agreed << 1 | np.int64(st.before[v] == sign)) & (AGREED - 1)
+
+
+@inlined
+def sign_before(st, v, above):
+    """A class: the frame before does not know, says ``above``, or says the other sign."""
+    if st.before[v] == UNKNOWN:
+        return np.int64(0)
+    return np.int64(1) if st.before[v] == above else np.int64(2)
+
+
+@kernel
+def spread_signs(mesh: Mesh, sign: Int8Vector, queue: IntVector) -> None:
+    """Give every vertex that is not known the sign of those around it; ``queue`` (V,) is room.
+
+    Where cells of both signs are all known, as of a complete isovalue, that is the same in whatever order.
+    """
+    end = np.int64(0)
+    for v in range(len(sign)):
+        if sign[v] != UNKNOWN:
+            queue[end] = v
+            end += 1
+    at = np.int64(0)
+    while at < end:
+        v = queue[at]
+        at += 1
+        for k in range(mesh.first[v], mesh.first[v + 1]):
+            t = mesh.star[k]
+            for i in range(mesh.cell.shape[1]):
+                other = mesh.cell[t, i]
+                if sign[other] == UNKNOWN:
+                    sign[other] = sign[v]
+                    queue[end] = other
+                    end += 1

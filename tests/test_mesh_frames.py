@@ -1,0 +1,178 @@
+"""Series of values on meshes: each frame decodes to its own curve, alone or in turn (spec clauses 3.5.7, 10.1.5)."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import isocodec
+from brute import examples
+from commands import fails, ok
+from explicit_meshes import plane, space, torus
+from isocodec.errors import FormatError, InputError, IsoError, OptionError, TruncatedError
+from isocodec.format.chunks import write_chunk
+from isocodec.stream.mesh_decoder import MeshDecoder
+from isospec.container import ChunkType
+
+ISOVALUES = [20.5, 31.5]
+KINDS = {"plane": plane, "space": space, "surface": lambda seed: torus()}
+
+
+def moving(mesh, frames=4, seed=0, steps=6):
+    """Integers that change from frame to frame, here and there by a jump: (F, V)."""
+    rng = np.random.default_rng(seed)
+    slope = rng.normal(size=mesh[0].shape[1])
+    first = np.rint(mesh[0] @ slope * 50 / np.ptp(mesh[0] @ slope)).astype(np.int64) % 60
+    out = [first]
+    for _ in range(frames - 1):
+        jump = np.where(rng.random(len(first)) < 0.05, rng.integers(-40, 40, len(first)), 0)
+        out.append(out[-1] + rng.integers(-1, steps, len(first)) + jump)
+    return np.array(out)
+
+
+def pieces(contour):
+    """Segments or triangles by their points, in an order that no numbering of the points changes."""
+    return sorted(sorted(cell) for cell in contour.points[contour.cells].tolist())
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("progressive", [False, True])
+@pytest.mark.parametrize("options", [{"signs_only": True}, {"exact": True}, {"tolerance": 0.5}])
+def test_frames_are_those_of_single_files(kind, progressive, options):
+    """Whatever they lean on, and whether they are taken in turn or alone."""
+    if progressive and kind != "plane":
+        pytest.skip("levels are of the plane")
+    mesh = KINDS[kind](3)
+    values = moving(mesh)
+    options = {**options, "progressive": progressive}
+    alone = [isocodec.decode_all(isocodec.encode_mesh(*mesh, each, ISOVALUES, **options), mesh=mesh) for each in values]
+    for interval, leaning in ((0, True), (2, True), (0, False)):
+        data = isocodec.encode_mesh(*mesh, values, ISOVALUES, interval=interval, leaning=leaning, **options)
+        for found, wanted in zip(isocodec.decode_frames(data, mesh=mesh), alone, strict=True):
+            assert list(map(pieces, found)) == list(map(pieces, wanted))
+        for number, wanted in enumerate(alone):
+            one = isocodec.decode(data, frame=number, isovalue=ISOVALUES[1], mesh=mesh)
+            assert pieces(one) == pieces(wanted[1])
+            assert pieces(isocodec.decode_all(data, frame=number, mesh=mesh)[0]) == pieces(wanted[0])
+
+
+@examples(40)
+@given(
+    seed=st.integers(0, 999), kind=st.sampled_from(sorted(KINDS)), progressive=st.booleans(),
+    options=st.sampled_from([{"signs_only": True}, {"exact": True}, {"tolerance": 2.0}]),
+    values=st.sampled_from(["noise", "still", "opposite", "empty"]),
+)  # fmt: skip
+def test_any_frames(seed, kind, progressive, options, values):
+    """Noise, frames that do not change, that change all signs, and frames without a curve among others."""
+    mesh = KINDS[kind](seed)
+    rng = np.random.default_rng(seed)
+    first = rng.integers(0, 40, len(mesh[0]))
+    frames = {
+        "noise": rng.integers(0, 40, (3, len(first))), "still": np.array([first, first, first]),
+        "opposite": np.array([first, 41 - first, first]), "empty": np.array([first, 0 * first, first]),
+    }[values]  # fmt: skip
+    progressive = progressive and kind == "plane"
+    data = isocodec.encode_mesh(*mesh, frames, 20.5, progressive=progressive, **options)
+    for each, found in zip(frames, isocodec.decode_frames(data, mesh=mesh), strict=True):
+        one = isocodec.encode_mesh(*mesh, each, 20.5, progressive=progressive, **options)
+        assert pieces(found[0]) == pieces(isocodec.decode(one, mesh=mesh))
+
+
+def test_a_mesh_in_the_file_is_there_once():
+    """It has the cells that any frame crosses."""
+    mesh = plane(5, 60, kept=1)
+    values = moving(mesh)
+    data = isocodec.encode_mesh(*mesh, values, 20.5, mesh="coded", signs_only=True)
+    for each, found in zip(values, isocodec.decode_frames(data), strict=True):
+        assert len(found[0].cells) == len(isocodec.decode(isocodec.encode_mesh(*mesh, each, 20.5), mesh=mesh).cells)
+    assert isocodec.inspect(data).interval == 0 and len(isocodec.inspect(data).frames) == 4
+
+
+def test_leaning_pays():
+    """On a field that moves slowly: signs, offsets and values take less than they would alone."""
+    mesh = plane(1, 2000, kept=1)
+    x, y = mesh[0].T / 10
+    values = np.array([np.sin(x + 0.05 * t) + np.cos(1.3 * y - 0.04 * t) for t in range(5)])
+    for options, most in (
+        ({"signs_only": True}, 0.7), ({"signs_only": True, "progressive": False}, 0.7), ({}, 0.9), ({"step": 0.01}, 0.9)
+    ):  # fmt: skip
+        alone = sum(len(isocodec.encode_mesh(*mesh, each, 0.2, **options)) for each in values)
+        assert len(isocodec.encode_mesh(*mesh, values, 0.2, **options)) < most * alone
+
+
+def test_any_piece_of_a_file():
+    """Fed in pieces, cut anywhere, or begun at a key frame."""
+    mesh = plane(2)
+    values = moving(mesh)
+    data = isocodec.encode_mesh(*mesh, values, ISOVALUES, interval=2)
+    whole = [list(map(pieces, each)) for each in isocodec.decode_frames(data, mesh=mesh)]
+    fed = isocodec.decode_frames([data[i : i + 7] for i in range(0, len(data), 7)], mesh=mesh)
+    assert [list(map(pieces, each)) for each in fed] == whole
+    for cut in range(20, len(data), 11):
+        decoder = MeshDecoder(mesh)
+        decoder.feed(data[:cut])
+        with pytest.raises(TruncatedError):
+            decoder.close()
+    for at in range(0, len(data) - 4):
+        damaged = bytearray(data)
+        damaged[at] ^= 0x10
+        with pytest.raises(IsoError):
+            isocodec.decode_all(bytes(damaged), frame=3, mesh=mesh)
+
+
+def test_wrong_series():
+    mesh = plane(2)
+    values = moving(mesh)
+    data = isocodec.encode_mesh(*mesh, values, 20.5)
+    with pytest.raises(OptionError, match="0 to 3"):
+        isocodec.decode(data, frame=4, mesh=mesh)
+    with pytest.raises(OptionError, match="interval"):
+        isocodec.encode_mesh(*mesh, values, 20.5, interval=-1)
+    with pytest.raises(InputError, match="without frames"):
+        isocodec.encode_mesh(*mesh, values[:0], 20.5)
+    with pytest.raises(InputError, match="shape"):
+        isocodec.encode_mesh(*mesh, values[:, 1:], 20.5)
+    # a chunk that begins a series behind the layers of the first frame
+    one = isocodec.encode_mesh(*mesh, values[0], 20.5)
+    last = isocodec.inspect(one).chunks[-1]
+    decoder = MeshDecoder(mesh)
+    decoder.feed(one[: last.offset] + write_chunk(ChunkType.FRAME, b"\0"))
+    with pytest.raises(FormatError) as error:
+        for _ in decoder:
+            pass
+    assert error.value.clause == "3.5.7"
+
+
+def test_commands(tmp_path):
+    mesh = plane(4)
+    values = moving(mesh)
+    np.savez(tmp_path / "flow.npz", points=mesh[0], cells=mesh[1], depth=values)
+    flow, out = tmp_path / "flow.npz", tmp_path / "flow.iso"
+    ok("encode", flow, "-o", out, "--values", "depth", "--isovalue", 20.5, "--frame-interval", 2)
+    assert json.loads(ok("info", out, "--json"))["interval"] == 2
+    ok("decode", out, "-o", tmp_path / "one.npz", "--domain", flow, "--frame", 3)
+    wanted = isocodec.decode(out, frame=3, mesh=mesh)
+    assert np.array_equal(np.load(tmp_path / "one.npz")["points"], wanted.points)
+    assert "0 to 3" in fails(2, "decode", out, "-o", tmp_path / "x.npz", "--domain", flow, "--frame", 9)
+    assert "--frames" in fails(
+        2, "encode", flow, "-o", tmp_path / "x.iso", "--values", "depth", "--isovalue", 20.5, "--frames"
+    )
+
+
+def test_xdmf_series(tmp_path, monkeypatch):
+    meshio = pytest.importorskip("meshio")
+    pytest.importorskip("h5py")
+    mesh = plane(4)
+    values = moving(mesh).astype(np.float64)
+    path = tmp_path / "flow.xdmf"
+    monkeypatch.chdir(tmp_path)
+    with meshio.xdmf.TimeSeriesWriter(path) as series:
+        series.write_points_cells(np.pad(mesh[0], ((0, 0), (0, 1))), [("triangle", mesh[1])])
+        for t, each in enumerate(values):
+            series.write_data(float(t), point_data={"depth": each})
+    ok("encode", path, "-o", tmp_path / "flow.iso", "--values", "depth", "--isovalue", 20.5)
+    assert len(isocodec.inspect((tmp_path / "flow.iso").read_bytes()).frames) == 4
