@@ -113,3 +113,42 @@ def test_options_that_do_not_fit(tmp_path):
     fails(2, "encode", tmp_path / "field.npy", "--mesh", "coded", "--isovalue", 0.5, "-o", out)
     ok("encode", tmp_path / "field.npy", "--isovalue", 0.5, "-o", out)
     fails(2, "decode", out, "--domain", path, "-o", tmp_path / "out.geojson")
+
+
+def test_pictures(tmp_path):
+    pytest.importorskip("matplotlib")
+    mesh = plane(3, 200, kept=1)
+    np.savez(tmp_path / "mesh.npz", points=mesh[0], cells=mesh[1], depth=mesh[0].sum(axis=1))
+    data, out = tmp_path / "a.iso", tmp_path / "a.png"
+    data.write_bytes(isocodec.encode_mesh(*mesh, mesh[0].sum(axis=1), [80.0, 120.0]))
+    assert "3 steps" in ok(
+        "plot", data, "-o", out, "--domain", tmp_path / "mesh.npz", "--isovalue", 120, "--steps", 3
+    )
+    assert out.read_bytes().startswith(b"\x89PNG")
+    assert "does not hold" in fails(3, "plot", data, "-o", out)
+    assert "--view" in fails(2, "plot", data, "-o", out, "--view", "front")
+    solid = tmp_path / "solid.iso"
+    solid.write_bytes(isocodec.encode_mesh(*space(1), np.arange(30), 14.5, mesh="coded"))
+    assert "PLY" in fails(2, "plot", solid, "-o", out)
+
+
+@pytest.mark.parametrize("progressive", [False, True])
+def test_shorter_files(progressive):
+    """After each layer, by number or by bytes, whatever of a file is there; the result is complete."""
+    mesh = plane(3, 200, kept=1)
+    values = np.array([mesh[0].sum(axis=1), mesh[0] @ [1, 2]])
+    data = isocodec.encode_mesh(*mesh, values, [80.0, 120.0], progressive=progressive)
+    layers = isocodec.inspect(data).layers
+    for count in range(1, len(layers) + 1):
+        short = isocodec.truncate(data, layers=count)
+        info = isocodec.inspect(short)
+        assert info.complete and len(info.layers) == count
+        assert isocodec.truncate(data, max_bytes=len(short)) == short
+        assert isocodec.truncate(data[: len(short)], layers=count) == short
+        isocodec.decode_all(short, frame=info.layers[-1].frame, mesh=mesh)
+    assert isocodec.truncate(data, layers=len(layers)) == data == isocodec.truncate(data, layers=99)
+    for wrong in ({"layers": 0}, {"max_bytes": 40}):
+        with pytest.raises(OptionError):
+            isocodec.truncate(data, **wrong)
+    with pytest.raises(OptionError, match="only 2"):
+        isocodec.truncate(isocodec.truncate(data, layers=2)[:-4], layers=3)

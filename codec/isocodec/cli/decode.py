@@ -11,6 +11,7 @@ import click
 from ..errors import FormatError
 from .mesh import write_mesh
 from .options import (
+    domain_option,
     frame_option,
     iso_argument,
     json_option,
@@ -59,10 +60,7 @@ LOST = 0.01
     "--mesh", type=click.Choice(["whole", "tube"]),
     help="Write the mesh instead: of the whole box, or the simplices that the curve crosses (.vtu, .ply, .geojson).",
 )
-@click.option(
-    "--domain", type=click.Path(path_type=Path, readable=False), metavar="MESH",
-    help="File with the mesh, if IN.iso holds values on one that it does not hold.",
-)
+@domain_option
 @smooth_option
 @partial_option
 @limit_options

@@ -14,7 +14,11 @@ from .report import concerning, tell, write_output
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
+    from typing import Any
 
+    from numpy.typing import NDArray
+
+    from ..io.picture import Step
     from ..limits import Limits
 
 NOT_ON_MESHES = (
@@ -66,6 +70,43 @@ def encode_on_mesh(
     )
 
 
+def mesh_of(domain: Path | None) -> tuple[NDArray[Any], NDArray[Any]] | None:
+    """Points and cells of a file with a mesh, if one is named."""
+    if domain is None:
+        return None
+    from ..io.mesh_read import read_mesh
+
+    with concerning(domain):
+        found = read_mesh(domain)
+    return found.points, found.cells
+
+
+def steps_on_mesh(
+    data: bytes, steps: int, domain: Path | None, isovalue: float | None, frame: int, limits: Limits
+) -> list[Step]:
+    """Of an isovalue of a file of a mesh, what prefixes decode to, after that many layers at most."""
+    import isocodec
+
+    from ..frames import check_frame
+    from ..io.picture import Step
+
+    info = isocodec.inspect(data)
+    number = info.number_of(isovalue)
+    count = sum((layer.frame, layer.isovalue) == (frame, number) for layer in info.layers)
+    decoder = isocodec.MeshDecoder(mesh_of(domain), limits, only=info.chain(number), frame=frame)
+    decoder.feed(data)
+    drawn: list[Step] = []
+    own = 0
+    for event in decoder:
+        if isinstance(event, isocodec.MeshLayerComplete) and decoder.present == (frame, number):
+            own += 1
+            if (own * steps) // count > ((own - 1) * steps) // count:
+                drawn.append(Step(decoder.drawn(number), event.offset, len(data)))
+    decoder.close()
+    check_frame(decoder, frame)
+    return drawn
+
+
 def decode_on_mesh(
     source: Path, data: bytes, output: Path, named: Path, domain: Path | None, isovalue: float | None,
     frame: int | None, max_bytes: int | None, limits: Limits, as_json: bool,
@@ -76,7 +117,6 @@ def decode_on_mesh(
     """
     import isocodec
 
-    from ..io.mesh_read import read_mesh
     from ..io.write import check_libraries, check_suffix, render_contour
 
     with concerning(output):
@@ -87,11 +127,7 @@ def decode_on_mesh(
                 remedy=f"choose one of {', '.join(WRITTEN)}",
             )  # fmt: skip
         check_libraries(suffix)
-    mesh = None
-    if domain is not None:
-        with concerning(domain):
-            found = read_mesh(domain)
-            mesh = found.points, found.cells
+    mesh = mesh_of(domain)
     started = time.perf_counter()
     with concerning(source):
         if isovalue is None and suffix == ".geojson":

@@ -20,6 +20,13 @@ iso_argument: Decorator = click.argument("source", metavar="IN.iso", type=click.
 
 partial_option: Decorator = click.option("--partial", is_flag=True, help="Decode what there is of a truncated file.")
 
+domain_option: Decorator = click.option(
+    "--domain",
+    type=click.Path(path_type=Path, readable=False),
+    metavar="MESH",
+    help="File with the mesh, if IN.iso holds values on one that it does not hold.",
+)
+
 frame_option: Decorator = click.option(
     "--frame", type=click.IntRange(min=0), metavar="N", help="Frame of a series, from 0.  [default: the first]"
 )

@@ -9,8 +9,19 @@ from typing import TYPE_CHECKING
 import click
 
 from ..errors import OptionError, TruncatedError
+from ..format.domain import kind_of_domain
 from ..format.kinds import GEOMETRY
-from .options import frame_option, iso_argument, limit_options, limits_of, output_option, partial_option, smooth_option
+from .on_mesh import steps_on_mesh
+from .options import (
+    domain_option,
+    frame_option,
+    iso_argument,
+    limit_options,
+    limits_of,
+    output_option,
+    partial_option,
+    smooth_option,
+)
 from .progress import progress_bar
 from .report import PARTIAL, check_output, concerning, read_iso, warn, write_output
 
@@ -39,12 +50,13 @@ MESH = 600
     "--isovalue", type=float, metavar="V", help="Isovalue to draw, if there are several.  [default: the first]"
 )
 @frame_option
+@domain_option
 @smooth_option
 @partial_option
 @limit_options
 def plot_command(
     source: Path, output: Path, steps: int, mesh: bool, view: str | None, isovalue: float | None, frame: int | None,
-    smooth: bool, partial: bool, limit_memory: int | None, limit_work: int | None,
+    domain: Path | None, smooth: bool, partial: bool, limit_memory: int | None, limit_work: int | None,
 ) -> None:  # fmt: skip
     """Draw what prefixes of IN.iso decode to, from its first layer to all of it (.png, .pdf or .svg).
 
@@ -69,6 +81,18 @@ def plot_command(
         matplotlib_figure()
     check_output(output, source)
     data = read_iso(source)
+    if kind_of_domain(data) is not None:
+        if mesh or smooth or partial or view is not None:
+            raise click.UsageError("the file is of a mesh: --mesh, --smooth, --partial and --view mean nothing")
+        with concerning(source):
+            limits = limits_of(limit_memory, limit_work)
+            on_mesh = steps_on_mesh(data, steps, domain, isovalue, frame or 0, limits)
+            picture = steps_picture(on_mesh, suffix)
+        write_output(output, picture)
+        click.echo(f"{click.format_filename(output)}: {len(on_mesh)} steps of {len(data):,} bytes")
+        return
+    if domain is not None:
+        raise click.UsageError("--domain: the file is of a grid, not of a mesh")
 
     import isocodec
 

@@ -167,22 +167,31 @@ def _file(figure: Any, suffix: str) -> bytes:
 
 def _panel_size(contour: Contour, longest: float) -> tuple[float, float]:
     """Width and height in inches: in the proportions of a plane grid, but never a mere strip."""
-    if len(contour.shape) != 2:
+    if _flat(contour) and len(contour.points):
+        columns, rows = np.maximum(np.ptp(contour.points, axis=0), 1e-300)
+    elif len(contour.shape) != 2:
         return longest, longest
-    rows, columns = contour.shape * proportions(contour)
+    else:
+        rows, columns = contour.shape * proportions(contour)
     least = longest / 4
     if columns >= rows:
         return longest, max(longest * rows / columns, least)
     return max(longest * columns / rows, least), longest
 
 
+def _flat(contour: Contour) -> bool:
+    """Whether it is a curve on a mesh in the plane, in x and y."""
+    return not contour.shape and contour.points.shape[1] == 2
+
+
 def _draw(axes: Any, contour: Contour, pixels: int, view: View) -> None:
-    if len(contour.shape) == 2:
+    if _flat(contour) or len(contour.shape) == 2:
         _draw_curve(axes, contour)
     elif len(contour.shape) == 3:
         _draw_surface(axes, contour, pixels, view)
     else:
-        raise OptionError(f"there is no picture of a field of {len(contour.shape)} axes", code="dimension")
+        what = f"a field of {len(contour.shape)} axes" if contour.shape else "what lies on a mesh in space"
+        raise OptionError(f"there is no picture of {what}", code="dimension", remedy="decode it to PLY or STL")
 
 
 def _draw_mesh(
@@ -210,8 +219,14 @@ def _draw_mesh(
 
 def _draw_curve(axes: Any, contour: Contour) -> None:
     collections = optional("matplotlib.collections", extra="plot", purpose="drawing a picture")
-    lines = [np.asarray(line)[:, ::-1] for line in contour.lines]
+    turned = 1 if _flat(contour) else -1
+    lines = [np.asarray(line)[:, ::turned] for line in contour.lines]
     axes.add_collection(collections.LineCollection(lines, colors=[_INK], linewidths=0.7, capstyle="round"))
+    if _flat(contour):
+        axes.autoscale()
+        axes.set_aspect("equal")
+        axes.tick_params(labelsize=7)
+        return
     rows, columns = contour.shape
     axes.set_xlim(-0.5, columns - 0.5)
     # Downwards, as pictures are shown.

@@ -108,6 +108,11 @@ class MeshDecoder(ContainerDecoder):
         return self._contents.frame if self._wanted is None else min(self._contents.frame, self._wanted)
 
     @property
+    def present(self) -> tuple[int, int]:
+        """Number of the present frame and of its isovalue, whose layers come at present or come next."""
+        return self._contents.frame, self._contents.number
+
+    @property
     def domain(self) -> Complex | None:
         """The complex, once it has come."""
         return self._domain

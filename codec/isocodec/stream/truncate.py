@@ -9,6 +9,7 @@ from isospec.container import Checksum, ChunkType, write_varint
 from ..entropy.range_coder import cut
 from ..errors import OptionError, TruncatedError
 from ..format.chunks import CHECKSUM_BYTES, read_envelope, whole_bytes, write_chunk
+from ..format.frames import as_last
 from ..format.program import write_program
 from ..layers.events import LayerComplete
 from ..limits import Limits
@@ -53,7 +54,8 @@ def truncate(
         raise OptionError("give either layers or max_bytes", code="options")
     data = whole_bytes(data)
     # What is damaged must not get a checksum that is right.
-    inspect(data)
+    if inspect(data).domain is not None:
+        return _first_chunks(data, layers, max_bytes)
     if layers is not None:
         return _first_layers(data, layers, limits)
     assert max_bytes is not None
@@ -67,6 +69,32 @@ def truncate(
     if short is None:
         raise OptionError(f"{max_bytes} bytes are too few for the header of this file and a curve", code="max-bytes")
     return short
+
+
+def _first_chunks(data: bytes, layers: int | None, max_bytes: int | None) -> bytes:
+    """The same of a file of an explicit domain, whose layers are chunks (spec clause 10.1.1(3))."""
+    info = inspect(data)
+    if info.complete and (len(data) <= max_bytes if max_bytes is not None else (layers or 0) >= len(info.layers)):
+        return data
+    if layers is not None and layers < 1:
+        raise OptionError(f"layers is {layers}; it must be at least 1", code="layers")
+    there = [chunk for chunk in info.chunks if chunk.type == "layers"][: len(info.layers)]
+    if layers is not None and layers > len(there):
+        raise OptionError(
+            f"only {len(there)} whole layers have been received", code="layers",
+            remedy="ask for fewer, or for a number of bytes",
+        )  # fmt: skip
+    for chunk in reversed(there[:layers]):
+        end = read_envelope(data, chunk.offset)
+        assert end is not None
+        raw = data[chunk.offset : end.end + CHECKSUM_BYTES * end.checked]
+        out = _closed(data[: chunk.offset] + as_last(raw))
+        if max_bytes is None or len(out) <= max_bytes:
+            return out
+    raise OptionError(
+        f"{max_bytes} bytes are too few for this file's mesh and a layer" if there else "no layer has been received",
+        code="max-bytes", remedy="the mesh and a surface in a file cannot be cut",
+    )  # fmt: skip
 
 
 def _whole(data: bytes, limits: Limits | None) -> bool:
