@@ -45,21 +45,21 @@ def test_meshes_return(name):
     for seed in range(MANY):
         points, cells = MAKERS[name](seed)
         used, numbers = np.unique(cells, return_inverse=True)
-        found = quantised(points[used], numbers.reshape(cells.shape), 0.001)
-        run, coded, order = encoded_mesh(found.domain, found.extent, found.unit)
+        found, domain = quantised(points[used], numbers.reshape(cells.shape), 0.001)
+        run, coded, order = encoded_mesh(domain, found.extent, found.unit)
         back = decoded_mesh(run, 0, len(used), len(cells), cells.shape[1], found.extent, found.unit)
         assert np.array_equal(back.mesh.cell, coded.mesh.cell)
-        assert np.array_equal(back.mesh.position, found.domain.mesh.position[order])
-        assert same_cells(order[back.mesh.cell]) == same_cells(found.domain.mesh.cell)
+        assert np.array_equal(back.mesh.position, domain.mesh.position[order])
+        assert same_cells(order[back.mesh.cell]) == same_cells(domain.mesh.cell)
         mine = np.sort(order[back.mesh.cell], axis=1)
         neighbours = {
             (tuple(cell), tuple(mine[other])) for cell, row in zip(mine.tolist(), back.mesh.neighbour, strict=True)
             for other in row if other >= 0
         }  # fmt: skip
-        original = np.sort(found.domain.mesh.cell, axis=1)
+        original = np.sort(domain.mesh.cell, axis=1)
         wanted = {
             (tuple(cell), tuple(original[other]))
-            for cell, row in zip(original.tolist(), found.domain.mesh.neighbour, strict=True)
+            for cell, row in zip(original.tolist(), domain.mesh.neighbour, strict=True)
             for other in row if other >= 0
         }  # fmt: skip
         assert neighbours == wanted

@@ -21,11 +21,11 @@ HEADER_BYTES = 64
 
 def encode_mesh(
     points: ArrayLike,
-    cells: ArrayLike,
+    cells: ArrayLike | None,
     values: ArrayLike,
     isovalue: float | Sequence[float],
     *,
-    mesh: str = "known",
+    mesh: str | None = None,
     mesh_error: float | None = None,
     exact: bool = False,
     step: float | None = None,
@@ -45,15 +45,19 @@ def encode_mesh(
     ----------
     points : (V, 2) or (V, 3) array_like of numbers
         Coordinates x, y (, z) of the vertices.
-    cells : (T, 3) or (T, 4) array_like of int
-        Vertices of triangles, in the plane or of a surface in space, or of tetrahedra.
+    cells : (T, 3) or (T, 4) array_like of int, or None
+        Vertices of triangles, in the plane or of a surface in space, or of tetrahedra. None: the points are scattered
+        over the plane, and are joined to their Delaunay triangulation; those that coincide become one, with the mean of
+        their values.
     values : (V,) or (F, V) array_like of bool, integers or floats
         With two axes, those of F frames: a series, each frame leaning on the one before.
     isovalue : number or sequence of numbers
         As in `encode`.
     mesh : str
         ``known``: whoever decodes has the mesh, points and cells in the same order; the file holds its hash. ``coded``:
-        the file holds the cells that the contours cross, ``whole``: all cells.
+        the file holds the cells that the contours cross, ``whole``: all cells. ``delaunay``, without cells: the file
+        holds the points, from which the triangles follow, rounded as they are. By default ``known`` with cells,
+        ``delaunay`` without.
     mesh_error : float, optional
         Of a mesh in the file, the largest distance between vertices and their points; less where cells would fold. By
         default 0.05 of the median edge. Points of contours are told on the edges of that mesh, where these meet the

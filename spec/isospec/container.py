@@ -73,6 +73,7 @@ class DomainKind(IntEnum):
     KNOWN = 0
     CODED = 1
     POINTS = 2
+    DELAUNAY = 3
 
 
 class MeshLayer(IntEnum):

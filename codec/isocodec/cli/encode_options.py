@@ -120,8 +120,9 @@ SECTIONS = (
         click.option("--values", "values_name", metavar="NAME", help="INPUT is a mesh; which values at its points."),
         click.option(
             "--mesh",
-            type=click.Choice(["known", "coded", "whole"]),
-            help="Whoever decodes has the mesh (default), or the file holds the cells that are crossed, or all.",
+            type=click.Choice(["known", "coded", "whole", "delaunay"]),
+            help="Whoever decodes has the mesh (default), or the file holds the cells that are crossed, or all. Points "
+            "without cells: delaunay.",
         ),
         click.option("--mesh-error", type=float, metavar="D", help="Largest error of points of a mesh in the file."),
     ),

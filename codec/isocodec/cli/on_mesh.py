@@ -18,7 +18,9 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from ..io.mesh_read import MeshRead
     from ..io.picture import Step
+    from ..io.points_read import PointsRead
     from ..limits import Limits
 
 NOT_ON_MESHES = (
@@ -45,16 +47,24 @@ def encode_on_mesh(
     import isocodec
 
     from ..io.mesh_read import read_mesh
+    from ..io.points_read import POINTS, read_points
 
     started = time.perf_counter()
     with concerning(source):
-        found = read_mesh(source, samples)
+        cells = None
+        if source.suffix.lower() in POINTS:
+            found: MeshRead | PointsRead = read_points(source, samples)
+        else:
+            found = of_mesh = read_mesh(source, samples)
+            cells = of_mesh.cells
         data = isocodec.encode_mesh(
-            found.points, found.cells, found.values_named(values), list(isovalues), **options  # type: ignore[arg-type]
+            found.points, cells, found.values_named(values), list(isovalues), **options  # type: ignore[arg-type]
         )
+        info = isocodec.inspect(data)
+        assert info.domain is not None
     seconds = time.perf_counter() - started
     write_output(output, data)
-    layers = len(isocodec.inspect(data).layers)
+    layers = len(info.layers)
     tell(
         f"{click.format_filename(output)}: {len(data):,} bytes, {layers} layers, {seconds:.2f} s",
         {
@@ -63,7 +73,7 @@ def encode_on_mesh(
             "layers": layers,
             "seconds": round(seconds, 3),
             "points": len(found.points),
-            "cells": len(found.cells),
+            "cells": info.domain.cells if cells is None else len(cells),
             "isovalues": [float(isovalue) for isovalue in isovalues],
         },
         as_json,

@@ -36,7 +36,7 @@ _MUCH = 1 << 30
     "(inf), by squared errors (l2), by distance (NAT).  [default: AT1]",
 )  # fmt: skip
 @click.option("--scattered", is_flag=True, help="INPUT is a table of points: rows of x, y, value.")
-@click.option("--key", metavar="NAME", help="Array of an .npz or HDF5 file.")
+@click.option("--key", metavar="NAME", help="Array of an .npz or HDF5 file; values of points.  [z]")
 @click.option("--channel", type=int, metavar="N", help="Channel of a colour picture, counted from 0.")
 @click.option("--frame", type=int, metavar="N", help="Item of a series or time step, counted from 0.")
 @click.option(
@@ -57,7 +57,7 @@ def thin_command(
     .geojson   a polygon with heights for each triangle
     .iso       points and values in few bytes; decode makes the others of it
 
-    INPUT is a picture, a terrain or any array of two axes that encode reads.
+    INPUT is a picture, a terrain or any array of two axes that encode reads; or points: .csv, .xyz, .las, .laz, .gpkg.
     """
     coded = output.suffix.lower() == ".iso"
     if sum(each is not None for each in (to, error, size)) != 1:
@@ -80,12 +80,17 @@ def thin_command(
     from ..field.placement import unplaced
     from ..io.missing import missing_samples, read_nodata
     from ..io.place import Place, read_place
+    from ..io.points_read import POINTS, read_points
     from ..io.read import read_field
 
     place = Place()
     with concerning(source):
         with one_warning(source):
-            field = read_field(source, key=key, channel=channel, frame=frame, samples=limit_samples)
+            if source.suffix.lower() in POINTS:
+                points = read_points(source, limit_samples)
+                field, scattered = np.column_stack([points.points, points.values_named(key or "z")]), True
+            else:
+                field = read_field(source, key=key, channel=channel, frame=frame, samples=limit_samples)
             if field.ndim == 2 and not scattered:
                 place = read_place(source, 2, key, samples=limit_samples)
                 gone = missing_samples(field, read_nodata(source, key))

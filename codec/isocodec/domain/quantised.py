@@ -22,9 +22,9 @@ MULTIPLES = 16
 
 
 class Quantised(NamedTuple):
-    """A complex with positions from 0 on, what they count in, and where they begin."""
+    """Positions from 0 on, (V, d), what they count in, and where they begin."""
 
-    domain: Complex
+    position: NDArray[np.int64]
     multiple: int
     exponent: int
     origin: tuple[int, ...]
@@ -36,8 +36,10 @@ class Quantised(NamedTuple):
         return math.ldexp(self.multiple, self.exponent)
 
 
-def quantised(points: NDArray[np.float64], cells: NDArray[np.int64], error: float) -> Quantised:
-    """The complex whose vertices lie within ``error`` of their points, nearer where cells would fold otherwise.
+def quantised(
+    points: NDArray[np.float64], cells: NDArray[np.int64], error: float
+) -> tuple[Quantised, Complex]:  # fmt: skip
+    """Positions, and their complex: vertices lie within ``error`` of points, nearer where cells would fold otherwise.
 
     Parameters
     ----------
@@ -52,27 +54,45 @@ def quantised(points: NDArray[np.float64], cells: NDArray[np.int64], error: floa
     InputError
         If that takes more positions than a file may have.
     """
-    d = points.shape[1]
-    wanted = 2 * error / math.sqrt(d)
-    while True:
-        exponent = math.frexp(wanted)[1] - MULTIPLES.bit_length()
-        multiple = int(math.ldexp(wanted, -exponent))
-        unit = math.ldexp(multiple, exponent)
-        scaled = np.rint(points / unit)
-        origin = scaled.min(axis=0)
-        extent = scaled.max(axis=0) - origin + 1
-        if extent.max() > EXTENT or np.abs(origin).max() >= 2.0**40:
-            raise InputError(
-                "the mesh is too large for so small an error of its points", code="mesh-error",
-                remedy="allow a larger error, or make the mesh known to both sides",
-            )  # fmt: skip
-        position = (scaled - origin).astype(np.int64)
-        if not _folds(points, position, cells):
-            whole = assembled(position, cells, unit, neighbours(cells))
-            return Quantised(
-                whole, multiple, exponent, tuple(map(int, origin.tolist())), tuple(map(int, extent.tolist()))
-            )
-        wanted /= 2
+    found = rounded(points, error)
+    while _folds(points, found.position, cells):
+        error /= 2
+        found = rounded(points, error)
+    return found, assembled(found.position, cells, found.unit, neighbours(cells))
+
+
+def rounded(points: NDArray[np.float64], error: float) -> Quantised:
+    """Positions within ``error`` of points (V, d).
+
+    Raises
+    ------
+    InputError
+        If that takes more positions than a file may have.
+    """
+    wanted = 2 * error / math.sqrt(points.shape[1])
+    exponent = math.frexp(wanted)[1] - MULTIPLES.bit_length()
+    multiple = int(math.ldexp(wanted, -exponent))
+    scaled = np.rint(points / math.ldexp(multiple, exponent))
+    origin = scaled.min(axis=0)
+    extent = scaled.max(axis=0) - origin + 1
+    if extent.max() > EXTENT or np.abs(origin).max() >= 2.0**40:
+        raise InputError(
+            "the mesh is too large for so small an error of its points", code="mesh-error",
+            remedy="allow a larger error, or make the mesh known to both sides",
+        )  # fmt: skip
+    position = (scaled - origin).astype(np.int64)
+    return Quantised(position, multiple, exponent, tuple(map(int, origin.tolist())), tuple(map(int, extent.tolist())))
+
+
+def rounded_apart(points: NDArray[np.float64], error: float) -> Quantised:
+    """The same of distinct points, nearer where two would come together or all would lie on a line."""
+    found = rounded(points, error)
+    while len(np.unique(found.position, axis=0)) < len(points) or np.linalg.matrix_rank(
+        found.position - found.position[:1]
+    ) < min(2, points.shape[1]):
+        error /= 2
+        found = rounded(points, error)
+    return found
 
 
 def _folds(points: NDArray[np.float64], position: NDArray[np.int64], cells: NDArray[np.int64]) -> bool:

@@ -36,9 +36,9 @@ class DomainHead:
     digest : bytes
         Of a known mesh the first 16 bytes of the SHA-256 of its canonical form; else empty.
     multiple : int
-        Of a coded mesh: positions count in so many times ``2**exponent``.
+        Of a mesh in the file: positions count in so many times ``2**exponent``.
     origin, extent : tuple of int
-        Of a coded mesh, for each coordinate: the least position, and how many there may be from there on.
+        Of a mesh in the file, for each coordinate: the least position, and how many there may be from there on.
     """
 
     kind: DomainKind
@@ -56,7 +56,7 @@ def write_domain(head: DomainHead, n: int) -> bytes:
     """Payload of a domain chunk, up to what is coded of the mesh."""
     out = bytes([head.kind << 4 | (head.d - n)]) + write_varint(zigzag(head.exponent))
     out += write_varint(head.vertices) + write_varint(head.cells) + head.digest
-    if head.kind == DomainKind.CODED:
+    if head.kind != DomainKind.KNOWN:
         numbers = (head.multiple, *map(zigzag, head.origin), *head.extent)
         out += b"".join(map(write_varint, numbers))
     return out
@@ -81,6 +81,8 @@ def read_domain(payload: bytes, n: int, start: int) -> tuple[DomainHead, int]:
         raise OptionError("the file holds a triangulated surface, not a mesh", code="domain", remedy="take decode_tin")
     if kind not in DomainKind.__members__.values():
         raise wrong(f"unknown kind of domain {kind}")
+    if kind == DomainKind.DELAUNAY and (n, higher) != (2, 0):
+        raise wrong("a Delaunay triangulation that is not of triangles in the plane")
     if higher > 3 - n:
         raise wrong("cells of more dimensions than their vertices have coordinates, or other reserved bits")
     numbers = []

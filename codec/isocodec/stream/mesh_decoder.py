@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from isospec.container import ChunkType, DomainKind, MeshLayer
 
+from ..domain.coded_points import BYTES_PER_POINT, decoded_points
 from ..domain.complex import Complex, complex_of
 from ..domain.history import History, history_of
 from ..domain.isovalue import MeshIsovalue
@@ -25,7 +26,7 @@ from ..format.frames import key_of
 from ..format.header import Header
 from ..layers.contents import Contents
 from ..layers.events import ChunkSkipped, DomainRead, Event, FrameRead, IsovalueRead, MeshLayerComplete
-from ..limits import Limits
+from ..limits import WORK_PER_BYTE, Limits
 from .container import ContainerDecoder
 
 REFUSED = (ChunkType.CUT_LAYERS, ChunkType.MASK)
@@ -221,9 +222,13 @@ class MeshDecoder(ContainerDecoder):
             self._domain, self._points = self._known_mesh(head, n)
         else:
             run, unit = self._contents.run_of_domain, math.ldexp(head.multiple, head.exponent)
-            self._domain = decoded_mesh(
-                payload[run:], start + run, head.vertices, head.cells, n + 1, head.extent, unit
-            )  # fmt: skip
+            size, data = (head.vertices, head.cells), payload[run:]
+            if head.kind == DomainKind.DELAUNAY:
+                self._budget.check(BYTES_PER_POINT * head.vertices)
+                work = self.limits.work + WORK_PER_BYTE * len(payload)
+                self._domain = decoded_points(data, start + run, size, head.extent, unit, work)
+            else:
+                self._domain = decoded_mesh(data, start + run, *size, n + 1, head.extent, unit)
             self._points = coordinates_of(self._domain, head)
         self._begin(0, None)
 

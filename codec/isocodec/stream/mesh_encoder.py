@@ -12,16 +12,17 @@ from numpy.typing import ArrayLike, NDArray
 
 from isospec.container import ChunkType, DomainKind, MeshLayer, Profile
 
+from ..domain.coded_points import encoded_points, triangulated
 from ..domain.complex import complex_of
 from ..domain.geometry import STEPS, active_vertices, parts_of
 from ..domain.history import has_levels, history_of
 from ..domain.isovalue import MeshIsovalue
 from ..domain.mesh_run import encoded_mesh
-from ..domain.quantised import quantised, refitted
+from ..domain.quantised import Quantised, quantised, refitted, rounded_apart
 from ..errors import InputError, OptionError
 from ..field.samples import Field, isovalue_of
 from ..format.chunks import write_chunk, write_further
-from ..format.domain import MOST_STEP, DomainHead, MeshLayerHead, write_domain, write_mesh_layer
+from ..format.domain import MOST_STEP, DomainHead, MeshLayerHead, read_domain, write_domain, write_mesh_layer
 from ..format.frames import FRAME_BEFORE, is_key, write_frame, write_interval
 from ..format.header import Header
 from .container import ContainerEncoder, beginning
@@ -34,7 +35,7 @@ EDGE_SHARE = 0.05
 """Without an option, points lie as near to the contour as this share of the median edge."""
 MESH_SHARE = 0.05
 """Without an option, vertices of a mesh in the file lie as near to theirs as this share of the median edge."""
-KINDS = ("known", "coded", "whole")
+KINDS = ("known", "coded", "whole", "delaunay")
 
 
 class MeshEncoder(ContainerEncoder):
@@ -57,11 +58,11 @@ class MeshEncoder(ContainerEncoder):
     def __init__(
         self,
         points: ArrayLike,
-        cells: ArrayLike,
+        cells: ArrayLike | None,
         values: ArrayLike,
         isovalue: float | Sequence[float],
         *,
-        mesh: str = "known",
+        mesh: str | None = None,
         mesh_error: float | None = None,
         exact: bool = False,
         step: float | None = None,
@@ -72,8 +73,17 @@ class MeshEncoder(ContainerEncoder):
         interval: int = 0,
         metadata: Mapping[str, str] | None = None,
     ) -> None:
+        if mesh is None:
+            mesh = "delaunay" if cells is None else "known"
         if mesh not in KINDS:
             raise OptionError(f"the mesh is {mesh!r}", code="mesh", remedy=f"choose one of: {', '.join(KINDS)}")
+        if (cells is None) != (mesh == "delaunay"):
+            raise OptionError(
+                f"cells are {'not ' * (cells is None)}given, and the mesh is {mesh!r}", code="mesh",
+                remedy="a Delaunay triangulation follows from points alone; any other mesh has cells",
+            )  # fmt: skip
+        if cells is None:
+            points, cells, values = triangulated(points, values)
         self.options = Options(
             exact=exact, step=step, tolerance=tolerance, signs_only=signs_only, leaning=leaning, metadata=metadata
         )
@@ -88,7 +98,7 @@ class MeshEncoder(ContainerEncoder):
             self.options.check_data(self._fields(frame)[0].integer)
         self._edge = self._median_edge()
         self._rounded: NDArray[np.float64] | None = None
-        self._domain_chunk = self._known() if mesh == "known" else self._coded(mesh == "whole", mesh_error)
+        self._domain_chunk = self._known() if mesh == "known" else self._coded(mesh, mesh_error)
         self._step = self._offset_step()
         if progressive is None:
             progressive = mesh == "known" and has_levels(self.domain)
@@ -116,12 +126,18 @@ class MeshEncoder(ContainerEncoder):
         head = DomainHead(DomainKind.KNOWN, mesh.position.shape[1], exponent, *size, self.domain.digest)
         return write_domain(head, self.domain.n)
 
-    def _coded(self, whole: bool, error: float | None) -> bytes:
+    def _coded(self, mesh: str, error: float | None) -> bytes:
         """Payload of the chunk of a mesh in the file; from now on the domain is what decoders have."""
         if error is not None and not (math.isfinite(error) and error > 0):
             raise OptionError(f"the error of the mesh is {error}; it must be greater than 0", code="mesh-error")
+        error = error or MESH_SHARE * self._edge
+        if mesh == "delaunay":
+            places = rounded_apart(self._points, error)
+            run, self.domain, self._source = encoded_points(places.position, places.extent, places.unit)
+            self._points = self._points[self._source]
+            return self._in_file(DomainKind.DELAUNAY, places) + run
         cells = self.domain.mesh.cell
-        if not whole:
+        if mesh == "coded":
             crossed = np.zeros(len(cells), np.bool_)
             for frame in range(len(self._frames)):
                 for field in self._fields(frame):
@@ -132,17 +148,21 @@ class MeshEncoder(ContainerEncoder):
             cells = cells[crossed]
         used, numbers = np.unique(cells, return_inverse=True)
         points = self._points[used]
-        found = quantised(points, numbers.reshape(cells.shape), error or MESH_SHARE * self._edge)
-        run, self.domain, order = encoded_mesh(found.domain, found.extent, found.unit)
-        size = len(used), len(cells)
-        d = points.shape[1]
-        head = DomainHead(
-            DomainKind.CODED, d, found.exponent, *size, b"", found.multiple, found.origin, found.extent
-        )
+        places, domain = quantised(points, numbers.reshape(cells.shape), error)
+        run, self.domain, order = encoded_mesh(domain, places.extent, places.unit)
         self._points = points[order]
-        self._rounded = coordinates_of(self.domain, head)
         self._source = used[order]
-        return write_domain(head, self.domain.n) + run
+        head = self._in_file(DomainKind.CODED, places)
+        self._rounded = coordinates_of(self.domain, read_domain(head + run, self.domain.n, 0)[0])
+        return head + run
+
+    def _in_file(self, kind: DomainKind, places: Quantised) -> bytes:
+        """The head of the domain as it goes into the file, with its positions."""
+        size = len(self.domain.mesh.position), len(self.domain.mesh.cell)
+        head = DomainHead(
+            kind, len(places.extent), places.exponent, *size, b"", places.multiple, places.origin, places.extent
+        )
+        return write_domain(head, self.domain.n)
 
     def _offset_step(self) -> int:
         """The longest part of an edge, in steps of offsets; 0 without offsets."""
