@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from isospec.container import ChunkType, DomainKind, Profile
 
-from .domain.coded_tin import decoded, encoded
+from .domain.coded_tin import Layers, decoded, encoded
 from .domain.delaunay import delaunay, triangles
 from .domain.points import Points, points_of
 from .domain.rank import by_rank
@@ -159,8 +159,28 @@ def decode_tin(data: bytes, *, max_bytes: int | None = None, limits: Limits | No
     LimitError
         If the file needs more than the limits allow.
     """
+    head, parts, complete, metadata = read_surface(bytes(octets(data)[:max_bytes]), max_bytes is not None, limits)
+    order = by_rank(parts.points[:, 0], parts.points[:, 1])
+    x, y = np.ascontiguousarray(parts.points[order].T)
+    tri, _ = delaunay(x, y)
+    positions = np.stack([x, y], axis=1).astype(np.float64)
+    if not head.grid:
+        with np.errstate(over="ignore"):
+            positions = np.ldexp(positions + np.array(head.origin, np.float64), head.exponent)
+    values = np.array(values_of(head, parts.numbers[order].tolist()))
+    return Tin(
+        positions, values, triangles(tri).astype(np.int64), head.extent if head.grid else None, complete, metadata
+    )
+
+
+def read_surface(
+    whole: bytes, partial: bool = False, limits: Limits | None = None
+) -> tuple[TinHead, Layers, bool, dict[str, str]]:
+    """What a file of a surface says: its head, points and numbers, whether that is all, and notes.
+
+    ``partial``: of a file that ends early, what has come. Raises as `decode_tin`.
+    """
     limits = limits or Limits()
-    whole = bytes(octets(data)[:max_bytes])
     if len(whole) > limits.bytes:
         raise LimitError(f"more than {limits.bytes} bytes", code="limit-bytes", clause="11.2")
     found = read_header(whole)
@@ -190,21 +210,20 @@ def decode_tin(data: bytes, *, max_bytes: int | None = None, limits: Limits | No
         at = behind
     if payload and payload[0] >> 4 != DomainKind.POINTS:
         raise OptionError("the file holds a mesh, no surface", code="domain", remedy="take decode")
-    if behind is None and max_bytes is None:
+    if behind is None and not partial:
         raise TruncatedError(
             f"the file ends after {len(whole)} bytes, before it is complete", code="truncated", offset=len(whole),
             clause="8.3", remedy="give max_bytes to decode what there is",
         )  # fmt: skip
-    complete = behind is not None and (chunk.last or max_bytes is not None)
+    complete = behind is not None and (chunk.last or partial)
     if behind is not None and chunk.last and behind < len(whole):
         raise FormatError("bytes after the end of the file", code="trailing", offset=behind, clause="3.4.4")
-    return _surface(payload, chunk.start, behind is not None, complete, metadata, limits)
+    head, parts = _parts(payload, chunk.start, behind is not None, limits)
+    return head, parts, complete and parts.complete, metadata
 
 
-def _surface(
-    payload: bytes, start: int, whole: bool, complete: bool, metadata: dict[str, str], limits: Limits
-) -> Tin:
-    """The surface of a payload, or of its beginning."""
+def _parts(payload: bytes, start: int, whole: bool, limits: Limits) -> tuple[TinHead, Layers]:
+    """What a payload holds, or its beginning."""
     early = TruncatedError("the file ends before its surface begins", code="truncated", clause="8.3")
     if not payload:
         if whole:
@@ -222,15 +241,4 @@ def _surface(
     parts = decoded(payload[at:], head.counts, head.extent, head.largest, most, work, whole)
     if len(parts.points) < 3:
         raise early
-    order = by_rank(parts.points[:, 0], parts.points[:, 1])
-    x, y = np.ascontiguousarray(parts.points[order].T)
-    tri, _ = delaunay(x, y)
-    positions = np.stack([x, y], axis=1).astype(np.float64)
-    if not head.grid:
-        with np.errstate(over="ignore"):
-            positions = np.ldexp(positions + np.array(head.origin, np.float64), head.exponent)
-    values = np.array(values_of(head, parts.numbers[order].tolist()))
-    return Tin(
-        positions, values, triangles(tri).astype(np.int64), head.extent if head.grid else None,
-        complete and parts.complete, metadata,
-    )  # fmt: skip
+    return head, parts

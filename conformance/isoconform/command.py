@@ -13,7 +13,7 @@ from pathlib import Path
 from isocodec.limits import LEVELS, Limits
 
 from .decoders import TIMEOUT, Batch, Command, Decoder, Reference, serve
-from .dump import dump
+from .dump_file import dump_file
 from .manifest import default_directory, read_manifest
 from .runner import asked, run
 
@@ -141,7 +141,7 @@ def _dump(options: argparse.Namespace) -> int:
     if options.file is None:
         raise ValueError("dump needs a file, or --batch")
     limits = None if options.level is None else Limits.level(options.level)
-    output = dump(options.file.read_bytes(), layers=options.layers, limits=limits)
+    output = dump_file(options.file, layers=options.layers, limits=limits)
     if output.error is not None:
         print(f"isoconform: {output.error}", file=sys.stderr)
     text = output.text + output.coordinates if options.coordinates else output.text

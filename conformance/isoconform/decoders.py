@@ -19,7 +19,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import IO, BinaryIO, Protocol
 
-from .dump import dump
+from .dump_file import dump_file
 
 TIMEOUT = 20.0
 """Seconds that a decoder has for a file."""
@@ -83,9 +83,8 @@ class Reference:
     def answer(self) -> Answer:
         """As `Decoder`; any exception but its own is trouble."""
         request = self._open.popleft()
-        data = request.path.read_bytes()[: request.size]
         try:
-            output = dump(data, layers=request.layers, piece=request.piece)
+            output = dump_file(request.path, request.size, layers=request.layers, piece=request.piece)
         except Exception as bug:
             return Answer(trouble=f"crash: {type(bug).__name__}: {bug}")
         return Answer(output.exit_code, output.text + output.coordinates * bool(output.text))
@@ -285,7 +284,7 @@ def serve(requests: BinaryIO, answers: BinaryIO) -> None:
         if request is None:
             answers.write(UNKNOWN + b"\n")
         else:
-            output = dump(request.path.read_bytes()[: request.size], layers=request.layers, piece=request.piece)
+            output = dump_file(request.path, request.size, layers=request.layers, piece=request.piece)
             text = output.text.encode("ascii")
             answers.write(b"%d %d\n%b" % (output.exit_code, len(text), text))
         answers.flush()

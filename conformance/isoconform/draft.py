@@ -32,6 +32,8 @@ class Draft:
         Clause of the specification that the file violates; None if it violates none.
     layers : bool
         Whether the manifest also states the decoded state after each layer.
+    mesh : str
+        The mesh that it was made on as text, if the file does not hold it.
     """
 
     name: str
@@ -40,6 +42,7 @@ class Draft:
     features: tuple[str, ...]
     clause: str | None = None
     layers: bool = False
+    mesh: str = ""
 
 
 def encoded(

@@ -8,11 +8,28 @@ from itertools import chain
 from pathlib import Path
 
 from isocodec.errors import LimitError
-from isocodec.layers.events import Event, FrameRead, IsovalueRead, LayerComplete
+from isocodec.layers.events import Event, FrameRead, IsovalueRead, LayerComplete, MeshLayerComplete
 
-from . import adaptive, circle, frames, geometry, hostile, isovalues, mapped, missing, mixed, rules, special, valid
+from . import (
+    adaptive,
+    circle,
+    explicit,
+    frames,
+    geometry,
+    hostile,
+    isovalues,
+    mapped,
+    missing,
+    mixed,
+    rules,
+    special,
+    surfaces,
+    valid,
+)
 from .draft import Draft
-from .dump import COMPLETE, CUT_OFF, NO_COORDINATES, Output, canonical_layers, dump
+from .dump import COMPLETE, CUT_OFF, NO_COORDINATES, Output
+from .dump_file import dump_any, layers_of
+from .explicit_dump import MESH, Mesh, is_explicit, read_mesh
 from .levels import BEYOND, needs
 from .manifest import (
     ERROR,
@@ -28,7 +45,10 @@ from .manifest import (
     write_manifest,
 )
 
-_MODULES = valid, special, adaptive, geometry, isovalues, mixed, rules, hostile, circle, missing, mapped, frames
+_MODULES = (
+    valid, special, adaptive, geometry, isovalues, mixed, rules, hostile, circle, missing, mapped, frames, explicit,
+    surfaces,
+)  # fmt: skip
 TEXT_LIMIT = 2200
 """Longest canonical text, in bytes, that is kept next to its vector for the runner to show differences."""
 
@@ -38,8 +58,12 @@ def generate(directory: Path) -> list[Vector]:
     files: dict[str, bytes] = {}
     vectors = []
     for draft in all_drafts():
-        output = dump(draft.data)
-        vectors.append(_described(draft, output))
+        mesh = None
+        if draft.mesh:
+            files[f"{draft.name}{MESH}"] = draft.mesh.encode("ascii")
+            mesh = read_mesh(draft.mesh)
+        output = dump_any(draft.data, mesh)
+        vectors.append(_described(draft, output, mesh))
         files[f"{draft.name}.iso"] = draft.data
         if output.text and len(output.text) <= TEXT_LIMIT:
             files[f"{draft.name}.txt"] = output.text.encode("ascii")
@@ -62,11 +86,11 @@ def all_drafts() -> Iterator[Draft]:
 def _clear(directory: Path) -> None:
     if (directory / NAME).exists():
         for vector in read_manifest(directory):
-            for suffix in (".iso", ".txt"):
+            for suffix in (".iso", ".txt", MESH):
                 (directory / vector.file).with_suffix(suffix).unlink(missing_ok=True)
 
 
-def _described(draft: Draft, output: Output) -> Vector:
+def _described(draft: Draft, output: Output, mesh: Mesh | None) -> Vector:
     """The manifest's entry; what the author of the vector says of it is checked."""
     clause = output.error.clause if output.error else None
     if output.exit_code in (COMPLETE, CUT_OFF):
@@ -90,9 +114,12 @@ def _described(draft: Draft, output: Output) -> Vector:
     layers = []
     if draft.layers:
         several = any(isinstance(event, (IsovalueRead, FrameRead)) for event in output.events)
-        for event, isovalue, text in canonical_layers(draft.data):
-            layer = event.layer
+        for event, isovalue, text in layers_of(draft.data, mesh):
             number = isovalue if several else None
+            if isinstance(event, MeshLayerComplete):
+                layers.append(LayerState(event.kind, -1, 0, 0, digest(text), isovalue=number))
+                continue
+            layer = event.layer
             layers.append(
                 LayerState(layer.kind, layer.level, layer.plane, layer.parts, digest(text), layer.unit, number)
             )
@@ -116,7 +143,7 @@ def _described(draft: Draft, output: Output) -> Vector:
 def _level(data: bytes, expected: Expected) -> int:
     if expected.status == LIMIT:
         return BEYOND
-    return 0 if expected.status == ERROR else needs(data).level
+    return 0 if expected.status == ERROR or is_explicit(data) else needs(data).level
 
 
 def _features(events: list[Event], n: int) -> Iterator[str]:

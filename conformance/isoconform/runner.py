@@ -12,7 +12,8 @@ from isocodec.errors import LimitError
 from isocodec.limits import LEVELS
 
 from .decoders import Decoder, Request
-from .dump import COMPLETE, CUT_OFF, NO_COORDINATES, REFUSED, dump, parted
+from .dump import COMPLETE, CUT_OFF, NO_COORDINATES, REFUSED, parted
+from .dump_file import dump_file
 from .manifest import ERROR, LIMIT, OK, Vector, digest
 
 Decode = Callable[[Path, int], tuple[int, str]]
@@ -34,7 +35,7 @@ class Result:
 
 def reference(path: Path, layers: int) -> tuple[int, str]:
     """The reference decoder, in this process."""
-    output = dump(path.read_bytes(), layers=layers)
+    output = dump_file(path, layers=layers)
     return output.exit_code, output.text + output.coordinates * bool(output.text)
 
 

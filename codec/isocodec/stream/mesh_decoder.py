@@ -97,11 +97,15 @@ class MeshDecoder(ContainerDecoder):
         """What the file says of its domain, once that has come."""
         return self._contents.domain
 
-    def strand(self, number: int = 0) -> MeshIsovalue | None:
-        """What is known of an isovalue, by number; None before it has come, or if it is skipped."""
+    def strand(self, number: int = 0, *, before: bool = False) -> MeshIsovalue | None:
+        """What is known of an isovalue, by number; None before it has come, or if it is skipped.
+
+        ``before``: that of the frame before, while the next one begins.
+        """
         if number < 0:
             raise OptionError(f"isovalue number {number}; they are counted from 0", code="isovalue")
-        return self._strands[number] if number < len(self._strands) else None
+        strands = self._before if before else self._strands
+        return strands[number] if number < len(strands) else None
 
     @property
     def frame(self) -> int:
@@ -124,7 +128,7 @@ class MeshDecoder(ContainerDecoder):
         ``before``: that of the frame before, while the next one begins.
         """
         n = self.header.n if self.header else 2
-        found = self._before[number] if before else self.strand(number)
+        found = self.strand(number, before=before)
         notes = dict(self.metadata)
         if found is not None and found.edges is None and found.rounds is not None:
             return self._coarse(found, notes)

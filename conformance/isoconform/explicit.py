@@ -1,0 +1,290 @@
+"""Vectors of isovalues on explicit domains (clause 10): known meshes, meshes in the file, levels, frames."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from itertools import permutations, product
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from isocodec import encode_mesh
+from isocodec.domain.delaunay import triangulate
+from isospec.container import ChunkType, read_varint, write_varint
+
+from .draft import Draft
+from .explicit_dump import Mesh, written
+from .fields import Integers, random_numbers
+from .streams import Chunk, File, split
+
+EXPLICIT = "explicit domain"
+VALUE = 100.5
+VALUES = (VALUE, 140.5, 60.5)
+
+
+def plane(count: int = 36, side: int = 64, left_out: int = 6) -> Mesh:
+    """Delaunay triangles of random points, one of ``left_out`` of them left out: borders, holes, lone vertices."""
+    numbers = np.array(random_numbers(5, 2 * count, 16)).reshape(-1, 2) % side
+    points = np.unique(numbers, axis=0)
+    cells = triangulate(points)
+    kept = [t for t, number in enumerate(random_numbers(6, len(cells), 16)) if not left_out or number % left_out]
+    return points, cells[kept]
+
+
+def tetrahedra(side: int = 4) -> Mesh:
+    """Cubes cut into six, in two pieces that have nothing in common, with a lone vertex."""
+    points: list[list[int]] = []
+    cells: list[list[int]] = []
+    place: dict[tuple[int, ...], int] = {}
+    for p in product(range(side), repeat=3):
+        place[p] = len(points)
+        points.append([3 * c + (7 * p[0] + 5 * p[1] + 3 * p[2]) % 2 for c in p])
+    for p in product(range(side - 1), repeat=3):
+        if p[0] == 1:
+            continue
+        for order in permutations(range(3)):
+            corner = list(p)
+            cell = [place[p]]
+            for axis in order:
+                corner[axis] += 1
+                cell.append(place[tuple(corner)])
+            cells.append(cell)
+    return np.array(points, np.int64), np.array(cells, np.int64)
+
+
+def ring(around: int = 7, across: int = 4) -> Mesh:
+    """Triangles of a ring with a handle in space: a surface without a border."""
+    wide = [(10, 0), (7, 7), (0, 10), (-7, 7), (-10, 0), (-7, -7), (3, -9)]
+    high = [(6, 0), (4, 2), (2, 0), (4, -2)]
+    points = [[wide[i][0] * high[j][0], wide[i][1] * high[j][0], 10 * high[j][1]] for i in range(around)
+              for j in range(across)]  # fmt: skip
+    cells = []
+    for i, j in product(range(around), range(across)):
+        a, b = i * across + j, (i + 1) % around * across + j
+        c, d = i * across + (j + 1) % across, (i + 1) % around * across + (j + 1) % across
+        cells += [[a, b, d], [a, d, c]]
+    return np.array(points, np.int64), np.array(cells, np.int64)
+
+
+MESHES: dict[str, Callable[[], Mesh]] = {"plane": plane, "space": tetrahedra, "surface": ring}
+
+
+def hills(mesh: Mesh, step: int = 0, rough: int = 30) -> Integers:
+    """Values at the vertices: slopes that meet, moved by ``step``, with some noise."""
+    points = mesh[0]
+    along = 9 * points[:, 0] + 5 * points[:, 1] + (4 * points[:, 2] if points.shape[1] == 3 else 0) + 17 * step
+    noise = np.array(random_numbers(11 + step, len(points), 16), np.int64) % rough
+    return np.abs((along - along.min()) % 400 - 200) + noise
+
+
+def _draft(
+    name: str, mesh: Mesh, values: NDArray[Any], isovalue: float | tuple[float, ...], *features: str,
+    kind: str = "known", layers: bool = False, **options: Any,
+) -> Draft:  # fmt: skip
+    """A vector as the reference encoder writes it."""
+    cells = None if kind == "delaunay" else mesh[1]
+    data = encode_mesh(mesh[0], cells, values, isovalue, mesh=kind, **options)
+    n = mesh[1].shape[1] - 1
+    return Draft(name, data, n, (EXPLICIT, *features), None, layers, written(mesh) if kind == "known" else "")
+
+
+def whole() -> Iterator[Draft]:
+    """As the reference encoder's options give them."""
+    for kind, make in MESHES.items():
+        mesh = make()
+        values = hills(mesh)
+        for name, options in (
+            ("signs", {"signs_only": True}), ("values", {"exact": True}), ("offsets", {"tolerance": 0.5}),
+            ("fine_offsets", {"tolerance": 0.001}),
+        ):  # fmt: skip
+            if kind == "plane":
+                yield _draft(
+                    f"mesh_plane_levels_{name}", mesh, values, VALUE, "levels", name, layers=name == "values", **options
+                )
+            yield _draft(
+                f"mesh_{kind}_{name}", mesh, values, VALUE, name, layers=name == "offsets", progressive=False, **options
+            )
+        yield _draft(
+            f"mesh_{kind}_isovalues", mesh, values, VALUES, "several isovalues", exact=True, progressive=False,
+            layers=True,
+        )  # fmt: skip
+        yield _draft(
+            f"mesh_{kind}_independent", mesh, values, VALUES, "isovalues that lean on none", leaning=False,
+            signs_only=True, progressive=False,
+        )  # fmt: skip
+        noise = np.array(random_numbers(23, len(mesh[0]), 8), np.int64)
+        yield _draft(
+            f"mesh_{kind}_noise", mesh, noise, 128.5, "noise", exact=True, progressive=False
+        )  # fmt: skip
+        yield _draft(
+            f"mesh_{kind}_step", mesh, values / 8, 12.4, "values in steps", step=0.25, progressive=False
+        )  # fmt: skip
+        yield _draft(f"mesh_{kind}_empty", mesh, values, 1e6, "no curve", progressive=False)
+        yield _draft(
+            f"mesh_{kind}_coded", mesh, values, VALUE, "the mesh in the file, as far as it is crossed", kind="coded",
+            exact=True, mesh_error=0.3,
+        )  # fmt: skip
+        yield _draft(
+            f"mesh_{kind}_whole", mesh, values, VALUES, "the whole mesh in the file", kind="whole",
+            signs_only=True, mesh_error=0.3,
+        )  # fmt: skip
+        yield from _frames(kind, mesh)
+    mesh = plane(60, 200, 0)
+    for name, options in (("signs", {"signs_only": True}), ("values", {"exact": True})):
+        yield _draft(
+            f"mesh_plane_delaunay_{name}", mesh, hills(mesh), VALUE, "points in the file, Delaunay triangulation",
+            kind="delaunay", mesh_error=0.71, **options,
+        )  # fmt: skip
+    # many rounds, and candidates for new components
+    mesh = plane(150, 400, 0)
+    salt = np.array([int(number % 9 == 0) for number in random_numbers(31, len(mesh[0]), 16)])
+    for name, values, isovalues in (
+        ("hills", hills(mesh, 0, 5), (VALUE,)), ("isovalues", hills(mesh), VALUES), ("salt", salt, (0.5,)),
+    ):  # fmt: skip
+        yield _draft(
+            f"mesh_plane_levels_many_{name}", mesh, values, isovalues, "levels", "many rounds", signs_only=True,
+            layers=True,
+        )  # fmt: skip
+
+
+def _frames(kind: str, mesh: Mesh) -> Iterator[Draft]:
+    """Series."""
+    frames = np.array([hills(mesh, step) for step in range(4)])
+    for name, options in (
+        ("signs", {"signs_only": True}), ("values", {"exact": True, "interval": 2}), ("offsets", {"tolerance": 0.5}),
+        ("step", {"step": 3.0}),
+    ):  # fmt: skip
+        values = frames * 1.0 if name == "step" else frames
+        for progressive in (False, True) if kind == "plane" else (False,):
+            yield _draft(
+                f"mesh_{kind}_frames_{'levels_' * progressive}{name}", mesh, values, VALUES[:2], "series of frames",
+                name, progressive=progressive, **options,
+            )  # fmt: skip
+    yield _draft(
+        f"mesh_{kind}_frames_independent", mesh, frames, VALUES[:2], "series of frames", "frames that lean on none",
+        leaning=False, exact=True, progressive=False,
+    )  # fmt: skip
+    gaps = frames.copy()
+    gaps[1] = 0
+    yield _draft(
+        f"mesh_{kind}_frames_empty", mesh, gaps, VALUE, "series of frames", "a frame without a curve",
+        progressive=False, tolerance=0.5,
+    )  # fmt: skip
+
+
+def parts() -> Iterator[Draft]:
+    """Files that end early."""
+    mesh = plane()
+    data = encode_mesh(*mesh, hills(mesh), VALUES[:2], exact=True)
+    file = split(data)
+    places, at = [], len(file.header)
+    for chunk in file.chunks:
+        places.append(at)
+        at += len(chunk.enveloped())
+    for name, size in (
+        ("header", 6), ("domain", places[0] + 5), ("layer", places[2] + 2), ("geometry", places[-1] + 3),
+        ("checksum", len(data) - 2),
+    ):  # fmt: skip
+        yield Draft(f"mesh_truncated_{name}", data[:size], 2, (EXPLICIT, "truncated"), mesh=written(mesh))
+    coded = encode_mesh(*mesh, hills(mesh), VALUE, mesh="coded", mesh_error=0.3)
+    yield Draft("mesh_truncated_mesh", coded[:30], 2, (EXPLICIT, "truncated"))
+
+
+def _changed(file: File, number: int, payload: bytes) -> bytes:
+    chunks = tuple(replace(c, payload=payload) if i == number else c for i, c in enumerate(file.chunks))
+    return bytes(file.with_chunks(*chunks))
+
+
+def _wrong_chunks() -> Iterator[tuple[str, str, str, bytes]]:
+    """Names, clauses, what is wrong and files: chunks and layers."""
+    mesh = plane()
+    known = split(encode_mesh(*mesh, hills(mesh), VALUE, exact=True, progressive=False))
+    levels = split(encode_mesh(*mesh, hills(mesh), VALUE, signs_only=True))
+    solid = split(encode_mesh(*tetrahedra(), hills(tetrahedra()), VALUE, signs_only=True))
+    domain, signs, values = (chunk.payload for chunk in known.chunks)
+    first, second, third = known.chunks
+
+    def payload(number: int, found: bytes) -> bytes:
+        return _changed(known, number, found)
+
+    yield "domain_empty", "3.5.8", "an empty domain", payload(0, b"")
+    yield "domain_short", "3.5.8", "a hash that is too short", payload(0, domain[:-1])
+    yield "domain_long", "3.5.8", "a hash that is too long", payload(0, domain + b"\0")
+    yield "domain_kind", "3.5.8", "an unknown kind of domain", payload(0, bytes([0x40]) + domain[1:])
+    yield "domain_dimension", "3.5.8", "more coordinates than 3", payload(0, b"\2" + domain[1:])
+    yield "domain_exponent", "3.5.8", "a unit beyond all coordinates", payload(0, _varint_changed(domain, 0, 2202))
+    yield "domain_no_cells", "3.5.8", "no cells", payload(0, _varint_changed(domain, 2, 0))
+    yield "domain_twice", "3.5.8", "a second domain", bytes(known.with_chunks(first, first, second))
+    yield "domain_late", "3.5.8", "layers before the domain", bytes(known.with_chunks(second, first))
+    for name, kind in (("mask", ChunkType.MASK), ("cut", ChunkType.CUT_LAYERS)):
+        chunks = (*known.chunks, Chunk(kind, b"\1"))
+        yield name, "10.1.1", f"a chunk of the type {int(kind)}", bytes(known.with_chunks(*chunks))
+    yield "layer_kind", "10.1.3", "an unknown kind of layer", payload(1, b"\x04" + signs[1:])
+    yield "layer_empty", "10.1.3", "an empty layer", payload(1, b"")
+    yield "layer_bits", "10.1.3", "more bits than 52", payload(2, values[:1] + b"\x35" + values[2:])
+    yield "layer_twice", "10.1.3", "signs twice", bytes(known.with_chunks(first, second, second))
+    yield "layer_early", "10.1.3", "values before signs", bytes(known.with_chunks(first, third))
+    yield "step_zero", "10.1.3", "a step of 0", payload(2, b"\1\0")
+    again = levels.with_chunks(*levels.chunks[:2], levels.chunks[1])
+    yield "levels_rise", "10.1.3", "as many rounds again", bytes(again)
+    many = b"\x03\x7f" + levels.chunks[1].payload[2:]
+    yield "levels_many", "10.1.3", "more rounds than there are", _changed(levels, 1, many)
+    yield "levels_space", "10.8.1", "levels of tetrahedra", _changed(solid, 1, b"\3\0\0")
+    yield "run_short", "6.3", "a run that is too short", payload(1, signs[:2])
+    yield "run_long", "6.3", "bytes left over", payload(1, signs + bytes(5))
+    late = Chunk(ChunkType.FRAME, b"\0")
+    yield "frames_late", "3.5.7", "frames behind layers", bytes(known.with_chunks(first, second, late))
+
+
+def _wrong_meshes() -> Iterator[tuple[str, str, str, bytes]]:
+    """The same: meshes in the file."""
+    mesh = plane()
+    coded = split(encode_mesh(*mesh, hills(mesh), VALUE, mesh="coded", mesh_error=0.3, signs_only=True))
+    points = split(encode_mesh(mesh[0], None, hills(mesh), VALUE, mesh_error=0.71, signs_only=True))
+    solid = split(encode_mesh(*tetrahedra(), hills(tetrahedra()), VALUE, signs_only=True))
+    inside, at = coded.chunks[0].payload, points.chunks[0].payload
+
+    def number(place: int, value: int) -> bytes:
+        return _changed(coded, 0, _varint_changed(inside, place, value))
+
+    def of_points(place: int, value: int) -> bytes:
+        return _changed(points, 0, _varint_changed(at, place, value))
+
+    yield "coded_multiple", "3.5.8", "a unit of 0", number(3, 0)
+    yield "coded_extent", "3.5.8", "an extent of 0", number(6, 0)
+    yield "coded_numbers", "3.5.8", "more cells than bytes can tell", number(2, 1 << 20)
+    yield "coded_more_vertices", "10.10.1", "more vertices than stated", number(1, 5)
+    yield "coded_fewer_vertices", "10.10.1", "fewer vertices than stated", number(1, 99)
+    yield "coded_long", "6.3", "bytes left over", _changed(coded, 0, inside + bytes(5))
+    yield "delaunay_triangles", "10.11", "another number of triangles", of_points(2, 30)
+    yield "delaunay_space", "3.5.8", "Delaunay triangles of tetrahedra", _changed(solid, 0, at)
+    yield "delaunay_long", "6.3", "bytes left over", _changed(points, 0, at + bytes(5))
+
+
+def refused() -> Iterator[Draft]:
+    """Files that violate clauses 3.5.7, 3.5.8 and 10."""
+    for name, clause, about, data in (*_wrong_chunks(), *_wrong_meshes()):
+        space = name.endswith("space")
+        in_file = name.startswith(("coded", "delaunay")) and not space
+        text = "" if in_file else written(tetrahedra() if space else plane())
+        yield Draft(f"mesh_{name}", data, 3 if space else 2, (EXPLICIT, f"error: {about}"), clause, mesh=text)
+
+
+def _varint_changed(payload: bytes, number: int, value: int) -> bytes:
+    """A payload with another number: 0 the exponent, 1 vertices, 2 cells, 3 the multiple, 4, 5 origin, 6, 7 extent."""
+    at = 1
+    for _ in range(number):
+        found = read_varint(payload, at, len(payload))
+        assert found is not None
+        at = found[1]
+    found = read_varint(payload, at, len(payload))
+    assert found is not None
+    return payload[:at] + write_varint(value) + payload[found[1] :]
+
+
+def drafts() -> Iterator[Draft]:
+    """All vectors of this module."""
+    for group in (whole, parts, refused):
+        yield from group()
