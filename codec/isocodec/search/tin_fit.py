@@ -81,6 +81,26 @@ def within(given: Points, error: float) -> Chosen:
     return Chosen(some, number[some].astype(np.int64), low, step, (), int(number.max()))
 
 
+def along_contours(given: Points, allowed: NDArray[np.float64], step: float) -> Chosen:
+    """Points such that the surface misses no value by more than is allowed there; values in steps.
+
+    Parameters
+    ----------
+    given : Points
+    allowed : (N,) float64
+        Greater than 0.
+    step : float
+    """
+    low, high = float(given.value.min()), float(given.value.max())
+    step = max(step, (high - low) / _LARGEST)
+    number = np.rint((given.value - low) / step)
+    value = low + step * number
+    state = thinning(given.x, given.y, value.copy(), AT1, given.value, 1 / allowed)
+    _thin(state, 0, 1.0)
+    some = fewest(state, value, 1.0, _ROUNDS)
+    return Chosen(some, number[some].astype(np.int64), low, step, (), int(number.max()))
+
+
 def _exact_step(value: NDArray[np.float64], low: float, high: float) -> float:
     """A step that holds all values exactly, if they are whole; else a 65,535th of their range."""
     if np.array_equal(value, np.rint(value)) and high - low <= _LARGEST:
