@@ -16,7 +16,10 @@ from .domain.delaunay import delaunay, triangles
 from .domain.points import Points, points_of
 from .domain.rank import by_rank
 from .domain.tin import Tin
+from .drawing.contour import Contour
+from .drawing.explicit import crossed_edges, draw_cells
 from .errors import FormatError, LimitError, OptionError, TruncatedError
+from .field.placement import read_placement
 from .format.chunks import octets, read_envelope, read_metadata, verify, write_chunk
 from .format.header import Header, read_header
 from .format.tin import MOST_LAYERS, TinHead, read_tin, values_of, write_tin
@@ -171,6 +174,39 @@ def decode_tin(data: bytes, *, max_bytes: int | None = None, limits: Limits | No
     return Tin(
         positions, values, triangles(tri).astype(np.int64), head.extent if head.grid else None, complete, metadata
     )
+
+
+def contour_of(tin: Tin, isovalue: float) -> Contour:
+    """The isocontour of a triangulated surface, on which the surface is linear.
+
+    Parameters
+    ----------
+    tin : Tin
+    isovalue : float
+
+    Returns
+    -------
+    Contour
+        Points in the coordinates of the surface: of a field, in its samples, with the placement that the file notes.
+
+    Raises
+    ------
+    OptionError
+        If the isovalue is not finite.
+    """
+    if not math.isfinite(isovalue):
+        raise OptionError(f"the isovalue is {isovalue}; it must be finite", code="isovalue")
+    above = tin.values > isovalue
+    mixed = above[tin.triangles]
+    cells = tin.triangles[mixed.any(axis=1) & ~mixed.all(axis=1)]
+    edges = crossed_edges(cells, above)
+    low, high = tin.values[edges[:, 0]], tin.values[edges[:, 1]]
+    # halves first: the difference of two large floats may overflow
+    ratio = np.clip((isovalue / 2 - low / 2) / (high / 2 - low / 2), 0.0, 1.0)
+    points, pieces = draw_cells(tin.points, cells, np.zeros(len(cells), np.bool_), above, edges, ratio)
+    notes = dict(tin.metadata)
+    placement = None if tin.shape is None else read_placement(notes, 2)
+    return Contour(points, pieces, float(isovalue), tin.shape or (), tin.complete, placement, metadata=notes)
 
 
 def read_surface(

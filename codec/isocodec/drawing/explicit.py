@@ -8,6 +8,12 @@ from numpy.typing import NDArray
 from .simplices import simplex_table
 
 
+def crossed_edges(cells: NDArray[np.int64], above: NDArray[np.bool_]) -> NDArray[np.int64]:
+    """Sides of triangles (L, 3) whose ends lie on both sides, (E, 2), the lower vertex first, in ascending order."""
+    ends = np.sort(cells[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
+    return np.unique(ends[above[ends[:, 0]] != above[ends[:, 1]]], axis=0)
+
+
 def draw_cells(
     points: NDArray[np.float64], cells: NDArray[np.int64], mirrored: NDArray[np.bool_], above: NDArray[np.bool_],
     edges: NDArray[np.int64], ratio: NDArray[np.float64],
