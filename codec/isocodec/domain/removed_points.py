@@ -17,8 +17,8 @@ from .triangulation import NONE, Triangulation, orientation
 class Surface(NamedTuple):
     """A triangulation that interpolates the values of its vertices, the points beside, and what all should have.
 
-    ``target`` is what the surface is to have at each point, vertex or not, ``error`` by how much it lies above that, and
-    ``weight`` what a point's error counts by where largest ones are looked for.
+    ``target`` is what the surface is to have at each point, vertex or not, ``error`` by how much it lies above that,
+    and ``weight`` what a point's error counts by where largest ones are looked for.
     ``first`` has a point of each triangle, ``next`` the one after each point, -1 at the end; ``worst`` is a heap of
     triangles by their largest error, negated. ``loose`` has the first point of a list that is to be put into triangles.
     """
