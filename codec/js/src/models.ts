@@ -57,6 +57,14 @@ export function readTables(bytes: Uint8Array, n: number): Tables {
   throw new RangeError("two or three axes");
 }
 
+/** First context, how many, probability, counter (7.1); values have their own. */
+const BEGINNINGS = [
+  0, CONTEXTS, 32768, 1, COMPONENT, 1, 52429, 1, PATH, 2, 32768, 4, CURVE, 48, 52429, 8, SURFACE, 576, 52429, 4,
+  LEAF, 60, 13107, 2, BORDER, 840, 13107, 4, CROSSED, 2520, 52429, 4, OFFSET, 144, 32768, 2, OFFSET_LEAN, 128, 32768, 2,
+  TURNED, 1, 1311, 2, LEVEL, 24, 32768, 2, LEVEL_PATH, 64, 52429, 2, SPLIT, 192, 32768, 2, CONTINUE, 1, 52429, 2,
+  SEED, 16, 32768, 2, VALUE_NEAR, 768, 0, 0, HOLE, 24, 62259, 2, HOLE + 24, 24, 3277, 2,
+];
+
 /** Probabilities and counters of all contexts of an isovalue; in the main profile its mixing weights, too. */
 export class Models {
   p = new Uint16Array(CONTEXTS);
@@ -74,29 +82,12 @@ export class Models {
       this.p.fill(p, from, from + count);
       this.seen.fill(seen, from, from + count);
     };
-    set(0, CONTEXTS, 32768, 1);
-    set(COMPONENT, 1, 52429, 1);
-    set(PATH, 2, 32768, 4);
-    set(CURVE, 48, 52429, 8);
-    set(SURFACE, 576, 52429, 4);
-    set(LEAF, 60, 13107, 2);
-    set(BORDER, 840, 13107, 4);
-    set(CROSSED, 2520, 52429, 4);
+    for (let i = 0; i < BEGINNINGS.length; i += 4)
+      set(BEGINNINGS[i]!, BEGINNINGS[i + 1]!, BEGINNINGS[i + 2]!, BEGINNINGS[i + 3]!);
     for (let plane = 0; plane < 52; plane++) {
       set(VALUE + 6 * plane, 3, plane === 0 ? 26214 : plane < 3 ? 16384 : 6554, 2);
       set(VALUE + 6 * plane + 3, 3, 32768, 2);
     }
-    set(OFFSET, 144, 32768, 2);
-    set(OFFSET_LEAN, 128, 32768, 2);
-    set(TURNED, 1, 1311, 2);
-    set(LEVEL, 24, 32768, 2);
-    set(LEVEL_PATH, 64, 52429, 2);
-    set(SPLIT, 192, 32768, 2);
-    set(CONTINUE, 1, 52429, 2);
-    set(SEED, 16, 32768, 2);
-    set(VALUE_NEAR, 768, 0, 0);
-    set(HOLE, 24, 62259, 2);
-    set(HOLE + 24, 24, 3277, 2);
     if (!tables) return;
     this.mix = tables.mix.slice();
     for (let c = 0; c < 32 * KINDS; c++) set(CLASS + c, 1, tables.squash[128 * (c & 31) + 64]!, 0);
