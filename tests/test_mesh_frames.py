@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import isocodec
-from brute import examples
+from brute import INTERPRETED, examples
 from commands import fails, ok
 from explicit_meshes import plane, space, torus
 from isocodec.errors import FormatError, InputError, IsoError, OptionError, TruncatedError
@@ -176,3 +176,39 @@ def test_xdmf_series(tmp_path, monkeypatch):
             series.write_data(float(t), point_data={"depth": each})
     ok("encode", path, "-o", tmp_path / "flow.iso", "--values", "depth", "--isovalue", 20.5)
     assert len(isocodec.inspect((tmp_path / "flow.iso").read_bytes()).frames) == 4
+
+
+@pytest.mark.skipif(INTERPRETED, reason="a large mesh")
+def test_frames_of_nothing_are_work():
+    """Two bytes begin a frame, for which the whole mesh is looked at."""
+    mesh = plane(3, 40_000, 1.0)
+    data = isocodec.encode_mesh(*mesh, np.stack([mesh[0][:, 0]] * 2), 50.5, signs_only=True, progressive=False)
+    first = next(event.offset for event in _events(data, mesh) if isinstance(event, isocodec.MeshLayerComplete))
+    decoder = MeshDecoder(mesh, isocodec.Limits(work=10_000))
+    decoder.feed(data[:first])
+    assert len(list(decoder)) == 4
+    decoder.feed(write_chunk(ChunkType.FRAME, b"") * 20_000)
+    with pytest.raises(isocodec.LimitError) as caught:
+        list(decoder)
+    assert caught.value.code == "limit-work"
+
+
+def test_more_layers_than_a_frame_may_have():
+    """Even of an isovalue that is skipped."""
+    mesh = plane(3)
+    data = isocodec.encode_mesh(*mesh, moving(mesh)[0], 20.5, signs_only=True, progressive=False)
+    first = next(event.offset for event in _events(data, mesh) if isinstance(event, isocodec.DomainRead))
+    decoder = MeshDecoder(mesh, only=())
+    layer = write_chunk(ChunkType.LAYERS, b"\0")
+    decoder.feed(data[:first] + layer * 4096)
+    assert len(list(decoder)) == 4098
+    decoder.feed(layer)
+    with pytest.raises(FormatError) as caught:
+        list(decoder)
+    assert caught.value.clause == "11.1"
+
+
+def _events(data, mesh):
+    decoder = MeshDecoder(mesh)
+    decoder.feed(data)
+    return list(decoder)

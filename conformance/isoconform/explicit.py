@@ -236,6 +236,11 @@ def _wrong_chunks() -> Iterator[tuple[str, str, str, bytes]]:
     yield "run_long", "6.3", "bytes left over", payload(1, signs + bytes(5))
     late = Chunk(ChunkType.FRAME, b"\0")
     yield "frames_late", "3.5.7", "frames behind layers", bytes(known.with_chunks(first, second, late))
+    other = Chunk(ChunkType.ISOVALUE, b"\0\1")
+    yield (
+        "frames_late_isovalue", "3.5.7", "frames behind layers and another isovalue",
+        bytes(known.with_chunks(first, second, other, late)),
+    )  # fmt: skip
 
 
 def _wrong_meshes() -> Iterator[tuple[str, str, str, bytes]]:

@@ -7,6 +7,7 @@ Both sides compute the same from the mesh alone.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -273,8 +274,14 @@ def has_levels(domain: Complex) -> bool:
     return domain.n == position.shape[1] == 2 and int(np.ptp(position, axis=0).max()) < MOST_EXTENT
 
 
-def history_of(domain: Complex) -> History:
+def history_of(domain: Complex, watch: Callable[[int], None] | None = None) -> History:
     """Remove vertices round by round, until no more can go; the outline stays.
+
+    Parameters
+    ----------
+    domain : Complex
+    watch : callable, optional
+        Called after each round with the bytes that all of them hold so far; what it raises ends them.
 
     Raises
     ------
@@ -291,6 +298,7 @@ def history_of(domain: Complex) -> History:
     order = np.argsort(np.arange(vertices, dtype=np.int64) * SHUFFLE % (1 << 32), kind="stable")
     rounds: list[Round] = []
     cells = [w.cell.copy()]
+    held = cells[0].nbytes
     while True:
         removed, first = np.empty(vertices, np.int64), np.zeros(vertices + 1, np.int64)
         ring = np.empty(6 * vertices + MOST_RING, np.int64)
@@ -300,6 +308,9 @@ def history_of(domain: Complex) -> History:
             return History(w.position, rounds, cells)
         rounds.append(Round(removed[:count].copy(), first[: count + 1].copy(), ring[: first[count]].copy()))
         cells.append(w.cell[w.cell[:, 0] >= 0])
+        held += cells[-1].nbytes + 8 * (2 * count + int(first[count]))
+        if watch is not None:
+            watch(held)
 
 
 def _working(domain: Complex) -> Working:

@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from isospec.container import ChunkType, DomainKind, MeshLayer
+from isospec.container import LAYER_LIMIT, ChunkType, DomainKind, MeshLayer
 
 from ..domain.coded_points import BYTES_PER_POINT, decoded_points
 from ..domain.complex import Complex, complex_of
@@ -33,6 +33,8 @@ REFUSED = (ChunkType.CUT_LAYERS, ChunkType.MASK)
 """Critical chunks that a file of an explicit domain does not have."""
 HISTORY_PER_CELL = 300
 """Bytes that the history of a mesh takes for a cell, about."""
+ELEMENTS = 64
+"""Vertices and cells of the mesh that count as a unit of work when an isovalue begins or a round has been."""
 PER_CELL = 200
 """Bytes that checking a known mesh and drawing it take for a cell, about."""
 
@@ -91,6 +93,7 @@ class MeshDecoder(ContainerDecoder):
         self._before: list[MeshIsovalue | None] = []
         self._layers = 0
         self._symbols = self.limits.symbols
+        self._worked = 0
 
     @property
     def head(self) -> DomainHead | None:
@@ -291,14 +294,26 @@ class MeshDecoder(ContainerDecoder):
                 raise OptionError(f"isovalue {number} leans on isovalue {lean}, which is not decoded", code="only")
             earlier.append(one)
             lean = self._leans[lean]
+        self._work_off(self._domain)
         held = sum(one is not None for one in [*self._before, *self._strands]) + 1
         self._budget.hold(self, held * MeshIsovalue.bytes_for(self._domain))
         self._strands.append(MeshIsovalue(self._domain, self.isovalues[number], self.header.scale, earlier, then))
+
+    def _work_off(self, domain: Complex) -> None:
+        """Count what looking once at all vertices and cells takes."""
+        self._worked += (len(domain.mesh.position) + len(domain.mesh.cell)) // ELEMENTS
+        if self._worked > self.limits.work + WORK_PER_BYTE * self._at:
+            raise LimitError(
+                f"takes more time than {self.limits.work:,} units of work", code="limit-work", clause="11.2",
+                remedy="raise Limits.work (--limit-work) if the file is trusted",
+            )  # fmt: skip
 
     def _read_layer(self, payload: bytes, start: int, behind: int) -> Event:
         present = None if self._skipped else self._strands[-1]
         self._contents.begun = True
         self._layers += 1
+        if self._layers > LAYER_LIMIT:
+            raise FormatError(f"more than {LAYER_LIMIT} layers", code="layers", offset=start, clause="11.1")
         if self._layers > self.limits.layers:
             raise LimitError(f"more than {self.limits.layers} layers", code="limit-layers", clause="11.2")
         head, at = read_mesh_layer(payload, start)
@@ -339,8 +354,14 @@ class MeshDecoder(ContainerDecoder):
         """Of the domain."""
         assert self._domain is not None
         self._budget.check(HISTORY_PER_CELL * len(self._domain.mesh.cell))
+        domain = self._domain
+
+        def watch(held: int) -> None:
+            self._budget.check(max(HISTORY_PER_CELL * len(domain.mesh.cell), 2 * held))
+            self._work_off(domain)
+
         try:
-            return history_of(self._domain)
+            return history_of(domain, watch)
         except OptionError as error:
             text = f"a layer of levels, but {error.message}"
             raise FormatError(text, code="layer", offset=self._at, clause="10.8.1") from None
