@@ -213,8 +213,15 @@ def test_curves_never_cross(n):
     run()
 
 
-@pytest.mark.parametrize("options", [{"tolerance": 0.25}, {"tolerance": 1.0}, {"steps": [4, 1, 0.25]}])
-@pytest.mark.parametrize("profile", ["main", "baseline"])
+@pytest.mark.parametrize(
+    ("profile", "options"),
+    [
+        ("main", {"tolerance": 0.25}), ("baseline", {"tolerance": 1.0}), ("main", {"steps": [4, 1, 0.25]}),
+        pytest.param("baseline", {"tolerance": 0.25}, marks=pytest.mark.heavy),
+        pytest.param("main", {"tolerance": 1.0}, marks=pytest.mark.heavy),
+        pytest.param("baseline", {"steps": [4, 1, 0.25]}, marks=pytest.mark.heavy),
+    ],
+)  # fmt: skip
 def test_each_keeps_to_the_tolerance(options, profile):
     """Proven for what the file says, which for later isovalues is not what a file of their own would say."""
     tolerance = options.get("tolerance", 0.25)

@@ -121,7 +121,7 @@ def test_decoding_and_drawing_take_no_more_than_is_counted(n, size, rough, way, 
 @pytest.mark.skipif(INTERPRETED, reason="takes long")
 @pytest.mark.parametrize("n, suffix", [(2, s) for s in (".npz", ".geojson", ".svg", ".png", "areas")]
                          + [(3, s) for s in (".npz", ".ply", ".stl", ".obj", ".png")])  # fmt: skip
-@pytest.mark.parametrize("rough", [0, 1])
+@pytest.mark.parametrize("rough", [1, pytest.param(0, marks=pytest.mark.heavy)])
 def test_writing_takes_no_more_than_is_counted(n, suffix, rough):
     size = (400 if n == 2 else 60) >> rough
     # coordinates with many digits

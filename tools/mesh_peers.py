@@ -101,7 +101,7 @@ def plane(path: str, isovalues: list[float]) -> None:
                 f"{len(ours) / len(data):.3f}"
             )
     total, mean = sum(len(data) for data, _ in peers), float(np.mean(errors))
-    for share in (0.035, 0.05, 0.07, 0.1):
+    for share in (0.035, 0.045, 0.05, 0.07):
         ours, found = nearest(mesh, values, isovalues, exact, mean, edge, mesh="coded", mesh_error=share * edge)
         print(
             f"{len(isovalues)} isovalues, mesh coded to {share} edges: {len(ours)} bytes at {found:.3f}, "
@@ -114,7 +114,7 @@ def nearest(
     edge: float, **options: object,
 ) -> tuple[bytes, float]:  # fmt: skip
     """The smallest of our files that has the error, and its error; that of the least tolerance if none has."""
-    for tolerance in error * np.array([4, 3.4, 2.9, 2.5, 2.1, 1.8, 1.5, 1.2, 0.9, 0.6, 0.3]):
+    for tolerance in error * np.array([4, 3.4, 2.9, 2.5, 2.3, 2.1, 1.95, 1.8, 1.65, 1.5, 1.2, 0.9, 0.6, 0.3]):
         data = isocodec.encode_mesh(*given, values, isovalues, tolerance=tolerance, **options)  # type: ignore[arg-type]
         drawn = isocodec.decode_all(data, mesh=given)
         if given[1].shape[1] == 3:

@@ -17,10 +17,9 @@ from .frames import check_frame, frame_of
 from .layers.events import LayerComplete
 from .layers.plan import Entry
 from .limits import Limits
-from .mesh_api import check_count, mesh_decoded, on_mesh
+from .mesh_api import chain_of, check_count, explicit_contour, mesh_decoded, on_mesh
 from .stream.decoder import Decoder
 from .stream.encoder import Encoder
-from .stream.inspect import inspect
 
 
 def encode(
@@ -189,6 +188,7 @@ def decode(
         A whole file, or where it is.
     isovalue : float, optional
         Which one, of a file that holds several; the first if not given. Others are decoded as far as it leans on them.
+        Of a file that holds a surface (`encode_tin`), any.
     frame : int, optional
         Which one, from 0, of a series; the first if not given. Of others only those are decoded that it leans on.
     layers : int, optional
@@ -228,8 +228,7 @@ def decode(
     """
     data = content(data, limits)
     if on_mesh(data):
-        chosen, chain = _chain(data, isovalue)
-        return mesh_decoded(data, mesh, chain, max_bytes, limits, frame).drawn(chosen)
+        return explicit_contour(data, isovalue, frame, mesh, max_bytes, limits)
     decoder, number = decoded(data, isovalue, layers, max_bytes, limits, progress, frame)
     return _drawn(decoder, [number], smooth, through_holes)[0]
 
@@ -346,7 +345,7 @@ def decoded(
     """A decoder that has taken what was asked for of an isovalue of a file, and its number."""
     if layers is not None:
         check_count(layers, "layers", "layers")
-    number, chain = _chain(data, isovalue)
+    number, chain = chain_of(data, isovalue)
     decoder = received(data, chain, max_bytes, limits, progress, number, layers, frame)
     if number >= len(decoder.isovalues):
         raise TruncatedError("the file ends before its curve begins", code="truncated")
@@ -388,12 +387,3 @@ def received(
         decoder.discard()
         raise
     return decoder
-
-
-def _chain(data: bytes, isovalue: float | None) -> tuple[int, frozenset[int]]:
-    """Number of an isovalue of a file, and those of all that it takes to decode it."""
-    if isovalue is None:
-        return 0, frozenset([0])
-    info = inspect(data)
-    number = info.number_of(isovalue)
-    return number, info.chain(number)

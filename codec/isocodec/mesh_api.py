@@ -7,13 +7,19 @@ from numbers import Integral
 
 from numpy.typing import ArrayLike
 
+from isospec.container import DomainKind
+
+from .drawing.contour import Contour
 from .errors import OptionError, TruncatedError
 from .format.chunks import octets
+from .format.domain import kind_of_domain
 from .format.header import read_header
 from .frames import check_frame, frame_of
 from .limits import Limits
+from .stream.inspect import inspect
 from .stream.mesh_decoder import MeshDecoder
 from .stream.mesh_encoder import MeshEncoder
+from .tin_api import contour_of, decode_tin
 
 HEADER_BYTES = 64
 """Longer than any header."""
@@ -134,3 +140,28 @@ def mesh_decoded(
 def check_count(asked: int, what: str, code: str) -> None:
     if not (isinstance(asked, Integral) and asked >= 1):
         raise OptionError(f"{what} is {asked}; it must be a whole number from 1 on", code=code)
+
+
+def explicit_contour(
+    data: bytes, isovalue: float | None, frame: int | None, mesh: tuple[ArrayLike, ArrayLike] | None,
+    max_bytes: int | None, limits: Limits | None,
+) -> Contour:  # fmt: skip
+    """The contour of a file of an explicit domain; parameters as of `decode`."""
+    if kind_of_domain(data) == DomainKind.POINTS:
+        if isovalue is None:
+            raise OptionError(
+                "the file holds a surface: which isovalue?", code="isovalue",
+                remedy="decode_tin gives the surface itself",
+            )  # fmt: skip
+        return contour_of(decode_tin(data, max_bytes=max_bytes, limits=limits), isovalue)
+    number, chain = chain_of(data, isovalue)
+    return mesh_decoded(data, mesh, chain, max_bytes, limits, frame).drawn(number)
+
+
+def chain_of(data: bytes, isovalue: float | None) -> tuple[int, frozenset[int]]:
+    """Number of an isovalue of a file, and those of all that it takes to decode it."""
+    if isovalue is None:
+        return 0, frozenset([0])
+    info = inspect(data)
+    number = info.number_of(isovalue)
+    return number, info.chain(number)

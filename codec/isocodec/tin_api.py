@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from numbers import Integral
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from isospec.container import ChunkType, DomainKind, Profile
 
@@ -16,13 +16,18 @@ from .domain.delaunay import delaunay, triangles
 from .domain.points import Points, points_of
 from .domain.rank import by_rank
 from .domain.tin import Tin
+from .drawing.contour import Contour
+from .drawing.explicit import surface_contour
 from .errors import FormatError, LimitError, OptionError, TruncatedError
-from .format.chunks import octets, read_envelope, read_metadata, verify, write_chunk
+from .field.placement import read_placement
+from .format.chunks import Envelope, octets, read_envelope, read_metadata, verify, write_chunk
 from .format.header import Header, read_header
 from .format.tin import MOST_LAYERS, TinHead, read_tin, values_of, write_tin
 from .limits import WORK_PER_BYTE, Limits
+from .search.contour_tin import near_contours
 from .search.tin_fit import Chosen, best, in_layers, smallest, within
 from .stream.container import beginning, with_checksum
+from .stream.mesh_decoder import REFUSED
 
 PER_POINT = 400
 """Bytes that decoding takes for each point at most."""
@@ -35,6 +40,8 @@ def encode_tin(
     error: float | None = None,
     to: int | None = None,
     size: int | None = None,
+    contours: Sequence[float] | None = None,
+    tolerance: float | None = None,
     step: float | None = None,
     layers: int = 1,
     metadata: Mapping[str, str] | None = None,
@@ -42,7 +49,7 @@ def encode_tin(
     """Encode a terrain, a picture or scattered points as a triangulated surface.
 
     The file holds positions and values of the points that matter; triangles follow from them. Choose one of ``error``,
-    ``to`` and ``size``.
+    ``to``, ``size`` and ``contours``.
 
     Parameters
     ----------
@@ -55,6 +62,10 @@ def encode_tin(
         Number of points; these and their values are chosen so that the sum of squared errors is small.
     size : int, optional
         Bytes of the file at most; likewise.
+    contours : sequence of float, optional
+        Isovalues: the surface keeps their contours, which `decode` draws of the file, and little else of a field.
+    tolerance : float, optional
+        With ``contours``: largest distance, in samples, between their contours and those of the field, both ways.
     step : float, optional
         Step of values, with ``to`` and ``size``; one that fits the error, if not given.
     layers : int
@@ -83,7 +94,7 @@ def encode_tin(
     >>> bool(np.abs(decode_tin(data).raster() - np.hypot(x - 9.5, y - 20)).max() <= 0.5)
     True
     """
-    _check(error, to, size, step, layers)
+    _check(error, to, size, step, layers, contours, tolerance)
     given = points_of(points, values)
     shape = np.shape(points) if values is None else None
 
@@ -92,6 +103,10 @@ def encode_tin(
 
     if error is not None:
         return file(within(given, float(error)))
+    if contours is not None:
+        assert tolerance is not None
+        field = _field_of(points, shape)
+        return file(near_contours(given, field, contours, float(tolerance), lambda each: len(file(each))))
     if to is not None:
         return file(best(given, int(to), step))
     assert size is not None
@@ -101,9 +116,30 @@ def encode_tin(
     return out
 
 
-def _check(error: float | None, to: int | None, size: int | None, step: float | None, layers: int) -> None:
-    if sum(each is not None for each in (error, to, size)) != 1:
-        raise OptionError("give exactly one of error, to and size", code="tin", remedy="error=5.0, or size=2000")
+def _field_of(points: ArrayLike, shape: tuple[int, ...] | None) -> NDArray[np.float64]:
+    """The field that has contours."""
+    if shape is None:
+        raise OptionError(
+            "contours are kept of a field, not of scattered points", code="contours",
+            remedy="encode_mesh(points, None, values, isovalue) has those of scattered points",
+        )  # fmt: skip
+    return np.asarray(points, np.float64)
+
+
+def _check(
+    error: float | None, to: int | None, size: int | None, step: float | None, layers: int,
+    contours: Sequence[float] | None, tolerance: float | None,
+) -> None:  # fmt: skip
+    if sum(each is not None for each in (error, to, size, contours)) != 1:
+        raise OptionError(
+            "give exactly one of error, to, size and contours", code="tin", remedy="error=5.0, or size=2000"
+        )
+    if (contours is None) != (tolerance is None) or (tolerance is not None and not 0 < tolerance < math.inf):
+        raise OptionError(
+            "contours go with a tolerance greater than 0", code="tolerance", remedy="contours=[500], tolerance=0.5"
+        )
+    if contours is not None and not (len(contours) and np.isfinite(contours).all()):
+        raise OptionError("the isovalues of contours have to be numbers", code="isovalue", remedy="contours=[500]")
     if error is not None and not 0 <= error < math.inf:
         raise OptionError(f"the error is {error}; it must be 0 or more", code="error")
     for what, number, least in (("points", to, 3), ("bytes", size, 1), ("layers", layers, 1)):
@@ -111,7 +147,7 @@ def _check(error: float | None, to: int | None, size: int | None, step: float | 
             raise OptionError(f"{number} {what}; it must be a whole number from {least} on", code=what)
     if layers > MOST_LAYERS:
         raise OptionError(f"{layers} layers; a surface has at most {MOST_LAYERS}", code="layers")
-    if step is not None and (error is not None or not 0 < step < math.inf):
+    if step is not None and (error is not None or contours is not None or not 0 < step < math.inf):
         raise OptionError(
             "a step goes with a number of points or a size, and is greater than 0", code="step",
             remedy="with an error, values are rounded as it allows",
@@ -173,6 +209,32 @@ def decode_tin(data: bytes, *, max_bytes: int | None = None, limits: Limits | No
     )
 
 
+def contour_of(tin: Tin, isovalue: float) -> Contour:
+    """The isocontour of a triangulated surface, on which the surface is linear.
+
+    Parameters
+    ----------
+    tin : Tin
+    isovalue : float
+
+    Returns
+    -------
+    Contour
+        Points in the coordinates of the surface: of a field, in its samples, with the placement that the file notes.
+
+    Raises
+    ------
+    OptionError
+        If the isovalue is not finite.
+    """
+    if not math.isfinite(isovalue):
+        raise OptionError(f"the isovalue is {isovalue}; it must be finite", code="isovalue")
+    points, pieces = surface_contour(tin.points, tin.values, tin.triangles, isovalue)
+    notes = dict(tin.metadata)
+    placement = None if tin.shape is None else read_placement(notes, 2)
+    return Contour(points, pieces, float(isovalue), tin.shape or (), tin.complete, placement, metadata=notes)
+
+
 def read_surface(
     whole: bytes, partial: bool = False, limits: Limits | None = None
 ) -> tuple[TinHead, Layers, bool, dict[str, str]]:
@@ -191,54 +253,67 @@ def read_surface(
     if header.cells != 2:
         raise OptionError("the file holds no surface", code="domain", remedy="take decode")
     metadata: dict[str, str] = {}
-    while True:
-        chunk = read_envelope(whole, at)
-        if chunk is None:
-            raise early
-        if not chunk.ancillary and chunk.type != ChunkType.DOMAIN:
-            raise FormatError("not in a file of a surface", code="chunk", offset=at, clause="10.9.1")
+    surface: tuple[TinHead, Layers] | None = None
+    ended = False
+    while not ended and (chunk := read_envelope(whole, at)) is not None:
+        _belongs(chunk, surface is not None, at)
         behind = verify(whole, chunk, at)
         payload = whole[chunk.start : chunk.end]
-        if chunk.type == ChunkType.DOMAIN and not chunk.ancillary:
-            break
+        if chunk.type == ChunkType.DOMAIN and (behind is not None or payload):
+            if behind is None and not partial:
+                break
+            surface = _parts(payload, chunk.start, chunk.end <= len(whole), behind is not None, limits)
         if behind is None:
-            raise early
-        if chunk.last:
-            raise FormatError("a file without a domain", code="domain", offset=at, clause="3.5.8")
+            break
         if chunk.type == ChunkType.METADATA:
             metadata |= read_metadata(payload)
-        at = behind
-    if payload and payload[0] >> 4 != DomainKind.POINTS:
-        raise OptionError("the file holds a mesh, no surface", code="domain", remedy="take decode")
-    if behind is None and not partial:
+        at, ended = behind, chunk.last
+    if ended and at < len(whole):
+        raise FormatError("bytes after the end of the file", code="trailing", offset=at, clause="3.4.4")
+    if ended and surface is None:
+        raise FormatError("a file without a domain", code="domain", offset=at, clause="3.5.8")
+    if not ended and not partial:
         raise TruncatedError(
             f"the file ends after {len(whole)} bytes, before it is complete", code="truncated", offset=len(whole),
             clause="8.3", remedy="give max_bytes to decode what there is",
         )  # fmt: skip
-    complete = behind is not None and (chunk.last or partial)
-    if behind is not None and chunk.last and behind < len(whole):
-        raise FormatError("bytes after the end of the file", code="trailing", offset=behind, clause="3.4.4")
-    head, parts = _parts(payload, chunk.start, behind is not None, limits)
-    return head, parts, complete and parts.complete, metadata
+    if surface is None:
+        raise early
+    return *surface, ended and surface[1].complete, metadata
 
 
-def _parts(payload: bytes, start: int, whole: bool, limits: Limits) -> tuple[TinHead, Layers]:
-    """What a payload holds, or its beginning."""
+def _belongs(chunk: Envelope, begun: bool, at: int) -> None:
+    """Check that a critical chunk does belong here; ``begun`` if the domain has come."""
+    if chunk.ancillary:
+        return
+    if chunk.type in REFUSED:
+        raise FormatError("not in an explicit domain", code="chunk", offset=at, clause="10.1.1")
+    if begun == (chunk.type == ChunkType.DOMAIN):
+        what = "a second domain" if begun else "the domain has to come first"
+        raise FormatError(what, code="domain", offset=at, clause="3.5.8")
+    if begun:
+        raise FormatError("not in a file of a surface", code="chunk", offset=at, clause="10.9.1")
+
+
+def _parts(payload: bytes, start: int, arrived: bool, verified: bool, limits: Limits) -> tuple[TinHead, Layers]:
+    """What a payload holds, or its beginning.
+
+    ``arrived``: it is all there; ``verified``: so are its checksums, before which its head is not refused.
+    """
     early = TruncatedError("the file ends before its surface begins", code="truncated", clause="8.3")
     if not payload:
-        if whole:
-            raise FormatError("an empty domain chunk", code="domain", offset=start, clause="3.5.8")
-        raise early
+        raise FormatError("an empty domain chunk", code="domain", offset=start, clause="3.5.8")
+    if payload[0] >> 4 != DomainKind.POINTS:
+        raise OptionError("the file holds a mesh, no surface", code="domain", remedy="take decode")
     try:
         head, at = read_tin(payload, start)
     except FormatError:
-        # what is not complete yet is no error
-        if whole:
+        if verified:
             raise
         raise early from None
     most = min(limits.vertices, limits.memory // PER_POINT)
     work = (limits.work + WORK_PER_BYTE * len(payload))
-    parts = decoded(payload[at:], head.counts, head.extent, head.largest, most, work, whole)
+    parts = decoded(payload[at:], head.counts, head.extent, head.largest, most, work, arrived)
     if len(parts.points) < 3:
         raise early
     return head, parts

@@ -59,6 +59,10 @@ def whole() -> Iterator[Draft]:
         for name, plan in (("refined", base), ("leaf_base", [("leaf_base",)]), ("coarse", [("base", 5)])):
             plans = encode_plans(frames, plan, base)
             yield Draft(f"{space}_frames_main_{name}", plans, len(shape), ("series of frames", f"frames: {name}"))
+        finer = encode_plans(frames, base, [("base", 3)])
+        yield Draft(
+            f"{space}_frames_main_finer", finer, len(shape), ("series of frames", "frames: after a coarse one")
+        )
         yield encoded_series(
             f"{space}_frames_main_adapted", frames, VALUE, "frames: adaptive meshes", profile="main", signs_only=True,
             preserve_topology=True,

@@ -118,9 +118,11 @@ def decode_command(
     data = read_iso(source)
     kind = kind_of_domain(data)
     if kind == DomainKind.POINTS:
-        if isovalue is not None or layers is not None or areas or smooth:
-            raise click.UsageError("the file holds a surface: --isovalue, --layers, --areas and --smooth mean nothing")
-        return decode_surface(source, data, output, named, max_bytes, in_samples, partial, limits, as_json)
+        if layers is not None or areas or smooth:
+            raise click.UsageError("the file holds a surface: --layers, --areas and --smooth mean nothing")
+        return decode_surface(
+            source, data, output, named, max_bytes, in_samples, partial, limits, as_json, isovalue
+        )  # fmt: skip
     if kind is not None:
         if layers is not None or areas or smooth:
             raise click.UsageError("the file is of a mesh: --layers, --areas and --smooth mean nothing")

@@ -77,7 +77,7 @@ def encode_command(
     INPUT is .npy, .npz, HDF5, NetCDF, Zarr, GRIB, PNG, JPEG, TIFF (a stack is a volume), NIfTI, NRRD, MetaImage, DICOM
     (a folder of slices, or a file) or .vti; - for standard input, or a URL. With --values it is a mesh of triangles or
     tetrahedra: .vtu, .msh, .ply, .xdmf, or .npz with points and cells; or it holds scattered points, which are joined
-    to triangles: .csv or .xyz (lines of x, y and values), .las, .laz, .gpkg.
+    to triangles: .csv, .xyz, .las, .laz, .gpkg.
     """
     if values_name is not None:
         from .on_mesh import encode_on_mesh

@@ -94,8 +94,7 @@ SECTIONS = (
         ),
         click.option(
             "--frame-interval", type=click.IntRange(min=0), metavar="K",
-            help="With --frames, or several frames on a mesh: every K frames one decodes without those before it.  "
-            "[default: 0, the first only]",
+            help="Of a series: every K frames one decodes without those before it.  [default: 0, the first only]",
         ),
         click.option(
             "--missing",
@@ -121,8 +120,8 @@ SECTIONS = (
         click.option(
             "--mesh",
             type=click.Choice(["known", "coded", "whole", "delaunay"]),
-            help="Whoever decodes has the mesh (default), or the file holds the cells that are crossed, or all. Points "
-            "without cells: delaunay.",
+            metavar="HOW",
+            help="known: whoever decodes has it (default); the file has the crossed cells: coded, or all: whole.",
         ),
         click.option("--mesh-error", type=float, metavar="D", help="Largest error of points of a mesh in the file."),
     ),

@@ -80,6 +80,15 @@ def encode_on_mesh(
     )
 
 
+def check_on_mesh(suffix: str) -> None:
+    """Refuse formats that need a sampled box."""
+    if suffix not in WRITTEN:
+        raise OptionError(
+            f"what lies on a mesh cannot be written as {suffix}", code="suffix",
+            remedy=f"choose one of {', '.join(WRITTEN)}",
+        )  # fmt: skip
+
+
 def mesh_of(domain: Path | None) -> tuple[NDArray[Any], NDArray[Any]] | None:
     """Points and cells of a file with a mesh, if one is named."""
     if domain is None:
@@ -131,11 +140,7 @@ def decode_on_mesh(
 
     with concerning(output):
         suffix = check_suffix(named)
-        if suffix not in WRITTEN:
-            raise OptionError(
-                f"what lies on a mesh cannot be written as {suffix}", code="suffix",
-                remedy=f"choose one of {', '.join(WRITTEN)}",
-            )  # fmt: skip
+        check_on_mesh(suffix)
         check_libraries(suffix)
     mesh = mesh_of(domain)
     started = time.perf_counter()

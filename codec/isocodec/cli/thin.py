@@ -29,6 +29,9 @@ _MUCH = 1 << 30
 @click.option("--points", "to", type=click.IntRange(min=3), metavar="N", help="Keep N points.")
 @click.option("--error", type=float, metavar="E", help="Keep as few as miss no value by more than E.")
 @click.option("--bytes", "size", type=click.IntRange(min=1), metavar="N", help="OUT.iso: at most N bytes.")
+@click.option("--isovalue", "isovalues", type=float, multiple=True, metavar="V",
+              help="OUT.iso: keep the contour of V, and little else. Repeatable.")  # fmt: skip
+@click.option("--tolerance", type=float, metavar="D", help="With --isovalue: samples that contours may be off.")
 @click.option("--layers", type=click.IntRange(min=1), default=1, metavar="N", help="OUT.iso: points in N layers.")
 @click.option(
     "--criterion", type=click.Choice(CRITERIA),
@@ -44,9 +47,9 @@ _MUCH = 1 << 30
 )
 @json_option
 def thin_command(
-    source: Path, output: Path, to: int | None, error: float | None, size: int | None, layers: int,
-    criterion: str | None, scattered: bool, key: str | None, channel: int | None, frame: int | None,
-    limit_samples: int | None, as_json: bool,
+    source: Path, output: Path, to: int | None, error: float | None, size: int | None,
+    isovalues: tuple[float, ...], tolerance: float | None, layers: int, criterion: str | None, scattered: bool,
+    key: str | None, channel: int | None, frame: int | None, limit_samples: int | None, as_json: bool,
 ) -> None:  # fmt: skip
     """Take the points that matter least out of INPUT one by one; write the Delaunay triangulation of the others.
 
@@ -60,10 +63,12 @@ def thin_command(
     INPUT is a picture, a terrain or any array of two axes that encode reads; or points: .csv, .xyz, .las, .laz, .gpkg.
     """
     coded = output.suffix.lower() == ".iso"
-    if sum(each is not None for each in (to, error, size)) != 1:
-        raise click.UsageError("give exactly one of --points, --error and --bytes")
-    if not coded and (size is not None or layers > 1):
-        raise click.UsageError("--bytes and --layers are for an OUT that ends in .iso")
+    if sum(each is not None for each in (to, error, size, isovalues or None)) != 1:
+        raise click.UsageError("give exactly one of --points, --error, --bytes and --isovalue")
+    if bool(isovalues) != (tolerance is not None):
+        raise click.UsageError("--isovalue and --tolerance go together")
+    if not coded and (size is not None or layers > 1 or isovalues):
+        raise click.UsageError("--bytes, --layers and --isovalue are for an OUT that ends in .iso")
     if coded and criterion is not None:
         raise click.UsageError("--criterion: a coded surface has its own, AT1 with --error, l2 otherwise")
     from ..io.tin import PlacedTin, check_tin, render_tin
@@ -112,8 +117,11 @@ def thin_command(
         if coded:
             from .tin import encode_surface
 
-            encode_surface(output, given, values, place, {"error": error, "to": to, "size": size, "layers": layers},
-                           as_json)  # fmt: skip
+            options = {
+                "error": error, "to": to, "size": size, "contours": list(isovalues) or None, "tolerance": tolerance,
+                "layers": layers,
+            }  # fmt: skip
+            encode_surface(output, given, values, place, options, as_json)
             return
         with progress_bar("thinning") as progress:
             found = isocodec.thin(given, values, criterion or "AT1", to=to, error=error, progress=progress)

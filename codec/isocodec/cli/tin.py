@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -55,9 +56,11 @@ def encode_surface(
 
 def decode_surface(
     source: Path, data: bytes, output: Path, named: Path, max_bytes: int | None, in_samples: bool, partial: bool,
-    limits: Limits, as_json: bool,
+    limits: Limits, as_json: bool, isovalue: float | None = None,
 ) -> None:  # fmt: skip
-    """Write the surface of a file, or the picture that it makes; ``named`` has the suffix that names the format."""
+    """Write the surface of a file, its contour, or the picture that it makes; ``named`` has the format's suffix."""
+    if isovalue is not None:
+        return _contour(source, data, output, named, isovalue, max_bytes, in_samples, limits, as_json)
     import io
 
     import numpy as np
@@ -91,6 +94,41 @@ def decode_surface(
         {
             "output": str(output), "bytes": len(written), "points": len(tin.points), "triangles": len(tin.triangles),
             "complete": tin.complete, "seconds": round(seconds, 3),
+        },
+        as_json,
+    )  # fmt: skip
+
+
+def _contour(
+    source: Path, data: bytes, output: Path, named: Path, isovalue: float, max_bytes: int | None, in_samples: bool,
+    limits: Limits, as_json: bool,
+) -> None:  # fmt: skip
+    """Write a contour of the surface of a file."""
+    import isocodec
+
+    from ..io.write import check_libraries, check_suffix, render_contour
+    from .on_mesh import check_on_mesh
+
+    with concerning(output):
+        suffix = check_suffix(named, 2)
+        check_libraries(suffix)
+    started = time.perf_counter()
+    with concerning(source):
+        contour = isocodec.decode(data, isovalue=isovalue, max_bytes=max_bytes, limits=limits)
+        if in_samples:
+            contour = replace(contour, placement=None)
+    with concerning(output):
+        if not contour.shape:
+            check_on_mesh(suffix)
+        rendered = render_contour([contour], suffix, 2)
+    write_output(output, rendered)
+    seconds = time.perf_counter() - started
+    tell(
+        f"{click.format_filename(output)}: {len(contour.points):,} points, {len(contour.cells):,} segments, "
+        f"{seconds:.2f} s",
+        {
+            "output": str(output), "bytes": len(rendered), "points": len(contour.points), "cells": len(contour.cells),
+            "isovalues": [isovalue], "complete": contour.complete, "seconds": round(seconds, 3),
         },
         as_json,
     )  # fmt: skip

@@ -33,11 +33,11 @@ def by_ears(s, q):
 @inner
 def largest_without(s, v):
     """The largest error in the star of a vertex, without it: in the gathered and filled polygon."""
-    out = abs(by_ears(s, v) - s.target[v])
+    out = abs(by_ears(s, v) - s.target[v]) * s.weight[v]
     for i in range(s.tri.reg.cavity):
         p = np.int64(s.first[s.tri.cavity[i]])
         while p >= 0:
-            out = max(out, abs(by_ears(s, p) - s.target[p]))
+            out = max(out, abs(by_ears(s, p) - s.target[p]) * s.weight[p])
             p = np.int64(s.next[p])
     return out
 

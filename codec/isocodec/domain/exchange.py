@@ -8,7 +8,7 @@ from ..kernel import inner, kernel
 from ..kernel.types import FloatVector, Int32Vector, UInt8Vector
 from .delaunay import carve_at, fan
 from .fitting import fit
-from .removed_points import Surface, interpolated, loosen, settle
+from .removed_points import Surface, counted, interpolated, loosen, settle
 from .thinning import Thinning, refresh, thin_to
 
 _SHARES = (0.3, 0.25, 0.2, 0.2, 0.15, 0.15, 0.1, 0.1, 0.08, 0.06)
@@ -57,8 +57,8 @@ def gains(s: Surface, point: Int32Vector, gain: FloatVector) -> None:
         worst = 0.0
         p = np.int64(s.first[t])
         while p >= 0:
-            if abs(s.error[p]) > worst:
-                worst = abs(s.error[p])
+            if counted(s, p) > worst:
+                worst = counted(s, p)
                 point[t] = p
             p = np.int64(s.next[p])
         if point[t] >= 0:

@@ -39,7 +39,7 @@ def fewest(state: Thinning, value: NDArray[np.float64], error: float, rounds: in
         _down(state, int((1 - _SHARE) * state.reg.count), np.inf)
         while True:
             gains(s, point, gain)
-            size = np.where(point >= 0, np.abs(s.error[point]), 0.0)
+            size = np.where(point >= 0, np.abs(s.error[point]) * s.weight[point], 0.0)
             some = np.flatnonzero(size > error)
             if len(some) == 0:
                 break

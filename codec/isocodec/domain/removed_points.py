@@ -17,7 +17,8 @@ from .triangulation import NONE, Triangulation, orientation
 class Surface(NamedTuple):
     """A triangulation that interpolates the values of its vertices, the points beside, and what all should have.
 
-    ``target`` is what the surface is to have at each point, vertex or not, ``error`` by how much it lies above that.
+    ``target`` is what the surface is to have at each point, vertex or not, ``error`` by how much it lies above that,
+    and ``weight`` what a point's error counts by where largest ones are looked for.
     ``first`` has a point of each triangle, ``next`` the one after each point, -1 at the end; ``worst`` is a heap of
     triangles by their largest error, negated. ``loose`` has the first point of a list that is to be put into triangles.
     """
@@ -25,6 +26,7 @@ class Surface(NamedTuple):
     tri: Triangulation
     value: FloatVector
     target: FloatVector
+    weight: FloatVector
     first: Int32Vector
     next: Int32Vector
     error: FloatVector
@@ -33,15 +35,23 @@ class Surface(NamedTuple):
 
 
 def surface(
-    tri: Triangulation, value: NDArray[np.float64], target: NDArray[np.float64] | None = None
-) -> Surface:
+    tri: Triangulation, value: NDArray[np.float64], target: NDArray[np.float64] | None = None,
+    weight: NDArray[np.float64] | None = None,
+) -> Surface:  # fmt: skip
     """A surface over a triangulation; points that are no vertices are in no triangle yet."""
     target = value if target is None else target
+    weight = np.ones(len(value)) if weight is None else weight
     count, triangles = len(value), len(tri.origin) // 3
     return Surface(
-        tri, value, target, np.full(triangles, NONE, np.int32), np.full(count, NONE, np.int32), value - target,
+        tri, value, target, weight, np.full(triangles, NONE, np.int32), np.full(count, NONE, np.int32), value - target,
         new_heap(triangles), np.full(1, NONE, np.int64),
     )  # fmt: skip
+
+
+@inlined
+def counted(s, p):
+    """How much the error of a point counts."""
+    return abs(s.error[p]) * s.weight[p]
 
 
 @inlined
@@ -88,7 +98,7 @@ def settle(s):
         t = np.int64(tri.cavity[i])
         size = 0.0
         for side in range(3):
-            size = max(size, abs(s.error[tri.origin[3 * t + side]]))
+            size = max(size, counted(s, tri.origin[3 * t + side]))
         set_key(s.worst, t, -size, 0.0)
     p: Integer = s.loose[0]
     s.loose[0] = NONE
@@ -106,8 +116,8 @@ def settle(s):
                 s.error[p] = found - s.target[p]
                 s.next[p] = s.first[t]
                 s.first[t] = p
-                if -abs(s.error[p]) < s.worst.key[t]:
-                    set_key(s.worst, t, -abs(s.error[p]), 0.0)
+                if -counted(s, p) < s.worst.key[t]:
+                    set_key(s.worst, t, -counted(s, p), 0.0)
                 at = i
                 break
         p = after

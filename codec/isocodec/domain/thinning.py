@@ -12,7 +12,7 @@ from ..kernel.types import FloatVector, Int32Vector, Registers
 from .criteria import LARGEST, keys, largest_outside, largest_without
 from .delaunay import delaunay
 from .heap import Heap, new_heap, set_key, take_out
-from .removed_points import Surface, largest_error, loosen, settle, surface
+from .removed_points import Surface, counted, largest_error, loosen, settle, surface
 from .triangulation import NONE, fill, gather, replace
 
 
@@ -56,6 +56,7 @@ def thinning(
     value: NDArray[np.float64],
     criterion: int,
     target: NDArray[np.float64] | None = None,
+    weight: NDArray[np.float64] | None = None,
 ) -> Thinning:
     """A thinning that has not begun: all points are vertices.
 
@@ -68,12 +69,14 @@ def thinning(
         One of `criteria`.
     target : (N,) float64, optional
         What errors are measured against, if not the values.
+    weight : (N,) float64, optional
+        What the error of each point counts by, of the criterion ``AT1``; 1 if not given.
     """
     reg = ThinningCounters()
     reg.criterion, reg.count = criterion, len(x)
     count = len(x)
     out = Thinning(
-        surface(delaunay(x, y)[0], value, target), new_heap(count), np.zeros(count, np.int32), np.zeros(count),
+        surface(delaunay(x, y)[0], value, target, weight), new_heap(count), np.zeros(count, np.int32), np.zeros(count),
         np.zeros(count), np.zeros(count, np.int32), reg,
     )  # fmt: skip
     refresh(out)
@@ -89,10 +92,10 @@ def refresh(th: Thinning) -> None:
             continue
         size = 0.0
         for side in range(3):
-            size = max(size, abs(s.error[s.tri.origin[3 * t + side]]))
+            size = max(size, counted(s, s.tri.origin[3 * t + side]))
         p = np.int64(s.first[t])
         while p >= 0:
-            size = max(size, abs(s.error[p]))
+            size = max(size, counted(s, p))
             p = np.int64(s.next[p])
         set_key(s.worst, t, -size, 0.0)
     for v in range(len(s.value)):

@@ -8,6 +8,26 @@ from numpy.typing import NDArray
 from .simplices import simplex_table
 
 
+def crossed_edges(cells: NDArray[np.int64], above: NDArray[np.bool_]) -> NDArray[np.int64]:
+    """Sides of triangles (L, 3) whose ends lie on both sides, (E, 2), the lower vertex first, in ascending order."""
+    ends = np.sort(cells[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
+    return np.unique(ends[above[ends[:, 0]] != above[ends[:, 1]]], axis=0)
+
+
+def surface_contour(
+    points: NDArray[np.float64], values: NDArray[np.float64], triangles: NDArray[np.int64], isovalue: float
+) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    """Points (P, 2) and segments (M, 2) of the contour of a surface over the plane, linear on its triangles (T, 3)."""
+    above = values > isovalue
+    mixed = above[triangles]
+    cells = triangles[mixed.any(axis=1) & ~mixed.all(axis=1)]
+    edges = crossed_edges(cells, above)
+    low, high = values[edges[:, 0]], values[edges[:, 1]]
+    # halves first: the difference of two large floats may overflow
+    ratio = np.clip((isovalue / 2 - low / 2) / (high / 2 - low / 2), 0.0, 1.0)
+    return draw_cells(points, cells, np.zeros(len(cells), np.bool_), above, edges, ratio)
+
+
 def draw_cells(
     points: NDArray[np.float64], cells: NDArray[np.int64], mirrored: NDArray[np.bool_], above: NDArray[np.bool_],
     edges: NDArray[np.int64], ratio: NDArray[np.float64],

@@ -17,7 +17,7 @@ from ..domain.history import History, history_of
 from ..domain.isovalue import MeshIsovalue
 from ..domain.mesh_run import decoded_mesh
 from ..drawing.contour import Contour
-from ..drawing.explicit import draw_cells
+from ..drawing.explicit import crossed_edges, draw_cells
 from ..errors import FormatError, InputError, LimitError, OptionError
 from ..field.samples import interval_value
 from ..format.chunks import Envelope, read_envelope, verify
@@ -147,8 +147,7 @@ class MeshDecoder(ContainerDecoder):
         assert self._points is not None and found.rounds is not None
         cells, above = self._history.cells[found.rounds], found.strand.sign == 1
         cells = cells[above[cells].any(axis=1) & ~above[cells].all(axis=1)]
-        ends = np.sort(cells[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
-        edges = np.unique(ends[above[ends[:, 0]] != above[ends[:, 1]]], axis=0)
+        edges = crossed_edges(cells, above)
         points, pieces = draw_cells(
             self._points, cells, np.zeros(len(cells), np.bool_), above, edges, np.full(len(edges), 0.5)
         )
@@ -298,7 +297,7 @@ class MeshDecoder(ContainerDecoder):
 
     def _read_layer(self, payload: bytes, start: int, behind: int) -> Event:
         present = None if self._skipped else self._strands[-1]
-        self._contents.based = True
+        self._contents.begun = True
         self._layers += 1
         if self._layers > self.limits.layers:
             raise LimitError(f"more than {self.limits.layers} layers", code="limit-layers", clause="11.2")

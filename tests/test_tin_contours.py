@@ -1,0 +1,78 @@
+"""Contours of surfaces in files (spec clause 10.9)."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+import isocodec
+from commands import fails, ok
+from isocodec.errors import OptionError
+
+
+def test_contours_of_surfaces(tmp_path):
+    """A surface of all samples has the crossings of the field along the sides of its triangles, turned alike."""
+    y, x = np.mgrid[:20, :26]
+    field = np.hypot(y - 9.3, x - 12.1)
+    data = isocodec.encode_tin(field, error=0.0)
+    contour = isocodec.decode(data, isovalue=6.25)
+    far = np.abs(np.hypot(contour.points[:, 0] - 9.3, contour.points[:, 1] - 12.1) - 6.25)
+    assert far.max() < 0.1 and contour.shape == field.shape
+    (line,) = contour.lines
+    (other,) = isocodec.decode(isocodec.encode(field, 6.25)).lines
+
+    def area(points):
+        return float(np.sum(points[:-1, 0] * points[1:, 1] - points[1:, 0] * points[:-1, 1])) / 2
+
+    assert abs(area(line) - area(other)) < 1.0
+    (tmp_path / "a.iso").write_bytes(data)
+    ok("decode", tmp_path / "a.iso", "-o", tmp_path / "a.svg", "--isovalue", 6.25)
+    with pytest.raises(OptionError, match="which isovalue"):
+        isocodec.decode(data)
+    assert len(isocodec.decode(data, isovalue=1e9).points) == 0
+    scattered = isocodec.encode_tin(np.argwhere(field < 99) * 0.5, field.ravel(), error=0.1)
+    assert isocodec.decode(scattered, isovalue=6.25).shape == ()
+    (tmp_path / "b.iso").write_bytes(scattered)
+    ok("decode", tmp_path / "b.iso", "-o", tmp_path / "b.geojson", "--isovalue", 6.25)
+    assert ".svg" in fails(2, "decode", tmp_path / "b.iso", "-o", tmp_path / "b.svg", "--isovalue", 6.25)
+
+
+@pytest.mark.parametrize("tolerance", [0.5, 1.5])
+def test_surfaces_that_keep_contours(tmp_path, tolerance):
+    """The criterion ``contour``: contours of the surface lie where those of the field do, by another measure."""
+    scipy = pytest.importorskip("scipy.spatial")
+    y, x = np.mgrid[:40, :34]
+    field = np.hypot(y - 19.3, x - 16.1) + np.sin(x / 3) * np.cos(y / 4)
+    isovalues = [5.5, 11.25]
+    data = isocodec.encode_tin(field, contours=isovalues, tolerance=tolerance)
+    assert len(isocodec.decode_tin(data).points) < field.size / 4
+    for isovalue in isovalues:
+        given = isocodec.encode(field, isovalue, step=1e-6)
+        contours = isocodec.decode(data, isovalue=isovalue), isocodec.decode(given)
+        found, wanted = (np.concatenate([_along(line) for line in each.lines]) for each in contours)
+        apart = max(scipy.cKDTree(a).query(b)[0].max() for a, b in ((found, wanted), (wanted, found)))
+        assert apart <= tolerance + 0.05
+    np.save(tmp_path / "a.npy", field)
+    ok("thin", tmp_path / "a.npy", "-o", tmp_path / "a.iso", "--isovalue", 5.5, "--tolerance", tolerance)
+    assert "--tolerance" in fails(2, "thin", tmp_path / "a.npy", "-o", tmp_path / "b.iso", "--isovalue", 5.5)
+
+
+def _along(line):
+    """Points along a line, closely."""
+    steps = np.linspace(0, 1, 40)[:, None]
+    return np.concatenate([a + steps * (b - a) for a, b in pairwise(line)])
+
+
+def test_what_has_no_such_contours():
+    field = np.arange(48.0).reshape(6, 8)
+    for options in (
+        {"contours": [5.5]}, {"tolerance": 1.0}, {"contours": [], "tolerance": 1.0}, {"contours": [5.5], "error": 1.0},
+        {"contours": [5.5], "tolerance": 0.0}, {"contours": [99.5], "tolerance": 1.0},
+        {"contours": [float("nan")], "tolerance": 1.0}, {"contours": [5.5], "tolerance": 1.0, "step": 1.0},
+    ):  # fmt: skip
+        with pytest.raises(OptionError):
+            isocodec.encode_tin(field, **options)
+    with pytest.raises(OptionError, match="scattered"):
+        isocodec.encode_tin([[0, 0], [1, 0], [0, 1]], [1, 2, 3], contours=[1.5], tolerance=1.0)
