@@ -160,7 +160,8 @@ function predicted(values: Float64Array, at: number, by: number, i: number, last
   return value;
 }
 
-function mod(x: number, W: number): number {
+/** The remainder of a division rounded down. */
+export function mod(x: number, W: number): number {
   const rest = x % W;
   return rest < 0 ? rest + W : rest;
 }

@@ -126,6 +126,11 @@ export class Decoder {
     return this.go();
   }
 
+  /** Periodic axes of a mapped grid (3.7.4(1)). */
+  get periodic(): readonly number[] {
+    return this.place?.periodic ?? [];
+  }
+
   /** Where the samples lie, if a chunk of coordinates has come that is not malformed (3.7.4). */
   get coordinates(): Coordinates | undefined {
     if (!this.place) return undefined;
@@ -461,7 +466,7 @@ export class Decoder {
   }
 
   private *mask(): Generator<void, void, void> {
-    const tube = (this.maskTube = this.tube(0.5, undefined, false)), level = Math.min(this.grid!.n, this.grid!.full);
+    const before = this.meter.usage, tube = (this.maskTube = this.tube(0.5, undefined, false)), level = Math.min(this.grid!.n, this.grid!.full);
     this.coder.models = tube.models;
     this.coder.begin(this.at, this.stop - this.at, Infinity);
     yield* this.steps(new Base(tube, UNIFORM, level).decode());
@@ -472,6 +477,7 @@ export class Decoder {
       tube.shown = tube.uniform;
     }
     yield* this.finish();
+    this.meter.setAside(before);
   }
 
   /** Let a pass run; false if the run is cut in it. */

@@ -40,6 +40,8 @@ export const LIMITS: Readonly<Limits> = {
   bytes: 2 ** 31 - 2 ** 16,
 };
 
+type Usage = [memory: number, vertices: number, blocks: number];
+
 /** Counts what has been used of the limits. Steps are sixteenths of a symbol. */
 export class Meter {
   memory = 0;
@@ -71,22 +73,29 @@ export class Meter {
   }
 
   /** What had been used when the present frame began, and what the one before it has used. */
-  private began = { memory: 0, vertices: 0, blocks: 0 };
-  private before = { memory: 0, vertices: 0, blocks: 0 };
+  private began: Usage = [0, 0, 0];
+  private before: Usage = [0, 0, 0];
+
+  /** Memory, vertices and blocks that are used. */
+  get usage(): Usage {
+    return [this.memory, this.vertices, this.blocks];
+  }
+
+  /** What has been used since is no frame's, but stays. */
+  setAside(since: Usage): void {
+    this.usage.forEach((x, i) => (this.began[i]! += x - since[i]!));
+  }
 
   /** A frame begins; with `drop` the state of the last but one goes (3.5.7(5)). */
   frame(drop: boolean): void {
-    const { before, began } = this;
-    const used = {
-      memory: this.memory - began.memory, vertices: this.vertices - began.vertices, blocks: this.blocks - began.blocks,
-    };
+    const used = this.usage.map((x, i) => x - this.began[i]!) as Usage;
     if (drop) {
-      this.memory -= before.memory;
-      this.vertices -= before.vertices;
-      this.blocks -= before.blocks;
+      this.memory -= this.before[0];
+      this.vertices -= this.before[1];
+      this.blocks -= this.before[2];
     }
     this.before = used;
-    this.began = { memory: this.memory, vertices: this.vertices, blocks: this.blocks };
+    this.began = this.usage;
   }
 
   vertex(): void {
