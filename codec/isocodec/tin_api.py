@@ -20,13 +20,14 @@ from .drawing.contour import Contour
 from .drawing.explicit import surface_contour
 from .errors import FormatError, LimitError, OptionError, TruncatedError
 from .field.placement import read_placement
-from .format.chunks import octets, read_envelope, read_metadata, verify, write_chunk
+from .format.chunks import Envelope, octets, read_envelope, read_metadata, verify, write_chunk
 from .format.header import Header, read_header
 from .format.tin import MOST_LAYERS, TinHead, read_tin, values_of, write_tin
 from .limits import WORK_PER_BYTE, Limits
 from .search.contour_tin import near_contours
 from .search.tin_fit import Chosen, best, in_layers, smallest, within
 from .stream.container import beginning, with_checksum
+from .stream.mesh_decoder import REFUSED
 
 PER_POINT = 400
 """Bytes that decoding takes for each point at most."""
@@ -252,54 +253,67 @@ def read_surface(
     if header.cells != 2:
         raise OptionError("the file holds no surface", code="domain", remedy="take decode")
     metadata: dict[str, str] = {}
-    while True:
-        chunk = read_envelope(whole, at)
-        if chunk is None:
-            raise early
-        if not chunk.ancillary and chunk.type != ChunkType.DOMAIN:
-            raise FormatError("not in a file of a surface", code="chunk", offset=at, clause="10.9.1")
+    surface: tuple[TinHead, Layers] | None = None
+    ended = False
+    while not ended and (chunk := read_envelope(whole, at)) is not None:
+        _belongs(chunk, surface is not None, at)
         behind = verify(whole, chunk, at)
         payload = whole[chunk.start : chunk.end]
-        if chunk.type == ChunkType.DOMAIN and not chunk.ancillary:
-            break
+        if chunk.type == ChunkType.DOMAIN and (behind is not None or payload):
+            if behind is None and not partial:
+                break
+            surface = _parts(payload, chunk.start, chunk.end <= len(whole), behind is not None, limits)
         if behind is None:
-            raise early
-        if chunk.last:
-            raise FormatError("a file without a domain", code="domain", offset=at, clause="3.5.8")
+            break
         if chunk.type == ChunkType.METADATA:
             metadata |= read_metadata(payload)
-        at = behind
-    if payload and payload[0] >> 4 != DomainKind.POINTS:
-        raise OptionError("the file holds a mesh, no surface", code="domain", remedy="take decode")
-    if behind is None and not partial:
+        at, ended = behind, chunk.last
+    if ended and at < len(whole):
+        raise FormatError("bytes after the end of the file", code="trailing", offset=at, clause="3.4.4")
+    if ended and surface is None:
+        raise FormatError("a file without a domain", code="domain", offset=at, clause="3.5.8")
+    if not ended and not partial:
         raise TruncatedError(
             f"the file ends after {len(whole)} bytes, before it is complete", code="truncated", offset=len(whole),
             clause="8.3", remedy="give max_bytes to decode what there is",
         )  # fmt: skip
-    complete = behind is not None and (chunk.last or partial)
-    if behind is not None and chunk.last and behind < len(whole):
-        raise FormatError("bytes after the end of the file", code="trailing", offset=behind, clause="3.4.4")
-    head, parts = _parts(payload, chunk.start, behind is not None, limits)
-    return head, parts, complete and parts.complete, metadata
+    if surface is None:
+        raise early
+    return *surface, ended and surface[1].complete, metadata
 
 
-def _parts(payload: bytes, start: int, whole: bool, limits: Limits) -> tuple[TinHead, Layers]:
-    """What a payload holds, or its beginning."""
+def _belongs(chunk: Envelope, begun: bool, at: int) -> None:
+    """Check that a critical chunk does belong here; ``begun`` if the domain has come."""
+    if chunk.ancillary:
+        return
+    if chunk.type in REFUSED:
+        raise FormatError("not in an explicit domain", code="chunk", offset=at, clause="10.1.1")
+    if begun == (chunk.type == ChunkType.DOMAIN):
+        what = "a second domain" if begun else "the domain has to come first"
+        raise FormatError(what, code="domain", offset=at, clause="3.5.8")
+    if begun:
+        raise FormatError("not in a file of a surface", code="chunk", offset=at, clause="10.9.1")
+
+
+def _parts(payload: bytes, start: int, arrived: bool, verified: bool, limits: Limits) -> tuple[TinHead, Layers]:
+    """What a payload holds, or its beginning.
+
+    ``arrived``: it is all there; ``verified``: so are its checksums, before which its head is not refused.
+    """
     early = TruncatedError("the file ends before its surface begins", code="truncated", clause="8.3")
     if not payload:
-        if whole:
-            raise FormatError("an empty domain chunk", code="domain", offset=start, clause="3.5.8")
-        raise early
+        raise FormatError("an empty domain chunk", code="domain", offset=start, clause="3.5.8")
+    if payload[0] >> 4 != DomainKind.POINTS:
+        raise OptionError("the file holds a mesh, no surface", code="domain", remedy="take decode")
     try:
         head, at = read_tin(payload, start)
     except FormatError:
-        # what is not complete yet is no error
-        if whole:
+        if verified:
             raise
         raise early from None
     most = min(limits.vertices, limits.memory // PER_POINT)
     work = (limits.work + WORK_PER_BYTE * len(payload))
-    parts = decoded(payload[at:], head.counts, head.extent, head.largest, most, work, whole)
+    parts = decoded(payload[at:], head.counts, head.extent, head.largest, most, work, arrived)
     if len(parts.points) < 3:
         raise early
     return head, parts

@@ -65,6 +65,12 @@ def whole() -> Iterator[Draft]:
     yield Draft(
         "tin_grid", bytes(_file(grid, points, points.sum(axis=1))), 2, (EXPLICIT, SURFACE, "four points on a circle")
     )
+    file = _file(grid, points, points.sum(axis=1))
+    notes = Chunk(ChunkType.METADATA, b"{}", ancillary=True)
+    yield Draft(
+        "tin_notes_behind", bytes(file.with_chunks(*file.chunks, notes)), 2,
+        (EXPLICIT, SURFACE, "an ancillary chunk behind the surface"),
+    )  # fmt: skip
     line = np.array([[0, 0], [1, 0], [2, 0], [3, 0], [1, 5]])
     yield Draft(
         "tin_border", bytes(_file(replace(grid, extent=(4, 6), counts=(5,)), line, line[:, 0])), 2,
@@ -100,7 +106,9 @@ def refused() -> Iterator[Draft]:
         ("short_head", "10.9.1", "a head that ends early", changed(payload[:6])),
         ("run_short", "6.3", "a run that is too short", changed(payload[:12])),
         ("run_long", "6.3", "bytes left over", changed(payload + bytes(5))),
-        ("layers_too", "10.9.1", "a chunk of layers", bytes(file.with_chunks(layer, *file.chunks))),
+        ("layers_before", "3.5.8", "a chunk of layers before the domain", bytes(file.with_chunks(layer, *file.chunks))),
+        ("layers_behind", "10.9.1", "a chunk of layers behind it", bytes(file.with_chunks(*file.chunks, layer))),
+        ("twice", "3.5.8", "two surfaces", bytes(file.with_chunks(*file.chunks, *file.chunks))),
     ):  # fmt: skip
         yield Draft(f"tin_{name}", data, 2, (EXPLICIT, SURFACE, f"error: {about}"), clause)
 

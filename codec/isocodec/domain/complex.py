@@ -61,7 +61,7 @@ class Complex:
 
     @cached_property
     def digest(self) -> bytes:
-        """The first 16 bytes of the SHA-256 of the canonical form (spec clause 10.2.3)."""
+        """The first 16 bytes of the SHA-256 of the canonical form (spec clause 10.1.2(1))."""
         vertices, d = self.mesh.position.shape
         cells, corners = self.mesh.cell.shape
         out = hashlib.sha256()

@@ -1,4 +1,4 @@
-"""A triangulated surface as samples on a grid (spec clause 10.9.5)."""
+"""A triangulated surface as samples on a grid (spec clause 10.9.6)."""
 
 from __future__ import annotations
 

@@ -77,9 +77,9 @@ def read_domain(payload: bytes, n: int, start: int) -> tuple[DomainHead, int]:
     if not payload:
         raise wrong("an empty domain chunk")
     kind, higher = payload[0] >> 4, payload[0] & 15
-    if kind == DomainKind.POINTS:
+    if kind == DomainKind.POINTS and n == 2:
         raise OptionError("the file holds a triangulated surface, not a mesh", code="domain", remedy="take decode_tin")
-    if kind not in DomainKind.__members__.values():
+    if kind == DomainKind.POINTS or kind not in DomainKind.__members__.values():
         raise wrong(f"unknown kind of domain {kind}")
     if kind == DomainKind.DELAUNAY and (n, higher) != (2, 0):
         raise wrong("a Delaunay triangulation that is not of triangles in the plane")
@@ -205,6 +205,8 @@ def kind_of_domain(data: bytes) -> DomainKind | None:
         while (chunk := read_envelope(data, at)) is not None and chunk.start < len(data):
             if chunk.type == ChunkType.DOMAIN:
                 kind = data[chunk.start] >> 4
+                if kind == DomainKind.POINTS and found[0].cells != 2:
+                    return DomainKind.KNOWN
                 return DomainKind(kind) if kind in DomainKind.__members__.values() else DomainKind.KNOWN
             at = chunk.end + CHECKSUM_BYTES * chunk.checked
     except FormatError:

@@ -65,6 +65,8 @@ class Contents:
         The present frame and isovalue, whose layers come.
     based : bool
         Whether a chunk of its layers has begun with a base.
+    begun : bool
+        Of an explicit domain, whether a chunk of layers has come.
     coordinates : CoordinatesRecord or None
         Where the samples lie.
     shape : tuple of int
@@ -88,6 +90,7 @@ class Contents:
     frame: int = 0
     number: int = 0
     based: bool = False
+    begun: bool = False
     coordinates: CoordinatesRecord | None = None
     shape: tuple[int, ...] = ()
     cells: int | None = None
@@ -186,7 +189,7 @@ def _isovalue(contents: Contents, payload: bytes, start: int, behind: int) -> Ev
 def _frame(contents: Contents, payload: bytes, start: int, behind: int) -> Event:
     if contents.interval is not None:
         return contents.begin_next(payload, start, behind)
-    if contents.layers or contents.based:
+    if contents.layers or contents.based or contents.begun:
         raise FormatError("frames behind layers", code="frame", offset=start, clause="3.5.7")
     contents.interval = read_interval(payload, start)
     return SeriesRead(behind, contents.interval)

@@ -257,7 +257,7 @@ def inspect(data: bytes, symbols: bool = False, limits: Limits | None = None) ->
             if chunk.end <= len(data):
                 head, begins = read_mesh_layer(data[chunk.start : chunk.end], chunk.start)
                 size, number, frame = chunk.end - chunk.start - begins, contents.number, contents.frame
-                contents.based = True
+                contents.begun = True
                 coded += size
                 kind = head.kind.name.lower()
                 layers.append(LayerInfo(kind, -1, 0, 0, chunk.start + begins, size, isovalue=number, frame=frame))

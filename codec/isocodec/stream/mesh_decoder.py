@@ -297,7 +297,7 @@ class MeshDecoder(ContainerDecoder):
 
     def _read_layer(self, payload: bytes, start: int, behind: int) -> Event:
         present = None if self._skipped else self._strands[-1]
-        self._contents.based = True
+        self._contents.begun = True
         self._layers += 1
         if self._layers > self.limits.layers:
             raise LimitError(f"more than {self.limits.layers} layers", code="limit-layers", clause="11.2")

@@ -70,6 +70,25 @@ export class Meter {
     if (++this.blocks > 65536 && 4 * this.blocks > this.vertices) this.stop("blocks with few vertices");
   }
 
+  /** What had been used when the present frame began, and what the one before it has used. */
+  private began = { memory: 0, vertices: 0, blocks: 0 };
+  private before = { memory: 0, vertices: 0, blocks: 0 };
+
+  /** A frame begins; with `drop` the state of the last but one goes (3.5.7(5)). */
+  frame(drop: boolean): void {
+    const { before, began } = this;
+    const used = {
+      memory: this.memory - began.memory, vertices: this.vertices - began.vertices, blocks: this.blocks - began.blocks,
+    };
+    if (drop) {
+      this.memory -= before.memory;
+      this.vertices -= before.vertices;
+      this.blocks -= before.blocks;
+    }
+    this.before = used;
+    this.began = { memory: this.memory, vertices: this.vertices, blocks: this.blocks };
+  }
+
   vertex(): void {
     if (++this.vertices > this.limits.vertices) this.stop("vertices");
   }
