@@ -10,7 +10,7 @@ import { readTables, type Tables } from "./models.js";
 import { Offsets } from "./offsets.js";
 import { type Bytes, type Layer, Progress, readProgram } from "./program.js";
 import { Rounds } from "./refine.js";
-import { type Pass, Tube } from "./tube.js";
+import { type Missing, type Pass, Tube } from "./tube.js";
 import { Values } from "./values.js";
 
 export interface Header {
@@ -65,7 +65,7 @@ export class Decoder {
   readonly frames: (Contour[] | undefined)[] = [[]];
   /** State of the mask from its first symbol on; `missing` says whether it is complete. */
   maskTube: Tube | undefined;
-  missing: { missing(x: number, y: number, z: number): boolean } | undefined;
+  missing: Missing | undefined;
   readonly metadata: Metadata = {};
   error: IsoError | undefined;
   done = false;

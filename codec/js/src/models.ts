@@ -8,7 +8,7 @@ export const ORIGIN = 0, COMPONENT = 3, ROOT = 4, PATH = 5, FIRST = 7, CURVE = 3
   HOLE = 7368, CONTEXTS = 7416;
 
 /** Kinds of symbols that have a panel; contexts of its seven lists, which follow on the others (7.18.3(1)). */
-export const PANEL_KINDS = 10, PANEL_CONTEXTS = 13337;
+const PANEL_KINDS = 10, PANEL_CONTEXTS = 13337;
 
 /** Columns of a row of `weight`, kinds of symbols, networks. */
 const WIDTH = 48, KINDS = 49, NETWORKS = 9;
