@@ -21,11 +21,13 @@ from figures.mapped import irregular
 from figures.planes import cortex, criteria, levels, plate, terrain
 from figures.rates import rates, surface_rates
 from figures.surfaces import surfaces
+from figures.thinned import thinned, thinned_pictures
 from figures.walk import walk
 
 FIGURES = {
     "criteria": criteria, "levels": levels, "walk": walk, "plate": plate, "cortex": cortex, "terrain": terrain,
     "rates": rates, "surface-rates": surface_rates, "surfaces": surfaces, "irregular": irregular,
+    "thinned": thinned, "thinned-pictures": thinned_pictures,
 }  # fmt: skip
 
 

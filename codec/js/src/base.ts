@@ -235,7 +235,9 @@ export class Base {
         let sign = t.follows(earlier, x, y, z);
         if (sign < 0) {
           const context = SEED + ((earlier < 0 ? 0 : earlier & 1) * 4 + signs) * 2 + this.seed;
-          while ((sign = t.coder.bit(context)) < 0) yield;
+          const panel = earlier < 0 ? undefined : t.panel;
+          panel?.look(9, x, y, z, t.grid.edge(this.level), earlier & 1, 1);
+          while ((sign = panel ? t.coder.seed(context, panel) : t.coder.bit(context)) < 0) yield;
           this.seed = sign;
         }
         t.learn(x, y, z, sign);
@@ -403,9 +405,11 @@ export class Base {
           if (hole) context = HOLE + this.history;
           else if (earlier >= 0) context += ((earlier & 1) === predicted ? 2 : 1) * (n === 2 ? 16 : 192);
           if (t.main) {
+            const panel = earlier < 0 ? undefined : t.panel;
+            panel?.look(6 + r, vx, vy, vz, c, earlier & 1, predicted);
             const rows = (): number => {
               signRows(t, level, cls, x, y, z, o, predicted, kase, earlier);
-              return coder.mixed(8, 43 + r + (earlier >= 0 ? 3 : 0), context, false);
+              return coder.mixed(8, 43 + r + (earlier >= 0 ? 3 : 0), context, false, panel);
             };
             while ((bit = rows()) < 0) yield;
           } else while ((bit = coder.bit(context)) < 0) yield;

@@ -10,7 +10,7 @@ let main: Uint8Array | undefined;
 function dump(file: string, layers: number, bytes: number, piece: number): [number, string] {
   main ??= readFileSync(tables);
   const data = new Uint8Array(readFileSync(file)).subarray(0, bytes);
-  const decoder = new Decoder({ tables: main });
+  const decoder = new Decoder({ tables: main, keepFrames: true });
   if (layers > 0) decoder.pauseAt = layers;
   for (let at = 0; at < data.length && !decoder.error; at += piece) decoder.feed(data.subarray(at, at + piece));
   if (decoder.layers < decoder.pauseAt) decoder.end();

@@ -1,6 +1,7 @@
 /** Range decoder, adaptation and mixing (clauses 6 and 7.11). */
 import { IsoError, type Meter } from "./errors.js";
-import { CLASS, type Models, PAIR } from "./models.js";
+import type { Panel } from "./frames.js";
+import { CLASS, type Contexts, PAIR } from "./models.js";
 
 /** The bytes of a file as they come; those of chunks that are done may be dropped. */
 export class Input {
@@ -40,7 +41,7 @@ export const rows = new Int32Array(1024);
  * yet (6.4), or, with `cut` set, if no more symbols may be decoded (3.5.4).
  */
 export class Coder {
-  models!: Models;
+  models!: Contexts;
   shifts = 0;
   cut = false;
   /** Symbols decoded in this run, and by number of the syntax element in the layer. */
@@ -183,8 +184,43 @@ export class Coder {
     return total;
   }
 
-  /** A symbol that is mixed (7.11), of the rows that are on the list. */
-  mixed(network: number, kind: number, context: number, flip: boolean): number {
+  /** Opinions of a panel's contexts. */
+  private readonly opinions = new Int32Array(7);
+
+  /** The opinions of a panel, weighed (7.18.3(3)). */
+  private ask(panel: Panel, said: number): number {
+    const { opinions } = this, { panel: weights, tables } = this.models;
+    panel.choose(said);
+    let sum = 0;
+    for (let i = 0; i < 7; i++) {
+      opinions[i] = this.opinion(panel.contexts[i]!, tables!.stretch);
+      sum += weights![7 * panel.kind + i]! * opinions[i]!;
+    }
+    return sum;
+  }
+
+  private teach(panel: Panel, error: number, bit: number): void {
+    const weights = this.models.panel!;
+    for (let i = 0; i < 7; i++) {
+      const o = 7 * panel.kind + i;
+      weights[o] = moved(weights[o]!, (error * this.opinions[i]!) / 2097152);
+      this.update(panel.contexts[i]!, bit);
+    }
+  }
+
+  /** A seed that a panel looks at (7.18.3(4)). */
+  seed(context: number, panel: Panel): number {
+    const { squash, stretch } = this.models.tables!, said = this.opinion(context, stretch);
+    const p = squash[logit(65536 * said + this.ask(panel, said)) + 2047]!;
+    const bit = this.raw(p);
+    if (bit < 0) return bit;
+    this.teach(panel, 40 * (65536 * bit - p), bit);
+    this.update(context, bit);
+    return bit;
+  }
+
+  /** A symbol that is mixed (7.11), of the rows that are on the list; `panel` is that of 7.18, if it has one. */
+  mixed(network: number, kind: number, context: number, flip: boolean, panel?: Panel): number {
     const { tables, mix } = this.models;
     const { squash, stretch } = tables!, m = mix!;
     let said = Math.floor(this.network(network) / 4096);
@@ -193,21 +229,32 @@ export class Coder {
     const group = CLASS + 32 * kind + ((said + 2047) >> 7);
     const said1 = this.opinion(context, stretch), said2 = this.opinion(group, stretch);
     const o = 4 * kind;
-    let x = Math.floor((m[o]! * said + m[o + 1]! * said1 + m[o + 2]! * said2 + m[o + 3]! * 256) / 65536);
-    x = x < -2047 ? -2047 : x > 2047 ? 2047 : x;
-    const p = squash[x + 2047]!;
+    let sum = m[o]! * said + m[o + 1]! * said1 + m[o + 2]! * said2 + m[o + 3]! * 256;
+    if (panel) sum += this.ask(panel, said);
+    const p = squash[logit(sum) + 2047]!;
     const bit = this.raw(p);
     if (bit < 0) return bit;
     const error = 40 * (65536 * bit - p);
     for (let j = 0; j < 4; j++) {
       const by = j === 0 ? said : j === 1 ? said1 : j === 2 ? said2 : 256;
-      const w = m[o + j]! + Math.floor((error * by) / 1048576);
-      m[o + j] = w < -4194304 ? -4194304 : w > 4194304 ? 4194304 : w;
+      m[o + j] = moved(m[o + j]!, (error * by) / 1048576);
     }
+    if (panel) this.teach(panel, error, bit);
     this.update(context, bit);
     this.update(group, bit);
     return bit;
   }
+}
+
+function logit(sum: number): number {
+  const x = Math.floor(sum / 65536);
+  return x < -2047 ? -2047 : x > 2047 ? 2047 : x;
+}
+
+/** A weight after a step, rounded down (7.11(4)). */
+function moved(weight: number, by: number): number {
+  const w = weight + Math.floor(by);
+  return w < -4194304 ? -4194304 : w > 4194304 ? 4194304 : w;
 }
 
 /** Both columns of a sum, each cut off below 0, weighed. */

@@ -5,7 +5,7 @@
  * their coordinates, 4 * x + 2 * y + z.
  */
 
-export interface Pattern {
+interface Pattern {
   /** Triples of points: grid edges by number, and from 12 on the points that are added. Clockwise seen from below. */
   triangles: number[];
   /** Grid edges whose mean each added point is. */

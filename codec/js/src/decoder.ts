@@ -1,6 +1,7 @@
 /** Files as they come: header, chunks, events (clauses 3 and 8). */
 import { Base, ADAPTIVE, LEAVES, UNIFORM } from "./base.js";
 import { Coder, Input } from "./coder.js";
+import { type CoordinateChunk, type Coordinates, decodeCoordinates, readCoordinates } from "./coordinates.js";
 import { crc32 } from "./crc.js";
 import { IsoError, type Limits, LIMITS, Meter } from "./errors.js";
 import { Grid } from "./grid.js";
@@ -9,7 +10,7 @@ import { readTables, type Tables } from "./models.js";
 import { Offsets } from "./offsets.js";
 import { type Bytes, type Layer, Progress, readProgram } from "./program.js";
 import { Rounds } from "./refine.js";
-import { type Pass, Tube } from "./tube.js";
+import { type Missing, type Pass, Tube } from "./tube.js";
 import { Values } from "./values.js";
 
 export interface Header {
@@ -23,19 +24,27 @@ export interface Header {
 /** What has happened, with the number of bytes of the file that it needed (8.2.2). */
 export type IsoEvent =
   | { type: "header"; bytes: number; header: Header }
-  | { type: "layer"; bytes: number; kind: Layer["kind"]; number: number; isovalue: number; level: number }
+  | { type: "layer"; bytes: number; kind: Layer["kind"]; number: number; frame: number; isovalue: number; level: number }
   | { type: "isovalue"; bytes: number; index: number; isovalue: number; lean: number | undefined }
+  | { type: "series"; bytes: number; interval: number }
+  | { type: "frame"; bytes: number; frame: number; index: number; isovalue: number; lean: FrameLean }
   | { type: "metadata"; bytes: number; metadata: Metadata }
   | { type: "promises"; bytes: number; isovalue: number; promises: Promises }
+  | { type: "coordinates"; bytes: number }
   | { type: "mask"; bytes: number }
   | { type: "skipped"; bytes: number; chunk: number }
   | { type: "end"; bytes: number }
   | { type: "error"; bytes: number; error: IsoError };
 
+/** What an isovalue of a further frame leans on: that of the frame before, an earlier one of its own frame, or none. */
+export type FrameLean = "before" | number | undefined;
+
 export interface DecoderOptions {
   limits?: Partial<Limits>;
   /** The tables of the main profile, `isospec/main.bin`; without them files of that profile wait for `setTables`. */
   tables?: Uint8Array;
+  /** Whether the state of all frames of a series is kept; otherwise that of the last two is. */
+  keepFrames?: boolean;
 }
 
 /** One isovalue of a file. */
@@ -52,10 +61,11 @@ export interface Contour {
 export class Decoder {
   header: Header | undefined;
   grid: Grid | undefined;
-  readonly contours: Contour[] = [];
+  /** Isovalues by frame; of a file that is no series there is one frame. Those no longer kept are undefined. */
+  readonly frames: (Contour[] | undefined)[] = [[]];
   /** State of the mask from its first symbol on; `missing` says whether it is complete. */
   maskTube: Tube | undefined;
-  missing: { missing(x: number, y: number, z: number): boolean } | undefined;
+  missing: Missing | undefined;
   readonly metadata: Metadata = {};
   error: IsoError | undefined;
   done = false;
@@ -70,16 +80,31 @@ export class Decoder {
   private events: IsoEvent[] = [];
   private tablesBytes: Uint8Array | undefined;
   private tables: Tables | undefined;
+  private place: CoordinateChunk | undefined;
+  private placed: { value: Coordinates | undefined } | undefined;
   /** Place in the input of the next byte, and the end of the payload it is in. */
   private at = 0;
   private stop = Infinity;
   private crc = 0;
+  /** The interval of key frames, undefined if the file is no series so far (3.5.7). */
+  private interval: number | undefined;
+  /** Isovalues of a frame. */
+  private readonly isovalues: number[] = [];
+  /** Layers of the frame that programs have stated. */
+  private planned = 0;
+  private readonly keepFrames: boolean;
 
   constructor(options: DecoderOptions = {}) {
     this.meter = new Meter({ ...LIMITS, ...options.limits });
     this.coder = new Coder(this.input, this.meter);
     this.tablesBytes = options.tables;
+    this.keepFrames = options.keepFrames ?? false;
     this.run = this.file();
+  }
+
+  /** Isovalues of the present frame. */
+  get contours(): Contour[] {
+    return this.frames[this.frames.length - 1]!;
   }
 
   /** Take the next bytes of the file. */
@@ -99,6 +124,18 @@ export class Decoder {
   end(): IsoEvent[] {
     this.input.ended = true;
     return this.go();
+  }
+
+  /** Periodic axes of a mapped grid (3.7.4(1)). */
+  get periodic(): readonly number[] {
+    return this.place?.periodic ?? [];
+  }
+
+  /** Where the samples lie, if a chunk of coordinates has come that is not malformed (3.7.4). */
+  get coordinates(): Coordinates | undefined {
+    if (!this.place) return undefined;
+    this.placed ??= { value: decodeCoordinates(this.place, this.meter.limits) };
+    return this.placed.value;
   }
 
   /** Give the tables of the main profile to a decoder that waits for them. */
@@ -234,13 +271,15 @@ export class Decoder {
     return { shape, profile: flags & 1 ? "main" : "baseline", isovalue, scale };
   }
 
-  private tube(isovalue: number, lean: Tube | undefined): Tube {
+  private tube(isovalue: number, lean: Tube | undefined, framed: boolean): Tube {
     this.meter.take(65536);
-    return new Tube(this.grid!, this.meter, this.coder, this.tables, isovalue, this.header!.scale !== undefined, lean);
+    const scaled = this.header!.scale !== undefined;
+    return new Tube(this.grid!, this.meter, this.coder, this.tables, isovalue, scaled, lean, framed);
   }
 
-  private add(isovalue: number, lean: Contour | undefined): void {
-    const tube = this.tube(isovalue, lean?.tube);
+  /** Begin an isovalue; `framed` says whether the one that it leans on is of the frame before. */
+  private add(isovalue: number, lean: Contour | undefined, framed = false): void {
+    const tube = this.tube(isovalue, lean?.tube, framed);
     tube.mask = this.missing;
     this.contours.push({ tube, progress: new Progress(this.grid!.full, lean?.progress), layers: 0 });
   }
@@ -255,8 +294,9 @@ export class Decoder {
       while (!this.tablesBytes) yield;
       this.tables = readTables(this.tablesBytes, header.shape.length);
     }
+    this.isovalues.push(header.isovalue);
     this.add(header.isovalue, undefined);
-    let cut = false, masks = 0;
+    let cut = false, layers = false, masks = 0;
     for (;;) {
       this.crc = crc32(this.crc, this.input.data, 0, this.at);
       this.input.drop(this.at);
@@ -265,17 +305,18 @@ export class Decoder {
       this.meter.bytes = this.offset;
       yield* this.need(1);
       const head = this.input.data[this.at]!, type = head & 31, ancillary = (head & 128) !== 0;
-      const critical = type === 1 || type === 2 || type === 5 || type === 7 || type === 10;
+      const critical = type === 1 || type === 2 || type === 5 || type === 7 || type === 9 || type === 10;
       if (ancillary ? critical : !critical) throw this.wrong("3.5.2", "an unknown critical chunk");
       this.at++;
       const length = yield* this.varint("3.4.2");
       if (critical && cut) throw this.wrong("3.5.4", "a critical chunk behind cut layers");
-      if (type === 10) throw this.wrong("3.5.8", "a domain in a file of a grid");
+      if (type === 7 && this.frames.length > 1) throw this.wrong("3.5.7", "a mask behind the first frame");
       if (type === 7 && masks++) throw this.wrong("3.5.6", "a second mask");
       this.stop = this.at + length;
       const payload = this.at, stop = this.stop;
       if (type === 1 || type === 2) {
         let most = Infinity;
+        layers = true;
         if (type === 2) {
           cut = true;
           most = yield* this.varint("3.6");
@@ -298,6 +339,8 @@ export class Decoder {
       const end = this.at, bytes = this.offset;
       this.meter.bytes = bytes;
       if (type === 5) yield* this.another(payload, stop, bytes);
+      else if (type === 9) yield* this.frame(payload, stop, bytes, layers);
+      else if (type === 10) throw this.wrong("3.5.8", "a domain in a file of a grid");
       else if (type === 7) {
         const mask = this.maskTube!;
         this.missing = { missing: (x, y, z) => mask.infer(x, y, z) === 0 };
@@ -320,15 +363,21 @@ export class Decoder {
   }
 
   private ancillary(type: number, payload: Uint8Array, bytes: number): void {
-    const isovalue = this.contours.length - 1;
     if (type === 3) {
       const metadata = readMetadata(payload);
       Object.assign(this.metadata, metadata);
       this.events.push({ type: "metadata", bytes, metadata });
       return;
     }
+    const place = type === 8 ? readCoordinates(payload, this.header!.shape) : undefined;
+    if (place) {
+      this.place = place;
+      this.placed = undefined;
+      this.events.push({ type: "coordinates", bytes });
+      return;
+    }
     const promises = type === 6 ? readPromises(payload) : undefined;
-    if (promises) this.events.push({ type: "promises", bytes, isovalue, promises });
+    if (promises) this.events.push({ type: "promises", bytes, isovalue: this.contours.length - 1, promises });
     else this.events.push({ type: "skipped", bytes, chunk: type });
   }
 
@@ -337,6 +386,7 @@ export class Decoder {
     this.at = payload;
     this.stop = stop;
     const { contours } = this;
+    if (this.frames.length > 1) throw this.wrong("3.5.7", "an isovalue behind the first frame");
     if (contours.length >= 64) throw this.wrong("11.1", "a file has at most 64 isovalues");
     const head = yield* this.byte("3.5.5"), lean = head & 63;
     if (head >> 6 === 3) throw this.wrong("3.3.4", "an unknown kind of isovalue");
@@ -344,12 +394,57 @@ export class Decoder {
     const isovalue = yield* this.isovalue(head >> 6, "3.5.5");
     if (this.at !== stop) throw this.wrong("3.5.5", "bytes behind an isovalue");
     if (contours.some((other) => other.tube.isovalue === isovalue)) throw this.wrong("3.5.5", "an isovalue comes twice");
+    this.isovalues.push(isovalue);
     this.add(isovalue, lean ? contours[lean - 1] : undefined);
     const index = contours.length - 1;
     this.events.push({ type: "isovalue", bytes, index, isovalue, lean: lean ? lean - 1 : undefined });
   }
 
+  /** The payload of a chunk of frames (3.5.7); `late` says whether layers came before it. */
+  private *frame(payload: number, stop: number, bytes: number, late: boolean): Generator<void, void, void> {
+    this.at = payload;
+    this.stop = stop;
+    if (this.interval === undefined) {
+      if (late) throw this.wrong("3.5.7", "a series begins behind layers");
+      const interval = yield* this.varint("3.5.7");
+      if (this.at !== stop) throw this.wrong("3.5.7", "bytes behind an interval");
+      this.interval = interval;
+      this.events.push({ type: "series", bytes, interval });
+      return;
+    }
+    if (stop > payload + 1) throw this.wrong("3.5.7", "bytes behind what an isovalue leans on");
+    this.next(stop > payload ? yield* this.byte("3.5.7") : undefined, bytes);
+  }
+
+  /** Begin the next isovalue of a series; `lean` is the byte that says on what it leans, if there is one. */
+  private next(lean: number | undefined, bytes: number): void {
+    const { frames, isovalues } = this, all = this.contours.length === isovalues.length;
+    const index = all ? 0 : this.contours.length, t = frames.length - (all ? 0 : 1);
+    if (lean !== undefined && lean > index) throw this.wrong("3.5.7", "an isovalue leans on one that has not come");
+    if (all) {
+      for (const { tube, progress } of this.contours) {
+        tube.finish();
+        progress.lean = undefined;
+      }
+      frames.push([]);
+      this.planned = 0;
+      this.meter.frame(!this.keepFrames);
+      if (!this.keepFrames && t > 1) frames[t - 2] = undefined;
+    }
+    const key = this.interval! > 0 && t % this.interval! === 0;
+    const before = lean === undefined && !key;
+    this.add(isovalues[index]!, before ? frames[t - 1]![index] : lean ? this.contours[lean - 1] : undefined, before);
+    this.events.push({
+      type: "frame", bytes, frame: t, index, isovalue: isovalues[index]!, lean: before ? "before" : lean ? lean - 1 : undefined,
+    });
+  }
+
   private *layersOf(most: number): Generator<void, void, void> {
+    if (this.interval !== undefined && this.at < this.stop && this.contours[this.contours.length - 1]!.progress.uniform >= 0) {
+      // a base begins the next isovalue, if the present one has had one
+      yield* this.need(1);
+      if ([0, 4, 5, 7].includes((this.input.data[this.at]! >> 4) & 7)) this.next(undefined, this.offset + 1);
+    }
     const contour = this.contours[this.contours.length - 1]!, { tube } = contour;
     contour.layers++;
     const program = yield* readProgram(this.bytes, contour.progress, this.planned);
@@ -363,16 +458,15 @@ export class Decoder {
       contour.layers++;
       this.events.push({
         type: "layer", bytes: this.offset + this.coder.used, kind: layer.kind, number: this.layers,
-        isovalue: this.contours.length - 1, level: tube.uniform,
+        frame: this.frames.length - 1, isovalue: this.contours.length - 1, level: tube.uniform,
       });
       yield;
     }
     yield* this.finish();
   }
-  private planned = 0;
 
   private *mask(): Generator<void, void, void> {
-    const tube = (this.maskTube = this.tube(0.5, undefined)), level = Math.min(this.grid!.n, this.grid!.full);
+    const before = this.meter.usage, tube = (this.maskTube = this.tube(0.5, undefined, false)), level = Math.min(this.grid!.n, this.grid!.full);
     this.coder.models = tube.models;
     this.coder.begin(this.at, this.stop - this.at, Infinity);
     yield* this.steps(new Base(tube, UNIFORM, level).decode());
@@ -383,6 +477,7 @@ export class Decoder {
       tube.shown = tube.uniform;
     }
     yield* this.finish();
+    this.meter.setAside(before);
   }
 
   /** Let a pass run; false if the run is cut in it. */

@@ -1,6 +1,6 @@
 /** The contour of a decoded state (clause 9). */
 import { EDGES, pattern } from "./cubes.js";
-import type { Decoder } from "./decoder.js";
+import type { Contour, Decoder } from "./decoder.js";
 import { Crossings, EdgeIndex, leafVertices } from "./edges.js";
 import { cutOut } from "./holes.js";
 import { ADDED, KNOWN, NEW, OLD, SIGN } from "./store.js";
@@ -15,6 +15,10 @@ export interface Drawing {
   cells: Uint32Array;
   /** Whether the mesh is the full grid. */
   full: boolean;
+  /** Pairs of points, behind the end of a periodic axis and at its beginning, that are one point of a mapped grid (9.9(4)). */
+  seam?: Uint32Array;
+  /** Periods of the coordinates of points that have been placed on a mapped grid, 0 of those that do not wrap. */
+  periods?: number[];
 }
 
 /** Numbers that grow. */
@@ -141,11 +145,34 @@ class Points {
     return (this.numbers[id] = number);
   }
   private readonly numbers: number[] = [];
+
+  /** Pairs of points on the same edge at both ends of periodic axes. */
+  seam(periodic: readonly number[]): Uint32Array {
+    const { ids, numbers } = this, { last } = this.t.grid, e = ids.ends, pairs: number[] = [];
+    for (let id = 0; id < ids.count; id++) {
+      const ends = Array.from(e.subarray(6 * id, 6 * id + 6)) as [number, number, number, number, number, number];
+      const over = periodic.filter((a) => ends[a] === last[a] && ends[3 + a] === last[a]);
+      if (!over.length) continue;
+      for (const a of over) ends[a] = ends[3 + a] = 0;
+      const other = ids.find(...ends);
+      if (other >= 0 && other !== id) pairs.push(numbers[id]!, numbers[other]!);
+    }
+    return Uint32Array.from(pairs);
+  }
 }
 
-/** The contour of an isovalue as it is known at the moment. */
-export function draw(decoder: Decoder, isovalue = 0): Drawing {
-  const contour = decoder.contours[isovalue];
+/** The contour of an isovalue as it is known at the moment, in a series that of the present frame or of another one. */
+export function draw(decoder: Decoder, isovalue = 0, frame = decoder.frames.length - 1): Drawing {
+  const { memory } = decoder.meter;
+  try {
+    return drawn(decoder, decoder.frames[frame]?.[isovalue]);
+  } finally {
+    // what drawing took is no part of the state
+    decoder.meter.memory = memory;
+  }
+}
+
+function drawn(decoder: Decoder, contour: Contour | undefined): Drawing {
   if (!contour || !decoder.header) return { n: 2, points: new Float64Array(0), cells: new Uint32Array(0), full: false };
   const t = contour.tube, { n, grid } = t, leaves = drawnLeaves(t);
   const full = (t.baseDone && t.onFullGrid) || (n === 3 && wholeCubes(t, leaves));
@@ -165,6 +192,7 @@ export function draw(decoder: Decoder, isovalue = 0): Drawing {
   const drawing: Drawing = {
     n, full, points: points.at.data.slice(0, points.at.length), cells: Uint32Array.from(cells.data.subarray(0, cells.length)),
   };
+  if (decoder.periodic.length) drawing.seam = points.seam(decoder.periodic);
   return whole && !full ? cutOut(drawing, whole, grid.last, t.meter) : drawing;
 }
 

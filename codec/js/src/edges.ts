@@ -75,7 +75,7 @@ export function leafVertices(t: Tube, leaves: Ints, i: number, p: Int32Array): n
 }
 
 /** The ring of an implied edge: positions, three coordinates each. */
-export type Ring = Int32Array;
+type Ring = Int32Array;
 
 /** All edges that some leaves cross, in the order of 5.7.2(3), with the rings of those that are implied. */
 export class Crossings {

@@ -40,6 +40,8 @@ export const LIMITS: Readonly<Limits> = {
   bytes: 2 ** 31 - 2 ** 16,
 };
 
+type Usage = [memory: number, vertices: number, blocks: number];
+
 /** Counts what has been used of the limits. Steps are sixteenths of a symbol. */
 export class Meter {
   memory = 0;
@@ -68,6 +70,32 @@ export class Meter {
   /** One more block of marks: next to no vertices in each are no file of an ordinary field (11.2(5)). */
   block(): void {
     if (++this.blocks > 65536 && 4 * this.blocks > this.vertices) this.stop("blocks with few vertices");
+  }
+
+  /** What had been used when the present frame began, and what the one before it has used. */
+  private began: Usage = [0, 0, 0];
+  private before: Usage = [0, 0, 0];
+
+  /** Memory, vertices and blocks that are used. */
+  get usage(): Usage {
+    return [this.memory, this.vertices, this.blocks];
+  }
+
+  /** What has been used since is no frame's, but stays. */
+  setAside(since: Usage): void {
+    this.usage.forEach((x, i) => (this.began[i]! += x - since[i]!));
+  }
+
+  /** A frame begins; with `drop` the state of the last but one goes (3.5.7(5)). */
+  frame(drop: boolean): void {
+    const used = this.usage.map((x, i) => x - this.began[i]!) as Usage;
+    if (drop) {
+      this.memory -= this.before[0];
+      this.vertices -= this.before[1];
+      this.blocks -= this.before[2];
+    }
+    this.before = used;
+    this.began = this.usage;
   }
 
   vertex(): void {

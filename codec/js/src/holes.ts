@@ -69,5 +69,10 @@ export function cutOut(drawing: Drawing, whole: (x: number, y: number, z: number
       else for (let i = 2; i < numbers.length; i++) kept.push(numbers[0]!, numbers[i - 1]!, numbers[i]!);
     }
   }
-  return { ...drawing, points: Float64Array.from(out), cells: Uint32Array.from(kept) };
+  const cutDrawing: Drawing = { ...drawing, points: Float64Array.from(out), cells: Uint32Array.from(kept) };
+  if (drawing.seam) {
+    const seam = Array.from(drawing.seam, (i) => ids.get(Array.from(points.subarray(n * i, n * i + n)).join()) ?? -1);
+    cutDrawing.seam = Uint32Array.from(seam.filter((_, i) => seam[i & ~1]! >= 0 && seam[i | 1]! >= 0));
+  }
+  return cutDrawing;
 }

@@ -1,4 +1,4 @@
-/** Models and their beginnings (clauses 6.5, 7.1, 7.10), and the tables of the main profile. */
+/** Models and their beginnings (clauses 6.5, 7.1, 7.10, 7.18.3), and the tables of the main profile. */
 import { IsoError } from "./errors.js";
 
 /** First numbers of the contexts of each name (7.10(2)). */
@@ -6,6 +6,9 @@ export const ORIGIN = 0, COMPONENT = 3, ROOT = 4, PATH = 5, FIRST = 7, CURVE = 3
   BORDER = 790, CROSSED = 1630, VALUE = 4150, OFFSET = 4462, LEVEL = 4606, LEVEL_PATH = 4630, SPLIT = 4694,
   CONTINUE = 4886, SEED = 4887, OFFSET_LEAN = 4903, TURNED = 5031, VALUE_NEAR = 5032, OFFSET_NEAR = 5544, CLASS = 5800,
   HOLE = 7368, CONTEXTS = 7416;
+
+/** Kinds of symbols that have a panel; contexts of its seven lists, which follow on the others (7.18.3(1)). */
+const PANEL_KINDS = 10, PANEL_CONTEXTS = 13337;
 
 /** Columns of a row of `weight`, kinds of symbols, networks. */
 const WIDTH = 48, KINDS = 49, NETWORKS = 9;
@@ -23,6 +26,15 @@ export interface Tables {
 }
 
 export const PAIR = 2 ** 26;
+
+/** Probabilities and counters by context, and what symbols that are mixed need beside. */
+export interface Contexts {
+  p: Uint16Array;
+  seen: Uint8Array;
+  mix?: Float64Array | undefined;
+  panel?: Float64Array | undefined;
+  tables?: Tables | undefined;
+}
 
 function stretches(squash: Uint16Array): Int16Array {
   const table = new Int16Array(4096).fill(2047);
@@ -57,40 +69,62 @@ export function readTables(bytes: Uint8Array, n: number): Tables {
   throw new RangeError("two or three axes");
 }
 
-/** First context, how many, probability, counter (7.1); values have their own. */
-const BEGINNINGS = [
-  0, CONTEXTS, 32768, 1, COMPONENT, 1, 52429, 1, PATH, 2, 32768, 4, CURVE, 48, 52429, 8, SURFACE, 576, 52429, 4,
-  LEAF, 60, 13107, 2, BORDER, 840, 13107, 4, CROSSED, 2520, 52429, 4, OFFSET, 144, 32768, 2, OFFSET_LEAN, 128, 32768, 2,
-  TURNED, 1, 1311, 2, LEVEL, 24, 32768, 2, LEVEL_PATH, 64, 52429, 2, SPLIT, 192, 32768, 2, CONTINUE, 1, 52429, 2,
-  SEED, 16, 32768, 2, VALUE_NEAR, 768, 0, 0, HOLE, 24, 62259, 2, HOLE + 24, 24, 3277, 2,
+/** How contexts begin (7.1): the first one, how many, `p`, `seen`; later rows replace what earlier ones say. */
+const BEGINNINGS: readonly (readonly [number, number, number, number])[] = [
+  [0, CONTEXTS, 32768, 1],
+  [COMPONENT, 1, 52429, 1],
+  [PATH, 2, 32768, 4],
+  [CURVE, 48, 52429, 8],
+  [SURFACE, 576, 52429, 4],
+  [LEAF, 60, 13107, 2],
+  [BORDER, 840, 13107, 4],
+  [CROSSED, 2520, 52429, 4],
+  [VALUE, 312, 32768, 2],
+  ...Array.from({ length: 52 }, (_, plane) => [VALUE + 6 * plane, 3, plane > 2 ? 6554 : plane ? 16384 : 26214, 2] as const),
+  [OFFSET, 144, 32768, 2],
+  [LEVEL, 24, 32768, 2],
+  [LEVEL_PATH, 64, 52429, 2],
+  [SPLIT, 192, 32768, 2],
+  [CONTINUE, 1, 52429, 2],
+  [SEED, 16, 32768, 2],
+  [OFFSET_LEAN, 128, 32768, 2],
+  [TURNED, 1, 1311, 2],
+  // VALUE_NEAR and OFFSET_NEAR: a `p` of 0 stands for that of the context above (7.1(4))
+  [VALUE_NEAR, 768, 0, 0],
+  [HOLE, 24, 62259, 2],
+  [HOLE + 24, 24, 3277, 2],
 ];
 
 /** Probabilities and counters of all contexts of an isovalue; in the main profile its mixing weights, too. */
-export class Models {
-  p = new Uint16Array(CONTEXTS);
-  seen = new Uint8Array(CONTEXTS);
+export class Models implements Contexts {
+  p: Uint16Array;
+  seen: Uint8Array;
   mix: Float64Array | undefined;
+  /** Weights of the panel (7.18.3), of an isovalue that leans on one of the frame before. */
+  panel: Float64Array | undefined;
 
-  constructor(readonly tables: Tables | undefined, other?: Models) {
+  /** `framed` says whether there is a panel; what `other` has begins as a copy (5.9.2, 7.18.3(2)). */
+  constructor(readonly tables: Tables | undefined, other: Models | undefined, framed: boolean) {
+    const count = CONTEXTS + (framed ? PANEL_CONTEXTS : 0);
+    this.p = new Uint16Array(count).fill(32768);
+    this.seen = new Uint8Array(count);
+    if (framed) this.panel = other?.panel?.slice() ?? new Float64Array(7 * PANEL_KINDS).fill(4096);
     if (other) {
-      this.p.set(other.p);
-      this.seen.set(other.seen);
+      this.p.set(other.p.subarray(0, count));
+      this.seen.set(other.seen.subarray(0, count));
       this.mix = other.mix?.slice();
       return;
     }
-    const set = (from: number, count: number, p: number, seen: number): void => {
-      this.p.fill(p, from, from + count);
-      this.seen.fill(seen, from, from + count);
-    };
-    for (let i = 0; i < BEGINNINGS.length; i += 4)
-      set(BEGINNINGS[i]!, BEGINNINGS[i + 1]!, BEGINNINGS[i + 2]!, BEGINNINGS[i + 3]!);
-    for (let plane = 0; plane < 52; plane++) {
-      set(VALUE + 6 * plane, 3, plane === 0 ? 26214 : plane < 3 ? 16384 : 6554, 2);
-      set(VALUE + 6 * plane + 3, 3, 32768, 2);
+    for (const [from, many, p, seen] of BEGINNINGS) {
+      this.p.fill(p, from, from + many);
+      this.seen.fill(seen, from, from + many);
     }
     if (!tables) return;
     this.mix = tables.mix.slice();
-    for (let c = 0; c < 32 * KINDS; c++) set(CLASS + c, 1, tables.squash[128 * (c & 31) + 64]!, 0);
+    for (let c = 0; c < 32 * KINDS; c++) {
+      this.p[CLASS + c] = tables.squash[128 * (c & 31) + 64]!;
+      this.seen[CLASS + c] = 0;
+    }
     for (let i = 0; i < tables.begin.length; i += 3) {
       const c = tables.begin[i]!;
       if (c >= CONTEXTS) throw new IsoError("malformed", "7.10", 0, "the tables name a context that does not exist");

@@ -137,8 +137,8 @@ export class Offsets {
         const rising = t.store.get(e[o + 3]!, e[o + 4]!, e[o + 5]!) & SIGN ? 1 : 0;
         const again = parts[id]! > 1 ? 1 : 0;
         let low = 0, high = R, leanPart = -1;
-        if (!again && s === 1 && t.lean?.offsets) {
-          const other = t.lean.offsets;
+        const other = t.leanOffsets;
+        if (!again && s === 1 && other) {
           const there = other.edges.find(e[o]!, e[o + 1]!, e[o + 2]!, e[o + 3]!, e[o + 4]!, e[o + 5]!);
           if (there >= 0 && other.parts[there]! > 1) {
             const N = other.number[there]!, P = other.parts[there]!;

@@ -15,7 +15,7 @@ export class Progress {
   bits: [number, number] | undefined;
   plane = 0;
   parts = 1;
-  constructor(readonly full: number, readonly lean: Progress | undefined) {}
+  constructor(readonly full: number, public lean: Progress | undefined) {}
 }
 
 /** Where the bytes of a payload come from; both return after their bytes are there. */

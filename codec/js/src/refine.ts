@@ -158,7 +158,9 @@ export class Rounds {
         const here = anchor(t, level, x, y, z) === 0 ? first : second;
         refinementRows(t, level, x, y, z, crossed ? 1 : 0, history, curve < 0 ? 0 : curve === here ? 2 : 1, here,
           earlier, apart);
-        bit = coder.mixed(r, 2 * r + (crossed ? 1 : 0) + (earlier >= 0 ? 6 : 0), context, meaning !== here);
+        const panel = earlier < 0 ? undefined : t.panel, kind = 2 * r + (crossed ? 1 : 0);
+        panel?.look(kind, x, y, z, view.edge, earlier & 1, meaning);
+        bit = coder.mixed(r, kind + (earlier >= 0 ? 6 : 0), context, meaning !== here, panel);
       } else bit = coder.bit(context);
       if (bit < 0) return bit;
       sign = bit ? meaning : 1 - meaning;

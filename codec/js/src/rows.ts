@@ -56,7 +56,7 @@ export function anchor(t: Tube, level: number, x: number, y: number, z: number):
 }
 
 /** 7.13(3). */
-export function rarity(t: Tube): number {
+function rarity(t: Tube): number {
   const x = bits(Math.floor((t.known.length / 3 + 1) / (t.born + 1))) - 1;
   return x < 0 ? 0 : x > 12 ? 12 : x;
 }

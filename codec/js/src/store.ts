@@ -139,6 +139,11 @@ export class Store {
     return this.inside(x, y, z, this.lastPage);
   }
 
+  /** The number of the block of a position, 0 if nothing is marked in it. */
+  page(x: number, y: number, z: number): number {
+    return this.cells.find(x >> this.s, y >> this.s, z >> this.s);
+  }
+
   get(x: number, y: number, z: number): number {
     return this.flags[this.at(x, y, z)]!;
   }

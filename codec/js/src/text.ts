@@ -1,4 +1,5 @@
 /** The canonical text of a decoded state (annex C). */
+import { coordinateLines } from "./coordinates.js";
 import type { Decoder } from "./decoder.js";
 import { KNOWN, SIGN } from "./store.js";
 import type { Tube } from "./tube.js";
@@ -47,9 +48,13 @@ function tube(t: Tube, lines: string[]): void {
 export function canonicalText(decoder: Decoder): string {
   if (!decoder.header) return "";
   const lines = [`shape ${decoder.header.shape.join(" ")}`];
-  decoder.contours.forEach((contour, i) => {
-    if (i) lines.push(`isovalue ${i}`);
-    tube(contour.tube, lines);
+  decoder.frames.forEach((contours, t) => {
+    if (!contours) throw new Error(`frame ${t} has not been kept: decode with keepFrames`);
+    if (t) lines.push(`frame ${t}`);
+    contours.forEach((contour, i) => {
+      if (i) lines.push(`isovalue ${i}`);
+      tube(contour.tube, lines);
+    });
   });
   const mask = decoder.maskTube;
   if (mask) {
@@ -57,4 +62,10 @@ export function canonicalText(decoder: Decoder): string {
     vertices(mask, lines);
   }
   return lines.join("\n") + "\n";
+}
+
+/** The lines that a reader of coordinates may print behind that text (C.1(9)); nothing without coordinates. */
+export function coordinatesText(decoder: Decoder): string {
+  const coordinates = decoder.coordinates;
+  return coordinates ? coordinateLines(coordinates).join("\n") + "\n" : "";
 }

@@ -1,15 +1,15 @@
 /** Drawings for three.js. */
 import { BufferAttribute, BufferGeometry } from "three";
 import type { Drawing } from "./draw.js";
-import { place } from "./world.js";
+import { place, type Where } from "./world.js";
 
 /**
  * A geometry of a drawing: indexed triangles with normals for a Mesh, or, of curves, pairs of points for LineSegments.
- * With `rows` of a placement its points are those of the world; `origin`, subtracted from them, keeps large coordinates
+ * With a placement or coordinates its points are those of the world; `origin`, subtracted from them, keeps large coordinates
  * precise in the 32 bits that graphics have.
  */
-export function toBufferGeometry(drawing: Drawing, rows?: number[][], origin: readonly number[] = [0, 0, 0]): BufferGeometry {
-  const placed = rows ? place(drawing, rows) : drawing, { n, points, cells } = placed;
+export function toBufferGeometry(drawing: Drawing, where?: Where, origin: readonly number[] = [0, 0, 0]): BufferGeometry {
+  const placed = where ? place(drawing, where) : drawing, { n, points, cells } = placed;
   const position = new Float32Array((3 * points.length) / n);
   for (let i = 0; i < points.length / n; i++)
     for (let a = 0; a < n; a++) position[3 * i + a] = points[n * i + a]! - origin[a]!;

@@ -2,6 +2,7 @@
 import type { Coder } from "./coder.js";
 import type { Crowd } from "./crowd.js";
 import type { Meter } from "./errors.js";
+import { Panel } from "./frames.js";
 import { DiamondView, type Grid } from "./grid.js";
 import { Models, type Tables } from "./models.js";
 import type { Offsets } from "./offsets.js";
@@ -64,10 +65,12 @@ export class Tube {
   readonly side: number;
   /** `floor(c) - floor(c')` for integer data, where it is small enough. */
   readonly shift: number | undefined;
+  /** What is seen of the isovalue of the frame before, in the main profile (7.18). */
+  panel: Panel | undefined;
   private readonly marks: Ints;
 
   constructor(readonly grid: Grid, readonly meter: Meter, readonly coder: Coder, tables: Tables | undefined,
-              readonly isovalue: number, readonly scaled: boolean, readonly lean?: Tube) {
+              readonly isovalue: number, readonly scaled: boolean, public lean?: Tube, private readonly framed = false) {
     this.n = grid.n;
     this.store = new Store(meter, grid.n, grid.k);
     this.view = new DiamondView(grid);
@@ -75,13 +78,19 @@ export class Tube {
     this.explicit = new Ints(meter, 0);
     this.marks = new Ints(meter, 0);
     this.leaves = new Leaves(meter);
-    this.models = new Models(tables, lean?.models);
+    this.models = new Models(tables, lean?.models, framed && tables !== undefined);
     this.side = lean && isovalue > lean.isovalue ? 1 : -1;
     if (lean && !lean.hasBase) this.lean = undefined;
-    if (lean && !scaled) {
+    if (this.lean && framed && tables) this.panel = new Panel(this.lean.store, this.store, grid, meter);
+    if (lean && !scaled && !framed) {
       const shift = BigInt(Math.floor(isovalue)) - BigInt(Math.floor(lean.isovalue));
       if (shift < 2n ** 52n && shift > -(2n ** 52n)) this.shift = Number(shift);
     }
+  }
+
+  /** Forget what only further layers need: none will come. */
+  finish(): void {
+    this.lean = this.panel = this.crowd = this.rounds = undefined;
   }
 
   get main(): boolean {
@@ -163,7 +172,7 @@ export class Tube {
     }
   }
 
-  /** The earlier sign of a lattice point, plus 2 if it is certain; -1 if it is not known (5.9.3(1)). */
+  /** The earlier sign of a lattice point, plus 2 if something may follow from it; -1 if it is not known (5.9.3(1), 5.11). */
   earlier(x: number, y: number, z: number): number {
     const other = this.lean;
     if (!other) return -1;
@@ -172,9 +181,9 @@ export class Tube {
     y = y < 0 ? 0 : y > lastY ? lastY : y;
     z = z < 0 ? 0 : z > lastZ ? lastZ : z;
     const flags = other.store.get(x, y, z);
-    if (flags & KNOWN) return flags & SIGN ? 3 : 2;
+    if (flags & KNOWN) return (flags & SIGN ? 1 : 0) + (this.framed ? 0 : 2);
     if (this.grid.levelOf(x, y, z) >= other.uniform) return -1;
-    return other.infer(x, y, z) + (other.adapted ? 0 : 2);
+    return other.infer(x, y, z) + (other.adapted || this.framed ? 0 : 2);
   }
 
   /** The sign that follows from the earlier isovalue, -1 if none does (5.9.3); `earlier` is that of the point. */
@@ -187,6 +196,11 @@ export class Tube {
     if (!range) return -1;
     if (range[0] > this.shift!) return 1;
     return range[1] <= this.shift! ? 0 : -1;
+  }
+
+  /** Offsets of the earlier isovalue that ours follow from (5.9.6). */
+  get leanOffsets(): Offsets | undefined {
+    return this.framed ? undefined : this.lean?.offsets;
   }
 
   /** `lo` and `hi` of 5.9.3(3) for a point that has a number at the earlier isovalue, and the bits missing there. */

@@ -2,7 +2,7 @@
 import assert from "node:assert/strict";
 import { readFileSync } from "node:fs";
 import { test } from "node:test";
-import { Decoder, decodeStream, draw, lines, place, placement, toGeoJSON } from "../dist/index.js";
+import { canonicalText, Decoder, decodeStream, draw, lines, place, placement, toGeoJSON } from "../dist/index.js";
 import { toBufferGeometry } from "../dist/three.js";
 
 const folder = new URL("../../../conformance/vectors/", import.meta.url);
@@ -86,6 +86,53 @@ test("curves, GeoJSON and placements", () => {
   assert.equal(place(drawing, rows).points[0], 10 + 2 * drawing.points[0]);
   for (const text of ["1 2 3", "1 0 0 0 0 0", "1 0 0 0 01 0", "1 0 0 0 1e-31 0", "1 2 0 2 4 0"])
     assert.equal(placement({ placement: text }, 2), undefined, text);
+});
+
+test("mapped grids: places by coordinates, as the reference decoder finds them", () => {
+  for (const [name, at, to] of [
+    ["plane_mapped_axes", [16, 7.5], [3760.5, 1128]], ["plane_mapped_nodes", [15.5, 7], [2208.6875, 2063.875]],
+    ["plane_mapped_wraps", [15.5, 7], [553, 79]],
+  ]) {
+    const decoder = decoded(vector(name)), drawing = draw(decoder), { points } = drawing;
+    const placed = place(drawing, decoder.coordinates);
+    let i = 0;
+    while (points[2 * i] !== at[0] || points[2 * i + 1] !== at[1]) i++;
+    assert.deepEqual(Array.from(placed.points.subarray(2 * i, 2 * i + 2)), to, name);
+    assert.ok(toGeoJSON(drawing, decoder.coordinates).geometry.coordinates.length);
+  }
+});
+
+test("a curve goes on where a periodic axis closes", () => {
+  // across a strip of 4 x 2 unit cells: axis 0 closes, as an annulus or in a coordinate that wraps
+  const nodes = [5, 3, 1], run = (f) => Float64Array.from({ length: 15 }, (_, i) => f(Math.floor(i / 3), i % 3));
+  const coordinate = (period, values) => ({ axes: [0, 1], origin: 0, unit: 1, period, nodes, values });
+  const drawing = {
+    n: 2, full: true, points: Float64Array.of(0, 1.5, 1, 1.5, 2, 1.5, 3, 1.5, 4, 1.5),
+    cells: Uint32Array.of(2, 3, 3, 4, 0, 1, 1, 2), seam: Uint32Array.of(4, 0),
+  };
+  const x = [1, 0, -1, 0, 1], y = [0, 1, 0, -1, 0];
+  const ring = { periodic: [0], coordinates: [
+    coordinate(0, run((i, j) => (j + 1) * x[i])), coordinate(0, run((i, j) => (j + 1) * y[i])),
+  ] };
+  const closed = place(drawing, ring), [line] = lines(closed);
+  assert.equal(lines(closed).length, 1);
+  assert.deepEqual([line.length, line[0]], [5, line.at(-1)]);
+  const wraps = { periodic: [0], coordinates: [coordinate(40, run((i) => 10 * i)), coordinate(0, run((_, j) => j))] };
+  const { coordinates } = toGeoJSON({ ...drawing, cells: drawing.cells.slice(2) }, wraps).geometry;
+  assert.deepEqual(coordinates, [[[30, 1.5], [40, 1.5], [50, 1.5], [60, 1.5]]]);
+});
+
+test("a series keeps two frames, or all", () => {
+  const data = vector("plane_frames_main_values"), last = decoded(data), all = new Decoder({ tables, keepFrames: true });
+  all.feed(data);
+  all.end();
+  const count = all.frames.length;
+  assert.ok(count > 2 && all.frames.every(Boolean));
+  assert.deepEqual(last.frames.map(Boolean), last.frames.map((_, t) => t >= count - 2));
+  assert.ok(last.meter.memory < all.meter.memory && last.meter.vertices < all.meter.vertices);
+  for (const t of [count - 2, count - 1]) assert.deepEqual(draw(last, 0, t), draw(all, 0, t));
+  assert.equal(draw(last, 0, 0).cells.length, 0);
+  assert.throws(() => canonicalText(last), /keepFrames/);
 });
 
 test("three.js takes a surface and curves", () => {
