@@ -101,7 +101,7 @@ def plane(path: str, isovalues: list[float]) -> None:
                 f"{len(ours) / len(data):.3f}"
             )
     total, mean = sum(len(data) for data, _ in peers), float(np.mean(errors))
-    for share in (0.035, 0.045, 0.05, 0.07):
+    for share in (0.035, 0.05, 0.052, 0.07):
         ours, found = nearest(mesh, values, isovalues, exact, mean, edge, mesh="coded", mesh_error=share * edge)
         print(
             f"{len(isovalues)} isovalues, mesh coded to {share} edges: {len(ours)} bytes at {found:.3f}, "
