@@ -76,3 +76,16 @@ def test_what_has_no_such_contours():
             isocodec.encode_tin(field, **options)
     with pytest.raises(OptionError, match="scattered"):
         isocodec.encode_tin([[0, 0], [1, 0], [0, 1]], [1, 2, 3], contours=[1.5], tolerance=1.0)
+
+
+def test_contours_of_what_has_come(tmp_path):
+    """Of a surface that is cut short, if that is asked for."""
+    field = np.hypot(*np.mgrid[:40, :34])
+    data = isocodec.encode_tin(field, error=0.3, layers=3)
+    (tmp_path / "cut.iso").write_bytes(data[: len(data) * 2 // 3])
+    contour = ("decode", tmp_path / "cut.iso", "-o", tmp_path / "a.npz", "--isovalue", 20.5)
+    fails(5, *contour)
+    assert not (tmp_path / "a.npz").exists()
+    ok(*contour, "--partial")
+    found = len(np.load(tmp_path / "a.npz")["points"])
+    assert 2 < found < len(isocodec.decode(data, isovalue=20.5).points)

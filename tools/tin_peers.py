@@ -81,6 +81,16 @@ def filling(size: int, encode: Callable[[float], bytes], low: float, high: float
     return best
 
 
+def jpeg2000_filling(whole: np.ndarray, size: int) -> bytes:
+    """The largest file of JPEG 2000 within a size."""
+    return filling(size, lambda level: imagecodecs.jpeg2k_encode(whole, level=level, codecformat="j2k"), 10, 80)
+
+
+def jpegxl_filling(whole: np.ndarray, size: int) -> bytes:
+    """The largest file of JPEG XL within a size."""
+    return filling(size, lambda level: imagecodecs.jpegxl_encode(whole, distance=16 - level), 0, 15.9)
+
+
 def picture(argument: str) -> None:
     """A line for a picture and a size."""
     name, _, size = argument.rpartition("=")
@@ -89,9 +99,7 @@ def picture(argument: str) -> None:
         field = (field - field.min()) / np.ptp(field) * 255
     whole = np.rint(field).astype(np.uint8)
     found = isocodec.decode_tin(isocodec.encode_tin(field, size=int(size)))
-    most = int(size)
-    jpeg2000 = filling(most, lambda level: imagecodecs.jpeg2k_encode(whole, level=level, codecformat="j2k"), 10, 80)
-    jpegxl = filling(most, lambda level: imagecodecs.jpegxl_encode(whole, distance=16 - level), 0, 15.9)
+    jpeg2000, jpegxl = jpeg2000_filling(whole, int(size)), jpegxl_filling(whole, int(size))
     print(
         f"{name} in {size} bytes: {psnr(field, found.raster()):.2f} dB, {len(found.points)} points; "
         f"JPEG 2000 {psnr(field, imagecodecs.jpeg2k_decode(jpeg2000)):.2f}"

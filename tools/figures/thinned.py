@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -16,6 +15,7 @@ from numpy.typing import NDArray
 import isocodec
 from figures.corpus import load
 from figures.planes import save
+from tin_peers import jpeg2000_filling, jpegxl_filling, psnr
 
 CRITERIA = ("AT1", "AT2", "AT3", "inf", "l2", "NAT")
 TERRAIN, WINDOW = "terrain/jacksboro_fault_dem", 150
@@ -68,21 +68,15 @@ def thinned_pictures(folder: Path, output: Path) -> None:
     whole = np.asarray(load(folder, PICTURE, 0.0).values)[:SIDE, :SIDE].astype(np.uint8)
     coders: dict[str, Callable[[int], tuple[int, NDArray[np.float64]]]] = {
         "coded surface": lambda size: _surface(whole, size),
-        "JPEG 2000": lambda size: _filling(
-            size, lambda level: imagecodecs.jpeg2k_encode(whole, level=level, codecformat="j2k"), (10.0, 80.0),
-            imagecodecs.jpeg2k_decode,
-        ),
-        "JPEG XL": lambda size: _filling(
-            size, lambda level: imagecodecs.jpegxl_encode(whole, distance=16 - level), (0.0, 15.9),
-            imagecodecs.jpegxl_decode,
-        ),
-    }  # fmt: skip
+        "JPEG 2000": lambda size: _of(jpeg2000_filling(whole, size), imagecodecs.jpeg2k_decode),
+        "JPEG XL": lambda size: _of(jpegxl_filling(whole, size), imagecodecs.jpegxl_decode),
+    }
     figure, axes = plt.subplots(1, 4, figsize=(16, 4.2), layout="constrained")
     for place, (name, coder) in enumerate(coders.items()):
         reached = []
         for bits in BITS:
             size, decoded = coder(int(bits * whole.size / 8))
-            reached.append((8 * size / whole.size, _psnr(whole, decoded)))
+            reached.append((8 * size / whole.size, psnr(whole, decoded)))
             if bits == BITS[1]:
                 axes[1 + place].imshow(decoded, cmap="gray", vmin=0, vmax=255)
                 axes[1 + place].set_title(f"{name}: {size:,} bytes, {reached[-1][1]:.2f} dB", fontsize=9)
@@ -99,23 +93,5 @@ def _surface(whole: NDArray[np.uint8], size: int) -> tuple[int, NDArray[np.float
     return len(data), isocodec.decode_tin(data).raster()
 
 
-def _filling(
-    size: int, encode: Callable[[float], bytes], between: tuple[float, float],
-    decode: Callable[[bytes], NDArray[np.generic]],
-) -> tuple[int, NDArray[np.float64]]:  # fmt: skip
-    """The largest file of a coder that has no more bytes, which grow with its number."""
-    low, high = between
-    best = encode(low)
-    for _ in range(12):
-        middle = (low + high) / 2
-        data = encode(middle)
-        if len(data) <= size:
-            low, best = middle, max(best, data, key=len)
-        else:
-            high = middle
-    return len(best), np.asarray(decode(best), np.float64)
-
-
-def _psnr(whole: NDArray[np.uint8], decoded: NDArray[np.float64]) -> float:
-    mean = float(((decoded - whole) ** 2).mean())
-    return 10 * math.log10(255**2 / mean) if mean else math.inf
+def _of(data: bytes, decode: Callable[[bytes], NDArray[np.generic]]) -> tuple[int, NDArray[np.float64]]:
+    return len(data), np.asarray(decode(data), np.float64)

@@ -18,9 +18,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from ..io.mesh_read import MeshRead
     from ..io.picture import Step
-    from ..io.points_read import PointsRead
     from ..limits import Limits
 
 NOT_ON_MESHES = (
@@ -51,14 +49,9 @@ def encode_on_mesh(
 
     started = time.perf_counter()
     with concerning(source):
-        cells = None
-        if source.suffix.lower() in POINTS:
-            found: MeshRead | PointsRead = read_points(source, samples)
-        else:
-            found = of_mesh = read_mesh(source, samples)
-            cells = of_mesh.cells
+        found = (read_points if source.suffix.lower() in POINTS else read_mesh)(source, samples)
         data = isocodec.encode_mesh(
-            found.points, cells, found.values_named(values), list(isovalues), **options  # type: ignore[arg-type]
+            found.points, found.cells, found.values_named(values), list(isovalues), **options  # type: ignore[arg-type]
         )
         info = isocodec.inspect(data)
         assert info.domain is not None
@@ -73,7 +66,7 @@ def encode_on_mesh(
             "layers": layers,
             "seconds": round(seconds, 3),
             "points": len(found.points),
-            "cells": info.domain.cells if cells is None else len(cells),
+            "cells": info.domain.cells if found.cells is None else len(found.cells),
             "isovalues": [float(isovalue) for isovalue in isovalues],
         },
         as_json,
@@ -97,6 +90,7 @@ def mesh_of(domain: Path | None) -> tuple[NDArray[Any], NDArray[Any]] | None:
 
     with concerning(domain):
         found = read_mesh(domain)
+    assert found.cells is not None
     return found.points, found.cells
 
 

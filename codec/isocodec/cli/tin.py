@@ -13,8 +13,12 @@ from ..limits import Limits
 from .report import concerning, tell, write_output
 
 if TYPE_CHECKING:
+    from ..domain.tin import Tin
     from ..io.place import Place
     from ..io.read import Field
+
+PICTURE = ".npy"
+"""Suffix of the picture that a surface makes."""
 
 
 def encode_surface(
@@ -56,79 +60,67 @@ def encode_surface(
 
 def decode_surface(
     source: Path, data: bytes, output: Path, named: Path, max_bytes: int | None, in_samples: bool, partial: bool,
-    limits: Limits, as_json: bool, isovalue: float | None = None,
+    limits: Limits, as_json: bool, isovalue: float | None,
 ) -> None:  # fmt: skip
-    """Write the surface of a file, its contour, or the picture that it makes; ``named`` has the format's suffix."""
-    if isovalue is not None:
-        return _contour(source, data, output, named, isovalue, max_bytes, in_samples, limits, as_json)
-    import io
+    """Write the surface of a file, a contour of it, or the picture that it makes.
 
-    import numpy as np
-
+    ``named`` has the suffix that names the format.
+    """
     import isocodec
 
-    from ..field.placement import CRS, read_placement, unplaced
-    from ..io.tin import PlacedTin, check_tin, render_tin
+    from ..io.tin import check_tin
+    from ..io.write import check_libraries, check_suffix, render_contour
+    from ..tin_api import contour_of
+    from .on_mesh import check_on_mesh
 
-    picture = named.suffix.lower() == ".npy"
     with concerning(output):
-        suffix = ".npy" if picture else check_tin(named)
+        if isovalue is not None:
+            suffix = check_suffix(named, 2)
+            check_libraries(suffix)
+        else:
+            suffix = named.suffix.lower() if named.suffix.lower() == PICTURE else check_tin(named)
     started = time.perf_counter()
     with concerning(source):
         tin = isocodec.decode_tin(data, max_bytes=len(data) if partial and max_bytes is None else max_bytes,
                                   limits=limits)  # fmt: skip
-        if picture:
-            buffer = io.BytesIO()
-            np.save(buffer, tin.raster())
-            written = buffer.getvalue()
-    if not picture:
-        found = None if in_samples else read_placement(dict(tin.metadata), 2)
-        matrix = found if found is not None else np.eye(2, 3) if tin.shape is None else unplaced(2)
-        with concerning(output):
-            written = render_tin(PlacedTin(tin, matrix, tin.metadata.get(CRS, ""), {}), suffix)
+    with concerning(source if suffix == PICTURE else output):
+        if isovalue is None:
+            written = _rendered(tin, suffix, in_samples)
+            record: dict[str, Any] = {"triangles": len(tin.triangles)}
+            points, pieces = len(tin.points), len(tin.triangles)
+        else:
+            if tin.shape is None:
+                check_on_mesh(suffix)
+            contour = contour_of(tin, isovalue)
+            written = render_contour([replace(contour, placement=None) if in_samples else contour], suffix, 2)
+            points, pieces = len(contour.points), len(contour.cells)
+            record = {"cells": pieces, "isovalues": [isovalue]}
     write_output(output, written)
     seconds = time.perf_counter() - started
     tell(
-        f"{click.format_filename(output)}: {len(tin.points):,} points, {len(tin.triangles):,} triangles, "
-        f"{seconds:.2f} s",
+        f"{click.format_filename(output)}: {points:,} points, {pieces:,} "
+        f"{'triangles' if isovalue is None else 'segments'}, {seconds:.2f} s",
         {
-            "output": str(output), "bytes": len(written), "points": len(tin.points), "triangles": len(tin.triangles),
-            "complete": tin.complete, "seconds": round(seconds, 3),
+            "output": str(output), "bytes": len(written), "points": points, **record, "complete": tin.complete,
+            "seconds": round(seconds, 3),
         },
         as_json,
     )  # fmt: skip
 
 
-def _contour(
-    source: Path, data: bytes, output: Path, named: Path, isovalue: float, max_bytes: int | None, in_samples: bool,
-    limits: Limits, as_json: bool,
-) -> None:  # fmt: skip
-    """Write a contour of the surface of a file."""
-    import isocodec
+def _rendered(tin: Tin, suffix: str, in_samples: bool) -> bytes:
+    """A surface as a file, or the picture that it makes."""
+    import io
 
-    from ..io.write import check_libraries, check_suffix, render_contour
-    from .on_mesh import check_on_mesh
+    import numpy as np
 
-    with concerning(output):
-        suffix = check_suffix(named, 2)
-        check_libraries(suffix)
-    started = time.perf_counter()
-    with concerning(source):
-        contour = isocodec.decode(data, isovalue=isovalue, max_bytes=max_bytes, limits=limits)
-        if in_samples:
-            contour = replace(contour, placement=None)
-    with concerning(output):
-        if not contour.shape:
-            check_on_mesh(suffix)
-        rendered = render_contour([contour], suffix, 2)
-    write_output(output, rendered)
-    seconds = time.perf_counter() - started
-    tell(
-        f"{click.format_filename(output)}: {len(contour.points):,} points, {len(contour.cells):,} segments, "
-        f"{seconds:.2f} s",
-        {
-            "output": str(output), "bytes": len(rendered), "points": len(contour.points), "cells": len(contour.cells),
-            "isovalues": [isovalue], "complete": contour.complete, "seconds": round(seconds, 3),
-        },
-        as_json,
-    )  # fmt: skip
+    from ..field.placement import CRS, read_placement, unplaced
+    from ..io.tin import PlacedTin, render_tin
+
+    if suffix == PICTURE:
+        buffer = io.BytesIO()
+        np.save(buffer, tin.raster())
+        return buffer.getvalue()
+    found = None if in_samples else read_placement(dict(tin.metadata), 2)
+    matrix = found if found is not None else np.eye(2, 3) if tin.shape is None else unplaced(2)
+    return render_tin(PlacedTin(tin, matrix, tin.metadata.get(CRS, ""), {}), suffix)

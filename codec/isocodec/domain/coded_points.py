@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..entropy.range_coder import DECODE, ENCODE, finish, start
 from ..errors import FormatError, InputError, LimitError
-from ..kernel import DONE
+from .coded_tin import STEPS, UNLIMITED
 from .complex import Complex, assembled, neighbours
 from .delaunay import delaunay, triangles
+from .isovalue import Run
 from .point_tree import code_positions
 from .points import points_of
 from .rank import by_rank
@@ -20,11 +20,8 @@ from .tin_models import new_coder
 
 BYTES_PER_POINT = 400
 """Memory that decoding takes for a point, about."""
-_UNLIMITED = 1 << 62
-_ROOM = 64
-"""Bytes of a run for each point at most, and some more."""
-_STEPS = 16
-"""Triangles that are looked at for a unit of work."""
+_ROOM = 32
+"""Symbols of a run for each point at most, and some more."""
 
 
 def triangulated(
@@ -60,21 +57,20 @@ def _distinct(
     points: NDArray[np.float64], values: NDArray[Any]
 ) -> tuple[NDArray[np.float64], NDArray[Any]]:
     """Points of which none coincide, and their values: of those that do, the mean."""
-    found, number = np.unique(points, axis=0, return_inverse=True)
+    found, first, number = np.unique(points, axis=0, return_index=True, return_inverse=True)
     if len(found) == len(points):
         return points, values
     number = number.ravel()
-    count = np.bincount(number)
-    rows = np.atleast_2d(values)
-    mean = np.array([np.bincount(number, row.astype(np.float64)) / count for row in rows])
-    if rows.dtype.kind != "f":
-        if (mean[:, number] != rows).any():
+    if values.dtype.kind != "f":
+        merged = values[..., first]
+        if (merged[..., number] != values).any():
             raise InputError(
                 f"{len(points) - len(found)} points coincide with others and have other values", code="coincident",
                 remedy="merge them first, or give floats, which are averaged",
             )  # fmt: skip
-        mean = np.rint(mean).astype(rows.dtype)
-    return found, mean if np.ndim(values) == 2 else mean[0]
+        return found, merged
+    mean = np.array([np.bincount(number, row) / np.bincount(number) for row in np.atleast_2d(values)])
+    return found, mean if values.ndim == 2 else mean[0]
 
 
 def _cells_of(points: NDArray[np.float64]) -> NDArray[np.int64]:
@@ -88,7 +84,7 @@ def _cells_of(points: NDArray[np.float64]) -> NDArray[np.int64]:
     return found.source[triangles(delaunay(found.x, found.y)[0])]
 
 
-def delaunay_complex(position: NDArray[np.int64], unit: float, work: int = _UNLIMITED) -> Complex:
+def delaunay_complex(position: NDArray[np.int64], unit: float, work: int = UNLIMITED) -> Complex:
     """The complex of distinct points (V, 2) in the order of ranks.
 
     Raises
@@ -99,7 +95,7 @@ def delaunay_complex(position: NDArray[np.int64], unit: float, work: int = _UNLI
         If it takes more work than allowed.
     """
     x, y = np.ascontiguousarray(position.T)
-    tri, count = delaunay(x, y, min(_STEPS * work, _UNLIMITED))
+    tri, count = delaunay(x, y, min(STEPS * work, UNLIMITED))
     cells = triangles(tri).astype(np.int64)
     if count < len(position) and len(np.unique(cells)) < len(position):
         raise LimitError(f"{len(position):,} points take more work than allowed", code="limit-work", clause="11.2")
@@ -109,24 +105,14 @@ def delaunay_complex(position: NDArray[np.int64], unit: float, work: int = _UNLI
 def encoded_points(
     position: NDArray[np.int64], extent: Sequence[int], unit: float
 ) -> tuple[bytes, Complex, NDArray[np.int64]]:
-    """Code distinct points (V, 2) from 0 to below ``extent``.
-
-    Returns
-    -------
-    bytes
-        The run.
-    Complex
-        As a decoder has it.
-    (V,) int64
-        For each of its vertices the original one.
-    """
-    coder = new_coder()._replace(buf=np.zeros(_ROOM * len(position) + 4096, np.uint8))
-    start(coder.reg, ENCODE)
+    """Code distinct points (V, 2) from 0 to below ``extent``; returns what `encoded_mesh` does."""
+    run = Run(coder=new_coder())
+    run.begin(None)
+    run.room(_ROOM * len(position) + 2048)
     box = int(extent[0]), int(extent[1])
-    status, _, _ = code_positions(coder, box, len(position), position, len(position), _UNLIMITED)
-    assert status == DONE
+    run.check(code_positions(run.coder, box, len(position), position, len(position), UNLIMITED)[0])
     order = by_rank(position[:, 0], position[:, 1])
-    return finish(coder), delaunay_complex(np.ascontiguousarray(position[order]), unit), order
+    return run.end(), delaunay_complex(np.ascontiguousarray(position[order]), unit), order
 
 
 def decoded_points(
@@ -141,20 +127,17 @@ def decoded_points(
     LimitError
         If it takes more work than allowed.
     """
-    coder = new_coder()._replace(buf=np.frombuffer(data, np.uint8).copy())
-    start(coder.reg, DECODE)
-    coder.reg.end, coder.reg.final = len(data), 1
+    run = Run(coder=new_coder())
+    run.begin(data, offset)
     box = int(extent[0]), int(extent[1])
     try:
-        status, position, work = code_positions(coder, box, size[0], None, size[0], work)
+        status, position, work = code_positions(run.coder, box, size[0], None, size[0], work)
     except LimitError as error:
         if error.code != "limit-vertices":
             raise
         raise FormatError("more points than stated", code="domain", offset=offset, clause="10.11") from None
-    if status != DONE:
-        raise FormatError("a run is too short", code="overrun", offset=offset, clause="6.3")
-    if coder.reg.pos - 4 + coder.reg.unknown // 8 + 4 < len(data):
-        raise FormatError("bytes left over in a run", code="leftover", offset=offset, clause="6.3")
+    run.check(status)
+    run.end()
     order = by_rank(position[:, 0], position[:, 1])
     try:
         found = delaunay_complex(np.ascontiguousarray(position[order]), unit, work)

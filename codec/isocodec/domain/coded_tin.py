@@ -20,9 +20,9 @@ from .triangulation import Triangulation, empty
 
 _ROUND, _FACTOR = 64, 4
 """Points of lowest rank that come first, and how many times as many have come after each later round."""
-_STEPS = 16
+STEPS = 16
 """Triangles that are looked at for a unit of work."""
-_UNLIMITED = 1 << 62
+UNLIMITED = 1 << 62
 _ROOM = 64
 """Bytes of a run for each point at most, and some more."""
 
@@ -106,9 +106,9 @@ class _Run:
                 queue = queue[~told[queue]]
         done = 0
         if status == DONE:
-            status, done = code_inner(self.coder, tri, values, queue, min(_STEPS * self.work, _UNLIMITED))
+            status, done = code_inner(self.coder, tri, values, queue, min(STEPS * self.work, UNLIMITED))
             told[queue[:done]] = True
-            self.work -= tri.reg.work // _STEPS
+            self.work -= tri.reg.work // STEPS
         if status == DONE or told.sum() > known:
             self.points, self.numbers = union[told[place]], number[place][told[place]]
             self.ends.append(len(self.points))
@@ -129,7 +129,7 @@ class _Run:
         build_hull(tri, hull, np.sort(hull), np.zeros(len(x), np.int32), np.zeros(len(x), np.int32))
         if len(known):
             early = np.sort(known)
-            insert_all(tri, early[insertion_order(x[early], y[early])].astype(np.int32), _UNLIMITED)
+            insert_all(tri, early[insertion_order(x[early], y[early])].astype(np.int32), UNLIMITED)
         return tri, hull
 
 
@@ -146,7 +146,7 @@ def encoded(layers: Layers, extent: tuple[int, int], largest: int) -> bytes:
     """
     coder = new_coder()._replace(buf=np.zeros(_ROOM * len(layers.points) + 4096, np.uint8))
     start(coder.reg, ENCODE)
-    run = _Run(coder, extent, len(layers.points), _UNLIMITED)
+    run = _Run(coder, extent, len(layers.points), UNLIMITED)
     begin = 0
     for end in layers.ends:
         status = run.layer(end - begin, largest, layers.points[begin:end], layers.numbers[begin:end])

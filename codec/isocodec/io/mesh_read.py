@@ -26,13 +26,14 @@ _LOWER = ("vertex", "line")
 
 @dataclass(frozen=True)
 class MeshRead:
-    """A mesh as a file has it.
+    """A mesh, or scattered points, as a file has them.
 
     Attributes
     ----------
     points : (V, 2) or (V, 3) float64
         Coordinates; two where all points have the same third one and cells are triangles.
-    cells : (T, 3) or (T, 4) int64
+    cells : (T, 3) or (T, 4) int64, or None
+        None of points that are scattered.
     values : dict of str to (V,) or (F, V) array
         Numbers at points, by name; with two axes, those of F frames.
     of_cells : list of str
@@ -40,7 +41,7 @@ class MeshRead:
     """
 
     points: NDArray[np.float64]
-    cells: NDArray[np.int64]
+    cells: NDArray[np.int64] | None
     values: dict[str, NDArray[Any]] = field(default_factory=dict)
     of_cells: list[str] = field(default_factory=list)
 
@@ -89,6 +90,7 @@ def read_mesh(path: str | os.PathLike[str], samples: int | None = None) -> MeshR
         )  # fmt: skip
     found = _npz(source) if source.named(".npz") else _by_meshio(source)
     points = found.points
+    assert found.cells is not None
     source.check_count(len(points) + len(found.cells))
     if found.cells.shape[1] == 3 and points.shape[1] == 3 and (points[:, 2] == points[:1, 2]).all():
         points = np.ascontiguousarray(points[:, :2])

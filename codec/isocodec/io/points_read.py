@@ -4,15 +4,13 @@ from __future__ import annotations
 
 import csv
 import os
-from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ..errors import InputError, OptionError
+from ..errors import InputError
 from ..text import plain
 from .extras import optional
+from .mesh_read import MeshRead
 from .reading import reading
 from .source import Source, source_of
 
@@ -24,36 +22,7 @@ _UP = ("y", "lat", "latitude", "northing")
 _HEIGHT = "z"
 
 
-@dataclass(frozen=True)
-class PointsRead:
-    """Points as a file has them.
-
-    Attributes
-    ----------
-    points : (N, 2) float64
-        x and y.
-    values : dict of str to (N,) array
-        Numbers of the points, by name; heights as ``z``.
-    """
-
-    points: NDArray[np.float64]
-    values: dict[str, NDArray[Any]]
-
-    def values_named(self, name: str) -> NDArray[Any]:
-        """Values by name.
-
-        Raises
-        ------
-        OptionError
-            If there are none of that name; the message names those that there are.
-        """
-        if name in self.values:
-            return self.values[name]
-        there = ", ".join(map(plain, self.values)) or "none"
-        raise OptionError(f"the points have no values {plain(name)}", code="values", remedy=f"there are: {there}")
-
-
-def read_points(path: str | os.PathLike[str], samples: int | None = None) -> PointsRead:
+def read_points(path: str | os.PathLike[str], samples: int | None = None) -> MeshRead:
     """Read scattered points.
 
     Parameters
@@ -88,7 +57,7 @@ def read_points(path: str | os.PathLike[str], samples: int | None = None) -> Poi
     return found
 
 
-def _table(source: Source) -> PointsRead:
+def _table(source: Source) -> MeshRead:
     with reading("table of points"):
         with source.path.open(newline="", encoding="utf-8-sig") as file:
             start = file.read(1 << 16)
@@ -115,7 +84,7 @@ def _table(source: Source) -> PointsRead:
     if across is None or up is None:
         across, up = 0, 1
     values = {name: rows[:, i] for i, name in enumerate(names) if i not in (across, up)}
-    return PointsRead(np.ascontiguousarray(rows[:, [across, up]]), values)
+    return MeshRead(np.ascontiguousarray(rows[:, [across, up]]), None, values)
 
 
 def _is_number(text: str) -> bool:
@@ -126,7 +95,7 @@ def _is_number(text: str) -> bool:
     return True
 
 
-def _cloud(source: Source) -> PointsRead:
+def _cloud(source: Source) -> MeshRead:
     laspy = optional("laspy", extra="points", purpose=f"reading {source.path.suffix}")
     with reading("point cloud"), laspy.open(source.path) as file:
         source.check_count(file.header.point_count)
@@ -136,10 +105,10 @@ def _cloud(source: Source) -> PointsRead:
         for name in found.point_format.dimension_names:
             if name not in ("X", "Y", "Z"):
                 values[str(name)] = np.asarray(found[name])
-    return PointsRead(points, values)
+    return MeshRead(points, None, values)
 
 
-def _vector(source: Source) -> PointsRead:
+def _vector(source: Source) -> MeshRead:
     geopandas = optional("geopandas", extra="vector", purpose=f"reading {source.path.suffix}")
     with reading("vector file"):
         found = geopandas.read_file(source.path)
@@ -157,4 +126,4 @@ def _vector(source: Source) -> PointsRead:
         }  # fmt: skip
         if shapes.has_z.all():
             values.setdefault(_HEIGHT, shapes.z.to_numpy())
-    return PointsRead(points.astype(np.float64), values)
+    return MeshRead(points.astype(np.float64), None, values)

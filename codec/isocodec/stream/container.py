@@ -53,10 +53,11 @@ class ContainerEncoder(ABC):
 class ContainerDecoder(ABC):
     """Takes the bytes of a file as they come, and yields events; an error is raised again by every later call."""
 
-    def __init__(self, limits: Limits | None, contents: Contents) -> None:
+    def __init__(self, limits: Limits | None, contents: Contents, frame: int | None) -> None:
         self.limits = limits or Limits()
         self.header: Header | None = None
         self._contents = contents
+        self._wanted = frame
         self.isovalues = contents.isovalues
         self.metadata = contents.metadata
         self._budget = Budget(self.limits.memory)
@@ -64,6 +65,16 @@ class ContainerDecoder(ABC):
         self._at = 0
         self._last = self._ended = self._closed = False
         self._error: IsoError | None = None
+
+    @property
+    def frame(self) -> int:
+        """Number of the frame that has begun last, or, once it has come, of the one that is wanted: it can be drawn."""
+        return self._contents.frame if self._wanted is None else min(self._contents.frame, self._wanted)
+
+    @property
+    def present(self) -> tuple[int, int]:
+        """Number of the present frame and of its isovalue, whose layers come at present or come next."""
+        return self._contents.frame, self._contents.number
 
     @property
     def complete(self) -> bool:

@@ -82,10 +82,9 @@ class MeshDecoder(ContainerDecoder):
         only: Collection[int] | None = None,
         frame: int | None = None,
     ) -> None:
-        super().__init__(limits, Contents())
+        super().__init__(limits, Contents(), frame)
         self._mesh = mesh
         self._only = only
-        self._wanted = frame
         self._domain: Complex | None = None
         self._points: NDArray[np.float64] | None = None
         self._strands: list[MeshIsovalue | None] = []
@@ -109,16 +108,6 @@ class MeshDecoder(ContainerDecoder):
             raise OptionError(f"isovalue number {number}; they are counted from 0", code="isovalue")
         strands = self._before if before else self._strands
         return strands[number] if number < len(strands) else None
-
-    @property
-    def frame(self) -> int:
-        """Number of the frame that has begun last, or, once it has come, of the one that is wanted: it can be drawn."""
-        return self._contents.frame if self._wanted is None else min(self._contents.frame, self._wanted)
-
-    @property
-    def present(self) -> tuple[int, int]:
-        """Number of the present frame and of its isovalue, whose layers come at present or come next."""
-        return self._contents.frame, self._contents.number
 
     @property
     def domain(self) -> Complex | None:

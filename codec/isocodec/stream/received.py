@@ -41,13 +41,12 @@ class Received(ContainerDecoder):
         self, limits: Limits | None = None, *, only: Collection[int] | None = None, frame: int | None = None
     ) -> None:
         self.layers: list[Layer] = []
-        super().__init__(limits, Contents(layers=self.layers))
+        super().__init__(limits, Contents(layers=self.layers), frame)
         self._strands = strands = Tubes(self.limits, self._data, self._contents, self._budget, only, frame)
         self._tubes, self._progresses, self._mask = strands.all, strands.progresses, strands.mask
         self._reader = LayerReader(
             self.limits, self._data, self._tubes, self._progresses, self._mask.tubes, self.layers
         )
-        self._wanted = frame
         self.runs = self._reader.runs
         self._world = World(self._budget)
         self._cut = False
@@ -68,16 +67,6 @@ class Received(ContainerDecoder):
         None of a file without frames, and before that is known.
         """
         return self._contents.interval
-
-    @property
-    def frame(self) -> int:
-        """Number of the frame that has begun last, or, once it has come, of the one that is wanted: it can be drawn."""
-        return self._contents.frame if self._wanted is None else min(self._contents.frame, self._wanted)
-
-    @property
-    def present(self) -> tuple[int, int]:
-        """Number of the present frame and of its isovalue, whose layers come at present or come next."""
-        return self._contents.frame, self._contents.number
 
     @property
     def value_bits(self) -> tuple[int, int]:
