@@ -90,7 +90,7 @@ def test_agree_sees_what_differs() -> None:
 @pytest.mark.skipif(shutil.which("node") is None, reason="node is not installed")
 @pytest.mark.skipif(not (JAVASCRIPT / "dist" / "index.js").exists(), reason="make test-web builds the package first")
 def test_javascript_of_the_web_page(checkout: Path) -> None:
-    """The module and the program of the page, on the file of the page: as many lines as Python finds, more than once."""
+    """The module and the program of the page, on its file: as many lines as Python finds, more than once."""
     text = (DOCS / "tutorials" / "web.md").read_text(encoding="utf-8")
     (command,) = re.findall(r"^\$ isocodec (.*)$", text, re.MULTILINE)
     assert run(*shlex.split(command)).exit_code == 0
