@@ -1,4 +1,4 @@
-"""The command line: ``isocodec encode | decode | mask | info | truncate | plot | verify | thin``.
+"""The command line: ``isocodec encode | decode | mask | info | truncate | ..``, a module or two each.
 
 The modules here load in a few milliseconds; whatever takes longer (numpy, matplotlib) is imported by the verb that
 needs it, when it needs it.
@@ -13,6 +13,7 @@ from .encode import encode_command
 from .info import info_command
 from .mask import mask_command
 from .plot import plot_command
+from .recode import merge_command, transcode_command
 from .report import EXIT_CODES, Program
 from .thin import thin_command
 from .truncate import truncate_command
@@ -43,7 +44,7 @@ def main() -> None:
 
 
 for command in (
-    encode_command, decode_command, mask_command, info_command, truncate_command, plot_command, verify_command,
-    thin_command,
+    encode_command, decode_command, mask_command, info_command, truncate_command, transcode_command, merge_command,
+    plot_command, verify_command, thin_command,
 ):  # fmt: skip
     main.add_command(command)
