@@ -65,6 +65,7 @@ if TYPE_CHECKING:
     from .stream.series import SeriesEncoder, encode_frames
     from .stream.statistics import FileStatistics, statistics
     from .stream.truncate import truncate
+    from .tiled_api import TiledIsoFile, encode_tiles
     from .tin_api import decode_tin, encode_tin
     from .verification import Kept, verify
 
@@ -102,6 +103,7 @@ _HOMES = {
     "stream.series": ("SeriesEncoder", "encode_frames"),
     "stream.statistics": ("FileStatistics", "statistics"),
     "stream.truncate": ("truncate",),
+    "tiled_api": ("TiledIsoFile", "encode_tiles"),
     "verification": ("Kept", "verify"),
     "tin_api": ("decode_tin", "encode_tin"),
 }  # fmt: skip
@@ -146,6 +148,7 @@ __all__ = [
     "SeriesEncoder",
     "SeriesRead",
     "Thinned",
+    "TiledIsoFile",
     "Tin",
     "TruncatedError",
     "areas",
@@ -159,6 +162,7 @@ __all__ = [
     "encode",
     "encode_frames",
     "encode_mesh",
+    "encode_tiles",
     "encode_tin",
     "inspect",
     "kernels",

@@ -1,4 +1,4 @@
-"""The command line: ``isocodec encode | decode | mask | info | truncate | plot | verify | thin``.
+"""The command line: ``isocodec encode | decode | mask | info | truncate | plot | verify | thin | tile``.
 
 The modules here load in a few milliseconds; whatever takes longer (numpy, matplotlib) is imported by the verb that
 needs it, when it needs it.
@@ -15,6 +15,7 @@ from .mask import mask_command
 from .plot import plot_command
 from .report import EXIT_CODES, Program
 from .thin import thin_command
+from .tile import tile_command
 from .truncate import truncate_command
 from .verify import verify_command
 
@@ -44,6 +45,6 @@ def main() -> None:
 
 for command in (
     encode_command, decode_command, mask_command, info_command, truncate_command, plot_command, verify_command,
-    thin_command,
+    thin_command, tile_command,
 ):  # fmt: skip
     main.add_command(command)

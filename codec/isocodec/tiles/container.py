@@ -8,11 +8,11 @@ from enum import IntEnum
 import numpy as np
 from numpy.typing import NDArray
 
+from isospec.container import TILED_SIGNATURE as SIGNATURE
 from isospec.container import Profile
 
 from .grid import TileGrid
 
-SIGNATURE = b"\x89IST"
 HEAD_BYTES = 1 << 14
 """Head and root directory have no more bytes than this."""
 FIXED_BYTES = 8
@@ -153,6 +153,11 @@ class Leaf:
     def groups(self, area: int) -> NDArray[np.int64]:
         """Numbers of the segments that groups begin with, and behind the last one how many there are."""
         return groups_of(self.lengths[area])
+
+
+def is_tiled(data: bytes | bytearray | memoryview) -> bool:
+    """Whether bytes are the beginning of a tiled file."""
+    return bytes(data[: len(SIGNATURE)]) == SIGNATURE
 
 
 def groups_of(lengths: NDArray[np.int64]) -> NDArray[np.int64]:

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from isospec.container import ChunkType, Profile
 
 from ..errors import InputError, OptionError
-from ..field.samples import Field, check_field, mask_field, without_holes
+from ..field.samples import Field, check_field, mask_field, missing_of, without_holes
 from ..format.chunks import write_chunk
 from ..format.header import Header
 from ..format.kinds import LayerKind
@@ -43,14 +43,18 @@ class Tiling:
     grid : TileGrid
     isovalues : tuple of float
     options : Options
+    dtype : str
+        Type of the samples.
     """
 
     grid: TileGrid
     isovalues: tuple[float, ...]
     options: Options
+    dtype: str
 
     def __post_init__(self) -> None:
         o = self.options
+        o.check_data(np.dtype(self.dtype).kind in "biu")
         if chosen := o.chooses_mesh or ("base_level" if o.base_level is not None else ""):
             raise OptionError(
                 f"{chosen} and tiles contradict one another: their meshes have to be the same where they meet",
@@ -140,20 +144,16 @@ def encode_tile(window: ArrayLike, index: Index, tiling: Tiling) -> TileSegments
         If the samples cannot be encoded, or are not those of the tile.
     """
     size = tiling.grid.size(index)
-    values, gone = without_holes(window, None)
-    if values.shape != size:
-        raise InputError(f"tile {index} has {size} samples, given are {values.shape}", code="shape")
-    tiling.options.check_data(values.dtype.kind in "biu")
+    if np.shape(window) != size:
+        raise InputError(f"has {size} samples, given are {np.shape(window)}", code="shape")
+    if missing_of(window).all():
+        return _missing(index, tiling)
+    values, gone = without_holes(window)
     faces = tuple(
         (_checksum(values.take(0, axis), gone, 0, axis), _checksum(values.take(-1, axis), gone, -1, axis))
         for axis in range(values.ndim)
     )
     stages = len(tiling.stages)
-    nothing = TileSegments(
-        index, Kind.ABOVE, b"", (Kind.BELOW,) * len(tiling.isovalues), ((b"",) * stages,) * len(tiling.isovalues), faces
-    )
-    if gone is not None and gone.all():
-        return nothing
     fields = [check_field(values, isovalue, tiling.options.step, gone) for isovalue in tiling.isovalues]
     header = Header(size, tiling.isovalues[0], tiling.options.step, tiling.profile)
     there = slice(None) if gone is None else ~gone
@@ -169,6 +169,18 @@ def encode_tile(window: ArrayLike, index: Index, tiling: Tiling) -> TileSegments
         for field, kind in zip(fields, kinds, strict=True)
     )  # fmt: skip
     return TileSegments(index, Kind.CODED if run else Kind.BELOW, run, kinds, segments, faces)
+
+
+def _missing(index: Index, tiling: Tiling) -> TileSegments:
+    """A tile of which nothing is there."""
+    grid, count = tiling.grid, len(tiling.isovalues)
+    faces = []
+    for axis in range(grid.n):
+        beside = grid.size(index)[:axis] + grid.size(index)[axis + 1 :]
+        face = np.zeros(beside, tiling.dtype)
+        faces.append(2 * (_checksum(face, np.ones((1, *beside), np.bool_), 0, 0),))
+    segments = ((b"",) * len(tiling.stages),) * count
+    return TileSegments(index, Kind.ABOVE, b"", (Kind.BELOW,) * count, segments, tuple(faces))
 
 
 def _kind(signs: NDArray[np.bool_]) -> Kind:

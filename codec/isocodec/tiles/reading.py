@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-import math
 import zlib
-from collections.abc import Callable, Iterable, Sequence
-from functools import lru_cache
-from itertools import pairwise
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,19 +19,17 @@ from ..limits import Limits
 from ..stream.container import with_checksum
 from ..stream.decoder import Decoder
 from .container import FIXED_BYTES, HEAD_BYTES, Head, Kind, Leaf
+from .fetching import Fetch, Pieces, Range
 from .grid import Index
 from .head import head_length, read_head
 from .joining import joined
 from .leaf import read_leaf
 from .numbers import wrong
 
-Fetch = Callable[[int, int], bytes]
-"""Bytes of a file from one place up to another."""
-Range = tuple[int, int]
-MOST_PIECES = 5
-"""Ranges are joined over gaps of at most ``GAP`` bytes until there are no more than so many."""
-GAP = 1 << 18
 KEPT_LEAVES = 64
+"""Leaf directories that are kept."""
+Found = tuple[Index, Kind, bytes, list[bytes]]
+"""A tile: what it is for an isovalue, the segment of its mask, and those of its stages."""
 
 
 class TiledFile:
@@ -61,14 +56,15 @@ class TiledFile:
     """
 
     def __init__(self, fetch: Fetch, limits: Limits | None = None) -> None:
-        self._fetch = fetch
         self.limits = limits or Limits()
         first = fetch(0, HEAD_BYTES)
+        self._pieces = lambda: Pieces(fetch, self.limits.bytes, first)
         if len(first) >= FIXED_BYTES and len(first) < head_length(first):
             raise TruncatedError("the file ends within its head", code="truncated", offset=len(first), clause="12.3")
         self.head, self.root = read_head(first)
-        self._blocks = {block: number for number, block in enumerate(self.head.grid.all_blocks())}
-        self._leaf = lru_cache(KEPT_LEAVES)(self._read_leaf)
+        self._blocks = list(self.head.grid.all_blocks())
+        self._number_of = {block: number for number, block in enumerate(self._blocks)}
+        self._leaves: dict[int, Leaf] = {}
 
     @property
     def shape(self) -> Index:
@@ -121,7 +117,7 @@ class TiledFile:
         layer : int, optional
             Up to which layer of the file; the last if neither is given.
         clip : bool
-            Whether cells are left out none of whose points lies in the box.
+            Whether cells are left out that do not reach into the box.
 
         Returns
         -------
@@ -182,66 +178,73 @@ class TiledFile:
 
     # -- what is fetched ---------------------------------------------------------------------------------------------
 
-    def tiles(self, wanted: Iterable[Index], isovalue: int, stage: int) -> list[tuple[Index, Kind, bytes, list[bytes]]]:
-        """Tiles in their order: what each is, and the segments of its mask and of its stages up to one."""
-        grid = self.head.grid
+    def tiles(self, wanted: Iterable[Index], isovalue: int, stage: int) -> list[Found]:
+        """Tiles, leaf by leaf: what each is for an isovalue, and its segments up to a stage."""
         by_leaf: dict[int, list[Index]] = {}
         for index in wanted:
-            by_leaf.setdefault(self._blocks[tuple(i >> grid.block for i in index)], []).append(index)
-        areas = [self.head.area(isovalue, s) for s in range(stage + 1)]
-        if self.head.masked:
-            areas.insert(0, 0)
-        held = self._whole_leaves(sorted(by_leaf), areas) if len(by_leaf) == math.prod(grid.blocks) else _Held()
-        missing = [tuple(self.root.leaves[number : number + 2].tolist()) for number in by_leaf]
-        held.fetch(self, [each for each in missing if not held.has(*each)])
-        leaves = {number: self._leaf(number, held.get(*self._leaf_range(number))) for number in sorted(by_leaf)}
-        places: dict[int, dict[Index, int]] = {}
-        groups: set[tuple[int, int, int]] = set()
-        for number, leaf in leaves.items():
-            block = next(block for block, n in self._blocks.items() if n == number)
-            order = {tuple(index): i for i, index in enumerate(grid.members(block).tolist())}
-            places[number] = {index: order[index] for index in by_leaf[number]}
-            for area in areas:
-                bounds = leaf.groups(area)
-                for i in places[number].values():
-                    if leaf.lengths[area, i]:
-                        groups.add((area, number, int(np.searchsorted(bounds, i, "right")) - 1))
-        ranges = {key: self._group_range(leaves[key[1]], *key) for key in sorted(groups)}
-        held.fetch(self, [each for each in ranges.values() if not held.has(*each)])
+            block = tuple(i >> self.head.grid.block for i in index)
+            by_leaf.setdefault(self._number_of[block], []).append(index)
+        numbers = sorted(by_leaf)
+        areas = [0] * self.head.masked + [self.head.area(isovalue, s) for s in range(stage + 1)]
+        pieces = self._pieces()
+        if len(numbers) == len(self._blocks):
+            pieces.fetch([(int(self.root.leaves[0]), self._end_of(areas))])
+        leaves = self._read_leaves(numbers, pieces)
+        places = {number: self._places(number, by_leaf[number]) for number in numbers}
+        groups = {
+            (area, number, int(np.searchsorted(leaves[number].groups(area), i, "right")) - 1)
+            for number in numbers for area in areas for i in places[number] if leaves[number].lengths[area, i]
+        }  # fmt: skip
+        ranges = {group: self._group_range(leaves[group[1]], *group) for group in sorted(groups)}
+        pieces.fetch(ranges.values())
         for (area, number, group), (start, end) in ranges.items():
-            if zlib.crc32(held.get(start, end)) != leaves[number].checksums[area][group]:
+            if zlib.crc32(pieces.get(start, end)) != leaves[number].checksums[area][group]:
                 raise wrong("a checksum of segments is wrong", "checksum", start, "12.5")
-        out = []
-        for number, leaf in leaves.items():
-            for index, i in places[number].items():
-                strand = isovalue + self.head.masked
-                segments = [held.get(*self._segment_range(leaf, area, number, i)) for area in areas]
-                mask = segments.pop(0) if self.head.masked else b""
-                if self.head.masked and leaf.kinds[0, i] == Kind.ABOVE:
-                    out.append((index, Kind.BELOW, b"", [b""] * len(segments)))
-                    continue
-                out.append((index, Kind(leaf.kinds[strand, i]), mask, segments))
-        return out
+        return [
+            self._found(leaves[number], index, i, isovalue,
+                        [pieces.get(*self._segment_range(leaves[number], area, number, i)) for area in areas])
+            for number in numbers for index, i in zip(by_leaf[number], places[number], strict=True)
+        ]  # fmt: skip
 
-    def _whole_leaves(self, numbers: list[int], areas: list[int]) -> _Held:
-        """All leaves, and all segments of the first areas if these stand right behind them: one piece."""
-        held = _Held()
+    def _found(self, leaf: Leaf, index: Index, i: int, isovalue: int, segments: list[bytes]) -> Found:
+        mask = segments.pop(0) if self.head.masked else b""
+        kind = Kind(leaf.kinds[isovalue + self.head.masked, i])
+        if self.head.masked and leaf.kinds[0, i] == Kind.ABOVE:
+            kind = Kind.BELOW
+        return index, kind, mask, segments
+
+    def _end_of(self, areas: list[int]) -> int:
+        """Where the leaves end, or the first areas if those are wanted: they stand right behind."""
         end = int(self.root.leaves[-1])
-        if areas == list(range(len(areas))) and len(numbers):
-            end += int(self.root.sizes[:, : len(areas)].sum())
-        held.fetch(self, [(int(self.root.leaves[0]), end)])
-        return held
+        return end + int(self.root.sizes[:, : len(areas)].sum()) if areas == list(range(len(areas))) else end
+
+    def _places(self, number: int, wanted: list[Index]) -> list[int]:
+        """Where tiles stand in their leaf."""
+        order = {tuple(index): i for i, index in enumerate(self.head.grid.members(self._blocks[number]).tolist())}
+        return [order[index] for index in wanted]
+
+    def _read_leaves(self, numbers: list[int], pieces: Pieces) -> dict[int, Leaf]:
+        """Leaf directories, those that are kept and others."""
+        pieces.fetch(self._leaf_range(number) for number in numbers if number not in self._leaves)
+        out = {
+            number: self._leaves.pop(number) if number in self._leaves else self._read_leaf(number, pieces)
+            for number in numbers
+        }
+        self._leaves.update(out)
+        while len(self._leaves) > KEPT_LEAVES:
+            del self._leaves[next(iter(self._leaves))]
+        return out
 
     def _leaf_range(self, number: int) -> Range:
         start, end = self.root.leaves[number : number + 2].tolist()
         return start, end
 
-    def _read_leaf(self, number: int, data: bytes) -> Leaf:
+    def _read_leaf(self, number: int, pieces: Pieces) -> Leaf:
         at = int(self.root.leaves[number])
+        data = pieces.get(*self._leaf_range(number))
         if zlib.crc32(data) != self.root.checksums[number]:
             raise wrong("a leaf directory's checksum is wrong", "checksum", at, "12.4")
-        block = next(block for block, n in self._blocks.items() if n == number)
-        leaf = read_leaf(self.head, data, len(self.head.grid.members(block)), at)
+        leaf = read_leaf(self.head, data, len(self.head.grid.members(self._blocks[number])), at)
         if not np.array_equal(leaf.lengths.sum(axis=1), self.root.sizes[number]):
             raise wrong("a leaf directory and the root disagree", "leaf", at, "12.4")
         return leaf
@@ -277,53 +280,6 @@ class TiledFile:
         return np.clip(bounds[:, 0], 0, last), np.clip(bounds[:, 1], 0, last)
 
 
-class _Held:
-    """Pieces of the file that have been fetched."""
-
-    def __init__(self) -> None:
-        self._pieces: list[tuple[int, bytes]] = []
-
-    def has(self, start: int, end: int) -> bool:
-        return any(at <= start and end <= at + len(data) for at, data in self._pieces)
-
-    def get(self, start: int, end: int) -> bytes:
-        if start == end:
-            return b""
-        return next(data[start - at : end - at] for at, data in self._pieces if at <= start and end <= at + len(data))
-
-    def fetch(self, file: TiledFile, ranges: Iterable[Range]) -> None:
-        for start, end in together(ranges):
-            if end - start > file.limits.bytes:
-                raise OptionError(
-                    f"{end - start:,} bytes would be fetched, more than the limit of {file.limits.bytes:,}",
-                    code="limit-bytes", remedy="ask for a smaller box or a coarser layer",
-                )  # fmt: skip
-            data = file._fetch(start, end)
-            if len(data) != end - start:
-                raise TruncatedError(
-                    f"the file ends at {start + len(data):,}, before its tiles do", code="truncated",
-                    offset=start + len(data), clause="12.4",
-                )  # fmt: skip
-            self._pieces.append((start, data))
-
-
-def together(ranges: Iterable[Range]) -> list[Range]:
-    """Ranges in their order, joined over the smallest gaps while there are many."""
-    found = sorted(each for each in ranges if each[0] < each[1])
-    if not found:
-        return []
-    gaps = sorted((b[0] - a[1], i) for i, (a, b) in enumerate(pairwise(found), start=1))
-    most = max(len(found) - MOST_PIECES, 0)
-    bridged = {i for rank, (gap, i) in enumerate(gaps) if gap <= 0 or (rank < most and gap <= GAP)}
-    out = [found[0]]
-    for i, each in enumerate(found[1:], start=1):
-        if i in bridged:
-            out[-1] = out[-1][0], max(out[-1][1], each[1])
-        else:
-            out.append(each)
-    return out
-
-
 def plain(head: Head, index: Index, number: int, mask: bytes, segments: Iterable[bytes]) -> bytes:
     """An ``.iso`` file of a tile at an isovalue, of its segments."""
     header = Header(head.grid.size(index), head.isovalues[number], head.scale, head.profile)
@@ -334,8 +290,8 @@ def plain(head: Head, index: Index, number: int, mask: bytes, segments: Iterable
 def _within(
     points: NDArray[np.float64], cells: NDArray[np.int64], low: NDArray[np.float64], high: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    """Cells with a point in a box, and their points."""
-    inside: NDArray[np.bool_] = np.all((points >= low) & (points <= high), axis=1)
-    kept = cells[inside[cells].any(axis=1)]
+    """Cells that reach into a box, and their points."""
+    corners = points[cells]
+    kept = cells[((corners.min(axis=1) < high) & (corners.max(axis=1) > low)).all(axis=1)]
     used, number = np.unique(kept, return_inverse=True)
     return points[used], number.reshape(kept.shape)
