@@ -13,11 +13,12 @@ BENCH ?=
 
 PLATFORMS ?= linux-x86_64 linux-aarch64 macos-aarch64 macos-x86_64 windows-x86_64
 
+DOCS_PYTHON := .venv-docs/bin/python
 DEMO_PYTHON := .venv-demo/bin/python
 TEST_PYTHON := .venv-test/bin/python
 
 .DEFAULT_GOAL := help
-.PHONY: help kernels wheels demo test test-web view heavy lint bench vectors zoo fuzz clean
+.PHONY: help kernels wheels demo docs test test-web view heavy lint bench vectors zoo fuzz clean
 
 help: ## Show this list.
 	@sed -n 's/^\([a-z-]*\):.*## /\1\t/p' $(MAKEFILE_LIST) | expand -t 10
@@ -33,6 +34,10 @@ wheels: ## Wheels for all platforms, in dist/.
 
 demo: kernels .venv-demo/.installed ## Encode and decode the shipped data; tables here, pictures and files in demo/out/.
 	$(DEMO_PYTHON) tools/demo.py
+
+docs: export NO_MKDOCS_2_WARNING = 1
+docs: .venv-docs/.installed ## Build the documentation in build/site, all links checked.
+	$(DOCS_PYTHON) -m mkdocs build --quiet --strict --config-file docs/site/mkdocs.yml
 
 test: kernels .venv-test/.installed ## Run the tests, some of them again as plain Python, and the conformance vectors.
 	$(TEST_PYTHON) -m pytest -n $(JOBS) tests
@@ -69,12 +74,13 @@ fuzz: .venv-test/.installed ## Fuzz the decoder, then the encoder, for MINUTES=5
 	$(TEST_PYTHON) -m isoconform fuzz --minutes $(MINUTES) --encoder
 
 clean: ## Remove everything that make has made; what is kept of builds is elsewhere, see README.
-	rm -rf .venv-build .venv-demo .venv-test codec/isocodec/kernel/built demo/out fuzz-out .pytest_cache .mypy_cache .ruff_cache .hypothesis build dist codec/js/dist codec/js/node_modules
+	rm -rf .venv-build .venv-demo .venv-docs .venv-test codec/isocodec/kernel/built demo/out fuzz-out .pytest_cache .mypy_cache .ruff_cache .hypothesis build dist codec/js/dist codec/js/node_modules
 	find codec spec conformance tests tools -name __pycache__ -type d -prune -exec rm -rf {} +
 
 .venv-demo/.installed: EXTRA = demo
+.venv-docs/.installed: EXTRA = docs
 .venv-test/.installed: EXTRA = dev
-.venv-demo/.installed .venv-test/.installed: pyproject.toml | kernels
+.venv-demo/.installed .venv-docs/.installed .venv-test/.installed: pyproject.toml | kernels
 	$(PYTHON) -m venv --clear $(@D)
 	$(@D)/bin/python -m pip install --disable-pip-version-check --quiet --no-compile --editable '.[$(EXTRA)]'
 	touch $@

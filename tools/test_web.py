@@ -56,13 +56,16 @@ def main() -> int:
     node = shutil.which("node") or "node"
     if options.viewer:
         return subprocess.run([node, str(VIEWER / "build.mjs")], check=False).returncode
-    environment = {**os.environ, "ISOCODEC_PYTHON": str(ROOT / ".venv-test" / "bin" / "python")}
+    python = ROOT / ".venv-test" / "bin" / "python"
+    environment = {**os.environ, "ISOCODEC_PYTHON": str(python)}
+    page = [[str(python), "-m", "pytest", str(ROOT / "tests" / "test_docs.py"), "-k", "javascript"]]
     tests = sorted(str(path) for folder in (PACKAGE / "test", VIEWER) for path in folder.glob("*.test.mjs"))
     for command in (
         [node, "build.mjs"],
         [node, str(PACKAGE / "node_modules" / "typescript" / "bin" / "tsc"), "-p", str(VIEWER)],
         [node, str(VIEWER / "build.mjs")],
         [node, "--test", "--test-reporter=dot", *tests],
+        *(page if python.exists() else []),
     ):
         code = subprocess.run(command, cwd=PACKAGE, env=environment, check=False).returncode
         if code:

@@ -102,7 +102,7 @@ class Exchange:
         """
         if self.n != 3:
             raise OptionError("a curve is no mesh of trimesh", code="dimension", remedy="use to_shapely")
-        return _io("surfaces").mesh_of(self)
+        return _io("surfaces").mesh_of(self).copy()  # what is done to it does not move the contour
 
     def to_pyvista(self: Any) -> Any:
         """A ``pyvista.PolyData``: lines, or triangles with normals; cells have the value ``isovalue``.

@@ -9,14 +9,14 @@ process.chdir(new URL(".", import.meta.url).pathname);
 rmSync("dist", { recursive: true, force: true });
 mkdirSync("dist", { recursive: true });
 const common = { bundle: true, format: "esm", target: "es2022", minify: true, logLevel: "error" };
-await build({ ...common, entryPoints: { index: "src/index.ts", worker: "src/worker.ts", three: "src/three.ts" },
-  outdir: "dist", external: ["three"] });
+await build({ ...common, entryPoints: { index: "src/index.ts", worker: "src/worker.ts", three: "src/three.ts",
+  domain: "src/domain/contents.ts" }, splitting: true, chunkNames: "chunk-[hash]", outdir: "dist", external: ["three"] });
 await build({ ...common, entryPoints: { cli: "src/cli.ts" }, outdir: "dist", platform: "node", minify: false,
   banner: { js: "#!/usr/bin/env node" } });
 copyFileSync("../../spec/isospec/main.bin", "dist/main.bin");
 const tsc = createRequire(import.meta.url).resolve("typescript/bin/tsc");
 execFileSync(process.execPath, [tsc, "--emitDeclarationOnly", "--outDir", "dist/types"], { stdio: "inherit" });
-for (const name of ["index.js", "worker.js", "three.js"]) {
+for (const name of ["index.js", "domain.js", "worker.js", "three.js"]) {
   const bytes = readFileSync(`dist/${name}`);
   console.log(`${name}: ${bytes.length} bytes, ${gzipSync(bytes, { level: 9 }).length} gzipped`);
 }

@@ -64,7 +64,7 @@ const openUrl = (url: string): void => begin(url.split("/").pop() ?? url, { url:
 function rows(): number[][] | undefined {
   if (!file) return undefined;
   if (world.checked && file.rows) return file.rows;
-  return file.n === 2 ? [[0, 1, 0], [-1, 0, 0]] : undefined;
+  return file.n === 2 && file.shape.length ? [[0, 1, 0], [-1, 0, 0]] : undefined;
 }
 
 function show(): void {
@@ -73,8 +73,9 @@ function show(): void {
   if (!file.fitted && placed.cells.length) {
     const { n, shape } = file, corners = new Float64Array((1 << n) * n);
     for (let i = 0; i < 1 << n; i++) for (let a = 0; a < n; a++) corners[n * i + a] = (i >> a) & 1 ? shape[a]! - 1 : 0;
-    const box: Drawing = { n, points: corners, cells: new Uint32Array(0), full: false };
-    scene.fit(matrix ? place(box, matrix) : box);
+    const box: Drawing = { n, d: n, points: corners, cells: new Uint32Array(0), full: false };
+    // of an explicit domain only what is drawn says where it lies
+    scene.fit(!shape.length ? placed : matrix ? place(box, matrix) : box);
     file.fitted = true;
   }
   scene.set(placed);
@@ -94,8 +95,8 @@ function happened(event: PlainEvent | IsoEvent): void {
   if (!file) return;
   if (event.type === "header") {
     file.shape = event.header.shape;
-    file.n = file.shape.length;
-    by("size").textContent = `${file.shape.join(" × ")}, ${event.header.profile}`;
+    file.n = event.header.n;
+    by("size").textContent = event.header.explicit ? "mesh" : `${file.shape.join(" × ")}, ${event.header.profile}`;
     choose(event.header.isovalue);
   } else if (event.type === "isovalue") choose(event.isovalue);
   else if (event.type === "layer") file.layers[event.isovalue] = (file.layers[event.isovalue] ?? 0) + 1;

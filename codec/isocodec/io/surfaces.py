@@ -69,7 +69,7 @@ def render_groups(contours: Iterable[Contour], suffix: str) -> bytes:
             if suffix == ".glb":
                 middle = np.rint(mesh.vertices.mean(axis=0)) if middle is None else middle
                 matrix[:3, 3] = middle
-                mesh.vertices -= middle
+                mesh.vertices = mesh.vertices - middle  # in place it would move the contour, which has them, too
             name = f"isovalue {contour.isovalue:.12g}"
             scene.add_geometry(mesh, node_name=name, geom_name=name, transform=matrix)
         del contour

@@ -1,21 +1,30 @@
 /** Command line for conformance: prints the decoded state, or answers the batch protocol of isoconform. */
-import { readFileSync, writeSync } from "node:fs";
+import { existsSync, readFileSync, writeSync } from "node:fs";
 import { createInterface } from "node:readline";
-import { Decoder } from "./decoder.js";
+import { Decoder, type KnownMesh } from "./decoder.js";
+import * as domains from "./domain/contents.js";
 import { canonicalText } from "./text.js";
 
 const tables = process.env["ISOCODEC_TABLES"] ?? new URL("./main.bin", import.meta.url);
 let main: Uint8Array | undefined;
 
+/** The mesh beside a file of one that both sides have: a line `d n V T`, then vertices and cells, a line each. */
+function meshOf(file: string): KnownMesh | undefined {
+  const beside = file.replace(/\.iso$/, ".mesh");
+  if (beside === file || !existsSync(beside)) return undefined;
+  const [d, n, V, , ...rest] = readFileSync(beside, "utf8").trim().split(/\s+/).map(Number) as [number, number, number, number];
+  return { d, n, coordinates: rest.slice(0, d * V), cells: rest.slice(d * V) };
+}
+
 function dump(file: string, layers: number, bytes: number, piece: number): [number, string] {
   main ??= readFileSync(tables);
   const data = new Uint8Array(readFileSync(file)).subarray(0, bytes);
-  const decoder = new Decoder({ tables: main, keepFrames: true });
+  const decoder = new Decoder({ tables: main, domains, mesh: meshOf(file), keepFrames: true });
   if (layers > 0) decoder.pauseAt = layers;
   for (let at = 0; at < data.length && !decoder.error; at += piece) decoder.feed(data.subarray(at, at + piece));
   if (decoder.layers < decoder.pauseAt) decoder.end();
   const kind = decoder.error?.kind;
-  const code = kind === "malformed" ? 4 : kind === "limit" ? 6 : kind === "truncated" ? 5 : 0;
+  const code = kind === "malformed" ? 4 : kind === "limit" ? 6 : kind === "truncated" ? 5 : kind === "mesh" ? 3 : 0;
   return [code, code === 0 || code === 5 ? canonicalText(decoder) : ""];
 }
 

@@ -55,7 +55,7 @@ export class Coder {
   /** Rows on the list of the symbol that is mixed. */
   seen = 0;
 
-  constructor(private readonly input: Input, private readonly meter: Meter) {}
+  constructor(private readonly input: Input, readonly meter: Meter) {}
 
   /** Begin a run of `length` bytes at the place `start` of the input (6.1). */
   begin(start: number, length: number, most: number): void {

@@ -1,7 +1,8 @@
 /** The contour of a decoded state (clause 9). */
 import { EDGES, pattern } from "./cubes.js";
-import type { Contour, Decoder } from "./decoder.js";
+import type { Decoder } from "./decoder.js";
 import { Crossings, EdgeIndex, leafVertices } from "./edges.js";
+import type { GridFile } from "./gridfile.js";
 import { cutOut } from "./holes.js";
 import { ADDED, KNOWN, NEW, OLD, SIGN } from "./store.js";
 import { Leaves, type Tube } from "./tube.js";
@@ -9,7 +10,9 @@ import { Leaves, type Tube } from "./tube.js";
 /** A contour: curves (n = 2) or a surface (n = 3). */
 export interface Drawing {
   n: number;
-  /** Points in samples (9.5), `n` coordinates each. */
+  /** Coordinates of a point: `n`, or 3 of curves on a surface in space. */
+  d: number;
+  /** Points in samples (9.5), of explicit domains in the coordinates of these, `d` numbers each. */
   points: Float64Array;
   /** Segments or triangles, `n` points each; samples above lie on the left, or behind (9.6). */
   cells: Uint32Array;
@@ -163,25 +166,26 @@ class Points {
 
 /** The contour of an isovalue as it is known at the moment, in a series that of the present frame or of another one. */
 export function draw(decoder: Decoder, isovalue = 0, frame = decoder.frames.length - 1): Drawing {
-  const { memory } = decoder.meter;
+  const { grid, domain, meter, meter: { memory } } = decoder;
   try {
-    return drawn(decoder, decoder.frames[frame]?.[isovalue]);
+    if (domain) return domain.draw(isovalue, frame);
+    const contour = grid?.series.frames[frame]?.[isovalue];
+    if (contour) return drawn(grid!, contour.tube);
+    return { n: 2, d: 2, points: new Float64Array(0), cells: new Uint32Array(0), full: false };
   } finally {
     // what drawing took is no part of the state
-    decoder.meter.memory = memory;
+    meter.memory = memory;
   }
 }
 
-function drawn(decoder: Decoder, contour: Contour | undefined): Drawing {
-  if (!contour || !decoder.header) return { n: 2, points: new Float64Array(0), cells: new Uint32Array(0), full: false };
-  const t = contour.tube, { n, grid } = t, leaves = drawnLeaves(t);
+function drawn(file: GridFile, t: Tube): Drawing {
+  const { n, grid } = t, leaves = drawnLeaves(t), { missing, periodic } = file;
   const full = (t.baseDone && t.onFullGrid) || (n === 3 && wholeCubes(t, leaves));
-  const missing = decoder.missing;
   const whole = missing ? (x: number, y: number, z: number): boolean => {
     for (let i = 0; i < 1 << n; i++) if (missing.missing(x + (i & 1), y + ((i >> 1) & 1), z + (i >> 2))) return false;
     return true;
   } : undefined;
-  const points = new Points(t, decoder.header.scale, full ? undefined : new Crossings(t, leaves));
+  const points = new Points(t, file.header.scale, full ? undefined : new Crossings(t, leaves));
   const cells = new List();
   if (full) (n === 2 ? squares : cubes)(t, leaves, points, cells, whole);
   else if (n === 2) {
@@ -190,9 +194,10 @@ function drawn(decoder: Decoder, contour: Contour | undefined): Drawing {
     simplices(t, others, points, cells);
   } else simplices(t, leaves, points, cells);
   const drawing: Drawing = {
-    n, full, points: points.at.data.slice(0, points.at.length), cells: Uint32Array.from(cells.data.subarray(0, cells.length)),
+    n, d: n, full, points: points.at.data.slice(0, points.at.length),
+    cells: Uint32Array.from(cells.data.subarray(0, cells.length)),
   };
-  if (decoder.periodic.length) drawing.seam = points.seam(decoder.periodic);
+  if (periodic.length) drawing.seam = points.seam(periodic);
   return whole && !full ? cutOut(drawing, whole, grid.last, t.meter) : drawing;
 }
 

@@ -1,7 +1,10 @@
 /** Errors of decoding (clauses 1.2(3), 8.3 and 11.2(1)). */
 
-/** What went wrong: the file violates the specification, ends too early, or needs more than the limits allow. */
-export type ErrorKind = "malformed" | "truncated" | "limit";
+/**
+ * What went wrong: the file violates the specification, ends too early, or needs more than the limits allow; or the mesh
+ * that was given is not the one that the file needs (10.1.2(1)).
+ */
+export type ErrorKind = "malformed" | "truncated" | "limit" | "mesh";
 
 /** A file that cannot be decoded any further; what was decoded before stays available. */
 export class IsoError extends Error {

@@ -1,5 +1,6 @@
 /** Layer programs: operations, their arguments, what they build on (3.6). */
-import { IsoError } from "./errors.js";
+import type { IsoError } from "./errors.js";
+import type { Bytes, Steps } from "./reader.js";
 
 /** One layer of a program. */
 export type Layer =
@@ -15,18 +16,13 @@ export class Progress {
   bits: [number, number] | undefined;
   plane = 0;
   parts = 1;
+  /** Whether a chunk of layers has come. */
+  begun = false;
   constructor(readonly full: number, public lean: Progress | undefined) {}
 }
 
-/** Where the bytes of a payload come from; both return after their bytes are there. */
-export interface Bytes {
-  byte(clause: string): Generator<void, number, void>;
-  varint(clause: string): Generator<void, number, void>;
-  error(clause: string, what: string): IsoError;
-}
-
 /** Read a program. `before` layers came before it in the file. */
-export function* readProgram(bytes: Bytes, p: Progress, before: number): Generator<void, Layer[], void> {
+export function* readProgram(bytes: Bytes, p: Progress, before: number): Steps<Layer[]> {
   const layers: Layer[] = [];
   const wrong = (what: string): IsoError => bytes.error("3.6", what);
   const add = (layer: Layer): void => {

@@ -1,4 +1,4 @@
-/** Files from streams, the tables of the main profile fetched when they are needed. */
+/** Files from streams, what not every file needs fetched when one does. */
 import { Decoder, type DecoderOptions, type IsoEvent } from "./decoder.js";
 
 export interface StreamOptions extends DecoderOptions {
@@ -18,6 +18,13 @@ export function fetchTables(url: string | URL = new URL("./main.bin", import.met
   return tables;
 }
 
+/** Give a decoder what it waits for, if it waits for something: tables that `load` fetches, or the module of domains. */
+export async function supply(decoder: Decoder, load: () => Promise<Uint8Array> = fetchTables): Promise<IsoEvent[]> {
+  if (decoder.error) return [];
+  if (decoder.needs === "tables") return decoder.setTables(await load());
+  return decoder.needs ? decoder.setDomains(await import("./domain/contents.js")) : [];
+}
+
 /**
  * Decode a stream of bytes. Yields the decoder with what has happened since the last time: after each piece that came,
  * and at the end. Draw from it whenever there is time; an error of the file is the last event.
@@ -28,9 +35,8 @@ AsyncGenerator<{ decoder: Decoder; events: IsoEvent[] }, Decoder, void> {
   try {
     for (;;) {
       const { done, value } = await reader.read();
-      let events = done ? decoder.end() : decoder.feed(value);
-      if (decoder.needsTables && !options.tables && !decoder.contours.length && !decoder.error)
-        events = events.concat(decoder.setTables(await (options.loadTables ?? fetchTables)()));
+      const events = done ? decoder.end() : decoder.feed(value);
+      events.push(...(await supply(decoder, options.loadTables)));
       yield { decoder, events };
       if (done || decoder.error) return decoder;
     }

@@ -46,17 +46,19 @@ function tube(t: Tube, lines: string[]): void {
 
 /** The text of all that has been decoded; nothing before the header is there. */
 export function canonicalText(decoder: Decoder): string {
-  if (!decoder.header) return "";
-  const lines = [`shape ${decoder.header.shape.join(" ")}`];
-  decoder.frames.forEach((contours, t) => {
-    if (!contours) throw new Error(`frame ${t} has not been kept: decode with keepFrames`);
-    if (t) lines.push(`frame ${t}`);
-    contours.forEach((contour, i) => {
+  const { grid, domain } = decoder;
+  const lines = grid ? [`shape ${grid.header.shape.join(" ")}`] : (domain?.head() ?? []);
+  if (!lines.length) return "";
+  decoder.frames.forEach((contours, frame) => {
+    if (!contours) throw new Error(`frame ${frame} has not been kept: decode with keepFrames`);
+    if (frame) lines.push(`frame ${frame}`);
+    contours.forEach((_, i) => {
       if (i) lines.push(`isovalue ${i}`);
-      tube(contour.tube, lines);
+      if (grid) tube(grid.series.frames[frame]![i]!.tube, lines);
+      else domain!.lines(frame, i, lines);
     });
   });
-  const mask = decoder.maskTube;
+  const mask = grid?.maskTube;
   if (mask) {
     lines.push("mask", `level ${mask.shown}`);
     vertices(mask, lines);

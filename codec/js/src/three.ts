@@ -9,10 +9,10 @@ import { place, type Where } from "./world.js";
  * precise in the 32 bits that graphics have.
  */
 export function toBufferGeometry(drawing: Drawing, where?: Where, origin: readonly number[] = [0, 0, 0]): BufferGeometry {
-  const placed = where ? place(drawing, where) : drawing, { n, points, cells } = placed;
-  const position = new Float32Array((3 * points.length) / n);
-  for (let i = 0; i < points.length / n; i++)
-    for (let a = 0; a < n; a++) position[3 * i + a] = points[n * i + a]! - origin[a]!;
+  const placed = where ? place(drawing, where) : drawing, { n, d, points, cells } = placed;
+  const position = new Float32Array((3 * points.length) / d);
+  for (let i = 0; i < points.length / d; i++)
+    for (let a = 0; a < d; a++) position[3 * i + a] = points[d * i + a]! - origin[a]!;
   const geometry = new BufferGeometry();
   geometry.setAttribute("position", new BufferAttribute(position, 3));
   geometry.setIndex(new BufferAttribute(cells, 1));

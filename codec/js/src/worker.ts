@@ -5,7 +5,7 @@
 import { Decoder, type Header, type IsoEvent } from "./decoder.js";
 import { draw, type Drawing } from "./draw.js";
 import type { Limits } from "./errors.js";
-import { fetchTables } from "./stream.js";
+import { fetchTables, supply } from "./stream.js";
 
 /** What the page sends. Streams and bytes are transferred. */
 export type Request =
@@ -72,9 +72,9 @@ class Job {
       if (current !== this) return void reader.cancel();
       this.bytes += value?.length ?? 0;
       let events = done ? decoder.end() : decoder.feed(value);
-      if (decoder.needsTables && !decoder.contours.length && !decoder.error) {
+      if (decoder.needs && !decoder.error) {
         this.send(events);
-        events = decoder.setTables(await fetchTables(this.request.tables));
+        events = await supply(decoder, () => fetchTables(this.request.tables));
       }
       this.done = done || decoder.error !== undefined;
       this.send(events);

@@ -42,7 +42,7 @@ for (const name of NAMES) {
     const data = vector(name);
     for (const part of [0.3, 0.5, 0.7, 1]) {
       const decoder = decoded(data.subarray(0, Math.round(part * data.length)));
-      if (!decoder.contours[0]?.tube.baseDone) continue;
+      if (!decoder.grid?.series.contours[0].tube.baseDone) continue;
       const drawing = draw(decoder), { n, points } = drawing, { shape } = decoder.header;
       for (const i of border(drawing)) {
         const p = Array.from(points.subarray(n * i, n * i + n));
@@ -55,7 +55,7 @@ for (const name of NAMES) {
 test("samples above a curve lie on its left, in front of a surface those below", () => {
   for (const [name, way] of [["plane_base_8", 1], ["space_base_9", 1]]) {
     const drawing = draw(decoded(vector(name))), { n, points, cells } = drawing;
-    const decoder = decoded(vector(name)), { tube } = decoder.contours[0];
+    const decoder = decoded(vector(name)), { tube } = decoder.grid.series.contours[0];
     let agree = 0;
     for (let c = 0; c < cells.length; c += n) {
       const p = [0, 1, 2].slice(0, n).map((i) => Array.from(points.subarray(n * cells[c + i], n * cells[c + i] + n)));
@@ -107,7 +107,7 @@ test("a curve goes on where a periodic axis closes", () => {
   const nodes = [5, 3, 1], run = (f) => Float64Array.from({ length: 15 }, (_, i) => f(Math.floor(i / 3), i % 3));
   const coordinate = (period, values) => ({ axes: [0, 1], origin: 0, unit: 1, period, nodes, values });
   const drawing = {
-    n: 2, full: true, points: Float64Array.of(0, 1.5, 1, 1.5, 2, 1.5, 3, 1.5, 4, 1.5),
+    n: 2, d: 2, full: true, points: Float64Array.of(0, 1.5, 1, 1.5, 2, 1.5, 3, 1.5, 4, 1.5),
     cells: Uint32Array.of(2, 3, 3, 4, 0, 1, 1, 2), seam: Uint32Array.of(4, 0),
   };
   const x = [1, 0, -1, 0, 1], y = [0, 1, 0, -1, 0];

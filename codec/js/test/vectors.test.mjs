@@ -1,17 +1,17 @@
 // Every conformance vector: the state after the whole file, after each layer, and in pieces.
 import assert from "node:assert/strict";
 import { createHash } from "node:crypto";
-import { readFileSync } from "node:fs";
+import { existsSync, readFileSync } from "node:fs";
 import { test } from "node:test";
 import { Decoder, canonicalText, coordinatesText } from "../dist/index.js";
+import * as domains from "../dist/domain.js";
+import { readMesh } from "./mesh.mjs";
 
 const folder = new URL("../../../conformance/vectors/", import.meta.url);
 const { vectors } = JSON.parse(readFileSync(new URL("manifest.json", folder), "utf8"));
 const tables = readFileSync(new URL("../dist/main.bin", import.meta.url));
 const hash = (text) => createHash("sha256").update(text).digest("hex");
 
-/** Vectors of explicit domains, which this decoder does not read yet, by the beginning of their names. */
-const OPEN = ["mesh_", "tin_"];
 /** 4.5 million symbols of numbers with 52 bits. */
 const SLOW = ["plane_main_mixing_limit"];
 
@@ -21,11 +21,12 @@ function status(decoder) {
 }
 
 for (const vector of vectors) {
-  const open = OPEN.some((name) => vector.name.startsWith(name));
   const slow = SLOW.includes(vector.name) && !process.env.ISOCODEC_SLOW;
-  test(vector.name, { skip: open ? "not decoded yet" : slow ? "takes long" : false }, () => {
+  test(vector.name, { skip: slow ? "takes long" : false }, () => {
     const data = readFileSync(new URL(vector.file, folder));
-    const decoder = new Decoder({ tables, keepFrames: true });
+    const beside = new URL(`${vector.name}.mesh`, folder);
+    const options = { tables, domains, mesh: existsSync(beside) ? readMesh(readFileSync(beside, "utf8")) : undefined, keepFrames: true };
+    const decoder = new Decoder(options);
     const states = [];
     decoder.pauseAt = vector.layers ? 1 : Infinity;
     decoder.feed(data);
@@ -42,7 +43,7 @@ for (const vector of vectors) {
     if (!vector.layers) return;
     assert.deepEqual(states.slice(0, vector.layers.length), vector.layers.map((layer) => layer.state));
     if (data.length > 20000) return;
-    const pieces = new Decoder({ tables, keepFrames: true });
+    const pieces = new Decoder(options);
     for (let at = 0, i = 1; at < data.length; at += i, i = (i % 7) + 1) pieces.feed(data.subarray(at, at + i));
     pieces.end();
     assert.equal(canonicalText(pieces), canonicalText(decoder));

@@ -1,0 +1,109 @@
+/** What is known of one isovalue of a mesh (10.1.3 to 10.1.5). */
+import type { Meter } from "../errors.js";
+import type { Isovalue } from "../series.js";
+import type { Complex } from "./complex.js";
+import type { Levels } from "./levels.js";
+import { LAYERS, type Models } from "./models.js";
+import type { Numbers } from "./values.js";
+import type { Offsets } from "./offsets.js";
+
+export class Contour implements Isovalue {
+  /** By vertex: 1 above, 0 below, -1 not known. */
+  readonly sign: Int8Array;
+  readonly models: Models;
+  /** Isovalues that this one leans on, the nearest first; none if it leans on the frame before. */
+  private readonly earlier: readonly Contour[];
+  /** Signs that follow from these, by vertex; -1 where none does. */
+  readonly given: Int8Array | undefined;
+  /** The isovalue of the frame before, if this one leans on it, and its signs then: -1 where they are not known. */
+  before: Contour | undefined;
+  readonly then: Int8Array | undefined;
+  /** Whether the last two signs were those then (10.1.5(3)). */
+  agreed = 0;
+  /** The cells of both signs in the order in which they were visited, if all signs are there. */
+  leaves: Int32Array | undefined;
+  /** Rounds that have not come back yet, and the signs of 10.8 so far; none without layers of levels. */
+  levels: Levels | undefined;
+  offsets: Offsets | undefined;
+  values: Numbers | undefined;
+
+  constructor(readonly mesh: Complex, readonly isovalue: number, lean: Contour | undefined, framed: boolean, meter: Meter) {
+    const { V } = mesh;
+    // models, and a byte for each sign, given sign and sign then; looking at all of them is work
+    meter.take(3 * V + 16384);
+    meter.step(V + mesh.T);
+    this.sign = new Int8Array(V).fill(-1);
+    this.models = lean ? lean.models.copy() : LAYERS.make();
+    this.earlier = lean && !framed ? [lean, ...lean.earlier] : [];
+    if (this.earlier.length) this.given = this.follow();
+    if (!lean || !framed) return;
+    this.before = lean;
+    this.then = lean.everywhere();
+  }
+
+  /** Forget what only further layers need: none will come. */
+  finish(): void {
+    this.before = undefined;
+  }
+
+  /** 10.1.4(2). */
+  private follow(): Int8Array {
+    const given = new Int8Array(this.mesh.V).fill(-1);
+    for (const { isovalue, sign } of this.earlier) {
+      const above = isovalue > this.isovalue ? 1 : -2, below = isovalue < this.isovalue ? 0 : -2;
+      for (let v = 0; v < sign.length; v++) if (sign[v]! === above || sign[v]! === below) given[v] = sign[v]!;
+    }
+    return given;
+  }
+
+  /** The number of a vertex that follows from an earlier isovalue, of integer data (10.1.4(3)); -1 if none does. */
+  number(v: number): number {
+    for (let i = this.earlier.length - 1; i >= 0; i--) {
+      const other = this.earlier[i]!, N = other.values?.number[v] ?? -1;
+      if (N < 0) continue;
+      const t = BigInt(Math.floor(other.isovalue)), own = BigInt(Math.floor(this.isovalue));
+      const value = other.sign[v] ? t + 1n + BigInt(N) : t - BigInt(N);
+      const number = this.sign[v] ? value - own - 1n : own - value;
+      return number < 0n ? 0 : number >= 2n ** 52n ? 2 ** 52 - 1 : Number(number);
+    }
+    return -1;
+  }
+
+  /** Whether all signs are there that are told (10.1.3(2)). */
+  get whole(): boolean {
+    return this.leaves !== undefined;
+  }
+
+  /** The signs of all vertices that one comes to (10.1.5(2)). */
+  private everywhere(): Int8Array {
+    const { mesh: { V, n, first, stars, cells } } = this, then = this.sign.slice();
+    if (!this.whole) return then.fill(-1);
+    const queue = new Int32Array(V);
+    let end = 0;
+    for (let v = 0; v < V; v++) if (then[v]! >= 0) queue[end++] = v;
+    for (let i = 0; i < end; i++) {
+      const v = queue[i]!;
+      for (let j = first[v]!; j < first[v + 1]!; j++) {
+        for (let c = (n + 1) * stars[j]!; c < (n + 1) * (stars[j]! + 1); c++) {
+          const u = cells[c]!;
+          if (then[u]! >= 0) continue;
+          then[u] = then[v]!;
+          queue[end++] = u;
+        }
+      }
+    }
+    return then;
+  }
+
+  /** `then(v, s)` of 10.1.5(3). */
+  was(v: number, s: number): number {
+    const then = this.then![v]!;
+    return then < 0 ? 0 : then === s ? 1 : 2;
+  }
+
+  /** A sign is there that `agreed` takes note of. */
+  learn(v: number, sign: number): void {
+    this.sign[v] = sign;
+    if (this.then && this.then[v]! >= 0) this.agreed = ((this.agreed << 1) & 2) | (this.then[v] === sign ? 1 : 0);
+  }
+}

@@ -1,0 +1,26 @@
+"""The specification as a page: it stays one text, in ``spec/``."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import Any
+
+SPECIFICATION = Path(__file__).resolve().parents[2] / "spec" / "iso.md"
+
+
+def on_page_markdown(markdown: str, page: Any, **_: Any) -> str:
+    """The specification's text, where a page is to have it.
+
+    It is indented as CommonMark wants it: what belongs to "1. " begins three columns in. Python-Markdown wants four,
+    and an empty line before the next number where indented text ends.
+    """
+    if page.file.src_uri != "specification.md":
+        return markdown
+    blocks = SPECIFICATION.read_text(encoding="utf-8").split("\n\n")
+    return "\n\n".join(block if re.match(r" {4}\S", block) else _indented(block) for block in blocks)
+
+
+def _indented(block: str) -> str:
+    block = re.sub(r"(?m)^((?:  )*) (?=\S)", r"\1  ", block)
+    return re.sub(r"(?m)^( .*\n)(?=\d+\. )", r"\1\n", block) if block.startswith(" ") else block

@@ -1,0 +1,194 @@
+"""Coordinates of what is written and read, held against other libraries, and against the tables of docs/formats.md.
+
+The page states for each format by how much a coordinate may differ, as a part of the largest coordinate: "none" or a
+number. What is measured is no more than that, and where a number stands, some difference is there.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import ezdxf
+import geopandas
+import nibabel
+import numpy as np
+import pytest
+import rasterio
+import rasterio.transform
+import shapely
+import SimpleITK
+import tifffile
+import trimesh
+import vtk
+import xarray
+from scipy.spatial import KDTree
+from vtk.util.numpy_support import numpy_to_vtk, vtk_to_numpy
+
+import isocodec
+from commands import BALL, HILLS, ok
+
+PAGE = (Path(__file__).resolve().parents[1] / "docs" / "formats.md").read_text(encoding="utf-8")
+STATED = {
+    name: 0.0 if bound == "none" else float(bound)
+    for names, bound in re.findall(r"^\| ([^|]+) \|[^|]+\| (none|[0-9]e-[0-9]+) \|$", PAGE, re.MULTILINE)
+    for name in re.findall(r"`(\.[a-z0-9.]+)`", names)
+}
+"""By suffix, what the page says."""
+UTM = np.array([[0.0, 30, 5e5], [-20, 0, 5e6]])
+SPACE = np.array([[0.0, 0, -2.1, 400], [0, 1.5, 0, 500], [3.3, 0, 0, 7]])
+RNG = np.random.default_rng(5)
+
+
+def holds(suffix: str, found: np.ndarray, expected: np.ndarray) -> None:
+    """That the two are the same places, within what the page says."""
+    scale = np.abs(expected).max()
+    there, _ = KDTree(expected).query(found)
+    back, _ = KDTree(found).query(expected)
+    differ = max(there.max(), back.max()) / scale
+    stated = STATED[suffix]
+    assert differ <= stated
+    assert stated == 0 or differ > 0
+
+
+# ---- Written --------------------------------------------------------------------------------------------------------
+
+
+def by_geopandas(path: Path) -> np.ndarray:
+    read = geopandas.read_parquet if path.suffix == ".parquet" else geopandas.read_file
+    return shapely.get_coordinates(read(path).geometry)
+
+
+def by_json(path: Path) -> np.ndarray:
+    return np.concatenate([np.array(line) for line in json.loads(path.read_text())["geometry"]["coordinates"]])
+
+
+def by_ezdxf(path: Path) -> np.ndarray:
+    lines = ezdxf.readfile(path).modelspace().query("LWPOLYLINE POLYLINE")
+    found = [
+        np.array([p[:2] for p in line.get_points()]) if line.dxftype() == "LWPOLYLINE"
+        else np.array([v.dxf.location[:2] for v in line.vertices])
+        for line in lines
+    ]  # fmt: skip
+    return np.concatenate(found)
+
+
+def by_vtk(path: Path) -> np.ndarray:
+    reader = vtk.vtkXMLPolyDataReader()
+    reader.SetFileName(str(path))
+    reader.Update()
+    return np.asarray(vtk_to_numpy(reader.GetOutput().GetPoints().GetData()), float)
+
+
+def by_trimesh(path: Path) -> np.ndarray:
+    return np.asarray(trimesh.util.concatenate(trimesh.load_scene(path, process=False).dump()).vertices)
+
+
+CURVES: dict[str, Callable[[Path], np.ndarray]] = {
+    ".geojson": by_json, ".gpkg": by_geopandas, ".fgb": by_geopandas, ".shp": by_geopandas, ".parquet": by_geopandas,
+    ".dxf": by_ezdxf, ".vtp": lambda path: by_vtk(path)[:, :2],
+}  # fmt: skip
+SURFACES = {".vtp": by_vtk, **dict.fromkeys([".ply", ".stl", ".off", ".obj", ".glb", ".3mf"], by_trimesh)}
+
+
+@pytest.mark.parametrize("suffix", CURVES)
+def test_curves_lie_where_they_did(tmp_path: Path, suffix: str) -> None:
+    contour = isocodec.decode(isocodec.encode(HILLS, 80.5, placement=UTM, metadata={"crs": "EPSG:32631"}))
+    isocodec.save(tmp_path / "c.iso", isocodec.encode(HILLS, 80.5, placement=UTM, metadata={"crs": "EPSG:32631"}))
+    ok("decode", tmp_path / "c.iso", "-o", tmp_path / f"c{suffix}", *(["--keep-crs"] if suffix == ".geojson" else []))
+    holds(suffix, CURVES[suffix](tmp_path / f"c{suffix}"), contour.placed)
+
+
+@pytest.mark.parametrize("suffix", SURFACES)
+def test_surfaces_lie_where_they_did(tmp_path: Path, suffix: str) -> None:
+    contour = isocodec.decode(isocodec.encode(BALL, 55.5, placement=SPACE))
+    isocodec.save(tmp_path / f"c{suffix}", contour)
+    holds(suffix, SURFACES[suffix](tmp_path / f"c{suffix}"), contour.placed)
+
+
+# ---- Read -----------------------------------------------------------------------------------------------------------
+
+
+def geotiff(path: Path) -> Callable[[np.ndarray], np.ndarray]:
+    transform = rasterio.transform.from_origin(5e5, 5e6, 30, 20)
+    with rasterio.open(
+        path, "w", driver="GTiff", height=33, width=41, count=1, dtype="uint8", crs="EPSG:32631", transform=transform
+    ) as file:
+        file.write(HILLS, 1)
+    return lambda index: np.stack(rasterio.transform.xy(transform, index[:, 0], index[:, 1]), axis=1)
+
+
+def nifti(path: Path) -> Callable[[np.ndarray], np.ndarray]:
+    affine = np.eye(4)
+    affine[:3] = SPACE
+    nibabel.save(nibabel.Nifti1Image(BALL, affine), path)
+    return lambda index: nibabel.affines.apply_affine(nibabel.load(path).affine, index)
+
+
+def itk(path: Path) -> Callable[[np.ndarray], np.ndarray]:
+    """SimpleITK has left and back, where nibabel and we have right and front."""
+    image = SimpleITK.GetImageFromArray(BALL)
+    image.SetSpacing((0.7, 1.1, 2.3))
+    image.SetOrigin((-30.0, 20.0, 11.5))
+    image.SetDirection((0.0, 1.0, 0.0, -1.0, 0.0, 0.0, 0.0, 0.0, 1.0))
+    SimpleITK.WriteImage(image, str(path))
+    return lambda index: np.array(
+        [SimpleITK.ReadImage(str(path)).TransformContinuousIndexToPhysicalPoint(row) for row in index.tolist()]
+    ) * (-1, -1, 1)
+
+
+def netcdf(path: Path) -> Callable[[np.ndarray], np.ndarray]:
+    y, x = 5e6 - 20.0 * np.arange(33), 5e5 + 30.0 * np.arange(41)
+    xarray.DataArray(HILLS.astype(np.int16), {"y": y, "x": x}, ("y", "x"), name="h").to_netcdf(path, engine="scipy")
+    return lambda index: np.stack([np.interp(index[:, 1], range(41), x), np.interp(index[:, 0], range(33), y)], axis=1)
+
+
+def vti(path: Path) -> Callable[[np.ndarray], np.ndarray]:
+    image = vtk.vtkImageData()
+    image.SetDimensions(17, 17, 17)
+    image.SetSpacing(0.7, 1.1, 2.3)
+    image.SetOrigin(-30.0, 20.0, 11.5)
+    image.GetPointData().SetScalars(numpy_to_vtk(BALL.ravel(), deep=True))
+    writer = vtk.vtkXMLImageDataWriter()
+    writer.SetInputData(image)
+    writer.SetFileName(str(path))
+    writer.Write()
+
+    def place(index: np.ndarray) -> np.ndarray:
+        out = np.zeros((len(index), 3))
+        for row, at in zip(out, index.tolist(), strict=True):
+            image.TransformContinuousIndexToPhysicalPoint(at, row)
+        return out
+
+    return place
+
+
+def ome(path: Path) -> Callable[[np.ndarray], np.ndarray]:
+    sizes = {"PhysicalSizeX": 0.3, "PhysicalSizeY": 0.4, "PhysicalSizeZ": 2.5}
+    tifffile.imwrite(path, BALL, ome=True, metadata={"axes": "ZYX", **sizes})
+    return lambda index: index[:, ::-1] * (0.3, 0.4, 2.5)
+
+
+READERS: dict[str, Callable[[Path], Callable[[np.ndarray], np.ndarray]]] = {
+    ".tif": geotiff, ".nii.gz": nifti, ".nrrd": itk, ".mha": itk, ".nc": netcdf, ".vti": vti, ".ome.tif": ome,
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("suffix", READERS)
+def test_samples_lie_where_the_library_says(tmp_path: Path, suffix: str) -> None:
+    """Places between samples, too."""
+    place = READERS[suffix](tmp_path / f"f{suffix}")
+    field: Any = isocodec.read(tmp_path / f"f{suffix}")
+    shape = np.asarray(field.values).shape
+    index = RNG.random((50, len(shape))) * (np.array(shape) - 1)
+    if suffix in (".tif", ".nc"):
+        index = np.floor(index)
+    matrix = np.asarray(field.placement)
+    if matrix.ndim == 1:
+        matrix = np.diag(matrix)
+    n = len(shape)
+    ours = index @ matrix[:, :n].T + (matrix[:, n] if matrix.shape[1] > n else 0)
+    holds(suffix, ours, place(index))
