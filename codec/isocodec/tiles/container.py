@@ -155,9 +155,9 @@ class Leaf:
         return groups_of(self.lengths[area])
 
 
-def is_tiled(data: bytes | bytearray | memoryview) -> bool:
-    """Whether bytes are the beginning of a tiled file."""
-    return bytes(data[: len(SIGNATURE)]) == SIGNATURE
+def is_tiled(data: object) -> bool:
+    """Whether these are the first bytes of a tiled file."""
+    return isinstance(data, bytes | bytearray | memoryview) and bytes(data[: len(SIGNATURE)]) == SIGNATURE
 
 
 def groups_of(lengths: NDArray[np.int64]) -> NDArray[np.int64]:
