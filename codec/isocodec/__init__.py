@@ -56,6 +56,7 @@ if TYPE_CHECKING:
     )
     from .limits import Limits
     from .mesh_api import encode_mesh
+    from .recoding import merge, transcode
     from .stream.decoder import Decoder
     from .stream.encoder import Encoder
     from .stream.inspect import FileInfo, inspect
@@ -89,6 +90,7 @@ _HOMES = {
     "kernel": ("kernels",),
     "limits": ("Limits",),
     "mesh_api": ("encode_mesh",),
+    "recoding": ("merge", "transcode"),
     "stream.decoder": ("Decoder",),
     "layers.events": (
         "BaseComplete", "ChunkSkipped", "CoordinatesRead", "DomainRead", "End", "Event", "FrameRead", "GeometryRefined",
@@ -166,12 +168,14 @@ __all__ = [
     "encode_tin",
     "inspect",
     "kernels",
+    "merge",
     "open",
     "read",
     "read_plan",
     "save",
     "statistics",
     "thin",
+    "transcode",
     "truncate",
     "verify",
 ]

@@ -1,4 +1,8 @@
+<<<<<<< HEAD
 """The command line: ``isocodec encode | decode | mask | info | truncate | plot | verify | thin | tile``.
+=======
+"""The command line: ``isocodec encode | decode | mask | info | truncate | ..``, a module or two each.
+>>>>>>> main
 
 The modules here load in a few milliseconds; whatever takes longer (numpy, matplotlib) is imported by the verb that
 needs it, when it needs it.
@@ -13,6 +17,7 @@ from .encode import encode_command
 from .info import info_command
 from .mask import mask_command
 from .plot import plot_command
+from .recode import merge_command, transcode_command
 from .report import EXIT_CODES, Program
 from .thin import thin_command
 from .tile import tile_command
@@ -44,7 +49,12 @@ def main() -> None:
 
 
 for command in (
+<<<<<<< HEAD
     encode_command, decode_command, mask_command, info_command, truncate_command, plot_command, verify_command,
     thin_command, tile_command,
+=======
+    encode_command, decode_command, mask_command, info_command, truncate_command, transcode_command, merge_command,
+    plot_command, verify_command, thin_command,
+>>>>>>> main
 ):  # fmt: skip
     main.add_command(command)

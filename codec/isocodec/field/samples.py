@@ -133,6 +133,10 @@ class Field:
             changes = np.cumsum(signs[:, 1:] != signs[:, :-1], axis=1)
             step = np.argmax(changes == (changes[:, -1:] + 1) // 2, axis=1)
             low, high = (np.stack([x[rows, step + i] for x in samples], axis=1) for i in (0, 1))
+        return (step + np.clip(self.between(low, high), 0.0, 1.0)) / length
+
+    def between(self, low: NDArray[np.int64], high: NDArray[np.int64]) -> NDArray[np.float64]:
+        """Where edges between samples next to one another are crossed, as fractions (E,) of the way from the first."""
         f_low = self.values[tuple(low.T)].astype(np.float64)
         f_high = self.values[tuple(high.T)].astype(np.float64)
         with np.errstate(all="ignore"):
@@ -140,8 +144,8 @@ class Field:
             # not overflow, all bits of tiny ones stay, and what loses some is too small to count.
             exponent = np.frexp(np.maximum(np.abs(f_low), np.abs(f_high)))[1]
             at, start, end = (np.ldexp(x, -exponent) for x in (self.isovalue, f_low, f_high))
-            where = (at - start) / (end - start)
-        return (step + np.clip(where, 0.0, 1.0)) / length
+            where: NDArray[np.float64] = (at - start) / (end - start)
+        return where
 
 
 def _wide(samples: NDArray[Any], t: int) -> bool:

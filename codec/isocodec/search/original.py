@@ -13,6 +13,7 @@ from ..drawing.contour import Contour
 from ..drawing.drawing import draw
 from ..drawing.leaves import Leaves
 from ..field.samples import Field
+from ..field.told import Told
 from ..tube.holes import whole_cells_of
 
 
@@ -31,14 +32,25 @@ def original(field: Field) -> Contour:
     flat = flat[signs.any(axis=1) & ~signs.all(axis=1)]
     used, index = np.unique(flat, return_inverse=True)
     position = np.stack(np.unravel_index(used, shape), axis=-1).reshape(-1, n)
-    values = field.values.reshape(-1)[used].astype(np.float64)
+    edges, places = _told_edges(field, used) if isinstance(field, Told) else (np.zeros((0, 2), np.int64), np.zeros(0))
+    numbered = not isinstance(field, Told) or field.number is not None
+    values = field.values.reshape(-1)[used].astype(np.float64) if numbered else None
     leaves = Leaves(
         shape=shape, isovalue=field.isovalue, position=position, above=field.signs.reshape(-1)[used], value=values,
         simplices=index.reshape(-1, n + 1), levels=np.zeros(len(flat), np.int64), full=True,
-        edges=np.zeros((0, 2), np.int64), edge_offset=np.zeros(0),
+        edges=edges, edge_offset=places,
         whole=None if field.gone is None else partial(whole_cells_of, field.gone),
     )  # fmt: skip
     return draw(leaves)
+
+
+def _told_edges(field: Told, used: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    """Edges with a place that is told, as numbers of their vertices among those used, and the places."""
+    shape = field.signs.shape
+    strides = np.array([math.prod(shape[axis + 1 :]) for axis in range(len(shape))])
+    low = field.edges // len(shape)
+    ends = np.stack([low, low + strides[field.edges % len(shape)]], axis=1)
+    return np.searchsorted(used, ends), field.places
 
 
 def _mixed_cells(signs: NDArray[np.bool_]) -> NDArray[np.int64]:

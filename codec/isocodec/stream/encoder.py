@@ -13,7 +13,7 @@ from isospec.container import ChunkType, Profile
 
 from ..errors import FormatError, OptionError
 from ..field.sampled import check_bare
-from ..field.samples import check_field, mask_field, without_holes
+from ..field.samples import Field, check_field, mask_field, without_holes
 from ..format.chunks import (
     LayerRecord,
     Promises,
@@ -140,12 +140,7 @@ class Encoder(ContainerEncoder):
             coordinates=coordinates, coordinates_error=coordinates_error, periodic=periodic, period=period,
         )  # fmt: skip
         self.isovalues = isovalues_of(isovalue)
-        check_bare(field)
-        values, gone = without_holes(field, mask)
-        check_axes(self._world.periodic, values.shape)
-        values = closed(values, self._world.periodic)
-        gone = None if gone is None else closed(gone, self._world.periodic)
-        self._fields = [check_field(values, value, self.options.step, gone) for value in self.isovalues]
+        self._fields, gone = self._sampled(field, mask)
         self._truths = [truth_of(one) for one in self._fields]
         first = self._fields[0]
         self.options.check_data(first.integer)
@@ -156,6 +151,17 @@ class Encoder(ContainerEncoder):
         self.header = Header(first.values.shape, first.isovalue, self.options.step, Profile[profile.upper()])
         self._mask_run, self._holes = self._encoded_mask(gone)
         self._begin_strands()
+
+    def _sampled(
+        self, field: ArrayLike, mask: ArrayLike | None
+    ) -> tuple[list[Field], NDArray[np.bool_] | None]:
+        """The field at each isovalue, and which samples are missing."""
+        check_bare(field)
+        values, gone = without_holes(field, mask)
+        check_axes(self._world.periodic, values.shape)
+        values = closed(values, self._world.periodic)
+        gone = None if gone is None else closed(gone, self._world.periodic)
+        return [check_field(values, value, self.options.step, gone) for value in self.isovalues], gone
 
     def _begin_strands(self) -> None:
         """Get the first isovalue ready to be encoded."""
@@ -223,7 +229,7 @@ class Encoder(ContainerEncoder):
         fine = None if values or o.signs_only else o.tolerance or DEFAULT_TOLERANCE
         # crossings of the planes that close an axis have to be the same ones
         free = self.header.profile == Profile.MAIN and not self._world.periodic and self._slack_keeps_order(fine)
-        offsets = grid_offsets(fine, free)
+        behind = self._behind_grid(number, [*values, *grid_offsets(fine, free)])
         searched = o.tolerance if o.base_level is None and (o.tolerance or 0) >= SEARCHED else None
         if searched is o.steps is o.criterion is None and not o.preserve_topology:
             grid = strategy.grid_plan(len(self.header.shape), self._full_level, o.base_level)
@@ -233,7 +239,7 @@ class Encoder(ContainerEncoder):
                 leaf: list[Entry] = [(LayerKind.LEAF_BASE,)]
                 if self._size(number, lean, leaf) < least * self._size(number, lean, grid):
                     grid = leaf
-            return grid + values + offsets
+            return [*grid, *behind]
         truth = self._truths[number]
         promise = Promise(self._fields[number], lambda: self._fresh(number, lean), free, self._try, truth, self._holes)
         if o.distances is not None:
@@ -245,7 +251,11 @@ class Encoder(ContainerEncoder):
             return mesh + values + [(LayerKind.OFFSETS, radix, 0) for radix in radices(fine)]
         if searched is not None:
             return strategy.smallest(promise, searched, o.preserve_topology)
-        return strategy.whole_mesh(promise, True, o.base_level) + values + offsets
+        return [*strategy.whole_mesh(promise, True, o.base_level), *behind]
+
+    def _behind_grid(self, number: int, asked: list[Entry]) -> list[Entry]:
+        """What is told of the curve of an isovalue on the full grid, if its signs are not all."""
+        return asked
 
     def _within(self, promise: Promise, values: list[Entry], fine: float | None, free: bool) -> Sequence[Entry]:
         """Layers under the criterion distortion, with crossings told finely enough for it unless it is said how."""

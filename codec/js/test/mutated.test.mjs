@@ -7,14 +7,16 @@ import { join } from "node:path";
 import { test } from "node:test";
 import { fileURLToPath } from "node:url";
 import { crc32 } from "node:zlib";
-import { Decoder, canonicalText } from "../dist/index.js";
+import { Decoder } from "../dist/index.js";
+import { MainProfile } from "../dist/main.js";
+import { canonicalText } from "../dist/text.js";
 import * as domains from "../dist/domain.js";
 import { readMesh } from "./mesh.mjs";
 
 const root = fileURLToPath(new URL("../../../", import.meta.url));
 const python = process.env.ISOCODEC_PYTHON ?? join(root, ".venv-test/bin/python");
 const folder = join(root, "conformance/vectors");
-const tables = readFileSync(new URL("../dist/main.bin", import.meta.url));
+const main = new MainProfile(readFileSync(new URL("../dist/main.bin", import.meta.url)));
 const count = Number(process.env.ISOCODEC_MUTATED ?? 150);
 
 /** A vector that takes long. */
@@ -56,7 +58,7 @@ function slow(bytes) {
 }
 
 function ours(data, mesh) {
-  const decoder = new Decoder({ tables, domains, mesh, keepFrames: true });
+  const decoder = new Decoder({ main, domains, mesh, keepFrames: true });
   for (let at = 0; at < data.length; at += 1000) decoder.feed(data.subarray(at, at + 1000));
   decoder.end();
   const kind = decoder.error?.kind;

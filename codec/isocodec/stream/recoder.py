@@ -1,0 +1,134 @@
+"""Files from what other files tell: their curves on the full grid, as fields to be encoded anew."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ..errors import OptionError
+from ..field.samples import Field
+from ..field.told import Told, near_values, told_values
+from ..format.kinds import LayerKind
+from ..layers.plan import Entry
+from .decoder import Decoder
+from .encoder import Encoder
+
+
+@dataclass(frozen=True)
+class Source:
+    """An isovalue of a file.
+
+    Attributes
+    ----------
+    field : Told
+    geometry : list of entries
+        Layers behind the full grid that tell the same again.
+    """
+
+    field: Told
+    geometry: list[Entry]
+
+
+def sources_of(decoder: Decoder, what: str = "the file") -> list[Source]:
+    """All isovalues of a file that a decoder has taken whole; ``what`` names it in messages.
+
+    Raises
+    ------
+    OptionError
+        If it is not on the full grid, is a series, has coordinates of its own, or tells values in part.
+    LimitError
+        If it has more samples than the limits allow.
+    """
+    assert decoder.header is not None
+    if decoder.interval is not None:
+        raise OptionError(f"{what} is a series of frames", code="recode", remedy="decode frames, encode them again")
+    if decoder.mapped() is not None:
+        raise OptionError(f"{what} has coordinates of its own", code="recode", remedy="encode the field itself again")
+    gone = ~decoder.valid()
+    missing = gone if gone.any() else None
+    return [_source(decoder, number, missing, what) for number in range(len(decoder.isovalues))]
+
+
+def _source(decoder: Decoder, number: int, gone: NDArray[np.bool_] | None, what: str) -> Source:
+    assert decoder.header is not None
+    signs = np.ascontiguousarray(decoder.mask(number))
+    state = decoder.state(number)
+    assert state is not None
+    isovalue, scale, n = decoder.isovalues[number], decoder.header.scale, signs.ndim
+    in_part = OptionError(f"{what} tells values or crossings in part, or both", code="recode",
+                          remedy="give signs_only, or encode the field itself again")  # fmt: skip
+    if (state.missing >= 0).any():
+        beside = _beside(signs, gone)[tuple(state.position.T)]
+        if len(state.edge_parts) or (state.missing[beside] > 0).any():
+            raise in_part
+        steps = np.full(signs.shape, -1, np.int64)
+        known = state.missing == 0
+        steps[tuple(state.position[known].T)] = state.number[known]
+        field = Told(told_values(signs, isovalue, scale, steps), isovalue, signs, scale, gone, number=steps)
+        return Source(field, [(LayerKind.VALUES, None)])
+    moves = state.edge_high - state.edge_low
+    parts = np.unique(state.edge_parts)
+    if len(parts) > 1 or (np.abs(moves).sum(axis=1) != 1).any():
+        raise in_part
+    keys = np.ravel_multi_index(tuple(state.edge_low.T), signs.shape) * n + np.argmax(moves, axis=1)
+    order = np.argsort(keys)
+    edges, places = keys[order], ((state.edge_number + 0.5) / state.edge_parts)[order]
+    values = near_values(signs, isovalue, edges, places)
+    field = Told(values, isovalue, signs, scale, gone, edges=edges, places=places)
+    return Source(field, [(LayerKind.OFFSETS, radix) for radix in _radices(int(parts[0]))] if len(parts) else [])
+
+
+def _beside(signs: NDArray[np.bool_], gone: NDArray[np.bool_] | None) -> NDArray[np.bool_]:
+    """Samples with a neighbour along an axis on the other side, neither of them missing."""
+    out = np.zeros(signs.shape, np.bool_)
+    for axis in range(signs.ndim):
+        low: list[slice] = [slice(None)] * signs.ndim
+        high = list(low)
+        low[axis], high[axis] = slice(None, -1), slice(1, None)
+        crossed = signs[tuple(low)] != signs[tuple(high)]
+        if gone is not None:
+            crossed &= ~(gone[tuple(low)] | gone[tuple(high)])
+        out[tuple(low)] |= crossed
+        out[tuple(high)] |= crossed
+    return out
+
+
+def _radices(parts: int) -> list[int]:
+    """Odd factors of a number of parts, rising: a layer each."""
+    out, factor = [], 3
+    while parts > 1:
+        while parts % factor == 0:
+            out.append(factor)
+            parts //= factor
+        factor += 2
+    return out
+
+
+class Recoder(Encoder):
+    """Encodes what files tell.
+
+    Parameters
+    ----------
+    sources : sequence of Source
+        Of fields of one shape, with the same samples missing.
+    kept : bool
+        Tell the same again, whatever options say of precision.
+    options
+        As of `Encoder`.
+    """
+
+    def __init__(self, sources: Sequence[Source], kept: bool, **options: Any) -> None:
+        self._sources = sources
+        self._kept = kept
+        fields = [source.field for source in sources]
+        super().__init__(fields[0].signs, [field.isovalue for field in fields], **options)
+
+    def _sampled(self, field: ArrayLike, mask: ArrayLike | None) -> tuple[list[Field], NDArray[np.bool_] | None]:
+        return [source.field for source in self._sources], self._sources[0].field.gone
+
+    def _behind_grid(self, number: int, asked: list[Entry]) -> list[Entry]:
+        return self._sources[number].geometry if self._kept else asked

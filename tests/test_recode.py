@@ -1,0 +1,228 @@
+"""Files made of files: held against what the field itself gives, and against distances that shapely measures."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import shapely
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.spatial import KDTree
+
+import isocodec
+from commands import BALL, HILLS, fails, ok
+from files import picture
+from grids import polar
+from isocodec import InputError, OptionError
+from isocodec.api import received
+from isocodec.search.original import original
+from isocodec.stream.recoder import sources_of
+
+NOISE = picture((23, 18), 7, noise=0.8)
+FIELDS = {"hills": (HILLS, 80.5), "noise": (NOISE, 0.5), "ball": (BALL, 55.5)}
+PRECISIONS: dict[str, dict[str, Any]] = {
+    "exact": {"exact": True}, "default": {}, "fine": {"tolerance": 0.004}, "signs": {"signs_only": True}
+}  # fmt: skip
+
+
+def corners(contour: isocodec.Contour) -> np.ndarray:
+    """Cells by the places of their corners, each from the least on, all in order."""
+    rows = []
+    for cell in contour.points[contour.cells].tolist():
+        turn = cell.index(min(cell)) if contour.n == 3 else 0
+        rows.append([x for corner in cell[turn:] + cell[:turn] for x in corner])
+    return np.array(sorted(rows))
+
+
+def same(a: isocodec.Contour, b: isocodec.Contour) -> bool:
+    return np.array_equal(corners(a), corners(b)) and a.isovalue == b.isovalue
+
+
+def apart(a: isocodec.Contour, b: isocodec.Contour) -> float:
+    """The largest distance of two curves, both ways, by shapely on curves with many points in between."""
+    lines = [shapely.segmentize(c.to_shapely(), 0.02) for c in (a, b)]
+    return float(max(shapely.hausdorff_distance(*lines), shapely.hausdorff_distance(*lines[::-1])))
+
+
+@pytest.mark.parametrize("name", FIELDS)
+@pytest.mark.parametrize("profile", ["main", "baseline"])
+@pytest.mark.parametrize(
+    "asked", [{"exact": True}, {"signs_only": True}, {"tolerance": 0.03}, {"tolerance": 0.05}], ids=str
+)
+def test_exact_files_give_what_their_field_gives(name: str, profile: str, asked: dict[str, Any]) -> None:
+    """Byte by byte: a file of all values next to the curve is as good as the field."""
+    field, isovalue = FIELDS[name]
+    whole = isocodec.encode(field, isovalue, exact=True, metadata={"unit": "m"})
+    how = {} if "exact" in asked else asked
+    made = isocodec.transcode(whole, profile=profile, **how)
+    assert made == isocodec.encode(field, isovalue, profile=profile, metadata={"unit": "m"}, **asked)
+
+
+def test_steps_of_floats() -> None:
+    field = np.sin(np.mgrid[:20, :30][0] / 3.0) + np.cos(np.mgrid[:20, :30][1] / 4.0)
+    whole = isocodec.encode(field, 0.2, step=0.01)
+    assert isocodec.transcode(whole, profile="baseline") == isocodec.encode(field, 0.2, step=0.01, profile="baseline")
+
+
+@pytest.mark.parametrize("name", FIELDS)
+@pytest.mark.parametrize("precision", PRECISIONS)
+@pytest.mark.parametrize("there", ["main", "baseline"])
+def test_no_point_moves(name: str, precision: str, there: str) -> None:
+    """From either profile to the other and back."""
+    field, isovalue = FIELDS[name]
+    here = "baseline" if there == "main" else "main"
+    data = isocodec.encode(field, isovalue, profile=here, **PRECISIONS[precision])
+    made = isocodec.transcode(data, profile=there)
+    assert isocodec.inspect(made).profile == there
+    assert same(isocodec.decode(made), isocodec.decode(data))
+    assert np.array_equal(isocodec.decode_mask(made), field > isovalue)
+    assert isocodec.transcode(made, profile=here) == isocodec.transcode(data)
+
+
+@pytest.mark.parametrize("tolerance", [0.03, 0.2, 1.0])
+@pytest.mark.parametrize("precision", PRECISIONS)
+def test_distances_are_kept(precision: str, tolerance: float) -> None:
+    """Between the curve of the file and that of the result."""
+    for field, isovalue in (FIELDS["hills"], FIELDS["noise"]):
+        data = isocodec.encode(field, isovalue, **PRECISIONS[precision])
+        made = isocodec.transcode(data, tolerance=tolerance)
+        assert apart(isocodec.decode(made), isocodec.decode(data)) <= tolerance + 1e-9
+
+
+def test_distances_of_surfaces() -> None:
+    """As far as points all over the triangles tell, a tenth of a cell from one to the next on grid cells."""
+    data = isocodec.encode(BALL, 55.5)
+    before, after = (isocodec.decode(d) for d in (data, isocodec.transcode(data, tolerance=0.25)))
+    assert len(after.points) < len(before.points)
+    weights = np.array([(i, j, 30 - i - j) for i in range(31) for j in range(31 - i)]) / 30
+    dense = [(weights @ contour.points[contour.cells]).reshape(-1, 3) for contour in (before, after)]
+    there, back = KDTree(dense[0]).query(dense[1])[0].max(), KDTree(dense[1]).query(dense[0])[0].max()
+    assert 0 < max(there, back) < 0.25 + 0.1
+
+
+@pytest.mark.parametrize("precision", PRECISIONS)
+@pytest.mark.parametrize("name", FIELDS)
+def test_the_searches_start_from_the_curve_of_the_file(name: str, precision: str) -> None:
+    """What distances are proven from is what a decoder draws."""
+    field, isovalue = FIELDS[name]
+    data = isocodec.encode(field, isovalue, **PRECISIONS[precision])
+    (source,) = sources_of(received(data, None))
+    assert same(original(source.field), isocodec.decode(data))
+
+
+def test_topology() -> None:
+    data = isocodec.encode(NOISE, 0.5)
+    made = isocodec.transcode(data, tolerance=1.0, preserve_topology=True)
+    before, after = (isocodec.decode(d) for d in (data, made))
+    assert len(after.lines) == len(before.lines)
+
+
+def test_missing_samples_and_place() -> None:
+    field = HILLS.astype(float)
+    field[5:9, 12:20] = np.nan
+    place = np.array([[0.0, 30, 5e5], [-20, 0, 5e6]])
+    data = isocodec.encode(field, 80.25, placement=place, metadata={"crs": "EPSG:32631"})
+    made = isocodec.transcode(data, profile="baseline")
+    assert np.array_equal(isocodec.decode_valid(made), ~np.isnan(field))
+    before, after = (isocodec.decode(d) for d in (data, made))
+    assert same(before, after) and after.metadata == before.metadata
+    assert np.array_equal(np.sort(after.placed, axis=0), np.sort(before.placed, axis=0))
+    assert isocodec.decode(isocodec.transcode(data, tolerance=0.5)).masked
+
+
+def test_files_that_cannot_be() -> None:
+    coarse = isocodec.encode(HILLS, 80.5, criterion="topology")
+    series = isocodec.encode_frames([HILLS, HILLS], 80.5)
+    mapped, coordinates = polar()
+    ring = isocodec.encode(mapped, 0.0, coordinates=coordinates, periodic=1)
+    part = isocodec.encode(HILLS, 80.5, plan=[("base", 2), ("refine", None), ("values", 2)])
+    surface = isocodec.encode_tin(HILLS.astype(float), error=20.0)
+    points = np.random.default_rng(1).random((50, 2))
+    mesh = isocodec.encode_mesh(points, None, points[:, 0], 0.5)
+    reasons = {coarse: "coarser", series: "series", ring: "coordinates", part: "in part", mesh: "mesh", surface: "mesh"}
+    for data, says in reasons.items():
+        with pytest.raises(OptionError, match=says):
+            isocodec.transcode(data)
+        with pytest.raises(OptionError, match=says):
+            isocodec.merge([isocodec.encode(HILLS, 90.5), data])
+    with pytest.raises(isocodec.TruncatedError):
+        isocodec.transcode(isocodec.encode(HILLS, 80.5)[:-9])
+    with pytest.raises(OptionError, match="contradict"):
+        isocodec.transcode(isocodec.encode(HILLS, 80.5), tolerance=0.5, signs_only=True)
+
+
+# ---- Several in one -------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("profile", ["main", "baseline"])
+def test_merged(profile: str) -> None:
+    """Whatever each of them tells; the isovalues lean on one another."""
+    asked: list[tuple[list[float], dict[str, Any]]] = [
+        ([40.5], {}), ([80.5, 120.5], {"exact": True}), ([60.5], {"signs_only": True}), ([100.5], {"tolerance": 0.01})
+    ]  # fmt: skip
+    files = [isocodec.encode(HILLS, isovalues, **options) for isovalues, options in asked]
+    made = isocodec.merge(files, profile=profile)
+    before = [contour for file in files for contour in isocodec.decode_all(file)]
+    after = isocodec.decode_all(made)
+    assert [contour.isovalue for contour in after] == [40.5, 80.5, 120.5, 60.5, 100.5]
+    assert all(map(same, after, before))
+    if profile == "main":
+        assert len(made) < sum(map(len, files))
+
+
+@given(st.integers(0, 10_000), st.sampled_from([{}, {"exact": True}, {"signs_only": True}, {"tolerance": 0.2}]))
+def test_merged_whatever_the_field(seed: int, options: dict[str, Any]) -> None:
+    """Of isovalues so close that crossings of one edge coincide, or were moved past one another."""
+    rng = np.random.default_rng(seed)
+    field = rng.integers(0, 4, (9, 8))
+    options = {**options, "base_level": 0} if "tolerance" in options else options
+    files = [isocodec.encode(field, value, **options) for value in (1.45, 1.5, 0.5, 2.5)]
+    for profile in ("main", "baseline"):
+        after = isocodec.decode_all(isocodec.merge(files, profile=profile))
+        assert all(map(same, after, map(isocodec.decode, files)))
+
+
+def test_not_of_one_field() -> None:
+    here = isocodec.encode(HILLS, 80.5, placement=[1.0, 2.0])
+    holes = np.zeros(HILLS.shape, bool)
+    holes[3, 3] = True
+    others = {
+        "shape": isocodec.encode(HILLS[:-1], 90.5, placement=[1.0, 2.0]),
+        "elsewhere": isocodec.encode(HILLS, 90.5, placement=[1.0, 3.0]),
+        "missing": isocodec.encode(HILLS, 90.5, placement=[1.0, 2.0], mask=holes),
+        "not of one field": isocodec.encode(HILLS[::-1], 90.5, placement=[1.0, 2.0]),
+    }
+    for says, other in others.items():
+        with pytest.raises(InputError, match=says):
+            isocodec.merge([here, other])
+    smooth = HILLS.astype(float)
+    with pytest.raises(InputError, match="steps"):
+        isocodec.merge([isocodec.encode(smooth, 80.5, step=0.5), isocodec.encode(smooth, 90.5, step=0.25)])
+    with pytest.raises(OptionError, match="twice"):
+        isocodec.merge([here, here])
+    with pytest.raises(OptionError, match="no files"):
+        isocodec.merge([])
+
+
+# ---- Command line ---------------------------------------------------------------------------------------------------
+
+
+def test_commands(tmp_path: Path, hills: Path) -> None:
+    one, two, out = tmp_path / "1.iso", tmp_path / "2.iso", tmp_path / "out.iso"
+    ok("encode", hills, "-o", one, "--isovalue", 80.5)
+    ok("encode", hills, "-o", two, "--isovalue", 120.5, "--exact")
+    assert "bytes of" in ok("transcode", one, "-o", out, "--profile", "baseline")
+    assert same(isocodec.decode(out), isocodec.decode(one)) and isocodec.inspect(out.read_bytes()).profile == "baseline"
+    ok("transcode", one, "-o", out, "--tolerance", 1)
+    assert apart(isocodec.decode(out), isocodec.decode(one)) <= 1 + 1e-9
+    assert "2 isovalues" in ok("merge", one, two, "-o", out)
+    assert isocodec.open(out).isovalues == (80.5, 120.5)
+    fails(2, "transcode", one, "-o", out, "--tolerance", 1, "--signs-only")
+    fails(2, "merge", one, one, "-o", tmp_path / "twice.iso")
+    fails(2, "transcode", one, "-o", out, "--tolerance", -1)
+    (tmp_path / "no.iso").write_bytes(b"no")
+    fails(4, "transcode", tmp_path / "no.iso", "-o", out)
+    assert not (tmp_path / "twice.iso").exists()
