@@ -1,8 +1,4 @@
-<<<<<<< HEAD
-"""The command line: ``isocodec encode | decode | mask | info | truncate | plot | verify | thin | tile``.
-=======
 """The command line: ``isocodec encode | decode | mask | info | truncate | ..``, a module or two each.
->>>>>>> main
 
 The modules here load in a few milliseconds; whatever takes longer (numpy, matplotlib) is imported by the verb that
 needs it, when it needs it.
@@ -49,12 +45,7 @@ def main() -> None:
 
 
 for command in (
-<<<<<<< HEAD
-    encode_command, decode_command, mask_command, info_command, truncate_command, plot_command, verify_command,
-    thin_command, tile_command,
-=======
     encode_command, decode_command, mask_command, info_command, truncate_command, transcode_command, merge_command,
-    plot_command, verify_command, thin_command,
->>>>>>> main
+    plot_command, verify_command, thin_command, tile_command,
 ):  # fmt: skip
     main.add_command(command)
