@@ -66,6 +66,7 @@ if TYPE_CHECKING:
     from .stream.series import SeriesEncoder, encode_frames
     from .stream.statistics import FileStatistics, statistics
     from .stream.truncate import truncate
+    from .tiled_api import TiledIsoFile, encode_tiles
     from .tin_api import decode_tin, encode_tin
     from .verification import Kept, verify
 
@@ -104,6 +105,7 @@ _HOMES = {
     "stream.series": ("SeriesEncoder", "encode_frames"),
     "stream.statistics": ("FileStatistics", "statistics"),
     "stream.truncate": ("truncate",),
+    "tiled_api": ("TiledIsoFile", "encode_tiles"),
     "verification": ("Kept", "verify"),
     "tin_api": ("decode_tin", "encode_tin"),
 }  # fmt: skip
@@ -148,6 +150,7 @@ __all__ = [
     "SeriesEncoder",
     "SeriesRead",
     "Thinned",
+    "TiledIsoFile",
     "Tin",
     "TruncatedError",
     "areas",
@@ -161,6 +164,7 @@ __all__ = [
     "encode",
     "encode_frames",
     "encode_mesh",
+    "encode_tiles",
     "encode_tin",
     "inspect",
     "kernels",
