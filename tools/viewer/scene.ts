@@ -47,7 +47,9 @@ export class Scene {
   private readonly programs: WebGLProgram[];
   private readonly buffer: WebGLBuffer;
   private readonly index: WebGLBuffer;
+  /** Points of a cell, coordinates of a point. */
   private n = 2;
+  private d = 2;
   private count = 0;
   private dark = false;
   private waiting = false;
@@ -65,7 +67,7 @@ export class Scene {
     const gl = canvas.getContext("webgl2", { antialias: true, preserveDrawingBuffer: true });
     if (!gl) throw new Error("this browser has no WebGL 2");
     this.gl = gl;
-    this.programs = [this.program(CURVES, CURVE_COLOUR), this.program(SURFACE, SURFACE_COLOUR)];
+    this.programs = [this.program(CURVES, CURVE_COLOUR), this.program(SURFACE, SURFACE_COLOUR), this.program(SURFACE, CURVE_COLOUR)];
     this.buffer = gl.createBuffer()!;
     this.index = gl.createBuffer()!;
     new ResizeObserver(() => this.request()).observe(canvas);
@@ -98,11 +100,12 @@ export class Scene {
   }
 
   /** Draw this from now on; 32 bits are precise enough relative to `origin`. */
-  set({ n, points, cells }: Drawing): void {
+  set({ n, d, points, cells }: Pick<Drawing, "n" | "d" | "cells"> & { points: Float64Array }): void {
     const { gl, origin } = this;
     this.n = n;
+    this.d = d;
     gl.bindBuffer(gl.ARRAY_BUFFER, this.buffer);
-    if (n === 2) {
+    if (d === 2) {
       const ends = new Float32Array(2 * cells.length);
       for (let i = 0; i < cells.length; i++) {
         ends[2 * i] = points[2 * cells[i]!]! - origin[0];
@@ -118,9 +121,9 @@ export class Scene {
     }
   }
 
-  /** Show all of a box, given by its corners; what is drawn has to be set again, relative to its middle. */
-  fit(box: Drawing): void {
-    const { n, points } = box, low = [Infinity, Infinity, Infinity], high = [-Infinity, -Infinity, -Infinity];
+  /** Show all of some points, of `n` coordinates; what is drawn has to be set again, relative to their middle. */
+  fit(n: number, points: Float64Array): void {
+    const low = [Infinity, Infinity, Infinity], high = [-Infinity, -Infinity, -Infinity];
     points.forEach((x, i) => {
       low[i % n] = Math.min(low[i % n]!, x);
       high[i % n] = Math.max(high[i % n]!, x);
@@ -159,7 +162,7 @@ export class Scene {
   /** Move by pixels; `other` turns a plane and moves a space, which is turned otherwise. */
   drag(dx: number, dy: number, other: boolean): void {
     const { pixel, centre } = this;
-    if (this.n === 2) {
+    if (this.d === 2) {
       if (other) this.angle += dx / 200;
       else {
         const c = Math.cos(this.angle), s = Math.sin(this.angle);
@@ -177,7 +180,7 @@ export class Scene {
   }
 
   zoom(by: number, x = this.canvas.clientWidth / 2, y = this.canvas.clientHeight / 2): void {
-    const before = this.n === 2 ? this.at(x, y) : undefined;
+    const before = this.d === 2 ? this.at(x, y) : undefined;
     this.scale = Math.max(0.05, Math.min(1e6, this.scale * by));
     if (before) {
       const after = this.at(x, y);
@@ -196,7 +199,7 @@ export class Scene {
 
   private moved(event: PointerEvent): void {
     const before = this.pointers.get(event.pointerId);
-    if (this.n === 2) {
+    if (this.d === 2) {
       const [x, y] = this.at(event.offsetX, event.offsetY);
       this.where(x + this.origin[0], y + this.origin[1]);
     }
@@ -206,7 +209,7 @@ export class Scene {
       const other = [...this.pointers].find(([id]) => id !== event.pointerId)![1];
       const apart = (p: [number, number]): number => Math.hypot(p[0] - other[0], p[1] - other[1]);
       if (apart(before) > 0) this.zoom(apart(now) / apart(before), (now[0] + other[0]) / 2, (now[1] + other[1]) / 2);
-      this.drag(dx / 2, dy / 2, this.n === 3);
+      this.drag(dx / 2, dy / 2, this.d === 3);
     } else this.drag(dx, dy, event.shiftKey || event.buttons > 1);
     this.pointers.set(event.pointerId, now);
   }
@@ -218,7 +221,7 @@ export class Scene {
   }
 
   draw(): void {
-    const { gl, canvas, n } = this, ratio = devicePixelRatio || 1;
+    const { gl, canvas, n, d } = this, ratio = devicePixelRatio || 1;
     const width = Math.round(canvas.clientWidth * ratio), height = Math.round(canvas.clientHeight * ratio);
     if (canvas.width !== width || canvas.height !== height) {
       canvas.width = width;
@@ -229,13 +232,13 @@ export class Scene {
     gl.clearColor(back[0]!, back[1]!, back[2]!, 1);
     gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
     if (!this.count) return;
-    const program = this.programs[n - 2]!, at = (name: string): WebGLUniformLocation | null =>
+    const program = this.programs[d === 2 ? 0 : n === 3 ? 1 : 2]!, at = (name: string): WebGLUniformLocation | null =>
       gl.getUniformLocation(program, name);
     gl.useProgram(program);
     gl.bindBuffer(gl.ARRAY_BUFFER, this.buffer);
     gl.enableVertexAttribArray(0);
     const [x, y, z] = this.centre, wide = 2 / (canvas.clientWidth * this.pixel), high = 2 / (canvas.clientHeight * this.pixel);
-    if (n === 2) {
+    if (d === 2) {
       const c = Math.cos(this.angle), s = Math.sin(this.angle);
       gl.uniformMatrix3fv(at("camera"), false, [c * wide, s * high, 0, -s * wide, c * high, 0,
         (-c * x + s * y) * wide, (-s * x - c * y) * high, 1]);
@@ -265,6 +268,6 @@ export class Scene {
     gl.vertexAttribPointer(0, 3, gl.FLOAT, false, 0, 0);
     gl.vertexAttribDivisor(0, 0);
     gl.bindBuffer(gl.ELEMENT_ARRAY_BUFFER, this.index);
-    gl.drawElements(gl.TRIANGLES, this.count, gl.UNSIGNED_INT, 0);
+    gl.drawElements(n === 3 ? gl.TRIANGLES : gl.LINES, this.count, gl.UNSIGNED_INT, 0);
   }
 }

@@ -1,41 +1,42 @@
-// The page in a real browser: pixels while a throttled stream arrives, keys, isovalues, light and dark, damaged files.
+// The page in a real browser: pixels while a throttled stream arrives, keys, isovalues, frames, coordinates, damaged files.
 import assert from "node:assert/strict";
 import { existsSync, readFileSync } from "node:fs";
-import { createServer } from "node:http";
-import { createRequire } from "node:module";
-import { delimiter, join } from "node:path";
+import { join } from "node:path";
 import { after, before, test } from "node:test";
-import { fileURLToPath } from "node:url";
+import { withMetadata } from "../../codec/js/test/files.mjs";
+import { chromium, openViewer, root, samples } from "./browser.mjs";
 
-const root = fileURLToPath(new URL("../../", import.meta.url));
-const browserPath = process.env.CHROMIUM ?? ["chromium", "chromium-browser", "google-chrome"]
-  .flatMap((name) => (process.env.PATH ?? "").split(delimiter).map((folder) => join(folder, name))).find(existsSync);
-const skip = browserPath ? false : "no Chromium";
+const skip = chromium ? false : "no Chromium";
 const vectors = join(root, "conformance/vectors");
-let server, browser, page, address;
+const made = skip ? {} : samples(), unmade = skip || (made["terrain.iso"] ? false : "no files: the reference encoder does not run");
+const PLACED = { placement: "10 0 500000 0 10 5200000", crs: "EPSG:2056" };
+let viewer, page, address;
+/** Lets the rest of a file through that was held back. */
+let release;
+
+function find(name) {
+  if (name.startsWith("held-")) {
+    const data = made[name.slice(5)], part = Math.floor(0.05 * data.length) - 1;
+    return (answer) => {
+      answer.writeHead(200, { "content-length": data.length });
+      answer.write(data.subarray(0, part));
+      release = () => answer.end(data.subarray(part));
+    };
+  }
+  if (made[name]) return made[name];
+  const path = join(vectors, name.replace(/^(damaged|placed)-/, ""));
+  if (!existsSync(path)) return undefined;
+  const data = Buffer.from(readFileSync(path));
+  if (name.startsWith("placed-")) return Buffer.from(withMetadata(data, PLACED));
+  if (name.startsWith("damaged-")) data[data.length >> 1] ^= 255;
+  return data;
+}
 
 before(async () => {
-  if (skip) return;
-  server = createServer((request, answer) => {
-    const name = new URL(request.url, "http://localhost").pathname.slice(1) || "index.html";
-    const path = name.endsWith(".iso") ? join(vectors, name.replace("damaged-", "")) : join(root, "build/viewer", name);
-    if (!existsSync(path)) return answer.writeHead(404).end();
-    const data = Buffer.from(readFileSync(path));
-    if (name.startsWith("damaged-")) data[data.length >> 1] ^= 255;
-    answer.writeHead(200, { "content-length": data.length, "x-content-type-options": "nosniff", "content-type": name.endsWith(".html") ? "text/html" : "application/octet-stream" });
-    answer.end(data);
-  }).listen(0);
-  address = `http://localhost:${server.address().port}/`;
-  const { chromium } = createRequire(join(root, "codec/js/package.json"))("playwright-core");
-  browser = await chromium.launch({ executablePath: browserPath,
-    args: ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--ignore-gpu-blocklist"] });
-  page = await browser.newPage({ viewport: { width: 640, height: 480 } });
+  if (!skip) ({ page, address } = viewer = await openViewer(find));
 });
 
-after(async () => {
-  await browser?.close();
-  server?.close();
-});
+after(() => viewer?.close());
 
 const open = (file, more = "") => page.goto(`${address}?theme=light&file=${file}${more}`, { waitUntil: "commit" });
 const state = () => page.evaluate(() => ({ ...document.documentElement.dataset }));
@@ -117,4 +118,97 @@ test("a damaged file says what is wrong and keeps what it had", { skip, timeout:
   await open("damaged-plane_values_8_bit.iso");
   await until("malformed");
   assert.match(await page.textContent("#error"), /clause/);
+});
+
+const shown = (name, value) => page.waitForFunction(([n, v]) => document.documentElement.dataset[n] === v, [name, String(value)],
+  { timeout: 20000 });
+
+test("any frame of a series, by keys and by the slider", { skip: unmade, timeout: 60000 }, async () => {
+  await open("waves.iso");
+  await until("done");
+  await page.waitForFunction(() => document.documentElement.dataset.final === "true");
+  const last = Number(await page.getAttribute("#frame", "max")), pictures = [];
+  assert.equal(last, 7);
+  assert.ok(await page.isVisible("#frame"));
+  await shown("frame", last);
+  for (const t of [last, last - 1, last - 2]) {
+    await shown("frame", t);
+    pictures.push((await pixels()).sum);
+    await page.keyboard.press(",");
+  }
+  await page.evaluate(() => {
+    const slider = document.getElementById("frame");
+    slider.value = "0";
+    slider.dispatchEvent(new Event("input"));
+  });
+  await shown("frame", 0);
+  pictures.push((await pixels()).sum);
+  assert.equal(new Set(pictures).size, pictures.length);
+  await page.evaluate(() => document.activeElement.blur());
+  for (let t = 1; t <= last; t++) {
+    await page.keyboard.press(".");
+    await shown("frame", t);
+  }
+  assert.equal((await pixels()).sum, pictures[0]);
+});
+
+test("world coordinates: of a placement, and of a mapped grid", { skip, timeout: 60000 }, async () => {
+  for (const [name, low, high] of [["placed-plane_values_8_bit", 490000, 510000], ["plane_mapped_nodes", 1500, 3000]]) {
+    await open(`${name}.iso`);
+    await until("done");
+    await page.waitForFunction(() => document.documentElement.dataset.final === "true");
+    const samples = await pixels(), drawings = (await state()).drawings;
+    await page.keyboard.press("w");
+    await page.waitForFunction((d) => document.documentElement.dataset.drawings !== d, drawings);
+    const placed = await pixels();
+    assert.ok(placed.count > 50);
+    assert.notEqual(placed.sum, samples.sum);
+    await page.mouse.move(320, 240);
+    const [, x] = /x (-?[\d.]+)/.exec(await page.textContent("#where"));
+    assert.ok(Number(x) > low && Number(x) < high, `${name}: ${x}`);
+  }
+});
+
+test("the first curve is there before 5 % of a file of 1 MB", { skip: unmade, timeout: 60000 }, async (t) => {
+  const size = made["terrain.iso"].length;
+  assert.ok(size > 1e6, `${size} bytes`);
+  await open("held-terrain.iso");
+  await page.waitForFunction(() => Number(document.documentElement.dataset.cells) > 0, undefined, { timeout: 40000 });
+  const early = await state();
+  assert.equal(early.state, "open");
+  assert.ok(Number(early.bytes) < 0.05 * size);
+  assert.ok((await pixels()).count > 100);
+  t.diagnostic(`${early.cells} segments after ${early.bytes} of ${size} bytes`);
+  release();
+});
+
+test("a surface of 300,000 triangles turns", { skip: unmade, timeout: 60000 }, async (t) => {
+  await open("gyroid.iso");
+  await page.waitForFunction(() => document.documentElement.dataset.final === "true", undefined, { timeout: 40000 });
+  const cells = Number((await state()).cells);
+  assert.ok(cells > 3e5, `${cells} triangles`);
+  const times = [];
+  for (let i = 0; i < 10; i++) {
+    times.push(await page.evaluate(() => new Promise((resolve) => {
+      const started = performance.now(), gl = document.getElementById("view").getContext("webgl2");
+      dispatchEvent(new KeyboardEvent("keydown", { key: "ArrowLeft" }));
+      requestAnimationFrame(() => {
+        // one pixel is read, so that the frame is drawn
+        gl.readPixels(0, 0, 1, 1, gl.RGBA, gl.UNSIGNED_BYTE, new Uint8Array(4));
+        resolve(performance.now() - started);
+      });
+    })));
+  }
+  times.sort((p, q) => p - q);
+  t.diagnostic(`${cells} triangles: ${times[5].toFixed(0)} ms a frame, drawn by the processor`);
+  assert.ok((await pixels()).count > 2000);
+});
+
+test("a surface of points and the curves of a mesh in the file", { skip, timeout: 60000 }, async () => {
+  for (const name of ["tin_terrain", "mesh_plane_coded", "mesh_surface_coded"]) {
+    await open(`${name}.iso`);
+    await until("done");
+    await page.waitForFunction(() => document.documentElement.dataset.final === "true");
+    assert.ok((await pixels()).count > 20, name);
+  }
 });

@@ -3,14 +3,14 @@ import type { IsoEvent } from "../../codec/js/src/decoder.js";
 import type { Drawing } from "../../codec/js/src/draw.js";
 import type { Promises } from "../../codec/js/src/metadata.js";
 import type { Answer, PlainEvent, Request } from "../../codec/js/src/worker.js";
-import { place, placement } from "../../codec/js/src/world.js";
+import { placement } from "../../codec/js/src/world.js";
 import { Scene } from "./scene.js";
 
 declare const WORKER: string;
 
 const by = <T extends HTMLElement>(id: string): T => document.getElementById(id) as T;
 const root = document.documentElement, canvas = by<HTMLCanvasElement>("view"), choice = by<HTMLSelectElement>("isovalue");
-const world = by<HTMLInputElement>("world");
+const world = by<HTMLInputElement>("world"), slider = by<HTMLInputElement>("frame");
 
 /** What is known of the open file. */
 interface File {
@@ -21,13 +21,19 @@ interface File {
   metadata: Record<string, string>;
   layers: number[];
   promises: Promises[];
-  rows: number[][] | undefined;
+  /** Layers of the present frame, whose first isovalue begins it. */
+  frame: number;
   drawing: Drawing | undefined;
+  box: Float64Array | undefined;
+  /** Whether all of it has been shown, in world coordinates or others. */
   fitted: boolean;
+  world: boolean;
+  /** The frame that was chosen; the last one there is, unless one was. */
+  chosen: number | undefined;
 }
 
 const worker = new Worker(URL.createObjectURL(new Blob([WORKER], { type: "text/javascript" })), { type: "module" });
-const ask = (request: Request, transfer: Transferable[] = []): void => worker.postMessage(request, transfer);
+const tell = (request: Request, transfer: Transferable[] = []): void => worker.postMessage(request, transfer);
 const scene = new Scene(canvas, (x, y) => {
   by("where").textContent = file?.n === 2 ? `x ${x.toFixed(2)}  y ${y.toFixed(2)}` : "";
 });
@@ -39,8 +45,8 @@ const parameters = new URLSearchParams(location.search);
 const rate = Number(parameters.get("rate")) || undefined;
 
 function begin(name: string, source: { url: string } | { bytes: Uint8Array }): void {
-  file = { id: ++count, n: 2, shape: [], isovalues: [], metadata: {}, layers: [], promises: [], rows: undefined,
-    drawing: undefined, fitted: false };
+  file = { id: ++count, n: 2, shape: [], isovalues: [], metadata: {}, layers: [], promises: [], frame: 0,
+    drawing: undefined, box: undefined, fitted: false, world: false, chosen: undefined };
   by("hint").hidden = true;
   by("name").textContent = name;
   by("error").textContent = by("size").textContent = "";
@@ -49,10 +55,11 @@ function begin(name: string, source: { url: string } | { bytes: Uint8Array }): v
   choice.replaceChildren();
   choice.disabled = world.disabled = true;
   world.checked = false;
+  by("series").hidden = true;
   Object.assign(root.dataset, { state: "open", bytes: "0", cells: "0", layers: "0" });
   const common = { type: "open" as const, id: file.id, tables, ...(rate ? { bytesPerSecond: rate } : {}) };
-  if ("bytes" in source) ask({ ...common, bytes: source.bytes }, [source.bytes.buffer]);
-  else ask({ ...common, url: source.url });
+  if ("bytes" in source) tell({ ...common, bytes: source.bytes }, [source.bytes.buffer]);
+  else tell({ ...common, url: source.url });
 }
 
 const openFile = async (chosen: globalThis.File | null | undefined): Promise<void> => {
@@ -60,26 +67,27 @@ const openFile = async (chosen: globalThis.File | null | undefined): Promise<voi
 };
 const openUrl = (url: string): void => begin(url.split("/").pop() ?? url, { url: new URL(url, location.href).href });
 
-/** The matrix that points are drawn with: that of the file, or axis 1 to the right and axis 0 downwards. */
-function rows(): number[][] | undefined {
-  if (!file) return undefined;
-  if (world.checked && file.rows) return file.rows;
-  return file.n === 2 && file.shape.length ? [[0, 1, 0], [-1, 0, 0]] : undefined;
+/** Points with axis 1 to the right and axis 0 downwards, as rows and columns are written; others as they are. */
+function upright(points: Float64Array): Float64Array {
+  if (!file || file.n !== 2 || !file.shape.length || file.world) return points;
+  return points.map((_, i) => (i & 1 ? -points[i - 1]! : points[i + 1]!));
 }
 
 function show(): void {
   if (!file?.drawing) return;
-  const matrix = rows(), placed = matrix ? place(file.drawing, matrix) : file.drawing;
-  if (!file.fitted && placed.cells.length) {
-    const { n, shape } = file, corners = new Float64Array((1 << n) * n);
-    for (let i = 0; i < 1 << n; i++) for (let a = 0; a < n; a++) corners[n * i + a] = (i >> a) & 1 ? shape[a]! - 1 : 0;
-    const box: Drawing = { n, d: n, points: corners, cells: new Uint32Array(0), full: false };
-    // of an explicit domain only what is drawn says where it lies
-    scene.fit(!shape.length ? placed : matrix ? place(box, matrix) : box);
+  const { drawing, box } = file;
+  if (!file.fitted && drawing.cells.length) {
+    scene.fit(drawing.d, upright(box!));
     file.fitted = true;
   }
-  scene.set(placed);
+  scene.set({ ...drawing, points: upright(drawing.points) });
   scene.request();
+}
+
+/** Ask for what is chosen. */
+function ask(): void {
+  if (!file) return;
+  tell({ type: "show", id: file.id, isovalue: Math.max(0, choice.selectedIndex), frame: file.chosen, world: world.checked });
 }
 
 function promised(): void {
@@ -103,8 +111,13 @@ function happened(event: PlainEvent | IsoEvent): void {
   else if (event.type === "promises") file.promises[event.isovalue] = event.promises;
   else if (event.type === "metadata") {
     Object.assign(file.metadata, event.metadata);
-    file.rows = placement(file.metadata, file.n);
-    world.disabled = !file.rows;
+    if (file.shape.length && placement(file.metadata, file.n)) world.disabled = false;
+  } else if (event.type === "coordinates") world.disabled = false;
+  else if (event.type === "frame" && event.frame > file.frame) {
+    file.frame = event.frame;
+    file.layers = [];
+    slider.max = String(event.frame);
+    by("series").hidden = false;
   } else if (event.type === "end") root.dataset["state"] = "done";
   else if (event.type === "error") {
     const error = event as PlainEvent & { type: "error" };
@@ -136,17 +149,27 @@ worker.onmessage = ({ data: answer }: MessageEvent<Answer>) => {
   by("bytes").textContent = answer.bytes.toLocaleString() + (total ? ` of ${total.toLocaleString()}` : "");
   by<HTMLProgressElement>("progress").value = answer.final ? 1 : total ? answer.bytes / total : 0.5;
   file.drawing = answer.drawing;
+  file.box = answer.box;
+  if (answer.world !== file.world) file.fitted = false;
+  file.world = answer.world;
+  slider.value = by("shown").textContent = String(answer.frame);
   show();
-  Object.assign(root.dataset, { bytes: answer.bytes, cells: answer.drawing.cells.length / answer.drawing.n,
+  Object.assign(root.dataset, { bytes: answer.bytes, frame: answer.frame, cells: answer.drawing.cells.length / answer.drawing.n,
     layers: answer.layers, final: answer.final, drawings: ++seen });
-  requestAnimationFrame(() => ask({ type: "next", id: answer.id }));
+  requestAnimationFrame(() => tell({ type: "next", id: answer.id }));
 };
 
 function pick(i: number): void {
   if (!file || i < 0 || i >= choice.length) return;
   choice.selectedIndex = i;
   promised();
-  ask({ type: "isovalue", id: file.id, isovalue: i });
+  ask();
+}
+
+function pickFrame(t: number): void {
+  if (!file || t < 0 || t > file.frame) return;
+  file.chosen = t;
+  ask();
 }
 
 function theme(name: string): void {
@@ -154,10 +177,11 @@ function theme(name: string): void {
   scene.theme(name === "dark");
 }
 
-function turnWorld(): void {
+function showAll(): void {
   if (file) file.fitted = false;
   show();
 }
+
 
 by("open").onclick = () => by<HTMLInputElement>("file").click();
 by<HTMLInputElement>("file").onchange = (event) => void openFile((event.target as HTMLInputElement).files?.[0]);
@@ -166,8 +190,9 @@ by("fetch").onsubmit = (event) => {
   openUrl(by<HTMLInputElement>("url").value);
 };
 choice.onchange = () => pick(choice.selectedIndex);
-world.onchange = turnWorld;
-by("all").onclick = turnWorld;
+world.onchange = ask;
+slider.oninput = () => pickFrame(Number(slider.value));
+by("all").onclick = showAll;
 by("theme").onclick = () => theme(root.dataset["theme"] === "dark" ? "light" : "dark");
 addEventListener("dragover", (event) => {
   event.preventDefault();
@@ -180,7 +205,8 @@ addEventListener("drop", (event) => {
   void openFile(event.dataTransfer?.files[0]);
 });
 addEventListener("keydown", (event) => {
-  if (event.target instanceof HTMLInputElement || event.target instanceof HTMLSelectElement) return;
+  if (event.target instanceof HTMLSelectElement || (event.target instanceof HTMLInputElement && event.target.type !== "checkbox"))
+    return;
   if (event.ctrlKey || event.metaKey || event.altKey) return;
   const key = event.key.toLowerCase();
   const step = 40, move: Record<string, [number, number]> = {
@@ -189,14 +215,16 @@ addEventListener("keydown", (event) => {
   if (move[key]) scene.drag(...move[key], event.shiftKey);
   else if (key === "+" || key === "=") scene.zoom(1.25);
   else if (key === "-") scene.zoom(0.8);
-  else if (key === "0" || key === "home") turnWorld();
+  else if (key === "0" || key === "home") showAll();
   else if (key === "[") pick(choice.selectedIndex - 1);
   else if (key === "]") pick(choice.selectedIndex + 1);
+  else if (key === ",") pickFrame(Number(slider.value) - 1);
+  else if (key === ".") pickFrame(Number(slider.value) + 1);
   else if (key === "t") by("theme").click();
   else if (key === "o") by("open").click();
   else if (key === "w" && !world.disabled) {
     world.checked = !world.checked;
-    turnWorld();
+    ask();
   } else return;
   event.preventDefault();
 });

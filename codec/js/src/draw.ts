@@ -13,9 +13,9 @@ export interface Drawing {
   /** Coordinates of a point: `n`, or 3 of curves on a surface in space. */
   d: number;
   /** Points in samples (9.5), of explicit domains in the coordinates of these, `d` numbers each. */
-  points: Float64Array;
+  points: Float64Array<ArrayBuffer>;
   /** Segments or triangles, `n` points each; samples above lie on the left, or behind (9.6). */
-  cells: Uint32Array;
+  cells: Uint32Array<ArrayBuffer>;
   /** Whether the mesh is the full grid. */
   full: boolean;
   /** Pairs of points, behind the end of a periodic axis and at its beginning, that are one point of a mapped grid (9.9(4)). */

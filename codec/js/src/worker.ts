@@ -6,19 +6,32 @@ import { Decoder, type Header, type IsoEvent } from "./decoder.js";
 import { draw, type Drawing } from "./draw.js";
 import type { Limits } from "./errors.js";
 import { fetchTables, supply } from "./stream.js";
+import { coordinatesOf, place, placement, type Where } from "./world.js";
 
 /** What the page sends. Streams and bytes are transferred. */
 export type Request =
   | { type: "open"; id: number; url: string; tables?: string; limits?: Partial<Limits>; bytesPerSecond?: number }
   | { type: "open"; id: number; stream: ReadableStream<Uint8Array>; tables?: string; limits?: Partial<Limits> }
   | { type: "open"; id: number; bytes: Uint8Array; tables?: string; limits?: Partial<Limits>; bytesPerSecond?: number }
-  | { type: "isovalue"; id: number; isovalue: number }
+  | ({ type: "show"; id: number } & View)
   | { type: "next"; id: number };
+
+/** What is to be drawn: of a series the last frame there is, unless one is told; in world coordinates, if the file has some. */
+export interface View {
+  isovalue: number;
+  frame: number | undefined;
+  world: boolean;
+}
 
 /** What the worker answers. */
 export type Answer =
   | { type: "events"; id: number; events: PlainEvent[]; header: Header | undefined; total: number | undefined }
-  | { type: "drawing"; id: number; isovalue: number; bytes: number; layers: number; final: boolean; drawing: Drawing }
+  | { type: "drawing"; id: number; isovalue: number; frame: number; frames: number; bytes: number; layers: number;
+      final: boolean; drawing: Drawing;
+      /** Whether points are in world coordinates. */
+      world: boolean;
+      /** Points of the whole domain, `d` numbers each, that show where it lies. */
+      box: Float64Array }
   | { type: "failed"; id: number; message: string };
 
 /** Events as they can be sent: an error as its words. */
@@ -32,8 +45,7 @@ const scope = self as unknown as {
 
 class Job {
   readonly decoder: Decoder;
-  private isovalue = -1;
-  private wanted = 0;
+  private view: View = { isovalue: 0, frame: undefined, world: false };
   private ready = true;
   private stale = false;
   private done = false;
@@ -41,7 +53,8 @@ class Job {
   private total: number | undefined;
 
   constructor(private readonly request: Request & { type: "open" }) {
-    this.decoder = new Decoder({ limits: request.limits ?? {} });
+    // any frame of a series may be asked for
+    this.decoder = new Decoder({ limits: request.limits ?? {}, keepFrames: true });
   }
 
   get id(): number {
@@ -93,8 +106,8 @@ class Job {
     scope.postMessage({ type: "events", id: this.id, events: plain, header: this.decoder.header, total: this.total });
   }
 
-  show(isovalue: number): void {
-    this.wanted = isovalue;
+  show(view: View): void {
+    this.view = view;
     this.stale = true;
     this.draw();
   }
@@ -104,16 +117,36 @@ class Job {
     this.draw();
   }
 
+  /** Where the samples lie in the world, if that is asked for and known. */
+  private get where(): Where | undefined {
+    const { decoder } = this;
+    if (!this.view.world || !decoder.header || decoder.header.explicit) return undefined;
+    return coordinatesOf(decoder) ?? placement(decoder.metadata, decoder.header.n);
+  }
+
   private draw(): void {
-    if (!this.ready || !this.stale || !this.decoder.contours.length) return;
-    this.isovalue = Math.min(this.wanted, this.decoder.contours.length - 1);
-    const drawing = draw(this.decoder, this.isovalue);
+    const { decoder, view } = this;
+    if (!this.ready || !this.stale || !(decoder.contours.length || decoder.domain)) return;
+    const frames = decoder.frames.length, frame = Math.min(view.frame ?? Infinity, frames - 1), { where } = this;
+    const isovalue = Math.max(0, Math.min(view.isovalue, decoder.frames[frame]!.length - 1)), drawn = draw(decoder, isovalue, frame);
+    const drawing = where ? place(drawn, where) : drawn, box = boxOf(decoder, drawing, where);
     this.ready = this.stale = false;
     scope.postMessage({
-      type: "drawing", id: this.id, isovalue: this.isovalue, bytes: this.bytes, layers: this.decoder.layers,
-      final: this.done, drawing,
-    }, [drawing.points.buffer, drawing.cells.buffer]);
+      type: "drawing", id: this.id, isovalue, frame, frames, bytes: this.bytes, layers: decoder.layers, final: this.done,
+      world: where !== undefined, drawing, box,
+    }, [drawing.points.buffer, drawing.cells.buffer, box.buffer]);
   }
+}
+
+/** Points of the grid, at its corners and some between; of an explicit domain those of the drawing. */
+function boxOf({ header }: Decoder, drawing: Drawing, where: Where | undefined): Float64Array<ArrayBuffer> {
+  const { n, d } = drawing, shape = header!.shape, steps = where ? 8 : 1, points: number[] = [];
+  if (header!.explicit) return Float64Array.from(drawing.points);
+  for (let i = 0; i < (steps + 1) ** n; i++)
+    for (let a = 0, rest = i; a < n; a++, rest = Math.floor(rest / (steps + 1)))
+      points.push(((shape[a]! - 1) * (rest % (steps + 1))) / steps);
+  const box: Drawing = { n, d, points: Float64Array.from(points), cells: new Uint32Array(0), full: false };
+  return Float64Array.from((where ? place(box, where) : box).points);
 }
 
 /** Lets so many bytes through in a second, a twentieth at a time. */
@@ -139,6 +172,6 @@ scope.onmessage = ({ data: request }) => {
     });
   } else if (current?.id === request.id) {
     if (request.type === "next") current.next();
-    else current.show(request.isovalue);
+    else current.show(request);
   }
 };

@@ -1,4 +1,5 @@
 /** Surfaces over the plane: points, their numbers, triangles (10.9). */
+import type { Drawing } from "../draw.js";
 import type { IsoError } from "../errors.js";
 import type { Reader, Steps } from "../reader.js";
 import type { Session } from "../session.js";
@@ -216,7 +217,7 @@ export class Surface {
   }
 
   /** Points with their values, three numbers each, and triangles (10.9.6). */
-  draw(): { points: Float64Array; cells: Uint32Array } {
+  draw(): Pick<Drawing, "points" | "cells"> {
     const { points: { x, y }, number, there, head } = this, ids = new Map<number, number>();
     const at = new Float64Array(3 * there.length), scattered = head?.scattered;
     there.forEach((p, i) => {

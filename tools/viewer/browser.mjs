@@ -1,0 +1,55 @@
+// A browser with the viewer in it, for its tests and pictures: served from build/viewer, files from memory or from folders.
+import { execFileSync } from "node:child_process";
+import { existsSync, mkdtempSync, readFileSync, rmSync } from "node:fs";
+import { createServer } from "node:http";
+import { createRequire } from "node:module";
+import { tmpdir } from "node:os";
+import { delimiter, join } from "node:path";
+import { fileURLToPath } from "node:url";
+
+export const root = fileURLToPath(new URL("../../", import.meta.url));
+const python = process.env.ISOCODEC_PYTHON ?? join(root, ".venv-test/bin/python");
+
+export const chromium = process.env.CHROMIUM ?? ["chromium", "chromium-browser", "google-chrome"]
+  .flatMap((name) => (process.env.PATH ?? "").split(delimiter).map((folder) => join(folder, name))).find(existsSync);
+
+/** The files of `samples.py` by name; none if it cannot run. */
+export function samples() {
+  const folder = mkdtempSync(join(tmpdir(), "isocodec-viewer-"));
+  try {
+    execFileSync(python, [join(root, "tools/viewer/samples.py"), folder], { stdio: ["ignore", "ignore", "inherit"] });
+    return Object.fromEntries(["terrain", "gyroid", "handles", "waves"].map((name) => [`${name}.iso`, readFileSync(join(folder, `${name}.iso`))]));
+  } catch {
+    return {};
+  } finally {
+    rmSync(folder, { recursive: true });
+  }
+}
+
+/**
+ * Opens the viewer: a page, its address, and `close`. `find(name)` gives the bytes of a file, or a function that answers the
+ * request itself.
+ */
+export async function openViewer(find, viewport = { width: 640, height: 480 }) {
+  const server = createServer((request, answer) => {
+    const name = new URL(request.url, "http://localhost").pathname.slice(1) || "index.html";
+    const found = name.endsWith(".iso") ? find(name) : existsSync(join(root, "build/viewer", name)) && readFileSync(join(root, "build/viewer", name));
+    if (!found) return answer.writeHead(404).end();
+    if (typeof found === "function") return void found(answer);
+    const type = name.endsWith(".html") ? "text/html" : "application/octet-stream";
+    answer.writeHead(200, { "content-length": found.length, "x-content-type-options": "nosniff", "content-type": type });
+    answer.end(found);
+  }).listen(0);
+  const playwright = createRequire(join(root, "codec/js/package.json"))("playwright-core");
+  const browser = await playwright.chromium.launch({ executablePath: chromium,
+    args: ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--ignore-gpu-blocklist"] });
+  const page = await browser.newPage({ viewport });
+  return {
+    page, address: `http://localhost:${server.address().port}/`,
+    async close() {
+      await browser.close();
+      server.closeAllConnections();
+      server.close();
+    },
+  };
+}

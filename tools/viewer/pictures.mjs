@@ -1,0 +1,13 @@
+// Pictures of the viewer for README.md: `node tools/viewer/pictures.mjs` writes docs/viewer-*.png; build the viewer first.
+import { join } from "node:path";
+import { openViewer, root, samples } from "./browser.mjs";
+
+const made = samples();
+const { page, address, close } = await openViewer((name) => made[name], { width: 800, height: 440 });
+for (const [picture, file] of [["waves", "waves.iso"], ["surface", "handles.iso"]]) {
+  await page.goto(`${address}?theme=light&file=${file}`);
+  await page.waitForFunction(() => document.documentElement.dataset.final === "true", undefined, { timeout: 60000 });
+  await page.evaluate(() => new Promise((resolve) => requestAnimationFrame(() => requestAnimationFrame(resolve))));
+  await page.screenshot({ path: join(root, `docs/viewer-${picture}.png`) });
+}
+await close();
