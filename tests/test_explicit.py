@@ -81,6 +81,27 @@ def test_random_complexes(make, values_of):
             assert len(contour.cells) == sum(len(cell) - 2 for cell in cells)
 
 
+def test_nesting():
+    """Closed lines lie in one another as those of brute force do."""
+    shapely = pytest.importorskip("shapely")
+    nested = 0
+    for seed in range(MANY):
+        mesh = plane(seed, 300, 0.998)
+        rings = np.rint(100 * np.cos(np.hypot(*(mesh[0] - 50).T) / 6)).astype(np.int64)
+        values = rings + noise(300, seed, -60, 60)
+        isovalue = int(np.median(values)) + 0.5
+        contour = check(mesh, values, isovalue, exact=True)[1]
+        wanted = crossings(mesh, values, isovalue)
+        ends = [[wanted[edge] for edge in edges] for edges in pieces(mesh, values, isovalue)]
+        drawn = shapely.get_parts(shapely.polygonize(shapely.linestrings(np.reshape(ends, (-1, 2, 2)))))
+        theirs = [shapely.Polygon(each.exterior) for each in drawn]
+        ours = [shapely.Polygon(line) for line in contour.lines if np.array_equal(line[0], line[-1])]
+        depths = [sorted(sum(a.contains_properly(b) for a in rings) for b in rings) for rings in (ours, theirs)]
+        assert depths[0] == depths[1]
+        nested += depths[0][-1:] > [0]
+    assert nested > MANY // 10
+
+
 def test_orientation():
     """Curves have the higher values on their left; normals of surfaces point to lower values."""
     points, cells = plane(5, 60, 1.0)

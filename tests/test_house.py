@@ -14,7 +14,7 @@ import isocodec
 HOME = Path(inspect.getfile(isocodec)).parent
 FLOORS = (
     "kernel", "field", "mesh", "entropy", "tube", "models", "domain", "drawing", "passes", "format", "layers", "search",
-    "stream", "io", "cli",
+    "stream", "tiles", "io", "cli",
 )  # fmt: skip
 """Packages, from the ground up: each imports from those below it only."""
 KERNELS = {"kernel", "inner", "inlined"}

@@ -67,6 +67,7 @@ if TYPE_CHECKING:
     from .stream.series import SeriesEncoder, encode_frames
     from .stream.statistics import FileStatistics, statistics
     from .stream.truncate import truncate
+    from .tiled_api import TiledIsoFile, encode_tiles
     from .tin_api import decode_tin, encode_tin
     from .verification import Kept, verify
 
@@ -106,6 +107,7 @@ _HOMES = {
     "stream.series": ("SeriesEncoder", "encode_frames"),
     "stream.statistics": ("FileStatistics", "statistics"),
     "stream.truncate": ("truncate",),
+    "tiled_api": ("TiledIsoFile", "encode_tiles"),
     "verification": ("Kept", "verify"),
     "tin_api": ("decode_tin", "encode_tin"),
 }  # fmt: skip
@@ -150,6 +152,7 @@ __all__ = [
     "SeriesEncoder",
     "SeriesRead",
     "Thinned",
+    "TiledIsoFile",
     "Tin",
     "TruncatedError",
     "areas",
@@ -165,6 +168,7 @@ __all__ = [
     "encode_frames",
     "encode_labels",
     "encode_mesh",
+    "encode_tiles",
     "encode_tin",
     "inspect",
     "kernels",

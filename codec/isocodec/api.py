@@ -20,6 +20,8 @@ from .limits import Limits
 from .mesh_api import chain_of, check_count, explicit_contour, mesh_decoded, on_mesh
 from .stream.decoder import Decoder
 from .stream.encoder import Encoder
+from .tiled_api import tiled_of
+from .tiles.container import is_tiled
 
 
 def encode(
@@ -227,6 +229,8 @@ def decode(
         If the mesh is not the one that the file was made on.
     """
     data = content(data, limits)
+    if is_tiled(data):
+        return tiled_of(data, limits).contour(isovalue, layers=layers)
     if on_mesh(data):
         return explicit_contour(data, isovalue, frame, mesh, max_bytes, limits)
     decoder, number = decoded(data, isovalue, layers, max_bytes, limits, progress, frame)
@@ -254,6 +258,8 @@ def decode_all(
     list of Contour
     """
     data = content(data, limits)
+    if is_tiled(data):
+        return tiled_of(data, limits).contours()
     if on_mesh(data):
         on = mesh_decoded(data, mesh, None, max_bytes, limits, frame)
         return [on.drawn(number) for number in range(len(on.isovalues))]

@@ -17,6 +17,7 @@ from .errors import InputError, OptionError
 from .field.placement import CRS, read_placement
 from .field.sampled import Field
 from .limits import Limits
+from .tiles.container import HEAD_BYTES, is_tiled
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
 
     from .layers.plan import Entry
     from .stream.inspect import FileInfo
+    from .tiled_api import TiledIsoFile
 
 
 class EncodeOptions(TypedDict, total=False):
@@ -128,7 +130,7 @@ class IsoFile:
         return decode_valid(self.data, limits=self.limits)
 
 
-def open(source: Readable, *, limits: Limits | None = None) -> IsoFile:
+def open(source: Readable, *, limits: Limits | None = None) -> IsoFile | TiledIsoFile:
     """Open an ``.iso`` file.
 
     Parameters
@@ -139,8 +141,9 @@ def open(source: Readable, *, limits: Limits | None = None) -> IsoFile:
 
     Returns
     -------
-    IsoFile
-        Its header and notes have been looked at; curves are decoded when they are asked for.
+    IsoFile, or TiledIsoFile
+        Its header and notes have been looked at; curves are decoded when they are asked for. Of a file in tiles only
+        what is needed is read.
 
     Raises
     ------
@@ -157,9 +160,29 @@ def open(source: Readable, *, limits: Limits | None = None) -> IsoFile:
     >>> file = isocodec.open("terrain.iso")      # doctest: +SKIP
     >>> file.isovalues, file.contour().points    # doctest: +SKIP
     """
-    file = IsoFile(bytes(content(source, limits)), limits)
+    from .io.ranges import ranges_of
+    from .tiled_api import TiledIsoFile, tiled_of
+
+    if isinstance(source, str | os.PathLike):
+        fetch = ranges_of(source)
+        first = fetch(0, HEAD_BYTES)
+        if is_tiled(first):
+            return TiledIsoFile(_after(first, fetch), limits)
+    data = bytes(content(source, limits))
+    if is_tiled(data):
+        return tiled_of(data, limits)
+    file = IsoFile(data, limits)
     file.info  # noqa: B018 - a file that is none fails here
     return file
+
+
+def _after(first: bytes, fetch: Callable[[int, int], bytes]) -> Callable[[int, int], bytes]:
+    """Bytes of a file of which the first are there already."""
+
+    def found(start: int, end: int) -> bytes:
+        return first[start:end] if (start, end) == (0, HEAD_BYTES) else fetch(start, end)
+
+    return found
 
 
 def save(

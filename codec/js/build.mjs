@@ -1,22 +1,54 @@
 // Bundles the package into dist/: the library, the command line for conformance, types, the tables of the main profile.
 import { execFileSync } from "node:child_process";
-import { copyFileSync, mkdirSync, readFileSync, rmSync } from "node:fs";
+import { copyFileSync, mkdirSync, readFileSync, rmSync, writeFileSync } from "node:fs";
 import { createRequire } from "node:module";
 import { gzipSync } from "node:zlib";
 import { build } from "esbuild";
+import { minify } from "terser";
+import { internalNames } from "./mangle.mjs";
 
 process.chdir(new URL(".", import.meta.url).pathname);
 rmSync("dist", { recursive: true, force: true });
 mkdirSync("dist", { recursive: true });
-const common = { bundle: true, format: "esm", target: "es2022", minify: true, logLevel: "error" };
-await build({ ...common, entryPoints: { index: "src/index.ts", worker: "src/worker.ts", three: "src/three.ts",
-  domain: "src/domain/contents.ts" }, splitting: true, chunkNames: "chunk-[hash]", outdir: "dist", external: ["three"] });
-await build({ ...common, entryPoints: { cli: "src/cli.ts" }, outdir: "dist", platform: "node", minify: false,
+const common = { bundle: true, format: "esm", target: "es2022", logLevel: "error" };
+const small = { ...common, outdir: "dist", minify: true, mangleProps: internalNames(), metafile: true, external: ["three", "geojson-vt", "vt-pbf"] };
+// modules of one group share what they have in common; names are shortened alike in all
+const groups = [
+  { index: "src/index.ts", draw: "src/draw.ts", main: "src/main/profile.ts", domain: "src/domain/contents.ts" },
+  { world: "src/world.ts", three: "src/three.ts" }, { text: "src/text.ts" }, { worker: "src/worker.ts" },
+  { maplibre: "src/maplibre.ts" },
+];
+/** Tiles use other modules of the package as users do. */
+const asUsers = { name: "as users", setup: ({ onResolve }) => onResolve({ filter: /^\.\/(stream|draw|world)\.js$/ }, ({ path, importer }) =>
+  importer.endsWith("maplibre.ts") ? { path: path.replace("stream", "index"), external: true } : undefined) };
+const outputs = {};
+let mangleCache = {};
+for (const entryPoints of groups) {
+  const chunkNames = `${Object.keys(entryPoints)[0]}-[hash]`;
+  const made = await build({ ...small, entryPoints, splitting: true, chunkNames, mangleCache, plugins: [asUsers] });
+  mangleCache = made.mangleCache;
+  Object.assign(outputs, made.metafile.outputs);
+}
+for (const file of Object.keys(outputs)) {
+  const { code } = await minify(readFileSync(file, "utf8"), { module: true, ecma: 2022, compress: { passes: 3 } });
+  writeFileSync(file, code);
+}
+await build({ ...common, entryPoints: { cli: "src/cli.ts" }, outdir: "dist", platform: "node",
   banner: { js: "#!/usr/bin/env node" } });
 copyFileSync("../../spec/isospec/main.bin", "dist/main.bin");
 const tsc = createRequire(import.meta.url).resolve("typescript/bin/tsc");
 execFileSync(process.execPath, [tsc, "--emitDeclarationOnly", "--outDir", "dist/types"], { stdio: "inherit" });
-for (const name of ["index.js", "domain.js", "worker.js", "three.js"]) {
-  const bytes = readFileSync(`dist/${name}`);
-  console.log(`${name}: ${bytes.length} bytes, ${gzipSync(bytes, { level: 9 }).length} gzipped`);
+
+/** What a module is loaded with at once, gzipped one by one; what it loads later is not in it. */
+function sizeOf(file, seen = new Set()) {
+  if (seen.has(file)) return 0;
+  seen.add(file);
+  const more = outputs[file].imports.filter((each) => each.kind === "import-statement" && !each.external);
+  return more.reduce((sum, each) => sum + sizeOf(each.path, seen), gzipSync(readFileSync(file), { level: 9 }).length);
+}
+const loaded = new Set();
+sizeOf("dist/index.js", loaded);
+for (const name of groups.flatMap(Object.keys)) {
+  const whole = sizeOf(`dist/${name}.js`), beside = sizeOf(`dist/${name}.js`, new Set(loaded));
+  console.log(`${name}.js: ${whole} bytes gzipped, ${name === "index" ? whole : beside} beside index.js`);
 }

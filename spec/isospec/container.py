@@ -11,6 +11,8 @@ from enum import IntEnum
 from construct import BitsInteger, BitStruct, Bytes, Flag, Float32b, Float64b, Int32ub, Nibble, Struct
 
 SIGNATURE = b"\x89ISO"
+TILED_SIGNATURE = b"\x89IST"
+"""Of a file in tiles (clause 12)."""
 WRITER_VERSION = 0
 READ_VERSION = 0
 

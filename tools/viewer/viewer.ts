@@ -1,9 +1,9 @@
 /** The page: files in, contours on the canvas while bytes arrive. Decoding is a worker's. */
 import type { IsoEvent } from "../../codec/js/src/decoder.js";
 import type { Drawing } from "../../codec/js/src/draw.js";
-import { placement, type Promises } from "../../codec/js/src/metadata.js";
+import type { Promises } from "../../codec/js/src/metadata.js";
 import type { Answer, PlainEvent, Request } from "../../codec/js/src/worker.js";
-import { place } from "../../codec/js/src/world.js";
+import { place, placement } from "../../codec/js/src/world.js";
 import { Scene } from "./scene.js";
 
 declare const WORKER: string;

@@ -60,6 +60,8 @@ LOST = 0.01
     "--mesh", type=click.Choice(["whole", "tube"]),
     help="Write the mesh instead: of the whole box, or the simplices that the curve crosses (.vtu, .ply, .geojson).",
 )
+@click.option("--window", metavar="A:B,C:D", help="Of a file in tiles: the box of samples, from:to for each axis.")
+@click.option("--within", type=float, metavar="N", help="Likewise: cubes of the mesh no wider than N samples will do.")
 @domain_option
 @smooth_option
 @partial_option
@@ -68,7 +70,8 @@ LOST = 0.01
 def decode_command(
     source: Path, output: Path, to: str | None, isovalue: float | None, frame: int | None, layers: int | None,
     max_bytes: int | None, keep_crs: bool, in_samples: bool, areas: str | None, along_holes: bool, mesh: str | None,
-    domain: Path | None, smooth: bool, partial: bool, limit_memory: int | None, limit_work: int | None, as_json: bool,
+    window: str | None, within: float | None, domain: Path | None, smooth: bool, partial: bool,
+    limit_memory: int | None, limit_work: int | None, as_json: bool,
 ) -> None:  # fmt: skip
     """Decode IN.iso to OUT; the suffix of OUT names the format. IN.iso may be - or a URL, OUT - (with --to).
 
@@ -108,6 +111,7 @@ def decode_command(
 
     from ..format.domain import kind_of_domain
     from .on_mesh import decode_on_mesh
+    from .tiled import decode_tiled, tiled_file
     from .tin import decode_surface
 
     if to is None and str(output) == STANDARD:
@@ -115,6 +119,16 @@ def decode_command(
     named = output if to is None else Path(f"_.{to.lstrip('.')}")
     limits = limits_of(limit_memory, limit_work)
     check_output(output, source)
+    if (tiled := tiled_file(source, limits)) is not None:
+        if areas or smooth or partial or max_bytes is not None or frame is not None or domain is not None:
+            raise click.UsageError(
+                "the file is in tiles: --areas, --smooth, --partial, --max-bytes, --frame and --domain mean nothing"
+            )
+        return decode_tiled(
+            tiled, source, output, named, isovalue, layers, window, within, in_samples, keep_crs, as_json
+        )  # fmt: skip
+    if window is not None or within is not None:
+        raise click.UsageError("--window and --within are for files in tiles")
     data = read_iso(source)
     kind = kind_of_domain(data)
     if kind == DomainKind.POINTS:

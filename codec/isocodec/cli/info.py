@@ -31,11 +31,17 @@ def info_command(
     source: Path, symbols: bool, counted: bool, limit_memory: int | None, limit_work: int | None, as_json: bool
 ) -> None:
     """Show version, profile, shape, isovalue and the layers of IN.iso."""
+    limits = limits_of(limit_memory, limit_work)
+    from .tiled import info_tiled, tiled_file
+
+    if (tiled := tiled_file(source, limits)) is not None:
+        if symbols or counted:
+            raise click.UsageError("the file is in tiles: --symbols and --statistics mean nothing")
+        return info_tiled(tiled, source, as_json)
     data = read_iso(source)
 
     import isocodec
 
-    limits = limits_of(limit_memory, limit_work)
     with concerning(source):
         info = isocodec.inspect(data, symbols=symbols, limits=limits)
         statistics = isocodec.statistics(data, limits) if counted else None

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..errors import OptionError
 from ..mesh.tables import cube_exponent
@@ -44,15 +45,33 @@ def draw(leaves: Leaves, *, complete: bool = True, smooth: bool = False) -> Cont
     OptionError
         If the field has neither 2 nor 3 axes.
     """
+    return draw_with_ends(leaves, complete=complete, smooth=smooth)[0]
+
+
+def draw_with_ends(
+    leaves: Leaves, *, complete: bool = True, smooth: bool = False
+) -> tuple[Contour, NDArray[np.int64] | None]:
+    """The same, and between which samples the first points lie.
+
+    Returns
+    -------
+    Contour
+    (E, 2, n) int64, or None
+        Both ends of the edges of the first E points; others lie within cells. None where pieces were cut at missing
+        samples.
+    """
     n = len(leaves.shape)
     if n not in (2, 3):
         raise OptionError(f"cannot draw a field with {n} axes, only with 2 or 3", code="dimension")
     drawn = draw_grid(leaves)[0] if leaves.full else _drawn_together(leaves)
     points = smoothed(leaves, drawn) if smooth else drawn.points
-    cells = drawn.cells
+    cells, ends = drawn.cells, None
     if leaves.whole is not None and not leaves.full:
         points, cells = clipped(points, cells, tuple(leaves.shape), leaves.whole)
-    return Contour(points, cells, leaves.isovalue, tuple(leaves.shape), complete, masked=leaves.whole is not None)
+    else:
+        ends = leaves.position[drawn.edges].astype(np.int64)
+    masked = leaves.whole is not None
+    return Contour(points, cells, leaves.isovalue, tuple(leaves.shape), complete, masked=masked), ends
 
 
 def _drawn_together(leaves: Leaves) -> Drawn:

@@ -205,6 +205,25 @@ def without_holes(field: ArrayLike, mask: ArrayLike | None = None) -> tuple[NDAr
     values = np.asarray(field)
     if values.dtype.kind not in "biuf":
         return values, None
+    gone = missing_of(field, mask)
+    if not gone.any():
+        return values, None
+    if gone.all():
+        raise InputError("all samples are missing", code="missing")
+    if values.dtype.kind == "b":
+        values = values.view(np.uint8)
+    return filled_smoothly(values, gone), gone
+
+
+def missing_of(field: ArrayLike, mask: ArrayLike | None = None) -> NDArray[np.bool_]:
+    """Which samples of a field of real numbers are missing.
+
+    Raises
+    ------
+    InputError
+        If the mask has another shape or is not of bool.
+    """
+    values = np.asarray(field)
     gone = np.isnan(values) if values.dtype.kind == "f" else np.zeros(values.shape, np.bool_)
     # whoever has a masked array has loaded numpy.ma, which takes longer than a small field
     if "numpy.ma" in sys.modules and np.ma.is_masked(field):
@@ -218,13 +237,7 @@ def without_holes(field: ArrayLike, mask: ArrayLike | None = None) -> tuple[NDAr
         if masked.shape != values.shape:
             raise InputError(f"the mask has shape {masked.shape}, the field {values.shape}", code="mask")
         gone |= masked
-    if not gone.any():
-        return values, None
-    if gone.all():
-        raise InputError("all samples are missing", code="missing")
-    if values.dtype.kind == "b":
-        values = values.view(np.uint8)
-    return filled_smoothly(values, gone), gone
+    return gone
 
 
 def check_field(

@@ -135,8 +135,12 @@ class LayerWriter:
             if self._expanded in self._promised:
                 self.within[len(self.layers)] = self._promised[self._expanded]
 
-    def encode_run(self, first: int, report: Callable[[], object], enough: float | None = None) -> tuple[int, bytes]:
-        """Encode layers from number ``first`` on until the run has enough bytes; their end and the bytes."""
+    def encode_run(
+        self, first: int, report: Callable[[], object], enough: float | None = None, last: int | None = None
+    ) -> tuple[int, bytes]:
+        """Encode layers from number ``first`` on until the run has enough bytes, or has layer ``last``; their end and
+        the bytes.
+        """
         enough = RUN_BYTES if enough is None else enough
         tube = self.tube
         start(tube.coder.reg, ENCODE)
@@ -153,7 +157,7 @@ class LayerWriter:
             i += 1
             self._extend()
             report()
-            if used >= enough:
+            if used >= enough or i - 1 == last:
                 break
         run = finish(tube.coder)
         # what the decoder's window reads past the end of the run belongs to no layer

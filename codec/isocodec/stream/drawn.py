@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..drawing.contour import Contour
-from ..drawing.drawing import draw
+from ..drawing.drawing import draw_with_ends
 from ..drawing.mask import MaskRows
 from ..drawing.tessellation import Tessellation, compact, inferred, tessellated
 from ..errors import LimitError, OptionError, TruncatedError
@@ -34,14 +34,21 @@ def contour_of(
     if tube is None:
         contour = Contour(np.zeros((0, n)), np.zeros((0, n), np.int64), float("nan"), header.shape, False)
     else:
-        budget.check(drawing_bytes(tube))
-        leaves = leaves_of(
-            tube, isovalue, lambda steps, above: interval_value(isovalue, header.scale, steps, above), holes
-        )
-        if through_holes:
-            leaves = replace(leaves, whole=None)
-        contour = replace(draw(leaves, complete=complete, smooth=smooth), origin_above=tube.origin_above)
+        contour = ends_of(tube, isovalue, header, complete, budget, holes, smooth, through_holes)[0]
     return replace(contour, placement=read_placement(metadata, n), metadata=dict(metadata))
+
+
+def ends_of(
+    tube: Tube, isovalue: float, header: Header, complete: bool, budget: Budget, holes: Holes | None,
+    smooth: bool = False, through_holes: bool = False,
+) -> tuple[Contour, NDArray[np.int64] | None]:  # fmt: skip
+    """The contour of a tube, and between which samples its points lie: see `draw_with_ends`."""
+    budget.check(drawing_bytes(tube))
+    leaves = leaves_of(tube, isovalue, lambda steps, above: interval_value(isovalue, header.scale, steps, above), holes)
+    if through_holes:
+        leaves = replace(leaves, whole=None)
+    contour, ends = draw_with_ends(leaves, complete=complete, smooth=smooth)
+    return replace(contour, origin_above=tube.origin_above), ends
 
 
 def mask_rows_of(

@@ -26,7 +26,7 @@ from ..passes.runner import Tube
 from ..passes.snapshot import state_of
 from ..tube.decoded import Decoded
 from .container import ContainerDecoder
-from .drawn import contour_of, mask_rows_of, mesh_of, tessellation_of, valid_rows_of
+from .drawn import contour_of, ends_of, mask_rows_of, mesh_of, tessellation_of, valid_rows_of
 from .tubes import Tubes
 from .world import World
 
@@ -147,6 +147,18 @@ class Received(ContainerDecoder):
             tube, isovalue, self.header, self.metadata, complete, smooth, self._budget, self._mask.holes, through_holes
         )
         return replace(contour, mapped=self.mapped())
+
+    def ends(self, number: int = 0) -> tuple[Contour, NDArray[np.int64] | None]:
+        """The contour of an isovalue, by number, and between which samples its points lie: see `draw_with_ends`."""
+        tube = self._tube_of(number)
+        if tube is None or self.header is None:
+            return self.drawn(number), None
+        try:
+            complete = self._ended and not self._cut
+            return ends_of(tube, self.isovalues[number], self.header, complete, self._budget, self._mask.holes)
+        except MemoryError:
+            pass
+        raise out_of_memory("to draw the contour")
 
     def mask(self, number: int = 0) -> NDArray[np.bool_]:
         """Which samples lie above an isovalue, by number, as of the events taken so far (spec clause 9.7).

@@ -2,7 +2,6 @@
 import { IsoError } from "./errors.js";
 import { COMPONENT, CURVE, FIRST, HOLE, LEVEL, LEVEL_PATH, ORIGIN, PATH, ROOT, SEED, SURFACE } from "./models.js";
 import { Trail } from "./parabola.js";
-import { signRows, questionRows } from "./rows.js";
 import { EXPLICIT, KNOWN, OUT, SIGN, Ints } from "./store.js";
 import type { Pass, Tube } from "./tube.js";
 
@@ -235,9 +234,8 @@ export class Base {
         let sign = t.follows(earlier, x, y, z);
         if (sign < 0) {
           const context = SEED + ((earlier < 0 ? 0 : earlier & 1) * 4 + signs) * 2 + this.seed;
-          const panel = earlier < 0 ? undefined : t.panel;
-          panel?.look(9, x, y, z, t.grid.edge(this.level), earlier & 1, 1);
-          while ((sign = panel ? t.coder.seed(context, panel) : t.coder.bit(context)) < 0) yield;
+          const seed = (): number => t.main ? t.main.seed(context, x, y, z, t.grid.edge(this.level), earlier) : t.coder.bit(context);
+          while ((sign = seed()) < 0) yield;
           this.seed = sign;
         }
         t.learn(x, y, z, sign);
@@ -266,11 +264,7 @@ export class Base {
       t.mark(x, y, z, OUT);
       return 0;
     }
-    let bit: number;
-    if (t.main) {
-      questionRows(t, what, level, x, y, z, this.before);
-      bit = t.coder.mixed(7, 39 + what, context, false);
-    } else bit = t.coder.bit(context);
+    const bit = t.main ? t.main.question(what, level, x, y, z, this.before, context) : t.coder.bit(context);
     if (bit < 0) return bit;
     this.before = 2 * (this.before & 1) + bit;
     if (bit) t.add(found);
@@ -404,15 +398,9 @@ export class Base {
         if (sign < 0) {
           if (hole) context = HOLE + this.history;
           else if (earlier >= 0) context += ((earlier & 1) === predicted ? 2 : 1) * (n === 2 ? 16 : 192);
-          if (t.main) {
-            const panel = earlier < 0 ? undefined : t.panel;
-            panel?.look(6 + r, vx, vy, vz, c, earlier & 1, predicted);
-            const rows = (): number => {
-              signRows(t, level, cls, x, y, z, o, predicted, kase, earlier);
-              return coder.mixed(8, 43 + r + (earlier >= 0 ? 3 : 0), context, false, panel);
-            };
-            while ((bit = rows()) < 0) yield;
-          } else while ((bit = coder.bit(context)) < 0) yield;
+          const at = [vx, vy, vz] as const;
+          while ((bit = t.main ? t.main.sign(level, cls, x, y, z, o, predicted, kase, earlier, context, at) : coder.bit(context)) < 0)
+            yield;
           this.history = 2 * (this.history & 1) + bit;
           sign = bit ? predicted : 1 - predicted;
         }

@@ -3,10 +3,11 @@ import { existsSync, readFileSync, writeSync } from "node:fs";
 import { createInterface } from "node:readline";
 import { Decoder, type KnownMesh } from "./decoder.js";
 import * as domains from "./domain/contents.js";
+import { MainProfile } from "./main/profile.js";
 import { canonicalText } from "./text.js";
 
 const tables = process.env["ISOCODEC_TABLES"] ?? new URL("./main.bin", import.meta.url);
-let main: Uint8Array | undefined;
+let main: MainProfile | undefined;
 
 /** The mesh beside a file of one that both sides have: a line `d n V T`, then vertices and cells, a line each. */
 function meshOf(file: string): KnownMesh | undefined {
@@ -17,9 +18,9 @@ function meshOf(file: string): KnownMesh | undefined {
 }
 
 function dump(file: string, layers: number, bytes: number, piece: number): [number, string] {
-  main ??= readFileSync(tables);
+  main ??= new MainProfile(readFileSync(tables));
   const data = new Uint8Array(readFileSync(file)).subarray(0, bytes);
-  const decoder = new Decoder({ tables: main, domains, mesh: meshOf(file), keepFrames: true });
+  const decoder = new Decoder({ main, domains, mesh: meshOf(file), keepFrames: true });
   if (layers > 0) decoder.pauseAt = layers;
   for (let at = 0; at < data.length && !decoder.error; at += piece) decoder.feed(data.subarray(at, at + piece));
   if (decoder.layers < decoder.pauseAt) decoder.end();

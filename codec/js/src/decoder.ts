@@ -1,13 +1,12 @@
 /** Files as they come (clause 8). */
 import { readChunks } from "./chunks.js";
-import type { Coordinates } from "./coordinates.js";
 import type { DomainFile } from "./domain/contents.js";
 import { IsoError, LIMITS, type Meter } from "./errors.js";
 import type { DecoderOptions, Domains, Header, IsoEvent } from "./events.js";
 import { type Contour, GridFile } from "./gridfile.js";
 import { readHeader } from "./header.js";
+import type { MainProfile } from "./main/profile.js";
 import { type Metadata, readMetadata, readPromises } from "./metadata.js";
-import { readTables } from "./models.js";
 import type { Steps } from "./reader.js";
 import type { Isovalue } from "./series.js";
 import { Session } from "./session.js";
@@ -30,16 +29,16 @@ export class Decoder {
   done = false;
   /** Decoding pauses when there are so many complete layers. */
   pauseAt = Infinity;
-  /** What a file waits for: see `setTables` and `setDomains`. */
-  needs: "tables" | "domains" | undefined;
+  /** What a file waits for: see `setMain` and `setDomains`. */
+  needs: "main" | "domains" | undefined;
   private readonly s: Session;
   private readonly run: Steps;
-  private tables: Uint8Array | undefined;
+  private main: MainProfile | undefined;
   private domains: Domains | undefined;
 
   constructor(private readonly options: DecoderOptions = {}) {
     this.s = new Session({ ...LIMITS, ...options.limits }, options.keepFrames ?? false);
-    this.tables = options.tables;
+    this.main = options.main;
     this.domains = options.domains;
     this.run = this.file();
   }
@@ -63,11 +62,6 @@ export class Decoder {
     return this.frames[this.frames.length - 1]!;
   }
 
-  /** Where the samples of a mapped grid lie, if a chunk of coordinates has come that is not malformed (3.7.4). */
-  get coordinates(): Coordinates | undefined {
-    return this.grid?.coordinates;
-  }
-
   /** Take the next bytes of the file. */
   feed(bytes: Uint8Array): IsoEvent[] {
     const { r, meter } = this.s, { input } = r;
@@ -88,9 +82,9 @@ export class Decoder {
     return this.go();
   }
 
-  /** Give the tables of the main profile, `main.bin`, to a decoder that waits for them. */
-  setTables(tables: Uint8Array): IsoEvent[] {
-    this.tables = tables;
+  /** Give the main profile, of `isocodec/main`, to a decoder that waits for it. */
+  setMain(main: MainProfile): IsoEvent[] {
+    this.main = main;
     return this.go();
   }
 
@@ -142,11 +136,11 @@ export class Decoder {
   }
 
   private *ofGrid(header: Header): Steps<GridFile> {
-    this.needs = header.profile === "main" ? "tables" : undefined;
-    while (this.needs && !this.tables) yield;
-    const tables = this.needs && readTables(this.tables!, header.n);
+    const main = header.profile === "main";
+    this.needs = main ? "main" : undefined;
+    while (main && !this.main) yield;
     this.needs = undefined;
-    return (this.grid = new GridFile(this.s, header, tables));
+    return (this.grid = new GridFile(this.s, header, main ? this.main : undefined));
   }
 
   private *explicit(header: Header): Steps<DomainFile> {

@@ -1,5 +1,6 @@
 /** What a decoder reports and what it is asked (8.2.2). */
 import type { IsoError, Limits } from "./errors.js";
+import type { MainProfile } from "./main/profile.js";
 import type { Metadata, Promises } from "./metadata.js";
 import type { Layer } from "./program.js";
 
@@ -49,8 +50,8 @@ export interface KnownMesh {
 
 export interface DecoderOptions {
   limits?: Partial<Limits>;
-  /** The tables of the main profile, `isospec/main.bin`; without them files of that profile wait for `setTables`. */
-  tables?: Uint8Array;
+  /** The main profile, from `isocodec/main`; without it files of that profile wait for `setMain`. */
+  main?: MainProfile;
   /** What reads explicit domains, from `isocodec/domain`; without it files of these wait for `setDomains`. */
   domains?: Domains;
   /** The mesh of a file that only says which one it is. */

@@ -1,10 +1,10 @@
 /** The chunks of a file of a grid: layers, masks, and what is known of the grid (3.5.4, 3.5.6, 3.5.7). */
 import { ADAPTIVE, Base, LEAVES, UNIFORM } from "./base.js";
 import type { Contents } from "./chunks.js";
-import { type CoordinateChunk, type Coordinates, decodeCoordinates, readCoordinates } from "./coordinates.js";
+import { type CoordinateChunk, readCoordinates } from "./coordinates.js";
 import type { Header } from "./events.js";
 import { Grid } from "./grid.js";
-import type { Tables } from "./models.js";
+import type { MainProfile } from "./main/profile.js";
 import { Offsets } from "./offsets.js";
 import { type Layer, Progress, readProgram } from "./program.js";
 import type { Steps } from "./reader.js";
@@ -27,10 +27,10 @@ export class GridFile implements Contents {
   /** State of the mask from its first symbol on; `missing` says whether it is complete. */
   maskTube: Tube | undefined;
   missing: Missing | undefined;
-  private place: CoordinateChunk | undefined;
-  private placed: { value: Coordinates | undefined } | undefined;
+  /** The coordinates of a mapped grid, as they came. */
+  place: CoordinateChunk | undefined;
 
-  constructor(private readonly s: Session, readonly header: Header, private readonly tables: Tables | undefined) {
+  constructor(private readonly s: Session, readonly header: Header, private readonly main: MainProfile | undefined) {
     this.grid = new Grid(header.shape);
     this.series = new Series<Contour>(s, {
       begin: (isovalue, lean, framed) => {
@@ -51,17 +51,10 @@ export class GridFile implements Contents {
     return this.place?.periodic ?? [];
   }
 
-  /** Where the samples lie, if a chunk of coordinates has come that is not malformed (3.7.4). */
-  get coordinates(): Coordinates | undefined {
-    if (!this.place) return undefined;
-    this.placed ??= { value: decodeCoordinates(this.place, this.s.meter.limits) };
-    return this.placed.value;
-  }
-
   private tube(isovalue: number, lean: Tube | undefined, framed: boolean): Tube {
     const { meter, coder } = this.s;
     meter.take(65536);
-    return new Tube(this.grid, meter, coder, this.tables, isovalue, this.header.scale !== undefined, lean, framed);
+    return new Tube(this.grid, meter, coder, this.main, isovalue, this.header.scale !== undefined, lean, framed);
   }
 
   expect(type: number): void {
@@ -94,7 +87,6 @@ export class GridFile implements Contents {
     const place = type === 8 ? readCoordinates(payload, this.header.shape) : undefined;
     if (!place) return false;
     this.place = place;
-    this.placed = undefined;
     this.s.emit({ type: "coordinates", bytes });
     return true;
   }

@@ -1,8 +1,8 @@
 /** Geometry by offsets (5.7, 5.9.6), its guesses and candidates (7.8, 7.14). */
-import { rows } from "./coder.js";
+import { bits } from "./bits.js";
 import { Crossings, EdgeIndex } from "./edges.js";
 import { OFFSET, OFFSET_LEAN, OFFSET_NEAR } from "./models.js";
-import { bits } from "./rows.js";
+
 import { KNOWN, SIGN } from "./store.js";
 import type { Pass, Tube } from "./tube.js";
 import { wholeEdge } from "./values.js";
@@ -23,10 +23,10 @@ export class Offsets {
   private vertices: EdgeIndex | undefined;
   private sums = new Float64Array(0);
   private counts = new Int32Array(0);
-  private recent: number[] = [];
+  recent: number[] = [];
   /** Candidates by slot: their place, 1 if known finely; NaN where there is none. */
-  private readonly at = new Float64Array(14);
-  private readonly fine = new Uint8Array(14);
+  readonly at = new Float64Array(14);
+  readonly fine = new Uint8Array(14);
 
   constructor(private readonly t: Tube) {
     this.edges = new EdgeIndex(t);
@@ -162,14 +162,8 @@ export class Offsets {
           }
           let bit: number;
           if (t.main) {
-            const off = full ? 0 : 1;
-            const kind = leanPart >= 0 ? 30 + Math.min(i, 2) + 3 * off : 18 + Math.min(i, 2) + 3 * again + 6 * off;
-            for (;;) {
-              this.see(id, rising, told, R, low, split, high, again, nearer, full);
-              bit = coder.mixed(4 + off, kind, context, false);
-              if (bit >= 0) break;
-              yield;
-            }
+            const symbol = { id, i, rising, told, R, low, split, high, again, nearer };
+            while ((bit = t.main.offset(this, symbol, context)) < 0) yield;
           } else {
             const slot = this.guess(full);
             if (slot < 0) while ((bit = coder.bit(context)) < 0) yield;
@@ -350,41 +344,5 @@ export class Offsets {
     if (turn === 0 || 8 * Math.abs(turn) < 4096 * Math.max(Math.abs(slopeX), Math.abs(slopeY))) return;
     this.set(slot, Math.floor(((px * slopeY - py * slopeX) * 4096) / turn),
       this.parts[first]! > 1 && this.parts[second]! > 1 ? 1 : 0);
-  }
-
-  /** Rows of 7.14.7. */
-  private see(id: number, rising: number, told: number, R: number, low: number, split: number, high: number,
-              again: number, nearer: number, full: boolean): void {
-    const { t, at, fine, recent } = this, { n } = t, P = this.parts[id]!;
-    const base = full ? (n === 2 ? 910 : 1324) : n === 2 ? 1630 : 2044;
-    const recents = full ? 9 : n === 2 ? 5 : 10, slots = recents + 4;
-    const cut = Math.floor(((told * R + split) * 4096) / (P * R));
-    let seen = 0;
-    for (let slot = 0; slot < slots; slot++) {
-      let place: number, sure = 1;
-      if (slot >= recents) {
-        if (slot - recents >= recent.length) break;
-        place = recent[slot - recents]!;
-      } else {
-        place = at[slot]!;
-        if (place !== place) continue;
-        sure = fine[slot]!;
-        if (!rising) place = 4096 - place;
-      }
-      const off = place - cut;
-      rows[seen++] = base + 52 * slot + 26 * sure + (off < 0 ? 13 : 0) + Math.min(bits(Math.abs(off) >> 2), 12);
-    }
-    const rest = base + (full ? 676 : 52 * slots);
-    rows[seen++] = rest + bits(high - low) + 7 * again;
-    rows[seen++] = rest + 14 + bits(Math.floor(((high - low) * 4096) / (P * R)));
-    rows[seen++] = rest + 28 + (cut >> 9 < 0 ? 0 : cut >> 9 > 7 ? 7 : cut >> 9);
-    if (nearer >= 0) rows[seen++] = rest + 36 + Math.min(bits(nearer), 7);
-    if (!full) {
-      const e = this.edges.ends, o = 6 * id;
-      let axes = 0;
-      for (let a = 0; a < n; a++) if (e[o + a] !== e[o + 3 + a]) axes++;
-      rows[seen++] = rest + 44 + axes - 1;
-    }
-    t.coder.seen = seen;
   }
 }

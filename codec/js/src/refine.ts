@@ -1,8 +1,6 @@
 /** Rounds of refinement, uniform and adaptive, and new components (5.4, 5.5, 5.8.4). */
-import { Crowd } from "./crowd.js";
 import { BORDER, CONTINUE, CROSSED, HOLE, LEAF, SPLIT, TREE, TURNED } from "./models.js";
 import { Trail } from "./parabola.js";
-import { anchor, componentRows, questionRows, refinementRows } from "./rows.js";
 import { ADDED, EXPLICIT, KNOWN, NEW, OLD, OUT, SIGN } from "./store.js";
 import { MIDDLE } from "./tables.js";
 import { Leaves, type Pass, type Tube } from "./tube.js";
@@ -153,15 +151,8 @@ export class Rounds {
         if (hole) context = HOLE + 24 + turned;
         meaning = 1 - first;
       }
-      let bit: number;
-      if (t.main) {
-        const here = anchor(t, level, x, y, z) === 0 ? first : second;
-        refinementRows(t, level, x, y, z, crossed ? 1 : 0, history, curve < 0 ? 0 : curve === here ? 2 : 1, here,
-          earlier, apart);
-        const panel = earlier < 0 ? undefined : t.panel, kind = 2 * r + (crossed ? 1 : 0);
-        panel?.look(kind, x, y, z, view.edge, earlier & 1, meaning);
-        bit = coder.mixed(r, kind + (earlier >= 0 ? 6 : 0), context, meaning !== here, panel);
-      } else bit = coder.bit(context);
+      const bit = t.main
+        ? t.main.refinement(level, x, y, z, history, curve, [first, second], earlier, apart, context, meaning) : coder.bit(context);
       if (bit < 0) return bit;
       sign = bit ? meaning : 1 - meaning;
       this.histories[crossed ? 1 : 0] = 2 * (history & 1) + bit;
@@ -216,11 +207,7 @@ export class Rounds {
     const { above } = t.corners(), ring = view.corners & ~3, size = popcount(ring), count = popcount(above & ring);
     const crossed = (above & 1) !== ((above >> 1) & 1) ? 1 : 0, odd = Math.min(count, size - count, 3);
     const context = SPLIT + (((level % t.n) * 2 + crossed) * 4 + odd) * 8 + this.splits;
-    let bit: number;
-    if (t.main) {
-      questionRows(t, 3, level, x, y, z, this.splits);
-      bit = coder.mixed(7, 42, context, false);
-    } else bit = coder.bit(context);
+    const bit = t.main ? t.main.question(3, level, x, y, z, this.splits, context) : coder.bit(context);
     if (bit >= 0) this.splits = 2 * (this.splits & 3) + bit;
     return bit;
   }
@@ -277,10 +264,8 @@ export class Rounds {
 
   private significance(context: number, height: number, root: boolean, child: number, hits: number, nearness: number,
                        qx: number, qy: number, qz: number): number {
-    const { t } = this;
-    if (!t.main) return t.coder.bit(context);
-    componentRows(t, this.level, height, root, child, hits, nearness, qx, qy, qz);
-    return t.coder.mixed(3, (height > 0 || root ? 12 : height === 0 ? 13 : 14) + (t.lean ? 3 : 0), context, false);
+    const { t: { main, coder }, level } = this;
+    return main ? main.component(level, height, root, child, hits, nearness, qx, qy, qz, context) : coder.bit(context);
   }
 
   private *components(): Pass {
@@ -290,7 +275,7 @@ export class Rounds {
     this.cubes = cubes;
     let h = 0;
     while (2 ** h < Math.max(...cubes.slice(0, t.n))) h++;
-    if (t.main) (t.crowd ??= new Crowd(t)).count();
+    t.main?.count();
     let bit: number;
     while ((bit = this.significance(TREE + 3 * h, h, true, 0, 0, 5, 0, 0, 0)) < 0) yield;
     if (bit) yield* h === 0 ? this.cube(0, 0, 0) : this.node(h, 0, 0, 0);
@@ -353,10 +338,7 @@ export class Rounds {
         view.look(level, x, y, z);
       }
       t.born++;
-      if (t.crowd) {
-        const [lastX, lastY, lastZ] = t.grid.last;
-        t.crowd.born(Math.min(x, lastX), Math.min(y, lastY), Math.min(z, lastZ));
-      }
+      t.main?.born(x, y, z);
       this.whole(x, y, z, 1 - sign, known, sign ? view.corners : 0);
     }
   }

@@ -18,10 +18,13 @@ export function fetchTables(url: string | URL = new URL("./main.bin", import.met
   return tables;
 }
 
-/** Give a decoder what it waits for, if it waits for something: tables that `load` fetches, or the module of domains. */
+/** Load what a decoder waits for, if it waits for something: the main profile with the tables of `load`, or domains. */
 export async function supply(decoder: Decoder, load: () => Promise<Uint8Array> = fetchTables): Promise<IsoEvent[]> {
   if (decoder.error) return [];
-  if (decoder.needs === "tables") return decoder.setTables(await load());
+  if (decoder.needs === "main") {
+    const [{ MainProfile }, bytes] = await Promise.all([import("./main/profile.js"), load()]);
+    return decoder.setMain(new MainProfile(bytes));
+  }
   return decoder.needs ? decoder.setDomains(await import("./domain/contents.js")) : [];
 }
 

@@ -1,6 +1,7 @@
 /** The canonical text of a decoded state (annex C). */
-import { coordinateLines } from "./coordinates.js";
+import type { Coordinates } from "./coordinates.js";
 import type { Decoder } from "./decoder.js";
+import { coordinatesOf } from "./nodes.js";
 import { KNOWN, SIGN } from "./store.js";
 import type { Tube } from "./tube.js";
 
@@ -66,8 +67,25 @@ export function canonicalText(decoder: Decoder): string {
   return lines.join("\n") + "\n";
 }
 
+/** The lines of C.1(9). */
+function coordinateLines({ periodic, coordinates }: Coordinates): string[] {
+  const lines = ["coordinates", ["periodic", ...periodic].join(" ")], n = coordinates.length;
+  const hex = (x: number): string => {
+    const view = new DataView(new ArrayBuffer(8));
+    view.setFloat64(0, x);
+    return view.getBigUint64(0).toString(16).padStart(16, "0");
+  };
+  coordinates.forEach(({ origin, unit, period, nodes, values }, r) => {
+    lines.push(`c ${r} ${period} ${hex(origin)} ${hex(unit)}`);
+    let at = 0;
+    for (let x = 0; x < nodes[0]; x++) for (let y = 0; y < nodes[1]; y++) for (let z = 0; z < nodes[2]; z++)
+      lines.push(`n ${[x, y, z].slice(0, n).join(" ")} ${values[at++]!}`);
+  });
+  return lines;
+}
+
 /** The lines that a reader of coordinates may print behind that text (C.1(9)); nothing without coordinates. */
 export function coordinatesText(decoder: Decoder): string {
-  const coordinates = decoder.coordinates;
+  const coordinates = coordinatesOf(decoder);
   return coordinates ? coordinateLines(coordinates).join("\n") + "\n" : "";
 }

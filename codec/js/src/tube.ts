@@ -1,10 +1,10 @@
 /** The state of one isovalue (5.1): known vertices, the mesh, leaves; what follows from an earlier isovalue (5.9). */
 import type { Coder } from "./coder.js";
-import type { Crowd } from "./crowd.js";
 import type { Meter } from "./errors.js";
-import { Panel } from "./frames.js";
 import { DiamondView, type Grid } from "./grid.js";
-import { Models, type Tables } from "./models.js";
+import type { Mixing } from "./main/mixing.js";
+import type { MainProfile } from "./main/profile.js";
+import { Models } from "./models.js";
 import type { Offsets } from "./offsets.js";
 import type { Rounds } from "./refine.js";
 import { ADDED, EXPLICIT, Ints, KNOWN, NEW, OLD, OUT, SIGN, Store } from "./store.js";
@@ -55,7 +55,6 @@ export class Tube {
   changes = 0;
   values: Values | undefined;
   offsets: Offsets | undefined;
-  crowd: Crowd | undefined;
   rounds: Rounds | undefined;
   /** New components so far. */
   born = 0;
@@ -65,11 +64,11 @@ export class Tube {
   readonly side: number;
   /** `floor(c) - floor(c')` for integer data, where it is small enough. */
   readonly shift: number | undefined;
-  /** What is seen of the isovalue of the frame before, in the main profile (7.18). */
-  panel: Panel | undefined;
+  /** What the main profile has beside. */
+  readonly main: Mixing | undefined;
   private readonly marks: Ints;
 
-  constructor(readonly grid: Grid, readonly meter: Meter, readonly coder: Coder, tables: Tables | undefined,
+  constructor(readonly grid: Grid, readonly meter: Meter, readonly coder: Coder, main: MainProfile | undefined,
               readonly isovalue: number, readonly scaled: boolean, public lean?: Tube, private readonly framed = false) {
     this.n = grid.n;
     this.store = new Store(meter, grid.n, grid.k);
@@ -78,10 +77,10 @@ export class Tube {
     this.explicit = new Ints(meter, 0);
     this.marks = new Ints(meter, 0);
     this.leaves = new Leaves(meter);
-    this.models = new Models(tables, lean?.models, framed && tables !== undefined);
+    this.models = new Models(lean?.models, framed ? main?.panelContexts : 0);
     this.side = lean && isovalue > lean.isovalue ? 1 : -1;
     if (lean && !lean.hasBase) this.lean = undefined;
-    if (this.lean && framed && tables) this.panel = new Panel(this.lean.store, this.store, grid, meter);
+    this.main = main?.begin(this, lean, framed);
     if (lean && !scaled && !framed) {
       const shift = BigInt(Math.floor(isovalue)) - BigInt(Math.floor(lean.isovalue));
       if (shift < 2n ** 52n && shift > -(2n ** 52n)) this.shift = Number(shift);
@@ -90,11 +89,8 @@ export class Tube {
 
   /** Forget what only further layers need: none will come. */
   finish(): void {
-    this.lean = this.panel = this.crowd = this.rounds = undefined;
-  }
-
-  get main(): boolean {
-    return this.models.tables !== undefined;
+    this.lean = this.rounds = undefined;
+    this.main?.finish();
   }
 
   get onFullGrid(): boolean {

@@ -1,7 +1,5 @@
 /** Geometry by values (5.6, 5.9.5), its guesses and candidates (7.7, 7.15). */
-import { rows } from "./coder.js";
 import { VALUE, VALUE_NEAR } from "./models.js";
-import { bits } from "./rows.js";
 import { Ints, KNOWN, SIGN } from "./store.js";
 import type { Pass, Tube } from "./tube.js";
 
@@ -37,17 +35,17 @@ export class Values {
   private assigned = 0;
   private readonly list: Ints;
   private listed = -1;
-  private wide: boolean;
+  wide: boolean;
   /** Near values around a vertex: what is there, known finely, and its value. */
-  private readonly there = new Uint8Array(24);
-  private readonly fine = new Uint8Array(24);
+  readonly there = new Uint8Array(24);
+  readonly fine = new Uint8Array(24);
   private readonly near = new Float64Array(24);
   private readonly wideNear: bigint[] = [];
   /** Candidates by slot: whether they are there, known finely, and their places; the guess of 7.7(3). */
-  private readonly slotThere = new Uint8Array(14);
-  private readonly slotFine = new Uint8Array(14);
-  private readonly slots = new Float64Array(14);
-  private readonly wideSlots: bigint[] = [];
+  readonly slotThere = new Uint8Array(14);
+  readonly slotFine = new Uint8Array(14);
+  readonly slots = new Float64Array(14);
+  readonly wideSlots: bigint[] = [];
   private guessed = false;
   private readonly guess = new Float64Array(1);
   private wideGuess = 0n;
@@ -171,12 +169,7 @@ export class Values {
           const context = VALUE + (2 * m + (so !== 0 ? 1 : 0)) * 3 + before;
           if (full) this.around(i, m);
           if (t.main) {
-            this.see(so, m, full);
-            const kind = 36 + Math.min(bits(so), 2);
-            while ((bit = coder.mixed(6, kind, context, false)) < 0) {
-              yield;
-              this.see(so, m, full);
-            }
+            while ((bit = t.main.value(this, so, m, context)) < 0) yield;
           } else {
             const near = full ? this.class(so, m) : -1;
             const below = VALUE_NEAR + (2 * Math.min(m, 15) + (so !== 0 ? 1 : 0)) * 16 + near;
@@ -316,11 +309,11 @@ export class Values {
   }
 
   /** `x >> shift`, as a number from -8 to 7 or so: limited, so that wide numbers fit. */
-  private shifted(x: Wide, shift: number): number {
+  shifted(x: Wide, shift: number): number {
     return this.wide ? Number(x >> BigInt(shift)) : Math.floor(x / 2 ** shift);
   }
 
-  private cut(number: number, plane: number): Wide {
+  cut(number: number, plane: number): Wide {
     return this.wide ? (2n * BigInt(number) + 1n) << BigInt(plane + 1) : (2 * number + 1) * 2 ** (plane + 1);
   }
 
@@ -330,27 +323,6 @@ export class Values {
     const guess: Wide = this.wide ? this.wideGuess : this.guess[0];
     const far = guess - this.cut(number, plane), near = this.shifted(far + far + far + far, plane + 1);
     return 8 + (near < -8 ? -8 : near > 7 ? 7 : near);
-  }
-
-  /** Rows of 7.15(4). */
-  private see(number: number, plane: number, full: boolean): void {
-    const { t, slotThere, slotFine, there, fine } = this, { n } = t, base = n === 2 ? 2144 : 2819;
-    let seen = 0, count = 0;
-    if (full) {
-      const cut = this.cut(number, plane), slots: Wide = this.wide ? this.wideSlots : this.slots;
-      for (let slot = 0; slot < 14; slot++) {
-        if (!slotThere[slot]) continue;
-        const off = slots[slot] - cut, below = off < 0, size = below ? -off : off, twice = size + size;
-        const far = this.shifted(twice + twice + twice + twice, plane + 1);
-        rows[seen++] = base + 52 * slot + 26 * slotFine[slot]! + (below ? 13 : 0) + (far < 4096 ? bits(far) : 12);
-      }
-      for (let a = 0; a < n; a++) for (let i = 4 * a; i < 4 * a + 2; i++) if (there[i] && fine[i]) count++;
-    }
-    const rest = base + (n === 2 ? 468 : 728);
-    rows[seen++] = rest + Math.min(plane, 15);
-    rows[seen++] = rest + 16 + Math.min(bits(number), 7);
-    rows[seen++] = rest + 24 + count;
-    t.coder.seen = seen;
   }
 }
 

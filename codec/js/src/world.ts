@@ -1,9 +1,30 @@
 /** Drawings in the coordinates of the world (3.7.2(2), 9.9), as lines, as GeoJSON. */
-import { type Coordinates, mod } from "./coordinates.js";
+import type { Coordinates } from "./coordinates.js";
 import type { Drawing } from "./draw.js";
+import type { Metadata } from "./metadata.js";
+import { mod } from "./nodes.js";
+
+export { coordinatesOf } from "./nodes.js";
+export type { Coordinate, Coordinates } from "./coordinates.js";
 
 /** The rows of a placement (3.7.2(2)), or the coordinates of a mapped grid (3.7.4). */
 export type Where = number[][] | Coordinates;
+
+/** The placement as rows of a matrix, undefined if there is none that can be used (3.7.2(2)). */
+export function placement(metadata: Metadata, n: number): number[][] | undefined {
+  const words = metadata["placement"]?.split(" ") ?? [];
+  if (words.length !== n * (n + 1) || !words.every((w) => /^-?(0|[1-9]\d*)(\.\d+)?([eE][-+]?\d+)?$/.test(w)))
+    return undefined;
+  const numbers = words.map(Number);
+  if (!numbers.every((x) => x === 0 || (Math.abs(x) >= 1e-30 && Math.abs(x) <= 1e30))) return undefined;
+  const rows = Array.from({ length: n }, (_, r) => numbers.slice(r * (n + 1), (r + 1) * (n + 1)));
+  // numbers of at least 1e-30 are whole multiples of 2**-153: the determinant is exact
+  const m = rows.map((row) => row.map((x) => BigInt(x * 2 ** 153)));
+  const minor = (a: number, b: number): bigint => m[1]![a]! * (m[2]?.[b] ?? 1n) - m[1]![b]! * (m[2]?.[a] ?? 1n);
+  const [a, b, c] = m[0]!;
+  const determinant = n === 2 ? a! * m[1]![1]! - b! * m[1]![0]! : a! * minor(1, 2) - b! * minor(0, 2) + c! * minor(0, 1);
+  return determinant === 0n ? undefined : rows;
+}
 
 /** The place in the world of a point in samples, `n` numbers from `at` on. */
 type Locate = (points: ArrayLike<number>, at: number) => number[];

@@ -3,13 +3,15 @@ import assert from "node:assert/strict";
 import { createHash } from "node:crypto";
 import { existsSync, readFileSync } from "node:fs";
 import { test } from "node:test";
-import { Decoder, canonicalText, coordinatesText } from "../dist/index.js";
+import { Decoder } from "../dist/index.js";
+import { MainProfile } from "../dist/main.js";
+import { canonicalText, coordinatesText } from "../dist/text.js";
 import * as domains from "../dist/domain.js";
 import { readMesh } from "./mesh.mjs";
 
 const folder = new URL("../../../conformance/vectors/", import.meta.url);
 const { vectors } = JSON.parse(readFileSync(new URL("manifest.json", folder), "utf8"));
-const tables = readFileSync(new URL("../dist/main.bin", import.meta.url));
+const main = new MainProfile(readFileSync(new URL("../dist/main.bin", import.meta.url)));
 const hash = (text) => createHash("sha256").update(text).digest("hex");
 
 /** 4.5 million symbols of numbers with 52 bits. */
@@ -25,7 +27,7 @@ for (const vector of vectors) {
   test(vector.name, { skip: slow ? "takes long" : false }, () => {
     const data = readFileSync(new URL(vector.file, folder));
     const beside = new URL(`${vector.name}.mesh`, folder);
-    const options = { tables, domains, mesh: existsSync(beside) ? readMesh(readFileSync(beside, "utf8")) : undefined, keepFrames: true };
+    const options = { main, domains, mesh: existsSync(beside) ? readMesh(readFileSync(beside, "utf8")) : undefined, keepFrames: true };
     const decoder = new Decoder(options);
     const states = [];
     decoder.pauseAt = vector.layers ? 1 : Infinity;

@@ -47,9 +47,6 @@ export const shr = (x: number, k: number): number => Math.floor(x / 2 ** k);
 
 export const clip = (x: number, low: number, high: number): number => (x < low ? low : x > high ? high : x);
 
-/** Number of binary digits, 0 of 0. */
-export const bits = (x: number): number => (x < 2147483648 ? 32 - Math.clz32(x) : 32 + bits(Math.floor(x / 4294967296)));
-
 /** The sign of `u_0*v_1 - u_1*v_0`, of differences below `2**53`. */
 export function turn(u0: number, u1: number, v0: number, v1: number): number {
   const a = u0 * v1, b = u1 * v0, d = a - b;

@@ -1,7 +1,7 @@
 /** Signs that come level by level (10.8.2, 10.8.3). */
 import type { Complex } from "./complex.js";
 import type { Contour } from "./isovalue.js";
-import { bits } from "./integers.js";
+import { bits } from "../bits.js";
 import { LAYERS, type Opinions } from "./models.js";
 import type { Rounds } from "./rounds.js";
 

@@ -1,5 +1,6 @@
 /** Contexts, mixing weights, and symbols told by opinions (10.4). */
 import type { Coder } from "../coder.js";
+import { TRUST } from "../trust.js";
 import { clip } from "./integers.js";
 import { squash, stretch } from "./logistic.js";
 
@@ -58,8 +59,6 @@ export const LAYERS = new Layout([
   ["LEVEL_THEN", 240, 32768, 0], ["LEVEL_THEN_SHARE", 216, 32768, 0], ["NEW", 16, 6554, 1], ["NEW_THEN", 4, 32768, 0],
   ["OFFSET", 256, 32768, 0], ["VALUE", 256, 32768, 0],
 ], [["SIGN", 8], ["OFFSET", 64], ["VALUE", 64], ["LEVEL", 9]], 22000);
-
-const TRUST = Int32Array.from({ length: 160 }, (_, seen) => Math.floor((512 * seen) / (2 * seen + 3)));
 
 /** Symbols of a run by opinions: contexts and logits are listed, then the symbol is asked for (10.4.3). */
 export class Opinions {

@@ -1,8 +1,9 @@
 /** Geometry by offsets (10.6.1, 10.6.3(1)). */
+import { bits } from "../bits.js";
 import type { Complex } from "./complex.js";
 import type { Crossings } from "./crossings.js";
 import type { Contour } from "./isovalue.js";
-import { bits, clip, mulDiv, shr } from "./integers.js";
+import { clip, mulDiv, shr } from "./integers.js";
 import { LAYERS, type Opinions } from "./models.js";
 import { Drift } from "./drift.js";
 

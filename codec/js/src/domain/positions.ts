@@ -1,7 +1,7 @@
 /** Positions of points, by halving cells (10.9.3), and the models of surfaces (10.9.2). */
 import type { IsoError, Meter } from "../errors.js";
 import type { Steps } from "../reader.js";
-import { bits } from "./integers.js";
+import { bits } from "../bits.js";
 import { Layout, type Opinions } from "./models.js";
 
 const NAMES = [

@@ -4,7 +4,7 @@ import type { Reader, Steps } from "../reader.js";
 import type { Session } from "../session.js";
 import { type Exact, Points } from "./circles.js";
 import { Delaunay, type Place } from "./delaunay.js";
-import { bits } from "./integers.js";
+import { bits } from "../bits.js";
 import { Opinions } from "./models.js";
 import { readPositions, SURFACE } from "./positions.js";
 

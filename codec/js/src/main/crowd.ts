@@ -1,6 +1,6 @@
 /** Counts of vertices and of new components in cells of all sizes (7.13(1)). */
-import { Cells } from "./store.js";
-import type { Tube } from "./tube.js";
+import { Cells } from "../store.js";
+import type { Tube } from "../tube.js";
 
 export class Crowd {
   vertices = 0;

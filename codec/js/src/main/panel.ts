@@ -1,9 +1,9 @@
 /** What an isovalue sees of the one of the frame before, in the main profile (7.18). */
-import type { Meter } from "./errors.js";
-import type { Grid } from "./grid.js";
-import { CONTEXTS } from "./models.js";
-import { bits } from "./rows.js";
-import { KNOWN, SIGN, type Store } from "./store.js";
+import { bits } from "../bits.js";
+import type { Meter } from "../errors.js";
+import type { Grid } from "../grid.js";
+import { CONTEXTS } from "../models.js";
+import { KNOWN, SIGN, type Store } from "../store.js";
 
 /** Softened signs of the samples of a block: `near` of all, then `wide` of all. */
 type Block = Uint8Array;
@@ -122,7 +122,10 @@ const tuples = [2, 3].map((n) => {
   return Int16Array.from(list);
 });
 
-/** First numbers of the lists of contexts (7.18.3(1)). */
+/** Contexts of the seven lists, which follow on the others (7.18.3(1)). */
+export const PANEL_CONTEXTS = 13337;
+
+/** First numbers of the lists. */
 const LISTS = [3610, 330, 608, 6498, 1056, 608].reduce((from, many) => [...from, from[from.length - 1]! + many], [CONTEXTS]);
 
 /** The panel of a symbol: what 7.18.2 sees of it, and its seven contexts. */

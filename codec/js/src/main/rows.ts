@@ -1,12 +1,11 @@
 /** Rows that the networks of the main profile see of signs, new components and questions (7.12, 7.13, 7.16, 7.17). */
-import { rows } from "./coder.js";
-import { EXPLICIT, KNOWN, OUT, SIGN } from "./store.js";
-import type { Tube } from "./tube.js";
+import { bits } from "../bits.js";
+import { EXPLICIT, KNOWN, OUT, SIGN } from "../store.js";
+import type { Tube } from "../tube.js";
+import type { Crowd } from "./crowd.js";
 
-/** Number of binary digits (7.10(6)), of a number of any size. */
-export function bits(x: number): number {
-  return x < 2147483648 ? 32 - Math.clz32(x) : 32 + bits(Math.floor(x / 4294967296));
-}
+/** Rows that a network sees; what fills them says how many. */
+export const rows = new Int32Array(1024);
 
 /** Differences of 7.12(3) in the frame of a phase, three each. */
 function around(n: number, r: number): number[][] {
@@ -63,8 +62,8 @@ function rarity(t: Tube): number {
 
 /** Rows of a refinement sign (7.12); `curve` is 0 without a parabola, else 1 plus whether its sign is `here`. */
 export function refinementRows(t: Tube, level: number, x: number, y: number, z: number, crossed: number,
-                               history: number, curve: number, here: number, earlier: number, apart: number): void {
-  const { n, store, coder } = t, r = level % n, c = t.grid.edge(level), g = c / 2;
+                               history: number, curve: number, here: number, earlier: number, apart: number): number {
+  const { n, store } = t, r = level % n, c = t.grid.edge(level), g = c / 2;
   const f = frame(n, r, (x / g) & 3, (y / g) & 3, n === 2 ? 0 : (z / g) & 3), d = f.d, count = n === 2 ? 96 : 112;
   const base = r * (n === 2 ? 300 : 332), list = rows;
   let seen = 0;
@@ -92,12 +91,12 @@ export function refinementRows(t: Tube, level: number, x: number, y: number, z: 
   if (earlier >= 0)
     list[seen++] = rest + 38 + 30 * ((earlier & 1) === here ? 1 : 0) + 10 * Math.min(apart, 2) +
       bits((4096 - t.agreed) >> 4);
-  coder.seen = seen;
+  return seen;
 }
 
 /** Rows of a question about the mesh (7.16). */
 export function questionRows(t: Tube, what: number, level: number, x: number, y: number, z: number,
-                             history: number): void {
+                             history: number): number {
   const { n, store, grid } = t, r = level % n, g = grid.edge(level) / 2;
   const { d, away } = frame(n, r, (x / g) & 3, (y / g) & 3, n === 2 ? 0 : (z / g) & 3);
   const base = n === 2 ? 2644 : 3579, to = base + 44 + 96 * r;
@@ -113,7 +112,7 @@ export function questionRows(t: Tube, what: number, level: number, x: number, y:
     else if (marks & OUT) rows[seen++] = to + 2 * i;
     if (image & KNOWN) rows[seen++] = to + 48 + 2 * i + ((image & SIGN) === here ? 1 : 0);
   }
-  t.coder.seen = seen;
+  return seen;
 }
 
 /** The tuples of 7.17(2). */
@@ -129,7 +128,7 @@ const tuples = [2, 3].map((n) => {
 
 /** Rows of a base sign: vertex `o` of a simplex (7.17). */
 export function signRows(t: Tube, level: number, cls: number, x: number, y: number, z: number, o: number,
-                         predicted: number, kase: number, earlier: number): void {
+                         predicted: number, kase: number, earlier: number): number {
   const { n } = t, r = level % n, c = t.grid.edge(level), { off } = t.grid.phases[r]!, d = tuples[n - 2]!;
   const base = n === 2 ? 2880 : 3911, count = n === 2 ? 48 : 62, to = base + 18 + 2 * count * (r * (n + 1) + o);
   const at = 12 * cls, v = at + 3 * o;
@@ -148,13 +147,13 @@ export function signRows(t: Tube, level: number, cls: number, x: number, y: numb
       vz + p * e[2]! + q * e[5]! + s * e[8]!);
     if (mark & KNOWN) rows[seen++] = to + 2 * i + ((mark & SIGN ? 1 : 0) === predicted ? 1 : 0);
   }
-  t.coder.seen = seen;
+  return seen;
 }
 
 /** Rows of a node of the tree of new components, or of a slot (`height` -1), in the cube or node `q` (7.13(3)). */
-export function componentRows(t: Tube, level: number, height: number, root: boolean, child: number, hits: number,
-                              nearness: number, qx: number, qy: number, qz: number): void {
-  const { n, grid } = t, r = level % n, base = n === 2 ? 600 : 996, crowd = t.crowd!;
+export function componentRows(t: Tube, crowd: Crowd, level: number, height: number, root: boolean, child: number, hits: number,
+                              nearness: number, qx: number, qy: number, qz: number): number {
+  const { n, grid } = t, r = level % n, base = n === 2 ? 600 : 996;
   let seen = 0;
   rows[seen++] = base + (height < 0 ? 24 + r : 3 * Math.min(height, 7) + r);
   if (!root) rows[seen++] = base + 27 + 8 * Math.min(hits, 2) + child;
@@ -175,7 +174,7 @@ export function componentRows(t: Tube, level: number, height: number, root: bool
       at += 9;
     }
   }
-  t.coder.seen = seen;
+  return seen;
 }
 
 const crowded = (x: number): number => (x < 4 ? x : Math.min(bits(x), 10) + 1);

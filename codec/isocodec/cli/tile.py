@@ -1,0 +1,111 @@
+"""``isocodec tile``: a field that need not fit into memory, tile by tile into one file."""
+
+from __future__ import annotations
+
+import time
+from contextlib import ExitStack
+from pathlib import Path
+from typing import Any
+
+import click
+
+from .encode_options import read_metadata
+from .options import json_option, output_option
+from .progress import progress_bar
+from .quiet import one_warning
+from .report import check_iso_output, concerning, tell, warn
+
+
+@click.command("tile", short_help="Encode a field that does not fit into memory, tile by tile.")
+@click.argument("source", metavar="INPUT", type=click.Path(path_type=Path, readable=False))
+@output_option("OUT.iso")
+@click.option("--isovalue", "isovalues", type=float, multiple=True, required=True, metavar="V", help="Repeatable.")
+@click.option("--tile", type=int, metavar="N",
+              help="Samples along each axis of a tile: 2**k.  [default: 1024; in space 128]")  # fmt: skip
+@click.option("--workers", type=click.IntRange(min=1), default=1, show_default=True, metavar="N",
+              help="Processes that encode.")  # fmt: skip
+@click.option("--scheduler", metavar="ADDRESS", help="Encode on the Dask cluster of this scheduler: tcp://HOST:PORT.")
+@click.option("--spool", type=click.Path(path_type=Path), metavar="FOLDER",
+              help="Where encoded tiles are kept until all are there; the same command goes on with them.  "
+              "[default: OUT.iso.tiles]")  # fmt: skip
+@click.option("--exact", is_flag=True, help="Integer data: keep the values next to the curve.")
+@click.option("--tolerance", type=float, metavar="D", help="Samples that the curve may be off.  [default: 0.05]")
+@click.option("--signs-only", is_flag=True, help="Keep only which samples lie above.")
+@click.option("--step", type=float, metavar="S", help="Keep values next to the curve to within half this step.")
+@click.option("--profile", type=click.Choice(["baseline", "main"]), default="main", show_default=True,
+              help="Faster, or smaller.")  # fmt: skip
+@click.option("--metadata", multiple=True, metavar="KEY=TEXT", help="A note to keep. Repeatable.")
+@click.option("--no-placement", is_flag=True, help="Do not keep where the samples lie.")
+@click.option("--key", metavar="NAME", help="Array of a file that has several.")
+@json_option
+def tile_command(
+    source: Path, output: Path, isovalues: tuple[float, ...], tile: int | None, workers: int, scheduler: str | None,
+    spool: Path | None, exact: bool, tolerance: float | None, signs_only: bool, step: float | None, profile: str,
+    metadata: tuple[str, ...], no_placement: bool, key: str | None, as_json: bool,
+) -> None:  # fmt: skip
+    """Encode the isocontours of the field in INPUT tile by tile; samples of a tile are read at a time.
+
+    INPUT is .npy, GeoTIFF (read in windows), Zarr, HDF5 or NetCDF; other formats that encode takes are read whole.
+
+    If it is stopped, the same command goes on where it was. Curves of neighbouring tiles meet without seams. decode
+    reads the whole file, or --window of it, also from a URL.
+    """
+    if scheduler is not None and workers > 1:
+        raise click.UsageError("--scheduler and --workers contradict one another: choose one")
+    check_iso_output(output, source)
+    notes = read_metadata(metadata)
+
+    import isocodec
+
+    from ..field.placement import CRS
+    from ..io.place import Place, read_place
+    from ..io.windows import windows_of
+
+    started = time.perf_counter()
+    with ExitStack() as stack:
+        stack.enter_context(concerning(source))
+        with one_warning(source):
+            field = stack.enter_context(windows_of(source, key))
+            place = Place() if no_placement else read_place(source, len(field.shape), key)
+        if place.remark:
+            warn(source, place.remark)
+        if place.crs is not None:
+            notes.setdefault(CRS, place.crs)
+        engine = stack.enter_context(_engine(workers, scheduler))
+        with progress_bar("encoding tiles") as progress:
+            isocodec.encode_tiles(
+                field, list(isovalues), output, tile=tile, engine=engine, workers=workers if engine else None,
+                spool=spool, exact=exact, tolerance=tolerance, signs_only=signs_only, step=step, profile=profile,
+                metadata=notes, placement=place.placement, progress=progress,
+            )  # fmt: skip
+    seconds = time.perf_counter() - started
+    from ..io.ranges import ranges_of
+    from ..tiled_api import TiledIsoFile
+
+    file = TiledIsoFile(ranges_of(output))
+    tiles = file.head.grid.total
+    tell(
+        f"{click.format_filename(output)}: {file.size:,} bytes, {tiles:,} tiles, {seconds:.2f} s",
+        {
+            "output": str(output), "bytes": file.size, "tiles": tiles, "seconds": round(seconds, 3),
+            "shape": list(file.shape), "isovalues": list(file.isovalues),
+        },
+        as_json,
+    )  # fmt: skip
+
+
+def _engine(workers: int, scheduler: str | None) -> Any:
+    """A context with who encodes."""
+    from contextlib import nullcontext
+
+    if scheduler is not None:
+        from ..io.extras import optional
+
+        distributed = optional("distributed", extra="tiles", purpose="--scheduler")
+        return distributed.Client(scheduler, timeout="10s")
+    if workers > 1:
+        import multiprocessing
+        from concurrent.futures import ProcessPoolExecutor
+
+        return ProcessPoolExecutor(workers, mp_context=multiprocessing.get_context("spawn"))
+    return nullcontext()

@@ -1,0 +1,152 @@
+"""Files in tiles on the command line: what decode and info do with them."""
+
+from __future__ import annotations
+
+import json
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from ..limits import Limits
+from .report import STANDARD, check_output, concerning, tell, write_output
+
+if TYPE_CHECKING:
+    from ..drawing.contour import Contour
+    from ..tiled_api import TiledIsoFile
+
+Box = list[tuple[float, float]]
+
+
+def tiled_file(source: Path, limits: Limits) -> TiledIsoFile | None:
+    """A file in tiles, of which what is needed is read later; None if it is something else, or comes through a pipe."""
+    from ..tiles.container import HEAD_BYTES, is_tiled
+
+    if str(source) == STANDARD or (source.exists() and not source.is_file()):
+        return None
+    from ..io.ranges import ranges_of
+    from ..tiled_api import TiledIsoFile
+    from .report import url_of
+
+    with concerning(source):
+        fetch = ranges_of(url_of(source) or source)
+        first = fetch(0, HEAD_BYTES)
+        if not is_tiled(first):
+            return None
+
+        def found(start: int, end: int) -> bytes:
+            return first if (start, end) == (0, HEAD_BYTES) else fetch(start, end)
+
+        return TiledIsoFile(found, limits)
+
+
+def read_box(text: str | None) -> Box | None:
+    """A box of samples: ``0:100,50:90``."""
+    if text is None:
+        return None
+    try:
+        return [(float(low), float(high)) for low, high in (part.split(":") for part in text.split(","))]
+    except ValueError:
+        raise click.UsageError(
+            f"--window {text}: give from:to for each axis, with commas between: --window 0:100,50:90"
+        ) from None
+
+
+def decode_tiled(
+    file: TiledIsoFile, source: Path, output: Path, named: Path, isovalue: float | None, layers: int | None,
+    window: str | None, within: float | None, in_samples: bool, keep_crs: bool, as_json: bool,
+) -> None:  # fmt: skip
+    """Write a window of a tiled file, or all of it."""
+    from dataclasses import replace
+
+    from ..io.write import check_libraries, check_suffix, holds_several, put, render_contour
+
+    n = len(file.shape)
+    with concerning(output):
+        suffix = check_suffix(named, n)
+        check_libraries(suffix)
+    check_output(output, source)
+    box = read_box(window)
+    started = time.perf_counter()
+    several = isovalue is None and holds_several(suffix, n)
+    wanted = file.isovalues if several else (file.isovalues[0] if isovalue is None else isovalue,)
+    layer = None if layers is None else min(layers, len(file.head.stages)) - 1
+    contours: list[Contour] = []
+    with concerning(source):
+        for value in wanted:
+            contour = file.window(box, isovalue=value, within=within, layer=layer)
+            contours.append(replace(contour, placement=None) if in_samples else contour)
+    seconds = time.perf_counter() - started
+    with concerning(source):
+        rendered = render_contour(contours, suffix, n, keep_crs)
+    with concerning(output):
+        if str(output) == STANDARD:
+            write_output(output, rendered)
+        else:
+            put(output, suffix, rendered)
+    points, cells = (sum(len(getattr(c, name)) for c in contours) for name in ("points", "cells"))
+    tell(
+        f"{click.format_filename(output)}: {points:,} points, {cells:,} {'segments' if n == 2 else 'triangles'}, "
+        f"{file.received:,} of {file.size:,} bytes read in {file.requests} pieces, {seconds:.2f} s",
+        {
+            "output": str(output), "bytes": len(rendered), "points": points, "cells": cells,
+            "isovalues": list(wanted), "shape": list(file.shape), "complete": True, "seconds": round(seconds, 3),
+            "read": file.received, "pieces": file.requests,
+        },
+        as_json,
+    )  # fmt: skip
+
+
+def info_tiled(file: TiledIsoFile, source: Path, as_json: bool) -> None:
+    """Print what a tiled file says of itself."""
+    from rich.console import Console
+    from rich.markup import escape
+    from rich.table import Table
+
+    from ..text import plain
+
+    facts = _facts(file)
+    if as_json:
+        click.echo(json.dumps(facts, allow_nan=False))
+        return
+    console = Console()
+    table = Table(title=escape(plain(str(source))), title_justify="left", title_style="bold", show_header=False,
+                  box=None)  # fmt: skip
+    for name in ("profile", "shape", "tiles", "bytes"):
+        value = facts[name]
+        text = (
+            " x ".join(f"{n:,}" for n in value)
+            if isinstance(value, list)
+            else f"{value:,}"
+            if isinstance(value, int)
+            else str(value)
+        )
+        table.add_row(name, f"{text} of {facts['tile']} samples" if name == "tiles" else text)
+    table.add_row("isovalues", ", ".join(f"{value:.17g}" for value in file.isovalues))
+    for key, text in file.metadata.items():
+        table.add_row(escape(plain(key, "\n")), escape(plain(text, "\n")))
+    console.print(table)
+    layers = Table()
+    for heading in ("layer", "cubes", "holds", "bytes"):
+        layers.add_column(heading, justify="right")
+    for number, layer in enumerate(facts["layers"], 1):
+        layers.add_row(str(number), f"{layer['cube']}", layer["holds"], f"{layer['bytes']:,}")
+    console.print(layers)
+
+
+def _facts(file: TiledIsoFile) -> dict[str, Any]:
+    head, root = file.head, file.root
+    layers = [
+        {
+            "cube": 1 << stage.edge, "holds": "geometry" if stage.geometry else "signs",
+            "bytes": sum(int(root.sizes[:, head.area(i, number)].sum()) for i in range(len(head.isovalues))),
+        }
+        for number, stage in enumerate(head.stages)
+    ]  # fmt: skip
+    return {
+        "tiled": True, "bytes": file.size, "profile": head.profile.name.lower(), "shape": list(file.shape),
+        "tile": 1 << head.grid.exponent, "tiles": list(head.grid.counts), "isovalues": list(file.isovalues),
+        "scale": head.scale, "masked": head.masked, "metadata": file.metadata,
+        "directories": int(root.end + root.lengths.sum()), "layers": layers,
+    }  # fmt: skip

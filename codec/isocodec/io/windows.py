@@ -1,0 +1,101 @@
+"""Fields in files, read a window at a time: what ``isocodec tile`` takes."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..errors import InputError, OptionError
+from .extras import optional
+from .read import read_field
+from .reading import reading
+from .source import Source, source_of
+
+MAPPED = (".npy", ".tif", ".tiff", ".zarr", ".h5", ".hdf5", ".nc")
+"""Suffixes of files that are read a window at a time; others are read whole."""
+
+
+@contextmanager
+def windows_of(path: Path, key: str | None = None, samples: int | None = None) -> Iterator[Any]:
+    """A field with ``shape``, ``dtype`` and slices, whose samples stay in the file until they are asked for.
+
+    Parameters
+    ----------
+    path : path
+        ``.npy``, GeoTIFF (one band, or the first), Zarr, HDF5 or NetCDF; other formats are read whole.
+    key : str, optional
+        Which array, of a file that has several.
+    samples : int, optional
+        Most samples of a file that is read whole.
+
+    Raises
+    ------
+    OSError, InputError, MissingExtraError
+    OptionError
+        If there are several arrays and none is named.
+    """
+    suffix = path.suffix.lower()
+    if suffix not in MAPPED:
+        yield read_field(path, key=key, samples=samples)
+        return
+    source = source_of(path)
+    if suffix == ".npy":
+        with reading(".npy"):
+            yield np.load(path, mmap_mode="r", allow_pickle=False)
+    elif suffix in (".tif", ".tiff"):
+        with _raster(source) as field:
+            yield field
+    elif suffix == ".zarr":
+        zarr = optional("zarr", extra="xarray", purpose="reading .zarr")
+        with reading("Zarr"):
+            found = zarr.open(str(path), mode="r")
+        yield found if hasattr(found, "dtype") else _named(found, key, path)
+    else:
+        h5py = optional("h5py", extra="hdf5", purpose=f"reading {suffix}")
+        with reading("HDF5"):
+            file = h5py.File(path, "r")
+        with file:
+            yield _named(file, key, path)
+
+
+@contextmanager
+def _raster(source: Source) -> Iterator[Any]:
+    rasterio = optional("rasterio", extra="tiles", purpose="reading GeoTIFF a window at a time")
+    with reading("TIFF"), rasterio.open(source.path) as dataset:
+        yield RasterWindows(dataset)
+
+
+class RasterWindows:
+    """The first band of a raster, by slices; samples without data are masked.
+
+    Attributes
+    ----------
+    shape : tuple of int
+    dtype : dtype
+    """
+
+    def __init__(self, dataset: Any) -> None:
+        self._dataset = dataset
+        self.shape = dataset.height, dataset.width
+        self.dtype = np.dtype(dataset.dtypes[0])
+
+    def __getitem__(self, window: tuple[slice, slice]) -> np.ma.MaskedArray[Any, Any]:
+        found = self._dataset.read(1, window=tuple((each.start, each.stop) for each in window), masked=True)
+        return np.ma.masked_array(found)
+
+
+def _named(group: Any, key: str | None, path: Path) -> Any:
+    """An array of a group, by its name or because there is no other."""
+    names = [name for name in group if len(getattr(group[name], "shape", ())) in (2, 3)]
+    if key is None and len(names) != 1:
+        raise OptionError(
+            f"{path.name} has the arrays {', '.join(names) or 'none'}", code="key", remedy="name one: --key"
+        )
+    name = key or names[0]
+    if name not in group:
+        raise InputError(f"has no array {name!r}", code="key", remedy=f"it has {', '.join(names)}")
+    return group[name]

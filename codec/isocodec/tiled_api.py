@@ -1,0 +1,233 @@
+"""Fields in tiles: encoded tile by tile into one file, and read window by window."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from .drawing.contour import Contour
+from .errors import InputError, OptionError
+from .field.placement import CRS, read_placement
+from .limits import Limits
+from .stream.options import Options, isovalues_of
+from .tiles.container import EXPONENTS
+from .tiles.encoding import Tiling
+from .tiles.grid import Index
+from .tiles.merging import grid_of, merged
+from .tiles.reading import TiledFile
+
+if TYPE_CHECKING:
+    from .tiles.container import Head, Root
+    from .tiles.running import Engine
+
+TILE = 1024
+"""Samples along each axis of a tile in the plane, unless another number is asked for; in space an eighth."""
+
+
+def encode_tiles(
+    field: Any,
+    isovalue: float | Sequence[float],
+    path: str | os.PathLike[str],
+    *,
+    tile: int | None = None,
+    engine: Engine | None = None,
+    workers: int | None = None,
+    spool: str | os.PathLike[str] | None = None,
+    exact: bool = False,
+    tolerance: float | None = None,
+    signs_only: bool = False,
+    step: float | None = None,
+    profile: str = "main",
+    metadata: Mapping[str, str] | None = None,
+    placement: ArrayLike | None = None,
+    progress: Callable[[int, int], object] | None = None,
+) -> None:
+    """Encode the isocontours of a field that need not be in memory, tile by tile, into one file (spec clause 12).
+
+    Parameters
+    ----------
+    field : array
+        Anything that has ``shape``, ``dtype`` and slices: an array of numpy (mapped from a file, say), Dask, xarray,
+        Zarr or h5py, of two or three axes. Slices of a tile are read at a time. NaN and masked samples are missing.
+    isovalue : number or sequence of numbers
+    path : path
+        The file, written whole or not at all.
+    tile : int, optional
+        Samples along each axis of a tile, a power of two from 32 on: 1024 in the plane, 128 in space if not given.
+    engine : executor of ``concurrent.futures``, or client of ``dask.distributed``, optional
+        Who encodes; without one the caller's thread. The file has the same bytes.
+    workers : int, optional
+        How many the engine has; asked of it if not given.
+    spool : path, optional
+        A folder for what has been encoded, beside the file if not given. It goes when the file is written; if work
+        stops before, the same call goes on where it was.
+    exact, tolerance, signs_only, step, profile, metadata, placement
+        As in `encode`. On the full grid, the tolerance below 0.5.
+    progress : callable, optional
+        Called with the tiles done and their total.
+
+    Raises
+    ------
+    OptionError
+        If options contradict one another, or the spool has tiles of something else.
+    InputError
+        If the field cannot be encoded, naming the tile, or has changed while it was read.
+    OSError
+        If something cannot be written; what has been encoded is kept in the spool.
+
+    Examples
+    --------
+    >>> import numpy as np, isocodec
+    >>> field = np.load("terrain.npy", mmap_mode="r")             # doctest: +SKIP
+    >>> isocodec.encode_tiles(field, 500.5, "terrain.iso")        # doctest: +SKIP
+    >>> isocodec.open("terrain.iso").window([(0, 100), (50, 90)]) # doctest: +SKIP
+    """
+    from .io.atomic import check_target, writing
+    from .tiles.running import run
+    from .tiles.spool import Spool
+
+    shape, dtype = _field_of(field)
+    options = Options(
+        exact=exact, tolerance=tolerance, signs_only=signs_only, step=step, profile=profile, metadata=metadata,
+        placement=placement,
+    )  # fmt: skip
+    tiling = Tiling(grid_of(shape, _exponent(tile, len(shape))), tuple(isovalues_of(isovalue)), options, dtype.str)
+    check_target(path)
+    folder = Path(spool) if spool is not None else Path(f"{os.fspath(path)}.tiles")
+    with Spool(folder, tiling) as held:
+        run(field, tiling, held, engine, workers or _workers_of(engine), progress)
+        with writing(path) as file:
+            for piece in merged(held.tiles, held.read):
+                file.write(piece)
+        held.remove()
+
+
+def _field_of(field: Any) -> tuple[Index, np.dtype[Any]]:
+    """Shape and type of something with slices."""
+    shape, dtype = getattr(field, "shape", None), getattr(field, "dtype", None)
+    if shape is None or dtype is None:
+        raise InputError(
+            f"{type(field).__name__} has no shape or no dtype", code="field", remedy="numpy.asarray, or open it first"
+        )
+    if len(shape) not in (2, 3) or min(shape) < 2:
+        raise InputError(
+            f"a field of shape {tuple(shape)}; needed are 2 or 3 axes, and 2 samples along each", code="shape"
+        )
+    found = np.dtype(dtype)
+    if found.kind not in "biuf":
+        raise InputError(f"samples of type {found}; they must be real numbers", code="dtype")
+    return tuple(int(s) for s in shape), found
+
+
+def _exponent(tile: int | None, n: int) -> int:
+    if tile is None:
+        tile = TILE if n == 2 else TILE >> 3
+    exponent = int(tile).bit_length() - 1
+    if tile != 1 << exponent or exponent not in EXPONENTS:
+        raise OptionError(
+            f"tiles of {tile} samples; needed is a power of two from {1 << EXPONENTS[0]} to {1 << EXPONENTS[-1]}",
+            code="tile",
+        )
+    return exponent
+
+
+def _workers_of(engine: Any) -> int:
+    """How many an engine has, as far as it says."""
+    if hasattr(engine, "nthreads"):
+        return max(sum(engine.nthreads().values()), 1)
+    return int(getattr(engine, "_max_workers", 1))
+
+
+class TiledIsoFile:
+    """A tiled ``.iso`` file: windows of its curves, read as they are asked for.
+
+    Attributes
+    ----------
+    requests, received : int
+        How many pieces of the file have been read, and how many bytes.
+    """
+
+    def __init__(self, fetch: Callable[[int, int], bytes], limits: Limits | None = None) -> None:
+        self.requests = self.received = 0
+        self._read = fetch
+        self._file = TiledFile(self._fetch, limits)
+
+    def _fetch(self, start: int, end: int) -> bytes:
+        data = self._read(start, end)
+        self.requests += 1
+        self.received += len(data)
+        return data
+
+    def __repr__(self) -> str:
+        values = ", ".join(f"{value:g}" for value in self.isovalues[:5]) + ", .." * (len(self.isovalues) > 5)
+        return f"TiledIsoFile({self.size:,} bytes, shape={self.shape}, isovalues {values})"
+
+    @property
+    def head(self) -> Head:
+        """What the file says of its tiles."""
+        return self._file.head
+
+    @property
+    def root(self) -> Root:
+        """Where its directories and segments are."""
+        return self._file.root
+
+    @property
+    def size(self) -> int:
+        """Bytes of the file."""
+        return self._file.root.total
+
+    @property
+    def shape(self) -> Index:
+        """Samples along each axis of the field."""
+        return self._file.shape
+
+    @property
+    def isovalues(self) -> tuple[float, ...]:
+        """Isovalues, in the order of the file."""
+        return self._file.isovalues
+
+    @property
+    def metadata(self) -> dict[str, str]:
+        """Notes of the file."""
+        return self._file.metadata
+
+    @property
+    def placement(self) -> NDArray[np.float64] | None:
+        """Where samples lie, as `Contour.placement`."""
+        return read_placement(self.metadata, len(self.shape))
+
+    @property
+    def crs(self) -> str | None:
+        """Reference system of the coordinates, as the file names it."""
+        return self.metadata.get(CRS)
+
+    def window(
+        self, box: Sequence[Sequence[float]] | None = None, *, isovalue: float | None = None,
+        within: float | None = None, layer: int | None = None,
+    ) -> Contour:  # fmt: skip
+        """The curve or surface in a box of samples; see `TiledFile.window`."""
+        return self._file.window(box, isovalue=isovalue, within=within, layer=layer)
+
+    def contour(self, isovalue: float | None = None, *, layers: int | None = None) -> Contour:
+        """The curve or surface of an isovalue, of the first ``layers`` layers if that is given."""
+        return self.window(isovalue=isovalue, layer=None if layers is None else layers - 1)
+
+    def contours(self) -> list[Contour]:
+        """The curves or surfaces of all isovalues."""
+        return [self.contour(isovalue) for isovalue in self.isovalues]
+
+    def tile(self, index: Index, isovalue: float | None = None) -> bytes:
+        """A tile as an ``.iso`` file of its own; where the curve does not come, one without layers."""
+        return self._file.plain(index, isovalue)
+
+
+def tiled_of(data: bytes | bytearray | memoryview, limits: Limits | None = None) -> TiledIsoFile:
+    """A tiled file whose bytes are all there."""
+    view = memoryview(data)
+    return TiledIsoFile(lambda start, end: bytes(view[start:end]), limits)

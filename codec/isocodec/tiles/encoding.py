@@ -1,0 +1,236 @@
+"""One tile: samples in, segments out. A pure function of its samples, its place and what is asked for."""
+
+from __future__ import annotations
+
+import math
+import zlib
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from isospec.container import ChunkType, Profile
+
+from ..errors import InputError, OptionError
+from ..field.samples import Field, check_field, mask_field, missing_of, without_holes
+from ..format.chunks import write_chunk
+from ..format.header import Header
+from ..format.kinds import LayerKind
+from ..format.program import Progress, write_program
+from ..layers.plan import Entry
+from ..layers.writer import LayerWriter, encoded_mask, field_tube
+from ..search.ground_truth import truth_of
+from ..search.strategy import base_of
+from ..search.tolerance import Slack, grid_offsets
+from ..stream.options import DEFAULT_TOLERANCE, SEARCHED, Options
+from ..tube.holes import Holes
+from .container import Head, Kind, Stage
+from .grid import COARSEST, Index, TileGrid
+
+EDGES = (COARSEST, 2, 0)
+"""Exponents of the edges of cubes that stages lead to."""
+DEFAULT_EXPONENT = 10
+
+
+@dataclass(frozen=True)
+class Tiling:
+    """What all tiles of a file have in common.
+
+    Attributes
+    ----------
+    grid : TileGrid
+    isovalues : tuple of float
+    options : Options
+    dtype : str
+        Type of the samples.
+    """
+
+    grid: TileGrid
+    isovalues: tuple[float, ...]
+    options: Options
+    dtype: str
+
+    def __post_init__(self) -> None:
+        o = self.options
+        o.check_data(np.dtype(self.dtype).kind in "biu")
+        if chosen := o.chooses_mesh or ("base_level" if o.base_level is not None else ""):
+            raise OptionError(
+                f"{chosen} and tiles contradict one another: their meshes have to be the same where they meet",
+                code="tiles", remedy=f"use exact, step, signs_only or a tolerance below {SEARCHED:g}",
+            )  # fmt: skip
+        if o.periodic is not None or o.coordinates is not None:
+            raise OptionError("coordinates and periodic axes are not for tiles", code="tiles", remedy="use a placement")
+
+    @property
+    def stages(self) -> tuple[Stage, ...]:
+        """Stages of each isovalue."""
+        signs = tuple(Stage(edge) for edge in EDGES)
+        return signs if self.options.signs_only else (*signs, Stage(0, True))
+
+    @property
+    def profile(self) -> Profile:
+        """The entropy profile."""
+        return Profile[self.options.profile.upper()]
+
+    def head(self, masked: bool) -> Head:
+        """The head of the file."""
+        o = self.options
+        return Head(self.grid, self.isovalues, self.stages, o.step, self.profile, masked, o.notes(self.grid.n))
+
+
+@dataclass(frozen=True)
+class TileSegments:
+    """A tile, encoded.
+
+    Attributes
+    ----------
+    index : tuple of int
+    mask : Kind
+        ``BELOW`` if no sample is missing, ``ABOVE`` if all are.
+    mask_segment : bytes
+    kinds : tuple of Kind
+        By isovalue.
+    segments : tuple of tuple of bytes
+        By isovalue and stage; empty ones of tiles that are not coded.
+    faces : tuple of tuple of int
+        Checksums of the samples on the low and the high face across each axis.
+    """
+
+    index: Index
+    mask: Kind
+    mask_segment: bytes
+    kinds: tuple[Kind, ...]
+    segments: tuple[tuple[bytes, ...], ...]
+    faces: tuple[tuple[int, int], ...]
+
+
+class FaceSlack(Slack):
+    """Slack in a tile, none on the faces that it shares: there crossings have to come out the same from both sides."""
+
+    def __init__(self, tolerance: float, size: Sequence[int], shared: NDArray[np.bool_]) -> None:
+        super().__init__(tolerance)
+        last = np.array(size, np.int64) - 1
+        self._low = np.where(shared[:, 0], 0, -1)
+        self._high = np.where(shared[:, 1], last, -1)
+
+    def __call__(self, low: NDArray[np.int64], high: NDArray[np.int64]) -> NDArray[np.int64]:
+        """As ``Slack``."""
+        level = low == high
+        on_face = (level & ((low == self._low) | (low == self._high))).any(axis=1)
+        return np.where(on_face, 0, super().__call__(low, high))
+
+
+def encode_tile(window: ArrayLike, index: Index, tiling: Tiling) -> TileSegments:
+    """Encode a tile.
+
+    Parameters
+    ----------
+    window : array_like or masked array
+        The samples of the tile, ``field[tiling.grid.window(index)]``; NaN and masked samples are missing.
+    index : tuple of int
+        Which tile, along each axis.
+    tiling : Tiling
+
+    Returns
+    -------
+    TileSegments
+        The same bytes for the same samples, wherever and in whatever order tiles are encoded.
+
+    Raises
+    ------
+    InputError
+        If the samples cannot be encoded, or are not those of the tile.
+    """
+    size = tiling.grid.size(index)
+    if np.shape(window) != size:
+        raise InputError(f"has {size} samples, given are {np.shape(window)}", code="shape")
+    if missing_of(window).all():
+        return _missing(index, tiling)
+    values, gone = without_holes(window)
+    faces = tuple(
+        (_checksum(values.take(0, axis), gone, 0, axis), _checksum(values.take(-1, axis), gone, -1, axis))
+        for axis in range(values.ndim)
+    )
+    stages = len(tiling.stages)
+    fields = [check_field(values, isovalue, tiling.options.step, gone) for isovalue in tiling.isovalues]
+    header = Header(size, tiling.isovalues[0], tiling.options.step, tiling.profile)
+    there = slice(None) if gone is None else ~gone
+    kinds = tuple(_kind(field.signs[there]) for field in fields)
+    run, holes = b"", None
+    if gone is not None and Kind.CODED in kinds:
+        mask = mask_field(gone)
+        run, holes = encoded_mask(header, mask, truth_of(mask))
+        run = write_chunk(ChunkType.MASK, run)
+    segments = tuple(
+        tuple(_segments(replace(header, isovalue=field.isovalue), field, holes, index, tiling))
+        if kind == Kind.CODED else (b"",) * stages
+        for field, kind in zip(fields, kinds, strict=True)
+    )  # fmt: skip
+    return TileSegments(index, Kind.CODED if run else Kind.BELOW, run, kinds, segments, faces)
+
+
+def _missing(index: Index, tiling: Tiling) -> TileSegments:
+    """A tile of which nothing is there."""
+    grid, count = tiling.grid, len(tiling.isovalues)
+    faces = []
+    for axis in range(grid.n):
+        beside = grid.size(index)[:axis] + grid.size(index)[axis + 1 :]
+        face = np.zeros(beside, tiling.dtype)
+        faces.append(2 * (_checksum(face, np.ones((1, *beside), np.bool_), 0, 0),))
+    segments = ((b"",) * len(tiling.stages),) * count
+    return TileSegments(index, Kind.ABOVE, b"", (Kind.BELOW,) * count, segments, tuple(faces))
+
+
+def _kind(signs: NDArray[np.bool_]) -> Kind:
+    return Kind.ABOVE if signs.all() else Kind.CODED if signs.any() else Kind.BELOW
+
+
+def _checksum(face: NDArray[np.generic], gone: NDArray[np.bool_] | None, at: int, axis: int) -> int:
+    """Of the samples of a face, and of which are missing."""
+    known = 0
+    if gone is not None and (missing := gone.take(at, axis)).any():
+        face = np.where(missing, face.dtype.type(0), face)
+        known = zlib.crc32(np.packbits(missing).tobytes())
+    return zlib.crc32(np.ascontiguousarray(face).tobytes(), known)
+
+
+def _segments(header: Header, field: Field, holes: Holes | None, index: Index, tiling: Tiling) -> Iterator[bytes]:
+    """The segments of an isovalue, stage by stage."""
+    plan, ends = _plan(index, tiling)
+    tube = field_tube(header, field, truth_of(field), holes=holes)
+    full = tube.full_level
+    writer = LayerWriter(field, tube, plan, Progress(full).begin(None))
+    program = Progress(full).begin(None)
+    for first, end in pairwise([0, *ends]):
+        # values are layers only once those before them are done
+        last = len(writer.layers) if end is None else end
+        if first is not None and first == last:
+            yield b""
+            continue
+        done, run = writer.encode_run(first or 0, lambda: None, math.inf, None if end is None else last - 1)
+        yield write_chunk(ChunkType.LAYERS, write_program(writer.layers[first:done], program, writer.bits) + run)
+
+
+def _plan(index: Index, tiling: Tiling) -> tuple[list[Entry], list[int | None]]:
+    """The layers of a tile's isovalue, and how many of them each stage ends with; None for all."""
+    grid, o = tiling.grid, tiling.options
+    levels = [grid.level(index, stage.edge) for stage in tiling.stages if not stage.geometry]
+    base = base_of(grid.n, levels[0])
+    plan: list[Entry] = [(LayerKind.BASE, base)]
+    if base < levels[-1]:
+        plan.append((LayerKind.REFINE, None))
+    ends: list[int | None] = [1 + level - base for level in levels]
+    if not o.signs_only:
+        ends.append(None)
+        if o.exact or o.step is not None:
+            plan.append((LayerKind.VALUES, None))
+        else:
+            fine = o.tolerance or DEFAULT_TOLERANCE
+            offsets = grid_offsets(fine, False)
+            if tiling.profile == Profile.MAIN and offsets:
+                slack = FaceSlack(fine, grid.size(index), grid.shared(index))
+                offsets[-1] = (*offsets[-1], 0, None, slack)
+            plan += offsets
+    return plan, ends

@@ -1,0 +1,135 @@
+"""Head and root directory of a tiled file, as bytes (spec clauses 12.3 and 12.4)."""
+
+from __future__ import annotations
+
+import json
+import math
+import zlib
+from collections.abc import Sequence
+
+import numpy as np
+
+from isospec.container import (
+    MAX_ISOVALUES,
+    READ_VERSION,
+    WRITER_VERSION,
+    Checksum,
+    Double,
+    Profile,
+    write_varint,
+)
+
+from ..errors import FormatError, InputError
+from ..format.header import write_isovalue
+from .container import (
+    EXPONENTS,
+    FIXED_BYTES,
+    HEAD_BYTES,
+    MOST_IN_BLOCK,
+    MOST_SIDE,
+    MOST_STAGES,
+    SIGNATURE,
+    Head,
+    Root,
+    Stage,
+)
+from .grid import TileGrid
+from .numbers import Reader, wrong
+
+_MASK, _SCALED = 0x80, 0x20
+
+
+def write_head(head: Head, leaves: Sequence[tuple[bytes, Sequence[int]]]) -> bytes:
+    """Head and root directory; of each leaf its bytes and those of its segments, area by area.
+
+    Raises
+    ------
+    InputError
+        If they take more than ``HEAD_BYTES``.
+    """
+    grid = head.grid
+    scaled = b"" if head.scale is None else Double.build(head.scale)
+    body = b"".join(write_varint(s) for s in grid.shape) + bytes([grid.exponent, grid.block, len(head.stages)])
+    body += bytes(stage.edge | stage.geometry << 7 for stage in head.stages) + scaled
+    body += write_varint(len(head.isovalues))
+    for value in head.isovalues:
+        kind, number = write_isovalue(value)
+        body += bytes([kind]) + number
+    notes = json.dumps(head.metadata, ensure_ascii=False, separators=(",", ":")).encode() if head.metadata else b""
+    body += write_varint(len(notes)) + notes
+    for leaf, sizes in leaves:
+        body += write_varint(len(leaf)) + Checksum.build(zlib.crc32(leaf))
+        body += b"".join(write_varint(size) for size in sizes)
+    flags = _MASK * head.masked | _SCALED * (head.scale is not None) | (grid.n - 2) << 2 | head.profile
+    length = FIXED_BYTES + len(body) + 4
+    if length > HEAD_BYTES:
+        raise InputError(
+            f"the notes and the root directory take {length:,} bytes; there is room for {HEAD_BYTES:,}", code="head",
+            remedy="leave out notes, or take larger tiles or fewer isovalues",
+        )  # fmt: skip
+    out = SIGNATURE + bytes([WRITER_VERSION << 4 | READ_VERSION, flags]) + length.to_bytes(2, "big") + body
+    return out + Checksum.build(zlib.crc32(out))
+
+
+def head_length(data: bytes) -> int:
+    """How many bytes head and root have, by the first ``FIXED_BYTES``.
+
+    Raises
+    ------
+    FormatError
+    """
+    if data[:4] != SIGNATURE[: len(data)] or len(data) < FIXED_BYTES:
+        raise wrong("not a tiled .iso file: the signature is missing", "signature", 0, "12.3")
+    if data[4] & 15 > WRITER_VERSION:
+        raise FormatError(
+            f"the file needs version {data[4] & 15} of the format, this reads up to {WRITER_VERSION}",
+            code="version", offset=4, clause="3.3.1", remedy="update isocodec",
+        )  # fmt: skip
+    return int.from_bytes(data[6:8], "big")
+
+
+def read_head(data: bytes) -> tuple[Head, Root]:
+    """Head and root directory, which ``data`` begins with.
+
+    Raises
+    ------
+    FormatError
+    """
+    end = head_length(data)
+    if end > HEAD_BYTES or end < FIXED_BYTES + 4 or len(data) < end:
+        raise wrong("a head that is cut or too long", "head", 6, "12.3")
+    if Checksum.parse(data[end - 4 : end]) != zlib.crc32(data[: end - 4]):
+        raise wrong("the head's checksum is wrong", "checksum", end - 4, "12.3")
+    reader = Reader(data, FIXED_BYTES, end - 4)
+    flags = data[5]
+    if flags & 0x5B & ~Profile.MAIN:
+        raise wrong("unknown flags", "flags", 5, "12.3")
+    n = 2 + (flags >> 2 & 1)
+    shape = tuple(reader.number() for _ in range(n))
+    exponent, block, stages = reader.byte(), reader.byte(), reader.byte()
+    if not all(1 <= s <= MOST_SIDE for s in shape) or exponent not in EXPONENTS:
+        raise wrong("sides or tiles of no size that there is", "shape", FIXED_BYTES, "12.3")
+    if not 1 << n * min(block, 20) <= MOST_IN_BLOCK or not 1 <= stages <= MOST_STAGES:
+        raise wrong("blocks too large, or no stages", "head", FIXED_BYTES, "12.3")
+    listed = tuple(Stage(byte & 15, byte > 127) for byte in (reader.byte() for _ in range(stages)))
+    scale = reader.scale() if flags & _SCALED else None
+    count = reader.number()
+    if not 1 <= count <= MAX_ISOVALUES:
+        raise wrong(f"{count} isovalues", "isovalues", reader.at, "12.3")
+    isovalues = tuple(reader.isovalue() for _ in range(count))
+    notes = reader.notes()
+    grid = TileGrid(shape, exponent, block)
+    head = Head(grid, isovalues, listed, scale, Profile(flags & 3), bool(flags & _MASK), notes)
+    total = math.prod(grid.blocks)
+    # each takes at least five bytes of the head
+    if total > HEAD_BYTES // 5:
+        raise wrong("more leaves than the head has room for", "leaves", reader.at, "12.3")
+    lengths, checksums, sizes = [], [], []
+    for _ in range(total):
+        lengths.append(reader.number())
+        checksums.append(Checksum.parse(reader.bytes(4)))
+        sizes.append([reader.number() for _ in range(head.areas)])
+    if reader.at != end - 4 or sum(lengths) + sum(map(sum, sizes)) >= 1 << 62:
+        raise wrong("the head goes on behind its root directory", "head", reader.at, "12.3")
+    whole = np.array(sizes, np.int64).reshape(total, head.areas)
+    return head, Root(end, np.array(lengths, np.int64), np.array(checksums, np.int64), whole)

@@ -1,0 +1,152 @@
+"""From encoded tiles to a file: directories, then segments area by area (spec clauses 12.3 to 12.5)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import InputError
+from .container import MOST_IN_BLOCK, Head, Kind, Leaf
+from .encoding import Tiling
+from .grid import Index, TileGrid
+from .head import write_head
+from .leaf import checksums_of, write_leaf
+
+BLOCK = {2: 5, 3: 3}
+"""Exponent of the width of blocks, in tiles, as long as there is room for all of them in the root directory."""
+
+
+class Tiles:
+    """What is known of all tiles of a file: all but their bytes.
+
+    Parameters
+    ----------
+    tiling : Tiling
+
+    Attributes
+    ----------
+    kinds : (1 + isovalues, counts ..) uint8
+        The mask's first.
+    lengths : (1 + stages * isovalues, counts ..) uint32
+        Bytes of segments, by area.
+    faces : (n, 2, counts ..) uint32
+        Checksums of samples on faces.
+    place : (counts ..) int64
+        Where the bytes of a tile are held, -1 if it has not come.
+    """
+
+    def __init__(self, tiling: Tiling) -> None:
+        grid = tiling.grid
+        self.tiling = tiling
+        areas = len(tiling.stages) * len(tiling.isovalues)
+        self.kinds = np.zeros((1 + len(tiling.isovalues), *grid.counts), np.uint8)
+        self.lengths = np.zeros((1 + areas, *grid.counts), np.uint32)
+        self.faces = np.zeros((grid.n, 2, *grid.counts), np.uint32)
+        self.place = np.full(grid.counts, -1, np.int64)
+
+    def missing(self) -> int:
+        """How many tiles have not come."""
+        return int((self.place < 0).sum())
+
+    def check_faces(self) -> None:
+        """That neighbours had the same samples where they meet.
+
+        Raises
+        ------
+        InputError
+            Naming two tiles that had not: the field has changed while it was read.
+        """
+        for axis in range(self.tiling.grid.n):
+            low, high = (self.faces[axis, side] for side in (0, 1))
+            behind = np.delete(low, 0, axis) != np.delete(high, -1, axis)
+            differ = np.argwhere(behind)
+            if len(differ):
+                here = tuple(differ[0].tolist())
+                there = self.tiling.grid.neighbour(here, axis)
+                raise InputError(
+                    f"tiles {here} and {there} had other samples in the row that they share: the field has changed "
+                    "while it was read", code="changed", remedy="encode all tiles again from a field that stays",
+                )  # fmt: skip
+
+
+def merged(tiles: Tiles, read: Callable[[int, int], bytes]) -> Iterator[bytes]:
+    """The bytes of a file, piece by piece.
+
+    Parameters
+    ----------
+    tiles : Tiles
+        All of them.
+    read : callable
+        Gives so many bytes from a place on: a tile's are the mask's segment, then for each isovalue its stages.
+
+    Raises
+    ------
+    InputError
+        If tiles have not come, or do not meet.
+    """
+    if tiles.missing():
+        raise InputError(f"{tiles.missing():,} tiles have not been encoded", code="tiles")
+    tiles.check_faces()
+    masked = bool((tiles.kinds[0] != Kind.BELOW).any())
+    block = BLOCK[tiles.tiling.grid.n]
+    while True:
+        head = tiles.tiling.head(masked)
+        head = replace(head, grid=replace(head.grid, block=block))
+        try:
+            # lengths and checksums to come take no more than this
+            write_head(head, [(bytes(MOST_IN_BLOCK), [1 << 34] * head.areas)] * int(np.prod(head.grid.blocks)))
+            break
+        except InputError:
+            if 1 << head.grid.n * (block + 1) > MOST_IN_BLOCK:
+                raise
+        block += 1
+    yield from _written(head, tiles, read)
+
+
+def _written(head: Head, tiles: Tiles, read: Callable[[int, int], bytes]) -> Iterator[bytes]:
+    blocks = list(head.grid.all_blocks())
+    leaves = []
+    for block in blocks:
+        leaf = _leaf(head, tiles, block, read)
+        leaves.append((write_leaf(head, leaf), leaf.lengths.sum(axis=1).tolist()))
+    yield write_head(head, leaves)
+    for data, _ in leaves:
+        yield data
+    for area in range(head.areas):
+        for block in blocks:
+            yield b"".join(_segments(head, tiles, block, area, read))
+
+
+def _leaf(head: Head, tiles: Tiles, block: Index, read: Callable[[int, int], bytes]) -> Leaf:
+    """The directory of a block."""
+    members = tuple(head.grid.members(block).T)
+    kinds = tiles.kinds[(slice(None), *members)][not head.masked :]
+    lengths = np.stack([tiles.lengths[(a, *members)] for a in _held(head)]).astype(np.int64)
+    checksums = [checksums_of(_segments(head, tiles, block, area, read)) for area in range(head.areas)]
+    return Leaf(kinds, lengths, checksums)
+
+
+def _held(head: Head) -> list[int]:
+    """For each area of a file the number of the segment in what is held of a tile: isovalue by isovalue."""
+    stages, isovalues = len(head.stages), len(head.isovalues)
+    own = [1 + i * stages + s for s in range(stages) for i in range(isovalues)]
+    return [0, *own] if head.masked else own
+
+
+def _segments(head: Head, tiles: Tiles, block: Index, area: int, read: Callable[[int, int], bytes]) -> list[bytes]:
+    """The segments of a block's tiles in an area."""
+    members = tuple(head.grid.members(block).T)
+    number = _held(head)[area]
+    lengths: NDArray[np.int64] = tiles.lengths[(number, *members)].astype(np.int64)
+    before = tiles.lengths[:number][(slice(None), *members)].astype(np.int64).sum(axis=0)
+    places = tiles.place[members] + before
+    pairs = zip(places.tolist(), lengths.tolist(), strict=True)
+    return [read(place, length) if length else b"" for place, length in pairs]
+
+
+def grid_of(shape: Index, exponent: int) -> TileGrid:
+    """The grid of a field's tiles before it is known in how large blocks they are listed."""
+    return TileGrid(shape, exponent, BLOCK[len(shape)])

@@ -1,0 +1,81 @@
+"""Numbers of a directory, read within bounds (spec clause 3.2)."""
+
+from __future__ import annotations
+
+import json
+import math
+
+from isospec.container import Double, IsovalueKind, VarintError, read_varint
+
+from ..errors import FormatError
+from ..format.header import read_isovalue
+
+
+def wrong(text: str, code: str, at: int, clause: str) -> FormatError:
+    """The error for a directory that cannot be, with its place in the file."""
+    return FormatError(text, code=code, offset=at, clause=clause)
+
+
+class Reader:
+    """Numbers one after the other, within bounds; ``base`` is where the bytes begin in the file."""
+
+    def __init__(self, data: bytes, at: int, end: int, base: int = 0) -> None:
+        self.data, self.at, self.end, self.base = data, at, end, base
+
+    def check(self, count: int) -> None:
+        """Raise `FormatError` unless so many bytes are left."""
+        if count > self.end - self.at:
+            raise self._early()
+
+    def bytes(self, count: int) -> bytes:
+        """So many bytes."""
+        self.check(count)
+        self.at += count
+        return self.data[self.at - count : self.at]
+
+    def byte(self) -> int:
+        """A number below 256."""
+        return self.bytes(1)[0]
+
+    def number(self) -> int:
+        """A varint."""
+        try:
+            found = read_varint(self.data, self.at, self.end)
+        except VarintError as error:
+            raise wrong(str(error), "varint", self.base + self.at, "3.2.1") from None
+        if found is None:
+            raise self._early()
+        self.at = found[1]
+        return found[0]
+
+    def scale(self) -> float:
+        """A positive number."""
+        value = float(Double.parse(self.bytes(8)))
+        if not (math.isfinite(value) and value > 0):
+            raise wrong("the scale is not a positive number", "scale", self.at - 8, "12.3")
+        return value
+
+    def isovalue(self) -> float:
+        """Its kind, and the number."""
+        kind = self.byte()
+        if kind not in IsovalueKind.__members__.values():
+            raise wrong("unknown kind of isovalue", "isovalue", self.at - 1, "12.3")
+        found = read_isovalue(self.data, self.at, self.end, kind)
+        if found is None:
+            raise self._early()
+        self.at = found[1]
+        return found[0]
+
+    def notes(self) -> dict[str, str]:
+        """Their length, and an object of JSON."""
+        text = self.bytes(self.number())
+        if not text:
+            return {}
+        try:
+            found = json.loads(text.decode())
+        except (ValueError, RecursionError):
+            return {}
+        return {k: v for k, v in found.items() if isinstance(v, str)} if isinstance(found, dict) else {}
+
+    def _early(self) -> FormatError:
+        return wrong("a directory that ends too early", "directory", self.base + self.end, "12.4")

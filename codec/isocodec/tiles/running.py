@@ -1,0 +1,127 @@
+"""Encoding all tiles, here or by others: threads, processes, a Dask cluster. The bytes are the same."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from concurrent.futures import CancelledError
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager
+from queue import SimpleQueue
+from typing import Any, Protocol
+
+import numpy as np
+
+from ..errors import InputError
+from .encoding import TileSegments, Tiling, encode_tile
+from .grid import Index, in_order
+from .spool import Spool
+
+AHEAD = 2
+"""Tiles in flight for each worker, and as many more."""
+
+
+class Engine(Protocol):
+    """What work is given to: an executor of ``concurrent.futures``, or a client of ``dask.distributed``."""
+
+    def submit(self, function: Callable[..., Any], /, *args: Any, **options: Any) -> Any:
+        """Have a function called elsewhere."""
+
+
+def run(
+    field: Any, tiling: Tiling, spool: Spool, engine: Engine | None = None, workers: int = 1,
+    progress: Callable[[int, int], object] | None = None,
+) -> None:  # fmt: skip
+    """Encode the tiles that a spool lacks.
+
+    Parameters
+    ----------
+    field : array
+        Anything with ``shape``, ``dtype`` and slices: of numpy, Dask, xarray, Zarr, h5py, or a file's windows. Slices
+        are read here, or by the workers of a Dask cluster if it is an array of Dask.
+    tiling : Tiling
+    spool : Spool
+    engine : Engine, optional
+        None for this thread.
+    workers : int
+        How many the engine has.
+    progress : callable, optional
+        Told of tiles done and their total.
+
+    Raises
+    ------
+    InputError
+        As `encode_tile`, naming the tile; or if workers died. What has been encoded is kept.
+    """
+    total = tiling.grid.total
+    waiting = (index for index in map(tuple, in_order(tiling.grid.counts).tolist()) if not spool.done(index))
+    for done, tile in enumerate(_encoded(field, tiling, waiting, engine, workers), start=total - spool.tiles.missing()):
+        spool.add(tile)
+        if progress:
+            progress(done + 1, total)
+
+
+def _encoded(
+    field: Any, tiling: Tiling, waiting: Iterator[Index], engine: Engine | None, workers: int
+) -> Iterator[TileSegments]:
+    if engine is None:
+        for index in waiting:
+            with _about(index):
+                tile = encode_tile(_samples(field, tiling, index), index, tiling)
+            yield tile
+        return
+    came: SimpleQueue[tuple[Index, Any]] = SimpleQueue()
+    flying: dict[Index, Any] = {}
+    try:
+        while True:
+            while len(flying) < AHEAD * (workers + 1) and (index := next(waiting, ())):
+                flying[index] = future = _submitted(engine, field, tiling, index)
+                future.add_done_callback(lambda f, index=index: came.put((index, f)))
+            if not flying:
+                return
+            index, future = came.get()
+            del flying[index]
+            with _about(index):
+                tile = future.result()
+            yield tile
+    finally:
+        for future in flying.values():
+            future.cancel()
+
+
+def _submitted(engine: Engine, field: Any, tiling: Tiling, index: Index) -> Any:
+    """Have a tile encoded; slices of Dask's arrays are read where that is done."""
+    window = tiling.grid.window(index)
+    if hasattr(field, "__dask_graph__") and hasattr(engine, "compute"):
+        from dask import delayed
+
+        return engine.compute(delayed(encode_tile, pure=False)(field[window], index, tiling))
+    options = {"pure": False} if hasattr(engine, "scheduler_info") else {}
+    return engine.submit(encode_tile, _samples(field, tiling, index), index, tiling, **options)
+
+
+def _samples(field: Any, tiling: Tiling, index: Index) -> Any:
+    window = field[tiling.grid.window(index)]
+    return window if isinstance(window, np.ma.MaskedArray) else np.asarray(window)
+
+
+@contextmanager
+def _about(index: Index) -> Iterator[None]:
+    """Errors say which tile they are about; those of workers that died say what to do."""
+    try:
+        yield
+    except InputError as error:
+        raise InputError(f"tile {index}: {error.message}", code=error.code, remedy=error.remedy) from None
+    except (BrokenProcessPool, CancelledError) as error:
+        raise _died(index) from error
+    except Exception as error:
+        # of a library that need not be there
+        if type(error).__name__ == "KilledWorker":
+            raise _died(index) from error
+        raise
+
+
+def _died(index: Index) -> InputError:
+    return InputError(
+        f"the worker that encoded tile {index} died", code="worker",
+        remedy="run the same again: tiles that were done are kept",
+    )  # fmt: skip

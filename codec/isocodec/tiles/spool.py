@@ -1,0 +1,211 @@
+"""What has been encoded so far, kept in a folder, so that nothing is lost when work stops: bytes, and a journal."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import zlib
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, BinaryIO, Self
+
+import numpy as np
+
+from ..errors import InputError, OptionError
+from .encoding import TileSegments, Tiling
+from .grid import Index
+from .merging import Tiles
+
+_PIECE = 1 << 22
+_BYTES, _JOURNAL = "segments", "journal"
+
+
+class Spool:
+    """A folder with the tiles of one file that have been encoded.
+
+    ``segments`` has the bytes of tiles one after the other, ``journal`` a line of JSON that says of what, and a record
+    of fixed size for each tile, written when its bytes are there. What stands behind the last whole record is written
+    over.
+
+    Parameters
+    ----------
+    folder : path
+        Made if it is not there.
+    tiling : Tiling
+
+    Attributes
+    ----------
+    tiles : Tiles
+
+    Raises
+    ------
+    OptionError
+        If the folder has tiles of something else, or another process uses it.
+    OSError
+    """
+
+    def __init__(self, folder: str | os.PathLike[str], tiling: Tiling) -> None:
+        self.folder = Path(folder)
+        self.tiles = Tiles(tiling)
+        self._record = _record_of(self.tiles)
+        self._about = json.dumps(_description(tiling), sort_keys=True).encode() + b"\n"
+        self.folder.mkdir(exist_ok=True)
+        self._journal = _open(self.folder / _JOURNAL)
+        self._bytes = _open(self.folder / _BYTES)
+        # a place of its own, so that what is written is always at the end
+        self._reader = (self.folder / _BYTES).open("rb", buffering=0)
+        try:
+            _lock(self._journal, self.folder)
+            self._resume()
+        except BaseException:
+            self.close()
+            raise
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Leave the folder as it is."""
+        self._journal.close()
+        self._bytes.close()
+        self._reader.close()
+
+    def remove(self) -> None:
+        """Everything is elsewhere now."""
+        self.close()
+        shutil.rmtree(self.folder)
+
+    def _resume(self) -> None:
+        """Take over what has been encoded before."""
+        first = self._journal.readline()
+        if first and first.endswith(b"\n") and first != self._about:
+            raise OptionError(
+                f"{self.folder} has tiles of another field, or encoded with other options", code="spool",
+                remedy="remove it, or name another folder",
+            )  # fmt: skip
+        end = 0
+        if first != self._about:
+            self._journal.seek(0)
+            self._journal.truncate()
+            self._journal.write(self._about)
+        else:
+            end = self._take(self._journal.read())
+        self._bytes.seek(end)
+        self._bytes.truncate()
+
+    def _take(self, data: bytes) -> int:
+        """Take note of whole records whose tiles are there unharmed; where the last one ends."""
+        size = self._record.itemsize
+        records = np.frombuffer(data[: len(data) // size * size], self._record)
+        good, end = 0, 0
+        held = os.fstat(self._bytes.fileno()).st_size
+        for record in records:
+            own = record.tobytes()
+            length = int(record["lengths"].sum())
+            if zlib.crc32(own[:-4]) != int(record["check"]) or int(record["place"]) + length > held:
+                break
+            if zlib.crc32(b"".join(self._pieces(int(record["place"]), length))) == int(record["sum"]):
+                self._note(record)
+            good, end = good + 1, max(end, int(record["place"]) + length)
+        self._journal.seek(len(self._about) + good * size)
+        self._journal.truncate()
+        return end
+
+    def _note(self, record: Any) -> None:
+        at = tuple(record["index"].tolist())
+        tiles = self.tiles
+        tiles.kinds[(slice(None), *at)] = record["kinds"]
+        tiles.lengths[(slice(None), *at)] = record["lengths"]
+        tiles.faces[(slice(None), slice(None), *at)] = record["faces"]
+        tiles.place[at] = record["place"]
+
+    def add(self, tile: TileSegments) -> None:
+        """Keep a tile.
+
+        Raises
+        ------
+        OSError
+            If there is no room; what was kept before stays.
+        """
+        segments = [tile.mask_segment, *(segment for stages in tile.segments for segment in stages)]
+        data = b"".join(segments)
+        place = self._bytes.tell()
+        record = np.zeros((), self._record)
+        record["index"], record["place"], record["sum"] = tile.index, place, zlib.crc32(data)
+        record["kinds"] = [tile.mask, *tile.kinds]
+        record["lengths"] = [len(segment) for segment in segments]
+        record["faces"] = tile.faces
+        record["check"] = zlib.crc32(record.tobytes()[:-4])
+        before = self._journal.tell()
+        try:
+            self._bytes.write(data)
+            self._bytes.flush()
+            self._journal.write(record.tobytes())
+            self._journal.flush()
+        except OSError:
+            # a part of either is written over when somebody goes on
+            for file, end in ((self._bytes, place), (self._journal, before)):
+                file.seek(end)
+                file.truncate()
+            raise
+        self._note(record)
+
+    def read(self, place: int, length: int) -> bytes:
+        """Bytes of tiles."""
+        data = b"".join(self._pieces(place, length))
+        if len(data) != length:
+            raise InputError(f"{self.folder / _BYTES} has become shorter", code="spool", remedy="encode again")
+        return data
+
+    def _pieces(self, place: int, length: int) -> Iterator[bytes]:
+        self._reader.seek(place)
+        while length > 0 and (piece := self._reader.read(min(length, _PIECE))):
+            length -= len(piece)
+            yield piece
+
+    def done(self, index: Index) -> bool:
+        """Whether a tile is there."""
+        return bool(self.tiles.place[index] >= 0)
+
+
+def _record_of(tiles: Tiles) -> np.dtype[Any]:
+    n = tiles.tiling.grid.n
+    return np.dtype(
+        [
+            ("index", "<i8", (n,)), ("place", "<i8"), ("sum", "<u4"), ("kinds", "u1", (len(tiles.kinds),)),
+            ("lengths", "<u4", (len(tiles.lengths),)), ("faces", "<u4", (n, 2)), ("check", "<u4"),
+        ]
+    )  # fmt: skip
+
+
+def _description(tiling: Tiling) -> dict[str, object]:
+    """What tiles that go together have in common; notes may change."""
+    o = tiling.options
+    return {
+        "shape": tiling.grid.shape, "tile": 1 << tiling.grid.exponent, "isovalues": tiling.isovalues,
+        "exact": o.exact, "step": o.step, "tolerance": o.tolerance, "signs_only": o.signs_only, "profile": o.profile,
+        "dtype": tiling.dtype, "missing": "hole", "version": 0,
+    }  # fmt: skip
+
+
+def _open(path: Path) -> BinaryIO:
+    """For reading and writing, made if it is not there."""
+    return os.fdopen(os.open(path, os.O_RDWR | os.O_CREAT | getattr(os, "O_BINARY", 0), 0o666), "r+b")
+
+
+def _lock(file: BinaryIO, folder: Path) -> None:
+    """Keep other processes out, where the system can."""
+    try:
+        import fcntl
+    except ImportError:
+        return
+    try:
+        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError:
+        raise OptionError(
+            f"another process is at work in {folder}", code="spool", remedy="wait for it, or stop it"
+        ) from None
