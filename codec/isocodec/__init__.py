@@ -35,6 +35,7 @@ if TYPE_CHECKING:
     from .io.capping import cap
     from .io.sources import read
     from .kernel import kernels
+    from .labels import decode_labels, encode_labels
     from .layers.events import (
         BaseComplete,
         ChunkSkipped,
@@ -90,6 +91,7 @@ _HOMES = {
     "kernel": ("kernels",),
     "limits": ("Limits",),
     "mesh_api": ("encode_mesh",),
+    "labels": ("decode_labels", "encode_labels"),
     "recoding": ("merge", "transcode"),
     "stream.decoder": ("Decoder",),
     "layers.events": (
@@ -158,11 +160,13 @@ __all__ = [
     "decode",
     "decode_all",
     "decode_frames",
+    "decode_labels",
     "decode_mask",
     "decode_tin",
     "decode_valid",
     "encode",
     "encode_frames",
+    "encode_labels",
     "encode_mesh",
     "encode_tiles",
     "encode_tin",

@@ -11,17 +11,21 @@ process.chdir(new URL(".", import.meta.url).pathname);
 rmSync("dist", { recursive: true, force: true });
 mkdirSync("dist", { recursive: true });
 const common = { bundle: true, format: "esm", target: "es2022", logLevel: "error" };
-const small = { ...common, outdir: "dist", minify: true, mangleProps: internalNames(), metafile: true, external: ["three"] };
+const small = { ...common, outdir: "dist", minify: true, mangleProps: internalNames(), metafile: true, external: ["three", "geojson-vt", "vt-pbf"] };
 // modules of one group share what they have in common; names are shortened alike in all
 const groups = [
   { index: "src/index.ts", draw: "src/draw.ts", main: "src/main/profile.ts", domain: "src/domain/contents.ts" },
   { world: "src/world.ts", three: "src/three.ts" }, { text: "src/text.ts" }, { worker: "src/worker.ts" },
+  { maplibre: "src/maplibre.ts" },
 ];
+/** Tiles use other modules of the package as users do. */
+const asUsers = { name: "as users", setup: ({ onResolve }) => onResolve({ filter: /^\.\/(stream|draw|world)\.js$/ }, ({ path, importer }) =>
+  importer.endsWith("maplibre.ts") ? { path: path.replace("stream", "index"), external: true } : undefined) };
 const outputs = {};
 let mangleCache = {};
 for (const entryPoints of groups) {
   const chunkNames = `${Object.keys(entryPoints)[0]}-[hash]`;
-  const made = await build({ ...small, entryPoints, splitting: true, chunkNames, mangleCache });
+  const made = await build({ ...small, entryPoints, splitting: true, chunkNames, mangleCache, plugins: [asUsers] });
   mangleCache = made.mangleCache;
   Object.assign(outputs, made.metafile.outputs);
 }

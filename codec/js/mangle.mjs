@@ -31,7 +31,7 @@ export function internalNames() {
         keep(name, checker.getPropertyOfType(type, name));
       } else if (named && ts.isObjectLiteralElement(node)) {
         const type = checker.getContextualType(node.parent), property = type && checker.getPropertyOfType(type, node.name.text);
-        if (property) keep(node.name.text, property);
+        if (type) keep(node.name.text, property);
         else own.add(node.name.text);
       } else if (ts.isStringLiteral(node)) kept.add(node.text);
       ts.forEachChild(node, visit);
