@@ -130,7 +130,7 @@ def test_writing_takes_no_more_than_is_counted(n, suffix, rough):
     small = isocodec.decode(isocodec.encode(field(n, 6, 1), 0.5))
 
     def write(contour):
-        return render_sides([contour], ".geojson", True) if suffix == "areas" else render_contour(contour, suffix)
+        return render_sides([contour], ".geojson", "above") if suffix == "areas" else render_contour(contour, suffix)
 
     write(small)
     gc.collect()

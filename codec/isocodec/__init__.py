@@ -32,6 +32,7 @@ if TYPE_CHECKING:
     from .files import EncodeOptions, IsoFile, open, save
     from .frames import decode_frames
     from .io.areas import areas
+    from .io.bands import Band, bands
     from .io.capping import cap
     from .io.sources import read
     from .kernel import kernels
@@ -86,6 +87,7 @@ _HOMES = {
     "files": ("EncodeOptions", "IsoFile", "open", "save"),
     "frames": ("decode_frames",),
     "io.areas": ("areas",),
+    "io.bands": ("Band", "bands"),
     "io.capping": ("cap",),
     "io.sources": ("read",),
     "kernel": ("kernels",),
@@ -114,6 +116,7 @@ _HOMES = {
 _HOME = {name: home for home, names in _HOMES.items() for name in names}
 
 __all__ = [
+    "Band",
     "BaseComplete",
     "ChunkSkipped",
     "Contour",
@@ -156,6 +159,7 @@ __all__ = [
     "Tin",
     "TruncatedError",
     "areas",
+    "bands",
     "cap",
     "decode",
     "decode_all",
