@@ -21,10 +21,11 @@ from isocodec import limits as module
 from isocodec.io.write import AREAS, cost_of, render_contour, render_sides
 from isocodec.limits import Budget, in_units
 from isocodec.passes.runner import Tube
+from isoconform import hostile
 from isospec.container import MAX_ISOVALUES
 
-ONE_PLANE = bytes.fromhex("8949534f0045a080010221140e18d6cb3f70e7654bda076d61f38967c65abe3fc5d0a2e4")
-"""A plane far above the full grid: 132,000 vertices, each more than 1,000 samples from the next."""
+LONE = bytes(next(draft.data for draft in hostile.drafts() if draft.name == "space_main_lone_vertices"))
+"""Vertices far from each other, in a base of level 24."""
 MIB = 1 << 20
 
 
@@ -130,7 +131,7 @@ def test_writing_takes_no_more_than_is_counted(n, suffix, rough):
     small = isocodec.decode(isocodec.encode(field(n, 6, 1), 0.5))
 
     def write(contour):
-        return render_sides([contour], ".geojson", True) if suffix == "areas" else render_contour(contour, suffix)
+        return render_sides([contour], ".geojson", "above") if suffix == "areas" else render_contour(contour, suffix)
 
     write(small)
     gc.collect()
@@ -149,13 +150,13 @@ def test_writing_takes_no_more_than_is_counted(n, suffix, rough):
 def test_lone_vertices_are_refused_at_the_same_symbol_however_they_come():
     """Before their memory is taken; the decoder holds nothing after that, and says why."""
     ends = []
-    for step in (len(ONE_PLANE), 1, 5):
+    for step in (len(LONE), 1, 5):
         decoder = Decoder(Limits(memory=40 * MIB))
         gc.collect()
         tracemalloc.start()
         with pytest.raises(LimitError) as caught:
-            for at in range(0, len(ONE_PLANE), step):
-                decoder.feed(ONE_PLANE[at : at + step])
+            for at in range(0, len(LONE), step):
+                decoder.feed(LONE[at : at + step])
                 list(decoder)
         peak = tracemalloc.get_traced_memory()[1]
         tracemalloc.stop()

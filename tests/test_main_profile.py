@@ -19,12 +19,43 @@ from isocodec.mesh.access import dimension
 from isocodec.mesh.store import get
 from isocodec.mesh.tables import cube_exponent
 from isocodec.models.contexts import CONTEXTS, rates
-from isocodec.models.layout import BASE_ROW, BASE_ROWS, MAP, SIGN_ROWS, STATES
+from isocodec.models.layout import (
+    AROUND,
+    BASE_NET,
+    BASE_ROW,
+    BASE_ROWS,
+    BEHIND,
+    CELLS,
+    LEAF_ROWS,
+    MAP,
+    MESH_AROUND,
+    MESH_NET,
+    MESH_ROWS,
+    OFFSET_ROWS,
+    SIGN_ROWS,
+    STATES,
+    TREE_NET,
+    TREE_ROWS,
+    VALUE_ROWS,
+)
 from isocodec.models.neighbourhood import nearest_vertices, see_around, survey
 from isocodec.models.new_components import BIRTH
 from isocodec.models.trained import members, shipped_models
 from isocodec.search.strategy import grid_plan
-from isospec.tables import HIDDEN, KINDS, MOST_LOGIT, NETS, ROWS, packed, shipped, unpacked
+from isospec.tables import (
+    COLUMNS,
+    HIDDEN,
+    KINDS,
+    MOST_LOGIT,
+    NET_ROWS,
+    NETS,
+    ROWS,
+    Tables,
+    packed,
+    shipped,
+    starts,
+    unpacked,
+)
 
 # -- tables ----------------------------------------------------------------------------------------------------------
 
@@ -42,12 +73,61 @@ def test_tables_are_what_the_specification_states():
         assert ((t.state[:, 1] >= 32) & (t.state[:, 1] <= 65504)).all()
         assert (t.state[:, 2] <= 158).all()
         assert np.abs(t.mix).max() <= MOST_MIX
+        assert list(NET_ROWS[n]) == [
+            *[SIGN_ROWS[n]] * n, *[0] * (3 - n), TREE_ROWS[n], OFFSET_ROWS, LEAF_ROWS[n], VALUE_ROWS[n], MESH_ROWS[n],
+            BASE_ROWS[n],
+        ]  # fmt: skip
     assert packed(squash, found) == shipped()
+    assert len(shipped()) < 180_000
+
+
+@pytest.mark.parametrize("n", [2, 3])
+def test_sums_fit_their_numbers(n):
+    """Sums of a list's rows are numbers of 16 bits, and what the output weights make of them one of 32 bits."""
+    t = unpacked(shipped())[1][n]
+    # of each vertex around there is at most one row, of each cell there are two; other lists have fewer than 32
+    most = {TREE_NET: 2 * CELLS[n] + 8, MESH_NET: 2 * MESH_AROUND + 8, BASE_NET: 2 * BEHIND[n] + 8}
+    first = 0
+    for net, rows in enumerate(NET_ROWS[n]):
+        own = t.weight[first : first + rows].astype(np.int64)
+        first += rows
+        listed = AROUND[n] + 8 if net < TREE_NET else most.get(net, 32)
+        high = listed * np.maximum(own, 0).max(axis=0, initial=0)
+        low = listed * np.minimum(own, 0).min(axis=0, initial=0)
+        assert high.max() < 1 << 15 and low.min() >= -(1 << 15)
+        assert np.abs(t.out[net, :HIDDEN]) @ high + abs(t.out[net, HIDDEN]) < 1 << 31
+
+
+@examples(20)
+@given(seed=st.integers(0, 1 << 20))
+def test_any_tables_come_back(seed):
+    """Weights of all exponents, of both signs, and any start of a context."""
+    rng = np.random.default_rng(seed)
+    squash, found = unpacked(shipped())
+    for n in found:
+        part, weight = rng.integers(-8, 8, (ROWS[n], HIDDEN)), []
+        shifted = part << rng.integers(0, 4, (ROWS[n], 1))
+        first = 0
+        for rows, columns in zip(NET_ROWS[n], COLUMNS, strict=True):
+            weight.append(np.where(np.arange(HIDDEN) < columns, shifted[first : first + rows], 0))
+            first += rows
+        out = rng.integers(-(1 << 15), 1 << 15, (NETS, HIDDEN + 1))
+        out[:, :HIDDEN][np.arange(HIDDEN) >= np.array(COLUMNS)[:, None]] = 0
+        context = np.flatnonzero(rng.integers(0, 2, STATES))
+        told = starts(squash)
+        state = np.stack([context, told[rng.integers(10, 246, len(context))], rng.integers(0, 159, len(context))], 1)
+        mix = rng.integers(-MOST_MIX, MOST_MIX + 1, found[n].mix.shape)
+        found[n] = Tables(np.concatenate(weight).astype(np.int16), out, mix, state)
+    again, back = unpacked(packed(squash, found))
+    assert np.array_equal(again, squash)
+    for n, t in found.items():
+        assert np.array_equal(back[n].weight, t.weight) and np.array_equal(back[n].out, t.out)
+        assert np.array_equal(back[n].mix, t.mix) and np.array_equal(back[n].state, t.state)
 
 
 @pytest.mark.parametrize("n", [2, 3])
 def test_sums_made_beforehand(n):
-    """Rows after those of the networks are sums of these; 16-bit numbers would not hold them."""
+    """Rows after those of the networks are sums of these."""
     rows, sums = unpacked(shipped())[1][n].weight.astype(np.int64), shipped_models(n)[2].weight
     found = members(n)
     assert sums.shape == (len(found), HIDDEN) and sums.ctypes.data % 64 == 0
@@ -106,7 +186,7 @@ class Plain:
     def opinions(self, net: int, flip: bool, kind: int, ctx: int, rows: list[int]) -> tuple[list[int], int]:
         h = [sum(int(self.t.weight[row, j]) for row in rows) for j in range(48)]
         t = int(self.t.out[net, 48]) + sum(int(self.t.out[net, j]) * h[j] for j in range(48) if h[j] > 0)
-        a = min(max(t >> 12, -2047), 2047)
+        a = min(max(t >> 8, -2047), 2047)
         a = -a if flip else a
         place = CONTEXTS + 32 * kind + ((a + 2047) >> 7)
         adaptive = [
@@ -138,10 +218,12 @@ symbols = st.tuples(
 @examples(60)
 @given(rows=st.lists(st.integers(0, 6), max_size=60), seed=st.integers(0, 99))
 def test_rows_are_weighed(rows, seed):
-    """As plain numbers are: sums of any sign, weights of 32 bits, products and totals beyond them."""
+    """As plain numbers are: sums of any sign, up to the ends of 16 bits, a total up to those of 32."""
     rng = np.random.default_rng(seed)
-    table = rng.integers(-(1 << 17), 1 << 17, (7, HIDDEN)).astype(np.int32)
-    out = rng.integers(-(1 << 31), 1 << 31, HIDDEN + 1).astype(np.int32)
+    most = (1 << 15) // max(len(rows), 1)
+    table = rng.integers(-most, most, (7, HIDDEN)).astype(np.int16)
+    bound = ((1 << 31) - 1) // (HIDDEN * (1 << 15))
+    out = rng.integers(-bound, bound + 1, HIDDEN + 1).astype(np.int32)
     expected = sum(max(sum(int(table[row, j]) for row in rows), 0) * int(out[j]) for j in range(HIDDEN))
     row = np.array([len(rows), *rows, 5, 5])
     assert weighed(row, table, out) == expected

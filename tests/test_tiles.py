@@ -25,6 +25,9 @@ import isocodec
 from brute import INTERPRETED
 from commands import fails, ok, run
 from isocodec.errors import FormatError, InputError, IsoError, OptionError, TruncatedError
+from isocodec.field.samples import check_field
+from isocodec.search.promise import Promise
+from isocodec.search.tile_mesh import face_vertices
 from isocodec.stream.options import Options
 from isocodec.tiled_api import tiled_of
 from isocodec.tiles.container import Kind, groups_of
@@ -165,6 +168,38 @@ def in_face(drawn: tuple[isocodec.Contour, np.ndarray | None] | None, axis: int,
     assert ends is not None
     there = (ends[:, :, axis] == at).all(axis=1)
     return sorted(map(tuple, np.delete(contour.points[: len(ends)][there], axis, axis=1).round(9).tolist()))
+
+
+@pytest.mark.skipif(INTERPRETED, reason="searches would be slow")
+@pytest.mark.parametrize("seed", range(6))
+def test_tolerances_are_kept_without_seams(tmp_path: Path, seed: int) -> None:
+    """Meshes are searched tile by tile: all of the curve lies within the tolerance, both ways, and goes on."""
+    field = random_field(2, seed, seed % 2 == 0)
+    tolerance = [1.0, 0.3, 3.0][seed % 3]
+    data = encoded(tmp_path, field, 0.5, tile=[32, 64][seed // 3], tolerance=tolerance)
+    check_faces(data, False)
+    contour = isocodec.decode(data)
+    assert not len(Promise(check_field(field, 0.5)).excess(contour, tolerance))
+    last = np.array(field.shape) - 1
+    ends = [line[[0, -1]] for line in contour.lines if not np.array_equal(line[0], line[-1])]
+    assert all(((each == 0) | (each == last)).any(axis=1).all() for each in ends)
+
+
+@given(seed=st.integers(0, 1000), k=st.integers(1, 5))
+def test_levels_of_samples_on_sides(seed: int, k: int) -> None:
+    """By hand: a sample is a middle of the level at which bisection comes to it."""
+    side = (1 << k) + 1
+    signs = np.random.default_rng(seed).random((side, side)) < 0.5
+    position, level = face_vertices(signs, np.ones((2, 2), np.bool_))
+    for (x, y, _), own in zip(position.tolist(), level.tolist(), strict=True):
+        step = 1 << (k - 1)
+        while x % step or y % step:
+            step //= 2
+        both = (x // step) % 2 and (y // step) % 2
+        assert own == 2 * (k - 1 - step.bit_length() + 1) + (0 if both else 1)
+    row = signs[0]
+    wanted = {(0, y) for y in range(side) if (row[y] != row[y - 1] and y) or (y + 1 < side and row[y] != row[y + 1])}
+    assert {(x, y) for x, y, _ in position.tolist() if x == 0} >= wanted - {(0, 0), (0, side - 1)}
 
 
 def test_against_find_contours(tmp_path: Path) -> None:

@@ -1,9 +1,9 @@
 """Train the tables of the main profile anew: ``python tools/train.py FOLDER [-o spec/isospec/main.bin]``.
 
 FOLDER is one of real arrays. The training data are the arrays listed in ``ITEMS`` and generated fields; none of them
-is one that results are quoted on. Networks are trained by stochastic gradient descent on what the passes list around
-each symbol, then the adaptive probabilities and mixing weights by coding all the data once more. Everything is done in
-a fixed order and without functions that differ between machines, so the same bytes come out.
+is one that results are quoted on. Networks are trained (``networks.py``) on what the passes list around each symbol,
+then the adaptive probabilities and mixing weights by coding all the data once more. Everything is done in a fixed order
+and without functions that differ between machines, so the same bytes come out.
 """
 
 from __future__ import annotations
@@ -13,11 +13,9 @@ from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
 from decimal import ROUND_HALF_EVEN, Decimal, localcontext
-from itertools import permutations, product
 from pathlib import Path
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from acceptance import Item, items
@@ -29,11 +27,11 @@ from isocodec.layers.plan import Entry
 from isocodec.mesh.tables import cube_exponent
 from isocodec.models import layout
 from isocodec.models import trained as models
-from isocodec.models.neighbourhood import nearest_vertices
 from isocodec.search.promise import Promise
 from isocodec.search.strategy import even_starts, grid_plan, loose_start, reduced
 from isocodec.search.tolerance import grid_offsets, pitches
-from isospec.tables import HIDDEN, INPUTS, KINDS, MOST_LOGIT, NETS, ROWS, Tables, packed
+from isospec.tables import HIDDEN, INPUTS, KINDS, MOST_LOGIT, NETS, ROWS, Tables, packed, starts
+from networks import first_row, gathered, network
 
 ITEMS = {
     2: (
@@ -46,7 +44,6 @@ ITEMS = {
         "volume/ukv_theta_hybrid",
     ),
 }  # fmt: skip
-EPOCHS, BATCH, STEP = 30, 256, 0.005
 MOST_SYMBOLS, MOST_LINES = 40_000, 1_500_000
 """Of one field: in the training of one network, and listed in all."""
 FINE, COARSE = (0.05, 0.01, 0.0025), (1.0, 0.25, 0.5)
@@ -65,8 +62,6 @@ TRUSTED = 24
 """Most symbols that a trained probability counts as."""
 REMEMBERED, MOST_FILES = 1500, 25
 """Symbols of a context, and files with a kind of symbols, that trained probabilities and mixing weights reflect."""
-ONE = 1 << 10
-"""Unit of the networks' weights."""
 
 
 def squash_table() -> NDArray[np.int64]:
@@ -99,7 +94,7 @@ def data(folder: Path, n: int) -> list[Item]:
     return found
 
 
-# -- networks ------------------------------------------------------------------------------------------------------
+# -- what the networks see -------------------------------------------------------------------------------------------
 
 
 def use(n: int, squash: NDArray[np.int64], tables: Tables) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
@@ -171,7 +166,7 @@ def fitted(promise: Promise, turn: int) -> Iterator[list[Entry]]:
     for mesh, lead in [(loose_start(promise, tolerance, False), []), *even_starts(promise, tolerance)]:
         found = list(pitches(tolerance, promise.n))
         parts, unit = found[turn % len(found)]
-        place = promise.placed(mesh, parts, unit, tolerance)
+        place = promise.placed(mesh, parts, unit, tolerance, lead=lead).place
         yield [*(lead or [("adaptive_base", 0, mesh)]), ("offsets", parts, unit, place)]
 
 
@@ -199,136 +194,6 @@ def pairs(found: list[Item]) -> Iterator[tuple[Item, dict[str, object]]]:
             yield replace(item, isovalue=[item.isovalue, item.isovalue + STEPS[i % len(STEPS)]]), options
 
 
-def symmetries(n: int, net: int) -> NDArray[np.int64]:
-    """Rows of a network in all orders that mean the same field, turned or mirrored."""
-    rows = span(n, net)[1]
-    same = np.arange(rows)
-    if net >= layout.TREE_NET:
-        return same[None]
-    around = nearest_vertices(n, net)
-    place = {d: i for i, d in enumerate(around)}
-    odd = n - net
-    found = []
-    for front in permutations(range(odd)):
-        for back in permutations(range(odd, n)):
-            for mirror in product((1, -1), repeat=net):
-                moved = [
-                    tuple([d[i] for i in front] + [d[i] * m for i, m in zip(back, mirror, strict=True)]) for d in around
-                ]
-                order = same.copy()
-                for i, d in enumerate(moved):
-                    # a vertex at the rim whose image is not in the list stays where it is
-                    j = place.get(d, i)
-                    order[10 + 2 * i], order[11 + 2 * i] = 10 + 2 * j, 11 + 2 * j
-                found.append(order)
-    return np.array(found)
-
-
-def span(n: int, net: int) -> tuple[int, int]:
-    """First row of a network, and how many it has."""
-    if net < layout.TREE_NET:
-        return net * layout.SIGN_ROWS[n], layout.SIGN_ROWS[n] if net < n else 0
-    return {
-        layout.TREE_NET: (layout.TREE_ROW[n], layout.TREE_ROWS[n]),
-        layout.OFFSET_NET: (layout.OFFSET_ROW[n], layout.OFFSET_ROWS),
-        layout.LEAF_NET: (layout.OFFSET_ROW[n] + layout.OFFSET_ROWS, layout.LEAF_ROWS[n]),
-        layout.VALUE_NET: (layout.VALUE_ROW[n], layout.VALUE_ROWS[n]),
-        layout.MESH_NET: (layout.MESH_ROW[n], layout.MESH_ROWS[n]),
-        layout.BASE_NET: (layout.BASE_ROW[n], layout.BASE_ROWS[n]),
-    }[net]
-
-
-@njit
-def logistic(x):
-    """By repeated squaring: the same everywhere."""
-    y = 1.0 - min(max(x, -15.0), 15.0) / 4096.0
-    for _ in range(12):
-        y *= y
-    return 1.0 / (1.0 + y)
-
-
-@njit
-def descend(row, count, symbol, order, orders, weight, out, gradient, moments, moments_out, passed, total, rate, fades):
-    """One pass over the data in batches (Adam); returns the bits per symbol."""
-    hidden = weight.shape[1]
-    h = np.zeros(hidden)
-    back = np.zeros(hidden)
-    gradient_out = np.zeros(hidden + 1)
-    loss = 0.0
-    for start in range(0, len(order) - BATCH + 1, BATCH):
-        gradient[:] = 0.0
-        gradient_out[:] = 0.0
-        for s in order[start : start + BATCH]:
-            turned = orders[(s * 7919 + passed) % len(orders)]
-            h[:] = 0.0
-            for i in range(count[s]):
-                a = turned[row[s, i]]
-                for j in range(hidden):
-                    h[j] += weight[a, j]
-            x = out[hidden]
-            for j in range(hidden):
-                x += max(h[j], 0.0) * out[j]
-            p = logistic(x)
-            q = p if symbol[s] else 1.0 - p
-            # the loss is counted without a logarithm that may differ: as a share of wrong guesses
-            loss += 1.0 - q
-            e = p - symbol[s]
-            gradient_out[hidden] += e
-            for j in range(hidden):
-                gradient_out[j] += e * max(h[j], 0.0)
-                back[j] = e * out[j] if h[j] > 0.0 else 0.0
-            for i in range(count[s]):
-                a = turned[row[s, i]]
-                for j in range(hidden):
-                    gradient[a, j] += back[j]
-        passed += 1
-        now = rate * min(1.0, 1.5 * (total - passed) / total)
-        fades[0] *= 0.9
-        fades[1] *= 0.999
-        fade, slow = 1.0 - fades[0], 1.0 - fades[1]
-        for a in range(weight.shape[0]):
-            for j in range(hidden):
-                g = gradient[a, j] / BATCH
-                moments[0, a, j] += 0.1 * (g - moments[0, a, j])
-                moments[1, a, j] += 0.001 * (g * g - moments[1, a, j])
-                weight[a, j] -= now * (moments[0, a, j] / fade) / (np.sqrt(moments[1, a, j] / slow) + 1e-8)
-        for j in range(hidden + 1):
-            g = gradient_out[j] / BATCH
-            moments_out[0, j] += 0.1 * (g - moments_out[0, j])
-            moments_out[1, j] += 0.001 * (g * g - moments_out[1, j])
-            out[j] -= now * (moments_out[0, j] / fade) / (np.sqrt(moments_out[1, j] / slow) + 1e-8)
-    return loss / max(len(order), 1), passed
-
-
-def network(
-    lines: list[NDArray[np.int16]], n: int, net: int, epochs: int
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Weights of one network's rows, and its output weights, from what was listed around its symbols."""
-    first, rows = span(n, net)
-    rng = np.random.default_rng(net)
-    weight = rng.integers(-1000, 1001, (rows, HIDDEN)) * 1e-4
-    out = rng.integers(-1000, 1001, HIDDEN + 1) * 2e-4
-    if not rows or not sum(map(len, lines)):
-        return weight, out * 0.0
-    count = np.concatenate([x[:, 1] for x in lines])
-    symbol = np.concatenate([x[:, 0] for x in lines])
-    row = np.zeros((len(count), int(count.max())), np.int16)
-    place = 0
-    for x in lines:
-        row[place : place + len(x), : x.shape[1] - 2] = x[:, 2:] - np.int16(first)
-        place += len(x)
-    orders = symmetries(n, net)
-    moments, moments_out = np.zeros((2, rows, HIDDEN)), np.zeros((2, HIDDEN + 1))
-    passed, total, fades = 0, epochs * (len(row) // BATCH), np.ones(2)
-    for epoch in range(epochs):
-        loss, passed = descend(
-            row, count, symbol, rng.permutation(len(row)), orders, weight, out,
-            np.zeros_like(weight), moments, moments_out, passed, total, STEP, fades,
-        )  # fmt: skip
-        print(f"n = {n}, network {net}, {len(row)} symbols, pass {epoch + 1}: {loss:.4f} wrong", flush=True)
-    return weight, out
-
-
 # -- adaptive probabilities ----------------------------------------------------------------------------------------
 
 
@@ -337,6 +202,8 @@ def adapted(n: int, coded: list[tuple[Item, dict[str, object]]], squash: NDArray
 
     Each file begins with what there is so far. Files count alike, but for those that have few symbols of a kind.
     """
+    told = starts(squash)
+    middles = (told[1:] + told[:-1]) / 2
     prob, seen, blend = models.models(n, squash, tables)
     mean, weight = prob.astype(float), np.zeros(len(prob))
     mix, mixed = blend.mix.astype(float), np.zeros(KINDS)
@@ -353,12 +220,12 @@ def adapted(n: int, coded: list[tuple[Item, dict[str, object]]], squash: NDArray
         mixed = np.minimum(mixed + changed, MOST_FILES)
         mix += (cd.blend.mix - mix) * (changed / np.maximum(mixed, 1))[:, None]
         used = np.flatnonzero(weight)
-        state = np.stack([used, np.rint(mean[used]), np.minimum(weight[used], TRUSTED)], 1)
+        state = np.stack([used, told[np.searchsorted(middles, mean[used])], np.minimum(weight[used], TRUSTED)], 1)
         tables = Tables(tables.weight, tables.out, np.rint(mix).astype(np.int64), state.astype(np.int64))
     return tables
 
 
-def trained(folder: Path, n: int, squash: NDArray[np.int64], epochs: int) -> Tables:
+def trained(folder: Path, n: int, squash: NDArray[np.int64]) -> Tables:
     """Tables of one dimension."""
     mix = np.zeros((KINDS, INPUTS), np.int64)
     mix[:] = (52429, 13107, 13107, 0)
@@ -370,11 +237,9 @@ def trained(folder: Path, n: int, squash: NDArray[np.int64], epochs: int) -> Tab
     once, twice = list(files(found)), list(pairs(found))
     lines = [traced(item, options) for item, options in (*once, *twice, *elsewhere(found))]
     for net in range(NETS):
-        first, rows = span(n, net)
-        fitted, opinion = network([of_file[net] for of_file in lines], n, net, epochs)
-        weight[first : first + rows] = np.clip(np.rint(fitted * ONE), -32768, 32767)
-        out[net] = np.rint(opinion * ONE)
-        out[net, HIDDEN] = np.rint(opinion[HIDDEN] * ONE * ONE)
+        first = first_row(n, net)
+        found_weight, out[net] = network(gathered([of_file[net] for of_file in lines], first), n, net)
+        weight[first : first + len(found_weight)] = found_weight
     return adapted(n, [*twice, *once], squash, tables)
 
 
@@ -382,11 +247,10 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("folder", type=Path)
     parser.add_argument("-o", "--output", type=Path, default=Path("spec/isospec/main.bin"))
-    parser.add_argument("--epochs", type=int, default=EPOCHS)
     options = parser.parse_args()
     squash = squash_table()
     with ProcessPoolExecutor(len(ROWS)) as pool:
-        jobs = {n: pool.submit(trained, options.folder, n, squash, options.epochs) for n in ROWS}
+        jobs = {n: pool.submit(trained, options.folder, n, squash) for n in ROWS}
         found = {n: job.result() for n, job in jobs.items()}
     options.output.write_bytes(packed(squash, found))
     print(f"{options.output}: {options.output.stat().st_size} bytes")

@@ -32,9 +32,11 @@ if TYPE_CHECKING:
     from .files import EncodeOptions, IsoFile, open, save
     from .frames import decode_frames
     from .io.areas import areas
+    from .io.bands import Band, bands
     from .io.capping import cap
     from .io.sources import read
     from .kernel import kernels
+    from .labels import decode_labels, encode_labels
     from .layers.events import (
         BaseComplete,
         ChunkSkipped,
@@ -85,11 +87,13 @@ _HOMES = {
     "files": ("EncodeOptions", "IsoFile", "open", "save"),
     "frames": ("decode_frames",),
     "io.areas": ("areas",),
+    "io.bands": ("Band", "bands"),
     "io.capping": ("cap",),
     "io.sources": ("read",),
     "kernel": ("kernels",),
     "limits": ("Limits",),
     "mesh_api": ("encode_mesh",),
+    "labels": ("decode_labels", "encode_labels"),
     "recoding": ("merge", "transcode"),
     "stream.decoder": ("Decoder",),
     "layers.events": (
@@ -112,6 +116,7 @@ _HOMES = {
 _HOME = {name: home for home, names in _HOMES.items() for name in names}
 
 __all__ = [
+    "Band",
     "BaseComplete",
     "ChunkSkipped",
     "Contour",
@@ -154,15 +159,18 @@ __all__ = [
     "Tin",
     "TruncatedError",
     "areas",
+    "bands",
     "cap",
     "decode",
     "decode_all",
     "decode_frames",
+    "decode_labels",
     "decode_mask",
     "decode_tin",
     "decode_valid",
     "encode",
     "encode_frames",
+    "encode_labels",
     "encode_mesh",
     "encode_tiles",
     "encode_tin",

@@ -142,6 +142,17 @@ class Exchange:
             coords=columns, attrs={**self.metadata, **about},
         )  # fmt: skip
 
+    def _repr_html_(self: Any) -> str:
+        """A drawing for notebooks, in the page itself, with what is known of the contour."""
+        pieces = "segments" if self.n == 2 else "triangles"
+        facts = {"isovalue": f"{self.isovalue:g}", "points": f"{len(self.points):,}", pieces: f"{len(self.cells):,}"}
+        if self.shape:
+            facts["samples"] = " x ".join(map(str, self.shape))
+        if not self.complete:
+            facts["complete"] = "no"
+        html: str = _io("inline").page_of([self], facts)
+        return html
+
     def _repr_png_(self: Any) -> bytes | None:
         """A picture for notebooks; none without matplotlib."""
         try:

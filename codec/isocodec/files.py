@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from .content import Readable, SpatialImage, content
 from .drawing.contour import Contour
-from .errors import InputError, OptionError
+from .errors import InputError, IsoError, OptionError
 from .field.placement import CRS, read_placement
 from .field.sampled import Field
 from .limits import Limits
@@ -26,6 +26,10 @@ if TYPE_CHECKING:
     from .layers.plan import Entry
     from .stream.inspect import FileInfo
     from .tiled_api import TiledIsoFile
+
+
+_DRAWN = 16
+"""Most isovalues that a notebook shows."""
 
 
 class EncodeOptions(TypedDict, total=False):
@@ -72,6 +76,26 @@ class IsoFile:
         info = self.info
         values = ", ".join(f"{value:g}" for value in info.isovalues[:5]) + ", .." * (len(info.isovalues) > 5)
         return f"IsoFile({len(self.data):,} bytes, shape={self.shape}, isovalues {values})"
+
+    def _repr_html_(self) -> str:
+        """A drawing for notebooks of the first isovalues, with size, layers and promises; without it, if it takes more
+        than the limits allow or a mesh that the file does not hold."""
+        from .api import decode
+        from .io.inline import page_of
+
+        info = self.info
+        try:
+            contours = [decode(self.data, isovalue=value, limits=self.limits) for value in self.isovalues[:_DRAWN]]
+        except IsoError:
+            contours = []
+        within = [f"{layer.within:g}" for layer in info.layers if layer.within]
+        facts = {
+            "bytes": f"{len(self.data):,}", "layers": f"{len(info.layers):,}", "profile": info.profile,
+            "samples": " x ".join(map(str, self.shape)), "frames": f"{len(info.frames):,}" if info.frames else "",
+            "isovalues": ", ".join(f"{value:g}" for value in self.isovalues),
+            "promises": ", ".join(within) + " cells" if within else "", **self.metadata,
+        }  # fmt: skip
+        return page_of(contours, {name: fact for name, fact in facts.items() if fact})
 
     @cached_property
     def info(self) -> FileInfo:

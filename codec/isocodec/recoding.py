@@ -13,6 +13,7 @@ from .content import Readable, content
 from .drawing.contour import Contour
 from .errors import InputError, OptionError
 from .field.placement import CRS, PLACEMENT
+from .field.told import LABELS
 from .limits import Limits
 from .mesh_api import on_mesh
 from .stream.decoder import Decoder
@@ -66,7 +67,7 @@ def transcode(
     sources = sources_of(decoder)
     options: dict[str, Any] = {
         "profile": profile or decoder.header.profile.name.lower(), "metadata": decoder.metadata,
-        "preserve_topology": preserve_topology,
+        "preserve_topology": preserve_topology, "leaning": LABELS not in decoder.metadata,
     }  # fmt: skip
     if tolerance is not None or signs_only:
         return b"".join(Recoder(sources, False, tolerance=tolerance, signs_only=signs_only, **options))
@@ -130,7 +131,8 @@ def _kept(sources: Sequence[Source], expected: Sequence[Contour], **options: Any
     order that isovalues which lean on one another cannot have, and then none of them does."""
     steps = {source.field.scale for source in sources if source.field.number is not None}
     options["step"] = next(iter(steps), None)
-    for leaning in (True, False):
+    may = options.pop("leaning", True)
+    for leaning in (True, False) if may else (False,):
         data = b"".join(Recoder(sources, True, leaning=leaning, **options))
         if all(_same(a, b) for a, b in zip(decode_all(data), expected, strict=True)):
             return data
@@ -155,6 +157,8 @@ def _same(a: Contour, b: Contour) -> bool:
 def _check_one_field(decoders: Iterable[Decoder], sources: Sequence[Source]) -> None:
     first, *others = decoders
     for number, other in enumerate(others, start=2):
+        if LABELS in {**first.metadata, **other.metadata}:
+            raise InputError("files of labels cannot be merged", code="merge", remedy="encode the labels together")
         assert first.header is not None and other.header is not None
         if first.header.shape != other.header.shape:
             raise InputError(f"file {number} is of shape {other.header.shape}, the first of {first.header.shape}",

@@ -67,7 +67,7 @@ def encode_tiles(
         A folder for what has been encoded, beside the file if not given. It goes when the file is written; if work
         stops before, the same call goes on where it was.
     exact, tolerance, signs_only, step, profile, metadata, placement
-        As in `encode`. On the full grid, the tolerance below 0.5.
+        As in `encode`. In space, files with a tolerance have crossings on the full grid.
     progress : callable, optional
         Called with the tiles done and their total.
 

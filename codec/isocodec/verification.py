@@ -12,6 +12,7 @@ from .content import Readable, SpatialImage, content
 from .errors import InputError, OptionError
 from .field.sampled import Field
 from .field.samples import check_field, without_holes
+from .field.told import LABELS
 from .limits import Limits
 
 if TYPE_CHECKING:
@@ -98,20 +99,25 @@ def verify(
     if others:
         raise InputError(f"{others:,} samples are missing in the field or in the file, but not in both", code="missing")
     return [
-        _kept(whole, contour, values, gone, within if within is not None else _promised(info.layers, number), limits)
+        _kept(whole, contour, values, gone, within if within is not None else _promised(info.layers, number), limits,
+              LABELS in info.metadata)
         for number, contour in enumerate(contours)
     ]
 
 
 def _kept(
-    whole: bytes, contour: Contour, values: Any, gone: Any, promised: float | None, limits: Limits | None
-) -> Kept:
+    whole: bytes, contour: Contour, values: Any, gone: Any, promised: float | None, limits: Limits | None,
+    labelled: bool,
+) -> Kept:  # fmt: skip
     """What is found of one isovalue."""
     from .api import decode_mask
     from .search.original import original
     from .search.proof import hausdorff
 
-    sampled = check_field(values, contour.isovalue, gone=gone)
+    if labelled:
+        sampled = check_field(values == contour.isovalue, 0.5, gone=gone)
+    else:
+        sampled = check_field(values, contour.isovalue, gone=gone)
     first = original(sampled)
     there, back = hausdorff(contour.points, contour.cells, first.points, first.cells, MEASURED)
     wrong: int | None

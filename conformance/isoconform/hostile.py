@@ -284,25 +284,14 @@ def drafts() -> Iterator[Draft]:
     """All vectors of this module."""
     for group in (headers, containers, programs, runs, isovalues):
         yield from group()
-    yield _planes()
+    yield _lone_vertices()
 
 
-PLANE = bytes.fromhex("d6cb3f70e7654bda076d61f38967c65abe3f")
-"""A run of a base of level 24, in cubes of 2048 samples: a plane through all of them, 132,000 vertices."""
-
-AGAIN = tuple(
-    bytes.fromhex("ff" * count + rest)
-    for count, rest in ((32, "f9ef7a342807f8830e707f47"), (29, "d9c393aeae156b000297"), (29, "d8bb5e881986420b"))
-)
-"""Runs of leaf bases of planes next to it, each at the leaves of the one before."""
-
-
-def _planes() -> Draft:
-    """Vertices that lie farther from each other than any block reaches, and once more for each isovalue."""
+def _lone_vertices() -> Draft:
+    """Vertices that lie farther from each other than any block reaches: a base of level 24, cubes of 2048 samples."""
     side = (1 << 19) + 1
-    chunks = [layers(steps_of((BASE, ESCAPE), write_varint(24)), PLANE)]
-    for i, run in enumerate(AGAIN):
-        chunks.append(Chunk(ChunkType.ISOVALUE, write_further(23.0 + 2 * i, i)))
-        chunks.append(layers(steps_of((LEAVES, 0)), run))
-    data = bytes(File(write_header(Header((side,) * 3, 21.0, None, Profile.MAIN)), tuple(chunks)))
-    return Draft("space_main_lone_vertices", data, 3, ("main profile", "beyond all levels"), "11.2")
+    run = bytes(random_numbers(35, 4800, 8))
+    chunk = layers(steps_of((BASE, ESCAPE), write_varint(24)), run)
+    data = bytes(File(write_header(Header((side,) * 3, 21.0, None, Profile.MAIN)), (chunk,)))
+    features = "main profile", "beyond all levels", "a run of random bytes"
+    return Draft("space_main_lone_vertices", data, 3, features, "11.2")

@@ -52,8 +52,8 @@ LOST = 0.01
 )
 @click.option("--in-samples", is_flag=True, help="Write coordinates in samples, even if the file has a placement.")
 @click.option(
-    "--areas", type=click.Choice(["above", "below"]),
-    help="Write polygons of the areas above or below (.geojson, .gpkg, .fgb, .shp, .parquet).",
+    "--areas", type=click.Choice(["above", "below", "bands"]),
+    help="Write polygons of the areas above or below, or between isovalues (.geojson, .gpkg, .fgb, .shp, .parquet).",
 )
 @click.option("--along-holes", is_flag=True, help="With --areas: close areas along missing samples, too.")
 @click.option(
@@ -97,7 +97,7 @@ def decode_command(
     rows with their isovalue, layers (.dxf) or named objects.
     """
     if along_holes and not areas:
-        raise click.UsageError("--along-holes closes areas: choose --areas above or below, too")
+        raise click.UsageError("--along-holes closes areas: choose --areas above, below or bands, too")
     if mesh and (areas or smooth):
         raise click.UsageError(f"--mesh and --{'areas' if areas else 'smooth'} contradict one another: choose one")
     if mesh:
@@ -189,7 +189,7 @@ def decode_command(
     with concerning(source):
         if areas:
             valid = decoder.valid() if along_holes else None
-            rendered = render_sides(drawings, suffix, areas == "above", valid, keep_crs)
+            rendered = render_sides(drawings, suffix, areas, valid, keep_crs)
         else:
             rendered = render_contour(drawings, suffix, n, keep_crs)
     _warn_of_places(source, suffix, drawings, keep_crs or in_samples)

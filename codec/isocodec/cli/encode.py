@@ -96,8 +96,11 @@ def encode_command(
     if asked > 1 or (asked == 0 and plan is None):
         raise click.UsageError("give exactly one of --isovalue, --interval and --label")
     if len(labels) > 1:
-        several = " and ".join(f"--label {label:g}" for label in labels)
-        raise click.UsageError(f"{several}: a file holds one label; make one file for each")
+        from .labelled import encode_labelled
+
+        check_iso_output(output, source)
+        encode_labelled(source, output, click.get_current_context().params)
+        return
     label = labels[0] if labels else None
     if interval is not None and not 0 < interval < math.inf:
         raise click.UsageError(f"--interval {interval}: must be greater than 0")

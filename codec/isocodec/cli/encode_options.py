@@ -40,7 +40,7 @@ SECTIONS = (
             type=Isovalue(),
             multiple=True,
             metavar="K",
-            help="Inside is value == K; --signs-only by default.",
+            help="Inside is value == K; --signs-only by default. Repeatable.",
         ),
         click.option("--independent", is_flag=True, help="Keep each isovalue decodable without the others."),
     ),

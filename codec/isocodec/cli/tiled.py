@@ -131,7 +131,9 @@ def info_tiled(file: TiledIsoFile, source: Path, as_json: bool) -> None:
     for heading in ("layer", "cubes", "holds", "bytes"):
         layers.add_column(heading, justify="right")
     for number, layer in enumerate(facts["layers"], 1):
-        layers.add_row(str(number), f"{layer['cube']}", layer["holds"], f"{layer['bytes']:,}")
+        layers.add_row(
+            str(number), f"{layer['cube']}" + ("+" if layer["adaptive"] else ""), layer["holds"], f"{layer['bytes']:,}"
+        )
     console.print(layers)
 
 
@@ -140,6 +142,7 @@ def _facts(file: TiledIsoFile) -> dict[str, Any]:
     layers = [
         {
             "cube": 1 << stage.edge, "holds": "geometry" if stage.geometry else "signs",
+            "adaptive": stage.adaptive,
             "bytes": sum(int(root.sizes[:, head.area(i, number)].sum()) for i in range(len(head.isovalues))),
         }
         for number, stage in enumerate(head.stages)

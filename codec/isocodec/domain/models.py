@@ -84,8 +84,8 @@ def coder_of(prob: NDArray[np.int64], seen: NDArray[np.int64], mix: NDArray[np.i
     tables = shipped_models(2)[2]
     short = np.zeros((0, 0), np.int32)
     blend = Blend(
-        short, short, mix, tables.squash, tables.stretch, tables.trust, np.zeros(2 * MOST_OPINIONS + 1, np.int64),
-        short, no_panel(),
+        np.zeros((0, 0), np.int16), short, mix, tables.squash, tables.stretch, tables.trust,
+        np.zeros(2 * MOST_OPINIONS + 1, np.int64), short, no_panel(),
     )  # fmt: skip
     return Coder(CoderRegisters(), np.zeros(0, np.uint8), prob, seen, rates(), blend)
 

@@ -67,8 +67,8 @@ def new_coder() -> Coder:
     short = np.zeros((0, 0), np.int32)
     mix = np.full((MIXES, MOST_OPINIONS), WEIGHT, np.int64)
     blend = Blend(
-        short, short, mix, tables.squash, tables.stretch, tables.trust, np.zeros(2 * MOST_OPINIONS + 1, np.int64),
-        short, no_panel(),
+        np.zeros((0, 0), np.int16), short, mix, tables.squash, tables.stretch, tables.trust,
+        np.zeros(2 * MOST_OPINIONS + 1, np.int64), short, no_panel(),
     )  # fmt: skip
     prob = np.full(CONTEXTS, ONE // 2, np.int64)
     return Coder(CoderRegisters(), np.zeros(0, np.uint8), prob, np.zeros(CONTEXTS, np.int64), rates(), blend)

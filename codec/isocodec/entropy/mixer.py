@@ -17,7 +17,7 @@ from .network import weighed
 from .panel import ON, corrected, listened
 from .range_coder import ONE, adapt, emit
 
-OUT_SHIFT = 12
+OUT_SHIFT = 8
 MIX_SHIFT = 16
 MOST_MIX = 1 << 22
 RATE = 40

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..kernel import CUT, NEED, inlined, record
-from ..kernel.types import Int32Matrix, IntMatrix, IntVector, Registers, UInt8Vector
+from ..kernel.types import Int16Matrix, Int32Matrix, IntMatrix, IntVector, Registers, UInt8Vector
 
 ENCODE, DECODE = 0, 1
 ONE = 1 << 16
@@ -85,7 +85,7 @@ class Blend(NamedTuple):
     frames of a series have beside.
     """
 
-    weight: Int32Matrix
+    weight: Int16Matrix
     out: Int32Matrix
     mix: IntMatrix
     squash: IntVector

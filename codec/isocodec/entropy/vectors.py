@@ -15,10 +15,10 @@ from numba.extending import intrinsic, overload
 
 from isospec.tables import HIDDEN
 
-_LANES = 8
+_LANES = 16
 """Numbers of a vector: any processor's instructions make up such vectors of their own."""
-_INT, _LONG = ir.IntType(32), ir.IntType(64)
-_INTS, _LONGS = ir.VectorType(_INT, _LANES), ir.VectorType(_LONG, _LANES)
+_SHORT, _INT, _LONG = ir.IntType(16), ir.IntType(32), ir.IntType(64)
+_SHORTS, _INTS = ir.VectorType(_SHORT, _LANES), ir.VectorType(_INT, _LANES)
 
 
 def instead_of(weighed: Callable[..., int]) -> None:
@@ -37,24 +37,24 @@ def _write(context: Any, builder: ir.IRBuilder, signature: Any, arguments: Any) 
         for kind, value in zip(signature.args, arguments, strict=True)
     )
 
-    def vector(first: ir.Value, index: ir.Value) -> ir.Value:
-        return builder.load(builder.bitcast(builder.gep(first, [index]), _INTS.as_pointer()), align=4)
+    def vector(first: ir.Value, index: ir.Value, kind: ir.VectorType, size: int) -> ir.Value:
+        return builder.load(builder.bitcast(builder.gep(first, [index]), kind.as_pointer()), align=size)
 
-    zero = ir.Constant(_INTS, None)
+    zero = ir.Constant(_SHORTS, None)
     places = range(0, HIDDEN, _LANES)
     sums = [cgutils.alloca_once_value(builder, zero) for _ in places]
     with cgutils.for_range(builder, builder.load(row)) as rows:
         number = builder.load(builder.gep(row, [builder.add(rows.index, _LONG(1))]))
         for place, held in zip(places, sums, strict=True):
             at = builder.add(builder.mul(number, _LONG(HIDDEN)), _LONG(place))
-            builder.store(builder.add(builder.load(held), vector(table, at)), held)
-    total = ir.Constant(_LONGS, None)
+            builder.store(builder.add(builder.load(held), vector(table, at, _SHORTS, 2)), held)
+    total = ir.Constant(_INTS, None)
     for place, held in zip(places, sums, strict=True):
         value = builder.load(held)
         value = builder.select(builder.icmp_signed(">", value, zero), value, zero)
-        weight = vector(out, _LONG(place))
-        total = builder.add(total, builder.mul(builder.sext(value, _LONGS), builder.sext(weight, _LONGS)))
-    result = _LONG(0)
+        weight = vector(out, _LONG(place), _INTS, 4)
+        total = builder.add(total, builder.mul(builder.sext(value, _INTS), weight))
+    result = _INT(0)
     for lane in range(_LANES):
         result = builder.add(result, builder.extract_element(total, _INT(lane)))
-    return result
+    return builder.sext(result, _LONG)

@@ -10,6 +10,9 @@ from numpy.typing import NDArray
 
 from .samples import Field, interval_value
 
+LABELS = "labels"
+"""The note of a file whose isovalues are labels: a sample lies above the one that it has."""
+
 
 @dataclass(frozen=True)
 class Told(Field):

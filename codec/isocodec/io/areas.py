@@ -71,7 +71,7 @@ def areas(contour: Contour, *, above: bool = True, valid: NDArray[np.bool_] | No
         size = _twice_area(ring)
         if size != 0:
             polygon = shapely.Polygon(ring)
-            pieces = _pieces(shapely.make_valid(polygon)) if touching and not polygon.is_valid else [polygon]
+            pieces = pieces_of(shapely.make_valid(polygon)) if touching and not polygon.is_valid else [polygon]
             (outer if size > 0 else holes).extend(pieces)
     # a hole belongs to the smallest of the rings around it; those within it do not cover it
     candidates = np.array(outer, object)
@@ -82,19 +82,19 @@ def areas(contour: Contour, *, above: bool = True, valid: NDArray[np.bool_] | No
         within[i].append(holes[j])
     parts = []
     for part, some in zip(outer, within, strict=True):
-        parts += _pieces(shapely.difference(part, shapely.union_all(some)) if some else part)
+        parts += pieces_of(shapely.difference(part, shapely.union_all(some)) if some else part)
     area = shapely.MultiPolygon(parts)
     if touching and not area.is_valid:
-        area = shapely.MultiPolygon(_pieces(shapely.union_all(parts)))
+        area = shapely.MultiPolygon(pieces_of(shapely.union_all(parts)))
     if valid is not None:
         whole = shapely.difference(area, shapely.union_all(_holes(np.asarray(valid, np.bool_), shapely)))
-        area = shapely.MultiPolygon(_pieces(whole))
+        area = shapely.MultiPolygon(pieces_of(whole))
     if contour.mapped is not None:
         # the border bends with the grid
         area = shapely.segmentize(area, 1.0)
-    placed = shapely.MultiPolygon(_pieces(shapely.transform(area, contour.place)))
+    placed = shapely.MultiPolygon(pieces_of(shapely.transform(area, contour.place)))
     if contour.mapped is not None and contour.mapped.closes:
-        placed = shapely.MultiPolygon(_pieces(shapely.union_all(shapely.make_valid(_pieces(placed)))))
+        placed = shapely.MultiPolygon(pieces_of(shapely.union_all(shapely.make_valid(pieces_of(placed)))))
     placed = shapely.MultiPolygon([shapely.geometry.polygon.orient(part) for part in placed.geoms])
     geometry: dict[str, Any] = shapely.geometry.mapping(placed)
     return geometry
@@ -117,7 +117,7 @@ def _touching(contour: Contour) -> bool:
     return bool(on_border > 2 * open_lines) or len(np.unique(points[:, 0] + 1j * points[:, 1])) < len(points)
 
 
-def _pieces(shape: Any) -> list[Any]:
+def pieces_of(shape: Any) -> list[Any]:
     """The polygons that a shape is made of."""
     parts = getattr(shape, "geoms", [shape])
     return [p for part in parts for p in getattr(part, "geoms", [part]) if p.geom_type == "Polygon"]

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .areas import areas, polygons
+from .bands import bands
 from .system import named, to_degrees
 
 if TYPE_CHECKING:
@@ -35,28 +36,37 @@ def render_lines(contours: Iterable[Contour], keep: bool = False) -> bytes:
 
 
 def render_areas(
-    contours: Iterable[Contour], above: bool, valid: NDArray[np.bool_] | None = None, keep: bool = False
+    contours: Iterable[Contour], side: str, valid: NDArray[np.bool_] | None = None, keep: bool = False
 ) -> bytes:
-    """Likewise the areas on one side of each contour; ``valid`` as in `areas`.
+    """Likewise the areas above or below each contour, or the ``bands`` between them; ``valid`` as in `areas`.
 
     Raises
     ------
     OptionError, TruncatedError, MissingExtraError
         As `areas` and `to_degrees`.
     """
-    side = "above" if above else "below"
+
+    def moved(contour: Contour, geometry: dict[str, Any]) -> dict[str, Any]:
+        if keep:
+            return geometry
+        shapely = polygons()
+        shape = shapely.transform(shapely.geometry.shape(geometry), to_degrees(contour))
+        parts = [shapely.geometry.polygon.orient(part) for part in shape.geoms]
+        return dict(shapely.geometry.mapping(shapely.MultiPolygon(parts)))
 
     def feature(contour: Contour) -> bytes:
-        geometry = areas(contour, above=above, valid=valid)
-        if not keep:
-            shapely = polygons()
-            moved = shapely.transform(shapely.geometry.shape(geometry), to_degrees(contour))
-            geometry = shapely.geometry.mapping(
-                shapely.MultiPolygon([shapely.geometry.polygon.orient(part) for part in moved.geoms])
-            )
-        return _feature(contour, geometry, area=side)
+        geometry = areas(contour, above=side == "above", valid=valid)
+        return _feature(contour, moved(contour, geometry), area=side)
 
-    return _features(contours, feature, keep)
+    if side != "bands":
+        return _features(contours, feature, keep)
+    whole = list(contours)
+    texts = [
+        _json({"type": "Feature", "properties": {"lower": band.lower, "upper": band.upper},
+               "geometry": moved(whole[0], band.geometry)})
+        for band in bands(whole, valid=valid)
+    ]  # fmt: skip
+    return _collection(texts, named(whole[0]) if keep else None)
 
 
 def _feature(contour: Contour, geometry: dict[str, Any], **properties: str) -> bytes:
@@ -77,16 +87,26 @@ def _feature(contour: Contour, geometry: dict[str, Any], **properties: str) -> b
 
 def _features(contours: Iterable[Contour], feature: Callable[[Contour], bytes], keep: bool) -> bytes:
     """The file of the feature of a contour, or of a collection of several of the same placement."""
-    texts, system = [], b""
+    texts, name = [], None
     for contour in contours:
         texts.append(feature(contour))
-        if keep and (name := named(contour)):
-            system = b"," + _json(name)[1:-1]
+        name = named(contour) if keep else None
         # of a contour no more is kept than its text
         del contour
     if len(texts) == 1:
-        return b"".join([texts[0][:-1], system, b"}\n"])
-    return b"".join([b'{"type":"FeatureCollection","features":[', b",".join(texts), b"]", system, b"}\n"])
+        return b"".join([texts[0][:-1], _member(name), b"}\n"])
+    return _collection(texts, name)
+
+
+def _collection(texts: list[bytes], system: dict[str, Any] | None) -> bytes:
+    """The file of several features."""
+    start = b'{"type":"FeatureCollection","features":['
+    return b"".join([start, b",".join(texts), b"]", _member(system), b"}\n"])
+
+
+def _member(system: dict[str, Any] | None) -> bytes:
+    """The reference system, as it stands behind the other members of a file."""
+    return b"," + _json(system)[1:-1] if system else b""
 
 
 def _json(value: dict[str, Any]) -> bytes:

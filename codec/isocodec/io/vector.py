@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from ..errors import OptionError
 from .areas import areas
+from .bands import bands
 from .extras import optional
 from .system import epsg_of
 
@@ -45,10 +46,12 @@ def libraries() -> Any:
 def table_of(
     contours: Iterable[Contour], side: str | None = None, valid: NDArray[np.bool_] | None = None
 ) -> Any:
-    """A ``GeoDataFrame`` with a row for each line, or with ``side`` (above, below) for the areas of each isovalue.
+    """A ``GeoDataFrame`` with a row for each line, or with ``side`` for the areas of each isovalue (above, below) or
+    for those between them (bands).
 
-    Columns are ``isovalue``, ``closed`` of lines, ``side`` of areas, ``complete`` and ``geometry``. An isocontour of
-    the plane has lines; the system is that of the file if it names an EPSG number.
+    Columns are ``isovalue``, ``closed`` of lines, ``side`` of areas, ``complete`` and ``geometry``; of bands ``lower``,
+    ``upper`` and ``geometry``. An isocontour of the plane has lines; the system is that of the file if it names an EPSG
+    number.
 
     Raises
     ------
@@ -59,6 +62,8 @@ def table_of(
     """
     geopandas = libraries()
     shapely = optional("shapely", extra="geo", purpose="making tables of lines")
+    if side == "bands":
+        return _table_of_bands(list(contours), valid, geopandas, shapely)
     columns: dict[str, list[Any]] = {"isovalue": [], "side" if side else "closed": [], "complete": []}
     shapes: list[Any] = []
     system: str | None = None
@@ -81,6 +86,19 @@ def table_of(
         system = None if number is None else f"EPSG:{number}"
         del contour
     return geopandas.GeoDataFrame(columns, geometry=shapes, crs=system)
+
+
+def _table_of_bands(
+    contours: list[Contour], valid: NDArray[np.bool_] | None, geopandas: Any, shapely: Any
+) -> Any:
+    found = bands(contours, valid=valid)
+    number = epsg_of(contours[0])
+    columns = {
+        "lower": np.array([band.lower for band in found], float),
+        "upper": np.array([band.upper for band in found], float),
+    }
+    shapes = [shapely.geometry.shape(band.geometry) for band in found]
+    return geopandas.GeoDataFrame(columns, geometry=shapes, crs=None if number is None else f"EPSG:{number}")
 
 
 def render_table(

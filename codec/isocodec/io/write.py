@@ -111,9 +111,10 @@ _OF_AREAS = (".geojson", *VECTOR_SUFFIXES)
 
 
 def render_sides(
-    contours: Iterable[Contour], suffix: str, above: bool, valid: NDArray[np.bool_] | None = None, keep: bool = False
+    contours: Iterable[Contour], suffix: str, side: str, valid: NDArray[np.bool_] | None = None, keep: bool = False
 ) -> bytes:
-    """The file of the areas on one side of a contour, or of each of several; ``valid`` as in `areas`.
+    """The file of the areas ``above`` or ``below`` a contour, or of each of several, or of the ``bands`` between them;
+    ``valid`` as in `areas`.
 
     Raises
     ------
@@ -121,8 +122,8 @@ def render_sides(
         As `areas`.
     """
     if suffix == ".geojson":
-        return render_areas(contours, above, valid, keep)
-    return render_table(contours, suffix, "above" if above else "below", valid)
+        return render_areas(contours, side, valid, keep)
+    return render_table(contours, suffix, side, valid)
 
 
 def render_contour(

@@ -227,6 +227,35 @@ def get(store, x, y, z):
 
 
 @inlined
+def pages_around(store, x, y, z, far, deep, near):
+    """Enter the pages within ``far`` of (x, y, z) along the first two axes, and ``deep`` along the third.
+
+    At most two along each axis, the last axis the fastest; -1 for one that there is not. Behind the eight of them the
+    place of the first.
+    """
+    a, b, c = store.head[SHIFT], store.head[SHIFT + 1], store.head[SHIFT + 2]
+    x0, y0, z0 = (x - far) >> a, (y - far) >> b, (z - deep) >> c
+    for i in range(x0, (x + far >> a) + 1):
+        for j in range(y0, (y + far >> b) + 1):
+            for k in range(z0, (z + deep >> c) + 1):
+                page = np.int64(-1)
+                if min(i, j, k) >= 0:
+                    page = max(_page(store, i << a, j << b, k << c), np.int64(-1))
+                near[np.uint64((i - x0) << 2 | (j - y0) << 1 | (k - z0))] = page
+    near[8], near[9], near[10] = x0, y0, z0
+
+
+@inlined
+def get_around(store, near, x, y, z):
+    """Entry at (x, y, z), which is not farther than ``pages_around`` has looked; 0 if never set."""
+    a, b, c = store.head[SHIFT], store.head[SHIFT + 1], store.head[SHIFT + 2]
+    page = near[np.uint64(((x >> a) - near[8]) << 2 | ((y >> b) - near[9]) << 1 | ((z >> c) - near[10]))]
+    if page < 0:
+        return np.int64(0)
+    return np.int64(store.pages[np.uint64(page), np.uint64(_cell(store, x, y, z))])
+
+
+@inlined
 def page_with(store, x, y, z, g):
     """Page and cell of (x, y, z) if the page has all within ``g`` along each axis, else -1."""
     a, b, c = store.head[SHIFT], store.head[SHIFT + 1], store.head[SHIFT + 2]

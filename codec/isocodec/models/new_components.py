@@ -15,7 +15,7 @@ from ..entropy.range_coder import code
 from ..kernel import DONE, GROW, inlined, inner
 from ..kernel.types import Integer
 from ..mesh.access import dimension
-from ..mesh.store import full, get, spot
+from ..mesh.store import full, get, get_around, pages_around, spot
 from ..tube.state import SIGNIFICANCE
 from . import contexts as ctx
 from .layout import BIRTH_CLASSES, CELL_CLASSES, CELL_SUM, CELL_SUMS, TREE_KIND, TREE_NET, TREE_ROW
@@ -91,15 +91,13 @@ def _place(st, size):
 
 
 @inlined
-def _count(st, size, x, y, z, birth):
-    """Count a vertex, or a new component, in the cell of ``2**size`` samples that holds it."""
-    page, cell = spot(st.crowd, (x >> size) + _place(st, size), y >> size, z >> size)
+def _count(st, size, x, y, z, vertices, births):
+    """Count vertices and new components in a cell of ``2**size`` samples."""
+    page, cell = spot(st.crowd, x + _place(st, size), y, z)
     cells = st.crowd.pages[np.uint64(page)]
     here = np.int64(cells[np.uint64(cell)])
-    if birth:
-        here += BIRTH if here >> 20 < _MOST_BIRTHS else 0
-    else:
-        here += 1 if here & _MOST_VERTICES < _MOST_VERTICES else 0
+    here += min(vertices, _MOST_VERTICES - (here & _MOST_VERTICES))
+    here += min(births, _MOST_BIRTHS - (here >> 20)) * BIRTH
     cells[np.uint64(cell)] = here
 
 
@@ -110,7 +108,14 @@ def add_birth(st, cd, x, y, z):
         return
     st.counters.births += 1
     for size in range(st.grid.exponent + 1):
-        _count(st, size, x, y, z, True)
+        _count(st, size, x >> size, y >> size, z >> size, np.int64(0), np.int64(1))
+
+
+@inlined
+def _cell_of(st, i, size):
+    """The cell of ``2**size`` samples that holds a vertex."""
+    vertex = st.vertex[np.uint64(i)]
+    return np.int64(vertex[0]) >> size, np.int64(vertex[1]) >> size, np.int64(vertex[2]) >> size
 
 
 @inner
@@ -122,9 +127,14 @@ def _census(st):
         while counters.counting < counters.vertices:
             if full(st.crowd, 1):
                 return GROW
-            x, y, z, _ = st.vertex[counters.counting]
-            _count(st, size, np.int64(x), np.int64(y), np.int64(z), False)
-            counters.counting += 1
+            # vertices that follow one another are near one another: of large cells, many lie in one
+            first = counters.counting
+            x, y, z = _cell_of(st, first, size)
+            i = first + 1
+            while i < counters.vertices and _cell_of(st, i, size) == (x, y, z):
+                i += 1
+            _count(st, size, x, y, z, i - first, np.int64(0))
+            counters.counting = i
         counters.counting = counters.counted
         counters.counted_size += 1
     counters.counted_size = 0
@@ -156,12 +166,14 @@ def _see_cells(st, cd, first, n, x, y, z):
     row = cd.blend.row
     count = row[0]
     far, deep = (2, 0) if n == 2 else (1, 1)
+    near = st.scratch[:11]
+    pages_around(st.crowd, x, y, z, far, deep, near)
     for i in range(x - far, x + far + 1):
         for j in range(y - far, y + far + 1):
             for k in range(z - deep, z + deep + 1):
                 if i == x and j == y and k == z:
                     continue
-                c = get(st.crowd, i, j, k) if min(j, k) >= 0 else np.int64(0)
+                c = get_around(st.crowd, near, i, j, k)
                 count += 1
                 vertices, births = min(c & _MOST_VERTICES, CELL_CLASSES - 1), min(c >> 20, BIRTH_CLASSES - 1)
                 row[np.uint64(count)] = first + BIRTH_CLASSES * vertices + births

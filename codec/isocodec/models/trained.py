@@ -60,12 +60,12 @@ def members(n: int) -> NDArray[np.int16]:
     return found
 
 
-def with_sums(n: int, weight: NDArray[np.int16]) -> NDArray[np.int32]:
+def with_sums(n: int, weight: NDArray[np.int16]) -> NDArray[np.int16]:
     """Weights of all rows, the sums included."""
     found = members(n)
     padded = np.concatenate([weight, np.zeros((1, HIDDEN), np.int16)])
-    whole = np.zeros(len(found) * HIDDEN + _LINE // 4, np.int32)
-    place = -whole.ctypes.data % _LINE // 4
+    whole = np.zeros(len(found) * HIDDEN + _LINE // 2, np.int16)
+    place = -whole.ctypes.data % _LINE // 2
     sums = whole[place : place + len(found) * HIDDEN].reshape(-1, HIDDEN)
     for rows in found.T:
         sums += padded[rows]
@@ -76,7 +76,7 @@ def no_blend() -> Blend:
     """What a coder of the baseline profile has."""
     whole = np.zeros(0, np.int64)
     table, short = np.zeros((0, 1), np.int64), np.zeros((0, 1), np.int32)
-    return Blend(short, short, table, whole, whole, whole, whole, short, no_panel())
+    return Blend(np.zeros((0, 1), np.int16), short, table, whole, whole, whole, whole, short, no_panel())
 
 
 def models(n: int, squash: NDArray[np.int64], t: Tables) -> tuple[NDArray[np.int64], NDArray[np.int64], Blend]:

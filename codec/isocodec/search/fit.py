@@ -213,6 +213,7 @@ class Drawing:
 def fitted_offsets(
     contour: Contour, targets: Sequence[Target], leaves: Leaves, told: NDArray[np.int64], parts: NDArray[np.int64],
     where: NDArray[np.float64], tolerance: float, *, rounds: Sequence[float] = ROUNDS, around: Around | None = None,
+    fixed: NDArray[np.bool_] | None = None,
 ) -> Drawing:  # fmt: skip
     """Parts of edges that hold the points of a curve near the original.
 
@@ -234,6 +235,8 @@ def fitted_offsets(
     rounds : sequence of float
     around : Around, optional
         Points of other parts of the domain stay.
+    fixed : (E,) bool, optional
+        So do points on these edges.
     """
     fit = _Fit(leaves, told)
     where = where.copy()
@@ -244,6 +247,8 @@ def fitted_offsets(
         longest = fit.longest(around, points)
         changed = around.wider(longest + tolerance)
         seen = changed.wider(longest + REACHES[-1] * tolerance)
+    if fixed is not None:
+        step = np.where(fixed, 0.0, step)
     for share in rounds:
         if share == 1.0:
             where = (np.minimum(np.floor(where * parts), parts - 1) + 0.5) / parts

@@ -54,6 +54,8 @@ class Promise:
         What the encoder knows of the field, if that has been made.
     holes : Holes, optional
         The mask, where samples are missing.
+    fixed : callable, optional
+        Which edges, by the positions of their ends, are told to be crossed where the field crosses them.
     contour : Contour
         The original curve.
     phi : ndarray of float32
@@ -66,6 +68,7 @@ class Promise:
     tried: Callable[[], object] | None = None
     truth: GroundTruth | None = None
     holes: Holes | None = None
+    fixed: Callable[[NDArray[np.int64], NDArray[np.int64]], NDArray[np.bool_]] | None = None
     contour: Contour = derived(init=False)
     phi: NDArray[np.float32] = derived(init=False)
     _targets: dict[float, Target] = derived(init=False, default_factory=dict)
@@ -139,9 +142,11 @@ class Promise:
         low, high = position[told.edges[:, 0]], position[told.edges[:, 1]]
         where = np.ldexp((crossing or self.field.crossings)(low, high) + 0.5, -OFFSET_BITS)
         around = self._around(places, tolerance) if before and places is not None else None
+        fixed = None if self.fixed is None else self.fixed(low, high)
         drawing = fitted_offsets(
             self.contour, [self.target(reach * tolerance) for reach in REACHES], self._leaves(tube), told.edges,
             told.parts, where, tolerance, rounds=AGAIN if before else ROUNDS, around=around,
+            fixed=fixed,
         )  # fmt: skip
         if self.tried:
             self.tried()

@@ -45,10 +45,13 @@ class Stage:
         Exponent of the edge of the cubes, in samples, of the uniform mesh that the stage leads to.
     geometry : bool
         Whether it says where edges are crossed.
+    adaptive : bool
+        Whether its meshes are coarser where the curve is flat.
     """
 
     edge: int
     geometry: bool = False
+    adaptive: bool = False
 
 
 @dataclass(frozen=True)

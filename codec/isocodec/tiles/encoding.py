@@ -19,10 +19,11 @@ from ..format.chunks import write_chunk
 from ..format.header import Header
 from ..format.kinds import LayerKind
 from ..format.program import Progress, write_program
-from ..layers.plan import Entry
 from ..layers.writer import LayerWriter, encoded_mask, field_tube
-from ..search.ground_truth import truth_of
-from ..search.strategy import base_of
+from ..search.ground_truth import GroundTruth, truth_of
+from ..search.promise import Promise
+from ..search.strategy import Plan, base_of
+from ..search.tile_mesh import tile_plan
 from ..search.tolerance import Slack, grid_offsets
 from ..stream.options import DEFAULT_TOLERANCE, SEARCHED, Options
 from ..tube.holes import Holes
@@ -55,7 +56,8 @@ class Tiling:
     def __post_init__(self) -> None:
         o = self.options
         o.check_data(np.dtype(self.dtype).kind in "biu")
-        if chosen := o.chooses_mesh or ("base_level" if o.base_level is not None else ""):
+        given = ("plan", "steps", "criterion", "base_level", "preserve_topology")
+        if chosen := next((name for name in given if getattr(o, name) not in (None, False)), ""):
             raise OptionError(
                 f"{chosen} and tiles contradict one another: their meshes have to be the same where they meet",
                 code="tiles", remedy=f"use exact, step, signs_only or a tolerance below {SEARCHED:g}",
@@ -66,8 +68,16 @@ class Tiling:
     @property
     def stages(self) -> tuple[Stage, ...]:
         """Stages of each isovalue."""
+        if self.searched is not None:
+            return Stage(COARSEST), Stage(0, True, True)
         signs = tuple(Stage(edge) for edge in EDGES)
         return signs if self.options.signs_only else (*signs, Stage(0, True))
+
+    @property
+    def searched(self) -> float | None:
+        """The tolerance that meshes are searched for, if they are."""
+        tolerance = self.options.tolerance
+        return tolerance if self.grid.n == 2 and tolerance is not None and tolerance >= SEARCHED else None
 
     @property
     def profile(self) -> Profile:
@@ -117,9 +127,11 @@ class FaceSlack(Slack):
 
     def __call__(self, low: NDArray[np.int64], high: NDArray[np.int64]) -> NDArray[np.int64]:
         """As ``Slack``."""
-        level = low == high
-        on_face = (level & ((low == self._low) | (low == self._high))).any(axis=1)
-        return np.where(on_face, 0, super().__call__(low, high))
+        return np.where(self.on_face(low, high), 0, super().__call__(low, high))
+
+    def on_face(self, low: NDArray[np.int64], high: NDArray[np.int64]) -> NDArray[np.bool_]:
+        """Which edges lie in a shared face."""
+        return ((low == high) & ((low == self._low) | (low == self._high))).any(axis=1)
 
 
 def encode_tile(window: ArrayLike, index: Index, tiling: Tiling) -> TileSegments:
@@ -198,8 +210,11 @@ def _checksum(face: NDArray[np.generic], gone: NDArray[np.bool_] | None, at: int
 
 def _segments(header: Header, field: Field, holes: Holes | None, index: Index, tiling: Tiling) -> Iterator[bytes]:
     """The segments of an isovalue, stage by stage."""
+    truth = truth_of(field)
     plan, ends = _plan(index, tiling)
-    tube = field_tube(header, field, truth_of(field), holes=holes)
+    if tiling.searched is not None:
+        plan, ends = _searched(header, field, truth, holes, index, tiling)
+    tube = field_tube(header, field, truth, holes=holes)
     full = tube.full_level
     writer = LayerWriter(field, tube, plan, Progress(full).begin(None))
     program = Progress(full).begin(None)
@@ -213,12 +228,12 @@ def _segments(header: Header, field: Field, holes: Holes | None, index: Index, t
         yield write_chunk(ChunkType.LAYERS, write_program(writer.layers[first:done], program, writer.bits) + run)
 
 
-def _plan(index: Index, tiling: Tiling) -> tuple[list[Entry], list[int | None]]:
+def _plan(index: Index, tiling: Tiling) -> tuple[Plan, list[int | None]]:
     """The layers of a tile's isovalue, and how many of them each stage ends with; None for all."""
     grid, o = tiling.grid, tiling.options
     levels = [grid.level(index, stage.edge) for stage in tiling.stages if not stage.geometry]
     base = base_of(grid.n, levels[0])
-    plan: list[Entry] = [(LayerKind.BASE, base)]
+    plan: Plan = [(LayerKind.BASE, base)]
     if base < levels[-1]:
         plan.append((LayerKind.REFINE, None))
     ends: list[int | None] = [1 + level - base for level in levels]
@@ -234,3 +249,23 @@ def _plan(index: Index, tiling: Tiling) -> tuple[list[Entry], list[int | None]]:
                 offsets[-1] = (*offsets[-1], 0, None, slack)
             plan += offsets
     return plan, ends
+
+
+def _searched(
+    header: Header, field: Field, truth: GroundTruth, holes: Holes | None, index: Index, tiling: Tiling
+) -> tuple[Plan, list[int | None]]:
+    """The same for a tolerance that meshes are searched for."""
+    grid, tolerance = tiling.grid, tiling.searched
+    assert tolerance is not None
+    shared = grid.shared(index)
+    slack = FaceSlack(tolerance, grid.size(index), shared)
+    coarse = grid.level(index, COARSEST)
+    base = base_of(grid.n, coarse)
+    whole: Plan = [(LayerKind.BASE, base), *([(LayerKind.REFINE, None)] if base < grid.level(index, 0) else [])]
+    offsets = grid_offsets(tolerance, False)
+    if tiling.profile == Profile.MAIN and offsets:
+        offsets[-1] = (*offsets[-1], 0, None, slack)
+    promise = Promise(field, lambda: field_tube(header, field, truth, holes=holes), False, None, truth, holes,
+                      slack.on_face)  # fmt: skip
+    plan = tile_plan(promise, tolerance, coarse, shared, [*whole, *offsets])
+    return plan, [1 + coarse - base, None]

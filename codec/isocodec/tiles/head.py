@@ -50,7 +50,7 @@ def write_head(head: Head, leaves: Sequence[tuple[bytes, Sequence[int]]]) -> byt
     grid = head.grid
     scaled = b"" if head.scale is None else Double.build(head.scale)
     body = b"".join(write_varint(s) for s in grid.shape) + bytes([grid.exponent, grid.block, len(head.stages)])
-    body += bytes(stage.edge | stage.geometry << 7 for stage in head.stages) + scaled
+    body += bytes(stage.edge | stage.adaptive << 6 | stage.geometry << 7 for stage in head.stages) + scaled
     body += write_varint(len(head.isovalues))
     for value in head.isovalues:
         kind, number = write_isovalue(value)
@@ -111,7 +111,7 @@ def read_head(data: bytes) -> tuple[Head, Root]:
         raise wrong("sides or tiles of no size that there is", "shape", FIXED_BYTES, "12.3")
     if not 1 << n * min(block, 20) <= MOST_IN_BLOCK or not 1 <= stages <= MOST_STAGES:
         raise wrong("blocks too large, or no stages", "head", FIXED_BYTES, "12.3")
-    listed = tuple(Stage(byte & 15, byte > 127) for byte in (reader.byte() for _ in range(stages)))
+    listed = tuple(Stage(byte & 15, byte > 127, bool(byte & 64)) for byte in (reader.byte() for _ in range(stages)))
     scale = reader.scale() if flags & _SCALED else None
     count = reader.number()
     if not 1 <= count <= MAX_ISOVALUES:

@@ -1,7 +1,6 @@
 /** Symbols of the main profile: mixing (7.11), what their networks see, the panel of frames (7.18). */
 import { bits } from "../bits.js";
-import { IsoError } from "../errors.js";
-import { CLASS, CONTEXTS } from "../models.js";
+import { CLASS } from "../models.js";
 import type { Offsets } from "../offsets.js";
 import { TRUST } from "../trust.js";
 import type { Tube } from "../tube.js";
@@ -37,7 +36,6 @@ export class Mixing {
     }
     for (let i = 0; i < tables.begin.length; i += 3) {
       const c = tables.begin[i]!;
-      if (c >= CONTEXTS) throw new IsoError("malformed", "7.10", 0, "the tables name a context that does not exist");
       p[c] = tables.begin[i + 1]!;
       seen[c] = tables.begin[i + 2]!;
     }
@@ -114,7 +112,7 @@ export class Mixing {
   /** The sum of the rows, cut off below 0, weighed by the network (7.11(1)). */
   private network(network: number, count: number): number {
     const { weight, out } = this.tables;
-        let total = out[49 * network + 48]!;
+    let total = out[49 * network + 48]!;
     for (let j = 0; j < 24; j += 8) {
       let s0 = 0, s1 = 0, s2 = 0, s3 = 0, s4 = 0, s5 = 0, s6 = 0, s7 = 0;
       for (let i = 0; i < count; i++) {
@@ -175,7 +173,7 @@ export class Mixing {
   /** A symbol that is mixed (7.11), of the first `count` rows; `panel` is that of 7.18, if it has one. */
   private mixed(count: number, network: number, kind: number, context: number, flip: boolean, panel?: Panel): number {
     const { tables: { squash, stretch }, mix: m } = this;
-    let said = Math.floor(this.network(network, count) / 4096);
+    let said = Math.floor(this.network(network, count) / 256);
     said = said < -2047 ? -2047 : said > 2047 ? 2047 : said;
     if (flip) said = -said;
     const group = CLASS + 32 * kind + ((said + 2047) >> 7);

@@ -1,4 +1,5 @@
 /** The tables of the main profile (7.10). */
+import { CONTEXTS } from "../models.js";
 
 /** Columns of a row of `weight`, kinds of symbols, networks. */
 export const KINDS = 49;
@@ -27,26 +28,79 @@ function stretches(squash: Uint16Array): Int16Array {
   return table;
 }
 
+/** Rows of each network, and columns of a row that the file has: in those behind, all weights are 0. */
+const ROWS: Readonly<Record<number, readonly number[]>> = {
+  2: [300, 300, 0, 310, 720, 514, 500, 236, 594],
+  3: [332, 332, 332, 328, 720, 775, 760, 332, 1506],
+};
+const COLUMNS: readonly number[] = [48, 48, 48, 48, 32, 24, 48, 16, 24];
+
+/** Numbers of some bits each, the most significant bit first; every list of them begins with a byte. */
+class Bits {
+  private at = 0;
+
+  constructor(private readonly view: DataView) {}
+
+  list(count: number, width: number): Int32Array {
+    let held = 0, bits = 0;
+    return Int32Array.from({ length: count }, () => {
+      while (bits < width) {
+        held = (held << 8) | this.view.getUint8(this.at++);
+        bits += 8;
+      }
+      bits -= width;
+      const found = held >> bits;
+      held &= (1 << bits) - 1;
+      return found;
+    });
+  }
+
+  signed(count: number, bytes: 2 | 4): Float64Array {
+    const { view } = this;
+    return Float64Array.from({ length: count }, () => {
+      this.at += bytes;
+      return bytes === 2 ? view.getInt16(this.at - 2) : view.getInt32(this.at - 4);
+    });
+  }
+}
+
 /** Read `isospec/main.bin` (7.10(1)). */
 export function readTables(bytes: Uint8Array, n: number): Tables {
-  if (bytes.length !== 894696) throw new RangeError("the tables of the main profile have 894696 bytes");
-  const view = new DataView(bytes.buffer, bytes.byteOffset, bytes.byteLength);
-  let at = 0;
-  const u16 = (count: number): Uint16Array => Uint16Array.from({ length: count }, () => view.getUint16((at += 2) - 2));
-  const i32 = (count: number): Float64Array => Float64Array.from({ length: count }, () => view.getInt32((at += 4) - 4));
-  const squash = u16(4095);
-  for (const m of [2, 3]) {
-    const rows = m === 2 ? 3474 : 5417;
-    if (m !== n) {
-      at += 2 * WIDTH * rows + 4 * NETWORKS * (WIDTH + 1) + 16 * KINDS;
-      at += 2 + 6 * view.getUint16(at);
-      continue;
+  if (bytes.length !== 170130) throw new RangeError("the tables of the main profile have 170130 bytes");
+  if (n !== 2 && n !== 3) throw new RangeError("two or three axes");
+  const file = new Bits(new DataView(bytes.buffer, bytes.byteOffset, bytes.byteLength));
+  const squash = new Uint16Array(4095).fill(32768);
+  file.list(2047, 8).forEach((more, i) => {
+    squash[2048 + i] = squash[2047 + i]! + more;
+    squash[2046 - i] = 65536 - squash[2048 + i]!;
+  });
+  for (let m = 2; ; m++) {
+    const rows = ROWS[m]!, weight = new Float64Array((rows.reduce((a, b) => a + b) * WIDTH) / 2);
+    let first = 0;
+    rows.forEach((count, k) => {
+      const columns = COLUMNS[k]!, exponents = file.list(count, 2), told = file.list(count * columns, 4);
+      for (let i = 0; i < told.length; i++) {
+        const row = Math.floor(i / columns), column = i % columns;
+        const value = ((told[i]! << 28) >> 28) * 2 ** exponents[row]!;
+        weight[(WIDTH * (first + row) + column - (column & 1)) / 2]! += column & 1 ? PAIR * value : value;
+      }
+      first += count;
+    });
+    const out = new Float64Array(NETWORKS * (WIDTH + 1));
+    COLUMNS.forEach((columns, k) => {
+      out.set(file.signed(columns, 2), k * (WIDTH + 1));
+      out.set(file.signed(1, 4), k * (WIDTH + 1) + WIDTH);
+    });
+    const mix = file.signed(KINDS * 4, 4);
+    const begin: number[] = [];
+    file.list(CONTEXTS, 1).forEach((trained, context) => {
+      if (trained) begin.push(context, 0, 0);
+    });
+    for (let i = 0; i < begin.length; i += 3) {
+      const [logit, seen] = file.list(2, 8);
+      begin[i + 1] = squash[16 * logit! + 7]!;
+      begin[i + 2] = seen!;
     }
-    const weight = new Float64Array((rows * WIDTH) / 2);
-    for (let i = 0; i < weight.length; i++, at += 4) weight[i] = view.getInt16(at) + PAIR * view.getInt16(at + 2);
-    const out = i32(NETWORKS * (WIDTH + 1)), mix = i32(KINDS * 4);
-    const begin = u16(3 * u16(1)[0]!);
-    return { squash, stretch: stretches(squash), weight, out, mix, begin };
+    if (m === n) return { squash, stretch: stretches(squash), weight, out, mix, begin: Uint16Array.from(begin) };
   }
-  throw new RangeError("two or three axes");
 }
