@@ -1,22 +1,14 @@
-"""Fields in tiles: directories, seams, whoever encodes, and what goes wrong (spec clause 12)."""
+"""Fields in tiles: directories, seams, windows (spec clause 12)."""
 
 from __future__ import annotations
 
 import json
-import multiprocessing
-import os
-import random
-import signal
-import subprocess
-import sys
-import time
-from concurrent.futures import Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor
 from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from scipy.ndimage import gaussian_filter
 from skimage.measure import find_contours
@@ -24,18 +16,14 @@ from skimage.measure import find_contours
 import isocodec
 from brute import INTERPRETED
 from commands import fails, ok, run
-from isocodec.errors import FormatError, InputError, IsoError, OptionError, TruncatedError
 from isocodec.field.samples import check_field
 from isocodec.search.promise import Promise
 from isocodec.search.tile_mesh import face_vertices
-from isocodec.stream.options import Options
 from isocodec.tiled_api import tiled_of
 from isocodec.tiles.container import Kind, groups_of
-from isocodec.tiles.encoding import Tiling
 from isocodec.tiles.fetching import together
 from isocodec.tiles.grid import TileGrid, in_order, morton
-from isocodec.tiles.merging import grid_of
-from isocodec.tiles.spool import Spool
+from tiled import encoded, hilly, holed, pieces
 
 FIELDS = {2: 2, 3: 1} if INTERPRETED else {2: 14, 3: 4}
 """Random fields, by number of axes."""
@@ -48,28 +36,6 @@ def random_field(n: int, seed: int, integers: bool) -> np.ndarray:
     field = gaussian_filter(rng.normal(size=rng.integers(small, large, n)), rng.choice([0.7, 1.5, 3, 6]))
     field /= field.std()
     return np.rint(field * 20).astype(np.int16) if integers else field
-
-
-def hilly(shape: tuple[int, ...] = (150, 210)) -> np.ndarray:
-    x, y = np.meshgrid(*map(np.arange, shape), indexing="ij")
-    return np.rint(100 * np.sin(x / 17) * np.cos(y / 11) + x / 3).astype(np.int16)
-
-
-def encoded(tmp_path: Path, field: np.ndarray, isovalue: object, tile: int = 32, **options: object) -> bytes:
-    path = tmp_path / "tiled.iso"
-    isocodec.encode_tiles(field, isovalue, path, tile=tile, **options)  # type: ignore[arg-type]
-    return path.read_bytes()
-
-
-def pieces(contour: isocodec.Contour) -> list[tuple[tuple[float, ...], ...]]:
-    """Cells as what they are made of, wherever they stand."""
-    points = contour.points.round(7) + 0.0
-    return sorted(tuple(sorted(map(tuple, points[cell].tolist()))) for cell in contour.cells)
-
-
-def holed(field: np.ndarray, seed: int) -> np.ndarray:
-    gone = gaussian_filter((np.random.default_rng(seed).random(field.shape) < 0.02).astype(float), 1) > 0.05
-    return np.ma.masked_array(field, mask=gone)
 
 
 # -- geometry of tiles ---------------------------------------------------------------------------------------------
@@ -241,210 +207,6 @@ def test_small_and_empty_fields(tmp_path: Path) -> None:
         assert len(contour.points) == 0 and contour.shape == field.shape
 
 
-# -- who encodes ---------------------------------------------------------------------------------------------------
-
-
-class Shuffled(Executor):
-    """Does what it is given in any order, when it has enough of it."""
-
-    def __init__(self) -> None:
-        self.waiting: list[tuple[Future[object], object, tuple[object, ...]]] = []
-        self.dice = random.Random(5)
-
-    def submit(self, function: object, /, *args: object, **_: object) -> Future[object]:  # type: ignore[override]
-        future: Future[object] = Future()
-        self.waiting.append((future, function, args))
-        if len(self.waiting) >= 6:
-            self.flush()
-        return future
-
-    def flush(self) -> None:
-        self.dice.shuffle(self.waiting)
-        for future, function, args in self.waiting:
-            future.set_result(function(*args))  # type: ignore[operator]
-        self.waiting.clear()
-
-
-def test_the_same_bytes_whoever_encodes(tmp_path: Path) -> None:
-    field = hilly((180, 150))
-    alone = encoded(tmp_path, field, 30.5)
-    with ThreadPoolExecutor(3) as threads:
-        assert encoded(tmp_path, field, 30.5, engine=threads) == alone
-    assert encoded(tmp_path, field, 30.5, engine=Shuffled(), workers=2) == alone
-    if not INTERPRETED:
-        with ProcessPoolExecutor(2, mp_context=multiprocessing.get_context("spawn")) as processes:
-            assert encoded(tmp_path, field, 30.5, engine=processes) == alone
-
-
-def test_the_same_bytes_from_other_arrays(tmp_path: Path) -> None:
-    zarr, array = pytest.importorskip("zarr"), pytest.importorskip("dask.array")
-    xarray = pytest.importorskip("xarray")
-    field = hilly((90, 100))
-    alone = encoded(tmp_path, field, 30.5)
-    np.save(tmp_path / "field.npy", field)
-    stored = zarr.open(str(tmp_path / "field.zarr"), mode="w", shape=field.shape, chunks=(37, 23), dtype=field.dtype)
-    stored[:] = field
-    for other in (
-        np.load(tmp_path / "field.npy", mmap_mode="r"), stored, array.from_array(field, chunks=(13, 77)),
-        xarray.DataArray(field),
-    ):  # fmt: skip
-        assert encoded(tmp_path, other, 30.5) == alone
-
-
-@pytest.mark.skipif(INTERPRETED, reason="workers would be slow")
-def test_the_same_bytes_of_a_dask_cluster(tmp_path: Path) -> None:
-    distributed, array = pytest.importorskip("distributed"), pytest.importorskip("dask.array")
-    field = hilly((180, 150))
-    alone = encoded(tmp_path, field, 30.5)
-    with (
-        distributed.LocalCluster(
-            n_workers=2, threads_per_worker=1, dashboard_address=None, local_directory=tmp_path
-        ) as cluster,
-        distributed.Client(cluster) as client,
-    ):
-        assert encoded(tmp_path, field, 30.5, engine=client) == alone
-        assert encoded(tmp_path, array.from_array(field, chunks=50), 30.5, engine=client) == alone
-
-
-# -- what goes wrong -----------------------------------------------------------------------------------------------
-
-
-class Stopping:
-    """A field whose samples can be read so many times, then not."""
-
-    def __init__(self, field: np.ndarray, times: int) -> None:
-        self.field, self.times = field, times
-        self.shape, self.dtype = field.shape, field.dtype
-
-    def __getitem__(self, window: tuple[slice, ...]) -> np.ndarray:
-        self.times -= 1
-        if self.times < 0:
-            raise OSError("the disk is gone")
-        return self.field[window]
-
-
-def test_work_goes_on_where_it_stopped(tmp_path: Path) -> None:
-    field = hilly()
-    wanted = encoded(tmp_path, field, 30.5)
-    path = tmp_path / "again.iso"
-    total = grid_of(field.shape, 5).total
-    tries = 0
-    while True:
-        tries += 1
-        source = Stopping(field, 7)
-        try:
-            isocodec.encode_tiles(source, 30.5, path, tile=32)
-            break
-        except OSError:
-            assert not path.exists()
-    assert tries == -(-total // 7)
-    assert path.read_bytes() == wanted
-    assert not (tmp_path / "again.iso.tiles").exists()
-
-
-def test_a_harmed_spool_is_mended(tmp_path: Path) -> None:
-    """A torn journal, a torn segment, a segment with another bit: what is harmed is encoded again."""
-    field = hilly()
-    wanted = encoded(tmp_path, field, 30.5)
-    path, spool = tmp_path / "again.iso", tmp_path / "spool"
-    dice = random.Random(3)
-    for _ in range(12):
-        with pytest.raises(OSError, match="gone"):
-            isocodec.encode_tiles(Stopping(field, 12), 30.5, path, tile=32, spool=spool)
-        for name in ("journal", "segments"):
-            data = bytearray((spool / name).read_bytes())
-            at = dice.randrange(len(data) // 2, len(data))
-            if dice.random() < 0.5:
-                del data[at:]
-            else:
-                data[at] ^= 1 << dice.randrange(8)
-            (spool / name).write_bytes(data)
-        isocodec.encode_tiles(field, 30.5, path, tile=32, spool=spool)
-        assert path.read_bytes() == wanted
-        path.unlink()
-
-
-def test_a_spool_of_something_else(tmp_path: Path) -> None:
-    field = hilly()
-    with pytest.raises(OSError, match="gone"):
-        isocodec.encode_tiles(Stopping(field, 3), 30.5, tmp_path / "a.iso", tile=32)
-    with pytest.raises(OptionError, match="other options"):
-        isocodec.encode_tiles(field, 31.5, tmp_path / "a.iso", tile=32)
-    tiling = Tiling(grid_of(field.shape, 5), (30.5,), Options(), "<i2")
-    with (
-        Spool(tmp_path / "a.iso.tiles", tiling),
-        pytest.raises(OptionError, match="another process"),
-    ):
-        isocodec.encode_tiles(field, 30.5, tmp_path / "a.iso", tile=32)
-
-
-class Changing(Stopping):
-    """A field that is another one after some time."""
-
-    def __getitem__(self, window: tuple[slice, ...]) -> np.ndarray:
-        self.times -= 1
-        return self.field[window] + (self.times < 0)
-
-
-def test_a_field_that_changes(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match=r"tiles \(\d, \d\) and \(\d, \d\) had other samples"):
-        isocodec.encode_tiles(Changing(hilly(), 9), 30.5, tmp_path / "a.iso", tile=32)
-    assert not (tmp_path / "a.iso").exists()
-
-
-def test_errors_name_the_tile(tmp_path: Path) -> None:
-    field = hilly().astype(float)
-    field[96:112] = np.inf
-    with pytest.raises(InputError, match=r"tile \(\d, \d\)"):
-        isocodec.encode_tiles(field, 30.5, tmp_path / "a.iso", tile=32, step=0.1)
-    for wrong in ({"tile": 100}, {"tile": 16}, {"exact": True}, {"step": 1.0, "exact": True}):
-        with pytest.raises(OptionError):
-            isocodec.encode_tiles(hilly().astype(float), 30.5, tmp_path / "b.iso", **wrong)  # type: ignore[arg-type]
-    for thing in ([[1, 2]], np.zeros(5), np.zeros((3, 1)), np.zeros((3, 3), complex)):
-        with pytest.raises(InputError):
-            isocodec.encode_tiles(thing, 30.5, tmp_path / "b.iso")
-    with pytest.raises(OptionError, match="pairs"):
-        tiled_of(encoded(tmp_path, hilly(), 30.5)).window([(0, 1)])
-
-
-@settings(max_examples=10 if INTERPRETED else 150)
-@given(data=st.data())
-def test_harmed_files(data: st.DataObject, tmp_path_factory: pytest.TempPathFactory) -> None:
-    """One byte changed, or an end cut off: an error of ours, or the same curve."""
-    good = harmless(tmp_path_factory)
-    bad = bytearray(good)
-    at = data.draw(st.integers(0, len(good) - 1))
-    if data.draw(st.booleans()):
-        bad[at] ^= data.draw(st.integers(1, 255))
-    else:
-        del bad[at:]
-    try:
-        found = isocodec.decode(bytes(bad))
-    except IsoError:
-        return
-    assert pieces(found) == pieces(isocodec.decode(good))
-
-
-_GOOD: list[bytes] = []
-
-
-def harmless(folders: pytest.TempPathFactory) -> bytes:
-    if not _GOOD:
-        _GOOD.append(encoded(folders.mktemp("good"), holed(hilly((90, 80)), 1), 30.5))
-    return _GOOD[0]
-
-
-def test_cut_files(tmp_path: Path) -> None:
-    data = encoded(tmp_path, hilly(), 30.5)
-    for end in (0, 3, 7, 20, 60, len(data) - 1):
-        with pytest.raises(FormatError):
-            isocodec.open(data[:end]).contour()
-    with pytest.raises(TruncatedError):
-        isocodec.decode(data[:-1])
-    with pytest.raises(FormatError, match="in tiles"):
-        isocodec.inspect(data)
-
-
 # -- files and the command line ------------------------------------------------------------------------------------
 
 
@@ -481,35 +243,3 @@ def test_command_line(tmp_path: Path) -> None:
         assert run("decode", tiled, "-o", tmp_path / "x.npz", *options).exit_code == 2
     assert run("tile", field, "-o", tmp_path / "x.iso", "--isovalue", 1, "--tile", 33).exit_code == 2
     fails(3, "tile", tmp_path / "none.npy", "-o", tmp_path / "x.iso", "--isovalue", 1)
-
-
-@pytest.mark.skipif(INTERPRETED, reason="a process of its own would be slow")
-def test_killed_and_run_again(tmp_path: Path) -> None:
-    """The whole process is killed, five times at any moment: the same command goes on; the bytes are the same."""
-    field = np.tile(hilly((512, 512)), (2, 2))
-    np.save(tmp_path / "f.npy", field)
-    wanted = encoded(tmp_path, field, 30.5, tile=64)
-    path = tmp_path / "killed.iso"
-    command = [sys.executable, "-m", "isocodec", "tile", str(tmp_path / "f.npy"), "-o", str(path), "--isovalue", "30.5"]
-    dice = random.Random(1)
-    for _ in range(5):
-        child = subprocess.Popen([*command, "--tile", "64"])
-        time.sleep(0.4 + dice.random())
-        child.send_signal(signal.SIGKILL)
-        child.wait()
-        assert not path.exists() or path.read_bytes() == wanted
-    subprocess.run([*command, "--tile", "64"], check=True)
-    assert path.read_bytes() == wanted
-
-
-@pytest.mark.skipif(INTERPRETED, reason="a process of its own would be slow")
-def test_a_worker_that_dies(tmp_path: Path) -> None:
-    field = hilly()
-    with ProcessPoolExecutor(1, mp_context=multiprocessing.get_context("spawn")) as processes:
-        processes.submit(os.getpid).result()
-        (worker,) = processes._processes  # type: ignore[misc]
-        os.kill(worker, signal.SIGKILL)
-        with pytest.raises(InputError, match="worker"):
-            isocodec.encode_tiles(field, 30.5, tmp_path / "a.iso", tile=32, engine=processes)
-    isocodec.encode_tiles(field, 30.5, tmp_path / "a.iso", tile=32)
-    assert (tmp_path / "a.iso").read_bytes() == encoded(tmp_path, field, 30.5)

@@ -20,7 +20,7 @@ from .limits import Limits
 from .mesh_api import chain_of, check_count, explicit_contour, mesh_decoded, on_mesh
 from .stream.decoder import Decoder
 from .stream.encoder import Encoder
-from .tiled_api import tiled_of
+from .tiled_api import tiled_contours
 from .tiles.container import is_tiled
 
 
@@ -230,7 +230,8 @@ def decode(
     """
     data = content(data, limits)
     if is_tiled(data):
-        return tiled_of(data, limits).contour(isovalue, layers=layers)
+        others = {"frame": frame, "max_bytes": max_bytes, "smooth": smooth, "through_holes": through_holes}
+        return tiled_contours(data, isovalue, layers, limits, mesh=mesh, **others)[0]
     if on_mesh(data):
         return explicit_contour(data, isovalue, frame, mesh, max_bytes, limits)
     decoder, number = decoded(data, isovalue, layers, max_bytes, limits, progress, frame)
@@ -259,7 +260,7 @@ def decode_all(
     """
     data = content(data, limits)
     if is_tiled(data):
-        return tiled_of(data, limits).contours()
+        return tiled_contours(data, None, None, limits, frame=frame, max_bytes=max_bytes, smooth=smooth, mesh=mesh)
     if on_mesh(data):
         on = mesh_decoded(data, mesh, None, max_bytes, limits, frame)
         return [on.drawn(number) for number in range(len(on.isovalues))]

@@ -14,10 +14,10 @@ from numpy.typing import ArrayLike, NDArray
 from .content import Readable, SpatialImage, content
 from .drawing.contour import Contour
 from .errors import InputError, IsoError, OptionError
-from .field.placement import CRS, read_placement
+from .field.placement import Noted
 from .field.sampled import Field
 from .limits import Limits
-from .tiles.container import HEAD_BYTES, is_tiled
+from .tiles.container import is_tiled
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
@@ -57,7 +57,7 @@ class EncodeOptions(TypedDict, total=False):
     progress: Callable[[int, int], object] | None
 
 
-class IsoFile:
+class IsoFile(Noted):
     """An ``.iso`` file that has been read, to be asked for its curves and for what it says of itself.
 
     Attributes
@@ -119,16 +119,6 @@ class IsoFile:
         """Notes of the file."""
         return dict(self.info.metadata)
 
-    @property
-    def placement(self) -> NDArray[np.float64] | None:
-        """Where samples lie, as `Contour.placement`."""
-        return read_placement(self.metadata, len(self.shape))
-
-    @property
-    def crs(self) -> str | None:
-        """Reference system of the coordinates, as the file names it."""
-        return self.metadata.get(CRS)
-
     def contour(self, isovalue: float | None = None, *, layers: int | None = None, smooth: bool = False) -> Contour:
         """The curve or surface of an isovalue, the first if none is given; see `isocodec.decode`."""
         from .api import decode
@@ -184,29 +174,16 @@ def open(source: Readable, *, limits: Limits | None = None) -> IsoFile | TiledIs
     >>> file = isocodec.open("terrain.iso")      # doctest: +SKIP
     >>> file.isovalues, file.contour().points    # doctest: +SKIP
     """
-    from .io.ranges import ranges_of
-    from .tiled_api import TiledIsoFile, tiled_of
+    from .tiled_api import tiled_at, tiled_of
 
-    if isinstance(source, str | os.PathLike):
-        fetch = ranges_of(source)
-        first = fetch(0, HEAD_BYTES)
-        if is_tiled(first):
-            return TiledIsoFile(_after(first, fetch), limits)
+    if isinstance(source, str | os.PathLike) and (tiled := tiled_at(source, limits)) is not None:
+        return tiled
     data = bytes(content(source, limits))
     if is_tiled(data):
         return tiled_of(data, limits)
     file = IsoFile(data, limits)
     file.info  # noqa: B018 - a file that is none fails here
     return file
-
-
-def _after(first: bytes, fetch: Callable[[int, int], bytes]) -> Callable[[int, int], bytes]:
-    """Bytes of a file of which the first are there already."""
-
-    def found(start: int, end: int) -> bytes:
-        return first[start:end] if (start, end) == (0, HEAD_BYTES) else fetch(start, end)
-
-    return found
 
 
 def save(

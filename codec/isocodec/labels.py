@@ -86,13 +86,25 @@ def encode_labels(
 
 def _border(values: NDArray[Any], label: float, gone: NDArray[np.bool_] | None) -> Told:
     """The field whose contour runs half-way around the samples with a label."""
-    signs = np.ascontiguousarray(values == label)
-    if not signs.any():
+    signs = labelled(values, label)
+    nothing = np.zeros(0, np.int64)
+    return Told(near_values(signs, label, nothing, np.zeros(0)), label, signs, None, gone)
+
+
+def labelled(values: NDArray[Any], label: float) -> NDArray[np.bool_]:
+    """Which samples have a label.
+
+    Raises
+    ------
+    InputError
+        If none has.
+    """
+    inside = np.ascontiguousarray(values == label)
+    if not inside.any():
         there = np.unique(values)
         text = ", ".join(f"{value:g}" for value in there[:20]) + (" ..." if len(there) > 20 else "")
         raise InputError(f"no sample has the label {label:g}", code="label", remedy=f"the labels are {text}")
-    nothing = np.zeros(0, np.int64)
-    return Told(near_values(signs, label, nothing, np.zeros(0)), label, signs, None, gone)
+    return inside
 
 
 def decode_labels(data: Readable, *, limits: Limits | None = None) -> NDArray[Any]:

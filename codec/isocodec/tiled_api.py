@@ -8,15 +8,16 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from .drawing.contour import Contour
 from .errors import InputError, OptionError
-from .field.placement import CRS, read_placement
+from .field.placement import Noted
 from .limits import Limits
 from .stream.options import Options, isovalues_of
-from .tiles.container import EXPONENTS
+from .tiles.container import EXPONENTS, HEAD_BYTES, is_tiled
 from .tiles.encoding import Tiling
+from .tiles.fetching import Fetch
 from .tiles.grid import Index
 from .tiles.merging import grid_of, merged
 from .tiles.reading import TiledFile
@@ -143,7 +144,7 @@ def _workers_of(engine: Any) -> int:
     return int(getattr(engine, "_max_workers", 1))
 
 
-class TiledIsoFile:
+class TiledIsoFile(Noted):
     """A tiled ``.iso`` file: windows of its curves, read as they are asked for.
 
     Attributes
@@ -152,10 +153,12 @@ class TiledIsoFile:
         How many pieces of the file have been read, and how many bytes.
     """
 
-    def __init__(self, fetch: Callable[[int, int], bytes], limits: Limits | None = None) -> None:
+    def __init__(self, fetch: Fetch, limits: Limits | None = None, first: bytes | None = None) -> None:
         self.requests = self.received = 0
         self._read = fetch
-        self._file = TiledFile(self._fetch, limits)
+        if first is not None:
+            self.requests, self.received = 1, len(first)
+        self._file = TiledFile(self._fetch, limits, first)
 
     def _fetch(self, start: int, end: int) -> bytes:
         data = self._read(start, end)
@@ -197,16 +200,6 @@ class TiledIsoFile:
         """Notes of the file."""
         return self._file.metadata
 
-    @property
-    def placement(self) -> NDArray[np.float64] | None:
-        """Where samples lie, as `Contour.placement`."""
-        return read_placement(self.metadata, len(self.shape))
-
-    @property
-    def crs(self) -> str | None:
-        """Reference system of the coordinates, as the file names it."""
-        return self.metadata.get(CRS)
-
     def window(
         self, box: Sequence[Sequence[float]] | None = None, *, isovalue: float | None = None,
         within: float | None = None, layer: int | None = None,
@@ -225,6 +218,47 @@ class TiledIsoFile:
     def tile(self, index: Index, isovalue: float | None = None) -> bytes:
         """A tile as an ``.iso`` file of its own; where the curve does not come, one without layers."""
         return self._file.plain(index, isovalue)
+
+
+def tiled_at(source: str | os.PathLike[str], limits: Limits | None = None) -> TiledIsoFile | None:
+    """The tiled file at a path or URL, of which what is needed is read later.
+
+    None if it is something else, comes through a pipe, or if its server does not give parts.
+
+    Raises
+    ------
+    OSError, InputError
+        If it cannot be opened.
+    """
+    from .io.ranges import NoRangesError, ranges_of
+    from .io.remote import is_url
+
+    if not is_url(source) and os.path.exists(source) and not os.path.isfile(source):
+        return None
+    fetch = ranges_of(source)
+    try:
+        first = fetch(0, HEAD_BYTES)
+    except NoRangesError:
+        return None
+    return TiledIsoFile(fetch, limits, first) if is_tiled(first) else None
+
+
+def tiled_contours(
+    data: bytes, isovalue: float | None, layers: int | None, limits: Limits | None, **others: object
+) -> list[Contour]:  # fmt: skip
+    """Contours of a tiled file whose bytes are all there: of one isovalue, or of all.
+
+    Raises
+    ------
+    OptionError
+        If other options of `decode` are given: they mean nothing there.
+    """
+    given = [name for name, value in others.items() if value is not None and value is not False]
+    if given:
+        raise OptionError(f"{' and '.join(given)}: the file is in tiles", code="tiles",
+                          remedy="leave that out; isocodec.open(..).window takes a part")  # fmt: skip
+    file = tiled_of(data, limits)
+    return [file.contour(value, layers=layers) for value in (file.isovalues if isovalue is None else (isovalue,))]
 
 
 def tiled_of(data: bytes | bytearray | memoryview, limits: Limits | None = None) -> TiledIsoFile:

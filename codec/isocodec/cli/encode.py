@@ -134,6 +134,7 @@ def encode_command(
     from ..io.missing import filled, missing_samples, read_nodata
     from ..io.place import Place, read_place
     from ..io.read import read_field
+    from ..labels import labelled
 
     placed = steps_along is None and not no_placement and PLACEMENT not in notes and not frames
     with concerning(source):
@@ -152,7 +153,7 @@ def encode_command(
         shape = field.shape if series is None else series.shape[1:]
         hole: Field | None = None
         if label is not None:
-            field, isovalues = _labelled(field, label), (0.5,)
+            field, isovalues = labelled(field, label), (0.5,)
             notes.setdefault("label", f"{label:g}")
             if planned is not None:
                 planned.isovalues(isovalues, shape, not independent)
@@ -215,20 +216,6 @@ def encode_command(
 def _is_given(value: object) -> bool:
     """Whether an option was given on the command line: a flag, or a value."""
     return value is not None and value is not False
-
-
-def _labelled(field: Field, label: float) -> Field:
-    """Which samples have a label."""
-    import numpy as np
-
-    from ..errors import InputError
-
-    inside = np.asarray(field == label)
-    if not inside.any():
-        there = np.unique(field)
-        text = ", ".join(f"{value:g}" for value in there[:20]) + (" ..." if len(there) > 20 else "")
-        raise InputError(f"no sample has the label {label:g}", code="label", remedy=f"the labels are {text}")
-    return inside
 
 
 def _multiples(interval: float, samples: Field) -> tuple[float, ...]:

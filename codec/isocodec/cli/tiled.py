@@ -21,24 +21,13 @@ Box = list[tuple[float, float]]
 
 def tiled_file(source: Path, limits: Limits) -> TiledIsoFile | None:
     """A file in tiles, of which what is needed is read later; None if it is something else, or comes through a pipe."""
-    from ..tiles.container import HEAD_BYTES, is_tiled
-
-    if str(source) == STANDARD or (source.exists() and not source.is_file()):
+    if str(source) == STANDARD:
         return None
-    from ..io.ranges import ranges_of
-    from ..tiled_api import TiledIsoFile
+    from ..tiled_api import tiled_at
     from .report import url_of
 
     with concerning(source):
-        fetch = ranges_of(url_of(source) or source)
-        first = fetch(0, HEAD_BYTES)
-        if not is_tiled(first):
-            return None
-
-        def found(start: int, end: int) -> bytes:
-            return first if (start, end) == (0, HEAD_BYTES) else fetch(start, end)
-
-        return TiledIsoFile(found, limits)
+        return tiled_at(url_of(source) or source, limits)
 
 
 def read_box(text: str | None) -> Box | None:

@@ -21,6 +21,30 @@ _NUMBER = re.compile(r"-?(0|[1-9][0-9]*)(\.[0-9]+)?([eE][-+]?[0-9]+)?")
 """As JSON has them."""
 
 
+class Noted:
+    """A file with notes, of which some say where the samples lie."""
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """Samples along each axis of the field."""
+        raise NotImplementedError
+
+    @property
+    def metadata(self) -> dict[str, str]:
+        """Notes of the file."""
+        raise NotImplementedError
+
+    @property
+    def placement(self) -> NDArray[np.float64] | None:
+        """Where samples lie, as `Contour.placement`."""
+        return read_placement(self.metadata, len(self.shape))
+
+    @property
+    def crs(self) -> str | None:
+        """Reference system of the coordinates, as the file names it."""
+        return self.metadata.get(CRS)
+
+
 def unplaced(n: int) -> NDArray[np.float64]:
     """What holds without a placement: in the plane x runs along axis 1, in space x, y, z are the axes 0, 1, 2."""
     return np.column_stack([np.eye(n)[::-1] if n == 2 else np.eye(n), np.zeros(n)])

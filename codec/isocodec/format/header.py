@@ -98,8 +98,10 @@ def read_header(data: bytes | bytearray) -> tuple[Header, int] | None:
     """
     seen = bytes(data[:4])
     if seen == spec.TILED_SIGNATURE:
-        raise FormatError("a file in tiles, not of one piece", code="tiled", offset=0, clause="3.3.1",
-                          remedy="decode and info take it; make a plain file of a part: isocodec extract")  # fmt: skip
+        raise FormatError(
+            "a file in tiles, not of one piece", code="tiled", offset=0, clause="3.3.1",
+            remedy="isocodec decode and info take it; isocodec.open(..).tile(index) makes a plain file of a tile",
+        )  # fmt: skip
     if seen != spec.SIGNATURE[: len(seen)]:
         raise FormatError("not an .iso file: the signature is missing", code="signature", offset=0, clause="3.3.1")
     if len(data) < PREFIX_BYTES:

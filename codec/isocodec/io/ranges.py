@@ -12,6 +12,12 @@ from .extras import optional
 from .remote import is_url
 
 Fetch = Callable[[int, int], bytes]
+
+
+class NoRangesError(InputError):
+    """A server that gives the whole file where a part of it is asked for."""
+
+
 PATIENCE = 60.0
 """Seconds that a server may take to answer."""
 
@@ -24,7 +30,7 @@ def ranges_of(source: str | os.PathLike[str]) -> Fetch:
     Raises
     ------
     OSError, MissingExtraError
-        From the function, too: ``InputError`` if a server gives all of a file where a part is asked for.
+        From the function, too: ``NoRangesError`` if a server gives all of a file where a part is asked for.
     """
     if is_url(source):
         return _remote(str(source))
@@ -59,7 +65,7 @@ def _remote(url: str) -> Fetch:
         except Exception as exc:
             raise InputError(f"cannot be read ({type(exc).__name__}: {exc})", code="url") from exc
         if len(data) > end - start:
-            raise InputError(
+            raise NoRangesError(
                 "the server gives the whole file where a part of it is asked for", code="ranges",
                 remedy="download the file first, or use a server that answers range requests",
             )  # fmt: skip

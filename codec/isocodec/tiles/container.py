@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from enum import IntEnum
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -119,12 +120,12 @@ class Root:
     checksums: NDArray[np.int64]
     sizes: NDArray[np.int64]
 
-    @property
+    @cached_property
     def leaves(self) -> NDArray[np.int64]:
         """Where leaf directories begin and the last one ends, (L + 1,) int64."""
         return self.end + np.concatenate([[0], np.cumsum(self.lengths)])
 
-    @property
+    @cached_property
     def segments(self) -> NDArray[np.int64]:
         """Where the leaves' segments begin in each area, (L, A) int64."""
         flat = self.sizes.T.ravel()
@@ -153,9 +154,15 @@ class Leaf:
     lengths: NDArray[np.int64]
     checksums: list[NDArray[np.int64]]
 
-    def groups(self, area: int) -> NDArray[np.int64]:
-        """Numbers of the segments that groups begin with, and behind the last one how many there are."""
-        return groups_of(self.lengths[area])
+    @cached_property
+    def groups(self) -> list[NDArray[np.int64]]:
+        """By area: numbers of the segments that groups begin with, and behind the last one how many there are."""
+        return [groups_of(lengths) for lengths in self.lengths]
+
+    @cached_property
+    def starts(self) -> NDArray[np.int64]:
+        """Where segments begin behind the first one of their area, and where the last one ends, (areas, K + 1)."""
+        return np.pad(np.cumsum(self.lengths, axis=1), ((0, 0), (1, 0)))
 
 
 def is_tiled(data: object) -> bool:

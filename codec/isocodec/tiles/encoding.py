@@ -211,8 +211,9 @@ def _checksum(face: NDArray[np.generic], gone: NDArray[np.bool_] | None, at: int
 def _segments(header: Header, field: Field, holes: Holes | None, index: Index, tiling: Tiling) -> Iterator[bytes]:
     """The segments of an isovalue, stage by stage."""
     truth = truth_of(field)
-    plan, ends = _plan(index, tiling)
-    if tiling.searched is not None:
+    if tiling.searched is None:
+        plan, ends = _plan(index, tiling)
+    else:
         plan, ends = _searched(header, field, truth, holes, index, tiling)
     tube = field_tube(header, field, truth, holes=holes)
     full = tube.full_level

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 import zlib
 from collections.abc import Sequence
@@ -20,6 +19,7 @@ from isospec.container import (
 )
 
 from ..errors import FormatError, InputError
+from ..format.chunks import write_metadata
 from ..format.header import write_isovalue
 from .container import (
     EXPONENTS,
@@ -55,7 +55,7 @@ def write_head(head: Head, leaves: Sequence[tuple[bytes, Sequence[int]]]) -> byt
     for value in head.isovalues:
         kind, number = write_isovalue(value)
         body += bytes([kind]) + number
-    notes = json.dumps(head.metadata, ensure_ascii=False, separators=(",", ":")).encode() if head.metadata else b""
+    notes = write_metadata(head.metadata) if head.metadata else b""
     body += write_varint(len(notes)) + notes
     for leaf, sizes in leaves:
         body += write_varint(len(leaf)) + Checksum.build(zlib.crc32(leaf))
@@ -111,7 +111,10 @@ def read_head(data: bytes) -> tuple[Head, Root]:
         raise wrong("sides or tiles of no size that there is", "shape", FIXED_BYTES, "12.3")
     if not 1 << n * min(block, 20) <= MOST_IN_BLOCK or not 1 <= stages <= MOST_STAGES:
         raise wrong("blocks too large, or no stages", "head", FIXED_BYTES, "12.3")
-    listed = tuple(Stage(byte & 15, byte > 127, bool(byte & 64)) for byte in (reader.byte() for _ in range(stages)))
+    told = reader.bytes(stages)
+    if any(byte & 0x30 for byte in told):
+        raise wrong("unknown flags of a stage", "flags", reader.at - stages, "12.3")
+    listed = tuple(Stage(byte & 15, byte > 127, bool(byte & 64)) for byte in told)
     scale = reader.scale() if flags & _SCALED else None
     count = reader.number()
     if not 1 <= count <= MAX_ISOVALUES:

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import json
 import math
 
 from isospec.container import Double, IsovalueKind, VarintError, read_varint
 
 from ..errors import FormatError
+from ..format.chunks import read_metadata
 from ..format.header import read_isovalue
 
 
@@ -67,15 +67,8 @@ class Reader:
         return found[0]
 
     def notes(self) -> dict[str, str]:
-        """Their length, and an object of JSON."""
-        text = self.bytes(self.number())
-        if not text:
-            return {}
-        try:
-            found = json.loads(text.decode())
-        except (ValueError, RecursionError):
-            return {}
-        return {k: v for k, v in found.items() if isinstance(v, str)} if isinstance(found, dict) else {}
+        """Their length, and an object of JSON (clause 3.7.2)."""
+        return read_metadata(self.bytes(self.number()))
 
     def _early(self) -> FormatError:
         return wrong("a directory that ends too early", "directory", self.base + self.end, "12.4")

@@ -41,6 +41,8 @@ class TiledFile:
         Gives the bytes of the file from one place up to another, fewer at its end.
     limits : Limits, optional
         What decoding each tile may need at most; ``bytes`` is for what is fetched at a time.
+    first : bytes, optional
+        Its first ``HEAD_BYTES``, if they are there.
 
     Attributes
     ----------
@@ -55,9 +57,9 @@ class TiledFile:
         If it ends too early.
     """
 
-    def __init__(self, fetch: Fetch, limits: Limits | None = None) -> None:
+    def __init__(self, fetch: Fetch, limits: Limits | None = None, first: bytes | None = None) -> None:
         self.limits = limits or Limits()
-        first = fetch(0, HEAD_BYTES)
+        first = fetch(0, HEAD_BYTES) if first is None else first
         self._pieces = lambda: Pieces(fetch, self.limits.bytes, first)
         if len(first) >= FIXED_BYTES and len(first) < head_length(first):
             raise TruncatedError("the file ends within its head", code="truncated", offset=len(first), clause="12.3")
@@ -140,12 +142,13 @@ class TiledFile:
         origin_above = None
         parts = []
         for index, kind, mask, segments in found:
+            above: bool | None = kind == Kind.ABOVE
+            if kind == Kind.CODED:
+                contour, ends = self.drawn(index, number, mask, segments)
+                above = contour.origin_above
+                parts.append((np.array(grid.origin(index)), grid.size(index), contour, ends))
             if not any(index):
-                origin_above = self._origin_above(kind, index, number, mask, segments)
-            if kind != Kind.CODED:
-                continue
-            drawn = self.drawn(index, number, mask, segments)
-            parts.append((np.array(grid.origin(index)), grid.size(index), *drawn))
+                origin_above = above
         points, cells = joined(parts, grid.n)
         if box is not None and clip:
             points, cells = _within(points, cells, low, high)
@@ -153,11 +156,6 @@ class TiledFile:
             points, cells, self.isovalues[number], self.shape, True, read_placement(metadata, grid.n), metadata,
             origin_above, self.head.masked,
         )  # fmt: skip
-
-    def _origin_above(
-        self, kind: Kind, index: Index, number: int, mask: bytes, segments: Sequence[bytes]
-    ) -> bool | None:
-        return self.drawn(index, number, mask, segments)[0].origin_above if kind == Kind.CODED else kind == Kind.ABOVE
 
     def plain(self, index: Index, isovalue: float | None = None, layer: int | None = None) -> bytes:
         """A tile as an ``.iso`` file of its own."""
@@ -187,12 +185,12 @@ class TiledFile:
         numbers = sorted(by_leaf)
         areas = [0] * self.head.masked + [self.head.area(isovalue, s) for s in range(stage + 1)]
         pieces = self._pieces()
-        if len(numbers) == len(self._blocks):
+        if sum(map(len, by_leaf.values())) == self.head.grid.total:
             pieces.fetch([(int(self.root.leaves[0]), self._end_of(areas))])
         leaves = self._read_leaves(numbers, pieces)
         places = {number: self._places(number, by_leaf[number]) for number in numbers}
         groups = {
-            (area, number, int(np.searchsorted(leaves[number].groups(area), i, "right")) - 1)
+            (area, number, int(np.searchsorted(leaves[number].groups[area], i, "right")) - 1)
             for number in numbers for area in areas for i in places[number] if leaves[number].lengths[area, i]
         }  # fmt: skip
         ranges = {group: self._group_range(leaves[group[1]], *group) for group in sorted(groups)}
@@ -250,13 +248,13 @@ class TiledFile:
         return leaf
 
     def _segment_range(self, leaf: Leaf, area: int, number: int, i: int) -> Range:
-        start = int(self.root.segments[number, area] + leaf.lengths[area, :i].sum())
-        return start, start + int(leaf.lengths[area, i])
+        start = int(self.root.segments[number, area])
+        return start + int(leaf.starts[area, i]), start + int(leaf.starts[area, i + 1])
 
     def _group_range(self, leaf: Leaf, area: int, number: int, group: int) -> Range:
-        first, behind = leaf.groups(area)[group : group + 2].tolist()
-        start = int(self.root.segments[number, area] + leaf.lengths[area, :first].sum())
-        return start, start + int(leaf.lengths[area, first:behind].sum())
+        start = int(self.root.segments[number, area])
+        first, behind = leaf.groups[area][group : group + 2].tolist()
+        return start + int(leaf.starts[area, first]), start + int(leaf.starts[area, behind])
 
     def _number(self, isovalue: float | None) -> int:
         if isovalue is None:

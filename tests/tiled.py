@@ -1,0 +1,32 @@
+"""Fields in tiles, for tests: a few fields, and files of them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from scipy.ndimage import gaussian_filter
+
+import isocodec
+
+
+def hilly(shape: tuple[int, ...] = (150, 210)) -> np.ndarray:
+    x, y = np.meshgrid(*map(np.arange, shape), indexing="ij")
+    return np.rint(100 * np.sin(x / 17) * np.cos(y / 11) + x / 3).astype(np.int16)
+
+
+def encoded(tmp_path: Path, field: np.ndarray, isovalue: object, tile: int = 32, **options: object) -> bytes:
+    path = tmp_path / "tiled.iso"
+    isocodec.encode_tiles(field, isovalue, path, tile=tile, **options)  # type: ignore[arg-type]
+    return path.read_bytes()
+
+
+def pieces(contour: isocodec.Contour) -> list[tuple[tuple[float, ...], ...]]:
+    """Cells as what they are made of, wherever they stand."""
+    points = contour.points.round(7) + 0.0
+    return sorted(tuple(sorted(map(tuple, points[cell].tolist()))) for cell in contour.cells)
+
+
+def holed(field: np.ndarray, seed: int) -> np.ndarray:
+    gone = gaussian_filter((np.random.default_rng(seed).random(field.shape) < 0.02).astype(float), 1) > 0.05
+    return np.ma.masked_array(field, mask=gone)
