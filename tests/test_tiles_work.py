@@ -24,6 +24,7 @@ from hypothesis import strategies as st
 
 import isocodec
 from brute import INTERPRETED
+from commands import ok
 from isocodec.errors import FormatError, InputError, IsoError, OptionError, TruncatedError
 from isocodec.stream.options import Options
 from isocodec.tiled_api import TiledIsoFile, tiled_of
@@ -80,6 +81,52 @@ def test_the_same_bytes_from_other_arrays(tmp_path: Path) -> None:
         xarray.DataArray(field),
     ):  # fmt: skip
         assert encoded(tmp_path, other, 30.5) == alone
+
+
+class Here:
+    """A field that notes which process reads it, and goes to others in few bytes."""
+
+    def __init__(self, field: np.ndarray, notes: Path, ballast: int = 0) -> None:
+        np.save(notes.with_suffix(".npy"), field)
+        self.notes, self.ballast = notes, bytes(ballast)
+        self.shape, self.dtype = field.shape, field.dtype
+
+    def __getitem__(self, window: tuple[slice, ...]) -> np.ndarray:
+        with self.notes.open("a") as file:
+            file.write(f"{os.getpid()}\n")
+        return np.load(self.notes.with_suffix(".npy"))[window]
+
+
+@pytest.mark.skipif(INTERPRETED, reason="workers would be slow")
+@pytest.mark.parametrize("ballast", [0, 1 << 20])
+def test_workers_read_what_is_handed_over_in_few_bytes(tmp_path: Path, ballast: int) -> None:
+    field = hilly((90, 150))
+    alone = encoded(tmp_path, field, 30.5)
+    with ProcessPoolExecutor(2, mp_context=multiprocessing.get_context("spawn")) as processes:
+        assert encoded(tmp_path, Here(field, tmp_path / "notes", ballast), 30.5, engine=processes) == alone
+    readers = set(map(int, (tmp_path / "notes").read_text().split()))
+    assert (os.getpid() in readers) == (ballast > 0)
+
+
+@pytest.mark.skipif(INTERPRETED, reason="workers would be slow")
+def test_files_are_read_by_workers(tmp_path: Path) -> None:
+    """As by one process; a GeoTIFF with samples that are missing."""
+    rasterio = pytest.importorskip("rasterio")
+    field = hilly((180, 150))
+    field[:9, :9] = -9999
+    np.save(tmp_path / "f.npy", field)
+    shape = {"height": field.shape[0], "width": field.shape[1]}
+    with rasterio.open(tmp_path / "f.tif", "w", driver="GTiff", count=1, dtype="int16", nodata=-9999, **shape) as file:
+        file.write(field, 1)
+    for name in ("f.npy", "f.tif"):
+        made = []
+        for workers in (1, 2):
+            path = tmp_path / f"{workers}.iso"
+            ok("tile", tmp_path / name, "-o", path, "--isovalue", 30.5, "--tile", 32, "--workers", workers)
+            made.append(path.read_bytes())
+        assert made[0] == made[1]
+    holes = np.ma.masked_equal(field, -9999)
+    assert made[0][40:] and pieces(isocodec.decode(made[0])) == pieces(isocodec.decode(encoded(tmp_path, holes, 30.5)))
 
 
 @pytest.mark.skipif(INTERPRETED, reason="workers would be slow")

@@ -4,16 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..errors import InputError, OptionError
 from .extras import optional
 from .read import read_field
 from .reading import reading
-from .source import Source, source_of
+from .source import source_of
 
 MAPPED = (".npy", ".tif", ".tiff", ".zarr", ".h5", ".hdf5", ".nc")
 """Suffixes of files that are read a window at a time; others are read whole."""
@@ -45,10 +47,10 @@ def windows_of(path: Path, key: str | None = None, samples: int | None = None) -
     source = source_of(path)
     if suffix == ".npy":
         with reading(".npy"):
-            yield np.load(path, mmap_mode="r", allow_pickle=False)
+            yield MappedWindows(source.path)
     elif suffix in (".tif", ".tiff"):
-        with _raster(source) as field:
-            yield field
+        with reading("TIFF"):
+            yield RasterWindows(source.path)
     elif suffix == ".zarr":
         zarr = optional("zarr", extra="xarray", purpose="reading .zarr")
         with reading("Zarr"):
@@ -62,15 +64,8 @@ def windows_of(path: Path, key: str | None = None, samples: int | None = None) -
             yield _named(file, key, path)
 
 
-@contextmanager
-def _raster(source: Source) -> Iterator[Any]:
-    rasterio = optional("rasterio", extra="tiles", purpose="reading GeoTIFF a window at a time")
-    with reading("TIFF"), rasterio.open(source.path) as dataset:
-        yield RasterWindows(dataset)
-
-
-class RasterWindows:
-    """The first band of a raster, by slices; samples without data are masked.
+class _Windows:
+    """A file's samples, by slices; it is opened where it is read, so that other processes get no more than its name.
 
     Attributes
     ----------
@@ -78,13 +73,48 @@ class RasterWindows:
     dtype : dtype
     """
 
-    def __init__(self, dataset: Any) -> None:
-        self._dataset = dataset
-        self.shape = dataset.height, dataset.width
-        self.dtype = np.dtype(dataset.dtypes[0])
+    shape: tuple[int, ...]
+    dtype: np.dtype[Any]
 
-    def __getitem__(self, window: tuple[slice, slice]) -> np.ma.MaskedArray[Any, Any]:
-        found = self._dataset.read(1, window=tuple((each.start, each.stop) for each in window), masked=True)
+    def __init__(self, path: Path) -> None:
+        self._path = path.resolve()
+        self._describe()
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {name: value for name, value in self.__dict__.items() if name != "_file"}
+
+    @cached_property
+    def _file(self) -> Any:
+        raise NotImplementedError
+
+    def _describe(self) -> None:
+        self.shape, self.dtype = self._file.shape, self._file.dtype
+
+
+class MappedWindows(_Windows):
+    """The array of an ``.npy`` file."""
+
+    @cached_property
+    def _file(self) -> Any:
+        return np.load(self._path, mmap_mode="r", allow_pickle=False)
+
+    def __getitem__(self, window: tuple[slice, ...]) -> NDArray[Any]:
+        found: NDArray[Any] = self._file[window]
+        return found
+
+
+class RasterWindows(_Windows):
+    """The first band of a raster; samples without data are masked."""
+
+    @cached_property
+    def _file(self) -> Any:
+        return optional("rasterio", extra="tiles", purpose="reading GeoTIFF a window at a time").open(self._path)
+
+    def _describe(self) -> None:
+        self.shape, self.dtype = (self._file.height, self._file.width), np.dtype(self._file.dtypes[0])
+
+    def __getitem__(self, window: tuple[slice, ...]) -> np.ma.MaskedArray[Any, Any]:
+        found = self._file.read(1, window=tuple((each.start, each.stop) for each in window), masked=True)
         return np.ma.masked_array(found)
 
 

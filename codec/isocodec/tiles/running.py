@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import pickle
 from collections.abc import Callable, Iterator
-from concurrent.futures import CancelledError
+from concurrent.futures import CancelledError, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from queue import SimpleQueue
@@ -18,6 +19,8 @@ from .spool import Spool
 
 AHEAD = 2
 """Tiles in flight for each worker, and as many more."""
+HANDED_OVER = 1 << 16
+"""Bytes of a field that are handed over with each tile at most."""
 
 
 class Engine(Protocol):
@@ -36,8 +39,9 @@ def run(
     Parameters
     ----------
     field : array
-        Anything with ``shape``, ``dtype`` and slices: of numpy, Dask, xarray, Zarr, h5py, or a file's windows. Slices
-        are read here, or by the workers of a Dask cluster if it is an array of Dask.
+        Anything with ``shape``, ``dtype`` and slices: of numpy, Dask, xarray, Zarr, h5py, or a file's windows. Other
+        processes read slices themselves of what is handed over in few bytes (of Zarr, a file's windows, of Dask on a
+        cluster); else they are read here.
     tiling : Tiling
     spool : Spool
     engine : Engine, optional
@@ -69,12 +73,14 @@ def _encoded(
                 tile = encode_tile(_samples(field, tiling, index), index, tiling)
             yield tile
         return
+    read_there = (isinstance(engine, ProcessPoolExecutor) or _is_cluster(engine)) and _is_small(field)
     came: SimpleQueue[tuple[Index, Any]] = SimpleQueue()
     flying: dict[Index, Any] = {}
     try:
         while True:
             while len(flying) < AHEAD * (workers + 1) and (index := next(waiting, ())):
-                flying[index] = future = _submitted(engine, field, tiling, index)
+                with _about(index):
+                    flying[index] = future = _submitted(engine, field, tiling, index, read_there)
                 future.add_done_callback(lambda f, index=index: came.put((index, f)))
             if not flying:
                 return
@@ -88,15 +94,52 @@ def _encoded(
             future.cancel()
 
 
-def _submitted(engine: Engine, field: Any, tiling: Tiling, index: Index) -> Any:
-    """Have a tile encoded; slices of Dask's arrays are read where that is done."""
-    window = tiling.grid.window(index)
-    if hasattr(field, "__dask_graph__") and hasattr(engine, "compute"):
+def _submitted(engine: Engine, field: Any, tiling: Tiling, index: Index, read_there: bool) -> Any:
+    """Have a tile encoded."""
+    options: dict[str, Any] = {"pure": False} if _is_cluster(engine) else {}
+    if _is_cluster(engine) and hasattr(field, "__dask_graph__"):
         from dask import delayed
 
-        return engine.compute(delayed(encode_tile, pure=False)(field[window], index, tiling))
-    options = {"pure": False} if hasattr(engine, "scheduler_info") else {}
+        window = field[tiling.grid.window(index)]
+        return engine.compute(delayed(encode_tile, **options)(window, index, tiling))  # type: ignore[attr-defined]
+    if read_there:
+        return engine.submit(_read_and_encoded, field, tiling, index, **options)
     return engine.submit(encode_tile, _samples(field, tiling, index), index, tiling, **options)
+
+
+def _read_and_encoded(field: Any, tiling: Tiling, index: Index) -> TileSegments:
+    return encode_tile(_samples(field, tiling, index), index, tiling)
+
+
+def _is_cluster(engine: Engine) -> bool:
+    """Whether this is a client of ``dask.distributed``, which need not be there."""
+    return hasattr(engine, "scheduler_info")
+
+
+def _is_small(field: Any) -> bool:
+    """Whether a field takes few bytes to hand over, since its samples are elsewhere."""
+    if isinstance(field, np.ndarray):
+        return False
+    try:
+        pickle.Pickler(_Few(), protocol=5).dump(field)
+    except Exception:
+        # too large, or not to be handed over at all: libraries have errors of all kinds for that
+        return False
+    return True
+
+
+class _Few:
+    """A file that takes few bytes."""
+
+    def __init__(self) -> None:
+        self.left = HANDED_OVER
+
+    def write(self, data: bytes | bytearray | memoryview) -> int:
+        size = memoryview(data).nbytes
+        self.left -= size
+        if self.left < 0:
+            raise OverflowError
+        return size
 
 
 def _samples(field: Any, tiling: Tiling, index: Index) -> Any:
