@@ -39,6 +39,18 @@ program.main()
 """
 
 
+SLOW_READER = """
+import pathlib, sys, time
+import isocodec.__main__ as program
+import isocodec.io.read as reader
+def slow(path, **_):
+    pathlib.Path(path).with_name("reading").touch()
+    time.sleep(60)
+reader.read_field = slow
+program.main()
+"""
+
+
 class Command:
     """A command line in a process of its own, which says when it begins, and when it writes, to a disk that is slow."""
 
@@ -78,6 +90,20 @@ def encode(folder: Path, **environment: str) -> Command:
 def is_as_before(folder: Path) -> bool:
     found = {path.name: path for path in folder.iterdir()}
     return set(found) == {"hills.npy", "out.iso"} and found["out.iso"].read_bytes() == b"older"
+
+
+@pytest.mark.parametrize("number", ENDS)
+def test_while_a_library_reads(folder: Path, number: signal.Signals) -> None:
+    """What libraries print then is kept from the terminal; what a signal says is not."""
+    words = ["encode", folder / "hills.npy", "-o", folder / "out.iso", "--isovalue", "80.5"]
+    child = subprocess.Popen([sys.executable, "-c", SLOW_READER, *map(str, words)], text=True, stderr=subprocess.PIPE,
+                             env={**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))})  # fmt: skip
+    while not (folder / "reading").exists():
+        assert child.poll() is None
+        time.sleep(0.01)
+    child.send_signal(number)
+    code, word = ENDS[number]
+    assert (child.communicate(timeout=60)[1], child.returncode) == (f"isocodec: {word}\n", code)
 
 
 @pytest.mark.parametrize("number", ENDS)

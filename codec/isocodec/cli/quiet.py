@@ -13,6 +13,7 @@ from contextlib import contextmanager, redirect_stderr, redirect_stdout
 from pathlib import Path
 
 from ..text import one_line
+from ..unfinished import undoing
 from .report import warn
 
 _SHOWN = 3
@@ -66,21 +67,28 @@ def one_warning(path: Path) -> Iterator[None]:
 def _streams(lines: list[str]) -> Iterator[None]:
     """Lines that are printed past Python, by libraries of C and C++, while this lasts."""
     with tempfile.TemporaryFile() as file:
-        saved = {}
+        saved: dict[int, int] = {}
+
+        def back() -> None:
+            for number, before in saved.items():
+                os.dup2(before, number)
+
         for stream in (sys.__stdout__, sys.__stderr__):
             if stream is not None and not stream.closed:
                 stream.flush()
-        for number in (1, 2):
-            try:
-                saved[number] = os.dup(number)
-            except OSError:  # a process may have been started without them
-                continue
-            os.dup2(file.fileno(), number)
         try:
-            yield
+            # a signal that ends the process has something to say
+            with undoing(back):
+                for number in (1, 2):
+                    try:
+                        saved[number] = os.dup(number)
+                    except OSError:  # a process may have been started without them
+                        continue
+                    os.dup2(file.fileno(), number)
+                yield
         finally:
-            for number, before in saved.items():
-                os.dup2(before, number)
+            back()
+            for before in saved.values():
                 os.close(before)
         file.seek(0)
         lines += file.read(_KEPT).decode(errors="replace").splitlines()
