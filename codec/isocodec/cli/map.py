@@ -132,7 +132,7 @@ def _of_iso(source: Path, frame: int | None, limits: Limits) -> Drawn:
     from .tiled import tiled_file
 
     if tiled_file(source, limits) is not None:
-        raise click.UsageError("the file is in tiles: maps are of files in one piece")
+        raise click.UsageError("the file is in tiles: take a part of it by isocodec extract")
     data = read_iso(source)
 
     import isocodec
