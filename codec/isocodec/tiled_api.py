@@ -208,6 +208,10 @@ class TiledIsoFile(Noted):
         """The curve or surface in a box of samples; see `TiledFile.window`."""
         return self._file.window(box, isovalue=isovalue, within=within, layer=layer)
 
+    def layer_within(self, samples: float) -> int:
+        """The first layer whose cubes are no wider than so many samples, the last one if none is."""
+        return self._file.stage_of(samples)
+
     def contour(self, isovalue: float | None = None, *, layers: int | None = None) -> Contour:
         """The curve or surface of an isovalue, of the first ``layers`` layers if that is given."""
         return self.window(isovalue=isovalue, layer=None if layers is None else layers - 1)

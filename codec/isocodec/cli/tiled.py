@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -54,6 +54,7 @@ def decode_tiled(
     """Write a window of a tiled file, or all of it."""
     from dataclasses import replace
 
+    from ..io.pmtiles import render_pyramid
     from ..io.write import check_libraries, check_suffix, holds_several, put, render_contour
 
     n = len(file.shape)
@@ -73,7 +74,10 @@ def decode_tiled(
             contours.append(replace(contour, placement=None) if in_samples else contour)
     seconds = time.perf_counter() - started
     with concerning(source):
-        rendered = render_contour(contours, suffix, n, keep_crs)
+        if suffix == ".pmtiles" and within is None and layer is None and not in_samples:
+            rendered = render_pyramid(_by_width(file, box, contour) for contour in contours)
+        else:
+            rendered = render_contour(contours, suffix, n, keep_crs)
     with concerning(output):
         if str(output) == STANDARD:
             write_output(output, rendered)
@@ -90,6 +94,22 @@ def decode_tiled(
         },
         as_json,
     )  # fmt: skip
+
+
+def _by_width(file: TiledIsoFile, box: Box | None, finest: Contour) -> Callable[[float], Contour]:
+    """A window as zooms of a map see it, by samples that a pixel is wide: coarse layers if their cubes are no wider."""
+    stages = file.head.stages
+    drawn = {len(stages) - 1: finest}
+
+    def at(width: float) -> Contour:
+        stage = file.layer_within(width)
+        # signs of all samples would be seen as steps
+        stage = stage if stages[stage].edge else len(stages) - 1
+        if stage not in drawn:
+            drawn[stage] = file.window(box, isovalue=finest.isovalue, layer=stage)
+        return drawn[stage]
+
+    return at
 
 
 def truncate_tiled(file: TiledIsoFile, source: Path, output: Path, layers: int, as_json: bool) -> None:
