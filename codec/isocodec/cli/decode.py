@@ -77,7 +77,7 @@ def decode_command(
 
     \b
     Curves and surfaces  .npz (points, cells, isovalue, shape; placement, crs), .png, .dxf, .vtp
-    Curves               .geojson, .gpkg, .fgb, .shp, .parquet, .svg (x along axis 1, y along axis 0)
+    Curves               .geojson, .gpkg, .fgb, .shp, .parquet, .pmtiles, .svg (x along axis 1, y along axis 0)
     Surfaces             .ply, .stl, .off, .obj, .glb, .3mf (x, y, z along axes 0, 1, 2)
 
     Coordinates are in samples. If the file has a placement (from NIfTI or GeoTIFF, for example, or encode --spacing),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import zlib
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +13,7 @@ from isospec.container import ChunkType
 from ..drawing.contour import Contour
 from ..errors import OptionError, TruncatedError
 from ..field.placement import read_placement
-from ..format.chunks import write_chunk
+from ..format.chunks import write_chunk, write_metadata
 from ..format.header import Header, write_header
 from ..limits import Limits
 from ..stream.container import with_checksum
@@ -48,6 +48,7 @@ class TiledFile:
     ----------
     head : Head
     root : Root
+    fetch : callable
 
     Raises
     ------
@@ -59,6 +60,7 @@ class TiledFile:
 
     def __init__(self, fetch: Fetch, limits: Limits | None = None, first: bytes | None = None) -> None:
         self.limits = limits or Limits()
+        self.fetch = fetch
         first = fetch(0, HEAD_BYTES) if first is None else first
         self._pieces = lambda: Pieces(fetch, self.limits.bytes, first)
         if len(first) >= FIXED_BYTES and len(first) < head_length(first):
@@ -133,10 +135,10 @@ class TiledFile:
             If the file is damaged.
         LimitError
         """
-        number = self._number(isovalue)
+        number = self.number_of(isovalue)
         stage = self.stage_of(within, layer)
         grid = self.head.grid
-        low, high = self._bounds(box)
+        low, high = self.bounds(box)
         found = self.tiles(grid.touching(np.floor(low).astype(np.int64), np.ceil(high).astype(np.int64)), number, stage)
         metadata = self.metadata
         origin_above = None
@@ -159,7 +161,7 @@ class TiledFile:
 
     def plain(self, index: Index, isovalue: float | None = None, layer: int | None = None) -> bytes:
         """A tile as an ``.iso`` file of its own."""
-        number = self._number(isovalue)
+        number = self.number_of(isovalue)
         ((_, _, mask, segments),) = self.tiles([index], number, self.stage_of(None, layer))
         return plain(self.head, index, number, mask, segments)
 
@@ -167,12 +169,16 @@ class TiledFile:
         self, index: Index, number: int, mask: bytes, segments: Sequence[bytes]
     ) -> tuple[Contour, NDArray[np.int64] | None]:
         """What segments of a tile show, in its own coordinates, and between which samples the points lie."""
+        return self.decoded(index, number, mask, segments).ends()
+
+    def decoded(self, index: Index, number: int, mask: bytes, segments: Sequence[bytes]) -> Decoder:
+        """A decoder that has taken segments of a tile."""
         decoder = Decoder(self.limits)
         decoder.feed(plain(self.head, index, number, mask, segments))
         for _ in decoder:
             pass
         decoder.close()
-        return decoder.ends()
+        return decoder
 
     # -- what is fetched ---------------------------------------------------------------------------------------------
 
@@ -233,6 +239,11 @@ class TiledFile:
             del self._leaves[next(iter(self._leaves))]
         return out
 
+    def leaves(self, numbers: Sequence[int]) -> list[Leaf]:
+        """Leaf directories, by number."""
+        found = self._read_leaves(list(numbers), self._pieces())
+        return [found[number] for number in numbers]
+
     def _leaf_range(self, number: int) -> Range:
         start, end = self.root.leaves[number : number + 2].tolist()
         return start, end
@@ -256,7 +267,14 @@ class TiledFile:
         first, behind = leaf.groups[area][group : group + 2].tolist()
         return start + int(leaf.starts[area, first]), start + int(leaf.starts[area, behind])
 
-    def _number(self, isovalue: float | None) -> int:
+    def number_of(self, isovalue: float | None) -> int:
+        """The number of an isovalue, 0 of None.
+
+        Raises
+        ------
+        OptionError
+            If the file has no such isovalue.
+        """
         if isovalue is None:
             return 0
         if isovalue not in self.isovalues:
@@ -264,7 +282,14 @@ class TiledFile:
             raise OptionError(f"the file has no isovalue {isovalue:g}", code="isovalue", remedy=f"it has {known}")
         return self.isovalues.index(isovalue)
 
-    def _bounds(self, box: Sequence[Sequence[float]] | None) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def bounds(self, box: Sequence[Sequence[float]] | None) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """First and last samples of a box, as far as it lies in the field; all of it if none is given.
+
+        Raises
+        ------
+        OptionError
+            If it is no box, or lies outside.
+        """
         last = np.array(self.shape, np.float64) - 1
         if box is None:
             return np.zeros(len(last)), last
@@ -278,10 +303,13 @@ class TiledFile:
         return np.clip(bounds[:, 0], 0, last), np.clip(bounds[:, 1], 0, last)
 
 
-def plain(head: Head, index: Index, number: int, mask: bytes, segments: Iterable[bytes]) -> bytes:
-    """An ``.iso`` file of a tile at an isovalue, of its segments."""
+def plain(
+    head: Head, index: Index, number: int, mask: bytes, segments: Iterable[bytes],
+    notes: Mapping[str, str] | None = None,
+) -> bytes:  # fmt: skip
+    """An ``.iso`` file of a tile at an isovalue, of its segments; further chunks may stand among these."""
     header = Header(head.grid.size(index), head.isovalues[number], head.scale, head.profile)
-    last = write_chunk(ChunkType.METADATA, b"", ancillary=True, last=True)
+    last = write_chunk(ChunkType.METADATA, write_metadata(notes) if notes else b"", ancillary=True, last=True)
     return b"".join(with_checksum([write_header(header), mask, *segments, last]))
 
 
