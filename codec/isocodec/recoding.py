@@ -16,6 +16,7 @@ from .field.placement import CRS, PLACEMENT
 from .field.told import LABELS
 from .limits import Limits
 from .mesh_api import on_mesh
+from .names import ProfileName
 from .stream.decoder import Decoder
 from .stream.recoder import Recoder, Source, sources_of
 
@@ -23,7 +24,7 @@ from .stream.recoder import Recoder, Source, sources_of
 def transcode(
     data: Readable,
     *,
-    profile: str | None = None,
+    profile: ProfileName | None = None,
     tolerance: float | None = None,
     signs_only: bool = False,
     preserve_topology: bool = False,
@@ -74,7 +75,7 @@ def transcode(
     return kept(sources, _all(decoder), **options)
 
 
-def merge(files: Sequence[Readable], *, profile: str = "main", limits: Limits | None = None) -> bytes:
+def merge(files: Sequence[Readable], *, profile: ProfileName = "main", limits: Limits | None = None) -> bytes:
     """Put the isovalues of several files of one field into one file, point by point as they are.
 
     Parameters

@@ -14,6 +14,7 @@ from .drawing.contour import Contour
 from .errors import InputError, OptionError
 from .field.placement import Noted
 from .limits import Limits
+from .names import Isovalues, ProfileName
 from .stream.options import Options, isovalues_of
 from .tiles.container import EXPONENTS, HEAD_BYTES, is_tiled
 from .tiles.encoding import Tiling
@@ -32,7 +33,7 @@ TILE = 1024
 
 def encode_tiles(
     field: Any,
-    isovalue: float | Sequence[float],
+    isovalue: Isovalues,
     path: str | os.PathLike[str],
     *,
     tile: int | None = None,
@@ -43,7 +44,7 @@ def encode_tiles(
     tolerance: float | None = None,
     signs_only: bool = False,
     step: float | None = None,
-    profile: str = "main",
+    profile: ProfileName = "main",
     metadata: Mapping[str, str] | None = None,
     placement: ArrayLike | None = None,
     progress: Callable[[int, int], object] | None = None,
