@@ -21,7 +21,7 @@ from .tiles.encoding import Tiling
 from .tiles.fetching import Fetch
 from .tiles.grid import Index
 from .tiles.merging import grid_of, merged
-from .tiles.reading import TiledFile
+from .tiles.reading import Box, TiledFile
 
 if TYPE_CHECKING:
     from .tiles.container import Head, Root
@@ -203,10 +203,29 @@ class TiledIsoFile(Noted):
 
     def window(
         self, box: Sequence[Sequence[float]] | None = None, *, isovalue: float | None = None,
-        within: float | None = None, layer: int | None = None,
+        within: float | Callable[[Box], float] | None = None, layer: int | None = None, partial: bool = False,
     ) -> Contour:  # fmt: skip
-        """The curve or surface in a box of samples; see `TiledFile.window`."""
-        return self._file.window(box, isovalue=isovalue, within=within, layer=layer)
+        """The curve or surface in a box.
+
+        Parameters
+        ----------
+        box : n pairs of numbers, optional
+            From where to where along each axis, in samples. Everything if not given.
+        isovalue : float, optional
+            One of the file; the first if not given.
+        within : float or callable, optional
+            Cubes of the mesh no wider than so many samples are enough; or a function that says so of the box of a tile,
+            n pairs of samples. Gaps between tiles of different layers are closed in the faces that they share.
+        layer : int, optional
+            Up to which layer of the file, from 0; the last if neither is given.
+        partial : bool
+            Of a file that ends too early, draw each tile up to the last layer that is there.
+
+        Raises
+        ------
+        OptionError, FormatError, TruncatedError, LimitError
+        """
+        return self._file.window(box, isovalue=isovalue, within=within, layer=layer, partial=partial)
 
     def layer_within(self, samples: float) -> int:
         """The first layer whose cubes are no wider than so many samples, the last one if none is."""

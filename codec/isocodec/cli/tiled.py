@@ -49,7 +49,7 @@ def read_box(text: str | None) -> Box | None:
 
 def decode_tiled(
     file: TiledIsoFile, source: Path, output: Path, named: Path, isovalue: float | None, layers: int | None,
-    window: str | None, within: float | None, in_samples: bool, keep_crs: bool, as_json: bool,
+    window: str | None, within: float | None, partial: bool, in_samples: bool, keep_crs: bool, as_json: bool,
 ) -> None:  # fmt: skip
     """Write a window of a tiled file, or all of it."""
     from dataclasses import replace
@@ -70,11 +70,11 @@ def decode_tiled(
     contours: list[Contour] = []
     with concerning(source):
         for value in wanted:
-            contour = file.window(box, isovalue=value, within=within, layer=layer)
+            contour = file.window(box, isovalue=value, within=within, layer=layer, partial=partial)
             contours.append(replace(contour, placement=None) if in_samples else contour)
     seconds = time.perf_counter() - started
     with concerning(source):
-        if suffix == ".pmtiles" and within is None and layer is None and not in_samples:
+        if suffix == ".pmtiles" and within is None and layer is None and not (in_samples or partial):
             rendered = render_pyramid(_by_width(file, box, contour) for contour in contours)
         else:
             rendered = render_contour(contours, suffix, n, keep_crs)
@@ -89,7 +89,8 @@ def decode_tiled(
         f"{file.received:,} of {file.size:,} bytes read in {file.requests} pieces, {seconds:.2f} s",
         {
             "output": str(output), "bytes": len(rendered), "points": points, "cells": cells,
-            "isovalues": list(wanted), "shape": list(file.shape), "complete": True, "seconds": round(seconds, 3),
+            "isovalues": list(wanted), "shape": list(file.shape), "complete": all(c.complete for c in contours),
+            "seconds": round(seconds, 3),
             "read": file.received, "pieces": file.requests,
         },
         as_json,

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import zlib
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from itertools import takewhile
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +19,7 @@ from ..format.header import Header, write_header
 from ..limits import Limits
 from ..stream.container import with_checksum
 from ..stream.decoder import Decoder
+from .closing import Part
 from .container import FIXED_BYTES, HEAD_BYTES, Head, Kind, Leaf
 from .fetching import Fetch, Pieces, Range
 from .grid import Index
@@ -28,6 +30,8 @@ from .numbers import wrong
 
 KEPT_LEAVES = 64
 """Leaf directories that are kept."""
+Box = Sequence[tuple[int, int]]
+"""First and last samples along each axis."""
 Found = tuple[Index, Kind, bytes, list[bytes]]
 """A tile: what it is for an isovalue, the segment of its mask, and those of its stages."""
 
@@ -106,7 +110,8 @@ class TiledFile:
 
     def window(
         self, box: Sequence[Sequence[float]] | None = None, *, isovalue: float | None = None,
-        within: float | None = None, layer: int | None = None, clip: bool = True,
+        within: float | Callable[[Box], float] | None = None, layer: int | None = None, partial: bool = False,
+        clip: bool = True,
     ) -> Contour:  # fmt: skip
         """The curve or surface in a box.
 
@@ -116,17 +121,21 @@ class TiledFile:
             From where to where along each axis, in samples. Everything if not given.
         isovalue : float, optional
             One of the file; the first if not given.
-        within : float, optional
-            Cubes of the mesh no wider than so many samples are enough.
+        within : float or callable, optional
+            Cubes of the mesh no wider than so many samples are enough; or a function that says so of the box of a tile,
+            n pairs of samples. Gaps between tiles of different layers are closed in the faces that they share.
         layer : int, optional
             Up to which layer of the file; the last if neither is given.
+        partial : bool
+            Of a file that ends too early, draw each tile up to the last layer that is there.
         clip : bool
             Whether cells are left out that do not reach into the box.
 
         Returns
         -------
         Contour
-            In index coordinates of the whole field; tiles meet without seams.
+            In index coordinates of the whole field; tiles meet without seams. It is not complete if a layer of a tile
+            that was asked for is not there.
 
         Raises
         ------
@@ -136,26 +145,34 @@ class TiledFile:
         LimitError
         """
         number = self.number_of(isovalue)
-        stage = self.stage_of(within, layer)
         grid = self.head.grid
         low, high = self.bounds(box)
-        found = self.tiles(grid.touching(np.floor(low).astype(np.int64), np.ceil(high).astype(np.int64)), number, stage)
+        by_stage: dict[int, list[Index]] = {}
+        for index in grid.touching(np.floor(low).astype(np.int64), np.ceil(high).astype(np.int64)):
+            own = within([(w.start, w.stop - 1) for w in grid.window(index)]) if callable(within) else within
+            by_stage.setdefault(self.stage_of(own, layer), []).append(index)
         metadata = self.metadata
-        origin_above = None
+        origin_above, complete = None, True
         parts = []
-        for index, kind, mask, segments in found:
-            above: bool | None = kind == Kind.ABOVE
-            if kind == Kind.CODED:
-                contour, ends = self.drawn(index, number, mask, segments)
-                above = contour.origin_above
-                parts.append((np.array(grid.origin(index)), grid.size(index), contour, ends))
-            if not any(index):
-                origin_above = above
+        for stage, wanted in by_stage.items():
+            for index, kind, mask, segments in self.tiles(wanted, number, stage, partial):
+                above: bool | None = kind == Kind.ABOVE
+                if kind == Kind.CODED:
+                    there = len(segments) - 1
+                    complete &= there == stage
+                    if there < 0:
+                        continue
+                    contour, ends = self.drawn(index, number, mask, segments)
+                    above = contour.origin_above
+                    cube = 1 << self.head.stages[there].edge
+                    parts.append(Part(index, there, cube, grid.origin(index), grid.size(index), contour, ends))
+                if not any(index):
+                    origin_above = above
         points, cells = joined(parts, grid.n)
         if box is not None and clip:
             points, cells = _within(points, cells, low, high)
         return Contour(
-            points, cells, self.isovalues[number], self.shape, True, read_placement(metadata, grid.n), metadata,
+            points, cells, self.isovalues[number], self.shape, complete, read_placement(metadata, grid.n), metadata,
             origin_above, self.head.masked,
         )  # fmt: skip
 
@@ -182,8 +199,10 @@ class TiledFile:
 
     # -- what is fetched ---------------------------------------------------------------------------------------------
 
-    def tiles(self, wanted: Iterable[Index], isovalue: int, stage: int) -> list[Found]:
-        """Tiles, leaf by leaf: what each is for an isovalue, and its segments up to a stage."""
+    def tiles(self, wanted: Iterable[Index], isovalue: int, stage: int, partial: bool = False) -> list[Found]:
+        """Tiles, leaf by leaf: what each is for an isovalue, and its segments up to a stage; with ``partial`` up to the
+        last one that is there, if the file ends too early.
+        """
         by_leaf: dict[int, list[Index]] = {}
         for index in wanted:
             block = tuple(i >> self.head.grid.block for i in index)
@@ -192,7 +211,7 @@ class TiledFile:
         areas = [0] * self.head.masked + [self.head.area(isovalue, s) for s in range(stage + 1)]
         pieces = self._pieces()
         if sum(map(len, by_leaf.values())) == self.head.grid.total:
-            pieces.fetch([(int(self.root.leaves[0]), self._end_of(areas))])
+            pieces.fetch([(int(self.root.leaves[0]), self._end_of(areas))], partial)
         leaves = self._read_leaves(numbers, pieces)
         places = {number: self._places(number, by_leaf[number]) for number in numbers}
         groups = {
@@ -200,18 +219,33 @@ class TiledFile:
             for number in numbers for area in areas for i in places[number] if leaves[number].lengths[area, i]
         }  # fmt: skip
         ranges = {group: self._group_range(leaves[group[1]], *group) for group in sorted(groups)}
-        pieces.fetch(ranges.values())
+        pieces.fetch(ranges.values(), partial)
+        gone = {group for group, each in ranges.items() if not pieces.has(*each)} if partial else set()
         for (area, number, group), (start, end) in ranges.items():
+            if (area, number, group) in gone:
+                continue
             if zlib.crc32(pieces.get(start, end)) != leaves[number].checksums[area][group]:
                 raise wrong("a checksum of segments is wrong", "checksum", start, "12.5")
         return [
             self._found(leaves[number], index, i, isovalue,
-                        [pieces.get(*self._segment_range(leaves[number], area, number, i)) for area in areas])
+                        [pieces.get(*self._segment_range(leaves[number], area, number, i))
+                         for area in self._there(leaves[number], areas, number, i, gone)])
             for number in numbers for index, i in zip(by_leaf[number], places[number], strict=True)
         ]  # fmt: skip
 
+    def _there(self, leaf: Leaf, areas: list[int], number: int, i: int, gone: set[tuple[int, int, int]]) -> list[int]:
+        """The first areas whose segments of a tile are there."""
+        if not gone:
+            return areas
+
+        def is_there(area: int) -> bool:
+            group = int(np.searchsorted(leaf.groups[area], i, "right")) - 1
+            return not leaf.lengths[area, i] or (area, number, group) not in gone
+
+        return list(takewhile(is_there, areas))
+
     def _found(self, leaf: Leaf, index: Index, i: int, isovalue: int, segments: list[bytes]) -> Found:
-        mask = segments.pop(0) if self.head.masked else b""
+        mask = segments.pop(0) if self.head.masked and segments else b""
         kind = Kind(leaf.kinds[isovalue + self.head.masked, i])
         if self.head.masked and leaf.kinds[0, i] == Kind.ABOVE:
             kind = Kind.BELOW
