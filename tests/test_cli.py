@@ -178,7 +178,7 @@ def test_missing_extra(tmp_path: Path, surface: Path, monkeypatch: pytest.Monkey
     assert "'isocodec[plot]'" in fails(7, "decode", surface, "-o", tmp_path / "s.png")
     # before any work: the file is not even looked at
     surface.write_bytes(b"no curve")
-    for verb, out in (("decode", "s.ply"), ("decode", "s.png"), ("plot", "s.png")):
+    for verb, out in (("decode", "s.ply"), ("decode", "s.png"), ("plot", "s.png"), ("map", "s.png")):
         fails(7, verb, surface, "-o", tmp_path / out)
 
 

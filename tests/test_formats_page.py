@@ -33,11 +33,13 @@ from commands import BALL, HILLS, ok
 
 PAGE = (Path(__file__).resolve().parents[1] / "docs" / "formats.md").read_text(encoding="utf-8")
 STATED = {
-    name: 0.0 if bound == "none" else float(bound)
-    for names, bound in re.findall(r"^\| ([^|]+) \|[^|]+\| (none|[0-9]e-[0-9]+) \|$", PAGE, re.MULTILINE)
+    name: (0.0 if bound == "none" else float(bound), bool(of_size))
+    for names, bound, of_size in re.findall(
+        r"^\| ([^|]+) \|[^|]+\| (none|[0-9]e-[0-9]+)( of its size)? \|$", PAGE, re.MULTILINE
+    )
     for name in re.findall(r"`(\.[a-z0-9.]+)`", names)
 }
-"""By suffix, what the page says."""
+"""By suffix, what the page says, and whether of the size of the thing or of the largest coordinate."""
 UTM = np.array([[0.0, 30, 5e5], [-20, 0, 5e6]])
 SPACE = np.array([[0.0, 0, -2.1, 400], [0, 1.5, 0, 500], [3.3, 0, 0, 7]])
 RNG = np.random.default_rng(5)
@@ -45,11 +47,11 @@ RNG = np.random.default_rng(5)
 
 def holds(suffix: str, found: np.ndarray, expected: np.ndarray) -> None:
     """That the two are the same places, within what the page says."""
-    scale = np.abs(expected).max()
+    stated, of_size = STATED[suffix]
+    scale = np.ptp(expected, axis=0).max() if of_size else np.abs(expected).max()
     there, _ = KDTree(expected).query(found)
     back, _ = KDTree(found).query(expected)
     differ = max(there.max(), back.max()) / scale
-    stated = STATED[suffix]
     assert differ <= stated
     assert stated == 0 or differ > 0
 

@@ -120,15 +120,16 @@ def test_decoding_and_drawing_take_no_more_than_is_counted(n, size, rough, way, 
 
 
 @pytest.mark.skipif(INTERPRETED, reason="takes long")
-@pytest.mark.parametrize("n, suffix", [(2, s) for s in (".npz", ".geojson", ".svg", ".png", "areas")]
+@pytest.mark.parametrize("n, suffix", [(2, s) for s in (".npz", ".geojson", ".svg", ".pmtiles", ".png", "areas")]
                          + [(3, s) for s in (".npz", ".ply", ".stl", ".obj", ".png")])  # fmt: skip
 @pytest.mark.parametrize("rough", [1, pytest.param(0, marks=pytest.mark.heavy)])
 def test_writing_takes_no_more_than_is_counted(n, suffix, rough):
     size = (400 if n == 2 else 60) >> rough
     # coordinates with many digits
     placement = np.column_stack([np.eye(n) * 12.345, np.full(n, 1e6 / 3)])
-    contour = isocodec.decode(isocodec.encode(field(n, size, rough), 0.5, placement=placement))
-    small = isocodec.decode(isocodec.encode(field(n, 6, 1), 0.5))
+    crs = {"crs": "EPSG:3857"} if suffix == ".pmtiles" else None
+    contour = isocodec.decode(isocodec.encode(field(n, size, rough), 0.5, placement=placement, metadata=crs))
+    small = isocodec.decode(isocodec.encode(field(n, 6, 1), 0.5, placement=placement, metadata=crs))
 
     def write(contour):
         return render_sides([contour], ".geojson", "above") if suffix == "areas" else render_contour(contour, suffix)

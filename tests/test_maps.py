@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import zipfile
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -16,6 +17,7 @@ import pytest
 import shapely
 import trimesh
 import vtk
+from lxml import etree
 from shapely.geometry import shape as shape_of
 from vtk.util.numpy_support import vtk_to_numpy
 
@@ -170,10 +172,51 @@ def test_models_with_a_group_for_each(tmp_path: Path, shells: bytes, suffix: str
     meshes = sorted(scene.dump(), key=lambda mesh: -np.ptp(mesh.vertices, axis=0).max())
     for mesh, contour in zip(meshes, sorted(contours, key=lambda c: -np.ptp(c.placed, axis=0).max()), strict=True):
         expected = contour.to_trimesh()
-        assert np.abs(mesh.bounds - expected.bounds).max() < 2e-5
-        assert mesh.volume == pytest.approx(expected.volume, rel=1e-4) and mesh.volume > 0
+        assert np.abs(mesh.bounds - expected.bounds).max() < 1e-7 * np.ptp(expected.bounds, axis=0).max()
+        assert mesh.volume == pytest.approx(expected.volume, rel=1e-6) and mesh.volume > 0
     first = path.read_bytes()
     assert written(tmp_path, shells, f"a{suffix}").read_bytes() == first
+
+
+FAR = {
+    "in degrees": np.array([[1e-6, 0, 0, 84.414], [0, -1e-6, 0, 36.7], [0, 0, 1e-6, 0]]),
+    "around the earth": np.array([[0.36, 0.48, -0.8, 4.2e6], [-0.8, 0.6, 0, 1.1e6], [0.48, 0.64, 0.6, 4.7e6]]) * 1e-3,
+    "in metres": np.array([[1e-9, 0, 0, 0.25], [0, 1e-9, 0, -0.75], [0, 0, 1e-9, 3]]),
+}
+
+
+@pytest.mark.parametrize("where", FAR)
+def test_models_small_and_far_away(tmp_path: Path, where: str) -> None:
+    """Each object as its size demands, by trimesh and by the bytes alone: GLB to 1e-7 of it, 3MF to the last digit."""
+    far = FAR[where]
+    data = isocodec.encode(BALL, SHELLS, placement=far, tolerance=0.01)
+    contours = {f"isovalue {c.isovalue:.12g}": c for c in isocodec.decode_all(data)}
+    scene = trimesh.load_scene(written(tmp_path, data, "a.glb"), process=False)
+    assert {*scene.graph.nodes_geometry} == {*contours}
+    content = (tmp_path / "a.glb").read_bytes()
+    length = int.from_bytes(content[12:16], "little")
+    said, buffer = json.loads(content[20 : 20 + length]), content[28 + length :]
+    for name, contour in contours.items():
+        places = contour.placed
+        size = np.ptp(places, axis=0).max()
+        matrix, geometry = scene.graph[name]
+        seen = trimesh.transform_points(scene.geometry[geometry].vertices, matrix)
+        # far from 0, double precision says no more of the thing than that
+        most = 1e-7 * size + 2 * np.spacing(np.abs(places).max())
+        assert np.abs(seen - places).max() <= most
+        node = next(one for one in said["nodes"] if one.get("name") == name)
+        primitive = said["meshes"][node["mesh"]]["primitives"][0]
+        accessor = said["accessors"][primitive["attributes"]["POSITION"]]
+        begin = said["bufferViews"][accessor["bufferView"]].get("byteOffset", 0) + accessor.get("byteOffset", 0)
+        single = np.frombuffer(buffer, "<f4", 3 * accessor["count"], begin).reshape(-1, 3).astype(float)
+        # the matrix is by columns, and only moves
+        assert np.abs(single + np.array(node["matrix"][12:15]) - places).max() <= most
+    with zipfile.ZipFile(written(tmp_path, data, "a.3mf")) as archive:
+        model = etree.fromstring(archive.read("3D/3dmodel.model"))
+    told = [
+        np.array([[float(v.get(k)) for k in "xyz"] for v in mesh.iter("{*}vertex")]) for mesh in model.iter("{*}mesh")
+    ]
+    assert all(any(np.array_equal(one, c.placed) for one in told) for c in contours.values())
 
 
 @pytest.mark.parametrize("suffix", [".off", ".ply", ".stl", ".obj"])

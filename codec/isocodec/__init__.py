@@ -29,7 +29,7 @@ if TYPE_CHECKING:
         TruncatedError,
     )
     from .field.sampled import Field
-    from .files import EncodeOptions, IsoFile, open, save
+    from .files import IsoFile, open, save
     from .frames import decode_frames
     from .io.areas import areas
     from .io.bands import Band, bands
@@ -64,6 +64,7 @@ if TYPE_CHECKING:
     from .stream.inspect import FileInfo, inspect
     from .stream.mesh_decoder import MeshDecoder
     from .stream.mesh_encoder import MeshEncoder
+    from .stream.options import EncodeOptions
     from .stream.plan_file import read_plan
     from .stream.series import SeriesEncoder, encode_frames
     from .stream.statistics import FileStatistics, statistics
@@ -84,7 +85,7 @@ _HOMES = {
         "TruncatedError",
     ),
     "field.sampled": ("Field",),
-    "files": ("EncodeOptions", "IsoFile", "open", "save"),
+    "files": ("IsoFile", "open", "save"),
     "frames": ("decode_frames",),
     "io.areas": ("areas",),
     "io.bands": ("Band", "bands"),
@@ -105,6 +106,7 @@ _HOMES = {
     "stream.inspect": ("FileInfo", "inspect"),
     "stream.mesh_decoder": ("MeshDecoder",),
     "stream.mesh_encoder": ("MeshEncoder",),
+    "stream.options": ("EncodeOptions",),
     "stream.plan_file": ("read_plan",),
     "stream.series": ("SeriesEncoder", "encode_frames"),
     "stream.statistics": ("FileStatistics", "statistics"),
@@ -189,10 +191,12 @@ __all__ = [
 ]
 
 
-def __getattr__(name: str) -> Any:
-    if name not in _HOME:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return getattr(import_module(f".{_HOME[name]}", __name__), name)
+if not TYPE_CHECKING:  # or type checkers would take any name for one that is there
+
+    def __getattr__(name: str) -> Any:
+        if name not in _HOME:
+            raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+        return getattr(import_module(f".{_HOME[name]}", __name__), name)
 
 
 def __dir__() -> list[str]:

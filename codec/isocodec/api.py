@@ -18,6 +18,7 @@ from .layers.events import LayerComplete
 from .layers.plan import Entry
 from .limits import Limits
 from .mesh_api import chain_of, check_count, explicit_contour, mesh_decoded, on_mesh
+from .names import CriterionName, Distance, Isovalues, ProfileName
 from .stream.decoder import Decoder
 from .stream.encoder import Encoder
 from .tiled_api import tiled_contours
@@ -26,7 +27,7 @@ from .tiles.container import is_tiled
 
 def encode(
     field: ArrayLike | Field | SpatialImage,
-    isovalue: float | Sequence[float] | None = None,
+    isovalue: Isovalues | None = None,
     *,
     exact: bool = False,
     tolerance: float | str | None = None,
@@ -34,13 +35,13 @@ def encode(
     step: float | None = None,
     base_level: int | None = None,
     preserve_topology: bool = False,
-    steps: Sequence[float | str] | None = None,
-    criterion: str | None = None,
+    steps: Sequence[Distance] | None = None,
+    criterion: CriterionName | None = None,
     parameter: float | None = None,
     leaning: bool = True,
     mask: ArrayLike | None = None,
     plan: Sequence[Entry] | Mapping[float, Sequence[Entry]] | None = None,
-    profile: str = "main",
+    profile: ProfileName = "main",
     metadata: Mapping[str, str] | None = None,
     placement: ArrayLike | None = None,
     coordinates: Sequence[ArrayLike] | None = None,

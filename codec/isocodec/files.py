@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Collection, Sequence
+from collections.abc import Collection
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypedDict
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -17,44 +17,19 @@ from .errors import InputError, IsoError, OptionError
 from .field.placement import Noted
 from .field.sampled import Field
 from .limits import Limits
+from .names import Isovalues
 from .tiles.container import is_tiled
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping
     from typing import Unpack
 
-    from .layers.plan import Entry
     from .stream.inspect import FileInfo
+    from .stream.options import EncodeOptions
     from .tiled_api import TiledIsoFile
 
 
 _DRAWN = 16
 """Most isovalues that a notebook shows."""
-
-
-class EncodeOptions(TypedDict, total=False):
-    """Options of `isocodec.encode`, by name."""
-
-    exact: bool
-    tolerance: float | str | None
-    signs_only: bool
-    step: float | None
-    base_level: int | None
-    preserve_topology: bool
-    steps: Sequence[float | str] | None
-    criterion: str | None
-    parameter: float | None
-    leaning: bool
-    mask: ArrayLike | None
-    plan: Sequence[Entry] | Mapping[float, Sequence[Entry]] | None
-    profile: str
-    metadata: Mapping[str, str] | None
-    placement: ArrayLike | None
-    coordinates: Sequence[ArrayLike] | None
-    coordinates_error: float | None
-    periodic: int | Sequence[int] | None
-    period: float | Sequence[float] | None
-    progress: Callable[[int, int], object] | None
 
 
 class IsoFile(Noted):
@@ -189,7 +164,7 @@ def open(source: Readable, *, limits: Limits | None = None) -> IsoFile | TiledIs
 def save(
     path: str | os.PathLike[str],
     what: bytes | Contour | Collection[Contour] | IsoFile | ArrayLike | Field | SpatialImage,
-    isovalue: float | Sequence[float] | None = None,
+    isovalue: Isovalues | None = None,
     **options: Unpack[EncodeOptions],
 ) -> None:
     """Write a field as ``.iso`` file, an ``.iso`` file that was encoded before, or contours in another format.

@@ -14,6 +14,7 @@ from .field.sampled import Field
 from .field.samples import isovalue_of, without_holes
 from .field.told import LABELS, Told, near_values
 from .limits import Limits
+from .names import ProfileName
 from .stream.recoder import Recoder, Source
 
 
@@ -23,7 +24,7 @@ def encode_labels(
     *,
     tolerance: float | None = None,
     preserve_topology: bool = False,
-    profile: str = "main",
+    profile: ProfileName = "main",
     mask: ArrayLike | None = None,
     metadata: Mapping[str, str] | None = None,
     placement: ArrayLike | None = None,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Mapping
 from numbers import Integral
 
 from numpy.typing import ArrayLike
@@ -16,6 +16,7 @@ from .format.domain import kind_of_domain
 from .format.header import read_header
 from .frames import check_frame, frame_of
 from .limits import Limits
+from .names import Isovalues, MeshName
 from .stream.inspect import inspect
 from .stream.mesh_decoder import MeshDecoder
 from .stream.mesh_encoder import MeshEncoder
@@ -29,9 +30,9 @@ def encode_mesh(
     points: ArrayLike,
     cells: ArrayLike | None,
     values: ArrayLike,
-    isovalue: float | Sequence[float],
+    isovalue: Isovalues,
     *,
-    mesh: str | None = None,
+    mesh: MeshName | None = None,
     mesh_error: float | None = None,
     exact: bool = False,
     step: float | None = None,

@@ -16,6 +16,7 @@ from .field.placement import CRS, PLACEMENT
 from .field.told import LABELS
 from .limits import Limits
 from .mesh_api import on_mesh
+from .names import ProfileName
 from .stream.decoder import Decoder
 from .stream.recoder import Recoder, Source, sources_of
 
@@ -23,7 +24,7 @@ from .stream.recoder import Recoder, Source, sources_of
 def transcode(
     data: Readable,
     *,
-    profile: str | None = None,
+    profile: ProfileName | None = None,
     tolerance: float | None = None,
     signs_only: bool = False,
     preserve_topology: bool = False,
@@ -71,10 +72,10 @@ def transcode(
     }  # fmt: skip
     if tolerance is not None or signs_only:
         return b"".join(Recoder(sources, False, tolerance=tolerance, signs_only=signs_only, **options))
-    return _kept(sources, _all(decoder), **options)
+    return kept(sources, _all(decoder), **options)
 
 
-def merge(files: Sequence[Readable], *, profile: str = "main", limits: Limits | None = None) -> bytes:
+def merge(files: Sequence[Readable], *, profile: ProfileName = "main", limits: Limits | None = None) -> bytes:
     """Put the isovalues of several files of one field into one file, point by point as they are.
 
     Parameters
@@ -111,7 +112,7 @@ def merge(files: Sequence[Readable], *, profile: str = "main", limits: Limits | 
     for decoder in reversed(decoders):
         metadata.update(decoder.metadata)
     expected = [contour for decoder in decoders for contour in _all(decoder)]
-    return _kept(sources, expected, profile=profile, metadata=metadata)
+    return kept(sources, expected, profile=profile, metadata=metadata)
 
 
 def _decoder(data: Readable, limits: Limits | None, what: str) -> Decoder:
@@ -126,12 +127,18 @@ def _all(decoder: Decoder) -> list[Contour]:
     return [decoder.drawn(number) for number in range(len(decoder.isovalues))]
 
 
-def _kept(sources: Sequence[Source], expected: Sequence[Contour], **options: Any) -> bytes:
+def kept(sources: Sequence[Source], expected: Sequence[Contour] | None = None, **options: Any) -> bytes:
     """The same curves again. They are decoded to see that they are: crossings of curves that touch may stand in an
-    order that isovalues which lean on one another cannot have, and then none of them does."""
+    order that isovalues which lean on one another cannot have, and then none of them does. Without ``expected`` they
+    have to be those of a file in which none does."""
     steps = {source.field.scale for source in sources if source.field.number is not None}
     options["step"] = next(iter(steps), None)
     may = options.pop("leaning", True)
+    if expected is None:
+        alone = b"".join(Recoder(sources, True, leaning=False, **options))
+        if len(sources) == 1:
+            return alone
+        expected = decode_all(alone)
     for leaning in (True, False) if may else (False,):
         data = b"".join(Recoder(sources, True, leaning=leaning, **options))
         if all(_same(a, b) for a, b in zip(decode_all(data), expected, strict=True)):
@@ -149,7 +156,7 @@ def _same(a: Contour, b: Contour) -> bool:
         # each cell from its least corner on
         first = np.lexsort(np.moveaxis(corners, 2, 0)[::-1], axis=1)[:, :1]
         turned = (first + np.arange(contour.n)) % contour.n if contour.n > 2 else np.arange(2)[None]
-        whole = np.take_along_axis(corners, turned[..., None], axis=1).reshape(len(corners), -1)
+        whole = np.take_along_axis(corners, turned[..., None], axis=1).reshape(len(corners), contour.n**2)
         rows.append(whole[np.lexsort(whole.T[::-1])])
     return bool(np.array_equal(rows[0], rows[1]))
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -14,13 +14,14 @@ from .drawing.contour import Contour
 from .errors import InputError, OptionError
 from .field.placement import Noted
 from .limits import Limits
+from .names import Isovalues, ProfileName
 from .stream.options import Options, isovalues_of
 from .tiles.container import EXPONENTS, HEAD_BYTES, is_tiled
 from .tiles.encoding import Tiling
 from .tiles.fetching import Fetch
 from .tiles.grid import Index
 from .tiles.merging import grid_of, merged
-from .tiles.reading import TiledFile
+from .tiles.reading import Box, TiledFile
 
 if TYPE_CHECKING:
     from .tiles.container import Head, Root
@@ -32,7 +33,7 @@ TILE = 1024
 
 def encode_tiles(
     field: Any,
-    isovalue: float | Sequence[float],
+    isovalue: Isovalues,
     path: str | os.PathLike[str],
     *,
     tile: int | None = None,
@@ -43,7 +44,7 @@ def encode_tiles(
     tolerance: float | None = None,
     signs_only: bool = False,
     step: float | None = None,
-    profile: str = "main",
+    profile: ProfileName = "main",
     metadata: Mapping[str, str] | None = None,
     placement: ArrayLike | None = None,
     progress: Callable[[int, int], object] | None = None,
@@ -202,10 +203,33 @@ class TiledIsoFile(Noted):
 
     def window(
         self, box: Sequence[Sequence[float]] | None = None, *, isovalue: float | None = None,
-        within: float | None = None, layer: int | None = None,
+        within: float | Callable[[Box], float] | None = None, layer: int | None = None, partial: bool = False,
     ) -> Contour:  # fmt: skip
-        """The curve or surface in a box of samples; see `TiledFile.window`."""
-        return self._file.window(box, isovalue=isovalue, within=within, layer=layer)
+        """The curve or surface in a box.
+
+        Parameters
+        ----------
+        box : n pairs of numbers, optional
+            From where to where along each axis, in samples. Everything if not given.
+        isovalue : float, optional
+            One of the file; the first if not given.
+        within : float or callable, optional
+            Cubes of the mesh no wider than so many samples are enough; or a function that says so of the box of a tile,
+            n pairs of samples. Gaps between tiles of different layers are closed in the faces that they share.
+        layer : int, optional
+            Up to which layer of the file, from 0; the last if neither is given.
+        partial : bool
+            Of a file that ends too early, draw each tile up to the last layer that is there.
+
+        Raises
+        ------
+        OptionError, FormatError, TruncatedError, LimitError
+        """
+        return self._file.window(box, isovalue=isovalue, within=within, layer=layer, partial=partial)
+
+    def layer_within(self, samples: float) -> int:
+        """The first layer whose cubes are no wider than so many samples, the last one if none is."""
+        return self._file.stage_of(samples)
 
     def contour(self, isovalue: float | None = None, *, layers: int | None = None) -> Contour:
         """The curve or surface of an isovalue, of the first ``layers`` layers if that is given."""
@@ -214,6 +238,67 @@ class TiledIsoFile(Noted):
     def contours(self) -> list[Contour]:
         """The curves or surfaces of all isovalues."""
         return [self.contour(isovalue) for isovalue in self.isovalues]
+
+    def extract(
+        self, box: Sequence[Sequence[float]] | None = None, *, isovalue: float | None = None
+    ) -> bytes:  # fmt: skip
+        """A box of samples as an ``.iso`` file in one piece, in which no point moves.
+
+        Parameters
+        ----------
+        box : n pairs of numbers, optional
+            From where to where along each axis, in samples; grown to whole samples, and to even ones where it begins.
+            Everything if not given.
+        isovalue : float, optional
+            One of the file; all of them if not given.
+
+        Returns
+        -------
+        bytes
+            With the notes of this file and a placement that leaves the curve where it was. If the box is that of one
+            tile the bytes of its layers are those of this file; else they are coded anew from what the tiles tell:
+            what this file promises of its curve holds for that file's.
+
+        Raises
+        ------
+        OptionError
+            If the box lies outside; or if meshes are coarser than the samples, chosen for a tolerance or since layers
+            are missing, and the box is not that of one tile.
+        FormatError, LimitError
+        """
+        from .recoding import kept
+        from .tiles.extraction import Extract
+
+        part = Extract(self._file, box)
+        count = len(self.isovalues)
+        numbers = list(range(count)) if isovalue is None else [self._file.number_of(isovalue)]
+        taken = part.strands(numbers)
+        if taken is not None:
+            return taken
+        return kept(part.sources(numbers), profile=self.head.profile.name.lower(), metadata=part.notes)
+
+    def truncate(self, path: str | os.PathLike[str], layers: int) -> None:
+        """Write a tiled file with the first layers of this one, whole or not at all; see `truncated`."""
+        from .io.atomic import check_target, writing
+
+        check_target(path)
+        with writing(path) as file:
+            for piece in self.truncated(layers):
+                file.write(piece)
+
+    def truncated(self, layers: int) -> Iterator[bytes]:
+        """The bytes of a tiled file with the first layers of this one, piece by piece; they are copied, not decoded.
+
+        Raises
+        ------
+        OptionError
+            If there are to be no layers.
+        FormatError
+            If directories are damaged. What is damaged in segments is found by whoever reads the result.
+        """
+        from .tiles.truncation import first_stages
+
+        return first_stages(self._file, layers)
 
     def tile(self, index: Index, isovalue: float | None = None) -> bytes:
         """A tile as an ``.iso`` file of its own; where the curve does not come, one without layers."""

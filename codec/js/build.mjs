@@ -16,16 +16,18 @@ const small = { ...common, outdir: "dist", minify: true, mangleProps: internalNa
 const groups = [
   { index: "src/index.ts", draw: "src/draw.ts", main: "src/main/profile.ts", domain: "src/domain/contents.ts" },
   { world: "src/world.ts", three: "src/three.ts" }, { text: "src/text.ts" }, { worker: "src/worker.ts" },
-  { maplibre: "src/maplibre.ts" },
+  { maplibre: "src/maplibre.ts" }, { tiles: "src/tiles/file.ts" },
 ];
-/** Tiles use other modules of the package as users do. */
-const asUsers = { name: "as users", setup: ({ onResolve }) => onResolve({ filter: /^\.\/(stream|draw|world)\.js$/ }, ({ path, importer }) =>
-  importer.endsWith("maplibre.ts") ? { path: path.replace("stream", "index"), external: true } : undefined) };
+/** Modules that use others of the package as users do; the first files of these. */
+const USERS = ["maplibre", "tiles"];
+const FILES = { decoder: "index", stream: "index", errors: "index", draw: "draw", world: "world", "main/profile": "main" };
+const asUsers = { name: "as users", setup: ({ onResolve }) => onResolve({ filter: /^\.\.?\/(decoder|stream|errors|draw|world|main\/profile)\.js$/ },
+  ({ path }) => ({ path: `./${FILES[path.replace(/^\.*\/|\.js$/g, "")]}.js`, external: true })) };
 const outputs = {};
 let mangleCache = {};
 for (const entryPoints of groups) {
   const chunkNames = `${Object.keys(entryPoints)[0]}-[hash]`;
-  const made = await build({ ...small, entryPoints, splitting: true, chunkNames, mangleCache, plugins: [asUsers] });
+  const made = await build({ ...small, entryPoints, splitting: true, chunkNames, mangleCache, plugins: USERS.includes(Object.keys(entryPoints)[0]) ? [asUsers] : [] });
   mangleCache = made.mangleCache;
   Object.assign(outputs, made.metafile.outputs);
 }

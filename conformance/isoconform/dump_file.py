@@ -1,4 +1,4 @@
-"""The decoded state of any file, of grids and of explicit domains (spec annex C.1)."""
+"""The decoded state of any file, of grids, of explicit domains and in tiles (spec annex C)."""
 
 from __future__ import annotations
 
@@ -10,12 +10,15 @@ from isocodec.limits import Limits
 
 from .dump import Output, canonical_layers, dump
 from .explicit_dump import Mesh, beside, dump_explicit, explicit_layers, is_explicit
+from .tiled_dump import dump_tiled, is_tiled
 
 
 def dump_any(
     data: bytes, mesh: Mesh | None = None, *, layers: int = 0, piece: int = 0, limits: Limits | None = None
 ) -> Output:
     """As `dump`; ``mesh`` is what the file was made on, if it does not hold it."""
+    if is_tiled(data):
+        return dump_tiled(data, limits)
     if is_explicit(data):
         return dump_explicit(data, mesh, layers=layers, piece=piece, limits=limits)
     return dump(data, layers=layers, piece=piece, limits=limits)

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from isocodec import encode_mesh
 from isocodec.domain.delaunay import triangulate
+from isocodec.names import MeshName
 from isospec.container import ChunkType, read_varint, write_varint
 
 from .draft import Draft
@@ -81,7 +82,7 @@ def hills(mesh: Mesh, step: int = 0, rough: int = 30) -> Integers:
 
 def _draft(
     name: str, mesh: Mesh, values: NDArray[Any], isovalue: float | tuple[float, ...], *features: str,
-    kind: str = "known", layers: bool = False, **options: Any,
+    kind: MeshName = "known", layers: bool = False, **options: Any,
 ) -> Draft:  # fmt: skip
     """A vector as the reference encoder writes it."""
     cells = None if kind == "delaunay" else mesh[1]

@@ -24,6 +24,7 @@ from . import (
     rules,
     special,
     surfaces,
+    tiled,
     valid,
 )
 from .draft import Draft
@@ -44,10 +45,11 @@ from .manifest import (
     read_manifest,
     write_manifest,
 )
+from .tiled_dump import is_tiled
 
 _MODULES = (
     valid, special, adaptive, geometry, isovalues, mixed, rules, hostile, circle, missing, mapped, frames, explicit,
-    surfaces,
+    surfaces, tiled,
 )  # fmt: skip
 TEXT_LIMIT = 2200
 """Longest canonical text, in bytes, that is kept next to its vector for the runner to show differences."""
@@ -143,7 +145,7 @@ def _described(draft: Draft, output: Output, mesh: Mesh | None) -> Vector:
 def _level(data: bytes, expected: Expected) -> int:
     if expected.status == LIMIT:
         return BEYOND
-    return 0 if expected.status == ERROR or is_explicit(data) else needs(data).level
+    return 0 if expected.status == ERROR or is_explicit(data) or is_tiled(data) else needs(data).level
 
 
 def _features(events: list[Event], n: int) -> Iterator[str]:

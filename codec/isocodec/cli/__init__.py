@@ -11,12 +11,14 @@ import click
 from .decode import decode_command
 from .encode import encode_command
 from .info import info_command
+from .map import map_command
 from .mask import mask_command
 from .plot import plot_command
 from .recode import merge_command, transcode_command
 from .report import EXIT_CODES, Program
 from .thin import thin_command
 from .tile import tile_command
+from .tiled import extract_command
 from .truncate import truncate_command
 from .verify import verify_command
 
@@ -46,6 +48,6 @@ def main() -> None:
 
 for command in (
     encode_command, decode_command, mask_command, info_command, truncate_command, transcode_command, merge_command,
-    plot_command, verify_command, thin_command, tile_command,
+    plot_command, map_command, verify_command, thin_command, tile_command, extract_command,
 ):  # fmt: skip
     main.add_command(command)

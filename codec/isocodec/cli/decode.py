@@ -77,7 +77,7 @@ def decode_command(
 
     \b
     Curves and surfaces  .npz (points, cells, isovalue, shape; placement, crs), .png, .dxf, .vtp
-    Curves               .geojson, .gpkg, .fgb, .shp, .parquet, .svg (x along axis 1, y along axis 0)
+    Curves               .geojson, .gpkg, .fgb, .shp, .parquet, .pmtiles, .svg (x along axis 1, y along axis 0)
     Surfaces             .ply, .stl, .off, .obj, .glb, .3mf (x, y, z along axes 0, 1, 2)
 
     Coordinates are in samples. If the file has a placement (from NIfTI or GeoTIFF, for example, or encode --spacing),
@@ -120,12 +120,13 @@ def decode_command(
     limits = limits_of(limit_memory, limit_work)
     check_output(output, source)
     if (tiled := tiled_file(source, limits)) is not None:
-        if areas or smooth or partial or max_bytes is not None or frame is not None or domain is not None:
+        if areas or smooth or max_bytes is not None or frame is not None or domain is not None:
             raise click.UsageError(
-                "the file is in tiles: --areas, --smooth, --partial, --max-bytes, --frame and --domain mean nothing"
+                "the file is in tiles: --areas, --smooth, --max-bytes, --frame and --domain mean nothing"
             )
         return decode_tiled(
-            tiled, source, output, named, isovalue, layers, window, within, in_samples, keep_crs, as_json
+            tiled, source, output, named, isovalue, layers, window, within, partial, in_samples, keep_crs,
+            as_json,
         )  # fmt: skip
     if window is not None or within is not None:
         raise click.UsageError("--window and --within are for files in tiles")

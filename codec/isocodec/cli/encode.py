@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import math
 import time
 from contextlib import nullcontext
 from dataclasses import replace
-from decimal import Decimal
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -14,6 +12,7 @@ import click
 
 from .encode_options import encode_options, read_criterion, read_metadata, read_numbers, read_steps
 from .inputs import local_input
+from .isovalues import check_interval, multiples
 from .mapped import cells_of, read_tolerance, world_of
 from .options import Grouped
 from .planned import Planned
@@ -102,8 +101,7 @@ def encode_command(
         encode_labelled(source, output, click.get_current_context().params)
         return
     label = labels[0] if labels else None
-    if interval is not None and not 0 < interval < math.inf:
-        raise click.UsageError(f"--interval {interval}: must be greater than 0")
+    check_interval(interval)
     name, parameter = read_criterion(criterion)
     notes = read_metadata(metadata)
     check_series(frames, frame_axis, frame_interval)
@@ -162,7 +160,7 @@ def encode_command(
         else:
             gone = missing_samples(field, nodata)
             if interval is not None:
-                isovalues = _multiples(interval, field[~gone])
+                isovalues = multiples(interval, field[~gone])
             if planned is not None:
                 isovalues = planned.isovalues(isovalues, shape, not independent)
             if not gone.any() and (missing is not None or nodata_given):
@@ -216,33 +214,6 @@ def encode_command(
 def _is_given(value: object) -> bool:
     """Whether an option was given on the command line: a flag, or a value."""
     return value is not None and value is not False
-
-
-def _multiples(interval: float, samples: Field) -> tuple[float, ...]:
-    """Multiples of an interval with samples above and not above them, rising; of 0.1 they are 0.1, 0.2, 0.3 .. ."""
-    from isospec.container import MAX_ISOVALUES
-
-    from ..errors import InputError
-
-    if not samples.size:
-        return ()
-    low, high = float(samples.min()), float(samples.max())
-    if not (math.isfinite(low) and math.isfinite(high)):
-        raise InputError("the data hold infinite values", code="interval", remedy="use --isovalue")
-    first, end = math.floor(low / interval), math.ceil(high / interval) + 1
-    near = (float(k * Decimal(repr(interval))) for k in range(first, min(end, first + MAX_ISOVALUES + 3)))
-    out = tuple(value for value in near if low <= value < high)
-    if len(out) > MAX_ISOVALUES:
-        raise InputError(
-            f"about {end - first - 1:,} multiples of {interval:g} lie within the data ({low:g} to {high:g}); a file "
-            f"holds at most {MAX_ISOVALUES}", code="interval", remedy="choose a larger interval",
-        )  # fmt: skip
-    if not out:
-        raise InputError(
-            f"no multiple of {interval:g} lies within the data ({low:g} to {high:g})", code="interval",
-            remedy="choose a smaller interval",
-        )  # fmt: skip
-    return out
 
 
 def _warn_of_values(

@@ -63,22 +63,15 @@ def plot_command(
     The steps are those of encode --steps, if the file was made with them; otherwise, and if there are more than asked
     for, they are spread evenly over the layers. The last step of a file that ends within a layer shows that part of it.
     """
-    from ..io.picture import PICTURE_SUFFIXES, matplotlib_figure, steps_picture
+    from ..io.picture import check_picture, steps_picture
     from ..io.view import USUAL, read_view
 
     try:
         seen = USUAL if view is None else read_view(view)
     except OptionError as error:
         raise click.UsageError(f"--view {view}: {error}") from None
-    suffix = output.suffix.lower()
     with concerning(output):
-        if suffix not in PICTURE_SUFFIXES:
-            raise OptionError(
-                f"{suffix or 'a name without a suffix'} is not a picture",
-                code="suffix",
-                remedy="one of " + ", ".join(PICTURE_SUFFIXES),
-            )
-        matplotlib_figure()
+        suffix = check_picture(output)
     check_output(output, source)
     data = read_iso(source)
     if kind_of_domain(data) is not None:

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import click
 
+from ..names import ProfileName
 from .options import iso_argument, json_option, limit_options, limits_of, output_option
 from .report import check_iso_output, concerning, read_iso, tell, write_output
 
@@ -22,7 +23,7 @@ _PROFILE = click.Choice(["main", "baseline"])
 @limit_options
 @json_option
 def transcode_command(
-    source: Path, output: Path, profile: str | None, tolerance: float | None, signs_only: bool,
+    source: Path, output: Path, profile: ProfileName | None, tolerance: float | None, signs_only: bool,
     preserve_topology: bool, limit_memory: int | None, limit_work: int | None, as_json: bool,
 ) -> None:  # fmt: skip
     """Encode the curves or surfaces of IN.iso again; without --tolerance and --signs-only no point moves.
@@ -58,7 +59,7 @@ def transcode_command(
 @limit_options
 @json_option
 def merge_command(
-    sources: tuple[Path, ...], output: Path, profile: str, limit_memory: int | None, limit_work: int | None,
+    sources: tuple[Path, ...], output: Path, profile: ProfileName, limit_memory: int | None, limit_work: int | None,
     as_json: bool,
 ) -> None:  # fmt: skip
     """Put the isovalues of all IN.iso, files of one field, into OUT.iso; no point moves.

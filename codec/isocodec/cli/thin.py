@@ -10,6 +10,7 @@ import click
 
 from ..errors import InputError
 from ..limits import FIELD_SAMPLES, in_units
+from ..names import ThinningName
 from .options import json_option, output_option
 from .progress import progress_bar
 from .quiet import one_warning
@@ -48,7 +49,7 @@ _MUCH = 1 << 30
 @json_option
 def thin_command(
     source: Path, output: Path, to: int | None, error: float | None, size: int | None,
-    isovalues: tuple[float, ...], tolerance: float | None, layers: int, criterion: str | None, scattered: bool,
+    isovalues: tuple[float, ...], tolerance: float | None, layers: int, criterion: ThinningName | None, scattered: bool,
     key: str | None, channel: int | None, frame: int | None, limit_samples: int | None, as_json: bool,
 ) -> None:  # fmt: skip
     """Take the points that matter least out of INPUT one by one; write the Delaunay triangulation of the others.

@@ -9,6 +9,7 @@ from typing import Any
 
 import click
 
+from ..names import ProfileName
 from .encode_options import read_metadata
 from .options import json_option, output_option
 from .progress import progress_bar
@@ -40,8 +41,8 @@ from .report import check_iso_output, concerning, tell, warn
 @json_option
 def tile_command(
     source: Path, output: Path, isovalues: tuple[float, ...], tile: int | None, workers: int, scheduler: str | None,
-    spool: Path | None, exact: bool, tolerance: float | None, signs_only: bool, step: float | None, profile: str,
-    metadata: tuple[str, ...], no_placement: bool, key: str | None, as_json: bool,
+    spool: Path | None, exact: bool, tolerance: float | None, signs_only: bool, step: float | None,
+    profile: ProfileName, metadata: tuple[str, ...], no_placement: bool, key: str | None, as_json: bool,
 ) -> None:  # fmt: skip
     """Encode the isocontours of the field in INPUT tile by tile; samples of a tile are read at a time.
 

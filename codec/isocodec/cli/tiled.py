@@ -3,14 +3,19 @@
 from __future__ import annotations
 
 import json
+import sys
 import time
+from collections.abc import Callable, Iterator
+from contextlib import nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
+from ..errors import InputError
 from ..limits import Limits
-from .report import STANDARD, check_output, concerning, tell, write_output
+from .options import iso_argument, json_option, limit_options, limits_of, output_option
+from .report import STANDARD, check_iso_output, check_output, concerning, tell, write_output
 
 if TYPE_CHECKING:
     from ..drawing.contour import Contour
@@ -44,11 +49,12 @@ def read_box(text: str | None) -> Box | None:
 
 def decode_tiled(
     file: TiledIsoFile, source: Path, output: Path, named: Path, isovalue: float | None, layers: int | None,
-    window: str | None, within: float | None, in_samples: bool, keep_crs: bool, as_json: bool,
+    window: str | None, within: float | None, partial: bool, in_samples: bool, keep_crs: bool, as_json: bool,
 ) -> None:  # fmt: skip
     """Write a window of a tiled file, or all of it."""
     from dataclasses import replace
 
+    from ..io.pmtiles import render_pyramid
     from ..io.write import check_libraries, check_suffix, holds_several, put, render_contour
 
     n = len(file.shape)
@@ -64,11 +70,14 @@ def decode_tiled(
     contours: list[Contour] = []
     with concerning(source):
         for value in wanted:
-            contour = file.window(box, isovalue=value, within=within, layer=layer)
+            contour = file.window(box, isovalue=value, within=within, layer=layer, partial=partial)
             contours.append(replace(contour, placement=None) if in_samples else contour)
     seconds = time.perf_counter() - started
     with concerning(source):
-        rendered = render_contour(contours, suffix, n, keep_crs)
+        if suffix == ".pmtiles" and within is None and layer is None and not (in_samples or partial):
+            rendered = render_pyramid(_by_width(file, box, contour) for contour in contours)
+        else:
+            rendered = render_contour(contours, suffix, n, keep_crs)
     with concerning(output):
         if str(output) == STANDARD:
             write_output(output, rendered)
@@ -80,8 +89,82 @@ def decode_tiled(
         f"{file.received:,} of {file.size:,} bytes read in {file.requests} pieces, {seconds:.2f} s",
         {
             "output": str(output), "bytes": len(rendered), "points": points, "cells": cells,
-            "isovalues": list(wanted), "shape": list(file.shape), "complete": True, "seconds": round(seconds, 3),
+            "isovalues": list(wanted), "shape": list(file.shape), "complete": all(c.complete for c in contours),
+            "seconds": round(seconds, 3),
             "read": file.received, "pieces": file.requests,
+        },
+        as_json,
+    )  # fmt: skip
+
+
+def _by_width(file: TiledIsoFile, box: Box | None, finest: Contour) -> Callable[[float], Contour]:
+    """A window as zooms of a map see it, by samples that a pixel is wide: coarse layers if their cubes are no wider."""
+    stages = file.head.stages
+    drawn = {len(stages) - 1: finest}
+
+    def at(width: float) -> Contour:
+        stage = file.layer_within(width)
+        # signs of all samples would be seen as steps
+        stage = stage if stages[stage].edge else len(stages) - 1
+        if stage not in drawn:
+            drawn[stage] = file.window(box, isovalue=finest.isovalue, layer=stage)
+        return drawn[stage]
+
+    return at
+
+
+def truncate_tiled(file: TiledIsoFile, source: Path, output: Path, layers: int, as_json: bool) -> None:
+    """Write the first layers of a tiled file."""
+    from ..io.atomic import writing
+
+    def pieces() -> Iterator[bytes]:
+        # what goes wrong here is about the source, the rest about the output
+        with concerning(source):
+            yield from file.truncated(layers)
+
+    written = 0
+    with concerning(output), nullcontext(sys.stdout.buffer) if str(output) == STANDARD else writing(output) as out:
+        for piece in pieces():
+            out.write(piece)
+            written += len(piece)
+    kept = min(layers, len(file.head.stages))
+    tell(
+        f"{click.format_filename(output)}: {written:,} of {file.size:,} bytes, {kept} whole layers",
+        {"output": str(output), "bytes": written, "input_bytes": file.size, "layers": kept},
+        as_json,
+    )
+
+
+@click.command("extract", short_help="Take a window of a file in tiles out as a file in one piece.")
+@iso_argument
+@output_option("OUT.iso")
+@click.option("--window", required=True, metavar="A:B,C:D", help="The box of samples, from:to for each axis.")
+@click.option("--isovalue", type=float, metavar="V", help="One of its isovalues.  [default: all]")
+@limit_options
+@json_option
+def extract_command(
+    source: Path, output: Path, window: str, isovalue: float | None, limit_memory: int | None, limit_work: int | None,
+    as_json: bool,
+) -> None:  # fmt: skip
+    """Take a window of IN.iso, a file in tiles or its URL, out as a file in one piece; no point moves.
+
+    The window is grown to whole samples, and to even ones where it begins. Of a file with a tolerance from 0.1 on in
+    the plane, or with its first layers only, the window has to be that of one tile.
+    """
+    check_iso_output(output, source)
+    file = tiled_file(source, limits_of(limit_memory, limit_work))
+    if file is None:
+        with concerning(source):
+            raise InputError("not a file in tiles, whose parts can be read", code="tiles", remedy="use transcode")
+    with concerning(source):
+        made = file.extract(read_box(window), isovalue=isovalue)
+    write_output(output, made)
+    tell(
+        f"{click.format_filename(output)}: {len(made):,} bytes, {file.received:,} of {file.size:,} bytes read in "
+        f"{file.requests} pieces",
+        {
+            "output": str(output), "bytes": len(made), "input_bytes": file.size, "read": file.received,
+            "pieces": file.requests,
         },
         as_json,
     )  # fmt: skip

@@ -21,10 +21,19 @@ def truncate_command(
     source: Path, output: Path, layers: int | None, max_bytes: int | None, limit_memory: int | None,
     limit_work: int | None, as_json: bool,
 ) -> None:  # fmt: skip
-    """Cut IN.iso to its first layers, or to a number of bytes; OUT.iso is complete in itself."""
+    """Cut IN.iso to its first layers, or to a number of bytes; OUT.iso is complete in itself.
+
+    Of a file in tiles, or of its URL, the bytes of the first layers are copied.
+    """
     if (layers is None) == (max_bytes is None):
         raise click.UsageError("give exactly one of --layers and --bytes")
     check_iso_output(output, source)
+    from .tiled import tiled_file, truncate_tiled
+
+    if (tiled := tiled_file(source, limits_of(limit_memory, limit_work))) is not None:
+        if layers is None:
+            raise click.UsageError("a file in tiles is cut by --layers")
+        return truncate_tiled(tiled, source, output, layers, as_json)
     data = read_iso(source)
 
     import isocodec

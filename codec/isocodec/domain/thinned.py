@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..errors import OptionError
+from ..names import ThinningName
 from .criteria import NAMES
 from .delaunay import delaunay, triangles
 from .points import Points, points_of
@@ -81,7 +82,7 @@ class Thinned:
 def thin(
     points: ArrayLike,
     values: ArrayLike | None = None,
-    criterion: str = "AT1",
+    criterion: ThinningName = "AT1",
     *,
     to: int | None = None,
     error: float | None = None,

@@ -10,6 +10,7 @@ import math
 from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass
 from itertools import chain, product
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -143,6 +144,25 @@ def steps_picture(steps: Sequence[Step], suffix: str = ".png", view: View = USUA
         promise = "" if step.within is None else f", within {step.within:g}"
         axes.set_title(f"{step.bytes:,} bytes{promise}\n{step.bytes / step.total:.1%} of the file", fontsize=7)
     return _file(figure, suffix)
+
+
+def check_picture(path: Path) -> str:
+    """The suffix of a picture's name; that there is a library to draw it.
+
+    Raises
+    ------
+    OptionError
+        If it is that of something else.
+    MissingExtraError
+    """
+    suffix = path.suffix.lower()
+    if suffix not in PICTURE_SUFFIXES:
+        raise OptionError(
+            f"{suffix or 'a name without a suffix'} is not a picture", code="suffix",
+            remedy="one of " + ", ".join(PICTURE_SUFFIXES),
+        )  # fmt: skip
+    matplotlib_figure()
+    return suffix
 
 
 def matplotlib_figure() -> Any:

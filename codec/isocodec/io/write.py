@@ -27,6 +27,8 @@ from .geojson import render_areas, render_lines
 from .mesh import MESHES
 from .output_formats import Cost, Format, find_suffix
 from .picture import PICTURE, contour_picture, matplotlib_figure
+from .pmtiles import libraries as pmtiles_libraries
+from .pmtiles import render_pmtiles
 from .surfaces import render_groups, render_single, trimesh_for
 from .vector import VECTOR_SUFFIXES, libraries, render_table, unpacked
 from .vtp import render_vtp
@@ -262,6 +264,7 @@ _FORMATS: dict[str, Format] = {
     ".geojson": Format((2,), render_lines, several=(2,), cost={2: Cost(300, 240, kept=100)}),
     ".svg": Format((2,), _svg, several=(2,), cost={2: Cost(120, 100, kept=50)}),
     **{suffix: _map(suffix) for suffix in VECTOR_SUFFIXES},
+    ".pmtiles": Format((2,), render_pmtiles, pmtiles_libraries, (2,), {2: Cost(480, 150, 1 << 20, kept=300)}),
     ".dxf": Format((2, 3), render_dxf, ezdxf, (2, 3), {2: Cost(500, 200, 1 << 23), 3: Cost(600, 900, 1 << 24)}),
     ".vtp": Format((2, 3), render_vtp, several=(2, 3), cost={2: Cost(120, 100), 3: Cost(200, 160)}),
     ".ply": _single(".ply", Cost(70, 52)),

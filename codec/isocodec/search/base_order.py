@@ -51,8 +51,13 @@ def build_pyramid(
     layout = np.array([[s, *shape] for s, shape in zip(starts[:-1], shapes, strict=True)], np.int64)
     mixed = np.empty(starts[-1], np.uint8)
 
-    index = [np.minimum(np.arange(cubes[a] * per + 1) * step, last[a]) if a < n else np.zeros(1, int) for a in range(3)]
-    some = every = truth[np.ix_(*index)]
+    index = [np.minimum(np.arange(cubes[a] * per + 1) * step, last[a]) for a in range(n)]
+    some = truth
+    for a in range(n):
+        # of the finest mesh that is all there is
+        if not np.array_equal(index[a], np.arange(truth.shape[a])):
+            some = some.take(index[a], axis=a)
+    every = some
     for a in range(n):
         some, every = _gathered(some, every, a, cubes[a], per, per + 1)
     for i in range(m, -1, -1):
@@ -66,15 +71,18 @@ def _gathered(
     some: NDArray[np.bool_], every: NDArray[np.bool_], axis: int, count: int, step: int, width: int
 ) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
     """Along an axis, for each of ``count`` groups of ``width`` entries from every ``step`` on: is one True, are all?"""
-    some, every = np.moveaxis(some, axis, 0), np.moveaxis(every, axis, 0)
-    any_of, all_of = some[: count * step : step].copy(), every[: count * step : step].copy()
+
+    def every_step(first: int) -> tuple[slice, ...]:
+        return (slice(None),) * axis + (slice(first, first + (count - 1) * step + 1, step),)
+
+    any_of, all_of = some[every_step(0)].copy(), every[every_step(0)].copy()
     for i in range(1, width):
+        more, still = some[every_step(i)], every[every_step(i)]
         # the last group may have fewer
-        here = slice(i, i + (count - 1) * step + 1, step)
-        there = len(some[here])
-        any_of[:there] |= some[here]
-        all_of[:there] &= every[here]
-    return np.moveaxis(any_of, 0, axis), np.moveaxis(all_of, 0, axis)
+        there = (slice(None),) * axis + (slice(more.shape[axis]),)
+        any_of[there] |= more
+        all_of[there] &= still
+    return any_of, all_of
 
 
 _NODE = 6

@@ -29,6 +29,7 @@ from ..format.program import Layer, Progress, write_program
 from ..layers.plan import Entry
 from ..layers.writer import LayerWriter, encoded_mask, encoded_size, field_tube
 from ..mesh.tables import cube_exponent
+from ..names import CriterionName, Distance, Isovalues, ProfileName
 from ..passes.runner import Tube
 from ..search import strategy
 from ..search.domain import LINEAR_POINTS
@@ -107,7 +108,7 @@ class Encoder(ContainerEncoder):
     def __init__(
         self,
         field: ArrayLike,
-        isovalue: float | Sequence[float],
+        isovalue: Isovalues,
         *,
         exact: bool = False,
         tolerance: float | str | None = None,
@@ -115,13 +116,13 @@ class Encoder(ContainerEncoder):
         step: float | None = None,
         base_level: int | None = None,
         preserve_topology: bool = False,
-        steps: Sequence[float | str] | None = None,
-        criterion: str | None = None,
+        steps: Sequence[Distance] | None = None,
+        criterion: CriterionName | None = None,
         parameter: float | None = None,
         leaning: bool = True,
         mask: ArrayLike | None = None,
         plan: Sequence[Entry] | Mapping[float, Sequence[Entry]] | None = None,
-        profile: str = "main",
+        profile: ProfileName = "main",
         metadata: Mapping[str, str] | None = None,
         placement: ArrayLike | None = None,
         coordinates: Sequence[ArrayLike] | None = None,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -25,6 +25,7 @@ from ..format.chunks import write_chunk, write_further
 from ..format.domain import MOST_STEP, DomainHead, MeshLayerHead, read_domain, write_domain, write_mesh_layer
 from ..format.frames import FRAME_BEFORE, is_key, write_frame, write_interval
 from ..format.header import Header
+from ..names import Isovalues, MeshName
 from .container import ContainerEncoder, beginning
 from .mesh_decoder import coordinates_of
 from .options import Options, check_interval, isovalues_of, nearest_before
@@ -60,9 +61,9 @@ class MeshEncoder(ContainerEncoder):
         points: ArrayLike,
         cells: ArrayLike | None,
         values: ArrayLike,
-        isovalue: float | Sequence[float],
+        isovalue: Isovalues,
         *,
-        mesh: str | None = None,
+        mesh: MeshName | None = None,
         mesh_error: float | None = None,
         exact: bool = False,
         step: float | None = None,

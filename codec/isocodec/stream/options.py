@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from numbers import Real
+from typing import TypedDict
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -16,6 +17,7 @@ from ..errors import OptionError
 from ..field.placement import PLACEMENT, placement_of, read_placement, write_placement
 from ..field.samples import isovalue_of
 from ..layers.plan import Entry
+from ..names import CriterionName, Distance, ProfileName
 from ..search.strategy import EXACT
 from ..search.tolerance import radices
 
@@ -32,6 +34,31 @@ EXCLUSIVE = (
     *(("plan", name) for name in (*PRECISIONS, *MESHES, "preserve_topology") if name != "step"),
 )  # fmt: skip
 """Of each of these groups an encoder takes one option."""
+
+
+class EncodeOptions(TypedDict, total=False):
+    """Options of `isocodec.encode`, by name."""
+
+    exact: bool
+    tolerance: float | str | None
+    signs_only: bool
+    step: float | None
+    base_level: int | None
+    preserve_topology: bool
+    steps: Sequence[Distance] | None
+    criterion: CriterionName | None
+    parameter: float | None
+    leaning: bool
+    mask: ArrayLike | None
+    plan: Sequence[Entry] | Mapping[float, Sequence[Entry]] | None
+    profile: ProfileName
+    metadata: Mapping[str, str] | None
+    placement: ArrayLike | None
+    coordinates: Sequence[ArrayLike] | None
+    coordinates_error: float | None
+    periodic: int | Sequence[int] | None
+    period: float | Sequence[float] | None
+    progress: Callable[[int, int], object] | None
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -14,6 +15,7 @@ from ..field.samples import Field
 from ..field.told import Told, near_values, told_values
 from ..format.kinds import LayerKind
 from ..layers.plan import Entry
+from ..tube.decoded import Decoded
 from .decoder import Decoder
 from .encoder import Encoder
 
@@ -50,15 +52,25 @@ def sources_of(decoder: Decoder, what: str = "the file") -> list[Source]:
         raise OptionError(f"{what} has coordinates of its own", code="recode", remedy="encode the field itself again")
     gone = ~decoder.valid()
     missing = gone if gone.any() else None
-    return [_source(decoder, number, missing, what) for number in range(len(decoder.isovalues))]
+    found = []
+    for number, isovalue in enumerate(decoder.isovalues):
+        signs = np.ascontiguousarray(decoder.mask(number))
+        state = decoder.state(number)
+        assert state is not None
+        found.append(source_of(state, Field(signs, isovalue, signs, decoder.header.scale, missing), what))
+    return found
 
 
-def _source(decoder: Decoder, number: int, gone: NDArray[np.bool_] | None, what: str) -> Source:
-    assert decoder.header is not None
-    signs = np.ascontiguousarray(decoder.mask(number))
-    state = decoder.state(number)
-    assert state is not None
-    isovalue, scale, n = decoder.isovalues[number], decoder.header.scale, signs.ndim
+def source_of(state: Decoded, field: Field, what: str) -> Source:
+    """What a state on the full grid tells of a field, of which only the signs are looked at.
+
+    Raises
+    ------
+    OptionError
+        If it tells values or crossings in part; ``what`` names the file.
+    """
+    signs, isovalue, scale, gone = field.signs, field.isovalue, field.scale, field.gone
+    n = signs.ndim
     in_part = OptionError(f"{what} tells values or crossings in part, or both", code="recode",
                           remedy="give signs_only, or encode the field itself again")  # fmt: skip
     if (state.missing >= 0).any():
@@ -83,15 +95,25 @@ def _source(decoder: Decoder, number: int, gone: NDArray[np.bool_] | None, what:
 
 
 def _beside(signs: NDArray[np.bool_], gone: NDArray[np.bool_] | None) -> NDArray[np.bool_]:
-    """Samples with a neighbour along an axis on the other side, neither of them missing."""
+    """Samples with a neighbour along an axis on the other side, of edges that some whole unit cell has (5.10.2)."""
+    n = signs.ndim
+    whole = np.ones([s - 1 for s in signs.shape], np.bool_)
+    if gone is not None:
+        for corner in product((0, 1), repeat=n):
+            whole &= ~gone[tuple(slice(c, c + s) for c, s in zip(corner, whole.shape, strict=True))]
     out = np.zeros(signs.shape, np.bool_)
-    for axis in range(signs.ndim):
-        low: list[slice] = [slice(None)] * signs.ndim
+    for axis in range(n):
+        low: list[slice] = [slice(None)] * n
         high = list(low)
         low[axis], high[axis] = slice(None, -1), slice(1, None)
-        crossed = signs[tuple(low)] != signs[tuple(high)]
-        if gone is not None:
-            crossed &= ~(gone[tuple(low)] | gone[tuple(high)])
+        # an edge has cells on both sides along each other axis
+        held = whole
+        for other in range(n):
+            if other != axis:
+                around = [(1, 1) if a == other else (0, 0) for a in range(n)]
+                padded = np.pad(held, around)
+                held = np.delete(padded, -1, other) | np.delete(padded, 0, other)
+        crossed = (signs[tuple(low)] != signs[tuple(high)]) & held
         out[tuple(low)] |= crossed
         out[tuple(high)] |= crossed
     return out

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import zlib
 from collections.abc import Iterator, Mapping, Sequence
-from typing import Any
+from typing import Any, Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -15,9 +15,10 @@ from ..errors import InputError, OptionError
 from ..format.chunks import write_chunk, write_further
 from ..format.frames import FRAME_BEFORE, as_last, is_key, write_frame, write_interval
 from ..layers.writer import LayerWriter
+from ..names import Isovalues
 from ..tube.holes import Holes
 from .encoder import Earlier, Encoder
-from .options import check_interval
+from .options import EncodeOptions, check_interval
 
 
 class SeriesEncoder:
@@ -48,7 +49,9 @@ class SeriesEncoder:
     >>> data = b"".join(series.add(np.hypot(y - 16, x - 16 - t) - 9.0) for t in range(3)) + series.finish()
     """
 
-    def __init__(self, isovalue: float | Sequence[float], *, interval: int = 0, **options: Any) -> None:
+    def __init__(
+        self, isovalue: Isovalues, *, interval: int = 0, **options: Unpack[EncodeOptions]
+    ) -> None:  # fmt: skip
         self._isovalue = isovalue
         self._interval = check_interval(interval)
         self._options = options
@@ -145,7 +148,7 @@ class _FrameEncoder(Encoder):
     """Encodes one frame of a series, leaning on the one before unless it is a key frame."""
 
     def __init__(
-        self, field: NDArray[Any], isovalue: float | Sequence[float], before: _FrameEncoder | None, key: bool,
+        self, field: NDArray[Any], isovalue: Isovalues, before: _FrameEncoder | None, key: bool,
         options: Mapping[str, Any],
     ) -> None:  # fmt: skip
         self._first = before is None
@@ -206,8 +209,9 @@ class _FrameEncoder(Encoder):
 
 
 def encode_frames(
-    fields: Sequence[ArrayLike], isovalue: float | Sequence[float], *, interval: int = 0, **options: Any
-) -> bytes:
+    fields: Sequence[ArrayLike], isovalue: Isovalues, *, interval: int = 0,
+    **options: Unpack[EncodeOptions],
+) -> bytes:  # fmt: skip
     """Encode a series of frames of one shape into one file: time steps, slices, channels.
 
     Parameters

@@ -42,8 +42,8 @@ class Pieces:
             return b""
         return next(data[start - at : end - at] for at, data in self._pieces if at <= start and end <= at + len(data))
 
-    def fetch(self, ranges: Iterable[Range]) -> None:
-        """Get those ranges that are not there.
+    def fetch(self, ranges: Iterable[Range], partial: bool = False) -> None:
+        """Get those ranges that are not there; with ``partial`` as much of them as the file has.
 
         Raises
         ------
@@ -56,7 +56,7 @@ class Pieces:
                     code="limit-bytes", clause="11.2", remedy="ask for a smaller box or a coarser layer",
                 )  # fmt: skip
             data = self._fetch(start, end)
-            if len(data) != end - start:
+            if len(data) != end - start and not partial:
                 raise TruncatedError(
                     f"the file ends at {start + len(data):,}, before its tiles do", code="truncated",
                     offset=start + len(data), clause="12.4",

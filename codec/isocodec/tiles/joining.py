@@ -7,37 +7,44 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from ..drawing.contour import Contour
+from .closing import Closing, Part
 
-Part = tuple[NDArray[np.int64], tuple[int, ...], Contour, NDArray[np.int64] | None]
-"""Origin of a tile, its samples along each axis, what is drawn in it, in its own coordinates, and between which samples
-the points lie."""
 _GRAIN = 1 << 30
 """Points that were cut at missing samples are one if they agree to this part of a cell."""
 
 
 def joined(parts: Sequence[Part], n: int) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
     """Points and cells of all tiles, a point on a face once: those on edges that lie in a face are the same from both
-    sides.
+    sides. Where neighbours are drawn up to different stages gaps are closed (`Closing`).
     """
+    # where an edge has a point in two stages it stands where the later one has it
+    parts = sorted(parts, key=lambda part: -part.stage)
     points, cells, keys, faces, count = [np.zeros((0, n))], [np.zeros((0, n), np.int64)], [], [], 0
-    by_ends = all(ends is not None for *_, ends in parts)
-    for origin, size, contour, ends in parts:
-        last = np.array(size) - 1
-        points.append(contour.points + origin)
-        cells.append(contour.cells + count)
+    by_ends = all(part.ends is not None for part in parts)
+    for part in parts:
+        origin, last = np.array(part.origin), np.array(part.size) - 1
+        drawn, ends = part.contour, part.ends
+        points.append(drawn.points + origin)
+        cells.append(drawn.cells + count)
         if by_ends and ends is not None:
             on_face = ((ends == 0).all(axis=1) | (ends == last).all(axis=1)).any(axis=1)
             keys.append((ends[on_face] + origin).reshape(-1, 2 * n))
         else:
-            on_face = ((contour.points == 0) | (contour.points == last)).any(axis=1)
-            keys.append(np.rint((contour.points[on_face] + origin) * _GRAIN).astype(np.int64))
+            on_face = ((drawn.points == 0) | (drawn.points == last)).any(axis=1)
+            keys.append(np.rint((drawn.points[on_face] + origin) * _GRAIN).astype(np.int64))
         faces.append(count + np.flatnonzero(on_face))
-        count += len(contour.points)
+        count += len(drawn.points)
     number = np.arange(count)
     if parts:
         met = np.concatenate(faces)
         _, first, which = np.unique(np.concatenate(keys), axis=0, return_index=True, return_inverse=True)
         number[met] = met[first][which.reshape(-1)]
     kept, number = np.unique(number, return_inverse=True)
-    return np.concatenate(points)[kept], number.reshape(-1)[np.concatenate(cells)]
+    number = number.reshape(-1)
+    whole, all_cells = np.concatenate(points)[kept], number[np.concatenate(cells)]
+    if len({part.stage for part in parts}) > 1:
+        ends_of_parts = np.cumsum([len(part.contour.points) for part in parts])
+        numbers = np.split(number, ends_of_parts[:-1])
+        more, closing = Closing(parts, numbers, whole).cells()
+        whole, all_cells = np.concatenate([whole, more]), np.concatenate([all_cells, closing])
+    return whole, all_cells

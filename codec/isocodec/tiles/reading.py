@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import zlib
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from itertools import takewhile
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,11 +14,12 @@ from isospec.container import ChunkType
 from ..drawing.contour import Contour
 from ..errors import OptionError, TruncatedError
 from ..field.placement import read_placement
-from ..format.chunks import write_chunk
+from ..format.chunks import write_chunk, write_metadata
 from ..format.header import Header, write_header
 from ..limits import Limits
 from ..stream.container import with_checksum
 from ..stream.decoder import Decoder
+from .closing import Part
 from .container import FIXED_BYTES, HEAD_BYTES, Head, Kind, Leaf
 from .fetching import Fetch, Pieces, Range
 from .grid import Index
@@ -28,6 +30,8 @@ from .numbers import wrong
 
 KEPT_LEAVES = 64
 """Leaf directories that are kept."""
+Box = Sequence[tuple[int, int]]
+"""First and last samples along each axis."""
 Found = tuple[Index, Kind, bytes, list[bytes]]
 """A tile: what it is for an isovalue, the segment of its mask, and those of its stages."""
 
@@ -48,6 +52,7 @@ class TiledFile:
     ----------
     head : Head
     root : Root
+    fetch : callable
 
     Raises
     ------
@@ -59,6 +64,7 @@ class TiledFile:
 
     def __init__(self, fetch: Fetch, limits: Limits | None = None, first: bytes | None = None) -> None:
         self.limits = limits or Limits()
+        self.fetch = fetch
         first = fetch(0, HEAD_BYTES) if first is None else first
         self._pieces = lambda: Pieces(fetch, self.limits.bytes, first)
         if len(first) >= FIXED_BYTES and len(first) < head_length(first):
@@ -104,7 +110,8 @@ class TiledFile:
 
     def window(
         self, box: Sequence[Sequence[float]] | None = None, *, isovalue: float | None = None,
-        within: float | None = None, layer: int | None = None, clip: bool = True,
+        within: float | Callable[[Box], float] | None = None, layer: int | None = None, partial: bool = False,
+        clip: bool = True,
     ) -> Contour:  # fmt: skip
         """The curve or surface in a box.
 
@@ -114,17 +121,21 @@ class TiledFile:
             From where to where along each axis, in samples. Everything if not given.
         isovalue : float, optional
             One of the file; the first if not given.
-        within : float, optional
-            Cubes of the mesh no wider than so many samples are enough.
+        within : float or callable, optional
+            Cubes of the mesh no wider than so many samples are enough; or a function that says so of the box of a tile,
+            n pairs of samples. Gaps between tiles of different layers are closed in the faces that they share.
         layer : int, optional
             Up to which layer of the file; the last if neither is given.
+        partial : bool
+            Of a file that ends too early, draw each tile up to the last layer that is there.
         clip : bool
             Whether cells are left out that do not reach into the box.
 
         Returns
         -------
         Contour
-            In index coordinates of the whole field; tiles meet without seams.
+            In index coordinates of the whole field; tiles meet without seams. It is not complete if a layer of a tile
+            that was asked for is not there.
 
         Raises
         ------
@@ -133,33 +144,41 @@ class TiledFile:
             If the file is damaged.
         LimitError
         """
-        number = self._number(isovalue)
-        stage = self.stage_of(within, layer)
+        number = self.number_of(isovalue)
         grid = self.head.grid
-        low, high = self._bounds(box)
-        found = self.tiles(grid.touching(np.floor(low).astype(np.int64), np.ceil(high).astype(np.int64)), number, stage)
+        low, high = self.bounds(box)
+        by_stage: dict[int, list[Index]] = {}
+        for index in grid.touching(np.floor(low).astype(np.int64), np.ceil(high).astype(np.int64)):
+            own = within([(w.start, w.stop - 1) for w in grid.window(index)]) if callable(within) else within
+            by_stage.setdefault(self.stage_of(own, layer), []).append(index)
         metadata = self.metadata
-        origin_above = None
+        origin_above, complete = None, True
         parts = []
-        for index, kind, mask, segments in found:
-            above: bool | None = kind == Kind.ABOVE
-            if kind == Kind.CODED:
-                contour, ends = self.drawn(index, number, mask, segments)
-                above = contour.origin_above
-                parts.append((np.array(grid.origin(index)), grid.size(index), contour, ends))
-            if not any(index):
-                origin_above = above
+        for stage, wanted in by_stage.items():
+            for index, kind, mask, segments in self.tiles(wanted, number, stage, partial):
+                above: bool | None = kind == Kind.ABOVE
+                if kind == Kind.CODED:
+                    there = len(segments) - 1
+                    complete &= there == stage
+                    if there < 0:
+                        continue
+                    contour, ends = self.drawn(index, number, mask, segments)
+                    above = contour.origin_above
+                    cube = 1 << self.head.stages[there].edge
+                    parts.append(Part(index, there, cube, grid.origin(index), grid.size(index), contour, ends))
+                if not any(index):
+                    origin_above = above
         points, cells = joined(parts, grid.n)
         if box is not None and clip:
             points, cells = _within(points, cells, low, high)
         return Contour(
-            points, cells, self.isovalues[number], self.shape, True, read_placement(metadata, grid.n), metadata,
+            points, cells, self.isovalues[number], self.shape, complete, read_placement(metadata, grid.n), metadata,
             origin_above, self.head.masked,
         )  # fmt: skip
 
     def plain(self, index: Index, isovalue: float | None = None, layer: int | None = None) -> bytes:
         """A tile as an ``.iso`` file of its own."""
-        number = self._number(isovalue)
+        number = self.number_of(isovalue)
         ((_, _, mask, segments),) = self.tiles([index], number, self.stage_of(None, layer))
         return plain(self.head, index, number, mask, segments)
 
@@ -167,17 +186,23 @@ class TiledFile:
         self, index: Index, number: int, mask: bytes, segments: Sequence[bytes]
     ) -> tuple[Contour, NDArray[np.int64] | None]:
         """What segments of a tile show, in its own coordinates, and between which samples the points lie."""
+        return self.decoded(index, number, mask, segments).ends()
+
+    def decoded(self, index: Index, number: int, mask: bytes, segments: Sequence[bytes]) -> Decoder:
+        """A decoder that has taken segments of a tile."""
         decoder = Decoder(self.limits)
         decoder.feed(plain(self.head, index, number, mask, segments))
         for _ in decoder:
             pass
         decoder.close()
-        return decoder.ends()
+        return decoder
 
     # -- what is fetched ---------------------------------------------------------------------------------------------
 
-    def tiles(self, wanted: Iterable[Index], isovalue: int, stage: int) -> list[Found]:
-        """Tiles, leaf by leaf: what each is for an isovalue, and its segments up to a stage."""
+    def tiles(self, wanted: Iterable[Index], isovalue: int, stage: int, partial: bool = False) -> list[Found]:
+        """Tiles, leaf by leaf: what each is for an isovalue, and its segments up to a stage; with ``partial`` up to the
+        last one that is there, if the file ends too early.
+        """
         by_leaf: dict[int, list[Index]] = {}
         for index in wanted:
             block = tuple(i >> self.head.grid.block for i in index)
@@ -186,7 +211,7 @@ class TiledFile:
         areas = [0] * self.head.masked + [self.head.area(isovalue, s) for s in range(stage + 1)]
         pieces = self._pieces()
         if sum(map(len, by_leaf.values())) == self.head.grid.total:
-            pieces.fetch([(int(self.root.leaves[0]), self._end_of(areas))])
+            pieces.fetch([(int(self.root.leaves[0]), self._end_of(areas))], partial)
         leaves = self._read_leaves(numbers, pieces)
         places = {number: self._places(number, by_leaf[number]) for number in numbers}
         groups = {
@@ -194,18 +219,33 @@ class TiledFile:
             for number in numbers for area in areas for i in places[number] if leaves[number].lengths[area, i]
         }  # fmt: skip
         ranges = {group: self._group_range(leaves[group[1]], *group) for group in sorted(groups)}
-        pieces.fetch(ranges.values())
+        pieces.fetch(ranges.values(), partial)
+        gone = {group for group, each in ranges.items() if not pieces.has(*each)} if partial else set()
         for (area, number, group), (start, end) in ranges.items():
+            if (area, number, group) in gone:
+                continue
             if zlib.crc32(pieces.get(start, end)) != leaves[number].checksums[area][group]:
                 raise wrong("a checksum of segments is wrong", "checksum", start, "12.5")
         return [
             self._found(leaves[number], index, i, isovalue,
-                        [pieces.get(*self._segment_range(leaves[number], area, number, i)) for area in areas])
+                        [pieces.get(*self._segment_range(leaves[number], area, number, i))
+                         for area in self._there(leaves[number], areas, number, i, gone)])
             for number in numbers for index, i in zip(by_leaf[number], places[number], strict=True)
         ]  # fmt: skip
 
+    def _there(self, leaf: Leaf, areas: list[int], number: int, i: int, gone: set[tuple[int, int, int]]) -> list[int]:
+        """The first areas whose segments of a tile are there."""
+        if not gone:
+            return areas
+
+        def is_there(area: int) -> bool:
+            group = int(np.searchsorted(leaf.groups[area], i, "right")) - 1
+            return not leaf.lengths[area, i] or (area, number, group) not in gone
+
+        return list(takewhile(is_there, areas))
+
     def _found(self, leaf: Leaf, index: Index, i: int, isovalue: int, segments: list[bytes]) -> Found:
-        mask = segments.pop(0) if self.head.masked else b""
+        mask = segments.pop(0) if self.head.masked and segments else b""
         kind = Kind(leaf.kinds[isovalue + self.head.masked, i])
         if self.head.masked and leaf.kinds[0, i] == Kind.ABOVE:
             kind = Kind.BELOW
@@ -233,6 +273,11 @@ class TiledFile:
             del self._leaves[next(iter(self._leaves))]
         return out
 
+    def leaves(self, numbers: Sequence[int]) -> list[Leaf]:
+        """Leaf directories, by number."""
+        found = self._read_leaves(list(numbers), self._pieces())
+        return [found[number] for number in numbers]
+
     def _leaf_range(self, number: int) -> Range:
         start, end = self.root.leaves[number : number + 2].tolist()
         return start, end
@@ -256,7 +301,14 @@ class TiledFile:
         first, behind = leaf.groups[area][group : group + 2].tolist()
         return start + int(leaf.starts[area, first]), start + int(leaf.starts[area, behind])
 
-    def _number(self, isovalue: float | None) -> int:
+    def number_of(self, isovalue: float | None) -> int:
+        """The number of an isovalue, 0 of None.
+
+        Raises
+        ------
+        OptionError
+            If the file has no such isovalue.
+        """
         if isovalue is None:
             return 0
         if isovalue not in self.isovalues:
@@ -264,7 +316,14 @@ class TiledFile:
             raise OptionError(f"the file has no isovalue {isovalue:g}", code="isovalue", remedy=f"it has {known}")
         return self.isovalues.index(isovalue)
 
-    def _bounds(self, box: Sequence[Sequence[float]] | None) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def bounds(self, box: Sequence[Sequence[float]] | None) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """First and last samples of a box, as far as it lies in the field; all of it if none is given.
+
+        Raises
+        ------
+        OptionError
+            If it is no box, or lies outside.
+        """
         last = np.array(self.shape, np.float64) - 1
         if box is None:
             return np.zeros(len(last)), last
@@ -278,10 +337,13 @@ class TiledFile:
         return np.clip(bounds[:, 0], 0, last), np.clip(bounds[:, 1], 0, last)
 
 
-def plain(head: Head, index: Index, number: int, mask: bytes, segments: Iterable[bytes]) -> bytes:
-    """An ``.iso`` file of a tile at an isovalue, of its segments."""
+def plain(
+    head: Head, index: Index, number: int, mask: bytes, segments: Iterable[bytes],
+    notes: Mapping[str, str] | None = None,
+) -> bytes:  # fmt: skip
+    """An ``.iso`` file of a tile at an isovalue, of its segments; further chunks may stand among these."""
     header = Header(head.grid.size(index), head.isovalues[number], head.scale, head.profile)
-    last = write_chunk(ChunkType.METADATA, b"", ancillary=True, last=True)
+    last = write_chunk(ChunkType.METADATA, write_metadata(notes) if notes else b"", ancillary=True, last=True)
     return b"".join(with_checksum([write_header(header), mask, *segments, last]))
 
 

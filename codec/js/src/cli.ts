@@ -3,8 +3,10 @@ import { existsSync, readFileSync, writeSync } from "node:fs";
 import { createInterface } from "node:readline";
 import { Decoder, type KnownMesh } from "./decoder.js";
 import * as domains from "./domain/contents.js";
+import { type ErrorKind, IsoError } from "./errors.js";
 import { MainProfile } from "./main/profile.js";
-import { canonicalText } from "./text.js";
+import { canonicalText, tiledText } from "./text.js";
+import { openTiles } from "./tiles/file.js";
 
 const tables = process.env["ISOCODEC_TABLES"] ?? new URL("./main.bin", import.meta.url);
 let main: MainProfile | undefined;
@@ -17,16 +19,27 @@ function meshOf(file: string): KnownMesh | undefined {
   return { d, n, coordinates: rest.slice(0, d * V), cells: rest.slice(d * V) };
 }
 
-function dump(file: string, layers: number, bytes: number, piece: number): [number, string] {
+const CODES: Record<ErrorKind, number> = { malformed: 4, limit: 6, truncated: 5, mesh: 3 };
+
+async function dump(file: string, layers: number, bytes: number, piece: number): Promise<[number, string]> {
   main ??= new MainProfile(readFileSync(tables));
   const data = new Uint8Array(readFileSync(file)).subarray(0, bytes);
+  if (data.length > 3 && data[3] === 0x54) return dumpTiles(data, main);
   const decoder = new Decoder({ main, domains, mesh: meshOf(file), keepFrames: true });
   if (layers > 0) decoder.pauseAt = layers;
   for (let at = 0; at < data.length && !decoder.error; at += piece) decoder.feed(data.subarray(at, at + piece));
   if (decoder.layers < decoder.pauseAt) decoder.end();
-  const kind = decoder.error?.kind;
-  const code = kind === "malformed" ? 4 : kind === "limit" ? 6 : kind === "truncated" ? 5 : kind === "mesh" ? 3 : 0;
+  const code = decoder.error ? CODES[decoder.error.kind] : 0;
   return [code, code === 0 || code === 5 ? canonicalText(decoder) : ""];
+}
+
+async function dumpTiles(data: Uint8Array, main: MainProfile): Promise<[number, string]> {
+  try {
+    return [0, await tiledText(await openTiles(data, { main }))];
+  } catch (error) {
+    if (error instanceof IsoError) return [CODES[error.kind], ""];
+    throw error;
+  }
 }
 
 function write(text: string): void {
@@ -53,14 +66,14 @@ if (args.includes("--batch")) {
     }
     if (!understood) write("-\n");
     else {
-      const [code, text] = dump(file!, asked.layers, asked.bytes, asked.piece);
+      const [code, text] = await dump(file!, asked.layers, asked.bytes, asked.piece);
       write(`${code} ${Buffer.byteLength(text)}\n${text}`);
     }
   }
 } else {
   const option = args.indexOf("--layers");
   const layers = option < 0 ? 0 : Number(args.splice(option, 2)[1]);
-  const [code, text] = dump(args[args.length - 1]!, layers, Infinity, 2 ** 30);
+  const [code, text] = await dump(args[args.length - 1]!, layers, Infinity, 2 ** 30);
   write(text);
   process.exitCode = code;
 }

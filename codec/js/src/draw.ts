@@ -20,6 +20,8 @@ export interface Drawing {
   full: boolean;
   /** Pairs of points, behind the end of a periodic axis and at its beginning, that are one point of a mapped grid (9.9(4)). */
   seam?: Uint32Array;
+  /** If they were asked for, the ends of the edges that points lie on, `2*n` numbers each; -1 of points that lie on none. */
+  ends?: Int32Array;
   /** Periods of the coordinates of points that have been placed on a mapped grid, 0 of those that do not wrap. */
   periods?: number[];
 }
@@ -149,6 +151,14 @@ class Points {
   }
   private readonly numbers: number[] = [];
 
+  /** The ends of the edges of all points. */
+  ends(): Int32Array {
+    const { ids, numbers, at, t: { n } } = this, found = new Int32Array(2 * at.length).fill(-1);
+    for (let id = 0; id < ids.count; id++)
+      for (const end of [0, 1]) found.set(ids.ends.subarray(6 * id + 3 * end, 6 * id + 3 * end + n), (2 * numbers[id]! + end) * n);
+    return found;
+  }
+
   /** Pairs of points on the same edge at both ends of periodic axes. */
   seam(periodic: readonly number[]): Uint32Array {
     const { ids, numbers } = this, { last } = this.t.grid, e = ids.ends, pairs: number[] = [];
@@ -165,12 +175,12 @@ class Points {
 }
 
 /** The contour of an isovalue as it is known at the moment, in a series that of the present frame or of another one. */
-export function draw(decoder: Decoder, isovalue = 0, frame = decoder.frames.length - 1): Drawing {
+export function draw(decoder: Decoder, isovalue = 0, frame = decoder.frames.length - 1, ends = false): Drawing {
   const { grid, domain, meter, meter: { memory } } = decoder;
   try {
     if (domain) return domain.draw(isovalue, frame);
     const contour = grid?.series.frames[frame]?.[isovalue];
-    if (contour) return drawn(grid!, contour.tube);
+    if (contour) return drawn(grid!, contour.tube, ends);
     return { n: 2, d: 2, points: new Float64Array(0), cells: new Uint32Array(0), full: false };
   } finally {
     // what drawing took is no part of the state
@@ -178,7 +188,7 @@ export function draw(decoder: Decoder, isovalue = 0, frame = decoder.frames.leng
   }
 }
 
-function drawn(file: GridFile, t: Tube): Drawing {
+function drawn(file: GridFile, t: Tube, ends: boolean): Drawing {
   const { n, grid } = t, leaves = drawnLeaves(t), { missing, periodic } = file;
   const full = (t.baseDone && t.onFullGrid) || (n === 3 && wholeCubes(t, leaves));
   const whole = missing ? (x: number, y: number, z: number): boolean => {
@@ -197,6 +207,7 @@ function drawn(file: GridFile, t: Tube): Drawing {
     n, d: n, full, points: points.at.data.slice(0, points.at.length),
     cells: Uint32Array.from(cells.data.subarray(0, cells.length)),
   };
+  if (ends) drawing.ends = points.ends();
   if (periodic.length) drawing.seam = points.seam(periodic);
   return whole && !full ? cutOut(drawing, whole, grid.last, t.meter) : drawing;
 }

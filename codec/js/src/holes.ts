@@ -70,6 +70,15 @@ export function cutOut(drawing: Drawing, whole: (x: number, y: number, z: number
     }
   }
   const cutDrawing: Drawing = { ...drawing, points: Float64Array.from(out), cells: Uint32Array.from(kept) };
+  if (drawing.ends) {
+    // points that the cutting has made lie on no edge
+    const ends = new Int32Array(2 * out.length).fill(-1);
+    for (let i = 0; n * i < points.length; i++) {
+      const made = ids.get(Array.from(points.subarray(n * i, n * i + n)).join());
+      if (made !== undefined) ends.set(drawing.ends.subarray(2 * n * i, 2 * n * i + 2 * n), 2 * n * made);
+    }
+    cutDrawing.ends = ends;
+  }
   if (drawing.seam) {
     const seam = Array.from(drawing.seam, (i) => ids.get(Array.from(points.subarray(n * i, n * i + n)).join()) ?? -1);
     cutDrawing.seam = Uint32Array.from(seam.filter((_, i) => seam[i & ~1]! >= 0 && seam[i | 1]! >= 0));

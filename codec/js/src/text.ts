@@ -1,8 +1,11 @@
 /** The canonical text of a decoded state (annex C). */
 import type { Coordinates } from "./coordinates.js";
 import type { Decoder } from "./decoder.js";
+import { IsoError } from "./errors.js";
 import { coordinatesOf } from "./nodes.js";
 import { KNOWN, SIGN } from "./store.js";
+import type { Place } from "./tiles/directory.js";
+import type { TiledFile } from "./tiles/file.js";
 import type { Tube } from "./tube.js";
 
 function sorted(data: Int32Array, length: number, width: number): number[] {
@@ -88,4 +91,31 @@ function coordinateLines({ periodic, coordinates }: Coordinates): string[] {
 export function coordinatesText(decoder: Decoder): string {
   const coordinates = coordinatesOf(decoder);
   return coordinates ? coordinateLines(coordinates).join("\n") + "\n" : "";
+}
+
+/** Tiles of a file whose text is made; one of more tiles is refused (C.4). */
+const MOST_TILES = 65536;
+
+/** The text of a file in tiles (C.4), all of which is decoded. Throws what is wrong with it. */
+export async function tiledText(file: TiledFile): Promise<string> {
+  const { directory, head: { shape, tiles, isovalues, stages } } = file, lines = [`tiles ${shape.join(" ")}`], last = stages.length - 1;
+  await directory.whole();
+  if (tiles.reduce((product, m) => product * m, 1) > MOST_TILES) throw new IsoError("limit", "11.2", 0, "a text of so many tiles");
+  const blocks = await directory.blocks(undefined);
+  for (const i of isovalues.keys()) {
+    lines.push(`isovalue ${i}`);
+    const places = blocks.flatMap(([block, channels]) => directory.coded(block, channels, i, undefined)).sort(before);
+    const groups = await directory.fetch(places.flatMap((place) => directory.segments(place, i, last)));
+    for (const place of places) {
+      const text = canonicalText(await file.decode(directory.file(place, i, last, groups))), state = text.split("mask\n", 1)[0]!;
+      if (/^v /m.test(state)) lines.push(`tile ${place.index.join(" ")}`, text.trimEnd());
+    }
+  }
+  return lines.join("\n") + "\n";
+}
+
+/** The lexicographic order of indices. */
+function before({ index: p }: Place, { index: q }: Place): number {
+  const a = p.findIndex((x, i) => x !== q[i]);
+  return a < 0 ? 0 : p[a]! - q[a]!;
 }

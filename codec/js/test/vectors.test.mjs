@@ -3,9 +3,10 @@ import assert from "node:assert/strict";
 import { createHash } from "node:crypto";
 import { existsSync, readFileSync } from "node:fs";
 import { test } from "node:test";
-import { Decoder } from "../dist/index.js";
+import { Decoder, IsoError } from "../dist/index.js";
 import { MainProfile } from "../dist/main.js";
-import { canonicalText, coordinatesText } from "../dist/text.js";
+import { canonicalText, coordinatesText, tiledText } from "../dist/text.js";
+import { openTiles } from "../dist/tiles.js";
 import * as domains from "../dist/domain.js";
 import { readMesh } from "./mesh.mjs";
 
@@ -17,12 +18,25 @@ const hash = (text) => createHash("sha256").update(text).digest("hex");
 /** 4.5 million symbols of numbers with 52 bits. */
 const SLOW = ["plane_main_mixing_limit"];
 
-function status(decoder) {
-  if (!decoder.error) return "ok";
-  return { malformed: "error", truncated: "truncated", limit: "limit" }[decoder.error.kind];
+function status({ error }) {
+  return error ? { malformed: "error", truncated: "truncated", limit: "limit" }[error.kind] : "ok";
 }
 
-for (const vector of vectors) {
+for (const { name, file, expected } of vectors.filter((v) => /^(bad_)?tiled_/.test(v.name))) {
+  test(name, async () => {
+    const found = { text: "" }, data = new Uint8Array(readFileSync(new URL(file, folder)));
+    try {
+      found.text = await tiledText(await openTiles(data, { main }));
+    } catch (error) {
+      found.error = error;
+      assert.ok(error instanceof IsoError && error.offset <= data.length, String(error.stack));
+    }
+    assert.equal(status(found), expected.status);
+    if (expected.state) assert.equal(hash(found.text), expected.state);
+  });
+}
+
+for (const vector of vectors.filter((v) => !/^(bad_)?tiled_/.test(v.name))) {
   const slow = SLOW.includes(vector.name) && !process.env.ISOCODEC_SLOW;
   test(vector.name, { skip: slow ? "takes long" : false }, () => {
     const data = readFileSync(new URL(vector.file, folder));

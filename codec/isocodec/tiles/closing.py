@@ -1,0 +1,249 @@
+"""Gaps between tiles that are drawn up to different stages, closed in the face that they share.
+
+Both meshes have the corners of the coarser one's cubes in the face, with the same signs. So in each square of it (in
+the plane: on each of its edges) what one tile draws and what the other does are closed to loops by parts of the
+square's border, and these bound what has to be filled. A part of a border ends at every point that any tile has there,
+so that squares, and faces that meet at an edge of tiles, agree on it.
+"""
+
+from __future__ import annotations
+
+from bisect import bisect_left
+from collections import Counter, defaultdict
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..drawing.contour import Contour
+from .filling import filled, loops_of
+from .grid import Index
+
+Line = tuple[int, Index]
+"""A line of the grid: the axis that it runs along, and the samples that it begins with, 0 along that axis."""
+Edge = tuple[int, int]
+
+
+@dataclass(frozen=True)
+class Part:
+    """What is drawn in a tile.
+
+    Attributes
+    ----------
+    index : tuple of int
+    stage, cube : int
+        Up to which stage, and the edge of its cubes in samples.
+    origin, size : tuple of int
+    contour : Contour
+        In coordinates of the tile.
+    ends : (E, 2, n) int64, or None
+        Between which samples of the tile the first points lie; None where pieces were cut at missing samples.
+    """
+
+    index: Index
+    stage: int
+    cube: int
+    origin: Index
+    size: Index
+    contour: Contour
+    ends: NDArray[np.int64] | None
+
+
+@dataclass(frozen=True)
+class Square:
+    """What is to be closed in a square of a face, or on an edge in the plane.
+
+    Attributes
+    ----------
+    axis : int
+        Across the face.
+    edges : list of pairs
+        Of points, as what fills the square needs them for the two tiles.
+    border : list of pairs, each with a bool
+        Parts of the border, and whether the square begins there.
+    """
+
+    axis: int
+    edges: list[Edge]
+    border: list[tuple[Edge, bool]]
+
+
+class Closing:
+    """The segments or triangles that close all gaps.
+
+    Parameters
+    ----------
+    parts : sequence of Part
+    numbers : sequence of (P,) int64
+        By part: the numbers that its points have in all.
+    points : (P, n) float64
+        All of them.
+    """
+
+    def __init__(
+        self, parts: Sequence[Part], numbers: Sequence[NDArray[np.int64]], points: NDArray[np.float64]
+    ) -> None:  # fmt: skip
+        self._parts, self._numbers, self._points = parts, numbers, points
+        self._ends = [None if p.ends is None else p.ends + np.array(p.origin) for p in parts]
+        self._n = points.shape[1]
+        self._last = [{p.origin[a] + p.size[a] - 1 for p in parts} for a in range(self._n)]
+        self._lines: dict[Line, list[tuple[float, int, int]]] = {}
+        self._line_of: dict[int, tuple[Line, int]] = {}
+
+    def cells(self) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+        """Points that are to stand behind the others, (Q, n), and segments or triangles, (M, n)."""
+        squares = list(self._squares())
+        if self._n == 2:
+            segments = [edge for square in squares for edge, _ in square.border]
+            return np.zeros((0, 2)), np.array(segments, np.int64).reshape(-1, 2)
+        points = np.concatenate([self._points, self._apart(squares)])
+        more: list[NDArray[np.float64]] = []
+        out: list[tuple[int, int, int]] = []
+        for square in squares:
+            border = [edge for edge, _ in square.border]
+            for loop in loops_of([*square.edges, *border]):
+                count = len(points) + len(more)
+                triangles, middle = filled(loop, points, square.axis, set(map(frozenset, border)), count)
+                out += triangles
+                more += middle
+        added = [points[len(self._points) :], np.array(more).reshape(-1, 3)]
+        return np.concatenate(added), np.array(out, np.int64).reshape(-1, 3)
+
+    def _squares(self) -> Iterator[Square]:
+        """What is to be closed, square by square."""
+        faces = list(self._faces())
+        if faces:
+            self._note_lines()
+        for i, j, axis in faces:
+            cube = max(self._parts[i].cube, self._parts[j].cube)
+            for low, edges in self._gaps(i, j, axis, cube).items():
+                border = self._border(low, edges, axis, cube)
+                if border is not None:
+                    yield Square(axis, edges, border)
+
+    def _apart(self, squares: Sequence[Square]) -> NDArray[np.float64]:
+        """Middles of parts of borders where all four faces around an edge of tiles are filled, (Q, 3).
+
+        Faces are then neighbours two by two, around the tiles in front and behind; the latter two get the middle.
+        """
+        counts = Counter(frozenset(edge) for square in squares for edge, _ in square.border)
+        middles: dict[frozenset[int], int] = {}
+        found: list[NDArray[np.float64]] = []
+        for square in squares:
+            border = []
+            for (a, b), behind in square.border:
+                pair = frozenset((a, b))
+                if counts[pair] <= 2 or not behind:
+                    border.append(((a, b), behind))
+                    continue
+                if pair not in middles:
+                    middles[pair] = len(self._points) + len(found)
+                    found.append((self._points[a] + self._points[b]) / 2)
+                border += [((a, middles[pair]), behind), ((middles[pair], b), behind)]
+            square.border[:] = border
+        return np.array(found).reshape(-1, 3)
+
+    def _faces(self) -> Iterator[tuple[int, int, int]]:
+        """Neighbours that are drawn up to different stages: both, and the axis across their face."""
+        where = {part.index: i for i, part in enumerate(self._parts)}
+        for i, part in enumerate(self._parts):
+            for axis in range(self._n):
+                behind = tuple(k + (a == axis) for a, k in enumerate(part.index))
+                j = where.get(behind)
+                if j is None or self._parts[j].stage == part.stage:
+                    continue
+                if self._ends[i] is not None and self._ends[j] is not None:
+                    yield i, j, axis
+
+    def _note_lines(self) -> None:
+        """Points on lines of the grid in faces, in their order."""
+        held: dict[Line, set[tuple[float, int, int]]] = defaultdict(set)
+        for part, ends, numbers in zip(self._parts, self._ends, self._numbers, strict=True):
+            if ends is None:
+                continue
+            last = np.array(part.origin) + np.array(part.size) - 1
+            on_face = ((ends == part.origin).all(axis=1) | (ends == last).all(axis=1)).any(axis=1)
+            apart = ends[:, 0] != ends[:, 1]
+            for k in np.flatnonzero(on_face & (apart.sum(axis=1) == 1)).tolist():
+                axis = int(np.argmax(apart[k]))
+                low = ends[k].min(axis=0).tolist()
+                at = low[axis]
+                low[axis] = 0
+                line, number = (axis, tuple(low)), int(numbers[k])
+                held[line].add((float(self._points[number, axis]), at, number))
+                self._line_of[number] = line, at
+        self._lines = {line: sorted(points) for line, points in held.items()}
+
+    def _gaps(self, i: int, j: int, axis: int, cube: int) -> dict[Index, list[Edge]]:
+        """By the first sample of each square of a face: edges that what fills it has to have, as both tiles need them.
+
+        In the plane each is a point where a line of a tile ends, (-1, point), or begins, (point, -1).
+        """
+        found: dict[Index, list[Edge]] = defaultdict(list)
+        for part in (i, j):
+            ends, cells, numbers = self._ends[part], self._parts[part].contour.cells, self._numbers[part]
+            assert ends is not None
+            there = np.zeros(len(numbers), np.bool_)
+            there[: len(ends)] = (ends[:, :, axis] == self._parts[j].origin[axis]).all(axis=1)
+            if self._n == 2:
+                pairs = [(-1, int(cells[k, 1])) for k in np.flatnonzero(there[cells[:, 1]])]
+                pairs += [(int(cells[k, 0]), -1) for k in np.flatnonzero(there[cells[:, 0]])]
+            else:
+                pairs = [
+                    (int(b), int(a)) for first, second in ((0, 1), (1, 2), (2, 0))
+                    for a, b in cells[there[cells[:, first]] & there[cells[:, second]]][:, [first, second]]
+                ]  # fmt: skip
+            for a, b in pairs:
+                low = np.min([ends[k].min(axis=0) for k in (a, b) if k >= 0], axis=0) // cube * cube
+                low[axis] = self._parts[j].origin[axis]
+                edge = int(numbers[a]) if a >= 0 else -1, int(numbers[b]) if b >= 0 else -1
+                own = found[tuple(low.tolist())]
+                # where both draw the same there is nothing to fill
+                if edge[::-1] in own:
+                    own.remove(edge[::-1])
+                else:
+                    own.append(edge)
+        return {low: edges for low, edges in found.items() if edges}
+
+    def _border(
+        self, low: Index, edges: Sequence[Edge], axis: int, cube: int
+    ) -> list[tuple[Edge, bool]] | None:  # fmt: skip
+        """Parts of the border of a square, or of an edge, that close what is there, and whether it begins at them.
+
+        None if nothing does: beside missing samples.
+        """
+        more: dict[int, int] = defaultdict(int)
+        for a, b in edges:
+            more[a] += 1
+            more[b] -= 1
+        more.pop(-1, None)
+        by_line: dict[Line, list[int]] = defaultdict(list)
+        for number, balance in more.items():
+            if balance:
+                if number not in self._line_of:
+                    return None
+                by_line[self._line_of[number][0]].append(number)
+        out: list[tuple[Edge, bool]] = []
+        for line, own in by_line.items():
+            along, fixed = line
+            # across the face and along the line nothing is asked; at the end of a field squares may be cut
+            across = [a for a in range(self._n) if a not in (along, axis)]
+            if any((fixed[a] - low[a]) % cube and fixed[a] not in self._last[a] for a in across):
+                return None
+            begins = all(fixed[a] == low[a] for a in across)
+            order = self._lines[line]
+            rank = {
+                number: bisect_left(order, (float(self._points[number, along]), self._line_of[number][1], number))
+                for number in own
+            }
+            own.sort(key=rank.__getitem__)
+            flow, before = 0, -1
+            for number in own:
+                here = rank[number]
+                steps = [(order[k][2], order[k + 1][2]) for k in range(before, here)] if flow else []
+                out += [(step if flow > 0 else step[::-1], begins) for step in steps] * abs(flow)
+                flow, before = flow - more[number], here
+            if flow:
+                return None
+        return out

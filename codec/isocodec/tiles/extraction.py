@@ -1,0 +1,179 @@
+"""A box of a tiled file as a file of its own: the strands of a tile as they are, or what tiles tell, put together."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from itertools import chain
+from math import prod
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from isospec.container import ChunkType
+
+from ..errors import LimitError, OptionError
+from ..field.placement import PLACEMENT, read_placement, unplaced, write_placement
+from ..field.samples import Field
+from ..format.chunks import write_chunk, write_further
+from ..stream.recoder import Source, source_of
+from ..tube.decoded import Decoded
+from .container import Kind
+from .grid import Index
+from .reading import TiledFile, plain
+
+
+class Extract:
+    """A box of samples of a tiled file.
+
+    Parameters
+    ----------
+    file : TiledFile
+    box : n pairs of numbers, or None for everything
+        It is grown to whole samples, and at its low ends to even ones: there the full grid has the same diagonals.
+
+    Attributes
+    ----------
+    low, size : tuple of int
+        The first sample, and how many there are along each axis.
+    notes : dict of str to str
+        Of the file, with a placement that leaves all samples where they were.
+
+    Raises
+    ------
+    OptionError
+        If there is no such box.
+    LimitError
+        If it has more samples than the limits allow.
+    """
+
+    def __init__(self, file: TiledFile, box: Sequence[Sequence[float]] | None) -> None:
+        self._file = file
+        shape = np.array(file.shape)
+        if shape.min() < 2:
+            raise OptionError("a field with one sample along an axis has no file of its own", code="extract")
+        first, last = file.bounds(box)
+        low = np.minimum(np.floor(first).astype(np.int64), shape - 2) // 2 * 2
+        high = np.maximum(np.ceil(last).astype(np.int64), low + 1)
+        self.low: Index = tuple(low.tolist())
+        self.size: Index = tuple((high - low + 1).tolist())
+        if prod(self.size) > file.limits.samples:
+            raise LimitError(
+                f"the box has {prod(self.size):,} samples, more than the limit of {file.limits.samples:,}",
+                code="limit-samples", clause="11.2", remedy="ask for a smaller box, or raise Limits.samples",
+            )  # fmt: skip
+        self.notes = dict(file.metadata)
+        placement = read_placement(self.notes, len(shape))
+        placement = unplaced(len(shape)) if placement is None else placement
+        moved = np.column_stack([placement[:, :-1], placement[:, -1] + placement[:, :-1] @ low])
+        self.notes[PLACEMENT] = write_placement(moved)
+
+    def strands(self, numbers: Sequence[int]) -> bytes | None:
+        """The file of isovalues, by number, with their bytes as they are; None unless the box is a tile where all of
+        them come.
+        """
+        head = self._file.head
+        index = tuple(low >> head.grid.exponent for low in self.low)
+        if any(i >= count for i, count in zip(index, head.grid.counts, strict=True)):
+            return None
+        if (head.grid.origin(index), head.grid.size(index)) != (self.low, self.size):
+            return None
+        found = [self._file.tiles([index], number, len(head.stages) - 1)[0] for number in numbers]
+        if any(kind != Kind.CODED for _, kind, _, _ in found):
+            return None
+        _, _, mask, segments = found[0]
+        for number, (_, _, _, own) in zip(numbers[1:], found[1:], strict=True):
+            segments = [*segments, write_chunk(ChunkType.ISOVALUE, write_further(head.isovalues[number], None)), *own]
+        return plain(head, index, numbers[0], mask, segments, self.notes)
+
+    def sources(self, numbers: Sequence[int]) -> list[Source]:
+        """What tiles tell of isovalues, by number, as a file of one piece would.
+
+        Raises
+        ------
+        OptionError
+            If their meshes are not the full grid.
+        FormatError, LimitError
+        """
+        head = self._file.head
+        last = head.stages[-1]
+        if last.adaptive or last.edge:
+            one = " x ".join(str((1 << head.grid.exponent) + 1) for _ in self.low)
+            raise OptionError(
+                "the file's meshes are coarser than its samples: only a tile can be taken out as it is", code="extract",
+                remedy=f"ask for the box of one tile ({one} samples), or decode the window",
+            )  # fmt: skip
+        told = [self._told(number) for number in numbers]
+        gone = np.logical_or.reduce([each for _, each, _ in told])
+        missing = gone if gone.any() else None
+        return [
+            source_of(state, Field(signs, head.isovalues[number], signs, head.scale, missing), "the file")
+            for number, (signs, _, state) in zip(numbers, told, strict=True)
+        ]
+
+    def _told(self, number: int) -> tuple[NDArray[np.bool_], NDArray[np.bool_], Decoded]:
+        """Signs of an isovalue, which samples are missing as far as its tiles say, and what these tell."""
+        signs, gone = np.zeros(self.size, np.bool_), np.zeros(self.size, np.bool_)
+        told = []
+        for index, kind, mask, segments in self._tiles(number):
+            here, there = self._windows(index)
+            if kind != Kind.CODED:
+                signs[here] = kind == Kind.ABOVE
+                continue
+            decoder = self._file.decoded(index, number, mask, segments)
+            signs[here] = decoder.mask()[there]
+            gone[here] |= ~decoder.valid()[there]
+            state = decoder.state()
+            assert state is not None
+            told.append(self._moved(state, np.subtract(self._file.head.grid.origin(index), self.low)))
+        return signs, gone, _together(told, self.size)
+
+    def _tiles(self, number: int) -> Iterator[tuple[Index, Kind, bytes, list[bytes]]]:
+        """Tiles with something in the box. Those where nothing is coded come first: of missing samples in their faces
+        others know better."""
+        grid = self._file.head.grid
+        low, size = np.array(self.low), np.array(self.size)
+        found = self._file.tiles(grid.touching(low, low + size - 1), number, len(self._file.head.stages) - 1)
+        return chain((t for t in found if t[1] != Kind.CODED), (t for t in found if t[1] == Kind.CODED))
+
+    def _windows(self, index: Index) -> tuple[tuple[slice, ...], tuple[slice, ...]]:
+        """Samples of a tile that lie in the box: counted in the box, and in the tile."""
+        grid = self._file.head.grid
+        bounds = [
+            (max(o, low), min(o + s, low + size), o, low)
+            for o, s, low, size in zip(grid.origin(index), grid.size(index), self.low, self.size, strict=True)
+        ]
+        here = tuple(slice(a - low, b - low) for a, b, _, low in bounds)
+        return here, tuple(slice(a - o, b - o) for a, b, o, _ in bounds)
+
+    def _moved(self, state: Decoded, move: NDArray[Any]) -> Mapping[str, NDArray[Any]]:
+        """What a state tells within the box, moved."""
+        last = np.array(self.size) - 1
+        position, low, high = state.position + move, state.edge_low + move, state.edge_high + move
+        kept = ((position >= 0) & (position <= last)).all(axis=1)
+        edges = ((low >= 0) & (high <= last)).all(axis=1)
+        return {
+            "position": position[kept], "above": state.above[kept], "missing": state.missing[kept],
+            "number": state.number[kept], "edge_low": low[edges], "edge_high": high[edges],
+            "edge_parts": state.edge_parts[edges], "edge_number": state.edge_number[edges],
+        }  # fmt: skip
+
+
+def _together(told: Sequence[Mapping[str, NDArray[Any]]], size: Index) -> Decoded:
+    """One state of what tiles tell: what several tell in shared faces, once, samples by whoever tells most of them."""
+    n = len(size)
+    none: dict[str, NDArray[Any]] = {
+        "position": np.zeros((0, n), np.int64), "edge_low": np.zeros((0, n), np.int64),
+        "edge_high": np.zeros((0, n), np.int64), "above": np.zeros(0, np.bool_),
+    }  # fmt: skip
+    names = ("position", "above", "missing", "number", "edge_low", "edge_high", "edge_parts", "edge_number")
+    whole = {
+        name: np.concatenate([none.get(name, np.zeros(0, np.int64)), *(each[name] for each in told)]) for name in names
+    }
+    # numbers that are whole first, behind them those of which bits are missing, and samples without any
+    order = np.argsort(np.where(whole["missing"] < 0, 64, whole["missing"]), kind="stable")
+    _, first = np.unique(whole["position"][order], axis=0, return_index=True)
+    whole.update({name: whole[name][order[first]] for name in names if not name.startswith("edge")})
+    _, once = np.unique(np.concatenate([whole["edge_low"], whole["edge_high"]], axis=1), axis=0, return_index=True)
+    whole.update({name: whole[name][once] for name in names if name.startswith("edge")})
+    return Decoded(size, 0, np.zeros((0, n), np.int64), **whole)

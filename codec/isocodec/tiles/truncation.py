@@ -1,0 +1,53 @@
+"""A tiled file of the first stages of another: its segments as they are, since areas stand stage by stage."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+
+from ..errors import OptionError, TruncatedError
+from .container import Leaf
+from .head import write_head
+from .leaf import write_leaf
+from .reading import KEPT_LEAVES, TiledFile
+
+_PIECE = 1 << 22
+
+
+def first_stages(file: TiledFile, count: int) -> Iterator[bytes]:
+    """The bytes of a tiled file with the first ``count`` stages of another, all of them if it has fewer.
+
+    Raises
+    ------
+    OptionError
+        If there is to be none.
+    FormatError
+        If its directories are damaged; segments that are keep checksums that do not fit.
+    TruncatedError
+        If the file ends before that.
+    """
+    if count < 1:
+        raise OptionError(f"layers is {count}; it must be at least 1", code="layers")
+    head, root = file.head, file.root
+    short = replace(head, stages=head.stages[:count])
+    areas = short.areas
+    leaves = []
+    total = len(root.lengths)
+    for first in range(0, total, KEPT_LEAVES):
+        for leaf in file.leaves(range(first, min(first + KEPT_LEAVES, total))):
+            kept = Leaf(leaf.kinds, leaf.lengths[:areas], leaf.checksums[:areas])
+            leaves.append((write_leaf(short, kept), kept.lengths.sum(axis=1).tolist()))
+    yield write_head(short, leaves)
+    for data, _ in leaves:
+        yield data
+    at = int(root.leaves[-1])
+    end = at + int(np.sum(root.sizes[:, :areas]))
+    while at < end:
+        piece = file.fetch(at, min(at + _PIECE, end))
+        if not piece:
+            raise TruncatedError(f"the file ends at {at:,}, before its tiles do", code="truncated", offset=at,
+                                 clause="12.4")  # fmt: skip
+        yield piece
+        at += len(piece)

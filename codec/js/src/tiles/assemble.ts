@@ -1,0 +1,36 @@
+/** The file of a tile, put together from its segments (12.6(2)). */
+import { crc32 } from "../crc.js";
+import type { Opened } from "./head.js";
+
+function varint(x: number): number[] {
+  const bytes = [x % 128];
+  while ((x = Math.floor(x / 128))) bytes.unshift(128 + (x % 128));
+  return bytes;
+}
+
+function scaleBytes(scale: number): number[] {
+  const exponent = Math.round(Math.log2(scale)), view = new DataView(new ArrayBuffer(8));
+  if (2 ** exponent === scale && Math.abs(exponent) < 128) return [exponent & 255];
+  view.setFloat64(0, scale);
+  return [128, ...new Uint8Array(view.buffer)];
+}
+
+/** The file of a tile of `widths` samples at an isovalue: `segments` are the mask's, if it has one, and those of its stages. */
+export function assemble({ head, coded }: Opened, isovalue: number, widths: readonly number[], segments: readonly Uint8Array[]): Uint8Array {
+  const { kind, bytes } = coded[isovalue]!, equal = widths.every((w) => w === widths[0]);
+  const flags = Number(equal) << 6 | Number(head.scale !== undefined) << 5 | kind << 3 | (head.n - 2) << 2 | Number(head.profile === "main");
+  const start = [
+    0x89, 0x49, 0x53, 0x4f, 0, flags, ...(equal ? widths.slice(0, 1) : widths).flatMap(varint), ...bytes,
+    ...(head.scale === undefined ? [] : scaleBytes(head.scale)),
+  ];
+  const end = start.length + segments.reduce((sum, each) => sum + each.length, 0), file = new Uint8Array(end + 6);
+  file.set(start);
+  let at = start.length;
+  for (const segment of segments) {
+    file.set(segment, at);
+    at += segment.length;
+  }
+  file.set([0xa3, 0], end);
+  new DataView(file.buffer).setUint32(end + 2, crc32(0, file, 0, end + 2));
+  return file;
+}

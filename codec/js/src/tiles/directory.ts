@@ -1,0 +1,119 @@
+/** The directories of a file in tiles, and the files of its tiles, read as they are asked for (12.4 to 12.6). */
+import { assemble } from "./assemble.js";
+import { verify } from "./cursor.js";
+import { type Block, FIRST, headSize, type Opened, readHead } from "./head.js";
+import { Kept } from "./kept.js";
+import { type Channel, type Group, readLeaf, type Segment } from "./leaf.js";
+import { morton } from "./order.js";
+import type { Pieces } from "./source.js";
+import type { Box, TilesHead } from "./types.js";
+
+/** A tile: its indices, and its number in the order of its block, whose directory `channels` is. */
+export interface Place {
+  index: number[];
+  number: number;
+  channels: readonly Channel[];
+}
+
+/** Bytes of directories, and of segments, that are kept. */
+const KEPT = 2 ** 26;
+
+export class Directory {
+  readonly head: TilesHead;
+  private readonly leaves = new Kept<Block, Channel[]>(KEPT);
+  private readonly groups = new Kept<number, Uint8Array>(KEPT);
+  /** Orders of the tiles of a block by its extent: blocks end at the end of an axis or do not. */
+  private readonly orders = new Map<string, Uint32Array>();
+
+  private constructor(readonly pieces: Pieces, private readonly opened: Opened) {
+    this.head = opened.head;
+  }
+
+  /** Read the head; in most files the first request brings some leaf directories, too. */
+  static async open(pieces: Pieces): Promise<Directory> {
+    const start = await pieces.first(FIRST), size = headSize(start);
+    return new Directory(pieces, readHead(start.slice(0, size), morton));
+  }
+
+  /** See that the file does not end before its last segment. */
+  whole(): Promise<void> {
+    return this.pieces.reaches(this.opened.end);
+  }
+
+  /** Samples along each axis of a tile. */
+  widths(index: readonly number[]): number[] {
+    const { shape, tile, tiles } = this.head;
+    return index.map((i, a) => (i < tiles[a]! - 1 ? tile + 1 : shape[a]! - i * tile));
+  }
+
+  /** Blocks with tiles that lie in a box, in whole or in part, with their directories. */
+  async blocks(box: Box | undefined): Promise<[Block, Channel[]][]> {
+    const { head, opened: { blocks } } = this;
+    const met = blocks.filter(({ first, extent }) => !box || this.meets(first, first.map((x, a) => x + extent[a]! - 1), box));
+    const missing = met.filter((block) => !this.leaves.get(block)), fresh = new Map<Block, Channel[]>();
+    const found = await this.pieces.read(missing.map(({ leaf }) => leaf));
+    missing.forEach((block, i) => {
+      const { leaf: { at, size, sum } } = block;
+      verify(found[i]!, sum, at, "12.4", "a leaf directory");
+      const channels = readLeaf(found[i]!, block, head.stages.length, head.isovalues.length, head.masked);
+      fresh.set(block, channels);
+      this.leaves.set(block, channels, 16 * size);
+    });
+    return met.map((block) => [block, fresh.get(block) ?? this.leaves.get(block)!]);
+  }
+
+  /** Tiles of a block that are coded at an isovalue and lie in a box, in whole or in part. */
+  coded(block: Block, channels: readonly Channel[], isovalue: number, box: Box | undefined): Place[] {
+    const { n, masked } = this.head, order = this.order(block.extent), found: Place[] = [];
+    for (const number of channels[Number(masked) + isovalue]!.coded) {
+      const index = block.first.map((x, a) => x + order[n * number + a]!);
+      if (!box || this.meets(index, index, box)) found.push({ index, number, channels });
+    }
+    return found;
+  }
+
+  private order(extent: readonly number[]): Uint32Array {
+    const key = extent.join(), order = this.orders.get(key) ?? morton(extent);
+    this.orders.set(key, order);
+    return order;
+  }
+
+  /** Whether tiles from one to another lie in a box. */
+  private meets(from: readonly number[], to: readonly number[], box: Box): boolean {
+    const { shape, tile, tiles } = this.head;
+    return box.every(([low, high], a) => {
+      const end = to[a]! < tiles[a]! - 1 ? (to[a]! + 1) * tile : shape[a]! - 1;
+      return from[a]! * tile < high && end > low;
+    });
+  }
+
+  /** The segments of a tile's file at an isovalue, up to a stage: of the mask first, if it has one. */
+  segments({ number, channels }: Place, isovalue: number, stage: number): Segment[] {
+    const masks = Number(this.head.masked), mask = masks ? channels[0]!.of(number) : [];
+    return [...mask, ...channels[masks + isovalue]!.of(number).slice(0, stage + 1)];
+  }
+
+  /** The groups that hold some segments, their checksums verified. */
+  async fetch(segments: readonly Segment[]): Promise<Map<Group, Uint8Array>> {
+    const wanted = new Set<Group>(), held = new Map<Group, Uint8Array>();
+    for (const { group } of segments) {
+      const kept = group && this.groups.get(group.at);
+      if (kept) held.set(group, kept);
+      else if (group) wanted.add(group);
+    }
+    const list = [...wanted], found = await this.pieces.read(list);
+    list.forEach((group, i) => {
+      verify(found[i]!, group.sum, group.at, "12.5", "a group of segments");
+      held.set(group, found[i]!);
+      this.groups.set(group.at, found[i]!, group.size);
+    });
+    return held;
+  }
+
+  /** The file of a tile at an isovalue, up to a stage. */
+  file(place: Place, isovalue: number, stage: number, groups: Map<Group, Uint8Array>): Uint8Array {
+    const segments = this.segments(place, isovalue, stage);
+    const parts = segments.map(({ group, at, size }) => group ? groups.get(group)!.subarray(at, at + size) : new Uint8Array(0));
+    return assemble(this.opened, isovalue, this.widths(place.index), parts);
+  }
+}

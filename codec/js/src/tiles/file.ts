@@ -1,0 +1,116 @@
+/** Files in tiles (clause 12): windows of their curves, read as they are asked for. */
+import { Decoder } from "../decoder.js";
+import { draw, type Drawing } from "../draw.js";
+import { LIMITS, type Limits } from "../errors.js";
+import type { MainProfile } from "../main/profile.js";
+import { fetchTables } from "../stream.js";
+import { Directory, type Place } from "./directory.js";
+import { join, type Piece } from "./join.js";
+import { Kept } from "./kept.js";
+import { Pieces } from "./source.js";
+import type { Box, TilesHead, TileSource, TilesOptions, WindowOptions } from "./types.js";
+
+export type { Directory } from "./directory.js";
+export type * from "./types.js";
+
+/** Points of tiles' drawings that are kept for the next window. */
+const KEPT_POINTS = 2 ** 21;
+/** Milliseconds after which others have a turn. */
+const TURN = 40;
+
+/** Open a file in tiles: reads its head. */
+export async function openTiles(source: TileSource, options: TilesOptions = {}): Promise<TiledFile> {
+  const limits = { ...LIMITS, ...options.limits };
+  return new TiledFile(await Directory.open(new Pieces(source, limits.bytes)), limits, options);
+}
+
+export class TiledFile {
+  readonly head: TilesHead;
+  private readonly drawings = new Kept<string, Drawing>(KEPT_POINTS);
+  private rested = 0;
+  private main: Promise<MainProfile> | undefined;
+
+  constructor(readonly directory: Directory, private readonly limits: Limits, private readonly options: TilesOptions) {
+    this.head = directory.head;
+  }
+
+  /** Pieces of the file that have been read. */
+  get requests(): number {
+    return this.directory.pieces.requests;
+  }
+
+  /** Bytes of these. */
+  get received(): number {
+    return this.directory.pieces.received;
+  }
+
+  /** The curve or surface in a box of samples: all cells that lie in it, in whole or in part. */
+  async window(box: Box | undefined, options: WindowOptions = {}): Promise<Drawing> {
+    const { directory, head } = this, { isovalue = 0, signal } = options, stage = this.stage(options);
+    if (!(isovalue in head.isovalues)) throw new RangeError(`there is no isovalue ${isovalue}; the file has ${head.isovalues.length}`);
+    if (box && (box.length !== head.n || !box.every(([from, to]) => from <= to)))
+      throw new RangeError(`a box is ${head.n} pairs, from where to where along each axis`);
+    const key = ({ index }: Place): string => `${index} ${isovalue} ${stage}`, drawings = new Map<string, Drawing>(), fresh: Place[] = [];
+    const places = (await directory.blocks(box)).flatMap(([block, channels]) => directory.coded(block, channels, isovalue, box));
+    for (const place of places) {
+      const kept = this.drawings.get(key(place));
+      if (kept) drawings.set(key(place), kept);
+      else fresh.push(place);
+    }
+    signal?.throwIfAborted();
+    const groups = await directory.fetch(fresh.flatMap((place) => directory.segments(place, isovalue, stage)));
+    const limits = { ...this.limits };
+    for (const place of fresh) {
+      await this.turn(signal);
+      const file = directory.file(place, isovalue, stage, groups), decoder = await this.decode(file, limits), drawing = draw(decoder, 0, 0, true);
+      // what a tile takes beyond what its bytes allow is missing to the others
+      limits.work -= Math.max(0, decoder.meter.steps / 16 - limits.workPerByte * file.length);
+      drawings.set(key(place), drawing);
+      this.drawings.set(key(place), drawing, drawing.points.length);
+    }
+    const pieces = places.map((place): Piece => ({
+      origin: place.index.map((i) => i * head.tile), last: directory.widths(place.index).map((w) => w - 1), drawing: drawings.get(key(place))!,
+    }));
+    return join(head.n, head.shape.map((s) => s - 1), pieces, box, limits.memory);
+  }
+
+  /** The whole curve or surface. */
+  all(options: WindowOptions = {}): Promise<Drawing> {
+    return this.window(undefined, options);
+  }
+
+  /** The number of the stage that options ask for. */
+  stage({ within, layer }: Pick<WindowOptions, "within" | "layer">): number {
+    const { stages } = this.head, last = stages.length - 1;
+    if (within !== undefined && layer !== undefined) throw new RangeError("within and layer contradict one another");
+    if (layer !== undefined && !(layer in stages)) throw new RangeError(`there is no layer ${layer}; the file has ${last + 1}, from 0 on`);
+    const found = within === undefined ? (layer ?? last) : stages.findIndex(({ cube }) => cube <= within);
+    return found < 0 ? last : found;
+  }
+
+  /** Decode the file of a tile. */
+  async decode(file: Uint8Array, limits: Limits = this.limits): Promise<Decoder> {
+    const main = this.head.profile === "main" ? await (this.main ??= this.load()) : undefined;
+    const decoder = new Decoder({ limits, ...(main && { main }) });
+    decoder.feed(file);
+    decoder.end();
+    if (decoder.error) throw decoder.error;
+    return decoder;
+  }
+
+  private async load(): Promise<MainProfile> {
+    const { main, loadTables = fetchTables } = this.options;
+    if (main) return main;
+    const [{ MainProfile }, bytes] = await Promise.all([import("../main/profile.js"), loadTables()]);
+    return new MainProfile(bytes);
+  }
+
+  /** From time to time others have a turn; one of them may abort this. */
+  private async turn(signal: AbortSignal | undefined): Promise<void> {
+    if (performance.now() - this.rested > TURN) {
+      await new Promise((resolve) => setTimeout(resolve, 0));
+      this.rested = performance.now();
+    }
+    signal?.throwIfAborted();
+  }
+}

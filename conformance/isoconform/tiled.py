@@ -1,0 +1,202 @@
+"""Vectors of files in tiles (clause 12): as the encoder writes them, put together otherwise, and wrong ones."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from isocodec import TiledIsoFile, encode_tiles
+from isocodec import open as open_iso
+from isospec.container import Double
+
+from .adaptive import SPACES
+from .draft import Draft
+from .fields import Integers, Shape, balls, waves
+from .isovalues import HIGH
+from .streams import split
+from .tiled_file import CODED, Block, Run, TiledFile
+
+EDGE = 32
+"""Steps along a side of the tiles of all vectors, the least that there is."""
+VALUE = 21
+HALVES = 0
+"""The kind of isovalue that is an integer of halves."""
+
+
+def _tiled(name: str, field: ArrayLike, isovalue: float | Sequence[float], about: str, **options) -> Draft:
+    """A vector as the reference encoder writes it."""
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "tiled.iso"
+        defaults = {"profile": "baseline", "exact": "step" not in options}
+        encode_tiles(field, isovalue, path, tile=EDGE, **{**defaults, **options})
+        return Draft(name, path.read_bytes(), np.ndim(field), ("file in tiles", f"tiles: {about}"))
+
+
+def _spots(shape: Shape, *centres: tuple[int, ...]) -> Integers:
+    """Small balls, far from one another."""
+    return balls(shape, [(tuple(2 * x for x in centre), 9) for centre in centres])
+
+
+def encoded() -> Iterator[Draft]:
+    """As the reference encoder writes them."""
+    for shape in ((70, 101), (52, 51, 8)):
+        n, space = len(shape), SPACES[len(shape)]
+        small = shape if n == 2 else (50, 9, 11)
+        hills = waves(small, HIGH, 4)
+        gone = np.zeros(small, np.bool_)
+        gone[tuple(slice(5, size // 2) for size in small)] = True
+        gone[-17:, -40:] = True
+        signs = {"exact": False, "signs_only": True}
+        yield _tiled(f"{space}_exact", hills, VALUE, "values")
+        yield _tiled(f"{space}_main", hills, VALUE, "the main profile", profile="main")
+        yield _tiled(f"{space}_offsets", hills, VALUE, "offsets", exact=False, tolerance=0.05, profile="main")
+        yield _tiled(f"{space}_signs", waves(shape, HIGH, 4), VALUE, "signs, sides that are no multiples", **signs)
+        yield _tiled(f"{space}_isovalues", hills, (VALUE, VALUE + 4.5, 1e9), "several isovalues", **signs)
+        yield _tiled(f"{space}_missing", np.ma.masked_array(hills, gone), VALUE, "missing samples")
+        steps = np.where(gone, np.nan, hills / 8)
+        yield _tiled(f"{space}_steps", steps, VALUE / 8, "a scale, missing samples", step=0.25)
+        yield _tiled(f"{space}_empty", hills, 1e9, "no curve")
+    yield _tiled("plane_adaptive", 40 * waves((70, 101), HIGH, 4), 40 * VALUE, "an adaptive stage", exact=False,
+                 tolerance=1.0)  # fmt: skip
+    for name, shape, centres in (
+        ("plane_leaves", (1100, 1170), [(40, 50), (1024, 30), (500, 1024), (1050, 1100)]),
+        ("space_leaves", (300, 34, 18), [(30, 20, 9), (256, 10, 9)]),
+    ):
+        about = "runs, several leaf directories"
+        yield _tiled(name, _spots(shape, *centres), -0.5, about, exact=False, signs_only=True)
+    for name, shape in (("plane_narrow", (2, 90)), ("plane_last", (49, 50)), ("space_last", (50, 5, 7))):
+        yield _tiled(name, waves(shape, HIGH, 4), VALUE, "partial tiles")
+
+
+def _opened(draft: Draft) -> TiledIsoFile:
+    file = open_iso(draft.data)
+    assert isinstance(file, TiledIsoFile)
+    return file
+
+
+def _segments(data: bytes) -> list[bytes]:
+    """The chunks of a tile's file, the last one apart."""
+    return [chunk.enveloped() for chunk in split(data).chunks[:-1]]
+
+
+def _morton(extent: Shape) -> list[Shape]:
+    """Indices in Morton order."""
+    bits = range(max(extent).bit_length() - 1, -1, -1)
+    return sorted(np.ndindex(*extent), key=lambda index: [(x >> bit) & 1 for bit in bits for x in index])
+
+
+def written(n: int, block: int, stages: int) -> TiledFile:
+    """A file of other blocks and stages than the encoder's, one run for each tile."""
+    shape = (70, 150) if n == 2 else (50, 8, 83)
+    spots = _spots(shape, *(((30, 30), (32, 90), (64, 120)) if n == 2 else ((30, 4, 31), (40, 3, 64))))
+    file = _opened(_tiled("", spots, -0.5, "", exact=False, signs_only=True))
+    counts = file.head.grid.counts
+    blocks = []
+    for first in _morton(tuple(-(-m >> block) if block else m for m in counts)):
+        origin = [x << block for x in first]
+        extent = tuple(min(1 << block, m - o) for m, o in zip(counts, origin, strict=True))
+        runs = []
+        for index in _morton(extent):
+            chunks = _segments(file.tile(tuple(np.add(origin, index).tolist())))
+            parts = [b"".join(chunks[: len(chunks) - stages + 1]), *chunks[len(chunks) - stages + 1 :]]
+            runs.append(Run(CODED, 1, [parts]) if chunks else Run(0, 1))
+        blocks.append(Block([runs], stages))
+    isovalue = bytes([HALVES]) + bytes([1])
+    return TiledFile(shape, 5, block, bytes([2, 0])[-stages:], [isovalue], blocks)
+
+
+def others() -> Iterator[Draft]:
+    """Put together otherwise, and what readers take no offence at."""
+    for n in (2, 3):
+        for block, stages, about in ((0, 1, "blocks of one tile, one stage"), (1, 2, "small blocks, two stages")):
+            name = f"{SPACES[n]}_blocks_{block}"
+            yield Draft(name, bytes(written(n, block, stages)), n, ("file in tiles", f"tiles: {about}"))
+    file = written(2, 2, 2)
+    plain = bytes(file)
+    for name, about, data in (
+        ("metadata", "metadata that is no JSON", replace(file, metadata=b"none")),
+        ("writer", "a later writer version", replace(file, version=0x30)),
+        ("stage_bits", "stages that layers do not lead to", replace(file, stages=bytes([0xCF, 0x80]))),
+        ("behind", "bytes behind the last segment", plain + b"more"),
+    ):
+        yield Draft(f"plane_{name}", bytes(data), 2, ("file in tiles", f"tiles: {about}"))
+
+
+def _harmed(part: bytes, data: bytes) -> bytes:
+    """A file with a bit of the first byte of a part changed."""
+    at = data.index(part)
+    return data[:at] + bytes([data[at] ^ 1]) + data[at + 1 :]
+
+
+def _lying(file: TiledFile) -> bytes:
+    """A file whose root directory says of the first block's last two areas what is not so."""
+    entry = bytearray(replace(file, blocks=file.blocks[:1]).root())
+    entry[-2:] = entry[-1], entry[-2]
+    data = bytes(file)
+    return file.head(bytes(entry) + file.root()[len(entry) :]) + data[len(file.head(file.root())) :]
+
+
+def _critical(run: Run, at: Run) -> Run:
+    """The same run, but of the run ``at`` with another type of its first chunk."""
+    if run is not at:
+        return run
+    first, *rest = run.segments[0]
+    return replace(run, segments=[[b"\x1f" + first[1:], *rest]])
+
+
+def wrong() -> Iterator[tuple[str, str, str, bytes]]:
+    """Names, the clause that is violated, how, and files."""
+    file = written(2, 2, 2)
+    block = file.blocks[0]
+    plain, leaf = bytes(file), block.leaf()
+    size = len(file.head(file.root()))
+    segment = next(segment for area in block.areas() for segment in area)
+
+    def other(first: Block) -> bytes:
+        return bytes(replace(file, blocks=[first, *file.blocks[1:]]))
+
+    def runs(*changed: Run) -> Block:
+        return replace(block, channels=[[*changed, *block.channels[0][len(changed) :]]])
+
+    yield "head_checksum", "12.3", "the head has a wrong checksum", _harmed(plain[size - 1 : size + 3], plain)
+    yield "leaf_checksum", "12.4", "a leaf directory has a wrong checksum", _harmed(leaf, plain)
+    yield "group_checksum", "12.5", "a group of segments has a wrong checksum", _harmed(segment, plain)
+    yield "version", "3.3.1", "a later read version", bytes(replace(file, version=1))
+    yield "flag", "12.3", "an unknown flag", bytes(replace(file, flags=8))
+    yield "profile", "12.3", "an unknown profile", bytes(replace(file, flags=2))
+    yield "stage", "12.3", "an unknown bit of a stage", bytes(replace(file, stages=bytes([0x12, 0])))
+    yield "edge", "12.3", "tiles of 16 samples", bytes(replace(file, exponent=4))
+    yield "block", "12.3", "blocks of too many tiles", bytes(replace(file, block=11))
+    yield "blocks", "12.3", "too many blocks", bytes(replace(file, block=0, shape=(2, 32 * 3400)))
+    yield "isovalues", "12.3", "no isovalue", bytes(replace(file, isovalues=[], blocks=[]))
+    yield "isovalue", "3.3.4", "an isovalue that is no number", bytes(
+        replace(file, isovalues=[b"\2" + Double.build(float("nan"))])
+    )
+    yield "scale", "12.3", "a scale of 0", bytes(replace(file, scale=0.0))
+    yield "root_leftover", "12.3", "bytes behind the root directory", file.head(file.root() + b"\0") + plain[size:]
+    yield "root_short", "12.4", "a root directory that ends too early", file.head(file.root()[:-2]) + plain[size:]
+    yield "run", "12.5", "a run with more tiles than are left", other(runs(Run(0, 100)))
+    yield "run_long", "12.5", "a run of 2**50 tiles", other(runs(Run(0, 2**50)))
+    yield "kind", "12.5", "tiles of kind 3", other(runs(Run(3, 1)))
+    missing = [run for run in block.channels[0] if run.kind == CODED]
+    yield "leaf_short", "12.5", "a leaf directory that ends too early", other(replace(block, channels=[missing]))
+    yield "sizes", "12.4", "segments of other lengths than the root directory says", _lying(file)
+    yield "tile", "3.5.2", "an unknown critical chunk in a segment", other(
+        replace(block, channels=[[_critical(run, missing[0]) for run in block.channels[0]]])
+    )
+
+
+def drafts() -> Iterator[Draft]:
+    """All vectors of this module."""
+    for draft in (*encoded(), *others()):
+        yield replace(draft, name=f"tiled_{draft.name}")
+    for name, clause, how, data in wrong():
+        yield Draft(f"bad_tiled_{name}", data, 2, (f"refused: {how}",), clause)
+    plain = bytes(written(2, 2, 2))
+    for name, size in (("head", 20), ("leaf", len(plain) // 2), ("segment", len(plain) - 1)):
+        yield Draft(f"tiled_cut_{name}", plain[:size], 2, ("file in tiles", f"tiles: ends within a {name}"))
