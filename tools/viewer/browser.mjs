@@ -13,6 +13,8 @@ const python = process.env.ISOCODEC_PYTHON ?? join(root, ".venv-test/bin/python"
 export const chromium = process.env.CHROMIUM ?? ["chromium", "chromium-browser", "google-chrome"]
   .flatMap((name) => (process.env.PATH ?? "").split(delimiter).map((folder) => join(folder, name))).find(existsSync);
 
+const TYPES = { html: "text/html", js: "text/javascript" };
+
 /** The files of `samples.py` by name; none if it cannot run. */
 export function samples() {
   const folder = mkdtempSync(join(tmpdir(), "isocodec-viewer-"));
@@ -35,8 +37,8 @@ export async function openViewer(find, viewport = { width: 640, height: 480 }) {
     const name = new URL(request.url, "http://localhost").pathname.slice(1) || "index.html";
     const found = name.endsWith(".iso") ? find(name) : existsSync(join(root, "build/viewer", name)) && readFileSync(join(root, "build/viewer", name));
     if (!found) return answer.writeHead(404).end();
-    if (typeof found === "function") return void found(answer);
-    const type = name.endsWith(".html") ? "text/html" : "application/octet-stream";
+    if (typeof found === "function") return void found(answer, request);
+    const type = TYPES[name.split(".").pop()] ?? "application/octet-stream";
     answer.writeHead(200, { "content-length": found.length, "x-content-type-options": "nosniff", "content-type": type });
     answer.end(found);
   }).listen(0);

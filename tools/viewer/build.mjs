@@ -1,4 +1,5 @@
-// One page with everything in it but the tables of the main profile: build/viewer/index.html and main.bin.
+// The page, with all that most files need in it, and beside it what is loaded when a file needs it: build/viewer/index.html;
+// main.js and main.bin, the main profile and its tables; tiles.js, a worker for files in tiles.
 import { copyFileSync, mkdirSync, readFileSync, writeFileSync } from "node:fs";
 import { createRequire } from "node:module";
 import { fileURLToPath, pathToFileURL } from "node:url";
@@ -9,16 +10,28 @@ const codec = createRequire(`${root}codec/js/package.json`);
 const load = (name) => import(pathToFileURL(codec.resolve(name)).href).then((module) => module.default ?? module);
 const [{ build }, { minify }, { internalNames }] = [await load("esbuild"), await load("terser"), await import("../../codec/js/mangle.mjs")];
 const common = { bundle: true, format: "esm", target: "es2022", minify: true, write: false, logLevel: "error" };
+// names are shortened alike in all that is loaded together
+let mangleCache = {};
 const text = async (entry, more) => {
-  const { outputFiles: [{ text: bundle }] } = await build({ ...common, entryPoints: [entry], ...more });
-  return (await minify(bundle, { module: true, ecma: 2022, compress: { passes: 3 } })).code;
+  const made = await build({ ...common, entryPoints: [entry], mangleCache, ...more });
+  mangleCache = made.mangleCache ?? mangleCache;
+  return (await minify(made.outputFiles[0].text, { module: true, ecma: 2022, compress: { passes: 3 } })).code;
 };
-const worker = await text(`${root}codec/js/src/worker.ts`, { mangleProps: internalNames() });
+/** The main profile is imported from where the page says that it lies: a worker without a file has no place of its own. */
+const beside = { name: "beside", setup: ({ onResolve }) => onResolve({ filter: /^\.\/main\/profile\.js$/ }, () => ({ path: "main.js", external: true })) };
+const short = { mangleProps: internalNames() };
+const inline = await text(`${root}codec/js/src/worker.ts`, { ...short, plugins: [beside] });
+const worker = inline.replace('import("main.js")', "import(self.main)");
+if (worker === inline) throw new Error("the worker does not import the main profile");
+const main = await text(`${root}codec/js/src/main/profile.ts`, short);
+const tiles = await text(`${here}tiles.ts`, {});
 const viewer = await text(`${here}viewer.ts`, { define: { WORKER: JSON.stringify(worker) } });
 const page = readFileSync(`${here}index.html`, "utf8").replace("/*viewer*/", () => viewer.replaceAll("</script", "<\\/script"));
 mkdirSync(`${root}build/viewer`, { recursive: true });
 writeFileSync(`${root}build/viewer/index.html`, page);
+writeFileSync(`${root}build/viewer/main.js`, main);
+writeFileSync(`${root}build/viewer/tiles.js`, tiles);
 copyFileSync(`${root}spec/isospec/main.bin`, `${root}build/viewer/main.bin`);
 const size = gzipSync(page, { level: 9 }).length;
-console.log(`viewer: ${page.length} bytes, ${size} gzipped`);
+console.log(`viewer: ${page.length} bytes, ${size} gzipped; tiles.js: ${gzipSync(tiles, { level: 9 }).length} gzipped`);
 if (size > 60000) throw new Error("the page takes more than 60 kB gzipped");

@@ -61,6 +61,8 @@ export class Scene {
   private angle = 0;
   private yaw = 0.6;
   private pitch = -1.0;
+  /** Called when the view has changed and is drawn. */
+  viewed: () => void = () => undefined;
   private readonly pointers = new Map<number, [number, number]>();
 
   constructor(private readonly canvas: HTMLCanvasElement, private readonly where: (x: number, y: number) => void) {
@@ -151,6 +153,7 @@ export class Scene {
     requestAnimationFrame(() => {
       this.waiting = false;
       this.draw();
+      this.viewed();
     });
   }
 
@@ -188,6 +191,17 @@ export class Scene {
       this.centre[1] += before[1] - after[1];
     }
     this.request();
+  }
+
+  /** What of the plane is seen: from where to where along x and y, and how much of it a pixel is. */
+  window(): { x: [number, number]; y: [number, number]; pixel: number } {
+    const { clientWidth: w, clientHeight: h } = this.canvas;
+    const corners = [[0, 0], [w, 0], [0, h], [w, h]].map(([x, y]) => this.at(x!, y!));
+    const span = (a: 0 | 1): [number, number] => {
+      const all = corners.map((p) => p[a] + this.origin[a]);
+      return [Math.min(...all), Math.max(...all)];
+    };
+    return { x: span(0), y: span(1), pixel: this.pixel };
   }
 
   /** The point of the plane at a pixel, relative to `origin`. */

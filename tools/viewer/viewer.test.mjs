@@ -1,9 +1,11 @@
-// The page in a real browser: pixels while a throttled stream arrives, keys, isovalues, frames, coordinates, damaged files.
+// The page in a real browser: pixels while a throttled stream arrives, keys, isovalues, frames, coordinates, damaged files,
+// windows of files in tiles.
 import assert from "node:assert/strict";
-import { existsSync, readFileSync } from "node:fs";
+import { existsSync, readFileSync, rmSync } from "node:fs";
 import { join } from "node:path";
 import { after, before, test } from "node:test";
 import { withMetadata } from "../../codec/js/test/files.mjs";
+import { scratch, tile } from "../../codec/js/test/tiled.mjs";
 import { chromium, openViewer, root, samples } from "./browser.mjs";
 
 const skip = chromium ? false : "no Chromium";
@@ -11,6 +13,9 @@ const vectors = join(root, "conformance/vectors");
 const made = skip ? {} : samples(), unmade = skip || (made["terrain.iso"] ? false : "no files: the reference encoder does not run");
 const PLACED = { placement: "10 0 500000 0 10 5200000", crs: "EPSG:2056" };
 let viewer, page, address;
+/** Hills in tiles of 128 samples, and the ranges that it was asked for. */
+const large = unmade ? undefined : readFileSync(tile("large", [1300, 1400], ["--isovalue", "5200.5", "--isovalue", "7000", "--exact", "--tile", "128"]));
+let ranges = [];
 /** Lets the rest of a file through that was held back. */
 let release;
 
@@ -23,6 +28,12 @@ function find(name) {
       release = () => answer.end(data.subarray(part));
     };
   }
+  if (name === "large.iso") return (answer, { headers: { range } }) => {
+    ranges.push(range);
+    const [from, last] = range ? range.slice(6).split("-").map(Number) : [0, large.length - 1], to = Math.min(last + 1, large.length);
+    answer.writeHead(range ? 206 : 200, { "content-length": to - from, ...(range && { "content-range": `bytes ${from}-${to - 1}/${large.length}` }) });
+    answer.end(large.subarray(from, to));
+  };
   if (made[name]) return made[name];
   const path = join(vectors, name.replace(/^(damaged|placed)-/, ""));
   if (!existsSync(path)) return undefined;
@@ -36,7 +47,10 @@ before(async () => {
   if (!skip) ({ page, address } = viewer = await openViewer(find));
 });
 
-after(() => viewer?.close());
+after(async () => {
+  await viewer?.close();
+  rmSync(scratch, { recursive: true });
+});
 
 const open = (file, more = "") => page.goto(`${address}?theme=light&file=${file}${more}`, { waitUntil: "commit" });
 const state = () => page.evaluate(() => ({ ...document.documentElement.dataset }));
@@ -211,4 +225,49 @@ test("a surface of points and the curves of a mesh in the file", { skip, timeout
     await page.waitForFunction(() => document.documentElement.dataset.final === "true");
     assert.ok((await pixels()).count > 20, name);
   }
+});
+
+test("a file in tiles: coarse at first, then what is seen, at the resolution of the screen", { skip: unmade, timeout: 60000 }, async (t) => {
+  ranges = [];
+  await open("large.iso");
+  await page.waitForFunction(() => Number(document.documentElement.dataset.cells) > 0, undefined, { timeout: 20000 });
+  const early = await state();
+  assert.equal(early.layer, "0");
+  assert.ok(Number(early.requests) <= 3, `${early.requests} requests`);
+  await until("done");
+  const overview = await state(), whole = await pixels();
+  assert.ok(whole.count > 500, `${whole.count} pixels`);
+  assert.ok(Number(overview.layer) < 3 && Number(overview.bytes) < large.length / 2, `layer ${overview.layer}, ${overview.bytes} bytes`);
+  for (let i = 0; i < 12; i++) await page.keyboard.press("+");
+  await shown("layer", 3);
+  await until("done");
+  const near = await state(), zoomed = await pixels();
+  assert.notEqual(zoomed.sum, whole.sum);
+  assert.ok(Number(near.requests) > Number(overview.requests) && Number(near.bytes) < large.length, `${near.bytes} of ${large.length} bytes`);
+  for (let i = 0; i < 12; i++) await page.keyboard.press("ArrowLeft");
+  await page.waitForFunction((r) => Number(document.documentElement.dataset.requests) > r, Number(near.requests));
+  await until("done");
+  const moved = await state();
+  assert.ok((await pixels()).count > 50);
+  await page.keyboard.press("]");
+  await page.waitForFunction((d) => Number(document.documentElement.dataset.drawings) > d, Number(moved.drawings));
+  // the page looks at the beginning once, without a range
+  assert.deepEqual(ranges.filter((range) => !range).length, 1);
+  assert.equal(ranges.length - 1, Number((await state()).requests));
+  t.diagnostic(`${large.length} bytes: overview ${overview.requests} requests and ${overview.bytes} bytes, window ${near.requests} and ${near.bytes}`);
+});
+
+test("surfaces in tiles, files that are opened, damaged ones", { skip, timeout: 60000 }, async () => {
+  await open("tiled_space_exact.iso");
+  await until("done");
+  assert.equal((await state()).layer, "3");
+  assert.ok((await pixels()).count > 100);
+  await page.setInputFiles("#file", join(vectors, "tiled_plane_main.iso"));
+  await until("done");
+  await page.waitForFunction(() => document.getElementById("size").textContent.startsWith("70"));
+  await until("done");
+  assert.ok((await pixels()).count > 100);
+  await open("damaged-tiled_plane_exact.iso");
+  await until("malformed");
+  assert.match(await page.textContent("#error"), /clause 12/);
 });

@@ -5,6 +5,7 @@ import type { Promises } from "../../codec/js/src/metadata.js";
 import type { Answer, PlainEvent, Request } from "../../codec/js/src/worker.js";
 import { placement } from "../../codec/js/src/world.js";
 import { Scene } from "./scene.js";
+import type { TilesAnswer, TilesRequest } from "./tiles.js";
 
 declare const WORKER: string;
 
@@ -30,9 +31,13 @@ interface File {
   world: boolean;
   /** The frame that was chosen; the last one there is, unless one was. */
   chosen: number | undefined;
+  /** Where it is, if it is no file of this computer. */
+  url: string | undefined;
 }
 
-const worker = new Worker(URL.createObjectURL(new Blob([WORKER], { type: "text/javascript" })), { type: "module" });
+const start = (...text: string[]): Worker => new Worker(URL.createObjectURL(new Blob(text, { type: "text/javascript" })), { type: "module" });
+const beside = (name: string): string => new URL(name, location.href).href;
+const worker = start(`self.main=${JSON.stringify(beside("main.js"))};`, WORKER);
 const tell = (request: Request, transfer: Transferable[] = []): void => worker.postMessage(request, transfer);
 const scene = new Scene(canvas, (x, y) => {
   by("where").textContent = file?.n === 2 ? `x ${x.toFixed(2)}  y ${y.toFixed(2)}` : "";
@@ -40,13 +45,20 @@ const scene = new Scene(canvas, (x, y) => {
 let file: File | undefined;
 let count = 0;
 let seen = 0;
-const tables = new URL("main.bin", location.href).href;
+const tables = beside("main.bin");
+/** What reads a file in tiles, while one is open; and what it was asked for last. */
+let tiles: Worker | undefined;
+let looked = "";
+let timer = 0;
 const parameters = new URLSearchParams(location.search);
 const rate = Number(parameters.get("rate")) || undefined;
 
 function begin(name: string, source: { url: string } | { bytes: Uint8Array }): void {
   file = { id: ++count, n: 2, shape: [], isovalues: [], metadata: {}, layers: [], promises: [], frame: 0,
-    drawing: undefined, box: undefined, fitted: false, world: false, chosen: undefined };
+    drawing: undefined, box: undefined, fitted: false, world: false, chosen: undefined, url: "url" in source ? source.url : undefined };
+  tiles?.terminate();
+  tiles = undefined;
+  looked = "";
   by("hint").hidden = true;
   by("name").textContent = name;
   by("error").textContent = by("size").textContent = "";
@@ -87,11 +99,12 @@ function show(): void {
 /** Ask for what is chosen. */
 function ask(): void {
   if (!file) return;
-  tell({ type: "show", id: file.id, isovalue: Math.max(0, choice.selectedIndex), frame: file.chosen, world: world.checked });
+  if (tiles) look();
+  else tell({ type: "show", id: file.id, isovalue: Math.max(0, choice.selectedIndex), frame: file.chosen, world: world.checked });
 }
 
 function promised(): void {
-  if (!file) return;
+  if (!file || tiles) return;
   const i = choice.selectedIndex < 0 ? 0 : choice.selectedIndex, layers = file.layers[i] ?? 0;
   const kept = file.promises[i]?.distances.filter((each) => each.layer <= layers).pop();
   by("layer").textContent = String(layers);
@@ -132,13 +145,64 @@ function choose(isovalue: number): void {
   choice.disabled = choice.length < 2;
 }
 
+function failed(kind: string, message: string): void {
+  by("error").textContent = message;
+  root.dataset["state"] = kind;
+}
+
+const tellTiles = (request: TilesRequest, transfer: Transferable[] = []): void => tiles?.postMessage(request, transfer);
+
+/** Let a worker of its own read the file that is being opened, of which these are all bytes if it is no address. */
+function openTiles(bytes: Uint8Array | undefined): void {
+  tiles = new Worker(beside("tiles.js"), { type: "module" });
+  tiles.onerror = () => failed("failed", "what reads files in tiles cannot be loaded");
+  tiles.onmessage = ({ data }: MessageEvent<TilesAnswer>) => tilesAnswer(data);
+  tellTiles({ type: "open", id: file!.id, source: bytes ?? file!.url!, tables }, bytes ? [bytes.buffer] : []);
+}
+
+/** Ask for what is seen of a file in tiles, unless that was asked for last. */
+function look(): void {
+  if (!file?.shape.length || !tiles) return;
+  const { x, y, pixel } = scene.window(), isovalue = Math.max(0, choice.selectedIndex);
+  // axis 0 runs downwards, axis 1 to the right; of a surface all is asked for
+  const window: [number, number][] = file.n === 2 ? [[-y[1], -y[0]], x] : [], asked = JSON.stringify([isovalue, window, file.n === 2 ? pixel : 0]);
+  if (asked === looked) return;
+  looked = asked;
+  root.dataset["state"] = "open";
+  tellTiles({ type: "look", id: file.id, isovalue, window, pixel });
+}
+
+function tilesAnswer(answer: TilesAnswer): void {
+  if (!file || answer.id !== file.id) return;
+  if (answer.type === "failed") return failed(answer.kind, answer.message);
+  if (answer.type === "opened") {
+    const { n, shape, profile, isovalues, tiles: counts } = answer.head;
+    Object.assign(file, { n, shape, box: Float64Array.from([...shape.map(() => 0), ...shape.map((s) => s - 1)]) });
+    by("size").textContent = `${shape.join(" × ")}, ${profile}, ${counts.join(" × ")} tiles`;
+    isovalues.forEach(choose);
+    scene.fit(n, upright(file.box!));
+    file.fitted = n === 2;
+    return look();
+  }
+  const { drawing, layer, requests, received, final } = answer;
+  file.drawing = drawing;
+  by("bytes").textContent = `${received.toLocaleString()} in ${requests} requests`;
+  by("layer").textContent = String(layer + 1);
+  by<HTMLProgressElement>("progress").value = final ? 1 : 0.5;
+  show();
+  Object.assign(root.dataset, { bytes: received, requests, layer, cells: drawing.cells.length / drawing.n, final, drawings: ++seen });
+  if (final) root.dataset["state"] = "done";
+}
+
+scene.viewed = () => {
+  clearTimeout(timer);
+  if (tiles) timer = setTimeout(look, 150) as unknown as number;
+};
+
 worker.onmessage = ({ data: answer }: MessageEvent<Answer>) => {
   if (!file || answer.id !== file.id) return;
-  if (answer.type === "failed") {
-    by("error").textContent = answer.message;
-    root.dataset["state"] = "failed";
-    return;
-  }
+  if (answer.type === "failed") return failed("failed", answer.message);
+  if (answer.type === "tiles") return openTiles(answer.bytes);
   if (answer.type === "events") {
     answer.events.forEach(happened);
     if (answer.total) by("progress").dataset["total"] = String(answer.total);

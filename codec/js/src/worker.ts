@@ -32,6 +32,8 @@ export type Answer =
       world: boolean;
       /** Points of the whole domain, `d` numbers each, that show where it lies. */
       box: Float64Array }
+  /** The file is in tiles, which `isocodec/tiles` reads; its bytes, if they came with the request. */
+  | { type: "tiles"; id: number; bytes: Uint8Array | undefined }
   | { type: "failed"; id: number; message: string };
 
 /** Events as they can be sent: an error as its words. */
@@ -83,6 +85,11 @@ class Job {
     for (;;) {
       const { done, value } = await reader.read();
       if (current !== this) return void reader.cancel();
+      if (!this.bytes && value && value[3] === 0x54 && !("stream" in this.request)) {
+        await reader.cancel();
+        const bytes = "bytes" in this.request ? this.request.bytes : undefined;
+        return scope.postMessage({ type: "tiles", id: this.id, bytes }, bytes ? [bytes.buffer] : []);
+      }
       this.bytes += value?.length ?? 0;
       let events = done ? decoder.end() : decoder.feed(value);
       if (decoder.needs && !decoder.error) {
