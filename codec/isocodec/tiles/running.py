@@ -34,7 +34,7 @@ class Engine(Protocol):
 
 
 def end_with_parent() -> None:
-    """Have this process end when the one that began it does, and be it killed: a worker of a pool would wait for ever."""
+    """Have this process end when the one that began it does, even if that is killed: workers would wait for ever."""
     parent = multiprocessing.parent_process()
 
     def watch() -> None:
