@@ -243,7 +243,7 @@ def leave_files() -> None:
 
 
 def leave_docs() -> None:
-    """The README's pictures, in few colours: the steps of two files, several isovalues, and a smooth drawing."""
+    """The README's pictures, in few colours: the steps of two files, several isovalues, a map, a smooth drawing."""
     from PIL import Image
 
     for item in ITEMS:
@@ -264,6 +264,12 @@ def leave_docs() -> None:
         run(*shown, iso, "-o", picture)
         with Image.open(io.BytesIO(picture.read_bytes())) as image:
             image.convert("RGB").quantize(32).save(picture, optimize=True)
+    placed = "placement=0 0.000833333 -84.414 -0.000833333 0 36.733"
+    notes = [word for note in (placed, "crs=EPSG:4326", "unit=m") for word in ("--metadata", note)]
+    look = ["--interval", "50", "--title", "Jacksboro fault", "--size", "13", "--dpi", "120"]
+    run("map", terrain.path, "-o", DOCS / "map.png", *look, *notes)
+    with Image.open(io.BytesIO((DOCS / "map.png").read_bytes())) as image:
+        image.convert("RGB").quantize(48).save(DOCS / "map.png", optimize=True)
     (skin,) = (item for item in ITEMS if item.name == "ct-skin")
     with Image.open(io.BytesIO(smoothing(skin))) as image:
         image.convert("RGB").quantize(32).save(DOCS / "smooth.png", optimize=True)
