@@ -186,7 +186,7 @@ function tilesAnswer(answer: TilesAnswer): void {
   }
   const { drawing, layer, requests, received, final } = answer;
   file.drawing = drawing;
-  by("bytes").textContent = `${received.toLocaleString()} in ${requests} requests`;
+  by("bytes").textContent = `${received.toLocaleString()} in ${requests} ${requests === 1 ? "request" : "requests"}`;
   by("layer").textContent = String(layer + 1);
   by<HTMLProgressElement>("progress").value = final ? 1 : 0.5;
   show();
