@@ -22,6 +22,7 @@ from isocodec.kernel import EXECUTION, Execution
 from isocodec.kernel.call import Kernel
 from isocodec.kernel.execution import SETTING
 from isocodec.kernel.types import Registers
+from isocodec.search.around import Around
 from make_goldens import CASES, PATH, SMALL, digests
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "tools" / "kernels"))
@@ -128,6 +129,11 @@ def test_compiled_kernels_do_what_their_source_says(twice):
         isocodec.decode_tin(isocodec.encode_tin(points[:, 0].reshape(5, 6) % 7, **options)).raster()
     triangulation, _ = delaunay(*np.ascontiguousarray(points[by_rank(*points.T)].T))
     assert sum(remove(triangulation, v) for v in range(30)) > 10
+    rng = np.random.default_rng(6)
+    for n in (2, 3):
+        corners, pieces = 30 * rng.random((40, n)), rng.integers(0, 40, (60, n))
+        around = Around.of(corners[:2], (31,) * n, 2.0).covering(corners, pieces[:9], 1.0)
+        assert len(around.meets(corners, pieces)) > 9
     assert twice == {f"{found.module}.{found.name}" for found in kernels()}
 
 

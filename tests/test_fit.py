@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -15,7 +17,7 @@ from isocodec.drawing.simplices import crossed, rings
 from isocodec.field.samples import check_field
 from isocodec.mesh.tables import cube_exponent
 from isocodec.passes.snapshot import leaves_of
-from isocodec.search import fit
+from isocodec.search import fit, proof
 from isocodec.search.promise import Promise
 from isocodec.search.proof import Target, hausdorff
 from isoconform.meshes import chosen, uniform
@@ -111,7 +113,7 @@ def test_what_follows_from_what_is_told(below):
     fitted.points(where)
     before, count = fitted.stated.copy(), len(fitted.edges)
     follows = np.zeros((count, len(where)))
-    start, told, share = fitted._follow()
+    start, told, share = fitted.follow()
     np.add.at(follows, (np.repeat(np.arange(count), np.diff(start)), told), share)
     for e in range(len(where)):
         moved = where.copy()
@@ -157,16 +159,45 @@ def test_fitted_again_around_a_place(n):
     mesh = chosen((side,) * n, uniform((side,) * n, n * cube_exponent((side,) * n) - 2 * n))
     before = promise.placed(mesh, 5, 0, 0.5)
     place = promise.contour.points[:1]
-    after = promise.placed(mesh, 5, 0, 0.3, before, places=place)
-    assert after.drawing.changed is not None
-    moved = (after.drawing.points != before.drawing.points).any(axis=1)
-    assert not (moved & ~after.drawing.changed.holds(after.drawing.points)).any()
-    assert (np.linalg.norm(after.drawing.points[moved] - place, axis=1) < 12).all() and not moved.all()
+    faults = fit.Faults(before.drawing, place, np.zeros(0, np.int64))
+    drawn = promise.placed(mesh, 5, 0, 0.3, before, faults=faults).drawing
+    part = drawn.part
+    assert part is not None
+    moved = (drawn.points != before.drawing.points).any(axis=1)
+    assert not (moved & ~part.moving).any()
+    assert (np.linalg.norm(drawn.points[moved] - place, axis=1) < 12).all()
     # where nothing is left out the faults found there are those of the whole proof
-    drawn = after.drawing
-    whole = promise._excess(drawn.points, drawn.cells, 0.3)
-    there = after.drawing.changed.holds(whole)
-    assert len(promise.excess_near(drawn, 0.3)) >= there.sum() - 1
+    whole = promise.faults(replace(drawn, part=None), 0.3)
+    some = promise.faults(drawn, 0.3)
+    assert set(some.pieces) == set(whole.pieces) & set(part.changed)
+    assert {tuple(p) for p in some.places} <= {tuple(p) for p in whole.places}
+    assert part.near.holds(whole.places).sum() - 1 <= len(some.places)
+
+
+def test_faults_are_found_again():
+    """Step by step only what may have changed is held against the original, and nothing that is too far is missed."""
+    promise = Promise(check_field(smooth((60, 60), 3), 0.1))
+    reduction = promise.reduction(chosen((60, 60), uniform((60, 60), 2 * cube_exponent((60, 60)) - 4)))
+    fitted, faults, parts = None, None, 0
+    for _ in range(8):
+        fitted = promise.placed(reduction.chosen, 3, 1, 0.3, fitted, faults=faults)
+        faults = promise.faults(fitted.drawing, 0.3)
+        whole = promise.faults(replace(fitted.drawing, part=None), 0.3)
+        assert sorted(map(tuple, faults.places)) == sorted(map(tuple, whole.places))
+        parts += fitted.drawing.part is not None
+        if not reduction.restore(faults.places):
+            break
+    assert parts > 1
+
+
+def test_parts_of_work_are_all_of_it():
+    done = np.zeros(50_001, np.int64)
+
+    def work(some):
+        done[some] += 1
+
+    proof.in_parts(len(done), work)
+    assert (done == 1).all() and proof.processors() >= 1
 
 
 @pytest.mark.parametrize("n", [2, 3])

@@ -119,6 +119,126 @@ def writing(shape: tuple[int, ...], seed: int, height: int) -> NDArray[np.float6
     return np.floor(blurred(page) + blurred(rng.integers(-noise, noise + 1, shape).astype(float)))
 
 
+def segments(shape: tuple[int, ...], ends: NDArray[np.float64], reach: int) -> NDArray[np.float64]:
+    """Distance of samples from the nearest of some strokes, as far as ``reach``; ends are (S, 4): y, x, y, x."""
+    far = np.full(shape, float(reach))
+    for y0, x0, y1, x1 in ends:
+        top, left = max(int(min(y0, y1)) - reach, 0), max(int(min(x0, x1)) - reach, 0)
+        y, x = np.indices(far[top : int(max(y0, y1)) + reach, left : int(max(x0, x1)) + reach].shape).astype(float)
+        y, x = y + top - y0, x + left - x0
+        way = (y1 - y0, x1 - x0)
+        along = np.clip((y * way[0] + x * way[1]) / max(way[0] ** 2 + way[1] ** 2, 1e-9), 0, 1)
+        away = np.sqrt((y - along * way[0]) ** 2 + (x - along * way[1]) ** 2)
+        part = far[top : top + y.shape[0], left : left + y.shape[1]]
+        np.minimum(part, away, out=part)
+    return far
+
+
+def scribble(shape: tuple[int, ...], seed: int, length: int) -> NDArray[np.float64]:
+    """Strokes that bend as a hand draws them; ``length`` in samples."""
+    rng = np.random.default_rng(seed)
+    ends = []
+    for _ in range(shape[0] * shape[1] // (30 * length)):
+        place = rng.integers(0, 1000, 2) * 0.001 * np.array(shape)
+        way, turn = rng.integers(-100, 101, 2) * 0.02, rng.integers(-20, 21) * 0.01
+        for _ in range(max(length // 2, 4)):
+            there = place + way
+            ends.append((*place, *there))
+            turn += rng.integers(-10, 11) * 0.005
+            # a turn without sines, then again as long as before
+            way = way + turn * np.array([-way[1], way[0]])
+            way *= 2.0 / max(np.sqrt(way @ way), 0.1)
+            place = there
+    return segments(shape, np.array(ends), 6)
+
+
+def hatching(shape: tuple[int, ...], seed: int, pitch: float) -> NDArray[np.float64]:
+    """Regions of parallel lines, crossed lines, dots and bricks, each at a slant of its own, and what lies between."""
+    rng = np.random.default_rng(seed)
+    y, x = np.indices(shape).astype(float)
+    far = np.full(shape, 9.0)
+    for kind in range(4):
+        way = rng.integers(-100, 101, 2) * 0.01
+        way /= max(np.sqrt(way @ way), 0.1)
+        apart = pitch * (1 + 0.2 * kind)
+        u, v = y * way[0] + x * way[1], x * way[0] - y * way[1]
+        row = np.floor(u / apart)
+        across = np.abs(u / apart - row - 0.5) * apart
+        shift = 0.5 * (row % 2) if kind == 3 else 0.0
+        along = np.abs((v / (2 * apart) + shift) % 1.0 - 0.5) * 2 * apart
+        lines = (across, np.minimum(across, along), np.maximum(np.sqrt(across**2 + along**2) - pitch / 4, 0.0),
+                 np.minimum(across, along))[kind]  # fmt: skip
+        inside = balls(shape, 50 * seed + kind, 2)
+        far = np.where(inside < 0, lines, np.minimum(far, np.abs(inside)))
+    return far
+
+
+def plan(shape: tuple[int, ...], seed: int, rooms: int) -> NDArray[np.float64]:
+    """Walls of a building with doors, a little turned, as lines or pairs of lines."""
+    rng = np.random.default_rng(seed)
+    ends = []
+    high, wide = shape
+    for _ in range(rooms):
+        top, left = rng.integers(5, 80, 2) * 0.01 * np.array(shape)
+        bottom, right = top + rng.integers(8, 40) * 0.01 * high, left + rng.integers(8, 40) * 0.01 * wide
+        door = left + 0.3 * (right - left)
+        for gap in (0.0, 4.0) if seed % 2 else (0.0,):
+            ends += [(top + gap, left, top + gap, door), (top + gap, door + 9, top + gap, right),
+                     (bottom + gap, left, bottom + gap, right), (top, left + gap, bottom, left + gap),
+                     (top, right + gap, bottom, right + gap)]  # fmt: skip
+    slant = (0.0, 0.01, -0.03, 0.2)[seed % 4]
+    turned = np.array(ends) @ np.array([[1, slant, 0, 0], [-slant, 1, 0, 0], [0, 0, 1, slant], [0, 0, -slant, 1]])
+    return segments(shape, turned, 6)
+
+
+def part(shape: tuple[int, ...], seed: int, holes: int) -> NDArray[np.float64]:
+    """A cut through a machined part: plates with round and square holes and slots; below 0 inside."""
+    rng = np.random.default_rng(seed)
+    y, x = np.indices(shape).astype(float)
+    slant = (0.0, 0.13, 0.4, -0.07)[seed % 4]
+    u, v = y + slant * x, x - slant * y
+
+    def box(low: int, high: int) -> NDArray[np.float64]:
+        """A rectangle, its sides in hundredths of the shape."""
+        centre = rng.integers(15, 86, 2) * 0.01 * np.array(shape)
+        half = rng.integers(low, high, 2) * 0.005 * np.array(shape)
+        a = u - centre[0] - slant * centre[1]
+        b = v - centre[1] + slant * centre[0]
+        return np.maximum(np.abs(a) - half[0], np.abs(b) - half[1])
+
+    out = np.minimum(np.minimum(box(30, 90), box(30, 90)), box(20, 60))
+    for i in range(holes):
+        if i % 3:
+            centre, radius = rng.integers(5, 96, 2) * 0.01 * np.array(shape), int(rng.integers(3, 20))
+            out = np.maximum(out, radius - np.sqrt((y - centre[0]) ** 2 + (x - centre[1]) ** 2))
+        else:
+            out = np.maximum(out, -box(2, 20))
+    return out
+
+
+def inked(far: NDArray[np.float64], seed: int, thick: float, noise: int) -> NDArray[np.float64]:
+    """A drawing on paper as a scanner sees it, strokes as thick as that."""
+    rng = np.random.default_rng(seed)
+    page = 200 + 15 * waves(far.shape, seed, 0.3) / 1000 - 140 * np.clip(thick + 0.5 - far, 0, 1)
+    return np.floor(blurred(page) + blurred(rng.integers(-noise, noise + 1, far.shape).astype(float)))
+
+
+def skewed(page: NDArray[np.float64], slant: int) -> NDArray[np.float64]:
+    """A page whose lines rise by a sample every ``slant`` columns."""
+    return np.stack([np.roll(column, i // slant) for i, column in enumerate(page.T)], axis=1)
+
+
+def drawings(shape: tuple[int, ...]) -> Iterator[Item]:
+    """Line drawings, hatching, plans, machined parts, and written pages that lie askew."""
+    for seed in range(4):
+        noise, thick = (0, 8, 20, 4)[seed], (0.6, 1.0, 1.6, 2.4)[seed]
+        for far in (scribble(shape, seed, 20 * (1 + seed)), hatching(shape, seed, (5, 7, 11, 16)[seed]),
+                    plan(shape, seed, (4, 8, 16, 30)[seed]) - 0.5):  # fmt: skip
+            yield Item("drawing", inked(far, seed, thick, noise), 130.5)
+        yield Item("part", part(shape, seed, (4, 12, 25, 50)[seed]), 0.003)
+        yield Item("writing", skewed(writing(shape, 20 + seed, (10, 14, 9, 17)[seed]), (25, -40, 60, -15)[seed]), 130.5)
+
+
 def rough(shape: tuple[int, ...], seed: int, fall: float) -> Iterator[NDArray[np.float64]]:
     """Fields with ridges, and fields that are rough here and smooth there."""
     yield -np.abs(waves(shape, seed, fall)) + 0.3 * waves(shape, seed + 1, 0.35)
@@ -150,3 +270,5 @@ def generated(n: int) -> Iterator[Item]:
         yield from cut("scene", scene(shape, seed, noise), 40, 70)
     for seed, height in enumerate((9, 12, 16, 24, 8, 10, 11, 13, 14, 18, 20) if plane else ()):
         yield Item("writing", writing(shape, seed, height), 130.5)
+    if plane:
+        yield from drawings(shape)

@@ -30,9 +30,10 @@ from isocodec.models import trained as models
 from isocodec.search.promise import Promise
 from isocodec.search.strategy import even_starts, grid_plan, loose_start, reduced
 from isocodec.search.tolerance import grid_offsets, pitches
-from isospec.tables import HIDDEN, INPUTS, KINDS, MOST_LOGIT, NETS, ROWS, Tables, packed, starts
+from isospec.tables import HIDDEN, INPUTS, KINDS, MOST_LOGIT, NETS, ROWS, Tables, packed, starts, unpacked
 from networks import first_row, gathered, network
 
+MAIN = Path("spec/isospec/main.bin")
 ITEMS = {
     2: (
         "grid/hsurf_eur11", "grid/uk_surface_altitude", "image/butterfly", "image/car_plate_de", "image/fruits",
@@ -76,8 +77,8 @@ def squash_table() -> NDArray[np.int64]:
 # -- data ----------------------------------------------------------------------------------------------------------
 
 
-def data(folder: Path, n: int) -> list[Item]:
-    """All training data of a dimension, the items of the folder and generated fields by turns."""
+def data(folder: Path, n: int, without: frozenset[str] = frozenset()) -> list[Item]:
+    """All training data of a dimension, the items of the folder and generated fields by turns, but for some classes."""
     found = [item.half() for item in items(folder, n) if item.name in ITEMS[n]]
     missing = set(ITEMS[n]) - {item.name for item in found}
     if missing:
@@ -91,7 +92,7 @@ def data(folder: Path, n: int) -> list[Item]:
     made = list(generated(n))
     for i, item in enumerate(made):
         found.insert((3 * i + 1) % len(found), item)
-    return found
+    return [item for item in found if item.name.split("/")[0] not in without]
 
 
 # -- what the networks see -------------------------------------------------------------------------------------------
@@ -225,14 +226,14 @@ def adapted(n: int, coded: list[tuple[Item, dict[str, object]]], squash: NDArray
     return tables
 
 
-def trained(folder: Path, n: int, squash: NDArray[np.int64]) -> Tables:
+def trained(folder: Path, n: int, squash: NDArray[np.int64], without: frozenset[str]) -> Tables:
     """Tables of one dimension."""
     mix = np.zeros((KINDS, INPUTS), np.int64)
     mix[:] = (52429, 13107, 13107, 0)
     weight = np.zeros((ROWS[n], HIDDEN), np.int16)
     out = np.zeros((NETS, HIDDEN + 1), np.int64)
     tables = Tables(weight, out, mix, np.zeros((0, 3), np.int64))
-    found = data(folder, n)
+    found = data(folder, n, without)
     use(n, squash, tables)
     once, twice = list(files(found)), list(pairs(found))
     lines = [traced(item, options) for item, options in (*once, *twice, *elsewhere(found))]
@@ -246,12 +247,18 @@ def trained(folder: Path, n: int, squash: NDArray[np.int64]) -> Tables:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("folder", type=Path)
-    parser.add_argument("-o", "--output", type=Path, default=Path("spec/isospec/main.bin"))
+    parser.add_argument("-o", "--output", type=Path, default=MAIN)
+    parser.add_argument("--only", type=int, choices=tuple(ROWS), help="train tables of so many axes, keep the others")
+    parser.add_argument("--without", default="", metavar="CLASS,..",
+                        help="leave classes out, as image, medical, writing, to see what is lost on them")  # fmt: skip
     options = parser.parse_args()
     squash = squash_table()
-    with ProcessPoolExecutor(len(ROWS)) as pool:
-        jobs = {n: pool.submit(trained, options.folder, n, squash) for n in ROWS}
-        found = {n: job.result() for n, job in jobs.items()}
+    asked = [options.only] if options.only else list(ROWS)
+    found = {} if len(asked) == len(ROWS) else unpacked(MAIN.read_bytes())[1]
+    without = frozenset(options.without.split(","))
+    with ProcessPoolExecutor(len(asked)) as pool:
+        jobs = {n: pool.submit(trained, options.folder, n, squash, without) for n in asked}
+        found |= {n: job.result() for n, job in jobs.items()}
     options.output.write_bytes(packed(squash, found))
     print(f"{options.output}: {options.output.stat().st_size} bytes")
 

@@ -27,9 +27,13 @@ ROUNDS = (0.5, 0.5, 1.0, 1.0, 1.0)
 AGAIN = ROUNDS[-1:]
 """The same where most points were fitted before."""
 SWEEPS = 2
-REACHES = (0.4, 2.0)
+REACHES = (0.4, 1.0, 2.0)
 """Points of a curve farther than the last one of these, in tolerances, from the other pull at nothing; near ones are
 found faster."""
+NAMED = 2.0**20
+"""Of a cell: points are the same if they are rounded to so many parts alike."""
+MOSTLY = 0.5
+"""Share of the pieces from which on all of them are held against the original."""
 MARGIN = 0.95
 """Share of the tolerance from which on distances count as too large."""
 
@@ -57,16 +61,16 @@ class _Fit:
         return edge_points(self.leaves, self.edges, self.stated)
 
     def linear(
-        self, points: NDArray[np.float64], contour: Contour, targets: Sequence[Target], part: Around | None
+        self, points: NDArray[np.float64], contour: Contour, targets: Sequence[Target], part: Part | None
     ) -> Pull:
-        """Distances between the curves, from points of either, of ``part`` if it is given, and how they fall."""
+        """Distances between the curves, from points of either, of a part if one is given, and how they fall."""
         sides = self._from_original(points, contour, targets, part), self._from_drawing(points, contour, targets, part)
         ends = np.cumsum([0] + [len(side.piece) for side in sides])
         gap, slope = np.empty(ends[-1]), np.empty((ends[-1], points.shape[1]))
         for side, first, last in zip(sides, ends[:-1], ends[1:], strict=True):
             gaps, slopes = gap[first:last], slope[first:last]
             slopes_of(points, self.way, side.cells, side.piece, side.weight, side.there, gaps, slopes)
-        follow = self._follow()
+        follow = self.follow()
 
         def enter(place: NDArray[np.int64], samples: NDArray[np.int64], slopes: NDArray[np.float64]) -> None:
             for side, first, last in zip(sides, ends[:-1], ends[1:], strict=True):
@@ -80,36 +84,37 @@ class _Fit:
         return Pull(start, samples, slopes, gap, np.concatenate([side.times for side in sides]))
 
     def _from_original(
-        self, points: NDArray[np.float64], contour: Contour, targets: Sequence[Target], part: Around | None
+        self, points: NDArray[np.float64], contour: Contour, targets: Sequence[Target], part: Part | None
     ) -> _Held:
         """Points of the original, and where they are nearest to the drawing."""
         there, cells = contour.points, self.cells
         if part:
-            there, cells = there[part.holds(there)], cells[part.touches(points, cells)]
+            there, cells = there[part.near.holds(there)], cells[part.seen]
         piece, weight = _nearest(there, [Target(points, cells, target.limit) for target in targets])
         return _Held(cells, piece, weight, there.copy(), np.ones(len(piece)))
 
     def _from_drawing(
-        self, points: NDArray[np.float64], contour: Contour, targets: Sequence[Target], part: Around | None
+        self, points: NDArray[np.float64], contour: Contour, targets: Sequence[Target], part: Part | None
     ) -> _Held:
         """Points of the drawing, and the original's that are nearest to them."""
         some = np.arange(len(self.samples.corner))
-        own = np.empty((len(some), points.shape[1]))
-        places_on(points, self.samples.corner, some, self.samples.weight, own)
         if part:
-            some = np.flatnonzero(part.holds(own))
-            own = own[some]
+            some = np.flatnonzero((part.moving[self.samples.corner] & (self.samples.weight > 0)).any(axis=1))
+        own = np.empty((len(some), points.shape[1]))
+        places_on(points, self.samples.corner, some, self.samples.weight[some], own)
         found, weight = _nearest(own, targets)
         there = np.empty_like(own)
         places_on(contour.points, contour.cells, found, weight, there)
         return _Held(self.samples.corner, np.where(found >= 0, some, -1), self.samples.weight[some], there,
                      self.samples.times[some])  # fmt: skip
 
-    def longest(self, part: Around, points: NDArray[np.float64]) -> float:
-        """Longest of the edges with a point in a part of the domain."""
-        return float(np.linalg.norm(self.way[part.holds(points)], axis=1).max(initial=1.0))
+    def moving(self, free: NDArray[np.bool_]) -> NDArray[np.bool_]:
+        """Which edges' points may move if those of some of the told ones do."""
+        follow = self.follow()
+        free_of = np.concatenate([[0], np.cumsum(free[follow.told])])
+        return np.asarray(np.diff(free_of[follow.start]) > 0)
 
-    def _follow(self) -> Follow:
+    def follow(self) -> Follow:
         """Told edges that the point of each edge follows, and by how much, edge by edge.
 
         Points of implied edges follow from those at their rings.
@@ -191,6 +196,28 @@ def _nearest(samples: NDArray[np.float64], targets: Sequence[Target]) -> tuple[N
 
 
 @dataclass(frozen=True)
+class Part:
+    """What a fit works on where most of the curve stays as it was.
+
+    Attributes
+    ----------
+    moving : (E,) bool
+        Edges whose points may move.
+    changed : (K,) int64
+        Pieces of the drawing that may be others than before, and those that were too far away.
+    near : Around
+        What lies within the tolerance of these and of others that are gone.
+    seen : (K,) int64
+        Pieces that this has to be held against.
+    """
+
+    moving: NDArray[np.bool_]
+    changed: NDArray[np.int64]
+    near: Around
+    seen: NDArray[np.int64]
+
+
+@dataclass(frozen=True)
 class Drawing:
     """What comes of a fit: parts of edges that hold the points, and the curve through their middles.
 
@@ -199,20 +226,28 @@ class Drawing:
     number : (E,) int64
     points : (P, n) float64
     cells : (M, n) int64
-    changed, seen : Around, optional
-        Where pieces may have moved, and what lies near enough to be held against these; the whole domain if not given.
+    part : Part, optional
+        Where it may differ from the drawing before; the whole domain if not given.
     """
 
     number: NDArray[np.int64]
     points: NDArray[np.float64]
     cells: NDArray[np.int64]
-    changed: Around | None = None
-    seen: Around | None = None
+    part: Part | None = None
+
+
+@dataclass(frozen=True)
+class Faults:
+    """Where a drawing is too far from the original: places (K, n) on either, and numbers of the drawing's pieces."""
+
+    drawing: Drawing
+    places: NDArray[np.float64]
+    pieces: NDArray[np.int64]
 
 
 def fitted_offsets(
     contour: Contour, targets: Sequence[Target], leaves: Leaves, told: NDArray[np.int64], parts: NDArray[np.int64],
-    where: NDArray[np.float64], tolerance: float, *, rounds: Sequence[float] = ROUNDS, around: Around | None = None,
+    where: NDArray[np.float64], tolerance: float, *, faults: Faults | None = None, around: Around | None = None,
     fixed: NDArray[np.bool_] | None = None,
 ) -> Drawing:  # fmt: skip
     """Parts of edges that hold the points of a curve near the original.
@@ -232,27 +267,57 @@ def fitted_offsets(
     where : (E,) float64
         Where on them to begin, as fractions.
     tolerance : float
-    rounds : sequence of float
+    faults : Faults, optional
+        Those of a drawing of which most points are where they were.
     around : Around, optional
-        Points of other parts of the domain stay.
+        What lies around these faults: points elsewhere stay.
     fixed : (E,) bool, optional
         So do points on these edges.
     """
     fit = _Fit(leaves, told)
     where = where.copy()
-    points = fit.points(where)
-    step, changed, seen = 1.0 / parts, None, None
-    if around:
+    step, part = 1.0 / parts, None
+    if faults and around:
+        where = _middles(where, parts)
+        points = fit.points(where)
         step = np.where(around.holds(points[fit.told]), step, 0.0)
-        longest = fit.longest(around, points)
-        changed = around.wider(longest + tolerance)
-        seen = changed.wider(longest + REACHES[-1] * tolerance)
+        part = _part(fit, points, fit.moving(step > 0.0), faults, around, tolerance)
     if fixed is not None:
         step = np.where(fixed, 0.0, step)
-    for share in rounds:
+    for share in AGAIN if faults else ROUNDS:
         if share == 1.0:
-            where = (np.minimum(np.floor(where * parts), parts - 1) + 0.5) / parts
-        pull = fit.linear(fit.points(where), contour, targets, changed)
+            where = _middles(where, parts)
+        pull = fit.linear(fit.points(where), contour, targets, part)
         relax(pull, where, share * step, 2, 1.0 / (MARGIN * tolerance), SWEEPS)
     number = np.minimum(np.floor(where * parts), parts - 1).astype(np.int64)
-    return Drawing(number, fit.points((number + 0.5) / parts), fit.cells, changed, seen)
+    return Drawing(number, fit.points((number + 0.5) / parts), fit.cells, part)
+
+
+def _middles(where: NDArray[np.float64], parts: NDArray[np.int64]) -> NDArray[np.float64]:
+    """Middles of the parts that hold some places."""
+    return np.asarray((np.minimum(np.floor(where * parts), parts - 1) + 0.5) / parts)
+
+
+def _part(
+    fit: _Fit, points: NDArray[np.float64], moving: NDArray[np.bool_], faults: Faults, around: Around, reach: float
+) -> Part | None:
+    """What differs from the drawing before, or may when some edges' points move; None if that is most of it."""
+    before = faults.drawing
+    now, then = names(points, fit.cells), names(before.points, before.cells)
+    changed = moving[fit.cells].any(axis=1) | ~np.isin(now, then) | np.isin(now, then[faults.pieces])
+    if changed.mean() > MOSTLY:
+        return None
+    gone = before.cells[~np.isin(then, now)]
+    near = around.covering(points, fit.cells[changed], reach).covering(before.points, gone, reach)
+    seen = near.wider(REACHES[-1] * reach).meets(points, fit.cells)
+    return Part(moving, np.flatnonzero(changed), near, seen)
+
+
+def names(points: NDArray[np.float64], cells: NDArray[np.int64]) -> NDArray[np.uint64]:
+    """A number for each piece that depends on where its corners are, and not on how they are numbered."""
+    whole = np.rint(points * NAMED).astype(np.int64).astype(np.uint64)
+    of_point = np.zeros(len(points), np.uint64)
+    for axis in range(points.shape[1]):
+        of_point = (of_point ^ whole[:, axis]) * np.uint64(0x9E3779B97F4A7C15)
+        of_point ^= of_point >> np.uint64(29)
+    return np.asarray(of_point[cells].sum(axis=1, dtype=np.uint64))

@@ -130,16 +130,35 @@ def diamonds_of(dm: Domain, level: int, points: Float32Matrix, weight: FloatVect
     return count
 
 
+@inner
+def _middle_of(dm, level, points, i, weight):
+    """Middle of the simplex of a level that holds a point, and whether the mesh lacks it."""
+    cls, b0, b1, b2 = simplex_at(dm, level, points[i, 0], points[i, 1], points[i, 2], weight)
+    x, y, z = middle_at(dm.grid, level, cls, b0, b1, b2)
+    return x, y, z, (flags_of(dm, x, y, z) & GONE) != 0
+
+
 @kernel
 def found_leaves(dm: Domain, points: FloatMatrix, weight: FloatVector, out: IntMatrix) -> None:
-    """For each point the middle and level of the leaf that holds it; level -1 on the full grid."""
-    n = dimension(dm.grid.tables)
+    """For each point the middle and level of the leaf that holds it; level -1 on the full grid.
+
+    Points that follow one another mostly lie in leaves of like levels: the search begins at the one before.
+    """
+    full = dimension(dm.grid.tables) * dm.grid.exponent
+    level = np.int64(0)
     for i in range(len(points)):
         out[i, 3] = -1
-        for level in range(n * dm.grid.exponent):
-            here = np.int64(level)
-            cls, b0, b1, b2 = simplex_at(dm, here, points[i, 0], points[i, 1], points[i, 2], weight)
-            x, y, z = middle_at(dm.grid, here, cls, b0, b1, b2)
-            if flags_of(dm, x, y, z) & GONE:
-                out[i, 0], out[i, 1], out[i, 2], out[i, 3] = x, y, z, here
+        x, y, z, gone = np.int64(0), np.int64(0), np.int64(0), False
+        while level < full:
+            x, y, z, gone = _middle_of(dm, level, points, i, weight)
+            if gone:
                 break
+            level += 1
+        while level > 0:
+            u0, u1, u2, above = _middle_of(dm, level - 1, points, i, weight)
+            if not above:
+                break
+            x, y, z, gone = u0, u1, u2, above
+            level -= 1
+        if gone:
+            out[i, 0], out[i, 1], out[i, 2], out[i, 3] = x, y, z, level

@@ -7,22 +7,62 @@ from __future__ import annotations
 
 from ..kernel import inner
 
+SLIVER = 1e-12
+"""Squared area, as a share of the product of two squared sides, up to which a triangle is a sliver."""
+
 
 @inner
 def closest(out, o, x, y, z):
-    """The point of the triangle, or segment, at ``o`` that is nearest: squared distance, weights of corners 1 and 2."""
+    """The point of the triangle, or segment, at ``o`` that is nearest: squared distance, weights of corners 1 and 2.
+
+    Corners and sides are told apart by signs: at most one division. Rounding may take another point of the piece, which
+    is farther away, if anything.
+    """
     a0, a1, a2 = out[o], out[o + 1], out[o + 2]
     u0, u1, u2 = out[o + 3] - a0, out[o + 4] - a1, out[o + 5] - a2
     v0, v1, v2 = out[o + 6] - a0, out[o + 7] - a1, out[o + 8] - a2
     p0, p1, p2 = x - a0, y - a1, z - a2
-    uu, uv, vv = u0 * u0 + u1 * u1 + u2 * u2, u0 * v0 + u1 * v1 + u2 * v2, v0 * v0 + v1 * v1 + v2 * v2
     pu, pv = p0 * u0 + p1 * u1 + p2 * u2, p0 * v0 + p1 * v1 + p2 * v2
-    det = uu * vv - uv * uv
-    if det > 1e-12 * uu * vv:
-        s, r = (vv * pu - uv * pv) / det, (uu * pv - uv * pu) / det
-        if s >= 0.0 and r >= 0.0 and s + r <= 1.0:
-            d0, d1, d2 = p0 - s * u0 - r * v0, p1 - s * u1 - r * v1, p2 - s * u2 - r * v2
-            return d0 * d0 + d1 * d1 + d2 * d2, s, r
+    if pu <= 0.0 and pv <= 0.0:
+        return p0 * p0 + p1 * p1 + p2 * p2, 0.0, 0.0
+    uu, uv, vv = u0 * u0 + u1 * u1 + u2 * u2, u0 * v0 + u1 * v1 + u2 * v2, v0 * v0 + v1 * v1 + v2 * v2
+    s, r, sure = _weights(pu, pv, uu, uv, vv)
+    if not sure:
+        return _by_sides(out, o, x, y, z)
+    d0, d1, d2 = p0 - s * u0 - r * v0, p1 - s * u1 - r * v1, p2 - s * u2 - r * v2
+    return d0 * d0 + d1 * d1 + d2 * d2, s, r
+
+
+@inner
+def _weights(pu, pv, uu, uv, vv):
+    """Those of corners 1 and 2, from products of the way to the point and of both sides; False if it is a sliver."""
+    # from corners 1 and 2, along both sides at corner 0
+    one_u, one_v, two_u, two_v = pu - uu, pv - uv, pu - uv, pv - vv
+    if one_u >= 0.0 and one_v <= one_u:
+        return 1.0, 0.0, True
+    if two_v >= 0.0 and two_u <= two_v:
+        return 0.0, 1.0, True
+    # parts of the area opposite corners 2, 1, 0
+    two, one, zero = pu * one_v - one_u * pv, two_u * pv - pu * two_v, one_u * two_v - two_u * one_v
+    up, down = one_v - one_u, two_u - two_v
+    if two <= 0.0 and pu >= 0.0 and one_u <= 0.0 and uu > 0.0:
+        return pu / uu, 0.0, True
+    if one <= 0.0 and pv >= 0.0 and two_v <= 0.0 and vv > 0.0:
+        return 0.0, pv / vv, True
+    if zero <= 0.0 and up >= 0.0 and down >= 0.0 and up + down > 0.0:
+        return 1.0 - up / (up + down), up / (up + down), True
+    if zero > 0.0 and one > 0.0 and two > 0.0 and zero + one + two > SLIVER * uu * vv:
+        whole = 1.0 / (zero + one + two)
+        return one * whole, two * whole, True
+    return 0.0, 0.0, False
+
+
+@inner
+def _by_sides(out, o, x, y, z):
+    """The same as ``closest`` of a sliver, whose sides say all."""
+    p0, p1, p2 = x - out[o], y - out[o + 1], z - out[o + 2]
+    u0, u1, u2 = out[o + 3] - out[o], out[o + 4] - out[o + 1], out[o + 5] - out[o + 2]
+    v0, v1, v2 = out[o + 6] - out[o], out[o + 7] - out[o + 1], out[o + 8] - out[o + 2]
     best, s = _side(p0, p1, p2, u0, u1, u2)
     r = 0.0
     other, along = _side(p0, p1, p2, v0, v1, v2)

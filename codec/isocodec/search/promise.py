@@ -26,7 +26,7 @@ from ..passes.snapshot import leaves_of
 from ..tube.holes import Holes
 from .around import Around
 from .curvature import curvature
-from .fit import AGAIN, REACHES, ROUNDS, Drawing, fitted_offsets
+from .fit import REACHES, Drawing, Faults, fitted_offsets
 from .ground_truth import GroundTruth, truth_of
 from .original import original
 from .proof import Target
@@ -118,7 +118,7 @@ class Promise:
 
     def placed(
         self, mesh: Chosen, parts: int, unit: int, tolerance: float, before: Fitted | None = None,
-        *, lead: Sequence[Entry] = (), places: NDArray[np.float64] | None = None,
+        *, lead: Sequence[Entry] = (), faults: Faults | None = None,
     ) -> Fitted:  # fmt: skip
         """Where the curve is to cross the edges of a mesh so that it lies within a tolerance, if it can be.
 
@@ -132,7 +132,7 @@ class Promise:
             Places on a mesh of which most edges are left.
         lead : plan
             Layers that lead to a part of the mesh; without them it is a base.
-        places : (P, n) float64, optional
+        faults : Faults, optional
             Where the curve of ``before`` is too far away: if that is not everywhere, the rest stays as it is.
         """
         crossing = before.place if before else None
@@ -141,12 +141,11 @@ class Promise:
         position = tube.state.vertex[:, : self.n].astype(np.int64)
         low, high = position[told.edges[:, 0]], position[told.edges[:, 1]]
         where = np.ldexp((crossing or self.field.crossings)(low, high) + 0.5, -OFFSET_BITS)
-        around = self._around(places, tolerance) if before and places is not None else None
+        around = self._around(faults.places, tolerance) if faults else None
         fixed = None if self.fixed is None else self.fixed(low, high)
         drawing = fitted_offsets(
             self.contour, [self.target(reach * tolerance) for reach in REACHES], self._leaves(tube), told.edges,
-            told.parts, where, tolerance, rounds=AGAIN if before else ROUNDS, around=around,
-            fixed=fixed,
+            told.parts, where, tolerance, faults=faults, around=around, fixed=fixed,
         )  # fmt: skip
         if self.tried:
             self.tried()
@@ -159,16 +158,14 @@ class Promise:
         around = Around.of(places, self.field.signs.shape, size).wider(size)
         return around if around.holds(self.contour.points).mean() < MOSTLY else None
 
-    def excess_near(self, drawing: Drawing, tolerance: float) -> np.ndarray:
+    def faults(self, drawing: Drawing, tolerance: float) -> Faults:
         """As `excess` of a fitted curve, but only where it may have changed: this finds faults, and proves nothing."""
-        if drawing.changed is None or drawing.seen is None:
-            return self._excess(drawing.points, drawing.cells, tolerance)
-        points, cells = drawing.points, drawing.cells
-        moved = drawing.changed.touches(points, cells)
-        ours = drawing.changed.touches(self.contour.points, self.contour.cells)
-        near = Target(points, cells[drawing.seen.touches(points, cells)], tolerance)
-        there = near.exceeded(self.contour.points, self.contour.cells, ours).places
-        return np.concatenate([there, self.target(tolerance).exceeded(points, cells, moved).places])
+        points, cells, part = drawing.points, drawing.cells, drawing.part
+        near = Target(points, cells[part.seen] if part else cells, tolerance)
+        ours = part.near.touches(self.contour.points, self.contour.cells) if part else None
+        there = near.exceeded(self.contour.points, self.contour.cells, ours)
+        here = self.target(tolerance).exceeded(points, cells, part.changed if part else None)
+        return Faults(drawing, np.concatenate([there.places, here.places]), here.cells)
 
     def _leaves(self, tube: Tube) -> Leaves:
         return leaves_of(tube, self.field.isovalue, lambda number, above: number)
@@ -195,11 +192,9 @@ class Promise:
 
     def excess(self, contour: Contour, tolerance: float) -> np.ndarray:
         """Places where the two curves are not proven to lie within the tolerance of each other, (K, n)."""
-        return self._excess(contour.points, contour.cells, tolerance)
-
-    def _excess(self, points: NDArray[np.float64], cells: NDArray[np.int64], tolerance: float) -> np.ndarray:
-        there = Target(points, cells, tolerance).exceeded(self.contour.points, self.contour.cells).places
-        return np.concatenate([there, self.target(tolerance).exceeded(points, cells).places])
+        there = Target(contour.points, contour.cells, tolerance).exceeded(self.contour.points, self.contour.cells)
+        here = self.target(tolerance).exceeded(contour.points, contour.cells)
+        return np.concatenate([there.places, here.places])
 
     def target(self, limit: float) -> Target:
         """The original curve, for others to be held against it."""

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import os
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,6 +14,8 @@ from .buckets import SMALLEST, STACK, Buckets, balls, exceed, nearest, sort
 
 MOST_BUCKETS, LEAST_BUCKETS = 8, 1 << 12
 """Buckets for each piece, and beside."""
+LEAST_PART = 2000
+"""Fewer pieces or points than this are not worth a thread."""
 
 
 @dataclass(frozen=True)
@@ -55,7 +60,12 @@ class Target:
         if self.empty:
             return Excess(todo, points[cells[todo, 0]])
         out, places = np.zeros(len(todo), np.bool_), np.zeros((len(todo), 3))
-        exceed(pieces_of(points, cells[todo]), self.buckets, np.zeros((STACK, 9)), out, places)
+        pieces = pieces_of(points, cells[todo])
+
+        def prove(some: slice) -> None:
+            exceed(pieces[some], self.buckets, np.zeros((STACK, 9)), out[some], places[some])
+
+        in_parts(len(todo), prove)
         return Excess(todo[out], places[out, :n])
 
     def nearest(self, points: NDArray[np.float64]) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
@@ -76,9 +86,28 @@ class Target:
         padded[:, :n] = points
         piece, two = np.full(len(points), -1), np.zeros((len(points), 2))
         if not self.empty:
-            nearest(padded, self.buckets, piece, two)
+            in_parts(len(points), lambda some: nearest(padded[some], self.buckets, piece[some], two[some]))
         first = 1.0 - two.sum(axis=1, keepdims=True)
         return piece, np.hstack([first, two if n == 3 else two.sum(axis=1, keepdims=True)])
+
+
+def in_parts(count: int, work: Callable[[slice], object]) -> None:
+    """Do work on so many things, part by part, on all processors: each is settled by itself.
+
+    Kernels let other threads run beside them.
+    """
+    parts = min(processors(), count // LEAST_PART)
+    if parts < 2:
+        work(slice(0, count))
+        return
+    ends = [count * i // parts for i in range(parts + 1)]
+    with ThreadPoolExecutor(parts) as pool:
+        list(pool.map(lambda i: work(slice(ends[i], ends[i + 1])), range(parts)))
+
+
+def processors() -> int:
+    """How many processors this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def _sorted(pieces: NDArray[np.float64], limit: float) -> Buckets:

@@ -7,10 +7,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..layers.plan import Entry
 from ..mesh.vertex_set import Chosen
+from .fit import Faults
 from .promise import Fitted, Promise, onto
 from .reduction import Reduction, distinct
 
@@ -22,7 +22,7 @@ BEHIND, NOISE, SURE = 1.03, 12, 3
 after some turns."""
 LEAF = 0.25
 """Bytes that a leaf costs at least, with all that comes of it, where the curve is too far away."""
-SHARES = {2: 1.0, 3: 0.25}
+SHARES = {2: 1.0, 3: 0.5}
 """Of the leaves where it is, so many are bisected before points are fitted again: of surfaces that helps the others."""
 
 
@@ -79,11 +79,12 @@ def repaired(
         and those that are behind on this.
     """
     fitted: Fitted | None = None
-    places: NDArray[np.float64] | None = None
+    faults: Faults | None = None
     for _ in range(MOST_REPAIRS):
         mesh = reduction.chosen
-        fitted = promise.placed(mesh, *pitch, tolerance, fitted, lead=lead, places=places)
-        places, size = promise.excess_near(fitted.drawing, tolerance), fitted.size
+        fitted = promise.placed(mesh, *pitch, tolerance, fitted, lead=lead, faults=faults)
+        faults, size = promise.faults(fitted.drawing, tolerance), fitted.size
+        places = faults.places
         if not len(places):
             # so it seems: now with all that the file says
             plan = [*lead, onto(mesh, lead), ("offsets", *pitch, fitted.place)]
@@ -91,6 +92,7 @@ def repaired(
             places = promise.excess(contour, tolerance)
             if not len(places) and size <= most:
                 return Kept(size, plan, mesh)
+            faults = Faults(fitted.drawing, places, faults.pieces)
         if size > most or (course and course.behind(len(places), size)):
             return None
         leaves = reduction.leaves_at(places)
