@@ -108,5 +108,8 @@ def _engine(workers: int, scheduler: str | None) -> Any:
         import multiprocessing
         from concurrent.futures import ProcessPoolExecutor
 
-        return ProcessPoolExecutor(workers, mp_context=multiprocessing.get_context("spawn"))
+        from ..tiles.running import end_with_parent
+
+        spawned = multiprocessing.get_context("spawn")
+        return ProcessPoolExecutor(workers, mp_context=spawned, initializer=end_with_parent)
     return nullcontext()

@@ -60,7 +60,12 @@ def _remote(url: str) -> Fetch:
     def fetch(start: int, end: int) -> bytes:
         try:
             data: bytes = system.cat_file(path, start=start, end=end)
-        except (TimeoutError, OSError):
+        except TimeoutError as exc:
+            # those of libraries say nothing
+            raise InputError(
+                f"the server has not answered within {PATIENCE:g} seconds", code="timeout", remedy="try again later"
+            ) from exc
+        except OSError:
             raise
         except Exception as exc:
             raise InputError(f"cannot be read ({type(exc).__name__}: {exc})", code="url") from exc

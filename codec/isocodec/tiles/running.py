@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import multiprocessing
+import os
 import pickle
+import threading
 from collections.abc import Callable, Iterator
 from concurrent.futures import CancelledError, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
@@ -28,6 +31,19 @@ class Engine(Protocol):
 
     def submit(self, function: Callable[..., Any], /, *args: Any, **options: Any) -> Any:
         """Have a function called elsewhere."""
+
+
+def end_with_parent() -> None:
+    """Have this process end when the one that began it does, even if that is killed: workers would wait for ever."""
+    parent = multiprocessing.parent_process()
+
+    def watch() -> None:
+        assert parent is not None
+        parent.join()
+        os._exit(1)
+
+    if parent is not None:
+        threading.Thread(target=watch, daemon=True).start()
 
 
 def run(

@@ -1,0 +1,320 @@
+"""Faults while fields are encoded in tiles, and while windows are read from servers: gone on with, or refused."""
+
+from __future__ import annotations
+
+import errno
+import http.server
+import multiprocessing
+import os
+import random
+import resource
+import signal
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Iterator
+from concurrent.futures import ProcessPoolExecutor
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import isocodec
+import isocodec.io.ranges
+from brute import INTERPRETED
+from commands import fails
+from isocodec.errors import InputError, IsoError
+from isocodec.tiled_api import tiled_of
+from tiled import encoded, hilly, pieces
+
+pytestmark = pytest.mark.skipif(INTERPRETED, reason="processes of their own would be slow")
+
+
+def children_of(process: int) -> list[int]:
+    """Processes that one has begun."""
+    try:
+        text = Path(f"/proc/{process}/task/{process}/children").read_text()
+    except OSError:
+        return []
+    return [int(number) for number in text.split()]
+
+
+def command_of(path: Path, out: Path, workers: int) -> list[str]:
+    return [
+        sys.executable, "-m", "isocodec", "tile", str(path), "-o", str(out), "--isovalue", "30.5", "--tile", "64",
+        "--workers", str(workers),
+    ]  # fmt: skip
+
+
+FOLLOWED = pytest.mark.skipif(not Path("/proc/self/task").exists(), reason="needs to know who has begun whom")
+
+
+def gone(processes: list[int], patience: float = 30) -> bool:
+    """Whether processes end within so many seconds."""
+    deadline = time.monotonic() + patience
+    while any(Path(f"/proc/{each}").exists() for each in processes) and time.monotonic() < deadline:
+        time.sleep(0.05)
+    return not any(Path(f"/proc/{each}").exists() for each in processes)
+
+
+@FOLLOWED
+def test_workers_end_with_who_began_them(tmp_path: Path) -> None:
+    np.save(tmp_path / "f.npy", np.tile(hilly((512, 512)), (3, 3)))
+    child = subprocess.Popen(command_of(tmp_path / "f.npy", tmp_path / "a.iso", 2), stderr=subprocess.DEVNULL)
+    while len(workers := children_of(child.pid)) < 3 and child.poll() is None:
+        time.sleep(0.01)
+    time.sleep(0.5)
+    child.kill()
+    child.wait()
+    assert len(workers) == 3 and gone(workers)
+
+
+@pytest.mark.heavy
+@FOLLOWED
+@pytest.mark.parametrize("whom", ["main", "worker"])
+def test_many_kills(tmp_path: Path, whom: str) -> None:
+    """Twenty-five times at any moment, the whole process or one of its workers: nothing wrong is ever there."""
+    field = np.tile(hilly((512, 512)), (3, 3))
+    np.save(tmp_path / "f.npy", field)
+    wanted = encoded(tmp_path, field, 30.5, tile=64)
+    out = tmp_path / "killed.iso"
+    command = command_of(tmp_path / "f.npy", out, 2)
+    dice = random.Random(whom)
+    kills = 0
+    while kills < 25:
+        child = subprocess.Popen(command, stderr=subprocess.PIPE, text=True)
+        time.sleep(dice.uniform(0.3, 2.5))
+        workers = children_of(child.pid)
+        # one of those begun is no worker, but keeps track of what they share: that too may die
+        victim = child.pid if whom == "main" else dice.choice(workers) if workers else None
+        if child.poll() is None and victim is not None:
+            os.kill(victim, signal.SIGKILL)
+            kills += 1
+        said = child.communicate(timeout=120)[1]
+        if whom == "worker":
+            assert "Traceback" not in said or child.returncode in (0, 3)
+            assert child.returncode in (0, 3), said
+        assert gone(workers)
+        if out.exists():
+            assert out.read_bytes() == wanted
+            out.unlink()
+    subprocess.run(command, check=True)
+    assert out.read_bytes() == wanted
+    assert not list(tmp_path.glob("*.part")) or whom == "main"
+
+
+def test_a_full_disk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """No process may write files larger than so much: what was encoded is kept, the command says so and goes on."""
+    field = np.tile(hilly((512, 512)), (1, 2))
+    np.save(tmp_path / "f.npy", field)
+    wanted = encoded(tmp_path, field, 30.5, tile=64)
+    out = tmp_path / "full.iso"
+    command = command_of(tmp_path / "f.npy", out, 1)
+
+    def small(size: int) -> None:
+        signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+        resource.setrlimit(resource.RLIMIT_FSIZE, (size, size))
+
+    # room for half of the tiles; for all of them, but not for the directories beside
+    for size in (len(wanted) // 2, len(wanted) - 200):
+        ended = subprocess.run(command, preexec_fn=lambda size=size: small(size), capture_output=True, text=True)
+        assert ended.returncode == 3, ended.stderr
+        assert "too large" in ended.stderr and "Traceback" not in ended.stderr
+        assert not out.exists() and (tmp_path / "full.iso.tiles").is_dir()
+        assert not list(tmp_path.glob(".*.part"))
+    subprocess.run(command, check=True)
+    assert out.read_bytes() == wanted and not (tmp_path / "full.iso.tiles").exists()
+
+
+def test_no_room_at_any_write(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A stand-in: the disk is full at the k-th write of the spool, having taken half of it; then it goes on."""
+    field = hilly()
+    wanted = encoded(tmp_path, field, 30.5)
+    out = tmp_path / "again.iso"
+    from isocodec.tiles import spool
+
+    class Full:
+        def __init__(self, file: Any, left: list[int]) -> None:
+            self._file, self._left = file, left
+
+        def write(self, data: bytes) -> int:
+            self._left[0] -= 1
+            if self._left[0] == 0:
+                self._file.write(data[: len(data) // 2])
+                raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+            return int(self._file.write(data))
+
+        def __getattr__(self, name: str) -> Any:
+            return getattr(self._file, name)
+
+    whole = spool._open
+    for k in (1, 2, 3, 4, 9, 20, 25):
+        left = [k]
+        monkeypatch.setattr(spool, "_open", lambda path, left=left: Full(whole(path), left))
+        with pytest.raises(OSError, match="No space left"):
+            isocodec.encode_tiles(field, 30.5, out, tile=32)
+        assert not out.exists()
+    monkeypatch.setattr(spool, "_open", whole)
+    isocodec.encode_tiles(field, 30.5, out, tile=32)
+    assert out.read_bytes() == wanted
+
+
+def test_a_scheduler_that_dies(tmp_path: Path) -> None:
+    """Of a Dask cluster, killed while tiles are in flight: an error that says what to do, soon; then it goes on."""
+    distributed = pytest.importorskip("distributed")
+    field = np.tile(hilly((512, 512)), (3, 3))
+    where = tmp_path / "scheduler.json"
+    begun = [
+        subprocess.Popen(
+            [sys.executable, "-m", f"distributed.cli.dask_{role}", *more, "--scheduler-file", str(where),
+             "--no-dashboard"],
+            stderr=subprocess.DEVNULL, stdout=subprocess.DEVNULL, cwd=tmp_path,
+        )
+        for role, more in (("scheduler", ["--port", "0"]), ("worker", ["--nthreads", "1", "--no-nanny"]))
+    ]  # fmt: skip
+    out = tmp_path / "a.iso"
+    try:
+        client = distributed.Client(scheduler_file=str(where), timeout="60s")
+        client.wait_for_workers(1, timeout=60)
+
+        def progress(done: int, total: int) -> None:
+            if done == 5:
+                begun[0].kill()
+
+        started = time.monotonic()
+        with pytest.raises(InputError, match=r"cluster|worker") as raised:
+            isocodec.encode_tiles(field, 30.5, out, tile=64, engine=client, progress=progress)
+        assert "again" in str(raised.value) and time.monotonic() - started < 120
+        client.close(timeout=2)
+    finally:
+        for process in begun:
+            process.kill()
+            process.wait()
+    assert not out.exists()
+    isocodec.encode_tiles(field, 30.5, out, tile=64)
+    assert out.read_bytes() == encoded(tmp_path, field, 30.5, tile=64)
+
+
+# -- servers -------------------------------------------------------------------------------------------------------
+
+
+@contextmanager
+def serving(data: bytes, how: str) -> Iterator[str]:
+    """A URL of a file whose server does something: the whole at once, another address, nothing at all, too little."""
+    held = threading.Event()
+
+    class Server(http.server.BaseHTTPRequestHandler):
+        def do_GET(self) -> None:
+            if how == "hangs" or (how == "hangs later" and "bytes=0-" not in self.headers.get("Range", "bytes=0-")):
+                held.wait(20)
+                return
+            if how == "redirects" and not self.path.startswith("/there"):
+                self.send_response(302)
+                self.send_header("Location", "/there.iso")
+                self.end_headers()
+                return
+            if how == "circles":
+                self.send_response(302)
+                self.send_header("Location", "/again.iso")
+                self.end_headers()
+                return
+            if how == "fails":
+                self.send_error(503)
+                return
+            asked = self.headers.get("Range", "") if how != "whole" else ""
+            start, end = (int(n) for n in asked[6:].split("-")) if asked else (0, len(data) - 1)
+            part = data[start : end + 1]
+            self.send_response(206 if asked else 200)
+            self.send_header("Content-Length", str(len(part)))
+            if asked:
+                self.send_header("Content-Range", f"bytes {start}-{start + len(part) - 1}/{len(data)}")
+            self.end_headers()
+            if how == "breaks" and start > 0:
+                part = part[: len(part) // 2]
+            elif how == "other bytes" and start > 0:
+                part = bytes(b ^ 1 for b in part)
+            self.wfile.write(part)
+
+        def do_HEAD(self) -> None:
+            self.send_response(200)
+            self.send_header("Content-Length", str(len(data)))
+            self.end_headers()
+
+        def log_message(self, *_: object) -> None:
+            pass
+
+    server = http.server.ThreadingHTTPServer(("localhost", 0), Server)
+    server.daemon_threads = True
+    threading.Thread(target=server.serve_forever, daemon=True).start()
+    try:
+        yield f"http://localhost:{server.server_port}/field.iso"
+    finally:
+        held.set()
+        server.shutdown()
+        server.server_close()
+
+
+BOX = [(300, 330), (400, 430)]
+
+
+@pytest.fixture(scope="module")
+def noise(tmp_path_factory: pytest.TempPathFactory) -> bytes:
+    field = np.random.default_rng(1).integers(0, 100, (600, 600))
+    return encoded(tmp_path_factory.mktemp("noise"), field, 50.5, exact=True)
+
+
+@pytest.mark.parametrize("how", ["whole", "redirects"])
+def test_servers_that_do_it_their_way(noise: bytes, how: str) -> None:
+    pytest.importorskip("aiohttp")
+    with serving(noise, how) as url:
+        file = isocodec.open(url)
+        wanted = tiled_of(noise)
+        if how == "whole":
+            assert pieces(file.contour()) == pieces(wanted.contour())
+        else:
+            assert pieces(file.window(BOX)) == pieces(wanted.window(BOX))  # type: ignore[union-attr]
+            assert file.received < len(noise) // 2  # type: ignore[union-attr]
+
+
+@pytest.mark.parametrize("how", ["hangs", "hangs later", "circles", "fails", "breaks", "other bytes"])
+def test_servers_that_fail(noise: bytes, how: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """An error that says what it is, soon; on the command line too, and nothing is written."""
+    pytest.importorskip("aiohttp")
+    monkeypatch.setattr(isocodec.io.ranges, "PATIENCE", 1.0)
+    with serving(noise, how) as url:
+        started = time.monotonic()
+        with pytest.raises((IsoError, OSError)) as raised:
+            isocodec.open(url).window(BOX)  # type: ignore[union-attr]
+        assert time.monotonic() - started < 10
+        assert str(raised.value)
+        assert not how.startswith("hangs") or "not answered" in str(raised.value)
+        code = {"other bytes": 4}.get(how, 3)
+        line = fails(code, "decode", url, "-o", tmp_path / "x.npz", "--window", "300:330,400:430")
+        assert line.split(": ", 2)[2].strip()
+        assert not list(tmp_path.iterdir())
+
+
+def test_a_worker_that_dies_again_and_again(tmp_path: Path) -> None:
+    """Each time what was done is kept: with room for a worker's first tiles the file is there in the end."""
+    field = hilly()
+    out = tmp_path / "a.iso"
+    turns = 0
+    while not out.exists():
+        turns += 1
+        with ProcessPoolExecutor(1, mp_context=multiprocessing.get_context("spawn")) as processes:
+            processes.submit(os.getpid).result()
+            (worker,) = processes._processes  # type: ignore[misc]
+
+            def progress(done: int, total: int, worker: int = worker, first: list[int] = []) -> None:  # noqa: B006
+                first.append(done)
+                if len(first) % 9 == 0:
+                    os.kill(worker, signal.SIGKILL)
+
+            try:
+                isocodec.encode_tiles(field, 30.5, out, tile=32, engine=processes, progress=progress)
+            except InputError as error:
+                assert "worker" in str(error) and not out.exists()
+    assert turns < 10 and out.read_bytes() == encoded(tmp_path, field, 30.5)
