@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from isocodec import TiledIsoFile, encode_tiles
 from isocodec import open as open_iso
-from isospec.container import Double
+from isospec.container import Double, write_varint
 
 from .adaptive import SPACES
 from .draft import Draft
@@ -197,6 +197,10 @@ def drafts() -> Iterator[Draft]:
         yield replace(draft, name=f"tiled_{draft.name}")
     for name, clause, how, data in wrong():
         yield Draft(f"bad_tiled_{name}", data, 2, (f"refused: {how}",), clause)
-    plain = bytes(written(2, 2, 2))
+    file = written(2, 2, 2)
+    plain, root = bytes(file), file.root()
+    far = write_varint(2**45) + root[len(write_varint(len(file.blocks[0].leaf()))) :]
+    data = file.head(far) + plain[len(file.head(root)) :]
+    yield Draft("tiled_cut_far", data, 2, ("file in tiles", "tiles: a leaf directory of 2**45 bytes, as the root says"))
     for name, size in (("head", 20), ("leaf", len(plain) // 2), ("segment", len(plain) - 1)):
         yield Draft(f"tiled_cut_{name}", plain[:size], 2, ("file in tiles", f"tiles: ends within a {name}"))

@@ -98,6 +98,18 @@ export function tiledParts(data) {
   return { parts };
 }
 
+/** A file in tiles of 32 samples in the plane, without segments: leaf directories, and of each block what the root says of it. */
+export function emptyTiles({ shape, block, leaves, entries }) {
+  const fields = [...shape.flatMap(varint), 5, block, 1, 4, 1, 0, 1, 0, ...entries.flat()], size = 12 + fields.length;
+  const head = summed([0x89, 0x49, 0x53, 0x54, 0, 0, size >> 8, size & 255, ...fields]);
+  return new Uint8Array(Buffer.concat([head, ...leaves]));
+}
+
+/** What a root directory says of a leaf directory whose block has no segments. */
+export function entry(leaf) {
+  return [...varint(leaf.length), ...summed(leaf).slice(-4), 0];
+}
+
 /** Put right the checksum of a part, and of those that it is in. */
 export function repair(data, part) {
   const sum = crc32(data.subarray(part.at, part.at + part.size));

@@ -9,7 +9,7 @@ import { MainProfile } from "../dist/main.js";
 import { tiledText } from "../dist/text.js";
 import { openTiles } from "../dist/tiles.js";
 import { lines } from "../dist/world.js";
-import { repair, tiledParts } from "./files.mjs";
+import { emptyTiles, entry, repair, tiledParts, varint } from "./files.mjs";
 import { python, reference, root } from "./reference.mjs";
 import { curves, scratch, tile } from "./tiled.mjs";
 
@@ -197,6 +197,31 @@ test("what cannot be asked for", async () => {
   assert.equal((await tiles.window([[900, 901], [0, 1]])).cells.length, 0);
   await assert.rejects((await open(vector("tiled_plane_exact"), { limits: { work: 10, workPerByte: 0 } })).all(), { kind: "limit" });
   await assert.rejects((await open(vector("tiled_plane_exact"), { limits: { memory: 1000 } })).all(), { kind: "limit" });
+});
+
+test("sizes that cannot be are refused at once, and runs are not expanded", async () => {
+  const million = Uint8Array.from(varint(4 * (2 ** 20 - 1))), coded = new Uint8Array(2 ** 20 + 4), blocks = 1500;
+  coded.set(varint(4 * (2 ** 20 - 1) + 2));
+  const far = (size) => ({ shape: [40, 40], block: 0, leaves: [], entries: [[...varint(size), 0, 0, 0, 0, 0]] }), segment = Uint8Array.from([2, ...varint(2 ** 39), 0, 0, 0, 0]);
+  for (const [file, wanted] of [
+    [far(2 ** 45), "8.3"], [far(2 ** 62), "8.3"],
+    [{ shape: [40, 40], block: 0, leaves: [segment], entries: [[...entry(segment).slice(0, -1), ...varint(2 ** 39)]] }, "8.3"],
+    [{ shape: [2 ** 40, 2 ** 40], block: 10, leaves: [], entries: [] }, "12.3.1"],
+    [{ shape: [2, 2 ** 15 * 3276], block: 10, leaves: [], entries: [] }, "12.4"],
+    [{ shape: [2 ** 15 + 1, 2 ** 15 * blocks + 1], block: 10, leaves: Array(blocks).fill(million), entries: Array(blocks).fill(entry(million)) }, undefined],
+    [{ shape: [2 ** 15 + 1, 2 ** 15 + 1], block: 10, leaves: [coded], entries: [entry(coded)] }, undefined],
+  ]) {
+    const data = emptyTiles(file), began = performance.now();
+    const found = await open(data).then((tiles) => tiles.all()).catch((error) => error);
+    assert.equal(found.clause, wanted, `${found}`);
+    if (!wanted) assert.equal(found.cells.length, 0);
+    else assert.ok(found.offset <= data.length);
+    assert.ok(performance.now() - began < 5000, `${performance.now() - began} ms`);
+  }
+  // a server that has such a leaf directory would be asked for more than the limit
+  const data = emptyTiles(far(2 ** 45)), large = { size: 2 ** 46, slice: () => new Blob([data, new Uint8Array(40000)]) };
+  Object.setPrototypeOf(large, Blob.prototype);
+  await assert.rejects(open(large).then((tiles) => tiles.all()), { kind: "limit" });
 });
 
 /** The outcome of a file, as the reference says it. */

@@ -93,6 +93,11 @@ export class Directory {
     return [...mask, ...channels[masks + isovalue]!.of(number).slice(0, stage + 1)];
   }
 
+  /** Whether a tile has any bytes of layers at an isovalue, up to a stage: else nothing is drawn of it. */
+  filled({ number, channels }: Place, isovalue: number, stage: number): boolean {
+    return channels[Number(this.head.masked) + isovalue]!.of(number).some(({ size }, i) => size > 0 && i <= stage);
+  }
+
   /** The groups that hold some segments, their checksums verified. */
   async fetch(segments: readonly Segment[]): Promise<Map<Group, Uint8Array>> {
     const wanted = new Set<Group>(), held = new Map<Group, Uint8Array>();

@@ -51,7 +51,8 @@ export class TiledFile {
     if (box && (box.length !== head.n || !box.every(([from, to]) => from <= to)))
       throw new RangeError(`a box is ${head.n} pairs, from where to where along each axis`);
     const key = ({ index }: Place): string => `${index} ${isovalue} ${stage}`, drawings = new Map<string, Drawing>(), fresh: Place[] = [];
-    const places = (await directory.blocks(box)).flatMap(([block, channels]) => directory.coded(block, channels, isovalue, box));
+    const places = (await directory.blocks(box)).flatMap(([block, channels]) => directory.coded(block, channels, isovalue, box))
+      .filter((place) => directory.filled(place, isovalue, stage));
     for (const place of places) {
       const kept = this.drawings.get(key(place));
       if (kept) drawings.set(key(place), kept);
