@@ -12,10 +12,12 @@ from scipy.spatial import KDTree
 
 import isocodec
 from brute import blobs, examples, meshes, mixed, smooth
+from commands import HILLS
 from isocodec import Decoder, Encoder
 from isocodec.errors import FormatError, OptionError
 from isocodec.field.samples import Field
 from isocodec.layers.events import IsovalueRead
+from isocodec.layers.writer import LayerWriter
 from isocodec.mesh.tables import cube_exponent
 from isocodec.passes.runner import Tube
 from isocodec.passes.snapshot import leaves_of, state_of
@@ -328,3 +330,20 @@ def test_numbers_that_many_isovalues_could_make_grow_no_further():
         decoder.close()
     largest = [int(np.abs(decoder.state(number).number).max()) for number in range(64)]
     assert max(largest) < 1 << 53 and sum(number > 1 << 51 for number in largest) > 3
+
+
+def test_trials_are_not_encoded_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of two ways to the signs of a further isovalue the smaller one goes on, and no layer is encoded twice."""
+    seen: list[tuple[LayerWriter, int]] = []
+    advance = LayerWriter._advance
+
+    def noted(writer: LayerWriter, number: int) -> None:
+        seen.append((writer, number))
+        advance(writer, number)
+
+    monkeypatch.setattr(LayerWriter, "_advance", noted)
+    done: list[tuple[int, int]] = []
+    data = isocodec.encode(HILLS, [60.5, 80.5, 100.5], progress=lambda *now: done.append(now))
+    assert len({id(writer) for writer, _ in seen}) == 1 + 2 + 2
+    assert len({(id(writer), number) for writer, number in seen}) == len(seen)
+    assert done == sorted(done) and done[-1][0] == done[-1][1] == len(isocodec.inspect(data).layers)

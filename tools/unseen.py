@@ -30,7 +30,7 @@ from bench import jbig
 from isospec.tables import unpacked
 from train import ITEMS, use
 
-WORDS = (Path(__file__).resolve().parent.parent / "README.md").read_text(encoding="utf-8").splitlines()
+WORDS = (Path(__file__).resolve().parent.parent / "LICENSE").read_text(encoding="utf-8").splitlines()
 PHOTOGRAPHS = ("astronaut", "cat", "coffee", "rocket", "cell", "clock", "hubble_deep_field", "immunohistochemistry")
 TEXTURES = ("brick", "grass", "gravel")
 SHARES = (25, 50, 80)
@@ -47,7 +47,7 @@ def documents() -> Iterator[Named]:
             page = Image.new("L", (480, 400), 230)
             draw = ImageDraw.Draw(page)
             for line in range(400 // (size * 3 // 2)):
-                draw.text((12, 8 + line * size * 3 // 2), WORDS[9 * i + line], 40, font)
+                draw.text((12, 8 + line * size * 3 // 2), WORDS[(9 * i + line) % len(WORDS)], 40, font)
             turned = page.rotate((0.0, 1.7, -0.6)[i % 3], Image.Resampling.BICUBIC, fillcolor=230)
             noise = rng.integers(-30, 31, (400, 480)) * (i % 2)
             yield f"{family} {size}", np.asarray(turned).astype(int) + noise > 128

@@ -163,12 +163,12 @@ def _descended(n: int, level: int) -> File:
 def main_profile() -> Iterator[Draft]:
     """Main profile: rows that stand for all larger numbers, and limits."""
     yield _random(
-        "main_large_cubes", "main profile: cubes of 2**9 samples and more", (1025, 1025), ((BASE, 1), (REFINE, 2)), 122,
+        "main_large_cubes", "main profile: cubes of 2**9 samples and more", (1025, 1025), ((BASE, 1), (REFINE, 2)), 191,
         20, profile=MAIN,
     )  # fmt: skip
     yield _random(
         "main_deep_mesh", "main profile: middles 24 levels and more above the full grid", (WIDE, WIDE),
-        ((ADAPTIVE, 0),), 2, 20, profile=MAIN,
+        ((ADAPTIVE, 0),), 7, 20, profile=MAIN,
     )  # fmt: skip
     yield _random(
         "main_sure", "main profile: opinions that are limited", (9, 9, 9), ((BASE, 3), (REFINE, ALL)), 16, 40,
@@ -189,7 +189,7 @@ def main_profile() -> Iterator[Draft]:
     )  # fmt: skip
     yield _random(
         "main_near_crossings", "main profile: crossings next to one another that are not extended", (9, 9),
-        ((BASE, ALL), (OFFSETS, ESCAPE), b"\x1e"), 178, 40, profile=MAIN,
+        ((BASE, ALL), (OFFSETS, ESCAPE), b"\x1e"), 28, 40, profile=MAIN,
     )  # fmt: skip
     # a curve around one corner: of the last edge's ends both have another crossing that falls together with them
     start = File(write_header(Header((65, 65), 0.5, profile=MAIN)), ())
@@ -202,7 +202,7 @@ def main_profile() -> Iterator[Draft]:
     yield _draft("main_no_distance", (65, 65), nearest, (about, "cut run"))
     yield _leaning(
         "main_leaning_on_nothing", "main profile: new components of an isovalue that leans on one without a base",
-        (9, 9), {0.5: (), 1.5: ((BASE, 2), (REFINE, ALL))}, 136, 30, profile=MAIN,
+        (9, 9), {0.5: (), 1.5: ((BASE, 2), (REFINE, ALL))}, 5, 30, profile=MAIN,
     )  # fmt: skip
 
 
@@ -212,7 +212,7 @@ def refused() -> Iterator[Draft]:
     nowhere = said(start, steps_of((BASE, 3)), ("origin", "0"), ("component", "1"), ("location", "11"))
     yield _draft("start_nowhere", (6, 3), nowhere, ("a component starts in a simplex that does not exist",), "5.3.2")
     for shape, name, clause, about, seed in (
-        ((5, 5), "start_not_mixed", "5.3.3", "where the curve does not pass", 3),
+        ((5, 5), "start_not_mixed", "5.3.3", "where the curve does not pass", 10),
         ((5, 5), "start_visited", "5.3.2", "where one has been", 0),
         ((5, 5, 5), "start_not_mixed", "5.3.3", "where the surface does not pass", 0),
         ((5, 5, 5), "start_visited", "5.3.2", "where one has been", 1),
@@ -222,7 +222,7 @@ def refused() -> Iterator[Draft]:
             clause=clause,
         )  # fmt: skip
     for name, about, shape, steps, seed, size in (
-        ("main_leftover", "bytes left over in a run", (5, 5), ((BASE, 1), (REFINE, 1)), 122, 20),
+        ("main_leftover", "bytes left over in a run", (5, 5), ((BASE, 1), (REFINE, 1)), 65, 20),
         ("main_overrun", "symbols past the end of a run", (5, 5, 5), ((BASE, 3), (REFINE, ALL)), 36, 8),
     ):
         run = layers(steps_of(*steps), bytes(random_numbers(seed, size, 8)))

@@ -187,7 +187,7 @@ def _draw_lines(axes: Any, contours: Sequence[Contour], look: Look, page: Page) 
                 index.append((line, f"{contour.isovalue:.10g}"))
             else:
                 thin_lines.append(line)
-    widths = {text: _width(text) for _, text in index}
+    widths = {text: _width(text) for text in {text for _, text in index}}
     labels, broken = label_lines(page, index, widths, 0.75 * _SMALL)
     collections = optional("matplotlib.collections", extra="plot", purpose="drawing a picture")
     transforms = optional("matplotlib.transforms", extra="plot", purpose="drawing a picture")

@@ -78,16 +78,25 @@ class LayerWriter:
         self.run_bytes = 0
         self.progress = progress
         self.within: dict[int, float] = {}
-        check_entries(plan)
-        if not field.integer and field.scale is None and any(entry[0] == LayerKind.VALUES for entry in plan):
-            raise OptionError("a plan with values of floats needs a step", code="plan", remedy="give step")
-        self._entries = [entry for entry in plan if entry[0] != PROMISE]
-        self._plan = [operation_of(*entry) for entry in self._entries]  # type: ignore[arg-type]
+        self._entries: list[Entry] = []
+        self._plan: list[tuple[Operation, int | None, int, Chosen | None, Place | None, Place | None]] = []
         self._promised = promised(plan)
         self._expanded = 0
         self._meshes: dict[int, Chosen] = {}
         self._places: dict[int, Place] = {}
         self._slack: dict[int, Place] = {}
+        self._whole: list[tuple[int, bytes]] = []
+        self._open: tuple[int, int] | None = None
+        self.go_on(plan)
+
+    def go_on(self, plan: Sequence[Entry]) -> None:
+        """Further entries behind those of the plan so far; they promise nothing."""
+        check_entries(plan)
+        if not self.field.integer and self.field.scale is None and any(entry[0] == LayerKind.VALUES for entry in plan):
+            raise OptionError("a plan with values of floats needs a step", code="plan", remedy="give step")
+        entries = [entry for entry in plan if entry[0] != PROMISE]
+        self._entries += entries
+        self._plan += [operation_of(*entry) for entry in entries]  # type: ignore[arg-type]
         self._extend()
 
     @property
@@ -141,12 +150,41 @@ class LayerWriter:
         """Encode layers from number ``first`` on until the run has enough bytes, or has layer ``last``; their end and
         the bytes.
         """
-        enough = RUN_BYTES if enough is None else enough
+        if self._whole:
+            end, run = self._whole.pop(0)
+            for _ in range(first, end):
+                report()
+            return end, run
+        end, _ = self._encode(first, report, RUN_BYTES if enough is None else enough, last)
+        return end, self._ended(first, end)
+
+    def trial(self) -> int:
+        """Encode the layers so far; the bytes that their runs take if nothing follows.
+
+        What `encode_run` hands out afterwards begins with them: they are not encoded again.
+        """
+        first = 0
+        while first < len(self.layers):
+            end, full = self._encode(first, lambda: None, RUN_BYTES, None)
+            if not full:
+                return self.run_bytes + len(finish(self.tube.coder))
+            self._whole.append((end, self._ended(first, end)))
+            first = end
+        return self.run_bytes
+
+    def _encode(
+        self, first: int, report: Callable[[], object], enough: float, last: int | None
+    ) -> tuple[int, bool]:
+        """Go on with a run of the layers from ``first`` on; the layer that it stands at, and whether it ends there."""
         tube = self.tube
-        start(tube.coder.reg, ENCODE)
-        begun = 0
-        i = first
-        while i < len(self.layers):
+        if self._open is None:
+            start(tube.coder.reg, ENCODE)
+            self._open = first, 0
+        i, begun = self._open
+        for _ in range(first, i):
+            report()
+        full = False
+        while i < len(self.layers) and not full:
             before = tube.tally()
             self._advance(i)
             symbols = tube.tally() - before
@@ -157,13 +195,18 @@ class LayerWriter:
             i += 1
             self._extend()
             report()
-            if used >= enough or i - 1 == last:
-                break
-        run = finish(tube.coder)
+            full = used >= enough or i - 1 == last
+        self._open = i, begun
+        return i, full
+
+    def _ended(self, first: int, end: int) -> bytes:
+        """The bytes of a run."""
+        self._open = None
+        run = finish(self.tube.coder)
         # what the decoder's window reads past the end of the run belongs to no layer
-        self._trim(first, i, len(run))
+        self._trim(first, end, len(run))
         self.run_bytes += len(run)
-        return i, run
+        return run
 
     def _trim(self, first: int, end: int, length: int) -> None:
         place = 0
@@ -185,11 +228,3 @@ class LayerWriter:
             wider = np.zeros(2 * len(buf), np.uint8)
             wider[: len(buf)] = buf
             tube.coder = tube.coder._replace(buf=wider)
-
-
-def encoded_size(writer: LayerWriter) -> int:
-    """Bytes of all runs of a writer, which is done then: for trials."""
-    done = 0
-    while done < len(writer.layers):
-        done, _ = writer.encode_run(done, lambda: None)
-    return writer.run_bytes

@@ -27,7 +27,7 @@ from ..format.header import Header
 from ..format.kinds import LayerKind
 from ..format.program import Layer, Progress, write_program
 from ..layers.plan import Entry
-from ..layers.writer import LayerWriter, encoded_mask, encoded_size, field_tube
+from ..layers.writer import LayerWriter, encoded_mask, field_tube
 from ..mesh.tables import cube_exponent
 from ..names import CriterionName, Distance, Isovalues, ProfileName
 from ..passes.runner import Tube
@@ -198,6 +198,8 @@ class Encoder(ContainerEncoder):
     def _strand(self, number: int, progress: Progress) -> tuple[LayerWriter, Earlier | None]:
         """The layers of an isovalue, ready to be encoded when those before it are done; the one that it leans on."""
         lean = self._leans_on(number)
+        if lean is not None and lean.strand.tube.full and self._on_grid:
+            return self._smaller(number, lean, progress), lean
         try:
             plan = self._plan_of(number, lean)
         except strategy.NotKeptError:
@@ -233,14 +235,7 @@ class Encoder(ContainerEncoder):
         behind = self._behind_grid(number, [*values, *grid_offsets(fine, free)])
         searched = o.tolerance if o.base_level is None and (o.tolerance or 0) >= SEARCHED else None
         if searched is o.steps is o.criterion is None and not o.preserve_topology:
-            grid = strategy.grid_plan(len(self.header.shape), self._full_level, o.base_level)
-            if lean is not None and o.base_level is None and lean.strand.tube.full:
-                # of a series, levels are worth a little: their networks keep learning; geometry likes leaves in order
-                least = LEVELS_WORTH if lean.in_frame_before and o.signs_only else 1.0
-                leaf: list[Entry] = [(LayerKind.LEAF_BASE,)]
-                if self._size(number, lean, leaf) < least * self._size(number, lean, grid):
-                    grid = leaf
-            return [*grid, *behind]
+            return [*strategy.grid_plan(len(self.header.shape), self._full_level, o.base_level), *behind]
         truth = self._truths[number]
         promise = Promise(self._fields[number], lambda: self._fresh(number, lean), free, self._try, truth, self._holes)
         if o.distances is not None:
@@ -272,15 +267,34 @@ class Encoder(ContainerEncoder):
         grid = [*strategy.whole_mesh(promise, o.preserve_topology), *values, *grid_offsets(fine, free)]
         return strategy.within(promise, distance, o.preserve_topology, geometry, told, grid)
 
-    def _size(self, number: int, lean: Earlier, plan: Sequence[Entry]) -> int:
-        """Bytes that a plan's runs take for an isovalue, which leans on one that is done."""
-        earlier = lean.strand
+    @property
+    def _on_grid(self) -> bool:
+        """Whether the options lead to the full grid, and leave open on which way."""
+        o = self.options
+        searched = (o.tolerance or 0) >= SEARCHED
+        return o.plan is o.steps is o.criterion is o.base_level is None and not (searched or o.preserve_topology)
+
+    def _smaller(self, number: int, lean: Earlier, progress: Progress) -> LayerWriter:
+        """The layers of an isovalue that leans on one with the full grid: on its leaves, or level by level.
+
+        Both are tried as far as all signs; the smaller one goes on from there.
+        """
+        grid = strategy.grid_plan(len(self.header.shape), self._full_level, None)
+        leaf: list[Entry] = [(LayerKind.LEAF_BASE,)]
+        counters = lean.strand.tube.state.counters
         # what inference takes of the limit of steps is not part of the file
-        steps = earlier.tube.state.counters.work
-        progress = Progress(self._full_level).begin(earlier.progress)
-        size = encoded_size(LayerWriter(self._fields[number], self._fresh(number, lean), plan, progress))
-        earlier.tube.state.counters.work = steps
-        return size
+        steps = counters.work
+        trials = []
+        for plan in (leaf, grid):
+            counters.work = steps
+            begun = progress.begin(lean.strand.progress)
+            writer = LayerWriter(self._fields[number], self._fresh(number, lean), plan, begun)
+            trials.append((writer, writer.trial(), counters.work))
+        # of a series, levels are worth a little: their networks keep learning; geometry likes leaves in order
+        least = LEVELS_WORTH if lean.in_frame_before and self.options.signs_only else 1.0
+        chosen, _, counters.work = trials[0] if trials[0][1] < least * trials[1][1] else trials[1]
+        chosen.go_on(self._plan_of(number, lean)[len(grid) :])
+        return chosen
 
     def _slack_keeps_order(self, tolerance: float | None) -> bool:
         """Whether crossings of several isovalues stay in order if they are told with slack (spec annex G.3).

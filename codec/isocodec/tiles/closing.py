@@ -165,13 +165,15 @@ class Closing:
             last = np.array(part.origin) + np.array(part.size) - 1
             on_face = ((ends == part.origin).all(axis=1) | (ends == last).all(axis=1)).any(axis=1)
             apart = ends[:, 0] != ends[:, 1]
-            for k in np.flatnonzero(on_face & (apart.sum(axis=1) == 1)).tolist():
-                axis = int(np.argmax(apart[k]))
-                low = ends[k].min(axis=0).tolist()
-                at = low[axis]
-                low[axis] = 0
-                line, number = (axis, tuple(low)), int(numbers[k])
-                held[line].add((float(self._points[number, axis]), at, number))
+            some = np.flatnonzero(on_face & (apart.sum(axis=1) == 1))
+            axes, own = np.argmax(apart[some], axis=1), numbers[some]
+            lows = ends[some].min(axis=1)
+            starts, places = lows[np.arange(len(some)), axes], self._points[own, axes]
+            lows[np.arange(len(some)), axes] = 0
+            listed = (axes, lows, starts, places, own)
+            for axis, low, at, place, number in zip(*(each.tolist() for each in listed), strict=True):
+                line = axis, tuple(low)
+                held[line].add((place, at, number))
                 self._line_of[number] = line, at
         self._lines = {line: sorted(points) for line, points in held.items()}
 
@@ -187,23 +189,23 @@ class Closing:
             there = np.zeros(len(numbers), np.bool_)
             there[: len(ends)] = (ends[:, :, axis] == self._parts[j].origin[axis]).all(axis=1)
             if self._n == 2:
-                pairs = [(-1, int(cells[k, 1])) for k in np.flatnonzero(there[cells[:, 1]])]
-                pairs += [(int(cells[k, 0]), -1) for k in np.flatnonzero(there[cells[:, 0]])]
+                points = cells[there[cells]]
+                lows = ends[points].min(axis=1) // cube * cube
+                edges = np.full((len(points), 2), -1)
+                # rows of points that lines begin with, and of those that they end with
+                edges[np.arange(len(points)), np.nonzero(there[cells])[1]] = numbers[points]
             else:
-                pairs = [
-                    (int(b), int(a)) for first, second in ((0, 1), (1, 2), (2, 0))
-                    for a, b in cells[there[cells[:, first]] & there[cells[:, second]]][:, [first, second]]
-                ]  # fmt: skip
-            for a, b in pairs:
-                low = np.min([ends[k].min(axis=0) for k in (a, b) if k >= 0], axis=0) // cube * cube
-                low[axis] = self._parts[j].origin[axis]
-                edge = int(numbers[a]) if a >= 0 else -1, int(numbers[b]) if b >= 0 else -1
-                own = found[tuple(low.tolist())]
+                turned = np.concatenate([cells[:, [1, 0]], cells[:, [2, 1]], cells[:, [0, 2]]])
+                turned = turned[there[turned].all(axis=1)]
+                lows = ends[turned].min(axis=(1, 2)) // cube * cube
+                edges = numbers[turned]
+            lows[:, axis] = self._parts[j].origin[axis]
+            for low, (a, b) in zip(map(tuple, lows.tolist()), edges.tolist(), strict=True):
                 # where both draw the same there is nothing to fill
-                if edge[::-1] in own:
-                    own.remove(edge[::-1])
+                if (b, a) in found[low]:
+                    found[low].remove((b, a))
                 else:
-                    own.append(edge)
+                    found[low].append((a, b))
         return {low: edges for low, edges in found.items() if edges}
 
     def _border(
