@@ -29,6 +29,7 @@ from isocodec.errors import FormatError, InputError, IsoError, OptionError, Trun
 from isocodec.stream.options import Options
 from isocodec.tiled_api import TiledIsoFile, tiled_of
 from isocodec.tiles.encoding import Tiling
+from isocodec.tiles.head import write_head
 from isocodec.tiles.merging import grid_of
 from isocodec.tiles.spool import Spool
 from tiled import encoded, hilly, holed, pieces
@@ -277,8 +278,15 @@ def test_cut_files(tmp_path: Path) -> None:
     for end in (0, 3, 7, 20, 60, len(data) - 1):
         with pytest.raises(FormatError):
             isocodec.open(data[:end]).contour()
+    for end in (*range(4, 30), len(data) - 1):
+        with pytest.raises(TruncatedError):
+            isocodec.open(data[:end]).contour()
     with pytest.raises(TruncatedError):
         isocodec.decode(data[:-1])
+    # sums that no file has room for
+    head = tiled_of(data).head
+    with pytest.raises(TruncatedError, match="longer than any file"):
+        isocodec.open(write_head(head, [(b"", [1 << 62] * head.areas)]))
     with pytest.raises(FormatError, match="in tiles"):
         isocodec.inspect(data)
 

@@ -18,7 +18,7 @@ from isospec.container import (
     write_varint,
 )
 
-from ..errors import FormatError, InputError
+from ..errors import FormatError, InputError, TruncatedError
 from ..format.chunks import write_metadata
 from ..format.header import write_isovalue
 from .container import (
@@ -37,6 +37,8 @@ from .grid import TileGrid
 from .numbers import Reader, wrong
 
 _MASK, _SCALED = 0x80, 0x20
+MOST_BYTES = 1 << 62
+"""No file is as long."""
 
 
 def write_head(head: Head, leaves: Sequence[tuple[bytes, Sequence[int]]]) -> bytes:
@@ -76,10 +78,12 @@ def head_length(data: bytes) -> int:
 
     Raises
     ------
-    FormatError
+    FormatError, TruncatedError
     """
-    if data[:4] != SIGNATURE[: len(data)] or len(data) < FIXED_BYTES:
+    if data[:4] != SIGNATURE[: len(data)]:
         raise wrong("not a tiled .iso file: the signature is missing", "signature", 0, "12.3")
+    if len(data) < FIXED_BYTES:
+        raise TruncatedError("the file ends within its head", code="truncated", offset=len(data), clause="12.3")
     if data[4] & 15 > WRITER_VERSION:
         raise FormatError(
             f"the file needs version {data[4] & 15} of the format, this reads up to {WRITER_VERSION}",
@@ -93,7 +97,7 @@ def read_head(data: bytes) -> tuple[Head, Root]:
 
     Raises
     ------
-    FormatError
+    FormatError, TruncatedError
     """
     end = head_length(data)
     if end > HEAD_BYTES or end < FIXED_BYTES + 4 or len(data) < end:
@@ -132,7 +136,12 @@ def read_head(data: bytes) -> tuple[Head, Root]:
         lengths.append(reader.number())
         checksums.append(Checksum.parse(reader.bytes(4)))
         sizes.append([reader.number() for _ in range(head.areas)])
-    if reader.at != end - 4 or sum(lengths) + sum(map(sum, sizes)) >= 1 << 62:
+    if reader.at != end - 4:
         raise wrong("the head goes on behind its root directory", "head", reader.at, "12.3")
+    if sum(lengths) + sum(map(sum, sizes)) >= MOST_BYTES:
+        raise TruncatedError(
+            "the file ends before its tiles do, which are longer than any file", code="truncated", offset=end,
+            clause="12.4",
+        )  # fmt: skip
     whole = np.array(sizes, np.int64).reshape(total, head.areas)
     return head, Root(end, np.array(lengths, np.int64), np.array(checksums, np.int64), whole)

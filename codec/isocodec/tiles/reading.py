@@ -20,7 +20,7 @@ from ..limits import Limits
 from ..stream.container import with_checksum
 from ..stream.decoder import Decoder
 from .closing import Part
-from .container import FIXED_BYTES, HEAD_BYTES, Head, Kind, Leaf
+from .container import HEAD_BYTES, Head, Kind, Leaf
 from .fetching import Fetch, Pieces, Range
 from .grid import Index
 from .head import head_length, read_head
@@ -67,7 +67,7 @@ class TiledFile:
         self.fetch = fetch
         first = fetch(0, HEAD_BYTES) if first is None else first
         self._pieces = lambda: Pieces(fetch, self.limits.bytes, first)
-        if len(first) >= FIXED_BYTES and len(first) < head_length(first):
+        if len(first) < head_length(first):
             raise TruncatedError("the file ends within its head", code="truncated", offset=len(first), clause="12.3")
         self.head, self.root = read_head(first)
         self._blocks = list(self.head.grid.all_blocks())
