@@ -62,6 +62,20 @@ def test_longitudes_all_round(tmp_path: Path) -> None:
     assert refused.exit_code == 2 and "contradict" in refused.stderr
 
 
+def test_longitudes_all_round_of_a_series(tmp_path: Path) -> None:
+    """Frames keep their coordinates, and their ends stay apart, with a warning."""
+    units = {"lat": (SOUTH, "degrees_north"), "lon": (EAST, "degrees_east")}
+    path = netcdf(tmp_path / "a.nc", WAVES, units, True)
+    with h5py.File(path, "a") as file:
+        del file["f"]
+        file["f"] = np.stack([WAVES, WAVES])
+        for axis, name in enumerate(units, 1):
+            file["f"].dims[axis].attach_scale(file[name])
+    contour, said = encoded(path, 0.9, "--key", "f", "--frames")
+    assert contour.shape == (13, 36) and "axis 1 are not joined" in said
+    assert np.allclose(contour.placed[:, 1], np.interp(contour.points[:, 0], range(13), SOUTH), atol=0.05)
+
+
 def test_coordinates_of_each_sample(tmp_path: Path) -> None:
     units = {"lon": (NODES[0], "degrees_east"), "lat": (NODES[1], "degrees_north")}
     contour, _ = encoded(netcdf(tmp_path / "a.nc", FIELD, units, False), 0.1, "--key", "f")

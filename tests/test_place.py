@@ -245,6 +245,33 @@ def test_time_is_no_place(tmp_path: Path) -> None:
     assert np.array_equal(isocodec.decode_mask(data), HILL + 1 > 70) and "placement" in isocodec.inspect(data).metadata
 
 
+def test_frames_lie_where_each_of_them_does(tmp_path: Path) -> None:
+    """A series along its first axis has the coordinates of a slice; along another one a warning says what is lost."""
+    path = netcdf(tmp_path / "t.nc", np.stack([HILL, HILL + 1]), [np.arange(2.0), np.arange(20.0), 7 - np.arange(30.0)])
+    with h5py.File(path, "a") as file:
+        file["axis0"].attrs["units"] = "hours since 2000-01-01"
+    ok("encode", path, "-o", tmp_path / "t.iso", "--isovalue", 70, "--frames")
+    contour = isocodec.decode(tmp_path / "t.iso", frame=1)
+    assert len(contour.points)
+    assert np.allclose(contour.placed, np.column_stack([7 - contour.points[:, 1], contour.points[:, 0]]))
+    ok("encode", path, "-o", tmp_path / "none.iso", "--isovalue", 70, "--frames", "--no-placement")
+    assert "placement" not in isocodec.inspect((tmp_path / "none.iso").read_bytes()).metadata
+
+    path = netcdf(tmp_path / "v.nc", BALL, [np.arange(12.0), np.arange(13.0), np.arange(14.0)])
+    for axis, lost in [(0, False), (-3, False), (2, True)]:
+        said = run("encode", path, "-o", tmp_path / "v.iso", "--isovalue", 3, "--frames", "--frame-axis", axis)
+        assert said.exit_code == 0 and ("coordinates are ignored" in said.stderr) == lost, said.stderr
+        assert ("placement" in isocodec.inspect((tmp_path / "v.iso").read_bytes()).metadata) != lost
+
+    nibabel.save(nibabel.Nifti1Image(BALL, np.diag([2.0, 3.0, 4.0, 1.0])), tmp_path / "v.nii")
+    for axis in (0, 1):
+        said = run("encode", tmp_path / "v.nii", "-o", tmp_path / "v.iso", "--isovalue", 3, "--frames",
+                   "--frame-axis", axis)  # fmt: skip
+        assert said.exit_code == 0 and "ignored" in said.stderr
+    ok("encode", tmp_path / "v.nii", "-o", tmp_path / "v.iso", "--isovalue", 3, "--frames", "--spacing", "3,4",
+       "--tolerance", "9mm")  # fmt: skip
+
+
 @pytest.mark.parametrize(
     ("scales", "words"),
     [

@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from contextlib import nullcontext
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -19,7 +20,7 @@ from .planned import Planned
 from .progress import progress_bar
 from .quiet import one_warning
 from .report import check_iso_output, concerning, tell, warn, write_output
-from .series import along_axis, check_series, encode_series
+from .series import along_axis, check_series, encode_series, place_of_slices
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -134,20 +135,24 @@ def encode_command(
     from ..io.read import read_field
     from ..labels import labelled
 
-    placed = steps_along is None and not no_placement and PLACEMENT not in notes and not frames
+    placed = steps_along is None and not no_placement and PLACEMENT not in notes
     with concerning(source):
         with local_input(source, kind, limit_samples) as path, one_warning(source):
             field = read_field(path, key=key, channel=channel, frame=frame, samples=limit_samples, follow=follow)
+            series = along_axis(field, frame_axis or 0) if frames else None
             nodata_given = nodata is not None
             if nodata is None and label is None:
                 nodata = read_nodata(path, key, follow=follow)
             place = Place()
             if placed:
-                place = read_place(path, field.ndim, key, samples=limit_samples, follow=follow, frame=frame)
+                asked_of = partial(read_place, path, key=key, samples=limit_samples, follow=follow)
+                if frames:
+                    place = place_of_slices(lambda n, one: asked_of(n, frame=one), frame_axis or 0)
+                else:
+                    place = asked_of(field.ndim, frame=frame)
         axes = field.ndim - frames
         if steps_along is not None and len(steps_along) != axes:
             raise click.UsageError(f"--spacing {spacing}: give one number for each of the {axes} axes")
-        series = along_axis(field, frame_axis or 0) if frames else None
         shape = field.shape if series is None else series.shape[1:]
         hole: Field | None = None
         if label is not None:
@@ -173,8 +178,10 @@ def encode_command(
         if place.remark:
             warn(source, place.remark)
         if options.tolerance is None and tolerance is not None:
-            options = replace(options, tolerance=cells_of(tolerance, field, hole, place.mapped, placement, periods))
-        world = world_of(source, field.shape, place.mapped, placement, options, coordinates_error, periodic, periods)
+            one, without = (field, hole) if series is None else (series[0], None)
+            cells = cells_of(tolerance, one, without, place.mapped, placement, periods)
+            options = replace(options, tolerance=cells)
+        world = world_of(source, shape, place.mapped, placement, options, coordinates_error, periodic, periods)
         if place.crs is not None:
             notes.setdefault(CRS, place.crs)
         options = replace(options, metadata=notes, **world)

@@ -10,6 +10,8 @@ import click
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from ..io.place import Place
+
 
 def check_series(frames: bool, axis: int | None, interval: int | None) -> None:
     """Refuse options of a series where none is asked for."""
@@ -27,6 +29,27 @@ def along_axis(field: NDArray[Any], axis: int) -> NDArray[Any]:
     if not -3 <= axis < 3:
         raise click.UsageError(f"--frame-axis {axis}: the data have the axes 0 to 2")
     return np.moveaxis(field, axis, 0)
+
+
+def place_of_slices(read: Callable[[int, int | None], Place], axis: int) -> Place:
+    """Where the samples of a slice lie; ``read`` asks the input, of so many axes and of one of its frames.
+
+    Files say it of slices along their first axis: times, pages. Ends that meet are not joined in a series.
+    """
+    from dataclasses import replace
+
+    from ..io.place import Place
+
+    if axis not in (0, -3):
+        whole = read(3, None)
+        if whole.placement is None and whole.mapped is None and not whole.remark:
+            return Place()
+        return Place(remark="its coordinates are ignored; set the steps of a slice with --spacing")
+    place = read(2, 0)
+    if place.mapped is None or not place.mapped.periodic:
+        return place
+    remark = f"its ends along axis {place.mapped.periodic[0]} are not joined, as it is a series"
+    return replace(place, mapped=replace(place.mapped, periodic=()), remark=remark)
 
 
 def encode_series(
