@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import tempfile
+import zlib
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -12,14 +13,16 @@ from numpy.typing import ArrayLike
 
 from isocodec import TiledIsoFile, encode_tiles
 from isocodec import open as open_iso
-from isospec.container import Double, write_varint
+from isocodec.format.chunks import CHECKSUM_BYTES
+from isospec.container import Checksum, Double, write_varint
 
 from .adaptive import SPACES
 from .draft import Draft
 from .fields import Integers, Shape, balls, waves
 from .isovalues import HIGH
-from .streams import split
-from .tiled_file import CODED, Block, Run, TiledFile
+from .special import UNKNOWN
+from .streams import Chunk, split
+from .tiled_file import CODED, GROUP, Block, Run, TiledFile
 
 EDGE = 32
 """Steps along a side of the tiles of all vectors, the least that there is."""
@@ -61,6 +64,8 @@ def encoded() -> Iterator[Draft]:
         steps = np.where(gone, np.nan, hills / 8)
         yield _tiled(f"{space}_steps", steps, VALUE / 8, "a scale, missing samples", step=0.25)
         yield _tiled(f"{space}_empty", hills, 1e9, "no curve")
+    yield _tiled("plane_descending", waves((33, 20), HIGH, 4), (VALUE + 4.5, VALUE), "isovalues in descending order",
+                 exact=False, signs_only=True)  # fmt: skip
     yield _tiled("plane_adaptive", 40 * waves((70, 101), HIGH, 4), 40 * VALUE, "an adaptive stage", exact=False,
                  tolerance=1.0)  # fmt: skip
     for name, shape, centres in (
@@ -110,6 +115,22 @@ def written(n: int, block: int, stages: int) -> TiledFile:
     return TiledFile(shape, 5, block, bytes([2, 0])[-stages:], [isovalue], blocks)
 
 
+def _filled(segment: bytes, size: int) -> bytes:
+    """A segment with as much of an unknown ancillary chunk behind it as it takes."""
+    # the chunk has a byte of its type and two of its length
+    filler = Chunk(UNKNOWN, bytes(size - len(segment) - 3), ancillary=True).enveloped()
+    return segment + filler
+
+
+def grouped() -> TiledFile:
+    """A file with areas whose first segment just fills a group; of the second area nothing is left behind it."""
+    spots = _spots((33, 65), (16, 16), (16, 48))
+    file = _opened(_tiled("", spots, -0.5, "", exact=False, signs_only=True))
+    (*coarse, fine), (*more, _) = (_segments(file.tile(index)) for index in ((0, 0), (0, 1)))
+    tiles = [[_filled(b"".join(coarse), GROUP), _filled(fine, GROUP)], [b"".join(more), b""]]
+    return TiledFile((33, 65), 5, 1, bytes([2, 0]), [bytes([HALVES, 1])], [Block([[Run(CODED, 2, tiles)]], 2)])
+
+
 def others() -> Iterator[Draft]:
     """Put together otherwise, and what readers take no offence at."""
     for n in (2, 3):
@@ -123,13 +144,21 @@ def others() -> Iterator[Draft]:
         ("writer", "a later writer version", replace(file, version=0x30)),
         ("stage_bits", "stages that layers do not lead to", replace(file, stages=bytes([0xCF, 0x80]))),
         ("behind", "bytes behind the last segment", plain + b"more"),
+        ("groups", "segments that fill a group, and empty ones behind", bytes(grouped())),
+        ("wide", "more samples along an axis than a file without tiles may have", bytes(
+            replace(file, shape=(2, 2**24 + 100), exponent=20, block=5, blocks=[Block([[Run(0, 17)]], 2)])
+        )),
     ):
         yield Draft(f"plane_{name}", bytes(data), 2, ("file in tiles", f"tiles: {about}"))
 
 
 def _harmed(part: bytes, data: bytes) -> bytes:
     """A file with a bit of the first byte of a part changed."""
-    at = data.index(part)
+    return _changed(data, data.index(part))
+
+
+def _changed(data: bytes, at: int) -> bytes:
+    """Bytes with a bit of one of them changed."""
     return data[:at] + bytes([data[at] ^ 1]) + data[at + 1 :]
 
 
@@ -191,11 +220,41 @@ def wrong() -> Iterator[tuple[str, str, str, bytes]]:
     )
 
 
+def _with_leaf(file: TiledFile, leaf: bytes) -> bytes:
+    """A file of one block with another leaf directory, whose length and checksum the root directory has."""
+    own, root = file.blocks[0].leaf(), file.root()
+    entry = len(write_varint(len(own))) + CHECKSUM_BYTES
+    behind = bytes(file)[len(file.head(root)) + len(own) :]
+    return file.head(write_varint(len(leaf)) + Checksum.build(zlib.crc32(leaf)) + root[entry:]) + leaf + behind
+
+
+def only_wrong() -> Iterator[tuple[str, str, str, bytes]]:
+    """Names, clauses, how, and files with nothing else wrong: who does not look decodes all tiles."""
+    file = written(2, 3, 2)
+    plain, leaf, root = bytes(file), file.blocks[0].leaf(), file.root()
+    (runs,) = file.blocks[0].channels
+    behind = plain[len(file.head(root)) :]
+    at = len(write_varint(len(leaf)))
+    yield "block_all", "12.3", "one block of too many tiles", bytes(written(2, 11, 2))
+    yield "leaf_sum", "12.4", "another checksum of a leaf directory", file.head(_changed(root, at)) + behind
+    yield "group_sum", "12.5", "another checksum of a group", _with_leaf(file, _changed(leaf, len(leaf) - 1))
+    yield "leaf_leftover", "12.5", "bytes behind a leaf directory's checksums", _with_leaf(file, leaf + b"\0")
+    yield "sizes_last", "12.4", "a last area shorter than its segments", file.head(_less(root)) + behind
+    yield "run_last", "12.5", "a last run with a tile too many", bytes(
+        replace(file, blocks=[replace(file.blocks[0], channels=[[*runs[:-1], Run(0, runs[-1].tiles + 1)]])])
+    )
+
+
+def _less(root: bytes) -> bytes:
+    """A root directory that says one byte less of the last area."""
+    return root[:-1] + bytes([root[-1] - 1])
+
+
 def drafts() -> Iterator[Draft]:
     """All vectors of this module."""
     for draft in (*encoded(), *others()):
         yield replace(draft, name=f"tiled_{draft.name}")
-    for name, clause, how, data in wrong():
+    for name, clause, how, data in (*wrong(), *only_wrong()):
         yield Draft(f"bad_tiled_{name}", data, 2, (f"refused: {how}",), clause)
     file = written(2, 2, 2)
     plain, root = bytes(file), file.root()

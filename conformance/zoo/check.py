@@ -34,7 +34,8 @@ sources in plain Python, and checks every row. {count} misreadings, {vectors} ve
 What `plant` writes runs as `ISOCODEC_KERNELS=python PYTHONPATH=DIRECTORY python -m isoconform dump`.
 
 What clause 9 says of drawings is not part of the decoded state, and neither are the isovalue and the scale but for what
-they do to isovalues that lean on another one: no vector can tell how they were read.
+they do to isovalues that lean on another one: no vector can tell how they were read. Of files in tiles the same holds
+for where tiles begin, for which of the two kinds a tile without a curve has, and for what the head says of stages.
 
 | clause | the decoder believes | vector | name |
 | --- | --- | --- | --- |

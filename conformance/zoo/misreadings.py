@@ -19,7 +19,7 @@ PACKAGES = ("codec/isocodec", "spec/isospec", "conformance/isoconform")
 """What a planted decoder consists of, relative to the repository."""
 THEMES = (
     "container", "mesh", "base", "refinement", "geometry", "isovalues", "missing", "frames", "mapped", "coder", "main",
-    "explicit",
+    "explicit", "tiles",
 )  # fmt: skip
 """Files of misreadings, in the order of the specification."""
 

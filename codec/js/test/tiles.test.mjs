@@ -238,7 +238,7 @@ async function ours(data) {
 function mutated(data) {
   const bytes = data.slice(), { parts: [head, ...others] } = tiledParts(data), kind = random(12);
   if (kind === 0) bytes[random(bytes.length)] ^= 1 << random(8);
-  else if (kind === 1) return bytes.slice(0, 8 + random(bytes.length - 8));
+  else if (kind === 1) return bytes.slice(0, 4 + random(bytes.length - 4));
   else if (kind === 2) return Uint8Array.from([...bytes, random(256)]);
   else {
     const leaves = others.filter((part) => part.within === head), groups = others.filter((part) => part.within !== head);
