@@ -10,6 +10,7 @@ import pytest
 import SimpleITK
 import vtk
 import xarray
+import zarr
 from pydicom.dataset import FileDataset, FileMetaDataset
 from pydicom.uid import CTImageStorage, ExplicitVRLittleEndian, generate_uid
 from vtk.util.numpy_support import numpy_to_vtk
@@ -55,6 +56,36 @@ def test_labelled_files(tmp_path: Path, name: str) -> None:
     assert read_field(path, key="tas", frame=0).shape == (20, 30)
     with pytest.warns(UserWarning, match="time"):
         assert isocodec.read(path).shape == (2, 20, 30)
+
+
+def test_zarr_stores_that_are_an_array(tmp_path: Path) -> None:
+    """As zarr.open makes them: without names and coordinates."""
+    path, values = tmp_path / "a.zarr", np.nan_to_num(grid().values, nan=60.0)
+    stored = zarr.open(str(path), mode="w", shape=values.shape, chunks=(1, 10, 10), dtype=values.dtype)
+    stored[:] = values
+    assert np.array_equal(isocodec.read(path).values, values)
+    assert np.array_equal(read_field(path, frame=1), values[1])
+    with pytest.raises(OptionError, match="no frame 2"):
+        read_field(path, frame=2)
+    with pytest.raises(LimitError, match="1,200 samples"):
+        read_field(path, samples=1199)
+    ok("encode", path, "-o", tmp_path / "a.iso", "--isovalue", 70, "--frame", 1)
+    assert np.array_equal(isocodec.decode_mask(tmp_path / "a.iso"), values[1] > 70)
+    ok("tile", path, "-o", tmp_path / "b.iso", "--isovalue", 70)
+
+
+def test_tiles_of_zarr_larger_than_memory(tmp_path: Path) -> None:
+    """Coordinates are read without the samples: here more than the limit, of which no chunk is there."""
+    path = tmp_path / "a.zarr"
+    group = zarr.open_group(str(path), mode="w")
+    size = 40_000
+    group.create_array("z", shape=(size, size), chunks=(1000, 1000), dtype="float32", dimension_names=("y", "x"))
+    for name, start, step in [("y", 9e6, -30.0), ("x", 4e5, 30.0)]:
+        group.create_array(name, data=start + step * np.arange(size), dimension_names=(name,))
+    place = read_place(path, 2)
+    assert place.placement is not None and place.placement.tolist() == [[0, 30, 4e5], [-30, 0, 9e6]]
+    with pytest.raises(LimitError):
+        read_field(path)
 
 
 def test_labelled_files_that_leave_a_choice(tmp_path: Path) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
@@ -14,7 +15,7 @@ from ..field.sampled import Field
 from ..text import plain
 from .extras import optional
 from .hdf5 import HDF5_SUFFIXES
-from .labelled import labelled_field
+from .labelled import Labels, labelled_field, labels_of
 from .numpyfile import DEFAULT_KEY
 from .reading import check_frame, reading
 from .source import Source
@@ -41,6 +42,40 @@ def read_labelled(source: Source, key: str | None, frame: int | None) -> Field:
     ------
     InputError, LimitError, MissingExtraError
     """
+    bare = _bare(source)
+    if bare is not None:
+        # such as zarr.open(path, shape=..) makes: without names, without coordinates
+        if frame is not None:
+            check_frame(frame, bare.shape[0] if bare.ndim > 2 else 0)
+        source.check_array(bare.shape if frame is None else bare.shape[1:], bare.dtype)
+        with reading("Zarr store"):
+            return Field(np.squeeze(np.asarray(bare[...] if frame is None else bare[frame])))
+    with _chosen(source, key, frame) as array:
+        source.check_array(array.shape, array.dtype)
+        return labelled_field(array.load())
+
+
+def read_labels(source: Source, key: str | None, frame: int | None) -> Labels | None:
+    """Where the samples of an array lie that `read_labelled` reads, of any size; None if it says nothing of it."""
+    if _bare(source) is not None:
+        return None
+    with _chosen(source, key, frame) as array:
+        return labels_of(array)
+
+
+def _bare(source: Source) -> Any:
+    """The array that a Zarr store is, instead of a group of arrays; None if it is none."""
+    if not source.named(*ZARR_SUFFIXES):
+        return None
+    zarr = optional("zarr", extra="xarray", purpose="reading .zarr")
+    with reading("Zarr store"):
+        found = zarr.open(str(source.path), mode="r")
+    return found if hasattr(found, "dtype") else None
+
+
+@contextmanager
+def _chosen(source: Source, key: str | None, frame: int | None) -> Iterator[Any]:
+    """An array with labels, whose samples are not read yet."""
     with _opened(source) as dataset:
         fields = {str(name): one.shape for name, one in dataset.data_vars.items() if sum(n > 1 for n in one.shape) > 1}
         if key is None and (len(fields) == 1 or DEFAULT_KEY in fields):
@@ -52,8 +87,7 @@ def read_labelled(source: Source, key: str | None, frame: int | None) -> Field:
         if frame is not None:
             check_frame(frame, array.shape[0] if array.ndim > 2 else 0)
             array = array.isel({array.dims[0]: frame})
-        source.check_array(array.shape, array.dtype)
-        return labelled_field(array.load())
+        yield array
 
 
 @contextmanager
@@ -70,15 +104,17 @@ def _opened(source: Source) -> Iterator[Any]:
     else:
         optional("scipy.io", extra="geo", purpose="reading NetCDF of the classic kind")
         what, options = "NetCDF file", {"engine": "scipy"}
-    with reading(what):
+    with reading(what), warnings.catch_warnings():
+        # about speed, of stores that have no copy of all their metadata in one place
+        warnings.filterwarnings("ignore", message="Failed to open Zarr store with consolidated")
         try:
             opened = xarray.open_dataset(source.path, **options)
         except (ValueError, OverflowError) as exc:
             if "decode_times" not in str(exc):
                 raise
             opened = xarray.open_dataset(source.path, decode_times=False, **options)
-        with opened:
-            yield opened
+    with reading(what), opened:
+        yield opened
 
 
 def values_of(field: Field) -> NDArray[Any]:

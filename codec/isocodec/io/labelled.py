@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -30,6 +31,17 @@ _WORDS = 200
 """Characters of a note at most that names a single coordinate."""
 
 
+@dataclass(frozen=True)
+class Labels:
+    """Where samples of an array lie, as in `Field`, and their shape without axes of one sample."""
+
+    shape: tuple[int, ...]
+    placement: Matrix | None = None
+    coordinates: tuple[Matrix, ...] | None = None
+    crs: str | None = None
+    remarks: tuple[str, ...] = ()
+
+
 def is_labelled(thing: Any) -> bool:
     """Whether this is such an array."""
     return all(hasattr(thing, name) for name in ("dims", "coords", "values", "isel"))
@@ -47,6 +59,27 @@ def labelled_field(array: Any) -> Field:
     InputError
         If it holds no numbers, or has other than two or three axes of several samples.
     """
+    labels = labels_of(array)
+    array = array.squeeze(drop=False)
+    values = np.asarray(array.values)
+    if values.dtype.kind not in "biuf":
+        raise InputError(f"an array of type {values.dtype}, not of real numbers", code="dtype")
+    attributes = dict(array.attrs)
+    unit, name = attributes.get("units"), array.name or attributes.get("long_name")
+    return Field(
+        values, _missing(array, values), labels.placement, labels.coordinates, labels.crs,
+        one_line(str(unit)) if unit else None, one_line(str(name)) if name else None, _single(array), labels.remarks,
+    )  # fmt: skip
+
+
+def labels_of(array: Any) -> Labels:
+    """What a DataArray says of where its samples lie; these are not read.
+
+    Raises
+    ------
+    InputError
+        If it has other than two or three axes of several samples.
+    """
     array = array.squeeze(drop=False)
     if len(array.dims) not in (2, 3):
         sizes = ", ".join(f"{plain(str(name))} {count}" for name, count in array.sizes.items())
@@ -54,18 +87,9 @@ def labelled_field(array: Any) -> Field:
             f"an array with axes {sizes or 'of one sample each'}; a field has two or three", code="shape",
             remedy=f"choose one along the others: array.isel({plain(str(array.dims[0])) if array.dims else 'time'}=0)",
         )  # fmt: skip
-    values = np.asarray(array.values)
-    if values.dtype.kind not in "biuf":
-        raise InputError(f"an array of type {values.dtype}, not of real numbers", code="dtype")
     remarks: list[str] = []
     placement, coordinates = _places(array, remarks)
-    crs = _system(array)
-    attributes = dict(array.attrs)
-    unit, name = attributes.get("units"), array.name or attributes.get("long_name")
-    return Field(
-        values, _missing(array, values), placement, coordinates, crs, one_line(str(unit)) if unit else None,
-        one_line(str(name)) if name else None, _single(array), tuple(remarks),
-    )  # fmt: skip
+    return Labels(tuple(array.shape), placement, coordinates, _system(array), tuple(remarks))
 
 
 def _places(array: Any, remarks: list[str]) -> tuple[Matrix | None, tuple[Matrix, ...] | None]:

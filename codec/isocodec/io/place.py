@@ -13,13 +13,12 @@ from numpy.typing import NDArray
 
 from ..errors import OptionError
 from ..field.placement import placement_of
-from ..field.sampled import Field
 from ..text import plain
 from .coordinates import MappedPlace, auxiliary, beside, placed_grid, scales_of, text_of
 from .dicom import DICOM_SUFFIXES, dicom_matrix, is_series
-from .engines import is_labelled_file, read_labelled
+from .engines import is_labelled_file, read_labels
 from .hdf5 import HDF5_SUFFIXES, dataset
-from .labelled import DEGREES
+from .labelled import DEGREES, Labels
 from .raster import TIFF_SUFFIXES, opened_tiff
 from .reading import reading
 from .source import Source, source_of
@@ -75,7 +74,8 @@ def read_place(
     """
     source = source_of(path, samples, follow)
     if is_labelled_file(source):
-        return _of_labels(read_labelled(source, key, frame))
+        labels = read_labels(source, key, frame)
+        return Place() if labels is None else _of_labels(labels)
     if is_series(source.path) or source.named(*DICOM_SUFFIXES):
         if n != 3:
             return Place(remark="the position of a slice in space is ignored")
@@ -107,12 +107,12 @@ def read_place(
     return Place()
 
 
-def _of_labels(field: Field) -> Place:
+def _of_labels(labels: Labels) -> Place:
     """What a labelled array says; its coordinates may not have even steps."""
-    if field.coordinates is not None:
-        turns = field.crs == DEGREES and field.values.ndim == 2
-        return Place(crs=field.crs, mapped=placed_grid(list(field.coordinates), field.shape, turns))
-    return Place(field.placement, field.crs, "; ".join(field.remarks))
+    if labels.coordinates is not None:
+        turns = labels.crs == DEGREES and len(labels.shape) == 2
+        return Place(crs=labels.crs, mapped=placed_grid(list(labels.coordinates), labels.shape, turns))
+    return Place(labels.placement, labels.crs, "; ".join(labels.remarks))
 
 
 def of_itk(reader: Any, n: int) -> Place:
