@@ -164,7 +164,14 @@ def test_command_line(tmp_path: Path) -> None:
     assert run("truncate", tiled, "-o", out, "--bytes", 200).exit_code == 2
     assert run("extract", tiled, "-o", out, "--window", "1").exit_code == 2
     fails(2, "extract", tiled, "-o", out, "--window", "900:910,0:4")
+    assert "bytes read in 1 piece of a file of" in ok("extract", tiled, "-o", out, "--window", "0:9,0:9")
+    for command in ("plot", "mask", "transcode"):
+        said = fails(4, command, tiled, "-o", tmp_path / ("x.iso" if command == "transcode" else "x.png"))
+        assert "not a valid" not in said and "extract --window" in said
     plain = tmp_path / "p.iso"
     plain.write_bytes(isocodec.encode(field, 30.5))
     fails(3, "extract", plain, "-o", out, "--window", "0:4,0:4")
+    np.save(tmp_path / "f.npy", field)
+    said = run("tile", tmp_path / "f.npy", "-o", out, "--isovalue", 30.5, "--isovalue", 1e6).stderr
+    assert "the isovalue 1e+06: the curve is empty" in said and said.count("empty") == 1
     assert len(run("truncate", tiled, "-o", "-", "--layers", 1).stdout_bytes) < tiled.stat().st_size

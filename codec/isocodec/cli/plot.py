@@ -23,6 +23,7 @@ from .options import (
     smooth_option,
 )
 from .progress import progress_bar
+from .receive import warn_of_others
 from .report import PARTIAL, check_output, concerning, read_iso, warn, write_output
 
 if TYPE_CHECKING:
@@ -128,6 +129,8 @@ def plot_command(
             # the file ends within a layer
             _draw(decoder, number, smooth, mesh, drawn, len(data), len(data), None)
         picture = steps_picture(drawn, suffix, seen)
+    if isovalue is None:
+        warn_of_others(source, info.isovalues[number], info.isovalues, "drawn")
     write_output(output, picture)
     click.echo(f"{click.format_filename(output)}: {len(drawn)} steps of {len(data):,} bytes")
 

@@ -129,8 +129,13 @@ class Drawings:
             self._decoder.hold(kept)
 
 
-def warn_of_others(source: Path, isovalue: float, isovalues: Sequence[float]) -> None:
+_LISTED = 5
+"""Isovalues that a warning lists."""
+
+
+def warn_of_others(source: Path, isovalue: float, isovalues: Sequence[float], verb: str = "written") -> None:
     """Say that a file holds further isovalues, where none was asked for."""
     others = [repr(v) for v in isovalues if v != isovalue]
     if others:
-        warn(source, f"only isovalue {isovalue!r} is written; choose another with --isovalue: {' or '.join(others)}")
+        listed = " or ".join(others[:_LISTED]) + ", .." * (len(others) > _LISTED)
+        warn(source, f"only isovalue {isovalue!r} is {verb}; choose another with --isovalue: {listed}")

@@ -84,9 +84,12 @@ def tile_command(
     from ..tiled_api import TiledIsoFile
 
     file = TiledIsoFile(ranges_of(output))
-    tiles = file.head.grid.total
+    tiles, stages = file.head.grid.total, range(len(file.head.stages))
+    for number, isovalue in enumerate(file.isovalues):
+        if not any(file.root.sizes[:, file.head.area(number, stage)].any() for stage in stages):
+            warn(source, f"no samples lie on both sides of the isovalue {isovalue:g}: the curve is empty")
     tell(
-        f"{click.format_filename(output)}: {file.size:,} bytes, {tiles:,} tiles, {seconds:.2f} s",
+        f"{click.format_filename(output)}: {file.size:,} bytes, {tiles:,} tile{'s' * (tiles != 1)}, {seconds:.2f} s",
         {
             "output": str(output), "bytes": file.size, "tiles": tiles, "seconds": round(seconds, 3),
             "shape": list(file.shape), "isovalues": list(file.isovalues),

@@ -86,7 +86,7 @@ def decode_tiled(
     points, cells = (sum(len(getattr(c, name)) for c in contours) for name in ("points", "cells"))
     tell(
         f"{click.format_filename(output)}: {points:,} points, {cells:,} {'segments' if n == 2 else 'triangles'}, "
-        f"{file.received:,} of {file.size:,} bytes read in {file.requests} pieces, {seconds:.2f} s",
+        f"{_read(file)}, {seconds:.2f} s",
         {
             "output": str(output), "bytes": len(rendered), "points": points, "cells": cells,
             "isovalues": list(wanted), "shape": list(file.shape), "complete": all(c.complete for c in contours),
@@ -95,6 +95,12 @@ def decode_tiled(
         },
         as_json,
     )  # fmt: skip
+
+
+def _read(file: TiledIsoFile) -> str:
+    """What has been read of a file; the head is read first, and may be read again with what lies behind it."""
+    pieces = "piece" if file.requests == 1 else "pieces"
+    return f"{file.received:,} bytes read in {file.requests} {pieces} of a file of {file.size:,}"
 
 
 def _by_width(file: TiledIsoFile, box: Box | None, finest: Contour) -> Callable[[float], Contour]:
@@ -160,8 +166,7 @@ def extract_command(
         made = file.extract(read_box(window), isovalue=isovalue)
     write_output(output, made)
     tell(
-        f"{click.format_filename(output)}: {len(made):,} bytes, {file.received:,} of {file.size:,} bytes read in "
-        f"{file.requests} pieces",
+        f"{click.format_filename(output)}: {len(made):,} bytes, {_read(file)}",
         {
             "output": str(output), "bytes": len(made), "input_bytes": file.size, "read": file.received,
             "pieces": file.requests,

@@ -100,7 +100,7 @@ def read_header(data: bytes | bytearray) -> tuple[Header, int] | None:
     if seen == spec.TILED_SIGNATURE:
         raise FormatError(
             "a file in tiles, not of one piece", code="tiled", offset=0, clause="3.3.1",
-            remedy="decode, info and truncate take it; isocodec.open(..).extract() makes a file of one piece",
+            remedy="decode, info and truncate take it; extract --window makes a file in one piece of a part",
         )  # fmt: skip
     if seen != spec.SIGNATURE[: len(seen)]:
         raise FormatError("not an .iso file: the signature is missing", code="signature", offset=0, clause="3.3.1")
