@@ -395,3 +395,13 @@ def test_glyphs_that_are_not_there_are_one_warning(plane: Path) -> None:
     assert result.exit_code == 0
     (line,) = result.stderr.splitlines()
     assert line.startswith(f"isocodec: {plane}: warning: ") and "missing from" in line
+
+
+def test_degrees_of_the_globe(tmp_path: Path) -> None:
+    """Ticks stand at the quarters of a circle, and 180 degrees are neither west nor east."""
+    field = np.cos(np.radians(np.arange(0, 360, 5)))[None] + np.zeros((35, 1))
+    data = isocodec.encode(field, 0.5, placement=[[0, 5, 0], [-5, 0, 85]], metadata={"crs": "EPSG:4326"})
+    (tmp_path / "a.iso").write_bytes(data)
+    ok("map", tmp_path / "a.iso", "-o", tmp_path / "a.svg")
+    text = (tmp_path / "a.svg").read_text()
+    assert all(f">{tick}<" in text or f"<!-- {tick} -->" in text for tick in ("90°E", "180°", "90°W", "45°N", "45°S"))

@@ -259,8 +259,8 @@ def _write_around(
     ticker = optional("matplotlib.ticker", extra="plot", purpose="drawing a picture")
     colours = look.colours
     for k, axis in enumerate((axes.xaxis, axes.yaxis)):
-        axis.set_major_locator(ticker.MaxNLocator(5, steps=[1, 2, 5, 10]))
         low, high = sorted(axis.get_view_interval())
+        axis.set_major_locator(ticker.MaxNLocator(5, steps=ground.steps(k, high - low)))
         # ticks beyond the map would move its border
         places = [at for at in axis.get_majorticklocs() if low <= at <= high]
         axis.set_ticks(places, [ground.written(at, k, places) for at in places])

@@ -112,7 +112,13 @@ class Ground:
         if self.axes[axis] == _LONGITUDE:
             at = (at + 180) % 360 - 180
         letters = "WE" if self.axes[axis] == _LONGITUDE else "SN"
-        return f"{abs(at):.{digits}f}\u00b0{'' if abs(at) < step / 2 else letters[int(at > 0)]}"
+        neither = abs(at) < step / 2 or abs(at) == 180
+        return f"{abs(at):.{digits}f}\u00b0{'' if neither else letters[int(at > 0)]}"
+
+    def steps(self, axis: int, span: float) -> list[float]:
+        """First digits of the steps between ticks: of many degrees 15, 30, 45, 60, 90."""
+        round_the_globe = self.axes[axis] in (_LONGITUDE, _LATITUDE) and span > 50
+        return [1, 1.5, 3, 4.5, 6, 9, 10] if round_the_globe else [1, 2, 5, 10]
 
 
 _LONGITUDE, _LATITUDE = "longitude", "latitude"
