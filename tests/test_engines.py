@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import h5py
 import numpy as np
 import pydicom
 import pytest
@@ -72,6 +73,31 @@ def test_zarr_stores_that_are_an_array(tmp_path: Path) -> None:
     ok("encode", path, "-o", tmp_path / "a.iso", "--isovalue", 70, "--frame", 1)
     assert np.array_equal(isocodec.decode_mask(tmp_path / "a.iso"), values[1] > 70)
     ok("tile", path, "-o", tmp_path / "b.iso", "--isovalue", 70)
+
+
+@pytest.mark.parametrize("kind", [2, 3, "nc"])
+def test_tiles_of_packed_samples(tmp_path: Path, kind: int | str) -> None:
+    """Attributes say what stored numbers mean, to ``tile`` as to ``encode``: those that stand for none are holes."""
+    y, x = np.mgrid[:70, :80]
+    field = np.rint(40 * np.sin(x / 9) * np.cos(y / 7)) * 0.25 + 100
+    field[20:26, 30:39] = np.nan
+    array = xarray.DataArray(field, dims=("y", "x"), name="a")
+    packing = {"dtype": "int16", "scale_factor": 0.25, "add_offset": 60.0, "_FillValue": -999}
+    if kind == "nc":
+        path = tmp_path / "a.nc"
+        with h5py.File(path, "w") as file:
+            stored = file.create_dataset("a", data=np.nan_to_num((field - 60) * 4, nan=-999).astype(np.int16))
+            stored.attrs.update({name: packing[name] for name in ("scale_factor", "add_offset", "_FillValue")})
+    else:
+        path = tmp_path / "a.zarr"
+        array.to_dataset().to_zarr(path, encoding={"a": packing}, zarr_format=kind)
+    tiled, whole = tmp_path / "tiles.iso", tmp_path / "whole.iso"
+    for isovalue in (100.1, 95.3):
+        ok("tile", path, "-o", tiled, "--isovalue", isovalue, "--tile", "32", "--signs-only")
+        ok("encode", path, "-o", whole, "--isovalue", isovalue, "--signs-only")
+        mine, other = isocodec.decode(tiled), isocodec.decode(whole)
+        assert len(other.points) > 100
+        assert set(map(tuple, mine.points)) == set(map(tuple, other.points))
 
 
 def test_tiles_of_zarr_larger_than_memory(tmp_path: Path) -> None:

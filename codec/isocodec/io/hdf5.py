@@ -90,8 +90,8 @@ def read_hdf5(source: Source, key: str | None, frame: int | None) -> Field:
         field = np.asarray(stored[tuple(where)])
         if field.dtype.kind not in "iuf" or not is_packed(stored):
             return field
-        slope, offset = (_attribute(stored, name) for name in _PACKED)
-        unpacked = field * (1.0 if slope is None else slope) + (0.0 if offset is None else offset)
+        slope, offset = unpacked_by(stored) or (1.0, 0.0)
+        unpacked = field * slope + offset
         fill = fill_value(stored)
         return unpacked if fill is None else np.where(field == fill, np.nan, unpacked)
 
@@ -108,6 +108,12 @@ def _check_storage(source: Source, stored: Any, taken: list[int]) -> None:
 def is_packed(stored: Any) -> bool:
     """Whether a dataset holds numbers that are to be multiplied or added to."""
     return any(_attribute(stored, name) is not None for name in _PACKED)
+
+
+def unpacked_by(stored: Any) -> tuple[float, float] | None:
+    """What stored numbers are to be multiplied by, and what is then added; None if attributes say neither."""
+    slope, offset = (_attribute(stored, name) for name in _PACKED)
+    return None if slope is None and offset is None else (1.0 if slope is None else slope, offset or 0.0)
 
 
 def fill_value(stored: Any) -> float | None:

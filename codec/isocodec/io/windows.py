@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from ..errors import InputError, OptionError
 from .extras import optional
+from .hdf5 import fill_value, unpacked_by
 from .read import read_field
 from .reading import reading
 from .source import source_of
@@ -55,13 +56,13 @@ def windows_of(path: Path, key: str | None = None, samples: int | None = None) -
         zarr = optional("zarr", extra="xarray", purpose="reading .zarr")
         with reading("Zarr"):
             found = zarr.open(str(path), mode="r")
-        yield found if hasattr(found, "dtype") else _named(found, key, path)
+        yield told(found if hasattr(found, "dtype") else _named(found, key, path))
     else:
         h5py = optional("h5py", extra="hdf5", purpose=f"reading {suffix}")
         with reading("HDF5"):
             file = h5py.File(path, "r")
         with file:
-            yield _named(file, key, path)
+            yield told(_named(file, key, path))
 
 
 class _Windows:
@@ -116,6 +117,40 @@ class RasterWindows(_Windows):
     def __getitem__(self, window: tuple[slice, ...]) -> np.ma.MaskedArray[Any, Any]:
         found = self._file.read(1, window=tuple((each.start, each.stop) for each in window), masked=True)
         return np.ma.masked_array(found)
+
+
+class ToldWindows:
+    """An array of HDF5, NetCDF or Zarr as its attributes say: unpacked, and samples that stand for none masked.
+
+    Attributes
+    ----------
+    shape : tuple of int
+    dtype : dtype
+        float64 if samples are unpacked.
+    """
+
+    def __init__(self, stored: Any, unpacking: tuple[float, float] | None, fill: float | None) -> None:
+        self._stored, self._unpacking, self._fill = stored, unpacking, fill
+        self.shape: tuple[int, ...] = stored.shape
+        self.dtype = np.dtype(stored.dtype if unpacking is None else np.float64)
+
+    def __getitem__(self, window: tuple[slice, ...]) -> NDArray[Any] | np.ma.MaskedArray[Any, Any]:
+        raw = np.asarray(self._stored[window])
+        slope, offset = self._unpacking or (1.0, 0.0)
+        found: NDArray[Any] = raw if self._unpacking is None else raw * slope + offset
+        return found if self._fill is None else np.ma.masked_array(found, raw == self._fill)
+
+
+def told(stored: Any) -> Any:
+    """A stored array, with what its attributes say of its numbers if they say anything."""
+    fill = fill_value(stored)
+    if fill is None and getattr(getattr(stored, "metadata", None), "zarr_format", 3) == 2:
+        # of Zarr's second format what is written nowhere is what stands for none; 0 is what it is if nobody says so
+        fill = float(stored.fill_value) if stored.dtype.kind in "iuf" and stored.fill_value else None
+    if fill is not None and np.isnan(fill):
+        fill = None
+    unpacking = unpacked_by(stored)
+    return stored if fill is None and unpacking is None else ToldWindows(stored, unpacking, fill)
 
 
 def _named(group: Any, key: str | None, path: Path) -> Any:
