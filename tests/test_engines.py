@@ -75,7 +75,7 @@ def test_zarr_stores_that_are_an_array(tmp_path: Path) -> None:
     ok("tile", path, "-o", tmp_path / "b.iso", "--isovalue", 70)
 
 
-@pytest.mark.parametrize("kind", [2, 3, "nc"])
+@pytest.mark.parametrize("kind", [2, 3, "nc", "classic"])
 def test_tiles_of_packed_samples(tmp_path: Path, kind: int | str) -> None:
     """Attributes say what stored numbers mean, to ``tile`` as to ``encode``: those that stand for none are holes."""
     y, x = np.mgrid[:70, :80]
@@ -88,6 +88,9 @@ def test_tiles_of_packed_samples(tmp_path: Path, kind: int | str) -> None:
         with h5py.File(path, "w") as file:
             stored = file.create_dataset("a", data=np.nan_to_num((field - 60) * 4, nan=-999).astype(np.int16))
             stored.attrs.update({name: packing[name] for name in ("scale_factor", "add_offset", "_FillValue")})
+    elif kind == "classic":
+        path = tmp_path / "a.nc"
+        array.to_dataset().to_netcdf(path, engine="scipy", encoding={"a": packing})
     else:
         path = tmp_path / "a.zarr"
         array.to_dataset().to_zarr(path, encoding={"a": packing}, zarr_format=kind)

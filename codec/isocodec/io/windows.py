@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import InputError, OptionError
+from .engines import is_labelled_file
 from .extras import optional
 from .hdf5 import fill_value, unpacked_by
 from .read import read_field
@@ -29,7 +30,8 @@ def windows_of(path: Path, key: str | None = None, samples: int | None = None) -
     Parameters
     ----------
     path : path
-        ``.npy``, GeoTIFF (one band, or the first), Zarr, HDF5 or NetCDF; other formats are read whole.
+        ``.npy``, GeoTIFF (one band, or the first), Zarr, HDF5 or NetCDF; other formats are read whole, and so is NetCDF
+        of the classic kind.
     key : str, optional
         Which array, of a file that has several.
     samples : int, optional
@@ -42,10 +44,11 @@ def windows_of(path: Path, key: str | None = None, samples: int | None = None) -
         If there are several arrays and none is named.
     """
     suffix = path.suffix.lower()
-    if suffix not in MAPPED:
+    source = source_of(path)
+    # NetCDF of the classic kind is none of HDF5
+    if suffix not in MAPPED or (suffix != ".zarr" and is_labelled_file(source)):
         yield read_field(path, key=key, samples=samples)
         return
-    source = source_of(path)
     if suffix == ".npy":
         with reading(".npy"):
             yield MappedWindows(source.path)
