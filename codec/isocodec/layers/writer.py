@@ -80,6 +80,7 @@ class LayerWriter:
         self.within: dict[int, float] = {}
         self._entries: list[Entry] = []
         self._plan: list[tuple[Operation, int | None, int, Chosen | None, Place | None, Place | None]] = []
+        check_entries(plan)
         self._promised = promised(plan)
         self._expanded = 0
         self._meshes: dict[int, Chosen] = {}

@@ -173,8 +173,8 @@ def _about(index: Index) -> Iterator[None]:
     except (BrokenProcessPool, CancelledError) as error:
         raise _died(index) from error
     except Exception as error:
-        # of a library that need not be there
-        if type(error).__name__ == "KilledWorker":
+        # of a library that need not be there: a worker or the scheduler is gone
+        if type(error).__name__ in ("KilledWorker", "CommClosedError"):
             raise _died(index) from error
         raise
 
