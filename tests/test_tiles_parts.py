@@ -168,6 +168,11 @@ def test_command_line(tmp_path: Path) -> None:
     for command in ("plot", "mask", "transcode"):
         said = fails(4, command, tiled, "-o", tmp_path / ("x.iso" if command == "transcode" else "x.png"))
         assert "not a valid" not in said and "extract --window" in said
+    assert json.loads(ok("info", tiled, "--json"))["complete"] and "warning" not in run("info", tiled).stderr
+    cut = tmp_path / "cut.iso"
+    cut.write_bytes(tiled.read_bytes()[:-1])
+    assert not json.loads(ok("info", cut, "--json"))["complete"] and "ends before" in run("info", cut).stderr
+    assert "ends before" in run("decode", cut, "--partial", "-o", tmp_path / "c.npz").stderr
     plain = tmp_path / "p.iso"
     plain.write_bytes(isocodec.encode(field, 30.5))
     fails(3, "extract", plain, "-o", out, "--window", "0:4,0:4")

@@ -187,6 +187,11 @@ class TiledIsoFile(Noted):
         return self._file.root.total
 
     @property
+    def cut(self) -> bool:
+        """Whether the file ends before its tiles do; this asks for its last byte."""
+        return not self._fetch(self.size - 1, self.size)
+
+    @property
     def shape(self) -> Index:
         """Samples along each axis of the field."""
         return self._file.shape

@@ -15,13 +15,14 @@ import click
 from ..errors import InputError
 from ..limits import Limits
 from .options import iso_argument, json_option, limit_options, limits_of, output_option
-from .report import STANDARD, check_iso_output, check_output, concerning, tell, write_output
+from .report import STANDARD, check_iso_output, check_output, concerning, tell, warn, write_output
 
 if TYPE_CHECKING:
     from ..drawing.contour import Contour
     from ..tiled_api import TiledIsoFile
 
 Box = list[tuple[float, float]]
+_CUT = "the file ends before its tiles do: where they are missing curves are coarser, or not there"
 
 
 def tiled_file(source: Path, limits: Limits) -> TiledIsoFile | None:
@@ -72,6 +73,8 @@ def decode_tiled(
         for value in wanted:
             contour = file.window(box, isovalue=value, within=within, layer=layer, partial=partial)
             contours.append(replace(contour, placement=None) if in_samples else contour)
+        if partial and file.cut:
+            warn(source, _CUT)
     seconds = time.perf_counter() - started
     with concerning(source):
         if suffix == ".pmtiles" and within is None and layer is None and not (in_samples or partial):
@@ -184,6 +187,8 @@ def info_tiled(file: TiledIsoFile, source: Path, as_json: bool) -> None:
     from ..text import plain
 
     facts = _facts(file)
+    with concerning(source):
+        facts["complete"] = not file.cut
     if as_json:
         click.echo(json.dumps(facts, allow_nan=False))
         return
@@ -212,6 +217,8 @@ def info_tiled(file: TiledIsoFile, source: Path, as_json: bool) -> None:
             str(number), f"{layer['cube']}" + ("+" if layer["adaptive"] else ""), layer["holds"], f"{layer['bytes']:,}"
         )
     console.print(layers)
+    if not facts["complete"]:
+        warn(source, _CUT)
 
 
 def _facts(file: TiledIsoFile) -> dict[str, Any]:
