@@ -103,6 +103,32 @@ def test_tiles_of_packed_samples(tmp_path: Path, kind: int | str) -> None:
         assert set(map(tuple, mine.points)) == set(map(tuple, other.points))
 
 
+def test_tiles_of_hdf5(tmp_path: Path) -> None:
+    """The array that ``encode`` takes, without axes of one sample; samples in other files are left there."""
+    field = np.rint(BALL[5] * 3).astype(np.int16)
+    with h5py.File(tmp_path / "a.h5", "w") as file:
+        file.create_dataset("deep/values", data=field[None])
+        file.create_dataset("bounds", data=np.zeros((13, 2)))
+    ok("tile", tmp_path / "a.h5", "-o", tmp_path / "a.iso", "--isovalue", 200.5, "--exact", "--key", "deep/values")
+    made, whole = isocodec.decode(tmp_path / "a.iso"), isocodec.decode(isocodec.encode(field, 200.5, exact=True))
+    assert len(made.points) > 4 and set(map(tuple, made.points)) == set(map(tuple, whole.points))
+    assert "deep/values" in fails(3, "tile", tmp_path / "a.h5", "-o", tmp_path / "b.iso", "--isovalue", 200.5)
+    with h5py.File(tmp_path / "out.h5", "w") as file:
+        (tmp_path / "elsewhere").write_bytes(field.tobytes())
+        file.create_dataset("a", field.shape, field.dtype, external=[(str(tmp_path / "elsewhere"), 0, field.nbytes)])
+    said = fails(3, "tile", tmp_path / "out.h5", "-o", tmp_path / "b.iso", "--isovalue", 200.5)
+    assert "elsewhere" in said and not (tmp_path / "b.iso").exists()
+
+
+def test_tiles_of_damaged_zarr(tmp_path: Path) -> None:
+    field = np.random.default_rng(1).integers(0, 9, (40, 40))
+    stored = zarr.open(str(tmp_path / "a.zarr"), mode="w", shape=field.shape, chunks=(20, 20), dtype=field.dtype)
+    stored[:] = field
+    chunk = next(p for p in sorted((tmp_path / "a.zarr").rglob("*")) if p.is_file() and p.name != "zarr.json")
+    chunk.write_bytes(b"nothing")
+    fails(3, "tile", tmp_path / "a.zarr", "-o", tmp_path / "b.iso", "--isovalue", 4.5)
+
+
 def test_tiles_of_zarr_larger_than_memory(tmp_path: Path) -> None:
     """Coordinates are read without the samples: here more than the limit, of which no chunk is there."""
     path = tmp_path / "a.zarr"

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import errno
-import http.server
 import multiprocessing
 import os
 import random
@@ -11,11 +10,8 @@ import resource
 import signal
 import subprocess
 import sys
-import threading
 import time
-from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -28,7 +24,7 @@ from brute import INTERPRETED
 from commands import fails
 from isocodec.errors import InputError, IsoError
 from isocodec.tiled_api import tiled_of
-from tiled import encoded, hilly, pieces
+from tiled import encoded, hilly, pieces, served
 
 pytestmark = pytest.mark.skipif(INTERPRETED, reason="processes of their own would be slow")
 
@@ -201,62 +197,6 @@ def test_a_scheduler_that_dies(tmp_path: Path) -> None:
 # -- servers -------------------------------------------------------------------------------------------------------
 
 
-@contextmanager
-def serving(data: bytes, how: str) -> Iterator[str]:
-    """A URL of a file whose server does something: the whole at once, another address, nothing at all, too little."""
-    held = threading.Event()
-
-    class Server(http.server.BaseHTTPRequestHandler):
-        def do_GET(self) -> None:
-            if how == "hangs" or (how == "hangs later" and "bytes=0-" not in self.headers.get("Range", "bytes=0-")):
-                held.wait(20)
-                return
-            if how == "redirects" and not self.path.startswith("/there"):
-                self.send_response(302)
-                self.send_header("Location", "/there.iso")
-                self.end_headers()
-                return
-            if how == "circles":
-                self.send_response(302)
-                self.send_header("Location", "/again.iso")
-                self.end_headers()
-                return
-            if how == "fails":
-                self.send_error(503)
-                return
-            asked = self.headers.get("Range", "") if how != "whole" else ""
-            start, end = (int(n) for n in asked[6:].split("-")) if asked else (0, len(data) - 1)
-            part = data[start : end + 1]
-            self.send_response(206 if asked else 200)
-            self.send_header("Content-Length", str(len(part)))
-            if asked:
-                self.send_header("Content-Range", f"bytes {start}-{start + len(part) - 1}/{len(data)}")
-            self.end_headers()
-            if how == "breaks" and start > 0:
-                part = part[: len(part) // 2]
-            elif how == "other bytes" and start > 0:
-                part = bytes(b ^ 1 for b in part)
-            self.wfile.write(part)
-
-        def do_HEAD(self) -> None:
-            self.send_response(200)
-            self.send_header("Content-Length", str(len(data)))
-            self.end_headers()
-
-        def log_message(self, *_: object) -> None:
-            pass
-
-    server = http.server.ThreadingHTTPServer(("localhost", 0), Server)
-    server.daemon_threads = True
-    threading.Thread(target=server.serve_forever, daemon=True).start()
-    try:
-        yield f"http://localhost:{server.server_port}/field.iso"
-    finally:
-        held.set()
-        server.shutdown()
-        server.server_close()
-
-
 BOX = [(300, 330), (400, 430)]
 
 
@@ -269,7 +209,7 @@ def noise(tmp_path_factory: pytest.TempPathFactory) -> bytes:
 @pytest.mark.parametrize("how", ["whole", "redirects"])
 def test_servers_that_do_it_their_way(noise: bytes, how: str) -> None:
     pytest.importorskip("aiohttp")
-    with serving(noise, how) as url:
+    with served(noise, how) as (url, _):
         file = isocodec.open(url)
         wanted = tiled_of(noise)
         if how == "whole":
@@ -284,7 +224,7 @@ def test_servers_that_fail(noise: bytes, how: str, tmp_path: Path, monkeypatch: 
     """An error that says what it is, soon; on the command line too, and nothing is written."""
     pytest.importorskip("aiohttp")
     monkeypatch.setattr(isocodec.io.ranges, "PATIENCE", 1.0)
-    with serving(noise, how) as url:
+    with served(noise, how) as (url, _):
         started = time.monotonic()
         with pytest.raises((IsoError, OSError)) as raised:
             isocodec.open(url).window(BOX)  # type: ignore[union-attr]

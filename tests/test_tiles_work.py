@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import http.server
 import multiprocessing
 import os
 import random
@@ -12,9 +11,7 @@ import sys
 import threading
 import time
 import zlib
-from collections.abc import Iterator
 from concurrent.futures import Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor
-from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
@@ -32,7 +29,7 @@ from isocodec.tiles.encoding import Tiling
 from isocodec.tiles.head import write_head
 from isocodec.tiles.merging import grid_of
 from isocodec.tiles.spool import Spool
-from tiled import encoded, hilly, holed, pieces
+from tiled import encoded, hilly, holed, pieces, served
 
 # -- who encodes ---------------------------------------------------------------------------------------------------
 
@@ -294,53 +291,21 @@ def test_cut_files(tmp_path: Path) -> None:
 # -- elsewhere -----------------------------------------------------------------------------------------------------
 
 
-@contextmanager
-def served(data: bytes, parts: bool) -> Iterator[tuple[str, list[int]]]:
-    """A URL where a file is, in parts if they are asked for or as a whole only; and how many bytes went each time."""
-    sent: list[int] = []
-
-    class Server(http.server.BaseHTTPRequestHandler):
-        def do_GET(self) -> None:
-            asked = self.headers.get("Range", "") if parts else ""
-            start, end = (int(n) for n in asked[6:].split("-")) if asked else (0, len(data) - 1)
-            part = data[start : end + 1]
-            sent.append(len(part))
-            self.send_response(206 if asked else 200)
-            self.send_header("Content-Length", str(len(part)))
-            if asked:
-                self.send_header("Content-Range", f"bytes {start}-{start + len(part) - 1}/{len(data)}")
-            self.end_headers()
-            self.wfile.write(part)
-
-        def do_HEAD(self) -> None:
-            self.send_response(200)
-            self.send_header("Content-Length", str(len(data)))
-            self.end_headers()
-
-        def log_message(self, *_: object) -> None:
-            pass
-
-    server = http.server.ThreadingHTTPServer(("localhost", 0), Server)
-    threading.Thread(target=server.serve_forever, daemon=True).start()
-    try:
-        yield f"http://localhost:{server.server_port}/field.iso", sent
-    finally:
-        server.shutdown()
-        server.server_close()
-
-
 def test_a_window_of_a_url(tmp_path: Path) -> None:
     """Few requests, and few bytes; what is there already is not fetched again."""
     pytest.importorskip("aiohttp")
     noise = np.random.default_rng(1).integers(0, 100, (700, 700))
     data = encoded(tmp_path, noise, 50.5, exact=True)
-    with served(data, True) as (url, sent):
+    with served(data) as (url, sent):
         file = isocodec.open(url)
         assert isinstance(file, TiledIsoFile) and len(sent) == 1
         part = file.window([(300, 330), (400, 430)])
         assert pieces(part) == pieces(tiled_of(data).window([(300, 330), (400, 430)]))
         assert len(sent) <= 8 and sum(sent) < len(data) // 2
         assert (file.requests, file.received) == (len(sent), sum(sent))
+        assert not file.cut
+    with served(data[:-9]) as (url, _):
+        assert isocodec.open(url).cut  # type: ignore[union-attr]
 
 
 def test_a_server_without_ranges(tmp_path: Path) -> None:
@@ -350,7 +315,7 @@ def test_a_server_without_ranges(tmp_path: Path) -> None:
     tiled, plain = encoded(tmp_path, noise, 50.5, exact=True), isocodec.encode(noise, 50.5, exact=True)
     assert len(plain) > 1 << 14
     for data in (tiled, plain):
-        with served(data, False) as (url, _):
+        with served(data, "whole") as (url, _):
             assert len(isocodec.open(url).contour().points) == len(isocodec.decode(data).points)
 
 

@@ -134,13 +134,14 @@ def kept(sources: Sequence[Source], expected: Sequence[Contour] | None = None, *
     steps = {source.field.scale for source in sources if source.field.number is not None}
     options["step"] = next(iter(steps), None)
     may = options.pop("leaning", True)
+    alone = b""
     if expected is None:
         alone = b"".join(Recoder(sources, True, leaning=False, **options))
         if len(sources) == 1:
             return alone
         expected = decode_all(alone)
     for leaning in (True, False) if may else (False,):
-        data = b"".join(Recoder(sources, True, leaning=leaning, **options))
+        data = alone if alone and not leaning else b"".join(Recoder(sources, True, leaning=leaning, **options))
         if all(_same(a, b) for a, b in zip(decode_all(data), expected, strict=True)):
             return data
     raise InputError("the curves cannot be told again as they are", code="recode")

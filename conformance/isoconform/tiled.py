@@ -193,6 +193,7 @@ def wrong() -> Iterator[tuple[str, str, str, bytes]]:
         return replace(block, channels=[[*changed, *block.channels[0][len(changed) :]]])
 
     yield "head_checksum", "12.3", "the head has a wrong checksum", _harmed(plain[size - 1 : size + 3], plain)
+    yield "head_long", "12.3", "a head of 32767 bytes, which the file has not", plain[:6] + b"\x7f\xff" + plain[8:]
     yield "leaf_checksum", "12.4", "a leaf directory has a wrong checksum", _harmed(leaf, plain)
     yield "group_checksum", "12.5", "a group of segments has a wrong checksum", _harmed(segment, plain)
     yield "version", "3.3.1", "a later read version", bytes(replace(file, version=1))
@@ -261,5 +262,7 @@ def drafts() -> Iterator[Draft]:
     far = write_varint(2**45) + root[len(write_varint(len(file.blocks[0].leaf()))) :]
     data = file.head(far) + plain[len(file.head(root)) :]
     yield Draft("tiled_cut_far", data, 2, ("file in tiles", "tiles: a leaf directory of 2**45 bytes, as the root says"))
+    later = bytes(replace(file, version=1))[:20]
+    yield Draft("tiled_cut_version", later, 2, ("file in tiles", "tiles: a later version that ends within its head"))
     for name, size in (("head", 20), ("leaf", len(plain) // 2), ("segment", len(plain) - 1)):
         yield Draft(f"tiled_cut_{name}", plain[:size], 2, ("file in tiles", f"tiles: ends within a {name}"))

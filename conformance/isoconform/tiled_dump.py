@@ -41,7 +41,7 @@ def _lines(data: bytes, limits: Limits | None, symbols: Counter[str]) -> list[st
     file = open_iso(data, limits=limits)
     assert isinstance(file, TiledIsoFile), "files with another signature do not come here"
     counts = file.head.grid.counts
-    if len(data) < file.root.end + int(file.root.lengths.sum()) + int(file.root.sizes.sum()):
+    if len(data) < file.size:
         raise TruncatedError("the file ends before its last segment", offset=len(data))
     if math.prod(counts) > MOST_TILES:
         raise LimitError("a text of so many tiles")

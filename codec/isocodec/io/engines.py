@@ -55,6 +55,17 @@ def read_labelled(source: Source, key: str | None, frame: int | None) -> Field:
         return labelled_field(array.load())
 
 
+@contextmanager
+def stored_array(source: Source, key: str | None) -> Iterator[Any]:
+    """The array that `read_labelled` reads, whose samples stay where they are until slices of it are asked for."""
+    bare = _bare(source)
+    if bare is not None:
+        yield bare
+        return
+    with _chosen(source, key, None) as array:
+        yield array
+
+
 def read_labels(source: Source, key: str | None, frame: int | None) -> Labels | None:
     """Where the samples of an array lie that `read_labelled` reads, of any size; None if it says nothing of it."""
     if _bare(source) is not None:

@@ -86,17 +86,21 @@ def read_hdf5(source: Source, key: str | None, frame: int | None) -> Field:
             axes = [axis for axis, count in enumerate(stored.shape) if count > 1]
             check_frame(frame, stored.shape[axes[0]] if len(axes) > 2 else 0)
             where[axes[0]], taken[axes[0]] = frame, 1
-        _check_storage(source, stored, taken)
-        field = np.asarray(stored[tuple(where)])
-        if field.dtype.kind not in "iuf" or not is_packed(stored):
-            return field
-        slope, offset = unpacked_by(stored) or (1.0, 0.0)
-        unpacked = field * slope + offset
-        fill = fill_value(stored)
-        return unpacked if fill is None else np.where(field == fill, np.nan, unpacked)
+        check_storage(source, stored, taken)
+        return unpacked(stored, np.asarray(stored[tuple(where)]))
 
 
-def _check_storage(source: Source, stored: Any, taken: list[int]) -> None:
+def unpacked(stored: Any, field: Field) -> Field:
+    """Samples of a dataset; packed ones unpacked, NaN where there are none."""
+    if field.dtype.kind not in "iuf" or not is_packed(stored):
+        return field
+    slope, offset = (_attribute(stored, name) for name in _PACKED)
+    found = field * (1.0 if slope is None else slope) + (0.0 if offset is None else offset)
+    fill = fill_value(stored)
+    return found if fill is None else np.where(field == fill, np.nan, found)
+
+
+def check_storage(source: Source, stored: Any, taken: list[int]) -> None:
     """That what is taken of an array may be read, and has ever been written."""
     source.check_array(taken, stored.dtype)
     # a chunk is unpacked as a whole, however few of its samples are wanted
@@ -108,12 +112,6 @@ def _check_storage(source: Source, stored: Any, taken: list[int]) -> None:
 def is_packed(stored: Any) -> bool:
     """Whether a dataset holds numbers that are to be multiplied or added to."""
     return any(_attribute(stored, name) is not None for name in _PACKED)
-
-
-def unpacked_by(stored: Any) -> tuple[float, float] | None:
-    """What stored numbers are to be multiplied by, and what is then added; None if attributes say neither."""
-    slope, offset = (_attribute(stored, name) for name in _PACKED)
-    return None if slope is None and offset is None else (1.0 if slope is None else slope, offset or 0.0)
 
 
 def fill_value(stored: Any) -> float | None:

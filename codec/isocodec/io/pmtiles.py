@@ -8,7 +8,6 @@ from __future__ import annotations
 import gzip
 import io
 import math
-import struct
 from collections.abc import Callable, Iterable
 from typing import TYPE_CHECKING, Any
 
@@ -36,6 +35,10 @@ ROUNDING = 2
 """Units that points are left out for below the largest zoom, where the curve without them is no farther away."""
 _POLE = 85.06
 """Degrees of latitude beyond which there are no tiles."""
+Key = tuple[int, int, int]
+"""Zoom, column and row of a tile."""
+Features = list[tuple[float, list[NDArray[np.int32]]]]
+"""Isovalues with their lines, in units of a tile."""
 AtWidth = Callable[[float], "Contour"]
 """The contour of an isovalue, as it is seen where a pixel is so many samples wide; 1 is the finest."""
 
@@ -49,6 +52,7 @@ def libraries() -> Any:
     """
     optional("shapely", extra="pmtiles", purpose="making vector tiles")
     optional("pyproj", extra="pmtiles", purpose="making vector tiles")
+    optional("mapbox_vector_tile", extra="pmtiles", purpose="making vector tiles")
     return optional("pmtiles.writer", extra="pmtiles", purpose="writing .pmtiles")
 
 
@@ -71,7 +75,7 @@ def render_pyramid(isovalues: Iterable[AtWidth]) -> bytes:
     MissingExtraError
     """
     writer = libraries()
-    tiles: dict[tuple[int, int, int], list[bytes]] = {}
+    tiles: dict[Key, Features] = {}
     bounds, most = [], 0
     for at in isovalues:
         finest = at(1.0)
@@ -81,7 +85,7 @@ def render_pyramid(isovalues: Iterable[AtWidth]) -> bytes:
             if zoom == most:
                 bounds += [line[:, :2] for line in lines]
             for key, geometry in cut(lines, zoom, 0 if zoom == most else ROUNDING):
-                tiles.setdefault(key, []).append(_feature(finest.isovalue, geometry))
+                tiles.setdefault(key, []).append((finest.isovalue, geometry))
     # a map of nothing has a tile, too
     return _archive(writer, tiles or {(0, 0, 0): []}, bounds, most)
 
@@ -122,8 +126,8 @@ def _mercator(degrees: NDArray[np.float64]) -> NDArray[np.float64]:
 
 def cut(
     lines: list[NDArray[np.float64]], zoom: int, rounding: float
-) -> Iterable[tuple[tuple[int, int, int], list[NDArray[np.int64]]]]:
-    """Tiles of a zoom (zoom, column, row) with what they show: lines in their units, (K, 2) int64 each.
+) -> Iterable[tuple[Key, list[NDArray[np.int32]]]]:
+    """Tiles of a zoom with what they show: lines in their units, (K, 2) each.
 
     Segments are kept whole where they reach into a tile or its buffer, so that no point moves.
     """
@@ -156,10 +160,10 @@ def cut(
     held = np.unique(np.concatenate(found), axis=0)
     # a line goes on in a tile as long as segments follow one another
     breaks = np.flatnonzero((np.diff(held[:, :2], axis=0) != 0).any(axis=1) | (np.diff(held[:, 2]) != 1)) + 1
-    by_tile: dict[tuple[int, int, int], list[NDArray[np.int64]]] = {}
+    by_tile: dict[Key, list[NDArray[np.int32]]] = {}
     for a, b in zip([0, *breaks.tolist()], [*breaks.tolist(), len(held)], strict=True):
         x, y, at = held[a].tolist()
-        line = point[at : at + b - a + 1] - np.array([x, y]) * EXTENT
+        line = (point[at : at + b - a + 1] - np.array([x, y]) * EXTENT).astype(np.int32)
         by_tile.setdefault((zoom, x % (1 << zoom), y), []).append(line)
     yield from by_tile.items()
 
@@ -174,51 +178,20 @@ def _divided(line: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.concatenate([line[at] + part[:, None] * (line[at + 1] - line[at]), line[-1:]])
 
 
-# ---- bytes of tiles (Mapbox Vector Tile, version 2.1) --------------------------------------------------------------
-
-
-def _feature(isovalue: float, lines: list[NDArray[np.int64]]) -> bytes:
-    """The value of the isovalue, and the lines as commands; put together by `_tile`."""
-    words, at = [], np.zeros(2, np.int64)
-    for line in lines:
-        moves = np.diff(line, axis=0, prepend=at[None])
-        coded = ((moves << 1) ^ (moves >> 63)).ravel()
-        words += [np.array([1 << 3 | 1]), coded[:2], np.array([len(line) - 1 << 3 | 2]), coded[2:]]
-        at = line[-1]
-    return struct.pack("<d", isovalue) + _varints(np.concatenate(words))
-
-
-def _tile(features: list[bytes]) -> bytes:
+def _tile(features: Features) -> bytes:
     """A tile of one layer, whose features have the isovalue as their only property."""
-    layer = _field(15, 2) + _bytes(1, LAYER.encode())
-    for number, feature in enumerate(features):
-        tags, geometry = _varints(np.array([0, number])), feature[8:]
-        layer += _bytes(2, _bytes(2, tags) + _field(3, 2) + _bytes(4, geometry))
-    layer += _bytes(3, b"isovalue")
-    layer += b"".join(_bytes(4, b"\x19" + feature[:8]) for feature in features)
-    return _bytes(3, layer + _field(5, EXTENT))
-
-
-def _field(number: int, value: int) -> bytes:
-    return _varints(np.array([number << 3, value]))
-
-
-def _bytes(number: int, data: bytes) -> bytes:
-    return _varints(np.array([number << 3 | 2, len(data)])) + data
-
-
-def _varints(numbers: NDArray[np.int64]) -> bytes:
-    """Numbers below 2**35 in seven bits a byte, low ones first."""
-    sevens = numbers[:, None] >> np.arange(0, 35, 7)
-    count = np.maximum((sevens > 0).sum(axis=1), 1)
-    place = np.arange(5)
-    more = (place < count[:, None] - 1) << 7
-    out = ((sevens & 127) | more).astype(np.uint8)
-    return out[place < count[:, None]].tobytes()
+    shapely = optional("shapely", extra="pmtiles", purpose="making vector tiles")
+    encoder = optional("mapbox_vector_tile", extra="pmtiles", purpose="making vector tiles")
+    found = [
+        {"geometry": shapely.MultiLineString(lines), "properties": {"isovalue": isovalue}}
+        for isovalue, lines in features
+    ]
+    layer = {"name": LAYER, "features": found}
+    return bytes(encoder.encode(layer, default_options={"y_coord_down": True, "extents": EXTENT}))
 
 
 def _archive(
-    writer: Any, tiles: dict[tuple[int, int, int], list[bytes]], lines: list[NDArray[np.float64]], most: int
+    writer: Any, tiles: dict[Key, Features], lines: list[NDArray[np.float64]], most: int
 ) -> bytes:  # fmt: skip
     """The archive of tiles, in the order of their numbers."""
     format_ = optional("pmtiles.tile", extra="pmtiles", purpose="writing .pmtiles")

@@ -3,21 +3,21 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 from ..errors import InputError
+from ..tiles.fetching import Fetch
 from .extras import optional
 from .remote import is_url
-
-Fetch = Callable[[int, int], bytes]
 
 
 class NoRangesError(InputError):
     """A server that gives the whole file where a part of it is asked for."""
 
 
+BEHIND = 416
+"""What a server answers if a range begins behind the end of the file."""
 PATIENCE = 60.0
 """Seconds that a server may take to answer."""
 
@@ -68,6 +68,8 @@ def _remote(url: str) -> Fetch:
         except OSError:
             raise
         except Exception as exc:
+            if getattr(exc, "status", None) == BEHIND:
+                return b""
             raise InputError(f"cannot be read ({type(exc).__name__}: {exc})", code="url") from exc
         if len(data) > end - start:
             raise NoRangesError(

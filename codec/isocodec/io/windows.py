@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -11,13 +11,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import InputError, OptionError
-from .engines import is_labelled_file
+from .engines import is_labelled_file, stored_array
 from .extras import optional
-from .hdf5 import fill_value, unpacked_by
+from .hdf5 import check_storage, dataset, fill_value, unpacked
 from .read import read_field
 from .reading import reading
-from .source import source_of
+from .source import Source, source_of
 
 MAPPED = (".npy", ".tif", ".tiff", ".zarr", ".h5", ".hdf5", ".nc")
 """Suffixes of files that are read a window at a time; others are read whole."""
@@ -30,8 +29,7 @@ def windows_of(path: Path, key: str | None = None, samples: int | None = None) -
     Parameters
     ----------
     path : path
-        ``.npy``, GeoTIFF (one band, or the first), Zarr, HDF5 or NetCDF; other formats are read whole, and so is NetCDF
-        of the classic kind.
+        ``.npy``, GeoTIFF (one band, or the first), Zarr, HDF5 or NetCDF; other formats are read whole.
     key : str, optional
         Which array, of a file that has several.
     samples : int, optional
@@ -40,32 +38,33 @@ def windows_of(path: Path, key: str | None = None, samples: int | None = None) -
     Raises
     ------
     OSError, InputError, MissingExtraError
-    OptionError
-        If there are several arrays and none is named.
     """
     suffix = path.suffix.lower()
-    source = source_of(path)
-    # NetCDF of the classic kind is none of HDF5
-    if suffix not in MAPPED or (suffix != ".zarr" and is_labelled_file(source)):
+    if suffix not in MAPPED:
         yield read_field(path, key=key, samples=samples)
         return
+    source = source_of(path)
     if suffix == ".npy":
         with reading(".npy"):
             yield MappedWindows(source.path)
     elif suffix in (".tif", ".tiff"):
         with reading("TIFF"):
             yield RasterWindows(source.path)
-    elif suffix == ".zarr":
-        zarr = optional("zarr", extra="xarray", purpose="reading .zarr")
-        with reading("Zarr"):
-            found = zarr.open(str(path), mode="r")
-        yield told(found if hasattr(found, "dtype") else _named(found, key, path))
     else:
-        h5py = optional("h5py", extra="hdf5", purpose=f"reading {suffix}")
-        with reading("HDF5"):
-            file = h5py.File(path, "r")
-        with file:
-            yield told(_named(file, key, path))
+        held = ExitStack()
+        try:
+            yield _opened(source, key, held)
+        finally:
+            # without what went wrong where the windows were used: that is not about opening
+            held.close()
+
+
+def _opened(source: Source, key: str | None, held: ExitStack) -> LabelledWindows | StoredWindows:
+    if is_labelled_file(source):
+        return LabelledWindows(held.enter_context(stored_array(source, key)))
+    stored = held.enter_context(dataset(source, key))
+    check_storage(source, stored, [1])
+    return StoredWindows(stored)
 
 
 class _Windows:
@@ -122,48 +121,45 @@ class RasterWindows(_Windows):
         return np.ma.masked_array(found)
 
 
-class ToldWindows:
-    """An array of HDF5, NetCDF or Zarr as its attributes say: unpacked, and samples that stand for none masked.
+class LabelledWindows:
+    """An array of Zarr or of NetCDF of the classic kind, NaN where samples are missing.
 
     Attributes
     ----------
     shape : tuple of int
     dtype : dtype
-        float64 if samples are unpacked.
     """
 
-    def __init__(self, stored: Any, unpacking: tuple[float, float] | None, fill: float | None) -> None:
-        self._stored, self._unpacking, self._fill = stored, unpacking, fill
-        self.shape: tuple[int, ...] = stored.shape
-        self.dtype = np.dtype(stored.dtype if unpacking is None else np.float64)
+    def __init__(self, array: Any) -> None:
+        self._array = array
+        self.shape, self.dtype = tuple(array.shape), array.dtype
 
-    def __getitem__(self, window: tuple[slice, ...]) -> NDArray[Any] | np.ma.MaskedArray[Any, Any]:
-        raw = np.asarray(self._stored[window])
-        slope, offset = self._unpacking or (1.0, 0.0)
-        found: NDArray[Any] = raw if self._unpacking is None else raw * slope + offset
-        return found if self._fill is None else np.ma.masked_array(found, raw == self._fill)
+    def __getitem__(self, window: tuple[slice, ...]) -> NDArray[Any]:
+        with reading("array"):
+            return np.asarray(self._array[window])
 
 
-def told(stored: Any) -> Any:
-    """A stored array, with what its attributes say of its numbers if they say anything."""
-    fill = fill_value(stored)
-    if fill is None and getattr(getattr(stored, "metadata", None), "zarr_format", 3) == 2:
-        # of Zarr's second format what is written nowhere is what stands for none; 0 is what it is if nobody says so
-        fill = float(stored.fill_value) if stored.dtype.kind in "iuf" and stored.fill_value else None
-    if fill is not None and np.isnan(fill):
-        fill = None
-    unpacking = unpacked_by(stored)
-    return stored if fill is None and unpacking is None else ToldWindows(stored, unpacking, fill)
+class StoredWindows:
+    """An array of an HDF5 file as its attributes say: unpacked, and samples that stand for none masked.
 
+    Attributes
+    ----------
+    shape : tuple of int
+        Without axes of one sample.
+    dtype : dtype
+    """
 
-def _named(group: Any, key: str | None, path: Path) -> Any:
-    """An array of a group, by its name or because there is no other."""
-    names = [name for name in group if len(getattr(group[name], "shape", ())) in (2, 3)]
-    if key is None and len(names) != 1:
-        raise OptionError(
-            f"{path.name} has the arrays {', '.join(names) or 'none'}", code="key", remedy="name one: --key"
-        )
-    name = key or names[0]
-    if name not in group:
-        raise InputError(f"has no array {name!r}", code="key", remedy=f"it has {', '.join(names)}")
-    return group[name]
+    def __init__(self, stored: Any) -> None:
+        self._stored = stored
+        self.shape = tuple(count for count in stored.shape if count > 1)
+        self.dtype = unpacked(stored, np.zeros(0, stored.dtype)).dtype
+
+    def __getitem__(self, window: tuple[slice, ...]) -> NDArray[Any]:
+        asked = iter(window)
+        place = tuple(0 if count == 1 else next(asked) for count in self._stored.shape)
+        with reading("HDF5 file"):
+            raw = np.asarray(self._stored[place])
+        found = unpacked(self._stored, raw)
+        fill = fill_value(self._stored)
+        # of numbers that are unpacked NaN stands for those
+        return found if found is not raw or fill is None else np.ma.masked_array(raw, raw == fill)

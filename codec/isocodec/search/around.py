@@ -66,10 +66,6 @@ class Around:
         meet(*self._boxes(points, cells, 0.0), _in_space(self.mask), found)
         return np.flatnonzero(found)
 
-    def touches(self, points: NDArray[np.float64], cells: NDArray[np.int64]) -> NDArray[np.int64]:
-        """Numbers of the cells (M, n) with a corner there."""
-        return np.flatnonzero(self.holds(points)[cells].any(axis=1))
-
     def _cubes(self, points: NDArray[np.float64]) -> tuple[NDArray[np.int64], ...]:
         last = np.array(self.mask.shape) - 1
         return tuple(np.clip((points / self.size).astype(np.int64), 0, last).T)

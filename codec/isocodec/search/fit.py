@@ -33,7 +33,7 @@ found faster."""
 NAMED = 2.0**20
 """Of a cell: points are the same if they are rounded to so many parts alike."""
 MOSTLY = 0.5
-"""Share of the pieces from which on all of them are held against the original."""
+"""Share of the curve from which on all of it is fitted anew, and held against the original."""
 MARGIN = 0.95
 """Share of the tolerance from which on distances count as too large."""
 

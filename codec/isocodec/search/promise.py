@@ -26,14 +26,11 @@ from ..passes.snapshot import leaves_of
 from ..tube.holes import Holes
 from .around import Around
 from .curvature import curvature
-from .fit import REACHES, Drawing, Faults, fitted_offsets
+from .fit import MOSTLY, REACHES, Drawing, Faults, fitted_offsets
 from .ground_truth import GroundTruth, truth_of
 from .original import original
 from .proof import Target
 from .reduction import Reduction
-
-MOSTLY = 0.5
-"""Share of the curve from which on all of it is fitted anew."""
 
 
 @dataclass
@@ -162,7 +159,7 @@ class Promise:
         """As `excess` of a fitted curve, but only where it may have changed: this finds faults, and proves nothing."""
         points, cells, part = drawing.points, drawing.cells, drawing.part
         near = Target(points, cells[part.seen] if part else cells, tolerance)
-        ours = part.near.touches(self.contour.points, self.contour.cells) if part else None
+        ours = part.near.meets(self.contour.points, self.contour.cells) if part else None
         there = near.exceeded(self.contour.points, self.contour.cells, ours)
         here = self.target(tolerance).exceeded(points, cells, part.changed if part else None)
         return Faults(drawing, np.concatenate([there.places, here.places]), here.cells)

@@ -73,8 +73,8 @@ def write_head(head: Head, leaves: Sequence[tuple[bytes, Sequence[int]]]) -> byt
     return out + Checksum.build(zlib.crc32(out))
 
 
-def head_length(data: bytes) -> int:
-    """How many bytes head and root have, by the first ``FIXED_BYTES``.
+def _head_length(data: bytes) -> int:
+    """How many bytes head and root have, all of which are there.
 
     Raises
     ------
@@ -84,12 +84,12 @@ def head_length(data: bytes) -> int:
         raise wrong("not a tiled .iso file: the signature is missing", "signature", 0, "12.3")
     if len(data) < FIXED_BYTES:
         raise TruncatedError("the file ends within its head", code="truncated", offset=len(data), clause="12.3")
-    if data[4] & 15 > WRITER_VERSION:
-        raise FormatError(
-            f"the file needs version {data[4] & 15} of the format, this reads up to {WRITER_VERSION}",
-            code="version", offset=4, clause="3.3.1", remedy="update isocodec",
-        )  # fmt: skip
-    return int.from_bytes(data[6:8], "big")
+    length = int.from_bytes(data[6:8], "big")
+    if not FIXED_BYTES + 4 <= length <= HEAD_BYTES:
+        raise wrong(f"a head of {length:,} bytes", "head", 6, "12.3")
+    if len(data) < length:
+        raise TruncatedError("the file ends within its head", code="truncated", offset=len(data), clause="12.3")
+    return length
 
 
 def read_head(data: bytes) -> tuple[Head, Root]:
@@ -99,11 +99,14 @@ def read_head(data: bytes) -> tuple[Head, Root]:
     ------
     FormatError, TruncatedError
     """
-    end = head_length(data)
-    if end > HEAD_BYTES or end < FIXED_BYTES + 4 or len(data) < end:
-        raise wrong("a head that is cut or too long", "head", 6, "12.3")
+    end = _head_length(data)
     if Checksum.parse(data[end - 4 : end]) != zlib.crc32(data[: end - 4]):
         raise wrong("the head's checksum is wrong", "checksum", end - 4, "12.3")
+    if data[4] & 15 > WRITER_VERSION:
+        raise FormatError(
+            f"the file needs version {data[4] & 15} of the format, this reads up to {WRITER_VERSION}",
+            code="version", offset=4, clause="3.3.1", remedy="update isocodec",
+        )  # fmt: skip
     reader = Reader(data, FIXED_BYTES, end - 4)
     flags = data[5]
     if flags & 0x5B & ~Profile.MAIN:

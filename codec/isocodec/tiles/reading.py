@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from isospec.container import ChunkType
 
 from ..drawing.contour import Contour
-from ..errors import OptionError, TruncatedError
+from ..errors import OptionError
 from ..field.placement import read_placement
 from ..format.chunks import write_chunk, write_metadata
 from ..format.header import Header, write_header
@@ -23,7 +23,7 @@ from .closing import Part
 from .container import HEAD_BYTES, Head, Kind, Leaf
 from .fetching import Fetch, Pieces, Range
 from .grid import Index
-from .head import head_length, read_head
+from .head import read_head
 from .joining import joined
 from .leaf import read_leaf
 from .numbers import wrong
@@ -67,8 +67,6 @@ class TiledFile:
         self.fetch = fetch
         first = fetch(0, HEAD_BYTES) if first is None else first
         self._pieces = lambda: Pieces(fetch, self.limits.bytes, first)
-        if len(first) < head_length(first):
-            raise TruncatedError("the file ends within its head", code="truncated", offset=len(first), clause="12.3")
         self.head, self.root = read_head(first)
         self._blocks = list(self.head.grid.all_blocks())
         self._number_of = {block: number for number, block in enumerate(self._blocks)}
@@ -113,21 +111,12 @@ class TiledFile:
         within: float | Callable[[Box], float] | None = None, layer: int | None = None, partial: bool = False,
         clip: bool = True,
     ) -> Contour:  # fmt: skip
-        """The curve or surface in a box.
+        """The curve or surface in a box, as `TiledIsoFile.window` says.
 
         Parameters
         ----------
-        box : n pairs of numbers, optional
-            From where to where along each axis, in samples. Everything if not given.
-        isovalue : float, optional
-            One of the file; the first if not given.
-        within : float or callable, optional
-            Cubes of the mesh no wider than so many samples are enough; or a function that says so of the box of a tile,
-            n pairs of samples. Gaps between tiles of different layers are closed in the faces that they share.
-        layer : int, optional
-            Up to which layer of the file; the last if neither is given.
-        partial : bool
-            Of a file that ends too early, draw each tile up to the last layer that is there.
+        box, isovalue, within, layer, partial
+            As there.
         clip : bool
             Whether cells are left out that do not reach into the box.
 

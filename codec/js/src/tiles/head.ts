@@ -27,14 +27,14 @@ const MOST = 16384;
 export const FIRST = 2 * MOST;
 const BLOCKS = 3276;
 
-/** Bytes of head and root directory, as the start of a file states it, of which all is there that is asked for. */
+/** Bytes of head and root directory, as the start of a file states it, of which there are `FIRST` if it has so many. */
 export function headSize(start: Uint8Array): number {
   const signature = [0x89, 0x49, 0x53, 0x54], wrong = signature.findIndex((byte, i) => i < start.length && start[i] !== byte);
   if (wrong >= 0) throw new IsoError("malformed", "12.3.1", wrong, "not a file in tiles");
   if (start.length < 8) throw new IsoError("truncated", "8.3", start.length, "the file ends too early");
   const size = start[6]! * 256 + start[7]!;
-  if (start.length < size && start.length < FIRST) throw new IsoError("truncated", "8.3", start.length, "the file ends too early");
   if (size < 12 || size > MOST) throw new IsoError("malformed", "12.3.1", 6, "a head of a size out of range");
+  if (start.length < size) throw new IsoError("truncated", "8.3", start.length, "the file ends too early");
   return size;
 }
 
