@@ -111,7 +111,7 @@ def map_command(
                 field = isocodec.read(path, key=key, channel=channel, frame=frame, samples=limit_samples)
             drawn = _of_field(field, isovalues, interval, offset or 0, notes, nodata)
     look = Look(index, title, size, dpi, DARK if dark else LIGHT)
-    with concerning(source), one_warning(source):
+    with concerning(source), one_warning(output, "writing"):
         data, labels = map_picture(drawn.contours, suffix, look, None if no_relief else drawn.field, drawn.valid)
     seconds = time.perf_counter() - started
     write_output(output, data)

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import click
 
 from ..errors import OptionError
+from .quiet import one_warning
 from .receive import warn_of_others
 from .report import concerning, tell, write_output
 
@@ -49,7 +50,8 @@ def encode_on_mesh(
 
     started = time.perf_counter()
     with concerning(source):
-        found = (read_points if source.suffix.lower() in POINTS else read_mesh)(source, samples)
+        with one_warning(source):
+            found = (read_points if source.suffix.lower() in POINTS else read_mesh)(source, samples)
         data = isocodec.encode_mesh(
             found.points, found.cells, found.values_named(values), list(isovalues), **options  # type: ignore[arg-type]
         )
@@ -88,7 +90,7 @@ def mesh_of(domain: Path | None) -> tuple[NDArray[Any], NDArray[Any]] | None:
         return None
     from ..io.mesh_read import read_mesh
 
-    with concerning(domain):
+    with concerning(domain), one_warning(domain):
         found = read_mesh(domain)
     assert found.cells is not None
     return found.points, found.cells
@@ -153,7 +155,8 @@ def decode_on_mesh(
     n = contours[0].n
     with concerning(output):
         check_suffix(named, n)
-        rendered = render_contour(contours, suffix, n)
+        with one_warning(output, "writing"):
+            rendered = render_contour(contours, suffix, n)
     write_output(output, rendered)
     pieces = "segments" if n == 2 else "triangles"
     points, cells = sum(len(contour.points) for contour in contours), sum(len(contour.cells) for contour in contours)

@@ -23,6 +23,7 @@ from .options import (
     smooth_option,
 )
 from .progress import progress_bar
+from .quiet import one_warning
 from .receive import warn_of_others
 from .report import PARTIAL, check_output, concerning, read_iso, warn, write_output
 
@@ -81,7 +82,8 @@ def plot_command(
         with concerning(source):
             limits = limits_of(limit_memory, limit_work)
             on_mesh = steps_on_mesh(data, steps, domain, isovalue, frame or 0, limits)
-            picture = steps_picture(on_mesh, suffix)
+            with one_warning(output, "writing"):
+                picture = steps_picture(on_mesh, suffix)
         write_output(output, picture)
         click.echo(f"{click.format_filename(output)}: {len(on_mesh)} steps of {len(data):,} bytes")
         return
@@ -114,7 +116,7 @@ def plot_command(
                 if own in chosen:
                     _draw(decoder, number, smooth, mesh, drawn, event.offset, len(data), layers[own - 1].within)
                     if progress is not None:
-                        progress(len(drawn), len(chosen) + 1)  # and the drawing itself
+                        progress(len(drawn), len(chosen))
         try:
             decoder.close()
         except TruncatedError as exc:
@@ -128,6 +130,7 @@ def plot_command(
         if own < len(layers) or not drawn:
             # the file ends within a layer
             _draw(decoder, number, smooth, mesh, drawn, len(data), len(data), None)
+    with concerning(source), one_warning(output, "writing"):
         picture = steps_picture(drawn, suffix, seen)
     if isovalue is None:
         warn_of_others(source, info.isovalues[number], info.isovalues, "drawn")
