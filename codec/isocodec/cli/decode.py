@@ -23,7 +23,7 @@ from .options import (
 )
 from .places import warn_of_places
 from .quiet import one_warning
-from .receive import Drawings, receive, receive_all, warn_of_others
+from .receive import Drawings, receive, receive_all, warn_of_frames, warn_of_others
 from .report import STANDARD, check_output, concerning, read_iso, tell, warn, write_output
 
 
@@ -181,6 +181,7 @@ def decode_command(
         # what lies behind the layers asked for may be damaged
         with suppress(FormatError):
             warn_of_others(source, isovalues[0], isocodec.inspect(data).isovalues)
+    warn_of_frames(source, data, frame)
     assert decoder.header is not None
     n = len(decoder.header.shape)
     with concerning(output):

@@ -16,6 +16,7 @@ from .isovalues import check_interval, multiples, usual_interval
 from .options import Isovalue, frame_option, json_option, limit_options, limits_of, output_option
 from .progress import progress_bar
 from .quiet import one_warning
+from .receive import warn_of_frames
 from .report import check_output, concerning, read_iso, tell, write_output
 
 if TYPE_CHECKING:
@@ -142,6 +143,7 @@ def _of_iso(source: Path, frame: int | None, limits: Limits) -> Drawn:
             raise OptionError("there are no maps of values on a mesh", code="dimension", remedy="decode it to .geojson")
         contours = isocodec.decode_all(data, frame=frame, limits=limits, progress=progress)
         valid = isocodec.decode_valid(data, limits=limits) if contours[0].masked else None
+    warn_of_frames(source, data, frame, "drawn")
     return Drawn(contours, None, valid)
 
 

@@ -12,7 +12,7 @@ import click
 from ..errors import FormatError
 from ..limits import Limits
 from .quiet import one_warning
-from .receive import receive, warn_of_others
+from .receive import receive, warn_of_frames, warn_of_others
 from .report import check_output, concerning, read_iso, tell, write_output
 
 
@@ -37,6 +37,7 @@ def write_mesh(
         # what lies behind the layers asked for may be damaged
         with suppress(FormatError):
             warn_of_others(source, decoder.isovalues[number], isocodec.inspect(data).isovalues)
+    warn_of_frames(source, data, frame)
     with concerning(source):
         mesh = decoder.tessellation(number, whole)
         if in_samples:

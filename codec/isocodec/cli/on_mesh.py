@@ -10,7 +10,7 @@ import click
 
 from ..errors import OptionError
 from .quiet import one_warning
-from .receive import warn_of_others
+from .receive import warn_of_frames, warn_of_others
 from .report import concerning, tell, write_output
 
 if TYPE_CHECKING:
@@ -151,6 +151,7 @@ def decode_on_mesh(
             ]  # fmt: skip
             if isovalue is None:
                 warn_of_others(source, contours[0].isovalue, isocodec.inspect(data).isovalues)
+    warn_of_frames(source, data, frame)
     seconds = time.perf_counter() - started
     n = contours[0].n
     with concerning(output):

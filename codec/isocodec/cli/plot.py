@@ -24,7 +24,7 @@ from .options import (
 )
 from .progress import progress_bar
 from .quiet import one_warning
-from .receive import warn_of_others
+from .receive import warn_of_frames, warn_of_others
 from .report import PARTIAL, check_output, concerning, read_iso, warn, write_output
 
 if TYPE_CHECKING:
@@ -84,6 +84,7 @@ def plot_command(
             on_mesh = steps_on_mesh(data, steps, domain, isovalue, frame or 0, limits)
             with one_warning(output, "writing"):
                 picture = steps_picture(on_mesh, suffix)
+        warn_of_frames(source, data, frame, "drawn")
         write_output(output, picture)
         click.echo(f"{click.format_filename(output)}: {len(on_mesh)} steps of {len(data):,} bytes")
         return
@@ -134,6 +135,7 @@ def plot_command(
         picture = steps_picture(drawn, suffix, seen)
     if isovalue is None:
         warn_of_others(source, info.isovalues[number], info.isovalues, "drawn")
+    warn_of_frames(source, data, frame, "drawn")
     write_output(output, picture)
     click.echo(f"{click.format_filename(output)}: {len(drawn)} steps of {len(data):,} bytes")
 

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from ..errors import TruncatedError
+from ..errors import FormatError, TruncatedError
 from .places import Places
 from .progress import progress_bar
 from .report import PARTIAL, concerning, warn
@@ -130,3 +131,20 @@ def warn_of_others(source: Path, isovalue: float, isovalues: Sequence[float], ve
     if others:
         listed = " or ".join(others[:_LISTED]) + ", .." * (len(others) > _LISTED)
         warn(source, f"only isovalue {isovalue!r} is {verb}; choose another with --isovalue: {listed}")
+
+
+def warn_of_frames(source: Path, data: bytes, frame: int | None, verb: str = "written") -> None:
+    """Say that a file is a series of which the first frame was taken, where none was asked for."""
+    import isocodec
+
+    if frame is not None:
+        return
+    # what lies behind the first frame may be damaged
+    with suppress(FormatError):
+        count = len(isocodec.inspect(data).frames)
+        if count > 1:
+            warn(
+                source,
+                f"only frame 0 of {count} is {verb}; choose another with --frame, from 1 to {count - 1}, or take all "
+                "with isocodec.decode_frames",
+            )
