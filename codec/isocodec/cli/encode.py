@@ -13,7 +13,7 @@ import click
 
 from .encode_options import encode_options, read_criterion, read_metadata, read_numbers, read_steps
 from .inputs import local_input
-from .isovalues import check_interval, multiples
+from .isovalues import check_interval, multiples, range_of
 from .mapped import cells_of, read_tolerance, world_of
 from .options import Grouped
 from .planned import Planned
@@ -38,6 +38,7 @@ def encode_command(
     output: Path,
     isovalues: tuple[float, ...],
     interval: float | None,
+    offset: float | None,
     labels: tuple[float, ...],
     independent: bool,
     exact: bool,
@@ -102,7 +103,7 @@ def encode_command(
         encode_labelled(source, output, click.get_current_context().params)
         return
     label = labels[0] if labels else None
-    check_interval(interval)
+    check_interval(interval, offset)
     name, parameter = read_criterion(criterion)
     notes = read_metadata(metadata)
     check_series(frames, frame_axis, frame_interval)
@@ -164,8 +165,8 @@ def encode_command(
                 options = replace(options, signs_only=True)
         else:
             gone = missing_samples(field, nodata)
-            if interval is not None:
-                isovalues = multiples(interval, field[~gone])
+            if interval is not None and not gone.all():
+                isovalues = multiples(interval, *range_of(field[~gone]), offset)
             if planned is not None:
                 isovalues = planned.isovalues(isovalues, shape, not independent)
             if not gone.any() and (missing is not None or nodata_given):

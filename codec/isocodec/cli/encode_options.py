@@ -34,6 +34,7 @@ SECTIONS = (
         click.option(
             "--interval", type=Isovalue(), metavar="S", help="All multiples of S within the data, in one file."
         ),
+        click.option("--offset", type=Isovalue(), metavar="V", help="With --interval: V, V + S, V + 2 S, .."),
         click.option(
             "--label",
             "labels",

@@ -23,8 +23,8 @@ if TYPE_CHECKING:
     from ..limits import Limits
 
 NOT_ON_MESHES = (
-    "interval", "labels", "steps", "preserve_topology", "criterion", "plan", "base_level", "spacing", "missing",
-    "nodata", "no_placement", "key", "channel", "frame", "follow", "frames", "frame_axis",
+    "interval", "offset", "labels", "steps", "preserve_topology", "criterion", "plan", "base_level", "spacing",
+    "missing", "nodata", "no_placement", "key", "channel", "frame", "follow", "frames", "frame_axis",
 )  # fmt: skip
 """Options of encode that mean nothing there."""
 WRITTEN = (".geojson", ".npz", ".ply", ".stl", ".obj")
