@@ -245,7 +245,7 @@ def test_the_options_of_encode_fit_a_screen(monkeypatch: pytest.MonkeyPatch) -> 
     headings = [line.split("(")[0].strip(" :") for line in lines[1:] if line.endswith(":") and not line.startswith(" ")]
     on_meshes = "Meshes of triangles or tetrahedra"
     assert headings == ["Isovalue", "Precision", "Layers", "Input", on_meshes, "Limits", "Output"]
-    assert sum(line.startswith("  -") for line in lines) == 38
+    assert sum(line.startswith("  -") for line in lines) == 39
 
 
 def test_options_that_contradict_one_another_are_named_as_on_the_command_line(hills: Path, tmp_path: Path) -> None:
