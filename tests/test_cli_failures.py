@@ -188,7 +188,7 @@ def test_a_file_that_ends_within_its_first_layer_is_drawn(tmp_path: Path, mesh: 
     (tmp_path / "off.iso").write_bytes(data[: first.offset + first.bytes // 2])
     options = ["--mesh"] if mesh else []
     out = ok("plot", tmp_path / "short.iso", "-o", tmp_path / "a.png", *options)
-    assert f"1 steps of {len(short)} bytes" in out
+    assert f"1 step of {len(short)} bytes" in out
     result = run("plot", tmp_path / "off.iso", "-o", tmp_path / "b.png", "--partial", *options)
     assert result.exit_code == 0 and (tmp_path / "b.png").stat().st_size
 

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import click
 
 from ..errors import OptionError
+from .panels import Panels
 from .quiet import one_warning
 from .receive import warn_of_frames, warn_of_others
 from .report import concerning, tell, write_output
@@ -111,11 +112,12 @@ def steps_on_mesh(
     decoder = isocodec.MeshDecoder(mesh_of(domain), limits, only=info.chain(number), frame=frame)
     decoder.feed(data)
     drawn: list[Step] = []
+    panels = Panels([""] * count, steps)
     own = 0
     for event in decoder:
         if isinstance(event, isocodec.MeshLayerComplete) and decoder.present == (frame, number):
             own += 1
-            if (own * steps) // count > ((own - 1) * steps) // count:
+            if panels.draws(own, lambda: len(decoder.drawn(number).cells) > 0):
                 drawn.append(Step(decoder.drawn(number), event.offset, len(data)))
     decoder.close()
     check_frame(decoder, frame)
