@@ -180,3 +180,19 @@ def test_series_of_itk(tmp_path: Path) -> None:
     contour = isocodec.decode(tmp_path / "v.iso", frame=1)
     there = [image.TransformContinuousIndexToPhysicalPoint([*map(float, point), 1.0])[:3] for point in contour.points]
     assert np.allclose(contour.placed, np.array(there) * [-1, -1, 1])
+
+
+def test_slices_of_one_volume(tmp_path: Path) -> None:
+    data = beating()
+    saved(tmp_path / "v.nii", data)
+    ok("encode", tmp_path / "v.nii", "-o", tmp_path / "v.iso", "--isovalue", 20.5, "--frames", "--frame", 2,
+       "--frame-axis", 2)  # fmt: skip
+    for number in range(10):
+        assert np.array_equal(isocodec.decode_mask(tmp_path / "v.iso", frame=number), data[:, :, number, 2] > 20.5)
+
+
+def test_a_frame_is_held_against_its_volume(tmp_path: Path) -> None:
+    saved(tmp_path / "v.nii", beating())
+    ok("encode", tmp_path / "v.nii", "-o", tmp_path / "v.iso", "--isovalue", 20.5, "--frames")
+    for number in range(4):
+        assert "kept" in ok("verify", tmp_path / "v.nii", tmp_path / "v.iso", "--frame", number)

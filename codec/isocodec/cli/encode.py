@@ -137,7 +137,7 @@ def encode_command(
         with one_warning(source):
             given: dict[str, Any] = {"key": key, "samples": limit_samples, "follow": follow}
             if frames:
-                found = read_frames(path, frame_axis, channel=channel, placed=placed, **given)
+                found = read_frames(path, frame_axis, channel=channel, frame=frame, placed=placed, **given)
             else:
                 field = read_field(path, channel=channel, frame=frame, **given)
                 found = one_frame(field, read_place(path, field.ndim, frame=frame, **given) if placed else Place())

@@ -57,14 +57,15 @@ class Frames:
 
 def read_frames(
     path: str | os.PathLike[str], axis: int | None = None, *, key: str | None = None, channel: int | None = None,
-    samples: int | None = None, follow: bool = False, placed: bool = True,
+    frame: int | None = None, samples: int | None = None, follow: bool = False, placed: bool = True,
 ) -> Frames:  # fmt: skip
     """The frames of a file.
 
     Parameters
     ----------
-    path, key, channel, samples, follow
-        As of `read_field`. Of a NIfTI file with four axes volumes are read one at a time, and ``samples`` bounds each.
+    path, key, channel, frame, samples, follow
+        As of `read_field`: with ``frame`` slices of that one of a series. Of a NIfTI file with four axes volumes are
+        read one at a time, and ``samples`` bounds each.
     axis : int, optional
         The axis that counts them: the first if not given, the last of such a NIfTI file.
     placed : bool
@@ -79,11 +80,11 @@ def read_frames(
     """
     source = source_of(path, samples, follow)
     given: dict[str, Any] = {"samples": samples, "follow": follow}
-    if key is None and channel is None and (volumes := _volumes(source)) is not None:
+    if (key, channel, frame) == (None, None, None) and (volumes := _volumes(source)) is not None:
         if axis not in (None, 3, -1):
             raise OptionError(f"--frame-axis {axis}: the last axis counts the volumes of this file", code="frame")
         return replace(volumes, place=read_place(path, volumes.frame(0).ndim, **given)) if placed else volumes
-    whole = read_field(path, key=key, channel=channel, **given)
+    whole = read_field(path, key=key, channel=channel, frame=frame, **given)
     axis = 0 if axis is None else axis
     if whole.ndim not in (3, 4):
         raise OptionError(
