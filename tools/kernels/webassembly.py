@@ -1,7 +1,7 @@
 """The kernels as WebAssembly: a module of all of them, and one of those that a decoder needs.
 
 Modules import nothing; they export their memory, and ``__heap_base``, from where on it is free. Entries are those of a
-library, with addresses in the low halves of their slots.
+library, with addresses in the low halves of their slots. What they take stands in sections of the module: `layouts`.
 
     python tools/kernels/webassembly.py DIR    says what the modules in a folder weigh; needs brotli
 """
@@ -15,6 +15,7 @@ from pathlib import Path
 
 import back
 import front
+import layouts
 from targets import WASM
 
 DECODER = "decoder.wasm"
@@ -40,6 +41,8 @@ def link(code: bytes, place: Path, decoders: set[str], jobs: int) -> None:
     for (name, entries), content in zip(modules.items(), objects, strict=True):
         exports = [f"--export={entry}" for entry in sorted(entries)]
         back.linked([content], [*WASM.linker, name, *exports], place)
+        with (place / name).open("ab") as module:
+            module.write(layouts.sections(entries))
     (place / "0.o").unlink()
 
 
