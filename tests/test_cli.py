@@ -18,7 +18,6 @@ from PIL import Image
 
 import isocodec
 from commands import HILLS, fails, ok, run
-from isocodec.cli.plot import shown, spread
 
 # ---- encode ---------------------------------------------------------------------------------------------------------
 
@@ -365,24 +364,3 @@ def test_plot(curve: Path, surface: Path, tmp_path: Path, curve_data: bytes) -> 
     ok("plot", surface, "-o", tmp_path / "s.png")
     assert Image.open(tmp_path / "s.png").format == "PNG"
     assert ".png, .pdf, .svg" in fails(2, "plot", curve, "-o", tmp_path / "c.stl")
-
-
-@pytest.mark.parametrize(
-    ("layers", "steps", "chosen"),
-    [(9, 5, [1, 3, 5, 7, 9]), (3, 5, [1, 2, 3]), (10, 2, [1, 10]), (7, 1, [7]), (1, 5, [1]), (0, 5, [1])],
-)
-def test_steps_are_spread_over_the_layers(layers: int, steps: int, chosen: list[int]) -> None:
-    assert spread(layers, steps) == chosen
-
-
-@pytest.mark.parametrize(
-    ("kinds", "steps", "chosen"),
-    [
-        ("base refine refine refine offsets", 3, [1, 3, 5]),
-        ("adaptive_base offsets adapt offsets refine refine values values", 5, [2, 4, 8]),
-        ("adaptive_base offsets adapt offsets offsets refine values", 2, [2, 7]),
-        ("base refine", 5, [1, 2]),
-    ],
-)
-def test_steps_of_a_file_are_those_that_it_was_made_with(kinds: str, steps: int, chosen: list[int]) -> None:
-    assert shown(kinds.split(), steps) == chosen

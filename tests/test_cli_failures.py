@@ -188,7 +188,7 @@ def test_a_file_that_ends_within_its_first_layer_is_drawn(tmp_path: Path, mesh: 
     (tmp_path / "off.iso").write_bytes(data[: first.offset + first.bytes // 2])
     options = ["--mesh"] if mesh else []
     out = ok("plot", tmp_path / "short.iso", "-o", tmp_path / "a.png", *options)
-    assert f"1 steps of {len(short)} bytes" in out
+    assert f"1 step of {len(short)} bytes" in out
     result = run("plot", tmp_path / "off.iso", "-o", tmp_path / "b.png", "--partial", *options)
     assert result.exit_code == 0 and (tmp_path / "b.png").stat().st_size
 
@@ -245,7 +245,7 @@ def test_the_options_of_encode_fit_a_screen(monkeypatch: pytest.MonkeyPatch) -> 
     headings = [line.split("(")[0].strip(" :") for line in lines[1:] if line.endswith(":") and not line.startswith(" ")]
     on_meshes = "Meshes of triangles or tetrahedra"
     assert headings == ["Isovalue", "Precision", "Layers", "Input", on_meshes, "Limits", "Output"]
-    assert sum(line.startswith("  -") for line in lines) == 38
+    assert sum(line.startswith("  -") for line in lines) == 39
 
 
 def test_options_that_contradict_one_another_are_named_as_on_the_command_line(hills: Path, tmp_path: Path) -> None:

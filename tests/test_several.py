@@ -155,6 +155,7 @@ def test_multiples_of_an_interval(tmp_path: Path) -> None:
     ramp = np.tile(np.linspace(-0.3, 0.4, 8), (4, 1))
     assert multiples(ramp, 0.1, tmp_path)[1:] == [-0.2, -0.1, 0.0, 0.1, 0.2, 0.3]
     assert multiples(np.array([[-4, 4], [0, 4]]), 4, tmp_path) == [-4, 0]
+    assert multiples(np.array([[-4, 4], [0, 4]]), 4, tmp_path, "--offset", 0.5) == [-3.5, 0.5]
     holed = HILLS.astype(np.float32)
     holed[3:5, 7] = np.nan
     assert multiples(holed, 20, tmp_path, "--missing", "nearest") == multiples(HILLS, 20, tmp_path)

@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+import importlib
 import logging
 import os
 import struct
+import subprocess
+import sys
 import warnings
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import h5py
 import nibabel
@@ -15,7 +20,7 @@ import pytest
 import tifffile
 
 import isocodec
-from commands import HILLS, fails, ok, process, run
+from commands import BALL, HILLS, fails, ok, process, run
 from inputs import META, virtual
 from isocodec.cli.quiet import one_warning
 from isocodec.errors import InputError
@@ -136,3 +141,55 @@ def test_libraries_are_heard_in_one_line(tmp_path: Path) -> None:
     )
     done = process("encode", tmp_path / "v.mha", "-o", tmp_path / "o.iso", "--isovalue", 80.5)
     assert (done.returncode, done.stdout, len(done.stderr.splitlines())) == (3, "", 1), done
+
+
+def test_writers_are_heard_in_one_line(tmp_path: Path) -> None:
+    """Real ones: pyogrio warns of files without a reference system, matplotlib of signs that a font lacks."""
+    (tmp_path / "in.iso").write_bytes(isocodec.encode(HILLS, [80.5, 120.5]))
+    isocodec.encode_tiles(HILLS, 80.5, tmp_path / "tiled.iso", tile=32)
+    maps = [(".gpkg", "lines"), (".fgb", "lines"), (".shp", "lines"), (".parquet", "lines"), (".gpkg", "bands")]
+    commands = [
+        ["decode", "in.iso", "-o", f"a{suffix}", *(["--areas", side] if side == "bands" else [])]
+        for suffix, side in maps
+    ] + [["decode", "tiled.iso", "-o", "t.gpkg"], ["map", "in.iso", "-o", "m.png", "--title", "\u6f22"]]
+    program = f"from isocodec.cli import main\nfor one in {commands!r}: main(one, standalone_mode=False)"
+    done = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, timeout=120, cwd=tmp_path, check=True
+    )
+    *lines, last = done.stderr.splitlines()
+    assert len(lines) == len(maps) + 1, done.stderr
+    for line, suffix in zip(lines, [*(suffix for suffix, _ in maps), ".gpkg"], strict=True):
+        assert line.startswith("isocodec: ") and f"{suffix} is written without a reference system" in line
+    assert last.startswith("isocodec: m.png: warning: messages while writing it: Glyph 28450")
+
+
+WRITERS = {
+    "isocodec.io.write.render_contour": ("decode", "c.iso", "-o", "o.npz"),
+    "isocodec.io.write.render_mesh": ("decode", "c.iso", "-o", "o.ply", "--mesh", "tube"),
+    "isocodec.io.picture.steps_picture": ("plot", "c.iso", "-o", "o.png"),
+    "isocodec.io.map_picture.map_picture": ("map", "c.iso", "-o", "o.png"),
+    "isocodec.io.mask.write_mask": ("mask", "v.iso", "-o", "o.nii"),
+}
+
+
+@pytest.mark.parametrize("writer", WRITERS)
+def test_each_command_hears_its_writers(
+    tmp_path: Path, writer: str, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    """What one prints past Python, too."""
+    module, _, name = writer.rpartition(".")
+    real: Callable[..., Any] = getattr(importlib.import_module(module), name)
+
+    def noisy(*arguments: Any, **options: Any) -> Any:
+        os.write(2, b"raw\n")
+        return real(*arguments, **options)
+
+    monkeypatch.setattr(writer, noisy)
+    monkeypatch.chdir(tmp_path)
+    Path("c.iso").write_bytes(isocodec.encode(HILLS, 80.5))
+    Path("v.iso").write_bytes(isocodec.encode(BALL, 40.5))
+    result = run(*WRITERS[writer])
+    assert result.exit_code == 0, result.output
+    (line,) = result.stderr.splitlines()
+    assert line == f"isocodec: {WRITERS[writer][3]}: warning: messages while writing it: raw"
+    assert capfd.readouterr() == ("", "")

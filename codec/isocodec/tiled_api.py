@@ -93,12 +93,10 @@ def encode_tiles(
     from .tiles.running import run
     from .tiles.spool import Spool
 
-    shape, dtype = _field_of(field)
-    options = Options(
-        exact=exact, tolerance=tolerance, signs_only=signs_only, step=step, profile=profile, metadata=metadata,
-        placement=placement,
+    tiling = tiling_of(
+        field, isovalue, tile, exact=exact, tolerance=tolerance, signs_only=signs_only, step=step, profile=profile,
+        metadata=metadata, placement=placement,
     )  # fmt: skip
-    tiling = Tiling(grid_of(shape, _exponent(tile, len(shape))), tuple(isovalues_of(isovalue)), options, dtype.str)
     check_target(path)
     folder = Path(spool) if spool is not None else Path(f"{os.fspath(path)}.tiles")
     with Spool(folder, tiling) as held:
@@ -107,6 +105,19 @@ def encode_tiles(
             for piece in merged(held.tiles, held.read):
                 file.write(piece)
         held.remove()
+
+
+def tiling_of(field: Any, isovalue: Isovalues, tile: int | None, **options: Any) -> Tiling:
+    """What `encode_tiles` is asked for, checked before any sample is read.
+
+    Raises
+    ------
+    OptionError, InputError
+        As `encode_tiles`, of all but the samples.
+    """
+    shape, dtype = _field_of(field)
+    grid = grid_of(shape, _exponent(tile, len(shape)))
+    return Tiling(grid, tuple(isovalues_of(isovalue)), Options(**options), dtype.str)
 
 
 def _field_of(field: Any) -> tuple[Index, np.dtype[Any]]:

@@ -50,8 +50,8 @@ class Kept:
 
 
 def verify(
-    data: Readable, field: ArrayLike | Field | SpatialImage, *, within: float | None = None,
-    limits: Limits | None = None,
+    data: Readable, field: ArrayLike | Field | SpatialImage, *, frame: int | None = None,
+    within: float | None = None, limits: Limits | None = None,
 ) -> list[Kept]:  # fmt: skip
     """Hold a file against the field that it was made from.
 
@@ -61,6 +61,8 @@ def verify(
         The whole file.
     field : array_like, Field, DataArray or image
         As of `encode`.
+    frame : int, optional
+        Of a series the frame that the field is, counted from 0; the first if not given.
     within : float, optional
         Distance in cells that is to be kept, instead of the one that the file promises.
     limits : Limits, optional
@@ -84,7 +86,7 @@ def verify(
 
     whole = bytes(content(data, limits))
     info = inspect(whole)
-    contours = decode_all(whole, limits=limits)
+    contours = decode_all(whole, frame=frame, limits=limits)
     known = read(field)
     values, gone = without_holes(known.values, known.mask)
     label = info.metadata.get("label")
@@ -93,21 +95,25 @@ def verify(
     axes = contours[0].mapped.periodic if contours[0].mapped is not None else ()
     values, gone = closed(values, axes), None if gone is None else closed(gone, axes)
     if values.shape != tuple(info.shape):
-        raise InputError(f"the field has shape {values.shape}, that of the file {tuple(info.shape)}", code="shape")
+        of = "each frame" if info.frames else "the file"
+        raise InputError(
+            f"the field has shape {values.shape}, that of {of} {tuple(info.shape)}", code="shape",
+            remedy="choose a frame" if info.frames else None,
+        )  # fmt: skip
     missing = np.zeros(values.shape, np.bool_) if gone is None else gone
     others = int((decode_valid(whole, limits=limits) == missing).sum())
     if others:
         raise InputError(f"{others:,} samples are missing in the field or in the file, but not in both", code="missing")
     return [
-        _kept(whole, contour, values, gone, within if within is not None else _promised(info.layers, number), limits,
-              LABELS in info.metadata)
+        _kept(whole, contour, frame, values, gone, limits, LABELS in info.metadata,
+              within if within is not None else _promised(info.layers, frame or 0, number))
         for number, contour in enumerate(contours)
     ]
 
 
 def _kept(
-    whole: bytes, contour: Contour, values: Any, gone: Any, promised: float | None, limits: Limits | None,
-    labelled: bool,
+    whole: bytes, contour: Contour, frame: int | None, values: Any, gone: Any, limits: Limits | None, labelled: bool,
+    promised: float | None,
 ) -> Kept:  # fmt: skip
     """What is found of one isovalue."""
     from .api import decode_mask
@@ -122,7 +128,7 @@ def _kept(
     there, back = hausdorff(contour.points, contour.cells, first.points, first.cells, MEASURED)
     wrong: int | None
     try:
-        above = decode_mask(whole, isovalue=contour.isovalue, limits=limits)
+        above = decode_mask(whole, isovalue=contour.isovalue, frame=frame, limits=limits)
         differ = above != sampled.signs
         wrong = int((differ if gone is None else differ & ~gone).sum())
     except OptionError:
@@ -131,9 +137,9 @@ def _kept(
     return Kept(contour.isovalue, promised, there, back, wrong, not (wrong or far))
 
 
-def _promised(layers: Any, number: int) -> float | None:
-    """What the last layer of an isovalue promises, if it does."""
-    own = [layer for layer in layers if layer.isovalue == number]
+def _promised(layers: Any, frame: int, number: int) -> float | None:
+    """What the last layer of an isovalue of a frame promises, if it does."""
+    own = [layer for layer in layers if (layer.frame, layer.isovalue) == (frame, number)]
     return own[-1].within if own else None
 
 

@@ -5,12 +5,14 @@
 import type { Drawing } from "../../codec/js/src/draw.js";
 import { fetchTables } from "../../codec/js/src/stream.js";
 import { openTiles, type TiledFile, type TilesHead } from "../../codec/js/src/tiles/file.js";
+import { place, placement } from "../../codec/js/src/world.js";
 
-/** What is seen of a file: an isovalue, a window of samples, how many of them a pixel is. */
+/** What is seen of a file: an isovalue, a window, how much of it a pixel is; in samples, or in coordinates of the world. */
 export interface Look {
   isovalue: number;
   window: [number, number][];
   pixel: number;
+  world: boolean;
 }
 
 /** What the page sends: a file first, then what is seen of it. */
@@ -18,10 +20,14 @@ export type TilesRequest =
   | { type: "open"; id: number; source: string | Uint8Array; tables: string }
   | ({ type: "look"; id: number } & Look);
 
-/** What the worker answers. `final` says that a drawing is as fine as the view needs. */
+/**
+ * What the worker answers. `corners` are those of the field in the world, if the file says where it lies; `final` says that
+ * a drawing is as fine as the view needs.
+ */
 export type TilesAnswer =
-  | { type: "opened"; id: number; head: TilesHead }
-  | { type: "drawing"; id: number; isovalue: number; drawing: Drawing; layer: number; requests: number; received: number; final: boolean }
+  | { type: "opened"; id: number; head: TilesHead; corners: Float64Array | undefined }
+  | { type: "drawing"; id: number; isovalue: number; drawing: Drawing; world: boolean; layer: number; requests: number; received: number;
+      final: boolean }
   | { type: "failed"; id: number; kind: string; message: string };
 
 /** Triangles that a surface may have. */
@@ -35,33 +41,50 @@ const scope = self as unknown as {
 };
 
 let file: TiledFile | undefined, id = 0, shown = false;
+/** Rows of the placement, if there is one. */
+let where: number[][] | undefined;
 let work = new AbortController();
 
-function send(isovalue: number, layer: number, drawing: Drawing, final: boolean): void {
-  const { requests, received } = file!;
+function send({ isovalue, world }: Look, layer: number, drawn: Drawing, final: boolean): void {
+  const { requests, received } = file!, drawing = world ? place(drawn, where!) : drawn;
   shown = true;
-  scope.postMessage({ type: "drawing", id, isovalue, drawing, layer, requests, received, final }, [drawing.points.buffer, drawing.cells.buffer]);
+  scope.postMessage({ type: "drawing", id, isovalue, drawing, world, layer, requests, received, final }, [drawing.points.buffer, drawing.cells.buffer]);
+}
+
+/** A window of the plane in samples, and how many of these a pixel is along the axis that has the longest steps. */
+function inSamples({ window, pixel, world }: Look): { window: Look["window"]; pixel: number } {
+  if (!world) return { window, pixel };
+  const [[a, b, c], [d, e, f]] = where as [[number, number, number], [number, number, number]], turn = a * e - b * d;
+  const [x, y] = window as [[number, number], [number, number]];
+  const corners = x.flatMap((u) => y.map((v) => [(e * (u - c) - b * (v - f)) / turn, (a * (v - f) - d * (u - c)) / turn]));
+  const found = [0, 1].map((axis): [number, number] => {
+    const all = corners.map((corner) => corner[axis]!);
+    return [Math.min(...all), Math.max(...all)];
+  });
+  // of steps that are nearly parallel all is taken
+  const sound = found.flat().every(Number.isFinite);
+  return { window: sound ? found : file!.head.shape.map((s) => [0, s - 1]), pixel: pixel / Math.max(Math.hypot(a, d), Math.hypot(b, e)) };
 }
 
 /** The window as it is needed: with something around it. */
 const wider = (window: Look["window"]): [number, number][] =>
   window.map(([from, to]) => [from - MARGIN * (to - from), to + MARGIN * (to - from)]);
 
-async function curves({ isovalue, window, pixel }: Look, signal: AbortSignal): Promise<void> {
-  const layer = file!.stage({ within: 2 * pixel }), box = wider(window);
+async function curves(asked: Look, signal: AbortSignal): Promise<void> {
+  const { isovalue } = asked, { window, pixel } = inSamples(asked), layer = file!.stage({ within: 2 * pixel }), box = wider(window);
   // something is shown at once
-  if (!shown && layer > 0) send(isovalue, 0, await file!.window(box, { isovalue, layer: 0, signal }), false);
-  send(isovalue, layer, await file!.window(box, { isovalue, layer, signal }), true);
+  if (!shown && layer > 0) send(asked, 0, await file!.window(box, { isovalue, layer: 0, signal }), false);
+  send(asked, layer, await file!.window(box, { isovalue, layer, signal }), true);
 }
 
-async function surface({ isovalue }: Look, signal: AbortSignal): Promise<void> {
-  const { stages } = file!.head;
+async function surface(asked: Look, signal: AbortSignal): Promise<void> {
+  const { stages } = file!.head, { isovalue } = asked;
   for (let layer = 0, final = false; !final; layer++) {
     const drawing = await file!.all({ isovalue, layer, signal }), next = stages[layer + 1];
     // cubes of half the width are crossed four times as often
     const expected = next ? (drawing.cells.length / 3) * (stages[layer]!.cube / next.cube) ** 2 : Infinity;
     final = expected > TRIANGLES;
-    send(isovalue, layer, drawing, final);
+    send(asked, layer, drawing, final);
   }
 }
 
@@ -73,7 +96,11 @@ async function look(asked: Look): Promise<void> {
 
 async function open({ source, tables }: TilesRequest & { type: "open" }): Promise<void> {
   file = await openTiles(source, { loadTables: () => fetchTables(tables) });
-  scope.postMessage({ type: "opened", id, head: file.head });
+  const { head } = file, { n } = head;
+  where = placement(head.metadata, n);
+  const points = Float64Array.from({ length: n << n }, (_, i) => ((Math.floor(i / n) >> (i % n)) & 1 ? head.shape[i % n]! - 1 : 0));
+  const corners = where && place({ n, d: n, points, cells: new Uint32Array(0), full: false }, where).points;
+  scope.postMessage({ type: "opened", id, head, corners });
 }
 
 scope.onmessage = ({ data: request }) => {

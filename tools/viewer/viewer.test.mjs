@@ -5,7 +5,7 @@ import { existsSync, readFileSync, rmSync } from "node:fs";
 import { join } from "node:path";
 import { after, before, test } from "node:test";
 import { withMetadata } from "../../codec/js/test/files.mjs";
-import { scratch, tile } from "../../codec/js/test/tiled.mjs";
+import { curves, scratch, tile } from "../../codec/js/test/tiled.mjs";
 import { chromium, openViewer, root, samples } from "./browser.mjs";
 
 const skip = chromium ? false : "no Chromium";
@@ -14,7 +14,8 @@ const made = skip ? {} : samples(), unmade = skip || (made["terrain.iso"] ? fals
 const PLACED = { placement: "10 0 500000 0 10 5200000", crs: "EPSG:2056" };
 let viewer, page, address;
 /** Hills in tiles of 128 samples, and the ranges that it was asked for. */
-const large = unmade ? undefined : readFileSync(tile("large", [1300, 1400], ["--isovalue", "5200.5", "--isovalue", "7000", "--exact", "--tile", "128"]));
+const large = unmade ? undefined : readFileSync(tile("large", [1300, 1400], ["--isovalue", "5200.5", "--isovalue", "7000", "--exact",
+  "--tile", "128", "--metadata", "placement=0 10 2500000 -20 0 1200000"]));
 let ranges = [];
 /** Lets the rest of a file through that was held back. */
 let release;
@@ -34,6 +35,8 @@ function find(name) {
     answer.writeHead(range ? 206 : 200, { "content-length": to - from, ...(range && { "content-range": `bytes ${from}-${to - 1}/${large.length}` }) });
     answer.end(large.subarray(from, to));
   };
+  if (name === "solid.iso") return readFileSync(tile("solid", [50, 60, 70], ["--isovalue", "9000.5", "--metadata",
+    "placement=0 0 -2 7 0 3 0 8 4 0 0 9"]));
   if (made[name]) return made[name];
   const path = join(vectors, name.replace(/^(damaged|placed)-/, ""));
   if (!existsSync(path)) return undefined;
@@ -77,6 +80,18 @@ async function pixels() {
     }
     return { count, sum, back: data[0] };
   });
+}
+
+/** The pixels that are drawn, as places in the canvas. */
+async function drawn() {
+  await frame();
+  return new Set(await page.evaluate(() => {
+    const canvas = document.getElementById("view"), gl = canvas.getContext("webgl2"), found = [];
+    const data = new Uint8Array(4 * canvas.width * canvas.height);
+    gl.readPixels(0, 0, canvas.width, canvas.height, gl.RGBA, gl.UNSIGNED_BYTE, data);
+    for (let i = 0; i < data.length; i += 4) if (Math.abs(data[i] - data[0]) >= 40) found.push(i >> 2);
+    return found;
+  }));
 }
 
 for (const [name, rate] of [["plane_values_8_bit", 60], ["space_offsets_32", 80]]) {
@@ -255,6 +270,63 @@ test("a file in tiles: coarse at first, then what is seen, at the resolution of 
   assert.deepEqual(ranges.filter((range) => !range).length, 1);
   assert.equal(ranges.length - 1, Number((await state()).requests));
   t.diagnostic(`${large.length} bytes: overview ${overview.requests} requests and ${overview.bytes} bytes, window ${near.requests} and ${near.bytes}`);
+});
+
+test("world coordinates of a file in tiles: a field whose rows are twice as far apart", { skip: unmade, timeout: 90000 }, async () => {
+  // the page as wide as in the test before, so that a pixel is as many samples
+  await open("large.iso");
+  await until("done");
+  const before = await state();
+  assert.ok(await page.isEnabled("#world"));
+  await page.keyboard.press("w");
+  await page.waitForFunction((d) => Number(document.documentElement.dataset.drawings) > d, Number(before.drawings));
+  await until("done");
+  const overview = await state();
+  assert.ok((await pixels()).count > 500);
+  assert.ok(Number(overview.layer) < 3 && Number(overview.bytes) < large.length / 2, `layer ${overview.layer}`);
+  const at = async (x, y) => {
+    await page.mouse.move(x, y);
+    return /x (-?[\d.]+) +y (-?[\d.]+)/.exec(await page.textContent("#where")).slice(1).map(Number);
+  };
+  const [x, y] = await at(320, 240);
+  assert.ok(Math.abs(x - 2506995) < 100 && Math.abs(y - 1187010) < 100, `${x} ${y}`);
+  for (let i = 0; i < 14; i++) await page.keyboard.press("+");
+  await shown("layer", 3);
+  await until("done");
+  const near = await state(), world = await drawn();
+  assert.ok(world.size > 200 && Number(near.bytes) < large.length / 2, `${world.size} pixels, ${near.bytes} bytes`);
+  // the reference's curve in what is seen is drawn where its points lie in the world
+  const p = await at(100, 100), q = await at(540, 380), steps = [(q[0] - p[0]) / 440, (q[1] - p[1]) / 280];
+  const rows = [p[1], q[1]].map((each) => (1200000 - each) / 20), columns = [p[0], q[0]].map((each) => (each - 2500000) / 10);
+  const [{ points }] = curves([{ file: join(scratch, "large.iso"), window: [rows, columns], options: {} }]);
+  let inside = 0;
+  for (const [i, j] of points) {
+    const column = Math.floor(100 + (2500000 + 10 * j - p[0]) / steps[0]), row = Math.floor(100 + (1200000 - 20 * i - p[1]) / steps[1]);
+    if (column < 100 || column > 540 || row < 100 || row > 380) continue;
+    assert.ok([-1, 0, 1].some((a) => [-1, 0, 1].some((b) => world.has((479 - row + a) * 640 + column + b))), `${i} ${j}`);
+    inside++;
+  }
+  assert.ok(inside > 50, `${inside} points`);
+  await page.keyboard.press("w");
+  await page.waitForFunction((d) => Number(document.documentElement.dataset.drawings) > d, Number(near.drawings));
+  await until("done");
+  assert.equal((await state()).layer, before.layer);
+  assert.ok((await at(320, 240)).every((z, a) => Math.abs(z - [699.5, -649.5][a]) < 8));
+});
+
+test("a surface in tiles in world coordinates, and a file that has none", { skip: unmade, timeout: 60000 }, async () => {
+  await open("solid.iso");
+  await until("done");
+  const samples = await pixels(), { drawings, cells } = await state();
+  await page.keyboard.press("w");
+  await page.waitForFunction((d) => Number(document.documentElement.dataset.drawings) > d, Number(drawings));
+  await until("done");
+  const world = await pixels();
+  assert.ok(world.count > 500 && world.sum !== samples.sum);
+  assert.equal((await state()).cells, cells);
+  await open("tiled_space_exact.iso");
+  await until("done");
+  assert.ok(!(await page.isEnabled("#world")));
 });
 
 test("surfaces in tiles, files that are opened, damaged ones", { skip, timeout: 60000 }, async () => {

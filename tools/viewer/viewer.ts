@@ -26,6 +26,8 @@ interface File {
   frame: number;
   drawing: Drawing | undefined;
   box: Float64Array | undefined;
+  /** Of a file in tiles the box in samples and, if it says where it lies, in the world. */
+  boxes: [samples: Float64Array, world: Float64Array | undefined] | undefined;
   /** Whether all of it has been shown, in world coordinates or others. */
   fitted: boolean;
   world: boolean;
@@ -55,7 +57,7 @@ const rate = Number(parameters.get("rate")) || undefined;
 
 function begin(name: string, source: { url: string } | { bytes: Uint8Array }): void {
   file = { id: ++count, n: 2, shape: [], isovalues: [], metadata: {}, layers: [], promises: [], frame: 0,
-    drawing: undefined, box: undefined, fitted: false, world: false, chosen: undefined, url: "url" in source ? source.url : undefined };
+    drawing: undefined, box: undefined, boxes: undefined, fitted: false, world: false, chosen: undefined, url: "url" in source ? source.url : undefined };
   tiles?.terminate();
   tiles = undefined;
   looked = "";
@@ -99,8 +101,10 @@ function show(): void {
 /** Ask for what is chosen. */
 function ask(): void {
   if (!file) return;
-  if (tiles) look();
-  else tell({ type: "show", id: file.id, isovalue: Math.max(0, choice.selectedIndex), frame: file.chosen, world: world.checked });
+  if (tiles) {
+    if (file.world !== world.checked) turn();
+    look();
+  } else tell({ type: "show", id: file.id, isovalue: Math.max(0, choice.selectedIndex), frame: file.chosen, world: world.checked });
 }
 
 function promised(): void {
@@ -160,16 +164,26 @@ function openTiles(bytes: Uint8Array | undefined): void {
   tellTiles({ type: "open", id: file!.id, source: bytes ?? file!.url!, tables }, bytes ? [bytes.buffer] : []);
 }
 
+/** Show all of a file in tiles in world coordinates, or in samples again; the curve has to be asked for. */
+function turn(): void {
+  if (!file?.boxes) return;
+  const { n, boxes } = file;
+  Object.assign(file, { world: world.checked, box: boxes[Number(world.checked)], drawing: undefined, fitted: n === 2 });
+  scene.set({ n, d: n, points: new Float64Array(0), cells: new Uint32Array(0) });
+  scene.fit(n, upright(file.box!));
+}
+
 /** Ask for what is seen of a file in tiles, unless that was asked for last. */
 function look(): void {
   if (!file?.shape.length || !tiles) return;
   const { x, y, pixel } = scene.window(), isovalue = Math.max(0, choice.selectedIndex);
-  // axis 0 runs downwards, axis 1 to the right; of a surface all is asked for
-  const window: [number, number][] = file.n === 2 ? [[-y[1], -y[0]], x] : [], asked = JSON.stringify([isovalue, window, file.n === 2 ? pixel : 0]);
+  // axis 0 of the samples runs downwards, axis 1 to the right; of a surface all is asked for
+  const window: [number, number][] = file.n !== 2 ? [] : file.world ? [x, y] : [[-y[1], -y[0]], x];
+  const asked = JSON.stringify([isovalue, window, file.n === 2 ? pixel : 0, file.world]);
   if (asked === looked) return;
   looked = asked;
   root.dataset["state"] = "open";
-  tellTiles({ type: "look", id: file.id, isovalue, window, pixel });
+  tellTiles({ type: "look", id: file.id, isovalue, window, pixel, world: file.world });
 }
 
 function tilesAnswer(answer: TilesAnswer): void {
@@ -177,13 +191,16 @@ function tilesAnswer(answer: TilesAnswer): void {
   if (answer.type === "failed") return failed(answer.kind, answer.message);
   if (answer.type === "opened") {
     const { n, shape, profile, isovalues, tiles: counts } = answer.head;
-    Object.assign(file, { n, shape, box: Float64Array.from([...shape.map(() => 0), ...shape.map((s) => s - 1)]) });
+    const box = Float64Array.from([...shape.map(() => 0), ...shape.map((s) => s - 1)]);
+    Object.assign(file, { n, shape, box, boxes: [box, answer.corners] });
+    world.disabled = !answer.corners;
     by("size").textContent = `${shape.join(" × ")}, ${profile}, ${counts.join(" × ")} tiles`;
     isovalues.forEach(choose);
     scene.fit(n, upright(file.box!));
     file.fitted = n === 2;
     return look();
   }
+  if (answer.world !== file.world) return;
   const { drawing, layer, requests, received, final } = answer;
   file.drawing = drawing;
   by("bytes").textContent = `${received.toLocaleString()} in ${requests} ${requests === 1 ? "request" : "requests"}`;

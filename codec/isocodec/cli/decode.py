@@ -21,11 +21,10 @@ from .options import (
     partial_option,
     smooth_option,
 )
-from .receive import Drawings, receive, receive_all, warn_of_others
+from .places import warn_of_places
+from .quiet import one_warning
+from .receive import Drawings, receive, receive_all, warn_of_frames, warn_of_others
 from .report import STANDARD, check_output, concerning, read_iso, tell, warn, write_output
-
-LOST = 0.01
-"""Share of a cell by which single precision may move points without a word."""
 
 
 @click.command("decode", short_help="Decode to a curve, a surface or a picture of it.")
@@ -182,18 +181,21 @@ def decode_command(
         # what lies behind the layers asked for may be damaged
         with suppress(FormatError):
             warn_of_others(source, isovalues[0], isocodec.inspect(data).isovalues)
+    warn_of_frames(source, data, frame)
     assert decoder.header is not None
     n = len(decoder.header.shape)
     with concerning(output):
         check_suffix(named, n)
     drawings = Drawings(decoder, numbers, smooth, in_samples, AREAS if areas else cost_of(suffix, n), along_holes)
-    with concerning(source):
+    with concerning(source), one_warning(output, "writing"):
         if areas:
             valid = decoder.valid() if along_holes else None
             rendered = render_sides(drawings, suffix, areas, valid, keep_crs)
         else:
             rendered = render_contour(drawings, suffix, n, keep_crs)
-    _warn_of_places(source, suffix, drawings, keep_crs or in_samples)
+    if not drawings.points and not drawings.complete:
+        warn(source, "the part that was decoded holds nothing of the curve")
+    warn_of_places(source, suffix, drawings.places, keep_crs, in_samples)
     with concerning(output):
         if str(output) == STANDARD:
             write_output(output, rendered)
@@ -215,29 +217,3 @@ def decode_command(
         },
         as_json,
     )
-
-
-def _warn_of_places(source: Path, suffix: str, drawings: Drawings, as_they_are: bool) -> None:
-    """Say so where nothing of a curve has come yet, or where coordinates lose what the file knows."""
-    import numpy as np
-
-    if not drawings.points and not drawings.complete:
-        warn(source, "the part that was decoded holds nothing of the curve")
-    placement = drawings.placement
-    if suffix == ".geojson" and drawings.points and not drawings.in_degrees and not as_they_are:
-        where = "in samples: the file does not say where these lie" if placement is None else (
-            "in a reference system that the file does not name"
-        )
-        warn(
-            source,
-            f"coordinates are no longitudes and latitudes, as GeoJSON has them (RFC 7946), but {where}; say it with "
-            "encode --spacing and --metadata crs=EPSG:.., or use .gpkg",
-        )
-    if suffix in (".ply", ".stl") and placement is not None and drawings.points:
-        lost = float(np.spacing(np.float32(drawings.largest)))
-        steps = np.linalg.norm(placement[:, :-1], axis=0)
-        if lost > LOST * steps.min():
-            warn(
-                source,
-                f"coordinates in {suffix} are rounded by up to {lost / 2:g}; use .obj or --in-samples to avoid that",
-            )

@@ -5,9 +5,8 @@ from __future__ import annotations
 import time
 from contextlib import nullcontext
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -17,17 +16,14 @@ from .isovalues import check_interval, multiples
 from .mapped import cells_of, read_tolerance, world_of
 from .options import Grouped
 from .planned import Planned
+from .prepared import Prepared
 from .progress import progress_bar
 from .quiet import one_warning
 from .report import check_iso_output, concerning, tell, warn, write_output
-from .series import along_axis, check_series, encode_series, place_of_slices
+from .series import check_series, encode_series
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
     from numpy.typing import ArrayLike
-
-    from ..io.read import Field
 
 
 @click.command("encode", cls=Grouped, short_help="Encode the isocontour of a picture, terrain or volume.")
@@ -38,6 +34,7 @@ def encode_command(
     output: Path,
     isovalues: tuple[float, ...],
     interval: float | None,
+    offset: float | None,
     labels: tuple[float, ...],
     independent: bool,
     exact: bool,
@@ -102,7 +99,7 @@ def encode_command(
         encode_labelled(source, output, click.get_current_context().params)
         return
     label = labels[0] if labels else None
-    check_interval(interval)
+    check_interval(interval, offset)
     name, parameter = read_criterion(criterion)
     notes = read_metadata(metadata)
     check_series(frames, frame_axis, frame_interval)
@@ -129,78 +126,69 @@ def encode_command(
 
     import isocodec
 
-    from ..field.placement import CRS, PLACEMENT
-    from ..io.missing import filled, missing_samples, read_nodata
+    from ..field.placement import CRS, FRAME_STEP, PLACEMENT
+    from ..io.frames import one_frame, read_frames
+    from ..io.missing import read_nodata
     from ..io.place import Place, read_place
     from ..io.read import read_field
-    from ..labels import labelled
 
     placed = steps_along is None and not no_placement and PLACEMENT not in notes
-    with concerning(source):
-        with local_input(source, kind, limit_samples) as path, one_warning(source):
-            field = read_field(path, key=key, channel=channel, frame=frame, samples=limit_samples, follow=follow)
-            series = along_axis(field, frame_axis or 0) if frames else None
+    with concerning(source), local_input(source, kind, limit_samples) as path:
+        with one_warning(source):
+            given: dict[str, Any] = {"key": key, "samples": limit_samples, "follow": follow}
+            if frames:
+                found = read_frames(path, frame_axis, channel=channel, frame=frame, placed=placed, **given)
+            else:
+                field = read_field(path, channel=channel, frame=frame, **given)
+                found = one_frame(field, read_place(path, field.ndim, frame=frame, **given) if placed else Place())
             nodata_given = nodata is not None
             if nodata is None and label is None:
                 nodata = read_nodata(path, key, follow=follow)
-            place = Place()
-            if placed:
-                asked_of = partial(read_place, path, key=key, samples=limit_samples, follow=follow)
-                if frames:
-                    place = place_of_slices(lambda n, one: asked_of(n, frame=one), frame_axis or 0)
-                else:
-                    place = asked_of(field.ndim, frame=frame)
-        axes = field.ndim - frames
-        if steps_along is not None and len(steps_along) != axes:
-            raise click.UsageError(f"--spacing {spacing}: give one number for each of the {axes} axes")
-        shape = field.shape if series is None else series.shape[1:]
-        hole: Field | None = None
+        place, prepared = found.place, Prepared(found, nodata, label)
+        shape = prepared.shape
+        if steps_along is not None and len(steps_along) != len(shape):
+            raise click.UsageError(f"--spacing {spacing}: give one number for each of the {len(shape)} axes")
         if label is not None:
-            field, isovalues = labelled(field, label), (0.5,)
+            isovalues = (0.5,)
             notes.setdefault("label", f"{label:g}")
-            if planned is not None:
-                planned.isovalues(isovalues, shape, not independent)
             if plan is None and not any(_is_given(getattr(options, precision)) for precision in PRECISIONS):
                 options = replace(options, signs_only=True)
-        else:
-            gone = missing_samples(field, nodata)
-            if interval is not None:
-                isovalues = multiples(interval, field[~gone])
-            if planned is not None:
-                isovalues = planned.isovalues(isovalues, shape, not independent)
-            if not gone.any() and (missing is not None or nodata_given):
-                warn(source, "no samples are missing; --nodata sets the value that marks them")
-            if missing in (None, "hole"):
-                hole = gone if gone.any() else None
-            else:
-                field = filled(field, gone, missing, isovalues)
+        elif interval is not None:
+            with progress_bar("reading") as progress:
+                isovalues = multiples(interval, *prepared.range(progress), offset)
+        if planned is not None:
+            isovalues = planned.isovalues(isovalues, shape, not independent)
+        prepared.fill = None if missing == "hole" else missing
         placement: ArrayLike | None = place.placement if placed else steps_along
         if place.remark:
             warn(source, place.remark)
         if options.tolerance is None and tolerance is not None:
-            one, without = (field, hole) if series is None else (series[0], None)
-            cells = cells_of(tolerance, one, without, place.mapped, placement, periods)
+            cells = cells_of(tolerance, *prepared.samples(0, isovalues), place.mapped, placement, periods)
             options = replace(options, tolerance=cells)
         world = world_of(source, shape, place.mapped, placement, options, coordinates_error, periodic, periods)
         if place.crs is not None:
             notes.setdefault(CRS, place.crs)
+        if found.step:
+            notes.setdefault(FRAME_STEP, found.step)
         options = replace(options, metadata=notes, **world)
+        valued = exact or step is not None
+        prepared.tied = "" if options.signs_only else "biuf" if preserve_topology or valued else "biu"
         started = time.perf_counter()
         about_plan = nullcontext() if planned is None else planned.blamed()
         with progress_bar("encoding") as progress, about_plan:
-            if series is None:
+            if frames:
+                data = encode_series(prepared, frame_interval or 0, isovalues, vars(options), progress)
+            else:
+                ((values, hole),) = prepared.each(isovalues)
                 data = isocodec.encode(
-                    field, isovalues[0] if len(isovalues) == 1 else isovalues, mask=hole, progress=progress,
+                    values, isovalues[0] if len(isovalues) == 1 else isovalues, mask=hole, progress=progress,
                     **vars(options),
                 )  # fmt: skip
-            else:
-                data = encode_series(
-                    field, hole, frame_axis or 0, frame_interval or 0, isovalues, vars(options), progress
-                )
         seconds = time.perf_counter() - started
     write_output(output, data)
-    valid = field if hole is None else field[~hole]
-    _warn_of_values(source, valid, isovalues, exact or step is not None, preserve_topology, options.signs_only)
+    if not prepared.missing and label is None and (missing is not None or nodata_given):
+        warn(source, "no samples are missing; --nodata sets the value that marks them")
+    prepared.warn(source, isovalues, valued, preserve_topology)
     layers = len(isocodec.inspect(data).layers)
     tell(
         f"{click.format_filename(output)}: {len(data):,} bytes, {layers} layers, {seconds:.2f} s",
@@ -209,9 +197,9 @@ def encode_command(
             "bytes": len(data),
             "layers": layers,
             "seconds": round(seconds, 3),
-            "shape": list(field.shape),
-            "dtype": str(field.dtype),
-            "missing": 0 if hole is None else int(hole.sum()),
+            "shape": list(found.shape if frames else shape),
+            "dtype": str(prepared.dtype),
+            "missing": prepared.holes,
             "isovalues": [float(isovalue) for isovalue in isovalues],
         },
         as_json,
@@ -222,26 +210,3 @@ def _is_given(value: object) -> bool:
     """Whether an option was given on the command line: a flag, or a value."""
     return value is not None and value is not False
 
-
-def _warn_of_values(
-    source: Path, field: Field, isovalues: Sequence[float], valued: bool, preserve_topology: bool, signs_only: bool
-) -> None:
-    """Say which isovalues lie outside the data, and of which there are samples that may surprise."""
-    low, high = field.min(), field.max()
-    for isovalue in isovalues:
-        if not low <= isovalue < high:
-            warn(source, f"the isovalue {isovalue:g} lies outside the data ({low:g} to {high:g}): the curve is empty")
-    integer = field.dtype.kind in "biu"
-    if signs_only or not (preserve_topology or integer or valued):
-        return
-    ties = {isovalue: int((field == isovalue).sum()) for isovalue in isovalues}
-    tied = [isovalue for isovalue, count in ties.items() if count]
-    if not tied:
-        return
-    text = "points of the contour coincide there" if valued else "they count as below"
-    if preserve_topology:
-        text = "they count as below in the topology"
-    elif integer and len(tied) == 1:
-        text += f", which {tied[0] + 0.5:g} avoids"
-    of = f"the isovalue {tied[0]:g}" if len(tied) == 1 else f"one of {len(tied)} isovalues ({tied[0]:g}, ..)"
-    warn(source, f"{sum(ties.values()):,} samples equal {of}: {text}")

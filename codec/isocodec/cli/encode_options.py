@@ -34,6 +34,7 @@ SECTIONS = (
         click.option(
             "--interval", type=Isovalue(), metavar="S", help="All multiples of S within the data, in one file."
         ),
+        click.option("--offset", type=Isovalue(), metavar="V", help="With --interval: V, V + S, V + 2 S, .."),
         click.option(
             "--label",
             "labels",
@@ -88,9 +89,10 @@ SECTIONS = (
         click.option("--channel", type=int, metavar="N", help="Channel of a colour picture, counted from 0."),
         click.option("--kind", metavar="SUFFIX", help="Format of standard input or a URL: .tif."),
         click.option("--frame", type=int, metavar="N", help="Item of a series or time step, counted from 0."),
-        click.option("--frames", is_flag=True, help="Keep slices of the volume as a series of pictures."),
+        click.option("--frames", is_flag=True, help="Keep slices, or the volumes of a 4-D file, as a series."),
         click.option(
-            "--frame-axis", type=int, metavar="A", help="With --frames: the axis that counts them.  [default: 0]"
+            "--frame-axis", type=int, metavar="A",
+            help="With --frames: the axis that counts them.  [default: 0; of 4-D volume files 3]",
         ),
         click.option(
             "--frame-interval", type=click.IntRange(min=0), metavar="K",

@@ -17,32 +17,40 @@ _LINES = 25
 """Isovalues at most where no interval is given."""
 
 
-def check_interval(interval: float | None) -> None:
-    """That an interval is one."""
+def check_interval(interval: float | None, offset: float | None) -> None:
+    """That an interval is one, and an offset has one."""
     if interval is not None and not 0 < interval < math.inf:
         raise click.UsageError(f"--interval {interval}: must be greater than 0")
+    if offset is not None and interval is None:
+        raise click.UsageError("--offset goes with --interval")
+    if offset is not None and not math.isfinite(offset):
+        raise click.UsageError(f"--offset {offset}: must be finite")
 
 
 def usual_interval(samples: Field) -> float:
     """A round interval of which about twenty multiples lie within the data; of integers a whole one."""
-    low, high = _range(samples)
+    low, high = _finite(*range_of(samples))
     least = max((high - low) / _LINES, 1e-300)
     power = 10.0 ** math.floor(math.log10(least))
     interval = next(k * power for k in (1, 2, 5, 10) if k * power >= least)
     return max(interval, 1) if samples.dtype.kind in "biu" else interval
 
 
-def _range(samples: Field) -> tuple[float, float]:
-    low, high = float(samples.min()), float(samples.max())
+def range_of(samples: Field) -> tuple[float, float]:
+    """The least and the largest of some samples."""
+    return float(samples.min()), float(samples.max())
+
+
+def _finite(low: float, high: float) -> tuple[float, float]:
     if not (math.isfinite(low) and math.isfinite(high)):
         raise InputError("the data hold infinite values", code="interval", remedy="use --isovalue")
     return low, high
 
 
-def multiples(interval: float, samples: Field, offset: float = 0) -> tuple[float, ...]:
+def multiples(interval: float, low: float, high: float, offset: float | None = None) -> tuple[float, ...]:
     """Multiples of an interval with samples above and not above them, rising; of 0.1 they are 0.1, 0.2, 0.3 .. .
 
-    With an offset, so much more than multiples.
+    ``low`` and ``high`` are the least and the largest sample. With an offset, so much more than multiples.
 
     Raises
     ------
@@ -51,9 +59,8 @@ def multiples(interval: float, samples: Field, offset: float = 0) -> tuple[float
     """
     from isospec.container import MAX_ISOVALUES
 
-    if not samples.size:
-        return ()
-    low, high = _range(samples)
+    low, high = _finite(low, high)
+    offset = offset or 0
     first, end = math.floor((low - offset) / interval), math.ceil((high - offset) / interval) + 1
     step, start = Decimal(repr(interval)), Decimal(repr(offset))
     near = (float(k * step + start) for k in range(first, min(end, first + MAX_ISOVALUES + 3)))

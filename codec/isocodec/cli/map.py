@@ -12,10 +12,11 @@ from ..errors import InputError, OptionError
 from ..limits import FIELD_SAMPLES, Limits
 from .encode_options import read_metadata
 from .inputs import local_input
-from .isovalues import check_interval, multiples, usual_interval
+from .isovalues import check_interval, multiples, range_of, usual_interval
 from .options import Isovalue, frame_option, json_option, limit_options, limits_of, output_option
 from .progress import progress_bar
 from .quiet import one_warning
+from .receive import warn_of_frames
 from .report import check_output, concerning, read_iso, tell, write_output
 
 if TYPE_CHECKING:
@@ -82,11 +83,9 @@ def map_command(
     reference system and a scale bar, as far as INPUT says where its samples lie; holes are hatched. Of a field there is
     a shaded relief beneath.
     """
-    check_interval(interval)
+    check_interval(interval, offset)
     if interval is not None and isovalues:
         raise click.UsageError("--interval and --isovalue contradict one another: choose one")
-    if offset is not None and interval is None:
-        raise click.UsageError("--offset goes with --interval")
     notes = read_metadata(metadata)
     coded = (kind or source.suffix).lstrip(".").lower() == "iso"
     if coded and (interval is not None or isovalues or notes or (nodata, key, channel) != (None, None, None)):
@@ -109,9 +108,9 @@ def map_command(
         with concerning(source):
             with local_input(source, kind, limit_samples) as path, one_warning(source):
                 field = isocodec.read(path, key=key, channel=channel, frame=frame, samples=limit_samples)
-            drawn = _of_field(field, isovalues, interval, offset or 0, notes, nodata)
+            drawn = _of_field(field, isovalues, interval, offset, notes, nodata)
     look = Look(index, title, size, dpi, DARK if dark else LIGHT)
-    with concerning(source), one_warning(source):
+    with concerning(source), one_warning(output, "writing"):
         data, labels = map_picture(drawn.contours, suffix, look, None if no_relief else drawn.field, drawn.valid)
     seconds = time.perf_counter() - started
     write_output(output, data)
@@ -142,11 +141,12 @@ def _of_iso(source: Path, frame: int | None, limits: Limits) -> Drawn:
             raise OptionError("there are no maps of values on a mesh", code="dimension", remedy="decode it to .geojson")
         contours = isocodec.decode_all(data, frame=frame, limits=limits, progress=progress)
         valid = isocodec.decode_valid(data, limits=limits) if contours[0].masked else None
+    warn_of_frames(source, data, frame, "drawn")
     return Drawn(contours, None, valid)
 
 
 def _of_field(
-    field: Field, isovalues: tuple[float, ...], interval: float | None, offset: float, notes: dict[str, str],
+    field: Field, isovalues: tuple[float, ...], interval: float | None, offset: float | None, notes: dict[str, str],
     nodata: float | None,
 ) -> Drawn:  # fmt: skip
     """The curves that a file of this field would hold, its samples and its holes."""
@@ -163,7 +163,7 @@ def _of_field(
     if not there.size:
         raise InputError("all samples are missing", code="empty")
     if not isovalues:
-        isovalues = multiples(usual_interval(there) if interval is None else interval, there, offset)
+        isovalues = multiples(usual_interval(there) if interval is None else interval, *range_of(there), offset)
     with progress_bar("encoding") as progress:
         mask = gone if gone.any() else None
         data = isocodec.encode(

@@ -10,7 +10,8 @@ import click
 
 from ..limits import Limits
 from .options import frame_option, iso_argument, json_option, limit_options, limits_of, output_option, partial_option
-from .receive import receive, warn_of_others
+from .quiet import one_warning
+from .receive import receive, warn_of_frames, warn_of_others
 from .report import check_output, concerning, read_iso, tell
 
 
@@ -65,8 +66,10 @@ def mask_command(
         rows = decoder.valid_rows(last_first) if valid else decoder.mask_rows(number, last_first)
     if isovalue is None and not valid:
         warn_of_others(source, decoder.isovalues[number], decoder.isovalues)
+    if not valid:
+        warn_of_frames(source, data, frame)
     placement = read_placement(decoder.metadata, len(shape))
-    with concerning(output), writing(output) as file:
+    with concerning(output), one_warning(output, "writing"), writing(output) as file:
         above = write_mask(file, rows, suffix, placement)
     seconds = time.perf_counter() - started
     samples, which = math.prod(shape), "valid" if valid else "above"

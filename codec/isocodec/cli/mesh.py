@@ -11,7 +11,8 @@ import click
 
 from ..errors import FormatError
 from ..limits import Limits
-from .receive import receive, warn_of_others
+from .quiet import one_warning
+from .receive import receive, warn_of_frames, warn_of_others
 from .report import check_output, concerning, read_iso, tell, write_output
 
 
@@ -36,6 +37,7 @@ def write_mesh(
         # what lies behind the layers asked for may be damaged
         with suppress(FormatError):
             warn_of_others(source, decoder.isovalues[number], isocodec.inspect(data).isovalues)
+    warn_of_frames(source, data, frame)
     with concerning(source):
         mesh = decoder.tessellation(number, whole)
         if in_samples:
@@ -44,7 +46,8 @@ def write_mesh(
             check_mesh(output, len(mesh.shape))
         held = sum(array.nbytes for array in (mesh.points, mesh.cells, mesh.levels, mesh.above))
         decoder.hold(held + MESHES[suffix].cost[len(mesh.shape)].peak(len(mesh.points), len(mesh.cells)))
-        rendered = render_mesh(mesh, suffix)
+        with one_warning(output, "writing"):
+            rendered = render_mesh(mesh, suffix)
     write_output(output, rendered)
     seconds = time.perf_counter() - started
     pieces = "triangles" if len(mesh.shape) == 2 else "tetrahedra"

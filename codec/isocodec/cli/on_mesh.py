@@ -9,7 +9,9 @@ from typing import TYPE_CHECKING
 import click
 
 from ..errors import OptionError
-from .receive import warn_of_others
+from .panels import Panels
+from .quiet import one_warning
+from .receive import warn_of_frames, warn_of_others
 from .report import concerning, tell, write_output
 
 if TYPE_CHECKING:
@@ -22,8 +24,8 @@ if TYPE_CHECKING:
     from ..limits import Limits
 
 NOT_ON_MESHES = (
-    "interval", "labels", "steps", "preserve_topology", "criterion", "plan", "base_level", "spacing", "missing",
-    "nodata", "no_placement", "key", "channel", "frame", "follow", "frames", "frame_axis",
+    "interval", "offset", "labels", "steps", "preserve_topology", "criterion", "plan", "base_level", "spacing",
+    "missing", "nodata", "no_placement", "key", "channel", "frame", "follow", "frames", "frame_axis",
 )  # fmt: skip
 """Options of encode that mean nothing there."""
 WRITTEN = (".geojson", ".npz", ".ply", ".stl", ".obj")
@@ -49,7 +51,8 @@ def encode_on_mesh(
 
     started = time.perf_counter()
     with concerning(source):
-        found = (read_points if source.suffix.lower() in POINTS else read_mesh)(source, samples)
+        with one_warning(source):
+            found = (read_points if source.suffix.lower() in POINTS else read_mesh)(source, samples)
         data = isocodec.encode_mesh(
             found.points, found.cells, found.values_named(values), list(isovalues), **options  # type: ignore[arg-type]
         )
@@ -88,7 +91,7 @@ def mesh_of(domain: Path | None) -> tuple[NDArray[Any], NDArray[Any]] | None:
         return None
     from ..io.mesh_read import read_mesh
 
-    with concerning(domain):
+    with concerning(domain), one_warning(domain):
         found = read_mesh(domain)
     assert found.cells is not None
     return found.points, found.cells
@@ -109,11 +112,12 @@ def steps_on_mesh(
     decoder = isocodec.MeshDecoder(mesh_of(domain), limits, only=info.chain(number), frame=frame)
     decoder.feed(data)
     drawn: list[Step] = []
+    panels = Panels([""] * count, steps)
     own = 0
     for event in decoder:
         if isinstance(event, isocodec.MeshLayerComplete) and decoder.present == (frame, number):
             own += 1
-            if (own * steps) // count > ((own - 1) * steps) // count:
+            if panels.draws(own, lambda: len(decoder.drawn(number).cells) > 0):
                 drawn.append(Step(decoder.drawn(number), event.offset, len(data)))
     decoder.close()
     check_frame(decoder, frame)
@@ -149,11 +153,13 @@ def decode_on_mesh(
             ]  # fmt: skip
             if isovalue is None:
                 warn_of_others(source, contours[0].isovalue, isocodec.inspect(data).isovalues)
+    warn_of_frames(source, data, frame)
     seconds = time.perf_counter() - started
     n = contours[0].n
     with concerning(output):
         check_suffix(named, n)
-        rendered = render_contour(contours, suffix, n)
+        with one_warning(output, "writing"):
+            rendered = render_contour(contours, suffix, n)
     write_output(output, rendered)
     pieces = "segments" if n == 2 else "triangles"
     points, cells = sum(len(contour.points) for contour in contours), sum(len(contour.cells) for contour in contours)

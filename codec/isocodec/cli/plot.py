@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -10,7 +9,6 @@ import click
 
 from ..errors import OptionError, TruncatedError
 from ..format.domain import kind_of_domain
-from ..format.kinds import GEOMETRY
 from .on_mesh import steps_on_mesh
 from .options import (
     domain_option,
@@ -22,8 +20,10 @@ from .options import (
     partial_option,
     smooth_option,
 )
+from .panels import Panels
 from .progress import progress_bar
-from .receive import warn_of_others
+from .quiet import one_warning
+from .receive import warn_of_frames, warn_of_others
 from .report import PARTIAL, check_output, concerning, read_iso, warn, write_output
 
 if TYPE_CHECKING:
@@ -62,7 +62,8 @@ def plot_command(
     """Draw what prefixes of IN.iso decode to, from its first layer to all of it (.png, .pdf or .svg).
 
     The steps are those of encode --steps, if the file was made with them; otherwise, and if there are more than asked
-    for, they are spread evenly over the layers. The last step of a file that ends within a layer shows that part of it.
+    for, they are spread evenly over the layers, from the first one on that has something of the curve. The last step of
+    a file that ends within a layer shows that part of it.
     """
     from ..io.picture import check_picture, steps_picture
     from ..io.view import USUAL, read_view
@@ -81,9 +82,11 @@ def plot_command(
         with concerning(source):
             limits = limits_of(limit_memory, limit_work)
             on_mesh = steps_on_mesh(data, steps, domain, isovalue, frame or 0, limits)
-            picture = steps_picture(on_mesh, suffix)
+            with one_warning(output, "writing"):
+                picture = steps_picture(on_mesh, suffix)
+        warn_of_frames(source, data, frame, "drawn")
         write_output(output, picture)
-        click.echo(f"{click.format_filename(output)}: {len(on_mesh)} steps of {len(data):,} bytes")
+        _tell(output, len(on_mesh), len(data))
         return
     if domain is not None:
         raise click.UsageError("--domain: the file is of a grid, not of a mesh")
@@ -103,18 +106,17 @@ def plot_command(
         decoder = isocodec.Decoder(limits_of(limit_memory, limit_work), only=info.chain(number), frame=wanted)
         decoder.feed(data)
         drawn: list[Step] = []
-        chosen: list[int] = []
+        panels = Panels([layer.kind for layer in layers], steps, promised)
         own = 0
         for event in decoder:
             if not isinstance(event, isocodec.LayerComplete):
                 continue
             if decoder.present == (wanted, number):
                 own += 1
-                chosen = chosen or shown([layer.kind for layer in layers], steps, promised)
-                if own in chosen:
+                if panels.draws(own, lambda: len(decoder.drawn(number, smooth).cells) > 0):
                     _draw(decoder, number, smooth, mesh, drawn, event.offset, len(data), layers[own - 1].within)
                     if progress is not None:
-                        progress(len(drawn), len(chosen) + 1)  # and the drawing itself
+                        progress(len(drawn), len(panels.chosen))
         try:
             decoder.close()
         except TruncatedError as exc:
@@ -128,11 +130,17 @@ def plot_command(
         if own < len(layers) or not drawn:
             # the file ends within a layer
             _draw(decoder, number, smooth, mesh, drawn, len(data), len(data), None)
+    with concerning(source), one_warning(output, "writing"):
         picture = steps_picture(drawn, suffix, seen)
     if isovalue is None:
         warn_of_others(source, info.isovalues[number], info.isovalues, "drawn")
+    warn_of_frames(source, data, frame, "drawn")
     write_output(output, picture)
-    click.echo(f"{click.format_filename(output)}: {len(drawn)} steps of {len(data):,} bytes")
+    _tell(output, len(drawn), len(data))
+
+
+def _tell(output: Path, steps: int, size: int) -> None:
+    click.echo(f"{click.format_filename(output)}: {steps} step{'s' * (steps != 1)} of {size:,} bytes")
 
 
 def _draw(
@@ -154,22 +162,3 @@ def _draw(
         held += MESH * sum(max(len(one.mesh[1]) if one.mesh else 0, len(one.contour.cells)) for one in drawn)
     decoder.hold(held + sum(cost.after(*size) for size in sizes) + max(cost.peak(*size) for size in sizes))
 
-
-def shown(kinds: list[str], steps: int, promised: Sequence[int] = ()) -> list[int]:
-    """Numbers of the layers after which to draw: promised ones, ends of geometry that a mesh follows on, or any."""
-    told = [kind in GEOMETRY for kind in kinds]
-    ends = [i + 1 for i, here in enumerate(told) if here and not (i + 1 < len(told) and told[i + 1])]
-    if promised:
-        # what comes behind the last promise is more precise: all values
-        ends = sorted({*promised, len(kinds)})
-    if len(ends) < 2:
-        return spread(len(kinds), steps)
-    return [ends[k - 1] for k in spread(len(ends), steps)]
-
-
-def spread(layers: int, steps: int) -> list[int]:
-    """At most ``steps`` numbers of layers, evenly spread over 1 .. ``layers``; the last is all of them."""
-    if steps == 1 or layers <= 1:
-        return [max(layers, 1)]
-    count = min(steps, layers)
-    return [1 + round(k * (layers - 1) / (count - 1)) for k in range(count)]

@@ -1,4 +1,5 @@
-"""What libraries say of their own accord while they read: never raw on the terminal, but as one warning of ours."""
+"""What libraries say of their own accord while they read or write: never raw on the terminal, but as one warning of
+ours."""
 
 from __future__ import annotations
 
@@ -33,7 +34,7 @@ class _Notes(logging.Handler):
 
 
 @contextmanager
-def one_warning(path: Path) -> Iterator[None]:
+def one_warning(path: Path, doing: str = "reading") -> Iterator[None]:
     """What libraries warn of, log or print within becomes one line about ``path``; nothing if an error ends it.
 
     The error then says what is to be said. Not for anything that is to be shown in the meantime: both streams of the
@@ -60,7 +61,7 @@ def one_warning(path: Path) -> Iterator[None]:
     lines = [*dict.fromkeys(line for text in texts if (line := one_line(text)))]
     if lines:
         more = f", and {len(lines) - _SHOWN} more" if len(lines) > _SHOWN else ""
-        warn(path, f"messages while reading it: {'; '.join(lines[:_SHOWN])}{more}")
+        warn(path, f"messages while {doing} it: {'; '.join(lines[:_SHOWN])}{more}")
 
 
 @contextmanager

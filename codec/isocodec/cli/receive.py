@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from ..errors import TruncatedError
+from ..errors import FormatError, TruncatedError
+from .places import Places
 from .progress import progress_bar
 from .report import PARTIAL, concerning, warn
 
@@ -74,23 +76,18 @@ class Drawings:
         Of the contours so far.
     complete : bool
         Whether all of them are.
-    largest : float
-        Largest coordinate.
     shape : tuple of int
-    placement : NDArray or None
-    in_degrees : bool
-        Whether their reference system is known.
+    places : Places
+        Where they lie.
     """
 
     def __init__(self, decoder: Decoder, numbers: Sequence[int], smooth: bool, in_samples: bool, cost: Cost,
                  through_holes: bool = False) -> None:  # fmt: skip
         self.points = self.cells = 0
         self.complete = True
-        self.largest = 0.0
         assert decoder.header is not None
         self.shape = decoder.header.shape
-        self.placement: Any = None
-        self.in_degrees = False
+        self.places = Places()
         self._decoder = decoder
         self._numbers = numbers
         self._smooth = smooth
@@ -105,8 +102,6 @@ class Drawings:
         return False
 
     def __iter__(self) -> Iterator[Contour]:
-        from ..io.system import epsg_of
-
         kept = 0
         for number in self._numbers:
             contour = self._decoder.drawn(number, self._smooth, self._through_holes)
@@ -119,10 +114,7 @@ class Drawings:
             self.points += len(points)
             self.cells += len(cells)
             self.complete &= contour.complete
-            self.placement = contour.placement
-            self.in_degrees = epsg_of(contour) is not None
-            if len(points):
-                self.largest = max(self.largest, float(abs(contour.placed).max()))
+            self.places.see(contour)
             yield contour
             kept += self._cost.after(len(points), len(cells))
             del contour, points, cells
@@ -139,3 +131,20 @@ def warn_of_others(source: Path, isovalue: float, isovalues: Sequence[float], ve
     if others:
         listed = " or ".join(others[:_LISTED]) + ", .." * (len(others) > _LISTED)
         warn(source, f"only isovalue {isovalue!r} is {verb}; choose another with --isovalue: {listed}")
+
+
+def warn_of_frames(source: Path, data: bytes, frame: int | None, verb: str = "written") -> None:
+    """Say that a file is a series of which the first frame was taken, where none was asked for."""
+    import isocodec
+
+    if frame is not None:
+        return
+    # what lies behind the first frame may be damaged
+    with suppress(FormatError):
+        count = len(isocodec.inspect(data).frames)
+        if count > 1:
+            warn(
+                source,
+                f"only frame 0 of {count} is {verb}; choose another with --frame, from 1 to {count - 1}, or take all "
+                "with isocodec.decode_frames",
+            )

@@ -133,7 +133,7 @@ def thin_command(
     largest = float(found.errors[-1]) if len(found.errors) else 0.0
     matrix = np.eye(2, 3) if scattered else unplaced(2) if place.placement is None else place.placement
     notes = {"order": found.order, "errors": found.errors, "anticipated": found.anticipated, "kept": found.kept}
-    with concerning(output):
+    with concerning(output), one_warning(output, "writing"):
         data = render_tin(PlacedTin(tin, matrix, place.crs or "", notes), suffix)
     write_output(output, data)
     tell(

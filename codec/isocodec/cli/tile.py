@@ -9,9 +9,11 @@ from typing import Any
 
 import click
 
+from ..errors import InputError
 from ..names import ProfileName
 from .encode_options import read_metadata
-from .options import json_option, output_option
+from .isovalues import check_interval, multiples
+from .options import Isovalue, json_option, output_option
 from .progress import progress_bar
 from .quiet import one_warning
 from .report import check_iso_output, concerning, tell, warn
@@ -20,7 +22,11 @@ from .report import check_iso_output, concerning, tell, warn
 @click.command("tile", short_help="Encode a field that does not fit into memory, tile by tile.")
 @click.argument("source", metavar="INPUT", type=click.Path(path_type=Path, readable=False))
 @output_option("OUT.iso")
-@click.option("--isovalue", "isovalues", type=float, multiple=True, required=True, metavar="V", help="Repeatable.")
+@click.option("--isovalue", "isovalues", type=Isovalue(), multiple=True, metavar="V",
+              help="Inside is value > V. Repeatable.")  # fmt: skip
+@click.option("--interval", type=Isovalue(), metavar="S",
+              help="All multiples of S within the data; these are read once more for that.")  # fmt: skip
+@click.option("--offset", type=Isovalue(), metavar="V", help="With --interval: V, V + S, V + 2 S, ..")
 @click.option("--tile", type=int, metavar="N",
               help="Samples along each axis of a tile: 2**k.  [default: 1024; in space 128]")  # fmt: skip
 @click.option("--workers", type=click.IntRange(min=1), default=1, show_default=True, metavar="N",
@@ -40,9 +46,10 @@ from .report import check_iso_output, concerning, tell, warn
 @click.option("--key", metavar="NAME", help="Array of a file that has several.")
 @json_option
 def tile_command(
-    source: Path, output: Path, isovalues: tuple[float, ...], tile: int | None, workers: int, scheduler: str | None,
-    spool: Path | None, exact: bool, tolerance: float | None, signs_only: bool, step: float | None,
-    profile: ProfileName, metadata: tuple[str, ...], no_placement: bool, key: str | None, as_json: bool,
+    source: Path, output: Path, isovalues: tuple[float, ...], interval: float | None, offset: float | None,
+    tile: int | None, workers: int, scheduler: str | None, spool: Path | None, exact: bool, tolerance: float | None,
+    signs_only: bool, step: float | None, profile: ProfileName, metadata: tuple[str, ...], no_placement: bool,
+    key: str | None, as_json: bool,
 ) -> None:  # fmt: skip
     """Encode the isocontours of the field in INPUT tile by tile; samples of a tile are read at a time.
 
@@ -53,6 +60,9 @@ def tile_command(
     """
     if scheduler is not None and workers > 1:
         raise click.UsageError("--scheduler and --workers contradict one another: choose one")
+    if bool(isovalues) == (interval is not None):
+        raise click.UsageError("give either --isovalue or --interval")
+    check_interval(interval, offset)
     check_iso_output(output, source)
     notes = read_metadata(metadata)
 
@@ -61,6 +71,8 @@ def tile_command(
     from ..field.placement import CRS
     from ..io.place import Place, read_place
     from ..io.windows import windows_of
+    from ..tiled_api import TiledIsoFile, tiling_of
+    from ..tiles.sample_range import sample_range
 
     started = time.perf_counter()
     with ExitStack() as stack:
@@ -72,16 +84,25 @@ def tile_command(
             warn(source, place.remark)
         if place.crs is not None:
             notes.setdefault(CRS, place.crs)
+        options: dict[str, Any] = {
+            "exact": exact, "tolerance": tolerance, "signs_only": signs_only, "step": step, "profile": profile,
+            "metadata": notes, "placement": place.placement,
+        }  # fmt: skip
+        if interval is not None:
+            tiling = tiling_of(field, 0, tile, **options)
+            with progress_bar("reading tiles") as progress:
+                found = sample_range(field, tiling.grid, progress)
+            if found is None:
+                raise InputError("all samples are missing", code="missing")
+            isovalues = multiples(interval, *found, offset)
         engine = stack.enter_context(_engine(workers, scheduler))
         with progress_bar("encoding tiles") as progress:
             isocodec.encode_tiles(
                 field, list(isovalues), output, tile=tile, engine=engine, workers=workers if engine else None,
-                spool=spool, exact=exact, tolerance=tolerance, signs_only=signs_only, step=step, profile=profile,
-                metadata=notes, placement=place.placement, progress=progress,
+                spool=spool, progress=progress, **options,
             )  # fmt: skip
     seconds = time.perf_counter() - started
     from ..io.ranges import ranges_of
-    from ..tiled_api import TiledIsoFile
 
     file = TiledIsoFile(ranges_of(output))
     tiles, stages = file.head.grid.total, range(len(file.head.stages))

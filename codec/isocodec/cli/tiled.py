@@ -15,6 +15,8 @@ import click
 from ..errors import InputError
 from ..limits import Limits
 from .options import iso_argument, json_option, limit_options, limits_of, output_option
+from .places import Places, warn_of_places
+from .quiet import one_warning
 from .report import STANDARD, check_iso_output, check_output, concerning, tell, warn, write_output
 
 if TYPE_CHECKING:
@@ -69,18 +71,21 @@ def decode_tiled(
     wanted = file.isovalues if several else (file.isovalues[0] if isovalue is None else isovalue,)
     layer = None if layers is None else min(layers, len(file.head.stages)) - 1
     contours: list[Contour] = []
+    places = Places()
     with concerning(source):
         for value in wanted:
             contour = file.window(box, isovalue=value, within=within, layer=layer, partial=partial)
             contours.append(replace(contour, placement=None) if in_samples else contour)
+            places.see(contours[-1])
         if partial and file.cut:
             warn(source, _CUT)
     seconds = time.perf_counter() - started
-    with concerning(source):
+    with concerning(source), one_warning(output, "writing"):
         if suffix == ".pmtiles" and within is None and layer is None and not (in_samples or partial):
             rendered = render_pyramid(_by_width(file, box, contour) for contour in contours)
         else:
             rendered = render_contour(contours, suffix, n, keep_crs)
+    warn_of_places(source, suffix, places, keep_crs, in_samples)
     with concerning(output):
         if str(output) == STANDARD:
             write_output(output, rendered)

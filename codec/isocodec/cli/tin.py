@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from ..limits import Limits
+from .places import Places, warn_of_places
+from .quiet import one_warning
 from .report import concerning, tell, write_output
 
 if TYPE_CHECKING:
@@ -83,18 +85,24 @@ def decode_surface(
     with concerning(source):
         tin = isocodec.decode_tin(data, max_bytes=len(data) if partial and max_bytes is None else max_bytes,
                                   limits=limits)  # fmt: skip
+    places = Places()
     with concerning(source if suffix == PICTURE else output):
         if isovalue is None:
-            written = _rendered(tin, suffix, in_samples)
+            with one_warning(output, "writing"):
+                written = _rendered(tin, suffix, in_samples)
             record: dict[str, Any] = {"triangles": len(tin.triangles)}
             points, pieces = len(tin.points), len(tin.triangles)
         else:
             if tin.shape is None:
                 check_on_mesh(suffix)
             contour = contour_of(tin, isovalue)
-            written = render_contour([replace(contour, placement=None) if in_samples else contour], suffix, 2)
+            contour = replace(contour, placement=None) if in_samples else contour
+            with one_warning(output, "writing"):
+                written = render_contour([contour], suffix, 2)
+            places.see(contour)
             points, pieces = len(contour.points), len(contour.cells)
             record = {"cells": pieces, "isovalues": [isovalue]}
+    warn_of_places(source, suffix, places, False, in_samples)
     write_output(output, written)
     seconds = time.perf_counter() - started
     tell(

@@ -19,7 +19,8 @@ from .report import BROKEN, concerning, read_iso, tell
 @click.option("--within", type=click.FloatRange(min=0), metavar="D", help="Distance to keep, in cells.")
 @click.option("--key", metavar="NAME", help="Array of a file that holds several.")
 @click.option("--channel", type=int, metavar="N", help="Channel of a colour picture, counted from 0.")
-@click.option("--frame", type=int, metavar="N", help="Item of a series or time step, counted from 0.")
+@click.option("--frame", type=int, metavar="N",
+              help="Item of a series or time step, counted from 0; of IN.iso, too, if that is a series.")  # fmt: skip
 @click.option("--kind", metavar="SUFFIX", help="Format of standard input or a URL: .tif.")
 @click.option("--limit-samples", type=click.IntRange(min=1), metavar="N", help="Most samples of FIELD.")
 @limit_options
@@ -42,7 +43,9 @@ def verify_command(
     with concerning(source), local_input(source, kind, limit_samples) as path, one_warning(source):
         field = isocodec.read(path, key=key, channel=channel, frame=frame, samples=limit_samples)
     with concerning(encoded):
-        found = verify(data, field, within=within, limits=limits_of(limit_memory, limit_work, limit_samples))
+        of_series = frame if isocodec.inspect(data).frames else None
+        limits = limits_of(limit_memory, limit_work, limit_samples)
+        found = verify(data, field, frame=of_series, within=within, limits=limits)
     kept = all(one.kept for one in found)
     lines = []
     for one in found:

@@ -15,6 +15,8 @@ PLACEMENT = "placement"
 """Name of the note that holds the numbers."""
 CRS = "crs"
 """Name of the note that says which coordinate reference system they belong to, as ``EPSG:32631``."""
+FRAME_STEP = "frame_step"
+"""Name of the note that says how much time passes from a frame of a series to the next: ``2 s``."""
 LEAST, MOST = 1e-30, 1e30
 """Sizes of numbers, but for 0: coordinates then fit single precision, their squares double precision."""
 _NUMBER = re.compile(r"-?(0|[1-9][0-9]*)(\.[0-9]+)?([eE][-+]?[0-9]+)?")

@@ -104,7 +104,7 @@ def read_field(
     source = source_of(path, samples, follow)
     path = source.path
     if is_series(path):
-        return _numbers(read_dicom(source, key, frame))
+        return numbers(read_dicom(source, key, frame))
     suffix = next((s for s in FIELD_SUFFIXES if path.name.lower().endswith(s)), None)
     if suffix is None:
         raise InputError(
@@ -117,15 +117,15 @@ def read_field(
     if channel is not None and suffix not in _PICTURES:
         raise OptionError(f"a channel is part of a picture, not of {suffix}", code="channel")
     if is_labelled_file(source):
-        return _numbers(values_of(read_labelled(source, key, frame)))
+        return numbers(values_of(read_labelled(source, key, frame)))
     if suffix in _ARRAYS:
-        return _numbers(_ARRAYS[suffix](source, key, frame))
+        return numbers(_ARRAYS[suffix](source, key, frame))
     if suffix in _PICTURES:
-        return _numbers(pick_frame(pick_channel(*_PICTURES[suffix](source), channel), frame))
-    return _numbers(_VOLUMES[suffix](source, frame))
+        return numbers(pick_frame(pick_channel(*_PICTURES[suffix](source), channel), frame))
+    return numbers(_VOLUMES[suffix](source, frame))
 
 
-def _numbers(array: Field) -> Field:
+def numbers(array: Field) -> Field:
     """Check that ``array`` holds real numbers; native byte order and C order."""
     check_kind(array.dtype)
     if array.dtype.kind == "b":

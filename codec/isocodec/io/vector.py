@@ -6,6 +6,7 @@ A line of a contour, or an area, is a row, with its isovalue; coordinates are th
 from __future__ import annotations
 
 import io
+import warnings
 import zipfile
 from collections.abc import Iterable
 from pathlib import Path
@@ -123,7 +124,9 @@ def render_table(
     kind = "MultiPolygon" if side else "LineString"
     pyogrio.set_gdal_config_options({"OGR_CURRENT_DATE": _DATE})
     try:
-        with TemporaryDirectory(prefix="isocodec-") as folder:
+        with TemporaryDirectory(prefix="isocodec-") as folder, warnings.catch_warnings():
+            # a file without a system is what the caller knows of
+            warnings.filterwarnings("ignore", message="'crs' was not provided")
             path = Path(folder) / f"{layer}{suffix}"
             pyogrio.write_dataframe(
                 table, path, driver=_DRIVERS[suffix], layer=layer, geometry_type="Polygon" if side and suffix == ".shp"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gzip
 import math
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -22,6 +23,8 @@ ITK_SUFFIXES = (".nrrd", ".nhdr", ".mha", ".mhd")
 
 _HEADER = 1 << 26
 """Bytes before the samples of a NIfTI file, extensions among them."""
+_UNITS = {"sec": "s", "msec": "ms", "usec": "µs"}
+"""Units of time, as nibabel calls them and as they are written."""
 
 
 class _Beginning:
@@ -42,7 +45,10 @@ class _Beginning:
 
 
 def open_nifti(source: Source) -> Any:
-    """A NIfTI image as nibabel has it, its samples not read yet but known to be allowed; within `reading`."""
+    """A NIfTI image as nibabel has it, its samples not read yet but known to be there; within `reading`.
+
+    Each volume of a series is known to be allowed, not all of them together.
+    """
     nibabel = optional("nibabel", extra="nifti", purpose="reading NIfTI")
     packed = source.named(".gz")
     with gzip.open(source.path) if packed else source.path.open("rb") as file:
@@ -54,12 +60,47 @@ def open_nifti(source: Source) -> Any:
         kind.from_fileobj(_Beginning(file), check=False)
     image = nibabel.load(source.path)
     stored = image.dataobj
-    size = source.check_array(stored.shape, stored.dtype)
+    source.check_array(stored.shape[:3], stored.dtype)
     if not 0 <= stored.offset <= _HEADER:
         raise InputError(f"states {stored.offset} bytes before its samples", code="unreadable")
     if not packed:
-        source.check_bytes(stored.offset + size)
+        source.check_bytes(stored.offset + math.prod(stored.shape) * stored.dtype.itemsize)
     return image
+
+
+class NiftiVolumes:
+    """The volumes of a NIfTI file with four axes, each read when it is asked for.
+
+    Attributes
+    ----------
+    shape : tuple of int
+        That of the file; its last axis counts the volumes.
+    step : str
+        Time from one volume to the next, with its unit, if the file says so; else empty.
+    """
+
+    def __init__(self, source: Source) -> None:
+        nibabel = optional("nibabel", extra="nifti", purpose="reading NIfTI")
+        image = open_nifti(source)
+        stored = self._stored = image.dataobj
+        self.shape: tuple[int, ...] = tuple(map(int, stored.shape))
+        # the file stays open: of a packed one the next volume is then read without unpacking those before it again
+        spec = (stored.shape, stored.dtype, stored.offset, 1.0, 0.0)
+        self._raw = nibabel.arrayproxy.ArrayProxy(str(source.path), spec, keep_file_open=True)
+        number, unit = image.header.get_zooms()[-1], image.header.get_xyzt_units()[1]
+        known = unit in _UNITS and math.isfinite(number) and number > 0
+        self.step = f"{number:g} {_UNITS[unit]}" if known else ""
+
+    def __len__(self) -> int:
+        return self.shape[-1]
+
+    def __getitem__(self, number: int) -> Field:
+        """One volume, as `read_nifti` has it."""
+        check_frame(number, len(self))
+        with reading("NIfTI volume"):
+            raw = np.asarray(self._raw[..., number])
+            volume = scaled(raw, float(self._stored.slope), float(self._stored.inter))
+            return single(np.asarray(self._stored[..., number]) if volume is None else volume, None)
 
 
 def scaled(raw: Field, slope: float, inter: float) -> Field | None:
@@ -82,6 +123,9 @@ def scaled(raw: Field, slope: float, inter: float) -> Field | None:
 def read_nifti(source: Source, frame: int | None) -> Field:
     with reading("NIfTI volume"):
         stored = open_nifti(source).dataobj
+        if frame is not None and is_series_of_volumes(stored.shape):
+            return NiftiVolumes(source)[frame]
+        source.check_array(stored.shape, stored.dtype)
         volume = scaled(np.asarray(stored.get_unscaled()), float(stored.slope), float(stored.inter))
         if volume is None:
             volume = np.asarray(stored)
@@ -100,6 +144,11 @@ def single(volume: Field, frame: int | None) -> Field:
             remedy=f"take one with --frame 0 to {volume.shape[-1] - 1}",
         )  # fmt: skip
     return volume
+
+
+def is_series_of_volumes(shape: Sequence[int]) -> bool:
+    """Whether the axes of a volume file count volumes, too, by the fourth and last of them."""
+    return len(shape) == 4 and shape[3] > 1
 
 
 def _without_ones(volume: Field) -> Field:
@@ -128,10 +177,16 @@ def itk_reader(source: Source) -> Any:
 
 def read_itk(source: Source, frame: int | None) -> Field:
     """NRRD and MetaImage: axes i, j, k as NIfTI has them."""
-    sitk = optional("SimpleITK", extra="itk", purpose=f"reading {source.path.suffix}")
     with reading(f"{source.path.suffix} volume"):
-        reader = itk_reader(source)
-        channels = reader.GetNumberOfComponents()
-        if channels > 1:
-            raise InputError(f"is a volume of {channels} channels", code="colour", remedy="save one of them alone")
-        return single(sitk.GetArrayFromImage(reader.Execute()).T, frame)
+        return single(itk_array(source), frame)
+
+
+def itk_array(source: Source) -> Field:
+    """All axes of NRRD and MetaImage, the last one that of a series if there are four; within `reading`."""
+    sitk = optional("SimpleITK", extra="itk", purpose=f"reading {source.path.suffix}")
+    reader = itk_reader(source)
+    channels = reader.GetNumberOfComponents()
+    if channels > 1:
+        raise InputError(f"is a volume of {channels} channels", code="colour", remedy="save one of them alone")
+    found: Field = sitk.GetArrayFromImage(reader.Execute()).T
+    return found
