@@ -20,7 +20,7 @@ const groups = [
   { kernels: "src/kernels.ts" },
 ];
 /** Modules that use others of the package as users do; the first files of these. */
-const USERS = ["maplibre", "tiles", "kernels"];
+const USERS = ["maplibre", "tiles"];
 const FILES = { decoder: "index", stream: "index", errors: "index", draw: "draw", world: "world", "main/profile": "main" };
 const asUsers = { name: "as users", setup: ({ onResolve }) => onResolve({ filter: /^\.\.?\/(decoder|stream|errors|draw|world|main\/profile)\.js$/ },
   ({ path }) => ({ path: `./${FILES[path.replace(/^\.*\/|\.js$/g, "")]}.js`, external: true })) };

@@ -47,21 +47,19 @@ def link(code: bytes, place: Path, decoders: set[str], jobs: int) -> None:
 
 
 def _object(code: bytes, entries: set[str]) -> bytes:
-    """The object of some kernels: small before fast."""
+    """The object of some kernels."""
     from llvmlite import binding
 
     machine = back.machine_of(WASM, WASM.variants[0], reloc="static")
     text = back.text_of(code, WASM, machine)
     # pointers take four bytes, and lie anywhere in a structure
     text = re.sub(r"^( *(?:%\S+ = load|store) ptr\b.*, align) 8", r"\1 4", text, flags=re.M)
-    # what is called from several places stays one function, if it is not tiny
-    text = text.replace("alwaysinline", "optsize")
+    # what is called from several places stays one function, if it is not small: that is smaller, and no slower
+    text = text.replace("alwaysinline", "nounwind")
     module = binding.parse_assembly(text)
     for each in back.defined(module):
         if each.name not in entries:
             each.linkage = "internal"
-        if each.is_function:
-            each.add_function_attribute("optsize")
     back.optimise(module, machine, vectors=False)
     return machine.emit_object(module)
 

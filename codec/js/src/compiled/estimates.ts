@@ -221,11 +221,11 @@ export class Estimates {
       this.edges = m.numbers(Array.from({ length: ends.size }, (_, i) => m.number(ends, i)), [listed.length, 2]);
       m.release(ends);
     }
-    const size = this.edges.shape[0]!, key = this.keys(this.edges, count);
+    const size = this.edges.shape[0]!;
     this.parts = m.numbers(new Uint8Array(size).fill(1));
     this.offset = m.array("int64", [size]);
     const old = new Map(this.keys(before.edges, count).map((each, i) => [each, i]));
-    if (old.size) key.forEach((each, i) => {
+    if (old.size) this.keys(this.edges, count).forEach((each, i) => {
       const j = old.get(each);
       if (j === undefined) return;
       m.enter(this.parts, i, m.number(before.parts, j));
@@ -241,7 +241,8 @@ export class Estimates {
   }
 
   private keys(edges: Arr, count: number): number[] {
-    return Array.from({ length: edges.shape[0]! }, (_, i) => this.m.number(edges, 2 * i) * count + this.m.number(edges, 2 * i + 1));
+    const ends = this.m.words(edges);
+    return Array.from({ length: edges.shape[0]! }, (_, i) => ends[4 * i]! * count + ends[4 * i + 2]!);
   }
 
   /** Lengths of edges, which ends are above, places so far, parts at the earlier isovalue. */
@@ -250,12 +251,14 @@ export class Estimates {
     this.length = this.instead(this.length, m.array("int64", [size]));
     this.rising = this.instead(this.rising, m.array("bool", [size]));
     this.beside.place = this.instead(this.beside.place, m.array("int64", [size]));
-    const rows = m.words(st.vertex), rising = m.bytes(this.rising);
+    // all of these numbers take four bytes: the first word of each entry says them
+    const rows = m.words(st.vertex), rising = m.bytes(this.rising), ends = m.words(this.edges), lengths = m.words(this.length);
+    const places = m.words(this.beside.place), numbers = m.words(this.offset), parts = m.words(this.parts);
     for (let i = 0; i < size; i++) {
-      const low = 4 * m.number(this.edges, 2 * i), high = 4 * m.number(this.edges, 2 * i + 1);
-      m.enter(this.length, i, Math.max(...[0, 1, 2].map((a) => Math.abs(rows[high + a]! - rows[low + a]!))));
+      const low = 4 * ends[4 * i]!, high = 4 * ends[4 * i + 2]!;
+      for (let a = 0; a < 3; a++) lengths[2 * i] = Math.max(lengths[2 * i]!, Math.abs(rows[high + a]! - rows[low + a]!));
       rising[i] = rows[high + 3]!;
-      m.enter(this.beside.place, i, Math.floor(((2 * m.number(this.offset, i) + 1) * (UNIT / 2)) / m.number(this.parts, i)));
+      places[2 * i] = Math.floor(((2 * numbers[2 * i]! + 1) * (UNIT / 2)) / parts[2 * i]!);
     }
     this.earlierParts = this.instead(this.earlierParts, m.array("int64", [size, 2]));
     if (this.earlier?.estimates.edges.size) this.takeParts(st, this.earlier);

@@ -1,5 +1,5 @@
 /** The kernels as they run: a module, what it says its kernels take, and its memory. */
-import { IsoError, type Meter } from "../errors.js";
+import type { Meter } from "../errors.js";
 
 /** Bytes of an entry of an array, by its type. */
 const BYTES = { bool: 1, int8: 1, uint8: 1, int16: 2, int32: 4, int64: 8 } as const;
@@ -109,13 +109,8 @@ export class Machine {
     const size = this.memory.buffer.byteLength;
     if (end > size) {
       const pages = Math.ceil((end - size) / 65536);
-      try {
-        // often enough for what grows step by step, seldom enough for what is large
-        this.memory.grow(Math.min(Math.max(pages, size >> 17), 65536 - size / 65536));
-      } catch {
-        throw new IsoError("limit", "11.2", this.meter.bytes, "no more memory can be had");
-      }
-      if (end > this.memory.buffer.byteLength) this.reach(end);
+      // a RangeError if there is no more memory; by so much that what grows step by step does so seldom
+      this.memory.grow(Math.max(pages, Math.min(size / 131072, 65536 - size / 65536)));
     }
     if (this.all?.buffer !== this.memory.buffer) this.all = new Int32Array(this.memory.buffer);
   }

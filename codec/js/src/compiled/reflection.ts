@@ -1,6 +1,6 @@
 /** The state of compiled passes as a tube of this package, which is what is drawn and told. */
 import { Coder, Input } from "../coder.js";
-import { Meter, type Limits } from "../errors.js";
+import type { Meter } from "../errors.js";
 import type { Grid } from "../grid.js";
 import { Offsets } from "../offsets.js";
 import { KNOWN, SIGN } from "../store.js";
@@ -43,6 +43,7 @@ class Found extends Values {
   }
 }
 
+/** The tube of a strand; `meter` is its own, since what is drawn and told is no part of the decoded state. */
 export class Reflection {
   private values: Found | undefined;
   private readonly tube: Tube;
@@ -51,9 +52,7 @@ export class Reflection {
   private ids = new Int32Array(0);
   private known = 0;
 
-  constructor(private readonly m: Machine, private readonly grid: Grid, limits: Limits, isovalue: number, scaled: boolean) {
-    // what is drawn and told is no part of the decoded state
-    const meter = new Meter(limits);
+  constructor(private readonly m: Machine, private readonly grid: Grid, meter: Meter, isovalue: number, scaled: boolean) {
     // kernels have counted vertices
     meter.vertices = Infinity;
     this.tube = new Tube(grid, meter, new Coder(new Input(), meter), undefined, isovalue, scaled);
@@ -159,7 +158,10 @@ export class Reflection {
     const { tube, m } = this;
     if (!hasValues) return;
     const values = (tube.values = this.values ??= new Found(tube, ...bits)), count = number.size;
-    const all = <T extends Float64Array | Uint8Array>(found: T, array: Arr): T => found.map((_, v) => m.number(array, v)) as T;
+    const all = <T extends Float64Array | Uint8Array>(found: T, array: Arr): T => {
+      for (let v = 0; v < count; v++) found[v] = m.number(array, v);
+      return found;
+    };
     // a vertex that has become known since has no number yet
     values.set(this.ids.map((id) => (id > count ? 0 : id)), all(new Float64Array(count), number), all(new Uint8Array(count), left));
   }
@@ -169,9 +171,10 @@ export class Reflection {
     tube.offsets = undefined;
     if (!count) return;
     const offsets = (tube.offsets = new Offsets(tube)), rows = m.words(st.vertex);
-    const all = (array: Arr): Int32Array<ArrayBuffer> => Int32Array.from({ length: count }, (_, i) => m.number(array, i));
+    const all = (array: Arr): Int32Array<ArrayBuffer> => new Int32Array(count).map((_, i) => m.number(array, i));
+    const ends = m.words(edges);
     for (let i = 0; i < count; i++) {
-      const low = 4 * m.number(edges, 2 * i), high = 4 * m.number(edges, 2 * i + 1);
+      const low = 4 * ends[4 * i]!, high = 4 * ends[4 * i + 2]!;
       offsets.edges.add(rows[low]!, rows[low + 1]!, rows[low + 2]!, rows[high]!, rows[high + 1]!, rows[high + 2]!);
     }
     offsets.parts = all(parts);

@@ -1,6 +1,6 @@
 /** The state that kernels work on: known vertices and the tubular neighbourhood (5.1). */
 import type { Grid } from "../grid.js";
-import { IsoError, type Meter } from "../errors.js";
+import type { Meter } from "../errors.js";
 import type { Arr, Machine, Registers } from "./machine.js";
 import { newBoard, newCounts, newStore, PAGES, release, roomy, spare, type Store } from "./store.js";
 
@@ -118,9 +118,9 @@ export class States {
   wider(st: State, walking: boolean): State {
     const { m, meter } = this, { counters } = st, vertices = counters.get("vertices") + VERTICES, room = counters.get("room");
     if (Math.max(vertices, m.number(st.mesh.head, PAGES) + room) > meter.limits.vertices)
-      throw new IsoError("limit", "11.2", meter.bytes, "the file needs more than the limit of vertices");
+      meter.stop("vertices");
     if (Math.max(counters.get("leaves"), counters.get("mixed")) + LEAVES > MOST_LEAVES)
-      throw new IsoError("limit", "11.2", meter.bytes, "the file needs more than the limit of simplices");
+      meter.stop("simplices");
     const rows = (array: Arr, needed: number): Arr => {
       const length = array.shape[0]!;
       return needed <= length ? array : this.longer(array, Math.max(length + spare(array.bytes, length), needed));

@@ -1,6 +1,6 @@
 /** The strand of an isovalue whose passes are compiled: order of the layers, what they leave behind. */
 import type { Input } from "../coder.js";
-import { IsoError, type Meter } from "../errors.js";
+import type { IsoError, Meter } from "../errors.js";
 import type { Grid } from "../grid.js";
 import type { Layer } from "../program.js";
 import type { Run, Strand } from "../strand.js";
@@ -84,7 +84,7 @@ export class CompiledStrand implements Strand, Run {
       this.counters.set("shift", leaning.shift ?? 0);
     }
     const told = leaning && leaning.side !== FRAME ? { estimates: leaning.on.estimates, state: leaning.on.state, shift: leaning.shift } : undefined;
-    this.reflection = new Reflection(m, grid, meter.limits, isovalue, scaled);
+    this.reflection = new Reflection(m, grid, meter.another(), isovalue, scaled);
     this.estimates = new Estimates(m, grid.n, told, () => this.tube);
     this.seeds = m.array("int32", [0, 5]);
   }
@@ -169,8 +169,9 @@ export class CompiledStrand implements Strand, Run {
   }
 
   private wrong(clause: string, what: string): IsoError {
-    const { input } = this.shared;
-    return new IsoError("malformed", clause, input.dropped + this.start + Math.min(Math.max(0, this.shifts), this.come), what);
+    const { input, meter } = this.shared;
+    meter.bytes = input.dropped + this.start + Math.min(Math.max(0, this.shifts), this.come);
+    return meter.wrong(clause, what);
   }
 
   // -- layers ----------------------------------------------------------------------------------------------------
@@ -270,7 +271,7 @@ export class CompiledStrand implements Strand, Run {
       this.settle(counters.get("work") - before + (on ? on.get("work") - earlier : 0));
       const error = counters.get("error");
       if (tired || (status === BAD && error === OUT_OF_STEPS))
-        throw new IsoError("limit", "11.2", meter.bytes, "the file needs more than the limit of work");
+        meter.stop("work");
       if (status === GROW) {
         this.state = states.wider(this.state, this.running === "base");
         if (this.marks) this.marks = states.roomy(this.marks);
