@@ -54,8 +54,8 @@ def main() -> int:
         print(f"test-web: left out, {reason}")
         return 1 if strict else 0
     node = shutil.which("node") or "node"
-    kernels = [sys.executable, str(ROOT / "tools" / "kernels"), "--target", "wasm32", "--out", str(ROOT / "build" / "wasm")]
-    if subprocess.run(kernels, check=False).returncode:
+    kernels = [str(ROOT / "tools" / "kernels"), "--target", "wasm32", "--out", str(ROOT / "build" / "wasm")]
+    if subprocess.run([sys.executable, *kernels], check=False).returncode:
         print("test-web: compiled kernels are left out, they could not be built")
         if strict:
             return 1

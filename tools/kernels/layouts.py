@@ -1,10 +1,10 @@
 """What a module of WebAssembly says of itself, for those who call its kernels: what each takes, slot by slot.
 
 It stands in two sections of the module. ``isocodec`` is JSON, a list of three: by entry the types of its arguments and
-whether it returns a number; by record the types of its members; by sort of registers their names. A type is a number (``int64``,
-``float64``, ``bool``), an array (``int32[2d]``: address, entries, entries along each axis, bytes from one to the next
-along each axis) or one of those. ``isocodec.mesh`` is the tables of the mesh for two axes, then for three, as numbers
-of two bytes.
+whether it returns a number; by record the types of its members; by sort of registers their names. A type is a number
+(``int64``, ``float64``, ``bool``), an array (``int32[2d]``: address, entries, entries along each axis, bytes from one
+to the next along each axis) or one of those. ``isocodec.mesh`` is the tables of the mesh for two axes, then for three,
+as numbers of two bytes.
 """
 
 from __future__ import annotations
