@@ -69,7 +69,9 @@ def encode_tiles(
         A folder for what has been encoded, beside the file if not given. It goes when the file is written; if work
         stops before, the same call goes on where it was.
     exact, tolerance, signs_only, step, profile, metadata, placement
-        As in `encode`. In space, files with a tolerance have crossings on the full grid.
+        As in `encode`. With a tolerance in space from half a sample on, meshes of cubes are tried, of the same edge in
+        all tiles, smaller ones and at last the full grid where a tile is not proven to keep to it, or samples are
+        missing; tiles are encoded again then.
     progress : callable, optional
         Called with the tiles done and their total.
 
@@ -90,8 +92,9 @@ def encode_tiles(
     >>> isocodec.open("terrain.iso").window([(0, 100), (50, 90)]) # doctest: +SKIP
     """
     from .io.atomic import check_target, writing
+    from .search.strategy import NotKeptError
     from .tiles.running import run
-    from .tiles.spool import Spool
+    from .tiles.spool import Spool, begun
 
     tiling = tiling_of(
         field, isovalue, tile, exact=exact, tolerance=tolerance, signs_only=signs_only, step=step, profile=profile,
@@ -99,12 +102,20 @@ def encode_tiles(
     )  # fmt: skip
     check_target(path)
     folder = Path(spool) if spool is not None else Path(f"{os.fspath(path)}.tiles")
-    with Spool(folder, tiling) as held:
-        run(field, tiling, held, engine, workers or _workers_of(engine), progress)
-        with writing(path) as file:
-            for piece in merged(held.tiles, held.read):
-                file.write(piece)
-        held.remove()
+    tried = tiling.tried()
+    left = tried[begun(folder, tried) :]
+    while left:
+        with Spool(folder, left[0]) as held:
+            try:
+                run(field, left[0], held, engine, workers or _workers_of(engine), progress)
+            except NotKeptError as error:
+                left = left[-1:] if error.code == "missing" else left[1:]
+            else:
+                left = []
+                with writing(path) as file:
+                    for piece in merged(held.tiles, held.read):
+                        file.write(piece)
+            held.remove()
 
 
 def tiling_of(field: Any, isovalue: Isovalues, tile: int | None, **options: Any) -> Tiling:

@@ -68,6 +68,8 @@ def encoded() -> Iterator[Draft]:
                  exact=False, signs_only=True)  # fmt: skip
     yield _tiled("plane_adaptive", 40 * waves((70, 101), HIGH, 4), 40 * VALUE, "an adaptive stage", exact=False,
                  tolerance=1.0)  # fmt: skip
+    yield _tiled("space_adaptive", balls((33, 66, 36), [((34, 60, 40), 23), ((30, 90, 30), 12)]), -0.5,
+                 "an adaptive stage in space", exact=False, tolerance=1.0, profile="main")  # fmt: skip
     for name, shape, centres in (
         ("plane_leaves", (1100, 1170), [(40, 50), (1024, 30), (500, 1024), (1050, 1100)]),
         ("space_leaves", (300, 34, 18), [(30, 20, 9), (256, 10, 9)]),

@@ -49,7 +49,7 @@ class Slack:
         """As ``Field.crossings``."""
         slack = np.full(len(low), self._tolerance)
         if self._phi is not None:
-            slope = self._slopes(low) + self._slopes(high)
+            slope = slopes_at(self._phi, low) + slopes_at(self._phi, high)
             steep = np.sqrt((slope**2).sum(axis=1))
             along = np.abs((slope * (high - low)).sum(axis=1))
             least = np.maximum(steep / MOST_SLACK, np.finfo(np.float64).tiny)
@@ -59,16 +59,16 @@ class Slack:
         # places are rounded to the same unit
         return np.maximum(np.floor(np.minimum(slack, 1.0) * (1 << OFFSET_BITS)).astype(np.int64) - 2, 0)
 
-    def _slopes(self, position: NDArray[np.int64]) -> NDArray[np.float64]:
-        """Central differences, (E, n)."""
-        assert self._phi is not None
-        out = np.empty(position.shape)
-        for axis, size in enumerate(self._phi.shape):
-            up, down = position.copy(), position.copy()
-            up[:, axis] = np.minimum(up[:, axis] + 1, size - 1)
-            down[:, axis] = np.maximum(down[:, axis] - 1, 0)
-            out[:, axis] = self._phi[tuple(up.T)].astype(np.float64) - self._phi[tuple(down.T)]
-        return out
+
+def slopes_at(phi: NDArray[np.float32], position: NDArray[np.int64]) -> NDArray[np.float64]:
+    """Central differences of a field at samples (E, n), (E, n)."""
+    out = np.empty(position.shape)
+    for axis, size in enumerate(phi.shape):
+        up, down = position.copy(), position.copy()
+        up[:, axis] = np.minimum(up[:, axis] + 1, size - 1)
+        down[:, axis] = np.maximum(down[:, axis] - 1, 0)
+        out[:, axis] = phi[tuple(up.T)].astype(np.float64) - phi[tuple(down.T)]
+    return out
 
 
 def grid_offsets(tolerance: float | None, free: bool) -> list[Entry]:

@@ -22,8 +22,10 @@ from ..format.program import Progress, write_program
 from ..layers.writer import LayerWriter, encoded_mask, field_tube
 from ..search.ground_truth import GroundTruth, truth_of
 from ..search.promise import Promise
-from ..search.strategy import Plan, base_of
+from ..search.strategy import NotKeptError, Plan, base_of
+from ..search.tile_faces import Faces
 from ..search.tile_mesh import tile_plan
+from ..search.tile_volume import cubes_for, pitch_of, volume_plan
 from ..search.tolerance import Slack, grid_offsets
 from ..stream.options import DEFAULT_TOLERANCE, SEARCHED, Options
 from ..tube.holes import Holes
@@ -46,12 +48,15 @@ class Tiling:
     options : Options
     dtype : str
         Type of the samples.
+    cubes : int
+        In space, exponent of the edge of the cubes that meshes for a tolerance begin with; 0 for the full grid.
     """
 
     grid: TileGrid
     isovalues: tuple[float, ...]
     options: Options
     dtype: str
+    cubes: int = 0
 
     def __post_init__(self) -> None:
         o = self.options
@@ -77,7 +82,14 @@ class Tiling:
     def searched(self) -> float | None:
         """The tolerance that meshes are searched for, if they are."""
         tolerance = self.options.tolerance
-        return tolerance if self.grid.n == 2 and tolerance is not None and tolerance >= SEARCHED else None
+        if self.grid.n == 3:
+            return tolerance if self.cubes else None
+        return tolerance if tolerance is not None and tolerance >= SEARCHED else None
+
+    def tried(self) -> list[Tiling]:
+        """What to try one after the other: cubes that are smaller each time, at last the full grid."""
+        exponents = cubes_for(self.options.tolerance, COARSEST) if self.grid.n == 3 else ()
+        return [*(replace(self, cubes=exponent) for exponent in exponents), self]
 
     @property
     def profile(self) -> Profile:
@@ -175,12 +187,46 @@ def encode_tile(window: ArrayLike, index: Index, tiling: Tiling) -> TileSegments
         mask = mask_field(gone)
         run, holes = encoded_mask(header, mask, truth_of(mask))
         run = write_chunk(ChunkType.MASK, run)
+    meshes = [
+        _faces(field, index, tiling) if kind == Kind.CODED else None for field, kind in zip(fields, kinds, strict=True)
+    ]
     segments = tuple(
-        tuple(_segments(replace(header, isovalue=field.isovalue), field, holes, index, tiling))
+        tuple(_segments(replace(header, isovalue=field.isovalue), field, holes, index, tiling, mesh))
         if kind == Kind.CODED else (b"",) * stages
-        for field, kind in zip(fields, kinds, strict=True)
+        for field, kind, mesh in zip(fields, kinds, meshes, strict=True)
     )  # fmt: skip
+    faces = tuple((_sealed(low, meshes, axis, 0), _sealed(high, meshes, axis, size[axis] - 1))
+                  for axis, (low, high) in enumerate(faces))  # fmt: skip
     return TileSegments(index, Kind.CODED if run else Kind.BELOW, run, kinds, segments, faces)
+
+
+def _faces(field: Field, index: Index, tiling: Tiling) -> Faces | None:
+    """What belongs into the mesh in shared faces, in space.
+
+    Raises
+    ------
+    NotKeptError
+        If samples are missing: what stands for them would have to be the same on both sides.
+    """
+    tolerance = tiling.searched
+    if tolerance is None or field.signs.ndim == 2:
+        return None
+    if field.gone is not None:
+        raise NotKeptError("samples are missing", code="missing")
+    faces = Faces(field.signs, tiling.grid.shared(index), tiling.cubes)
+    for axis, place in faces.planes:
+        values, signs = np.take(field.values, place, axis), np.take(field.signs, place, axis)
+        samples = Field(values, field.isovalue, np.asarray(signs))
+        faces.search((axis, place), samples, tolerance, pitch_of(tiling.cubes))
+    return faces
+
+
+def _sealed(checksum: int, meshes: Sequence[Faces | None], axis: int, place: int) -> int:
+    """A checksum of a face's samples, with that of what was found for its mesh, so that neighbours are held to it."""
+    for faces in filter(None, meshes):
+        for vertex in faces.wanted.get((axis, place), ()):
+            checksum = zlib.crc32(repr(vertex[:axis] + vertex[axis + 1 :]).encode(), checksum)
+    return checksum
 
 
 def _missing(index: Index, tiling: Tiling) -> TileSegments:
@@ -208,13 +254,15 @@ def _checksum(face: NDArray[np.generic], gone: NDArray[np.bool_] | None, at: int
     return zlib.crc32(np.ascontiguousarray(face).tobytes(), known)
 
 
-def _segments(header: Header, field: Field, holes: Holes | None, index: Index, tiling: Tiling) -> Iterator[bytes]:
+def _segments(
+    header: Header, field: Field, holes: Holes | None, index: Index, tiling: Tiling, faces: Faces | None
+) -> Iterator[bytes]:
     """The segments of an isovalue, stage by stage."""
     truth = truth_of(field)
     if tiling.searched is None:
         plan, ends = _plan(index, tiling)
     else:
-        plan, ends = _searched(header, field, truth, holes, index, tiling)
+        plan, ends = _searched(header, field, truth, holes, index, tiling, faces)
     tube = field_tube(header, field, truth, holes=holes)
     full = tube.full_level
     writer = LayerWriter(field, tube, plan, Progress(full).begin(None))
@@ -253,7 +301,8 @@ def _plan(index: Index, tiling: Tiling) -> tuple[Plan, list[int | None]]:
 
 
 def _searched(
-    header: Header, field: Field, truth: GroundTruth, holes: Holes | None, index: Index, tiling: Tiling
+    header: Header, field: Field, truth: GroundTruth, holes: Holes | None, index: Index, tiling: Tiling,
+    faces: Faces | None,
 ) -> tuple[Plan, list[int | None]]:
     """The same for a tolerance that meshes are searched for."""
     grid, tolerance = tiling.grid, tiling.searched
@@ -266,7 +315,12 @@ def _searched(
     offsets = grid_offsets(tolerance, False)
     if tiling.profile == Profile.MAIN and offsets:
         offsets[-1] = (*offsets[-1], 0, None, slack)
-    promise = Promise(field, lambda: field_tube(header, field, truth, holes=holes), False, None, truth, holes,
-                      slack.on_face)  # fmt: skip
-    plan = tile_plan(promise, tolerance, coarse, shared, [*whole, *offsets])
+    promise = Promise(field, lambda: field_tube(header, field, truth, holes=holes), tiling.profile == Profile.MAIN,
+                      None, truth, holes, slack.on_face)  # fmt: skip
+    if faces is None:
+        plan = tile_plan(promise, tolerance, coarse, shared, [*whole, *offsets])
+    else:
+        level = grid.level(index, tiling.cubes)
+        lead: Plan = [(LayerKind.BASE, base), *([(LayerKind.REFINE, level - base)] if base < level else [])]
+        plan = volume_plan(promise, tolerance, tiling.cubes, lead, faces, [*whole, *offsets])
     return plan, [1 + coarse - base, None]

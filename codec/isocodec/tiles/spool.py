@@ -6,7 +6,7 @@ import json
 import os
 import shutil
 import zlib
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any, BinaryIO, Self
 
@@ -49,7 +49,7 @@ class Spool:
         self.folder = Path(folder)
         self.tiles = Tiles(tiling)
         self._record = _record_of(self.tiles)
-        self._about = json.dumps(_description(tiling), sort_keys=True).encode() + b"\n"
+        self._about = _line(tiling)
         self.folder.mkdir(exist_ok=True)
         self._journal = _open(self.folder / _JOURNAL)
         self._bytes = _open(self.folder / _BYTES)
@@ -188,8 +188,24 @@ def _description(tiling: Tiling) -> dict[str, object]:
     return {
         "shape": tiling.grid.shape, "tile": 1 << tiling.grid.exponent, "isovalues": tiling.isovalues,
         "exact": o.exact, "step": o.step, "tolerance": o.tolerance, "signs_only": o.signs_only, "profile": o.profile,
-        "dtype": tiling.dtype, "missing": "hole", "version": 0,
+        "dtype": tiling.dtype, "missing": "hole", "cubes": tiling.cubes, "version": 0,
     }  # fmt: skip
+
+
+def _line(tiling: Tiling) -> bytes:
+    """The first line of a journal."""
+    return json.dumps(_description(tiling), sort_keys=True).encode() + b"\n"
+
+
+def begun(folder: str | os.PathLike[str], tried: Sequence[Tiling]) -> int:
+    """Which of some tilings a folder has tiles of; 0 if of none."""
+    journal = Path(folder) / _JOURNAL
+    if not journal.is_file():
+        return 0
+    with journal.open("rb") as file:
+        first = file.readline()
+    lines = [_line(each) for each in tried]
+    return lines.index(first) if first in lines else 0
 
 
 def _open(path: Path) -> BinaryIO:

@@ -1,0 +1,200 @@
+"""Which vertices meshes of tiles in space may have in the faces that they share (spec clause 12.7)."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from itertools import product
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..field.samples import Field
+from ..mesh.tables import AXES
+from .promise import Promise, onto
+from .reduction import Reduction, distinct
+from .strategy import NotKeptError, Plan, base_of
+
+Vertex = tuple[int, int, int]
+Plane = tuple[int, int]
+"""The axis across a face, and its place there."""
+FINEST = 2
+"""Coordinates of vertices that make crossings in faces are multiples of this: then no simplex of the full grid has a
+side that is crossed there, and both tiles are drawn by simplices (clause 9.1(2))."""
+IN_FACE = 0.9
+"""Share of the tolerance that the curve in a face keeps to by itself, so that the surface behind it can."""
+MOST_TURNS = 40
+ROUGH, SOME = 0.25, 400
+"""Where so large a share of a curve, and more than so many pieces, is too far away at first, a mesh is given up."""
+
+
+@dataclass
+class Faces:
+    """Vertices that may be in the mesh of a tile: those that bring none into shared faces but what belongs there.
+
+    In the mesh are all corners of the cubes of one edge. What further ones belong into a face follows from the
+    samples in the face alone, so that both tiles find the same.
+
+    Attributes
+    ----------
+    signs : (s0, s1, s2) bool
+        Of the samples of the tile.
+    shared : (3, 2) bool
+        Across each axis the low and the high face.
+    exponent : int
+        Of the edge of the cubes of the uniform mesh.
+    wanted : dict of list of vertices
+        By face: those to be added to its mesh.
+    crossed : bool
+        Whether the surface crosses one of the faces that have been searched.
+    """
+
+    signs: NDArray[np.bool_]
+    shared: NDArray[np.bool_]
+    exponent: int
+    wanted: dict[Plane, list[Vertex]] = field(default_factory=dict)
+    crossed: bool = False
+    _there: set[Vertex] = field(init=False, default_factory=set)
+    _known: dict[tuple[Vertex, Plane | None], bool] = field(init=False, default_factory=dict)
+
+    def __post_init__(self) -> None:
+        self.size = self.signs.shape
+        shared = np.argwhere(self.shared).tolist()
+        self.planes: list[Plane] = [(axis, self.size[axis] - 1 if side else 0) for axis, side in shared]
+
+    def search(self, plane: Plane, samples: Field, tolerance: float, pitch: tuple[int, int]) -> None:
+        """Find the vertices of a face that its curve needs to keep to a tolerance, as far as they are allowed.
+
+        They are those of the tile on its other side, from the same samples.
+
+        Parameters
+        ----------
+        plane : axis and place
+        samples : Field
+            Those of the face.
+        tolerance : float
+        pitch : (parts, unit)
+            Of the offsets.
+
+        Raises
+        ------
+        NotKeptError
+            If that would take too much.
+        """
+        if samples.signs.all() or not samples.signs.any():
+            return
+        self.crossed = True
+        axis, place = plane
+        promise = Promise(samples, None, False)
+        level = max(promise.full_level - 2 * self.exponent, 0)
+        reduction = promise.reduction()
+        reduction.reduce(level=level)
+        base = base_of(2, level)
+        lead: Plan = [("base", base), *([("refine", level - base)] if base < level else [])]
+        found = self.wanted.setdefault(plane, [])
+        for turn in range(MOST_TURNS):
+            contour = promise.trial([*lead, onto(reduction.chosen, lead), ("offsets", *pitch)])[1]
+            places = promise.excess(contour, IN_FACE * tolerance)
+            if turn == 0 and is_rough(promise, len(places)):
+                raise NotKeptError("the field is rough in a face", code="tolerance")
+            leaves = distinct(2, reduction.leaves_at(places))[0] if len(places) else np.zeros((0, 4), np.int64)
+            inserted = np.insert(leaves[:, :2], axis, place, axis=1)
+            able = np.array([self.allowed(vertex, plane) for vertex in vertices(inserted)], np.bool_)
+            able &= (leaves[:, :2] % FINEST == 0).all(axis=1)
+            if not able.any():
+                break
+            reduction.add(leaves[able, :AXES], leaves[able, AXES])
+            found += vertices(inserted[able])
+        for vertex in found:
+            self._there |= {each for each in ancestry(vertex, 1 << self.exponent) if each[axis] == place}
+        self._known.clear()
+
+    def allowed(self, vertex: Vertex, free: Plane | None = None) -> bool:
+        """Whether a vertex may be in the mesh, with its ancestors; in the face ``free`` all may."""
+        if unit_of(vertex) >> self.exponent or not self._exists(vertex):
+            return True
+        key = vertex, free
+        if key not in self._known:
+            faces = [(a, p) for a, p in self.planes if vertex[a] == p and (a, p) != free]
+            # what is found for a face must not depend on other ones, of which its other tile knows nothing
+            own = free is None and (vertex in self._there or all(self._idle(vertex, a) for a, _ in faces))
+            here = own or not faces
+            self._known[key] = here and all(self.allowed(parent, free) for parent in parents(vertex))
+        return self._known[key]
+
+    def _idle(self, vertex: Vertex, axis: int) -> bool:
+        """Whether a vertex in a face across an axis makes no crossings there: its diamond in the face has one sign."""
+        unit = unit_of(vertex)
+        across = [a for a in range(3) if a != axis]
+        odd = sum(vertex[a] // unit & 1 for a in across)
+        # corners of a square around the middle of its diagonal, or the ends of an edge and those beside
+        ways = product((-unit, unit), repeat=2) if odd == 2 else ((-unit, 0), (unit, 0), (0, -unit), (0, unit))
+        steps = np.zeros((4, 3), np.int64)
+        steps[:, across] = list(ways)
+        return len({self._sign(vertex), *(self._sign(corner) for corner in vertices(steps + vertex))}) == 1
+
+    def _sign(self, vertex: Sequence[int]) -> bool:
+        x, y, z = (min(max(v, 0), s - 1) for v, s in zip(vertex, self.size, strict=True))
+        return bool(self.signs[x, y, z])
+
+    def _exists(self, vertex: Vertex) -> bool:
+        """Whether it does not lie behind a shared face, where this tile has no vertices."""
+        return not any(vertex[a] < 0 or (self.shared[a, 1] and vertex[a] >= s) for a, s in enumerate(self.size))
+
+
+def is_rough(promise: Promise, faults: int) -> bool:
+    """Whether a curve that is too far away at so many places is to be given up at once."""
+    return faults > max(ROUGH * len(promise.contour.cells), SOME)
+
+
+def vertices(position: NDArray[np.int64]) -> list[Vertex]:
+    """Rows (V, 3) as tuples."""
+    return list(map(tuple, position.tolist()))
+
+
+def unit_of(vertex: Sequence[int]) -> int:
+    """The greatest power of two that divides all coordinates, 0 of the origin."""
+    bits = vertex[0] | vertex[1] | vertex[2]
+    return bits & -bits or 1 << 62
+
+
+def parents(vertex: Vertex) -> list[Vertex]:
+    """The parents of a middle in space, of all of the lattice (spec clause 4.7(3)).
+
+    Of the middle of an edge of a cube they are the middles of the squares around, of the middle of a square those of
+    the cubes on either side, and of the middle of a cube those of its corners that are middles of edges.
+    """
+    unit = unit_of(vertex)
+    odd = [bool(x // unit & 1) for x in vertex]
+    if all(odd):
+        corners = [_moved(vertex, tuple(unit * d for d in way)) for way in product((-1, 1), repeat=3)]
+        return [corner for corner in corners if sum(x // (2 * unit) & 1 for x in corner) == 1]
+    ways = [tuple(d * (a == axis) for a in range(3)) for axis in range(3) if not odd[axis] for d in (-unit, unit)]
+    return [_moved(vertex, way) for way in ways]
+
+
+def _moved(vertex: Vertex, way: Sequence[int]) -> Vertex:
+    return vertex[0] + way[0], vertex[1] + way[1], vertex[2] + way[2]
+
+
+def ancestry(vertex: Vertex, cube: int) -> Iterator[Vertex]:
+    """A vertex and its ancestors that are no corners of cubes of an edge."""
+    left, seen = [vertex], {vertex}
+    while left:
+        here = left.pop()
+        yield here
+        more = {each for each in parents(here) if unit_of(each) < cube} - seen
+        seen |= more
+        left += more
+
+
+def bisected(reduction: Reduction, places: NDArray[np.float64], faces: Faces) -> int:
+    """Bisect the leaves at some places, and those next to full ones, as far as that is allowed; how many vertices that
+    adds.
+    """
+    leaves = reduction.leaves_at(places)
+    around = np.array(list(product((-0.75, 0.0, 0.75), repeat=3)))
+    more = reduction.leaves_at((places[leaves[:, AXES] < 0][:, None] + around).reshape(-1, 3))
+    wanted = distinct(3, np.concatenate([leaves, more]))[0]
+    able = np.array([faces.allowed(vertex) for vertex in vertices(wanted[:, :AXES])], np.bool_)
+    return reduction.add(wanted[able, :AXES], wanted[able, AXES]) if able.any() else 0
