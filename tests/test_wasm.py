@@ -31,7 +31,7 @@ VECTORS = [v for v in read_manifest(default_directory()) if v.level < 2 and not 
 """All of grids but those that copy hundreds of megabytes back and forth."""
 PARTS = 4
 """Vectors are run in so many tests, which may go side by side."""
-LARGEST = 60_000
+LARGEST = 90_000
 """Bytes that a decoder's module takes on its way, at most."""
 PLANE = hill((45, 60), 900) + noise((45, 60), 1, 40)
 SPACE = hill((12, 14, 13), 150) + noise((12, 14, 13), 2, 9)

@@ -54,6 +54,11 @@ def main() -> int:
         print(f"test-web: left out, {reason}")
         return 1 if strict else 0
     node = shutil.which("node") or "node"
+    kernels = [str(ROOT / "tools" / "kernels"), "--target", "wasm32", "--out", str(ROOT / "build" / "wasm")]
+    if subprocess.run([sys.executable, *kernels], check=False).returncode:
+        print("test-web: compiled kernels are left out, they could not be built")
+        if strict:
+            return 1
     if options.viewer:
         return subprocess.run([node, str(VIEWER / "build.mjs")], check=False).returncode
     python = ROOT / ".venv-test" / "bin" / "python"

@@ -1,6 +1,6 @@
 // Bundles the package into dist/: the library, the command line for conformance, types, the tables of the main profile.
 import { execFileSync } from "node:child_process";
-import { copyFileSync, mkdirSync, readFileSync, rmSync, writeFileSync } from "node:fs";
+import { copyFileSync, existsSync, mkdirSync, readFileSync, rmSync, writeFileSync } from "node:fs";
 import { createRequire } from "node:module";
 import { gzipSync } from "node:zlib";
 import { build } from "esbuild";
@@ -17,6 +17,7 @@ const groups = [
   { index: "src/index.ts", draw: "src/draw.ts", main: "src/main/profile.ts", domain: "src/domain/contents.ts" },
   { world: "src/world.ts", three: "src/three.ts" }, { text: "src/text.ts" }, { worker: "src/worker.ts" },
   { maplibre: "src/maplibre.ts" }, { tiles: "src/tiles/file.ts" },
+  { kernels: "src/kernels.ts" },
 ];
 /** Modules that use others of the package as users do; the first files of these. */
 const USERS = ["maplibre", "tiles"];
@@ -38,6 +39,10 @@ for (const file of Object.keys(outputs)) {
 await build({ ...common, entryPoints: { cli: "src/cli.ts" }, outdir: "dist", platform: "node",
   banner: { js: "#!/usr/bin/env node" } });
 copyFileSync("../../spec/isospec/main.bin", "dist/main.bin");
+/** Made by `python tools/kernels --target wasm32 --out build/wasm`, where that can be. */
+const kernels = "../../build/wasm/decoder.wasm";
+if (existsSync(kernels)) copyFileSync(kernels, "dist/kernels.wasm");
+else console.log("kernels.wasm: left out, it has not been built");
 const tsc = createRequire(import.meta.url).resolve("typescript/bin/tsc");
 execFileSync(process.execPath, [tsc, "--emitDeclarationOnly", "--outDir", "dist/types"], { stdio: "inherit" });
 

@@ -27,7 +27,7 @@ _CODE = ("front.py",)
 """What makes the kernels' code for any platform, beside the requirements."""
 _LIBRARY = (*_CODE, "back.py", "processor.ll", "runtime.ll")
 """What makes a library of it, beside the target."""
-_MODULES = (*_CODE, "back.py", "webassembly.py")
+_MODULES = (*_CODE, "back.py", "layouts.py", "webassembly.py")
 """What makes modules of WebAssembly of it."""
 Progress = Callable[[int, int], object]
 

@@ -1,7 +1,7 @@
 """The kernels as WebAssembly: a module of all of them, and one of those that a decoder needs.
 
 Modules import nothing; they export their memory, and ``__heap_base``, from where on it is free. Entries are those of a
-library, with addresses in the low halves of their slots.
+library, with addresses in the low halves of their slots. What they take stands in sections of the module: `layouts`.
 
     python tools/kernels/webassembly.py DIR    says what the modules in a folder weigh; needs brotli
 """
@@ -15,6 +15,7 @@ from pathlib import Path
 
 import back
 import front
+import layouts
 from targets import WASM
 
 DECODER = "decoder.wasm"
@@ -40,25 +41,25 @@ def link(code: bytes, place: Path, decoders: set[str], jobs: int) -> None:
     for (name, entries), content in zip(modules.items(), objects, strict=True):
         exports = [f"--export={entry}" for entry in sorted(entries)]
         back.linked([content], [*WASM.linker, name, *exports], place)
+        with (place / name).open("ab") as module:
+            module.write(layouts.sections(entries))
     (place / "0.o").unlink()
 
 
 def _object(code: bytes, entries: set[str]) -> bytes:
-    """The object of some kernels: small before fast."""
+    """The object of some kernels."""
     from llvmlite import binding
 
     machine = back.machine_of(WASM, WASM.variants[0], reloc="static")
     text = back.text_of(code, WASM, machine)
     # pointers take four bytes, and lie anywhere in a structure
     text = re.sub(r"^( *(?:%\S+ = load|store) ptr\b.*, align) 8", r"\1 4", text, flags=re.M)
-    # what is called from several places stays one function, if it is not tiny
-    text = text.replace("alwaysinline", "optsize")
+    # what is called from several places stays one function, if it is not small: that is smaller, and no slower
+    text = text.replace("alwaysinline", "nounwind")
     module = binding.parse_assembly(text)
     for each in back.defined(module):
         if each.name not in entries:
             each.linkage = "internal"
-        if each.is_function:
-            each.add_function_attribute("optsize")
     back.optimise(module, machine, vectors=False)
     return machine.emit_object(module)
 

@@ -20,7 +20,7 @@ export function samples() {
   const folder = mkdtempSync(join(tmpdir(), "isocodec-viewer-"));
   try {
     execFileSync(python, [join(root, "tools/viewer/samples.py"), folder], { stdio: ["ignore", "ignore", "inherit"] });
-    return Object.fromEntries(["terrain", "gyroid", "handles", "waves"].map((name) => [`${name}.iso`, readFileSync(join(folder, `${name}.iso`))]));
+    return Object.fromEntries(["terrain", "hills", "gyroid", "handles", "waves"].map((name) => [`${name}.iso`, readFileSync(join(folder, `${name}.iso`))]));
   } catch {
     return {};
   } finally {

@@ -1,6 +1,7 @@
 // The page, with all that most files need in it, and beside it what is loaded when a file needs it: build/viewer/index.html;
-// main.js and main.bin, the main profile and its tables; tiles.js, a worker for files in tiles.
-import { copyFileSync, mkdirSync, readFileSync, writeFileSync } from "node:fs";
+// main.js and main.bin, the main profile and its tables; kernels.js and kernels.wasm, compiled kernels, where they have been
+// built; tiles.js, a worker for files in tiles.
+import { copyFileSync, existsSync, mkdirSync, readFileSync, writeFileSync } from "node:fs";
 import { createRequire } from "node:module";
 import { fileURLToPath, pathToFileURL } from "node:url";
 import { gzipSync } from "node:zlib";
@@ -17,21 +18,29 @@ const text = async (entry, more) => {
   mangleCache = made.mangleCache ?? mangleCache;
   return (await minify(made.outputFiles[0].text, { module: true, ecma: 2022, compress: { passes: 3 } })).code;
 };
-/** The main profile is imported from where the page says that it lies: a worker without a file has no place of its own. */
-const beside = { name: "beside", setup: ({ onResolve }) => onResolve({ filter: /^\.\/main\/profile\.js$/ }, () => ({ path: "main.js", external: true })) };
+/** Modules are imported from where the page says that they lie: a worker without a file has no place of its own. */
+const MODULES = { "./main/profile.js": "main", "./kernels.js": "kernels" };
+const beside = { name: "beside", setup: ({ onResolve }) => onResolve({ filter: /^\.\/(main\/profile|kernels)\.js$/ },
+  ({ path }) => ({ path: `${MODULES[path]}.js`, external: true })) };
 const short = { mangleProps: internalNames() };
 const inline = await text(`${root}codec/js/src/worker.ts`, { ...short, plugins: [beside] });
-const worker = inline.replace('import("main.js")', "import(self.main)");
-if (worker === inline) throw new Error("the worker does not import the main profile");
+const worker = Object.values(MODULES).reduce((code, name) => {
+  if (!code.includes(`import("${name}.js")`)) throw new Error(`the worker does not import ${name}.js`);
+  return code.replace(`import("${name}.js")`, `import(self.${name})`);
+}, inline);
 const main = await text(`${root}codec/js/src/main/profile.ts`, short);
+const kernels = await text(`${root}codec/js/src/kernels.ts`, short);
 const tiles = await text(`${here}tiles.ts`, {});
 const viewer = await text(`${here}viewer.ts`, { define: { WORKER: JSON.stringify(worker) } });
 const page = readFileSync(`${here}index.html`, "utf8").replace("/*viewer*/", () => viewer.replaceAll("</script", "<\\/script"));
 mkdirSync(`${root}build/viewer`, { recursive: true });
 writeFileSync(`${root}build/viewer/index.html`, page);
 writeFileSync(`${root}build/viewer/main.js`, main);
+writeFileSync(`${root}build/viewer/kernels.js`, kernels);
 writeFileSync(`${root}build/viewer/tiles.js`, tiles);
 copyFileSync(`${root}spec/isospec/main.bin`, `${root}build/viewer/main.bin`);
+const compiled = `${root}build/wasm/decoder.wasm`;
+if (existsSync(compiled)) copyFileSync(compiled, `${root}build/viewer/kernels.wasm`);
 const size = gzipSync(page, { level: 9 }).length;
 console.log(`viewer: ${page.length} bytes, ${size} gzipped; tiles.js: ${gzipSync(tiles, { level: 9 }).length} gzipped`);
 if (size > 60000) throw new Error("the page takes more than 60 kB gzipped");

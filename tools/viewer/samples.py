@@ -31,6 +31,8 @@ def main() -> None:
     folder = Path(sys.argv[1])
     noisy = isocodec.encode(hills(1800, 60), isovalue=0.5, profile="baseline", exact=True)
     (folder / "terrain.iso").write_bytes(noisy)
+    less = isocodec.encode(hills(1000, 60), isovalue=0.5, profile="baseline", exact=True)
+    (folder / "hills.iso").write_bytes(less)
     handles = isocodec.encode(gyroid(80, 5), isovalue=0.0, profile="baseline")
     (folder / "gyroid.iso").write_bytes(handles)
     few = isocodec.encode(gyroid(48, 1.5), isovalue=0.0, profile="baseline")

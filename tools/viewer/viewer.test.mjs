@@ -211,6 +211,24 @@ test("the first curve is there before 5 % of a file of 1 MB", { skip: unmade, ti
   release();
 });
 
+test("compiled kernels draw what the page's own passes draw", {
+  skip: unmade || (existsSync(join(root, "build/viewer/kernels.wasm")) ? false : "they have not been built"), timeout: 60000,
+}, async () => {
+  const fetched = [], pictures = [];
+  const note = (request) => fetched.push(new URL(request.url()).pathname.slice(1));
+  page.on("request", note);
+  for (const more of ["", "&kernels=off"]) {
+    fetched.length = 0;
+    await open("hills.iso", more);
+    await page.waitForFunction(() => document.documentElement.dataset.final === "true", undefined, { timeout: 25000 });
+    pictures.push([await pixels(), (await state()).cells]);
+    assert.deepEqual(fetched.filter((name) => name.startsWith("kernels.")).sort(), more ? [] : ["kernels.js", "kernels.wasm"]);
+  }
+  page.off("request", note);
+  assert.ok(pictures[0][0].count > 1000);
+  assert.deepEqual(pictures[0], pictures[1]);
+});
+
 test("a surface of 300,000 triangles turns", { skip: unmade, timeout: 60000 }, async (t) => {
   await open("gyroid.iso");
   await page.waitForFunction(() => document.documentElement.dataset.final === "true", undefined, { timeout: 40000 });

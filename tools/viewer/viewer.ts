@@ -39,7 +39,7 @@ interface File {
 
 const start = (...text: string[]): Worker => new Worker(URL.createObjectURL(new Blob(text, { type: "text/javascript" })), { type: "module" });
 const beside = (name: string): string => new URL(name, location.href).href;
-const worker = start(`self.main=${JSON.stringify(beside("main.js"))};`, WORKER);
+const worker = start(...["main", "kernels"].map((name) => `self.${name}=${JSON.stringify(beside(`${name}.js`))};`), WORKER);
 const tell = (request: Request, transfer: Transferable[] = []): void => worker.postMessage(request, transfer);
 const scene = new Scene(canvas, (x, y) => {
   by("where").textContent = file?.n === 2 ? `x ${x.toFixed(2)}  y ${y.toFixed(2)}` : "";
@@ -47,13 +47,15 @@ const scene = new Scene(canvas, (x, y) => {
 let file: File | undefined;
 let count = 0;
 let seen = 0;
-const tables = beside("main.bin");
+const tables = beside("main.bin"), kernels = beside("kernels.wasm");
 /** What reads a file in tiles, while one is open; and what it was asked for last. */
 let tiles: Worker | undefined;
 let looked = "";
 let timer = 0;
 const parameters = new URLSearchParams(location.search);
 const rate = Number(parameters.get("rate")) || undefined;
+/** Whether large files are decoded with compiled kernels. */
+const compiled = parameters.get("kernels") !== "off";
 
 function begin(name: string, source: { url: string } | { bytes: Uint8Array }): void {
   file = { id: ++count, n: 2, shape: [], isovalues: [], metadata: {}, layers: [], promises: [], frame: 0,
@@ -71,7 +73,7 @@ function begin(name: string, source: { url: string } | { bytes: Uint8Array }): v
   world.checked = false;
   by("series").hidden = true;
   Object.assign(root.dataset, { state: "open", bytes: "0", cells: "0", layers: "0" });
-  const common = { type: "open" as const, id: file.id, tables, ...(rate ? { bytesPerSecond: rate } : {}) };
+  const common = { type: "open" as const, id: file.id, tables, ...(compiled ? { kernels } : {}), ...(rate ? { bytesPerSecond: rate } : {}) };
   if ("bytes" in source) tell({ ...common, bytes: source.bytes }, [source.bytes.buffer]);
   else tell({ ...common, url: source.url });
 }

@@ -1,5 +1,4 @@
 /** Bases: origin, components, localisation, traversal (5.3, 5.8.1 to 5.8.3, 5.9.4). */
-import { IsoError } from "./errors.js";
 import { COMPONENT, CURVE, FIRST, HOLE, LEVEL, LEVEL_PATH, ORIGIN, PATH, ROOT, SEED, SURFACE } from "./models.js";
 import { Trail } from "./parabola.js";
 import { EXPLICIT, KNOWN, OUT, SIGN, Ints } from "./store.js";
@@ -123,17 +122,13 @@ export class Base {
       }
       if (!t.grid.exists(this.level, this.cls, this.x, this.y, this.z) ||
         this.visited.has(this.level, this.cls, this.x, this.y, this.z))
-        throw this.error("5.3.2", "a component begins where it cannot");
+        throw this.t.meter.wrong("5.3.2", "a component begins where it cannot");
       yield* this.firstSigns();
-      if (!this.mixed()) throw this.error("5.3.3", "a component begins with a simplex of one sign");
+      if (!this.mixed()) throw this.t.meter.wrong("5.3.3", "a component begins with a simplex of one sign");
       yield* this.traverse();
     }
     t.baseDone = true;
     t.changes++;
-  }
-
-  private error(clause: string, what: string): IsoError {
-    return new IsoError("malformed", clause, this.t.meter.bytes, what);
   }
 
   private set(level: number, cls: number, x: number, y: number, z: number): void {

@@ -4,10 +4,14 @@ import { createInterface } from "node:readline";
 import { Decoder, type KnownMesh } from "./decoder.js";
 import * as domains from "./domain/contents.js";
 import { type ErrorKind, IsoError } from "./errors.js";
+import { Kernels } from "./kernels.js";
 import { MainProfile } from "./main/profile.js";
 import { canonicalText, tiledText } from "./text.js";
 import { openTiles } from "./tiles/file.js";
 
+const compiled = process.env["ISOCODEC_KERNELS"];
+/** The decoder's kernels, if the variable names their module. */
+const kernels = compiled ? new Kernels(new WebAssembly.Module(readFileSync(compiled))) : undefined;
 const tables = process.env["ISOCODEC_TABLES"] ?? new URL("./main.bin", import.meta.url);
 let main: MainProfile | undefined;
 
@@ -25,7 +29,7 @@ async function dump(file: string, layers: number, bytes: number, piece: number):
   main ??= new MainProfile(readFileSync(tables));
   const data = new Uint8Array(readFileSync(file)).subarray(0, bytes);
   if (data.length > 3 && data[3] === 0x54) return dumpTiles(data, main);
-  const decoder = new Decoder({ main, domains, mesh: meshOf(file), keepFrames: true });
+  const decoder = new Decoder({ main, domains, kernels, mesh: meshOf(file), keepFrames: true });
   if (layers > 0) decoder.pauseAt = layers;
   for (let at = 0; at < data.length && !decoder.error; at += piece) decoder.feed(data.subarray(at, at + piece));
   if (decoder.layers < decoder.pauseAt) decoder.end();
@@ -35,7 +39,7 @@ async function dump(file: string, layers: number, bytes: number, piece: number):
 
 async function dumpTiles(data: Uint8Array, main: MainProfile): Promise<[number, string]> {
   try {
-    return [0, await tiledText(await openTiles(data, { main }))];
+    return [0, await tiledText(await openTiles(data, { main, kernels }))];
   } catch (error) {
     if (error instanceof IsoError) return [CODES[error.kind], ""];
     throw error;

@@ -29,7 +29,8 @@ export class Input {
 }
 
 const TOP = 2 ** 32;
-const STEP = Int32Array.from({ length: 160 }, (_, seen) => Math.floor(65536 / (seen + 2)));
+/** Steps of adaptation by symbols seen (6.5). */
+export const STEP = Int32Array.from({ length: 160 }, (_, seen) => Math.floor(65536 / (seen + 2)));
 
 /**
  * Decodes the symbols of a run. Every method that decodes returns -1, and changes nothing, if the symbol is not received

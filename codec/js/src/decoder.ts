@@ -140,7 +140,7 @@ export class Decoder {
     this.needs = main ? "main" : undefined;
     while (main && !this.main) yield;
     this.needs = undefined;
-    return (this.grid = new GridFile(this.s, header, main ? this.main : undefined));
+    return (this.grid = new GridFile(this.s, header, main ? this.main : undefined, this.options.kernels));
   }
 
   private *explicit(header: Header): Steps<DomainFile> {

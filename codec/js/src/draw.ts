@@ -180,7 +180,7 @@ export function draw(decoder: Decoder, isovalue = 0, frame = decoder.frames.leng
   try {
     if (domain) return domain.draw(isovalue, frame);
     const contour = grid?.series.frames[frame]?.[isovalue];
-    if (contour) return drawn(grid!, contour.tube, ends);
+    if (contour) return drawn(grid!, contour.strand.tube, ends);
     return { n: 2, d: 2, points: new Float64Array(0), cells: new Uint32Array(0), full: false };
   } finally {
     // what drawing took is no part of the state

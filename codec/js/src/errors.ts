@@ -54,8 +54,19 @@ export class Meter {
   bytes = 0;
   constructor(readonly limits: Limits) {}
 
-  private stop(what: string): never {
+  /** More is needed than a limit allows. */
+  stop(what: string): never {
     throw new IsoError("limit", "11.2", this.bytes, `the file needs more than the limit of ${what}`);
+  }
+
+  /** What is being decoded contradicts the specification. */
+  wrong(clause: string, what: string): IsoError {
+    return new IsoError("malformed", clause, this.bytes, what);
+  }
+
+  /** Another one with the same limits. */
+  another(): Meter {
+    return new Meter(this.limits);
   }
 
   /** Take `bytes` more memory; call before it is allocated. */

@@ -3,6 +3,7 @@ import type { IsoError, Limits } from "./errors.js";
 import type { MainProfile } from "./main/profile.js";
 import type { Metadata, Promises } from "./metadata.js";
 import type { Layer } from "./program.js";
+import type { Kernels } from "./strand.js";
 
 export interface Header {
   /** Axes of a grid, or the dimension of the cells of an explicit domain (clause 10). */
@@ -54,6 +55,8 @@ export interface DecoderOptions {
   main?: MainProfile;
   /** What reads explicit domains, from `isocodec/domain`; without it files of these wait for `setDomains`. */
   domains?: Domains;
+  /** Compiled kernels, from `isocodec/kernels`, with which files of grids are decoded several times as fast. */
+  kernels?: Kernels | undefined;
   /** The mesh of a file that only says which one it is. */
   mesh?: KnownMesh | undefined;
   /** Whether the state of all frames of a series is kept; otherwise that of the last two is. */

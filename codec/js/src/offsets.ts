@@ -1,5 +1,4 @@
 /** Geometry by offsets (5.7, 5.9.6), its guesses and candidates (7.8, 7.14). */
-import { bits } from "./bits.js";
 import { Crossings, EdgeIndex } from "./edges.js";
 import { OFFSET, OFFSET_LEAN, OFFSET_NEAR } from "./models.js";
 
@@ -158,7 +157,7 @@ export class Offsets {
           let nearer = -1;
           if (leanPart >= 0) {
             nearer = t.side === 1 ? split - leanPart : leanPart + 1 - split;
-            context = OFFSET_LEAN + Math.min(bits(nearer), 7) * 16 + Math.min(high - low, 15);
+            context = OFFSET_LEAN + Math.min(32 - Math.clz32(nearer), 7) * 16 + Math.min(high - low, 15);
           }
           let bit: number;
           if (t.main) {

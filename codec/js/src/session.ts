@@ -3,6 +3,7 @@ import { Coder } from "./coder.js";
 import { Meter, type Limits } from "./errors.js";
 import type { IsoEvent, LayerKind } from "./events.js";
 import { Reader, type Steps } from "./reader.js";
+import type { Run } from "./strand.js";
 
 export class Session {
   readonly r = new Reader();
@@ -30,9 +31,9 @@ export class Session {
   }
 
   /** 6.3(2), once the payload is there. */
-  *finish(): Steps {
-    const { r, coder } = this, length = r.stop - r.at;
+  *finish(run: Run): Steps {
+    const { r } = this, length = r.stop - r.at;
     yield* r.need(length);
-    if (coder.shifts + 4 < length) throw r.error("6.3", "bytes that no symbol has needed");
+    if (run.shifts + 4 < length) throw r.error("6.3", "bytes that no symbol has needed");
   }
 }

@@ -58,11 +58,11 @@ export function canonicalText(decoder: Decoder): string {
     if (frame) lines.push(`frame ${frame}`);
     contours.forEach((_, i) => {
       if (i) lines.push(`isovalue ${i}`);
-      if (grid) tube(grid.series.frames[frame]![i]!.tube, lines);
+      if (grid) tube(grid.series.frames[frame]![i]!.strand.tube, lines);
       else domain!.lines(frame, i, lines);
     });
   });
-  const mask = grid?.maskTube;
+  const mask = grid?.mask?.tube;
   if (mask) {
     lines.push("mask", `level ${mask.shown}`);
     vertices(mask, lines);

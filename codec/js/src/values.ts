@@ -10,8 +10,8 @@ const WIDE = 43;
 // eslint-disable-next-line @typescript-eslint/no-explicit-any
 type Wide = any;
 
-/** Steps from a vertex to the samples around it, three coordinates each, in the order of `survey`. */
-const STEPS = [2, 3].map((n) => {
+/** Steps from a vertex to the samples around it, three coordinates each, in the order of `survey`, by axes less 2. */
+export const STEPS = [2, 3].map((n) => {
   const steps: number[] = [];
   const push = (...ways: [number, number][]): void => {
     const by = [0, 0, 0];
@@ -29,7 +29,7 @@ export class Values {
   number = new Float64Array(0);
   missing = new Uint8Array(0);
   active = new Uint8Array(0);
-  private ids = new Int32Array(0);
+  protected ids = new Int32Array(0);
   private least: Float64Array | undefined;
   private most: Float64Array | undefined;
   private assigned = 0;

@@ -5,14 +5,25 @@
 import { Decoder, type Header, type IsoEvent } from "./decoder.js";
 import { draw, type Drawing } from "./draw.js";
 import type { Limits } from "./errors.js";
+import type { Kernels } from "./kernels.js";
 import { fetchTables, supply } from "./stream.js";
 import { coordinatesOf, place, placement, type Where } from "./world.js";
 
+/**
+ * How a file is decoded. `tables` says where `main.bin` lies, if not beside this module, `kernels` where `kernels.wasm` does:
+ * without it the compiled kernels are not taken.
+ */
+interface Manner {
+  tables?: string;
+  kernels?: string;
+  limits?: Partial<Limits>;
+}
+
 /** What the page sends. Streams and bytes are transferred. */
 export type Request =
-  | { type: "open"; id: number; url: string; tables?: string; limits?: Partial<Limits>; bytesPerSecond?: number }
-  | { type: "open"; id: number; stream: ReadableStream<Uint8Array>; tables?: string; limits?: Partial<Limits> }
-  | { type: "open"; id: number; bytes: Uint8Array; tables?: string; limits?: Partial<Limits>; bytesPerSecond?: number }
+  | ({ type: "open"; id: number; url: string; bytesPerSecond?: number } & Manner)
+  | ({ type: "open"; id: number; stream: ReadableStream<Uint8Array> } & Manner)
+  | ({ type: "open"; id: number; bytes: Uint8Array; bytesPerSecond?: number } & Manner)
   | ({ type: "show"; id: number } & View)
   | { type: "next"; id: number };
 
@@ -45,8 +56,11 @@ const scope = self as unknown as {
   onmessage: ((event: MessageEvent<Request>) => void) | null;
 };
 
+/** Bytes of a file from which on the compiled kernels are fetched: a smaller one is decoded before they are there. */
+const LARGE = 1 << 18;
+
 class Job {
-  readonly decoder: Decoder;
+  decoder: Decoder;
   private view: View = { isovalue: 0, frame: undefined, world: false };
   private ready = true;
   private stale = false;
@@ -55,12 +69,23 @@ class Job {
   private total: number | undefined;
 
   constructor(private readonly request: Request & { type: "open" }) {
+    this.decoder = this.begun();
+  }
+
+  private begun(kernels?: Kernels): Decoder {
     // any frame of a series may be asked for
-    this.decoder = new Decoder({ limits: request.limits ?? {}, keepFrames: true });
+    return new Decoder({ limits: this.request.limits ?? {}, kernels, keepFrames: true });
   }
 
   get id(): number {
     return this.request.id;
+  }
+
+  /** The compiled kernels, if they are wanted and can be had. */
+  private async kernels(): Promise<Kernels | undefined> {
+    const { kernels } = this.request;
+    if (!kernels || !(this.total! >= LARGE)) return undefined;
+    return import("./kernels.js").then(({ fetchKernels }) => fetchKernels(kernels)).catch(() => undefined);
   }
 
   private async source(): Promise<ReadableStream<Uint8Array>> {
@@ -81,7 +106,7 @@ class Job {
   }
 
   async run(): Promise<void> {
-    const { decoder } = this, reader = (await this.source()).getReader();
+    const reader = (await this.source()).getReader(), kernels = await this.kernels(), decoder = (this.decoder = this.begun(kernels));
     for (;;) {
       const { done, value } = await reader.read();
       if (current !== this) return void reader.cancel();

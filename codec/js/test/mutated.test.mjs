@@ -9,6 +9,7 @@ import { MainProfile } from "../dist/main.js";
 import { canonicalText } from "../dist/text.js";
 import * as domains from "../dist/domain.js";
 import { crc32 } from "./files.mjs";
+import { kernels } from "./kernels.mjs";
 import { readMesh } from "./mesh.mjs";
 import { python, reference, root } from "./reference.mjs";
 
@@ -45,8 +46,8 @@ function mutated(data) {
   return result;
 }
 
-function ours(data, mesh) {
-  const decoder = new Decoder({ main, domains, mesh, keepFrames: true });
+function ours(data, mesh, kernels) {
+  const decoder = new Decoder({ main, domains, mesh, kernels, keepFrames: true });
   for (let at = 0; at < data.length; at += 1000) decoder.feed(data.subarray(at, at + 1000));
   decoder.end();
   const kind = decoder.error?.kind;
@@ -82,6 +83,9 @@ test("mutated files decode as the reference decodes them", { skip: existsSync(py
         }
         assert.equal(got.code, wanted.code, name);
         assert.ok(got.text === wanted.text, `texts differ: ${name}`);
+        if (!kernels) continue;
+        const compiled = ours(data, mesh, kernels);
+        assert.deepEqual([compiled.code, compiled.text], [wanted.code, wanted.text], `compiled kernels: ${name}`);
       }
     } finally {
       other.end();

@@ -99,7 +99,7 @@ export class DomainFile implements Contents {
     coder.begin(r.at, stop - r.at, Infinity);
     const mesh = kind === "coded" ? new CodedMesh(coder, d, n, V, T, extent, (at, what) => r.error(at, what)).decode()
       : yield* this.triangulation(V, T, extent);
-    yield* this.s.finish();
+    yield* this.s.finish(this.s.coder);
     this.mesh = mesh;
     this.inFile = true;
     this.unit = { origin, factor, exponent: e };
@@ -111,7 +111,7 @@ export class DomainFile implements Contents {
     const { s, s: { r, coder, meter } } = this, o = new Opinions(coder, SURFACE.make());
     const error = (what: string): IsoError => r.error("10.11", what);
     const found = yield* readPositions(o, extent[0]!, extent[1]!, V, V, () => error("more points than there are vertices"));
-    yield* s.finish();
+    yield* s.finish(s.coder);
     const points = new Points(), all = found.x.map((x, i) => points.add(x, found.y[i]!));
     meter.take(64 * V);
     const hull = points.hull(all);
@@ -165,7 +165,7 @@ export class DomainFile implements Contents {
       if (kind === 1) (contour.offsets = new Offsets(contour, edges, first)).decode(o);
       else (contour.values = new Numbers(contour, edges, numbers[1]!, first, this.header.scale !== undefined)).decode(o);
     }
-    yield* s.finish();
+    yield* s.finish(s.coder);
     s.layer(bytes, (["signs", "offsets", "values", "levels"] as const)[kind]!, series.frames.length - 1,
       series.contours.length - 1, -1);
     yield;

@@ -85,7 +85,7 @@ export class Surface {
       this.miss.fill(0);
       yield* this.layer(o, from, l ? [] : hull);
     }
-    yield* s.finish();
+    yield* s.finish(s.coder);
   }
 
   /** What is wrong with the head is said once the chunk's checksums are verified (10.1.1(4)). */

@@ -2,17 +2,14 @@
 import { bits } from "../bits.js";
 import { CLASS } from "../models.js";
 import type { Offsets } from "../offsets.js";
-import { TRUST } from "../trust.js";
+import { PANEL_KINDS, PANEL_LISTS, TRUST } from "../trust.js";
 import type { Tube } from "../tube.js";
 import type { Values } from "../values.js";
 import { Crowd } from "./crowd.js";
 import { type OffsetSymbol, offsetRows, valueRows } from "./geometry.js";
 import { Panel } from "./panel.js";
 import { anchor, componentRows, questionRows, refinementRows, rows, signRows } from "./rows.js";
-import { KINDS, PAIR, type Tables } from "./tables.js";
-
-/** Kinds of symbols that have a panel. */
-const PANEL_KINDS = 10;
+import { begin, PAIR, type Tables } from "./tables.js";
 
 /** What an isovalue has beside its contexts. */
 export class Mixing {
@@ -25,20 +22,10 @@ export class Mixing {
 
   /** What `lean` has begins as a copy (5.9.2, 7.18.3(2)). */
   constructor(private readonly t: Tube, private readonly tables: Tables, lean: Mixing | undefined, framed: boolean) {
-    if (framed) this.weights = lean?.weights?.slice() ?? new Float64Array(7 * PANEL_KINDS).fill(4096);
+    if (framed) this.weights = lean?.weights?.slice() ?? new Float64Array(PANEL_LISTS * PANEL_KINDS).fill(4096);
     if (framed && t.lean) this.panel = new Panel(t.lean.store, t.store, t.grid, t.meter);
     this.mix = (lean ?? tables).mix.slice();
-    if (lean) return;
-    const { p, seen } = t.models;
-    for (let c = 0; c < 32 * KINDS; c++) {
-      p[CLASS + c] = tables.squash[128 * (c & 31) + 64]!;
-      seen[CLASS + c] = 0;
-    }
-    for (let i = 0; i < tables.begin.length; i += 3) {
-      const c = tables.begin[i]!;
-      p[c] = tables.begin[i + 1]!;
-      seen[c] = tables.begin[i + 2]!;
-    }
+    if (!lean) begin(tables, t.models);
   }
 
   /** Forget what only further layers need. */

@@ -122,9 +122,6 @@ const tuples = [2, 3].map((n) => {
   return Int16Array.from(list);
 });
 
-/** Contexts of the seven lists, which follow on the others (7.18.3(1)). */
-export const PANEL_CONTEXTS = 13337;
-
 /** First numbers of the lists. */
 const LISTS = [3610, 330, 608, 6498, 1056, 608].reduce((from, many) => [...from, from[from.length - 1]! + many], [CONTEXTS]);
 

@@ -1,5 +1,5 @@
 /** The tables of the main profile (7.10). */
-import { CONTEXTS } from "../models.js";
+import { CLASS, CONTEXTS, type Contexts } from "../models.js";
 
 /** Columns of a row of `weight`, kinds of symbols, networks. */
 export const KINDS = 49;
@@ -18,6 +18,18 @@ export interface Tables {
 }
 
 export const PAIR = 2 ** 26;
+
+/** Begin contexts that do not begin as 7.1 states: those of classes of opinions (7.11(2)), and those that are trained. */
+export function begin({ squash, begin: told }: Tables, { p, seen }: Contexts): void {
+  for (let c = 0; c < 32 * KINDS; c++) {
+    p[CLASS + c] = squash[128 * (c & 31) + 64]!;
+    seen[CLASS + c] = 0;
+  }
+  for (let i = 0; i < told.length; i += 3) {
+    p[told[i]!] = told[i + 1]!;
+    seen[told[i]!] = told[i + 2]!;
+  }
+}
 
 function stretches(squash: Uint16Array): Int16Array {
   const table = new Int16Array(4096).fill(2047);

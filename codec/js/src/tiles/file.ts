@@ -92,7 +92,7 @@ export class TiledFile {
   /** Decode the file of a tile. */
   async decode(file: Uint8Array, limits: Limits = this.limits): Promise<Decoder> {
     const main = this.head.profile === "main" ? await (this.main ??= this.load()) : undefined;
-    const decoder = new Decoder({ limits, ...(main && { main }) });
+    const decoder = new Decoder({ limits, kernels: this.options.kernels, ...(main && { main }) });
     decoder.feed(file);
     decoder.end();
     if (decoder.error) throw decoder.error;

@@ -2,6 +2,7 @@
 import type { Limits } from "../errors.js";
 import type { MainProfile } from "../main/profile.js";
 import type { Metadata } from "../metadata.js";
+import type { Kernels } from "../strand.js";
 
 /** A URL, whose server need not know ranges; a file; or all bytes. */
 export type TileSource = string | URL | Blob | Uint8Array;
@@ -39,6 +40,8 @@ export interface TilesOptions {
   limits?: Partial<Limits>;
   /** The main profile, from `isocodec/main`. */
   main?: MainProfile;
+  /** Compiled kernels, from `isocodec/kernels`. */
+  kernels?: Kernels | undefined;
   /** Fetches `main.bin`, if `main` is not given; by default from beside this module. */
   loadTables?: () => Promise<Uint8Array>;
 }

@@ -1,0 +1,112 @@
+/** The coder and the models of an isovalue, as kernels have them (clauses 6 and 7). */
+import { STEP } from "../coder.js";
+import { CLASS, HOLE, Models } from "../models.js";
+import { begin, KINDS, type Tables } from "../main/tables.js";
+import { PANEL_CONTEXTS, PANEL_KINDS, PANEL_LISTS, TRUST } from "../trust.js";
+import type { Arr, Machine, Registers } from "./machine.js";
+import { WIDTH, withSums } from "./rows.js";
+
+export type CoderNames = "mode" | "range" | "unknown" | "pos" | "end" | "final" | "left" | "over";
+
+/** Opinions of counts, on symbols of frames that lean on the one before (7.18). */
+interface Panel {
+  readonly prob: Arr;
+  readonly seen: Arr;
+  readonly mix: Arr;
+  readonly about: Arr;
+  readonly place: Arr;
+  readonly said: Arr;
+}
+
+/** What the main profile has beside (7.11). */
+interface Blend {
+  readonly weight: Arr;
+  readonly out: Arr;
+  readonly mix: Arr;
+  readonly squash: Arr;
+  readonly stretch: Arr;
+  readonly trust: Arr;
+  readonly row: Arr;
+  readonly trace: Arr;
+  readonly panel: Panel;
+}
+
+export interface Coder {
+  readonly reg: Registers<CoderNames>;
+  readonly buf: Arr;
+  readonly prob: Arr;
+  readonly seen: Arr;
+  readonly rate: Arr;
+  readonly blend: Blend;
+}
+
+/** Weight that an opinion of a panel begins with, of `2**16`; rows that a symbol may list. */
+const FIRST_WEIGHT = 4096, MOST_ROWS = 256;
+/** Bytes of a run that there is room for at first. */
+const ROOM = 4096;
+
+/** The coders of a file. */
+export class Coders {
+  private readonly rate: Arr;
+  private readonly shared: Pick<Blend, "weight" | "out" | "squash" | "stretch" | "trust" | "row" | "trace">;
+
+  /** `tables` are those of the main profile, undefined in the baseline profile. */
+  constructor(private readonly m: Machine, n: number, private readonly tables: Tables | undefined) {
+    this.rate = m.numbers(STEP.subarray(0, STEP.length - 1), undefined, false);
+    const none = m.array("int64", [0]);
+    this.shared = { weight: m.array("int16", [0, 1]), out: m.array("int32", [0, 1]), squash: none, stretch: none, trust: none, row: none,
+      trace: m.array("int32", [0, 0]) };
+    if (!tables) return;
+    const sums = withSums(n, tables), out = m.array("int32", [tables.out.length / (WIDTH + 1), WIDTH + 1], false);
+    const weight = m.array("int16", [sums.length / WIDTH, WIDTH], false);
+    m.words(out).set(tables.out);
+    new Int16Array(m.memory.buffer, weight.at, weight.size).set(sums);
+    this.shared = { ...this.shared, weight, out, squash: m.numbers(tables.squash, undefined, false),
+      stretch: m.numbers(tables.stretch, undefined, false), trust: m.numbers(TRUST, undefined, false), row: m.array("int64", [MOST_ROWS], false) };
+  }
+
+  /** A coder with models as a file begins with them, or as `lean` has left them (5.9.2), of the frame before if `framed`. */
+  coder(lean: Coder | undefined, framed: boolean): Coder {
+    const { m, rate, shared } = this, reg = m.registers<CoderNames>("CoderRegisters"), buf = m.array("uint8", [ROOM]);
+    const again = (array: Arr): Arr => m.wider(array, array.shape[0]!);
+    if (lean) {
+      const { prob, seen, blend } = lean, panel = framed && this.tables ? this.panel(blend.panel) : this.noPanel();
+      return { reg, buf, prob: again(prob), seen: again(seen), rate, blend: { ...blend, mix: again(blend.mix), panel } };
+    }
+    const models = new Models(undefined), { tables } = this;
+    if (tables) begin(tables, models);
+    // without the main profile, contexts of holes follow on the others
+    const [prob, seen] = [models.p, models.seen].map((all) => m.numbers(tables ? all : [...all.subarray(0, CLASS), ...all.subarray(HOLE)])) as [Arr, Arr];
+    const mix = tables ? m.numbers(tables.mix, [KINDS, 4]) : m.array("int64", [0, 1]);
+    const { weight, out, squash, stretch, trust, row, trace } = shared;
+    return { reg, buf, prob, seen, rate, blend: { weight, out, mix, squash, stretch, trust, row, trace, panel: this.noPanel() } };
+  }
+
+  private noPanel(): Panel {
+    const { m } = this, none = m.array("int64", [0]);
+    return { prob: none, seen: none, mix: m.array("int64", [0, PANEL_LISTS]), about: m.array("int64", [6]), place: none, said: none };
+  }
+
+  /** What a frame begins with that leans on one with `before`. */
+  private panel(before: Panel): Panel {
+    const { m } = this, again = (array: Arr): Arr => m.wider(array, array.shape[0]!);
+    const about = m.array("int64", [6]), [place, said] = [m.array("int64", [PANEL_LISTS]), m.array("int64", [PANEL_LISTS])];
+    if (before.prob.size) return { prob: again(before.prob), seen: again(before.seen), mix: again(before.mix), about, place, said };
+    return {
+      prob: m.numbers(new Uint16Array(PANEL_CONTEXTS).fill(32768)), seen: m.array("int64", [PANEL_CONTEXTS]),
+      mix: m.numbers(new Uint16Array(PANEL_KINDS * PANEL_LISTS).fill(FIRST_WEIGHT), [PANEL_KINDS, PANEL_LISTS]), about, place, said,
+    };
+  }
+
+  /** Make room for `count` bytes of a run, of which `kept` are there. */
+  room(coder: Coder, count: number): Coder {
+    if (count <= coder.buf.size) return coder;
+    const buf = this.m.wider(coder.buf, Math.max(2 * coder.buf.size, count));
+    this.m.release(coder.buf);
+    return { ...coder, buf };
+  }
+
+  release({ reg, buf, prob, seen, blend: { mix, panel } }: Coder): void {
+    [reg.array, buf, prob, seen, mix, ...Object.values(panel) as Arr[]].forEach((array) => this.m.release(array));
+  }
+}

@@ -1,0 +1,167 @@
+/** The state that kernels work on: known vertices and the tubular neighbourhood (5.1). */
+import type { Grid } from "../grid.js";
+import type { Meter } from "../errors.js";
+import type { Arr, Machine, Registers } from "./machine.js";
+import { newBoard, newCounts, newStore, PAGES, release, roomy, spare, type Store } from "./store.js";
+
+export type CounterNames = "level" | "edge" | "vertices" | "leaves" | "next" | "done_leaves" | "child" | "mixed" | "held" | "most_mixed" |
+  "base_level" | "uniform" | "finest" | "before_round" | "error" | "work" | "step_work" | "most_work" | "asks" | "adapted" | "room" |
+  "side" | "shift" | "told" | "seeded" | "meshes" | "agreed" | "masked";
+export type Counters = Registers<CounterNames>;
+type WalkNames = "gates" | "last_root" | "more";
+type Walk = Registers<WalkNames>;
+
+export interface GridRecord {
+  readonly tables: Arr;
+  readonly last0: number;
+  readonly last1: number;
+  readonly last2: number;
+  readonly exponent: number;
+}
+
+/** What is known of an earlier isovalue (5.9), or of the mask (5.10). */
+export interface Lean {
+  readonly grid: GridRecord;
+  readonly counters: Counters;
+  readonly valueBits: Arr;
+  readonly known: Store;
+  readonly mesh: Store;
+  readonly number: Arr;
+  readonly left: Arr;
+}
+
+/** A store entry is 0 of an unknown vertex, else `2 * (number + 1) + sign`; `vertex` has position and sign a row. */
+export interface State {
+  readonly grid: GridRecord;
+  readonly counters: Counters;
+  readonly tally: Arr;
+  readonly calm: Arr;
+  readonly valueBits: Arr;
+  readonly known: Store;
+  readonly vertex: Arr;
+  readonly leaf: Arr;
+  readonly below: Arr;
+  readonly mesh: Store;
+  readonly crowd: Store;
+  readonly board: Store;
+  readonly path: Arr;
+  readonly chosen: { readonly inside: Arr; readonly outside: Store };
+  readonly lean: Lean;
+  readonly hole: Lean;
+  readonly soft: Store;
+  readonly truth: Arr;
+  readonly base: Walk;
+  readonly refinement: Walk;
+  readonly tree: Walk;
+  readonly value: Walk;
+  readonly digit: Walk;
+  readonly turns: Arr;
+  readonly trail: Arr;
+  readonly early: Arr;
+  readonly candidates: Arr;
+  readonly window: Arr;
+  readonly scratch: Arr;
+  readonly stack: Arr;
+}
+
+/** In the counter `side`: the isovalue leans on one of an earlier frame. */
+export const FRAME = 2;
+/** How often something has been so, as it begins. */
+const MOSTLY = 3584;
+/** Syntax elements, and predictions. */
+const TALLY = 13;
+/** Rows that lists begin with; ancestors of a vertex; entries of the stack, and of a gate on it. */
+const ROWS = 2048, ANCESTORS = 4096, STACK = 4096, GATE = 7;
+/** What one step of a pass adds at most: vertices, simplices, pages of the crowd; gates that a grown stack has room for. */
+const VERTICES = 16, LEAVES = 24, CELLS = 26, GATES = 128;
+/** Simplices of a mesh at most: their numbers are integers of 32 bits. */
+const MOST_LEAVES = 2 ** 28;
+/** Entries of turns, trail, early points, candidates, window, scratch. */
+const SIZES = [80, 40, 40, 80, 10, 128];
+
+/** States of a file: what all of them share. */
+export class States {
+  private readonly grid: GridRecord;
+  /** What kernels see where there is no earlier isovalue. */
+  readonly noLean: Lean;
+  private readonly chosen: State["chosen"];
+
+  constructor(private readonly m: Machine, private readonly meter: Meter, { n, last, k }: Grid) {
+    const { mesh } = m.kernels, half = mesh.length / 2, tables = m.numbers(mesh.subarray((n - 2) * half, (n - 1) * half), undefined, false);
+    this.grid = { tables, last0: last[0], last1: last[1], last2: last[2], exponent: k };
+    const none = m.array("int64", [0]);
+    this.noLean = {
+      grid: { tables, last0: 0, last1: 0, last2: 0, exponent: 0 }, counters: m.registers("Counters"), valueBits: m.array("int64", [2]),
+      known: newStore(m, n), mesh: newStore(m, n), number: none, left: none,
+    };
+    this.chosen = { inside: m.array("uint8", [0, 0, 1]), outside: newStore(m, n, "uint8") };
+  }
+
+  /** What is known of an isovalue of which nothing is told. */
+  first(n: number, lean: Lean | undefined): State {
+    const { m, noLean } = this, counters = m.registers<CounterNames>("Counters"), base = m.registers<WalkNames>("BaseWalk");
+    counters.set("agreed", MOSTLY);
+    counters.set("most_mixed", MOST_LEAVES);
+    base.set("last_root", -1);
+    const [turns, trail, early, candidates, window, scratch] = SIZES.map((size) => m.array("int64", [size])) as [Arr, Arr, Arr, Arr, Arr, Arr];
+    return {
+      grid: this.grid, counters, tally: m.array("int64", [TALLY]), calm: m.numbers([MOSTLY, MOSTLY]), valueBits: m.array("int64", [2]),
+      known: newStore(m, n), vertex: m.array("int32", [ROWS, 4]), leaf: m.array("int32", [ROWS, 5]), below: m.array("int32", [ROWS, 5]),
+      mesh: newStore(m, n), crowd: newCounts(m, n), board: newBoard(m, n), path: m.array("int64", [ANCESTORS, 4]), chosen: this.chosen,
+      lean: lean ?? noLean, hole: noLean, soft: noLean.known, truth: m.array("bool", [0, 0, 0]), base,
+      refinement: m.registers("RefinementWalk"), tree: m.registers("TreeWalk"), value: m.registers("ValueWalk"), digit: m.registers("DigitWalk"),
+      turns, trail, early, candidates, window, scratch, stack: m.array("int64", [STACK]),
+    };
+  }
+
+  /** The same with room for the next steps of any pass; `walking` says whether it is a base, which needs its stack. */
+  wider(st: State, walking: boolean): State {
+    const { m, meter } = this, { counters } = st, vertices = counters.get("vertices") + VERTICES, room = counters.get("room");
+    if (Math.max(vertices, m.number(st.mesh.head, PAGES) + room) > meter.limits.vertices)
+      meter.stop("vertices");
+    if (Math.max(counters.get("leaves"), counters.get("mixed")) + LEAVES > MOST_LEAVES)
+      meter.stop("simplices");
+    const rows = (array: Arr, needed: number): Arr => {
+      const length = array.shape[0]!;
+      return needed <= length ? array : this.longer(array, Math.max(length + spare(array.bytes, length), needed));
+    };
+    const deep = walking && (st.base.get("gates") + GATES) * GATE > st.stack.size;
+    return {
+      ...st, vertex: rows(st.vertex, vertices), leaf: rows(st.leaf, counters.get("leaves") + LEAVES),
+      below: rows(st.below, counters.get("next") + LEAVES), stack: deep ? rows(st.stack, st.stack.size + 1) : st.stack,
+      known: roomy(m, st.known, VERTICES), mesh: roomy(m, st.mesh, Math.max(VERTICES, room)), crowd: roomy(m, st.crowd, CELLS),
+      board: roomy(m, st.board, VERTICES),
+    };
+  }
+
+  private longer(array: Arr, length: number): Arr {
+    const found = this.m.wider(array, length);
+    this.m.release(array);
+    return found;
+  }
+
+  /** The store of visited simplices with room for the next step. */
+  roomy(mark: Store): Store {
+    return roomy(this.m, mark, VERTICES);
+  }
+
+  /** The same without what only further layers need. */
+  atRest(st: State, n: number): State {
+    const { m } = this, none = m.array("int64", [0]);
+    for (const store of [st.crowd, st.board, ...(st.soft === this.noLean.known ? [] : [st.soft])]) release(m, store);
+    for (const array of [st.below, st.path, st.stack]) m.release(array);
+    return {
+      ...st, crowd: newCounts(m, n), board: newBoard(m, n), below: m.array("int32", [0, 5]), path: m.array("int64", [0, 4]), stack: none,
+      soft: this.noLean.known,
+    };
+  }
+
+  /** Give all memory of a state back. */
+  release(st: State): void {
+    const { m } = this;
+    for (const store of [st.known, st.mesh, st.crowd, st.board, ...(st.soft === this.noLean.known ? [] : [st.soft])]) release(m, store);
+    const walks = [st.counters, st.base, st.refinement, st.tree, st.value, st.digit].map((walk) => walk.array);
+    for (const array of [...walks, st.tally, st.calm, st.valueBits, st.vertex, st.leaf, st.below, st.path, st.turns, st.trail, st.early,
+      st.candidates, st.window, st.scratch, st.stack]) m.release(array);
+  }
+}

@@ -1,0 +1,394 @@
+/** The strand of an isovalue whose passes are compiled: order of the layers, what they leave behind. */
+import type { Input } from "../coder.js";
+import type { IsoError, Meter } from "../errors.js";
+import type { Grid } from "../grid.js";
+import type { Layer } from "../program.js";
+import type { Run, Strand } from "../strand.js";
+import type { Missing, Pass, Tube } from "../tube.js";
+import type { Coder, Coders } from "./coder.js";
+import { Estimates } from "./estimates.js";
+import type { Arr, Machine } from "./machine.js";
+import { Reflection } from "./reflection.js";
+import { softened } from "./softened.js";
+import { type CounterNames, FRAME, type Lean, type State, type States } from "./state.js";
+import { copied, mask, newStore, release, type Store } from "./store.js";
+
+/** Why a kernel came back: it is done, or needs bytes, or has decoded the symbols that were granted, or room, or is at a loss. */
+const DONE = 0, NEED = -1, CUT = -2, GROW = -3, BAD = -4;
+/** In the counter `error`: steps are used up; else the clause that is violated. */
+const OUT_OF_STEPS = 5;
+const CLAUSES: Record<number, string> = { 1: "5.3.2", 3: "5.3.3", 4: "5.5", 6: "5.8.2" };
+/** Symbols that are decoded before limits are asked again. */
+const SLICE = 65536;
+/** No limit of steps is larger. */
+const MOST_STEPS = 2 ** 52;
+/** Steps, sixteenths of a symbol, that listing a vertex or a simplex takes. */
+const LISTED = 4;
+/** Bit of a point of the mesh that stays from one adaptive layer to the next. */
+const IN = 1;
+
+/** What all strands of a file share. */
+export interface Shared {
+  readonly m: Machine;
+  readonly meter: Meter;
+  readonly input: Input;
+  readonly grid: Grid;
+  readonly coders: Coders;
+  readonly states: States;
+  /** Strands of the frame that has ended last. */
+  finished: CompiledStrand[];
+}
+
+/** What a strand leans on: another one, how far below it lies in whole steps, if that is known, and on which side. */
+export interface Leaning {
+  readonly on: CompiledStrand;
+  readonly shift: number | undefined;
+  readonly side: number;
+}
+
+type Running = "" | "base" | "continue" | "significance" | "refinement" | "values" | "offsets";
+
+export class CompiledStrand implements Strand, Run {
+  cut = false;
+  running: Running = "";
+  state: State;
+  readonly estimates: Estimates;
+  coder: Coder;
+  private readonly n: number;
+  private readonly reflection: Reflection;
+  private readonly none: Arr;
+  private leaning: Leaning | undefined;
+  private marks: Store | undefined;
+  private seeds: Arr;
+  private births = false;
+  /** Level by complete layers. */
+  private shown = -1;
+  /** Of the run: where it begins in the input, its length, bytes that have come, symbols that may come and that were granted. */
+  private start = 0;
+  private length = 0;
+  private come = 0;
+  private most = Infinity;
+  private granted = 0;
+  private counted = 0;
+
+  constructor(private readonly shared: Shared, readonly isovalue: number, scaled: boolean, models: CompiledStrand | undefined, framed: boolean,
+              leaning: Leaning | undefined) {
+    const { m, grid, coders, states, meter } = shared;
+    this.n = grid.n;
+    this.none = m.array("int64", [0]);
+    this.leaning = leaning;
+    this.coder = coders.coder(models?.coder, framed);
+    this.state = states.first(grid.n, leaning && this.leanOn(leaning.on));
+    if (leaning) {
+      this.counters.set("side", leaning.side);
+      this.counters.set("shift", leaning.shift ?? 0);
+    }
+    const told = leaning && leaning.side !== FRAME ? { estimates: leaning.on.estimates, state: leaning.on.state, shift: leaning.shift } : undefined;
+    this.reflection = new Reflection(m, grid, meter.another(), isovalue, scaled);
+    this.estimates = new Estimates(m, grid.n, told, () => this.tube);
+    this.seeds = m.array("int32", [0, 5]);
+  }
+
+  private get counters(): State["counters"] {
+    return this.state.counters;
+  }
+
+  private count(name: CounterNames): number {
+    return this.counters.get(name);
+  }
+
+  private leanOn({ state: { grid, counters, valueBits, known, mesh }, estimates }: CompiledStrand, shift?: number): Lean {
+    const told = shift !== undefined && estimates.hasValues;
+    return { grid, counters, valueBits, known, mesh, number: told ? estimates.number : this.none, left: told ? estimates.left : this.none };
+  }
+
+  get begun(): boolean {
+    return this.count("edge") > 0;
+  }
+
+  get uniform(): number {
+    return this.begun ? this.count("uniform") : -1;
+  }
+
+  private get full(): boolean {
+    return this.running !== "base" && this.uniform === this.shared.grid.full;
+  }
+
+  get tube(): Tube {
+    return this.reflection.of(this.state, this.estimates, this.running, this.shown);
+  }
+
+  // -- runs ------------------------------------------------------------------------------------------------------
+
+  run(start: number, length: number, most: number): Run {
+    const { reg } = this.coder;
+    Object.assign(this, { start, length, most, come: 0, granted: 0, counted: 0, cut: false });
+    reg.clear();
+    reg.set("mode", 1);
+    reg.set("range", 2 ** 32);
+    reg.set("unknown", 32);
+    return this;
+  }
+
+  get shifts(): number {
+    const { reg } = this.coder;
+    return reg.get("pos") + (reg.get("unknown") >> 3) - 4;
+  }
+
+  get used(): number {
+    return Math.min(this.shifts + 4, this.length);
+  }
+
+  /** Hand bytes that have come to the coder. */
+  private arrive(): void {
+    const { m, coders, input } = this.shared, count = Math.min(this.length, input.length - this.start);
+    if (count > this.come) {
+      this.coder = coders.room(this.coder, count);
+      m.bytes(this.coder.buf).set(input.data.subarray(this.start + this.come, this.start + count), this.come);
+      this.come = count;
+    }
+    const { reg } = this.coder;
+    reg.set("end", count);
+    reg.set("final", Number(count === this.length));
+  }
+
+  /** Grant some more symbols; false if there may be none. */
+  private grant(): boolean {
+    const { reg } = this.coder, more = Math.min(SLICE, this.most - this.granted);
+    reg.set("left", reg.get("left") + more);
+    this.granted += more;
+    return more > 0;
+  }
+
+  /** Count what a kernel has done to the limits. */
+  private settle(work: number): void {
+    const { meter, input } = this.shared, done = this.granted - this.coder.reg.get("left");
+    meter.bytes = input.dropped + this.start + Math.max(0, this.shifts);
+    meter.step(16 * (done - this.counted) + work);
+    this.counted = done;
+  }
+
+  private wrong(clause: string, what: string): IsoError {
+    const { input, meter } = this.shared;
+    meter.bytes = input.dropped + this.start + Math.min(Math.max(0, this.shifts), this.come);
+    return meter.wrong(clause, what);
+  }
+
+  // -- layers ----------------------------------------------------------------------------------------------------
+
+  *begin(layer: Layer, bits: [number, number] | undefined): Pass {
+    const { meter } = this.shared, listed = this.follows ? this.leaning!.on : this;
+    meter.step(LISTED * (listed.count("vertices") + listed.count("held")));
+    this.beginLayer(layer, bits);
+    for (;;) {
+      this.arrive();
+      const status = this.advance();
+      if (status === DONE) return;
+      if (status === CUT && this.grant()) continue;
+      this.cut = status === CUT;
+      yield;
+    }
+  }
+
+  completed(): number {
+    return (this.shown = this.uniform);
+  }
+
+  /** Whether nothing has come yet of an isovalue that leans on one of the frame before. */
+  private get follows(): boolean {
+    return this.leaning?.side === FRAME && !this.begun;
+  }
+
+  private beginLayer(layer: Layer, bits: [number, number] | undefined): void {
+    switch (layer.kind) {
+      case "base":
+        return this.beginBase(layer.level, false);
+      case "adaptive_base":
+        return this.beginBase(layer.level, true);
+      case "leaf_base":
+        return this.beginAtLeaves();
+      case "refine":
+        this.counters.set("asks", 0);
+        this.births = true;
+        return this.fresh("significance");
+      case "adapt":
+        this.counters.set("asks", 1);
+        this.counters.set("adapted", 1);
+        mask(this.shared.m, this.state.mesh, IN);
+        this.births = layer.births;
+        return this.fresh("continue");
+      case "values":
+        this.estimates.beginValues(this.state, this.full, layer.plane, bits!);
+        return this.fresh("values");
+      case "offsets":
+        this.estimates.beginOffsets(this.state, this.full, layer.Q, layer.q);
+        return this.fresh("offsets");
+    }
+  }
+
+  private beginBase(level: number, adaptive: boolean): void {
+    const { m, grid } = this.shared, { counters } = this;
+    if (this.follows && this.coder.blend.weight.size) this.state = { ...this.state, soft: softened(m, this.n, this.state.lean) };
+    for (const name of ["level", "base_level", "uniform"] as const) counters.set(name, level);
+    counters.set("finest", adaptive ? grid.full : level);
+    counters.set("adapted", Number(adaptive));
+    counters.set("edge", grid.edge(level));
+    this.marks = newStore(m, this.n);
+    this.running = "base";
+  }
+
+  /** Begin a base on the mesh of the isovalue that this one leans on, at its leaves (5.9.4). */
+  private beginAtLeaves(): void {
+    const { m } = this.shared, { on } = this.leaning!;
+    release(m, this.state.mesh);
+    this.state = { ...this.state, mesh: copied(m, on.state.mesh, IN) };
+    this.counters.set("told", 1);
+    this.counters.set("seeded", 1);
+    this.seeds = m.array("int32", [on.count("held"), 5]);
+    m.call("tube_leaf_list__one_by_one", on.state, this.seeds);
+    this.beginBase(on.uniform, on.count("adapted") === 1);
+  }
+
+  private fresh(running: Running): void {
+    const { m } = this.shared, { refinement, tree, value, digit, trail, candidates, window } = this.state;
+    for (const walk of [refinement, tree, value, digit]) walk.clear();
+    for (const array of [trail, candidates, window]) m.words(array).fill(0);
+    this.running = running;
+  }
+
+  /** Go on with the layer begun: it is done, or bytes or symbols are lacking. */
+  private advance(): number {
+    const { leaning, shared: { meter, states } } = this, on = leaning?.on.counters;
+    if (leaning) this.state = { ...this.state, lean: this.leanOn(leaning.on, leaning.shift) };
+    for (;;) {
+      const { counters } = this, { work, workPerByte } = meter.limits, before = counters.get("work"), earlier = on?.get("work") ?? 0;
+      const left = Math.min(Math.max(0, 16 * (work + workPerByte * meter.bytes) - meter.steps), MOST_STEPS) + 16 * SLICE;
+      counters.set("most_work", before + left);
+      on?.set("most_work", earlier + left);
+      const status = this.kernel(), tired = on !== undefined && on.get("work") >= on.get("most_work");
+      if (status === NEED || status === CUT) counters.set("work", counters.get("step_work"));
+      counters.set("step_work", counters.get("work"));
+      this.settle(counters.get("work") - before + (on ? on.get("work") - earlier : 0));
+      const error = counters.get("error");
+      if (tired || (status === BAD && error === OUT_OF_STEPS))
+        meter.stop("work");
+      if (status === GROW) {
+        this.state = states.wider(this.state, this.running === "base");
+        if (this.marks) this.marks = states.roomy(this.marks);
+      } else if (status === BAD) throw this.wrong(CLAUSES[error]!, "what is decoded contradicts itself");
+      else if (status === DONE) {
+        if (this.finished()) return DONE;
+      } else {
+        if (status === NEED && this.coder.reg.get("over")) throw this.wrong("6.3", "a run is too short");
+        return status;
+      }
+    }
+  }
+
+  private kernel(): number {
+    const { state, coder, none, shared: { m } } = this;
+    switch (this.running) {
+      case "base":
+        return m.call("passes_base_base", state, coder, this.marks!, none, this.seeds);
+      case "continue":
+        return m.call("passes_refinement_go_on", state, coder, 0);
+      case "significance":
+        return m.call("passes_new_components_significance", state, coder, none);
+      case "refinement":
+        return m.call("passes_refinement_refine", state, coder);
+      case "values":
+        return this.estimates.codeValues(state, coder);
+      case "offsets":
+        return this.estimates.codeOffsets(state, coder);
+      case "":
+        throw new Error("no layer has begun");
+    }
+  }
+
+  /** End of a pass; false if the layer has another one. */
+  private finished(): boolean {
+    const { counters, shared: { m, grid } } = this, at = (name: CounterNames): number => counters.get(name);
+    switch (this.running) {
+      case "base":
+        release(m, this.marks!);
+        m.release(this.seeds);
+        this.marks = undefined;
+        this.seeds = m.array("int32", [0, 5]);
+        counters.set("told", 0);
+        counters.set("seeded", 0);
+        counters.set("held", at("leaves"));
+        this.endMesh();
+        break;
+      case "continue":
+        if (this.state.refinement.get("more")) {
+          this.fresh(this.births ? "significance" : "refinement");
+          return false;
+        }
+        this.endAdaptive();
+        break;
+      case "significance":
+        this.fresh("refinement");
+        return false;
+      case "refinement": {
+        const { leaf, below } = this.state;
+        this.state = { ...this.state, leaf: below, below: leaf };
+        counters.set("leaves", at("next"));
+        counters.set("held", at("mixed"));
+        for (const name of ["next", "mixed", "done_leaves", "child"] as const) counters.set(name, 0);
+        counters.set("before_round", at("vertices"));
+        this.setLevel(at("level") + 1);
+        if (!at("asks")) {
+          counters.set("uniform", at("level"));
+          this.endMesh();
+        } else if (at("level") < grid.full) {
+          this.fresh("continue");
+          return false;
+        } else this.endAdaptive();
+      }
+    }
+    this.running = "";
+    return true;
+  }
+
+  private setLevel(level: number): void {
+    this.counters.set("level", level);
+    this.counters.set("edge", this.shared.grid.edge(level));
+  }
+
+  private endAdaptive(): void {
+    this.counters.set("asks", 0);
+    this.setLevel(this.uniform);
+    this.endMesh();
+  }
+
+  private endMesh(): void {
+    this.counters.set("before_round", this.count("vertices"));
+    this.counters.set("meshes", this.count("meshes") + 1);
+  }
+
+  // -- what others have ------------------------------------------------------------------------------------------
+
+  masked(_: Missing, other: Strand): void {
+    const { m } = this.shared, { state: { grid, known, mesh, counters } } = other as CompiledStrand;
+    const own = m.registers<CounterNames>("Counters");
+    own.set("base_level", counters.get("base_level"));
+    own.set("most_work", 2 ** 62);
+    this.state = { ...this.state, hole: { ...this.shared.states.noLean, grid, known, mesh, counters: own } };
+    this.counters.set("masked", 1);
+  }
+
+  finish(): void {
+    this.estimates.rest();
+    this.estimates.part();
+    this.state = { ...this.shared.states.atRest(this.state, this.n), lean: this.shared.states.noLean };
+    this.leaning = undefined;
+    this.shared.finished.push(this);
+  }
+
+  /** Give all memory back: the frame is no longer kept. */
+  drop(): void {
+    this.estimates.release();
+    this.shared.states.release(this.state);
+    this.shared.coders.release(this.coder);
+  }
+}
