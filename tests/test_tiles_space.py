@@ -88,6 +88,18 @@ def check_random(tmp_path: Path, seeds: range) -> None:
         check_kept(tiled_of(data), field, 0.5, tolerance)
 
 
+@pytest.mark.parametrize("radius", [0.8, 1.3, 2.2, 3.1])
+def test_small_things_on_faces(tmp_path: Path, radius: float) -> None:
+    """Meshes as fine as the samples on one side, and large things on the other: still closed."""
+    x, y, z = np.meshgrid(*map(np.arange, (66, 40, 40)), indexing="ij")
+    small = np.sqrt((x - 32.2) ** 2 + (y - 17.4) ** 2 + (z - 18.3) ** 2) - radius
+    large = np.sqrt((x - 49) ** 2 + (y - 20) ** 2 + (z - 20) ** 2) - 13
+    field = np.minimum(small, large)
+    data = encoded(tmp_path, field, 0, tolerance=0.6)
+    check_faces(data, False)
+    check_kept(tiled_of(data), field, 0, 0.6)
+
+
 def test_several_isovalues_and_the_baseline_profile(tmp_path: Path) -> None:
     field = waves((40, 50, 60))
     file = tiled_of(encoded(tmp_path, field, [0.4, 9.0, -0.3], tolerance=1.0, profile="baseline"))

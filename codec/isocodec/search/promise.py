@@ -101,10 +101,15 @@ class Promise:
 
     def trial(self, plan: Sequence[Entry]) -> tuple[int, Contour]:
         """Bytes of the runs of a plan, and what a decoder draws in the end."""
+        total, leaves = self.leaves(plan)
+        return total, draw(leaves)
+
+    def leaves(self, plan: Sequence[Entry]) -> tuple[int, Leaves]:
+        """Bytes of the runs of a plan, and the leaves in the end."""
         total, tube, _ = self._encoded(plan)
         if self.tried:
             self.tried()
-        return total, draw(self._leaves(tube))
+        return total, self._leaves(tube)
 
     def layers(self, plan: Sequence[Entry]) -> list[tuple[Contour, float | None]]:
         """What a decoder draws after each layer of a plan, and which distance has been promised by then."""

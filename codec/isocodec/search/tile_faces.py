@@ -9,6 +9,7 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
+from ..drawing.drawing import draw
 from ..field.samples import Field
 from ..mesh.tables import AXES
 from .promise import Promise, onto
@@ -18,13 +19,10 @@ from .strategy import NotKeptError, Plan, base_of
 Vertex = tuple[int, int, int]
 Plane = tuple[int, int]
 """The axis across a face, and its place there."""
-FINEST = 2
-"""Coordinates of vertices that make crossings in faces are multiples of this: then no simplex of the full grid has a
-side that is crossed there, and both tiles are drawn by simplices (clause 9.1(2))."""
 IN_FACE = 0.9
 """Share of the tolerance that the curve in a face keeps to by itself, so that the surface behind it can."""
 MOST_TURNS = 40
-ROUGH, SOME = 0.25, 400
+ROUGH, SOME = 0.5, 400
 """Where so large a share of a curve, and more than so many pieces, is too far away at first, a mesh is given up."""
 
 
@@ -84,30 +82,45 @@ class Faces:
         if samples.signs.all() or not samples.signs.any():
             return
         self.crossed = True
-        axis, place = plane
         promise = Promise(samples, None, False)
+        found = self._found(plane, promise, tolerance, pitch, 1)
+        if found is None:
+            # one tile might be drawn by cubes, and that on the other side not (clause 9.1(2))
+            found = self._found(plane, promise, tolerance, pitch, 2)
+        assert found is not None
+        self.wanted[plane] = found
+        for vertex in found:
+            self._there |= {each for each in ancestry(vertex, 1 << self.exponent) if each[plane[0]] == plane[1]}
+        self._known.clear()
+
+    def _found(
+        self, plane: Plane, promise: Promise, tolerance: float, pitch: tuple[int, int], finest: int
+    ) -> list[Vertex] | None:
+        """The vertices, of coordinates that are multiples of ``finest``; None if no side that is crossed stays larger
+        than those of the full grid.
+        """
+        axis, place = plane
         level = max(promise.full_level - 2 * self.exponent, 0)
         reduction = promise.reduction()
         reduction.reduce(level=level)
         base = base_of(2, level)
         lead: Plan = [("base", base), *([("refine", level - base)] if base < level else [])]
-        found = self.wanted.setdefault(plane, [])
+        found: list[Vertex] = []
         for turn in range(MOST_TURNS):
-            contour = promise.trial([*lead, onto(reduction.chosen, lead), ("offsets", *pitch)])[1]
-            places = promise.excess(contour, IN_FACE * tolerance)
+            leaves = promise.leaves([*lead, onto(reduction.chosen, lead), ("offsets", *pitch)])[1]
+            places = promise.excess(draw(leaves), IN_FACE * tolerance)
             if turn == 0 and is_rough(promise, len(places)):
                 raise NotKeptError("the field is rough in a face", code="tolerance")
-            leaves = distinct(2, reduction.leaves_at(places))[0] if len(places) else np.zeros((0, 4), np.int64)
-            inserted = np.insert(leaves[:, :2], axis, place, axis=1)
+            wanted = distinct(2, reduction.leaves_at(places))[0] if len(places) else np.zeros((0, 4), np.int64)
+            inserted = np.insert(wanted[:, :2], axis, place, axis=1)
             able = np.array([self.allowed(vertex, plane) for vertex in vertices(inserted)], np.bool_)
-            able &= (leaves[:, :2] % FINEST == 0).all(axis=1)
+            able &= (wanted[:, :2] % finest == 0).all(axis=1)
             if not able.any():
                 break
-            reduction.add(leaves[able, :AXES], leaves[able, AXES])
+            reduction.add(wanted[able, :AXES], wanted[able, AXES])
             found += vertices(inserted[able])
-        for vertex in found:
-            self._there |= {each for each in ancestry(vertex, 1 << self.exponent) if each[axis] == place}
-        self._known.clear()
+        finer = len(leaves.levels) and leaves.levels.min() == promise.full_level
+        return None if finer else found
 
     def allowed(self, vertex: Vertex, free: Plane | None = None) -> bool:
         """Whether a vertex may be in the mesh, with its ancestors; in the face ``free`` all may."""

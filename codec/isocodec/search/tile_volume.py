@@ -29,8 +29,8 @@ SLANT = 2.5
 LEAST = 0.2
 """Slack that has been taken back to less than this share is none."""
 MOST_TURNS = 32
-HOPELESS = 1.5
-"""A mesh that takes so many times the bytes of the full grid is given up."""
+HOPELESS, SPARE = 1.05, 40
+"""A mesh that takes so many times the bytes of the full grid, and so many more, is given up."""
 
 
 def cubes_for(tolerance: float | None, largest: int) -> Iterator[int]:
@@ -61,7 +61,8 @@ def volume_plan(promise: Promise, tolerance: float, exponent: int, lead: Plan, f
     faces : Faces
         Those that are shared, searched.
     grid : plan
-        On the full grid; it is taken where nothing else is found and the surface crosses no shared face.
+        On the full grid; it is taken where nothing else is found on cubes of any edge and the surface crosses no shared
+        face.
 
     Raises
     ------
@@ -76,7 +77,7 @@ def volume_plan(promise: Promise, tolerance: float, exponent: int, lead: Plan, f
         position = np.array(wanted, np.int64)
         reduction.add(position, _levels(position, promise.full_level // n))
         uniform = False
-    most = HOPELESS * promise.trial(grid)[0]
+    most = HOPELESS * promise.trial(grid)[0] + SPARE
     assert promise.fixed is not None
     slack = _Slack(promise.phi, tolerance, promise.fixed)
     for turn in range(MOST_TURNS):
@@ -93,7 +94,7 @@ def volume_plan(promise: Promise, tolerance: float, exponent: int, lead: Plan, f
         uniform &= not added
         if size > most or (none.all() and not added):
             break
-    if not faces.crossed:
+    if exponent == 1 and not faces.crossed:
         return grid
     raise NotKeptError(f"no mesh was proven to keep to a tolerance of {tolerance:g}", code="tolerance")
 
