@@ -21,7 +21,7 @@ export class Grid {
 
   /** Edge of the cubes of a level. */
   edge(level: number): number {
-    return 2 ** (this.k - Math.floor(level / this.n));
+    return 1 << (this.k - Math.floor(level / this.n));
   }
 
   /** Whether a simplex exists (4.6(3), (4)). */

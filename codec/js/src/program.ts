@@ -34,7 +34,7 @@ export function* readProgram(bytes: Bytes, p: Progress, before: number): Steps<L
     more = (head & 128) !== 0;
     let argument = head & 15;
     const far = argument === 15;
-    if (far && (operation === 3 || operation > 5)) throw wrong("this operation does not go as far as it goes");
+    if (far && (operation === 3 || operation > 5)) throw wrong("no operation goes so far");
     if (argument === 14) argument = yield* bytes.varint("3.6.2");
     const none = p.uniform < 0;
     switch (operation) {

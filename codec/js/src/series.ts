@@ -77,7 +77,7 @@ export class Series<T extends Isovalue> {
       s.emit({ type: "series", bytes, interval });
       return;
     }
-    if (stop > payload + 1) throw r.error("3.5.7", "bytes behind what an isovalue leans on");
+    if (stop > payload + 1) throw r.error("3.5.7", "bytes behind an isovalue");
     this.next(stop > payload ? yield* r.byte("3.5.7") : undefined, bytes);
   }
 

@@ -5,6 +5,8 @@ import type { Pass, Tube } from "./tube.js";
 
 /** Numbers of this many bits and more take sums beyond the integers of a double; they are added as BigInt. */
 const WIDE = 43;
+/** Powers of two: looked up faster than computed. */
+const POWER = Float64Array.from({ length: 64 }, (_, i) => 2 ** i);
 
 // Sums of near values are numbers or, in files of wide numbers, BigInt: the same text computes both.
 // eslint-disable-next-line @typescript-eslint/no-explicit-any
@@ -161,7 +163,7 @@ export class Values {
         const m = missing[id]! - 1, so = number[id]!;
         let bit = -1;
         if (least && least[id] === least[id]) {
-          const one = (2 * so + 1) * 2 ** m;
+          const one = (2 * so + 1) * POWER[m]!;
           if (most![id]! < one) bit = 0;
           else if (least[id]! >= one) bit = 1;
         }
@@ -210,6 +212,8 @@ export class Values {
   private around(entry: number, plane: number): void {
     const { neighbours, per, there, fine, missing, number, wide, slotThere, slotFine } = this, { n } = this.t;
     const near: Wide = wide ? this.wideNear : this.near, slots: Wide = wide ? this.wideSlots : this.slots;
+    // only the main profile has candidates
+    const main = this.t.main !== undefined;
     for (let i = 0; i < per; i++) {
       const found = neighbours[per * entry + i]!;
       if (found < 0) {
@@ -223,12 +227,12 @@ export class Values {
         const value = (2n * BigInt(number[id]!) + 1n) << BigInt(m);
         near[i] = same ? value : -value;
       } else {
-        const value = (2 * number[id]! + 1) * (m < 31 ? 1 << m : 2 ** m);
+        const value = (2 * number[id]! + 1) * POWER[m]!;
         near[i] = same ? value : -value;
       }
     }
     const zero: Wide = wide ? 0n : 0;
-    slotThere.fill(0);
+    if (main) slotThere.fill(0);
     let same = zero, other = zero, sames = 0, others = 0, sameFine = 1, otherFine = 1;
     let sum = zero, count = 0, rest = zero, rests = 0;
     for (let a = 0; a < n; a++) {
@@ -239,7 +243,7 @@ export class Values {
           same += near[i];
           sames++;
           sameFine &= fine[i]!;
-        } else {
+        } else if (main) {
           other += near[i];
           others++;
           otherFine &= fine[i]!;
@@ -247,18 +251,22 @@ export class Values {
       }
       if (there[b] && there[b + 1]) {
         const line = this.div(near[b] + near[b + 1], 2), slot = 2 + 3 * a;
-        slots[slot] = line;
-        slotThere[slot] = 1;
-        slotFine[slot] = fine[b]! & fine[b + 1]!;
+        if (main) {
+          slots[slot] = line;
+          slotThere[slot] = 1;
+          slotFine[slot] = fine[b]! & fine[b + 1]!;
+        }
         if (line > zero) sum += line;
         count++;
       }
       for (let i = b; i < b + 2; i++) {
         if (!there[i] || !there[i + 2]) continue;
         const beyond = near[i] + near[i] - near[i + 2], slot = 3 + 3 * a + i - b;
-        slots[slot] = beyond;
-        slotThere[slot] = 1;
-        slotFine[slot] = fine[i]! & fine[i + 2]!;
+        if (main) {
+          slots[slot] = beyond;
+          slotThere[slot] = 1;
+          slotFine[slot] = fine[i]! & fine[i + 2]!;
+        }
         rest += beyond;
         rests++;
       }
@@ -310,11 +318,11 @@ export class Values {
 
   /** `x >> shift`, as a number from -8 to 7 or so: limited, so that wide numbers fit. */
   shifted(x: Wide, shift: number): number {
-    return this.wide ? Number(x >> BigInt(shift)) : Math.floor(x / 2 ** shift);
+    return this.wide ? Number(x >> BigInt(shift)) : Math.floor(x / POWER[shift]!);
   }
 
   cut(number: number, plane: number): Wide {
-    return this.wide ? (2n * BigInt(number) + 1n) << BigInt(plane + 1) : (2 * number + 1) * 2 ** (plane + 1);
+    return this.wide ? (2n * BigInt(number) + 1n) << BigInt(plane + 1) : (2 * number + 1) * POWER[plane + 1]!;
   }
 
   /** `near` of 7.7(2), -1 without a guess. */
