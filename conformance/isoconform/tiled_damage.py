@@ -95,7 +95,7 @@ def _shape(random: Random, file: TiledFile) -> TiledFile:
     """Another side."""
     sides = list(file.shape)
     axis = random.randrange(len(sides))
-    sides[axis] = random.choice((0, 1, sides[axis] - 1, sides[axis] + 1, sides[axis] + EDGE, 1 << 20, 1 << 40, 1 << 41))
+    sides[axis] = random.choice((0, 1, max(sides[axis] - 1, 0), sides[axis] + 1, sides[axis] + EDGE, 1 << 20, 1 << 40, 1 << 41))
     return replace(file, shape=tuple(sides))
 
 
