@@ -80,6 +80,7 @@ def _parser() -> argparse.ArgumentParser:
     fuzzes.add_argument("--decoder", metavar="COMMAND", help=DECODER)
     fuzzes.add_argument("--batch", action="store_true", help=BATCH)
     fuzzes.add_argument("--encoder", action="store_true", help="instead, try what holds of our encoder (hypothesis)")
+    fuzzes.add_argument("--tiles", action="store_true", help="files in tiles instead of others")
     fuzzes.add_argument("--minutes", type=float, default=1.0, metavar="N", help="default: %(default)s")
     fuzzes.add_argument("--files", type=int, metavar="N", help="end after N cases, whatever the time")
     fuzzes.add_argument("--seed", type=int, default=0, metavar="S", help="another seed gives other files; default: 0")
@@ -152,12 +153,18 @@ def _dump(options: argparse.Namespace) -> int:
 def _explain(options: argparse.Namespace) -> int:
     from .explain import explained
     from .plain import environment, interpreted
+    from .tiled_dump import is_tiled
+    from .tiled_explain import explained_tiled
 
+    data = options.file.read_bytes()
+    if is_tiled(data):
+        print("\n".join(explained_tiled(data)))
+        return 0
     if not interpreted():
         # kernels that are compiled cannot be listened to
         words = [sys.executable, "-m", "isoconform", "explain", str(options.file)]
         return subprocess.run(words, env=environment(), check=False).returncode
-    print("\n".join(explained(options.file.read_bytes())))
+    print("\n".join(explained(data)))
     return 0
 
 
@@ -170,7 +177,7 @@ def _fuzz(options: argparse.Namespace) -> int:
     decoder = _decoder(options, None if options.memory is None else options.memory << 20, options.timeout)
     campaign = Campaign(
         decoder, seed=options.seed, minutes=options.minutes, files=options.files, most=options.most,
-        shrinking=options.shrink,
+        shrinking=options.shrink, tiles=options.tiles,
     )  # fmt: skip
     found = []
     try:

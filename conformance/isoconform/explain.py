@@ -24,10 +24,9 @@ from .damage import fields_of
 from .dump import COMPLETE
 from .meshes import exponent
 from .plain import environment
+from .rows import Rows
 from .trace import Symbol, Tracer
 
-WIDE = 16
-"""Bytes in a row."""
 CLAUSES = {
     Operation.BASE: "5.3", Operation.REFINE: "5.4", Operation.VALUES: "5.6, 3.6.4", Operation.OFFSETS: "5.7, 3.6.5",
     Operation.BASE_AND_REFINE: "5.3, 5.4", Operation.ADAPTIVE_BASE: "5.8.1", Operation.ADAPT: "5.8.4",
@@ -36,22 +35,14 @@ CLAUSES = {
 
 
 @dataclass
-class _Reader:
+class _Reader(Rows):
     """Goes through a file and notes what its bytes are."""
 
-    data: bytes
-    at: int = 0
-    rows: list[tuple[int, int, str]] = field(default_factory=list)
     header: Header | None = None
     isovalues: list[float] = field(default_factory=list)
     progresses: list[Progress] = field(default_factory=list)
     before: list[Progress] = field(default_factory=list)
     contents: Contents = field(default_factory=Contents)
-
-    def note(self, end: int, meaning: str) -> None:
-        """The bytes up to ``end`` are that."""
-        self.rows.append((self.at, min(end, len(self.data)), meaning))
-        self.at = min(end, len(self.data))
 
     def read(self) -> None:
         """The whole file; FormatError where it cannot be read on."""
@@ -185,23 +176,10 @@ def explained(data: bytes) -> list[str]:
         reader.read()
     except FormatError as error:
         reader.note(max(error.offset or 0, reader.at), "what comes before an error")
-    if reader.at < len(data):
-        reader.note(len(data), "not read")
     tracer = Tracer(data)
-    lines = [f"{len(data)} bytes", "", "offset  bytes and their meaning"]
-    for start, end, meaning in reader.rows:
-        lines += _row(data, start, end, meaning)
-    lines += ["", *_symbols(tracer.symbols), ""]
+    lines = [*reader.lines(), *_symbols(tracer.symbols), ""]
     lines.append(_outcome(tracer))
     return lines
-
-
-def _row(data: bytes, start: int, end: int, meaning: str) -> Iterator[str]:
-    if end <= start:
-        return
-    for at in range(start, end, WIDE):
-        part = data[at : min(at + WIDE, end)].hex(" ")
-        yield f"{at:6}  {part:<12}  {meaning}" if at == start else f"{at:6}  {part}"
 
 
 def _symbols(symbols: list[Symbol]) -> Iterator[str]:

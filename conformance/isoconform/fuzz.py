@@ -19,16 +19,20 @@ from isocodec.layers.events import LayerComplete
 
 from .damage import damaged
 from .decoders import Answer, Decoder, Request
-from .dump import REFUSED, Output, dump, parted
-from .growing import MOST_SYMBOLS, ReferenceBroke, probe
+from .dump import REFUSED, Output, parted
+from .dump_file import dump_any
+from .growing import MOST_SYMBOLS, SMALL, ReferenceBroke, probe
 from .runner import difference
 from .shrink import shrunk
 from .syntax import any_file, bare_file
+from .tiled_damage import any_tiled, tiles_of
+from .tiled_dump import is_tiled
 
 AHEAD = 4
 """Questions that may be open: the next files are made while a decoder is busy."""
 HEADER = 16
 """Bytes within which most headers end."""
+MOST_TILES = 64
 STATE = "another state"
 BROKEN = -1
 """In place of an exit code: the reference decoder itself failed."""
@@ -119,9 +123,16 @@ class Report:
     findings: list[Finding] = field(default_factory=list)
 
 
-def trials_of(seed: int, number: int) -> list[Trial]:
-    """A case: a file, perhaps a damaged one, and how a decoder is to take it; empty if it asks for too much."""
+def trials_of(seed: int, number: int, tiles: bool = False) -> list[Trial]:
+    """A case: a file, perhaps a damaged one, and how a decoder is to take it; empty if it asks for too much.
+
+    With ``tiles`` it is a file in tiles.
+    """
     random = Random(f"{seed} {number}")
+    if tiles:
+        data = any_tiled(random)
+        cut = [Trial(number, data, random.randrange(len(data)))] if random.randrange(3) == 0 else []
+        return [Trial(number, data), *cut] if _small(data) else []
     # bare ones take next to no time
     bare = random.randrange(2) == 0
     data = bare_file(random) if bare else any_file(random)
@@ -146,6 +157,11 @@ def trials_of(seed: int, number: int) -> list[Trial]:
 
 def _small(data: bytes) -> bool:
     """Whether slow decoders can be asked to decode that."""
+    if is_tiled(data):
+        try:
+            return tiles_of(data) <= MOST_TILES and not isinstance(dump_any(data, limits=SMALL).error, LimitError)
+        except Exception as bug:
+            raise ReferenceBroke(data) from bug
     try:
         found = probe(data)
     except ReferenceBroke:
@@ -190,13 +206,16 @@ class Campaign:
         After how many sorts of findings it ends.
     shrinking : float
         Seconds that each finding may be shrunk for.
+    tiles : bool
+        Files in tiles instead of others.
     """
 
     def __init__(
         self, decoder: Decoder, *, seed: int = 0, minutes: float = 1.0, files: int | None = None, most: int = 5,
-        shrinking: float = 30.0,
+        shrinking: float = 30.0, tiles: bool = False,
     ) -> None:  # fmt: skip
         self._decoder, self._seed, self._most, self._shrinking = decoder, seed, most, shrinking
+        self._tiles = tiles
         self._seconds, self._files = 60 * minutes, files
         self._open: deque[tuple[Trial, Path]] = deque()
         self._causes: set[str] = set()
@@ -230,7 +249,7 @@ class Campaign:
             if self.report.seconds >= self._seconds or number == self._files:
                 return
             try:
-                trials = trials_of(self._seed, number)
+                trials = trials_of(self._seed, number, self._tiles)
             except ReferenceBroke as broken:
                 trials = [Trial(number, broken.data)]
             self.report.files += bool(trials)
@@ -293,7 +312,7 @@ class Campaign:
 def _expected(trial: Trial) -> Output:
     """What the reference says, fed all at once."""
     try:
-        return dump(trial.there, layers=trial.layers)
+        return dump_any(trial.there, layers=trial.layers)
     except Exception as bug:
         return Output(BROKEN, f"{type(bug).__name__}: {bug}")
 
