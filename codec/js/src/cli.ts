@@ -9,7 +9,7 @@ import { MainProfile } from "./main/profile.js";
 import { canonicalText, tiledText } from "./text.js";
 import { openTiles } from "./tiles/file.js";
 
-const compiled = process.env["ISOCODEC_KERNELS"];
+const compiled = process.env["ISOCODEC_COMPILED"];
 /** The decoder's kernels, if the variable names their module. */
 const kernels = compiled ? new Kernels(new WebAssembly.Module(readFileSync(compiled))) : undefined;
 const tables = process.env["ISOCODEC_TABLES"] ?? new URL("./main.bin", import.meta.url);
