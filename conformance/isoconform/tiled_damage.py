@@ -95,7 +95,8 @@ def _shape(random: Random, file: TiledFile) -> TiledFile:
     """Another side."""
     sides = list(file.shape)
     axis = random.randrange(len(sides))
-    sides[axis] = random.choice((0, 1, max(sides[axis] - 1, 0), sides[axis] + 1, sides[axis] + EDGE, 1 << 20, 1 << 40, 1 << 41))
+    side = sides[axis]
+    sides[axis] = random.choice((0, 1, max(side - 1, 0), side + 1, side + EDGE, 1 << 20, 1 << 40, 1 << 41))
     return replace(file, shape=tuple(sides))
 
 
