@@ -72,3 +72,22 @@ def test_command(tmp_path: Path, hills: Path) -> None:
     ok("encode", tmp_path / "labels.npy", "-o", path, "--label", 2)
     assert "0 wrong signs" in ok("verify", tmp_path / "labels.npy", path)
     assert "no-such" in fails(3, "verify", tmp_path / "no-such.npy", path)
+
+
+@pytest.mark.parametrize("shape", [(70, 90), (40, 36, 38)])
+def test_files_in_tiles(tmp_path: Path, shape: tuple[int, ...]) -> None:
+    """What is measured is the joined curve, of more than one tile."""
+    tolerance = 0.5
+    field = np.rint(100 * np.sin(np.indices(shape) / 7).sum(axis=0)).astype(np.int16)
+    np.save(tmp_path / "field.npy", field)
+    path = tmp_path / "tiled.iso"
+    ok("tile", tmp_path / "field.npy", "-o", path, "--isovalue", "55.5", "--tile", 32, "--tolerance", tolerance)
+    (one,) = isocodec.verify(path, field, within=tolerance)
+    assert one.kept and one.wrong is None and 0 < max(one.there, one.back) <= tolerance + 0.002
+    (less,) = isocodec.verify(path, field, within=one.there / 2)
+    assert not less.kept
+    told = json.loads(ok("verify", tmp_path / "field.npy", path, "--within", tolerance, "--json"))
+    assert told["kept"] and told["isovalues"][0]["there"] == one.there
+    assert run("verify", tmp_path / "field.npy", path, "--within", one.there / 2).exit_code == 9
+    with pytest.raises(InputError, match="has shape"):
+        isocodec.verify(path, field[1:])

@@ -14,9 +14,11 @@ from .field.sampled import Field
 from .field.samples import check_field, without_holes
 from .field.told import LABELS
 from .limits import Limits
+from .tiles.container import is_tiled
 
 if TYPE_CHECKING:
     from .drawing.contour import Contour
+    from .field.samples import Field as Samples
 
 ROUNDING = 1e-6
 """Cells that the measured distance, which is an upper bound, and points in double precision may be off."""
@@ -55,6 +57,9 @@ def verify(
 ) -> list[Kept]:  # fmt: skip
     """Hold a file against the field that it was made from.
 
+    Of a file in tiles the joined curve is held against that of the whole field. It does not say what it promises, nor
+    which samples far from it are missing.
+
     Parameters
     ----------
     data : bytes, path, URL or file object
@@ -85,6 +90,8 @@ def verify(
     from .stream.mapped import closed
 
     whole = bytes(content(data, limits))
+    if is_tiled(whole):
+        return _in_tiles(whole, field, within, limits)
     info = inspect(whole)
     contours = decode_all(whole, frame=frame, limits=limits)
     known = read(field)
@@ -111,21 +118,32 @@ def verify(
     ]
 
 
+def _in_tiles(
+    whole: bytes, field: ArrayLike | Field | SpatialImage, within: float | None, limits: Limits | None
+) -> list[Kept]:
+    """What is found of the isovalues of a file in tiles."""
+    from .api import decode_all
+    from .io.sources import read
+
+    known = read(field)
+    values, gone = without_holes(known.values, known.mask)
+    contours = decode_all(whole, limits=limits)
+    if values.shape != contours[0].shape:
+        raise InputError(f"the field has shape {values.shape}, that of the file {contours[0].shape}", code="shape")
+    return [_held(contour, check_field(values, contour.isovalue, gone=gone), within, None) for contour in contours]
+
+
 def _kept(
     whole: bytes, contour: Contour, frame: int | None, values: Any, gone: Any, limits: Limits | None, labelled: bool,
     promised: float | None,
 ) -> Kept:  # fmt: skip
     """What is found of one isovalue."""
     from .api import decode_mask
-    from .search.original import original
-    from .search.proof import hausdorff
 
     if labelled:
         sampled = check_field(values == contour.isovalue, 0.5, gone=gone)
     else:
         sampled = check_field(values, contour.isovalue, gone=gone)
-    first = original(sampled)
-    there, back = hausdorff(contour.points, contour.cells, first.points, first.cells, MEASURED)
     wrong: int | None
     try:
         above = decode_mask(whole, isovalue=contour.isovalue, frame=frame, limits=limits)
@@ -133,6 +151,16 @@ def _kept(
         wrong = int((differ if gone is None else differ & ~gone).sum())
     except OptionError:
         wrong = None
+    return _held(contour, sampled, promised, wrong)
+
+
+def _held(contour: Contour, sampled: Samples, promised: float | None, wrong: int | None) -> Kept:
+    """How far a contour lies from that of the samples."""
+    from .search.original import original
+    from .search.proof import hausdorff
+
+    first = original(sampled)
+    there, back = hausdorff(contour.points, contour.cells, first.points, first.cells, MEASURED)
     far = promised is not None and max(there, back) > promised + MEASURED + ROUNDING
     return Kept(contour.isovalue, promised, there, back, wrong, not (wrong or far))
 

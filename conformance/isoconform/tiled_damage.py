@@ -95,8 +95,8 @@ def _shape(random: Random, file: TiledFile) -> TiledFile:
     """Another side."""
     sides = list(file.shape)
     axis = random.randrange(len(sides))
-    own = sides[axis]
-    sides[axis] = random.choice((0, 1, max(own - 1, 0), own + 1, own + EDGE, 1 << 20, 1 << 40, 1 << 41))
+    side = sides[axis]
+    sides[axis] = random.choice((0, 1, max(side - 1, 0), side + 1, side + EDGE, 1 << 20, 1 << 40, 1 << 41))
     return replace(file, shape=tuple(sides))
 
 

@@ -10,7 +10,8 @@ import click
 from .inputs import local_input
 from .options import json_option, limit_options, limits_of
 from .quiet import one_warning
-from .report import BROKEN, concerning, read_iso, tell
+from .report import BROKEN, concerning, read_iso, tell, url_of
+from .tiled import tiled_file
 
 
 @click.command("verify", short_help="Check a file against the field it was made from.")
@@ -32,9 +33,11 @@ def verify_command(
     """Decode IN.iso and measure how far it is from the contour of FIELD, both ways.
 
     Ends with exit code 9 if a sample lies on the wrong side of the isovalue, or the distance is larger than promised:
-    by IN.iso (see info), or --within.
+    by IN.iso (see info), or --within. Of a file in tiles, which promises nothing itself, the joined curve is measured.
     """
-    data = read_iso(encoded)
+    limits = limits_of(limit_memory, limit_work, limit_samples)
+    tiled = tiled_file(encoded, limits) is not None
+    whole = b"" if tiled else read_iso(encoded)
 
     import isocodec
 
@@ -43,9 +46,11 @@ def verify_command(
     with concerning(source), local_input(source, kind, limit_samples) as path, one_warning(source):
         field = isocodec.read(path, key=key, channel=channel, frame=frame, samples=limit_samples)
     with concerning(encoded):
-        of_series = frame if isocodec.inspect(data).frames else None
-        limits = limits_of(limit_memory, limit_work, limit_samples)
-        found = verify(data, field, frame=of_series, within=within, limits=limits)
+        of_series = not tiled and isocodec.inspect(whole).frames
+        found = verify(
+            url_of(encoded) or encoded if tiled else whole, field, frame=frame if of_series else None, within=within,
+            limits=limits,
+        )  # fmt: skip
     kept = all(one.kept for one in found)
     lines = []
     for one in found:
