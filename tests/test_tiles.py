@@ -20,6 +20,7 @@ from isocodec.field.samples import check_field
 from isocodec.search.promise import Promise
 from isocodec.search.tile_mesh import face_vertices
 from isocodec.tiled_api import tiled_of
+from isocodec.tiles.closing import Part
 from isocodec.tiles.container import Kind, groups_of
 from isocodec.tiles.fetching import together
 from isocodec.tiles.grid import TileGrid, in_order, morton
@@ -127,13 +128,12 @@ def check_faces(data: bytes, holes: bool) -> None:
             assert here == in_face(drawn[grid.neighbour(index, axis)], axis, 0), (index, axis, stage)
 
 
-def in_face(drawn: tuple[isocodec.Contour, np.ndarray | None] | None, axis: int, at: int) -> list[tuple[float, ...]]:
-    if drawn is None:
+def in_face(part: Part | None, axis: int, at: int) -> list[tuple[float, ...]]:
+    if part is None:
         return []
-    contour, ends = drawn
-    assert ends is not None
-    there = (ends[:, :, axis] == at).all(axis=1)
-    return sorted(map(tuple, np.delete(contour.points[: len(ends)][there], axis, axis=1).round(9).tolist()))
+    there = (part.ends[:, :, axis] == at).all(axis=1)
+    points = part.contour.points[: len(part.ends)][there]
+    return sorted(map(tuple, np.delete(points, axis, axis=1).round(9).tolist()))
 
 
 @pytest.mark.skipif(INTERPRETED, reason="searches would be slow")

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.ndimage import maximum_filter
 
 import isocodec
 from brute import INTERPRETED
@@ -17,7 +18,7 @@ from commands import fails, ok
 from isocodec.tiled_api import TiledIsoFile, tiled_of
 from isocodec.tiles.filling import filled, loops_of
 from test_tiles import random_field
-from tiled import encoded, hilly, pieces
+from tiled import encoded, pieces
 
 pytestmark = pytest.mark.skipif(INTERPRETED, reason="many tiles would be slow")
 
@@ -117,22 +118,39 @@ def test_a_download_that_ends_early(tmp_path: Path, n: int) -> None:
         tiled_of(data[: begin - 9]).window(partial=True)
 
 
-def test_gaps_stay_beside_missing_samples_only(tmp_path: Path) -> None:
-    """Of a field with holes nothing is drawn that is turned wrong, and away from holes there are no ends."""
-    field = hilly((150, 210))
-    field = np.ma.masked_array(field, mask=np.zeros(field.shape, bool))
-    field[5:9, 60:70] = np.ma.masked
-    file = tiled_of(encoded(tmp_path, field, 30.5, exact=True))
-    for seed in range(6):
+@pytest.mark.parametrize(("shape", "holes"), [((150, 210), 6), ((70, 72, 68), 3)])
+@pytest.mark.parametrize("options", [{}, {"exact": True}, {"signs_only": True}], ids=["default", "exact", "signs"])
+def test_gaps_stay_beside_missing_samples_only(
+    tmp_path: Path, shape: tuple[int, ...], holes: int, options: dict[str, object]
+) -> None:
+    """Of a field with holes nothing is drawn that is turned wrong, and farther than a cube from holes nothing ends."""
+    dice, widest = np.random.default_rng(3), 16
+    field = np.rint(100 * np.sin(np.indices(shape) / 11).prod(axis=0)).astype(np.int16)
+    # where the curve passes near a face
+    around = np.argwhere((np.abs(field - 30) < 20) & ((np.indices(shape) % 32 < 3).any(axis=0)))
+    gone = np.zeros(shape, bool)
+    for at in dice.choice(around, holes):
+        gone[tuple(slice(max(x - 1, 0), x + 2) for x in at)] = True
+    near = maximum_filter(gone, 2 * widest + 3)
+    file = tiled_of(encoded(tmp_path, np.ma.masked_array(field, mask=gone), 30.5, **options))
+    last, ended = np.array(shape) - 1, 0
+    for seed in range(4):
         contour = mixed(file, seed)
-        balance = np.zeros(len(contour.points), int)
-        np.add.at(balance, contour.cells[:, 0], 1)
-        np.add.at(balance, contour.cells[:, 1], -1)
-        ends = contour.points[balance != 0]
-        last = np.array(contour.shape) - 1
-        there = ((ends == 0) | (ends == last)).any(axis=1)
-        near = (np.abs(ends - [7, 65]) <= [34, 40]).all(axis=1)
-        assert (there | near).all()
+        if contour.n == 2:
+            sides = Counter(tuple(segment) for segment in contour.cells.tolist())
+            balance = np.zeros(len(contour.points), int)
+            np.add.at(balance, contour.cells[:, 0], 1)
+            np.add.at(balance, contour.cells[:, 1], -1)
+            ends = contour.points[balance != 0][:, None]
+        else:
+            sides = Counter((a, b) for p, q, r in contour.cells.tolist() for a, b in ((p, q), (q, r), (r, p)))
+            ends = contour.points[np.array([(a, b) for a, b in sides if (b, a) not in sides], int).reshape(-1, 2)]
+        assert max(sides.values()) == 1
+        inside = ~((ends == 0) | (ends == last)).all(axis=1).any(axis=1)
+        place = np.rint(ends[inside]).astype(int).reshape(-1, len(shape))
+        assert near[tuple(place.T)].all()
+        ended += len(place)
+    assert ended
 
 
 def test_by_hand(tmp_path: Path) -> None:

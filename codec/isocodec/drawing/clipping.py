@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from itertools import product
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,9 +16,25 @@ Pieces = NDArray[np.float64]
 """(M, n, n) corners of segments or triangles."""
 
 
+class Clipped(NamedTuple):
+    """A drawing that has been cut.
+
+    Attributes
+    ----------
+    points : (Q, n) float64
+    cells : (M, n) int64
+    kept : (K,) int64
+        Numbers that the first points had before; the others were made by cutting.
+    """
+
+    points: NDArray[np.float64]
+    cells: NDArray[np.int64]
+    kept: NDArray[np.int64]
+
+
 def clipped(
     points: NDArray[np.float64], cells: NDArray[np.int64], shape: tuple[int, ...], whole: WholeCells
-) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+) -> Clipped:
     """Points and cells of a drawing, cut where planes of the grid part whole unit cells from others.
 
     Pieces that lie in whole cells stay as they are; points that none has go.
@@ -29,9 +46,11 @@ def clipped(
     cut = kept & ~untouched[owner]
     pieces, owner = pieces[cut], owner[cut]
     if len(shape) == 2:
-        pieces = _joined(pieces, owner)
+        pieces, owner = _joined(pieces, owner)
     stays = cells[untouched]
-    used = np.unique(stays)
+    # corners of pieces that were cut are points of before, too
+    part, _, old = np.nonzero((pieces[:, :, None] == points[cells[owner]][:, None]).all(axis=3))
+    used = np.unique(np.concatenate([stays.reshape(-1), cells[owner[part], old]]))
     number = np.zeros(len(points), np.int64)
     number[used] = np.arange(len(used))
     both = np.concatenate([points[used], pieces.reshape(-1, len(shape))])
@@ -42,7 +61,8 @@ def clipped(
     place[order] = len(used) + np.arange(len(order))
     place[: len(used)] = np.arange(len(used))
     of_cut = place[first[same.reshape(-1)[len(used) :]]].reshape(-1, len(shape))
-    return np.concatenate([points[used], both[order]]), np.concatenate([number[stays], of_cut])
+    out = np.concatenate([number[stays], of_cut])
+    return Clipped(np.concatenate([points[used], both[order]]), out, used)
 
 
 def _unit_pieces(pieces: Pieces) -> tuple[Pieces, NDArray[np.int64]]:
@@ -115,10 +135,10 @@ def _in_whole_cell(pieces: Pieces, shape: tuple[int, ...], whole: WholeCells) ->
     return out
 
 
-def _joined(pieces: Pieces, owner: NDArray[np.int64]) -> Pieces:
-    """Parts of the same segment that follow on each other, as one."""
+def _joined(pieces: Pieces, owner: NDArray[np.int64]) -> tuple[Pieces, NDArray[np.int64]]:
+    """Parts of the same segment that follow on each other, as one; and what each is a part of."""
     if not len(pieces):
-        return pieces
+        return pieces, owner
     way = pieces[:, 1] - pieces[:, 0]
     along = (pieces[:, 0] * np.sign(way)).sum(axis=1)
     order = np.lexsort((along, owner))
@@ -126,4 +146,4 @@ def _joined(pieces: Pieces, owner: NDArray[np.int64]) -> Pieces:
     begins = np.ones(len(pieces), np.bool_)
     begins[1:] = (owner[1:] != owner[:-1]) | (pieces[1:, 0] != pieces[:-1, 1]).any(axis=1)
     ends = np.append(begins[1:], True)
-    return np.stack([pieces[begins, 0], pieces[ends, 1]], axis=1)
+    return np.stack([pieces[begins, 0], pieces[ends, 1]], axis=1), owner[begins]

@@ -50,14 +50,14 @@ def draw(leaves: Leaves, *, complete: bool = True, smooth: bool = False) -> Cont
 
 def draw_with_ends(
     leaves: Leaves, *, complete: bool = True, smooth: bool = False
-) -> tuple[Contour, NDArray[np.int64] | None]:
+) -> tuple[Contour, NDArray[np.int64]]:
     """The same, and between which samples the first points lie.
 
     Returns
     -------
     Contour
-    (E, 2, n) int64, or None
-        Both ends of the edges of the first E points; others lie within cells. None where pieces were cut at missing
+    (E, 2, n) int64
+        Both ends of the edges of the first E points; others lie within cells, or where pieces were cut at missing
         samples.
     """
     n = len(leaves.shape)
@@ -65,12 +65,11 @@ def draw_with_ends(
         raise OptionError(f"cannot draw a field with {n} axes, only with 2 or 3", code="dimension")
     drawn = draw_grid(leaves)[0] if leaves.full else _drawn_together(leaves)
     points = smoothed(leaves, drawn) if smooth else drawn.points
-    cells, ends = drawn.cells, None
+    cells, masked = drawn.cells, leaves.whole is not None
+    ends = leaves.position[drawn.edges].astype(np.int64)
     if leaves.whole is not None and not leaves.full:
-        points, cells = clipped(points, cells, tuple(leaves.shape), leaves.whole)
-    else:
-        ends = leaves.position[drawn.edges].astype(np.int64)
-    masked = leaves.whole is not None
+        points, cells, kept = clipped(points, cells, tuple(leaves.shape), leaves.whole)
+        ends = ends[kept[kept < len(ends)]]
     return Contour(points, cells, leaves.isovalue, tuple(leaves.shape), complete, masked=masked), ends
 
 

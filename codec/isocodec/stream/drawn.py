@@ -41,7 +41,7 @@ def contour_of(
 def ends_of(
     tube: Tube, isovalue: float, header: Header, complete: bool, budget: Budget, holes: Holes | None,
     smooth: bool = False, through_holes: bool = False,
-) -> tuple[Contour, NDArray[np.int64] | None]:  # fmt: skip
+) -> tuple[Contour, NDArray[np.int64]]:  # fmt: skip
     """The contour of a tube, and between which samples its points lie: see `draw_with_ends`."""
     budget.check(drawing_bytes(tube))
     leaves = leaves_of(tube, isovalue, lambda steps, above: interval_value(isovalue, header.scale, steps, above), holes)

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from isospec.elements import ELEMENTS
 
 from ..drawing.contour import Contour
+from ..drawing.leaves import WholeCells
 from ..drawing.mask import MaskRows
 from ..drawing.tessellation import Tessellation
 from ..entropy.range_coder import Coder
@@ -148,11 +149,17 @@ class Received(ContainerDecoder):
         )
         return replace(contour, mapped=self.mapped())
 
-    def ends(self, number: int = 0) -> tuple[Contour, NDArray[np.int64] | None]:
+    @property
+    def whole_cells(self) -> WholeCells | None:
+        """Which unit cells have no missing corner, by their lowest ones (C, n); None if no mask has come."""
+        return self._mask.holes.whole_cells if self._mask.holes else None
+
+    def ends(self, number: int = 0) -> tuple[Contour, NDArray[np.int64]]:
         """The contour of an isovalue, by number, and between which samples its points lie: see `draw_with_ends`."""
         tube = self._tube_of(number)
         if tube is None or self.header is None:
-            return self.drawn(number), None
+            contour = self.drawn(number)
+            return contour, np.zeros((0, 2, contour.n), np.int64)
         try:
             complete = self._ended and not self._cut
             return ends_of(tube, self.isovalues[number], self.header, complete, self._budget, self._mask.holes)

@@ -3,7 +3,8 @@
 Both meshes have the corners of the coarser one's cubes in the face, with the same signs. So in each square of it (in
 the plane: on each of its edges) what one tile draws and what the other does are closed to loops by parts of the
 square's border, and these bound what has to be filled. A part of a border ends at every point that any tile has there,
-so that squares, and faces that meet at an edge of tiles, agree on it.
+so that squares, and faces that meet at an edge of tiles, agree on it. Squares beside missing samples, where curves end,
+stay as they are.
 """
 
 from __future__ import annotations
@@ -12,11 +13,13 @@ from bisect import bisect_left
 from collections import Counter, defaultdict
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..drawing.contour import Contour
+from ..drawing.leaves import WholeCells
 from .filling import filled, loops_of
 from .grid import Index
 
@@ -37,8 +40,10 @@ class Part:
     origin, size : tuple of int
     contour : Contour
         In coordinates of the tile.
-    ends : (E, 2, n) int64, or None
-        Between which samples of the tile the first points lie; None where pieces were cut at missing samples.
+    ends : (E, 2, n) int64
+        Between which samples of the tile the first points lie; others lie within cells.
+    whole : function of (C, n) int64 to (C,) bool, or None
+        Which unit cells of the tile have no missing corner, by their lowest ones; None if no sample is missing.
     """
 
     index: Index
@@ -47,7 +52,8 @@ class Part:
     origin: Index
     size: Index
     contour: Contour
-    ends: NDArray[np.int64] | None
+    ends: NDArray[np.int64]
+    whole: WholeCells | None
 
 
 @dataclass(frozen=True)
@@ -85,7 +91,7 @@ class Closing:
         self, parts: Sequence[Part], numbers: Sequence[NDArray[np.int64]], points: NDArray[np.float64]
     ) -> None:  # fmt: skip
         self._parts, self._numbers, self._points = parts, numbers, points
-        self._ends = [None if p.ends is None else p.ends + np.array(p.origin) for p in parts]
+        self._ends = [part.ends + np.array(part.origin) for part in parts]
         self._n = points.shape[1]
         self._last = [{p.origin[a] + p.size[a] - 1 for p in parts} for a in range(self._n)]
         self._lines: dict[Line, list[tuple[float, int, int]]] = {}
@@ -119,7 +125,7 @@ class Closing:
             cube = max(self._parts[i].cube, self._parts[j].cube)
             for low, edges in self._gaps(i, j, axis, cube).items():
                 border = self._border(low, edges, axis, cube)
-                if border is not None:
+                if border is not None and self._is_whole(i, j, axis, low, cube):
                     yield Square(axis, edges, border)
 
     def _apart(self, squares: Sequence[Square]) -> NDArray[np.float64]:
@@ -151,17 +157,26 @@ class Closing:
             for axis in range(self._n):
                 behind = tuple(k + (a == axis) for a, k in enumerate(part.index))
                 j = where.get(behind)
-                if j is None or self._parts[j].stage == part.stage:
-                    continue
-                if self._ends[i] is not None and self._ends[j] is not None:
+                if j is not None and self._parts[j].stage != part.stage:
                     yield i, j, axis
+
+    def _is_whole(self, i: int, j: int, axis: int, low: Index, cube: int) -> bool:
+        """Whether no sample is missing beside a square of the face of two tiles, on either side."""
+        for part, place in ((self._parts[i], self._parts[i].size[axis] - 2), (self._parts[j], 0)):
+            if part.whole is None:
+                continue
+            first = [at - from_ for at, from_ in zip(low, part.origin, strict=True)]
+            ranges = [range(at, min(at + cube, size - 1)) for at, size in zip(first, part.size, strict=True)]
+            ranges[axis] = range(place, place + 1)
+            cells = np.array(list(product(*ranges)), np.int64).reshape(-1, self._n)
+            if not part.whole(cells).all():
+                return False
+        return True
 
     def _note_lines(self) -> None:
         """Points on lines of the grid in faces, in their order."""
         held: dict[Line, set[tuple[float, int, int]]] = defaultdict(set)
         for part, ends, numbers in zip(self._parts, self._ends, self._numbers, strict=True):
-            if ends is None:
-                continue
             last = np.array(part.origin) + np.array(part.size) - 1
             on_face = ((ends == part.origin).all(axis=1) | (ends == last).all(axis=1)).any(axis=1)
             apart = ends[:, 0] != ends[:, 1]
@@ -185,7 +200,6 @@ class Closing:
         found: dict[Index, list[Edge]] = defaultdict(list)
         for part in (i, j):
             ends, cells, numbers = self._ends[part], self._parts[part].contour.cells, self._numbers[part]
-            assert ends is not None
             there = np.zeros(len(numbers), np.bool_)
             there[: len(ends)] = (ends[:, :, axis] == self._parts[j].origin[axis]).all(axis=1)
             if self._n == 2:
@@ -213,7 +227,7 @@ class Closing:
     ) -> list[tuple[Edge, bool]] | None:  # fmt: skip
         """Parts of the border of a square, or of an edge, that close what is there, and whether it begins at them.
 
-        None if nothing does: beside missing samples.
+        None if nothing does: near missing samples.
         """
         more: dict[int, int] = defaultdict(int)
         for a, b in edges:

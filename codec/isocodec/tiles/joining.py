@@ -20,19 +20,19 @@ def joined(parts: Sequence[Part], n: int) -> tuple[NDArray[np.float64], NDArray[
     # where an edge has a point in two stages it stands where the later one has it
     parts = sorted(parts, key=lambda part: -part.stage)
     points, cells, keys, faces, count = [np.zeros((0, n))], [np.zeros((0, n), np.int64)], [], [], 0
-    by_ends = all(part.ends is not None for part in parts)
     for part in parts:
         origin, last = np.array(part.origin), np.array(part.size) - 1
         drawn, ends = part.contour, part.ends
         points.append(drawn.points + origin)
         cells.append(drawn.cells + count)
-        if by_ends and ends is not None:
-            on_face = ((ends == 0).all(axis=1) | (ends == last).all(axis=1)).any(axis=1)
-            keys.append((ends[on_face] + origin).reshape(-1, 2 * n))
-        else:
-            on_face = ((drawn.points == 0) | (drawn.points == last)).any(axis=1)
-            keys.append(np.rint((drawn.points[on_face] + origin) * _GRAIN).astype(np.int64))
-        faces.append(count + np.flatnonzero(on_face))
+        edges, others = len(ends), drawn.points[len(ends) :]
+        on_face = ((ends == 0).all(axis=1) | (ends == last).all(axis=1)).any(axis=1)
+        keys.append((ends[on_face] + origin).reshape(-1, 2 * n))
+        # points within cells, on a face where they were cut at missing samples
+        cut = ((others == 0) | (others == last)).any(axis=1)
+        places = np.rint((others[cut] + origin) * _GRAIN).astype(np.int64)
+        keys.append(np.hstack([places, np.full_like(places, -1)]))
+        faces += [count + np.flatnonzero(on_face), count + edges + np.flatnonzero(cut)]
         count += len(drawn.points)
     number = np.arange(count)
     if parts:

@@ -151,10 +151,8 @@ class TiledFile:
                     complete &= there == stage
                     if there < 0:
                         continue
-                    contour, ends = self.drawn(index, number, mask, segments)
-                    above = contour.origin_above
-                    cube = 1 << self.head.stages[there].edge
-                    parts.append(Part(index, there, cube, grid.origin(index), grid.size(index), contour, ends))
+                    parts.append(self.drawn(index, number, mask, segments))
+                    above = parts[-1].contour.origin_above
                 if not any(index):
                     origin_above = above
         points, cells = joined(parts, grid.n)
@@ -171,11 +169,12 @@ class TiledFile:
         ((_, _, mask, segments),) = self.tiles([index], number, self.stage_of(None, layer))
         return plain(self.head, index, number, mask, segments)
 
-    def drawn(
-        self, index: Index, number: int, mask: bytes, segments: Sequence[bytes]
-    ) -> tuple[Contour, NDArray[np.int64] | None]:
-        """What segments of a tile show, in its own coordinates, and between which samples the points lie."""
-        return self.decoded(index, number, mask, segments).ends()
+    def drawn(self, index: Index, number: int, mask: bytes, segments: Sequence[bytes]) -> Part:
+        """What segments of a tile show."""
+        decoder, stage = self.decoded(index, number, mask, segments), len(segments) - 1
+        contour, ends = decoder.ends()
+        grid, cube = self.head.grid, 1 << self.head.stages[stage].edge
+        return Part(index, stage, cube, grid.origin(index), grid.size(index), contour, ends, decoder.whole_cells)
 
     def decoded(self, index: Index, number: int, mask: bytes, segments: Sequence[bytes]) -> Decoder:
         """A decoder that has taken segments of a tile."""
