@@ -101,12 +101,7 @@ def verify(
         values = _labelled(values, label)
     axes = contours[0].mapped.periodic if contours[0].mapped is not None else ()
     values, gone = closed(values, axes), None if gone is None else closed(gone, axes)
-    if values.shape != tuple(info.shape):
-        of = "each frame" if info.frames else "the file"
-        raise InputError(
-            f"the field has shape {values.shape}, that of {of} {tuple(info.shape)}", code="shape",
-            remedy="choose a frame" if info.frames else None,
-        )  # fmt: skip
+    _check_shape(values.shape, tuple(info.shape), bool(info.frames))
     missing = np.zeros(values.shape, np.bool_) if gone is None else gone
     others = int((decode_valid(whole, limits=limits) == missing).sum())
     if others:
@@ -116,6 +111,13 @@ def verify(
               within if within is not None else _promised(info.layers, frame or 0, number))
         for number, contour in enumerate(contours)
     ]
+
+
+def _check_shape(found: tuple[int, ...], shape: tuple[int, ...], series: bool = False) -> None:
+    """Raise `InputError` if a field has another shape than a file, or each frame of a series."""
+    if found != shape:
+        of, remedy = ("each frame", "choose a frame") if series else ("the file", None)
+        raise InputError(f"the field has shape {found}, that of {of} {shape}", code="shape", remedy=remedy)
 
 
 def _in_tiles(
@@ -128,8 +130,7 @@ def _in_tiles(
     known = read(field)
     values, gone = without_holes(known.values, known.mask)
     contours = decode_all(whole, limits=limits)
-    if values.shape != contours[0].shape:
-        raise InputError(f"the field has shape {values.shape}, that of the file {contours[0].shape}", code="shape")
+    _check_shape(values.shape, contours[0].shape)
     return [_held(contour, check_field(values, contour.isovalue, gone=gone), within, None) for contour in contours]
 
 

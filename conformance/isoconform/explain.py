@@ -12,7 +12,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from isocodec.errors import FormatError, TruncatedError
+from isocodec.errors import TruncatedError
 from isocodec.format.chunks import CHECKSUM_BYTES, Envelope, read_envelope, read_further
 from isocodec.format.header import Header, read_header, varint
 from isocodec.format.program import Layer, ProgramReader, Progress
@@ -45,7 +45,6 @@ class _Reader(Rows):
     contents: Contents = field(default_factory=Contents)
 
     def read(self) -> None:
-        """The whole file; FormatError where it cannot be read on."""
         found = read_header(self.data)
         if found is None:
             return
@@ -171,13 +170,8 @@ def _spoken(layer: Layer) -> str:
 
 def explained(data: bytes) -> list[str]:
     """The lines of an annotated dump; the kernels have to be interpreted (see `plain`)."""
-    reader = _Reader(data)
-    try:
-        reader.read()
-    except FormatError as error:
-        reader.note(max(error.offset or 0, reader.at), "what comes before an error")
     tracer = Tracer(data)
-    lines = [*reader.lines(), *_symbols(tracer.symbols), ""]
+    lines = [*_Reader(data).lines(), *_symbols(tracer.symbols), ""]
     lines.append(_outcome(tracer))
     return lines
 

@@ -29,7 +29,6 @@ class _Walk(Rows):
     """Goes through a file and notes what its bytes are."""
 
     def read(self) -> None:
-        """The whole file; FormatError where it cannot be read on."""
         head, root = read_head(self.data[:HEAD_BYTES])
         self._head(head, root)
         leaves = []
@@ -161,12 +160,7 @@ def _spoken(index: Index) -> str:
 
 def explained_tiled(data: bytes) -> Iterator[str]:
     """The lines of an annotated dump."""
-    walk = _Walk(data)
-    try:
-        walk.read()
-    except FormatError as error:
-        walk.note(max(error.offset or 0, walk.at), "what comes before an error")
-    yield from walk.lines()
+    yield from _Walk(data).lines()
     output = dump_tiled(data)
     about = "complete" if output.error is None else str(output.error)
     yield f"exit code {output.exit_code}, {sum(output.symbols.values())} symbols: {about}"

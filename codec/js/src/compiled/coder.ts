@@ -68,10 +68,9 @@ export class Coders {
   /** A coder with models as a file begins with them, or as `lean` has left them (5.9.2), of the frame before if `framed`. */
   coder(lean: Coder | undefined, framed: boolean): Coder {
     const { m, rate, shared } = this, reg = m.registers<CoderNames>("CoderRegisters"), buf = m.array("uint8", [ROOM]);
-    const again = (array: Arr): Arr => m.wider(array, array.shape[0]!);
     if (lean) {
       const { prob, seen, blend } = lean, panel = framed && this.tables ? this.panel(blend.panel) : this.noPanel();
-      return { reg, buf, prob: again(prob), seen: again(seen), rate, blend: { ...blend, mix: again(blend.mix), panel } };
+      return { reg, buf, prob: m.copy(prob), seen: m.copy(seen), rate, blend: { ...blend, mix: m.copy(blend.mix), panel } };
     }
     const models = new Models(undefined), { tables } = this;
     if (tables) begin(tables, models);
@@ -89,9 +88,9 @@ export class Coders {
 
   /** What a frame begins with that leans on one with `before`. */
   private panel(before: Panel): Panel {
-    const { m } = this, again = (array: Arr): Arr => m.wider(array, array.shape[0]!);
+    const { m } = this;
     const about = m.array("int64", [6]), [place, said] = [m.array("int64", [PANEL_LISTS]), m.array("int64", [PANEL_LISTS])];
-    if (before.prob.size) return { prob: again(before.prob), seen: again(before.seen), mix: again(before.mix), about, place, said };
+    if (before.prob.size) return { prob: m.copy(before.prob), seen: m.copy(before.seen), mix: m.copy(before.mix), about, place, said };
     return {
       prob: m.numbers(new Uint16Array(PANEL_CONTEXTS).fill(32768)), seen: m.array("int64", [PANEL_CONTEXTS]),
       mix: m.numbers(new Uint16Array(PANEL_KINDS * PANEL_LISTS).fill(FIRST_WEIGHT), [PANEL_KINDS, PANEL_LISTS]), about, place, said,

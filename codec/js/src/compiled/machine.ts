@@ -195,6 +195,11 @@ export class Machine {
     return found;
   }
 
+  /** A copy of an array. */
+  copy(array: Arr): Arr {
+    return this.wider(array, array.shape[0]!);
+  }
+
   /** Run a kernel, named as in the library; what it returns. */
   call(name: string, ...values: readonly Value[]): number {
     const entry = this.entries[`iso_${name}`], layout = this.kernels.layouts[0][`iso_${name}`];

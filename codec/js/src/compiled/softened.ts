@@ -9,7 +9,7 @@ const ROUNDS = 3;
 /** What kernels see of the frame before. */
 export function softened(m: Machine, n: number, lean: Lean): Store {
   const { known } = lean, pages = m.array("int32", known.pages.shape);
-  const soft = { head: m.wider(known.head, known.head.size), table: m.wider(known.table, known.table.shape[0]!), pages };
+  const soft = { head: m.copy(known.head), table: m.copy(known.table), pages };
   const room = m.array("int64", [(2 ** m.number(known.head, SHIFT) + 2 * ROUNDS) ** n]);
   m.call("tube_softened__soften", lean, soft, room);
   m.release(room);

@@ -55,9 +55,9 @@ export function roomy(m: Machine, store: Store, room: number): Store {
 
 /** A copy, with `bits` of the entries only. */
 export function copied(m: Machine, store: Store, bits: number): Store {
-  const [head, table, pages] = [store.head, store.table, store.pages].map((array) => m.wider(array, array.shape[0]!)) as [Arr, Arr, Arr];
-  mask(m, { head, table, pages }, bits);
-  return { head, table, pages };
+  const copy = { head: m.copy(store.head), table: m.copy(store.table), pages: m.copy(store.pages) };
+  mask(m, copy, bits);
+  return copy;
 }
 
 /** Keep only `bits` of the entries. */
