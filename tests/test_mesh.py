@@ -14,6 +14,7 @@ from brute import examples, simplices, volumes
 from isocodec.entropy.range_coder import Coder
 from isocodec.limits import Limits
 from isocodec.mesh import access
+from isocodec.mesh.levels import levels_of
 from isocodec.mesh.simplex import exists
 from isocodec.mesh.store import full, get, grown, new_store, page_of, put
 from isocodec.mesh.tables import PAGE_SHIFT, mesh_tables
@@ -67,6 +68,18 @@ def uniform():
         return made[n, k, level]
 
     return get_level
+
+
+@pytest.mark.parametrize(("n", "k"), [(2, 1), (2, 4), (3, 1), (3, 3)])
+def test_levels_are_those_at_which_bisection_makes_vertices(n, k):
+    """A middle of level l is a vertex of level l + 1, and of none before; corners of the root cube always are."""
+    there = {tuple(p) for p in simplices(n, k, 0).reshape(-1, n).tolist()}
+    assert (levels_of(np.array(sorted(there)), k) == -1).all()
+    for level in range(n * k):
+        fresh = {tuple(p) for p in simplices(n, k, level + 1).reshape(-1, n).tolist()} - there
+        assert fresh and (levels_of(np.array(sorted(fresh)), k) == level).all()
+        there |= fresh
+    assert levels_of(np.zeros((0, n), np.int64), k).shape == (0,)
 
 
 @pytest.mark.parametrize("n, k, level", CASES)

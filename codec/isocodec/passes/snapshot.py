@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from ..drawing.leaves import Leaves
 from ..drawing.mask import MaskRows
+from ..mesh.levels import levels_of
 from ..mesh.store import SHIFT as PAGE_SHIFT
 from ..mesh.store import page_of
 from ..mesh.tables import AXES
@@ -49,11 +50,7 @@ def _explicit(tube: Tube) -> NDArray[np.int64]:
     inner = np.stack([cell >> (shifts[1] + shifts[2]), cell >> shifts[2] & ((1 << shifts[1]) - 1),
                       cell & ((1 << shifts[2]) - 1)], axis=1)  # fmt: skip
     position = (corner + inner)[:, : tube.n]
-    odd = position & -position
-    unit = np.where(odd == 0, 1 << 62, odd).min(axis=1)
-    odd = (position // unit[:, None] & 1).sum(axis=1)
-    levels = tube.n * (tube.k - np.round(np.log2(unit)).astype(np.int64)) - odd
-    position = position[levels >= tube.level]
+    position = position[levels_of(position, tube.k) >= max(tube.level, 0)]
     return position[np.lexsort(position.T[::-1])]
 
 

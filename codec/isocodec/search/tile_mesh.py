@@ -7,6 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from ..mesh.levels import levels_of
 from ..mesh.tables import AXES, cube_exponent
 from ..mesh.vertex_set import Chosen
 from .promise import Promise
@@ -39,13 +40,9 @@ def face_vertices(signs: NDArray[np.bool_], shared: NDArray[np.bool_]) -> tuple[
         along = np.union1d(along, along + 1)
         found.append(np.insert(along[:, None], axis, place, axis=1))
     position = np.unique(np.concatenate(found), axis=0)
-    lowest = position & -position
-    lowest[position == 0] = 1 << k
-    step = lowest.min(axis=1, initial=1 << k)
-    odd = (lowest == step[:, None]).sum(axis=1)
-    level = 2 * (k - 1 - np.log2(step).astype(np.int64)) + 2 - odd
+    level = levels_of(position, k)
     # corners of the root cube are always there
-    inner = step < 1 << k
+    inner = level >= 0
     return np.pad(position[inner], ((0, 0), (0, AXES - 2))), level[inner]
 
 

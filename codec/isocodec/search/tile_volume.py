@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..field.samples import OFFSET_BITS
+from ..mesh.levels import levels_of
 from .promise import Promise, onto
 from .strategy import NotKeptError, Plan
 from .tile_faces import Faces, bisected, is_rough
@@ -75,7 +76,7 @@ def volume_plan(promise: Promise, tolerance: float, exponent: int, lead: Plan, f
     uniform = True
     for wanted in filter(None, faces.wanted.values()):
         position = np.array(wanted, np.int64)
-        reduction.add(position, _levels(position, promise.full_level // n))
+        reduction.add(position, levels_of(position, promise.full_level // n))
         uniform = False
     most = HOPELESS * promise.trial(grid)[0] + SPARE
     assert promise.fixed is not None
@@ -97,13 +98,6 @@ def volume_plan(promise: Promise, tolerance: float, exponent: int, lead: Plan, f
     if exponent == 1 and not faces.crossed:
         return grid
     raise NotKeptError(f"no mesh was proven to keep to a tolerance of {tolerance:g}", code="tolerance")
-
-
-def _levels(position: NDArray[np.int64], k: int) -> NDArray[np.int64]:
-    """Levels of lattice points (V, 3) that are no corners of the root cube, of edge ``2**k`` (spec clause 4.7(1))."""
-    bits = np.bitwise_or.reduce(position, axis=1)
-    unit = bits & -bits
-    return 3 * (k - np.log2(unit).astype(np.int64)) - (position // unit[:, None] & 1).sum(axis=1)
 
 
 class _Slack:
