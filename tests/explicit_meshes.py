@@ -62,7 +62,7 @@ def pieces(mesh: Mesh, values: NDArray, isovalue: float) -> list[set[tuple[int, 
     for cell in mesh[1].tolist():
         edges = {
             (a, b) for a, b in combinations(sorted(cell), 2) if (values[a] > isovalue) != (values[b] > isovalue)
-        }  # fmt: skip
+        }
         if edges:
             out.append(edges)
     return out

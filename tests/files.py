@@ -11,14 +11,14 @@ import pytest
 import isocodec
 from brute import smooth
 from isocodec import Decoder, FormatError
+from isocodec.drawing.snapshot import state_of
 from isocodec.format import chunks
-from isocodec.layers import writer
-from isocodec.passes.snapshot import state_of
+from isocodec.grid.layers import writer
 from isocodec.stream import encoder
 from isospec.container import (
     ChunkType,
     write_varint,
-)  # fmt: skip
+)
 
 
 def picture(shape, seed, span=40.0, noise=0.1):
@@ -67,7 +67,7 @@ def same_drawing(a, b):
     return (
         np.array_equal(a.points, b.points) and np.array_equal(a.cells, b.cells)
         and np.array_equal(a.isovalue, b.isovalue, equal_nan=True) and a.shape == b.shape
-    )  # fmt: skip
+    )
 
 
 def with_checksum(body):

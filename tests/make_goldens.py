@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import isocodec
-from isocodec.passes.snapshot import state_of
+from isocodec.drawing.snapshot import state_of
 
 PATH = Path(__file__).with_name("goldens.json")
 

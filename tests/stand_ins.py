@@ -72,10 +72,10 @@ class _Topology:
 
 _SPERR = SimpleNamespace(
     sperr_encode=lambda samples, error, mode, numthreads: _within(samples, error), sperr_decode=_back,
-)  # fmt: skip
+)
 _SZ3 = SimpleNamespace(sz3_encode=lambda samples, mode, error: _within(samples, error), sz3_decode=_back)
 _PICTURES = {f"{name}_{way}": work for name in ("jpegxl", "jpeg2k", "webp") for way, work in
-             (("encode", _kept), ("decode", _back))}  # fmt: skip
+             (("encode", _kept), ("decode", _back))}
 
 STAND_INS = {
     "brotli": SimpleNamespace(compress=lambda data, quality=11: zlib.compress(data, 9), decompress=zlib.decompress),
@@ -94,5 +94,5 @@ STAND_INS = {
         decode_index_buffer=lambda count, size, data: np.frombuffer(data, "<u4", count),
     ),
     "topojson": SimpleNamespace(Topology=_Topology),
-}  # fmt: skip
+}
 """By name of the library."""

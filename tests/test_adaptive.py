@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from brute import examples, meshes, mixed_leaves, sign_fields
-from isocodec.mesh.vertex_set import finest_level, has
-from isocodec.passes import snapshot
+from isocodec.drawing import snapshot
+from isocodec.grid.lattice.vertex_set import finest_level, has
 from isocodec.stream.decoder import Decoder
 from isocodec.stream.encoder import Encoder
 from isoconform.meshes import chosen, closed, level_of, parents
@@ -32,7 +32,7 @@ def leaves_of(decoder: Decoder) -> list[tuple[int, bytes]]:
     """Leaves of a decoder's state by level and positions, as often as they are there."""
     leaves = snapshot.leaves_of(decoder._tube, 0.5, lambda number, above: number)
     return [(int(level), leaves.position[row].tobytes()) for level, row in
-            zip(leaves.levels, leaves.simplices, strict=True)]  # fmt: skip
+            zip(leaves.levels, leaves.simplices, strict=True)]
 
 
 def check(data: bytes, encoder: Encoder, field: NDArray[np.bool_], mesh: Mesh) -> Decoder:

@@ -16,16 +16,16 @@ from files import picture
 from isocodec import Decoder, FormatError, InputError, LayerComplete, LimitError, Limits
 from isocodec.cli.progress import progress_bar
 from isocodec.cli.receive import Drawings
-from isocodec.drawing import mask as masks
+from isocodec.drawing import rows as masks
 from isocodec.field.placement import placement_of, write_placement
 from isocodec.field.samples import check_field
 from isocodec.format.chunks import read_further, write_further
-from isocodec.io.detached import _numbered
-from isocodec.io.output_formats import Cost
+from isocodec.grid.tube.capacity import at_rest, wider_state
+from isocodec.io.readers.detached import _numbered
+from isocodec.io.writers.output_formats import Cost
 from isocodec.limits import LEVELS, Budget
+from isocodec.storage.unfinished import undo_all, undoing
 from isocodec.stream.encoder import Encoder
-from isocodec.tube.capacity import at_rest, wider_state
-from isocodec.unfinished import undo_all, undoing
 
 TWO = isocodec.encode(picture((40, 40), 3), [0.5, 9.5])
 

@@ -32,7 +32,7 @@ FIELD = np.add.outer(np.arange(6), np.arange(7)).astype(np.uint8)
         (np.float32(0.1), 0.10000000149011612),
         (Fraction(1, 3), 1 / 3), (Decimal("0.1"), 0.1), (np.array(2.5), 2.5), (np.longdouble(0.5), 0.5),
     ],
-)  # fmt: skip
+)
 def test_isovalues_of_any_kind_of_number(given, expected):
     found = isovalue_of(given)
     assert type(found) is float and found == expected
@@ -48,7 +48,7 @@ def test_isovalues_of_any_kind_of_number(given, expected):
         Fraction(2**60 - 1, 2**60), Decimal("-1.00000000000000000001"),
         *([np.longdouble(2**53) + 1] if np.finfo(np.longdouble).nmant > 52 else []),
     ],
-)  # fmt: skip
+)
 def test_isovalues_that_are_none(given):
     with pytest.raises(InputError) as caught:
         isovalue_of(given)
@@ -84,7 +84,7 @@ def test_several_isovalues_of_several_kinds():
         [("base", None), ("promise", "1")], [("leaf_base", 1)], [("adaptive_base", 0)], [("adaptive_base", 0, "mesh")],
     ],
     ids=str,
-)  # fmt: skip
+)
 def test_plans_that_are_none(plan):
     with pytest.raises(OptionError) as caught:
         isocodec.encode(FIELD, 5.5, plan=plan)

@@ -77,6 +77,6 @@ def test_in_degrees(tmp_path: Path) -> None:
     features = json.loads((tmp_path / "b.geojson").read_text())["features"]
     assert [feature["properties"] for feature in features] == [
         {"lower": None, "upper": 80.5}, {"lower": 80.5, "upper": None},
-    ]  # fmt: skip
+    ]
     west, south, east, north = shapely.geometry.shape(features[0]["geometry"]).bounds
     assert 2.9 < west < east < 3.1 and 45.0 < south < north < 45.2

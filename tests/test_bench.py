@@ -167,7 +167,7 @@ def result(tmp_path_factory):
     np.save(folder / "ball.npy", BALL)
     keys = ",".join(key for key in BY_KEY if key != "picture2")
     assert main([str(folder), "-o", str(out), "--repeat", "1", "--items", "hill@107.5,ball@150.5",
-                 "--classes", keys, "--profile", "baseline"]) == 0  # fmt: skip
+                 "--classes", keys, "--profile", "baseline"]) == 0
     return read_rows(out / "results.jsonl"), (out / "report.md").read_text()
 
 
@@ -222,7 +222,7 @@ def test_lines_of_a_plot_are_what_nothing_beats():
     rows = [{"class": "mesh3d", "peer": name, "err_mean": x, "bytes": y} for name, (x, y) in sizes.items()]
     assert lines([*rows, {"class": "mesh3d", "peer": "draco-d", "missing": "DracoPy"}], "err_mean") == {
         "draco": [(0.1, 9), (0.3, 5)], "ours": [(0.1, 4)]
-    }  # fmt: skip
+    }
 
 
 def test_plots_are_there(result):
@@ -243,7 +243,7 @@ def test_missing_peers_are_named_and_the_reference_stands_in(folder, tmp_path, m
     reference.write_text("\n".join(
         json.dumps({"corpus": "sub/hill", "isovalue": 107.5, "class": "mask2d", "peer": peer, "bytes": size})
         for peer, size in known
-    ))  # fmt: skip
+    ))
     run = [str(folder), "-o", str(out), "--repeat", "1", "--no-plots", "--peers", str(reference)]
     assert main([*run, "--classes", "signs2,surface-qp10", "--items", "hill,ball"]) == 0
     book = Book(None, read_rows(out / "results.jsonl"), read_rows(reference))
@@ -265,9 +265,9 @@ def test_items_are_those_of_the_reference_unless_named(folder, tmp_path):
     reference.write_text("\n".join(
         json.dumps({"corpus": name, "isovalue": isovalue, "class": "mask2d", "peer": "xz", "bytes": 99})
         for name, isovalue in rows
-    ))  # fmt: skip
+    ))
     assert main([str(folder), "-o", str(out), "--no-plots", "--repeat", "1", "--peers", str(reference),
-                 "--classes", "signs2-progressive"]) == 0  # fmt: skip
+                 "--classes", "signs2-progressive"]) == 0
     assert {(row["corpus"], row["isovalue"]) for row in read_rows(out / "results.jsonl")} == set(rows[:2])
     report = (out / "report.md").read_text()
     assert "- sub/none: no such array" in report

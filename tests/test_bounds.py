@@ -26,7 +26,7 @@ from isocodec import Limits, limits
 from isocodec.cli import report
 from isocodec.errors import InputError, LimitError, OptionError
 from isocodec.io import read_field, read_place
-from isocodec.io.missing import read_nodata
+from isocodec.io.readers.missing import read_nodata
 
 KINDS = ["a.npy", "a.npz", "a.h5", "a.tif", "packed.tif", "a.png", "a.jpg", "a.nii", "a.nii.gz", "a.nrrd", "a.nhdr"]
 KINDS += ["a.mha", "a.mhd"]

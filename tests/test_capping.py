@@ -37,7 +37,7 @@ def test_both_parts_make_up_the_box(seed: int, options: dict[str, Any]) -> None:
 def test_a_whole_box_or_nothing(value: float) -> None:
     contour = isocodec.decode(isocodec.encode(np.full(SHAPE, value), 0.0))
     volume = {above: len(c.cells) and c.to_trimesh().volume for above in (True, False)
-              for c in [isocodec.cap(contour, above=above)]}  # fmt: skip
+              for c in [isocodec.cap(contour, above=above)]}
     assert volume[value > 0] == pytest.approx(BOX) and volume[value < 0] == 0
 
 

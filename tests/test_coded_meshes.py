@@ -20,9 +20,9 @@ from isocodec import (
     encode_mesh,
     inspect,
 )
-from isocodec.domain.mesh_run import decoded_mesh, encoded_mesh
-from isocodec.domain.quantised import quantised
 from isocodec.format.domain import DomainHead, read_domain, write_domain
+from isocodec.mesh.mesh_run import decoded_mesh, encoded_mesh
+from isocodec.mesh.quantised import quantised
 from isospec.container import DomainKind
 
 MANY = 4 if INTERPRETED else 60
@@ -55,13 +55,13 @@ def test_meshes_return(name):
         neighbours = {
             (tuple(cell), tuple(mine[other])) for cell, row in zip(mine.tolist(), back.mesh.neighbour, strict=True)
             for other in row if other >= 0
-        }  # fmt: skip
+        }
         original = np.sort(domain.mesh.cell, axis=1)
         wanted = {
             (tuple(cell), tuple(original[other]))
             for cell, row in zip(original.tolist(), domain.mesh.neighbour, strict=True)
             for other in row if other >= 0
-        }  # fmt: skip
+        }
         assert neighbours == wanted
 
 
@@ -173,7 +173,7 @@ def test_what_a_file_claims():
         {"vertices": 1 << 20}, {"cells": 1 << 20}, {"cells": 0}, {"vertices": 2}, {"extent": (9, 1 << 25)},
         {"extent": (0, 9)}, {"multiple": 0}, {"multiple": 1 << 21}, {"origin": (1 << 41, 0)}, {"exponent": 2000},
         {"d": 4},
-    ):  # fmt: skip
+    ):
         with pytest.raises(FormatError) as caught:
             read_domain(write_domain(replace(head, **wrong), 2), 2, 0)
         assert caught.value.clause == "3.5.8"

@@ -22,9 +22,9 @@ from isocodec.entropy.range_coder import (
     finish,
     start,
 )
-from isocodec.models.contexts import CONTEXTS, models, rates
-from isocodec.models.parabola import LEAST, MOST, NEXT, ONWARD, STIFFNESS, extrapolation, nearer, through_the_gate
-from isocodec.models.trained import no_blend
+from isocodec.grid.models.contexts import CONTEXTS, models, rates
+from isocodec.grid.models.parabola import LEAST, MOST, NEXT, ONWARD, STIFFNESS, extrapolation, nearer, through_the_gate
+from isocodec.grid.models.trained import no_blend
 
 HALF = ONE // 2
 ADAPTIVE = rates()
@@ -176,7 +176,7 @@ CONTEXTS_USED = 4
 probabilities_ = st.lists(
     st.one_of(st.sampled_from([FLOOR, HALF, ONE - FLOOR]), st.integers(FLOOR, ONE - FLOOR)),
     min_size=CONTEXTS_USED, max_size=CONTEXTS_USED,
-)  # fmt: skip
+)
 rates_ = st.sampled_from([ADAPTIVE, FIXED])
 
 

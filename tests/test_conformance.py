@@ -14,8 +14,8 @@ import pytest
 
 from brute import INTERPRETED
 from isocodec import Decoder, LimitError, Limits
+from isocodec.grid.models.trained import shipped_models
 from isocodec.limits import LEVELS
-from isocodec.models.trained import shipped_models
 from isoconform import decoders, runner
 from isoconform.__main__ import main
 from isoconform.circle import CENTRE, RADIUS
@@ -106,7 +106,7 @@ def test_manifest_covers_the_format():
         for feature in (
             "leaf base", "adaptive refinement, with births", "adaptive refinement, without births", "several isovalues",
             "isovalue that leans on none", "isovalue that leans on an earlier one",
-        ):  # fmt: skip
+        ):
             assert feature in features
         layers = {layer.kind for v in whole for layer in v.layers}
         assert layers == {"base", "adaptive_base", "leaf_base", "refine", "adapt", "values", "offsets", "signs"} | (
@@ -117,7 +117,7 @@ def test_manifest_covers_the_format():
         assert set(lines) - {"s"} == {
             "shape", "level", "m", "v", "e", "isovalue", "mask", "frame", "domain", "p", "t", "surface", "tiles",
             "tile",
-        } - ({"surface"} if n == 3 else set())  # fmt: skip
+        } - ({"surface"} if n == 3 else set())
 
 
 @pytest.mark.parametrize("n", [2, 3])
@@ -224,7 +224,7 @@ import resource, sys, time, tracemalloc
 from brute import INTERPRETED
 from isocodec import Decoder, LimitError, Limits
 from isocodec.limits import LEVELS
-from isocodec.models.trained import shipped_models
+from isocodec.grid.models.trained import shipped_models
 from isospec.tables import KINDS
 
 def peak():

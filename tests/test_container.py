@@ -16,11 +16,11 @@ from files import HEADER, chunk, files, layers_file, picture, refused, same_draw
 from isocodec import Decoder, Encoder, FormatError, OptionError, inspect
 from isocodec.format import chunks
 from isocodec.format.chunks import read_metadata
+from isocodec.format.events import ChunkSkipped, MetadataRead
 from isocodec.format.header import Header, read_header, write_header, write_isovalue
 from isocodec.format.kinds import LayerKind
 from isocodec.format.program import Layer, Progress, read_program, write_program
-from isocodec.layers.contents import LAYER_CHUNKS, READERS
-from isocodec.layers.events import ChunkSkipped, MetadataRead
+from isocodec.stream.contents import LAYER_CHUNKS, READERS
 from isospec.container import (
     CHECKED_CHUNK,
     LAYER_LIMIT,
@@ -34,7 +34,7 @@ from isospec.container import (
     unzigzag,
     write_varint,
     zigzag,
-)  # fmt: skip
+)
 from isospec.elements import BY_LAYER
 
 # --- numbers --------------------------------------------------------------------------------------------------------
@@ -44,7 +44,7 @@ from isospec.elements import BY_LAYER
     "value, encoding",
     [(0, "00"), (1, "01"), (127, "7f"), (128, "8100"), (300, "822c"), (16383, "ff7f"), (16384, "818000"),
      ((1 << 63) - 1, "ff" * 8 + "7f")],
-)  # fmt: skip
+)
 def test_varint(value, encoding):
     """Seven bits a byte, the highest first: 300 = 2 * 128 + 44."""
     data = bytes.fromhex(encoding)
@@ -228,7 +228,7 @@ def test_program(encoding, layers):
         ("8f 60", 1),  # of the full grid
         ("70", 0),  # a base from the leaves of no other isovalue
     ],
-)  # fmt: skip
+)
 def test_program_refused(encoding, offset):
     """What cannot follow on what was there before."""
     data = bytes.fromhex(encoding.replace(" ", ""))

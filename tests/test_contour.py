@@ -109,7 +109,7 @@ def test_drawing_imports_nothing_of_the_codec():
     allowed = sys.stdlib_module_names | {"numpy"}
     shared = {
         "..errors", "..exchange", "..field.mapped", "..kernel", "..kernel.types", "..mesh.implied", "..mesh.tables",
-    }  # fmt: skip
+    }
     for source in Path(drawing_package.__file__).parent.glob("*.py"):
         for node in ast.walk(ast.parse(source.read_text(encoding="utf-8"))):
             names = []

@@ -18,8 +18,8 @@ from PIL import Image
 
 import isocodec
 from commands import BALL, HILLS, fails, ok, run
-from isocodec.io.map_picture import DARK, LIGHT, index_lines
-from isocodec.io.relief import shaded
+from isocodec.io.writers.map_picture import DARK, LIGHT, index_lines
+from isocodec.io.writers.relief import shaded
 
 SVG = "{http://www.w3.org/2000/svg}"
 UTM = "placement=0 30 500000 -20 0 5000000"
@@ -177,11 +177,11 @@ def test_coordinates_and_system(plane: Path) -> None:
     map_ = drawn(
         plane, "--interval", 10, "--title", "A & B $x^2$", "--metadata", UTM, "--metadata", "crs=EPSG:32631",
         "--metadata", "unit=m",
-    )  # fmt: skip
+    )
     for text in (
         "A & B $x^2$", "WGS 84 / UTM zone 31N (EPSG:32631)", "500,500", "4,999,600", "easting (m)", "northing (m)",
         "contour interval 10 m, index contours 50 m",
-    ):  # fmt: skip
+    ):
         assert text in map_.texts
     low, high = map_.frame
     # 60 steps of 30 m, and 49 of 20 m, at one scale
@@ -262,7 +262,7 @@ def test_nothing_is_drawn_over_holes(tmp_path: Path, as_file: bool) -> None:
 
 
 @pytest.mark.parametrize("placement", [None, "placement=0 30 0 -30 0 0", "placement=0 30 0 30 0 0",
-                                       "placement=0 -30 0 -30 0 0", "placement=10 30 0 -30 10 0"])  # fmt: skip
+                                       "placement=0 -30 0 -30 0 0", "placement=10 30 0 -30 10 0"])
 def test_light_comes_from_the_upper_left(tmp_path: Path, placement: str | None) -> None:
     """However the rows of the array run: the left upper side of a cone is brighter than the right lower one."""
     source = tmp_path / "cone.npy"
@@ -309,7 +309,7 @@ def test_a_mapped_grid(tmp_path: Path) -> None:
     data = isocodec.encode(
         COLUMNS, [10.0, 30.0, 50.0], tolerance=0.005, coordinates_error=0.001,
         coordinates=(np.broadcast_to(x, COLUMNS.shape), np.broadcast_to(-ROWS, ROWS.shape)),
-    )  # fmt: skip
+    )
     (tmp_path / "m.iso").write_bytes(data)
     map_ = drawn(tmp_path / "m.iso", "--index", 1)
     low, high = map_.frame

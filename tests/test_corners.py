@@ -10,9 +10,9 @@ from brute import smooth
 from files import HEADER, chunk, files, layers_file, picture, refused, same_drawing, with_checksum
 from isocodec import Decoder, FormatError, LimitError, Limits, OptionError, TruncatedError
 from isocodec.format.chunks import read_envelope, read_index, write_chunk
+from isocodec.format.events import ChunkSkipped, IsovalueRead, LayerComplete, MetadataRead
 from isocodec.format.header import read_header
 from isocodec.format.program import Progress, read_program
-from isocodec.layers.events import ChunkSkipped, IsovalueRead, LayerComplete, MetadataRead
 from isospec.container import CHECKED_CHUNK, LAYER_LIMIT, ChunkType
 
 CHECKED = 0b0100_0000

@@ -30,7 +30,7 @@ def test_simplex_drawing_interpolates_along_the_edge_as_published():
     leaves = Leaves(
         (5, 5), 0.0, np.array([[0, 0], [4, 0], [4, 4]]), np.array([True, False, False]), np.array([3.0, -1, -1]),
         np.array([[0, 1, 2]]), np.array([0]), False, np.zeros((0, 2), np.int64), np.empty(0),
-    )  # fmt: skip
+    )
     contour = draw(leaves)
     assert contour.points[contour.cells].tolist() == [[[3.0, 0.0], [3.0, 3.0]]]
 
@@ -91,7 +91,7 @@ def test_numbering_of_vertices_changes_no_coordinate(shape, size):
         "above": leaves.above[order],
         "value": leaves.value[order],
         "simplices": np.argsort(order)[leaves.simplices],
-    })  # fmt: skip
+    })
     one, two = draw(leaves), draw(shuffled)
 
     def corners(contour):

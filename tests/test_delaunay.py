@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from scipy.spatial import Delaunay
 
-from isocodec.domain.delaunay import delaunay, remove, triangles, triangulate
-from isocodec.domain.rank import by_rank, ranks
 from isocodec.errors import InputError
+from isocodec.tin.delaunay import delaunay, remove, triangles, triangulate
+from isocodec.tin.rank import by_rank, ranks
 
 KINDS = ("random", "grid", "few places", "line and a point", "circle", "wide")
 

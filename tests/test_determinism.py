@@ -16,13 +16,13 @@ import pytest
 import isocodec
 from brute import INTERPRETED, smooth
 from explicit_meshes import plane, space, torus
-from isocodec.domain.delaunay import delaunay, remove
-from isocodec.domain.rank import by_rank
 from isocodec.kernel import EXECUTION, Execution
 from isocodec.kernel.call import Kernel
 from isocodec.kernel.execution import SETTING
 from isocodec.kernel.types import Registers
 from isocodec.search.around import Around
+from isocodec.tin.delaunay import delaunay, remove
+from isocodec.tin.rank import by_rank
 from make_goldens import CASES, PATH, SMALL, digests
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "tools" / "kernels"))
@@ -99,7 +99,7 @@ def test_compiled_kernels_do_what_their_source_says(twice):
             {"exact": True, "base_level": 2}, {"criterion": "curvature", "parameter": 0.5, "tolerance": 0.2},
             {"criterion": "distortion", "parameter": 0.5, "tolerance": 0.2, "preserve_topology": True},
             {"plan": leaves}, {"signs_only": True, "profile": "baseline"}, {"tolerance": 0.2, "profile": "baseline"},
-        ):  # fmt: skip
+        ):
             isocodec.decode_all(isocodec.encode(field, [0.5, 5.5], **options), smooth=True)
     for shape in ((6, 7), (3, 4, 4)):
         field = np.rint(100 * smooth(shape, 3)).astype(np.int64)
@@ -149,7 +149,7 @@ def test_rows_are_weighed_alike(twice):
     out = rng.integers(-(1 << 14), 1 << 14, blend.out.shape).astype(blend.out.dtype)
     tube.coder = tube.coder._replace(blend=blend._replace(weight=weight, out=out))
     assert b"".join(encoder) != isocodec.encode(field, 0.5, exact=True)
-    assert "isocodec.passes.values.values" in twice
+    assert "isocodec.grid.passes.values.values" in twice
 
 
 @pytest.mark.parametrize("name", SMALL)

@@ -12,9 +12,9 @@ from matplotlib.figure import Figure
 import isocodec
 from commands import BALL, HILLS, fails, ok, run
 from files import picture as field_of
-from isocodec.io import picture
-from isocodec.io.picture import Step
-from isocodec.io.view import USUAL, upright
+from isocodec.io.writers import picture
+from isocodec.io.writers.picture import Step
+from isocodec.io.writers.view import USUAL, upright
 
 
 @pytest.fixture
@@ -137,7 +137,7 @@ def test_the_mesh_under_a_curve_is_its_triangles(curve_data: bytes) -> None:
     sides = {
         frozenset((tuple(position[a][::-1]), tuple(position[b][::-1])))
         for x, y, z in triangles for a, b in ((x, y), (y, z), (z, x))
-    }  # fmt: skip
+    }
     segments = drawn_mesh(decoder.snapshot(), position, triangles)
     assert len(segments) == len(sides) < 3 * len(triangles)
     assert {frozenset(map(tuple, segment)) for segment in segments} == sides

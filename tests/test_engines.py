@@ -33,7 +33,7 @@ def grid() -> xarray.DataArray:
         coords={"time": np.array(["2020-01-01", "2020-01-02"], "datetime64[ns]"),
                 "lat": ("lat", 60 - 0.5 * np.arange(20), {"units": "degrees_north"}),
                 "lon": ("lon", 5 + 0.25 * np.arange(30), {"units": "degrees_east"})},
-    )  # fmt: skip
+    )
 
 
 @pytest.mark.parametrize("name", ["a.zarr", "a.nc"])
@@ -170,7 +170,7 @@ def test_grib(tmp_path: Path) -> None:
                        "jDirectionIncrementInDegrees": 0.5, "latitudeOfLastGridPointInDegrees": 50.5,
                        "longitudeOfFirstGridPointInDegrees": 5.0,
                        "longitudeOfLastGridPointInDegrees": 12.25, "iDirectionIncrementInDegrees": 0.25,
-                       "bitsPerValue": 24}.items():  # fmt: skip
+                       "bitsPerValue": 24}.items():
         eccodes.codes_set(message, key, value)
     eccodes.codes_set_values(message, HILL.ravel())
     with (tmp_path / "a.grib2").open("wb") as file:

@@ -16,7 +16,7 @@ from skimage import measure
 import isocodec
 from brute import crossing_edges, crossing_points, examples, mixed, smooth
 from isocodec import InputError, OptionError
-from isocodec.passes.snapshot import state_of
+from isocodec.drawing.snapshot import state_of
 from isocodec.stream.options import SEARCHED
 
 
@@ -282,7 +282,7 @@ def test_numbers_of_numpy_are_numbers():
     "options",
     [{"base_level": 2.5}, {"base_level": "2"}, {"tolerance": "one"}, {"step": "a"}, {"steps": 4}, {"steps": "41"},
      {"steps": ["a"]}, {"profile": None}, {"plan": []}],
-)  # fmt: skip
+)
 def test_options_of_the_wrong_kind(options):
     with pytest.raises(OptionError):
         isocodec.encode(GOOD, 5.5, **options)
@@ -424,7 +424,7 @@ def _crossing(exact, p):
     around = [(i - 1, j), (i + 1, j), (i, j - 1), (i, j + 1)]
     return any(
         0 <= a < len(exact) and 0 <= b < len(exact[0]) and exact[a][b] != exact[i][j] for a, b in around
-    )  # fmt: skip
+    )
 
 
 def test_values_too_far_from_the_isovalue():

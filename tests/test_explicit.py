@@ -266,7 +266,7 @@ BAD = {
     "manifold": (np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1], [0, 1, 1]]), [[0, 1, 2], [0, 1, 3], [1, 0, 4]],
                  "manifold"),
     "coincident": (np.array([[0, 0], [1, 0], [0, 1], [1, 0], [2, 2]]), [[0, 1, 2], [1, 2, 4], [3, 4, 2]], "coincident"),
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize("name", BAD)
@@ -325,6 +325,6 @@ def test_limits():
     for limits in (
         Limits(vertices=10), Limits(simplices=10), Limits(symbols=20), Limits(isovalues=1), Limits(layers=1),
         Limits(bytes=20), Limits(memory=1000),
-    ):  # fmt: skip
+    ):
         with pytest.raises(LimitError):
             decode_all(data, mesh=mesh, limits=limits)

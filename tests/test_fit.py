@@ -14,9 +14,9 @@ import isocodec
 from brute import examples, smooth
 from isocodec.drawing.drawing import draw
 from isocodec.drawing.simplices import crossed, rings
+from isocodec.drawing.snapshot import leaves_of
 from isocodec.field.samples import check_field
-from isocodec.mesh.tables import cube_exponent
-from isocodec.passes.snapshot import leaves_of
+from isocodec.grid.lattice.tables import cube_exponent
 from isocodec.search import fit, proof
 from isocodec.search.promise import Promise
 from isocodec.search.proof import Target, hausdorff
@@ -205,7 +205,7 @@ def test_nearest_pieces(n):
     """Against points spread densely over the pieces."""
     rng = np.random.default_rng(n)
     contour = draw(leaves_of(Promise(check_field(smooth((12,) * n, 5), 0.05))._encoded(
-        [("base", n * cube_exponent((12,) * n)), ("offsets", 9)])[1], 0.05, lambda number, above: number))  # fmt: skip
+        [("base", n * cube_exponent((12,) * n)), ("offsets", 9)])[1], 0.05, lambda number, above: number))
     samples = rng.uniform(0, 11, (400, n))
     target = Target(contour.points, contour.cells, 0.4)
     piece, weight = target.nearest(samples)

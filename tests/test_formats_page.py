@@ -74,7 +74,7 @@ def by_ezdxf(path: Path) -> np.ndarray:
         np.array([p[:2] for p in line.get_points()]) if line.dxftype() == "LWPOLYLINE"
         else np.array([v.dxf.location[:2] for v in line.vertices])
         for line in lines
-    ]  # fmt: skip
+    ]
     return np.concatenate(found)
 
 
@@ -92,7 +92,7 @@ def by_trimesh(path: Path) -> np.ndarray:
 CURVES: dict[str, Callable[[Path], np.ndarray]] = {
     ".geojson": by_json, ".gpkg": by_geopandas, ".fgb": by_geopandas, ".shp": by_geopandas, ".parquet": by_geopandas,
     ".dxf": by_ezdxf, ".vtp": lambda path: by_vtk(path)[:, :2],
-}  # fmt: skip
+}
 SURFACES = {".vtp": by_vtk, **dict.fromkeys([".ply", ".stl", ".off", ".obj", ".glb", ".3mf"], by_trimesh)}
 
 
@@ -176,7 +176,7 @@ def ome(path: Path) -> Callable[[np.ndarray], np.ndarray]:
 
 READERS: dict[str, Callable[[Path], Callable[[np.ndarray], np.ndarray]]] = {
     ".tif": geotiff, ".nii.gz": nifti, ".nrrd": itk, ".mha": itk, ".nc": netcdf, ".vti": vti, ".ome.tif": ome,
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize("suffix", READERS)

@@ -46,7 +46,7 @@ def solid(count: int = 4, size: int = 14) -> NDArray[np.int16]:
     return np.array([
         np.round(10 * np.sqrt((z - 6.2) ** 2 + (y - 6.1 - 0.3 * t) ** 2 + (x - 5.5 - 0.5 * t) ** 2)).astype(np.int16)
         for t in range(count)
-    ])  # fmt: skip
+    ])
 
 
 def points(contour: Contour) -> list[tuple[float, ...]]:
@@ -106,7 +106,7 @@ def test_several_isovalues(interval: int):
     "options", [{"tolerance": 0.5}, {"steps": [1, 0.2]}, {"criterion": "topology"}, {"preserve_topology": True},
                 {"base_level": 4}, {"leaning": False}, {"plan": [("base", 3), ("refine", 2), ("offsets", 5, 1)]}],
     ids=lambda options: next(iter(options)),
-)  # fmt: skip
+)
 def test_any_layers(options: dict[str, Any]):
     frames = moving(3, 24)
     data = encode_frames(frames, ISOVALUE, **options)
@@ -330,7 +330,7 @@ def test_a_frame_may_have_a_chunk_where_it_needs_none():
         (0, b"\x09\x00"), (0, b"\x09\x02\x05\x05"), (0, b"\x09\x02\x80\x05"), (2, b"\x09\x01\x01"),
         (2, b"\x09\x02\x00\x00"), (2, b"\x09\x00\x05\x02\x00\x01"), (2, b"\x89\x00"),
     ],
-)  # fmt: skip
+)
 def test_malformed_chunks(number: int, chunk: bytes):
     data = encode_frames(moving(2, 8), ISOVALUE, interval=5, signs_only=True)
     place = inspect(data).chunks[number]

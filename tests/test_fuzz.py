@@ -271,7 +271,7 @@ def test_vectors_by_batch(capsys, importable):
         (4, Answer(6, ""), ""), (4, Answer(4, "text"), "refused with a text"),
         (0, Answer(-11, trouble="crash: x"), "crash"), (0, Answer(6, ""), "exit code 6 instead of 0"),
     ],
-)  # fmt: skip
+)
 def test_verdicts(expected, answer, sort):
     output = dump(ANNEX_D)
     wanted = type(output)(expected, "text" if expected in (0, 5) else "")
@@ -292,7 +292,7 @@ def test_faults_of_our_own_kernels_are_findings(tmp_path, monkeypatch, capsys, i
     def broken(*_):
         raise fault
 
-    monkeypatch.setattr("isocodec.passes.base.base", broken)
+    monkeypatch.setattr("isocodec.grid.passes.base.base", broken)
     code = main(["fuzz", "--files", "30", "--shrink", "1", "--most", "3", "--json", "--out", str(tmp_path)])
     (finding,) = json.loads(capsys.readouterr().out)["findings"]
     assert (code, finding["sort"]) == (1, "crash")
@@ -319,7 +319,7 @@ def test_planted_faults_are_found(tmp_path, capsys, importable, fault):
     """And saved: the file, shrunk, the expected text, and a report with an annotated dump."""
     command = script(tmp_path, f"output = dump(data, layers=asked.get('layers', 0))\n{FAULTS[fault]}")
     code = main(["fuzz", "--batch", "--decoder", command, "--files", "400", "--most", "1", "--json",
-                 "--shrink", "4", "--out", str(tmp_path / "out")])  # fmt: skip
+                 "--shrink", "4", "--out", str(tmp_path / "out")])
     report = json.loads(capsys.readouterr().out)
     (finding,) = report["findings"]
     assert code == 1

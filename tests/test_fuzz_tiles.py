@@ -50,7 +50,7 @@ def test_names_of_parts() -> None:
         "signature (12.3)", "shape 70 x 101", "stage 1: cubes of 4 samples", "stage 3: cubes of 1 samples, geometry",
         "block (0, 0): leaf directory of", "CRC-32 of a group: mask, tiles (0, 0) to (1, 2)",
         "mask, tile (0, 1): chunk mask,", "stage 2, isovalue 0, tile (1, 2): chunk layers,", "CRC-32 of the head",
-    )  # fmt: skip
+    )
     for each in wanted:
         assert any(each in line for line in lines), each
     wrong = list(explained_tiled((VECTORS / "bad_tiled_group_checksum.iso").read_bytes()))

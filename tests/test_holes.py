@@ -184,7 +184,7 @@ def test_types_of_samples(dtype: str) -> None:
 @pytest.mark.parametrize("options", [
     {"tolerance": 0.5}, {"tolerance": 1.0, "preserve_topology": True}, {"steps": (2.0, 0.5)},
     {"criterion": "distortion", "parameter": 0.5},
-])  # fmt: skip
+])
 @pytest.mark.parametrize("n", [2, 3])
 def test_promises_hold_for_what_is_left(options: dict[str, object], n: int) -> None:
     """Distances both ways, between the curves as they end at holes."""
@@ -302,7 +302,7 @@ def test_holes_cost_less_than_what_they_replace() -> None:
     field = np.sin(x / 9) + np.cos(y / 7 + x / 30)
     gone = np.hypot(x - 90, y - 110) < 60
     filled = np.where(gone, 0.0, field)
-    from isocodec.io.missing import filled as replaced
+    from isocodec.io.readers.missing import filled as replaced
 
     nearest = isocodec.encode(replaced(filled, gone, "nearest", [0.2]), 0.2)
     mask = isocodec.encode(~gone, 0.5, signs_only=True)

@@ -15,9 +15,9 @@ import isocodec
 from brute import INTERPRETED, examples
 from files import HEADER, NAMES, files, layers_file, picture, same_drawing, with_checksum
 from isocodec import Decoder, FormatError, IsoError, LimitError, Limits, OptionError
+from isocodec.drawing.snapshot import state_of
 from isocodec.format.header import Header, write_header
-from isocodec.passes.runner import Tube
-from isocodec.passes.snapshot import state_of
+from isocodec.grid.passes.runner import Tube
 from isospec.container import ChunkType, Profile, write_varint
 
 # --- limits ---------------------------------------------------------------------------------------------------------

@@ -15,7 +15,7 @@ HOME = Path(inspect.getfile(isocodec)).parent
 FLOORS = (
     "kernel", "field", "mesh", "entropy", "tube", "models", "domain", "drawing", "passes", "format", "layers", "search",
     "stream", "tiles", "io", "cli",
-)  # fmt: skip
+)
 """Packages, from the ground up: each imports from those below it only."""
 KERNELS = {"kernel", "inner", "inlined"}
 MODULES = sorted(path for path in HOME.rglob("*.py") if path.parent.name != "built")
@@ -24,7 +24,7 @@ MOST_TAKEN, MOST_LINES = 8, 80
 NOT_YET = {
     "reduction._parents", "distance._exceed", "distance._nearest", "distortion._clamped_simplex_at",
     "distortion._crossing", "distortion._implied", "distortion.too_far", "topology.safe",
-}  # fmt: skip
+}
 """Functions of ``search`` that are longer or take more."""
 WORDS = ("vertex", "simplex", "gate", "diamond", "dimension", "middle")
 """What entropy coding knows nothing of."""

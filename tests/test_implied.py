@@ -12,9 +12,9 @@ from hypothesis import strategies as st
 from brute import examples, smooth
 from isocodec.drawing.crossing import edge_ratios
 from isocodec.drawing.simplices import crossed, draw_simplices
+from isocodec.drawing.snapshot import leaves_of
 from isocodec.field.samples import check_field
-from isocodec.mesh.tables import cube_exponent
-from isocodec.passes.snapshot import leaves_of
+from isocodec.grid.lattice.tables import cube_exponent
 from isocodec.search.promise import Promise
 from isocodec.search.strategy import reduced
 from isoconform.meshes import chosen, uniform
@@ -118,5 +118,5 @@ def test_cubes_tell_their_edges_only():
         (p, q)
         for p in sign for a in range(3) for q in [tuple(x + 2 * (i == a) for i, x in enumerate(p))]
         if q in sign and sign[p] != sign[q]
-    }  # fmt: skip
+    }
     assert told == edges

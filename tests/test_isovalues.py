@@ -14,13 +14,13 @@ import isocodec
 from brute import blobs, examples, meshes, mixed, smooth
 from commands import HILLS
 from isocodec import Decoder, Encoder
+from isocodec.drawing.snapshot import leaves_of, state_of
 from isocodec.errors import FormatError, OptionError
 from isocodec.field.samples import Field
-from isocodec.layers.events import IsovalueRead
-from isocodec.layers.writer import LayerWriter
-from isocodec.mesh.tables import cube_exponent
-from isocodec.passes.runner import Tube
-from isocodec.passes.snapshot import leaves_of, state_of
+from isocodec.format.events import IsovalueRead
+from isocodec.grid.lattice.tables import cube_exponent
+from isocodec.grid.layers.writer import LayerWriter
+from isocodec.grid.passes.runner import Tube
 from isocodec.search import strategy
 from isocodec.search.strategy import grid_plan
 from isocodec.stream.options import DEFAULT_TOLERANCE
@@ -223,7 +223,7 @@ def test_curves_never_cross(n):
         pytest.param("main", {"tolerance": 1.0}, marks=pytest.mark.heavy),
         pytest.param("baseline", {"steps": [4, 1, 0.25]}, marks=pytest.mark.heavy),
     ],
-)  # fmt: skip
+)
 def test_each_keeps_to_the_tolerance(options, profile):
     """Proven for what the file says, which for later isovalues is not what a file of their own would say."""
     tolerance = options.get("tolerance", 0.25)

@@ -13,6 +13,8 @@ import pytest
 import isocodec
 from commands import HILLS
 from isocodec import KernelError
+from isocodec.grid.lattice.store import new_store
+from isocodec.grid.passes.carriers import entries
 from isocodec.kernel import record
 from isocodec.kernel.call import FINE, Kernel
 from isocodec.kernel.types import (
@@ -27,9 +29,7 @@ from isocodec.kernel.types import (
     Signature,
     UInt8Vector,
     kind_of,
-)  # fmt: skip
-from isocodec.mesh.store import new_store
-from isocodec.passes.carriers import entries
+)
 
 
 @record
@@ -59,7 +59,7 @@ def slots(*values: int) -> bytes:
         (FLOAT, np.float32(0.5), bytes(6) + b"\xe0\x3f"), (FLOAT, np.nan, bytes(6) + b"\xf8\x7f"),
         (BOOL, True, slots(1)), (BOOL, np.False_, slots(0)),
     ],
-)  # fmt: skip
+)
 def test_numbers(kind, value, expected):
     assert kind.pack(value) == expected
 
@@ -68,7 +68,7 @@ def test_numbers(kind, value, expected):
     ("kind", "value"),
     [(INT, 1.0), (INT, True), (INT, np.True_), (INT, None), (INT, "1"), (INT, np.array(1)), (FLOAT, 1), (FLOAT, True),
      (FLOAT, np.int64(1)), (BOOL, 1), (BOOL, 0.0), (BOOL, None)],
-)  # fmt: skip
+)
 def test_what_is_no_such_number(kind, value):
     with pytest.raises(TypeError, match=f"{type(value).__name__} instead of {kind}"):
         kind.pack(value)
@@ -109,7 +109,7 @@ def test_empty_arrays():
         (np.zeros(3, np.int64)[::-1], "an array with gaps"), (None, "NoneType"), (np.int64(3), "int64"),
         (np.ma.zeros(3, np.int64), "int64, 1d"),
     ],
-)  # fmt: skip
+)
 def test_what_is_no_such_array(value, found):
     with pytest.raises(TypeError, match=f"{found} instead of int64\\[1d\\]"):
         Array("int64", 1).pack(value)
@@ -127,7 +127,7 @@ def test_records():
     assert kind.pack(value) == (
         slots(numbers.ctypes.data, 3, 3, 8) + slots(flags.ctypes.data, 2, 2, 1)
         + slots(places.ctypes.data, 4, 2, 2, 16, 8)
-    )  # fmt: skip
+    )
 
 
 def test_records_with_another_type_of_a_member():
@@ -146,7 +146,7 @@ def test_records_with_another_type_of_a_member():
         (outer()._replace(numbers=[1]), "numbers: list"),
         (outer()._replace(inner=Inner(np.zeros(2))), "inner: flags: float64, 1d"),  # type: ignore[arg-type]
     ],
-)  # fmt: skip
+)
 def test_what_is_no_such_record(value, match):
     with pytest.raises(TypeError, match=match):
         kind_of(Outer).pack(value)
@@ -165,7 +165,7 @@ def test_changed_records_are_noted_anew():
     changed = [
         value._replace(numbers=np.arange(5)), value._replace(inner=Inner(np.zeros(9, np.uint8))),
         value._replace(places=np.zeros((3, 1)), numbers=np.arange(6)), value._replace(), early,
-    ]  # fmt: skip
+    ]
     again = [each._replace(places=np.ones((1, 1))) for each in changed]
     for each in (*changed, *again):
         assert kind.pack(each) == plain(each) == kind.pack(each)
@@ -213,7 +213,7 @@ def several() -> tuple[int, int, int]: ...
         # of a truth value one bit is stated
         (truth, slots(0x7E), False), (nothing, slots(5), None), (several, slots(1, -2, 3, 4), (1, -2, 3)),
     ],
-)  # fmt: skip
+)
 def test_results(function, content, expected):
     found = returning(function, content)()
     assert found == expected and type(found) is type(expected)
@@ -239,7 +239,7 @@ def weighed(values: IntVector, weight: float, turned: bool) -> float: ...
         ((np.zeros(2, np.int64), 1.0), r"weighed\(values: int64\[1d\], .*\) -> float64 called with 2 arguments"),
         ((np.zeros(2, np.int64), 1.0, True, 0), "called with 4 arguments"),
     ],
-)  # fmt: skip
+)
 def test_arguments_of_other_types(arguments, match):
     """Never is anything else compiled, or run as plain Python instead."""
     with pytest.raises(KernelError, match=match) as caught:

@@ -20,11 +20,11 @@ import pytest
 import isocodec
 from commands import HILLS, ok
 from isocodec import KernelError
+from isocodec.grid.passes.carriers import entries
 from isocodec.kernel import EXECUTION, Execution
 from isocodec.kernel.call import Kernel
 from isocodec.kernel.execution import SETTING
 from isocodec.kernel.types import Signature
-from isocodec.passes.carriers import entries
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "tools" / "kernels"))
 
@@ -41,7 +41,7 @@ def test_every_kernel_in_the_source_is_found():
     """By the build, which reads the source, as by Python."""
     lines = sum(
         len(re.findall(r"^ *@kernel\b", path.read_text(), re.M)) for path in (ROOT / "codec").rglob("*.py")
-    )  # fmt: skip
+    )
     assert len(front.kernels()) == lines > 40
 
 
@@ -112,7 +112,7 @@ def in_copy(home: Path, *words: str, execution: str = "", without: str = "") -> 
     environment = {**os.environ, SETTING: execution, "PYTHONPATH": str(home), "PYTHONDONTWRITEBYTECODE": "1"}
     return subprocess.run(
         [sys.executable, "-c", program, *words[1:]], env=environment, cwd=home, capture_output=True, text=True,
-    )  # fmt: skip
+    )
 
 
 ENCODE = ("isocodec", "encode", "hills.npy", "-o", "out.iso", "--isovalue", "80.5")
@@ -185,7 +185,7 @@ FAULTS: dict[str, tuple[Callable[[Path], object], str]] = {
         signatures(lambda found: found.update(iso_passes_base_base="() -> int64")),
         "kernel passes.base.base: compiled as () -> int64, its source says (st: State, ",
     ),
-}  # fmt: skip
+}
 
 
 @pytest.mark.skipif(EXECUTION is not Execution.LIBRARY, reason="there is no library")
@@ -267,7 +267,7 @@ def test_numba_keeps_to_the_annotations() -> None:
     """Nothing else is compiled; what is returned is what is stated; indices are checked if that is asked for."""
     environment = {
         **os.environ, SETTING: "numba", "NUMBA_BOUNDSCHECK": "1", "PYTHONPATH": os.pathsep.join(filter(None, sys.path)),
-    }  # fmt: skip
+    }
     done = subprocess.run([sys.executable, "-c", COMPILED], env=environment, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     assert done.stdout.splitlines() == [

@@ -70,7 +70,7 @@ def test_refused() -> None:
     for labels, error, says in (
         ([1, 9], InputError, "the labels are 0, 1, 2, 3"), ([1, 1], OptionError, "twice"),
         ([], OptionError, "no labels"),
-    ):  # fmt: skip
+    ):
         with pytest.raises(error, match=says):
             isocodec.encode_labels(ZONES, labels)
     with pytest.raises(InputError):
@@ -93,7 +93,7 @@ def test_recoded() -> None:
     ([2, 1], [], {}), ([1, 2, 3], ["--profile", "baseline"], {"profile": "baseline"}),
     ([1, 2], ["--spacing", "2,3", "--metadata", "a=b"], {"placement": [2, 3], "metadata": {"a": "b"}}),
     ([1, 2], ["--tolerance", "0.5", "--preserve-topology"], {"tolerance": 0.5, "preserve_topology": True}),
-])  # fmt: skip
+])
 def test_command(tmp_path: Path, labels: list[int], more: list[str], options: dict[str, Any]) -> None:
     source, out = tmp_path / "z.npy", tmp_path / "z.iso"
     np.save(source, ZONES)

@@ -9,12 +9,12 @@ import pytest
 
 import isocodec
 from explicit_meshes import Mesh, components, plane, space
-from isocodec.domain.complex import complex_of
-from isocodec.domain.history import MOST_RING, history_of
-from isocodec.domain.isovalue import MeshIsovalue
 from isocodec.errors import FormatError, OptionError
 from isocodec.format.chunks import write_chunk
-from isocodec.layers.events import DomainRead
+from isocodec.format.events import DomainRead
+from isocodec.mesh.complex import complex_of
+from isocodec.mesh.history import MOST_RING, history_of
+from isocodec.mesh.isovalue import MeshIsovalue
 from isocodec.stream.mesh_decoder import MeshDecoder
 from isospec.container import ChunkType
 
@@ -127,7 +127,7 @@ def test_refused_where_there_are_no_levels() -> None:
 @pytest.mark.parametrize("layers, clause", [
     ([(3, 0)], "10.8.1"), ([(3, 99)], "10.1.3"), ([(3, 1), (3, 1)], "10.1.3"), ([(3, 1), (1, 5)], "10.1.3"),
     ([(3, 1), (0,)], "10.1.3"), ([(0,), (3, 0)], "10.1.3"), ([(3,)], "10.1.3"),
-])  # fmt: skip
+])
 def test_layers_that_may_not_come(layers: list[tuple[int, ...]], clause: str) -> None:
     """Of tetrahedra; more rounds than there are; the same number again; geometry or a walk before all are back."""
     mesh = space(1) if clause == "10.8.1" else plane(1, 60, 1.0)

@@ -18,9 +18,9 @@ from commands import fails, ok
 from files import picture
 from isocodec import Decoder, InputError, IsoError, LimitError, Limits, OptionError
 from isocodec import limits as module
-from isocodec.io.write import AREAS, cost_of, render_contour, render_sides
+from isocodec.grid.passes.runner import Tube
+from isocodec.io.writers.write import AREAS, cost_of, render_contour, render_sides
 from isocodec.limits import Budget, in_units
-from isocodec.passes.runner import Tube
 from isoconform import hostile
 from isospec.container import MAX_ISOVALUES
 
@@ -89,7 +89,7 @@ class Traced(Budget):
 WAYS = {
     "signs": {"signs_only": True}, "offsets": {}, "values": {"exact": True},
     "reduced": {"criterion": "crossing", "tolerance": 0.2}, "reduced values": {"criterion": "crossing", "exact": True},
-}  # fmt: skip
+}
 
 
 @pytest.mark.skipif(INTERPRETED, reason="memory of kernels that are not compiled is another")
@@ -97,7 +97,7 @@ WAYS = {
 @pytest.mark.parametrize("n, size, rough", [(2, 150, 1), (2, 300, 0), (3, 24, 1), (3, 50, 0)])
 def test_decoding_and_drawing_take_no_more_than_is_counted(n, size, rough, way, monkeypatch):
     """What is really allocated, against the account: as good as all of it, and never more."""
-    monkeypatch.setattr("isocodec.stream.container.Budget", Traced)
+    monkeypatch.setattr("isocodec.stream.session.Budget", Traced)
     isovalues = [0.5, 120.5] if way in ("offsets", "values") else [0.5]
     data = isocodec.encode(field(n, size, rough), isovalues, **WAYS[way])
 
@@ -121,7 +121,7 @@ def test_decoding_and_drawing_take_no_more_than_is_counted(n, size, rough, way, 
 
 @pytest.mark.skipif(INTERPRETED, reason="takes long")
 @pytest.mark.parametrize("n, suffix", [(2, s) for s in (".npz", ".geojson", ".svg", ".pmtiles", ".png", "areas")]
-                         + [(3, s) for s in (".npz", ".ply", ".stl", ".obj", ".png")])  # fmt: skip
+                         + [(3, s) for s in (".npz", ".ply", ".stl", ".obj", ".png")])
 @pytest.mark.parametrize("rough", [1, pytest.param(0, marks=pytest.mark.heavy)])
 def test_writing_takes_no_more_than_is_counted(n, suffix, rough):
     size = (400 if n == 2 else 60) >> rough
@@ -218,12 +218,12 @@ def test_work_is_limited_by_what_has_been_read():
     """More symbols than that are refused, at the same one however the bytes come; the limit grows with the file."""
     data = isocodec.encode(picture((90, 90), 2, noise=0.3), 0, signs_only=True)
     symbols = sum(s for layer in isocodec.inspect(data, symbols=True).layers for s in layer.symbols.values())
-    with mock.patch.object(sys.modules["isocodec.layers.reader"], "SLICE", 64):
+    with mock.patch.object(sys.modules["isocodec.grid.layers.reader"], "SLICE", 64):
         ends = []
         for step in (len(data), 3):
             decoder = Decoder(Limits(work=symbols // 4))
             with (
-                mock.patch.object(sys.modules["isocodec.layers.reader"], "WORK_PER_BYTE", 0),
+                mock.patch.object(sys.modules["isocodec.grid.layers.reader"], "WORK_PER_BYTE", 0),
                 pytest.raises(LimitError) as caught,
             ):
                 for at in range(0, len(data), step):
@@ -252,7 +252,7 @@ def test_slices_change_nothing(symbols, monkeypatch):
     data = isocodec.encode(picture((60, 60), 2, noise=0.4), 0, exact=True)
     cuts = [isocodec.truncate(data, max_bytes=n) for n in (60, 200)]
     expected = [isocodec.decode(one).points for one in (data, *cuts)]
-    monkeypatch.setattr("isocodec.layers.reader.SLICE", symbols)
+    monkeypatch.setattr("isocodec.grid.layers.reader.SLICE", symbols)
     assert [isocodec.truncate(data, max_bytes=n) for n in (60, 200)] == cuts
     assert all(np.array_equal(isocodec.decode(one).points, e) for one, e in zip((data, *cuts), expected, strict=True))
 
@@ -291,7 +291,7 @@ def test_an_error_is_raised_again_without_what_led_to_it():
         list(decoder)
 
 
-@pytest.mark.parametrize("where", ["isocodec.passes.runner.wider_state", "isocodec.stream.drawn.leaves_of"])
+@pytest.mark.parametrize("where", ["isocodec.grid.passes.runner.wider_state", "isocodec.stream.drawn.leaves_of"])
 def test_memory_that_ends_is_an_error_of_ours(where):
     """Whatever the limits say: the machine may have less."""
     data = isocodec.encode(field(2, 150, 1), 0.5)
@@ -307,7 +307,7 @@ def test_memory_that_ends_is_an_error_of_ours(where):
 
 def test_memory_that_ends_for_a_mask():
     data = isocodec.encode(picture((40, 40), 3), 0)
-    whole = mock.patch("isocodec.drawing.mask.MaskRows.whole", side_effect=MemoryError)
+    whole = mock.patch("isocodec.drawing.rows.MaskRows.whole", side_effect=MemoryError)
     with whole, pytest.raises(LimitError) as caught:
         isocodec.decode_mask(data)
     assert caught.value.code == "memory"
@@ -323,7 +323,7 @@ def test_every_command_that_decodes_has_the_limits(tmp_path):
         ("decode", source, "-o", tmp_path / "a.npz"), ("mask", source, "-o", tmp_path / "a.npy"),
         ("plot", source, "-o", tmp_path / "a.png"), ("truncate", source, "-o", tmp_path / "b.iso", "--bytes", 9000),
         ("info", source, "--symbols"),
-    )  # fmt: skip
+    )
     for command in commands:
         ok(*command, "--limit-memory", "1.5G", "--limit-work", 1 << 24)
         assert "more than 2 MiB of memory" in fails(6, *command, "--limit-memory", "2M")

@@ -15,11 +15,11 @@ from brute import examples, sign_fields, smooth
 from isocodec.entropy.mixer import MOST_MIX, blended, clear, see
 from isocodec.entropy.network import weighed
 from isocodec.entropy.range_coder import DECODE, ENCODE, Coder, CoderRegisters, finish, start
-from isocodec.mesh.access import dimension
-from isocodec.mesh.store import get
-from isocodec.mesh.tables import cube_exponent
-from isocodec.models.contexts import CONTEXTS, rates
-from isocodec.models.layout import (
+from isocodec.grid.lattice.access import dimension
+from isocodec.grid.lattice.store import get
+from isocodec.grid.lattice.tables import cube_exponent
+from isocodec.grid.models.contexts import CONTEXTS, rates
+from isocodec.grid.models.layout import (
     AROUND,
     BASE_NET,
     BASE_ROW,
@@ -38,9 +38,9 @@ from isocodec.models.layout import (
     TREE_ROWS,
     VALUE_ROWS,
 )
-from isocodec.models.neighbourhood import nearest_vertices, see_around, survey
-from isocodec.models.new_components import BIRTH
-from isocodec.models.trained import members, shipped_models
+from isocodec.grid.models.neighbourhood import nearest_vertices, see_around, survey
+from isocodec.grid.models.significance import BIRTH
+from isocodec.grid.models.trained import members, shipped_models
 from isocodec.search.strategy import grid_plan
 from isospec.tables import (
     COLUMNS,
@@ -76,7 +76,7 @@ def test_tables_are_what_the_specification_states():
         assert list(NET_ROWS[n]) == [
             *[SIGN_ROWS[n]] * n, *[0] * (3 - n), TREE_ROWS[n], OFFSET_ROWS, LEAF_ROWS[n], VALUE_ROWS[n], MESH_ROWS[n],
             BASE_ROWS[n],
-        ]  # fmt: skip
+        ]
     assert packed(squash, found) == shipped()
     assert len(shipped()) < 180_000
 
@@ -212,7 +212,7 @@ class Plain:
 symbols = st.tuples(
     st.integers(0, NETS - 1), st.booleans(), st.integers(0, KINDS - 1), st.integers(0, CONTEXTS - 1),
     st.lists(st.integers(0, min(ROWS.values()) - 1), min_size=1, max_size=20), st.integers(0, 1),
-)  # fmt: skip
+)
 
 
 @examples(60)
@@ -256,7 +256,7 @@ def test_extremes(pattern):
     bits = {
         "zeros": np.zeros(count, int), "ones": np.ones(count, int), "alternating": np.arange(count) % 2,
         "random": rng.integers(0, 2, count),
-    }[pattern]  # fmt: skip
+    }[pattern]
     rows = rng.integers(0, ROWS[2], (count, 5))
     cd = coder(ENCODE, 2)
     for bit, row in zip(bits, rows, strict=True):
@@ -307,7 +307,7 @@ def test_both_profiles_decode_to_the_same(n, data):
         {"plan": [*grid_plan(n, full, 0), ("offsets", 11)]},
         {"plan": [*grid_plan(n, full, None), ("offsets", 3), ("offsets", 15)]},
         {"criterion": "crossing", "tolerance": 0.2},
-    ]))  # fmt: skip
+    ]))
     isovalues = data.draw(st.sampled_from([0.5, (0.5, 20.5)]))
     files = [isocodec.encode(field, isovalues, profile=profile, **options) for profile in ("baseline", "main")]
     found = drawn(files[1], data.draw(st.sampled_from([None, 1, 7])))

@@ -12,25 +12,25 @@ from isocodec import Encoder
 from isocodec.entropy.mixer import clear
 from isocodec.entropy.range_coder import ENCODE, Coder, CoderRegisters, start
 from isocodec.field.samples import check_field
-from isocodec.mesh.access import dimension, vertex
-from isocodec.mesh.diamond import diamond_at
-from isocodec.mesh.simplex import Simplex
-from isocodec.mesh.store import get
-from isocodec.mesh.tables import cube_exponent
-from isocodec.mesh.vertex_set import IN, KEPT, OUT
-from isocodec.models.base_signs import see_behind
-from isocodec.models.contexts import rates
-from isocodec.models.layout import AROUND, BASE_ROW, MESH_ROW, MOST_ROWS, SIGN_ROWS, TREE_ROW, VALUE_ROW
-from isocodec.models.mesh_questions import Question, see_mesh
-from isocodec.models.neighbourhood import nearest_vertices, survey
-from isocodec.models.new_components import CUBE, NODE, SLOT, Node, see_crowd
-from isocodec.models.refinement_signs import Before, Expected, see_middle
-from isocodec.models.trained import members, shipped_models
-from isocodec.models.values import Nearby, nearby_samples, see_nearby
-from isocodec.passes.values import enter_told
+from isocodec.grid.lattice.access import dimension, vertex
+from isocodec.grid.lattice.diamond import diamond_at
+from isocodec.grid.lattice.simplex import Simplex
+from isocodec.grid.lattice.store import get
+from isocodec.grid.lattice.tables import cube_exponent
+from isocodec.grid.lattice.vertex_set import IN, KEPT, OUT
+from isocodec.grid.models.base_signs import see_behind
+from isocodec.grid.models.contexts import rates
+from isocodec.grid.models.layout import AROUND, BASE_ROW, MESH_ROW, MOST_ROWS, SIGN_ROWS, TREE_ROW, VALUE_ROW
+from isocodec.grid.models.mesh_questions import Question, see_mesh
+from isocodec.grid.models.neighbourhood import nearest_vertices, survey
+from isocodec.grid.models.refinement_signs import Before, Expected, see_middle
+from isocodec.grid.models.significance import CUBE, NODE, SLOT, Node, see_crowd
+from isocodec.grid.models.trained import members, shipped_models
+from isocodec.grid.models.value_bits import Nearby, nearby_samples, see_nearby
+from isocodec.grid.passes.values import enter_told
+from isocodec.grid.tube.capacity import NOTHING
 from isocodec.search.promise import Promise
 from isocodec.search.strategy import grid_plan, reduced
-from isocodec.tube.capacity import NOTHING
 
 SHAPES = [(34, 29), (13, 12, 14)]
 
@@ -143,7 +143,7 @@ def test_rows_of_values_nearby(shape, planes):
             candidates += [
                 combined([y, z], mean), combined([y, yy], lambda s, t: 2 * s - t),
                 combined([z, zz], lambda s, t: 2 * s - t),
-            ]  # fmt: skip
+            ]
         for a, b in combinations(range(n), 2):
             across = []
             for s, t in product((-1, 1), repeat=2):

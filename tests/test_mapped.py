@@ -21,7 +21,7 @@ from isocodec import CoordinatesRead, Decoder, InputError, LimitError, Limits, O
 from isocodec.field.mapped import Coordinate
 from isocodec.format.chunks import write_chunk
 from isocodec.format.coordinates import CoordinatesRecord, read_coordinates, write_coordinates
-from isocodec.passes.coordinates import Grid, decode_run, encode_run
+from isocodec.grid.passes.nodes import Grid, decode_run, encode_run
 from isospec.container import ChunkType
 
 Array = grids.Array
@@ -103,10 +103,10 @@ def test_no_seam(grid: Callable[[], tuple[Array, list[Array]]], options: dict[st
     turned = isocodec.decode(isocodec.encode(
         np.roll(field, 7, axis=1), 0.05, coordinates=[np.roll(a, 7, axis=1) for a in arrays], periodic=1,
         coordinates_error=1e-4, **options
-    ))  # fmt: skip
+    ))
     fine = isocodec.decode(isocodec.encode(
         field, 0.05, coordinates=arrays, periodic=1, coordinates_error=1e-4, **options
-    ))  # fmt: skip
+    ))
     cell = np.diff(arrays[0], axis=0).max() if field.ndim == 2 else 0.1
     for one, other in ((turned, fine), (fine, turned)):
         distances = np.linalg.norm(one.placed[:, None] - other.placed[None], axis=2).min(axis=1)
@@ -221,7 +221,7 @@ def test_coordinates_of_no_use(change: Any, options: dict[str, Any], words: str)
         {"periodic": 1, "preserve_topology": True}, {"periodic": 1, "criterion": "topology"},
         {"periodic": 1, "plan": [("base", None)]},
     ],
-)  # fmt: skip
+)
 def test_options_of_no_use(options: dict[str, Any]) -> None:
     field, arrays = grids.polar()
     with pytest.raises(OptionError):
@@ -281,7 +281,7 @@ def test_tolerances_in_the_world(unit: str) -> None:
     ]
     if unit == "km":
         dense = [6371 * np.stack([np.cos(y) * np.cos(x), np.cos(y) * np.sin(x), np.sin(y)], axis=1)
-                 for x, y in (np.radians(one).T for one in dense)]  # fmt: skip
+                 for x, y in (np.radians(one).T for one in dense)]
     trees = [cKDTree(one) for one in dense]
     most = max(trees[0].query(dense[1])[0].max(), trees[1].query(dense[0])[0].max())
     assert most < {"km": 60 * 1.02, "degrees": 0.8 * 1.02}[unit]
@@ -311,7 +311,7 @@ def test_bytes() -> None:
     payload = write_coordinates(RECORD)
     assert payload.hex() == (
         "02" "03" "3ff8000000000000" "3fd0000000000000" "0a" "c008000000000000" "4000000000000000" "8134" "6162636465"
-    )  # fmt: skip
+    )
     assert read_coordinates(payload, (5, 6)) == RECORD
 
 

@@ -12,7 +12,7 @@ import pytest
 import grids
 import isocodec
 from commands import ok, run
-from isocodec.io.place import read_place
+from isocodec.io.readers.place import read_place
 
 FIELD, NODES = grids.rotated_pole()
 SOUTH, EAST = np.linspace(60, -60, 13), np.arange(36) * 10.0
@@ -58,7 +58,7 @@ def test_longitudes_all_round(tmp_path: Path) -> None:
     contour, said = encoded(path, 0.9, "--key", "f", "--no-placement")
     assert contour.shape == (13, 36) and contour.mapped is None and not said
     refused = run("encode", path, "-o", tmp_path / "b.iso", "--isovalue", 0.9, "--key", "f", "--tolerance", 1,
-                  "--periodic", 1)  # fmt: skip
+                  "--periodic", 1)
     assert refused.exit_code == 2 and "contradict" in refused.stderr
 
 

@@ -18,8 +18,8 @@ import isocodec
 from brute import examples, noise, smooth
 from commands import BALL, HILLS, fails, ok, run
 from isocodec import Decoder, LimitError, Limits, OptionError, TruncatedError
-from isocodec.drawing import mask as masks
-from isocodec.drawing.mask import MaskRows
+from isocodec.drawing import rows as masks
+from isocodec.drawing.rows import MaskRows
 
 SHAPES = st.one_of(st.tuples(*[st.integers(2, 20)] * 2), st.tuples(*[st.integers(2, 7)] * 3))
 WAYS = ({"signs_only": True}, {"exact": True}, {}, {"signs_only": True, "profile": "baseline"}, {"base_level": 0})

@@ -12,14 +12,14 @@ from hypothesis import strategies as st
 
 from brute import examples, simplices, volumes
 from isocodec.entropy.range_coder import Coder
+from isocodec.grid.lattice import access
+from isocodec.grid.lattice.depth import levels_of
+from isocodec.grid.lattice.simplex import exists
+from isocodec.grid.lattice.store import full, get, grown, new_store, page_of, put
+from isocodec.grid.lattice.tables import PAGE_SHIFT, mesh_tables
+from isocodec.grid.models.trained import no_blend
+from isocodec.grid.passes.runner import Tube
 from isocodec.limits import Limits
-from isocodec.mesh import access
-from isocodec.mesh.levels import levels_of
-from isocodec.mesh.simplex import exists
-from isocodec.mesh.store import full, get, grown, new_store, page_of, put
-from isocodec.mesh.tables import PAGE_SHIFT, mesh_tables
-from isocodec.models.trained import no_blend
-from isocodec.passes.runner import Tube
 from isoconform.meshes import exponent
 
 # A root of edge 8 has two whole periods of the second finest cubes along each axis.

@@ -65,7 +65,7 @@ def test_frames_are_those_of_single_files(kind, progressive, options):
     seed=st.integers(0, 999), kind=st.sampled_from(sorted(KINDS)), progressive=st.booleans(),
     options=st.sampled_from([{"signs_only": True}, {"exact": True}, {"tolerance": 2.0}]),
     values=st.sampled_from(["noise", "still", "opposite", "empty"]),
-)  # fmt: skip
+)
 def test_any_frames(seed, kind, progressive, options, values):
     """Noise, frames that do not change, that change all signs, and frames without a curve among others."""
     mesh = KINDS[kind](seed)
@@ -74,7 +74,7 @@ def test_any_frames(seed, kind, progressive, options, values):
     frames = {
         "noise": rng.integers(0, 40, (3, len(first))), "still": np.array([first, first, first]),
         "opposite": np.array([first, 41 - first, first]), "empty": np.array([first, 0 * first, first]),
-    }[values]  # fmt: skip
+    }[values]
     progressive = progressive and kind == "plane"
     data = isocodec.encode_mesh(*mesh, frames, 20.5, progressive=progressive, **options)
     for each, found in zip(frames, isocodec.decode_frames(data, mesh=mesh), strict=True):
@@ -99,7 +99,7 @@ def test_leaning_pays():
     values = np.array([np.sin(x + 0.05 * t) + np.cos(1.3 * y - 0.04 * t) for t in range(5)])
     for options, most in (
         ({"signs_only": True}, 0.7), ({"signs_only": True, "progressive": False}, 0.7), ({}, 0.9), ({"step": 0.01}, 0.9)
-    ):  # fmt: skip
+    ):
         alone = sum(len(isocodec.encode_mesh(*mesh, each, 0.2, **options)) for each in values)
         assert len(isocodec.encode_mesh(*mesh, values, 0.2, **options)) < most * alone
 

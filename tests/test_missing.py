@@ -13,7 +13,7 @@ import tifffile
 import isocodec
 from commands import HILLS, fails, ok, run
 from isocodec import InputError
-from isocodec.io.missing import filled, missing_samples, read_nodata
+from isocodec.io.readers.missing import filled, missing_samples, read_nodata
 
 HOLE = np.zeros(HILLS.shape, np.bool_)
 HOLE[8:14, 10:20] = HOLE[0, 0] = HOLE[30:, 38:] = True
@@ -29,7 +29,7 @@ def tiff(path: Path, field: np.ndarray, nodata: str | None) -> Path:
     ("dtype", "text", "value"),
     [("int16", "-32768", -32768), ("float32", "-9999", -9999), ("float32", "-3.4028234663852886e+38", None),
      ("float64", "1e-3", 1e-3), ("float32", "nan", np.nan), ("uint8", "255 ", 255)],
-)  # fmt: skip
+)
 def test_what_a_geotiff_says(tmp_path: Path, dtype: str, text: str, value: float | None) -> None:
     field = HILLS.astype(dtype)
     field[field == 255] = 254
@@ -78,7 +78,7 @@ def test_one_of_two_that_netcdf_says(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(("dtype", "nodata", "gone"), [
     ("int64", -(2.0**63), [0]), ("int64", 2.0**63, []), ("int64", 2.0**62, [3]), ("uint64", 2.0**63, []),
-])  # fmt: skip
+])
 def test_the_largest_values_that_stand_for_missing_samples(dtype: str, nodata: float, gone: list[int]) -> None:
     """2^63 is one more than the largest of 64 bits with a sign."""
     least = np.iinfo(dtype).min

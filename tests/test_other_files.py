@@ -17,7 +17,7 @@ from files import same
 from inputs import CELLS, META, NRRD, virtual
 from isocodec.errors import InputError, LimitError
 from isocodec.io import read_field, read_place
-from isocodec.io.missing import read_nodata
+from isocodec.io.readers.missing import read_nodata
 
 
 @pytest.fixture
@@ -88,7 +88,7 @@ def test_detached_headers_reach_no_other_directory(secret: Path, name: str, head
         ("v.nhdr", NRRD + b"datafile: LIST 2\ns0\ns1\ns2\ns3\n", "s%d"),
         ("v.nhdr", NRRD + b"data file: s%d 0 3 1 2\n", "s%d"),
     ],
-)  # fmt: skip
+)
 def test_files_beside_a_detached_header_are_read(tmp_path: Path, name: str, header: bytes, target: str) -> None:
     (tmp_path / name).write_bytes(header)
     if "%d" in target:

@@ -71,5 +71,5 @@ def test_the_wheel_works_elsewhere(built: tuple[Path, Path], tmp_path: Path) -> 
         archive.extractall(tmp_path, [m for m in archive if "/tests/" in m.name], filter="data")
     (source,) = tmp_path.glob("isocodec-*")
     said = run(there / "python", "-m", "pytest", "-q", "-m", "not heavy", *(source / "tests" / name for name in TESTS),
-               cwd=empty)  # fmt: skip
+               cwd=empty)
     assert " passed" in said and " failed" not in said

@@ -13,14 +13,14 @@ from hypothesis import strategies as st
 
 from brute import blobs, crossing_edges, crossing_points, examples, lattice, mixed, sign_fields, smooth
 from isocodec import Decoder, Encoder
+from isocodec.drawing import snapshot
 from isocodec.entropy.range_coder import ENCODE, finish, start
 from isocodec.field.samples import interval_value
+from isocodec.format.events import BaseComplete, GeometryRefined, LayerComplete, LevelComplete
 from isocodec.format.header import write_header
 from isocodec.format.program import Layer
+from isocodec.grid.lattice.tables import cube_exponent
 from isocodec.kernel import DONE, NEED
-from isocodec.layers.events import BaseComplete, GeometryRefined, LayerComplete, LevelComplete
-from isocodec.mesh.tables import cube_exponent
-from isocodec.passes import snapshot
 from isocodec.search.strategy import grid_plan
 from isoconform.meshes import exponent
 

@@ -266,10 +266,10 @@ def test_frames_lie_where_each_of_them_does(tmp_path: Path) -> None:
     nibabel.save(nibabel.Nifti1Image(BALL, np.diag([2.0, 3.0, 4.0, 1.0])), tmp_path / "v.nii")
     for axis in (0, 1):
         said = run("encode", tmp_path / "v.nii", "-o", tmp_path / "v.iso", "--isovalue", 3, "--frames",
-                   "--frame-axis", axis)  # fmt: skip
+                   "--frame-axis", axis)
         assert said.exit_code == 0 and "ignored" in said.stderr
     ok("encode", tmp_path / "v.nii", "-o", tmp_path / "v.iso", "--isovalue", 3, "--frames", "--spacing", "3,4",
-       "--tolerance", "9mm")  # fmt: skip
+       "--tolerance", "9mm")
 
 
 @pytest.mark.parametrize(
@@ -466,7 +466,7 @@ def test_notes(n: int, data: st.DataObject) -> None:
 @pytest.mark.parametrize(
     "note", ["1 0 0 0 1 x", "x", "1 0 0 0 1 nan", "1 0 0 0 1 inf", "1 0 0 0 1 0x1", "1 0 0 0 1 1_0", "1 0 0 0 1 ",
              "1 0 0 0 1", "1 0 0 0 1 0 0", "1 0 0  0 1 0", "01 0 0 0 1 0", "+1 0 0 0 1 0", "1 0 0 0 1 \u0661"],
-)  # fmt: skip
+)
 def test_notes_with_something_else_than_numbers(note: str) -> None:
     """Nothing is said by them: a decoder goes on, and an encoder does not write them."""
     assert read_placement({"placement": note}, 2) is None

@@ -12,7 +12,7 @@ import isocodec
 from commands import BALL, HILLS, fails, ok
 from isocodec import OptionError, read_plan
 from isocodec.field.samples import check_field
-from isocodec.layers.plan import Criteria
+from isocodec.grid.layers.plan import Criteria
 from isocodec.search.promise import Promise
 from isocodec.stream.plan_file import __doc__ as LANGUAGE
 from isocodec.stream.plan_file import check_plan
@@ -57,7 +57,7 @@ def test_every_line_becomes_an_entry() -> None:
         ("values", None), ("values", None), ("offsets", 9, 0), ("offsets", 9, 2), ("leaf_base",),
         ("adaptive_base", 0, Criteria(topology=True, distortion=0.5)), ("adaptive_base", 3, Criteria(crossing=True)),
         ("adapt", 1, Criteria(curvature=0.25)), ("adapt", 0, Criteria(level=7)),
-    ]  # fmt: skip
+    ]
 
 
 def test_the_program_has_the_operations_of_the_lines() -> None:
@@ -75,7 +75,7 @@ def test_two_bits_in_between_two_levels() -> None:
     assert told == [
         ("base", 10, 0), ("values", 10, 7), ("values", 10, 6), ("refine", 11, 0), ("values", 11, 6), ("refine", 12, 0),
         *(("values", 12, plane) for plane in (5, 4, 3, 2, 1)),
-    ]  # fmt: skip
+    ]
     decoder = isocodec.Decoder()
     decoder.feed(data)
     decoder.close()

@@ -15,9 +15,9 @@ from scipy.spatial import KDTree
 
 import isocodec
 from commands import fails, ok
-from isocodec.io.pmtiles import EXTENT, cut
-from isocodec.io.write import render_contour
-from isocodec.tiled_api import tiled_of
+from isocodec.api.tiled_api import tiled_of
+from isocodec.io.writers.pmtiles import EXTENT, cut
+from isocodec.io.writers.write import render_contour
 from tiled import encoded, hilly
 
 mapbox_vector_tile = pytest.importorskip("mapbox_vector_tile")
@@ -122,7 +122,7 @@ def test_coarse_layers_at_low_zooms(tmp_path: Path) -> None:
             line + np.array([x, y]) * EXTENT
             for (z, x, y), tile in tiles.items() if z == zoom
             for feature in tile["contours"]["features"] for line in lines_of(feature)
-        ]  # fmt: skip
+        ]
         # all points are the layer's, rounded; those left out lie on lines between others
         assert KDTree(wanted).query(np.concatenate(found))[0].max() <= math.sqrt(0.5) + 0.01
 

@@ -13,7 +13,7 @@ from brute import examples
 from commands import fails, ok
 from explicit_meshes import crossings
 from isocodec.errors import FormatError, InputError, IsoError, OptionError
-from isocodec.io.points_read import read_points
+from isocodec.io.readers.points_read import read_points
 
 
 def scattered(seed, count=80, side=1000):

@@ -16,8 +16,8 @@ from commands import BALL, HILLS, ok
 from isocodec import Decoder, OptionError
 from isocodec.field.samples import check_field
 from isocodec.format.chunks import Promises, read_promises, write_promises
-from isocodec.layers.events import ChunkSkipped, LayerComplete, PromisesRead
-from isocodec.mesh.tables import cube_exponent
+from isocodec.format.events import ChunkSkipped, LayerComplete, PromisesRead
+from isocodec.grid.lattice.tables import cube_exponent
 from isocodec.search.original import original
 from isocodec.search.proof import hausdorff
 from isospec.container import ChunkType
@@ -174,7 +174,7 @@ def rough(shape: tuple[int, ...], seed: int) -> np.ndarray:
         (0.2, False), (1.0, True), (3.0, False), pytest.param(0.2, True, marks=pytest.mark.heavy),
         pytest.param(1.0, False, marks=pytest.mark.heavy), pytest.param(3.0, True, marks=pytest.mark.heavy),
     ],
-)  # fmt: skip
+)
 @pytest.mark.parametrize("shape", [(70, 57), (17, 14, 20)])
 def test_the_criterion_distortion_keeps_its_distance(distance: float, shape: tuple[int, ...], topology: bool) -> None:
     for seed in range(3):

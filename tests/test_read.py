@@ -358,7 +358,7 @@ def test_one_of_a_series(tmp_path: Path) -> None:
     for name, key, whole in (
         ("a.npy", None, series), ("a.npz", "b", series), ("a.h5", "a", series), ("a.tif", None, series[0]),
         ("a.nii", None, series.T.swapaxes(1, 3)), ("a.nrrd", None, series.T.swapaxes(1, 3)),
-    ):  # fmt: skip
+    ):
         for frame in range(len(whole)):
             assert same(read_field(tmp_path / name, key=key, frame=frame), np.ascontiguousarray(whole[frame])), name
         for frame in (-1, len(whole)):

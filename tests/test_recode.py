@@ -17,7 +17,7 @@ from commands import BALL, HILLS, fails, ok
 from files import picture
 from grids import polar
 from isocodec import InputError, OptionError
-from isocodec.api import received
+from isocodec.api.whole import received
 from isocodec.search.original import original
 from isocodec.stream.recoder import sources_of
 
@@ -25,7 +25,7 @@ NOISE = picture((23, 18), 7, noise=0.8)
 FIELDS = {"hills": (HILLS, 80.5), "noise": (NOISE, 0.5), "ball": (BALL, 55.5)}
 PRECISIONS: dict[str, dict[str, Any]] = {
     "exact": {"exact": True}, "default": {}, "fine": {"tolerance": 0.004}, "signs": {"signs_only": True}
-}  # fmt: skip
+}
 
 
 def corners(contour: isocodec.Contour) -> np.ndarray:
@@ -178,7 +178,7 @@ def test_merged(profile: str) -> None:
     """Whatever each of them tells; the isovalues lean on one another."""
     asked: list[tuple[list[float], dict[str, Any]]] = [
         ([40.5], {}), ([80.5, 120.5], {"exact": True}), ([60.5], {"signs_only": True}), ([100.5], {"tolerance": 0.01})
-    ]  # fmt: skip
+    ]
     files = [isocodec.encode(HILLS, isovalues, **options) for isovalues, options in asked]
     made = isocodec.merge(files, profile=profile)
     before = [contour for file in files for contour in isocodec.decode_all(file)]

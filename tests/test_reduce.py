@@ -20,13 +20,13 @@ from numpy.typing import NDArray
 
 from brute import crossing_points, examples, mesh_leaves, mixed_leaves, sign_fields, simplices, smooth
 from isocodec.field.samples import check_field
-from isocodec.mesh.simplex import newest
-from isocodec.mesh.vertex_set import has
-from isocodec.search.domain import number_of, place_of
+from isocodec.grid.lattice.simplex import newest
+from isocodec.grid.lattice.vertex_set import has
 from isocodec.search.edges import crossing_on
 from isocodec.search.original import original
 from isocodec.search.promise import Promise
 from isocodec.search.proof import Target
+from isocodec.search.reduced import number_of, place_of
 from isocodec.search.reduction import Reduction, bent, distinct
 from isoconform.meshes import Mesh, closed, exponent, level_of, parents
 from isospec.container import MAX_SIDE
@@ -88,7 +88,7 @@ def topology(field: NDArray[np.bool_], mesh: Mesh):
     for _, x in mesh_leaves(field.shape, mesh):
         corners = [tuple(map(int, v)) for v in x]
         faces = [f for f in combinations(corners, n)
-                 if any(all(v[a] == end for v in f) for a in range(n) for end in (0, last[a]))]  # fmt: skip
+                 if any(all(v[a] == end for v in f) for a in range(n) for end in (0, last[a]))]
         for cells, classes, crossings in [([corners], regions, pieces), (faces, on_border, traces)]:
             for cell in cells:
                 for side in (True, False):
@@ -347,7 +347,7 @@ def test_crossings_are_those_that_are_sent(shape):
     crossed = field.signs[tuple(low.T)] != field.signs[tuple(high.T)]
     found = np.zeros(crossed.sum())
     fractions(of(field.signs).domain._replace(phi=values.reshape(values.shape + (1,) * (3 - n))),
-              edges[crossed].reshape(-1, 6), found)  # fmt: skip
+              edges[crossed].reshape(-1, 6), found)
     # single precision within one step of the edge
     assert np.abs(found - field.crossings(low[crossed], high[crossed]) / 2**30).max() < 1e-6
 

@@ -42,7 +42,7 @@ program.main()
 SLOW_READER = """
 import pathlib, sys, time
 import isocodec.__main__ as program
-import isocodec.io.read as reader
+import isocodec.io.readers.read as reader
 def slow(path, **_):
     pathlib.Path(path).with_name("reading").touch()
     time.sleep(60)
@@ -59,7 +59,7 @@ class Command:
             [sys.executable, "-c", SLOW_DISK, *map(str, arguments)], text=True, stdout=subprocess.PIPE,
             stderr=subprocess.PIPE, env={**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path)),
                                          **environment},
-        )  # fmt: skip
+        )
         self.wait_for("ready")
 
     def wait_for(self, word: str) -> None:
@@ -97,7 +97,7 @@ def test_while_a_library_reads(folder: Path, number: signal.Signals) -> None:
     """What libraries print then is kept from the terminal; what a signal says is not."""
     words = ["encode", folder / "hills.npy", "-o", folder / "out.iso", "--isovalue", "80.5"]
     child = subprocess.Popen([sys.executable, "-c", SLOW_READER, *map(str, words)], text=True, stderr=subprocess.PIPE,
-                             env={**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))})  # fmt: skip
+                             env={**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))})
     while not (folder / "reading").exists():
         assert child.poll() is None
         time.sleep(0.01)

@@ -42,7 +42,7 @@ def grid(**attrs: Any) -> xarray.DataArray:
             "lon": ("lon", 5 + 0.25 * np.arange(30), {"units": "degrees_east"}), "time": np.datetime64("2020-05-01"),
             "height": ((), 2.0, {"units": "m"}),
         },
-    )  # fmt: skip
+    )
 
 
 def test_data_array() -> None:
@@ -73,7 +73,7 @@ def test_data_array_of_rioxarray(tmp_path: Path) -> None:
     with rasterio.open(
         tmp_path / "a.tif", "w", driver="GTiff", height=20, width=30, count=1, dtype="float32", nodata=-9999,
         crs="EPSG:32631", transform=from_origin(5e5, 4e6, 30, 20), compress="LZW",
-    ) as file:  # fmt: skip
+    ) as file:
         file.write(field, 1)
     of_file = isocodec.read(tmp_path / "a.tif")
     with rioxarray.open_rasterio(tmp_path / "a.tif") as opened:
@@ -95,7 +95,7 @@ def test_uneven_steps_are_never_dropped() -> None:
         HILL, dims=("j", "i"),
         coords={"lon": (("j", "i"), np.add.outer(np.arange(20) * 0.1, np.arange(30.0))),
                 "lat": (("j", "i"), np.add.outer(np.arange(20.0), np.arange(30) * 0.2))},
-    )  # fmt: skip
+    )
     field = isocodec.read(nodes)
     assert field.coordinates is not None and np.array_equal(field.coordinates[0], nodes.lon.values)
 
@@ -232,7 +232,7 @@ def test_files_by_name(tmp_path: Path) -> None:
         lambda: isocodec.save(tmp_path / "a.png", HILL, 70.0), lambda: isocodec.save(tmp_path / "b.iso", file, 70.0),
         lambda: isocodec.save(tmp_path / "b.ply", contour), lambda: isocodec.save(tmp_path / "b.iso", contour),
         lambda: isocodec.decode(io.StringIO("text")),
-    ):  # fmt: skip
+    ):
         with pytest.raises(OptionError):
             wrong()
     with pytest.raises(FileNotFoundError):
@@ -258,7 +258,7 @@ WRONG = {
     'isocodec.encode(field, 1.0, tolerance=[1])': "incompatible type",
     'isocodec.decode(5)': "incompatible type",
     'contour.pionts': "has no attribute",
-}  # fmt: skip
+}
 
 
 def test_types_of_a_script_of_a_user(tmp_path: Path) -> None:

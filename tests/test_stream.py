@@ -15,10 +15,10 @@ import isocodec
 from brute import INTERPRETED
 from files import NAMES, files, picture, same_drawing, whole
 from isocodec import Decoder, Encoder, FormatError, OptionError, TruncatedError
+from isocodec.drawing.snapshot import state_of
 from isocodec.format.chunks import read_envelope
+from isocodec.format.events import BaseComplete, ChunkSkipped, End, HeaderRead, LayerComplete
 from isocodec.format.header import read_header
-from isocodec.layers.events import BaseComplete, ChunkSkipped, End, HeaderRead, LayerComplete
-from isocodec.passes.snapshot import state_of
 from isospec.container import ChunkType
 
 # --- cutting the bytes ----------------------------------------------------------------------------------------------

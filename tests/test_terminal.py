@@ -24,8 +24,8 @@ from commands import BALL, HILLS, fails, ok, process, run
 from inputs import META, virtual
 from isocodec.cli.quiet import one_warning
 from isocodec.errors import InputError
+from isocodec.field.text import one_line, plain
 from isocodec.io import read_field
-from isocodec.text import one_line, plain
 
 ODD = "a\x1b[31mred\x07\u202egnp\x9b2J\x7f"
 """Colours, a bell, text that runs backwards, and a cleared screen."""
@@ -164,11 +164,11 @@ def test_writers_are_heard_in_one_line(tmp_path: Path) -> None:
 
 
 WRITERS = {
-    "isocodec.io.write.render_contour": ("decode", "c.iso", "-o", "o.npz"),
-    "isocodec.io.write.render_mesh": ("decode", "c.iso", "-o", "o.ply", "--mesh", "tube"),
-    "isocodec.io.picture.steps_picture": ("plot", "c.iso", "-o", "o.png"),
-    "isocodec.io.map_picture.map_picture": ("map", "c.iso", "-o", "o.png"),
-    "isocodec.io.mask.write_mask": ("mask", "v.iso", "-o", "o.nii"),
+    "isocodec.io.writers.write.render_contour": ("decode", "c.iso", "-o", "o.npz"),
+    "isocodec.io.writers.write.render_mesh": ("decode", "c.iso", "-o", "o.ply", "--mesh", "tube"),
+    "isocodec.io.writers.picture.steps_picture": ("plot", "c.iso", "-o", "o.png"),
+    "isocodec.io.writers.map_picture.map_picture": ("map", "c.iso", "-o", "o.png"),
+    "isocodec.io.writers.samples.write_mask": ("mask", "v.iso", "-o", "o.nii"),
 }
 
 

@@ -18,7 +18,7 @@ from brute import blobs, clamped, examples, exponent, meshes, mixed_leaves, volu
 from commands import BALL, HILLS, fails, ok
 from isocodec import TruncatedError
 from isocodec.drawing.tessellation import Tessellation, tessellated
-from isocodec.io.write import render_mesh
+from isocodec.io.writers.write import render_mesh
 from isoconform.meshes import chosen
 
 # Two triangles of a square of 4 samples a side, split along the diagonal from (0, 0); one vertex lies above.
@@ -70,7 +70,7 @@ def check_mesh(case, n: int) -> None:
     def named(mesh: Tessellation, cells) -> set[tuple[int, frozenset[tuple[int, ...]]]]:
         levels = mesh.levels[cells]
         return {(int(level), frozenset(map(tuple, places))) for level, places in
-                zip(levels.tolist(), mesh.points[mesh.cells[cells]].tolist(), strict=True)}  # fmt: skip
+                zip(levels.tolist(), mesh.points[mesh.cells[cells]].tolist(), strict=True)}
 
     expected = {
         (level, frozenset(map(tuple, np.frombuffer(places, np.int64).reshape(n + 1, n).tolist())))
@@ -117,19 +117,19 @@ def test_the_bytes_of_a_small_ply() -> None:
     assert head.splitlines()[2:] == [
         b"element vertex 4", b"property double x", b"property double y", b"property double z", b"property uchar above",
         b"element face 2", b"property list uchar int vertex_indices", b"property uchar level",
-    ]  # fmt: skip
+    ]
     zero, three = bytes(8), bytes.fromhex("0000000000000840")  # 3.0
     assert body == (
         zero * 3 + b"\0" + three + zero * 2 + b"\1" + zero + three + zero + b"\0" + three * 2 + zero + b"\0"
         + bytes([3, 0, 0, 0, 0, 3, 0, 0, 0, 2, 0, 0, 0, 0]) + bytes([3, 0, 0, 0, 0, 1, 0, 0, 0, 3, 0, 0, 0, 1])
-    )  # fmt: skip
+    )
 
 
 def test_the_polygons_of_a_small_geojson() -> None:
     features = json.loads(render_mesh(SQUARE, ".geojson"))["features"]
     assert [feature["properties"] for feature in features] == [
         {"level": 0, "above": [0, 0, 0]}, {"level": 1, "above": [0, 1, 0]},
-    ]  # fmt: skip
+    ]
     assert features[0]["geometry"]["coordinates"] == [[[0, 0], [3, 3], [0, 3], [0, 0]]]
     for feature in features:
         polygon = shapely.geometry.shape(feature["geometry"])

@@ -37,7 +37,7 @@ def test_gdal(tmp_path: Path, compression: str, dtype: str, tiled: bool) -> None
         with rasterio.open(
             path, "w", driver="GTiff", height=70, width=90, count=1, dtype=dtype, compress=compression,
             crs="EPSG:32631", transform=from_origin(5e5, 4e6, 30, 20), **more,
-        ) as written:  # fmt: skip
+        ) as written:
             written.write(field, 1)
         with rasterio.open(path) as read:
             expected = read.read(1)
@@ -72,13 +72,13 @@ def test_parts_with_a_size_of_their_own(tmp_path: Path) -> None:
     parts = {
         "jpeg2000": imagecodecs.jpeg2k_encode(large), "png": imagecodecs.png_encode(large),
         "jpeg": imagecodecs.jpeg_encode(large), "lerc": imagecodecs.lerc_encode(large),
-    }  # fmt: skip
+    }
     for compression, part in parts.items():
         path = tmp_path / f"{compression}.tif"
         tifffile.imwrite(
             path, iter([part]), shape=(32, 32), dtype=np.uint8, compression=compression, tile=(32, 32),
             photometric="minisblack",
-        )  # fmt: skip
+        )
         with pytest.raises(InputError, match="whose own header states another size"):
             read_field(path)
 
@@ -97,6 +97,6 @@ def test_a_compression_that_is_not_read(tmp_path: Path) -> None:
     tifffile.imwrite(
         tmp_path / "a.tif", iter([part]), shape=(32, 32), dtype=np.uint8, compression=50002, tile=(32, 32),
         photometric="minisblack",
-    )  # fmt: skip
+    )
     with pytest.raises(InputError, match="JPEGXL, which is not read"):
         read_field(tmp_path / "a.tif")

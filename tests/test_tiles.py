@@ -16,14 +16,14 @@ from skimage.measure import find_contours
 import isocodec
 from brute import INTERPRETED
 from commands import fails, ok, run
+from isocodec.api.tiled_api import tiled_of
 from isocodec.field.samples import check_field
 from isocodec.search.promise import Promise
 from isocodec.search.tile_mesh import face_vertices
-from isocodec.tiled_api import tiled_of
+from isocodec.storage.fetching import together
 from isocodec.tiles.closing import Part
-from isocodec.tiles.container import Kind, groups_of
-from isocodec.tiles.fetching import together
-from isocodec.tiles.grid import TileGrid, in_order, morton
+from isocodec.tiles.layout import TileGrid, in_order, morton
+from isocodec.tiles.structure import Kind, groups_of
 from tiled import encoded, hilly, holed, pieces
 
 FIELDS = {2: 2, 3: 1} if INTERPRETED else {2: 14, 3: 4}

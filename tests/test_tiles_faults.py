@@ -19,11 +19,11 @@ import numpy as np
 import pytest
 
 import isocodec
-import isocodec.io.ranges
+import isocodec.storage.ranges
 from brute import INTERPRETED
 from commands import fails
+from isocodec.api.tiled_api import tiled_of
 from isocodec.errors import InputError, IsoError
-from isocodec.tiled_api import tiled_of
 from tiled import encoded, hilly, pieces, served
 
 pytestmark = pytest.mark.skipif(INTERPRETED, reason="processes of their own would be slow")
@@ -42,7 +42,7 @@ def command_of(path: Path, out: Path, workers: int) -> list[str]:
     return [
         sys.executable, "-m", "isocodec", "tile", str(path), "-o", str(out), "--isovalue", "30.5", "--tile", "64",
         "--workers", str(workers),
-    ]  # fmt: skip
+    ]
 
 
 FOLLOWED = pytest.mark.skipif(not Path("/proc/self/task").exists(), reason="needs to know who has begun whom")
@@ -170,7 +170,7 @@ def test_a_scheduler_that_dies(tmp_path: Path) -> None:
             stderr=subprocess.DEVNULL, stdout=subprocess.DEVNULL, cwd=tmp_path,
         )
         for role, more in (("scheduler", ["--port", "0"]), ("worker", ["--nthreads", "1", "--no-nanny"]))
-    ]  # fmt: skip
+    ]
     out = tmp_path / "a.iso"
     try:
         client = distributed.Client(scheduler_file=str(where), timeout="60s")
@@ -223,7 +223,7 @@ def test_servers_that_do_it_their_way(noise: bytes, how: str) -> None:
 def test_servers_that_fail(noise: bytes, how: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """An error that says what it is, soon; on the command line too, and nothing is written."""
     pytest.importorskip("aiohttp")
-    monkeypatch.setattr(isocodec.io.ranges, "PATIENCE", 1.0)
+    monkeypatch.setattr(isocodec.storage.ranges, "PATIENCE", 1.0)
     with served(noise, how) as (url, _):
         started = time.monotonic()
         with pytest.raises((IsoError, OSError)) as raised:

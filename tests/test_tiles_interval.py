@@ -13,8 +13,8 @@ import rasterio
 
 import isocodec
 from commands import fails, ok, run
+from isocodec.api.tiled_api import tiling_of
 from isocodec.cli.isovalues import multiples
-from isocodec.tiled_api import tiling_of
 from isocodec.tiles.sample_range import sample_range
 from tiled import hilly, holed, pieces
 
@@ -32,7 +32,7 @@ def floats() -> np.ndarray:
     [(hilly((70, 100)), (20,)), (hilly((70, 100)), (20, "--offset", 0.5)), (floats(), (2.5,)),
      (hilly((40, 36))[:, :, None] + np.arange(34, dtype=np.int16), (50,))],
     ids=["whole", "shifted", "holed", "space"],
-)  # fmt: skip
+)
 def test_the_isovalues_of_encode(tmp_path: Path, field: np.ndarray, options: tuple[object, ...]) -> None:
     """As ``encode --interval`` finds them of the whole field; and the curves are those of these isovalues."""
     np.save(tmp_path / "f.npy", field)

@@ -15,8 +15,8 @@ from scipy.ndimage import maximum_filter
 import isocodec
 from brute import INTERPRETED
 from commands import fails, ok
-from isocodec.tiled_api import TiledIsoFile, tiled_of
-from isocodec.tiles.filling import filled, loops_of
+from isocodec.api.tiled_api import TiledIsoFile, tiled_of
+from isocodec.tiles.gaps import filled, loops_of
 from test_tiles import random_field
 from tiled import encoded, pieces
 

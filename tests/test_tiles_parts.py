@@ -11,8 +11,8 @@ import pytest
 import isocodec
 from brute import INTERPRETED
 from commands import fails, ok, run
+from isocodec.api.tiled_api import tiled_of
 from isocodec.errors import FormatError, LimitError, OptionError
-from isocodec.tiled_api import tiled_of
 from test_tiles import random_field
 from tiled import encoded, hilly, holed, pieces
 

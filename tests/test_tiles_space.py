@@ -10,13 +10,13 @@ from scipy.ndimage import gaussian_filter
 
 import isocodec
 from brute import INTERPRETED
+from isocodec.api.tiled_api import TiledIsoFile, tiled_of
 from isocodec.errors import InputError
 from isocodec.field.samples import check_field
 from isocodec.search.original import original
 from isocodec.search.proof import hausdorff
 from isocodec.search.tile_faces import Faces, ancestry, parents, unit_of
 from isocodec.search.tile_volume import pitch_of
-from isocodec.tiled_api import TiledIsoFile, tiled_of
 from isoconform import meshes
 from test_tiles import check_faces
 from test_tiles_mixed import check_closed, mixed

@@ -22,9 +22,9 @@ from hypothesis import strategies as st
 import isocodec
 from brute import INTERPRETED
 from commands import ok
+from isocodec.api.tiled_api import TiledIsoFile, tiled_of
 from isocodec.errors import FormatError, InputError, IsoError, OptionError, TruncatedError
 from isocodec.stream.options import Options
-from isocodec.tiled_api import TiledIsoFile, tiled_of
 from isocodec.tiles.encoding import Tiling
 from isocodec.tiles.head import write_head
 from isocodec.tiles.merging import grid_of
@@ -77,7 +77,7 @@ def test_the_same_bytes_from_other_arrays(tmp_path: Path) -> None:
     for other in (
         np.load(tmp_path / "field.npy", mmap_mode="r"), stored, array.from_array(field, chunks=(13, 77)),
         xarray.DataArray(field),
-    ):  # fmt: skip
+    ):
         assert encoded(tmp_path, other, 30.5) == alone
 
 

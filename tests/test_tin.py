@@ -13,7 +13,7 @@ from commands import fails, ok
 from isocodec.errors import FormatError, InputError, LimitError, OptionError, TruncatedError
 from isocodec.format.chunks import write_chunk
 from isocodec.format.header import Header, write_header
-from isocodec.format.tin import TinHead, read_tin, write_tin
+from isocodec.format.surface import TinHead, read_tin, write_tin
 from isospec.container import ChunkType, Profile
 
 Y, X = np.mgrid[:40, :52]
@@ -134,7 +134,7 @@ def test_head_as_bytes():
     "head",
     ["2428280a000603640109", "20002810000603640109", "200000", "2028280a000003640109", "2028280a000503640109",
      "2028280a0006036400", "2028280a0006036441", "20282880", "2028280a000603848000010901", "2028280a00060364"],
-)  # fmt: skip
+)
 def test_heads_that_are_none(head: str):
     with pytest.raises(FormatError) as caught:
         read_tin(bytes.fromhex(head), 0)
@@ -200,7 +200,7 @@ def test_notes():
     "options",
     [{}, {"error": 1.0, "to": 9}, {"error": -1.0}, {"error": np.nan}, {"to": 2}, {"size": 0}, {"size": 20},
      {"to": 9, "layers": 0}, {"to": 9, "layers": 65}, {"to": 9, "step": 0.0}, {"error": 1.0, "step": 1.0}],
-)  # fmt: skip
+)
 def test_options_that_make_no_sense(options: dict):
     with pytest.raises(OptionError):
         isocodec.encode_tin(HILL, **options)

@@ -71,7 +71,7 @@ def test_what_has_no_such_contours():
         {"contours": [5.5]}, {"tolerance": 1.0}, {"contours": [], "tolerance": 1.0}, {"contours": [5.5], "error": 1.0},
         {"contours": [5.5], "tolerance": 0.0}, {"contours": [99.5], "tolerance": 1.0},
         {"contours": [float("nan")], "tolerance": 1.0}, {"contours": [5.5], "tolerance": 1.0, "step": 1.0},
-    ):  # fmt: skip
+    ):
         with pytest.raises(OptionError):
             isocodec.encode_tin(field, **options)
     with pytest.raises(OptionError, match="scattered"):

@@ -99,7 +99,7 @@ def found(tmp_path_factory: pytest.TempPathFactory) -> dict[str, dict[int, str]]
     for name, text in (("right", RIGHT), ("wrong", WRONG)):
         (folder / f"{name}.py").write_text(text, encoding="utf-8")
     command = [sys.executable, "-m", "mypy", "--strict", "--config-file=", "--show-error-codes", "--no-error-summary",
-               "--cache-dir", str(folder / "cache"), "right.py", "wrong.py"]  # fmt: skip
+               "--cache-dir", str(folder / "cache"), "right.py", "wrong.py"]
     done = subprocess.run(command, capture_output=True, text=True, cwd=folder, timeout=600)
     assert done.returncode in (0, 1), done.stderr
     out: dict[str, dict[int, str]] = {"right.py": {}, "wrong.py": {}}

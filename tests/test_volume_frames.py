@@ -15,7 +15,7 @@ import SimpleITK as sitk
 import isocodec
 from commands import fails, ok, run
 from isocodec.io import read_field
-from isocodec.io.frames import read_frames
+from isocodec.io.readers.series_files import read_frames
 
 AFFINE = np.array([[0.0, -3, 0, 10], [2, 0, 0, 20], [0, 0, 4, -30], [0, 0, 0, 1]])
 I, J, K = np.mgrid[:12, :14, :10]
@@ -44,7 +44,7 @@ def test_volumes_are_frames(tmp_path: Path, name: str) -> None:
     """Signs, coordinates and the time from one to the next are those of nibabel."""
     image = saved(tmp_path / name, beating())
     record = json.loads(ok("encode", tmp_path / name, "-o", tmp_path / "v.iso", "--isovalue", 20.5, "--frames",
-                           "--frame-interval", 2, "--json"))  # fmt: skip
+                           "--frame-interval", 2, "--json"))
     assert record["shape"] == [12, 14, 10, 4] and record["dtype"] == "int16"
     data = (tmp_path / "v.iso").read_bytes()
     info = isocodec.inspect(data)
@@ -104,7 +104,7 @@ def test_isovalues_of_all_volumes(tmp_path: Path) -> None:
     data = beating()
     saved(tmp_path / "v.nii", data)
     record = json.loads(ok("encode", tmp_path / "v.nii", "-o", tmp_path / "v.iso", "--interval", 15, "--offset", 0.5,
-                           "--frames", "--signs-only", "--json"))  # fmt: skip
+                           "--frames", "--signs-only", "--json"))
     assert record["isovalues"] == [v + 0.5 for v in range(-90, 200, 15) if data.min() <= v + 0.5 < data.max()]
     command = ["encode", tmp_path / "v.nii", "-o", tmp_path / "v.iso", "--frames", "--isovalue"]
     (line,) = run(*command, 20).stderr.splitlines()
@@ -186,7 +186,7 @@ def test_slices_of_one_volume(tmp_path: Path) -> None:
     data = beating()
     saved(tmp_path / "v.nii", data)
     ok("encode", tmp_path / "v.nii", "-o", tmp_path / "v.iso", "--isovalue", 20.5, "--frames", "--frame", 2,
-       "--frame-axis", 2)  # fmt: skip
+       "--frame-axis", 2)
     for number in range(10):
         assert np.array_equal(isocodec.decode_mask(tmp_path / "v.iso", frame=number), data[:, :, number, 2] > 20.5)
 

@@ -48,7 +48,7 @@ FILES: dict[str, tuple[np.ndarray, Any, dict[str, Any]]] = {
     }}),
     "holes": (PLANE, 300.5, {"mask": np.hypot(*np.indices(PLANE.shape)) < 9, "tolerance": 0.2}),
     "holes in space": (SPACE, 60.5, {"mask": np.indices(SPACE.shape).sum(axis=0) < 5}),
-}  # fmt: skip
+}
 """Between them, they need every kernel."""
 MASKED = ("isovalues", "floats")
 """Some on the full grid, of which there are masks."""

@@ -20,9 +20,9 @@ from files import same
 from isocodec.drawing.contour import Contour
 from isocodec.errors import MissingExtraError, OptionError
 from isocodec.io import check_suffix, check_target, render_contour, write_bytes, write_contour
-from isocodec.io.picture import Step, contour_picture, steps_picture
-from isocodec.io.shading import shade
-from isocodec.io.view import USUAL, upright
+from isocodec.io.writers.picture import Step, contour_picture, steps_picture
+from isocodec.io.writers.shading import shade
+from isocodec.io.writers.view import USUAL, upright
 
 # A diamond around sample (2, 3), closed, and one segment that leaves the grid.
 SQUARE = [(1.0, 3.0), (2.0, 2.0), (3.0, 3.0), (2.0, 4.25)]

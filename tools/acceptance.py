@@ -26,7 +26,7 @@ from scipy.spatial import cKDTree
 from skimage.measure import find_contours, marching_cubes
 
 import isocodec
-from isocodec.layers.events import LayerComplete
+from isocodec.format.events import LayerComplete
 
 LARGEST = 200**3
 """Volumes with more samples are left out of the exactness check."""
@@ -398,7 +398,7 @@ def overhead(folder: Path) -> Iterator[str]:
 
 CHECKS = {
     "exact2d": exact2d, "exact3d": exact3d, "tolerance": tolerance, "figures": figures, "overhead": overhead,
-}  # fmt: skip
+}
 
 
 def main() -> None:

@@ -32,7 +32,7 @@ DATA = Path(__file__).resolve().parent.parent / "demo" / "data"
 DEMO = (
     "jacksboro_fault_dem.npz:500.5", "coins.npz:107.5", "camera.npz:128.5",
     "ct_headsq_quarter.npz:500.5", "ct_headsq_quarter.npz:1150.5",
-)  # fmt: skip
+)
 MODES: dict[str, dict[str, Any]] = {"exact": {"exact": True}, "default": {}, "signs only": {"signs_only": True}}
 
 
@@ -58,7 +58,7 @@ class Calibration:
         self._process = subprocess.Popen(
             [sys.executable, str(program)], text=True, stdin=subprocess.PIPE, stdout=subprocess.PIPE,
             env={**os.environ, SETTING: "numba", "PYTHONPATH": os.pathsep.join(filter(None, sys.path))},
-        )  # fmt: skip
+        )
         self.best = {"encode": 0.0, "decode": 0.0}
         for way in self.best:
             self.measure(way)
@@ -133,7 +133,7 @@ def speed(argument: str, profile: str, repeat: int, calibration: Calibration) ->
         row = {
             "field": name, "shape": list(field.shape), "isovalue": isovalue, "mode": mode, "bytes": len(data),
             "symbols": symbols, "draw_s": seconds["draw"],
-        }  # fmt: skip
+        }
         for way in ("encode", "decode"):
             row[f"{way}_s"] = seconds[way]
             row[f"{way}_symbols_per_s"] = symbols / seconds[way]
@@ -151,7 +151,7 @@ def fresh(program: str, *arguments: str) -> tuple[float, str]:
     done = subprocess.run(
         [sys.executable, "-c", textwrap.dedent(program), *arguments],
         check=True, capture_output=True, text=True, stdin=subprocess.DEVNULL,
-    )  # fmt: skip
+    )
     return time.perf_counter() - started, done.stdout
 
 
@@ -234,7 +234,7 @@ def circle(side: int) -> dict[str, Any]:
     return {
         "circle_side": side, "circle_bytes": size, "circle_points": int(points), "circle_decode_s": seconds,
         "circle_imports_mb": imported, "circle_kernels_mb": loaded - imported, "circle_decode_mb": decoded_at - loaded,
-    }  # fmt: skip
+    }
 
 
 # ---- Report ---------------------------------------------------------------------------------------------------------
@@ -277,7 +277,7 @@ def main() -> None:
     parser.add_argument(
         "--side", type=int, default=20_000, metavar="N",
         help="samples along a side of the domain in which a circle is decoded, 0 for none; encoding takes N * N bytes",
-    )  # fmt: skip
+    )
     parser.add_argument("--speed-only", action="store_true", help="no first use, no info, no circle")
     parser.add_argument("--json", action="store_true", help="print an object for programs")
     chosen = parser.parse_args()

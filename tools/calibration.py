@@ -14,10 +14,10 @@ import time
 import numpy as np
 
 from isocodec.entropy.range_coder import DECODE, ENCODE, ONE, Coder, CoderRegisters, code, finish, start
+from isocodec.grid.models.contexts import rates
+from isocodec.grid.models.trained import no_blend
 from isocodec.kernel import kernel
 from isocodec.kernel.types import IntVector
-from isocodec.models.contexts import rates
-from isocodec.models.trained import no_blend
 
 CONTEXTS = 64
 SYMBOLS = 2_000_000
@@ -37,7 +37,7 @@ def coder(room: int) -> Coder:
     prob = np.full(CONTEXTS, ONE // 2, np.int64)
     return Coder(
         CoderRegisters(), np.zeros(room, np.uint8), prob, np.ones(CONTEXTS, np.int64), rates(), no_blend()
-    )  # fmt: skip
+    )
 
 
 def encode(context: IntVector, bits: IntVector) -> tuple[float, bytes]:

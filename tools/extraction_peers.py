@@ -68,7 +68,7 @@ def main() -> None:
                 seconds, found = best(lambda: extract(field, isovalue))  # noqa: B023 - called at once
                 ours = ours or found
                 row = [name, tool, f"{count_points(found):,}", f"{found.size:,.1f}", f"{farthest(ours, found):.2g}",
-                       f"{seconds:.3f}", f"{len(found.write()):,}"]  # fmt: skip
+                       f"{seconds:.3f}", f"{len(found.write()):,}"]
                 print("| " + " | ".join(row) + " |")
         print()
     tools = {**OF_CURVES, **OF_SURFACES}

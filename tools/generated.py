@@ -70,7 +70,7 @@ def scene(shape: tuple[int, ...], seed: int, noise: int) -> NDArray[np.float64]:
 
 LETTERS = (
     "l", "i.", "lo", "ok", "po", "inj", "iuj", "cn-", "o", "\\/", "i~", "cu", "injnq", "l/", "l~-", "k-l", "~/_", "n-u",
-)  # fmt: skip
+)
 """What letters are made of: stems on the left (i) and right (j, q), with ascender (l, k) or descender (p), bowls and
 halves of bowls (o, c, n, u), bars (~, -, _), diagonals and dots."""
 
@@ -85,7 +85,7 @@ def letter(parts: str, height: int, width: int, thick: float) -> NDArray[np.floa
         "i": (0, 0, h, 0), "j": (0, w, h, w), "q": (0, 2 * w, h, 2 * w), "l": (-0.5 * h, 0, h, 0),
         "k": (-0.5 * h, w, h, w), "p": (0, 0, 1.5 * h, 0), "~": (0, 0, 0, w), "-": (h / 2, 0, h / 2, w),
         "_": (h, 0, h, w), "/": (0, w, h, w / 2), "\\": (0, 0, h, w / 2), ".": (-0.4 * h, 0, -0.4 * h, 0),
-    }  # fmt: skip
+    }
     for part in parts:
         if part in strokes:
             top, left, bottom, right = strokes[part]
@@ -167,7 +167,7 @@ def hatching(shape: tuple[int, ...], seed: int, pitch: float) -> NDArray[np.floa
         shift = 0.5 * (row % 2) if kind == 3 else 0.0
         along = np.abs((v / (2 * apart) + shift) % 1.0 - 0.5) * 2 * apart
         lines = (across, np.minimum(across, along), np.maximum(np.sqrt(across**2 + along**2) - pitch / 4, 0.0),
-                 np.minimum(across, along))[kind]  # fmt: skip
+                 np.minimum(across, along))[kind]
         inside = balls(shape, 50 * seed + kind, 2)
         far = np.where(inside < 0, lines, np.minimum(far, np.abs(inside)))
     return far
@@ -185,7 +185,7 @@ def plan(shape: tuple[int, ...], seed: int, rooms: int) -> NDArray[np.float64]:
         for gap in (0.0, 4.0) if seed % 2 else (0.0,):
             ends += [(top + gap, left, top + gap, door), (top + gap, door + 9, top + gap, right),
                      (bottom + gap, left, bottom + gap, right), (top, left + gap, bottom, left + gap),
-                     (top, right + gap, bottom, right + gap)]  # fmt: skip
+                     (top, right + gap, bottom, right + gap)]
     slant = (0.0, 0.01, -0.03, 0.2)[seed % 4]
     turned = np.array(ends) @ np.array([[1, slant, 0, 0], [-slant, 1, 0, 0], [0, 0, 1, slant], [0, 0, -slant, 1]])
     return segments(shape, turned, 6)
@@ -233,7 +233,7 @@ def drawings(shape: tuple[int, ...]) -> Iterator[Item]:
     for seed in range(4):
         noise, thick = (0, 8, 20, 4)[seed], (0.6, 1.0, 1.6, 2.4)[seed]
         for far in (scribble(shape, seed, 20 * (1 + seed)), hatching(shape, seed, (5, 7, 11, 16)[seed]),
-                    plan(shape, seed, (4, 8, 16, 30)[seed]) - 0.5):  # fmt: skip
+                    plan(shape, seed, (4, 8, 16, 30)[seed]) - 0.5):
             yield Item("drawing", inked(far, seed, thick, noise), 130.5)
         yield Item("part", part(shape, seed, (4, 12, 25, 50)[seed]), 0.003)
         yield Item("writing", skewed(writing(shape, 20 + seed, (10, 14, 9, 17)[seed]), (25, -40, 60, -15)[seed]), 130.5)

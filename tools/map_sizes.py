@@ -131,7 +131,7 @@ def geojson(lines: Map, parts: int) -> bytes:
         {"type": "Feature", "properties": {"isovalue": value}, "geometry": {
             "type": "MultiLineString", "coordinates": [np.round(line[:, ::-1], decimals).tolist() for line in each]}}
         for value, each in lines.items()
-    ]  # fmt: skip
+    ]
     return json.dumps({"type": "FeatureCollection", "features": features}, separators=(",", ":")).encode()
 
 

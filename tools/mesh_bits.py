@@ -16,9 +16,9 @@ from numpy.typing import NDArray
 from scipy.spatial import Delaunay
 
 import isocodec
-from isocodec.domain import coded_mesh
 from isocodec.entropy import guesses, range_coder
 from isocodec.kernel import kernels
+from isocodec.mesh import coded_mesh
 
 SHARES = (0.05, 0.01)
 """Largest errors of positions, in median edges."""
@@ -84,7 +84,7 @@ def main(name: str) -> None:
         isocodec.encode_mesh(
             points, cells, np.zeros(len(points)), 1, mesh="whole", mesh_error=share * edge, signs_only=True,
             progressive=False,
-        )  # fmt: skip
+        )
         text = f"{len(cells)} cells to {share} edges: connectivity {bits.rest / len(cells):.2f} bits a cell, "
         text += f"positions {bits.place / 8:.0f} bytes"
         if cells.shape[1] == 3:

@@ -112,7 +112,7 @@ def plane(path: str, isovalues: list[float]) -> None:
 def nearest(
     given: Mesh, values: NDArray[np.float64], isovalues: list[float], exact: list[NDArray[np.float64]], error: float,
     edge: float, **options: object,
-) -> tuple[bytes, float]:  # fmt: skip
+) -> tuple[bytes, float]:
     """The smallest of our files that has the error, and its error; that of the least tolerance if none has."""
     for tolerance in error * np.array([4, 3.4, 2.9, 2.5, 2.3, 2.1, 1.95, 1.8, 1.65, 1.5, 1.2, 0.9, 0.6, 0.3]):
         data = isocodec.encode_mesh(*given, values, isovalues, tolerance=tolerance, **options)  # type: ignore[arg-type]
@@ -143,7 +143,7 @@ def tetrahedra(side: int = 33) -> None:
     cells = np.concatenate([
         np.stack([corner, corner + steps[a], corner + steps[a] + steps[b], corner + steps.sum()], axis=1)
         for a, b in ((0, 1), (0, 2), (1, 0), (1, 2), (2, 0), (2, 1))
-    ])  # fmt: skip
+    ])
     x = points / (side - 1) * 2 - 1
     values = (x**2).sum(axis=1) + 0.3 * np.sin(4 * x[:, 0]) * np.cos(5 * x[:, 1]) * np.sin(3 * x[:, 2])
     mesh = points, cells.astype(np.int64)
@@ -169,7 +169,7 @@ def tetrahedra(side: int = 33) -> None:
     print(f"{len(cells)} tetrahedra, {len(drawn)} points, {len(triangles)} triangles")
     for bits in (9, 10, 11):
         data = DracoPy.encode(drawn.astype(np.float32), triangles.astype(np.uint32), quantization_bits=bits,
-                              compression_level=10)  # fmt: skip
+                              compression_level=10)
         back = DracoPy.decode(data)
         error = apart(over(np.asarray(back.points, float), np.asarray(back.faces, np.int64)), exact)
         for kind in ("known", "coded"):

@@ -16,8 +16,8 @@ from numba import njit
 from numpy.typing import NDArray
 
 from isocodec.entropy.mixer import OUT_SHIFT
-from isocodec.models import layout
-from isocodec.models.neighbourhood import nearest_vertices
+from isocodec.grid.models import layout
+from isocodec.grid.models.neighbourhood import nearest_vertices
 from isospec.tables import BITS, COLUMNS, HIDDEN, MOST_EXPONENT, NET_ROWS
 
 # eight sums side by side are a vector then; each is added up as before
@@ -109,7 +109,7 @@ def spread(gradient, place, count, back):
     for j in range(0, len(back), 8):
         a, b, c, d, e, f, g, h = (
             back[j], back[j + 1], back[j + 2], back[j + 3], back[j + 4], back[j + 5], back[j + 6], back[j + 7],
-        )  # fmt: skip
+        )
         for i in range(count):
             p = place[np.uint64(i)] + np.uint64(j)
             gradient[p] += a
@@ -189,7 +189,7 @@ def descend(row, count, symbol, order, orders, weight, told, unit, out, moments,
 
 
 def level(weight: Matrix, out: Vector, moments: NDArray[np.float32], moments_out: NDArray[np.float32],
-          seen: NDArray[np.int64]) -> None:  # fmt: skip
+          seen: NDArray[np.int64]) -> None:
     """Let all columns be equally large, as only their products with the output weights matter."""
     columns = weight.shape[1]
     size = np.sqrt(seen @ weight.astype(np.float64) ** 2 / max(seen.sum(), 1)) + 1e-9
@@ -278,7 +278,7 @@ def network(listed: Listed, n: int, net: int) -> tuple[NDArray[np.int64], NDArra
         wrong, passed = descend(
             row, count, symbol, rng.permutation(len(row)), orders, exact.ravel(), told.ravel(), unit, opinion,
             moments.reshape(2, -1), moments_out, passed, total, fades,
-        )  # fmt: skip
+        )
         print(f"n = {n}, network {net}, {len(row)} symbols, pass {epoch + 1}: {wrong:.5f} wrong", flush=True)
     weight[:, :columns] = np.rint(told / np.float32(step))
     out[:columns] = np.clip(np.rint(opinion[:columns].astype(np.float64) * (step * LOGIT)), -32768, 32767)

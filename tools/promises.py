@@ -31,7 +31,7 @@ import isocodec
 from acceptance import Item, Sampled, items
 from isocodec.drawing.contour import Contour
 from isocodec.field.samples import check_field
-from isocodec.layers.events import LayerComplete
+from isocodec.format.events import LayerComplete
 from isocodec.search.original import original
 from isocodec.search.promise import Promise
 from isocodec.search.proof import Target, hausdorff
@@ -62,7 +62,7 @@ def border(contour: Contour) -> NDArray[np.float64]:
     way = np.where(points[:, 0] == 0, points[:, 1], np.where(points[:, 1] == last[1], last[1] + points[:, 0], 0.0))
     back = (points[:, 0] > 0) & (points[:, 1] < last[1])
     way = np.where(back, last.sum() + np.where(points[:, 0] == last[0], last[1] - points[:, 1],
-                                               last[1] + last[0] - points[:, 0]), way)  # fmt: skip
+                                               last[1] + last[0] - points[:, 0]), way)
     ring = points[np.argsort(way)]
     return np.stack([ring, np.roll(ring, -1, axis=0)], axis=1)
 
@@ -237,7 +237,7 @@ def isovalues(chosen: list[Item], _: argparse.Namespace) -> Iterator[str]:
         first = item.half().isovalue
         for name, options in {
             "signs": {"signs_only": True}, "default": {}, "exact": {"exact": True}, "0.25": {"tolerance": 0.25},
-        }.items():  # fmt: skip
+        }.items():
             alone = len(isocodec.encode(item.values, first, **options))
             ratios = []
             for step in (1, 5, 20):
@@ -270,7 +270,7 @@ def reduction(chosen: list[Item], _: argparse.Namespace) -> Iterator[str]:
 CHECKS: dict[str, Check] = {
     "topology": topology, "distance": distance, "polylines": polylines, "meshes": meshes, "horse": horse,
     "isovalues": isovalues, "reduction": reduction,
-}  # fmt: skip
+}
 
 
 def main() -> None:

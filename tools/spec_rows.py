@@ -9,7 +9,7 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
-from isocodec.models import layout as rows
+from isocodec.grid.models import layout as rows
 from isospec.tables import ROWS
 
 SPEC = Path(__file__).resolve().parent.parent / "spec" / "iso.md"
@@ -34,29 +34,29 @@ def parts(n: int) -> dict[tuple[str, str, str], tuple[int, int]]:
         network(
             str(r), "7.12", r * rows.SIGN_ROWS[n], rows.SIGN_ROWS[n], history=8, parabola=2, around=around,
             edge=9, rarity=13, calm=rows.MANNER_ROWS - 22, earlier=rows.EARLIER_ROWS,
-        )  # fmt: skip
+        )
     network(
         "3", "7.13", rows.TREE_ROW[n], rows.TREE_ROWS[n], height=27, child=24, nearness=6, vertices=12, births=12,
         rarity=13, cells=rows.CELL_ROWS * rows.CELLS[n],
-    )  # fmt: skip
+    )
     slots, on = (13, 14), rows.OFFSET_ROW[n]
     tail = {"parts_left": 14, "width": 14, "place": 8, "near": 8}
     network("4", "7.14", on, rows.OFFSET_ROWS, candidates=52 * slots[0], **tail)
     slot = 9 if n == 2 else slots[1]
     network(
         "5", "7.14", on + rows.OFFSET_ROWS, rows.LEAF_ROWS[n], candidates=52 * slot, **tail, axes=n,
-    )  # fmt: skip
+    )
     network(
         "6", "7.15", rows.VALUE_ROW[n], rows.VALUE_ROWS[n], candidates=52 * rows.VALUE_SLOTS[n], plane=16, bits=8,
         near=8,
-    )  # fmt: skip
+    )
     network(
         "7", "7.16", rows.MESH_ROW[n], rows.MESH_ROWS[n], what=12, level=24, history=8,
         around=4 * rows.MESH_AROUND * n,
-    )  # fmt: skip
+    )
     network(
         "8", "7.17", rows.BASE_ROW[n], rows.BASE_ROWS[n], case=16, earlier=2, around=2 * rows.BEHIND[n] * n * (n + 1),
-    )  # fmt: skip
+    )
     assert rows.BASE_ROW[n] + rows.BASE_ROWS[n] == ROWS[n]
     return found
 

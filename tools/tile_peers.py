@@ -98,7 +98,7 @@ def of_gdal(field: NDArray[np.generic], isovalue: float, block: int, folder: Pat
         place = rasterio.transform.Affine(1, 0, window[1].start - 0.5, 0, -1, 0.5 - window[0].start)
         names.append(folder / f"{number}.tif")
         with rasterio.open(names[-1], "w", driver="GTiff", count=1, dtype=part.dtype.name, height=part.shape[0],
-                           width=part.shape[1], transform=place) as file:  # fmt: skip
+                           width=part.shape[1], transform=place) as file:
             file.write(part, 1)
     whole = folder / "mosaic.vrt"
     begun = seconds()
@@ -108,7 +108,7 @@ def of_gdal(field: NDArray[np.generic], isovalue: float, block: int, folder: Pat
         for number, source in enumerate(sources):
             made.append(folder / f"{len(sources)}-{number}.fgb")
             subprocess.run([program, "-q", "-fl", str(isovalue), "-f", "FlatGeobuf", str(source), str(made[-1])],
-                           check=True)  # fmt: skip
+                           check=True)
         took = seconds() - begun
         ends = [end for name in made for end in gdal_ends(name)]
         # it draws half a sample beyond the first and last ones: that is no end within
@@ -171,7 +171,7 @@ def of_draco(field: NDArray[np.generic], isovalue: float, block: int) -> Row:
     inner = points[((points > 0.05) & (points < np.array(field.shape) - 1.05)).all(axis=1)]
     return f"marching cubes block by block, Draco ({BITS} bits)", took, sum(map(len, meshes)), alone(
         inner, field.shape, SINGLE
-    )  # fmt: skip
+    )
 
 
 def main() -> None:

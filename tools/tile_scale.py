@@ -22,11 +22,11 @@ from typing import Any, ClassVar
 import numpy as np
 
 import isocodec
+from isocodec.api.tiled_api import TiledIsoFile
 from isocodec.stream.options import Options
-from isocodec.tiled_api import TiledIsoFile
-from isocodec.tiles.container import Kind
 from isocodec.tiles.encoding import Tiling
 from isocodec.tiles.merging import Tiles, grid_of, merged
+from isocodec.tiles.structure import Kind
 
 WINDOW = 0.3, 0.6
 """Where a window of 1000 x 1000 samples begins, as parts of the side."""
@@ -86,12 +86,12 @@ def fetched(path: Path) -> None:
     assert isinstance(file, TiledIsoFile)
     whole = file.window(within=20)
     print(f"whole curve within 20 samples: {len(Ranges.asked)} requests, {sum(Ranges.asked):,} bytes, "
-          f"{len(whole.points):,} points")  # fmt: skip
+          f"{len(whole.points):,} points")
     before = len(Ranges.asked)
     part = file.window([(int(at * file.shape[0]), int(at * file.shape[0]) + 1000) for at in WINDOW])
     later = Ranges.asked[before:]
     print(f"a window of 1000 x 1000 at full precision: {len(later)} requests, {sum(later):,} bytes, "
-          f"{len(part.points):,} points")  # fmt: skip
+          f"{len(part.points):,} points")
     server.shutdown()
 
 
@@ -109,7 +109,7 @@ def directory(side: int = 316) -> None:
         begun = time.perf_counter()
         isocodec.open(path)
         print(f"{tiling.grid.total:,} tiles, {path.stat().st_size:,} bytes: opened in "
-              f"{1000 * (time.perf_counter() - begun):.1f} ms")  # fmt: skip
+              f"{1000 * (time.perf_counter() - begun):.1f} ms")
 
 
 def main() -> None:
@@ -126,7 +126,7 @@ def main() -> None:
         print(f"{side} x {side} samples, {workers} workers: {path.stat().st_size:,} bytes, {took:.0f} s, "
               f"{side * side / took / 1e6:.1f} million samples a second; most memory of a worker "
               f"{peak(resource.RUSAGE_CHILDREN):.0f} MB, of the one that merges {peak(resource.RUSAGE_SELF):.0f} MB",
-              flush=True)  # fmt: skip
+              flush=True)
         fetched(path)
 
 

@@ -53,7 +53,7 @@ def main() -> None:
                 f"{title} {field.shape} {options}: {tiled:,} bytes in tiles, {whole:,} in one piece, "
                 f"{tiled / whole:.3f}; {field.size / took / 1e6:.1f} and {field.size / other / 1e6:.1f} million "
                 "samples a second of processor time", flush=True,
-            )  # fmt: skip
+            )
 
 
 if __name__ == "__main__":

@@ -23,10 +23,10 @@ from generated import blurred, generated
 from isocodec import Encoder
 from isocodec.entropy.range_coder import FLOOR
 from isocodec.field.samples import check_field
-from isocodec.layers.plan import Entry
-from isocodec.mesh.tables import cube_exponent
-from isocodec.models import layout
-from isocodec.models import trained as models
+from isocodec.grid.lattice.tables import cube_exponent
+from isocodec.grid.layers.plan import Entry
+from isocodec.grid.models import layout
+from isocodec.grid.models import trained as models
 from isocodec.search.promise import Promise
 from isocodec.search.strategy import even_starts, grid_plan, loose_start, reduced
 from isocodec.search.tolerance import grid_offsets, pitches
@@ -44,7 +44,7 @@ ITEMS = {
         "volume/fuel", "volume/head_mr_small", "volume/hydrogen", "volume/iron_protein", "volume/neghip",
         "volume/ukv_theta_hybrid",
     ),
-}  # fmt: skip
+}
 MOST_SYMBOLS, MOST_LINES = 40_000, 1_500_000
 """Of one field: in the training of one network, and listed in all."""
 FINE, COARSE = (0.05, 0.01, 0.0025), (1.0, 0.25, 0.5)
@@ -88,7 +88,7 @@ def data(folder: Path, n: int, without: frozenset[str] = frozenset()) -> list[It
         found += [
             Item(item.name, blurred(item.values.astype(float))[::2, ::2], item.isovalue)
             for item in found if item.values.size > SEARCHED // 2
-        ]  # fmt: skip
+        ]
     made = list(generated(n))
     for i, item in enumerate(made):
         found.insert((3 * i + 1) % len(found), item)
@@ -250,7 +250,7 @@ def main() -> None:
     parser.add_argument("-o", "--output", type=Path, default=MAIN)
     parser.add_argument("--only", type=int, choices=tuple(ROWS), help="train tables of so many axes, keep the others")
     parser.add_argument("--without", default="", metavar="CLASS,..",
-                        help="leave classes out, as image, medical, writing, to see what is lost on them")  # fmt: skip
+                        help="leave classes out, as image, medical, writing, to see what is lost on them")
     options = parser.parse_args()
     squash = squash_table()
     asked = [options.only] if options.only else list(ROWS)

@@ -123,7 +123,7 @@ def main() -> None:
         worst = int(np.argmax(ratio))
         mean = float(np.exp(np.log(ratio).mean()))
         row = (kind, len(ours), f"{sum(ours):,}", f"{sum(theirs):,}", f"{mean:.3f}",
-               f"{ratio[worst]:.3f} ({names[worst]})", int((ratio > 1).sum()))  # fmt: skip
+               f"{ratio[worst]:.3f} ({names[worst]})", int((ratio > 1).sum()))
         print("|", " | ".join(map(str, row)), "|")
 
 

@@ -14,9 +14,18 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from .api import decode, decode_all, decode_mask, decode_valid, encode
-    from .domain.thinned import Thinned, thin
-    from .domain.tin import Tin
+    from .api.files import IsoFile, open, save
+    from .api.frames import decode_frames
+    from .api.labels import decode_labels, encode_labels
+    from .api.mesh_api import encode_mesh
+    from .api.recoding import merge, transcode
+    from .api.tiled_api import TiledIsoFile, encode_tiles
+    from .api.tin_api import decode_tin, encode_tin
+    from .api.verification import Kept, verify
+    from .api.whole import decode, decode_all, decode_mask, decode_valid, encode
+    from .drawing.areas import areas
+    from .drawing.bands import Band, bands
+    from .drawing.capping import cap
     from .drawing.contour import Contour
     from .errors import (
         FormatError,
@@ -29,15 +38,7 @@ if TYPE_CHECKING:
         TruncatedError,
     )
     from .field.sampled import Field
-    from .files import IsoFile, open, save
-    from .frames import decode_frames
-    from .io.areas import areas
-    from .io.bands import Band, bands
-    from .io.capping import cap
-    from .io.sources import read
-    from .kernel import kernels
-    from .labels import decode_labels, encode_labels
-    from .layers.events import (
+    from .format.events import (
         BaseComplete,
         ChunkSkipped,
         CoordinatesRead,
@@ -56,9 +57,9 @@ if TYPE_CHECKING:
         PromisesRead,
         SeriesRead,
     )
+    from .io.readers.anything import read
+    from .kernel import kernels
     from .limits import Limits
-    from .mesh_api import encode_mesh
-    from .recoding import merge, transcode
     from .stream.decoder import Decoder
     from .stream.encoder import Encoder
     from .stream.inspect import FileInfo, inspect
@@ -69,35 +70,34 @@ if TYPE_CHECKING:
     from .stream.series import SeriesEncoder, encode_frames
     from .stream.statistics import FileStatistics, statistics
     from .stream.truncate import truncate
-    from .tiled_api import TiledIsoFile, encode_tiles
-    from .tin_api import decode_tin, encode_tin
-    from .verification import Kept, verify
+    from .tin.thinned import Thinned, thin
+    from .tin.tin import Tin
 
 __version__ = "0.1.0"
 
 _HOMES = {
-    "api": ("decode", "decode_all", "decode_mask", "decode_valid", "encode"),
-    "domain.thinned": ("Thinned", "thin"),
-    "domain.tin": ("Tin",),
+    "api.whole": ("decode", "decode_all", "decode_mask", "decode_valid", "encode"),
+    "tin.thinned": ("Thinned", "thin"),
+    "tin.tin": ("Tin",),
     "drawing.contour": ("Contour",),
     "errors": (
         "FormatError", "InputError", "IsoError", "KernelError", "LimitError", "MissingExtraError", "OptionError",
         "TruncatedError",
     ),
     "field.sampled": ("Field",),
-    "files": ("IsoFile", "open", "save"),
-    "frames": ("decode_frames",),
-    "io.areas": ("areas",),
-    "io.bands": ("Band", "bands"),
-    "io.capping": ("cap",),
-    "io.sources": ("read",),
+    "api.files": ("IsoFile", "open", "save"),
+    "api.frames": ("decode_frames",),
+    "drawing.areas": ("areas",),
+    "drawing.bands": ("Band", "bands"),
+    "drawing.capping": ("cap",),
+    "io.readers.anything": ("read",),
     "kernel": ("kernels",),
     "limits": ("Limits",),
-    "mesh_api": ("encode_mesh",),
-    "labels": ("decode_labels", "encode_labels"),
-    "recoding": ("merge", "transcode"),
+    "api.mesh_api": ("encode_mesh",),
+    "api.labels": ("decode_labels", "encode_labels"),
+    "api.recoding": ("merge", "transcode"),
     "stream.decoder": ("Decoder",),
-    "layers.events": (
+    "format.events": (
         "BaseComplete", "ChunkSkipped", "CoordinatesRead", "DomainRead", "End", "Event", "FrameRead", "GeometryRefined",
         "HeaderRead", "IsovalueRead", "LayerComplete", "LevelComplete", "MaskComplete", "MeshLayerComplete",
         "MetadataRead", "PromisesRead", "SeriesRead",
@@ -111,10 +111,10 @@ _HOMES = {
     "stream.series": ("SeriesEncoder", "encode_frames"),
     "stream.statistics": ("FileStatistics", "statistics"),
     "stream.truncate": ("truncate",),
-    "tiled_api": ("TiledIsoFile", "encode_tiles"),
-    "verification": ("Kept", "verify"),
-    "tin_api": ("decode_tin", "encode_tin"),
-}  # fmt: skip
+    "api.tiled_api": ("TiledIsoFile", "encode_tiles"),
+    "api.verification": ("Kept", "verify"),
+    "api.tin_api": ("decode_tin", "encode_tin"),
+}
 _HOME = {name: home for home, names in _HOMES.items() for name in names}
 
 __all__ = [

@@ -140,7 +140,7 @@ class Exchange:
         return xarray.Dataset(
             {"index": (("point", "axis"), self.points), "cells": (("cell", "corner"), self.placed_cells)},
             coords=columns, attrs={**self.metadata, **about},
-        )  # fmt: skip
+        )
 
     def _repr_html_(self: Any) -> str:
         """A drawing for notebooks, in the page itself, with what is known of the contour."""

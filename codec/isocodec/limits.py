@@ -79,7 +79,7 @@ class Limits:
         return cls(
             vertices=vertices + _STEP, simplices=simplices + _STEP, symbols=symbols + 1, steps=steps + 1,
             isovalues=isovalues,
-        )  # fmt: skip
+        )
 
 
 LEVELS = {
@@ -137,7 +137,7 @@ def _over(most: int) -> LimitError:
     return LimitError(
         f"needs more than {in_units(most)} of memory", code="limit-memory", clause="11.2",
         remedy="raise Limits.memory (--limit-memory) if the file is trusted",
-    )  # fmt: skip
+    )
 
 
 def in_units(size: int) -> str:

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from isocodec.format.chunks import CHECKSUM_BYTES
+from isocodec.format.events import LayerComplete
 from isocodec.format.header import Header, write_header
 from isocodec.format.program import Layer
-from isocodec.layers.events import LayerComplete
 from isospec.container import ChunkType, Operation
 
 from .draft import Draft, cut_within, encoded, within
@@ -48,30 +48,30 @@ def reduced() -> Iterator[Draft]:
         yield encoded(
             f"{space}_reduced_topology_refined", field, isovalue, about, "refined to the full grid", "topology kept",
             signs_only=True, preserve_topology=True, layers=True,
-        )  # fmt: skip
+        )
         for criterion, parameter in (("topology", None), ("crossing", None), ("curvature", 0.25), ("distortion", 0.75)):
             yield encoded(
                 f"{space}_reduced_{criterion}", field, isovalue, about, f"criterion: {criterion}", signs_only=True,
                 criterion=criterion, parameter=parameter, preserve_topology=criterion == "distortion",
                 layers=criterion == "topology",
-            )  # fmt: skip
+            )
         yield encoded(
             f"{space}_reduced_level", field, isovalue, about, "criterion: level", "topology not kept",
             signs_only=True, criterion="level", parameter=7.0,
-        )  # fmt: skip
+        )
         yield encoded(
             f"{space}_searched", field, isovalue, "adaptive mesh and offsets searched for a tolerance", "offsets",
             tolerance=0.4, preserve_topology=True, layers=True,
-        )  # fmt: skip
+        )
     for space, field, isovalue in parts:
         yield encoded(
             f"{space}_steps_topology", field, isovalue, "steps: distances one after the other", "topology kept",
             steps=[3.0, 1.0], preserve_topology=True, layers=True,
-        )  # fmt: skip
+        )
     yield encoded(
         "plane_steps", HILLS, 100.5, "steps: distances one after the other, then all values",
         "values after offsets on coarser meshes", steps=[3.0, 1.0, "exact"], layers=True,
-    )  # fmt: skip
+    )
 
 
 def bases() -> Iterator[Draft]:
@@ -79,27 +79,27 @@ def bases() -> Iterator[Draft]:
     shapes: tuple[tuple[tuple[int, ...], int], ...] = (
         ((9, 9), SOME), ((12, 11), MANY), ((3, 6), MANY), ((6, 3), MANY), ((10, 3), SOME), ((2, 13), MANY),
         ((5, 5, 5), FEW), ((5, 6, 3), SOME), ((6, 3, 6), SOME), ((6, 2, 6), MANY), ((4, 7, 5), FEW), ((3, 3, 9), SOME),
-    )  # fmt: skip
+    )
     for seed, (shape, share) in enumerate(shapes, 100):
         field = noise(shape, seed, 1)
         mesh = random_mesh(shape, seed + 50, share)
         yield encoded(
             f"{SPACES[len(shape)]}_adaptive_{'x'.join(map(str, shape))}", field, 0.5, "adaptive base on any mesh",
             "noise", f"border: {'x'.join(map(str, shape))} samples", plan=[base_on(field, mesh)],
-        )  # fmt: skip
+        )
     for name, field, isovalue, levels in (("plane", HILLS, 100.5, (3, 6)), ("space", RING, 0.5, (4, 6))):
         for level in levels:
             mesh = random_mesh(field.shape, level, FEW)
             yield encoded(
                 f"{name}_adaptive_from_{level}", field, isovalue, f"adaptive base, uniform up to level {level}",
                 "smooth", plan=[base_on(field, mesh, level)],
-            )  # fmt: skip
+            )
     for shape, isovalue, about in (((9, 12), 2.0, "below"), ((9, 12), -1.0, "above"), ((5, 4, 6), 2.0, "below")):
         field = noise(shape, 1, 1)
         yield encoded(
             f"{SPACES[len(shape)]}_adaptive_all_{about}", field, isovalue, f"no curve: all {about}",
             plan=[base_on(field, random_mesh(shape, 2, SOME))],
-        )  # fmt: skip
+        )
     for shape in ((9, 9), (5, 5, 5)):
         n = len(shape)
         field = noise(shape, 5, 1)
@@ -112,7 +112,7 @@ def bases() -> Iterator[Draft]:
             yield encoded(
                 f"{SPACES[n]}_adaptive_{name}", field, 0.5, "adaptive base on the mesh of a uniform level",
                 plan=[base_on(field, mesh, level)],
-            )  # fmt: skip
+            )
 
 
 def refinements() -> Iterator[Draft]:
@@ -140,7 +140,7 @@ def refinements() -> Iterator[Draft]:
              [("base", 2), adapt_to(rough, uniform(shape, full)), ("refine", None)]),
             ("nothing", rough, 0.5, "an adaptive layer that adds nothing",
              [base_on(rough, coarse), adapt_to(rough, coarse), adapt_to(rough, coarse, 0)]),
-        )  # fmt: skip
+        )
         for name, field, isovalue, about, plan in plans:
             yield encoded(f"{space}_adapt_{name}", field, isovalue, about, plan=plan, layers=True)
         # what no encoder should do: vertices come in whose signs are never told
@@ -160,17 +160,17 @@ def refinements() -> Iterator[Draft]:
         yield encoded(
             f"{SPACES[n]}_adapt_births_far", field, 0.5, "new components far from known curves",
             plan=[("base", n), adapt_to(field, mesh)], layers=True,
-        )  # fmt: skip
+        )
         yield encoded(
             f"{SPACES[n]}_adapt_births_below", 1 - field, 0.5, "new components below, far from known curves",
             plan=[base_on(field, frozenset()), adapt_to(field, mesh)],
-        )  # fmt: skip
+        )
     # an edge whose half further away is cut, and the nearer one is not, on the way of an inference
     field = salt((13, 11), [(0, 0), (7, 5), (9, 4), (11, 6), (12, 2)])
     yield encoded(
         "plane_adapt_births_past_cuts", field, 0.5, "new components far from known curves",
         plan=[base_on(field, frozenset([(0, 8), (4, 0), (4, 4), (8, 0), (8, 8)])), ("refine", None)],
-    )  # fmt: skip
+    )
     # clamped images that are known before
     border: tuple[Point, ...] = ((3, 6), (6, 3), (11, 6), (5, 6, 3), (6, 3, 6))
     for seed, shape in enumerate(border, 70):
@@ -181,7 +181,7 @@ def refinements() -> Iterator[Draft]:
             f"{SPACES[len(shape)]}_adapt_known_middles_{'x'.join(map(str, shape))}", field, 2.5, "noise",
             "border: middles known before the round",
             plan=[base_on(field, coarse), adapt_to(field, fine), ("refine", None)],
-        )  # fmt: skip
+        )
 
 
 def cuts() -> Iterator[Draft]:
@@ -196,11 +196,11 @@ def cuts() -> Iterator[Draft]:
             yield Draft(
                 f"{space}_ends_in_{kind}", within(data, kind)[1], field.ndim,
                 ("the file ends too early", f"within {about}"),
-            )  # fmt: skip
+            )
         yield Draft(
             f"{space}_cut_refine_after_adapt", cut_within(data, "refine"), field.ndim,
             ("cut run", "within a round after adaptive layers"),
-        )  # fmt: skip
+        )
 
 
 def random_run(file: File, program: bytes, layers: int) -> bytes:

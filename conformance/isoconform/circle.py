@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from isocodec.format.header import Header
 from isocodec.format.program import Layer
-from isocodec.passes import new_components
+from isocodec.grid.passes import new_components
 from isocodec.search import base_order, component_search, ground_truth
 
 from .draft import Draft

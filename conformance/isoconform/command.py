@@ -54,7 +54,7 @@ def _parser() -> argparse.ArgumentParser:
     runs.add_argument(
         "--level", type=int, choices=sorted(LEVELS), default=max(LEVELS),
         help="level of conformance that the decoder is to have; default: %(default)s",
-    )  # fmt: skip
+    )
     runs.add_argument("--json", action="store_true", help="print a JSON object")
     runs.set_defaults(call=_run)
 
@@ -178,7 +178,7 @@ def _fuzz(options: argparse.Namespace) -> int:
     campaign = Campaign(
         decoder, seed=options.seed, minutes=options.minutes, files=options.files, most=options.most,
         shrinking=options.shrink, tiles=options.tiles,
-    )  # fmt: skip
+    )
     found = []
     try:
         for number, finding in enumerate(campaign.run(), 1):
@@ -190,7 +190,7 @@ def _fuzz(options: argparse.Namespace) -> int:
         campaign.close()
     report = campaign.report
     about = {"files": report.files, "questions": report.questions, "seconds": round(report.seconds, 1),
-             "seed": options.seed, "not_asked": sorted(report.unknown), "findings": found}  # fmt: skip
+             "seed": options.seed, "not_asked": sorted(report.unknown), "findings": found}
     if options.json:
         print(json.dumps(about, indent=1))
     else:

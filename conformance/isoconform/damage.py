@@ -106,7 +106,7 @@ NUMBERS = (
     b"\0", b"\x80\x05", b"\x80", b"\xff" * 9, b"\xff" * 8 + b"\x7f", b"\xff" * 9 + b"\x7f",
     b"\x81" + b"\x80" * 7 + b"\0", b"\x81" + b"\x80" * 8 + b"\0",
     *(write_varint(most + more) for most in MAX_SIDE.values() for more in (0, 1)),
-)  # fmt: skip
+)
 """Numbers of variable length that are too small, too large or too long."""
 SINGLES = [struct.pack(">f", x) for x in (float("nan"), float("inf"), float("-inf"), -0.0, 0.5, 3e38)]
 DOUBLES = [struct.pack(">d", x) for x in (float("nan"), float("inf"), float("-inf"), -0.0, 0.0, 0.5, -1.0, 5e-324)]
@@ -237,7 +237,7 @@ def _checksum(random: Random, file: Torn) -> bytes:
 
 KINDS: tuple[Callable[[Random, Torn], bytes], ...] = (
     _header, _header, _isovalue, _order, _envelope, _payload, _payload, _payload, _payload, _length, _checksum,
-)  # fmt: skip
+)
 
 
 def damaged(data: bytes, random: Random) -> bytes:

@@ -96,7 +96,7 @@ class Reference:
 def filled(template: str, request: Request) -> list[str]:
     """Words of a command, with what stands in braces filled in."""
     names = {"{file}": str(request.path), "{layers}": str(request.layers), "{piece}": str(request.piece),
-             "{python}": sys.executable}  # fmt: skip
+             "{python}": sys.executable}
     words = shlex.split(template)
     for name, value in names.items():
         words = [word.replace(name, value) for word in words]
@@ -147,7 +147,7 @@ class Command:
             done = subprocess.run(
                 filled(self._template, request), stdin=subprocess.DEVNULL, capture_output=True, timeout=self._timeout,
                 check=False, preexec_fn=self._limit,
-            )  # fmt: skip
+            )
         except subprocess.TimeoutExpired:
             return Answer(trouble=f"hang: no answer within {self._timeout:g} s")
         finally:
@@ -220,7 +220,7 @@ class Batch:
             self._process = subprocess.Popen(
                 filled(self._template, Request(Path())), stdin=subprocess.PIPE, stdout=subprocess.PIPE,
                 stderr=subprocess.DEVNULL, preexec_fn=self._limit,
-            )  # fmt: skip
+            )
             self._send(self._open)
         return self._process
 

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from isocodec import encode, encode_frames, truncate
-from isocodec.layers.events import LayerComplete
+from isocodec.format.events import LayerComplete
 
 from .dump import COMPLETE, dump
 
@@ -56,7 +56,7 @@ def encoded(
 def encoded_series(
     name: str, fields: Sequence[ArrayLike], isovalue: float | Sequence[float], *features: str, layers: bool = False,
     **options,
-) -> Draft:  # fmt: skip
+) -> Draft:
     """A vector of a series of frames as the reference encoder writes it."""
     data = encode_frames(fields, isovalue, **{"profile": "baseline", **options})
     return Draft(name, data, np.ndim(fields[0]), ("series of frames", *features), layers=layers)

@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from isocodec.errors import FormatError, IsoError, KernelError, LimitError, TruncatedError
-from isocodec.layers.events import Event, FrameRead, LayerComplete
+from isocodec.format.events import Event, FrameRead, LayerComplete
 from isocodec.limits import Limits
 from isocodec.stream.decoder import Decoder
 from isospec.container import Double

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from pathlib import Path
 
-from isocodec.layers.events import LayerComplete, MeshLayerComplete
+from isocodec.format.events import LayerComplete, MeshLayerComplete
 from isocodec.limits import Limits
 
 from .dump import Output, canonical_layers, dump

@@ -14,10 +14,10 @@ from pathlib import Path
 
 from isocodec.errors import TruncatedError
 from isocodec.format.chunks import CHECKSUM_BYTES, Envelope, read_envelope, read_further
+from isocodec.format.events import FrameRead, SeriesRead
 from isocodec.format.header import Header, read_header, varint
 from isocodec.format.program import Layer, ProgramReader, Progress
-from isocodec.layers.contents import Contents
-from isocodec.layers.events import FrameRead, SeriesRead
+from isocodec.stream.contents import Contents
 from isospec.container import ChunkType, IsovalueKind, Operation, Profile
 
 from .damage import fields_of
@@ -31,7 +31,7 @@ CLAUSES = {
     Operation.BASE: "5.3", Operation.REFINE: "5.4", Operation.VALUES: "5.6, 3.6.4", Operation.OFFSETS: "5.7, 3.6.5",
     Operation.BASE_AND_REFINE: "5.3, 5.4", Operation.ADAPTIVE_BASE: "5.8.1", Operation.ADAPT: "5.8.4",
     Operation.LEAF_BASE: "5.9.4",
-}  # fmt: skip
+}
 
 
 @dataclass
@@ -65,7 +65,7 @@ class _Reader(Rows):
         about = "equal sides, " * (len(parts.sides) == 1) + ("scaled" if header.scale is not None else "not scaled")
         kind = IsovalueKind(self.data[5] >> 3 & 3).name.lower()
         self.note(6, f"{about}, isovalue as {kind}, {len(header.shape)} axes, profile {header.profile.name.lower()} "
-                  "(3.3.2)")  # fmt: skip
+                  "(3.3.2)")
         k = exponent(header.shape)
         shape = " x ".join(map(str, header.shape))
         self.note(

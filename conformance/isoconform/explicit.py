@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from isocodec import encode_mesh
-from isocodec.domain.delaunay import triangulate
-from isocodec.names import MeshName
+from isocodec.stream.names import MeshName
+from isocodec.tin.delaunay import triangulate
 from isospec.container import ChunkType, read_varint, write_varint
 
 from .draft import Draft
@@ -60,7 +60,7 @@ def ring(around: int = 7, across: int = 4) -> Mesh:
     wide = [(10, 0), (7, 7), (0, 10), (-7, 7), (-10, 0), (-7, -7), (3, -9)]
     high = [(6, 0), (4, 2), (2, 0), (4, -2)]
     points = [[wide[i][0] * high[j][0], wide[i][1] * high[j][0], 10 * high[j][1]] for i in range(around)
-              for j in range(across)]  # fmt: skip
+              for j in range(across)]
     cells = []
     for i, j in product(range(around), range(across)):
         a, b = i * across + j, (i + 1) % around * across + j
@@ -83,7 +83,7 @@ def hills(mesh: Mesh, step: int = 0, rough: int = 30) -> Integers:
 def _draft(
     name: str, mesh: Mesh, values: NDArray[Any], isovalue: float | tuple[float, ...], *features: str,
     kind: MeshName = "known", layers: bool = False, **options: Any,
-) -> Draft:  # fmt: skip
+) -> Draft:
     """A vector as the reference encoder writes it."""
     cells = None if kind == "delaunay" else mesh[1]
     data = encode_mesh(mesh[0], cells, values, isovalue, mesh=kind, **options)
@@ -99,7 +99,7 @@ def whole() -> Iterator[Draft]:
         for name, options in (
             ("signs", {"signs_only": True}), ("values", {"exact": True}), ("offsets", {"tolerance": 0.5}),
             ("fine_offsets", {"tolerance": 0.001}),
-        ):  # fmt: skip
+        ):
             if kind == "plane":
                 yield _draft(
                     f"mesh_plane_levels_{name}", mesh, values, VALUE, "levels", name, layers=name == "values", **options
@@ -110,44 +110,44 @@ def whole() -> Iterator[Draft]:
         yield _draft(
             f"mesh_{kind}_isovalues", mesh, values, VALUES, "several isovalues", exact=True, progressive=False,
             layers=True,
-        )  # fmt: skip
+        )
         yield _draft(
             f"mesh_{kind}_independent", mesh, values, VALUES, "isovalues that lean on none", leaning=False,
             signs_only=True, progressive=False,
-        )  # fmt: skip
+        )
         noise = np.array(random_numbers(23, len(mesh[0]), 8), np.int64)
         yield _draft(
             f"mesh_{kind}_noise", mesh, noise, 128.5, "noise", exact=True, progressive=False
-        )  # fmt: skip
+        )
         yield _draft(
             f"mesh_{kind}_step", mesh, values / 8, 12.4, "values in steps", step=0.25, progressive=False
-        )  # fmt: skip
+        )
         yield _draft(f"mesh_{kind}_empty", mesh, values, 1e6, "no curve", progressive=False)
         yield _draft(
             f"mesh_{kind}_coded", mesh, values, VALUE, "the mesh in the file, as far as it is crossed", kind="coded",
             exact=True, mesh_error=0.3,
-        )  # fmt: skip
+        )
         yield _draft(
             f"mesh_{kind}_whole", mesh, values, VALUES, "the whole mesh in the file", kind="whole",
             signs_only=True, mesh_error=0.3,
-        )  # fmt: skip
+        )
         yield from _frames(kind, mesh)
     mesh = plane(60, 200, 0)
     for name, options in (("signs", {"signs_only": True}), ("values", {"exact": True})):
         yield _draft(
             f"mesh_plane_delaunay_{name}", mesh, hills(mesh), VALUE, "points in the file, Delaunay triangulation",
             kind="delaunay", mesh_error=0.71, **options,
-        )  # fmt: skip
+        )
     # many rounds, and candidates for new components
     mesh = plane(150, 400, 0)
     salt = np.array([int(number % 9 == 0) for number in random_numbers(31, len(mesh[0]), 16)])
     for name, values, isovalues in (
         ("hills", hills(mesh, 0, 5), (VALUE,)), ("isovalues", hills(mesh), VALUES), ("salt", salt, (0.5,)),
-    ):  # fmt: skip
+    ):
         yield _draft(
             f"mesh_plane_levels_many_{name}", mesh, values, isovalues, "levels", "many rounds", signs_only=True,
             layers=True,
-        )  # fmt: skip
+        )
 
 
 def _frames(kind: str, mesh: Mesh) -> Iterator[Draft]:
@@ -156,23 +156,23 @@ def _frames(kind: str, mesh: Mesh) -> Iterator[Draft]:
     for name, options in (
         ("signs", {"signs_only": True}), ("values", {"exact": True, "interval": 2}), ("offsets", {"tolerance": 0.5}),
         ("step", {"step": 3.0}),
-    ):  # fmt: skip
+    ):
         values = frames * 1.0 if name == "step" else frames
         for progressive in (False, True) if kind == "plane" else (False,):
             yield _draft(
                 f"mesh_{kind}_frames_{'levels_' * progressive}{name}", mesh, values, VALUES[:2], "series of frames",
                 name, progressive=progressive, **options,
-            )  # fmt: skip
+            )
     yield _draft(
         f"mesh_{kind}_frames_independent", mesh, frames, VALUES[:2], "series of frames", "frames that lean on none",
         leaning=False, exact=True, progressive=False,
-    )  # fmt: skip
+    )
     gaps = frames.copy()
     gaps[1] = 0
     yield _draft(
         f"mesh_{kind}_frames_empty", mesh, gaps, VALUE, "series of frames", "a frame without a curve",
         progressive=False, tolerance=0.5,
-    )  # fmt: skip
+    )
 
 
 def parts() -> Iterator[Draft]:
@@ -187,7 +187,7 @@ def parts() -> Iterator[Draft]:
     for name, size in (
         ("header", 6), ("domain", places[0] + 5), ("layer", places[2] + 2), ("geometry", places[-1] + 3),
         ("checksum", len(data) - 2),
-    ):  # fmt: skip
+    ):
         yield Draft(f"mesh_truncated_{name}", data[:size], 2, (EXPLICIT, "truncated"), mesh=written(mesh))
     coded = encode_mesh(*mesh, hills(mesh), VALUE, mesh="coded", mesh_error=0.3)
     yield Draft("mesh_truncated_mesh", coded[:30], 2, (EXPLICIT, "truncated"))
@@ -241,7 +241,7 @@ def _wrong_chunks() -> Iterator[tuple[str, str, str, bytes]]:
     yield (
         "frames_late_isovalue", "3.5.7", "frames behind layers and another isovalue",
         bytes(known.with_chunks(first, second, other, late)),
-    )  # fmt: skip
+    )
 
 
 def _wrong_meshes() -> Iterator[tuple[str, str, str, bytes]]:

@@ -8,15 +8,15 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from isocodec.domain.isovalue import MeshIsovalue
-from isocodec.domain.rank import by_rank
+from isocodec.api.tin_api import read_surface
 from isocodec.errors import FormatError, IsoError, TruncatedError
 from isocodec.format.domain import kind_of_domain
+from isocodec.format.events import Event, FrameRead, MeshLayerComplete
 from isocodec.format.header import read_header
-from isocodec.layers.events import Event, FrameRead, MeshLayerComplete
 from isocodec.limits import Limits
+from isocodec.mesh.isovalue import MeshIsovalue
 from isocodec.stream.mesh_decoder import MeshDecoder
-from isocodec.tin_api import read_surface
+from isocodec.tin.rank import by_rank
 from isospec.container import DomainKind
 
 from .dump import COMPLETE, Output

@@ -14,7 +14,7 @@ def described(finding: Finding, place: Path | None) -> dict[str, object]:
         "sort": finding.sort, "reason": finding.reason, "case": finding.trial.case, "asked": finding.trial.kind,
         "seconds": round(finding.seconds, 1), "bytes": len(finding.data), "bytes_before": len(finding.trial.there),
         "hex": finding.data.hex(), "file": None if place is None else str(place),
-    }  # fmt: skip
+    }
 
 
 def saved(finding: Finding, seed: int, folder: Path, number: int) -> Path:
@@ -32,6 +32,6 @@ def saved(finding: Finding, seed: int, folder: Path, number: int) -> Path:
         f"The decoder: {finding.answer.trouble or f'exit code {finding.answer.code} and this text.'}", "",
         *(f"    {line}" for line in finding.answer.text.splitlines()), "",
         *(f"    {line}".rstrip() for line in explanation(path).splitlines()),
-    ]  # fmt: skip
+    ]
     path.with_suffix(".md").write_text("\n".join(lines) + "\n", encoding="utf-8", newline="\n")
     return path

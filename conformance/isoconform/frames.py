@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from isocodec import encode_frames
-from isocodec.layers.plan import Entry
+from isocodec.grid.layers.plan import Entry
 from isocodec.stream.series import SeriesEncoder
 from isospec.container import ChunkType
 
@@ -31,7 +31,7 @@ def _moving(shape: tuple[int, ...], count: int = COUNT, rough: int = 30) -> list
     return [
         hills[tuple(slice(t, t + side) for side in shape)] + noise(shape, rough, t) if rough
         else hills[tuple(slice(t, t + side) for side in shape)] for t in range(count)
-    ]  # fmt: skip
+    ]
 
 
 def whole() -> Iterator[Draft]:
@@ -47,11 +47,11 @@ def whole() -> Iterator[Draft]:
                 yield encoded_series(
                     f"{space}_frames_{profile}_{name}", frames, VALUE, f"frames: {name}", profile=profile,
                     layers=name == "values", **options,
-                )  # fmt: skip
+                )
         yield encoded_series(
             f"{space}_frames_isovalues", frames, (VALUE, VALUE + 9, VALUE - 7), "frames: several isovalues",
             interval=2, exact=True, profile="main", layers=True,
-        )  # fmt: skip
+        )
         yield encoded_series(
             f"{space}_frames_independent", frames, VALUE, "frames: that lean on none", leaning=False, signs_only=True
         )
@@ -66,7 +66,7 @@ def whole() -> Iterator[Draft]:
         yield encoded_series(
             f"{space}_frames_main_adapted", frames, VALUE, "frames: adaptive meshes", profile="main", signs_only=True,
             preserve_topology=True,
-        )  # fmt: skip
+        )
         empty = [np.zeros_like(frames[0]), *frames[:2], np.zeros_like(frames[0]), frames[2]]
         yield encoded_series(
             f"{space}_frames_empty", empty, VALUE, "frames: some without a curve", profile="main", signs_only=True
@@ -79,12 +79,12 @@ def whole() -> Iterator[Draft]:
     yield encoded_series(
         "plane_frames_main_wide", smooth, VALUE, "frames: softened signs of several blocks", profile="main",
         signs_only=True,
-    )  # fmt: skip
+    )
     smooth = _moving((18, 11, 9), 3, 0)
     yield encoded_series(
         "space_frames_main_wide", smooth, VALUE, "frames: softened signs of several blocks", profile="main",
         signs_only=True,
-    )  # fmt: skip
+    )
 
 
 def encode_plans(frames: list[Integers], plan: Sequence[Entry], first: Sequence[Entry]) -> bytes:
@@ -120,7 +120,7 @@ def parts() -> Iterator[Draft]:
         yield Draft(
             f"{space}_frames_fewer_isovalues", data, n,
             ("series of frames", "frames: the last one without its last isovalue"),
-        )  # fmt: skip
+        )
         data = bytes(file.with_chunks(*file.chunks[: places[-1] + 1]))
         yield Draft(
             f"{space}_frames_begun", data, n, ("series of frames", "frames: the last isovalue without layers")
@@ -162,7 +162,7 @@ def refused() -> Iterator[Draft]:
              tuple(replace(c, ancillary=True) if i == second else c for i, c in enumerate(chunks))),
             ("isovalue_later", "3.5.7", "another isovalue in a further frame", (*chunks[: second + 1], isovalue)),
             ("mask_later", "3.5.7", "a mask in a further frame", (*chunks[: second + 1], Chunk(ChunkType.MASK, b""))),
-        ):  # fmt: skip
+        ):
             yield Draft(
                 f"{space}_frames_{name}", bytes(file.with_chunks(*found)), n, (f"error: {about}",), clause
             )

@@ -15,7 +15,7 @@ from pathlib import Path
 from random import Random
 
 from isocodec.errors import LimitError
-from isocodec.layers.events import LayerComplete
+from isocodec.format.events import LayerComplete
 
 from .damage import damaged
 from .decoders import Answer, Decoder, Request
@@ -213,7 +213,7 @@ class Campaign:
     def __init__(
         self, decoder: Decoder, *, seed: int = 0, minutes: float = 1.0, files: int | None = None, most: int = 5,
         shrinking: float = 30.0, tiles: bool = False,
-    ) -> None:  # fmt: skip
+    ) -> None:
         self._decoder, self._seed, self._most, self._shrinking = decoder, seed, most, shrinking
         self._tiles = tiles
         self._seconds, self._files = 60 * minutes, files

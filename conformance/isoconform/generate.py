@@ -8,7 +8,7 @@ from itertools import chain
 from pathlib import Path
 
 from isocodec.errors import LimitError
-from isocodec.layers.events import Event, FrameRead, IsovalueRead, LayerComplete, MeshLayerComplete
+from isocodec.format.events import Event, FrameRead, IsovalueRead, LayerComplete, MeshLayerComplete
 
 from . import (
     adaptive,
@@ -50,7 +50,7 @@ from .tiled_dump import is_tiled
 _MODULES = (
     valid, special, adaptive, geometry, isovalues, mixed, rules, hostile, circle, missing, mapped, frames, explicit,
     surfaces, tiled,
-)  # fmt: skip
+)
 TEXT_LIMIT = 2200
 """Longest canonical text, in bytes, that is kept next to its vector for the runner to show differences."""
 
@@ -104,7 +104,7 @@ def _described(draft: Draft, output: Output, mesh: Mesh | None) -> Vector:
             sum(line.startswith("v ") for line in lines), sum(line.startswith("e ") for line in lines),
             {name: count for name, count in output.symbols.items() if count},
             digest(output.coordinates) if output.coordinates != NO_COORDINATES else None,
-        )  # fmt: skip
+        )
     elif isinstance(output.error, LimitError):
         if draft.clause != clause:
             raise AssertionError(f"{draft.name} needs more than the limits allow: {output.error}")

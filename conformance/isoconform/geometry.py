@@ -23,7 +23,7 @@ def offsets_uniform() -> Iterator[Draft]:
             yield encoded(
                 f"{space}_offsets_coarse_{radix}_unit_{unit}", field, isovalue, "offsets on a coarse mesh",
                 f"{radix} parts in {2**unit} samples", "smooth", plan=[("base", level), ("offsets", radix, unit)],
-            )  # fmt: skip
+            )
         plan: list[Steps] = [
             ("base", level),
             ("offsets", 1, 3),
@@ -34,25 +34,25 @@ def offsets_uniform() -> Iterator[Draft]:
         yield encoded(
             f"{space}_offsets_coarse_repeated", field, isovalue, "offsets on a coarse mesh, told finer and finer",
             "an edge that is fine enough takes no digit", plan=plan, layers=True,
-        )  # fmt: skip
+        )
         plan = [("base", level), ("offsets", 3, 1), ("refine", 1), ("offsets", 3, 0), ("refine", None),
-                ("offsets", 3, 0), ("offsets", 5, 0)]  # fmt: skip
+                ("offsets", 3, 0), ("offsets", 5, 0)]
         yield encoded(
             f"{space}_offsets_between_rounds", field, isovalue, "offsets on a coarse mesh, then on the full grid",
             "edges that stay keep their offsets", plan=plan, layers=True,
-        )  # fmt: skip
+        )
     for unit, radix in ((3, 3), (24, 63)):
         yield encoded(
             f"plane_offsets_long_unit_{unit}", LONG, 100.5, "offsets on edges of many samples",
             f"{radix} parts in {2**unit} samples", plan=[("base", 2), ("offsets", radix, unit)],
-        )  # fmt: skip
+        )
     plan = [("base", 1), ("offsets", 63, 0), ("refine", None), ("offsets", 63, 0)]
     yield encoded("plane_offsets_several_digits", LONG, 90.5, "edges that take several digits in a layer", plan=plan)
     for level in (4, 5, 6, 7, 8):
         yield encoded(
             f"space_offsets_implied_{level}", RING, 0.5, "offsets on a coarse mesh",
             "no offsets on subdivision edges of whole diamonds", plan=[("base", level), ("offsets", 3, 0)],
-        )  # fmt: skip
+        )
 
 
 def offsets_adaptive() -> Iterator[Draft]:
@@ -69,21 +69,21 @@ def offsets_adaptive() -> Iterator[Draft]:
                     f"{space}_offsets_adaptive_{kind}_{radix}_unit_{unit}", field, isovalue,
                     "offsets on an adaptive mesh", kind, f"{radix} parts in {2**unit} samples",
                     plan=[base_on(field, fine), ("offsets", radix, unit)],
-                )  # fmt: skip
+                )
             plan: list[Steps] = [
                 base_on(field, coarse), ("offsets", 3, 1), ("offsets", 5, 1), adapt_to(field, fine), ("offsets", 5, 1),
                 ("offsets", 27, 0), ("refine", None), ("offsets", 3), ("offsets", 5),
-            ]  # fmt: skip
+            ]
             yield encoded(
                 f"{space}_offsets_before_and_after_{kind}", field, isovalue, "offsets on an adaptive mesh", kind,
                 "edges that stay keep their offsets", plan=plan, layers=True,
-            )  # fmt: skip
+            )
         field = noise(shape, 54, 6)
         plan = [base_on(field, uniform(shape, full)), ("offsets", 7, 0), ("refine", None), ("offsets", 3)]
         yield encoded(
             f"{space}_offsets_all_middles", field, 31.5, "offsets on a mesh of all middles that is not the full grid",
             plan=plan, layers=True,
-        )  # fmt: skip
+        )
     border: tuple[Point, ...] = ((3, 6), (6, 3), (5, 6, 3))
     for seed, shape in enumerate(border, 80):
         field = noise(shape, seed, 6)
@@ -91,7 +91,7 @@ def offsets_adaptive() -> Iterator[Draft]:
             f"{SPACES[len(shape)]}_offsets_adaptive_{'x'.join(map(str, shape))}", field, 31.5,
             "offsets on an adaptive mesh", "border: positions that coincide", "noise",
             plan=[base_on(field, random_mesh(shape, seed, MANY)), ("offsets", 9, 0)],
-        )  # fmt: skip
+        )
 
 
 def values() -> Iterator[Draft]:
@@ -105,29 +105,29 @@ def values() -> Iterator[Draft]:
         yield encoded(
             f"{space}_values_adaptive", field, 15.5, "values on an adaptive mesh", "noise",
             plan=[base_on(field, fine), ("values", None)], layers=True,
-        )  # fmt: skip
+        )
         plan: list[Steps] = [
             base_on(field, coarse), ("values", 2), adapt_to(field, fine), ("values", 0), ("values", 1),
             ("refine", None), ("values", None),
-        ]  # fmt: skip
+        ]
         yield encoded(
             f"{space}_values_around_adapt", field, 15.5, "values, adaptive refinement, values",
             "new vertices catch up, with and without a new bit for the others", plan=plan, layers=True,
-        )  # fmt: skip
+        )
         plan = [base_on(field, coarse), ("offsets", 5, 1), adapt_to(field, fine), ("values", 3), ("refine", None)]
         yield encoded(
             f"{space}_values_after_offsets", field, 15.5, "values drop offsets", "values that are never brought up",
             plan=plan, layers=True,
-        )  # fmt: skip
+        )
         plan = [("base", n), ("refine", None), ("offsets", 5), ("values", None)]
         yield encoded(
             f"{space}_values_after_offsets_full", field, 15.5, "values drop offsets, on the full grid", plan=plan,
             layers=True,
-        )  # fmt: skip
+        )
         yield encoded(
             f"{space}_values_scaled_adaptive", field / 8, 2.0, "values on an adaptive mesh", "power-of-two step",
             step=0.25, plan=[base_on(field, fine), ("values", None)],
-        )  # fmt: skip
+        )
 
 
 def cuts() -> Iterator[Draft]:

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from random import Random
 
 from isocodec.errors import FormatError, IsoError, LimitError, TruncatedError
-from isocodec.layers.events import LayerComplete
+from isocodec.format.events import LayerComplete
 from isocodec.limits import Limits
 from isocodec.stream.decoder import Decoder
 

@@ -184,11 +184,11 @@ def runs() -> Iterator[Draft]:
         yield _refused(
             f"{name}leftover", bytes(file.with_chunks(layers(program, run + b"\x01\x02\x03\x04\x05"))), "6.3",
             "bytes left over in a run",
-        )  # fmt: skip
+        )
         yield _refused(
             f"{name}overrun", bytes(file.with_chunks(layers(program, run[: len(run) // 2]))), "6.3",
             "symbols past the end of a run",
-        )  # fmt: skip
+        )
         yield _refused(f"{name}leftover_1", _least_refused(file, program, run), "6.3", "one byte left over in a run")
         cut = split(truncate(data, max_bytes=len(data) - 8)).chunks[0]
         spare = replace(cut, payload=cut.payload + b"\x01\x02\x03\x04\x05")

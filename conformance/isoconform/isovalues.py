@@ -8,7 +8,7 @@ import numpy as np
 
 from isocodec import Decoder, truncate
 from isocodec.format.chunks import write_further
-from isocodec.layers.events import IsovalueRead
+from isocodec.format.events import IsovalueRead
 from isospec.container import ALL, MAX_ISOVALUES, ChunkType, Operation
 
 from .adaptive import SOME, SPACES, Steps, adapt_to, base_on, random_run
@@ -57,18 +57,18 @@ def whole() -> Iterator[Draft]:
         yield encoded(
             f"{space}_isovalues_many", field, (HIGH_VALUE, LOW_VALUE, HIGH_VALUE + 4, LOW_VALUE - 1, VALUE),
             "isovalues that lean on different earlier ones", exact=True,
-        )  # fmt: skip
+        )
         part: dict[float, list[Steps]] = {VALUE: [*GRID, ("values", 4)]}
         for further, base in ((VALUE + 2, GRID), (VALUE - 3, [("leaf_base",)]), (HIGH_VALUE, GRID)):
             part[further] = [*base, ("values", None)]
         yield encoded(
             f"{space}_isovalues_values_in_part", field, tuple(part), "isovalues: values known in part", plan=part,
             layers=True,
-        )  # fmt: skip
+        )
         yield encoded(
             f"{space}_isovalues_scaled", field / 8, (10.0, 10.5, 9.25), "isovalues of scaled data", "power-of-two step",
             step=0.25,
-        )  # fmt: skip
+        )
 
     yield encoded(
         "plane_isovalues_far_apart", *_far_apart(), "isovalues: numbers that are too large to be taken over", exact=True
@@ -120,7 +120,7 @@ def planned() -> Iterator[Draft]:
             ("base_only", "leaning on a base of the root's simplices", [("base", 0)], GRID),
             ("nothing_told", "leaning on one that has no base", [], GRID),
             ("nothing_more", "an isovalue without layers", [*GRID, ("values", None)], []),
-        )  # fmt: skip
+        )
         for name, about, first, second in cases:
             other = VALUE + (2 if n == 2 else -2)
             if name == "nothing_more":
@@ -131,7 +131,7 @@ def planned() -> Iterator[Draft]:
             yield encoded(
                 f"{space}_isovalues_{name}", field, (VALUE, other), f"isovalues: {about}", plan=plans,
                 layers=name.startswith("leaf"),
-            )  # fmt: skip
+            )
 
 
 def _three(name: str, field: Integers, plans: Plans, about: str) -> Draft:
@@ -173,12 +173,12 @@ def chunks() -> Iterator[Draft]:
         "plane_isovalues_between_chunks",
         bytes(file.with_chunks(unknown, first, unknown, second, unknown, last, unknown)), 2,
         ("unknown ancillary chunks around isovalues",),
-    )  # fmt: skip
+    )
     # each leans on the one before
     yield encoded(
         "plane_isovalues_64", noise((4, 3), 96, 6), range(MAX_ISOVALUES), "the most isovalues", signs_only=True,
         base_level=4,
-    )  # fmt: skip
+    )
 
 
 def strange() -> Iterator[Draft]:

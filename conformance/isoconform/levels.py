@@ -7,10 +7,10 @@ from dataclasses import astuple, dataclass
 
 from isocodec import Decoder
 from isocodec.errors import TruncatedError
-from isocodec.layers.events import End, FrameRead, LayerComplete
+from isocodec.format.events import End, FrameRead, LayerComplete
+from isocodec.grid.lattice.store import PAGES
+from isocodec.grid.passes.runner import Tube
 from isocodec.limits import BLOCKS, LEVELS
-from isocodec.mesh.store import PAGES
-from isocodec.passes.runner import Tube
 
 BEYOND = max(LEVELS) + 1
 """In place of a level, of files that no level has to decode."""

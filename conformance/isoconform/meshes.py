@@ -11,8 +11,8 @@ from itertools import permutations
 
 import numpy as np
 
-from isocodec.mesh.store import grown, put
-from isocodec.mesh.vertex_set import GONE, Chosen, every_vertex
+from isocodec.grid.lattice.store import grown, put
+from isocodec.grid.lattice.vertex_set import GONE, Chosen, every_vertex
 
 from .fields import Shape, random_numbers
 

@@ -48,7 +48,7 @@ def whole() -> Iterator[Draft]:
             yield encoded(
                 f"{space}_missing_{name}", field, isovalues, f"missing samples: {about}", layers=name == "exact",
                 mask=gone, **options,
-            )  # fmt: skip
+            )
         rough, spots = noise(shape, 94, 4), noise(shape, 95, 4) > 9
         spots[-1], spots[:, -2] = True, True
         spots[0], spots[-1, :2] = False, False
@@ -59,7 +59,7 @@ def whole() -> Iterator[Draft]:
             yield encoded(
                 f"{space}_missing_noise_{name}", rough, (7, 9), f"missing samples: noise and spots, {about}",
                 layers=False, mask=spots, plan=[*plan, ("values", None)],
-            )  # fmt: skip
+            )
         most = np.arange(field.size).reshape(shape) > 0
         about = "missing samples: all but one"
         yield encoded(f"{space}_missing_all_but_one", field, VALUE, about, mask=most, exact=True)
@@ -90,7 +90,7 @@ def places() -> Iterator[Draft]:
             yield Draft(
                 f"{space}_missing_mask_{name}_isovalue", data, len(shape),
                 ("missing samples: the mask between two isovalues, of which one is coded with it",),
-            )  # fmt: skip
+            )
     field, gone = _holed(SHAPES[0])
     data = cut_within(encode(field, VALUE, mask=gone, profile="baseline", exact=True), "values")
     yield Draft("plane_missing_cut", data, 2, ("missing samples: a cut run",))

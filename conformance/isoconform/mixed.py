@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from isocodec import encode
-from isocodec.mesh.tables import cube_exponent
+from isocodec.grid.lattice.tables import cube_exponent
 
 from .adaptive import SPACES
 from .draft import Draft, cut_within, encoded, within
@@ -40,11 +40,11 @@ def grids() -> Iterator[Draft]:
             ("offsets_between", rough, {
                 "plan": [("base", 1), ("refine", n), ("offsets", 7), ("refine", None), ("offsets", 3), ("offsets", 1)]
             }),
-        ):  # fmt: skip
+        ):
             yield encoded(
                 f"{space}_main_{name}", field, 100.5, "main profile",
                 layers="offsets" in name or "between" in name, profile="main", **options,
-            )  # fmt: skip
+            )
 
 
 def extremes() -> Iterator[Draft]:
@@ -53,13 +53,13 @@ def extremes() -> Iterator[Draft]:
         ("noise", noise((24, 31), 21, 1)), ("checkers", checkers((21, 18))), ("below", np.zeros((40, 40), np.int64)),
         ("salt", salt((50, 70), [(3, 3), (20, 6), (21, 40), (40, 60), (42, 61)])),
         ("disc", balls((65, 50), [((60, 50), 61)])), ("narrow", noise((2, 40), 5, 1)),
-    ):  # fmt: skip
+    ):
         yield encoded(
             f"plane_main_{name}", field, 0.5, "main profile", name, profile="main", signs_only=True, base_level=0
         )
     for name, field in (
         ("noise", noise((9, 7, 8), 22, 1)), ("torus", torus((25, 25, 13), 15, 7)), ("narrow", noise((2, 19, 2), 6, 1)),
-    ):  # fmt: skip
+    ):
         yield encoded(
             f"space_main_{name}", field, 0.5, "main profile", name, profile="main", signs_only=True, base_level=0
         )
@@ -69,21 +69,21 @@ def meshes() -> Iterator[Draft]:
     """Adaptive meshes, whose edges carry offsets; further isovalues."""
     for shape, seed, level, radix, unit in (
         ((2, 9), 37, 2, 9, 1), ((2, 33), 8, 0, 9, 3), ((6, 7, 2), 18, 0, 3, 0), ((3, 9, 2), 38, 2, 15, 3),
-    ):  # fmt: skip
+    ):
         yield encoded(
             f"{SPACES[len(shape)]}_main_vertex_{'x'.join(map(str, shape))}", noise(shape, seed, 2), 0.5, "main profile",
             "places far off an edge that much longer ones show", profile="main",
             plan=[("base", level), ("offsets", radix, unit)],
-        )  # fmt: skip
+        )
     for shape, field, isovalue, seed in (
         ((7, 9), noise((7, 9), 1, 1), 0.5, 44), ((9, 12), waves((9, 12), 255, 23), 90.5, 23),
         ((11, 17), noise((11, 17), 24, 1), 0.5, 24),
-    ):  # fmt: skip
+    ):
         yield encoded(
             f"plane_main_out_by_ancestor_{seed}", field, isovalue, "main profile",
             "middles told out by being asked for, an older ancestor being out", profile="main",
             plan=[("adaptive_base", 0, chosen(shape, random_mesh(shape, seed, 30)))],
-        )  # fmt: skip
+        )
     for shape in SHAPES:
         space = SPACES[len(shape)]
         field = waves(shape, 255, 2)
@@ -92,7 +92,7 @@ def meshes() -> Iterator[Draft]:
         plan = [
             ("adaptive_base", 1, chosen(shape, coarse)), ("offsets", 7, 1), ("adapt", 1, chosen(shape, fine)),
             ("offsets", 9, 0), ("offsets", 31, 0), ("refine", None), ("offsets", 3, 0),
-        ]  # fmt: skip
+        ]
         yield encoded(f"{space}_main_meshes", field, 100.5, "main profile", layers=True, profile="main", plan=plan)
         leaves = {
             100.5: [("adaptive_base", 1, chosen(shape, coarse))],
@@ -101,26 +101,26 @@ def meshes() -> Iterator[Draft]:
         yield encoded(
             f"{space}_main_isovalues_leaf_base", field + noise(shape, 3, 4), tuple(leaves), "main profile", layers=True,
             profile="main", plan=leaves,
-        )  # fmt: skip
+        )
         plan = [
             ("adaptive_base", 1, chosen(shape, coarse)), ("offsets", 7, 0), ("adapt", 1, chosen(shape, fine)),
             ("offsets", 9, 0), ("refine", None), ("offsets", 3, 0),
-        ]  # fmt: skip
+        ]
         yield encoded(
             f"{space}_main_isovalues_chain", field + noise(shape, 3, 4), (100.5, 104.5, 107), "main profile",
             layers=True, profile="main", plan=plan,
-        )  # fmt: skip
+        )
         further: list[tuple[str, dict[str, Any]]] = [
             ("isovalues", {"tolerance": 0.05}), ("isovalues_values", {"exact": True}),
             ("isovalues_signs", {"signs_only": True, "base_level": 2}),
-        ]  # fmt: skip
+        ]
         for level in (10, 11, 12):
             further.append((f"isovalues_base_{level}", {"signs_only": True, "base_level": level}))
         for name, options in further:
             yield encoded(
                 f"{space}_main_{name}", field + noise(shape, 3, 4), (100.5, 104.5, 97), "main profile", layers=True,
                 profile="main", **options,
-            )  # fmt: skip
+            )
 
 
 def cubes() -> Iterator[Draft]:
@@ -130,7 +130,7 @@ def cubes() -> Iterator[Draft]:
         full = 3 * cube_exponent(shape)
         finer = chosen(shape, random_mesh(shape, 43, 20, uniform(shape, full - 3)))
         plan = [("base", full - 6), ("offsets", 5, 1), ("refine", 3), ("offsets", 3, 0), ("adapt", 1, finer),
-                ("offsets", 9, 0)]  # fmt: skip
+                ("offsets", 9, 0)]
         yield encoded(f"space_cubes_{name}", field, 0.5, "main profile", layers=True, profile="main", plan=plan)
 
 

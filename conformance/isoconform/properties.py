@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from isocodec import Decoder, encode
-from isocodec.tube.decoded import Decoded
+from isocodec.grid.tube.decoded import Decoded
 
 from .dump import COMPLETE, canonical, dump
 from .meshes import exponent
@@ -104,7 +104,7 @@ def try_encoder(minutes: float, first: int = 0) -> int:
         @settings(
             max_examples=EXAMPLES, deadline=None, database=None, suppress_health_check=list(HealthCheck),
             phases=(Phase.generate, Phase.shrink),
-        )  # fmt: skip
+        )
         @given(cases())
         def holds(case: tuple[NDArray[Any], float, dict[str, Any], bytes, list[bytes], bytes]) -> None:
             field, isovalue, _, data, parts, start = case

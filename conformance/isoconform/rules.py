@@ -33,7 +33,7 @@ Steps = tuple[Step, ...]
 def _random(
     name: str, about: str, shape: tuple[int, ...], steps: Steps, seed: int, size: int, *,
     profile: Profile = Profile.BASELINE, clause: str | None = None,
-) -> Draft:  # fmt: skip
+) -> Draft:
     """One isovalue, one program, random bytes."""
     start = File(write_header(Header(shape, 0.5, profile=profile)), ())
     return _draft(name, shape, random_layers(start, steps_of(*steps), seed, size), (about, *RANDOM), clause)
@@ -42,7 +42,7 @@ def _random(
 def _leaning(
     name: str, about: str, shape: tuple[int, ...], programs: dict[float, Steps], seed: int, size: int, *,
     profile: Profile = Profile.BASELINE,
-) -> Draft:  # fmt: skip
+) -> Draft:
     """Isovalues that each lean on the one before, random bytes for each; of an empty program nothing is sent."""
     file = File(write_header(Header(shape, next(iter(programs)), profile=profile)), ())
     for number, (isovalue, steps) in enumerate(programs.items()):
@@ -56,7 +56,7 @@ def _leaning(
 
 def _draft(
     name: str, shape: tuple[int, ...], file: File, features: tuple[str, ...], clause: str | None = None
-) -> Draft:  # fmt: skip
+) -> Draft:
     name = f"{SPACES[len(shape)]}_{name}"
     if clause:
         name, features = f"bad_{name}", (f"refused: {features[0]}",)
@@ -68,15 +68,15 @@ def meshes() -> Iterator[Draft]:
     yield _random(
         "explicit_not_candidates", "new components in uniform rounds, next to explicit vertices", (9, 9),
         ((ADAPTIVE, 0), (REFINE, ALL)), 10, 40,
-    )  # fmt: skip
+    )
     yield _random(
         "inference_at_centres", "inference at centres of the cubes of the base", (17, 17), ((BASE, 3), (REFINE, ALL)),
         3143, 40,
-    )  # fmt: skip
+    )
     yield _random(
         "inference_at_corners", "inference at corners of the cubes of the base", (17, 17),
         ((ADAPTIVE, 3), (REFINE, 4)), 2, 40,
-    )  # fmt: skip
+    )
     yield _random(
         "inference_off_the_box", "inference that starts off the box", (11, 6), ((ADAPTIVE, 2), (REFINE, ALL)), 2740, 40
     )
@@ -87,7 +87,7 @@ def meshes() -> Iterator[Draft]:
         "first_mixed_member", "middles known before the round: only the first mixed member bisects the others",
         (6, 3, 6), ((BASE, 1), (REFINE, 1), (OFFSETS, 2), b"\0", (REFINE, 1), (OFFSETS, 2), b"\0", (REFINE, ALL)),
         185, 40,
-    )  # fmt: skip
+    )
 
 
 def curves() -> Iterator[Draft]:
@@ -112,11 +112,11 @@ def isovalues() -> Iterator[Draft]:
     yield _leaning(
         "leaning_on_leaf_base", "leaning on a leaf base on an adapted mesh: signs that are inferred are not certain",
         (9, 9), programs, 113, 40,
-    )  # fmt: skip
+    )
     yield _leaning(
         "first_sign_before_lean", "a first simplex is mixed, whatever the earlier isovalue says", (5, 5, 5),
         {0.5: ((BASE, 2),), 1.5: ((BASE, 3),)}, 87, 20,
-    )  # fmt: skip
+    )
     exact: Steps = ((BASE, ALL), (VALUES, ALL), b"\x55")
     yield _leaning(
         "values_below_zero", "values taken over by an isovalue below 0", (9, 9), {0.5: exact, -3.5: exact}, 26, 60
@@ -126,7 +126,7 @@ def isovalues() -> Iterator[Draft]:
         yield _leaning(
             f"offsets_on_fewer_parts_{side}", f"offsets {side} those of an earlier isovalue in fewer parts", (9, 9),
             programs, seed, 60,
-        )  # fmt: skip
+        )
 
 
 def bounds() -> Iterator[Draft]:
@@ -134,15 +134,15 @@ def bounds() -> Iterator[Draft]:
     yield _random(
         "offsets_most_parts", "offsets on an edge of 2**24 samples: 2**24 parts are enough", (WIDE, 2),
         ((BASE, 0), (OFFSETS, ESCAPE), b"\x1f\0"), 30, 60,
-    )  # fmt: skip
+    )
     yield _random(
         "arguments_by_escape", "arguments below 14 that follow as numbers", (9, 9),
         ((BASE, ESCAPE), b"\2", (REFINE, ESCAPE), b"\1"), 32, 20,
-    )  # fmt: skip
+    )
     yield encoded(
         "plane_models_settled", noise((2, 200), 7, 2), 1.5, "more symbols in a context than its model counts",
         exact=True, base_level=1,
-    )  # fmt: skip
+    )
     for n, level in ((2, 30), (3, 42)):
         about = "more than 100 ancestors come into the mesh with one vertex"
         yield _draft("many_ancestors", (MAX_SIDE[n],) * n, _descended(n, level), (about,))
@@ -157,7 +157,7 @@ def _descended(n: int, level: int) -> File:
     return said(
         start, steps_of((BASE, 0), (ADAPT, 1)), ("origin", "0"), ("component", "0"), *empty, ("continue", "1"),
         ("significance", f"1{turns}0"),
-    )  # fmt: skip
+    )
 
 
 def main_profile() -> Iterator[Draft]:
@@ -165,20 +165,20 @@ def main_profile() -> Iterator[Draft]:
     yield _random(
         "main_large_cubes", "main profile: cubes of 2**9 samples and more", (1025, 1025), ((BASE, 1), (REFINE, 2)), 191,
         20, profile=MAIN,
-    )  # fmt: skip
+    )
     yield _random(
         "main_deep_mesh", "main profile: middles 24 levels and more above the full grid", (WIDE, WIDE),
         ((ADAPTIVE, 0),), 7, 20, profile=MAIN,
-    )  # fmt: skip
+    )
     yield _random(
         "main_sure", "main profile: opinions that are limited", (9, 9, 9), ((BASE, 3), (REFINE, ALL)), 16, 40,
         profile=MAIN,
-    )  # fmt: skip
+    )
     line = np.repeat([[0], [1]], 6000, axis=1)
     yield encoded(
         "plane_main_rarest", line, 0.5, "main profile: 8192 vertices and more for one new component", profile="main",
         signs_only=True, base_level=2,
-    )  # fmt: skip
+    )
     # bits of 0 by the million drive the weights to their limit, some of 1 at the end show where that is
     wide = np.repeat([[0], [1]], MANY, axis=1)
     wide[:, -1] = -(1 << 51), 1 << 51
@@ -186,24 +186,24 @@ def main_profile() -> Iterator[Draft]:
     yield encoded(
         "plane_main_mixing_limit", wide, 0.5, "main profile: weights at their limit", "4.5 million symbols",
         profile="main", exact=True,
-    )  # fmt: skip
+    )
     yield _random(
         "main_near_crossings", "main profile: crossings next to one another that are not extended", (9, 9),
         ((BASE, ALL), (OFFSETS, ESCAPE), b"\x1e"), 28, 40, profile=MAIN,
-    )  # fmt: skip
+    )
     # a curve around one corner: of the last edge's ends both have another crossing that falls together with them
     start = File(write_header(Header((65, 65), 0.5, profile=MAIN)), ())
     nearest = said(
         start, steps_of((BASE, 1), (OFFSETS, ESCAPE), b"\x1f\0"), ("origin", "0"), ("component", "1"),
         ("location", "01"), ("base_sign", "1011"), ("component", "0"),
         ("offset_bit", 13 * "1" + 27 * "0" + "10110100101"),
-    )  # fmt: skip
+    )
     about = "main profile: crossings in both ends of an edge"
     yield _draft("main_no_distance", (65, 65), nearest, (about, "cut run"))
     yield _leaning(
         "main_leaning_on_nothing", "main profile: new components of an isovalue that leans on one without a base",
         (9, 9), {0.5: (), 1.5: ((BASE, 2), (REFINE, ALL))}, 5, 30, profile=MAIN,
-    )  # fmt: skip
+    )
 
 
 def refused() -> Iterator[Draft]:
@@ -220,7 +220,7 @@ def refused() -> Iterator[Draft]:
         yield _random(
             f"main_{name}", f"main profile: a component starts {about}", shape, ((BASE, 3),), seed, 14, profile=MAIN,
             clause=clause,
-        )  # fmt: skip
+        )
     for name, about, shape, steps, seed, size in (
         ("main_leftover", "bytes left over in a run", (5, 5), ((BASE, 1), (REFINE, 1)), 65, 20),
         ("main_overrun", "symbols past the end of a run", (5, 5, 5), ((BASE, 3), (REFINE, ALL)), 36, 8),

@@ -146,4 +146,4 @@ def _counts(vector: Vector, text: str) -> str:
     return (
         f"another state: {found[0]} vertices and {found[1]} edges, "
         f"expected {expected.vertices} and {expected.edges}"
-    )  # fmt: skip
+    )

@@ -96,7 +96,7 @@ def _simpler_header(file: Torn) -> Iterator[bytes]:
     found: list[Fields] = [
         replace(old.flagged(clear=SCALED), scale=b""), replace(old.flagged(clear=KIND), isovalue=b"\0"),
         old.flagged(clear=PROFILE), replace(old, prefix=old.prefix[:4] + b"\0" + old.prefix[5:]),
-    ]  # fmt: skip
+    ]
     for axis in range(len(old.sides)):
         for side in range(2, 10):
             sides = (*old.sides[:axis], write_varint(side), *old.sides[axis + 1 :])

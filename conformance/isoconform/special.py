@@ -13,9 +13,9 @@ from isocodec import Decoder, Encoder, encode, truncate
 from isocodec.entropy.range_coder import cut
 from isocodec.field.samples import Field, check_field
 from isocodec.format.chunks import write_index, write_metadata
+from isocodec.format.events import LayerComplete
 from isocodec.format.header import Header, write_header
 from isocodec.format.program import Layer
-from isocodec.layers.events import LayerComplete
 from isospec.container import MAX_SIDE, ChunkType, Operation, write_varint
 
 from .draft import Draft, encoded
@@ -57,7 +57,7 @@ def orders() -> Iterator[Draft]:
     yield Draft(
         "plane_values_interleaved", bytes(_in_order(HILLS, 100.5, plan)), 2,
         (*about, "new vertices catch up, with and without a new bit for the others"), layers=True,
-    )  # fmt: skip
+    )
     field = noise((5, 6, 7), 21, 6)
     plan = [Layer("base", 3), *_values(3, 4), *rounds(4, 6), *_values(6, 4), *rounds(7, 9), *_values(9, 3, 2, 1, 0)]
     yield Draft("space_values_interleaved", bytes(_in_order(field, 31.0, plan)), 3, (*about, "noise"), layers=True)
@@ -71,12 +71,12 @@ def orders() -> Iterator[Draft]:
     yield Draft(
         "plane_values_coarse_first", bytes(_in_order(noise((5, 5), 22, 8), 128.0, plan)), 2,
         (*about, "all bits on a coarse mesh", "noise"),
-    )  # fmt: skip
+    )
     plan = [Layer("base", 5), *_values(5, 2), *rounds(6, 6), *_values(6, 1, 0)]
     yield Draft(
         "plane_values_same_vertices", bytes(_in_order(noise((6, 2), 2, 4), 7.5, plan)), 2,
         (*about, "the full grid brings no vertices: its values are those of grid edges all the same"), layers=True,
-    )  # fmt: skip
+    )
     for name, radices, about_offsets in (
         ("3", (3,) * 15, "offsets in the most layers"),
         ("63", (63,) * 4, "offsets of the largest radix, stated by escape"),
@@ -94,7 +94,7 @@ def orders() -> Iterator[Draft]:
     yield Draft(
         "plane_rounds_by_escape", bytes(_in_order(noise((3, 140), 23, 1), 0.5, plan)), 2,
         ("14 rounds or more in one operation", "the full grid is not reached", "border: 3x140 samples"),
-    )  # fmt: skip
+    )
 
 
 def chunks() -> Iterator[Draft]:
@@ -112,7 +112,7 @@ def chunks() -> Iterator[Draft]:
     yield encoded(
         "plane_metadata", disc, 0.5, "metadata chunk, with letters beyond ASCII",
         metadata={"title": "disc", "unit": "\u00b5m"}, signs_only=True,
-    )  # fmt: skip
+    )
     square = split(encode(disc, 0.5, profile="baseline"))
     sizes = bytes([square.header[5] & ~0x40]) + 2 * square.header[6:7] + square.header[7:]
     apart = replace(square, header=square.header[:5] + sizes)
@@ -128,7 +128,7 @@ def chunks() -> Iterator[Draft]:
     yield Draft(
         "plane_unknown_ancillary", bytes(several.with_chunks(unknown, first, unknown, *rest, unknown)), 2,
         ("unknown ancillary chunks, before, between and after layers",),
-    )  # fmt: skip
+    )
     odd = [Chunk(ChunkType.METADATA, text, ancillary=True) for text in (b"\xff\xfe", b"[1]", write_metadata({}))]
     yield Draft("plane_metadata_odd", bytes(several.with_chunks(*odd, *several.chunks)), 2, ("metadata to ignore",))
     texts = (b"", b"\x02", b"\x00\x01", b"\x01\x00\x05", b"\x00\x01\x80\x05", b"\x01\x01\x85", b"\x01\xa0\x00\x85\x00")
@@ -175,7 +175,7 @@ def cut_before_values() -> Iterator[Draft]:
     yield Draft(
         "plane_cut_before_values", bytes(whole.with_chunks(Chunk(ChunkType.CUT_LAYERS, payload))), 2,
         ("cut run", "values begun, none sent"),
-    )  # fmt: skip
+    )
 
 
 def truncated() -> Iterator[Draft]:

@@ -14,13 +14,13 @@ from isocodec.field.samples import Field
 from isocodec.format.chunks import CHECKSUM_BYTES, read_envelope
 from isocodec.format.header import Header, read_header, write_header
 from isocodec.format.program import Layer, Progress, read_program, write_program
+from isocodec.grid.lattice.vertex_set import Chosen
+from isocodec.grid.layers.beginning import begin_layer
+from isocodec.grid.models.contexts import models, rates
+from isocodec.grid.models.trained import no_blend
+from isocodec.grid.passes.runner import Tube
 from isocodec.kernel import DONE
-from isocodec.layers.beginning import begin_layer
 from isocodec.limits import Limits
-from isocodec.mesh.vertex_set import Chosen
-from isocodec.models.contexts import models, rates
-from isocodec.models.trained import no_blend
-from isocodec.passes.runner import Tube
 from isocodec.search.ground_truth import GroundTruth
 from isocodec.stream.decoder import Decoder
 from isospec.container import Checksum, ChunkHead, ChunkType, OperationByte, write_varint
@@ -106,7 +106,7 @@ def steps_of(*steps: Step) -> bytes:
         step if isinstance(step, bytes)
         else OperationByte.build({"more": i != places[-1], "operation": step[0], "argument": step[1]})
         for i, step in enumerate(steps)
-    )  # fmt: skip
+    )
 
 
 def layers(program: bytes, run: bytes) -> Chunk:
@@ -135,7 +135,7 @@ def _none(*_: object) -> NDArray[np.int64]:
 def planned(
     header: Header, tube: Tube, plan: Sequence[Sequence[Layer]], bits: tuple[int, int] = (0, 0),
     meshes: Iterable[Chosen] = (),
-) -> File:  # fmt: skip
+) -> File:
     """A file with any layers in any order that the format allows.
 
     Parameters

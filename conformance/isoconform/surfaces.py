@@ -8,9 +8,9 @@ from dataclasses import replace
 import numpy as np
 
 from isocodec import encode_tin
-from isocodec.domain.coded_tin import Layers, encoded
 from isocodec.format.header import Header, write_header
-from isocodec.format.tin import TinHead, write_tin
+from isocodec.format.surface import TinHead, write_tin
+from isocodec.tin.coded_tin import Layers, encoded
 from isospec.container import ChunkType, Profile
 
 from .draft import Draft
@@ -44,7 +44,7 @@ def whole() -> Iterator[Draft]:
     field = waves((24, 31), 90, 4) + noise((24, 31), 2, 2)
     for name, options in (
         ("terrain", {"error": 6.0}), ("exact", {"error": 0.0}), ("layers", {"error": 6.0, "layers": 3}),
-    ):  # fmt: skip
+    ):
         data = encode_tin(field if name != "exact" else field[:7, :9], **options)  # type: ignore[arg-type]
         yield Draft(f"tin_{name}", data, 2, (EXPLICIT, SURFACE, name))
     head = TinHead((100, 100), False, -3, (5, -7), -1.5, 0.25, (), 40, (60,))
@@ -52,7 +52,7 @@ def whole() -> Iterator[Draft]:
         ("scattered", 100, 40, {}), ("palette", 100, 3, {"palette": (0, 1, 7, 8), "counts": (20,)}),
         ("one_value", 30, 0, {"counts": (12,)}), ("many_values", 60, 65535, {"counts": (25,)}),
         ("two_layers", 100, 40, {"counts": (10, 50)}),
-    ):  # fmt: skip
+    ):
         found = replace(head, extent=(side, side), largest=largest, **more)
         points, numbers = _scattered(sum(found.counts) - 4, side, largest)
         counts = (found.counts[0], len(points) - found.counts[0]) if len(found.counts) > 1 else (len(points),)
@@ -70,12 +70,12 @@ def whole() -> Iterator[Draft]:
     yield Draft(
         "tin_notes_behind", bytes(file.with_chunks(*file.chunks, notes)), 2,
         (EXPLICIT, SURFACE, "an ancillary chunk behind the surface"),
-    )  # fmt: skip
+    )
     line = np.array([[0, 0], [1, 0], [2, 0], [3, 0], [1, 5]])
     yield Draft(
         "tin_border", bytes(_file(replace(grid, extent=(4, 6), counts=(5,)), line, line[:, 0])), 2,
         (EXPLICIT, SURFACE, "points on the border"),
-    )  # fmt: skip
+    )
 
 
 def parts() -> Iterator[Draft]:
@@ -109,7 +109,7 @@ def refused() -> Iterator[Draft]:
         ("layers_before", "3.5.8", "a chunk of layers before the domain", bytes(file.with_chunks(layer, *file.chunks))),
         ("layers_behind", "10.9.1", "a chunk of layers behind it", bytes(file.with_chunks(*file.chunks, layer))),
         ("twice", "3.5.8", "two surfaces", bytes(file.with_chunks(*file.chunks, *file.chunks))),
-    ):  # fmt: skip
+    ):
         yield Draft(f"tin_{name}", data, 2, (EXPLICIT, SURFACE, f"error: {about}"), clause)
 
 

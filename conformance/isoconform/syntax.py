@@ -327,7 +327,7 @@ def _perhaps_ancillary(random: Random, draft: _Draft) -> None:
         (ChunkType.METADATA, b'{"a":"b"}'), (ChunkType.METADATA, b"[1"),
         (ChunkType.INDEX, random.randbytes(random.randint(0, 6))),
         (ChunkType.PROMISES, bytes(random.choice(((0,), (1, 1, 5), (2,), (0, 0, 1))))),
-    ))  # fmt: skip
+    ))
     draft.chunks.append(Chunk(kind, payload, True, random.randrange(4) == 0))
 
 

@@ -65,11 +65,11 @@ def encoded() -> Iterator[Draft]:
         yield _tiled(f"{space}_steps", steps, VALUE / 8, "a scale, missing samples", step=0.25)
         yield _tiled(f"{space}_empty", hills, 1e9, "no curve")
     yield _tiled("plane_descending", waves((33, 20), HIGH, 4), (VALUE + 4.5, VALUE), "isovalues in descending order",
-                 exact=False, signs_only=True)  # fmt: skip
+                 exact=False, signs_only=True)
     yield _tiled("plane_adaptive", 40 * waves((70, 101), HIGH, 4), 40 * VALUE, "an adaptive stage", exact=False,
-                 tolerance=1.0)  # fmt: skip
+                 tolerance=1.0)
     yield _tiled("space_adaptive", balls((33, 66, 36), [((34, 60, 40), 23), ((30, 90, 30), 12)]), -0.5,
-                 "an adaptive stage in space", exact=False, tolerance=1.0, profile="main")  # fmt: skip
+                 "an adaptive stage in space", exact=False, tolerance=1.0, profile="main")
     for name, shape, centres in (
         ("plane_leaves", (1100, 1170), [(40, 50), (1024, 30), (500, 1024), (1050, 1100)]),
         ("space_leaves", (300, 34, 18), [(30, 20, 9), (256, 10, 9)]),

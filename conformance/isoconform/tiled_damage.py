@@ -14,8 +14,8 @@ import numpy as np
 from isocodec import encode_tiles
 from isocodec.errors import FormatError
 from isocodec.format.chunks import CHECKSUM_BYTES
-from isocodec.tiles.container import Kind
-from isocodec.tiles.reading import TiledFile as Reader
+from isocodec.tiles.structure import Kind
+from isocodec.tiles.tiled import TiledFile as Reader
 from isospec.container import Checksum, write_varint
 
 from .tiled_file import CODED, Block, Run, TiledFile
@@ -24,7 +24,7 @@ SHAPES = (33, 34), (49, 50), (70, 40), (50, 5, 7), (34, 50, 6), (20, 66)
 OPTIONS: tuple[dict[str, object], ...] = (
     {"signs_only": True}, {"exact": True}, {"tolerance": 0.1}, {"signs_only": True, "profile": "baseline"},
     {"exact": True, "profile": "baseline"},
-)  # fmt: skip
+)
 EDGE = 32
 HEAD_SIZE = slice(6, 8)
 """Where a head says how long it is."""

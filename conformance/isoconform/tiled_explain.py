@@ -11,11 +11,11 @@ from itertools import pairwise
 
 from isocodec.errors import FormatError
 from isocodec.format.chunks import CHECKSUM_BYTES, read_envelope
-from isocodec.tiles.container import HEAD_BYTES, Head, Kind, Leaf, Root
-from isocodec.tiles.grid import Index
 from isocodec.tiles.head import read_head
+from isocodec.tiles.layout import Index
 from isocodec.tiles.leaf import read_leaf
 from isocodec.tiles.numbers import Reader
+from isocodec.tiles.structure import HEAD_BYTES, Head, Kind, Leaf, Root
 from isospec.container import ChunkType, IsovalueKind
 
 from .rows import Rows
@@ -88,7 +88,7 @@ class _Walk(Rows):
 
     def _leaf(
         self, head: Head, block: Index, members: list[Index], leaf: Leaf, start: int, end: int, stated: int
-    ) -> None:  # fmt: skip
+    ) -> None:
         reader = Reader(self.data, start, end)
         right = zlib.crc32(self.data[start:end])
         wrong = "" if right == stated else f"; its CRC-32 is {right:08x}, stated {stated:08x}"

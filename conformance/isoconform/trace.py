@@ -14,11 +14,11 @@ from typing import Any
 
 from isocodec.entropy import mixer, range_coder
 from isocodec.errors import IsoError
+from isocodec.format.events import LayerComplete
 from isocodec.format.program import Layer
+from isocodec.grid.models import contexts
 from isocodec.kernel import Execution
 from isocodec.kernel.execution import SETTING
-from isocodec.layers.events import LayerComplete
-from isocodec.models import contexts
 from isocodec.stream.decoder import Decoder
 
 from .plain import interpreted
@@ -35,7 +35,7 @@ CONTEXTS = (
     ("CONTINUE", "CONTINUE", "continue", ()), ("SEED", "SEED", "base sign", (2, 4, 2)),
     ("OFFSET_LEAN", "OFFSET_LEAN", "offset bit", (8, 16)), ("TURNED", "TURNED", "significance", ()),
     ("VALUE_NEAR", "VALUE_NEAR", "value bit", (16, 2, 16)), ("OFFSET_NEAR", "OFFSET_NEAR", "offset bit", (2, 4, 2, 16)),
-)  # fmt: skip
+)
 """Names of contexts in the implementation and in clause 7.1, the syntax element, and the numbers of their values."""
 @dataclass
 class Symbol:
@@ -190,7 +190,7 @@ class Tracer:
 
         instead: list[tuple[Callable[..., int], Callable[..., int]]] = [
             (emit, heard), (code, coded), (blended, mixed), (counted, counted_on)
-        ]  # fmt: skip
+        ]
         replaced = []
         for module in [m for name, m in sys.modules.items() if name.startswith("isocodec.")]:
             for name, thing in list(vars(module).items()):

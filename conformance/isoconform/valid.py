@@ -21,13 +21,13 @@ def bases() -> Iterator[Draft]:
         yield encoded(
             f"plane_base_{level}", disc, 0.5, f"base at level {level}", "17 x 17 samples", signs_only=True,
             base_level=level, layers=level in (0, 8),
-        )  # fmt: skip
+        )
     blob = balls((9, 9, 9), [((7, 8, 9), 11)])
     for level in (0, 4, 5, 9):
         yield encoded(
             f"space_base_{level}", blob, 0.5, f"base at level {level}", "9 x 9 x 9 samples", signs_only=True,
             base_level=level, layers=level in (0, 9),
-        )  # fmt: skip
+        )
 
 
 def shapes() -> Iterator[Draft]:
@@ -44,7 +44,7 @@ def shapes() -> Iterator[Draft]:
         yield encoded(
             f"space_noise_{name}", noise(sides, sides[1], 1), 0.5, f"border: {name} samples", "noise",
             signs_only=True, base_level=0,
-        )  # fmt: skip
+        )
 
 
 def clamped_middles() -> Iterator[Draft]:
@@ -59,13 +59,13 @@ def clamped_middles() -> Iterator[Draft]:
             yield encoded(
                 f"{name}_{level}", field, 0.5, "border: middles known before the round", signs_only=True,
                 base_level=level,
-            )  # fmt: skip
+            )
     for seed, shape in enumerate(((6, 11), (11, 6), (10, 3), (19, 12), (6, 3, 6), (5, 6, 3), (11, 3, 6), (6, 2, 6))):
         name = "x".join(map(str, shape))
         yield encoded(
             f"{'plane' if len(shape) == 2 else 'space'}_known_middles_{name}", noise(shape, 60 + seed, 3), 1.5,
             "border: middles known before the round", "noise", signs_only=True, base_level=seed % 3,
-        )  # fmt: skip
+        )
 
 
 def components() -> Iterator[Draft]:
@@ -73,41 +73,41 @@ def components() -> Iterator[Draft]:
     yield encoded(
         "plane_components_single_rate", checkers((9, 9)), 0.5, "single rate", "many components, free locations",
         signs_only=True, base_level=6,
-    )  # fmt: skip
+    )
     yield encoded(
         "space_components_single_rate", sprinkled((9, 9, 9), 5, 12), 0.5, "single rate",
         "many components, free locations", signs_only=True, base_level=9,
-    )  # fmt: skip
+    )
     # isolated samples: odd in both coordinates, in one, in none of 2, 4, 8
     points = [(x, y) for x, y in product((3, 20, 34), (6, 17, 40, 52))]
     yield encoded(
         "plane_new_components_far", salt((41, 60), points), 0.5, "new components far from known curves",
         signs_only=True, base_level=0, layers=True,
-    )  # fmt: skip
+    )
     points3 = [(3, 3, 4), (3, 12, 17), (10, 9, 3), (16, 6, 6), (14, 15, 16), (6, 17, 9), (12, 2, 13), (17, 17, 17)]
     yield encoded(
         "space_new_components_far", salt((20, 18, 19), points3), 0.5, "new components far from known curves",
         signs_only=True, base_level=0, layers=True,
-    )  # fmt: skip
+    )
     for level in (1, 2, 5):
         yield encoded(
             f"plane_new_components_above_{level}", 1 - salt((41, 60), points), 0.5,
             "new components below, far from known curves", f"base at level {level}", signs_only=True, base_level=level,
-        )  # fmt: skip
+        )
     for level in (1, 2, 4):
         yield encoded(
             f"space_new_components_above_{level}", 1 - salt((20, 18, 19), points3), 0.5,
             "new components below, far from known surfaces", f"base at level {level}", signs_only=True,
             base_level=level,
-        )  # fmt: skip
+        )
     yield encoded(
         "plane_new_components_near", noise((17, 17), 3, 8), 127.5, "new components near known curves",
         "all slots of a cube", "noise", signs_only=True, base_level=2, layers=True,
-    )  # fmt: skip
+    )
     yield encoded(
         "space_new_components_near", noise((9, 9, 9), 4, 8), 160, "new components near known curves",
         "all slots of a cube", "noise", signs_only=True, base_level=1, layers=True,
-    )  # fmt: skip
+    )
     yield encoded(
         "plane_sprinkled", sprinkled((33, 29), 7, 40), 0.5, "new components far and near", signs_only=True, base_level=4
     )
@@ -115,7 +115,7 @@ def components() -> Iterator[Draft]:
     yield encoded(
         "space_torus", torus((15, 15, 9), 9, 4), 0.5, "torus: a surface with a handle", "smooth", signs_only=True,
         base_level=6,
-    )  # fmt: skip
+    )
     yield encoded("plane_all_below", np.zeros((6, 7), np.int64), 0.5, "no curve: all below", signs_only=True)
     yield encoded("plane_all_above", np.ones((6, 7), np.int64), 0.5, "no curve: all above", exact=True)
     yield encoded("space_all_below", np.zeros((4, 3, 5), np.int64), 0.5, "no surface: all below", tolerance=0.05)
@@ -127,44 +127,44 @@ def values() -> Iterator[Draft]:
     yield encoded(
         "plane_values_8_bit", waves((17, 20), 255), 100.5, "values", "half-integer isovalue", "smooth", exact=True,
         layers=True,
-    )  # fmt: skip
+    )
     yield encoded("plane_values_ties", waves((17, 20), 31), 12, "values", "integer isovalue", "ties", exact=True)
     yield encoded(
         "plane_values_negative", noise((12, 11), 8, 12) - 3000, -1000, "values", "negative isovalue", "12-bit data",
         "noise", exact=True,
-    )  # fmt: skip
+    )
     yield encoded(
         "plane_values_negative_half", noise((7, 9), 9, 4) - 11, -2.5, "values", "negative half-integer isovalue",
         exact=True,
-    )  # fmt: skip
+    )
     yield encoded(
         "plane_values_wide", (noise((8, 9), 10, 16) - 30000) * 40000, 7, "values",
         "15 bits or more, stated by escape", exact=True,
-    )  # fmt: skip
+    )
     yield encoded(
         "plane_values_52_bits", (noise((4, 5), 15, 16) - 32768) << 37, 0.5, "values", "52 value bits, the most",
         "noise", exact=True,
-    )  # fmt: skip
+    )
     yield encoded(
         "plane_values_one_sided", 200 - 199 * (noise((9, 9), 14, 4) > 7), 199.5, "values",
         "different numbers of bits above and below", exact=True,
-    )  # fmt: skip
+    )
     yield encoded(
         "space_values_12_bit", waves((9, 10, 8), 4095, 3), 600.5, "values", "12-bit data", "smooth", exact=True
     )
     yield encoded(
         "space_values_noise", noise((5, 6, 7), 11, 8), 128, "values", "integer isovalue", "ties", "noise", exact=True,
         layers=True,
-    )  # fmt: skip
+    )
     # multiples of 1 / 16: exact in any binary format
     hills = waves((15, 18), 1023).astype(np.float64) / 16
     yield encoded("plane_scaled_power_of_two", hills, 20.25, "values", "power-of-two step", "isovalue as float32",
-                  step=0.25)  # fmt: skip
+                  step=0.25)
     yield encoded("plane_scaled_float64", hills, 20.3, "values", "step as float64", "isovalue as float64", step=0.1)
     yield encoded(
         "space_scaled_power_of_two", waves((6, 7, 8), 255, 5).astype(np.float64) / 8, 4.0625, "values",
         "power-of-two step", "step greater than one", step=2.0,
-    )  # fmt: skip
+    )
 
 
 def offsets() -> Iterator[Draft]:
@@ -174,11 +174,11 @@ def offsets() -> Iterator[Draft]:
         yield encoded(
             f"plane_offsets_{round(1 / tolerance)}", waves((17, 20), 255), 100.5, "offsets", "smooth",
             tolerance=tolerance, base_level=8, layers=tolerance == 1 / 32,
-        )  # fmt: skip
+        )
     yield encoded(
         "space_offsets_4", torus((15, 15, 9), 9, 4), 0.5, "offsets", "torus: a surface with a handle",
         tolerance=1 / 4, base_level=12,
-    )  # fmt: skip
+    )
     yield encoded(
         "space_offsets_32", waves((9, 8, 7), 255, 3), 32.5, "offsets", "smooth", tolerance=1 / 32, layers=True
     )

@@ -12,7 +12,7 @@ from isocodec import Decoder
 from isocodec.entropy.range_coder import cut
 from isocodec.errors import FormatError
 from isocodec.format.chunks import CHECKSUM_BYTES
-from isocodec.layers.events import LayerComplete
+from isocodec.format.events import LayerComplete
 from isospec.container import ChunkType, write_varint
 from isospec.elements import ELEMENTS
 

@@ -62,7 +62,7 @@ def check(misreading: Misreading) -> Finding:
             done = subprocess.run(
                 command, env=environment(home, misreading), cwd=home, stdin=subprocess.DEVNULL, capture_output=True,
                 text=True, timeout=TIMEOUT, check=False,
-            )  # fmt: skip
+            )
         except subprocess.TimeoutExpired:
             return Finding(misreading, False, f"no answer within {TIMEOUT:.0f} s")
         try:
@@ -93,7 +93,7 @@ def search(misreading: Misreading) -> Iterator[str]:
             done = subprocess.run(
                 command, env=environment(home, misreading), cwd=home, stdin=subprocess.DEVNULL, capture_output=True,
                 check=False,
-            )  # fmt: skip
+            )
             if done.stdout.startswith(b"FAIL"):
                 yield vector
 

@@ -20,7 +20,7 @@ PACKAGES = ("codec/isocodec", "spec/isospec", "conformance/isoconform")
 THEMES = (
     "container", "mesh", "base", "refinement", "geometry", "isovalues", "missing", "frames", "mapped", "coder", "main",
     "explicit", "tiles",
-)  # fmt: skip
+)
 """Files of misreadings, in the order of the specification."""
 
 
@@ -128,7 +128,7 @@ def plant(misreading: Misreading, directory: Path) -> None:
         shutil.copytree(
             ROOT / package, directory / Path(package).name, ignore=shutil.ignore_patterns("__pycache__", "built"),
             dirs_exist_ok=True,
-        )  # fmt: skip
+        )
     for file, text in texts.items():
         source = next(package for package in PACKAGES if file.startswith(f"{package}/"))
         (directory / Path(source).name / file[len(source) + 1 :]).write_text(text, encoding="utf-8")
@@ -139,7 +139,7 @@ def environment(directory: Path, misreading: Misreading | None = None) -> dict[s
     execution = Execution.NUMBA if misreading is not None and misreading.compiled else Execution.PYTHON
     return {
         **os.environ, SETTING: execution.value, "PYTHONPATH": str(directory), "PYTHONDONTWRITEBYTECODE": "1",
-    }  # fmt: skip
+    }
 
 
 def by_name(misreadings: Sequence[Misreading], names: Sequence[str]) -> list[Misreading]:

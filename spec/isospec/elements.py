@@ -5,7 +5,7 @@ from __future__ import annotations
 ELEMENTS = (
     "origin", "component", "location", "base_sign", "significance", "refinement_sign", "value_bit", "offset_bit",
     "level", "split", "continue",
-)  # fmt: skip
+)
 
 BY_LAYER = {
     "base": ("origin", "component", "location", "base_sign"),

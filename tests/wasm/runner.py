@@ -44,7 +44,7 @@ def kernels() -> Iterator[Kernel]:
         if not found.name.endswith("__main__"):
             module = importlib.import_module(found.name)
             yield from (each for each in vars(module).values()
-                        if isinstance(each, Kernel) and each.function.__module__ == found.name)  # fmt: skip
+                        if isinstance(each, Kernel) and each.function.__module__ == found.name)
 
 
 class Runner:
@@ -114,7 +114,7 @@ class Runner:
                 written.append((there, content))
         scratch = self._scratch
         parts = [struct.pack("<I", len(name)), name.encode(),
-                 struct.pack("<5I", scratch, scratch + _FAULT, scratch + _SLOTS, self._end, len(written))]  # fmt: skip
+                 struct.pack("<5I", scratch, scratch + _FAULT, scratch + _SLOTS, self._end, len(written))]
         for there, content in written:
             parts += [struct.pack("<2I", there, len(content)), content]
         parts.append(struct.pack("<I", len(regions)))

@@ -74,5 +74,5 @@ CLASSES = (
           "volume3d", bound="err_mean", limit=SURFACE_MEAN),
     Class("connectivity", "bits of the signs' file per marching-cubes vertex", 3, "ours-connectivity"),
     Class("progressive", "progressive against single rate, the same final curve within 0.05", 0, "ours-progressive"),
-)  # fmt: skip
+)
 BY_KEY = {c.key: c for c in CLASSES}

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 import isocodec
-from isocodec.mesh.tables import cube_exponent
+from isocodec.grid.lattice.tables import cube_exponent
 
 from .classes import BY_KEY, CLASSES, LARGEST
 from .compare import compare
@@ -35,15 +35,15 @@ def parser() -> argparse.ArgumentParser:
         "each at the `isovalues` of its sidecar NAME.json (integers: floor + 0.5), or in the middle of its range.",
         epilog=f"classes:\n{keys}\n\nPeers: pip install 'isocodec[bench]', and jbigkit's shared library (Debian: "
         "libjbig0).",
-    )  # fmt: skip
+    )
     out.add_argument("folder", type=Path, help="folder of arrays, searched to the bottom")
     out.add_argument("-o", "--output", type=Path, required=True, metavar="OUT",
-                     help=f"folder for {RESULTS}, {REPORT} and plots")  # fmt: skip
+                     help=f"folder for {RESULTS}, {REPORT} and plots")
     out.add_argument("--classes", metavar="KEY,..", default=",".join(BY_KEY), help="classes to measure, otherwise all")
     out.add_argument("--items", metavar="NAME[@ISOVALUE],..",
-                     help="arrays by name, path or wildcards; otherwise those of --peers, or all")  # fmt: skip
+                     help="arrays by name, path or wildcards; otherwise those of --peers, or all")
     out.add_argument("--peers", type=Path, metavar="FILE",
-                     help="JSON lines of peers' sizes, to check against and in place of missing peers")  # fmt: skip
+                     help="JSON lines of peers' sizes, to check against and in place of missing peers")
     out.add_argument("--profile", help="profile of our files; that of the encoder if not given")
     out.add_argument("--cut-surfaces", action="store_true", help="try cut files of surfaces: smaller, slower to make")
     out.add_argument("--repeat", type=int, default=3, metavar="N", help="runs of which the shortest counts (3)")

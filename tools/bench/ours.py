@@ -9,7 +9,7 @@ from typing import Any
 
 import isocodec
 from isocodec.drawing.contour import Contour
-from isocodec.mesh.tables import cube_exponent
+from isocodec.grid.lattice.tables import cube_exponent
 from isocodec.search.strategy import BASE_CYCLES
 
 from .errors import Shape, apart

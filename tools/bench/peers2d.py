@@ -37,12 +37,12 @@ def mask_peers(mask: NDArray[np.bool_]) -> list[Codec]:
             lambda d: need("jbigkit").decode(d), True,
         ),
         Codec("jbig2-generic", "jbig2", absent, absent),
-    ]  # fmt: skip
+    ]
     for effort in (7, 9):
         peers.append(Codec(
             f"jxl-ll-e{effort}", "imagecodecs", partial(jxl_lossless, octets, effort), lambda d: image(d, "jpegxl") > 0,
             note="8-bit samples 0 and 1",
-        ))  # fmt: skip
+        ))
     return peers + [
         Codec("j2k-ll", "imagecodecs", lambda: _j2k(octets), lambda d: image(d, "jpeg2k") > 0, True, "1 bit"),
         Codec("webp-ll", "imagecodecs", lambda: _webp(octets), lambda d: image(d, "webp")[..., 0] > 0),
@@ -52,7 +52,7 @@ def mask_peers(mask: NDArray[np.bool_]) -> list[Codec]:
             "brotli", "brotli", lambda: need("brotli").compress(packed(mask)),
             lambda d: unpacked(need("brotli").decompress(d), mask.shape),
         ),
-    ]  # fmt: skip
+    ]
 
 
 def curve_peers(lines: vector.Lines) -> list[Codec]:
@@ -63,7 +63,7 @@ def curve_peers(lines: vector.Lines) -> list[Codec]:
         return Codec(
             f"{name}+brotli11", f"{needs} {brotli}".strip(), lambda: need(brotli).compress(write(), quality=11),
             lambda d: read(need(brotli).decompress(d)),
-        )  # fmt: skip
+        )
 
     peers = [
         Codec(
@@ -79,7 +79,7 @@ def curve_peers(lines: vector.Lines) -> list[Codec]:
             f"twkb-1/{TWKB_PARTS}px+xz9e", "lzma", lambda: xz(vector.to_twkb(lines, TWKB_PARTS)),
             lambda d: vector.from_twkb(lzma.decompress(d), TWKB_PARTS),
         ),
-    ]  # fmt: skip
+    ]
     for parts in (4, 8, 16, 32, 64):
         write = partial(vector.to_twkb, lines, parts)
         peers.append(squeezed(f"twkb-1/{parts}px", "", write, partial(vector.from_twkb, parts=parts)))
@@ -148,7 +148,7 @@ def xz(data: bytes) -> bytes:
             {"id": lzma.FILTER_LZMA2, "preset": 9 | lzma.PRESET_EXTREME, "lc": lc, "lp": lp, "pb": pb}
         ])
         for lc, lp, pb in settings
-    ]  # fmt: skip
+    ]
     return min(tried, key=len)
 
 

@@ -42,7 +42,7 @@ def mask_peers(mask: NDArray[np.bool_]) -> list[Codec]:
             lambda d: unpacked(lzma.decompress(d), shape),
         ),
         Codec("mask-jxl-slices-e7", "imagecodecs", lambda: _jxl_slices(mask), _from_jxl_slices),
-    ]  # fmt: skip
+    ]
 
 
 def mesh_peers(mesh: Mesh) -> list[Codec]:
@@ -57,7 +57,7 @@ def mesh_peers(mesh: Mesh) -> list[Codec]:
             _from_meshopt,
         ),
         Codec("ply+xz9", "lzma", partial(_ply, mesh), lambda d: _from_ply(lzma.decompress(d)), note="float32"),
-    ]  # fmt: skip
+    ]
 
 
 def lossy_volumes(values: NDArray[Any]) -> list[Callable[[float], Codec]]:
@@ -76,7 +76,7 @@ def lossy_volumes(values: NDArray[Any]) -> list[Callable[[float], Codec]]:
             "volume-sperr-mean0.1vox", "imagecodecs._sperr",
             lambda: need("imagecodecs").sperr_encode(samples, error(setting), "pwe", numthreads=1),
             lambda d: need("imagecodecs").sperr_decode(d, numthreads=1), True, f"largest error {error(setting):.4g}",
-        )  # fmt: skip
+        )
 
     def sz3(setting: float) -> Codec:
         return Codec(
@@ -84,7 +84,7 @@ def lossy_volumes(values: NDArray[Any]) -> list[Callable[[float], Codec]]:
             lambda: need("imagecodecs").sz3_encode(samples, "abs", error(setting)),
             lambda d: need("imagecodecs").sz3_decode(d, samples.shape, samples.dtype),
             note=f"largest error {error(setting):.4g}",
-        )  # fmt: skip
+        )
 
     return [sperr, sz3]
 

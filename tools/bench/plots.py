@@ -12,7 +12,7 @@ from .rows import Book, Row
 
 GROUPS = ("contour2d", "image2d", "mesh3d", "volume3d", "ours")
 FAMILIES = ("ours", "twkb", "dp", "geojson", "topojson", "image-jxl", "image-j2k", "draco", "meshopt", "ply",
-            "volume-sperr", "volume-sz3")  # fmt: skip
+            "volume-sperr", "volume-sz3")
 """Beginnings of names; what has one in common is a line."""
 LEAST = 1e-4
 """Smallest error that is drawn, in cells."""

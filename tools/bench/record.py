@@ -73,7 +73,7 @@ class Recorder:
         self.add(
             group, codec.name, bytes=len(data), enc_s=enc.seconds, dec_s=dec.seconds, enc_mb=enc.megabytes,
             dec_mb=dec.megabytes, **found, **known,
-        )  # fmt: skip
+        )
 
     def lossy(self, group: str, make: Callable[[float], Codec], check: Check, target: float) -> None:
         """The smallest file with a mean error within the target, by bisection of a setting from 0 (best) to 1."""
@@ -120,7 +120,7 @@ class Recorder:
         self.add(
             "ours", name, bytes=len(data), enc_s=enc.seconds, dec_s=dec.seconds, enc_mb=enc.megabytes,
             dec_mb=dec.megabytes, **more,
-        )  # fmt: skip
+        )
 
     def file(self, name: str, file: File | None) -> None:
         """Seconds and memory of a file that a search has found."""

@@ -39,7 +39,7 @@ def run_item(item: Item, keys: list[str], ours: Ours, record: Recorder) -> None:
         _progressive(ours, record)
     for file in ours.tried.values():
         record.add("ours", f"ours-curve: {file.how}", bytes=len(file.data), search=True, err_mean=file.err_mean,
-                   err_max=file.err_max)  # fmt: skip
+                   err_max=file.err_max)
 
 
 def _signs(item: Item, keys: list[str], ours: Ours, record: Recorder) -> None:

@@ -28,7 +28,7 @@ FIGURES = {
     "criteria": criteria, "levels": levels, "walk": walk, "plate": plate, "cortex": cortex, "terrain": terrain,
     "rates": rates, "surface-rates": surface_rates, "surfaces": surfaces, "irregular": irregular,
     "thinned": thinned, "thinned-pictures": thinned_pictures,
-}  # fmt: skip
+}
 
 
 def main() -> None:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import isocodec
-from isocodec.layers.events import LayerComplete
+from isocodec.format.events import LayerComplete
 
 Y_UP = [(0.0, 0.0, -1.0, 0.0), (1.0, 0.0, 0.0, 0.0), (0.0, 1.0, 0.0, 0.0)]
 """Placement of a distance field whose axes are z, y, x of a mesh with y upwards and the front at +z."""

@@ -49,7 +49,7 @@ def irregular(folder: Path, out: Path) -> None:
             axis.set_title(
                 f"{name}: {values.size:,} samples, {len(data):,} bytes\n"
                 f"off by {far.mean():.2f} in the mean, {far.max():.1f} at most (samples of the slice)", fontsize=8,
-            )  # fmt: skip
+            )
     save(figure, out / "irregular.png")
 
 

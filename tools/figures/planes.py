@@ -20,7 +20,7 @@ CRITERIA = (
     ("crossing", "crossing"), ("topology", "topology"), ("curvature > 0.25", "curvature=0.25"),
     ("distortion < 1", "distortion=1"), ("distortion < 1, topology", "distortion=1 topology"),
     ("level 10", "level=10"),
-)  # fmt: skip
+)
 
 
 def draw_mesh(axes: Any, mesh: Tessellation) -> None:

@@ -15,8 +15,8 @@ from figures.corpus import Item, load
 from figures.planes import save
 from isocodec.errors import OptionError
 from isocodec.field.samples import check_field
-from isocodec.layers.events import LayerComplete
-from isocodec.mesh.tables import cube_exponent
+from isocodec.format.events import LayerComplete
+from isocodec.grid.lattice.tables import cube_exponent
 from isocodec.search.original import original
 from isocodec.search.proof import hausdorff
 
@@ -37,7 +37,7 @@ PREFIXES: dict[str, dict[str, Any]] = {
 """Files of which every layer is a point of the plot."""
 SEARCHED: dict[str, dict[str, Any]] = {
     "searched under a tolerance": {}, "searched, topology kept": {"preserve_topology": True},
-}  # fmt: skip
+}
 """Files for a tolerance each."""
 FAMILIES: dict[str, list[str]] = {
     "single rate, offsets in 1 to 63 parts": [f"base\noffsets {radix}" for radix in RADICES],
@@ -49,7 +49,7 @@ FAMILIES: dict[str, list[str]] = {
     "distortion and topology, 5 parts": [
         f"adaptive-base topology distortion={d}\noffsets 5 unit=1" for d in DISTORTIONS
     ],
-}  # fmt: skip
+}
 """Files by plan, a point each; of coarse meshes every 2 or 4 samples are divided."""
 
 

@@ -50,7 +50,7 @@ def thinned(folder: Path, output: Path) -> None:
         flat = figure.add_subplot(2, 2, 2 * row + 1)
         corners = tin.points[tin.triangles][..., ::-1]
         shown = PolyCollection(list(corners), array=tin.values[tin.triangles].mean(axis=1), cmap="terrain",
-                               edgecolors="0.3", linewidths=0.3)  # fmt: skip
+                               edgecolors="0.3", linewidths=0.3)
         flat.add_collection(shown)
         flat.autoscale()
         flat.invert_yaxis()

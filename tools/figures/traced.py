@@ -7,7 +7,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from isocodec.models.parabola import MOST
+from isocodec.grid.models.parabola import MOST
 from isoconform.trace import Tracer
 
 
@@ -49,7 +49,7 @@ def traced(data: bytes) -> list[dict[str, Any]]:
                 "element": symbol.element, "context": symbol.context, "bit": symbol.bit, "points": points,
                 "vertices": [[*json.loads(f"[{place[1:-1]}]"), above == "above"] for place, above in vertices],
             }
-        )  # fmt: skip
+        )
     return out
 
 

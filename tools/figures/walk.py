@@ -53,7 +53,7 @@ def draw_signs(axes: Any, symbols: list[dict[str, Any]], numbers: bool) -> None:
             axes.plot(
                 column, row, "o", markersize=9 if numbers else 6, color=ABOVE if above else BELOW,
                 markeredgecolor=edge, markeredgewidth=1.6 if first or not numbers else 0.6, zorder=5,
-            )  # fmt: skip
+            )
             if numbers:
                 axes.text(column, row, str(place), fontsize=5, ha="center", va="center", zorder=6)
             place += 1
@@ -95,7 +95,7 @@ def draw_prediction(axes: Any, symbols: list[dict[str, Any]], number: int) -> No
     ((row, column, above),) = symbol["vertices"]
     colour = RIGHT if symbol["bit"] else WRONG
     axes.plot(column, row, "o", markersize=9, color=ABOVE if above else BELOW, markeredgecolor=colour,
-              markeredgewidth=2, zorder=6)  # fmt: skip
+              markeredgewidth=2, zorder=6)
     said = above if symbol["bit"] else not above
     gate = symbols[number + 1]["points"][-1]
     axes.plot(gate[1], gate[0], "D", color="white", markeredgecolor=INK, markersize=5, zorder=6)

@@ -37,7 +37,7 @@ class Found(NamedTuple):
     @property
     def symbol(self) -> str:
         """Its name in a library."""
-        return symbol(f"{self.module.removeprefix('isocodec.')}.{self.name}")
+        return symbol(".".join([*self.module.split(".")[-2:], self.name]))
 
     @property
     def path(self) -> Path:
@@ -80,7 +80,7 @@ def compiled(checked: bool, progress: Callable[[int, int], object]) -> tuple[byt
     settings = _environment(
         ISOCODEC_KERNELS="numba", NUMBA_BOUNDSCHECK=str(int(checked)), NUMBA_CPU_NAME="generic", NUMBA_CPU_FEATURES="",
         PYTHONHASHSEED="0",
-    )  # fmt: skip
+    )
     with ExitStack() as stack:
         stack.enter_context(settings)
         spawn = multiprocessing.get_context("spawn")

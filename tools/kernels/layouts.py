@@ -30,8 +30,8 @@ def sections(entries: set[str]) -> bytes:
 def _described(kernels: list[front.Found]) -> tuple[bytes, bytes]:
     """The contents of both sections."""
     sys.path[:0] = map(str, front.SOURCES)
+    from isocodec.grid.lattice.tables import mesh_tables
     from isocodec.kernel.types import Kind, Named, Record, Signature
-    from isocodec.mesh.tables import mesh_tables
 
     records: dict[str, list[str]] = {}
     registers: dict[str, list[str]] = {}

@@ -44,22 +44,22 @@ class Target(NamedTuple):
 _X86 = (Variant("", "x86-64", ""), Variant("_avx2", "x86-64", "+avx2,+bmi,+bmi2,+lzcnt,+popcnt,+sse4.2"))
 _ARM = (Variant("", "generic", ""),)
 _ELF = ("ld.lld", "-shared", "-soname", "kernels.so", "--no-undefined", "-z", "now", "-z", "relro", "-z", "noexecstack",
-        "--gc-sections", "--build-id=none", "-s", "-o", "kernels.so")  # fmt: skip
+        "--gc-sections", "--build-id=none", "-s", "-o", "kernels.so")
 _PE = ("lld-link", "/dll", "/noentry", "/nodefaultlib", "/machine:x64", "/Brepro", "/out:kernels.dll")
 
 
 def _mach(target: str) -> tuple[str, ...]:
     return ("build-lib", "-dynamic", "-target", target, "-fno-compiler-rt", "-fstrip", "-O", "ReleaseFast",
-            "--name", "kernels", "-femit-bin=kernels.dylib")  # fmt: skip
+            "--name", "kernels", "-femit-bin=kernels.dylib")
 
 
 # The stack lies below all else: what overflows it fails.
 _WASM = ("wasm-ld", "--no-entry", "--gc-sections", "--strip-all", "--stack-first", "-z", "stack-size=1048576",
-         "--export=__heap_base", "-o")  # fmt: skip
+         "--export=__heap_base", "-o")
 WASM = Target(
     "wasm32", "wasm32-unknown-unknown", _WASM, "kernels.wasm", "",
     (Variant("", "", "+bulk-memory,+bulk-memory-opt,+nontrapping-fptoint,+sign-ext,+simd128"),),
-)  # fmt: skip
+)
 TARGETS = {
     target.name: target
     for target in (
@@ -73,7 +73,7 @@ TARGETS = {
                "macosx_11_0_x86_64", _X86),
         Target("windows-x86_64", "x86_64-pc-windows-gnu", _PE, "kernels.dll", "win_amd64", _X86),
     )
-}  # fmt: skip
+}
 
 
 def native() -> Target | None:

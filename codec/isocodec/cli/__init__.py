@@ -49,5 +49,5 @@ def main() -> None:
 for command in (
     encode_command, decode_command, mask_command, info_command, truncate_command, transcode_command, merge_command,
     plot_command, map_command, verify_command, thin_command, tile_command, extract_command,
-):  # fmt: skip
+):
     main.add_command(command)

@@ -71,7 +71,7 @@ def decode_command(
     max_bytes: int | None, keep_crs: bool, in_samples: bool, areas: str | None, along_holes: bool, mesh: str | None,
     window: str | None, within: float | None, domain: Path | None, smooth: bool, partial: bool,
     limit_memory: int | None, limit_work: int | None, as_json: bool,
-) -> None:  # fmt: skip
+) -> None:
     """Decode IN.iso to OUT; the suffix of OUT names the format. IN.iso may be - or a URL, OUT - (with --to).
 
     \b
@@ -103,7 +103,7 @@ def decode_command(
         write_mesh(
             source, output, isovalue, mesh == "whole", in_samples, partial, limits_of(limit_memory, limit_work),
             layers, max_bytes, as_json, frame,
-        )  # fmt: skip
+        )
         return
 
     from isospec.container import DomainKind
@@ -126,7 +126,7 @@ def decode_command(
         return decode_tiled(
             tiled, source, output, named, isovalue, layers, window, within, partial, in_samples, keep_crs,
             as_json,
-        )  # fmt: skip
+        )
     if window is not None or within is not None:
         raise click.UsageError("--window and --within are for files in tiles")
     data = read_iso(source)
@@ -136,7 +136,7 @@ def decode_command(
             raise click.UsageError("the file holds a surface: --layers, --areas and --smooth mean nothing")
         return decode_surface(
             source, data, output, named, max_bytes, in_samples, partial, limits, as_json, isovalue
-        )  # fmt: skip
+        )
     if kind is not None:
         if layers is not None or areas or smooth:
             raise click.UsageError("the file is of a mesh: --layers, --areas and --smooth mean nothing")
@@ -144,7 +144,7 @@ def decode_command(
     if domain is not None:
         raise click.UsageError("--domain: the file is of a grid, not of a mesh")
 
-    from ..io.write import (
+    from ..io.writers.write import (
         AREAS,
         check_areas,
         check_libraries,

@@ -84,7 +84,7 @@ def encode_command(
             "mesh": mesh, "mesh_error": mesh_error, "exact": exact, "step": step, "tolerance": tolerance,
             "signs_only": signs_only, "leaning": not independent, "interval": frame_interval or 0,
             "metadata": read_metadata(metadata),
-        }  # fmt: skip
+        }
         encode_on_mesh(source, output, values_name, isovalues, limit_samples, on_mesh, as_json)
         return
     if mesh is not None or mesh_error is not None:
@@ -121,16 +121,16 @@ def encode_command(
         exact=exact, tolerance=read_tolerance(tolerance), signs_only=signs_only, step=step, base_level=base_level,
         preserve_topology=preserve_topology, steps=distances, criterion=name, parameter=parameter,
         leaning=not independent, plan=None if planned is None else planned.plan, profile=profile, metadata=notes,
-    )  # fmt: skip
+    )
     check_iso_output(output, source)
 
     import isocodec
 
     from ..field.placement import CRS, FRAME_STEP, PLACEMENT
-    from ..io.frames import one_frame, read_frames
-    from ..io.missing import read_nodata
-    from ..io.place import Place, read_place
-    from ..io.read import read_field
+    from ..io.readers.missing import read_nodata
+    from ..io.readers.place import Place, read_place
+    from ..io.readers.read import read_field
+    from ..io.readers.series_files import one_frame, read_frames
 
     placed = steps_along is None and not no_placement and PLACEMENT not in notes
     with concerning(source), local_input(source, kind, limit_samples) as path:
@@ -183,7 +183,7 @@ def encode_command(
                 data = isocodec.encode(
                     values, isovalues[0] if len(isovalues) == 1 else isovalues, mask=hole, progress=progress,
                     **vars(options),
-                )  # fmt: skip
+                )
         seconds = time.perf_counter() - started
     write_output(output, data)
     if not prepared.missing and label is None and (missing is not None or nodata_given):

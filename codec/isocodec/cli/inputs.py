@@ -21,7 +21,7 @@ def local_input(source: Path, kind: str | None, samples: int | None) -> Iterator
             raise click.UsageError("--kind is for standard input and URLs; the suffix of a file tells its format")
         yield source
         return
-    from ..io.remote import local
+    from ..storage.remote import local
 
     suffix = None if kind is None else f".{kind.lstrip('.')}"
     with local(sys.stdin.buffer if url is None else url, samples, suffix) as path:

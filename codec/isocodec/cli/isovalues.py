@@ -11,7 +11,7 @@ import click
 from ..errors import InputError
 
 if TYPE_CHECKING:
-    from ..io.read import Field
+    from ..io.readers.read import Field
 
 _LINES = 25
 """Isovalues at most where no interval is given."""
@@ -69,10 +69,10 @@ def multiples(interval: float, low: float, high: float, offset: float | None = N
         raise InputError(
             f"about {end - first - 1:,} multiples of {interval:g} lie within the data ({low:g} to {high:g}); a file "
             f"holds at most {MAX_ISOVALUES}", code="interval", remedy="choose a larger interval",
-        )  # fmt: skip
+        )
     if not out:
         raise InputError(
             f"no multiple of {interval:g} lies within the data ({low:g} to {high:g})", code="interval",
             remedy="choose a smaller interval",
-        )  # fmt: skip
+        )
     return out

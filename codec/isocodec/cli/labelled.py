@@ -18,7 +18,7 @@ from .report import concerning, tell, warn, write_output
 _TAKEN = (
     "source", "output", "labels", "independent", "tolerance", "signs_only", "preserve_topology", "profile", "metadata",
     "spacing", "no_placement", "key", "channel", "frame", "kind", "limit_samples", "follow", "as_json",
-)  # fmt: skip
+)
 """Options that go with several labels."""
 
 
@@ -38,8 +38,8 @@ def encode_labelled(source: Path, output: Path, given: Mapping[str, Any]) -> Non
     import isocodec
 
     from ..field.placement import CRS, PLACEMENT
-    from ..io.place import Place, read_place
-    from ..io.read import read_field
+    from ..io.readers.place import Place, read_place
+    from ..io.readers.read import read_field
 
     placed = spacing is None and not given["no_placement"] and PLACEMENT not in notes
     where = {"samples": given["limit_samples"], "follow": given["follow"], "frame": given["frame"]}
@@ -57,7 +57,7 @@ def encode_labelled(source: Path, output: Path, given: Mapping[str, Any]) -> Non
         data = isocodec.encode_labels(
             field, given["labels"], tolerance=tolerance, preserve_topology=given["preserve_topology"],
             profile=given["profile"], metadata=notes, placement=place.placement if placed else spacing,
-        )  # fmt: skip
+        )
         seconds = time.perf_counter() - started
     write_output(output, data)
     count = len(given["labels"])
@@ -66,4 +66,4 @@ def encode_labelled(source: Path, output: Path, given: Mapping[str, Any]) -> Non
         {"output": str(output), "bytes": len(data), "labels": [float(label) for label in given["labels"]],
          "shape": list(field.shape), "seconds": round(seconds, 3)},
         given["as_json"],
-    )  # fmt: skip
+    )

@@ -48,16 +48,16 @@ class Drawn(NamedTuple):
 @click.option(
     "--index", type=click.IntRange(min=1), default=5, show_default=True, metavar="K",
     help="Draw each K-th line thicker and label it: the multiples of K S.",
-)  # fmt: skip
+)
 @click.option("--title", default="", metavar="TEXT", help="Title of the map.")
 @click.option(
     "--size", type=click.FloatRange(4, 400), default=20, show_default=True, metavar="CM",
     help="Longest side of the map.",
-)  # fmt: skip
+)
 @click.option(
     "--dpi", type=click.IntRange(30, 2400), default=200, show_default=True, metavar="N",
     help="Pixels in 2.54 cm: of a .png all, otherwise those of the relief.",
-)  # fmt: skip
+)
 @click.option("--dark", is_flag=True, help="Draw light lines on dark ground.")
 @click.option("--no-relief", is_flag=True, help="Leave out the shaded relief.")
 @click.option("--metadata", multiple=True, metavar="KEY=TEXT", help="What INPUT does not say: placement, crs, unit.")
@@ -76,7 +76,7 @@ def map_command(
     title: str, size: float, dpi: int, dark: bool, no_relief: bool, metadata: tuple[str, ...], nodata: float | None,
     key: str | None, channel: int | None, kind: str | None, frame: int | None, limit_samples: int | None,
     limit_memory: int | None, limit_work: int | None, as_json: bool,
-) -> None:  # fmt: skip
+) -> None:
     """Draw the contour map of INPUT (.png, .pdf or .svg): a field of two axes that encode reads, or an .iso file.
 
     Lines of a field are those of encode --tolerance 0.005. Around them stand the coordinates of the world, its
@@ -95,8 +95,8 @@ def map_command(
         )
     import isocodec
 
-    from ..io.map_picture import DARK, LIGHT, Look, map_picture
-    from ..io.picture import check_picture
+    from ..io.writers.map_picture import DARK, LIGHT, Look, map_picture
+    from ..io.writers.picture import check_picture
 
     with concerning(output):
         suffix = check_picture(output)
@@ -122,7 +122,7 @@ def map_command(
             "labels": labels, "seconds": round(seconds, 3),
         },
         as_json,
-    )  # fmt: skip
+    )
 
 
 def _of_iso(source: Path, frame: int | None, limits: Limits) -> Drawn:
@@ -148,11 +148,11 @@ def _of_iso(source: Path, frame: int | None, limits: Limits) -> Drawn:
 def _of_field(
     field: Field, isovalues: tuple[float, ...], interval: float | None, offset: float | None, notes: dict[str, str],
     nodata: float | None,
-) -> Drawn:  # fmt: skip
+) -> Drawn:
     """The curves that a file of this field would hold, its samples and its holes."""
     import isocodec
 
-    from ..io.missing import missing_samples
+    from ..io.readers.missing import missing_samples
 
     if field.values.ndim != 2:
         raise InputError(f"it has {field.values.ndim} axes, and maps are of two", code="dimension")

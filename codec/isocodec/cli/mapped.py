@@ -11,7 +11,7 @@ from .report import warn
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
-    from ..io.coordinates import MappedPlace
+    from ..io.readers.axes import MappedPlace
     from ..stream.options import Options
 
 
@@ -28,9 +28,9 @@ def read_tolerance(text: str | None) -> float | None:
 def cells_of(
     distance: str, field: ArrayLike, hole: ArrayLike | None, mapped: MappedPlace | None, placement: ArrayLike | None,
     period: Sequence[float] | None,
-) -> float:  # fmt: skip
+) -> float:
     """How many cells a distance in the world is at least."""
-    from ..stream.mapped import GivenWorld
+    from ..stream.placing import GivenWorld
 
     coordinates = None if mapped is None else mapped.coordinates
     periods = None if mapped is None else period or mapped.period
@@ -40,7 +40,7 @@ def cells_of(
 def world_of(
     source: Path, shape: tuple[int, ...], mapped: MappedPlace | None, placement: ArrayLike | None, options: Options,
     error: float | None, periodic: Sequence[int], period: Sequence[float] | None,
-) -> dict[str, Any]:  # fmt: skip
+) -> dict[str, Any]:
     """Options of an encoder about where samples lie: a placement, or coordinates with their periods.
 
     Axes that are periodic by the input alone are left as they are, with a warning, where the options choose a mesh.
@@ -49,7 +49,7 @@ def world_of(
         return {
             "coordinates": None if placement is None else _by_matrix(placement, shape), "coordinates_error": error,
             "periodic": tuple(periodic), "period": period,
-        }  # fmt: skip
+        }
     if mapped is None or shape != _shape(mapped.coordinates, shape):
         return {"placement": placement, "coordinates_error": error, "period": period}
     axes: Sequence[int] = tuple(periodic) or mapped.periodic
@@ -59,7 +59,7 @@ def world_of(
     return {
         "coordinates": mapped.coordinates, "coordinates_error": error, "periodic": axes or None,
         "period": mapped.period if period is None else period,
-    }  # fmt: skip
+    }
 
 
 def _shape(coordinates: Sequence[Any], shape: tuple[int, ...]) -> tuple[int, ...]:

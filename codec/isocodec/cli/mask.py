@@ -25,7 +25,7 @@ from .report import check_output, concerning, read_iso, tell
 @click.option(
     "--limit-samples", type=click.IntRange(min=1), metavar="N",
     help=f"Most samples of the mask.  [default: {Limits().samples:,}]",
-)  # fmt: skip
+)
 @click.option("--valid", is_flag=True, help="Write which samples are valid instead: all but the missing ones.")
 @partial_option
 @limit_options
@@ -33,7 +33,7 @@ from .report import check_output, concerning, read_iso, tell
 def mask_command(
     source: Path, output: Path, isovalue: float | None, frame: int | None, limit_samples: int | None, valid: bool,
     partial: bool, limit_memory: int | None, limit_work: int | None, as_json: bool,
-) -> None:  # fmt: skip
+) -> None:
     """Decode which samples of IN.iso lie above the isovalue; the suffix of OUT names the format.
 
     \b
@@ -44,8 +44,8 @@ def mask_command(
     The file must hold the full grid. Files made with a criterion, or with a (last) tolerance of 0.1 or more, may not.
     What is written of missing samples means nothing; --valid tells which are valid, in any file.
     """
-    from ..io.atomic import writing
-    from ..io.mask import check_mask_suffix, stored_last_first, write_mask
+    from ..io.writers.samples import check_mask_suffix, stored_last_first, write_mask
+    from ..storage.atomic import writing
 
     with concerning(output):
         check_mask_suffix(output)
@@ -81,4 +81,4 @@ def mask_command(
             "seconds": round(seconds, 3),
         },
         as_json,
-    )  # fmt: skip
+    )

@@ -19,10 +19,10 @@ from .report import check_output, concerning, read_iso, tell, write_output
 def write_mesh(
     source: Path, output: Path, isovalue: float | None, whole: bool, in_samples: bool, partial: bool, limits: Limits,
     layers: int | None, max_bytes: int | None, as_json: bool, frame: int | None,
-) -> None:  # fmt: skip
+) -> None:
     """Decode what was asked for and write its mesh, of the whole box or the tube alone."""
-    from ..io.mesh import MESHES
-    from ..io.write import check_mesh, render_mesh
+    from ..io.writers.simplices import MESHES
+    from ..io.writers.write import check_mesh, render_mesh
 
     with concerning(output):
         suffix = check_mesh(output)

@@ -20,13 +20,13 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from ..io.picture import Step
+    from ..io.writers.picture import Step
     from ..limits import Limits
 
 NOT_ON_MESHES = (
     "interval", "offset", "labels", "steps", "preserve_topology", "criterion", "plan", "base_level", "spacing",
     "missing", "nodata", "no_placement", "key", "channel", "frame", "follow", "frames", "frame_axis",
-)  # fmt: skip
+)
 """Options of encode that mean nothing there."""
 WRITTEN = (".geojson", ".npz", ".ply", ".stl", ".obj")
 """Formats of contours that know no samples."""
@@ -35,7 +35,7 @@ WRITTEN = (".geojson", ".npz", ".ply", ".stl", ".obj")
 def encode_on_mesh(
     source: Path, output: Path, values: str, isovalues: Sequence[float], samples: int | None,
     options: Mapping[str, object], as_json: bool,
-) -> None:  # fmt: skip
+) -> None:
     """Encode values at the points of a mesh in a file; ``options`` are those of `encode_mesh`."""
     given = click.get_current_context().params
     wrong = [name for name in NOT_ON_MESHES if given.get(name) not in (None, False, ())]
@@ -46,8 +46,8 @@ def encode_on_mesh(
         raise click.UsageError("give --isovalue")
     import isocodec
 
-    from ..io.mesh_read import read_mesh
-    from ..io.points_read import POINTS, read_points
+    from ..io.readers.mesh_read import read_mesh
+    from ..io.readers.points_read import POINTS, read_points
 
     started = time.perf_counter()
     with concerning(source):
@@ -82,14 +82,14 @@ def check_on_mesh(suffix: str) -> None:
         raise OptionError(
             f"what lies on a mesh cannot be written as {suffix}", code="suffix",
             remedy=f"choose one of {', '.join(WRITTEN)}",
-        )  # fmt: skip
+        )
 
 
 def mesh_of(domain: Path | None) -> tuple[NDArray[Any], NDArray[Any]] | None:
     """Points and cells of a file with a mesh, if one is named."""
     if domain is None:
         return None
-    from ..io.mesh_read import read_mesh
+    from ..io.readers.mesh_read import read_mesh
 
     with concerning(domain), one_warning(domain):
         found = read_mesh(domain)
@@ -103,8 +103,8 @@ def steps_on_mesh(
     """Of an isovalue of a file of a mesh, what prefixes decode to, after that many layers at most."""
     import isocodec
 
-    from ..frames import check_frame
-    from ..io.picture import Step
+    from ..api.frames import check_frame
+    from ..io.writers.picture import Step
 
     info = isocodec.inspect(data)
     number = info.number_of(isovalue)
@@ -127,14 +127,14 @@ def steps_on_mesh(
 def decode_on_mesh(
     source: Path, data: bytes, output: Path, named: Path, domain: Path | None, isovalue: float | None,
     frame: int | None, max_bytes: int | None, limits: Limits, as_json: bool,
-) -> None:  # fmt: skip
+) -> None:
     """Decode a file of values on a mesh; ``domain`` is the file with the mesh, if ``source`` does not hold it.
 
     ``named`` has the suffix that names the format.
     """
     import isocodec
 
-    from ..io.write import check_libraries, check_suffix, render_contour
+    from ..io.writers.write import check_libraries, check_suffix, render_contour
 
     with concerning(output):
         suffix = check_suffix(named)
@@ -150,7 +150,7 @@ def decode_on_mesh(
                 isocodec.decode(
                     data, isovalue=isovalue, frame=frame, max_bytes=max_bytes, mesh=mesh, limits=limits
                 )
-            ]  # fmt: skip
+            ]
             if isovalue is None:
                 warn_of_others(source, contours[0].isovalue, isocodec.inspect(data).isovalues)
     warn_of_frames(source, data, frame)

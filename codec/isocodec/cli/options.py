@@ -107,11 +107,11 @@ def limit_options(command: Callable[..., Any]) -> Callable[..., Any]:
     memory = click.option(
         "--limit-memory", type=Size(), metavar="SIZE",
         help=f"Most memory for decoding.  [default: {usual.memory >> 20}M]",
-    )  # fmt: skip
+    )
     work = click.option(
         "--limit-work", type=click.IntRange(min=1), metavar="N",
         help=f"Most work, in symbols, besides an allowance for each byte.  [default: {usual.work:,}]",
-    )  # fmt: skip
+    )
     return memory(work(command))
 
 

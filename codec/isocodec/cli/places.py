@@ -58,7 +58,7 @@ def warn_of_places(source: Path, suffix: str, places: Places, keep_crs: bool, in
     """Say so where a file does not say where its coordinates lie, or rounds them; not of what was asked for."""
     import numpy as np
 
-    from ..io.vector import VECTOR_SUFFIXES
+    from ..io.writers.vector import VECTOR_SUFFIXES
 
     if not places.points:
         return

@@ -49,7 +49,7 @@ class Planned:
 
     def isovalues(self, given: Sequence[float], shape: tuple[int, ...], leaning: bool) -> tuple[float, ...]:
         """The isovalues to encode; a plan that cannot be carried out for them is refused."""
-        from ..mesh.tables import cube_exponent
+        from ..grid.lattice.tables import cube_exponent
         from ..stream.plan_file import check_plan, isovalues_in
 
         with self.blamed():

@@ -27,7 +27,7 @@ from .receive import warn_of_frames, warn_of_others
 from .report import PARTIAL, check_output, concerning, read_iso, warn, write_output
 
 if TYPE_CHECKING:
-    from ..io.picture import Step
+    from ..io.writers.picture import Step
     from ..stream.decoder import Decoder
 
 MESH = 600
@@ -58,15 +58,15 @@ MESH = 600
 def plot_command(
     source: Path, output: Path, steps: int, mesh: bool, view: str | None, isovalue: float | None, frame: int | None,
     domain: Path | None, smooth: bool, partial: bool, limit_memory: int | None, limit_work: int | None,
-) -> None:  # fmt: skip
+) -> None:
     """Draw what prefixes of IN.iso decode to, from its first layer to all of it (.png, .pdf or .svg).
 
     The steps are those of encode --steps, if the file was made with them; otherwise, and if there are more than asked
     for, they are spread evenly over the layers, from the first one on that has something of the curve. The last step of
     a file that ends within a layer shows that part of it.
     """
-    from ..io.picture import check_picture, steps_picture
-    from ..io.view import USUAL, read_view
+    from ..io.writers.picture import check_picture, steps_picture
+    from ..io.writers.view import USUAL, read_view
 
     try:
         seen = USUAL if view is None else read_view(view)
@@ -93,7 +93,7 @@ def plot_command(
 
     import isocodec
 
-    from ..frames import check_frame
+    from ..api.frames import check_frame
 
     with concerning(source), progress_bar("drawing") as progress:
         info = isocodec.inspect(data)
@@ -146,9 +146,9 @@ def _tell(output: Path, steps: int, size: int) -> None:
 def _draw(
     decoder: Decoder, number: int, smooth: bool, mesh: bool, drawn: list[Step], offset: int, total: int,
     within: float | None,
-) -> None:  # fmt: skip
+) -> None:
     """Draw another step, as far as the limit of memory allows it and the picture."""
-    from ..io.picture import PICTURE, Step
+    from ..io.writers.picture import PICTURE, Step
 
     under = decoder.mesh(number) if mesh else None
     step = Step(decoder.drawn(number, smooth), offset, total, under, within)

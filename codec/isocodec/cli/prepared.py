@@ -13,7 +13,7 @@ from .report import warn
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from ..io.frames import Frames
+    from ..io.readers.series_files import Frames
 
 
 class Prepared:
@@ -31,7 +31,7 @@ class Prepared:
     Attributes
     ----------
     fill : str or None
-        What missing samples become instead of holes, as `isocodec.io.missing.filled` has it.
+        What missing samples become instead of holes, as `isocodec.io.readers.missing.filled` has it.
     tied : str
         Kinds of samples that are compared with the isovalues.
     missing, holes : int
@@ -61,8 +61,8 @@ class Prepared:
 
     def _read(self, number: int) -> tuple[NDArray[Any], NDArray[Any] | None]:
         """The samples of a frame, and which are missing if any are."""
-        from ..io.missing import missing_samples
-        from ..labels import labelled
+        from ..api.labels import labelled
+        from ..io.readers.missing import missing_samples
 
         if self._kept is None or self._kept[0] != number:
             self._kept = None
@@ -78,7 +78,7 @@ class Prepared:
 
     def samples(self, number: int, isovalues: Sequence[float]) -> tuple[NDArray[Any], NDArray[Any] | None]:
         """The samples of a frame, and which of them are holes if any are."""
-        from ..io.missing import filled
+        from ..io.readers.missing import filled
 
         field, gone = self._read(number)
         return (field, gone) if gone is None or self.fill is None else (filled(field, gone, self.fill, isovalues), None)

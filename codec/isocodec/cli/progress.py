@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
 
-from ..unfinished import undoing
+from ..storage.unfinished import undoing
 
 # Shorter work is over before a bar is read.
 PATIENCE = 1.0

@@ -13,8 +13,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager, redirect_stderr, redirect_stdout
 from pathlib import Path
 
-from ..text import one_line
-from ..unfinished import undoing
+from ..field.text import one_line
+from ..storage.unfinished import undoing
 from .report import warn
 
 _SHOWN = 3
@@ -51,7 +51,7 @@ def one_warning(path: Path, doing: str = "reading") -> Iterator[None]:
         with (
             warnings.catch_warnings(record=True) as caught, redirect_stdout(printed), redirect_stderr(printed),
             _streams(raw),
-        ):  # fmt: skip
+        ):
             warnings.simplefilter("always")
             yield
     finally:

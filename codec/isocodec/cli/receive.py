@@ -15,7 +15,7 @@ from .report import PARTIAL, concerning, warn
 
 if TYPE_CHECKING:
     from ..drawing.contour import Contour
-    from ..io.output_formats import Cost
+    from ..io.writers.output_formats import Cost
     from ..limits import Limits
     from ..stream.decoder import Decoder
 
@@ -25,9 +25,9 @@ Taken = TypeVar("Taken")
 def receive(
     source: Path, data: bytes, isovalue: float | None, partial: bool, limits: Limits, layers: int | None = None,
     max_bytes: int | None = None, frame: int | None = None,
-) -> tuple[Decoder, int]:  # fmt: skip
+) -> tuple[Decoder, int]:
     """A decoder that has taken what was asked for, and the number of the isovalue; a warning if it is a part."""
-    from ..api import decoded
+    from ..api.whole import decoded
 
     def take(most: int | None, progress: Any) -> tuple[Decoder, int]:
         return decoded(data, isovalue, layers, most, limits, progress, frame)
@@ -39,7 +39,7 @@ def receive_all(
     source: Path, data: bytes, partial: bool, limits: Limits, max_bytes: int | None, frame: int | None = None
 ) -> Decoder:
     """Likewise a decoder that has taken all isovalues."""
-    from ..api import received
+    from ..api.whole import received
 
     def take(most: int | None, progress: Any) -> Decoder:
         return received(data, None, most, limits, progress, frame=frame)
@@ -82,7 +82,7 @@ class Drawings:
     """
 
     def __init__(self, decoder: Decoder, numbers: Sequence[int], smooth: bool, in_samples: bool, cost: Cost,
-                 through_holes: bool = False) -> None:  # fmt: skip
+                 through_holes: bool = False) -> None:
         self.points = self.cells = 0
         self.complete = True
         assert decoder.header is not None

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from ..names import ProfileName
+from ..stream.names import ProfileName
 from .options import iso_argument, json_option, limit_options, limits_of, output_option
 from .report import check_iso_output, concerning, read_iso, tell, write_output
 
@@ -25,7 +25,7 @@ _PROFILE = click.Choice(["main", "baseline"])
 def transcode_command(
     source: Path, output: Path, profile: ProfileName | None, tolerance: float | None, signs_only: bool,
     preserve_topology: bool, limit_memory: int | None, limit_work: int | None, as_json: bool,
-) -> None:  # fmt: skip
+) -> None:
     """Encode the curves or surfaces of IN.iso again; without --tolerance and --signs-only no point moves.
 
     IN.iso must hold the full grid. Files made with a criterion, or with a (last) tolerance of 0.1 or more, may not.
@@ -42,7 +42,7 @@ def transcode_command(
         made = isocodec.transcode(
             data, profile=profile, tolerance=tolerance, signs_only=signs_only, preserve_topology=preserve_topology,
             limits=limits_of(limit_memory, limit_work),
-        )  # fmt: skip
+        )
     write_output(output, made)
     tell(
         f"{click.format_filename(output)}: {len(made):,} bytes of {len(data):,}",
@@ -53,7 +53,7 @@ def transcode_command(
 
 @click.command("merge", short_help="Put the isovalues of several files of one field into one file.")
 @click.argument("sources", metavar="IN.iso ...", nargs=-1, required=True,
-                type=click.Path(path_type=Path, readable=False))  # fmt: skip
+                type=click.Path(path_type=Path, readable=False))
 @output_option("OUT.iso")
 @click.option("--profile", type=_PROFILE, default="main", show_default=True, help="Profile of OUT.iso.")
 @limit_options
@@ -61,7 +61,7 @@ def transcode_command(
 def merge_command(
     sources: tuple[Path, ...], output: Path, profile: ProfileName, limit_memory: int | None, limit_work: int | None,
     as_json: bool,
-) -> None:  # fmt: skip
+) -> None:
     """Put the isovalues of all IN.iso, files of one field, into OUT.iso; no point moves.
 
     They must hold the full grid, as those of transcode.

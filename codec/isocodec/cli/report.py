@@ -16,7 +16,7 @@ from typing import Any, BinaryIO
 import click
 
 from ..errors import FormatError, InputError, IsoError, KernelError, LimitError, OptionError, TruncatedError
-from ..text import plain
+from ..field.text import plain
 
 EXIT_CODES = """\b
 Exit codes:
@@ -183,7 +183,7 @@ def _opened(path: Path) -> AbstractContextManager[BinaryIO]:
     if str(path) == STANDARD:
         return nullcontext(sys.stdin.buffer)
     if url := url_of(path):
-        from ..io.remote import opened
+        from ..storage.remote import opened
 
         return opened(url)
     return path.open("rb")
@@ -206,7 +206,7 @@ def check_output(output: Path, source: Path) -> None:
     Failure
         With an OSError, or an OptionError if both are one file.
     """
-    from ..io.atomic import check_target
+    from ..storage.atomic import check_target
 
     with concerning(output):
         if str(output) == STANDARD:
@@ -236,7 +236,7 @@ def check_iso_output(output: Path, source: Path) -> None:
 
 def write_output(output: Path, data: bytes) -> None:
     """Write the result, whole or not at all; on standard output as it is."""
-    from ..io.atomic import write_bytes
+    from ..storage.atomic import write_bytes
 
     with concerning(output):
         if str(output) == STANDARD:

@@ -20,7 +20,7 @@ def check_series(frames: bool, axis: int | None, interval: int | None) -> None:
 def encode_series(
     prepared: Prepared, interval: int, isovalues: Sequence[float], options: Mapping[str, Any],
     progress: Callable[[int, int], object] | None,
-) -> bytes:  # fmt: skip
+) -> bytes:
     """Encode frames as a series; ``progress`` is told of them."""
     import numpy as np
 

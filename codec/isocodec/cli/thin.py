@@ -10,14 +10,14 @@ import click
 
 from ..errors import InputError
 from ..limits import FIELD_SAMPLES, in_units
-from ..names import ThinningName
+from ..stream.names import ThinningName
 from .options import json_option, output_option
 from .progress import progress_bar
 from .quiet import one_warning
 from .report import check_output, concerning, tell, warn, write_output
 
 if TYPE_CHECKING:
-    from ..io.read import Field
+    from ..io.readers.read import Field
 
 CRITERIA = ("AT1", "AT2", "AT3", "inf", "l2", "NAT")
 _MUCH = 1 << 30
@@ -31,14 +31,14 @@ _MUCH = 1 << 30
 @click.option("--error", type=float, metavar="E", help="Keep as few as miss no value by more than E.")
 @click.option("--bytes", "size", type=click.IntRange(min=1), metavar="N", help="OUT.iso: at most N bytes.")
 @click.option("--isovalue", "isovalues", type=float, multiple=True, metavar="V",
-              help="OUT.iso: keep the contour of V, and little else. Repeatable.")  # fmt: skip
+              help="OUT.iso: keep the contour of V, and little else. Repeatable.")
 @click.option("--tolerance", type=float, metavar="D", help="With --isovalue: samples that contours may be off.")
 @click.option("--layers", type=click.IntRange(min=1), default=1, metavar="N", help="OUT.iso: points in N layers.")
 @click.option(
     "--criterion", type=click.Choice(CRITERIA),
     help="Which point matters least: by its star's largest error (AT1), at the point alone (AT2, AT3), over all points "
     "(inf), by squared errors (l2), by distance (NAT).  [default: AT1]",
-)  # fmt: skip
+)
 @click.option("--scattered", is_flag=True, help="INPUT is a table of points: rows of x, y, value.")
 @click.option("--key", metavar="NAME", help="Array of an .npz or HDF5 file; values of points.  [z]")
 @click.option("--channel", type=int, metavar="N", help="Channel of a colour picture, counted from 0.")
@@ -51,7 +51,7 @@ def thin_command(
     source: Path, output: Path, to: int | None, error: float | None, size: int | None,
     isovalues: tuple[float, ...], tolerance: float | None, layers: int, criterion: ThinningName | None, scattered: bool,
     key: str | None, channel: int | None, frame: int | None, limit_samples: int | None, as_json: bool,
-) -> None:  # fmt: skip
+) -> None:
     """Take the points that matter least out of INPUT one by one; write the Delaunay triangulation of the others.
 
     \b
@@ -72,7 +72,7 @@ def thin_command(
         raise click.UsageError("--bytes, --layers and --isovalue are for an OUT that ends in .iso")
     if coded and criterion is not None:
         raise click.UsageError("--criterion: a coded surface has its own, AT1 with --error, l2 otherwise")
-    from ..io.tin import PlacedTin, check_tin, render_tin
+    from ..io.writers.tin_files import PlacedTin, check_tin, render_tin
 
     with concerning(output):
         suffix = ".iso" if coded else check_tin(output)
@@ -82,12 +82,12 @@ def thin_command(
 
     import isocodec
 
-    from ..domain.thinned import MEMORY
     from ..field.placement import unplaced
-    from ..io.missing import missing_samples, read_nodata
-    from ..io.place import Place, read_place
-    from ..io.points_read import POINTS, read_points
-    from ..io.read import read_field
+    from ..io.readers.missing import missing_samples, read_nodata
+    from ..io.readers.place import Place, read_place
+    from ..io.readers.points_read import POINTS, read_points
+    from ..io.readers.read import read_field
+    from ..tin.thinned import MEMORY
 
     place = Place()
     with concerning(source):
@@ -121,7 +121,7 @@ def thin_command(
             options = {
                 "error": error, "to": to, "size": size, "contours": list(isovalues) or None, "tolerance": tolerance,
                 "layers": layers,
-            }  # fmt: skip
+            }
             encode_surface(output, given, values, place, options, as_json)
             return
         with progress_bar("thinning") as progress:
@@ -145,4 +145,4 @@ def thin_command(
             "seconds": round(seconds, 3),
         },
         as_json,
-    )  # fmt: skip
+    )

@@ -10,7 +10,7 @@ from typing import Any
 import click
 
 from ..errors import InputError
-from ..names import ProfileName
+from ..stream.names import ProfileName
 from .encode_options import read_metadata
 from .isovalues import check_interval, multiples
 from .options import Isovalue, json_option, output_option
@@ -23,24 +23,24 @@ from .report import check_iso_output, concerning, tell, warn
 @click.argument("source", metavar="INPUT", type=click.Path(path_type=Path, readable=False))
 @output_option("OUT.iso")
 @click.option("--isovalue", "isovalues", type=Isovalue(), multiple=True, metavar="V",
-              help="Inside is value > V. Repeatable.")  # fmt: skip
+              help="Inside is value > V. Repeatable.")
 @click.option("--interval", type=Isovalue(), metavar="S",
-              help="All multiples of S within the data; these are read once more for that.")  # fmt: skip
+              help="All multiples of S within the data; these are read once more for that.")
 @click.option("--offset", type=Isovalue(), metavar="V", help="With --interval: V, V + S, V + 2 S, ..")
 @click.option("--tile", type=int, metavar="N",
-              help="Samples along each axis of a tile: 2**k.  [default: 1024; in space 128]")  # fmt: skip
+              help="Samples along each axis of a tile: 2**k.  [default: 1024; in space 128]")
 @click.option("--workers", type=click.IntRange(min=1), default=1, show_default=True, metavar="N",
-              help="Processes that encode.")  # fmt: skip
+              help="Processes that encode.")
 @click.option("--scheduler", metavar="ADDRESS", help="Encode on the Dask cluster of this scheduler: tcp://HOST:PORT.")
 @click.option("--spool", type=click.Path(path_type=Path), metavar="FOLDER",
               help="Where encoded tiles are kept until all are there; the same command goes on with them.  "
-              "[default: OUT.iso.tiles]")  # fmt: skip
+              "[default: OUT.iso.tiles]")
 @click.option("--exact", is_flag=True, help="Integer data: keep the values next to the curve.")
 @click.option("--tolerance", type=float, metavar="D", help="Samples that the curve may be off.  [default: 0.05]")
 @click.option("--signs-only", is_flag=True, help="Keep only which samples lie above.")
 @click.option("--step", type=float, metavar="S", help="Keep values next to the curve to within half this step.")
 @click.option("--profile", type=click.Choice(["baseline", "main"]), default="main", show_default=True,
-              help="Faster, or smaller.")  # fmt: skip
+              help="Faster, or smaller.")
 @click.option("--metadata", multiple=True, metavar="KEY=TEXT", help="A note to keep. Repeatable.")
 @click.option("--no-placement", is_flag=True, help="Do not keep where the samples lie.")
 @click.option("--key", metavar="NAME", help="Array of a file that has several.")
@@ -50,7 +50,7 @@ def tile_command(
     tile: int | None, workers: int, scheduler: str | None, spool: Path | None, exact: bool, tolerance: float | None,
     signs_only: bool, step: float | None, profile: ProfileName, metadata: tuple[str, ...], no_placement: bool,
     key: str | None, as_json: bool,
-) -> None:  # fmt: skip
+) -> None:
     """Encode the isocontours of the field in INPUT tile by tile; samples of a tile are read at a time.
 
     INPUT is .npy, GeoTIFF (read in windows), Zarr, HDF5 or NetCDF; other formats that encode takes are read whole.
@@ -68,10 +68,10 @@ def tile_command(
 
     import isocodec
 
+    from ..api.tiled_api import TiledIsoFile, tiling_of
     from ..field.placement import CRS
-    from ..io.place import Place, read_place
-    from ..io.windows import windows_of
-    from ..tiled_api import TiledIsoFile, tiling_of
+    from ..io.readers.place import Place, read_place
+    from ..io.readers.windows import windows_of
     from ..tiles.sample_range import sample_range
 
     started = time.perf_counter()
@@ -87,7 +87,7 @@ def tile_command(
         options: dict[str, Any] = {
             "exact": exact, "tolerance": tolerance, "signs_only": signs_only, "step": step, "profile": profile,
             "metadata": notes, "placement": place.placement,
-        }  # fmt: skip
+        }
         if interval is not None:
             tiling = tiling_of(field, 0, tile, **options)
             with progress_bar("reading tiles") as progress:
@@ -100,9 +100,9 @@ def tile_command(
             isocodec.encode_tiles(
                 field, list(isovalues), output, tile=tile, engine=engine, workers=workers if engine else None,
                 spool=spool, progress=progress, **options,
-            )  # fmt: skip
+            )
     seconds = time.perf_counter() - started
-    from ..io.ranges import ranges_of
+    from ..storage.ranges import ranges_of
 
     file = TiledIsoFile(ranges_of(output))
     tiles, stages = file.head.grid.total, range(len(file.head.stages))
@@ -116,7 +116,7 @@ def tile_command(
             "shape": list(file.shape), "isovalues": list(file.isovalues),
         },
         as_json,
-    )  # fmt: skip
+    )
 
 
 def _engine(workers: int, scheduler: str | None) -> Any:
@@ -124,7 +124,7 @@ def _engine(workers: int, scheduler: str | None) -> Any:
     from contextlib import nullcontext
 
     if scheduler is not None:
-        from ..io.extras import optional
+        from ..extras import optional
 
         distributed = optional("distributed", extra="tiles", purpose="--scheduler")
         return distributed.Client(scheduler, timeout="10s")

@@ -20,8 +20,8 @@ from .quiet import one_warning
 from .report import STANDARD, check_iso_output, check_output, concerning, tell, warn, write_output
 
 if TYPE_CHECKING:
+    from ..api.tiled_api import TiledIsoFile
     from ..drawing.contour import Contour
-    from ..tiled_api import TiledIsoFile
 
 Box = list[tuple[float, float]]
 _CUT = "the file ends before its tiles do: where they are missing curves are coarser, or not there"
@@ -31,7 +31,7 @@ def tiled_file(source: Path, limits: Limits) -> TiledIsoFile | None:
     """A file in tiles, of which what is needed is read later; None if it is something else, or comes through a pipe."""
     if str(source) == STANDARD:
         return None
-    from ..tiled_api import tiled_at
+    from ..api.tiled_api import tiled_at
     from .report import url_of
 
     with concerning(source):
@@ -53,12 +53,12 @@ def read_box(text: str | None) -> Box | None:
 def decode_tiled(
     file: TiledIsoFile, source: Path, output: Path, named: Path, isovalue: float | None, layers: int | None,
     window: str | None, within: float | None, partial: bool, in_samples: bool, keep_crs: bool, as_json: bool,
-) -> None:  # fmt: skip
+) -> None:
     """Write a window of a tiled file, or all of it."""
     from dataclasses import replace
 
-    from ..io.pmtiles import render_pyramid
-    from ..io.write import check_libraries, check_suffix, holds_several, put, render_contour
+    from ..io.writers.pmtiles import render_pyramid
+    from ..io.writers.write import check_libraries, check_suffix, holds_several, put, render_contour
 
     n = len(file.shape)
     with concerning(output):
@@ -102,7 +102,7 @@ def decode_tiled(
             "read": file.received, "pieces": file.requests,
         },
         as_json,
-    )  # fmt: skip
+    )
 
 
 def _read(file: TiledIsoFile) -> str:
@@ -129,7 +129,7 @@ def _by_width(file: TiledIsoFile, box: Box | None, finest: Contour) -> Callable[
 
 def truncate_tiled(file: TiledIsoFile, source: Path, output: Path, layers: int, as_json: bool) -> None:
     """Write the first layers of a tiled file."""
-    from ..io.atomic import writing
+    from ..storage.atomic import writing
 
     def pieces() -> Iterator[bytes]:
         # what goes wrong here is about the source, the rest about the output
@@ -159,7 +159,7 @@ def truncate_tiled(file: TiledIsoFile, source: Path, output: Path, layers: int, 
 def extract_command(
     source: Path, output: Path, window: str, isovalue: float | None, limit_memory: int | None, limit_work: int | None,
     as_json: bool,
-) -> None:  # fmt: skip
+) -> None:
     """Take a window of IN.iso, a file in tiles or its URL, out as a file in one piece; no point moves.
 
     The window is grown to whole samples, and to even ones where it begins. Of a file with a tolerance from 0.1 on in
@@ -180,7 +180,7 @@ def extract_command(
             "pieces": file.requests,
         },
         as_json,
-    )  # fmt: skip
+    )
 
 
 def info_tiled(file: TiledIsoFile, source: Path, as_json: bool) -> None:
@@ -189,7 +189,7 @@ def info_tiled(file: TiledIsoFile, source: Path, as_json: bool) -> None:
     from rich.markup import escape
     from rich.table import Table
 
-    from ..text import plain
+    from ..field.text import plain
 
     facts = _facts(file)
     with concerning(source):
@@ -199,7 +199,7 @@ def info_tiled(file: TiledIsoFile, source: Path, as_json: bool) -> None:
         return
     console = Console()
     table = Table(title=escape(plain(str(source))), title_justify="left", title_style="bold", show_header=False,
-                  box=None)  # fmt: skip
+                  box=None)
     for name in ("profile", "shape", "tiles", "bytes"):
         value = facts[name]
         text = (
@@ -235,10 +235,10 @@ def _facts(file: TiledIsoFile) -> dict[str, Any]:
             "bytes": sum(int(root.sizes[:, head.area(i, number)].sum()) for i in range(len(head.isovalues))),
         }
         for number, stage in enumerate(head.stages)
-    ]  # fmt: skip
+    ]
     return {
         "tiled": True, "bytes": file.size, "profile": head.profile.name.lower(), "shape": list(file.shape),
         "tile": 1 << head.grid.exponent, "tiles": list(head.grid.counts), "isovalues": list(file.isovalues),
         "scale": head.scale, "masked": head.masked, "metadata": file.metadata,
         "directories": int(root.end + root.lengths.sum()), "layers": layers,
-    }  # fmt: skip
+    }

@@ -15,9 +15,9 @@ from .quiet import one_warning
 from .report import concerning, tell, write_output
 
 if TYPE_CHECKING:
-    from ..domain.tin import Tin
-    from ..io.place import Place
-    from ..io.read import Field
+    from ..io.readers.place import Place
+    from ..io.readers.read import Field
+    from ..tin.tin import Tin
 
 PICTURE = ".npy"
 """Suffix of the picture that a surface makes."""
@@ -47,7 +47,7 @@ def encode_surface(
     record = {
         "output": str(output), "bytes": len(data), "points": len(tin.points), "triangles": len(tin.triangles),
         "seconds": round(seconds, 3),
-    }  # fmt: skip
+    }
     text = ""
     if tin.shape is not None:
         missed = tin.raster() - points
@@ -57,22 +57,22 @@ def encode_surface(
     tell(
         f"{click.format_filename(output)}: {len(data):,} bytes, {len(tin.points):,} points{text}, {seconds:.2f} s",
         record, as_json,
-    )  # fmt: skip
+    )
 
 
 def decode_surface(
     source: Path, data: bytes, output: Path, named: Path, max_bytes: int | None, in_samples: bool, partial: bool,
     limits: Limits, as_json: bool, isovalue: float | None,
-) -> None:  # fmt: skip
+) -> None:
     """Write the surface of a file, a contour of it, or the picture that it makes.
 
     ``named`` has the suffix that names the format.
     """
     import isocodec
 
-    from ..io.tin import check_tin
-    from ..io.write import check_libraries, check_suffix, render_contour
-    from ..tin_api import contour_of
+    from ..api.tin_api import contour_of
+    from ..io.writers.tin_files import check_tin
+    from ..io.writers.write import check_libraries, check_suffix, render_contour
     from .on_mesh import check_on_mesh
 
     with concerning(output):
@@ -84,7 +84,7 @@ def decode_surface(
     started = time.perf_counter()
     with concerning(source):
         tin = isocodec.decode_tin(data, max_bytes=len(data) if partial and max_bytes is None else max_bytes,
-                                  limits=limits)  # fmt: skip
+                                  limits=limits)
     places = Places()
     with concerning(source if suffix == PICTURE else output):
         if isovalue is None:
@@ -113,7 +113,7 @@ def decode_surface(
             "seconds": round(seconds, 3),
         },
         as_json,
-    )  # fmt: skip
+    )
 
 
 def _rendered(tin: Tin, suffix: str, in_samples: bool) -> bytes:
@@ -123,7 +123,7 @@ def _rendered(tin: Tin, suffix: str, in_samples: bool) -> bytes:
     import numpy as np
 
     from ..field.placement import CRS, read_placement, unplaced
-    from ..io.tin import PlacedTin, render_tin
+    from ..io.writers.tin_files import PlacedTin, render_tin
 
     if suffix == PICTURE:
         buffer = io.BytesIO()

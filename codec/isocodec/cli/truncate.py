@@ -20,7 +20,7 @@ from .report import check_iso_output, concerning, read_iso, tell, warn, write_ou
 def truncate_command(
     source: Path, output: Path, layers: int | None, max_bytes: int | None, limit_memory: int | None,
     limit_work: int | None, as_json: bool,
-) -> None:  # fmt: skip
+) -> None:
     """Cut IN.iso to its first layers, or to a number of bytes; OUT.iso is complete in itself.
 
     Of a file in tiles, or of its URL, the bytes of the first layers are copied.

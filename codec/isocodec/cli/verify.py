@@ -21,7 +21,7 @@ from .tiled import tiled_file
 @click.option("--key", metavar="NAME", help="Array of a file that holds several.")
 @click.option("--channel", type=int, metavar="N", help="Channel of a colour picture, counted from 0.")
 @click.option("--frame", type=int, metavar="N",
-              help="Item of a series or time step, counted from 0; of IN.iso, too, if that is a series.")  # fmt: skip
+              help="Item of a series or time step, counted from 0; of IN.iso, too, if that is a series.")
 @click.option("--kind", metavar="SUFFIX", help="Format of standard input or a URL: .tif.")
 @click.option("--limit-samples", type=click.IntRange(min=1), metavar="N", help="Most samples of FIELD.")
 @limit_options
@@ -29,7 +29,7 @@ from .tiled import tiled_file
 def verify_command(
     source: Path, encoded: Path, within: float | None, key: str | None, channel: int | None, frame: int | None,
     kind: str | None, limit_samples: int | None, limit_memory: int | None, limit_work: int | None, as_json: bool,
-) -> None:  # fmt: skip
+) -> None:
     """Decode IN.iso and measure how far it is from the contour of FIELD, both ways.
 
     Ends with exit code 9 if a sample lies on the wrong side of the isovalue, or the distance is larger than promised:
@@ -41,7 +41,7 @@ def verify_command(
 
     import isocodec
 
-    from ..verification import verify
+    from ..api.verification import verify
 
     with concerning(source), local_input(source, kind, limit_samples) as path, one_warning(source):
         field = isocodec.read(path, key=key, channel=channel, frame=frame, samples=limit_samples)
@@ -50,7 +50,7 @@ def verify_command(
         found = verify(
             url_of(encoded) or encoded if tiled else whole, field, frame=frame if of_series else None, within=within,
             limits=limits,
-        )  # fmt: skip
+        )
     kept = all(one.kept for one in found)
     lines = []
     for one in found:

@@ -79,7 +79,7 @@ class PatternTable:
 @kernel
 def _look_up(
     edges: IntVolume, first: IntVector, pattern: IntVector, vertices: IntMatrix, mirrored: BoolVector, out: IntVolume,
-) -> None:  # fmt: skip
+) -> None:
     """Write the rows of all simplices or cubes in vertices of the mesh."""
     row = 0
     for i in range(len(pattern)):
@@ -140,7 +140,7 @@ def _tell_apart(rank: IntVector, ends: IntMatrix, low: IntVector, high: IntVecto
 def _number(
     low: IntVector, high: IntVector, place: IntVector, seconds: IntVector, before: IntVector, edges: IntMatrix,
     number: IntVector,
-) -> int:  # fmt: skip
+) -> int:
     """Number the edges in the order of their ends; returns how many there are.
 
     ``seconds`` has room for the second ends of each vertex from its ``place`` on, -1 where none is: a vertex has few.

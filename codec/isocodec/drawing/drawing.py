@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import OptionError
-from ..mesh.tables import cube_exponent
+from ..grid.lattice.tables import cube_exponent
 from .clipping import clipped
 from .contour import Contour
 from .crossing import Drawn

@@ -31,7 +31,7 @@ def surface_contour(
 def draw_cells(
     points: NDArray[np.float64], cells: NDArray[np.int64], mirrored: NDArray[np.bool_], above: NDArray[np.bool_],
     edges: NDArray[np.int64], ratio: NDArray[np.float64],
-) -> tuple[NDArray[np.float64], NDArray[np.int64]]:  # fmt: skip
+) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
     """Points on edges, and cells between them.
 
     Parameters

@@ -149,7 +149,7 @@ def _upper(a, b):
 def _join(
     last: UInt8Vector, simplices: IntMatrix, entered: Int32Vector, corners: Int32Matrix, upper: UInt8Vector,
     count: UInt8Vector, cell_of: Int32Vector,
-) -> int:  # fmt: skip
+) -> int:
     """Enter the simplices' vertices as corners of their cells, in the order of these; returns how many there are.
 
     A cell is known by xn and the axes along which x0 is the upper end. Corners are numbered from x0 (see
@@ -179,7 +179,7 @@ def _join(
 @kernel
 def _enter_patterns(
     above: BoolVector, corners: Int32Matrix, count: UInt8Vector, mixed: IntVector, pattern: IntVector,
-) -> None:  # fmt: skip
+) -> None:
     """Enter the signs of each cell as its pattern; 0, of which nothing is drawn, if it lacks some mixed leaves."""
     for cell in range(len(corners)):
         signs = np.int64(0)
@@ -194,7 +194,7 @@ def _enter_patterns(
 def _enter_rows(
     table: IntVolume, first: IntVector, cells: _Cells, number: Int32Matrix, edges: IntMatrix, met: int,
     rows: IntMatrix,
-) -> int:  # fmt: skip
+) -> int:
     """Enter the rows of all cells as numbers of edges, which are given as these are met; returns how many were.
 
     ``number`` has that of the edge that leaves a vertex upwards along an axis, or -1.

@@ -10,7 +10,7 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 
-from ..mesh.implied import Implied, implied_edges, implied_ratio, near_ends
+from ..grid.lattice.implied import Implied, implied_edges, implied_ratio, near_ends
 from .crossing import Drawn, Edge, PatternTable, distinct_edges, edge_points, edge_ratios, rank_of
 from .leaves import Leaves
 

@@ -129,7 +129,7 @@ def _around(cells: IntMatrix, bend: FloatVector, around: FloatVector) -> None:
 def _move(
     points: FloatMatrix, ways: _Ways, total: FloatMatrix, count: FloatVector, normal: FloatMatrix, bend: FloatVector,
     around: FloatVector,
-) -> None:  # fmt: skip
+) -> None:
     """One step of each point along its edge; ends of open curves (n = 2), with one neighbour, stay."""
     n = points.shape[1]
     way, ratio = ways.way, ways.ratio

@@ -20,7 +20,7 @@ ON, KIND, MARGIN, WIDE_MARGIN, LEVEL, WIDE_LEVEL = range(6)
 _SIZES = (
     KINDS * STEPS * STEPS, KINDS * LEVELS, 2 * STEPS * OPINIONS, 2 * STEPS * (LEVELS // 4 + 1) * STEPS,
     2 * LEVELS * OPINIONS, 2 * STEPS * OPINIONS, STEPS * LEVELS,
-)  # fmt: skip
+)
 """Contexts of each list."""
 VOICES = len(_SIZES)
 _FIRST = np.concatenate([[0], np.cumsum(_SIZES)]).astype(np.int64)
@@ -45,7 +45,7 @@ def new_panel() -> Panel:
         np.full(_COUNT, ONE >> 1, np.int64), np.zeros(_COUNT, np.int64),
         np.full((KINDS, VOICES), _FIRST_WEIGHT, np.int64), np.zeros(6, np.int64), np.zeros(VOICES, np.int64),
         np.zeros(VOICES, np.int64),
-    )  # fmt: skip
+    )
 
 
 def panel_after(panel: Panel) -> Panel:

@@ -74,7 +74,7 @@ def arrays_of(given: Any, shape: tuple[int, ...]) -> list[Array]:
                 raise InputError(
                     f"{len(part)} coordinates for axis {axis} of the field, which has {shape[axis]} samples",
                     code="coordinates", remedy="give one for each sample, axes in the order of the field",
-                )  # fmt: skip
+                )
             parts[axis] = part.reshape([-1 if a == axis else 1 for a in range(n)])
         return parts[::-1] if n == 2 else parts
     for name, part in zip("xyz", parts, strict=False):
@@ -82,7 +82,7 @@ def arrays_of(given: Any, shape: tuple[int, ...]) -> list[Array]:
             raise InputError(
                 f"the coordinates {name} have shape {part.shape}, the field {shape}", code="coordinates",
                 remedy="give one for each sample, with the field's axes",
-            )  # fmt: skip
+            )
     return [_least(part) for part in parts]
 
 
@@ -98,7 +98,7 @@ def _least(array: Array) -> Array:
 def check_coordinates(
     arrays: Sequence[Array], shape: tuple[int, ...], gone: NDArray[np.bool_] | None, periods: Sequence[float],
     error: float, periodic: Sequence[int] = (),
-) -> Given:  # fmt: skip
+) -> Given:
     """Coordinates that do not fold, and units in which they are kept within ``error`` cells.
 
     Parameters
@@ -133,12 +133,12 @@ def check_coordinates(
             raise InputError(
                 f"the coordinate {name} of sample {where} is {array[where]}", code="coordinates",
                 remedy="mask samples without coordinates: NaN, or the option mask",
-            )  # fmt: skip
+            )
         needed.append(np.asarray(some))
     varying = [[axis for axis, count in enumerate(array.shape) if count > 1] for array in arrays]
     if all(len(axes) == 1 for axes in varying) and len({axes[0] for axes in varying}) == len(varying):
         reach = [_along_axis(array, axes[0], period, periodic)
-                 for array, axes, period in zip(arrays, varying, periods, strict=True)]  # fmt: skip
+                 for array, axes, period in zip(arrays, varying, periods, strict=True)]
     else:
         reach = _inverse(arrays, periods, whole, periodic)
     coordinates = []
@@ -151,7 +151,7 @@ def check_coordinates(
             raise InputError(
                 f"the coordinates {name} would take too many units of {unit:g}", code="coordinates",
                 remedy="allow a larger coordinates_error; or do cells all but vanish somewhere?",
-            )  # fmt: skip
+            )
         first = array.flat[0]
         coordinates.append(Coordinate(tuple(axes), float(first if np.isfinite(first) else finite[0]), unit, units))
     return Given(tuple(coordinates), tuple(arrays), tuple(needed))
@@ -197,7 +197,7 @@ def _along_axis(array: Array, axis: int, period: float, periodic: Sequence[int])
             f"the coordinates along axis {axis} neither rise nor fall all the way: {array.ravel()[i]:g} is followed by "
             f"{array.ravel()[i + 1]:g} at sample {i + 1}", code="coordinates",
             remedy=_no_wrap([a for a in periodic if a == axis], [period]) or "sort the samples along that axis",
-        )  # fmt: skip
+        )
     return float(1 / np.abs(steps).min())
 
 
@@ -227,7 +227,7 @@ def _inverse(
                     f"the coordinates fold: the cell at sample {where} is turned over or has no size, as are "
                     f"{np.count_nonzero(bad) - 1:,} more", code="coordinates",
                     remedy=_no_wrap(periodic, periods) or "mask those samples, or leave out rows that repeat others",
-                )  # fmt: skip
+                )
             for c in range(n):
                 column = np.sqrt(sum(part * part for part in cofactors[c])) / np.abs(size)
                 far[c] = max(far[c], float(np.max(np.broadcast_to(column, whole.shape), where=whole, initial=0.0)))
@@ -241,7 +241,7 @@ def at_corner(step: Array | None, axis: int, corner: tuple[int, ...]) -> Any:
     return step[tuple(
         slice(None) if a == axis or step.shape[a] == 1 else slice(corner[a], corner[a] + step.shape[a] - 1)
         for a in range(step.ndim)
-    )]  # fmt: skip
+    )]
 
 
 def _cofactors(u: list[Any], v: list[Any]) -> list[Any]:

@@ -96,7 +96,7 @@ def placement_of(given: ArrayLike, n: int) -> NDArray[np.float64]:
         raise OptionError(
             f"the placement has numbers that are neither 0 nor between {LEAST:g} and {MOST:g}", code="placement",
             remedy="take another unit",
-        )  # fmt: skip
+        )
     if _determinant([[Fraction(number) for number in row[:n]] for row in matrix.tolist()]) == 0:
         raise OptionError("the placement lays different samples on one point", code="placement")
     return matrix

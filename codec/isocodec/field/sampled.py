@@ -84,4 +84,4 @@ def check_bare(field: object) -> None:
         raise InputError(
             f"a {type(field).__name__} has coordinates that an encoder does not take by itself", code="coordinates",
             remedy="use isocodec.encode, or give the bare samples (.values) and placement=, metadata=, mask=",
-        )  # fmt: skip
+        )

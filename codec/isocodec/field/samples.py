@@ -67,7 +67,7 @@ class Field:
             t = math.floor(self.isovalue)
             distance = np.array([abs(int(q) - t) for q in samples.ravel()], object) if _wide(samples, t) else (
                 np.abs(samples.astype(np.int64) - t)
-            )  # fmt: skip
+            )
             number = np.where(above, distance - 1, distance)
         else:
             with np.errstate(over="ignore", invalid="ignore"):
@@ -81,7 +81,7 @@ class Field:
             raise InputError(
                 f"values next to the curve lie {float(number.max()):.3g} steps from the isovalue, more than 2**52",
                 code="range", remedy="use a larger step, or a tolerance; or do they stand for missing samples?",
-            )  # fmt: skip
+            )
         return number.astype(np.int64)
 
     def number_bits(self) -> tuple[int, int]:
@@ -183,7 +183,7 @@ def isovalue_of(given: object) -> float:
         raise InputError(
             f"the isovalue {number} is not a number of double precision, which files hold", code="isovalue",
             remedy=f"the nearest one is {isovalue:.0f}; or subtract a constant from the field",
-        )  # fmt: skip
+        )
     return isovalue
 
 
@@ -271,17 +271,17 @@ def check_field(
         raise InputError(
             f"the field has {values.ndim} axes {values.shape}, needed are 2 or 3", code="axes",
             remedy="choose one of the series; isocodec encode has --frame" if values.ndim > 3 else "reshape it",
-        )  # fmt: skip
+        )
     if min(values.shape) < 2:
         raise InputError(
             f"the field has shape {values.shape}, needed are 2 samples along every axis", code="shape",
             remedy="drop axes of length 1" if min(values.shape) == 1 and values.ndim == 3 else "add samples",
-        )  # fmt: skip
+        )
     if max(values.shape) > MAX_SIDE[values.ndim]:
         raise InputError(
             f"the field has {max(values.shape)} samples along an axis, at most {MAX_SIDE[values.ndim]} are possible",
             code="shape", remedy="cut it into tiles",
-        )  # fmt: skip
+        )
     isovalue = isovalue_of(isovalue)
     if values.dtype.kind == "b":
         values = values.view(np.uint8)

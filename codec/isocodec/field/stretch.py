@@ -72,7 +72,7 @@ def largest_step(
             j = [[at_corner(step, axis, corner) for axis, step in enumerate(row)] for row in steps]
             if metres is not None:
                 at = tuple(slice(c, c + size - 1) if size > 1 else slice(None)
-                           for c, size in zip(corner, arrays[1].shape, strict=True))  # fmt: skip
+                           for c, size in zip(corner, arrays[1].shape, strict=True))
                 east = np.cos(np.radians(arrays[1][at])) * DEGREE / metres
                 j[:2] = [[step * east for step in j[0]], [step * (DEGREE / metres) for step in j[1]]]
             for a in range(n):

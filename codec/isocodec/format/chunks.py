@@ -28,7 +28,7 @@ from .program import Layer
 CHECKSUM_BYTES = 4
 CRITICAL = (
     ChunkType.LAYERS, ChunkType.CUT_LAYERS, ChunkType.ISOVALUE, ChunkType.MASK, ChunkType.FRAME, ChunkType.DOMAIN,
-)  # fmt: skip
+)
 
 
 @dataclass(frozen=True)
@@ -100,7 +100,7 @@ def octets(data: bytes | bytearray | memoryview) -> memoryview:
         raise OptionError(
             f"the bytes of a file are needed, not {type(data).__name__}", code="data",
             remedy="read them first: pathlib.Path(name).read_bytes()",
-        ) from None  # fmt: skip
+        ) from None
 
 
 def verify(data: bytes | bytearray, chunk: Envelope, start: int) -> int | None:
@@ -121,7 +121,7 @@ def verify(data: bytes | bytearray, chunk: Envelope, start: int) -> int | None:
     with memoryview(data) as view:
         for there, first, what, clause in (
             (chunk.checked, start, "a chunk", "3.5.3"), (chunk.last, 0, "the file", "3.4.4")
-        ):  # fmt: skip
+        ):
             if there:
                 if at + CHECKSUM_BYTES > len(data):
                     return None
@@ -154,7 +154,7 @@ def read_further(payload: bytes, offset: int, earlier: Sequence[float]) -> tuple
         raise FormatError("unknown kind of isovalue", code="isovalue", offset=offset, clause="3.3.4")
     if lean > len(earlier):
         raise FormatError(f"leaning on isovalue {lean - 1}, which has not come", code="lean", offset=offset,
-                          clause="3.5.5")  # fmt: skip
+                          clause="3.5.5")
     found = read_isovalue(payload, 1, len(payload), kind)
     if found is None or found[1] != len(payload):
         raise FormatError("an isovalue does not fill its chunk", code="isovalue", offset=offset, clause="3.5.5")

@@ -108,7 +108,7 @@ def read_domain(payload: bytes, n: int, start: int) -> tuple[DomainHead, int]:
 
 def _read_box(
     head: DomainHead, payload: bytes, at: int, wrong: Callable[[str], FormatError]
-) -> tuple[DomainHead, int]:  # fmt: skip
+) -> tuple[DomainHead, int]:
     """The rest of the head of a coded mesh: what its positions count in, and where they lie."""
     numbers = []
     for _ in range(1 + 2 * head.d):

@@ -101,7 +101,7 @@ def read_header(data: bytes | bytearray) -> tuple[Header, int] | None:
         raise FormatError(
             "a file in tiles, not of one piece", code="tiled", offset=0, clause="3.3.1",
             remedy="decode, info and truncate take it; extract --window makes a file in one piece of a part",
-        )  # fmt: skip
+        )
     if seen != spec.SIGNATURE[: len(seen)]:
         raise FormatError("not an .iso file: the signature is missing", code="signature", offset=0, clause="3.3.1")
     if len(data) < PREFIX_BYTES:
@@ -111,7 +111,7 @@ def read_header(data: bytes | bytearray) -> tuple[Header, int] | None:
         raise FormatError(
             f"the file needs version {prefix.version.read} of the format, this reads up to {spec.WRITER_VERSION}",
             code="version", offset=4, clause="3.3.1", remedy="update isocodec",
-        )  # fmt: skip
+        )
     flags = prefix.flags
     if flags.profile not in Profile.__members__.values():
         raise FormatError(f"unknown profile {flags.profile}", code="profile", offset=5, clause="3.3.2")
@@ -134,7 +134,7 @@ def _read_rest(data: bytes | bytearray, prefix: object, n: int) -> tuple[Header,
             raise FormatError(
                 f"{number[0]} samples along an axis, allowed are 1 to {spec.MAX_SIDE[n]}",
                 code="shape", offset=at, clause="3.3.3",
-            )  # fmt: skip
+            )
         shape.append(number[0])
         at = number[1]
     if flags.equal:

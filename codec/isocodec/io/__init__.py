@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from .atomic import check_target, write_bytes
-from .place import Place, read_place
-from .read import FIELD_SUFFIXES, read_field
-from .write import CURVE_SUFFIXES, check_suffix, render_contour, write_contour
+from ..storage.atomic import check_target, write_bytes
+from .readers.place import Place, read_place
+from .readers.read import FIELD_SUFFIXES, read_field
+from .writers.write import CURVE_SUFFIXES, check_suffix, render_contour, write_contour
 
 __all__ = [
     "CURVE_SUFFIXES",

@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import OptionError
+from ..extras import optional
 from ..field.placement import CRS
-from ..text import one_line
-from .extras import optional
+from ..field.text import one_line
 
 if TYPE_CHECKING:
     from ..drawing.contour import Contour
@@ -61,7 +61,7 @@ def to_degrees(contour: Contour) -> Transform:
         transformer = pyproj.Transformer.from_crs(f"EPSG:{number}", f"EPSG:{DEGREES}", always_xy=True)
     except pyproj.exceptions.ProjError as exc:
         raise OptionError(f"there is no reference system EPSG:{number} to reproject from", code="crs",
-                          remedy="--keep-crs writes the coordinates as they are") from exc  # fmt: skip
+                          remedy="--keep-crs writes the coordinates as they are") from exc
 
     def degrees(points: NDArray[np.float64]) -> NDArray[np.float64]:
         if not len(points):
@@ -71,7 +71,7 @@ def to_degrees(contour: Contour) -> Transform:
             raise OptionError(
                 f"coordinates lie outside of what EPSG:{number} covers, and have no longitude and latitude", code="crs",
                 remedy="is the placement right? --keep-crs writes the coordinates as they are",
-            )  # fmt: skip
+            )
         return np.asarray(out)
 
     return degrees

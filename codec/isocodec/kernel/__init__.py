@@ -18,4 +18,4 @@ from .types import record
 
 __all__ = [
     "BAD", "CUT", "DONE", "EXECUTION", "GROW", "NEED", "Execution", "inlined", "inner", "kernel", "kernels", "record",
-]  # fmt: skip
+]

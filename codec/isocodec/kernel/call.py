@@ -42,7 +42,7 @@ class Kernel:
     @property
     def name(self) -> str:
         """Where it stands in the package, as ``passes.refinement.refine``."""
-        return f"{self.function.__module__.removeprefix('isocodec.')}.{self.function.__name__}"
+        return ".".join([*self.function.__module__.split(".")[-2:], self.function.__name__])
 
     @functools.cached_property
     def signature(self) -> Signature:

@@ -25,7 +25,7 @@ CHECKED = os.environ.get("NUMBA_BOUNDSCHECK", "0") not in ("", "0")
 # Kernels allocate nothing, so that their arrays need no reference counts: these atomics cost ten times the work itself.
 _OPTIONS: dict[str, Any] = {
     "nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True, "no_cpython_wrapper": True, "_nrt": False,
-}  # fmt: skip
+}
 
 
 class Inner:

@@ -63,7 +63,7 @@ def _without_library() -> Execution:
     warnings.warn(
         "no library of kernels for this platform: they run as plain Python, some hundred times slower; "
         "with numba installed they are compiled in each process", stacklevel=2,
-    )  # fmt: skip
+    )
     return Execution.PYTHON
 
 

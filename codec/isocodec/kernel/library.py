@@ -76,7 +76,7 @@ def note() -> Note:
         raise KernelError(
             f"{BUILT / out.file}: the kernels' sources have changed since it was built",
             code="kernel-library", remedy="python tools/kernels",
-        )  # fmt: skip
+        )
     return out
 
 
@@ -97,7 +97,7 @@ def library() -> Library:
             raise KernelError(
                 f"{path}: damaged, its SHA-256 is {found[:12]}… instead of {noted.sha256[:12]}…",
                 code="kernel-library", remedy=_REMEDY,
-            )  # fmt: skip
+            )
         loaded = ctypes.CDLL(str(path))
     except OSError as error:
         raise KernelError(f"{path}: {error}", code="kernel-library", remedy=_REMEDY) from None
@@ -114,7 +114,7 @@ def _check_once() -> None:
     global _checked
     if not _checked:
         _checked = True
-        import_module("isocodec.selfcheck").check()
+        import_module("isocodec.api.selfcheck").check()
 
 
 def entry(kernel: Kernel) -> Entry:
@@ -129,5 +129,5 @@ def entry(kernel: Kernel) -> Entry:
             f"kernel {kernel.name}: {'not in the library' if built is None else f'compiled as {built}'}, "
             f"its source says {stated}",
             code="kernel-library", remedy=_REMEDY,
-        )  # fmt: skip
+        )
     return PROTOTYPE((name + whole.suffix, whole.loaded))

@@ -16,7 +16,7 @@ def digest_of(files: Iterable[str], homes: dict[str, Path]) -> str:
     Parameters
     ----------
     files : iterable of str
-        Each from its package on, as ``isocodec/mesh/store.py``. One that is missing gives a digest like no other.
+        Each from its package on, as ``isocodec/grid/tube/holes.py``. A missing one gives a digest like no other.
     homes : dict of str to Path
         The folder of each package.
     """
@@ -35,7 +35,7 @@ def needed(homes: dict[str, Path]) -> list[str]:
     """All files with kernels, and all of these packages that they import, directly or not."""
     found = reached((path for path in homes["isocodec"].rglob("*.py") if "\n@kernel\n" in path.read_text()), homes)
     return sorted(f"{name}/{path.relative_to(home).as_posix()}" for name, home in homes.items()
-                  for path in found if path.is_relative_to(home))  # fmt: skip
+                  for path in found if path.is_relative_to(home))
 
 
 def reached(files: Iterable[Path], homes: dict[str, Path]) -> set[Path]:

@@ -10,16 +10,16 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from ..grid.lattice.access import child, cube, dimension, roots
+from ..grid.lattice.access import root as root_class
+from ..grid.lattice.grid import edge_of
+from ..grid.lattice.path import _ROOT_SHIFT
+from ..grid.lattice.simplex import exists, middle_at
+from ..grid.lattice.store import get
+from ..grid.lattice.vertex_set import has
+from ..grid.tube.state import State, corner_truth
 from ..kernel import inner, kernel
 from ..kernel.types import IntMatrix, IntVector, UInt8Vector
-from ..mesh.access import child, cube, dimension, roots
-from ..mesh.access import root as root_class
-from ..mesh.grid import edge_of
-from ..mesh.path import _ROOT_SHIFT
-from ..mesh.simplex import exists, middle_at
-from ..mesh.store import get
-from ..mesh.vertex_set import has
-from ..tube.state import State, corner_truth
 
 
 def build_pyramid(

@@ -8,18 +8,18 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from ..grid.lattice.access import corner, dimension
+from ..grid.lattice.access import corners as corner_count
+from ..grid.lattice.access import kind as kind_of
+from ..grid.lattice.diamond import existing
+from ..grid.lattice.grid import clamped, position
+from ..grid.lattice.slots import cubes, middle_of, slots
+from ..grid.lattice.store import get
+from ..grid.lattice.vertex_set import IN, has
+from ..grid.passes.new_components import SLOT_BITS
+from ..grid.tube.state import State, entry, truth
 from ..kernel import inner, kernel
 from ..kernel.types import BoolVolume, IntVector, UInt8Volume
-from ..mesh.access import corner, dimension
-from ..mesh.access import corners as corner_count
-from ..mesh.access import kind as kind_of
-from ..mesh.diamond import existing
-from ..mesh.grid import clamped, position
-from ..mesh.slots import cubes, middle_of, slots
-from ..mesh.store import get
-from ..mesh.vertex_set import IN, has
-from ..passes.new_components import SLOT_BITS
-from ..tube.state import State, entry, truth
 
 BLOCK = 3
 """Log2 of the edge of the blocks in which the encoder looks for changes of sign."""

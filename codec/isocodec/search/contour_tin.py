@@ -7,12 +7,12 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from ..domain.delaunay import delaunay, triangles
-from ..domain.points import Points
 from ..drawing.contour import Contour
 from ..drawing.explicit import surface_contour
 from ..errors import OptionError
 from ..field.samples import check_field
+from ..tin.delaunay import delaunay, triangles
+from ..tin.points import Points
 from .original import original
 from .proof import Target
 from .tin_fit import Chosen, along_contours
@@ -31,7 +31,7 @@ _NEAR = 2
 def near_contours(
     given: Points, field: NDArray[np.float64], isovalues: Sequence[float], distance: float,
     size: Callable[[Chosen], int],
-) -> Chosen:  # fmt: skip
+) -> Chosen:
     """The smallest surface that is found whose contours lie within ``distance`` of the field's, both ways.
 
     At a sample the surface may miss the field by what moves a contour so far along its slope, or by what keeps the
@@ -63,14 +63,14 @@ def near_contours(
         raise OptionError(
             f"no surface was found whose contours keep to {distance:g}", code="tolerance",
             remedy="allow a larger distance, or encode the contours themselves",
-        )  # fmt: skip
+        )
     return min(found, key=size)
 
 
 def _refined(
     given: Points, field: NDArray[np.float64], isovalues: Sequence[float], distance: float, share: float,
     wanted: Sequence[Contour],
-) -> Chosen | None:  # fmt: skip
+) -> Chosen | None:
     """A surface whose contours keep to a distance; None if rounds do not lead to one."""
     slope = np.hypot(*np.gradient(field))
     apart = np.abs(field[..., None] - np.array(isovalues)).min(axis=-1)

@@ -12,16 +12,16 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ..grid.lattice.access import corners as corner_count
+from ..grid.lattice.access import dimension, member
+from ..grid.lattice.access import members as member_count
+from ..grid.lattice.grid import clamped
 from ..kernel import inner, kernel, record
 from ..kernel.types import Float32Matrix, FloatMatrix, IntMatrix, IntVector
-from ..mesh.access import corners as corner_count
-from ..mesh.access import dimension, member
-from ..mesh.access import members as member_count
-from ..mesh.grid import clamped
 from .buckets import Buckets, unproven
-from .domain import FAILED, LINEAR_POINTS, Domain, corner_at, diamond_at, flags_of, place_of, set_flags
 from .edges import told_on
 from .piece import closest
+from .reduced import FAILED, LINEAR_POINTS, Domain, corner_at, diamond_at, flags_of, place_of, set_flags
 
 _place_of = inner(place_of)
 MOST_PIECES = 16

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..grid.passes.offsets import radix_of
 from ..kernel import inner
-from ..passes.offsets import radix_of
-from .domain import EXACT_POINTS, LINEAR_POINTS
+from .reduced import EXACT_POINTS, LINEAR_POINTS
 
 
 @inner

@@ -106,7 +106,7 @@ class _Fit:
         there = np.empty_like(own)
         places_on(contour.points, contour.cells, found, weight, there)
         return _Held(self.samples.corner, np.where(found >= 0, some, -1), self.samples.weight[some], there,
-                     self.samples.times[some])  # fmt: skip
+                     self.samples.times[some])
 
     def moving(self, free: NDArray[np.bool_]) -> NDArray[np.bool_]:
         """Which edges' points may move if those of some of the told ones do."""
@@ -249,7 +249,7 @@ def fitted_offsets(
     contour: Contour, targets: Sequence[Target], leaves: Leaves, told: NDArray[np.int64], parts: NDArray[np.int64],
     where: NDArray[np.float64], tolerance: float, *, faults: Faults | None = None, around: Around | None = None,
     fixed: NDArray[np.bool_] | None = None,
-) -> Drawing:  # fmt: skip
+) -> Drawing:
     """Parts of edges that hold the points of a curve near the original.
 
     Parameters

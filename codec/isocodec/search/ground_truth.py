@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..field.samples import Field
-from ..mesh.tables import AXES, cube_exponent
-from ..tube.capacity import filled
-from ..tube.state import State
+from ..grid.lattice.tables import AXES, cube_exponent
+from ..grid.tube.capacity import filled
+from ..grid.tube.state import State
 from .base_order import build_pyramid, mixed_leaves
 from .component_search import busy_of, find
 

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..grid.lattice.access import child, dimension, vertex
+from ..grid.lattice.grid import clamped, edge_of, position
+from ..grid.lattice.simplex import exists, middle_at
+from ..grid.lattice.vertex_set import GONE
 from ..kernel import inner, kernel
 from ..kernel.types import Float32Matrix, FloatMatrix, FloatVector, IntMatrix, IntVector
-from ..mesh.access import child, dimension, vertex
-from ..mesh.grid import clamped, edge_of, position
-from ..mesh.simplex import exists, middle_at
-from ..mesh.vertex_set import GONE
-from .domain import OPEN, Domain, flags_of, number_of
+from .reduced import OPEN, Domain, flags_of, number_of
 
 _number_of = inner(number_of)
 

@@ -14,7 +14,7 @@ from ..drawing.drawing import draw
 from ..drawing.leaves import Leaves
 from ..field.samples import Field
 from ..field.told import Told
-from ..tube.holes import whole_cells_of
+from ..grid.tube.holes import whole_cells_of
 
 
 def original(field: Field) -> Contour:
@@ -40,7 +40,7 @@ def original(field: Field) -> Contour:
         simplices=index.reshape(-1, n + 1), levels=np.zeros(len(flat), np.int64), full=True,
         edges=edges, edge_offset=places,
         whole=None if field.gone is None else partial(whole_cells_of, field.gone),
-    )  # fmt: skip
+    )
     return draw(leaves)
 
 

@@ -14,16 +14,16 @@ from isospec.container import Profile
 from ..drawing.contour import Contour
 from ..drawing.drawing import draw
 from ..drawing.leaves import Leaves
+from ..drawing.snapshot import leaves_of
 from ..field.samples import OFFSET_BITS, Field
 from ..format.header import Header
 from ..format.program import Progress
-from ..layers.plan import Entry
-from ..layers.writer import LayerWriter, field_tube
-from ..mesh.tables import cube_exponent
-from ..mesh.vertex_set import Chosen
-from ..passes.runner import Tube
-from ..passes.snapshot import leaves_of
-from ..tube.holes import Holes
+from ..grid.lattice.tables import cube_exponent
+from ..grid.lattice.vertex_set import Chosen
+from ..grid.layers.plan import Entry
+from ..grid.layers.writer import LayerWriter, field_tube
+from ..grid.passes.runner import Tube
+from ..grid.tube.holes import Holes
 from .around import Around
 from .curvature import curvature
 from .fit import MOSTLY, REACHES, Drawing, Faults, fitted_offsets
@@ -121,7 +121,7 @@ class Promise:
     def placed(
         self, mesh: Chosen, parts: int, unit: int, tolerance: float, before: Fitted | None = None,
         *, lead: Sequence[Entry] = (), faults: Faults | None = None,
-    ) -> Fitted:  # fmt: skip
+    ) -> Fitted:
         """Where the curve is to cross the edges of a mesh so that it lies within a tolerance, if it can be.
 
         Parameters
@@ -148,11 +148,11 @@ class Promise:
         drawing = fitted_offsets(
             self.contour, [self.target(reach * tolerance) for reach in REACHES], self._leaves(tube), told.edges,
             told.parts, where, tolerance, faults=faults, around=around, fixed=fixed,
-        )  # fmt: skip
+        )
         if self.tried:
             self.tried()
         return Fitted(Places(self.field, low, high, ((2 * drawing.number + 1) << (OFFSET_BITS - 1)) // told.parts),
-                      drawing, size)  # fmt: skip
+                      drawing, size)
 
     def _around(self, places: NDArray[np.float64], tolerance: float) -> Around | None:
         """What lies around places where the curve is too far away; None if that is most of the curve."""

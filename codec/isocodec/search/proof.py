@@ -145,7 +145,7 @@ def pieces_of(points: NDArray[np.float64], cells: NDArray[np.int64]) -> NDArray[
 def one_sided(
     points: NDArray[np.float64], cells: NDArray[np.int64], target_points: NDArray[np.float64],
     target_cells: NDArray[np.int64], tolerance: float = 0.01,
-) -> float:  # fmt: skip
+) -> float:
     """Upper bound of how far points of the first lie from the second, at most ``tolerance`` above the truth.
 
     Infinite if only the second is empty, 0 if the first is.
@@ -171,7 +171,7 @@ def one_sided(
 def hausdorff(
     a_points: NDArray[np.float64], a_cells: NDArray[np.int64], b_points: NDArray[np.float64],
     b_cells: NDArray[np.int64], tolerance: float = 0.01,
-) -> tuple[float, float]:  # fmt: skip
+) -> tuple[float, float]:
     """Upper bounds of both one-sided distances, from a to b and from b to a."""
     return (
         one_sided(a_points, a_cells, b_points, b_cells, tolerance),

@@ -91,7 +91,7 @@ def places_on(points: FloatMatrix, cells: IntMatrix, piece: IntVector, weight: F
 def slopes_of(
     points: FloatMatrix, way: FloatMatrix, cells: IntMatrix, piece: IntVector, weight: FloatMatrix, there: FloatMatrix,
     gap: FloatVector, slope: FloatMatrix,
-) -> None:  # fmt: skip
+) -> None:
     """Distances of places on pieces from others, and how they fall as the corners' points move along their edges.
 
     All are 0 where the piece is -1. ``there`` becomes the direction of each.
@@ -155,7 +155,7 @@ class Follow(NamedTuple):
 def sort_by_told(
     follow: Follow, cells: IntMatrix, piece: IntVector, slope: FloatMatrix, before: int, place: IntVector,
     samples: IntVector, slopes: FloatVector,
-) -> None:  # fmt: skip
+) -> None:
     """Move each told edge's ``place`` on by the samples that notice it; list them there unless ``samples`` is empty.
 
     Samples are numbered after those ``before``; they lie on pieces, or nowhere, as in `slopes_of`.

@@ -7,22 +7,24 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
+from ..grid.lattice.access import dimension
+from ..grid.lattice.access import members as member_count
+from ..grid.lattice.grid import grid_of
+from ..grid.lattice.slots import cubes, middle_of, slots
+from ..grid.lattice.store import copied as copied_store
+from ..grid.lattice.store import grown
+from ..grid.lattice.tables import AXES, cube_exponent
+from ..grid.lattice.vertex_set import GONE, Chosen, every_vertex, has
+from ..grid.tube.capacity import filled
+from ..grid.tube.state import Counters, truth
 from ..kernel import inner, kernel
 from ..kernel.types import BoolVolume, IntMatrix, IntVector
-from ..mesh.access import dimension
-from ..mesh.access import members as member_count
-from ..mesh.grid import grid_of
-from ..mesh.slots import cubes, middle_of, slots
-from ..mesh.store import copied as copied_store
-from ..mesh.store import grown
-from ..mesh.tables import AXES, cube_exponent
-from ..mesh.vertex_set import GONE, Chosen, every_vertex, has
-from ..tube.capacity import filled
-from ..tube.state import Counters, truth
 from .buckets import STACK
 from .component_search import BLOCK, busy_of
 from .distortion import Carried, too_far
-from .domain import (
+from .location import diamonds_of, found_leaves
+from .proof import Target
+from .reduced import (
     EXACT_POINTS,
     FAILED,
     NEEDED,
@@ -37,8 +39,6 @@ from .domain import (
     place_of,
     set_flags,
 )
-from .location import diamonds_of, found_leaves
-from .proof import Target
 from .topology import safe
 
 _number_of, _place_of = inner(number_of), inner(place_of)
@@ -186,7 +186,7 @@ class Reduction:
     def __init__(
         self, signs: NDArray[np.bool_], phi: NDArray[np.float32], points: NDArray[np.float64],
         start: Chosen | None = None, busy: NDArray[np.bool_] | None = None,
-    ) -> None:  # fmt: skip
+    ) -> None:
         self.shape = signs.shape
         self.n = n = signs.ndim
         self.k = cube_exponent(signs.shape)
@@ -195,7 +195,7 @@ class Reduction:
         signs = signs.reshape(padded)
         chosen = every_vertex(self.shape) if start is None else copied(start)
         self.domain = Domain(grid_of(self.shape), counters, signs, phi.reshape(padded), chosen, np.zeros(ROOM),
-                             EXACT_POINTS, 0)  # fmt: skip
+                             EXACT_POINTS, 0)
         self.points = np.zeros((len(points), AXES), np.float32)
         self.points[:, :n] = points
         self.busy = busy_of(signs) if busy is None else busy
@@ -209,7 +209,7 @@ class Reduction:
         self, *, topology: bool = False, crossing: bool = False, level: int | None = None, coarsest: int = 0,
         distortion: float | None = None, original: Target | None = None, parts: int = EXACT_POINTS, unit: int = 0,
         curvature: NDArray[np.float64] | None = None, kappa: float = 0.0,
-    ) -> None:  # fmt: skip
+    ) -> None:
         """Take vertices away while all criteria that are given allow it.
 
         Parameters
@@ -275,7 +275,7 @@ class Reduction:
     def restore(
         self, places: NDArray[np.float64], most: Chosen | None = None, share: float = 1.0,
         leaves: NDArray[np.int64] | None = None,
-    ) -> int:  # fmt: skip
+    ) -> int:
         """Bisect the leaves at some places; how many vertices that put back.
 
         Topology that was kept so far stays kept: each vertex that is left out could go by itself, whatever else stays.

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..layers.plan import Entry
-from ..mesh.vertex_set import Chosen
+from ..grid.lattice.vertex_set import Chosen
+from ..grid.layers.plan import Entry
 from .fit import Faults
 from .promise import Fitted, Promise, onto
 from .reduction import Reduction, distinct
@@ -60,7 +60,7 @@ class Kept:
 def repaired(
     promise: Promise, reduction: Reduction, tolerance: float, pitch: tuple[int, int], lead: Sequence[Entry] = (), *,
     most: float = math.inf, course: Course | None = None,
-) -> Kept | None:  # fmt: skip
+) -> Kept | None:
     """A mesh as reduced, with vertices put back and points fitted until the promise is kept; None if it cannot be.
 
     Parameters

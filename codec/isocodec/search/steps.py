@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 from ..errors import OptionError
 from ..format.kinds import ADAPTIVE, LayerKind
-from ..layers.plan import PROMISE
-from ..mesh.vertex_set import Chosen
+from ..grid.lattice.vertex_set import Chosen
+from ..grid.layers.plan import PROMISE
 from .promise import Promise
 from .repair import MOST_REPAIRS, Plan, repaired
 from .strategy import EXACT, NotKeptError, base_of, smallest, whole_mesh

@@ -13,7 +13,7 @@ from collections.abc import Iterator, Sequence
 from isospec.container import MAX_RADIX
 
 from ..errors import OptionError
-from ..mesh.vertex_set import Chosen
+from ..grid.lattice.vertex_set import Chosen
 from .promise import Promise
 from .repair import BEHIND, MOST_REPAIRS, Course, Plan, repaired
 from .tolerance import Slack, grid_offsets, pitches, radices
@@ -56,7 +56,7 @@ def grid_plan(n: int, full: int, base_level: int | None) -> Plan:
         raise OptionError(
             f"base level {level}; for this field it lies between 0 and {full}", code="base-level",
             remedy=f"the full grid is level {full}",
-        )  # fmt: skip
+        )
     plan: Plan = [("base", level)]
     if level < full:
         plan.append(("refine", None))
@@ -103,7 +103,7 @@ def _better(promise: Promise, tolerance: float, plan: Plan, best: _Found) -> _Fo
 def _meshed(
     promise: Promise, tolerance: float, start: Chosen, lead: Plan, best: _Found, tried: Sequence[tuple[int, int]],
     course: Course, topology: bool = False,
-) -> tuple[_Found, list[tuple[int, int]]]:  # fmt: skip
+) -> tuple[_Found, list[tuple[int, int]]]:
     """The best plan, or a better one on a mesh to begin with; which of the parts and units ``tried`` do well there.
 
     ``lead`` leads to a part of the mesh.
@@ -218,7 +218,7 @@ def within(
         raise NotKeptError(
             f"no mesh was proven to keep to a distortion of {distance:g}", code="criterion",
             remedy="use a larger one, or tell crossings more finely",
-        )  # fmt: skip
+        )
     return best[1]
 
 
@@ -239,7 +239,7 @@ def reduced(promise: Promise, criterion: str, parameter: float | None, topology:
                 raise OptionError(
                     f"the level is {parameter:g}, needed is a whole number up to that of the full grid, "
                     f"{promise.full_level}", code="criterion",
-                )  # fmt: skip
+                )
             reduction.reduce(topology=topology, level=int(parameter))
         case "curvature", float():
             reduction.reduce(topology=topology, curvature=promise.curvature(), kappa=parameter)
@@ -249,5 +249,5 @@ def reduced(promise: Promise, criterion: str, parameter: float | None, topology:
             raise OptionError(
                 f"unknown criterion {criterion!r}", code="criterion",
                 remedy="crossing, curvature, distortion, topology or level",
-            )  # fmt: skip
+            )
     return [("adaptive_base", 0, reduction.chosen)]

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from ..drawing.drawing import draw
 from ..field.samples import Field
-from ..mesh.tables import AXES
+from ..grid.lattice.tables import AXES
 from .promise import Promise, onto
 from .reduction import Reduction, distinct
 from .strategy import NotKeptError, Plan, base_of

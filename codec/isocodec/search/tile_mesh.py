@@ -7,9 +7,9 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from ..mesh.levels import levels_of
-from ..mesh.tables import AXES, cube_exponent
-from ..mesh.vertex_set import Chosen
+from ..grid.lattice.depth import levels_of
+from ..grid.lattice.tables import AXES, cube_exponent
+from ..grid.lattice.vertex_set import Chosen
 from .promise import Promise
 from .repair import Course, repaired
 from .strategy import BACK, LOOSE, SPACING, Plan, base_of, even_starts

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..field.samples import OFFSET_BITS
-from ..mesh.levels import levels_of
+from ..grid.lattice.depth import levels_of
 from .promise import Promise, onto
 from .strategy import NotKeptError, Plan
 from .tile_faces import Faces, bisected, is_rough
@@ -115,7 +115,7 @@ class _Slack:
     def __init__(
         self, phi: NDArray[np.float32], tolerance: float,
         fixed: Callable[[NDArray[np.int64], NDArray[np.int64]], NDArray[np.bool_]],
-    ) -> None:  # fmt: skip
+    ) -> None:
         self._phi, self._tolerance, self._fixed = phi, tolerance, fixed
         self._share = np.ones(phi.shape, np.float32)
 

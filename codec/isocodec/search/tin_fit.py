@@ -9,13 +9,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ..domain.coded_tin import Layers
-from ..domain.criteria import AT1, SQUARED
-from ..domain.exchange import ROUNDS, exchange
-from ..domain.fitting import fit
-from ..domain.insertion import fewest
-from ..domain.points import Points
-from ..domain.thinning import Thinning, thin_to, thinning
+from ..tin.coded_tin import Layers
+from ..tin.criteria import AT1, SQUARED
+from ..tin.fitting import fit
+from ..tin.insertion import fewest
+from ..tin.points import Points
+from ..tin.swapping import ROUNDS, exchange
+from ..tin.thinning import Thinning, thin_to, thinning
 
 MOST_PALETTE = 24
 """Values that a field has at most, for its points to have no others."""
@@ -83,7 +83,7 @@ def within(given: Points, error: float) -> Chosen:
 
 def along_contours(
     given: Points, isovalues: Sequence[float], allowed: NDArray[np.float64], step: float
-) -> Chosen:  # fmt: skip
+) -> Chosen:
     """Points such that the surface misses no value by more than is allowed there; values in steps, on their sides.
 
     Parameters

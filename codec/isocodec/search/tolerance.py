@@ -13,7 +13,7 @@ from isospec.container import MAX_PARTS, MAX_RADIX
 
 from ..errors import OptionError
 from ..field.samples import OFFSET_BITS
-from ..layers.plan import Entry
+from ..grid.layers.plan import Entry
 
 PITCHES = {2: (2.7, 3), 3: (2.0, 2)}
 """Coarsest pitch of offsets that is tried, in units of the tolerance, and how many, for curves and for surfaces."""

@@ -11,11 +11,11 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..grid.lattice.access import dimension, member
+from ..grid.lattice.access import members as member_count
+from ..grid.lattice.grid import clamped
 from ..kernel import inner
-from ..mesh.access import dimension, member
-from ..mesh.access import members as member_count
-from ..mesh.grid import clamped
-from .domain import corner_at
+from .reduced import corner_at
 
 
 @inner

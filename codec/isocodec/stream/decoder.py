@@ -10,11 +10,11 @@ from isospec.container import ChunkType
 from ..drawing.contour import Contour
 from ..errors import FormatError, IsoError, LimitError, OptionError
 from ..format.chunks import CRITICAL, Envelope, read_envelope, verify
+from ..format.events import ChunkSkipped, Event, FrameRead, IsovalueRead, MaskComplete, SeriesRead
 from ..format.frames import first_operation
 from ..format.header import Header
-from ..layers.contents import LAYER_CHUNKS
-from ..layers.events import ChunkSkipped, Event, FrameRead, IsovalueRead, MaskComplete, SeriesRead
 from ..limits import Limits
+from .contents import LAYER_CHUNKS
 from .received import Received
 
 

@@ -11,22 +11,22 @@ from numpy.typing import NDArray
 
 from ..drawing.contour import Contour
 from ..drawing.drawing import draw_with_ends
-from ..drawing.mask import MaskRows
+from ..drawing.rows import MaskRows
+from ..drawing.snapshot import drawing_bytes, known_rows, leaves_of, state_of
 from ..drawing.tessellation import Tessellation, compact, inferred, tessellated
 from ..errors import LimitError, OptionError, TruncatedError
 from ..field.placement import read_placement
 from ..field.samples import interval_value
 from ..format.header import Header
+from ..grid.passes.runner import Tube
+from ..grid.tube.holes import Holes
 from ..limits import Budget, Limits
-from ..passes.runner import Tube
-from ..passes.snapshot import drawing_bytes, known_rows, leaves_of, state_of
-from ..tube.holes import Holes
 
 
 def contour_of(
     tube: Tube | None, isovalue: float, header: Header | None, metadata: Mapping[str, str], complete: bool,
     smooth: bool, budget: Budget, holes: Holes | None = None, through_holes: bool = False,
-) -> Contour:  # fmt: skip
+) -> Contour:
     """The contour of a tube; an empty one where there is none yet. ``through_holes`` draws what is missing, too."""
     if header is None:
         return Contour(np.zeros((0, 2)), np.zeros((0, 2), np.int64), float("nan"), (0, 0), False)
@@ -41,7 +41,7 @@ def contour_of(
 def ends_of(
     tube: Tube, isovalue: float, header: Header, complete: bool, budget: Budget, holes: Holes | None,
     smooth: bool = False, through_holes: bool = False,
-) -> tuple[Contour, NDArray[np.int64]]:  # fmt: skip
+) -> tuple[Contour, NDArray[np.int64]]:
     """The contour of a tube, and between which samples its points lie: see `draw_with_ends`."""
     budget.check(drawing_bytes(tube))
     leaves = leaves_of(tube, isovalue, lambda steps, above: interval_value(isovalue, header.scale, steps, above), holes)
@@ -60,12 +60,12 @@ def mask_rows_of(
             raise TruncatedError(
                 "too little has been received to tell which samples lie above", code="truncated", offset=received,
                 clause="9.7", remedy="feed more of the file",
-            )  # fmt: skip
+            )
         raise OptionError(
             "the file does not hold which samples lie above: its mesh is coarser than the samples", code="mask",
             remedy="take the whole file if this one was cut, or encode signs alone, exact values, or with a "
             "tolerance below 0.1",
-        )  # fmt: skip
+        )
     _check_samples(tube.shape, limits)
     rows = known_rows(tube, last_first)
     budget.check(rows.bytes)
@@ -75,13 +75,13 @@ def mask_rows_of(
 def valid_rows_of(
     mask: Tube | None, header: Header | None, received: int, complete: bool, last_first: bool, limits: Limits,
     budget: Budget,
-) -> MaskRows:  # fmt: skip
+) -> MaskRows:
     """Which samples are valid, by rows; ``mask`` is the tube of the mask, None where there is none."""
     if header is None or (mask is None and not complete):
         raise TruncatedError(
             "too little has been received to tell which samples are valid", code="truncated", offset=received,
             clause="9.8", remedy="feed more of the file",
-        )  # fmt: skip
+        )
     if mask is not None:
         return mask_rows_of(mask, received, complete, last_first, limits, budget)
     _check_samples(header.shape, limits)
@@ -95,7 +95,7 @@ def _check_samples(shape: tuple[int, ...], limits: Limits) -> None:
         raise LimitError(
             f"a mask of {math.prod(shape):,} samples, more than {limits.samples:,}",
             code="limit-samples", clause="11.2", remedy="raise Limits.samples (--limit-samples) if that is wanted",
-        )  # fmt: skip
+        )
 
 
 def mesh_of(tube: Tube | None, n: int, budget: Budget) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
@@ -110,7 +110,7 @@ def mesh_of(tube: Tube | None, n: int, budget: Budget) -> tuple[NDArray[np.int64
 def tessellation_of(
     tube: Tube | None, isovalue: float, header: Header | None, metadata: Mapping[str, str], complete: bool,
     whole: bool, budget: Budget,
-) -> Tessellation:  # fmt: skip
+) -> Tessellation:
     """The mesh of a tube, with signs and levels: that of the whole box, or its crossed leaves alone."""
     if tube is None or header is None or tube.origin_above is None or (whole and tube.running == "base"):
         raise TruncatedError("too little has been received to tell the mesh", code="truncated", clause="4.7")

@@ -26,22 +26,22 @@ from ..format.frames import FRAME_BEFORE
 from ..format.header import Header
 from ..format.kinds import LayerKind
 from ..format.program import Layer, Progress, write_program
-from ..layers.plan import Entry
-from ..layers.writer import LayerWriter, encoded_mask, field_tube
-from ..mesh.tables import cube_exponent
-from ..names import CriterionName, Distance, Isovalues, ProfileName
-from ..passes.runner import Tube
+from ..grid.lattice.tables import cube_exponent
+from ..grid.layers.plan import Entry
+from ..grid.layers.writer import LayerWriter, encoded_mask, field_tube
+from ..grid.passes.runner import Tube
+from ..grid.tube.holes import Holes
 from ..search import strategy
-from ..search.domain import LINEAR_POINTS
 from ..search.ground_truth import truth_of
 from ..search.promise import Promise
+from ..search.reduced import LINEAR_POINTS
 from ..search.steps import stepwise
 from ..search.tolerance import NO_OFFSETS, grid_offsets, radices
-from ..tube.holes import Holes
-from .container import ContainerEncoder, beginning
-from .mapped import GivenWorld, check_axes, closed
+from .names import CriterionName, Distance, Isovalues, ProfileName
 from .options import DEFAULT_TOLERANCE, SEARCHED, Options, isovalues_of, nearest_before
+from .placing import GivenWorld, check_axes, closed
 from .plan_meshes import with_meshes
+from .session import ContainerEncoder, beginning
 
 
 @dataclass(frozen=True)
@@ -139,7 +139,7 @@ class Encoder(ContainerEncoder):
             preserve_topology=preserve_topology, steps=steps, criterion=criterion, parameter=parameter,
             leaning=leaning, plan=plan, profile=profile, metadata=metadata, placement=placement,
             coordinates=coordinates, coordinates_error=coordinates_error, periodic=periodic, period=period,
-        )  # fmt: skip
+        )
         self.isovalues = isovalues_of(isovalue)
         self._fields, gone = self._sampled(field, mask)
         self._truths = [truth_of(one) for one in self._fields]
@@ -227,7 +227,7 @@ class Encoder(ContainerEncoder):
                 raise OptionError("the plan has no layers", code="plan", remedy='begin it with ("base", level)')
             field, truth = self._fields[number], self._truths[number]
             return with_meshes(plan, self._full_level, -1 if lean is None else lean.strand.progress.level,
-                               lambda: Promise(field, truth=truth, holes=self._holes))  # fmt: skip
+                               lambda: Promise(field, truth=truth, holes=self._holes))
         values: list[Entry] = [(LayerKind.VALUES, None)] if o.exact or o.step is not None else []
         fine = None if values or o.signs_only else o.tolerance or DEFAULT_TOLERANCE
         # crossings of the planes that close an axis have to be the same ones
@@ -347,7 +347,7 @@ class Encoder(ContainerEncoder):
                 raise OptionError(
                     "an adaptive layer of the plan leaves out new components that there are", code="plan",
                     remedy='("adapt", 1, mesh)',
-                ) from error  # fmt: skip
+                ) from error
             payload = write_program(strand.layers[done:end], program, strand.bits) + run
             done = end
             ends = last and done == len(strand.layers)

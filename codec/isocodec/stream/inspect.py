@@ -13,13 +13,13 @@ from ..errors import FormatError, OptionError, TruncatedError
 from ..format.chunks import CHECKSUM_BYTES, Envelope, LayerRecord, Promises, read_envelope, verify, whole_bytes
 from ..format.coordinates import CoordinatesRecord
 from ..format.domain import DomainHead, read_mesh_layer
+from ..format.events import FrameRead, IsovalueRead, LayerComplete
 from ..format.frames import first_operation, is_key
 from ..format.header import Header, read_header, varint
 from ..format.program import Layer, Progress, read_program
-from ..layers.contents import LAYER_CHUNKS, Contents
-from ..layers.events import FrameRead, IsovalueRead, LayerComplete
+from ..grid.lattice.tables import cube_exponent
 from ..limits import Limits
-from ..mesh.tables import cube_exponent
+from .contents import LAYER_CHUNKS, Contents
 
 _NAMES = {t.value: t.name.lower() for t in ChunkType}
 
@@ -156,7 +156,7 @@ class FileInfo:
             raise OptionError(
                 f"the file has no isovalue {isovalue!r}", code="isovalue",
                 remedy=f"it has {', '.join(map(repr, self.isovalues))}",
-            )  # fmt: skip
+            )
         return self.isovalues.index(isovalue)
 
     def chain(self, number: int) -> frozenset[int]:
@@ -277,7 +277,7 @@ def inspect(data: bytes, symbols: bool = False, limits: Limits | None = None) ->
                         LayerInfo(
                             layer.kind, layer.level, layer.plane, layer.parts, place, isovalue=number, frame=frame
                         )
-                    )  # fmt: skip
+                    )
         elif chunk.type == ChunkType.MASK:
             contents.begin_mask(at)
             mask_bytes = end - chunk.start
@@ -308,7 +308,7 @@ def inspect(data: bytes, symbols: bool = False, limits: Limits | None = None) ->
         contents.metadata, contents.isovalues, contents.leans, [one.topology for one in contents.promises],
         mask_bytes if contents.masked else None, contents.interval, strands.frames(contents.interval, at),
         _in_words(contents.coordinates), contents.domain,
-    )  # fmt: skip
+    )
 
 
 def _in_words(record: CoordinatesRecord | None) -> str | None:

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from ..format.chunks import Envelope
 from ..format.header import Header
-from ..layers.beginning import mask_tube
-from ..layers.reader import MaskReader
+from ..grid.layers.beginning import mask_tube
+from ..grid.layers.reader import MaskReader
+from ..grid.passes.runner import Tube
+from ..grid.tube.holes import Holes
 from ..limits import Budget, Limits
-from ..passes.runner import Tube
-from ..tube.holes import Holes
 
 _ROOM = 4096
 

@@ -11,23 +11,23 @@ from numpy.typing import ArrayLike, NDArray
 
 from isospec.container import LAYER_LIMIT, ChunkType, DomainKind, MeshLayer
 
-from ..domain.coded_points import BYTES_PER_POINT, decoded_points
-from ..domain.complex import Complex, complex_of
-from ..domain.history import History, history_of
-from ..domain.isovalue import MeshIsovalue
-from ..domain.mesh_run import decoded_mesh
 from ..drawing.contour import Contour
 from ..drawing.explicit import crossed_edges, draw_cells
 from ..errors import FormatError, InputError, LimitError, OptionError
 from ..field.samples import interval_value
 from ..format.chunks import Envelope, read_envelope, verify
 from ..format.domain import DomainHead, MeshLayerHead, read_mesh_layer
+from ..format.events import ChunkSkipped, DomainRead, Event, FrameRead, IsovalueRead, MeshLayerComplete
 from ..format.frames import key_of
 from ..format.header import Header
-from ..layers.contents import Contents
-from ..layers.events import ChunkSkipped, DomainRead, Event, FrameRead, IsovalueRead, MeshLayerComplete
 from ..limits import WORK_PER_BYTE, Limits
-from .container import ContainerDecoder
+from ..mesh.coded_points import BYTES_PER_POINT, decoded_points
+from ..mesh.complex import Complex, complex_of
+from ..mesh.history import History, history_of
+from ..mesh.isovalue import MeshIsovalue
+from ..mesh.mesh_run import decoded_mesh
+from .contents import Contents
+from .session import ContainerDecoder
 
 REFUSED = (ChunkType.CUT_LAYERS, ChunkType.MASK)
 """Critical chunks that a file of an explicit domain does not have."""
@@ -131,7 +131,7 @@ class MeshDecoder(ContainerDecoder):
         points, cells = draw_cells(
             self._points, self._domain.mesh.cell[leaves], self._domain.mirrored[leaves], found.strand.sign == 1,
             found.edges[:, :2], self._ratio(found),
-        )  # fmt: skip
+        )
         return Contour(points, cells, found.value, (), self._ended, metadata=notes)
 
     def _coarse(self, found: MeshIsovalue, notes: dict[str, str]) -> Contour:
@@ -233,20 +233,20 @@ class MeshDecoder(ContainerDecoder):
             raise InputError(
                 f"the file was made on a mesh of {head.vertices} points and {head.cells} cells that it does not hold",
                 code="mesh", remedy="give that mesh (mesh=, --domain)",
-            )  # fmt: skip
+            )
         points, cells = np.asarray(self._mesh[0]), np.asarray(self._mesh[1])
         shapes = (head.vertices, head.d), (head.cells, n + 1)
         if (points.shape, cells.shape) != shapes:
             raise InputError(
                 f"the mesh has points {points.shape} and cells {cells.shape}, the file's {shapes[0]} and {shapes[1]}",
                 code="mesh", remedy="give the mesh that the file was made on",
-            )  # fmt: skip
+            )
         domain, coordinates = complex_of(points, cells, head.exponent)
         if domain.digest != head.digest:
             raise InputError(
                 f"the mesh has the SHA-256 {domain.digest.hex()}.., the file's has {head.digest.hex()}..", code="mesh",
                 remedy="give the mesh that the file was made on, its points and cells in the same order",
-            )  # fmt: skip
+            )
         return domain, coordinates
 
     def _begin_in_frame(self, event: FrameRead) -> None:
@@ -295,7 +295,7 @@ class MeshDecoder(ContainerDecoder):
             raise LimitError(
                 f"takes more time than {self.limits.work:,} units of work", code="limit-work", clause="11.2",
                 remedy="raise Limits.work (--limit-work) if the file is trusted",
-            )  # fmt: skip
+            )
 
     def _read_layer(self, payload: bytes, start: int, behind: int) -> Event:
         present = None if self._skipped else self._strands[-1]

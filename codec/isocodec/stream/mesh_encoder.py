@@ -12,23 +12,23 @@ from numpy.typing import ArrayLike, NDArray
 
 from isospec.container import ChunkType, DomainKind, MeshLayer, Profile
 
-from ..domain.coded_points import encoded_points, triangulated
-from ..domain.complex import complex_of
-from ..domain.geometry import STEPS, active_vertices, parts_of
-from ..domain.history import has_levels, history_of
-from ..domain.isovalue import MeshIsovalue
-from ..domain.mesh_run import encoded_mesh
-from ..domain.quantised import Quantised, quantised, refitted, rounded_apart
 from ..errors import InputError, OptionError
 from ..field.samples import Field, isovalue_of
 from ..format.chunks import write_chunk, write_further
 from ..format.domain import MOST_STEP, DomainHead, MeshLayerHead, read_domain, write_domain, write_mesh_layer
 from ..format.frames import FRAME_BEFORE, is_key, write_frame, write_interval
 from ..format.header import Header
-from ..names import Isovalues, MeshName
-from .container import ContainerEncoder, beginning
+from ..mesh.coded_points import encoded_points, triangulated
+from ..mesh.complex import complex_of
+from ..mesh.history import has_levels, history_of
+from ..mesh.isovalue import MeshIsovalue
+from ..mesh.mesh_run import encoded_mesh
+from ..mesh.positions import STEPS, active_vertices, parts_of
+from ..mesh.quantised import Quantised, quantised, refitted, rounded_apart
 from .mesh_decoder import coordinates_of
+from .names import Isovalues, MeshName
 from .options import Options, check_interval, isovalues_of, nearest_before
+from .session import ContainerEncoder, beginning
 
 FINER = 3
 """How many times as many vertices are told after a layer of signs than before it, at least."""
@@ -82,7 +82,7 @@ class MeshEncoder(ContainerEncoder):
             raise OptionError(
                 f"cells are {'not ' * (cells is None)}given, and the mesh is {mesh!r}", code="mesh",
                 remedy="a Delaunay triangulation follows from points alone; any other mesh has cells",
-            )  # fmt: skip
+            )
         if cells is None:
             points, cells, values = triangulated(points, values)
         self.options = Options(
@@ -283,7 +283,7 @@ def vertex_field(values: NDArray[Any], vertices: int, cells: int, isovalue: floa
         raise InputError(
             "a value for each cell, needed is one for each point", code="values",
             remedy="average the cells around each point, or encode the dual mesh",
-        )  # fmt: skip
+        )
     if found.shape != (vertices,):
         raise InputError(f"the values have shape {found.shape}, needed is ({vertices},)", code="values")
     if found.dtype.kind == "b":
@@ -294,7 +294,7 @@ def vertex_field(values: NDArray[Any], vertices: int, cells: int, isovalue: floa
             raise InputError(
                 f"values are missing (NaN): points {', '.join(map(str, bad))} ..", code="missing",
                 remedy="leave out the cells that have them",
-            )  # fmt: skip
+            )
         signs = found > np.float64(isovalue)
     else:
         signs = found > math.floor(isovalue)

@@ -16,10 +16,10 @@ from isospec.container import MAX_ISOVALUES, Profile
 from ..errors import OptionError
 from ..field.placement import PLACEMENT, placement_of, read_placement, write_placement
 from ..field.samples import isovalue_of
-from ..layers.plan import Entry
-from ..names import CriterionName, Distance, ProfileName
+from ..grid.layers.plan import Entry
 from ..search.strategy import EXACT
 from ..search.tolerance import radices
+from .names import CriterionName, Distance, ProfileName
 
 DEFAULT_TOLERANCE = 0.05
 """Largest distance in cells between decoded and extracted curve when nothing else is asked for."""
@@ -32,7 +32,7 @@ MESHES = ("base_level", "steps", "criterion")
 EXCLUSIVE = (
     PRECISIONS, MESHES,
     *(("plan", name) for name in (*PRECISIONS, *MESHES, "preserve_topology") if name != "step"),
-)  # fmt: skip
+)
 """Of each of these groups an encoder takes one option."""
 
 
@@ -140,12 +140,12 @@ class Options:
             raise OptionError(
                 "a placement and coordinates or periodic axes contradict one another", code="options",
                 remedy="give coordinates instead of the placement",
-            )  # fmt: skip
+            )
         if self.periodic is not None and self.chooses_mesh:
             raise OptionError(
                 f"periodic and {self.chooses_mesh} contradict one another: the mesh must be the same at both ends of "
                 "the axis", code="periodic", remedy=f"use exact, step, signs_only or a tolerance below {SEARCHED:g}",
-            )  # fmt: skip
+            )
 
     @property
     def chooses_mesh(self) -> str:
@@ -154,7 +154,7 @@ class Options:
             "plan": self.plan is not None, "steps": self.steps is not None, "criterion": self.criterion is not None,
             "tolerance": self.tolerance is not None and self.tolerance >= SEARCHED,
             "preserve_topology": self.preserve_topology,
-        }  # fmt: skip
+        }
         return next((name for name, given in chosen.items() if given), "")
 
     def _check_criterion(self) -> None:
@@ -185,7 +185,7 @@ class Options:
             raise OptionError(
                 f"the note {PLACEMENT}, {notes[PLACEMENT]!r}, cannot be understood by a reader",
                 code="placement", remedy="see clause 3.7.2, or give the numbers as the option of that name",
-            )  # fmt: skip
+            )
         return notes
 
     def plan_for(self, isovalue: float) -> Sequence[Entry] | None:
@@ -262,7 +262,7 @@ def _steps_of(steps: object) -> tuple[float, ...] | None:
             raise OptionError(
                 f"a step of {step!r}; it must be a number of cells from {SEARCHED:g} on", code="steps",
                 remedy="the last one may be exact",
-            )  # fmt: skip
+            )
     if not out:
         raise OptionError("no steps", code="steps", remedy="for example 4, 1, 0.25")
     return out
@@ -307,5 +307,5 @@ def check_interval(interval: int) -> int:
         raise OptionError(
             f"interval is {interval}; it must be a whole number from 0 on", code="interval",
             remedy="0 lets all frames but the first lean on the one before",
-        )  # fmt: skip
+        )
     return int(interval)

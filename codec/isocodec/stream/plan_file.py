@@ -34,7 +34,7 @@ from math import isfinite
 from ..errors import OptionError
 from ..format.kinds import LayerKind
 from ..format.program import Progress, expand
-from ..layers.plan import Criteria, Entry, Line, where
+from ..grid.layers.plan import Criteria, Entry, Line, where
 from .options import nearest_before
 
 ISOVALUE = "isovalue"
@@ -70,7 +70,7 @@ def read_plan(text: str) -> Plan | dict[float, Plan]:
             raise _wrong(
                 at, "layers before the first isovalue" if everything else "given twice" if isovalue in sections
                 else "the isovalue before has no layers", "begin each isovalue with its own line, then its layers",
-            )  # fmt: skip
+            )
         layers = sections[isovalue] = []
     if not layers:
         raise OptionError("the plan has no layers", code="plan", remedy="begin with the line: base 0")
@@ -95,7 +95,7 @@ def isovalues_in(plan: Plan | Mapping[float, Plan], given: Sequence[float]) -> t
         raise OptionError(
             f"the plan is of the isovalues {', '.join(f'{v:g}' for v in plan)}, "
             f"those given are {', '.join(f'{v:g}' for v in given)}", code="plan", remedy="give none",
-        )  # fmt: skip
+        )
     return tuple(given or plan)
 
 

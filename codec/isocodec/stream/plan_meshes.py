@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 from ..format.kinds import ADAPTIVE, LayerKind
-from ..layers.plan import Criteria, Entry, Line
-from ..mesh.vertex_set import Chosen
+from ..grid.lattice.vertex_set import Chosen
+from ..grid.layers.plan import Criteria, Entry, Line
 from ..search.promise import Promise
 
 
@@ -62,7 +62,7 @@ def _reduced(original: Promise, start: Chosen | None, criteria: Criteria, coarse
         distortion=criteria.distortion,
         original=None if criteria.distortion is None else original.target(criteria.distortion),
         curvature=None if criteria.curvature is None else original.curvature(), kappa=criteria.curvature or 0.0,
-    )  # fmt: skip
+    )
     return reduction.chosen
 
 

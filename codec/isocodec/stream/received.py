@@ -14,20 +14,20 @@ from isospec.elements import ELEMENTS
 
 from ..drawing.contour import Contour
 from ..drawing.leaves import WholeCells
-from ..drawing.mask import MaskRows
+from ..drawing.rows import MaskRows
+from ..drawing.snapshot import state_of
 from ..drawing.tessellation import Tessellation
 from ..entropy.range_coder import Coder
 from ..errors import LimitError, OptionError, out_of_memory
 from ..field.mapped import Mapped
 from ..format.program import Layer, Progress
-from ..layers.contents import Contents
-from ..layers.reader import LayerReader
+from ..grid.layers.reader import LayerReader
+from ..grid.passes.runner import Tube
+from ..grid.tube.decoded import Decoded
 from ..limits import Limits
-from ..passes.runner import Tube
-from ..passes.snapshot import state_of
-from ..tube.decoded import Decoded
-from .container import ContainerDecoder
+from .contents import Contents
 from .drawn import contour_of, ends_of, mask_rows_of, mesh_of, tessellation_of, valid_rows_of
+from .session import ContainerDecoder
 from .tubes import Tubes
 from .world import World
 

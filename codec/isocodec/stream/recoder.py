@@ -14,8 +14,8 @@ from ..errors import OptionError
 from ..field.samples import Field
 from ..field.told import Told, near_values, told_values
 from ..format.kinds import LayerKind
-from ..layers.plan import Entry
-from ..tube.decoded import Decoded
+from ..grid.layers.plan import Entry
+from ..grid.tube.decoded import Decoded
 from .decoder import Decoder
 from .encoder import Encoder
 
@@ -72,7 +72,7 @@ def source_of(state: Decoded, field: Field, what: str) -> Source:
     signs, isovalue, scale, gone = field.signs, field.isovalue, field.scale, field.gone
     n = signs.ndim
     in_part = OptionError(f"{what} tells values or crossings in part, or both", code="recode",
-                          remedy="give signs_only, or encode the field itself again")  # fmt: skip
+                          remedy="give signs_only, or encode the field itself again")
     if (state.missing >= 0).any():
         beside = _beside(signs, gone)[tuple(state.position.T)]
         if len(state.edge_parts) or (state.missing[beside] > 0).any():

@@ -14,10 +14,10 @@ from isospec.container import Checksum, ChunkType
 from ..errors import InputError, OptionError
 from ..format.chunks import write_chunk, write_further
 from ..format.frames import FRAME_BEFORE, as_last, is_key, write_frame, write_interval
-from ..layers.writer import LayerWriter
-from ..names import Isovalues
-from ..tube.holes import Holes
+from ..grid.layers.writer import LayerWriter
+from ..grid.tube.holes import Holes
 from .encoder import Earlier, Encoder
+from .names import Isovalues
 from .options import EncodeOptions, check_interval
 
 
@@ -51,7 +51,7 @@ class SeriesEncoder:
 
     def __init__(
         self, isovalue: Isovalues, *, interval: int = 0, **options: Unpack[EncodeOptions]
-    ) -> None:  # fmt: skip
+    ) -> None:
         self._isovalue = isovalue
         self._interval = check_interval(interval)
         self._options = options
@@ -136,12 +136,12 @@ class SeriesEncoder:
             raise InputError(
                 f"frame {self._frames} has the shape {_shape(field.shape)}, those before {_shape(shape)}",
                 code="frames", remedy="frames of one file have one shape",
-            )  # fmt: skip
+            )
         if field.dtype != self._dtype:
             raise InputError(
                 f"frame {self._frames} holds {field.dtype}, those before {self._dtype}", code="frames",
                 remedy="convert all frames to one type",
-            )  # fmt: skip
+            )
 
 
 class _FrameEncoder(Encoder):
@@ -150,7 +150,7 @@ class _FrameEncoder(Encoder):
     def __init__(
         self, field: NDArray[Any], isovalue: Isovalues, before: _FrameEncoder | None, key: bool,
         options: Mapping[str, Any],
-    ) -> None:  # fmt: skip
+    ) -> None:
         self._first = before is None
         self._earlier: list[LayerWriter] = [] if before is None or key else before._strands
         self._key = key
@@ -169,7 +169,7 @@ class _FrameEncoder(Encoder):
             raise InputError(
                 "other samples are missing than in the first frame", code="frames",
                 remedy="fill them, or give one mask for all frames",
-            )  # fmt: skip
+            )
         self._gone = before._gone
         return before._mask_run, before._holes
 
@@ -211,7 +211,7 @@ class _FrameEncoder(Encoder):
 def encode_frames(
     fields: Sequence[ArrayLike], isovalue: Isovalues, *, interval: int = 0,
     **options: Unpack[EncodeOptions],
-) -> bytes:  # fmt: skip
+) -> bytes:
     """Encode a series of frames of one shape into one file: time steps, slices, channels.
 
     Parameters

@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
+from ..format.events import LayerComplete
 from ..format.kinds import GEOMETRY
-from ..layers.events import LayerComplete
 from ..limits import Limits
 from .decoder import Decoder
 
@@ -116,7 +116,7 @@ def statistics(data: bytes, limits: Limits | None = None) -> FileStatistics:
                     str(event.layer.kind), event.layer.level, decoder.present[1], 8 * event.bytes,
                     sum(event.symbols.get(name, 0) for name in SIGNS), right - before,
                 )
-            )  # fmt: skip
+            )
             before = right
     contours = []
     for number in range(len(decoder.isovalues)):
@@ -141,4 +141,4 @@ def _contour(decoder: Decoder, number: int, layers: Sequence[LayerStatistics]) -
     return ContourStatistics(
         decoder.isovalues[number], pixels, len(simplices), vertices, faces,
         sum(layer.bits for layer in layers) - geometry, geometry, sum(layer.signs for layer in layers),
-    )  # fmt: skip
+    )

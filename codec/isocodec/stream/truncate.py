@@ -9,9 +9,9 @@ from isospec.container import Checksum, ChunkType, write_varint
 from ..entropy.range_coder import cut
 from ..errors import OptionError, TruncatedError
 from ..format.chunks import CHECKSUM_BYTES, read_envelope, whole_bytes, write_chunk
+from ..format.events import LayerComplete
 from ..format.frames import as_last
 from ..format.program import write_program
-from ..layers.events import LayerComplete
 from ..limits import Limits
 from .decoder import Decoder
 from .inspect import inspect
@@ -83,7 +83,7 @@ def _first_chunks(data: bytes, layers: int | None, max_bytes: int | None) -> byt
         raise OptionError(
             f"only {len(there)} whole layers have been received", code="layers",
             remedy="ask for fewer, or for a number of bytes",
-        )  # fmt: skip
+        )
     for chunk in reversed(there[:layers]):
         end = read_envelope(data, chunk.offset)
         assert end is not None
@@ -94,7 +94,7 @@ def _first_chunks(data: bytes, layers: int | None, max_bytes: int | None) -> byt
     raise OptionError(
         f"{max_bytes} bytes are too few for this file's mesh and a layer" if there else "no layer has been received",
         code="max-bytes", remedy="the mesh and a surface in a file cannot be cut",
-    )  # fmt: skip
+    )
 
 
 def _whole(data: bytes, limits: Limits | None) -> bool:

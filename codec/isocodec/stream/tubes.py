@@ -6,14 +6,14 @@ from collections.abc import Collection
 from dataclasses import replace
 
 from ..errors import LimitError, OptionError
+from ..format.events import FrameRead
 from ..format.frames import key_of
 from ..format.header import Header
 from ..format.program import Progress
-from ..layers.beginning import leaning_tube
-from ..layers.contents import Contents
-from ..layers.events import FrameRead
+from ..grid.layers.beginning import leaning_tube
+from ..grid.passes.runner import Tube
 from ..limits import Budget, Limits
-from ..passes.runner import Tube
+from .contents import Contents
 from .mask_strand import MaskStrand
 
 _ROOM = 4096
@@ -49,7 +49,7 @@ class Tubes:
     def __init__(
         self, limits: Limits, data: bytearray, contents: Contents, budget: Budget, only: Collection[int] | None,
         frame: int | None = None,
-    ) -> None:  # fmt: skip
+    ) -> None:
         self.all: list[Tube | None] = []
         self.before: list[Tube | None] = []
         self.progresses: list[Progress] = []
@@ -146,7 +146,7 @@ class Tubes:
         return leaning_tube(
             header, isovalues[number], earlier, other, _ROOM, self._left(), budget=self._budget, holes=self.mask.holes,
             frame=before,
-        )  # fmt: skip
+        )
 
     def _left(self) -> Limits:
         """What one more tube may have: those of a file may not have more than a single one."""
@@ -154,7 +154,7 @@ class Tubes:
         return replace(
             whole, vertices=max(whole.vertices - sum(tube.vertices for tube in tubes), 0),
             simplices=max(whole.simplices - sum(tube.simplices for tube in tubes), 0),
-        )  # fmt: skip
+        )
 
     def begin_mask(self, header: Header, offset: int) -> None:
         """The chunk of the mask begins."""

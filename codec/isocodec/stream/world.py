@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from ..field.mapped import Mapped
 from ..format.coordinates import CoordinatesRecord
+from ..grid.passes.nodes import Grid, decode_run
 from ..limits import Budget
-from ..passes.coordinates import Grid, decode_run
 
 
 class World:

@@ -20,8 +20,8 @@ from numpy.typing import NDArray
 
 from ..drawing.contour import Contour
 from ..drawing.leaves import WholeCells
-from .filling import filled, loops_of
-from .grid import Index
+from .gaps import filled, loops_of
+from .layout import Index
 
 Line = tuple[int, Index]
 """A line of the grid: the axis that it runs along, and the samples that it begins with, 0 along that axis."""
@@ -89,7 +89,7 @@ class Closing:
 
     def __init__(
         self, parts: Sequence[Part], numbers: Sequence[NDArray[np.int64]], points: NDArray[np.float64]
-    ) -> None:  # fmt: skip
+    ) -> None:
         self._parts, self._numbers, self._points = parts, numbers, points
         self._ends = [part.ends + np.array(part.origin) for part in parts]
         self._n = points.shape[1]
@@ -224,7 +224,7 @@ class Closing:
 
     def _border(
         self, low: Index, edges: Sequence[Edge], axis: int, cube: int
-    ) -> list[tuple[Edge, bool]] | None:  # fmt: skip
+    ) -> list[tuple[Edge, bool]] | None:
         """Parts of the border of a square, or of an edge, that close what is there, and whether it begins at them.
 
         None if nothing does: near missing samples.

@@ -19,7 +19,8 @@ from ..format.chunks import write_chunk
 from ..format.header import Header
 from ..format.kinds import LayerKind
 from ..format.program import Progress, write_program
-from ..layers.writer import LayerWriter, encoded_mask, field_tube
+from ..grid.layers.writer import LayerWriter, encoded_mask, field_tube
+from ..grid.tube.holes import Holes
 from ..search.ground_truth import GroundTruth, truth_of
 from ..search.promise import Promise
 from ..search.strategy import NotKeptError, Plan, base_of
@@ -28,9 +29,8 @@ from ..search.tile_mesh import tile_plan
 from ..search.tile_volume import cubes_for, pitch_of, volume_plan
 from ..search.tolerance import Slack, grid_offsets
 from ..stream.options import DEFAULT_TOLERANCE, SEARCHED, Options
-from ..tube.holes import Holes
-from .container import Head, Kind, Stage
-from .grid import COARSEST, Index, TileGrid
+from .layout import COARSEST, Index, TileGrid
+from .structure import Head, Kind, Stage
 
 EDGES = (COARSEST, 2, 0)
 """Exponents of the edges of cubes that stages lead to."""
@@ -66,7 +66,7 @@ class Tiling:
             raise OptionError(
                 f"{chosen} and tiles contradict one another: their meshes have to be the same where they meet",
                 code="tiles", remedy=f"use exact, step, signs_only or a tolerance below {SEARCHED:g}",
-            )  # fmt: skip
+            )
         if o.periodic is not None or o.coordinates is not None:
             raise OptionError("coordinates and periodic axes are not for tiles", code="tiles", remedy="use a placement")
 
@@ -194,9 +194,9 @@ def encode_tile(window: ArrayLike, index: Index, tiling: Tiling) -> TileSegments
         tuple(_segments(replace(header, isovalue=field.isovalue), field, holes, index, tiling, mesh))
         if kind == Kind.CODED else (b"",) * stages
         for field, kind, mesh in zip(fields, kinds, meshes, strict=True)
-    )  # fmt: skip
+    )
     faces = tuple((_sealed(low, meshes, axis, 0), _sealed(high, meshes, axis, size[axis] - 1))
-                  for axis, (low, high) in enumerate(faces))  # fmt: skip
+                  for axis, (low, high) in enumerate(faces))
     return TileSegments(index, Kind.CODED if run else Kind.BELOW, run, kinds, segments, faces)
 
 
@@ -316,7 +316,7 @@ def _searched(
     if tiling.profile == Profile.MAIN and offsets:
         offsets[-1] = (*offsets[-1], 0, None, slack)
     promise = Promise(field, lambda: field_tube(header, field, truth, holes=holes), tiling.profile == Profile.MAIN,
-                      None, truth, holes, slack.on_face)  # fmt: skip
+                      None, truth, holes, slack.on_face)
     if faces is None:
         plan = tile_plan(promise, tolerance, coarse, shared, [*whole, *offsets])
     else:

@@ -16,11 +16,11 @@ from ..errors import LimitError, OptionError
 from ..field.placement import PLACEMENT, read_placement, unplaced, write_placement
 from ..field.samples import Field
 from ..format.chunks import write_chunk, write_further
+from ..grid.tube.decoded import Decoded
 from ..stream.recoder import Source, source_of
-from ..tube.decoded import Decoded
-from .container import Kind
-from .grid import Index
-from .reading import TiledFile, plain
+from .layout import Index
+from .structure import Kind
+from .tiled import TiledFile, plain
 
 
 class Extract:
@@ -61,7 +61,7 @@ class Extract:
             raise LimitError(
                 f"the box has {prod(self.size):,} samples, more than the limit of {file.limits.samples:,}",
                 code="limit-samples", clause="11.2", remedy="ask for a smaller box, or raise Limits.samples",
-            )  # fmt: skip
+            )
         self.notes = dict(file.metadata)
         placement = read_placement(self.notes, len(shape))
         placement = unplaced(len(shape)) if placement is None else placement
@@ -102,7 +102,7 @@ class Extract:
             raise OptionError(
                 "the file's meshes are coarser than its samples: only a tile can be taken out as it is", code="extract",
                 remedy=f"ask for the box of one tile ({one} samples), or decode the window",
-            )  # fmt: skip
+            )
         told = [self._told(number) for number in numbers]
         gone = np.logical_or.reduce([each for _, each, _ in told])
         missing = gone if gone.any() else None
@@ -156,7 +156,7 @@ class Extract:
             "position": position[kept], "above": state.above[kept], "missing": state.missing[kept],
             "number": state.number[kept], "edge_low": low[edges], "edge_high": high[edges],
             "edge_parts": state.edge_parts[edges], "edge_number": state.edge_number[edges],
-        }  # fmt: skip
+        }
 
 
 def _together(told: Sequence[Mapping[str, NDArray[Any]]], size: Index) -> Decoded:
@@ -165,7 +165,7 @@ def _together(told: Sequence[Mapping[str, NDArray[Any]]], size: Index) -> Decode
     none: dict[str, NDArray[Any]] = {
         "position": np.zeros((0, n), np.int64), "edge_low": np.zeros((0, n), np.int64),
         "edge_high": np.zeros((0, n), np.int64), "above": np.zeros(0, np.bool_),
-    }  # fmt: skip
+    }
     names = ("position", "above", "missing", "number", "edge_low", "edge_high", "edge_parts", "edge_number")
     whole = {
         name: np.concatenate([none.get(name, np.zeros(0, np.int64)), *(each[name] for each in told)]) for name in names

@@ -21,7 +21,9 @@ from isospec.container import (
 from ..errors import FormatError, InputError, TruncatedError
 from ..format.chunks import write_metadata
 from ..format.header import write_isovalue
-from .container import (
+from .layout import TileGrid
+from .numbers import Reader, wrong
+from .structure import (
     EXPONENTS,
     FIXED_BYTES,
     HEAD_BYTES,
@@ -33,8 +35,6 @@ from .container import (
     Root,
     Stage,
 )
-from .grid import TileGrid
-from .numbers import Reader, wrong
 
 _MASK, _SCALED = 0x80, 0x20
 MOST_BYTES = 1 << 62
@@ -68,7 +68,7 @@ def write_head(head: Head, leaves: Sequence[tuple[bytes, Sequence[int]]]) -> byt
         raise InputError(
             f"the notes and the root directory take {length:,} bytes; there is room for {HEAD_BYTES:,}", code="head",
             remedy="leave out notes, or take larger tiles or fewer isovalues",
-        )  # fmt: skip
+        )
     out = SIGNATURE + bytes([WRITER_VERSION << 4 | READ_VERSION, flags]) + length.to_bytes(2, "big") + body
     return out + Checksum.build(zlib.crc32(out))
 
@@ -106,7 +106,7 @@ def read_head(data: bytes) -> tuple[Head, Root]:
         raise FormatError(
             f"the file needs version {data[4] & 15} of the format, this reads up to {WRITER_VERSION}",
             code="version", offset=4, clause="3.3.1", remedy="update isocodec",
-        )  # fmt: skip
+        )
     reader = Reader(data, FIXED_BYTES, end - 4)
     flags = data[5]
     if flags & 0x5B & ~Profile.MAIN:
@@ -145,6 +145,6 @@ def read_head(data: bytes) -> tuple[Head, Root]:
         raise TruncatedError(
             "the file ends before its tiles do, which are longer than any file", code="truncated", offset=end,
             clause="12.4",
-        )  # fmt: skip
+        )
     whole = np.array(sizes, np.int64).reshape(total, head.areas)
     return head, Root(end, np.array(lengths, np.int64), np.array(checksums, np.int64), whole)

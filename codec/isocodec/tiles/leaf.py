@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from isospec.container import Checksum, write_varint
 
-from .container import Head, Kind, Leaf, groups_of
 from .numbers import Reader, wrong
+from .structure import Head, Kind, Leaf, groups_of
 
 
 def write_leaf(head: Head, leaf: Leaf) -> bytes:

@@ -9,11 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import InputError
-from .container import MOST_IN_BLOCK, Head, Kind, Leaf
 from .encoding import Tiling
-from .grid import Index, TileGrid
 from .head import write_head
+from .layout import Index, TileGrid
 from .leaf import checksums_of, write_leaf
+from .structure import MOST_IN_BLOCK, Head, Kind, Leaf
 
 BLOCK = {2: 5, 3: 3}
 """Exponent of the width of blocks, in tiles, as long as there is room for all of them in the root directory."""
@@ -69,7 +69,7 @@ class Tiles:
                 raise InputError(
                     f"tiles {here} and {there} had other samples in the row that they share: the field has changed "
                     "while it was read", code="changed", remedy="encode all tiles again from a field that stays",
-                )  # fmt: skip
+                )
 
 
 def merged(tiles: Tiles, read: Callable[[int, int], bytes]) -> Iterator[bytes]:

@@ -17,7 +17,7 @@ import numpy as np
 
 from ..errors import InputError
 from .encoding import TileSegments, Tiling, encode_tile
-from .grid import Index, in_order
+from .layout import Index, in_order
 from .spool import Spool
 
 AHEAD = 2
@@ -49,7 +49,7 @@ def end_with_parent() -> None:
 def run(
     field: Any, tiling: Tiling, spool: Spool, engine: Engine | None = None, workers: int = 1,
     progress: Callable[[int, int], object] | None = None,
-) -> None:  # fmt: skip
+) -> None:
     """Encode the tiles that a spool lacks.
 
     Parameters
@@ -183,4 +183,4 @@ def _died(index: Index) -> InputError:
     return InputError(
         f"the worker that encoded tile {index} died", code="worker",
         remedy="run the same again: tiles that were done are kept",
-    )  # fmt: skip
+    )

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from ..field.samples import missing_of
-from .grid import TileGrid, in_order
+from .layout import TileGrid, in_order
 
 
 def sample_range(

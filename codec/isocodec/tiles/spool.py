@@ -14,7 +14,7 @@ import numpy as np
 
 from ..errors import InputError, OptionError
 from .encoding import TileSegments, Tiling
-from .grid import Index
+from .layout import Index
 from .merging import Tiles
 
 _PIECE = 1 << 22
@@ -86,7 +86,7 @@ class Spool:
             raise OptionError(
                 f"{self.folder} has tiles of another field, or encoded with other options", code="spool",
                 remedy="remove it, or name another folder",
-            )  # fmt: skip
+            )
         end = 0
         if first != self._about:
             self._journal.seek(0)
@@ -179,7 +179,7 @@ def _record_of(tiles: Tiles) -> np.dtype[Any]:
             ("index", "<i8", (n,)), ("place", "<i8"), ("sum", "<u4"), ("kinds", "u1", (len(tiles.kinds),)),
             ("lengths", "<u4", (len(tiles.lengths),)), ("faces", "<u4", (n, 2)), ("check", "<u4"),
         ]
-    )  # fmt: skip
+    )
 
 
 def _description(tiling: Tiling) -> dict[str, object]:
@@ -189,7 +189,7 @@ def _description(tiling: Tiling) -> dict[str, object]:
         "shape": tiling.grid.shape, "tile": 1 << tiling.grid.exponent, "isovalues": tiling.isovalues,
         "exact": o.exact, "step": o.step, "tolerance": o.tolerance, "signs_only": o.signs_only, "profile": o.profile,
         "dtype": tiling.dtype, "missing": "hole", "cubes": tiling.cubes, "version": 0,
-    }  # fmt: skip
+    }
 
 
 def _line(tiling: Tiling) -> bytes:

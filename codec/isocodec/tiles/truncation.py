@@ -8,10 +8,10 @@ from dataclasses import replace
 import numpy as np
 
 from ..errors import OptionError, TruncatedError
-from .container import Leaf
 from .head import write_head
 from .leaf import write_leaf
-from .reading import KEPT_LEAVES, TiledFile
+from .structure import Leaf
+from .tiled import KEPT_LEAVES, TiledFile
 
 _PIECE = 1 << 22
 
@@ -48,6 +48,6 @@ def first_stages(file: TiledFile, count: int) -> Iterator[bytes]:
         piece = file.fetch(at, min(at + _PIECE, end))
         if not piece:
             raise TruncatedError(f"the file ends at {at:,}, before its tiles do", code="truncated", offset=at,
-                                 clause="12.4")  # fmt: skip
+                                 clause="12.4")
         yield piece
         at += len(piece)

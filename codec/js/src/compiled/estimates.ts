@@ -181,7 +181,7 @@ export class Estimates {
       m.words(listed).fill(active.size);
       for (let i = 0; i < active.size; i++) m.words(listed)[m.number(active, i)] = i;
       this.near = this.instead(this.near, m.array("int32", [active.size, around.length / 3]));
-      m.call("models_values__enter_nearby", st, active, listed, by, this.near);
+      m.call("models_value_bits__enter_nearby", st, active, listed, by, this.near);
       this.told = this.instead(this.told, m.array("int64", [active.size + 1]));
       m.call("passes_values_enter_told", st, active, this.number, this.left, this.told);
       [by, listed].forEach((array) => m.release(array));

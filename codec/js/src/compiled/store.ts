@@ -47,7 +47,7 @@ export function roomy(m: Machine, store: Store, room: number): Store {
     while (rows <= 2 * (used + room)) rows *= 2;
     table = m.array("int64", [rows, 2]);
     m.words(table).fill(-1);
-    m.call("mesh_store__rehash", store.table, table);
+    m.call("lattice_store__rehash", store.table, table);
     m.release(store.table);
   }
   return { head, table, pages };

@@ -1,1 +1,0 @@
-"""Domains that no lattice gives: meshes, points of the plane and their triangulation (spec clause 10)."""

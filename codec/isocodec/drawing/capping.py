@@ -1,0 +1,120 @@
+"""Closed surfaces: what lies on one side of an isosurface, bounded by the surface and by faces of the box."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import OptionError, TruncatedError
+from .areas import areas, polygons
+from .contour import Contour
+
+
+def cap(contour: Contour, *, above: bool = True) -> Contour:
+    """The boundary of the part of the box where values lie above the isovalue, or not above it.
+
+    Parameters
+    ----------
+    contour : Contour
+        An isosurface (n = 3) of a field without missing samples.
+    above : bool
+        Which part.
+
+    Returns
+    -------
+    Contour
+        A closed surface: the points of the isosurface, then those that its caps have besides; the triangles of the
+        isosurface, then those of the caps, which lie in the faces of the box, from the first sample to the last along
+        each axis. Normals point out of the part.
+
+    Raises
+    ------
+    OptionError
+        For an isocontour, or if samples are missing.
+    TruncatedError
+        If the surface ends within the box, since not all of a layer has come.
+    MissingExtraError
+        If shapely is not installed.
+    """
+    if contour.n != 3 or len(contour.shape) != 3:
+        raise OptionError("only an isosurface of a grid (n = 3) can be capped", code="dimension")
+    if contour.masked:
+        raise OptionError("the field has missing samples, where the surface has no cap", code="holes",
+                          remedy="fill them when the field is encoded: --missing nearest")
+    if contour.origin_above is None:
+        raise TruncatedError("too little has been received to close the surface", code="truncated")
+    rim = _rim(contour.cells)
+    numbers = {tuple(point): number for number, point in enumerate(contour.points.tolist())}
+    points = contour.points.tolist()
+    added: list[NDArray[np.int64]] = []
+    left = np.ones(len(rim), np.bool_)
+    for axis in range(3):
+        for last in (False, True):
+            plane = float(contour.shape[axis] - 1) if last else 0.0
+            on_face = (contour.points[rim][:, :, axis] == plane).all(axis=1)
+            left &= ~on_face
+            for corners in _face(contour, rim[on_face], axis, last, above):
+                found = []
+                for corner in corners:
+                    key = tuple(corner)
+                    if key not in numbers:
+                        numbers[key] = len(points)
+                        points.append(list(key))
+                    found.append(numbers[key])
+                added.append(np.array(found))
+    if left.any():
+        raise TruncatedError("too little has been received to close the surface: it ends within the box",
+                             code="truncated", remedy="take whole layers")
+    cells = contour.cells if above else contour.cells[:, ::-1]
+    whole = np.concatenate([cells, np.array(added, np.int64).reshape(-1, 3)])
+    return replace(contour, points=np.array(points).reshape(-1, 3), cells=whole)
+
+
+def _rim(cells: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Edges (K, 2) of one triangle only, in its direction."""
+    edges = np.concatenate([cells[:, [0, 1]], cells[:, [1, 2]], cells[:, [2, 0]]])
+    _, which, count = np.unique(np.sort(edges, axis=1), axis=0, return_inverse=True, return_counts=True)
+    return edges[count[which.reshape(-1)] == 1]
+
+
+def _face(
+    contour: Contour, rim: NDArray[np.int64], axis: int, last: bool, above: bool
+) -> NDArray[np.float64]:
+    """Triangles (M, 3, 3) that cover the part of a face of the box, seen counter-clockwise from outside."""
+    shapely = polygons()
+    others = [a for a in range(3) if a != axis]
+    plane = contour.shape[axis] - 1 if last else 0
+    # right-handed seen from outside, or not
+    straight = last != (axis == 1)
+    # the cap's border runs against that of the surface
+    walk = rim[:, ::-1] if straight else rim
+    used, number = np.unique(walk, return_inverse=True)
+    flat = Contour(
+        contour.points[used][:, others], number.reshape(-1, 2), contour.isovalue,
+        (contour.shape[others[0]], contour.shape[others[1]]), origin_above=_corner_above(contour, axis, last),
+    )
+    whole = shapely.geometry.shape(areas(flat, above=above))
+    pieces = [shapely.constrained_delaunay_triangles(part) for part in whole.geoms]
+    rings = [shapely.get_coordinates(triangle)[:3] for piece in pieces for triangle in piece.geoms]
+    if not rings:
+        return np.zeros((0, 3, 3))
+    # without a placement x of an area runs along the second axis
+    corners = np.array(rings)[:, :, ::-1]
+    across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    turn = (across > 0) != straight
+    corners[turn] = corners[turn][:, ::-1]
+    out = np.empty((len(corners), 3, 3))
+    out[:, :, others], out[:, :, axis] = corners, plane
+    return out
+
+
+def _corner_above(contour: Contour, axis: int, last: bool) -> bool:
+    """Whether the first sample of a face lies above: as the first of all, but for crossings on the way there."""
+    first = bool(contour.origin_above)
+    if not last:
+        return first
+    rest = [a for a in range(3) if a != axis]
+    crossings = np.count_nonzero((contour.points[:, rest] == 0).all(axis=1))
+    return first != bool(crossings % 2)

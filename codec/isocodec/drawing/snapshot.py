@@ -1,0 +1,113 @@
+"""What a tube looks like at any moment: the decoded state in canonical order, the leaves for the drawing, the mask."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..grid.lattice.depth import levels_of
+from ..grid.lattice.store import SHIFT as PAGE_SHIFT
+from ..grid.lattice.store import page_of
+from ..grid.lattice.tables import AXES
+from ..grid.lattice.vertex_set import IN
+from ..grid.passes.runner import Tube
+from ..grid.tube.decoded import Decoded
+from ..grid.tube.holes import Holes
+from ..grid.tube.leaf_vertices import drawn, drawn_leaves
+from .leaves import Leaves
+from .rows import MaskRows
+
+
+def state_of(tube: Tube) -> Decoded:
+    """All that is known, in canonical order (spec annex C)."""
+    st, est = tube.state, tube.estimates
+    count = int(st.counters.vertices)
+    position = st.vertex[:count, : tube.n].astype(np.int64)
+    order = np.lexsort(position.T[::-1])
+    missing = np.full(count, -1, np.int64)
+    number = np.zeros(count, np.int64)
+    missing[: len(est.left)] = est.left
+    number[: len(est.number)] = est.number
+    low, high = position[est.edges[:, 0]], position[est.edges[:, 1]]
+    edge_order = np.lexsort((*high.T[::-1], *low.T[::-1]))
+    sent = edge_order[est.parts[edge_order] > 1]
+    return Decoded(
+        tube.shape, -1 if tube.running == "base" else tube.level, _explicit(tube), position[order],
+        st.vertex[order, 3] != 0, missing[order], number[order], low[sent], high[sent], est.parts[sent],
+        est.offset[sent],
+    )
+
+
+def _explicit(tube: Tube) -> NDArray[np.int64]:
+    """Unclamped positions of the vertices that the mesh has beyond its uniform level, in lexicographic order."""
+    store = tube.state.mesh
+    used = store.table[store.table[:, 0] >= 0]
+    shifts = store.head[PAGE_SHIFT : PAGE_SHIFT + AXES]
+    page, cell = np.nonzero(store.pages[used[:, 1]] & IN)
+    corner = np.stack(page_of(used[page, 0]), axis=1) << shifts
+    inner = np.stack([cell >> (shifts[1] + shifts[2]), cell >> shifts[2] & ((1 << shifts[1]) - 1),
+                      cell & ((1 << shifts[2]) - 1)], axis=1)
+    position = (corner + inner)[:, : tube.n]
+    position = position[levels_of(position, tube.k) >= max(tube.level, 0)]
+    return position[np.lexsort(position.T[::-1])]
+
+
+_DRAWN = {(2, True): (60, 170, 24), (2, False): (40, 270, 40), (3, True): (40, 160, 24), (3, False): (60, 360, 40)}
+"""Bytes that a drawing takes at most for each vertex, leaf and stated edge, by dimension and if on the full grid."""
+
+
+def drawing_bytes(tube: Tube) -> int:
+    """Bytes that `leaves_of` and the drawing take at most, the drawing included."""
+    vertex, leaf, edge = _DRAWN[tube.n, tube.full]
+    leaves = tube.simplices if tube.settled else drawn_leaves(tube.state, tube.running != "base")
+    return vertex * tube.vertices + leaf * leaves + edge * len(tube.estimates.edges)
+
+
+def leaves_of(
+    tube: Tube, isovalue: float, value_of: Callable[..., NDArray[np.float64]], holes: Holes | None = None
+) -> Leaves:
+    """All that the drawing needs; ``value_of(number, above)`` turns numbers of steps into field values.
+
+    ``holes`` are those of a mask that the tube was not coded with.
+    """
+    holes = holes or tube.holes
+    st, est = tube.state, tube.estimates
+    count = int(st.counters.vertices)
+    rows, levels = est.leaves(st) if tube.settled else drawn(st, int(tube.running != "base"))
+    above = st.vertex[:count, 3] != 0
+    value = None
+    if est.has_values:
+        value = np.full(count, np.nan)
+        known = len(est.number)
+        some = est.left < np.where(above[:known], *est.bits)
+        some |= est.left == 0
+        middle = np.ldexp(est.number + 0.5, est.left) - 0.5
+        value[:known] = np.where(some, value_of(middle, above[:known]), np.nan)
+    sent = est.parts > 1
+    return Leaves(
+        shape=tube.shape,
+        isovalue=isovalue,
+        position=st.vertex[:count, : tube.n].astype(np.int64),
+        above=above,
+        value=value,
+        simplices=rows,
+        levels=levels,
+        full=tube.full,
+        edges=est.edges[sent],
+        edge_offset=(est.offset[sent] + 0.5) / est.parts[sent],
+        whole=holes.whole_cells if holes else None,
+    )
+
+
+def known_rows(tube: Tube, last_first: bool = False) -> MaskRows:
+    """Which samples lie above, where the mesh is the full grid, some rows at a time.
+
+    With ``last_first`` of the transposed array: the order in which programs in Fortran store it.
+    """
+    known = tube.state.vertex[: tube.vertices]
+    position = known[:, : tube.n]
+    if last_first:
+        return MaskRows(tube.shape[::-1], position[:, ::-1], known[:, 3] != 0)
+    return MaskRows(tube.shape, position, known[:, 3] != 0)

@@ -1,0 +1,1 @@
+"""The implicit mesh: bisection tables, domain geometry and the paged vertex store (spec clause 4)."""

@@ -1,0 +1,90 @@
+"""How the layers of an isovalue begin, for both directions (spec clauses 3.6, 5.9.2)."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from isospec.container import Profile
+
+from ...entropy.panel import no_panel, panel_after
+from ...entropy.range_coder import Coder, CoderRegisters
+from ...format.header import Header
+from ...format.kinds import LayerKind
+from ...format.program import Layer
+from ...limits import Budget, Limits
+from ..models.contexts import models, rates
+from ..models.trained import no_blend, shipped_models
+from ..passes.runner import Tube
+from ..tube.holes import Holes
+from ..tube.state import FRAME
+from ..tube.truth import Truth
+
+MOST_SHIFT = 1 << 52
+"""From this distance of isovalues on, in steps, values of the one say nothing of the other (clause 5.9.3)."""
+
+
+def leaning_coder(header: Header, lean: Tube | None, size: int, frame: bool = False) -> Coder:
+    """A coder with models as at the start of a file, or as the isovalue leaned on has left them (clause 5.9.2).
+
+    With ``frame`` that is one of the frame before.
+    """
+    registers, room = CoderRegisters(), np.zeros(size, np.uint8)
+    if lean is not None:
+        cd = lean.coder
+        further = frame and header.profile == Profile.MAIN
+        panel = panel_after(cd.blend.panel) if further else no_panel()
+        blend = cd.blend._replace(mix=cd.blend.mix.copy(), panel=panel)
+        return Coder(registers, room, cd.prob.copy(), cd.seen.copy(), cd.rate, blend)
+    if header.profile == Profile.MAIN:
+        prob, seen, blend = shipped_models(len(header.shape))
+        return Coder(registers, room, prob, seen, rates(), blend)
+    return Coder(registers, room, *models(), rates(), no_blend())
+
+
+def leaning_tube(
+    header: Header, isovalue: float, lean: Tube | None, other: float, size: int, limits: Limits,
+    truth: Truth | None = None, budget: Budget | None = None, holes: Holes | None = None, frame: bool = False,
+) -> Tube:
+    """The tube of an isovalue, leaning on that of another one or on none, with a mask or without.
+
+    With ``frame`` the other one is that of the frame before.
+    """
+    coder = leaning_coder(header, lean, size, frame)
+    shape = header.shape
+    if lean is None or lean.level < 0:
+        return Tube(shape, coder, limits, truth, holes=holes, budget=budget)
+    if frame:
+        return Tube(shape, coder, limits, truth, lean=lean, side=FRAME, holes=holes, budget=budget)
+    shift = None if header.scale is not None else math.floor(isovalue) - math.floor(other)
+    if shift is not None and abs(shift) >= MOST_SHIFT:
+        shift = None
+    side = 1 if isovalue > other else -1
+    return Tube(shape, coder, limits, truth, lean=lean, shift=shift, side=side, holes=holes, budget=budget)
+
+
+def mask_tube(
+    header: Header, size: int, limits: Limits, truth: Truth | None = None, budget: Budget | None = None
+) -> Tube:
+    """The tube of a mask, which has models of its own (clause 5.10.1)."""
+    return Tube(header.shape, leaning_coder(header, None, size), limits, truth, budget=budget)
+
+
+def begin_layer(tube: Tube, layer: Layer) -> None:
+    """Begin a layer of a program."""
+    match layer.kind:
+        case LayerKind.BASE | LayerKind.ADAPTIVE_BASE:
+            tube.begin_base(layer.level, layer.kind == LayerKind.ADAPTIVE_BASE)
+        case LayerKind.LEAF_BASE:
+            tube.begin_leaf_base()
+        case LayerKind.REFINE:
+            tube.begin_round()
+        case LayerKind.ADAPT:
+            tube.begin_adapt(layer.births)
+        case LayerKind.VALUES:
+            tube.begin_values(layer.plane)
+        case LayerKind.OFFSETS:
+            tube.begin_offsets(layer.parts, layer.unit)
+        case other:
+            raise AssertionError(f"no way to begin a layer of the kind {other!r}")

@@ -1,0 +1,120 @@
+"""The baseline profile: where each syntax element's contexts lie and how they start (spec clause 7).
+
+Contexts are numbered once, here; a pass adds what it knows to the first number of its element.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...entropy.mixer import HOLES
+from ...entropy.range_coder import ONE
+from ...kernel import inlined
+
+PLANES = 52
+DEPTHS = 25
+LEVELS = 64
+NEARNESS = 5
+CURVE = 4 * 4
+SURFACE = 3 * 4 * 4 * 4
+BORDER = 3 * 10 * 4
+CROSSED = 3 * 10 * 3 * 4
+NEAR = 8
+"""Classes of how far a guessed value or crossing lies from the middle of what is left, to either side."""
+# element: (contexts, probability of a 1 at the start, weight of that start in symbols)
+_LAYOUT = {
+    "ORIGIN": (3, 0.5, 1),
+    "COMPONENT": (1, 0.8, 1),
+    "ROOT": (1, 0.5, 1),
+    "PATH": (2, 0.5, 4),
+    "FIRST": (3 * 8, 0.5, 1),
+    "BASE_CURVE": (3 * CURVE, 0.8, 8),
+    "BASE_SURFACE": (3 * SURFACE, 0.8, 4),
+    "SIGNIFICANT": (DEPTHS * 3, 0.5, 1),
+    "SIGNIFICANT_LEAF": (4 * NEARNESS * 3, 0.2, 2),
+    "REFINE_BORDER": (7 * BORDER, 0.2, 4),
+    "REFINE_CROSSED": (7 * CROSSED, 0.8, 4),
+    "VALUE": (PLANES * 2 * 3, 0.5, 2),
+    "OFFSET": (2 * 8 * 9, 0.5, 2),
+    "LEVEL": (3 * 2 * 4, 0.5, 2),
+    "LEVEL_PATH": (LEVELS, 0.8, 2),
+    "SPLIT": (3 * 2 * 4 * 8, 0.5, 2),
+    "CONTINUE": (1, 0.8, 2),
+    "SEED": (2 * 4 * 2, 0.5, 2),
+    "OFFSET_LEAN": (8 * 16, 0.5, 2),
+    "TURNED": (1, 0.02, 2),
+    "VALUE_NEAR": (16 * 2 * 2 * NEAR, 0.5, 0),
+    "OFFSET_NEAR": (2 * 4 * 2 * 2 * NEAR, 0.5, 0),
+}
+_first = 0
+_starts: dict[str, int] = {}
+for _name, (_count, _p, _weight) in _LAYOUT.items():
+    _starts[_name] = _first
+    _first += _count
+CONTEXTS = _first
+"""Those but of holes, which are the last ones of both profiles."""
+ORIGIN = _starts["ORIGIN"]
+COMPONENT = _starts["COMPONENT"]
+ROOT = _starts["ROOT"]
+PATH = _starts["PATH"]
+FIRST = _starts["FIRST"]
+BASE_CURVE = _starts["BASE_CURVE"]
+BASE_SURFACE = _starts["BASE_SURFACE"]
+SIGNIFICANT = _starts["SIGNIFICANT"]
+SIGNIFICANT_LEAF = _starts["SIGNIFICANT_LEAF"]
+REFINE_BORDER = _starts["REFINE_BORDER"]
+REFINE_CROSSED = _starts["REFINE_CROSSED"]
+VALUE = _starts["VALUE"]
+OFFSET = _starts["OFFSET"]
+LEVEL = _starts["LEVEL"]
+LEVEL_PATH = _starts["LEVEL_PATH"]
+SPLIT = _starts["SPLIT"]
+CONTINUE = _starts["CONTINUE"]
+SEED = _starts["SEED"]
+OFFSET_LEAN = _starts["OFFSET_LEAN"]
+TURNED = _starts["TURNED"]
+VALUE_NEAR = _starts["VALUE_NEAR"]
+OFFSET_NEAR = _starts["OFFSET_NEAR"]
+RATES = 160
+BEHIND_HOLE, CROSSED_HOLE, BORDER_HOLE, SLOT_HOLE = range(4)
+HOLE_CASES = HOLES // 4
+"""Elements whose symbols have contexts of their own at missing vertices, and how many cases each of them has."""
+_HOLE_PROBABILITY, _HOLE_WEIGHT = (0.95, 0.95, 0.05, 0.05), 2
+
+
+@inlined
+def hole_context(cd, element, case):
+    """Context of a symbol at a vertex that the mask says is missing (spec clause 5.10)."""
+    return len(cd.prob) - HOLES + HOLE_CASES * element + case
+
+
+@inlined
+def near_class(far):
+    """Class of how far a guess lies from the middle of what is left, from 0 to ``2 * NEAR - 1``."""
+    return NEAR + min(max(far, -NEAR), NEAR - 1)
+
+
+def rates() -> NDArray[np.int64]:
+    """Adaptation step, of 2**16, by number of symbols seen: the mean of all, then of about the last 160."""
+    return np.array([ONE // (i + 1) for i in range(1, RATES)], np.int64)
+
+
+def models() -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Probability of a 1 and number of symbols seen, for all contexts, before the first symbol of a file."""
+    prob = np.empty(CONTEXTS + HOLES, np.int64)
+    seen = np.empty(CONTEXTS + HOLES, np.int64)
+    for name, (count, p, weight) in _LAYOUT.items():
+        prob[_starts[name] : _starts[name] + count] = round(p * ONE)
+        seen[_starts[name] : _starts[name] + count] = weight
+    prob[CONTEXTS:] = np.repeat([round(p * ONE) for p in _HOLE_PROBABILITY], HOLE_CASES)
+    seen[CONTEXTS:] = _HOLE_WEIGHT
+    _gaussian(prob)
+    return prob, seen
+
+
+def _gaussian(prob: NDArray[np.int64]) -> None:
+    """Value bits start from a bell around the isovalue: the farther half of the nearest interval is rare."""
+    for plane in range(PLANES):
+        far = round(ONE * (0.4 if plane == 0 else 0.25 if plane < 3 else 0.1))
+        prob[VALUE + plane * 6 : VALUE + plane * 6 + 3] = far

@@ -1,0 +1,217 @@
+"""What the main profile sees of the vertices around a middle (spec clause 7.12)."""
+
+from __future__ import annotations
+
+from itertools import product
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...kernel import inlined, inner
+from ...kernel.flat import flat
+from ..lattice.access import dimension
+from ..lattice.store import PAGES, full, page_or_first, put, wipe
+from ..tube.state import entry
+from .layout import AROUND, AROUND_SUM, AROUND_SUMS, GROUP, PATTERNS
+
+_FAR = {2: 10, 3: 6}
+"""No vertex of the lists is as far as this along an axis, in units of g."""
+
+
+def nearest_vertices(n: int, phase: int) -> list[tuple[int, ...]]:
+    """Vertices of the next level nearest to a middle of level phase (mod n), as differences in units of g.
+
+    The axes along which the middle's coordinate is odd come first; along these the subdivision edge runs from
+    -1 to 1. The nearest come first, those of equal distance in lexicographic order.
+    """
+    odd = n - phase
+    found = []
+    for d in product(range(1 - _FAR[n], _FAR[n]), repeat=n):
+        count = sum((x + (a < odd)) % 2 for a, x in enumerate(d))
+        if any(d) and (count == 0 or count >= odd):
+            found.append(d)
+    found.sort(key=lambda d: (sum(x * x for x in d), d))
+    return found[: AROUND[n]]
+
+
+def _table(n: int) -> NDArray[np.int64]:
+    """The same for all middles, by their coordinates modulo 4: from end to end the edge may run either way."""
+    table = np.zeros((4**n, AROUND[n], 3), np.int64)
+    nearest = [np.array(nearest_vertices(n, phase)) for phase in range(n)]
+    for key in range(4**n):
+        w = [key >> 2 * axis & 3 for axis in range(n)]
+        odd = [axis for axis in range(n) if w[axis] & 1]
+        axes = odd + [axis for axis in range(n) if not w[axis] & 1]
+        if odd:
+            for place, axis in enumerate(axes):
+                table[key, :, axis] = nearest[n - len(odd)][:, place] * (-1 if w[axis] == 3 else 1)
+    return table
+
+
+PLANE, SPACE = _table(2), _table(3)
+# the same as one number: differences of x * 64 + y, and of x * 1024 + y * 32 + z
+_PLANE_AT = (PLANE[..., 0] * 64 + PLANE[..., 1]).astype(np.int16)
+_SPACE_AT = (SPACE[..., 0] * 1024 + SPACE[..., 1] * 32 + SPACE[..., 2]).astype(np.int16)
+_REACH_2, _REACH_3 = int(abs(PLANE).max()), int(abs(SPACE).max())
+_COUNT_2, _COUNT_3 = AROUND[2], AROUND[3]
+_FIRST_2, _FIRST_3 = AROUND_SUM[2], AROUND_SUM[3]
+_SUMS_2, _SUMS_3 = AROUND_SUMS[2], AROUND_SUMS[3]
+# patterns of a group, by the sign that entries of the board are relative to: 2 stands for the same one
+_PATTERN = np.arange(PATTERNS)
+_SWAPPED = sum((3 - _PATTERN // 3**i % 3) % 3 * 3**i for i in range(GROUP))
+_MIRROR = np.array([_SWAPPED, _PATTERN])
+_PAGES = 2
+_MARGIN = 32
+"""Of the board, in units of g: whole pages, and more than windows reach."""
+
+
+@inlined
+def _images(x, last, size, reach):
+    """First and last place along an axis, in units of g, of a vertex and its images; none if the last comes first.
+
+    A vertex on the border of the box is the image of all places beyond (clause 4.6); windows reach so far.
+    """
+    first = -reach if x == 0 else (x + (np.int64(1) << size) - 1) >> size
+    return first, (x >> size) + (reach + 2 if x == last else 0)
+
+
+@inner
+def survey(st):
+    """Enter the vertices that have become known since the last time into the board; False if it lacks room.
+
+    The board shows the lattice of the present level in units of g, ``_MARGIN`` beyond the box: 0 where nothing is
+    known, else 1 + the sign.
+    """
+    counters = st.counters
+    if counters.boarded == counters.vertices and counters.board_edge == counters.edge:
+        return True
+    if counters.board_edge != counters.edge:
+        wipe(st.board)
+        st.window[0] = 0
+        counters.board_edge, counters.boarded = counters.edge, 0
+    plane = dimension(st.grid.tables) == 2
+    reach = _REACH_2 if plane else _REACH_3
+    # of g, which is half the edge
+    size = st.grid.exponent - counters.level // dimension(st.grid.tables) - 1
+    while counters.boarded < counters.vertices:
+        # a vertex and its images reach over two pages along each axis
+        if full(st.board, 8):
+            return False
+        x, y, z, sign = st.vertex[counters.boarded]
+        x0, x1 = _images(np.int64(x), st.grid.last0, size, reach)
+        y0, y1 = _images(np.int64(y), st.grid.last1, size, reach)
+        z0, z1 = _images(np.int64(z), st.grid.last2, size, reach)
+        if plane:
+            z0 = z1 = np.int64(0)
+        for i in range(x0, x1 + 1):
+            for j in range(y0, y1 + 1):
+                for k in range(z0, z1 + 1):
+                    put(st.board, _MARGIN + i, _MARGIN + j, k if plane else _MARGIN + k, 1 + sign)
+        counters.boarded += 1
+    return True
+
+
+@inlined
+def _as_differences(near, count):
+    """Replace numbers of pages by what exclusive or makes them of: vectors compute them faster than they look them up.
+
+    The number of page i is that of all places whose bits are bits of i.
+    """
+    bit = 1
+    while bit < count:
+        for i in range(count):
+            if i & bit:
+                near[i] ^= near[i ^ bit]
+        bit *= 2
+
+
+@inlined
+def _places_2(near, table, at, out):
+    """Places on the board of so many vertices, given from the corner of two by two pages, a coordinate in 6 bits."""
+    n0, n1, n2, n3 = near[0], near[1], near[2], near[3]
+    for i in range(len(table)):
+        s = at + np.int64(table[i])
+        y, x = -(s >> 5 & 1), -(s >> 11 & 1)
+        page = n0 ^ (y & n1) ^ (x & n2) ^ (x & y & n3)
+        out[i] = page << 10 | (s >> 1 & 0x3E0) | (s & 31)
+
+
+@inlined
+def _places_3(near, table, at, out):
+    """The same for n = 3, a coordinate in 5 bits."""
+    n0, n1, n2, n3, n4, n5, n6, n7 = near[0], near[1], near[2], near[3], near[4], near[5], near[6], near[7]
+    for i in range(len(table)):
+        s = at + np.int64(table[i])
+        z, y, x = -(s >> 4 & 1), -(s >> 9 & 1), -(s >> 14 & 1)
+        page = n0 ^ (z & (n1 ^ (y & n3))) ^ (y & n2) ^ (x & (n4 ^ (z & (n5 ^ (y & n7))) ^ (y & n6)))
+        out[i] = page << 12 | (s >> 2 & 0xF00) | (s >> 1 & 0xF0) | (s & 15)
+
+
+@inlined
+def _listed(cells, row, count, first, mirror, places):
+    """Append the rows of the vertices on the board, a group at a time; returns how many rows there are.
+
+    Indices are unsigned: no test whether they count from the end.
+    """
+    for i in range(0, len(places), GROUP):
+        a, b = cells[np.uint64(places[np.uint64(i)])], cells[np.uint64(places[np.uint64(i + 1)])]
+        c, d = cells[np.uint64(places[np.uint64(i + 2)])], cells[np.uint64(places[np.uint64(i + 3)])]
+        row[np.uint64(count)] = first + mirror[np.uint64(a + 3 * b + 9 * c + 27 * d)]
+        first += PATTERNS
+        count += 1
+    return count
+
+
+@inlined
+def anchor(st, edge, w0, w1, w2):
+    """Sign of the end of a middle's subdivision edge that lies at multiples of 4 g, 0 if it is not known."""
+    a0, a1, a2 = w0 - (1 - (w0 & 2)) * (w0 & 1), w1 - (1 - (w1 & 2)) * (w1 & 1), w2 - (1 - (w2 & 2)) * (w2 & 1)
+    return entry(st, (a0 * edge) >> 1, (a1 * edge) >> 1, (a2 * edge) >> 1) & 1
+
+
+@inlined
+def _window(st, q0, q1, q2):
+    """Find the pages of the board at a corner: two along each axis, the last axis first, as differences.
+
+    Middles that follow one another are near one another: mostly the pages are those of the middle before.
+    """
+    board, window = st.board, st.window
+    corner = (q0 << 40 | q1 << 20 | q2) + 1
+    if window[0] == corner and window[1] == board.head[PAGES]:
+        return
+    window[0], window[1] = corner, board.head[PAGES]
+    near = window[_PAGES : _PAGES + 8]
+    plane = dimension(st.grid.tables) == 2
+    edge = 5 if plane else 4
+    for i in range(4 if plane else 8):
+        a, b, c = (i >> 1, i & 1, 0) if plane else (i >> 2, i >> 1 & 1, i & 1)
+        near[i] = page_or_first(board, (q0 + a) << edge, (q1 + b) << edge, (q2 + c) << edge)
+    _as_differences(near, 4 if plane else 8)
+
+
+@inlined
+def see_around(st, cd, r, w0, w1, w2):
+    """List the known vertices around a middle as rows; returns the sign that they are relative to.
+
+    That is the sign of the end of the subdivision edge at multiples of 4 g. The board has been surveyed.
+    """
+    here = anchor(st, st.counters.edge, w0, w1, w2)
+    board, row = st.board, cd.blend.row
+    near = st.window[_PAGES : _PAGES + 8]
+    p0, p1, p2 = w0 + _MARGIN, w1 + _MARGIN, w2 + _MARGIN
+    if dimension(st.grid.tables) == 2:
+        places = st.scratch[:_COUNT_2]
+        q0, q1 = (p0 - _REACH_2) >> 5, (p1 - _REACH_2) >> 5
+        _window(st, q0, q1, np.int64(0))
+        table = _PLANE_AT[np.uint64((w0 & 3) | (w1 & 3) << 2)]
+        _places_2(near, table, (p0 - (q0 << 5)) << 6 | (p1 - (q1 << 5)), places)
+    else:
+        places = st.scratch[:_COUNT_3]
+        q0, q1, q2 = (p0 - _REACH_3) >> 4, (p1 - _REACH_3) >> 4, (p2 - _REACH_3) >> 4
+        _window(st, q0, q1, q2)
+        table = _SPACE_AT[np.uint64((w0 & 3) | (w1 & 3) << 2 | (w2 & 3) << 4)]
+        at = (p0 - (q0 << 4)) << 10 | (p1 - (q1 << 4)) << 5 | (p2 - (q2 << 4))
+        _places_3(near, table, at, places)
+    first = _FIRST_2 + r * _SUMS_2 if dimension(st.grid.tables) == 2 else _FIRST_3 + r * _SUMS_3
+    row[0] = _listed(flat(board.pages), row, row[0] + 1, first, _MIRROR[np.uint64(here)], places) - 1
+    return here

@@ -1,0 +1,115 @@
+"""The trained tables of the main profile, and the models that a file begins with (spec clause 7.10)."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from isospec.tables import HIDDEN, KINDS, MOST_LOGIT, ROWS, Tables, shipped, unpacked
+
+from ...entropy.mixer import BUCKET, BUCKETS, HOLES, STRETCH_SHIFT, TRUST_SHIFT
+from ...entropy.panel import no_panel
+from ...entropy.range_coder import ONE, Blend
+from .contexts import CONTEXTS, RATES
+from .contexts import models as baseline_models
+from .layout import (
+    AROUND,
+    AROUND_ROW,
+    AROUND_SUM,
+    AROUND_SUMS,
+    BIRTH_CLASSES,
+    CELL_CLASSES,
+    CELL_ROW,
+    CELL_ROWS,
+    CELL_SUM,
+    CELL_SUMS,
+    CELLS,
+    GROUP,
+    MAP,
+    MOST_ROWS,
+    PATTERNS,
+    SIGN_ROWS,
+    STATES,
+    TREE_ROW,
+)
+
+_LINE = 64
+"""Bytes of a line of the processor's cache: rows that begin with one are read faster."""
+
+
+@cache
+def _shipped() -> tuple[NDArray[np.int64], dict[int, Tables]]:
+    return unpacked(shipped())
+
+
+def members(n: int) -> NDArray[np.int16]:
+    """Rows of the networks that each row stands for, the sums included; -1 for none."""
+    found = np.full((CELL_SUM[n] + CELL_SUMS * CELLS[n], GROUP), -1, np.int16)
+    found[: ROWS[n], 0] = np.arange(ROWS[n])
+    number = np.arange(AROUND[n]).reshape(-1, 1, GROUP)
+    case = np.arange(PATTERNS)[:, None] // 3 ** np.arange(GROUP) % 3
+    for phase in range(n):
+        rows = np.where(case > 0, phase * SIGN_ROWS[n] + AROUND_ROW + 2 * number + case - 1, -1)
+        found[AROUND_SUM[n] + phase * AROUND_SUMS[n] :][: AROUND_SUMS[n]] = rows.reshape(-1, GROUP)
+    first = TREE_ROW[n] + CELL_ROW + CELL_ROWS * np.arange(CELLS[n])
+    vertices, births = np.divmod(np.arange(CELL_SUMS), BIRTH_CLASSES)
+    found[CELL_SUM[n] :, 0] = (first[:, None] + vertices).ravel()
+    found[CELL_SUM[n] :, 1] = (first[:, None] + CELL_CLASSES + births).ravel()
+    return found
+
+
+def with_sums(n: int, weight: NDArray[np.int16]) -> NDArray[np.int16]:
+    """Weights of all rows, the sums included."""
+    found = members(n)
+    padded = np.concatenate([weight, np.zeros((1, HIDDEN), np.int16)])
+    whole = np.zeros(len(found) * HIDDEN + _LINE // 2, np.int16)
+    place = -whole.ctypes.data % _LINE // 2
+    sums = whole[place : place + len(found) * HIDDEN].reshape(-1, HIDDEN)
+    for rows in found.T:
+        sums += padded[rows]
+    return sums
+
+
+def no_blend() -> Blend:
+    """What a coder of the baseline profile has."""
+    whole = np.zeros(0, np.int64)
+    table, short = np.zeros((0, 1), np.int64), np.zeros((0, 1), np.int32)
+    return Blend(np.zeros((0, 1), np.int16), short, table, whole, whole, whole, whole, short, no_panel())
+
+
+def models(n: int, squash: NDArray[np.int64], t: Tables) -> tuple[NDArray[np.int64], NDArray[np.int64], Blend]:
+    """Probabilities of a 1, symbols seen, and the rest, as a file begins with them."""
+    prob = np.empty(STATES, np.int64)
+    seen = np.zeros(STATES, np.int64)
+    begun = baseline_models()
+    for mine, of_baseline in zip((prob, seen), begun, strict=True):
+        mine[:CONTEXTS], mine[-HOLES:] = of_baseline[:CONTEXTS], of_baseline[CONTEXTS:]
+    middles = (np.arange(BUCKETS) << BUCKET) + (1 << BUCKET >> 1)
+    prob[MAP:-HOLES] = np.tile(squash[np.minimum(middles, 2 * MOST_LOGIT)], KINDS)
+    prob[t.state[:, 0]], seen[t.state[:, 0]] = t.state[:, 1], t.state[:, 2]
+    # the least logit that reaches the middle of each class of probabilities
+    half = 1 << STRETCH_SHIFT >> 1
+    middles = (np.arange(ONE >> STRETCH_SHIFT) << STRETCH_SHIFT) + half
+    stretch = np.minimum(np.searchsorted(squash, middles), 2 * MOST_LOGIT) - MOST_LOGIT
+    count = np.arange(RATES)
+    trust = (2 * count << TRUST_SHIFT) // (2 * count + 3)
+    blend = Blend(
+        with_sums(n, t.weight), t.out.astype(np.int32), t.mix.copy(), squash, stretch, trust,
+        np.zeros(MOST_ROWS, np.int64), np.zeros((0, 0), np.int32), no_panel(),
+    )
+    return prob, seen, blend
+
+
+@cache
+def _begun(n: int) -> tuple[NDArray[np.int64], NDArray[np.int64], Blend]:
+    squash, found = _shipped()
+    return models(n, squash, found[n])
+
+
+def shipped_models(n: int) -> tuple[NDArray[np.int64], NDArray[np.int64], Blend]:
+    """The same, of the normative tables; what a file changes is its own."""
+    prob, seen, blend = _begun(n)
+    blend = blend._replace(mix=blend.mix.copy(), row=blend.row.copy(), panel=no_panel())
+    return prob.copy(), seen.copy(), blend

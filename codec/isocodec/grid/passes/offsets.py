@@ -1,0 +1,151 @@
+"""Offsets: the parts of a digit are halved until one is left (spec clause 5.7.3)."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from isospec.container import MAX_PARTS, MAX_RADIX, STEP_RADIX
+
+from ...entropy.mixer import EITHER
+from ...entropy.range_coder import ENCODE, Coder
+from ...field.samples import OFFSET_BITS
+from ...kernel import DONE, inlined, kernel
+from ...kernel.types import IntVector
+from ..models.crossing_candidates import Crossings, count_near, find_candidates, place_of, remember
+from ..models.crossings_nearby import Beside
+from ..models.offset_digits import code_half, middle_part
+from ..tube.state import OFFSET_BIT, State
+
+_place_of = inlined(place_of)
+
+
+@inlined
+def radix_of(length, parts, target, unit):
+    """Smallest odd number of parts that brings an edge of so many samples to ``target`` parts in ``2**unit`` samples.
+
+    Large ones are reached in steps.
+    """
+    wanted = min((length * target + (np.int64(1) << unit) - 1) >> unit, MAX_PARTS)
+    radix = (wanted + parts - 1) // parts | 1
+    return radix if radix <= MAX_RADIX else np.int64(STEP_RADIX)
+
+
+@inlined
+def _leans(crossings, i):
+    """Whether edge i is crossed at an earlier isovalue, too, and a digit of it counts from there."""
+    return crossings.parts[i] == 1 and crossings.earlier[i, 1] > 0
+
+
+@inlined
+def _choice(walk, crossings, i, radix, wanted, slack):
+    """Encoder: the symbol that leads to a part whose middle is near enough to the crossing, or EITHER.
+
+    The part that holds the crossing is always good enough, unless it is ruled out: then the one next to it is.
+    """
+    parts, number, split = crossings.parts[i], crossings.number[i], middle_part(walk)
+    total = parts * radix
+    true = (wanted * total) >> OFFSET_BITS
+    half = np.int64(1) << (OFFSET_BITS - 1)
+    least = min(((wanted - slack) * total + half - 1) >> OFFSET_BITS, true) - number * radix
+    most = max(((wanted + slack) * total - half) >> OFFSET_BITS, true) - number * radix
+    if not crossings.rising[i]:
+        least, most = radix - 1 - most, radix - 1 - least
+    least, most = min(max(least, walk.low), walk.high - 1), min(max(most, walk.low), walk.high - 1)
+    if most < split:
+        return np.int64(0)
+    return np.int64(1 if least >= split else EITHER)
+
+
+@inlined
+def _earlier_part(st, crossings, i, radix):
+    """Part that holds the earlier isovalue's crossing, counted from the end that is below, or -1 if there is none."""
+    if not _leans(crossings, i):
+        return np.int64(-1)
+    number, parts, rising = crossings.earlier[i, 0], crossings.earlier[i, 1], crossings.rising[i]
+    if rising == (st.counters.side > 0):
+        bound = number * radix // parts
+    else:
+        bound = ((number + 1) * radix - 1) // parts
+    return bound if rising else radix - 1 - bound
+
+
+@inlined
+def _begin(st, beside, crossings, i, radix, earlier):
+    """All parts are left but those before the earlier isovalue's crossing; what is nearby gives candidates."""
+    walk = st.digit
+    walk.low, walk.high = 0, radix
+    if earlier >= 0:
+        if st.counters.side > 0:
+            walk.low = earlier
+        else:
+            walk.high = earlier + 1
+    if walk.high - walk.low > 1:
+        walk.span = find_candidates(st, beside, crossings, i)
+
+
+@inlined
+def _halve(st, cd, crossings, i, radix, earlier, wanted, slack):
+    """One symbol of a digit: which half of the parts left holds the crossing.
+
+    Parts are counted from the end that is below. Returns what the coder says.
+    """
+    walk = st.digit
+    bit = np.int64(0)
+    if cd.reg.mode == ENCODE:
+        bit = _choice(walk, crossings, i, radix, wanted[i], slack[i])
+    split = middle_part(walk)
+    nearer = np.int64(-1)
+    if earlier >= 0:
+        nearer = split - earlier if st.counters.side > 0 else earlier + 1 - split
+    bit = code_half(st, cd, crossings, i, radix, nearer, bit)
+    if bit >= 0:
+        st.tally[OFFSET_BIT] += 1
+        walk.halved += 1
+        if bit:
+            walk.low = split
+        else:
+            walk.high = split
+    return bit
+
+
+@inlined
+def _enter(st, beside, crossings, i, radix):
+    """Enter the one part that is left; the next digit begins."""
+    walk, number, parts, rising = st.digit, crossings.number, crossings.parts, crossings.rising
+    count_near(beside, crossings, i, -1)
+    number[i] = number[i] * radix + (walk.low if rising[i] else radix - 1 - walk.low)
+    parts[i] *= radix
+    beside.place[i] = _place_of(number[i], parts[i])
+    count_near(beside, crossings, i, 1)
+    walk.halved = 0
+    remember(st, beside.place[i], rising[i])
+
+
+@kernel
+def offsets(
+    st: State, cd: Coder, beside: Beside, crossings: Crossings, target: int, unit: int, wanted: IntVector,
+    slack: IntVector,
+) -> int:
+    """Divide the part of every edge that holds its crossing until there are ``target`` in ``2**unit`` samples (5.7.3).
+
+    ``wanted`` are the encoder's offsets as 30-bit fractions. It may tell a part whose middle is at most ``slack`` from
+    there instead of the one that holds the crossing: the more probable of those.
+    """
+    walk = st.digit
+    while walk.item < len(crossings.number):
+        # only an index: unsigned, no test whether it counts from the end
+        i = np.uint64(walk.item)
+        radix = radix_of(crossings.length[i], crossings.parts[i], target, unit)
+        if radix == 1:
+            walk.item += 1
+            continue
+        earlier = _earlier_part(st, crossings, i, radix)
+        if walk.halved == 0:
+            _begin(st, beside, crossings, i, radix, earlier)
+        if walk.high - walk.low > 1:
+            bit = _halve(st, cd, crossings, i, radix, earlier, wanted, slack)
+            if bit < 0:
+                return bit
+        if walk.high - walk.low == 1:
+            _enter(st, beside, crossings, i, radix)
+    return DONE

@@ -1,0 +1,208 @@
+"""Arrays of a tube: small at first, longer where a pass needs them so, never beyond the limits (spec clause 11.2)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import cache
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from isospec.elements import ELEMENTS
+
+from ...errors import LimitError
+from ...limits import Limits
+from ..lattice.grid import Grid, grid_of
+from ..lattice.store import PAGES, Store, new_board, new_counts, new_store, resized, size_for, size_of, spare
+from ..lattice.tables import mesh_tables
+from ..lattice.vertex_set import every_vertex
+from .state import (
+    FRAME,
+    GATE,
+    MOST_ANCESTORS,
+    MOSTLY,
+    STEP_CELLS,
+    STEP_LEAVES,
+    STEP_VERTICES,
+    BaseWalk,
+    Counters,
+    DigitWalk,
+    Lean,
+    RefinementWalk,
+    State,
+    TreeWalk,
+    ValueWalk,
+)
+
+NOTHING = np.zeros(0, np.int64)
+STACK = 4096
+MOST_LEVELS, MOST_POINTS = 80, 20
+"""Turns of a path, and points of a curve that are remembered, at most."""
+ROWS = 2048
+STEP_GATES = 128
+"""Gates for which a base's stack has room after it has grown: many more than a step pushes."""
+
+
+def first_state(
+    shape: tuple[int, ...],
+    limits: Limits,
+    signs: NDArray[np.bool_] | None,
+    earlier: State | None,
+    shift: int,
+    side: int,
+    hole: Lean | None = None,
+) -> State:
+    """What is known of an isovalue of which nothing is told.
+
+    Parameters
+    ----------
+    shape : tuple of int
+        Samples along each axis, 2 or 3 axes.
+    limits : Limits
+    signs : (s0, s1, s2) bool, optional
+        Encoder: those of the field, padded to three axes.
+    earlier : State, optional
+        That of the isovalue that this one leans on; it lies ``shift`` whole steps below, on ``side`` 1 or -1 of this.
+    hole : Lean, optional
+        The mask that is coded with, if there is one: see `tube.holes`.
+    """
+    n = len(shape)
+    counters = Counters()
+    counters.most_work, counters.most_mixed = limits.steps, limits.simplices
+    counters.agreed = MOSTLY
+    counters.side, counters.shift = side, shift
+    counters.masked = hole is not None
+    base = BaseWalk()
+    base.last_root = -1
+    return State(
+        grid_of(shape), counters, np.zeros(len(ELEMENTS) + 2, np.int64), np.full(2, MOSTLY, np.int64),
+        np.zeros(2, np.int64), new_store(n), _rows(4, limits.vertices), _rows(5, limits.simplices),
+        _rows(5, limits.simplices), new_store(n), new_counts(n), new_board(n), np.zeros((MOST_ANCESTORS, 4), np.int64),
+        every_vertex((0,) * n), _lean(earlier, n), hole or no_lean(n), no_lean(n).known,
+        np.zeros((0, 0, 0), np.bool_) if signs is None else signs,
+        base, RefinementWalk(), TreeWalk(), ValueWalk(), DigitWalk(),
+        *(np.zeros(size, np.int64) for size in (MOST_LEVELS, 2 * MOST_POINTS, 2 * MOST_POINTS, 80, 10, 128, STACK)),
+    )
+
+
+@cache
+def no_lean(n: int) -> Lean:
+    """What the kernels see where there is no earlier isovalue."""
+    empty = Grid(mesh_tables(n), 0, 0, 0, 0)
+    return Lean(empty, Counters(), np.zeros(2, np.int64), new_store(n), new_store(n), NOTHING, NOTHING)
+
+
+def _lean(earlier: State | None, n: int) -> Lean:
+    """What the kernels see of the earlier isovalue: values only where they are whole steps of the same scale."""
+    if earlier is None:
+        return no_lean(n)
+    return Lean(earlier.grid, earlier.counters, earlier.value_bits, earlier.known, earlier.mesh, NOTHING, NOTHING)
+
+
+def state_bytes(st: State, mark: Store) -> int:
+    """Bytes of the arrays of a state, and of the store of visited simplices; not of what others hold or all share."""
+    held = (st.known, st.mesh, st.crowd, st.board, mark, *([st.soft] if st.counters.side == FRAME else []))
+    stores = sum(size_of(store).bytes(store) for store in held)
+    return stores + sum(array.nbytes for array in (st.vertex, st.leaf, st.below, st.path, st.stack))
+
+
+def wider_state(
+    st: State, mark: Store, walking: bool, limits: Limits, hold: Callable[[int, int], None]
+) -> tuple[State, Store]:
+    """The same state with room for the next steps of any pass, and the store of visited simplices.
+
+    Parameters
+    ----------
+    walking : bool
+        Whether the pass is a base, which needs its stack and that store.
+    hold : callable
+        Told, before anything is allocated, how many bytes there will be, and how many more while arrays are copied.
+
+    Raises
+    ------
+    LimitError
+        If that is more than the limits allow.
+    """
+    counters = st.counters
+    # of the mesh there may be vertices that are not known
+    if max(counters.vertices + STEP_VERTICES, st.mesh.head[PAGES] + counters.room) > limits.vertices:
+        raise LimitError(
+            f"more than {limits.vertices} vertices", code="limit-vertices", clause="11.2",
+            remedy="raise Limits.vertices if the file is trusted",
+        )
+    if max(counters.leaves, counters.mixed) + STEP_LEAVES > limits.simplices:
+        raise LimitError(
+            f"more than {limits.simplices} simplices", code="limit-simplices", clause="11.2",
+            remedy="raise Limits.simplices if the file is trusted",
+        )
+    stack = len(st.stack)
+    if walking and (st.base.gates + STEP_GATES) * GATE > stack:
+        stack += spare(st.stack.nbytes, stack)
+    arrays = {
+        "vertex": _length(st.vertex, int(counters.vertices) + STEP_VERTICES, limits.vertices),
+        "leaf": _length(st.leaf, int(counters.leaves) + STEP_LEAVES, limits.simplices),
+        "below": _length(st.below, int(counters.next) + STEP_LEAVES, limits.simplices),
+        "stack": stack,
+    }
+    stores = {
+        "known": size_for(st.known, STEP_VERTICES),
+        "mesh": size_for(st.mesh, max(STEP_VERTICES, int(counters.room))),
+        "crowd": size_for(st.crowd, STEP_CELLS),
+        "board": size_for(st.board, STEP_VERTICES),
+    }
+    visited = size_for(mark, STEP_VERTICES if walking else 0)
+    after, passing = state_bytes(st, mark), 0
+    for store, size in [(mark, visited), *((getattr(st, name), size) for name, size in stores.items())]:
+        if size != size_of(store):
+            after += size.bytes(store) - size_of(store).bytes(store)
+            passing += size_of(store).bytes(store)
+    for name, length in arrays.items():
+        array = getattr(st, name)
+        if length > len(array):
+            after += length * array[:1].nbytes - array.nbytes
+            passing += array.nbytes
+    hold(after, passing)
+    larger: dict[str, Any] = {name: wider(getattr(st, name), length) for name, length in arrays.items()}
+    larger |= {name: resized(getattr(st, name), size) for name, size in stores.items()}
+    return st._replace(**larger), resized(mark, visited)
+
+
+def at_rest(st: State) -> State:
+    """The same state without what only further layers need: what it says, and what others may lean on, stays."""
+    n = int(st.grid.tables[0])
+    return st._replace(
+        crowd=new_counts(n), board=new_board(n), below=st.below[:0].copy(), path=st.path[:0].copy(),
+        stack=st.stack[:0].copy(), soft=no_lean(n).known,
+    )
+
+
+def filled(kernel: Callable[[NDArray[np.int64]], int]) -> NDArray[np.int64]:
+    """What a kernel writes into an array that it fills as far as it goes, returning how much it has."""
+    out = np.empty(1024, np.int64)
+    count = kernel(out)
+    if count > len(out):
+        out = np.empty(count, np.int64)
+        kernel(out)
+    return out[:count]
+
+
+def wider(array: NDArray, size: int) -> NDArray:
+    """The same array with ``size`` rows, those further on zero; itself if it has as many."""
+    if size == len(array):
+        return array
+    out = np.zeros((size, *array.shape[1:]), array.dtype)
+    out[: len(array)] = array
+    return out
+
+
+def _rows(width: int, most: int) -> NDArray[np.int32]:
+    """An array that begins with some rows: small files need no more; never longer than the limit ``most``."""
+    return np.zeros((min(ROWS, most), width), np.int32)
+
+
+def _length(array: NDArray, needed: int, most: int) -> int:
+    """Rows that the array has, or a good deal more where it has no place for ``needed``; at most the limit ``most``."""
+    if needed <= len(array):
+        return len(array)
+    return max(min(len(array) + spare(array.nbytes, len(array)), most), needed)

@@ -1,0 +1,325 @@
+"""The state that every pass works on: the known vertices and the tubular neighbourhood (spec clause 5.1)."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from isospec.elements import ELEMENTS
+
+from ...kernel import inlined, record
+from ...kernel.types import BoolVolume, Int32Matrix, IntMatrix, IntVector, Registers
+from ..lattice.access import vertex
+from ..lattice.grid import Grid, clamped, position
+from ..lattice.store import Bytes, Store, full, get, put
+from ..lattice.vertex_set import Chosen
+
+GATE = 7
+"""A gate on the stack: class, block and level of the simplex of equal level behind it, the vertex opposite, the leaf
+it was left from."""
+MOST_ANCESTORS = 4096
+"""Rows of ``State.path``; a vertex with more ancestors to be added is barred (spec clause 11.1)."""
+# Syntax elements, in the order of isospec (spec clause 5.2).
+(
+    ORIGIN, COMPONENT, LOCATION, BASE_SIGN, SIGNIFICANCE, REFINEMENT_SIGN, VALUE_BIT, OFFSET_BIT,
+    LEVEL_SYMBOL, SPLIT, CONTINUE,
+) = range(len(ELEMENTS))
+PREDICTED, PREDICTED_RIGHT = len(ELEMENTS), len(ELEMENTS) + 1
+
+ALWAYS, MOSTLY, AGREED_SHIFT = 4096, 3584, 5
+"""How often something has been so, if always, what it begins with, and how fast it changes."""
+
+
+FRAME = 2
+"""In State.counters.side: the isovalue leans on an earlier frame's."""
+
+
+class Counters(Registers):
+    """What is counted, and where the coding stands.
+
+    Attributes
+    ----------
+    level, edge : int
+        Level that is worked on, and the edge of its cubes.
+    vertices, leaves, next : int
+        Rows of ``vertex``, ``leaf`` and ``below`` in use.
+    done_leaves, child : int
+        Rows of ``leaf`` that a round is done with, and children of the next row.
+    mixed, held, most_mixed : int
+        Simplices in the rows that a round makes, in those of the last mesh, and most that may be there.
+    base_level, uniform, finest : int
+        Level of the base; middles of levels below ``uniform`` are in the mesh, those of ``finest`` and above are not.
+    before_round : int
+        Vertices known before the round.
+    error : int
+        Why a pass gave up: see ``ERRORS``.
+    work, step_work, most_work : int
+        Steps of inference so far, before the step that is being taken, and most that are allowed.
+    asks, adapted : int
+        Whether a round asks for each subdivision edge; whether an adaptive layer has begun (5.8).
+    room : int
+        Pages that the store of the mesh lacks.
+    side, shift : int
+        Whether the isovalue lies above (1) or below (-1) the earlier one that it leans on, by how many whole steps;
+        ``FRAME`` if that is one of an earlier frame, from which no sign follows (5.11).
+    told, seeded : int
+        Whether the mesh is told from the start; whether the base begins at the leaves of the earlier isovalue.
+    meshes : int
+        Meshes that have been completed.
+    births, counted, counting, counted_size : int
+        New components so far; vertices counted in the crowd; of a census that goes on the next vertex and the cells'
+        size (7.13).
+    boarded, board_edge : int
+        Vertices on the board, and the edge that it is made for.
+    agreed : int
+        How often signs have been those of the earlier isovalue (7.12).
+    masked : int
+        Whether a mask says which samples are missing (5.10).
+    """
+
+    level: int
+    edge: int
+    vertices: int
+    leaves: int
+    next: int
+    done_leaves: int
+    child: int
+    mixed: int
+    held: int
+    most_mixed: int
+    base_level: int
+    uniform: int
+    finest: int
+    before_round: int
+    error: int
+    work: int
+    step_work: int
+    most_work: int
+    asks: int
+    adapted: int
+    room: int
+    side: int
+    shift: int
+    told: int
+    seeded: int
+    meshes: int
+    births: int
+    counted: int
+    counting: int
+    counted_size: int
+    boarded: int
+    board_edge: int
+    agreed: int
+    masked: int
+
+
+class BaseWalk(Registers):
+    """Where a base stands: its phase, the present simplex, the gates, the points of the curve, the leaf behind.
+
+    ``before`` are the last answers on the mesh, ``history`` whether the last two predictions were right.
+    """
+
+    phase: int
+    depth: int
+    cls: int
+    b0: int
+    b1: int
+    b2: int
+    tight: int
+    corner: int
+    gates: int
+    points: int
+    early_points: int
+    branch: int
+    item: int
+    before: int
+    history: int
+    last_root: int
+    seed: int
+    behind_level: int
+    behind_cls: int
+    behind_b0: int
+    behind_b1: int
+    behind_b2: int
+    behind_opposite: int
+
+
+class RefinementWalk(Registers):
+    """The last two outcomes on the border and inside, points of the curve, the last answers on the mesh, Cont/Stop."""
+
+    border: int
+    crossed: int
+    points: int
+    splits: int
+    more: int
+
+
+class TreeWalk(Registers):
+    """Where the tree of new components stands.
+
+    Frames of the stack in use, the next item of the encoder's list, whether the root was coded, whether the slot before
+    the next one is being added.
+    """
+
+    frames: int
+    item: int
+    started: int
+    adding: int
+
+
+class ValueWalk(Registers):
+    """The next item of the list of values, and the symbol before."""
+
+    item: int
+    before: int
+
+
+class DigitWalk(Registers):
+    """Where offsets stand: the next edge, of its digit the parts that are left and how often they were halved.
+
+    Further the part of the earlier isovalue's crossing, -1 if there is none, and what ``find_candidates`` says.
+    """
+
+    item: int
+    low: int
+    high: int
+    halved: int
+    nearest: int
+    span: int
+
+
+OUT_OF_STEPS = 5
+"""In State.counters.error."""
+STEP_VERTICES = 16
+"""Most vertices (and pages) that one step of a pass adds."""
+STEP_LEAVES = 24
+"""Most simplices that one step adds."""
+STEP_CELLS = 26
+"""Most pages of the crowd that one step adds."""
+
+
+@record
+class Lean(NamedTuple):
+    """What is known of an earlier isovalue: its mesh, its vertices, and their values as far as sent (clause 5.9).
+
+    The same of the mask, which has no values and whose isovalue lies between missing and valid (clause 5.10).
+    """
+
+    grid: Grid
+    counters: Counters
+    value_bits: IntVector
+    known: Store
+    mesh: Store
+    number: IntVector
+    left: IntVector
+
+
+@record
+class State(NamedTuple):
+    """Arrays of one isovalue's decoding; the kernels read and write them in place.
+
+    A store entry is 0 for an unknown vertex, else ``2 * (number + 1) + sign``; vertices are numbered as they become
+    known. ``leaf`` lists the mixed simplices, in order, ``below`` those that a round of refinement makes, while it goes
+    on: see ``tube.leaf_list``.
+    """
+
+    grid: Grid
+    counters: Counters
+    tally: IntVector  # symbols by element, then predictions and right ones
+    calm: (
+        IntVector  # how often signs have been as predicted, on edges that are not crossed and on those that are (7.12)
+    )
+    value_bits: IntVector  # of numbers below the isovalue, and above
+    known: Store
+    vertex: Int32Matrix  # (V, 4) position and sign
+    leaf: Int32Matrix  # (M, 5)
+    below: Int32Matrix  # (M, 5)
+    mesh: Store
+    crowd: Store  # main profile: counts of vertices and new components in cells of all sizes
+    board: Bytes  # main profile: what is known on the lattice of the present level, see passes.around
+    path: IntMatrix  # (P, 4) positions and levels of vertices to be added
+    chosen: Chosen  # encoder: the mesh that an adaptive layer leads to
+    lean: Lean  # of an earlier isovalue, or empty
+    hole: Lean  # of the mask, or empty
+    soft: Store  # the signs of the frame before, see tube.softened, or empty
+    truth: BoolVolume  # encoder: the signs of the whole field; decoder: empty
+    base: BaseWalk
+    refinement: RefinementWalk
+    tree: TreeWalk
+    value: ValueWalk
+    digit: DigitWalk
+    turns: IntVector  # of the last component's path, one for each level
+    trail: IntVector  # last points of the curve, two numbers a point
+    early: IntVector  # first points of the component, likewise
+    candidates: IntVector  # for a crossing, see models.crossing_candidates
+    window: IntVector  # the pages of the board around the last middle, see models.neighbourhood
+    scratch: IntVector  # a step's intermediate results
+    stack: IntVector  # of the running pass
+
+
+@inlined
+def entry(st, x, y, z):
+    """Store entry of the vertex at unclamped (x, y, z)."""
+    x, y, z = clamped(st.grid, x, y, z)
+    return get(st.known, x, y, z)
+
+
+@inlined
+def truth(st, x, y, z):
+    """Encoder: the sign of the vertex at unclamped (x, y, z)."""
+    x, y, z = clamped(st.grid, x, y, z)
+    return np.int64(st.truth[x, y, z])
+
+
+@inlined
+def corner_entry(st, edge, r, cls, b0, b1, b2, j):
+    """Store entry of vertex j of a simplex whose cubes have the edge ``edge``."""
+    x, y, z = position(edge, b0, b1, b2, vertex(st.grid.tables, r, cls, j))
+    return entry(st, x, y, z)
+
+
+@inlined
+def corner_truth(st, edge, r, cls, b0, b1, b2, j):
+    """Encoder: the sign of vertex j of a simplex."""
+    x, y, z = position(edge, b0, b1, b2, vertex(st.grid.tables, r, cls, j))
+    return truth(st, x, y, z)
+
+
+@inlined
+def learn(st, x, y, z, sign):
+    """Make the vertex at unclamped (x, y, z) known."""
+    v = st.counters.vertices
+    x, y, z = clamped(st.grid, x, y, z)
+    row = st.vertex[np.uint64(v)]
+    row[0] = x
+    row[1] = y
+    row[2] = z
+    row[3] = sign
+    put(st.known, x, y, z, 2 * (v + 1) + sign)
+    st.counters.vertices = v + 1
+
+
+@inlined
+def crowded(st):
+    """Whether some array may overflow in one more step."""
+    counters = st.counters
+    return (
+        counters.vertices + STEP_VERTICES > len(st.vertex)
+        or counters.leaves + STEP_LEAVES > len(st.leaf)
+        or counters.next + STEP_LEAVES > len(st.below)
+        or counters.mixed + STEP_LEAVES > counters.most_mixed
+        or full(st.known, STEP_VERTICES)
+        or full(st.mesh, STEP_VERTICES)
+        or full(st.crowd, STEP_CELLS)
+    )
+
+
+@inlined
+def tired(st):
+    """Before a step of a pass: whether those that a decoder allows are used up; the reason is left in the state."""
+    st.counters.step_work = st.counters.work
+    if st.counters.work < st.counters.most_work:
+        return False
+    st.counters.error = OUT_OF_STEPS
+    return True

@@ -1,0 +1,120 @@
+"""Headers of MetaImage and NRRD: which files they name for their samples.
+
+Libraries follow these names to any place. So a header is read here first, strictly enough that a library cannot take a
+line for a name that was not seen.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable
+from pathlib import Path
+
+from ...errors import InputError, LimitError
+from .source import Source
+
+_HEADER = 1 << 20
+"""Bytes in which a header has to end."""
+_PATTERN = re.compile(r"[^%]*%0?[0-9]{0,3}d[^%]*")
+"""A name with the place of one whole number."""
+_FILES = 100_000
+_KEY = b"ElementDataFile"
+
+
+def meta_files(source: Source) -> tuple[list[Path], bool]:
+    """The files that hold the samples of a MetaImage, and whether they hold them as they are.
+
+    Raises
+    ------
+    InputError
+        If it is none, or names a file that is not to be read.
+    LimitError
+        If it names too many.
+    """
+    head, cut = _head(source)
+    at = head.find(_KEY)
+    before, line_break, indent = head[: max(at, 0)].rpartition(b"\n")
+    line, _, rest = head[at + len(_KEY) :].partition(b"\n")
+    value = line.strip()
+    fields = [line.partition(b"=" if b"=" in line else b":") for line in before.split(b"\n") if line.strip()]
+    # the first place where the key stands has to be a line of its own, not what a field without a value goes on with
+    alone = line_break and not indent.strip() and fields and fields[-1][2].strip()
+    if at < 0 or not alone or value[:1] not in (b"=", b":") or any(c in before + line for c in b"\r\0"):
+        raise InputError("has no MetaImage header", code="unreadable")
+    stated = {name.strip(): value.strip().lower() for name, _, value in fields}
+    plainly = stated.get(b"CompressedData") != b"true" and stated.get(b"BinaryData") != b"false"
+    target = _text(value.lstrip(b"=: \t"))
+    if target.startswith("LIST") and cut:
+        raise InputError(f"has a header of more than {_HEADER:,} bytes", code="unreadable")
+    files = _files(source, target, _text(rest), ("LOCAL", "Local", "local"))
+    packed = stated.get(b"CompressedDataSize", b"")
+    if packed.isdigit():
+        source.check_bytes(int(packed), sum(path.stat().st_size for path in files))
+    return files, plainly
+
+
+def nrrd_files(source: Source) -> tuple[list[Path], bool]:
+    """The same of NRRD.
+
+    Raises
+    ------
+    InputError, LimitError
+    """
+    head, cut = _head(source)
+    head, end, _ = head.partition(b"\n\n")
+    if not head.startswith(b"NRRD") or (cut and not end) or any(c in head for c in b"\r\0"):
+        raise InputError("has no NRRD header", code="unreadable")
+    files: list[Path] = []
+    encoding = ""
+    lines = _text(head).split("\n")
+    for number, line in enumerate(lines):
+        name, _, value = line.partition(":")
+        field = "".join(name.lower().split())
+        if field == "encoding":
+            encoding = value.strip().lower()
+        if field == "datafile" and not value.startswith("="):
+            files += _files(source, value.strip(), "\n".join(lines[number + 1 :]))
+            if value.strip().startswith("LIST"):
+                break
+    return files or [source.path], encoding == "raw"
+
+
+def _head(source: Source) -> tuple[bytes, bool]:
+    """The first bytes of a file, with line breaks of one kind, and whether there are more."""
+    with source.path.open("rb") as file:
+        return file.read(_HEADER).replace(b"\r\n", b"\n"), bool(file.read(1))
+
+
+def _files(source: Source, value: str, rest: str, here: Iterable[str] = ()) -> list[Path]:
+    """Files that the field of a header names: one, some by numbers, or those of the lines that follow it."""
+    if value in here:
+        return [source.path]
+    if value.startswith("LIST"):
+        names = [line.strip() for line in rest.split("\n") if line.strip()]
+    elif "%" in value:
+        names = _numbered(value)
+    else:
+        names = [value]
+    if len(names) > _FILES:
+        raise LimitError(f"names {len(names):,} files", code="limit-files")
+    return [source.beside(name) for name in dict.fromkeys(names)]
+
+
+def _numbered(value: str) -> list[str]:
+    """Names by a pattern, its first number, last number, and step: ``slice%03d.raw 1 40 1``."""
+    words = value.split()
+    pattern, numbers = words[0], words[1:]
+    if not _PATTERN.fullmatch(pattern) or len(numbers) < 2 or not all(re.fullmatch("-?[0-9]{1,9}", n) for n in numbers):
+        raise InputError("names files by a pattern that cannot be followed", code="unreadable")
+    first, last, step = (*map(int, numbers[:3]), 1)[:3]
+    if step == 0:
+        raise InputError("names files by a pattern that cannot be followed", code="unreadable")
+    count = range(first, last + (1 if step > 0 else -1), step)
+    if len(count) > _FILES:
+        raise LimitError(f"names {len(count):,} files", code="limit-files")
+    return [pattern % number for number in count]
+
+
+def _text(data: bytes) -> str:
+    """Bytes of names, as the file system has them."""
+    return data.decode("utf-8", "surrogateescape")

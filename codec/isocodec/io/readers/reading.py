@@ -1,0 +1,53 @@
+"""What readers share: what a library raises on a bad file, as one error of ours; one picture or volume of a series."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...errors import InputError, IsoError, LimitError, OptionError
+from ...field.text import one_line
+
+
+@contextmanager
+def reading(what: str) -> Iterator[None]:
+    """Turn what a library raises on a bad file into one error of ours.
+
+    Parsers raise whatever they stumble over (KeyError, SyntaxError, struct.error, zlib.error, OSError without
+    a number ...), so everything is caught here but our own errors and those of the operating system.
+    """
+    try:
+        yield
+    except IsoError:
+        raise
+    except MemoryError as exc:
+        raise LimitError(f"not enough memory to read this {what}", code="memory") from exc
+    except Exception as exc:
+        if isinstance(exc, OSError) and exc.errno is not None:
+            raise
+        raise InputError(f"cannot be read as {what} ({said(exc)})", code="unreadable") from exc
+
+
+def said(exc: Exception) -> str:
+    """What an error of a library says, in one line."""
+    # SimpleITK says first where in its source it is
+    return one_line(str(exc).rpartition("ERROR: ")[2]) or type(exc).__name__
+
+
+def check_frame(frame: int, count: int) -> None:
+    """Raise `OptionError` unless a series of that many, 0 if it is none, has such a frame."""
+    if not 0 <= frame < count:
+        there = f"the series has {count}, counted from 0" if count else "this is not a series"
+        raise OptionError(f"there is no frame {frame}: {there}", code="frame")
+
+
+def pick_frame(series: NDArray[Any], frame: int | None, axis: int = 0) -> NDArray[Any]:
+    """One of a series of pictures or volumes along an axis; what is given if none is asked for."""
+    if frame is None:
+        return series
+    check_frame(frame, series.shape[axis] if series.ndim > 2 else 0)
+    return np.take(series, frame, axis=axis)

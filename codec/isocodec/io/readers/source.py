@@ -1,0 +1,168 @@
+"""An input, and what may be read of it: which files, and how many samples."""
+
+from __future__ import annotations
+
+import math
+import os
+import stat
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ...errors import InputError, LimitError, OptionError
+from ...field.text import plain
+from ...limits import FIELD_SAMPLES
+
+
+@dataclass(frozen=True)
+class Source:
+    """A file to be read, with what its header is held against before anything is read or allocated for it.
+
+    Attributes
+    ----------
+    path : Path
+        A regular file; `source_of` makes sure of it.
+    samples : int
+        How many samples may be read at most.
+    follow : bool
+        Whether other files are read that it names by a path, or links to.
+    """
+
+    path: Path
+    samples: int = FIELD_SAMPLES
+    follow: bool = False
+
+    def named(self, *suffixes: str) -> bool:
+        """Whether the name ends in one of these, in small letters or capitals."""
+        return self.path.name.lower().endswith(suffixes)
+
+    def check_array(self, shape: Sequence[int], dtype: np.dtype[Any]) -> int:
+        """That an array holds real numbers, and not too many; how many bytes they take.
+
+        Raises
+        ------
+        InputError, LimitError
+        """
+        base, inner = dtype.subdtype or (dtype, ())
+        check_kind(base)
+        return self.check_count(math.prod(int(n) for n in (*shape, *inner))) * base.itemsize
+
+    def check_count(self, count: int) -> int:
+        """That so many samples may be read; their number.
+
+        Raises
+        ------
+        LimitError
+        """
+        if count > self.samples:
+            raise LimitError(
+                f"holds {count:,} samples, more than the limit of {self.samples:,}", code="limit-samples",
+                remedy="raise it with --limit-samples (samples= in Python)",
+            )
+        return count
+
+    def check_bytes(self, stated: int, there: int | None = None) -> None:
+        """That samples which are stored as they are can be in the file, or in as many bytes as there are.
+
+        Raises
+        ------
+        InputError
+        """
+        there = self.path.stat().st_size if there is None else there
+        if stated > there:
+            raise InputError(
+                f"is cut short: its header states {stated:,} bytes, but there are {there:,}", code="unreadable"
+            )
+
+    def beside(self, name: str) -> Path:
+        """The file that a header names: in the same directory, unless others are to be followed.
+
+        Raises
+        ------
+        InputError
+            If it is elsewhere, or no regular file.
+        """
+        target = self.path.parent / name
+        if not self.follow:
+            # a backslash and a colon are paths elsewhere, and to some libraries a dash is standard input
+            if name in ("", ".", "..", "-") or any(c in name for c in "/\\:\0"):
+                raise self.refused(name)
+            if os.path.dirname(os.path.realpath(target)) != os.path.realpath(self.path.parent):
+                raise self.refused(name, "which links to another directory")
+        if "\0" in name or not target.is_file():
+            raise InputError(f"names {_quoted(name)}, but there is no such file beside it", code="other-file")
+        return target
+
+    def refused(self, name: str, why: str = "which is not beside it") -> InputError:
+        """The error for another file that was not asked for."""
+        return InputError(
+            f"names another file, {_quoted(name)}, {why}", code="other-file",
+            remedy="use --follow-paths (follow=True in Python) if you trust this file",
+        )
+
+
+def source_of(path: str | os.PathLike[str], samples: int | None = None, follow: bool = False) -> Source:
+    """A file that can be read from any place in it.
+
+    Raises
+    ------
+    OSError
+        If it cannot be opened.
+    InputError
+        If it is a device or a pipe, which may never end.
+    OptionError
+        If ``samples`` is no number of samples.
+    """
+    path = Path(path)
+    if samples is not None and samples < 1:
+        raise OptionError(f"at most {samples} samples; it must be a number from 1 on", code="limit-samples")
+    mode = path.stat().st_mode
+    if not (stat.S_ISREG(mode) or stat.S_ISDIR(mode)):
+        raise InputError(
+            "is a device or a pipe; fields are read from files only",
+            code="no-file",
+            remedy="save its contents to a file first",
+        )
+    # Missing files, directories and permissions are reported alike for all formats, before any library looks; some
+    # formats are a folder.
+    if not (stat.S_ISDIR(mode) and _is_format(path)):
+        with path.open("rb"):
+            pass
+    return Source(path, FIELD_SAMPLES if samples is None else int(samples), follow)
+
+
+def _is_format(folder: Path) -> bool:
+    """Whether a folder is an array of Zarr, or holds files of DICOM."""
+    return folder.suffix.lower() == ".zarr" or any(map(is_dicom, sorted(folder.iterdir())))
+
+
+def is_dicom(path: Path) -> bool:
+    """Whether this is a file of DICOM, by its first bytes."""
+    if not path.is_file():
+        return False
+    with path.open("rb") as file:
+        return file.read(132)[128:] == b"DICM"
+
+
+def check_kind(dtype: np.dtype[Any]) -> None:
+    """That values of this type are real numbers.
+
+    Raises
+    ------
+    InputError
+    """
+    if dtype.names is not None:
+        raise InputError(f"holds records ({', '.join(map(plain, dtype.names))}), not numbers", code="dtype")
+    if dtype.kind not in "biuf":
+        kinds = {"O": "Python objects", "S": "strings", "U": "strings", "c": "complex numbers", "M": "dates"}
+        if dtype.kind == "O" and dtype.metadata:  # what h5py makes of strings of any length
+            kinds["O"] = "strings or references"
+        held = kinds.get(dtype.kind, "values that are not real numbers")
+        raise InputError(f"holds {held} (dtype {dtype}), not real numbers", code="dtype")
+
+
+def _quoted(name: str) -> str:
+    return f"'{plain(name)}'"

@@ -1,0 +1,148 @@
+"""A mesh in the file as its points alone: their Delaunay triangulation has the cells (spec clause 10.11)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ..errors import FormatError, InputError, LimitError
+from ..tin.coded_tin import STEPS, UNLIMITED
+from ..tin.delaunay import delaunay, triangles
+from ..tin.models import new_coder
+from ..tin.point_tree import code_positions
+from ..tin.points import points_of
+from ..tin.rank import by_rank
+from .complex import Complex, assembled, neighbours
+from .isovalue import Run
+
+BYTES_PER_POINT = 400
+"""Memory that decoding takes for a point, about."""
+_ROOM = 32
+"""Symbols of a run for each point at most, and some more."""
+
+
+def triangulated(
+    points: ArrayLike, values: ArrayLike
+) -> tuple[NDArray[np.float64], NDArray[np.int64], NDArray[Any]]:
+    """Scattered points of the plane as distinct ones, (V, 2), their Delaunay triangles, and their values.
+
+    Parameters
+    ----------
+    points : (N, 2) array_like of numbers
+    values : (N,) or (F, N) array_like
+
+    Raises
+    ------
+    InputError
+        If they are none, or cannot be triangulated.
+    """
+    found, numbers = np.asarray(points, np.float64), np.asarray(values)
+    if found.ndim != 2 or found.shape[1] != 2:
+        raise InputError(
+            f"the points have shape {found.shape}, needed is (V, 2)", code="points",
+            remedy="points of space take cells: give them",
+        )
+    if numbers.shape[-1:] != (len(found),):
+        raise InputError(f"the values have shape {numbers.shape}, needed is ({len(found)},)", code="values")
+    if not np.isfinite(found).all():
+        raise InputError("coordinates that are not finite", code="points", remedy="leave those points out")
+    found, numbers = _distinct(found, numbers)
+    return found, _cells_of(found), numbers
+
+
+def _distinct(
+    points: NDArray[np.float64], values: NDArray[Any]
+) -> tuple[NDArray[np.float64], NDArray[Any]]:
+    """Points of which none coincide, and their values: of those that do, the mean."""
+    found, first, number = np.unique(points, axis=0, return_index=True, return_inverse=True)
+    if len(found) == len(points):
+        return points, values
+    number = number.ravel()
+    if values.dtype.kind != "f":
+        merged = values[..., first]
+        if (merged[..., number] != values).any():
+            raise InputError(
+                f"{len(points) - len(found)} points coincide with others and have other values", code="coincident",
+                remedy="merge them first, or give floats, which are averaged",
+            )
+        return found, merged
+    mean = np.array([np.bincount(number, row) / np.bincount(number) for row in np.atleast_2d(values)])
+    return found, mean if values.ndim == 2 else mean[0]
+
+
+def _cells_of(points: NDArray[np.float64]) -> NDArray[np.int64]:
+    """Delaunay triangles of distinct points as they are given, (T, 3), to 24 bits at least."""
+    found = points_of(points, np.zeros(len(points)))
+    if found.merged:
+        raise InputError(
+            f"{found.merged} points lie too near to others to be told apart", code="coincident",
+            remedy="merge them first",
+        )
+    return found.source[triangles(delaunay(found.x, found.y)[0])]
+
+
+def delaunay_complex(position: NDArray[np.int64], unit: float, work: int = UNLIMITED) -> Complex:
+    """The complex of distinct points (V, 2) in the order of ranks.
+
+    Raises
+    ------
+    InputError
+        If all lie on a line.
+    LimitError
+        If it takes more work than allowed.
+    """
+    x, y = np.ascontiguousarray(position.T)
+    tri, count = delaunay(x, y, min(STEPS * work, UNLIMITED))
+    cells = triangles(tri).astype(np.int64)
+    if count < len(position) and len(np.unique(cells)) < len(position):
+        raise LimitError(f"{len(position):,} points take more work than allowed", code="limit-work", clause="11.2")
+    return assembled(position, cells, unit, neighbours(cells))
+
+
+def encoded_points(
+    position: NDArray[np.int64], extent: Sequence[int], unit: float
+) -> tuple[bytes, Complex, NDArray[np.int64]]:
+    """Code distinct points (V, 2) from 0 to below ``extent``; returns what `encoded_mesh` does."""
+    run = Run(coder=new_coder())
+    run.begin(None)
+    run.room(_ROOM * len(position) + 2048)
+    box = int(extent[0]), int(extent[1])
+    run.check(code_positions(run.coder, box, len(position), position, len(position), UNLIMITED)[0])
+    order = by_rank(position[:, 0], position[:, 1])
+    return run.end(), delaunay_complex(np.ascontiguousarray(position[order]), unit), order
+
+
+def decoded_points(
+    data: bytes, offset: int, size: tuple[int, int], extent: Sequence[int], unit: float, work: int
+) -> Complex:
+    """Inverse of ``encoded_points``; ``size`` are the numbers of points and triangles that there should be.
+
+    Raises
+    ------
+    FormatError
+        If the run violates the specification.
+    LimitError
+        If it takes more work than allowed.
+    """
+    run = Run(coder=new_coder())
+    run.begin(data, offset)
+    box = int(extent[0]), int(extent[1])
+    try:
+        status, position, work = code_positions(run.coder, box, size[0], None, size[0], work)
+    except LimitError as error:
+        if error.code != "limit-vertices":
+            raise
+        raise FormatError("more points than stated", code="domain", offset=offset, clause="10.11") from None
+    run.check(status)
+    run.end()
+    order = by_rank(position[:, 0], position[:, 1])
+    try:
+        found = delaunay_complex(np.ascontiguousarray(position[order]), unit, work)
+    except InputError:
+        raise FormatError("all points lie on a line", code="domain", offset=offset, clause="10.11") from None
+    if (len(found.mesh.position), len(found.mesh.cell)) != size:
+        raise FormatError("other numbers of points or triangles", code="domain", offset=offset, clause="10.11")
+    return found

@@ -1,0 +1,305 @@
+"""One isovalue on an explicit complex: what is known of it, and the layers that tell (spec clause 10.1.3)."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..entropy.range_coder import DECODE, ENCODE, Coder, finish, start
+from ..errors import FormatError, LimitError
+from ..kernel import BAD, CUT, DONE
+from .before import UNKNOWN, spread_signs
+from .complex import Complex
+from .history import History
+from .levels import coarse_signs, signs_of_round
+from .models import NUMBERS, new_coder
+from .positions import (
+    LARGEST,
+    TOLD,
+    active_vertices,
+    code_offsets,
+    code_values,
+    crossed_edges,
+    parts_of,
+    places_on,
+)
+from .walk import Strand, WalkRegisters, code_base, trace
+
+_ROOM = 1 << 12
+_ERRORS = {
+    1: ("a component begins where one has been", "10.3.1"),
+    2: ("a component begins at a cell that is not crossed", "10.3.1"),
+    3: ("more vertices or cells than stated", "10.10.1"),
+    4: ("cells that make up no complex", "10.10.2"),
+}
+"""What was wrong, and the clause, by ``error`` of registers."""
+
+
+class Run:
+    """The coder of an isovalue, ready for a run of an encoder or a decoder.
+
+    Parameters
+    ----------
+    earlier : Run, optional
+        Whose models it goes on with.
+    coder : Coder, optional
+        Another than that of isovalues.
+
+    Attributes
+    ----------
+    coder : Coder
+    """
+
+    def __init__(self, earlier: Run | None = None, coder: Coder | None = None) -> None:
+        self.coder = coder or new_coder()
+        if earlier is not None:
+            self.coder.prob[:], self.coder.seen[:] = earlier.coder.prob, earlier.coder.seen
+            self.coder.blend.mix[:] = earlier.coder.blend.mix
+        self._data: bytes | None = None
+        self._offset = 0
+
+    def begin(self, data: bytes | None, offset: int = 0, symbols: int | None = None) -> None:
+        """Begin a run of these bytes, which lie at ``offset`` in the file, or one to be encoded."""
+        self._data, self._offset = data, offset
+        start(self.coder.reg, ENCODE if data is None else DECODE)
+        if data is None:
+            self.coder = self.coder._replace(buf=np.zeros(_ROOM, np.uint8))
+            return
+        self.coder = self.coder._replace(buf=np.frombuffer(data, np.uint8).copy())
+        self.coder.reg.end, self.coder.reg.final = len(data), 1
+        if symbols is not None:
+            self.coder.reg.left = symbols
+
+    def room(self, symbols: int) -> None:
+        """Encoder: make room for so many symbols."""
+        if self._data is None:
+            # a symbol takes 11 bits at most
+            size = self.coder.reg.pos + 2 * symbols + 64
+            buf = np.zeros(size, np.uint8)
+            buf[: self.coder.reg.pos] = self.coder.buf[: self.coder.reg.pos]
+            self.coder = self.coder._replace(buf=buf)
+
+    def check(self, status: int, error: int = 0) -> None:
+        """Raise what a kernel came back with, unless it is done."""
+        if status == DONE:
+            return
+        if status == BAD:
+            what, clause = _ERRORS[error]
+            raise FormatError(what, code="domain", offset=self._offset, clause=clause)
+        if status == CUT:
+            raise LimitError("more symbols than allowed", code="limit-symbols", clause="11.2")
+        raise FormatError("a run is too short", code="overrun", offset=self._offset, clause="6.3")
+
+    def end(self) -> bytes:
+        """The run's bytes."""
+        if self._data is None:
+            return finish(self.coder)
+        reg = self.coder.reg
+        # bytes that the coder has moved past
+        shifts = reg.pos - 4 + reg.unknown // 8
+        if shifts + 4 < len(self._data):
+            raise FormatError("bytes left over in a run", code="leftover", offset=self._offset, clause="6.3")
+        return self._data
+
+
+class _Then(NamedTuple):
+    """Geometry of the frame before.
+
+    ``key``, ``place`` (E,): crossed edges, ascending, lower vertex times V and the other one, and where they were
+    crossed; ``number`` (V,): twice the numbers of vertices, and 1, negative below, 0 if not known; or empty.
+    """
+
+    key: NDArray[np.int64]
+    place: NDArray[np.int64]
+    number: NDArray[np.int64]
+
+    def places(self, edges: NDArray[np.int64], strand: Strand) -> NDArray[np.int64]:
+        """Where edges were crossed in the same direction, (E,); 0 if they were not."""
+        out = np.zeros(len(edges), np.int64)
+        if not len(self.key):
+            return out
+        wanted = edges[:, 0] * np.int64(len(strand.sign)) + edges[:, 1]
+        at = np.minimum(np.searchsorted(self.key, wanted), len(self.key) - 1)
+        same = (self.key[at] == wanted) & (strand.before[edges[:, 0]] == strand.sign[edges[:, 0]])
+        return np.where(same, self.place[at], out)
+
+    def numbers(self, vertices: NDArray[np.int64]) -> NDArray[np.int64]:
+        """What is known of vertices."""
+        return self.number[vertices] if len(self.number) else np.zeros(len(vertices), np.int64)
+
+
+def _then_of(before: MeshIsovalue, vertices: int) -> _Then:
+    """Geometry of an isovalue, for that of the frame behind it."""
+    key = place = number = np.zeros(0, np.int64)
+    if before.edges is not None and before.parts is not None and before.number is not None:
+        key = before.edges[:, 0] * np.int64(vertices) + before.edges[:, 1]
+        order = np.argsort(key)
+        key, place = key[order], places_on(before.parts, before.number)[order]
+    if before.active is not None and before.steps is not None:
+        number = np.zeros(vertices, np.int64)
+        twice = 2 * np.minimum(before.steps, LARGEST) + 1
+        number[before.active[:, 0]] = np.where(before.strand.sign[before.active[:, 0]] == 1, twice, -twice)
+    return _Then(key, place, number)
+
+
+class MeshIsovalue:
+    """What is known of an isovalue.
+
+    Parameters
+    ----------
+    domain : Complex
+    value : float
+    scale : float or None
+        Step of numbers of values; None for integers.
+    earlier : sequence of MeshIsovalue
+        Those that it leans on, the nearest first.
+    before : MeshIsovalue, optional
+        Instead, the same isovalue of the frame before.
+
+    Attributes
+    ----------
+    strand : Strand
+    run : Run
+    rounds : int or None
+        How many rounds of the history are to come back yet, in signs that come level by level.
+    edges : (E, 3) int64 or None
+        Crossed edges, when the signs are known: both ends, and the leaf that has it first.
+    parts, number : (E,) int64 or None
+        Offsets: parts of the edges, and the crossed ones.
+    active, steps : (A, 2), (A,) int64 or None
+        Values: vertices with the leaf of each, and their numbers.
+    """
+
+    def __init__(
+        self, domain: Complex, value: float, scale: float | None = None, earlier: Sequence[MeshIsovalue] = (),
+        before: MeshIsovalue | None = None,
+    ) -> None:
+        self.domain, self.value, self.scale = domain, value, scale
+        self._earlier = earlier
+        leant = before or (earlier[0] if earlier else None)
+        self.run: Run = Run(leant.run if leant else None)
+        mesh = domain.mesh
+        vertices, (cells, corners) = len(mesh.position), mesh.cell.shape
+        unknown = np.full(vertices, UNKNOWN, np.int8)
+        self.strand = Strand(
+            unknown, _implied(unknown, value, earlier), unknown.copy(), np.zeros(vertices, np.int64),
+            np.zeros(cells, np.bool_), np.zeros(cells, np.int64), np.zeros((corners - 1) * cells + 8, np.int64),
+            np.zeros(NUMBERS, np.int64), unknown.copy(), np.zeros(4, np.int64), np.zeros(2, np.int64), WalkRegisters(),
+        )
+        self.rounds: int | None = None
+        self.edges: NDArray[np.int64] | None = None
+        self.parts: NDArray[np.int64] | None = None
+        self.number: NDArray[np.int64] | None = None
+        self.active: NDArray[np.int64] | None = None
+        self.steps: NDArray[np.int64] | None = None
+        self._then = _Then(np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros(0, np.int64))
+        if before is not None:
+            self.strand.reg.leans = 1
+            if before.edges is not None:
+                self.strand.before[:] = before.strand.sign
+                spread_signs(mesh, self.strand.before, np.zeros(vertices, np.int64))
+                self._then = _then_of(before, vertices)
+
+    @staticmethod
+    def bytes_for(domain: Complex) -> int:
+        """Memory that an isovalue holds."""
+        vertices, (cells, corners) = len(domain.mesh.position), domain.mesh.cell.shape
+        return vertices * 20 + cells * (9 + 8 * (corners - 1))
+
+    @property
+    def leaves(self) -> NDArray[np.int64]:
+        """Crossed cells in their order."""
+        return self.strand.leaf[: self.strand.reg.leaves]
+
+    def code_signs(self, truth: NDArray[np.bool_] | None = None) -> None:
+        """Code which vertices lie above; ``truth`` (V,) is the encoder's."""
+        mesh = self.domain.mesh
+        if truth is not None:
+            self.strand.truth[:] = truth
+        self.run.room(len(mesh.position) + 2 * len(mesh.cell))
+        status = code_base(mesh, self.strand, self.run.coder)
+        self.run.check(status, self.strand.reg.error)
+        self.edges = crossed_edges(mesh, self.leaves, self.strand.sign)
+
+    def code_levels(self, history: History, rounds: int, truth: NDArray[np.bool_] | None = None) -> None:
+        """Code which vertices lie above, of those that are there when so many rounds are to come back yet.
+
+        Those of earlier layers are known. ``truth`` as in `code_signs`.
+        """
+        mesh, run = self.domain.mesh, self.run
+        if truth is not None:
+            self.strand.truth[:] = truth
+        run.room(4 * len(mesh.position) + 64)
+        if self.rounds is None:
+            run.check(coarse_signs(history, rounds, self.strand, run.coder))
+        else:
+            for number in range(self.rounds - 1, rounds - 1, -1):
+                run.check(signs_of_round(history, number, self.strand, run.coder))
+        self.rounds = rounds
+        if rounds == 0:
+            trace(mesh, self.strand, run.coder)
+            self.edges = crossed_edges(mesh, self.leaves, self.strand.sign)
+
+    def code_offsets(self, step: int, number: NDArray[np.int64] | None = None) -> None:
+        """Code which part of each edge is crossed."""
+        assert self.edges is not None
+        parts = parts_of(self.domain.mesh, self.edges, step)
+        found = np.zeros(len(parts), np.int64) if number is None else number.copy()
+        then = self._then.places(self.edges, self.strand)
+        self.strand.estimate[:] = 0
+        self.strand.drift[:] = 0
+        self.run.room(25 * len(parts))
+        self.run.check(code_offsets(self.domain.mesh, self.strand, self.run.coder, self.edges, parts, found, then))
+        self.parts, self.number = parts, found
+
+    def code_values(self, bits: tuple[int, int], number: NDArray[np.int64] | None = None) -> None:
+        """Code the numbers of the vertices next to the curve; ``bits`` of those below and above."""
+        assert self.edges is not None
+        active = active_vertices(self.edges)
+        found, told = self._told(active[:, 0])
+        if number is not None:
+            found = np.where(told, found, number)
+        then = np.where(told, TOLD, self._then.numbers(active[:, 0]))
+        self.strand.estimate[:] = 0
+        self.strand.spread[:] = 0
+        self.strand.drift[:] = 0
+        self.run.room(52 * len(active))
+        bits_of = np.array(bits, np.int64)
+        self.run.check(code_values(self.domain.mesh, self.strand, self.run.coder, active, bits_of, found, then))
+        self.active, self.steps = active, found
+
+    def _told(self, vertices: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
+        """Numbers that follow from integers that earlier isovalues have told, and which these are."""
+        number, told = np.zeros(len(vertices), np.int64), np.zeros(len(vertices), np.bool_)
+        if self.scale is not None:
+            return number, told
+        t = math.floor(self.value)
+        known: dict[int, int] = {}
+        for one in self._earlier:
+            if one.active is None or one.steps is None:
+                continue
+            s = math.floor(one.value)
+            above = one.strand.sign[one.active[:, 0]] == 1
+            for v, up, steps in zip(one.active[:, 0].tolist(), above.tolist(), one.steps.tolist(), strict=True):
+                known[v] = s + 1 + steps if up else s - steps
+        for k, v in enumerate(vertices.tolist()):
+            if v in known:
+                steps = known[v] - t - 1 if self.strand.sign[v] == 1 else t - known[v]
+                number[k], told[k] = min(max(steps, 0), (1 << 52) - 1), True
+        return number, told
+
+
+def _implied(unknown: NDArray[np.int8], value: float, earlier: Sequence[MeshIsovalue]) -> NDArray[np.int8]:
+    """Signs that follow from the order of isovalues."""
+    given = unknown.copy()
+    for one in earlier:
+        sign = one.strand.sign
+        if one.value > value:
+            given[sign == 1] = 1
+        else:
+            given[sign == 0] = 0
+    return given

@@ -1,0 +1,238 @@
+"""Where crossed edges of an explicit domain are crossed, and values at vertices (spec clause 10.6)."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..entropy.guesses import DEPTHS, FINE, near_guess
+from ..entropy.range_coder import Coder
+from ..kernel import DONE, inlined, inner, kernel
+from ..kernel.types import IntMatrix, IntVector
+from .affine import beyond
+from .complex import Mesh
+from .models import CROSSINGS, MIX_OFFSET, MIX_VALUE, NUMBERS, OFFSET, VALUE
+from .walk import Strand
+
+LARGE, SMALL = 1 << 24, 1 << 4
+"""Bounds of how far vertices are taken to lie above or below."""
+START = 1 << 14
+"""What the first vertex of a component counts as."""
+PLACE = 16
+"""Places on an edge count in parts of ``2**-PLACE`` of it."""
+MOST_PARTS = 1 << 24
+STEPS = 256
+"""Steps of offsets count in parts of a unit of positions: so many of them."""
+LARGEST, WIDEST = 1 << 44, 1 << 48
+"""Numbers count for the guess of others as that much at most; how far guesses are wrong, in parts, likewise."""
+HALF = 1 << (FINE - 1)
+TOLD = 1 << 62
+"""Instead of twice a number of the frame before: the present one has been told."""
+
+
+def crossed_edges(mesh: Mesh, leaf: NDArray[np.int64], sign: NDArray[np.int8]) -> NDArray[np.int64]:
+    """Edges of the leaves whose ends differ in sign, each once, in the order of the leaves: (E, 3) int64.
+
+    The lower vertex, the other one, and the leaf that has it first, as its place in the list.
+    """
+    cells = mesh.cell[leaf]
+    corners = cells.shape[1]
+    pairs = [(i, j) for i in range(corners) for j in range(i + 1, corners)]
+    ends = np.stack([np.sort(cells[:, pair], axis=1) for pair in pairs], axis=1).reshape(-1, 2)
+    owner = np.repeat(np.arange(len(leaf)), len(pairs))
+    crossed = sign[ends[:, 0]] != sign[ends[:, 1]]
+    ends, owner = ends[crossed], owner[crossed]
+    _, first = np.unique(ends[:, 0] * np.int64(len(sign)) + ends[:, 1], return_index=True)
+    first.sort()
+    return np.column_stack([ends[first], owner[first]])
+
+
+def parts_of(mesh: Mesh, edges: NDArray[np.int64], step: int) -> NDArray[np.int64]:
+    """How many equal parts each edge is divided into: none longer than ``step`` of ``STEPS`` to a unit of positions."""
+    side = mesh.position[edges[:, 1]] - mesh.position[edges[:, 0]]
+    largest = np.abs(side).max(axis=1, initial=1)
+    # so that the sum of three squares, of differences in steps, is below 2**63
+    shift = np.maximum(np.frexp(largest.astype(np.float64))[1] - 22, 0).astype(np.int64)
+    square = ((side >> shift[:, None]) ** 2).sum(axis=1) * STEPS**2
+    length = np.sqrt(square.astype(np.float64)).astype(np.int64)
+    length += (length + 1) ** 2 <= square
+    length -= length**2 > square
+    return np.clip(-(-((length + 1) << shift) // step), 1, MOST_PARTS)
+
+
+@inlined
+def _bounded(value, sign):
+    """A value on the side that its sign says, within bounds."""
+    size = min(max(value if sign else -value, SMALL), LARGE)
+    return size if sign else -size
+
+
+@inner
+def _guessed(mesh, st, t, v):
+    """Value of a vertex v of cell t from cells across faces of t that do without it, 0 if there are none."""
+    corners = mesh.cell.shape[1]
+    for i in range(corners):
+        if mesh.cell[t, i] != v:
+            continue
+        other = mesh.neighbour[t, i]
+        if other < 0:
+            return np.int64(0)
+        o = np.int64(0)
+        for j in range(corners):
+            if st.estimate[mesh.cell[other, j]] == 0:
+                return np.int64(0)
+            if mesh.neighbour[other, j] == t:
+                o = np.int64(j)
+        return beyond(mesh, st.estimate, other, o, v)
+    return np.int64(0)
+
+
+@inlined
+def _expect_then(st, place, upwards, known):
+    """The second guess: what the frame before says, moved as others have been; none if it does not know."""
+    st.bells[2] = place + (st.drift[0] if upwards else -st.drift[0])
+    st.bells[3] = (st.drift[1] if st.drift[1] > 0 else st.bells[1]) if known else np.int64(0)
+
+
+@inlined
+def _learn_drift(st, moved, upwards):
+    """Take in by how much a place or number has moved, which counts towards what lies above if ``upwards``."""
+    step = moved if upwards else -moved
+    wrong = abs(step - st.drift[0])
+    if st.drift[1] == 0:
+        st.drift[1] = wrong
+    st.drift[0] += (step - st.drift[0]) >> 3
+    st.drift[1] = max(st.drift[1] + ((wrong - st.drift[1]) >> 4), 1 << (FINE - 2))
+
+
+@kernel
+def code_offsets(
+    mesh: Mesh, st: Strand, cd: Coder, edges: IntMatrix, parts: IntVector, number: IntVector, then: IntVector
+) -> int:
+    """Code which part of each edge is crossed, counted from its lower vertex.
+
+    ``st.estimate`` has to be 0 everywhere; it is where values are kept, which are right but for a factor. ``then`` (E,)
+    is where the edge was crossed in the frame before, in parts of ``2**-PLACE`` of it; 0 where it was not.
+    """
+    for k in range(len(edges)):
+        a, b = edges[k, 0], edges[k, 1]
+        t = st.leaf[edges[k, 2]]
+        if st.estimate[a] == 0 and st.estimate[b] == 0:
+            st.estimate[a] = START if st.sign[a] else -START
+        case = 0
+        va = st.estimate[a]
+        vb = st.estimate[b]
+        if va != 0 and vb != 0:
+            case = 1
+        elif vb == 0:
+            vb = _guessed(mesh, st, t, b)
+            if vb != 0:
+                case = 2 if (vb > 0) == (st.sign[b] == 1) else 3
+        else:
+            va = _guessed(mesh, st, t, a)
+            if va != 0:
+                case = 2 if (va > 0) == (st.sign[a] == 1) else 3
+        guess = np.int64(1) << (PLACE - 1)
+        if case > 0:
+            va = _bounded(va, st.sign[a])
+            vb = _bounded(vb, st.sign[b])
+            guess = (va << PLACE) // (va - vb)
+        width = parts[k] << FINE
+        width = width >> (1 if case == 0 else 3)
+        count = parts[k]
+        middle = (guess * count) >> (PLACE - FINE)
+        st.bells[0], st.bells[1] = middle, max(width, 1 << (FINE - 2))
+        if then[k] > 0:
+            case += CROSSINGS
+        _expect_then(st, then[k] * count >> (PLACE - FINE), st.sign[b] == 1, then[k] > 0)
+        found = near_guess(
+            cd, MIX_OFFSET + DEPTHS * case, OFFSET + 4 * DEPTHS * case, count, st.bells, number[k]
+        )
+        if found < 0:
+            return found
+        number[k] = found
+        if then[k] > 0:
+            _learn_drift(st, (found << FINE) + HALF - (then[k] * count >> (PLACE - FINE)), st.sign[b] == 1)
+        # the middle of the part, as a place on the edge
+        place = ((2 * found + 1) << PLACE) // (2 * count)
+        place = min(max(place, 1), (1 << PLACE) - 1)
+        if st.estimate[b] == 0:
+            st.estimate[b] = _bounded(st.estimate[a] - (st.estimate[a] << PLACE) // place, st.sign[b])
+        elif st.estimate[a] == 0:
+            st.estimate[a] = _bounded(-(st.estimate[b] * place) // ((1 << PLACE) - place), st.sign[a])
+    return DONE
+
+
+def places_on(parts: NDArray[np.int64], number: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Where edges of so many parts are crossed, from 1 to ``2**PLACE - 1``."""
+    return np.clip(((2 * number + 1) << PLACE) // (2 * parts), 1, (1 << PLACE) - 1)
+
+
+def active_vertices(edges: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Ends of crossed edges, each once, in their order, with the leaf that each comes with: (A, 2) int64."""
+    ends = edges[:, :2].ravel()
+    _, first = np.unique(ends, return_index=True)
+    first.sort()
+    return np.column_stack([ends[first], np.repeat(edges[:, 2], 2)[first]])
+
+
+@inlined
+def _mean_around(mesh, st, v):
+    """Mean size of the values that are known around a vertex; 0 if none is."""
+    total = 0
+    count = 0
+    for k in range(mesh.first[v], mesh.first[v + 1]):
+        for i in range(mesh.cell.shape[1]):
+            value = st.estimate[mesh.cell[mesh.star[k], i]]
+            if value != 0:
+                total += abs(value) >> 8
+                count += 1
+    return (total // count) << 8 if count else np.int64(0)
+
+
+@kernel
+def code_values(
+    mesh: Mesh, st: Strand, cd: Coder, active: IntMatrix, bits: IntVector, number: IntVector, then: IntVector
+) -> int:
+    """Code the numbers of active vertices, of ``bits[sign]`` bits; those that were told take no symbols.
+
+    ``st.estimate`` has to be 0 everywhere; it is where twice the numbers are kept, with the sign of their side.
+    ``then`` (A,) is twice the number in the frame before, and 1, negative if it lay below; ``TOLD`` if ``number`` has
+    been told, and 0 if nothing is known.
+    """
+    spread = st.spread
+    for k in range(len(active)):
+        v = active[k, 0]
+        sign = np.int64(st.sign[v])
+        if then[k] != TOLD:
+            case = 0
+            guess = _guessed(mesh, st, st.leaf[active[k, 1]], v)
+            if guess != 0 and (guess > 0) == (sign == 1):
+                case = 2
+            else:
+                opposite = guess != 0
+                guess = _mean_around(mesh, st, v)
+                if guess != 0:
+                    case = 3 if opposite else 1
+                    guess = guess >> 1 if opposite else guess
+            size = min(abs(guess) >> 1, LARGEST)
+            count = np.int64(1) << bits[sign]
+            if spread[case] == 0:
+                spread[case] = max((count >> 3) << FINE, 1 << FINE) if bits[sign] < 40 else WIDEST
+            st.bells[0], st.bells[1] = (size << FINE) + HALF, spread[case]
+            near = then[k] if sign else -then[k]
+            _expect_then(st, near << (FINE - 1), sign == 1, then[k] != 0)
+            kind = case + NUMBERS * np.int64(then[k] != 0)
+            found = near_guess(
+                cd, MIX_VALUE + DEPTHS * kind, VALUE + 4 * DEPTHS * kind, count, st.bells, number[k]
+            )
+            if found < 0:
+                return found
+            number[k] = found
+            if then[k] != 0:
+                _learn_drift(st, (min(found, LARGEST) << FINE) + HALF - (near << (FINE - 1)), sign == 1)
+            wrong = min(abs(found - size), LARGEST) << FINE
+            spread[case] = min(max(spread[case] + ((wrong - spread[case]) >> 4), 1 << (FINE - 2)), WIDEST)
+        twice = 2 * min(number[k], LARGEST) + 1
+        st.estimate[v] = twice if sign else -twice
+    return DONE

@@ -1,0 +1,1 @@
+"""Where bytes are: files, URLs, ranges of both, atomic writing."""

@@ -1,0 +1,131 @@
+"""How a box of samples is cut into tiles, and in which order these come (spec clause 12.2)."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import product
+from math import prod
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..grid.lattice.tables import cube_exponent
+
+Index = tuple[int, ...]
+COARSEST = 4
+"""Exponent of the edge of the first stage's cubes: no tile is narrower than such a cube, unless the field is."""
+
+
+def morton(index: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Numbers whose bits are those of the indices by turns, those of the last axis lowest.
+
+    Parameters
+    ----------
+    index : (K, n) int64, below 2**20
+
+    Returns
+    -------
+    (K,) int64
+    """
+    n = index.shape[1]
+    code = np.zeros(len(index), np.int64)
+    for bit in range(int(index.max(initial=0)).bit_length()):
+        for axis in range(n):
+            code |= (index[:, axis] >> bit & 1) << (bit * n + n - 1 - axis)
+    return code
+
+
+def in_order(counts: Index) -> NDArray[np.int64]:
+    """All indices of a grid of so many, in Morton order, (K, n) int64."""
+    index = np.indices(counts).reshape(len(counts), -1).T.astype(np.int64)
+    return index[np.argsort(morton(index), kind="stable")]
+
+
+@dataclass(frozen=True)
+class TileGrid:
+    """A box of samples cut into tiles, which share a row of samples with their neighbours.
+
+    Attributes
+    ----------
+    shape : tuple of int
+        Samples along each axis.
+    exponent : int
+        A tile is ``2**exponent`` samples wide, one more with the row it shares.
+    block : int
+        Tiles are listed in blocks of ``2**block`` along each axis.
+    """
+
+    shape: Index
+    exponent: int
+    block: int = 0
+
+    @property
+    def n(self) -> int:
+        """Axes."""
+        return len(self.shape)
+
+    @cached_property
+    def counts(self) -> Index:
+        """Tiles along each axis. What is left over at the end is part of the last one if it is no wider than a cube."""
+        edge, cube = 1 << self.exponent, 1 << COARSEST
+        return tuple(max(-((cube + 1 - s) // edge), 1) for s in self.shape)
+
+    @property
+    def total(self) -> int:
+        """Tiles in all."""
+        return prod(self.counts)
+
+    @cached_property
+    def blocks(self) -> Index:
+        """Blocks along each axis."""
+        return tuple(-(-count >> self.block) for count in self.counts)
+
+    def origin(self, index: Index) -> Index:
+        """The first sample of a tile."""
+        return tuple(i << self.exponent for i in index)
+
+    def size(self, index: Index) -> Index:
+        """Samples of a tile along each axis, shared rows included."""
+        edge = 1 << self.exponent
+        return tuple(
+            s - i * edge if i == count - 1 else edge + 1
+            for s, i, count in zip(self.shape, index, self.counts, strict=True)
+        )
+
+    def window(self, index: Index) -> tuple[slice, ...]:
+        """The samples of a tile, in the field."""
+        return tuple(slice(o, o + s) for o, s in zip(self.origin(index), self.size(index), strict=True))
+
+    def shared(self, index: Index) -> NDArray[np.bool_]:
+        """Which faces of a tile it shares, (n, 2): across each axis the low and the high one."""
+        return np.array([(i > 0, i < count - 1) for i, count in zip(index, self.counts, strict=True)])
+
+    def neighbour(self, index: Index, axis: int) -> Index:
+        """The tile behind, along an axis."""
+        return (*index[:axis], index[axis] + 1, *index[axis + 1 :])
+
+    def members(self, block: Index) -> NDArray[np.int64]:
+        """Tiles of a block in their order, (K, n) int64."""
+        first = np.array(block, np.int64) << self.block
+        there = tuple(min(count - int(f), 1 << self.block) for count, f in zip(self.counts, first, strict=True))
+        return in_order(there) + first
+
+    def all_blocks(self) -> Iterator[Index]:
+        """Blocks in their order."""
+        for block in in_order(self.blocks).tolist():
+            yield tuple(block)
+
+    def touching(self, low: NDArray[np.int64], high: NDArray[np.int64]) -> Iterator[Index]:
+        """Tiles that have a cell in the box of samples from ``low`` to ``high``, both included."""
+        ranges = []
+        for a, count in enumerate(self.counts):
+            first = min(int(low[a]) >> self.exponent, count - 1)
+            last = min(max(int(high[a]) - 1, int(low[a])) >> self.exponent, count - 1)
+            ranges.append(range(first, last + 1))
+        return product(*ranges)
+
+    def level(self, index: Index, edge: int) -> int:
+        """The level of a tile's uniform mesh of cubes of edge ``2**edge``; 0 where all of the tile is less."""
+        return self.n * max(cube_exponent(self.size(index)) - edge, 0)

@@ -1,0 +1,345 @@
+"""Reading a tiled file: only what a window needs, in few pieces (spec clause 12.6)."""
+
+from __future__ import annotations
+
+import zlib
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from itertools import takewhile
+
+import numpy as np
+from numpy.typing import NDArray
+
+from isospec.container import ChunkType
+
+from ..drawing.contour import Contour
+from ..errors import OptionError
+from ..field.placement import read_placement
+from ..format.chunks import write_chunk, write_metadata
+from ..format.header import Header, write_header
+from ..limits import Limits
+from ..storage.fetching import Fetch, Pieces, Range
+from ..stream.decoder import Decoder
+from ..stream.session import with_checksum
+from .closing import Part
+from .head import read_head
+from .joining import joined
+from .layout import Index
+from .leaf import read_leaf
+from .numbers import wrong
+from .structure import HEAD_BYTES, Head, Kind, Leaf
+
+KEPT_LEAVES = 64
+"""Leaf directories that are kept."""
+Box = Sequence[tuple[int, int]]
+"""First and last samples along each axis."""
+Found = tuple[Index, Kind, bytes, list[bytes]]
+"""A tile: what it is for an isovalue, the segment of its mask, and those of its stages."""
+
+
+class TiledFile:
+    """A tiled file of which only what is asked for is fetched.
+
+    Parameters
+    ----------
+    fetch : callable
+        Gives the bytes of the file from one place up to another, fewer at its end.
+    limits : Limits, optional
+        What decoding each tile may need at most; ``bytes`` is for what is fetched at a time.
+    first : bytes, optional
+        Its first ``HEAD_BYTES``, if they are there.
+
+    Attributes
+    ----------
+    head : Head
+    root : Root
+    fetch : callable
+
+    Raises
+    ------
+    FormatError
+        If it is no tiled file, or damaged.
+    TruncatedError
+        If it ends too early.
+    """
+
+    def __init__(self, fetch: Fetch, limits: Limits | None = None, first: bytes | None = None) -> None:
+        self.limits = limits or Limits()
+        self.fetch = fetch
+        first = fetch(0, HEAD_BYTES) if first is None else first
+        self._pieces = lambda: Pieces(fetch, self.limits.bytes, first)
+        self.head, self.root = read_head(first)
+        self._blocks = list(self.head.grid.all_blocks())
+        self._number_of = {block: number for number, block in enumerate(self._blocks)}
+        self._leaves: dict[int, Leaf] = {}
+
+    @property
+    def shape(self) -> Index:
+        """Samples along each axis."""
+        return self.head.grid.shape
+
+    @property
+    def isovalues(self) -> tuple[float, ...]:
+        """In the order of the file."""
+        return self.head.isovalues
+
+    @property
+    def metadata(self) -> dict[str, str]:
+        """Notes of the file."""
+        return dict(self.head.metadata)
+
+    def stage_of(self, within: float | None = None, stage: int | None = None) -> int:
+        """The number of a stage: the first whose cubes are no wider than ``within`` samples, the last if none is.
+
+        Raises
+        ------
+        OptionError
+            If both are given, or there is no such stage.
+        """
+        stages = self.head.stages
+        if within is not None and stage is not None:
+            raise OptionError("within and layer contradict one another", code="layers", remedy="choose one")
+        if stage is not None:
+            if not 0 <= stage < len(stages):
+                raise OptionError(f"layer {stage}; the file has {len(stages)}, from 0 on", code="layers")
+            return stage
+        if within is None:
+            return len(stages) - 1
+        return next((i for i, each in enumerate(stages) if 1 << each.edge <= within), len(stages) - 1)
+
+    def window(
+        self, box: Sequence[Sequence[float]] | None = None, *, isovalue: float | None = None,
+        within: float | Callable[[Box], float] | None = None, layer: int | None = None, partial: bool = False,
+        clip: bool = True,
+    ) -> Contour:
+        """The curve or surface in a box, as `TiledIsoFile.window` says.
+
+        Parameters
+        ----------
+        box, isovalue, within, layer, partial
+            As there.
+        clip : bool
+            Whether cells are left out that do not reach into the box.
+
+        Returns
+        -------
+        Contour
+            In index coordinates of the whole field; tiles meet without seams. It is not complete if a layer of a tile
+            that was asked for is not there.
+
+        Raises
+        ------
+        OptionError
+        FormatError, TruncatedError
+            If the file is damaged.
+        LimitError
+        """
+        number = self.number_of(isovalue)
+        grid = self.head.grid
+        low, high = self.bounds(box)
+        by_stage: dict[int, list[Index]] = {}
+        for index in grid.touching(np.floor(low).astype(np.int64), np.ceil(high).astype(np.int64)):
+            own = within([(w.start, w.stop - 1) for w in grid.window(index)]) if callable(within) else within
+            by_stage.setdefault(self.stage_of(own, layer), []).append(index)
+        metadata = self.metadata
+        origin_above, complete = None, True
+        parts = []
+        for stage, wanted in by_stage.items():
+            for index, kind, mask, segments in self.tiles(wanted, number, stage, partial):
+                above: bool | None = kind == Kind.ABOVE
+                if kind == Kind.CODED:
+                    there = len(segments) - 1
+                    complete &= there == stage
+                    if there < 0:
+                        continue
+                    parts.append(self.drawn(index, number, mask, segments))
+                    above = parts[-1].contour.origin_above
+                if not any(index):
+                    origin_above = above
+        points, cells = joined(parts, grid.n)
+        if box is not None and clip:
+            points, cells = _within(points, cells, low, high)
+        return Contour(
+            points, cells, self.isovalues[number], self.shape, complete, read_placement(metadata, grid.n), metadata,
+            origin_above, self.head.masked,
+        )
+
+    def plain(self, index: Index, isovalue: float | None = None, layer: int | None = None) -> bytes:
+        """A tile as an ``.iso`` file of its own."""
+        number = self.number_of(isovalue)
+        ((_, _, mask, segments),) = self.tiles([index], number, self.stage_of(None, layer))
+        return plain(self.head, index, number, mask, segments)
+
+    def drawn(self, index: Index, number: int, mask: bytes, segments: Sequence[bytes]) -> Part:
+        """What segments of a tile show."""
+        decoder, stage = self.decoded(index, number, mask, segments), len(segments) - 1
+        contour, ends = decoder.ends()
+        grid, cube = self.head.grid, 1 << self.head.stages[stage].edge
+        return Part(index, stage, cube, grid.origin(index), grid.size(index), contour, ends, decoder.whole_cells)
+
+    def decoded(self, index: Index, number: int, mask: bytes, segments: Sequence[bytes]) -> Decoder:
+        """A decoder that has taken segments of a tile."""
+        decoder = Decoder(self.limits)
+        decoder.feed(plain(self.head, index, number, mask, segments))
+        for _ in decoder:
+            pass
+        decoder.close()
+        return decoder
+
+    # -- what is fetched ---------------------------------------------------------------------------------------------
+
+    def tiles(self, wanted: Iterable[Index], isovalue: int, stage: int, partial: bool = False) -> list[Found]:
+        """Tiles, leaf by leaf: what each is for an isovalue, and its segments up to a stage; with ``partial`` up to the
+        last one that is there, if the file ends too early.
+        """
+        by_leaf: dict[int, list[Index]] = {}
+        for index in wanted:
+            block = tuple(i >> self.head.grid.block for i in index)
+            by_leaf.setdefault(self._number_of[block], []).append(index)
+        numbers = sorted(by_leaf)
+        areas = [0] * self.head.masked + [self.head.area(isovalue, s) for s in range(stage + 1)]
+        pieces = self._pieces()
+        if sum(map(len, by_leaf.values())) == self.head.grid.total:
+            pieces.fetch([(int(self.root.leaves[0]), self._end_of(areas))], partial)
+        leaves = self._read_leaves(numbers, pieces)
+        places = {number: self._places(number, by_leaf[number]) for number in numbers}
+        groups = {
+            (area, number, int(np.searchsorted(leaves[number].groups[area], i, "right")) - 1)
+            for number in numbers for area in areas for i in places[number] if leaves[number].lengths[area, i]
+        }
+        ranges = {group: self._group_range(leaves[group[1]], *group) for group in sorted(groups)}
+        pieces.fetch(ranges.values(), partial)
+        gone = {group for group, each in ranges.items() if not pieces.has(*each)} if partial else set()
+        for (area, number, group), (start, end) in ranges.items():
+            if (area, number, group) in gone:
+                continue
+            if zlib.crc32(pieces.get(start, end)) != leaves[number].checksums[area][group]:
+                raise wrong("a checksum of segments is wrong", "checksum", start, "12.5")
+        return [
+            self._found(leaves[number], index, i, isovalue,
+                        [pieces.get(*self._segment_range(leaves[number], area, number, i))
+                         for area in self._there(leaves[number], areas, number, i, gone)])
+            for number in numbers for index, i in zip(by_leaf[number], places[number], strict=True)
+        ]
+
+    def _there(self, leaf: Leaf, areas: list[int], number: int, i: int, gone: set[tuple[int, int, int]]) -> list[int]:
+        """The first areas whose segments of a tile are there."""
+        if not gone:
+            return areas
+
+        def is_there(area: int) -> bool:
+            group = int(np.searchsorted(leaf.groups[area], i, "right")) - 1
+            return not leaf.lengths[area, i] or (area, number, group) not in gone
+
+        return list(takewhile(is_there, areas))
+
+    def _found(self, leaf: Leaf, index: Index, i: int, isovalue: int, segments: list[bytes]) -> Found:
+        mask = segments.pop(0) if self.head.masked and segments else b""
+        kind = Kind(leaf.kinds[isovalue + self.head.masked, i])
+        if self.head.masked and leaf.kinds[0, i] == Kind.ABOVE:
+            kind = Kind.BELOW
+        return index, kind, mask, segments
+
+    def _end_of(self, areas: list[int]) -> int:
+        """Where the leaves end, or the first areas if those are wanted: they stand right behind."""
+        end = int(self.root.leaves[-1])
+        return end + int(self.root.sizes[:, : len(areas)].sum()) if areas == list(range(len(areas))) else end
+
+    def _places(self, number: int, wanted: list[Index]) -> list[int]:
+        """Where tiles stand in their leaf."""
+        order = {tuple(index): i for i, index in enumerate(self.head.grid.members(self._blocks[number]).tolist())}
+        return [order[index] for index in wanted]
+
+    def _read_leaves(self, numbers: list[int], pieces: Pieces) -> dict[int, Leaf]:
+        """Leaf directories, those that are kept and others."""
+        pieces.fetch(self._leaf_range(number) for number in numbers if number not in self._leaves)
+        out = {
+            number: self._leaves.pop(number) if number in self._leaves else self._read_leaf(number, pieces)
+            for number in numbers
+        }
+        self._leaves.update(out)
+        while len(self._leaves) > KEPT_LEAVES:
+            del self._leaves[next(iter(self._leaves))]
+        return out
+
+    def leaves(self, numbers: Sequence[int]) -> list[Leaf]:
+        """Leaf directories, by number."""
+        found = self._read_leaves(list(numbers), self._pieces())
+        return [found[number] for number in numbers]
+
+    def _leaf_range(self, number: int) -> Range:
+        start, end = self.root.leaves[number : number + 2].tolist()
+        return start, end
+
+    def _read_leaf(self, number: int, pieces: Pieces) -> Leaf:
+        at = int(self.root.leaves[number])
+        data = pieces.get(*self._leaf_range(number))
+        if zlib.crc32(data) != self.root.checksums[number]:
+            raise wrong("a leaf directory's checksum is wrong", "checksum", at, "12.4")
+        leaf = read_leaf(self.head, data, len(self.head.grid.members(self._blocks[number])), at)
+        if not np.array_equal(leaf.lengths.sum(axis=1), self.root.sizes[number]):
+            raise wrong("a leaf directory and the root disagree", "leaf", at, "12.4")
+        return leaf
+
+    def _segment_range(self, leaf: Leaf, area: int, number: int, i: int) -> Range:
+        start = int(self.root.segments[number, area])
+        return start + int(leaf.starts[area, i]), start + int(leaf.starts[area, i + 1])
+
+    def _group_range(self, leaf: Leaf, area: int, number: int, group: int) -> Range:
+        start = int(self.root.segments[number, area])
+        first, behind = leaf.groups[area][group : group + 2].tolist()
+        return start + int(leaf.starts[area, first]), start + int(leaf.starts[area, behind])
+
+    def number_of(self, isovalue: float | None) -> int:
+        """The number of an isovalue, 0 of None.
+
+        Raises
+        ------
+        OptionError
+            If the file has no such isovalue.
+        """
+        if isovalue is None:
+            return 0
+        if isovalue not in self.isovalues:
+            known = ", ".join(f"{value:g}" for value in self.isovalues[:20])
+            raise OptionError(f"the file has no isovalue {isovalue:g}", code="isovalue", remedy=f"it has {known}")
+        return self.isovalues.index(isovalue)
+
+    def bounds(self, box: Sequence[Sequence[float]] | None) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """First and last samples of a box, as far as it lies in the field; all of it if none is given.
+
+        Raises
+        ------
+        OptionError
+            If it is no box, or lies outside.
+        """
+        last = np.array(self.shape, np.float64) - 1
+        if box is None:
+            return np.zeros(len(last)), last
+        bounds = np.array(box, np.float64)
+        if bounds.shape != (len(last), 2) or not np.isfinite(bounds).all() or (bounds[:, 0] > bounds[:, 1]).any():
+            raise OptionError(
+                f"the box is {box!r}; it must be {len(last)} pairs, from where to where along each axis", code="box"
+            )
+        if (bounds[:, 1] < 0).any() or (bounds[:, 0] > last).any():
+            raise OptionError(f"the box lies outside the field of {self.shape} samples", code="box")
+        return np.clip(bounds[:, 0], 0, last), np.clip(bounds[:, 1], 0, last)
+
+
+def plain(
+    head: Head, index: Index, number: int, mask: bytes, segments: Iterable[bytes],
+    notes: Mapping[str, str] | None = None,
+) -> bytes:
+    """An ``.iso`` file of a tile at an isovalue, of its segments; further chunks may stand among these."""
+    header = Header(head.grid.size(index), head.isovalues[number], head.scale, head.profile)
+    last = write_chunk(ChunkType.METADATA, write_metadata(notes) if notes else b"", ancillary=True, last=True)
+    return b"".join(with_checksum([write_header(header), mask, *segments, last]))
+
+
+def _within(
+    points: NDArray[np.float64], cells: NDArray[np.int64], low: NDArray[np.float64], high: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    """Cells that reach into a box, and their points."""
+    corners = points[cells]
+    kept = cells[((corners.min(axis=1) < high) & (corners.max(axis=1) > low)).all(axis=1)]
+    used, number = np.unique(kept, return_inverse=True)
+    return points[used], number.reshape(kept.shape)

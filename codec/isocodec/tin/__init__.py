@@ -1,0 +1,1 @@
+"""Triangulated surfaces: Delaunay triangulations, thinning, coded points."""

@@ -1,0 +1,129 @@
+"""Points that are not in a triangulation: in which triangle each lies, and how far it misses the point's value."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..kernel import inlined, inner, record
+from ..kernel.types import FloatVector, Int32Vector, Integer, IntVector
+from .heap import Heap, new_heap, set_key, take_out
+from .triangulation import NONE, Triangulation, orientation
+
+
+@record
+class Surface(NamedTuple):
+    """A triangulation that interpolates the values of its vertices, the points beside, and what all should have.
+
+    ``target`` is what the surface is to have at each point, vertex or not, ``error`` by how much it lies above that,
+    and ``weight`` what a point's error counts by where largest ones are looked for.
+    ``first`` has a point of each triangle, ``next`` the one after each point, -1 at the end; ``worst`` is a heap of
+    triangles by their largest error, negated. ``loose`` has the first point of a list that is to be put into triangles.
+    """
+
+    tri: Triangulation
+    value: FloatVector
+    target: FloatVector
+    weight: FloatVector
+    first: Int32Vector
+    next: Int32Vector
+    error: FloatVector
+    worst: Heap
+    loose: IntVector
+
+
+def surface(
+    tri: Triangulation, value: NDArray[np.float64], target: NDArray[np.float64] | None = None,
+    weight: NDArray[np.float64] | None = None,
+) -> Surface:
+    """A surface over a triangulation; points that are no vertices are in no triangle yet."""
+    target = value if target is None else target
+    weight = np.ones(len(value)) if weight is None else weight
+    count, triangles = len(value), len(tri.origin) // 3
+    return Surface(
+        tri, value, target, weight, np.full(triangles, NONE, np.int32), np.full(count, NONE, np.int32), value - target,
+        new_heap(triangles), np.full(1, NONE, np.int64),
+    )
+
+
+@inlined
+def counted(s, p):
+    """How much the error of a point counts."""
+    return abs(s.error[p]) * s.weight[p]
+
+
+@inlined
+def interpolated(s, a, b, c, q):
+    """The value at a point by the triangle (a, b, c); not a number where it does not hold the point."""
+    tri = s.tri
+    u = orientation(tri, b, c, q)
+    v = orientation(tri, c, a, q)
+    w = orientation(tri, a, b, q)
+    if u < 0 or v < 0 or w < 0:
+        return np.nan
+    return (u * s.value[a] + v * s.value[b] + w * s.value[c]) / (u + v + w)
+
+
+@inner
+def at_triangle(s, t, q):
+    """The value at a point by a triangle that may hold it."""
+    o = s.tri.origin
+    return interpolated(s, np.int64(o[3 * t]), np.int64(o[3 * t + 1]), np.int64(o[3 * t + 2]), q)
+
+
+@inner
+def loosen(s):
+    """Take all points out of the gathered triangles, onto the loose list; the triangles leave the heap."""
+    for i in range(s.tri.reg.cavity):
+        t = np.int64(s.tri.cavity[i])
+        p = np.int64(s.first[t])
+        s.first[t] = NONE
+        take_out(s.worst, t)
+        while p >= 0:
+            after = np.int64(s.next[p])
+            # one of them may be a vertex from now on
+            if s.tri.leaving[p] < 0:
+                s.next[p] = s.loose[0]
+                s.loose[0] = p
+            p = after
+
+
+@inner
+def settle(s):
+    """Put the loose points into the triangles of ``cavity``, with their errors."""
+    tri = s.tri
+    for i in range(tri.reg.cavity):
+        t = np.int64(tri.cavity[i])
+        size = 0.0
+        for side in range(3):
+            size = max(size, counted(s, tri.origin[3 * t + side]))
+        set_key(s.worst, t, -size, 0.0)
+    p: Integer = s.loose[0]
+    s.loose[0] = NONE
+    at: Integer = np.int64(0)
+    while p >= 0:
+        after = np.int64(s.next[p])
+        # points that lie in one triangle mostly come one after the other
+        for turn in range(tri.reg.cavity):
+            i = at + turn
+            if i >= tri.reg.cavity:
+                i -= tri.reg.cavity
+            t = np.int64(tri.cavity[i])
+            found = at_triangle(s, t, p)
+            if not np.isnan(found):
+                s.error[p] = found - s.target[p]
+                s.next[p] = s.first[t]
+                s.first[t] = p
+                if -counted(s, p) < s.worst.key[t]:
+                    set_key(s.worst, t, -counted(s, p), 0.0)
+                at = i
+                break
+        p = after
+
+
+@inlined
+def largest_error(s):
+    """How far the surface misses a point at most."""
+    return -s.worst.key[s.worst.item[0]]
