@@ -148,6 +148,16 @@ class GridContents:
         return self._progresses[-1]
 
     @property
+    def tubes(self) -> list[Tube | None]:
+        """Tubes of the isovalues of the present frame, by number; None for those that are skipped."""
+        return self._tubes
+
+    @property
+    def tubes_before(self) -> list[Tube | None]:
+        """Those of the frame before."""
+        return self._strands.before
+
+    @property
     def value_bits(self) -> tuple[int, int]:
         """Bits of the numbers above and below the isovalue, as far as stated."""
         return (self._progress.bits if self._progresses else None) or (0, 0)
