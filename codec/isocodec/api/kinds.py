@@ -270,6 +270,8 @@ class WholeFile:
 
     def surface(self, max_bytes: int | None) -> Tin:
         """The triangulated surface; see `IsoFile.surface`."""
+        if self.kind == "mesh" and self.info.domain is None:
+            raise TruncatedError("the file ends before its domain begins", code="truncated", offset=self.size)
         if self.kind != "surface":
             raise impossible("surface", self.kind)
         return self._surface_decoder(View(max_bytes=max_bytes)).surface.tin()

@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 from isospec.container import ChunkType, DomainKind
 
 from ..drawing.contour import Contour
-from ..errors import FormatError, OptionError
+from ..errors import FormatError, IsoError, OptionError, TruncatedError
 from ..format.chunks import Envelope
 from ..format.events import Event
 from ..format.header import Header
@@ -171,22 +171,36 @@ class Decoder(Session):
     def grid(self) -> GridContents:
         """The contents of the file of a grid; raises `OptionError` if the file is of another kind."""
         if not isinstance(self.contents, GridContents):
-            raise OptionError("the file is not of a sampled grid", code="kind")
+            raise self._other("a sampled grid")
         return self.contents
 
     @property
     def on_mesh(self) -> MeshContents:
         """The contents of a file of values on a mesh; raises `OptionError` if the file is of another kind."""
         if self.contents is None or self.contents.kind != "mesh":
-            raise OptionError("the file is not of values on a mesh", code="kind")
+            raise self._other("values on a mesh")
         return cast("MeshContents", self.contents)
 
     @property
     def surface(self) -> SurfaceContents:
         """The contents of the file of a surface; raises `OptionError` if the file is of another kind."""
         if self.contents is None or self.contents.kind != "surface":
-            raise OptionError("the file does not hold a surface", code="kind")
+            raise self._other("a triangulated surface")
         return cast("SurfaceContents", self.contents)
+
+    def _other(self, wanted: str) -> IsoError:
+        """The error of a file that is of another kind, or of which too little has come to know."""
+        if self.contents is None or isinstance(self.contents, Domain):
+            return TruncatedError(
+                f"the file ends before its {'domain' if self.header else 'header'} is complete", code="truncated",
+                offset=len(self.data), clause="8.3",
+            )
+        return OptionError(f"the file is not of {wanted}", code="kind")
+
+    @property
+    def symbols(self) -> dict[str, int]:
+        """Symbols of a grid's file received so far, by syntax element; empty for other files."""
+        return self.contents.symbols if isinstance(self.contents, GridContents) else {}
 
 
 class Domain:
