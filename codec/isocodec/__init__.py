@@ -14,9 +14,9 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from .api.editing import merge
     from .api.files import save
     from .api.isofile import IsoFile, decode, open
+    from .api.merging import merge
     from .api.whole import encode
     from .drawing.bands import bands
     from .drawing.contour import Contour
@@ -35,7 +35,7 @@ __version__ = "0.1.0"
 _HOME = {
     "Contour": "drawing.contour", "Decoder": "stream.decoder", "Encoder": "stream.encoder", "Field": "field.sampled",
     "IsoError": "errors", "IsoFile": "api.isofile", "Limits": "limits", "Tin": "tin.tin", "bands": "drawing.bands",
-    "decode": "api.isofile", "encode": "api.whole", "kernels": "kernel", "merge": "api.editing", "open": "api.isofile",
+    "decode": "api.isofile", "encode": "api.whole", "kernels": "kernel", "merge": "api.merging", "open": "api.isofile",
     "read": "io.readers.anything", "save": "api.files", "thin": "tin.thinned",
 }
 
