@@ -20,11 +20,11 @@ from ..format.chunks import Envelope
 from ..format.events import Event
 from ..format.header import Header
 from ..limits import Limits
-from .grid_contents import GridContents
 from .outline import check_explicit
 from .session import Contents, Session
 
 if TYPE_CHECKING:
+    from .grid_contents import GridContents
     from .mesh_contents import MeshContents
     from .surface_contents import SurfaceContents
 
@@ -141,13 +141,15 @@ class Decoder(Session):
         LimitError
             If drawing takes more memory than the limits allow; the decoder stays as it is.
         """
-        if self.contents is None or isinstance(self.contents, Domain):
+        contents = self.contents
+        if contents is None or contents.kind == "domain":
             self.check()
             n = self.header.n if self.header is not None else 2
             return Contour(np.zeros((0, n)), np.zeros((0, n), np.int64), float("nan"), (0,) * n, False)
-        if self.contents.kind == "surface":
-            return self.contents.contour(isovalue=isovalue, smooth=smooth)  # type: ignore[call-arg]
-        return self.contents.contour(number, smooth=smooth, through_holes=through_holes, before=before)
+        if contents.kind == "surface":
+            return self.surface.contour(isovalue=isovalue, smooth=smooth)
+        drawn = self.grid if contents.kind == "grid" else self.on_mesh
+        return drawn.contour(number, smooth=smooth, through_holes=through_holes, before=before)
 
     def hold(self, size: int) -> None:
         """Count ``size`` bytes that the caller holds, of drawings for example, to the limit of memory from now on.
@@ -164,15 +166,15 @@ class Decoder(Session):
 
         What is still to come must not lean on it.
         """
-        if isinstance(self.contents, GridContents):
-            self.contents.discard(number)
+        if self.contents is not None and self.contents.kind == "grid":
+            self.grid.discard(number)
 
     @property
     def grid(self) -> GridContents:
         """The contents of the file of a grid; raises `OptionError` if the file is of another kind."""
-        if not isinstance(self.contents, GridContents):
+        if self.contents is None or self.contents.kind != "grid":
             raise self._other("a sampled grid")
-        return self.contents
+        return cast("GridContents", self.contents)
 
     @property
     def on_mesh(self) -> MeshContents:
@@ -200,7 +202,7 @@ class Decoder(Session):
     @property
     def symbols(self) -> dict[str, int]:
         """Symbols of a grid's file received so far, by syntax element; empty for other files."""
-        return self.contents.symbols if isinstance(self.contents, GridContents) else {}
+        return self.grid.symbols if self.contents is not None and self.contents.kind == "grid" else {}
 
 
 class Domain:
@@ -256,5 +258,7 @@ def _contents_of(
 ) -> Contents:
     """What the chunks of a file mean, as far as its header decides that."""
     if header.cells is None:
+        from .grid_contents import GridContents
+
         return GridContents(session, header, only, frame)
     return Domain(session, header, mesh, only, frame)
