@@ -34,11 +34,12 @@ MOST_ERROR = 0.5
 _AXES = 3
 _NUMBER = re.compile(r"-?(0|[1-9][0-9]*)(\.[0-9]+)?([eE][-+]?[0-9]+)?")
 """As JSON has them."""
+_EPSG = re.compile("EPSG:([1-9][0-9]{0,5})")
 
 Array = NDArray[np.float64]
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, init=False)
 class Placement:
     """Where the samples of a field lie in the world.
 
@@ -54,10 +55,10 @@ class Placement:
     crs : str or None
         Reference system of the coordinates, as ``EPSG:32631``.
     periodic : tuple of int
-        Axes along which the first sample follows on the last one. A number is taken, too.
+        Axes along which the first sample follows on the last one. One number may be given.
     periods : tuple of float
-        Distances after which x, y (, z) are the same, 0 for never; empty if no coordinate has a period. A number is
-        taken as that of x.
+        Distances after which x, y (, z) are the same, 0 for never; empty if no coordinate has a period. One number is
+        that of x.
     error : float or None
         Largest distance in cells by which coordinates in a file may be off, at most `MOST_ERROR`; `DEFAULT_ERROR` if
         None.
@@ -73,30 +74,38 @@ class Placement:
         If a number is out of range, or attributes cannot be combined.
     """
 
-    matrix: Array | None = None
-    coordinates: Sequence[NDArray[Any]] | None = None
-    crs: str | None = None
-    periodic: tuple[int, ...] = ()
-    periods: tuple[float, ...] = ()
-    error: float | None = None
-    remark: str = ""
-    inferred: bool = False
+    matrix: Array | None
+    coordinates: Sequence[NDArray[Any]] | None
+    crs: str | None
+    periodic: tuple[int, ...]
+    periods: tuple[float, ...]
+    error: float | None
+    remark: str
+    inferred: bool
 
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "periodic", _axes_of(self.periodic))
-        object.__setattr__(self, "periods", _periods_of(self.periods))
-        if self.error is not None and not (isinstance(self.error, Real) and 0 < float(self.error) <= MOST_ERROR):
+    def __init__(
+        self, matrix: ArrayLike | None = None, coordinates: Sequence[ArrayLike] | None = None, crs: str | None = None,
+        periodic: int | Sequence[int] | None = None, periods: float | Sequence[float] | None = None,
+        error: float | None = None, remark: str = "", inferred: bool = False,
+    ) -> None:
+        axes, turns = _axes_of(periodic), _periods_of(periods)
+        if error is not None and not (isinstance(error, Real) and 0 < float(error) <= MOST_ERROR):
             raise OptionError(
-                f"the error of coordinates is {self.error!r}; it must be a number of cells, at most {MOST_ERROR}",
+                f"the error of coordinates is {error!r}; it must be a number of cells, at most {MOST_ERROR}",
                 code="coordinates",
             )
-        if self.matrix is not None and self.coordinates is not None:
+        if matrix is not None and coordinates is not None:
             raise OptionError("a matrix and coordinates cannot be combined", code="options", remedy="give one of them")
-        if self.coordinates is None and not (self.matrix is not None and self.periodic):
-            name = "an error" if self.error is not None else "a period" if any(self.periods) else ""
-            if name:
-                raise OptionError(f"{name} of coordinates, but no coordinates", code="coordinates",
-                                  remedy="give coordinates")
+        name = "an error" if error is not None else "a period" if turns else ""
+        if name and coordinates is None and (matrix is None or not axes):
+            raise OptionError(f"{name} of coordinates, but no coordinates", code="coordinates",
+                              remedy="give coordinates")
+        given: dict[str, Any] = {
+            "matrix": None if matrix is None else np.asarray(matrix), "coordinates": _arrays(coordinates), "crs": crs,
+            "periodic": axes, "periods": turns, "error": error, "remark": remark, "inferred": inferred,
+        }
+        for attribute, value in given.items():
+            object.__setattr__(self, attribute, value)
 
     def __repr__(self) -> str:
         kind = "matrix" if self.matrix is not None else "coordinates" if self.coordinates is not None else ""
@@ -108,6 +117,12 @@ class Placement:
     def placed(self) -> bool:
         """Whether the samples have coordinates in the world."""
         return self.matrix is not None or self.coordinates is not None
+
+    @property
+    def epsg(self) -> str | None:
+        """EPSG number of the reference system; None if the samples have no coordinates, or the system no number."""
+        found = _EPSG.fullmatch(self.crs or "")
+        return found[1] if found and self.placed else None
 
     @property
     def grid(self) -> tuple[int, ...]:
@@ -258,6 +273,30 @@ class Placement:
         return out | ({CRS: self.crs} if self.crs else {})
 
 
+class Noted:
+    """A file with notes, of which some hold where the samples lie."""
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """Samples along each axis of the field."""
+        raise NotImplementedError
+
+    @property
+    def metadata(self) -> dict[str, str]:
+        """Notes of the file."""
+        raise NotImplementedError
+
+    @property
+    def placement(self) -> Placement | None:
+        """Where samples lie, as `Contour.placement`."""
+        return read_placement(self.metadata, len(self.shape))
+
+    @property
+    def crs(self) -> str | None:
+        """Reference system of the coordinates, as the file names it."""
+        return self.metadata.get(CRS)
+
+
 def unplaced(n: int) -> Array:
     """The matrix of samples without a placement: in the plane x runs along axis 1, in space x, y, z along 0, 1, 2."""
     return np.column_stack([np.eye(n)[::-1] if n == 2 else np.eye(n), np.zeros(n)])
@@ -376,6 +415,19 @@ def read_placement(metadata: Mapping[str, str], n: int) -> Placement | None:
 def coded_placement(mapped: Mapped, metadata: Mapping[str, str]) -> Placement:
     """The placement of a file that holds coordinates of its samples."""
     return Placement(None, mapped, metadata.get(CRS), mapped.periodic, mapped.periods)
+
+
+def _arrays(coordinates: Any) -> Sequence[NDArray[Any]] | None:
+    """Coordinates as arrays, if they are such."""
+    if coordinates is None or isinstance(coordinates, Mapped):
+        return coordinates
+    try:
+        return tuple(np.asarray(part) for part in coordinates)
+    except (TypeError, ValueError):
+        raise OptionError(
+            "coordinates are no arrays of numbers", code="coordinates",
+            remedy="give an array for each axis of the field, or x, y (, z)",
+        ) from None
 
 
 def _axes_of(periodic: Any) -> tuple[int, ...]:
