@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
@@ -11,11 +11,12 @@ import numpy as np
 
 from ..drawing.contour import Contour
 from ..errors import InputError, OptionError
+from ..field.decoded_samples import LABELS
 from ..field.placement import CRS, PLACEMENT
-from ..field.told import LABELS
 from ..limits import Limits
 from ..stream.decoder import Decoder
-from ..stream.recoder import Recoder, Source, box_of, cropped, moved_notes, sources_of
+from ..stream.options import Options, Precision
+from ..stream.recoder import Source, box_of, cropped, moved_notes, recoder_of, sources_of
 from ..stream.splicing import chosen, signs_of, spliced
 from ..stream.truncation import truncate
 from .content import Readable
@@ -120,7 +121,8 @@ def extracted(
     taken = part.strands(numbers)
     if taken is not None:
         return taken
-    return kept(part.sources(numbers), profile=tiled.head.profile.name.lower(), metadata=part.notes)
+    options = Options(profile=tiled.head.profile.name.lower(), metadata=part.notes)
+    return kept(part.sources(numbers), options)
 
 
 def _cropped(held: WholeFile, box: Sequence[Sequence[float]]) -> bytes:
@@ -130,7 +132,7 @@ def _cropped(held: WholeFile, box: Sequence[Sequence[float]]) -> bytes:
     low, size = box_of(decoder.header.shape, box, decoder.limits)
     sources = [cropped(one, low, size) for one in sources_of(decoder)]
     notes = moved_notes(decoder.metadata, low)
-    return kept(sources, profile=decoder.header.profile.name.lower(), metadata=notes)
+    return kept(sources, Options(profile=decoder.header.profile.name.lower(), metadata=notes))
 
 
 def _with_isovalues(held: WholeFile, isovalues: Sequence[float]) -> bytes:
@@ -149,10 +151,8 @@ def _with_isovalues(held: WholeFile, isovalues: Sequence[float]) -> bytes:
     decoder = _whole_decoder(held, "the file")
     assert decoder.header is not None
     sources = sources_of(decoder)
-    return kept(
-        [sources[number] for number in numbers], [decoder.contour(number) for number in numbers],
-        profile=decoder.header.profile.name.lower(), metadata=decoder.metadata,
-    )
+    options = Options(profile=decoder.header.profile.name.lower(), metadata=decoder.metadata)
+    return kept([sources[number] for number in numbers], options, [decoder.contour(number) for number in numbers])
 
 
 def recoded_as(held: WholeFile, profile: ProfileName | None, precision: Any, keep_topology: bool) -> bytes:
@@ -163,27 +163,27 @@ def recoded_as(held: WholeFile, profile: ProfileName | None, precision: Any, kee
     OptionError
         If the file is not on the full grid, is a series, lies on a mesh, has coordinates or holds values in part.
     """
-    if precision not in (None, "signs") and not isinstance(precision, int | float):
+    wanted = Precision.of(precision)
+    if not (wanted.default or wanted.signs or wanted.tolerance is not None):
         raise OptionError(f"precision {precision!r} of an edit", code="precision",
-                          remedy='give "signs", or a tolerance in cells')
+                          remedy='give "signs", or a distance in cells')
     if held.kind in ("mesh", "surface"):
         if profile not in (None, "main"):
             raise OptionError(f"profile {profile!r}: meshes and surfaces have the profile main", code="profile")
-        if precision is None:
+        if wanted.default:
             return held.data
-        if held.kind == "mesh" and precision == "signs":
+        if held.kind == "mesh" and wanted.signs:
             return signs_of(held.data)
     decoder = _whole_decoder(held, "the file")
     assert decoder.header is not None
     sources = sources_of(decoder)
-    options: dict[str, Any] = {
-        "profile": profile or decoder.header.profile.name.lower(), "metadata": decoder.metadata,
-        "preserve_topology": keep_topology, "leaning": LABELS not in decoder.metadata,
-    }
-    if precision is not None:
-        chosen_precision = {"signs_only": True} if precision == "signs" else {"tolerance": float(precision)}
-        return b"".join(Recoder(sources, False, **chosen_precision, **options))
-    return kept(sources, _all(decoder), **options)
+    options = Options(
+        precision=wanted, profile=profile or decoder.header.profile.name.lower(), metadata=decoder.metadata,
+        keep_topology=keep_topology, independent=LABELS in decoder.metadata,
+    )
+    if not wanted.default:
+        return b"".join(recoder_of(sources, options))
+    return kept(sources, options, _all(decoder))
 
 
 def merge(files: Sequence[Readable], *, profile: ProfileName = "main", limits: Limits | None = None) -> bytes:
@@ -231,7 +231,7 @@ def merge(files: Sequence[Readable], *, profile: ProfileName = "main", limits: L
     for decoder in reversed(decoders):
         metadata.update(decoder.metadata)
     expected = [contour for decoder in decoders for contour in _all(decoder)]
-    return kept(sources, expected, profile=profile, metadata=metadata)
+    return kept(sources, Options.of(profile=profile, metadata=metadata), expected)
 
 
 def _whole_decoder(held: WholeFile, what: str) -> Decoder:
@@ -248,7 +248,7 @@ def _all(decoder: Decoder) -> list[Contour]:
     return [decoder.contour(number) for number in range(len(decoder.isovalues))]
 
 
-def kept(sources: Sequence[Source], expected: Sequence[Contour] | None = None, **options: Any) -> bytes:
+def kept(sources: Sequence[Source], options: Options, expected: Sequence[Contour] | None = None) -> bytes:
     """The same curves again.
 
     They are decoded to see that they are: crossings of curves that touch may stand in an order that isovalues which
@@ -256,16 +256,20 @@ def kept(sources: Sequence[Source], expected: Sequence[Contour] | None = None, *
     in which none does.
     """
     steps = {source.field.scale for source in sources if source.field.number is not None}
-    options["step"] = next(iter(steps), None)
-    may = options.pop("leaning", True)
+    options = replace(options, precision=Precision(step=next(iter(steps), None)))
+    may = not options.independent
+
+    def data_of(independent: bool) -> bytes:
+        return b"".join(recoder_of(sources, replace(options, independent=independent), kept=True))
+
     alone = b""
     if expected is None:
-        alone = b"".join(Recoder(sources, True, leaning=False, **options))
+        alone = data_of(True)
         if len(sources) == 1:
             return alone
         expected = _decoded(alone)
     for leaning in (True, False) if may else (False,):
-        data = alone if alone and not leaning else b"".join(Recoder(sources, True, leaning=leaning, **options))
+        data = alone if alone and not leaning else data_of(not leaning)
         if all(_same(a, b) for a, b in zip(_decoded(data), expected, strict=True)):
             return data
     raise InputError("the curves cannot be re-encoded without moving points", code="recode")
