@@ -7,15 +7,16 @@ from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING, Any
 
 from ..errors import OptionError
-from ..field.told import LABELS
-from ..stream.recoder import Recoder, box_of, cropped, moved_notes, sources_of
+from ..field.decoded_samples import LABELS
+from ..stream.options import Options, Precision
+from ..stream.recoder import box_of, cropped, moved_notes, recoder_of, sources_of
 from ..stream.splicing import chosen, signs_of
 from ..stream.truncation import truncate
 from .kinds import IMPOSSIBLE, TileFile, WholeFile, impossible
 from .recoding import contours_of, extracted, kept, whole_decoder
 
 if TYPE_CHECKING:
-    from ..stream.names import ProfileName
+    from ..stream.options import ProfileName
     from ..tiles.tiled import TiledFile
 
 
@@ -85,7 +86,7 @@ def _cropped(held: WholeFile, box: Sequence[Sequence[float]]) -> bytes:
     low, size = box_of(decoder.header.shape, box, decoder.limits)
     sources = [cropped(one, low, size) for one in sources_of(decoder)]
     notes = moved_notes(decoder.metadata, low)
-    return kept(sources, profile=decoder.header.profile.name.lower(), metadata=notes)
+    return kept(sources, Options(profile=decoder.header.profile.name.lower(), metadata=notes))
 
 
 def _with_isovalues(held: WholeFile, isovalues: Sequence[float]) -> bytes:
@@ -104,10 +105,8 @@ def _with_isovalues(held: WholeFile, isovalues: Sequence[float]) -> bytes:
     decoder = whole_decoder(held.data, held.limits, "the file")
     assert decoder.header is not None
     sources = sources_of(decoder)
-    return kept(
-        [sources[number] for number in numbers], [decoder.contour(number) for number in numbers],
-        profile=decoder.header.profile.name.lower(), metadata=decoder.metadata,
-    )
+    options = Options(profile=decoder.header.profile.name.lower(), metadata=decoder.metadata)
+    return kept([sources[number] for number in numbers], options, [decoder.contour(number) for number in numbers])
 
 
 def recoded_as(held: WholeFile, profile: ProfileName | None, precision: Any, keep_topology: bool) -> bytes:
@@ -118,24 +117,24 @@ def recoded_as(held: WholeFile, profile: ProfileName | None, precision: Any, kee
     OptionError
         If the file is not on the full grid, is a series, lies on a mesh, has coordinates or holds values in part.
     """
-    if precision not in (None, "signs") and not isinstance(precision, int | float):
+    wanted = Precision.of(precision)
+    if not (wanted.default or wanted.signs or wanted.tolerance is not None):
         raise OptionError(f"precision {precision!r} of an edit", code="precision",
-                          remedy='give "signs", or a tolerance in cells')
+                          remedy='give "signs", or a distance in cells')
     if held.kind in ("mesh", "surface"):
         if profile not in (None, "main"):
             raise OptionError(f"profile {profile!r}: meshes and surfaces have the profile main", code="profile")
-        if precision is None:
+        if wanted.default:
             return held.data
-        if held.kind == "mesh" and precision == "signs":
+        if held.kind == "mesh" and wanted.signs:
             return signs_of(held.data)
     decoder = whole_decoder(held.data, held.limits, "the file")
     assert decoder.header is not None
     sources = sources_of(decoder)
-    options: dict[str, Any] = {
-        "profile": profile or decoder.header.profile.name.lower(), "metadata": decoder.metadata,
-        "preserve_topology": keep_topology, "leaning": LABELS not in decoder.metadata,
-    }
-    if precision is not None:
-        chosen_precision = {"signs_only": True} if precision == "signs" else {"tolerance": float(precision)}
-        return b"".join(Recoder(sources, False, **chosen_precision, **options))
-    return kept(sources, contours_of(decoder), **options)
+    options = Options(
+        precision=wanted, profile=profile or decoder.header.profile.name.lower(), metadata=decoder.metadata,
+        keep_topology=keep_topology, independent=LABELS in decoder.metadata,
+    )
+    if not wanted.default:
+        return b"".join(recoder_of(sources, options))
+    return kept(sources, options, contours_of(decoder))

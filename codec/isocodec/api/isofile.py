@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from ..drawing.contour import Contour
 from ..drawing.tessellation import Tessellation
 from ..errors import IsoError
-from ..field.placement import Noted
+from ..field.placement import CRS, Placement, read_placement
 from ..limits import Limits
 from ..stream.inspect import FileInfo
 from ..stream.statistics import FileStatistics
@@ -24,13 +24,13 @@ from .kinds import TileFile, View, WholeFile
 from .verification import Verified, verified
 
 if TYPE_CHECKING:
-    from ..stream.names import ProfileName
+    from ..stream.options import ProfileName
 
 _DRAWN = 16
 """Most isovalues that a notebook shows."""
 
 
-class IsoFile(Noted):
+class IsoFile:
     """An ``.iso`` file of any kind.
 
     Attributes
@@ -65,7 +65,7 @@ class IsoFile(Noted):
     def _repr_html_(self) -> str:
         """A drawing of the first isovalues for notebooks, with size, layers and promises; without the drawing if it
         takes more than the limits allow, or a mesh that the file does not hold."""
-        from ..io.writers.inline import page_of
+        from ..drawing.pictures.inline import page_of
 
         info = self.info
         try:
@@ -120,6 +120,16 @@ class IsoFile(Noted):
     def metadata(self) -> dict[str, str]:
         """Notes of the file."""
         return dict(self.info.metadata)
+
+    @property
+    def placement(self) -> Placement | None:
+        """Where the samples lie, by the notes of the file; of samples with coordinates contours know it."""
+        return read_placement(self.metadata, len(self.shape))
+
+    @property
+    def crs(self) -> str | None:
+        """Reference system of the coordinates, as the file names it."""
+        return self.metadata.get(CRS)
 
     @property
     def complete(self) -> bool:

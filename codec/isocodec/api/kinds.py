@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from ..drawing.contour import Contour
 from ..drawing.tessellation import Tessellation
 from ..errors import IsoError, OptionError, TruncatedError
-from ..field.told import LABELS
+from ..field.decoded_samples import LABELS
 from ..format.events import End, FrameRead, LayerComplete, MeshLayerComplete
 from ..format.kinds import LayerKind
 from ..limits import Limits

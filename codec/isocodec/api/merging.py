@@ -9,10 +9,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..errors import InputError, OptionError
+from ..field.decoded_samples import LABELS
 from ..field.placement import CRS, PLACEMENT
-from ..field.told import LABELS
 from ..limits import Limits
 from ..stream.decoder import Decoder
+from ..stream.options import Options
 from ..stream.recoder import Source, sources_of
 from ..stream.splicing import spliced
 from .content import Readable
@@ -21,7 +22,7 @@ from .kinds import TileFile, impossible
 from .recoding import contours_of, kept, whole_decoder
 
 if TYPE_CHECKING:
-    from ..stream.names import ProfileName
+    from ..stream.options import ProfileName
 
 
 def merge(files: Sequence[Readable], *, profile: ProfileName = "main", limits: Limits | None = None) -> bytes:
@@ -67,7 +68,7 @@ def merge(files: Sequence[Readable], *, profile: ProfileName = "main", limits: L
     for decoder in reversed(decoders):
         metadata.update(decoder.metadata)
     expected = [contour for decoder in decoders for contour in contours_of(decoder)]
-    return kept(sources, expected, profile=profile, metadata=metadata)
+    return kept(sources, Options.of(profile=profile, metadata=metadata), expected)
 
 
 def _check_one_field(decoders: Iterable[Decoder], sources: Sequence[Source]) -> None:

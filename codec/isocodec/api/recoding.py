@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -11,7 +12,8 @@ from ..drawing.contour import Contour
 from ..errors import InputError, OptionError
 from ..limits import Limits
 from ..stream.decoder import Decoder
-from ..stream.recoder import Recoder, Source
+from ..stream.options import Options, Precision
+from ..stream.recoder import Source, recoder_of
 
 if TYPE_CHECKING:
     from ..tiles.tiled import TiledFile
@@ -37,7 +39,8 @@ def extracted(
     taken = part.strands(numbers)
     if taken is not None:
         return taken
-    return kept(part.sources(numbers), profile=tiled.head.profile.name.lower(), metadata=part.notes)
+    options = Options(profile=tiled.head.profile.name.lower(), metadata=part.notes)
+    return kept(part.sources(numbers), options)
 
 
 def whole_decoder(data: bytes, limits: Limits | None, what: str) -> Decoder:
@@ -55,7 +58,7 @@ def contours_of(decoder: Decoder) -> list[Contour]:
     return [decoder.contour(number) for number in range(len(decoder.isovalues))]
 
 
-def kept(sources: Sequence[Source], expected: Sequence[Contour] | None = None, **options: Any) -> bytes:
+def kept(sources: Sequence[Source], options: Options, expected: Sequence[Contour] | None = None) -> bytes:
     """The same curves again.
 
     They are decoded to see that they are: crossings of curves that touch may stand in an order that isovalues which
@@ -63,16 +66,20 @@ def kept(sources: Sequence[Source], expected: Sequence[Contour] | None = None, *
     in which none does.
     """
     steps = {source.field.scale for source in sources if source.field.number is not None}
-    options["step"] = next(iter(steps), None)
-    may = options.pop("leaning", True)
+    options = replace(options, precision=Precision(step=next(iter(steps), None)))
+    may = not options.independent
+
+    def data_of(independent: bool) -> bytes:
+        return b"".join(recoder_of(sources, replace(options, independent=independent), kept=True))
+
     alone = b""
     if expected is None:
-        alone = b"".join(Recoder(sources, True, leaning=False, **options))
+        alone = data_of(True)
         if len(sources) == 1:
             return alone
         expected = _decoded(alone)
     for leaning in (True, False) if may else (False,):
-        data = alone if alone and not leaning else b"".join(Recoder(sources, True, leaning=leaning, **options))
+        data = alone if alone and not leaning else data_of(not leaning)
         if all(_same(a, b) for a, b in zip(_decoded(data), expected, strict=True)):
             return data
     raise InputError("the curves cannot be re-encoded without moving points", code="recode")

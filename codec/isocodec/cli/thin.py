@@ -82,7 +82,7 @@ def thin_command(
 
     import isocodec
 
-    from ..field.placement import unplaced
+    from ..field.placement import Placement, unplaced
     from ..io.readers.missing import missing_samples, read_nodata
     from ..io.readers.place import Place, read_place
     from ..io.readers.points_read import POINTS, read_points
@@ -134,7 +134,7 @@ def thin_command(
     matrix = np.eye(2, 3) if scattered else unplaced(2) if place.placement is None else place.placement
     notes = {"order": found.order, "errors": found.errors, "anticipated": found.anticipated, "kept": found.kept}
     with concerning(output), one_warning(output, "writing"):
-        data = render_tin(PlacedTin(tin, matrix, place.crs or "", notes), suffix)
+        data = render_tin(PlacedTin(tin, Placement(matrix, crs=place.crs), notes), suffix)
     write_output(output, data)
     tell(
         f"{click.format_filename(output)}: {len(found):,} of {len(found) + len(found.order):,} points, "

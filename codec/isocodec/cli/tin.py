@@ -122,7 +122,7 @@ def _rendered(tin: Tin, suffix: str, in_samples: bool) -> bytes:
 
     import numpy as np
 
-    from ..field.placement import CRS, read_placement, unplaced
+    from ..field.placement import CRS, Placement, read_placement, unplaced
     from ..io.writers.tin_files import PlacedTin, render_tin
 
     if suffix == PICTURE:
@@ -130,5 +130,6 @@ def _rendered(tin: Tin, suffix: str, in_samples: bool) -> bytes:
         np.save(buffer, tin.raster())
         return buffer.getvalue()
     found = None if in_samples else read_placement(dict(tin.metadata), 2)
-    matrix = found if found is not None else np.eye(2, 3) if tin.shape is None else unplaced(2)
-    return render_tin(PlacedTin(tin, matrix, tin.metadata.get(CRS, ""), {}), suffix)
+    if found is None:
+        found = Placement(np.eye(2, 3) if tin.shape is None else unplaced(2), crs=tin.metadata.get(CRS))
+    return render_tin(PlacedTin(tin, found, {}), suffix)
