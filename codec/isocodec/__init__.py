@@ -14,9 +14,9 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from .api.editing import merge
     from .api.encoding import encode
     from .api.isofile import IsoFile, decode, open
+    from .api.merging import merge
     from .api.saving import save
     from .api.thinned import thin
     from .drawing.bands import bands
@@ -38,7 +38,7 @@ _HOME = {
     "Contour": "drawing.contour", "Decoder": "stream.decoder", "Encoder": "stream.encoder", "Field": "field.sampled",
     "Frames": "field.framed", "IsoError": "errors", "IsoFile": "api.isofile", "Limits": "limits",
     "Mesh": "field.meshed", "Tin": "tin.tin", "bands": "drawing.bands", "decode": "api.isofile",
-    "encode": "api.encoding", "kernels": "kernel", "merge": "api.editing", "open": "api.isofile",
+    "encode": "api.encoding", "kernels": "kernel", "merge": "api.merging", "open": "api.isofile",
     "read": "io.readers.anything", "save": "api.saving", "thin": "api.thinned",
 }
 
