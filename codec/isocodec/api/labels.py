@@ -12,10 +12,9 @@ from ..errors import InputError, OptionError
 from ..field.sampled import Field
 from ..field.samples import isovalue_of, without_holes
 from ..field.told import LABELS, Told, near_values
-from ..limits import Limits
 from ..stream.names import ProfileName
 from ..stream.recoder import Recoder, Source
-from .content import Readable, SpatialImage, content, described
+from .content import SpatialImage, described
 
 
 def encode_labels(
@@ -106,42 +105,3 @@ def labelled(values: NDArray[Any], label: float) -> NDArray[np.bool_]:
         text = ", ".join(f"{value:g}" for value in there[:20]) + (" ..." if len(there) > 20 else "")
         raise InputError(f"no sample has the label {label:g}", code="label", remedy=f"the labels are {text}")
     return inside
-
-
-def decode_labels(data: Readable, *, limits: Limits | None = None) -> NDArray[Any]:
-    """Decode a file of `encode_labels` to the labels of all samples.
-
-    Parameters
-    ----------
-    data : bytes, path, URL or file object
-        A file without a tolerance.
-    limits : Limits, optional
-        What the file may need at most.
-
-    Returns
-    -------
-    NDArray
-        Of the shape of the field that was encoded, and the smallest type that holds them: the labels, and 0 where
-        samples have none of those in the file.
-
-    Raises
-    ------
-    OptionError
-        If the isovalues of the file are no labels, or its mesh is coarser than the samples.
-    FormatError, LimitError
-        As `decode`; ``limits.samples`` bounds the result.
-    """
-    from .whole import received
-
-    decoder = received(content(data, limits), None, limits=limits)
-    if LABELS not in decoder.metadata:
-        raise OptionError("the isovalues of the file are no labels", code="labels", remedy="use decode_mask")
-    labels = [int(value) if value.is_integer() else value for value in map(float, decoder.isovalues)]
-    out: NDArray[Any] | None = None
-    for number, label in enumerate(labels):
-        above = decoder.mask(number)
-        if out is None:
-            out = np.zeros(above.shape, np.result_type(*map(np.min_scalar_type, [0, *labels])))
-        out[above] = label
-    assert out is not None
-    return out

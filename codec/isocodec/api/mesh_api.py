@@ -2,25 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
-from numbers import Integral
+from collections.abc import Mapping
 
 from numpy.typing import ArrayLike
 
-from isospec.container import DomainKind
-
-from ..drawing.contour import Contour
-from ..errors import OptionError, TruncatedError
-from ..format.chunks import octets
-from ..format.domain import kind_of_domain
-from ..format.header import read_header
-from ..limits import Limits
-from ..stream.inspect import inspect
-from ..stream.mesh_decoder import MeshDecoder
 from ..stream.mesh_encoder import MeshEncoder
 from ..stream.names import Isovalues, MeshName
-from .frames import check_frame, frame_of
-from .tin_api import contour_of, decode_tin
 
 HEADER_BYTES = 64
 """Longer than any header."""
@@ -106,63 +93,3 @@ def encode_mesh(
             metadata=metadata,
         )
     )
-
-
-def on_mesh(data: bytes) -> bool:
-    """Whether a file's domain is explicit: a mesh."""
-    found = read_header(bytes(octets(data)[:HEADER_BYTES]))
-    return found is not None and found[0].cells is not None
-
-
-def mesh_decoded(
-    data: bytes,
-    mesh: tuple[ArrayLike, ArrayLike] | None = None,
-    only: Collection[int] | None = None,
-    max_bytes: int | None = None,
-    limits: Limits | None = None,
-    frame: int | None = None,
-) -> MeshDecoder:
-    """A decoder that has taken a frame of a file on a mesh, or its first bytes; ``only`` those isovalues."""
-    if max_bytes is not None:
-        check_count(max_bytes, "max_bytes", "max-bytes")
-    wanted = frame_of(frame)
-    decoder = MeshDecoder(mesh, limits, only=only, frame=wanted)
-    decoder.feed(octets(data)[:max_bytes])
-    for _ in decoder:
-        pass
-    if max_bytes is None:
-        decoder.close()
-    if not decoder.isovalues:
-        raise TruncatedError("the file ends before its curve begins", code="truncated")
-    check_frame(decoder, wanted)
-    return decoder
-
-
-def check_count(asked: int, what: str, code: str) -> None:
-    if not (isinstance(asked, Integral) and asked >= 1):
-        raise OptionError(f"{what} is {asked}; it must be a whole number from 1 on", code=code)
-
-
-def explicit_contour(
-    data: bytes, isovalue: float | None, frame: int | None, mesh: tuple[ArrayLike, ArrayLike] | None,
-    max_bytes: int | None, limits: Limits | None,
-) -> Contour:
-    """The contour of a file of an explicit domain; parameters as of `decode`."""
-    if kind_of_domain(data) == DomainKind.POINTS:
-        if isovalue is None:
-            raise OptionError(
-                "the file holds a surface: which isovalue?", code="isovalue",
-                remedy="decode_tin gives the surface itself",
-            )
-        return contour_of(decode_tin(data, max_bytes=max_bytes, limits=limits), isovalue)
-    number, chain = chain_of(data, isovalue)
-    return mesh_decoded(data, mesh, chain, max_bytes, limits, frame).drawn(number)
-
-
-def chain_of(data: bytes, isovalue: float | None) -> tuple[int, frozenset[int]]:
-    """Number of an isovalue of a file, and those of all that it takes to decode it."""
-    if isovalue is None:
-        return 0, frozenset([0])
-    info = inspect(data)
-    number = info.number_of(isovalue)
-    return number, info.chain(number)

@@ -9,25 +9,17 @@ from numbers import Integral
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from isospec.container import ChunkType, DomainKind, Profile
+from isospec.container import ChunkType, Profile
 
-from ..drawing.contour import Contour
-from ..drawing.explicit import surface_contour
-from ..errors import FormatError, LimitError, OptionError, TruncatedError
-from ..field.placement import read_placement
-from ..format.chunks import Envelope, octets, read_envelope, read_metadata, verify, write_chunk
-from ..format.header import Header, read_header
-from ..format.surface import MOST_LAYERS, TinHead, read_tin, values_of, write_tin
-from ..limits import WORK_PER_BYTE, Limits
+from ..errors import OptionError
+from ..format.chunks import write_chunk
+from ..format.header import Header
+from ..format.surface import MOST_LAYERS, TinHead, write_tin
 from ..search.contour_tin import near_contours
 from ..search.tin_fit import Chosen, best, in_layers, smallest, within
-from ..stream.mesh_decoder import REFUSED
-from ..stream.session import beginning, with_checksum
-from ..tin.coded_tin import Layers, decoded, encoded
-from ..tin.delaunay import delaunay, triangles
+from ..stream.container import beginning, with_checksum
+from ..tin.coded_tin import encoded
 from ..tin.points import Points, points_of
-from ..tin.rank import by_rank
-from ..tin.tin import Tin
 
 PER_POINT = 400
 """Bytes that decoding takes for each point at most."""
@@ -170,150 +162,3 @@ def _file(
     payload = write_tin(head) + encoded(parts, extent, chosen.largest)
     begun = beginning(Header((), 0.0, None, Profile.MAIN, cells=2), metadata)
     return b"".join(with_checksum([*begun, write_chunk(ChunkType.DOMAIN, payload, last=True)]))
-
-
-def decode_tin(data: bytes, *, max_bytes: int | None = None, limits: Limits | None = None) -> Tin:
-    """Decode a file to its triangulated surface.
-
-    Parameters
-    ----------
-    data : bytes
-        As `encode_tin` makes them.
-    max_bytes : int, optional
-        Decode the first bytes only, whatever surface they give.
-    limits : Limits, optional
-
-    Returns
-    -------
-    Tin
-
-    Raises
-    ------
-    FormatError
-        If the bytes are not such a file; ``TruncatedError`` if they end too early, with ``max_bytes`` only if they end
-        before three points have come.
-    LimitError
-        If the file needs more than the limits allow.
-    """
-    head, parts, complete, metadata = read_surface(bytes(octets(data)[:max_bytes]), max_bytes is not None, limits)
-    order = by_rank(parts.points[:, 0], parts.points[:, 1])
-    x, y = np.ascontiguousarray(parts.points[order].T)
-    tri, _ = delaunay(x, y)
-    positions = np.stack([x, y], axis=1).astype(np.float64)
-    if not head.grid:
-        with np.errstate(over="ignore"):
-            positions = np.ldexp(positions + np.array(head.origin, np.float64), head.exponent)
-    values = np.array(values_of(head, parts.numbers[order].tolist()))
-    return Tin(
-        positions, values, triangles(tri).astype(np.int64), head.extent if head.grid else None, complete, metadata
-    )
-
-
-def contour_of(tin: Tin, isovalue: float) -> Contour:
-    """The isocontour of a triangulated surface, on which the surface is linear.
-
-    Parameters
-    ----------
-    tin : Tin
-    isovalue : float
-
-    Returns
-    -------
-    Contour
-        Points in the coordinates of the surface: of a field, in its samples, with the placement that the file notes.
-
-    Raises
-    ------
-    OptionError
-        If the isovalue is not finite.
-    """
-    if not math.isfinite(isovalue):
-        raise OptionError(f"the isovalue is {isovalue}; it must be finite", code="isovalue")
-    points, pieces = surface_contour(tin.points, tin.values, tin.triangles, isovalue)
-    notes = dict(tin.metadata)
-    placement = None if tin.shape is None else read_placement(notes, 2)
-    return Contour(points, pieces, float(isovalue), tin.shape or (), tin.complete, placement, metadata=notes)
-
-
-def read_surface(
-    whole: bytes, partial: bool = False, limits: Limits | None = None
-) -> tuple[TinHead, Layers, bool, dict[str, str]]:
-    """What a file of a surface says: its head, points and numbers, whether that is all, and notes.
-
-    ``partial``: of a file that ends early, what has come. Raises as `decode_tin`.
-    """
-    limits = limits or Limits()
-    if len(whole) > limits.bytes:
-        raise LimitError(f"more than {limits.bytes} bytes", code="limit-bytes", clause="11.2")
-    found = read_header(whole)
-    early = TruncatedError("the file ends before its surface begins", code="truncated", offset=len(whole), clause="8.3")
-    if found is None:
-        raise early
-    header, at = found
-    if header.cells != 2:
-        raise OptionError("the file holds no surface", code="domain", remedy="take decode")
-    metadata: dict[str, str] = {}
-    surface: tuple[TinHead, Layers] | None = None
-    ended = False
-    while not ended and (chunk := read_envelope(whole, at)) is not None:
-        _belongs(chunk, surface is not None, at)
-        behind = verify(whole, chunk, at)
-        payload = whole[chunk.start : chunk.end]
-        if chunk.type == ChunkType.DOMAIN and (behind is not None or payload):
-            if behind is None and not partial:
-                break
-            surface = _parts(payload, chunk.start, chunk.end <= len(whole), behind is not None, limits)
-        if behind is None:
-            break
-        if chunk.type == ChunkType.METADATA:
-            metadata |= read_metadata(payload)
-        at, ended = behind, chunk.last
-    if ended and at < len(whole):
-        raise FormatError("bytes after the end of the file", code="trailing", offset=at, clause="3.4.4")
-    if ended and surface is None:
-        raise FormatError("a file without a domain", code="domain", offset=at, clause="3.5.8")
-    if not ended and not partial:
-        raise TruncatedError(
-            f"the file ends after {len(whole)} bytes, before it is complete", code="truncated", offset=len(whole),
-            clause="8.3", remedy="give max_bytes to decode what there is",
-        )
-    if surface is None:
-        raise early
-    return *surface, ended and surface[1].complete, metadata
-
-
-def _belongs(chunk: Envelope, begun: bool, at: int) -> None:
-    """Check that a critical chunk does belong here; ``begun`` if the domain has come."""
-    if chunk.ancillary:
-        return
-    if chunk.type in REFUSED:
-        raise FormatError("not in an explicit domain", code="chunk", offset=at, clause="10.1.1")
-    if begun == (chunk.type == ChunkType.DOMAIN):
-        what = "a second domain" if begun else "the domain has to come first"
-        raise FormatError(what, code="domain", offset=at, clause="3.5.8")
-    if begun:
-        raise FormatError("not in a file of a surface", code="chunk", offset=at, clause="10.9.1")
-
-
-def _parts(payload: bytes, start: int, arrived: bool, verified: bool, limits: Limits) -> tuple[TinHead, Layers]:
-    """What a payload holds, or its beginning.
-
-    ``arrived``: it is all there; ``verified``: so are its checksums, before which its head is not refused.
-    """
-    early = TruncatedError("the file ends before its surface begins", code="truncated", clause="8.3")
-    if not payload:
-        raise FormatError("an empty domain chunk", code="domain", offset=start, clause="3.5.8")
-    if payload[0] >> 4 != DomainKind.POINTS:
-        raise OptionError("the file holds a mesh, no surface", code="domain", remedy="take decode")
-    try:
-        head, at = read_tin(payload, start)
-    except FormatError:
-        if verified:
-            raise
-        raise early from None
-    most = min(limits.vertices, limits.memory // PER_POINT)
-    work = (limits.work + WORK_PER_BYTE * len(payload))
-    parts = decoded(payload[at:], head.counts, head.extent, head.largest, most, work, arrived)
-    if len(parts.points) < 3:
-        raise early
-    return head, parts

@@ -37,11 +37,11 @@ from ..search.promise import Promise
 from ..search.reduced import LINEAR_POINTS
 from ..search.steps import stepwise
 from ..search.tolerance import NO_OFFSETS, grid_offsets, radices
+from .container import ContainerEncoder, beginning
 from .names import CriterionName, Distance, Isovalues, ProfileName
 from .options import DEFAULT_TOLERANCE, SEARCHED, Options, isovalues_of, nearest_before
 from .placing import GivenWorld, check_axes, closed
 from .plan_meshes import with_meshes
-from .session import ContainerEncoder, beginning
 
 
 @dataclass(frozen=True)

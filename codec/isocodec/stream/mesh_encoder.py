@@ -25,10 +25,10 @@ from ..mesh.isovalue import MeshIsovalue
 from ..mesh.mesh_run import encoded_mesh
 from ..mesh.positions import STEPS, active_vertices, parts_of
 from ..mesh.quantised import Quantised, quantised, refitted, rounded_apart
-from .mesh_decoder import coordinates_of
+from .container import ContainerEncoder, beginning
+from .mesh_contents import coordinates_of
 from .names import Isovalues, MeshName
 from .options import Options, check_interval, isovalues_of, nearest_before
-from .session import ContainerEncoder, beginning
 
 FINER = 3
 """How many times as many vertices are told after a layer of signs than before it, at least."""
