@@ -6,13 +6,16 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
-from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
 from ..errors import TruncatedError
-from .options import DRAWING, OUTPUT, PART, Viewing, Writing, command, option
-from .report import PARTIAL, STANDARD, concerning, named, one_warning, progress_bar, result, warn, write_output
+from .options import DRAWING, OUTPUT, Viewing, Writing, command, option
+from .report import PARTIAL, STANDARD, concerning, named, progress_bar, result, warn, written_to
+
+if TYPE_CHECKING:
+    from ..api.export import Wanted
 
 WHAT = ("curve", "areas", "bands", "above", "valid", "labels", "mesh", "surface")
 
@@ -42,6 +45,17 @@ class DecodeOptions(Writing, Viewing):
     )
     in_samples: bool = option("--in-samples", heading=OUTPUT, is_flag=True,
                               help="Write coordinates in samples, even if the file has a placement.")
+
+    @property
+    def wanted(self) -> Wanted:
+        """What to decode, as the library takes it."""
+        from ..api.export import OutputOptions, Wanted
+
+        return Wanted(
+            what=self.what, side=self.side, isovalue=self.isovalue, view=self.view, along_holes=self.along_holes,
+            through_holes=self.through_holes, whole=self.whole,
+            options=OutputOptions(self.keep_crs, self.in_samples, self.to),
+        )
 
     def check(self) -> None:
         """Refuse options that do not go together.
@@ -88,32 +102,24 @@ def decode_command(options: DecodeOptions) -> None:
     tolerance of 0.1 or more, may not. Missing samples are undefined there; --what valid has them.
     """
     options.check()
-    from ..api.export import Wanted, check_export, export
+    from ..api.export import check_export, decoded
     from ..api.output import check_output
 
-    name = options.output if options.to is None else Path(f"_.{options.to.lstrip('.')}")
     with concerning(options.output):
         check_output(options.output, options.source)
-        check_export(name, options.what)
+        check_export(options.output, options.what, options.wanted.options)
     started = time.perf_counter()
     file = options.opened()
-    wanted = Wanted(
-        what=options.what, side=options.side, isovalue=options.isovalue, view=options.view,
-        along_holes=options.along_holes, through_holes=options.through_holes, whole=options.whole,
-        keep_crs=options.keep_crs, in_samples=options.in_samples,
-    )
     with concerning(options.source), partial_offered(options), progress_bar("decoding") as progress:
-        decoded = export(file, name, wanted, progress)
-    with concerning(options.output if decoded.of_output else options.source), one_warning(options.output, "writing"):
-        data = decoded.render()
-    for remark in decoded.remarks:
+        made = decoded(file, options.output, options.wanted, progress)
+    with written_to(options.output) as target:
+        size = made.write(target)
+    for remark in made.remarks:
         warn(options.source, remark)
-    write_output(options.output, data)
     seconds = time.perf_counter() - started
     result(
-        f"{named(options.output)}: {decoded.text}, {seconds:.2f} s",
-        {"output": str(options.output), "bytes": len(data), **decoded.facts, "seconds": round(seconds, 3)},
-        options.as_json,
+        f"{named(options.output)}: {made.text}, {seconds:.2f} s",
+        {"output": str(options.output), "bytes": size, **made.facts, "seconds": round(seconds, 3)}, options.as_json,
     )
 
 

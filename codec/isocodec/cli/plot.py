@@ -128,15 +128,15 @@ def plot_command(options: PlotOptions) -> None:
 
 def _steps(options: PlotOptions, _: str | None) -> Plotted:
     """Steps of a file."""
-    from ..api.plots import steps_of
+    from ..api.plots import Steps, steps_of
 
+    steps = Steps(
+        count=options.steps, isovalue=next(iter(options.isovalue), None), frame=options.frame, smooth=options.smooth,
+        mesh=options.draw_mesh, partial=options.partial, view=options.seen_from,
+    )
     file = options.opened()
     with concerning(options.source), partial_offered(options), progress_bar("drawing") as progress:
-        return steps_of(
-            file, options.output, options.steps, isovalue=next(iter(options.isovalue), None), frame=options.frame,
-            smooth=options.smooth, mesh=options.draw_mesh, partial=options.partial, view=options.seen_from,
-            progress=progress,
-        )
+        return steps_of(file, options.output, steps, progress)
 
 
 def _map(options: PlotOptions, every: str | None) -> Plotted:
@@ -149,5 +149,5 @@ def _map(options: PlotOptions, every: str | None) -> Plotted:
     with concerning(options.source), progress_bar("decoding" if options.coded else "encoding") as progress:
         return map_of(
             what, options.output, look, isovalues, frame=options.frame, metadata=notes_of(options.metadata),
-            limits=options.limits, progress=progress,
+            progress=progress,
         )

@@ -289,6 +289,21 @@ def _streams(lines: list[str]) -> Iterator[None]:
         lines += file.read(_KEPT).decode(errors="replace").splitlines()
 
 
+@contextmanager
+def written_to(output: Path) -> Iterator[Any]:
+    """Where a result goes: a path, or standard output once it is whole; what libraries print is one warning."""
+    whole = io.BytesIO()
+    with concerning(output):
+        if str(output) != STANDARD:
+            with one_warning(output, "writing"):
+                yield output
+            return
+        with one_warning(output, "writing"):
+            yield whole
+        sys.stdout.buffer.write(whole.getvalue())
+        sys.stdout.buffer.flush()
+
+
 def write_output(output: Path, data: bytes) -> None:
     """Write a result, whole or not at all; to standard output as it is."""
     from ..api.output import write_bytes

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import click
 
 from .options import COUNT, SURFACE, Number, Reading, Thinning, Writing, argument, command, option
-from .report import concerning, named, one_warning, progress_bar, result, warn, write_output
+from .report import concerning, named, progress_bar, result, warn, write_output, written_to
 
 CRITERIA = ("AT1", "AT2", "AT3", "inf", "l2", "NAT")
 
@@ -52,14 +52,14 @@ def thin_command(options: ThinOptions) -> None:
         raise click.UsageError("--criterion does not apply to .iso: the points that make the best file are kept")
     import isocodec
 
-    from ..api.export import check_export, render_surface
+    from ..api.export import OutputOptions, check_export, write_surface
+    from ..api.inputs import as_points, facts_of
     from ..api.output import check_output
-    from ..api.points import as_points
 
     with concerning(options.output):
         check_output(options.output, options.source)
         if not coded:
-            check_export(options.output, "surface")
+            check_export(options.output, "surface", OutputOptions())
     what = options.read(options.source)
     for remark in getattr(what, "remarks", ()):
         warn(options.source, remark)
@@ -68,22 +68,17 @@ def thin_command(options: ThinOptions) -> None:
         given = as_points(what) if options.scattered else what
         criterion = options.criterion or (None if coded else "AT1")
         tin = options.thinned(given, options.isovalues, options.layers, criterion, progress)
-    with concerning(options.output), one_warning(options.output, "writing"):
-        data = isocodec.encode(tin) if coded else render_surface(tin, options.output)
-    write_output(options.output, data)
-    seconds = time.perf_counter() - started
-    result_of_surface(options, tin, data, seconds)
-
-
-def result_of_surface(options: Writing, tin: object, data: bytes, seconds: float) -> None:
-    """Print how well a surface came out."""
-    from ..api.points import facts_of
-
-    facts = facts_of(tin)
+    if coded:
+        data = isocodec.encode(tin)
+        size = len(data)
+        write_output(options.output, data)
+    else:
+        with written_to(options.output) as target:
+            size = write_surface(tin, target, OutputOptions())
+    seconds, facts = time.perf_counter() - started, facts_of(tin)
     error = f", largest error {facts['error']:g}" if "error" in facts else ""
     result(
-        f"{named(options.output)}: {len(data):,} bytes, {facts['points']:,} points, {facts['triangles']:,} "
-        f"triangles{error}, {seconds:.2f} s",
-        {"output": str(options.output), "bytes": len(data), **facts, "seconds": round(seconds, 3)},
-        options.as_json,
+        f"{named(options.output)}: {size:,} bytes, {facts['points']:,} points, {facts['triangles']:,} triangles{error}, "
+        f"{seconds:.2f} s",
+        {"output": str(options.output), "bytes": size, **facts, "seconds": round(seconds, 3)}, options.as_json,
     )
