@@ -16,7 +16,7 @@ from ..errors import OptionError
 from ..io.writers.output_formats import Kind, OutputOptions
 from ..io.writers.registry import suffix_of
 from ..io.writers.things import Areas, PlacedTin, Pyramid, SampleMask, Thing
-from ..io.writers.write import Written, check, write
+from ..io.writers.write import USUAL, Written, check, write
 from ..limits import Budget, Limits
 from ..stream.inspect import FileInfo, inspect
 from ..tin.tin import Tin
@@ -63,7 +63,7 @@ class Wanted:
     along_holes: bool = False
     through_holes: bool = False
     whole: bool = False
-    options: OutputOptions = OutputOptions()
+    options: OutputOptions = USUAL
 
 
 @dataclass
@@ -87,7 +87,7 @@ class Decoded:
     facts: dict[str, Any]
     text: str
     remarks: list[str] = field(default_factory=list)
-    options: OutputOptions = OutputOptions()
+    options: OutputOptions = USUAL
 
     def write(self, target: Target) -> int:
         """Write it, whole or not at all; returns the number of bytes, and adds what the format loses to the remarks.
@@ -166,7 +166,7 @@ def decoded(file: IsoFile, path: str | os.PathLike[str], wanted: Wanted, progres
             f"only frame 0 of {file.frames} is decoded; choose another with --frame, from 1 to {file.frames - 1}"
         )
     if wanted.view.get("partial") and not file.complete:
-        made.remarks.append(f"the file ends after {file.size:,} bytes, before it is complete; decoded as far as it goes")
+        made.remarks.append(f"the file ends after {file.size:,} bytes; decoded as far as it goes")
     return made
 
 
@@ -259,6 +259,9 @@ def _samples(file: IsoFile, suffix: str, wanted: Wanted, progress: Any) -> Decod
         rows, isovalue = file.above(wanted.isovalue, frame=wanted.view.get("frame")), wanted.isovalue
         if isovalue is None and file.isovalues:
             isovalue, remarks = file.isovalues[0], _others(file, file.isovalues[0])
+    if rows.ndim == 1 and suffix == _ARRAY:  # of vertices
+        counts = {"samples": rows.size, str(wanted.what): int(rows.sum())}
+        return Decoded(_array(rows), counts, f"{rows.size:,} vertices")
     facts = {"samples": rows.size, "isovalue": isovalue, "shape": list(rows.shape), "complete": file.complete}
     placement = file.placement
     matrix = None if placement is None else placement.matrix
@@ -318,9 +321,8 @@ def write_surface(tin: Tin, target: Target, options: OutputOptions) -> int:
     OptionError, MissingExtraError, OSError
     """
     placed = PlacedTin.of(tin)
-    for name in ("order", "errors", "anticipated", "kept"):
-        if (array := getattr(tin, name, None)) is not None:
-            placed.notes[name] = array
+    if tin.removals is not None:
+        placed.notes.update({name: getattr(tin.removals, name) for name in ("order", "errors", "anticipated", "kept")})
     return write(target, placed, options=options).bytes
 
 

@@ -12,14 +12,67 @@ import numpy as np
 
 from ..errors import InputError, OptionError
 from ..field.frames import Frames
-from ..field.placement import CRS, FRAME_STEP, PLACEMENT, Placement
+from ..field.meshed import Mesh
+from ..field.placement import FRAME_STEP, Placement
 from ..field.sampled import Field
-from ..mesh.given import Mesh
+from ..io.readers.reader import ReadOptions, load, open_source
+from ..io.readers.registry import holds_mesh, read_mesh
 from ..tin.tin import Tin
 from .isofile import IsoFile
 
 MOST = 1 << 20
 """Bytes that a plan has at most."""
+VALUES = "z"
+"""Name of values at points, if none is given."""
+
+
+def read_input(source: Any, options: ReadOptions, values: str | None = None) -> Field | Frames | Mesh:
+    """Read a field, a series of them, or values on a mesh or at scattered points; remarks are left to the caller.
+
+    Parameters
+    ----------
+    source : path, URL or file object
+    options : ReadOptions
+    values : str, optional
+        Name of values at the points of a mesh; the source is one then, as it is if its name has a suffix of meshes.
+
+    Raises
+    ------
+    OSError, InputError, LimitError, OptionError, MissingExtraError
+        As `isocodec.read`.
+    """
+    if values is None and not (isinstance(source, str) and holds_mesh(source)):
+        return load(source, options)
+    found = read_mesh(source, options.samples)
+    name = values or options.key or (VALUES if found.cells is None else None)
+    return Mesh(found.points, found.cells, None if name is None else found.values_named(name))
+
+
+def mesh_in(path: str) -> tuple[Any, Any]:
+    """Points and cells of a file with a mesh.
+
+    Raises
+    ------
+    OSError, InputError, MissingExtraError
+    """
+    found = read_mesh(path)
+    if found.cells is None:
+        raise InputError("holds points without cells", code="mesh", remedy="name the mesh that was encoded")
+    return found.points, found.cells
+
+
+@contextmanager
+def windows_of(source: Any, options: ReadOptions) -> Iterator[tuple[Any, Placement]]:
+    """The samples of a field as an object with ``shape``, ``dtype`` and slices, and where they lie.
+
+    Raises
+    ------
+    OSError, InputError, LimitError, OptionError, MissingExtraError
+        As `isocodec.read`.
+    """
+    with open_source(source, options) as opened:
+        windows = opened.windows()
+        yield windows, opened.place(len(windows.shape))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -72,13 +125,12 @@ class Added:
             raise OptionError(f"{len(self.spacing)} distances of samples; give one for each of the {n} axes",
                               code="spacing")
         placement: Any = field.placement if self.placed and self.spacing is None else self.spacing
-        field = replace(field, placement=placement, **({} if self.placed else {"crs": None}))
+        crs = field.crs if self.placed else None
+        field = replace(field, placement=placement, crs=crs)
         about = {"periodic": self.periodic, "periods": self.periods, "error": self.error}
         if given := {name: value for name, value in about.items() if value}:
-            where = field.placement if isinstance(field.placement, Placement) else Placement()
-            if self.periodic:
-                where = where.with_nodes(field.values.shape)
-            field = replace(field, placement=replace(where, **given, **({"inferred": False} if self.periodic else {})))
+            where = field.placement or Placement()
+            field = replace(field, placement=replace(where, **given, inferred=where.inferred and not self.periodic))
         return replace(field, labels=tuple(self.labels)) if self.labels else field
 
 
@@ -104,10 +156,14 @@ class Observed:
         To be encoded.
     before : list of str
         Remarks of the source.
+    notes : dict of str to str
+        Notes for the file.
     """
 
     def __init__(self, what: Any) -> None:
-        self.before = [*getattr(what, "remarks", ())]
+        self.before = [*getattr(what.fields if isinstance(what, Frames) else what, "remarks", ())]
+        step = getattr(what, "step", None)
+        self.notes = {FRAME_STEP: step} if step else {}
         self._fields: list[_Seen] = []
         self.what = replace(what, fields=_Changed(what.fields, self._see)) if isinstance(what, Frames) else what
         if isinstance(what, Field) and isinstance(what.values, np.ndarray):
@@ -168,15 +224,14 @@ class Observed:
         return [f"{sum(counts.values()):,} samples equal {of}: {text}"]
 
     @contextmanager
-    def blaming(self, plan: Path | None, concerning: Callable[[Any], Any]) -> Iterator[None]:
+    def blaming(self, plan: Path | None, failure: Callable[[Path, OptionError], Exception]) -> Iterator[None]:
         """Report what is wrong with a plan as being about its file."""
         try:
             yield
         except OptionError as error:
             if plan is None or error.code != "plan":
                 raise
-            with concerning(plan):
-                raise
+            raise failure(plan, error) from error
 
 
 @dataclass(frozen=True)
@@ -198,19 +253,13 @@ class _Seen:
         return cls(*ends, int(gone.sum()), values.dtype)
 
 
-def observed(what: Any, added: Added, notes: dict[str, str]) -> Observed:
-    """An input with what options state about it; a note of its placement replaces the input's.
+def observed(what: Any, added: Added) -> Observed:
+    """An input with what options state about it.
 
     Raises
     ------
     OptionError
     """
-    if PLACEMENT in notes:
-        added = replace(added, placed=False)
-    if isinstance(what, Frames) and getattr(what, "step", None):
-        notes.setdefault(FRAME_STEP, what.step)
-    if CRS not in notes and (crs := getattr(what, "crs", None)) and added.placed:
-        notes.setdefault(CRS, crs)
     return Observed(added.to(what))
 
 
@@ -262,11 +311,7 @@ def as_points(what: Any) -> Mesh:
 def facts_of(tin: Tin) -> dict[str, Any]:
     """Counts and errors of a surface, for programs."""
     out: dict[str, Any] = {"points": len(tin.points), "triangles": len(tin.triangles)}
-    order, errors = getattr(tin, "order", None), getattr(tin, "errors", None)
-    if order is not None:
-        out["removed"] = len(order)
-    if errors is not None:
-        out["error"] = float(errors[-1]) if len(errors) else 0.0
-    if merged := getattr(tin, "merged", 0):
-        out["merged"] = merged
+    if tin.removals is not None:
+        errors = tin.removals.errors
+        out |= {"removed": len(tin.removals.order), "error": float(errors[-1]) if len(errors) else 0.0}
     return out

@@ -50,9 +50,10 @@ def check_output(output: str | os.PathLike[str], source: str, *, iso: bool = Fal
 
 def _other_format(name: str) -> str | None:
     """The suffix of a name, if it is that of another format."""
-    from ..io import CURVE_SUFFIXES, FIELD_SUFFIXES
+    from ..io import FIELD_SUFFIXES
+    from ..io.writers.registry import SUFFIXES
 
-    return next((suffix for suffix in (*CURVE_SUFFIXES, *FIELD_SUFFIXES) if name.endswith(suffix)), None)
+    return next((suffix for suffix in (*SUFFIXES, *FIELD_SUFFIXES) if name.endswith(suffix)), None)
 
 
 @contextmanager

@@ -10,7 +10,6 @@ from typing import Any
 
 import numpy as np
 
-from ..drawing.contour import Contour
 from ..errors import InputError, OptionError, TruncatedError
 from ..field.sampled import Field
 from ..format.events import LayerComplete, MeshLayerComplete
@@ -133,7 +132,9 @@ def steps_of(file: IsoFile, path: str | os.PathLike[str], steps: Steps, progress
         remarks.append(f"only isovalue {isovalue!r} is drawn; choose another with --isovalue: {' or '.join(others[:5])}"
                        + ", .." * (len(others) > 5))
     if steps.frame is None and file.frames > 1:
-        remarks.append(f"only frame 0 of {file.frames} is drawn; choose another with --frame, from 1 to {file.frames - 1}")
+        remarks.append(
+            f"only frame 0 of {file.frames} is drawn; choose another with --frame, from 1 to {file.frames - 1}"
+        )
     seen: View = USUAL if steps.view is None else read_view(steps.view)
     suffix = check_picture(Path(path))
     count = len(drawn)
@@ -203,7 +204,7 @@ def _as_decoded(file: IsoFile, steps: Steps, progress: Any, remarks: list[str]) 
         if not (steps.partial and number < len(decoder.isovalues) and (own or _begun(decoder))):
             raise
         remarks.append(f"{exc.message}; drawn as far as it goes")
-    if not decoder.complete and not steps.partial or decoder.frame < wanted:
+    if decoder.frame < wanted:
         raise OptionError(f"the file has no frame {wanted}", code="frame", remedy=f"it has {file.frames}")
     if own < len(layers) or not drawn:
         draw(total, None)  # the file ends within a layer

@@ -6,12 +6,12 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from ..errors import TruncatedError
-from .options import DRAWING, OUTPUT, Viewing, Writing, command, option
+from .options import COUNT, DRAWING, OUTPUT, PART, Box, Size, Viewing, Writing, command, option
 from .report import PARTIAL, STANDARD, concerning, named, progress_bar, result, warn, written_to
 
 if TYPE_CHECKING:
@@ -29,6 +29,16 @@ class DecodeOptions(Writing, Viewing):
         help="curve (or surface in space), areas beside curves, bands between them, samples above the isovalue, valid "
         "samples, labels, the mesh, or the triangulated surface.  [default: curve, or surface]",
     )
+    layers: int | None = option("--layers", heading=PART, type=COUNT, metavar="N",
+                                help="Decode the first N layers of an isovalue.")
+    max_bytes: int | None = option("--max-bytes", heading=PART, type=Size(), metavar="N",
+                                   help="Decode the first N bytes.")
+    box: tuple[tuple[float, float], ...] | None = option(
+        "--window", heading=PART, type=Box(), metavar="A:B,C:D",
+        help="Decode a box of samples, from:to for each axis; of a file in tiles only this part is read.",
+    )
+    within: float | None = option("--within", heading=PART, type=float, metavar="N",
+                                  help="Stop at cubes of the mesh no wider than N samples.")
     side: str = option("--side", heading=OUTPUT, type=click.Choice(["above", "below"]), default="above",
                        show_default=True, help="With --what areas: which side of the curve.")
     along_holes: bool = option("--along-holes", heading=DRAWING, is_flag=True,
@@ -45,6 +55,12 @@ class DecodeOptions(Writing, Viewing):
     )
     in_samples: bool = option("--in-samples", heading=OUTPUT, is_flag=True,
                               help="Write coordinates in samples, even if the file has a placement.")
+
+    @property
+    def view(self) -> dict[str, Any]:
+        """Keywords of `IsoFile.contour`, as far as they were given."""
+        names = ("frame", "layers", "max_bytes", "box", "within", "partial", "smooth")
+        return {name: getattr(self, name) for name in names if getattr(self, name) not in (None, False)}
 
     @property
     def wanted(self) -> Wanted:

@@ -7,7 +7,7 @@ from typing import Any
 
 import click
 
-from .options import COUNT, ISOVALUE, LAYERS, PART, PRECISION, Box, Number, Opening, Size, Writing, command, argument, option
+from .options import COUNT, PART, PRECISION, Box, Number, Opening, Size, Writing, argument, command, option
 from .report import concerning, counted, named, progress_bar, result, warn, write_output
 
 ASKED = ("layers", "size", "box", "isovalues", "profile", "precision", "keep_topology")
@@ -66,11 +66,11 @@ def edit_command(options: EditOptions) -> None:
     files = [options.opened(source) for source in options.source]
     with concerning(options.source[0]), progress_bar("encoding"):
         if several:
-            data = isocodec.merge(files, profile=options.profile or "main", limits=options.limits)
+            data = isocodec.merge([file.data for file in files], profile=options.profile or "main", limits=options.limits)
         else:
             asked = {name: getattr(options, name) for name in ASKED if options.given(name)}
             data = files[0].edited(**asked)
-        made = isocodec.open(data, mesh=files[0].mesh_given, limits=options.limits)
+        made = isocodec.open(data, limits=options.limits)
         lost = [] if several or options.isovalues else [v for v in files[0].isovalues if v not in made.isovalues]
     write_output(options.output, data)
     if lost:

@@ -33,7 +33,7 @@ from .options import (
     notes_of,
     option,
 )
-from .report import STANDARD, concerning, counted, named, progress_bar, result, warn, write_output
+from .report import STANDARD, Failure, concerning, counted, named, progress_bar, result, warn, write_output
 
 if TYPE_CHECKING:
     from ..api.inputs import Observed
@@ -82,7 +82,7 @@ class EncodeOptions(Thinning, Writing, Reading):
     precision: str | None = option(
         "--precision", heading=PRECISION, metavar="P",
         help="exact (integers); signs (only which samples are inside); a distance in cells or in the world: 0.05, 100m; "
-        "falling distances, one by one: 4,1,0.25,exact; step=S (values of floats rounded).  [default: 0.05]",
+        "falling distances, one by one: 4,1,0.25,exact; step=S (floats, in steps).  [default: 0.05]",
     )
     keep_topology: bool = option("--keep-topology", heading=PRECISION, is_flag=True,
                                  help="Keep the topology of the contour in every layer.")
@@ -188,7 +188,7 @@ class EncodeOptions(Thinning, Writing, Reading):
         if self.layers is not None:
             from ..api.inputs import layers_of
 
-            with concerning(self.plan or ""):
+            with concerning(self.plan or self.source):
                 given["layers"] = layers_of(self.layers, self.plan)
         if self.frame_interval is not None:
             given["interval"] = self.frame_interval
@@ -198,20 +198,15 @@ class EncodeOptions(Thinning, Writing, Reading):
         """Read the input, and add what options state about it."""
         from ..api.inputs import Added, observed
 
-        more: dict[str, Any] = {"frames": self.frames} if self.frames else {}
-        if self.frame_axis is not None:
-            more["frame_axis"] = self.frame_axis
-        if self.missing is not None:
-            more["missing"] = self.missing
-        if self.tile is not None:
-            more["windows"] = True
-        what = self.read(self.source, **more)
+        given = {"frames": self.frames, "axis": self.frame_axis, "missing": self.missing}
+        more = {name: value for name, value in given.items() if value}
+        what = self.read(self.source, self.values, **more)
         added = Added(
             labels=self.labels, spacing=self.spacing, placed=not self.no_placement, periodic=self.periodic,
             periods=self.period or (), error=self.coordinates_error, stored=self.stored, mesh_error=self.mesh_error,
         )
         with concerning(self.source):
-            return observed(what, added, notes_of(self.metadata))
+            return observed(what, added)
 
 
 @command("encode", EncodeOptions, "Encode the isocontour of a picture, terrain, volume or mesh.")
@@ -227,50 +222,68 @@ def encode_command(options: EncodeOptions) -> None:
     neighbouring tiles meet without seams, and decode --window reads a part of the file, also from a URL.
     """
     options.check()
-    import isocodec
-
     from ..api.output import check_output
 
     with concerning(options.output):
         check_output(options.output, options.source, iso=True)
     keywords = options.keywords()
-    seen = options.observed()
-    for remark in seen.before:
-        warn(options.source, remark)
     started = time.perf_counter()
-    with concerning(options.source), progress_bar("encoding") as progress:
-        what, isovalue = seen.what, options.isovalue
-        if options.surface:
-            what, isovalue = options.thinned(what, options.isovalues, int(options.layers or 1), None, progress), None
-        if options.tile is not None:
-            data = _tiled(options, what, isovalue, keywords, progress)
-        else:
-            with seen.blaming(options.plan, concerning):
-                data = isocodec.encode(what, isovalue, progress=progress, **keywords)
-    seconds = time.perf_counter() - started
-    if options.tile is None:
-        write_output(options.output, data)
-    file = isocodec.open(str(options.output) if options.tile is not None else data)
-    for remark in seen.after(file, keywords, bool(options.nodata is not None or options.missing)):
+    facts, remarks = (_tiled if options.tile is not None else _whole)(options, keywords)
+    for remark in remarks:
         warn(options.source, remark)
-    facts = {"bytes": file.size, "layers": len(file.info.layers), "seconds": round(seconds, 3), **seen.facts(file)}
+    seconds = time.perf_counter() - started
     result(
-        f"{named(options.output)}: {file.size:,} bytes, {counted(facts['layers'], 'layer')}, {seconds:.2f} s",
-        {"output": str(options.output), **facts}, options.as_json,
+        f"{named(options.output)}: {facts['bytes']:,} bytes, {counted(facts['layers'], 'layer')}, {seconds:.2f} s",
+        {"output": str(options.output), **facts, "seconds": round(seconds, 3)}, options.as_json,
     )
 
 
-def _tiled(options: EncodeOptions, what: Any, isovalue: Any, keywords: dict[str, Any], progress: Any) -> bytes:
-    """Encode tile by tile."""
+def _whole(options: EncodeOptions, keywords: dict[str, Any]) -> tuple[dict[str, Any], list[str]]:
+    """Encode in one piece; facts about the file, and remarks."""
     import isocodec
 
+    seen = options.observed()
+    for remark in seen.before:
+        warn(options.source, remark)
+    keywords["metadata"] = {**seen.notes, **keywords["metadata"]}
+    with concerning(options.source), progress_bar("encoding") as progress, seen.blaming(options.plan, Failure):
+        if options.surface:
+            what = options.thinned(seen.what, options.isovalues, int(options.layers or 1), None, progress)
+            data = isocodec.encode(what, **keywords)
+        else:
+            data = isocodec.encode(seen.what, options.isovalue, progress=progress, **keywords)
+    write_output(options.output, data)
+    file = isocodec.open(data)
+    marked = options.nodata is not None or options.missing is not None
+    facts = {"bytes": file.size, "layers": len(file.info.layers), **seen.facts(file)}
+    return facts, [] if options.surface else seen.after(file, keywords, marked)
+
+
+def _tiled(options: EncodeOptions, keywords: dict[str, Any]) -> tuple[dict[str, Any], list[str]]:
+    """Encode tile by tile; facts about the file, and remarks."""
+    import isocodec
+
+    from ..api.inputs import windows_of
     from ..api.output import engine_of
 
     if str(options.output) == STANDARD:
         raise click.UsageError("a file in tiles is not written to standard output")
-    with engine_of(options.workers, options.scheduler) as engine:
+    with (
+        concerning(options.source), windows_of(options.source, options.reading(options.source)) as (what, place),
+        engine_of(options.workers, options.scheduler) as engine, progress_bar("encoding tiles") as progress,
+    ):
+        if place.remark and not options.no_placement:
+            warn(options.source, place.remark)
+        if not options.no_placement:
+            keywords["metadata"] = {**place.notes(), **keywords["metadata"]}
         isocodec.save(
-            options.output, what, isovalue, tile=options.tile, engine=engine, spool=options.spool, progress=progress,
-            **keywords,
+            options.output, what, options.isovalue, tile=options.tile, engine=engine, spool=options.spool,
+            workers=options.workers if engine else None, progress=progress, **keywords,
         )
-    return b""
+    file = isocodec.open(str(options.output))
+    sizes = {number: sum(layer.bytes or 0 for layer in file.info.layers if layer.isovalue == number)
+             for number in range(len(file.isovalues))}
+    empty = [file.isovalues[number] for number, size in sizes.items() if not size]
+    facts = {"bytes": file.size, "layers": len(file.info.layers), "shape": list(file.shape),
+             "isovalues": [float(value) for value in file.isovalues]}
+    return facts, [f"no samples lie on both sides of the isovalue {value:g}: the curve is empty" for value in empty]

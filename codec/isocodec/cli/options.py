@@ -17,6 +17,7 @@ from ..limits import FIELD_SAMPLES, Limits
 from .report import STANDARD, concerning, one_warning
 
 if TYPE_CHECKING:
+    from ..api.inputs import ReadOptions
     from ..api.isofile import IsoFile
 
 R = TypeVar("R")
@@ -88,15 +89,22 @@ class Box(click.ParamType):
             self.fail(f"{value!r} is not a range from:to for each axis, such as 0:100,50:90", param, ctx)
 
 
-WHOLE = click.IntRange(min=0)
-COUNT = click.IntRange(min=1)
+class From(click.IntRange):
+    """A whole number from some least one on, which help does not repeat."""
+
+    def _describe_range(self) -> str:
+        return ""
+
+
+WHOLE, COUNT = From(min=0), From(min=1)
 FILE = click.Path(path_type=Path, readable=False)
 """Whether files can be read is not asked here: a missing file is an error of input (3), not of usage (2)."""
 
 
 def option(*names: str, heading: str = OUTPUT, **attributes: Any) -> Any:
     """A field of a record that is an option; attributes as of `click.Option`."""
-    default = attributes.get("default", () if attributes.get("multiple") else False if "is_flag" in attributes else None)
+    usual = () if attributes.get("multiple") else False if "is_flag" in attributes else None
+    default = attributes.get("default", usual)
     return field(default=default, metadata={"names": names, "heading": heading, "attributes": attributes})
 
 
@@ -132,10 +140,13 @@ def command(name: str, record: type[R], short_help: str) -> Callable[[Callable[[
     """Make a command of a function that takes a record of options; its help is the function's docstring."""
 
     def made(function: Callable[[R], Any]) -> Grouped:
-        params = [_parameter(each.name, each.metadata) for each in fields(record) if each.metadata]  # type: ignore[arg-type]
+        own = vars(record).get("__annotations__", {})
+        known = [each for each in fields(record) if each.metadata]  # type: ignore[arg-type]
+        known.sort(key=lambda each: (each.name == "as_json", each.name != "output", each.name not in own))
+        params = [_parameter(each.name, each.metadata) for each in known]
         return Grouped(
-            name, params=params, callback=lambda **given: function(record(**given)), help=cleandoc(function.__doc__ or ""),
-            short_help=short_help,
+            name, params=params, callback=lambda **given: function(record(**given)),
+            help=cleandoc(function.__doc__ or ""), short_help=short_help,
         )
 
     return made
@@ -244,12 +255,12 @@ def opened(source: str, limits: Limits, mesh: str | None = None) -> IsoFile:
 
     known = None
     if mesh is not None:
+        from ..api.inputs import mesh_in
+
         with concerning(mesh), one_warning(mesh):
-            known = isocodec.read(mesh)
-            if not isinstance(known, isocodec.Mesh):
-                raise click.UsageError(f"--mesh {mesh}: it holds no mesh")
+            known = mesh_in(mesh)
     with concerning(source):
-        return isocodec.open(stream(source), mesh=None if known is None else (known.points, known.cells), limits=limits)
+        return isocodec.open(stream(source), mesh=known, limits=limits)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -260,28 +271,12 @@ class Viewing(Opening):
                                     help="Isovalue to decode.  [default: all that OUT can hold]")
     frame: int | None = option("--frame", heading=PART, type=WHOLE, metavar="N",
                                help="Frame of a series, from 0.  [default: the first]")
-    layers: int | None = option("--layers", heading=PART, type=COUNT, metavar="N",
-                                help="Decode the first N layers of an isovalue.")
-    max_bytes: int | None = option("--max-bytes", heading=PART, type=Size(), metavar="N",
-                                   help="Decode the first N bytes.")
-    box: tuple[tuple[float, float], ...] | None = option(
-        "--window", heading=PART, type=Box(), metavar="A:B,C:D",
-        help="Decode a box of samples, from:to for each axis; of a file in tiles only this part is read.",
-    )
-    within: float | None = option("--within", heading=PART, type=float, metavar="N",
-                                  help="Stop at cubes of the mesh no wider than N samples.")
     partial: bool = option("--partial", heading=PART, is_flag=True, help="Decode what is there of a truncated file.")
     smooth: bool = option(
         "--smooth", heading=DRAWING, is_flag=True,
         help="Where only the edge of a crossing is known, place the point so that the curve bends smoothly instead of "
         "at the midpoint.",
     )
-
-    @property
-    def view(self) -> dict[str, Any]:
-        """Keywords of `IsoFile.contour`, as far as they were given."""
-        names = ("frame", "layers", "max_bytes", "box", "within", "partial", "smooth")
-        return {name: getattr(self, name) for name in names if getattr(self, name) not in (None, False)}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -303,30 +298,36 @@ class Reading(Options):
     limit_samples: int | None = option("--limit-samples", heading=LIMITS, type=COUNT, metavar="N",
                                        help=f"Most samples.  [default: {FIELD_SAMPLES:,}]")
 
-    def read(self, source: str, **more: Any) -> Any:
+    def reading(self, source: str, **more: Any) -> ReadOptions:
+        """What to read of a source, and how."""
+        from ..api.inputs import ReadOptions
+
+        if self.kind is not None and source != STANDARD and "://" not in source:
+            raise click.UsageError("--kind is for standard input and URLs; the suffix of a file names its format")
+        return ReadOptions(
+            key=self.key, channel=self.channel, frame=self.frame, nodata=self.nodata, kind=self.kind,
+            samples=self.limit_samples, follow=self.follow, **more,
+        )
+
+    def read(self, source: str, values: str | None = None, **more: Any) -> Any:
         """Read a field, a series of them, or a mesh.
 
         Raises
         ------
         Failure
         """
-        import isocodec
+        from ..api.inputs import read_input
 
-        if self.kind is not None and source != STANDARD and "://" not in source:
-            raise click.UsageError("--kind is for standard input and URLs; the suffix of a file names its format")
-        kind = None if self.kind is None else f".{self.kind.lstrip('.')}"
+        options = self.reading(source, **more)
         with concerning(source), one_warning(source):
-            return isocodec.read(
-                stream(source), key=self.key, channel=self.channel, frame=self.frame, nodata=self.nodata, kind=kind,
-                samples=self.limit_samples, follow=self.follow, **more,
-            )
+            return read_input(stream(source), options, values)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Thinning(Options):
     """How a surface is thinned."""
 
-    points: int | None = option("--points", heading=SURFACE, type=click.IntRange(min=3), metavar="N",
+    points: int | None = option("--points", heading=SURFACE, type=From(min=3), metavar="N",
                                 help="Keep N points.")
     error: float | None = option("--error", heading=SURFACE, type=float, metavar="E",
                                  help="Keep as few points as miss no value by more than E.")

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from ..api.plots import Plotted
 
 OF_MAPS = ("map_interval", "offset", "index", "title", "size", "dpi", "dark", "no_relief")
-OF_STEPS = ("steps", "draw_mesh", "seen_from", "max_bytes", "layers", "within", "box", "partial", "smooth")
+OF_STEPS = ("steps", "draw_mesh", "seen_from", "partial", "smooth")
 OF_FIELDS = ("map_interval", "offset", "metadata", "nodata", "key", "channel", "follow")
 
 
