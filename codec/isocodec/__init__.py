@@ -14,34 +14,37 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from .api.editing import merge
-    from .api.files import save
+    from .api.encoding import encode
     from .api.isofile import IsoFile, decode, open
-    from .api.whole import encode
+    from .api.merging import merge
+    from .api.saving import save
+    from .api.thinned import thin
     from .drawing.bands import bands
     from .drawing.contour import Contour
     from .errors import IsoError
+    from .field.framed import Frames
+    from .field.meshed import Mesh
     from .field.sampled import Field
     from .io.readers.anything import read
     from .kernel import kernels
     from .limits import Limits
     from .stream.decoder import Decoder
     from .stream.encoder import Encoder
-    from .tin.thinned import thin
     from .tin.tin import Tin
 
 __version__ = "0.1.0"
 
 _HOME = {
     "Contour": "drawing.contour", "Decoder": "stream.decoder", "Encoder": "stream.encoder", "Field": "field.sampled",
-    "IsoError": "errors", "IsoFile": "api.isofile", "Limits": "limits", "Tin": "tin.tin", "bands": "drawing.bands",
-    "decode": "api.isofile", "encode": "api.whole", "kernels": "kernel", "merge": "api.editing", "open": "api.isofile",
-    "read": "io.readers.anything", "save": "api.files", "thin": "tin.thinned",
+    "Frames": "field.framed", "IsoError": "errors", "IsoFile": "api.isofile", "Limits": "limits",
+    "Mesh": "field.meshed", "Tin": "tin.tin", "bands": "drawing.bands", "decode": "api.isofile",
+    "encode": "api.encoding", "kernels": "kernel", "merge": "api.merging", "open": "api.isofile",
+    "read": "io.readers.anything", "save": "api.saving", "thin": "api.thinned",
 }
 
 __all__ = [
-    "Contour", "Decoder", "Encoder", "Field", "IsoError", "IsoFile", "Limits", "Tin", "bands", "decode", "encode",
-    "kernels", "merge", "open", "read", "save", "thin",
+    "Contour", "Decoder", "Encoder", "Field", "Frames", "IsoError", "IsoFile", "Limits", "Mesh", "Tin", "bands",
+    "decode", "encode", "kernels", "merge", "open", "read", "save", "thin",
 ]
 
 

@@ -12,24 +12,25 @@ from numpy.typing import ArrayLike, NDArray
 from ..drawing.contour import Contour
 from ..drawing.tessellation import Tessellation
 from ..errors import IsoError
-from ..field.placement import Noted
+from ..field.placement import CRS, Placement, read_placement
 from ..limits import Limits
 from ..stream.inspect import FileInfo
 from ..stream.statistics import FileStatistics
 from ..tiles.structure import HEAD_BYTES, is_tiled
 from ..tin.tin import Tin
 from .content import Readable, content
+from .editing import Edit, edited
 from .kinds import TileFile, View, WholeFile
+from .verification import Verified, verified
 
 if TYPE_CHECKING:
     from ..stream.options import ProfileName
-    from .verification import Verified
 
 _DRAWN = 16
 """Most isovalues that a notebook shows."""
 
 
-class IsoFile(Noted):
+class IsoFile:
     """An ``.iso`` file of any kind.
 
     Attributes
@@ -54,7 +55,7 @@ class IsoFile(Noted):
     """
 
     def __init__(self, held: WholeFile | TileFile) -> None:
-        self._held = held
+        self.held = held
         self.limits = held.limits
         self.mesh_given = getattr(held, "mesh_given", None)
 
@@ -65,7 +66,7 @@ class IsoFile(Noted):
     def _repr_html_(self) -> str:
         """A drawing of the first isovalues for notebooks, with size, layers and promises; without the drawing if it
         takes more than the limits allow, or a mesh that the file does not hold."""
-        from ..io.writers.inline import page_of
+        from ..drawing.pictures.inline import page_of
 
         info = self.info
         try:
@@ -84,22 +85,22 @@ class IsoFile(Noted):
     @property
     def kind(self) -> str:
         """Which kind of file it is."""
-        return self._held.kind
+        return self.held.kind
 
     @property
     def size(self) -> int:
         """Bytes of the file."""
-        return self._held.size
+        return self.held.size
 
     @property
     def data(self) -> bytes:
         """The bytes of the file; of a file in tiles this reads all of it."""
-        return self._held.data
+        return self.held.data
 
     @property
     def info(self) -> FileInfo:
         """Layers, chunks, offsets, promises, without decoding."""
-        return self._held.info
+        return self.held.info
 
     @property
     def shape(self) -> tuple[int, ...]:
@@ -114,7 +115,7 @@ class IsoFile(Noted):
     @property
     def frames(self) -> int:
         """Frames of a series, 1 of other files."""
-        return self._held.frames
+        return self.held.frames
 
     @property
     def metadata(self) -> dict[str, str]:
@@ -122,9 +123,19 @@ class IsoFile(Noted):
         return dict(self.info.metadata)
 
     @property
+    def placement(self) -> Placement | None:
+        """Where the samples lie, by the notes of the file; of samples with coordinates contours know it."""
+        return read_placement(self.metadata, len(self.shape))
+
+    @property
+    def crs(self) -> str | None:
+        """Reference system of the coordinates, as the file names it."""
+        return self.metadata.get(CRS)
+
+    @property
     def complete(self) -> bool:
         """Whether the file is whole."""
-        return self._held.complete
+        return self.held.complete
 
     # -- drawings ------------------------------------------------------------------------------------------------
 
@@ -179,14 +190,14 @@ class IsoFile(Noted):
         InputError
             If the mesh given is not the one that the file was made on.
         """
-        return self._held.contour(isovalue, View(
+        return self.held.contour(isovalue, View(
             frame=frame, layers=layers, max_bytes=max_bytes, box=box, within=within, smooth=smooth,
             through_holes=through_holes, partial=partial, progress=progress,
         ))
 
     def contours(self, **view: Any) -> list[Contour]:
         """Decode the curves or surfaces of all isovalues, in the file's order; parameters and errors of `contour`."""
-        return self._held.contours(View(**view))
+        return self.held.contours(View(**view))
 
     def each_frame(self, *, smooth: bool = False) -> Iterator[list[Contour]]:
         """Decode frame after frame; no more than two are in memory.
@@ -196,7 +207,7 @@ class IsoFile(Noted):
         list of Contour
             Of each frame the curves or surfaces of all isovalues. A file that is not a series has one frame.
         """
-        return self._held.each_frame(smooth)
+        return self.held.each_frame(smooth)
 
     def mesh(
         self, isovalue: float | None = None, *, whole: bool = False, **view: Any
@@ -216,7 +227,7 @@ class IsoFile(Noted):
         Tessellation
             Triangles or tetrahedra with their levels, vertices with their signs.
         """
-        return self._held.mesh(isovalue, View(**view), whole)
+        return self.held.mesh(isovalue, View(**view), whole)
 
     # -- arrays --------------------------------------------------------------------------------------------------
 
@@ -242,14 +253,14 @@ class IsoFile(Noted):
         FormatError, LimitError
             As `contour`; ``limits.samples`` bounds the result.
         """
-        return self._held.above(isovalue, View(**view))
+        return self.held.above(isovalue, View(**view))
 
     def valid(self, *, max_bytes: int | None = None) -> NDArray[np.bool_]:
         """Decode which samples are valid; the others are missing. Bool, of the shape of the field.
 
         With ``max_bytes`` of the first bytes of the file, as soon as they show it.
         """
-        return self._held.valid(max_bytes)
+        return self.held.valid(max_bytes)
 
     def labels(self) -> NDArray[Any]:
         """Decode the labels of a segmentation.
@@ -264,7 +275,7 @@ class IsoFile(Noted):
         OptionError
             If the isovalues of the file are not labels.
         """
-        return self._held.labels()
+        return self.held.labels()
 
     def surface(self, *, max_bytes: int | None = None) -> Tin:
         """Decode a triangulated surface, or what its first bytes hold of it.
@@ -274,13 +285,13 @@ class IsoFile(Noted):
         OptionError
             If the file is of another kind.
         """
-        return self._held.surface(max_bytes)
+        return self.held.surface(max_bytes)
 
     # -- checks and other files ------------------------------------------------------------------------------------
 
     def statistics(self) -> FileStatistics:
         """Decode the file and count its bits by layer and by isovalue."""
-        return self._held.statistics()
+        return self.held.statistics()
 
     def verify(self, field: Any, *, frame: int | None = None, within: float | None = None) -> list[Verified]:
         """Measure the file against the field that it was made from.
@@ -304,9 +315,7 @@ class IsoFile(Noted):
         InputError
             If the field has another shape than the file's, or other samples are missing.
         """
-        from .verification import verified
-
-        return verified(self._held, field, frame, within)
+        return verified(self.held, field, frame, within)
 
     def edited(
         self, *, layers: int | None = None, size: int | None = None, box: Sequence[Sequence[float]] | None = None,
@@ -344,9 +353,7 @@ class IsoFile(Noted):
             If nothing is asked for, or the file cannot be changed in this way.
         FormatError, LimitError
         """
-        from .editing import Edit, edited
-
-        return edited(self._held, Edit(layers, size, box, isovalues, profile, precision, keep_topology))
+        return edited(self.held, Edit(layers, size, box, isovalues, profile, precision, keep_topology))
 
 
 def open(

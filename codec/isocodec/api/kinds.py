@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from numbers import Integral
 from typing import TYPE_CHECKING, Any
@@ -14,14 +14,16 @@ from numpy.typing import ArrayLike, NDArray
 from ..drawing.contour import Contour
 from ..drawing.tessellation import Tessellation
 from ..errors import IsoError, OptionError, TruncatedError
-from ..field.told import LABELS
+from ..field.decoded_samples import LABELS
 from ..format.events import End, FrameRead, LayerComplete, MeshLayerComplete
 from ..format.kinds import LayerKind
 from ..limits import Limits
 from ..stream.decoder import Decoder
 from ..stream.inspect import FileInfo, LayerInfo, inspect, kind_of
 from ..stream.statistics import FileStatistics, statistics
+from ..stream.truncation import truncate
 from ..tin.tin import Tin
+from .recoding import extracted
 
 if TYPE_CHECKING:
     from ..tiles.tiled import TiledFile
@@ -221,9 +223,7 @@ class WholeFile:
             raise OptionError(f"the file has no frame {view.frame}", code="frame", remedy="it holds one surface only")
         data = memoryview(self.data)[: view.max_bytes]
         if view.layers is not None:
-            from .editing import truncated
-
-            data = memoryview(truncated(self.data, layers=view.layers, limits=self.limits))
+            data = memoryview(truncate(self.data, layers=view.layers, limits=self.limits))
         decoder = Decoder(self.limits)
         decoder.feed(data)
         if view.max_bytes is None and not view.partial:
@@ -270,6 +270,8 @@ class WholeFile:
 
     def surface(self, max_bytes: int | None) -> Tin:
         """The triangulated surface; see `IsoFile.surface`."""
+        if self.kind == "mesh" and self.info.domain is None:
+            raise TruncatedError("the file ends before its domain begins", code="truncated", offset=self.size)
         if self.kind != "surface":
             raise impossible("surface", self.kind)
         return self._surface_decoder(View(max_bytes=max_bytes)).surface.tin()
@@ -379,8 +381,6 @@ class TileFile:
 
     def whole(self, box: Sequence[Sequence[float]] | None = None) -> WholeFile:
         """A box of it, or all of it, as a file in one piece."""
-        from .editing import extracted
-
         return WholeFile(extracted(self.tiled, box), self.limits)
 
     def above(self, isovalue: float | None, view: View) -> NDArray[np.bool_]:
@@ -424,8 +424,6 @@ def labelled(above: Iterator[NDArray[np.bool_]], isovalues: Sequence[float]) -> 
 
 def clipped(contour: Contour, box: Sequence[Sequence[float]] | None) -> Contour:
     """The cells of a contour that reach into a box of index coordinates (of a mesh: of its coordinates)."""
-    from dataclasses import replace
-
     if box is None:
         return contour
     bounds = np.array(box, np.float64)

@@ -9,13 +9,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import InputError, OptionError
+from ..field.decoded_samples import LABELS
+from ..field.placement import closed
 from ..field.samples import check_field, without_holes
-from ..field.told import LABELS
 from .kinds import TileFile, View, WholeFile
 
 if TYPE_CHECKING:
     from ..drawing.contour import Contour
-    from ..field.samples import Field as Samples
+    from ..field.samples import Samples
 
 ROUNDING = 1e-6
 """Cells that the measured distance, which is an upper bound, and points in double precision may be off."""
@@ -70,10 +71,8 @@ def verified(held: WholeFile | TileFile, field: Any, frame: int | None, within: 
         _check_shape(values.shape, held.info.shape)
         return [_measured(one, check_field(values, one.isovalue, gone=gone), within, None) for one in contours]
     info = held.info
-    periodic = contours[0].mapped.periodic if contours[0].mapped is not None else ()
+    periodic = contours[0].placement.periodic if contours[0].placement is not None else ()
     if periodic:
-        from ..stream.placing import closed
-
         values, gone = closed(values, periodic), None if gone is None else closed(gone, periodic)
     _check_shape(values.shape, tuple(info.shape), held.kind == "series")
     missing = np.zeros(values.shape, np.bool_) if gone is None else gone

@@ -66,7 +66,8 @@ def edit_command(options: EditOptions) -> None:
     files = [options.opened(source) for source in options.source]
     with concerning(options.source[0]), progress_bar("encoding"):
         if several:
-            data = isocodec.merge([file.data for file in files], profile=options.profile or "main", limits=options.limits)
+            pieces = [file.data for file in files]
+            data = isocodec.merge(pieces, profile=options.profile or "main", limits=options.limits)
         else:
             asked = {name: getattr(options, name) for name in ASKED if options.given(name)}
             data = files[0].edited(**asked)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from ..errors import plain
-from .options import DRAWING, OUTPUT, Opening, command, option
+from .options import OUTPUT, Opening, command, option
 from .report import concerning, warn
 
 if TYPE_CHECKING:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -25,7 +24,7 @@ from .options import (
     notes_of,
     option,
 )
-from .report import concerning, counted, named, one_warning, progress_bar, result, warn, write_output
+from .report import concerning, named, one_warning, progress_bar, result, warn, write_output
 
 if TYPE_CHECKING:
     from ..api.plots import Plotted

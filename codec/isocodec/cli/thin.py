@@ -78,7 +78,7 @@ def thin_command(options: ThinOptions) -> None:
     seconds, facts = time.perf_counter() - started, facts_of(tin)
     error = f", largest error {facts['error']:g}" if "error" in facts else ""
     result(
-        f"{named(options.output)}: {size:,} bytes, {facts['points']:,} points, {facts['triangles']:,} triangles{error}, "
-        f"{seconds:.2f} s",
+        f"{named(options.output)}: {size:,} bytes, {facts['points']:,} points, {facts['triangles']:,} triangles"
+        f"{error}, {seconds:.2f} s",
         {"output": str(options.output), "bytes": size, **facts, "seconds": round(seconds, 3)}, options.as_json,
     )

@@ -6,7 +6,7 @@ from dataclasses import asdict, dataclass
 
 import click
 
-from .options import INPUT, Limited, Reading, argument, command, option, opened
+from .options import INPUT, Limited, Reading, argument, command, opened, option
 from .report import BROKEN, concerning, result
 
 

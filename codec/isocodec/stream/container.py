@@ -10,6 +10,7 @@ from isospec.container import Checksum, ChunkType
 
 from ..errors import OptionError
 from ..format.chunks import write_chunk, write_metadata
+from ..format.frames import as_last
 from ..format.header import Header, write_header
 
 
@@ -27,6 +28,32 @@ def with_checksum(pieces: Iterable[bytes]) -> Iterator[bytes]:
         checksum = zlib.crc32(piece, checksum)
         yield piece
     yield Checksum.build(checksum)
+
+
+class Ending:
+    """Holds back the last chunk so far, which is marked when no other follows, and counts the checksum."""
+
+    def __init__(self) -> None:
+        self._waiting = b""
+        self._checksum = 0
+
+    def add(self, chunks: Iterable[bytes]) -> bytes:
+        """Bytes that are ready when more chunks have come: all but the last chunk."""
+        *ready, waiting = [self._waiting, *chunks]
+        self._waiting = waiting
+        return self._checked(b"".join(ready))
+
+    def last(self) -> bytes:
+        """The last chunk."""
+        return self._checked(as_last(self._waiting))
+
+    def end(self) -> bytes:
+        """The last bytes of the file: the last chunk, and the checksum."""
+        return self.last() + Checksum.build(self._checksum)
+
+    def _checked(self, data: bytes) -> bytes:
+        self._checksum = zlib.crc32(data, self._checksum)
+        return data
 
 
 class ContainerEncoder(ABC):

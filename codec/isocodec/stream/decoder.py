@@ -15,16 +15,16 @@ from numpy.typing import ArrayLike
 from isospec.container import ChunkType, DomainKind
 
 from ..drawing.contour import Contour
-from ..errors import FormatError, OptionError
+from ..errors import FormatError, IsoError, OptionError, TruncatedError
 from ..format.chunks import Envelope
 from ..format.events import Event
 from ..format.header import Header
 from ..limits import Limits
-from .grid_contents import GridContents
 from .outline import check_explicit
 from .session import Contents, Session
 
 if TYPE_CHECKING:
+    from .grid_contents import GridContents
     from .mesh_contents import MeshContents
     from .surface_contents import SurfaceContents
 
@@ -141,13 +141,15 @@ class Decoder(Session):
         LimitError
             If drawing takes more memory than the limits allow; the decoder stays as it is.
         """
-        if self.contents is None or isinstance(self.contents, Domain):
+        contents = self.contents
+        if contents is None or contents.kind == "domain":
             self.check()
             n = self.header.n if self.header is not None else 2
             return Contour(np.zeros((0, n)), np.zeros((0, n), np.int64), float("nan"), (0,) * n, False)
-        if self.contents.kind == "surface":
-            return self.contents.contour(isovalue=isovalue, smooth=smooth)  # type: ignore[call-arg]
-        return self.contents.contour(number, smooth=smooth, through_holes=through_holes, before=before)
+        if contents.kind == "surface":
+            return self.surface.contour(isovalue=isovalue, smooth=smooth)
+        drawn = self.grid if contents.kind == "grid" else self.on_mesh
+        return drawn.contour(number, smooth=smooth, through_holes=through_holes, before=before)
 
     def hold(self, size: int) -> None:
         """Count ``size`` bytes that the caller holds, of drawings for example, to the limit of memory from now on.
@@ -164,29 +166,43 @@ class Decoder(Session):
 
         What is still to come must not lean on it.
         """
-        if isinstance(self.contents, GridContents):
-            self.contents.discard(number)
+        if self.contents is not None and self.contents.kind == "grid":
+            self.grid.discard(number)
 
     @property
     def grid(self) -> GridContents:
         """The contents of the file of a grid; raises `OptionError` if the file is of another kind."""
-        if not isinstance(self.contents, GridContents):
-            raise OptionError("the file is not of a sampled grid", code="kind")
-        return self.contents
+        if self.contents is None or self.contents.kind != "grid":
+            raise self._other("a sampled grid")
+        return cast("GridContents", self.contents)
 
     @property
     def on_mesh(self) -> MeshContents:
         """The contents of a file of values on a mesh; raises `OptionError` if the file is of another kind."""
         if self.contents is None or self.contents.kind != "mesh":
-            raise OptionError("the file is not of values on a mesh", code="kind")
+            raise self._other("values on a mesh")
         return cast("MeshContents", self.contents)
 
     @property
     def surface(self) -> SurfaceContents:
         """The contents of the file of a surface; raises `OptionError` if the file is of another kind."""
         if self.contents is None or self.contents.kind != "surface":
-            raise OptionError("the file does not hold a surface", code="kind")
+            raise self._other("a triangulated surface")
         return cast("SurfaceContents", self.contents)
+
+    def _other(self, wanted: str) -> IsoError:
+        """The error of a file that is of another kind, or of which too little has come to know."""
+        if self.contents is None or isinstance(self.contents, Domain):
+            return TruncatedError(
+                f"the file ends before its {'domain' if self.header else 'header'} is complete", code="truncated",
+                offset=len(self.data), clause="8.3",
+            )
+        return OptionError(f"the file is not of {wanted}", code="kind")
+
+    @property
+    def symbols(self) -> dict[str, int]:
+        """Symbols of a grid's file received so far, by syntax element; empty for other files."""
+        return self.grid.symbols if self.contents is not None and self.contents.kind == "grid" else {}
 
 
 class Domain:
@@ -242,5 +258,7 @@ def _contents_of(
 ) -> Contents:
     """What the chunks of a file mean, as far as its header decides that."""
     if header.cells is None:
+        from .grid_contents import GridContents
+
         return GridContents(session, header, only, frame)
     return Domain(session, header, mesh, only, frame)

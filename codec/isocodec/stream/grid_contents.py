@@ -21,6 +21,7 @@ from ..drawing.tessellation import Tessellation
 from ..entropy.range_coder import Coder
 from ..errors import OptionError, out_of_memory
 from ..field.mapped import Mapped
+from ..field.placement import Placement
 from ..format.chunks import Envelope
 from ..format.events import ChunkSkipped, Event, FrameRead, IsovalueRead, MaskComplete, SeriesRead
 from ..format.frames import first_operation
@@ -31,9 +32,9 @@ from ..grid.passes.runner import Tube
 from ..grid.tube.decoded import Decoded
 from .drawn import contour_of, ends_of, mask_rows_of, mesh_of, tessellation_of, valid_rows_of
 from .outline import LAYER_CHUNKS
+from .placing import DecodedCoordinates
 from .session import Session
 from .tubes import Tubes
-from .world import World
 
 
 class GridContents:
@@ -71,7 +72,7 @@ class GridContents:
             session.limits, self._data, self._tubes, self._progresses, self._mask.tubes, self.layers
         )
         self.runs = self._reader.runs
-        self._world = World(self._budget)
+        self._coordinates = DecodedCoordinates(self._budget)
         self._looked = False
         strands.begin(header, None, session.at)
 
@@ -233,7 +234,7 @@ class GridContents:
             tube, isovalue, self._header, self.outline.metadata, before or self._complete, smooth, self._budget,
             self._mask.holes, through_holes,
         )
-        return replace(contour, mapped=self.mapped())
+        return replace(contour, placement=self.placement)
 
     @property
     def whole_cells(self) -> WholeCells | None:
@@ -328,20 +329,25 @@ class GridContents:
             mesh = tessellation_of(
                 tube, isovalue, self._header, self.outline.metadata, self._complete, whole, self._budget
             )
-            return replace(mesh, mapped=self.mapped())
+            return replace(mesh, placement=self.placement)
         except MemoryError:
             pass
         raise out_of_memory("for the mesh")
 
+    @property
+    def placement(self) -> Placement | None:
+        """Where samples lie, as far as that has come; errors as `mapped`."""
+        return self._coordinates.placement(self.outline.coordinates, self._header.shape, self.outline.metadata)
+
     def mapped(self) -> Mapped | None:
-        """Where samples lie that have coordinates of their own; None if those have not come.
+        """The chunk of coordinates, decoded; None if it has not come.
 
         Raises
         ------
         LimitError
             If they take more memory than the limits allow; the decoder stays as it is.
         """
-        return self._world.mapped(self.outline.coordinates, self._header.shape)
+        return self._coordinates.mapped(self.outline.coordinates, self._header.shape)
 
     def hold(self, size: int) -> None:
         """Count ``size`` bytes that the caller holds, of drawings for example, to the limit of memory from now on.

@@ -1,4 +1,4 @@
-"""Files from what other files tell: their curves on the full grid, as fields to be encoded anew."""
+"""Files made of what other files hold: their curves on the full grid, as fields to be encoded anew."""
 
 from __future__ import annotations
 
@@ -6,21 +6,22 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import product
-from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from ..errors import LimitError, OptionError
+from ..field.decoded_samples import DecodedSamples, near_values, values_of_steps
 from ..field.placement import PLACEMENT, read_placement, unplaced, write_placement
-from ..field.samples import Field
-from ..field.told import Told, near_values, told_values
+from ..field.samples import Samples
 from ..format.kinds import LayerKind
 from ..grid.layers.plan import Entry
 from ..grid.tube.decoded import Decoded
 from ..limits import Limits
 from .decoder import Decoder
-from .encoder import Encoder
+from .grid_encoder import GridEncoder, grid_file
+from .options import Options
+from .series import Series
 
 
 @dataclass(frozen=True)
@@ -29,12 +30,12 @@ class Source:
 
     Attributes
     ----------
-    field : Told
+    field : DecodedSamples
     geometry : list of entries
         Layers behind the full grid that tell the same again.
     """
 
-    field: Told
+    field: DecodedSamples
     geometry: list[Entry]
 
 
@@ -60,11 +61,11 @@ def sources_of(decoder: Decoder, what: str = "the file") -> list[Source]:
         signs = np.ascontiguousarray(decoder.grid.above(number))
         state = decoder.grid.state(number)
         assert state is not None
-        found.append(source_of(state, Field(signs, isovalue, signs, decoder.header.scale, missing), what))
+        found.append(source_of(state, Samples(signs, isovalue, signs, decoder.header.scale, missing), what))
     return found
 
 
-def source_of(state: Decoded, field: Field, what: str) -> Source:
+def source_of(state: Decoded, field: Samples, what: str) -> Source:
     """What a state on the full grid tells of a field, of which only the signs are looked at.
 
     Raises
@@ -83,7 +84,9 @@ def source_of(state: Decoded, field: Field, what: str) -> Source:
         steps = np.full(signs.shape, -1, np.int64)
         known = state.missing == 0
         steps[tuple(state.position[known].T)] = state.number[known]
-        field = Told(told_values(signs, isovalue, scale, steps), isovalue, signs, scale, gone, number=steps)
+        field = DecodedSamples(
+            values_of_steps(signs, isovalue, scale, steps), isovalue, signs, scale, gone, number=steps
+        )
         return Source(field, [(LayerKind.VALUES, None)])
     moves = state.edge_high - state.edge_low
     parts = np.unique(state.edge_parts)
@@ -93,7 +96,7 @@ def source_of(state: Decoded, field: Field, what: str) -> Source:
     order = np.argsort(keys)
     edges, places = keys[order], ((state.edge_number + 0.5) / state.edge_parts)[order]
     values = near_values(signs, isovalue, edges, places)
-    field = Told(values, isovalue, signs, scale, gone, edges=edges, places=places)
+    field = DecodedSamples(values, isovalue, signs, scale, gone, edges=edges, places=places)
     return Source(field, [(LayerKind.OFFSETS, radix) for radix in _radices(int(parts[0]))] if len(parts) else [])
 
 
@@ -190,8 +193,8 @@ def moved_notes(metadata: Mapping[str, str], low: Sequence[int]) -> dict[str, st
     placement = read_placement(notes, len(low))
     if placement is None and not any(low):
         return notes
-    placement = unplaced(len(low)) if placement is None else placement
-    moved = np.column_stack([placement[:, :-1], placement[:, -1] + placement[:, :-1] @ low])
+    matrix = unplaced(len(low)) if placement is None or placement.matrix is None else placement.matrix
+    moved = np.column_stack([matrix[:, :-1], matrix[:, -1] + matrix[:, :-1] @ low])
     notes[PLACEMENT] = write_placement(moved)
     return notes
 
@@ -208,7 +211,7 @@ def cropped(source: Source, low: Sequence[int], size: Sequence[int]) -> Source:
     inside = ((start >= 0) & (end < np.array(size))).all(axis=1)
     edges = np.ravel_multi_index(tuple(start[inside].T), tuple(size)) * n + axis[inside]
     return Source(
-        Told(
+        DecodedSamples(
             np.ascontiguousarray(field.values[box]), field.isovalue, np.ascontiguousarray(field.signs[box]),
             field.scale, gone, number=number, edges=edges.astype(np.int64), places=field.places[inside],
         ),
@@ -216,27 +219,19 @@ def cropped(source: Source, low: Sequence[int], size: Sequence[int]) -> Source:
     )
 
 
-class Recoder(Encoder):
-    """Encodes what files tell.
+def recoder_of(sources: Sequence[Source], options: Options, *, kept: bool = False) -> GridEncoder:
+    """An encoder of what files hold.
 
     Parameters
     ----------
     sources : sequence of Source
         Of fields of one shape, with the same samples missing.
+    options : Options
+        Notes of the placement are among the metadata.
     kept : bool
-        Tell the same again, whatever options say of precision.
-    options
-        As of `Encoder`.
+        Code the same curves, whatever the precision is.
     """
-
-    def __init__(self, sources: Sequence[Source], kept: bool, **options: Any) -> None:
-        self._sources = sources
-        self._kept = kept
-        fields = [source.field for source in sources]
-        super().__init__(fields[0].signs, [field.isovalue for field in fields], **options)
-
-    def _sampled(self, field: ArrayLike, mask: ArrayLike | None) -> tuple[list[Field], NDArray[np.bool_] | None]:
-        return [source.field for source in self._sources], self._sources[0].field.gone
-
-    def _behind_grid(self, number: int, asked: list[Entry]) -> list[Entry]:
-        return self._sources[number].geometry if self._kept else asked
+    samples = [source.field for source in sources]
+    geometry = [source.geometry for source in sources] if kept else None
+    series = Series([one.isovalue for one in samples])
+    return GridEncoder(grid_file(samples, series, options, geometry=geometry), samples)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from isospec.container import ChunkType
 
 from ..errors import OptionError
-from ..field.samples import Field
+from ..field.samples import Samples
 from ..format.chunks import write_chunk, write_further
 from ..grid.tube.decoded import Decoded
 from ..stream.recoder import Source, box_of, moved_notes, source_of
@@ -89,7 +89,7 @@ class Extract:
         gone = np.logical_or.reduce([each for _, each, _ in told])
         missing = gone if gone.any() else None
         return [
-            source_of(state, Field(signs, head.isovalues[number], signs, head.scale, missing), "the file")
+            source_of(state, Samples(signs, head.isovalues[number], signs, head.scale, missing), "the file")
             for number, (signs, _, state) in zip(numbers, told, strict=True)
         ]
 
