@@ -78,7 +78,7 @@ def test_no_panel_of_a_surface_is_empty(tmp_path: Path, monkeypatch: pytest.Monk
     data = isocodec.encode(-abs(radius - 11.3), -0.8)
     count = len(isocodec.inspect(data).layers)
     met = [layer for layer in range(1, count + 1) if len(isocodec.decode(data, layers=layer).cells)]
-    steps = drawn_of(data, tmp_path, monkeypatch, "--steps", 4)
+    steps = drawn_of(data, tmp_path, monkeypatch, "--precision", 4)
     assert met[0] > 1 and len(steps) == min(4, len(met))
     sizes = [len(step.contour.cells) for step in steps]
     assert min(sizes) > 0

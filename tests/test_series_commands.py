@@ -31,10 +31,10 @@ def series(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> bytes:
     [
         (["decode", "s.iso", "-o", "o.npz"], "written"),
         (["decode", "s.iso", "-o", "o.svg", "--smooth"], "written"),
-        (["decode", "s.iso", "-o", "o.vtu", "--mesh", "tube"], "written"),
-        (["mask", "s.iso", "-o", "o.npy"], "written"),
+        (["decode", "s.iso", "-o", "o.vtu", "--what", "mesh"], "written"),
+        (["decode", "--what", "above", "s.iso", "-o", "o.npy"], "written"),
         (["plot", "s.iso", "-o", "o.png"], "drawn"),
-        (["map", "s.iso", "-o", "o.png"], "drawn"),
+        (["plot", "--map", "s.iso", "-o", "o.png"], "drawn"),
     ],
 )
 def test_the_first_frame_is_said(series: bytes, command: list[str], verb: str) -> None:

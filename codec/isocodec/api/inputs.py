@@ -122,7 +122,7 @@ class Added:
     def _to_field(self, field: Field) -> Field:
         n = field.values.ndim
         if self.spacing is not None and len(self.spacing) != n:
-            raise OptionError(f"{len(self.spacing)} distances of samples; give one for each of the {n} axes",
+            raise OptionError(f"the spacing has {len(self.spacing)} numbers; give one for each of the {n} axes",
                               code="spacing")
         placement: Any = field.placement if self.placed and self.spacing is None else self.spacing
         crs = field.crs if self.placed else None
@@ -137,13 +137,14 @@ class Added:
 class _Changed(Iterable[Any]):
     """Fields, each changed when it is its turn."""
 
-    def __init__(self, fields: Any, change: Callable[[Any], Any]) -> None:
-        self._fields, self._change = fields, change
+    def __init__(self, fields: Any, change: Callable[[Any], Any], begin: Callable[[], object] = bool) -> None:
+        self._fields, self._change, self._begin = fields, change, begin
 
     def __len__(self) -> int:
         return len(self._fields)
 
     def __iter__(self) -> Iterator[Any]:
+        self._begin()
         return map(self._change, self._fields)
 
 
@@ -165,7 +166,9 @@ class Observed:
         step = getattr(what, "step", None)
         self.notes = {FRAME_STEP: step} if step else {}
         self._fields: list[_Seen] = []
-        self.what = replace(what, fields=_Changed(what.fields, self._see)) if isinstance(what, Frames) else what
+        self.what = what
+        if isinstance(what, Frames):
+            self.what = replace(what, fields=_Changed(what.fields, self._see, self._fields.clear))
         if isinstance(what, Field) and isinstance(what.values, np.ndarray):
             self._see(what)
 

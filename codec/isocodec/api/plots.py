@@ -14,10 +14,10 @@ from ..errors import InputError, OptionError, TruncatedError
 from ..field.sampled import Field
 from ..format.events import LayerComplete, MeshLayerComplete
 from ..format.kinds import GEOMETRY
-from ..io.writers.map_picture import DARK, LIGHT, map_picture
-from ..io.writers.map_picture import Look as Drawing
-from ..io.writers.picture import PICTURE, Step, check_picture, steps_picture
-from ..io.writers.view import USUAL, View, read_view
+from ..drawing.pictures.map_picture import DARK, LIGHT, map_picture
+from ..drawing.pictures.map_picture import Look as Drawing
+from ..drawing.pictures.picture import PICTURE, Step, check_picture, steps_picture
+from ..drawing.pictures.view import USUAL, View, read_view
 from ..limits import Budget, Limits
 from ..stream.decoder import Decoder
 from .isofile import IsoFile

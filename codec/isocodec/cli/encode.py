@@ -82,7 +82,7 @@ class EncodeOptions(Thinning, Writing, Reading):
     precision: str | None = option(
         "--precision", heading=PRECISION, metavar="P",
         help="exact (integers); signs (only which samples are inside); a distance in cells or in the world: 0.05, 100m; "
-        "falling distances, one by one: 4,1,0.25,exact; step=S (floats, in steps).  [default: 0.05]",
+        "falling distances: 4,1,0.25,exact; step=S (floats, in steps).  [default: 0.05]",
     )
     keep_topology: bool = option("--keep-topology", heading=PRECISION, is_flag=True,
                                  help="Keep the topology of the contour in every layer.")
@@ -232,8 +232,9 @@ def encode_command(options: EncodeOptions) -> None:
     for remark in remarks:
         warn(options.source, remark)
     seconds = time.perf_counter() - started
+    holds = counted(facts["points"], "point") if options.surface else counted(facts["layers"], "layer")
     result(
-        f"{named(options.output)}: {facts['bytes']:,} bytes, {counted(facts['layers'], 'layer')}, {seconds:.2f} s",
+        f"{named(options.output)}: {facts['bytes']:,} bytes, {holds}, {seconds:.2f} s",
         {"output": str(options.output), **facts, "seconds": round(seconds, 3)}, options.as_json,
     )
 
@@ -242,21 +243,23 @@ def _whole(options: EncodeOptions, keywords: dict[str, Any]) -> tuple[dict[str, 
     """Encode in one piece; facts about the file, and remarks."""
     import isocodec
 
+    from ..api.inputs import facts_of
+
     seen = options.observed()
     for remark in seen.before:
         warn(options.source, remark)
     keywords["metadata"] = {**seen.notes, **keywords["metadata"]}
     with concerning(options.source), progress_bar("encoding") as progress, seen.blaming(options.plan, Failure):
         if options.surface:
-            what = options.thinned(seen.what, options.isovalues, int(options.layers or 1), None, progress)
-            data = isocodec.encode(what, **keywords)
+            tin = options.thinned(seen.what, options.isovalues, int(options.layers or 1), None, progress)
+            data = isocodec.encode(tin, **keywords)
         else:
             data = isocodec.encode(seen.what, options.isovalue, progress=progress, **keywords)
     write_output(options.output, data)
     file = isocodec.open(data)
     marked = options.nodata is not None or options.missing is not None
     facts = {"bytes": file.size, "layers": len(file.info.layers), **seen.facts(file)}
-    return facts, [] if options.surface else seen.after(file, keywords, marked)
+    return (facts | facts_of(tin), []) if options.surface else (facts, seen.after(file, keywords, marked))
 
 
 def _tiled(options: EncodeOptions, keywords: dict[str, Any]) -> tuple[dict[str, Any], list[str]]:
