@@ -26,7 +26,7 @@ def test_encode_tells_what_it_wrote(hills: Path, tmp_path: Path, curve_data: byt
     out = tmp_path / "out.iso"
     line = ok("encode", hills, "-o", out, "--isovalue", 80.5, "--precision", "exact")
     assert out.read_bytes() == curve_data
-    layers = len(isocodec.inspect(curve_data).layers)
+    layers = len(isocodec.open(curve_data).info.layers)
     assert line.startswith(f"{out}: {len(curve_data):,} bytes, {layers} layers, ")
     record = json.loads(ok("encode", hills, "-o", out, "--isovalue", 80.5, "--precision", "exact", "--json"))
     assert record.pop("seconds") >= 0
@@ -44,10 +44,10 @@ def test_encode_tells_what_it_wrote(hills: Path, tmp_path: Path, curve_data: byt
 @pytest.mark.parametrize(
     ("options", "keywords"),
     [
-        (["--precision", "0.05"], {"tolerance": 0.05}),
-        (["--precision", "signs"], {"signs_only": True}),
-        (["--precision", "signs", "--layers", "4"], {"signs_only": True, "base_level": 4}),
-        (["--precision", "exact", "--profile", "baseline"], {"exact": True, "profile": "baseline"}),
+        (["--precision", "0.05"], {"precision": 0.05}),
+        (["--precision", "signs"], {"precision": "signs"}),
+        (["--precision", "signs", "--layers", "4"], {"precision": "signs", "layers": 4}),
+        (["--precision", "exact", "--profile", "baseline"], {"precision": "exact", "profile": "baseline"}),
     ],
 )
 def test_encode_options_are_those_of_the_library(
@@ -58,7 +58,7 @@ def test_encode_options_are_those_of_the_library(
 
 
 @pytest.mark.parametrize(
-    ("options", "keywords"), [([], {"signs_only": True}), (["--precision", "0.5"], {"tolerance": 0.5})]
+    ("options", "keywords"), [([], {"precision": "signs"}), (["--precision", "0.5"], {"precision": 0.5})]
 )
 def test_encode_one_of_several_labels(tmp_path: Path, options: list[str], keywords: dict[str, Any]) -> None:
     labels = np.digitize(HILLS, [20, 80, 140])
@@ -75,7 +75,7 @@ def test_encode_one_of_several_labels(tmp_path: Path, options: list[str], keywor
 def test_encode_floats_in_steps(tmp_path: Path) -> None:
     np.savez(tmp_path / "f.npz", values=HILLS / np.float64(3), other=np.zeros(1))
     ok("encode", tmp_path / "f.npz", "-o", tmp_path / "out.iso", "--isovalue", 25.1, "--precision", "step=0.01")
-    assert (tmp_path / "out.iso").read_bytes() == isocodec.encode(HILLS / np.float64(3), 25.1, step=0.01)
+    assert (tmp_path / "out.iso").read_bytes() == isocodec.encode(HILLS / np.float64(3), 25.1, precision="step=0.01")
 
 
 def test_encode_of_a_channel_and_of_a_key(tmp_path: Path, curve_data: bytes) -> None:
@@ -261,7 +261,7 @@ def test_decode_of_an_empty_curve(tmp_path: Path) -> None:
 
 
 def test_info(curve: Path, curve_data: bytes) -> None:
-    info = isocodec.inspect(curve_data)
+    info = isocodec.open(curve_data).info
     shown = ok("info", curve)
     for words in ("33 x 41", "80.5", f"{len(curve_data):,}", "main", "base", "values"):
         assert words in shown
@@ -269,7 +269,7 @@ def test_info(curve: Path, curve_data: bytes) -> None:
 
 
 def test_info_with_symbols(curve: Path, curve_data: bytes) -> None:
-    counted = isocodec.inspect(curve_data, symbols=True)
+    counted = counted(isocodec.open(curve_data))
     assert json.loads(ok("info", curve, "--symbols", "--json")) == json.loads(json.dumps(counted.as_dict()))
     symbols = {element: count for layer in counted.layers for element, count in (layer.symbols or {}).items()}
     assert symbols
@@ -281,7 +281,7 @@ def test_info_with_symbols(curve: Path, curve_data: bytes) -> None:
 def test_metadata_goes_into_the_file(hills: Path, tmp_path: Path) -> None:
     out = tmp_path / "m.iso"
     ok("encode", hills, "-o", out, "--isovalue", 80.5, "--metadata", "unit=m=1", "--metadata", "[red]source=")
-    assert isocodec.inspect(out.read_bytes()).metadata == {"unit": "m=1", "[red]source": ""}
+    assert isocodec.open(out.read_bytes()).info.metadata == {"unit": "m=1", "[red]source": ""}
     shown = ok("info", out)
     assert "[red]source" in shown and "m=1" in shown
     for wrong in (["unit"], ["=m"], ["unit=m", "--metadata", "unit=km"]):
@@ -338,7 +338,7 @@ def test_info_loads_no_compiler(curve: Path) -> None:
 def test_truncate(curve: Path, tmp_path: Path, curve_data: bytes) -> None:
     out = tmp_path / "t.iso"
     record = json.loads(ok("edit", curve, "-o", out, "--layers", 2, "--json"))
-    assert out.read_bytes() == isocodec.truncate(curve_data, layers=2)
+    assert out.read_bytes() == isocodec.open(curve_data).edited(layers=2)
     assert record == {
         "output": str(out),
         "bytes": out.stat().st_size,
@@ -358,7 +358,7 @@ def test_truncate_needs_one_measure(curve: Path, tmp_path: Path) -> None:
 
 
 def test_plot(curve: Path, surface: Path, tmp_path: Path, curve_data: bytes) -> None:
-    steps = min(3, len(isocodec.inspect(curve_data).layers))
+    steps = min(3, len(isocodec.open(curve_data).info.layers))
     assert f"{steps} steps" in ok("plot", curve, "-o", tmp_path / "c.png", "--steps", 3)
     assert Image.open(tmp_path / "c.png").width == steps * round(2.6 * 150)
     ok("plot", surface, "-o", tmp_path / "s.png")

@@ -161,7 +161,7 @@ def test_truncated_iso(cut: Path, tmp_path: Path, curve_data: bytes) -> None:
         pass
     with np.load(out) as arrays:
         assert len(arrays["points"])
-        assert np.array_equal(arrays["points"], decoder.snapshot().points)
+        assert np.array_equal(arrays["points"], decoder.contour().points)
     ok("decode", cut, "-o", out, "--partial", "--layers", 1)
     with np.load(out) as arrays:
         assert np.array_equal(arrays["points"], isocodec.decode(curve_data, layers=1).points)
@@ -170,7 +170,7 @@ def test_truncated_iso(cut: Path, tmp_path: Path, curve_data: bytes) -> None:
 def test_a_truncated_file_is_drawn_and_said_to_be_one(cut: Path, tmp_path: Path, curve_data: bytes) -> None:
     out = tmp_path / "c.png"
     only_partial("plot", cut, out)
-    begin = isocodec.inspect(curve_data).layers[0].offset
+    begin = isocodec.open(curve_data).info.layers[0].offset
     cut.write_bytes(curve_data[:begin])
     assert not fails(5, "plot", cut, "-o", out, "--partial").endswith("use --partial to decode what there is")
     result = run("info", cut)
@@ -180,10 +180,10 @@ def test_a_truncated_file_is_drawn_and_said_to_be_one(cut: Path, tmp_path: Path,
 @pytest.mark.parametrize("mesh", [False, True])
 def test_a_file_that_ends_within_its_first_layer_is_drawn(tmp_path: Path, mesh: bool) -> None:
     """Cut to a file of its own, or cut off: the one step there is shows what was told."""
-    data = isocodec.encode(HILLS, 100.5, base_level=10)
-    first = isocodec.inspect(data, symbols=True).layers[0]
+    data = isocodec.encode(HILLS, 100.5, layers=10)
+    first = counted(isocodec.open(data)).layers[0]
     assert first.offset is not None and first.bytes is not None
-    short = isocodec.truncate(data, max_bytes=first.offset + first.bytes // 2 + 8)
+    short = isocodec.open(data).edited(size=first.offset + first.bytes // 2 + 8)
     (tmp_path / "short.iso").write_bytes(short)
     (tmp_path / "off.iso").write_bytes(data[: first.offset + first.bytes // 2])
     options = ["--mesh"] if mesh else []
@@ -194,7 +194,7 @@ def test_a_file_that_ends_within_its_first_layer_is_drawn(tmp_path: Path, mesh: 
 
 
 def test_truncate_what_ends_before_its_curve(tmp_path: Path, curve_data: bytes) -> None:
-    (tmp_path / "begin.iso").write_bytes(curve_data[: isocodec.inspect(curve_data).chunks[0].offset + 2])
+    (tmp_path / "begin.iso").write_bytes(curve_data[: isocodec.open(curve_data).info.chunks[0].offset + 2])
     line = fails(5, "edit", tmp_path / "begin.iso", "-o", tmp_path / "t.iso", "--size", 1000)
     assert "before its curve begins" in line
 
@@ -417,7 +417,7 @@ def test_isovalues_outside_the_data_are_said_one_by_one(tmp_path: Path) -> None:
     ):
         options = [word for isovalue in isovalues for word in ("--isovalue", isovalue)]
         assert warnings_of(tmp_path / "a.npy", out, *options) == said
-        for contour in isocodec.decode_all(out.read_bytes()):
+        for contour in isocodec.open(out.read_bytes()).contours():
             assert (len(contour.points) == 0) == (not low <= contour.isovalue < high)
 
 
@@ -427,6 +427,6 @@ def test_an_isovalue_equal_to_the_maximum(hills: Path, tmp_path: Path) -> None:
     outside, tied = warnings_of(hills, tmp_path / "a.iso", "--isovalue", most)
     assert outside == f"the isovalue {most} lies outside the data ({HILLS.min()} to {most}): the curve is empty"
     assert tied.startswith(f"{(most == HILLS).sum()} samples equal the isovalue {most}: they count as below")
-    assert not isocodec.decode_mask((tmp_path / "a.iso").read_bytes()).any()
+    assert not isocodec.open((tmp_path / "a.iso").read_bytes).above(()).any()
     assert warnings_of(hills, tmp_path / "a.iso", "--isovalue", most - 1, "--precision", "signs") == []
-    assert np.array_equal(isocodec.decode_mask((tmp_path / "a.iso").read_bytes()), most == HILLS)
+    assert np.array_equal(isocodec.open((tmp_path / "a.iso").read_bytes).above(()), most == HILLS)

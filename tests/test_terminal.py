@@ -146,7 +146,7 @@ def test_libraries_are_heard_in_one_line(tmp_path: Path) -> None:
 def test_writers_are_heard_in_one_line(tmp_path: Path) -> None:
     """Real ones: pyogrio warns of files without a reference system, matplotlib of signs that a font lacks."""
     (tmp_path / "in.iso").write_bytes(isocodec.encode(HILLS, [80.5, 120.5]))
-    isocodec.encode_tiles(HILLS, 80.5, tmp_path / "tiled.iso", tile=32)
+    isocodec.save(tmp_path / "tiled.iso", HILLS, 80.5, tile=32)
     maps = [(".gpkg", "lines"), (".fgb", "lines"), (".shp", "lines"), (".parquet", "lines"), (".gpkg", "bands")]
     commands = [
         ["decode", "in.iso", "-o", f"a{suffix}", *(["--areas", side] if side == "bands" else [])]
