@@ -82,7 +82,7 @@ def test_coordinates_of_each_sample(tmp_path: Path) -> None:
     contour, _ = encoded(netcdf(tmp_path / "a.nc", FIELD, units, False), 0.1, "--key", "f")
     np.savez(tmp_path / "b.npz", values=FIELD, lon=NODES[0], lat=NODES[1])
     other, _ = encoded(tmp_path / "b.npz", 0.1)
-    direct = isocodec.decode(isocodec.encode(FIELD, 0.1, coordinates=NODES, period=360))
+    direct = isocodec.decode(isocodec.encode(grids.placed(FIELD, NODES, periods=360), 0.1))
     assert np.array_equal(contour.placed, direct.placed) and np.array_equal(other.placed, direct.placed)
     ok("decode", tmp_path / "a.iso", "-o", tmp_path / "a.npz")
     assert np.array_equal(np.load(tmp_path / "a.npz")["placed"], direct.placed)
