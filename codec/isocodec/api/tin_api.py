@@ -13,12 +13,13 @@ from isospec.container import ChunkType, DomainKind, Profile
 
 from ..drawing.contour import Contour
 from ..drawing.explicit import surface_contour
+from ..entropy.run import Account
 from ..errors import FormatError, LimitError, OptionError, TruncatedError
 from ..field.placement import read_placement
 from ..format.chunks import Envelope, octets, read_envelope, read_metadata, verify, write_chunk
 from ..format.header import Header, read_header
 from ..format.surface import MOST_LAYERS, TinHead, read_tin, values_of, write_tin
-from ..limits import WORK_PER_BYTE, Limits
+from ..limits import Limits
 from ..search.contour_tin import near_contours
 from ..search.tin_fit import Chosen, best, in_layers, smallest, within
 from ..stream.mesh_decoder import REFUSED
@@ -312,8 +313,8 @@ def _parts(payload: bytes, start: int, arrived: bool, verified: bool, limits: Li
             raise
         raise early from None
     most = min(limits.vertices, limits.memory // PER_POINT)
-    work = (limits.work + WORK_PER_BYTE * len(payload))
-    parts = decoded(payload[at:], head.counts, head.extent, head.largest, most, work, arrived)
+    account = Account(limits.symbols, limits.work)
+    parts = decoded(payload[at:], head.counts, head.extent, head.largest, most, account, start + at, arrived)
     if len(parts.points) < 3:
         raise early
     return head, parts

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Collection
 from functools import cached_property
+from typing import NoReturn
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -13,14 +14,14 @@ from isospec.container import LAYER_LIMIT, ChunkType, DomainKind, MeshLayer
 
 from ..drawing.contour import Contour
 from ..drawing.explicit import crossed_edges, draw_cells
-from ..errors import FormatError, InputError, LimitError, OptionError
+from ..errors import FormatError, InputError, IsoError, LimitError, OptionError
 from ..field.samples import interval_value
 from ..format.chunks import Envelope, read_envelope, verify
 from ..format.domain import DomainHead, MeshLayerHead, read_mesh_layer
 from ..format.events import ChunkSkipped, DomainRead, Event, FrameRead, IsovalueRead, MeshLayerComplete
 from ..format.frames import key_of
 from ..format.header import Header
-from ..limits import WORK_PER_BYTE, Limits
+from ..limits import Limits
 from ..mesh.coded_points import BYTES_PER_POINT, decoded_points
 from ..mesh.complex import Complex, complex_of
 from ..mesh.history import History, history_of
@@ -91,8 +92,6 @@ class MeshDecoder(ContainerDecoder):
         self._leans: list[int | None] = []
         self._before: list[MeshIsovalue | None] = []
         self._layers = 0
-        self._symbols = self.limits.symbols
-        self._worked = 0
 
     @property
     def head(self) -> DomainHead | None:
@@ -113,6 +112,11 @@ class MeshDecoder(ContainerDecoder):
     def domain(self) -> Complex | None:
         """The complex, once it has come."""
         return self._domain
+
+    @property
+    def memory(self) -> int:
+        """Bytes that count to `Limits.memory` at present."""
+        return self._budget.held
 
     def drawn(self, number: int = 0, *, before: bool = False) -> Contour:
         """The curve or surface of an isovalue, by number, as of the events taken so far.
@@ -172,6 +176,13 @@ class MeshDecoder(ContainerDecoder):
             raise OptionError("the file's domain is a grid", code="domain", remedy="take Decoder, or decode")
         super()._begin_file(header)
 
+    def _fail(self, error: IsoError) -> NoReturn:
+        if isinstance(error, LimitError):
+            self._strands, self._before, self._domain, self._points = [], [], None, None
+            self.__dict__.pop("_history", None)
+            self._budget.release(self)
+        super()._fail(error)
+
     def _step(self, header: Header) -> Event | None:
         chunk = read_envelope(self._data, self._at)
         if chunk is None:
@@ -220,10 +231,9 @@ class MeshDecoder(ContainerDecoder):
             size, data = (head.vertices, head.cells), payload[run:]
             if head.kind == DomainKind.DELAUNAY:
                 self._budget.check(BYTES_PER_POINT * head.vertices)
-                work = self.limits.work + WORK_PER_BYTE * len(payload)
-                self._domain = decoded_points(data, start + run, size, head.extent, unit, work)
+                self._domain = decoded_points(data, start + run, size, head.extent, unit, self._account)
             else:
-                self._domain = decoded_mesh(data, start + run, *size, n + 1, head.extent, unit)
+                self._domain = decoded_mesh(data, start + run, size, n + 1, head.extent, unit, self._account)
             self._points = coordinates_of(self._domain, head)
         self._begin(0, None)
 
@@ -290,12 +300,8 @@ class MeshDecoder(ContainerDecoder):
 
     def _work_off(self, domain: Complex) -> None:
         """Count what looking once at all vertices and cells takes."""
-        self._worked += (len(domain.mesh.position) + len(domain.mesh.cell)) // ELEMENTS
-        if self._worked > self.limits.work + WORK_PER_BYTE * self._at:
-            raise LimitError(
-                f"takes more time than {self.limits.work:,} units of work", code="limit-work", clause="11.2",
-                remedy="raise Limits.work (--limit-work) if the file is trusted",
-            )
+        self._account.read = self._at
+        self._account.spend((len(domain.mesh.position) + len(domain.mesh.cell)) // ELEMENTS)
 
     def _read_layer(self, payload: bytes, start: int, behind: int) -> Event:
         present = None if self._skipped else self._strands[-1]
@@ -310,7 +316,7 @@ class MeshDecoder(ContainerDecoder):
             return ChunkSkipped(behind, ChunkType.LAYERS, len(payload))
         if not self._fits(head, present):
             raise FormatError("a layer that comes twice, or too early", code="layer", offset=start, clause="10.1.3")
-        present.run.begin(payload[at:], start + at, self._symbols)
+        run = present.read(payload[at:], start + at, self._account)
         if head.kind == MeshLayer.SIGNS:
             present.code_signs()
         elif head.kind == MeshLayer.LEVELS:
@@ -319,8 +325,7 @@ class MeshDecoder(ContainerDecoder):
             present.code_offsets(head.step)
         else:
             present.code_values(head.bits)
-        present.run.end()
-        self._symbols = present.run.coder.reg.left
+        run.end()
         return MeshLayerComplete(behind, self._layers, head.kind.name.lower(), len(payload) - at)
 
     def _fits(self, head: MeshLayerHead, present: MeshIsovalue) -> bool:

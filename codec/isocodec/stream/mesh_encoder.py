@@ -209,18 +209,18 @@ class MeshEncoder(ContainerEncoder):
         """Chunks of the layers of an isovalue; ``ends`` if it is the last of the file."""
         geometry = self._geometry()
         for head in self._sign_layers():
-            strand.run.begin(None)
+            run = strand.write()
             if self._history is None:
                 strand.code_signs(field.signs)
             else:
                 strand.code_levels(self._history, head.rounds, field.signs)
             empty = strand.edges is not None and not len(strand.edges)
             last = ends and head.rounds == 0 and (empty or geometry is None)
-            yield write_chunk(ChunkType.LAYERS, write_mesh_layer(head) + strand.run.end(), last=last)
+            yield write_chunk(ChunkType.LAYERS, write_mesh_layer(head) + run.end(), last=last)
         assert strand.edges is not None
         if geometry is None or empty:
             return
-        strand.run.begin(None)
+        run = strand.write()
         if geometry == MeshLayer.OFFSETS:
             number_of = self._offsets(strand, field)
             head = MeshLayerHead(geometry, step=self._step)
@@ -231,7 +231,7 @@ class MeshEncoder(ContainerEncoder):
             bits = [max((int(n).bit_length() for n in steps[field.signs[active] == s]), default=0) for s in (0, 1)]
             head = MeshLayerHead(geometry, bits=(bits[0], bits[1]))
             strand.code_values(head.bits, steps)
-        yield write_chunk(ChunkType.LAYERS, write_mesh_layer(head) + strand.run.end(), last=ends)
+        yield write_chunk(ChunkType.LAYERS, write_mesh_layer(head) + run.end(), last=ends)
 
     def _offsets(self, strand: MeshIsovalue, field: Field) -> NDArray[np.int64]:
         """Parts of the crossed edges that the curve lies in."""

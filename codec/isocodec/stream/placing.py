@@ -17,7 +17,8 @@ from ..field.placement import placement_of
 from ..field.samples import without_holes
 from ..field.stretch import distance_of, largest_step
 from ..format.coordinates import CoordinatesRecord, write_coordinates
-from ..grid.passes.nodes import AXES, Grid, encode_run
+from ..grid.passes.node_run import NodeGrid, encode_run
+from ..grid.passes.nodes import AXES
 
 DEFAULT_ERROR = 0.005
 """Largest distance in cells between coordinates given and kept, if nothing else is asked for."""
@@ -135,7 +136,7 @@ class GivenWorld:
     def payload(self, shape: tuple[int, ...], gone: NDArray[np.bool_] | None) -> bytes:
         """Payload of the chunk of coordinates; parameters and errors as in `given`."""
         given = self.given(shape, gone)
-        grids = [Grid(array.shape, one.period) for one, array in zip(given.coordinates, given.arrays, strict=True)]
+        grids = [NodeGrid(array.shape, one.period) for one, array in zip(given.coordinates, given.arrays, strict=True)]
         free = [~_leant_on(needed) for needed in given.needed]
         # what is given where it does not matter may be smooth or not
         ways = [[np.isfinite(array) for array in given.arrays]]

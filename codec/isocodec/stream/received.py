@@ -43,13 +43,16 @@ class Received(ContainerDecoder):
     ) -> None:
         self.layers: list[Layer] = []
         super().__init__(limits, Contents(layers=self.layers), frame)
-        self._strands = strands = Tubes(self.limits, self._data, self._contents, self._budget, only, frame)
+        self._strands = strands = Tubes(
+            self.limits, self._data, self._contents, self._budget, self._account, only, frame
+        )
         self._tubes, self._progresses, self._mask = strands.all, strands.progresses, strands.mask
         self._reader = LayerReader(
-            self.limits, self._data, self._tubes, self._progresses, self._mask.tubes, self.layers
+            self.limits, self._data, self._tubes, self._progresses, self._mask.tubes, self.layers,
+            self._account,
         )
         self.runs = self._reader.runs
-        self._world = World(self._budget)
+        self._world = World(self._budget, self.limits)
         self._cut = False
 
     @property

@@ -10,6 +10,7 @@ from typing import NoReturn
 
 from isospec.container import Checksum, ChunkType
 
+from ..entropy.run import Account
 from ..errors import FormatError, IsoError, LimitError, OptionError, TruncatedError, out_of_memory
 from ..format.chunks import octets, write_chunk, write_metadata
 from ..format.events import End, Event, HeaderRead
@@ -61,6 +62,7 @@ class ContainerDecoder(ABC):
         self.isovalues = contents.isovalues
         self.metadata = contents.metadata
         self._budget = Budget(self.limits.memory)
+        self._account = Account(self.limits.symbols, self.limits.work)
         self._data = bytearray()
         self._at = 0
         self._last = self._ended = self._closed = False

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from ..entropy.run import Account
+from ..errors import LimitError
 from ..field.mapped import Mapped
 from ..format.coordinates import CoordinatesRecord
-from ..grid.passes.nodes import Grid, decode_run
-from ..limits import Budget
+from ..grid.passes.node_run import NodeGrid, decode_run
+from ..limits import Budget, Limits
 
 
 class World:
@@ -14,10 +16,14 @@ class World:
     Parameters
     ----------
     budget : Budget
+    limits : Limits
+        What its run may take, beside all other runs of the file: it is decoded when somebody draws, and what comes
+        later must not depend on that.
     """
 
-    def __init__(self, budget: Budget) -> None:
+    def __init__(self, budget: Budget, limits: Limits) -> None:
         self._budget = budget
+        self._limits = limits
         self._record: CoordinatesRecord | None = None
         self._mapped: Mapped | None = None
 
@@ -27,14 +33,18 @@ class World:
         Raises
         ------
         LimitError
-            If it takes more memory than the limits allow.
+            If it takes more than the limits allow; nothing is held of it then.
         """
         if record is not self._record:
             self.drop()
             if record is not None:
-                grids = [Grid(one.counts(shape), one.period) for one in record.coordinates]
+                grids = [NodeGrid(one.counts(shape), one.period) for one in record.coordinates]
                 self._budget.hold(self, 8 * sum(grid.nodes for grid in grids))
-                values = decode_run(record.run, grids)
+                try:
+                    values = decode_run(record.run, grids, Account(self._limits.symbols, self._limits.work))
+                except LimitError:
+                    self._budget.release(self)
+                    raise
                 if values is None:
                     self._budget.release(self)
                 else:
