@@ -8,14 +8,14 @@ from unittest import mock
 
 import numpy as np
 import pytest
+from isocodec.cli.progress import progress_bar
+from isocodec.cli.receive import Drawings
 
 import isocodec
 from brute import INTERPRETED
 from commands import HILLS, fails, ok, run
 from files import picture
 from isocodec import Decoder, FormatError, InputError, LayerComplete, LimitError, Limits
-from isocodec.cli.progress import progress_bar
-from isocodec.cli.receive import Drawings
 from isocodec.drawing import rows as masks
 from isocodec.field.placement import matrix_of, write_placement
 from isocodec.field.samples import check_field

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import gc
-import sys
 import tracemalloc
 import weakref
 from dataclasses import replace
@@ -18,6 +17,7 @@ from commands import fails, ok
 from files import picture
 from isocodec import Decoder, InputError, IsoError, LimitError, Limits, OptionError
 from isocodec import limits as module
+from isocodec.entropy import run
 from isocodec.grid.passes.runner import Tube
 from isocodec.io.writers.write import AREAS, cost_of, render_contour, render_sides
 from isocodec.limits import Budget, in_units
@@ -218,12 +218,12 @@ def test_work_is_limited_by_what_has_been_read():
     """More symbols than that are refused, at the same one however the bytes come; the limit grows with the file."""
     data = isocodec.encode(picture((90, 90), 2, noise=0.3), 0, signs_only=True)
     symbols = sum(s for layer in isocodec.inspect(data, symbols=True).layers for s in layer.symbols.values())
-    with mock.patch.object(sys.modules["isocodec.grid.layers.reader"], "SLICE", 64):
+    with mock.patch.object(run, "SLICE", 64):
         ends = []
         for step in (len(data), 3):
             decoder = Decoder(Limits(work=symbols // 4))
             with (
-                mock.patch.object(sys.modules["isocodec.grid.layers.reader"], "WORK_PER_BYTE", 0),
+                mock.patch.object(run, "WORK_PER_BYTE", 0),
                 pytest.raises(LimitError) as caught,
             ):
                 for at in range(0, len(data), step):
@@ -252,7 +252,7 @@ def test_slices_change_nothing(symbols, monkeypatch):
     data = isocodec.encode(picture((60, 60), 2, noise=0.4), 0, exact=True)
     cuts = [isocodec.truncate(data, max_bytes=n) for n in (60, 200)]
     expected = [isocodec.decode(one).points for one in (data, *cuts)]
-    monkeypatch.setattr("isocodec.grid.layers.reader.SLICE", symbols)
+    monkeypatch.setattr(run, "SLICE", symbols)
     assert [isocodec.truncate(data, max_bytes=n) for n in (60, 200)] == cuts
     assert all(np.array_equal(isocodec.decode(one).points, e) for one, e in zip((data, *cuts), expected, strict=True))
 

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from isocodec.stream.mesh_decoder import MeshDecoder
 
 import isocodec
 from brute import INTERPRETED, examples
@@ -15,7 +16,6 @@ from commands import fails, ok
 from explicit_meshes import plane, space, torus
 from isocodec.errors import FormatError, InputError, IsoError, OptionError, TruncatedError
 from isocodec.format.chunks import write_chunk
-from isocodec.stream.mesh_decoder import MeshDecoder
 from isospec.container import ChunkType
 
 ISOVALUES = [20.5, 31.5]

@@ -10,6 +10,7 @@ import pytest
 import shapely
 from hypothesis import given
 from hypothesis import strategies as st
+from isocodec.api.whole import received
 from scipy.spatial import KDTree
 
 import isocodec
@@ -17,7 +18,6 @@ from commands import BALL, HILLS, fails, ok
 from files import picture
 from grids import polar
 from isocodec import InputError, OptionError
-from isocodec.api.whole import received
 from isocodec.search.original import original
 from isocodec.stream.recoder import sources_of
 

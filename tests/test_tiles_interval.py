@@ -10,11 +10,11 @@ from typing import Any
 import numpy as np
 import pytest
 import rasterio
+from isocodec.api.tiled_api import tiling_of
+from isocodec.cli.isovalues import multiples
 
 import isocodec
 from commands import fails, ok, run
-from isocodec.api.tiled_api import tiling_of
-from isocodec.cli.isovalues import multiples
 from isocodec.tiles.sample_range import sample_range
 from tiled import hilly, holed, pieces
 

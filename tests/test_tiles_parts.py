@@ -7,11 +7,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from isocodec.api.tiled_api import tiled_of
 
 import isocodec
 from brute import INTERPRETED
 from commands import fails, ok, run
-from isocodec.api.tiled_api import tiled_of
 from isocodec.errors import FormatError, LimitError, OptionError
 from places import matrix
 from test_tiles import random_field

@@ -18,14 +18,14 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from isocodec.api.tiled_api import TiledIsoFile, tiled_of
+from isocodec.tiles.encoding import Tiling
 
 import isocodec
 from brute import INTERPRETED
 from commands import ok
-from isocodec.api.tiled_api import TiledIsoFile, tiled_of
 from isocodec.errors import FormatError, InputError, IsoError, OptionError, TruncatedError
 from isocodec.stream.options import Options
-from isocodec.tiles.encoding import Tiling
 from isocodec.tiles.head import write_head
 from isocodec.tiles.merging import grid_of
 from isocodec.tiles.spool import Spool
