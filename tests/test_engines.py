@@ -18,8 +18,8 @@ from vtk.util.numpy_support import numpy_to_vtk
 
 import isocodec
 from commands import fails, ok
+from inputs import read_field, read_place
 from isocodec import InputError, LimitError, OptionError
-from isocodec.io import read_field, read_place
 
 HILL = 100 - np.hypot(*(np.mgrid[:20, :30] - np.array([9.3, 14.2])[:, None, None])) * 5
 BALL = 100 - np.linalg.norm(np.mgrid[:12, :13, :14] - np.array([5.6, 6.2, 6.9])[:, None, None, None], axis=0) * 10
@@ -294,7 +294,7 @@ def test_vti_that_leaves_a_choice_or_is_damaged(tmp_path: Path, capfd: pytest.Ca
     with pytest.raises(InputError, match="holds a, b: choose one with --key"):
         read_field(tmp_path / "two.vti")
     assert np.array_equal(read_field(tmp_path / "two.vti", key="b"), HILL)
-    placement = read_place(tmp_path / "two.vti", 2).placement
+    placement = read_place(tmp_path / "two.vti", 2, "b").placement
     assert placement is not None and np.allclose(placement, [[0, -2, 10], [0.5, 0, 21]])
     with pytest.raises(LimitError):
         read_field(tmp_path / "two.vti", key="a", samples=100)

@@ -12,7 +12,7 @@ import pytest
 import grids
 import isocodec
 from commands import ok, run
-from isocodec.io.readers.place import read_place
+from inputs import read_place
 
 FIELD, NODES = grids.rotated_pole()
 SOUTH, EAST = np.linspace(60, -60, 13), np.arange(36) * 10.0

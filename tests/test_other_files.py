@@ -14,10 +14,8 @@ import tifffile
 import isocodec
 from commands import fails, ok
 from files import same
-from inputs import CELLS, META, NRRD, virtual
+from inputs import CELLS, META, NRRD, read_field, read_nodata, read_place, virtual
 from isocodec.errors import InputError, LimitError
-from isocodec.io import read_field, read_place
-from isocodec.io.readers.missing import read_nodata
 
 
 @pytest.fixture

@@ -23,9 +23,11 @@ import isocodec
 from brute import examples
 from commands import fails, ok, run
 from files import with_checksum
+from inputs import read_place
 from isocodec import OptionError
 from isocodec.field.placement import placement_of, read_placement, unplaced, write_placement
-from isocodec.io import Place, read_place, render_contour
+from isocodec.io import render_contour
+from isocodec.io.readers.place_of_samples import Place
 
 HILL = 100 - np.hypot(*(np.mgrid[:20, :30] - np.array([9.3, 14.2])[:, None, None])) * 5
 BALL = 100 - np.linalg.norm(np.mgrid[:12, :13, :14] - np.array([5.6, 6.2, 6.9])[:, None, None, None], axis=0) * 10

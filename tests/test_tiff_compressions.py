@@ -14,8 +14,8 @@ from rasterio.transform import from_origin
 
 import isocodec
 from commands import ok
+from inputs import read_field, read_place
 from isocodec import InputError
-from isocodec.io import read_field, read_place
 
 RAMP = np.add.outer(np.arange(70) * 2, np.arange(90))
 ANY = ["LZW", "PACKBITS", "DEFLATE", "LZMA", "ZSTD", "LERC", "LERC_DEFLATE", "LERC_ZSTD"]

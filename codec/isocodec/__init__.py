@@ -57,7 +57,7 @@ if TYPE_CHECKING:
         PromisesRead,
         SeriesRead,
     )
-    from .io.readers.anything import read
+    from .io.readers.reader import read
     from .kernel import kernels
     from .limits import Limits
     from .stream.decoder import Decoder
@@ -90,7 +90,7 @@ _HOMES = {
     "drawing.areas": ("areas",),
     "drawing.bands": ("Band", "bands"),
     "drawing.capping": ("cap",),
-    "io.readers.anything": ("read",),
+    "io.readers.reader": ("read",),
     "kernel": ("kernels",),
     "limits": ("Limits",),
     "api.mesh_api": ("encode_mesh",),

@@ -83,7 +83,7 @@ def described(
     InputError
         As `isocodec.read`.
     """
-    from ..io.readers.anything import is_described, read
+    from ..io.readers.reader import is_described, read
 
     options: dict[str, Any] = {
         "mask": mask, "placement": placement, "metadata": metadata, "coordinates": coordinates, "period": period,

@@ -84,7 +84,7 @@ def verify(
     FormatError, TruncatedError, LimitError
         As `decode`.
     """
-    from ..io.readers.anything import read
+    from ..io.readers.reader import read
     from ..stream.inspect import inspect
     from ..stream.placing import closed
     from .whole import decode_all, decode_valid
@@ -124,7 +124,7 @@ def _in_tiles(
     whole: bytes, field: ArrayLike | Field | SpatialImage, within: float | None, limits: Limits | None
 ) -> list[Kept]:
     """What is found of the isovalues of a file in tiles."""
-    from ..io.readers.anything import read
+    from ..io.readers.reader import read
     from .whole import decode_all
 
     known = read(field)

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import time
-from contextlib import nullcontext
+from contextlib import ExitStack, nullcontext
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
 
@@ -127,23 +127,24 @@ def encode_command(
     import isocodec
 
     from ..field.placement import CRS, FRAME_STEP, PLACEMENT
-    from ..io.readers.missing import read_nodata
-    from ..io.readers.place import Place, read_place
-    from ..io.readers.read import read_field
-    from ..io.readers.series_files import one_frame, read_frames
+    from ..io.readers.opened import Choice
+    from ..io.readers.place_of_samples import Place
+    from ..io.readers.registry import open_file
+    from ..io.readers.slices import one_slice
 
     placed = steps_along is None and not no_placement and PLACEMENT not in notes
-    with concerning(source), local_input(source, kind, limit_samples) as path:
+    with concerning(source), local_input(source, kind, limit_samples) as path, ExitStack() as held:
         with one_warning(source):
-            given: dict[str, Any] = {"key": key, "samples": limit_samples, "follow": follow}
+            opened = open_file(path, Choice(key, channel), samples=limit_samples, follow=follow, label="")
+            held.enter_context(opened)
             if frames:
-                found = read_frames(path, frame_axis, channel=channel, frame=frame, placed=placed, **given)
+                found = opened.frames(frame_axis, frame, placed=placed)
             else:
-                field = read_field(path, channel=channel, frame=frame, **given)
-                found = one_frame(field, read_place(path, field.ndim, frame=frame, **given) if placed else Place())
+                field = opened.values(frame)
+                found = one_slice(field, opened.place(field.ndim, frame) if placed else Place())
             nodata_given = nodata is not None
             if nodata is None and label is None:
-                nodata = read_nodata(path, key, follow=follow)
+                nodata = opened.nodata
         place, prepared = found.place, Prepared(found, nodata, label)
         shape = prepared.shape
         if steps_along is not None and len(steps_along) != len(shape):

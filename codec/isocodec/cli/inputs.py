@@ -21,8 +21,10 @@ def local_input(source: Path, kind: str | None, samples: int | None) -> Iterator
             raise click.UsageError("--kind is for standard input and URLs; the suffix of a file tells its format")
         yield source
         return
+    from ..io.readers.registry import recognised
     from ..storage.remote import local
 
     suffix = None if kind is None else f".{kind.lstrip('.')}"
-    with local(sys.stdin.buffer if url is None else url, samples, suffix) as path:
+    suffix_of = recognised if suffix is None else lambda *_: suffix
+    with local(sys.stdin.buffer if url is None else url, suffix_of, samples) as path:
         yield path

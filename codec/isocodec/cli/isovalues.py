@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import math
 from decimal import Decimal
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from ..errors import InputError
 
 if TYPE_CHECKING:
-    from ..io.readers.read import Field
+    from numpy.typing import NDArray
 
 _LINES = 25
 """Isovalues at most where no interval is given."""
@@ -27,7 +27,7 @@ def check_interval(interval: float | None, offset: float | None) -> None:
         raise click.UsageError(f"--offset {offset}: must be finite")
 
 
-def usual_interval(samples: Field) -> float:
+def usual_interval(samples: NDArray[Any]) -> float:
     """A round interval of which about twenty multiples lie within the data; of integers a whole one."""
     low, high = _finite(*range_of(samples))
     least = max((high - low) / _LINES, 1e-300)
@@ -36,7 +36,7 @@ def usual_interval(samples: Field) -> float:
     return max(interval, 1) if samples.dtype.kind in "biu" else interval
 
 
-def range_of(samples: Field) -> tuple[float, float]:
+def range_of(samples: NDArray[Any]) -> tuple[float, float]:
     """The least and the largest of some samples."""
     return float(samples.min()), float(samples.max())
 

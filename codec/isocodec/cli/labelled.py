@@ -38,15 +38,20 @@ def encode_labelled(source: Path, output: Path, given: Mapping[str, Any]) -> Non
     import isocodec
 
     from ..field.placement import CRS, PLACEMENT
-    from ..io.readers.place import Place, read_place
-    from ..io.readers.read import read_field
+    from ..io.readers.opened import Choice
+    from ..io.readers.place_of_samples import Place
+    from ..io.readers.registry import open_file
 
     placed = spacing is None and not given["no_placement"] and PLACEMENT not in notes
-    where = {"samples": given["limit_samples"], "follow": given["follow"], "frame": given["frame"]}
+    where, frame = {"samples": given["limit_samples"], "follow": given["follow"]}, given["frame"]
+    choice = Choice(given["key"], given["channel"])
     with concerning(source):
-        with local_input(source, given["kind"], given["limit_samples"]) as path, one_warning(source):
-            field = read_field(path, key=given["key"], channel=given["channel"], **where)
-            place = read_place(path, field.ndim, given["key"], **where) if placed else Place()
+        with (
+            local_input(source, given["kind"], given["limit_samples"]) as path, one_warning(source),
+            open_file(path, choice, label="", **where) as opened,
+        ):
+            field = opened.values(frame)
+            place = opened.place(field.ndim, frame) if placed else Place()
         if place.remark:
             warn(source, place.remark)
         if place.mapped is not None:

@@ -152,7 +152,7 @@ def _of_field(
     """The curves that a file of this field would hold, its samples and its holes."""
     import isocodec
 
-    from ..io.readers.missing import missing_samples
+    from ..field.missing import missing_samples
 
     if field.values.ndim != 2:
         raise InputError(f"it has {field.values.ndim} axes, and maps are of two", code="dimension")

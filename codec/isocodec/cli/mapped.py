@@ -11,7 +11,7 @@ from .report import warn
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
-    from ..io.readers.axes import MappedPlace
+    from ..io.readers.place_of_samples import MappedPlace
     from ..stream.options import Options
 
 

@@ -46,13 +46,12 @@ def encode_on_mesh(
         raise click.UsageError("give --isovalue")
     import isocodec
 
-    from ..io.readers.mesh_read import read_mesh
-    from ..io.readers.points_read import POINTS, read_points
+    from ..io.readers.registry import read_mesh
 
     started = time.perf_counter()
     with concerning(source):
         with one_warning(source):
-            found = (read_points if source.suffix.lower() in POINTS else read_mesh)(source, samples)
+            found = read_mesh(source, samples)
         data = isocodec.encode_mesh(
             found.points, found.cells, found.values_named(values), list(isovalues), **options  # type: ignore[arg-type]
         )
@@ -89,7 +88,7 @@ def mesh_of(domain: Path | None) -> tuple[NDArray[Any], NDArray[Any]] | None:
     """Points and cells of a file with a mesh, if one is named."""
     if domain is None:
         return None
-    from ..io.readers.mesh_read import read_mesh
+    from ..io.readers.registry import read_mesh
 
     with concerning(domain), one_warning(domain):
         found = read_mesh(domain)

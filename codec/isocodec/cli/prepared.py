@@ -13,7 +13,7 @@ from .report import warn
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from ..io.readers.series_files import Frames
+    from ..io.readers.slices import Slices
 
 
 class Prepared:
@@ -21,7 +21,7 @@ class Prepared:
 
     Parameters
     ----------
-    frames : Frames
+    frames : Slices
         No more than one of them is kept.
     nodata : float or None
         The value of missing samples, besides NaN.
@@ -31,7 +31,7 @@ class Prepared:
     Attributes
     ----------
     fill : str or None
-        What missing samples become instead of holes, as `isocodec.io.readers.missing.filled` has it.
+        What missing samples become instead of holes, as `isocodec.field.missing.filled` has it.
     tied : str
         Kinds of samples that are compared with the isovalues.
     missing, holes : int
@@ -40,7 +40,7 @@ class Prepared:
         Type of the samples.
     """
 
-    def __init__(self, frames: Frames, nodata: float | None, label: float | None) -> None:
+    def __init__(self, frames: Slices, nodata: float | None, label: float | None) -> None:
         self._frames, self._nodata, self._label = frames, nodata, label
         self._kept: tuple[int, NDArray[Any], NDArray[Any] | None] | None = None
         self.fill: str | None = None
@@ -62,7 +62,7 @@ class Prepared:
     def _read(self, number: int) -> tuple[NDArray[Any], NDArray[Any] | None]:
         """The samples of a frame, and which are missing if any are."""
         from ..api.labels import labelled
-        from ..io.readers.missing import missing_samples
+        from ..field.missing import missing_samples
 
         if self._kept is None or self._kept[0] != number:
             self._kept = None
@@ -78,7 +78,7 @@ class Prepared:
 
     def samples(self, number: int, isovalues: Sequence[float]) -> tuple[NDArray[Any], NDArray[Any] | None]:
         """The samples of a frame, and which of them are holes if any are."""
-        from ..io.readers.missing import filled
+        from ..field.missing import filled
 
         field, gone = self._read(number)
         return (field, gone) if gone is None or self.fill is None else (filled(field, gone, self.fill, isovalues), None)

@@ -121,6 +121,7 @@ def _report(exc: Exception, verb: str) -> int:
     path, cause = (exc.path, exc.cause) if isinstance(exc, Failure) else (None, exc)
     where = "" if path is None else f"{click.format_filename(path)}: "
     if isinstance(cause, IsoError):
+        where = "" if cause.source is not None else where
         damaged = isinstance(cause, FormatError) and not isinstance(cause, TruncatedError) and cause.code != "tiled"
         say(f"{where}{'not a valid .iso file: ' if damaged else ''}{cause}")
         return cause.exit_code

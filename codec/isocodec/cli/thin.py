@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -17,7 +17,7 @@ from .quiet import one_warning
 from .report import check_output, concerning, tell, warn, write_output
 
 if TYPE_CHECKING:
-    from ..io.readers.read import Field
+    from numpy.typing import NDArray
 
 CRITERIA = ("AT1", "AT2", "AT3", "inf", "l2", "NAT")
 _MUCH = 1 << 30
@@ -82,27 +82,28 @@ def thin_command(
 
     import isocodec
 
+    from ..field.missing import missing_samples
     from ..field.placement import unplaced
-    from ..io.readers.missing import missing_samples, read_nodata
-    from ..io.readers.place import Place, read_place
-    from ..io.readers.points_read import POINTS, read_points
-    from ..io.readers.read import read_field
+    from ..io.readers.opened import Choice
+    from ..io.readers.place_of_samples import Place
+    from ..io.readers.registry import POINT_SUFFIXES, open_file, read_mesh
     from ..tin.thinned import MEMORY
 
     place = Place()
     with concerning(source):
         with one_warning(source):
-            if source.suffix.lower() in POINTS:
-                points = read_points(source, limit_samples)
+            if source.suffix.lower() in POINT_SUFFIXES:
+                points = read_mesh(source, limit_samples)
                 field, scattered = np.column_stack([points.points, points.values_named(key or "z")]), True
             else:
-                field = read_field(source, key=key, channel=channel, frame=frame, samples=limit_samples)
-            if field.ndim == 2 and not scattered:
-                place = read_place(source, 2, key, samples=limit_samples)
-                gone = missing_samples(field, read_nodata(source, key))
+                with open_file(source, Choice(key, channel), samples=limit_samples, label="") as opened:
+                    field = opened.values(frame)
+                    if field.ndim == 2 and not scattered:
+                        place = opened.place(2, frame)
+                        gone = missing_samples(field, opened.nodata)
         if scattered and (field.ndim != 2 or field.shape[1] != 3):
             raise InputError(f"the table has shape {field.shape}, needed are rows of x, y, value", code="shape")
-        values: Field | None = None
+        values: NDArray[Any] | None = None
         given = field
         if place.remark:
             warn(source, place.remark)

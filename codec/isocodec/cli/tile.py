@@ -70,16 +70,18 @@ def tile_command(
 
     from ..api.tiled_api import TiledIsoFile, tiling_of
     from ..field.placement import CRS
-    from ..io.readers.place import Place, read_place
-    from ..io.readers.windows import windows_of
+    from ..io.readers.opened import Choice
+    from ..io.readers.place_of_samples import Place
+    from ..io.readers.registry import open_file
     from ..tiles.sample_range import sample_range
 
     started = time.perf_counter()
     with ExitStack() as stack:
         stack.enter_context(concerning(source))
         with one_warning(source):
-            field = stack.enter_context(windows_of(source, key))
-            place = Place() if no_placement else read_place(source, len(field.shape), key)
+            opened = stack.enter_context(open_file(source, Choice(key), label=""))
+            field = opened.windows()
+            place = Place() if no_placement else opened.place(len(field.shape))
         if place.remark:
             warn(source, place.remark)
         if place.crs is not None:

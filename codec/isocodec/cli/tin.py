@@ -15,8 +15,9 @@ from .quiet import one_warning
 from .report import concerning, tell, write_output
 
 if TYPE_CHECKING:
-    from ..io.readers.place import Place
-    from ..io.readers.read import Field
+    from numpy.typing import NDArray
+
+    from ..io.readers.place_of_samples import Place
     from ..tin.tin import Tin
 
 PICTURE = ".npy"
@@ -24,7 +25,8 @@ PICTURE = ".npy"
 
 
 def encode_surface(
-    output: Path, points: Field, values: Field | None, place: Place, options: dict[str, Any], as_json: bool
+    output: Path, points: NDArray[Any], values: NDArray[Any] | None, place: Place, options: dict[str, Any],
+    as_json: bool,
 ) -> None:
     """Encode a surface and say how well it came out."""
     import json

@@ -37,6 +37,9 @@ class Field:
         Unit of the values.
     name : str or None
         What the values are.
+    missing : str
+        What an encoder does with missing samples: ``"hole"`` leaves them out, ``"below"``, ``"above"`` and
+        ``"nearest"`` fill them, as `isocodec.field.missing.filled` does.
     notes : mapping of str to str
         What else the source says in words or single numbers: the time of a map, the height of a slice.
     remarks : tuple of str
@@ -50,6 +53,7 @@ class Field:
     crs: str | None = None
     unit: str | None = None
     name: str | None = None
+    missing: str = "hole"
     notes: Mapping[str, str] = field(default_factory=dict)
     remarks: tuple[str, ...] = ()
 

@@ -14,10 +14,9 @@ from ...errors import InputError, OptionError
 from ...field.placement import placement_of
 from ...field.sampled import Field
 from ...field.text import one_line, plain
+from .place_of_samples import EVEN
 
 Matrix = NDArray[np.float64]
-EVEN = 0.01
-"""How far coordinates of samples may be from even steps, in steps: they are often kept in single precision."""
 DEGREES = "EPSG:4326"
 _ROLES = {
     "x": {"x", "lon", "longitude", "easting", "rlon", "projection_x_coordinate", "grid_longitude", "degrees_east",
@@ -42,11 +41,6 @@ class Labels:
     remarks: tuple[str, ...] = ()
 
 
-def is_labelled(thing: Any) -> bool:
-    """Whether this is such an array."""
-    return all(hasattr(thing, name) for name in ("dims", "coords", "values", "isel"))
-
-
 def labelled_field(array: Any) -> Field:
     """The field that a DataArray holds, with its coordinates.
 
@@ -68,7 +62,8 @@ def labelled_field(array: Any) -> Field:
     unit, name = attributes.get("units"), array.name or attributes.get("long_name")
     return Field(
         values, _missing(array, values), labels.placement, labels.coordinates, labels.crs,
-        one_line(str(unit)) if unit else None, one_line(str(name)) if name else None, _single(array), labels.remarks,
+        one_line(str(unit)) if unit else None, one_line(str(name)) if name else None,
+        notes=_single(array), remarks=labels.remarks,
     )
 
 
