@@ -12,8 +12,8 @@ import SimpleITK
 import tifffile
 from PIL import Image
 
+from isocodec.field.placement import Placement
 from isocodec.io.readers.opened import Choice
-from isocodec.io.readers.place_of_samples import Place
 from isocodec.io.readers.registry import open_file
 
 CELLS = np.arange(24, dtype=np.uint8).reshape(2, 3, 4)
@@ -29,10 +29,15 @@ def read_field(
         return opened.values(frame)
 
 
-def read_place(path: Path, n: int, key: str | None = None, **bounds: Any) -> Place:
+def read_place(path: Path, n: int, key: str | None = None, **bounds: Any) -> Placement:
     """Where the samples of a file lie, of a field of n axes."""
     with open_file(path, Choice(key), **bounds) as opened:
         return opened.place(n)
+
+
+def says_nothing(place: Placement) -> bool:
+    """Whether a file does not state where its samples lie, nor anything that is left out."""
+    return not (place.placed or place.crs or place.remark)
 
 
 def read_nodata(path: Path, key: str | None = None) -> float | None:

@@ -18,8 +18,8 @@ from PIL import Image
 
 import isocodec
 from commands import BALL, HILLS, fails, ok, run
-from isocodec.io.writers.map_picture import DARK, LIGHT, index_lines
-from isocodec.io.writers.relief import shaded
+from isocodec.drawing.pictures.map_picture import DARK, LIGHT, index_lines
+from isocodec.drawing.pictures.relief import shaded
 
 SVG = "{http://www.w3.org/2000/svg}"
 UTM = "placement=0 30 500000 -20 0 5000000"

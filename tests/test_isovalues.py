@@ -16,7 +16,7 @@ from commands import HILLS
 from isocodec import Decoder, Encoder
 from isocodec.drawing.snapshot import leaves_of, state_of
 from isocodec.errors import FormatError, OptionError
-from isocodec.field.samples import Field
+from isocodec.field.samples import Samples
 from isocodec.format.events import IsovalueRead
 from isocodec.grid.lattice.tables import cube_exponent
 from isocodec.grid.layers.writer import LayerWriter
@@ -319,7 +319,7 @@ def test_numbers_that_many_isovalues_could_make_grow_no_further():
     plan = {v: [("base", None), ("values", None)] for v in isovalues}
     plan[isovalues[-1]] = [("base", None)]
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(Field, "numbers", numbers)
+        patch.setattr(Samples, "numbers", numbers)
         patch.setattr(Tube, "value_bits", lambda self: (self.estimates.value_bits(self.state, self.full), (52, 0))[1])
         file = split(b"".join(Encoder(field, isovalues, plan=plan)))
     # what is told of the last one takes 52 bits on both sides

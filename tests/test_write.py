@@ -18,11 +18,11 @@ from PIL import Image
 
 from files import same
 from isocodec.drawing.contour import Contour
+from isocodec.drawing.pictures.picture import Step, contour_picture, steps_picture
+from isocodec.drawing.pictures.shading import shade
+from isocodec.drawing.pictures.view import USUAL, upright
 from isocodec.errors import MissingExtraError, OptionError
 from isocodec.io import check_suffix, check_target, render_contour, write_bytes, write_contour
-from isocodec.io.writers.picture import Step, contour_picture, steps_picture
-from isocodec.io.writers.shading import shade
-from isocodec.io.writers.view import USUAL, upright
 
 # A diamond around sample (2, 3), closed, and one segment that leaves the grid.
 SQUARE = [(1.0, 3.0), (2.0, 2.0), (3.0, 3.0), (2.0, 4.25)]

@@ -28,7 +28,7 @@ from scipy.spatial import KDTree
 
 import isocodec
 from isocodec.cli import main as command_line
-from isocodec.io.writers.picture import Step, steps_picture
+from isocodec.drawing.pictures.picture import Step, steps_picture
 from isocodec.stream.inspect import LayerInfo
 
 ROOT = Path(__file__).resolve().parent.parent

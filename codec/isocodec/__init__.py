@@ -23,9 +23,7 @@ if TYPE_CHECKING:
     from .api.tin_api import decode_tin, encode_tin
     from .api.verification import Kept, verify
     from .api.whole import decode, decode_all, decode_mask, decode_valid, encode
-    from .drawing.areas import areas
     from .drawing.bands import Band, bands
-    from .drawing.capping import cap
     from .drawing.contour import Contour
     from .errors import (
         FormatError,
@@ -87,9 +85,7 @@ _HOMES = {
     "field.sampled": ("Field",),
     "api.files": ("IsoFile", "open", "save"),
     "api.frames": ("decode_frames",),
-    "drawing.areas": ("areas",),
     "drawing.bands": ("Band", "bands"),
-    "drawing.capping": ("cap",),
     "io.readers.reader": ("read",),
     "kernel": ("kernels",),
     "limits": ("Limits",),
@@ -160,9 +156,7 @@ __all__ = [
     "TiledIsoFile",
     "Tin",
     "TruncatedError",
-    "areas",
     "bands",
-    "cap",
     "decode",
     "decode_all",
     "decode_frames",

@@ -11,7 +11,7 @@ import numpy as np
 
 from isocodec import Decoder, Encoder, encode, truncate
 from isocodec.entropy.range_coder import cut
-from isocodec.field.samples import Field, check_field
+from isocodec.field.samples import Samples, check_field
 from isocodec.format.chunks import write_index, write_metadata
 from isocodec.format.events import LayerComplete
 from isocodec.format.header import Header, write_header
@@ -36,7 +36,7 @@ def _offsets(level: int, *radices: int) -> list[Layer]:
     return [Layer("offsets", level, 0, parts) for parts in accumulate(radices, mul)]
 
 
-def _bits(field: Field) -> tuple[int, int]:
+def _bits(field: Samples) -> tuple[int, int]:
     """Bits of the numbers of all samples, above and below the isovalue."""
     positions = np.argwhere(np.ones(field.values.shape, np.bool_))
     above = field.signs[tuple(positions.T)]

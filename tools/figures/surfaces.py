@@ -6,8 +6,8 @@ from pathlib import Path
 
 import isocodec
 from figures.corpus import Y_UP, Z_UP, load, stages
-from isocodec.io.writers.picture import Step, steps_picture
-from isocodec.io.writers.view import View
+from isocodec.drawing.pictures.picture import Step, steps_picture
+from isocodec.drawing.pictures.view import View
 
 PLAN = """
 adaptive-base topology distortion={coarse}

@@ -3,23 +3,20 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, BinaryIO, Protocol, TypeAlias
 
-import numpy as np
 from numpy.typing import ArrayLike
 
 from ..errors import LimitError, OptionError
-from ..field.placement import PLACEMENT
+from ..field.placement import Placement
 from ..field.sampled import Field
 from ..limits import Limits
 
 Readable: TypeAlias = bytes | bytearray | memoryview | str | os.PathLike[str] | BinaryIO
 """An ``.iso`` file: its bytes, or where they are."""
 _PIECE = 1 << 20
-_DEGREES, _TURN = "EPSG:4326", 360.0
-"""Reference system in which x is a longitude, and after how much it is the same."""
 
 
 class SpatialImage(Protocol):
@@ -72,9 +69,8 @@ def _read(file: Any, limits: Limits | None) -> bytes:
 
 
 def described(
-    field: ArrayLike | Field | SpatialImage, mask: ArrayLike | None = None, placement: ArrayLike | None = None,
-    metadata: Mapping[str, str] | None = None, coordinates: Sequence[ArrayLike] | None = None,
-    period: float | Sequence[float] | None = None,
+    field: ArrayLike | Field | SpatialImage, mask: ArrayLike | None = None,
+    placement: Placement | ArrayLike | None = None, metadata: Mapping[str, str] | None = None,
 ) -> tuple[ArrayLike, dict[str, Any]]:
     """The samples of a field, and these options with what it says itself.
 
@@ -85,20 +81,8 @@ def described(
     """
     from ..io.readers.reader import is_described, read
 
-    options: dict[str, Any] = {
-        "mask": mask, "placement": placement, "metadata": metadata, "coordinates": coordinates, "period": period,
-    }
     if not is_described(field):
-        return field, options  # type: ignore[return-value]
+        return field, {"mask": mask, "placement": placement, "metadata": metadata}  # type: ignore[return-value]
     known = read(field)
-    notes = {**known.metadata, **(metadata or {})}
-    options["metadata"] = notes
-    if mask is None:
-        options["mask"] = known.mask
-    elif known.mask is not None:
-        options["mask"] = known.mask | np.asarray(mask, np.bool_)
-    if placement is coordinates is None and PLACEMENT not in notes:
-        options["placement"], options["coordinates"] = known.placement, known.coordinates
-        if known.coordinates is not None and period is None and known.crs == _DEGREES:
-            options["period"] = _TURN
-    return known.values, options
+    mask, placement, metadata = known.combined(mask, placement, metadata)
+    return known.values, {"mask": mask, "placement": placement, "metadata": metadata}

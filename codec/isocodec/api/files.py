@@ -55,7 +55,7 @@ class IsoFile(Noted):
     def _repr_html_(self) -> str:
         """A drawing for notebooks of the first isovalues, with size, layers and promises; without it, if it takes more
         than the limits allow or a mesh that the file does not hold."""
-        from ..io.writers.inline import page_of
+        from ..drawing.pictures.inline import page_of
         from .whole import decode
 
         info = self.info

@@ -9,9 +9,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..errors import InputError, OptionError
+from ..field.decoded_samples import LABELS, DecodedSamples, near_values
+from ..field.placement import Placement
 from ..field.sampled import Field
 from ..field.samples import isovalue_of, without_holes
-from ..field.told import LABELS, Told, near_values
 from ..limits import Limits
 from ..stream.names import ProfileName
 from ..stream.recoder import Recoder, Source
@@ -68,8 +69,9 @@ def encode_labels(
     options: dict[str, Any] = {"mask": mask, "placement": placement, "metadata": metadata}
     values: Any = field
     if not isinstance(field, np.ndarray):
-        values, options = described(field, **options, coordinates=None, period=None)
-    if options.pop("coordinates", None) is not None or options.pop("period", None) is not None:
+        values, options = described(field, **options)
+    given = options["placement"]
+    if isinstance(given, Placement) and (given.coordinates is not None or given.periodic):
         raise OptionError("labels on a mapped grid", code="labels", remedy="encode each label's mask by itself")
     values, gone = without_holes(values, options.pop("mask"))
     if values.ndim not in (2, 3) or values.dtype.kind not in "biuf":
@@ -85,11 +87,11 @@ def encode_labels(
     )
 
 
-def _border(values: NDArray[Any], label: float, gone: NDArray[np.bool_] | None) -> Told:
+def _border(values: NDArray[Any], label: float, gone: NDArray[np.bool_] | None) -> DecodedSamples:
     """The field whose contour runs half-way around the samples with a label."""
     signs = labelled(values, label)
     nothing = np.zeros(0, np.int64)
-    return Told(near_values(signs, label, nothing, np.zeros(0)), label, signs, None, gone)
+    return DecodedSamples(near_values(signs, label, nothing, np.zeros(0)), label, signs, None, gone)
 
 
 def labelled(values: NDArray[Any], label: float) -> NDArray[np.bool_]:

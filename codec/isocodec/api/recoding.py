@@ -10,8 +10,8 @@ import numpy as np
 
 from ..drawing.contour import Contour
 from ..errors import InputError, OptionError
+from ..field.decoded_samples import LABELS
 from ..field.placement import CRS, PLACEMENT
-from ..field.told import LABELS
 from ..limits import Limits
 from ..stream.decoder import Decoder
 from ..stream.names import ProfileName

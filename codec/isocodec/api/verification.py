@@ -9,16 +9,17 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..errors import InputError, OptionError
+from ..field.decoded_samples import LABELS
+from ..field.placement import closed
 from ..field.sampled import Field
 from ..field.samples import check_field, without_holes
-from ..field.told import LABELS
 from ..limits import Limits
 from ..tiles.structure import is_tiled
 from .content import Readable, SpatialImage, content
 
 if TYPE_CHECKING:
     from ..drawing.contour import Contour
-    from ..field.samples import Field as Samples
+    from ..field.samples import Samples
 
 ROUNDING = 1e-6
 """Cells that the measured distance, which is an upper bound, and points in double precision may be off."""
@@ -86,7 +87,6 @@ def verify(
     """
     from ..io.readers.reader import read
     from ..stream.inspect import inspect
-    from ..stream.placing import closed
     from .whole import decode_all, decode_valid
 
     whole = bytes(content(data, limits))
@@ -99,7 +99,7 @@ def verify(
     label = info.metadata.get("label")
     if label is not None:
         values = _labelled(values, label)
-    axes = contours[0].mapped.periodic if contours[0].mapped is not None else ()
+    axes = contours[0].placement.periodic if contours[0].placement is not None else ()
     values, gone = closed(values, axes), None if gone is None else closed(gone, axes)
     _check_shape(values.shape, tuple(info.shape), bool(info.frames))
     missing = np.zeros(values.shape, np.bool_) if gone is None else gone

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..drawing.contour import Contour
 from ..errors import IsoError, OptionError, TruncatedError
+from ..field.placement import Placement
 from ..field.sampled import Field
 from ..format.chunks import octets
 from ..format.events import LayerComplete
@@ -149,9 +150,13 @@ def encode(
     >>> decode(data).lines[0].shape[1]
     2
     """
-    options: dict[str, Any] = {
-        "mask": mask, "placement": placement, "metadata": metadata, "coordinates": coordinates, "period": period,
-    }
+    where: Any = placement
+    if (coordinates, coordinates_error, periodic, period) != (None, None, None, None):
+        if placement is not None and (coordinates is not None or periodic is not None):
+            raise OptionError("a placement and coordinates or periodic axes contradict one another", code="options",
+                              remedy="give coordinates instead of the placement")
+        where = Placement(None, coordinates, None, periodic, period, coordinates_error)
+    options: dict[str, Any] = {"mask": mask, "placement": where, "metadata": metadata}
     values: Any = field
     if not isinstance(field, np.ndarray):
         values, options = described(field, **options)
@@ -164,8 +169,7 @@ def encode(
         Encoder(
             values, isovalue, exact=exact, tolerance=tolerance, signs_only=signs_only, step=step,
             base_level=base_level, preserve_topology=preserve_topology, steps=steps, criterion=criterion,
-            parameter=parameter, leaning=leaning, plan=plan, profile=profile, coordinates_error=coordinates_error,
-            periodic=periodic, progress=progress, **options,
+            parameter=parameter, leaning=leaning, plan=plan, profile=profile, progress=progress, **options,
         )
     )
 

@@ -13,7 +13,7 @@ import click
 from .encode_options import encode_options, read_criterion, read_metadata, read_numbers, read_steps
 from .inputs import local_input
 from .isovalues import check_interval, multiples
-from .mapped import cells_of, read_tolerance, world_of
+from .mapped import read_tolerance, world_of
 from .options import Grouped
 from .planned import Planned
 from .prepared import Prepared
@@ -23,7 +23,7 @@ from .report import check_iso_output, concerning, tell, warn, write_output
 from .series import check_series, encode_series
 
 if TYPE_CHECKING:
-    from numpy.typing import ArrayLike
+    pass
 
 
 @click.command("encode", cls=Grouped, short_help="Encode the isocontour of a picture, terrain or volume.")
@@ -126,9 +126,9 @@ def encode_command(
 
     import isocodec
 
-    from ..field.placement import CRS, FRAME_STEP, PLACEMENT
+    from ..field.placement import CRS, FRAME_STEP, PLACEMENT, Placement, matrix_of
+    from ..field.samples import without_holes
     from ..io.readers.opened import Choice
-    from ..io.readers.place_of_samples import Place
     from ..io.readers.registry import open_file
     from ..io.readers.slices import one_slice
 
@@ -141,7 +141,7 @@ def encode_command(
                 found = opened.frames(frame_axis, frame, placed=placed)
             else:
                 field = opened.values(frame)
-                found = one_slice(field, opened.place(field.ndim, frame) if placed else Place())
+                found = one_slice(field, opened.place(field.ndim, frame) if placed else Placement())
             nodata_given = nodata is not None
             if nodata is None and label is None:
                 nodata = opened.nodata
@@ -160,18 +160,22 @@ def encode_command(
         if planned is not None:
             isovalues = planned.isovalues(isovalues, shape, not independent)
         prepared.fill = None if missing == "hole" else missing
-        placement: ArrayLike | None = place.placement if placed else steps_along
+        where = place
+        if steps_along is not None:
+            where = Placement(matrix_of(steps_along, len(shape)))
         if place.remark:
             warn(source, place.remark)
         if options.tolerance is None and tolerance is not None:
-            cells = cells_of(tolerance, *prepared.samples(0, isovalues), place.mapped, placement, periods)
-            options = replace(options, tolerance=cells)
-        world = world_of(source, shape, place.mapped, placement, options, coordinates_error, periodic, periods)
+            values, gone = without_holes(*prepared.samples(0, isovalues))
+            if where.coordinates is not None and periods is not None:
+                where = replace(where, periods=tuple(periods))
+            options = replace(options, tolerance=where.cells_of(tolerance, values.shape, gone))
+        placement = world_of(source, shape, where, options, coordinates_error, periodic, periods)
         if place.crs is not None:
             notes.setdefault(CRS, place.crs)
         if found.step:
             notes.setdefault(FRAME_STEP, found.step)
-        options = replace(options, metadata=notes, **world)
+        options = replace(options, metadata=notes, placement=placement)
         valued = exact or step is not None
         prepared.tied = "" if options.signs_only else "biuf" if preserve_topology or valued else "biu"
         started = time.perf_counter()

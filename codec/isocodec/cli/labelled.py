@@ -37,9 +37,8 @@ def encode_labelled(source: Path, output: Path, given: Mapping[str, Any]) -> Non
 
     import isocodec
 
-    from ..field.placement import CRS, PLACEMENT
+    from ..field.placement import CRS, PLACEMENT, Placement
     from ..io.readers.opened import Choice
-    from ..io.readers.place_of_samples import Place
     from ..io.readers.registry import open_file
 
     placed = spacing is None and not given["no_placement"] and PLACEMENT not in notes
@@ -51,17 +50,17 @@ def encode_labelled(source: Path, output: Path, given: Mapping[str, Any]) -> Non
             open_file(path, choice, label="", **where) as opened,
         ):
             field = opened.values(frame)
-            place = opened.place(field.ndim, frame) if placed else Place()
+            place = opened.place(field.ndim, frame) if placed else Placement()
         if place.remark:
             warn(source, place.remark)
-        if place.mapped is not None:
+        if place.coordinates is not None:
             warn(source, "coordinates of its own are left out of a file of several labels")
         if place.crs is not None:
             notes.setdefault(CRS, place.crs)
         started = time.perf_counter()
         data = isocodec.encode_labels(
             field, given["labels"], tolerance=tolerance, preserve_topology=given["preserve_topology"],
-            profile=given["profile"], metadata=notes, placement=place.placement if placed else spacing,
+            profile=given["profile"], metadata=notes, placement=place.matrix if placed else spacing,
         )
         seconds = time.perf_counter() - started
     write_output(output, data)

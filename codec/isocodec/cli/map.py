@@ -95,8 +95,8 @@ def map_command(
         )
     import isocodec
 
-    from ..io.writers.map_picture import DARK, LIGHT, Look, map_picture
-    from ..io.writers.picture import check_picture
+    from ..drawing.pictures.map_picture import DARK, LIGHT, Look, map_picture
+    from ..drawing.pictures.picture import check_picture
 
     with concerning(output):
         suffix = check_picture(output)

@@ -41,7 +41,7 @@ def write_mesh(
     with concerning(source):
         mesh = decoder.tessellation(number, whole)
         if in_samples:
-            mesh = replace(mesh, placement=None, mapped=None)
+            mesh = replace(mesh, placement=None)
         with concerning(output):
             check_mesh(output, len(mesh.shape))
         held = sum(array.nbytes for array in (mesh.points, mesh.cells, mesh.levels, mesh.above))

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from ..io.writers.picture import Step
+    from ..drawing.pictures.picture import Step
     from ..limits import Limits
 
 NOT_ON_MESHES = (
@@ -103,7 +103,7 @@ def steps_on_mesh(
     import isocodec
 
     from ..api.frames import check_frame
-    from ..io.writers.picture import Step
+    from ..drawing.pictures.picture import Step
 
     info = isocodec.inspect(data)
     number = info.number_of(isovalue)

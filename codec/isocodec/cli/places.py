@@ -31,25 +31,23 @@ class Places:
         Whether they are others than samples.
     named : bool
         Whether their reference system is known.
-    placement : (n, n + 1) NDArray or None
-        That of the last contour.
+    matrix : (n, n + 1) NDArray or None
+        That of the placement of the last contour.
     """
 
     points: int = 0
     largest: float = 0.0
     placed: bool = False
     named: bool = False
-    placement: NDArray | None = None
+    matrix: NDArray | None = None
 
     def see(self, contour: Contour) -> None:
         """Take another contour into account."""
-        from ..io.system import epsg_of, is_placed
-
         self.points += len(contour.points)
         # what lies on a mesh has coordinates of its own
-        self.placed = is_placed(contour) or not contour.shape
-        self.named = epsg_of(contour) is not None
-        self.placement = contour.placement
+        self.placed = contour.frame is not None or not contour.shape
+        self.named = contour.placement is not None and contour.placement.epsg is not None
+        self.matrix = None if contour.placement is None else contour.placement.matrix
         if len(contour.points):
             self.largest = max(self.largest, float(abs(contour.placed).max()))
 
@@ -74,9 +72,9 @@ def warn_of_places(source: Path, suffix: str, places: Places, keep_crs: bool, in
         )
     if suffix in VECTOR_SUFFIXES and not (places.named or in_samples):
         warn(source, f"{suffix} is written without a reference system, and its coordinates are {where}; {remedy}")
-    if suffix in (".ply", ".stl") and places.placement is not None:
+    if suffix in (".ply", ".stl") and places.matrix is not None:
         lost = float(np.spacing(np.float32(places.largest)))
-        steps = np.linalg.norm(places.placement[:, :-1], axis=0)
+        steps = np.linalg.norm(places.matrix[:, :-1], axis=0)
         if lost > LOST * steps.min():
             warn(
                 source,

@@ -27,7 +27,7 @@ from .receive import warn_of_frames, warn_of_others
 from .report import PARTIAL, check_output, concerning, read_iso, warn, write_output
 
 if TYPE_CHECKING:
-    from ..io.writers.picture import Step
+    from ..drawing.pictures.picture import Step
     from ..stream.decoder import Decoder
 
 MESH = 600
@@ -65,8 +65,8 @@ def plot_command(
     for, they are spread evenly over the layers, from the first one on that has something of the curve. The last step of
     a file that ends within a layer shows that part of it.
     """
-    from ..io.writers.picture import check_picture, steps_picture
-    from ..io.writers.view import USUAL, read_view
+    from ..drawing.pictures.picture import check_picture, steps_picture
+    from ..drawing.pictures.view import USUAL, read_view
 
     try:
         seen = USUAL if view is None else read_view(view)
@@ -148,7 +148,8 @@ def _draw(
     within: float | None,
 ) -> None:
     """Draw another step, as far as the limit of memory allows it and the picture."""
-    from ..io.writers.picture import PICTURE, Step
+    from ..drawing.pictures.picture import Step
+    from ..io.writers.write import PICTURE
 
     under = decoder.mesh(number) if mesh else None
     step = Step(decoder.drawn(number, smooth), offset, total, under, within)

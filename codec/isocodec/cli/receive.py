@@ -107,7 +107,7 @@ class Drawings:
             contour = self._decoder.drawn(number, self._smooth, self._through_holes)
             self._decoder.discard(number)
             if self._in_samples:
-                contour = replace(contour, placement=None, mapped=None)
+                contour = replace(contour, placement=None)
             points, cells = contour.points, contour.cells
             size = points.nbytes + cells.nbytes
             self._decoder.hold(kept + size + self._cost.peak(len(points), len(cells)))

@@ -83,13 +83,12 @@ def thin_command(
     import isocodec
 
     from ..field.missing import missing_samples
-    from ..field.placement import unplaced
+    from ..field.placement import Placement, unplaced
     from ..io.readers.opened import Choice
-    from ..io.readers.place_of_samples import Place
     from ..io.readers.registry import POINT_SUFFIXES, open_file, read_mesh
     from ..tin.thinned import MEMORY
 
-    place = Place()
+    place = Placement()
     with concerning(source):
         with one_warning(source):
             if source.suffix.lower() in POINT_SUFFIXES:
@@ -132,10 +131,10 @@ def thin_command(
     if found.merged:
         warn(source, f"{found.merged:,} points coincide with others: merged, with the mean of their values")
     largest = float(found.errors[-1]) if len(found.errors) else 0.0
-    matrix = np.eye(2, 3) if scattered else unplaced(2) if place.placement is None else place.placement
+    matrix = np.eye(2, 3) if scattered else unplaced(2) if place.matrix is None else place.matrix
     notes = {"order": found.order, "errors": found.errors, "anticipated": found.anticipated, "kept": found.kept}
     with concerning(output), one_warning(output, "writing"):
-        data = render_tin(PlacedTin(tin, matrix, place.crs or "", notes), suffix)
+        data = render_tin(PlacedTin(tin, Placement(matrix, crs=place.crs), notes), suffix)
     write_output(output, data)
     tell(
         f"{click.format_filename(output)}: {len(found):,} of {len(found) + len(found.order):,} points, "

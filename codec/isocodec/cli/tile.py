@@ -69,9 +69,8 @@ def tile_command(
     import isocodec
 
     from ..api.tiled_api import TiledIsoFile, tiling_of
-    from ..field.placement import CRS
+    from ..field.placement import CRS, Placement
     from ..io.readers.opened import Choice
-    from ..io.readers.place_of_samples import Place
     from ..io.readers.registry import open_file
     from ..tiles.sample_range import sample_range
 
@@ -81,14 +80,14 @@ def tile_command(
         with one_warning(source):
             opened = stack.enter_context(open_file(source, Choice(key), label=""))
             field = opened.windows()
-            place = Place() if no_placement else opened.place(len(field.shape))
+            place = Placement() if no_placement else opened.place(len(field.shape))
         if place.remark:
             warn(source, place.remark)
         if place.crs is not None:
             notes.setdefault(CRS, place.crs)
         options: dict[str, Any] = {
             "exact": exact, "tolerance": tolerance, "signs_only": signs_only, "step": step, "profile": profile,
-            "metadata": notes, "placement": place.placement,
+            "metadata": notes, "placement": place.matrix,
         }
         if interval is not None:
             tiling = tiling_of(field, 0, tile, **options)

@@ -17,7 +17,7 @@ from .report import concerning, tell, write_output
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from ..io.readers.place_of_samples import Place
+    from ..field.placement import Placement
     from ..tin.tin import Tin
 
 PICTURE = ".npy"
@@ -25,7 +25,7 @@ PICTURE = ".npy"
 
 
 def encode_surface(
-    output: Path, points: NDArray[Any], values: NDArray[Any] | None, place: Place, options: dict[str, Any],
+    output: Path, points: NDArray[Any], values: NDArray[Any] | None, place: Placement, options: dict[str, Any],
     as_json: bool,
 ) -> None:
     """Encode a surface and say how well it came out."""
@@ -39,8 +39,8 @@ def encode_surface(
 
     started = time.perf_counter()
     notes: dict[str, str] = {}
-    if place.placement is not None:
-        notes[PLACEMENT] = json.dumps(place.placement.tolist())
+    if place.matrix is not None:
+        notes[PLACEMENT] = json.dumps(place.matrix.tolist())
     if place.crs is not None:
         notes[CRS] = place.crs
     data = isocodec.encode_tin(points, values, metadata=notes, **options)
@@ -124,7 +124,7 @@ def _rendered(tin: Tin, suffix: str, in_samples: bool) -> bytes:
 
     import numpy as np
 
-    from ..field.placement import CRS, read_placement, unplaced
+    from ..field.placement import CRS, Placement, read_placement, unplaced
     from ..io.writers.tin_files import PlacedTin, render_tin
 
     if suffix == PICTURE:
@@ -132,5 +132,6 @@ def _rendered(tin: Tin, suffix: str, in_samples: bool) -> bytes:
         np.save(buffer, tin.raster())
         return buffer.getvalue()
     found = None if in_samples else read_placement(dict(tin.metadata), 2)
-    matrix = found if found is not None else np.eye(2, 3) if tin.shape is None else unplaced(2)
-    return render_tin(PlacedTin(tin, matrix, tin.metadata.get(CRS, ""), {}), suffix)
+    if found is None:
+        found = Placement(np.eye(2, 3) if tin.shape is None else unplaced(2), crs=tin.metadata.get(CRS))
+    return render_tin(PlacedTin(tin, found, {}), suffix)

@@ -13,7 +13,7 @@ from itertools import permutations
 import numpy as np
 from numpy.typing import NDArray
 
-from ..field.mapped import Mapped
+from ..field.placement import Placement
 
 _KEY_BITS = 63
 """Bits of the key of a lattice point, in equal parts for its coordinates."""
@@ -40,10 +40,8 @@ class Tessellation:
         Samples along each axis of the sampled box.
     complete : bool
         False if the file had not come as a whole.
-    placement : (n, n + 1) float64, or None
+    placement : Placement or None
         As of `Contour`.
-    mapped : Mapped, or None
-        Likewise.
     metadata : dict of str to str
     """
 
@@ -54,9 +52,8 @@ class Tessellation:
     isovalue: float
     shape: tuple[int, ...]
     complete: bool = True
-    placement: NDArray[np.float64] | None = None
+    placement: Placement | None = None
     metadata: dict[str, str] = field(default_factory=dict)
-    mapped: Mapped | None = None
 
 
 def tessellated(

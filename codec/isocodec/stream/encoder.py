@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import math
+import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -12,8 +14,9 @@ from numpy.typing import ArrayLike, NDArray
 from isospec.container import ChunkType, Profile
 
 from ..errors import FormatError, OptionError
-from ..field.sampled import check_bare
-from ..field.samples import Field, check_field, mask_field, without_holes
+from ..field.placement import Placement, closed, placement_of
+from ..field.sampled import Field, check_bare
+from ..field.samples import Samples, check_field, mask_field, without_holes
 from ..format.chunks import (
     LayerRecord,
     Promises,
@@ -39,7 +42,7 @@ from ..search.steps import stepwise
 from ..search.tolerance import NO_OFFSETS, grid_offsets, radices
 from .names import CriterionName, Distance, Isovalues, ProfileName
 from .options import DEFAULT_TOLERANCE, SEARCHED, Options, isovalues_of, nearest_before
-from .placing import GivenWorld, check_axes, closed
+from .placing import check_axes, coordinates_payload
 from .plan_meshes import with_meshes
 from .session import ContainerEncoder, beginning
 
@@ -84,7 +87,7 @@ class Encoder(ContainerEncoder):
         One isovalue, or several of the same field, in the order in which the file has them: finite numbers of Python's
         or numpy's, fractions or decimals. Files hold double precision; whole numbers beyond it are refused.
     exact, tolerance, signs_only, step, base_level, preserve_topology, steps, criterion, parameter, leaning, mask, \
-    plan, profile, metadata, placement, coordinates, coordinates_error, periodic, period
+    plan, profile, metadata, placement
         As in `encode`.
     progress : callable, optional
         Called with the layers done and their total; before, while a mesh is searched for, with the number of curves
@@ -124,44 +127,59 @@ class Encoder(ContainerEncoder):
         plan: Sequence[Entry] | Mapping[float, Sequence[Entry]] | None = None,
         profile: ProfileName = "main",
         metadata: Mapping[str, str] | None = None,
-        placement: ArrayLike | None = None,
-        coordinates: Sequence[ArrayLike] | None = None,
-        coordinates_error: float | None = None,
-        periodic: int | Sequence[int] | None = None,
-        period: float | Sequence[float] | None = None,
+        placement: Placement | ArrayLike | None = None,
         progress: Callable[[int, int], object] | None = None,
     ) -> None:
-        self._world = GivenWorld(coordinates, coordinates_error, periodic, period)
+        values: Any = field
+        if isinstance(field, Field):
+            values = field.values
+            mask, placement, metadata = field.combined(mask, placement, metadata)
+        check_bare(values)
+        values, gone = without_holes(values, mask)
         if isinstance(tolerance, str):
-            tolerance = self._world.cells_of(tolerance, field, mask, placement)
+            where = placement_of(placement, values.ndim) or Placement()
+            tolerance = where.cells_of(tolerance, values.shape, gone)
         self.options = Options(
             exact=exact, tolerance=tolerance, signs_only=signs_only, step=step, base_level=base_level,
             preserve_topology=preserve_topology, steps=steps, criterion=criterion, parameter=parameter,
             leaning=leaning, plan=plan, profile=profile, metadata=metadata, placement=placement,
-            coordinates=coordinates, coordinates_error=coordinates_error, periodic=periodic, period=period,
         )
+        self._placement = self._placed(values.ndim)
         self.isovalues = isovalues_of(isovalue)
-        self._fields, gone = self._sampled(field, mask)
+        self._fields, gone = self._sampled(values, gone)
         self._truths = [truth_of(one) for one in self._fields]
         first = self._fields[0]
         self.options.check_data(first.integer)
         self._metadata = self.options.notes(first.values.ndim)
-        self._coordinates = self._world.payload(first.values.shape, gone) if self._world.there else b""
+        self._coordinates = coordinates_payload(self._placement, first.values.shape, gone)
         self._report = progress
         self._tried = 0
         self.header = Header(first.values.shape, first.isovalue, self.options.step, Profile[profile.upper()])
         self._mask_run, self._holes = self._encoded_mask(gone)
         self._begin_strands()
 
+    def _placed(self, n: int) -> Placement | None:
+        """Where the samples lie; ends that would meet by their coordinates alone stay open if the mesh is searched."""
+        placement = placement_of(self.options.placement, n) if n in (2, 3) else None
+        if placement is None or not (placement.inferred and placement.periodic and self.options.chooses_mesh):
+            return placement
+        warnings.warn(
+            f"ends along axis {placement.periodic[0]} are not joined, as {self.options.chooses_mesh} chooses a mesh",
+            stacklevel=4,
+        )
+        return replace(placement, periodic=())
+
+    @property
+    def _periodic(self) -> tuple[int, ...]:
+        return () if self._placement is None else self._placement.periodic
+
     def _sampled(
-        self, field: ArrayLike, mask: ArrayLike | None
-    ) -> tuple[list[Field], NDArray[np.bool_] | None]:
-        """The field at each isovalue, and which samples are missing."""
-        check_bare(field)
-        values, gone = without_holes(field, mask)
-        check_axes(self._world.periodic, values.shape)
-        values = closed(values, self._world.periodic)
-        gone = None if gone is None else closed(gone, self._world.periodic)
+        self, values: NDArray[Any], gone: NDArray[np.bool_] | None
+    ) -> tuple[list[Samples], NDArray[np.bool_] | None]:
+        """The field at each isovalue, and which samples are missing, both with periodic axes closed."""
+        check_axes(self._periodic, values.shape)
+        values = closed(values, self._periodic)
+        gone = None if gone is None else closed(gone, self._periodic)
         return [check_field(values, value, self.options.step, gone) for value in self.isovalues], gone
 
     def _begin_strands(self) -> None:
@@ -231,7 +249,7 @@ class Encoder(ContainerEncoder):
         values: list[Entry] = [(LayerKind.VALUES, None)] if o.exact or o.step is not None else []
         fine = None if values or o.signs_only else o.tolerance or DEFAULT_TOLERANCE
         # crossings of the planes that close an axis have to be the same ones
-        free = self.header.profile == Profile.MAIN and not self._world.periodic and self._slack_keeps_order(fine)
+        free = self.header.profile == Profile.MAIN and not self._periodic and self._slack_keeps_order(fine)
         behind = self._behind_grid(number, [*values, *grid_offsets(fine, free)])
         searched = o.tolerance if o.base_level is None and (o.tolerance or 0) >= SEARCHED else None
         if searched is o.steps is o.criterion is None and not o.preserve_topology:

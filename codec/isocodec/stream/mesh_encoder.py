@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from isospec.container import ChunkType, DomainKind, MeshLayer, Profile
 
 from ..errors import InputError, OptionError
-from ..field.samples import Field, isovalue_of
+from ..field.samples import Samples, isovalue_of
 from ..format.chunks import write_chunk, write_further
 from ..format.domain import MOST_STEP, DomainHead, MeshLayerHead, read_domain, write_domain, write_mesh_layer
 from ..format.frames import FRAME_BEFORE, is_key, write_frame, write_interval
@@ -107,7 +107,7 @@ class MeshEncoder(ContainerEncoder):
         self.header = Header((), self._fields(0)[0].isovalue, self.options.step, Profile.MAIN, cells=self.domain.n)
         self.strands: list[MeshIsovalue] = []
 
-    def _fields(self, frame: int) -> list[Field]:
+    def _fields(self, frame: int) -> list[Samples]:
         """The values of a frame at the vertices of the domain, for each isovalue."""
         values = self._frames[frame]
         found = [vertex_field(values, *self._size, one, self.options.step) for one in self.isovalues]
@@ -205,7 +205,7 @@ class MeshEncoder(ContainerEncoder):
             ends = frame == len(self._frames) - 1 and number == len(self.isovalues) - 1
             yield from self._layers(self.strands[number], fields[number], ends)
 
-    def _layers(self, strand: MeshIsovalue, field: Field, ends: bool) -> Iterator[bytes]:
+    def _layers(self, strand: MeshIsovalue, field: Samples, ends: bool) -> Iterator[bytes]:
         """Chunks of the layers of an isovalue; ``ends`` if it is the last of the file."""
         geometry = self._geometry()
         for head in self._sign_layers():
@@ -233,7 +233,7 @@ class MeshEncoder(ContainerEncoder):
             strand.code_values(head.bits, steps)
         yield write_chunk(ChunkType.LAYERS, write_mesh_layer(head) + strand.run.end(), last=ends)
 
-    def _offsets(self, strand: MeshIsovalue, field: Field) -> NDArray[np.int64]:
+    def _offsets(self, strand: MeshIsovalue, field: Samples) -> NDArray[np.int64]:
         """Parts of the crossed edges that the curve lies in."""
         assert strand.edges is not None
         where = crossing_places(field, strand.edges)
@@ -272,7 +272,7 @@ def _frames_of(values: ArrayLike) -> NDArray[Any]:
     return found if found.ndim == 2 else found[None]
 
 
-def vertex_field(values: NDArray[Any], vertices: int, cells: int, isovalue: float, step: float | None) -> Field:
+def vertex_field(values: NDArray[Any], vertices: int, cells: int, isovalue: float, step: float | None) -> Samples:
     """Values at the vertices of a mesh as a field; raises `InputError` if they are none."""
     found = values
     if found.dtype.kind not in "biuf":
@@ -302,10 +302,10 @@ def vertex_field(values: NDArray[Any], vertices: int, cells: int, isovalue: floa
             raise OptionError("a step is for float data; integers are sent exactly", code="step", remedy="use exact")
     if step is not None and not (math.isfinite(step) and step > 0):
         raise OptionError(f"the step is {step}, needed is a positive number", code="step")
-    return Field(found, isovalue_of(isovalue), signs, step)
+    return Samples(found, isovalue_of(isovalue), signs, step)
 
 
-def crossing_places(field: Field, edges: NDArray[np.int64]) -> NDArray[np.float64]:
+def crossing_places(field: Samples, edges: NDArray[np.int64]) -> NDArray[np.float64]:
     """Where edges are crossed, from 0 to 1 from their lower vertices, by linear interpolation."""
     low, high = (field.values[edges[:, i]].astype(np.float64) for i in (0, 1))
     with np.errstate(all="ignore"):

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 from isospec.container import MAX_ISOVALUES, Profile
 
 from ..errors import OptionError
-from ..field.placement import PLACEMENT, placement_of, read_placement, write_placement
+from ..field.placement import CRS, PLACEMENT, Placement, placement_of, read_placement
 from ..field.samples import isovalue_of
 from ..grid.layers.plan import Entry
 from ..search.strategy import EXACT
@@ -53,11 +53,7 @@ class EncodeOptions(TypedDict, total=False):
     plan: Sequence[Entry] | Mapping[float, Sequence[Entry]] | None
     profile: ProfileName
     metadata: Mapping[str, str] | None
-    placement: ArrayLike | None
-    coordinates: Sequence[ArrayLike] | None
-    coordinates_error: float | None
-    periodic: int | Sequence[int] | None
-    period: float | Sequence[float] | None
+    placement: Placement | ArrayLike | None
     progress: Callable[[int, int], object] | None
 
 
@@ -99,16 +95,8 @@ class Options:
     """Entropy coding profile."""
     metadata: Mapping[str, str] | None = None
     """Notes to go into the file."""
-    placement: ArrayLike | None = None
-    """Where the samples lie in the world, by one matrix."""
-    coordinates: Sequence[ArrayLike] | None = None
-    """Where they lie, axis by axis or node by node."""
-    coordinates_error: float | None = None
-    """Cells by which coordinates may be off."""
-    periodic: int | Sequence[int] | None = None
-    """Axes along which the first sample follows on the last one."""
-    period: float | Sequence[float] | None = None
-    """Distances after which coordinates are the same."""
+    placement: Placement | ArrayLike | None = None
+    """Where the samples lie in the world."""
 
     def __post_init__(self) -> None:
         for name in ("tolerance", "step", "parameter"):
@@ -136,14 +124,10 @@ class Options:
         names = conflict(given)
         if names:
             raise OptionError(f"{' and '.join(names)} contradict one another", code="options", remedy="choose one")
-        if self.placement is not None and not (self.coordinates is self.periodic is None):
+        where = self.placement
+        if self.chooses_mesh and isinstance(where, Placement) and where.periodic and not where.inferred:
             raise OptionError(
-                "a placement and coordinates or periodic axes contradict one another", code="options",
-                remedy="give coordinates instead of the placement",
-            )
-        if self.periodic is not None and self.chooses_mesh:
-            raise OptionError(
-                f"periodic and {self.chooses_mesh} contradict one another: the mesh must be the same at both ends of "
+                f"periodic axes and {self.chooses_mesh} cannot be combined: the mesh must be the same at both ends of "
                 "the axis", code="periodic", remedy=f"use exact, step, signs_only or a tolerance below {SEARCHED:g}",
             )
 
@@ -177,10 +161,14 @@ class Options:
     def notes(self, n: int) -> dict[str, str]:
         """The metadata of the file of a field of ``n`` axes, where its samples lie included."""
         notes = dict(self.metadata or {})
-        if self.placement is not None:
+        placement = placement_of(self.placement, n)
+        own = {} if placement is None else placement.notes()
+        if CRS in own:
+            notes.setdefault(CRS, own[CRS])
+        if PLACEMENT in own:
             if PLACEMENT in notes:
                 raise OptionError("placement and metadata of that name contradict one another", code="options")
-            notes[PLACEMENT] = write_placement(placement_of(self.placement, n))
+            notes[PLACEMENT] = own[PLACEMENT]
         elif PLACEMENT in notes and read_placement(notes, n) is None:
             raise OptionError(
                 f"the note {PLACEMENT}, {notes[PLACEMENT]!r}, cannot be understood by a reader",

@@ -20,6 +20,7 @@ from ..drawing.tessellation import Tessellation
 from ..entropy.range_coder import Coder
 from ..errors import LimitError, OptionError, out_of_memory
 from ..field.mapped import Mapped
+from ..field.placement import Placement
 from ..format.program import Layer, Progress
 from ..grid.layers.reader import LayerReader
 from ..grid.passes.runner import Tube
@@ -27,9 +28,9 @@ from ..grid.tube.decoded import Decoded
 from ..limits import Limits
 from .contents import Contents
 from .drawn import contour_of, ends_of, mask_rows_of, mesh_of, tessellation_of, valid_rows_of
+from .placing import DecodedCoordinates
 from .session import ContainerDecoder
 from .tubes import Tubes
-from .world import World
 
 
 class Received(ContainerDecoder):
@@ -49,7 +50,7 @@ class Received(ContainerDecoder):
             self.limits, self._data, self._tubes, self._progresses, self._mask.tubes, self.layers
         )
         self.runs = self._reader.runs
-        self._world = World(self._budget)
+        self._coordinates = DecodedCoordinates(self._budget)
         self._cut = False
 
     @property
@@ -147,7 +148,7 @@ class Received(ContainerDecoder):
         contour = contour_of(
             tube, isovalue, self.header, self.metadata, complete, smooth, self._budget, self._mask.holes, through_holes
         )
-        return replace(contour, mapped=self.mapped())
+        return replace(contour, placement=self.placement)
 
     @property
     def whole_cells(self) -> WholeCells | None:
@@ -241,20 +242,27 @@ class Received(ContainerDecoder):
         complete = self._ended and not self._cut
         try:
             mesh = tessellation_of(tube, isovalue, self.header, self.metadata, complete, whole, self._budget)
-            return replace(mesh, mapped=self.mapped())
+            return replace(mesh, placement=self.placement)
         except MemoryError:
             pass
         raise out_of_memory("for the mesh")
 
+    @property
+    def placement(self) -> Placement | None:
+        """Where samples lie, as far as that has come; errors as `mapped`."""
+        if self.header is None:
+            return None
+        return self._coordinates.placement(self._contents.coordinates, self.header.shape, self.metadata)
+
     def mapped(self) -> Mapped | None:
-        """Where samples lie that have coordinates of their own; None if those have not come.
+        """The chunk of coordinates, decoded; None if it has not come.
 
         Raises
         ------
         LimitError
             If they take more memory than the limits allow; the decoder stays as it is.
         """
-        return None if self.header is None else self._world.mapped(self._contents.coordinates, self.header.shape)
+        return None if self.header is None else self._coordinates.mapped(self._contents.coordinates, self.header.shape)
 
     def hold(self, size: int) -> None:
         """Count ``size`` bytes that the caller holds, of drawings for example, to the limit of memory from now on.

@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..errors import OptionError
-from ..field.samples import Field
-from ..field.told import Told, near_values, told_values
+from ..field.decoded_samples import DecodedSamples, near_values, values_of_steps
+from ..field.samples import Samples
 from ..format.kinds import LayerKind
 from ..grid.layers.plan import Entry
 from ..grid.tube.decoded import Decoded
@@ -26,12 +26,12 @@ class Source:
 
     Attributes
     ----------
-    field : Told
+    field : DecodedSamples
     geometry : list of entries
         Layers behind the full grid that tell the same again.
     """
 
-    field: Told
+    field: DecodedSamples
     geometry: list[Entry]
 
 
@@ -57,11 +57,11 @@ def sources_of(decoder: Decoder, what: str = "the file") -> list[Source]:
         signs = np.ascontiguousarray(decoder.mask(number))
         state = decoder.state(number)
         assert state is not None
-        found.append(source_of(state, Field(signs, isovalue, signs, decoder.header.scale, missing), what))
+        found.append(source_of(state, Samples(signs, isovalue, signs, decoder.header.scale, missing), what))
     return found
 
 
-def source_of(state: Decoded, field: Field, what: str) -> Source:
+def source_of(state: Decoded, field: Samples, what: str) -> Source:
     """What a state on the full grid tells of a field, of which only the signs are looked at.
 
     Raises
@@ -80,7 +80,9 @@ def source_of(state: Decoded, field: Field, what: str) -> Source:
         steps = np.full(signs.shape, -1, np.int64)
         known = state.missing == 0
         steps[tuple(state.position[known].T)] = state.number[known]
-        field = Told(told_values(signs, isovalue, scale, steps), isovalue, signs, scale, gone, number=steps)
+        field = DecodedSamples(
+            values_of_steps(signs, isovalue, scale, steps), isovalue, signs, scale, gone, number=steps
+        )
         return Source(field, [(LayerKind.VALUES, None)])
     moves = state.edge_high - state.edge_low
     parts = np.unique(state.edge_parts)
@@ -90,7 +92,7 @@ def source_of(state: Decoded, field: Field, what: str) -> Source:
     order = np.argsort(keys)
     edges, places = keys[order], ((state.edge_number + 0.5) / state.edge_parts)[order]
     values = near_values(signs, isovalue, edges, places)
-    field = Told(values, isovalue, signs, scale, gone, edges=edges, places=places)
+    field = DecodedSamples(values, isovalue, signs, scale, gone, edges=edges, places=places)
     return Source(field, [(LayerKind.OFFSETS, radix) for radix in _radices(int(parts[0]))] if len(parts) else [])
 
 
@@ -149,7 +151,7 @@ class Recoder(Encoder):
         fields = [source.field for source in sources]
         super().__init__(fields[0].signs, [field.isovalue for field in fields], **options)
 
-    def _sampled(self, field: ArrayLike, mask: ArrayLike | None) -> tuple[list[Field], NDArray[np.bool_] | None]:
+    def _sampled(self, field: ArrayLike, mask: ArrayLike | None) -> tuple[list[Samples], NDArray[np.bool_] | None]:
         return [source.field for source in self._sources], self._sources[0].field.gone
 
     def _behind_grid(self, number: int, asked: list[Entry]) -> list[Entry]:

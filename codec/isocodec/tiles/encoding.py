@@ -14,7 +14,8 @@ from numpy.typing import ArrayLike, NDArray
 from isospec.container import ChunkType, Profile
 
 from ..errors import InputError, OptionError
-from ..field.samples import Field, check_field, mask_field, missing_of, without_holes
+from ..field.placement import Placement
+from ..field.samples import Samples, check_field, mask_field, missing_of, without_holes
 from ..format.chunks import write_chunk
 from ..format.header import Header
 from ..format.kinds import LayerKind
@@ -67,8 +68,8 @@ class Tiling:
                 f"{chosen} and tiles contradict one another: their meshes have to be the same where they meet",
                 code="tiles", remedy=f"use exact, step, signs_only or a tolerance below {SEARCHED:g}",
             )
-        if o.periodic is not None or o.coordinates is not None:
-            raise OptionError("coordinates and periodic axes are not for tiles", code="tiles", remedy="use a placement")
+        if isinstance(o.placement, Placement) and (o.placement.periodic or o.placement.coordinates is not None):
+            raise OptionError("coordinates and periodic axes are not for tiles", code="tiles", remedy="use a matrix")
 
     @property
     def stages(self) -> tuple[Stage, ...]:
@@ -200,7 +201,7 @@ def encode_tile(window: ArrayLike, index: Index, tiling: Tiling) -> TileSegments
     return TileSegments(index, Kind.CODED if run else Kind.BELOW, run, kinds, segments, faces)
 
 
-def _faces(field: Field, index: Index, tiling: Tiling) -> Faces | None:
+def _faces(field: Samples, index: Index, tiling: Tiling) -> Faces | None:
     """What belongs into the mesh in shared faces, in space.
 
     Raises
@@ -216,7 +217,7 @@ def _faces(field: Field, index: Index, tiling: Tiling) -> Faces | None:
     faces = Faces(field.signs, tiling.grid.shared(index), tiling.cubes)
     for axis, place in faces.planes:
         values, signs = np.take(field.values, place, axis), np.take(field.signs, place, axis)
-        samples = Field(values, field.isovalue, np.asarray(signs))
+        samples = Samples(values, field.isovalue, np.asarray(signs))
         faces.search((axis, place), samples, tolerance, pitch_of(tiling.cubes))
     return faces
 
@@ -255,7 +256,7 @@ def _checksum(face: NDArray[np.generic], gone: NDArray[np.bool_] | None, at: int
 
 
 def _segments(
-    header: Header, field: Field, holes: Holes | None, index: Index, tiling: Tiling, faces: Faces | None
+    header: Header, field: Samples, holes: Holes | None, index: Index, tiling: Tiling, faces: Faces | None
 ) -> Iterator[bytes]:
     """The segments of an isovalue, stage by stage."""
     truth = truth_of(field)
@@ -301,7 +302,7 @@ def _plan(index: Index, tiling: Tiling) -> tuple[Plan, list[int | None]]:
 
 
 def _searched(
-    header: Header, field: Field, truth: GroundTruth, holes: Holes | None, index: Index, tiling: Tiling,
+    header: Header, field: Samples, truth: GroundTruth, holes: Holes | None, index: Index, tiling: Tiling,
     faces: Faces | None,
 ) -> tuple[Plan, list[int | None]]:
     """The same for a tolerance that meshes are searched for."""

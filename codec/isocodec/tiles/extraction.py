@@ -14,7 +14,7 @@ from isospec.container import ChunkType
 
 from ..errors import LimitError, OptionError
 from ..field.placement import PLACEMENT, read_placement, unplaced, write_placement
-from ..field.samples import Field
+from ..field.samples import Samples
 from ..format.chunks import write_chunk, write_further
 from ..grid.tube.decoded import Decoded
 from ..stream.recoder import Source, source_of
@@ -64,8 +64,8 @@ class Extract:
             )
         self.notes = dict(file.metadata)
         placement = read_placement(self.notes, len(shape))
-        placement = unplaced(len(shape)) if placement is None else placement
-        moved = np.column_stack([placement[:, :-1], placement[:, -1] + placement[:, :-1] @ low])
+        matrix = unplaced(len(shape)) if placement is None or placement.matrix is None else placement.matrix
+        moved = np.column_stack([matrix[:, :-1], matrix[:, -1] + matrix[:, :-1] @ low])
         self.notes[PLACEMENT] = write_placement(moved)
 
     def strands(self, numbers: Sequence[int]) -> bytes | None:
@@ -107,7 +107,7 @@ class Extract:
         gone = np.logical_or.reduce([each for _, each, _ in told])
         missing = gone if gone.any() else None
         return [
-            source_of(state, Field(signs, head.isovalues[number], signs, head.scale, missing), "the file")
+            source_of(state, Samples(signs, head.isovalues[number], signs, head.scale, missing), "the file")
             for number, (signs, _, state) in zip(numbers, told, strict=True)
         ]
 

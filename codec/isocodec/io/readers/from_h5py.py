@@ -16,10 +16,11 @@ from numpy.typing import NDArray
 
 from ...errors import InputError
 from ...extras import optional
+from ...field.placement import Placement
 from ...field.text import one_line, plain
 from .from_xarray import OpenedClassic
 from .opened import DEFAULT_KEY, Choice, Format, Opened
-from .place_of_samples import EVEN, MappedPlace, Place, in_steps, open_grid, placed_grid
+from .place_of_samples import EVEN, in_steps, open_grid, placed_grid
 from .reading import check_frame, reading
 from .source import Source
 
@@ -107,7 +108,7 @@ class _Hdf5(Opened):
             check_storage(self._source, stored, taken)
             return unpacked(stored, np.asarray(stored[tuple(where)]))
 
-    def _place(self, n: int, frame: int | None) -> Place:
+    def _place(self, n: int, frame: int | None) -> Placement:
         with reading("HDF5 file"):
             return _of_scales(self._source, self._stored, n)
 
@@ -198,32 +199,32 @@ class StoredWindows:
         return found if found is not raw or fill is None else np.ma.masked_array(raw, raw == fill)
 
 
-def _of_scales(source: Source, stored: Any, n: int) -> Place:
+def _of_scales(source: Source, stored: Any, n: int) -> Placement:
     """What scales of a dataset's axes say, as far as these are kept in the file."""
     axes = [(count, _scales(source, stored, axis)) for axis, count in enumerate(stored.shape) if count > 1][-n:]
     shape = [count for count, _ in axes]
     if any(" since " in str(scale.attrs.get("units")) for _, scales in axes for scale in scales):
-        return Place(remark="its coordinates are ignored, as one of its axes is time; choose one time with --frame")
+        return Placement(remark="its coordinates are ignored, as one of its axes is time; choose one time with --frame")
     found = [_scale(*axis) for axis in axes]
     scales = [None if one is None else one[0] for one in found]
     curvilinear = auxiliary(stored, shape, scales[0] if n == 3 else None)
     if curvilinear is not None:
-        return Place(mapped=curvilinear)
+        return curvilinear
     if all(scale is None for scale in scales):
-        return Place()
+        return Placement()
     steps = []
     even = True
     for axis, scale in enumerate(scales):
         if scale is None:
-            return Place(remark="its coordinates are ignored: not all axes have them")
+            return Placement(remark="its coordinates are ignored: not all axes have them")
         step = (scale[-1] - scale[0]) / (len(scale) - 1)
         each = np.diff(scale)
         if not (np.isfinite(scale).all() and ((each > 0).all() or (each < 0).all() or not each.any())):
-            return Place(remark=f"its coordinates are ignored: along axis {axis} they neither rise nor fall")
+            return Placement(remark=f"its coordinates are ignored: along axis {axis} they neither rise nor fall")
         even &= bool(np.abs(scale - (scale[0] + step * np.arange(len(scale)))).max() <= abs(step) * EVEN)
         steps.append((step, scale[0]))
     mapped = scales_of([one for one in found if one is not None])
-    return in_steps(steps) if even and not mapped.periodic else Place(mapped=mapped)
+    return in_steps(steps) if even and not mapped.periodic else mapped
 
 
 def _scales(source: Source, stored: Any, axis: int) -> list[Any]:
@@ -241,14 +242,14 @@ def _scale(count: int, scales: list[Any]) -> tuple[NDArray[np.float64], str] | N
     return None
 
 
-def scales_of(scales: Sequence[tuple[Numbers, str]]) -> MappedPlace:
-    """A mapped grid from the coordinates along each axis and their units."""
+def scales_of(scales: Sequence[tuple[Numbers, str]]) -> Placement:
+    """Place samples by the coordinates along each axis and their units."""
     units = scales[-1][1]
     coordinates = open_grid([scale for scale, _ in scales])
     return placed_grid(coordinates, [len(scale) for scale, _ in scales], units in _WEST_EAST)
 
 
-def auxiliary(stored: Any, shape: Sequence[int], scale: Numbers | None) -> MappedPlace | None:
+def auxiliary(stored: Any, shape: Sequence[int], scale: Numbers | None) -> Placement | None:
     """Longitude and latitude for each sample of the last two axes, as the attribute ``coordinates`` names them.
 
     ``scale`` are coordinates along the first of three axes.

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gzip
 import math
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -11,8 +12,9 @@ from numpy.typing import NDArray
 
 from ...errors import InputError
 from ...extras import optional
+from ...field.placement import Placement
 from .opened import IN_MEMORY, Choice, Format, Opened, numbers
-from .place_of_samples import SLICE, Place, placed
+from .place_of_samples import SLICE, placed
 from .reading import check_frame, reading
 from .slices import Slices
 from .source import Source
@@ -47,13 +49,13 @@ class _Nifti(Opened):
             volume = scaled(np.asarray(stored.get_unscaled()), *self._scaling)
             return single(np.asarray(stored) if volume is None else volume, frame)
 
-    def _place(self, n: int, frame: int | None) -> Place:
+    def _place(self, n: int, frame: int | None) -> Placement:
         if n != 3:
-            return Place(remark=SLICE)
+            return Placement(remark=SLICE)
         place = placed(self._image.affine, n)
         unit = self._image.header.get_xyzt_units()[0]
-        if place.placement is not None and unit not in ("unknown", "mm"):
-            return Place(place.placement, remark=f"the unit of its coordinates, {unit}, is ignored")
+        if place.placed and unit not in ("unknown", "mm"):
+            return replace(place, remark=f"the unit of its coordinates, {unit}, is ignored")
         return place
 
     def _series(self) -> Slices | None:
@@ -117,8 +119,8 @@ class OpenedNibabel(Opened):
                 values = scaled(np.asarray(stored.get_unscaled()), float(stored.slope), float(stored.inter))
             return single(np.asarray(stored) if values is None else values, frame)
 
-    def _place(self, n: int, frame: int | None) -> Place:
-        return placed(self._image.affine, 3) if n == 3 else Place(remark=SLICE)
+    def _place(self, n: int, frame: int | None) -> Placement:
+        return placed(self._image.affine, 3) if n == 3 else Placement(remark=SLICE)
 
     def _series(self) -> Slices | None:
         shape = tuple(map(int, self._image.shape))

@@ -16,10 +16,11 @@ from numpy.lib import format as npy
 from numpy.typing import NDArray
 
 from ...errors import InputError, OptionError
+from ...field.placement import Placement
 from ...field.text import plain
 from .mesh_formats import MeshFormat, MeshRead
 from .opened import DEFAULT_KEY, Choice, Format, Opened, numbers
-from .place_of_samples import MappedPlace, Place, open_grid, placed_grid
+from .place_of_samples import open_grid, placed_grid
 from .reading import pick_frame, reading
 from .source import Source
 from .windows import Windows
@@ -66,8 +67,9 @@ class _NumpyFile(Opened):
                 return pick_frame(_array(self._source, self._file, self._source.path.stat().st_size), frame)
             return pick_frame(_member_array(self._source, self._archive, self._info), frame)
 
-    def _place(self, n: int, frame: int | None) -> Place:
-        return Place() if self._archive is None else Place(mapped=_beside(self._source, self._archive, n))
+    def _place(self, n: int, frame: int | None) -> Placement:
+        found = None if self._archive is None else _beside(self._source, self._archive, n)
+        return found or Placement()
 
     def _windows(self) -> Any:
         if self._archive is not None:
@@ -153,7 +155,7 @@ def _listing(archive: zipfile.ZipFile, members: dict[str, zipfile.ZipInfo]) -> s
     return ", ".join(parts + ["..."] * (len(members) > _LISTED))
 
 
-def _beside(source: Source, archive: zipfile.ZipFile, n: int) -> MappedPlace | None:
+def _beside(source: Source, archive: zipfile.ZipFile, n: int) -> Placement | None:
     """Coordinates of a field of two axes beside it, under the usual names: along the axes, or for each sample."""
     if n != 2:
         return None

@@ -11,10 +11,11 @@ from numpy.typing import NDArray
 
 from ...errors import InputError
 from ...extras import optional
+from ...field.placement import Placement
 from ...field.text import plain
 from .detached import meta_files, nrrd_files
 from .opened import IN_MEMORY, Choice, Format, Opened, numbers
-from .place_of_samples import EVEN, SLICE, Place, placed, to_right_front_up
+from .place_of_samples import EVEN, SLICE, placed, to_right_front_up
 from .reading import reading
 from .slices import Slices
 from .source import Source, is_dicom
@@ -45,7 +46,7 @@ class _Volume(Opened):
         with reading(f"{self._source.path.suffix} volume"):
             return single(self._whole(), frame)
 
-    def _place(self, n: int, frame: int | None) -> Place:
+    def _place(self, n: int, frame: int | None) -> Placement:
         return _of_image(self._reader, n)
 
     def _series(self) -> Slices | None:
@@ -81,8 +82,8 @@ class _Dicom(Opened):
                 raise InputError("holds slices of different sizes", code="shape")
             return single(values, frame)
 
-    def _place(self, n: int, frame: int | None) -> Place:
-        return placed(to_right_front_up(self._matrix), n) if n == 3 else Place(remark=SLICE)
+    def _place(self, n: int, frame: int | None) -> Placement:
+        return placed(to_right_front_up(self._matrix), n) if n == 3 else Placement(remark=SLICE)
 
 
 class OpenedItk(Opened):
@@ -99,7 +100,7 @@ class OpenedItk(Opened):
         with reading("image of SimpleITK"):
             return single(_sitk("an image of SimpleITK").GetArrayFromImage(self._image).T, frame)
 
-    def _place(self, n: int, frame: int | None) -> Place:
+    def _place(self, n: int, frame: int | None) -> Placement:
         return _of_image(self._image, n)
 
     def _series(self) -> Slices | None:
@@ -136,15 +137,15 @@ def _volumes(whole: Array) -> Slices:
     return Slices(whole.shape, 3, lambda number: numbers(single(whole, number)), squeezed(whole.shape[:3]))
 
 
-def _of_image(reader: Any, n: int) -> Place:
+def _of_image(reader: Any, n: int) -> Placement:
     """What ITK knows of a volume, or of each of a series, whose x runs to the left and y to the back."""
     size = reader.GetDimension()
     if n != 3 or size < 3:
-        return Place(remark=SLICE)
+        return Placement(remark=SLICE)
     directions = (np.reshape(reader.GetDirection(), (size, size)) * reader.GetSpacing())[:3, :3]
     matrix = np.column_stack([directions, reader.GetOrigin()[:3]])
     if np.array_equal(matrix, np.eye(3, 4)):  # what ITK has where a file states nothing
-        return Place()
+        return Placement()
     return placed(to_right_front_up(matrix), n)
 
 

@@ -7,6 +7,7 @@ import math
 import zlib
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
+from dataclasses import replace
 from functools import cached_property
 from typing import Any
 from xml.etree import ElementTree
@@ -16,10 +17,11 @@ from numpy.typing import NDArray
 
 from ...errors import InputError, MissingExtraError
 from ...extras import optional
+from ...field.placement import Placement
 from ...field.text import plain
 from .from_rasterio import RasterWindows
 from .opened import Choice, Format, Opened
-from .place_of_samples import Place, in_steps, placed
+from .place_of_samples import in_steps, placed
 from .reading import channel_of, pick_frame, reading, said
 from .source import Source
 from .tile_sizes import LERC, PICTURES, stated_samples, unpacked_lerc
@@ -95,10 +97,10 @@ class _Tiff(Opened):
             picture = _samples(series)
         return pick_frame(picture if colour is None else np.take(picture, channel, axis=colour), frame)
 
-    def _place(self, n: int, frame: int | None) -> Place:
+    def _place(self, n: int, frame: int | None) -> Placement:
         with reading("TIFF"):
             place = _of_picture(self._first, n)
-            return _of_microscope(self._tiff, n) if place.placement is None and not place.remark else place
+            return _of_microscope(self._tiff, n) if not place.placed and not place.remark else place
 
     def _windows(self) -> RasterWindows:
         with reading("TIFF"):
@@ -182,19 +184,19 @@ def _parts(series: Any) -> Iterator[bytes]:
                 yield file.read(count)
 
 
-def _of_microscope(tiff: Any, n: int) -> Place:
+def _of_microscope(tiff: Any, n: int) -> Placement:
     """Sizes of pixels or voxels, as OME and ImageJ have them; these may be damaged in any way."""
     try:
         sizes = _ome_sizes(tiff.ome_metadata) if tiff.ome_metadata else _imagej_sizes(tiff)
     except Exception:
-        return Place()
+        return Placement()
     if not sizes:
-        return Place()
+        return Placement()
     series = tiff.series[0]
     letters = [a for a, count in zip(series.axes, series.shape, strict=True) if count > 1 and a not in "SC"][-n:]
     if letters != [*"ZYX"[-n:]] or not set(letters) <= sizes.keys():
         said = f"its axes are {plain(', '.join(letters))}, and {', '.join(sizes)} have sizes"
-        return Place(remark=f"the sizes of its pixels are ignored: {said}; set them with --spacing")
+        return Placement(remark=f"the sizes of its pixels are ignored: {said}; set them with --spacing")
     return in_steps([(sizes[letter], 0.0) for letter in letters])
 
 
@@ -215,13 +217,13 @@ def _imagej_sizes(tiff: Any) -> dict[str, float]:
     return sizes | ({"Z": float(notes["spacing"])} if "spacing" in notes else {})
 
 
-def _of_picture(page: Any, n: int) -> Place:
+def _of_picture(page: Any, n: int) -> Placement:
     """What the tags of a GeoTIFF say; they may have any type and any number of values."""
     scale, tiepoint, matrix = (_numbers(page, tag) for tag in (_SCALE, _TIEPOINT, _TRANSFORMATION))
     if not (len(scale) or len(tiepoint) or len(matrix)):
-        return Place()
+        return Placement()
     if n != 2:
-        return Place(remark="the coordinates of a stack of pages are ignored")
+        return Placement(remark="the coordinates of a stack of pages are ignored")
     try:
         keys = dict(page.geotiff_tags or {})
     except Exception:  # of any kind, where the tag is damaged
@@ -234,14 +236,15 @@ def _of_picture(page: Any, n: int) -> Place:
             across, down = np.array([scale[0], 0.0]), np.array([0.0, -scale[1]])
             start = tiepoint[3:5] - tiepoint[0] * across - tiepoint[1] * down
         else:
-            return Place(remark="its coordinates are ignored: it has single points only, no steps between pixels")
+            return Placement(remark="its coordinates are ignored: it has single points only, no steps between pixels")
         if keys.get("GTRasterTypeGeoKey") != _IS_POINT:
             start = start + (across + down) / 2
     place = placed(np.column_stack([down, across, start]), n)
-    if place.placement is None or not keys:
+    if not place.placed or not keys:
         return place
     crs = _system(keys)
-    return Place(place.placement, crs, "" if crs else "its reference system is ignored, as it has no EPSG number")
+    remark = "" if crs else "its reference system is ignored, as it has no EPSG number"
+    return replace(place, crs=crs, remark=remark)
 
 
 def _numbers(page: Any, tag: int) -> NDArray[np.float64]:

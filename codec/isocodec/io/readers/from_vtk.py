@@ -10,9 +10,10 @@ from numpy.typing import NDArray
 
 from ...errors import InputError
 from ...extras import optional
+from ...field.placement import Placement
 from ...field.text import one_line, plain
 from .opened import Choice, Format, Opened
-from .place_of_samples import Place, placed
+from .place_of_samples import placed
 from .reading import check_frame, reading
 from .source import Source
 
@@ -39,7 +40,7 @@ class _ImageData(Opened):
                 raise InputError(f"holds no single number for each point in '{plain(self._name)}'", code="unreadable")
             return np.array(values.reshape(self._size[::-1]).T).squeeze()
 
-    def _place(self, n: int, frame: int | None) -> Place:
+    def _place(self, n: int, frame: int | None) -> Placement:
         with reading("VTK image data"):
             about = self._reader.GetOutputInformation(0)
             image = optional("vtkmodules.vtkCommonDataModel", extra="vtk", purpose="reading .vti").vtkDataObject

@@ -14,11 +14,11 @@ from numpy.typing import NDArray
 from ...errors import InputError
 from ...extras import optional
 from ...field.missing import missing_samples
+from ...field.placement import Placement
 from ...field.sampled import Field
 from ...field.text import plain
-from .labels import DEGREES, Labels, labelled_field, labels_of
+from .labels import labelled_field, labels_of
 from .opened import DEFAULT_KEY, IN_MEMORY, Choice, Format, Opened
-from .place_of_samples import Place, placed_grid
 from .reading import about, check_frame, reading
 from .source import Source
 
@@ -58,8 +58,9 @@ class OpenedLabels(Opened):
     def _values(self, frame: int | None) -> NDArray[Any]:
         return values_of(self._labelled(frame))
 
-    def _place(self, n: int, frame: int | None) -> Place:
-        return _of_labels(labels_of(self._taken(frame)))
+    def _place(self, n: int, frame: int | None) -> Placement:
+        labels = labels_of(self._taken(frame))
+        return replace(labels.record or Placement(crs=labels.crs), remark="; ".join(labels.remarks))
 
 
 class _LabelledFile(OpenedLabels):
@@ -146,14 +147,6 @@ def values_of(field: Field) -> NDArray[Any]:
     values = field.values.astype(np.result_type(field.values.dtype, np.float32))
     values[field.mask] = np.nan
     return values
-
-
-def _of_labels(labels: Labels) -> Place:
-    """Coordinates may have uneven steps."""
-    if labels.coordinates is not None:
-        turns = labels.crs == DEGREES and len(labels.shape) == 2
-        return Place(crs=labels.crs, mapped=placed_grid(list(labels.coordinates), labels.shape, turns))
-    return Place(labels.placement, labels.crs, "; ".join(labels.remarks))
 
 
 def _zarr(source: Source, choice: Choice) -> Opened:

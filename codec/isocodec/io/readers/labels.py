@@ -4,17 +4,17 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import InputError, OptionError
-from ...field.placement import placement_of
+from ...field.placement import TURN, Placement, matrix_of
 from ...field.sampled import Field
 from ...field.text import one_line, plain
-from .place_of_samples import EVEN
+from .place_of_samples import EVEN, placed_grid
 
 Matrix = NDArray[np.float64]
 DEGREES = "EPSG:4326"
@@ -40,6 +40,15 @@ class Labels:
     crs: str | None = None
     remarks: tuple[str, ...] = ()
 
+    @property
+    def record(self) -> Placement | None:
+        """The same as a placement; None without coordinates."""
+        if self.coordinates is None:
+            return None if self.placement is None else Placement(self.placement, None, self.crs)
+        turns = self.crs == DEGREES
+        grid = placed_grid(self.coordinates, self.shape, turns and len(self.shape) == 2, self.crs)
+        return replace(grid, periods=TURN if turns else 0.0)
+
 
 def labelled_field(array: Any) -> Field:
     """The field that a DataArray holds, with its coordinates.
@@ -61,8 +70,8 @@ def labelled_field(array: Any) -> Field:
     attributes = dict(array.attrs)
     unit, name = attributes.get("units"), array.name or attributes.get("long_name")
     return Field(
-        values, _missing(array, values), labels.placement, labels.coordinates, labels.crs,
-        one_line(str(unit)) if unit else None, one_line(str(name)) if name else None,
+        values, _missing(array, values), labels.record, crs=labels.crs,
+        unit=one_line(str(unit)) if unit else None, name=one_line(str(name)) if name else None,
         notes=_single(array), remarks=labels.remarks,
     )
 
@@ -117,7 +126,7 @@ def _places(array: Any, remarks: list[str]) -> tuple[Matrix | None, tuple[Matrix
         for axis, steps in enumerate(along):
             matrix[order[axis], [axis, n]] = (steps[-1] - steps[0]) / (len(steps) - 1), steps[0]
         try:
-            return placement_of(matrix, n), None
+            return matrix_of(matrix, n), None
         except OptionError as error:
             remarks.append(f"its coordinates are left out: {error.message}")
             return None, None

@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 
 from ...errors import OptionError
 from ...field.missing import missing_samples
+from ...field.placement import Placement
 from ...field.sampled import Field
-from .place_of_samples import Place
 from .reading import about
 from .slices import Slices
 from .source import Source, check_kind
@@ -130,7 +130,7 @@ class Opened:
         with about(self.label):
             return numbers(self._values(frame))
 
-    def place(self, n: int, frame: int | None = None) -> Place:
+    def place(self, n: int, frame: int | None = None) -> Placement:
         """Find where samples lie, of a field of n axes: the whole, a frame of a series, or one of its slices."""
         with about(self.label):
             return self._place(n, frame)
@@ -193,7 +193,7 @@ class Opened:
                 raise OptionError(f"--frame-axis {axis}: the data have the axes 0 to {whole.ndim - 1}", code="frame")
             axis %= whole.ndim
             in_turn = whole.transpose([axis, *(each for each in range(whole.ndim) if each != axis)])
-            place = self._place_of_slices(axis, whole.ndim - 1) if placed else Place()
+            place = self._place_of_slices(axis, whole.ndim - 1) if placed else Placement()
             return Slices(whole.shape, axis, lambda number: in_turn[number], in_turn.shape[1:], place)
 
     def fields(self, slices: Slices, nodata: float | None = None) -> Callable[[int], Field]:
@@ -205,31 +205,30 @@ class Opened:
         """What else the input states."""
         return {}
 
-    def _described(self, values: Array, place: Place, nodata: float | None) -> Field:
+    def _described(self, values: Array, place: Placement, nodata: float | None) -> Field:
         gone = missing_samples(values, nodata)
         if values.dtype.kind == "f":
             gone &= ~np.isnan(values)
         return Field(
-            values, gone if gone.any() else None, place.placement,
-            None if place.mapped is None else tuple(place.mapped.coordinates), place.crs, self.unit, self.name,
+            values, gone if gone.any() else None, place if place.placed else None, unit=self.unit, name=self.name,
             notes=self.notes(), remarks=(place.remark,) if place.remark else (),
         )
 
-    def _place_of_slices(self, axis: int, n: int) -> Place:
+    def _place_of_slices(self, axis: int, n: int) -> Placement:
         """Where the samples of a slice of n axes lie.
 
         Files state it for slices along their first axis: times, pages. Ends that meet are not joined in a series.
         """
         if axis:
             whole = self._place(n + 1, None)
-            if whole.placement is None and whole.mapped is None and not whole.remark:
-                return Place()
-            return Place(remark="its coordinates are ignored; set the steps of a slice with --spacing")
+            if not whole.placed and not whole.remark:
+                return Placement()
+            return Placement(remark="its coordinates are ignored; set the steps of a slice with --spacing")
         place = self._place(n, 0)
-        if place.mapped is None or not place.mapped.periodic:
+        if not place.periodic:
             return place
-        remark = f"its ends along axis {place.mapped.periodic[0]} are not joined, as it is a series"
-        return replace(place, mapped=replace(place.mapped, periodic=()), remark=remark)
+        remark = f"its ends along axis {place.periodic[0]} are not joined, as it is a series"
+        return replace(place, periodic=(), remark=remark)
 
     def _open(self, choice: Choice) -> None:
         raise NotImplementedError
@@ -237,8 +236,8 @@ class Opened:
     def _values(self, frame: int | None) -> Array:
         raise NotImplementedError
 
-    def _place(self, n: int, frame: int | None) -> Place:
-        return Place()
+    def _place(self, n: int, frame: int | None) -> Placement:
+        return Placement()
 
     def _slices(self, frame: int | None) -> Any:
         """The array that is cut into frames, with all of its axes."""

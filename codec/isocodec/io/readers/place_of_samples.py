@@ -3,17 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import OptionError
-from ...field.placement import placement_of
+from ...field.placement import TURN, Placement, matrix_of
 
-TURN = 360.0
-"""Period of longitudes."""
 EVEN = 0.01
 """How far coordinates of samples may be from even steps, in steps: files often keep them in single precision."""
 SLICE = "the position of a slice in space is ignored"
@@ -23,57 +20,16 @@ _CLOSES = 0.25
 Array = NDArray[np.float64]
 
 
-@dataclass(frozen=True)
-class MappedPlace:
-    """Where samples lie on a mapped grid.
-
-    Attributes
-    ----------
-    coordinates : list of float64
-        x, y (, z), each with as many axes as the field, one node along those that it does not depend on.
-    periodic : tuple of int
-    period : tuple of float
-        Of x, y (, z).
-    """
-
-    coordinates: list[Array]
-    periodic: tuple[int, ...]
-    period: tuple[float, ...]
-
-
-@dataclass(frozen=True)
-class Place:
-    """What a file says of where its samples lie.
-
-    Attributes
-    ----------
-    placement : (n, n + 1) float64, or None
-        A row for each coordinate: what a step along each axis of the array adds to it, and what it is at sample 0.
-    crs : str or None
-        The reference system of the coordinates, as ``EPSG:32631``.
-    remark : str
-        What the file says and is left out, and why; or nothing.
-    mapped : MappedPlace or None
-        Instead of a placement, coordinates that are no even steps, or that go round.
-    """
-
-    placement: NDArray[np.float64] | None = None
-    crs: str | None = None
-    remark: str = ""
-    mapped: MappedPlace | None = None
-
-
 def open_grid(axes: Sequence[Array]) -> list[Array]:
     """Coordinates x, y (, z) from one for each axis of the array, x along the last one."""
     n = len(axes)
     return [axis.reshape([-1 if a == n - 1 - c else 1 for a in range(n)]) for c, axis in enumerate(reversed(axes))]
 
 
-def placed_grid(coordinates: list[Array], shape: Sequence[int], turns: bool) -> MappedPlace:
-    """Coordinates of which x is a longitude, if it ``turns``, with the axes that are periodic then."""
-    n = len(shape)
-    periodic = tuple(a for a in range(n) if turns and _goes_round(coordinates[0], a, shape[a]))
-    return MappedPlace(coordinates, periodic, (TURN if turns else 0.0,) + (0.0,) * (n - 1))
+def placed_grid(coordinates: Sequence[Array], shape: Sequence[int], turns: bool, crs: str | None = None) -> Placement:
+    """Place samples at coordinates of which x is a longitude, if it ``turns``, with the axes that are periodic then."""
+    periodic = [a for a in range(len(shape)) if turns and _goes_round(coordinates[0], a, shape[a])]
+    return Placement(None, coordinates, crs, periodic, TURN if turns else 0.0, inferred=True)
 
 
 def _goes_round(longitude: Array, axis: int, size: int) -> bool:
@@ -91,16 +47,16 @@ def _goes_round(longitude: Array, axis: int, size: int) -> bool:
     return bool(np.count_nonzero(round_it & closes) * 2 > round_it.size)
 
 
-def placed(numbers: Any, n: int) -> Place:
-    """Make a place of a matrix of n axes; a remark if it cannot be a placement."""
+def placed(numbers: Any, n: int, crs: str | None = None) -> Placement:
+    """Place samples by a matrix of n axes; only a remark if it cannot be that of a placement."""
     try:
-        return Place(placement_of(numbers, n))
+        return Placement(matrix_of(numbers, n), crs=crs)
     except OptionError as error:
-        return Place(remark=f"its coordinates are ignored: {error.message}")
+        return Placement(remark=f"its coordinates are ignored: {error.message}")
 
 
-def in_steps(steps: Sequence[tuple[float, float]]) -> Place:
-    """Make a place of the step and the start along each axis: x runs along the last axis, y along the one before."""
+def in_steps(steps: Sequence[tuple[float, float]]) -> Placement:
+    """Place samples by the step and the start along each axis: x runs along the last axis, y along the one before."""
     n = len(steps)
     matrix = np.zeros((n, n + 1))
     for axis, step in enumerate(steps):

@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 
 from ...errors import OptionError
 from ...field.frames import Frames
-from ...field.missing import HOLE, WAYS, missing_samples
-from ...field.sampled import Field
+from ...field.missing import HOLE, missing_samples
+from ...field.sampled import Field, check_missing
 from ...field.text import plain
 from ...storage.remote import is_file, is_url, local
 from .from_nibabel import OpenedNibabel, is_nibabel
@@ -135,8 +135,7 @@ def read(
 
 def load(source: Any, options: ReadOptions) -> Field | Frames:
     """Read as `read` does, but leave it to the caller to pass on remarks."""
-    if options.missing not in (HOLE, *WAYS):
-        raise OptionError(f"missing={options.missing!r}", code="missing", remedy=f"one of {', '.join((HOLE, *WAYS))}")
+    check_missing(options.missing)
     if options.axis is not None and not options.frames:
         raise OptionError("axis is for series", code="frame", remedy="add frames=True")
     if isinstance(source, Field | Frames):

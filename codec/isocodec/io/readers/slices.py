@@ -9,8 +9,8 @@ from typing import Any, overload
 
 from numpy.typing import NDArray
 
+from ...field.placement import Placement
 from ...field.sampled import Field
-from .place_of_samples import Place
 
 
 @dataclass(frozen=True)
@@ -27,7 +27,7 @@ class Slices:
         Gives the one of a number, (s0, s1) or (s0, s1, s2) array.
     frame_shape : tuple of int
         Samples along each axis of a frame.
-    place : Place
+    place : Placement
         Where the samples of each of them lie.
     step : str
         Time from one to the next with its unit, if the file states it; else empty.
@@ -37,14 +37,14 @@ class Slices:
     axis: int
     frame: Callable[[int], NDArray[Any]]
     frame_shape: tuple[int, ...]
-    place: Place = field(default_factory=Place)
+    place: Placement = field(default_factory=Placement)
     step: str = ""
 
     def __len__(self) -> int:
         return self.shape[self.axis]
 
 
-def one_slice(samples: NDArray[Any], place: Place) -> Slices:
+def one_slice(samples: NDArray[Any], place: Placement) -> Slices:
     """Give a field as the only frame of a series."""
     return Slices((1, *samples.shape), 0, lambda number: samples, samples.shape, place)
 

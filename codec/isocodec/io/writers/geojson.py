@@ -4,17 +4,16 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Iterable
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ...drawing.areas import areas, polygons
+from ...drawing.areas import polygons
 from ...drawing.bands import bands
-from ..system import named, to_degrees
-
-if TYPE_CHECKING:
-    from ...drawing.contour import Contour
+from ...drawing.contour import Contour
+from ...field.placement import Placement
+from ...field.reference_system import DEGREES, epsg_of, to_degrees
 
 
 def render_lines(contours: Iterable[Contour], keep: bool = False) -> bytes:
@@ -27,7 +26,7 @@ def render_lines(contours: Iterable[Contour], keep: bool = False) -> bytes:
     """
 
     def feature(contour: Contour) -> bytes:
-        move = (lambda points: points) if keep else to_degrees(contour)
+        move = (lambda points: points) if keep else to_degrees(contour.placement)
         whole = contour.joined
         coordinates = [move(whole.along(walk)).tolist() for walk in whole.walks]
         return _feature(contour, {"type": "MultiLineString", "coordinates": coordinates})
@@ -38,24 +37,24 @@ def render_lines(contours: Iterable[Contour], keep: bool = False) -> bytes:
 def render_areas(
     contours: Iterable[Contour], side: str, valid: NDArray[np.bool_] | None = None, keep: bool = False
 ) -> bytes:
-    """Likewise the areas above or below each contour, or the ``bands`` between them; ``valid`` as in `areas`.
+    """Likewise the areas above or below each contour, or the ``bands`` between them; ``valid`` as in `Contour.areas`.
 
     Raises
     ------
     OptionError, TruncatedError, MissingExtraError
-        As `areas` and `to_degrees`.
+        As `Contour.areas` and `to_degrees`.
     """
 
     def moved(contour: Contour, geometry: dict[str, Any]) -> dict[str, Any]:
         if keep:
             return geometry
         shapely = polygons()
-        shape = shapely.transform(shapely.geometry.shape(geometry), to_degrees(contour))
+        shape = shapely.transform(shapely.geometry.shape(geometry), to_degrees(contour.placement))
         parts = [shapely.geometry.polygon.orient(part) for part in shape.geoms]
         return dict(shapely.geometry.mapping(shapely.MultiPolygon(parts)))
 
     def feature(contour: Contour) -> bytes:
-        geometry = areas(contour, above=side == "above", valid=valid)
+        geometry = contour.areas(above=side == "above", valid=valid)
         return _feature(contour, moved(contour, geometry), area=side)
 
     if side != "bands":
@@ -66,7 +65,7 @@ def render_areas(
                "geometry": moved(whole[0], band.geometry)})
         for band in bands(whole, valid=valid)
     ]
-    return _collection(texts, named(whole[0]) if keep else None)
+    return _collection(texts, named(whole[0].placement) if keep else None)
 
 
 def _feature(contour: Contour, geometry: dict[str, Any], **properties: str) -> bytes:
@@ -90,7 +89,7 @@ def _features(contours: Iterable[Contour], feature: Callable[[Contour], bytes], 
     texts, name = [], None
     for contour in contours:
         texts.append(feature(contour))
-        name = named(contour) if keep else None
+        name = named(contour.placement) if keep else None
         # of a contour no more is kept than its text
         del contour
     if len(texts) == 1:
@@ -102,6 +101,14 @@ def _collection(texts: list[bytes], system: dict[str, Any] | None) -> bytes:
     """The file of several features."""
     start = b'{"type":"FeatureCollection","features":['
     return b"".join([start, b",".join(texts), b"]", _member(system), b"}\n"])
+
+
+def named(placement: Placement | None) -> dict[str, Any]:
+    """The member of a GeoJSON file that names its system, as GeoJSON had it before RFC 7946; none for degrees."""
+    number = epsg_of(placement)
+    if number in (None, DEGREES):
+        return {}
+    return {"crs": {"type": "name", "properties": {"name": f"urn:ogc:def:crs:EPSG::{number}"}}}
 
 
 def _member(system: dict[str, Any] | None) -> bytes:

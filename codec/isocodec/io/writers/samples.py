@@ -13,10 +13,10 @@ from numpy.typing import NDArray
 
 from ...drawing.rows import MaskRows
 from ...extras import optional
+from ...field.placement import Placement
 from .output_formats import Format, find_suffix
 
 Mask = NDArray[np.bool_]
-Placement = NDArray[np.float64]
 Shape = tuple[int, ...]
 
 
@@ -49,8 +49,8 @@ def write_mask(file: BinaryIO, rows: MaskRows, suffix: str, placement: Placement
         Of the transposed array if `stored_last_first`.
     suffix : str
         As `check_mask_suffix` returns it.
-    placement : (n, n + 1) float64, optional
-        Where the samples lie; formats that cannot say so do without it.
+    placement : Placement, optional
+        Where the samples lie; formats without coordinates leave it out.
     """
     counted = _Counted(rows)
     _FORMATS[suffix].render(file, rows.shape, counted, placement)
@@ -98,7 +98,8 @@ def _nibabel() -> Any:
 def _nii(file: BinaryIO, shape: Shape, rows: Iterable[Mask], placement: Placement | None) -> None:
     """1 above, in the coordinates of the placement; without one in none."""
     nibabel = _nibabel()
-    affine = None if placement is None else np.vstack([placement, [0, 0, 0, 1]])
+    matrix = None if placement is None else placement.matrix
+    affine = None if matrix is None else np.vstack([matrix, [0, 0, 0, 1]])
     # the library sees an array of this shape that takes no memory; its samples follow the header
     image = nibabel.Nifti1Image(np.broadcast_to(np.uint8(0), shape[::-1]), affine)
     if affine is not None:

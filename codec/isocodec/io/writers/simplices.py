@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from ...drawing.contour import Contour
 from ...extras import optional
-from ..system import to_degrees
+from ...field.reference_system import to_degrees
 from .output_formats import Cost, Format
 
 if TYPE_CHECKING:
@@ -28,15 +28,9 @@ VALUES = "above", "level"
 
 def placed(mesh: Tessellation) -> NDArray[np.float64]:
     """Vertices in the coordinates x, y (, z) of the placement, or of samples (see `Contour.placed`)."""
-    return _about(mesh).place(mesh.points.astype(np.float64))
-
-
-def _about(mesh: Tessellation) -> Contour:
-    """An empty contour that says where the mesh lies."""
     none = np.zeros((0, 2)), np.zeros((0, 2), np.int64)
-    return Contour(
-        *none, mesh.isovalue, mesh.shape, placement=mesh.placement, metadata=mesh.metadata, mapped=mesh.mapped
-    )
+    about = Contour(*none, mesh.isovalue, mesh.shape, placement=mesh.placement)
+    return about.place(mesh.points.astype(np.float64))
 
 
 def _in_space(mesh: Tessellation) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
@@ -96,7 +90,7 @@ def _ply(mesh: Tessellation) -> bytes:
 def _geojson(mesh: Tessellation) -> bytes:
     """A polygon for each triangle, with its level and the signs of its corners."""
     points, cells = _in_space(mesh)
-    points = to_degrees(_about(mesh))(points[:, :2])
+    points = to_degrees(mesh.placement)(points[:, :2])
     features = [
         {
             "type": "Feature",

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import io
 import json
-import re
 from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -18,11 +17,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...extras import optional
+from ...field.placement import Placement
 from ...tin.tin import Tin
+from .geojson import named
 from .output_formats import Format, find_suffix
-
-_EPSG = re.compile("EPSG:([1-9][0-9]{0,5})")
-_DEGREES = "4326"
 
 
 @dataclass(frozen=True)
@@ -32,32 +30,25 @@ class PlacedTin:
     Attributes
     ----------
     tin : Tin
-    placement : (2, 3) float64
-        A row for each of x and y: what a step along each axis adds, and what it is at 0.
-    crs : str
-        Reference system of the coordinates, as ``EPSG:32631``, or nothing.
+    placement : Placement
+        With a matrix.
     notes : dict
         Arrays for NPZ.
     """
 
     tin: Tin
-    placement: NDArray[np.float64]
-    crs: str
+    placement: Placement
     notes: dict[str, NDArray[Any]]
 
     @property
     def vertices(self) -> NDArray[np.float64]:
         """(V, 3) float64: x, y, value."""
-        points = self.tin.points
-        # axis by axis: how a product of matrices is rounded depends on the library
-        x, y = (points[:, 0] * row[0] + points[:, 1] * row[1] + row[2] for row in self.placement)
-        return np.stack([x, y, self.tin.values], axis=1)
+        return np.column_stack([self.placement.place(self.tin.points), self.tin.values])
 
     @property
     def triangles(self) -> NDArray[np.int64]:
         """(T, 3) int64: seen anticlockwise from above."""
-        (a, b, _), (c, d, _) = self.placement
-        return self.tin.triangles if a * d - b * c > 0 else self.tin.triangles[:, ::-1]
+        return self.tin.triangles[:, ::-1] if self.placement.mirrored() else self.tin.triangles
 
 
 def check_tin(path: Path) -> str:
@@ -82,8 +73,8 @@ def _npz(placed: PlacedTin) -> bytes:
     buffer = io.BytesIO()
     tin = placed.tin
     arrays: dict[str, Any] = {
-        "points": tin.points, "values": tin.values, "triangles": tin.triangles, "placement": placed.placement,
-        "crs": np.asarray(placed.crs), **placed.notes,
+        "points": tin.points, "values": tin.values, "triangles": tin.triangles, "placement": placed.placement.matrix,
+        "crs": np.asarray(placed.placement.crs or ""), **placed.notes,
     }
     np.savez(buffer, **arrays)
     return buffer.getvalue()
@@ -127,11 +118,7 @@ def _geojson(placed: PlacedTin) -> bytes:
         }
         for corners in placed.vertices[placed.triangles].tolist()
     ]
-    system: dict[str, Any] = {}
-    found = _EPSG.fullmatch(placed.crs)
-    if found and found[1] != _DEGREES:
-        system["crs"] = {"type": "name", "properties": {"name": f"urn:ogc:def:crs:EPSG::{found[1]}"}}
-    whole = {"type": "FeatureCollection", **system, "features": features}
+    whole = {"type": "FeatureCollection", **named(placed.placement), "features": features}
     return json.dumps(whole, separators=(",", ":"), allow_nan=False).encode() + b"\n"
 
 

@@ -19,13 +19,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...drawing.areas import polygons
+from ...drawing.pictures.picture import contour_picture, matplotlib_figure
 from ...errors import OptionError
 from ...field.placement import CRS
 from ...storage.atomic import write_bytes
 from .dxf import ezdxf, render_dxf
 from .geojson import render_areas, render_lines
 from .output_formats import Cost, Format, find_suffix
-from .picture import PICTURE, contour_picture, matplotlib_figure
 from .pmtiles import libraries as pmtiles_libraries
 from .pmtiles import render_pmtiles
 from .simplices import MESHES
@@ -194,10 +194,10 @@ def _npz(contour: Contour) -> bytes:
         "isovalue": np.float64(contour.isovalue),
         "shape": np.asarray(contour.shape, dtype=np.int64),
     }
-    if contour.placement is not None:
-        arrays["placement"] = contour.placement
+    if contour.placement is not None and contour.placement.matrix is not None:
+        arrays["placement"] = contour.placement.matrix
         arrays["crs"] = np.asarray(contour.metadata.get(CRS, ""))
-    if contour.mapped is not None:
+    if contour.bent:
         arrays["placed"] = contour.placed
     buffer = io.BytesIO()
     np.savez(buffer, **arrays)
@@ -258,6 +258,8 @@ def _map(suffix: str) -> Format:
     return Format((2,), partial(render_table, suffix=suffix), libraries, (2,), {2: Cost(160, 100)})
 
 
+PICTURE = {2: Cost(200, 160, fixed=1 << 25), 3: Cost(80, 260, fixed=1 << 27, kept=0)}
+"""Memory that pictures take, by axes of the field."""
 _FORMATS: dict[str, Format] = {
     ".npz": Format((2, 3), _npz, cost={2: Cost(40, 48), 3: Cost(40, 48)}),
     ".png": Format((2, 3), contour_picture, matplotlib_figure, several=(2, 3), cost=PICTURE),

@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...drawing.contour import Contour
 from ...extras import optional
+from ..curve import Curve
 
 Shades = NDArray[np.float64]
 
@@ -24,7 +24,7 @@ def colour_map(shadow: str, light: str) -> Any:
 
 
 def draw_relief(
-    axes: Any, contour: Contour, field: NDArray[Any], valid: NDArray[np.bool_] | None, colours: Any
+    axes: Any, contour: Curve, field: NDArray[Any], valid: NDArray[np.bool_] | None, colours: Any
 ) -> None:
     """Draw a field as it lies, in relief; heights are exaggerated so that its slopes are seen, whatever its unit."""
     every = max(1, int(min(np.array(field.shape) / axes.bbox.size[::-1])))
@@ -42,7 +42,7 @@ def draw_relief(
     steps = np.stack([pixels[row + 1, column] - corner, pixels[row, column + 1] - corner], axis=1)
     image = shaded(heights, steps)
     look = {"cmap": colours, "vmin": 0, "vmax": 1, "zorder": 0}
-    if contour.mapped is None and not steps.diagonal().any():
+    if not contour.bent and not steps.diagonal().any():
         half = np.array([x[0, 1] - x[0, 0], y[1, 0] - y[0, 0]]) / 2
         axes.imshow(
             np.ma.masked_invalid(image), origin="lower", aspect="auto", interpolation="bilinear",
@@ -89,14 +89,14 @@ def within_holes(valid: NDArray[np.bool_], finest: tuple[int, ...]) -> NDArray[n
     return np.asarray((cells[:, None] + within).reshape(-1, 2))
 
 
-def hole_path(contour: Contour, valid: NDArray[np.bool_]) -> Any:
+def hole_path(contour: Curve, valid: NDArray[np.bool_]) -> Any:
     """The cells of holes as one path in places: in each row of cells the runs."""
     path = optional("matplotlib.path", extra="plot", purpose="drawing a picture")
     missing = hole_cells(valid)
     ends = np.diff(missing.astype(np.int8), axis=1, prepend=0, append=0)
     row, first = np.nonzero(ends == 1)
     last = np.nonzero(ends == -1)[1]
-    if contour.mapped is not None:
+    if contour.bent:
         # sides bend with the grid: each cell by itself
         row, first = np.nonzero(missing)
         last = first + 1

@@ -5,15 +5,12 @@ from __future__ import annotations
 import base64
 from collections.abc import Mapping, Sequence
 from html import escape
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ...errors import IsoError, MissingExtraError
+from ..curve import Curve
 from .picture import contour_picture
-
-if TYPE_CHECKING:
-    from ...drawing.contour import Contour
 
 MOST_POINTS = 50_000
 """Of curves that are drawn as paths; with more they become a picture."""
@@ -21,7 +18,7 @@ _SIDE = 480
 """Pixels along the longer side."""
 
 
-def page_of(contours: Sequence[Contour], facts: Mapping[str, object]) -> str:
+def page_of(contours: Sequence[Curve], facts: Mapping[str, object]) -> str:
     """HTML of curves or surfaces of one field, and under them what is known.
 
     Surfaces, and curves of many points, are pictures made by matplotlib, or left out without it.
@@ -33,7 +30,7 @@ def page_of(contours: Sequence[Contour], facts: Mapping[str, object]) -> str:
     return f"<div>{_drawing(contours)}<table>{rows}</table></div>"
 
 
-def _drawing(contours: Sequence[Contour]) -> str:
+def _drawing(contours: Sequence[Curve]) -> str:
     if not contours:
         return ""
     points = sum(len(contour.points) for contour in contours)
@@ -46,7 +43,7 @@ def _drawing(contours: Sequence[Contour]) -> str:
     return f'<img alt="" style="max-width:{_SIDE}px" src="data:image/png;base64,{base64.b64encode(picture).decode()}"/>'
 
 
-def _paths(contours: Sequence[Contour]) -> str:
+def _paths(contours: Sequence[Curve]) -> str:
     """An SVG, rows downwards as pictures are shown; on a mesh in the plane y upwards."""
     shape = contours[0].shape
     if shape:

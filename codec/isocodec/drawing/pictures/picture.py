@@ -11,19 +11,16 @@ from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass
 from itertools import chain, product
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import OptionError
 from ...extras import optional
-from .output_formats import Cost
+from ..curve import Curve
 from .shading import shade
 from .view import USUAL, View, proportions, upright
-
-if TYPE_CHECKING:
-    from ...drawing.contour import Contour
 
 PICTURE_SUFFIXES = (".png", ".pdf", ".svg")
 
@@ -44,18 +41,14 @@ class Step:
     what the file promises.
     """
 
-    contour: Contour
+    contour: Curve
     bytes: int
     total: int
     mesh: tuple[np.ndarray, np.ndarray] | None = None
     within: float | None = None
 
 
-PICTURE = {2: Cost(200, 160, fixed=1 << 25), 3: Cost(80, 260, fixed=1 << 27, kept=0)}
-"""Memory that pictures take, by axes of the field."""
-
-
-def contour_picture(contours: Collection[Contour], suffix: str = ".png", view: View = USUAL) -> bytes:
+def contour_picture(contours: Collection[Curve], suffix: str = ".png", view: View = USUAL) -> bytes:
     """The file of a picture of a contour, 2-D or 3-D, or of several of one field: curves in one, surfaces side by side.
 
     ``view`` is that of surfaces.
@@ -84,7 +77,7 @@ def contour_picture(contours: Collection[Contour], suffix: str = ".png", view: V
     return _file(figure, suffix)
 
 
-def _curves_figure(contours: Iterable[Contour]) -> Any:
+def _curves_figure(contours: Iterable[Curve]) -> Any:
     """Curves of several isovalues in one picture, each in its colour."""
     cm = optional("matplotlib.cm", extra="plot", purpose="drawing a picture")
     isovalues: list[float] = []
@@ -185,7 +178,7 @@ def _file(figure: Any, suffix: str) -> bytes:
     return buffer.getvalue()
 
 
-def _panel_size(contour: Contour, longest: float) -> tuple[float, float]:
+def _panel_size(contour: Curve, longest: float) -> tuple[float, float]:
     """Width and height in inches: in the proportions of a plane grid, but never a mere strip."""
     if _flat(contour) and len(contour.points):
         columns, rows = np.maximum(np.ptp(contour.points, axis=0), 1e-300)
@@ -199,12 +192,12 @@ def _panel_size(contour: Contour, longest: float) -> tuple[float, float]:
     return max(longest * columns / rows, least), longest
 
 
-def _flat(contour: Contour) -> bool:
+def _flat(contour: Curve) -> bool:
     """Whether it is a curve on a mesh in the plane, in x and y."""
     return not contour.shape and contour.points.shape[1] == 2
 
 
-def _draw(axes: Any, contour: Contour, pixels: int, view: View) -> None:
+def _draw(axes: Any, contour: Curve, pixels: int, view: View) -> None:
     if _flat(contour) or len(contour.shape) == 2:
         _draw_curve(axes, contour)
     elif len(contour.shape) == 3:
@@ -215,7 +208,7 @@ def _draw(axes: Any, contour: Contour, pixels: int, view: View) -> None:
 
 
 def _draw_mesh(
-    axes: Any, contour: Contour, position: np.ndarray, simplices: np.ndarray, view: View = USUAL
+    axes: Any, contour: Curve, position: np.ndarray, simplices: np.ndarray, view: View = USUAL
 ) -> None:
     """The triangles under a curve; of a surface the sides of its own triangles, those that look at the viewer."""
     collections = optional("matplotlib.collections", extra="plot", purpose="drawing a picture")
@@ -237,7 +230,7 @@ def _draw_mesh(
     )
 
 
-def _draw_curve(axes: Any, contour: Contour) -> None:
+def _draw_curve(axes: Any, contour: Curve) -> None:
     collections = optional("matplotlib.collections", extra="plot", purpose="drawing a picture")
     turned = 1 if _flat(contour) else -1
     lines = [np.asarray(line)[:, ::turned] for line in contour.lines]
@@ -256,7 +249,7 @@ def _draw_curve(axes: Any, contour: Contour) -> None:
     axes.tick_params(labelsize=7)
 
 
-def _draw_surface(axes: Any, contour: Contour, pixels: int, view: View) -> None:
+def _draw_surface(axes: Any, contour: Curve, pixels: int, view: View) -> None:
     """The surface as a picture of its own: matplotlib sorts whole triangles, and that shows in every fold."""
     world = upright(contour)
     flat = _box(contour) @ world.T @ view.screen
@@ -275,7 +268,7 @@ def _draw_surface(axes: Any, contour: Contour, pixels: int, view: View) -> None:
     axes.set_axis_off()
 
 
-def _box(contour: Contour) -> NDArray[np.float64]:
+def _box(contour: Curve) -> NDArray[np.float64]:
     """Corners of the sampled box, (8, 3), in samples."""
     return np.array(list(product(*((0.0, n - 1.0) for n in contour.shape))))
 

@@ -9,15 +9,12 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import OptionError
-
-if TYPE_CHECKING:
-    from ...drawing.contour import Contour
+from ..curve import Curve
 
 _STRETCH = 100.0
 _UNPLACED = np.array([(0.0, 0.0, -1.0), (0.0, -1.0, 0.0), (-1.0, 0.0, 0.0)])
@@ -100,18 +97,19 @@ def read_view(text: str) -> View:
     return View(azimuth, elevation)
 
 
-def proportions(contour: Contour) -> NDArray[np.float64]:
+def proportions(contour: Curve) -> NDArray[np.float64]:
     """Distances of neighbouring samples along each axis, the shortest of them 1, the longest at most ``_STRETCH``."""
     n = len(contour.shape)
-    if contour.placement is None:
+    matrix = None if contour.placement is None else contour.placement.matrix
+    if matrix is None:
         return np.ones(n)
-    steps = np.linalg.norm(contour.placement[:, :n], axis=0)
+    steps = np.linalg.norm(matrix[:, :n], axis=0)
     return np.minimum(steps / steps.min(), _STRETCH)
 
 
-def upright(contour: Contour) -> NDArray[np.float64]:
+def upright(contour: Curve) -> NDArray[np.float64]:
     """Matrix (3, 3) from samples of a volume to the world of its picture, where the shortest step has the length 1."""
-    if contour.placement is None:
+    matrix = None if contour.placement is None else contour.placement.matrix
+    if matrix is None:
         return _UNPLACED
-    matrix = contour.placement[:, :3]
-    return matrix / np.linalg.norm(matrix, axis=0) * proportions(contour)
+    return matrix[:, :3] / np.linalg.norm(matrix[:, :3], axis=0) * proportions(contour)

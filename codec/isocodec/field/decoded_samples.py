@@ -1,4 +1,4 @@
-"""A field of which only what a file tells is known: signs, and next to the curve numbers of steps or crossings."""
+"""Samples out of a file: their signs, and next to the curve their numbers of steps, or crossings."""
 
 from __future__ import annotations
 
@@ -8,20 +8,20 @@ from itertools import permutations
 import numpy as np
 from numpy.typing import NDArray
 
-from .samples import Field, interval_value
+from .samples import Samples, interval_value
 
 LABELS = "labels"
 """The note of a file whose isovalues are labels: a sample lies above the one that it has."""
 
 
 @dataclass(frozen=True)
-class Told(Field):
-    """What a file on the full grid tells of a field at one isovalue; ``values`` are made up so that they agree with it.
+class DecodedSamples(Samples):
+    """Samples at one isovalue as a file on the full grid holds them; ``values`` are made up to agree with it.
 
     Attributes
     ----------
     number : (s0, .., sn-1) int64, or None
-        Steps from the isovalue's side, -1 where they are not told; None of a file without values.
+        Steps from the isovalue's side, -1 where they are unknown; None of a file without values.
     edges : (E,) int64
         Without numbers: grid edges that have a crossing, ascending: ``n`` times the index of the lower end in the
         flattened array, plus the axis.
@@ -39,12 +39,12 @@ class Told(Field):
         return self.number is not None and self.scale is None
 
     def numbers(self, positions: NDArray[np.integer], above: NDArray[np.bool_]) -> NDArray[np.int64]:
-        """As they were told; see `Field.numbers`."""
+        """As in the file; see `Samples.numbers`."""
         assert self.number is not None
         return np.maximum(self.number[tuple(positions.T)], 0)
 
     def number_bits(self) -> tuple[int, int]:
-        """Bits that the numbers need that were told, above and below the isovalue."""
+        """Bits that the known numbers need, above and below the isovalue."""
         assert self.number is not None
         above, below = (int(self.number[self.signs == side].max(initial=0)).bit_length() for side in (True, False))
         return above, below
@@ -52,7 +52,7 @@ class Told(Field):
     def between(self, low: NDArray[np.int64], high: NDArray[np.int64]) -> NDArray[np.float64]:
         """Where edges between samples next to one another are crossed.
 
-        Of a diagonal nothing is told: it is crossed where the ways along the axes between its ends are, in the mean.
+        A diagonal is taken to be crossed where the ways along the axes between its ends are, in the mean.
         """
         if self.number is not None:
             return super().between(low, high)
@@ -83,17 +83,17 @@ class Told(Field):
 def places_of(
     keys: NDArray[np.int64], edges: NDArray[np.int64], places: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Places of edges (K,) among those that are told, ascending, half-way for the others."""
+    """Places of edges (K,) among those that are known, ascending, half-way for the others."""
     if not len(edges):
         return np.full(len(keys), 0.5)
     at = np.minimum(np.searchsorted(edges, keys), len(edges) - 1)
     return np.where(edges[at] == keys, places[at], 0.5)
 
 
-def told_values(
+def values_of_steps(
     signs: NDArray[np.bool_], isovalue: float, scale: float | None, number: NDArray[np.int64]
 ) -> NDArray[np.float64]:
-    """Samples (s0, .., sn-1) with so many steps from the isovalue; with none where the number is not told."""
+    """Samples (s0, .., sn-1) with so many steps from the isovalue; with none where the number is unknown."""
     out: NDArray[np.float64] = interval_value(isovalue, scale, np.maximum(number, 0), signs)
     return out
 
@@ -101,9 +101,9 @@ def told_values(
 def near_values(
     signs: NDArray[np.bool_], isovalue: float, edges: NDArray[np.int64], places: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Samples as far from the isovalue as the nearest crossing of an edge is from them, in cells; 1 if none is told.
+    """Samples as far from the isovalue as the nearest crossing of an edge is from them, in cells; 1 if none is known.
 
-    Only searches look at them, to tell where it goes up.
+    Only searches use them, to see where it goes up.
     """
     n = signs.ndim
     far = np.ones(signs.size)

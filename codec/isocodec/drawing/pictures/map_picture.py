@@ -11,12 +11,12 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ...drawing.contour import Contour
 from ...errors import OptionError
 from ...extras import optional
 from ...field.sampled import UNIT
 from ...field.text import one_line
-from ..system import Ground, ground_of
+from ..curve import Curve
+from .ground import Ground, ground_of
 from .line_labels import Label, Page, label_lines, page_of
 from .picture import matplotlib_figure
 from .relief import colour_map, draw_relief, hole_path, within_holes
@@ -83,14 +83,14 @@ class Map(NamedTuple):
 
 
 def map_picture(
-    contours: Sequence[Contour], suffix: str, look: Look, field: NDArray[Any] | None = None,
+    contours: Sequence[Curve], suffix: str, look: Look, field: NDArray[Any] | None = None,
     valid: NDArray[np.bool_] | None = None,
 ) -> Map:
     """Draw the map of the isocontours of a field.
 
     Parameters
     ----------
-    contours : sequence of Contour
+    contours : sequence of Curve
         Of one field of two axes.
     suffix : str
         One of `picture.PICTURE_SUFFIXES`.
@@ -125,7 +125,7 @@ def map_picture(
 # ---- The sheet ------------------------------------------------------------------------------------------------------
 
 
-def _sheet(contour: Contour, look: Look, ground: Ground) -> tuple[Any, Any]:
+def _sheet(contour: Curve, look: Look, ground: Ground) -> tuple[Any, Any]:
     """Figure and axes of a map: the same scale along both axes, whatever is written around it."""
     low, high = _extent(contour)
     size = np.maximum(high - low, 1e-300) * [ground.shrinks, 1]
@@ -149,10 +149,10 @@ def _sheet(contour: Contour, look: Look, ground: Ground) -> tuple[Any, Any]:
     return figure, axes
 
 
-def _extent(contour: Contour) -> tuple[Points, Points]:
+def _extent(contour: Curve) -> tuple[Points, Points]:
     """Least and largest x and y of samples."""
-    if contour.mapped is not None:
-        nodes = contour.mapped.nodes()
+    if contour.placement is not None and contour.bent:
+        nodes = contour.placement.nodes()
         return np.array([node.min() for node in nodes]), np.array([node.max() for node in nodes])
     far = np.array(contour.shape) - 1.0
     corners = contour.place(np.array([(0, 0), (far[0], 0), far, (0, far[1])]))
@@ -162,7 +162,7 @@ def _extent(contour: Contour) -> tuple[Points, Points]:
 # ---- Holes and lines ------------------------------------------------------------------------------------------------
 
 
-def _draw_holes(axes: Any, contour: Contour, valid: NDArray[np.bool_], colours: Colours, page: Page) -> None:
+def _draw_holes(axes: Any, contour: Curve, valid: NDArray[np.bool_], colours: Colours, page: Page) -> None:
     """Hatch unit cells with a missing corner, where curves end."""
     patches = optional("matplotlib.patches", extra="plot", purpose="drawing a picture")
     axes.add_patch(
@@ -174,7 +174,7 @@ def _draw_holes(axes: Any, contour: Contour, valid: NDArray[np.bool_], colours: 
     page.shut_box(_on_page(axes, contour.place(within_holes(valid, page.shut.shape))))
 
 
-def _draw_lines(axes: Any, contours: Sequence[Contour], look: Look, page: Page) -> int:
+def _draw_lines(axes: Any, contours: Sequence[Curve], look: Look, page: Page) -> int:
     """Thin lines, thick index lines broken under their labels, and these; returns how many."""
     thick = index_lines([contour.isovalue for contour in contours], look.index)
     thin_lines: list[Points] = []
@@ -253,7 +253,7 @@ def _width(text: str, size: float = _SMALL) -> float:
 
 
 def _write_around(
-    figure: Any, axes: Any, contours: Sequence[Contour], look: Look, ground: Ground, holes: bool
+    figure: Any, axes: Any, contours: Sequence[Curve], look: Look, ground: Ground, holes: bool
 ) -> None:
     """Frame, coordinates, title, what the map says of itself, scale bar."""
     ticker = optional("matplotlib.ticker", extra="plot", purpose="drawing a picture")
@@ -286,7 +286,7 @@ def _write_around(
     _scale_bar(figure, axes, ground, write)
 
 
-def _said_of_lines(contours: Sequence[Contour], every: int) -> str:
+def _said_of_lines(contours: Sequence[Curve], every: int) -> str:
     """Interval of the lines and of index lines, if there is one."""
     unit = one_line(contours[0].metadata.get(UNIT, ""), 20)
     values = sorted(contour.isovalue for contour in contours)
