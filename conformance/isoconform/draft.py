@@ -8,8 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from isocodec import encode, encode_frames, truncate
+from isocodec import encode, encode_frames
 from isocodec.format.events import LayerComplete
+from isocodec.stream.truncation import truncate
 
 from .dump import COMPLETE, dump
 

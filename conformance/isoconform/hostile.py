@@ -9,9 +9,10 @@ import struct
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
-from isocodec import Encoder, truncate
+from isocodec import Encoder
 from isocodec.format.chunks import write_further
 from isocodec.format.header import Header, write_header
+from isocodec.stream.truncation import truncate
 from isospec.container import MAX_ISOVALUES, ChunkType, Operation, Profile, write_varint
 
 from .draft import Draft

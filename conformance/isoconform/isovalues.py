@@ -6,9 +6,10 @@ from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 
-from isocodec import Decoder, truncate
+from isocodec import Decoder
 from isocodec.format.chunks import write_further
 from isocodec.format.events import IsovalueRead
+from isocodec.stream.truncation import truncate
 from isospec.container import ALL, MAX_ISOVALUES, ChunkType, Operation
 
 from .adaptive import SOME, SPACES, Steps, adapt_to, base_on, random_run

@@ -9,13 +9,14 @@ from operator import mul
 
 import numpy as np
 
-from isocodec import Decoder, Encoder, encode, truncate
+from isocodec import Decoder, Encoder, encode
 from isocodec.entropy.range_coder import cut
 from isocodec.field.samples import Samples, check_field
 from isocodec.format.chunks import write_index, write_metadata
 from isocodec.format.events import LayerComplete
 from isocodec.format.header import Header, write_header
 from isocodec.format.program import Layer
+from isocodec.stream.truncation import truncate
 from isospec.container import MAX_SIDE, ChunkType, Operation, write_varint
 
 from .draft import Draft, encoded
@@ -166,11 +167,11 @@ def cut_before_values() -> Iterator[Draft]:
     decoder = Decoder()
     decoder.feed(file)
     for event in decoder:
-        if isinstance(event, LayerComplete) and decoder.layers[event.number].kind == "values":
+        if isinstance(event, LayerComplete) and decoder.grid.layers[event.number].kind == "values":
             break
-    symbols = sum(decoder.symbols.values())
-    run = decoder.runs[-1]
-    payload = write_varint(symbols) + file[run.program_start : run.start] + cut(decoder.coder)
+    symbols = sum(decoder.grid.symbols.values())
+    run = decoder.grid.runs[-1]
+    payload = write_varint(symbols) + file[run.program_start : run.start] + cut(decoder.grid.coder)
     whole = split(file)
     yield Draft(
         "plane_cut_before_values", bytes(whole.with_chunks(Chunk(ChunkType.CUT_LAYERS, payload))), 2,

@@ -93,7 +93,7 @@ def program_length(data: bytes) -> int:
     decoder.feed(data)
     for _ in decoder:
         pass
-    return decoder.runs[0].start - decoder.runs[0].program_start
+    return decoder.grid.runs[0].start - decoder.grid.runs[0].program_start
 
 
 Step = tuple[int, int] | bytes

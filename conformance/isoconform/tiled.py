@@ -11,9 +11,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike
 
-from isocodec import TiledIsoFile, encode_tiles
-from isocodec import open as open_iso
+from isocodec import encode_tiles
 from isocodec.format.chunks import CHECKSUM_BYTES
+from isocodec.tiles.tiled import TiledFile as Tiles
 from isospec.container import Checksum, Double, write_varint
 
 from .adaptive import SPACES
@@ -80,10 +80,8 @@ def encoded() -> Iterator[Draft]:
         yield _tiled(name, waves(shape, HIGH, 4), VALUE, "partial tiles")
 
 
-def _opened(draft: Draft) -> TiledIsoFile:
-    file = open_iso(draft.data)
-    assert isinstance(file, TiledIsoFile)
-    return file
+def _opened(draft: Draft) -> Tiles:
+    return Tiles(lambda start, end: draft.data[start:end])
 
 
 def _segments(data: bytes) -> list[bytes]:
@@ -109,7 +107,7 @@ def written(n: int, block: int, stages: int) -> TiledFile:
         extent = tuple(min(1 << block, m - o) for m, o in zip(counts, origin, strict=True))
         runs = []
         for index in _morton(extent):
-            chunks = _segments(file.tile(tuple(np.add(origin, index).tolist())))
+            chunks = _segments(file.plain(tuple(np.add(origin, index).tolist())))
             parts = [b"".join(chunks[: len(chunks) - stages + 1]), *chunks[len(chunks) - stages + 1 :]]
             runs.append(Run(CODED, 1, [parts]) if chunks else Run(0, 1))
         blocks.append(Block([runs], stages))
@@ -128,7 +126,7 @@ def grouped() -> TiledFile:
     """A file with areas whose first segment just fills a group; of the second area nothing is left behind it."""
     spots = _spots((33, 65), (16, 16), (16, 48))
     file = _opened(_tiled("", spots, -0.5, "", exact=False, signs_only=True))
-    (*coarse, fine), (*more, _) = (_segments(file.tile(index)) for index in ((0, 0), (0, 1)))
+    (*coarse, fine), (*more, _) = (_segments(file.plain(index)) for index in ((0, 0), (0, 1)))
     tiles = [[_filled(b"".join(coarse), GROUP), _filled(fine, GROUP)], [b"".join(more), b""]]
     return TiledFile((33, 65), 5, 1, bytes([2, 0]), [bytes([HALVES, 1])], [Block([[Run(CODED, 2, tiles)]], 2)])
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from itertools import permutations
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,8 +28,8 @@ class Tessellation:
 
     Attributes
     ----------
-    points : (V, n) int64
-        Vertices as sample indices, within the box.
+    points : (V, n) int64 or float64
+        Vertices as sample indices, within the box; on an explicit mesh their coordinates, and of a surface.
     cells : (M, n + 1) int64
         Indices into ``points``; in index coordinates all are oriented alike, with a positive volume.
     levels : (M,) int64
@@ -45,7 +46,7 @@ class Tessellation:
     metadata : dict of str to str
     """
 
-    points: NDArray[np.int64]
+    points: NDArray[Any]
     cells: NDArray[np.int64]
     levels: NDArray[np.int64]
     above: NDArray[np.bool_]

@@ -6,7 +6,7 @@ import numpy as np
 
 from ...errors import InputError
 from ...extras import optional
-from .mesh_formats import MeshFormat, MeshRead
+from .mesh_formats import HEIGHT, MeshFormat, MeshRead
 from .reading import reading
 from .source import Source
 
@@ -28,7 +28,7 @@ def _vector(source: Source) -> MeshRead:
             if name != shapes.name and found[name].dtype.kind in "iufb"
         }
         if shapes.has_z.all():
-            values.setdefault("z", shapes.z.to_numpy())
+            values.setdefault(HEIGHT, shapes.z.to_numpy())
     return MeshRead(points.astype(np.float64), None, values)
 
 

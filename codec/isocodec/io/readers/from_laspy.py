@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ...extras import optional
-from .mesh_formats import MeshFormat, MeshRead
+from .mesh_formats import HEIGHT, MeshFormat, MeshRead
 from .reading import reading
 from .source import Source
 
@@ -16,7 +16,7 @@ def _cloud(source: Source) -> MeshRead:
         source.check_count(file.header.point_count)
         found = file.read()
         points = np.stack([np.asarray(found.x, np.float64), np.asarray(found.y, np.float64)], axis=1)
-        values = {"z": np.asarray(found.z, np.float64)}
+        values = {HEIGHT: np.asarray(found.z, np.float64)}
         for name in found.point_format.dimension_names:
             if name not in ("X", "Y", "Z"):
                 values[str(name)] = np.asarray(found[name])

@@ -9,6 +9,7 @@ import csv
 import io
 import zipfile
 from functools import cached_property
+from pathlib import Path
 from typing import IO, Any
 
 import numpy as np
@@ -34,6 +35,8 @@ _PACKED = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)
 _LISTED = 20
 _PAIRS = (("lon", "lat"), ("longitude", "latitude"), ("rlon", "rlat"), ("nav_lon", "nav_lat"), ("x", "y"))
 """Names of coordinates x and y in .npz files."""
+_OF_MESHES = ("points", "cells")
+"""Names of arrays that make an .npz file a mesh."""
 _ACROSS = ("x", "lon", "longitude", "easting")
 _UP = ("y", "lat", "latitude", "northing")
 
@@ -171,14 +174,23 @@ def _beside(source: Source, archive: zipfile.ZipFile, n: int) -> Placement | Non
     return None
 
 
+def _holds_mesh(path: Path) -> bool:
+    """Whether an archive has points and cells."""
+    try:
+        with zipfile.ZipFile(path) as archive:
+            return {f"{name}.npy" for name in _OF_MESHES} <= set(archive.namelist())
+    except (OSError, zipfile.BadZipFile):
+        return False
+
+
 def _mesh(source: Source) -> MeshRead:
     with reading("NumPy file"), np.load(source.path, allow_pickle=False) as arrays:
-        if not {"points", "cells"} <= set(arrays.files):
+        if not set(_OF_MESHES) <= set(arrays.files):
             raise InputError("holds no arrays points and cells", code="mesh")
         points, cells = np.asarray(arrays["points"], np.float64), np.asarray(arrays["cells"]).astype(np.int64)
         if points.ndim != 2 or cells.ndim != 2 or cells.shape[1] not in (3, 4):
             raise InputError("holds points or cells of another shape", code="mesh")
-        others = {name: arrays[name] for name in arrays.files if name not in ("points", "cells")}
+        others = {name: arrays[name] for name in arrays.files if name not in _OF_MESHES}
     return MeshRead(points, cells, {name: each for name, each in others.items() if each.shape[-1:] == (len(points),)})
 
 
@@ -225,5 +237,6 @@ FORMATS = (
     Format("NumPy archive", (".npz",), _NumpyFile, signatures=((0, b"PK\x03\x04", ".npz"),), keyed=True),
 )
 MESHES = (
-    MeshFormat("NumPy archive", (".npz",), _mesh), MeshFormat("table", (".csv", ".xyz"), _table, scattered=True),
+    MeshFormat("NumPy archive", (".npz",), _mesh, holds=_holds_mesh),
+    MeshFormat("table", (".csv", ".xyz"), _table, scattered=True),
 )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -12,6 +13,9 @@ from numpy.typing import NDArray
 from ...errors import OptionError
 from ...field.text import plain
 from .source import Source
+
+HEIGHT = "z"
+"""Values of points in space that are joined over the plane."""
 
 
 @dataclass(frozen=True)
@@ -65,6 +69,8 @@ class MeshFormat:
         In lower case, with their dots.
     read : callable
         Reads a source.
+    holds : callable, optional
+        Whether a file holds a mesh, of a format that may also hold a field.
     extra : str
         Extra of this package with the library that reads it; empty if none is needed.
     scattered : bool
@@ -76,3 +82,4 @@ class MeshFormat:
     read: Callable[[Source], MeshRead]
     extra: str = ""
     scattered: bool = False
+    holds: Callable[[Path], bool] | None = None

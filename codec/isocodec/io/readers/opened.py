@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from ...errors import OptionError
 from ...field.missing import missing_samples
-from ...field.placement import Placement
+from ...field.placement import FRAME_STEP, Placement
 from ...field.sampled import Field
 from .reading import about
 from .slices import Slices
@@ -199,19 +199,18 @@ class Opened:
     def fields(self, slices: Slices, nodata: float | None = None) -> Callable[[int], Field]:
         """Give what makes a field of each of some slices."""
         marker = self.nodata if nodata is None else nodata
-        return lambda number: self._described(slices.frame(number), slices.place, marker)
+        notes = {FRAME_STEP: slices.step} if slices.step else {}
+        return lambda number: self._described(slices.frame(number), slices.place, marker, notes)
 
-    def notes(self) -> Mapping[str, str]:
-        """What else the input states."""
-        return {}
-
-    def _described(self, values: Array, place: Placement, nodata: float | None) -> Field:
+    def _described(
+        self, values: Array, place: Placement, nodata: float | None, notes: Mapping[str, str] | None = None
+    ) -> Field:
         gone = missing_samples(values, nodata)
         if values.dtype.kind == "f":
             gone &= ~np.isnan(values)
         return Field(
             values, gone if gone.any() else None, place if place.placed else None, unit=self.unit, name=self.name,
-            notes=self.notes(), remarks=(place.remark,) if place.remark else (),
+            notes=notes, remarks=(place.remark,) if place.remark else (),
         )
 
     def _place_of_slices(self, axis: int, n: int) -> Placement:

@@ -1,4 +1,4 @@
-"""Read fields and series of whatever holds them: files, URLs, open files, and what other libraries have in memory."""
+"""Read fields, series and meshes of whatever holds them: files, URLs, open files, and what other libraries have in memory."""
 
 from __future__ import annotations
 
@@ -8,13 +8,14 @@ import warnings
 from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
-from typing import Any, Literal, overload
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import OptionError
-from ...field.frames import Frames
+from ...field.framed import Frames
+from ...field.meshed import Mesh
 from ...field.missing import HOLE, missing_samples
 from ...field.sampled import Field, check_missing
 from ...field.text import plain
@@ -22,9 +23,10 @@ from ...storage.remote import is_file, is_url, local
 from .from_nibabel import OpenedNibabel, is_nibabel
 from .from_simpleitk import OpenedItk, is_itk
 from .from_xarray import OpenedLabels, is_labelled, variable
+from .mesh_formats import HEIGHT
 from .opened import IN_MEMORY, Choice, Opened
 from .reading import about, check_frame
-from .registry import open_file, recognised
+from .registry import holds_mesh, open_file, read_mesh, recognised
 from .slices import FieldsInTurn, Slices
 
 
@@ -50,24 +52,12 @@ class ReadOptions:
     follow: bool = False
 
 
-@overload
-def read(
-    source: Any, *, key: str | None = ..., channel: int | None = ..., frame: int | None = ...,
-    frames: Literal[False] = ..., axis: None = ..., missing: str = ..., nodata: float | None = ...,
-    kind: str | None = ..., samples: int | None = ..., follow: bool = ...,
-) -> Field: ...
-@overload
-def read(
-    source: Any, *, key: str | None = ..., channel: int | None = ..., frame: int | None = ...,
-    frames: Literal[True], axis: int | None = ..., missing: str = ..., nodata: float | None = ...,
-    kind: str | None = ..., samples: int | None = ..., follow: bool = ...,
-) -> Frames: ...
 def read(
     source: Any, *, key: str | None = None, channel: int | None = None, frame: int | None = None,
     frames: bool = False, axis: int | None = None, missing: str = HOLE, nodata: float | None = None,
     kind: str | None = None, samples: int | None = None, follow: bool = False,
-) -> Field | Frames:
-    """Read a sampled field, or a series of them, with all that its source states.
+) -> Field | Frames | Mesh:
+    """Read a sampled field, a series of them, or values on a mesh, with all that its source states.
 
     Parameters
     ----------
@@ -77,7 +67,8 @@ def read(
         SimpleITK; an array. A `Field` stays as it is.
     key : str, optional
         Name of the array in a file or a ``Dataset`` that holds several. Without it the only array is taken (of HDF5,
-        NetCDF and Zarr the only one of two or more axes), or the one named ``values``. Of a folder of DICOM the series.
+        NetCDF and Zarr the only one of two or more axes), or the one named ``values``. Of a folder of DICOM the series;
+        of a mesh or of scattered points the values, without it the only ones, those named ``z``, or else none.
     channel : int, optional
         Channel of a colour picture, counted from 0.
     frame : int, optional
@@ -101,11 +92,12 @@ def read(
 
     Returns
     -------
-    Field or Frames
-        Values with the axes and the type that they have in the source (truth values of files are uint8), placed in the
-        coordinates that it states: x, y (, z), of medical volumes to the right, the front and upwards. Pictures are
-        (rows, columns), TIFF stacks (pages, rows, columns), volumes (i, j, k) as stored: with their integer type if
-        they state no scaling or one by whole numbers, otherwise scaled to float64, as packed arrays of NetCDF are.
+    Field, Frames or Mesh
+        A Mesh of the files of meshes, point clouds, tables of points and vector files. Otherwise values with the axes
+        and the type that they have in the source (truth values of files are uint8), placed in the coordinates that it
+        states: x, y (, z), of medical volumes to the right, the front and upwards. Pictures are (rows, columns), TIFF
+        stacks (pages, rows, columns), volumes (i, j, k) as stored: with their integer type if they state no scaling or
+        one by whole numbers, otherwise scaled to float64, as packed arrays of NetCDF are.
 
     Raises
     ------
@@ -128,25 +120,43 @@ def read(
     found = load(
         source, ReadOptions(key, channel, frame, frames, axis, missing, nodata, kind, samples, follow)
     )
-    for remark in found.remarks if isinstance(found, Field) else getattr(found.fields, "remarks", ()):
+    for remark in getattr(found.fields if isinstance(found, Frames) else found, "remarks", ()):
         warnings.warn(remark, stacklevel=2)
     return found
 
 
-def load(source: Any, options: ReadOptions) -> Field | Frames:
-    """Read as `read` does, but leave it to the caller to pass on remarks."""
+def load(source: Any, options: ReadOptions) -> Field | Frames | Mesh:
+    """Read as `read` does, but leave it to the caller to pass on remarks.
+
+    Those of a series are an attribute of its ``fields``.
+    """
     check_missing(options.missing)
     if options.axis is not None and not options.frames:
         raise OptionError("axis is for series", code="frame", remedy="add frames=True")
-    if isinstance(source, Field | Frames):
+    if isinstance(source, Field | Frames | Mesh):
         return source
+    if isinstance(source, str | os.PathLike) and not is_url(source) and holds_mesh(source):
+        return _mesh(source, options)
     with open_source(source, options) as opened:
         if not options.frames:
             return replace(opened.field(options.frame, nodata=options.nodata), missing=options.missing)
         slices = opened.frames(options.axis, options.frame)
         # the samples may be read later
-        fields = FieldsInTurn(slices, opened.fields(slices, options.nodata), options.missing, opened.hand_over())
-        return Frames(fields, slices.step or None)
+        return Frames(
+            FieldsInTurn(slices, opened.fields(slices, options.nodata), options.missing, opened.hand_over())
+        )
+
+
+def _mesh(source: str | os.PathLike[str], options: ReadOptions) -> Mesh:
+    """Read a mesh, or scattered points, with the values that a key names, or the only ones, or those named ``z``."""
+    for name, default in ReadOptions.__dataclass_fields__.items():
+        if name not in ("key", "samples") and getattr(options, name) != default.default:
+            raise OptionError(f"{name} does not apply to meshes and points", code=name)
+    found = read_mesh(source, options.samples)
+    name = options.key
+    if name is None and (len(found.values) == 1 or HEIGHT in found.values):
+        name = HEIGHT if HEIGHT in found.values else next(iter(found.values))
+    return Mesh(found.points, found.cells, None if name is None else found.values_named(name))
 
 
 def open_source(source: Any, options: ReadOptions) -> Opened:

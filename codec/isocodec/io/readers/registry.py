@@ -66,9 +66,10 @@ def recognised(name: str, first: bytes) -> str | None:
 
 
 def holds_mesh(path: str | os.PathLike[str]) -> bool:
-    """Whether a file holds a mesh or scattered points by its name, not a field; a name of both holds a field."""
-    lower = Path(path).name.lower()
-    return lower.endswith(MESH_SUFFIXES + POINT_SUFFIXES) and not lower.endswith(FIELD_SUFFIXES)
+    """Whether a file holds a mesh or scattered points by its name, and if need be by what is in it."""
+    path = Path(path)
+    found = next((each for each in MESH_FORMATS if path.name.lower().endswith(each.suffixes)), None)
+    return found is not None and (found.holds is None or found.holds(path))
 
 
 def open_file(

@@ -1,4 +1,4 @@
-"""The decoder of files of explicit domains: chunks in, contours out (spec clause 10)."""
+"""What the chunks of a file of values on a mesh mean: its domain and layers, and their drawings (spec clause 10)."""
 
 from __future__ import annotations
 
@@ -13,24 +13,23 @@ from isospec.container import LAYER_LIMIT, ChunkType, DomainKind, MeshLayer
 
 from ..drawing.contour import Contour
 from ..drawing.explicit import crossed_edges, draw_cells
-from ..errors import FormatError, InputError, LimitError, OptionError
+from ..drawing.tessellation import Tessellation
+from ..errors import FormatError, InputError, LimitError, OptionError, TruncatedError
 from ..field.samples import interval_value
-from ..format.chunks import Envelope, read_envelope, verify
+from ..format.chunks import Envelope
 from ..format.domain import DomainHead, MeshLayerHead, read_mesh_layer
 from ..format.events import ChunkSkipped, DomainRead, Event, FrameRead, IsovalueRead, MeshLayerComplete
 from ..format.frames import key_of
 from ..format.header import Header
-from ..limits import WORK_PER_BYTE, Limits
+from ..limits import WORK_PER_BYTE
 from ..mesh.coded_points import BYTES_PER_POINT, decoded_points
 from ..mesh.complex import Complex, complex_of
 from ..mesh.history import History, history_of
 from ..mesh.isovalue import MeshIsovalue
 from ..mesh.mesh_run import decoded_mesh
-from .contents import Contents
-from .session import ContainerDecoder
+from .outline import check_explicit
+from .session import Session
 
-REFUSED = (ChunkType.CUT_LAYERS, ChunkType.MASK)
-"""Critical chunks that a file of an explicit domain does not have."""
 HISTORY_PER_CELL = 300
 """Bytes that the history of a mesh takes for a cell, about."""
 ELEMENTS = 64
@@ -45,46 +44,41 @@ def coordinates_of(domain: Complex, head: DomainHead) -> NDArray[np.float64]:
     return np.asarray(np.ldexp(places * head.multiple, head.exponent))
 
 
-class MeshDecoder(ContainerDecoder):
-    """Decodes a file of an explicit domain as its bytes come in, chunk by chunk.
+class MeshContents:
+    """Decodes the chunks of a file of values on a mesh; draws isovalues, by number, as of the events taken so far.
 
     Parameters
     ----------
+    session : Session
+    header : Header
     mesh : (points, cells), optional
         The mesh that the file was made on, if the file does not hold it: (V, d) coordinates and (T, n + 1) vertices.
-    limits : Limits, optional
     only : collection of int, optional
-        Numbers of the isovalues to decode, as of `Decoder`.
+        Numbers of the isovalues to decode.
     frame : int, optional
-        Of a series, the frame to decode, as of `Decoder`; all, one after the other, if None.
+        Of a series, the frame to decode; all, one after the other, if None.
 
     Attributes
     ----------
-    header : Header or None
-    isovalues : list of float
-    metadata : dict of str to str
-
-    Raises
-    ------
-    FormatError
-        From iterating or ``close``: the bytes violate the specification.
-    InputError
-        From iterating: the mesh is not the one that the file was made on.
-    LimitError
-        From iterating: the file needs more than the limits allow.
+    outline : Outline
     """
+
+    kind = "mesh"
 
     def __init__(
         self,
+        session: Session,
+        header: Header,
         mesh: tuple[ArrayLike, ArrayLike] | None = None,
-        limits: Limits | None = None,
-        *,
         only: Collection[int] | None = None,
         frame: int | None = None,
     ) -> None:
-        super().__init__(limits, Contents(), frame)
+        self.outline = session.outline
+        self._session, self._header, self._budget = session, header, session.budget
+        self.limits = session.limits
         self._mesh = mesh
         self._only = only
+        self._wanted = frame
         self._domain: Complex | None = None
         self._points: NDArray[np.float64] | None = None
         self._strands: list[MeshIsovalue | None] = []
@@ -97,7 +91,7 @@ class MeshDecoder(ContainerDecoder):
     @property
     def head(self) -> DomainHead | None:
         """What the file says of its domain, once that has come."""
-        return self._contents.domain
+        return self.outline.domain
 
     def strand(self, number: int = 0, *, before: bool = False) -> MeshIsovalue | None:
         """What is known of an isovalue, by number; None before it has come, or if it is skipped.
@@ -114,14 +108,18 @@ class MeshDecoder(ContainerDecoder):
         """The complex, once it has come."""
         return self._domain
 
-    def drawn(self, number: int = 0, *, before: bool = False) -> Contour:
+    def contour(
+        self, number: int = 0, *, smooth: bool = False, through_holes: bool = False, before: bool = False
+    ) -> Contour:
         """The curve or surface of an isovalue, by number, as of the events taken so far.
 
         ``before``: that of the frame before, while the next one begins.
         """
-        n = self.header.n if self.header else 2
+        if smooth:
+            raise OptionError("smooth applies to grids only", code="smooth", remedy="leave it out")
+        n = self._header.n
         found = self.strand(number, before=before)
-        notes = dict(self.metadata)
+        notes = dict(self.outline.metadata)
         if found is not None and found.edges is None and found.rounds is not None:
             return self._coarse(found, notes)
         if found is None or found.edges is None or self._domain is None or self._points is None:
@@ -132,7 +130,7 @@ class MeshDecoder(ContainerDecoder):
             self._points, self._domain.mesh.cell[leaves], self._domain.mirrored[leaves], found.strand.sign == 1,
             found.edges[:, :2], self._ratio(found),
         )
-        return Contour(points, cells, found.value, (), self._ended, metadata=notes)
+        return Contour(points, cells, found.value, (), self._session.complete, metadata=notes)
 
     def _coarse(self, found: MeshIsovalue, notes: dict[str, str]) -> Contour:
         """The curve on what is left of the mesh after some rounds."""
@@ -145,10 +143,22 @@ class MeshDecoder(ContainerDecoder):
         )
         return Contour(points, pieces, found.value, (), False, metadata=notes)
 
-    def snapshot(self, number: int = 0) -> Contour:
-        """The same of all bytes fed so far."""
-        self._take_all()
-        return self.drawn(number)
+    def mesh(self, number: int = 0, whole: bool = True) -> Tessellation:
+        """The mesh, with signs of its vertices at an isovalue, by number: all of it, or the crossed cells alone.
+
+        Raises
+        ------
+        TruncatedError
+            If that has not been received yet.
+        """
+        found = self.strand(number)
+        if found is None or found.edges is None or self._domain is None or self._points is None:
+            raise TruncatedError("the file ends before its mesh and signs are complete", code="truncated")
+        cells = self._domain.mesh.cell if whole else self._domain.mesh.cell[found.leaves]
+        return Tessellation(
+            self._points, cells.astype(np.int64), np.zeros(len(cells), np.int64), found.strand.sign == 1, found.value,
+            (), self._session.complete, metadata=dict(self.outline.metadata),
+        )
 
     def _ratio(self, found: MeshIsovalue) -> NDArray[np.float64]:
         """Where edges are crossed, from their lower vertices."""
@@ -165,39 +175,24 @@ class MeshDecoder(ContainerDecoder):
             return np.asarray((2 * found.number + 1) / (2 * found.parts))
         return np.full(len(found.edges), 0.5)
 
-    # -- the machine ---------------------------------------------------------------------------------------------
+    # -- chunks ---------------------------------------------------------------------------------------------------
 
-    def _begin_file(self, header: Header) -> None:
-        if header.cells is None:
-            raise OptionError("the file's domain is a grid", code="domain", remedy="take Decoder, or decode")
-        super()._begin_file(header)
+    def expect(self, chunk: Envelope, at: int) -> None:
+        """See `Contents.expect`."""
+        check_explicit(chunk, at, self.head is not None)
 
-    def _step(self, header: Header) -> Event | None:
-        chunk = read_envelope(self._data, self._at)
-        if chunk is None:
-            return None
-        self._check(chunk)
-        behind = verify(self._data, chunk, self._at)
-        if behind is None:
-            return None
-        self._at = behind
-        self._last = chunk.last
-        return self._read(chunk, bytes(self._data[chunk.start : chunk.end]), behind)
+    def arrive(self, chunk: Envelope, at: int) -> tuple[Event | None, bool]:
+        """See `Contents.arrive`: a layer is decoded once it is whole."""
+        return None, True
 
-    def _check(self, chunk: Envelope) -> None:
-        """Refuse critical chunks that do not belong here."""
-        if chunk.type in REFUSED:
-            raise FormatError("not in an explicit domain", code="chunk", offset=self._at, clause="10.1.1")
-        if (chunk.type == ChunkType.DOMAIN) == (self.head is not None) and not chunk.ancillary:
-            what = "a second domain" if self.head else "the domain has to come first"
-            raise FormatError(what, code="domain", offset=self._at, clause="3.5.8")
-
-    def _read(self, chunk: Envelope, payload: bytes, behind: int) -> Event:
+    def take(self, chunk: Envelope, at: int, behind: int) -> Event:
+        """See `Contents.take`."""
+        payload = bytes(self._session.data[chunk.start : chunk.end])
         if chunk.type == ChunkType.LAYERS:
             return self._read_layer(payload, chunk.start, behind)
         if chunk.type == ChunkType.INDEX:
             return ChunkSkipped(behind, chunk.type, len(payload))
-        event = self._contents.read(chunk, payload, behind)
+        event = self.outline.read(chunk, payload, behind)
         if isinstance(event, IsovalueRead):
             self._begin(event.number, event.lean)
         if isinstance(event, FrameRead):
@@ -206,17 +201,22 @@ class MeshDecoder(ContainerDecoder):
             self._begin_domain(payload, chunk.start)
         return event
 
+    def drop(self) -> None:
+        """See `Contents.drop`."""
+        self._strands, self._before = [], []
+        self._budget.release(self)
+
     def _begin_domain(self, payload: bytes, start: int) -> None:
         """The domain's chunk has been read."""
-        assert self.header is not None and self.head is not None
-        n, head = self.header.n, self.head
+        assert self.head is not None
+        n, head = self._header.n, self.head
         if head.vertices > self.limits.vertices or head.cells > self.limits.simplices:
             raise LimitError("more vertices or cells than the limits allow", code="limit-vertices", clause="11.2")
         self._budget.check(PER_CELL * (head.vertices + head.cells))
         if head.kind == DomainKind.KNOWN:
             self._domain, self._points = self._known_mesh(head, n)
         else:
-            run, unit = self._contents.run_of_domain, math.ldexp(head.multiple, head.exponent)
+            run, unit = self.outline.run_of_domain, math.ldexp(head.multiple, head.exponent)
             size, data = (head.vertices, head.cells), payload[run:]
             if head.kind == DomainKind.DELAUNAY:
                 self._budget.check(BYTES_PER_POINT * head.vertices)
@@ -262,12 +262,12 @@ class MeshDecoder(ContainerDecoder):
         """Whether nothing of the present frame is needed."""
         if self._wanted is None:
             return False
-        first = key_of(self._wanted, self._contents.interval or 0)
-        return not first <= self._contents.frame <= self._wanted
+        first = key_of(self._wanted, self.outline.interval or 0)
+        return not first <= self.outline.frame <= self._wanted
 
     def _begin(self, number: int, lean: int | None, before: bool = False) -> None:
         """An isovalue begins; ``before`` if it leans on the frame before."""
-        assert self.header is not None and self._domain is not None
+        assert self._domain is not None
         if number >= self.limits.isovalues:
             raise LimitError(f"more than {self.limits.isovalues} isovalues", code="limit-isovalues", clause="11.2")
         self._leans.append(None if before else lean)
@@ -286,12 +286,13 @@ class MeshDecoder(ContainerDecoder):
         self._work_off(self._domain)
         held = sum(one is not None for one in [*self._before, *self._strands]) + 1
         self._budget.hold(self, held * MeshIsovalue.bytes_for(self._domain))
-        self._strands.append(MeshIsovalue(self._domain, self.isovalues[number], self.header.scale, earlier, then))
+        isovalue = self.outline.isovalues[number]
+        self._strands.append(MeshIsovalue(self._domain, isovalue, self._header.scale, earlier, then))
 
     def _work_off(self, domain: Complex) -> None:
         """Count what looking once at all vertices and cells takes."""
         self._worked += (len(domain.mesh.position) + len(domain.mesh.cell)) // ELEMENTS
-        if self._worked > self.limits.work + WORK_PER_BYTE * self._at:
+        if self._worked > self.limits.work + WORK_PER_BYTE * self._session.at:
             raise LimitError(
                 f"takes more time than {self.limits.work:,} units of work", code="limit-work", clause="11.2",
                 remedy="raise Limits.work (--limit-work) if the file is trusted",
@@ -299,7 +300,7 @@ class MeshDecoder(ContainerDecoder):
 
     def _read_layer(self, payload: bytes, start: int, behind: int) -> Event:
         present = None if self._skipped else self._strands[-1]
-        self._contents.begun = True
+        self.outline.begun = True
         self._layers += 1
         if self._layers > LAYER_LIMIT:
             raise FormatError(f"more than {LAYER_LIMIT} layers", code="layers", offset=start, clause="11.1")
@@ -353,4 +354,4 @@ class MeshDecoder(ContainerDecoder):
             return history_of(domain, watch)
         except OptionError as error:
             text = f"a layer of levels, but {error.message}"
-            raise FormatError(text, code="layer", offset=self._at, clause="10.8.1") from None
+            raise FormatError(text, code="layer", offset=self._session.at, clause="10.8.1") from None

@@ -1,4 +1,4 @@
-"""What a decoder has received so far: its numbers, drawings, masks and meshes (spec clause 9)."""
+"""What the chunks of a file of a sampled grid mean: layers, masks, frames, and the drawings of them (spec clause 9)."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from isospec.container import ChunkType
 from isospec.elements import ELEMENTS
 
 from ..drawing.contour import Contour
@@ -18,40 +19,125 @@ from ..drawing.rows import MaskRows
 from ..drawing.snapshot import state_of
 from ..drawing.tessellation import Tessellation
 from ..entropy.range_coder import Coder
-from ..errors import LimitError, OptionError, out_of_memory
+from ..errors import OptionError, out_of_memory
 from ..field.mapped import Mapped
 from ..field.placement import Placement
+from ..format.chunks import Envelope
+from ..format.events import ChunkSkipped, Event, FrameRead, IsovalueRead, MaskComplete, SeriesRead
+from ..format.frames import first_operation
+from ..format.header import Header
 from ..format.program import Layer, Progress
 from ..grid.layers.reader import LayerReader
 from ..grid.passes.runner import Tube
 from ..grid.tube.decoded import Decoded
-from ..limits import Limits
-from .contents import Contents
 from .drawn import contour_of, ends_of, mask_rows_of, mesh_of, tessellation_of, valid_rows_of
+from .outline import LAYER_CHUNKS
 from .placing import DecodedCoordinates
-from .session import ContainerDecoder
+from .session import Session
 from .tubes import Tubes
 
 
-class Received(ContainerDecoder):
-    """What bytes have been fed and what has been decoded of them, as of the events taken so far.
+class GridContents:
+    """Decodes the chunks of a grid's file; draws isovalues, by number, as of the events taken so far.
 
-    `Decoder` takes the events.
+    Parameters
+    ----------
+    session : Session
+    header : Header
+    only : collection of int, optional
+        Numbers of the isovalues to decode; the chunks of others are skipped.
+    frame : int, optional
+        Of a series, the frame to decode, with those that it leans on; all frames, one after the other, if None.
+
+    Attributes
+    ----------
+    outline : Outline
+    layers : list of Layer
+        Layers announced so far.
+    runs : list of Run
     """
 
+    kind = "grid"
+
     def __init__(
-        self, limits: Limits | None = None, *, only: Collection[int] | None = None, frame: int | None = None
+        self, session: Session, header: Header, only: Collection[int] | None = None, frame: int | None = None
     ) -> None:
-        self.layers: list[Layer] = []
-        super().__init__(limits, Contents(layers=self.layers), frame)
-        self._strands = strands = Tubes(self.limits, self._data, self._contents, self._budget, only, frame)
+        self.outline = session.outline
+        self.layers: list[Layer] = self.outline.layers
+        self._session, self._header, self._data = session, header, session.data
+        self._budget = session.budget
+        self._strands = strands = Tubes(session.limits, self._data, self.outline, self._budget, only, frame)
         self._tubes, self._progresses, self._mask = strands.all, strands.progresses, strands.mask
         self._reader = LayerReader(
-            self.limits, self._data, self._tubes, self._progresses, self._mask.tubes, self.layers
+            session.limits, self._data, self._tubes, self._progresses, self._mask.tubes, self.layers
         )
         self.runs = self._reader.runs
         self._coordinates = DecodedCoordinates(self._budget)
-        self._cut = False
+        self._looked = False
+        strands.begin(header, None, session.at)
+
+    # -- chunks ---------------------------------------------------------------------------------------------------
+
+    def expect(self, chunk: Envelope, at: int) -> None:
+        """See `Contents.expect`."""
+        if chunk.type == ChunkType.MASK:
+            self._strands.begin_mask(self._header, at)
+
+    def arrive(self, chunk: Envelope, at: int) -> tuple[Event | None, bool]:
+        """See `Contents.arrive`."""
+        layers = chunk.type in LAYER_CHUNKS
+        if layers and not self._looked:
+            place = first_operation(self._data, chunk)
+            if place is None and len(self._data) < chunk.end:
+                return None, False
+            self._looked = True
+            frame = None if place is None else self.outline.begin_layers(self._data[place], place)
+            if frame is not None:
+                self._begin(frame)
+                return frame, False
+        if not self._mask.go_on(chunk, at):
+            return None, False
+        if layers and self._tube is not None:
+            event = self._reader.go_on(chunk, at)
+            return event, not self._reader.waiting
+        return None, True
+
+    def take(self, chunk: Envelope, at: int, behind: int) -> Event | None:
+        """See `Contents.take`."""
+        skipped, self._looked = chunk.type in LAYER_CHUNKS and self._tube is None, False
+        self._reader.leave()
+        if self._mask.coming:
+            self._strands.end_mask(self._header)
+            return MaskComplete(behind, chunk.end - chunk.start)
+        if chunk.type not in LAYER_CHUNKS:
+            event = self.outline.read(chunk, bytes(self._data[chunk.start : chunk.end]), behind)
+            self._begin(event)
+            return event
+        return ChunkSkipped(behind, chunk.type, chunk.end - chunk.start) if skipped else None
+
+    def drop(self) -> None:
+        """See `Contents.drop`."""
+        self.discard()
+        self._mask.drop()
+
+    def _begin(self, event: Event) -> None:
+        """Begin what an event announces: another isovalue, a series, a further frame."""
+        if isinstance(event, IsovalueRead):
+            self._strands.begin(self._header, event.lean, self._session.at)
+        elif isinstance(event, SeriesRead):
+            self._strands.begin_series()
+        elif isinstance(event, FrameRead):
+            if event.number == 0 and not self._strands.past:
+                self._reader.next_frame(self._strands.before)
+                self._strands.next_frame()
+            self._strands.begin_frame(self._header, event)
+
+    # -- what has been decoded -------------------------------------------------------------------------------------
+
+    @property
+    def _complete(self) -> bool:
+        """Whether drawings show the whole file."""
+        return self._session.complete and not self._session.cut
 
     @property
     def _tube(self) -> Tube | None:
@@ -63,12 +149,14 @@ class Received(ContainerDecoder):
         return self._progresses[-1]
 
     @property
-    def interval(self) -> int | None:
-        """Of a series: frames whose number is a multiple of it lean on none before them, 0 if only the first does.
+    def tubes(self) -> list[Tube | None]:
+        """Tubes of the isovalues of the present frame, by number; None for those that are skipped."""
+        return self._tubes
 
-        None of a file without frames, and before that is known.
-        """
-        return self._contents.interval
+    @property
+    def tubes_before(self) -> list[Tube | None]:
+        """Those of the frame before."""
+        return self._strands.before
 
     @property
     def value_bits(self) -> tuple[int, int]:
@@ -86,11 +174,6 @@ class Received(ContainerDecoder):
         return self._reader.run_symbols
 
     @property
-    def memory(self) -> int:
-        """Bytes that count to `Limits.memory` at present."""
-        return self._budget.held
-
-    @property
     def symbols(self) -> dict[str, int]:
         """Symbols received so far, by syntax element."""
         return dict(zip(ELEMENTS, map(int, self._reader.symbols()), strict=True))
@@ -103,12 +186,15 @@ class Received(ContainerDecoder):
 
     def _tube_of(self, number: int) -> Tube | None:
         """That of an isovalue, by number; None before it has come, or if it is skipped."""
-        if isinstance(self._error, LimitError):
-            # what was decoded has been dropped
-            raise copy(self._error)
+        self._check_limits()
         if number < 0:
             raise OptionError(f"isovalue number {number}; they are counted from 0", code="isovalue")
         return self._tubes[number] if number < len(self._tubes) else None
+
+    def _check_limits(self) -> None:
+        """Refuse to draw after a limit was exceeded: what was decoded has been dropped."""
+        if (error := self._session.exceeded) is not None:
+            raise copy(error)
 
     def state(self, number: int = 0, *, before: bool = False) -> Decoded | None:
         """The decoded state of an isovalue, by number, in integers; None before it has come, or if it is skipped.
@@ -123,8 +209,8 @@ class Received(ContainerDecoder):
         """The decoded state of the mask, likewise; None before its chunk has come."""
         return state_of(self._mask.tube) if self._mask.tube else None
 
-    def drawn(
-        self, number: int = 0, smooth: bool = False, through_holes: bool = False, *, before: bool = False
+    def contour(
+        self, number: int = 0, *, smooth: bool = False, through_holes: bool = False, before: bool = False
     ) -> Contour:
         """The curve or surface of an isovalue, by number; ``smooth`` and ``through_holes`` as in `decode`.
 
@@ -143,10 +229,10 @@ class Received(ContainerDecoder):
 
     def _drawn(self, number: int, smooth: bool, through_holes: bool, before: bool) -> Contour:
         tube = self._strands.before[number] if before else self._tube_of(number)
-        isovalue = self.isovalues[number] if tube else math.nan
-        complete = before or (self._ended and not self._cut)
+        isovalue = self.outline.isovalues[number] if tube else math.nan
         contour = contour_of(
-            tube, isovalue, self.header, self.metadata, complete, smooth, self._budget, self._mask.holes, through_holes
+            tube, isovalue, self._header, self.outline.metadata, before or self._complete, smooth, self._budget,
+            self._mask.holes, through_holes,
         )
         return replace(contour, placement=self.placement)
 
@@ -158,17 +244,17 @@ class Received(ContainerDecoder):
     def ends(self, number: int = 0) -> tuple[Contour, NDArray[np.int64]]:
         """The contour of an isovalue, by number, and between which samples its points lie: see `draw_with_ends`."""
         tube = self._tube_of(number)
-        if tube is None or self.header is None:
-            contour = self.drawn(number)
+        if tube is None:
+            contour = self.contour(number)
             return contour, np.zeros((0, 2, contour.n), np.int64)
         try:
-            complete = self._ended and not self._cut
-            return ends_of(tube, self.isovalues[number], self.header, complete, self._budget, self._mask.holes)
+            isovalue = self.outline.isovalues[number]
+            return ends_of(tube, isovalue, self._header, self._complete, self._budget, self._mask.holes)
         except MemoryError:
             pass
         raise out_of_memory("to draw the contour")
 
-    def mask(self, number: int = 0) -> NDArray[np.bool_]:
+    def above(self, number: int = 0) -> NDArray[np.bool_]:
         """Which samples lie above an isovalue, by number, as of the events taken so far (spec clause 9.7).
 
         Raises
@@ -176,7 +262,7 @@ class Received(ContainerDecoder):
         TruncatedError
             If that has not been received yet.
         OptionError
-            If the file does not tell: its mesh is coarser than the samples.
+            If the file does not say: its mesh is coarser than the samples.
         LimitError
             If there are more samples than the limits allow.
         """
@@ -194,10 +280,10 @@ class Received(ContainerDecoder):
         Raises
         ------
         TruncatedError, OptionError, LimitError
-            As `mask`.
+            As `above`.
         """
-        tube = self._tube_of(number)
-        return mask_rows_of(tube, len(self._data), self.complete, last_first, self.limits, self._budget)
+        tube, session = self._tube_of(number), self._session
+        return mask_rows_of(tube, len(self._data), session.complete, last_first, session.limits, self._budget)
 
     def valid(self) -> NDArray[np.bool_]:
         """Which samples are valid, as of the events taken so far; all are if the file has no mask.
@@ -217,17 +303,17 @@ class Received(ContainerDecoder):
 
     def valid_rows(self, last_first: bool = False) -> MaskRows:
         """The same some rows at a time; ``last_first`` and errors as in `mask_rows`."""
-        if isinstance(self._error, LimitError):
-            raise copy(self._error)
-        tube, received = self._mask.tube if self._mask.holes else None, len(self._data)
-        return valid_rows_of(tube, self.header, received, self.complete, last_first, self.limits, self._budget)
+        self._check_limits()
+        tube, session = self._mask.tube if self._mask.holes else None, self._session
+        return valid_rows_of(
+            tube, self._header, len(self._data), session.complete, last_first, session.limits, self._budget
+        )
 
-    def mesh(self, number: int = 0) -> tuple[np.ndarray, np.ndarray]:
+    def crossed(self, number: int = 0) -> tuple[np.ndarray, np.ndarray]:
         """The crossed leaves of the mesh: positions (V, n) and vertices of simplices (M, n + 1), both int64."""
-        n = len(self.header.shape) if self.header else 2
-        return mesh_of(self._tube_of(number), n, self._budget)
+        return mesh_of(self._tube_of(number), len(self._header.shape), self._budget)
 
-    def tessellation(self, number: int = 0, whole: bool = True) -> Tessellation:
+    def mesh(self, number: int = 0, whole: bool = True) -> Tessellation:
         """The mesh of an isovalue, by number, with signs of vertices: of the whole box, or its crossed leaves alone.
 
         Raises
@@ -238,10 +324,11 @@ class Received(ContainerDecoder):
             If it takes more memory than the limits allow; the decoder stays as it is.
         """
         tube = self._tube_of(number)
-        isovalue = self.isovalues[number] if tube else math.nan
-        complete = self._ended and not self._cut
+        isovalue = self.outline.isovalues[number] if tube else math.nan
         try:
-            mesh = tessellation_of(tube, isovalue, self.header, self.metadata, complete, whole, self._budget)
+            mesh = tessellation_of(
+                tube, isovalue, self._header, self.outline.metadata, self._complete, whole, self._budget
+            )
             return replace(mesh, placement=self.placement)
         except MemoryError:
             pass
@@ -250,9 +337,7 @@ class Received(ContainerDecoder):
     @property
     def placement(self) -> Placement | None:
         """Where samples lie, as far as that has come; errors as `mapped`."""
-        if self.header is None:
-            return None
-        return self._coordinates.placement(self._contents.coordinates, self.header.shape, self.metadata)
+        return self._coordinates.placement(self.outline.coordinates, self._header.shape, self.outline.metadata)
 
     def mapped(self) -> Mapped | None:
         """The chunk of coordinates, decoded; None if it has not come.
@@ -262,7 +347,7 @@ class Received(ContainerDecoder):
         LimitError
             If they take more memory than the limits allow; the decoder stays as it is.
         """
-        return None if self.header is None else self._coordinates.mapped(self._contents.coordinates, self.header.shape)
+        return self._coordinates.mapped(self.outline.coordinates, self._header.shape)
 
     def hold(self, size: int) -> None:
         """Count ``size`` bytes that the caller holds, of drawings for example, to the limit of memory from now on.

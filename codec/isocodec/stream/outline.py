@@ -1,4 +1,4 @@
-"""What the chunks of a file say: one reader for each type, for the decoder and for inspection (spec clause 3.5)."""
+"""Outline of a file: what its chunks state apart from coded symbols, one reader for each type (spec clause 3.5)."""
 
 from __future__ import annotations
 
@@ -34,6 +34,8 @@ from ..format.frames import FRAME_BEFORE, is_key, read_frame, read_interval
 from ..format.header import Header
 from ..format.program import Layer
 
+REFUSED = (ChunkType.CUT_LAYERS, ChunkType.MASK)
+"""Critical chunks that a file of an explicit domain does not have."""
 LAYER_CHUNKS = (ChunkType.LAYERS, ChunkType.CUT_LAYERS)
 """Chunks that are decoded as they come in; so is a mask. The others are read when they are complete."""
 
@@ -42,8 +44,8 @@ _BASES = (Operation.BASE, Operation.BASE_AND_REFINE, Operation.ADAPTIVE_BASE, Op
 
 
 @dataclass
-class Contents:
-    """What has been read of a file so far, but for its symbols.
+class Outline:
+    """Everything read from a file so far, apart from its symbols.
 
     Attributes
     ----------
@@ -174,57 +176,57 @@ class Contents:
         self.promises.append(Promises({}, False))
 
 
-Reader = Callable[[Contents, bytes, int, int], Event | None]
+Reader = Callable[[Outline, bytes, int, int], Event | None]
 """Of the payload of a chunk, given where it begins and where the chunk ends in the file; None if it has no event."""
 
 
-def _isovalue(contents: Contents, payload: bytes, start: int, behind: int) -> Event:
-    if contents.frame > 0:
+def _isovalue(outline: Outline, payload: bytes, start: int, behind: int) -> Event:
+    if outline.frame > 0:
         raise FormatError("another isovalue in a further frame", code="frame", offset=start, clause="3.5.7")
-    isovalue, lean = read_further(payload, start, contents.isovalues)
-    contents._add(isovalue, lean)
-    return IsovalueRead(behind, len(contents.isovalues) - 1, isovalue, lean)
+    isovalue, lean = read_further(payload, start, outline.isovalues)
+    outline._add(isovalue, lean)
+    return IsovalueRead(behind, len(outline.isovalues) - 1, isovalue, lean)
 
 
-def _frame(contents: Contents, payload: bytes, start: int, behind: int) -> Event:
-    if contents.interval is not None:
-        return contents.begin_next(payload, start, behind)
-    if contents.layers or contents.based or contents.begun:
+def _frame(outline: Outline, payload: bytes, start: int, behind: int) -> Event:
+    if outline.interval is not None:
+        return outline.begin_next(payload, start, behind)
+    if outline.layers or outline.based or outline.begun:
         raise FormatError("frames behind layers", code="frame", offset=start, clause="3.5.7")
-    contents.interval = read_interval(payload, start)
-    return SeriesRead(behind, contents.interval)
+    outline.interval = read_interval(payload, start)
+    return SeriesRead(behind, outline.interval)
 
 
-def _metadata(contents: Contents, payload: bytes, start: int, behind: int) -> Event:
-    contents.metadata.update(read_metadata(payload))
-    return MetadataRead(behind, dict(contents.metadata))
+def _metadata(outline: Outline, payload: bytes, start: int, behind: int) -> Event:
+    outline.metadata.update(read_metadata(payload))
+    return MetadataRead(behind, dict(outline.metadata))
 
 
-def _promises(contents: Contents, payload: bytes, start: int, behind: int) -> Event | None:
+def _promises(outline: Outline, payload: bytes, start: int, behind: int) -> Event | None:
     promises = read_promises(payload)
     if promises is None:
         return None
-    contents.promises[contents.number] = promises
+    outline.promises[outline.number] = promises
     return PromisesRead(behind, promises)
 
 
-def _coordinates(contents: Contents, payload: bytes, start: int, behind: int) -> Event | None:
-    found = read_coordinates(payload, contents.shape)
+def _coordinates(outline: Outline, payload: bytes, start: int, behind: int) -> Event | None:
+    found = read_coordinates(payload, outline.shape)
     if found is None:
         return None
-    contents.coordinates = found
+    outline.coordinates = found
     return CoordinatesRead(behind, found)
 
 
-def _index(contents: Contents, payload: bytes, start: int, behind: int) -> None:
-    contents.records = read_index(payload, contents.layers) or contents.records
+def _index(outline: Outline, payload: bytes, start: int, behind: int) -> None:
+    outline.records = read_index(payload, outline.layers) or outline.records
 
 
-def _domain(contents: Contents, payload: bytes, start: int, behind: int) -> Event:
-    if contents.cells is None:
+def _domain(outline: Outline, payload: bytes, start: int, behind: int) -> Event:
+    if outline.cells is None:
         raise FormatError("a domain in a file of a grid", code="domain", offset=start, clause="3.5.8")
-    contents.domain, contents.run_of_domain = read_domain(payload, contents.cells, start)
-    return DomainRead(behind, contents.domain.vertices, contents.domain.cells)
+    outline.domain, outline.run_of_domain = read_domain(payload, outline.cells, start)
+    return DomainRead(behind, outline.domain.vertices, outline.domain.cells)
 
 
 READERS: Mapping[int, Reader] = {
@@ -237,3 +239,17 @@ READERS: Mapping[int, Reader] = {
     ChunkType.DOMAIN: _domain,
 }
 """By type of chunk."""
+
+
+def check_explicit(chunk: Envelope, at: int, begun: bool) -> None:
+    """Check that a critical chunk may stand in the file of an explicit domain; ``begun`` once its domain has come.
+
+    Raises
+    ------
+    FormatError
+    """
+    if chunk.type in REFUSED:
+        raise FormatError("not in an explicit domain", code="chunk", offset=at, clause="10.1.1")
+    if (chunk.type == ChunkType.DOMAIN) == begun:
+        what = "a second domain" if begun else "the domain has to come first"
+        raise FormatError(what, code="domain", offset=at, clause="3.5.8")

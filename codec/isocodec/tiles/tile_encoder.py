@@ -14,7 +14,6 @@ from numpy.typing import ArrayLike, NDArray
 from isospec.container import ChunkType, Profile
 
 from ..errors import InputError, OptionError
-from ..field.placement import Placement
 from ..field.samples import Samples, check_field, mask_field, missing_of, without_holes
 from ..format.chunks import write_chunk
 from ..format.header import Header
@@ -62,14 +61,16 @@ class Tiling:
     def __post_init__(self) -> None:
         o = self.options
         o.check_data(np.dtype(self.dtype).kind in "biu")
-        given = ("plan", "steps", "criterion", "base_level", "preserve_topology")
-        if chosen := next((name for name in given if getattr(o, name) not in (None, False)), ""):
+        unused = {
+            "layers": not o.layers.default, f"precision {o.precision.text!r}": o.precision.steps is not None,
+            "keep_topology": o.keep_topology,
+        }
+        if chosen := next((name for name, given in unused.items() if given), ""):
             raise OptionError(
-                f"{chosen} and tiles contradict one another: their meshes have to be the same where they meet",
-                code="tiles", remedy=f"use exact, step, signs_only or a tolerance below {SEARCHED:g}",
+                f"{chosen} and tiles cannot be combined: their meshes have to be the same where they meet",
+                code="tiles", remedy=f"use exact, step=.., signs or a distance below {SEARCHED:g}",
             )
-        if isinstance(o.placement, Placement) and (o.placement.periodic or o.placement.coordinates is not None):
-            raise OptionError("coordinates and periodic axes are not for tiles", code="tiles", remedy="use a matrix")
+        o.check_placement_note(self.grid.n)
 
     @property
     def stages(self) -> tuple[Stage, ...]:
@@ -77,30 +78,31 @@ class Tiling:
         if self.searched is not None:
             return Stage(COARSEST), Stage(0, True, True)
         signs = tuple(Stage(edge) for edge in EDGES)
-        return signs if self.options.signs_only else (*signs, Stage(0, True))
+        return signs if self.options.precision.signs else (*signs, Stage(0, True))
 
     @property
     def searched(self) -> float | None:
         """The tolerance that meshes are searched for, if they are."""
-        tolerance = self.options.tolerance
+        precision = self.options.precision
         if self.grid.n == 3:
-            return tolerance if self.cubes else None
-        return tolerance if tolerance is not None and tolerance >= SEARCHED else None
+            return precision.tolerance if self.cubes else None
+        return precision.searched
 
     def tried(self) -> list[Tiling]:
         """What to try one after the other: cubes that are smaller each time, at last the full grid."""
-        exponents = cubes_for(self.options.tolerance, COARSEST) if self.grid.n == 3 else ()
+        exponents = cubes_for(self.options.precision.tolerance, COARSEST) if self.grid.n == 3 else ()
         return [*(replace(self, cubes=exponent) for exponent in exponents), self]
 
     @property
     def profile(self) -> Profile:
         """The entropy profile."""
-        return Profile[self.options.profile.upper()]
+        return self.options.entropy
 
     def head(self, masked: bool) -> Head:
         """The head of the file."""
         o = self.options
-        return Head(self.grid, self.isovalues, self.stages, o.step, self.profile, masked, o.notes(self.grid.n))
+        step, notes = o.precision.step, dict(o.metadata)
+        return Head(self.grid, self.isovalues, self.stages, step, self.profile, masked, notes)
 
 
 @dataclass(frozen=True)
@@ -179,8 +181,8 @@ def encode_tile(window: ArrayLike, index: Index, tiling: Tiling) -> TileSegments
         for axis in range(values.ndim)
     )
     stages = len(tiling.stages)
-    fields = [check_field(values, isovalue, tiling.options.step, gone) for isovalue in tiling.isovalues]
-    header = Header(size, tiling.isovalues[0], tiling.options.step, tiling.profile)
+    fields = [check_field(values, isovalue, tiling.options.precision.step, gone) for isovalue in tiling.isovalues]
+    header = Header(size, tiling.isovalues[0], tiling.options.precision.step, tiling.profile)
     there = slice(None) if gone is None else ~gone
     kinds = tuple(_kind(field.signs[there]) for field in fields)
     run, holes = b"", None
@@ -280,19 +282,19 @@ def _segments(
 
 def _plan(index: Index, tiling: Tiling) -> tuple[Plan, list[int | None]]:
     """The layers of a tile's isovalue, and how many of them each stage ends with; None for all."""
-    grid, o = tiling.grid, tiling.options
+    grid, precision = tiling.grid, tiling.options.precision
     levels = [grid.level(index, stage.edge) for stage in tiling.stages if not stage.geometry]
     base = base_of(grid.n, levels[0])
     plan: Plan = [(LayerKind.BASE, base)]
     if base < levels[-1]:
         plan.append((LayerKind.REFINE, None))
     ends: list[int | None] = [1 + level - base for level in levels]
-    if not o.signs_only:
+    if not precision.signs:
         ends.append(None)
-        if o.exact or o.step is not None:
+        if precision.exact or precision.step is not None:
             plan.append((LayerKind.VALUES, None))
         else:
-            fine = o.tolerance or DEFAULT_TOLERANCE
+            fine = precision.tolerance or DEFAULT_TOLERANCE
             offsets = grid_offsets(fine, False)
             if tiling.profile == Profile.MAIN and offsets:
                 slack = FaceSlack(fine, grid.size(index), grid.shared(index))
