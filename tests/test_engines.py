@@ -18,8 +18,8 @@ from vtk.util.numpy_support import numpy_to_vtk
 
 import isocodec
 from commands import fails, ok
+from inputs import read_field, read_place
 from isocodec import InputError, LimitError, OptionError
-from isocodec.io import read_field, read_place
 from places import matrix
 
 HILL = 100 - np.hypot(*(np.mgrid[:20, :30] - np.array([9.3, 14.2])[:, None, None])) * 5
@@ -139,7 +139,7 @@ def test_tiles_of_zarr_larger_than_memory(tmp_path: Path) -> None:
     for name, start, step in [("y", 9e6, -30.0), ("x", 4e5, 30.0)]:
         group.create_array(name, data=start + step * np.arange(size), dimension_names=(name,))
     place = read_place(path, 2)
-    assert place.placement is not None and place.placement.tolist() == [[0, 30, 4e5], [-30, 0, 9e6]]
+    assert place.matrix is not None and place.matrix.tolist() == [[0, 30, 4e5], [-30, 0, 9e6]]
     with pytest.raises(LimitError):
         read_field(path)
 
@@ -222,8 +222,8 @@ def test_dicom_series(tmp_path: Path) -> None:
     assert np.array_equal(field.values, volume)
     first = pydicom.dcmread(next(p for p in (tmp_path / "ct").iterdir() if pydicom.dcmread(p).InstanceNumber == 1))
     corner = np.array([float(x) for x in first.ImagePositionPatient])
-    matrix = np.column_stack([TILT[:, 0] * 1.5, TILT[:, 1] * 2.0, TILT[:, 2] * 3.0, corner])
-    assert np.allclose(matrix(field), np.diag([-1.0, -1, 1]) @ matrix, atol=1e-6)
+    slanted = np.column_stack([TILT[:, 0] * 1.5, TILT[:, 1] * 2.0, TILT[:, 2] * 3.0, corner])
+    assert np.allclose(matrix(field), np.diag([-1.0, -1, 1]) @ slanted, atol=1e-6)
     names = SimpleITK.ImageSeriesReader.GetGDCMSeriesFileNames(str(tmp_path / "ct"))
     assert np.allclose(matrix(isocodec.read(SimpleITK.ReadImage(names))), matrix(field), atol=1e-6)
     ok("encode", tmp_path / "ct", "-o", tmp_path / "ct.iso", "--isovalue", 650.5, "--precision", "exact")
@@ -293,7 +293,7 @@ def test_vti_that_leaves_a_choice_or_is_damaged(tmp_path: Path, capfd: pytest.Ca
     with pytest.raises(InputError, match="holds a, b: choose one with --key"):
         read_field(tmp_path / "two.vti")
     assert np.array_equal(read_field(tmp_path / "two.vti", key="b"), HILL)
-    placement = read_place(tmp_path / "two.vti", 2).placement
+    placement = read_place(tmp_path / "two.vti", 2, "b").matrix
     assert placement is not None and np.allclose(placement, [[0, -2, 10], [0.5, 0, 21]])
     with pytest.raises(LimitError):
         read_field(tmp_path / "two.vti", key="a", samples=100)

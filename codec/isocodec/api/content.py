@@ -3,15 +3,10 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, BinaryIO, Protocol, TypeAlias
 
-from numpy.typing import ArrayLike
-
 from ..errors import LimitError, OptionError
-from ..field.placement import Placement
-from ..field.sampled import Field
 from ..limits import Limits
 
 Readable: TypeAlias = bytes | bytearray | memoryview | str | os.PathLike[str] | BinaryIO
@@ -66,23 +61,3 @@ def _read(file: Any, limits: Limits | None) -> bytes:
                 f"more than {(limits or Limits()).bytes:,} bytes", code="limit-bytes", clause="11.2"
             )
     return b"".join(pieces)
-
-
-def described(
-    field: ArrayLike | Field | SpatialImage, mask: ArrayLike | None = None,
-    placement: Placement | ArrayLike | None = None, metadata: Mapping[str, str] | None = None,
-) -> tuple[ArrayLike, dict[str, Any]]:
-    """The samples of a field, and these options with what it says itself.
-
-    Raises
-    ------
-    InputError
-        As `isocodec.read`.
-    """
-    from ..io.readers.anything import is_described, read
-
-    if not is_described(field):
-        return field, {"mask": mask, "placement": placement, "metadata": metadata}  # type: ignore[return-value]
-    known = read(field)
-    mask, placement, metadata = known.combined(mask, placement, metadata)
-    return known.values, {"mask": mask, "placement": placement, "metadata": metadata}
