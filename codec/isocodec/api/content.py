@@ -79,7 +79,7 @@ def described(
     InputError
         As `isocodec.read`.
     """
-    from ..io.readers.anything import is_described, read
+    from ..io.readers.reader import is_described, read
 
     if not is_described(field):
         return field, {"mask": mask, "placement": placement, "metadata": metadata}  # type: ignore[return-value]

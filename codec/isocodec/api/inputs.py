@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import InputError, OptionError
-from ..field.frames import Frames
+from ..field.framed import Frames
 from ..field.meshed import Mesh
 from ..field.placement import FRAME_STEP, Placement
 from ..field.sampled import Field

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import re
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from pathlib import Path, PurePosixPath
+from pathlib import Path
 from typing import Any
 from urllib.parse import urlsplit
 
@@ -19,16 +19,9 @@ _URL = re.compile(r"[A-Za-z][A-Za-z0-9+.-]+(://|::)")
 _PIECE = 1 << 20
 _SAMPLE = 16
 """Bytes of a file for each sample that may be read of it, at most."""
-_SIGNS: tuple[tuple[int, bytes, str], ...] = (
-    (0, b"\x93NUMPY", ".npy"), (0, b"PK\x03\x04", ".npz"), (0, b"\x89HDF\r\n\x1a\n", ".h5"), (0, b"\x89PNG", ".png"),
-    (0, b"\xff\xd8\xff", ".jpg"), (0, b"II*\0", ".tif"), (0, b"MM\0*", ".tif"), (0, b"II+\0", ".tif"),
-    (0, b"MM\0+", ".tif"), (344, b"n+1\0", ".nii"), (4, b"n+2\0", ".nii"), (0, b"\x1f\x8b", ".nii.gz"),
-    (0, b"NRRD", ".nrrd"), (0, b"CDF\x01", ".nc"), (0, b"CDF\x02", ".nc"), (0, b"CDF\x05", ".nc"),
-    (0, b"GRIB", ".grib"), (128, b"DICM", ".dcm"), (0, b"<VTKFile", ".vti"), (0, b"<?xml", ".vti"),
-    (0, b"ObjectType", ".mha"), (0, b"NDims", ".mha"),
-)
-"""What files of each kind begin with, and where."""
 _HEAD = 512
+SuffixOf = Callable[[str, bytes], str | None]
+"""The suffix of a format, by the name of a file (or nothing) and its first 512 bytes."""
 
 
 def is_url(thing: object) -> bool:
@@ -62,34 +55,39 @@ def opened(url: str) -> Iterator[Any]:
 
 
 @contextmanager
-def local(thing: Any, samples: int | None = None, kind: str | None = None) -> Iterator[Path]:
+def local(thing: Any, suffix_of: SuffixOf, samples: int | None = None) -> Iterator[Path]:
     """A file with the bytes of a URL or of an open file, its suffix that of its format, for as long as it is needed.
 
     Parameters
     ----------
     thing : str or file object
+    suffix_of : callable
+        Finds the suffix.
     samples : int, optional
         How many may be read; it may have 16 bytes for each.
-    kind : str, optional
-        The suffix; without it that of the name, or the one that the first bytes tell.
 
     Raises
     ------
     OSError
     InputError
-        If neither its name nor its first bytes tell which format it has.
+        If ``suffix_of`` finds none.
     LimitError
         If there are too many bytes.
     """
     if is_url(thing):
-        with opened(thing) as file, local(file, samples, kind or _suffix_of(urlsplit(thing).path)) as path:
+        with opened(thing) as file, _copied(file, urlsplit(thing).path, suffix_of, samples) as path:
             yield path
         return
     named = getattr(thing, "name", None)
-    kind = kind or _suffix_of(named if isinstance(named, str) else "")
+    with _copied(thing, named if isinstance(named, str) else "", suffix_of, samples) as path:
+        yield path
+
+
+@contextmanager
+def _copied(thing: Any, name: str, suffix_of: SuffixOf, samples: int | None) -> Iterator[Path]:
     with tempfile.TemporaryDirectory(prefix="isocodec-") as folder:
         first = _all_of(thing, _HEAD)
-        suffix = kind or _suffix_by(first)
+        suffix = suffix_of(name, first)
         if suffix is None:
             raise InputError(
                 "neither a name nor the first bytes tell which format this has", code="suffix",
@@ -116,14 +114,3 @@ def _all_of(file: Any, count: int) -> bytes:
             raise InputError("is a file of text", code="no-file", remedy="open it in binary mode: open(name, 'rb')")
         out += bytes(piece)
     return out
-
-
-def _suffix_of(name: str) -> str | None:
-    from ..io.readers.read import FIELD_SUFFIXES
-
-    lower = PurePosixPath(name).name.lower()
-    return next((suffix for suffix in sorted(FIELD_SUFFIXES, key=len, reverse=True) if lower.endswith(suffix)), None)
-
-
-def _suffix_by(first: bytes) -> str | None:
-    return next((suffix for at, sign, suffix in _SIGNS if first[at : at + len(sign)] == sign), None)
