@@ -15,10 +15,11 @@ from ..drawing.contour import Contour
 from ..errors import InputError, IsoError, OptionError
 from ..field.placement import Noted
 from ..field.sampled import Field
+from ..io.readers.described import SpatialImage
 from ..limits import Limits
+from ..storage.content import Readable, content
 from ..stream.names import Isovalues
 from ..tiles.structure import is_tiled
-from .content import Readable, SpatialImage, content
 
 if TYPE_CHECKING:
     from typing import Unpack

@@ -12,10 +12,11 @@ from ..errors import InputError, OptionError
 from ..field.sampled import Field
 from ..field.samples import isovalue_of, without_holes
 from ..field.told import LABELS, Told, near_values
+from ..io.readers.described import SpatialImage, described
 from ..limits import Limits
+from ..storage.content import Readable, content
 from ..stream.names import ProfileName
 from ..stream.recoder import Recoder, Source
-from .content import Readable, SpatialImage, content, described
 
 
 def encode_labels(

@@ -13,10 +13,10 @@ from ..errors import InputError, OptionError
 from ..field.placement import CRS, PLACEMENT
 from ..field.told import LABELS
 from ..limits import Limits
+from ..storage.content import Readable, content
 from ..stream.decoder import Decoder
 from ..stream.names import ProfileName
 from ..stream.recoder import Recoder, Source, sources_of
-from .content import Readable, content
 from .mesh_api import on_mesh
 from .whole import decode_all, received
 

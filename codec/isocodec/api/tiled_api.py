@@ -14,7 +14,7 @@ from ..drawing.contour import Contour
 from ..errors import InputError, OptionError
 from ..field.placement import Noted
 from ..limits import Limits
-from ..storage.fetching import Fetch
+from ..storage.ranges import Fetch
 from ..stream.names import Isovalues, ProfileName
 from ..stream.options import Options, isovalues_of
 from ..tiles.encoding import Tiling
@@ -342,8 +342,8 @@ def tiled_at(source: str | os.PathLike[str], limits: Limits | None = None) -> Ti
     OSError, InputError
         If it cannot be opened.
     """
+    from ..storage.content import is_url
     from ..storage.ranges import NoRangesError, ranges_of
-    from ..storage.remote import is_url
 
     if not is_url(source) and os.path.exists(source) and not os.path.isfile(source):
         return None

@@ -12,9 +12,10 @@ from ..errors import InputError, OptionError
 from ..field.sampled import Field
 from ..field.samples import check_field, without_holes
 from ..field.told import LABELS
+from ..io.readers.described import SpatialImage
 from ..limits import Limits
+from ..storage.content import Readable, content
 from ..tiles.structure import is_tiled
-from .content import Readable, SpatialImage, content
 
 if TYPE_CHECKING:
     from ..drawing.contour import Contour

@@ -14,12 +14,13 @@ from ..field.sampled import Field
 from ..format.chunks import octets
 from ..format.events import LayerComplete
 from ..grid.layers.plan import Entry
+from ..io.readers.described import SpatialImage, described
 from ..limits import Limits
+from ..storage.content import Readable, content
 from ..stream.decoder import Decoder
 from ..stream.encoder import Encoder
 from ..stream.names import CriterionName, Distance, Isovalues, ProfileName
 from ..tiles.structure import is_tiled
-from .content import Readable, SpatialImage, content, described
 from .frames import check_frame, frame_of
 from .mesh_api import chain_of, check_count, explicit_contour, mesh_decoded, on_mesh
 from .tiled_api import tiled_contours

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from ..field.text import plain
+from ..errors import plain
 from .options import iso_argument, json_option, limit_options, limits_of
 from .report import concerning, read_iso, warn
 

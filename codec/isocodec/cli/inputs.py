@@ -21,8 +21,9 @@ def local_input(source: Path, kind: str | None, samples: int | None) -> Iterator
             raise click.UsageError("--kind is for standard input and URLs; the suffix of a file tells its format")
         yield source
         return
-    from ..storage.remote import local
+    from ..io.readers.recognition import of_kind
+    from ..storage.content import local
 
     suffix = None if kind is None else f".{kind.lstrip('.')}"
-    with local(sys.stdin.buffer if url is None else url, samples, suffix) as path:
+    with local(sys.stdin.buffer if url is None else url, of_kind(suffix), samples) as path:
         yield path

@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
 
-from ..storage.unfinished import undoing
+from ..storage.atomic import undoing
 
 # Shorter work is over before a bar is read.
 PATIENCE = 1.0

@@ -13,8 +13,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager, redirect_stderr, redirect_stdout
 from pathlib import Path
 
-from ..field.text import one_line
-from ..storage.unfinished import undoing
+from ..errors import one_line
+from ..storage.atomic import undoing
 from .report import warn
 
 _SHOWN = 3

@@ -15,8 +15,7 @@ from typing import Any, BinaryIO
 
 import click
 
-from ..errors import FormatError, InputError, IsoError, KernelError, LimitError, OptionError, TruncatedError
-from ..field.text import plain
+from ..errors import FormatError, InputError, IsoError, KernelError, LimitError, OptionError, TruncatedError, plain
 
 EXIT_CODES = """\b
 Exit codes:
@@ -183,7 +182,7 @@ def _opened(path: Path) -> AbstractContextManager[BinaryIO]:
     if str(path) == STANDARD:
         return nullcontext(sys.stdin.buffer)
     if url := url_of(path):
-        from ..storage.remote import opened
+        from ..storage.content import opened
 
         return opened(url)
     return path.open("rb")

@@ -189,7 +189,7 @@ def info_tiled(file: TiledIsoFile, source: Path, as_json: bool) -> None:
     from rich.markup import escape
     from rich.table import Table
 
-    from ..field.text import plain
+    from ..errors import plain
 
     facts = _facts(file)
     with concerning(source):

@@ -10,10 +10,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import OptionError
+from ..errors import OptionError, one_line
 from ..extras import optional
 from ..field.placement import CRS
-from ..field.text import one_line
 
 if TYPE_CHECKING:
     from ..drawing.contour import Contour
@@ -36,11 +35,16 @@ def is_placed(contour: Contour) -> bool:
 
 
 def named(contour: Contour) -> dict[str, Any]:
-    """The member of a GeoJSON file that names its system, as GeoJSON had it before RFC 7946; none for degrees."""
-    number = epsg_of(contour)
-    if number in (None, DEGREES):
+    """The member of a GeoJSON file that names the system of a contour, as `member_of`."""
+    return member_of(contour.metadata.get(CRS, "")) if is_placed(contour) else {}
+
+
+def member_of(crs: str) -> dict[str, Any]:
+    """The member of a GeoJSON file that names a system, as GeoJSON had it before RFC 7946; none for degrees."""
+    found = _EPSG.fullmatch(crs)
+    if found is None or found[1] == DEGREES:
         return {}
-    return {"crs": {"type": "name", "properties": {"name": f"urn:ogc:def:crs:EPSG::{number}"}}}
+    return {"crs": {"type": "name", "properties": {"name": f"urn:ogc:def:crs:EPSG::{found[1]}"}}}
 
 
 def to_degrees(contour: Contour) -> Transform:

@@ -9,10 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from ...errors import InputError, OptionError
+from ...errors import InputError, OptionError, plain
 from ...field.sampled import Field
-from ...field.text import plain
-from ...storage.remote import is_file, is_url, local
+from ...storage.content import is_file, is_url, local
 from .engines import is_labelled_file, read_labelled
 from .hdf5 import HDF5_SUFFIXES, attribute_text, dataset
 from .images import is_itk, is_nibabel, itk_field, nibabel_field
@@ -20,6 +19,7 @@ from .labelled import is_labelled, labelled_field
 from .missing import missing_samples, read_nodata
 from .place import read_place
 from .read import read_field
+from .recognition import of_kind
 from .source import source_of
 
 
@@ -109,7 +109,7 @@ def _read(
     if is_itk(source):
         return itk_field(source, frame)
     if is_url(source) or is_file(source):
-        with local(source, samples, kind) as path:
+        with local(source, of_kind(kind), samples) as path:
             return _of_file(path, key, channel, frame, samples, follow)
     if isinstance(source, str | os.PathLike):
         if kind is not None:

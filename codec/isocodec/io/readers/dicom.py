@@ -9,9 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...errors import InputError
+from ...errors import InputError, plain
 from ...extras import optional
-from ...field.text import plain
 from .reading import reading
 from .source import Source, is_dicom
 from .volume import single

@@ -10,10 +10,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...errors import InputError
+from ...errors import InputError, plain
 from ...extras import optional
 from ...field.sampled import Field
-from ...field.text import plain
 from .hdf5 import HDF5_SUFFIXES
 from .labelled import Labels, labelled_field, labels_of
 from .numpyfile import DEFAULT_KEY

@@ -10,9 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...errors import InputError
+from ...errors import InputError, one_line, plain
 from ...extras import optional
-from ...field.text import one_line, plain
 from .numpyfile import DEFAULT_KEY
 from .reading import check_frame, reading
 from .source import Source

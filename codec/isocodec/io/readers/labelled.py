@@ -10,10 +10,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...errors import InputError, OptionError
+from ...errors import InputError, OptionError, one_line, plain
 from ...field.placement import placement_of
 from ...field.sampled import Field
-from ...field.text import one_line, plain
 
 Matrix = NDArray[np.float64]
 EVEN = 0.01

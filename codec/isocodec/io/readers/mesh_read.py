@@ -11,9 +11,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...errors import InputError, OptionError
+from ...errors import InputError, OptionError, plain
 from ...extras import optional
-from ...field.text import plain
 from .reading import reading
 from .source import Source, source_of
 

@@ -10,8 +10,7 @@ import numpy as np
 from numpy.lib import format as npy
 from numpy.typing import NDArray
 
-from ...errors import InputError, OptionError
-from ...field.text import plain
+from ...errors import InputError, OptionError, plain
 from .reading import pick_frame, reading
 from .source import Source
 

@@ -11,9 +11,8 @@ from xml.etree import ElementTree
 import numpy as np
 from numpy.typing import NDArray
 
-from ...errors import OptionError
+from ...errors import OptionError, plain
 from ...field.placement import placement_of
-from ...field.text import plain
 from .axes import MappedPlace, auxiliary, beside, placed_grid, scales_of, text_of
 from .dicom import DICOM_SUFFIXES, dicom_matrix, is_series
 from .engines import is_labelled_file, read_labels

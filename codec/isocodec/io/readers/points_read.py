@@ -7,9 +7,8 @@ import os
 
 import numpy as np
 
-from ...errors import InputError
+from ...errors import InputError, plain
 from ...extras import optional
-from ...field.text import plain
 from .mesh_read import MeshRead
 from .reading import reading
 from .source import Source, source_of

@@ -13,9 +13,8 @@ from xml.etree import ElementTree
 import numpy as np
 from numpy.typing import NDArray
 
-from ...errors import InputError, MissingExtraError, OptionError
+from ...errors import InputError, MissingExtraError, OptionError, plain
 from ...extras import optional
-from ...field.text import plain
 from .reading import reading, said
 from .source import Source
 from .tile_sizes import LERC, PICTURES, stated_samples, unpacked_lerc

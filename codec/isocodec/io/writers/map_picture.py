@@ -12,10 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...drawing.contour import Contour
-from ...errors import OptionError
+from ...errors import OptionError, one_line
 from ...extras import optional
 from ...field.sampled import UNIT
-from ...field.text import one_line
 from ..system import Ground, ground_of
 from .line_labels import Label, Page, label_lines, page_of
 from .picture import matplotlib_figure

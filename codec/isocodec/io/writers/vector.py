@@ -21,14 +21,14 @@ from ...drawing.bands import bands
 from ...errors import OptionError
 from ...extras import optional
 from ..system import epsg_of
+from .output_formats import Cost, Output, OutputOptions
+from .things import Areas
 
 if TYPE_CHECKING:
     from ...drawing.contour import Contour
 
-VECTOR_SUFFIXES = (".gpkg", ".fgb", ".shp", ".parquet")
-LAYER = {False: "isolines", True: "areas"}
-"""Names of layers of lines and of areas."""
-_DRIVERS = {".gpkg": "GPKG", ".fgb": "FlatGeobuf", ".shp": "ESRI Shapefile"}
+SHAPEFILE = ".shp"
+_DRIVERS = {".gpkg": "GPKG", ".fgb": "FlatGeobuf", SHAPEFILE: "ESRI Shapefile"}
 _DATE = "2000-01-01T00:00:00.000Z"
 """What a GeoPackage says of when it was written: the same input gives the same bytes."""
 
@@ -102,26 +102,26 @@ def _table_of_bands(
     return geopandas.GeoDataFrame(columns, geometry=shapes, crs=None if number is None else f"EPSG:{number}")
 
 
-def render_table(
-    contours: Iterable[Contour], suffix: str, side: str | None = None, valid: NDArray[np.bool_] | None = None
-) -> bytes:
-    """The file of such a table; of a Shapefile, which is several, an archive of them (see `unpacked`).
+def _render(contours: Iterable[Contour], suffix: str, _: OutputOptions) -> bytes:
+    return _file(table_of(contours), suffix, "LineString", "isolines")
 
-    Raises
-    ------
-    OptionError, TruncatedError, MissingExtraError
-        As `table_of`.
-    """
-    table = table_of(contours, side, valid)
-    layer = LAYER[side is not None]
-    if suffix == ".parquet":
-        optional("pyarrow", extra="vector", purpose="writing GeoParquet")
+
+def _render_areas(what: Areas, suffix: str, _: OutputOptions) -> bytes:
+    shape = "Polygon" if suffix == SHAPEFILE else "MultiPolygon"
+    return _file(table_of(what.contours, what.side, what.valid), suffix, shape, "areas")
+
+
+def _file(table: Any, suffix: str, shape: str, layer: str) -> bytes:
+    """The file of a table; of a Shapefile, which is several, an archive of them (see `_unpacked`)."""
+    if suffix not in _DRIVERS:
         buffer = io.BytesIO()
         table.to_parquet(buffer, index=False)
         return buffer.getvalue()
-    pyogrio = optional("pyogrio", extra="vector", purpose="writing maps")
-    options = {"DBF_DATE_LAST_UPDATE": _DATE[:10]} if suffix == ".shp" else {}
-    kind = "MultiPolygon" if side else "LineString"
+    pyogrio = optional("pyogrio", extra="vector", purpose=f"writing {suffix}")
+    options = {"DBF_DATE_LAST_UPDATE": _DATE[:10]} if suffix == SHAPEFILE else {}
+    if _DRIVERS[suffix] == "FlatGeobuf" and table.geometry.is_empty.any():
+        options = {"SPATIAL_INDEX": "NO"}  # it cannot have one of what lies nowhere
+    before = pyogrio.get_gdal_config_option("OGR_CURRENT_DATE")
     pyogrio.set_gdal_config_options({"OGR_CURRENT_DATE": _DATE})
     try:
         with TemporaryDirectory(prefix="isocodec-") as folder, warnings.catch_warnings():
@@ -129,10 +129,9 @@ def render_table(
             warnings.filterwarnings("ignore", message="'crs' was not provided")
             path = Path(folder) / f"{layer}{suffix}"
             pyogrio.write_dataframe(
-                table, path, driver=_DRIVERS[suffix], layer=layer, geometry_type="Polygon" if side and suffix == ".shp"
-                else kind, layer_options=options,
+                table, path, driver=_DRIVERS[suffix], layer=layer, geometry_type=shape, layer_options=options,
             )
-            if suffix != ".shp":
+            if suffix != SHAPEFILE:
                 return path.read_bytes()
             packed = io.BytesIO()
             with zipfile.ZipFile(packed, "w") as archive:
@@ -140,11 +139,28 @@ def render_table(
                     archive.writestr(zipfile.ZipInfo(part.suffix), part.read_bytes())
             return packed.getvalue()
     finally:
-        pyogrio.set_gdal_config_options({"OGR_CURRENT_DATE": None})
+        pyogrio.set_gdal_config_options({"OGR_CURRENT_DATE": before})
 
 
-def unpacked(path: Path, data: bytes) -> list[tuple[Path, bytes]]:
+def _unpacked(path: Path, data: bytes) -> list[tuple[Path, bytes]]:
     """The files of a Shapefile at ``path``, the one of that name last."""
     with zipfile.ZipFile(io.BytesIO(data)) as archive:
-        parts = [(path.with_suffix(name), archive.read(name)) for name in archive.namelist() if name != ".shp"]
-        return [*parts, (path, archive.read(".shp"))]
+        parts = [(path.with_suffix(name), archive.read(name)) for name in archive.namelist() if name != SHAPEFILE]
+        return [*parts, (path, archive.read(SHAPEFILE))]
+
+
+def _outputs(suffixes: tuple[str, ...], title: str, *libraries: str, parts: Any = None) -> tuple[Output, Output]:
+    shared: Any = {
+        "dimensions": (2,), "several": (2,), "holds": "a column", "names_crs": True, "extra": "vector",
+        "libraries": ("pyogrio", "geopandas", "shapely", *libraries), "parts": parts,
+    }
+    return (
+        Output("contour", suffixes, title, _render, cost={2: Cost(160, 100)}, **shared),
+        Output("areas", suffixes, title, _render_areas, cost={2: Cost(300, 240, kept=100)}, **shared),
+    )
+
+
+OUTPUTS = (
+    *_outputs((".gpkg",), "GeoPackage"), *_outputs((".fgb",), "FlatGeobuf"),
+    *_outputs((SHAPEFILE,), "Shapefile", parts=_unpacked), *_outputs((".parquet",), "GeoParquet", "pyarrow"),
+)
