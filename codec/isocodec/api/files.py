@@ -189,7 +189,7 @@ def save(
     InputError, MissingExtraError
         As `isocodec.encode` and the writers.
     """
-    from ..io.writers.write import check_suffix, write_contour
+    from ..io.writers.write import write
     from ..storage.atomic import check_target, write_bytes
 
     if isinstance(what, IsoFile):
@@ -198,8 +198,7 @@ def save(
     if (contours is not None or isinstance(what, bytes)) and (isovalue is not None or options):
         raise OptionError("isovalue and options are for fields, and this is encoded already", code="options")
     if contours is not None:
-        check_suffix(path, contours[0].n)
-        write_contour(contours if len(contours) > 1 else contours[0], path)
+        write(path, contours)
         return
     suffix = Path(path).suffix.lower()
     if suffix != ".iso":

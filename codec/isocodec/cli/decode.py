@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import sys
 import time
 from contextlib import suppress
+from dataclasses import replace
 from pathlib import Path
 
 import click
@@ -21,10 +23,9 @@ from .options import (
     partial_option,
     smooth_option,
 )
-from .places import warn_of_places
 from .quiet import one_warning
 from .receive import Drawings, receive, receive_all, warn_of_frames, warn_of_others
-from .report import STANDARD, check_output, concerning, read_iso, tell, warn, write_output
+from .report import STANDARD, check_output, concerning, read_iso, tell, warn
 
 
 @click.command("decode", short_help="Decode to a curve, a surface or a picture of it.")
@@ -144,23 +145,13 @@ def decode_command(
     if domain is not None:
         raise click.UsageError("--domain: the file is of a grid, not of a mesh")
 
-    from ..io.writers.write import (
-        AREAS,
-        check_areas,
-        check_libraries,
-        check_suffix,
-        cost_of,
-        holds_several,
-        put,
-        render_contour,
-        render_sides,
-    )
+    from ..io.writers.output_formats import OutputOptions
+    from ..io.writers.things import Areas, Thing
+    from ..io.writers.write import check, write
 
+    asked = Thing("areas" if areas else "contour", None)
     with concerning(output):
-        if areas:
-            check_areas(named)
-        suffix = check_suffix(named)
-        check_libraries(suffix)
+        _, form = check(named, asked)
 
     import isocodec
 
@@ -169,7 +160,7 @@ def decode_command(
     started = time.perf_counter()
     with concerning(source):
         found = read_header(data)
-    if found and isovalue is None and layers is None and holds_several(suffix, len(found[0].shape)):
+    if found and isovalue is None and layers is None and len(found[0].shape) in form.several:
         decoder = receive_all(source, data, partial, limits, max_bytes, frame)
         numbers = list(range(len(decoder.isovalues)))
     else:
@@ -185,29 +176,25 @@ def decode_command(
     assert decoder.header is not None
     n = len(decoder.header.shape)
     with concerning(output):
-        check_suffix(named, n)
-    drawings = Drawings(decoder, numbers, smooth, in_samples, AREAS if areas else cost_of(suffix, n), along_holes)
+        suffix, form = check(named, replace(asked, n=n))
+    drawings = Drawings(decoder, numbers, smooth, form.cost[n], along_holes)
     with concerning(source), one_warning(output, "writing"):
-        if areas:
-            valid = decoder.valid() if along_holes else None
-            rendered = render_sides(drawings, suffix, areas, valid, keep_crs)
-        else:
-            rendered = render_contour(drawings, suffix, n, keep_crs)
+        valid = decoder.valid() if areas and along_holes else None
+        written = write(
+            sys.stdout.buffer if str(output) == STANDARD else output,
+            Areas(drawings, areas, valid) if areas else drawings, options=OutputOptions(keep_crs, in_samples, suffix),
+        )
     if not drawings.points and not drawings.complete:
         warn(source, "the part that was decoded holds nothing of the curve")
-    warn_of_places(source, suffix, drawings.places, keep_crs, in_samples)
-    with concerning(output):
-        if str(output) == STANDARD:
-            write_output(output, rendered)
-        else:
-            put(output, suffix, rendered)
+    for remark in written.remarks:
+        warn(source, remark)
     pieces = "segments" if n == 2 else "triangles"
     tell(
         f"{click.format_filename(output)}: {drawings.points:,} points, {drawings.cells:,} {pieces}, {seconds:.2f} s"
         + (f", {len(numbers)} isovalues" if len(numbers) > 1 else ""),
         {
             "output": str(output),
-            "bytes": len(rendered),
+            "bytes": written.bytes,
             "points": drawings.points,
             "cells": drawings.cells,
             "isovalues": isovalues,

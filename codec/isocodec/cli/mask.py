@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import math
 import time
 from pathlib import Path
@@ -44,11 +45,11 @@ def mask_command(
     The file must hold the full grid. Files made with a criterion, or with a (last) tolerance of 0.1 or more, may not.
     What is written of missing samples means nothing; --valid tells which are valid, in any file.
     """
-    from ..io.writers.samples import check_mask_suffix, stored_last_first, write_mask
-    from ..storage.atomic import writing
+    from ..io.writers.things import SampleMask, Thing
+    from ..io.writers.write import check, write
 
     with concerning(output):
-        check_mask_suffix(output)
+        check(output, Thing("mask", None))
     check_output(output, source)
     data = read_iso(source)
 
@@ -60,17 +61,17 @@ def mask_command(
     assert decoder.header is not None
     shape = decoder.header.shape
     with concerning(output):
-        suffix = check_mask_suffix(output, len(shape))
+        check(output, Thing("mask", len(shape)))
+    taken = decoder.valid_rows if valid else functools.partial(decoder.mask_rows, number)
     with concerning(source):
-        last_first = stored_last_first(suffix)
-        rows = decoder.valid_rows(last_first) if valid else decoder.mask_rows(number, last_first)
+        taken(False)
     if isovalue is None and not valid:
         warn_of_others(source, decoder.isovalues[number], decoder.isovalues)
     if not valid:
         warn_of_frames(source, data, frame)
     placement = read_placement(decoder.metadata, len(shape))
-    with concerning(output), one_warning(output, "writing"), writing(output) as file:
-        above = write_mask(file, rows, suffix, placement)
+    with concerning(output), one_warning(output, "writing"):
+        above = write(output, SampleMask(taken, placement)).above
     seconds = time.perf_counter() - started
     samples, which = math.prod(shape), "valid" if valid else "above"
     tell(

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import time
 from contextlib import suppress
-from dataclasses import replace
 from pathlib import Path
 
 import click
@@ -13,7 +12,7 @@ from ..errors import FormatError
 from ..limits import Limits
 from .quiet import one_warning
 from .receive import receive, warn_of_frames, warn_of_others
-from .report import check_output, concerning, read_iso, tell, write_output
+from .report import check_output, concerning, read_iso, tell
 
 
 def write_mesh(
@@ -21,11 +20,12 @@ def write_mesh(
     layers: int | None, max_bytes: int | None, as_json: bool, frame: int | None,
 ) -> None:
     """Decode what was asked for and write its mesh, of the whole box or the tube alone."""
-    from ..io.writers.simplices import MESHES
-    from ..io.writers.write import check_mesh, render_mesh
+    from ..io.writers.output_formats import OutputOptions
+    from ..io.writers.things import Thing
+    from ..io.writers.write import check, write
 
     with concerning(output):
-        suffix = check_mesh(output)
+        check(output, Thing("mesh", None))
     check_output(output, source)
     data = read_iso(source)
 
@@ -40,15 +40,13 @@ def write_mesh(
     warn_of_frames(source, data, frame)
     with concerning(source):
         mesh = decoder.tessellation(number, whole)
-        if in_samples:
-            mesh = replace(mesh, placement=None, mapped=None)
+        n = len(mesh.shape)
         with concerning(output):
-            check_mesh(output, len(mesh.shape))
+            _, form = check(output, Thing("mesh", n))
         held = sum(array.nbytes for array in (mesh.points, mesh.cells, mesh.levels, mesh.above))
-        decoder.hold(held + MESHES[suffix].cost[len(mesh.shape)].peak(len(mesh.points), len(mesh.cells)))
+        decoder.hold(held + form.cost[n].peak(len(mesh.points), len(mesh.cells)))
         with one_warning(output, "writing"):
-            rendered = render_mesh(mesh, suffix)
-    write_output(output, rendered)
+            written = write(output, mesh, options=OutputOptions(in_samples=in_samples))
     seconds = time.perf_counter() - started
     pieces = "triangles" if len(mesh.shape) == 2 else "tetrahedra"
     counts = f"{len(mesh.points):,} vertices, {len(mesh.cells):,} {pieces}"
@@ -56,7 +54,7 @@ def write_mesh(
         f"{click.format_filename(output)}: {counts}, {seconds:.2f} s",
         {
             "output": str(output),
-            "bytes": len(rendered),
+            "bytes": written.bytes,
             "vertices": len(mesh.points),
             pieces: len(mesh.cells),
             "isovalue": mesh.isovalue,

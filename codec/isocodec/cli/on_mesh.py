@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
+import sys
 import time
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
-from ..errors import OptionError
 from .panels import Panels
 from .quiet import one_warning
 from .receive import warn_of_frames, warn_of_others
-from .report import concerning, tell, write_output
+from .report import STANDARD, concerning, tell, write_output
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -28,8 +28,6 @@ NOT_ON_MESHES = (
     "missing", "nodata", "no_placement", "key", "channel", "frame", "follow", "frames", "frame_axis",
 )
 """Options of encode that mean nothing there."""
-WRITTEN = (".geojson", ".npz", ".ply", ".stl", ".obj")
-"""Formats of contours that know no samples."""
 
 
 def encode_on_mesh(
@@ -74,15 +72,6 @@ def encode_on_mesh(
         },
         as_json,
     )
-
-
-def check_on_mesh(suffix: str) -> None:
-    """Refuse formats that need a sampled box."""
-    if suffix not in WRITTEN:
-        raise OptionError(
-            f"what lies on a mesh cannot be written as {suffix}", code="suffix",
-            remedy=f"choose one of {', '.join(WRITTEN)}",
-        )
 
 
 def mesh_of(domain: Path | None) -> tuple[NDArray[Any], NDArray[Any]] | None:
@@ -134,16 +123,16 @@ def decode_on_mesh(
     """
     import isocodec
 
-    from ..io.writers.write import check_libraries, check_suffix, render_contour
+    from ..io.writers.output_formats import OutputOptions
+    from ..io.writers.things import Thing
+    from ..io.writers.write import check, write
 
     with concerning(output):
-        suffix = check_suffix(named)
-        check_on_mesh(suffix)
-        check_libraries(suffix)
+        suffix, form = check(named, Thing("contour", None, sampled=False))
     mesh = mesh_of(domain)
     started = time.perf_counter()
     with concerning(source):
-        if isovalue is None and suffix == ".geojson":
+        if isovalue is None and 2 in form.several:
             contours = isocodec.decode_all(data, frame=frame, max_bytes=max_bytes, mesh=mesh, limits=limits)
         else:
             contours = [
@@ -156,18 +145,16 @@ def decode_on_mesh(
     warn_of_frames(source, data, frame)
     seconds = time.perf_counter() - started
     n = contours[0].n
-    with concerning(output):
-        check_suffix(named, n)
-        with one_warning(output, "writing"):
-            rendered = render_contour(contours, suffix, n)
-    write_output(output, rendered)
+    with concerning(output), one_warning(output, "writing"):
+        written = write(sys.stdout.buffer if str(output) == STANDARD else output, contours,
+                        options=OutputOptions(to=suffix))
     pieces = "segments" if n == 2 else "triangles"
     points, cells = sum(len(contour.points) for contour in contours), sum(len(contour.cells) for contour in contours)
     tell(
         f"{click.format_filename(output)}: {points:,} points, {cells:,} {pieces}, {seconds:.2f} s",
         {
             "output": str(output),
-            "bytes": len(rendered),
+            "bytes": written.bytes,
             "points": points,
             "cells": cells,
             "isovalues": [contour.isovalue for contour in contours],

@@ -4,12 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from ..errors import FormatError, TruncatedError
-from .places import Places
 from .progress import progress_bar
 from .report import PARTIAL, concerning, warn
 
@@ -77,22 +75,21 @@ class Drawings:
     complete : bool
         Whether all of them are.
     shape : tuple of int
-    places : Places
-        Where they lie.
+    n : int
     """
 
-    def __init__(self, decoder: Decoder, numbers: Sequence[int], smooth: bool, in_samples: bool, cost: Cost,
-                 through_holes: bool = False) -> None:
+    def __init__(
+        self, decoder: Decoder, numbers: Sequence[int], smooth: bool, cost: Cost, through_holes: bool = False
+    ) -> None:
         self.points = self.cells = 0
         self.complete = True
         assert decoder.header is not None
         self.shape = decoder.header.shape
-        self.places = Places()
+        self.n = len(self.shape)
         self._decoder = decoder
         self._numbers = numbers
         self._smooth = smooth
         self._through_holes = through_holes
-        self._in_samples = in_samples
         self._cost = cost
 
     def __len__(self) -> int:
@@ -106,15 +103,12 @@ class Drawings:
         for number in self._numbers:
             contour = self._decoder.drawn(number, self._smooth, self._through_holes)
             self._decoder.discard(number)
-            if self._in_samples:
-                contour = replace(contour, placement=None, mapped=None)
             points, cells = contour.points, contour.cells
             size = points.nbytes + cells.nbytes
             self._decoder.hold(kept + size + self._cost.peak(len(points), len(cells)))
             self.points += len(points)
             self.cells += len(cells)
             self.complete &= contour.complete
-            self.places.see(contour)
             yield contour
             kept += self._cost.after(len(points), len(cells))
             del contour, points, cells

@@ -222,11 +222,12 @@ def check_iso_output(output: Path, source: Path) -> None:
     ------
     Failure
     """
-    from ..io import CURVE_SUFFIXES, FIELD_SUFFIXES
+    from ..io.readers.read import FIELD_SUFFIXES
+    from ..io.writers.registry import SUFFIXES
 
     check_output(output, source)
     with concerning(output):
-        suffix = next((s for s in (*CURVE_SUFFIXES, *FIELD_SUFFIXES) if output.name.lower().endswith(s)), None)
+        suffix = next((s for s in (*SUFFIXES, *FIELD_SUFFIXES) if output.name.lower().endswith(s)), None)
         if suffix is not None:
             raise OptionError(
                 f"the output is an .iso file, not {suffix}", code="suffix", remedy="choose a name that ends in .iso"

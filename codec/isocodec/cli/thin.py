@@ -14,7 +14,7 @@ from ..stream.names import ThinningName
 from .options import json_option, output_option
 from .progress import progress_bar
 from .quiet import one_warning
-from .report import check_output, concerning, tell, warn, write_output
+from .report import check_output, concerning, tell, warn
 
 if TYPE_CHECKING:
     from ..io.readers.read import Field
@@ -72,10 +72,12 @@ def thin_command(
         raise click.UsageError("--bytes, --layers and --isovalue are for an OUT that ends in .iso")
     if coded and criterion is not None:
         raise click.UsageError("--criterion: a coded surface has its own, AT1 with --error, l2 otherwise")
-    from ..io.writers.tin_files import PlacedTin, check_tin, render_tin
+    from ..io.writers.things import PlacedTin, Thing
+    from ..io.writers.write import check, write
 
     with concerning(output):
-        suffix = ".iso" if coded else check_tin(output)
+        if not coded:
+            check(output, Thing("tin", 2, sampled=False))
     check_output(output, source)
 
     import numpy as np
@@ -134,13 +136,12 @@ def thin_command(
     matrix = np.eye(2, 3) if scattered else unplaced(2) if place.placement is None else place.placement
     notes = {"order": found.order, "errors": found.errors, "anticipated": found.anticipated, "kept": found.kept}
     with concerning(output), one_warning(output, "writing"):
-        data = render_tin(PlacedTin(tin, matrix, place.crs or "", notes), suffix)
-    write_output(output, data)
+        written = write(output, PlacedTin(tin, matrix, place.crs or "", notes))
     tell(
         f"{click.format_filename(output)}: {len(found):,} of {len(found) + len(found.order):,} points, "
         f"{len(tin.triangles):,} triangles, largest error {largest:g}, {seconds:.2f} s",
         {
-            "output": str(output), "bytes": len(data), "points": len(found), "triangles": len(tin.triangles),
+            "output": str(output), "bytes": written.bytes, "points": len(found), "triangles": len(tin.triangles),
             "removed": len(found.order), "merged": found.merged, "error": largest, "criterion": criterion or "AT1",
             "seconds": round(seconds, 3),
         },

@@ -15,7 +15,6 @@ import click
 from ..errors import InputError
 from ..limits import Limits
 from .options import iso_argument, json_option, limit_options, limits_of, output_option
-from .places import Places, warn_of_places
 from .quiet import one_warning
 from .report import STANDARD, check_iso_output, check_output, concerning, tell, warn, write_output
 
@@ -55,48 +54,42 @@ def decode_tiled(
     window: str | None, within: float | None, partial: bool, in_samples: bool, keep_crs: bool, as_json: bool,
 ) -> None:
     """Write a window of a tiled file, or all of it."""
-    from dataclasses import replace
-
-    from ..io.writers.pmtiles import render_pyramid
-    from ..io.writers.write import check_libraries, check_suffix, holds_several, put, render_contour
+    from ..io.writers.output_formats import OutputOptions
+    from ..io.writers.registry import suffixes_of
+    from ..io.writers.things import Pyramid, Thing
+    from ..io.writers.write import check, write
 
     n = len(file.shape)
     with concerning(output):
-        suffix = check_suffix(named, n)
-        check_libraries(suffix)
+        suffix, form = check(named, Thing("contour", n))
     check_output(output, source)
     box = read_box(window)
     started = time.perf_counter()
-    several = isovalue is None and holds_several(suffix, n)
+    several = isovalue is None and n in form.several
     wanted = file.isovalues if several else (file.isovalues[0] if isovalue is None else isovalue,)
     layer = None if layers is None else min(layers, len(file.head.stages)) - 1
     contours: list[Contour] = []
-    places = Places()
     with concerning(source):
         for value in wanted:
-            contour = file.window(box, isovalue=value, within=within, layer=layer, partial=partial)
-            contours.append(replace(contour, placement=None) if in_samples else contour)
-            places.see(contours[-1])
+            contours.append(file.window(box, isovalue=value, within=within, layer=layer, partial=partial))
         if partial and file.cut:
             warn(source, _CUT)
     seconds = time.perf_counter() - started
     with concerning(source), one_warning(output, "writing"):
-        if suffix == ".pmtiles" and within is None and layer is None and not (in_samples or partial):
-            rendered = render_pyramid(_by_width(file, box, contour) for contour in contours)
-        else:
-            rendered = render_contour(contours, suffix, n, keep_crs)
-    warn_of_places(source, suffix, places, keep_crs, in_samples)
-    with concerning(output):
-        if str(output) == STANDARD:
-            write_output(output, rendered)
-        else:
-            put(output, suffix, rendered)
+        zooms = suffix in suffixes_of("pyramid") and within is None and layer is None and not (in_samples or partial)
+        written = write(
+            sys.stdout.buffer if str(output) == STANDARD else output,
+            Pyramid(_by_width(file, box, contour) for contour in contours) if zooms else contours,
+            options=OutputOptions(keep_crs, in_samples, suffix),
+        )
+    for remark in written.remarks:
+        warn(source, remark)
     points, cells = (sum(len(getattr(c, name)) for c in contours) for name in ("points", "cells"))
     tell(
         f"{click.format_filename(output)}: {points:,} points, {cells:,} {'segments' if n == 2 else 'triangles'}, "
         f"{_read(file)}, {seconds:.2f} s",
         {
-            "output": str(output), "bytes": len(rendered), "points": points, "cells": cells,
+            "output": str(output), "bytes": written.bytes, "points": points, "cells": cells,
             "isovalues": list(wanted), "shape": list(file.shape), "complete": all(c.complete for c in contours),
             "seconds": round(seconds, 3),
             "read": file.received, "pieces": file.requests,

@@ -2,25 +2,20 @@
 
 from __future__ import annotations
 
+import sys
 import time
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
 from ..limits import Limits
-from .places import Places, warn_of_places
 from .quiet import one_warning
-from .report import concerning, tell, write_output
+from .report import STANDARD, concerning, tell, warn, write_output
 
 if TYPE_CHECKING:
     from ..io.readers.place import Place
     from ..io.readers.read import Field
-    from ..tin.tin import Tin
-
-PICTURE = ".npy"
-"""Suffix of the picture that a surface makes."""
 
 
 def encode_surface(
@@ -71,64 +66,32 @@ def decode_surface(
     import isocodec
 
     from ..api.tin_api import contour_of
-    from ..io.writers.tin_files import check_tin
-    from ..io.writers.write import check_libraries, check_suffix, render_contour
-    from .on_mesh import check_on_mesh
+    from ..io.writers.output_formats import OutputOptions
+    from ..io.writers.things import Thing
+    from ..io.writers.write import check, write
 
     with concerning(output):
-        if isovalue is not None:
-            suffix = check_suffix(named, 2)
-            check_libraries(suffix)
-        else:
-            suffix = named.suffix.lower() if named.suffix.lower() == PICTURE else check_tin(named)
+        suffix, _ = check(named, Thing("tin" if isovalue is None else "contour", 2))
     started = time.perf_counter()
     with concerning(source):
         tin = isocodec.decode_tin(data, max_bytes=len(data) if partial and max_bytes is None else max_bytes,
                                   limits=limits)
-    places = Places()
-    with concerning(source if suffix == PICTURE else output):
-        if isovalue is None:
-            with one_warning(output, "writing"):
-                written = _rendered(tin, suffix, in_samples)
-            record: dict[str, Any] = {"triangles": len(tin.triangles)}
-            points, pieces = len(tin.points), len(tin.triangles)
-        else:
-            if tin.shape is None:
-                check_on_mesh(suffix)
-            contour = contour_of(tin, isovalue)
-            contour = replace(contour, placement=None) if in_samples else contour
-            with one_warning(output, "writing"):
-                written = render_contour([contour], suffix, 2)
-            places.see(contour)
-            points, pieces = len(contour.points), len(contour.cells)
-            record = {"cells": pieces, "isovalues": [isovalue]}
-    warn_of_places(source, suffix, places, False, in_samples)
-    write_output(output, written)
+    what: Any = tin if isovalue is None else contour_of(tin, isovalue)
+    pieces = len(tin.triangles) if isovalue is None else len(what.cells)
+    record = {"triangles": pieces} if isovalue is None else {"cells": pieces, "isovalues": [isovalue]}
+    with concerning(output), one_warning(output, "writing"):
+        written = write(sys.stdout.buffer if str(output) == STANDARD else output, what,
+                        options=OutputOptions(in_samples=in_samples, to=suffix))
+    for remark in written.remarks:
+        warn(source, remark)
+    points = len(what.points)
     seconds = time.perf_counter() - started
     tell(
         f"{click.format_filename(output)}: {points:,} points, {pieces:,} "
         f"{'triangles' if isovalue is None else 'segments'}, {seconds:.2f} s",
         {
-            "output": str(output), "bytes": len(written), "points": points, **record, "complete": tin.complete,
+            "output": str(output), "bytes": written.bytes, "points": points, **record, "complete": tin.complete,
             "seconds": round(seconds, 3),
         },
         as_json,
     )
-
-
-def _rendered(tin: Tin, suffix: str, in_samples: bool) -> bytes:
-    """A surface as a file, or the picture that it makes."""
-    import io
-
-    import numpy as np
-
-    from ..field.placement import CRS, read_placement, unplaced
-    from ..io.writers.tin_files import PlacedTin, render_tin
-
-    if suffix == PICTURE:
-        buffer = io.BytesIO()
-        np.save(buffer, tin.raster())
-        return buffer.getvalue()
-    found = None if in_samples else read_placement(dict(tin.metadata), 2)
-    matrix = found if found is not None else np.eye(2, 3) if tin.shape is None else unplaced(2)
-    return render_tin(PlacedTin(tin, matrix, tin.metadata.get(CRS, ""), {}), suffix)

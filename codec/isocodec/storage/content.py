@@ -162,4 +162,4 @@ def _first(file: Any, count: int) -> bytes:
 def _binary(piece: Any) -> bytes:
     if isinstance(piece, str):
         raise OptionError("the file was opened as text", code="data", remedy="open it in binary mode: open(name, 'rb')")
-    return piece  # type: ignore[no-any-return]
+    return piece

@@ -58,7 +58,7 @@ class Losses:
         if output.coordinates == "degrees" and not output.names_crs and unnamed and not options.keep_crs:
             found.append(
                 f"coordinates are no longitudes and latitudes, as GeoJSON has them (RFC 7946), but {where}; {remedy}, "
-                "or use .gpkg"
+                "or write a GeoPackage"
             )
         elif output.names_crs and unnamed:
             found.append(
@@ -68,7 +68,7 @@ class Losses:
             lost = float(np.spacing(np.float32(self._largest)))
             if lost > LOST * self._step:
                 found.append(
-                    f"coordinates in {self._suffix} are rounded by up to {lost / 2:g}; use .obj or --in-samples to "
-                    "avoid that"
+                    f"coordinates in {self._suffix} are rounded by up to {lost / 2:g}; write OBJ or use --in-samples "
+                    "to avoid that"
                 )
         return tuple(found)

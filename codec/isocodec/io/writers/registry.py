@@ -6,13 +6,15 @@ import os
 from pathlib import Path
 
 from ...errors import OptionError
-from . import arrays, dxf, geojson, nifti, pictures, pmtiles, surfaces, vector, vtk_files
+from . import to_ezdxf, to_json, to_meshio, to_nibabel, to_numpy, to_pictures, to_pmtiles, to_pyogrio, to_trimesh
 from .output_formats import Kind, Output
 from .things import Thing
 
 OUTPUTS: tuple[Output, ...] = tuple(
     output
-    for module in (arrays, pictures, geojson, vector, pmtiles, dxf, vtk_files, surfaces, nifti)
+    for module in (
+        to_numpy, to_pictures, to_json, to_pyogrio, to_pmtiles, to_ezdxf, to_meshio, to_trimesh, to_nibabel
+    )
     for output in module.OUTPUTS
 )
 SUFFIXES: tuple[str, ...] = tuple(dict.fromkeys(suffix for output in OUTPUTS for suffix in output.suffixes))

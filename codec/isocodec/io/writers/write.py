@@ -116,7 +116,7 @@ def write(path: str | os.PathLike[str] | BinaryIO, what: Any, *, options: Output
     UserWarning
         With what libraries warn of, all in one.
     """
-    target = None if hasattr(path, "write") else Path(path)  # type: ignore[arg-type]
+    target = None if hasattr(path, "write") else Path(path)
     made = _Rendering(what, "" if target is None else target, options)
     if target is not None:
         check_target(target)

@@ -22,7 +22,7 @@ _TYPES = {"f8": "Float64", "f4": "Float32", "i8": "Int64"}
 
 
 def _vtp(contours: Iterable[Contour], _: str, __: OutputOptions) -> bytes:
-    """All isovalues in one file, in double precision: cells have the value ``isovalue``, points of surfaces ``Normals``."""
+    """All isovalues in one file, in double precision; cells have the value ``isovalue``, points of surfaces normals."""
     points: list[NDArray[np.float64]] = []
     normals: list[NDArray[np.float64]] = []
     cells: list[NDArray[np.int64]] = []

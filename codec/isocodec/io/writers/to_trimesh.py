@@ -119,7 +119,7 @@ def _mesh_ply(mesh: Tessellation, _: str, __: OutputOptions) -> bytes:
     if cells.shape[1] == 4:
         sides = np.concatenate([cells[:, [1, 2, 3]], cells[:, [0, 3, 2]], cells[:, [0, 1, 3]], cells[:, [0, 2, 1]]])
         finest = np.argsort(-np.tile(levels, 4), kind="stable")
-        _, first = np.unique(np.sort(sides[finest], axis=1), axis=0, return_index=True)
+        first = np.unique(np.sort(sides[finest], axis=1), axis=0, return_index=True)[1]
         kept = np.sort(finest[first])
         cells, levels = sides[kept], np.tile(levels, 4)[kept]
     return _binary_ply(points, cells, {ABOVE: mesh.above}, {LEVEL: levels})
