@@ -24,7 +24,7 @@ from isocodec.grid.tube.capacity import at_rest, wider_state
 from isocodec.io.readers.detached import _numbered
 from isocodec.io.writers.output_formats import Cost
 from isocodec.limits import LEVELS, Budget
-from isocodec.storage.unfinished import undo_all, undoing
+from isocodec.storage.atomic import undo_all, undoing
 from isocodec.stream.encoder import Encoder
 
 TWO = isocodec.encode(picture((40, 40), 3), [0.5, 9.5])
