@@ -23,6 +23,7 @@ from isocodec.format.chunks import write_chunk
 from isocodec.format.coordinates import CoordinatesRecord, read_coordinates, write_coordinates
 from isocodec.grid.passes.nodes import Grid, decode_run, encode_run
 from isospec.container import ChunkType
+from places import on_nodes
 
 Array = grids.Array
 UNWRAP = 360.0
@@ -93,7 +94,7 @@ def test_no_seam(grid: Callable[[], tuple[Array, list[Array]]], options: dict[st
     field, arrays = grid()
     data = isocodec.encode(field, 0.05, coordinates=arrays, periodic=1, **options)
     contour = isocodec.decode(data)
-    assert contour.shape[1] == field.shape[1] + 1 and contour.mapped is not None and contour.mapped.closes
+    assert contour.shape[1] == field.shape[1] + 1 and contour.placement is not None and contour.placement.closes
     last = contour.shape[1] - 1
     ends = [contour.placed[contour.points[:, 1] == at] for at in (0, last)]
     assert len(ends[0]) == len(ends[1]) > 0
@@ -123,7 +124,7 @@ def test_longitudes_that_wrap() -> None:
     expected = np.degrees(np.arccos(0.2))
     east = (contour.placed[:, 0] + 180) % 360 - 180
     assert np.abs(np.abs(east) - expected).max() < 0.6
-    assert contour.mapped is not None and contour.mapped.periods == (360.0, 0.0) and not contour.mapped.closes
+    assert contour.placement is not None and contour.placement.periods == (360.0, 0.0) and not contour.placement.closes
 
 
 def test_signs_do_not_need_them() -> None:
@@ -132,7 +133,7 @@ def test_signs_do_not_need_them() -> None:
     data = isocodec.encode(field, 0.1, coordinates=arrays, period=360)
     plain = isocodec.encode(field, 0.1)
     assert np.array_equal(isocodec.decode(data).points, isocodec.decode(plain).points)
-    assert isocodec.decode(plain).mapped is None
+    assert isocodec.decode(plain).placement is None
     chunk = next(each for each in isocodec.inspect(data).chunks if each.type == "coordinates")
     assert len(data) - len(plain) == chunk.bytes
 
@@ -153,11 +154,11 @@ def test_pieces_and_truncation() -> None:
     assert np.array_equal(decoder.snapshot().placed, isocodec.decode(data).placed)
     early = Decoder()
     early.feed(data[: event.offset - 1])
-    assert early.snapshot().mapped is None
+    assert not on_nodes(early.snapshot())
     early.feed(data[event.offset - 1 : event.offset + 40])
-    assert early.snapshot().mapped is not None
+    assert on_nodes(early.snapshot())
     short = isocodec.truncate(data, max_bytes=event.offset + 60)
-    assert isocodec.decode(short).mapped is not None
+    assert on_nodes(isocodec.decode(short))
 
 
 def test_holes_may_have_any_coordinates() -> None:
@@ -234,7 +235,7 @@ def test_options_without_coordinates() -> None:
         with pytest.raises(OptionError):
             isocodec.encode(field, 0.05, **options)
     contour = isocodec.decode(isocodec.encode(field, 0.05, periodic=1))
-    assert contour.mapped is not None and contour.mapped.periods == pytest.approx((60, 0))
+    assert contour.placement is not None and contour.placement.periods == pytest.approx((60, 0))
     assert np.abs(contour.placed - contour.points[:, ::-1]).max() < 0.005
 
 
@@ -246,7 +247,7 @@ def test_curves_close_across_the_seam() -> None:
     assert line[0] == line[-1] and len(line) == len(contour.points)
     assert len(contour.lines) == 1 and contour.lines[0][0].tolist() != contour.lines[0][-1].tolist()
     ring = shapely.Polygon(line)
-    above, below = (shapely.geometry.shape(isocodec.areas(contour, above=side)) for side in (True, False))
+    above, below = (shapely.geometry.shape(contour.areas(above=side)) for side in (True, False))
     assert above.is_valid and below.is_valid and len(below.geoms) == len(above.geoms) == 1
     assert len(above.geoms[0].interiors) == len(below.geoms[0].interiors) == 1
     radius = np.hypot(*arrays)
@@ -387,5 +388,5 @@ def test_a_run_that_is_none_is_ignored() -> None:
     chunk = write_chunk(ChunkType.COORDINATES, write_coordinates(record), ancillary=True)
     data = plain[:header] + chunk + plain[header:-4]
     data += zlib.crc32(data).to_bytes(4, "big")
-    assert isocodec.decode(data).mapped is None
+    assert isocodec.decode(data).placement is None
     assert np.array_equal(isocodec.decode(data).points, isocodec.decode(plain).points)

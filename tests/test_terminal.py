@@ -21,11 +21,10 @@ import tifffile
 
 import isocodec
 from commands import BALL, HILLS, fails, ok, process, run
-from inputs import META, virtual
+from inputs import META, read_field, virtual
 from isocodec.cli.quiet import one_warning
 from isocodec.errors import InputError
 from isocodec.field.text import one_line, plain
-from isocodec.io import read_field
 
 ODD = "a\x1b[31mred\x07\u202egnp\x9b2J\x7f"
 """Colours, a bell, text that runs backwards, and a cleared screen."""

@@ -15,7 +15,7 @@ from ..stream.options import Isovalues, LayersGiven, PrecisionGiven, ProfileName
 
 if TYPE_CHECKING:
     from ..tin.tin import Tin
-    from .content import SpatialImage
+    from ..field.sampled import SpatialImage
 
 
 def encode(

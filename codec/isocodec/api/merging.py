@@ -16,7 +16,7 @@ from ..stream.decoder import Decoder
 from ..stream.options import Options
 from ..stream.recoder import Source, sources_of
 from ..stream.splicing import spliced
-from .content import Readable
+from ..storage.content import Readable
 from .isofile import open
 from .kinds import TileFile, impossible
 from .recoding import contours_of, kept, whole_decoder

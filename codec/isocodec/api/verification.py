@@ -60,7 +60,7 @@ def verified(held: WholeFile | TileFile, field: Any, frame: int | None, within: 
     if held.kind == "mesh":
         assert isinstance(held, WholeFile)
         return _on_mesh(held, field, frame, within)
-    from ..io.readers.anything import read
+    from ..io.readers.reader import read
 
     known = read(field)
     if held.kind == "surface":
