@@ -58,7 +58,6 @@ class IsoFile:
         self.held = held
         self.limits = held.limits
         self.mesh_given = getattr(held, "mesh_given", None)
-        self.mesh_given = getattr(held, "mesh_given", None)
 
     def __repr__(self) -> str:
         values = ", ".join(f"{value:g}" for value in self.isovalues[:5]) + ", .." * (len(self.isovalues) > 5)
