@@ -163,11 +163,11 @@ def test_writers_are_heard_in_one_line(tmp_path: Path) -> None:
 
 
 WRITERS = {
-    "isocodec.io.writers.write.render_contour": ("decode", "c.iso", "-o", "o.npz"),
-    "isocodec.io.writers.write.render_mesh": ("decode", "c.iso", "-o", "o.ply", "--mesh", "tube"),
+    "isocodec.io.writers.to_numpy._saved": ("decode", "c.iso", "-o", "o.npz"),
+    "isocodec.io.writers.to_trimesh._binary_ply": ("decode", "c.iso", "-o", "o.ply", "--mesh", "tube"),
     "isocodec.io.writers.picture.steps_picture": ("plot", "c.iso", "-o", "o.png"),
     "isocodec.io.writers.map_picture.map_picture": ("map", "c.iso", "-o", "o.png"),
-    "isocodec.io.writers.samples.write_mask": ("mask", "v.iso", "-o", "o.nii"),
+    "isocodec.io.writers.to_nibabel.optional": ("mask", "v.iso", "-o", "o.nii"),
 }
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 import time
 from contextlib import suppress
 from dataclasses import replace
@@ -23,7 +22,7 @@ from .options import (
     partial_option,
     smooth_option,
 )
-from .quiet import one_warning
+from .quiet import written
 from .receive import Drawings, receive, receive_all, warn_of_frames, warn_of_others
 from .report import STANDARD, check_output, concerning, read_iso, tell, warn
 
@@ -147,7 +146,7 @@ def decode_command(
 
     from ..io.writers.output_formats import OutputOptions
     from ..io.writers.things import Areas, Thing
-    from ..io.writers.write import check, write
+    from ..io.writers.write import check
 
     asked = Thing("areas" if areas else "contour", None)
     with concerning(output):
@@ -178,15 +177,13 @@ def decode_command(
     with concerning(output):
         suffix, form = check(named, replace(asked, n=n))
     drawings = Drawings(decoder, numbers, smooth, form.cost[n], along_holes)
-    with concerning(source), one_warning(output, "writing"):
+    with concerning(source):
         valid = decoder.valid() if areas and along_holes else None
-        written = write(
-            sys.stdout.buffer if str(output) == STANDARD else output,
-            Areas(drawings, areas, valid) if areas else drawings, options=OutputOptions(keep_crs, in_samples, suffix),
-        )
+        done = written(output, Areas(drawings, areas, valid) if areas else drawings,
+                       OutputOptions(keep_crs, in_samples, suffix))
     if not drawings.points and not drawings.complete:
         warn(source, "the part that was decoded holds nothing of the curve")
-    for remark in written.remarks:
+    for remark in done.remarks:
         warn(source, remark)
     pieces = "segments" if n == 2 else "triangles"
     tell(
@@ -194,7 +191,7 @@ def decode_command(
         + (f", {len(numbers)} isovalues" if len(numbers) > 1 else ""),
         {
             "output": str(output),
-            "bytes": written.bytes,
+            "bytes": done.bytes,
             "points": drawings.points,
             "cells": drawings.cells,
             "isovalues": isovalues,

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 import time
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -10,9 +9,9 @@ from typing import TYPE_CHECKING
 import click
 
 from .panels import Panels
-from .quiet import one_warning
+from .quiet import one_warning, written
 from .receive import warn_of_frames, warn_of_others
-from .report import STANDARD, concerning, tell, write_output
+from .report import concerning, tell, write_output
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -125,7 +124,7 @@ def decode_on_mesh(
 
     from ..io.writers.output_formats import OutputOptions
     from ..io.writers.things import Thing
-    from ..io.writers.write import check, write
+    from ..io.writers.write import check
 
     with concerning(output):
         suffix, form = check(named, Thing("contour", None, sampled=False))
@@ -145,16 +144,15 @@ def decode_on_mesh(
     warn_of_frames(source, data, frame)
     seconds = time.perf_counter() - started
     n = contours[0].n
-    with concerning(output), one_warning(output, "writing"):
-        written = write(sys.stdout.buffer if str(output) == STANDARD else output, contours,
-                        options=OutputOptions(to=suffix))
+    with concerning(output):
+        done = written(output, contours, OutputOptions(to=suffix))
     pieces = "segments" if n == 2 else "triangles"
     points, cells = sum(len(contour.points) for contour in contours), sum(len(contour.cells) for contour in contours)
     tell(
         f"{click.format_filename(output)}: {points:,} points, {cells:,} {pieces}, {seconds:.2f} s",
         {
             "output": str(output),
-            "bytes": written.bytes,
+            "bytes": done.bytes,
             "points": points,
             "cells": cells,
             "isovalues": [contour.isovalue for contour in contours],

@@ -12,10 +12,15 @@ import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager, redirect_stderr, redirect_stdout
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 from ..errors import one_line
 from ..storage.atomic import undoing
-from .report import warn
+from .report import STANDARD, warn, write_output
+
+if TYPE_CHECKING:
+    from ..io.writers.output_formats import OutputOptions
+    from ..io.writers.write import Written
 
 _SHOWN = 3
 _KEPT = 1 << 16
@@ -62,6 +67,18 @@ def one_warning(path: Path, doing: str = "reading") -> Iterator[None]:
     if lines:
         more = f", and {len(lines) - _SHOWN} more" if len(lines) > _SHOWN else ""
         warn(path, f"messages while {doing} it: {'; '.join(lines[:_SHOWN])}{more}")
+
+
+def written(output: Path, what: Any, options: OutputOptions) -> Written:
+    """Write something to a file, or to standard output when its streams are back."""
+    from ..io.writers.write import write
+
+    buffer = io.BytesIO()
+    with one_warning(output, "writing"):
+        done = write(buffer if str(output) == STANDARD else output, what, options=options)
+    if str(output) == STANDARD:
+        write_output(output, buffer.getvalue())
+    return done
 
 
 @contextmanager

@@ -15,7 +15,7 @@ import click
 from ..errors import InputError
 from ..limits import Limits
 from .options import iso_argument, json_option, limit_options, limits_of, output_option
-from .quiet import one_warning
+from .quiet import written
 from .report import STANDARD, check_iso_output, check_output, concerning, tell, warn, write_output
 
 if TYPE_CHECKING:
@@ -57,7 +57,7 @@ def decode_tiled(
     from ..io.writers.output_formats import OutputOptions
     from ..io.writers.registry import suffixes_of
     from ..io.writers.things import Pyramid, Thing
-    from ..io.writers.write import check, write
+    from ..io.writers.write import check
 
     n = len(file.shape)
     with concerning(output):
@@ -75,21 +75,18 @@ def decode_tiled(
         if partial and file.cut:
             warn(source, _CUT)
     seconds = time.perf_counter() - started
-    with concerning(source), one_warning(output, "writing"):
+    with concerning(source):
         zooms = suffix in suffixes_of("pyramid") and within is None and layer is None and not (in_samples or partial)
-        written = write(
-            sys.stdout.buffer if str(output) == STANDARD else output,
-            Pyramid(_by_width(file, box, contour) for contour in contours) if zooms else contours,
-            options=OutputOptions(keep_crs, in_samples, suffix),
-        )
-    for remark in written.remarks:
+        what = Pyramid(_by_width(file, box, contour) for contour in contours) if zooms else contours
+        done = written(output, what, OutputOptions(keep_crs, in_samples, suffix))
+    for remark in done.remarks:
         warn(source, remark)
     points, cells = (sum(len(getattr(c, name)) for c in contours) for name in ("points", "cells"))
     tell(
         f"{click.format_filename(output)}: {points:,} points, {cells:,} {'segments' if n == 2 else 'triangles'}, "
         f"{_read(file)}, {seconds:.2f} s",
         {
-            "output": str(output), "bytes": written.bytes, "points": points, "cells": cells,
+            "output": str(output), "bytes": done.bytes, "points": points, "cells": cells,
             "isovalues": list(wanted), "shape": list(file.shape), "complete": all(c.complete for c in contours),
             "seconds": round(seconds, 3),
             "read": file.received, "pieces": file.requests,

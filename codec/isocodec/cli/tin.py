@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -10,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from ..limits import Limits
-from .quiet import one_warning
-from .report import STANDARD, concerning, tell, warn, write_output
+from .quiet import written
+from .report import concerning, tell, warn, write_output
 
 if TYPE_CHECKING:
     from ..io.readers.place import Place
@@ -68,7 +67,7 @@ def decode_surface(
     from ..api.tin_api import contour_of
     from ..io.writers.output_formats import OutputOptions
     from ..io.writers.things import Thing
-    from ..io.writers.write import check, write
+    from ..io.writers.write import check
 
     with concerning(output):
         suffix, _ = check(named, Thing("tin" if isovalue is None else "contour", 2))
@@ -79,10 +78,9 @@ def decode_surface(
     what: Any = tin if isovalue is None else contour_of(tin, isovalue)
     pieces = len(tin.triangles) if isovalue is None else len(what.cells)
     record = {"triangles": pieces} if isovalue is None else {"cells": pieces, "isovalues": [isovalue]}
-    with concerning(output), one_warning(output, "writing"):
-        written = write(sys.stdout.buffer if str(output) == STANDARD else output, what,
-                        options=OutputOptions(in_samples=in_samples, to=suffix))
-    for remark in written.remarks:
+    with concerning(output):
+        done = written(output, what, OutputOptions(in_samples=in_samples, to=suffix))
+    for remark in done.remarks:
         warn(source, remark)
     points = len(what.points)
     seconds = time.perf_counter() - started
@@ -90,7 +88,7 @@ def decode_surface(
         f"{click.format_filename(output)}: {points:,} points, {pieces:,} "
         f"{'triangles' if isovalue is None else 'segments'}, {seconds:.2f} s",
         {
-            "output": str(output), "bytes": written.bytes, "points": points, **record, "complete": tin.complete,
+            "output": str(output), "bytes": done.bytes, "points": points, **record, "complete": tin.complete,
             "seconds": round(seconds, 3),
         },
         as_json,
