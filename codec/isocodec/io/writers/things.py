@@ -131,7 +131,9 @@ class Thing:
             name = {2: "a curve (of a 2-D field)", 3: "a surface (of a 3-D field)"}.get(self.n or 0, "a contour")
             return name if self.sampled else f"{name.partition(' (')[0]} that lies on a mesh"
         names = {
-            "areas": "areas", "mask": f"a mask of {self.n} axes", "mesh": f"the mesh of a {self.n}-D field",
+            "areas": "areas of a surface" if self.n == 3 else "areas",
+            "mask": f"a mask of {self.n} axes" if self.n else "a mask",
+            "mesh": f"the mesh of a {self.n}-D field" if self.n else "a mesh",
             "tin": "a triangulated surface" + ("" if self.sampled else " of scattered points"),
             "pyramid": "a curve at each zoom of a map", "picture": "a picture",
         }
