@@ -47,7 +47,7 @@ class Labels:
             return None if self.placement is None else Placement(self.placement, None, self.crs)
         turns = self.crs == DEGREES
         grid = placed_grid(self.coordinates, self.shape, turns and len(self.shape) == 2, self.crs)
-        return replace(grid, periods=TURN if turns else 0.0)
+        return replace(grid, periods=(TURN,)) if turns else grid
 
 
 def labelled_field(array: Any) -> Field:

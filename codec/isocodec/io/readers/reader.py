@@ -1,4 +1,4 @@
-"""Read fields, series and meshes of whatever holds them: files, URLs, open files, and what other libraries have in memory."""
+"""Read fields, series and meshes of whatever holds them: files, URLs, open files, objects of other libraries."""
 
 from __future__ import annotations
 
@@ -7,13 +7,13 @@ import sys
 import warnings
 from collections.abc import Callable
 from contextlib import ExitStack
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ...errors import OptionError
+from ...errors import InputError, OptionError
 from ...field.framed import Frames
 from ...field.meshed import Mesh
 from ...field.missing import HOLE, missing_samples
@@ -125,6 +125,22 @@ def read(
     return found
 
 
+def read_field(source: Any) -> Field:
+    """Read as `read` does, but a field only.
+
+    Raises
+    ------
+    InputError
+        If the source holds a series or a mesh.
+    OSError, LimitError, MissingExtraError
+        As `read`.
+    """
+    found = read(source)
+    if not isinstance(found, Field):
+        raise InputError("holds no field but " + ("a series" if isinstance(found, Frames) else "a mesh"), code="field")
+    return found
+
+
 def load(source: Any, options: ReadOptions) -> Field | Frames | Mesh:
     """Read as `read` does, but leave it to the caller to pass on remarks.
 
@@ -149,9 +165,9 @@ def load(source: Any, options: ReadOptions) -> Field | Frames | Mesh:
 
 def _mesh(source: str | os.PathLike[str], options: ReadOptions) -> Mesh:
     """Read a mesh, or scattered points, with the values that a key names, or the only ones, or those named ``z``."""
-    for name, default in ReadOptions.__dataclass_fields__.items():
-        if name not in ("key", "samples") and getattr(options, name) != default.default:
-            raise OptionError(f"{name} does not apply to meshes and points", code=name)
+    for option in fields(ReadOptions):
+        if option.name not in ("key", "samples") and getattr(options, option.name) != option.default:
+            raise OptionError(f"{option.name} does not apply to meshes and points", code=option.name)
     found = read_mesh(source, options.samples)
     name = options.key
     if name is None and (len(found.values) == 1 or HEIGHT in found.values):
