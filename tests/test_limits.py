@@ -19,10 +19,12 @@ from isocodec import Decoder, InputError, IsoError, LimitError, Limits, OptionEr
 from isocodec import limits as module
 from isocodec.entropy import run
 from isocodec.grid.passes.runner import Tube
-from isocodec.io.writers.write import AREAS, cost_of, render_contour, render_sides
+from isocodec.io.writers.registry import find
+from isocodec.io.writers.things import Areas, thing_of
 from isocodec.limits import Budget, in_units
 from isoconform import hostile
 from isospec.container import MAX_ISOVALUES
+from written import rendered
 
 LONE = bytes(next(draft.data for draft in hostile.drafts() if draft.name == "space_main_lone_vertices"))
 """Vertices far from each other, in a base of level 24."""
@@ -131,16 +133,14 @@ def test_writing_takes_no_more_than_is_counted(n, suffix, rough):
     contour = isocodec.decode(isocodec.encode(field(n, size, rough), 0.5, placement=placement, metadata=crs))
     small = isocodec.decode(isocodec.encode(field(n, 6, 1), 0.5, placement=placement, metadata=crs))
 
-    def write(contour):
-        return render_sides([contour], ".geojson", "above") if suffix == "areas" else render_contour(contour, suffix)
-
-    write(small)
+    what, suffix = (lambda one: Areas([one], "above"), ".geojson") if suffix == "areas" else (lambda one: one, suffix)
+    rendered(what(small), suffix)
     gc.collect()
     tracemalloc.start()
-    write(contour)
+    rendered(what(contour), suffix)
     peak = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()
-    cost = AREAS if suffix == "areas" else cost_of(suffix, n)
+    cost = find("a" + suffix, thing_of(what(contour)))[1].cost[n]
     counted = cost.peak(len(contour.points), len(contour.cells))
     # a picture takes its size, whatever is in it
     assert 0.3 * (counted - cost.fixed) < peak < counted

@@ -16,7 +16,7 @@ from .selfcheck import check_kernels
 
 if TYPE_CHECKING:
     from ..tin.tin import Tin
-    from .content import SpatialImage
+    from ..field.sampled import SpatialImage
 
 
 def encode(

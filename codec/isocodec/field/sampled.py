@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -149,3 +149,15 @@ def check_bare(field: object) -> None:
             f"a {type(field).__name__} has coordinates that an encoder does not take by itself", code="coordinates",
             remedy="use isocodec.encode, or give a Field (isocodec.read)",
         )
+
+
+class SpatialImage(Protocol):
+    """An image of nibabel."""
+
+    @property
+    def affine(self) -> Any:
+        """Where the samples lie."""
+
+    @property
+    def dataobj(self) -> Any:
+        """The samples."""

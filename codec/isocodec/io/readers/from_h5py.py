@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from ...errors import InputError
 from ...extras import optional
 from ...field.placement import Placement
-from ...field.text import one_line, plain
+from ...errors import one_line, plain
 from .from_xarray import OpenedClassic
 from .opened import DEFAULT_KEY, Choice, Format, Opened
 from .place_of_samples import EVEN, in_steps, open_grid, placed_grid

@@ -10,7 +10,7 @@ import numpy as np
 
 from ...errors import InputError
 from ...extras import optional
-from ...field.text import plain
+from ...errors import plain
 from .mesh_formats import MeshFormat, MeshRead
 from .reading import reading
 from .source import Source

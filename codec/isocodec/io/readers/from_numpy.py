@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from ...errors import InputError, OptionError
 from ...field.placement import Placement
-from ...field.text import plain
+from ...errors import plain
 from .mesh_formats import MeshFormat, MeshRead
 from .opened import DEFAULT_KEY, Choice, Format, Opened, numbers
 from .place_of_samples import open_grid, placed_grid

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from ...errors import InputError
 from ...extras import optional
 from ...field.placement import Placement
-from ...field.text import plain
+from ...errors import plain
 from .detached import meta_files, nrrd_files
 from .opened import IN_MEMORY, Choice, Format, Opened, numbers
 from .place_of_samples import EVEN, SLICE, placed, to_right_front_up

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from ...errors import InputError, MissingExtraError
 from ...extras import optional
 from ...field.placement import Placement
-from ...field.text import plain
+from ...errors import plain
 from .from_rasterio import RasterWindows
 from .opened import Choice, Format, Opened
 from .place_of_samples import in_steps, placed

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from ...errors import InputError
 from ...extras import optional
 from ...field.placement import Placement
-from ...field.text import one_line, plain
+from ...errors import one_line, plain
 from .opened import Choice, Format, Opened
 from .place_of_samples import placed
 from .reading import check_frame, reading

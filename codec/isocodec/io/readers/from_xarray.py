@@ -16,7 +16,7 @@ from ...extras import optional
 from ...field.missing import missing_samples
 from ...field.placement import Placement
 from ...field.sampled import Field
-from ...field.text import plain
+from ...errors import plain
 from .labels import labelled_field, labels_of
 from .opened import DEFAULT_KEY, IN_MEMORY, Choice, Format, Opened
 from .reading import about, check_frame, reading

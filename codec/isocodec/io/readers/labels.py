@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from ...errors import InputError, OptionError
 from ...field.placement import TURN, Placement, matrix_of
 from ...field.sampled import Field
-from ...field.text import one_line, plain
+from ...errors import one_line, plain
 from .place_of_samples import EVEN, placed_grid
 
 Matrix = NDArray[np.float64]

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import OptionError
-from ...field.text import plain
+from ...errors import plain
 from .source import Source
 
 HEIGHT = "z"

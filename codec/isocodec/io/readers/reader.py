@@ -18,8 +18,8 @@ from ...field.framed import Frames
 from ...field.meshed import Mesh
 from ...field.missing import HOLE, missing_samples
 from ...field.sampled import Field, check_missing
-from ...field.text import plain
-from ...storage.remote import is_file, is_url, local
+from ...errors import plain
+from ...storage.content import is_file, is_url, local
 from .from_nibabel import OpenedNibabel, is_nibabel
 from .from_simpleitk import OpenedItk, is_itk
 from .from_xarray import OpenedLabels, is_labelled, variable

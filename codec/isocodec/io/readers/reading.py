@@ -9,8 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...errors import InputError, IsoError, LimitError, OptionError
-from ...field.text import one_line
+from ...errors import InputError, IsoError, LimitError, OptionError, one_line
 
 
 @contextmanager

@@ -11,7 +11,7 @@ from pathlib import Path, PurePosixPath
 import numpy as np
 
 from ...errors import InputError, OptionError
-from ...field.text import plain
+from ...errors import plain
 from . import (
     from_geopandas,
     from_h5py,

@@ -12,8 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from ...errors import InputError, LimitError, OptionError
-from ...field.text import plain
+from ...errors import InputError, LimitError, OptionError, plain
 from ...limits import FIELD_SAMPLES
 
 

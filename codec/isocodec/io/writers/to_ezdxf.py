@@ -7,24 +7,15 @@ from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any
 
 from ...extras import optional
+from .output_formats import Cost, Output, OutputOptions
 
 if TYPE_CHECKING:
     from ...drawing.contour import Contour
 
 
-def ezdxf() -> Any:
-    """The library.
-
-    Raises
-    ------
-    MissingExtraError
-    """
-    return optional("ezdxf", extra="cad", purpose="writing .dxf")
-
-
-def render_dxf(contours: Iterable[Contour]) -> bytes:
+def _render(contours: Iterable[Contour], suffix: str, _: OutputOptions) -> bytes:
     """A drawing (R2010). Polylines of curves lie at the height of their isovalue; x and y are those of `placed`."""
-    library = ezdxf()
+    library: Any = optional("ezdxf", extra="cad", purpose=f"writing {suffix}")
     before = library.options.write_fixed_meta_data_for_testing
     # without the time and a number of its own for each file
     library.options.write_fixed_meta_data_for_testing = True
@@ -33,7 +24,7 @@ def render_dxf(contours: Iterable[Contour]) -> bytes:
         space = document.modelspace()
         colour = 0
         for contour in contours:
-            name = layer_name(contour)
+            name = _layer_name(contour)
             colour = colour % 6 + 1
             if name not in document.layers:
                 document.layers.add(name, color=colour)
@@ -58,6 +49,13 @@ def render_dxf(contours: Iterable[Contour]) -> bytes:
     return text.getvalue().encode(document.output_encoding)
 
 
-def layer_name(contour: Contour) -> str:
+def _layer_name(contour: Contour) -> str:
     """The layer of an isovalue: ``ISO_500.5``."""
     return f"ISO_{contour.isovalue:.12g}"
+
+
+_COST = {2: Cost(500, 200, 1 << 23), 3: Cost(600, 900, 1 << 24)}
+OUTPUTS = (
+    Output("contour", (".dxf",), "DXF", _render, (2, 3), (2, 3), "a layer each", extra="cad", libraries=("ezdxf",),
+           cost=_COST),
+)

@@ -1,21 +1,28 @@
-"""VTP, the polygons of VTK: lines of curves or triangles of surfaces, each with its isovalue, in double precision."""
+"""Files of VTK: lines of curves and triangles of surfaces as VTP, meshes and triangulated surfaces as VTU by meshio."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
+from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ...extras import optional
+from .output_formats import Cost, Output, OutputOptions
+from .things import ABOVE, LEVEL, PlacedTin, in_space
+
 if TYPE_CHECKING:
     from ...drawing.contour import Contour
+    from ...drawing.tessellation import Tessellation
 
 _TYPES = {"f8": "Float64", "f4": "Float32", "i8": "Int64"}
 
 
-def render_vtp(contours: Iterable[Contour]) -> bytes:
-    """All isovalues in one file: cells have the value ``isovalue``, points of surfaces ``Normals``."""
+def _vtp(contours: Iterable[Contour], _: str, __: OutputOptions) -> bytes:
+    """All isovalues in one file, in double precision; cells have the value ``isovalue``, points of surfaces normals."""
     points: list[NDArray[np.float64]] = []
     normals: list[NDArray[np.float64]] = []
     cells: list[NDArray[np.int64]] = []
@@ -69,3 +76,33 @@ def _array(name: str, array: NDArray[Any], body: list[bytes]) -> str:
     body.append(len(data).to_bytes(8, "little") + data)
     columns = f' NumberOfComponents="{array.shape[1]}"' if array.ndim == 2 else ""
     return f'<DataArray type="{_TYPES[kind]}" Name="{name}"{columns} format="appended" offset="{at}"/>'
+
+
+def _mesh_vtu(mesh: Tessellation, suffix: str, _: OutputOptions) -> bytes:
+    points, cells = in_space(mesh)
+    values = {"point_data": {ABOVE: mesh.above.astype(np.uint8)}, "cell_data": {LEVEL: [mesh.levels.astype(np.uint8)]}}
+    return _vtu(points, cells, suffix, values)
+
+
+def _tin_vtu(placed: PlacedTin, suffix: str, _: OutputOptions) -> bytes:
+    return _vtu(placed.vertices, placed.triangles, suffix, {"point_data": {"value": placed.tin.values.copy()}})
+
+
+def _vtu(points: NDArray[np.float64], cells: NDArray[np.int64], suffix: str, values: dict[str, Any]) -> bytes:
+    meshio = optional("meshio", extra="vtu", purpose=f"writing {suffix}")
+    mesh = meshio.Mesh(points, [("triangle" if cells.shape[1] == 3 else "tetra", cells)], **values)
+    # the library writes to a path only
+    with TemporaryDirectory() as folder:
+        path = Path(folder) / f"mesh{suffix}"
+        mesh.write(path, file_format="vtu")
+        return path.read_bytes()
+
+
+_MESHIO: Any = {"suffixes": (".vtu",), "title": "VTU", "extra": "vtu", "libraries": ("meshio",)}
+OUTPUTS = (
+    Output("contour", (".vtp",), "VTP", _vtp, (2, 3), (2, 3), "a value of cells",
+           cost={2: Cost(120, 100), 3: Cost(200, 160)}),
+    Output("mesh", render=_mesh_vtu, dimensions=(2, 3), **_MESHIO,
+           cost={2: Cost(300, 200, 1 << 24), 3: Cost(300, 200, 1 << 24)}),
+    Output("tin", render=_tin_vtu, sampled=False, **_MESHIO),
+)

@@ -17,6 +17,8 @@ from numpy.typing import NDArray
 from ...errors import OptionError
 from ...extras import optional
 from ...field.reference_system import epsg_of, to_degrees
+from .output_formats import Cost, Output, OutputOptions
+from .things import Pyramid
 
 if TYPE_CHECKING:
     from ...drawing.contour import Contour
@@ -43,41 +45,28 @@ AtWidth = Callable[[float], "Contour"]
 """The contour of an isovalue, as it is seen where a pixel is so many samples wide; 1 is the finest."""
 
 
-def libraries() -> Any:
-    """What writes the archive.
-
-    Raises
-    ------
-    MissingExtraError
-    """
-    optional("shapely", extra="pmtiles", purpose="making vector tiles")
-    optional("pyproj", extra="pmtiles", purpose="making vector tiles")
-    optional("mapbox_vector_tile", extra="pmtiles", purpose="making vector tiles")
-    return optional("pmtiles.writer", extra="pmtiles", purpose="writing .pmtiles")
-
-
-def render_pmtiles(contours: Iterable[Contour]) -> bytes:
-    """The archive of a contour, or of those of several isovalues, the same at all zooms but for its smallest parts."""
+def _render(contours: Iterable[Contour], suffix: str, options: OutputOptions) -> bytes:
+    """The archive of contours, the same at all zooms but for its smallest parts."""
 
     def same(contour: Contour) -> AtWidth:
         return lambda width: contour
 
-    return render_pyramid(map(same, contours))
+    return _render_pyramid(Pyramid(map(same, contours)), suffix, options)
 
 
-def render_pyramid(isovalues: Iterable[AtWidth]) -> bytes:
+def _render_pyramid(pyramid: Pyramid, suffix: str, _: OutputOptions) -> bytes:
     """The archive of isovalues that are drawn for each zoom as coarsely as it allows.
 
     Raises
     ------
     OptionError
-        If a contour does not say in which reference system it lies, or that is not known.
+        If the reference system of a contour is not known.
     MissingExtraError
     """
-    writer = libraries()
+    writer = optional("pmtiles.writer", extra="pmtiles", purpose=f"writing {suffix}")
     tiles: dict[Key, Features] = {}
     bounds, most = [], 0
-    for at in isovalues:
+    for at in pyramid.isovalues:
         finest = at(1.0)
         most = zoom_of(finest)
         for zoom in range(most + 1):
@@ -213,3 +202,11 @@ def _archive(
     layer = {"id": LAYER, "fields": {"isovalue": "Number"}, "minzoom": 0, "maxzoom": most}
     archive.finalize(header, {"vector_layers": [layer]})
     return out.getvalue()
+
+
+_SHARED: Any = {
+    "suffixes": (".pmtiles",), "title": "PMTiles", "several": (2,), "holds": "a property", "coordinates": "degrees",
+    "names_crs": True, "extra": "pmtiles", "libraries": ("shapely", "pyproj", "mapbox_vector_tile", "pmtiles.writer"),
+    "cost": {2: Cost(480, 150, 1 << 20, kept=300)},
+}
+OUTPUTS = (Output("contour", render=_render, **_SHARED), Output("pyramid", render=_render_pyramid, **_SHARED))

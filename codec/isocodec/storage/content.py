@@ -1,27 +1,29 @@
-"""Inputs that are no files here: URLs, open files and standard input, each as a file of its own for a while."""
+"""The bytes of paths, URLs and file objects, within limits; or a file here with these bytes, while it is needed."""
 
 from __future__ import annotations
 
+import os
 import re
 import tempfile
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO, TypeAlias
 from urllib.parse import urlsplit
 
-from ..errors import InputError, LimitError
+from ..errors import InputError, IsoError, LimitError, OptionError, plain
 from ..extras import optional
-from ..field.text import plain
-from ..limits import FIELD_SAMPLES
+from ..limits import FIELD_SAMPLES, Limits
 
+Readable: TypeAlias = bytes | bytearray | memoryview | str | os.PathLike[str] | BinaryIO
+"""An ``.iso`` file: its bytes, or where they are."""
+SuffixOf = Callable[[str, bytes], str | None]
+"""The suffix of a format, by the name of a file (or nothing) and its first `HEAD` bytes."""
+HEAD = 512
 _URL = re.compile(r"[A-Za-z][A-Za-z0-9+.-]+(://|::)")
 _PIECE = 1 << 20
 _SAMPLE = 16
 """Bytes of a file for each sample that may be read of it, at most."""
-_HEAD = 512
-SuffixOf = Callable[[str, bytes], str | None]
-"""The suffix of a format, by the name of a file (or nothing) and its first 512 bytes."""
 
 
 def is_url(thing: object) -> bool:
@@ -30,13 +32,13 @@ def is_url(thing: object) -> bool:
 
 
 def is_file(thing: object) -> bool:
-    """Whether this is a file that is open, or something like it."""
+    """Whether this is an open file, or something like it."""
     return callable(getattr(thing, "read", None))
 
 
 @contextmanager
 def opened(url: str) -> Iterator[Any]:
-    """What a URL names, open for reading.
+    """Open what a URL names for reading.
 
     Raises
     ------
@@ -49,9 +51,52 @@ def opened(url: str) -> Iterator[Any]:
     except ImportError as exc:
         raise InputError(f"cannot be opened ({exc})", code="url", remedy="install what it names") from exc
     except ValueError as exc:
-        if isinstance(exc, InputError):
+        if isinstance(exc, IsoError):
             raise
         raise InputError(f"cannot be opened ({plain(str(exc))})", code="url") from exc
+
+
+def content(data: Readable, limits: Limits | None = None, signature: bytes = b"") -> bytes:
+    """The bytes of a file; what is not a path, a URL or a file object stays as it is.
+
+    Parameters
+    ----------
+    data : bytes, path, URL or file object
+    limits : Limits, optional
+        ``limits.bytes`` bounds the size.
+    signature : bytes, optional
+        What the file has to begin with; of any other, which may never end, only as many bytes are read.
+
+    Raises
+    ------
+    OSError
+        If it cannot be opened.
+    OptionError
+        If a file object was opened as text.
+    LimitError
+        If there are more bytes than the limits allow.
+    """
+    most = (limits or Limits()).bytes
+    if isinstance(data, str) and is_url(data):
+        with opened(data) as file:
+            return _read(file, most, signature)
+    if isinstance(data, str | os.PathLike):
+        with Path(data).open("rb") as file:
+            return _read(file, most, signature)
+    return _read(data, most, signature) if is_file(data) else data  # type: ignore[return-value]
+
+
+def _read(file: Any, most: int, signature: bytes) -> bytes:
+    first = _first(file, len(signature))
+    if first != signature:
+        return first
+    pieces, left = [first], most - len(first)
+    while piece := file.read(_PIECE):
+        pieces.append(_binary(piece))
+        left -= len(piece)
+        if left < 0:
+            raise LimitError(f"more than {most:,} bytes", code="limit-bytes", clause="11.2")
+    return b"".join(pieces)
 
 
 @contextmanager
@@ -64,7 +109,7 @@ def local(thing: Any, suffix_of: SuffixOf, samples: int | None = None) -> Iterat
     suffix_of : callable
         Finds the suffix.
     samples : int, optional
-        How many may be read; it may have 16 bytes for each.
+        How many may be read; the file may have 16 bytes for each.
 
     Raises
     ------
@@ -84,9 +129,9 @@ def local(thing: Any, suffix_of: SuffixOf, samples: int | None = None) -> Iterat
 
 
 @contextmanager
-def _copied(thing: Any, name: str, suffix_of: SuffixOf, samples: int | None) -> Iterator[Path]:
+def _copied(file: Any, name: str, suffix_of: SuffixOf, samples: int | None) -> Iterator[Path]:
     with tempfile.TemporaryDirectory(prefix="isocodec-") as folder:
-        first = _all_of(thing, _HEAD)
+        first = _first(file, HEAD)
         suffix = suffix_of(name, first)
         if suffix is None:
             raise InputError(
@@ -97,7 +142,7 @@ def _copied(thing: Any, name: str, suffix_of: SuffixOf, samples: int | None) -> 
         left = _SAMPLE * (FIELD_SAMPLES if samples is None else samples) + (1 << 26) - len(first)
         with path.open("wb") as copy:
             copy.write(first)
-            while len(first) == _HEAD and (piece := thing.read(_PIECE)):
+            while len(first) == HEAD and (piece := file.read(_PIECE)):
                 left -= len(piece)
                 if left < 0:
                     raise LimitError("has more bytes than the samples that may be read take", code="limit-samples",
@@ -106,11 +151,15 @@ def _copied(thing: Any, name: str, suffix_of: SuffixOf, samples: int | None) -> 
         yield path
 
 
-def _all_of(file: Any, count: int) -> bytes:
+def _first(file: Any, count: int) -> bytes:
     """The first bytes: a pipe may hand them out in pieces."""
     out = b""
     while len(out) < count and (piece := file.read(count - len(out))):
-        if not isinstance(piece, bytes | bytearray | memoryview):
-            raise InputError("is a file of text", code="no-file", remedy="open it in binary mode: open(name, 'rb')")
-        out += bytes(piece)
+        out += bytes(_binary(piece))
     return out
+
+
+def _binary(piece: Any) -> bytes:
+    if isinstance(piece, str):
+        raise OptionError("the file was opened as text", code="data", remedy="open it in binary mode: open(name, 'rb')")
+    return piece

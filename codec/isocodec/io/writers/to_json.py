@@ -1,29 +1,26 @@
-"""GeoJSON (RFC 7946): curves as lines, areas as polygons, in longitude and latitude where their system is known."""
+"""GeoJSON (RFC 7946): curves as lines, areas and triangles as polygons, in longitude and latitude where possible."""
 
 from __future__ import annotations
 
 import json
 from collections.abc import Callable, Iterable
-from typing import Any
-
-import numpy as np
-from numpy.typing import NDArray
+from typing import TYPE_CHECKING, Any
 
 from ...drawing.areas import polygons
 from ...drawing.bands import bands
-from ...drawing.contour import Contour
 from ...field.placement import Placement
 from ...field.reference_system import DEGREES, epsg_of, to_degrees
+from .output_formats import Cost, Output, OutputOptions
+from .things import ABOVE, LEVEL, Areas, PlacedTin, in_space
+
+if TYPE_CHECKING:
+    from ...drawing.contour import Contour
+    from ...drawing.tessellation import Tessellation
 
 
-def render_lines(contours: Iterable[Contour], keep: bool = False) -> bytes:
-    """A feature for the curve of a contour, or of each of several; ``keep`` leaves coordinates in their system.
-
-    Raises
-    ------
-    OptionError, MissingExtraError
-        As `to_degrees`.
-    """
+def _lines(contours: Iterable[Contour], _: str, options: OutputOptions) -> bytes:
+    """A feature for the curve of a contour, or of each of several."""
+    keep = options.keep_crs
 
     def feature(contour: Contour) -> bytes:
         move = (lambda points: points) if keep else to_degrees(contour.placement)
@@ -34,16 +31,9 @@ def render_lines(contours: Iterable[Contour], keep: bool = False) -> bytes:
     return _features(contours, feature, keep)
 
 
-def render_areas(
-    contours: Iterable[Contour], side: str, valid: NDArray[np.bool_] | None = None, keep: bool = False
-) -> bytes:
-    """Likewise the areas above or below each contour, or the ``bands`` between them; ``valid`` as in `Contour.areas`.
-
-    Raises
-    ------
-    OptionError, TruncatedError, MissingExtraError
-        As `Contour.areas` and `to_degrees`.
-    """
+def _areas(what: Areas, _: str, options: OutputOptions) -> bytes:
+    """A feature for the areas above or below each contour, or for each band between them."""
+    keep = options.keep_crs
 
     def moved(contour: Contour, geometry: dict[str, Any]) -> dict[str, Any]:
         if keep:
@@ -54,18 +44,48 @@ def render_areas(
         return dict(shapely.geometry.mapping(shapely.MultiPolygon(parts)))
 
     def feature(contour: Contour) -> bytes:
-        geometry = contour.areas(above=side == "above", valid=valid)
-        return _feature(contour, moved(contour, geometry), area=side)
+        geometry = contour.areas(above=what.side == "above", valid=what.valid)
+        return _feature(contour, moved(contour, geometry), area=what.side)
 
-    if side != "bands":
-        return _features(contours, feature, keep)
-    whole = list(contours)
+    if what.side != "bands":
+        return _features(what.contours, feature, keep)
+    whole = list(what.contours)
     texts = [
         _json({"type": "Feature", "properties": {"lower": band.lower, "upper": band.upper},
                "geometry": moved(whole[0], band.geometry)})
-        for band in bands(whole, valid=valid)
+        for band in bands(whole, valid=what.valid)
     ]
     return _collection(texts, named(whole[0].placement) if keep else None)
+
+
+def _mesh(mesh: Tessellation, _: str, __: OutputOptions) -> bytes:
+    """A polygon for each triangle, with its level and the signs of its corners."""
+    points, cells = in_space(mesh)
+    points = to_degrees(mesh.placement)(points[:, :2])
+    features = [
+        {
+            "type": "Feature",
+            "properties": {LEVEL: level, ABOVE: above},
+            "geometry": {"type": "Polygon", "coordinates": [[*corners, corners[0]]]},
+        }
+        for corners, level, above in zip(
+            points[cells].tolist(), mesh.levels.tolist(), mesh.above[cells].astype(int).tolist(), strict=True
+        )
+    ]
+    return _json({"type": "FeatureCollection", "features": features}) + b"\n"
+
+
+def _tin(placed: PlacedTin, _: str, __: OutputOptions) -> bytes:
+    """A polygon with heights for each triangle."""
+    features = [
+        {
+            "type": "Feature",
+            "properties": {},
+            "geometry": {"type": "Polygon", "coordinates": [[*corners, corners[0]]]},
+        }
+        for corners in placed.vertices[placed.triangles].tolist()
+    ]
+    return _json({"type": "FeatureCollection", **named(placed.placement), "features": features}) + b"\n"
 
 
 def _feature(contour: Contour, geometry: dict[str, Any], **properties: str) -> bytes:
@@ -118,3 +138,15 @@ def _member(system: dict[str, Any] | None) -> bytes:
 
 def _json(value: dict[str, Any]) -> bytes:
     return json.dumps(value, separators=(",", ":"), allow_nan=False).encode()
+
+
+_CURVES = Cost(300, 240, kept=100)
+_TITLE = "GeoJSON (RFC 7946)"
+OUTPUTS = (
+    Output("contour", (".geojson",), _TITLE, _lines, (2,), (2,), "a feature each", "degrees", sampled=False,
+           cost={2: _CURVES}),
+    Output("areas", (".geojson",), _TITLE, _areas, (2,), (2,), "a feature each", "degrees", extra="geo",
+           libraries=("shapely",), cost={2: _CURVES}),
+    Output("mesh", (".geojson",), _TITLE, _mesh, coordinates="degrees", cost={2: Cost(100, 2000)}),
+    Output("tin", (".geojson",), "GeoJSON", _tin, names_crs=True, sampled=False),
+)
