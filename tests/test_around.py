@@ -267,7 +267,7 @@ def test_only_whole_layers_count_as_kept(tmp_path):
     data = isocodec.encode(picture((60, 60), 3), 0.5, exact=True)
     (tmp_path / "in.iso").write_bytes(data)
     for size in (len(data) // 3, len(data) // 2, 2 * len(data) // 3):
-        record = json.loads(ok("truncate", tmp_path / "in.iso", "-o", tmp_path / "out.iso", "--bytes", size, "--json"))
+        record = json.loads(ok("edit", tmp_path / "in.iso", "-o", tmp_path / "out.iso", "--size", size, "--json"))
         decoder = Decoder()
         decoder.feed((tmp_path / "out.iso").read_bytes())
         whole = sum(isinstance(event, LayerComplete) for event in decoder)

@@ -90,7 +90,7 @@ def test_plot_takes_a_view(tmp_path: Path) -> None:
     hills.write_bytes(isocodec.encode(HILLS, 60.5))
     seen = []
     for view in ("front", "top", "0,0"):
-        ok("plot", ball, "-o", out, "--steps", 1, "--mesh", "--view", view)
+        ok("plot", ball, "-o", out, "--steps", 1, "--draw-mesh", "--view", view)
         seen.append(np.asarray(Image.open(out)))
         out.unlink()
     assert np.array_equal(seen[0], seen[2]) and not np.array_equal(seen[0], seen[1])

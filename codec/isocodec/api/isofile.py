@@ -57,6 +57,7 @@ class IsoFile:
     def __init__(self, held: WholeFile | TileFile) -> None:
         self.held = held
         self.limits = held.limits
+        self.mesh_given = getattr(held, "mesh_given", None)
 
     def __repr__(self) -> str:
         values = ", ".join(f"{value:g}" for value in self.isovalues[:5]) + ", .." * (len(self.isovalues) > 5)
