@@ -17,7 +17,7 @@ from isocodec import Decoder, FormatError, InputError, LayerComplete, LimitError
 from isocodec.cli.progress import progress_bar
 from isocodec.cli.receive import Drawings
 from isocodec.drawing import rows as masks
-from isocodec.field.placement import placement_of, write_placement
+from isocodec.field.placement import matrix_of, write_placement
 from isocodec.field.samples import check_field
 from isocodec.format.chunks import read_further, write_further
 from isocodec.grid.tube.capacity import at_rest, wider_state
@@ -51,7 +51,7 @@ def test_crossings_between_infinite_samples_lie_half_way():
 
 
 def test_zero_has_no_sign_in_a_placement():
-    assert write_placement(placement_of([[1, -0.0, -0.0], [0, 1, 0]], 2)) == "1 0 0 0 1 0"
+    assert write_placement(matrix_of([[1, -0.0, -0.0], [0, 1, 0]], 2)) == "1 0 0 0 1 0"
 
 
 # --- masks ------------------------------------------------------------------------------------------------------------

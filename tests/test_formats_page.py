@@ -30,6 +30,7 @@ from vtk.util.numpy_support import numpy_to_vtk, vtk_to_numpy
 
 import isocodec
 from commands import BALL, HILLS, ok
+from places import matrix
 
 PAGE = (Path(__file__).resolve().parents[1] / "docs" / "formats.md").read_text(encoding="utf-8")
 STATED = {
@@ -192,9 +193,7 @@ def test_samples_lie_where_the_library_says(tmp_path: Path, suffix: str) -> None
     index = RNG.random((50, len(shape))) * (np.array(shape) - 1)
     if suffix in (".tif", ".nc"):
         index = np.floor(index)
-    matrix = np.asarray(field.placement)
-    if matrix.ndim == 1:
-        matrix = np.diag(matrix)
+    given = matrix(field)
     n = len(shape)
-    ours = index @ matrix[:, :n].T + (matrix[:, n] if matrix.shape[1] > n else 0)
+    ours = index @ given[:, :n].T + given[:, n]
     holds(suffix, ours, place(index))

@@ -136,7 +136,7 @@ def test_masks_of_another_shape_or_type(mask: np.ndarray) -> None:
 def test_areas_are_not_closed_along_holes() -> None:
     contour = isocodec.decode(isocodec.encode(FLOATS, 80.5, mask=HOLE))
     with pytest.raises(isocodec.OptionError, match="missing samples"):
-        isocodec.areas(contour)
+        contour.areas()
 
 
 @pytest.mark.parametrize("options", [{}, {"exact": True}, {"signs_only": True}, {"tolerance": 1.0}])
@@ -145,7 +145,7 @@ def test_areas_closed_along_holes(options: dict[str, object]) -> None:
     shapely = pytest.importorskip("shapely")
     data = isocodec.encode(HILLS, 80.5, mask=HOLE, **options)
     contour, valid = isocodec.decode(data, through_holes=True), isocodec.decode_valid(data)
-    sides = [shapely.geometry.shape(isocodec.areas(contour, above=side, valid=valid)) for side in (True, False)]
+    sides = [shapely.geometry.shape(contour.areas(above=side, valid=valid)) for side in (True, False)]
     whole = valid[:-1, :-1] & valid[1:, :-1] & valid[:-1, 1:] & valid[1:, 1:]
     assert sides[0].area + sides[1].area == pytest.approx(whole.sum())
     assert sides[0].intersection(sides[1]).area == pytest.approx(0, abs=1e-9)
@@ -165,7 +165,7 @@ def test_areas_closed_along_holes(options: dict[str, object]) -> None:
 def test_what_areas_along_holes_take() -> None:
     data = isocodec.encode(FLOATS, 80.5, mask=HOLE)
     with pytest.raises(isocodec.OptionError, match="valid has shape"):
-        isocodec.areas(isocodec.decode(data, through_holes=True), valid=np.ones((3, 3), bool))
+        isocodec.decode(data, through_holes=True).areas(valid=np.ones((3, 3), bool))
 
 
 def test_nothing_is_left() -> None:

@@ -84,7 +84,7 @@ def test_maps_of_areas(tmp_path: Path, hills: bytes, suffix: str) -> None:
     table = table.sort_values("isovalue")
     assert list(table.isovalue) == VALUES and set(table.side) == {"above"}
     for shape, contour in zip(table.geometry, contours, strict=True):
-        assert shape.area == pytest.approx(shape_of(isocodec.areas(contour)).area, rel=1e-12)
+        assert shape.area == pytest.approx(shape_of(contour.areas()).area, rel=1e-12)
 
 
 def test_maps_of_nothing(tmp_path: Path) -> None:

@@ -24,8 +24,9 @@ from brute import examples
 from commands import fails, ok, run
 from files import with_checksum
 from isocodec import OptionError
-from isocodec.field.placement import placement_of, read_placement, unplaced, write_placement
+from isocodec.field.placement import matrix_of, read_placement, unplaced, write_placement
 from isocodec.io import Place, read_place, render_contour
+from places import matrix
 
 HILL = 100 - np.hypot(*(np.mgrid[:20, :30] - np.array([9.3, 14.2])[:, None, None])) * 5
 BALL = 100 - np.linalg.norm(np.mgrid[:12, :13, :14] - np.array([5.6, 6.2, 6.9])[:, None, None, None], axis=0) * 10
@@ -383,12 +384,12 @@ def test_extreme_sizes(size: float) -> None:
 
 def test_matrices_of_other_shapes() -> None:
     whole = np.eye(4)
-    assert np.array_equal(placement_of(whole, 3), whole[:3])
-    assert placement_of([[0, 1e-20, 0], [1, 0, 0]], 2).tolist() == [[0, 1e-20, 0], [1, 0, 0]]
+    assert np.array_equal(matrix_of(whole, 3), whole[:3])
+    assert matrix_of([[0, 1e-20, 0], [1, 0, 0]], 2).tolist() == [[0, 1e-20, 0], [1, 0, 0]]
     wrong = (np.eye(4) * 2, np.eye(3), np.eye(4, dtype=complex), [10**400, 1, 1], ["1", "2", "3"], None, [[1], [2, 3]])
     for numbers in wrong:
         with pytest.raises(OptionError) as caught:
-            placement_of(numbers, 3)
+            matrix_of(numbers, 3)
         assert caught.value.code == "placement"
 
 
@@ -437,7 +438,7 @@ def test_python() -> None:
     expected = np.stack([2 * whole.points[:, 1] + 5, 7 - 3 * whole.points[:, 0]], axis=1)
     assert np.array_equal(whole.placed, expected)
     for some in (isocodec.decode(data, layers=2), isocodec.decode(isocodec.truncate(data, layers=2))):
-        assert some.placement is not None and some.placement.tolist() == [[0, 2, 5], [-3, 0, 7]]
+        assert matrix(some).tolist() == [[0, 2, 5], [-3, 0, 7]]
     with pytest.raises(OptionError, match="contradict"):
         isocodec.encode(HILL, 70.5, placement=(1, 1), metadata={"placement": "1 0 0 0 1 0"})
     for wrong in ("far", [1, 2, 3], [["x", 1]], np.ones((2, 3)), [1, np.inf]):
@@ -451,14 +452,14 @@ def test_python() -> None:
 def test_notes(n: int, data: st.DataObject) -> None:
     """Numbers come back to the last bit; texts that are no placement say nothing."""
     number = st.just(0.0) | st.floats(1e-31, 1e31) | st.floats(-1e31, -1e-31)
-    matrix = np.array(data.draw(st.lists(number, min_size=n * n + n, max_size=n * n + n))).reshape(n, n + 1)
+    numbers = np.array(data.draw(st.lists(number, min_size=n * n + n, max_size=n * n + n))).reshape(n, n + 1)
     try:
-        placement = placement_of(matrix, n)
+        placement = matrix_of(numbers, n)
     except OptionError:
-        assert read_placement({"placement": write_placement(matrix)}, n) is None
+        assert read_placement({"placement": write_placement(numbers)}, n) is None
     else:
         back = read_placement({"placement": write_placement(placement)}, n)
-        assert back is not None and np.array_equal(back, placement)
+        assert back is not None and back.matrix is not None and np.array_equal(back.matrix, placement)
     assert read_placement({"placement": data.draw(st.text(max_size=40))}, n) is None
     assert read_placement({}, n) is None
 

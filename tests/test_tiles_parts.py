@@ -13,6 +13,7 @@ from brute import INTERPRETED
 from commands import fails, ok, run
 from isocodec.api.tiled_api import tiled_of
 from isocodec.errors import FormatError, LimitError, OptionError
+from places import matrix
 from test_tiles import random_field
 from tiled import encoded, hilly, holed, pieces
 
@@ -47,7 +48,7 @@ def test_a_window_in_one_piece(tmp_path: Path, n: int, integers: bool) -> None:
             file = tiled_of(encoded(tmp_path, field, 0.5, **each))
             part = isocodec.decode(file.extract(box.tolist()))
             assert part.shape == field[window].shape
-            assert np.allclose(part.placement, [[0, 1, low[1]], [1, 0, low[0]]] if n == 2 else np.c_[np.eye(3), low])
+            assert np.allclose(matrix(part), [[0, 1, low[1]], [1, 0, low[0]]] if n == 2 else np.c_[np.eye(3), low])
             if each:
                 theirs = isocodec.decode(isocodec.encode(field[window], 0.5, **each))  # type: ignore[arg-type]
                 assert pieces(part) == pieces(theirs)
@@ -85,7 +86,7 @@ def test_a_tile_as_it_is(tmp_path: Path) -> None:
             assert pieces(isocodec.decode(made, isovalue=isovalue)) == pieces(tile) and len(tile.cells)
         part = isocodec.decode(made)
         assert part.metadata["unit"] == "m"
-        assert np.array_equal(part.placement, [[0, 2, 2 * 96 + 5], [3, 0, 3 * 64 + 7]])
+        assert np.array_equal(matrix(part), [[0, 2, 2 * 96 + 5], [3, 0, 3 * 64 + 7]])
 
 
 @pytest.mark.skipif(INTERPRETED, reason="searches would be slow")

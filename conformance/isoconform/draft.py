@@ -31,6 +31,8 @@ class Draft:
         What it exercises, syntax elements apart.
     clause : str or None
         Clause of the specification that the file violates; None if it violates none.
+    beyond : str or None
+        Of a file over the limits: the clause that a decoder finds violated which goes on nevertheless.
     layers : bool
         Whether the manifest also states the decoded state after each layer.
     mesh : str
@@ -44,6 +46,7 @@ class Draft:
     clause: str | None = None
     layers: bool = False
     mesh: str = ""
+    beyond: str | None = None
 
 
 def encoded(

@@ -295,4 +295,4 @@ def _lone_vertices() -> Draft:
     chunk = layers(steps_of((BASE, ESCAPE), write_varint(24)), run)
     data = bytes(File(write_header(Header((side,) * 3, 21.0, None, Profile.MAIN)), (chunk,)))
     features = "main profile", "beyond all levels", "a run of random bytes"
-    return Draft("space_main_lone_vertices", data, 3, features, "11.2")
+    return Draft("space_main_lone_vertices", data, 3, features, "11.2", beyond="6.3")

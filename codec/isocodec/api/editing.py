@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from typing import TYPE_CHECKING, Any
 
 from ..errors import OptionError
 from ..field.decoded_samples import LABELS
+from ..limits import Limits
 from ..stream.options import Options, Precision
-from ..stream.recoder import box_of, cropped, moved_notes, recoder_of, sources_of
+from ..stream.recoder import box_of, cropped, moved_notes, recoded_frames
 from ..stream.splicing import chosen, signs_of
 from ..stream.truncation import truncate
 from .kinds import IMPOSSIBLE, TileFile, WholeFile, impossible
-from .recoding import contours_of, extracted, kept, whole_decoder
+from .recoding import extracted, held_by, same_again
 
 if TYPE_CHECKING:
     from ..stream.options import ProfileName
@@ -79,62 +80,60 @@ def _shorter_tiles(tiled: TiledFile, layers: int | None, size: int | None) -> by
     raise OptionError(f"{size} bytes are too few for the first layer of all tiles", code="max-bytes")
 
 
-def _cropped(held: WholeFile, box: Sequence[Sequence[float]]) -> bytes:
-    """A box of samples of the file of a grid."""
-    decoder = whole_decoder(held.data, held.limits, "the file")
-    assert decoder.header is not None
-    low, size = box_of(decoder.header.shape, box, decoder.limits)
-    sources = [cropped(one, low, size) for one in sources_of(decoder)]
-    notes = moved_notes(decoder.metadata, low)
-    return kept(sources, Options(profile=decoder.header.profile.name.lower(), metadata=notes))
+def _cropped(whole: WholeFile, box: Sequence[Sequence[float]]) -> bytes:
+    """A box of samples of the file of a grid, in all frames."""
+    held = held_by(whole.data, whole.limits)
+    low, size = box_of(held.header.shape, box, whole.limits or Limits())
+    frames = [[cropped(one, low, size) for one in sources] for sources in held.frames]
+    held = replace(held, frames=frames, metadata=moved_notes(held.metadata, low))
+    return same_again(held, Options(profile=held.profile, metadata=held.metadata), expected=False)
 
 
-def _with_isovalues(held: WholeFile, isovalues: Sequence[float]) -> bytes:
+def _with_isovalues(whole: WholeFile, isovalues: Sequence[float]) -> bytes:
     """Some of the isovalues of a file: its chunks as they are, or coded anew where one leans on another left out."""
-    if held.kind == "surface":
+    if whole.kind == "surface":
         raise impossible("isovalues", "surface")
     if not len(isovalues):
         raise OptionError("no isovalue", code="isovalue", remedy="give one")
-    numbers = [held.info.number_of(one) for one in isovalues]
-    numbers = sorted(set(numbers))
+    numbers = sorted({whole.info.number_of(one) for one in isovalues})
     try:
-        return chosen(held.data, numbers)
+        return chosen(whole.data, numbers)
     except OptionError as error:
-        if error.code != "lean" or held.kind != "grid":
+        if error.code != "lean" or whole.kind == "mesh":
             raise
-    decoder = whole_decoder(held.data, held.limits, "the file")
-    assert decoder.header is not None
-    sources = sources_of(decoder)
-    options = Options(profile=decoder.header.profile.name.lower(), metadata=decoder.metadata)
-    return kept([sources[number] for number in numbers], options, [decoder.contour(number) for number in numbers])
+    held = held_by(whole.data, whole.limits)
+    held = replace(
+        held, frames=[[one[number] for number in numbers] for one in held.frames],
+        contours=[[one[number] for number in numbers] for one in held.contours],
+    )
+    return same_again(held, Options(profile=held.profile, metadata=held.metadata))
 
 
-def recoded_as(held: WholeFile, profile: ProfileName | None, precision: Any, keep_topology: bool) -> bytes:
+def recoded_as(whole: WholeFile, profile: ProfileName | None, precision: Any, keep_topology: bool) -> bytes:
     """The curves of a file in another profile or less precisely.
 
     Raises
     ------
     OptionError
-        If the file is not on the full grid, is a series, lies on a mesh, has coordinates or holds values in part.
+        If the file is not on the full grid, has coordinates or holds values in part, or if meshes and surfaces are to
+        have another profile or precision than they can.
     """
     wanted = Precision.of(precision)
     if not (wanted.default or wanted.signs or wanted.tolerance is not None):
         raise OptionError(f"precision {precision!r} of an edit", code="precision",
-                          remedy='give "signs", or a distance in cells')
-    if held.kind in ("mesh", "surface"):
+                          remedy='give "signs", or a tolerance in cells')
+    if whole.kind in ("mesh", "surface"):
         if profile not in (None, "main"):
             raise OptionError(f"profile {profile!r}: meshes and surfaces have the profile main", code="profile")
         if wanted.default:
-            return held.data
-        if held.kind == "mesh" and wanted.signs:
-            return signs_of(held.data)
-    decoder = whole_decoder(held.data, held.limits, "the file")
-    assert decoder.header is not None
-    sources = sources_of(decoder)
+            return whole.data
+        if whole.kind == "mesh" and wanted.signs:
+            return signs_of(whole.data)
+    held = held_by(whole.data, whole.limits)
     options = Options(
-        precision=wanted, profile=profile or decoder.header.profile.name.lower(), metadata=decoder.metadata,
-        keep_topology=keep_topology, independent=LABELS in decoder.metadata,
+        precision=wanted, profile=profile or held.profile, metadata=held.metadata, keep_topology=keep_topology,
+        independent=LABELS in held.metadata,
     )
-    if not wanted.default:
-        return b"".join(recoder_of(sources, options))
-    return kept(sources, options, contours_of(decoder))
+    if wanted.default:
+        return same_again(held, options)
+    return recoded_frames(held.frames, held.interval, options)

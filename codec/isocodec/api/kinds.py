@@ -241,9 +241,7 @@ class WholeFile:
             return np.asarray((tin.values if tin.shape is None else tin.raster()) > isovalue)
         decoder, number = self.decoded(isovalue, view)
         if self.kind == "mesh":
-            strand = decoder.on_mesh.strand(number)
-            assert strand is not None
-            return np.asarray(strand.strand.sign == 1)
+            return decoder.on_mesh.above(number)
         return decoder.grid.above(number)
 
     def valid(self, max_bytes: int | None = None) -> NDArray[np.bool_]:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
+from dataclasses import replace
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
@@ -12,14 +13,12 @@ from ..errors import InputError, OptionError
 from ..field.decoded_samples import LABELS
 from ..field.placement import CRS, PLACEMENT
 from ..limits import Limits
-from ..stream.decoder import Decoder
 from ..stream.options import Options
-from ..stream.recoder import Source, sources_of
 from ..stream.splicing import spliced
 from .content import Readable
 from .isofile import open
 from .kinds import TileFile, impossible
-from .recoding import contours_of, kept, whole_decoder
+from .recoding import Held, held_by, same_again
 
 if TYPE_CHECKING:
     from ..stream.options import ProfileName
@@ -61,26 +60,27 @@ def merge(files: Sequence[Readable], *, profile: ProfileName = "main", limits: L
     whole = [held.whole() if isinstance(held, TileFile) else held for held in opened]
     if {"mesh", "series"} & set(kinds):
         return spliced([held.data for held in whole])
-    decoders = [whole_decoder(held.data, limits, f"file {i}") for i, held in enumerate(whole, start=1)]
-    sources = [one for i, decoder in enumerate(decoders, start=1) for one in sources_of(decoder, f"file {i}")]
-    _check_one_field(decoders, sources)
+    all_held = [held_by(each.data, limits, f"file {i}") for i, each in enumerate(whole, start=1)]
+    _check_one_field(all_held)
     metadata: dict[str, str] = {}
-    for decoder in reversed(decoders):
-        metadata.update(decoder.metadata)
-    expected = [contour for decoder in decoders for contour in contours_of(decoder)]
-    return kept(sources, Options.of(profile=profile, metadata=metadata), expected)
+    for held in reversed(all_held):
+        metadata.update(held.metadata)
+    sources = [source for held in all_held for source in held.frames[0]]
+    contours = [contour for held in all_held for contour in held.contours[0]]
+    merged = replace(all_held[0], frames=[sources], contours=[contours])
+    return same_again(merged, Options.of(profile=profile, metadata=metadata))
 
 
-def _check_one_field(decoders: Iterable[Decoder], sources: Sequence[Source]) -> None:
-    first, *others = decoders
+def _check_one_field(all_held: Sequence[Held]) -> None:
+    first, *others = all_held
+    sources = [source for held in all_held for source in held.frames[0]]
     for number, other in enumerate(others, start=2):
         if LABELS in {**first.metadata, **other.metadata}:
             raise InputError("files of labels cannot be merged", code="merge", remedy="encode the labels together")
-        assert first.header is not None and other.header is not None
         if first.header.shape != other.header.shape:
             raise InputError(f"file {number} is of shape {other.header.shape}, the first of {first.header.shape}",
                              code="merge")
-        if not np.array_equal(first.grid.valid(), other.grid.valid()):
+        if not np.array_equal(first.valid, other.valid):
             raise InputError(f"other samples are missing in file {number} than in the first", code="merge")
         for note in (PLACEMENT, CRS):
             if first.metadata.get(note) != other.metadata.get(note):
@@ -88,9 +88,8 @@ def _check_one_field(decoders: Iterable[Decoder], sources: Sequence[Source]) -> 
     if len({source.field.scale for source in sources if source.field.number is not None}) > 1:
         raise InputError("the files have values in different steps", code="merge")
     rising = sorted((source.field for source in sources), key=lambda field: field.isovalue)
-    valid = first.grid.valid()
     for lower, higher in pairwise(rising):
-        if (higher.signs & ~lower.signs & valid).any():
+        if (higher.signs & ~lower.signs & first.valid).any():
             raise InputError(
                 f"samples lie above {higher.isovalue:g} that do not lie above {lower.isovalue:g}: the files are not of "
                 "one field", code="merge",

@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import replace
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from itertools import chain
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..drawing.contour import Contour
 from ..errors import InputError, OptionError
+from ..format.events import End, FrameRead
+from ..format.header import Header
 from ..limits import Limits
 from ..stream.decoder import Decoder
 from ..stream.options import Options, Precision
-from ..stream.recoder import Source, recoder_of
+from ..stream.recoder import Source, recoded_frames, sources_of
 
 if TYPE_CHECKING:
     from ..tiles.tiled import TiledFile
@@ -39,57 +43,105 @@ def extracted(
     taken = part.strands(numbers)
     if taken is not None:
         return taken
-    options = Options(profile=tiled.head.profile.name.lower(), metadata=part.notes)
-    return kept(part.sources(numbers), options)
+    head = tiled.head
+    held = Held(
+        Header(part.size, head.isovalues[numbers[0]], head.scale, head.profile), part.notes, None,
+        [part.sources(numbers)], [], np.ones(0, np.bool_),
+    )
+    return same_again(held, Options(profile=held.profile, metadata=part.notes), expected=False)
 
 
-def whole_decoder(data: bytes, limits: Limits | None, what: str) -> Decoder:
-    """A decoder that has taken the whole file of a grid; ``what`` names it in messages."""
+@dataclass(frozen=True)
+class Held:
+    """What a file of a grid holds, frame by frame.
+
+    Attributes
+    ----------
+    header : Header
+    metadata : dict of str to str
+    interval : int or None
+        Of a series.
+    frames : list of lists of Source
+        By frame and isovalue.
+    contours : list of lists of Contour
+        Likewise.
+    valid : (s0, .., sn-1) bool
+    """
+
+    header: Header
+    metadata: dict[str, str]
+    interval: int | None
+    frames: list[list[Source]]
+    contours: list[list[Contour]]
+    valid: NDArray[np.bool_]
+
+    @property
+    def profile(self) -> str:
+        """By its name."""
+        return self.header.profile.name.lower()
+
+
+def held_by(data: bytes, limits: Limits | None, what: str = "the file") -> Held:
+    """What a whole file of a grid holds; ``what`` names it in messages.
+
+    Raises
+    ------
+    OptionError
+        If it is of another kind, not on the full grid, has coordinates, or holds values in part.
+    FormatError, LimitError
+    """
     decoder = Decoder(limits)
     decoder.feed(data)
+    frames: list[list[Source]] = []
+    contours: list[list[Contour]] = []
+    for event in decoder:
+        if isinstance(event, End) or (isinstance(event, FrameRead) and event.number == 0):
+            if decoder.contents is None or decoder.contents.kind != "grid":
+                raise OptionError(f"{what} is not of a grid", code="recode", remedy="encode the field itself again")
+            before = isinstance(event, FrameRead)
+            frames.append(sources_of(decoder, what, before=before))
+            contours.append([decoder.contour(i, before=before) for i in range(len(decoder.isovalues))])
     decoder.close()
-    if decoder.contents is None or decoder.contents.kind != "grid":
-        raise OptionError(f"{what} is not of a grid", code="recode", remedy="encode the field itself again")
-    return decoder
+    assert decoder.header is not None
+    metadata = dict(decoder.metadata)
+    return Held(decoder.header, metadata, decoder.interval, frames, contours, decoder.grid.valid())
 
 
-def contours_of(decoder: Decoder) -> list[Contour]:
-    """The curves or surfaces of all isovalues that a decoder has taken."""
-    return [decoder.contour(number) for number in range(len(decoder.isovalues))]
-
-
-def kept(sources: Sequence[Source], options: Options, expected: Sequence[Contour] | None = None) -> bytes:
-    """The same curves again.
+def same_again(held: Held, options: Options, *, expected: bool = True) -> bytes:
+    """A file of the same curves.
 
     They are decoded to see that they are: crossings of curves that touch may stand in an order that isovalues which
     lean on one another cannot have, and then none of them does. Without ``expected`` they have to be those of a file
-    in which none does.
+    in which none does, instead of ``held.contours``.
     """
-    steps = {source.field.scale for source in sources if source.field.number is not None}
+    steps = {source.field.scale for sources in held.frames for source in sources if source.field.number is not None}
     options = replace(options, precision=Precision(step=next(iter(steps), None)))
-    may = not options.independent
 
     def data_of(independent: bool) -> bytes:
-        return b"".join(recoder_of(sources, replace(options, independent=independent), kept=True))
+        return recoded_frames(held.frames, held.interval, replace(options, independent=independent), kept=True)
 
-    alone = b""
-    if expected is None:
+    alone, wanted = b"", held.contours
+    if not expected:
         alone = data_of(True)
-        if len(sources) == 1:
+        if len(held.frames[0]) == 1:
             return alone
-        expected = _decoded(alone)
-    for leaning in (True, False) if may else (False,):
-        data = alone if alone and not leaning else data_of(not leaning)
-        if all(_same(a, b) for a, b in zip(_decoded(data), expected, strict=True)):
+        wanted = list(_drawn(alone))
+    for independent in (True,) if options.independent else (False, True):
+        data = alone if alone and independent else data_of(independent)
+        pairs = zip(chain.from_iterable(_drawn(data)), chain.from_iterable(wanted), strict=True)
+        if all(_same(a, b) for a, b in pairs):
             return data
     raise InputError("the curves cannot be re-encoded without moving points", code="recode")
 
 
-def _decoded(data: bytes) -> list[Contour]:
+def _drawn(data: bytes) -> Iterator[list[Contour]]:
+    """Contours of all isovalues, frame by frame."""
     decoder = Decoder()
     decoder.feed(data)
-    decoder.close()
-    return contours_of(decoder)
+    for event in decoder:
+        if isinstance(event, End) or (isinstance(event, FrameRead) and event.number == 0):
+            before = isinstance(event, FrameRead)
+            yield [decoder.contour(i, before=before) for i in range(len(decoder.isovalues))]
 
 
 def _same(a: Contour, b: Contour) -> bool:

@@ -254,8 +254,10 @@ class GridContents:
             pass
         raise out_of_memory("to draw the contour")
 
-    def above(self, number: int = 0) -> NDArray[np.bool_]:
+    def above(self, number: int = 0, *, before: bool = False) -> NDArray[np.bool_]:
         """Which samples lie above an isovalue, by number, as of the events taken so far (spec clause 9.7).
+
+        With ``before`` that of the frame before.
 
         Raises
         ------
@@ -267,12 +269,12 @@ class GridContents:
             If there are more samples than the limits allow.
         """
         try:
-            return self.mask_rows(number).whole()
+            return self.mask_rows(number, before=before).whole()
         except MemoryError:
             pass
         raise out_of_memory("for the mask")
 
-    def mask_rows(self, number: int = 0, last_first: bool = False) -> MaskRows:
+    def mask_rows(self, number: int = 0, last_first: bool = False, *, before: bool = False) -> MaskRows:
         """The same some rows at a time, so that the mask need not be in memory as a whole.
 
         With ``last_first`` of the transposed array, whose first axis is the last one.
@@ -282,7 +284,8 @@ class GridContents:
         TruncatedError, OptionError, LimitError
             As `above`.
         """
-        tube, session = self._tube_of(number), self._session
+        session = self._session
+        tube = self._strands.before[number] if before else self._tube_of(number)
         return mask_rows_of(tube, len(self._data), session.complete, last_first, session.limits, self._budget)
 
     def valid(self) -> NDArray[np.bool_]:
@@ -305,9 +308,9 @@ class GridContents:
         """The same some rows at a time; ``last_first`` and errors as in `mask_rows`."""
         self._check_limits()
         tube, session = self._mask.tube if self._mask.holes else None, self._session
-        return valid_rows_of(
-            tube, self._header, len(self._data), session.complete, last_first, session.limits, self._budget
-        )
+        # a mask comes in the first frame or not at all
+        known = session.complete or self.outline.frame > 0
+        return valid_rows_of(tube, self._header, len(self._data), known, last_first, session.limits, self._budget)
 
     def crossed(self, number: int = 0) -> tuple[np.ndarray, np.ndarray]:
         """The crossed leaves of the mesh: positions (V, n) and vertices of simplices (M, n + 1), both int64."""

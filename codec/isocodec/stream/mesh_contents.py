@@ -22,6 +22,7 @@ from ..format.events import ChunkSkipped, DomainRead, Event, FrameRead, Isovalue
 from ..format.frames import key_of
 from ..format.header import Header
 from ..limits import WORK_PER_BYTE
+from ..mesh.before import spread_signs
 from ..mesh.coded_points import BYTES_PER_POINT, decoded_points
 from ..mesh.complex import Complex, complex_of
 from ..mesh.history import History, history_of
@@ -143,6 +144,22 @@ class MeshContents:
         )
         return Contour(points, pieces, found.value, (), False, metadata=notes)
 
+    def above(self, number: int = 0, *, before: bool = False) -> NDArray[np.bool_]:
+        """Which vertices lie above an isovalue, by number, (V,).
+
+        Raises
+        ------
+        TruncatedError
+            If its signs are not complete.
+        """
+        found = self.strand(number, before=before)
+        if found is None or found.edges is None or self._domain is None:
+            raise TruncatedError("the file ends before its signs are complete", code="truncated")
+        sign = found.strand.sign.copy()
+        spread_signs(self._domain.mesh, sign, np.zeros(len(sign), np.int64))
+        # without any curve all vertices lie on the side of the first
+        return np.asarray(sign == 1)
+
     def mesh(self, number: int = 0, whole: bool = True) -> Tessellation:
         """The mesh, with signs of its vertices at an isovalue, by number: all of it, or the crossed cells alone.
 
@@ -156,7 +173,7 @@ class MeshContents:
             raise TruncatedError("the file ends before its mesh and signs are complete", code="truncated")
         cells = self._domain.mesh.cell if whole else self._domain.mesh.cell[found.leaves]
         return Tessellation(
-            self._points, cells.astype(np.int64), np.zeros(len(cells), np.int64), found.strand.sign == 1, found.value,
+            self._points, cells.astype(np.int64), np.zeros(len(cells), np.int64), self.above(number), found.value,
             (), self._session.complete, metadata=dict(self.outline.metadata),
         )
 

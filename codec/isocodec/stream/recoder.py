@@ -18,8 +18,9 @@ from ..format.kinds import LayerKind
 from ..grid.layers.plan import Entry
 from ..grid.tube.decoded import Decoded
 from ..limits import Limits
+from .container import Ending
 from .decoder import Decoder
-from .grid_encoder import GridEncoder, grid_file
+from .grid_encoder import GridEncoder, GridFrames, grid_file
 from .options import Options
 from .series import Series
 
@@ -39,27 +40,27 @@ class Source:
     geometry: list[Entry]
 
 
-def sources_of(decoder: Decoder, what: str = "the file") -> list[Source]:
-    """All isovalues of a file that a decoder has taken whole; ``what`` names it in messages.
+def sources_of(decoder: Decoder, what: str = "the file", *, before: bool = False) -> list[Source]:
+    """All isovalues of a frame that a decoder has taken whole; ``what`` names the file in messages.
+
+    ``before``: of the frame before, while the next one begins.
 
     Raises
     ------
     OptionError
-        If it is not on the full grid, is a series, has coordinates of its own, or tells values in part.
+        If it is not on the full grid, has coordinates, or holds values in part.
     LimitError
         If it has more samples than the limits allow.
     """
     assert decoder.header is not None
-    if decoder.interval is not None:
-        raise OptionError(f"{what} is a series of frames", code="recode", remedy="decode frames, encode them again")
     if decoder.grid.mapped() is not None:
-        raise OptionError(f"{what} has coordinates of its own", code="recode", remedy="encode the field itself again")
+        raise OptionError(f"{what} has coordinates", code="recode", remedy="encode the field itself again")
     gone = ~decoder.grid.valid()
     missing = gone if gone.any() else None
     found = []
     for number, isovalue in enumerate(decoder.isovalues):
-        signs = np.ascontiguousarray(decoder.grid.above(number))
-        state = decoder.grid.state(number)
+        signs = np.ascontiguousarray(decoder.grid.above(number, before=before))
+        state = decoder.grid.state(number, before=before)
         assert state is not None
         found.append(source_of(state, Samples(signs, isovalue, signs, decoder.header.scale, missing), what))
     return found
@@ -235,3 +236,26 @@ def recoder_of(sources: Sequence[Source], options: Options, *, kept: bool = Fals
     geometry = [source.geometry for source in sources] if kept else None
     series = Series([one.isovalue for one in samples])
     return GridEncoder(grid_file(samples, series, options, geometry=geometry), samples)
+
+
+def recoded_frames(
+    frames: Sequence[Sequence[Source]], interval: int | None, options: Options, *, kept: bool = False
+) -> bytes:
+    """A file of what frames of files hold; parameters as of `recoder_of`.
+
+    Parameters
+    ----------
+    interval : int or None
+        Of the series; None of a file of one frame that is not a series.
+    """
+    if interval is None:
+        return b"".join(recoder_of(frames[0], options, kept=kept))
+    samples = [[source.field for source in sources] for sources in frames]
+    geometry = None
+    if kept:
+        # an isovalue whose curve is empty in one frame has geometry in others
+        geometry = [max((one.geometry for one in sources), key=len) for sources in zip(*frames, strict=True)]
+    series = Series([one.isovalue for one in samples[0]], interval)
+    encoder, ending = GridFrames(grid_file(samples[0], series, options, geometry=geometry)), Ending()
+    out = [ending.add(encoder.chunks(one)) for one in samples]
+    return b"".join(out) + ending.end()

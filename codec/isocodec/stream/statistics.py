@@ -9,10 +9,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..format.events import LayerComplete, MeshLayerComplete
+from ..format.events import DomainRead, LayerComplete, MeshLayerComplete
 from ..format.kinds import GEOMETRY
 from ..limits import Limits
 from .decoder import Decoder
+from .inspect import inspect
 
 SIGNS = ("base_sign", "refinement_sign")
 
@@ -124,6 +125,9 @@ def statistics(
             before = right
         elif isinstance(event, MeshLayerComplete):
             layers.append(LayerStatistics(event.kind, -1, number, 8 * event.bytes, 0, 0))
+        elif isinstance(event, DomainRead) and decoder.contents is not None and decoder.contents.kind == "surface":
+            info = inspect(data)
+            layers.append(LayerStatistics("points", -1, 0, 8 * (info.bytes - info.overhead_bytes), 0, 0))
     contents = decoder.contents
     if contents is None or contents.kind not in ("grid", "mesh"):
         return FileStatistics(layers, [])
