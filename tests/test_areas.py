@@ -110,14 +110,14 @@ def test_surfaces_and_parts_of_layers_have_none():
 
 def test_on_the_command_line(hills: Path, curve: Path, surface: Path, tmp_path: Path) -> None:
     out = tmp_path / "high.geojson"
-    ok("decode", curve, "-o", out, "--areas", "above")
+    ok("decode", curve, "-o", out, "--what", "areas", "--side", "above")
     feature = json.loads(out.read_text())
     assert feature["properties"]["area"] == "above" and feature["properties"]["complete"]
     field = np.load(hills)
     assert np.array_equal(covered(shape_of(feature["geometry"]), field.shape), field > 80.5)
-    ok("decode", curve, "-o", out, "--areas", "below")
+    ok("decode", curve, "-o", out, "--what", "areas", "--side", "below")
     assert json.loads(out.read_text())["properties"]["area"] == "below"
-    wrong = fails(2, "decode", curve, "-o", tmp_path / "high.svg", "--areas", "above")
+    wrong = fails(2, "decode", curve, "-o", tmp_path / "high.svg", "--what", "areas", "--side", "above")
     assert ".geojson, .gpkg, .fgb, .shp, .parquet only" in wrong
-    assert "cannot hold a surface" in fails(2, "decode", surface, "-o", tmp_path / "high.geojson", "--areas", "above")
+    assert "cannot hold a surface" in fails(2, "decode", surface, "-o", tmp_path / "high.geojson", "--what", "areas", "--side", "above")
     assert not (tmp_path / "high.svg").exists()

@@ -8,14 +8,14 @@ from unittest import mock
 
 import numpy as np
 import pytest
+from isocodec.cli.progress import progress_bar
+from isocodec.cli.receive import Drawings
 
 import isocodec
 from brute import INTERPRETED
 from commands import HILLS, fails, ok, run
 from files import picture
 from isocodec import Decoder, FormatError, InputError, LayerComplete, LimitError, Limits
-from isocodec.cli.progress import progress_bar
-from isocodec.cli.receive import Drawings
 from isocodec.drawing import rows as masks
 from isocodec.field.placement import placement_of, write_placement
 from isocodec.field.samples import check_field
@@ -267,7 +267,7 @@ def test_only_whole_layers_count_as_kept(tmp_path):
     data = isocodec.encode(picture((60, 60), 3), 0.5, exact=True)
     (tmp_path / "in.iso").write_bytes(data)
     for size in (len(data) // 3, len(data) // 2, 2 * len(data) // 3):
-        record = json.loads(ok("truncate", tmp_path / "in.iso", "-o", tmp_path / "out.iso", "--bytes", size, "--json"))
+        record = json.loads(ok("edit", tmp_path / "in.iso", "-o", tmp_path / "out.iso", "--size", size, "--json"))
         decoder = Decoder()
         decoder.feed((tmp_path / "out.iso").read_bytes())
         whole = sum(isinstance(event, LayerComplete) for event in decoder)

@@ -252,7 +252,7 @@ def test_devices_and_pipes(tmp_path: Path) -> None:
     (tmp_path / "v.mhd").write_bytes(META + b"ElementDataFile = zero.npy\n")
     with pytest.raises(InputError, match="no such file beside it"):
         read_field(tmp_path / "v.mhd", follow=True)
-    for verb in (["info"], ["mask", "-o", tmp_path / "m.npy"]):
+    for verb in (["info"], ["decode", "--what", "above", "-o", tmp_path / "m.npy"]):
         assert "not a valid .iso file" in fails(4, verb[0], "/dev/zero", *verb[1:])
 
 

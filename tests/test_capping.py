@@ -20,7 +20,7 @@ def noise(seed: int) -> np.ndarray:
 
 
 @pytest.mark.parametrize("seed", range(4))
-@pytest.mark.parametrize("options", [{}, {"signs_only": True}, {"tolerance": 0.5}])
+@pytest.mark.parametrize("options", [{}, {"precision": "signs"}, {"precision": 0.5}])
 def test_both_parts_make_up_the_box(seed: int, options: dict[str, Any]) -> None:
     contour = isocodec.decode(isocodec.encode(noise(seed), 0.02, **options))
     volumes = []

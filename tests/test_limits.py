@@ -320,8 +320,8 @@ def test_every_command_that_decodes_has_the_limits(tmp_path):
     source = tmp_path / "in.iso"
     source.write_bytes(isocodec.encode(field(2, 150, 1), 0.5))
     commands = (
-        ("decode", source, "-o", tmp_path / "a.npz"), ("mask", source, "-o", tmp_path / "a.npy"),
-        ("plot", source, "-o", tmp_path / "a.png"), ("truncate", source, "-o", tmp_path / "b.iso", "--bytes", 9000),
+        ("decode", source, "-o", tmp_path / "a.npz"), ("decode", "--what", "above", source, "-o", tmp_path / "a.npy"),
+        ("plot", source, "-o", tmp_path / "a.png"), ("edit", source, "-o", tmp_path / "b.iso", "--size", 9000),
         ("info", source, "--symbols"),
     )
     for command in commands:
@@ -340,7 +340,7 @@ def test_large_masks_are_written_when_asked_for(tmp_path):
     large = isocodec.encode(np.repeat(np.repeat(step, 64, 0), 64, 1), 4, signs_only=True)
     source.write_bytes(large)
     samples = 4096 * 4096
-    assert "--limit-samples" in fails(6, "mask", source, "-o", tmp_path / "m.npy", "--limit-samples", samples - 1)
+    assert "--limit-samples" in fails(6, "decode", "--what", "above", source, "-o", tmp_path / "m.npy", "--limit-samples", samples - 1)
     assert not (tmp_path / "m.npy").exists()
     decoder = Decoder()
     decoder.feed(large)
@@ -351,7 +351,7 @@ def test_large_masks_are_written_when_asked_for(tmp_path):
     peak = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()
     assert above == samples * 24 // 64 and peak < samples / 2
-    ok("mask", source, "-o", tmp_path / "m.npy", "--limit-samples", samples)
+    ok("decode", "--what", "above", source, "-o", tmp_path / "m.npy", "--limit-samples", samples)
     assert np.array_equal(np.load(tmp_path / "m.npy")[:, ::64], np.repeat(step, 64, 0) > 4)
 
 

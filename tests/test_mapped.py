@@ -19,6 +19,7 @@ import grids
 import isocodec
 from isocodec import CoordinatesRead, Decoder, InputError, LimitError, Limits, OptionError
 from isocodec.field.mapped import Coordinate
+from isocodec.field.placement import Placement
 from isocodec.format.chunks import write_chunk
 from isocodec.format.coordinates import CoordinatesRecord, read_coordinates, write_coordinates
 from isocodec.grid.passes.nodes import Grid, decode_run, encode_run
@@ -40,7 +41,8 @@ def test_points_lie_where_coordinates_say(grid: Callable[[], tuple[Array, list[A
     field, arrays = grid()
     turns = grid is grids.rotated_pole
     data = isocodec.encode(
-        field, 0.1, coordinates=arrays, period=UNWRAP if turns else None, coordinates_error=error
+        isocodec.Field(field, placement=Placement(coordinates=arrays, periods=UNWRAP if turns else None, error=error)),
+        0.1,
     )
     contour = isocodec.decode(data)
     places = contour.placed
@@ -55,7 +57,9 @@ def test_curves_are_those_of_marching_squares() -> None:
     """Mapped by interpolation; crossings are exact here."""
     field, arrays = grids.elliptic()
     whole = np.rint(field * 1000).astype(np.int64)
-    contour = isocodec.decode(isocodec.encode(whole, 0.5, exact=True, coordinates=arrays))
+    contour = isocodec.decode(
+        isocodec.encode(isocodec.Field(whole, placement=Placement(coordinates=arrays)), 0.5, precision="exact")
+    )
     lines = find_contours(whole.astype(np.float64), 0.5)
     expected = np.concatenate([np.stack([grids.interpolated(a, line) for a in arrays], axis=1) for line in lines])
     found = contour.placed
@@ -67,31 +71,35 @@ def test_axes_of_uneven_steps() -> None:
     """One array for each axis, in the field's order."""
     field = grids.rotated_pole()[0]
     south, east = -np.geomspace(1, 30, 40), np.linspace(5, 80, 50) ** 2
-    contour = isocodec.decode(isocodec.encode(field, 0.1, coordinates=[south, east]))
+    contour = isocodec.decode(
+        isocodec.encode(isocodec.Field(field, placement=Placement(coordinates=[south, east])), 0.1)
+    )
     expected = [np.interp(contour.points[:, 1], range(50), east), np.interp(contour.points[:, 0], range(40), south)]
     cells = [np.diff(east).min(), np.abs(np.diff(south)).min()]
     assert (np.abs(contour.placed - np.stack(expected, axis=1)) <= 0.005 * np.array(cells)).all()
     # a mesh grid of them is the same to the last byte
     both = np.meshgrid(east, south)
-    assert isocodec.encode(field, 0.1, coordinates=both) == isocodec.encode(field, 0.1, coordinates=[south, east])
+    assert isocodec.encode(isocodec.Field(field, placement=Placement(coordinates=both)), 0.1) == isocodec.encode(
+        isocodec.Field(field, placement=Placement(coordinates=[south, east])), 0.1,
+    )
 
 
 def test_volumes() -> None:
     field, arrays = grids.cylinder()
-    contour = isocodec.decode(isocodec.encode(field, 0.0, coordinates=arrays))
+    contour = isocodec.decode(isocodec.encode(isocodec.Field(field, placement=Placement(coordinates=arrays)), 0.0))
     assert 0 < grids.off(contour.points, contour.placed, arrays) <= 0.005
     axes = [np.geomspace(1, 5, 9), np.arange(24.0), np.linspace(7, 3, 11)]
-    placed = isocodec.decode(isocodec.encode(field, 0.0, coordinates=axes)).placed
+    placed = isocodec.decode(isocodec.encode(isocodec.Field(field, placement=Placement(coordinates=axes)), 0.0)).placed
     expected = [np.interp(contour.points[:, a], range(len(axis)), axis) for a, axis in enumerate(axes)]
     assert np.abs(placed - np.stack(expected, axis=1)).max() < 0.005
 
 
-@pytest.mark.parametrize("options", [{}, {"signs_only": True}, {"step": 0.01}, {"profile": "baseline"}])
+@pytest.mark.parametrize("options", [{}, {"precision": "signs"}, {"precision": "step=0.01"}, {"profile": "baseline"}])
 @pytest.mark.parametrize("grid", [grids.polar, grids.cylinder])
 def test_no_seam(grid: Callable[[], tuple[Array, list[Array]]], options: dict[str, Any]) -> None:
     """What ends at one end of a periodic axis goes on at the other, at the same place."""
     field, arrays = grid()
-    data = isocodec.encode(field, 0.05, coordinates=arrays, periodic=1, **options)
+    data = isocodec.encode(isocodec.Field(field, placement=Placement(coordinates=arrays, periodic=1)), 0.05, **options)
     contour = isocodec.decode(data)
     assert contour.shape[1] == field.shape[1] + 1 and contour.mapped is not None and contour.mapped.closes
     last = contour.shape[1] - 1
@@ -100,13 +108,20 @@ def test_no_seam(grid: Callable[[], tuple[Array, list[Array]]], options: dict[st
     order = [end[np.lexsort(end.T)] for end in ends]
     assert np.array_equal(*order)
     # and it is the curve of the field without a seam: turned by some samples it is the same one
-    turned = isocodec.decode(isocodec.encode(
-        np.roll(field, 7, axis=1), 0.05, coordinates=[np.roll(a, 7, axis=1) for a in arrays], periodic=1,
-        coordinates_error=1e-4, **options
-    ))
-    fine = isocodec.decode(isocodec.encode(
-        field, 0.05, coordinates=arrays, periodic=1, coordinates_error=1e-4, **options
-    ))
+    turned = isocodec.decode(
+        isocodec.encode(
+            isocodec.Field(
+                np.roll(field, 7, axis=1),
+                placement=Placement(coordinates=[np.roll(a, 7, axis=1) for a in arrays], periodic=1, error=1e-4)
+            ),
+            0.05, **options,
+        )
+    )
+    fine = isocodec.decode(
+        isocodec.encode(
+            isocodec.Field(field, placement=Placement(coordinates=arrays, periodic=1, error=1e-4)), 0.05, **options,
+        )
+    )
     cell = np.diff(arrays[0], axis=0).max() if field.ndim == 2 else 0.1
     for one, other in ((turned, fine), (fine, turned)):
         distances = np.linalg.norm(one.placed[:, None] - other.placed[None], axis=2).min(axis=1)
@@ -118,7 +133,9 @@ def test_longitudes_that_wrap() -> None:
     rows, columns = 19, 36
     latitude, longitude = np.linspace(90, -90, rows), (np.arange(columns) * 10.0 + 100.0) % 360.0 - 180.0
     field = np.cos(np.radians(longitude))[None] + 0 * latitude[:, None]
-    data = isocodec.encode(field, 0.2, coordinates=[latitude, longitude], periodic=1, period=360)
+    data = isocodec.encode(
+        isocodec.Field(field, placement=Placement(coordinates=[latitude, longitude], periodic=1, periods=360)), 0.2,
+    )
     contour = isocodec.decode(data)
     expected = np.degrees(np.arccos(0.2))
     east = (contour.placed[:, 0] + 180) % 360 - 180
@@ -129,7 +146,7 @@ def test_longitudes_that_wrap() -> None:
 def test_signs_do_not_need_them() -> None:
     """Without the chunk the file decodes to the same points; a chunk that is no such chunk is skipped."""
     field, arrays = grids.rotated_pole()
-    data = isocodec.encode(field, 0.1, coordinates=arrays, period=360)
+    data = isocodec.encode(isocodec.Field(field, placement=Placement(coordinates=arrays, periods=360)), 0.1)
     plain = isocodec.encode(field, 0.1)
     assert np.array_equal(isocodec.decode(data).points, isocodec.decode(plain).points)
     assert isocodec.decode(plain).mapped is None
@@ -139,7 +156,7 @@ def test_signs_do_not_need_them() -> None:
 
 def test_pieces_and_truncation() -> None:
     field, arrays = grids.rotated_pole()
-    data = isocodec.encode(field, 0.1, coordinates=arrays, period=360)
+    data = isocodec.encode(isocodec.Field(field, placement=Placement(coordinates=arrays, periods=360)), 0.1)
     decoder = Decoder()
     events = []
     for byte in data:
@@ -172,7 +189,7 @@ def test_holes_may_have_any_coordinates() -> None:
         for a in here:
             if kind != "smooth":
                 a[21:59, 31:79] = np.nan if kind == "nan" else rng.uniform(-90, 90, (38, 48))
-        data = isocodec.encode(field, 0.1, coordinates=here, period=360)
+        data = isocodec.encode(isocodec.Field(field, placement=Placement(coordinates=here, periods=360)), 0.1)
         contour = isocodec.decode(data)
         straight = unwrapped(plain)
         places = contour.placed
@@ -208,7 +225,7 @@ def folded() -> list[Array]:
 def test_coordinates_of_no_use(change: Any, options: dict[str, Any], words: str) -> None:
     field, arrays = grids.polar()
     with pytest.raises(InputError) as caught:
-        isocodec.encode(field, 0.05, coordinates=change(arrays), **options)
+        isocodec.encode(isocodec.Field(field, placement=Placement(coordinates=change(arrays))), 0.05, **options)
     assert words in str(caught.value)
 
 
@@ -225,7 +242,7 @@ def test_coordinates_of_no_use(change: Any, options: dict[str, Any], words: str)
 def test_options_of_no_use(options: dict[str, Any]) -> None:
     field, arrays = grids.polar()
     with pytest.raises(OptionError):
-        isocodec.encode(field, 0.05, coordinates=arrays, **options)
+        isocodec.encode(isocodec.Field(field, placement=Placement(coordinates=arrays)), 0.05, **options)
 
 
 def test_options_without_coordinates() -> None:
@@ -233,7 +250,7 @@ def test_options_without_coordinates() -> None:
     for options in ({"period": 360}, {"coordinates_error": 0.01}, {"periodic": 1, "placement": (1, 1)}):
         with pytest.raises(OptionError):
             isocodec.encode(field, 0.05, **options)
-    contour = isocodec.decode(isocodec.encode(field, 0.05, periodic=1))
+    contour = isocodec.decode(isocodec.encode(isocodec.Field(field, placement=Placement(periodic=1)), 0.05))
     assert contour.mapped is not None and contour.mapped.periods == pytest.approx((60, 0))
     assert np.abs(contour.placed - contour.points[:, ::-1]).max() < 0.005
 
@@ -241,7 +258,9 @@ def test_options_without_coordinates() -> None:
 def test_curves_close_across_the_seam() -> None:
     """A ring around the centre is one closed line in the world, a pipe one surface with the two ends of its axis."""
     field, arrays = grids.polar()
-    contour = isocodec.decode(isocodec.encode(field, 0.05, coordinates=arrays, periodic=1))
+    contour = isocodec.decode(
+        isocodec.encode(isocodec.Field(field, placement=Placement(coordinates=arrays, periodic=1)), 0.05)
+    )
     (line,) = contour.__geo_interface__["coordinates"]
     assert line[0] == line[-1] and len(line) == len(contour.points)
     assert len(contour.lines) == 1 and contour.lines[0][0].tolist() != contour.lines[0][-1].tolist()
@@ -256,7 +275,9 @@ def test_curves_close_across_the_seam() -> None:
     assert below.area == pytest.approx(ring.area - turn * radius[0, 0] ** 2, rel=1e-2)
 
     field, arrays = grids.cylinder()
-    contour = isocodec.decode(isocodec.encode(field, 0.0, coordinates=arrays, periodic=1))
+    contour = isocodec.decode(
+        isocodec.encode(isocodec.Field(field, placement=Placement(coordinates=arrays, periodic=1)), 0.0)
+    )
     mesh = trimesh.Trimesh(contour.joined.placed, contour.joined.cells, process=False)
     assert mesh.body_count == 1 and mesh.euler_number == 0 and mesh.is_winding_consistent
     loops = mesh.outline().discrete
@@ -269,11 +290,20 @@ def test_tolerances_in_the_world(unit: str) -> None:
     field, arrays = grids.rotated_pole(60, 80)
     tolerance = {"km": "60km", "degrees": "0.8deg"}[unit]
     data = isocodec.encode(
-        field, 0.1, coordinates=unwrapped(arrays), tolerance=tolerance, period=UNWRAP if unit == "km" else None
+        isocodec.Field(
+            field, placement=Placement(coordinates=unwrapped(arrays), periods=UNWRAP if unit == "km" else None),
+        ),
+        0.1, precision=tolerance,
     )
-    fine = isocodec.decode(isocodec.encode(field, 0.1, coordinates=unwrapped(arrays), step=1e-9))
+    fine = isocodec.decode(
+        isocodec.encode(
+            isocodec.Field(field, placement=Placement(coordinates=unwrapped(arrays))), 0.1, precision="step=1e-9",
+        )
+    )
     coarse = isocodec.decode(data)
-    assert len(data) < len(isocodec.encode(field, 0.1, coordinates=unwrapped(arrays), tolerance=0.05))
+    assert len(data) < len(
+        isocodec.encode(isocodec.Field(field, placement=Placement(coordinates=unwrapped(arrays))), 0.1, precision=0.05)
+    )
     along = np.linspace(0, 1, 30)[:, None, None]
     dense = [
         c.place(((1 - along) * c.points[c.cells[:, 0]] + along * c.points[c.cells[:, 1]]).reshape(-1, 2))
@@ -290,16 +320,16 @@ def test_tolerances_in_the_world(unit: str) -> None:
 def test_tolerances_by_a_matrix() -> None:
     """Cells of a volume whose steps differ: the longest counts."""
     field = grids.polar()[0]
-    spaced = isocodec.encode(field, 0.05, tolerance="0.75mm", placement=(3, 1.5))
-    assert spaced == isocodec.encode(field, 0.05, tolerance=0.25, placement=(3, 1.5))
+    spaced = isocodec.encode(isocodec.Field(field, placement=(3, 1.5)), 0.05, precision="0.75mm")
+    assert spaced == isocodec.encode(isocodec.Field(field, placement=(3, 1.5)), 0.05, precision=0.25)
     turn = np.array([[0.6, 0.8, 1], [-0.8, 0.6, 2]]) * 2
-    assert isocodec.encode(field, 0.05, tolerance="1m", placement=turn) == isocodec.encode(
-        field, 0.05, tolerance=0.5, placement=turn
-    )
-    assert isocodec.encode(field, 0.05, tolerance="0.5") == isocodec.encode(field, 0.05, tolerance=0.5)
+    assert isocodec.encode(
+        isocodec.Field(field, placement=turn), 0.05, precision="1m",
+    ) == isocodec.encode(isocodec.Field(field, placement=turn), 0.05, precision=0.5)
+    assert isocodec.encode(field, 0.05, precision="0.5") == isocodec.encode(field, 0.05, precision=0.5)
     for wrong in ("1m", "much", "1 2m", "m", ""):
         with pytest.raises(OptionError):
-            isocodec.encode(field, 0.05, tolerance=wrong)
+            isocodec.encode(field, 0.05, precision=wrong)
 
 
 # -- the chunk ---------------------------------------------------------------------------------------------------------
@@ -335,7 +365,7 @@ def test_sizes_are_bounded_by_bytes() -> None:
     assert read_coordinates(payload, (1 << 24, 1 << 24)) is None
     assert read_coordinates(payload, (240, 300)) is not None and read_coordinates(payload, (400, 300)) is None
     field, arrays = grids.rotated_pole(150, 200)
-    data = isocodec.encode(field, 0.1, coordinates=arrays, period=360)
+    data = isocodec.encode(isocodec.Field(field, placement=Placement(coordinates=arrays, periods=360)), 0.1)
     with pytest.raises(LimitError):
         isocodec.decode(data, limits=Limits(memory=400_000))
     assert all(read_coordinates(payload[:end], (5, 6)) is None for end in range(37))

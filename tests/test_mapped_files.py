@@ -53,11 +53,11 @@ def test_longitudes_all_round(tmp_path: Path) -> None:
     text = ok("info", path.with_suffix(".iso"))
     assert "axis 1 is periodic" in text and "x repeats after 360" in text
     # a mesh that is searched for has other ends: they stay apart, with a warning
-    contour, said = encoded(path, 0.9, "--key", "f", "--tolerance", 1)
+    contour, said = encoded(path, 0.9, "--key", "f", "--precision", 1)
     assert contour.shape == (13, 36) and "not joined" in said
     contour, said = encoded(path, 0.9, "--key", "f", "--no-placement")
     assert contour.shape == (13, 36) and contour.mapped is None and not said
-    refused = run("encode", path, "-o", tmp_path / "b.iso", "--isovalue", 0.9, "--key", "f", "--tolerance", 1,
+    refused = run("encode", path, "-o", tmp_path / "b.iso", "--isovalue", 0.9, "--key", "f", "--precision", 1,
                   "--periodic", 1)
     assert refused.exit_code == 2 and "contradict" in refused.stderr
 
@@ -100,7 +100,7 @@ def test_uneven_steps_of_volumes(tmp_path: Path) -> None:
     assert np.abs(contour.placed - np.stack(expected, axis=1)).max() < 0.005
     for suffix in (".ply", ".stl", ".obj"):
         ok("decode", path.with_suffix(".iso"), "-o", tmp_path / f"a{suffix}")
-    ok("decode", path.with_suffix(".iso"), "-o", tmp_path / "a.vtu", "--mesh", "tube")
+    ok("decode", path.with_suffix(".iso"), "-o", tmp_path / "a.vtu", "--what", "mesh")
 
 
 def test_periodic_axis_by_option(tmp_path: Path) -> None:
@@ -126,9 +126,9 @@ def test_what_files_say(tmp_path: Path) -> None:
 
 def test_tolerance_with_a_unit(tmp_path: Path) -> None:
     np.save(tmp_path / "a.npy", grids.polar()[0])
-    encoded(tmp_path / "a.npy", 0.05, "--spacing", "30,20", "--tolerance", "15 m")
+    encoded(tmp_path / "a.npy", 0.05, "--spacing", "30,20", "--precision", "15 m")
     far = (tmp_path / "a.iso").read_bytes()
-    encoded(tmp_path / "a.npy", 0.05, "--spacing", "30,20", "--tolerance", "0.5")
+    encoded(tmp_path / "a.npy", 0.05, "--spacing", "30,20", "--precision", "0.5")
     assert far == (tmp_path / "a.iso").read_bytes()
-    nowhere = run("encode", tmp_path / "a.npy", "-o", tmp_path / "b.iso", "--isovalue", 0, "--tolerance", "15m")
+    nowhere = run("encode", tmp_path / "a.npy", "-o", tmp_path / "b.iso", "--isovalue", 0, "--precision", "15m")
     assert nowhere.exit_code == 2 and "nowhere" in nowhere.stderr

@@ -79,7 +79,7 @@ def test_maps_of_lines(tmp_path: Path, hills: bytes, suffix: str) -> None:
 
 @pytest.mark.parametrize("suffix", [".gpkg", ".fgb", ".shp", ".parquet"])
 def test_maps_of_areas(tmp_path: Path, hills: bytes, suffix: str) -> None:
-    path = written(tmp_path, hills, f"map{suffix}", "--areas", "above")
+    path = written(tmp_path, hills, f"map{suffix}", "--what", "areas", "--side", "above")
     table = geopandas.read_parquet(path) if suffix == ".parquet" else geopandas.read_file(path)
     contours = isocodec.decode_all(hills)
     table = table.sort_values("isovalue")
@@ -104,7 +104,7 @@ def test_geojson_is_in_degrees(tmp_path: Path, hills: bytes) -> None:
         expected = np.stack(to_degrees.transform(*contour.placed[np.concatenate(contour.walks)].T), axis=1)
         assert np.abs(at - expected).max() < 1e-9
         assert (np.abs(at) <= [180, 90]).all()
-    for feature in json.loads(written(tmp_path, hills, "map.geojson", "--areas", "above").read_text())["features"]:
+    for feature in json.loads(written(tmp_path, hills, "map.geojson", "--what", "areas", "--side", "above").read_text())["features"]:
         for part in shape_of(feature["geometry"]).geoms:
             assert part.exterior.is_ccw and not any(hole.is_ccw for hole in part.interiors)
 

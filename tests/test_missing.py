@@ -142,7 +142,7 @@ def test_on_the_command_line(tmp_path: Path) -> None:
     dem, out = tiff(tmp_path / "dem.tif", field, "-9999"), tmp_path / "out.iso"
     result = run("encode", dem, "-o", out, "--isovalue", 80.5)
     assert result.exit_code == 0 and "missing" not in result.stderr
-    assert out.read_bytes() == isocodec.encode(field, 80.5, mask=HOLE)
+    assert out.read_bytes() == isocodec.encode(isocodec.Field(field, mask=HOLE), 80.5)
     for way in ("below", "above", "nearest"):
         result = run("encode", dem, "-o", out, "--isovalue", 80.5, "--missing", way)
         assert result.exit_code == 0 and "missing" not in result.stderr
@@ -150,14 +150,14 @@ def test_on_the_command_line(tmp_path: Path) -> None:
 
     np.save(tmp_path / "dem.npy", np.where(HOLE, np.nan, field))
     ok("encode", tmp_path / "dem.npy", "-o", out, "--isovalue", 80.5)
-    assert out.read_bytes() == isocodec.encode(field, 80.5, mask=HOLE)
+    assert out.read_bytes() == isocodec.encode(isocodec.Field(field, mask=HOLE), 80.5)
     ok("encode", tmp_path / "dem.npy", "-o", out, "--isovalue", 80.5, "--missing", "below")
     assert out.read_bytes() == isocodec.encode(filled(field, HOLE, "below", [80.5]), 80.5)
     np.save(tmp_path / "dem.npy", field)
     ok("encode", tmp_path / "dem.npy", "-o", out, "--isovalue", 80.5, "--missing", "nearest", "--nodata", "-9999")
     assert out.read_bytes() == isocodec.encode(filled(field, HOLE, "nearest", [80.5]), 80.5)
     ok("encode", tmp_path / "dem.npy", "-o", out, "--isovalue", 80.5, "--nodata", "-9999")
-    assert out.read_bytes() == isocodec.encode(field, 80.5, mask=HOLE)
+    assert out.read_bytes() == isocodec.encode(isocodec.Field(field, mask=HOLE), 80.5)
     assert "all samples" in fails(
         3, "encode", tiff(tmp_path / "sea.tif", np.zeros((4, 4)), "0"), "-o", out, "--isovalue", 1, "--missing", "below"
     )

@@ -270,7 +270,7 @@ def test_frames_lie_where_each_of_them_does(tmp_path: Path) -> None:
                    "--frame-axis", axis)
         assert said.exit_code == 0 and "ignored" in said.stderr
     ok("encode", tmp_path / "v.nii", "-o", tmp_path / "v.iso", "--isovalue", 3, "--frames", "--spacing", "3,4",
-       "--tolerance", "9mm")
+       "--precision", "9mm")
 
 
 @pytest.mark.parametrize(

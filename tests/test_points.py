@@ -62,17 +62,19 @@ def test_grids_and_duplicates():
     """Four points on a circle everywhere; points that coincide become one with the mean of their values."""
     x, y = np.meshgrid(np.arange(9.0), np.arange(7.0))
     points, values = np.column_stack([x.ravel(), y.ravel()]), (x + 10 * y).ravel()
-    data = isocodec.encode_mesh(points, None, values, 33.3)
+    data = isocodec.encode(isocodec.Mesh(points, None, values), 33.3)
     assert isocodec.inspect(data).domain.cells == 2 * 8 * 6
     again = np.concatenate([points, points[:5]]), np.concatenate([values, values[:5] + 2])
-    found = isocodec.decode(isocodec.encode_mesh(again[0], None, again[1], 1.5))
+    found = isocodec.decode(isocodec.encode(isocodec.Mesh(again[0], None, again[1]), 1.5))
     merged = values.copy()
     merged[:5] += 1
-    assert np.array_equal(found.points, isocodec.decode(isocodec.encode_mesh(points, None, merged, 1.5)).points)
+    assert np.array_equal(
+        found.points, isocodec.decode(isocodec.encode(isocodec.Mesh(points, None, merged), 1.5)).points,
+    )
     with pytest.raises(InputError, match="coincide"):
-        isocodec.encode_mesh(again[0], None, again[1].astype(int), 1.5)
+        isocodec.encode(isocodec.Mesh(again[0], None, again[1].astype(int)), 1.5)
     frames = np.array([values, values + 1])
-    assert isocodec.inspect(isocodec.encode_mesh(points, None, frames, 33.3)).interval == 0
+    assert isocodec.inspect(isocodec.encode(isocodec.Mesh(points, None, frames), 33.3)).interval == 0
 
 
 def test_connectivity_costs_nothing():
@@ -80,8 +82,8 @@ def test_connectivity_costs_nothing():
     points, _ = scattered(1, 2000, 1 << 20)
     values = points[:, 0] + points[:, 1]
     cells = Delaunay(points).simplices
-    alone = isocodec.encode_mesh(points, None, values, 1e6, mesh_error=500.0, signs_only=True)
-    whole = isocodec.encode_mesh(points, cells, values, 1e6, mesh="whole", mesh_error=500.0, signs_only=True)
+    alone = isocodec.encode(isocodec.Mesh(points, None, values, error=500.0), 1e6, precision="signs")
+    whole = isocodec.encode(isocodec.Mesh(points, cells, values, stored="whole", error=500.0), 1e6, precision="signs")
     assert len(alone) < 0.8 * len(whole)
 
 
@@ -98,7 +100,7 @@ def test_connectivity_costs_nothing():
 )
 def test_what_is_no_triangulation(points, cells, options, error):
     with pytest.raises(error):
-        isocodec.encode_mesh(points, cells, np.arange(len(points)), 0.5, **options)
+        isocodec.encode(isocodec.Mesh(points, cells, np.arange(len(points))), 0.5, **options)
 
 
 def test_hostile_points():
@@ -106,7 +108,7 @@ def test_hostile_points():
     import zlib
 
     points, values = scattered(3, 60)
-    data = isocodec.encode_mesh(points, None, values, 20.5)
+    data = isocodec.encode(isocodec.Mesh(points, None, values), 20.5)
     domain = isocodec.inspect(data).chunks[0]
     for at in range(domain.offset + 2, domain.offset + domain.bytes):
         bad = bytearray(data)

@@ -80,7 +80,7 @@ def test_geojson_has_a_feature_for_each(several: Path, data: bytes, tmp_path: Pa
 
 def test_areas_of_higher_isovalues_lie_within_those_of_lower_ones(several: Path, tmp_path: Path) -> None:
     out = tmp_path / "areas.geojson"
-    ok("decode", several, "-o", out, "--areas", "above", "--keep-crs")
+    ok("decode", several, "-o", out, "--what", "areas", "--side", "above", "--keep-crs")
     features = json.loads(out.read_text())["features"]
     areas = {feature["properties"]["isovalue"]: shape_of(feature["geometry"]) for feature in features}
     assert areas[60.5].area > areas[80.5].area > areas[100.5].area > 0

@@ -27,6 +27,7 @@ from rasterio.transform import from_origin
 import isocodec
 from inputs import CELLS, written
 from isocodec import Field, InputError, LimitError, OptionError
+from isocodec.stream.encoder import encoder_of
 
 HILL = 100 - np.hypot(*(np.mgrid[:20, :30] - np.array([9.3, 14.2])[:, None, None])) * 5
 DAYS = np.arange(20).astype("datetime64[D]")
@@ -63,7 +64,7 @@ def test_data_array_with_x_first() -> None:
     """Which axis is x is said by the conventions, not by the order."""
     straight, turned = isocodec.read(grid()), isocodec.read(grid().transpose("lon", "lat"))
     assert turned.placement is not None and turned.placement.tolist() == [[0.25, 0, 5], [0, -0.5, 60]]
-    a, b = (isocodec.decode(isocodec.encode(f, 70.0, tolerance=0.001)).placed for f in (straight, turned))
+    a, b = (isocodec.decode(isocodec.encode(f, 70.0, precision=0.001)).placed for f in (straight, turned))
     assert np.abs(np.sort(a, axis=0) - np.sort(b, axis=0)).max() < 0.002
 
 
@@ -118,7 +119,7 @@ def test_data_arrays_that_are_no_field() -> None:
     with pytest.raises(OptionError, match="kind is for files"):
         isocodec.read(grid(), kind=".tif")
     with pytest.raises(InputError, match="coordinates that an encoder"):
-        isocodec.Encoder(grid(), 70.0)
+        encoder_of(grid(), 70.0)
 
 
 def test_images_of_nibabel_and_itk(tmp_path: Path) -> None:
@@ -193,7 +194,7 @@ def test_name_and_unit_of_hdf5(tmp_path: Path) -> None:
 
 
 def test_own_options_come_first() -> None:
-    data = isocodec.encode(grid(), 70.0, placement=(2, 3), metadata={"unit": "F"}, mask=HILL > 95)
+    data = isocodec.encode(isocodec.Field(grid(), mask=HILL > 95, placement=(2, 3)), 70.0, metadata={"unit": "F"})
     contour = isocodec.decode(data)
     assert contour.placement is not None and contour.placement.tolist() == [[0, 3, 0], [2, 0, 0]]
     assert contour.metadata["unit"] == "F" and contour.metadata["name"] == "tas"
@@ -206,14 +207,14 @@ def test_masks() -> None:
     data = isocodec.encode(mask)
     assert np.array_equal(isocodec.decode_mask(data), mask)
     assert isocodec.inspect(data).isovalues == [0.5]
-    assert data == isocodec.encode(mask, 0.5, signs_only=True)
+    assert data == isocodec.encode(mask, 0.5, precision="signs")
     with pytest.raises(OptionError, match="which isovalue"):
         isocodec.encode(HILL)
 
 
 def test_files_by_name(tmp_path: Path) -> None:
     field = Field(HILL, placement=np.array([[0.0, 30, 5e5], [-20, 0, 4e6]]), crs="EPSG:32631", unit="m")
-    isocodec.save(tmp_path / "a.iso", field, [70.0, 80.0], tolerance=0.01)
+    isocodec.save(tmp_path / "a.iso", field, [70.0, 80.0], precision=0.01)
     file = isocodec.open(tmp_path / "a.iso")
     assert file.shape == (20, 30) and file.isovalues == (70.0, 80.0) and file.crs == "EPSG:32631"
     assert file.placement is not None and np.array_equal(file.placement, field.placement)

@@ -62,7 +62,7 @@ def test_encode_of_the_command_line(tmp_path: Path) -> None:
     """The case that used to need a library that no extra brought: tiles of 16-bit heights with LZW."""
     field = (RAMP - 30).astype(np.int16)
     tifffile.imwrite(tmp_path / "dem.tif", field, compression="lzw", predictor=2, tile=(32, 32))
-    ok("encode", tmp_path / "dem.tif", "-o", tmp_path / "dem.iso", "--isovalue", "50.5", "--exact")
+    ok("encode", tmp_path / "dem.tif", "-o", tmp_path / "dem.iso", "--isovalue", "50.5", "--precision", "exact")
     assert np.array_equal(isocodec.decode_mask((tmp_path / "dem.iso").read_bytes()), field > 50.5)
 
 

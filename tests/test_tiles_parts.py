@@ -153,18 +153,18 @@ def test_command_line(tmp_path: Path) -> None:
     field = hilly()
     (tmp_path / "t.iso").write_bytes(encoded(tmp_path, field, [30.5, 60.5]))
     tiled, out = tmp_path / "t.iso", tmp_path / "o.iso"
-    facts = json.loads(ok("extract", tiled, "-o", out, "--window", "10:60,20:70", "--json"))
+    facts = json.loads(ok("edit", tiled, "-o", out, "--window", "10:60,20:70", "--json"))
     assert facts["bytes"] == out.stat().st_size and facts["read"] <= facts["input_bytes"]
     assert json.loads(ok("info", out, "--json"))["isovalues"] == [30.5, 60.5]
-    ok("extract", tiled, "-o", out, "--window", "10:60,20:70", "--isovalue", 60.5)
+    ok("edit", tiled, "-o", out, "--window", "10:60,20:70", "--isovalue", 60.5)
     assert json.loads(ok("info", out, "--json"))["isovalues"] == [60.5]
-    facts = json.loads(ok("truncate", tiled, "-o", out, "--layers", 2, "--json"))
+    facts = json.loads(ok("edit", tiled, "-o", out, "--layers", 2, "--json"))
     assert facts["layers"] == 2 and facts["bytes"] == out.stat().st_size < tiled.stat().st_size
     assert json.loads(ok("info", out, "--json"))["tiled"]
-    assert run("truncate", tiled, "-o", out, "--bytes", 200).exit_code == 2
-    assert run("extract", tiled, "-o", out, "--window", "1").exit_code == 2
-    fails(2, "extract", tiled, "-o", out, "--window", "900:910,0:4")
-    assert "bytes read in 1 piece of a file of" in ok("extract", tiled, "-o", out, "--window", "0:9,0:9")
+    assert run("edit", tiled, "-o", out, "--size", 200).exit_code == 2
+    assert run("edit", tiled, "-o", out, "--window", "1").exit_code == 2
+    fails(2, "edit", tiled, "-o", out, "--window", "900:910,0:4")
+    assert "bytes read in 1 piece of a file of" in ok("edit", tiled, "-o", out, "--window", "0:9,0:9")
     for command in ("plot", "mask", "transcode"):
         said = fails(4, command, tiled, "-o", tmp_path / ("x.iso" if command == "transcode" else "x.png"))
         assert "not a valid" not in said and "extract --window" in said
@@ -175,8 +175,8 @@ def test_command_line(tmp_path: Path) -> None:
     assert "ends before" in run("decode", cut, "--partial", "-o", tmp_path / "c.npz").stderr
     plain = tmp_path / "p.iso"
     plain.write_bytes(isocodec.encode(field, 30.5))
-    fails(3, "extract", plain, "-o", out, "--window", "0:4,0:4")
+    fails(3, "edit", plain, "-o", out, "--window", "0:4,0:4")
     np.save(tmp_path / "f.npy", field)
-    said = run("tile", tmp_path / "f.npy", "-o", out, "--isovalue", 30.5, "--isovalue", 1e6).stderr
+    said = run("encode", "--tile", 1024, tmp_path / "f.npy", "-o", out, "--isovalue", 30.5, "--isovalue", 1e6).stderr
     assert "the isovalue 1e+06: the curve is empty" in said and said.count("empty") == 1
-    assert len(run("truncate", tiled, "-o", "-", "--layers", 1).stdout_bytes) < tiled.stat().st_size
+    assert len(run("edit", tiled, "-o", "-", "--layers", 1).stdout_bytes) < tiled.stat().st_size

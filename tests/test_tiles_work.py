@@ -120,7 +120,7 @@ def test_files_are_read_by_workers(tmp_path: Path) -> None:
         made = []
         for workers in (1, 2):
             path = tmp_path / f"{workers}.iso"
-            ok("tile", tmp_path / name, "-o", path, "--isovalue", 30.5, "--tile", 32, "--workers", workers)
+            ok("encode", "--tile", 1024, tmp_path / name, "-o", path, "--isovalue", 30.5, "--tile", 32, "--workers", workers)
             made.append(path.read_bytes())
         assert made[0] == made[1]
     holes = np.ma.masked_equal(field, -9999)

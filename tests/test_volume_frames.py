@@ -73,7 +73,7 @@ def test_scaling(tmp_path: Path, slope: tuple[float, float], dtype: type) -> Non
 @pytest.mark.parametrize(("unit", "step"), [("msec", "1.5 ms"), ("usec", "1.5 µs"), ("unknown", None), ("hz", None)])
 def test_the_time_from_one_to_the_next(tmp_path: Path, unit: str, step: str | None) -> None:
     saved(tmp_path / "v.nii", beating(2), unit)
-    ok("encode", tmp_path / "v.nii", "-o", tmp_path / "v.iso", "--isovalue", 20.5, "--frames", "--signs-only")
+    ok("encode", tmp_path / "v.nii", "-o", tmp_path / "v.iso", "--isovalue", 20.5, "--frames", "--precision", "signs")
     assert isocodec.open(tmp_path / "v.iso").metadata.get("frame_step") == step
 
 
@@ -104,7 +104,7 @@ def test_isovalues_of_all_volumes(tmp_path: Path) -> None:
     data = beating()
     saved(tmp_path / "v.nii", data)
     record = json.loads(ok("encode", tmp_path / "v.nii", "-o", tmp_path / "v.iso", "--interval", 15, "--offset", 0.5,
-                           "--frames", "--signs-only", "--json"))
+                           "--frames", "--precision", "signs", "--json"))
     assert record["isovalues"] == [v + 0.5 for v in range(-90, 200, 15) if data.min() <= v + 0.5 < data.max()]
     command = ["encode", tmp_path / "v.nii", "-o", tmp_path / "v.iso", "--frames", "--isovalue"]
     (line,) = run(*command, 20).stderr.splitlines()
@@ -119,7 +119,7 @@ def test_missing_samples_and_labels(tmp_path: Path) -> None:
     command = ["encode", tmp_path / "v.nii", "-o", tmp_path / "v.iso", "--frames"]
     assert json.loads(ok(*command, "--isovalue", 20.5, "--json"))["missing"] == 8
     assert np.array_equal(isocodec.decode_valid(tmp_path / "v.iso"), ~np.isnan(data[..., 0]))
-    ok(*command, "--isovalue", 20.5, "--missing", "above", "--signs-only")
+    ok(*command, "--isovalue", 20.5, "--missing", "above", "--precision", "signs")
     above = isocodec.decode_mask(tmp_path / "v.iso", frame=2)
     assert np.array_equal(above, np.where(np.isnan(data[..., 2]), True, data[..., 2] > 20.5))
     data[..., 2] = data[..., 3] = 7

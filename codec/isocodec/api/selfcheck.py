@@ -13,14 +13,15 @@ DIGEST = "97c4cbcfe2830ce1bae13e316ad05fa6f98b28a631d08c4223d2eab01dd7880f"
 
 def digest() -> str:
     """SHA-256 of files and curves of small fields, with everything in them that floating point decides."""
-    from .whole import decode, encode
+    from .encoding import encode
+    from .isofile import decode
 
     out = hashlib.sha256()
     y, x = np.mgrid[:12, :13]
     hill = 3 * (y - 6) ** 2 + 2 * (x - 5) ** 2 + x * y % 5
     z, y, x = np.mgrid[:9, :8, :10]
     ball = 9 * (z - 4) ** 2 + 7 * (y - 3) ** 2 + 8 * (x - 5) ** 2 + x * y % 5
-    exact, baseline, reduced = {"exact": True}, {"profile": "baseline"}, {"criterion": "distortion", "parameter": 1.0}
+    exact, baseline, reduced = {"precision": "exact"}, {"profile": "baseline"}, {"layers": "distortion=1"}
     for field, isovalue in ((hill, 40.5), (ball, 70.5)):
         for options in (exact, baseline, reduced):
             data = encode(field, isovalue, **options)

@@ -144,12 +144,9 @@ def _of_file(
     gone = missing_samples(values, read_nodata(path, key, follow=follow))
     if values.dtype.kind == "f":
         gone &= ~np.isnan(values)
-    place = read_place(path, values.ndim, key, samples=samples, follow=follow)
-    field = Field(
-        values, gone if gone.any() else None, place.placement,
-        None if place.mapped is None else tuple(place.mapped.coordinates), place.crs,
-        remarks=(place.remark,) if place.remark else (),
-    )
+    place = read_place(path, values.ndim, key, samples=samples, follow=follow).record
+    remarks = (place.remark,) if place.remark else ()
+    field = Field(values, gone if gone.any() else None, place if place.placed else None, remarks=remarks)
     if source.named(*HDF5_SUFFIXES):
         with dataset(source, key) as stored:
             name = attribute_text(stored, "long_name") or str(stored.name).strip("/")

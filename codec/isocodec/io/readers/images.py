@@ -32,7 +32,8 @@ def nibabel_field(image: Any, frame: int | None) -> Field:
             values = scaled(np.asarray(stored.get_unscaled()), float(stored.slope), float(stored.inter))
         values = single(np.asarray(stored) if values is None else values, frame)
     place = usable(image.affine, 3) if values.ndim == 3 else Place(remark="the position of a slice in space is ignored")
-    return Field(values, placement=place.placement, remarks=(place.remark,) if place.remark else ())
+    placement = None if place.placement is None else place.record
+    return Field(values, placement=placement, remarks=(place.remark,) if place.remark else ())
 
 
 def itk_field(image: Any, frame: int | None) -> Field:
@@ -41,4 +42,5 @@ def itk_field(image: Any, frame: int | None) -> Field:
     with reading("image of SimpleITK"):
         values = single(sitk.GetArrayFromImage(image).T, frame)
     place = of_itk(image, values.ndim)
-    return Field(values, placement=place.placement, remarks=(place.remark,) if place.remark else ())
+    placement = None if place.placement is None else place.record
+    return Field(values, placement=placement, remarks=(place.remark,) if place.remark else ())

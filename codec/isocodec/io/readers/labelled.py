@@ -11,8 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import InputError, OptionError, one_line, plain
-from ...field.placement import placement_of
+from ...field.placement import TURN, Placement, matrix_of
 from ...field.sampled import Field
+from .axes import placed_grid
 
 Matrix = NDArray[np.float64]
 EVEN = 0.01
@@ -40,6 +41,15 @@ class Labels:
     crs: str | None = None
     remarks: tuple[str, ...] = ()
 
+    @property
+    def record(self) -> Placement | None:
+        """The same as a placement; None without coordinates."""
+        if self.coordinates is None:
+            return None if self.placement is None else Placement(self.placement, None, self.crs)
+        turns = self.crs == DEGREES
+        grid = placed_grid(list(self.coordinates), self.shape, turns and len(self.shape) == 2)
+        return Placement(None, self.coordinates, self.crs, grid.periodic, TURN if turns else 0.0, inferred=True)
+
 
 def is_labelled(thing: Any) -> bool:
     """Whether this is such an array."""
@@ -66,8 +76,9 @@ def labelled_field(array: Any) -> Field:
     attributes = dict(array.attrs)
     unit, name = attributes.get("units"), array.name or attributes.get("long_name")
     return Field(
-        values, _missing(array, values), labels.placement, labels.coordinates, labels.crs,
-        one_line(str(unit)) if unit else None, one_line(str(name)) if name else None, _single(array), labels.remarks,
+        values, _missing(array, values), labels.record, crs=labels.crs,
+        unit=one_line(str(unit)) if unit else None, name=one_line(str(name)) if name else None,
+        notes=_single(array), remarks=labels.remarks,
     )
 
 
@@ -121,7 +132,7 @@ def _places(array: Any, remarks: list[str]) -> tuple[Matrix | None, tuple[Matrix
         for axis, steps in enumerate(along):
             matrix[order[axis], [axis, n]] = (steps[-1] - steps[0]) / (len(steps) - 1), steps[0]
         try:
-            return placement_of(matrix, n), None
+            return matrix_of(matrix, n), None
         except OptionError as error:
             remarks.append(f"its coordinates are left out: {error.message}")
             return None, None

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import OptionError, plain
-from ...field.placement import placement_of
+from ...field.placement import Placement, matrix_of
 from .axes import MappedPlace, auxiliary, beside, placed_grid, scales_of, text_of
 from .dicom import DICOM_SUFFIXES, dicom_matrix, is_series
 from .engines import is_labelled_file, read_labels
@@ -56,6 +56,15 @@ class Place:
     crs: str | None = None
     remark: str = ""
     mapped: MappedPlace | None = None
+
+    @property
+    def record(self) -> Placement:
+        """The same as a placement."""
+        if self.mapped is None:
+            return Placement(self.placement, None, self.crs, remark=self.remark)
+        return Placement(
+            None, self.mapped.coordinates, self.crs, self.mapped.periodic, self.mapped.period, None, self.remark, True
+        )
 
 
 def read_place(
@@ -214,7 +223,7 @@ def _backwards(steps: list[tuple[float, float]]) -> Place:
 def usable(numbers: Any, n: int, keys: Mapping[str, Any] | None = None) -> Place:
     """A place, if the numbers are those of a placement, and its system, which GeoKeys name."""
     try:
-        placement = placement_of(numbers, n)
+        placement = matrix_of(numbers, n)
     except OptionError as error:
         return Place(remark=f"its coordinates are ignored: {error.message}")
     if not keys:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ...drawing.contour import Contour
-from ..system import epsg_of, is_placed
+from ...field.reference_system import epsg_of
 from .output_formats import Output, OutputOptions
 
 LOST = 0.01
@@ -36,9 +36,9 @@ class Losses:
         """Take another contour into account."""
         self._points += len(contour.points)
         # what lies on a mesh has its own coordinates
-        self._placed = is_placed(contour) or not contour.shape
-        self._named = epsg_of(contour) is not None
-        matrix = contour.placement
+        self._placed = contour.frame is not None or not contour.shape
+        self._named = epsg_of(contour.placement) is not None
+        matrix = None if contour.placement is None else contour.placement.matrix
         self._step = 0.0 if matrix is None else float(np.linalg.norm(matrix[:, :-1], axis=0).min())
         if self._output.single and len(contour.points):
             self._largest = max(self._largest, float(abs(contour.placed).max()))

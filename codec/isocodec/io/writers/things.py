@@ -13,7 +13,7 @@ from ...drawing.contour import Contour
 from ...drawing.rows import MaskRows
 from ...drawing.tessellation import Tessellation
 from ...errors import OptionError
-from ...field.placement import CRS, read_placement, unplaced
+from ...field.placement import CRS, Placement, read_placement, unplaced
 from ...tin.tin import Tin
 from .output_formats import Kind
 
@@ -49,14 +49,14 @@ class SampleMask:
     rows : bool array, or callable
         All samples; or ``rows(transposed)`` gives them a few rows at a time, as `MaskRows`, of the transposed array
         where the format stores that.
-    placement : (n, n + 1) float64, optional
+    placement : Placement, optional
         Where they lie.
     ones : int
         How many of the samples that have been taken are True.
     """
 
     rows: Mask | Callable[[bool], MaskRows]
-    placement: NDArray[np.float64] | None = None
+    placement: Placement | None = None
     ones: int = 0
 
     @property
@@ -207,17 +207,11 @@ class Each(Collection[Contour]):
 # ---- Meshes and triangulated surfaces in space ----------------------------------------------------------------------
 
 
-def about(mesh: Tessellation) -> Contour:
-    """An empty contour that says where a mesh lies."""
-    none = np.zeros((0, 2)), np.zeros((0, 2), np.int64)
-    return Contour(
-        *none, mesh.isovalue, mesh.shape, placement=mesh.placement, metadata=mesh.metadata, mapped=mesh.mapped
-    )
-
-
 def in_space(mesh: Tessellation) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
     """Vertices with three coordinates, and simplices with a positive volume, or seen counter-clockwise from above."""
-    points = about(mesh).place(mesh.points.astype(np.float64))
+    none = np.zeros((0, 2)), np.zeros((0, 2), np.int64)
+    about = Contour(*none, mesh.isovalue, mesh.shape, placement=mesh.placement)
+    points = about.place(mesh.points.astype(np.float64))
     corners = points[mesh.cells[:1]]
     spanned = np.linalg.det(corners[:, 1:] - corners[:, :1])
     cells = mesh.cells
@@ -237,36 +231,33 @@ class PlacedTin:
     Attributes
     ----------
     tin : Tin
-    placement : (2, 3) float64
-        A row for each of x and y: what a step along each axis adds, and what it is at 0.
-    crs : str
-        Reference system of the coordinates, as ``EPSG:32631``, or nothing.
+    placement : Placement
+        With a matrix.
     notes : dict
         Arrays for NPZ.
     """
 
     tin: Tin
-    placement: NDArray[np.float64]
-    crs: str = ""
+    placement: Placement
     notes: dict[str, NDArray[Any]] = field(default_factory=dict)
 
     @classmethod
     def of(cls, tin: Tin, in_samples: bool = False) -> PlacedTin:
         """A surface where its notes say that it lies."""
-        found = None if in_samples else read_placement(dict(tin.metadata), 2)
-        matrix = found if found is not None else np.eye(2, 3) if tin.shape is None else unplaced(2)
-        return cls(tin, matrix, tin.metadata.get(CRS, ""))
+        found = None if in_samples else read_placement(tin.metadata, 2)
+        if found is None:
+            crs = None if in_samples else tin.metadata.get(CRS)
+            found = Placement(np.eye(2, 3) if tin.shape is None else unplaced(2), crs=crs)
+        removed = tin.removals
+        names = () if removed is None else ("order", "errors", "anticipated", "kept")
+        return cls(tin, found, {name: getattr(removed, name) for name in names})
 
     @property
     def vertices(self) -> NDArray[np.float64]:
         """(V, 3) float64: x, y, value."""
-        points = self.tin.points
-        # axis by axis: how a product of matrices is rounded depends on the library
-        x, y = (points[:, 0] * row[0] + points[:, 1] * row[1] + row[2] for row in self.placement)
-        return np.stack([x, y, self.tin.values], axis=1)
+        return np.column_stack([self.placement.place(self.tin.points), self.tin.values])
 
     @property
     def triangles(self) -> NDArray[np.int64]:
         """(T, 3) int64: seen anticlockwise from above."""
-        (a, b, _), (c, d, _) = self.placement
-        return self.tin.triangles if a * d - b * c > 0 else self.tin.triangles[:, ::-1]
+        return self.tin.triangles[:, ::-1] if self.placement.mirrored() else self.tin.triangles

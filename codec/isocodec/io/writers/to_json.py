@@ -4,17 +4,16 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Iterable
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-from ...drawing.areas import areas, polygons
+from ...drawing.areas import polygons
 from ...drawing.bands import bands
-from ..system import member_of, named, to_degrees
+from ...drawing.contour import Contour
+from ...drawing.tessellation import Tessellation
+from ...field.placement import Placement
+from ...field.reference_system import DEGREES, epsg_of, to_degrees
 from .output_formats import Cost, Output, OutputOptions
-from .things import ABOVE, LEVEL, Areas, PlacedTin, about, in_space
-
-if TYPE_CHECKING:
-    from ...drawing.contour import Contour
-    from ...drawing.tessellation import Tessellation
+from .things import ABOVE, LEVEL, Areas, PlacedTin, in_space
 
 
 def _lines(contours: Iterable[Contour], _: str, options: OutputOptions) -> bytes:
@@ -22,7 +21,7 @@ def _lines(contours: Iterable[Contour], _: str, options: OutputOptions) -> bytes
     keep = options.keep_crs
 
     def feature(contour: Contour) -> bytes:
-        move = (lambda points: points) if keep else to_degrees(contour)
+        move = (lambda points: points) if keep else to_degrees(contour.placement)
         whole = contour.joined
         coordinates = [move(whole.along(walk)).tolist() for walk in whole.walks]
         return _feature(contour, {"type": "MultiLineString", "coordinates": coordinates})
@@ -38,12 +37,12 @@ def _areas(what: Areas, _: str, options: OutputOptions) -> bytes:
         if keep:
             return geometry
         shapely = polygons()
-        shape = shapely.transform(shapely.geometry.shape(geometry), to_degrees(contour))
+        shape = shapely.transform(shapely.geometry.shape(geometry), to_degrees(contour.placement))
         parts = [shapely.geometry.polygon.orient(part) for part in shape.geoms]
         return dict(shapely.geometry.mapping(shapely.MultiPolygon(parts)))
 
     def feature(contour: Contour) -> bytes:
-        geometry = areas(contour, above=what.side == "above", valid=what.valid)
+        geometry = contour.areas(above=what.side == "above", valid=what.valid)
         return _feature(contour, moved(contour, geometry), area=what.side)
 
     if what.side != "bands":
@@ -54,13 +53,13 @@ def _areas(what: Areas, _: str, options: OutputOptions) -> bytes:
                "geometry": moved(whole[0], band.geometry)})
         for band in bands(whole, valid=what.valid)
     ]
-    return _collection(texts, named(whole[0]) if keep else None)
+    return _collection(texts, named(whole[0].placement) if keep else None)
 
 
 def _mesh(mesh: Tessellation, _: str, __: OutputOptions) -> bytes:
     """A polygon for each triangle, with its level and the signs of its corners."""
     points, cells = in_space(mesh)
-    points = to_degrees(about(mesh))(points[:, :2])
+    points = to_degrees(mesh.placement)(points[:, :2])
     features = [
         {
             "type": "Feature",
@@ -84,7 +83,7 @@ def _tin(placed: PlacedTin, _: str, __: OutputOptions) -> bytes:
         }
         for corners in placed.vertices[placed.triangles].tolist()
     ]
-    return _json({"type": "FeatureCollection", **member_of(placed.crs), "features": features}) + b"\n"
+    return _json({"type": "FeatureCollection", **named(placed.placement), "features": features}) + b"\n"
 
 
 def _feature(contour: Contour, geometry: dict[str, Any], **properties: str) -> bytes:
@@ -108,7 +107,7 @@ def _features(contours: Iterable[Contour], feature: Callable[[Contour], bytes], 
     texts, name = [], None
     for contour in contours:
         texts.append(feature(contour))
-        name = named(contour) if keep else None
+        name = named(contour.placement) if keep else None
         # of a contour no more is kept than its text
         del contour
     if len(texts) == 1:
@@ -120,6 +119,14 @@ def _collection(texts: list[bytes], system: dict[str, Any] | None) -> bytes:
     """The file of several features."""
     start = b'{"type":"FeatureCollection","features":['
     return b"".join([start, b",".join(texts), b"]", _member(system), b"}\n"])
+
+
+def named(placement: Placement | None) -> dict[str, Any]:
+    """The member of a GeoJSON file that names its system, as GeoJSON had it before RFC 7946; none for degrees."""
+    number = epsg_of(placement)
+    if number in (None, DEGREES):
+        return {}
+    return {"crs": {"type": "name", "properties": {"name": f"urn:ogc:def:crs:EPSG::{number}"}}}
 
 
 def _member(system: dict[str, Any] | None) -> bytes:

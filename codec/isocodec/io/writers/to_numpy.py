@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 
 from ...drawing.contour import Contour
-from ...field.placement import CRS
 from .output_formats import Cost, Output, OutputOptions
 from .things import PlacedTin, SampleMask
 
@@ -23,10 +22,11 @@ def _contour_npz(contours: Iterable[Contour], _: str, __: OutputOptions) -> byte
         "isovalue": np.float64(contour.isovalue),
         "shape": np.asarray(contour.shape, dtype=np.int64),
     }
-    if contour.placement is not None:
-        arrays["placement"] = contour.placement
-        arrays["crs"] = np.asarray(contour.metadata.get(CRS, ""))
-    if contour.mapped is not None:
+    placement = contour.placement
+    if placement is not None and placement.matrix is not None:
+        arrays["placement"] = placement.matrix
+        arrays["crs"] = np.asarray(placement.crs or "")
+    if placement is not None and placement.coordinates is not None:
         arrays["placed"] = contour.placed
     return _saved(arrays)
 
@@ -35,8 +35,8 @@ def _tin_npz(placed: PlacedTin, _: str, __: OutputOptions) -> bytes:
     """Points in the order of the array's axes."""
     tin = placed.tin
     return _saved({
-        "points": tin.points, "values": tin.values, "triangles": tin.triangles, "placement": placed.placement,
-        "crs": np.asarray(placed.crs), **placed.notes,
+        "points": tin.points, "values": tin.values, "triangles": tin.triangles, "placement": placed.placement.matrix,
+        "crs": np.asarray(placed.placement.crs or ""), **placed.notes,
     })
 
 

@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...drawing.contour import Contour
+from ...drawing.pictures.picture import contour_picture
 from ...extras import optional
 from .output_formats import Cost, Output, OutputOptions
-from .picture import PICTURE, contour_picture
 from .things import Picture, SampleMask
 
 
@@ -77,6 +77,8 @@ def _decimal(number: float) -> str:
     return "0" if text == "-0" else text
 
 
+PICTURE = {2: Cost(200, 160, fixed=1 << 25), 3: Cost(80, 260, fixed=1 << 27, kept=0)}
+"""Memory that pictures take, by axes of the field."""
 _MATPLOTLIB: Any = {"extra": "plot", "libraries": ("matplotlib.figure",), "coordinates": "samples"}
 OUTPUTS = (
     Output("contour", (".png",), "PNG", _drawn, (2, 3), (2, 3), "a colour or a panel each", cost=PICTURE,

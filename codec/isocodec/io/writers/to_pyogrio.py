@@ -13,14 +13,8 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-from numpy.typing import NDArray
-
-from ...drawing.areas import areas
-from ...drawing.bands import bands
-from ...errors import OptionError
+from ...drawing.line_table import table_of
 from ...extras import optional
-from ..system import epsg_of
 from .output_formats import Cost, Output, OutputOptions
 from .things import Areas
 
@@ -31,75 +25,6 @@ SHAPEFILE = ".shp"
 _DRIVERS = {".gpkg": "GPKG", ".fgb": "FlatGeobuf", SHAPEFILE: "ESRI Shapefile"}
 _DATE = "2000-01-01T00:00:00.000Z"
 """What a GeoPackage says of when it was written: the same input gives the same bytes."""
-
-
-def libraries() -> Any:
-    """geopandas.
-
-    Raises
-    ------
-    MissingExtraError
-    """
-    optional("pyogrio", extra="vector", purpose="writing maps")
-    return optional("geopandas", extra="vector", purpose="making tables of lines")
-
-
-def table_of(
-    contours: Iterable[Contour], side: str | None = None, valid: NDArray[np.bool_] | None = None
-) -> Any:
-    """A ``GeoDataFrame`` with a row for each line, or with ``side`` for the areas of each isovalue (above, below) or
-    for those between them (bands).
-
-    Columns are ``isovalue``, ``closed`` of lines, ``side`` of areas, ``complete`` and ``geometry``; of bands ``lower``,
-    ``upper`` and ``geometry``. An isocontour of the plane has lines; the system is that of the file if it names an EPSG
-    number.
-
-    Raises
-    ------
-    OptionError
-        For an isosurface; TruncatedError and others as `areas`.
-    MissingExtraError
-        If geopandas or shapely are not installed.
-    """
-    geopandas = libraries()
-    shapely = optional("shapely", extra="geo", purpose="making tables of lines")
-    if side == "bands":
-        return _table_of_bands(list(contours), valid, geopandas, shapely)
-    columns: dict[str, list[Any]] = {"isovalue": [], "side" if side else "closed": [], "complete": []}
-    shapes: list[Any] = []
-    system: str | None = None
-    for contour in contours:
-        if contour.n != 2:
-            raise OptionError("only an isocontour (n = 2) has lines for a map", code="dimension")
-        if side is not None:
-            parts = [shapely.geometry.shape(areas(contour, above=side == "above", valid=valid))]
-            kinds: list[Any] = [side]
-        else:
-            whole = contour.joined
-            parts = [shapely.LineString(whole.along(walk)) for walk in whole.walks]
-            kinds = [len(walk) > 2 and walk[0] == walk[-1] for walk in whole.walks]
-            del whole
-        shapes += parts
-        columns["isovalue"] += [float(contour.isovalue)] * len(parts)
-        columns["side" if side else "closed"] += kinds
-        columns["complete"] += [bool(contour.complete)] * len(parts)
-        number = epsg_of(contour)
-        system = None if number is None else f"EPSG:{number}"
-        del contour
-    return geopandas.GeoDataFrame(columns, geometry=shapes, crs=system)
-
-
-def _table_of_bands(
-    contours: list[Contour], valid: NDArray[np.bool_] | None, geopandas: Any, shapely: Any
-) -> Any:
-    found = bands(contours, valid=valid)
-    number = epsg_of(contours[0])
-    columns = {
-        "lower": np.array([band.lower for band in found], float),
-        "upper": np.array([band.upper for band in found], float),
-    }
-    shapes = [shapely.geometry.shape(band.geometry) for band in found]
-    return geopandas.GeoDataFrame(columns, geometry=shapes, crs=None if number is None else f"EPSG:{number}")
 
 
 def _render(contours: Iterable[Contour], suffix: str, _: OutputOptions) -> bytes:

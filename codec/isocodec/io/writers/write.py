@@ -176,7 +176,7 @@ def _located(what: Any, options: OutputOptions, losses: Losses) -> Any:
 
     def change(contour: Contour) -> Contour:
         if options.in_samples:
-            contour = replace(contour, placement=None, mapped=None)
+            contour = replace(contour, placement=None)
         losses.see(contour)
         return contour
 
@@ -185,7 +185,7 @@ def _located(what: Any, options: OutputOptions, losses: Losses) -> Any:
     if isinstance(what, Areas):
         return replace(what, contours=Each(what.contours, change))
     if isinstance(what, Tessellation):
-        return replace(what, placement=None, mapped=None) if options.in_samples else what
+        return replace(what, placement=None) if options.in_samples else what
     if isinstance(what, Tin):
         return PlacedTin.of(what, options.in_samples)
     if isinstance(what, np.ndarray):
