@@ -56,10 +56,10 @@ def test_longitudes_all_round(tmp_path: Path) -> None:
     contour, said = encoded(path, 0.9, "--key", "f", "--precision", 1)
     assert contour.shape == (13, 36) and "not joined" in said
     contour, said = encoded(path, 0.9, "--key", "f", "--no-placement")
-    assert contour.shape == (13, 36) and contour.mapped is None and not said
+    assert contour.shape == (13, 36) and contour.placement is None and not said
     refused = run("encode", path, "-o", tmp_path / "b.iso", "--isovalue", 0.9, "--key", "f", "--precision", 1,
                   "--periodic", 1)
-    assert refused.exit_code == 2 and "contradict" in refused.stderr
+    assert refused.exit_code == 2 and "cannot be combined" in refused.stderr
 
 
 def test_longitudes_all_round_of_a_series(tmp_path: Path) -> None:
@@ -81,7 +81,7 @@ def test_coordinates_of_each_sample(tmp_path: Path) -> None:
     contour, _ = encoded(netcdf(tmp_path / "a.nc", FIELD, units, False), 0.1, "--key", "f")
     np.savez(tmp_path / "b.npz", values=FIELD, lon=NODES[0], lat=NODES[1])
     other, _ = encoded(tmp_path / "b.npz", 0.1)
-    direct = isocodec.decode(isocodec.encode(FIELD, 0.1, coordinates=NODES, period=360))
+    direct = isocodec.decode(isocodec.encode(grids.placed(FIELD, NODES, periods=360), 0.1))
     assert np.array_equal(contour.placed, direct.placed) and np.array_equal(other.placed, direct.placed)
     ok("decode", tmp_path / "a.iso", "-o", tmp_path / "a.npz")
     assert np.array_equal(np.load(tmp_path / "a.npz")["placed"], direct.placed)
@@ -100,7 +100,7 @@ def test_uneven_steps_of_volumes(tmp_path: Path) -> None:
     assert np.abs(contour.placed - np.stack(expected, axis=1)).max() < 0.005
     for suffix in (".ply", ".stl", ".obj"):
         ok("decode", path.with_suffix(".iso"), "-o", tmp_path / f"a{suffix}")
-    ok("decode", path.with_suffix(".iso"), "-o", tmp_path / "a.vtu", "--what", "mesh")
+    ok("decode", path.with_suffix(".iso"), "-o", tmp_path / "a.vtu", "--mesh", "tube")
 
 
 def test_periodic_axis_by_option(tmp_path: Path) -> None:

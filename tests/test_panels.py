@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 import pytest
+from isocodec.cli.panels import Panels, shown, spread
 
 import isocodec
 from commands import ok
-from isocodec.cli.panels import Panels, shown, spread
 from isocodec.io.writers import picture
 
 

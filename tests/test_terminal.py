@@ -165,8 +165,8 @@ def test_writers_are_heard_in_one_line(tmp_path: Path) -> None:
 WRITERS = {
     "isocodec.io.writers.to_numpy._saved": ("decode", "c.iso", "-o", "o.npz"),
     "isocodec.io.writers.to_trimesh._binary_ply": ("decode", "c.iso", "-o", "o.ply", "--what", "mesh"),
-    "isocodec.drawing.pictures.picture.steps_picture": ("plot", "c.iso", "-o", "o.png"),
-    "isocodec.drawing.pictures.map_picture.map_picture": ("plot", "--map", "c.iso", "-o", "o.png"),
+    "isocodec.io.writers.picture.steps_picture": ("plot", "c.iso", "-o", "o.png"),
+    "isocodec.io.writers.map_picture.map_picture": ("plot", "--map", "c.iso", "-o", "o.png"),
     "isocodec.io.writers.to_nibabel.optional": ("decode", "--what", "above", "v.iso", "-o", "o.nii"),
 }
 

@@ -18,11 +18,11 @@ from PIL import Image
 
 from files import same
 from isocodec.drawing.contour import Contour
-from isocodec.drawing.pictures.picture import Step, contour_picture, steps_picture
-from isocodec.drawing.pictures.shading import shade
-from isocodec.drawing.pictures.view import USUAL, upright
 from isocodec.errors import MissingExtraError, OptionError
+from isocodec.io.writers.picture import Step, contour_picture, steps_picture
+from isocodec.io.writers.shading import shade
 from isocodec.io.writers.things import Thing
+from isocodec.io.writers.view import USUAL, upright
 from isocodec.io.writers.write import check, write
 from isocodec.storage.atomic import check_target, write_bytes
 from written import rendered
@@ -248,7 +248,7 @@ def test_a_rename_that_fails_leaves_the_old_file(tmp_path: Path, monkeypatch: py
     assert [path.name for path in tmp_path.iterdir()] == ["a.npz"]
 
 
-@pytest.mark.parametrize("mask", [0o022, 0o077, 0o000])
+@pytest.mark.parametrize("decode", "--what", "above", [0o022, 0o077, 0o000])
 def test_the_mask_of_the_process_is_kept(tmp_path: Path, mask: int) -> None:
     """It can only be read by setting it, and then it has to be as before."""
     before = os.umask(mask)

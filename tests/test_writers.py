@@ -333,5 +333,5 @@ def test_save_is_the_same_call(tmp_path: Path) -> None:
     assert (tmp_path / "a.ply").read_bytes() == render(SCATTERED, options=OutputOptions(to=".ply"))
     for suffix in (".vtu", ".nii", ".xyz"):
         with pytest.raises(OptionError, match=r"one of \.npz"):
-            isocodec.save(tmp_path / f"b{suffix}", PLANE)
+            isocodec.save(tmp_path / f"b{suffix}", PLANE.data)
     assert not [*tmp_path.glob("b*")]

@@ -22,6 +22,8 @@ class IsoError(Exception):
         Clause of ``spec/iso.md`` that the file violates.
     remedy : str or None
         What the caller can do about it.
+    source : str or None
+        Name of the input that could not be read; the text of the error begins with it.
     """
 
     exit_code = 1
@@ -41,9 +43,10 @@ class IsoError(Exception):
         self.offset = offset
         self.clause = clause
         self.remedy = remedy
+        self.source: str | None = None
 
     def __str__(self) -> str:
-        text = self.message
+        text = self.message if self.source is None else f"{self.source}: {self.message}"
         if self.offset is not None:
             text += f" (at byte {self.offset})"
         if self.clause is not None:

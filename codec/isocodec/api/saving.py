@@ -19,7 +19,7 @@ from ..stream.options import EncodeOptions, Isovalues, Options
 from .isofile import IsoFile
 
 if TYPE_CHECKING:
-    from ..io.readers.spatial_image import SpatialImage
+    from ..field.sampled import SpatialImage
     from ..tiles.running import Engine
     from ..tin.tin import Tin
 
@@ -136,7 +136,7 @@ def _write_other(path: str | os.PathLike[str], what: Any, isovalue: Any, suffix:
     if not contours:
         raise OptionError(f"{suffix or 'a name without a suffix'} for an .iso file", code="suffix",
                           remedy="choose a name that ends in .iso; decode first to write another format")
-    write(path, contours)
+    write(path, contours if len(contours) > 1 else contours[0])
 
 
 def _contours(what: Any) -> list[Contour] | None:

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..errors import OptionError
+from ..errors import InputError, OptionError
 from .coordinates import arrays_of, whole_cells
 from .mapped import Mapped, between
 from .stretch import distance_of, largest_step
@@ -72,6 +72,8 @@ class Placement:
     ------
     OptionError
         If a number is out of range, or attributes cannot be combined.
+    InputError
+        If coordinates are not arrays.
     """
 
     matrix: Array | None
@@ -424,7 +426,7 @@ def _arrays(coordinates: Any) -> Sequence[NDArray[Any]] | None:
     try:
         return tuple(np.asarray(part) for part in coordinates)
     except (TypeError, ValueError):
-        raise OptionError(
+        raise InputError(
             "coordinates are no arrays of numbers", code="coordinates",
             remedy="give an array for each axis of the field, or x, y (, z)",
         ) from None

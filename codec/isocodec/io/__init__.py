@@ -2,12 +2,7 @@
 
 from __future__ import annotations
 
-from .readers.place import Place, read_place
-from .readers.read import FIELD_SUFFIXES, read_field
+from .readers.reader import read
+from .readers.registry import FIELD_SUFFIXES, read_mesh
 
-__all__ = [
-    "FIELD_SUFFIXES",
-    "Place",
-    "read_field",
-    "read_place",
-]
+__all__ = ["FIELD_SUFFIXES", "read", "read_mesh"]

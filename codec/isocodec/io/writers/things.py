@@ -151,7 +151,7 @@ def thing_of(what: Any) -> Thing:
     if isinstance(what, Contour):
         return Thing("contour", what.n, False, bool(what.shape))
     if isinstance(what, Tessellation):
-        return Thing("mesh", len(what.shape))
+        return Thing("mesh", what.cells.shape[1] - 1)
     if isinstance(what, Tin | PlacedTin):
         tin = what.tin if isinstance(what, PlacedTin) else what
         return Thing("tin", 2, False, tin.shape is not None)
@@ -245,7 +245,7 @@ class PlacedTin:
     def of(cls, tin: Tin, in_samples: bool = False) -> PlacedTin:
         """A surface where its notes say that it lies."""
         found = None if in_samples else read_placement(tin.metadata, 2)
-        if found is None:
+        if found is None or found.matrix is None:
             crs = None if in_samples else tin.metadata.get(CRS)
             found = Placement(np.eye(2, 3) if tin.shape is None else unplaced(2), crs=crs)
         removed = tin.removals

@@ -4,20 +4,19 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ...errors import InputError, OptionError, one_line, plain
+from ...errors import InputError, OptionError
 from ...field.placement import TURN, Placement, matrix_of
 from ...field.sampled import Field
-from .axes import placed_grid
+from ...errors import one_line, plain
+from .place_of_samples import EVEN, placed_grid
 
 Matrix = NDArray[np.float64]
-EVEN = 0.01
-"""How far coordinates of samples may be from even steps, in steps: they are often kept in single precision."""
 DEGREES = "EPSG:4326"
 _ROLES = {
     "x": {"x", "lon", "longitude", "easting", "rlon", "projection_x_coordinate", "grid_longitude", "degrees_east",
@@ -47,13 +46,8 @@ class Labels:
         if self.coordinates is None:
             return None if self.placement is None else Placement(self.placement, None, self.crs)
         turns = self.crs == DEGREES
-        grid = placed_grid(list(self.coordinates), self.shape, turns and len(self.shape) == 2)
-        return Placement(None, self.coordinates, self.crs, grid.periodic, TURN if turns else 0.0, inferred=True)
-
-
-def is_labelled(thing: Any) -> bool:
-    """Whether this is such an array."""
-    return all(hasattr(thing, name) for name in ("dims", "coords", "values", "isel"))
+        grid = placed_grid(self.coordinates, self.shape, turns and len(self.shape) == 2, self.crs)
+        return replace(grid, periods=(TURN,)) if turns else grid
 
 
 def labelled_field(array: Any) -> Field:
