@@ -10,9 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...errors import OptionError
-from ...errors import plain
-from .source import Source
+from ...errors import OptionError, plain
+from .source import InputFile
 
 HEIGHT = "z"
 """Values of points in space that are joined over the plane."""
@@ -79,7 +78,7 @@ class MeshFormat:
 
     name: str
     suffixes: tuple[str, ...]
-    read: Callable[[Source], MeshRead]
+    read: Callable[[InputFile], MeshRead]
     extra: str = ""
     scattered: bool = False
     holds: Callable[[Path], bool] | None = None

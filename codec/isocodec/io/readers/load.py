@@ -13,20 +13,19 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...errors import InputError, OptionError
+from ...errors import InputError, OptionError, plain
 from ...field.framed import Frames
 from ...field.meshed import Mesh
 from ...field.missing import HOLE, missing_samples
 from ...field.sampled import Field, check_missing
-from ...errors import plain
 from ...storage.content import is_file, is_url, local
 from .from_nibabel import OpenedNibabel, is_nibabel
 from .from_simpleitk import OpenedItk, is_itk
 from .from_xarray import OpenedLabels, is_labelled, variable
+from .input_formats import holds_mesh, open_file, read_mesh, recognised
 from .mesh_formats import HEIGHT
 from .opened import IN_MEMORY, Choice, Opened
 from .reading import about, check_frame
-from .registry import holds_mesh, open_file, read_mesh, recognised
 from .slices import FieldsInTurn, Slices
 
 
