@@ -63,7 +63,7 @@ def test_points_lie_where_they_lie() -> None:
     """At the largest zoom, within half a unit, both ways; every segment; each isovalue with its own."""
     field = hilly()
     data = isocodec.encode(isocodec.Field(field, placement=UTM), [30.5, 60.5], metadata=CRS)
-    contours = isocodec.decode_all(data)
+    contours = isocodec.open(data).contours()
     header, tiles = opened(render(contours))
     most = header["max_zoom"]
     for contour in contours:
