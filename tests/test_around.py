@@ -26,7 +26,7 @@ from isocodec.grid.tube.capacity import at_rest, wider_state
 from isocodec.io.readers.detached import _numbered
 from isocodec.io.writers.output_formats import Cost
 from isocodec.limits import LEVELS, Budget
-from isocodec.storage.unfinished import undo_all, undoing
+from isocodec.storage.atomic import undo_all, undoing
 from isocodec.stream.encoder import encoder_of
 
 TWO = isocodec.encode(picture((40, 40), 3), [0.5, 9.5])
@@ -202,7 +202,7 @@ def test_what_is_kept_of_a_drawing_counts_when_the_next_one_comes():
     held = []
     cost = Cost(10, 10, kept=7)
     with mock.patch.object(Decoder, "hold", lambda _, size: held.append(size)):
-        points = [len(contour.points) for contour in Drawings(decoder, [0, 1], False, False, cost)]
+        points = [len(contour.points) for contour in Drawings(decoder, [0, 1], False, cost)]
     assert held[1] == 7 * points[0] and held[3] == 7 * sum(points)
 
 

@@ -20,7 +20,6 @@ import isocodec
 from commands import fails, ok
 from isocodec.errors import InputError, LimitError, OptionError
 from isocodec.io import read_field, read_place
-from places import matrix
 
 HILL = 100 - np.hypot(*(np.mgrid[:20, :30] - np.array([9.3, 14.2])[:, None, None])) * 5
 BALL = 100 - np.linalg.norm(np.mgrid[:12, :13, :14] - np.array([5.6, 6.2, 6.9])[:, None, None, None], axis=0) * 10
@@ -48,12 +47,12 @@ def test_labelled_files(tmp_path: Path, name: str) -> None:
         assert path.read_bytes().startswith(b"CDF")
     field = isocodec.read(path, frame=1)
     assert np.array_equal(field.values, grid().values[1], equal_nan=True)
-    assert matrix(field).tolist() == [[0, 0.25, 5], [-0.5, 0, 60]]
+    assert field.placement is not None and field.placement.tolist() == [[0, 0.25, 5], [-0.5, 0, 60]]
     assert (field.name, field.unit, field.crs) == ("tas", "K", "EPSG:4326")
     assert field.notes["time"].startswith("2020-01-02")
     ok("encode", path, "-o", tmp_path / "a.iso", "--isovalue", 70, "--frame", 1)
     file = isocodec.open(tmp_path / "a.iso")
-    assert np.array_equal(matrix(file), matrix(field))
+    assert file.placement is not None and np.array_equal(file.placement, field.placement)
     assert file.crs == "EPSG:4326" and not file.valid()[2, 3] and file.valid().sum() == 599
     assert read_field(path, key="tas", frame=0).shape == (20, 30)
     with pytest.warns(UserWarning, match="time"):
@@ -182,7 +181,7 @@ def test_grib(tmp_path: Path) -> None:
     eccodes.codes_release(message)
     field = isocodec.read(tmp_path / "a.grib2")
     assert np.abs(field.values - HILL).max() < 1e-4
-    assert np.allclose(matrix(field), [[0, 0.25, 5], [-0.5, 0, 60]])
+    assert field.placement is not None and np.allclose(field.placement, [[0, 0.25, 5], [-0.5, 0, 60]])
     assert field.crs == "EPSG:4326"
     assert [path.name for path in tmp_path.iterdir()] == ["a.grib2"]
     (tmp_path / "b.grib").write_bytes(b"whatever")
@@ -226,7 +225,8 @@ def test_dicom_series(tmp_path: Path) -> None:
     first = pydicom.dcmread(next(p for p in (tmp_path / "ct").iterdir() if pydicom.dcmread(p).InstanceNumber == 1))
     corner = np.array([float(x) for x in first.ImagePositionPatient])
     matrix = np.column_stack([TILT[:, 0] * 1.5, TILT[:, 1] * 2.0, TILT[:, 2] * 3.0, corner])
-    assert np.allclose(matrix(field), np.diag([-1.0, -1, 1]) @ matrix, atol=1e-6)
+    assert field.placement is not None
+    assert np.allclose(field.placement, np.diag([-1.0, -1, 1]) @ matrix, atol=1e-6)
     names = SimpleITK.ImageSeriesReader.GetGDCMSeriesFileNames(str(tmp_path / "ct"))
     assert np.allclose(matrix(isocodec.read(SimpleITK.ReadImage(names))), matrix(field), atol=1e-6)
     ok("encode", tmp_path / "ct", "-o", tmp_path / "ct.iso", "--isovalue", 650.5, "--precision", "exact")
@@ -284,8 +284,9 @@ def test_vti(tmp_path: Path, mode: str) -> None:
     image(tmp_path / "a.vti", BALL, "density", mode=mode)
     field = isocodec.read(tmp_path / "a.vti")
     assert np.allclose(field.values, BALL, rtol=1e-5)
+    assert field.placement is not None
     # the first point is number 2 along x
-    assert np.allclose(matrix(field), [[0, -2, 0, 10], [0.5, 0, 0, 21], [0, 0, 3, 30]])
+    assert np.allclose(field.placement, [[0, -2, 0, 10], [0.5, 0, 0, 21], [0, 0, 3, 30]])
     ok("encode", tmp_path / "a.vti", "-o", tmp_path / "a.iso", "--isovalue", 50)
     with (tmp_path / "a.vti").open("rb") as file:
         assert isocodec.read(file).shape == BALL.shape

@@ -30,7 +30,7 @@ from vtk.util.numpy_support import numpy_to_vtk, vtk_to_numpy
 
 import isocodec
 from commands import BALL, HILLS, ok
-from places import matrix
+from isocodec.io.writers.registry import table
 
 PAGE = (Path(__file__).resolve().parents[1] / "docs" / "formats.md").read_text(encoding="utf-8")
 STATED = {
@@ -58,6 +58,11 @@ def holds(suffix: str, found: np.ndarray, expected: np.ndarray) -> None:
 
 
 # ---- Written --------------------------------------------------------------------------------------------------------
+
+
+def test_the_page_has_the_table_of_the_registry() -> None:
+    """``python -c "from isocodec.io.writers.registry import table; print(table())"`` prints it anew."""
+    assert table() in PAGE
 
 
 def by_geopandas(path: Path) -> np.ndarray:
@@ -99,19 +104,15 @@ SURFACES = {".vtp": by_vtk, **dict.fromkeys([".ply", ".stl", ".off", ".obj", ".g
 
 @pytest.mark.parametrize("suffix", CURVES)
 def test_curves_lie_where_they_did(tmp_path: Path, suffix: str) -> None:
-    contour = isocodec.decode(
-        isocodec.encode(isocodec.Field(HILLS, placement=UTM), 80.5, metadata={"crs": "EPSG:32631"})
-    )
-    isocodec.save(
-        tmp_path / "c.iso", isocodec.encode(isocodec.Field(HILLS, placement=UTM), 80.5, metadata={"crs": "EPSG:32631"}),
-    )
+    contour = isocodec.decode(isocodec.encode(HILLS, 80.5, placement=UTM, metadata={"crs": "EPSG:32631"}))
+    isocodec.save(tmp_path / "c.iso", isocodec.encode(HILLS, 80.5, placement=UTM, metadata={"crs": "EPSG:32631"}))
     ok("decode", tmp_path / "c.iso", "-o", tmp_path / f"c{suffix}", *(["--keep-crs"] if suffix == ".geojson" else []))
     holds(suffix, CURVES[suffix](tmp_path / f"c{suffix}"), contour.placed)
 
 
 @pytest.mark.parametrize("suffix", SURFACES)
 def test_surfaces_lie_where_they_did(tmp_path: Path, suffix: str) -> None:
-    contour = isocodec.decode(isocodec.encode(isocodec.Field(BALL, placement=SPACE), 55.5))
+    contour = isocodec.decode(isocodec.encode(BALL, 55.5, placement=SPACE))
     isocodec.save(tmp_path / f"c{suffix}", contour)
     holds(suffix, SURFACES[suffix](tmp_path / f"c{suffix}"), contour.placed)
 
@@ -193,7 +194,9 @@ def test_samples_lie_where_the_library_says(tmp_path: Path, suffix: str) -> None
     index = RNG.random((50, len(shape))) * (np.array(shape) - 1)
     if suffix in (".tif", ".nc"):
         index = np.floor(index)
-    given = matrix(field)
+    matrix = np.asarray(field.placement)
+    if matrix.ndim == 1:
+        matrix = np.diag(matrix)
     n = len(shape)
-    ours = index @ given[:, :n].T + given[:, n]
+    ours = index @ matrix[:, :n].T + (matrix[:, n] if matrix.shape[1] > n else 0)
     holds(suffix, ours, place(index))

@@ -301,7 +301,7 @@ def test_holes_cost_less_than_what_they_replace() -> None:
     field = np.sin(x / 9) + np.cos(y / 7 + x / 30)
     gone = np.hypot(x - 90, y - 110) < 60
     filled = np.where(gone, 0.0, field)
-    from isocodec.io.readers.missing import filled as replaced
+    from isocodec.field.missing import filled as replaced
 
     nearest = isocodec.encode(replaced(filled, gone, "nearest", [0.2]), 0.2)
     mask = isocodec.encode(~gone, 0.5, precision="signs")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import gc
-import sys
 import tracemalloc
 import weakref
 from dataclasses import replace
@@ -18,13 +17,16 @@ from commands import fails, ok
 from files import picture
 from isocodec import Decoder, IsoError, Limits
 from isocodec import limits as module
+from isocodec.entropy import run
 from isocodec.errors import InputError, LimitError, OptionError
 from isocodec.grid.passes.runner import Tube
-from isocodec.io.writers.write import AREAS, cost_of, render_contour, render_sides
+from isocodec.io.writers.registry import find
+from isocodec.io.writers.things import Areas, thing_of
 from isocodec.limits import Budget, in_units
 from isocodec.stream.inspect import inspect
 from isoconform import hostile
 from isospec.container import MAX_ISOVALUES
+from written import rendered
 
 LONE = bytes(next(draft.data for draft in hostile.drafts() if draft.name == "space_main_lone_vertices"))
 """Vertices far from each other, in a base of level 24."""
@@ -135,16 +137,14 @@ def test_writing_takes_no_more_than_is_counted(n, suffix, rough):
     )
     small = isocodec.decode(isocodec.encode(isocodec.Field(field(n, 6, 1), placement=placement), 0.5, metadata=crs))
 
-    def write(contour):
-        return render_sides([contour], ".geojson", "above") if suffix == "areas" else render_contour(contour, suffix)
-
-    write(small)
+    what, suffix = (lambda one: Areas([one], "above"), ".geojson") if suffix == "areas" else (lambda one: one, suffix)
+    rendered(what(small), suffix)
     gc.collect()
     tracemalloc.start()
-    write(contour)
+    rendered(what(contour), suffix)
     peak = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()
-    cost = AREAS if suffix == "areas" else cost_of(suffix, n)
+    cost = find("a" + suffix, thing_of(what(contour)))[1].cost[n]
     counted = cost.peak(len(contour.points), len(contour.cells))
     # a picture takes its size, whatever is in it
     assert 0.3 * (counted - cost.fixed) < peak < counted
@@ -222,12 +222,12 @@ def test_work_is_limited_by_what_has_been_read():
     """More symbols than that are refused, at the same one however the bytes come; the limit grows with the file."""
     data = isocodec.encode(picture((90, 90), 2, noise=0.3), 0, precision="signs")
     symbols = sum(s for layer in inspect(data, symbols=True).layers for s in layer.symbols.values())
-    with mock.patch.object(sys.modules["isocodec.grid.layers.reader"], "SLICE", 64):
+    with mock.patch.object(run, "SLICE", 64):
         ends = []
         for step in (len(data), 3):
             decoder = Decoder(Limits(work=symbols // 4))
             with (
-                mock.patch.object(sys.modules["isocodec.grid.layers.reader"], "WORK_PER_BYTE", 0),
+                mock.patch.object(run, "WORK_PER_BYTE", 0),
                 pytest.raises(LimitError) as caught,
             ):
                 for at in range(0, len(data), step):
@@ -256,7 +256,7 @@ def test_slices_change_nothing(symbols, monkeypatch):
     data = isocodec.encode(picture((60, 60), 2, noise=0.4), 0, precision="exact")
     cuts = [isocodec.open(data).edited(size=n) for n in (60, 200)]
     expected = [isocodec.decode(one).points for one in (data, *cuts)]
-    monkeypatch.setattr("isocodec.grid.layers.reader.SLICE", symbols)
+    monkeypatch.setattr(run, "SLICE", symbols)
     assert [isocodec.open(data).edited(size=n) for n in (60, 200)] == cuts
     assert all(np.array_equal(isocodec.decode(one).points, e) for one, e in zip((data, *cuts), expected, strict=True))
 

@@ -18,13 +18,14 @@ from skimage.measure import find_contours
 import grids
 import isocodec
 from isocodec import Decoder, Limits
+from isocodec.entropy.run import Account
 from isocodec.errors import InputError, LimitError, OptionError
 from isocodec.field.mapped import Coordinate
 from isocodec.field.placement import Placement
 from isocodec.format.chunks import write_chunk
 from isocodec.format.coordinates import CoordinatesRecord, read_coordinates, write_coordinates
 from isocodec.format.events import CoordinatesRead
-from isocodec.grid.passes.nodes import Grid, decode_run, encode_run
+from isocodec.grid.passes.node_run import NodeGrid, decode_run, encode_run
 from isospec.container import ChunkType
 from places import on_nodes
 
@@ -365,17 +366,17 @@ def test_values_come_back(data: st.DataObject) -> None:
     goal = rng.integers(-reach, reach, shape, endpoint=True)
     goal.flat[0] = 0
     free = rng.random(shape) < data.draw(st.sampled_from([0.0, 0.3]))
-    grid = Grid(shape, period)
+    grid = NodeGrid(shape, period)
     run, (values,) = encode_run([grid], [goal], [free])
-    back = decode_run(run, [grid])
+    back = decode_run(run, [grid], Account())
     assert back is not None and np.array_equal(values, back[0])
     missed = values - goal
     if period:
         missed = (missed + period // 2) % period - period // 2
     assert np.abs(missed[~free]).max(initial=0) <= 8
     # bytes behind the end are refused; half of a run may by chance be that of other values, as any bytes may
-    assert decode_run(run + bytes(5), [grid]) is None
-    half = decode_run(run[: len(run) // 2], [grid])
+    assert decode_run(run + bytes(5), [grid], Account()) is None
+    half = decode_run(run[: len(run) // 2], [grid], Account())
     assert len(run) < 20 or half is None or not np.array_equal(half[0], values)
 
 
@@ -387,7 +388,7 @@ def test_any_bytes(run: bytes, period: int) -> None:
     payload = write_coordinates(CoordinatesRecord((), both, run))
     record = read_coordinates(payload, (13, 11))
     assert record is not None
-    decode_run(record.run, [Grid(one.counts((13, 11)), one.period) for one in record.coordinates])
+    decode_run(record.run, [NodeGrid(one.counts((13, 11)), one.period) for one in record.coordinates], Account())
 
 
 def test_a_run_that_is_none_is_ignored() -> None:

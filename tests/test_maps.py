@@ -25,7 +25,8 @@ import isocodec
 from commands import BALL as SHELL
 from commands import HILLS, fails, ok, run
 from isocodec.errors import OptionError
-from isocodec.io import render_contour, write_contour
+from isocodec.io.writers.write import write
+from written import rendered
 
 BALL = int(SHELL.max()) - SHELL
 VALUES = [60.5, 80.5, 100.5]
@@ -224,17 +225,17 @@ def test_models_small_and_far_away(tmp_path: Path, where: str) -> None:
 @pytest.mark.parametrize("suffix", [".off", ".ply", ".stl", ".obj"])
 def test_models_of_one(tmp_path: Path, suffix: str) -> None:
     contour = isocodec.decode(isocodec.encode(isocodec.Field(BALL, placement=SPACE[:, :3] @ np.eye(3, 4)), 80.5))
-    write_contour(contour, tmp_path / f"a{suffix}")
+    write(tmp_path / f"a{suffix}", contour)
     mesh = trimesh.load_mesh(tmp_path / f"a{suffix}")
     assert mesh.volume == pytest.approx(contour.to_trimesh().volume, rel=1e-5) and mesh.volume > 0
 
 
 def test_models_of_nothing(tmp_path: Path) -> None:
     nothing = isocodec.decode(isocodec.encode(BALL, 1e6))
-    assert render_contour(nothing, ".off") == b"OFF\n0 0 0\n"
+    assert rendered(nothing, ".off") == b"OFF\n0 0 0\n"
     for suffix in (".glb", ".3mf"):
         with pytest.raises(OptionError, match="empty"):
-            render_contour(nothing, suffix)
+            rendered(nothing, suffix)
 
 
 def polydata(path: Path) -> Any:
@@ -332,6 +333,6 @@ def test_picture_of_a_notebook(hills: bytes, shells: bytes, monkeypatch: pytest.
     for data in (hills, shells):
         contour = isocodec.decode(data)
         assert (contour._repr_png_() or b"").startswith(b"\x89PNG")
-        assert contour._repr_png_() == render_contour(replace(contour), ".png")
+        assert contour._repr_png_() == rendered(replace(contour), ".png")
     monkeypatch.setitem(__import__("sys").modules, "matplotlib.figure", None)
     assert isocodec.decode(hills)._repr_png_() is None

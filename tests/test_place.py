@@ -24,9 +24,9 @@ from brute import examples
 from commands import fails, ok, run
 from files import with_checksum
 from isocodec.errors import OptionError
-from isocodec.field.placement import matrix_of, read_placement, unplaced, write_placement
-from isocodec.io import Place, read_place, render_contour
-from places import matrix
+from isocodec.field.placement import placement_of, read_placement, unplaced, write_placement
+from isocodec.io import Place, read_place
+from written import rendered
 
 HILL = 100 - np.hypot(*(np.mgrid[:20, :30] - np.array([9.3, 14.2])[:, None, None])) * 5
 BALL = 100 - np.linalg.norm(np.mgrid[:12, :13, :14] - np.array([5.6, 6.2, 6.9])[:, None, None, None], axis=0) * 10
@@ -374,7 +374,7 @@ def test_extreme_sizes(size: float) -> None:
             contour = isocodec.decode(isocodec.encode(isocodec.Field(field, placement=steps), 70))
             assert np.isfinite(contour.placed).all()
             with warnings.catch_warnings(action="error"):
-                files = {suffix: render_contour(contour, suffix) for suffix in suffixes}
+                files = {suffix: rendered(contour, suffix) for suffix in suffixes}
             if n == 2:
                 (line,) = json.loads(files[".geojson"])["geometry"]["coordinates"]
                 assert np.array_equal(np.sort(line[:-1], axis=0), np.sort(contour.placed, axis=0))
@@ -386,18 +386,18 @@ def test_extreme_sizes(size: float) -> None:
 
 def test_matrices_of_other_shapes() -> None:
     whole = np.eye(4)
-    assert np.array_equal(matrix_of(whole, 3), whole[:3])
-    assert matrix_of([[0, 1e-20, 0], [1, 0, 0]], 2).tolist() == [[0, 1e-20, 0], [1, 0, 0]]
+    assert np.array_equal(placement_of(whole, 3), whole[:3])
+    assert placement_of([[0, 1e-20, 0], [1, 0, 0]], 2).tolist() == [[0, 1e-20, 0], [1, 0, 0]]
     wrong = (np.eye(4) * 2, np.eye(3), np.eye(4, dtype=complex), [10**400, 1, 1], ["1", "2", "3"], None, [[1], [2, 3]])
     for numbers in wrong:
         with pytest.raises(OptionError) as caught:
-            matrix_of(numbers, 3)
+            placement_of(numbers, 3)
         assert caught.value.code == "placement"
 
 
 def test_odd_names_of_systems() -> None:
     data = isocodec.encode(isocodec.Field(HILL, placement=(1, 1)), 70, metadata={"crs": "EPSG:\u0663\u0662"})
-    assert "crs" not in json.loads(render_contour(isocodec.decode(data), ".geojson"))
+    assert "crs" not in json.loads(rendered(isocodec.decode(data), ".geojson"))
 
 
 def test_isovalues_that_have_not_come() -> None:
@@ -414,7 +414,7 @@ def test_pictures_have_the_proportions_of_the_world() -> None:
     """A disc of 10 by 5 samples, twice as far apart downwards, looks round; so does a ball."""
     y, x = np.mgrid[:24, :44]
     data = isocodec.encode(isocodec.Field(20 - np.hypot(2 * (y - 11.4), x - 21.7), placement=(2, 1)), 8)
-    ink = np.asarray(Image.open(io.BytesIO(render_contour(isocodec.decode(data), ".png"))).convert("RGB")).astype(int)
+    ink = np.asarray(Image.open(io.BytesIO(rendered(isocodec.decode(data), ".png"))).convert("RGB")).astype(int)
     blue = (ink[..., 2] - ink[..., 0] > 30).nonzero()
     sides = [int(np.ptp(axis)) for axis in blue]
     assert min(sides) > 100 and abs(sides[0] - sides[1]) <= 4
@@ -427,7 +427,7 @@ def test_pictures_have_the_proportions_of_the_world() -> None:
     )
     seen = []
     for contour in (flat, round_):
-        picture = np.asarray(Image.open(io.BytesIO(render_contour(contour, ".png"))).convert("RGB")).astype(int)
+        picture = np.asarray(Image.open(io.BytesIO(rendered(contour, ".png"))).convert("RGB")).astype(int)
         seen.append([int(np.ptp(axis)) for axis in (picture[..., 2] - picture[..., 0] > 20).nonzero()])
     apart = [abs(down - across) / across for down, across in seen]
     assert apart[1] < 0.05 < 0.2 < apart[0], seen
@@ -444,7 +444,7 @@ def test_python() -> None:
     expected = np.stack([2 * whole.points[:, 1] + 5, 7 - 3 * whole.points[:, 0]], axis=1)
     assert np.array_equal(whole.placed, expected)
     for some in (isocodec.decode(data, layers=2), isocodec.decode(isocodec.open(data).edited(layers=2))):
-        assert matrix(some).tolist() == [[0, 2, 5], [-3, 0, 7]]
+        assert some.placement is not None and some.placement.tolist() == [[0, 2, 5], [-3, 0, 7]]
     with pytest.raises(OptionError, match="contradict"):
         isocodec.encode(isocodec.Field(HILL, placement=(1, 1)), 70.5, metadata={"placement": "1 0 0 0 1 0"})
     for wrong in ("far", [1, 2, 3], [["x", 1]], np.ones((2, 3)), [1, np.inf]):
@@ -458,14 +458,14 @@ def test_python() -> None:
 def test_notes(n: int, data: st.DataObject) -> None:
     """Numbers come back to the last bit; texts that are no placement say nothing."""
     number = st.just(0.0) | st.floats(1e-31, 1e31) | st.floats(-1e31, -1e-31)
-    numbers = np.array(data.draw(st.lists(number, min_size=n * n + n, max_size=n * n + n))).reshape(n, n + 1)
+    matrix = np.array(data.draw(st.lists(number, min_size=n * n + n, max_size=n * n + n))).reshape(n, n + 1)
     try:
-        placement = matrix_of(numbers, n)
+        placement = placement_of(matrix, n)
     except OptionError:
-        assert read_placement({"placement": write_placement(numbers)}, n) is None
+        assert read_placement({"placement": write_placement(matrix)}, n) is None
     else:
         back = read_placement({"placement": write_placement(placement)}, n)
-        assert back is not None and back.matrix is not None and np.array_equal(back.matrix, placement)
+        assert back is not None and np.array_equal(back, placement)
     assert read_placement({"placement": data.draw(st.text(max_size=40))}, n) is None
     assert read_placement({}, n) is None
 

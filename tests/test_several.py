@@ -16,8 +16,7 @@ from shapely.geometry import shape as shape_of
 import isocodec
 from commands import BALL, HILLS, fails, ok, run
 from isocodec.errors import OptionError, TruncatedError
-from isocodec.io import render_contour
-from places import matrix
+from written import rendered
 
 ISOVALUES = [60.5, 100.5, 80.5]
 
@@ -41,7 +40,7 @@ def test_all_isovalues_are_those_one_by_one(data: bytes, smooth: bool) -> None:
     for contour in contours:
         alone = isocodec.decode(data, isovalue=contour.isovalue, smooth=smooth)
         assert np.array_equal(contour.points, alone.points) and np.array_equal(contour.cells, alone.cells)
-        assert contour.complete and np.array_equal(matrix(contour), matrix(alone))
+        assert contour.complete and np.array_equal(contour.placement, alone.placement)
 
 
 def test_the_first_bytes_hold_the_isovalues_that_begin_in_them(data: bytes) -> None:
@@ -103,8 +102,8 @@ def test_picture_of_curves_has_a_colour_for_each(count: int) -> None:
     """The legend, or beyond a dozen the bar, lies beside the picture of a single curve."""
     isovalues = np.linspace(40.25, 120.25, count)
     contours = isocodec.open(isocodec.encode(HILLS, isovalues.tolist(), precision="signs")).contours()
-    picture = np.asarray(Image.open(io.BytesIO(render_contour(contours, ".png"))).convert("RGB")).astype(int)
-    alone = np.asarray(Image.open(io.BytesIO(render_contour(contours[0], ".png"))))
+    picture = np.asarray(Image.open(io.BytesIO(rendered(contours, ".png"))).convert("RGB")).astype(int)
+    alone = np.asarray(Image.open(io.BytesIO(rendered(contours[0], ".png"))))
     assert picture.shape[0] == alone.shape[0] and picture.shape[1] > alone.shape[1]
     strong = np.abs(picture - picture.mean(axis=2, keepdims=True)).max(axis=2) > 40
     assert len(np.unique(picture[strong] // 64, axis=0)) >= min(count, 5)
@@ -129,7 +128,7 @@ def test_others_are_named_where_only_one_is_written(several: Path, tmp_path: Pat
 
 def test_formats_that_hold_one(data: bytes) -> None:
     with pytest.raises(OptionError, match="several isovalues"):
-        render_contour(isocodec.open(data).contours(), ".npz")
+        rendered(isocodec.open(data).contours(), ".npz")
 
 
 def test_damage_behind_the_first_isovalue(several: Path, data: bytes, tmp_path: Path) -> None:

@@ -92,7 +92,7 @@ def test_uneven_steps_are_never_dropped() -> None:
     array = grid().assign_coords(lat=60 - np.arange(20) ** 1.5)
     field = isocodec.read(array)
     assert on_nodes(field)
-    x, y = field.coordinates
+    x, y = field.placement.nodes()
     assert x.shape == (1, 30) and y.shape == (20, 1) and np.allclose(y[:, 0], array.lat)
     nodes = xarray.DataArray(
         HILL, dims=("j", "i"),
@@ -100,7 +100,7 @@ def test_uneven_steps_are_never_dropped() -> None:
                 "lat": (("j", "i"), np.add.outer(np.arange(20.0), np.arange(30) * 0.2))},
     )
     field = isocodec.read(nodes)
-    assert field.coordinates is not None and np.array_equal(field.coordinates[0], nodes.lon.values)
+    assert on_nodes(field) and np.array_equal(field.placement.nodes()[0], nodes.lon.values)
 
 
 def test_what_is_left_out_is_said() -> None:

@@ -23,8 +23,7 @@ from isocodec.cli.quiet import one_warning
 import isocodec
 from commands import BALL, HILLS, fails, ok, process, run
 from inputs import META, virtual
-from isocodec.errors import InputError
-from isocodec.field.text import one_line, plain
+from isocodec.errors import InputError, one_line, plain
 from isocodec.io import read_field
 
 ODD = "a\x1b[31mred\x07\u202egnp\x9b2J\x7f"
@@ -164,11 +163,11 @@ def test_writers_are_heard_in_one_line(tmp_path: Path) -> None:
 
 
 WRITERS = {
-    "isocodec.io.writers.write.render_contour": ("decode", "c.iso", "-o", "o.npz"),
-    "isocodec.io.writers.write.render_mesh": ("decode", "c.iso", "-o", "o.ply", "--what", "mesh"),
-    "isocodec.drawing.pictures.picture.steps_picture": ("plot", "c.iso", "-o", "o.png"),
-    "isocodec.drawing.pictures.map_picture.map_picture": ("plot", "--map", "c.iso", "-o", "o.png"),
-    "isocodec.io.writers.samples.write_mask": ("decode", "--what", "above", "v.iso", "-o", "o.nii"),
+    "isocodec.io.writers.to_numpy._saved": ("decode", "c.iso", "-o", "o.npz"),
+    "isocodec.io.writers.to_trimesh._binary_ply": ("decode", "c.iso", "-o", "o.ply", "--what", "mesh"),
+    "isocodec.io.writers.picture.steps_picture": ("plot", "c.iso", "-o", "o.png"),
+    "isocodec.io.writers.map_picture.map_picture": ("plot", "--map", "c.iso", "-o", "o.png"),
+    "isocodec.io.writers.to_nibabel.optional": ("decode", "--what", "above", "v.iso", "-o", "o.nii"),
 }
 
 

@@ -18,8 +18,8 @@ from brute import blobs, clamped, examples, exponent, meshes, mixed_leaves, volu
 from commands import BALL, HILLS, fails, ok
 from isocodec.drawing.tessellation import Tessellation, tessellated
 from isocodec.errors import TruncatedError
-from isocodec.io.writers.write import render_mesh
 from isoconform.meshes import chosen
+from written import rendered
 
 # Two triangles of a square of 4 samples a side, split along the diagonal from (0, 0); one vertex lies above.
 SQUARE = Tessellation(
@@ -112,7 +112,7 @@ def test_on_the_full_grid_signs_are_those_of_all_samples(field: np.ndarray, isov
 
 def test_the_bytes_of_a_small_ply() -> None:
     """x runs along axis 1, y along axis 0; triangles are turned so that they are seen counter-clockwise."""
-    data = render_mesh(SQUARE, ".ply")
+    data = rendered(SQUARE, ".ply")
     head, _, body = data.partition(b"end_header\n")
     assert head.splitlines()[2:] == [
         b"element vertex 4", b"property double x", b"property double y", b"property double z", b"property uchar above",
@@ -126,7 +126,7 @@ def test_the_bytes_of_a_small_ply() -> None:
 
 
 def test_the_polygons_of_a_small_geojson() -> None:
-    features = json.loads(render_mesh(SQUARE, ".geojson"))["features"]
+    features = json.loads(rendered(SQUARE, ".geojson"))["features"]
     assert [feature["properties"] for feature in features] == [
         {"level": 0, "above": [0, 0, 0]}, {"level": 1, "above": [0, 1, 0]},
     ]
@@ -216,7 +216,7 @@ def test_what_cannot_be_written(tmp_path: Path) -> None:
         2, "decode", source, "--what", "mesh", "--smooth", "-o", tmp_path / "a.ply"
     )
     line = fails(2, "decode", source, "--what", "mesh", "-o", tmp_path / "a.stl")
-    assert "one of .vtu, .ply, .geojson" in line
+    assert "one of .geojson, .vtu, .ply" in line
     assert ".geojson cannot hold the mesh of a 3-D field" in fails(
         2, "decode", source, "--what", "mesh", "-o", tmp_path / "a.geojson"
     )

@@ -14,8 +14,8 @@ from rasterio.transform import from_origin
 
 import isocodec
 from commands import ok
+from inputs import read_field, read_place
 from isocodec.errors import InputError
-from isocodec.io import read_field, read_place
 
 RAMP = np.add.outer(np.arange(70) * 2, np.arange(90))
 ANY = ["LZW", "PACKBITS", "DEFLATE", "LZMA", "ZSTD", "LERC", "LERC_DEFLATE", "LERC_ZSTD"]
@@ -43,8 +43,8 @@ def test_gdal(tmp_path: Path, compression: str, dtype: str, tiled: bool) -> None
             expected = read.read(1)
         assert np.array_equal(read_field(path), expected)
         place = read_place(path, 2)
-        assert place.crs == "EPSG:32631" and place.placement is not None
-        assert place.placement.tolist() == [[0, 30, 500015], [-20, 0, 3999990]]
+        assert place.crs == "EPSG:32631" and place.matrix is not None
+        assert place.matrix.tolist() == [[0, 30, 500015], [-20, 0, 3999990]]
 
 
 @pytest.mark.parametrize("compression", ["lzw", "zstd", "lzma", "packbits", "jpeg2000", "png", "webp", "lerc"])

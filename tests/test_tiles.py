@@ -20,7 +20,7 @@ from commands import fails, ok, run
 from isocodec.field.samples import check_field
 from isocodec.search.promise import Promise
 from isocodec.search.tile_mesh import face_vertices
-from isocodec.storage.fetching import together
+from isocodec.storage.ranges import together
 from isocodec.tiles.closing import Part
 from isocodec.tiles.layout import TileGrid, in_order, morton
 from isocodec.tiles.structure import Kind, groups_of

@@ -14,8 +14,7 @@ import SimpleITK as sitk
 
 import isocodec
 from commands import fails, ok, run
-from isocodec.io import read_field
-from isocodec.io.readers.series_files import read_frames
+from inputs import read_field
 
 AFFINE = np.array([[0.0, -3, 0, 10], [2, 0, 0, 20], [0, 0, 4, -30], [0, 0, 0, 1]])
 I, J, K = np.mgrid[:12, :14, :10]
@@ -63,9 +62,10 @@ def test_volumes_are_frames(tmp_path: Path, name: str) -> None:
 def test_scaling(tmp_path: Path, slope: tuple[float, float], dtype: type) -> None:
     """Of all volumes alike: whole numbers stay whole."""
     image = saved(tmp_path / "v.nii", beating().astype(">i2"), slope=slope)
-    frames = read_frames(tmp_path / "v.nii")
-    for number in range(4):
-        found = frames.frame(number)
+    frames = isocodec.read(tmp_path / "v.nii", frames=True)
+    assert frames.step == "1.5 s" and len(frames.fields) == 4
+    for number, field in enumerate(frames.fields):
+        found = field.values
         assert found.dtype == dtype and found.dtype.isnative and found.flags.c_contiguous
         assert np.array_equal(found, np.asarray(image.dataobj)[..., number])
 
@@ -83,8 +83,8 @@ def test_one_volume_is_in_memory_at_a_time(tmp_path: Path, name: str) -> None:
     nibabel.save(image, tmp_path / name)
     one = 2 * 64**3
     tracemalloc.start()
-    frames = read_frames(tmp_path / name)
-    assert all(not frames.frame(number).any() for number in range(len(frames)))
+    frames = isocodec.read(tmp_path / name, frames=True).fields
+    assert all(not field.values.any() for field in frames)
     peak = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()
     assert len(frames) == 12 and peak < 4 * one + (1 << 18)

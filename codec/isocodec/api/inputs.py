@@ -11,19 +11,17 @@ from typing import Any
 import numpy as np
 
 from ..errors import InputError, OptionError
-from ..field.frames import Frames
+from ..field.framed import Frames
 from ..field.meshed import Mesh
 from ..field.placement import FRAME_STEP, Placement
 from ..field.sampled import Field
 from ..io.readers.reader import ReadOptions, load, open_source
-from ..io.readers.registry import holds_mesh, read_mesh
+from ..io.readers.registry import read_mesh
 from ..tin.tin import Tin
 from .isofile import IsoFile
 
 MOST = 1 << 20
 """Bytes that a plan has at most."""
-VALUES = "z"
-"""Name of values at points, if none is given."""
 
 
 def read_input(source: Any, options: ReadOptions, values: str | None = None) -> Field | Frames | Mesh:
@@ -34,18 +32,17 @@ def read_input(source: Any, options: ReadOptions, values: str | None = None) -> 
     source : path, URL or file object
     options : ReadOptions
     values : str, optional
-        Name of values at the points of a mesh; the source is one then, as it is if its name has a suffix of meshes.
+        Name of values at the points of a mesh; the source is one then.
 
     Raises
     ------
     OSError, InputError, LimitError, OptionError, MissingExtraError
         As `isocodec.read`.
     """
-    if values is None and not (isinstance(source, str) and holds_mesh(source)):
+    if values is None:
         return load(source, options)
     found = read_mesh(source, options.samples)
-    name = values or options.key or (VALUES if found.cells is None else None)
-    return Mesh(found.points, found.cells, None if name is None else found.values_named(name))
+    return Mesh(found.points, found.cells, found.values_named(values))
 
 
 def mesh_in(path: str) -> tuple[Any, Any]:

@@ -18,9 +18,10 @@ from ..stream.inspect import FileInfo
 from ..stream.statistics import FileStatistics
 from ..tiles.structure import HEAD_BYTES, is_tiled
 from ..tin.tin import Tin
-from .content import Readable, content
+from ..storage.content import Readable, content
 from .editing import Edit, edited
 from .kinds import TileFile, View, WholeFile
+from .selfcheck import check_kernels
 from .verification import Verified, verified
 
 if TYPE_CHECKING:
@@ -390,6 +391,7 @@ def open(
     >>> file = isocodec.open("terrain.iso")      # doctest: +SKIP
     >>> file.isovalues, file.contour().points    # doctest: +SKIP
     """
+    check_kernels()
     if isinstance(source, str | os.PathLike) and (tiled := _tiled_at(source, limits)) is not None:
         return tiled
     data = bytes(content(source, limits))
@@ -431,7 +433,7 @@ def _tiled_at(source: str | os.PathLike[str], limits: Limits | None) -> IsoFile 
     None if it is something else, comes through a pipe, or if its server does not give parts.
     """
     from ..storage.ranges import NoRangesError, ranges_of
-    from ..storage.remote import is_url
+    from ..storage.content import is_url
 
     if not is_url(source) and os.path.exists(source) and not os.path.isfile(source):
         return None

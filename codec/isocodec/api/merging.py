@@ -15,7 +15,7 @@ from ..field.placement import CRS, PLACEMENT
 from ..limits import Limits
 from ..stream.options import Options
 from ..stream.splicing import spliced
-from .content import Readable
+from ..storage.content import Readable
 from .isofile import open
 from .kinds import TileFile, impossible
 from .recoding import Held, held_by, same_again

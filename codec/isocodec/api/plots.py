@@ -16,12 +16,14 @@ from ..format.events import LayerComplete, MeshLayerComplete
 from ..format.kinds import GEOMETRY
 from ..drawing.pictures.map_picture import DARK, LIGHT, map_picture
 from ..drawing.pictures.map_picture import Look as Drawing
-from ..drawing.pictures.picture import PICTURE, Step, check_picture, steps_picture
+from ..drawing.pictures.picture import Step, check_picture, steps_picture
 from ..drawing.pictures.view import USUAL, View, read_view
+from ..io.writers.to_pictures import PICTURE
 from ..limits import Budget, Limits
 from ..stream.decoder import Decoder
-from .isofile import IsoFile
-from .whole import encode
+from ..stream.isovalues import isovalues_of
+from .encoding import encode
+from .isofile import IsoFile, open
 
 MESH = 600
 """Bytes that drawing the mesh takes for each simplex at most."""
@@ -310,6 +312,11 @@ def map_of(
             raise OptionError("maps are drawn of sampled fields of two axes", code="dimension",
                               remedy="decode it to a file")
         view = {"frame": frame, "progress": progress}
+        if isinstance(isovalues, str) and what.isovalues:
+            raise OptionError("an interval does not apply to a file that holds isovalues", code="interval",
+                              remedy="choose some with --isovalue")
+        if not what.isovalues:
+            isovalues = _isovalues_on(what.surface().values, isovalues)
         contours = [what.contour(v, **view) for v in isovalues] if isovalues else what.contours(**view)
         valid = what.valid() if contours[0].masked else None
         if frame is None and what.frames > 1:
@@ -343,14 +350,14 @@ def _lines(field: Field, isovalues: Any, metadata: dict[str, str], progress: Any
         raise InputError("all samples are missing", code="empty")
     given = f"every {usual_interval(valid)!r}" if isovalues is None else isovalues
     data = encode(field, given, precision=TOLERANCE, metadata=metadata, progress=progress)
-    contours = IsoFile.contours(_opened(data))
+    contours = open(data).contours()
     return contours, field.values, ~gone if gone.any() else None
 
 
-def _opened(data: bytes) -> IsoFile:
-    from .isofile import open
-
-    return open(data)
+def _isovalues_on(values: np.ndarray, given: Any) -> list[float]:
+    """Isovalues of a surface: those given, or even steps within its values."""
+    text = f"every {usual_interval(values)!r}" if given is None else given
+    return isovalues_of(text, lambda: (float(values.min()), float(values.max())))
 
 
 def _missing(field: Field) -> np.ndarray:

@@ -21,7 +21,7 @@ from .isofile import IsoFile
 if TYPE_CHECKING:
     from ..tiles.running import Engine
     from ..tin.tin import Tin
-    from .content import SpatialImage
+    from ..field.sampled import SpatialImage
 
 
 def save(
@@ -113,7 +113,7 @@ def save(
 
 def _write_other(path: str | os.PathLike[str], what: Any, isovalue: Any, suffix: str) -> None:
     """Write contours or a surface in another format than .iso."""
-    from ..io.writers.write import check_suffix, write_contour
+    from ..io.writers.write import write
     from ..tin.tin import Tin
 
     contours = _contours(what)
@@ -129,25 +129,12 @@ def _write_other(path: str | os.PathLike[str], what: Any, isovalue: Any, suffix:
             values = isovalue if isinstance(isovalue, list | tuple) else [isovalue]
             contours = file.contours() if isovalue is None else [file.contour(value) for value in values]
     if isinstance(what, Tin):
-        _write_tin(path, what, suffix)
+        write(path, what)
         return
     if not contours:
         raise OptionError(f"{suffix or 'a name without a suffix'} for an .iso file", code="suffix",
                           remedy="choose a name that ends in .iso; decode first to write another format")
-    check_suffix(path, contours[0].n)
-    write_contour(contours if len(contours) > 1 else contours[0], path)
-
-
-def _write_tin(path: str | os.PathLike[str], tin: Tin, suffix: str) -> None:
-    """Write a triangulated surface in another format than .iso."""
-    from ..field.placement import CRS, read_placement
-    from ..io.writers.tin_files import PlacedTin, check_tin, render_tin
-
-    check_tin(Path(path))
-    placement = None if tin.shape is None else read_placement(tin.metadata, 2)
-    matrix = None if placement is None else placement.matrix
-    check_target(path)
-    write_bytes(path, render_tin(PlacedTin(tin, matrix, tin.metadata.get(CRS, ""), {}), suffix))
+    write(path, contours if len(contours) > 1 else contours[0])
 
 
 def _contours(what: Any) -> list[Contour] | None:

@@ -63,9 +63,9 @@ def verified(held: WholeFile | TileFile, field: Any, frame: int | None, within: 
     if held.kind == "mesh":
         assert isinstance(held, WholeFile)
         return _on_mesh(held, field, frame, within)
-    from ..io.readers.anything import read
+    from ..io.readers.reader import read_field
 
-    known = read(field)
+    known = read_field(field)
     if held.kind == "surface":
         return [_surface(held, np.asarray(known.values), within)]
     values, gone = without_holes(known.values, known.mask)

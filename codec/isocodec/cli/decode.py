@@ -128,7 +128,7 @@ def decode_command(options: DecodeOptions) -> None:
     file = options.opened()
     with concerning(options.source), partial_offered(options), progress_bar("decoding") as progress:
         made = decoded(file, options.output, options.wanted, progress)
-    with written_to(options.output) as target:
+    with written_to(options.output, options.source) as target:
         size = made.write(target)
     for remark in made.remarks:
         warn(options.source, remark)

@@ -25,6 +25,7 @@ from ..errors import (
     IsoError,
     KernelError,
     LimitError,
+    MissingExtraError,
     OptionError,
     TruncatedError,
     one_line,
@@ -292,18 +293,21 @@ def _streams(lines: list[str]) -> Iterator[None]:
 
 
 @contextmanager
-def written_to(output: Path) -> Iterator[Any]:
-    """Where a result goes: a path, or standard output once it is whole; what libraries print is one warning."""
+def written_to(output: Path, source: str) -> Iterator[Any]:
+    """Where a result goes: a path, or standard output once it is whole; what libraries print is one warning.
+
+    Errors of formats are about the output, others about the source.
+    """
     whole = io.BytesIO()
-    with concerning(output):
-        if str(output) != STANDARD:
-            with one_warning(output, "writing"):
-                yield output
-            return
-        with one_warning(output, "writing"):
-            yield whole
-        sys.stdout.buffer.write(whole.getvalue())
-        sys.stdout.buffer.flush()
+    try:
+        with concerning(output), one_warning(output, "writing"):
+            yield whole if str(output) == STANDARD else output
+    except Failure as failure:
+        if isinstance(failure.cause, OSError | OptionError | MissingExtraError):
+            raise
+        raise Failure(source, failure.cause) from failure.cause
+    if str(output) == STANDARD:
+        write_output(output, whole.getvalue())
 
 
 def write_output(output: Path, data: bytes) -> None:

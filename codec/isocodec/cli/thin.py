@@ -73,7 +73,7 @@ def thin_command(options: ThinOptions) -> None:
         size = len(data)
         write_output(options.output, data)
     else:
-        with written_to(options.output) as target:
+        with written_to(options.output, options.source) as target:
             size = write_surface(tin, target, OutputOptions())
     seconds, facts = time.perf_counter() - started, facts_of(tin)
     error = f", largest error {facts['error']:g}" if "error" in facts else ""

@@ -5,17 +5,18 @@ from __future__ import annotations
 import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..errors import InputError, OptionError
+from .missing import HOLE, WAYS
 from .placement import CRS, PLACEMENT, Placement, placement_of
 
 NAME, UNIT = "name", "unit"
 """Names of the notes of a file that say what its values are, and in which unit."""
-MISSING = ("hole", "below", "above", "nearest")
+MISSING = (HOLE, *WAYS)
 """What may be done with missing samples."""
 
 
@@ -42,7 +43,7 @@ class Field:
         The values are labels of a segmentation, and these of them are encoded.
     missing : str
         What an encoder does with missing samples: ``"hole"`` leaves them out, ``"below"``, ``"above"`` and
-        ``"nearest"`` fill them.
+        ``"nearest"`` fill them, as `isocodec.field.missing.filled` does.
     notes : mapping of str to str
         Further facts from the source in words or single numbers: the time of a map, the height of a slice.
     remarks : tuple of str
@@ -68,11 +69,10 @@ class Field:
     def __init__(
         self, values: ArrayLike, mask: ArrayLike | None = None, placement: Placement | ArrayLike | None = None, *,
         crs: str | None = None, unit: str | None = None, name: str | None = None,
-        labels: Sequence[float] | None = None, missing: str = "hole", notes: Mapping[str, str] | None = None,
+        labels: Sequence[float] | None = None, missing: str = HOLE, notes: Mapping[str, str] | None = None,
         remarks: Sequence[str] = (),
     ) -> None:
-        if missing not in MISSING:
-            raise OptionError(f"missing is {missing!r}", code="missing", remedy="one of " + ", ".join(MISSING))
+        check_missing(missing)
         array = np.asarray(values)
         gone = None if mask is None else np.asarray(mask)
         if "numpy.ma" in sys.modules and np.ma.is_masked(values):
@@ -126,6 +126,17 @@ class Field:
         return gone, None if PLACEMENT in notes else self.placement, notes
 
 
+def check_missing(missing: str) -> None:
+    """Refuse what cannot be done with missing samples.
+
+    Raises
+    ------
+    OptionError
+    """
+    if missing not in MISSING:
+        raise OptionError(f"missing is {missing!r}", code="missing", remedy="one of " + ", ".join(MISSING))
+
+
 def check_bare(field: object) -> None:
     """Refuse what carries coordinates beside its samples, which would be lost.
 
@@ -138,3 +149,15 @@ def check_bare(field: object) -> None:
             f"a {type(field).__name__} has coordinates that an encoder does not take by itself", code="coordinates",
             remedy="use isocodec.encode, or give a Field (isocodec.read)",
         )
+
+
+class SpatialImage(Protocol):
+    """An image of nibabel."""
+
+    @property
+    def affine(self) -> Any:
+        """Where the samples lie."""
+
+    @property
+    def dataobj(self) -> Any:
+        """The samples."""

@@ -14,6 +14,7 @@ from ..errors import InputError, OptionError
 from ..field.decoded_samples import LABELS, DecodedSamples, near_values
 from ..field.framed import Frames
 from ..field.meshed import Mesh
+from ..field.missing import filled
 from ..field.placement import PLACEMENT, Placement
 from ..field.sampled import Field
 from ..field.samples import Samples, isovalue_of, missing_of, without_holes
@@ -31,7 +32,7 @@ def field_of(what: Any) -> Field:
         As `isocodec.read`.
     """
     if not isinstance(what, np.ndarray | Field):
-        from ..io.readers.anything import is_described, read
+        from ..io.readers.reader import is_described, read
 
         what = read(what) if is_described(what) else what
     return what if isinstance(what, Field) else Field(what)
@@ -168,8 +169,6 @@ def samples_of(
     if field.labels is None and field.missing != "hole":
         gone = missing_of(values, mask)
         if gone.any():
-            from ..io.readers.missing import filled
-
             values, mask = filled(np.asarray(values), gone, field.missing, isovalues), None
     bare, hole = without_holes(values, mask)
     if field.labels is None:

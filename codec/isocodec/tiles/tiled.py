@@ -17,7 +17,7 @@ from ..field.placement import read_placement
 from ..format.chunks import write_chunk, write_metadata
 from ..format.header import Header, write_header
 from ..limits import Limits
-from ..storage.fetching import Fetch, Pieces, Range
+from ..storage.ranges import Fetch, Pieces, Range
 from ..stream.container import with_checksum
 from ..stream.decoder import Decoder
 from ..stream.grid_contents import GridContents

@@ -9,7 +9,7 @@ import numpy as np
 
 from ...extras import optional
 from ...field.reference_system import DEGREES
-from ...field.text import one_line
+from ...errors import one_line
 from ..curve import Curve
 
 

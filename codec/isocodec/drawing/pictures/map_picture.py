@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from ...errors import OptionError
 from ...extras import optional
 from ...field.sampled import UNIT
-from ...field.text import one_line
+from ...errors import one_line
 from ..curve import Curve
 from .ground import Ground, ground_of
 from .line_labels import Label, Page, label_lines, page_of
