@@ -18,6 +18,7 @@ from PIL import Image
 
 import isocodec
 from commands import HILLS, fails, ok, run
+from isocodec.stream.inspect import inspect
 
 # ---- encode ---------------------------------------------------------------------------------------------------------
 
@@ -94,7 +95,7 @@ def test_encode_of_a_channel_and_of_a_key(tmp_path: Path, curve_data: bytes) -> 
 def test_negative_isovalue_is_no_option(tmp_path: Path) -> None:
     np.save(tmp_path / "n.npy", HILLS.astype(np.int16) - 100)
     ok("encode", tmp_path / "n.npy", "-o", tmp_path / "n.iso", "--isovalue", "-19.5")
-    assert isocodec.inspect((tmp_path / "n.iso").read_bytes()).isovalue == -19.5
+    assert isocodec.open((tmp_path / "n.iso").read_bytes()).info.isovalue == -19.5
 
 
 @pytest.mark.parametrize("isovalue", ["nan", "inf", "-inf"])
@@ -272,7 +273,7 @@ def test_info(curve: Path, curve_data: bytes) -> None:
 
 
 def test_info_with_symbols(curve: Path, curve_data: bytes) -> None:
-    counted = counted(isocodec.open(curve_data))
+    counted = inspect(curve_data, symbols=True)
     assert json.loads(ok("info", curve, "--symbols", "--json")) == json.loads(json.dumps(counted.as_dict()))
     symbols = {element: count for layer in counted.layers for element, count in (layer.symbols or {}).items()}
     assert symbols
