@@ -317,10 +317,10 @@ def test_isovalues_refused(isovalue):
         (GOOD, {"precision": -0.1}, "tolerance"),
         (GOOD, {"precision": math.nan}, "tolerance"),
         (GOOD, {"precision": 1e-10}, "tolerance"),  # more than 2**24 parts of a cell
-        (GOOD.astype(int), {"exact": True, "tolerance": 0.1}, "options"),
-        (GOOD, {"signs_only": True, "tolerance": 0.1}, "options"),
-        (GOOD, {"signs_only": True, "step": 0.1}, "options"),
-        (GOOD, {"tolerance": 0.1, "step": 0.1}, "options"),
+        (GOOD, {"precision": [2, "exact"], "layers": 1}, "options"),
+        (GOOD, {"layers": "base", "precision": "signs"}, "options"),
+        (GOOD, {"layers": "base", "keep_topology": True}, "options"),
+        (GOOD, {"precision": "step=a"}, "options"),
         (GOOD, {"layers": -1}, "base-level"),
         (GOOD, {"layers": 5}, "base-level"),  # 3 x 4 samples: k = 2, level 4
         (GOOD, {"profile": "best"}, "profile"),

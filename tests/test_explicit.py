@@ -208,7 +208,9 @@ def test_inspect():
     values = noise(len(mesh[0]), 7)
     info = isocodec.open(encode(Mesh(*mesh, values, progressive=False), [30, 60], precision="exact")).info
     assert [layer.kind for layer in info.layers] == ["signs", "values"] * 2
-    kinds = [layer.kind for layer in isocodec.open(encode(Mesh(*mesh, values), [30, 60], precision="exact")).info.layers]
+    kinds = [
+        layer.kind for layer in isocodec.open(encode(Mesh(*mesh, values), [30, 60], precision="exact")).info.layers
+    ]
     assert set(kinds) == {"levels", "values"} and len(kinds) > 3
     assert info.domain.vertices == len(mesh[0]) and info.domain.cells == len(mesh[1])
     assert info.as_dict()["domain"]["kind"] == "known"
@@ -280,7 +282,7 @@ def test_options_that_do_not_fit():
     for values, options in (
         ([0.0, 1, 2, 3], {"precision": "exact"}),
         ([0, 1, 2, 3], {"precision": "step=0.5"}),
-        ([0.0, 1, 2, 3], {"step": 0.5, "tolerance": 1}),
+        ([0.0, 1, 2, 3], {"precision": [4, 1]}),
         ([0.0, 1, 2, 3], {"precision": f"step={-1}"}),
         ([0, 1, 2, 3], {"mesh": "unknown"}),
     ):

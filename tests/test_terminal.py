@@ -22,9 +22,8 @@ from isocodec.cli.quiet import one_warning
 
 import isocodec
 from commands import BALL, HILLS, fails, ok, process, run
-from inputs import META, virtual
+from inputs import META, read_field, virtual
 from isocodec.errors import InputError, one_line, plain
-from isocodec.io import read_field
 
 ODD = "a\x1b[31mred\x07\u202egnp\x9b2J\x7f"
 """Colours, a bell, text that runs backwards, and a cleared screen."""
