@@ -123,7 +123,9 @@ def spoilt(path: Path, how: str) -> Path:
         shutil.rmtree(path) if path.is_dir() else path.unlink()
     else:
         data = inner.read_bytes()
-        inner.write_bytes({"empty": b"", "cut": data[: len(data) * 9 // 20], "other": b"nothing of the kind\n" * 9}[how])
+        inner.write_bytes(
+            {"empty": b"", "cut": data[: len(data) * 9 // 20], "other": b"nothing of the kind\n" * 9}[how]
+        )
     return path
 
 

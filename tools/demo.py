@@ -29,7 +29,7 @@ from scipy.spatial import KDTree
 import isocodec
 from isocodec.cli import main as command_line
 from isocodec.drawing.pictures.picture import Step, steps_picture
-from isocodec.stream.inspect import LayerInfo
+from isocodec.stream.inspect import LayerInfo, inspect
 
 ROOT = Path(__file__).resolve().parent.parent
 DATA = Path("demo", "data")
