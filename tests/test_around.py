@@ -28,6 +28,7 @@ from isocodec.io.writers.output_formats import Cost
 from isocodec.limits import LEVELS, Budget
 from isocodec.storage.atomic import undo_all, undoing
 from isocodec.stream.encoder import encoder_of
+from isocodec.stream.inspect import inspect
 
 TWO = isocodec.encode(picture((40, 40), 3), [0.5, 9.5])
 
@@ -279,7 +280,7 @@ def test_only_whole_layers_count_as_kept(tmp_path):
 def test_topology_of_some_isovalues_is_told_of_these(tmp_path, monkeypatch):
     """A file whose writer promises it of one isovalue only."""
     (tmp_path / "in.iso").write_bytes(TWO)
-    inspect = isocodec.inspect
+    inspect = inspect
 
     def promised(data: bytes, **options: object) -> object:
         info = inspect(data, **options)

@@ -275,7 +275,7 @@ def test_hostile_masks() -> None:
         "6.3": [write_chunk(ChunkType.MASK, payload + b"\0\0\0\0\0\0\0\0"), layers],
     }
     for clause, parts in bad.items():
-        for look in (isocodec.decode, isocodec.inspect) if clause != "6.3" else (isocodec.decode,):
+        for look in (isocodec.decode, inspect) if clause != "6.3" else (isocodec.decode,):
             with pytest.raises(FormatError) as caught:
                 look(joined(data, parts))  # type: ignore[operator]
             assert str(caught.value.clause).startswith(clause)
