@@ -282,7 +282,7 @@ def test_options_that_do_not_fit():
     for values, options in (
         ([0.0, 1, 2, 3], {"precision": "exact"}),
         ([0, 1, 2, 3], {"precision": "step=0.5"}),
-        ([0.0, 1, 2, 3], {"step": 0.5, "tolerance": 1}),
+        ([0.0, 1, 2, 3], {"precision": [4, 1]}),
         ([0.0, 1, 2, 3], {"precision": f"step={-1}"}),
         ([0, 1, 2, 3], {"mesh": "unknown"}),
     ):
