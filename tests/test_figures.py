@@ -19,7 +19,6 @@ from figures.corpus import by_bytes, ends, stages
 from figures.planes import draw_mesh
 from figures.walk import parabola, path_of, small_field, symbols_of
 from isocodec.grid.models.parabola import extrapolation
-from isocodec.stream.inspect import inspect
 
 
 def test_the_trace_of_a_walk_is_what_the_decoder_knows() -> None:

@@ -16,6 +16,7 @@ import isocodec
 from commands import HILLS, fails, ok
 from isocodec.errors import FormatError, InputError
 from isocodec.format.chunks import write_chunk
+from isocodec.stream.inspect import inspect
 from isospec.container import ChunkType
 
 FLOATS = HILLS.astype(np.float64) + 0.3 * np.sin(np.arange(HILLS.size)).reshape(HILLS.shape)

@@ -298,7 +298,7 @@ def test_a_window_of_a_url(tmp_path: Path) -> None:
     """Few requests, and few bytes; what is there already is not fetched again."""
     pytest.importorskip("aiohttp")
     noise = np.random.default_rng(1).integers(0, 100, (700, 700))
-    data = encoded(tmp_path, noise, 50.5, exact=True)
+    data = encoded(tmp_path, noise, 50.5, precision="exact")
     with served(data) as (url, sent):
         file = isocodec.open(url)
         assert isinstance(file, TiledIsoFile) and len(sent) == 1
@@ -315,7 +315,7 @@ def test_a_server_without_ranges(tmp_path: Path) -> None:
     """What it gives is taken whole, of files in tiles and of others."""
     pytest.importorskip("aiohttp")
     noise = np.random.default_rng(1).integers(0, 100, (300, 300))
-    tiled, plain = encoded(tmp_path, noise, 50.5, exact=True), isocodec.encode(noise, 50.5, precision="exact")
+    tiled, plain = encoded(tmp_path, noise, 50.5, precision="exact"), isocodec.encode(noise, 50.5, precision="exact")
     assert len(plain) > 1 << 14
     for data in (tiled, plain):
         with served(data, "whole") as (url, _):
