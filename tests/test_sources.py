@@ -27,7 +27,7 @@ from rasterio.transform import from_origin
 import isocodec
 from inputs import CELLS, written
 from isocodec import Field, InputError, LimitError, OptionError
-from places import matrix, on_nodes
+from places import matrix
 
 HILL = 100 - np.hypot(*(np.mgrid[:20, :30] - np.array([9.3, 14.2])[:, None, None])) * 5
 DAYS = np.arange(20).astype("datetime64[D]")
@@ -89,8 +89,8 @@ def test_data_array_of_rioxarray(tmp_path: Path) -> None:
 def test_uneven_steps_are_never_dropped() -> None:
     array = grid().assign_coords(lat=60 - np.arange(20) ** 1.5)
     field = isocodec.read(array)
-    assert on_nodes(field)
-    x, y = field.coordinates
+    assert field.placement is not None
+    x, y = field.placement.nodes()
     assert x.shape == (1, 30) and y.shape == (20, 1) and np.allclose(y[:, 0], array.lat)
     nodes = xarray.DataArray(
         HILL, dims=("j", "i"),
@@ -98,7 +98,7 @@ def test_uneven_steps_are_never_dropped() -> None:
                 "lat": (("j", "i"), np.add.outer(np.arange(20.0), np.arange(30) * 0.2))},
     )
     field = isocodec.read(nodes)
-    assert field.coordinates is not None and np.array_equal(field.coordinates[0], nodes.lon.values)
+    assert field.placement is not None and np.array_equal(field.placement.nodes()[0], nodes.lon.values)
 
 
 def test_what_is_left_out_is_said() -> None:

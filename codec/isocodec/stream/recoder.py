@@ -8,7 +8,7 @@ from itertools import product
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from ..errors import OptionError
 from ..field.decoded_samples import DecodedSamples, near_values, values_of_steps
@@ -151,7 +151,9 @@ class Recoder(Encoder):
         fields = [source.field for source in sources]
         super().__init__(fields[0].signs, [field.isovalue for field in fields], **options)
 
-    def _sampled(self, field: ArrayLike, mask: ArrayLike | None) -> tuple[list[Samples], NDArray[np.bool_] | None]:
+    def _sampled(
+        self, values: NDArray[Any], gone: NDArray[np.bool_] | None
+    ) -> tuple[list[Samples], NDArray[np.bool_] | None]:
         return [source.field for source in self._sources], self._sources[0].field.gone
 
     def _behind_grid(self, number: int, asked: list[Entry]) -> list[Entry]:
