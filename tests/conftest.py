@@ -26,12 +26,12 @@ else:
 
 @pytest.fixture(scope="module")
 def curve_data() -> bytes:
-    return encode(HILLS, 80.5, exact=True)
+    return encode(HILLS, 80.5, precision="exact")
 
 
 @pytest.fixture(scope="module")
 def surface_data() -> bytes:
-    return encode(BALL, 55.5, exact=True)
+    return encode(BALL, 55.5, precision="exact")
 
 
 @pytest.fixture

@@ -32,19 +32,21 @@ def files():
     """Small files of every kind of layer and chunk, by name."""
     volume = picture((5, 7, 6), 2)
     made = {
-        "exact": isocodec.encode(picture((14, 11), 1), 3, exact=True, base_level=2),
-        "offsets": isocodec.encode(volume, 0.5, tolerance=0.1),
-        "signs": isocodec.encode(picture((12, 20), 3, noise=0.4), 0, signs_only=True, base_level=0),
-        "step": isocodec.encode(smooth((9, 13), 4), 0.123, step=0.01, metadata={"name": "wave", "unit": "m"}),
-        "single rate": isocodec.encode(picture((11, 11), 5), 0, tolerance=0.3, base_level=8),
-        "deep values": isocodec.encode(picture((6, 5), 7, span=1e6), 0.5, exact=True),
+        "exact": isocodec.encode(picture((14, 11), 1), 3, precision="exact", layers=2),
+        "offsets": isocodec.encode(volume, 0.5, precision=0.1),
+        "signs": isocodec.encode(picture((12, 20), 3, noise=0.4), 0, precision="signs", layers=0),
+        "step": isocodec.encode(
+            smooth((9, 13), 4), 0.123, precision="step=0.01", metadata={"name": "wave", "unit": "m"},
+        ),
+        "single rate": isocodec.encode(picture((11, 11), 5), 0, precision=0.3, layers=8),
+        "deep values": isocodec.encode(picture((6, 5), 7, span=1e6), 0.5, precision="exact"),
         "empty": isocodec.encode(np.zeros((8, 5), int), 0),
     }
     # Small limits in the encoder make a short file with all that a long one has: runs, checksums, an index.
     saved = writer.RUN_BYTES, encoder.INDEX_SHARE, chunks.CHECKED_CHUNK
     writer.RUN_BYTES, encoder.INDEX_SHARE, chunks.CHECKED_CHUNK = 24, 0, 16
     try:
-        made["several runs"] = isocodec.encode(picture((13, 16), 6), 2, exact=True, base_level=1)
+        made["several runs"] = isocodec.encode(picture((13, 16), 6), 2, precision="exact", layers=1)
     finally:
         writer.RUN_BYTES, encoder.INDEX_SHARE, chunks.CHECKED_CHUNK = saved
     return made

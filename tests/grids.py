@@ -2,11 +2,22 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import RegularGridInterpolator
 
+from isocodec import Field
+from isocodec.field.placement import Placement
+
 Array = NDArray[np.float64]
+
+
+def placed(field: NDArray[Any], coordinates: Sequence[NDArray[Any]] | None = None, **where: Any) -> Field:
+    """A field on the nodes of such a grid."""
+    return Field(field, placement=Placement(None, coordinates, **where))
 
 
 def rotated_pole(rows: int = 40, columns: int = 50) -> tuple[Array, list[Array]]:

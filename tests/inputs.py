@@ -1,4 +1,4 @@
-"""Small inputs that tests of readers share: of every format, and headers to be put together by hand."""
+"""Small inputs that tests of readers share: of every format, headers to be put together by hand, and what is read."""
 
 from __future__ import annotations
 
@@ -12,9 +12,38 @@ import SimpleITK
 import tifffile
 from PIL import Image
 
+from isocodec.field.placement import Placement
+from isocodec.io.readers.opened import Choice
+from isocodec.io.readers.registry import open_file
+
 CELLS = np.arange(24, dtype=np.uint8).reshape(2, 3, 4)
 META = b"ObjectType = Image\nNDims = 3\nBinaryData = True\nDimSize = 2 3 4\nElementType = MET_UCHAR\n"
 NRRD = b"NRRD0004\ntype: uchar\ndimension: 3\nsizes: 2 3 4\nencoding: raw\n"
+
+
+def read_field(
+    path: Path, *, key: str | None = None, channel: int | None = None, frame: int | None = None, **bounds: Any
+) -> np.ndarray:
+    """The samples of a file."""
+    with open_file(path, Choice(key, channel), **bounds) as opened:
+        return opened.values(frame)
+
+
+def read_place(path: Path, n: int, key: str | None = None, **bounds: Any) -> Placement:
+    """Where the samples of a file lie, of a field of n axes."""
+    with open_file(path, Choice(key), **bounds) as opened:
+        return opened.place(n)
+
+
+def says_nothing(place: Placement) -> bool:
+    """Whether a file does not state where its samples lie, nor anything that is left out."""
+    return not (place.placed or place.crs or place.remark)
+
+
+def read_nodata(path: Path, key: str | None = None) -> float | None:
+    """The value that stands for missing samples in a file."""
+    with open_file(path, Choice(key)) as opened:
+        return opened.nodata
 
 
 def written(folder: Path, name: str) -> tuple[Path, np.ndarray]:

@@ -41,22 +41,22 @@ def hill(shape: tuple[int, ...], height: int) -> NDArray[np.int64]:
 Case = tuple[NDArray[np.int64], float, dict]
 
 CASES: dict[str, Case] = {
-    "plane exact": (hill((45, 60), 900) + noise((45, 60), 1, 40), 300.5, {"exact": True}),
-    "plane tolerance": (hill((45, 60), 900), 300, {"tolerance": 0.01}),
-    "plane noise": (noise((40, 33), 2, 10), 4, {"signs_only": True, "base_level": 0}),
-    "plane single rate": (hill((33, 33), 500) + noise((33, 33), 3, 9), 120, {"exact": True, "base_level": 10}),
-    "space exact": (hill((17, 20, 23), 400) + noise((17, 20, 23), 4, 30), 200.5, {"exact": True}),
-    "space tolerance": (hill((17, 20, 23), 400), 200, {"tolerance": 0.1}),
-    "space noise": (noise((9, 7, 12), 5, 10), 7, {"signs_only": True, "base_level": 0}),
-    "plane small": (hill((9, 12), 60) + noise((9, 12), 6, 9), 20.5, {"exact": True, "base_level": 1}),
-    "space small": (hill((4, 5, 6), 30) + noise((4, 5, 6), 7, 9), 12, {"tolerance": 0.2, "base_level": 0}),
+    "plane exact": (hill((45, 60), 900) + noise((45, 60), 1, 40), 300.5, {"precision": "exact"}),
+    "plane tolerance": (hill((45, 60), 900), 300, {"precision": 0.01}),
+    "plane noise": (noise((40, 33), 2, 10), 4, {"precision": "signs", "layers": 0}),
+    "plane single rate": (hill((33, 33), 500) + noise((33, 33), 3, 9), 120, {"precision": "exact", "layers": 10}),
+    "space exact": (hill((17, 20, 23), 400) + noise((17, 20, 23), 4, 30), 200.5, {"precision": "exact"}),
+    "space tolerance": (hill((17, 20, 23), 400), 200, {"precision": 0.1}),
+    "space noise": (noise((9, 7, 12), 5, 10), 7, {"precision": "signs", "layers": 0}),
+    "plane small": (hill((9, 12), 60) + noise((9, 12), 6, 9), 20.5, {"precision": "exact", "layers": 1}),
+    "space small": (hill((4, 5, 6), 30) + noise((4, 5, 6), 7, 9), 12, {"precision": 0.2, "layers": 0}),
     "plane mesh small": (
         hill((14, 17), 150) + noise((14, 17), 9, 5),
         40.5,
-        {"criterion": "distortion", "parameter": 0.6, "tolerance": 0.3},
+        {"layers": "distortion=0.6", "precision": 0.3},
     ),
-    "space mesh small": (hill((5, 7, 6), 40), 12.5, {"criterion": "crossing", "tolerance": 0.3}),
-    "long small": (noise((3, 30), 8, 3), 0, {"signs_only": True, "base_level": 3}),
+    "space mesh small": (hill((5, 7, 6), 40), 12.5, {"layers": "crossing", "precision": 0.3}),
+    "long small": (noise((3, 30), 8, 3), 0, {"precision": "signs", "layers": 3}),
 }
 SMALL = [name for name in CASES if name.endswith("small")]
 """Those that an interpreter without compiled kernels does in a second or so."""

@@ -12,7 +12,7 @@ from brute import examples, meshes, mixed_leaves, sign_fields
 from isocodec.drawing import snapshot
 from isocodec.grid.lattice.vertex_set import finest_level, has
 from isocodec.stream.decoder import Decoder
-from isocodec.stream.encoder import Encoder
+from isocodec.stream.encoder import Encoder, encoder_of
 from isoconform.meshes import chosen, closed, level_of, parents
 
 Mesh = frozenset[tuple[int, ...]]
@@ -38,7 +38,7 @@ def leaves_of(decoder: Decoder) -> list[tuple[int, bytes]]:
 def check(data: bytes, encoder: Encoder, field: NDArray[np.bool_], mesh: Mesh) -> Decoder:
     """Decoder and encoder agree; the leaves are those of recursive bisection, each once."""
     decoder = decoded(data)
-    assert decoder.state().lines() == snapshot.state_of(encoder._tube).lines()
+    assert decoder.state().lines() == snapshot.state_of(encoder.frame.strands[-1].tube).lines()
     found = leaves_of(decoder)
     assert len(found) == len(set(found))
     assert set(found) == mixed_leaves(field, mesh)
@@ -65,7 +65,7 @@ def test_adaptive_base(n, most):
     @given(cases(n, most))
     def run(case):
         field, (mesh, *_) = case
-        encoder = Encoder(field, 0.5, plan=[("adaptive_base", 0, chosen(field.shape, mesh))])
+        encoder = encoder_of(field, 0.5, layers=[("adaptive_base", 0, chosen(field.shape, mesh))])
         check(b"".join(encoder), encoder, field, mesh)
 
     run()
@@ -97,7 +97,7 @@ def test_refinements_in_any_order(n, most):
         if data.draw(st.booleans()) and level < full:
             plan.append(("refine", None))
             mesh = frozenset(parents(field.shape))
-        encoder = Encoder(field, 0.5, plan=plan)
+        encoder = encoder_of(field, 0.5, layers=plan)
         check(b"".join(encoder), encoder, field, mesh)
 
     run()
@@ -122,6 +122,6 @@ def test_inference_along_an_edge_cut_unevenly():
     field = np.zeros((13, 11), bool)
     field[tuple(zip(*UNEVEN_POINTS, strict=True))] = True
     mesh = chosen(field.shape, UNEVEN_MESH)
-    encoder = Encoder(field, 0.5, plan=[("adaptive_base", 0, mesh), ("refine", None)])
+    encoder = encoder_of(field, 0.5, layers=[("adaptive_base", 0, mesh), ("refine", None)])
     data = b"".join(encoder)
-    assert decoded(data).state().lines() == snapshot.state_of(encoder._tube).lines()
+    assert decoded(data).state().lines() == snapshot.state_of(encoder.frame.strands[-1].tube).lines()

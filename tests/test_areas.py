@@ -17,12 +17,13 @@ import isocodec
 from brute import examples
 from commands import fails, ok
 from isocodec import Contour, OptionError, TruncatedError
+from places import matrix
 
 SHAPES = st.tuples(*[st.integers(2, 14)] * 2)
 
 
 def both(contour):
-    above, below = (shape_of(isocodec.areas(contour, above=side)) for side in (True, False))
+    above, below = (shape_of(contour.areas(above=side)) for side in (True, False))
     box = (contour.shape[0] - 1) * (contour.shape[1] - 1)
     assert above.is_valid and below.is_valid
     assert above.area + below.area == pytest.approx(box)
@@ -88,8 +89,8 @@ def test_rings_in_the_world_run_as_in_geojson(placement):
     """Exterior counter-clockwise, holes clockwise, whether or not the placement mirrors the plane."""
     field = np.hypot(*(np.mgrid[:30, :40] - np.array([14, 20]).reshape(2, 1, 1)))
     contour = isocodec.decode(isocodec.encode(field, 9.0, placement=placement))
-    cell = 1.0 if placement is None else abs(np.linalg.det(contour.placement[:, :2]))
-    (outside,) = shape_of(isocodec.areas(contour)).geoms
+    cell = 1.0 if placement is None else abs(np.linalg.det(matrix(contour)[:, :2]))
+    (outside,) = shape_of(contour.areas()).geoms
     (hole,) = outside.interiors
     assert outside.exterior.is_ccw and not hole.is_ccw
     assert outside.area == pytest.approx(cell * (29 * 39 - np.pi * 81), rel=1e-3)
@@ -99,25 +100,25 @@ def test_rings_in_the_world_run_as_in_geojson(placement):
 
 def test_surfaces_and_parts_of_layers_have_none():
     with pytest.raises(OptionError, match="n = 2"):
-        isocodec.areas(isocodec.decode(isocodec.encode(np.random.default_rng(1).normal(size=(4, 4, 4)), 0.0)))
+        isocodec.decode(isocodec.encode(np.random.default_rng(1).normal(size=(4, 4, 4)), 0.0)).areas()
     contour = isocodec.decode(isocodec.encode(np.mgrid[:9, :9][0] * 1.0, 4.2))
     torn = replace(contour, cells=contour.cells[:-1])
     with pytest.raises(TruncatedError, match="within the box"):
-        isocodec.areas(torn)
+        torn.areas()
     with pytest.raises(TruncatedError):
-        isocodec.areas(Contour(np.zeros((0, 2)), np.zeros((0, 2), np.int64), 1.0, (3, 3), False))
+        Contour(np.zeros((0, 2)), np.zeros((0, 2), np.int64), 1.0, (3, 3), False).areas()
 
 
 def test_on_the_command_line(hills: Path, curve: Path, surface: Path, tmp_path: Path) -> None:
     out = tmp_path / "high.geojson"
-    ok("decode", curve, "-o", out, "--areas", "above")
+    ok("decode", curve, "-o", out, "--what", "areas", "--side", "above")
     feature = json.loads(out.read_text())
     assert feature["properties"]["area"] == "above" and feature["properties"]["complete"]
     field = np.load(hills)
     assert np.array_equal(covered(shape_of(feature["geometry"]), field.shape), field > 80.5)
-    ok("decode", curve, "-o", out, "--areas", "below")
+    ok("decode", curve, "-o", out, "--what", "areas", "--side", "below")
     assert json.loads(out.read_text())["properties"]["area"] == "below"
-    wrong = fails(2, "decode", curve, "-o", tmp_path / "high.svg", "--areas", "above")
+    wrong = fails(2, "decode", curve, "-o", tmp_path / "high.svg", "--what", "areas", "--side", "above")
     assert ".geojson, .gpkg, .fgb, .shp, .parquet only" in wrong
-    assert "cannot hold a surface" in fails(2, "decode", surface, "-o", tmp_path / "high.geojson", "--areas", "above")
+    assert "cannot hold a surface" in fails(2, "decode", surface, "-o", tmp_path / "high.geojson", "--what", "areas", "--side", "above")
     assert not (tmp_path / "high.svg").exists()

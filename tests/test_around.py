@@ -8,23 +8,23 @@ from unittest import mock
 
 import numpy as np
 import pytest
+from isocodec.cli.progress import progress_bar
+from isocodec.cli.receive import Drawings
 
 import isocodec
 from brute import INTERPRETED
 from commands import HILLS, fails, ok, run
 from files import picture
 from isocodec import Decoder, FormatError, InputError, LayerComplete, LimitError, Limits
-from isocodec.cli.progress import progress_bar
-from isocodec.cli.receive import Drawings
 from isocodec.drawing import rows as masks
-from isocodec.field.placement import placement_of, write_placement
+from isocodec.field.placement import matrix_of, write_placement
 from isocodec.field.samples import check_field
 from isocodec.format.chunks import read_further, write_further
 from isocodec.grid.tube.capacity import at_rest, wider_state
 from isocodec.io.readers.detached import _numbered
 from isocodec.io.writers.output_formats import Cost
 from isocodec.limits import LEVELS, Budget
-from isocodec.storage.unfinished import undo_all, undoing
+from isocodec.storage.atomic import undo_all, undoing
 from isocodec.stream.encoder import Encoder
 
 TWO = isocodec.encode(picture((40, 40), 3), [0.5, 9.5])
@@ -51,7 +51,7 @@ def test_crossings_between_infinite_samples_lie_half_way():
 
 
 def test_zero_has_no_sign_in_a_placement():
-    assert write_placement(placement_of([[1, -0.0, -0.0], [0, 1, 0]], 2)) == "1 0 0 0 1 0"
+    assert write_placement(matrix_of([[1, -0.0, -0.0], [0, 1, 0]], 2)) == "1 0 0 0 1 0"
 
 
 # --- masks ------------------------------------------------------------------------------------------------------------
@@ -200,7 +200,7 @@ def test_what_is_kept_of_a_drawing_counts_when_the_next_one_comes():
     held = []
     cost = Cost(10, 10, kept=7)
     with mock.patch.object(Decoder, "hold", lambda _, size: held.append(size)):
-        points = [len(contour.points) for contour in Drawings(decoder, [0, 1], False, False, cost)]
+        points = [len(contour.points) for contour in Drawings(decoder, [0, 1], False, cost)]
     assert held[1] == 7 * points[0] and held[3] == 7 * sum(points)
 
 
@@ -267,7 +267,7 @@ def test_only_whole_layers_count_as_kept(tmp_path):
     data = isocodec.encode(picture((60, 60), 3), 0.5, exact=True)
     (tmp_path / "in.iso").write_bytes(data)
     for size in (len(data) // 3, len(data) // 2, 2 * len(data) // 3):
-        record = json.loads(ok("truncate", tmp_path / "in.iso", "-o", tmp_path / "out.iso", "--bytes", size, "--json"))
+        record = json.loads(ok("edit", tmp_path / "in.iso", "-o", tmp_path / "out.iso", "--size", size, "--json"))
         decoder = Decoder()
         decoder.feed((tmp_path / "out.iso").read_bytes())
         whole = sum(isinstance(event, LayerComplete) for event in decoder)

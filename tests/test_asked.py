@@ -18,6 +18,7 @@ import isocodec
 from brute import examples
 from isocodec import InputError, OptionError
 from isocodec.field.samples import check_field, isovalue_of
+from isocodec.stream.encoder import encoder_of
 from isocodec.stream.options import DEFAULT_TOLERANCE, Options
 
 FIELD = np.add.outer(np.arange(6), np.arange(7)).astype(np.uint8)
@@ -87,16 +88,16 @@ def test_several_isovalues_of_several_kinds():
 )
 def test_plans_that_are_none(plan):
     with pytest.raises(OptionError) as caught:
-        isocodec.encode(FIELD, 5.5, plan=plan)
+        isocodec.encode(FIELD, 5.5, layers=plan)
     assert caught.value.code == "plan"
 
 
 def test_plans_with_numbers_of_numpys():
     plan = [("base", 2), ("refine", 1), ("refine", None), ("offsets", 5, 0)]
     same = [("base", np.int8(2)), ["refine", np.uint8(1)], ("refine", None), ("offsets", np.int64(5), np.int8(0))]
-    assert isocodec.encode(FIELD, 5.5, plan=same) == isocodec.encode(FIELD, 5.5, plan=plan)
+    assert isocodec.encode(FIELD, 5.5, layers=same) == isocodec.encode(FIELD, 5.5, layers=plan)
     by_isovalue = {Fraction(11, 2): plan, 3: plan}
-    assert isocodec.encode(FIELD, [5.5, 3], plan=by_isovalue) == isocodec.encode(FIELD, [5.5, 3], plan=plan)
+    assert isocodec.encode(FIELD, [5.5, 3], layers=by_isovalue) == isocodec.encode(FIELD, [5.5, 3], layers=plan)
 
 
 @pytest.mark.parametrize("field", [np.where(FIELD > 5, 1e300, 0.0), np.where(FIELD > 5, np.inf, 0.0), FIELD / 3])
@@ -104,13 +105,13 @@ def test_values_of_floats_need_a_step(field):
     """Without one they would be taken for whole numbers."""
     plan = [("base", None), ("values", None)]
     with pytest.raises(OptionError, match="step"):
-        isocodec.encode(field, 0.5, plan=plan)
+        isocodec.encode(field, 0.5, layers=plan)
     if field.max() < 10:
-        points = isocodec.decode(isocodec.encode(field, 0.5, plan=plan, step=1e-6)).points
+        points = isocodec.decode(isocodec.encode(field, 0.5, layers=plan, precision="step=1e-6")).points
         assert np.abs(points.sum(axis=1) - 1.5).max() < 1e-5  # the field is (i + j) / 3
     else:
         with pytest.raises(InputError, match="next to the curve"):
-            isocodec.encode(field, 0.5, plan=plan, step=1.0)
+            isocodec.encode(field, 0.5, layers=plan, precision="step=1.0")
 
 
 # --- crossings ------------------------------------------------------------------------------------------------------
@@ -161,7 +162,7 @@ def test_an_unknown_option_is_refused_by_encode():
 
 
 def test_an_encoder_shows_its_options():
-    options = isocodec.Encoder(FIELD, 5, tolerance=np.float32(0.5), metadata={"unit": "m"}).options
+    options = encoder_of(FIELD, 5, precision=np.float32(0.5), metadata={"unit": "m"}).options
     assert options == Options(tolerance=0.5, metadata={"unit": "m"}) and type(options.tolerance) is float
     assert Options(steps=[2, "exact"]).distances == (2, 0)
     assert replace(Options(steps=[2, 0.5]), metadata={}).distances == (2, 0.5)

@@ -58,7 +58,7 @@ def test_files(tmp_path: Path, suffix: str) -> None:
     data = isocodec.encode(HILLS, VALUES, placement=UTM, metadata={"crs": "EPSG:32631"})
     (tmp_path / "in.iso").write_bytes(data)
     more = ["--keep-crs"] if suffix == ".geojson" else []
-    ok("decode", tmp_path / "in.iso", "-o", tmp_path / f"b{suffix}", "--areas", "bands", *more)
+    ok("decode", tmp_path / "in.iso", "-o", tmp_path / f"b{suffix}", "--what", "bands", *more)
     read = geopandas.read_parquet if suffix == ".parquet" else geopandas.read_file
     table = read(tmp_path / f"b{suffix}").sort_values("lower", na_position="first")
     assert table.crs.to_epsg() == 32631
@@ -67,13 +67,13 @@ def test_files(tmp_path: Path, suffix: str) -> None:
     assert np.array_equal(table.upper, [*rising, np.nan], equal_nan=True)
     assert table.area.sum() == pytest.approx(32 * 20 * 40 * 30)
     first = (tmp_path / f"b{suffix}").read_bytes()
-    ok("decode", tmp_path / "in.iso", "-o", tmp_path / f"b{suffix}", "--areas", "bands", *more)
+    ok("decode", tmp_path / "in.iso", "-o", tmp_path / f"b{suffix}", "--what", "bands", *more)
     assert (tmp_path / f"b{suffix}").read_bytes() == first
 
 
 def test_in_degrees(tmp_path: Path) -> None:
     (tmp_path / "in.iso").write_bytes(isocodec.encode(HILLS, 80.5, placement=UTM, metadata={"crs": "EPSG:32631"}))
-    ok("decode", tmp_path / "in.iso", "-o", tmp_path / "b.geojson", "--areas", "bands")
+    ok("decode", tmp_path / "in.iso", "-o", tmp_path / "b.geojson", "--what", "bands")
     features = json.loads((tmp_path / "b.geojson").read_text())["features"]
     assert [feature["properties"] for feature in features] == [
         {"lower": None, "upper": 80.5}, {"lower": 80.5, "upper": None},

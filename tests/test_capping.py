@@ -20,12 +20,12 @@ def noise(seed: int) -> np.ndarray:
 
 
 @pytest.mark.parametrize("seed", range(4))
-@pytest.mark.parametrize("options", [{}, {"signs_only": True}, {"tolerance": 0.5}])
+@pytest.mark.parametrize("options", [{}, {"precision": "signs"}, {"precision": 0.5}])
 def test_both_parts_make_up_the_box(seed: int, options: dict[str, Any]) -> None:
     contour = isocodec.decode(isocodec.encode(noise(seed), 0.02, **options))
     volumes = []
     for above in (True, False):
-        mesh = isocodec.cap(contour, above=above).to_trimesh()
+        mesh = contour.capped(above=above).to_trimesh()
         assert mesh.is_watertight and mesh.is_winding_consistent and mesh.volume > 0
         assert np.array_equal(mesh.vertices[: len(contour.points)], contour.points)
         volumes.append(mesh.volume)
@@ -37,24 +37,24 @@ def test_both_parts_make_up_the_box(seed: int, options: dict[str, Any]) -> None:
 def test_a_whole_box_or_nothing(value: float) -> None:
     contour = isocodec.decode(isocodec.encode(np.full(SHAPE, value), 0.0))
     volume = {above: len(c.cells) and c.to_trimesh().volume for above in (True, False)
-              for c in [isocodec.cap(contour, above=above)]}
+              for c in [contour.capped(above=above)]}
     assert volume[value > 0] == pytest.approx(BOX) and volume[value < 0] == 0
 
 
 def test_what_cannot_be_capped() -> None:
     with pytest.raises(OptionError, match="isosurface"):
-        isocodec.cap(isocodec.decode(isocodec.encode(noise(1)[0], 0.02)))
+        isocodec.decode(isocodec.encode(noise(1)[0], 0.02)).capped()
     field = noise(1)
     field[2, 2, 2] = np.nan
     with pytest.raises(OptionError, match="missing samples"):
-        isocodec.cap(isocodec.decode(isocodec.encode(field, 0.02)))
+        isocodec.decode(isocodec.encode(field, 0.02)).capped()
     data = isocodec.encode(noise(1), 0.02)
     ends = []
     for size in range(len(data) // 8, len(data), len(data) // 8):
         contour = isocodec.decode(data, max_bytes=size)
         if not contour.complete:
             try:
-                isocodec.cap(contour)
+                contour.capped()
             except TruncatedError:
                 ends.append(size)
     assert ends

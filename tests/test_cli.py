@@ -24,11 +24,11 @@ from commands import HILLS, fails, ok, run
 
 def test_encode_tells_what_it_wrote(hills: Path, tmp_path: Path, curve_data: bytes) -> None:
     out = tmp_path / "out.iso"
-    line = ok("encode", hills, "-o", out, "--isovalue", 80.5, "--exact")
+    line = ok("encode", hills, "-o", out, "--isovalue", 80.5, "--precision", "exact")
     assert out.read_bytes() == curve_data
-    layers = len(isocodec.inspect(curve_data).layers)
+    layers = len(isocodec.open(curve_data).info.layers)
     assert line.startswith(f"{out}: {len(curve_data):,} bytes, {layers} layers, ")
-    record = json.loads(ok("encode", hills, "-o", out, "--isovalue", 80.5, "--exact", "--json"))
+    record = json.loads(ok("encode", hills, "-o", out, "--isovalue", 80.5, "--precision", "exact", "--json"))
     assert record.pop("seconds") >= 0
     assert record == {
         "output": str(out),
@@ -44,10 +44,10 @@ def test_encode_tells_what_it_wrote(hills: Path, tmp_path: Path, curve_data: byt
 @pytest.mark.parametrize(
     ("options", "keywords"),
     [
-        (["--tolerance", "0.05"], {"tolerance": 0.05}),
-        (["--signs-only"], {"signs_only": True}),
-        (["--signs-only", "--base-level", "4"], {"signs_only": True, "base_level": 4}),
-        (["--exact", "--profile", "baseline"], {"exact": True, "profile": "baseline"}),
+        (["--precision", "0.05"], {"precision": 0.05}),
+        (["--precision", "signs"], {"precision": "signs"}),
+        (["--precision", "signs", "--layers", "4"], {"precision": "signs", "layers": 4}),
+        (["--precision", "exact", "--profile", "baseline"], {"precision": "exact", "profile": "baseline"}),
     ],
 )
 def test_encode_options_are_those_of_the_library(
@@ -58,7 +58,7 @@ def test_encode_options_are_those_of_the_library(
 
 
 @pytest.mark.parametrize(
-    ("options", "keywords"), [([], {"signs_only": True}), (["--tolerance", "0.5"], {"tolerance": 0.5})]
+    ("options", "keywords"), [([], {"precision": "signs"}), (["--precision", "0.5"], {"precision": 0.5})]
 )
 def test_encode_one_of_several_labels(tmp_path: Path, options: list[str], keywords: dict[str, Any]) -> None:
     labels = np.digitize(HILLS, [20, 80, 140])
@@ -74,17 +74,17 @@ def test_encode_one_of_several_labels(tmp_path: Path, options: list[str], keywor
 
 def test_encode_floats_in_steps(tmp_path: Path) -> None:
     np.savez(tmp_path / "f.npz", values=HILLS / np.float64(3), other=np.zeros(1))
-    ok("encode", tmp_path / "f.npz", "-o", tmp_path / "out.iso", "--isovalue", 25.1, "--step", 0.01)
-    assert (tmp_path / "out.iso").read_bytes() == isocodec.encode(HILLS / np.float64(3), 25.1, step=0.01)
+    ok("encode", tmp_path / "f.npz", "-o", tmp_path / "out.iso", "--isovalue", 25.1, "--precision", "step=0.01")
+    assert (tmp_path / "out.iso").read_bytes() == isocodec.encode(HILLS / np.float64(3), 25.1, precision="step=0.01")
 
 
 def test_encode_of_a_channel_and_of_a_key(tmp_path: Path, curve_data: bytes) -> None:
     Image.fromarray(np.dstack([HILLS // 2, HILLS, HILLS])).save(tmp_path / "c.png")
-    ok("encode", tmp_path / "c.png", "-o", tmp_path / "c.iso", "--isovalue", 80.5, "--exact", "--channel", 1)
+    ok("encode", tmp_path / "c.png", "-o", tmp_path / "c.iso", "--isovalue", 80.5, "--precision", "exact", "--channel", 1)
     np.savez(tmp_path / "k.npz", a=HILLS // 2, b=HILLS)
-    ok("encode", tmp_path / "k.npz", "-o", tmp_path / "k.iso", "--isovalue", 80.5, "--exact", "--key", "b")
+    ok("encode", tmp_path / "k.npz", "-o", tmp_path / "k.iso", "--isovalue", 80.5, "--precision", "exact", "--key", "b")
     tifffile.imwrite(tmp_path / "t.tif", HILLS)
-    ok("encode", tmp_path / "t.tif", "-o", tmp_path / "t.iso", "--isovalue", 80.5, "--exact")
+    ok("encode", tmp_path / "t.tif", "-o", tmp_path / "t.iso", "--isovalue", 80.5, "--precision", "exact")
     assert {(tmp_path / name).read_bytes() for name in ("c.iso", "k.iso", "t.iso")} == {curve_data}
 
 
@@ -104,11 +104,11 @@ def test_isovalue_that_is_no_number(hills: Path, tmp_path: Path, isovalue: str) 
 def test_contradictory_options(hills: Path, tmp_path: Path) -> None:
     out = tmp_path / "out.iso"
     for options, named in (
-        (["--exact", "--tolerance", "0.1"], "--exact and --tolerance"),
-        (["--signs-only", "--step", "1"], "--signs-only and --step"),
+        (["--precision", "exact", "--precision", "0.1"], "--exact and --tolerance"),
+        (["--precision", "signs", "--precision", "step=1"], "--signs-only and --step"),
     ):
         assert named in fails(2, "encode", hills, "-o", out, "--isovalue", 1, *options)
-    for options in (["--tolerance", "-1"], ["--profile", "nonsense"], ["--key", "a"], ["--channel", "0"]):
+    for options in (["--precision", "-1"], ["--profile", "nonsense"], ["--key", "a"], ["--channel", "0"]):
         fails(2, "encode", hills, "-o", out, "--isovalue", 1, *options)
     assert not out.exists()
 
@@ -123,7 +123,7 @@ def test_usage_errors_are_one_line_too(hills: Path) -> None:
 
 @pytest.mark.parametrize("name", ["a.png", "a.NII.gz", "a.geojson", "a.npy"])
 def test_files_do_not_go_under_the_name_of_another_format(hills: Path, curve: Path, tmp_path: Path, name: str) -> None:
-    for command in (["encode", hills, "--isovalue", 80.5], ["truncate", curve, "--layers", 1]):
+    for command in (["encode", hills, "--isovalue", 80.5], ["edit", curve, "--layers", 1]):
         assert "in .iso" in fails(2, *command, "-o", tmp_path / name)
         assert not (tmp_path / name).exists()
 
@@ -177,7 +177,7 @@ def test_missing_extra(tmp_path: Path, surface: Path, monkeypatch: pytest.Monkey
     assert "'isocodec[plot]'" in fails(7, "decode", surface, "-o", tmp_path / "s.png")
     # before any work: the file is not even looked at
     surface.write_bytes(b"no curve")
-    for verb, out in (("decode", "s.ply"), ("decode", "s.png"), ("plot", "s.png"), ("map", "s.png")):
+    for verb, out in (("decode", "s.ply"), ("decode", "s.png"), ("plot", "s.png"), ("plot", "--map", "s.png")):
         fails(7, verb, surface, "-o", tmp_path / out)
 
 
@@ -261,7 +261,7 @@ def test_decode_of_an_empty_curve(tmp_path: Path) -> None:
 
 
 def test_info(curve: Path, curve_data: bytes) -> None:
-    info = isocodec.inspect(curve_data)
+    info = isocodec.open(curve_data).info
     shown = ok("info", curve)
     for words in ("33 x 41", "80.5", f"{len(curve_data):,}", "main", "base", "values"):
         assert words in shown
@@ -269,7 +269,7 @@ def test_info(curve: Path, curve_data: bytes) -> None:
 
 
 def test_info_with_symbols(curve: Path, curve_data: bytes) -> None:
-    counted = isocodec.inspect(curve_data, symbols=True)
+    counted = counted(isocodec.open(curve_data))
     assert json.loads(ok("info", curve, "--symbols", "--json")) == json.loads(json.dumps(counted.as_dict()))
     symbols = {element: count for layer in counted.layers for element, count in (layer.symbols or {}).items()}
     assert symbols
@@ -281,7 +281,7 @@ def test_info_with_symbols(curve: Path, curve_data: bytes) -> None:
 def test_metadata_goes_into_the_file(hills: Path, tmp_path: Path) -> None:
     out = tmp_path / "m.iso"
     ok("encode", hills, "-o", out, "--isovalue", 80.5, "--metadata", "unit=m=1", "--metadata", "[red]source=")
-    assert isocodec.inspect(out.read_bytes()).metadata == {"unit": "m=1", "[red]source": ""}
+    assert isocodec.open(out.read_bytes()).info.metadata == {"unit": "m=1", "[red]source": ""}
     shown = ok("info", out)
     assert "[red]source" in shown and "m=1" in shown
     for wrong in (["unit"], ["=m"], ["unit=m", "--metadata", "unit=km"]):
@@ -337,8 +337,8 @@ def test_info_loads_no_compiler(curve: Path) -> None:
 
 def test_truncate(curve: Path, tmp_path: Path, curve_data: bytes) -> None:
     out = tmp_path / "t.iso"
-    record = json.loads(ok("truncate", curve, "-o", out, "--layers", 2, "--json"))
-    assert out.read_bytes() == isocodec.truncate(curve_data, layers=2)
+    record = json.loads(ok("edit", curve, "-o", out, "--layers", 2, "--json"))
+    assert out.read_bytes() == isocodec.open(curve_data).edited(layers=2)
     assert record == {
         "output": str(out),
         "bytes": out.stat().st_size,
@@ -346,19 +346,19 @@ def test_truncate(curve: Path, tmp_path: Path, curve_data: bytes) -> None:
         "layers": 2,
     }
     size = len(curve_data) * 3 // 4
-    line = ok("truncate", curve, "-o", out, "--bytes", size)
+    line = ok("edit", curve, "-o", out, "--size", size)
     assert out.stat().st_size <= size
     assert f" of {len(curve_data):,} bytes" in line
     ok("decode", out, "-o", tmp_path / "t.npz")
 
 
 def test_truncate_needs_one_measure(curve: Path, tmp_path: Path) -> None:
-    fails(2, "truncate", curve, "-o", tmp_path / "t.iso")
-    fails(2, "truncate", curve, "-o", tmp_path / "t.iso", "--layers", 1, "--bytes", 100)
+    fails(2, "edit", curve, "-o", tmp_path / "t.iso")
+    fails(2, "edit", curve, "-o", tmp_path / "t.iso", "--layers", 1, "--size", 100)
 
 
 def test_plot(curve: Path, surface: Path, tmp_path: Path, curve_data: bytes) -> None:
-    steps = min(3, len(isocodec.inspect(curve_data).layers))
+    steps = min(3, len(isocodec.open(curve_data).info.layers))
     assert f"{steps} steps" in ok("plot", curve, "-o", tmp_path / "c.png", "--steps", 3)
     assert Image.open(tmp_path / "c.png").width == steps * round(2.6 * 150)
     ok("plot", surface, "-o", tmp_path / "s.png")

@@ -62,7 +62,7 @@ def test_the_input_is_never_overwritten(hills: Path, curve: Path, tmp_path: Path
     before = hills.read_bytes()
     assert "the input file itself" in fails(2, "encode", hills, "-o", hills, "--isovalue", 80.5)
     (tmp_path / "other.iso").hardlink_to(curve)
-    assert "the input file itself" in fails(2, "truncate", curve, "-o", tmp_path / "other.iso", "--layers", 1)
+    assert "the input file itself" in fails(2, "edit", curve, "-o", tmp_path / "other.iso", "--layers", 1)
     assert hills.read_bytes() == before
     assert curve.read_bytes() == curve_data
 
@@ -72,7 +72,7 @@ def test_an_older_output_is_replaced_and_survives_errors(hills: Path, curve: Pat
     out.write_bytes(b"older")
     fails(3, "encode", hills, "-o", out, "--isovalue", "nan")
     assert out.read_bytes() == b"older"
-    ok("truncate", curve, "-o", out, "--layers", 1)
+    ok("edit", curve, "-o", out, "--layers", 1)
     assert out.read_bytes() != b"older"
 
 
@@ -88,7 +88,7 @@ def test_full_disk(curve: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch)
 
 # ---- Bad .iso files -------------------------------------------------------------------------------------------------
 
-VERBS = (("decode", "out.npz"), ("mask", "out.npy"), ("info", None), ("truncate", "out.iso"), ("plot", "out.png"))
+VERBS = (("decode", "out.npz"), ("decode", "--what", "above", "out.npy"), ("info", None), ("edit", "out.iso"), ("plot", "out.png"))
 
 
 def each_verb(source: Path, folder: Path) -> list[list[object]]:
@@ -161,7 +161,7 @@ def test_truncated_iso(cut: Path, tmp_path: Path, curve_data: bytes) -> None:
         pass
     with np.load(out) as arrays:
         assert len(arrays["points"])
-        assert np.array_equal(arrays["points"], decoder.snapshot().points)
+        assert np.array_equal(arrays["points"], decoder.contour().points)
     ok("decode", cut, "-o", out, "--partial", "--layers", 1)
     with np.load(out) as arrays:
         assert np.array_equal(arrays["points"], isocodec.decode(curve_data, layers=1).points)
@@ -170,7 +170,7 @@ def test_truncated_iso(cut: Path, tmp_path: Path, curve_data: bytes) -> None:
 def test_a_truncated_file_is_drawn_and_said_to_be_one(cut: Path, tmp_path: Path, curve_data: bytes) -> None:
     out = tmp_path / "c.png"
     only_partial("plot", cut, out)
-    begin = isocodec.inspect(curve_data).layers[0].offset
+    begin = isocodec.open(curve_data).info.layers[0].offset
     cut.write_bytes(curve_data[:begin])
     assert not fails(5, "plot", cut, "-o", out, "--partial").endswith("use --partial to decode what there is")
     result = run("info", cut)
@@ -180,10 +180,10 @@ def test_a_truncated_file_is_drawn_and_said_to_be_one(cut: Path, tmp_path: Path,
 @pytest.mark.parametrize("mesh", [False, True])
 def test_a_file_that_ends_within_its_first_layer_is_drawn(tmp_path: Path, mesh: bool) -> None:
     """Cut to a file of its own, or cut off: the one step there is shows what was told."""
-    data = isocodec.encode(HILLS, 100.5, base_level=10)
-    first = isocodec.inspect(data, symbols=True).layers[0]
+    data = isocodec.encode(HILLS, 100.5, layers=10)
+    first = counted(isocodec.open(data)).layers[0]
     assert first.offset is not None and first.bytes is not None
-    short = isocodec.truncate(data, max_bytes=first.offset + first.bytes // 2 + 8)
+    short = isocodec.open(data).edited(size=first.offset + first.bytes // 2 + 8)
     (tmp_path / "short.iso").write_bytes(short)
     (tmp_path / "off.iso").write_bytes(data[: first.offset + first.bytes // 2])
     options = ["--mesh"] if mesh else []
@@ -194,15 +194,15 @@ def test_a_file_that_ends_within_its_first_layer_is_drawn(tmp_path: Path, mesh: 
 
 
 def test_truncate_what_ends_before_its_curve(tmp_path: Path, curve_data: bytes) -> None:
-    (tmp_path / "begin.iso").write_bytes(curve_data[: isocodec.inspect(curve_data).chunks[0].offset + 2])
-    line = fails(5, "truncate", tmp_path / "begin.iso", "-o", tmp_path / "t.iso", "--bytes", 1000)
+    (tmp_path / "begin.iso").write_bytes(curve_data[: isocodec.open(curve_data).info.chunks[0].offset + 2])
+    line = fails(5, "edit", tmp_path / "begin.iso", "-o", tmp_path / "t.iso", "--size", 1000)
     assert "before its curve begins" in line
 
 
 def test_truncation_says_which_isovalues_it_drops(two: Path, tmp_path: Path) -> None:
-    result = run("truncate", two, "-o", tmp_path / "one.iso", "--layers", 2)
+    result = run("edit", two, "-o", tmp_path / "one.iso", "--layers", 2)
     assert result.exit_code == 0 and "ends before isovalue 40.25" in result.stderr
-    assert run("truncate", two, "-o", tmp_path / "all.iso", "--bytes", 10**6).stderr == ""
+    assert run("edit", two, "-o", tmp_path / "all.iso", "--size", 10**6).stderr == ""
 
 
 def test_names_that_the_output_cannot_encode(curve: Path, tmp_path: Path) -> None:
@@ -250,7 +250,7 @@ def test_the_options_of_encode_fit_a_screen(monkeypatch: pytest.MonkeyPatch) -> 
 
 def test_options_that_contradict_one_another_are_named_as_on_the_command_line(hills: Path, tmp_path: Path) -> None:
     encode = ("encode", hills, "-o", tmp_path / "o.iso", "--isovalue", 40)
-    assert "--exact and --signs-only contradict one another" in fails(2, *encode, "--exact", "--signs-only")
+    assert "--exact and --signs-only contradict one another" in fails(2, *encode, "--precision", "exact", "--precision", "signs")
     assert "exactly one of --isovalue, --interval and --label" in fails(2, *encode, "--label", 1)
 
 
@@ -284,7 +284,7 @@ def complaints(done: subprocess.CompletedProcess[str]) -> list[str]:
 
 def test_process(hills: Path, tmp_path: Path) -> None:
     iso, out = tmp_path / "a.iso", tmp_path / "a.geojson"
-    done = process("encode", hills, "-o", iso, "--isovalue", "80.5", "--exact")
+    done = process("encode", hills, "-o", iso, "--isovalue", "80.5", "--precision", "exact")
     assert (done.returncode, complaints(done)) == (0, [])
     done = process("decode", iso, "-o", out, "--in-samples")
     assert (done.returncode, complaints(done)) == (0, [])
@@ -373,14 +373,14 @@ def test_isovalues_are_said_in_full(hills: Path, tmp_path: Path) -> None:
     assert "40.123456789" in fails(2, "decode", out, "-o", tmp_path / "a.npz", "--isovalue", 40.1235)
 
 
-@pytest.mark.parametrize("how", [("--layers", 3), ("--bytes", 100)])
+@pytest.mark.parametrize("how", [("--layers", 3), ("--size", 100)])
 def test_damage_is_not_sealed_by_truncation(curve: Path, tmp_path: Path, how: tuple[str, int]) -> None:
     data = bytearray(curve.read_bytes())
     data[len(data) // 2] ^= 16
     damaged = tmp_path / "damaged.iso"
     for broken in (bytes(data), curve.read_bytes() + b"more"):
         damaged.write_bytes(broken)
-        fails(4, "truncate", damaged, "-o", tmp_path / "out.iso", *how)
+        fails(4, "edit", damaged, "-o", tmp_path / "out.iso", *how)
         assert not (tmp_path / "out.iso").exists()
 
 
@@ -417,7 +417,7 @@ def test_isovalues_outside_the_data_are_said_one_by_one(tmp_path: Path) -> None:
     ):
         options = [word for isovalue in isovalues for word in ("--isovalue", isovalue)]
         assert warnings_of(tmp_path / "a.npy", out, *options) == said
-        for contour in isocodec.decode_all(out.read_bytes()):
+        for contour in isocodec.open(out.read_bytes()).contours():
             assert (len(contour.points) == 0) == (not low <= contour.isovalue < high)
 
 
@@ -427,6 +427,6 @@ def test_an_isovalue_equal_to_the_maximum(hills: Path, tmp_path: Path) -> None:
     outside, tied = warnings_of(hills, tmp_path / "a.iso", "--isovalue", most)
     assert outside == f"the isovalue {most} lies outside the data ({HILLS.min()} to {most}): the curve is empty"
     assert tied.startswith(f"{(most == HILLS).sum()} samples equal the isovalue {most}: they count as below")
-    assert not isocodec.decode_mask((tmp_path / "a.iso").read_bytes()).any()
-    assert warnings_of(hills, tmp_path / "a.iso", "--isovalue", most - 1, "--signs-only") == []
-    assert np.array_equal(isocodec.decode_mask((tmp_path / "a.iso").read_bytes()), most == HILLS)
+    assert not isocodec.open((tmp_path / "a.iso").read_bytes).above(()).any()
+    assert warnings_of(hills, tmp_path / "a.iso", "--isovalue", most - 1, "--precision", "signs") == []
+    assert np.array_equal(isocodec.open((tmp_path / "a.iso").read_bytes).above(()), most == HILLS)

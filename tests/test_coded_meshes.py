@@ -13,11 +13,12 @@ from isocodec import (
     FormatError,
     InputError,
     IsoError,
+    Mesh,
     MeshDecoder,
     OptionError,
     decode,
     decode_all,
-    encode_mesh,
+    encode,
     inspect,
 )
 from isocodec.entropy.run import Account
@@ -74,9 +75,9 @@ def test_contours(name, mesh):
         given = MAKERS[name](seed)
         values = values_of(given[0], seed)
         isovalue = int(np.median(values)) + 0.5
-        for options in ({"exact": True}, {"tolerance": 0.01}, {"signs_only": True}):
-            contour = decode(encode_mesh(*given, values, isovalue, mesh=mesh, mesh_error=0.01, **options))
-            known = decode(encode_mesh(*given, values, isovalue, **options), mesh=given)
+        for options in ({"precision": "exact"}, {"precision": 0.01}, {"precision": "signs"}):
+            contour = decode(encode(Mesh(*given, values, stored=mesh, error=0.01), isovalue, **options))
+            known = decode(encode(Mesh(*given, values), isovalue, **options), mesh=given)
             assert contour.complete
             assert len(contour.points) == len(known.points) and len(contour.cells) == len(known.cells)
             assert components(len(contour.points), contour.cells) == components(len(known.points), known.cells)
@@ -92,8 +93,8 @@ def test_several_isovalues():
     given = plane(4, 60 if INTERPRETED else 400, 0.95)
     values = values_of(given[0], 1)
     isovalues = [20.5, -30.5, 60.5, 0.5]
-    data = encode_mesh(*given, values, isovalues, mesh="coded", tolerance=1)
-    assert len(data) < sum(len(encode_mesh(*given, values, one, mesh="coded", tolerance=1)) for one in isovalues)
+    data = encode(Mesh(*given, values, stored="coded"), isovalues, precision=1)
+    assert len(data) < sum(len(encode(Mesh(*given, values, stored="coded"), one, precision=1)) for one in isovalues)
     for contour, isovalue in zip(decode_all(data), isovalues, strict=True):
         assert len(contour.points) == len(crossings(given, values, isovalue))
         assert np.array_equal(contour.points, decode(data, isovalue=isovalue).points)
@@ -104,7 +105,7 @@ def test_errors_of_meshes():
     points, cells = plane(8, 60, 1.0)
     points = points + [7e5, 5e6]
     for error in (5.0, 0.3, 0.01):
-        data = encode_mesh(points, cells, values_of(points, 2), 0.5, mesh="whole", mesh_error=error)
+        data = encode(Mesh(points, cells, values_of(points, 2), stored="whole", error=error), 0.5)
         decoder = MeshDecoder()
         decoder.feed(data)
         decoder.close()
@@ -114,13 +115,13 @@ def test_errors_of_meshes():
         assert inspect(data).as_dict()["domain"]["kind"] == "coded"
     for bad in (0, -1.0, np.nan):
         with pytest.raises(OptionError):
-            encode_mesh(points, cells, points[:, 0], 7e5, mesh="coded", mesh_error=bad)
+            encode(Mesh(points, cells, points[:, 0], stored="coded", error=bad), 7e5)
     with pytest.raises(InputError):
-        encode_mesh(points, cells, points[:, 0], 7e5, mesh="whole", mesh_error=1e-9)
+        encode(Mesh(points, cells, points[:, 0], stored="whole", error=1e-9), 7e5)
 
 
 def test_nothing_crossed():
-    contour = decode(encode_mesh(*plane(1), np.zeros(40), 5, mesh="coded"))
+    contour = decode(encode(Mesh(*plane(1), np.zeros(40), stored="coded"), 5))
     assert contour.complete and contour.points.shape == (0, 2)
 
 
@@ -129,7 +130,7 @@ def test_damaged(name):
     """Whatever bytes come, a decoder ends with an error of ours or a contour."""
     given = MAKERS[name](2)
     values = values_of(given[0], 2)
-    data = encode_mesh(*given, values, int(np.median(values)) + 0.5, mesh="whole", tolerance=0.1)
+    data = encode(Mesh(*given, values, stored="whole"), int(np.median(values)) + 0.5, precision=0.1)
     rng = np.random.default_rng(1)
     ended = set()
     for _ in range(20 if INTERPRETED else 400):

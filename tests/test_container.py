@@ -9,18 +9,19 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from isocodec.stream.contents import LAYER_CHUNKS, READERS
 
 import isocodec
 from brute import examples
 from files import HEADER, chunk, files, layers_file, picture, refused, same_drawing, whole, with_checksum
-from isocodec import Decoder, Encoder, FormatError, OptionError, inspect
+from isocodec import Decoder, FormatError, OptionError, inspect
 from isocodec.format import chunks
 from isocodec.format.chunks import read_metadata
 from isocodec.format.events import ChunkSkipped, MetadataRead
 from isocodec.format.header import Header, read_header, write_header, write_isovalue
 from isocodec.format.kinds import LayerKind
 from isocodec.format.program import Layer, Progress, read_program, write_program
-from isocodec.stream.contents import LAYER_CHUNKS, READERS
+from isocodec.stream.encoder import encoder_of
 from isospec.container import (
     CHECKED_CHUNK,
     LAYER_LIMIT,
@@ -345,7 +346,7 @@ def test_checksums():
 def test_large_chunks_have_a_checksum_of_their_own():
     """From 2**14 bytes on, so that damage is found before the end."""
     noise = np.random.default_rng(0).integers(0, 2, (400, 400))  # about a bit a sample: 20,000 bytes
-    data = isocodec.encode(noise, 0, signs_only=True)
+    data = isocodec.encode(noise, 0, precision="signs")
     first = isocodec.inspect(data).chunks[0]
     assert first.bytes > CHECKED_CHUNK
     assert data[first.offset] & 0b0101_1111 == 0b0100_0001  # checked; layers
@@ -432,7 +433,7 @@ def test_largest_isovalues_of_single_precision():
 @pytest.mark.parametrize("metadata", [{"a": 3}, {"a": b"x"}, {1: "x"}, {"a": "\udcff"}])
 def test_metadata_that_is_no_text(metadata):
     with pytest.raises(OptionError, match="text"):
-        Encoder(np.eye(4), 0.5, metadata=metadata)
+        encoder_of(np.eye(4), 0.5, metadata=metadata)
 
 
 def test_every_chunk_type_has_one_reader_and_every_kind_of_layer_its_symbols():
@@ -441,6 +442,8 @@ def test_every_chunk_type_has_one_reader_and_every_kind_of_layer_its_symbols():
 
 
 def test_kinds_of_layers_are_strings():
-    info = inspect(b"".join(Encoder(np.eye(4), 0.5, plan=[(LayerKind.BASE, None), ("values", None)], step=0.5)))
+    info = inspect(
+        b"".join(encoder_of(np.eye(4), 0.5, layers=[(LayerKind.BASE, None), ("values", None)], precision="step=0.5"))
+    )
     assert [layer.kind for layer in info.layers][:2] == ["base", "values"]
     assert json.loads(json.dumps(info.as_dict()))["layers"][0]["kind"] == "base"

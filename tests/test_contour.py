@@ -2,17 +2,12 @@
 
 from __future__ import annotations
 
-import ast
-import sys
-from pathlib import Path
-
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-import isocodec.drawing as drawing_package
 from brute import ball, border, noise
 from drawings import check_manifold, check_winding, leaves_of
 from isocodec.drawing.contour import Contour
@@ -103,20 +98,3 @@ def test_contours_are_immutable():
     contour = Contour(np.empty((0, 2)), np.empty((0, 2), dtype=np.int64), 0.0, (3, 3))
     with pytest.raises(AttributeError):
         contour.isovalue = 1.0  # type: ignore[misc]
-
-
-def test_drawing_imports_nothing_of_the_codec():
-    allowed = sys.stdlib_module_names | {"numpy"}
-    shared = {
-        "..errors", "..exchange", "..field.mapped", "..kernel", "..kernel.types", "..mesh.implied", "..mesh.tables",
-    }
-    for source in Path(drawing_package.__file__).parent.glob("*.py"):
-        for node in ast.walk(ast.parse(source.read_text(encoding="utf-8"))):
-            names = []
-            if isinstance(node, ast.Import):
-                names = [alias.name for alias in node.names]
-            elif isinstance(node, ast.ImportFrom):
-                names = [f"{'.' * node.level}{node.module or ''}"]
-            for name in names:
-                ours = name in shared or (name.startswith(".") and not name.startswith(".."))
-                assert ours or name.split(".")[0] in allowed, f"{source.name} imports {name}"

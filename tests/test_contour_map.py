@@ -18,8 +18,8 @@ from PIL import Image
 
 import isocodec
 from commands import BALL, HILLS, fails, ok, run
-from isocodec.io.writers.map_picture import DARK, LIGHT, index_lines
-from isocodec.io.writers.relief import shaded
+from isocodec.drawing.pictures.map_picture import DARK, LIGHT, index_lines
+from isocodec.drawing.pictures.relief import shaded
 
 SVG = "{http://www.w3.org/2000/svg}"
 UTM = "placement=0 30 500000 -20 0 5000000"
@@ -81,13 +81,13 @@ class Drawn:
 
 def drawn(source: Path, *more: object) -> Drawn:
     out = source.with_suffix(".svg")
-    ok("map", source, "-o", out, *more)
+    ok("plot", "--map", source, "-o", out, *more)
     return Drawn(out)
 
 
 def pixels(source: Path, *more: object) -> np.ndarray:
     out = source.with_suffix(".png")
-    ok("map", source, "-o", out, *more)
+    ok("plot", "--map", source, "-o", out, *more)
     return np.asarray(Image.open(out).convert("RGB")).astype(float)
 
 
@@ -132,17 +132,17 @@ def test_lines_are_broken_under_labels(hills: Path) -> None:
 def test_labels_are_turned_with_their_line(plane: Path) -> None:
     """Along a contour that is upright, and readable: from below or from the right."""
     out = plane.with_suffix(".svg")
-    ok("map", plane, "-o", out, "--interval", 10)
+    ok("plot", "--map", plane, "-o", out, "--interval", 10)
     turns = re.findall(r'id="label-[^<]*<text [^>]*rotate\((-?[0-9.]+) ', out.read_text())
     assert turns and all(abs(float(turn) % 180 - 90) < 1 for turn in turns)
 
 
 def test_a_file_gives_the_lines_of_its_field(hills: Path, tmp_path: Path) -> None:
-    ok("encode", hills, "-o", tmp_path / "hills.iso", "--interval", 20, "--tolerance", 0.005)
-    ok("map", hills, "-o", tmp_path / "a.svg", "--interval", 20, "--no-relief")
-    ok("map", tmp_path / "hills.iso", "-o", tmp_path / "b.svg")
+    ok("encode", hills, "-o", tmp_path / "hills.iso", "--interval", 20, "--precision", 0.005)
+    ok("plot", "--map", hills, "-o", tmp_path / "a.svg", "--interval", 20, "--no-relief")
+    ok("plot", "--map", tmp_path / "hills.iso", "-o", tmp_path / "b.svg")
     assert (tmp_path / "a.svg").read_bytes() == (tmp_path / "b.svg").read_bytes()
-    record = json.loads(ok("map", tmp_path / "hills.iso", "-o", tmp_path / "c.svg", "--json"))
+    record = json.loads(ok("plot", "--map", tmp_path / "hills.iso", "-o", tmp_path / "c.svg", "--json"))
     assert record["isovalues"] == list(range(0, 200, 20)) and record["labels"] == len(Drawn(tmp_path / "c.svg").labels)
 
 
@@ -166,7 +166,7 @@ def test_index_lines(isovalues: Any, every: int, index: list[float]) -> None:
 
 def test_an_interval_is_chosen(plane: Path) -> None:
     """A round one: 0 to 60 in steps of 5."""
-    record = json.loads(ok("map", plane, "-o", plane.with_suffix(".svg"), "--json"))
+    record = json.loads(ok("plot", "--map", plane, "-o", plane.with_suffix(".svg"), "--json"))
     assert record["isovalues"] == list(range(0, 60, 5))
 
 
@@ -322,7 +322,7 @@ def test_a_mapped_grid(tmp_path: Path) -> None:
 def test_the_same_map_has_the_same_bytes(hills: Path, tmp_path: Path) -> None:
     for suffix in (".svg", ".pdf", ".png"):
         for name in ("a", "b"):
-            ok("map", hills, "-o", tmp_path / f"{name}{suffix}", "--interval", 20, "--size", 6)
+            ok("plot", "--map", hills, "-o", tmp_path / f"{name}{suffix}", "--interval", 20, "--size", 6)
         assert (tmp_path / f"a{suffix}").read_bytes() == (tmp_path / f"b{suffix}").read_bytes()
     assert (tmp_path / "a.pdf").read_bytes()[:5] == b"%PDF-"
 
@@ -359,16 +359,16 @@ def test_errors(plane: Path, tmp_path: Path) -> None:
         line = fails(code, "map", source, "-o", out, *more)
         assert word in line, line
         assert not out.exists()
-    assert ".png, .pdf, .svg" in fails(2, "map", plane, "-o", tmp_path / "a.tif")
+    assert ".png, .pdf, .svg" in fails(2, "plot", "--map", plane, "-o", tmp_path / "a.tif")
 
 
 def test_missing_libraries(plane: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     notes = ("--metadata", UTM, "--metadata", "crs=EPSG:32631")
     monkeypatch.setitem(sys.modules, "pyproj", None)
-    line = fails(7, "map", plane, "-o", plane.with_suffix(".png"), *notes)
+    line = fails(7, "plot", "--map", plane, "-o", plane.with_suffix(".png"), *notes)
     assert line.endswith("a map in EPSG:32631 needs pyproj: pip install 'isocodec[geo]'")
     monkeypatch.setitem(sys.modules, "matplotlib.figure", None)
-    assert "'isocodec[plot]'" in fails(7, "map", plane, "-o", plane.with_suffix(".png"))
+    assert "'isocodec[plot]'" in fails(7, "plot", "--map", plane, "-o", plane.with_suffix(".png"))
 
 
 def test_a_system_that_is_none(plane: Path) -> None:
@@ -383,15 +383,15 @@ def test_standard_input(plane: Path, tmp_path: Path) -> None:
     from isocodec.cli import main
 
     result = CliRunner().invoke(
-        main, ["map", "-", "--kind", "npy", "-o", str(tmp_path / "a.png")], input=io.BytesIO(plane.read_bytes())
+        main, ["plot", "--map", "-", "--kind", "npy", "-o", str(tmp_path / "a.png")], input=io.BytesIO(plane.read_bytes())
     )
     assert result.exit_code == 0, result.output
-    ok("map", plane, "-o", tmp_path / "b.png")
+    ok("plot", "--map", plane, "-o", tmp_path / "b.png")
     assert (tmp_path / "a.png").read_bytes() == (tmp_path / "b.png").read_bytes()
 
 
 def test_glyphs_that_are_not_there_are_one_warning(plane: Path) -> None:
-    result = run("map", plane, "-o", plane.with_suffix(".png"), "--title", "\u5c71\u5ddd\u8349\u6728")
+    result = run("plot", "--map", plane, "-o", plane.with_suffix(".png"), "--title", "\u5c71\u5ddd\u8349\u6728")
     assert result.exit_code == 0
     (line,) = result.stderr.splitlines()
     assert line.startswith(f"isocodec: {plane.with_suffix('.png')}: warning: ") and "missing from" in line
@@ -402,6 +402,6 @@ def test_degrees_of_the_globe(tmp_path: Path) -> None:
     field = np.cos(np.radians(np.arange(0, 360, 5)))[None] + np.zeros((35, 1))
     data = isocodec.encode(field, 0.5, placement=[[0, 5, 0], [-5, 0, 85]], metadata={"crs": "EPSG:4326"})
     (tmp_path / "a.iso").write_bytes(data)
-    ok("map", tmp_path / "a.iso", "-o", tmp_path / "a.svg")
+    ok("plot", "--map", tmp_path / "a.iso", "-o", tmp_path / "a.svg")
     text = (tmp_path / "a.svg").read_text()
     assert all(f">{tick}<" in text or f"<!-- {tick} -->" in text for tick in ("90°E", "180°", "90°W", "45°N", "45°S"))

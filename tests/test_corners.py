@@ -44,7 +44,7 @@ def chunks(data):
 def noise():
     """A bit a sample: a chunk of 20,000 bytes, and an index."""
     field = np.random.default_rng(0).integers(0, 2, (400, 400))
-    data = isocodec.encode(field, 0, signs_only=True)
+    data = isocodec.encode(field, 0, precision="signs")
     _, envelope, _ = chunks(data)[0]
     assert envelope.checked and envelope.end - envelope.start > CHECKED_CHUNK + 1000
     return data
@@ -94,14 +94,14 @@ def test_4096_layers():
     field = np.zeros((5, 4), np.int64)
     field[2, 2] = 1
     plan = [("base", None), ("values", None)] + [("values", 0)] * (LAYER_LIMIT - 2)
-    data = isocodec.encode(field, 0.5, plan=plan)
+    data = isocodec.encode(field, 0.5, layers=plan)
     assert len(isocodec.inspect(data).layers) == LAYER_LIMIT == 4096
     decoder = Decoder()
     decoder.feed(data)
     assert sum(isinstance(event, LayerComplete) for event in decoder) == LAYER_LIMIT
     assert decoder.complete and len(decoder.drawn().points) == 4
     with pytest.raises(OptionError, match="4096"):
-        isocodec.encode(field, 0.5, plan=[*plan, ("values", 0)])
+        isocodec.encode(field, 0.5, layers=[*plan, ("values", 0)])
     many = bytes([0x8F, 0xAF, 0x00]) + b"\xa0" * (LAYER_LIMIT - 2) + b"\x20"  # base, values without bits, again ..
     refused(layers_file(many + bytes(8)), "layers", len(HEADER) + 3 + LAYER_LIMIT - 2 + 3)
     fewer = many[:-2] + b"\x20"
@@ -114,7 +114,7 @@ def test_layers_of_all_isovalues_count():
     field = picture((6, 6), 1)
     half = [("base", None)] + [("values", None)] + [("values", 0)] * (LAYER_LIMIT // 2)
     with pytest.raises(OptionError, match="4096"):
-        isocodec.encode(field, [0.5, 1.5], plan=half)
+        isocodec.encode(field, [0.5, 1.5], layers=half)
 
 
 def least(name, data):
@@ -139,8 +139,8 @@ def test_limits_of_several_isovalues(name):
         field[row, column] = 10 + i
     field[20:25, 5:9] = 40
     isovalues = [0.5, 2.5, 4.5, 6.5]
-    each = [least(name, isocodec.encode(field, v, base_level=0)) for v in isovalues]
-    together = least(name, isocodec.encode(field, isovalues, base_level=0, leaning=False))
+    each = [least(name, isocodec.encode(field, v, layers=0)) for v in isovalues]
+    together = least(name, isocodec.encode(field, isovalues, layers=0, independent=True))
     assert min(each) > 10
     assert 2 * max(each) < together <= sum(each)
 
@@ -168,13 +168,13 @@ def test_an_index_with_bytes_behind_it():
 def test_the_share_of_an_index_is_of_all_isovalues(isovalues):
     """One of them takes 20,000 bytes, the other, above all samples, a few: at most a hundredth of both is an index."""
     field = np.random.default_rng(0).integers(0, 2, (400, 400))
-    data = isocodec.encode(field, isovalues, signs_only=True)
+    data = isocodec.encode(field, isovalues, precision="signs")
     _, envelope, _ = chunks(data)[-1]
     assert envelope.type == ChunkType.INDEX
     stated, counted = isocodec.inspect(data).layers, isocodec.inspect(data, symbols=True).layers
     assert [(x.isovalue, x.bytes, x.symbols) for x in stated] == [(x.isovalue, x.bytes, x.symbols) for x in counted]
     assert {layer.isovalue for layer in stated} == {0, 1}
-    small = isocodec.encode(field[:60, :60], isovalues, signs_only=True)
+    small = isocodec.encode(field[:60, :60], isovalues, precision="signs")
     run_bytes = sum(layer.bytes for layer in isocodec.inspect(small, symbols=True).layers)
     assert chunks(small)[-1][1].type != ChunkType.INDEX and run_bytes < 100 * (envelope.end - envelope.start)
 
@@ -205,7 +205,7 @@ def test_two_chunks_of_metadata():
 def three():
     """Isovalues 0 and 2 stand alone as far as 1 goes."""
     field = np.rint(smooth((30, 30), 1) * 100).astype(np.int64)
-    return isocodec.encode(field, [0.5, 20.5, -20.5], leaning=False)
+    return isocodec.encode(field, [0.5, 20.5, -20.5], independent=True)
 
 
 @pytest.mark.parametrize("only", [{0}, {1}, {2}, {0, 2}, {1, 2}])
@@ -257,7 +257,7 @@ def test_damage_in_a_skipped_chunk_is_found(three):
 @pytest.mark.parametrize("steps", [[1, 1], [4, 1, 1], [4, 4, "exact"], [1, 2], ["exact", "exact"]])
 def test_steps_that_do_not_fall(steps):
     with pytest.raises(OptionError) as caught:
-        isocodec.encode(picture((20, 20), 1), 0.5, steps=steps)
+        isocodec.encode(picture((20, 20), 1), 0.5, precision=steps)
     assert caught.value.code == "steps"
 
 
@@ -267,7 +267,7 @@ def test_an_infinite_estimate_says_nothing(turned):
     field = np.zeros((4, 5))
     field[2:] = 1.6e308
     field = field[::-1] if turned else field
-    data = isocodec.encode(field, 1.5e308, step=1.7e308)
+    data = isocodec.encode(field, 1.5e308, precision="step=1.7e308")
     points = isocodec.decode(data).points
     assert len(points) == 5
     assert np.array_equal(points[:, 0], np.full(5, 1.5))

@@ -16,11 +16,13 @@ import pytest
 import isocodec
 from brute import INTERPRETED, smooth
 from explicit_meshes import plane, space, torus
+from isocodec.field.placement import Placement
 from isocodec.kernel import EXECUTION, Execution
 from isocodec.kernel.call import Kernel
 from isocodec.kernel.execution import SETTING
 from isocodec.kernel.types import Registers
 from isocodec.search.around import Around
+from isocodec.stream.encoder import encoder_of
 from isocodec.tin.delaunay import delaunay, remove
 from isocodec.tin.rank import by_rank
 from make_goldens import CASES, PATH, SMALL, digests
@@ -96,37 +98,41 @@ def test_compiled_kernels_do_what_their_source_says(twice):
     for shape in ((7, 9), (3, 4, 5)):
         field = np.rint(100 * smooth(shape, 3)).astype(np.int64)
         for options in (
-            {"exact": True, "base_level": 2}, {"criterion": "curvature", "parameter": 0.5, "tolerance": 0.2},
-            {"criterion": "distortion", "parameter": 0.5, "tolerance": 0.2, "preserve_topology": True},
-            {"plan": leaves}, {"signs_only": True, "profile": "baseline"}, {"tolerance": 0.2, "profile": "baseline"},
+            {"precision": "exact", "layers": 2}, {"layers": "curvature=0.5", "precision": 0.2},
+            {"layers": "distortion=0.5", "precision": 0.2, "keep_topology": True},
+            {"layers": leaves}, {
+                "precision": "signs", "profile": "baseline",
+            }, {"precision": 0.2, "profile": "baseline"},
         ):
             isocodec.decode_all(isocodec.encode(field, [0.5, 5.5], **options), smooth=True)
     for shape in ((6, 7), (3, 4, 4)):
         field = np.rint(100 * smooth(shape, 3)).astype(np.int64)
-        data = isocodec.encode(field, 0.5, tolerance=0.05)
+        data = isocodec.encode(field, 0.5, precision=0.05)
         assert np.array_equal(isocodec.decode_mask(data), field > 0.5)
-        isocodec.encode(field, 0.5, tolerance=0.5)
+        isocodec.encode(field, 0.5, precision=0.5)
         gone = np.random.default_rng(4).random(shape) < 0.1
-        for more in ({"exact": True}, {"tolerance": 0.05}, {"exact": True, "profile": "baseline"}):
-            isocodec.decode(isocodec.encode(field, 0.5, mask=gone, **more))
+        for more in ({"precision": "exact"}, {"precision": 0.05}, {"precision": "exact", "profile": "baseline"}):
+            isocodec.decode(isocodec.encode(isocodec.Field(field, mask=gone), 0.5, **more))
     for mesh in (plane(1, 30), space(1, 12), torus(5, 4)):
         values = np.rint(mesh[0].sum(axis=1) * 7).astype(np.int64) % 50
-        for more in ({"exact": True}, {"tolerance": 1.0}, {"signs_only": True, "progressive": mesh[0].shape[1] == 2}):
-            isocodec.decode_all(isocodec.encode_mesh(*mesh, values, [20.5, 30.5], **more), mesh=mesh)
-        isocodec.decode(isocodec.encode_mesh(*mesh, values, 20.5, mesh="coded"))
-        isocodec.encode_mesh(*mesh, np.array([values, values + 3]), 20.5, exact=True)
-    isocodec.decode(isocodec.encode_mesh(plane(1, 30)[0], None, np.arange(30), 14.5))
+        for more in (
+            {"precision": "exact"}, {"precision": 1.0}, {"signs_only": True, "progressive": mesh[0].shape[1] == 2},
+        ):
+            isocodec.decode_all(isocodec.encode(isocodec.Mesh(*mesh, values), [20.5, 30.5], **more), mesh=mesh)
+        isocodec.decode(isocodec.encode(isocodec.Mesh(*mesh, values, stored="coded"), 20.5))
+        isocodec.encode(isocodec.Mesh(*mesh, np.array([values, values + 3])), 20.5, precision="exact")
+    isocodec.decode(isocodec.encode(isocodec.Mesh(plane(1, 30)[0], None, np.arange(30)), 14.5))
     hills = np.rint(100 * smooth((9, 9, 8), 3)).astype(np.int64)
-    for options in ({"signs_only": True}, {"exact": True, "profile": "baseline"}):
-        isocodec.decode(isocodec.encode_frames(hills[:3], 0.5, **options), frame=2)
+    for options in ({"precision": "signs"}, {"precision": "exact", "profile": "baseline"}):
+        isocodec.decode(isocodec.encode(isocodec.Frames(hills[:3]), 0.5, **options), frame=2)
     coordinates = np.arange(9.0)[:, None] + np.zeros(8), np.arange(8.0) + np.arange(9.0)[:, None] / 9
-    isocodec.decode(isocodec.encode(hills[0], 0.5, coordinates=coordinates))
+    isocodec.decode(isocodec.encode(isocodec.Field(hills[0], placement=Placement(coordinates=coordinates)), 0.5))
     points = np.random.default_rng(5).integers(0, 1 << 20, (30, 2))
     for criterion in ("inf", "AT3", "l2", "NAT"):
-        isocodec.thin(points, points[:, 0] % 7, criterion, to=8).tin()
+        isocodec.thin(isocodec.Mesh(points, None, points[:, 0] % 7), criterion=criterion, to=8).tin()
         isocodec.thin(points[:, 0].reshape(5, 6) % 7, criterion=criterion, error=2.5)
     for options in ({"to": 12}, {"error": 1.0, "layers": 2}):
-        isocodec.decode_tin(isocodec.encode_tin(points[:, 0].reshape(5, 6) % 7, **options)).raster()
+        isocodec.decode_tin(isocodec.encode(isocodec.thin(points[:, 0].reshape(5, 6) % 7, **options))).raster()
     triangulation, _ = delaunay(*np.ascontiguousarray(points[by_rank(*points.T)].T))
     assert sum(remove(triangulation, v) for v in range(30)) > 10
     rng = np.random.default_rng(6)
@@ -142,13 +148,13 @@ def test_rows_are_weighed_alike(twice):
     """Weights as large as they may be, sums of either sign, totals that nearly take 32 bits."""
     field = np.rint(100 * smooth((9, 11), 3)).astype(np.int64)
     rng = np.random.default_rng(1)
-    encoder = isocodec.Encoder(field, 0.5, exact=True)
-    tube = encoder._strands[0].tube
+    encoder = encoder_of(field, 0.5, precision="exact")
+    tube = encoder.frame.strands[0].tube
     blend = tube.coder.blend
     weight = rng.integers(-64, 57, blend.weight.shape).astype(blend.weight.dtype)
     out = rng.integers(-(1 << 14), 1 << 14, blend.out.shape).astype(blend.out.dtype)
     tube.coder = tube.coder._replace(blend=blend._replace(weight=weight, out=out))
-    assert b"".join(encoder) != isocodec.encode(field, 0.5, exact=True)
+    assert b"".join(encoder) != isocodec.encode(field, 0.5, precision="exact")
     assert "isocodec.grid.passes.values.values" in twice
 
 
@@ -157,5 +163,5 @@ def test_nothing_is_left_behind(name):
     """The second file of a process is the first one's: no state outlives an encoder."""
     field, isovalue, options = CASES[name]
     first = isocodec.encode(field, isovalue, **options)
-    isocodec.encode(field.T, isovalue + 1, signs_only=True)
+    isocodec.encode(field.T, isovalue + 1, precision="signs")
     assert isocodec.encode(field, isovalue, **options) == first

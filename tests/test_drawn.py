@@ -12,9 +12,9 @@ from matplotlib.figure import Figure
 import isocodec
 from commands import BALL, HILLS, fails, ok, run
 from files import picture as field_of
+from isocodec.drawing.pictures.picture import Step
+from isocodec.drawing.pictures.view import USUAL, upright
 from isocodec.io.writers import picture
-from isocodec.io.writers.picture import Step
-from isocodec.io.writers.view import USUAL, upright
 
 
 @pytest.fixture
@@ -64,7 +64,7 @@ def test_the_last_step_of_a_part_of_a_file(tmp_path: Path, drawn: list[Step], me
     size = part.stat().st_size
     assert "use --partial" in fails(5, "plot", part, "-o", tmp_path / "a.png")
     assert not drawn
-    result = run("plot", part, "-o", tmp_path / "a.png", "--partial", *(["--mesh"] if mesh else []))
+    result = run("plot", part, "-o", tmp_path / "a.png", "--partial", *(["--draw-mesh"] if mesh else []))
     assert result.exit_code == 0
     assert result.stdout.endswith(f": {len(promised)} steps of {size:,} bytes\n")
     assert [step.within for step in drawn] == [4, 1, None]
@@ -89,7 +89,7 @@ def test_a_part_that_ends_with_a_layer_has_no_step_more(tmp_path: Path, drawn: l
 
 
 @pytest.mark.parametrize(
-    ("verb", "out", "word"), [("decode", "c.svg", "decoded"), ("plot", "c.png", "drawn"), ("mask", "c.npy", "decoded")]
+    ("verb", "out", "word"), [("decode", "c.svg", "decoded"), ("plot", "c.png", "drawn"), ("decode", "--what", "above", "c.npy", "decoded")]
 )
 def test_truncated_files_are_not_called_invalid(tmp_path: Path, verb: str, out: str, word: str) -> None:
     data = isocodec.encode(HILLS, 80.5)

@@ -101,7 +101,7 @@ def test_ties(n, seed, span, isovalue):
     assert Counter(map(tuple, np.round(expected, 9).tolist())) - Counter(map(tuple, np.round(grid, 9).tolist())) == {}
     if n == 2:
         assert len(contour.points) == len(expected)
-    signs = isocodec.decode(isocodec.encode(field, isovalue, signs_only=True))
+    signs = isocodec.decode(isocodec.encode(field, isovalue, precision="signs"))
     low, axis = crossing_edges(field > isovalue)
     middle = low.astype(float)
     middle[np.arange(len(low)), axis] += 0.5
@@ -174,7 +174,7 @@ def test_tolerance_bounds_the_distance(kind, tolerance):
     if kind == "integers":
         field = np.rint(20 * field).astype(np.int32)
     isovalue = 0.1 if kind != "integers" else 2.5
-    data = isocodec.encode(field, isovalue, tolerance=tolerance)
+    data = isocodec.encode(field, isovalue, precision=tolerance)
     contour = isocodec.decode(data)
     decoded = contour.points[contour.cells]
     expected = extracted_segments(field, isovalue)
@@ -184,7 +184,7 @@ def test_tolerance_bounds_the_distance(kind, tolerance):
     # but for the rounding of this measurement
     assert distances(along(decoded), expected).max() <= tolerance + 1e-12
     assert distances(along(expected), decoded).max() <= tolerance + 1e-12
-    assert len(isocodec.encode(field, isovalue, tolerance=tolerance / 8)) > len(data)
+    assert len(isocodec.encode(field, isovalue, precision=tolerance / 8)) > len(data)
 
 
 @pytest.mark.parametrize("tolerance", [0.3, 0.05, 0.004])
@@ -198,7 +198,7 @@ def test_tolerance_in_three_dimensions(tolerance):
 def test_default_is_a_tolerance():
     """Without options: within a twentieth of a cell."""
     field = smooth((40, 40), 5)
-    assert isocodec.encode(field, 0.1) == isocodec.encode(field, 0.1, tolerance=0.05)
+    assert isocodec.encode(field, 0.1) == isocodec.encode(field, 0.1, precision=0.05)
 
 
 # --- step -----------------------------------------------------------------------------------------------------------
@@ -214,7 +214,7 @@ def test_step(n, seed, step, isovalue):
     if seed % 3 == 0:
         field[rng.random(shape) < 0.2] = isovalue  # ties
     decoder = isocodec.Decoder()
-    decoder.feed(isocodec.encode(field, isovalue, step=step))
+    decoder.feed(isocodec.encode(field, isovalue, precision=f"step={step}"))
     decoder.close()
     tube = decoder._tube
     known = state_of(tube)
@@ -269,19 +269,21 @@ def test_fields_refused(field, code):
 def test_numbers_of_numpy_are_numbers():
     field = np.rint(40 * smooth((20, 24), 3)).astype(np.int64)
     for plain, numpys in (
-        ({"base_level": 2}, {"base_level": np.int64(2)}),
-        ({"tolerance": 0.5}, {"tolerance": np.float32(0.5)}),
-        ({"steps": [4, 1]}, {"steps": np.array([4, 1])}),
-        ({"steps": [2.0, "exact"]}, {"steps": (np.float64(2), "exact")}),
-        ({"criterion": "curvature", "parameter": 1}, {"criterion": "curvature", "parameter": np.uint8(1)}),
+        ({"layers": 2}, {"layers": np.int64(2)}),
+        ({"precision": 0.5}, {"precision": np.float32(0.5)}),
+        ({"precision": [4, 1]}, {"precision": np.array([4, 1])}),
+        ({"precision": [2.0, "exact"]}, {"precision": (np.float64(2), "exact")}),
+        ({"layers": "curvature=1"}, {"layers": f"curvature={np.uint8(1)}"}),
     ):
         assert isocodec.encode(field, np.float32(0.5), **numpys) == isocodec.encode(field, 0.5, **plain)
 
 
 @pytest.mark.parametrize(
     "options",
-    [{"base_level": 2.5}, {"base_level": "2"}, {"tolerance": "one"}, {"step": "a"}, {"steps": 4}, {"steps": "41"},
-     {"steps": ["a"]}, {"profile": None}, {"plan": []}],
+    [{"layers": 2.5}, {"layers": "2"}, {"precision": "one"}, {
+        "precision": "step=" + repr(float("a"))
+    }, {"precision": 4}, {"precision": "41"},
+     {"precision": ["a"]}, {"profile": None}, {"layers": []}],
 )
 def test_options_of_the_wrong_kind(options):
     with pytest.raises(OptionError):
@@ -305,22 +307,22 @@ def test_isovalues_refused(isovalue):
 @pytest.mark.parametrize(
     "field, options, code",
     [
-        (GOOD, {"exact": True}, "exact"),
-        (GOOD.astype(int), {"step": 0.5}, "step"),
-        (GOOD, {"step": 0.0}, "step"),
-        (GOOD, {"step": -1.0}, "step"),
-        (GOOD, {"step": math.nan}, "step"),
-        (GOOD, {"step": math.inf}, "step"),
-        (GOOD, {"tolerance": 0.0}, "tolerance"),
-        (GOOD, {"tolerance": -0.1}, "tolerance"),
-        (GOOD, {"tolerance": math.nan}, "tolerance"),
-        (GOOD, {"tolerance": 1e-10}, "tolerance"),  # more than 2**24 parts of a cell
+        (GOOD, {"precision": "exact"}, "exact"),
+        (GOOD.astype(int), {"precision": "step=0.5"}, "step"),
+        (GOOD, {}, "step"),
+        (GOOD, {"precision": f"step={-1.0}"}, "step"),
+        (GOOD, {"precision": f"step={math.nan}"}, "step"),
+        (GOOD, {"precision": f"step={math.inf}"}, "step"),
+        (GOOD, {}, "tolerance"),
+        (GOOD, {"precision": -0.1}, "tolerance"),
+        (GOOD, {"precision": math.nan}, "tolerance"),
+        (GOOD, {"precision": 1e-10}, "tolerance"),  # more than 2**24 parts of a cell
         (GOOD.astype(int), {"exact": True, "tolerance": 0.1}, "options"),
         (GOOD, {"signs_only": True, "tolerance": 0.1}, "options"),
         (GOOD, {"signs_only": True, "step": 0.1}, "options"),
         (GOOD, {"tolerance": 0.1, "step": 0.1}, "options"),
-        (GOOD, {"base_level": -1}, "base-level"),
-        (GOOD, {"base_level": 5}, "base-level"),  # 3 x 4 samples: k = 2, level 4
+        (GOOD, {"layers": -1}, "base-level"),
+        (GOOD, {"layers": 5}, "base-level"),  # 3 x 4 samples: k = 2, level 4
         (GOOD, {"profile": "best"}, "profile"),
     ],
 )
@@ -342,7 +344,7 @@ def test_decode_options_refused(options):
 
 
 @pytest.mark.parametrize("shape", [(2, 2), (9, 14), (5, 3, 4)])
-@pytest.mark.parametrize("options", [{}, {"exact": True}, {"signs_only": True}, {"base_level": 0}])
+@pytest.mark.parametrize("options", [{}, {"precision": "exact"}, {"precision": "signs"}, {"layers": 0}])
 def test_no_contour(shape, options):
     """A constant field, and an isovalue outside the data: a short file with nothing in it."""
     ramp = np.arange(math.prod(shape)).reshape(shape)
@@ -376,7 +378,10 @@ def test_types(dtype):
     field -= field.min()
     field = np.minimum(field, 1) if dtype == "bool" else field
     plain = field.astype(float if "f" in dtype else int)
-    for options in ({"tolerance": 0.01}, {"step": 0.5} if "f" in dtype else {"exact": True}, {"signs_only": True}):
+    for options in (
+        {"precision": 0.01}, {"precision": "step=0.5"} if "f" in dtype else {"precision": "exact"},
+        {"precision": "signs"},
+    ):
         assert isocodec.encode(field.astype(dtype), 0.75, **options) == isocodec.encode(plain, 0.75, **options)
     assert len(isocodec.decode(isocodec.encode(field.astype(dtype), 0.75)).points) > 0
 
@@ -385,14 +390,14 @@ def test_types(dtype):
 def test_layouts(n):
     """Fortran order, strides, negative strides, read-only memory, lists: the values count, and stay as they were."""
     field = integers((12, 10, 8)[:n], 4)
-    data = isocodec.encode(field, 3, exact=True)
+    data = isocodec.encode(field, 3, precision="exact")
     spaced = np.zeros([2 * s for s in field.shape], np.int64)
     spaced[(slice(None, None, 2),) * n] = field
     backwards = np.ascontiguousarray(field[::-1])[::-1]
     frozen = field.copy()
     frozen.setflags(write=False)
     for same in (np.asfortranarray(field), spaced[(slice(None, None, 2),) * n], backwards, frozen, field.tolist()):
-        assert isocodec.encode(same, 3, exact=True) == data
+        assert isocodec.encode(same, 3, precision="exact") == data
     assert np.array_equal(frozen, field)
 
 
@@ -405,7 +410,7 @@ def test_integers_that_no_float_holds(dtype, isovalue):
     exact = [[int(v) > isovalue for v in row] for row in field.tolist()]
     assert 10 < sum(map(sum, exact)) < 89
     decoder = isocodec.Decoder()
-    decoder.feed(isocodec.encode(field, float(isovalue), exact=True, base_level=0))
+    decoder.feed(isocodec.encode(field, float(isovalue), precision="exact", layers=0))
     decoder.close()
     known = state_of(decoder._tube)
     assert known.above.tolist() == [exact[i][j] for i, j in known.position.tolist()]
@@ -431,7 +436,7 @@ def test_values_too_far_from_the_isovalue():
     """More than 52 bits of steps cannot be sent exactly; a tolerance can."""
     field = np.array([[0, 0], [0, 1 << 60]])
     with pytest.raises(InputError) as caught:
-        isocodec.encode(field, 5, exact=True)
+        isocodec.encode(field, 5, precision="exact")
     assert caught.value.code == "range"
     assert len(isocodec.decode(isocodec.encode(field, 5)).points) == 2
 
@@ -445,7 +450,7 @@ def test_infinite_samples():
     assert np.isfinite(contour.points).all()
     assert len(contour.points) == len(crossing_edges(field > 0)[0])
     with pytest.raises(InputError) as caught:
-        isocodec.encode(field, 0.0, step=0.1)
+        isocodec.encode(field, 0.0, precision="step=0.1")
     assert caught.value.code == "infinite"
 
 
@@ -462,7 +467,7 @@ def test_float_isovalue_is_not_rounded_to_the_samples_type():
 def test_extreme_isovalues(isovalue):
     """Isovalues beyond single precision, or far beyond the halves that are written as numbers."""
     field = np.array([[0.0, 0.0], [0.0, 2 * isovalue]])
-    contour = isocodec.decode(isocodec.encode(field, isovalue, tolerance=0.01))
+    contour = isocodec.decode(isocodec.encode(field, isovalue, precision=0.01))
     assert contour.isovalue == isovalue
     assert len(contour.points) == 2
 
@@ -471,5 +476,5 @@ def test_extreme_isovalues(isovalue):
 def test_whole_isovalues_that_double_precision_lacks(isovalue):
     field = 2**53 + np.add(*np.mgrid[:30, :30])
     with pytest.raises(isocodec.InputError, match="nearest one is"):
-        isocodec.encode(field, isovalue, exact=True)
-    assert isocodec.inspect(isocodec.encode(field, 2**53 + 8, exact=True)).isovalue == 2**53 + 8
+        isocodec.encode(field, isovalue, precision="exact")
+    assert isocodec.inspect(isocodec.encode(field, 2**53 + 8, precision="exact")).isovalue == 2**53 + 8

@@ -14,13 +14,13 @@ from isocodec import (
     IsoError,
     LimitError,
     Limits,
+    Mesh,
     MeshDecoder,
     OptionError,
     TruncatedError,
     decode,
     decode_all,
     encode,
-    encode_mesh,
 )
 from isoconform.meshes import exponent
 
@@ -46,7 +46,7 @@ def smooth(points):
 
 def check(mesh, values, isovalue, **options):
     """Encode and decode; points and pieces are those of brute force."""
-    data = encode_mesh(*mesh, values, isovalue, **options)
+    data = encode(Mesh(*mesh, values), isovalue, **options)
     contour = decode(data, mesh=mesh)
     wanted = crossings(mesh, values, isovalue)
     assert contour.complete
@@ -131,9 +131,9 @@ def test_lattice_as_a_mesh(shape):
     s = clamped(shape, level)
     points, cells = np.unique(s.reshape(-1, 2), axis=0, return_inverse=True)
     values = field[tuple(points.T)]
-    grid = decode(encode(field, 24.5, plan=[("base", level), ("values", None)]))
+    grid = decode(encode(field, 24.5, layers=[("base", level), ("values", None)]))
     mesh = points, cells.reshape(-1, 3)
-    contour = decode(encode_mesh(*mesh, values, 24.5, exact=True), mesh=mesh)
+    contour = decode(encode(Mesh(*mesh, values), 24.5, precision="exact"), mesh=mesh)
     segments = [np.round(c.points[c.cells], 6).reshape(-1, 4) for c in (contour, grid)]
     assert {tuple(x) for x in segments[0].tolist()} == {tuple(x) for x in segments[1].tolist()}
 
@@ -147,7 +147,7 @@ def test_tricontour():
     values = np.hypot(points[:, 0] - 40, points[:, 1] - 55)
     drawn = Figure().add_subplot().tricontour(tri.Triangulation(*points.T, cells), values, levels=[30.0])
     theirs = np.concatenate([path.vertices for path in drawn.get_paths()])
-    mine = decode(encode_mesh(points, cells, values, 30.0, step=1e-4), mesh=(points, cells)).points
+    mine = decode(encode(Mesh(points, cells, values), 30.0, precision="step=1e-4"), mesh=(points, cells)).points
     distance = np.sqrt(((mine[:, None] - theirs[None]) ** 2).sum(axis=2))
     assert distance.min(axis=1).max() < 1e-3
     assert distance.min(axis=0).max() < 1e-3
@@ -170,12 +170,12 @@ def test_several_isovalues():
     mesh = plane(4, 60 if INTERPRETED else 500, 0.95)
     values = smooth(mesh[0])
     isovalues = [20.5, -30.5, 60.5, 0]
-    for options in ({"exact": True}, {"tolerance": 0.5}, {"signs_only": True}):
-        data = encode_mesh(*mesh, values, isovalues, **options)
-        alone = encode_mesh(*mesh, values, isovalues, leaning=False, **options)
+    for options in ({"precision": "exact"}, {"precision": 0.5}, {"precision": "signs"}):
+        data = encode(Mesh(*mesh, values), isovalues, **options)
+        alone = encode(Mesh(*mesh, values), isovalues, independent=True, **options)
         assert len(data) < len(alone)
         for contour, isovalue in zip(decode_all(data, mesh=mesh), isovalues, strict=True):
-            single = decode(encode_mesh(*mesh, values, isovalue, **options), mesh=mesh)
+            single = decode(encode(Mesh(*mesh, values), isovalue, **options), mesh=mesh)
             assert np.array_equal(rounded(contour.points), rounded(single.points))
             assert np.array_equal(contour.points, decode(data, mesh=mesh, isovalue=isovalue).points)
             assert contour.isovalue == isovalue
@@ -184,7 +184,7 @@ def test_several_isovalues():
 
 def test_nothing_crossed():
     mesh = plane(1)
-    data = encode_mesh(*mesh, np.zeros(len(mesh[0])), 5)
+    data = encode(Mesh(*mesh, np.zeros(len(mesh[0]))), 5)
     contour = decode(data, mesh=mesh)
     assert contour.complete and contour.points.shape == (0, 2) and contour.cells.shape == (0, 2)
 
@@ -193,7 +193,7 @@ def test_piece_by_piece():
     """Nothing depends on how bytes come; a file that ends early has the layers before."""
     mesh = plane(7)
     values = noise(len(mesh[0]), 7)
-    data = encode_mesh(*mesh, values, [30, 60], exact=True, metadata={"unit": "m"})
+    data = encode(Mesh(*mesh, values), [30, 60], precision="exact", metadata={"unit": "m"})
     whole = MeshDecoder(mesh)
     whole.feed(data)
     events = list(whole)
@@ -218,9 +218,9 @@ def test_piece_by_piece():
 def test_inspect():
     mesh = plane(7)
     values = noise(len(mesh[0]), 7)
-    info = isocodec.inspect(encode_mesh(*mesh, values, [30, 60], exact=True, progressive=False))
+    info = isocodec.inspect(encode(Mesh(*mesh, values, progressive=False), [30, 60], precision="exact"))
     assert [layer.kind for layer in info.layers] == ["signs", "values"] * 2
-    kinds = [layer.kind for layer in isocodec.inspect(encode_mesh(*mesh, values, [30, 60], exact=True)).layers]
+    kinds = [layer.kind for layer in isocodec.inspect(encode(Mesh(*mesh, values), [30, 60], precision="exact")).layers]
     assert set(kinds) == {"levels", "values"} and len(kinds) > 3
     assert info.domain.vertices == len(mesh[0]) and info.domain.cells == len(mesh[1])
     assert info.as_dict()["domain"]["kind"] == "known"
@@ -229,7 +229,7 @@ def test_inspect():
 def test_another_mesh():
     """A mesh that is not the file's is refused; the message says in what it differs."""
     points, cells = plane(3)
-    data = encode_mesh(points, cells, noise(len(points), 1), 40)
+    data = encode(Mesh(points, cells, noise(len(points), 1)), 40)
     with pytest.raises(InputError, match="does not hold"):
         decode(data)
     with pytest.raises(InputError, match="points"):
@@ -274,7 +274,7 @@ def test_no_complex(name):
     """Meshes that are none are refused, with the numbers of what is wrong."""
     points, cells, code = BAD[name]
     with pytest.raises(InputError) as caught:
-        encode_mesh(points, cells, np.arange(len(points)), 1.5)
+        encode(Mesh(points, cells, np.arange(len(points))), 1.5)
     assert caught.value.code == code
 
 
@@ -284,27 +284,27 @@ def test_no_complex(name):
 )
 def test_values_that_do_not_fit(values):
     with pytest.raises(InputError):
-        encode_mesh(SQUARE, [[0, 1, 2], [1, 3, 2]], values, 1.5)
+        encode(Mesh(SQUARE, [[0, 1, 2], [1, 3, 2]], values), 1.5)
 
 
 def test_options_that_do_not_fit():
     mesh = SQUARE, [[0, 1, 2], [1, 3, 2]]
     for values, options in (
-        ([0.0, 1, 2, 3], {"exact": True}),
-        ([0, 1, 2, 3], {"step": 0.5}),
+        ([0.0, 1, 2, 3], {"precision": "exact"}),
+        ([0, 1, 2, 3], {"precision": "step=0.5"}),
         ([0.0, 1, 2, 3], {"step": 0.5, "tolerance": 1}),
-        ([0.0, 1, 2, 3], {"step": -1}),
+        ([0.0, 1, 2, 3], {"precision": f"step={-1}"}),
         ([0, 1, 2, 3], {"mesh": "unknown"}),
     ):
         with pytest.raises(OptionError):
-            encode_mesh(*mesh, values, 1.5, **options)
+            encode(Mesh(*mesh, values), 1.5, **options)
 
 
 @pytest.mark.parametrize("make", [plane, space])
 def test_damaged(make):
     """Whatever bytes come, a decoder ends with an error of ours or a contour."""
     mesh = make(9)
-    data = encode_mesh(*mesh, noise(len(mesh[0]), 9), [30, 60], tolerance=1)
+    data = encode(Mesh(*mesh, noise(len(mesh[0]), 9)), [30, 60], precision=1)
     rng = np.random.default_rng(1)
     for _ in range(20 if INTERPRETED else 300):
         wrong = bytearray(data)
@@ -321,7 +321,7 @@ def test_damaged(make):
 
 def test_limits():
     mesh = plane(3)
-    data = encode_mesh(*mesh, noise(len(mesh[0]), 1), [40, 50])
+    data = encode(Mesh(*mesh, noise(len(mesh[0]), 1)), [40, 50])
     for limits in (
         Limits(vertices=10), Limits(simplices=10), Limits(symbols=20), Limits(isovalues=1), Limits(layers=1),
         Limits(bytes=20), Limits(memory=1000),

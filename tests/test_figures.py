@@ -21,7 +21,7 @@ from isocodec.grid.models.parabola import extrapolation
 
 def test_the_trace_of_a_walk_is_what_the_decoder_knows() -> None:
     field = small_field()
-    data = isocodec.encode(field, 0, plan=[("base", None)], profile="baseline")
+    data = isocodec.encode(field, 0, layers=[("base", None)], profile="baseline")
     symbols = symbols_of(data)
     (layer,) = isocodec.inspect(data, symbols=True).layers
     names = ["origin", "component", "location", "base_sign"]
@@ -60,7 +60,7 @@ def test_layers_that_share_a_file_by_bytes() -> None:
 def test_all_sides_of_a_mesh_are_drawn_once() -> None:
     from matplotlib.figure import Figure
 
-    decoder = stages(isocodec.encode(HILLS, 60.5, tolerance=2), [1])[0].decoder
+    decoder = stages(isocodec.encode(HILLS, 60.5, precision=2), [1])[0].decoder
     mesh = decoder.tessellation()
     axes = Figure().add_subplot()
     draw_mesh(axes, mesh)

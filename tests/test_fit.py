@@ -237,5 +237,5 @@ def test_samples_on_the_isovalue(n):
     assert (field == 0).any()
     for tolerance in (0.25, 1.0):
         promise = Promise(check_field(field, 0.0))
-        found = isocodec.decode(isocodec.encode(field, 0.0, tolerance=tolerance))
+        found = isocodec.decode(isocodec.encode(field, 0.0, precision=tolerance))
         assert not len(promise.excess(found, tolerance))

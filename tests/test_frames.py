@@ -15,14 +15,15 @@ import isocodec
 from isocodec import (
     Contour,
     Decoder,
+    Encoder,
     FormatError,
     FrameRead,
+    Frames,
     InputError,
     Limits,
     OptionError,
-    SeriesEncoder,
     TruncatedError,
-    encode_frames,
+    encode,
 )
 from isocodec.errors import IsoError
 from isocodec.stream.inspect import inspect
@@ -78,23 +79,25 @@ def assert_same(frames: Sequence[NDArray[Any]], data: bytes, isovalues: Sequence
 
 @pytest.mark.parametrize("profile", ["main", "baseline"])
 @pytest.mark.parametrize("interval", [0, 1, 4])
-@pytest.mark.parametrize("options", [{"signs_only": True}, {"exact": True}, {}], ids=["signs", "exact", "default"])
+@pytest.mark.parametrize(
+    "options", [{"precision": "signs"}, {"precision": "exact"}, {}], ids=["signs", "exact", "default"],
+)
 def test_each_frame_is_its_own_curve(options: dict[str, Any], interval: int, profile: str):
     frames = moving()
-    data = encode_frames(frames, ISOVALUE, interval=interval, profile=profile, **options)
+    data = encode(Frames(frames), ISOVALUE, interval=interval, profile=profile, **options)
     assert_same(frames, data, [ISOVALUE], profile=profile, **options)
 
 
-@pytest.mark.parametrize("options", [{"signs_only": True}, {"exact": True}], ids=["signs", "exact"])
+@pytest.mark.parametrize("options", [{"precision": "signs"}, {"precision": "exact"}], ids=["signs", "exact"])
 def test_surfaces(options: dict[str, Any]):
     frames = solid()
-    assert_same(frames, encode_frames(frames, 45, **options), [45], **options)
+    assert_same(frames, encode(Frames(frames), 45, **options), [45], **options)
 
 
 @pytest.mark.parametrize("interval", [0, 3])
 def test_several_isovalues(interval: int):
     frames = moving()
-    data = encode_frames(frames, [40, 25, 55], interval=interval, exact=True)
+    data = encode(Frames(frames), [40, 25, 55], interval=interval, precision="exact")
     assert_same(frames, data, [40, 25, 55], exact=True)
     info = inspect(data)
     assert [frame.key for frame in info.frames] == [t % interval == 0 if interval else t == 0 for t in range(6)]
@@ -103,13 +106,13 @@ def test_several_isovalues(interval: int):
 
 
 @pytest.mark.parametrize(
-    "options", [{"tolerance": 0.5}, {"steps": [1, 0.2]}, {"criterion": "topology"}, {"preserve_topology": True},
-                {"base_level": 4}, {"leaning": False}, {"plan": [("base", 3), ("refine", 2), ("offsets", 5, 1)]}],
+    "options", [{"precision": 0.5}, {"precision": [1, 0.2]}, {"layers": "topology"}, {"keep_topology": True},
+                {"layers": 4}, {"independent": True}, {"layers": [("base", 3), ("refine", 2), ("offsets", 5, 1)]}],
     ids=lambda options: next(iter(options)),
 )
 def test_any_layers(options: dict[str, Any]):
     frames = moving(3, 24)
-    data = encode_frames(frames, ISOVALUE, **options)
+    data = encode(Frames(frames), ISOVALUE, **options)
     for number, curves in enumerate(isocodec.decode_frames(data)):
         assert curves[0].complete and len(curves[0].points)
         assert points(isocodec.decode(data, frame=number)) == points(curves[0])
@@ -118,7 +121,7 @@ def test_any_layers(options: dict[str, Any]):
 def test_as_find_contours():
     measure = pytest.importorskip("skimage.measure")
     frames = moving()
-    data = encode_frames(frames, ISOVALUE + 0.5, exact=True)
+    data = encode(Frames(frames), ISOVALUE + 0.5, precision="exact")
     for number, frame in enumerate(frames):
         lines = measure.find_contours(frame.astype(float), ISOVALUE + 0.5)
         wanted = np.unique(np.round(np.concatenate(lines), 6), axis=0)
@@ -128,7 +131,7 @@ def test_as_find_contours():
 
 @pytest.mark.parametrize("piece", [1, 7, 1000])
 def test_bytes_may_come_in_any_pieces(piece: int):
-    data = encode_frames(moving(4, 24), [ISOVALUE, 25], interval=3)
+    data = encode(Frames(moving(4, 24)), [ISOVALUE, 25], interval=3)
     whole, parts = Decoder(), Decoder()
     whole.feed(data)
     events = list(whole)
@@ -143,7 +146,7 @@ def test_bytes_may_come_in_any_pieces(piece: int):
 
 def test_a_frame_needs_none_before_its_interval():
     frames = moving(7)
-    data = encode_frames(frames, ISOVALUE, interval=3, signs_only=True)
+    data = encode(Frames(frames), ISOVALUE, interval=3, precision="signs")
     info = inspect(data)
     damaged = bytearray(data)
     for chunk in info.chunks:
@@ -161,7 +164,7 @@ def test_a_frame_needs_none_before_its_interval():
 
 def test_frames_that_are_not_wanted_take_no_memory():
     frames = moving(8)
-    data = encode_frames(frames, ISOVALUE, interval=4, signs_only=True)
+    data = encode(Frames(frames), ISOVALUE, interval=4, precision="signs")
     held = {}
     for number in (0, 3, 4, 7):
         decoder = Decoder(frame=number)
@@ -177,7 +180,7 @@ def test_memory_is_that_of_two_frames():
     most = []
     for frames in (few, many):
         decoder = Decoder()
-        decoder.feed(encode_frames(frames, ISOVALUE, signs_only=True))
+        decoder.feed(encode(Frames(frames), ISOVALUE, precision="signs"))
         decoder.close()
         most.append(decoder.memory)
         assert len(decoder.layers) < 20 and len(decoder.runs) == 1
@@ -185,7 +188,7 @@ def test_memory_is_that_of_two_frames():
 
 
 def test_memory_of_encoding_is_that_of_two_frames():
-    series = SeriesEncoder(ISOVALUE, signs_only=True)
+    series = Encoder(ISOVALUE, precision="signs")
     for frame in moving(6):
         series.add(frame)
     frame = series._before
@@ -195,7 +198,7 @@ def test_memory_of_encoding_is_that_of_two_frames():
 
 def test_prefixes_give_the_frames_they_hold():
     frames = moving(4, 24)
-    data = encode_frames(frames, ISOVALUE, signs_only=True)
+    data = encode(Frames(frames), ISOVALUE, precision="signs")
     ends = [frame.offset for frame in inspect(data).frames[1:]]
     for length in range(len(data)):
         taken = []
@@ -209,7 +212,7 @@ def test_prefixes_give_the_frames_they_hold():
 @pytest.mark.parametrize("share", [0.3, 0.6, 0.9])
 def test_truncated_files_are_files(share: float):
     frames = moving(5)
-    data = encode_frames(frames, ISOVALUE)
+    data = encode(Frames(frames), ISOVALUE)
     short = isocodec.truncate(data, max_bytes=int(share * len(data)))
     assert len(short) <= share * len(data)
     count = len(inspect(short).frames)
@@ -225,38 +228,38 @@ def test_truncated_files_are_files(share: float):
 def test_holes_are_those_of_all_frames():
     frames = moving().astype(np.float32)
     frames[:, 5:9, 12:20] = np.nan
-    data = encode_frames(frames, ISOVALUE, signs_only=True)
+    data = encode(Frames(frames), ISOVALUE, precision="signs")
     for number, frame in enumerate(frames):
-        alone = isocodec.decode(isocodec.encode(frame, ISOVALUE, signs_only=True))
+        alone = isocodec.decode(isocodec.encode(frame, ISOVALUE, precision="signs"))
         assert points(isocodec.decode(data, frame=number)) == points(alone)
     frames[3, 20, 20] = np.nan
     with pytest.raises(InputError, match="missing"):
-        encode_frames(frames, ISOVALUE, signs_only=True)
+        encode(Frames(frames), ISOVALUE, precision="signs")
 
 
 def test_masks_of_frames():
     frames = moving()
-    data = encode_frames(frames, ISOVALUE, interval=2, signs_only=True)
+    data = encode(Frames(frames), ISOVALUE, interval=2, precision="signs")
     for number, frame in enumerate(frames):
         assert (isocodec.decode_mask(data, frame=number) == (frame > ISOVALUE)).all()
 
 
 def test_a_moving_curve_takes_little():
     frames = moving(10, 64)
-    alone = sum(len(isocodec.encode(frame, ISOVALUE, signs_only=True)) for frame in frames)
-    assert len(encode_frames(frames, ISOVALUE, signs_only=True)) < 0.6 * alone
+    alone = sum(len(isocodec.encode(frame, ISOVALUE, precision="signs")) for frame in frames)
+    assert len(encode(Frames(frames), ISOVALUE, precision="signs")) < 0.6 * alone
     # frames that are all alike next to nothing
     still = [frames[0]] * 10
-    assert len(encode_frames(still, ISOVALUE, signs_only=True)) < 3.5 * alone / 10
+    assert len(encode(Frames(still), ISOVALUE, precision="signs")) < 3.5 * alone / 10
 
 
 def test_piece_by_piece_and_at_once():
     frames = moving()
-    series = SeriesEncoder(ISOVALUE, interval=2)
+    series = Encoder(ISOVALUE, interval=2)
     pieces = [series.add(frame) for frame in frames]
     assert series.frames == 6
     assert all(pieces)
-    assert b"".join(pieces) + series.finish() == encode_frames(frames, ISOVALUE, interval=2)
+    assert b"".join(pieces) + series.finish() == encode(Frames(frames), ISOVALUE, interval=2)
     with pytest.raises(OptionError, match="finished"):
         series.add(frames[0])
     with pytest.raises(OptionError, match="finished"):
@@ -274,23 +277,23 @@ def test_piece_by_piece_and_at_once():
 )
 def test_frames_that_are_not_alike(frames: list[NDArray[Any]], message: str):
     with pytest.raises(InputError, match=message):
-        encode_frames(frames, 0.5)
+        encode(Frames(frames), 0.5)
 
 
 @pytest.mark.parametrize("interval", [-1, 1.5, 1 << 40])
 def test_intervals_out_of_range(interval: Any):
     with pytest.raises(OptionError, match="interval"):
-        encode_frames(moving(2), ISOVALUE, interval=interval)
+        encode(Frames(moving(2)), ISOVALUE, interval=interval)
 
 
 @pytest.mark.parametrize("frame", [-1, 1.5, True])
 def test_frames_that_are_no_number(frame: Any):
     with pytest.raises(OptionError, match="frame"):
-        isocodec.decode(encode_frames(moving(2), ISOVALUE), frame=frame)
+        isocodec.decode(encode(Frames(moving(2)), ISOVALUE), frame=frame)
 
 
 def test_frames_that_are_not_there():
-    data = encode_frames(moving(3), ISOVALUE)
+    data = encode(Frames(moving(3)), ISOVALUE)
     with pytest.raises(OptionError, match="no frame 3"):
         isocodec.decode(data, frame=3)
     with pytest.raises(TruncatedError, match="before frame 2"):
@@ -302,7 +305,7 @@ def test_frames_that_are_not_there():
 
 
 def test_a_frame_is_written_as_its_type_says():
-    data = encode_frames(moving(3, 8), [ISOVALUE, 20], interval=2, signs_only=True)
+    data = encode(Frames(moving(3, 8)), [ISOVALUE, 20], interval=2, precision="signs")
     info = inspect(data)
     kinds = [chunk.type for chunk in info.chunks]
     # the second isovalue of a key frame leans on the first
@@ -314,13 +317,13 @@ def test_a_frame_is_written_as_its_type_says():
 
 
 def test_a_frame_may_have_a_chunk_where_it_needs_none():
-    data = encode_frames(moving(3, 8), ISOVALUE, signs_only=True)
+    data = encode(Frames(moving(3, 8)), ISOVALUE, precision="signs")
     for chunk in reversed(inspect(data).chunks[2:]):
         data = data[: chunk.offset] + bytes([9, 0]) + data[chunk.offset :]
     data = with_checksum(data)
     assert [len(curves) for curves in isocodec.decode_frames(data)] == [1, 1, 1]
     for number, frame in enumerate(moving(3, 8)):
-        alone = isocodec.decode(isocodec.encode(frame, ISOVALUE, signs_only=True))
+        alone = isocodec.decode(isocodec.encode(frame, ISOVALUE, precision="signs"))
         assert points(isocodec.decode(data, frame=number)) == points(alone)
 
 
@@ -332,7 +335,7 @@ def test_a_frame_may_have_a_chunk_where_it_needs_none():
     ],
 )
 def test_malformed_chunks(number: int, chunk: bytes):
-    data = encode_frames(moving(2, 8), ISOVALUE, interval=5, signs_only=True)
+    data = encode(Frames(moving(2, 8)), ISOVALUE, interval=5, precision="signs")
     place = inspect(data).chunks[number]
     end = place.offset + (place.bytes if number == 0 else 0)
     bad = with_checksum(data[: place.offset] + chunk + data[end:])
@@ -344,7 +347,7 @@ def test_malformed_chunks(number: int, chunk: bytes):
 
 
 def test_frames_behind_layers():
-    data = isocodec.encode(moving(1, 8)[0], ISOVALUE, signs_only=True)
+    data = isocodec.encode(moving(1, 8)[0], ISOVALUE, precision="signs")
     at = inspect(data).chunks[0].offset
     bad = with_checksum(data[:at] + bytes([data[at] & ~0x20]) + data[at + 1 : -4] + b"\x29\x01\x00" + b"\0" * 4)
     with pytest.raises(FormatError) as caught:
@@ -353,7 +356,7 @@ def test_frames_behind_layers():
 
 
 def test_damaged_bytes_never_crash():
-    data = encode_frames(moving(3, 12), [ISOVALUE, 20], interval=2)
+    data = encode(Frames(moving(3, 12)), [ISOVALUE, 20], interval=2)
     rng = np.random.default_rng(30)
     for _ in range(200):
         bad = bytearray(data)
@@ -368,7 +371,7 @@ def test_damaged_bytes_never_crash():
 
 def test_limits_count_two_frames():
     frames = moving(6)
-    data = encode_frames(frames, ISOVALUE, signs_only=True)
+    data = encode(Frames(frames), ISOVALUE, precision="signs")
     decoder = Decoder()
     decoder.feed(data)
     decoder.close()

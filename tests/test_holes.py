@@ -136,7 +136,7 @@ def test_masks_of_another_shape_or_type(mask: np.ndarray) -> None:
 def test_areas_are_not_closed_along_holes() -> None:
     contour = isocodec.decode(isocodec.encode(FLOATS, 80.5, mask=HOLE))
     with pytest.raises(isocodec.OptionError, match="missing samples"):
-        isocodec.areas(contour)
+        contour.areas()
 
 
 @pytest.mark.parametrize("options", [{}, {"exact": True}, {"signs_only": True}, {"tolerance": 1.0}])
@@ -145,7 +145,7 @@ def test_areas_closed_along_holes(options: dict[str, object]) -> None:
     shapely = pytest.importorskip("shapely")
     data = isocodec.encode(HILLS, 80.5, mask=HOLE, **options)
     contour, valid = isocodec.decode(data, through_holes=True), isocodec.decode_valid(data)
-    sides = [shapely.geometry.shape(isocodec.areas(contour, above=side, valid=valid)) for side in (True, False)]
+    sides = [shapely.geometry.shape(contour.areas(above=side, valid=valid)) for side in (True, False)]
     whole = valid[:-1, :-1] & valid[1:, :-1] & valid[:-1, 1:] & valid[1:, 1:]
     assert sides[0].area + sides[1].area == pytest.approx(whole.sum())
     assert sides[0].intersection(sides[1]).area == pytest.approx(0, abs=1e-9)
@@ -165,7 +165,7 @@ def test_areas_closed_along_holes(options: dict[str, object]) -> None:
 def test_what_areas_along_holes_take() -> None:
     data = isocodec.encode(FLOATS, 80.5, mask=HOLE)
     with pytest.raises(isocodec.OptionError, match="valid has shape"):
-        isocodec.areas(isocodec.decode(data, through_holes=True), valid=np.ones((3, 3), bool))
+        isocodec.decode(data, through_holes=True).areas(valid=np.ones((3, 3), bool))
 
 
 def test_nothing_is_left() -> None:
@@ -302,7 +302,7 @@ def test_holes_cost_less_than_what_they_replace() -> None:
     field = np.sin(x / 9) + np.cos(y / 7 + x / 30)
     gone = np.hypot(x - 90, y - 110) < 60
     filled = np.where(gone, 0.0, field)
-    from isocodec.io.readers.missing import filled as replaced
+    from isocodec.field.missing import filled as replaced
 
     nearest = isocodec.encode(replaced(filled, gone, "nearest", [0.2]), 0.2)
     mask = isocodec.encode(~gone, 0.5, signs_only=True)
@@ -319,10 +319,10 @@ def test_on_the_command_line(tmp_path: Path) -> None:
         ok("encode", tmp_path / "b.npy", "-o", tmp_path / "b.iso", "--isovalue", 80.5, "--nodata", -9999, *more)
         assert (tmp_path / "b.iso").read_bytes() == isocodec.encode(field, 80.5)
     assert "mask" in ok("info", tmp_path / "a.iso")
-    ok("decode", tmp_path / "a.iso", "-o", tmp_path / "a.geojson", "--areas", "above", "--along-holes")
-    fails(2, "decode", tmp_path / "a.iso", "-o", tmp_path / "b.geojson", "--areas", "above")
+    ok("decode", tmp_path / "a.iso", "-o", tmp_path / "a.geojson", "--what", "areas", "--side", "above", "--along-holes")
+    fails(2, "decode", tmp_path / "a.iso", "-o", tmp_path / "b.geojson", "--what", "areas", "--side", "above")
     fails(2, "decode", tmp_path / "a.iso", "-o", tmp_path / "b.geojson", "--along-holes")
-    ok("mask", tmp_path / "a.iso", "-o", tmp_path / "valid.npy", "--valid")
+    ok("decode", "--what", "above", tmp_path / "a.iso", "-o", tmp_path / "valid.npy", "--what", "valid")
     assert np.array_equal(np.load(tmp_path / "valid.npy"), ~HOLE)
     np.save(tmp_path / "c.npy", np.full((5, 5), np.nan))
     empty = fails(3, "encode", tmp_path / "c.npy", "-o", tmp_path / "c.iso", "--isovalue", 1)

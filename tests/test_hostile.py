@@ -42,7 +42,7 @@ def test_limits(monkeypatch):
         begin(tube, *arguments)
 
     monkeypatch.setattr(Tube, "begin_base", noted)
-    data = isocodec.encode(picture((60, 60), 8, noise=0.5), 0, base_level=0)
+    data = isocodec.encode(picture((60, 60), 8, noise=0.5), 0, layers=0)
     decoder, code = limited(data, vertices=500)
     assert code == "limit-vertices"
     assert 0 < tubes[-1].state.counters.vertices <= 500 and len(tubes[-1].state.vertex) <= 2 * 500
@@ -54,7 +54,7 @@ def test_limits(monkeypatch):
     Decoder(Limits(bytes=len(data))).feed(data)
     speck = np.zeros((40, 40), int)
     speck[21, 19] = 1
-    _, code = limited(isocodec.encode(speck, 0, base_level=0), steps=0)
+    _, code = limited(isocodec.encode(speck, 0, layers=0), steps=0)
     assert code == "limit-steps"
 
 
@@ -68,7 +68,7 @@ def test_limits_of_whole_files():
 def test_limits_hold_for_all_isovalues_together():
     field = picture((24, 26), 9)
     levels = [-20.5 + 4 * i for i in range(10)]
-    data = isocodec.encode(field, levels, exact=True, leaning=False)
+    data = isocodec.encode(field, levels, precision="exact", independent=True)
     decoder = Decoder()
     decoder.feed(data)
     decoder.close()

@@ -54,11 +54,13 @@ def test_a_curve_and_a_surface() -> None:
 
 
 def test_promises_frames_and_meshes() -> None:
-    steps = facts(parsed(isocodec.open(isocodec.encode(HILLS, 80.5, steps=[4, 1]))._repr_html_()))
+    steps = facts(parsed(isocodec.open(isocodec.encode(HILLS, 80.5, precision=[4, 1]))._repr_html_()))
     assert steps["promises"] == "4, 1 cells"
-    assert facts(parsed(isocodec.open(isocodec.encode_frames([HILLS] * 3, 80.5))._repr_html_()))["frames"] == "3"
+    assert facts(
+        parsed(isocodec.open(isocodec.encode(isocodec.Frames([HILLS] * 3), 80.5))._repr_html_())
+    )["frames"] == "3"
     points = np.random.default_rng(1).random((60, 2))
-    scattered = parsed(isocodec.open(isocodec.encode_mesh(points, None, points[:, 0], 0.5))._repr_html_())
+    scattered = parsed(isocodec.open(isocodec.encode(isocodec.Mesh(points, None, points[:, 0]), 0.5))._repr_html_())
     assert len(list(scattered.iter(f"{SVG}path"))) == 1
 
 
@@ -72,6 +74,6 @@ def test_too_much_for_the_limits(limits: isocodec.Limits) -> None:
 
 def test_mesh_that_the_file_does_not_hold() -> None:
     points = np.array([[0.0, 0], [1, 0], [0, 1], [1, 1]])
-    known = isocodec.encode_mesh(points, [[0, 1, 2], [1, 3, 2]], [0, 1, 1, 2], 0.5)
+    known = isocodec.encode(isocodec.Mesh(points, [[0, 1, 2], [1, 3, 2]], [0, 1, 1, 2]), 0.5)
     page = parsed(isocodec.open(known)._repr_html_())
     assert not list(page.iter(f"{SVG}path")) and facts(page)["isovalues"] == "0.5"

@@ -13,16 +13,17 @@ from scipy.spatial import KDTree
 import isocodec
 from brute import blobs, examples, meshes, mixed, smooth
 from commands import HILLS
-from isocodec import Decoder, Encoder
+from isocodec import Decoder
 from isocodec.drawing.snapshot import leaves_of, state_of
 from isocodec.errors import FormatError, OptionError
-from isocodec.field.samples import Field
+from isocodec.field.samples import Samples
 from isocodec.format.events import IsovalueRead
 from isocodec.grid.lattice.tables import cube_exponent
 from isocodec.grid.layers.writer import LayerWriter
 from isocodec.grid.passes.runner import Tube
 from isocodec.search import strategy
 from isocodec.search.strategy import grid_plan
+from isocodec.stream.encoder import encoder_of
 from isocodec.stream.options import DEFAULT_TOLERANCE
 from isoconform.meshes import chosen, uniform
 from isoconform.streams import layers, split
@@ -56,7 +57,7 @@ def same(a, b, within=0.0):
 
 @pytest.mark.parametrize("n", [2, 3])
 @pytest.mark.parametrize(
-    "wanted", [{"parts": 11}, {}, {"exact": True}, {"signs_only": True}, {"base_level": 1}, {"leaning": False}]
+    "wanted", [{"parts": 11}, {}, {"precision": "exact"}, {"precision": "signs"}, {"layers": 1}, {"independent": True}]
 )
 def test_each_decodes_as_by_itself(n, wanted):
     """To the last bit, or, where the encoder is free to tell crossings within a tolerance, within twice that."""
@@ -72,7 +73,7 @@ def test_each_decodes_as_by_itself(n, wanted):
         options = dict(wanted)
         if "parts" in options:
             options["plan"] = [*grid_plan(n, full, None), ("offsets", options.pop("parts"))]
-        encoder = Encoder(field, isovalues, **options)
+        encoder = encoder_of(field, isovalues, **options)
         data = b"".join(encoder)
         alone = {k: v for k, v in options.items() if k != "leaning"}
         for isovalue in isovalues:
@@ -82,7 +83,7 @@ def test_each_decodes_as_by_itself(n, wanted):
         decoder.feed(data)
         decoder.close()
         assert decoder.isovalues == isovalues
-        for number, strand in enumerate(encoder._strands):
+        for number, strand in enumerate(encoder.frame.strands):
             assert state_of(strand.tube).lines() == decoder.state(number).lines()
             same(decoder.drawn(number), isocodec.decode(data, isovalue=isovalues[number]))
 
@@ -104,7 +105,7 @@ def test_bases_from_the_leaves_of_another(n):
         if level == full:
             plans = {v: plan[:1] for v, plan in plans.items()}
         decoder = Decoder()
-        decoder.feed(b"".join(Encoder(field, isovalues, plan=plans)))
+        decoder.feed(b"".join(encoder_of(field, isovalues, layers=plans)))
         decoder.close()
         for number, isovalue in enumerate(isovalues[1:], 1):
             leaves = leaves_of(decoder._tubes[number], isovalue, lambda steps, above: steps)
@@ -122,8 +123,10 @@ def test_bases_from_the_leaves_of_an_adaptive_mesh():
         10.5: strategy.reduced(promise(field, 10.5), "distortion", 1.0, True),
         12.5: [("leaf_base",), ("refine", None)],
     }
-    data = b"".join(Encoder(field, [10.5, 12.5], plan=plans))
-    found, alone = isocodec.decode(data, isovalue=12.5), isocodec.decode(isocodec.encode(field, 12.5, signs_only=True))
+    data = b"".join(encoder_of(field, [10.5, 12.5], layers=plans))
+    found, alone = isocodec.decode(data, isovalue=12.5), isocodec.decode(
+        isocodec.encode(field, 12.5, precision="signs")
+    )
     assert sorted(found.points[found.cells].tolist()) == sorted(alone.points[alone.cells].tolist())
 
 
@@ -153,11 +156,11 @@ def test_bijection(n):
                 elif kind == "adapt" and level < full:
                     mesh |= data.draw(meshes(field.shape, mesh))
                     plans[v].append((kind, 1, chosen(field.shape, mesh)))
-        encoder = Encoder(field, isovalues, plan=plans)
+        encoder = encoder_of(field, isovalues, layers=plans)
         decoder = Decoder()
         decoder.feed(b"".join(encoder))
         decoder.close()
-        for number, strand in enumerate(encoder._strands):
+        for number, strand in enumerate(encoder.frame.strands):
             assert state_of(strand.tube).lines() == decoder.state(number).lines()
 
     run()
@@ -173,7 +176,7 @@ def promise(field, isovalue):
 def test_a_close_one_costs_little():
     """C2-close-by: bytes on smooth data, against the same isovalue alone."""
     field = np.rint(smooth((120, 120), 5) * 400).astype(np.int64)
-    for options, share in (({}, 0.6), ({"exact": True}, 0.3), ({"signs_only": True}, 0.6)):
+    for options, share in (({}, 0.6), ({"precision": "exact"}, 0.3), ({"precision": "signs"}, 0.6)):
         first, second = (len(isocodec.encode(field, v, **options)) for v in (50.5, 53.5))
         both = len(isocodec.encode(field, [50.5, 53.5], **options))
         assert both - first < share * second
@@ -201,7 +204,7 @@ def test_curves_never_cross(n):
         plan = None
         if radix is not None:
             plan = [*grid_plan(n, n * cube_exponent(field.shape), None), ("offsets", radix)]
-        data = b"".join(Encoder(field, isovalues, plan=plan))
+        data = b"".join(encoder_of(field, isovalues, layers=plan))
         found = {v: crossings(isocodec.decode(data, isovalue=v), n) for v in isovalues}
         for low, high in zip(sorted(isovalues), sorted(isovalues)[1:], strict=False):
             for edge in found[low].keys() & found[high].keys():
@@ -218,10 +221,10 @@ def test_curves_never_cross(n):
 @pytest.mark.parametrize(
     ("profile", "options"),
     [
-        ("main", {"tolerance": 0.25}), ("baseline", {"tolerance": 1.0}), ("main", {"steps": [4, 1, 0.25]}),
-        pytest.param("baseline", {"tolerance": 0.25}, marks=pytest.mark.heavy),
-        pytest.param("main", {"tolerance": 1.0}, marks=pytest.mark.heavy),
-        pytest.param("baseline", {"steps": [4, 1, 0.25]}, marks=pytest.mark.heavy),
+        ("main", {"precision": 0.25}), ("baseline", {"precision": 1.0}), ("main", {"precision": [4, 1, 0.25]}),
+        pytest.param("baseline", {"precision": 0.25}, marks=pytest.mark.heavy),
+        pytest.param("main", {"precision": 1.0}, marks=pytest.mark.heavy),
+        pytest.param("baseline", {"precision": [4, 1, 0.25]}, marks=pytest.mark.heavy),
     ],
 )
 def test_each_keeps_to_the_tolerance(options, profile):
@@ -247,7 +250,7 @@ def test_no_leaning_where_no_plan_would_keep_to_the_tolerance(monkeypatch):
 
     monkeypatch.setattr(strategy, "smallest", never_leaning)
     field = np.rint(smooth((30, 30), 1) * 100).astype(np.int64)
-    data = isocodec.encode(field, [10.5, 12.5], tolerance=0.25)
+    data = isocodec.encode(field, [10.5, 12.5], precision=0.25)
     assert isocodec.inspect(data).leans == [None, None]
     assert not len(promise(field, 12.5).excess(isocodec.decode(data, isovalue=12.5), 0.25))
 
@@ -270,7 +273,7 @@ def test_events_and_skipping():
         other = Decoder(only={1})
         other.feed(data)
         other.close()
-    free = isocodec.encode(field, [0.5, 20.5], leaning=False)
+    free = isocodec.encode(field, [0.5, 20.5], independent=True)
     assert isocodec.inspect(free).leans == [None, None]
     other = Decoder(only={1})
     other.feed(free)
@@ -319,9 +322,9 @@ def test_numbers_that_many_isovalues_could_make_grow_no_further():
     plan = {v: [("base", None), ("values", None)] for v in isovalues}
     plan[isovalues[-1]] = [("base", None)]
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(Field, "numbers", numbers)
+        patch.setattr(Samples, "numbers", numbers)
         patch.setattr(Tube, "value_bits", lambda self: (self.estimates.value_bits(self.state, self.full), (52, 0))[1])
-        file = split(b"".join(Encoder(field, isovalues, plan=plan)))
+        file = split(b"".join(encoder_of(field, isovalues, layers=plan)))
     # what is told of the last one takes 52 bits on both sides
     data = bytes(file.with_chunks(*file.chunks, layers(bytes([0x20 | 15, 0xFF, 52, 52]), bytes(4))))
     decoder = Decoder()

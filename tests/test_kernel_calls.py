@@ -10,7 +10,6 @@ from typing import Annotated, Any, NamedTuple
 import numpy as np
 import pytest
 
-import isocodec
 from commands import HILLS
 from isocodec import KernelError
 from isocodec.grid.lattice.store import new_store
@@ -30,6 +29,7 @@ from isocodec.kernel.types import (
     UInt8Vector,
     kind_of,
 )
+from isocodec.stream.encoder import encoder_of
 
 
 @record
@@ -174,9 +174,9 @@ def test_changed_records_are_noted_anew():
 
 
 def test_a_kernel_reads_the_array_that_took_the_place_of_another():
-    encoder = isocodec.Encoder(HILLS, 80.5, signs_only=True)
+    encoder = encoder_of(HILLS, 80.5, precision="signs")
     assert b"".join(encoder)
-    state = encoder._strands[0].tube.state
+    state = encoder.frame.strands[0].tube.state
     position = state.vertex[:5, :3].astype(np.int64)
     out = np.zeros(5, np.int64)
     for known, expected in ((state.known, [*range(5)]), (new_store(2), [-1] * 5), (state.known, [*range(5)])):

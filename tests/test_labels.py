@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 import isocodec
 from commands import BALL, HILLS, fails, ok, run
 from isocodec import InputError, OptionError
+from places import matrix
 
 ZONES = np.digitize(HILLS, [20, 80, 140])
 SHELLS = np.digitize(BALL, [40, 70])
@@ -52,7 +53,7 @@ def test_holes_and_places() -> None:
     data = isocodec.encode_labels(isocodec.Field(field, placement=place, crs="EPSG:32631"), [1, 2])
     assert np.array_equal(isocodec.decode_valid(data), ~np.isnan(field))
     first = isocodec.decode(data)
-    assert first.metadata["crs"] == "EPSG:32631" and np.array_equal(first.placement, place)
+    assert first.metadata["crs"] == "EPSG:32631" and np.array_equal(matrix(first), place)
     known = ~np.isnan(field)
     assert np.array_equal(isocodec.decode_labels(data)[known], np.where(ZONES == 3, 0, ZONES)[known])
 
@@ -92,7 +93,7 @@ def test_recoded() -> None:
 @pytest.mark.parametrize(("labels", "more", "options"), [
     ([2, 1], [], {}), ([1, 2, 3], ["--profile", "baseline"], {"profile": "baseline"}),
     ([1, 2], ["--spacing", "2,3", "--metadata", "a=b"], {"placement": [2, 3], "metadata": {"a": "b"}}),
-    ([1, 2], ["--tolerance", "0.5", "--preserve-topology"], {"tolerance": 0.5, "preserve_topology": True}),
+    ([1, 2], ["--precision", "0.5", "--keep-topology"], {"tolerance": 0.5, "preserve_topology": True}),
 ])
 def test_command(tmp_path: Path, labels: list[int], more: list[str], options: dict[str, Any]) -> None:
     source, out = tmp_path / "z.npy", tmp_path / "z.iso"
@@ -104,7 +105,7 @@ def test_command(tmp_path: Path, labels: list[int], more: list[str], options: di
         assert ok("verify", source, out)
     else:
         assert "0 wrong signs" in ok("verify", source, out)
-        ok("mask", out, "-o", tmp_path / "m.npy", "--isovalue", labels[-1])
+        ok("decode", "--what", "above", out, "-o", tmp_path / "m.npy", "--isovalue", labels[-1])
         assert np.array_equal(np.load(tmp_path / "m.npy"), labels[-1] == ZONES)
         np.save(source, ZONES[::-1])
         assert run("verify", source, out).exit_code == 9
@@ -114,8 +115,8 @@ def test_command_refuses(tmp_path: Path) -> None:
     source, out = tmp_path / "z.npy", tmp_path / "z.iso"
     np.save(source, ZONES)
     encode = ("encode", source, "-o", out, "--label", 1, "--label", 2)
-    for more in (["--exact"], ["--missing", "below"], ["--interval", 1], ["--periodic", 0], ["--steps", "2,1"]):
+    for more in (["--precision", "exact"], ["--missing", "below"], ["--interval", 1], ["--periodic", 0], ["--precision", "2,1"]):
         assert "label" in fails(2, *encode, *more)
-    assert "contradict" in fails(2, *encode, "--tolerance", 1, "--signs-only")
+    assert "contradict" in fails(2, *encode, "--precision", 1, "--precision", "signs")
     assert "the labels are 0, 1, 2, 3" in fails(3, *encode, "--label", 9)
     assert not out.exists()

@@ -6,6 +6,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from isocodec.stream.mesh_decoder import MeshDecoder
 
 import isocodec
 from explicit_meshes import Mesh, components, plane, space
@@ -15,7 +16,6 @@ from isocodec.format.events import DomainRead
 from isocodec.mesh.complex import complex_of
 from isocodec.mesh.history import MOST_RING, history_of
 from isocodec.mesh.isovalue import MeshIsovalue
-from isocodec.stream.mesh_decoder import MeshDecoder
 from isospec.container import ChunkType
 
 
@@ -32,7 +32,7 @@ def outline(cells: np.ndarray) -> set[tuple[int, int]]:
 
 
 def curve(mesh: Mesh, values: np.ndarray, isovalue: float, **options: object) -> isocodec.Contour:
-    return isocodec.decode(isocodec.encode_mesh(*mesh, values, isovalue, **options), mesh=mesh)  # type: ignore[arg-type]
+    return isocodec.decode(isocodec.encode(isocodec.Mesh(*mesh, values), isovalue, **options), mesh=mesh)  # type: ignore[arg-type]
 
 
 def grid(side: int) -> Mesh:
@@ -75,7 +75,9 @@ def test_the_same_curve_as_along_a_walk(seed: int) -> None:
     mesh = plane(seed, 120, [1.0, 0.95, 0.7][seed % 3])
     rng = np.random.default_rng(seed)
     values = rng.integers(-9, 10, 120) if seed % 2 else np.sin(mesh[0] / 20).sum(axis=1)
-    options = [{"exact": True}, {"tolerance": 0.3}, {"signs_only": True}][seed % 3] if seed % 2 else {"tolerance": 0.3}
+    options = [
+        {"precision": "exact"}, {"precision": 0.3}, {"precision": "signs"},
+    ][seed % 3] if seed % 2 else {"precision": 0.3}
     got, want = (curve(mesh, values, 0.5, progressive=each, **options) for each in (True, False))
     assert np.array_equal(np.sort(got.points, axis=0), np.sort(want.points, axis=0)) or seed % 2 == 0
     # offsets are halves of parts, the same on each edge whatever the order
@@ -87,8 +89,10 @@ def test_the_same_curve_as_along_a_walk(seed: int) -> None:
 def test_further_isovalues_lean() -> None:
     mesh = plane(3, 300, 0.98)
     values = np.rint(20 * np.sin(mesh[0] / 15).sum(axis=1)).astype(int)
-    data = isocodec.encode_mesh(*mesh, values, [0.5, 5.5, -4.5], exact=True, progressive=True)
-    alone = isocodec.encode_mesh(*mesh, values, [0.5, 5.5, -4.5], exact=True, progressive=True, leaning=False)
+    data = isocodec.encode(isocodec.Mesh(*mesh, values, progressive=True), [0.5, 5.5, -4.5], precision="exact")
+    alone = isocodec.encode(
+        isocodec.Mesh(*mesh, values, progressive=True), [0.5, 5.5, -4.5], precision="exact", independent=True,
+    )
     assert len(data) < len(alone)
     for contour, isovalue in zip(isocodec.decode_all(data, mesh=mesh), (0.5, 5.5, -4.5), strict=True):
         want = curve(mesh, values, isovalue, exact=True)
@@ -102,7 +106,7 @@ def test_every_layer_shows_the_curve_of_its_mesh() -> None:
     domain, _ = complex_of(*mesh)
     history = history_of(domain)
     decoder = MeshDecoder(mesh)
-    data = isocodec.encode_mesh(*mesh, values, 0.1, progressive=True, signs_only=True)
+    data = isocodec.encode(isocodec.Mesh(*mesh, values, progressive=True), 0.1, precision="signs")
     sizes = []
     for end in range(0, len(data), 3):
         decoder.feed(data[end : end + 3])
@@ -121,7 +125,7 @@ def test_every_layer_shows_the_curve_of_its_mesh() -> None:
 def test_refused_where_there_are_no_levels() -> None:
     mesh = space(1)
     with pytest.raises(OptionError, match="triangles in the plane"):
-        isocodec.encode_mesh(*mesh, np.arange(len(mesh[0])), 5.5, progressive=True)
+        isocodec.encode(isocodec.Mesh(*mesh, np.arange(len(mesh[0])), progressive=True), 5.5)
 
 
 @pytest.mark.parametrize("layers, clause", [
@@ -133,7 +137,7 @@ def test_layers_that_may_not_come(layers: list[tuple[int, ...]], clause: str) ->
     mesh = space(1) if clause == "10.8.1" else plane(1, 60, 1.0)
     values = np.arange(len(mesh[0])) % 7
     decoder = MeshDecoder(mesh)
-    decoder.feed(isocodec.encode_mesh(*mesh, values, 9.5, signs_only=True))
+    decoder.feed(isocodec.encode(isocodec.Mesh(*mesh, values), 9.5, precision="signs"))
     (read,) = (event for event in decoder if isinstance(event, DomainRead))
     wrong = MeshDecoder(mesh)
     wrong.feed(decoder._data[: read.offset])

@@ -19,10 +19,12 @@ from isocodec import Decoder, InputError, IsoError, LimitError, Limits, OptionEr
 from isocodec import limits as module
 from isocodec.entropy import run
 from isocodec.grid.passes.runner import Tube
-from isocodec.io.writers.write import AREAS, cost_of, render_contour, render_sides
+from isocodec.io.writers.registry import find
+from isocodec.io.writers.things import Areas, thing_of
 from isocodec.limits import Budget, in_units
 from isoconform import hostile
 from isospec.container import MAX_ISOVALUES
+from written import rendered
 
 LONE = bytes(next(draft.data for draft in hostile.drafts() if draft.name == "space_main_lone_vertices"))
 """Vertices far from each other, in a base of level 24."""
@@ -131,16 +133,14 @@ def test_writing_takes_no_more_than_is_counted(n, suffix, rough):
     contour = isocodec.decode(isocodec.encode(field(n, size, rough), 0.5, placement=placement, metadata=crs))
     small = isocodec.decode(isocodec.encode(field(n, 6, 1), 0.5, placement=placement, metadata=crs))
 
-    def write(contour):
-        return render_sides([contour], ".geojson", "above") if suffix == "areas" else render_contour(contour, suffix)
-
-    write(small)
+    what, suffix = (lambda one: Areas([one], "above"), ".geojson") if suffix == "areas" else (lambda one: one, suffix)
+    rendered(what(small), suffix)
     gc.collect()
     tracemalloc.start()
-    write(contour)
+    rendered(what(contour), suffix)
     peak = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()
-    cost = AREAS if suffix == "areas" else cost_of(suffix, n)
+    cost = find("a" + suffix, thing_of(what(contour)))[1].cost[n]
     counted = cost.peak(len(contour.points), len(contour.cells))
     # a picture takes its size, whatever is in it
     assert 0.3 * (counted - cost.fixed) < peak < counted
@@ -320,8 +320,8 @@ def test_every_command_that_decodes_has_the_limits(tmp_path):
     source = tmp_path / "in.iso"
     source.write_bytes(isocodec.encode(field(2, 150, 1), 0.5))
     commands = (
-        ("decode", source, "-o", tmp_path / "a.npz"), ("mask", source, "-o", tmp_path / "a.npy"),
-        ("plot", source, "-o", tmp_path / "a.png"), ("truncate", source, "-o", tmp_path / "b.iso", "--bytes", 9000),
+        ("decode", source, "-o", tmp_path / "a.npz"), ("decode", "--what", "above", source, "-o", tmp_path / "a.npy"),
+        ("plot", source, "-o", tmp_path / "a.png"), ("edit", source, "-o", tmp_path / "b.iso", "--size", 9000),
         ("info", source, "--symbols"),
     )
     for command in commands:
@@ -340,7 +340,7 @@ def test_large_masks_are_written_when_asked_for(tmp_path):
     large = isocodec.encode(np.repeat(np.repeat(step, 64, 0), 64, 1), 4, signs_only=True)
     source.write_bytes(large)
     samples = 4096 * 4096
-    assert "--limit-samples" in fails(6, "mask", source, "-o", tmp_path / "m.npy", "--limit-samples", samples - 1)
+    assert "--limit-samples" in fails(6, "decode", "--what", "above", source, "-o", tmp_path / "m.npy", "--limit-samples", samples - 1)
     assert not (tmp_path / "m.npy").exists()
     decoder = Decoder()
     decoder.feed(large)
@@ -351,7 +351,7 @@ def test_large_masks_are_written_when_asked_for(tmp_path):
     peak = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()
     assert above == samples * 24 // 64 and peak < samples / 2
-    ok("mask", source, "-o", tmp_path / "m.npy", "--limit-samples", samples)
+    ok("decode", "--what", "above", source, "-o", tmp_path / "m.npy", "--limit-samples", samples)
     assert np.array_equal(np.load(tmp_path / "m.npy")[:, ::64], np.repeat(step, 64, 0) > 4)
 
 

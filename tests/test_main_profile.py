@@ -43,6 +43,7 @@ from isocodec.grid.models.neighbourhood import nearest_vertices, see_around, sur
 from isocodec.grid.models.significance import BIRTH
 from isocodec.grid.models.trained import members, shipped_models
 from isocodec.search.strategy import grid_plan
+from isocodec.stream.encoder import encoder_of
 from isospec.tables import (
     COLUMNS,
     HIDDEN,
@@ -303,11 +304,11 @@ def test_both_profiles_decode_to_the_same(n, data):
     field = np.where(above, 1, -1) * rng.integers(1, data.draw(st.sampled_from([2, 200])), above.shape)
     rest = grid_plan(n, full, 0)[1:]
     options = data.draw(st.sampled_from([
-        {"signs_only": True}, {"signs_only": True, "base_level": 0}, {"signs_only": True, "base_level": full},
-        {"exact": True}, {"plan": [("base", 0), ("values", None), *rest, ("values", None)]},
-        {"plan": [*grid_plan(n, full, 0), ("offsets", 11)]},
-        {"plan": [*grid_plan(n, full, None), ("offsets", 3), ("offsets", 15)]},
-        {"criterion": "crossing", "tolerance": 0.2},
+        {"precision": "signs"}, {"precision": "signs", "layers": 0}, {"precision": "signs", "layers": full},
+        {"precision": "exact"}, {"layers": [("base", 0), ("values", None), *rest, ("values", None)]},
+        {"layers": [*grid_plan(n, full, 0), ("offsets", 11)]},
+        {"layers": [*grid_plan(n, full, None), ("offsets", 3), ("offsets", 15)]},
+        {"layers": "crossing", "precision": 0.2},
     ]))
     isovalues = data.draw(st.sampled_from([0.5, (0.5, 20.5)]))
     files = [isocodec.encode(field, isovalues, profile=profile, **options) for profile in ("baseline", "main")]
@@ -325,7 +326,7 @@ def test_both_profiles_decode_to_the_same(n, data):
 def test_main_is_the_default_and_smaller(n):
     """On smooth fields by a tenth at least, headers included."""
     field = smooth((90, 80) if n == 2 else (26, 24, 28), 4)
-    for options in ({"signs_only": True}, {"tolerance": 0.05}):
+    for options in ({"precision": "signs"}, {"precision": 0.05}):
         small = isocodec.encode(field, 0.1, **options)
         assert isocodec.inspect(small).profile == "main"
         assert len(small) < 0.9 * len(isocodec.encode(field, 0.1, profile="baseline", **options))
@@ -341,9 +342,9 @@ def _around(state, cd, w0, w1, w2):
 def test_rows_of_known_vertices_around(shape, back):
     """In the middle of the box and at its border, on pages of the board and across them: those known, by signs."""
     n, full = len(shape), len(shape) * cube_exponent(shape)
-    encoder = isocodec.Encoder(smooth(shape, 5), 0.1, plan=[("base", 0), ("refine", full - back)])
+    encoder = encoder_of(smooth(shape, 5), 0.1, layers=[("base", 0), ("refine", full - back)])
     assert b"".join(encoder)
-    tube = encoder._strands[0].tube
+    tube = encoder.frame.strands[0].tube
     tube._grow()
     state = tube.state
     while not survey(state):
@@ -383,9 +384,9 @@ def test_rows_of_known_vertices_around(shape, back):
 def test_crowd_counts_the_cells_of_every_size(shape):
     """Vertices and new components in every cell, and nothing in the cells around the box."""
     rng = np.random.default_rng(3)
-    encoder = isocodec.Encoder(rng.integers(0, 2, shape), 0.5, signs_only=True, base_level=0)
+    encoder = encoder_of(rng.integers(0, 2, shape), 0.5, precision="signs", layers=0)
     assert b"".join(encoder)
-    tube = encoder._strands[0].tube
+    tube = encoder.frame.strands[0].tube
     counters, crowd = tube.state.counters, tube.state.crowd
     counted = tube.state.vertex[: counters.counted, :3].astype(np.int64)
     assert counters.births > 0

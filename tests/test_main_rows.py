@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from brute import smooth
-from isocodec import Encoder
 from isocodec.entropy.contexts import rates
 from isocodec.entropy.mixer import clear
 from isocodec.entropy.range_coder import ENCODE, Coder, CoderRegisters, start
@@ -31,6 +30,7 @@ from isocodec.grid.passes.values import enter_told
 from isocodec.grid.tube.capacity import NOTHING
 from isocodec.search.promise import Promise
 from isocodec.search.strategy import grid_plan, reduced
+from isocodec.stream.encoder import encoder_of
 
 SHAPES = [(34, 29), (13, 12, 14)]
 
@@ -98,9 +98,9 @@ def test_rows_of_values_nearby(shape, planes):
     """Half of the vertices told as far as ``p``, the others one bit less."""
     n = len(shape)
     field = np.rint(smooth(shape, 5) * 200).astype(np.int64)
-    encoder = Encoder(field, 20.5, plan=[*grid_plan(n, n * cube_exponent(shape), None), ("values", planes)])
+    encoder = encoder_of(field, 20.5, layers=[*grid_plan(n, n * cube_exponent(shape), None), ("values", planes)])
     assert b"".join(encoder)
-    tube = encoder._strands[0].tube
+    tube = encoder.frame.strands[0].tube
     state, active = tube.state, tube.estimates._active
     near = nearby_samples(state, active, n)
     number, left = tube.estimates.number.copy(), tube.estimates.left.copy()
@@ -172,9 +172,9 @@ def adapted(shape, steps):
     promise = Promise(check_field(field, 0.1))
     (_, _, mesh), *_ = reduced(promise, "distortion", 0.3, False)
     plan = [("adaptive_base", 0, mesh)] if steps == 1 else [("base", len(shape)), ("adapt", 1, mesh)]
-    encoder = Encoder(field, 0.1, plan=plan)
+    encoder = encoder_of(field, 0.1, layers=plan)
     assert b"".join(encoder)
-    return encoder._strands[0].tube
+    return encoder.frame.strands[0].tube
 
 
 @pytest.mark.parametrize("shape", SHAPES)
@@ -247,9 +247,9 @@ def noisy(shape, back):
     n = len(shape)
     field = np.random.default_rng(back).integers(0, 2, shape) + smooth(shape, 5)
     full = n * cube_exponent(shape)
-    encoder = Encoder(field, 0.5, plan=[("base", 0), ("refine", full - back)])
+    encoder = encoder_of(field, 0.5, layers=[("base", 0), ("refine", full - back)])
     assert b"".join(encoder)
-    tube = encoder._strands[0].tube
+    tube = encoder.frame.strands[0].tube
     tube._grow()
     return tube
 
@@ -287,8 +287,8 @@ def test_calm_follows_what_was_predicted(shape):
     n = len(shape)
     crossed_calm = []
     for field in (smooth(shape, 3), np.random.default_rng(2).integers(0, 2, shape) - 0.4):
-        encoder = Encoder(field, 0.1, signs_only=True, base_level=n)
-        tube = encoder._strands[0].tube
+        encoder = encoder_of(field, 0.1, precision="signs", layers=n)
+        tube = encoder.frame.strands[0].tube
         trace = np.zeros((20000, 3 + MOST_ROWS), np.int32)
         tube.coder = tube.coder._replace(blend=tube.coder.blend._replace(trace=trace))
         assert b"".join(encoder)

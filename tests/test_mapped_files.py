@@ -53,11 +53,11 @@ def test_longitudes_all_round(tmp_path: Path) -> None:
     text = ok("info", path.with_suffix(".iso"))
     assert "axis 1 is periodic" in text and "x repeats after 360" in text
     # a mesh that is searched for has other ends: they stay apart, with a warning
-    contour, said = encoded(path, 0.9, "--key", "f", "--tolerance", 1)
+    contour, said = encoded(path, 0.9, "--key", "f", "--precision", 1)
     assert contour.shape == (13, 36) and "not joined" in said
     contour, said = encoded(path, 0.9, "--key", "f", "--no-placement")
-    assert contour.shape == (13, 36) and contour.mapped is None and not said
-    refused = run("encode", path, "-o", tmp_path / "b.iso", "--isovalue", 0.9, "--key", "f", "--tolerance", 1,
+    assert contour.shape == (13, 36) and contour.placement is None and not said
+    refused = run("encode", path, "-o", tmp_path / "b.iso", "--isovalue", 0.9, "--key", "f", "--precision", 1,
                   "--periodic", 1)
     assert refused.exit_code == 2 and "contradict" in refused.stderr
 
@@ -81,7 +81,7 @@ def test_coordinates_of_each_sample(tmp_path: Path) -> None:
     contour, _ = encoded(netcdf(tmp_path / "a.nc", FIELD, units, False), 0.1, "--key", "f")
     np.savez(tmp_path / "b.npz", values=FIELD, lon=NODES[0], lat=NODES[1])
     other, _ = encoded(tmp_path / "b.npz", 0.1)
-    direct = isocodec.decode(isocodec.encode(FIELD, 0.1, coordinates=NODES, period=360))
+    direct = isocodec.decode(isocodec.encode(grids.placed(FIELD, NODES, periods=360), 0.1))
     assert np.array_equal(contour.placed, direct.placed) and np.array_equal(other.placed, direct.placed)
     ok("decode", tmp_path / "a.iso", "-o", tmp_path / "a.npz")
     assert np.array_equal(np.load(tmp_path / "a.npz")["placed"], direct.placed)
@@ -126,9 +126,9 @@ def test_what_files_say(tmp_path: Path) -> None:
 
 def test_tolerance_with_a_unit(tmp_path: Path) -> None:
     np.save(tmp_path / "a.npy", grids.polar()[0])
-    encoded(tmp_path / "a.npy", 0.05, "--spacing", "30,20", "--tolerance", "15 m")
+    encoded(tmp_path / "a.npy", 0.05, "--spacing", "30,20", "--precision", "15 m")
     far = (tmp_path / "a.iso").read_bytes()
-    encoded(tmp_path / "a.npy", 0.05, "--spacing", "30,20", "--tolerance", "0.5")
+    encoded(tmp_path / "a.npy", 0.05, "--spacing", "30,20", "--precision", "0.5")
     assert far == (tmp_path / "a.iso").read_bytes()
-    nowhere = run("encode", tmp_path / "a.npy", "-o", tmp_path / "b.iso", "--isovalue", 0, "--tolerance", "15m")
+    nowhere = run("encode", tmp_path / "a.npy", "-o", tmp_path / "b.iso", "--isovalue", 0, "--precision", "15m")
     assert nowhere.exit_code == 2 and "nowhere" in nowhere.stderr

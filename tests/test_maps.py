@@ -25,7 +25,8 @@ import isocodec
 from commands import BALL as SHELL
 from commands import HILLS, fails, ok, run
 from isocodec import OptionError
-from isocodec.io import render_contour, write_contour
+from isocodec.io.writers.write import write
+from written import rendered
 
 BALL = int(SHELL.max()) - SHELL
 VALUES = [60.5, 80.5, 100.5]
@@ -78,13 +79,13 @@ def test_maps_of_lines(tmp_path: Path, hills: bytes, suffix: str) -> None:
 
 @pytest.mark.parametrize("suffix", [".gpkg", ".fgb", ".shp", ".parquet"])
 def test_maps_of_areas(tmp_path: Path, hills: bytes, suffix: str) -> None:
-    path = written(tmp_path, hills, f"map{suffix}", "--areas", "above")
+    path = written(tmp_path, hills, f"map{suffix}", "--what", "areas", "--side", "above")
     table = geopandas.read_parquet(path) if suffix == ".parquet" else geopandas.read_file(path)
     contours = isocodec.decode_all(hills)
     table = table.sort_values("isovalue")
     assert list(table.isovalue) == VALUES and set(table.side) == {"above"}
     for shape, contour in zip(table.geometry, contours, strict=True):
-        assert shape.area == pytest.approx(shape_of(isocodec.areas(contour)).area, rel=1e-12)
+        assert shape.area == pytest.approx(shape_of(contour.areas()).area, rel=1e-12)
 
 
 def test_maps_of_nothing(tmp_path: Path) -> None:
@@ -103,7 +104,7 @@ def test_geojson_is_in_degrees(tmp_path: Path, hills: bytes) -> None:
         expected = np.stack(to_degrees.transform(*contour.placed[np.concatenate(contour.walks)].T), axis=1)
         assert np.abs(at - expected).max() < 1e-9
         assert (np.abs(at) <= [180, 90]).all()
-    for feature in json.loads(written(tmp_path, hills, "map.geojson", "--areas", "above").read_text())["features"]:
+    for feature in json.loads(written(tmp_path, hills, "map.geojson", "--what", "areas", "--side", "above").read_text())["features"]:
         for part in shape_of(feature["geometry"]).geoms:
             assert part.exterior.is_ccw and not any(hole.is_ccw for hole in part.interiors)
 
@@ -222,17 +223,17 @@ def test_models_small_and_far_away(tmp_path: Path, where: str) -> None:
 @pytest.mark.parametrize("suffix", [".off", ".ply", ".stl", ".obj"])
 def test_models_of_one(tmp_path: Path, suffix: str) -> None:
     contour = isocodec.decode(isocodec.encode(BALL, 80.5, placement=SPACE[:, :3] @ np.eye(3, 4)))
-    write_contour(contour, tmp_path / f"a{suffix}")
+    write(tmp_path / f"a{suffix}", contour)
     mesh = trimesh.load_mesh(tmp_path / f"a{suffix}")
     assert mesh.volume == pytest.approx(contour.to_trimesh().volume, rel=1e-5) and mesh.volume > 0
 
 
 def test_models_of_nothing(tmp_path: Path) -> None:
     nothing = isocodec.decode(isocodec.encode(BALL, 1e6))
-    assert render_contour(nothing, ".off") == b"OFF\n0 0 0\n"
+    assert rendered(nothing, ".off") == b"OFF\n0 0 0\n"
     for suffix in (".glb", ".3mf"):
         with pytest.raises(OptionError, match="empty"):
-            render_contour(nothing, suffix)
+            rendered(nothing, suffix)
 
 
 def polydata(path: Path) -> Any:
@@ -328,6 +329,6 @@ def test_picture_of_a_notebook(hills: bytes, shells: bytes, monkeypatch: pytest.
     for data in (hills, shells):
         contour = isocodec.decode(data)
         assert (contour._repr_png_() or b"").startswith(b"\x89PNG")
-        assert contour._repr_png_() == render_contour(replace(contour), ".png")
+        assert contour._repr_png_() == rendered(replace(contour), ".png")
     monkeypatch.setitem(__import__("sys").modules, "matplotlib.figure", None)
     assert isocodec.decode(hills)._repr_png_() is None

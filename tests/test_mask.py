@@ -108,7 +108,7 @@ def test_damage_behind_the_isovalue_changes_nothing(tmp_path: Path) -> None:
     with pytest.raises(isocodec.FormatError):
         isocodec.inspect(bytes(data))
     (tmp_path / "in.iso").write_bytes(data)
-    result = run("mask", tmp_path / "in.iso", "-o", tmp_path / "m.npy", "--json")
+    result = run("decode", "--what", "above", tmp_path / "in.iso", "-o", tmp_path / "m.npy", "--json")
     assert result.exit_code == 0 and "choose another with --isovalue: 60.5" in result.stderr
     assert json.loads(result.stdout)["isovalue"] == 100.5
 
@@ -123,10 +123,10 @@ def test_samples_are_limited():
 
 def test_pictures_and_arrays(tmp_path: Path) -> None:
     (tmp_path / "in.iso").write_bytes(isocodec.encode(HILLS, 100.5))
-    record = json.loads(ok("mask", tmp_path / "in.iso", "-o", tmp_path / "m.png", "--json"))
+    record = json.loads(ok("decode", "--what", "above", tmp_path / "in.iso", "-o", tmp_path / "m.png", "--json"))
     assert record["above"] == (HILLS > 100.5).sum() and record["shape"] == list(HILLS.shape)
     assert np.array_equal(np.asarray(Image.open(tmp_path / "m.png")), np.where(HILLS > 100.5, 255, 0))
-    assert "samples above" in ok("mask", tmp_path / "in.iso", "-o", tmp_path / "m.npy")
+    assert "samples above" in ok("decode", "--what", "above", tmp_path / "in.iso", "-o", tmp_path / "m.npy")
     assert np.array_equal(np.load(tmp_path / "m.npy"), HILLS > 100.5)
 
 
@@ -134,8 +134,8 @@ def test_pictures_and_arrays(tmp_path: Path) -> None:
 def test_volumes_of_labels_lie_where_the_volume_did(tmp_path: Path, suffix: str) -> None:
     affine = nibabel.affines.from_matvec(np.diag([-2.0, 1.5, 3.0]), [90.0, -12.5, 7.0])
     nibabel.save(nibabel.Nifti1Image(BALL, affine), tmp_path / "in.nii.gz")
-    ok("encode", tmp_path / "in.nii.gz", "-o", tmp_path / "in.iso", "--isovalue", 60.5, "--signs-only")
-    ok("mask", tmp_path / "in.iso", "-o", tmp_path / f"m{suffix}")
+    ok("encode", tmp_path / "in.nii.gz", "-o", tmp_path / "in.iso", "--isovalue", 60.5, "--precision", "signs")
+    ok("decode", "--what", "above", tmp_path / "in.iso", "-o", tmp_path / f"m{suffix}")
     image = nibabel.load(tmp_path / f"m{suffix}")
     assert np.array_equal(np.asarray(image.dataobj), BALL > 60.5) and np.allclose(image.affine, affine)
     assert np.allclose(image.get_qform(), affine) and image.header["qform_code"] == 2
@@ -149,31 +149,31 @@ def test_volumes_whose_place_is_odd_or_unknown(tmp_path: Path) -> None:
     for name, affine in (("sheared", sheared), ("none", None)):
         image = nibabel.Nifti1Image(BALL, affine)
         nibabel.save(image, tmp_path / f"{name}.nii")
-        ok("encode", tmp_path / f"{name}.nii", "-o", tmp_path / "in.iso", "--isovalue", 60.5, "--signs-only")
-        ok("mask", tmp_path / "in.iso", "-o", tmp_path / "out.nii")
+        ok("encode", tmp_path / f"{name}.nii", "-o", tmp_path / "in.iso", "--isovalue", 60.5, "--precision", "signs")
+        ok("decode", "--what", "above", tmp_path / "in.iso", "-o", tmp_path / "out.nii")
         assert np.allclose(nibabel.load(tmp_path / "out.nii").affine, nibabel.load(tmp_path / f"{name}.nii").affine)
     ok("encode", tmp_path / "none.nii", "-o", tmp_path / "in.iso", "--isovalue", 60.5, "--no-placement")
-    ok("mask", tmp_path / "in.iso", "-o", tmp_path / "out.nii")
+    ok("decode", "--what", "above", tmp_path / "in.iso", "-o", tmp_path / "out.nii")
     assert nibabel.load(tmp_path / "out.nii").header["sform_code"] == 0
 
 
 def test_refusals(tmp_path: Path) -> None:
     (tmp_path / "in.iso").write_bytes(isocodec.encode(HILLS, 100.5))
-    assert ".npy, .png, .nii, .nii.gz" in fails(2, "mask", tmp_path / "in.iso", "-o", tmp_path / "m.svg")
-    assert ".nii.gz cannot hold a mask of 2 axes" in fails(2, "mask", tmp_path / "in.iso", "-o", tmp_path / "m.nii.gz")
+    assert ".npy, .png, .nii, .nii.gz" in fails(2, "decode", "--what", "above", tmp_path / "in.iso", "-o", tmp_path / "m.svg")
+    assert ".nii.gz cannot hold a mask of 2 axes" in fails(2, "decode", "--what", "above", tmp_path / "in.iso", "-o", tmp_path / "m.nii.gz")
     (tmp_path / "coarse.iso").write_bytes(isocodec.encode(HILLS, 100.5, tolerance=1))
-    assert "tolerance below 0.1" in fails(2, "mask", tmp_path / "coarse.iso", "-o", tmp_path / "m.npy")
+    assert "tolerance below 0.1" in fails(2, "decode", "--what", "above", tmp_path / "coarse.iso", "-o", tmp_path / "m.npy")
     assert sorted(path.name for path in tmp_path.iterdir()) == ["coarse.iso", "in.iso"]
 
 
 def test_truncated_files_and_several_isovalues(tmp_path: Path) -> None:
     data = isocodec.encode(HILLS, [100.5, 60.5])
     (tmp_path / "in.iso").write_bytes(data)
-    result = run("mask", tmp_path / "in.iso", "-o", tmp_path / "m.npy")
+    result = run("decode", "--what", "above", tmp_path / "in.iso", "-o", tmp_path / "m.npy")
     assert result.exit_code == 0 and "choose another with --isovalue: 60.5" in result.stderr
-    ok("mask", tmp_path / "in.iso", "-o", tmp_path / "m.npy", "--isovalue", 60.5)
+    ok("decode", "--what", "above", tmp_path / "in.iso", "-o", tmp_path / "m.npy", "--isovalue", 60.5)
     assert np.array_equal(np.load(tmp_path / "m.npy"), HILLS > 60.5)
     (tmp_path / "cut.iso").write_bytes(data[:-10])
-    assert "--partial" in fails(5, "mask", tmp_path / "cut.iso", "-o", tmp_path / "n.npy")
-    result = run("mask", tmp_path / "cut.iso", "-o", tmp_path / "n.npy", "--partial")
+    assert "--partial" in fails(5, "decode", "--what", "above", tmp_path / "cut.iso", "-o", tmp_path / "n.npy")
+    result = run("decode", "--what", "above", tmp_path / "cut.iso", "-o", tmp_path / "n.npy", "--partial")
     assert result.exit_code == 0 and np.array_equal(np.load(tmp_path / "n.npy"), HILLS > 100.5)

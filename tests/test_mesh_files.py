@@ -11,7 +11,7 @@ import isocodec
 from commands import fails, ok
 from explicit_meshes import plane, space, torus
 from isocodec.errors import InputError, LimitError, OptionError
-from isocodec.io.readers.mesh_read import read_mesh
+from isocodec.io import read_mesh
 
 
 def written(path, mesh, **values):
@@ -80,11 +80,11 @@ def test_commands(tmp_path):
     path = written(tmp_path / "mesh.vtu", mesh, depth=mesh[0][:, 0])
     iso, out = tmp_path / "out.iso", tmp_path / "out.geojson"
     ok("encode", path, "--values", "depth", "--isovalue", 50, "--isovalue", 70, "-o", iso)
-    ok("decode", iso, "--domain", path, "-o", out)
+    ok("decode", iso, "--mesh", path, "-o", out)
     assert len(json.loads(out.read_text())["features"]) == 2
     fails(3, "decode", iso, "-o", out)
     ok("info", iso)
-    told = json.loads(ok("encode", path, "--values", "depth", "--isovalue", 50, "--mesh", "coded", "-o", iso, "--json"))
+    told = json.loads(ok("encode", path, "--values", "depth", "--isovalue", 50, "--stored", "coded", "-o", iso, "--json"))
     assert told["cells"] == len(mesh[1]) and told["layers"] == 2
     ok("decode", iso, "-o", tmp_path / "out.npz")
     contour = isocodec.decode(iso.read_bytes())
@@ -96,7 +96,7 @@ def test_commands(tmp_path):
 def test_surfaces(tmp_path):
     mesh = space(3, 40, 1.0)
     path = written(tmp_path / "mesh.vtu", mesh, depth=mesh[0][:, 0])
-    ok("encode", path, "--values", "depth", "--isovalue", 50, "--mesh", "whole", "-o", tmp_path / "out.iso")
+    ok("encode", path, "--values", "depth", "--isovalue", 50, "--stored", "whole", "-o", tmp_path / "out.iso")
     for suffix in (".ply", ".stl", ".obj", ".npz"):
         ok("decode", tmp_path / "out.iso", "-o", tmp_path / f"out{suffix}")
     fails(2, "decode", tmp_path / "out.iso", "-o", tmp_path / "out.geojson")
@@ -108,11 +108,11 @@ def test_options_that_do_not_fit(tmp_path):
     out = tmp_path / "out.iso"
     fails(2, "encode", path, "--values", "depth", "-o", out)
     fails(2, "encode", path, "--values", "width", "--isovalue", 5, "-o", out)
-    fails(2, "encode", path, "--values", "depth", "--isovalue", 5, "--criterion", "topology", "-o", out)
+    fails(2, "encode", path, "--values", "depth", "--isovalue", 5, "--layers", "topology", "-o", out)
     np.save(tmp_path / "field.npy", np.eye(8))
-    fails(2, "encode", tmp_path / "field.npy", "--mesh", "coded", "--isovalue", 0.5, "-o", out)
+    fails(2, "encode", tmp_path / "field.npy", "--stored", "coded", "--isovalue", 0.5, "-o", out)
     ok("encode", tmp_path / "field.npy", "--isovalue", 0.5, "-o", out)
-    fails(2, "decode", out, "--domain", path, "-o", tmp_path / "out.geojson")
+    fails(2, "decode", out, "--mesh", path, "-o", tmp_path / "out.geojson")
 
 
 def test_pictures(tmp_path):
@@ -122,7 +122,7 @@ def test_pictures(tmp_path):
     data, out = tmp_path / "a.iso", tmp_path / "a.png"
     data.write_bytes(isocodec.encode_mesh(*mesh, mesh[0].sum(axis=1), [80.0, 120.0]))
     assert "3 steps" in ok(
-        "plot", data, "-o", out, "--domain", tmp_path / "mesh.npz", "--isovalue", 120, "--steps", 3
+        "plot", data, "-o", out, "--mesh", tmp_path / "mesh.npz", "--isovalue", 120, "--steps", 3
     )
     assert out.read_bytes().startswith(b"\x89PNG")
     assert "does not hold" in fails(3, "plot", data, "-o", out)

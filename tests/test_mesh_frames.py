@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from isocodec.stream.mesh_decoder import MeshDecoder
 
 import isocodec
 from brute import INTERPRETED, examples
@@ -15,7 +16,6 @@ from commands import fails, ok
 from explicit_meshes import plane, space, torus
 from isocodec.errors import FormatError, InputError, IsoError, OptionError, TruncatedError
 from isocodec.format.chunks import write_chunk
-from isocodec.stream.mesh_decoder import MeshDecoder
 from isospec.container import ChunkType
 
 ISOVALUES = [20.5, 31.5]
@@ -154,10 +154,10 @@ def test_commands(tmp_path):
     flow, out = tmp_path / "flow.npz", tmp_path / "flow.iso"
     ok("encode", flow, "-o", out, "--values", "depth", "--isovalue", 20.5, "--frame-interval", 2)
     assert json.loads(ok("info", out, "--json"))["interval"] == 2
-    ok("decode", out, "-o", tmp_path / "one.npz", "--domain", flow, "--frame", 3)
+    ok("decode", out, "-o", tmp_path / "one.npz", "--mesh", flow, "--frame", 3)
     wanted = isocodec.decode(out, frame=3, mesh=mesh)
     assert np.array_equal(np.load(tmp_path / "one.npz")["points"], wanted.points)
-    assert "0 to 3" in fails(2, "decode", out, "-o", tmp_path / "x.npz", "--domain", flow, "--frame", 9)
+    assert "0 to 3" in fails(2, "decode", out, "-o", tmp_path / "x.npz", "--mesh", flow, "--frame", 9)
     assert "--frames" in fails(
         2, "encode", flow, "-o", tmp_path / "x.iso", "--values", "depth", "--isovalue", 20.5, "--frames"
     )

@@ -12,8 +12,9 @@ import tifffile
 
 import isocodec
 from commands import HILLS, fails, ok, run
+from inputs import read_field, read_nodata
 from isocodec import InputError
-from isocodec.io.readers.missing import filled, missing_samples, read_nodata
+from isocodec.field.missing import filled, missing_samples
 
 HOLE = np.zeros(HILLS.shape, np.bool_)
 HOLE[8:14, 10:20] = HOLE[0, 0] = HOLE[30:, 38:] = True
@@ -35,7 +36,7 @@ def test_what_a_geotiff_says(tmp_path: Path, dtype: str, text: str, value: float
     field[field == 255] = 254
     field[HOLE] = np.finfo(np.float32).min if value is None else value
     path = tiff(tmp_path / "dem.tif", field, text)
-    assert np.array_equal(missing_samples(isocodec.io.read_field(path), read_nodata(path)), HOLE)
+    assert np.array_equal(missing_samples(read_field(path), read_nodata(path)), HOLE)
 
 
 @pytest.mark.parametrize("text", [None, "none", "", "1,5"])
@@ -56,7 +57,7 @@ def test_what_netcdf_says(tmp_path: Path, name: str) -> None:
         file["packed"] = np.where(HOLE, -1, 2)
         file["packed"].attrs.update({name: -1, "scale_factor": 0.5})
     for key, gone in (("z", HOLE), ("packed", HOLE), ("other", np.zeros_like(HOLE))):
-        read = isocodec.io.read_field(tmp_path / "a.nc", key=key)
+        read = read_field(tmp_path / "a.nc", key=key)
         assert np.array_equal(missing_samples(read, read_nodata(tmp_path / "a.nc", key)), gone)
     ok("encode", tmp_path / "a.nc", "--key", "z", "-o", tmp_path / "a.iso", "--isovalue", 80, "--missing", "below")
     assert not isocodec.decode_mask((tmp_path / "a.iso").read_bytes())[HOLE].any()
@@ -71,8 +72,8 @@ def test_one_of_two_that_netcdf_says(tmp_path: Path) -> None:
             file[name] = field
             file[name].attrs.update({"missing_value": np.int16(-2), "_FillValue": np.int16(-1), **more})
     assert read_nodata(tmp_path / "a.nc", "z") == -1
-    assert np.array_equal(missing_samples(isocodec.io.read_field(tmp_path / "a.nc", key="z"), -1.0), HOLE)
-    packed = isocodec.io.read_field(tmp_path / "a.nc", key="packed")
+    assert np.array_equal(missing_samples(read_field(tmp_path / "a.nc", key="z"), -1.0), HOLE)
+    packed = read_field(tmp_path / "a.nc", key="packed")
     assert np.array_equal(np.isnan(packed), HOLE) and packed[5, 5] == -1
 
 
@@ -142,7 +143,7 @@ def test_on_the_command_line(tmp_path: Path) -> None:
     dem, out = tiff(tmp_path / "dem.tif", field, "-9999"), tmp_path / "out.iso"
     result = run("encode", dem, "-o", out, "--isovalue", 80.5)
     assert result.exit_code == 0 and "missing" not in result.stderr
-    assert out.read_bytes() == isocodec.encode(field, 80.5, mask=HOLE)
+    assert out.read_bytes() == isocodec.encode(isocodec.Field(field, mask=HOLE), 80.5)
     for way in ("below", "above", "nearest"):
         result = run("encode", dem, "-o", out, "--isovalue", 80.5, "--missing", way)
         assert result.exit_code == 0 and "missing" not in result.stderr
@@ -150,14 +151,14 @@ def test_on_the_command_line(tmp_path: Path) -> None:
 
     np.save(tmp_path / "dem.npy", np.where(HOLE, np.nan, field))
     ok("encode", tmp_path / "dem.npy", "-o", out, "--isovalue", 80.5)
-    assert out.read_bytes() == isocodec.encode(field, 80.5, mask=HOLE)
+    assert out.read_bytes() == isocodec.encode(isocodec.Field(field, mask=HOLE), 80.5)
     ok("encode", tmp_path / "dem.npy", "-o", out, "--isovalue", 80.5, "--missing", "below")
     assert out.read_bytes() == isocodec.encode(filled(field, HOLE, "below", [80.5]), 80.5)
     np.save(tmp_path / "dem.npy", field)
     ok("encode", tmp_path / "dem.npy", "-o", out, "--isovalue", 80.5, "--missing", "nearest", "--nodata", "-9999")
     assert out.read_bytes() == isocodec.encode(filled(field, HOLE, "nearest", [80.5]), 80.5)
     ok("encode", tmp_path / "dem.npy", "-o", out, "--isovalue", 80.5, "--nodata", "-9999")
-    assert out.read_bytes() == isocodec.encode(field, 80.5, mask=HOLE)
+    assert out.read_bytes() == isocodec.encode(isocodec.Field(field, mask=HOLE), 80.5)
     assert "all samples" in fails(
         3, "encode", tiff(tmp_path / "sea.tif", np.zeros((4, 4)), "0"), "-o", out, "--isovalue", 1, "--missing", "below"
     )

@@ -14,10 +14,8 @@ import tifffile
 import isocodec
 from commands import fails, ok
 from files import same
-from inputs import CELLS, META, NRRD, virtual
+from inputs import CELLS, META, NRRD, read_field, read_nodata, read_place, virtual
 from isocodec.errors import InputError, LimitError
-from isocodec.io import read_field, read_place
-from isocodec.io.readers.missing import read_nodata
 
 
 @pytest.fixture
@@ -238,7 +236,7 @@ def test_coordinates_of_hdf5_in_other_files(tmp_path: Path) -> None:
             file[name].make_scale(name)
             file["z"].dims[axis].attach_scale(file[name])
     assert "not all axes" in read_place(tmp_path / "a.nc", 2, "z").remark
-    assert read_place(tmp_path / "a.nc", 2, "z", follow=True).placement is not None
+    assert read_place(tmp_path / "a.nc", 2, "z", follow=True).matrix is not None
 
 
 def ome(names: list[str], uuids: str = "ab") -> str:

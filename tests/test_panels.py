@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 import pytest
+from isocodec.cli.panels import Panels, shown, spread
 
 import isocodec
 from commands import ok
-from isocodec.cli.panels import Panels, shown, spread
 from isocodec.io.writers import picture
 
 
@@ -76,9 +76,9 @@ def test_no_panel_of_a_surface_is_empty(tmp_path: Path, monkeypatch: pytest.Monk
     """A thin shell, which coarse meshes miss: the panels are spread over the layers that have met it."""
     radius = np.sqrt(((np.mgrid[:40, :40, :40] - 19.4) ** 2).sum(axis=0))
     data = isocodec.encode(-abs(radius - 11.3), -0.8)
-    count = len(isocodec.inspect(data).layers)
+    count = len(isocodec.open(data).info.layers)
     met = [layer for layer in range(1, count + 1) if len(isocodec.decode(data, layers=layer).cells)]
-    steps = drawn_of(data, tmp_path, monkeypatch, "--steps", 4)
+    steps = drawn_of(data, tmp_path, monkeypatch, "--precision", 4)
     assert met[0] > 1 and len(steps) == min(4, len(met))
     sizes = [len(step.contour.cells) for step in steps]
     assert min(sizes) > 0

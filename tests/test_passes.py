@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from brute import blobs, crossing_edges, crossing_points, examples, lattice, mixed, sign_fields, smooth
-from isocodec import Decoder, Encoder
+from isocodec import Decoder
 from isocodec.drawing import snapshot
 from isocodec.entropy.range_coder import ENCODE, finish, start
 from isocodec.field.samples import interval_value
@@ -22,6 +22,7 @@ from isocodec.format.program import Layer
 from isocodec.grid.lattice.tables import cube_exponent
 from isocodec.kernel import DONE, NEED
 from isocodec.search.strategy import grid_plan
+from isocodec.stream.encoder import encoder_of
 from isoconform.meshes import exponent
 
 # --- set-up and checks ----------------------------------------------------------------------------------------------
@@ -64,7 +65,7 @@ def check_full_grid(leaves, above):
 
 def decode_and_check(field, isovalue=0.5, **options):
     """Encode, and decode with a look at every level; the decoder's tube at the end, and the encoder's."""
-    encoder = Encoder(field, isovalue, **options)
+    encoder = encoder_of(field, isovalue, **options)
     data = b"".join(encoder)
     above = np.asarray(field) > isovalue
     decoder = Decoder()
@@ -76,10 +77,10 @@ def decode_and_check(field, isovalue=0.5, **options):
             levels.append(level)
             check_level(leaves_of(decoder._tube, isovalue), above, level)
     assert decoder.complete
-    first = encoder.layers[0].level if options.get("base_level") is None else options["base_level"]
+    first = encoder.frame.layers[0].level if options.get("base_level") is None else options["base_level"]
     assert levels == list(range(first, above.ndim * exponent(above.shape) + 1))
     check_full_grid(leaves_of(decoder._tube, isovalue), above)
-    same_state(encoder._tube, decoder._tube)
+    same_state(encoder.frame.strands[-1].tube, decoder._tube)
     return encoder, decoder
 
 
@@ -132,14 +133,14 @@ def test_all_fields_of_a_few_samples(shape):
 @pytest.mark.parametrize("shape", [(2, 257), (129, 3), (2, 2, 65), (3, 33, 2)])
 def test_elongated_boxes(shape):
     """The root cube is mostly outside the box: 1 : 256 of its edge is left."""
-    encoder = Encoder(smooth(shape, 5, 6), 0.05, signs_only=True)
+    encoder = encoder_of(smooth(shape, 5, 6), 0.05, precision="signs")
     decoder = Decoder()
     decoder.feed(b"".join(encoder))
     decoder.close()
-    above = encoder._fields[0].signs
+    above = encoder.frame._fields[0].signs
     assert 0 < above.sum() < above.size
     check_full_grid(leaves_of(decoder._tube), above)
-    same_state(encoder._tube, decoder._tube)
+    same_state(encoder.frame.strands[-1].tube, decoder._tube)
 
 
 @pytest.mark.parametrize("base_level", range(12, 19))
@@ -147,7 +148,7 @@ def test_every_base_level_of_a_deep_mesh(base_level):
     """260 samples: the full grid is level 18, and bases lie on both sides of 14 and 15, which layer programs escape."""
     field = smooth((3, 260), 5, 6)
     decoder = Decoder()
-    decoder.feed(b"".join(Encoder(field, 0.05, signs_only=True, base_level=base_level)))
+    decoder.feed(b"".join(encoder_of(field, 0.05, precision="signs", layers=base_level)))
     decoder.close()
     assert [layer.level for layer in decoder.layers] == list(range(base_level, 19))
     check_full_grid(leaves_of(decoder._tube), field > 0.05)
@@ -236,7 +237,7 @@ def test_each_plane_halves_the_interval(case):
     """C2-geometry: with p bits missing, an estimate is within (2**p - 1) / 2 of a vertex's value."""
     field, isovalue = case
     decoder = Decoder()
-    decoder.feed(b"".join(Encoder(field, isovalue, exact=True)))
+    decoder.feed(b"".join(encoder_of(field, isovalue, precision="exact")))
     for event in decoder:
         if not isinstance(event, GeometryRefined):
             continue
@@ -255,7 +256,7 @@ def test_offsets_close_in(case):
     field, isovalue = case
     decoder = Decoder()
     plan = grid_plan(field.ndim, field.ndim * cube_exponent(field.shape), None)
-    decoder.feed(b"".join(Encoder(field, isovalue, plan=plan + [("offsets", 3), ("offsets", 11)])))
+    decoder.feed(b"".join(encoder_of(field, isovalue, layers=plan + [("offsets", 3), ("offsets", 11)])))
     expected_low, expected_axis = crossing_edges(field > isovalue)
     expected = {(*p, a) for p, a in zip(map(tuple, expected_low.tolist()), expected_axis.tolist(), strict=True)}
     last = np.full(len(expected), 0.5)
@@ -289,9 +290,9 @@ def run_layers(encoder, steps):
     ``steps`` are ("base", level), ("round",), ("values", plane) with ``plane`` bits missing afterwards. Yields the
     decoder's tube after each.
     """
-    tube = encoder._tube
+    tube = encoder.frame.strands[-1].tube
     # The header announces the bits of values before the mesh is complete: enough for any of the field.
-    span = np.abs(encoder._fields[0].values.astype(np.int64) - math.floor(encoder._fields[0].isovalue)).max()
+    span = np.abs(encoder.frame._fields[0].values.astype(np.int64) - math.floor(encoder.frame._fields[0].isovalue)).max()
     tube.estimates.bits = (int(span).bit_length(),) * 2
 
     def begin(tube, step):
@@ -334,8 +335,8 @@ def run_layers(encoder, steps):
 def test_layers_interleave(data, case):
     """C2-geometry: connectivity and geometry in any order, say two bits in between two levels."""
     field, isovalue = case
-    encoder = Encoder(field, isovalue, exact=True)
-    full = encoder._tube.full_level
+    encoder = encoder_of(field, isovalue, precision="exact")
+    full = encoder.frame.strands[-1].tube.full_level
     level = data.draw(st.integers(0, full))
     span = np.abs(field - math.floor(isovalue)).max()
     missing = int(span).bit_length()
@@ -370,8 +371,8 @@ def test_two_bits_in_between_two_levels():
     """C2-geometry, the published example, on a disc: after each round two more bits, all exact at the end."""
     grid = np.indices((17, 17)) - 7.6
     field = np.rint(1000 - 9 * (grid**2).sum(axis=0)).astype(np.int64)
-    encoder = Encoder(field, 700, exact=True)
-    full = encoder._tube.full_level
+    encoder = encoder_of(field, 700, precision="exact")
+    full = encoder.frame.strands[-1].tube.full_level
     missing = int(np.abs(field - 700).max()).bit_length()
     steps = [("base", 4)]
     for _ in range(4, full):
@@ -389,7 +390,7 @@ def test_planned_layers():
     field = np.rint(300 * smooth((17, 15), 4)).astype(np.int64)
     plan = [("base", 4), *[("values", 2), ("refine", 1)] * 4, ("values", None)]
     decoder = Decoder()
-    decoder.feed(b"".join(Encoder(field, 40, plan=plan)))
+    decoder.feed(b"".join(encoder_of(field, 40, layers=plan)))
     kinds = []
     for event in decoder:
         if isinstance(event, LayerComplete):
@@ -407,7 +408,7 @@ def test_planned_layers():
 def test_mesh_at_any_moment_is_part_of_the_final_one(shape):
     """Whatever symbol a layer stops at: known signs are right, and no leaf is listed twice."""
     above = blobs(shape, 3) ^ (np.random.default_rng(3).random(shape) < 0.02)
-    data = b"".join(Encoder(above, 0.5, signs_only=True, base_level=2))
+    data = b"".join(encoder_of(above, 0.5, precision="signs", layers=2))
     decoder = Decoder()
     for i in range(len(data)):
         decoder.feed(data[i : i + 1])

@@ -25,7 +25,7 @@ def test_a_field_in_and_a_file_out(tmp_path: Path) -> None:
     """The line for people goes to the error stream, and the first bytes tell the format."""
     np.save(tmp_path / "hills.npy", HILLS)
     stored = (tmp_path / "hills.npy").read_bytes()
-    encoded, said = piped(stored, "encode", "-", "-o", "-", "--isovalue", "80.5", "--exact")
+    encoded, said = piped(stored, "encode", "-", "-o", "-", "--isovalue", "80.5", "--precision", "exact")
     assert encoded == isocodec.encode(HILLS, 80.5, exact=True) and "bytes" in said
     raw, _ = piped(encoded, "decode", "-", "-o", "-", "--to", "geojson")
     (tmp_path / "a.iso").write_bytes(encoded)

@@ -25,7 +25,8 @@ from commands import fails, ok, run
 from files import with_checksum
 from isocodec import OptionError
 from isocodec.field.placement import placement_of, read_placement, unplaced, write_placement
-from isocodec.io import Place, read_place, render_contour
+from isocodec.io import Place, read_place
+from written import rendered
 
 HILL = 100 - np.hypot(*(np.mgrid[:20, :30] - np.array([9.3, 14.2])[:, None, None])) * 5
 BALL = 100 - np.linalg.norm(np.mgrid[:12, :13, :14] - np.array([5.6, 6.2, 6.9])[:, None, None, None], axis=0) * 10
@@ -269,7 +270,7 @@ def test_frames_lie_where_each_of_them_does(tmp_path: Path) -> None:
                    "--frame-axis", axis)
         assert said.exit_code == 0 and "ignored" in said.stderr
     ok("encode", tmp_path / "v.nii", "-o", tmp_path / "v.iso", "--isovalue", 3, "--frames", "--spacing", "3,4",
-       "--tolerance", "9mm")
+       "--precision", "9mm")
 
 
 @pytest.mark.parametrize(
@@ -371,7 +372,7 @@ def test_extreme_sizes(size: float) -> None:
             contour = isocodec.decode(isocodec.encode(field, 70, placement=steps))
             assert np.isfinite(contour.placed).all()
             with warnings.catch_warnings(action="error"):
-                files = {suffix: render_contour(contour, suffix) for suffix in suffixes}
+                files = {suffix: rendered(contour, suffix) for suffix in suffixes}
             if n == 2:
                 (line,) = json.loads(files[".geojson"])["geometry"]["coordinates"]
                 assert np.array_equal(np.sort(line[:-1], axis=0), np.sort(contour.placed, axis=0))
@@ -394,7 +395,7 @@ def test_matrices_of_other_shapes() -> None:
 
 def test_odd_names_of_systems() -> None:
     data = isocodec.encode(HILL, 70, placement=(1, 1), metadata={"crs": "EPSG:\u0663\u0662"})
-    assert "crs" not in json.loads(render_contour(isocodec.decode(data), ".geojson"))
+    assert "crs" not in json.loads(rendered(isocodec.decode(data), ".geojson"))
 
 
 def test_isovalues_that_have_not_come() -> None:
@@ -411,7 +412,7 @@ def test_pictures_have_the_proportions_of_the_world() -> None:
     """A disc of 10 by 5 samples, twice as far apart downwards, looks round; so does a ball."""
     y, x = np.mgrid[:24, :44]
     data = isocodec.encode(20 - np.hypot(2 * (y - 11.4), x - 21.7), 8, placement=(2, 1))
-    ink = np.asarray(Image.open(io.BytesIO(render_contour(isocodec.decode(data), ".png"))).convert("RGB")).astype(int)
+    ink = np.asarray(Image.open(io.BytesIO(rendered(isocodec.decode(data), ".png"))).convert("RGB")).astype(int)
     blue = (ink[..., 2] - ink[..., 0] > 30).nonzero()
     sides = [int(np.ptp(axis)) for axis in blue]
     assert min(sides) > 100 and abs(sides[0] - sides[1]) <= 4
@@ -420,7 +421,7 @@ def test_pictures_have_the_proportions_of_the_world() -> None:
     flat, round_ = (isocodec.decode(isocodec.encode(ball, 12, placement=placement)) for placement in (None, (2, 1, 1)))
     seen = []
     for contour in (flat, round_):
-        picture = np.asarray(Image.open(io.BytesIO(render_contour(contour, ".png"))).convert("RGB")).astype(int)
+        picture = np.asarray(Image.open(io.BytesIO(rendered(contour, ".png"))).convert("RGB")).astype(int)
         seen.append([int(np.ptp(axis)) for axis in (picture[..., 2] - picture[..., 0] > 20).nonzero()])
     apart = [abs(down - across) / across for down, across in seen]
     assert apart[1] < 0.05 < 0.2 < apart[0], seen

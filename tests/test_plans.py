@@ -132,16 +132,16 @@ def test_one_criterion_is_that_of_encode() -> None:
 def test_isovalues_have_plans_of_their_own(tmp_path: Path, hills: Path) -> None:
     plan, out = tmp_path / "two.plan", tmp_path / "two.iso"
     plan.write_text("isovalue 60.5\nbase 4\nrefine 4\nvalues 3\nisovalue 80.5\nleaf-base\nrefine\nvalues\n")
-    assert json.loads(ok("encode", hills, "-o", out, "--plan", plan, "--json"))["isovalues"] == [60.5, 80.5]
+    assert json.loads(ok("encode", hills, "-o", out, "--layers", plan, "--json"))["isovalues"] == [60.5, 80.5]
     info = isocodec.inspect(out.read_bytes())
     kinds = [layer.kind for layer in info.layers if layer.isovalue == 1]
     assert info.leans == [None, 0] and kinds[0] == "leaf_base" and kinds[-1] == "values"
     assert np.array_equal(isocodec.decode_mask(out.read_bytes(), isovalue=80.5), HILLS > 80)
-    line = fails(2, "encode", hills, "-o", out, "--plan", plan, "--isovalue", 60.5)
+    line = fails(2, "encode", hills, "-o", out, "--layers", plan, "--isovalue", 60.5)
     assert "the plan is of the isovalues 60.5, 80.5, those given are 60.5" in line
     # without a line of an isovalue the plan is one for all
     plan.write_text("base\n")
-    ok("encode", hills, "-o", out, "--plan", plan, "--isovalue", 60.5, "--isovalue", 70.5, "--independent")
+    ok("encode", hills, "-o", out, "--layers", plan, "--isovalue", 60.5, "--isovalue", 70.5, "--independent")
     assert layers_of(out.read_bytes()) == [("base", FULL, 0, 0)] * 2
 
 
@@ -185,7 +185,7 @@ def test_a_line_that_cannot_be_carried_out_is_named(
 ) -> None:
     plan, out = tmp_path / "wrong.plan", tmp_path / "out.iso"
     plan.write_text(text)
-    message = fails(2, "encode", hills, "-o", out, "--plan", plan, *([] if "iso" in text else ["--isovalue", "60.5"]))
+    message = fails(2, "encode", hills, "-o", out, "--layers", plan, *([] if "iso" in text else ["--isovalue", "60.5"]))
     assert f"wrong.plan: line {line}, {text.splitlines()[line - 1]!r}: " in message
     assert said in message
     assert sorted(path.name for path in tmp_path.iterdir()) == ["hills.npy", "wrong.plan"]
@@ -193,7 +193,7 @@ def test_a_line_that_cannot_be_carried_out_is_named(
 
 def test_what_is_wrong_with_a_plan_as_a_whole(tmp_path: Path, hills: Path) -> None:
     plan, out = tmp_path / "some.plan", tmp_path / "out.iso"
-    command = ["encode", hills, "-o", out, "--plan", plan]
+    command = ["encode", hills, "-o", out, "--layers", plan]
     assert "some.plan: No such file" in fails(3, *command, "--isovalue", 60.5)
     plan.write_text("# nothing\n")
     assert "the plan has no layers" in fails(2, *command, "--isovalue", 60.5)
@@ -201,19 +201,19 @@ def test_what_is_wrong_with_a_plan_as_a_whole(tmp_path: Path, hills: Path) -> No
     assert "not a plan, which is a short text" in fails(2, *command, "--isovalue", 60.5)
     plan.write_text("base")
     assert "the plan names no isovalue" in fails(2, *command)
-    for option in ("--exact", "--signs-only", "--preserve-topology"):
+    for option in ("--precision", "exact", "--precision", "signs", "--keep-topology"):
         assert f"--plan and {option} contradict" in fails(2, *command, "--isovalue", 60.5, option)
-    assert "--plan and --tolerance contradict" in fails(2, *command, "--isovalue", 60.5, "--tolerance", 1)
+    assert "--plan and --tolerance contradict" in fails(2, *command, "--isovalue", 60.5, "--precision", 1)
     np.save(hills, HILLS / 7)
     plan.write_text("base\nvalues")
     assert "a plan with values of floats needs a step" in fails(2, *command, "--isovalue", 9.5)
-    ok(*command, "--isovalue", 9.5, "--step", 0.1)
+    ok(*command, "--isovalue", 9.5, "--precision", "step=0.1")
 
 
 def test_a_label_with_a_plan(tmp_path: Path, hills: Path) -> None:
     plan, out = tmp_path / "label.plan", tmp_path / "out.iso"
     plan.write_text("base 3\nrefine")
-    ok("encode", hills, "-o", out, "--plan", plan, "--label", 3)
+    ok("encode", hills, "-o", out, "--layers", plan, "--label", 3)
     assert np.array_equal(isocodec.decode_mask(out.read_bytes()), HILLS == 3)
 
 

@@ -16,9 +16,9 @@ from scipy.spatial import KDTree
 import isocodec
 from commands import fails, ok
 from isocodec.api.tiled_api import tiled_of
-from isocodec.io.writers.pmtiles import EXTENT, cut
-from isocodec.io.writers.write import render_contour
+from isocodec.io.writers.to_pmtiles import EXTENT, cut
 from tiled import encoded, hilly
+from written import rendered
 
 mapbox_vector_tile = pytest.importorskip("mapbox_vector_tile")
 reader = pytest.importorskip("pmtiles.reader")
@@ -30,7 +30,7 @@ HALF = math.pi * 6378137
 
 
 def render(contours: list[isocodec.Contour]) -> bytes:
-    return render_contour(contours, ".pmtiles")
+    return rendered(contours, ".pmtiles")
 
 
 def mercator(contour: isocodec.Contour) -> np.ndarray:

@@ -13,7 +13,7 @@ from brute import examples
 from commands import fails, ok
 from explicit_meshes import crossings
 from isocodec.errors import FormatError, InputError, IsoError, OptionError
-from isocodec.io.readers.points_read import read_points
+from isocodec.io import read_mesh
 
 
 def scattered(seed, count=80, side=1000):
@@ -62,17 +62,19 @@ def test_grids_and_duplicates():
     """Four points on a circle everywhere; points that coincide become one with the mean of their values."""
     x, y = np.meshgrid(np.arange(9.0), np.arange(7.0))
     points, values = np.column_stack([x.ravel(), y.ravel()]), (x + 10 * y).ravel()
-    data = isocodec.encode_mesh(points, None, values, 33.3)
+    data = isocodec.encode(isocodec.Mesh(points, None, values), 33.3)
     assert isocodec.inspect(data).domain.cells == 2 * 8 * 6
     again = np.concatenate([points, points[:5]]), np.concatenate([values, values[:5] + 2])
-    found = isocodec.decode(isocodec.encode_mesh(again[0], None, again[1], 1.5))
+    found = isocodec.decode(isocodec.encode(isocodec.Mesh(again[0], None, again[1]), 1.5))
     merged = values.copy()
     merged[:5] += 1
-    assert np.array_equal(found.points, isocodec.decode(isocodec.encode_mesh(points, None, merged, 1.5)).points)
+    assert np.array_equal(
+        found.points, isocodec.decode(isocodec.encode(isocodec.Mesh(points, None, merged), 1.5)).points,
+    )
     with pytest.raises(InputError, match="coincide"):
-        isocodec.encode_mesh(again[0], None, again[1].astype(int), 1.5)
+        isocodec.encode(isocodec.Mesh(again[0], None, again[1].astype(int)), 1.5)
     frames = np.array([values, values + 1])
-    assert isocodec.inspect(isocodec.encode_mesh(points, None, frames, 33.3)).interval == 0
+    assert isocodec.inspect(isocodec.encode(isocodec.Mesh(points, None, frames), 33.3)).interval == 0
 
 
 def test_connectivity_costs_nothing():
@@ -80,8 +82,8 @@ def test_connectivity_costs_nothing():
     points, _ = scattered(1, 2000, 1 << 20)
     values = points[:, 0] + points[:, 1]
     cells = Delaunay(points).simplices
-    alone = isocodec.encode_mesh(points, None, values, 1e6, mesh_error=500.0, signs_only=True)
-    whole = isocodec.encode_mesh(points, cells, values, 1e6, mesh="whole", mesh_error=500.0, signs_only=True)
+    alone = isocodec.encode(isocodec.Mesh(points, None, values, error=500.0), 1e6, precision="signs")
+    whole = isocodec.encode(isocodec.Mesh(points, cells, values, stored="whole", error=500.0), 1e6, precision="signs")
     assert len(alone) < 0.8 * len(whole)
 
 
@@ -98,7 +100,7 @@ def test_connectivity_costs_nothing():
 )
 def test_what_is_no_triangulation(points, cells, options, error):
     with pytest.raises(error):
-        isocodec.encode_mesh(points, cells, np.arange(len(points)), 0.5, **options)
+        isocodec.encode(isocodec.Mesh(points, cells, np.arange(len(points))), 0.5, **options)
 
 
 def test_hostile_points():
@@ -106,7 +108,7 @@ def test_hostile_points():
     import zlib
 
     points, values = scattered(3, 60)
-    data = isocodec.encode_mesh(points, None, values, 20.5)
+    data = isocodec.encode(isocodec.Mesh(points, None, values), 20.5)
     domain = isocodec.inspect(data).chunks[0]
     for at in range(domain.offset + 2, domain.offset + domain.bytes):
         bad = bytearray(data)
@@ -126,16 +128,16 @@ def test_tables(tmp_path):
     np.savetxt(tmp_path / "named.csv", rows, delimiter=";", header="depth; Lat; lon", comments="")
     np.savetxt(tmp_path / "bare.xyz", np.column_stack([points, values]))
     for name, key in (("named.csv", "depth"), ("bare.xyz", "z")):
-        found = read_points(tmp_path / name)
+        found = read_mesh(tmp_path / name)
         assert np.array_equal(found.points, points) and np.array_equal(found.values_named(key), values)
     (tmp_path / "short.csv").write_text("x,y\n1,2\n")
     (tmp_path / "words.csv").write_text("x,y,z\n1,2,high\n")
     (tmp_path / "none.csv").write_text("")
     for name in ("short.csv", "words.csv", "none.csv"):
         with pytest.raises(InputError):
-            read_points(tmp_path / name)
+            read_mesh(tmp_path / name)
     with pytest.raises(OptionError, match="depth"):
-        read_points(tmp_path / "named.csv").values_named("z")
+        read_mesh(tmp_path / "named.csv").values_named("z")
 
 
 def test_clouds_and_layers(tmp_path):
@@ -147,15 +149,15 @@ def test_clouds_and_layers(tmp_path):
     cloud = laspy.LasData(header)
     cloud.x, cloud.y, cloud.z, cloud.intensity = points[:, 0], points[:, 1], values, values + 7
     cloud.write(tmp_path / "cloud.las")
-    found = read_points(tmp_path / "cloud.las")
+    found = read_mesh(tmp_path / "cloud.las")
     assert np.array_equal(found.points, points) and np.array_equal(found.values_named("z"), values)
     assert np.array_equal(found.values_named("intensity"), values + 7)
     table = geopandas.GeoDataFrame({"depth": values}, geometry=geopandas.points_from_xy(*points.T), crs="EPSG:32633")
     table.to_file(tmp_path / "layer.gpkg")
-    assert np.array_equal(read_points(tmp_path / "layer.gpkg").values_named("depth"), values)
+    assert np.array_equal(read_mesh(tmp_path / "layer.gpkg").values_named("depth"), values)
     table.buffer(1).to_file(tmp_path / "areas.gpkg")
     with pytest.raises(InputError, match="Polygon"):
-        read_points(tmp_path / "areas.gpkg")
+        read_mesh(tmp_path / "areas.gpkg")
 
 
 def test_commands(tmp_path):

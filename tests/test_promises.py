@@ -73,7 +73,7 @@ def farthest(one: isocodec.Contour, other: isocodec.Contour) -> float:
 @pytest.mark.parametrize("topology", [False, True])
 def test_promised_layers_keep_their_promise(topology: bool) -> None:
     steps = [5, 1.5, 0.4, "exact"]
-    data = isocodec.encode(HILLS, 80.5, steps=steps, preserve_topology=topology)
+    data = isocodec.encode(HILLS, 80.5, precision=steps, keep_topology=topology)
     info = isocodec.inspect(data)
     assert info.topology == [topology]
     promised = {number: layer.within for number, layer in enumerate(info.layers, 1) if layer.within is not None}
@@ -90,7 +90,7 @@ def test_promised_layers_keep_their_promise(topology: bool) -> None:
 
 def test_each_isovalue_has_its_own() -> None:
     isovalues = [60.5, 100.5]
-    data = isocodec.encode(HILLS, isovalues, steps=[3, 1])
+    data = isocodec.encode(HILLS, isovalues, precision=[3, 1])
     info = isocodec.inspect(data)
     for number in (0, 1):
         kept = [layer.within for layer in info.layers if layer.isovalue == number]
@@ -104,7 +104,7 @@ def test_each_isovalue_has_its_own() -> None:
     assert [layer.within for layer in short.layers] == [layer.within for layer in info.layers[:2]]
 
 
-@pytest.mark.parametrize("options", [{}, {"tolerance": 1}, {"preserve_topology": True}, {"exact": True}])
+@pytest.mark.parametrize("options", [{}, {"precision": 1}, {"keep_topology": True}, {"precision": "exact"}])
 def test_only_steps_are_written_down(options: dict[str, object]) -> None:
     """Of other files the options say it, in fewer bytes."""
     info = isocodec.inspect(isocodec.encode(HILLS, 80.5, **options))
@@ -112,13 +112,13 @@ def test_only_steps_are_written_down(options: dict[str, object]) -> None:
 
 
 def test_one_step_is_a_tolerance_that_is_written_down() -> None:
-    data, other = (isocodec.encode(BALL, 55.5, **options) for options in ({"steps": [1]}, {"tolerance": 1}))
+    data, other = (isocodec.encode(BALL, 55.5, **options) for options in ({"precision": [1]}, {"precision": 1}))
     assert isocodec.inspect(data).layers[-1].within == 1 and len(data) == len(other) + 6
     assert np.array_equal(isocodec.decode(data).points, isocodec.decode(other).points)
 
 
 def test_others_are_skipped() -> None:
-    data = isocodec.encode(HILLS, 80.5, steps=[2])
+    data = isocodec.encode(HILLS, 80.5, precision=[2])
     info = isocodec.inspect(data)
     (chunk,) = (chunk for chunk in info.chunks if chunk.type == "promises")
     at = chunk.offset + 2
@@ -134,19 +134,19 @@ def test_others_are_skipped() -> None:
 @pytest.mark.parametrize("promise", [(), (0.0,), (float("nan"),), ("1",), (1.0, 2.0), (1e300,)])
 def test_promises_of_a_plan(promise: tuple[object, ...]) -> None:
     plan = [("base", 2), ("refine", None), ("offsets", 3)]
-    data = isocodec.encode(HILLS, 80.5, plan=[*plan, ("promise", 0.5)])
+    data = isocodec.encode(HILLS, 80.5, layers=[*plan, ("promise", 0.5)])
     assert isocodec.inspect(data).layers[-1].within == 0.5
     with pytest.raises(OptionError, match="promise"):
-        isocodec.encode(HILLS, 80.5, plan=[*plan, ("promise", *promise)])
+        isocodec.encode(HILLS, 80.5, layers=[*plan, ("promise", *promise)])
     with pytest.raises(OptionError, match="promise"):
-        isocodec.encode(HILLS, 80.5, plan=[("promise", 1.0), *plan])
+        isocodec.encode(HILLS, 80.5, layers=[("promise", 1.0), *plan])
     with pytest.raises(OptionError, match="promise"):
-        isocodec.encode(HILLS, 80.5, plan=[("base", 2), ("values", None), ("promise", 1.0)])
+        isocodec.encode(HILLS, 80.5, layers=[("base", 2), ("values", None), ("promise", 1.0)])
 
 
 def test_info_and_plot_show_them(tmp_path) -> None:
     path = tmp_path / "steps.iso"
-    path.write_bytes(isocodec.encode(HILLS, [80.5, 60.5], steps=[2.5, 0.75], preserve_topology=True))
+    path.write_bytes(isocodec.encode(HILLS, [80.5, 60.5], precision=[2.5, 0.75], keep_topology=True))
     shown = ok("info", path)
     assert "within" in shown and "2.5" in shown and "0.75" in shown and "promised in every layer" in shown
     path.write_bytes(isocodec.encode(HILLS, 80.5))
@@ -179,32 +179,34 @@ def rough(shape: tuple[int, ...], seed: int) -> np.ndarray:
 def test_the_criterion_distortion_keeps_its_distance(distance: float, shape: tuple[int, ...], topology: bool) -> None:
     for seed in range(3):
         field = rough(shape, seed)
-        options = {"criterion": "distortion", "parameter": distance, "preserve_topology": topology}
+        options = {"layers": f"distortion={distance}", "keep_topology": topology}
         data = isocodec.encode(field, 0.0, **options)
         assert measured(field, 0.0, isocodec.decode(data)) <= distance + 0.006
-        assert len(data) <= len(isocodec.encode(field, 0.0, preserve_topology=topology))
+        assert len(data) <= len(isocodec.encode(field, 0.0, keep_topology=topology))
 
 
-@pytest.mark.parametrize("more", [{"tolerance": 0.3}, {"step": 0.001}, {"signs_only": True}, {"tolerance": 0.05}])
+@pytest.mark.parametrize(
+    "more", [{"precision": 0.3}, {"precision": "step=0.001"}, {"precision": "signs"}, {"precision": 0.05}],
+)
 def test_distortion_with_any_precision(more: dict[str, object]) -> None:
     field = rough((50, 41), 5)
-    data = isocodec.encode(field, 0.0, criterion="distortion", parameter=1.5, **more)
+    data = isocodec.encode(field, 0.0, layers="distortion=1.5", **more)
     assert measured(field, 0.0, isocodec.decode(data)) <= 1.506
 
 
 def test_distortion_finer_than_offsets() -> None:
     field = rough((40, 41), 6)
-    data = isocodec.encode(field, 0.0, criterion="distortion", parameter=0.02)
+    data = isocodec.encode(field, 0.0, layers="distortion=0.02")
     assert measured(field, 0.0, isocodec.decode(data)) <= 0.026
     with pytest.raises(OptionError, match="distortion"):
-        isocodec.encode(field, 0.0, criterion="distortion", parameter=0.02, signs_only=True)
+        isocodec.encode(field, 0.0, layers="distortion=0.02", precision="signs")
 
 
 @pytest.mark.parametrize("topology", [False, True])
 @pytest.mark.parametrize("shape", [(61, 52), (11, 14, 12)])
 def test_the_curve_gets_no_worse_between_steps(shape: tuple[int, ...], topology: bool) -> None:
     field = rough(shape, 2)
-    data = isocodec.encode(field, 0.0, steps=[4, 1, 0.3], preserve_topology=topology)
+    data = isocodec.encode(field, 0.0, precision=[4, 1, 0.3], keep_topology=topology)
     within = [layer.within for layer in isocodec.inspect(data).layers]
     assert [d for d in within if d] == [4, 1, 0.3]
     promised = None
@@ -249,8 +251,8 @@ def test_uniform_levels_keep_the_topology(part: int) -> None:
         field = smooth(shape, seed) + 0.3 * rng.normal(size=shape)
         level = int(rng.integers(0, len(shape) * cube_exponent(shape) + 1))
         wanted = pieces(original(check_field(field, 0.0)))
-        options = [{"criterion": "level", "parameter": level}, {"base_level": level}][seed % 2]
+        options = [{"layers": f"level={level}"}, {"layers": level}][seed % 2]
         decoder = Decoder()
-        decoder.feed(isocodec.encode(field, 0.0, preserve_topology=True, **options))
+        decoder.feed(isocodec.encode(field, 0.0, keep_topology=True, **options))
         drawn = [pieces(decoder.drawn()) for event in decoder if isinstance(event, LayerComplete)]
         assert drawn and all(found == wanted for found in drawn), (seed, level)

@@ -20,8 +20,8 @@ import tifffile
 from PIL import Image
 
 from files import same
+from inputs import read_field
 from isocodec.errors import InputError, LimitError, MissingExtraError, OptionError
-from isocodec.io import read_field
 
 GREY8 = np.arange(12, dtype=np.uint8).reshape(3, 4)
 GREY16 = (np.arange(12, dtype=np.uint16) * 5000).reshape(3, 4)
@@ -382,7 +382,7 @@ def test_options_for_another_kind_of_file(tmp_path: Path) -> None:
 def test_names_that_tell_nothing(tmp_path: Path) -> None:
     for name, shown in (("a.csv", ".csv"), ("plain", "a name without a suffix")):
         (tmp_path / name).write_text("1 2 3")
-        with pytest.raises(InputError, match=rf"^{shown} .*\.npy.*\.nii\.gz"):
+        with pytest.raises(InputError, match=rf"{name}: {shown} .*\.npy.*\.nii\.gz"):
             read_field(tmp_path / name)
     with pytest.raises(FileNotFoundError):
         read_field(tmp_path / "missing.csv")

@@ -10,6 +10,7 @@ import pytest
 import shapely
 from hypothesis import given
 from hypothesis import strategies as st
+from isocodec.api.whole import received
 from scipy.spatial import KDTree
 
 import isocodec
@@ -17,7 +18,6 @@ from commands import BALL, HILLS, fails, ok
 from files import picture
 from grids import polar
 from isocodec import InputError, OptionError
-from isocodec.api.whole import received
 from isocodec.search.original import original
 from isocodec.stream.recoder import sources_of
 
@@ -229,16 +229,16 @@ def test_not_of_one_field() -> None:
 def test_commands(tmp_path: Path, hills: Path) -> None:
     one, two, out = tmp_path / "1.iso", tmp_path / "2.iso", tmp_path / "out.iso"
     ok("encode", hills, "-o", one, "--isovalue", 80.5)
-    ok("encode", hills, "-o", two, "--isovalue", 120.5, "--exact")
-    assert "bytes of" in ok("transcode", one, "-o", out, "--profile", "baseline")
+    ok("encode", hills, "-o", two, "--isovalue", 120.5, "--precision", "exact")
+    assert "bytes of" in ok("edit", one, "-o", out, "--profile", "baseline")
     assert same(isocodec.decode(out), isocodec.decode(one)) and isocodec.inspect(out.read_bytes()).profile == "baseline"
-    ok("transcode", one, "-o", out, "--tolerance", 1)
+    ok("edit", one, "-o", out, "--precision", 1)
     assert apart(isocodec.decode(out), isocodec.decode(one)) <= 1 + 1e-9
-    assert "2 isovalues" in ok("merge", one, two, "-o", out)
+    assert "2 isovalues" in ok("edit", one, two, "-o", out)
     assert isocodec.open(out).isovalues == (80.5, 120.5)
-    fails(2, "transcode", one, "-o", out, "--tolerance", 1, "--signs-only")
-    fails(2, "merge", one, one, "-o", tmp_path / "twice.iso")
-    fails(2, "transcode", one, "-o", out, "--tolerance", -1)
+    fails(2, "edit", one, "-o", out, "--precision", 1, "--precision", "signs")
+    fails(2, "edit", one, one, "-o", tmp_path / "twice.iso")
+    fails(2, "edit", one, "-o", out, "--precision", -1)
     (tmp_path / "no.iso").write_bytes(b"no")
-    fails(4, "transcode", tmp_path / "no.iso", "-o", out)
+    fails(4, "edit", tmp_path / "no.iso", "-o", out)
     assert not (tmp_path / "twice.iso").exists()

@@ -9,7 +9,7 @@ import pytest
 
 import isocodec
 from commands import fails, ok, run
-from isocodec import InputError
+from isocodec.errors import InputError
 
 ROWS, COLUMNS = np.mgrid[:24, :30]
 MOVING = np.stack([np.hypot(ROWS - 11.3, COLUMNS - 12.2 - 2 * t) for t in range(4)])
@@ -20,7 +20,7 @@ SAID = "isocodec: s.iso: warning: only frame 0 of 4 is {}; choose another with -
 def series(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> bytes:
     """A file s.iso of the field s.npy, in the working directory."""
     monkeypatch.chdir(tmp_path)
-    data = isocodec.encode_frames(MOVING, 7.5, tolerance=0.02)
+    data = isocodec.encode(isocodec.Frames(MOVING), 7.5, precision=0.02)
     Path("s.iso").write_bytes(data)
     np.save("s.npy", MOVING)
     return data
@@ -31,10 +31,10 @@ def series(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> bytes:
     [
         (["decode", "s.iso", "-o", "o.npz"], "written"),
         (["decode", "s.iso", "-o", "o.svg", "--smooth"], "written"),
-        (["decode", "s.iso", "-o", "o.vtu", "--mesh", "tube"], "written"),
-        (["mask", "s.iso", "-o", "o.npy"], "written"),
+        (["decode", "s.iso", "-o", "o.vtu", "--what", "mesh"], "written"),
+        (["decode", "--what", "above", "s.iso", "-o", "o.npy"], "written"),
         (["plot", "s.iso", "-o", "o.png"], "drawn"),
-        (["map", "s.iso", "-o", "o.png"], "drawn"),
+        (["plot", "--map", "s.iso", "-o", "o.png"], "drawn"),
     ],
 )
 def test_the_first_frame_is_said(series: bytes, command: list[str], verb: str) -> None:
@@ -52,13 +52,13 @@ def test_the_first_frame_is_said(series: bytes, command: list[str], verb: str) -
 
 
 def test_a_file_of_one_frame_says_nothing(series: bytes) -> None:
-    for data in (isocodec.encode(MOVING[0], 7.5), isocodec.encode_frames(MOVING[:1], 7.5)):
+    for data in (isocodec.encode(MOVING[0], 7.5), isocodec.encode(isocodec.Frames(MOVING[:1]), 7.5)):
         Path("one.iso").write_bytes(data)
         assert not run("decode", "one.iso", "-o", "o.npz").stderr
 
 
 def test_what_is_cut_counts_what_begins(series: bytes) -> None:
-    start = isocodec.inspect(series).frames[2].offset
+    start = isocodec.open(series).info.frames[2].offset
     Path("s.iso").write_bytes(series[: start + 8])
     result = run("decode", "s.iso", "-o", "o.npz", "--partial")
     assert result.exit_code == 0 and "only frame 0 of" in result.stderr
@@ -69,13 +69,13 @@ def test_what_is_cut_counts_what_begins(series: bytes) -> None:
 def test_each_frame_is_verified_by_its_own(series: bytes) -> None:
     """Frames that are wrong for one another are found to be."""
     for number in range(4):
-        (found,) = isocodec.verify(series, MOVING[number], frame=number, within=0.02)
+        (found,) = isocodec.open(series).verify(MOVING[number], frame=number, within=0.02)
         assert found.kept and found.wrong == 0
         assert "kept" in ok("verify", "s.npy", "s.iso", "--frame", number)
-    (found,) = isocodec.verify(series, MOVING[2], frame=1)
+    (found,) = isocodec.open(series).verify(MOVING[2], frame=1)
     assert not found.kept and found.wrong == ((MOVING[1] > 7.5) != (MOVING[2] > 7.5)).sum()
     with pytest.raises(InputError, match="each frame"):
-        isocodec.verify(series, MOVING)
+        isocodec.open(series).verify(MOVING)
     assert "choose a frame" in fails(3, "verify", "s.npy", "s.iso")
     np.save("last.npy", MOVING[0])
     Path("plain.iso").write_bytes(isocodec.encode(MOVING[3], 7.5))

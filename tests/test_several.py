@@ -16,7 +16,7 @@ from shapely.geometry import shape as shape_of
 import isocodec
 from commands import BALL, HILLS, fails, ok, run
 from isocodec import OptionError, TruncatedError
-from isocodec.io import render_contour
+from written import rendered
 
 ISOVALUES = [60.5, 100.5, 80.5]
 
@@ -80,7 +80,7 @@ def test_geojson_has_a_feature_for_each(several: Path, data: bytes, tmp_path: Pa
 
 def test_areas_of_higher_isovalues_lie_within_those_of_lower_ones(several: Path, tmp_path: Path) -> None:
     out = tmp_path / "areas.geojson"
-    ok("decode", several, "-o", out, "--areas", "above", "--keep-crs")
+    ok("decode", several, "-o", out, "--what", "areas", "--side", "above", "--keep-crs")
     features = json.loads(out.read_text())["features"]
     areas = {feature["properties"]["isovalue"]: shape_of(feature["geometry"]) for feature in features}
     assert areas[60.5].area > areas[80.5].area > areas[100.5].area > 0
@@ -102,8 +102,8 @@ def test_picture_of_curves_has_a_colour_for_each(count: int) -> None:
     """The legend, or beyond a dozen the bar, lies beside the picture of a single curve."""
     isovalues = np.linspace(40.25, 120.25, count)
     contours = isocodec.decode_all(isocodec.encode(HILLS, isovalues.tolist(), signs_only=True))
-    picture = np.asarray(Image.open(io.BytesIO(render_contour(contours, ".png"))).convert("RGB")).astype(int)
-    alone = np.asarray(Image.open(io.BytesIO(render_contour(contours[0], ".png"))))
+    picture = np.asarray(Image.open(io.BytesIO(rendered(contours, ".png"))).convert("RGB")).astype(int)
+    alone = np.asarray(Image.open(io.BytesIO(rendered(contours[0], ".png"))))
     assert picture.shape[0] == alone.shape[0] and picture.shape[1] > alone.shape[1]
     strong = np.abs(picture - picture.mean(axis=2, keepdims=True)).max(axis=2) > 40
     assert len(np.unique(picture[strong] // 64, axis=0)) >= min(count, 5)
@@ -128,7 +128,7 @@ def test_others_are_named_where_only_one_is_written(several: Path, tmp_path: Pat
 
 def test_formats_that_hold_one(data: bytes) -> None:
     with pytest.raises(OptionError, match="several isovalues"):
-        render_contour(isocodec.decode_all(data), ".npz")
+        rendered(isocodec.decode_all(data), ".npz")
 
 
 def test_damage_behind_the_first_isovalue(several: Path, data: bytes, tmp_path: Path) -> None:

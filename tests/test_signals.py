@@ -42,11 +42,11 @@ program.main()
 SLOW_READER = """
 import pathlib, sys, time
 import isocodec.__main__ as program
-import isocodec.io.readers.read as reader
-def slow(path, **_):
+import isocodec.io.readers.registry as reader
+def slow(path, *_, **__):
     pathlib.Path(path).with_name("reading").touch()
     time.sleep(60)
-reader.read_field = slow
+reader.open_file = slow
 program.main()
 """
 

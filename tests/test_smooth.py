@@ -149,7 +149,7 @@ def test_one_round(shape, monkeypatch):
 
 def test_command_line(tmp_path: Path) -> None:
     np.save(tmp_path / "b.npy", ball((20, 21, 22), (9.3, 10.2, 10.9), 7.4))
-    ok("encode", tmp_path / "b.npy", "-o", tmp_path / "b.iso", "--isovalue", 0, "--signs-only")
+    ok("encode", tmp_path / "b.npy", "-o", tmp_path / "b.iso", "--isovalue", 0, "--precision", "signs")
     ok("decode", tmp_path / "b.iso", "-o", tmp_path / "b.npz", "--smooth")
     with np.load(tmp_path / "b.npz") as arrays:
         expected = isocodec.decode((tmp_path / "b.iso").read_bytes(), smooth=True)

@@ -27,6 +27,8 @@ from rasterio.transform import from_origin
 import isocodec
 from inputs import CELLS, written
 from isocodec import Field, InputError, LimitError, OptionError
+from isocodec.stream.encoder import encoder_of
+from places import matrix, on_nodes
 
 HILL = 100 - np.hypot(*(np.mgrid[:20, :30] - np.array([9.3, 14.2])[:, None, None])) * 5
 DAYS = np.arange(20).astype("datetime64[D]")
@@ -48,7 +50,7 @@ def grid(**attrs: Any) -> xarray.DataArray:
 def test_data_array() -> None:
     """Coordinates, name, unit and what is the same for all samples come along, into the file and out of it."""
     field = isocodec.read(grid())
-    assert field.placement is not None and field.placement.tolist() == [[0, 0.25, 5], [-0.5, 0, 60]]
+    assert matrix(field).tolist() == [[0, 0.25, 5], [-0.5, 0, 60]]
     assert (field.name, field.unit, field.crs) == ("tas", "K", "EPSG:4326")
     assert field.notes["height"] == "2.0 m" and field.notes["time"].startswith("2020-05-01")
     data = isocodec.encode(grid(), 70.0)
@@ -62,8 +64,8 @@ def test_data_array() -> None:
 def test_data_array_with_x_first() -> None:
     """Which axis is x is said by the conventions, not by the order."""
     straight, turned = isocodec.read(grid()), isocodec.read(grid().transpose("lon", "lat"))
-    assert turned.placement is not None and turned.placement.tolist() == [[0.25, 0, 5], [0, -0.5, 60]]
-    a, b = (isocodec.decode(isocodec.encode(f, 70.0, tolerance=0.001)).placed for f in (straight, turned))
+    assert matrix(turned).tolist() == [[0.25, 0, 5], [0, -0.5, 60]]
+    a, b = (isocodec.decode(isocodec.encode(f, 70.0, precision=0.001)).placed for f in (straight, turned))
     assert np.abs(np.sort(a, axis=0) - np.sort(b, axis=0)).max() < 0.002
 
 
@@ -81,15 +83,15 @@ def test_data_array_of_rioxarray(tmp_path: Path) -> None:
     for one in (of_file, of_array):
         assert one.mask is not None and one.mask.sum() == 1 and one.mask[3, 4]
         assert one.crs == "EPSG:32631"
-        assert one.placement is not None and one.placement.tolist() == [[0, 30, 500015], [-20, 0, 3999990]]
+        assert matrix(one).tolist() == [[0, 30, 500015], [-20, 0, 3999990]]
     assert not isocodec.decode_valid(isocodec.encode(of_file, 70))[3, 4]
 
 
 def test_uneven_steps_are_never_dropped() -> None:
     array = grid().assign_coords(lat=60 - np.arange(20) ** 1.5)
     field = isocodec.read(array)
-    assert field.placement is None and field.coordinates is not None
-    x, y = field.coordinates
+    assert on_nodes(field)
+    x, y = field.placement.nodes()
     assert x.shape == (1, 30) and y.shape == (20, 1) and np.allclose(y[:, 0], array.lat)
     nodes = xarray.DataArray(
         HILL, dims=("j", "i"),
@@ -97,14 +99,14 @@ def test_uneven_steps_are_never_dropped() -> None:
                 "lat": (("j", "i"), np.add.outer(np.arange(20.0), np.arange(30) * 0.2))},
     )
     field = isocodec.read(nodes)
-    assert field.coordinates is not None and np.array_equal(field.coordinates[0], nodes.lon.values)
+    assert on_nodes(field) and np.array_equal(field.placement.nodes()[0], nodes.lon.values)
 
 
 def test_what_is_left_out_is_said() -> None:
     times = xarray.DataArray(HILL, dims=("time", "x"), coords={"time": DAYS, "x": np.arange(30)})
     with pytest.warns(UserWarning, match="along time are left out"):
         field = isocodec.read(times)
-    assert field.placement is not None and field.placement[1].tolist() == [1, 0, 0]
+    assert matrix(field)[1].tolist() == [1, 0, 0]
 
 
 def test_data_arrays_that_are_no_field() -> None:
@@ -118,7 +120,7 @@ def test_data_arrays_that_are_no_field() -> None:
     with pytest.raises(OptionError, match="kind is for files"):
         isocodec.read(grid(), kind=".tif")
     with pytest.raises(InputError, match="coordinates that an encoder"):
-        isocodec.Encoder(grid(), 70.0)
+        encoder_of(grid(), 70.0)
 
 
 def test_images_of_nibabel_and_itk(tmp_path: Path) -> None:
@@ -127,11 +129,11 @@ def test_images_of_nibabel_and_itk(tmp_path: Path) -> None:
     )
     image = nibabel.Nifti1Image(BALL.astype(np.float32), affine)
     field = isocodec.read(image)
-    assert field.placement is not None and np.allclose(field.placement, affine[:3])
+    assert np.allclose(matrix(field), affine[:3])
     nibabel.save(image, tmp_path / "a.nii.gz")
     same = SimpleITK.ReadImage(str(tmp_path / "a.nii.gz"))
     of_itk = isocodec.read(same)
-    assert of_itk.placement is not None and np.allclose(of_itk.placement, affine[:3], atol=1e-5)
+    assert np.allclose(matrix(of_itk), affine[:3], atol=1e-5)
     assert np.array_equal(of_itk.values, field.values)
     stored = nibabel.load(tmp_path / "a.nii.gz")
     assert isocodec.encode(stored, 50.0) == isocodec.encode(isocodec.read(tmp_path / "a.nii.gz"), 50.0)
@@ -193,9 +195,9 @@ def test_name_and_unit_of_hdf5(tmp_path: Path) -> None:
 
 
 def test_own_options_come_first() -> None:
-    data = isocodec.encode(grid(), 70.0, placement=(2, 3), metadata={"unit": "F"}, mask=HILL > 95)
+    data = isocodec.encode(isocodec.Field(grid(), mask=HILL > 95, placement=(2, 3)), 70.0, metadata={"unit": "F"})
     contour = isocodec.decode(data)
-    assert contour.placement is not None and contour.placement.tolist() == [[0, 3, 0], [2, 0, 0]]
+    assert matrix(contour).tolist() == [[0, 3, 0], [2, 0, 0]]
     assert contour.metadata["unit"] == "F" and contour.metadata["name"] == "tas"
     assert np.array_equal(isocodec.decode_valid(data), HILL <= 95)
 
@@ -206,17 +208,17 @@ def test_masks() -> None:
     data = isocodec.encode(mask)
     assert np.array_equal(isocodec.decode_mask(data), mask)
     assert isocodec.inspect(data).isovalues == [0.5]
-    assert data == isocodec.encode(mask, 0.5, signs_only=True)
+    assert data == isocodec.encode(mask, 0.5, precision="signs")
     with pytest.raises(OptionError, match="which isovalue"):
         isocodec.encode(HILL)
 
 
 def test_files_by_name(tmp_path: Path) -> None:
     field = Field(HILL, placement=np.array([[0.0, 30, 5e5], [-20, 0, 4e6]]), crs="EPSG:32631", unit="m")
-    isocodec.save(tmp_path / "a.iso", field, [70.0, 80.0], tolerance=0.01)
+    isocodec.save(tmp_path / "a.iso", field, [70.0, 80.0], precision=0.01)
     file = isocodec.open(tmp_path / "a.iso")
     assert file.shape == (20, 30) and file.isovalues == (70.0, 80.0) and file.crs == "EPSG:32631"
-    assert file.placement is not None and np.array_equal(file.placement, field.placement)
+    assert np.array_equal(matrix(file), matrix(field))
     assert [c.isovalue for c in file.contours()] == [70.0, 80.0]
     assert np.array_equal(file.mask(80.0), HILL > 80) and file.valid().all()
     assert "70, 80" in repr(file)

@@ -24,7 +24,7 @@ def crossed_cells(above: np.ndarray) -> int:
 @pytest.mark.parametrize("profile", ["main", "baseline"])
 @pytest.mark.parametrize("field, isovalue", [(HILLS, 60.5), (BALL, 50.5)])
 def test_counts_are_those_of_the_field(field: np.ndarray, isovalue: float, profile: str) -> None:
-    data = isocodec.encode(field, isovalue, exact=True, profile=profile)
+    data = isocodec.encode(field, isovalue, precision="exact", profile=profile)
     found = isocodec.statistics(data)
     (whole,) = found.contours
     above = field > isovalue
@@ -44,7 +44,7 @@ def test_counts_are_those_of_the_field(field: np.ndarray, isovalue: float, profi
 
 
 def right(field: np.ndarray, **options) -> float:
-    layers = isocodec.statistics(isocodec.encode(field, 0.5, signs_only=True, **options)).layers
+    layers = isocodec.statistics(isocodec.encode(field, 0.5, precision="signs", **options)).layers
     return sum(layer.right for layer in layers) / sum(layer.signs for layer in layers)
 
 
@@ -52,7 +52,7 @@ def test_a_straight_line_is_predicted_and_noise_is_not() -> None:
     rows, columns = np.mgrid[:65, :65]
     line = 0.5 + columns - rows / 3 - 20.2
     noise = np.random.default_rng(1).integers(0, 2, (65, 65))
-    full = {"base_level": 12}
+    full = {"layers": 12}
     # along a straight line it is the mesh that the prediction has to guess
     assert right(line, **full) > 0.8 > 0.6 > right(noise, **full) > 0.4
     assert right(line) > 0.8
@@ -60,7 +60,7 @@ def test_a_straight_line_is_predicted_and_noise_is_not() -> None:
 
 def test_each_isovalue_has_its_own(tmp_path: Path) -> None:
     source = tmp_path / "two.iso"
-    source.write_bytes(isocodec.encode(HILLS, [60.5, 80.5], signs_only=True))
+    source.write_bytes(isocodec.encode(HILLS, [60.5, 80.5], precision="signs"))
     found = json.loads(ok("info", source, "--statistics", "--json"))["statistics"]
     assert [one["isovalue"] for one in found["contours"]] == [60.5, 80.5]
     assert [one["pixels"] for one in found["contours"]] == [crossed_cells(HILLS > 60), crossed_cells(HILLS > 80)]
@@ -72,7 +72,7 @@ def test_each_isovalue_has_its_own(tmp_path: Path) -> None:
 
 def test_the_table_divides(tmp_path: Path) -> None:
     source = tmp_path / "hills.iso"
-    source.write_bytes(isocodec.encode(HILLS, 60.5, base_level=12))
+    source.write_bytes(isocodec.encode(HILLS, 60.5, layers=12))
     (one,) = isocodec.statistics(source.read_bytes()).contours
     shown = ok("info", source, "--statistics")
     (line,) = (line for line in shown.splitlines() if "crossed pixel" in line)
@@ -85,7 +85,7 @@ def test_a_part_and_a_coarse_mesh() -> None:
     data = isocodec.encode(HILLS, 60.5)
     part = isocodec.statistics(data[: len(data) // 4])
     assert 0 < len(part.layers) < len(isocodec.inspect(data).layers)
-    (coarse,) = isocodec.statistics(isocodec.encode(HILLS, 60.5, tolerance=2)).contours
+    (coarse,) = isocodec.statistics(isocodec.encode(HILLS, 60.5, precision=2)).contours
     assert coarse.pixels is None and coarse.simplices > 0
     # a curve that closes has as many segments as points; those at the border one less each
     assert coarse.faces <= coarse.vertices

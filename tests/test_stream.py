@@ -14,11 +14,12 @@ from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, ru
 import isocodec
 from brute import INTERPRETED
 from files import NAMES, files, picture, same_drawing, whole
-from isocodec import Decoder, Encoder, FormatError, OptionError, TruncatedError
+from isocodec import Decoder, FormatError, OptionError, TruncatedError
 from isocodec.drawing.snapshot import state_of
 from isocodec.format.chunks import read_envelope
 from isocodec.format.events import BaseComplete, ChunkSkipped, End, HeaderRead, LayerComplete
 from isocodec.format.header import read_header
+from isocodec.stream.encoder import encoder_of
 from isospec.container import ChunkType
 
 # --- cutting the bytes ----------------------------------------------------------------------------------------------
@@ -302,7 +303,7 @@ def envelopes(data):
 @pytest.mark.parametrize("isovalue", [3, -7.5])
 def test_overhead(shape, seed, isovalue):
     """Small integer files, exact: at most 24 bytes are not entropy-coded data."""
-    data = isocodec.encode(picture(shape, seed), isovalue, exact=True)
+    data = isocodec.encode(picture(shape, seed), isovalue, precision="exact")
     assert len(data) < 4096
     assert isocodec.inspect(data).overhead_bytes <= 24
 
@@ -331,7 +332,7 @@ def test_encoder_yields_as_it_goes():
     """Pieces come run by run, and progress counts the layers."""
     seen = []
     noise = np.random.default_rng(1).integers(0, 99, (420, 420))
-    source = Encoder(noise, 49, exact=True, progress=lambda done, total: seen.append((done, total)))
+    source = encoder_of(noise, 49, precision="exact", progress=lambda done, total: seen.append((done, total)))
     pieces = list(source)
     assert len(pieces) > 3  # header, two runs of 2**16 bytes or more, checksum
     assert max(map(len, pieces)) < sum(map(len, pieces)) * 0.9
@@ -345,7 +346,7 @@ def test_a_search_says_that_it_goes_on():
     """Curves that are tried are counted, of unknown total, before there are layers to count."""
     seen = []
     field = np.add.outer(np.arange(40) ** 2, np.arange(40) ** 2)
-    source = Encoder(field, 700.5, tolerance=1, progress=lambda done, total: seen.append((done, total)))
+    source = encoder_of(field, 700.5, precision=1, progress=lambda done, total: seen.append((done, total)))
     tried = len(seen)
     assert tried > 3 and seen == [(i + 1, 0) for i in range(tried)]
     assert list(source) and seen[tried:] == [(i + 1, len(source.layers)) for i in range(len(source.layers))]
@@ -353,7 +354,7 @@ def test_a_search_says_that_it_goes_on():
 
 def test_an_encoder_is_iterated_once():
     """A second pass over the same state would write nonsense; it is refused."""
-    encoder = Encoder(np.add.outer(np.arange(5), np.arange(6)), 4.5)
+    encoder = encoder_of(np.add.outer(np.arange(5), np.arange(6)), 4.5)
     assert b"".join(encoder)
     with pytest.raises(OptionError, match="once"):
         b"".join(encoder)

@@ -23,8 +23,7 @@ import isocodec
 from commands import BALL, HILLS, fails, ok, process, run
 from inputs import META, virtual
 from isocodec.cli.quiet import one_warning
-from isocodec.errors import InputError
-from isocodec.field.text import one_line, plain
+from isocodec.errors import InputError, one_line, plain
 from isocodec.io import read_field
 
 ODD = "a\x1b[31mred\x07\u202egnp\x9b2J\x7f"
@@ -146,12 +145,12 @@ def test_libraries_are_heard_in_one_line(tmp_path: Path) -> None:
 def test_writers_are_heard_in_one_line(tmp_path: Path) -> None:
     """Real ones: pyogrio warns of files without a reference system, matplotlib of signs that a font lacks."""
     (tmp_path / "in.iso").write_bytes(isocodec.encode(HILLS, [80.5, 120.5]))
-    isocodec.encode_tiles(HILLS, 80.5, tmp_path / "tiled.iso", tile=32)
+    isocodec.save(tmp_path / "tiled.iso", HILLS, 80.5, tile=32)
     maps = [(".gpkg", "lines"), (".fgb", "lines"), (".shp", "lines"), (".parquet", "lines"), (".gpkg", "bands")]
     commands = [
         ["decode", "in.iso", "-o", f"a{suffix}", *(["--areas", side] if side == "bands" else [])]
         for suffix, side in maps
-    ] + [["decode", "tiled.iso", "-o", "t.gpkg"], ["map", "in.iso", "-o", "m.png", "--title", "\u6f22"]]
+    ] + [["decode", "tiled.iso", "-o", "t.gpkg"], ["plot", "--map", "in.iso", "-o", "m.png", "--title", "\u6f22"]]
     program = f"from isocodec.cli import main\nfor one in {commands!r}: main(one, standalone_mode=False)"
     done = subprocess.run(
         [sys.executable, "-c", program], capture_output=True, text=True, timeout=120, cwd=tmp_path, check=True
@@ -164,11 +163,11 @@ def test_writers_are_heard_in_one_line(tmp_path: Path) -> None:
 
 
 WRITERS = {
-    "isocodec.io.writers.write.render_contour": ("decode", "c.iso", "-o", "o.npz"),
-    "isocodec.io.writers.write.render_mesh": ("decode", "c.iso", "-o", "o.ply", "--mesh", "tube"),
+    "isocodec.io.writers.to_numpy._saved": ("decode", "c.iso", "-o", "o.npz"),
+    "isocodec.io.writers.to_trimesh._binary_ply": ("decode", "c.iso", "-o", "o.ply", "--what", "mesh"),
     "isocodec.io.writers.picture.steps_picture": ("plot", "c.iso", "-o", "o.png"),
-    "isocodec.io.writers.map_picture.map_picture": ("map", "c.iso", "-o", "o.png"),
-    "isocodec.io.writers.samples.write_mask": ("mask", "v.iso", "-o", "o.nii"),
+    "isocodec.io.writers.map_picture.map_picture": ("plot", "--map", "c.iso", "-o", "o.png"),
+    "isocodec.io.writers.to_nibabel.optional": ("decode", "--what", "above", "v.iso", "-o", "o.nii"),
 }
 
 

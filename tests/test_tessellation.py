@@ -18,8 +18,8 @@ from brute import blobs, clamped, examples, exponent, meshes, mixed_leaves, volu
 from commands import BALL, HILLS, fails, ok
 from isocodec import TruncatedError
 from isocodec.drawing.tessellation import Tessellation, tessellated
-from isocodec.io.writers.write import render_mesh
 from isoconform.meshes import chosen
+from written import rendered
 
 # Two triangles of a square of 4 samples a side, split along the diagonal from (0, 0); one vertex lies above.
 SQUARE = Tessellation(
@@ -112,7 +112,7 @@ def test_on_the_full_grid_signs_are_those_of_all_samples(field: np.ndarray, isov
 
 def test_the_bytes_of_a_small_ply() -> None:
     """x runs along axis 1, y along axis 0; triangles are turned so that they are seen counter-clockwise."""
-    data = render_mesh(SQUARE, ".ply")
+    data = rendered(SQUARE, ".ply")
     head, _, body = data.partition(b"end_header\n")
     assert head.splitlines()[2:] == [
         b"element vertex 4", b"property double x", b"property double y", b"property double z", b"property uchar above",
@@ -126,7 +126,7 @@ def test_the_bytes_of_a_small_ply() -> None:
 
 
 def test_the_polygons_of_a_small_geojson() -> None:
-    features = json.loads(render_mesh(SQUARE, ".geojson"))["features"]
+    features = json.loads(rendered(SQUARE, ".geojson"))["features"]
     assert [feature["properties"] for feature in features] == [
         {"level": 0, "above": [0, 0, 0]}, {"level": 1, "above": [0, 1, 0]},
     ]
@@ -141,7 +141,7 @@ def test_vtu_of_a_surface_is_read_back(tmp_path: Path, mirrored: bool) -> None:
     source, out = tmp_path / "ball.iso", tmp_path / "mesh.vtu"
     placement = [(0, 0, 2, 10), (0, 3, 0, -5), (1 if mirrored else -1, 0, 0, 0)]
     source.write_bytes(isocodec.encode(BALL, 50.5, criterion="distortion", parameter=1, placement=placement))
-    assert "tetrahedra" in ok("decode", source, "--mesh", "whole", "-o", out)
+    assert "tetrahedra" in ok("decode", source, "--what", "mesh", "--whole", "-o", out)
     read = meshio.read(out)
     cells = read.cells_dict["tetra"]
     corners = read.points[cells]
@@ -154,7 +154,7 @@ def test_vtu_of_a_surface_is_read_back(tmp_path: Path, mirrored: bool) -> None:
     assert np.array_equal(index, mesh.points)
     assert np.array_equal(read.point_data["above"], mesh.above)
     assert np.array_equal(read.cell_data["level"][0], mesh.levels)
-    ok("decode", source, "--mesh", "tube", "-o", out, "--in-samples")
+    ok("decode", source, "--what", "mesh", "-o", out, "--in-samples")
     tube = meshio.read(out)
     assert 0 < len(tube.cells_dict["tetra"]) < len(cells) and tube.points.max() <= 16
     assert (np.ptp(tube.point_data["above"][tube.cells_dict["tetra"]], axis=1) == 1).all()
@@ -163,7 +163,7 @@ def test_vtu_of_a_surface_is_read_back(tmp_path: Path, mirrored: bool) -> None:
 def test_ply_of_a_surface_is_read_back(tmp_path: Path) -> None:
     source, out = tmp_path / "ball.iso", tmp_path / "mesh.ply"
     source.write_bytes(isocodec.encode(BALL, 50.5, criterion="distortion", parameter=1))
-    ok("decode", source, "--mesh", "whole", "-o", out)
+    ok("decode", source, "--what", "mesh", "--whole", "-o", out)
     mesh = decoder_of(source.read_bytes()).tessellation()
     read = trimesh.load(out, process=False)
     assert np.array_equal(read.vertices, mesh.points)
@@ -200,7 +200,7 @@ def test_layers_have_meshes_of_their_own(tmp_path: Path) -> None:
     source.write_bytes(isocodec.encode(HILLS, 60.5, plan=isocodec.read_plan("base 2\nrefine")))
     counts = []
     for layers in (1, 3, 11):
-        ok("decode", source, "--mesh", "whole", "-o", out, "--layers", layers)
+        ok("decode", source, "--what", "mesh", "--whole", "-o", out, "--layers", layers)
         read = meshio.read(out)
         assert set(read.cell_data["level"][0]) == {layers + 1}
         counts.append(len(read.cells_dict["triangle"]))
@@ -213,18 +213,18 @@ def test_what_cannot_be_written(tmp_path: Path) -> None:
     data = isocodec.encode(BALL, 50.5)
     source.write_bytes(data)
     assert "--mesh and --smooth contradict" in fails(
-        2, "decode", source, "--mesh", "tube", "--smooth", "-o", tmp_path / "a.ply"
+        2, "decode", source, "--what", "mesh", "--smooth", "-o", tmp_path / "a.ply"
     )
-    line = fails(2, "decode", source, "--mesh", "tube", "-o", tmp_path / "a.stl")
-    assert "one of .vtu, .ply, .geojson" in line
+    line = fails(2, "decode", source, "--what", "mesh", "-o", tmp_path / "a.stl")
+    assert "one of .geojson, .vtu, .ply" in line
     assert ".geojson cannot hold the mesh of a 3-D field" in fails(
-        2, "decode", source, "--mesh", "tube", "-o", tmp_path / "a.geojson"
+        2, "decode", source, "--what", "mesh", "-o", tmp_path / "a.geojson"
     )
-    few = ("decode", source, "--mesh", "whole", "-o", tmp_path / "a.vtu")
+    few = ("decode", source, "--what", "mesh", "--whole", "-o", tmp_path / "a.vtu")
     assert "needs more than 2 MiB" in fails(6, *few, "--limit-memory", "2M")
     source.write_bytes(isocodec.encode(BALL, 50.5, base_level=12))
     assert "too little has been received to tell the mesh" in fails(5, *few, "--max-bytes", 40)
-    ok("decode", source, "--mesh", "tube", "-o", tmp_path / "part.vtu", "--max-bytes", 40)
+    ok("decode", source, "--what", "mesh", "-o", tmp_path / "part.vtu", "--max-bytes", 40)
     (tmp_path / "part.vtu").unlink()
     assert [path.name for path in tmp_path.iterdir()] == ["ball.iso"]
     decoder = isocodec.Decoder()

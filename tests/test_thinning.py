@@ -42,7 +42,7 @@ def interpolated(tin: isocodec.Tin, points: np.ndarray) -> np.ndarray:
 
 @pytest.mark.parametrize("criterion", EXAMPLE)
 def test_published_example(criterion: str):
-    found = isocodec.thin(LINE, VALUES, criterion, to=4)
+    found = isocodec.thin(isocodec.Mesh(LINE, None, VALUES), criterion=criterion, to=4)
     assert (found.order[:4] + 1).tolist() == [point for point, _ in EXAMPLE[criterion]]
     assert found.anticipated[:4].round(2).tolist() == [error for _, error in EXAMPLE[criterion]]
 
@@ -50,7 +50,7 @@ def test_published_example(criterion: str):
 @pytest.mark.parametrize("criterion", CRITERIA)
 def test_errors_are_those_of_the_surface(criterion: str):
     points, values = terrain()
-    found = isocodec.thin(points, values, criterion, to=40)
+    found = isocodec.thin(isocodec.Mesh(points, None, values), criterion=criterion, to=40)
     for count in (40, 100, 250):
         tin = found.tin(count)
         missed = np.abs(interpolated(tin, points) - values)
@@ -62,14 +62,16 @@ def test_keys_are_what_brute_force_finds():
     """AT1, AT2 and l2 take the vertex with the least of what any removal would lead to, from scratch each time."""
     points, values = terrain(60)
     for criterion in ("AT2", "l2"):
-        found = isocodec.thin(points, values, criterion, to=30)
+        found = isocodec.thin(isocodec.Mesh(points, None, values), criterion=criterion, to=30)
         left = np.arange(len(points))
         before = 0.0
         for step in range(25):
             costs = {}
             for v in left.tolist():
                 some = left[left != v]
-                tin = isocodec.thin(points[some], values[some], to=len(some)).tin()
+                tin = isocodec.thin(
+                    isocodec.Mesh(points[some], None, values[some]), criterion="AT1", to=len(some),
+                ).tin()
                 missed = np.ma.masked_invalid(interpolated(tin, points)) - values
                 if np.ma.is_masked(missed):
                     continue  # a corner of the hull: without it, not all points are covered
@@ -79,7 +81,7 @@ def test_keys_are_what_brute_force_finds():
             v = int(found.order[step])
             assert costs[v] == pytest.approx(best, abs=1e-6)
             left = left[left != v]
-            tin = isocodec.thin(points[left], values[left], to=len(left)).tin()
+            tin = isocodec.thin(isocodec.Mesh(points[left], None, values[left]), criterion="AT1", to=len(left)).tin()
             before = float(((interpolated(tin, points) - values) ** 2).sum())
 
 
@@ -87,8 +89,8 @@ def test_keys_are_what_brute_force_finds():
 def test_order_of_points_does_not_matter(criterion: str):
     points, values = terrain()
     mixed = np.random.default_rng(3).permutation(len(points))
-    first = isocodec.thin(points, values, criterion, to=30)
-    second = isocodec.thin(points[mixed], values[mixed], criterion, to=30)
+    first = isocodec.thin(isocodec.Mesh(points, None, values), criterion=criterion, to=30)
+    second = isocodec.thin(isocodec.Mesh(points[mixed], None, values[mixed]), criterion=criterion, to=30)
     assert np.array_equal(first.order, mixed[second.order])
     assert np.array_equal(first.errors, second.errors)
     assert np.array_equal(first.tin().points[first.tin().triangles], second.tin().points[second.tin().triangles])
@@ -97,7 +99,7 @@ def test_order_of_points_does_not_matter(criterion: str):
 @pytest.mark.parametrize("criterion", CRITERIA)
 def test_error_is_kept(criterion: str):
     points, values = terrain()
-    found = isocodec.thin(points, values, criterion, error=6)
+    found = isocodec.thin(isocodec.Mesh(points, None, values), criterion=criterion, error=6)
     missed = np.abs(interpolated(found.tin(), points) - values)
     assert missed.max() <= 6 + 1e-9
     assert len(found) < len(points)
@@ -107,7 +109,7 @@ def test_a_field_and_its_samples_are_alike():
     y, x = np.mgrid[:24, :31]
     field = np.hypot(y - 10.0, x - 12.0)
     found = isocodec.thin(field, criterion="l2", to=60)
-    same = isocodec.thin(np.argwhere(np.ones(field.shape)), field.ravel(), "l2", to=60)
+    same = isocodec.thin(isocodec.Mesh(np.argwhere(np.ones(field.shape)), None, field.ravel()), criterion="l2", to=60)
     assert np.array_equal(found.order, same.order)
     # the border is straight: only its corners have to stay
     assert np.isin([0, 30, 23 * 31, 24 * 31 - 1], found.kept).all()
@@ -115,14 +117,16 @@ def test_a_field_and_its_samples_are_alike():
 
 def test_a_plane_needs_its_corners_only():
     y, x = np.mgrid[:20, :20]
-    found = isocodec.thin(3 * x - 2 * y + 7, error=0)
+    found = isocodec.thin(3 * x - 2 * y + 7, criterion="AT1", error=0)
     assert found.kept.tolist() == [0, 19, 380, 399]
 
 
 def test_ranking_of_the_criteria():
     """As published: AT1 before AT3 and AT2, NAT far behind."""
     points, values = terrain(3000, 4)
-    last = {name: isocodec.thin(points, values, name, to=150).errors[-1] for name in CRITERIA}
+    last = {
+        name: isocodec.thin(isocodec.Mesh(points, None, values), criterion=name, to=150).errors[-1] for name in CRITERIA
+    }
     assert last["AT1"] < 0.8 * last["AT2"]
     assert last["AT1"] < last["AT3"]
     assert last["NAT"] > 2 * last["AT1"]
@@ -130,7 +134,7 @@ def test_ranking_of_the_criteria():
 
 def test_points_that_coincide():
     points = np.array([(0, 0), (9, 0), (0, 9), (9, 9), (4, 4), (4, 4), (4, 4)])
-    found = isocodec.thin(points, np.array([0, 0, 0, 0, 1.0, 2.0, 6.0]), to=5)
+    found = isocodec.thin(isocodec.Mesh(points, None, np.array([0, 0, 0, 0, 1.0, 2.0, 6.0])), criterion="AT1", to=5)
     assert found.merged == 2
     assert found.kept.tolist() == [0, 1, 2, 3, 4]
     assert sorted(found.tin().values.tolist()) == [0, 0, 0, 0, 3.0]
@@ -140,9 +144,11 @@ def test_floating_point_positions():
     """Those that a fine grid holds stay as they are; others are rounded to a part in 2**24 of the extent."""
     rng = np.random.default_rng(0)
     exact = rng.integers(0, 1 << 20, (50, 2)) / 1024 + 500000
-    assert np.isin(isocodec.thin(exact, np.zeros(50), to=50).tin().points, exact).all()
+    assert np.isin(
+        isocodec.thin(isocodec.Mesh(exact, None, np.zeros(50)), criterion="AT1", to=50).tin().points, exact,
+    ).all()
     rough = rng.normal(size=(50, 2)) * 1e-9
-    tin = isocodec.thin(rough, np.zeros(50), to=50).tin()
+    tin = isocodec.thin(isocodec.Mesh(rough, None, np.zeros(50)), criterion="AT1", to=50).tin()
     found = tin.points[np.lexsort(tin.points.T)]
     assert np.abs(found - rough[np.lexsort(rough.T)]).max() < np.ptp(rough) / 2**23
 
@@ -164,7 +170,7 @@ def test_floating_point_positions():
 )
 def test_input_that_cannot_be_thinned(points: np.ndarray, values: np.ndarray | None, code: str):
     with pytest.raises(InputError) as caught, np.errstate(all="ignore"):
-        isocodec.thin(points, values, to=3)
+        isocodec.thin(isocodec.Mesh(points, None, values), criterion="AT1", to=3)
     assert caught.value.code == code
 
 
@@ -173,11 +179,11 @@ def test_input_that_cannot_be_thinned(points: np.ndarray, values: np.ndarray | N
 )
 def test_options_that_make_no_sense(options: dict):
     with pytest.raises(OptionError):
-        isocodec.thin(LINE, VALUES, **options)
+        isocodec.thin(isocodec.Mesh(LINE, None, VALUES), criterion="AT1", **options)
 
 
 def test_surfaces_that_there_are():
-    found = isocodec.thin(LINE, VALUES, to=4)
+    found = isocodec.thin(isocodec.Mesh(LINE, None, VALUES), criterion="AT1", to=4)
     assert len(found.tin(8).points) == 8
     for count in (3, 9, 4.5):
         with pytest.raises(OptionError):

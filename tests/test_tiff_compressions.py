@@ -14,8 +14,8 @@ from rasterio.transform import from_origin
 
 import isocodec
 from commands import ok
+from inputs import read_field, read_place
 from isocodec import InputError
-from isocodec.io import read_field, read_place
 
 RAMP = np.add.outer(np.arange(70) * 2, np.arange(90))
 ANY = ["LZW", "PACKBITS", "DEFLATE", "LZMA", "ZSTD", "LERC", "LERC_DEFLATE", "LERC_ZSTD"]
@@ -43,8 +43,8 @@ def test_gdal(tmp_path: Path, compression: str, dtype: str, tiled: bool) -> None
             expected = read.read(1)
         assert np.array_equal(read_field(path), expected)
         place = read_place(path, 2)
-        assert place.crs == "EPSG:32631" and place.placement is not None
-        assert place.placement.tolist() == [[0, 30, 500015], [-20, 0, 3999990]]
+        assert place.crs == "EPSG:32631" and place.matrix is not None
+        assert place.matrix.tolist() == [[0, 30, 500015], [-20, 0, 3999990]]
 
 
 @pytest.mark.parametrize("compression", ["lzw", "zstd", "lzma", "packbits", "jpeg2000", "png", "webp", "lerc"])
@@ -62,7 +62,7 @@ def test_encode_of_the_command_line(tmp_path: Path) -> None:
     """The case that used to need a library that no extra brought: tiles of 16-bit heights with LZW."""
     field = (RAMP - 30).astype(np.int16)
     tifffile.imwrite(tmp_path / "dem.tif", field, compression="lzw", predictor=2, tile=(32, 32))
-    ok("encode", tmp_path / "dem.tif", "-o", tmp_path / "dem.iso", "--isovalue", "50.5", "--exact")
+    ok("encode", tmp_path / "dem.tif", "-o", tmp_path / "dem.iso", "--isovalue", "50.5", "--precision", "exact")
     assert np.array_equal(isocodec.decode_mask((tmp_path / "dem.iso").read_bytes()), field > 50.5)
 
 

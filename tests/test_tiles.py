@@ -10,17 +10,17 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from isocodec.api.tiled_api import tiled_of
 from scipy.ndimage import gaussian_filter
 from skimage.measure import find_contours
 
 import isocodec
 from brute import INTERPRETED
 from commands import fails, ok, run
-from isocodec.api.tiled_api import tiled_of
 from isocodec.field.samples import check_field
 from isocodec.search.promise import Promise
 from isocodec.search.tile_mesh import face_vertices
-from isocodec.storage.fetching import together
+from isocodec.storage.ranges import together
 from isocodec.tiles.closing import Part
 from isocodec.tiles.layout import TileGrid, in_order, morton
 from isocodec.tiles.structure import Kind, groups_of
@@ -227,7 +227,7 @@ def test_literal_head(tmp_path: Path) -> None:
 def test_command_line(tmp_path: Path) -> None:
     field, tiled = tmp_path / "f.npy", tmp_path / "t.iso"
     np.save(field, hilly((150, 140)))
-    facts = json.loads(ok("tile", field, "-o", tiled, "--isovalue", 30.5, "--isovalue", 50.5, "--tile", 32, "--json"))
+    facts = json.loads(ok("encode", "--tile", 1024, field, "-o", tiled, "--isovalue", 30.5, "--isovalue", 50.5, "--tile", 32, "--json"))
     assert facts["tiles"] == 20 and facts["bytes"] == tiled.stat().st_size
     told = json.loads(ok("info", tiled, "--json"))
     assert told["tiled"] and told["shape"] == [150, 140]
@@ -237,9 +237,9 @@ def test_command_line(tmp_path: Path) -> None:
     features = json.loads((tmp_path / "w.geojson").read_text())["features"]
     assert {each["properties"]["isovalue"] for each in features} == {30.5, 50.5}
     ok("decode", tiled, "-o", tmp_path / "w.npz", "--within", 4)
-    fails(4, "mask", tiled, "-o", tmp_path / "m.npy")
+    fails(4, "decode", "--what", "above", tiled, "-o", tmp_path / "m.npy")
     wrong: list[list[str]] = [["--window", "1"], ["--window", "1:2"], ["--smooth"], ["--within", "4", "--layers", "1"]]
     for options in wrong:
         assert run("decode", tiled, "-o", tmp_path / "x.npz", *options).exit_code == 2
-    assert run("tile", field, "-o", tmp_path / "x.iso", "--isovalue", 1, "--tile", 33).exit_code == 2
-    fails(3, "tile", tmp_path / "none.npy", "-o", tmp_path / "x.iso", "--isovalue", 1)
+    assert run("encode", "--tile", 1024, field, "-o", tmp_path / "x.iso", "--isovalue", 1, "--tile", 33).exit_code == 2
+    fails(3, "encode", "--tile", 1024, tmp_path / "none.npy", "-o", tmp_path / "x.iso", "--isovalue", 1)

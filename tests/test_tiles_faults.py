@@ -17,12 +17,12 @@ from typing import Any
 
 import numpy as np
 import pytest
+from isocodec.api.tiled_api import tiled_of
 
 import isocodec
 import isocodec.storage.ranges
 from brute import INTERPRETED
 from commands import fails
-from isocodec.api.tiled_api import tiled_of
 from isocodec.errors import InputError, IsoError
 from tiled import encoded, hilly, pieces, served
 
@@ -151,10 +151,10 @@ def test_no_room_at_any_write(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -
         left = [k]
         monkeypatch.setattr(spool, "_open", lambda path, left=left: Full(whole(path), left))
         with pytest.raises(OSError, match="No space left"):
-            isocodec.encode_tiles(field, 30.5, out, tile=32)
+            isocodec.save(out, field, 30.5, tile=32)
         assert not out.exists()
     monkeypatch.setattr(spool, "_open", whole)
-    isocodec.encode_tiles(field, 30.5, out, tile=32)
+    isocodec.save(out, field, 30.5, tile=32)
     assert out.read_bytes() == wanted
 
 
@@ -182,7 +182,7 @@ def test_a_scheduler_that_dies(tmp_path: Path) -> None:
 
         started = time.monotonic()
         with pytest.raises(InputError, match=r"cluster|worker") as raised:
-            isocodec.encode_tiles(field, 30.5, out, tile=64, engine=client, progress=progress)
+            isocodec.save(out, field, 30.5, tile=64, engine=client, progress=progress)
         assert "again" in str(raised.value) and time.monotonic() - started < 120
         client.close(timeout=2)
     finally:
@@ -190,7 +190,7 @@ def test_a_scheduler_that_dies(tmp_path: Path) -> None:
             process.kill()
             process.wait()
     assert not out.exists()
-    isocodec.encode_tiles(field, 30.5, out, tile=64)
+    isocodec.save(out, field, 30.5, tile=64)
     assert out.read_bytes() == encoded(tmp_path, field, 30.5, tile=64)
 
 
@@ -254,7 +254,7 @@ def test_a_worker_that_dies_again_and_again(tmp_path: Path) -> None:
                     os.kill(worker, signal.SIGKILL)
 
             try:
-                isocodec.encode_tiles(field, 30.5, out, tile=32, engine=processes, progress=progress)
+                isocodec.save(out, field, 30.5, tile=32, engine=processes, progress=progress)
             except InputError as error:
                 assert "worker" in str(error) and not out.exists()
     assert turns < 10 and out.read_bytes() == encoded(tmp_path, field, 30.5)

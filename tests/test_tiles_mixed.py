@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from isocodec.api.tiled_api import TiledIsoFile, tiled_of
 from scipy.ndimage import maximum_filter
 
 import isocodec
 from brute import INTERPRETED
 from commands import fails, ok
-from isocodec.api.tiled_api import TiledIsoFile, tiled_of
 from isocodec.tiles.gaps import filled, loops_of
 from test_tiles import random_field
 from tiled import encoded, pieces
@@ -60,14 +60,18 @@ def check_in_faces(contour: isocodec.Contour, file: TiledIsoFile, plain: int) ->
 
 
 @pytest.mark.parametrize("n", [2, 3])
-@pytest.mark.parametrize("options", [{}, {"signs_only": True}, {"exact": True}], ids=["default", "signs", "exact"])
+@pytest.mark.parametrize(
+    "options", [{}, {"precision": "signs"}, {"precision": "exact"}], ids=["default", "signs", "exact"],
+)
 def test_no_gaps(tmp_path: Path, n: int, options: dict[str, object]) -> None:
     check_no_gaps(tmp_path, n, options, COUNT[n])
 
 
 @pytest.mark.heavy
 @pytest.mark.parametrize("n", [2, 3])
-@pytest.mark.parametrize("options", [{}, {"signs_only": True}, {"exact": True}], ids=["default", "signs", "exact"])
+@pytest.mark.parametrize(
+    "options", [{}, {"precision": "signs"}, {"precision": "exact"}], ids=["default", "signs", "exact"],
+)
 def test_no_gaps_in_many(tmp_path: Path, n: int, options: dict[str, object]) -> None:
     check_no_gaps(tmp_path, n, options, MANY[n])
 
@@ -119,7 +123,9 @@ def test_a_download_that_ends_early(tmp_path: Path, n: int) -> None:
 
 
 @pytest.mark.parametrize(("shape", "holes"), [((150, 210), 6), ((70, 72, 68), 3)])
-@pytest.mark.parametrize("options", [{}, {"exact": True}, {"signs_only": True}], ids=["default", "exact", "signs"])
+@pytest.mark.parametrize(
+    "options", [{}, {"precision": "exact"}, {"precision": "signs"}], ids=["default", "exact", "signs"],
+)
 def test_gaps_stay_beside_missing_samples_only(
     tmp_path: Path, shape: tuple[int, ...], holes: int, options: dict[str, object]
 ) -> None:

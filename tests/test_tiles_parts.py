@@ -7,12 +7,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from isocodec.api.tiled_api import tiled_of
 
 import isocodec
 from brute import INTERPRETED
 from commands import fails, ok, run
-from isocodec.api.tiled_api import tiled_of
 from isocodec.errors import FormatError, LimitError, OptionError
+from places import matrix
 from test_tiles import random_field
 from tiled import encoded, hilly, holed, pieces
 
@@ -47,7 +48,7 @@ def test_a_window_in_one_piece(tmp_path: Path, n: int, integers: bool) -> None:
             file = tiled_of(encoded(tmp_path, field, 0.5, **each))
             part = isocodec.decode(file.extract(box.tolist()))
             assert part.shape == field[window].shape
-            assert np.allclose(part.placement, [[0, 1, low[1]], [1, 0, low[0]]] if n == 2 else np.c_[np.eye(3), low])
+            assert np.allclose(matrix(part), [[0, 1, low[1]], [1, 0, low[0]]] if n == 2 else np.c_[np.eye(3), low])
             if each:
                 theirs = isocodec.decode(isocodec.encode(field[window], 0.5, **each))  # type: ignore[arg-type]
                 assert pieces(part) == pieces(theirs)
@@ -85,7 +86,7 @@ def test_a_tile_as_it_is(tmp_path: Path) -> None:
             assert pieces(isocodec.decode(made, isovalue=isovalue)) == pieces(tile) and len(tile.cells)
         part = isocodec.decode(made)
         assert part.metadata["unit"] == "m"
-        assert np.array_equal(part.placement, [[0, 2, 2 * 96 + 5], [3, 0, 3 * 64 + 7]])
+        assert np.array_equal(matrix(part), [[0, 2, 2 * 96 + 5], [3, 0, 3 * 64 + 7]])
 
 
 @pytest.mark.skipif(INTERPRETED, reason="searches would be slow")
@@ -153,18 +154,18 @@ def test_command_line(tmp_path: Path) -> None:
     field = hilly()
     (tmp_path / "t.iso").write_bytes(encoded(tmp_path, field, [30.5, 60.5]))
     tiled, out = tmp_path / "t.iso", tmp_path / "o.iso"
-    facts = json.loads(ok("extract", tiled, "-o", out, "--window", "10:60,20:70", "--json"))
+    facts = json.loads(ok("edit", tiled, "-o", out, "--window", "10:60,20:70", "--json"))
     assert facts["bytes"] == out.stat().st_size and facts["read"] <= facts["input_bytes"]
     assert json.loads(ok("info", out, "--json"))["isovalues"] == [30.5, 60.5]
-    ok("extract", tiled, "-o", out, "--window", "10:60,20:70", "--isovalue", 60.5)
+    ok("edit", tiled, "-o", out, "--window", "10:60,20:70", "--isovalue", 60.5)
     assert json.loads(ok("info", out, "--json"))["isovalues"] == [60.5]
-    facts = json.loads(ok("truncate", tiled, "-o", out, "--layers", 2, "--json"))
+    facts = json.loads(ok("edit", tiled, "-o", out, "--layers", 2, "--json"))
     assert facts["layers"] == 2 and facts["bytes"] == out.stat().st_size < tiled.stat().st_size
     assert json.loads(ok("info", out, "--json"))["tiled"]
-    assert run("truncate", tiled, "-o", out, "--bytes", 200).exit_code == 2
-    assert run("extract", tiled, "-o", out, "--window", "1").exit_code == 2
-    fails(2, "extract", tiled, "-o", out, "--window", "900:910,0:4")
-    assert "bytes read in 1 piece of a file of" in ok("extract", tiled, "-o", out, "--window", "0:9,0:9")
+    assert run("edit", tiled, "-o", out, "--size", 200).exit_code == 2
+    assert run("edit", tiled, "-o", out, "--window", "1").exit_code == 2
+    fails(2, "edit", tiled, "-o", out, "--window", "900:910,0:4")
+    assert "bytes read in 1 piece of a file of" in ok("edit", tiled, "-o", out, "--window", "0:9,0:9")
     for command in ("plot", "mask", "transcode"):
         said = fails(4, command, tiled, "-o", tmp_path / ("x.iso" if command == "transcode" else "x.png"))
         assert "not a valid" not in said and "extract --window" in said
@@ -175,8 +176,8 @@ def test_command_line(tmp_path: Path) -> None:
     assert "ends before" in run("decode", cut, "--partial", "-o", tmp_path / "c.npz").stderr
     plain = tmp_path / "p.iso"
     plain.write_bytes(isocodec.encode(field, 30.5))
-    fails(3, "extract", plain, "-o", out, "--window", "0:4,0:4")
+    fails(3, "edit", plain, "-o", out, "--window", "0:4,0:4")
     np.save(tmp_path / "f.npy", field)
-    said = run("tile", tmp_path / "f.npy", "-o", out, "--isovalue", 30.5, "--isovalue", 1e6).stderr
+    said = run("encode", "--tile", 1024, tmp_path / "f.npy", "-o", out, "--isovalue", 30.5, "--isovalue", 1e6).stderr
     assert "the isovalue 1e+06: the curve is empty" in said and said.count("empty") == 1
-    assert len(run("truncate", tiled, "-o", "-", "--layers", 1).stdout_bytes) < tiled.stat().st_size
+    assert len(run("edit", tiled, "-o", "-", "--layers", 1).stdout_bytes) < tiled.stat().st_size

@@ -6,11 +6,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from isocodec.api.tiled_api import TiledIsoFile, tiled_of
 from scipy.ndimage import gaussian_filter
 
 import isocodec
 from brute import INTERPRETED
-from isocodec.api.tiled_api import TiledIsoFile, tiled_of
 from isocodec.errors import InputError
 from isocodec.field.samples import check_field
 from isocodec.search.original import original
@@ -62,7 +62,7 @@ def test_the_surface_keeps_to_it(tmp_path: Path, tolerance: float) -> None:
 def test_about_as_small_as_in_one_piece(tmp_path: Path) -> None:
     field = waves((65, 129, 65))
     tiled = len(encoded(tmp_path, field, 0.4, tile=64, tolerance=1.0))
-    assert tiled <= 1.35 * len(isocodec.encode(field, 0.4, tolerance=1.0))
+    assert tiled <= 1.35 * len(isocodec.encode(field, 0.4, precision=1.0))
 
 
 def test_random_fields(tmp_path: Path) -> None:
@@ -146,7 +146,7 @@ def test_resumed_where_it_was(tmp_path: Path) -> None:
         while again is None:
             assert (reads := reads + 1) < 40
             try:
-                isocodec.encode_tiles(Breaks(field, 1), 0.4, path, tile=32, tolerance=1.0)
+                isocodec.save(path, Breaks(field, 1), 0.4, tile=32, precision=1.0)
             except InputError:
                 continue
             again = path.read_bytes()

@@ -18,14 +18,14 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from isocodec.api.tiled_api import TiledIsoFile, tiled_of
+from isocodec.tiles.encoding import Tiling
 
 import isocodec
 from brute import INTERPRETED
 from commands import ok
-from isocodec.api.tiled_api import TiledIsoFile, tiled_of
 from isocodec.errors import FormatError, InputError, IsoError, OptionError, TruncatedError
 from isocodec.stream.options import Options
-from isocodec.tiles.encoding import Tiling
 from isocodec.tiles.head import write_head
 from isocodec.tiles.merging import grid_of
 from isocodec.tiles.spool import Spool
@@ -120,7 +120,7 @@ def test_files_are_read_by_workers(tmp_path: Path) -> None:
         made = []
         for workers in (1, 2):
             path = tmp_path / f"{workers}.iso"
-            ok("tile", tmp_path / name, "-o", path, "--isovalue", 30.5, "--tile", 32, "--workers", workers)
+            ok("encode", "--tile", 1024, tmp_path / name, "-o", path, "--isovalue", 30.5, "--tile", 32, "--workers", workers)
             made.append(path.read_bytes())
         assert made[0] == made[1]
     holes = np.ma.masked_equal(field, -9999)

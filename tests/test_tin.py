@@ -228,9 +228,9 @@ def test_command(tmp_path):
         ok("decode", coded, "-o", tmp_path / f"out{suffix}")
     assert np.abs(np.load(tmp_path / "out.npy") - HILL).max() <= 2
     ok("decode", coded, "-o", tmp_path / "coarse.ply", "--max-bytes", 100)
-    assert json.loads(ok("thin", source, "-o", coded, "--bytes", 200, "--json"))["bytes"] <= 200
+    assert json.loads(ok("thin", source, "-o", coded, "--size", 200, "--json"))["bytes"] <= 200
     fails(2, "decode", coded, "-o", tmp_path / "out.svg")
-    fails(2, "thin", source, "-o", tmp_path / "out.ply", "--bytes", 300)
+    fails(2, "thin", source, "-o", tmp_path / "out.ply", "--size", 300)
 
 
 @pytest.mark.parametrize("values", [(0, 255), (0.0, 0.1, 0.30000001), (-5, 7, 1000)])

@@ -16,7 +16,7 @@ def test_contours_of_surfaces(tmp_path):
     """A surface of all samples has the crossings of the field along the sides of its triangles, turned alike."""
     y, x = np.mgrid[:20, :26]
     field = np.hypot(y - 9.3, x - 12.1)
-    data = isocodec.encode_tin(field, error=0.0)
+    data = isocodec.encode(isocodec.thin(field, error=0.0))
     contour = isocodec.decode(data, isovalue=6.25)
     far = np.abs(np.hypot(contour.points[:, 0] - 9.3, contour.points[:, 1] - 12.1) - 6.25)
     assert far.max() < 0.1 and contour.shape == field.shape
@@ -32,7 +32,9 @@ def test_contours_of_surfaces(tmp_path):
     with pytest.raises(OptionError, match="which isovalue"):
         isocodec.decode(data)
     assert len(isocodec.decode(data, isovalue=1e9).points) == 0
-    scattered = isocodec.encode_tin(np.argwhere(field < 99) * 0.5, field.ravel(), error=0.1)
+    scattered = isocodec.encode(
+        isocodec.thin(isocodec.Mesh(np.argwhere(field < 99) * 0.5, None, field.ravel()), error=0.1)
+    )
     assert isocodec.decode(scattered, isovalue=6.25).shape == ()
     (tmp_path / "b.iso").write_bytes(scattered)
     ok("decode", tmp_path / "b.iso", "-o", tmp_path / "b.geojson", "--isovalue", 6.25)
@@ -46,10 +48,10 @@ def test_surfaces_that_keep_contours(tmp_path, tolerance):
     y, x = np.mgrid[:40, :34]
     field = np.hypot(y - 19.3, x - 16.1) + np.sin(x / 3) * np.cos(y / 4)
     isovalues = [5.5, 11.25]
-    data = isocodec.encode_tin(field, contours=isovalues, tolerance=tolerance)
+    data = isocodec.encode(isocodec.thin(field, contours=isovalues, tolerance=tolerance))
     assert len(isocodec.decode_tin(data).points) < field.size / 4
     for isovalue in isovalues:
-        given = isocodec.encode(field, isovalue, step=1e-6)
+        given = isocodec.encode(field, isovalue, precision="step=1e-6")
         contours = isocodec.decode(data, isovalue=isovalue), isocodec.decode(given)
         found, wanted = (np.concatenate([_along(line) for line in each.lines]) for each in contours)
         apart = max(scipy.cKDTree(a).query(b)[0].max() for a, b in ((found, wanted), (wanted, found)))
@@ -68,20 +70,22 @@ def _along(line):
 def test_what_has_no_such_contours():
     field = np.arange(48.0).reshape(6, 8)
     for options in (
-        {"contours": [5.5]}, {"tolerance": 1.0}, {"contours": [], "tolerance": 1.0}, {"contours": [5.5], "error": 1.0},
+        {"contours": [5.5]}, {"precision": 1.0}, {"contours": [], "tolerance": 1.0}, {"contours": [5.5], "error": 1.0},
         {"contours": [5.5], "tolerance": 0.0}, {"contours": [99.5], "tolerance": 1.0},
         {"contours": [float("nan")], "tolerance": 1.0}, {"contours": [5.5], "tolerance": 1.0, "step": 1.0},
     ):
         with pytest.raises(OptionError):
-            isocodec.encode_tin(field, **options)
+            isocodec.encode(isocodec.thin(field, **options))
     with pytest.raises(OptionError, match="scattered"):
-        isocodec.encode_tin([[0, 0], [1, 0], [0, 1]], [1, 2, 3], contours=[1.5], tolerance=1.0)
+        isocodec.encode(
+            isocodec.thin(isocodec.Mesh([[0, 0], [1, 0], [0, 1]], None, [1, 2, 3]), contours=[1.5], tolerance=1.0)
+        )
 
 
 def test_contours_of_what_has_come(tmp_path):
     """Of a surface that is cut short, if that is asked for."""
     field = np.hypot(*np.mgrid[:40, :34])
-    data = isocodec.encode_tin(field, error=0.3, layers=3)
+    data = isocodec.encode(isocodec.thin(field, error=0.3, layers=3))
     (tmp_path / "cut.iso").write_bytes(data[: len(data) * 2 // 3])
     contour = ("decode", tmp_path / "cut.iso", "-o", tmp_path / "a.npz", "--isovalue", 20.5)
     fails(5, *contour)

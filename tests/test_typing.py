@@ -83,7 +83,7 @@ isocodec.decode(data, layers="all")  # layers
 isocodec.decode(data, smooth=2.5)  # smooth
 isocodec.truncate(data, layer=2)  # layer
 isocodec.verify(data, field, tolerance="a", within=3)  # verify
-isocodec.areas(contour, abov=True)  # abov
+contour.areas(abov=True)  # abov
 isocodec.encod(field, 1.0)  # encod
 isocodec.Limits(memori=3)  # memori
 contour.point  # point

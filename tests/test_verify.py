@@ -62,7 +62,7 @@ def test_what_is_not_kept(tmp_path: Path) -> None:
 
 def test_command(tmp_path: Path, hills: Path) -> None:
     path = tmp_path / "a.iso"
-    ok("encode", hills, "-o", path, "--isovalue", 80.5, "--steps", "2,0.5")
+    ok("encode", hills, "-o", path, "--isovalue", 80.5, "--precision", "2,0.5")
     assert "kept; 0." in ok("verify", hills, path) and "promised 0.5" in ok("verify", hills, path)
     record = json.loads(ok("verify", hills, path, "--json"))
     assert record["kept"] and record["isovalues"][0]["promised"] == 0.5
@@ -81,7 +81,7 @@ def test_files_in_tiles(tmp_path: Path, shape: tuple[int, ...]) -> None:
     field = np.rint(100 * np.sin(np.indices(shape) / 7).sum(axis=0)).astype(np.int16)
     np.save(tmp_path / "field.npy", field)
     path = tmp_path / "tiled.iso"
-    ok("tile", tmp_path / "field.npy", "-o", path, "--isovalue", "55.5", "--tile", 32, "--tolerance", tolerance)
+    ok("encode", "--tile", 1024, tmp_path / "field.npy", "-o", path, "--isovalue", "55.5", "--tile", 32, "--precision", tolerance)
     (one,) = isocodec.verify(path, field, within=tolerance)
     assert one.kept and one.wrong is None and 0 < max(one.there, one.back) <= tolerance + 0.002
     (less,) = isocodec.verify(path, field, within=one.there / 2)

@@ -12,9 +12,9 @@ from PIL import Image
 import isocodec
 from commands import BALL, HILLS, fails, ok
 from isocodec.drawing.contour import Contour
+from isocodec.drawing.pictures.picture import contour_picture
+from isocodec.drawing.pictures.view import NAMED, USUAL, View, read_view, upright
 from isocodec.errors import OptionError
-from isocodec.io.writers.picture import contour_picture
-from isocodec.io.writers.view import NAMED, USUAL, View, read_view, upright
 
 # A cone in 33^3 samples: round about axis 1, its tip at the high end.
 AXES = np.mgrid[:33, :33, :33] - 16.0
@@ -90,7 +90,7 @@ def test_plot_takes_a_view(tmp_path: Path) -> None:
     hills.write_bytes(isocodec.encode(HILLS, 60.5))
     seen = []
     for view in ("front", "top", "0,0"):
-        ok("plot", ball, "-o", out, "--steps", 1, "--mesh", "--view", view)
+        ok("plot", ball, "-o", out, "--steps", 1, "--draw-mesh", "--view", view)
         seen.append(np.asarray(Image.open(out)))
         out.unlink()
     assert np.array_equal(seen[0], seen[2]) and not np.array_equal(seen[0], seen[1])
@@ -102,8 +102,8 @@ def test_plot_takes_a_view(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("mirrored", [1, -1])
 def test_the_mesh_faces_the_viewer_in_a_mirrored_world_too(mirrored: int) -> None:
+    from isocodec.drawing.pictures.picture import matplotlib_figure
     from isocodec.io.writers import picture
-    from isocodec.io.writers.picture import matplotlib_figure
 
     placement = [(0, 0, mirrored, 0), (1, 0, 0, 0), (0, 1, 0, 0)]
     contour = isocodec.decode(isocodec.encode(BALL, 50.5, placement=placement))

@@ -14,8 +14,7 @@ import SimpleITK as sitk
 
 import isocodec
 from commands import fails, ok, run
-from isocodec.io import read_field
-from isocodec.io.readers.series_files import read_frames
+from inputs import read_field
 
 AFFINE = np.array([[0.0, -3, 0, 10], [2, 0, 0, 20], [0, 0, 4, -30], [0, 0, 0, 1]])
 I, J, K = np.mgrid[:12, :14, :10]
@@ -63,9 +62,10 @@ def test_volumes_are_frames(tmp_path: Path, name: str) -> None:
 def test_scaling(tmp_path: Path, slope: tuple[float, float], dtype: type) -> None:
     """Of all volumes alike: whole numbers stay whole."""
     image = saved(tmp_path / "v.nii", beating().astype(">i2"), slope=slope)
-    frames = read_frames(tmp_path / "v.nii")
-    for number in range(4):
-        found = frames.frame(number)
+    frames = isocodec.read(tmp_path / "v.nii", frames=True)
+    assert frames.step == "1.5 s" and len(frames.fields) == 4
+    for number, field in enumerate(frames.fields):
+        found = field.values
         assert found.dtype == dtype and found.dtype.isnative and found.flags.c_contiguous
         assert np.array_equal(found, np.asarray(image.dataobj)[..., number])
 
@@ -73,7 +73,7 @@ def test_scaling(tmp_path: Path, slope: tuple[float, float], dtype: type) -> Non
 @pytest.mark.parametrize(("unit", "step"), [("msec", "1.5 ms"), ("usec", "1.5 µs"), ("unknown", None), ("hz", None)])
 def test_the_time_from_one_to_the_next(tmp_path: Path, unit: str, step: str | None) -> None:
     saved(tmp_path / "v.nii", beating(2), unit)
-    ok("encode", tmp_path / "v.nii", "-o", tmp_path / "v.iso", "--isovalue", 20.5, "--frames", "--signs-only")
+    ok("encode", tmp_path / "v.nii", "-o", tmp_path / "v.iso", "--isovalue", 20.5, "--frames", "--precision", "signs")
     assert isocodec.open(tmp_path / "v.iso").metadata.get("frame_step") == step
 
 
@@ -83,8 +83,8 @@ def test_one_volume_is_in_memory_at_a_time(tmp_path: Path, name: str) -> None:
     nibabel.save(image, tmp_path / name)
     one = 2 * 64**3
     tracemalloc.start()
-    frames = read_frames(tmp_path / name)
-    assert all(not frames.frame(number).any() for number in range(len(frames)))
+    frames = isocodec.read(tmp_path / name, frames=True).fields
+    assert all(not field.values.any() for field in frames)
     peak = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()
     assert len(frames) == 12 and peak < 4 * one + (1 << 18)
@@ -104,7 +104,7 @@ def test_isovalues_of_all_volumes(tmp_path: Path) -> None:
     data = beating()
     saved(tmp_path / "v.nii", data)
     record = json.loads(ok("encode", tmp_path / "v.nii", "-o", tmp_path / "v.iso", "--interval", 15, "--offset", 0.5,
-                           "--frames", "--signs-only", "--json"))
+                           "--frames", "--precision", "signs", "--json"))
     assert record["isovalues"] == [v + 0.5 for v in range(-90, 200, 15) if data.min() <= v + 0.5 < data.max()]
     command = ["encode", tmp_path / "v.nii", "-o", tmp_path / "v.iso", "--frames", "--isovalue"]
     (line,) = run(*command, 20).stderr.splitlines()
@@ -119,7 +119,7 @@ def test_missing_samples_and_labels(tmp_path: Path) -> None:
     command = ["encode", tmp_path / "v.nii", "-o", tmp_path / "v.iso", "--frames"]
     assert json.loads(ok(*command, "--isovalue", 20.5, "--json"))["missing"] == 8
     assert np.array_equal(isocodec.decode_valid(tmp_path / "v.iso"), ~np.isnan(data[..., 0]))
-    ok(*command, "--isovalue", 20.5, "--missing", "above", "--signs-only")
+    ok(*command, "--isovalue", 20.5, "--missing", "above", "--precision", "signs")
     above = isocodec.decode_mask(tmp_path / "v.iso", frame=2)
     assert np.array_equal(above, np.where(np.isnan(data[..., 2]), True, data[..., 2] > 20.5))
     data[..., 2] = data[..., 3] = 7

@@ -36,14 +36,14 @@ LARGEST = 90_000
 PLANE = hill((45, 60), 900) + noise((45, 60), 1, 40)
 SPACE = hill((12, 14, 13), 150) + noise((12, 14, 13), 2, 9)
 FILES: dict[str, tuple[np.ndarray, Any, dict[str, Any]]] = {
-    "search": (PLANE, 300.5, {"tolerance": 1}),
-    "search in space": (SPACE, 60.5, {"tolerance": 0.5}),
-    "topology": (PLANE, 300.5, {"tolerance": 0.7, "preserve_topology": True}),
-    "steps": (SPACE, 60.5, {"steps": [2, 0.5, "exact"]}),
-    "isovalues": (PLANE, [300.5, 310.5, 100.5], {"exact": True}),
-    "floats": (PLANE / 7, 43.2, {"step": 0.01}),
-    "curvature": (SPACE, 60.5, {"criterion": "curvature", "parameter": 0.3}),
-    "same mesh": (PLANE, [300.5, 310.5], {"plan": {
+    "search": (PLANE, 300.5, {"precision": 1}),
+    "search in space": (SPACE, 60.5, {"precision": 0.5}),
+    "topology": (PLANE, 300.5, {"precision": 0.7, "keep_topology": True}),
+    "steps": (SPACE, 60.5, {"precision": [2, 0.5, "exact"]}),
+    "isovalues": (PLANE, [300.5, 310.5, 100.5], {"precision": "exact"}),
+    "floats": (PLANE / 7, 43.2, {"precision": "step=0.01"}),
+    "curvature": (SPACE, 60.5, {"layers": "curvature=0.3"}),
+    "same mesh": (PLANE, [300.5, 310.5], {"layers": {
         300.5: [("base", 2), ("refine", None), ("values", None)], 310.5: [("leaf_base",), ("values", None)],
     }}),
     "holes": (PLANE, 300.5, {"mask": np.hypot(*np.indices(PLANE.shape)) < 9, "tolerance": 0.2}),
@@ -126,4 +126,4 @@ def test_files_and_curves(whole: Runner, decoder: Runner):
 def test_a_decoder_does_not_encode(decoder: Runner):
     """What the module does not have does not run elsewhere instead."""
     with decoder.at_work(), pytest.raises(Failed, match=r"iso_search_.* is not in the module"):
-        encode(PLANE, 300.5, tolerance=1)
+        encode(PLANE, 300.5, precision=1)

@@ -19,10 +19,13 @@ from PIL import Image
 from files import same
 from isocodec.drawing.contour import Contour
 from isocodec.errors import MissingExtraError, OptionError
-from isocodec.io import check_suffix, check_target, render_contour, write_bytes, write_contour
 from isocodec.io.writers.picture import Step, contour_picture, steps_picture
 from isocodec.io.writers.shading import shade
+from isocodec.io.writers.things import Thing
 from isocodec.io.writers.view import USUAL, upright
+from isocodec.io.writers.write import check, write
+from isocodec.storage.atomic import check_target, write_bytes
+from written import rendered
 
 # A diamond around sample (2, 3), closed, and one segment that leaves the grid.
 SQUARE = [(1.0, 3.0), (2.0, 2.0), (3.0, 3.0), (2.0, 4.25)]
@@ -50,7 +53,7 @@ NO_SURFACE = Contour(np.zeros((0, 3)), np.zeros((0, 3), dtype=np.int64), 9.0, (4
 
 @pytest.mark.parametrize("contour", [CURVE, SURFACE, NO_CURVE, NO_SURFACE])
 def test_npz_out(tmp_path: Path, contour: Contour) -> None:
-    write_contour(contour, tmp_path / "c.npz")
+    write(tmp_path / "c.npz", contour)
     with np.load(tmp_path / "c.npz") as arrays:
         assert sorted(arrays.files) == ["cells", "isovalue", "points", "shape"]
         assert same(arrays["points"], contour.points)
@@ -60,7 +63,7 @@ def test_npz_out(tmp_path: Path, contour: Contour) -> None:
 
 
 def test_geojson_out(tmp_path: Path) -> None:
-    write_contour(CURVE, tmp_path / "c.geojson")
+    write(tmp_path / "c.geojson", CURVE)
     feature = json.loads((tmp_path / "c.geojson").read_text())
     assert feature["properties"] == {"isovalue": 2.5, "shape": [5, 7], "complete": True}
     lines = shapely.geometry.shape(feature["geometry"]).geoms
@@ -72,7 +75,7 @@ def test_geojson_out(tmp_path: Path) -> None:
 
 
 def test_svg_out(tmp_path: Path) -> None:
-    write_contour(CURVE, tmp_path / "c.svg")
+    write(tmp_path / "c.svg", CURVE)
     root = ElementTree.parse(tmp_path / "c.svg").getroot()
     assert root.get("viewBox") == "-0.5 -0.5 7 5"
     paths = [path.get("d") for path in root.iter("{http://www.w3.org/2000/svg}path")]
@@ -82,7 +85,7 @@ def test_svg_out(tmp_path: Path) -> None:
 @pytest.mark.parametrize("suffix", [".ply", ".stl", ".obj"])
 def test_surfaces_out(tmp_path: Path, suffix: str) -> None:
     path = tmp_path / f"s{suffix}"
-    write_contour(SURFACE, path)
+    write(path, SURFACE)
     mesh = trimesh.load_mesh(path)
     mesh.merge_vertices()
     assert mesh.is_watertight
@@ -94,36 +97,36 @@ def test_surfaces_out(tmp_path: Path, suffix: str) -> None:
 
 
 def test_empty_contours_are_valid_files() -> None:
-    assert json.loads(render_contour(NO_CURVE, ".geojson"))["geometry"] == {
+    assert json.loads(rendered(NO_CURVE, ".geojson"))["geometry"] == {
         "type": "MultiLineString",
         "coordinates": [],
     }
-    assert not list(ElementTree.fromstring(render_contour(NO_CURVE, ".svg")).findall(".//{*}path"))
-    assert render_contour(NO_SURFACE, ".stl") == bytes(84)
-    ply = render_contour(NO_SURFACE, ".ply")
+    assert not list(ElementTree.fromstring(rendered(NO_CURVE, ".svg")).findall(".//{*}path"))
+    assert rendered(NO_SURFACE, ".stl") == bytes(84)
+    ply = rendered(NO_SURFACE, ".ply")
     assert b"element vertex 0\n" in ply
     assert b"element face 0\n" in ply
-    obj = render_contour(NO_SURFACE, ".obj").decode()
+    obj = rendered(NO_SURFACE, ".obj").decode()
     assert all(line.startswith("#") for line in obj.splitlines())
     for contour in (NO_CURVE, NO_SURFACE):
-        assert Image.open(io.BytesIO(render_contour(contour, ".png"))).format == "PNG"
+        assert Image.open(io.BytesIO(rendered(contour, ".png"))).format == "PNG"
 
 
 @pytest.mark.parametrize(
     ("contour", "suffix", "fitting"),
-    [(CURVE, ".stl", ".npz, .png, .geojson, .svg, .gpkg"), (SURFACE, ".svg", ".npz, .png, .dxf, .vtp, .ply")],
+    [(CURVE, ".stl", ".npz, .png, .svg, .geojson, .gpkg"), (SURFACE, ".svg", ".npz, .png, .dxf, .vtp, .ply")],
 )
 def test_formats_of_the_other_dimension(tmp_path: Path, contour: Contour, suffix: str, fitting: str) -> None:
     with pytest.raises(OptionError, match=f"cannot hold a (curve|surface).*one of {fitting}"):
-        write_contour(contour, tmp_path / f"c{suffix}")
+        write(tmp_path / f"c{suffix}", contour)
     assert not list(tmp_path.iterdir())
 
 
 def test_unknown_formats() -> None:
-    assert check_suffix("a/b.c/D.PLY") == ".ply"
+    assert check("a/b.c/D.PLY", Thing("contour", None))[0] == ".ply"
     for name in ("a.xyz", "a", ".ply"):
-        with pytest.raises(OptionError, match=r"one of \.npz, \.png, \.geojson, \.svg, \.gpkg"):
-            check_suffix(name)
+        with pytest.raises(OptionError, match=r"one of \.npz, \.png, \.svg, \.geojson, \.gpkg"):
+            check(name, Thing("contour", None))
 
 
 @pytest.mark.parametrize(
@@ -138,7 +141,7 @@ def test_writing_names_the_missing_extra(
 ) -> None:
     monkeypatch.setitem(sys.modules, module, None)
     with pytest.raises(MissingExtraError, match="needs") as caught:
-        render_contour(contour, suffix)
+        rendered(contour, suffix)
     assert caught.value.remedy == f"pip install 'isocodec[{extra}]'"
 
 
@@ -146,7 +149,7 @@ def test_plain_formats_need_no_extra(monkeypatch: pytest.MonkeyPatch) -> None:
     for module in ("shapely", "trimesh", "matplotlib", "imageio"):
         monkeypatch.setitem(sys.modules, module, None)
     for suffix in (".npz", ".geojson", ".svg"):
-        assert render_contour(CURVE, suffix)
+        assert rendered(CURVE, suffix)
 
 
 # ---- Pictures -------------------------------------------------------------------------------------------------------
@@ -224,7 +227,7 @@ def test_failed_write_leaves_the_old_file(tmp_path: Path, monkeypatch: pytest.Mo
         write_bytes(target, b"new")
     assert caught.value.filename == str(target)
     with pytest.raises(FileNotFoundError) as missing:
-        write_contour(CURVE, tmp_path / "none" / "a.svg")
+        write(tmp_path / "none" / "a.svg", CURVE)
     assert missing.value.filename == str(tmp_path / "none" / "a.svg")
     assert target.read_bytes() == b"old"
     assert [path.name for path in tmp_path.iterdir()] == ["a.npz"]
@@ -245,7 +248,7 @@ def test_a_rename_that_fails_leaves_the_old_file(tmp_path: Path, monkeypatch: py
     assert [path.name for path in tmp_path.iterdir()] == ["a.npz"]
 
 
-@pytest.mark.parametrize("mask", [0o022, 0o077, 0o000])
+@pytest.mark.parametrize("decode", "--what", "above", [0o022, 0o077, 0o000])
 def test_the_mask_of_the_process_is_kept(tmp_path: Path, mask: int) -> None:
     """It can only be read by setting it, and then it has to be as before."""
     before = os.umask(mask)

@@ -21,7 +21,7 @@ def hilly(shape: tuple[int, ...] = (150, 210)) -> np.ndarray:
 
 def encoded(tmp_path: Path, field: np.ndarray, isovalue: object, tile: int = 32, **options: object) -> bytes:
     path = tmp_path / "tiled.iso"
-    isocodec.encode_tiles(field, isovalue, path, tile=tile, **options)  # type: ignore[arg-type]
+    isocodec.save(path, field, isovalue, tile=tile, **options)  # type: ignore[arg-type]
     return path.read_bytes()
 
 

@@ -81,7 +81,7 @@ def exact2d(folder: Path) -> Iterator[str]:
         if not item.integer:
             continue
         item = item.half()
-        data = isocodec.encode(item.values, item.isovalue, exact=True)
+        data = isocodec.encode(item.values, item.isovalue, precision="exact")
         points = isocodec.decode(data).points
         lines = find_contours(item.values.astype(float), item.isovalue)
         wanted = np.concatenate(lines) if lines else np.zeros((0, 2))
@@ -113,7 +113,7 @@ def exact3d(folder: Path) -> Iterator[str]:
         if item.values.size > LARGEST:
             continue
         item = item.half()
-        options = {"exact": True} if item.integer else {"tolerance": 2.0**-20}
+        options = {"precision": "exact"} if item.integer else {"precision": 2.0**-20}
         data = isocodec.encode(item.values, item.isovalue, **options)
         contour = isocodec.decode(data)
         wanted = np.zeros((0, 3))
@@ -192,7 +192,7 @@ def tolerance(folder: Path) -> Iterator[str]:
     worst, count = 0.0, 0
     for item in items(folder, 2):
         item = item.half()
-        data = isocodec.encode(item.values, item.isovalue, tolerance=0.05)
+        data = isocodec.encode(item.values, item.isovalue, precision=0.05)
         contour = isocodec.decode(data)
         ours = contour.points[contour.cells]
         wanted = marching_squares(item.values, item.isovalue)
@@ -284,13 +284,13 @@ def prefix(folder: Path, output: Path | None, cuts: int = 200, files: int = 10) 
     curves = {}
     for name in names:
         item = chosen[name].half()
-        options = {"exact": True} if item.integer and names.index(name) % 2 else {}
+        options = {"precision": "exact"} if item.integer and names.index(name) % 2 else {}
         data = isocodec.encode(item.values, item.isovalue, **options)
         whole = isocodec.Decoder()
         whole.feed(data)
         at_layers: list[tuple[int, float]] = []
         # the extracted curve: exact2d and exact3d check that this is what others extract
-        reference = Sampled.of(isocodec.decode(isocodec.encode(item.values, item.isovalue, tolerance=2.0**-20)))
+        reference = Sampled.of(isocodec.decode(isocodec.encode(item.values, item.isovalue, precision=2.0**-20)))
         for event in whole:
             if isinstance(event, LayerComplete):
                 at_layers.append((event.offset, mean_distance(Sampled.of(whole.drawn()), reference)))
@@ -359,7 +359,7 @@ def figures(folder: Path) -> Iterator[str]:
         row = []
         for level in (full, None):
             decoder = isocodec.Decoder()
-            decoder.feed(isocodec.encode(item.values, item.isovalue, signs_only=True, base_level=level))
+            decoder.feed(isocodec.encode(item.values, item.isovalue, precision="signs", layers=level))
             for _ in decoder:
                 pass
             s = decoder.symbols
@@ -384,7 +384,7 @@ def overhead(folder: Path) -> Iterator[str]:
             if not item.integer or item.values.size > 1 << 22:
                 continue
             item = item.half()
-            for options in ({"exact": True}, {}, {"signs_only": True}):
+            for options in ({"precision": "exact"}, {}, {"precision": "signs"}):
                 data = isocodec.encode(item.values, item.isovalue, **options)
                 spent = isocodec.inspect(data).overhead_bytes
                 good = spent <= 24 if len(data) <= 4096 else spent <= max(0.015 * len(data), 24)

@@ -33,7 +33,9 @@ DEMO = (
     "jacksboro_fault_dem.npz:500.5", "coins.npz:107.5", "camera.npz:128.5",
     "ct_headsq_quarter.npz:500.5", "ct_headsq_quarter.npz:1150.5",
 )
-MODES: dict[str, dict[str, Any]] = {"exact": {"exact": True}, "default": {}, "signs only": {"signs_only": True}}
+MODES: dict[str, dict[str, Any]] = {
+    "exact": {"precision": "exact"}, "default": {}, "signs only": {"precision": "signs"},
+}
 
 
 def best(repeat: int, work: Callable[[], Any]) -> tuple[float, Any]:

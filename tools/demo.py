@@ -28,7 +28,7 @@ from scipy.spatial import KDTree
 
 import isocodec
 from isocodec.cli import main as command_line
-from isocodec.io.writers.picture import Step, steps_picture
+from isocodec.drawing.pictures.picture import Step, steps_picture
 from isocodec.stream.inspect import LayerInfo
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -37,10 +37,10 @@ OUT = Path("demo", "out")
 DOCS = Path("docs")
 
 MODES: dict[str, dict[str, Any]] = {
-    "signs only": {"signs_only": True},
+    "signs only": {"precision": "signs"},
     "within 0.05": {},
-    "within 0.005": {"tolerance": 0.005},
-    "exact": {"exact": True},
+    "within 0.005": {"precision": 0.005},
+    "exact": {"precision": "exact"},
 }
 """What is kept of the curve: its crossings within 0.05 cells if nothing else is asked for."""
 LAYERED = ("signs only", "within 0.05", "exact")

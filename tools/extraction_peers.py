@@ -125,7 +125,7 @@ def installed(library: str) -> Callable[[], bool]:
 
 def ours(field: NDArray[Any], isovalue: float) -> Found:
     """Encoded and decoded."""
-    data = isocodec.encode(field, isovalue, exact=True)
+    data = isocodec.encode(field, isovalue, precision="exact")
     contour = isocodec.decode(data)
     return Found(contour.points, contour.cells, lambda: data)
 

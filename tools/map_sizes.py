@@ -60,8 +60,8 @@ def main() -> None:
 def sizes(field: NDArray[np.integer], count: int, error: float) -> dict[str, int]:
     """Bytes of each format, of so many isovalues at so large an error."""
     isovalues = evenly(field, count)
-    exact = {c.isovalue: c.lines for c in isocodec.decode_all(isocodec.encode(field, isovalues, exact=True))}
-    data = isocodec.encode(field, isovalues, tolerance=error)
+    exact = {c.isovalue: c.lines for c in isocodec.decode_all(isocodec.encode(field, isovalues, precision="exact"))}
+    data = isocodec.encode(field, isovalues, precision=error)
     ours = {contour.isovalue: contour.lines for contour in isocodec.decode_all(data)}
     assert distance(exact, ours) <= error * 1.001, "the file is farther away than it may be"
     out = {"isocodec": len(data)}

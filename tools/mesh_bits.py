@@ -81,9 +81,9 @@ def main(name: str) -> None:
     for share in SHARES:
         bits.place = bits.rest = 0.0
         # nothing lies above: but for the mesh there is one symbol
-        isocodec.encode_mesh(
-            points, cells, np.zeros(len(points)), 1, mesh="whole", mesh_error=share * edge, signs_only=True,
-            progressive=False,
+        isocodec.encode(
+            isocodec.Mesh(points, cells, np.zeros(len(points)), stored="whole", error=share * edge, progressive=False),
+            1, precision="signs",
         )
         text = f"{len(cells)} cells to {share} edges: connectivity {bits.rest / len(cells):.2f} bits a cell, "
         text += f"positions {bits.place / 8:.0f} bytes"

@@ -115,7 +115,7 @@ def nearest(
 ) -> tuple[bytes, float]:
     """The smallest of our files that has the error, and its error; that of the least tolerance if none has."""
     for tolerance in error * np.array([4, 3.4, 2.9, 2.5, 2.3, 2.1, 1.95, 1.8, 1.65, 1.5, 1.2, 0.9, 0.6, 0.3]):
-        data = isocodec.encode_mesh(*given, values, isovalues, tolerance=tolerance, **options)  # type: ignore[arg-type]
+        data = isocodec.encode(isocodec.Mesh(*given, values), isovalues, precision=tolerance, **options)  # type: ignore[arg-type]
         drawn = isocodec.decode_all(data, mesh=given)
         if given[1].shape[1] == 3:
             places = [along(contour.lines, edge / SAMPLES) for contour in drawn]

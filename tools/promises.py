@@ -115,8 +115,8 @@ def topology(chosen: list[Item], _: argparse.Namespace) -> Iterator[str]:
         values = item.values.astype(np.float64)
         values[values == item.isovalue] -= 1e-6 * np.ptp(values)
         wanted = shape_of(original(check_field(values, item.isovalue)))
-        for name, kept in {"default": {}, "0.25": {"tolerance": 0.25}, "4, 1": {"steps": [4, 1]}}.items():
-            data = isocodec.encode(item.values, item.isovalue, preserve_topology=True, **kept)
+        for name, kept in {"default": {}, "0.25": {"precision": 0.25}, "4, 1": {"precision": [4, 1]}}.items():
+            data = isocodec.encode(item.values, item.isovalue, keep_topology=True, **kept)
             decoder = isocodec.Decoder()
             decoder.feed(data)
             found = [shape_of(decoder.drawn()) == wanted for event in decoder if isinstance(event, LayerComplete)]
@@ -156,7 +156,7 @@ def distance(chosen: list[Item], _: argparse.Namespace) -> Iterator[str]:
     for item in chosen:
         whole = original(check_field(item.values, item.isovalue))
         for tolerance in TOLERANCES:
-            data = isocodec.encode(item.values, item.isovalue, tolerance=tolerance)
+            data = isocodec.encode(item.values, item.isovalue, precision=tolerance)
             contour = isocodec.decode(data)
             sampled = max(farthest(whole, contour), farthest(contour, whole))
             good = sampled <= tolerance + ROUNDING and not unproven(whole, contour, tolerance)
@@ -182,7 +182,7 @@ def polylines(chosen: list[Item], options: argparse.Namespace) -> Iterator[str]:
         theirs = sizes.get((item.name, item.isovalue), sizes.get((item.name, item.half().isovalue)))
         if theirs is None:
             continue
-        ours = len(isocodec.encode(item.values, item.half().isovalue, tolerance=0.25))
+        ours = len(isocodec.encode(item.values, item.half().isovalue, precision=0.25))
         ratios.append(ours / theirs)
         yield f"| {item.name} | {item.half().isovalue} | {ours} | {theirs} | {ratios[-1]:.3f} |"
     yield f"\n{len(ratios)} items, geometric mean {np.exp(np.mean(np.log(ratios))):.3f}, largest {max(ratios):.3f}"
@@ -195,7 +195,7 @@ def meshes(chosen: list[Item], options: argparse.Namespace) -> Iterator[str]:
     for item in chosen:
         for name, tolerance, theirs in sizes:
             if item.name == name:
-                ours = len(isocodec.encode(item.values, item.isovalue, tolerance=float(tolerance)))
+                ours = len(isocodec.encode(item.values, item.isovalue, precision=float(tolerance)))
                 yield f"| {name} | {tolerance} | {ours} | {theirs} | {ours / int(theirs):.3f} |"
 
 
@@ -214,7 +214,7 @@ def horse(chosen: list[Item], _: argparse.Namespace) -> Iterator[str]:
         coarse = promise.reduction(fine.chosen)
         coarse.reduce(topology=True, distortion=3.0, original=promise.target(3.0), parts=1, unit=1)
         plan = [("adaptive_base", 0, coarse.chosen), ("offsets", 3, 1), ("adapt", 0, fine.chosen), ("offsets", 9, 0)]
-        data = isocodec.encode(item.values, item.isovalue, plan=plan)
+        data = isocodec.encode(item.values, item.isovalue, layers=plan)
         whole = promise.contour
         decoder = isocodec.Decoder()
         decoder.feed(data)
@@ -236,7 +236,9 @@ def isovalues(chosen: list[Item], _: argparse.Namespace) -> Iterator[str]:
             continue
         first = item.half().isovalue
         for name, options in {
-            "signs": {"signs_only": True}, "default": {}, "exact": {"exact": True}, "0.25": {"tolerance": 0.25},
+            "signs": {
+                "precision": "signs"
+            }, "default": {}, "exact": {"precision": "exact"}, "0.25": {"precision": 0.25},
         }.items():
             alone = len(isocodec.encode(item.values, first, **options))
             ratios = []

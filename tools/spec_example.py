@@ -23,7 +23,7 @@ RUN = 13
 
 def example() -> bytes:
     """The file that annex D explains."""
-    return isocodec.encode(FIELD, ISOVALUE, exact=True, base_level=2, profile="baseline")
+    return isocodec.encode(FIELD, ISOVALUE, precision="exact", layers=2, profile="baseline")
 
 
 def rows(run: bytes, symbols: list[Symbol]) -> Iterator[str]:

@@ -81,7 +81,7 @@ def open_points(cells: NDArray[np.integer]) -> NDArray[np.int64]:
 def of_isocodec(field: NDArray[np.generic], isovalue: float, tile: int, folder: Path) -> Row:
     """A file in tiles, with the default tolerance."""
     begun = seconds()
-    isocodec.encode_tiles(field, isovalue, folder / "tiled.iso", tile=tile)
+    isocodec.save(folder / "tiled.iso", field, isovalue, tile=tile)
     took = seconds() - begun
     contour = isocodec.decode(folder / "tiled.iso")
     return "isocodec tile", took, (folder / "tiled.iso").stat().st_size, alone(ends_of(contour), field.shape, SAME)

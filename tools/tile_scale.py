@@ -20,11 +20,11 @@ from pathlib import Path
 from typing import Any, ClassVar
 
 import numpy as np
+from isocodec.api.tiled_api import TiledIsoFile
+from isocodec.tiles.encoding import Tiling
 
 import isocodec
-from isocodec.api.tiled_api import TiledIsoFile
 from isocodec.stream.options import Options
-from isocodec.tiles.encoding import Tiling
 from isocodec.tiles.merging import Tiles, grid_of, merged
 from isocodec.tiles.structure import Kind
 
@@ -121,7 +121,7 @@ def main() -> None:
         path = Path(folder) / "field.iso"
         begun = time.perf_counter()
         with ProcessPoolExecutor(workers, mp_context=multiprocessing.get_context("spawn")) as engine:
-            isocodec.encode_tiles(Terrain(side), 0.0, path, engine=engine)
+            isocodec.save(path, Terrain(side), 0.0, tile=1024, engine=engine)
         took = time.perf_counter() - begun
         print(f"{side} x {side} samples, {workers} workers: {path.stat().st_size:,} bytes, {took:.0f} s, "
               f"{side * side / took / 1e6:.1f} million samples a second; most memory of a worker "

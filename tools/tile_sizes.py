@@ -39,11 +39,14 @@ def main() -> None:
     fields = {"mosaic": (mosaic(np.load(name)), isovalue, 1024), "hills": (hills(512), 0.7, 128)}
     for title, (field, value, tile) in fields.items():
         plane = title == "mosaic"
-        for options in ({}, {"signs_only": True}, {"exact": True} if plane else {"step": 0.01}, {"tolerance": 1.0}):
+        for options in (
+            {}, {"precision": "signs"}, {"precision": "exact"} if plane else {"precision": "step=0.01"},
+            {"precision": 1.0},
+        ):
             with tempfile.TemporaryDirectory() as folder:
                 path = Path(folder) / "tiled.iso"
                 begun = time.process_time()
-                isocodec.encode_tiles(field, value, path, tile=tile, **options)  # type: ignore[arg-type]
+                isocodec.save(path, field, value, tile=tile, **options)  # type: ignore[arg-type]
                 took = time.process_time() - begun
                 tiled = path.stat().st_size
             begun = time.process_time()

@@ -20,7 +20,6 @@ from numpy.typing import NDArray
 
 from acceptance import Item, items
 from generated import blurred, generated
-from isocodec import Encoder
 from isocodec.entropy.range_coder import FLOOR
 from isocodec.field.samples import check_field
 from isocodec.grid.lattice.tables import cube_exponent
@@ -30,6 +29,7 @@ from isocodec.grid.models import trained as models
 from isocodec.search.promise import Promise
 from isocodec.search.strategy import even_starts, grid_plan, loose_start, reduced
 from isocodec.search.tolerance import grid_offsets, pitches
+from isocodec.stream.encoder import encoder_of
 from isospec.tables import HIDDEN, INPUTS, KINDS, MOST_LOGIT, NETS, ROWS, Tables, packed, starts, unpacked
 from networks import first_row, gathered, network
 
@@ -107,14 +107,14 @@ def use(n: int, squash: NDArray[np.int64], tables: Tables) -> tuple[NDArray[np.i
 
 def traced(item: Item, options: dict[str, object]) -> list[NDArray[np.int16]]:
     """What the passes list around the symbols of a file's last isovalue, by network: symbol, number of rows, rows."""
-    encoder = Encoder(item.values, item.isovalue, profile="main", **options)  # type: ignore[arg-type]
-    tube = encoder._strands[0].tube
+    encoder = encoder_of(item.values, item.isovalue, profile="main", **options)  # type: ignore[arg-type]
+    tube = encoder.frame.strands[0].tube
     trace = np.zeros((MOST_LINES, 3 + layout.MOST_ROWS), np.int32)
     tube.coder = tube.coder._replace(blend=tube.coder.blend._replace(trace=trace))
     begun = 0
     for _ in encoder:
         # a further isovalue goes on with the same list
-        if len(encoder._strands) > 1 and not begun:
+        if len(encoder.frame.strands) > 1 and not begun:
             begun = trace[0, 0]
     lines = trace[1 + begun : trace[0, 0] + 1]
     found = []
@@ -143,22 +143,22 @@ def files(found: list[Item]) -> Iterator[tuple[Item, dict[str, object]]]:
     for i, item in enumerate(found):
         n = item.values.ndim
         full = n * cube_exponent(item.values.shape)
-        yield item, {"plan": grid_plan(n, full, None) + grid_offsets(FINE[i % len(FINE)], True)}
-        yield item, {"criterion": "distortion", "parameter": 0.7, "tolerance": 0.1}
+        yield item, {"layers": grid_plan(n, full, None) + grid_offsets(FINE[i % len(FINE)], True)}
+        yield item, {"layers": "distortion=0.7", "precision": 0.1}
         if full > n:
             promise = Promise(check_field(item.values, item.isovalue))
             (_, _, mesh), *_ = reduced(promise, "distortion", BENDS[i % len(BENDS)], False)
-            yield item, {"plan": [("base", n), ("adapt", 1, mesh)]}
+            yield item, {"layers": [("base", n), ("adapt", 1, mesh)]}
             if n == 3:
-                yield from ((item, {"plan": plan}) for plan in fitted(promise, i))
+                yield from ((item, {"layers": plan}) for plan in fitted(promise, i))
         if i % 2 == 0:
-            yield item, {"signs_only": True, "base_level": full}
+            yield item, {"precision": "signs", "layers": full}
         if item.values.dtype.kind in "iu":
-            yield item, {"exact": True}
+            yield item, {"precision": "exact"}
         else:
-            yield item, {"step": float(np.ptp(item.values)) / LEVELS[i % len(LEVELS)]}
+            yield item, {"precision": f"step={float(np.ptp(item.values)) / LEVELS[i % len(LEVELS)]}"}
         if item.values.size < SEARCHED:
-            yield item, {"tolerance": COARSE[i % len(COARSE)]}
+            yield item, {"precision": COARSE[i % len(COARSE)]}
 
 
 def fitted(promise: Promise, turn: int) -> Iterator[list[Entry]]:
@@ -182,16 +182,18 @@ def elsewhere(found: list[Item]) -> Iterator[tuple[Item, dict[str, object]]]:
         full = item.values.ndim * cube_exponent(item.values.shape)
         for value in np.unique(values[values < order[-1]]):
             other = replace(item, isovalue=float(value))
-            yield other, {"plan": grid_plan(item.values.ndim, full, None)}
+            yield other, {"layers": grid_plan(item.values.ndim, full, None)}
             if i % 3 == 0:
-                yield other, {"signs_only": True, "base_level": full}
+                yield other, {"precision": "signs", "layers": full}
 
 
 def pairs(found: list[Item]) -> Iterator[tuple[Item, dict[str, object]]]:
     """The items of whole numbers with a second isovalue."""
     for i, item in enumerate(found):
         if item.values.dtype.kind in "iu":
-            options = ({"signs_only": True}, {}, {"tolerance": 0.25} if item.values.size < SEARCHED else {})[i // 3 % 3]
+            options = (
+                {"precision": "signs"}, {}, {"precision": 0.25} if item.values.size < SEARCHED else {},
+            )[i // 3 % 3]
             yield replace(item, isovalue=[item.isovalue, item.isovalue + STEPS[i % len(STEPS)]]), options
 
 
@@ -210,10 +212,10 @@ def adapted(n: int, coded: list[tuple[Item, dict[str, object]]], squash: NDArray
     mix, mixed = blend.mix.astype(float), np.zeros(KINDS)
     for item, options in coded:
         prob, seen = use(n, squash, tables)
-        encoder = Encoder(item.values, item.isovalue, profile="main", **options)  # type: ignore[arg-type]
+        encoder = encoder_of(item.values, item.isovalue, profile="main", **options)  # type: ignore[arg-type]
         for _ in encoder:
             pass
-        cd = encoder._strands[-1].tube.coder
+        cd = encoder.frame.strands[-1].tube.coder
         count = np.where((cd.prob != prob) | (cd.seen != seen), np.maximum(cd.seen - seen, 1), 0)
         weight = np.minimum(weight + count, REMEMBERED)
         mean += (cd.prob - mean) * count / np.maximum(weight, 1)

@@ -8,7 +8,7 @@ from contextlib import suppress
 from types import FrameType
 from typing import NoReturn
 
-from .storage.unfinished import undo_all
+from .storage.atomic import undo_all
 
 SIGNALS = {"SIGINT": "interrupted", "SIGTERM": "terminated", "SIGHUP": "terminated"}
 """Names of signals, of which a system may lack some, and what is said."""

@@ -2,6 +2,8 @@
 
 Every error carries a short stable ``code``, the exit code that the command line ends with, and
 where it makes sense the byte offset in the file and the clause of the specification that is violated.
+
+Text from files and libraries becomes fit for a terminal by `plain` and `one_line`.
 """
 
 from __future__ import annotations
@@ -20,6 +22,8 @@ class IsoError(Exception):
         Clause of ``spec/iso.md`` that the file violates.
     remedy : str or None
         What the caller can do about it.
+    source : str or None
+        Name of the input that could not be read; the text of the error begins with it.
     """
 
     exit_code = 1
@@ -39,9 +43,10 @@ class IsoError(Exception):
         self.offset = offset
         self.clause = clause
         self.remedy = remedy
+        self.source: str | None = None
 
     def __str__(self) -> str:
-        text = self.message
+        text = self.message if self.source is None else f"{self.source}: {self.message}"
         if self.offset is not None:
             text += f" (at byte {self.offset})"
         if self.clause is not None:
@@ -96,3 +101,27 @@ class KernelError(IsoError):
     """The compiled kernels cannot be loaded, are not those of this source, or were called with other types."""
 
     exit_code = 8
+
+
+def plain(text: str, keep: str = "") -> str:
+    """Text without what a terminal takes for orders: control characters, escapes, changes of direction.
+
+    Parameters
+    ----------
+    text : str
+        From a file, its name, or a library that has read it.
+    keep : str
+        Characters that may stay although they do not print, such as a line break.
+
+    Returns
+    -------
+    str
+        With the escapes of Python's strings instead of these characters.
+    """
+    return "".join(c if c.isprintable() or c in keep else c.encode("unicode_escape").decode() for c in text)
+
+
+def one_line(text: str, most: int = 200) -> str:
+    """The beginning of a text in one line, and fit for a terminal."""
+    line = plain(" ".join(text.split()))
+    return line if len(line) <= most else line[: most - 3] + "..."

@@ -47,30 +47,30 @@ def reduced() -> Iterator[Draft]:
         about = "adaptive base by reduction"
         yield encoded(
             f"{space}_reduced_topology_refined", field, isovalue, about, "refined to the full grid", "topology kept",
-            signs_only=True, preserve_topology=True, layers=True,
+            precision="signs", keep_topology=True, states=True,
         )
         for criterion, parameter in (("topology", None), ("crossing", None), ("curvature", 0.25), ("distortion", 0.75)):
             yield encoded(
-                f"{space}_reduced_{criterion}", field, isovalue, about, f"criterion: {criterion}", signs_only=True,
-                criterion=criterion, parameter=parameter, preserve_topology=criterion == "distortion",
-                layers=criterion == "topology",
+                f"{space}_reduced_{criterion}", field, isovalue, about, f"criterion: {criterion}", precision="signs",
+                layers=criterion if parameter is None else f"{criterion}={parameter}",
+                keep_topology=criterion == "distortion", states=criterion == "topology",
             )
         yield encoded(
             f"{space}_reduced_level", field, isovalue, about, "criterion: level", "topology not kept",
-            signs_only=True, criterion="level", parameter=7.0,
+            precision="signs", layers="level=7.0",
         )
         yield encoded(
             f"{space}_searched", field, isovalue, "adaptive mesh and offsets searched for a tolerance", "offsets",
-            tolerance=0.4, preserve_topology=True, layers=True,
+            precision=0.4, keep_topology=True, states=True,
         )
     for space, field, isovalue in parts:
         yield encoded(
             f"{space}_steps_topology", field, isovalue, "steps: distances one after the other", "topology kept",
-            steps=[3.0, 1.0], preserve_topology=True, layers=True,
+            precision=[3.0, 1.0], keep_topology=True, states=True,
         )
     yield encoded(
         "plane_steps", HILLS, 100.5, "steps: distances one after the other, then all values",
-        "values after offsets on coarser meshes", steps=[3.0, 1.0, "exact"], layers=True,
+        "values after offsets on coarser meshes", precision=[3.0, 1.0, "exact"], states=True,
     )
 
 
@@ -85,20 +85,20 @@ def bases() -> Iterator[Draft]:
         mesh = random_mesh(shape, seed + 50, share)
         yield encoded(
             f"{SPACES[len(shape)]}_adaptive_{'x'.join(map(str, shape))}", field, 0.5, "adaptive base on any mesh",
-            "noise", f"border: {'x'.join(map(str, shape))} samples", plan=[base_on(field, mesh)],
+            "noise", f"border: {'x'.join(map(str, shape))} samples", layers=[base_on(field, mesh)],
         )
     for name, field, isovalue, levels in (("plane", HILLS, 100.5, (3, 6)), ("space", RING, 0.5, (4, 6))):
         for level in levels:
             mesh = random_mesh(field.shape, level, FEW)
             yield encoded(
                 f"{name}_adaptive_from_{level}", field, isovalue, f"adaptive base, uniform up to level {level}",
-                "smooth", plan=[base_on(field, mesh, level)],
+                "smooth", layers=[base_on(field, mesh, level)],
             )
     for shape, isovalue, about in (((9, 12), 2.0, "below"), ((9, 12), -1.0, "above"), ((5, 4, 6), 2.0, "below")):
         field = noise(shape, 1, 1)
         yield encoded(
             f"{SPACES[len(shape)]}_adaptive_all_{about}", field, isovalue, f"no curve: all {about}",
-            plan=[base_on(field, random_mesh(shape, 2, SOME))],
+            layers=[base_on(field, random_mesh(shape, 2, SOME))],
         )
     for shape in ((9, 9), (5, 5, 5)):
         n = len(shape)
@@ -111,7 +111,7 @@ def bases() -> Iterator[Draft]:
         ):
             yield encoded(
                 f"{SPACES[n]}_adaptive_{name}", field, 0.5, "adaptive base on the mesh of a uniform level",
-                plan=[base_on(field, mesh, level)],
+                layers=[base_on(field, mesh, level)],
             )
 
 
@@ -142,7 +142,7 @@ def refinements() -> Iterator[Draft]:
              [base_on(rough, coarse), adapt_to(rough, coarse), adapt_to(rough, coarse, 0)]),
         )
         for name, field, isovalue, about, plan in plans:
-            yield encoded(f"{space}_adapt_{name}", field, isovalue, about, plan=plan, layers=True)
+            yield encoded(f"{space}_adapt_{name}", field, isovalue, about, layers=plan, states=True)
         # what no encoder should do: vertices come in whose signs are never told
         layers = [Layer("adaptive_base", 0), Layer("adapt", 0), *rounds(1, full)]
         meshes = [chosen(shape, coarse), chosen(shape, fine)]
@@ -159,17 +159,17 @@ def refinements() -> Iterator[Draft]:
         mesh = random_mesh(shape, 3, 4) | uniform(shape, n) | closed(shape, points)
         yield encoded(
             f"{SPACES[n]}_adapt_births_far", field, 0.5, "new components far from known curves",
-            plan=[("base", n), adapt_to(field, mesh)], layers=True,
+            layers=[("base", n), adapt_to(field, mesh)], states=True,
         )
         yield encoded(
             f"{SPACES[n]}_adapt_births_below", 1 - field, 0.5, "new components below, far from known curves",
-            plan=[base_on(field, frozenset()), adapt_to(field, mesh)],
+            layers=[base_on(field, frozenset()), adapt_to(field, mesh)],
         )
     # an edge whose half further away is cut, and the nearer one is not, on the way of an inference
     field = salt((13, 11), [(0, 0), (7, 5), (9, 4), (11, 6), (12, 2)])
     yield encoded(
         "plane_adapt_births_past_cuts", field, 0.5, "new components far from known curves",
-        plan=[base_on(field, frozenset([(0, 8), (4, 0), (4, 4), (8, 0), (8, 8)])), ("refine", None)],
+        layers=[base_on(field, frozenset([(0, 8), (4, 0), (4, 4), (8, 0), (8, 8)])), ("refine", None)],
     )
     # clamped images that are known before
     border: tuple[Point, ...] = ((3, 6), (6, 3), (11, 6), (5, 6, 3), (6, 3, 6))
@@ -180,7 +180,7 @@ def refinements() -> Iterator[Draft]:
         yield encoded(
             f"{SPACES[len(shape)]}_adapt_known_middles_{'x'.join(map(str, shape))}", field, 2.5, "noise",
             "border: middles known before the round",
-            plan=[base_on(field, coarse), adapt_to(field, fine), ("refine", None)],
+            layers=[base_on(field, coarse), adapt_to(field, fine), ("refine", None)],
         )
 
 
@@ -190,7 +190,7 @@ def cuts() -> Iterator[Draft]:
         coarse = random_mesh(field.shape, 43, FEW)
         fine = random_mesh(field.shape, 44, MANY, coarse)
         plan = [base_on(field, coarse), adapt_to(field, fine), ("refine", None)]
-        data = encoded(space, field, isovalue, plan=plan).data
+        data = encoded(space, field, isovalue, layers=plan).data
         for kind, about in (("adaptive_base", "an adaptive base"), ("adapt", "an adaptive layer")):
             yield Draft(f"{space}_cut_{kind}", cut_within(data, kind), field.ndim, ("cut run", f"within {about}"))
             yield Draft(

@@ -8,8 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from isocodec import encode, encode_frames, truncate
+from isocodec import Field, Frames, encode
 from isocodec.format.events import LayerComplete
+from isocodec.stream.truncation import truncate
 
 from .dump import COMPLETE, dump
 
@@ -30,6 +31,8 @@ class Draft:
         What it exercises, syntax elements apart.
     clause : str or None
         Clause of the specification that the file violates; None if it violates none.
+    beyond : str or None
+        Of a file over the limits: the clause that a decoder finds violated which goes on nevertheless.
     layers : bool
         Whether the manifest also states the decoded state after each layer.
     mesh : str
@@ -43,23 +46,25 @@ class Draft:
     clause: str | None = None
     layers: bool = False
     mesh: str = ""
+    beyond: str | None = None
 
 
 def encoded(
-    name: str, field: ArrayLike, isovalue: float | Sequence[float], *features: str, layers: bool = False, **options
+    name: str, field: ArrayLike, isovalue: float | Sequence[float], *features: str, states: bool = False,
+    mask: ArrayLike | None = None, **options,
 ) -> Draft:
     """A vector as the reference encoder writes it."""
-    data = encode(field, isovalue, **{"profile": "baseline", **options})
-    return Draft(name, data, np.ndim(field), features, layers=layers)
+    data = encode(Field(field, mask), isovalue, **{"profile": "baseline", **options})
+    return Draft(name, data, np.ndim(field), features, layers=states)
 
 
 def encoded_series(
-    name: str, fields: Sequence[ArrayLike], isovalue: float | Sequence[float], *features: str, layers: bool = False,
-    **options,
+    name: str, fields: Sequence[ArrayLike], isovalue: float | Sequence[float], *features: str, states: bool = False,
+    mask: ArrayLike | None = None, **options,
 ) -> Draft:
     """A vector of a series of frames as the reference encoder writes it."""
-    data = encode_frames(fields, isovalue, **{"profile": "baseline", **options})
-    return Draft(name, data, np.ndim(fields[0]), ("series of frames", *features), layers=layers)
+    data = encode(Frames([Field(each, mask) for each in fields]), isovalue, **{"profile": "baseline", **options})
+    return Draft(name, data, np.ndim(fields[0]), ("series of frames", *features), layers=states)
 
 
 def within(data: bytes, kind: str) -> tuple[int, bytes]:

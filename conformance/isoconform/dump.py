@@ -69,8 +69,8 @@ class Frames:
 def _frame_lines(decoder: Decoder, frame: int, before: bool = False) -> list[str]:
     """Text of the isovalues of a frame that have come."""
     lines = [f"frame {frame}"] if frame else []
-    for number in range(len(decoder.isovalues)):
-        state = decoder.state(number, before=before)
+    for number in range(len(decoder.isovalues) if decoder.header else 0):
+        state = decoder.grid.state(number, before=before)
         if state is None:
             assert frame, "all isovalues of the first frame come before others"
             break
@@ -86,7 +86,7 @@ def canonical(decoder: Decoder, past: Frames | None = None) -> str:
     ``past`` are the frames before the present one.
     """
     lines = [*(past.lines if past else []), *_frame_lines(decoder, decoder.present[0])]
-    mask = decoder.mask_state()
+    mask = decoder.grid.mask_state() if decoder.header else None
     if mask is not None:
         # neither values nor explicit vertices
         lines += ["mask", *mask.lines()[1:]]
@@ -95,7 +95,7 @@ def canonical(decoder: Decoder, past: Frames | None = None) -> str:
 
 def canonical_coordinates(decoder: Decoder) -> str:
     """Text of the coordinates of a mapped grid; a line only where there are none."""
-    mapped = decoder.mapped()
+    mapped = decoder.grid.mapped() if decoder.header else None
     if mapped is None:
         return NO_COORDINATES
     lines = [COORDINATES, " ".join(["periodic", *map(str, mapped.periodic)])]
@@ -143,7 +143,8 @@ def dump(data: bytes, *, layers: int = 0, piece: int = 0, limits: Limits | None 
         raise
     except IsoError as wrong:
         return Output(wrong.exit_code, "", wrong, {}, events)
-    return Output(code, canonical(decoder, past), error, decoder.symbols, events, canonical_coordinates(decoder))
+    symbols = decoder.grid.symbols if decoder.header else {}
+    return Output(code, canonical(decoder, past), error, symbols, events, canonical_coordinates(decoder))
 
 
 def canonical_layers(data: bytes) -> Iterator[tuple[LayerComplete, int, str]]:

@@ -17,7 +17,7 @@ from isocodec.format.chunks import CHECKSUM_BYTES, Envelope, read_envelope, read
 from isocodec.format.events import FrameRead, SeriesRead
 from isocodec.format.header import Header, read_header, varint
 from isocodec.format.program import Layer, ProgramReader, Progress
-from isocodec.stream.contents import Contents
+from isocodec.stream.outline import Outline
 from isospec.container import ChunkType, IsovalueKind, Operation, Profile
 
 from .damage import fields_of
@@ -42,7 +42,7 @@ class _Reader(Rows):
     isovalues: list[float] = field(default_factory=list)
     progresses: list[Progress] = field(default_factory=list)
     before: list[Progress] = field(default_factory=list)
-    contents: Contents = field(default_factory=Contents)
+    outline: Outline = field(default_factory=Outline)
 
     def read(self) -> None:
         found = read_header(self.data)
@@ -83,8 +83,8 @@ class _Reader(Rows):
         before = self.progresses[-1] if self.progresses else Progress(full)
         self.progresses.append(before.begin(None if lean is None else self.progresses[lean]))
         self.isovalues.append(isovalue)
-        self.contents.isovalues.append(isovalue)
-        self.contents.number = len(self.isovalues) - 1
+        self.outline.isovalues.append(isovalue)
+        self.outline.number = len(self.isovalues) - 1
 
     def _chunk(self, chunk: Envelope) -> None:
         start = self.at
@@ -117,7 +117,7 @@ class _Reader(Rows):
 
     def _frame(self, chunk: Envelope) -> None:
         """The first chunk of frames, or the beginning of an isovalue of a further frame."""
-        event = self.contents.read(chunk, self.data[chunk.start : chunk.end], chunk.end)
+        event = self.outline.read(chunk, self.data[chunk.start : chunk.end], chunk.end)
         if isinstance(event, SeriesRead):
             self.note(chunk.end, f"interval {event.interval} of a series (3.5.7)")
         elif isinstance(event, FrameRead):

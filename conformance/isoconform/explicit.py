@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from isocodec import encode_mesh
-from isocodec.stream.names import MeshName
+import isocodec
+from isocodec.field.meshed import StoredName
 from isocodec.tin.delaunay import triangulate
 from isospec.container import ChunkType, read_varint, write_varint
 
@@ -82,13 +82,17 @@ def hills(mesh: Mesh, step: int = 0, rough: int = 30) -> Integers:
 
 def _draft(
     name: str, mesh: Mesh, values: NDArray[Any], isovalue: float | tuple[float, ...], *features: str,
-    kind: MeshName = "known", layers: bool = False, **options: Any,
+    kind: StoredName = "known", states: bool = False, mesh_error: float | None = None, progressive: bool | None = None,
+    **options: Any,
 ) -> Draft:
     """A vector as the reference encoder writes it."""
     cells = None if kind == "delaunay" else mesh[1]
-    data = encode_mesh(mesh[0], cells, values, isovalue, mesh=kind, **options)
+    data = isocodec.encode(
+        isocodec.Mesh(mesh[0], cells, values, stored=kind, error=mesh_error, progressive=progressive), isovalue,
+        **options,
+    )
     n = mesh[1].shape[1] - 1
-    return Draft(name, data, n, (EXPLICIT, *features), None, layers, written(mesh) if kind == "known" else "")
+    return Draft(name, data, n, (EXPLICIT, *features), None, states, written(mesh) if kind == "known" else "")
 
 
 def whole() -> Iterator[Draft]:
@@ -97,43 +101,43 @@ def whole() -> Iterator[Draft]:
         mesh = make()
         values = hills(mesh)
         for name, options in (
-            ("signs", {"signs_only": True}), ("values", {"exact": True}), ("offsets", {"tolerance": 0.5}),
-            ("fine_offsets", {"tolerance": 0.001}),
+            ("signs", {"precision": "signs"}), ("values", {"precision": "exact"}), ("offsets", {"precision": 0.5}),
+            ("fine_offsets", {"precision": 0.001}),
         ):
             if kind == "plane":
                 yield _draft(
-                    f"mesh_plane_levels_{name}", mesh, values, VALUE, "levels", name, layers=name == "values", **options
+                    f"mesh_plane_levels_{name}", mesh, values, VALUE, "levels", name, states=name == "values",
+                    **options,
                 )
             yield _draft(
-                f"mesh_{kind}_{name}", mesh, values, VALUE, name, layers=name == "offsets", progressive=False, **options
+                f"mesh_{kind}_{name}", mesh, values, VALUE, name, states=name == "offsets", progressive=False,
+                **options,
             )
         yield _draft(
-            f"mesh_{kind}_isovalues", mesh, values, VALUES, "several isovalues", exact=True, progressive=False,
-            layers=True,
+            f"mesh_{kind}_isovalues", mesh, values, VALUES, "several isovalues", precision="exact", progressive=False,
+            states=True,
         )
         yield _draft(
-            f"mesh_{kind}_independent", mesh, values, VALUES, "isovalues that lean on none", leaning=False,
-            signs_only=True, progressive=False,
+            f"mesh_{kind}_independent", mesh, values, VALUES, "isovalues that lean on none", independent=True,
+            precision="signs", progressive=False,
         )
         noise = np.array(random_numbers(23, len(mesh[0]), 8), np.int64)
+        yield _draft(f"mesh_{kind}_noise", mesh, noise, 128.5, "noise", precision="exact", progressive=False)
         yield _draft(
-            f"mesh_{kind}_noise", mesh, noise, 128.5, "noise", exact=True, progressive=False
-        )
-        yield _draft(
-            f"mesh_{kind}_step", mesh, values / 8, 12.4, "values in steps", step=0.25, progressive=False
+            f"mesh_{kind}_step", mesh, values / 8, 12.4, "values in steps", precision="step=0.25", progressive=False,
         )
         yield _draft(f"mesh_{kind}_empty", mesh, values, 1e6, "no curve", progressive=False)
         yield _draft(
             f"mesh_{kind}_coded", mesh, values, VALUE, "the mesh in the file, as far as it is crossed", kind="coded",
-            exact=True, mesh_error=0.3,
+            precision="exact", mesh_error=0.3,
         )
         yield _draft(
-            f"mesh_{kind}_whole", mesh, values, VALUES, "the whole mesh in the file", kind="whole",
-            signs_only=True, mesh_error=0.3,
+            f"mesh_{kind}_whole", mesh, values, VALUES, "the whole mesh in the file", kind="whole", precision="signs",
+            mesh_error=0.3,
         )
         yield from _frames(kind, mesh)
     mesh = plane(60, 200, 0)
-    for name, options in (("signs", {"signs_only": True}), ("values", {"exact": True})):
+    for name, options in (("signs", {"precision": "signs"}), ("values", {"precision": "exact"})):
         yield _draft(
             f"mesh_plane_delaunay_{name}", mesh, hills(mesh), VALUE, "points in the file, Delaunay triangulation",
             kind="delaunay", mesh_error=0.71, **options,
@@ -145,8 +149,8 @@ def whole() -> Iterator[Draft]:
         ("hills", hills(mesh, 0, 5), (VALUE,)), ("isovalues", hills(mesh), VALUES), ("salt", salt, (0.5,)),
     ):
         yield _draft(
-            f"mesh_plane_levels_many_{name}", mesh, values, isovalues, "levels", "many rounds", signs_only=True,
-            layers=True,
+            f"mesh_plane_levels_many_{name}", mesh, values, isovalues, "levels", "many rounds", precision="signs",
+            states=True,
         )
 
 
@@ -154,8 +158,10 @@ def _frames(kind: str, mesh: Mesh) -> Iterator[Draft]:
     """Series."""
     frames = np.array([hills(mesh, step) for step in range(4)])
     for name, options in (
-        ("signs", {"signs_only": True}), ("values", {"exact": True, "interval": 2}), ("offsets", {"tolerance": 0.5}),
-        ("step", {"step": 3.0}),
+        ("signs", {"precision": "signs"}), (
+            "values", {"precision": "exact", "interval": 2},
+        ), ("offsets", {"precision": 0.5}),
+        ("step", {"precision": "step=3.0"}),
     ):
         values = frames * 1.0 if name == "step" else frames
         for progressive in (False, True) if kind == "plane" else (False,):
@@ -165,20 +171,20 @@ def _frames(kind: str, mesh: Mesh) -> Iterator[Draft]:
             )
     yield _draft(
         f"mesh_{kind}_frames_independent", mesh, frames, VALUES[:2], "series of frames", "frames that lean on none",
-        leaning=False, exact=True, progressive=False,
+        independent=True, precision="exact", progressive=False,
     )
     gaps = frames.copy()
     gaps[1] = 0
     yield _draft(
         f"mesh_{kind}_frames_empty", mesh, gaps, VALUE, "series of frames", "a frame without a curve",
-        progressive=False, tolerance=0.5,
+        progressive=False, precision=0.5,
     )
 
 
 def parts() -> Iterator[Draft]:
     """Files that end early."""
     mesh = plane()
-    data = encode_mesh(*mesh, hills(mesh), VALUES[:2], exact=True)
+    data = isocodec.encode(isocodec.Mesh(*mesh, hills(mesh)), VALUES[:2], precision="exact")
     file = split(data)
     places, at = [], len(file.header)
     for chunk in file.chunks:
@@ -189,7 +195,7 @@ def parts() -> Iterator[Draft]:
         ("checksum", len(data) - 2),
     ):
         yield Draft(f"mesh_truncated_{name}", data[:size], 2, (EXPLICIT, "truncated"), mesh=written(mesh))
-    coded = encode_mesh(*mesh, hills(mesh), VALUE, mesh="coded", mesh_error=0.3)
+    coded = isocodec.encode(isocodec.Mesh(*mesh, hills(mesh), stored="coded", error=0.3), VALUE)
     yield Draft("mesh_truncated_mesh", coded[:30], 2, (EXPLICIT, "truncated"))
 
 
@@ -201,9 +207,9 @@ def _changed(file: File, number: int, payload: bytes) -> bytes:
 def _wrong_chunks() -> Iterator[tuple[str, str, str, bytes]]:
     """Names, clauses, what is wrong and files: chunks and layers."""
     mesh = plane()
-    known = split(encode_mesh(*mesh, hills(mesh), VALUE, exact=True, progressive=False))
-    levels = split(encode_mesh(*mesh, hills(mesh), VALUE, signs_only=True))
-    solid = split(encode_mesh(*tetrahedra(), hills(tetrahedra()), VALUE, signs_only=True))
+    known = split(isocodec.encode(isocodec.Mesh(*mesh, hills(mesh), progressive=False), VALUE, precision="exact"))
+    levels = split(isocodec.encode(isocodec.Mesh(*mesh, hills(mesh)), VALUE, precision="signs"))
+    solid = split(isocodec.encode(isocodec.Mesh(*tetrahedra(), hills(tetrahedra())), VALUE, precision="signs"))
     domain, signs, values = (chunk.payload for chunk in known.chunks)
     first, second, third = known.chunks
 
@@ -247,9 +253,11 @@ def _wrong_chunks() -> Iterator[tuple[str, str, str, bytes]]:
 def _wrong_meshes() -> Iterator[tuple[str, str, str, bytes]]:
     """The same: meshes in the file."""
     mesh = plane()
-    coded = split(encode_mesh(*mesh, hills(mesh), VALUE, mesh="coded", mesh_error=0.3, signs_only=True))
-    points = split(encode_mesh(mesh[0], None, hills(mesh), VALUE, mesh_error=0.71, signs_only=True))
-    solid = split(encode_mesh(*tetrahedra(), hills(tetrahedra()), VALUE, signs_only=True))
+    coded = split(
+        isocodec.encode(isocodec.Mesh(*mesh, hills(mesh), stored="coded", error=0.3), VALUE, precision="signs")
+    )
+    points = split(isocodec.encode(isocodec.Mesh(mesh[0], None, hills(mesh), error=0.71), VALUE, precision="signs"))
+    solid = split(isocodec.encode(isocodec.Mesh(*tetrahedra(), hills(tetrahedra())), VALUE, precision="signs"))
     inside, at = coded.chunks[0].payload, points.chunks[0].payload
 
     def number(place: int, value: int) -> bytes:

@@ -8,14 +8,13 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from isocodec.api.tin_api import read_surface
+from isocodec import Decoder
 from isocodec.errors import FormatError, IsoError, TruncatedError
-from isocodec.format.domain import kind_of_domain
 from isocodec.format.events import Event, FrameRead, MeshLayerComplete
 from isocodec.format.header import read_header
 from isocodec.limits import Limits
 from isocodec.mesh.isovalue import MeshIsovalue
-from isocodec.stream.mesh_decoder import MeshDecoder
+from isocodec.stream.mesh_contents import MeshContents
 from isocodec.tin.rank import by_rank
 from isospec.container import DomainKind
 
@@ -69,21 +68,27 @@ def _isovalue(strand: MeshIsovalue) -> Iterator[str]:
             yield "e " + " ".join(map(str, row))
 
 
-def _frame(decoder: MeshDecoder, frame: int, before: bool = False) -> Iterator[str]:
+def _strand(decoder: Decoder, number: int, before: bool) -> MeshIsovalue | None:
+    contents = decoder.contents
+    return contents.strand(number, before=before) if isinstance(contents, MeshContents) else None
+
+
+def _frame(decoder: Decoder, frame: int, before: bool = False) -> Iterator[str]:
     if frame:
         yield f"frame {frame}"
     number = 0
-    while (strand := decoder.strand(number, before=before)) is not None:
+    while (strand := _strand(decoder, number, before)) is not None:
         if number:
             yield f"isovalue {number}"
         yield from _isovalue(strand)
         number += 1
 
 
-def _domain(decoder: MeshDecoder) -> Iterator[str]:
-    head, domain = decoder.head, decoder.domain
-    if head is None or domain is None:
+def _domain(decoder: Decoder) -> Iterator[str]:
+    contents = decoder.contents
+    if not isinstance(contents, MeshContents) or contents.head is None or contents.domain is None:
         return
+    head, domain = contents.head, contents.domain
     corners = domain.mesh.cell.shape[1]
     yield f"domain {head.d} {corners - 1} {head.vertices} {head.cells}"
     if head.kind != DomainKind.KNOWN:
@@ -91,15 +96,17 @@ def _domain(decoder: MeshDecoder) -> Iterator[str]:
             yield from (f"{word} " + " ".join(map(str, row)) for row in rows.tolist())
 
 
-def _text(decoder: MeshDecoder, past: list[str]) -> str:
+def _text(decoder: Decoder, past: list[str]) -> str:
     lines = [*_domain(decoder), *past, *_frame(decoder, decoder.present[0])]
     return "".join(f"{line}\n" for line in lines)
 
 
 def _surface(data: bytes, limits: Limits | None) -> Output:
     """The text of a file that holds a surface."""
+    decoder = Decoder(limits)
     try:
-        head, parts, complete, _ = read_surface(data, True, limits)
+        decoder.feed(data)
+        head, parts = decoder.take().surface.received()
     except TruncatedError as cut:
         return Output(cut.exit_code, "", cut)
     except IsoError as wrong:
@@ -108,15 +115,15 @@ def _surface(data: bytes, limits: Limits | None) -> Output:
     lines = [f"surface {head.extent[0]} {head.extent[1]} {len(order)}"]
     rows = np.column_stack([parts.points, parts.numbers])[order]
     lines += ["s " + " ".join(map(str, row)) for row in rows.tolist()]
-    error = None if complete else TruncatedError("the file ends before it is complete", code="truncated")
+    error = None if decoder.complete else TruncatedError("the file ends before it is complete", code="truncated")
     return Output(error.exit_code if error else COMPLETE, "".join(f"{line}\n" for line in lines), error)
 
 
 def _taken(
     data: bytes, mesh: Mesh | None, piece: int, limits: Limits | None
-) -> Iterator[tuple[Event, MeshDecoder, list[str]]]:
+) -> Iterator[tuple[Event, Decoder, list[str]]]:
     """Events, the decoder, and the text of the frames that are over."""
-    decoder = MeshDecoder(mesh, limits)
+    decoder = Decoder(limits, mesh=mesh)
     past: list[str] = []
     step = piece or max(len(data), 1)
     for at in range(0, len(data), step):
@@ -128,11 +135,24 @@ def _taken(
     decoder.close()
 
 
+def _is_surface(data: bytes) -> bool:
+    """Whether the domain of a file is points, as far as its first bytes show."""
+    decoder = Decoder()
+    decoder.feed(data)
+    try:
+        for _ in decoder:
+            if decoder.contents is not None and decoder.contents.kind != "domain":
+                break
+    except IsoError:
+        pass
+    return decoder.contents is not None and decoder.contents.kind == "surface"
+
+
 def dump_explicit(
     data: bytes, mesh: Mesh | None = None, *, layers: int = 0, piece: int = 0, limits: Limits | None = None
 ) -> Output:
     """Decode a file of an explicit domain with the reference decoder; parameters as of `dump`."""
-    if kind_of_domain(data) == DomainKind.POINTS:
+    if _is_surface(data):
         return _surface(data, limits)
     events: list[Event] = []
     text = ""

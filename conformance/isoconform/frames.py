@@ -7,9 +7,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from isocodec import encode_frames
+from isocodec import Encoder, Frames, encode
 from isocodec.grid.layers.plan import Entry
-from isocodec.stream.series import SeriesEncoder
+from isocodec.stream.options import Layers
 from isospec.container import ChunkType
 
 from .adaptive import SPACES
@@ -40,20 +40,21 @@ def whole() -> Iterator[Draft]:
         space, frames = SPACES[len(shape)], _moving(shape)
         for profile in ("baseline", "main"):
             for name, options in (
-                ("signs", {"signs_only": True}),
-                ("values", {"exact": True, "interval": 2}),
-                ("offsets", {"tolerance": 0.05, "interval": 3}),
+                ("signs", {"precision": "signs"}),
+                ("values", {"precision": "exact", "interval": 2}),
+                ("offsets", {"precision": 0.05, "interval": 3}),
             ):
                 yield encoded_series(
                     f"{space}_frames_{profile}_{name}", frames, VALUE, f"frames: {name}", profile=profile,
-                    layers=name == "values", **options,
+                    states=name == "values", **options,
                 )
         yield encoded_series(
             f"{space}_frames_isovalues", frames, (VALUE, VALUE + 9, VALUE - 7), "frames: several isovalues",
-            interval=2, exact=True, profile="main", layers=True,
+            interval=2, precision="exact", profile="main", states=True,
         )
         yield encoded_series(
-            f"{space}_frames_independent", frames, VALUE, "frames: that lean on none", leaning=False, signs_only=True
+            f"{space}_frames_independent", frames, VALUE, "frames: that lean on none", independent=True,
+            precision="signs",
         )
         base: Sequence[Entry] = [("base", len(shape)), ("refine", None)]
         for name, plan in (("refined", base), ("leaf_base", [("leaf_base",)]), ("coarse", [("base", 5)])):
@@ -64,34 +65,37 @@ def whole() -> Iterator[Draft]:
             f"{space}_frames_main_finer", finer, len(shape), ("series of frames", "frames: after a coarse one")
         )
         yield encoded_series(
-            f"{space}_frames_main_adapted", frames, VALUE, "frames: adaptive meshes", profile="main", signs_only=True,
-            preserve_topology=True,
+            f"{space}_frames_main_adapted", frames, VALUE, "frames: adaptive meshes", profile="main",
+            precision="signs", keep_topology=True,
         )
         empty = [np.zeros_like(frames[0]), *frames[:2], np.zeros_like(frames[0]), frames[2]]
         yield encoded_series(
-            f"{space}_frames_empty", empty, VALUE, "frames: some without a curve", profile="main", signs_only=True
+            f"{space}_frames_empty", empty, VALUE, "frames: some without a curve", profile="main", precision="signs",
         )
         gone = noise(shape, 9, 5) == 0
         yield encoded_series(
-            f"{space}_frames_missing", frames, VALUE, "frames: missing samples", mask=gone, profile="main", exact=True
+            f"{space}_frames_missing", frames, VALUE, "frames: missing samples", mask=gone, profile="main",
+            precision="exact",
         )
     smooth = _moving(WIDE, 3, 0)
     yield encoded_series(
         "plane_frames_main_wide", smooth, VALUE, "frames: softened signs of several blocks", profile="main",
-        signs_only=True,
+        precision="signs",
     )
     smooth = _moving((18, 11, 9), 3, 0)
     yield encoded_series(
         "space_frames_main_wide", smooth, VALUE, "frames: softened signs of several blocks", profile="main",
-        signs_only=True,
+        precision="signs",
     )
 
 
 def encode_plans(frames: list[Integers], plan: Sequence[Entry], first: Sequence[Entry]) -> bytes:
     """A series in the main profile whose first frame has one plan and all others another."""
-    series = SeriesEncoder(VALUE, profile="main", plan=first)
+    series = Encoder(VALUE, profile="main", layers=first)
     data = series.add(frames[0])
-    series._options = {**series._options, "plan": plan}
+    grid = series._frames._grid
+    assert grid is not None
+    grid.file = replace(grid.file, options=replace(grid.file.options, layers=Layers.of(plan)))
     for frame in frames[1:]:
         data += series.add(frame)
     return data + series.finish()
@@ -99,7 +103,9 @@ def encode_plans(frames: list[Integers], plan: Sequence[Entry], first: Sequence[
 
 def _file(shape: tuple[int, ...]) -> File:
     """A small series of two isovalues, in which each further one begins with a chunk of its own."""
-    file = split(encode_frames(_moving(shape, 3), (VALUE, VALUE + 9), profile="baseline", interval=2, signs_only=True))
+    file = split(
+        encode(Frames(_moving(shape, 3)), (VALUE, VALUE + 9), profile="baseline", interval=2, precision="signs")
+    )
     chunks: list[Chunk] = []
     layers = 0
     for chunk in file.chunks:
@@ -130,7 +136,7 @@ def parts() -> Iterator[Draft]:
             f"{space}_frames_chunks", data, n, ("series of frames", "frames: each isovalue with a chunk of its own")
         )
         yield Draft(f"{space}_frames_truncated", data[: len(data) * 2 // 3], n, ("series of frames", "truncated"))
-        whole = encode_frames(_moving(shape), VALUE, profile="main", exact=True)
+        whole = encode(Frames(_moving(shape)), VALUE, profile="main", precision="exact")
         yield Draft(
             f"{space}_frames_cut", cut_within(whole, "values"), n, ("series of frames", "frames: a cut run")
         )

@@ -108,7 +108,7 @@ def _described(draft: Draft, output: Output, mesh: Mesh | None) -> Vector:
     elif isinstance(output.error, LimitError):
         if draft.clause != clause:
             raise AssertionError(f"{draft.name} needs more than the limits allow: {output.error}")
-        expected = Expected(LIMIT)
+        expected = Expected(LIMIT, draft.beyond)
     else:
         if draft.clause != clause:
             raise AssertionError(f"{draft.name} violates clause {clause}, not {draft.clause}: {output.error}")

@@ -22,7 +22,7 @@ def offsets_uniform() -> Iterator[Draft]:
         for radix, unit in ((1, 0), (3, 0), (5, 1), (27, 3), (63, 0)):
             yield encoded(
                 f"{space}_offsets_coarse_{radix}_unit_{unit}", field, isovalue, "offsets on a coarse mesh",
-                f"{radix} parts in {2**unit} samples", "smooth", plan=[("base", level), ("offsets", radix, unit)],
+                f"{radix} parts in {2**unit} samples", "smooth", layers=[("base", level), ("offsets", radix, unit)],
             )
         plan: list[Steps] = [
             ("base", level),
@@ -33,25 +33,25 @@ def offsets_uniform() -> Iterator[Draft]:
         ]
         yield encoded(
             f"{space}_offsets_coarse_repeated", field, isovalue, "offsets on a coarse mesh, told finer and finer",
-            "an edge that is fine enough takes no digit", plan=plan, layers=True,
+            "an edge that is fine enough takes no digit", layers=plan, states=True,
         )
         plan = [("base", level), ("offsets", 3, 1), ("refine", 1), ("offsets", 3, 0), ("refine", None),
                 ("offsets", 3, 0), ("offsets", 5, 0)]
         yield encoded(
             f"{space}_offsets_between_rounds", field, isovalue, "offsets on a coarse mesh, then on the full grid",
-            "edges that stay keep their offsets", plan=plan, layers=True,
+            "edges that stay keep their offsets", layers=plan, states=True,
         )
     for unit, radix in ((3, 3), (24, 63)):
         yield encoded(
             f"plane_offsets_long_unit_{unit}", LONG, 100.5, "offsets on edges of many samples",
-            f"{radix} parts in {2**unit} samples", plan=[("base", 2), ("offsets", radix, unit)],
+            f"{radix} parts in {2**unit} samples", layers=[("base", 2), ("offsets", radix, unit)],
         )
     plan = [("base", 1), ("offsets", 63, 0), ("refine", None), ("offsets", 63, 0)]
-    yield encoded("plane_offsets_several_digits", LONG, 90.5, "edges that take several digits in a layer", plan=plan)
+    yield encoded("plane_offsets_several_digits", LONG, 90.5, "edges that take several digits in a layer", layers=plan)
     for level in (4, 5, 6, 7, 8):
         yield encoded(
             f"space_offsets_implied_{level}", RING, 0.5, "offsets on a coarse mesh",
-            "no offsets on subdivision edges of whole diamonds", plan=[("base", level), ("offsets", 3, 0)],
+            "no offsets on subdivision edges of whole diamonds", layers=[("base", level), ("offsets", 3, 0)],
         )
 
 
@@ -68,7 +68,7 @@ def offsets_adaptive() -> Iterator[Draft]:
                 yield encoded(
                     f"{space}_offsets_adaptive_{kind}_{radix}_unit_{unit}", field, isovalue,
                     "offsets on an adaptive mesh", kind, f"{radix} parts in {2**unit} samples",
-                    plan=[base_on(field, fine), ("offsets", radix, unit)],
+                    layers=[base_on(field, fine), ("offsets", radix, unit)],
                 )
             plan: list[Steps] = [
                 base_on(field, coarse), ("offsets", 3, 1), ("offsets", 5, 1), adapt_to(field, fine), ("offsets", 5, 1),
@@ -76,13 +76,13 @@ def offsets_adaptive() -> Iterator[Draft]:
             ]
             yield encoded(
                 f"{space}_offsets_before_and_after_{kind}", field, isovalue, "offsets on an adaptive mesh", kind,
-                "edges that stay keep their offsets", plan=plan, layers=True,
+                "edges that stay keep their offsets", layers=plan, states=True,
             )
         field = noise(shape, 54, 6)
         plan = [base_on(field, uniform(shape, full)), ("offsets", 7, 0), ("refine", None), ("offsets", 3)]
         yield encoded(
             f"{space}_offsets_all_middles", field, 31.5, "offsets on a mesh of all middles that is not the full grid",
-            plan=plan, layers=True,
+            layers=plan, states=True,
         )
     border: tuple[Point, ...] = ((3, 6), (6, 3), (5, 6, 3))
     for seed, shape in enumerate(border, 80):
@@ -90,7 +90,7 @@ def offsets_adaptive() -> Iterator[Draft]:
         yield encoded(
             f"{SPACES[len(shape)]}_offsets_adaptive_{'x'.join(map(str, shape))}", field, 31.5,
             "offsets on an adaptive mesh", "border: positions that coincide", "noise",
-            plan=[base_on(field, random_mesh(shape, seed, MANY)), ("offsets", 9, 0)],
+            layers=[base_on(field, random_mesh(shape, seed, MANY)), ("offsets", 9, 0)],
         )
 
 
@@ -104,7 +104,7 @@ def values() -> Iterator[Draft]:
         fine = random_mesh(shape, 63, SOME, coarse)
         yield encoded(
             f"{space}_values_adaptive", field, 15.5, "values on an adaptive mesh", "noise",
-            plan=[base_on(field, fine), ("values", None)], layers=True,
+            layers=[base_on(field, fine), ("values", None)], states=True,
         )
         plan: list[Steps] = [
             base_on(field, coarse), ("values", 2), adapt_to(field, fine), ("values", 0), ("values", 1),
@@ -112,21 +112,21 @@ def values() -> Iterator[Draft]:
         ]
         yield encoded(
             f"{space}_values_around_adapt", field, 15.5, "values, adaptive refinement, values",
-            "new vertices catch up, with and without a new bit for the others", plan=plan, layers=True,
+            "new vertices catch up, with and without a new bit for the others", layers=plan, states=True,
         )
         plan = [base_on(field, coarse), ("offsets", 5, 1), adapt_to(field, fine), ("values", 3), ("refine", None)]
         yield encoded(
             f"{space}_values_after_offsets", field, 15.5, "values drop offsets", "values that are never brought up",
-            plan=plan, layers=True,
+            layers=plan, states=True,
         )
         plan = [("base", n), ("refine", None), ("offsets", 5), ("values", None)]
         yield encoded(
-            f"{space}_values_after_offsets_full", field, 15.5, "values drop offsets, on the full grid", plan=plan,
-            layers=True,
+            f"{space}_values_after_offsets_full", field, 15.5, "values drop offsets, on the full grid", layers=plan,
+            states=True,
         )
         yield encoded(
             f"{space}_values_scaled_adaptive", field / 8, 2.0, "values on an adaptive mesh", "power-of-two step",
-            step=0.25, plan=[base_on(field, fine), ("values", None)],
+            precision="step=0.25", layers=[base_on(field, fine), ("values", None)],
         )
 
 
@@ -137,7 +137,7 @@ def cuts() -> Iterator[Draft]:
         space = SPACES[len(shape)]
         mesh = random_mesh(shape, 72, SOME)
         for kind, last in (("offsets", ("offsets", 9, 0)), ("values", ("values", None))):
-            data = encoded(space, field, 31.5, plan=[base_on(field, mesh), ("offsets", 3, 1), last]).data
+            data = encoded(space, field, 31.5, layers=[base_on(field, mesh), ("offsets", 3, 1), last]).data
             about = f"within {kind} on an adaptive mesh"
             yield Draft(f"{space}_cut_{kind}_adaptive", cut_within(data, kind), field.ndim, ("cut run", about))
             yield Draft(

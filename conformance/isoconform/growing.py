@@ -84,10 +84,10 @@ def probe(data: bytes) -> Probe:
     except Exception as bug:
         raise ReferenceBroke(data) from bug
     shifted = 0
-    if decoder.runs and not isinstance(error, LimitError):
-        reg = decoder.coder.reg
+    if decoder.grid.runs and not isinstance(error, LimitError):
+        reg = decoder.grid.coder.reg
         shifted = reg.pos + reg.unknown // 8 - 4
-    return Probe(error, layers, sum(decoder.symbols.values()), used, shifted)
+    return Probe(error, layers, sum(decoder.grid.symbols.values()), used, shifted)
 
 
 def run_bytes(random: Random, count: int) -> bytes:

@@ -9,9 +9,10 @@ import struct
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
-from isocodec import Encoder, truncate
 from isocodec.format.chunks import write_further
 from isocodec.format.header import Header, write_header
+from isocodec.stream.encoder import encoder_of
+from isocodec.stream.truncation import truncate
 from isospec.container import MAX_ISOVALUES, ChunkType, Operation, Profile, write_varint
 
 from .draft import Draft
@@ -28,11 +29,11 @@ LONG = b"\x81" + b"\x80" * 8 + b"\0"
 
 
 def _plane() -> bytes:
-    return b"".join(Encoder(noise((9, 8), 31, 8), 128.5, exact=True, base_level=2, profile="baseline"))
+    return b"".join(encoder_of(noise((9, 8), 31, 8), 128.5, precision="exact", layers=2, profile="baseline"))
 
 
 def _space() -> bytes:
-    return b"".join(Encoder(balls((6, 7, 5), [((5, 6, 4), 6)]), 0.5, tolerance=0.1, base_level=4, profile="baseline"))
+    return b"".join(encoder_of(balls((6, 7, 5), [((5, 6, 4), 6)]), 0.5, precision=0.1, layers=4, profile="baseline"))
 
 
 def _refused(name: str, data: bytes, clause: str, about: str) -> Draft:
@@ -294,4 +295,4 @@ def _lone_vertices() -> Draft:
     chunk = layers(steps_of((BASE, ESCAPE), write_varint(24)), run)
     data = bytes(File(write_header(Header((side,) * 3, 21.0, None, Profile.MAIN)), (chunk,)))
     features = "main profile", "beyond all levels", "a run of random bytes"
-    return Draft("space_main_lone_vertices", data, 3, features, "11.2")
+    return Draft("space_main_lone_vertices", data, 3, features, "11.2", beyond="6.3")

@@ -6,9 +6,10 @@ from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 
-from isocodec import Decoder, truncate
+from isocodec import Decoder
 from isocodec.format.chunks import write_further
 from isocodec.format.events import IsovalueRead
+from isocodec.stream.truncation import truncate
 from isospec.container import ALL, MAX_ISOVALUES, ChunkType, Operation
 
 from .adaptive import SOME, SPACES, Steps, adapt_to, base_on, random_run
@@ -35,43 +36,50 @@ def whole() -> Iterator[Draft]:
     for shape in SHAPES:
         space, field = SPACES[len(shape)], _mixed(shape)
         for name, isovalues, about, options in (
-            ("values_above", (VALUE, VALUE + 2), "above the earlier one", {"exact": True}),
-            ("values_below", (VALUE, VALUE - 2.5), "below the earlier one", {"exact": True}),
-            ("offsets_above", (VALUE, VALUE + 3), "above the earlier one", {"tolerance": 0.05}),
-            ("offsets_below", (VALUE, VALUE - 1), "below the earlier one", {"tolerance": 0.05}),
-            ("signs", (VALUE, VALUE + 1), "above the earlier one", {"signs_only": True, "base_level": 3}),
-            ("single_rate", (VALUE, VALUE - 1), "below the earlier one", {"signs_only": True, "base_level": 12}),
-            ("equal_signs", (VALUE, VALUE + 0.25, VALUE + 0.1), "equal signs, isovalues of all kinds", {"exact": True}),
-            ("topology", (VALUE, HIGH_VALUE), "adaptive bases", {"signs_only": True, "preserve_topology": True}),
-            ("independent", (VALUE, VALUE + 2), "independent of one another", {"exact": True, "leaning": False}),
-            ("empty", (VALUE, 300), "a curve without points", {"exact": True}),
-            ("far", (VALUE, 1e300, -1e300), "too far away for values to tell of each other", {"signs_only": True}),
-            ("empty_first", (-5, VALUE), "leaning on one without a curve", {"exact": True}),
+            ("values_above", (VALUE, VALUE + 2), "above the earlier one", {"precision": "exact"}),
+            ("values_below", (VALUE, VALUE - 2.5), "below the earlier one", {"precision": "exact"}),
+            ("offsets_above", (VALUE, VALUE + 3), "above the earlier one", {"precision": 0.05}),
+            ("offsets_below", (VALUE, VALUE - 1), "below the earlier one", {"precision": 0.05}),
+            ("signs", (VALUE, VALUE + 1), "above the earlier one", {"precision": "signs", "layers": 3}),
+            ("single_rate", (VALUE, VALUE - 1), "below the earlier one", {"precision": "signs", "layers": 12}),
+            (
+                "equal_signs", (VALUE, VALUE + 0.25, VALUE + 0.1), "equal signs, isovalues of all kinds",
+                {"precision": "exact"},
+            ),
+            ("topology", (VALUE, HIGH_VALUE), "adaptive bases", {"precision": "signs", "keep_topology": True}),
+            (
+                "independent", (VALUE, VALUE + 2), "independent of one another",
+                {"precision": "exact", "independent": True},
+            ),
+            ("empty", (VALUE, 300), "a curve without points", {"precision": "exact"}),
+            ("far", (VALUE, 1e300, -1e300), "too far away for values to tell of each other", {"precision": "signs"}),
+            ("empty_first", (-5, VALUE), "leaning on one without a curve", {"precision": "exact"}),
         ):
-            level = options.get("base_level")
+            level = options.get("layers")
             if level is not None:
-                options = {**options, "base_level": min(level, len(shape) * exponent(shape))}
+                options = {**options, "layers": min(level, len(shape) * exponent(shape))}
             yield encoded(
-                f"{space}_isovalues_{name}", field, isovalues, f"isovalues: {about}", layers="above" in name, **options
+                f"{space}_isovalues_{name}", field, isovalues, f"isovalues: {about}", states="above" in name, **options,
             )
         yield encoded(
             f"{space}_isovalues_many", field, (HIGH_VALUE, LOW_VALUE, HIGH_VALUE + 4, LOW_VALUE - 1, VALUE),
-            "isovalues that lean on different earlier ones", exact=True,
+            "isovalues that lean on different earlier ones", precision="exact",
         )
         part: dict[float, list[Steps]] = {VALUE: [*GRID, ("values", 4)]}
         for further, base in ((VALUE + 2, GRID), (VALUE - 3, [("leaf_base",)]), (HIGH_VALUE, GRID)):
             part[further] = [*base, ("values", None)]
         yield encoded(
-            f"{space}_isovalues_values_in_part", field, tuple(part), "isovalues: values known in part", plan=part,
-            layers=True,
+            f"{space}_isovalues_values_in_part", field, tuple(part), "isovalues: values known in part", layers=part,
+            states=True,
         )
         yield encoded(
-            f"{space}_isovalues_scaled", field / 8, (10.0, 10.5, 9.25), "isovalues of scaled data", "power-of-two step",
-            step=0.25,
+            f"{space}_isovalues_scaled", field / 8, (10.0, 10.5, 9.25), "isovalues of scaled data",
+            "power-of-two step", precision="step=0.25",
         )
 
     yield encoded(
-        "plane_isovalues_far_apart", *_far_apart(), "isovalues: numbers that are too large to be taken over", exact=True
+        "plane_isovalues_far_apart", *_far_apart(), "isovalues: numbers that are too large to be taken over",
+        precision="exact",
     )
 
 
@@ -129,13 +137,13 @@ def planned() -> Iterator[Draft]:
                 continue
             plans = {VALUE: first, other: second}
             yield encoded(
-                f"{space}_isovalues_{name}", field, (VALUE, other), f"isovalues: {about}", plan=plans,
-                layers=name.startswith("leaf"),
+                f"{space}_isovalues_{name}", field, (VALUE, other), f"isovalues: {about}", layers=plans,
+                states=name.startswith("leaf"),
             )
 
 
 def _three(name: str, field: Integers, plans: Plans, about: str) -> Draft:
-    return encoded(name, field, tuple(plans), f"isovalues: {about}", plan=plans)
+    return encoded(name, field, tuple(plans), f"isovalues: {about}", layers=plans)
 
 
 def cuts() -> Iterator[Draft]:
@@ -144,13 +152,15 @@ def cuts() -> Iterator[Draft]:
         n = len(shape)
         space, field = SPACES[n], _mixed(shape)
         rough, mesh = noise(shape, 95, 8), random_mesh(shape, 93, SOME)
-        leaf = encoded(space, rough, (100.5, 180.5), plan={100.5: [base_on(rough, mesh)], 180.5: [("leaf_base",)]}).data
+        leaf = encoded(
+            space, rough, (100.5, 180.5), layers={100.5: [base_on(rough, mesh)], 180.5: [("leaf_base",)]},
+        ).data
         about = "several isovalues"
         yield Draft(f"{space}_isovalues_cut_leaf_base", cut_within(leaf, "leaf_base"), n, ("cut run", about))
         yield Draft(
             f"{space}_isovalues_end_in_leaf_base", within(leaf, "leaf_base")[1], n, ("the file ends too early", about)
         )
-        data = encoded(space, field, (VALUE, VALUE + 4), exact=True).data
+        data = encoded(space, field, (VALUE, VALUE + 4), precision="exact").data
         yield Draft(f"{space}_isovalues_end_in_chunk", data[: _second(data) + 2], n, ("the file ends too early", about))
         yield Draft(f"{space}_isovalues_end_in_values", data[:-15], n, ("the file ends too early", about))
         yield Draft(f"{space}_isovalues_cut", truncate(data, max_bytes=len(data) - 30), n, ("cut run", about))
@@ -166,7 +176,7 @@ def _second(data: bytes) -> int:
 def chunks() -> Iterator[Draft]:
     """Isovalues and chunks of other kinds, in any order."""
     field = _mixed(SHAPES[0])
-    file = split(encoded("plane", field, (VALUE, VALUE + 2), exact=True).data)
+    file = split(encoded("plane", field, (VALUE, VALUE + 2), precision="exact").data)
     unknown = Chunk(20, b"anything", ancillary=True)
     first, second, last = file.chunks
     yield Draft(
@@ -176,8 +186,8 @@ def chunks() -> Iterator[Draft]:
     )
     # each leans on the one before
     yield encoded(
-        "plane_isovalues_64", noise((4, 3), 96, 6), range(MAX_ISOVALUES), "the most isovalues", signs_only=True,
-        base_level=4,
+        "plane_isovalues_64", noise((4, 3), 96, 6), range(MAX_ISOVALUES), "the most isovalues", precision="signs",
+        layers=4,
     )
 
 
@@ -191,7 +201,7 @@ def strange() -> Iterator[Draft]:
         field = _mixed(shape)
         mesh = random_mesh(shape, 94, SOME)
         plan = [base_on(field, mesh), ("values", None)]
-        file = split(encoded("any", field, VALUE, plan=plan).data)
+        file = split(encoded("any", field, VALUE, layers=plan).data)
         for name, further, program in (
             ("leaf_base", VALUE + 1, ((Operation.LEAF_BASE, 0), (Operation.ADAPT, 1), (Operation.VALUES, ALL))),
             ("adaptive", VALUE - 1, ((Operation.ADAPTIVE_BASE, 0), (Operation.ADAPT, 1), (Operation.VALUES, ALL))),

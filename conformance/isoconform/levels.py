@@ -43,21 +43,21 @@ def needs(data: bytes) -> Needs:
     leaves = vertices = blocks = steps = 0
     for event in decoder:
         if isinstance(event, FrameRead) and event.number == 0:
-            steps += sum(tube.steps for tube in decoder._strands.before if tube)
+            steps += sum(tube.steps for tube in decoder.grid.tubes_before if tube)
         if isinstance(event, (LayerComplete, End)):
-            tubes = [tube for tube in (*decoder._strands.before, *decoder._tubes) if tube]
+            tubes = [tube for tube in (*decoder.grid.tubes_before, *decoder.grid.tubes) if tube]
             leaves = max(leaves, sum(tube.simplices for tube in tubes))
             vertices = max(vertices, sum(tube.vertices for tube in tubes))
             blocks = max(blocks, sum(map(_blocks, tubes)))
     if not decoder.complete:
         with suppress(TruncatedError):
             decoder.close()
-    tubes = [tube for tube in (*decoder._strands.before, *decoder._tubes) if tube]
-    steps += sum(tube.steps for tube in decoder._tubes if tube)
+    tubes = [tube for tube in (*decoder.grid.tubes_before, *decoder.grid.tubes) if tube]
+    steps += sum(tube.steps for tube in decoder.grid.tubes if tube)
     return Needs(
         vertices=max(vertices, sum(tube.vertices for tube in tubes)),
         simplices=max(leaves, sum(tube.simplices for tube in tubes)),
-        symbols=sum(decoder.symbols.values()),
+        symbols=sum(decoder.grid.symbols.values()),
         steps=steps,
         isovalues=len(decoder.isovalues),
         blocks=max(blocks, sum(map(_blocks, tubes))),

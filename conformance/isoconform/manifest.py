@@ -39,7 +39,8 @@ class Expected:
         ``ok``; ``truncated``: the file ends too early, and the rest is what was received; ``error``: a decoder
         must refuse it; ``limit``: no decoder has to decode it, and one that does not says so.
     clause : str or None
-        Of an ``error``: the clause that the file violates, to inform.
+        Of an ``error``: the clause that the file violates, to inform. Of a ``limit``: the clause that a decoder
+        finds violated which goes on beyond the limits.
     state : str or None
         Digest of the canonical text (``digest``).
     vertices, edges : int or None

@@ -74,7 +74,7 @@ def drafts() -> Iterator[Draft]:
         flat = min(shape) == 1
         space = "plane_flat" if flat else SPACES[len(shape)]
         field = np.ones((2, 7), np.int64) if flat else waves(shape, HIGH, 4)
-        file = split(encode(field, VALUE, signs_only=True, profile="baseline"))
+        file = split(encode(field, VALUE, precision="signs", profile="baseline"))
         if flat:
             file = replace(file, header=file.header[:6] + b"\x01\x07" + file.header[8:], chunks=())
         n = len(shape)

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from isocodec import encode
+from isocodec import Field, encode
 from isospec.container import ChunkType
 
 from .adaptive import SOME, SPACES, base_on
@@ -36,17 +36,17 @@ def whole() -> Iterator[Draft]:
         space, (field, gone) = SPACES[len(shape)], _holed(shape)
         mesh = random_mesh(shape, 93, SOME)
         for name, isovalues, about, options in (
-            ("exact", VALUE, "values", {"exact": True}),
-            ("offsets", VALUE, "offsets", {"tolerance": 0.05}),
-            ("main", VALUE, "in the main profile", {"tolerance": 0.05, "profile": "main"}),
-            ("single_rate", VALUE, "in a base", {"plan": [("base", None), ("values", None)]}),
-            ("coarse", VALUE, "on a mesh that is not the full grid", {"plan": [("base", 3), ("offsets", 9, 0)]}),
-            ("adaptive", VALUE, "on an adaptive mesh", {"plan": [base_on(field, mesh), ("values", 3)]}),
-            ("isovalues", (VALUE, VALUE + 2), "in two isovalues", {"exact": True}),
-            ("empty", 300, "no curve", {"signs_only": True}),
+            ("exact", VALUE, "values", {"precision": "exact"}),
+            ("offsets", VALUE, "offsets", {"precision": 0.05}),
+            ("main", VALUE, "in the main profile", {"precision": 0.05, "profile": "main"}),
+            ("single_rate", VALUE, "in a base", {"layers": [("base", None), ("values", None)]}),
+            ("coarse", VALUE, "on a mesh that is not the full grid", {"layers": [("base", 3), ("offsets", 9, 0)]}),
+            ("adaptive", VALUE, "on an adaptive mesh", {"layers": [base_on(field, mesh), ("values", 3)]}),
+            ("isovalues", (VALUE, VALUE + 2), "in two isovalues", {"precision": "exact"}),
+            ("empty", 300, "no curve", {"precision": "signs"}),
         ):
             yield encoded(
-                f"{space}_missing_{name}", field, isovalues, f"missing samples: {about}", layers=name == "exact",
+                f"{space}_missing_{name}", field, isovalues, f"missing samples: {about}", states=name == "exact",
                 mask=gone, **options,
             )
         rough, spots = noise(shape, 94, 4), noise(shape, 95, 4) > 9
@@ -58,17 +58,19 @@ def whole() -> Iterator[Draft]:
         ):
             yield encoded(
                 f"{space}_missing_noise_{name}", rough, (7, 9), f"missing samples: noise and spots, {about}",
-                layers=False, mask=spots, plan=[*plan, ("values", None)],
+                states=False, mask=spots, layers=[*plan, ("values", None)],
             )
         most = np.arange(field.size).reshape(shape) > 0
         about = "missing samples: all but one"
-        yield encoded(f"{space}_missing_all_but_one", field, VALUE, about, mask=most, exact=True)
+        yield encoded(f"{space}_missing_all_but_one", field, VALUE, about, mask=most, precision="exact")
 
 
 def _file(shape: tuple[int, ...]) -> tuple[File, Chunk]:
     """A file of two isovalues with missing samples, and its mask."""
     field, gone = _holed(shape)
-    file = split(encode(field, (VALUE, VALUE + 3), mask=gone, profile="baseline", plan=[*GRID, ("values", None)]))
+    file = split(
+        encode(Field(field, mask=gone), (VALUE, VALUE + 3), profile="baseline", layers=[*GRID, ("values", None)])
+    )
     (mask,) = (chunk for chunk in file.chunks if chunk.type == ChunkType.MASK)
     return file, mask
 
@@ -78,11 +80,13 @@ def places() -> Iterator[Draft]:
     for shape in SHAPES:
         space, (field, gone) = SPACES[len(shape)], _holed(shape)
         mask = _file(shape)[1]
-        plain = split(encode(field, VALUE, profile="baseline", exact=True))
+        plain = split(encode(field, VALUE, profile="baseline", precision="exact"))
         data = bytes(replace(plain, chunks=(*plain.chunks, mask)))
         yield Draft(f"{space}_missing_mask_last", data, len(shape), ("missing samples: the mask behind all layers",))
         without = [chunk for chunk in plain.chunks if chunk.type == ChunkType.LAYERS]
-        later = encode(field, (VALUE, VALUE + 3), mask=gone, profile="baseline", leaning=False, exact=True)
+        later = encode(
+            Field(field, mask=gone), (VALUE, VALUE + 3), profile="baseline", independent=True, precision="exact",
+        )
         rest = split(later).chunks
         rest = rest[next(i for i, chunk in enumerate(rest) if chunk.type == ChunkType.ISOVALUE) :]
         for name, chunks in (("before", (mask, *rest)), ("behind", (rest[0], mask, *rest[1:]))):
@@ -92,7 +96,7 @@ def places() -> Iterator[Draft]:
                 ("missing samples: the mask between two isovalues, of which one is coded with it",),
             )
     field, gone = _holed(SHAPES[0])
-    data = cut_within(encode(field, VALUE, mask=gone, profile="baseline", exact=True), "values")
+    data = cut_within(encode(Field(field, mask=gone), VALUE, profile="baseline", precision="exact"), "values")
     yield Draft("plane_missing_cut", data, 2, ("missing samples: a cut run",))
 
 

@@ -26,24 +26,37 @@ def grids() -> Iterator[Draft]:
         smooth, rough = waves(shape, 255, 2).astype(np.float64), whole.astype(np.float64)
         almost = n * cube_exponent(shape) - 1
         for name, field, options in (
-            ("signs", rough, {"signs_only": True, "base_level": 1}),
-            ("signs_smooth", smooth, {"signs_only": True}),
-            ("single_rate", rough, {"signs_only": True, "base_level": 12}),
-            ("values", whole, {"exact": True}),
-            ("values_scaled", smooth, {"step": 0.0001}),
-            ("values_between", whole, {
-                "plan": [("base", 1), ("refine", n), ("values", 4), ("refine", None), ("values", 2), ("values", None)]
-            }),
-            ("values_coarse", whole, {"plan": [("base", almost), ("values", None), ("refine", 1), ("values", None)]}),
-            ("offsets", smooth, {"tolerance": 0.05}),
-            ("offsets_fine", smooth, {"plan": [("base", n), ("refine", None)] + [("offsets", r) for r in (5, 63, 9)]}),
-            ("offsets_between", rough, {
-                "plan": [("base", 1), ("refine", n), ("offsets", 7), ("refine", None), ("offsets", 3), ("offsets", 1)]
-            }),
+            ("signs", rough, {"precision": "signs", "layers": 1}),
+            ("signs_smooth", smooth, {"precision": "signs"}),
+            ("single_rate", rough, {"precision": "signs", "layers": 12}),
+            ("values", whole, {"precision": "exact"}),
+            ("values_scaled", smooth, {"precision": "step=0.0001"}),
+            (
+                "values_between", whole,
+                {
+                    "layers": [
+                        ("base", 1), ("refine", n), ("values", 4), ("refine", None), ("values", 2), ("values", None),
+                    ]
+                },
+            ),
+            ("values_coarse", whole, {"layers": [("base", almost), ("values", None), ("refine", 1), ("values", None)]}),
+            ("offsets", smooth, {"precision": 0.05}),
+            (
+                "offsets_fine", smooth,
+                {"layers": [("base", n), ("refine", None)] + [("offsets", r) for r in (5, 63, 9)]}
+            ),
+            (
+                "offsets_between", rough,
+                {
+                    "layers": [
+                        ("base", 1), ("refine", n), ("offsets", 7), ("refine", None), ("offsets", 3), ("offsets", 1),
+                    ]
+                },
+            ),
         ):
             yield encoded(
-                f"{space}_main_{name}", field, 100.5, "main profile",
-                layers="offsets" in name or "between" in name, profile="main", **options,
+                f"{space}_main_{name}", field, 100.5, "main profile", states="offsets" in name or "between" in name,
+                profile="main", **options,
             )
 
 
@@ -55,13 +68,13 @@ def extremes() -> Iterator[Draft]:
         ("disc", balls((65, 50), [((60, 50), 61)])), ("narrow", noise((2, 40), 5, 1)),
     ):
         yield encoded(
-            f"plane_main_{name}", field, 0.5, "main profile", name, profile="main", signs_only=True, base_level=0
+            f"plane_main_{name}", field, 0.5, "main profile", name, profile="main", precision="signs", layers=0,
         )
     for name, field in (
         ("noise", noise((9, 7, 8), 22, 1)), ("torus", torus((25, 25, 13), 15, 7)), ("narrow", noise((2, 19, 2), 6, 1)),
     ):
         yield encoded(
-            f"space_main_{name}", field, 0.5, "main profile", name, profile="main", signs_only=True, base_level=0
+            f"space_main_{name}", field, 0.5, "main profile", name, profile="main", precision="signs", layers=0,
         )
 
 
@@ -71,9 +84,9 @@ def meshes() -> Iterator[Draft]:
         ((2, 9), 37, 2, 9, 1), ((2, 33), 8, 0, 9, 3), ((6, 7, 2), 18, 0, 3, 0), ((3, 9, 2), 38, 2, 15, 3),
     ):
         yield encoded(
-            f"{SPACES[len(shape)]}_main_vertex_{'x'.join(map(str, shape))}", noise(shape, seed, 2), 0.5, "main profile",
-            "places far off an edge that much longer ones show", profile="main",
-            plan=[("base", level), ("offsets", radix, unit)],
+            f"{SPACES[len(shape)]}_main_vertex_{'x'.join(map(str, shape))}", noise(shape, seed, 2), 0.5,
+            "main profile", "places far off an edge that much longer ones show", profile="main",
+            layers=[("base", level), ("offsets", radix, unit)],
         )
     for shape, field, isovalue, seed in (
         ((7, 9), noise((7, 9), 1, 1), 0.5, 44), ((9, 12), waves((9, 12), 255, 23), 90.5, 23),
@@ -82,7 +95,7 @@ def meshes() -> Iterator[Draft]:
         yield encoded(
             f"plane_main_out_by_ancestor_{seed}", field, isovalue, "main profile",
             "middles told out by being asked for, an older ancestor being out", profile="main",
-            plan=[("adaptive_base", 0, chosen(shape, random_mesh(shape, seed, 30)))],
+            layers=[("adaptive_base", 0, chosen(shape, random_mesh(shape, seed, 30)))],
         )
     for shape in SHAPES:
         space = SPACES[len(shape)]
@@ -93,14 +106,14 @@ def meshes() -> Iterator[Draft]:
             ("adaptive_base", 1, chosen(shape, coarse)), ("offsets", 7, 1), ("adapt", 1, chosen(shape, fine)),
             ("offsets", 9, 0), ("offsets", 31, 0), ("refine", None), ("offsets", 3, 0),
         ]
-        yield encoded(f"{space}_main_meshes", field, 100.5, "main profile", layers=True, profile="main", plan=plan)
+        yield encoded(f"{space}_main_meshes", field, 100.5, "main profile", states=True, profile="main", layers=plan)
         leaves = {
             100.5: [("adaptive_base", 1, chosen(shape, coarse))],
             104.5: [("leaf_base",), ("adapt", 1, chosen(shape, fine)), ("refine", None)],
         }
         yield encoded(
-            f"{space}_main_isovalues_leaf_base", field + noise(shape, 3, 4), tuple(leaves), "main profile", layers=True,
-            profile="main", plan=leaves,
+            f"{space}_main_isovalues_leaf_base", field + noise(shape, 3, 4), tuple(leaves), "main profile",
+            states=True, profile="main", layers=leaves,
         )
         plan = [
             ("adaptive_base", 1, chosen(shape, coarse)), ("offsets", 7, 0), ("adapt", 1, chosen(shape, fine)),
@@ -108,17 +121,17 @@ def meshes() -> Iterator[Draft]:
         ]
         yield encoded(
             f"{space}_main_isovalues_chain", field + noise(shape, 3, 4), (100.5, 104.5, 107), "main profile",
-            layers=True, profile="main", plan=plan,
+            states=True, profile="main", layers=plan,
         )
         further: list[tuple[str, dict[str, Any]]] = [
-            ("isovalues", {"tolerance": 0.05}), ("isovalues_values", {"exact": True}),
-            ("isovalues_signs", {"signs_only": True, "base_level": 2}),
+            ("isovalues", {"precision": 0.05}), ("isovalues_values", {"precision": "exact"}),
+            ("isovalues_signs", {"precision": "signs", "layers": 2}),
         ]
         for level in (10, 11, 12):
-            further.append((f"isovalues_base_{level}", {"signs_only": True, "base_level": level}))
+            further.append((f"isovalues_base_{level}", {"precision": "signs", "layers": level}))
         for name, options in further:
             yield encoded(
-                f"{space}_main_{name}", field + noise(shape, 3, 4), (100.5, 104.5, 97), "main profile", layers=True,
+                f"{space}_main_{name}", field + noise(shape, 3, 4), (100.5, 104.5, 97), "main profile", states=True,
                 profile="main", **options,
             )
 
@@ -131,7 +144,7 @@ def cubes() -> Iterator[Draft]:
         finer = chosen(shape, random_mesh(shape, 43, 20, uniform(shape, full - 3)))
         plan = [("base", full - 6), ("offsets", 5, 1), ("refine", 3), ("offsets", 3, 0), ("adapt", 1, finer),
                 ("offsets", 9, 0)]
-        yield encoded(f"space_cubes_{name}", field, 0.5, "main profile", layers=True, profile="main", plan=plan)
+        yield encoded(f"space_cubes_{name}", field, 0.5, "main profile", states=True, profile="main", layers=plan)
 
 
 def cuts() -> Iterator[Draft]:
@@ -141,9 +154,9 @@ def cuts() -> Iterator[Draft]:
         field = waves(shape, 255, 2) + noise(shape, 9, 5)
         mesh = chosen(shape, random_mesh(shape, 43, 400))
         for kinds, options in (
-            (("refine", "offsets"), {"tolerance": 0.05, "base_level": 2}),
-            (("values",), {"exact": True}),
-            (("adaptive_base",), {"plan": [("adaptive_base", 0, mesh)]}),
+            (("refine", "offsets"), {"precision": 0.05, "layers": 2}),
+            (("values",), {"precision": "exact"}),
+            (("adaptive_base",), {"layers": [("adaptive_base", 0, mesh)]}),
         ):
             data = encode(field, 100.5, profile="main", **options)
             for kind in kinds:

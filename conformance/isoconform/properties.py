@@ -42,10 +42,10 @@ def check(field: NDArray[Any], isovalue: float, data: bytes, parts: Sequence[byt
     whole = dump(data)
     assert whole.exit_code == COMPLETE, f"a file that the encoder wrote: {whole.error}"
     assert canonical(decoded(data, parts)) == whole.text, "in pieces another state"
-    state = decoded(data).state()
+    state = decoded(data).grid.state()
     assert state is not None
     _check_state(field, isovalue, state)
-    early = decoded(start).state()
+    early = decoded(start).grid.state()
     if early is not None:
         _check_state(field, isovalue, early, complete=False)
 

@@ -98,7 +98,7 @@ def curves() -> Iterator[Draft]:
     field = np.zeros((1000, 600), np.int64)
     field[5:12, 6:11] = field[985:989, 584] = 1
     yield encoded(
-        "plane_far_apart", field, 0.5, "points of the curve more than 1023 units away", signs_only=True, base_level=2
+        "plane_far_apart", field, 0.5, "points of the curve more than 1023 units away", precision="signs", layers=2,
     )
 
 
@@ -141,7 +141,7 @@ def bounds() -> Iterator[Draft]:
     )
     yield encoded(
         "plane_models_settled", noise((2, 200), 7, 2), 1.5, "more symbols in a context than its model counts",
-        exact=True, base_level=1,
+        precision="exact", layers=1,
     )
     for n, level in ((2, 30), (3, 42)):
         about = "more than 100 ancestors come into the mesh with one vertex"
@@ -177,7 +177,7 @@ def main_profile() -> Iterator[Draft]:
     line = np.repeat([[0], [1]], 6000, axis=1)
     yield encoded(
         "plane_main_rarest", line, 0.5, "main profile: 8192 vertices and more for one new component", profile="main",
-        signs_only=True, base_level=2,
+        precision="signs", layers=2,
     )
     # bits of 0 by the million drive the weights to their limit, some of 1 at the end show where that is
     wide = np.repeat([[0], [1]], MANY, axis=1)
@@ -185,7 +185,7 @@ def main_profile() -> Iterator[Draft]:
     wide[:, -SOME:-1] += np.array([[-1], [1]]) * noise((2, SOME - 1), 1, 1)
     yield encoded(
         "plane_main_mixing_limit", wide, 0.5, "main profile: weights at their limit", "4.5 million symbols",
-        profile="main", exact=True,
+        profile="main", precision="exact",
     )
     yield _random(
         "main_near_crossings", "main profile: crossings next to one another that are not extended", (9, 9),

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from itertools import zip_longest
 from pathlib import Path
 
-from isocodec.errors import LimitError
+from isocodec.errors import FormatError, LimitError
 from isocodec.limits import LEVELS
 
 from .decoders import Decoder, Request
@@ -96,7 +96,7 @@ def _check(vector: Vector, directory: Path, decode: Decode, layers: bool, level:
     if vector.level > level and code == LimitError.exit_code:
         return "over the limits, but with a text" if text else ""
     if vector.expected.status == LIMIT:
-        return "" if code == COMPLETE else f"exit code {code}, expected {LimitError.exit_code} or {COMPLETE}"
+        return _beyond(vector, code, text)
     wanted = COMPLETE if vector.expected.status == OK else CUT_OFF
     if code != wanted:
         return f"exit code {code}, expected {wanted}"
@@ -114,6 +114,15 @@ def _check(vector: Vector, directory: Path, decode: Decode, layers: bool, level:
         if digest(text) != layer.state:
             return f"{name}another state"
     return ""
+
+
+def _beyond(vector: Vector, code: int, text: str) -> str:
+    """What is wrong with the answer to a file that no decoder has to decode, but not with a refusal by limits."""
+    malformed = [FormatError.exit_code] if vector.expected.clause else []
+    if code in malformed:
+        return "refused, but with a text" if text else ""
+    allowed = [LimitError.exit_code, *malformed, COMPLETE]
+    return "" if code == COMPLETE else f"exit code {code}, expected one of {', '.join(map(str, allowed))}"
 
 
 def _stored(path: Path) -> str | None:

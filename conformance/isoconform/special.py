@@ -9,13 +9,16 @@ from operator import mul
 
 import numpy as np
 
-from isocodec import Decoder, Encoder, encode, truncate
+from isocodec import Decoder, encode
 from isocodec.entropy.range_coder import cut
-from isocodec.field.samples import Field, check_field
+from isocodec.field.samples import Samples, check_field
 from isocodec.format.chunks import write_index, write_metadata
 from isocodec.format.events import LayerComplete
 from isocodec.format.header import Header, write_header
 from isocodec.format.program import Layer
+from isocodec.stream.encoder import encoder_of
+from isocodec.stream.grid_encoder import GridEncoder
+from isocodec.stream.truncation import truncate
 from isospec.container import MAX_SIDE, ChunkType, Operation, write_varint
 
 from .draft import Draft, encoded
@@ -36,7 +39,7 @@ def _offsets(level: int, *radices: int) -> list[Layer]:
     return [Layer("offsets", level, 0, parts) for parts in accumulate(radices, mul)]
 
 
-def _bits(field: Field) -> tuple[int, int]:
+def _bits(field: Samples) -> tuple[int, int]:
     """Bits of the numbers of all samples, above and below the isovalue."""
     positions = np.argwhere(np.ones(field.values.shape, np.bool_))
     above = field.signs[tuple(positions.T)]
@@ -111,15 +114,16 @@ def chunks() -> Iterator[Draft]:
     disc = balls((17, 17), [((16, 17), 19)])
     yield encoded(
         "plane_metadata", disc, 0.5, "metadata chunk, with letters beyond ASCII",
-        metadata={"title": "disc", "unit": "\u00b5m"}, signs_only=True,
+        metadata={"title": "disc", "unit": "\u00b5m"}, precision="signs",
     )
     square = split(encode(disc, 0.5, profile="baseline"))
     sizes = bytes([square.header[5] & ~0x40]) + 2 * square.header[6:7] + square.header[7:]
     apart = replace(square, header=square.header[:5] + sizes)
     yield Draft("plane_sides_told_apart", bytes(apart), 2, ("equal sides told one by one",))
-    encoder = Encoder(BALL, 0.5, tolerance=0.05, profile="baseline")
+    encoder = encoder_of(BALL, 0.5, precision=0.05, profile="baseline")
+    assert isinstance(encoder, GridEncoder)
     whole = split(b"".join(encoder))
-    index = Chunk(ChunkType.INDEX, write_index(encoder.layers, encoder.records), ancillary=True)
+    index = Chunk(ChunkType.INDEX, write_index(encoder.frame.layers, encoder.frame.records), ancillary=True)
     yield Draft("space_index", bytes(whole.with_chunks(*whole.chunks, index)), 3, ("level index",))
     wrong = Chunk(ChunkType.INDEX, bytes(11), ancillary=True)
     yield Draft("space_index_wrong", bytes(whole.with_chunks(*whole.chunks, wrong)), 3, ("level index to ignore",))
@@ -145,8 +149,8 @@ def chunks() -> Iterator[Draft]:
 def cuts() -> Iterator[Draft]:
     """Files made shorter: by layers, and within a run by symbols."""
     disc = waves((33, 29), 255, 2)
-    plane = b"".join(Encoder(disc, 110.5, exact=True, base_level=4, profile="baseline"))
-    space = b"".join(Encoder(torus((15, 15, 9), 9, 4), 0.5, tolerance=0.05, base_level=6, profile="baseline"))
+    plane = b"".join(encoder_of(disc, 110.5, precision="exact", layers=4, profile="baseline"))
+    space = b"".join(encoder_of(torus((15, 15, 9), 9, 4), 0.5, precision=0.05, layers=6, profile="baseline"))
     for layers in (1, 5, 11):
         yield Draft(
             f"plane_first_{layers}_layers", truncate(plane, layers=layers), 2, (f"truncated to {layers} layers",)
@@ -156,21 +160,21 @@ def cuts() -> Iterator[Draft]:
         yield Draft(f"plane_cut_run_{size}", truncate(plane, max_bytes=size), 2, ("cut run",))
     for size in (26, 50, 100):
         yield Draft(f"space_cut_run_{size}", truncate(space, max_bytes=size), 3, ("cut run",))
-    base = b"".join(Encoder(torus((15, 15, 9), 9, 4), 0.5, signs_only=True, base_level=12, profile="baseline"))
+    base = b"".join(encoder_of(torus((15, 15, 9), 9, 4), 0.5, precision="signs", layers=12, profile="baseline"))
     yield Draft("space_cut_base", truncate(base, max_bytes=50), 3, ("cut run", "single rate"))
 
 
 def cut_before_values() -> Iterator[Draft]:
     """A run cut just where the first layer of values begins: its vertices have numbers, of no bits (clause 3.5.4)."""
-    file = encode(HILLS, 100.5, exact=True, base_level=4, profile="baseline")
+    file = encode(HILLS, 100.5, precision="exact", layers=4, profile="baseline")
     decoder = Decoder()
     decoder.feed(file)
     for event in decoder:
-        if isinstance(event, LayerComplete) and decoder.layers[event.number].kind == "values":
+        if isinstance(event, LayerComplete) and decoder.grid.layers[event.number].kind == "values":
             break
-    symbols = sum(decoder.symbols.values())
-    run = decoder.runs[-1]
-    payload = write_varint(symbols) + file[run.program_start : run.start] + cut(decoder.coder)
+    symbols = sum(decoder.grid.symbols.values())
+    run = decoder.grid.runs[-1]
+    payload = write_varint(symbols) + file[run.program_start : run.start] + cut(decoder.grid.coder)
     whole = split(file)
     yield Draft(
         "plane_cut_before_values", bytes(whole.with_chunks(Chunk(ChunkType.CUT_LAYERS, payload))), 2,
@@ -180,10 +184,10 @@ def cut_before_values() -> Iterator[Draft]:
 
 def truncated() -> Iterator[Draft]:
     """Files that end too early: what was received counts."""
-    plane = b"".join(Encoder(HILLS, 100.5, exact=True, base_level=4, profile="baseline"))
-    space = b"".join(Encoder(BALL, 0.5, tolerance=0.05, base_level=3, profile="baseline"))
-    single = b"".join(Encoder(BALL, 0.5, signs_only=True, base_level=9, profile="baseline"))
-    one_rate = b"".join(Encoder(HILLS, 100.5, signs_only=True, base_level=10, profile="baseline"))
+    plane = b"".join(encoder_of(HILLS, 100.5, precision="exact", layers=4, profile="baseline"))
+    space = b"".join(encoder_of(BALL, 0.5, precision=0.05, layers=3, profile="baseline"))
+    single = b"".join(encoder_of(BALL, 0.5, precision="signs", layers=9, profile="baseline"))
+    one_rate = b"".join(encoder_of(HILLS, 100.5, precision="signs", layers=10, profile="baseline"))
     for name, data, size in (
         ("plane_ends_in_signature", plane, 3),
         ("plane_ends_in_header", plane, 8),
@@ -222,7 +226,7 @@ def largest() -> Iterator[Draft]:
     The symbols do not depend on the size, so those of the smallest domain serve.
     """
     for name, n in (("plane_largest", 2), ("space_largest", 3)):
-        smallest = encoded(name, np.arange(2**n).reshape((2,) * n), 0.5, signs_only=True, base_level=0)
+        smallest = encoded(name, np.arange(2**n).reshape((2,) * n), 0.5, precision="signs", layers=0)
         header = write_header(Header((MAX_SIDE[n],) * n, 0.5))
         file = replace(split(smallest.data), header=header)
         plan = file.chunks[0].payload

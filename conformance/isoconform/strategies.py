@@ -84,17 +84,17 @@ def options(draw: st.DrawFn, field: NDArray[Any]) -> dict[str, Any]:
     found: dict[str, Any] = {"profile": draw(st.sampled_from(("baseline", "main")))}
     kind = draw(st.sampled_from(("default", "signs", "exact" if integer else "step", "criterion", "plan")))
     if kind == "signs":
-        found["signs_only"] = True
+        found["precision"] = "signs"
     elif kind == "exact":
-        found["exact"] = True
+        found["precision"] = "exact"
     elif kind == "step":
-        found["step"] = draw(st.sampled_from((0.25, 0.1, 1.0)))
+        found["precision"] = draw(st.sampled_from(("step=0.25", "step=0.1", "step=1.0")))
     elif kind == "criterion":
-        found |= {"signs_only": True, "criterion": draw(st.sampled_from(("crossing", "topology")))}
+        found |= {"precision": "signs", "layers": draw(st.sampled_from(("crossing", "topology")))}
     elif kind == "plan":
-        found["plan"] = draw(plans(full))
+        found["layers"] = draw(plans(full))
     if kind not in ("criterion", "plan") and draw(st.booleans()):
-        found["base_level"] = draw(st.integers(0, full))
+        found["layers"] = draw(st.integers(0, full))
     return found
 
 

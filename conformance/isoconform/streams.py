@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from isocodec.entropy.contexts import context_coder
 from isocodec.entropy.range_coder import Coder
 from isocodec.entropy.run import WritingRun
-from isocodec.field.samples import Field
+from isocodec.field.samples import Samples
 from isocodec.format.chunks import CHECKSUM_BYTES, read_envelope
 from isocodec.format.header import Header, read_header, write_header
 from isocodec.format.program import Layer, Progress, read_program, write_program
@@ -94,7 +94,7 @@ def program_length(data: bytes) -> int:
     decoder.feed(data)
     for _ in decoder:
         pass
-    return decoder.runs[0].start - decoder.runs[0].program_start
+    return decoder.grid.runs[0].start - decoder.grid.runs[0].program_start
 
 
 Step = tuple[int, int] | bytes
@@ -115,7 +115,7 @@ def layers(program: bytes, run: bytes) -> Chunk:
     return Chunk(ChunkType.LAYERS, program + run)
 
 
-def encoding_tube(field: Field) -> Tube:
+def encoding_tube(field: Samples) -> Tube:
     """A tube that encodes a field."""
     return Tube(field.values.shape, _coder(), Limits(), GroundTruth(field.signs, field.numbers, field.crossings))
 

@@ -11,9 +11,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike
 
-from isocodec import TiledIsoFile, encode_tiles
-from isocodec import open as open_iso
+from isocodec import save
 from isocodec.format.chunks import CHECKSUM_BYTES
+from isocodec.tiles.tiled import TiledFile as Tiles
 from isospec.container import Checksum, Double, write_varint
 
 from .adaptive import SPACES
@@ -35,8 +35,8 @@ def _tiled(name: str, field: ArrayLike, isovalue: float | Sequence[float], about
     """A vector as the reference encoder writes it."""
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "tiled.iso"
-        defaults = {"profile": "baseline", "exact": "step" not in options}
-        encode_tiles(field, isovalue, path, tile=EDGE, **{**defaults, **options})
+        defaults = {"profile": "baseline", "precision": "exact" if "step" not in options else None}
+        save(path, field, isovalue, tile=EDGE, **{**defaults, **options})
         return Draft(name, path.read_bytes(), np.ndim(field), ("file in tiles", f"tiles: {about}"))
 
 
@@ -54,36 +54,37 @@ def encoded() -> Iterator[Draft]:
         gone = np.zeros(small, np.bool_)
         gone[tuple(slice(5, size // 2) for size in small)] = True
         gone[-17:, -40:] = True
-        signs = {"exact": False, "signs_only": True}
+        signs = {"precision": "signs"}
         yield _tiled(f"{space}_exact", hills, VALUE, "values")
         yield _tiled(f"{space}_main", hills, VALUE, "the main profile", profile="main")
-        yield _tiled(f"{space}_offsets", hills, VALUE, "offsets", exact=False, tolerance=0.05, profile="main")
+        yield _tiled(f"{space}_offsets", hills, VALUE, "offsets", precision=0.05, profile="main")
         yield _tiled(f"{space}_signs", waves(shape, HIGH, 4), VALUE, "signs, sides that are no multiples", **signs)
         yield _tiled(f"{space}_isovalues", hills, (VALUE, VALUE + 4.5, 1e9), "several isovalues", **signs)
         yield _tiled(f"{space}_missing", np.ma.masked_array(hills, gone), VALUE, "missing samples")
         steps = np.where(gone, np.nan, hills / 8)
-        yield _tiled(f"{space}_steps", steps, VALUE / 8, "a scale, missing samples", step=0.25)
+        yield _tiled(f"{space}_steps", steps, VALUE / 8, "a scale, missing samples", precision="step=0.25")
         yield _tiled(f"{space}_empty", hills, 1e9, "no curve")
-    yield _tiled("plane_descending", waves((33, 20), HIGH, 4), (VALUE + 4.5, VALUE), "isovalues in descending order",
-                 exact=False, signs_only=True)
-    yield _tiled("plane_adaptive", 40 * waves((70, 101), HIGH, 4), 40 * VALUE, "an adaptive stage", exact=False,
-                 tolerance=1.0)
-    yield _tiled("space_adaptive", balls((33, 66, 36), [((34, 60, 40), 23), ((30, 90, 30), 12)]), -0.5,
-                 "an adaptive stage in space", exact=False, tolerance=1.0, profile="main")
+    yield _tiled(
+        "plane_descending", waves((33, 20), HIGH, 4), (VALUE + 4.5, VALUE), "isovalues in descending order",
+        precision="signs",
+    )
+    yield _tiled("plane_adaptive", 40 * waves((70, 101), HIGH, 4), 40 * VALUE, "an adaptive stage", precision=1.0)
+    yield _tiled(
+        "space_adaptive", balls((33, 66, 36), [((34, 60, 40), 23), ((30, 90, 30), 12)]), -0.5,
+        "an adaptive stage in space", precision=1.0, profile="main",
+    )
     for name, shape, centres in (
         ("plane_leaves", (1100, 1170), [(40, 50), (1024, 30), (500, 1024), (1050, 1100)]),
         ("space_leaves", (300, 34, 18), [(30, 20, 9), (256, 10, 9)]),
     ):
         about = "runs, several leaf directories"
-        yield _tiled(name, _spots(shape, *centres), -0.5, about, exact=False, signs_only=True)
+        yield _tiled(name, _spots(shape, *centres), -0.5, about, precision="signs")
     for name, shape in (("plane_narrow", (2, 90)), ("plane_last", (49, 50)), ("space_last", (50, 5, 7))):
         yield _tiled(name, waves(shape, HIGH, 4), VALUE, "partial tiles")
 
 
-def _opened(draft: Draft) -> TiledIsoFile:
-    file = open_iso(draft.data)
-    assert isinstance(file, TiledIsoFile)
-    return file
+def _opened(draft: Draft) -> Tiles:
+    return Tiles(lambda start, end: draft.data[start:end])
 
 
 def _segments(data: bytes) -> list[bytes]:
@@ -101,7 +102,7 @@ def written(n: int, block: int, stages: int) -> TiledFile:
     """A file of other blocks and stages than the encoder's, one run for each tile."""
     shape = (70, 150) if n == 2 else (50, 8, 83)
     spots = _spots(shape, *(((30, 30), (32, 90), (64, 120)) if n == 2 else ((30, 4, 31), (40, 3, 64))))
-    file = _opened(_tiled("", spots, -0.5, "", exact=False, signs_only=True))
+    file = _opened(_tiled("", spots, -0.5, "", precision="signs"))
     counts = file.head.grid.counts
     blocks = []
     for first in _morton(tuple(-(-m >> block) if block else m for m in counts)):
@@ -109,7 +110,7 @@ def written(n: int, block: int, stages: int) -> TiledFile:
         extent = tuple(min(1 << block, m - o) for m, o in zip(counts, origin, strict=True))
         runs = []
         for index in _morton(extent):
-            chunks = _segments(file.tile(tuple(np.add(origin, index).tolist())))
+            chunks = _segments(file.plain(tuple(np.add(origin, index).tolist())))
             parts = [b"".join(chunks[: len(chunks) - stages + 1]), *chunks[len(chunks) - stages + 1 :]]
             runs.append(Run(CODED, 1, [parts]) if chunks else Run(0, 1))
         blocks.append(Block([runs], stages))
@@ -127,8 +128,8 @@ def _filled(segment: bytes, size: int) -> bytes:
 def grouped() -> TiledFile:
     """A file with areas whose first segment just fills a group; of the second area nothing is left behind it."""
     spots = _spots((33, 65), (16, 16), (16, 48))
-    file = _opened(_tiled("", spots, -0.5, "", exact=False, signs_only=True))
-    (*coarse, fine), (*more, _) = (_segments(file.tile(index)) for index in ((0, 0), (0, 1)))
+    file = _opened(_tiled("", spots, -0.5, "", precision="signs"))
+    (*coarse, fine), (*more, _) = (_segments(file.plain(index)) for index in ((0, 0), (0, 1)))
     tiles = [[_filled(b"".join(coarse), GROUP), _filled(fine, GROUP)], [b"".join(more), b""]]
     return TiledFile((33, 65), 5, 1, bytes([2, 0]), [bytes([HALVES, 1])], [Block([[Run(CODED, 2, tiles)]], 2)])
 

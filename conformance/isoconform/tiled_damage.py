@@ -11,7 +11,7 @@ from random import Random
 
 import numpy as np
 
-from isocodec import encode_tiles
+from isocodec import save
 from isocodec.errors import FormatError
 from isocodec.format.chunks import CHECKSUM_BYTES
 from isocodec.tiles.structure import Kind
@@ -22,8 +22,8 @@ from .tiled_file import CODED, Block, Run, TiledFile
 
 SHAPES = (33, 34), (49, 50), (70, 40), (50, 5, 7), (34, 50, 6), (20, 66)
 OPTIONS: tuple[dict[str, object], ...] = (
-    {"signs_only": True}, {"exact": True}, {"tolerance": 0.1}, {"signs_only": True, "profile": "baseline"},
-    {"exact": True, "profile": "baseline"},
+    {"precision": "signs"}, {"precision": "exact"}, {"precision": 0.1}, {"precision": "signs", "profile": "baseline"},
+    {"precision": "exact", "profile": "baseline"},
 )
 EDGE = 32
 HEAD_SIZE = slice(6, 8)
@@ -56,7 +56,7 @@ def _encoded(random: Random) -> TiledFile:
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "tiled.iso"
         options = random.choice(OPTIONS)
-        encode_tiles(np.ma.masked_array(field, gone), [h / 2 for h in halves], path, tile=EDGE, **options)  # type: ignore[arg-type]
+        save(path, np.ma.masked_array(field, gone), [h / 2 for h in halves], tile=EDGE, **options)  # type: ignore[arg-type]
         return in_parts(path.read_bytes(), [bytes([0]) + write_varint(2 * h if h >= 0 else -2 * h - 1) for h in halves])
 
 

@@ -7,10 +7,9 @@ from collections import Counter
 
 import numpy as np
 
-from isocodec import TiledIsoFile
-from isocodec import open as open_iso
 from isocodec.errors import IsoError, KernelError, LimitError, TruncatedError
 from isocodec.limits import Limits
+from isocodec.tiles.tiled import TiledFile
 
 from .dump import COMPLETE, Output, dump
 
@@ -38,10 +37,9 @@ def dump_tiled(data: bytes, limits: Limits | None = None) -> Output:
 
 
 def _lines(data: bytes, limits: Limits | None, symbols: Counter[str]) -> list[str]:
-    file = open_iso(data, limits=limits)
-    assert isinstance(file, TiledIsoFile), "files with another signature do not come here"
+    file = TiledFile(lambda start, end: data[start:end], limits)
     counts = file.head.grid.counts
-    if len(data) < file.size:
+    if len(data) < file.root.total:
         raise TruncatedError("the file ends before its last segment", offset=len(data))
     if math.prod(counts) > MOST_TILES:
         raise LimitError("a text of so many tiles")
@@ -49,7 +47,7 @@ def _lines(data: bytes, limits: Limits | None, symbols: Counter[str]) -> list[st
     for number, isovalue in enumerate(file.isovalues):
         lines.append(f"isovalue {number}")
         for index in np.ndindex(*counts):
-            output = dump(file.tile(index, isovalue), limits=limits)
+            output = dump(file.plain(index, isovalue), limits=limits)
             if output.error is not None:
                 raise output.error
             symbols.update(output.symbols)

@@ -20,6 +20,7 @@ from isocodec.grid.models import contexts
 from isocodec.kernel import Execution
 from isocodec.kernel.execution import SETTING
 from isocodec.stream.decoder import Decoder
+from isocodec.stream.grid_contents import GridContents
 
 from .plain import interpreted
 
@@ -128,7 +129,9 @@ class Tracer:
 
     def _look(self) -> None:
         """Write down what has become known since the last time."""
-        tube = next((t for t in reversed(self.decoder._tubes) if t), None)
+        contents = self.decoder.contents
+        tubes = contents.tubes if isinstance(contents, GridContents) else []
+        tube = next((t for t in reversed(tubes) if t), None)
         if tube is None:
             return
         if tube is not self._tube:
@@ -153,7 +156,7 @@ class Tracer:
     def _note(self, context: int, mixing: str) -> None:
         p, width, bit = self._told
         name, element = context_name(context)
-        layer = self.decoder.layers[self._done]
+        layer = self.decoder.grid.layers[self._done]
         self.symbols.append(Symbol(layer, self._done + 1, element, name, mixing, p, width, bit))
 
     @contextmanager

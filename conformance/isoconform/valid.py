@@ -19,14 +19,14 @@ def bases() -> Iterator[Draft]:
     disc = balls((17, 17), DISC)
     for level in (0, 3, 6, 8):
         yield encoded(
-            f"plane_base_{level}", disc, 0.5, f"base at level {level}", "17 x 17 samples", signs_only=True,
-            base_level=level, layers=level in (0, 8),
+            f"plane_base_{level}", disc, 0.5, f"base at level {level}", "17 x 17 samples", precision="signs",
+            layers=level, states=level in (0, 8),
         )
     blob = balls((9, 9, 9), [((7, 8, 9), 11)])
     for level in (0, 4, 5, 9):
         yield encoded(
-            f"space_base_{level}", blob, 0.5, f"base at level {level}", "9 x 9 x 9 samples", signs_only=True,
-            base_level=level, layers=level in (0, 9),
+            f"space_base_{level}", blob, 0.5, f"base at level {level}", "9 x 9 x 9 samples", precision="signs",
+            layers=level, states=level in (0, 9),
         )
 
 
@@ -37,13 +37,13 @@ def shapes() -> Iterator[Draft]:
         for kind, field in (("noise", noise(shape, shape[1], 1)), ("stripes", waves(shape, 255) // 16 % 2)):
             if kind == "noise" or min(shape) > 3:
                 yield encoded(
-                    f"plane_{kind}_{name}", field, 0.5, f"border: {name} samples", kind, signs_only=True, base_level=0
+                    f"plane_{kind}_{name}", field, 0.5, f"border: {name} samples", kind, precision="signs", layers=0,
                 )
     for sides in ((7, 4, 2), (5, 6, 7), (2, 2, 2), (3, 17, 3)):
         name = "x".join(map(str, sides))
         yield encoded(
             f"space_noise_{name}", noise(sides, sides[1], 1), 0.5, f"border: {name} samples", "noise",
-            signs_only=True, base_level=0,
+            precision="signs", layers=0,
         )
 
 
@@ -57,14 +57,14 @@ def clamped_middles() -> Iterator[Draft]:
         field = np.array([[int(c) for c in row] for row in rows])
         for level in (0, 1):
             yield encoded(
-                f"{name}_{level}", field, 0.5, "border: middles known before the round", signs_only=True,
-                base_level=level,
+                f"{name}_{level}", field, 0.5, "border: middles known before the round", precision="signs",
+                layers=level,
             )
     for seed, shape in enumerate(((6, 11), (11, 6), (10, 3), (19, 12), (6, 3, 6), (5, 6, 3), (11, 3, 6), (6, 2, 6))):
         name = "x".join(map(str, shape))
         yield encoded(
             f"{'plane' if len(shape) == 2 else 'space'}_known_middles_{name}", noise(shape, 60 + seed, 3), 1.5,
-            "border: middles known before the round", "noise", signs_only=True, base_level=seed % 3,
+            "border: middles known before the round", "noise", precision="signs", layers=seed % 3,
         )
 
 
@@ -72,98 +72,101 @@ def components() -> Iterator[Draft]:
     """Components of a base, and such that show up later, near others and far from them."""
     yield encoded(
         "plane_components_single_rate", checkers((9, 9)), 0.5, "single rate", "many components, free locations",
-        signs_only=True, base_level=6,
+        precision="signs", layers=6,
     )
     yield encoded(
         "space_components_single_rate", sprinkled((9, 9, 9), 5, 12), 0.5, "single rate",
-        "many components, free locations", signs_only=True, base_level=9,
+        "many components, free locations", precision="signs", layers=9,
     )
     # isolated samples: odd in both coordinates, in one, in none of 2, 4, 8
     points = [(x, y) for x, y in product((3, 20, 34), (6, 17, 40, 52))]
     yield encoded(
         "plane_new_components_far", salt((41, 60), points), 0.5, "new components far from known curves",
-        signs_only=True, base_level=0, layers=True,
+        precision="signs", layers=0, states=True,
     )
     points3 = [(3, 3, 4), (3, 12, 17), (10, 9, 3), (16, 6, 6), (14, 15, 16), (6, 17, 9), (12, 2, 13), (17, 17, 17)]
     yield encoded(
         "space_new_components_far", salt((20, 18, 19), points3), 0.5, "new components far from known curves",
-        signs_only=True, base_level=0, layers=True,
+        precision="signs", layers=0, states=True,
     )
     for level in (1, 2, 5):
         yield encoded(
             f"plane_new_components_above_{level}", 1 - salt((41, 60), points), 0.5,
-            "new components below, far from known curves", f"base at level {level}", signs_only=True, base_level=level,
+            "new components below, far from known curves", f"base at level {level}", precision="signs", layers=level,
         )
     for level in (1, 2, 4):
         yield encoded(
             f"space_new_components_above_{level}", 1 - salt((20, 18, 19), points3), 0.5,
-            "new components below, far from known surfaces", f"base at level {level}", signs_only=True,
-            base_level=level,
+            "new components below, far from known surfaces", f"base at level {level}", precision="signs", layers=level,
         )
     yield encoded(
         "plane_new_components_near", noise((17, 17), 3, 8), 127.5, "new components near known curves",
-        "all slots of a cube", "noise", signs_only=True, base_level=2, layers=True,
+        "all slots of a cube", "noise", precision="signs", layers=2, states=True,
     )
     yield encoded(
         "space_new_components_near", noise((9, 9, 9), 4, 8), 160, "new components near known curves",
-        "all slots of a cube", "noise", signs_only=True, base_level=1, layers=True,
+        "all slots of a cube", "noise", precision="signs", layers=1, states=True,
     )
     yield encoded(
-        "plane_sprinkled", sprinkled((33, 29), 7, 40), 0.5, "new components far and near", signs_only=True, base_level=4
+        "plane_sprinkled", sprinkled((33, 29), 7, 40), 0.5, "new components far and near", precision="signs", layers=4,
     )
-    yield encoded("space_blobs", balls((16, 17, 18), BLOBS), 0.5, "several components", "smooth", signs_only=True)
+    yield encoded("space_blobs", balls((16, 17, 18), BLOBS), 0.5, "several components", "smooth", precision="signs")
     yield encoded(
-        "space_torus", torus((15, 15, 9), 9, 4), 0.5, "torus: a surface with a handle", "smooth", signs_only=True,
-        base_level=6,
+        "space_torus", torus((15, 15, 9), 9, 4), 0.5, "torus: a surface with a handle", "smooth", precision="signs",
+        layers=6,
     )
-    yield encoded("plane_all_below", np.zeros((6, 7), np.int64), 0.5, "no curve: all below", signs_only=True)
-    yield encoded("plane_all_above", np.ones((6, 7), np.int64), 0.5, "no curve: all above", exact=True)
-    yield encoded("space_all_below", np.zeros((4, 3, 5), np.int64), 0.5, "no surface: all below", tolerance=0.05)
-    yield encoded("space_all_above", np.ones((4, 3, 5), np.int64), 0.5, "no surface: all above", signs_only=True)
+    yield encoded("plane_all_below", np.zeros((6, 7), np.int64), 0.5, "no curve: all below", precision="signs")
+    yield encoded("plane_all_above", np.ones((6, 7), np.int64), 0.5, "no curve: all above", precision="exact")
+    yield encoded("space_all_below", np.zeros((4, 3, 5), np.int64), 0.5, "no surface: all below", precision=0.05)
+    yield encoded("space_all_above", np.ones((4, 3, 5), np.int64), 0.5, "no surface: all above", precision="signs")
 
 
 def values() -> Iterator[Draft]:
     """Geometry by values."""
     yield encoded(
-        "plane_values_8_bit", waves((17, 20), 255), 100.5, "values", "half-integer isovalue", "smooth", exact=True,
-        layers=True,
+        "plane_values_8_bit", waves((17, 20), 255), 100.5, "values", "half-integer isovalue", "smooth",
+        precision="exact", states=True,
     )
-    yield encoded("plane_values_ties", waves((17, 20), 31), 12, "values", "integer isovalue", "ties", exact=True)
+    yield encoded("plane_values_ties", waves((17, 20), 31), 12, "values", "integer isovalue", "ties", precision="exact")
     yield encoded(
         "plane_values_negative", noise((12, 11), 8, 12) - 3000, -1000, "values", "negative isovalue", "12-bit data",
-        "noise", exact=True,
+        "noise", precision="exact",
     )
     yield encoded(
         "plane_values_negative_half", noise((7, 9), 9, 4) - 11, -2.5, "values", "negative half-integer isovalue",
-        exact=True,
+        precision="exact",
     )
     yield encoded(
-        "plane_values_wide", (noise((8, 9), 10, 16) - 30000) * 40000, 7, "values",
-        "15 bits or more, stated by escape", exact=True,
+        "plane_values_wide", (noise((8, 9), 10, 16) - 30000) * 40000, 7, "values", "15 bits or more, stated by escape",
+        precision="exact",
     )
     yield encoded(
         "plane_values_52_bits", (noise((4, 5), 15, 16) - 32768) << 37, 0.5, "values", "52 value bits, the most",
-        "noise", exact=True,
+        "noise", precision="exact",
     )
     yield encoded(
         "plane_values_one_sided", 200 - 199 * (noise((9, 9), 14, 4) > 7), 199.5, "values",
-        "different numbers of bits above and below", exact=True,
+        "different numbers of bits above and below", precision="exact",
     )
     yield encoded(
-        "space_values_12_bit", waves((9, 10, 8), 4095, 3), 600.5, "values", "12-bit data", "smooth", exact=True
+        "space_values_12_bit", waves((9, 10, 8), 4095, 3), 600.5, "values", "12-bit data", "smooth", precision="exact",
     )
     yield encoded(
-        "space_values_noise", noise((5, 6, 7), 11, 8), 128, "values", "integer isovalue", "ties", "noise", exact=True,
-        layers=True,
+        "space_values_noise", noise((5, 6, 7), 11, 8), 128, "values", "integer isovalue", "ties", "noise",
+        precision="exact", states=True,
     )
     # multiples of 1 / 16: exact in any binary format
     hills = waves((15, 18), 1023).astype(np.float64) / 16
-    yield encoded("plane_scaled_power_of_two", hills, 20.25, "values", "power-of-two step", "isovalue as float32",
-                  step=0.25)
-    yield encoded("plane_scaled_float64", hills, 20.3, "values", "step as float64", "isovalue as float64", step=0.1)
+    yield encoded(
+        "plane_scaled_power_of_two", hills, 20.25, "values", "power-of-two step", "isovalue as float32",
+        precision="step=0.25",
+    )
+    yield encoded(
+        "plane_scaled_float64", hills, 20.3, "values", "step as float64", "isovalue as float64", precision="step=0.1",
+    )
     yield encoded(
         "space_scaled_power_of_two", waves((6, 7, 8), 255, 5).astype(np.float64) / 8, 4.0625, "values",
-        "power-of-two step", "step greater than one", step=2.0,
+        "power-of-two step", "step greater than one", precision="step=2.0",
     )
 
 
@@ -173,14 +176,14 @@ def offsets() -> Iterator[Draft]:
     for tolerance in (1 / 4, 1 / 32):
         yield encoded(
             f"plane_offsets_{round(1 / tolerance)}", waves((17, 20), 255), 100.5, "offsets", "smooth",
-            tolerance=tolerance, base_level=8, layers=tolerance == 1 / 32,
+            precision=tolerance, layers=8, states=tolerance == 1 / 32,
         )
     yield encoded(
-        "space_offsets_4", torus((15, 15, 9), 9, 4), 0.5, "offsets", "torus: a surface with a handle",
-        tolerance=1 / 4, base_level=12,
+        "space_offsets_4", torus((15, 15, 9), 9, 4), 0.5, "offsets", "torus: a surface with a handle", precision=1 / 4,
+        layers=12,
     )
     yield encoded(
-        "space_offsets_32", waves((9, 8, 7), 255, 3), 32.5, "offsets", "smooth", tolerance=1 / 32, layers=True
+        "space_offsets_32", waves((9, 8, 7), 255, 3), 32.5, "offsets", "smooth", precision=1 / 32, states=True,
     )
 
 

@@ -33,9 +33,9 @@ def random_layers(file: File, program: bytes, seed: int, size: int) -> File:
     run = bytes(random_numbers(seed, size, 8))
     before = _total(_decoded(bytes(file))[0]) if file.chunks else 0
     decoder, ends = _decoded(start + run)
-    if len(ends) == len(decoder.layers):
-        return file.with_chunks(*file.chunks, layers(program, run[: ends[-1] - decoder.runs[-1].start]))
-    return _cut(file, _total(decoder) - before, program, cut(decoder.coder))
+    if len(ends) == len(decoder.grid.layers):
+        return file.with_chunks(*file.chunks, layers(program, run[: ends[-1] - decoder.grid.runs[-1].start]))
+    return _cut(file, _total(decoder) - before, program, cut(decoder.grid.coder))
 
 
 def _decoded(data: bytes) -> tuple[Decoder, list[int]]:
@@ -67,24 +67,24 @@ def said(file: File, program: bytes, *symbols: tuple[str, str]) -> File:
         If the decoder asks for another element than stated, or for none.
     """
     wanted = [(element, bit) for element, bits in symbols for bit in bits]
-    before = _decoded(bytes(file))[0].symbols if file.chunks else dict.fromkeys(ELEMENTS, 0)
+    before = _decoded(bytes(file))[0].grid.symbols if file.chunks else dict.fromkeys(ELEMENTS, 0)
     low, width, shifts = 0, 1 << 32, 0
     for number, (element, bit) in enumerate(wanted, 1):
         # a 1 takes the lower part of the interval: its first value is always a 1, its last one a 0
         value = low if bit == "1" else low + width - 1
         decoder, _ = _decoded(bytes(_cut(file, number, program, value.to_bytes(shifts + 4, "big"))))
-        asked = [name for name, count in decoder.symbols.items() for _ in range(count - before[name])]
+        asked = [name for name, count in decoder.grid.symbols.items() for _ in range(count - before[name])]
         if asked != [element]:
             raise ValueError(f"symbol {number} is asked for as {' '.join(asked) or 'nothing'}, not as {element}")
-        before = decoder.symbols
-        reg = decoder.coder.reg
+        before = decoder.grid.symbols
+        reg = decoder.grid.coder.reg
         moved = reg.pos + reg.unknown // 8 - 4
         low, width = (value << 8 * (moved - shifts)) - reg.code, reg.range
         shifts = moved
     run = _shortest(low, width, shifts)
     whole = file.with_chunks(*file.chunks, layers(program, run))
     decoder, _ = _decoded(bytes(whole))
-    if decoder.complete and decoder.symbols == before:
+    if decoder.complete and decoder.grid.symbols == before:
         return whole
     return _cut(file, len(wanted), program, run)
 
@@ -94,7 +94,7 @@ def _cut(file: File, symbols: int, program: bytes, run: bytes) -> File:
 
 
 def _total(decoder: Decoder) -> int:
-    return sum(decoder.symbols.values())
+    return sum(decoder.grid.symbols.values())
 
 
 def _shortest(low: int, width: int, shifts: int) -> bytes:

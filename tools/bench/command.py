@@ -109,7 +109,7 @@ def warm_up(options: dict[str, Any]) -> None:
     for n in (2, 3):
         ball = np.hypot.reduce(np.mgrid[(slice(-10, 11),) * n])
         level = n * cube_exponent(ball.shape)
-        for more in ({"tolerance": LARGEST}, {"step": 0.5}, {"signs_only": True}, {"base_level": level}):
+        for more in ({"precision": LARGEST}, {"precision": "step=0.5"}, {"precision": "signs"}, {"layers": level}):
             isocodec.decode(isocodec.encode(ball, 7.3, **options, **more))
 
 

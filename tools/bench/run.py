@@ -47,11 +47,13 @@ def _signs(item: Item, keys: list[str], ours: Ours, record: Recorder) -> None:
     group, peers = ("mask2d", peers2d.mask_peers) if item.n == 2 else ("mask3d", peers3d.mask_peers)
     crossings = half_way(item.mask)
     for codec in peers(item.mask) if any(BY_KEY[key].group == group for key in keys) else ():
-        record.peer(group, codec, lambda read: {"exact": bool(np.array_equal(read, item.mask))})
+        record.peer(
+            group, codec, lambda read: {"precision": "exact" if bool(np.array_equal(read, item.mask)) else None},
+        )
     if {"signs2", "signs2-progressive", "signs3"} & set(keys):
         record.ours("ours-signs", lambda: ours.encode(signs_only=True), crossings)
     if "signs2-single" in keys:
-        single = {"signs_only": True, "base_level": ours.full_level}
+        single = {"precision": "signs", "layers": ours.full_level}
         record.ours("ours-signs-single", lambda: ours.encode(**single), crossings)
     if "connectivity" in keys:
         vertices = len(marching_cubes(item.numbers, item.isovalue, method="lorensen")[0])

@@ -15,6 +15,7 @@ from skimage.measure import EllipseModel, find_contours
 import isocodec
 from figures.corpus import Item, load
 from figures.planes import INK, save
+from isocodec.field.placement import Placement
 
 NODES = ((17, 64), (25, 96), (33, 128))
 """Rings and rays of the mapped grids; grids of about as many samples stand beside them."""
@@ -34,7 +35,10 @@ def irregular(folder: Path, out: Path) -> None:
         for axis, (name, nodes, periodic) in zip(column, samplings(item, ellipse, rings, rays), strict=True):
             values = map_coordinates(item.values.astype(float), nodes, order=1, mode="nearest")
             y, x = nodes
-            data = isocodec.encode(values, item.isovalue, tolerance=0.02, coordinates=[x, y], periodic=periodic)
+            data = isocodec.encode(
+                isocodec.Field(values, placement=Placement(coordinates=[x, y], periodic=periodic)), item.isovalue,
+                precision=0.02,
+            )
             contour = isocodec.decode(data)
             curve = [contour.place(line) for line in contour.lines]
             far = distance(outer[:, ::-1], curve)

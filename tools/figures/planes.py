@@ -71,7 +71,7 @@ def criteria(folder: Path, out: Path) -> None:
     figure, axes = panels(2, 3, item.values.shape)
     for axis, (name, words) in zip(axes, CRITERIA, strict=True):
         plan = isocodec.read_plan(f"adaptive-base {words}\noffsets 5")
-        data = isocodec.encode(item.values, item.isovalue + 0.5, plan=plan)
+        data = isocodec.encode(item.values, item.isovalue + 0.5, layers=plan)
         draw_stage(axis, stages(data, [2])[0], name)
     save(figure, out / "criteria.png")
 
@@ -79,7 +79,7 @@ def criteria(folder: Path, out: Path) -> None:
 def levels(folder: Path, out: Path) -> None:
     """C2 figures 2 and 6: uniform levels, from coarse to fine."""
     item = load(folder, "terrain/esterel_257", 300)
-    data = isocodec.encode(item.values, item.isovalue + 0.5, plan=isocodec.read_plan("base 4\nrefine"))
+    data = isocodec.encode(item.values, item.isovalue + 0.5, layers="base 4\nrefine")
     figure, axes = panels(2, 3, item.values.shape)
     for axis, stage in zip(axes, stages(data, [1, 3, 5, 7, 9, 13]), strict=True):
         draw_stage(axis, stage, f"level {stage.level}", mesh=stage.level < 14)
@@ -89,8 +89,8 @@ def levels(folder: Path, out: Path) -> None:
 def plate(folder: Path, out: Path) -> None:
     """C2 figure 21: a number plate at a single rate, and progressively."""
     item = load(folder, "image/car_plate_de", 127.5)
-    single = isocodec.encode(item.values, item.isovalue, base_level=20, signs_only=True)
-    whole = isocodec.encode(item.values, item.isovalue, signs_only=True)
+    single = isocodec.encode(item.values, item.isovalue, layers=20, precision="signs")
+    whole = isocodec.encode(item.values, item.isovalue, precision="signs")
     figure, axes = panels(3, 2, item.values.shape, side=5.0)
     draw_stage(axes[0], stages(single, [1])[0], "single rate", mesh=False)
     chosen = by_bytes(whole, 5)
@@ -103,7 +103,7 @@ def plate(folder: Path, out: Path) -> None:
 
 def steps(item: Item, out: Path, name: str, count: int = 5) -> None:
     """A curve whose topology is kept in every layer, by bytes."""
-    data = isocodec.encode(item.values, item.isovalue, preserve_topology=True, tolerance=0.05)
+    data = isocodec.encode(item.values, item.isovalue, keep_topology=True, precision=0.05)
     chosen = by_bytes(data, count)
     figure, axes = panels(1, len(chosen), item.values.shape, side=3.0)
     for axis, stage in zip(axes, stages(data, chosen), strict=True):
@@ -121,7 +121,7 @@ def terrain(folder: Path, out: Path) -> None:
     """F-sugar: an elevation curve in five steps, each of which promises a distance."""
     item = load(folder, "terrain/jacksboro_fault_dem", 500.5)
     distances = (16.0, 4.0, 1.0, 0.25)
-    data = isocodec.encode(item.values, item.isovalue, steps=[*distances, "exact"], preserve_topology=True)
+    data = isocodec.encode(item.values, item.isovalue, precision=[*distances, "exact"], keep_topology=True)
     layers = isocodec.inspect(data).layers
     kept = [number for number, layer in enumerate(layers, start=1) if layer.within] + [len(layers)]
     figure, axes = panels(1, len(kept), item.values.shape, side=3.0)

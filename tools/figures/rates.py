@@ -31,12 +31,12 @@ MARKS = "ovsD^<>pP*XhH"
 
 PREFIXES: dict[str, dict[str, Any]] = {
     "progressive, uniform, signs then offsets": {},
-    "progressive, uniform, signs then exact values": {"exact": True},
-    "progressive, topology kept, steps 4, 1, 0.25": {"preserve_topology": True, "steps": [4.0, 1.0, 0.25]},
+    "progressive, uniform, signs then exact values": {"precision": "exact"},
+    "progressive, topology kept, steps 4, 1, 0.25": {"keep_topology": True, "precision": [4.0, 1.0, 0.25]},
 }
 """Files of which every layer is a point of the plot."""
 SEARCHED: dict[str, dict[str, Any]] = {
-    "searched under a tolerance": {}, "searched, topology kept": {"preserve_topology": True},
+    "searched under a tolerance": {}, "searched, topology kept": {"keep_topology": True},
 }
 """Files for a tolerance each."""
 FAMILIES: dict[str, list[str]] = {
@@ -70,18 +70,18 @@ def measured(item: Item) -> Iterator[Point]:
     for name, plans in FAMILIES.items():
         for text in plans:
             try:
-                data = isocodec.encode(item.values, item.isovalue, plan=isocodec.read_plan(text))
+                data = isocodec.encode(item.values, item.isovalue, layers=text)
             except OptionError:
                 # there are not that many bits of values
                 continue
             yield name, len(data), apart(isocodec.decode(data))
     levels = [f"base {level}\noffsets 5 unit=1" for level in range(2 * n, full, n)]
     for text in levels:
-        data = isocodec.encode(item.values, item.isovalue, plan=isocodec.read_plan(text))
+        data = isocodec.encode(item.values, item.isovalue, layers=text)
         yield "uniform levels, 5 parts", len(data), apart(isocodec.decode(data))
     for name, options in SEARCHED.items():
         for tolerance in TOLERANCES if n == 2 else (2.0, 1.0, 0.5):
-            data = isocodec.encode(item.values, item.isovalue, tolerance=tolerance, **options)
+            data = isocodec.encode(item.values, item.isovalue, precision=tolerance, **options)
             yield name, len(data), apart(isocodec.decode(data))
 
 

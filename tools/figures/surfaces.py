@@ -6,8 +6,8 @@ from pathlib import Path
 
 import isocodec
 from figures.corpus import Y_UP, Z_UP, load, stages
-from isocodec.io.writers.picture import Step, steps_picture
-from isocodec.io.writers.view import View
+from isocodec.drawing.pictures.picture import Step, steps_picture
+from isocodec.drawing.pictures.view import View
 
 PLAN = """
 adaptive-base topology distortion={coarse}
@@ -27,7 +27,7 @@ def surfaces(folder: Path, out: Path) -> None:
     for name, (placement, view) in MODELS.items():
         item = load(folder, f"sdf/{name}_{SAMPLES}", 0.5)
         plan = isocodec.read_plan(PLAN.format(coarse=COARSE, fine=FINE))
-        data = isocodec.encode(item.values, item.isovalue, plan=plan, placement=placement)
+        data = isocodec.encode(isocodec.Field(item.values, placement=placement), item.isovalue, layers=plan)
         steps = [
             Step(stage.decoder.drawn(), stage.bytes, len(data), stage.decoder.mesh() if number < 2 else None)
             for number, stage in enumerate(stages(data, [1, 2, 3, 4]))

@@ -89,7 +89,7 @@ def thinned_pictures(folder: Path, output: Path) -> None:
 
 
 def _surface(whole: NDArray[np.uint8], size: int) -> tuple[int, NDArray[np.float64]]:
-    data = isocodec.encode_tin(whole.astype(np.float64), size=size)
+    data = isocodec.encode(isocodec.thin(whole.astype(np.float64), size=size))
     return len(data), isocodec.decode_tin(data).raster()
 
 

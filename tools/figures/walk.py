@@ -107,7 +107,7 @@ def draw_prediction(axes: Any, symbols: list[dict[str, Any]], number: int) -> No
 
 def walk(folder: Path, out: Path) -> None:
     """C2 figures 12, 14, 16: the walk of a base with its signs, gates and predictions, on a small grid."""
-    data = isocodec.encode(small_field(), 0, plan=[("base", None)], profile="baseline")
+    data = isocodec.encode(small_field(), 0, layers=[("base", None)], profile="baseline")
     symbols = symbols_of(data)
     decoder = isocodec.Decoder()
     decoder.feed(data)

@@ -29,16 +29,16 @@ def gyroid(size: int, turns: float) -> np.ndarray:
 
 def main() -> None:
     folder = Path(sys.argv[1])
-    noisy = isocodec.encode(hills(1800, 60), isovalue=0.5, profile="baseline", exact=True)
+    noisy = isocodec.encode(hills(1800, 60), isovalue=0.5, profile="baseline", precision="exact")
     (folder / "terrain.iso").write_bytes(noisy)
-    less = isocodec.encode(hills(1000, 60), isovalue=0.5, profile="baseline", exact=True)
+    less = isocodec.encode(hills(1000, 60), isovalue=0.5, profile="baseline", precision="exact")
     (folder / "hills.iso").write_bytes(less)
     handles = isocodec.encode(gyroid(80, 5), isovalue=0.0, profile="baseline")
     (folder / "gyroid.iso").write_bytes(handles)
     few = isocodec.encode(gyroid(48, 1.5), isovalue=0.0, profile="baseline")
     (folder / "handles.iso").write_bytes(few)
     frames = [hills(288, 0)[t : t + 192, t : t + 256] for t in range(0, 24, 3)]
-    (folder / "waves.iso").write_bytes(isocodec.encode_frames(frames, isovalue=0.5))
+    (folder / "waves.iso").write_bytes(isocodec.encode(isocodec.Frames(frames), isovalue=0.5))
 
 
 if __name__ == "__main__":

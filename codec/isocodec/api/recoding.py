@@ -1,150 +1,147 @@
-"""Files made of files, without the field: the same curves in another profile or precision, or several in one file."""
+"""Curves of files coded anew, without their field, point by point as they are."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
-from itertools import pairwise
-from typing import Any
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from itertools import chain
+from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..drawing.contour import Contour
 from ..errors import InputError, OptionError
-from ..field.placement import CRS, PLACEMENT
-from ..field.told import LABELS
+from ..format.events import End, FrameRead
+from ..format.header import Header
 from ..limits import Limits
 from ..stream.decoder import Decoder
-from ..stream.names import ProfileName
-from ..stream.recoder import Recoder, Source, sources_of
-from .content import Readable, content
-from .mesh_api import on_mesh
-from .whole import decode_all, received
+from ..stream.options import Options, Precision
+from ..stream.recoder import Source, recoded_frames, sources_of
+
+if TYPE_CHECKING:
+    from ..tiles.tiled import TiledFile
 
 
-def transcode(
-    data: Readable,
-    *,
-    profile: ProfileName | None = None,
-    tolerance: float | None = None,
-    signs_only: bool = False,
-    preserve_topology: bool = False,
-    limits: Limits | None = None,
+def extracted(
+    tiled: TiledFile, box: Sequence[Sequence[float]] | None, isovalues: Sequence[float] | None = None
 ) -> bytes:
-    """Encode the curves or surfaces of a file again, in another profile or less precisely, without their field.
+    """A box of a file in tiles as a file in one piece, in which no point moves.
 
-    Without ``tolerance`` and ``signs_only`` all points stay where they are. What is promised is about the curves that
-    the file decodes to: how far these are from those of the field comes on top, and promises of steps are left out.
-
-    Parameters
-    ----------
-    data : bytes, path, URL or file object
-        A file on the full grid: one made without a criterion, and with no tolerance, or last step, from 0.1 on.
-    profile : str, optional
-        ``main`` or ``baseline``; that of the file if not given.
-    tolerance : float, optional
-        Largest distance, in cells, between the curve that the file decodes to and that of the result, both ways.
-    signs_only : bool
-        Keep no geometry: which samples lie above is exact, crossings are drawn half-way.
-    preserve_topology : bool
-        Every layer has the components of the curve, nested alike.
-    limits : Limits, optional
-        What the file may need at most.
-
-    Returns
-    -------
-    bytes
-        An ``.iso`` file with the isovalues, missing samples and notes of the other.
+    If the box is that of one tile, the bytes of its layers stay as they are; otherwise they are coded anew from what
+    the tiles hold: what this file promises of its curve holds for the result.
 
     Raises
     ------
     OptionError
-        If the file is not on the full grid, is a series, lies on a mesh, has coordinates of its own or tells values in
-        part; or if options contradict one another.
-    FormatError, LimitError
-        As `decode`.
+        If the box lies outside; or if meshes are coarser than the samples and the box is not that of one tile.
     """
-    decoder = _decoder(data, limits, "the file")
+    from ..tiles.extraction import Extract
+
+    part = Extract(tiled, box)
+    numbers = list(range(len(tiled.isovalues))) if isovalues is None else [tiled.number_of(one) for one in isovalues]
+    taken = part.strands(numbers)
+    if taken is not None:
+        return taken
+    head = tiled.head
+    held = Held(
+        Header(part.size, head.isovalues[numbers[0]], head.scale, head.profile), part.notes, None,
+        [part.sources(numbers)], [], np.ones(0, np.bool_),
+    )
+    return same_again(held, Options(profile=held.profile, metadata=part.notes), expected=False)
+
+
+@dataclass(frozen=True)
+class Held:
+    """What a file of a grid holds, frame by frame.
+
+    Attributes
+    ----------
+    header : Header
+    metadata : dict of str to str
+    interval : int or None
+        Of a series.
+    frames : list of lists of Source
+        By frame and isovalue.
+    contours : list of lists of Contour
+        Likewise.
+    valid : (s0, .., sn-1) bool
+    """
+
+    header: Header
+    metadata: dict[str, str]
+    interval: int | None
+    frames: list[list[Source]]
+    contours: list[list[Contour]]
+    valid: NDArray[np.bool_]
+
+    @property
+    def profile(self) -> str:
+        """By its name."""
+        return self.header.profile.name.lower()
+
+
+def held_by(data: bytes, limits: Limits | None, what: str = "the file") -> Held:
+    """What a whole file of a grid holds; ``what`` names it in messages.
+
+    Raises
+    ------
+    OptionError
+        If it is of another kind, not on the full grid, has coordinates, or holds values in part.
+    FormatError, LimitError
+    """
+    decoder = Decoder(limits)
+    decoder.feed(data)
+    frames: list[list[Source]] = []
+    contours: list[list[Contour]] = []
+    for event in decoder:
+        if isinstance(event, End) or (isinstance(event, FrameRead) and event.number == 0):
+            if decoder.contents is None or decoder.contents.kind != "grid":
+                raise OptionError(f"{what} is not of a grid", code="recode", remedy="encode the field itself again")
+            before = isinstance(event, FrameRead)
+            frames.append(sources_of(decoder, what, before=before))
+            contours.append([decoder.contour(i, before=before) for i in range(len(decoder.isovalues))])
+    decoder.close()
     assert decoder.header is not None
-    sources = sources_of(decoder)
-    options: dict[str, Any] = {
-        "profile": profile or decoder.header.profile.name.lower(), "metadata": decoder.metadata,
-        "preserve_topology": preserve_topology, "leaning": LABELS not in decoder.metadata,
-    }
-    if tolerance is not None or signs_only:
-        return b"".join(Recoder(sources, False, tolerance=tolerance, signs_only=signs_only, **options))
-    return kept(sources, _all(decoder), **options)
+    metadata = dict(decoder.metadata)
+    return Held(decoder.header, metadata, decoder.interval, frames, contours, decoder.grid.valid())
 
 
-def merge(files: Sequence[Readable], *, profile: ProfileName = "main", limits: Limits | None = None) -> bytes:
-    """Put the isovalues of several files of one field into one file, point by point as they are.
+def same_again(held: Held, options: Options, *, expected: bool = True) -> bytes:
+    """A file of the same curves.
 
-    Parameters
-    ----------
-    files : sequence of bytes, paths, URLs or file objects
-        Files of fields of the same shape, place and missing samples, each with isovalues of its own, as `transcode`
-        takes them.
-    profile : str
-        Of the result.
-    limits : Limits, optional
-        What each of the files may need at most.
-
-    Returns
-    -------
-    bytes
-        An ``.iso`` file with the isovalues in the order of the files. Of notes that several have, those of the first.
-
-    Raises
-    ------
-    InputError
-        If the files are not of one field: they differ in shape, place or missing samples, have different steps of
-        values, or a sample lies above one isovalue and not above a lower one.
-    OptionError
-        As `transcode`, or if an isovalue is in two of them.
-    FormatError, LimitError
-        As `decode`.
+    They are decoded to see that they are: crossings of curves that touch may stand in an order that isovalues which
+    lean on one another cannot have, and then none of them does. Without ``expected`` they have to be those of a file
+    in which none does, instead of ``held.contours``.
     """
-    if isinstance(files, str | bytes) or not len(files):
-        raise OptionError("no files to merge", code="files", remedy="give a sequence of them")
-    decoders = [_decoder(file, limits, f"file {number}") for number, file in enumerate(files, start=1)]
-    sources = [one for i, decoder in enumerate(decoders, start=1) for one in sources_of(decoder, f"file {i}")]
-    _check_one_field(decoders, sources)
-    metadata: dict[str, str] = {}
-    for decoder in reversed(decoders):
-        metadata.update(decoder.metadata)
-    expected = [contour for decoder in decoders for contour in _all(decoder)]
-    return kept(sources, expected, profile=profile, metadata=metadata)
+    steps = {source.field.scale for sources in held.frames for source in sources if source.field.number is not None}
+    options = replace(options, precision=Precision(step=next(iter(steps), None)))
 
+    def data_of(independent: bool) -> bytes:
+        return recoded_frames(held.frames, held.interval, replace(options, independent=independent), kept=True)
 
-def _decoder(data: Readable, limits: Limits | None, what: str) -> Decoder:
-    """A decoder that has taken a whole file."""
-    whole = content(data, limits)
-    if on_mesh(whole):
-        raise OptionError(f"{what} lies on a mesh", code="recode", remedy="encode the values on it again")
-    return received(whole, None, limits=limits)
-
-
-def _all(decoder: Decoder) -> list[Contour]:
-    return [decoder.drawn(number) for number in range(len(decoder.isovalues))]
-
-
-def kept(sources: Sequence[Source], expected: Sequence[Contour] | None = None, **options: Any) -> bytes:
-    """The same curves again. They are decoded to see that they are: crossings of curves that touch may stand in an
-    order that isovalues which lean on one another cannot have, and then none of them does. Without ``expected`` they
-    have to be those of a file in which none does."""
-    steps = {source.field.scale for source in sources if source.field.number is not None}
-    options["step"] = next(iter(steps), None)
-    may = options.pop("leaning", True)
-    alone = b""
-    if expected is None:
-        alone = b"".join(Recoder(sources, True, leaning=False, **options))
-        if len(sources) == 1:
+    alone, wanted = b"", held.contours
+    if not expected:
+        alone = data_of(True)
+        if len(held.frames[0]) == 1:
             return alone
-        expected = decode_all(alone)
-    for leaning in (True, False) if may else (False,):
-        data = alone if alone and not leaning else b"".join(Recoder(sources, True, leaning=leaning, **options))
-        if all(_same(a, b) for a, b in zip(decode_all(data), expected, strict=True)):
+        wanted = list(_drawn(alone))
+    for independent in (True,) if options.independent else (False, True):
+        data = alone if alone and independent else data_of(independent)
+        pairs = zip(chain.from_iterable(_drawn(data)), chain.from_iterable(wanted), strict=True)
+        if all(_same(a, b) for a, b in pairs):
             return data
-    raise InputError("the curves cannot be told again as they are", code="recode")
+    raise InputError("the curves cannot be re-encoded without moving points", code="recode")
+
+
+def _drawn(data: bytes) -> Iterator[list[Contour]]:
+    """Contours of all isovalues, frame by frame."""
+    decoder = Decoder()
+    decoder.feed(data)
+    for event in decoder:
+        if isinstance(event, End) or (isinstance(event, FrameRead) and event.number == 0):
+            before = isinstance(event, FrameRead)
+            yield [decoder.contour(i, before=before) for i in range(len(decoder.isovalues))]
 
 
 def _same(a: Contour, b: Contour) -> bool:
@@ -160,29 +157,3 @@ def _same(a: Contour, b: Contour) -> bool:
         whole = np.take_along_axis(corners, turned[..., None], axis=1).reshape(len(corners), contour.n**2)
         rows.append(whole[np.lexsort(whole.T[::-1])])
     return bool(np.array_equal(rows[0], rows[1]))
-
-
-def _check_one_field(decoders: Iterable[Decoder], sources: Sequence[Source]) -> None:
-    first, *others = decoders
-    for number, other in enumerate(others, start=2):
-        if LABELS in {**first.metadata, **other.metadata}:
-            raise InputError("files of labels cannot be merged", code="merge", remedy="encode the labels together")
-        assert first.header is not None and other.header is not None
-        if first.header.shape != other.header.shape:
-            raise InputError(f"file {number} is of shape {other.header.shape}, the first of {first.header.shape}",
-                             code="merge")
-        if not np.array_equal(first.valid(), other.valid()):
-            raise InputError(f"in file {number} other samples are missing than in the first", code="merge")
-        for note in (PLACEMENT, CRS):
-            if first.metadata.get(note) != other.metadata.get(note):
-                raise InputError(f"file {number} lies elsewhere than the first: its {note} is another", code="merge")
-    if len({source.field.scale for source in sources if source.field.number is not None}) > 1:
-        raise InputError("the files have values in different steps", code="merge")
-    rising = sorted((source.field for source in sources), key=lambda field: field.isovalue)
-    valid = first.valid()
-    for lower, higher in pairwise(rising):
-        if (higher.signs & ~lower.signs & valid).any():
-            raise InputError(
-                f"samples lie above {higher.isovalue:g} that do not lie above {lower.isovalue:g}: the files are not of "
-                "one field", code="merge",
-            )

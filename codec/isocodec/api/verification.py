@@ -6,19 +6,19 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import NDArray
+
+from isospec.container import DomainKind
 
 from ..errors import InputError, OptionError
-from ..field.sampled import Field
+from ..field.decoded_samples import LABELS
+from ..field.placement import closed
 from ..field.samples import check_field, without_holes
-from ..field.told import LABELS
-from ..limits import Limits
-from ..tiles.structure import is_tiled
-from .content import Readable, SpatialImage, content
+from .kinds import TileFile, View, WholeFile
 
 if TYPE_CHECKING:
     from ..drawing.contour import Contour
-    from ..field.samples import Field as Samples
+    from ..field.samples import Samples
 
 ROUNDING = 1e-6
 """Cells that the measured distance, which is an upper bound, and points in double precision may be off."""
@@ -27,18 +27,21 @@ MEASURED = 0.001
 
 
 @dataclass(frozen=True)
-class Kept:
+class Verified:
     """What was found of one isovalue.
 
     Attributes
     ----------
     isovalue : float
+        NaN of a surface.
     promised : float or None
-        Cells that decoded and original curve lie from each other at most, as the file or the caller says.
+        Distance that decoded and original curve lie from each other at most, as the file or the caller says.
     there, back : float
-        Largest distance, in cells, from the decoded to the original curve, and the other way; at most 0.001 too large.
+        Largest distance, in cells (on a mesh in the unit of its points), from the decoded to the original curve, and
+        back; at most 0.001 cells too large. Of a surface the largest distance of values, twice.
     wrong : int or None
-        Samples on the wrong side of the isovalue; None if the mesh of the file is coarser than the samples.
+        Samples or vertices on the wrong side of the isovalue; None if the mesh of the file is coarser than the samples,
+        or is another than the one that was encoded.
     kept : bool
         Whether no sample is wrong, and neither distance is larger than promised.
     """
@@ -51,66 +54,39 @@ class Kept:
     kept: bool
 
 
-def verify(
-    data: Readable, field: ArrayLike | Field | SpatialImage, *, frame: int | None = None,
-    within: float | None = None, limits: Limits | None = None,
-) -> list[Kept]:
-    """Hold a file against the field that it was made from.
+def verified(held: WholeFile | TileFile, field: Any, frame: int | None, within: float | None) -> list[Verified]:
+    """What is found of each isovalue of a file; see `IsoFile.verify`.
 
-    Of a file in tiles the joined curve is held against that of the whole field. It does not say what it promises, nor
-    which samples far from it are missing.
-
-    Parameters
-    ----------
-    data : bytes, path, URL or file object
-        The whole file.
-    field : array_like, Field, DataArray or image
-        As of `encode`.
-    frame : int, optional
-        Of a series the frame that the field is, counted from 0; the first if not given.
-    within : float, optional
-        Distance in cells that is to be kept, instead of the one that the file promises.
-    limits : Limits, optional
-
-    Returns
-    -------
-    list of Kept
-        One for each isovalue, in the order of the file.
-
-    Raises
-    ------
-    InputError
-        If the field has another shape than that of the file, or misses other samples.
-    FormatError, TruncatedError, LimitError
-        As `decode`.
+    Of a file in tiles the joined curve is measured against that of the whole field. It does not state what it promises,
+    nor which samples far from it are missing.
     """
-    from ..io.readers.anything import read
-    from ..stream.inspect import inspect
-    from ..stream.placing import closed
-    from .whole import decode_all, decode_valid
+    if held.kind == "mesh":
+        assert isinstance(held, WholeFile)
+        return _on_mesh(held, field, frame, within)
+    from ..io.readers.reader import read_field
 
-    whole = bytes(content(data, limits))
-    if is_tiled(whole):
-        return _in_tiles(whole, field, within, limits)
-    info = inspect(whole)
-    contours = decode_all(whole, frame=frame, limits=limits)
-    known = read(field)
+    known = read_field(field)
+    if held.kind == "surface":
+        return [_surface(held, np.asarray(known.values), within)]
     values, gone = without_holes(known.values, known.mask)
-    label = info.metadata.get("label")
-    if label is not None:
-        values = _labelled(values, label)
-    axes = contours[0].mapped.periodic if contours[0].mapped is not None else ()
-    values, gone = closed(values, axes), None if gone is None else closed(gone, axes)
-    _check_shape(values.shape, tuple(info.shape), bool(info.frames))
+    contours = held.contours(View(frame=frame))
+    if isinstance(held, TileFile):
+        _check_shape(values.shape, held.info.shape)
+        return [_measured(one, check_field(values, one.isovalue, gone=gone), within, None) for one in contours]
+    info = held.info
+    periodic = contours[0].placement.periodic if contours[0].placement is not None else ()
+    if periodic:
+        values, gone = closed(values, periodic), None if gone is None else closed(gone, periodic)
+    _check_shape(values.shape, tuple(info.shape), held.kind == "series")
     missing = np.zeros(values.shape, np.bool_) if gone is None else gone
-    others = int((decode_valid(whole, limits=limits) == missing).sum())
+    others = int((held.valid() == missing).sum())
     if others:
         raise InputError(f"{others:,} samples are missing in the field or in the file, but not in both", code="missing")
-    return [
-        _kept(whole, contour, frame, values, gone, limits, LABELS in info.metadata,
-              within if within is not None else _promised(info.layers, frame or 0, number))
-        for number, contour in enumerate(contours)
-    ]
+    out = []
+    for number, contour in enumerate(contours):
+        promised = within if within is not None else _promised(info.layers, frame or 0, number)
+        out.append(_of_grid(held, contour, frame, values, gone, promised))
+    return out
 
 
 def _check_shape(found: tuple[int, ...], shape: tuple[int, ...], series: bool = False) -> None:
@@ -120,60 +96,106 @@ def _check_shape(found: tuple[int, ...], shape: tuple[int, ...], series: bool = 
         raise InputError(f"the field has shape {found}, that of {of} {shape}", code="shape", remedy=remedy)
 
 
-def _in_tiles(
-    whole: bytes, field: ArrayLike | Field | SpatialImage, within: float | None, limits: Limits | None
-) -> list[Kept]:
-    """What is found of the isovalues of a file in tiles."""
-    from ..io.readers.anything import read
-    from .whole import decode_all
-
-    known = read(field)
-    values, gone = without_holes(known.values, known.mask)
-    contours = decode_all(whole, limits=limits)
-    _check_shape(values.shape, contours[0].shape)
-    return [_held(contour, check_field(values, contour.isovalue, gone=gone), within, None) for contour in contours]
-
-
-def _kept(
-    whole: bytes, contour: Contour, frame: int | None, values: Any, gone: Any, limits: Limits | None, labelled: bool,
+def _of_grid(
+    held: WholeFile, contour: Contour, frame: int | None, values: NDArray[Any], gone: NDArray[np.bool_] | None,
     promised: float | None,
-) -> Kept:
-    """What is found of one isovalue."""
-    from .whole import decode_mask
-
-    if labelled:
+) -> Verified:
+    """What is found of one isovalue of a grid."""
+    if LABELS in held.info.metadata:
         sampled = check_field(values == contour.isovalue, 0.5, gone=gone)
     else:
         sampled = check_field(values, contour.isovalue, gone=gone)
     wrong: int | None
     try:
-        above = decode_mask(whole, isovalue=contour.isovalue, frame=frame, limits=limits)
-        differ = above != sampled.signs
+        differ = held.above(contour.isovalue, View(frame=frame)) != sampled.signs
         wrong = int((differ if gone is None else differ & ~gone).sum())
     except OptionError:
         wrong = None
-    return _held(contour, sampled, promised, wrong)
+    return _measured(contour, sampled, promised, wrong)
 
 
-def _held(contour: Contour, sampled: Samples, promised: float | None, wrong: int | None) -> Kept:
+def _measured(contour: Contour, sampled: Samples, promised: float | None, wrong: int | None) -> Verified:
     """How far a contour lies from that of the samples."""
     from ..search.original import original
+
+    return _compared(contour, original(sampled), promised, wrong)
+
+
+def _compared(
+    contour: Contour, first: Contour, promised: float | None, wrong: int | None, unit: float = 1.0
+) -> Verified:
+    """How far two contours lie from each other, measured in cells of size ``unit``."""
     from ..search.proof import hausdorff
 
-    first = original(sampled)
-    there, back = hausdorff(contour.points, contour.cells, first.points, first.cells, MEASURED)
-    far = promised is not None and max(there, back) > promised + MEASURED + ROUNDING
-    return Kept(contour.isovalue, promised, there, back, wrong, not (wrong or far))
+    there, back = hausdorff(contour.points / unit, contour.cells, first.points / unit, first.cells, MEASURED)
+    far = promised is not None and max(there, back) > promised / unit + MEASURED + ROUNDING
+    return Verified(contour.isovalue, promised, there * unit, back * unit, wrong, not (wrong or far))
+
+
+def _on_mesh(held: WholeFile, field: Any, frame: int | None, within: float | None) -> list[Verified]:
+    """What is found of the isovalues of a file on a mesh, of values at its vertices."""
+    points, cells, values = _mesh_of(held, field, frame)
+    out = []
+    for contour in held.contours(View(frame=frame)):
+        above = values > contour.isovalue
+        original = _drawn(points, cells, values, contour.isovalue)
+        wrong = None
+        if held.info.domain is not None and held.info.domain.kind == DomainKind.KNOWN:
+            # a mesh in the file has its vertices in another order
+            wrong = int((held.above(contour.isovalue, View(frame=frame)) != above).sum())
+        edges = points[cells[:, 1]] - points[cells[:, 0]]
+        unit = float(np.median(np.sqrt((edges**2).sum(axis=1))))
+        out.append(_compared(contour, original, within, wrong, unit))
+    return out
+
+
+def _mesh_of(held: WholeFile, field: Any, frame: int | None) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any]]:
+    """Points, cells and the values of a frame of a `Mesh`, or of values on the mesh that was given to `open`."""
+    points, cells, values = (getattr(field, name, None) for name in ("points", "cells", "values"))
+    if points is None:
+        if held.mesh_given is None:
+            raise InputError("values without their mesh", code="mesh", remedy="give a Mesh, or open(.., mesh=)")
+        points, cells = held.mesh_given
+        values = field
+    values = np.asarray(values)
+    if values.ndim == 2:
+        values = values[frame or 0]
+    points = np.asarray(points, np.float64)
+    if cells is None:
+        from ..mesh.coded_points import triangulated
+
+        points, cells, values = triangulated(points, values)
+    if values.shape != (len(points),):
+        raise InputError(f"{values.shape} values for {len(points)} points", code="values")
+    return points, np.asarray(cells, np.int64), values
+
+
+def _drawn(points: NDArray[Any], cells: NDArray[Any], values: NDArray[Any], isovalue: float) -> Contour:
+    """The contour of values that are linear on each cell."""
+    from ..drawing.contour import Contour
+    from ..drawing.explicit import crossed_edges, draw_cells
+
+    above = values > isovalue
+    some = cells[above[cells].any(axis=1) & ~above[cells].all(axis=1)]
+    edges = crossed_edges(some, above)
+    low, high = (values[edges[:, i]].astype(np.float64) for i in (0, 1))
+    with np.errstate(all="ignore"):
+        ratio = np.clip(np.nan_to_num((isovalue - low) / (high - low), nan=0.5), 0.0, 1.0)
+    drawn, pieces = draw_cells(points, some, np.zeros(len(some), np.bool_), above, edges, ratio)
+    return Contour(drawn, pieces, isovalue, ())
+
+
+def _surface(held: WholeFile | TileFile, values: NDArray[Any], within: float | None) -> Verified:
+    """How far a triangulated surface lies from the values of a field."""
+    tin = held.surface(None)
+    if tin.shape is None:
+        raise InputError("the surface is of scattered points, not of a field", code="shape")
+    _check_shape(values.shape, tin.shape)
+    there = float(np.nanmax(np.abs(tin.raster() - values.astype(np.float64))))
+    return Verified(float("nan"), within, there, there, None, within is None or there <= within * (1 + ROUNDING))
 
 
 def _promised(layers: Any, frame: int, number: int) -> float | None:
     """What the last layer of an isovalue of a frame promises, if it does."""
     own = [layer for layer in layers if (layer.frame, layer.isovalue) == (frame, number)]
     return own[-1].within if own else None
-
-
-def _labelled(values: Any, label: str) -> Any:
-    try:
-        return values == float(label)
-    except ValueError:
-        raise InputError(f"the note label of the file, {label!r}, is no number", code="label") from None

@@ -1,6 +1,6 @@
-"""The command line: ``isocodec encode | decode | mask | info | truncate | ..``, a module or two each.
+"""The command line: ``isocodec encode | decode | edit | info | verify | plot | thin``, a module each.
 
-The modules here load in a few milliseconds; whatever takes longer (numpy, matplotlib) is imported by the verb that
+The modules here load in a few milliseconds; whatever takes longer (numpy, matplotlib) is imported by the command that
 needs it, when it needs it.
 """
 
@@ -9,17 +9,12 @@ from __future__ import annotations
 import click
 
 from .decode import decode_command
+from .edit import edit_command
 from .encode import encode_command
 from .info import info_command
-from .map import map_command
-from .mask import mask_command
 from .plot import plot_command
-from .recode import merge_command, transcode_command
 from .report import EXIT_CODES, Program
 from .thin import thin_command
-from .tile import tile_command
-from .tiled import extract_command
-from .truncate import truncate_command
 from .verify import verify_command
 
 __all__ = ["main"]
@@ -30,13 +25,13 @@ def _version(context: click.Context, _: click.Parameter, asked: bool) -> None:
         return
     from importlib import metadata
 
-    from ..kernel import kernels
+    import isocodec
 
     try:
         version = f"isocodec {metadata.version('isocodec')}"
     except metadata.PackageNotFoundError:
         version = "isocodec, run from its sources (not installed)"
-    click.echo(f"{version} (kernels: {kernels()})")
+    click.echo(f"{version} (kernels: {isocodec.kernels()})")
     context.exit()
 
 
@@ -47,7 +42,6 @@ def main() -> None:
 
 
 for command in (
-    encode_command, decode_command, mask_command, info_command, truncate_command, transcode_command, merge_command,
-    plot_command, map_command, verify_command, thin_command, tile_command, extract_command,
+    encode_command, decode_command, edit_command, info_command, verify_command, plot_command, thin_command,
 ):
     main.add_command(command)

@@ -1,219 +1,150 @@
-"""``isocodec decode``: an .iso file in, a curve or surface out, in the formats of other tools."""
+"""``isocodec decode``: an .iso file in, a curve, surface, mask or mesh out, in the formats of other tools."""
 
 from __future__ import annotations
 
 import time
-from contextlib import suppress
-from pathlib import Path
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
 
 import click
 
-from ..errors import FormatError
-from .mesh import write_mesh
-from .options import (
-    domain_option,
-    frame_option,
-    iso_argument,
-    json_option,
-    limit_options,
-    limits_of,
-    output_option,
-    partial_option,
-    smooth_option,
-)
-from .places import warn_of_places
-from .quiet import one_warning
-from .receive import Drawings, receive, receive_all, warn_of_frames, warn_of_others
-from .report import STANDARD, check_output, concerning, read_iso, tell, warn, write_output
+from ..errors import TruncatedError
+from .options import COUNT, DRAWING, OUTPUT, PART, Box, Size, Viewing, Writing, command, option
+from .report import PARTIAL, STANDARD, concerning, named, progress_bar, result, warn, written_to
+
+if TYPE_CHECKING:
+    from ..api.export import Wanted
+
+WHAT = ("curve", "areas", "bands", "above", "valid", "labels", "mesh", "surface")
 
 
-@click.command("decode", short_help="Decode to a curve, a surface or a picture of it.")
-@iso_argument
-@output_option("OUT")
-@click.option("--to", metavar="SUFFIX", help="Format of OUT, where its name does not tell: .geojson, for - as OUT.")
-@click.option(
-    "--isovalue",
-    type=float,
-    metavar="V",
-    help="Isovalue to decode, if there are several.  [default: all that OUT can hold]",
-)
-@frame_option
-@click.option(
-    "--layers",
-    type=click.IntRange(min=1),
-    metavar="N",
-    help="Decode only the first N layers of the isovalue.",
-)
-@click.option("--max-bytes", type=click.IntRange(min=1), metavar="N", help="Decode only the first N bytes.")
-@click.option(
-    "--keep-crs", is_flag=True,
-    help="Write .geojson in the reference system of the file, not in longitude and latitude.",
-)
-@click.option("--in-samples", is_flag=True, help="Write coordinates in samples, even if the file has a placement.")
-@click.option(
-    "--areas", type=click.Choice(["above", "below", "bands"]),
-    help="Write polygons of the areas above or below, or between isovalues (.geojson, .gpkg, .fgb, .shp, .parquet).",
-)
-@click.option("--along-holes", is_flag=True, help="With --areas: close areas along missing samples, too.")
-@click.option(
-    "--mesh", type=click.Choice(["whole", "tube"]),
-    help="Write the mesh instead: of the whole box, or the simplices that the curve crosses (.vtu, .ply, .geojson).",
-)
-@click.option("--window", metavar="A:B,C:D", help="Of a file in tiles: the box of samples, from:to for each axis.")
-@click.option("--within", type=float, metavar="N", help="Likewise: cubes of the mesh no wider than N samples will do.")
-@domain_option
-@smooth_option
-@partial_option
-@limit_options
-@json_option
-def decode_command(
-    source: Path, output: Path, to: str | None, isovalue: float | None, frame: int | None, layers: int | None,
-    max_bytes: int | None, keep_crs: bool, in_samples: bool, areas: str | None, along_holes: bool, mesh: str | None,
-    window: str | None, within: float | None, domain: Path | None, smooth: bool, partial: bool,
-    limit_memory: int | None, limit_work: int | None, as_json: bool,
-) -> None:
+@dataclass(frozen=True, kw_only=True)
+class DecodeOptions(Writing, Viewing):
+    """Options of ``decode``."""
+
+    what: str | None = option(
+        "--what", heading=OUTPUT, type=click.Choice(WHAT), metavar="WHAT",
+        help="curve (or surface in space), areas beside curves, bands between them, samples above the isovalue, valid "
+        "samples, labels, the mesh, or the triangulated surface.  [default: curve, or surface]",
+    )
+    layers: int | None = option("--layers", heading=PART, type=COUNT, metavar="N",
+                                help="Decode the first N layers of an isovalue.")
+    max_bytes: int | None = option("--max-bytes", heading=PART, type=Size(), metavar="N",
+                                   help="Decode the first N bytes.")
+    box: tuple[tuple[float, float], ...] | None = option(
+        "--window", heading=PART, type=Box(), metavar="A:B,C:D",
+        help="Decode a box of samples, from:to for each axis; of a file in tiles only this part is read.",
+    )
+    within: float | None = option("--within", heading=PART, type=float, metavar="N",
+                                  help="Stop at cubes of the mesh no wider than N samples.")
+    side: str = option("--side", heading=OUTPUT, type=click.Choice(["above", "below"]), default="above",
+                       show_default=True, help="With --what areas: which side of the curve.")
+    along_holes: bool = option("--along-holes", heading=DRAWING, is_flag=True,
+                               help="With --what areas or bands: close areas along missing samples, too.")
+    through_holes: bool = option("--through-holes", heading=DRAWING, is_flag=True,
+                                 help="Draw curves through missing samples, where the encoder chose their course.")
+    whole: bool = option("--whole", heading=OUTPUT, is_flag=True,
+                         help="With --what mesh: the mesh of the whole field, not only the cells that are crossed.")
+    to: str | None = option("--to", heading=OUTPUT, metavar="SUFFIX",
+                            help="Format of OUT, if its name has no suffix: .geojson, for - as OUT.")
+    keep_crs: bool = option(
+        "--keep-crs", heading=OUTPUT, is_flag=True,
+        help="Write .geojson in the reference system of the file, not in longitude and latitude.",
+    )
+    in_samples: bool = option("--in-samples", heading=OUTPUT, is_flag=True,
+                              help="Write coordinates in samples, even if the file has a placement.")
+
+    @property
+    def view(self) -> dict[str, Any]:
+        """Keywords of `IsoFile.contour`, as far as they were given."""
+        names = ("frame", "layers", "max_bytes", "box", "within", "partial", "smooth")
+        return {name: getattr(self, name) for name in names if getattr(self, name) not in (None, False)}
+
+    @property
+    def wanted(self) -> Wanted:
+        """What to decode, as the library takes it."""
+        from ..api.export import OutputOptions, Wanted
+
+        return Wanted(
+            what=self.what, side=self.side, isovalue=self.isovalue, view=self.view, along_holes=self.along_holes,
+            through_holes=self.through_holes, whole=self.whole,
+            options=OutputOptions(self.keep_crs, self.in_samples, self.to),
+        )
+
+    def check(self) -> None:
+        """Refuse options that do not go together.
+
+        Raises
+        ------
+        UsageError
+        """
+        if self.to is None and str(self.output) == STANDARD:
+            raise click.UsageError("--to names the format for standard output: --to .geojson")
+        if self.what != "areas":
+            self.refuse("apply without --what areas", "side")
+        if self.what not in ("areas", "bands"):
+            self.refuse("apply without --what areas or bands", "along_holes")
+        if self.what != "mesh":
+            self.refuse("apply without --what mesh", "whole")
+        if self.what in ("above", "valid", "labels", "surface", "mesh"):
+            self.refuse(f"apply to --what {self.what}", "smooth", "through_holes", "keep_crs")
+        if self.what in ("valid", "labels", "surface"):
+            self.refuse(f"apply to --what {self.what}", "isovalue")
+
+
+@command("decode", DecodeOptions, "Decode to a curve, a surface, a mask or a picture.")
+def decode_command(options: DecodeOptions) -> None:
     """Decode IN.iso to OUT; the suffix of OUT names the format. IN.iso may be - or a URL, OUT - (with --to).
 
     \b
     Curves and surfaces  .npz (points, cells, isovalue, shape; placement, crs), .png, .dxf, .vtp
     Curves               .geojson, .gpkg, .fgb, .shp, .parquet, .pmtiles, .svg (x along axis 1, y along axis 0)
     Surfaces             .ply, .stl, .off, .obj, .glb, .3mf (x, y, z along axes 0, 1, 2)
+    Areas and bands      .geojson, .gpkg, .fgb, .shp, .parquet: polygons, closed along the border of the samples
+    Above and valid      .npy; .png (2-D, white above); .nii, .nii.gz (3-D, 1 above)
+    Meshes               .vtu, .ply, .geojson: cells with their level, vertices with their sign (1 above, 0 not)
+    Triangulations       .ply, .vtu, .geojson, .npz; .npy for the picture that they make
 
     Coordinates are in samples. If the file has a placement (from NIfTI or GeoTIFF, for example, or encode --spacing),
     all but .npz, .svg and .png have world coordinates instead. GeoJSON has longitude and latitude (RFC 7946) if the
     file names its reference system.
 
-    With --areas the file holds polygons with holes: the curve, closed along the border of the samples,
-    and with --along-holes along unit cells that have a missing corner.
-
-    Of values on a mesh, curves are written as .geojson or .npz, surfaces as .ply, .stl, .obj or .npz, as it lies.
-
-    Triangulated surfaces (of thin) are written as .ply, .vtu, .geojson or .npz, pictures of them as .npy.
-
-    With --mesh the file holds triangles or tetrahedra with their level, and vertices with their sign (above: 1, 0).
-
     If there are several isovalues, .npz, .ply, .stl and .off hold one of them, the other formats all: as features and
     rows with their isovalue, layers (.dxf) or named objects.
+
+    Samples above an isovalue are known if the file holds the full grid; files made with a criterion, or with a (last)
+    tolerance of 0.1 or more, may not. Missing samples are undefined there; --what valid has them.
     """
-    if along_holes and not areas:
-        raise click.UsageError("--along-holes closes areas: choose --areas above, below or bands, too")
-    if mesh and (areas or smooth):
-        raise click.UsageError(f"--mesh and --{'areas' if areas else 'smooth'} contradict one another: choose one")
-    if mesh:
-        write_mesh(
-            source, output, isovalue, mesh == "whole", in_samples, partial, limits_of(limit_memory, limit_work),
-            layers, max_bytes, as_json, frame,
-        )
-        return
+    options.check()
+    from ..api.export import check_export, decoded
+    from ..api.output import check_output
 
-    from isospec.container import DomainKind
-
-    from ..format.domain import kind_of_domain
-    from .on_mesh import decode_on_mesh
-    from .tiled import decode_tiled, tiled_file
-    from .tin import decode_surface
-
-    if to is None and str(output) == STANDARD:
-        raise click.UsageError("--to says in which format to write to standard output: --to .geojson")
-    named = output if to is None else Path(f"_.{to.lstrip('.')}")
-    limits = limits_of(limit_memory, limit_work)
-    check_output(output, source)
-    if (tiled := tiled_file(source, limits)) is not None:
-        if areas or smooth or max_bytes is not None or frame is not None or domain is not None:
-            raise click.UsageError(
-                "the file is in tiles: --areas, --smooth, --max-bytes, --frame and --domain mean nothing"
-            )
-        return decode_tiled(
-            tiled, source, output, named, isovalue, layers, window, within, partial, in_samples, keep_crs,
-            as_json,
-        )
-    if window is not None or within is not None:
-        raise click.UsageError("--window and --within are for files in tiles")
-    data = read_iso(source)
-    kind = kind_of_domain(data)
-    if kind == DomainKind.POINTS:
-        if layers is not None or areas or smooth:
-            raise click.UsageError("the file holds a surface: --layers, --areas and --smooth mean nothing")
-        return decode_surface(
-            source, data, output, named, max_bytes, in_samples, partial, limits, as_json, isovalue
-        )
-    if kind is not None:
-        if layers is not None or areas or smooth:
-            raise click.UsageError("the file is of a mesh: --layers, --areas and --smooth mean nothing")
-        return decode_on_mesh(source, data, output, named, domain, isovalue, frame, max_bytes, limits, as_json)
-    if domain is not None:
-        raise click.UsageError("--domain: the file is of a grid, not of a mesh")
-
-    from ..io.writers.write import (
-        AREAS,
-        check_areas,
-        check_libraries,
-        check_suffix,
-        cost_of,
-        holds_several,
-        put,
-        render_contour,
-        render_sides,
-    )
-
-    with concerning(output):
-        if areas:
-            check_areas(named)
-        suffix = check_suffix(named)
-        check_libraries(suffix)
-
-    import isocodec
-
-    from ..format.header import read_header
-
+    with concerning(options.output):
+        check_output(options.output, options.source)
+        check_export(options.output, options.what, options.wanted.options)
     started = time.perf_counter()
-    with concerning(source):
-        found = read_header(data)
-    if found and isovalue is None and layers is None and holds_several(suffix, len(found[0].shape)):
-        decoder = receive_all(source, data, partial, limits, max_bytes, frame)
-        numbers = list(range(len(decoder.isovalues)))
-    else:
-        decoder, number = receive(source, data, isovalue, partial, limits, layers, max_bytes, frame)
-        numbers = [number]
+    file = options.opened()
+    with concerning(options.source), partial_offered(options), progress_bar("decoding") as progress:
+        made = decoded(file, options.output, options.wanted, progress)
+    with written_to(options.output, options.source) as target:
+        size = made.write(target)
+    for remark in made.remarks:
+        warn(options.source, remark)
     seconds = time.perf_counter() - started
-    isovalues = [decoder.isovalues[number] for number in numbers]
-    if isovalue is None and len(numbers) == 1:
-        # what lies behind the layers asked for may be damaged
-        with suppress(FormatError):
-            warn_of_others(source, isovalues[0], isocodec.inspect(data).isovalues)
-    warn_of_frames(source, data, frame)
-    assert decoder.header is not None
-    n = len(decoder.header.shape)
-    with concerning(output):
-        check_suffix(named, n)
-    drawings = Drawings(decoder, numbers, smooth, in_samples, AREAS if areas else cost_of(suffix, n), along_holes)
-    with concerning(source), one_warning(output, "writing"):
-        if areas:
-            valid = decoder.valid() if along_holes else None
-            rendered = render_sides(drawings, suffix, areas, valid, keep_crs)
-        else:
-            rendered = render_contour(drawings, suffix, n, keep_crs)
-    if not drawings.points and not drawings.complete:
-        warn(source, "the part that was decoded holds nothing of the curve")
-    warn_of_places(source, suffix, drawings.places, keep_crs, in_samples)
-    with concerning(output):
-        if str(output) == STANDARD:
-            write_output(output, rendered)
-        else:
-            put(output, suffix, rendered)
-    pieces = "segments" if n == 2 else "triangles"
-    tell(
-        f"{click.format_filename(output)}: {drawings.points:,} points, {drawings.cells:,} {pieces}, {seconds:.2f} s"
-        + (f", {len(numbers)} isovalues" if len(numbers) > 1 else ""),
-        {
-            "output": str(output),
-            "bytes": len(rendered),
-            "points": drawings.points,
-            "cells": drawings.cells,
-            "isovalues": isovalues,
-            "shape": list(drawings.shape),
-            "complete": drawings.complete,
-            "seconds": round(seconds, 3),
-        },
-        as_json,
+    result(
+        f"{named(options.output)}: {made.text}, {seconds:.2f} s",
+        {"output": str(options.output), "bytes": size, **made.facts, "seconds": round(seconds, 3)}, options.as_json,
     )
+
+
+@contextmanager
+def partial_offered(options: Viewing) -> Iterator[None]:
+    """Errors of truncated files offer ``--partial``, if it was not given."""
+    try:
+        yield
+    except TruncatedError as exc:
+        if not options.partial and options.max_bytes is None:
+            exc.remedy = PARTIAL
+        raise

@@ -1,212 +1,292 @@
-"""``isocodec encode``: a field in, an .iso file out."""
+"""``isocodec encode``: a field, a series, a mesh or points in, an .iso file out."""
 
 from __future__ import annotations
 
+import re
 import time
-from contextlib import nullcontext
-from dataclasses import replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
-from .encode_options import encode_options, read_criterion, read_metadata, read_numbers, read_steps
-from .inputs import local_input
-from .isovalues import check_interval, multiples
-from .mapped import cells_of, read_tolerance, world_of
-from .options import Grouped
-from .planned import Planned
-from .prepared import Prepared
-from .progress import progress_bar
-from .quiet import one_warning
-from .report import check_iso_output, concerning, tell, warn, write_output
-from .series import check_series, encode_series
+from .options import (
+    COUNT,
+    FILE,
+    INPUT,
+    ISOVALUE,
+    LAYERS,
+    MESH,
+    OUTPUT,
+    PRECISION,
+    SURFACE,
+    TILES,
+    WHOLE,
+    Number,
+    Numbers,
+    Reading,
+    Thinning,
+    Writing,
+    argument,
+    command,
+    multiples_of,
+    notes_of,
+    option,
+)
+from .report import STANDARD, Failure, concerning, counted, named, progress_bar, result, warn, write_output
 
 if TYPE_CHECKING:
-    from numpy.typing import ArrayLike
+    from ..api.inputs import Observed
+
+CRITERION = re.compile(r"[0-9]+|crossing|topology|(curvature|distortion|level)=.*")
+"""Layers that are not a plan in a file."""
+GRIDS = ("spacing", "no_placement", "coordinates_error", "periodic", "period", "labels", "missing", "channel")
+"""Options of sampled grids."""
+APART = {
+    "values": ("frames", "frame_axis", "key", *GRIDS),
+    "surface": ("labels", "interval", "offset", "independent", "precision", "keep_topology", "frames", "frame_axis",
+                "frame_interval", "periodic", "period", "coordinates_error", "missing"),
+    "tile": ("labels", "independent", "keep_topology", "layers", "frames", "frame_axis", "frame_interval", "periodic",
+             "period", "coordinates_error", "missing"),
+}
+"""Options that do not go with the one that names a kind of file."""
+OF_TILES, OF_SURFACES = ("workers", "scheduler", "spool"), ("points", "error", "size", "tolerance", "step")
 
 
-@click.command("encode", cls=Grouped, short_help="Encode the isocontour of a picture, terrain or volume.")
-@click.argument("source", metavar="INPUT", type=click.Path(path_type=Path, readable=False))
-@encode_options
-def encode_command(
-    source: Path,
-    output: Path,
-    isovalues: tuple[float, ...],
-    interval: float | None,
-    offset: float | None,
-    labels: tuple[float, ...],
-    independent: bool,
-    exact: bool,
-    tolerance: str | None,
-    steps: str | None,
-    preserve_topology: bool,
-    criterion: str | None,
-    plan: Path | None,
-    signs_only: bool,
-    step: float | None,
-    base_level: int | None,
-    profile: str,
-    metadata: tuple[str, ...],
-    spacing: str | None,
-    missing: str | None,
-    nodata: float | None,
-    no_placement: bool,
-    coordinates_error: float | None,
-    periodic: tuple[int, ...],
-    period: str | None,
-    key: str | None,
-    channel: int | None,
-    frame: int | None,
-    frames: bool,
-    frame_axis: int | None,
-    frame_interval: int | None,
-    kind: str | None,
-    limit_samples: int | None,
-    follow: bool,
-    values_name: str | None,
-    mesh: str | None,
-    mesh_error: float | None,
-    as_json: bool,
-) -> None:
+def _explain(context: click.Context, _: click.Parameter, asked: bool) -> None:
+    """Print the language of plans."""
+    if asked:
+        from ..api.inputs import plan_help
+
+        click.echo(plan_help(), nl=False)
+        context.exit()
+
+
+@dataclass(frozen=True, kw_only=True)
+class EncodeOptions(Thinning, Writing, Reading):
+    """Options of ``encode``."""
+
+    source: str = argument("INPUT")
+    isovalues: tuple[float, ...] = option("--isovalue", heading=ISOVALUE, type=Number(), multiple=True, metavar="V",
+                                          help="Inside is value > V. Repeatable.")
+    interval: float | None = option("--interval", heading=ISOVALUE, type=Number(), metavar="S",
+                                    help="All multiples of S within the data, in one file.")
+    offset: float | None = option("--offset", heading=ISOVALUE, type=Number(), metavar="V",
+                                  help="With --interval: V, V + S, V + 2 S, ..")
+    labels: tuple[float, ...] = option(
+        "--label", heading=ISOVALUE, type=Number(), multiple=True, metavar="K",
+        help="Inside is value == K; --precision signs by default. Repeatable.",
+    )
+    independent: bool = option("--independent", heading=ISOVALUE, is_flag=True,
+                               help="Keep each isovalue decodable without the others.")
+    precision: str | None = option(
+        "--precision", heading=PRECISION, metavar="P",
+        help="exact (integers); signs (only which samples are inside); a distance in cells or in the world: 0.05, 100m; "
+        "falling distances: 4,1,0.25,exact; step=S (floats, in steps).  [default: 0.05]",
+    )
+    keep_topology: bool = option("--keep-topology", heading=PRECISION, is_flag=True,
+                                 help="Keep the topology of the contour in every layer.")
+    layers: str | None = option(
+        "--layers", heading=LAYERS, metavar="L",
+        help="Begin on the uniform mesh of level L, without a search; or reduce the mesh by crossing, topology, "
+        "curvature=K, distortion=D or level=L; or make the layers that a file lists (--plan-help).",
+    )
+    plan_help: bool = option("--plan-help", heading=LAYERS, is_flag=True, is_eager=True, expose_value=False,
+                             callback=_explain, help="Explain such files.")
+    frames: bool = option("--frames", heading=INPUT, is_flag=True,
+                          help="Keep slices, or the volumes of a 4-D file, as a series.")
+    frame_axis: int | None = option(
+        "--frame-axis", heading=INPUT, type=WHOLE, metavar="A",
+        help="With --frames: the axis that counts them.  [default: 0; of 4-D volume files 3]",
+    )
+    frame_interval: int | None = option(
+        "--frame-interval", heading=INPUT, type=WHOLE, metavar="K",
+        help="Of a series: every K frames one decodes without those before it.  [default: 0, the first only]",
+    )
+    missing: str | None = option(
+        "--missing", heading=INPUT, type=click.Choice(["hole", "below", "above", "nearest"]), metavar="HOW",
+        help="Treat missing samples as a hole, where the contour ends (default), below, above, or as the nearest one.",
+    )
+    spacing: tuple[float, ...] | None = option("--spacing", heading=INPUT, type=Numbers(), metavar="S,S[,S]",
+                                               help="Distances of samples along the axes; may be negative.")
+    no_placement: bool = option("--no-placement", heading=INPUT, is_flag=True,
+                                help="Ignore the coordinates that INPUT gives its samples.")
+    coordinates_error: float | None = option("--coordinates-error", heading=INPUT, type=float, metavar="D",
+                                             help="Cells that coordinates may be off.  [default: 0.005]")
+    periodic: tuple[int, ...] = option("--periodic", heading=INPUT, type=WHOLE, multiple=True, metavar="AXIS",
+                                       help="Join the ends of an axis (from 0). Repeatable.")
+    period: tuple[float, ...] | None = option("--period", heading=INPUT, type=Numbers(), metavar="P[,P..]",
+                                              help="Distance after which x (or x, y, z) repeats; 0: never.")
+    surface: bool = option("--surface", heading=SURFACE, is_flag=True,
+                           help="Encode a triangulated surface instead of contours.")
+    values: str | None = option("--values", heading=MESH, metavar="NAME",
+                                help="INPUT is a mesh or scattered points; which values at its points.")
+    stored: str | None = option(
+        "--stored", heading=MESH, type=click.Choice(["known", "coded", "whole", "delaunay"]), metavar="HOW",
+        help="known: whoever decodes has the mesh (default); the file has the crossed cells: coded, or all: whole; "
+        "delaunay: it follows from the points (default of points).",
+    )
+    mesh_error: float | None = option("--mesh-error", heading=MESH, type=float, metavar="D",
+                                      help="Largest error of points of a mesh in the file.")
+    tile: int | None = option("--tile", heading=TILES, type=COUNT, metavar="N",
+                              help="Encode tile by tile, N = 2**k samples along each axis, for fields larger than "
+                              "memory; a stopped command goes on where it was.")
+    workers: int | None = option("--workers", heading=TILES, type=COUNT, metavar="N",
+                                 help="Processes that encode.  [default: 1]")
+    scheduler: str | None = option("--scheduler", heading=TILES, metavar="ADDRESS",
+                                   help="Encode on the Dask cluster of this scheduler: tcp://HOST:PORT.")
+    spool: Path | None = option("--spool", heading=TILES, type=FILE, metavar="FOLDER",
+                                help="Where encoded tiles are kept until all are there.  [default: OUT.iso.tiles]")
+    metadata: tuple[str, ...] = option("--metadata", heading=OUTPUT, multiple=True, metavar="KEY=TEXT",
+                                       help="Add a note to the file. Repeatable.")
+    profile: str = option("--profile", heading=OUTPUT, type=click.Choice(["main", "baseline"]), default="main",
+                          metavar="NAME", help="Entropy coding: main (default) or baseline.")
+
+    def check(self) -> None:
+        """Refuse options that do not go together.
+
+        Raises
+        ------
+        UsageError
+        """
+        self.choose("values", "surface", "tile")
+        for kind, apart in APART.items():
+            if self.given(kind):
+                self.refuse(f"apply with --{kind}", *apart)
+        if self.tile is None:
+            self.refuse("apply without --tile", *OF_TILES)
+        if self.values is None:
+            self.refuse("apply without --values", "stored", "mesh_error")
+        if not self.frames and self.values is None:
+            self.refuse("apply without --frames", "frame_axis", "frame_interval")
+        if self.surface:
+            self.check_thinning(self.isovalues)
+        else:
+            self.refuse("apply without --surface", *OF_SURFACES)
+            self.choose("isovalues", "interval", "labels", required=self.plan is None)
+        self.choose("spacing", "no_placement")
+        self.choose("labels", "missing")
+        self.choose("workers", "scheduler")
+
+    @property
+    def plan(self) -> Path | None:
+        """The file that lists the layers."""
+        return None if self.layers is None or CRITERION.fullmatch(self.layers) else Path(self.layers)
+
+    @property
+    def isovalue(self) -> Any:
+        """Isovalues as the library takes them."""
+        several: Any = multiples_of(self.interval, self.offset) or [*self.isovalues]
+        return several[0] if len(several) == 1 else several or None
+
+    def keywords(self) -> dict[str, Any]:
+        """Keywords of `encode`, as far as they were given."""
+        if self.surface:
+            return {"profile": self.profile, "metadata": notes_of(self.metadata)}
+        names = ("precision", "keep_topology", "independent")
+        given = {name: getattr(self, name) for name in names if getattr(self, name)}
+        if self.layers is not None:
+            from ..api.inputs import layers_of
+
+            with concerning(self.plan or self.source):
+                given["layers"] = layers_of(self.layers, self.plan)
+        if self.frame_interval is not None:
+            given["interval"] = self.frame_interval
+        return {**given, "profile": self.profile, "metadata": notes_of(self.metadata)}
+
+    def observed(self) -> Observed:
+        """Read the input, and add what options state about it."""
+        from ..api.inputs import Added, observed
+
+        given = {"frames": self.frames, "axis": self.frame_axis, "missing": self.missing}
+        more = {name: value for name, value in given.items() if value}
+        what = self.read(self.source, self.values, **more)
+        added = Added(
+            labels=self.labels, spacing=self.spacing, placed=not self.no_placement, periodic=self.periodic,
+            periods=self.period or (), error=self.coordinates_error, stored=self.stored, mesh_error=self.mesh_error,
+        )
+        with concerning(self.source):
+            return observed(what, added)
+
+
+@command("encode", EncodeOptions, "Encode the isocontour of a picture, terrain, volume or mesh.")
+def encode_command(options: EncodeOptions) -> None:
     """Encode the isocontour (2-D) or isosurface (3-D) of the field in INPUT.
 
     INPUT is .npy, .npz, HDF5, NetCDF, Zarr, GRIB, PNG, JPEG, TIFF (a stack is a volume), NIfTI, NRRD, MetaImage, DICOM
     (a folder of slices, or a file) or .vti; - for standard input, or a URL. With --values it is a mesh of triangles or
     tetrahedra: .vtu, .msh, .ply, .xdmf, or .npz with points and cells; or it holds scattered points, which are joined
     to triangles: .csv, .xyz, .las, .laz, .gpkg.
+
+    With --tile, INPUT is read in windows (.npy, GeoTIFF, Zarr, HDF5, NetCDF; other formats whole). Curves of
+    neighbouring tiles meet without seams, and decode --window reads a part of the file, also from a URL.
     """
-    if values_name is not None:
-        from .on_mesh import encode_on_mesh
+    options.check()
+    from ..api.output import check_output
 
-        check_iso_output(output, source)
-        on_mesh = {
-            "mesh": mesh, "mesh_error": mesh_error, "exact": exact, "step": step, "tolerance": tolerance,
-            "signs_only": signs_only, "leaning": not independent, "interval": frame_interval or 0,
-            "metadata": read_metadata(metadata),
-        }
-        encode_on_mesh(source, output, values_name, isovalues, limit_samples, on_mesh, as_json)
-        return
-    if mesh is not None or mesh_error is not None:
-        raise click.UsageError("--mesh and --mesh-error are for meshes: name the values at its points by --values")
-    asked = bool(isovalues) + (interval is not None) + bool(labels)
-    if asked > 1 or (asked == 0 and plan is None):
-        raise click.UsageError("give exactly one of --isovalue, --interval and --label")
-    if len(labels) > 1:
-        from .labelled import encode_labelled
-
-        check_iso_output(output, source)
-        encode_labelled(source, output, click.get_current_context().params)
-        return
-    label = labels[0] if labels else None
-    check_interval(interval, offset)
-    name, parameter = read_criterion(criterion)
-    notes = read_metadata(metadata)
-    check_series(frames, frame_axis, frame_interval)
-    if spacing is not None and no_placement:
-        raise click.UsageError("--spacing and --no-placement contradict one another: choose one")
-    if label is not None and missing is not None:
-        raise click.UsageError("--label and --missing contradict one another: a missing sample has another label")
-    steps_along = read_numbers("--spacing", spacing)
-    periods = read_numbers("--period", period)
-    distances = read_steps(steps)
-
-    from ..stream.options import PRECISIONS, Options, conflict
-
-    if chosen := conflict([name for name, value in click.get_current_context().params.items() if _is_given(value)]):
-        names = " and ".join("--" + option.replace("_", "-") for option in chosen)
-        raise click.UsageError(f"{names} contradict one another: choose one")
-    planned = None if plan is None else Planned.read(plan)
-    options = Options(
-        exact=exact, tolerance=read_tolerance(tolerance), signs_only=signs_only, step=step, base_level=base_level,
-        preserve_topology=preserve_topology, steps=distances, criterion=name, parameter=parameter,
-        leaning=not independent, plan=None if planned is None else planned.plan, profile=profile, metadata=notes,
+    with concerning(options.output):
+        check_output(options.output, options.source, iso=True)
+    keywords = options.keywords()
+    started = time.perf_counter()
+    facts, remarks = (_tiled if options.tile is not None else _whole)(options, keywords)
+    for remark in remarks:
+        warn(options.source, remark)
+    seconds = time.perf_counter() - started
+    holds = counted(facts["points"], "point") if options.surface else counted(facts["layers"], "layer")
+    result(
+        f"{named(options.output)}: {facts['bytes']:,} bytes, {holds}, {seconds:.2f} s",
+        {"output": str(options.output), **facts, "seconds": round(seconds, 3)}, options.as_json,
     )
-    check_iso_output(output, source)
 
+
+def _whole(options: EncodeOptions, keywords: dict[str, Any]) -> tuple[dict[str, Any], list[str]]:
+    """Encode in one piece; facts about the file, and remarks."""
     import isocodec
 
-    from ..field.placement import CRS, FRAME_STEP, PLACEMENT
-    from ..io.readers.missing import read_nodata
-    from ..io.readers.place import Place, read_place
-    from ..io.readers.read import read_field
-    from ..io.readers.series_files import one_frame, read_frames
+    from ..api.inputs import facts_of
 
-    placed = steps_along is None and not no_placement and PLACEMENT not in notes
-    with concerning(source), local_input(source, kind, limit_samples) as path:
-        with one_warning(source):
-            given: dict[str, Any] = {"key": key, "samples": limit_samples, "follow": follow}
-            if frames:
-                found = read_frames(path, frame_axis, channel=channel, frame=frame, placed=placed, **given)
-            else:
-                field = read_field(path, channel=channel, frame=frame, **given)
-                found = one_frame(field, read_place(path, field.ndim, frame=frame, **given) if placed else Place())
-            nodata_given = nodata is not None
-            if nodata is None and label is None:
-                nodata = read_nodata(path, key, follow=follow)
-        place, prepared = found.place, Prepared(found, nodata, label)
-        shape = prepared.shape
-        if steps_along is not None and len(steps_along) != len(shape):
-            raise click.UsageError(f"--spacing {spacing}: give one number for each of the {len(shape)} axes")
-        if label is not None:
-            isovalues = (0.5,)
-            notes.setdefault("label", f"{label:g}")
-            if plan is None and not any(_is_given(getattr(options, precision)) for precision in PRECISIONS):
-                options = replace(options, signs_only=True)
-        elif interval is not None:
-            with progress_bar("reading") as progress:
-                isovalues = multiples(interval, *prepared.range(progress), offset)
-        if planned is not None:
-            isovalues = planned.isovalues(isovalues, shape, not independent)
-        prepared.fill = None if missing == "hole" else missing
-        placement: ArrayLike | None = place.placement if placed else steps_along
-        if place.remark:
-            warn(source, place.remark)
-        if options.tolerance is None and tolerance is not None:
-            cells = cells_of(tolerance, *prepared.samples(0, isovalues), place.mapped, placement, periods)
-            options = replace(options, tolerance=cells)
-        world = world_of(source, shape, place.mapped, placement, options, coordinates_error, periodic, periods)
-        if place.crs is not None:
-            notes.setdefault(CRS, place.crs)
-        if found.step:
-            notes.setdefault(FRAME_STEP, found.step)
-        options = replace(options, metadata=notes, **world)
-        valued = exact or step is not None
-        prepared.tied = "" if options.signs_only else "biuf" if preserve_topology or valued else "biu"
-        started = time.perf_counter()
-        about_plan = nullcontext() if planned is None else planned.blamed()
-        with progress_bar("encoding") as progress, about_plan:
-            if frames:
-                data = encode_series(prepared, frame_interval or 0, isovalues, vars(options), progress)
-            else:
-                ((values, hole),) = prepared.each(isovalues)
-                data = isocodec.encode(
-                    values, isovalues[0] if len(isovalues) == 1 else isovalues, mask=hole, progress=progress,
-                    **vars(options),
-                )
-        seconds = time.perf_counter() - started
-    write_output(output, data)
-    if not prepared.missing and label is None and (missing is not None or nodata_given):
-        warn(source, "no samples are missing; --nodata sets the value that marks them")
-    prepared.warn(source, isovalues, valued, preserve_topology)
-    layers = len(isocodec.inspect(data).layers)
-    tell(
-        f"{click.format_filename(output)}: {len(data):,} bytes, {layers} layers, {seconds:.2f} s",
-        {
-            "output": str(output),
-            "bytes": len(data),
-            "layers": layers,
-            "seconds": round(seconds, 3),
-            "shape": list(found.shape if frames else shape),
-            "dtype": str(prepared.dtype),
-            "missing": prepared.holes,
-            "isovalues": [float(isovalue) for isovalue in isovalues],
-        },
-        as_json,
-    )
+    seen = options.observed()
+    for remark in seen.before:
+        warn(options.source, remark)
+    keywords["metadata"] = {**seen.notes, **keywords["metadata"]}
+    with concerning(options.source), progress_bar("encoding") as progress, seen.blaming(options.plan, Failure):
+        if options.surface:
+            tin = options.thinned(seen.what, options.isovalues, int(options.layers or 1), None, progress)
+            data = isocodec.encode(tin, **keywords)
+        else:
+            data = isocodec.encode(seen.what, options.isovalue, progress=progress, **keywords)
+    write_output(options.output, data)
+    file = isocodec.open(data)
+    marked = options.nodata is not None or options.missing is not None
+    facts = {"bytes": file.size, "layers": len(file.info.layers), **seen.facts(file)}
+    return (facts | facts_of(tin), []) if options.surface else (facts, seen.after(file, keywords, marked))
 
 
-def _is_given(value: object) -> bool:
-    """Whether an option was given on the command line: a flag, or a value."""
-    return value is not None and value is not False
+def _tiled(options: EncodeOptions, keywords: dict[str, Any]) -> tuple[dict[str, Any], list[str]]:
+    """Encode tile by tile; facts about the file, and remarks."""
+    import isocodec
 
+    from ..api.inputs import windows_of
+    from ..api.output import engine_of
+
+    if str(options.output) == STANDARD:
+        raise click.UsageError("a file in tiles is not written to standard output")
+    with (
+        concerning(options.source), windows_of(options.source, options.reading(options.source)) as (what, place),
+        engine_of(options.workers, options.scheduler) as engine, progress_bar("encoding tiles") as progress,
+    ):
+        if place.remark and not options.no_placement:
+            warn(options.source, place.remark)
+        if not options.no_placement:
+            keywords["metadata"] = {**place.notes(), **keywords["metadata"]}
+        isocodec.save(
+            options.output, what, options.isovalue, tile=options.tile, engine=engine, spool=options.spool,
+            workers=options.workers if engine else None, progress=progress, **keywords,
+        )
+    file = isocodec.open(str(options.output))
+    sizes = {number: sum(layer.bytes or 0 for layer in file.info.layers if layer.isovalue == number)
+             for number in range(len(file.isovalues))}
+    empty = [file.isovalues[number] for number, size in sizes.items() if not size]
+    facts = {"bytes": file.size, "layers": len(file.info.layers), "shape": list(file.shape),
+             "isovalues": [float(value) for value in file.isovalues]}
+    return facts, [f"no samples lie on both sides of the isovalue {value:g}: the curve is empty" for value in empty]

@@ -3,157 +3,162 @@
 from __future__ import annotations
 
 import json
-from pathlib import Path
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import click
 
-from ..field.text import plain
-from .options import iso_argument, json_option, limit_options, limits_of
-from .report import concerning, read_iso, warn
+from ..errors import plain
+from .options import OUTPUT, Opening, command, option
+from .report import concerning, warn
 
 if TYPE_CHECKING:
-    from .. import FileInfo, FileStatistics
+    from ..stream.inspect import FileInfo
+    from ..stream.statistics import FileStatistics
 
 
-@click.command("info", short_help="Show what a file holds, layer by layer.")
-@iso_argument
-@click.option("--symbols", is_flag=True, help="Also count symbols by syntax element (decodes the file).")
-@click.option(
-    "--statistics",
-    "counted",
-    is_flag=True,
-    help="Also tell bits per crossed pixel, vertex and face, and how many signs were as predicted (decodes the file).",
-)
-@limit_options
-@json_option
-def info_command(
-    source: Path, symbols: bool, counted: bool, limit_memory: int | None, limit_work: int | None, as_json: bool
-) -> None:
-    """Show version, profile, shape, isovalue and the layers of IN.iso."""
-    limits = limits_of(limit_memory, limit_work)
-    from .tiled import info_tiled, tiled_file
+@dataclass(frozen=True, kw_only=True)
+class InfoOptions(Opening):
+    """Options of ``info``."""
 
-    if (tiled := tiled_file(source, limits)) is not None:
-        if symbols or counted:
-            raise click.UsageError("the file is in tiles: --symbols and --statistics mean nothing")
-        return info_tiled(tiled, source, as_json)
-    data = read_iso(source)
+    symbols: bool = option("--symbols", heading=OUTPUT, is_flag=True,
+                           help="Also count symbols by syntax element (decodes the file).")
+    statistics: bool = option(
+        "--statistics", heading=OUTPUT, is_flag=True,
+        help="Also count bits per crossed pixel, vertex and face, and how many signs were as predicted (decodes the "
+        "file).",
+    )
 
-    import isocodec
 
-    with concerning(source):
-        info = isocodec.inspect(data, symbols=symbols, limits=limits)
-        statistics = isocodec.statistics(data, limits) if counted else None
-    if as_json:
+@command("info", InfoOptions, "Show what a file holds, layer by layer.")
+def info_command(options: InfoOptions) -> None:
+    """Show version, profile, shape, isovalues and the layers of IN.iso."""
+    from ..api.export import counted
+
+    file = options.opened()
+    with concerning(options.source):
+        info = counted(file) if options.symbols else file.info
+        statistics = file.statistics() if options.statistics else None
+        complete = file.complete
+    if options.as_json:
         more = {} if statistics is None else {"statistics": statistics.as_dict()}
-        click.echo(json.dumps({**info.as_dict(), **more}, allow_nan=False))
+        click.echo(json.dumps({**info.as_dict(), "complete": complete, **more}, allow_nan=False))
     else:
-        _print(source, info)
+        _print(options.source, info, complete)
         if statistics is not None:
             _print_statistics(statistics, len(info.shape))
-    if not info.complete:
-        warn(source, f"the file ends after {info.bytes:,} bytes, before it is complete")
+    if not complete:
+        warn(options.source, f"the file ends after {info.bytes:,} bytes, before it is complete")
 
 
-def _print(source: Path, info: FileInfo) -> None:
+def _print(source: str, info: FileInfo, complete: bool) -> None:
     from rich.console import Console
     from rich.markup import escape
     from rich.table import Table
 
     console = Console()
-    facts = Table(
-        title=escape(plain(str(source))), title_justify="left", title_style="bold", show_header=False, box=None
-    )
-    facts.add_row("version", f"{info.version} (read version {info.read_version})")
-    facts.add_row("profile", str(info.profile))
-    facts.add_row("shape", " x ".join(str(n) for n in info.shape))
-    facts.add_row("isovalue", f"{info.isovalue:.17g}")
-    for number, (isovalue, lean) in enumerate(zip(info.isovalues[1:], info.leans[1:], strict=True), 1):
+    facts = Table(title=escape(plain(source)), title_justify="left", title_style="bold", show_header=False, box=None)
+    for name, text in _facts(info):
+        facts.add_row(escape(plain(name, "\n")), escape(plain(text, "\n")))
+    console.print(facts)
+    console.print(_table(_frames(info) if info.frames else _layers(info)))
+    if not info.frames and any(layer.bytes is None for layer in info.layers):
+        why = "which is too small for a level index" if complete else "or in the part that is missing"
+        console.print(f"- : not in the file, {why}; --symbols decodes the file to find out.")
+
+
+def _facts(info: FileInfo) -> list[tuple[str, str]]:
+    """What is said once of a file, by name."""
+    out = [("kind", info.kind), ("version", f"{info.version} (read version {info.read_version})"),
+           ("profile", str(info.profile))]
+    if info.shape:
+        out.append(("shape", " x ".join(f"{n}" for n in info.shape)))
+    if info.tile is not None:
+        out.append(("tiles", f"of {info.tile} samples"))
+    if info.domain is not None:
+        out.append(("mesh", f"{info.domain.vertices:,} points, {info.domain.cells:,} cells"))
+    for number, isovalue in enumerate(info.isovalues):
+        lean = info.leans[number] if info.leans else None
         leaning = "" if lean is None else f", leans on {info.isovalues[lean]:.17g}"
-        facts.add_row(f"isovalue {number}", f"{isovalue:.17g}{leaning}")
-    for key, text in info.metadata.items():
-        facts.add_row(escape(plain(key, "\n")), escape(plain(text, "\n")))
+        out.append((f"isovalue {number}" if number else "isovalue", f"{isovalue:.17g}{leaning}"))
+    out += info.metadata.items()
     if any(info.topology):
         kept = [f"{v:.17g}" for v, kept in zip(info.isovalues, info.topology, strict=True) if kept]
         whose = "" if all(info.topology) else f" of {', '.join(kept)}"
-        facts.add_row("topology", f"promised in every layer{whose}")
+        out.append(("topology", f"promised in every layer{whose}"))
     if info.coordinates is not None:
-        facts.add_row("coordinates", info.coordinates)
+        out.append(("coordinates", info.coordinates))
     if info.mask_bytes is not None:
-        facts.add_row("mask", f"{info.mask_bytes:,} bytes")
+        out.append(("mask", f"{info.mask_bytes:,} bytes"))
     if info.interval is not None:
-        every = f", every {info.interval} one that stands by itself" if info.interval else ""
-        facts.add_row("frames", f"{len(info.frames)}{every}")
-    facts.add_row("bytes", f"{info.bytes:,}")
-    facts.add_row("overhead", f"{_number(info.overhead_bytes)} bytes")
-    console.print(facts)
+        every = f", every {info.interval} decodes without those before it" if info.interval else ""
+        out.append(("frames", f"{len(info.frames)}{every}"))
+    return [*out, ("bytes", f"{info.bytes:,}"), ("overhead", f"{_number(info.overhead_bytes)} bytes")]
 
-    if info.frames:
-        frames = Table()
-        for heading in ("frame", "offset", "bytes", "layers", "stands by itself"):
-            frames.add_column(heading, justify="right")
-        for number, frame in enumerate(info.frames):
-            count = sum(layer.frame == number for layer in info.layers)
-            frames.add_row(
-                str(number), f"{frame.offset:,}", f"{frame.bytes:,}", str(count), "yes" if frame.key else ""
-            )
-        console.print(frames)
-        return
 
-    counted = any(layer.symbols for layer in info.layers)
-    layers = Table()
-    layers.add_column("layer", justify="right")
-    layers.add_column("kind")
-    promised = any(layer.within for layer in info.layers)
-    for heading in ("level", "within", "offset", "bytes") if promised else ("level", "offset", "bytes"):
-        layers.add_column(heading, justify="right")
-    if counted:
-        layers.add_column("symbols")
+Rows = tuple[dict[str, str], list[list[str]]]
+"""Headings with where their columns are justified, and rows."""
+
+
+def _table(rows: Rows, title: str | None = None) -> Any:
+    from rich.table import Table
+
+    table = Table(title=title, title_justify="left")
+    for heading, justify in rows[0].items():
+        table.add_column(heading, justify=justify)  # type: ignore[arg-type]
+    for row in rows[1]:
+        table.add_row(*row)
+    return table
+
+
+def _columns(*names: str) -> dict[str, str]:
+    return {name: "left" if name in ("kind", "symbols", "for each") else "right" for name in names}
+
+
+def _frames(info: FileInfo) -> Rows:
+    rows = []
+    for number, frame in enumerate(info.frames):
+        count = sum(layer.frame == number for layer in info.layers)
+        rows.append([str(number), f"{frame.offset:,}", f"{frame.bytes:,}", str(count), "yes" if frame.key else ""])
+    return _columns("frame", "offset", "bytes", "layers", "decodes by itself"), rows
+
+
+def _layers(info: FileInfo) -> Rows:
+    promised, symbols = any(layer.within for layer in info.layers), any(layer.symbols for layer in info.layers)
+    names = ["layer", "kind", "level", *["within"] * promised, "offset", "bytes", *["symbols"] * symbols]
+    rows = []
     for number, layer in enumerate(info.layers, start=1):
-        row = [str(number), layer.kind, _number(layer.level)]
-        if promised:
-            row.append("" if layer.within is None else f"{layer.within:g}")
+        row = [str(number), str(layer.kind), _number(layer.level)]
+        row += ["" if layer.within is None else f"{layer.within:g}"] * promised
         row += [_number(layer.offset), _number(layer.bytes)]
-        if counted:
-            row.append("\n".join(f"{count:,} {element}" for element, count in (layer.symbols or {}).items()))
-        layers.add_row(*row)
-    console.print(layers)
-    if any(layer.bytes is None for layer in info.layers):
-        why = "which is too small for a level index" if info.complete else "or in the part that is missing"
-        console.print(f"- : not in the file, {why}; --symbols decodes the file to find out.")
+        row += ["\n".join(f"{count:,} {element}" for element, count in (layer.symbols or {}).items())] * symbols
+        rows.append(row)
+    return _columns(*names), rows
 
 
 def _print_statistics(statistics: FileStatistics, dimension: int) -> None:
     """Two tables: signs as predicted, by layer; bits for each pixel, vertex and face, by isovalue."""
     from rich.console import Console
-    from rich.table import Table
 
     console = Console()
-    layers = Table(title="Signs that were as predicted", title_justify="left")
-    for heading in ("layer", "kind", "level", "bits", "signs", "right"):
-        layers.add_column(heading, justify="left" if heading == "kind" else "right")
-    for number, layer in enumerate(statistics.layers, start=1):
-        if layer.signs:
-            shown = (str(number), layer.kind, str(layer.level), f"{layer.bits:,}", f"{layer.signs:,}")
-            layers.add_row(*shown, f"{layer.right / layer.signs:.1%}")
-    signs = sum(layer.signs for layer in statistics.layers)
+    rows = [
+        [str(number), str(layer.kind), str(layer.level), f"{layer.bits:,}", f"{layer.signs:,}",
+         f"{layer.right / layer.signs:.1%}"]
+        for number, layer in enumerate(statistics.layers, start=1) if layer.signs
+    ]
+    signs, right = (sum(getattr(layer, name) for layer in statistics.layers) for name in ("signs", "right"))
     if signs:
-        layers.add_section()
-        right = sum(layer.right for layer in statistics.layers) / signs
-        layers.add_row("", "all", "", "", f"{signs:,}", f"{right:.1%}")
-    console.print(layers)
+        rows.append(["", "all", "", "", f"{signs:,}", f"{right / signs:.1%}"])
+    columns = _columns("layer", "kind", "level", "bits", "signs", "right")
+    console.print(_table((columns, rows), "Signs that were as predicted"))
 
-    pixel, face = ("crossed pixel", "segment") if dimension == 2 else ("crossed voxel", "face")
+    pixel, face = ("crossed voxel", "face") if dimension == 3 else ("crossed pixel", "segment")
+    columns = _columns("for each", "number", "connectivity", "geometry", "all", "signs before coding")
     for one in statistics.contours:
-        bits = Table(title=f"Bits, isovalue {one.isovalue:.17g}", title_justify="left")
-        for heading in ("for each", "number", "connectivity", "geometry", "all", "signs before coding"):
-            bits.add_column(heading, justify="left" if heading == "for each" else "right")
-        for name, count in ((pixel, one.pixels), ("vertex", one.vertices), (face, one.faces)):
-            if count:
-                parts = (one.connectivity_bits, one.geometry_bits, one.bits, one.signs)
-                bits.add_row(name, f"{count:,}", *(f"{part / count:.3f}" for part in parts))
-        console.print(bits)
+        parts = (one.connectivity_bits, one.geometry_bits, one.bits, one.signs)
+        counts = ((pixel, one.pixels), ("vertex", one.vertices), (face, one.faces))
+        rows = [[name, f"{count:,}", *(f"{part / count:.3f}" for part in parts)] for name, count in counts if count]
+        console.print(_table((columns, rows), f"Bits, isovalue {one.isovalue:.17g}"))
 
 
 def _number(number: Any) -> str:

@@ -1,77 +1,34 @@
-"""Arguments and options that several commands have in common."""
+"""Options of commands as records: each field of a record is an option or an argument of the command line."""
 
 from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable
-from dataclasses import replace
+import sys
+from collections.abc import Callable, Collection
+from dataclasses import dataclass, field, fields, replace
+from inspect import cleandoc
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
-from ..limits import Limits
+from ..limits import FIELD_SAMPLES, Limits
+from .report import STANDARD, concerning, one_warning
 
-Decorator = Callable[[Callable[..., Any]], Callable[..., Any]]
+if TYPE_CHECKING:
+    from ..api.inputs import ReadOptions
+    from ..api.isofile import IsoFile
 
-# Whether files can be read is not asked here: a missing file is an error of input (3), not of usage (2).
-iso_argument: Decorator = click.argument("source", metavar="IN.iso", type=click.Path(path_type=Path, readable=False))
+R = TypeVar("R")
 
-partial_option: Decorator = click.option("--partial", is_flag=True, help="Decode what there is of a truncated file.")
-
-domain_option: Decorator = click.option(
-    "--domain",
-    type=click.Path(path_type=Path, readable=False),
-    metavar="MESH",
-    help="File with the mesh, if IN.iso holds values on one that it does not hold.",
-)
-
-frame_option: Decorator = click.option(
-    "--frame", type=click.IntRange(min=0), metavar="N", help="Frame of a series, from 0.  [default: the first]"
-)
-
-smooth_option: Decorator = click.option(
-    "--smooth",
-    is_flag=True,
-    help="Where only signs are known, place points for a smooth contour, not half-way.",
-)
-
-json_option: Decorator = click.option("--json", "as_json", is_flag=True, help="Print the result as JSON.")
+ISOVALUE, PRECISION, LAYERS, PART, INPUT = "Isovalue", "Precision", "Layers", "Part of the file", "Input"
+SURFACE, MESH, TILES, DRAWING, OUTPUT, LIMITS = "Surfaces", "Meshes", "Tiles", "Drawing", "Output", "Limits"
+HEADINGS = (ISOVALUE, PRECISION, LAYERS, PART, INPUT, SURFACE, MESH, TILES, DRAWING, OUTPUT, LIMITS)
+"""Headings of help, in order."""
 
 
-class Grouped(click.Command):
-    """A command whose help shows its options under headings, in columns of the same width."""
-
-    def format_options(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
-        """One block for each heading; `--help` goes to the last."""
-        blocks: dict[str, list[tuple[str, str]]] = {}
-        heading = "Options"
-        for option in self.get_params(ctx):
-            record = option.get_help_record(ctx)
-            if isinstance(option, click.Option) and record is not None:
-                heading = getattr(option, "heading", heading)
-                blocks.setdefault(heading, []).append(record)
-        width = max(len(record[0]) for block in blocks.values() for record in block)
-        for heading, block in blocks.items():
-            formatter.write(f"\n{heading}:\n")
-            with formatter.indentation():
-                formatter.write_dl([(names.ljust(width), text) for names, text in block])
-
-
-def section(heading: str, *options: Decorator) -> Decorator:
-    """Several options of a `Grouped` command, under a heading of its help."""
-
-    def decorate(command: Callable[..., Any]) -> Callable[..., Any]:
-        for option in reversed(options):
-            command = option(command)
-            command.__click_params__[-1].heading = heading  # type: ignore[attr-defined]
-        return command
-
-    return decorate
-
-
-class Isovalue(click.ParamType):
+class Number(click.ParamType):
     """A number; whole ones stay whole, so that the encoder notices those that would be rounded."""
 
     name = "float"
@@ -93,36 +50,336 @@ class Size(click.ParamType):
         if isinstance(value, int):
             return value
         found = _SIZE.fullmatch(str(value).strip())
-        if found is None or not math.isfinite(float(found[1])):
+        size = int(float(found[1]) * 1024 ** " KMGT".index((found[2] or " ").upper())) if found else 0
+        if size < 1:
             self.fail(f"{value!r} is not a size such as 500M or 4G", param, ctx)
-        return int(float(found[1]) * 1024 ** " KMGT".index((found[2] or " ").upper()))
+        return size
 
 
-_SIZE = re.compile(r"([0-9]+(?:\.[0-9]*)?)([KMGTkmgt]?)(?:i?[Bb])?")
+_SIZE = re.compile(r"([0-9]{1,15}(?:\.[0-9]*)?)([KMGTkmgt]?)(?:i?[Bb])?")
 
 
-def limit_options(command: Callable[..., Any]) -> Callable[..., Any]:
-    """``--limit-memory`` and ``--limit-work``, of every command that decodes."""
-    usual = Limits()
-    memory = click.option(
-        "--limit-memory", type=Size(), metavar="SIZE",
-        help=f"Most memory for decoding.  [default: {usual.memory >> 20}M]",
+class Numbers(click.ParamType):
+    """Numbers separated by commas."""
+
+    name = "numbers"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> tuple[float, ...]:
+        if isinstance(value, tuple):
+            return value
+        try:
+            return tuple(float(part) for part in value.split(","))
+        except ValueError:
+            self.fail(f"{value!r} is not a list of numbers separated by commas", param, ctx)
+
+
+class Box(click.ParamType):
+    """A box of samples: ``0:100,50:90``."""
+
+    name = "box"
+
+    def convert(
+        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
+    ) -> tuple[tuple[float, float], ...]:
+        if isinstance(value, tuple):
+            return value
+        try:
+            return tuple((float(low), float(high)) for low, high in (part.split(":") for part in value.split(",")))
+        except ValueError:
+            self.fail(f"{value!r} is not a range from:to for each axis, such as 0:100,50:90", param, ctx)
+
+
+class From(click.IntRange):
+    """A whole number from some least one on, which help does not repeat."""
+
+    def _describe_range(self) -> str:
+        return ""
+
+
+WHOLE, COUNT = From(min=0), From(min=1)
+FILE = click.Path(path_type=Path, readable=False)
+"""Whether files can be read is not asked here: a missing file is an error of input (3), not of usage (2)."""
+
+
+def option(*names: str, heading: str = OUTPUT, **attributes: Any) -> Any:
+    """A field of a record that is an option; attributes as of `click.Option`."""
+    usual = () if attributes.get("multiple") else False if "is_flag" in attributes else None
+    default = attributes.get("default", usual)
+    return field(default=default, metadata={"names": names, "heading": heading, "attributes": attributes})
+
+
+def argument(metavar: str, **attributes: Any) -> Any:
+    """A field of a record that is an argument, which has to be given."""
+    return field(metadata={"names": (), "attributes": {"metavar": metavar, **attributes}})
+
+
+class Heading(click.Option):
+    """An option under a heading of help."""
+
+    heading = OUTPUT
+
+
+class Grouped(click.Command):
+    """A command whose help shows its options under headings, in columns of the same width."""
+
+    def format_options(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """One block for each heading; `--help` goes to the last."""
+        blocks: dict[str, list[tuple[str, str]]] = {}
+        for each in self.get_params(ctx):
+            record = each.get_help_record(ctx)
+            if isinstance(each, click.Option) and record is not None:
+                blocks.setdefault(getattr(each, "heading", OUTPUT), []).append(record)
+        width = max(len(record[0]) for block in blocks.values() for record in block)
+        for heading in sorted(blocks, key=HEADINGS.index):
+            formatter.write(f"\n{heading}:\n")
+            with formatter.indentation():
+                formatter.write_dl([(names.ljust(width), text) for names, text in blocks[heading]])
+
+
+def command(name: str, record: type[R], short_help: str) -> Callable[[Callable[[R], Any]], Grouped]:
+    """Make a command of a function that takes a record of options; its help is the function's docstring."""
+
+    def made(function: Callable[[R], Any]) -> Grouped:
+        own = vars(record).get("__annotations__", {})
+        known = [each for each in fields(record) if each.metadata]  # type: ignore[arg-type]
+        known.sort(key=lambda each: (each.name == "as_json", each.name != "output", each.name not in own))
+        params = [_parameter(each.name, each.metadata) for each in known]
+        return Grouped(
+            name, params=params, callback=lambda **given: function(record(**given)),
+            help=cleandoc(function.__doc__ or ""), short_help=short_help,
+        )
+
+    return made
+
+
+def _parameter(name: str, described: Any) -> click.Parameter:
+    attributes = dict(described["attributes"])
+    if not described["names"]:
+        return click.Argument([name], **attributes)
+    made = Heading([*described["names"], name], **attributes)
+    made.heading = described["heading"]
+    return made
+
+
+def written(record: type, name: str) -> str:
+    """An option as the command line writes it: ``--keep-topology``."""
+    names = record.__dataclass_fields__[name].metadata["names"]  # type: ignore[attr-defined]
+    return str(names[-1]) if names else name
+
+
+@dataclass(frozen=True, kw_only=True)
+class Options:
+    """The options of a command."""
+
+    as_json: bool = option("--json", is_flag=True, help="Print the result as JSON.")
+
+    def given(self, *names: str) -> list[str]:
+        """Which of these options differ from their defaults, as the command line writes them."""
+        known = {each.name: each.default for each in fields(self)}
+        return [written(type(self), name) for name in names if getattr(self, name) != known[name]]
+
+    def refuse(self, why: str, *names: str) -> None:
+        """Refuse options: ``--frame does not apply to tiles``."""
+        if wrong := self.given(*names):
+            raise click.UsageError(f"{' and '.join(wrong)} {'does' if len(wrong) == 1 else 'do'} not {why}")
+
+    def choose(self, *names: str, required: bool = False) -> None:
+        """Refuse more than one of these options, or none of them if one is required."""
+        chosen = self.given(*names)
+        if len(chosen) > 1:
+            raise click.UsageError(f"{' and '.join(chosen)} cannot be combined: choose one")
+        if required and not chosen:
+            listed = [written(type(self), name) for name in names]
+            raise click.UsageError(f"give one of {', '.join(listed[:-1])} and {listed[-1]}")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Limited(Options):
+    """Limits of decoding."""
+
+    limit_memory: int | None = option(
+        "--limit-memory", heading=LIMITS, type=Size(), metavar="SIZE",
+        help=f"Most memory for decoding.  [default: {Limits().memory >> 20}M]",
     )
-    work = click.option(
-        "--limit-work", type=click.IntRange(min=1), metavar="N",
-        help=f"Most work, in symbols, besides an allowance for each byte.  [default: {usual.work:,}]",
+    limit_work: int | None = option(
+        "--limit-work", heading=LIMITS, type=COUNT, metavar="N",
+        help=f"Most work, in symbols, besides an allowance for each byte.  [default: {Limits().work:,}]",
     )
-    return memory(work(command))
-
-
-def limits_of(memory: int | None, work: int | None, samples: int | None = None) -> Limits:
-    """Limits as the options say."""
-    given = {"memory": memory, "work": work, "samples": samples}
-    return replace(Limits(), **{name: value for name, value in given.items() if value is not None})
-
-
-def output_option(metavar: str) -> Decorator:
-    """``-o``, which every command that writes requires."""
-    return click.option(
-        "-o", "--output", metavar=metavar, required=True, type=click.Path(path_type=Path), help="File to write."
+    limit_samples: int | None = option(
+        "--limit-samples", heading=LIMITS, type=COUNT, metavar="N",
+        help=f"Most samples.  [default: {FIELD_SAMPLES:,}; decoded {Limits().samples:,}]",
     )
+
+    @property
+    def limits(self) -> Limits:
+        """What the options allow."""
+        given = {"memory": self.limit_memory, "work": self.limit_work, "samples": self.limit_samples}
+        return replace(Limits(), **{name: value for name, value in given.items() if value is not None})
+
+
+@dataclass(frozen=True, kw_only=True)
+class Writing(Options):
+    """A command that writes a file."""
+
+    output: Path = option("-o", "--output", required=True, type=click.Path(path_type=Path), metavar="OUT",
+                          help="File to write.")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Opening(Limited):
+    """A command that opens an ``.iso`` file."""
+
+    source: str = argument("IN.iso")
+    mesh: str | None = option(
+        "--mesh", heading=INPUT, metavar="FILE", help="The mesh, if IN.iso has values on one that it does not hold."
+    )
+
+    def opened(self, source: str | None = None) -> IsoFile:
+        """Open the file.
+
+        Raises
+        ------
+        Failure
+        """
+        return opened(self.source if source is None else source, self.limits, self.mesh)
+
+
+def opened(source: str, limits: Limits, mesh: str | None = None) -> IsoFile:
+    """Open a file, standard input (``-``) or what a URL names.
+
+    Raises
+    ------
+    Failure
+    """
+    import isocodec
+
+    known = None
+    if mesh is not None:
+        from ..api.inputs import mesh_in
+
+        with concerning(mesh), one_warning(mesh):
+            known = mesh_in(mesh)
+    with concerning(source):
+        return isocodec.open(stream(source), mesh=known, limits=limits)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Viewing(Opening):
+    """A command that decodes contours."""
+
+    isovalue: float | None = option("--isovalue", heading=PART, type=float, metavar="V",
+                                    help="Isovalue to decode.  [default: all that OUT can hold]")
+    frame: int | None = option("--frame", heading=PART, type=WHOLE, metavar="N",
+                               help="Frame of a series, from 0.  [default: the first]")
+    partial: bool = option("--partial", heading=PART, is_flag=True, help="Decode what is there of a truncated file.")
+    smooth: bool = option(
+        "--smooth", heading=DRAWING, is_flag=True,
+        help="Where only the edge of a crossing is known, place the point so that the curve bends smoothly instead of "
+        "at the midpoint.",
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class Reading(Options):
+    """A command that reads a field."""
+
+    key: str | None = option("--key", heading=INPUT, metavar="NAME",
+                             help="Array of a file with several; values of points or a mesh.")
+    channel: int | None = option("--channel", heading=INPUT, type=WHOLE, metavar="N",
+                                 help="Channel of a colour picture, from 0.")
+    kind: str | None = option("--kind", heading=INPUT, metavar="SUFFIX",
+                              help="Format of standard input or a URL: .tif.")
+    frame: int | None = option("--frame", heading=INPUT, type=WHOLE, metavar="N",
+                               help="Item of a series or time step, from 0.")
+    nodata: float | None = option("--nodata", heading=INPUT, type=float, metavar="V",
+                                  help="Value that marks missing samples, besides NaN.")
+    follow: bool = option("--follow-paths", heading=INPUT, is_flag=True,
+                          help="Read other files that INPUT refers to by a path.")
+    limit_samples: int | None = option("--limit-samples", heading=LIMITS, type=COUNT, metavar="N",
+                                       help=f"Most samples.  [default: {FIELD_SAMPLES:,}]")
+
+    def reading(self, source: str, **more: Any) -> ReadOptions:
+        """What to read of a source, and how."""
+        from ..api.inputs import ReadOptions
+
+        if self.kind is not None and source != STANDARD and "://" not in source:
+            raise click.UsageError("--kind is for standard input and URLs; the suffix of a file names its format")
+        return ReadOptions(
+            key=self.key, channel=self.channel, frame=self.frame, nodata=self.nodata, kind=self.kind,
+            samples=self.limit_samples, follow=self.follow, **more,
+        )
+
+    def read(self, source: str, values: str | None = None, **more: Any) -> Any:
+        """Read a field, a series of them, or a mesh.
+
+        Raises
+        ------
+        Failure
+        """
+        from ..api.inputs import read_input
+
+        options = self.reading(source, **more)
+        with concerning(source), one_warning(source):
+            return read_input(stream(source), options, values)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Thinning(Options):
+    """How a surface is thinned."""
+
+    points: int | None = option("--points", heading=SURFACE, type=From(min=3), metavar="N",
+                                help="Keep N points.")
+    error: float | None = option("--error", heading=SURFACE, type=float, metavar="E",
+                                 help="Keep as few points as miss no value by more than E.")
+    size: int | None = option("--size", heading=SURFACE, type=Size(), metavar="SIZE",
+                              help="Keep as many points as fit into an .iso file of this size.")
+    tolerance: float | None = option("--tolerance", heading=SURFACE, type=float, metavar="D",
+                                     help="With --isovalue: keep its contour to within D samples, and little else.")
+    step: float | None = option("--step", heading=SURFACE, type=float, metavar="S",
+                                help="Steps that values are rounded to in an .iso file.")
+
+    def thinned(self, what: Any, contours: Collection[float], layers: int, criterion: str | None, progress: Any) -> Any:
+        """Thin a field or points to a triangulation."""
+        import isocodec
+
+        return isocodec.thin(
+            what, criterion=criterion, to=self.points, error=self.error, size=self.size,
+            contours=[*contours] or None, tolerance=self.tolerance, step=self.step, layers=layers, progress=progress,
+        )
+
+    def check_thinning(self, isovalues: Collection[float]) -> None:
+        """That one measure of thinning is given."""
+        measures = self.given("points", "error", "size") + ["--isovalue"] * bool(isovalues)
+        if len(measures) != 1:
+            raise click.UsageError("give exactly one of --points, --error, --size and --isovalue")
+        if bool(isovalues) != (self.tolerance is not None):
+            raise click.UsageError("--isovalue and --tolerance go together")
+
+
+def stream(source: str) -> Any:
+    """What a source names: standard input for ``-``, a path, or a URL as it is."""
+    return sys.stdin.buffer if source == STANDARD else source
+
+
+def notes_of(given: Collection[str]) -> dict[str, str]:
+    """Notes by their keys, of texts KEY=TEXT."""
+    out: dict[str, str] = {}
+    for text in given:
+        key, equals, note = text.partition("=")
+        if not (key and equals) or key in out:
+            raise click.UsageError(f"--metadata {text}: give KEY=TEXT, each key once")
+        out[key] = note
+    return out
+
+
+def multiples_of(interval: float | None, offset: float | None) -> str | None:
+    """Isovalues in even steps, as the library takes them."""
+    if interval is None:
+        if offset is not None:
+            raise click.UsageError("--offset goes with --interval")
+        return None
+    if not 0 < interval < math.inf:
+        raise click.UsageError(f"--interval {interval}: must be greater than 0")
+    if offset is not None and not math.isfinite(offset):
+        raise click.UsageError(f"--offset {offset}: must be finite")
+    return f"every {interval!r}" + ("" if offset is None else f" from {offset!r}")

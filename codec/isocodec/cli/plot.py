@@ -1,164 +1,152 @@
-"""``isocodec plot``: the progressive steps of a file, side by side."""
+"""``isocodec plot``: the progressive steps of a file side by side, or a contour map of a field or a file."""
 
 from __future__ import annotations
 
-from pathlib import Path
-from typing import TYPE_CHECKING
+import time
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
 
 import click
 
-from ..errors import OptionError, TruncatedError
-from ..format.domain import kind_of_domain
-from .on_mesh import steps_on_mesh
+from .decode import partial_offered
 from .options import (
-    domain_option,
-    frame_option,
-    iso_argument,
-    limit_options,
-    limits_of,
-    output_option,
-    partial_option,
-    smooth_option,
+    COUNT,
+    DRAWING,
+    INPUT,
+    ISOVALUE,
+    Number,
+    Reading,
+    Viewing,
+    Writing,
+    argument,
+    command,
+    multiples_of,
+    notes_of,
+    option,
 )
-from .panels import Panels
-from .progress import progress_bar
-from .quiet import one_warning
-from .receive import warn_of_frames, warn_of_others
-from .report import PARTIAL, check_output, concerning, read_iso, warn, write_output
+from .report import concerning, named, one_warning, progress_bar, result, warn, write_output
 
 if TYPE_CHECKING:
-    from ..io.writers.picture import Step
-    from ..stream.decoder import Decoder
+    from ..api.plots import Plotted
 
-MESH = 600
-"""Bytes that drawing the mesh takes for each simplex at most."""
+OF_MAPS = ("map_interval", "offset", "index", "title", "size", "dpi", "dark", "no_relief")
+OF_STEPS = ("steps", "draw_mesh", "seen_from", "partial", "smooth")
+OF_FIELDS = ("metadata", "nodata", "key", "channel", "follow")
 
 
-@click.command("plot", short_help="Draw the progressive steps of a file side by side.")
-@iso_argument
-@output_option("OUT.png")
-@click.option("--steps", type=click.IntRange(min=1), default=5, show_default=True, metavar="N", help="Number of steps.")
-@click.option(
-    "--mesh", is_flag=True, help="Draw the mesh, too: the triangles that the curve crosses, or those of the surface."
-)
-@click.option(
-    "--view",
-    metavar="VIEW",
-    help="Look at a surface from front, back, left, right, top or bottom, or from AZIMUTH,ELEVATION in degrees "
-    "(0,0 is the front, 90,0 the side of +x).",
-)
-@click.option(
-    "--isovalue", type=float, metavar="V", help="Isovalue to draw, if there are several.  [default: the first]"
-)
-@frame_option
-@domain_option
-@smooth_option
-@partial_option
-@limit_options
-def plot_command(
-    source: Path, output: Path, steps: int, mesh: bool, view: str | None, isovalue: float | None, frame: int | None,
-    domain: Path | None, smooth: bool, partial: bool, limit_memory: int | None, limit_work: int | None,
-) -> None:
-    """Draw what prefixes of IN.iso decode to, from its first layer to all of it (.png, .pdf or .svg).
+@dataclass(frozen=True, kw_only=True)
+class PlotOptions(Writing, Viewing, Reading):
+    """Options of ``plot``."""
 
-    The steps are those of encode --steps, if the file was made with them; otherwise, and if there are more than asked
-    for, they are spread evenly over the layers, from the first one on that has something of the curve. The last step of
-    a file that ends within a layer shows that part of it.
+    source: str = argument("INPUT")
+    isovalue: Any = option("--isovalue", heading=ISOVALUE, type=Number(), multiple=True, metavar="V",
+                           help="Isovalue to draw; with --map repeatable.  [default: the first; of a map all]")
+    steps: int = option("--steps", heading=DRAWING, type=COUNT, default=5, show_default=True, metavar="N",
+                        help="Number of steps.")
+    draw_mesh: bool = option("--draw-mesh", heading=DRAWING, is_flag=True,
+                             help="Draw the triangles that the curve crosses, or those of the surface, too.")
+    seen_from: str | None = option(
+        "--view", heading=DRAWING, metavar="VIEW",
+        help="Look at a surface from front, back, left, right, top or bottom, or from AZIMUTH,ELEVATION in degrees "
+        "(0,0 is the front, 90,0 the side of +x).",
+    )
+    map: bool = option("--map", heading=DRAWING, is_flag=True, help="Draw a contour map.")
+    map_interval: float | None = option("--interval", heading=ISOVALUE, type=Number(), metavar="S",
+                                        help="Of a field: draw all multiples of S.  [default: about 20 lines]")
+    offset: float | None = option("--offset", heading=ISOVALUE, type=Number(), metavar="V",
+                                  help="With --interval: draw V, V + S, V + 2 S, ..")
+    index: int = option("--index", heading=DRAWING, type=COUNT, default=5, show_default=True, metavar="K",
+                        help="With --map: draw each K-th line thicker and label it: the multiples of K S.")
+    title: str = option("--title", heading=DRAWING, default="", metavar="TEXT", help="With --map: its title.")
+    size: float = option("--size", heading=DRAWING, type=click.FloatRange(4, 400), default=20, show_default=True,
+                         metavar="CM", help="With --map: its longest side.")
+    dpi: int = option("--dpi", heading=DRAWING, type=click.IntRange(30, 2400), default=200, show_default=True,
+                      metavar="N", help="With --map: pixels in 2.54 cm: of a .png all, otherwise those of the relief.")
+    dark: bool = option("--dark", heading=DRAWING, is_flag=True, help="With --map: light lines on dark ground.")
+    no_relief: bool = option("--no-relief", heading=DRAWING, is_flag=True,
+                             help="With --map: leave out the shaded relief.")
+    metadata: tuple[str, ...] = option("--metadata", heading=INPUT, multiple=True, metavar="KEY=TEXT",
+                                       help="Of a field: what it does not state: placement, crs, unit.")
+
+    @property
+    def coded(self) -> bool:
+        """Whether INPUT is an .iso file."""
+        return not self.map or (self.kind or self.source.rpartition(".")[2]).lstrip(".").lower() == "iso"
+
+    def check(self) -> None:
+        """Refuse options that do not go together.
+
+        Raises
+        ------
+        UsageError
+        """
+        self.refuse("apply to maps", *OF_STEPS) if self.map else self.refuse("apply without --map", *OF_MAPS)
+        if self.coded:
+            self.refuse("apply to .iso files, which have their isovalues and notes", *OF_FIELDS)
+        else:
+            self.refuse("apply to fields", "mesh")
+            self.choose("map_interval", "isovalue")
+        if not self.map and len(self.isovalue) > 1:
+            raise click.UsageError("--isovalue is given once, unless with --map")
+
+
+@command("plot", PlotOptions, "Draw the progressive steps of a file, or a contour map.")
+def plot_command(options: PlotOptions) -> None:
+    """Draw prefixes of INPUT, an .iso file, from its first layer to all of it (.png, .pdf or .svg).
+
+    The steps are those of encode --precision 4,1,.., if the file was made with them; otherwise, and if there are more
+    than asked for, they are spread evenly over the layers, from the first one on that has something of the curve. The
+    last step of a file that ends within a layer shows that part of it.
+
+    With --map INPUT may also be a field of two axes that encode reads. Lines of a field are those of encode --precision
+    0.005. Around them stand the coordinates of the world, its reference system and a scale bar, as far as INPUT states
+    where its samples lie; holes are hatched. A field has a shaded relief beneath.
     """
-    from ..io.writers.picture import check_picture, steps_picture
-    from ..io.writers.view import USUAL, read_view
+    options.check()
+    every = multiples_of(options.map_interval, options.offset)
+    from ..api.output import check_output
+    from ..api.plots import check_plot
 
-    try:
-        seen = USUAL if view is None else read_view(view)
-    except OptionError as error:
-        raise click.UsageError(f"--view {view}: {error}") from None
-    with concerning(output):
-        suffix = check_picture(output)
-    check_output(output, source)
-    data = read_iso(source)
-    if kind_of_domain(data) is not None:
-        if mesh or smooth or partial or view is not None:
-            raise click.UsageError("the file is of a mesh: --mesh, --smooth, --partial and --view mean nothing")
-        with concerning(source):
-            limits = limits_of(limit_memory, limit_work)
-            on_mesh = steps_on_mesh(data, steps, domain, isovalue, frame or 0, limits)
-            with one_warning(output, "writing"):
-                picture = steps_picture(on_mesh, suffix)
-        warn_of_frames(source, data, frame, "drawn")
-        write_output(output, picture)
-        _tell(output, len(on_mesh), len(data))
-        return
-    if domain is not None:
-        raise click.UsageError("--domain: the file is of a grid, not of a mesh")
-
-    import isocodec
-
-    from ..api.frames import check_frame
-
-    with concerning(source), progress_bar("drawing") as progress:
-        info = isocodec.inspect(data)
-        if view is not None and len(info.shape) != 3:
-            raise OptionError("there are views of surfaces only", code="view", remedy="leave out --view")
-        number = info.number_of(isovalue)
-        wanted = frame or 0
-        layers = [layer for layer in info.layers if (layer.frame, layer.isovalue) == (wanted, number)]
-        promised = [i for i, layer in enumerate(layers, 1) if layer.within]
-        decoder = isocodec.Decoder(limits_of(limit_memory, limit_work), only=info.chain(number), frame=wanted)
-        decoder.feed(data)
-        drawn: list[Step] = []
-        panels = Panels([layer.kind for layer in layers], steps, promised)
-        own = 0
-        for event in decoder:
-            if not isinstance(event, isocodec.LayerComplete):
-                continue
-            if decoder.present == (wanted, number):
-                own += 1
-                if panels.draws(own, lambda: len(decoder.drawn(number, smooth).cells) > 0):
-                    _draw(decoder, number, smooth, mesh, drawn, event.offset, len(data), layers[own - 1].within)
-                    if progress is not None:
-                        progress(len(drawn), len(panels.chosen))
-        try:
-            decoder.close()
-        except TruncatedError as exc:
-            if not partial:
-                exc.remedy = PARTIAL
-            begun = len(decoder.isovalues) > number and any(decoder.symbols.values())
-            if not (partial and begun):
-                raise
-            warn(source, f"{exc.message}; drawn as far as it goes")
-        check_frame(decoder, wanted)
-        if own < len(layers) or not drawn:
-            # the file ends within a layer
-            _draw(decoder, number, smooth, mesh, drawn, len(data), len(data), None)
-    with concerning(source), one_warning(output, "writing"):
-        picture = steps_picture(drawn, suffix, seen)
-    if isovalue is None:
-        warn_of_others(source, info.isovalues[number], info.isovalues, "drawn")
-    warn_of_frames(source, data, frame, "drawn")
-    write_output(output, picture)
-    _tell(output, len(drawn), len(data))
+    with concerning(options.output):
+        check_output(options.output, options.source)
+        check_plot(options.output, options.seen_from)
+    started = time.perf_counter()
+    drawn = (_map if options.map else _steps)(options, every)
+    with concerning(options.source), one_warning(options.output, "writing"):
+        data = drawn.render()
+    write_output(options.output, data)
+    for remark in drawn.remarks:
+        warn(options.source, remark)
+    seconds = time.perf_counter() - started
+    result(
+        f"{named(options.output)}: {drawn.text}, {seconds:.2f} s",
+        {"output": str(options.output), "bytes": len(data), **drawn.facts, "seconds": round(seconds, 3)},
+        options.as_json,
+    )
 
 
-def _tell(output: Path, steps: int, size: int) -> None:
-    click.echo(f"{click.format_filename(output)}: {steps} step{'s' * (steps != 1)} of {size:,} bytes")
+def _steps(options: PlotOptions, _: str | None) -> Plotted:
+    """Steps of a file."""
+    from ..api.plots import Steps, steps_of
+
+    steps = Steps(
+        count=options.steps, isovalue=next(iter(options.isovalue), None), frame=options.frame, smooth=options.smooth,
+        mesh=options.draw_mesh, partial=options.partial, view=options.seen_from,
+    )
+    file = options.opened()
+    with concerning(options.source), partial_offered(options), progress_bar("drawing") as progress:
+        return steps_of(file, options.output, steps, progress)
 
 
-def _draw(
-    decoder: Decoder, number: int, smooth: bool, mesh: bool, drawn: list[Step], offset: int, total: int,
-    within: float | None,
-) -> None:
-    """Draw another step, as far as the limit of memory allows it and the picture."""
-    from ..io.writers.picture import PICTURE, Step
+def _map(options: PlotOptions, every: str | None) -> Plotted:
+    """A contour map of a file or a field."""
+    from ..api.plots import Look, map_of
 
-    under = decoder.mesh(number) if mesh else None
-    step = Step(decoder.drawn(number, smooth), offset, total, under, within)
-    drawn.append(step)
-    cost = PICTURE[len(step.contour.shape)]
-    sizes = [(len(one.contour.points), len(one.contour.cells)) for one in drawn]
-    arrays = [a for one in drawn for a in (one.contour.points, one.contour.cells, *(one.mesh or ()))]
-    held = sum(array.nbytes for array in arrays)
-    if mesh:
-        # of each cell or simplex three sides
-        held += MESH * sum(max(len(one.mesh[1]) if one.mesh else 0, len(one.contour.cells)) for one in drawn)
-    decoder.hold(held + sum(cost.after(*size) for size in sizes) + max(cost.peak(*size) for size in sizes))
-
+    look = Look(options.index, options.title, options.size, options.dpi, options.dark, not options.no_relief)
+    what: Any = options.opened() if options.coded else options.read(options.source)
+    isovalues: Any = every or [*options.isovalue] or None
+    with concerning(options.source), progress_bar("decoding" if options.coded else "encoding") as progress:
+        return map_of(
+            what, options.output, look, isovalues, frame=options.frame, metadata=notes_of(options.metadata),
+            progress=progress,
+        )

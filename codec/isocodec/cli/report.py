@@ -1,46 +1,64 @@
-"""How a command ends: one line on the error stream, and an exit code that says whose fault it was."""
+"""What a command prints and how it ends: results, warnings, progress, one line for an error, an exit code."""
 
 from __future__ import annotations
 
 import io
 import json
+import logging
 import os
-import re
 import sys
+import tempfile
+import time
 import traceback
-from collections.abc import Iterator, Sequence
-from contextlib import AbstractContextManager, contextmanager, nullcontext
+import warnings
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, redirect_stderr, redirect_stdout
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any
 
 import click
 
-from ..errors import FormatError, InputError, IsoError, KernelError, LimitError, OptionError, TruncatedError
-from ..field.text import plain
+from ..api.output import undoing
+from ..errors import (
+    FormatError,
+    InputError,
+    IsoError,
+    KernelError,
+    LimitError,
+    MissingExtraError,
+    OptionError,
+    TruncatedError,
+    one_line,
+    plain,
+)
 
 EXIT_CODES = """\b
 Exit codes:
   0  done
   1  internal error
-  2  wrong usage: options that are unknown, invalid or contradict one another
+  2  wrong usage: unknown or invalid options, or options that cannot be combined
   3  the input cannot be read or encoded, or the output cannot be written
   4  not a valid .iso file
   5  the .iso file is truncated
   6  a limit is exceeded (memory, work, samples, vertices, layers or isovalues)
   7  an optional library is missing
   8  the compiled kernels cannot be loaded, or are of another version
-  9  verify: the file does not keep what it promises
+  9  verify: the file does not keep its promises
   130, 143, 129  interrupted (SIGINT), terminated (SIGTERM, SIGHUP); nothing is left behind
 Set ISOCODEC_DEBUG=1 in the environment to see tracebacks."""
 
-PARTIAL = "use --partial to decode what there is"
+PARTIAL = "use --partial to decode what is there"
 """Remedy of the command line for a truncated file."""
 STANDARD = "-"
 """Name of standard input and standard output."""
-_URL = re.compile(r"([A-Za-z][A-Za-z0-9+.-]+):/{1,2}")
-_PIECE = 1 << 20
 BROKEN = 9
 INTERRUPTED = 130  # as shells have it: 128 + SIGINT
+PATIENCE = 1.0
+"""Seconds after which a progress bar appears: shorter work is over before a bar is read."""
+_SHOWN = 3
+"""Messages of libraries that a warning lists."""
+_KEPT = 1 << 16
+"""Bytes of a library's output that are looked at."""
 
 
 class Failure(Exception):
@@ -54,7 +72,7 @@ class Failure(Exception):
 
 @contextmanager
 def concerning(path: str | os.PathLike[str]) -> Iterator[None]:
-    """Whatever goes wrong within is reported as being about ``path``, but for what is wrong with this installation."""
+    """Report errors within as being about ``path``, except those about this installation."""
     try:
         yield
     except KernelError:
@@ -73,7 +91,7 @@ class Program(click.Group):
     def resolve_command(
         self, ctx: click.Context, args: list[str]
     ) -> tuple[str | None, click.Command | None, list[str]]:
-        """As click; what fails while options are read does not know which command they belong to."""
+        """As click; errors raised while options are read do not know the command they belong to."""
         resolved = super().resolve_command(ctx, args)
         self.verb = resolved[0] or ""
         return resolved
@@ -102,7 +120,7 @@ class Program(click.Group):
 
 
 def _report(exc: Exception, verb: str) -> int:
-    """Print what there is to say about ``exc``; returns the exit code."""
+    """Print one line about an error; returns the exit code."""
     if isinstance(exc, click.Abort):
         if isinstance(exc.__cause__, KeyboardInterrupt) or isinstance(exc.__context__, KeyboardInterrupt):
             say("interrupted")
@@ -121,6 +139,8 @@ def _report(exc: Exception, verb: str) -> int:
     path, cause = (exc.path, exc.cause) if isinstance(exc, Failure) else (None, exc)
     where = "" if path is None else f"{click.format_filename(path)}: "
     if isinstance(cause, IsoError):
+        if str(cause).startswith(where):
+            where = ""  # the library names the file, too
         damaged = isinstance(cause, FormatError) and not isinstance(cause, TruncatedError) and cause.code != "tiled"
         say(f"{where}{'not a valid .iso file: ' if damaged else ''}{cause}")
         return cause.exit_code
@@ -140,17 +160,17 @@ def _report(exc: Exception, verb: str) -> int:
 
 
 def say(text: str) -> None:
-    """One line on the error stream, whatever a file name or a library's message brings along."""
+    """Print one line on the error stream, whatever a file name or a library's message contains."""
     click.echo("isocodec: " + plain(" ".join(text.split())), err=True)
 
 
 def warn(path: str | os.PathLike[str], text: str) -> None:
-    """A line about a file, where the command goes on."""
+    """Print a warning about a file; the command goes on."""
     say(f"{click.format_filename(path)}: warning: {text}")
 
 
-def tell(text: str, record: dict[str, Any], as_json: bool) -> None:
-    """The result of a command: a line for people, or an object for programs.
+def result(text: str, record: dict[str, Any], as_json: bool) -> None:
+    """Print the result of a command: a line for people, or an object for programs.
 
     On standard output, or on the error stream if the file that was written went there.
     """
@@ -158,85 +178,141 @@ def tell(text: str, record: dict[str, Any], as_json: bool) -> None:
     click.echo(json.dumps(record, allow_nan=False) if as_json else plain(text, "\n"), err=away)
 
 
-def read_iso(path: Path) -> bytes:
-    """The bytes of an .iso file, which may come through a pipe; of anything else, which may never end, the first."""
-    from isospec.container import SIGNATURE
+@contextmanager
+def progress_bar(label: str) -> Iterator[Callable[[int, int], None] | None]:
+    """A function ``(done, total)`` to report with, or None if the error stream is not a terminal.
 
-    from ..limits import Limits
-
-    with concerning(path), _opened(path) as file:
-        pieces = [file.read(len(SIGNATURE))]
-        most = Limits().bytes - len(SIGNATURE)
-        while pieces[0] == SIGNATURE and most >= 0 and (piece := file.read(_PIECE)):
-            pieces.append(piece)
-            most -= len(piece)
-        if most < 0:
-            raise LimitError(f"more than {Limits().bytes:,} bytes", code="limit-bytes", clause="11.2")
-        data = b"".join(pieces)
-        if not data:
-            raise TruncatedError("the file is empty", code="truncated", offset=0, clause="3.3")
-        return data
-
-
-def _opened(path: Path) -> AbstractContextManager[BinaryIO]:
-    """A file, standard input (``-``), or what a URL names."""
-    if str(path) == STANDARD:
-        return nullcontext(sys.stdin.buffer)
-    if url := url_of(path):
-        from ..storage.remote import opened
-
-        return opened(url)
-    return path.open("rb")
-
-
-def url_of(path: str | os.PathLike[str]) -> str | None:
-    """The URL that an argument is, of which a path has lost a slash; None if it is the name of a file."""
-    found = _URL.match(str(path))
-    if found is None or os.path.exists(path):
-        return None
-    host = "/" if found[1].lower() == "file" else ""
-    return f"{found[1]}://{host}{str(path)[found.end() :]}"
-
-
-def check_output(output: Path, source: Path) -> None:
-    """Find out before the work that ``output`` can be written, and is not the input.
-
-    Raises
-    ------
-    Failure
-        With an OSError, or an OptionError if both are one file.
+    The bar appears after a second, and goes when the work is done. A total of 0 is unknown: that of a search.
     """
-    from ..storage.atomic import check_target
+    if not sys.stderr.isatty():
+        yield None
+        return
+    started = time.monotonic()
+    bar: Any = None
+    task: Any = None
 
-    with concerning(output):
-        if str(output) == STANDARD:
-            return
-        check_target(output)
-        if output.exists() and source.exists() and output.samefile(source):
-            raise OptionError("the output is the input file itself", code="same-file", remedy="choose another name")
+    def report(done: int, total: int) -> None:
+        nonlocal bar, task
+        if bar is None:
+            if time.monotonic() - started < PATIENCE:
+                return
+            from rich.console import Console
+            from rich.progress import Progress
+
+            bar = Progress(console=Console(stderr=True), transient=True)
+            task = bar.add_task("", total=None)
+            bar.start()
+        if total:
+            bar.update(task, description=label, completed=done, total=total)
+        else:
+            bar.update(task, description=f"searching ({done} tried)")
+
+    def clear() -> None:
+        # past rich, whose locks may be held where a signal comes: the line is emptied, the cursor is shown
+        if bar is not None:
+            os.write(2, b"\r\x1b[2K\x1b[?25h")
+
+    try:
+        with undoing(clear):
+            yield report
+    finally:
+        if bar is not None:
+            bar.stop()
 
 
-def check_iso_output(output: Path, source: Path) -> None:
-    """The same of an .iso file, which does not go under the name of another format.
+class _Notes(logging.Handler):
+    """Collects the messages of loggers."""
 
-    Raises
-    ------
-    Failure
+    def __init__(self) -> None:
+        super().__init__(logging.WARNING)
+        self.texts: list[str] = []
+
+    def emit(self, record: logging.LogRecord) -> None:
+        self.texts.append(record.getMessage())
+
+
+@contextmanager
+def one_warning(path: str | os.PathLike[str], doing: str = "reading") -> Iterator[None]:
+    """Collect the output of third-party libraries into one warning about ``path``; an error replaces it.
+
+    Not for anything that prints on purpose: both streams of the process are taken away from it.
     """
-    from ..io import CURVE_SUFFIXES, FIELD_SUFFIXES
+    notes, printed = _Notes(), io.StringIO()
+    loggers = [logging.getLogger(name) for name in [*logging.root.manager.loggerDict]]
+    handlers = [(logger, logger.handlers) for logger in (logging.root, *loggers)]
+    for logger, _ in handlers:
+        logger.handlers = []
+    logging.root.handlers = [notes]
+    raw: list[str] = []
+    try:
+        with (
+            warnings.catch_warnings(record=True) as caught, redirect_stdout(printed), redirect_stderr(printed),
+            _streams(raw),
+        ):
+            warnings.simplefilter("always")
+            yield
+    finally:
+        for logger, before in handlers:
+            logger.handlers = before
+    texts = [*(str(one.message) for one in caught), *notes.texts, *printed.getvalue().splitlines(), *raw]
+    lines = [*dict.fromkeys(line for text in texts if (line := one_line(text)))]
+    if lines:
+        more = f", and {len(lines) - _SHOWN} more" if len(lines) > _SHOWN else ""
+        warn(path, f"messages while {doing} it: {'; '.join(lines[:_SHOWN])}{more}")
 
-    check_output(output, source)
-    with concerning(output):
-        suffix = next((s for s in (*CURVE_SUFFIXES, *FIELD_SUFFIXES) if output.name.lower().endswith(s)), None)
-        if suffix is not None:
-            raise OptionError(
-                f"the output is an .iso file, not {suffix}", code="suffix", remedy="choose a name that ends in .iso"
-            )
+
+@contextmanager
+def _streams(lines: list[str]) -> Iterator[None]:
+    """Collect lines that libraries of C and C++ print past Python."""
+    with tempfile.TemporaryFile() as file:
+        saved: dict[int, int] = {}
+
+        def back() -> None:
+            for number, before in saved.items():
+                os.dup2(before, number)
+
+        for stream in (sys.__stdout__, sys.__stderr__):
+            if stream is not None and not stream.closed:
+                stream.flush()
+        try:
+            # a signal that ends the process prints a line
+            with undoing(back):
+                for number in (1, 2):
+                    try:
+                        saved[number] = os.dup(number)
+                    except OSError:  # a process may have been started without them
+                        continue
+                    os.dup2(file.fileno(), number)
+                yield
+        finally:
+            back()
+            for before in saved.values():
+                os.close(before)
+        file.seek(0)
+        lines += file.read(_KEPT).decode(errors="replace").splitlines()
+
+
+@contextmanager
+def written_to(output: Path, source: str) -> Iterator[Any]:
+    """Where a result goes: a path, or standard output once it is whole; what libraries print is one warning.
+
+    Errors of formats are about the output, others about the source.
+    """
+    whole = io.BytesIO()
+    try:
+        with concerning(output), one_warning(output, "writing"):
+            yield whole if str(output) == STANDARD else output
+    except Failure as failure:
+        if isinstance(failure.cause, OSError | OptionError | MissingExtraError):
+            raise
+        raise Failure(source, failure.cause) from failure.cause
+    if str(output) == STANDARD:
+        write_output(output, whole.getvalue())
 
 
 def write_output(output: Path, data: bytes) -> None:
-    """Write the result, whole or not at all; on standard output as it is."""
-    from ..storage.atomic import write_bytes
+    """Write a result, whole or not at all; to standard output as it is."""
+    from ..api.output import write_bytes
 
     with concerning(output):
         if str(output) == STANDARD:
@@ -244,3 +320,13 @@ def write_output(output: Path, data: bytes) -> None:
             sys.stdout.buffer.flush()
         else:
             write_bytes(output, data)
+
+
+def named(output: str | os.PathLike[str]) -> str:
+    """The name of a file as a result shows it."""
+    return click.format_filename(output)
+
+
+def counted(number: int, noun: str) -> str:
+    """A number with its noun: ``1 layer``, ``2 layers``."""
+    return f"{number:,} {noun}{'s' * (number != 1)}"

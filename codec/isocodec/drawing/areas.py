@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from ..errors import OptionError, TruncatedError
 from ..extras import optional
-from .contour import Contour
+from .curve import Curve
 
 Ring = NDArray[np.float64]
 
@@ -24,42 +24,14 @@ def polygons() -> Any:
     return optional("shapely", extra="geo", purpose="making areas")
 
 
-def areas(contour: Contour, *, above: bool = True, valid: NDArray[np.bool_] | None = None) -> dict[str, Any]:
-    """The part of the box where values lie above the isovalue, or not above it, as polygons.
-
-    Parameters
-    ----------
-    contour : Contour
-        An isocontour (n = 2).
-    above : bool
-        Which part.
-    valid : (s0, s1) array_like of bool, optional
-        Of a file with missing samples, as `decode_valid` gives it, with a contour that was decoded
-        ``through_holes``: areas are closed along the unit cells that have a missing corner.
-
-    Returns
-    -------
-    dict
-        GeoJSON ``MultiPolygon`` in the coordinates of `Contour.placed`, exterior rings counter-clockwise in these and
-        holes clockwise; ``shapely.geometry.shape`` takes it. The two parts share the contour and make up the box, from
-        the first sample to the last along each axis, without cells that have a missing corner. Where samples equal the
-        isovalue, rings may touch.
-
-    Raises
-    ------
-    OptionError
-        For an isosurface, if samples are missing that ``valid`` does not say, or if it is of another shape.
-    TruncatedError
-        If the curve ends within the box, since not all of a layer has come.
-    MissingExtraError
-        If shapely is not installed.
-    """
+def areas_of(contour: Curve, *, above: bool = True, valid: NDArray[np.bool_] | None = None) -> dict[str, Any]:
+    """Polygons of the part above or not above the isovalue; see `Contour.areas`."""
     if len(contour.shape) != 2:
         raise OptionError("only an isocontour (n = 2) has areas", code="dimension")
     if contour.masked:
         raise OptionError(
             "the field has missing samples, where areas have no border", code="holes",
-            remedy="close them along holes: decode(.., through_holes=True), areas(.., valid=..); --along-holes",
+            remedy="close them along holes: contour(.., through_holes=True).areas(valid=..); --along-holes",
         )
     if valid is not None and np.shape(valid) != contour.shape:
         raise OptionError(f"valid has shape {np.shape(valid)}, the field {contour.shape}", code="valid")
@@ -89,11 +61,11 @@ def areas(contour: Contour, *, above: bool = True, valid: NDArray[np.bool_] | No
     if valid is not None:
         whole = shapely.difference(area, shapely.union_all(_holes(np.asarray(valid, np.bool_), shapely)))
         area = shapely.MultiPolygon(pieces_of(whole))
-    if contour.mapped is not None:
+    if contour.bent:
         # the border bends with the grid
         area = shapely.segmentize(area, 1.0)
     placed = shapely.MultiPolygon(pieces_of(shapely.transform(area, contour.place)))
-    if contour.mapped is not None and contour.mapped.closes:
+    if contour.placement is not None and contour.placement.closes:
         placed = shapely.MultiPolygon(pieces_of(shapely.union_all(shapely.make_valid(pieces_of(placed)))))
     placed = shapely.MultiPolygon([shapely.geometry.polygon.orient(part) for part in placed.geoms])
     geometry: dict[str, Any] = shapely.geometry.mapping(placed)
@@ -109,7 +81,7 @@ def _holes(valid: NDArray[np.bool_], shapely: Any) -> Any:
     return shapely.box(row, first, row + 1, last)
 
 
-def _touching(contour: Contour) -> bool:
+def _touching(contour: Curve) -> bool:
     """Whether rings may touch: points fall together, or lie on the border without a line's end there."""
     points = contour.points
     on_border = np.count_nonzero(((points == 0) | (points == np.array(contour.shape) - 1)).any(axis=1))
@@ -129,7 +101,7 @@ def _twice_area(ring: Ring) -> float:
     return float(np.sum(x[:-1] * y[1:] - x[1:] * y[:-1]))
 
 
-def _rings(contour: Contour, above: bool) -> list[Ring]:
+def _rings(contour: Curve, above: bool) -> list[Ring]:
     """Closed rings with the part on their left, in index coordinates."""
     step = 1 if above else -1
     walks = [walk[::step] for walk in contour.walks]

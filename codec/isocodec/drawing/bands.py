@@ -4,15 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from .areas import areas, pieces_of, polygons
-
-if TYPE_CHECKING:
-    from .contour import Contour
+from .areas import areas_of, pieces_of, polygons
+from .curve import Curve
 
 
 @dataclass(frozen=True)
@@ -33,15 +31,15 @@ class Band:
     geometry: dict[str, Any]
 
 
-def bands(contours: Iterable[Contour], *, valid: NDArray[np.bool_] | None = None) -> list[Band]:
+def bands(contours: Iterable[Curve], *, valid: NDArray[np.bool_] | None = None) -> list[Band]:
     """Areas between neighbouring isovalues of a field, from below the lowest one to above the highest one.
 
     Parameters
     ----------
     contours : iterable of Contour
-        Isocontours (n = 2) of one field, as `decode_all` gives them.
+        Isocontours (n = 2) of one field, as `IsoFile.contours` gives them.
     valid : (s0, s1) array_like of bool, optional
-        As of `areas`.
+        As of `Contour.areas`.
 
     Returns
     -------
@@ -51,18 +49,18 @@ def bands(contours: Iterable[Contour], *, valid: NDArray[np.bool_] | None = None
     Raises
     ------
     OptionError, TruncatedError, MissingExtraError
-        As `areas`.
+        As `Contour.areas`.
     """
     shapely = polygons()
     above: list[tuple[float, Any]] = []
-    lowest: Contour | None = None
+    lowest: Curve | None = None
     for contour in contours:
-        above.append((contour.isovalue, shapely.geometry.shape(areas(contour, valid=valid))))
+        above.append((contour.isovalue, shapely.geometry.shape(areas_of(contour, valid=valid))))
         if lowest is None or contour.isovalue < lowest.isovalue:
             lowest = contour
         del contour
     above.sort(key=lambda one: one[0])
-    out = [] if lowest is None else [Band(None, lowest.isovalue, areas(lowest, above=False, valid=valid))]
+    out = [] if lowest is None else [Band(None, lowest.isovalue, areas_of(lowest, above=False, valid=valid))]
     for i, (value, shape) in enumerate(above):
         upper, less = above[i + 1] if i + 1 < len(above) else (None, None)
         rest = shape if less is None else shapely.difference(shape, less)

@@ -2,42 +2,20 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import OptionError, TruncatedError
-from .areas import areas, polygons
-from .contour import Contour
+from .areas import areas_of, polygons
+from .curve import Curve
+
+Mesh = tuple[NDArray[np.float64], NDArray[np.int64]]
 
 
-def cap(contour: Contour, *, above: bool = True) -> Contour:
-    """The boundary of the part of the box where values lie above the isovalue, or not above it.
-
-    Parameters
-    ----------
-    contour : Contour
-        An isosurface (n = 3) of a field without missing samples.
-    above : bool
-        Which part.
-
-    Returns
-    -------
-    Contour
-        A closed surface: the points of the isosurface, then those that its caps have besides; the triangles of the
-        isosurface, then those of the caps, which lie in the faces of the box, from the first sample to the last along
-        each axis. Normals point out of the part.
-
-    Raises
-    ------
-    OptionError
-        For an isocontour, or if samples are missing.
-    TruncatedError
-        If the surface ends within the box, since not all of a layer has come.
-    MissingExtraError
-        If shapely is not installed.
-    """
+def capped_mesh(contour: Curve, above: bool, make: Callable[..., Curve]) -> Mesh:
+    """Points and triangles of a closed surface; see `Contour.capped`. ``make`` is the class of the contour."""
     if contour.n != 3 or len(contour.shape) != 3:
         raise OptionError("only an isosurface of a grid (n = 3) can be capped", code="dimension")
     if contour.masked:
@@ -55,7 +33,7 @@ def cap(contour: Contour, *, above: bool = True) -> Contour:
             plane = float(contour.shape[axis] - 1) if last else 0.0
             on_face = (contour.points[rim][:, :, axis] == plane).all(axis=1)
             left &= ~on_face
-            for corners in _face(contour, rim[on_face], axis, last, above):
+            for corners in _face(contour, rim[on_face], axis, last, above, make):
                 found = []
                 for corner in corners:
                     key = tuple(corner)
@@ -69,7 +47,7 @@ def cap(contour: Contour, *, above: bool = True) -> Contour:
                              code="truncated", remedy="take whole layers")
     cells = contour.cells if above else contour.cells[:, ::-1]
     whole = np.concatenate([cells, np.array(added, np.int64).reshape(-1, 3)])
-    return replace(contour, points=np.array(points).reshape(-1, 3), cells=whole)
+    return np.array(points).reshape(-1, 3), whole
 
 
 def _rim(cells: NDArray[np.int64]) -> NDArray[np.int64]:
@@ -80,7 +58,7 @@ def _rim(cells: NDArray[np.int64]) -> NDArray[np.int64]:
 
 
 def _face(
-    contour: Contour, rim: NDArray[np.int64], axis: int, last: bool, above: bool
+    contour: Curve, rim: NDArray[np.int64], axis: int, last: bool, above: bool, make: Callable[..., Curve]
 ) -> NDArray[np.float64]:
     """Triangles (M, 3, 3) that cover the part of a face of the box, seen counter-clockwise from outside."""
     shapely = polygons()
@@ -91,11 +69,11 @@ def _face(
     # the cap's border runs against that of the surface
     walk = rim[:, ::-1] if straight else rim
     used, number = np.unique(walk, return_inverse=True)
-    flat = Contour(
+    flat = make(
         contour.points[used][:, others], number.reshape(-1, 2), contour.isovalue,
         (contour.shape[others[0]], contour.shape[others[1]]), origin_above=_corner_above(contour, axis, last),
     )
-    whole = shapely.geometry.shape(areas(flat, above=above))
+    whole = shapely.geometry.shape(areas_of(flat, above=above))
     pieces = [shapely.constrained_delaunay_triangles(part) for part in whole.geoms]
     rings = [shapely.get_coordinates(triangle)[:3] for piece in pieces for triangle in piece.geoms]
     if not rings:
@@ -110,7 +88,7 @@ def _face(
     return out
 
 
-def _corner_above(contour: Contour, axis: int, last: bool) -> bool:
+def _corner_above(contour: Curve, axis: int, last: bool) -> bool:
     """Whether the first sample of a face lies above: as the first of all, but for crossings on the way there."""
     first = bool(contour.origin_above)
     if not last:

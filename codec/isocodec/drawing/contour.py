@@ -1,4 +1,4 @@
-"""What a drawing gives back."""
+"""Contours: points and cells of a curve or surface, where they lie, and their conversions for other libraries."""
 
 from __future__ import annotations
 
@@ -9,14 +9,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import OptionError
-from ..exchange import Exchange
-from ..field.mapped import Mapped
+from ..errors import MissingExtraError, OptionError
+from ..extras import optional
+from ..field.placement import Placement
+from .areas import areas_of, polygons
+from .capping import capped_mesh
 from .seam import joined
 
 
 @dataclass(frozen=True, eq=False)
-class Contour(Exchange):
+class Contour:
     """An isocontour (n = 2) or isosurface (n = 3): points, and the segments or triangles between them.
 
     Orientation, n = 2: on the way from ``points[cells[i, 0]]`` to ``points[cells[i, 1]]``, in the plane with axis 0 as
@@ -39,10 +41,8 @@ class Contour(Exchange):
         Samples along each axis of the sampled box; empty if the domain is a mesh, whose coordinates points then have.
     complete : bool
         False if the contour was drawn before all of its data had come, or from a file cut within a layer.
-    placement : (n, n + 1) float64, or None
-        Where samples lie in the world: ``placement[:, :n] @ index + placement[:, n]``; None if the file does not say.
-    mapped : Mapped, or None
-        Where samples lie that have coordinates of their own: ``mapped.place``.
+    placement : Placement or None
+        Where samples lie in the world; None if the file does not hold that.
     metadata : dict of str to str
         Notes of the file, as far as they had come.
     masked : bool
@@ -56,11 +56,10 @@ class Contour(Exchange):
     isovalue: float
     shape: tuple[int, ...]
     complete: bool = True
-    placement: NDArray[np.float64] | None = None
+    placement: Placement | None = None
     metadata: dict[str, str] = field(default_factory=dict)
     origin_above: bool | None = None
     masked: bool = False
-    mapped: Mapped | None = None
 
     def __repr__(self) -> str:
         pieces = "segments" if self.n == 2 else "triangles"
@@ -76,25 +75,23 @@ class Contour(Exchange):
 
     @cached_property
     def placed(self) -> NDArray[np.float64]:
-        """The points in the coordinates x, y (, z) of the mapped grid or the placement, (P, n) float64.
+        """The points in the coordinates x, y (, z) of the placement, (P, n) float64.
 
-        Without either the unit is the cell: in the plane x runs along axis 1 and y along axis 0, in space x, y, z are
-        the axes 0, 1, 2.
+        Without a placement the unit is the cell: in the plane x runs along axis 1 and y along axis 0, in space x, y, z
+        are the axes 0, 1, 2.
         """
         return self.place(self.points)
 
     def place(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
         """Coordinates of the placement, as of `placed`, of points in index coordinates, (P, n) float64 both."""
-        n = len(self.shape)
-        if self.mapped is not None:
-            return self.mapped.place(points)
-        if not self.shape:
-            return points
-        if self.placement is None:
-            return points[:, ::-1] if n == 2 else points
-        # axis by axis: how a product of matrices is rounded depends on the library
-        placed = sum(points[:, a, None] * self.placement[:, a] for a in range(n)) + self.placement[:, n]
-        return np.asarray(placed)
+        if self.placement is not None and self.placement.placed:
+            return self.placement.place(points)
+        return points[:, ::-1] if len(self.shape) == 2 else points
+
+    @property
+    def bent(self) -> bool:
+        """Whether samples have coordinates one by one, so that straight lines between them may bend in the world."""
+        return self.placement is not None and self.placement.coordinates is not None
 
     @property
     def joined(self) -> Contour:
@@ -102,29 +99,25 @@ class Contour(Exchange):
 
         Its index coordinates jump there, its places do not. The contour itself if no axis closes so.
         """
-        if self.mapped is None or not self.mapped.closes:
+        if self.placement is None or not self.placement.closes:
             return self
-        points, cells = joined(self.points, self.cells, self.shape, self.mapped.periodic)
+        points, cells = joined(self.points, self.cells, self.shape, self.placement.periodic)
         return replace(self, points=points, cells=cells)
 
     @property
     def frame(self) -> NDArray[np.float64] | None:
-        """What a step along each axis adds to x, y (, z), (n, n) float64: on a mapped grid in a cell of the contour.
+        """What a step along each axis adds to x, y (, z), (n, n) float64; of coordinates, in a cell of the contour.
 
-        None where neither a placement nor coordinates are there.
+        None without a placement.
         """
-        n = len(self.shape)
-        if self.mapped is not None:
-            corner = np.floor(self.points[len(self.points) // 2 :][:1]) if len(self.points) else np.zeros((1, n))
-            corner = np.minimum(corner, np.array(self.shape) - 2)
-            steps = self.mapped.place(np.concatenate([corner, corner + np.eye(n)]))
-            return (steps[1:] - steps[0]).T
-        return None if self.placement is None else self.placement[:, :n]
+        if self.placement is None:
+            return None
+        return self.placement.frame(self.points[len(self.points) // 2] if len(self.points) else None)
 
     def along(self, walk: list[int]) -> NDArray[np.float64]:
         """Places of points one after the other, (K, n) float64: coordinates with a period go on across its end."""
         places = self.placed[walk]
-        for c, period in enumerate(self.mapped.periods if self.mapped is not None else ()):
+        for c, period in enumerate(self.placement.periods if self.placement is not None else ()):
             if period:
                 places[:, c] = np.unwrap(places[:, c], period=period)
         return places
@@ -178,10 +171,210 @@ class Contour(Exchange):
         Raises
         ------
         AttributeError
-            For an isosurface, so that ``hasattr`` tells that there is no such interface.
+            For an isosurface, so that ``hasattr`` is False.
         """
         if self.n != 2:
             raise AttributeError("__geo_interface__: a surface has no GeoJSON geometry")
         whole = self.joined
         coordinates = tuple(tuple(map(tuple, whole.along(walk).tolist())) for walk in whole.walks)
         return {"type": "MultiLineString", "coordinates": coordinates}
+
+    @cached_property
+    def mirrored(self) -> bool:
+        """Whether the way from index coordinates to those of the placement turns left into right."""
+        frame = self.frame
+        return bool(self.n == 2 and self.shape) if frame is None else bool(np.linalg.det(frame) < 0)
+
+    @property
+    def placed_cells(self) -> NDArray[np.int64]:
+        """Segments or triangles (M, n) between the points of `placed`, of which triangles are turned where those are
+        mirrored: counter-clockwise seen from lower values."""
+        return self.cells[:, ::-1] if self.n == 3 and self.mirrored else self.cells
+
+    @cached_property
+    def normals(self) -> NDArray[np.float64]:
+        """Unit vectors (P, n) at the points of `placed`, towards lower values: means over the cells around each,
+        weighted by their size; 0 where there is none."""
+        placed = self.placed
+        cells = self.placed_cells
+        out = np.zeros_like(placed)
+        if self.n == 3:
+            a, b, c = (placed[cells[:, k]] for k in range(3))
+            across = np.cross(b - a, c - a)
+        else:
+            along = placed[cells[:, 1]] - placed[cells[:, 0]]
+            # in index coordinates higher values are on the left
+            across = np.stack([along[:, 1], -along[:, 0]], axis=1) * (-1 if self.mirrored else 1)
+        for k in range(cells.shape[1]):
+            np.add.at(out, cells[:, k], across)
+        length = np.linalg.norm(out, axis=1, keepdims=True)
+        return np.asarray(np.divide(out, length, out=np.zeros_like(out), where=length > 0))
+
+    def flip(self) -> Contour:
+        """The same curve or surface with above and below exchanged: cells run the other way, normals point to higher
+        values. For distance fields and densities whose inside is what lies below."""
+        above = None if self.origin_above is None else not self.origin_above
+        return replace(self, cells=self.cells[:, ::-1].copy(), origin_above=above)
+
+    def areas(self, *, above: bool = True, valid: NDArray[np.bool_] | None = None) -> dict[str, Any]:
+        """The part of the box where values lie above the isovalue, or not above it, as polygons.
+
+        Parameters
+        ----------
+        above : bool
+            Which part.
+        valid : (s0, s1) array_like of bool, optional
+            Of a file with missing samples, its valid samples (`IsoFile.valid`), with a contour that was decoded
+            ``through_holes``: areas are closed along the unit cells that have a missing corner.
+
+        Returns
+        -------
+        dict
+            GeoJSON ``MultiPolygon`` in the coordinates of `placed`, exterior rings counter-clockwise in these and
+            holes clockwise; ``shapely.geometry.shape`` takes it. The two parts share the contour and make up the box,
+            from the first sample to the last along each axis, without cells that have a missing corner. Where samples
+            equal the isovalue, rings may touch.
+
+        Raises
+        ------
+        OptionError
+            For an isosurface, if samples are missing and ``valid`` is not given, or if it is of another shape.
+        TruncatedError
+            If the curve ends within the box, since only a part of a layer has come.
+        MissingExtraError
+            If shapely is not installed.
+        """
+        return areas_of(self, above=above, valid=valid)
+
+    def capped(self, *, above: bool = True) -> Contour:
+        """The boundary of the part of the box where values lie above the isovalue, or not above it.
+
+        Parameters
+        ----------
+        above : bool
+            Which part.
+
+        Returns
+        -------
+        Contour
+            A closed surface: the points of the isosurface, then those that its caps add; the triangles of the
+            isosurface, then those of the caps, which lie in the faces of the box, from the first sample to the last
+            along each axis. Normals point out of the part.
+
+        Raises
+        ------
+        OptionError
+            For an isocontour, or if samples are missing.
+        TruncatedError
+            If the surface ends within the box, since only a part of a layer has come.
+        MissingExtraError
+            If shapely is not installed.
+        """
+        points, cells = capped_mesh(self, above, Contour)
+        return replace(self, points=points, cells=cells)
+
+    def to_shapely(self) -> Any:
+        """A ``shapely.MultiLineString`` of an isocontour.
+
+        Raises
+        ------
+        OptionError
+            For an isosurface.
+        MissingExtraError
+            If shapely is not installed.
+        """
+        if self.n != 2:
+            raise OptionError("to_shapely needs a curve", code="dimension", remedy="use to_trimesh")
+        whole = self.joined
+        return polygons().MultiLineString([whole.along(walk) for walk in whole.walks])
+
+    def to_geodataframe(self) -> Any:
+        """A ``geopandas.GeoDataFrame`` of an isocontour: a row for each line, with ``isovalue``, ``closed`` and
+        ``complete``, in the reference system of the file.
+
+        Raises
+        ------
+        OptionError
+            For an isosurface.
+        MissingExtraError
+            If geopandas is not installed.
+        """
+        from .line_table import table_of
+
+        return table_of([self])
+
+    def to_trimesh(self) -> Any:
+        """A ``trimesh.Trimesh`` of an isosurface: its points as vertices, in their order.
+
+        Raises
+        ------
+        OptionError
+            For an isocontour of the plane.
+        MissingExtraError
+            If trimesh is not installed.
+        """
+        if self.n != 3:
+            raise OptionError("to_trimesh needs a surface", code="dimension", remedy="use to_shapely")
+        trimesh = optional("trimesh", extra="mesh", purpose="making a mesh of trimesh")
+        whole = self.joined
+        mesh = trimesh.Trimesh(vertices=whole.placed, faces=whole.placed_cells, process=False)
+        return mesh.copy()  # what is done to it does not move the contour
+
+    def to_pyvista(self) -> Any:
+        """A ``pyvista.PolyData``: lines, or triangles with normals; cells have the value ``isovalue``.
+
+        Raises
+        ------
+        MissingExtraError
+            If pyvista is not installed.
+        """
+        pyvista = optional("pyvista", extra="vtk", purpose="making a mesh of pyvista")
+        whole = self.joined
+        placed = whole.placed
+        points = np.pad(placed, ((0, 0), (0, 3 - placed.shape[1])))
+        if self.n == 2:
+            rows: list[int] = [n for walk in whole.walks for n in (len(walk), *walk)]
+            mesh = pyvista.PolyData(points, lines=np.array(rows, np.int64))
+        else:
+            mesh = pyvista.PolyData(points, faces=np.insert(whole.placed_cells, 0, 3, axis=1).ravel())
+            mesh.point_data["Normals"] = whole.normals
+        mesh.cell_data["isovalue"] = np.full(mesh.n_cells, float(self.isovalue))
+        return mesh
+
+    def to_xarray(self) -> Any:
+        """An ``xarray.Dataset``: variables ``x``, ``y`` (, ``z``) along ``point``, ``index`` with the index
+        coordinates, ``cells`` with numbers of points; the isovalue, shape and notes as attributes.
+
+        Raises
+        ------
+        MissingExtraError
+            If xarray is not installed.
+        """
+        xarray = optional("xarray", extra="xarray", purpose="making a Dataset")
+        columns = {name: ("point", column) for name, column in zip("xyz", self.placed.T, strict=False)}
+        about = {"isovalue": float(self.isovalue), "shape": list(self.shape), "complete": int(self.complete)}
+        return xarray.Dataset(
+            {"index": (("point", "axis"), self.points), "cells": (("cell", "corner"), self.placed_cells)},
+            coords=columns, attrs={**self.metadata, **about},
+        )
+
+    def _repr_html_(self) -> str:
+        """A drawing for notebooks, in the page itself, with what is known of the contour."""
+        from .pictures.inline import page_of
+
+        pieces = "segments" if self.n == 2 else "triangles"
+        facts = {"isovalue": f"{self.isovalue:g}", "points": f"{len(self.points):,}", pieces: f"{len(self.cells):,}"}
+        if self.shape:
+            facts["samples"] = " x ".join(map(str, self.shape))
+        if not self.complete:
+            facts["complete"] = "no"
+        return page_of([self], facts)
+
+    def _repr_png_(self) -> bytes | None:
+        """A picture for notebooks; none without matplotlib."""
+        from .pictures.picture import contour_picture
+
+        try:
+            return contour_picture([self])
+        except MissingExtraError:
+            return None

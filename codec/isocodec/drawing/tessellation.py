@@ -9,11 +9,12 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from itertools import permutations
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..field.mapped import Mapped
+from ..field.placement import Placement
 
 _KEY_BITS = 63
 """Bits of the key of a lattice point, in equal parts for its coordinates."""
@@ -27,8 +28,8 @@ class Tessellation:
 
     Attributes
     ----------
-    points : (V, n) int64
-        Vertices as sample indices, within the box.
+    points : (V, n) int64 or float64
+        Vertices as sample indices, within the box; on an explicit mesh their coordinates, and of a surface.
     cells : (M, n + 1) int64
         Indices into ``points``; in index coordinates all are oriented alike, with a positive volume.
     levels : (M,) int64
@@ -40,23 +41,20 @@ class Tessellation:
         Samples along each axis of the sampled box.
     complete : bool
         False if the file had not come as a whole.
-    placement : (n, n + 1) float64, or None
+    placement : Placement or None
         As of `Contour`.
-    mapped : Mapped, or None
-        Likewise.
     metadata : dict of str to str
     """
 
-    points: NDArray[np.int64]
+    points: NDArray[Any]
     cells: NDArray[np.int64]
     levels: NDArray[np.int64]
     above: NDArray[np.bool_]
     isovalue: float
     shape: tuple[int, ...]
     complete: bool = True
-    placement: NDArray[np.float64] | None = None
+    placement: Placement | None = None
     metadata: dict[str, str] = field(default_factory=dict)
-    mapped: Mapped | None = None
 
 
 def tessellated(

@@ -1,9 +1,10 @@
-"""A mapped grid: samples that lie where coordinates say, and what lies between them (spec clauses 3.7.4, 9.9)."""
+"""Coordinates as a file holds them, in whole units, and the places between samples (spec clauses 3.7.4, 9.9)."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any, overload
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,8 +35,8 @@ class Coordinate:
 
 
 @dataclass(frozen=True, eq=False)
-class Mapped:
-    """Where the samples of a field lie, and all points between them.
+class Mapped(Sequence[NDArray[np.float64]]):
+    """Coordinates of the samples of a file: a sequence of x, y (, z), as arrays that broadcast to the shape.
 
     Attributes
     ----------
@@ -69,19 +70,20 @@ class Mapped:
         """For each coordinate x, y (, z) the distance after which it is the same; 0.0 if there is none."""
         return tuple(one.unit * one.period for one in self.coordinates)
 
-    @property
-    def closes(self) -> bool:
-        """Whether places at both ends of a periodic axis are one point, and do not differ by a period."""
-        return bool(self.periodic) and not any(
-            one.period and axis in one.axes for one in self.coordinates for axis in self.periodic
-        )
+    def __len__(self) -> int:
+        return len(self.coordinates)
 
-    def nodes(self) -> list[NDArray[np.float64]]:
-        """Each coordinate x, y (, z) at the nodes: arrays that broadcast to the shape."""
-        return [
-            one.origin + one.unit * value.astype(np.float64)
-            for one, value in zip(self.coordinates, self.values, strict=True)
-        ]
+    @overload
+    def __getitem__(self, index: int) -> NDArray[np.float64]: ...
+
+    @overload
+    def __getitem__(self, index: slice) -> list[NDArray[np.float64]]: ...
+
+    def __getitem__(self, index: int | slice) -> NDArray[np.float64] | list[NDArray[np.float64]]:
+        if isinstance(index, slice):
+            return [self[i] for i in range(len(self))[index]]
+        one = self.coordinates[index]
+        return one.origin + one.unit * self.values[index].astype(np.float64)
 
     def place(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
         """Coordinates x, y (, z) of points in index coordinates within the box, (P, n) float64 both.
@@ -93,29 +95,48 @@ class Mapped:
         along = points - cell
         out = np.empty(points.shape)
         for c, (one, value) in enumerate(zip(self.coordinates, self.values, strict=True)):
-            out[:, c] = one.origin + one.unit * _between(one, value, cell, along)
+            out[:, c] = one.origin + one.unit * between(one.axes, value, cell, along, one.period)
         return out
 
 
-def nearest(difference: NDArray[np.int64], period: int) -> NDArray[np.int64]:
-    """Differences up to multiples of the period: those nearest to 0."""
-    return (difference + period // 2) % period - period // 2 if period else difference
+def nearest(difference: NDArray[Any], period: float) -> NDArray[Any]:
+    """Differences up to multiples of the period: those nearest to 0; whole numbers if all are whole."""
+    half = period // 2 if isinstance(period, int) else period / 2
+    return (difference + half) % period - half if period else difference
 
 
-def _between(
-    one: Coordinate, value: NDArray[np.int64], cell: NDArray[np.int64], along: NDArray[np.float64]
+def between(
+    axes: Sequence[int], value: NDArray[Any], cell: NDArray[np.int64], along: NDArray[np.float64], period: float
 ) -> NDArray[np.float64]:
-    """Values, in units, within cells: ``along`` says where, from 0 to 1 along each axis."""
+    """Multilinear values within cells.
 
-    def corner(number: int) -> NDArray[np.int64]:
+    Parameters
+    ----------
+    axes : sequence of int
+        Along which the values vary.
+    value : (s0 or 1, .., sn-1 or 1) array
+        At the nodes.
+    cell : (P, n) int64
+        Lowest corners.
+    along : (P, n) float64
+        Where in the cell, from 0 to 1 along each axis.
+    period : int or float
+        Values that many apart are the same; 0 if there is none.
+
+    Returns
+    -------
+    (P,) float64
+    """
+
+    def corner(number: int) -> NDArray[Any]:
         index = [np.zeros(len(cell), np.int64)] * value.ndim
-        for bit, axis in enumerate(one.axes):
+        for bit, axis in enumerate(axes):
             index[axis] = cell[:, axis] + (number >> bit & 1)
         return np.asarray(value[tuple(index)])
 
     first = corner(0)
-    parts = [(first + nearest(corner(i) - first, one.period)).astype(np.float64) for i in range(1 << len(one.axes))]
-    for axis in one.axes:
+    parts = [(first + nearest(corner(i) - first, period)).astype(np.float64) for i in range(1 << len(axes))]
+    for axis in axes:
         t = along[:, axis]
         # so that at t = 0 and 1 nothing is rounded, and neighbouring cells agree
         parts = [a * (1 - t) + b * t for a, b in zip(parts[::2], parts[1::2], strict=True)]

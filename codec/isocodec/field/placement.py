@@ -1,30 +1,282 @@
-"""Where samples lie in the world: notes in a file's metadata that decoding does not depend on (spec clause 3.7.2)."""
+"""Where samples lie in the world, as one record from what is read to what is written (spec clauses 3.7.2, 3.7.4)."""
 
 from __future__ import annotations
 
+import math
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from fractions import Fraction
+from numbers import Real
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..errors import OptionError
+from ..errors import InputError, OptionError
+from .coordinates import arrays_of, whole_cells
+from .mapped import Mapped, between
+from .stretch import distance_of, largest_step
 
 PLACEMENT = "placement"
 """Name of the note that holds the numbers."""
 CRS = "crs"
-"""Name of the note that says which coordinate reference system they belong to, as ``EPSG:32631``."""
+"""Name of the note that names their coordinate reference system, as ``EPSG:32631``."""
 FRAME_STEP = "frame_step"
-"""Name of the note that says how much time passes from a frame of a series to the next: ``2 s``."""
+"""Name of the note with the time between two frames of a series: ``2 s``."""
 LEAST, MOST = 1e-30, 1e30
 """Sizes of numbers, but for 0: coordinates then fit single precision, their squares double precision."""
+TURN = 360.0
+"""Period of longitudes."""
+DEFAULT_ERROR = 0.005
+"""Largest distance in cells between coordinates given and kept, if nothing else is asked for."""
+MOST_ERROR = 0.5
+_AXES = 3
 _NUMBER = re.compile(r"-?(0|[1-9][0-9]*)(\.[0-9]+)?([eE][-+]?[0-9]+)?")
 """As JSON has them."""
+_EPSG = re.compile("EPSG:([1-9][0-9]{0,5})")
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False, init=False)
+class Placement:
+    """Where the samples of a field lie in the world.
+
+    Attributes
+    ----------
+    matrix : (n, n + 1) float64, or None
+        A row for each coordinate x, y (, z): what a step along each axis of the array adds to it, and its value at
+        sample 0.
+    coordinates : sequence of n arrays, or None
+        Instead of a matrix: an array of one axis for each axis of the field, in the field's order (in the plane x runs
+        along axis 1, in space x, y, z along the axes 0, 1, 2); or x, y (, z) as arrays of n axes that broadcast to the
+        shape of the field. Those of a decoded file include the plane that closes a periodic axis.
+    crs : str or None
+        Reference system of the coordinates, as ``EPSG:32631``.
+    periodic : tuple of int
+        Axes along which the first sample follows on the last one. One number may be given.
+    periods : tuple of float
+        Distances after which x, y (, z) are the same, 0 for never; empty if no coordinate has a period. One number is
+        that of x.
+    error : float or None
+        Largest distance in cells by which coordinates in a file may be off, at most `MOST_ERROR`; `DEFAULT_ERROR` if
+        None.
+    remark : str
+        What the source states and is left out, and why; or nothing.
+    inferred : bool
+        Whether axes are periodic because their coordinates go round, not because the user asked for it: where a mesh
+        is searched for, their ends are then left open.
+
+    Raises
+    ------
+    OptionError
+        If a number is out of range, or attributes cannot be combined.
+    InputError
+        If coordinates are not arrays.
+    """
+
+    matrix: Array | None
+    coordinates: Sequence[NDArray[Any]] | None
+    crs: str | None
+    periodic: tuple[int, ...]
+    periods: tuple[float, ...]
+    error: float | None
+    remark: str
+    inferred: bool
+
+    def __init__(
+        self, matrix: ArrayLike | None = None, coordinates: Sequence[ArrayLike] | None = None, crs: str | None = None,
+        periodic: int | Sequence[int] | None = None, periods: float | Sequence[float] | None = None,
+        error: float | None = None, remark: str = "", inferred: bool = False,
+    ) -> None:
+        axes, turns = _axes_of(periodic), _periods_of(periods)
+        if error is not None and not (isinstance(error, Real) and 0 < float(error) <= MOST_ERROR):
+            raise OptionError(
+                f"the error of coordinates is {error!r}; it must be a number of cells, at most {MOST_ERROR}",
+                code="coordinates",
+            )
+        if matrix is not None and coordinates is not None:
+            raise OptionError("a matrix and coordinates cannot be combined", code="options", remedy="give one of them")
+        name = "an error" if error is not None else "a period" if turns else ""
+        if name and coordinates is None and (matrix is None or not axes):
+            raise OptionError(f"{name} of coordinates, but no coordinates", code="coordinates",
+                              remedy="give coordinates")
+        given: dict[str, Any] = {
+            "matrix": None if matrix is None else np.asarray(matrix), "coordinates": _arrays(coordinates), "crs": crs,
+            "periodic": axes, "periods": turns, "error": error, "remark": remark, "inferred": inferred,
+        }
+        for attribute, value in given.items():
+            object.__setattr__(self, attribute, value)
+
+    def __repr__(self) -> str:
+        kind = "matrix" if self.matrix is not None else "coordinates" if self.coordinates is not None else ""
+        parts = [kind] if kind else []
+        parts += [f"{name}={value!r}" for name in ("crs", "periodic", "periods") if (value := getattr(self, name))]
+        return f"Placement({', '.join(parts)})"
+
+    @property
+    def placed(self) -> bool:
+        """Whether the samples have coordinates in the world."""
+        return self.matrix is not None or self.coordinates is not None
+
+    @property
+    def epsg(self) -> str | None:
+        """EPSG number of the reference system; None if the samples have no coordinates, or the system no number."""
+        found = _EPSG.fullmatch(self.crs or "")
+        return found[1] if found and self.placed else None
+
+    @property
+    def grid(self) -> tuple[int, ...]:
+        """Samples along each axis, of coordinates; empty of a matrix."""
+        if self.coordinates is None:
+            return ()
+        if isinstance(self.coordinates, Mapped):
+            return self.coordinates.shape
+        shapes = [np.shape(part) for part in self.coordinates]
+        if all(len(shape) == 1 for shape in shapes):
+            return tuple(shape[0] for shape in shapes)
+        return tuple(np.max(np.array(shapes), axis=0).tolist())
+
+    def nodes(self) -> list[Array]:
+        """Coordinates x, y (, z) of the samples: float64 arrays that broadcast to `grid`."""
+        if self.coordinates is None:
+            return []
+        return list(self.coordinates) if isinstance(self.coordinates, Mapped) else arrays_of(
+            self.coordinates, self.grid
+        )
+
+    def with_nodes(self, shape: Sequence[int]) -> Placement:
+        """The same with coordinates in place of the matrix, for a field of that shape."""
+        if self.matrix is None:
+            return self
+        n = len(shape)
+        matrix = matrix_of(self.matrix, n)
+        steps = [np.arange(size).reshape([-1 if a == axis else 1 for a in range(n)]) for axis, size in enumerate(shape)]
+        out = []
+        for row in matrix:
+            parts = [row[axis] * steps[axis] for axis in range(n) if row[axis] != 0]
+            out.append(row[n] + sum(parts[1:], start=parts[0]))
+        return replace(self, matrix=None, coordinates=tuple(out))
+
+    def place(self, points: Array) -> Array:
+        """Coordinates x, y (, z) of points in index coordinates within the box, (P, n) float64 both."""
+        if isinstance(self.coordinates, Mapped):
+            return self.coordinates.place(points)
+        if self.coordinates is not None:
+            return self._between_nodes(points)
+        n = points.shape[1]
+        matrix = unplaced(n) if self.matrix is None else self.matrix
+        # axis by axis: how a product of matrices is rounded depends on the library
+        placed = sum(points[:, a, None] * matrix[:, a] for a in range(n)) + matrix[:, n]
+        return np.asarray(placed)
+
+    def _between_nodes(self, points: Array) -> Array:
+        """Multilinear within each unit cell, the one that closes a periodic axis included."""
+        arrays = [closed(array, self.periodic) for array in self.nodes()]
+        size = np.max([array.shape for array in arrays], axis=0)
+        cell = np.clip(np.floor(points).astype(np.int64), 0, size - 2)
+        out = np.empty(points.shape)
+        for c, (array, period) in enumerate(zip(arrays, self.periods_of(len(arrays)), strict=True)):
+            axes = tuple(axis for axis, count in enumerate(array.shape) if count > 1)
+            out[:, c] = between(axes, array, cell, points - cell, period)
+        return out
+
+    def frame(self, at: Array | None = None) -> Array | None:
+        """What a step along each axis adds to x, y (, z), (n, n) float64.
+
+        Where samples have coordinates it is that of the unit cell around a point ``at`` (n,) in index coordinates, the
+        first one if not given. None if the samples lie nowhere in the world.
+        """
+        if self.coordinates is None:
+            return None if self.matrix is None else self.matrix[:, :-1]
+        n = len(self.coordinates)
+        corner = np.zeros((1, n)) if at is None else np.floor(at)[None]
+        corner = np.minimum(corner, np.array(self.grid) - 2)
+        steps = self.place(np.concatenate([corner, corner + np.eye(n)]))
+        return (steps[1:] - steps[0]).T
+
+    def mirrored(self, at: Array | None = None) -> bool:
+        """Whether the way from index coordinates to the world turns left into right, in the cell of `frame`."""
+        frame = self.frame(at)
+        return frame is not None and bool(np.linalg.det(frame) < 0)
+
+    @property
+    def closes(self) -> bool:
+        """Whether places at both ends of a periodic axis are one point, and do not differ by a period."""
+        if not self.periodic or self.coordinates is None:
+            return False
+        arrays = self.coordinates.values if isinstance(self.coordinates, Mapped) else self.nodes()
+        shapes = [array.shape for array in arrays]
+        periods = self.periods_of(len(shapes))
+        return not any(
+            period and shape[axis] > 1
+            for period, shape in zip(periods, shapes, strict=True) for axis in self.periodic
+        )
+
+    def periods_of(self, n: int) -> list[float]:
+        """Periods of n coordinates x, y (, z); 0 of those that have none.
+
+        Raises
+        ------
+        OptionError
+            If there are several, and not n.
+        """
+        periods = [*self.periods, *[0.0] * (n - len(self.periods))] if len(self.periods) < 2 else [*self.periods]
+        if len(periods) != n:
+            raise OptionError(
+                f"periods are {self.periods}; they must be a positive number for x, or one for each of {n} coordinates",
+                code="period", remedy="0 for coordinates without a period",
+            )
+        return periods
+
+    def cells_of(self, distance: str, shape: tuple[int, ...], gone: NDArray[np.bool_] | None = None) -> float:
+        """How many cells a distance in the world is at least, anywhere and in any direction.
+
+        Parameters
+        ----------
+        distance : str
+            A number with a unit: that of the coordinates, or m or km if these are longitudes (of a period of 360) and
+            latitudes, on a sphere; without a unit cells.
+        shape : tuple of int
+            Of the field.
+        gone : (s0, .., sn-1) bool, optional
+            Which samples are missing: cells that have one do not count.
+
+        Raises
+        ------
+        OptionError
+            If it is not a distance, or if the samples lie nowhere in the world.
+        InputError
+            If the coordinates are not those of the field.
+        """
+        number, unit = distance_of(distance)
+        n = len(shape)
+        if not unit:
+            return number
+        if self.matrix is not None:
+            matrix = matrix_of(self.matrix, n)
+            ends = np.indices((2,) * n).reshape(n, -1)
+            arrays = [(sum(row[a] * ends[a] for a in range(n))).reshape((2,) * n) for row in matrix]
+            return number / largest_step(arrays, [0.0] * n, np.ones((1,) * n, np.bool_), unit, False)
+        if self.coordinates is None:
+            raise OptionError(
+                f"a tolerance of {distance} for a field that lies nowhere in the world", code="tolerance",
+                remedy="give a placement, or a number of cells",
+            )
+        arrays = arrays_of(self.coordinates, shape)
+        periods = self.periods_of(n)
+        whole = np.ones([size - 1 for size in shape], np.bool_) if gone is None else whole_cells(gone)
+        return number / largest_step(arrays, periods, whole, unit, periods[0] == TURN)
+
+    def notes(self) -> dict[str, str]:
+        """The notes of a file that hold the matrix and the reference system."""
+        out = {} if self.matrix is None or self.periodic else {PLACEMENT: write_placement(self.matrix)}
+        return out | ({CRS: self.crs} if self.crs else {})
 
 
 class Noted:
-    """A file with notes, of which some say where the samples lie."""
+    """A file with notes, of which some hold where the samples lie."""
 
     @property
     def shape(self) -> tuple[int, ...]:
@@ -37,7 +289,7 @@ class Noted:
         raise NotImplementedError
 
     @property
-    def placement(self) -> NDArray[np.float64] | None:
+    def placement(self) -> Placement | None:
         """Where samples lie, as `Contour.placement`."""
         return read_placement(self.metadata, len(self.shape))
 
@@ -47,19 +299,53 @@ class Noted:
         return self.metadata.get(CRS)
 
 
-def unplaced(n: int) -> NDArray[np.float64]:
-    """What holds without a placement: in the plane x runs along axis 1, in space x, y, z are the axes 0, 1, 2."""
+def unplaced(n: int) -> Array:
+    """The matrix of samples without a placement: in the plane x runs along axis 1, in space x, y, z along 0, 1, 2."""
     return np.column_stack([np.eye(n)[::-1] if n == 2 else np.eye(n), np.zeros(n)])
 
 
-def placement_of(given: ArrayLike, n: int) -> NDArray[np.float64]:
-    """A placement from what a user gives.
+def closed(array: NDArray[Any], periodic: Sequence[int]) -> NDArray[Any]:
+    """An array with its first plane repeated after the last one, along periodic axes that it has samples along."""
+    for axis in periodic:
+        if array.shape[axis] > 1:
+            array = np.concatenate([array, array.take([0], axis=axis)], axis=axis)
+    return array
+
+
+def placement_of(given: Placement | ArrayLike | None, n: int) -> Placement | None:
+    """Normalise the placement that a user gives for a field of n axes.
+
+    Parameters
+    ----------
+    given : Placement, or (n,), (n, n + 1) or (n + 1, n + 1) array_like
+        Numbers as `matrix_of` takes them; of a Placement the matrix is checked likewise.
+    n : int
+
+    Returns
+    -------
+    Placement or None
+        None if None is given.
+
+    Raises
+    ------
+    OptionError
+        As `matrix_of`.
+    """
+    if given is None:
+        return None
+    if not isinstance(given, Placement):
+        return Placement(matrix_of(given, n))
+    return given if given.matrix is None else replace(given, matrix=matrix_of(given.matrix, n))
+
+
+def matrix_of(given: ArrayLike, n: int) -> Array:
+    """The matrix of a placement from what a user gives.
 
     Parameters
     ----------
     given : (n,), (n, n + 1) or (n + 1, n + 1) array_like
         Distances of neighbouring samples along each axis of the array; or a row for each coordinate x, y (, z): what a
-        step along each axis adds to it, and what it is at sample 0. A last row of 0 .. 0 1 may follow.
+        step along each axis adds to it, and its value at sample 0. A last row of 0 .. 0 1 may follow.
     n : int
         Axes of the field.
 
@@ -88,8 +374,8 @@ def placement_of(given: ArrayLike, n: int) -> NDArray[np.float64]:
         matrix = matrix[:n]
     if matrix.shape != (n, n + 1):
         raise OptionError(
-            f"a placement of shape {matrix.shape}, needed is {(n,)} or {(n, n + 1)}: the field has {n} axes",
-            code="placement",
+            f"a placement of shape {matrix.shape}, but the field has {n} axes", code="placement",
+            remedy=f"give an array of shape {(n,)} or {(n, n + 1)}",
         )
     size = np.abs(matrix[matrix != 0])
     if not ((size >= LEAST) & (size <= MOST)).all():
@@ -110,18 +396,61 @@ def _determinant(rows: list[list[Fraction]]) -> Fraction:
     return sum(((-1) ** i * rows[0][i] * _determinant(minors[i]) for i in range(len(rows))), Fraction(0))
 
 
-def write_placement(placement: NDArray[np.float64]) -> str:
+def write_placement(matrix: Array) -> str:
     """The text of a note: the numbers row by row, as short as they can be read back."""
-    return " ".join(repr(number).removesuffix(".0") for number in (placement + 0.0).ravel().tolist())
+    return " ".join(repr(number).removesuffix(".0") for number in (matrix + 0.0).ravel().tolist())
 
 
-def read_placement(metadata: Mapping[str, str], n: int) -> NDArray[np.float64] | None:
-    """Inverse of ``write_placement``; None where a file has no such note, or one that says nothing."""
+def read_placement(metadata: Mapping[str, str], n: int) -> Placement | None:
+    """The placement in the notes of a file; None where a file has no such note, or a malformed one."""
     count = n * (n + 1)
     numbers = metadata.get(PLACEMENT, "").split(" ", count)
     if len(numbers) != count or not all(map(_NUMBER.fullmatch, numbers)):
         return None
     try:
-        return placement_of(np.array(numbers, np.float64).reshape(n, n + 1), n)
+        matrix = matrix_of(np.array(numbers, np.float64).reshape(n, n + 1), n)
     except OptionError:
         return None
+    return Placement(matrix, crs=metadata.get(CRS))
+
+
+def coded_placement(mapped: Mapped, metadata: Mapping[str, str]) -> Placement:
+    """The placement of a file that holds coordinates of its samples."""
+    return Placement(None, mapped, metadata.get(CRS), mapped.periodic, mapped.periods)
+
+
+def _arrays(coordinates: Any) -> Sequence[NDArray[Any]] | None:
+    """Coordinates as arrays, if they are such."""
+    if coordinates is None or isinstance(coordinates, Mapped):
+        return coordinates
+    try:
+        return tuple(np.asarray(part) for part in coordinates)
+    except (TypeError, ValueError):
+        raise InputError(
+            "coordinates are no arrays of numbers", code="coordinates",
+            remedy="give an array for each axis of the field, or x, y (, z)",
+        ) from None
+
+
+def _axes_of(periodic: Any) -> tuple[int, ...]:
+    """Numbers of periodic axes."""
+    if periodic is None:
+        return ()
+    axes = list(periodic) if isinstance(periodic, Sequence) and not isinstance(periodic, str) else [periodic]
+    if any(isinstance(axis, bool) or not isinstance(axis, int | np.integer) for axis in axes):
+        raise OptionError(f"periodic is {periodic!r}; it must be the number of an axis, or several", code="periodic")
+    if len(set(axes)) < len(axes) or not all(0 <= axis < _AXES for axis in axes):
+        raise OptionError(f"periodic is {periodic!r}; axes are counted from 0, each once", code="periodic")
+    return tuple(sorted(int(axis) for axis in axes))
+
+
+def _periods_of(periods: Any) -> tuple[float, ...]:
+    """Periods of coordinates, from one number or several."""
+    given = [periods] if isinstance(periods, Real) or periods is None else list(periods)
+    out = tuple(0.0 if one is None else float(one) for one in given)
+    if not all(math.isfinite(one) and one >= 0 for one in out):
+        raise OptionError(
+            f"periods are {periods!r}; they must be positive numbers, in the unit of the coordinates", code="period",
+            remedy="0 for coordinates without a period",
+        )
+    return out if any(out) else ()

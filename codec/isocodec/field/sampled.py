@@ -1,65 +1,102 @@
-"""A sampled field with all that its source says of it: values, missing samples, where they lie, names and units."""
+"""Sampled fields: values, missing samples, where they lie, names and units."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
-from typing import Any
+import sys
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
-from ..errors import InputError
-from .placement import CRS
+from ..errors import InputError, OptionError
+from .missing import HOLE, WAYS
+from .placement import CRS, PLACEMENT, Placement, placement_of
 
 NAME, UNIT = "name", "unit"
 """Names of the notes of a file that say what its values are, and in which unit."""
+MISSING = (HOLE, *WAYS)
+"""What may be done with missing samples."""
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, init=False)
 class Field:
     """Samples on a grid, and what is known of them.
 
     Attributes
     ----------
     values : (s0, .., sn-1) array of bool, integers or floats
+        Of a masked array of numpy, the mask goes into ``mask``.
     mask : (s0, .., sn-1) array of bool, or None
         True where a sample is missing; NaN is missing as well.
-    placement : (n, n + 1) float64, or None
-        Where samples lie: a row for each coordinate x, y (, z), with what a step along each axis of the array adds to
-        it, and what it is at sample 0.
-    coordinates : tuple of arrays, or None
-        Where samples lie whose steps are not even, instead of a placement: x, y (, z) as arrays of n axes that
-        broadcast to the shape of the values.
+    placement : Placement or None
+        Where samples lie. Numbers are turned into one: distances of neighbouring samples along each axis, or a matrix
+        with a row for each coordinate x, y (, z), as `isocodec.field.placement.matrix_of` takes them.
     crs : str or None
-        Reference system of the coordinates, as ``EPSG:32631``.
+        Reference system of the coordinates, as ``EPSG:32631``; that of the placement if None.
     unit : str or None
         Unit of the values.
     name : str or None
         What the values are.
+    labels : tuple of numbers, or None
+        The values are labels of a segmentation, and these of them are encoded.
+    missing : str
+        What an encoder does with missing samples: ``"hole"`` leaves them out, ``"below"``, ``"above"`` and
+        ``"nearest"`` fill them, as `isocodec.field.missing.filled` does.
     notes : mapping of str to str
-        What else the source says in words or single numbers: the time of a map, the height of a slice.
+        Further facts from the source in words or single numbers: the time of a map, the height of a slice.
     remarks : tuple of str
-        What the source says and is left out, and why.
+        What the source states and is left out, and why.
+
+    Raises
+    ------
+    OptionError
+        If the placement is not that of a field of so many axes, or ``missing`` is unknown.
     """
 
     values: NDArray[Any]
-    mask: NDArray[np.bool_] | None = None
-    placement: NDArray[np.float64] | None = None
-    coordinates: tuple[NDArray[np.float64], ...] | None = None
-    crs: str | None = None
-    unit: str | None = None
-    name: str | None = None
-    notes: Mapping[str, str] = field(default_factory=dict)
-    remarks: tuple[str, ...] = ()
+    mask: NDArray[np.bool_] | None
+    placement: Placement | None
+    crs: str | None
+    unit: str | None
+    name: str | None
+    labels: tuple[float, ...] | None
+    missing: str
+    notes: Mapping[str, str]
+    remarks: tuple[str, ...]
+
+    def __init__(
+        self, values: ArrayLike, mask: ArrayLike | None = None, placement: Placement | ArrayLike | None = None, *,
+        crs: str | None = None, unit: str | None = None, name: str | None = None,
+        labels: Sequence[float] | None = None, missing: str = HOLE, notes: Mapping[str, str] | None = None,
+        remarks: Sequence[str] = (),
+    ) -> None:
+        check_missing(missing)
+        array = np.asarray(values)
+        gone = None if mask is None else np.asarray(mask)
+        if "numpy.ma" in sys.modules and np.ma.is_masked(values):
+            hidden = np.ma.getmaskarray(np.ma.asanyarray(values))
+            gone = hidden if gone is None else hidden | gone
+        where = placement_of(placement, array.ndim)
+        if where is not None and crs is not None:
+            where = replace(where, crs=crs)
+        given: dict[str, Any] = {
+            "values": array, "mask": gone, "placement": where, "crs": crs if where is None else where.crs,
+            "unit": unit, "name": name, "labels": None if labels is None else tuple(labels), "missing": missing,
+            "notes": dict(notes or {}), "remarks": tuple(remarks),
+        }
+        for attribute, value in given.items():
+            object.__setattr__(self, attribute, value)
 
     def __repr__(self) -> str:
-        said = [f"shape={self.values.shape}", f"dtype={self.values.dtype}"]
-        said += [f"{name}={value!r}" for name in ("name", "unit", "crs") if (value := getattr(self, name)) is not None]
+        parts = [f"shape={self.values.shape}", f"dtype={self.values.dtype}"]
+        parts += [f"{name}={value!r}" for name in ("name", "unit", "crs") if (value := getattr(self, name)) is not None]
         if self.mask is not None:
-            said.append(f"{int(self.mask.sum())} missing")
-        said += ["placed"] * (self.placement is not None) + ["with coordinates"] * (self.coordinates is not None)
-        return f"Field({', '.join(said)})"
+            parts.append(f"{int(self.mask.sum())} missing")
+        if self.placement is not None and self.placement.placed:
+            parts.append("placed" if self.placement.coordinates is None else "with coordinates")
+        return f"Field({', '.join(parts)})"
 
     @property
     def shape(self) -> tuple[int, ...]:
@@ -68,9 +105,36 @@ class Field:
 
     @property
     def metadata(self) -> dict[str, str]:
-        """The notes that a file of this field gets, but for its placement."""
-        said = {NAME: self.name, UNIT: self.unit, CRS: self.crs}
-        return {**self.notes, **{key: text for key, text in said.items() if text}}
+        """The notes that a file of this field gets, but for the matrix of its placement."""
+        own = {NAME: self.name, UNIT: self.unit, CRS: self.crs}
+        return {**self.notes, **{key: text for key, text in own.items() if text}}
+
+    def combined(
+        self, mask: ArrayLike | None = None, placement: Placement | ArrayLike | None = None,
+        metadata: Mapping[str, str] | None = None,
+    ) -> tuple[NDArray[np.bool_] | None, Placement | None, dict[str, str]]:
+        """The mask, placement and notes of a file of this field, with what is given beside it.
+
+        A mask adds missing samples, a placement takes the place of that of the field, as does the note of that name.
+        """
+        notes = {**self.metadata, **(metadata or {})}
+        gone = self.mask
+        if mask is not None:
+            gone = np.asarray(mask, np.bool_) if gone is None else gone | np.asarray(mask, np.bool_)
+        if placement is not None:
+            return gone, placement_of(placement, self.values.ndim), notes
+        return gone, None if PLACEMENT in notes else self.placement, notes
+
+
+def check_missing(missing: str) -> None:
+    """Refuse what cannot be done with missing samples.
+
+    Raises
+    ------
+    OptionError
+    """
+    if missing not in MISSING:
+        raise OptionError(f"missing is {missing!r}", code="missing", remedy="one of " + ", ".join(MISSING))
 
 
 def check_bare(field: object) -> None:
@@ -80,8 +144,20 @@ def check_bare(field: object) -> None:
     ------
     InputError
     """
-    if isinstance(field, Field) or (hasattr(field, "coords") and hasattr(field, "dims")):
+    if hasattr(field, "coords") and hasattr(field, "dims"):
         raise InputError(
             f"a {type(field).__name__} has coordinates that an encoder does not take by itself", code="coordinates",
-            remedy="use isocodec.encode, or give the bare samples (.values) and placement=, metadata=, mask=",
+            remedy="use isocodec.encode, or give a Field (isocodec.read)",
         )
+
+
+class SpatialImage(Protocol):
+    """An image of nibabel."""
+
+    @property
+    def affine(self) -> Any:
+        """Where the samples lie."""
+
+    @property
+    def dataobj(self) -> Any:
+        """The samples."""

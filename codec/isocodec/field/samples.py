@@ -23,7 +23,7 @@ MAX_NUMBER = 1 << 52
 
 
 @dataclass(frozen=True)
-class Field:
+class Samples:
     """A sampled field at one isovalue.
 
     Attributes
@@ -242,7 +242,7 @@ def missing_of(field: ArrayLike, mask: ArrayLike | None = None) -> NDArray[np.bo
 
 def check_field(
     field: ArrayLike, isovalue: object, step: float | None = None, gone: NDArray[np.bool_] | None = None
-) -> Field:
+) -> Samples:
     """A field that can be encoded at an isovalue.
 
     Parameters
@@ -293,17 +293,17 @@ def check_field(
             raise OptionError("a step is for float data; integers are sent exactly", code="step", remedy="use exact")
     if step is not None and not (math.isfinite(step) and step > 0):
         raise OptionError(f"the step is {step}, needed is a positive number", code="step")
-    return Field(values, isovalue, np.ascontiguousarray(signs), step, gone)
+    return Samples(values, isovalue, np.ascontiguousarray(signs), step, gone)
 
 
-def mask_field(gone: NDArray[np.bool_]) -> Field:
+def mask_field(gone: NDArray[np.bool_]) -> Samples:
     """The field of a mask (spec clause 5.10.1): 1 where samples are valid, 0 where they are missing."""
     valid = ~gone
-    return Field(valid.view(np.uint8), 0.5, valid)
+    return Samples(valid.view(np.uint8), 0.5, valid)
 
 
 def interval_value(isovalue: float, scale: float | None, number: NDArray[Any], above: NDArray[Any]) -> NDArray[Any]:
-    """Field values for numbers of steps (spec clause 2.3); inverse of ``Field.numbers``."""
+    """Field values for numbers of steps (spec clause 2.3); inverse of ``Samples.numbers``."""
     if scale is None:
         t = math.floor(isovalue)
         return np.where(above, t + 1 + number, t - number).astype(np.float64)

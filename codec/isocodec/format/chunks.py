@@ -81,6 +81,13 @@ def read_envelope(data: bytes | bytearray, at: int) -> Envelope | None:
     return Envelope(head.type, head.ancillary, head.checked, head.last, length[1], length[1] + length[0])
 
 
+def payload_of(chunk: bytes) -> bytes:
+    """Payload of a chunk that is there in full."""
+    envelope = read_envelope(chunk, 0)
+    assert envelope is not None
+    return chunk[envelope.start : envelope.end]
+
+
 def whole_bytes(data: bytes | bytearray | memoryview) -> bytes:
     """The bytes of any buffer of bytes.
 

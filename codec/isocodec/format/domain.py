@@ -5,11 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
-from isospec.container import ChunkType, DomainKind, MeshLayer, unzigzag, write_varint, zigzag
+from isospec.container import DomainKind, MeshLayer, unzigzag, write_varint, zigzag
 
 from ..errors import FormatError, OptionError
-from .chunks import CHECKSUM_BYTES, read_envelope
-from .header import read_header, varint
+from .header import varint
 
 DIGEST = 16
 """Bytes of the hash of a known mesh."""
@@ -190,25 +189,3 @@ def read_mesh_layer(payload: bytes, start: int) -> tuple[MeshLayerHead, int]:
             raise wrong("no numbers of bits, or more than there may be")
         return MeshLayerHead(kind, bits=(payload[1], payload[2])), 3
     return MeshLayerHead(kind), 1
-
-
-def kind_of_domain(data: bytes) -> DomainKind | None:
-    """Kind of the explicit domain of a file, by its first bytes; ``KNOWN`` if they do not tell which.
-
-    None if the domain is a grid, or if it is no file at all.
-    """
-    try:
-        found = read_header(data)
-        if found is None or found[0].cells is None:
-            return None
-        at = found[1]
-        while (chunk := read_envelope(data, at)) is not None and chunk.start < len(data):
-            if chunk.type == ChunkType.DOMAIN:
-                kind = data[chunk.start] >> 4
-                if kind == DomainKind.POINTS and found[0].cells != 2:
-                    return DomainKind.KNOWN
-                return DomainKind(kind) if kind in DomainKind.__members__.values() else DomainKind.KNOWN
-            at = chunk.end + CHECKSUM_BYTES * chunk.checked
-    except FormatError:
-        return None
-    return DomainKind.KNOWN

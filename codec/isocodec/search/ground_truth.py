@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from ..field.samples import Field
+from ..field.samples import Samples
 from ..grid.lattice.tables import AXES, cube_exponent
 from ..grid.tube.capacity import filled
 from ..grid.tube.state import State
@@ -61,6 +61,6 @@ class GroundTruth:
         return np.sort(filled(lambda out: find(state, self.busy, out)))
 
 
-def truth_of(field: Field) -> GroundTruth:
+def truth_of(field: Samples) -> GroundTruth:
     """What tubes of a field know."""
     return GroundTruth(field.signs, field.numbers, field.crossings)

@@ -12,12 +12,12 @@ from numpy.typing import NDArray
 from ..drawing.contour import Contour
 from ..drawing.drawing import draw
 from ..drawing.leaves import Leaves
-from ..field.samples import Field
-from ..field.told import Told
+from ..field.decoded_samples import DecodedSamples
+from ..field.samples import Samples
 from ..grid.tube.holes import whole_cells_of
 
 
-def original(field: Field) -> Contour:
+def original(field: Samples) -> Contour:
     """The contour of a field: points on the grid's edges by linear interpolation."""
     shape, n = field.signs.shape, field.signs.ndim
     cells = _mixed_cells(field.signs)
@@ -32,8 +32,9 @@ def original(field: Field) -> Contour:
     flat = flat[signs.any(axis=1) & ~signs.all(axis=1)]
     used, index = np.unique(flat, return_inverse=True)
     position = np.stack(np.unravel_index(used, shape), axis=-1).reshape(-1, n)
-    edges, places = _told_edges(field, used) if isinstance(field, Told) else (np.zeros((0, 2), np.int64), np.zeros(0))
-    numbered = not isinstance(field, Told) or field.number is not None
+    decoded = field if isinstance(field, DecodedSamples) else None
+    edges, places = (np.zeros((0, 2), np.int64), np.zeros(0)) if decoded is None else _known_edges(decoded, used)
+    numbered = decoded is None or decoded.number is not None
     values = field.values.reshape(-1)[used].astype(np.float64) if numbered else None
     leaves = Leaves(
         shape=shape, isovalue=field.isovalue, position=position, above=field.signs.reshape(-1)[used], value=values,
@@ -44,7 +45,7 @@ def original(field: Field) -> Contour:
     return draw(leaves)
 
 
-def _told_edges(field: Told, used: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+def _known_edges(field: DecodedSamples, used: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
     """Edges with a place that is told, as numbers of their vertices among those used, and the places."""
     shape = field.signs.shape
     strides = np.array([math.prod(shape[axis + 1 :]) for axis in range(len(shape))])

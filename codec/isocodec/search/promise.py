@@ -15,7 +15,7 @@ from ..drawing.contour import Contour
 from ..drawing.drawing import draw
 from ..drawing.leaves import Leaves
 from ..drawing.snapshot import leaves_of
-from ..field.samples import OFFSET_BITS, Field
+from ..field.samples import OFFSET_BITS, Samples
 from ..format.header import Header
 from ..format.program import Progress
 from ..grid.lattice.tables import cube_exponent
@@ -39,7 +39,7 @@ class Promise:
 
     Attributes
     ----------
-    field : Field
+    field : Samples
     fresh : callable, optional
         Makes tubes for trial encodings, as that of the file: what is known of earlier isovalues changes what
         is told. By default those of a file of its own.
@@ -59,7 +59,7 @@ class Promise:
         The field less its isovalue.
     """
 
-    field: Field
+    field: Samples
     fresh: Callable[[], Tube] | None = None
     free: bool = True
     tried: Callable[[], object] | None = None
@@ -222,7 +222,9 @@ class Fitted:
 class Places:
     """Chosen places on edges; on others those where the field crosses."""
 
-    def __init__(self, field: Field, low: NDArray[np.int64], high: NDArray[np.int64], where: NDArray[np.int64]) -> None:
+    def __init__(
+        self, field: Samples, low: NDArray[np.int64], high: NDArray[np.int64], where: NDArray[np.int64]
+    ) -> None:
         self._field = field
         names = self._names(low, high)
         order = np.argsort(names)

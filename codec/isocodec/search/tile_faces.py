@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..drawing.drawing import draw
-from ..field.samples import Field
+from ..field.samples import Samples
 from ..grid.lattice.tables import AXES
 from .promise import Promise, onto
 from .reduction import Reduction, distinct
@@ -60,7 +60,7 @@ class Faces:
         shared = np.argwhere(self.shared).tolist()
         self.planes: list[Plane] = [(axis, self.size[axis] - 1 if side else 0) for axis, side in shared]
 
-    def search(self, plane: Plane, samples: Field, tolerance: float, pitch: tuple[int, int]) -> None:
+    def search(self, plane: Plane, samples: Samples, tolerance: float, pitch: tuple[int, int]) -> None:
         """Find the vertices of a face that its curve needs to keep to a tolerance, as far as they are allowed.
 
         They are those of the tile on its other side, from the same samples.
@@ -68,7 +68,7 @@ class Faces:
         Parameters
         ----------
         plane : axis and place
-        samples : Field
+        samples : Samples
             Those of the face.
         tolerance : float
         pitch : (parts, unit)

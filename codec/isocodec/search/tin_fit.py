@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from ..errors import OptionError
 from ..tin.coded_tin import Layers
 from ..tin.criteria import AT1, SQUARED
 from ..tin.fitting import fit
@@ -106,6 +107,27 @@ def along_contours(
     _thin(state, 0, 1.0)
     some = fewest(state, value, 1.0, _ROUNDS)
     return Chosen(some, number[some].astype(np.int64), low, step, (), int(number.max()))
+
+
+def evenly(given: Points, step: float | None, exact: bool) -> Chosen:
+    """All points, with values in steps: as fine ones as a file has, if none is given; errors are half a step.
+
+    Raises
+    ------
+    OptionError
+        If a file has no steps as fine, or none that hold the values exactly.
+    """
+    low, high = float(given.value.min()), float(given.value.max())
+    finest = _exact_step(given.value, low, high)
+    if step is None:
+        step = finest
+        if exact and not np.array_equal(given.value, np.rint(given.value)):
+            raise OptionError("precision 'exact' is for whole values", code="exact", remedy="use step=..")
+    if not (math.isfinite(step) and step > 0) or (high - low) / step > _LARGEST:
+        raise OptionError(f"steps of {step:g} are too fine for values from {low:g} to {high:g}", code="step",
+                          remedy=f"at least {(high - low) / _LARGEST:g}")
+    number = np.rint((given.value - low) / step).astype(np.int64)
+    return Chosen(np.arange(len(number)), number, low, step, (), int(number.max()))
 
 
 def _exact_step(value: NDArray[np.float64], low: float, high: float) -> float:

@@ -1,15 +1,37 @@
-"""Writing files whole or not at all: beside the target first, then renamed over it."""
+"""Writing files whole or not at all: beside the target first, then renamed over it; what is begun can be undone."""
 
 from __future__ import annotations
 
 import errno
 import os
-from collections.abc import Iterator
-from contextlib import contextmanager
+import secrets
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from functools import partial
 from pathlib import Path
 from typing import BinaryIO
 
-from .unfinished import new_file_mode, replacing
+_begun: list[Callable[[], object]] = []
+
+
+@contextmanager
+def undoing(undo: Callable[[], object]) -> Iterator[None]:
+    """What is begun within is undone unless it gets done: on errors and interrupts, and by `undo_all`."""
+    _begun.append(undo)
+    try:
+        yield
+    except BaseException:
+        undo()
+        raise
+    finally:
+        _begun.remove(undo)
+
+
+def undo_all() -> None:
+    """Undo all that is begun, the last first: for whoever ends the process without unwinding it."""
+    for undo in reversed(_begun):
+        with suppress(Exception):  # what is left of one must not keep the others
+            undo()
 
 
 def check_target(path: str | os.PathLike[str]) -> None:
@@ -58,9 +80,9 @@ def writing(path: str | os.PathLike[str]) -> Iterator[BinaryIO]:
     try:
         mode = target.stat().st_mode & 0o7777
     except FileNotFoundError:
-        mode = new_file_mode()
+        mode = _new_file_mode()
     try:
-        with replacing(target, mode) as file:
+        with _replacing(target, mode) as file:
             yield file
     except OSError as exc:
         # the name that the caller knows, not that of the file beside it
@@ -75,3 +97,34 @@ def write_bytes(path: str | os.PathLike[str], data: bytes) -> None:
 
 def _is_special(path: Path) -> bool:
     return path.exists() and not path.is_file() and not path.is_dir()
+
+
+@contextmanager
+def _replacing(target: Path, mode: int) -> Iterator[BinaryIO]:
+    """A file beside ``target`` to write to, which is then flushed to the disk and renamed over ``target``.
+
+    Raises
+    ------
+    OSError
+        As the operating system reports it; ``target`` is as it was then.
+    """
+    # In the same directory, since a rename is only atomic within one file system.
+    # Names have a limit in bytes.
+    start = os.fsdecode(os.fsencode(target.name)[:100])
+    beside = target.with_name(f".{start}.{secrets.token_hex(8)}.part")
+    with undoing(partial(beside.unlink, missing_ok=True)):
+        with open(beside, "xb", opener=lambda path, flags: os.open(path, flags, 0o600)) as file:
+            yield file
+            file.flush()
+            # Some file systems report a full disk only here, and then the old file must still be there.
+            os.fsync(file.fileno())
+        beside.chmod(mode)
+        os.replace(beside, target)
+
+
+def _new_file_mode() -> int:
+    """Permissions that the process gives to new files."""
+    # The mask can only be read by setting it.
+    mask = os.umask(0o077)
+    os.umask(mask)
+    return 0o666 & ~mask

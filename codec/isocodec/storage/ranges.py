@@ -1,25 +1,97 @@
-"""Bytes of a file from one place up to another, here or elsewhere."""
+"""Ranges of a file or URL, joined into few requests."""
 
 from __future__ import annotations
 
 import os
+from collections.abc import Callable, Iterable
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
-from ..errors import InputError
+from ..errors import InputError, LimitError, TruncatedError
 from ..extras import optional
-from .fetching import Fetch
-from .remote import is_url
+from .content import is_url
+
+Fetch = Callable[[int, int], bytes]
+"""Bytes of a file from one place up to another."""
+Range = tuple[int, int]
+MOST_PIECES = 5
+"""Ranges are joined over gaps of at most ``GAP`` bytes until there are no more than so many."""
+GAP = 1 << 18
+BEHIND = 416
+"""What a server answers if a range begins behind the end of the file."""
+PATIENCE = 60.0
+"""Seconds that a server may take to answer."""
 
 
 class NoRangesError(InputError):
     """A server that gives the whole file where a part of it is asked for."""
 
 
-BEHIND = 416
-"""What a server answers if a range begins behind the end of the file."""
-PATIENCE = 60.0
-"""Seconds that a server may take to answer."""
+class Pieces:
+    """What has been fetched of a file.
+
+    Parameters
+    ----------
+    fetch : callable
+    limit : int
+        Most bytes of a request.
+    first : bytes
+        The beginning of the file, which is there already.
+    """
+
+    def __init__(self, fetch: Fetch, limit: int, first: bytes) -> None:
+        self._fetch = fetch
+        self._limit = limit
+        self._pieces = [(0, first)]
+
+    def has(self, start: int, end: int) -> bool:
+        """Whether a range is there."""
+        return any(at <= start and end <= at + len(data) for at, data in self._pieces)
+
+    def get(self, start: int, end: int) -> bytes:
+        """A range that is there."""
+        if start == end:
+            return b""
+        return next(data[start - at : end - at] for at, data in self._pieces if at <= start and end <= at + len(data))
+
+    def fetch(self, ranges: Iterable[Range], partial: bool = False) -> None:
+        """Get those ranges that are not there; with ``partial`` as much of them as the file has.
+
+        Raises
+        ------
+        LimitError, TruncatedError
+        """
+        for start, end in together(each for each in ranges if not self.has(*each)):
+            if end - start > self._limit:
+                raise LimitError(
+                    f"{end - start:,} bytes would be fetched, more than the limit of {self._limit:,}",
+                    code="limit-bytes", clause="11.2", remedy="ask for a smaller box or a coarser layer",
+                )
+            data = self._fetch(start, end)
+            if len(data) != end - start and not partial:
+                raise TruncatedError(
+                    f"the file ends at {start + len(data):,}, before its tiles do", code="truncated",
+                    offset=start + len(data), clause="12.4",
+                )
+            self._pieces.append((start, data))
+
+
+def together(ranges: Iterable[Range]) -> list[Range]:
+    """Ranges in their order, joined over the smallest gaps while there are many."""
+    found = sorted(each for each in ranges if each[0] < each[1])
+    if not found:
+        return []
+    gaps = sorted((b[0] - a[1], i) for i, (a, b) in enumerate(pairwise(found), start=1))
+    most = max(len(found) - MOST_PIECES, 0)
+    bridged = {i for rank, (gap, i) in enumerate(gaps) if gap <= 0 or (rank < most and gap <= GAP)}
+    out = [found[0]]
+    for i, each in enumerate(found[1:], start=1):
+        if i in bridged:
+            out[-1] = out[-1][0], max(out[-1][1], each[1])
+        else:
+            out.append(each)
+    return out
 
 
 def ranges_of(source: str | os.PathLike[str]) -> Fetch:

@@ -1,33 +1,46 @@
-"""The incremental decoder: bytes in, events and snapshots out (spec clause 8). It does no input or output itself."""
+"""The incremental decoder of every kind of file: bytes in, events and drawings out (spec clause 8).
+
+It does no input or output itself.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Collection
-from typing import NoReturn
+from functools import partial
+from typing import TYPE_CHECKING, cast
 
-from isospec.container import ChunkType
+import numpy as np
+from numpy.typing import ArrayLike
+
+from isospec.container import ChunkType, DomainKind
 
 from ..drawing.contour import Contour
-from ..errors import FormatError, IsoError, LimitError, OptionError
-from ..format.chunks import CRITICAL, Envelope, read_envelope, verify
-from ..format.events import ChunkSkipped, Event, FrameRead, IsovalueRead, MaskComplete, SeriesRead
-from ..format.frames import first_operation
+from ..errors import FormatError, IsoError, OptionError, TruncatedError
+from ..format.chunks import Envelope
+from ..format.events import Event
 from ..format.header import Header
 from ..limits import Limits
-from .contents import LAYER_CHUNKS
-from .received import Received
+from .outline import check_explicit
+from .session import Contents, Session
+
+if TYPE_CHECKING:
+    from .grid_contents import GridContents
+    from .mesh_contents import MeshContents
+    from .surface_contents import SurfaceContents
 
 
-class Decoder(Received):
-    """Decodes a file as its bytes come in.
+class Decoder(Session):
+    """Decodes a file as its bytes come in; its header and its domain decide which kind it is.
 
-    ``feed`` only stores; iterating decodes and yields events until more bytes are needed; ``snapshot`` draws what
-    has been received, at any moment; ``close`` says that no more will come. Nothing depends on how the
-    bytes were cut. An error is raised again by every later call.
+    ``feed`` only stores bytes; iterating decodes them and yields events until more are needed; ``contour`` draws what
+    has been decoded, at any moment; ``close`` declares that no more will come. Nothing depends on how the bytes were
+    cut. An error is raised again by every later call.
 
     Parameters
     ----------
     limits : Limits, optional
+    mesh : (points, cells), optional
+        The mesh of a file that was made on one and does not hold it: (V, d) coordinates and (T, n + 1) vertices.
     only : collection of int, optional
         Numbers of the isovalues to decode, from 0; the chunks of others are skipped. Those that they lean on are
         needed, too. All isovalues if not given.
@@ -38,105 +51,214 @@ class Decoder(Received):
     Attributes
     ----------
     header : Header or None
-    isovalues : list of float
-        Those that have come so far, skipped ones included.
-    layers : list of Layer
-        Layers announced so far.
-    metadata : dict of str to str
-    runs : list of Run
+    contents : GridContents, MeshContents, SurfaceContents or None
+        What only files of one kind have; None before the header has come.
 
     Raises
     ------
     FormatError
         From iterating or ``close``: the bytes violate the specification.
+    InputError
+        From iterating: the mesh is not the one that the file was made on.
     LimitError
         From iterating: the file needs more than the limits allow.
     """
 
+    contents: GridContents | MeshContents | SurfaceContents | Domain | None
+
     def __init__(
-        self, limits: Limits | None = None, *, only: Collection[int] | None = None, frame: int | None = None
+        self, limits: Limits | None = None, *, mesh: tuple[ArrayLike, ArrayLike] | None = None,
+        only: Collection[int] | None = None, frame: int | None = None,
     ) -> None:
-        super().__init__(limits, only=only, frame=frame)
-        self._chunk: Envelope | None = None
-        self._chunk_start = 0
-        self._looked = False
+        super().__init__(limits, partial(_contents_of, mesh=mesh, only=only, frame=frame))
+        self._wanted = frame
 
-    def snapshot(self, number: int = 0, smooth: bool = False) -> Contour:
-        """The curve or surface of all symbols received of an isovalue (spec clause 9).
+    @property
+    def isovalues(self) -> list[float]:
+        """Isovalues that have come so far, skipped ones included; a surface has none."""
+        return self.outline.isovalues
 
-        What a half-received layer has not reached yet stays as the layer before left it. ``smooth`` as in `decode`.
+    @property
+    def metadata(self) -> dict[str, str]:
+        """Notes of the file that have come so far."""
+        return self.outline.metadata
+
+    @property
+    def interval(self) -> int | None:
+        """Of a series: frames whose number is a multiple of it lean on none before them, 0 if only the first does.
+
+        None of a file without frames, and before that is known.
         """
-        self._take_all()
-        return self.drawn(number, smooth)
+        return self.outline.interval
 
-    # -- the machine ---------------------------------------------------------------------------------------------
+    @property
+    def frame(self) -> int:
+        """Number of the frame that has begun last, or, once it has come, of the one that is wanted: it can be drawn."""
+        return self.outline.frame if self._wanted is None else min(self.outline.frame, self._wanted)
 
-    def _begin_file(self, header: Header) -> None:
-        if header.cells is not None:
-            raise OptionError("the file's domain is a mesh", code="domain", remedy="take MeshDecoder")
-        super()._begin_file(header)
-        self._strands.begin(header, None, self._at)
+    @property
+    def present(self) -> tuple[int, int]:
+        """Number of the present frame and of its isovalue, whose layers come at present or come next."""
+        return self.outline.frame, self.outline.number
 
-    def _fail(self, error: IsoError) -> NoReturn:
-        if isinstance(error, LimitError):
-            self.discard()
-            self._mask.drop()
-        super()._fail(error)
+    @property
+    def announced(self) -> int:
+        """Layers of a grid's file that have been announced so far; 0 of other files."""
+        return len(self.outline.layers)
 
-    def _step(self, header: Header) -> Event | None:
-        if self._chunk is None:
-            chunk = read_envelope(self._data, self._at)
-            if chunk is None:
-                return None
-            if self._cut and chunk.type in CRITICAL:
-                raise FormatError("layers after a cut run", code="cut", offset=self._at, clause="3.5.4")
-            if chunk.type == ChunkType.MASK:
-                self._strands.begin_mask(header, self._at)
-            self._chunk, self._chunk_start = chunk, self._at
-        chunk = self._chunk
-        if chunk.type in LAYER_CHUNKS and not self._looked:
-            place = first_operation(self._data, chunk)
-            if place is None and len(self._data) < chunk.end:
-                return None
-            self._looked = True
-            frame = None if place is None else self._contents.begin_layers(self._data[place], place)
-            if frame is not None:
-                self._begin(header, frame)
-                return frame
-        if not self._mask.go_on(chunk, self._chunk_start):
-            return None
-        skipped = chunk.type in LAYER_CHUNKS and self._tube is None
-        if chunk.type in LAYER_CHUNKS and not skipped:
-            event = self._reader.go_on(chunk, self._chunk_start)
-            if event is not None or self._reader.waiting:
-                return event
-        behind = verify(self._data, chunk, self._chunk_start)
-        if behind is None:
-            return None
-        self._at = behind
-        self._chunk, self._looked = None, False
-        self._reader.leave()
-        self._cut |= chunk.type == ChunkType.CUT_LAYERS
-        self._last = chunk.last
-        if self._mask.coming:
-            self._strands.end_mask(header)
-            return MaskComplete(behind, chunk.end - chunk.start)
-        if chunk.type not in LAYER_CHUNKS:
-            event = self._contents.read(chunk, bytes(self._data[chunk.start : chunk.end]), behind)
-            self._begin(header, event)
-            return event
-        if skipped:
-            return ChunkSkipped(behind, chunk.type, chunk.end - chunk.start)
-        return None
+    @property
+    def memory(self) -> int:
+        """Bytes that count to `Limits.memory` at present."""
+        return self.budget.held
 
-    def _begin(self, header: Header, event: Event) -> None:
-        """What begins with an event: another isovalue, a series, a further frame."""
-        if isinstance(event, IsovalueRead):
-            self._strands.begin(header, event.lean, self._at)
-        elif isinstance(event, SeriesRead):
-            self._strands.begin_series()
-        elif isinstance(event, FrameRead):
-            if event.number == 0 and not self._strands.past:
-                self._reader.next_frame(self._strands.before)
-                self._strands.next_frame()
-            self._strands.begin_frame(header, event)
+    def take(self) -> Decoder:
+        """Decode everything that has been fed; events are dropped."""
+        for _ in self:
+            pass
+        return self
+
+    def contour(
+        self, number: int = 0, *, isovalue: float | None = None, smooth: bool = False, through_holes: bool = False,
+        before: bool = False,
+    ) -> Contour:
+        """The curve or surface of everything decoded of an isovalue (spec clause 9), as of the events taken so far.
+
+        What a half-received layer has not reached yet stays as the layer before left it.
+
+        Parameters
+        ----------
+        number : int
+            Which isovalue of the file, counted from 0.
+        isovalue : float, optional
+            Of a surface, any.
+        smooth, through_holes
+            As of `IsoFile.contour`.
+        before : bool
+            Draw the frame before, which is complete, while the next one begins.
+
+        Raises
+        ------
+        LimitError
+            If drawing takes more memory than the limits allow; the decoder stays as it is.
+        """
+        contents = self.contents
+        if contents is None or contents.kind == "domain":
+            self.check()
+            n = self.header.n if self.header is not None else 2
+            return Contour(np.zeros((0, n)), np.zeros((0, n), np.int64), float("nan"), (0,) * n, False)
+        if contents.kind == "surface":
+            return self.surface.contour(isovalue=isovalue, smooth=smooth)
+        drawn = self.grid if contents.kind == "grid" else self.on_mesh
+        return drawn.contour(number, smooth=smooth, through_holes=through_holes, before=before)
+
+    def hold(self, size: int) -> None:
+        """Count ``size`` bytes that the caller holds, of drawings for example, to the limit of memory from now on.
+
+        Raises
+        ------
+        LimitError
+            If that is more than the limit; the decoder stays as it is.
+        """
+        self.budget.hold(self, size)
+
+    def discard(self, number: int | None = None) -> None:
+        """Release what has been decoded of an isovalue, or of all, once it has been drawn.
+
+        What is still to come must not lean on it.
+        """
+        if self.contents is not None and self.contents.kind == "grid":
+            self.grid.discard(number)
+
+    @property
+    def grid(self) -> GridContents:
+        """The contents of the file of a grid; raises `OptionError` if the file is of another kind."""
+        if self.contents is None or self.contents.kind != "grid":
+            raise self._other("a sampled grid")
+        return cast("GridContents", self.contents)
+
+    @property
+    def on_mesh(self) -> MeshContents:
+        """The contents of a file of values on a mesh; raises `OptionError` if the file is of another kind."""
+        if self.contents is None or self.contents.kind != "mesh":
+            raise self._other("values on a mesh")
+        return cast("MeshContents", self.contents)
+
+    @property
+    def surface(self) -> SurfaceContents:
+        """The contents of the file of a surface; raises `OptionError` if the file is of another kind."""
+        if self.contents is None or self.contents.kind != "surface":
+            raise self._other("a triangulated surface")
+        return cast("SurfaceContents", self.contents)
+
+    def _other(self, wanted: str) -> IsoError:
+        """The error of a file that is of another kind, or of which too little has come to know."""
+        if self.contents is None or isinstance(self.contents, Domain):
+            return TruncatedError(
+                f"the file ends before its {'domain' if self.header else 'header'} is complete", code="truncated",
+                offset=len(self.data), clause="8.3",
+            )
+        return OptionError(f"the file is not of {wanted}", code="kind")
+
+    @property
+    def symbols(self) -> dict[str, int]:
+        """Symbols of a grid's file received so far, by syntax element; empty for other files."""
+        return self.grid.symbols if self.contents is not None and self.contents.kind == "grid" else {}
+
+
+class Domain:
+    """The chunks of an explicit domain's file up to the one that shows whether it is a mesh or a surface."""
+
+    kind = "domain"
+
+    def __init__(
+        self, session: Session, header: Header, mesh: tuple[ArrayLike, ArrayLike] | None,
+        only: Collection[int] | None, frame: int | None,
+    ) -> None:
+        self.outline = session.outline
+        self._session, self._header, self._mesh, self._only, self._frame = session, header, mesh, only, frame
+
+    def expect(self, chunk: Envelope, at: int) -> None:
+        """See `Contents.expect`."""
+        check_explicit(chunk, at, False)
+
+    def arrive(self, chunk: Envelope, at: int) -> tuple[Event | None, bool]:
+        """See `Contents.arrive`: the first byte of the domain's chunk has the kind."""
+        session = self._session
+        if chunk.type != ChunkType.DOMAIN:
+            return None, True
+        if chunk.start == chunk.end:
+            raise FormatError("an empty domain chunk", code="domain", offset=chunk.start, clause="3.5.8")
+        if len(session.data) <= chunk.start:
+            return None, False
+        points = session.data[chunk.start] >> 4 == DomainKind.POINTS and self._header.cells == 2
+        session.contents = self._surface() if points else self._on_mesh()
+        return session.contents.arrive(chunk, at)
+
+    def _surface(self) -> Contents:
+        from .surface_contents import SurfaceContents
+
+        return SurfaceContents(self._session)
+
+    def _on_mesh(self) -> Contents:
+        from .mesh_contents import MeshContents
+
+        return MeshContents(self._session, self._header, self._mesh, self._only, self._frame)
+
+    def take(self, chunk: Envelope, at: int, behind: int) -> Event | None:
+        """See `Contents.take`."""
+        return self.outline.read(chunk, bytes(self._session.data[chunk.start : chunk.end]), behind)
+
+    def drop(self) -> None:
+        """See `Contents.drop`."""
+
+
+def _contents_of(
+    session: Session, header: Header, *, mesh: tuple[ArrayLike, ArrayLike] | None, only: Collection[int] | None,
+    frame: int | None,
+) -> Contents:
+    """What the chunks of a file mean, as far as its header decides that."""
+    if header.cells is None:
+        from .grid_contents import GridContents
+
+        return GridContents(session, header, only, frame)
+    return Domain(session, header, mesh, only, frame)

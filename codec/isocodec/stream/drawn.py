@@ -15,7 +15,6 @@ from ..drawing.rows import MaskRows
 from ..drawing.snapshot import drawing_bytes, known_rows, leaves_of, state_of
 from ..drawing.tessellation import Tessellation, compact, inferred, tessellated
 from ..errors import LimitError, OptionError, TruncatedError
-from ..field.placement import read_placement
 from ..field.samples import interval_value
 from ..format.header import Header
 from ..grid.passes.runner import Tube
@@ -35,7 +34,7 @@ def contour_of(
         contour = Contour(np.zeros((0, n)), np.zeros((0, n), np.int64), float("nan"), header.shape, False)
     else:
         contour = ends_of(tube, isovalue, header, complete, budget, holes, smooth, through_holes)[0]
-    return replace(contour, placement=read_placement(metadata, n), metadata=dict(metadata))
+    return replace(contour, metadata=dict(metadata))
 
 
 def ends_of(
@@ -123,5 +122,4 @@ def tessellation_of(
         leaves = leaves_of(tube, 0.0, lambda steps, above: steps)
         points, above, cells = compact(leaves.position, leaves.above, leaves.simplices)
         levels = leaves.levels
-    placement = read_placement(metadata, tube.n)
-    return Tessellation(points, cells, levels, above, isovalue, tube.shape, complete, placement, dict(metadata))
+    return Tessellation(points, cells, levels, above, isovalue, tube.shape, complete, metadata=dict(metadata))

@@ -4,23 +4,28 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import asdict, dataclass, field, replace
+from functools import partial
 from typing import Any
 
-from isospec.container import ChunkType
+from isospec.container import ChunkType, DomainKind
 
 from ..errors import FormatError, OptionError, TruncatedError
-from ..format.chunks import CHECKSUM_BYTES, Envelope, LayerRecord, Promises, read_envelope, verify, whole_bytes
+from ..format.chunks import Envelope, LayerRecord, Promises, whole_bytes
 from ..format.coordinates import CoordinatesRecord
 from ..format.domain import DomainHead, read_mesh_layer
-from ..format.events import FrameRead, IsovalueRead, LayerComplete
+from ..format.events import Event, FrameRead, IsovalueRead, LayerComplete
 from ..format.frames import first_operation, is_key
-from ..format.header import Header, read_header, varint
+from ..format.header import Header, varint
 from ..format.program import Layer, Progress, read_program
+from ..format.surface import TinHead, read_tin
 from ..grid.lattice.tables import cube_exponent
 from ..limits import Limits
-from .contents import LAYER_CHUNKS, Contents
+from .outline import LAYER_CHUNKS, Outline, check_explicit
+from .session import Session
 
+POINTS = DomainKind.POINTS
 _NAMES = {t.value: t.name.lower() for t in ChunkType}
 
 
@@ -74,21 +79,36 @@ class FrameInfo:
         Whether it leans on none before it.
     leans : list of int or None
         For each isovalue the number of the one of the same frame that it leans on.
+    before : list of bool
+        For each isovalue whether it leans on the same one of the frame before.
     """
 
     offset: int
     bytes: int
     key: bool
     leans: list[int | None]
+    before: list[bool]
 
 
 @dataclass(frozen=True)
 class ChunkInfo:
-    """One chunk: its type by name, byte offset and length with envelope and checksums."""
+    """One chunk.
+
+    Attributes
+    ----------
+    type : str
+        Its type by name.
+    offset, bytes : int
+        Byte offset, and length with envelope and checksums.
+    frame, isovalue : int
+        Numbers of the frame and the isovalue that had begun last.
+    """
 
     type: str
     offset: int
     bytes: int
+    frame: int = 0
+    isovalue: int = 0
 
 
 @dataclass(frozen=True)
@@ -117,6 +137,12 @@ class FileInfo:
         In words, how samples lie on a mapped grid; None if it is none.
     domain : DomainHead or None
         Of a file on a mesh what it says of that.
+    kind : str
+        ``grid``, ``series`` (of grids), ``mesh``, ``surface`` or ``tiles``.
+    surface : TinHead or None
+        Of a triangulated surface what it states of its points.
+    tile : int or None
+        Of a file in tiles, samples along each axis of a tile.
     """
 
     version: int
@@ -139,6 +165,9 @@ class FileInfo:
     frames: list[FrameInfo] = field(default_factory=list)
     coordinates: str | None = None
     domain: DomainHead | None = None
+    kind: str = "grid"
+    surface: TinHead | None = None
+    tile: int | None = None
 
     def number_of(self, isovalue: float | None) -> int:
         """Number of an isovalue of the file, of the first if None.
@@ -178,6 +207,8 @@ class FileInfo:
         else:
             out["domain"]["digest"] = self.domain.digest.hex()
             out["domain"]["kind"] = self.domain.kind.name.lower()
+        if self.surface is None:
+            del out["surface"]
         return out
 
 
@@ -188,6 +219,7 @@ class _Strands:
     progresses: list[Progress]
     starts: list[int]
     leans: list[list[int | None]]
+    follows: list[list[bool]]
     before: list[Progress] = field(default_factory=list)
 
     def begin(self, event: FrameRead, start: int) -> None:
@@ -196,7 +228,9 @@ class _Strands:
             self.before, self.progresses = self.progresses, []
             self.starts.append(start)
             self.leans.append([])
+            self.follows.append([])
         self.leans[-1].append(None if event.before else event.lean)
+        self.follows[-1].append(event.before)
         earlier = self.before if event.before else self.progresses
         layers = self.progresses[-1].layers if self.progresses else 0
         fresh = Progress((self.progresses or self.before)[0].full_level, layers=layers)
@@ -208,9 +242,148 @@ class _Strands:
             return []
         ends = [*self.starts[1:], end]
         return [
-            FrameInfo(start, stop - start, is_key(number, interval), leans)
-            for number, (start, stop, leans) in enumerate(zip(self.starts, ends, self.leans, strict=True))
+            FrameInfo(start, stop - start, is_key(number, interval), leans, before or [False] * len(leans))
+            for number, (start, stop, leans, before) in enumerate(
+                zip(self.starts, ends, self.leans, self.follows, strict=True)
+            )
         ]
+
+
+class _Survey:
+    """Takes note of the chunks of a file of any kind without decoding them.
+
+    Attributes
+    ----------
+    layers : list of LayerInfo
+    chunks : list of ChunkInfo
+    coded : int
+        Entropy-coded bytes.
+    mask_bytes : int
+    promised : dict
+        Promises by frame and isovalue.
+    strands : _Strands
+    surface : TinHead or None
+
+    With ``to_layers`` it stops at the first chunk of layers.
+    """
+
+    def __init__(self, session: Session, header: Header, to_layers: bool = False) -> None:
+        self.outline = session.outline
+        self.layers: list[LayerInfo] = []
+        self.chunks: list[ChunkInfo] = []
+        self.coded = self.mask_bytes = 0
+        self.promised: dict[tuple[int, int], Promises] = {}
+        full = len(header.shape) * cube_exponent(header.shape) if header.shape else 0
+        self.strands = _Strands([Progress(full)], [0], [self.outline.leans], [[]])
+        self.surface: TinHead | None = None
+        self._session, self._cells, self._begun = session, header.cells, False
+        self._to_layers = to_layers
+
+    def expect(self, chunk: Envelope, at: int) -> None:
+        """See `Contents.expect`."""
+        if self._cells is not None:
+            check_explicit(chunk, at, self._begun)
+            self._begun |= chunk.type == ChunkType.DOMAIN
+        elif chunk.type == ChunkType.MASK:
+            self.outline.begin_mask(at)
+
+    def arrive(self, chunk: Envelope, at: int) -> tuple[Event | None, bool]:
+        """See `Contents.arrive`."""
+        if self._to_layers and chunk.type in LAYER_CHUNKS:
+            return None, False
+        data = self._session.data
+        there = max(min(chunk.end, len(data)) - chunk.start, 0)
+        if chunk.type == ChunkType.MASK:
+            self.mask_bytes = there
+            self.coded += there
+        elif self._cells is None and chunk.type in LAYER_CHUNKS:
+            self._grid_layers(chunk, at, chunk.start + there)
+        elif chunk.type == ChunkType.LAYERS and there == chunk.end - chunk.start:
+            self._mesh_layer(chunk)
+        elif chunk.type == ChunkType.DOMAIN and self._cells == 2 and there and data[chunk.start] >> 4 == POINTS:
+            with suppress(FormatError):  # of the beginning of a chunk
+                self.surface, begins = read_tin(bytes(data[chunk.start : chunk.end]), chunk.start)
+                self.coded += there - begins
+        return None, True
+
+    def take(self, chunk: Envelope, at: int, behind: int) -> Event | None:
+        """See `Contents.take`."""
+        self.note(chunk, at, behind)
+        if chunk.type in (*LAYER_CHUNKS, ChunkType.MASK):
+            return None
+        payload = bytes(self._session.data[chunk.start : chunk.end])
+        if chunk.type == ChunkType.DOMAIN and self._cells == 2 and payload and payload[0] >> 4 == POINTS:
+            self.surface, _ = read_tin(payload, chunk.start)
+            return None
+        event = self.outline.read(chunk, payload, behind)
+        if isinstance(event, IsovalueRead):
+            progresses = self.strands.progresses
+            progresses.append(progresses[-1].begin(None if event.lean is None else progresses[event.lean]))
+        elif isinstance(event, FrameRead):
+            self.strands.begin(event, at)
+        outline = self.outline
+        self.promised[outline.frame, outline.number] = outline.promises[outline.number]
+        return event
+
+    def drop(self) -> None:
+        """See `Contents.drop`."""
+
+    def note(self, chunk: Envelope, at: int, behind: int) -> None:
+        """List a chunk that ends at ``behind``."""
+        name, outline = _NAMES.get(chunk.type, f"unknown {chunk.type}"), self.outline
+        self.chunks.append(ChunkInfo(name, at, behind - at, outline.frame, outline.number))
+
+    def _grid_layers(self, chunk: Envelope, at: int, end: int) -> None:
+        """List the layers of a chunk as far as it has come."""
+        outline, data = self.outline, self._session.data
+        operation = first_operation(data, chunk)
+        begun = None if operation is None else outline.begin_layers(data[operation], operation)
+        if begun is not None:
+            self.strands.begin(begun, at)
+        first = len(outline.layers)
+        run = _run_start(data, chunk, end, self.strands.progresses[-1], outline.layers)
+        if run is None:
+            return
+        self.coded += end - run
+        for i, layer in enumerate(outline.layers[first:]):
+            self.layers.append(LayerInfo(
+                layer.kind, layer.level, layer.plane, layer.parts, None if i else run, isovalue=outline.number,
+                frame=outline.frame,
+            ))
+
+    def _mesh_layer(self, chunk: Envelope) -> None:
+        """List the layer of an explicit domain."""
+        head, begins = read_mesh_layer(bytes(self._session.data[chunk.start : chunk.end]), chunk.start)
+        size, outline = chunk.end - chunk.start - begins, self.outline
+        outline.begun = True
+        self.coded += size
+        self.layers.append(LayerInfo(
+            head.kind.name.lower(), -1, 0, 0, chunk.start + begins, size, isovalue=outline.number,
+            frame=outline.frame,
+        ))
+
+
+def kind_of(data: bytes, limits: Limits | None = None) -> str:
+    """Kind of a file, as `FileInfo.kind`, from what comes before its layers.
+
+    Raises
+    ------
+    FormatError
+        If the bytes are not an ``.iso`` file.
+    """
+    session = Session(limits, partial(_Survey, to_layers=True))
+    session.feed(data)
+    for _ in session:
+        pass
+    if session.header is None or not isinstance(session.contents, _Survey):
+        raise TruncatedError("the file ends within its header", code="truncated", offset=len(data), clause="3.3")
+    return _kind(session.header, session.outline, session.contents)
+
+
+def _kind(header: Header, outline: Outline, survey: _Survey) -> str:
+    if header.cells is not None:
+        return "mesh" if survey.surface is None else "surface"
+    return "grid" if outline.interval is None else "series"
 
 
 def inspect(data: bytes, symbols: bool = False, limits: Limits | None = None) -> FileInfo:
@@ -233,81 +406,31 @@ def inspect(data: bytes, symbols: bool = False, limits: Limits | None = None) ->
         If decoding takes more than the limits allow.
     """
     data = whole_bytes(data)
-    found = read_header(data)
-    if found is None:
+    session = Session(replace(limits or Limits(), bytes=max(len(data), 1)), _Survey)
+    session.feed(data)
+    for _ in session:
+        pass
+    header, survey = session.header, session.contents
+    if header is None or not isinstance(survey, _Survey):
         raise TruncatedError("the file ends within its header", code="truncated", offset=len(data), clause="3.3")
-    header, at = found
-    chunks: list[ChunkInfo] = []
-    layers: list[LayerInfo] = []
-    contents = Contents()
-    contents.begin(header)
-    strands = _Strands(
-        [Progress(len(header.shape) * cube_exponent(header.shape) if header.shape else 0)], [0], [contents.leans]
-    )
-    promised: dict[tuple[int, int], Promises] = {}
-    coded = mask_bytes = 0
-    complete = False
-    while not complete:
-        chunk = read_envelope(data, at)
-        if chunk is None:
-            break
-        end = min(chunk.end, len(data))
-        behind = chunk.end + CHECKSUM_BYTES * (chunk.checked + chunk.last)
-        if header.cells is not None and chunk.type == ChunkType.LAYERS:
-            if chunk.end <= len(data):
-                head, begins = read_mesh_layer(data[chunk.start : chunk.end], chunk.start)
-                size, number, frame = chunk.end - chunk.start - begins, contents.number, contents.frame
-                contents.begun = True
-                coded += size
-                kind = head.kind.name.lower()
-                layers.append(LayerInfo(kind, -1, 0, 0, chunk.start + begins, size, isovalue=number, frame=frame))
-        elif chunk.type in LAYER_CHUNKS:
-            operation = first_operation(data, chunk)
-            begun = None if operation is None else contents.begin_layers(data[operation], operation)
-            if begun is not None:
-                strands.begin(begun, at)
-            first = len(contents.layers)
-            run = _run_start(data, chunk, end, strands.progresses[-1], contents.layers)
-            if run is not None:
-                coded += end - run
-                for i, layer in enumerate(contents.layers[first:]):
-                    number, frame = contents.number, contents.frame
-                    place = None if i else run
-                    layers.append(
-                        LayerInfo(
-                            layer.kind, layer.level, layer.plane, layer.parts, place, isovalue=number, frame=frame
-                        )
-                    )
-        elif chunk.type == ChunkType.MASK:
-            contents.begin_mask(at)
-            mask_bytes = end - chunk.start
-            coded += mask_bytes
-        elif chunk.end <= len(data):
-            event = contents.read(chunk, data[chunk.start : chunk.end], behind)
-            if isinstance(event, IsovalueRead):
-                strands.progresses.append(
-                    strands.progresses[-1].begin(None if event.lean is None else strands.progresses[event.lean])
-                )
-            elif isinstance(event, FrameRead):
-                strands.begin(event, at)
-            promised[contents.frame, contents.number] = contents.promises[contents.number]
-        chunks.append(ChunkInfo(_NAMES.get(chunk.type, f"unknown {chunk.type}"), at, min(behind, len(data)) - at))
-        if verify(data, chunk, at) is None:
-            break
-        if chunk.last and len(data) > behind:
-            raise FormatError("bytes after the end of the file", code="trailing", offset=behind, clause="3.4.4")
-        complete = chunk.last
-        at = behind
-    earlier = sum(layer.frame < contents.frame for layer in layers)
-    layers = layers[:earlier] + _with_index(contents.records, layers[earlier:])
+    if session.pending is not None:
+        survey.note(session.pending, session.at, len(data))
+    outline, layers = session.outline, survey.layers
+    earlier = sum(layer.frame < outline.frame for layer in layers)
+    layers = layers[:earlier] + _with_index(outline.records, layers[earlier:])
     if symbols and header.cells is None:
         layers = _decoded(data, layers, limits)
+    kind = _kind(header, outline, survey)
+    isovalues, leans = (outline.isovalues, outline.leans) if kind != "surface" else ([], [])
+    surface = survey.surface
+    shape = header.shape if surface is None or not surface.grid else surface.extent
     return FileInfo(
-        header.writer_version, header.read_version, header.profile.name.lower(), header.shape, header.isovalue,
-        header.scale, len(data), len(data) - coded, complete, _promised(layers, promised), chunks,
-        contents.metadata, contents.isovalues, contents.leans, [one.topology for one in contents.promises],
-        mask_bytes if contents.masked else None, contents.interval, strands.frames(contents.interval, at),
-        _in_words(contents.coordinates), contents.domain,
+        header.writer_version, header.read_version, header.profile.name.lower(), shape, header.isovalue,
+        header.scale, len(data), len(data) - survey.coded, session.complete, _promised(layers, survey.promised),
+        survey.chunks, outline.metadata, isovalues, leans, [one.topology for one in outline.promises[: len(isovalues)]],
+        survey.mask_bytes if outline.masked else None, outline.interval,
+        survey.strands.frames(outline.interval, session.at), _in_words(outline.coordinates), outline.domain,
+        kind, surface,
     )
 
 
@@ -335,7 +458,9 @@ def _promised(layers: Sequence[LayerInfo], promises: Mapping[tuple[int, int], Pr
     return out
 
 
-def _run_start(data: bytes, chunk: Envelope, end: int, progress: Progress, plain: list[Layer]) -> int | None:
+def _run_start(
+    data: bytes | bytearray, chunk: Envelope, end: int, progress: Progress, plain: list[Layer]
+) -> int | None:
     at = chunk.start
     if chunk.type == ChunkType.CUT_LAYERS:
         number = varint(data, at, end, "3.5.4")

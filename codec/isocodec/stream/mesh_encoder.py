@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -13,10 +13,11 @@ from numpy.typing import ArrayLike, NDArray
 from isospec.container import ChunkType, DomainKind, MeshLayer, Profile
 
 from ..errors import InputError, OptionError
-from ..field.samples import Field, isovalue_of
+from ..field.meshed import Mesh
+from ..field.samples import Samples, isovalue_of
 from ..format.chunks import write_chunk, write_further
 from ..format.domain import MOST_STEP, DomainHead, MeshLayerHead, read_domain, write_domain, write_mesh_layer
-from ..format.frames import FRAME_BEFORE, is_key, write_frame, write_interval
+from ..format.frames import as_last, write_frame, write_interval
 from ..format.header import Header
 from ..mesh.coded_points import encoded_points, triangulated
 from ..mesh.complex import complex_of
@@ -25,10 +26,10 @@ from ..mesh.isovalue import MeshIsovalue
 from ..mesh.mesh_run import encoded_mesh
 from ..mesh.positions import STEPS, active_vertices, parts_of
 from ..mesh.quantised import Quantised, quantised, refitted, rounded_apart
-from .mesh_decoder import coordinates_of
-from .names import Isovalues, MeshName
-from .options import Options, check_interval, isovalues_of, nearest_before
-from .session import ContainerEncoder, beginning
+from .container import ContainerEncoder, beginning
+from .mesh_contents import coordinates_of
+from .options import Options
+from .series import Series
 
 FINER = 3
 """How many times as many vertices are told after a layer of signs than before it, at least."""
@@ -39,78 +40,129 @@ MESH_SHARE = 0.05
 KINDS = ("known", "coded", "whole", "delaunay")
 
 
-class MeshEncoder(ContainerEncoder):
-    """Encodes isocontours of values at the vertices of a mesh; iterating, once, yields the bytes of the file.
+class MeshFrames:
+    """Encodes the frames of values on one mesh as they come.
 
     Parameters
     ----------
-    points, cells, values, isovalue, mesh, mesh_error, exact, step, tolerance, signs_only, leaning, progressive, \
-    interval, metadata
-        As in `encode_mesh`.
+    mesh : Mesh
+        Its values are those of the first frame, or of all frames, (F, V).
+    series : Series
+    options : Options
+
+    Attributes
+    ----------
+    given : (F, V) array
+        Values of the frames that were given, at points of which none coincide.
 
     Raises
     ------
     InputError
         If the mesh, the values or the isovalue cannot be encoded.
     OptionError
-        If options contradict one another or are out of range.
+        If options do not apply to meshes or are out of range.
     """
 
-    def __init__(
-        self,
-        points: ArrayLike,
-        cells: ArrayLike | None,
-        values: ArrayLike,
-        isovalue: Isovalues,
-        *,
-        mesh: MeshName | None = None,
-        mesh_error: float | None = None,
-        exact: bool = False,
-        step: float | None = None,
-        tolerance: float | None = None,
-        signs_only: bool = False,
-        leaning: bool = True,
-        progressive: bool | None = None,
-        interval: int = 0,
-        metadata: Mapping[str, str] | None = None,
-    ) -> None:
-        if mesh is None:
-            mesh = "delaunay" if cells is None else "known"
-        if mesh not in KINDS:
-            raise OptionError(f"the mesh is {mesh!r}", code="mesh", remedy=f"choose one of: {', '.join(KINDS)}")
-        if (cells is None) != (mesh == "delaunay"):
+    def __init__(self, mesh: Mesh, series: Series, options: Options) -> None:
+        _check_options(options)
+        self.options, self.series = options, series
+        stored = mesh.stored or ("delaunay" if mesh.cells is None else "known")
+        if stored not in KINDS:
+            raise OptionError(f"the mesh is {stored!r}", code="mesh", remedy=f"choose one of: {', '.join(KINDS)}")
+        if (mesh.cells is None) != (stored == "delaunay"):
             raise OptionError(
-                f"cells are {'not ' * (cells is None)}given, and the mesh is {mesh!r}", code="mesh",
+                f"cells are {'not ' * (mesh.cells is None)}given, and the mesh is {stored!r}", code="mesh",
                 remedy="a Delaunay triangulation follows from points alone; any other mesh has cells",
             )
+        points, cells, values = mesh.points, mesh.cells, mesh.values
+        if values is None:
+            raise InputError("a mesh without values", code="values", remedy="give a value for each point")
+        self._scattered: ArrayLike | None = None
         if cells is None:
+            self._scattered = points
             points, cells, values = triangulated(points, values)
-        self.options = Options(
-            exact=exact, step=step, tolerance=tolerance, signs_only=signs_only, leaning=leaning, metadata=metadata
-        )
-        self.isovalues = isovalues_of(isovalue)
         self.domain, self._points = complex_of(points, cells)
-        self._frames = _frames_of(values)
-        self._series = np.ndim(values) == 2
-        self._interval = check_interval(interval)
         self._size = len(self.domain.mesh.position), len(self.domain.mesh.cell)
         self._source = np.arange(self._size[0])
-        for frame in range(len(self._frames)):
-            self.options.check_data(self._fields(frame)[0].integer)
+        self.given = first = _frames_of(values)
+        for each in first:
+            self.options.check_data(self._fields(each)[0].integer)
         self._edge = self._median_edge()
         self._rounded: NDArray[np.float64] | None = None
-        self._domain_chunk = self._known() if mesh == "known" else self._coded(mesh, mesh_error)
+        self._domain_chunk = self._known() if stored == "known" else self._coded(stored, mesh.error, first)
         self._step = self._offset_step()
+        progressive = mesh.progressive
         if progressive is None:
-            progressive = mesh == "known" and has_levels(self.domain)
+            progressive = stored == "known" and has_levels(self.domain)
         self._history = history_of(self.domain) if progressive else None
-        self.header = Header((), self._fields(0)[0].isovalue, self.options.step, Profile.MAIN, cells=self.domain.n)
-        self.strands: list[MeshIsovalue] = []
+        step = options.precision.step
+        self.header = Header((), self._fields(first[0])[0].isovalue, step, Profile.MAIN, cells=self.domain.n)
+        self._metadata = {**mesh.metadata, **options.metadata}
+        self._strands: list[MeshIsovalue] = []
 
-    def _fields(self, frame: int) -> list[Field]:
+    def chunks(self, values: ArrayLike) -> list[bytes]:
+        """The chunks of a frame, the first one with the header before it. If it fails, the frames before stay.
+
+        Parameters
+        ----------
+        values : (V,) array_like
+
+        Raises
+        ------
+        InputError
+            If the values cannot be encoded.
+        """
+        if self._scattered is not None:
+            values = triangulated(self._scattered, values)[2]
+        return self.merged_chunks(np.asarray(values))
+
+    def merged_chunks(self, values: NDArray[Any]) -> list[bytes]:
+        """The same of values at points of which none coincide."""
+        fields = self._fields(values)
+        self.options.check_data(fields[0].integer)
+        if self.series.number >= 0:
+            self.series.next_frame()
+        try:
+            begun = self._beginning() if self.series.frame == 0 else ()
+            before = self._strands
+            self._strands = []
+            return [*begun, *self._frame(fields, before)]
+        except BaseException:
+            self._strands = before
+            self.series.forget_frame()
+            raise
+
+    def _beginning(self) -> Iterator[bytes]:
+        """What is about the whole file."""
+        yield from beginning(self.header, self._metadata)
+        yield write_chunk(ChunkType.DOMAIN, self._domain_chunk)
+        if self.series.interval is not None:
+            yield write_chunk(ChunkType.FRAME, write_interval(self.series.interval))
+
+    def _frame(self, fields: Sequence[Samples], before: Sequence[MeshIsovalue]) -> Iterator[bytes]:
+        """Chunks of all isovalues of a frame."""
+        series, strands = self.series, self._strands
+        frame = series.frame
+        for number, value in enumerate(series.isovalues):
+            lean = series.choose(number, self.options.independent)
+            series.add(lean)
+            coded = None if lean is None else lean.coded
+            if frame:
+                yield write_chunk(ChunkType.FRAME, write_frame(coded, series.is_key(frame)))
+            elif number:
+                yield write_chunk(ChunkType.ISOVALUE, write_further(value, coded))
+            earlier = []
+            then = before[number] if lean is not None and lean.before else None
+            while lean is not None and not lean.before:
+                earlier.append(strands[lean.number])
+                lean = series.lean(lean.number, frame)
+            strands.append(MeshIsovalue(self.domain, value, self.options.precision.step, earlier, then))
+            yield from self._layers(strands[number], fields[number])
+
+    def _fields(self, values: NDArray[Any]) -> list[Samples]:
         """The values of a frame at the vertices of the domain, for each isovalue."""
-        values = self._frames[frame]
-        found = [vertex_field(values, *self._size, one, self.options.step) for one in self.isovalues]
+        step = self.options.precision.step
+        found = [vertex_field(values, *self._size, one, step) for one in self.series.isovalues]
         return [replace(one, values=one.values[self._source], signs=one.signs[self._source]) for one in found]
 
     def _median_edge(self) -> float:
@@ -127,20 +179,20 @@ class MeshEncoder(ContainerEncoder):
         head = DomainHead(DomainKind.KNOWN, mesh.position.shape[1], exponent, *size, self.domain.digest)
         return write_domain(head, self.domain.n)
 
-    def _coded(self, mesh: str, error: float | None) -> bytes:
+    def _coded(self, stored: str, error: float | None, frames: NDArray[Any]) -> bytes:
         """Payload of the chunk of a mesh in the file; from now on the domain is what decoders have."""
         if error is not None and not (math.isfinite(error) and error > 0):
             raise OptionError(f"the error of the mesh is {error}; it must be greater than 0", code="mesh-error")
         error = error or MESH_SHARE * self._edge
-        if mesh == "delaunay":
+        if stored == "delaunay":
             places = rounded_apart(self._points, error)
             run, self.domain, self._source = encoded_points(places.position, places.extent, places.unit)
             self._points = self._points[self._source]
             return self._in_file(DomainKind.DELAUNAY, places) + run
         cells = self.domain.mesh.cell
-        if mesh == "coded":
+        if stored == "coded":
             crossed = np.zeros(len(cells), np.bool_)
-            for frame in range(len(self._frames)):
+            for frame in frames:
                 for field in self._fields(frame):
                     signs = field.signs[cells]
                     crossed |= signs.any(axis=1) & ~signs.all(axis=1)
@@ -167,46 +219,14 @@ class MeshEncoder(ContainerEncoder):
 
     def _offset_step(self) -> int:
         """The longest part of an edge, in steps of offsets; 0 without offsets."""
-        o = self.options
-        if o.exact or o.signs_only or o.step is not None:
+        precision = self.options.precision
+        if precision.exact or precision.signs or precision.step is not None:
             return 0
-        tolerance = o.tolerance or EDGE_SHARE * self._edge
+        tolerance = precision.tolerance or EDGE_SHARE * self._edge
         return int(min(max(2 * tolerance / self.domain.unit * STEPS, 1), MOST_STEP))
 
-    def _pieces(self) -> Iterator[bytes]:
-        """The file but for its checksum."""
-        yield from beginning(self.header, self.options.metadata)
-        yield write_chunk(ChunkType.DOMAIN, self._domain_chunk)
-        if self._series:
-            yield write_chunk(ChunkType.FRAME, write_interval(self._interval))
-        for frame in range(len(self._frames)):
-            yield from self._frame(frame)
-
-    def _frame(self, frame: int) -> Iterator[bytes]:
-        """Chunks of a frame."""
-        key = is_key(frame, self._interval)
-        before = [] if key or not self.options.leaning else self.strands
-        self.strands = []
-        leans: list[int | None] = []
-        fields = self._fields(frame)
-        for number, value in enumerate(self.isovalues):
-            then = before[number] if before else None
-            lean = nearest_before(self.isovalues, number) if number and self.options.leaning and not then else None
-            leans.append(lean)
-            if frame:
-                yield write_chunk(ChunkType.FRAME, write_frame(FRAME_BEFORE if then else lean, key))
-            elif number:
-                yield write_chunk(ChunkType.ISOVALUE, write_further(value, lean))
-            earlier = []
-            while lean is not None:
-                earlier.append(self.strands[lean])
-                lean = leans[lean]
-            self.strands.append(MeshIsovalue(self.domain, value, self.options.step, earlier, then))
-            ends = frame == len(self._frames) - 1 and number == len(self.isovalues) - 1
-            yield from self._layers(self.strands[number], fields[number], ends)
-
-    def _layers(self, strand: MeshIsovalue, field: Field, ends: bool) -> Iterator[bytes]:
-        """Chunks of the layers of an isovalue; ``ends`` if it is the last of the file."""
+    def _layers(self, strand: MeshIsovalue, field: Samples) -> Iterator[bytes]:
+        """Chunks of the layers of an isovalue."""
         geometry = self._geometry()
         for head in self._sign_layers():
             run = strand.write()
@@ -215,8 +235,7 @@ class MeshEncoder(ContainerEncoder):
             else:
                 strand.code_levels(self._history, head.rounds, field.signs)
             empty = strand.edges is not None and not len(strand.edges)
-            last = ends and head.rounds == 0 and (empty or geometry is None)
-            yield write_chunk(ChunkType.LAYERS, write_mesh_layer(head) + run.end(), last=last)
+            yield write_chunk(ChunkType.LAYERS, write_mesh_layer(head) + run.end())
         assert strand.edges is not None
         if geometry is None or empty:
             return
@@ -231,9 +250,9 @@ class MeshEncoder(ContainerEncoder):
             bits = [max((int(n).bit_length() for n in steps[field.signs[active] == s]), default=0) for s in (0, 1)]
             head = MeshLayerHead(geometry, bits=(bits[0], bits[1]))
             strand.code_values(head.bits, steps)
-        yield write_chunk(ChunkType.LAYERS, write_mesh_layer(head) + run.end(), last=ends)
+        yield write_chunk(ChunkType.LAYERS, write_mesh_layer(head) + run.end())
 
-    def _offsets(self, strand: MeshIsovalue, field: Field) -> NDArray[np.int64]:
+    def _offsets(self, strand: MeshIsovalue, field: Samples) -> NDArray[np.int64]:
         """Parts of the crossed edges that the curve lies in."""
         assert strand.edges is not None
         where = crossing_places(field, strand.edges)
@@ -259,9 +278,57 @@ class MeshEncoder(ContainerEncoder):
 
     def _geometry(self) -> MeshLayer | None:
         """What tells where within cells the curve lies."""
-        if self.options.signs_only:
+        if self.options.precision.signs:
             return None
         return MeshLayer.OFFSETS if self._step else MeshLayer.VALUES
+
+
+class MeshEncoder(ContainerEncoder):
+    """Encodes isocontours of values on a mesh; iterating, once, yields the bytes of the file.
+
+    Parameters
+    ----------
+    mesh : Mesh
+        With values of two axes the file holds a series.
+    isovalues : sequence of float
+    options : Options
+
+    Raises
+    ------
+    InputError, OptionError
+        As `MeshFrames`.
+    """
+
+    def __init__(self, mesh: Mesh, isovalues: Sequence[float], options: Options) -> None:
+        interval = options.interval if np.ndim(mesh.values) == 2 else None  # type: ignore[arg-type]
+        self.frames = MeshFrames(mesh, Series(isovalues, interval), options)
+        self.header = self.frames.header
+        self.isovalues = self.frames.series.isovalues
+
+    def _pieces(self) -> Iterator[bytes]:
+        """The file but for its checksum."""
+        waiting = b""
+        for values in self.frames.given:
+            for chunk in self.frames.merged_chunks(values):
+                if waiting:
+                    yield waiting
+                waiting = chunk
+        yield as_last(waiting)
+
+
+def _check_options(options: Options) -> None:
+    """Refuse options that do not apply to meshes."""
+    precision = options.precision
+    for name, given in (
+        ("keep_topology", options.keep_topology), ("layers", not options.layers.default),
+        ("profile", options.entropy != Profile.MAIN),
+        (f"precision {precision.text!r}", precision.steps is not None or bool(precision.world)),
+    ):
+        if given:
+            raise OptionError(f"{name} does not apply to meshes", code=name.split()[0], remedy="leave it out")
+    tolerance = precision.tolerance
+    if tolerance is not None and not (math.isfinite(tolerance) and tolerance > 0):
+        raise OptionError(f"the precision is {tolerance}; it must be greater than 0", code="tolerance")
 
 
 def _frames_of(values: ArrayLike) -> NDArray[Any]:
@@ -272,7 +339,7 @@ def _frames_of(values: ArrayLike) -> NDArray[Any]:
     return found if found.ndim == 2 else found[None]
 
 
-def vertex_field(values: NDArray[Any], vertices: int, cells: int, isovalue: float, step: float | None) -> Field:
+def vertex_field(values: NDArray[Any], vertices: int, cells: int, isovalue: float, step: float | None) -> Samples:
     """Values at the vertices of a mesh as a field; raises `InputError` if they are none."""
     found = values
     if found.dtype.kind not in "biuf":
@@ -302,10 +369,10 @@ def vertex_field(values: NDArray[Any], vertices: int, cells: int, isovalue: floa
             raise OptionError("a step is for float data; integers are sent exactly", code="step", remedy="use exact")
     if step is not None and not (math.isfinite(step) and step > 0):
         raise OptionError(f"the step is {step}, needed is a positive number", code="step")
-    return Field(found, isovalue_of(isovalue), signs, step)
+    return Samples(found, isovalue_of(isovalue), signs, step)
 
 
-def crossing_places(field: Field, edges: NDArray[np.int64]) -> NDArray[np.float64]:
+def crossing_places(field: Samples, edges: NDArray[np.int64]) -> NDArray[np.float64]:
     """Where edges are crossed, from 0 to 1 from their lower vertices, by linear interpolation."""
     low, high = (field.values[edges[:, i]].astype(np.float64) for i in (0, 1))
     with np.errstate(all="ignore"):

@@ -1,216 +1,326 @@
-"""The options of an encoder, with the checks that each of them and all together have to pass."""
+"""The options of `encode`, parsed once: what precision, layers and isovalues texts, numbers and sequences mean."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from numbers import Real
-from typing import TypedDict
+from typing import Any, Literal, SupportsFloat, TypeAlias, TypedDict
 
 import numpy as np
-from numpy.typing import ArrayLike
 
-from isospec.container import MAX_ISOVALUES, Profile
+from isospec.container import Profile
 
 from ..errors import OptionError
-from ..field.placement import PLACEMENT, placement_of, read_placement, write_placement
-from ..field.samples import isovalue_of
+from ..field.placement import PLACEMENT, read_placement
+from ..field.stretch import distance_of
 from ..grid.layers.plan import Entry
 from ..search.strategy import EXACT
-from ..search.tolerance import radices
-from .names import CriterionName, Distance, ProfileName
+from .plan_file import CRITERIA, read_plan
+
+ProfileName: TypeAlias = Literal["main", "baseline"]
+"""How symbols become bytes."""
+CriterionName: TypeAlias = Literal["crossing", "topology", "curvature", "distortion", "level"]
+"""Criteria that a mesh is reduced under."""
+PrecisionGiven: TypeAlias = "float | str | Sequence[float | str] | None"
+"""What `Precision.of` parses."""
+LayersGiven: TypeAlias = "int | str | Sequence[Entry] | Mapping[float, Sequence[Entry]] | None"
+"""What `Layers.of` parses."""
+Isovalues: TypeAlias = SupportsFloat | str | Sequence[SupportsFloat]
+"""One number, of Python's, numpy's, a fraction or a decimal; several, also as an array; or "every 20 from 5"."""
 
 DEFAULT_TOLERANCE = 0.05
 """Largest distance in cells between decoded and extracted curve when nothing else is asked for."""
 SEARCHED = 0.1
 """From this tolerance on the mesh is chosen; below it nearly every crossing of the grid has to be coded anyway."""
-PRECISIONS = ("exact", "tolerance", "signs_only", "step", "steps")
-"""Options that set the precision."""
-MESHES = ("base_level", "steps", "criterion")
-"""Options that choose the mesh."""
-EXCLUSIVE = (
-    PRECISIONS, MESHES,
-    *(("plan", name) for name in (*PRECISIONS, *MESHES, "preserve_topology") if name != "step"),
-)
-"""Of each of these groups an encoder takes one option."""
+STEP = "step="
+"""Beginning of a precision that is a step of values."""
+_CRITERIA = ("crossing", "topology", "curvature", "distortion", "level")
 
 
 class EncodeOptions(TypedDict, total=False):
     """Options of `isocodec.encode`, by name."""
 
-    exact: bool
-    tolerance: float | str | None
-    signs_only: bool
-    step: float | None
-    base_level: int | None
-    preserve_topology: bool
-    steps: Sequence[Distance] | None
-    criterion: CriterionName | None
-    parameter: float | None
-    leaning: bool
-    mask: ArrayLike | None
-    plan: Sequence[Entry] | Mapping[float, Sequence[Entry]] | None
+    precision: PrecisionGiven
+    keep_topology: bool
     profile: ProfileName
+    layers: LayersGiven
+    independent: bool
+    interval: int
     metadata: Mapping[str, str] | None
-    placement: ArrayLike | None
-    coordinates: Sequence[ArrayLike] | None
-    coordinates_error: float | None
-    periodic: int | Sequence[int] | None
-    period: float | Sequence[float] | None
-    progress: Callable[[int, int], object] | None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Precision:
+    """How closely a file keeps to the curve; without any of these to the default of what is encoded.
+
+    Attributes
+    ----------
+    exact : bool
+        Values of integers next to the curve, to the last bit.
+    signs : bool
+        Which samples lie above, no geometry.
+    tolerance : float or None
+        Largest distance between decoded and extracted curve, both ways: in cells, on meshes in the unit of the points.
+    world : str
+        The same distance with a unit, in the world; `tolerance` is found when the field is known.
+    steps : tuple of float, or None
+        Falling distances in cells that the layers promise one after the other; 0 for exact values.
+    step : float or None
+        Values of floats next to the curve, to within half of this.
+    """
+
+    exact: bool = False
+    signs: bool = False
+    tolerance: float | None = None
+    world: str = ""
+    steps: tuple[float, ...] | None = None
+    step: float | None = None
+
+    @classmethod
+    def of(cls, given: PrecisionGiven | Precision) -> Precision:
+        """Parse a precision: a number, "exact", "signs", "100m", "step=0.5", distances as a sequence or "4,1,exact".
+
+        Raises
+        ------
+        OptionError
+            If it is none of these.
+        """
+        if given is None:
+            return cls()
+        if isinstance(given, cls):
+            return given
+        if isinstance(given, str):
+            return cls._of_text(given.strip())
+        if isinstance(given, Iterable) and np.ndim(given) > 0:  # type: ignore[arg-type]
+            return cls(steps=_steps_of(given))
+        return cls(tolerance=number_of("precision", given))
+
+    @classmethod
+    def _of_text(cls, text: str) -> Precision:
+        if text in ("exact", "signs"):
+            return cls(exact=text == "exact", signs=text == "signs")
+        if text.startswith(STEP):
+            return cls(step=_in_text(text.removeprefix(STEP), text))
+        if "," in text:
+            parts = (part.strip() for part in text.split(","))
+            return cls(steps=_steps_of(part if part == "exact" else _in_text(part, text) for part in parts))
+        number, unit = distance_of(text)
+        return cls(world=text) if unit else cls(tolerance=number)
+
+    @property
+    def default(self) -> bool:
+        """Whether nothing was chosen."""
+        return self == Precision()
+
+    @property
+    def text(self) -> str:
+        """The text that `of` parses to this; empty if nothing was chosen."""
+        if self.steps is not None:
+            return ",".join("exact" if step == EXACT else f"{step:g}" for step in self.steps)
+        chosen = {
+            "exact": self.exact, "signs": self.signs, f"{STEP}{self.step}": self.step is not None,
+            self.world: bool(self.world), f"{self.tolerance}": self.tolerance is not None,
+        }
+        return next((text for text, given in chosen.items() if given), "")
+
+    @property
+    def searched(self) -> float | None:
+        """The tolerance, if it is one that a mesh is chosen for."""
+        return self.tolerance if self.tolerance is not None and self.tolerance >= SEARCHED else None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Layers:
+    """Which layers a file has; without any of these those that the precision leads to.
+
+    Attributes
+    ----------
+    level : int or None
+        Uniform level of the base.
+    criterion : str or None
+        Reduce the mesh under one criterion.
+    parameter : float or None
+        Number that the criterion takes.
+    plan : sequence of entries, or None
+        The layers one by one, for all isovalues.
+    plans : mapping of float to sequence of entries, or None
+        The same for each isovalue.
+    written : bool
+        Whether the plan was a text, so that it can be checked before layers are made.
+    """
+
+    level: int | None = None
+    criterion: str | None = None
+    parameter: float | None = None
+    plan: Sequence[Entry] | None = None
+    plans: Mapping[float, Sequence[Entry]] | None = None
+    written: bool = False
+
+    @classmethod
+    def of(cls, given: LayersGiven | Layers) -> Layers:
+        """Parse layers: a level, "distortion=1.0", the text of a plan, its entries, or entries by isovalue.
+
+        Raises
+        ------
+        OptionError
+            If it is none of these.
+        """
+        if given is None:
+            return cls()
+        if isinstance(given, cls):
+            return given
+        if isinstance(given, str):
+            return cls._of_text(given)
+        if isinstance(given, Mapping):
+            return cls(plans=given)
+        if isinstance(given, Real):
+            return cls(level=whole_of("layers", given))
+        if not isinstance(given, Sequence):
+            raise OptionError(
+                f"layers are {given!r}; they must be a sequence of entries", code="plan",
+                remedy='begin it with ("base", level)',
+            )
+        return cls(plan=given)
+
+    @classmethod
+    def _of_text(cls, text: str) -> Layers:
+        name, equals, number = text.strip().partition("=")
+        if name in _CRITERIA and "\n" not in text.strip():
+            parameter = _in_text(number, text, f"give one of {CRITERIA}") if equals else None
+            if parameter is not None and not (math.isfinite(parameter) and parameter >= 0):
+                raise OptionError(
+                    f"the criterion's parameter is {parameter}; it must be a number from 0 on", code="criterion"
+                )
+            return cls(criterion=name, parameter=parameter)
+        if text.strip().isdecimal():
+            return cls(level=int(text))
+        found = read_plan(text)
+        if isinstance(found, dict):
+            return cls(plans=found, written=True)
+        return cls(plan=found, written=True)
+
+    @property
+    def planned(self) -> bool:
+        """Whether the layers are given one by one."""
+        return self.plan is not None or self.plans is not None
+
+    @property
+    def default(self) -> bool:
+        """Whether nothing was chosen."""
+        return self == Layers()
+
+    def plan_for(self, isovalue: float) -> Sequence[Entry] | None:
+        """The plan of an isovalue, if plans are given."""
+        found: object = self.plan
+        if self.plans is not None:
+            if isovalue not in self.plans:
+                raise OptionError(f"the plan has no entry for the isovalue {isovalue!r}", code="plan")
+            found = self.plans[isovalue]
+        if found is not None and (not isinstance(found, Sequence) or isinstance(found, str)):
+            raise OptionError(
+                f"the plan is {found!r}; it must be a sequence", code="plan", remedy='begin it with ("base", level)'
+            )
+        return found
 
 
 @dataclass(frozen=True, kw_only=True)
 class Options:
-    """What an encoder is asked for: the keyword parameters of `encode`, `Encoder` and the command line.
+    """The options of `encode`, for whatever is encoded, parsed by `of`.
 
-    Numbers of any kind become Python's own. `encode` explains the options in full.
-
-    Raises
-    ------
-    OptionError
-        If options contradict one another or are out of range.
+    Attributes
+    ----------
+    precision : Precision
+    keep_topology : bool
+        Every layer has the components of the curve, nested alike.
+    profile : str
+        Entropy coding profile.
+    layers : Layers
+    independent : bool
+        No isovalue leans on another, no frame on the one before.
+    interval : int
+        Every so many frames one leans on none before it.
+    metadata : mapping of str to str
+        Notes to go into the file.
     """
 
-    exact: bool = False
-    """Integer data: keep the values next to the curve to the last bit."""
-    tolerance: float | None = None
-    """Largest distance, in cells, between the decoded and the extracted curve, both ways."""
-    signs_only: bool = False
-    """Keep only which samples lie above."""
-    step: float | None = None
-    """Float data: keep the values next to the curve to within half this step."""
-    base_level: int | None = None
-    """Uniform level of the base."""
-    preserve_topology: bool = False
-    """Every layer has the components of the curve, nested alike."""
-    steps: Sequence[float | str] | None = None
-    """Falling distances that the layers promise one after the other; the last may be "exact"."""
-    criterion: str | None = None
-    """Reduce the mesh under one criterion."""
-    parameter: float | None = None
-    """Number that the criterion takes."""
-    leaning: bool = True
-    """Each further isovalue makes use of the nearest one before it."""
-    plan: Sequence[Entry] | Mapping[float, Sequence[Entry]] | None = None
-    """The layers one by one, instead of all options above but ``step`` and ``leaning``."""
+    precision: Precision = Precision()
+    keep_topology: bool = False
     profile: str = "main"
-    """Entropy coding profile."""
-    metadata: Mapping[str, str] | None = None
-    """Notes to go into the file."""
-    placement: ArrayLike | None = None
-    """Where the samples lie in the world, by one matrix."""
-    coordinates: Sequence[ArrayLike] | None = None
-    """Where they lie, axis by axis or node by node."""
-    coordinates_error: float | None = None
-    """Cells by which coordinates may be off."""
-    periodic: int | Sequence[int] | None = None
-    """Axes along which the first sample follows on the last one."""
-    period: float | Sequence[float] | None = None
-    """Distances after which coordinates are the same."""
+    layers: Layers = Layers()
+    independent: bool = False
+    interval: int = 0
+    metadata: Mapping[str, str] = field(default_factory=dict)
 
-    def __post_init__(self) -> None:
-        for name in ("tolerance", "step", "parameter"):
-            object.__setattr__(self, name, number_of(name, getattr(self, name)))
-        object.__setattr__(self, "base_level", whole_of("base_level", self.base_level))
-        object.__setattr__(self, "steps", _steps_of(self.steps))
-        self._check_conflicts()
-        self._check_criterion()
-        radices(self.tolerance)
-        if str(self.profile).upper() not in Profile.__members__:
+    @classmethod
+    def of(cls, **given: Any) -> Options:
+        """Options from the keyword parameters of `encode`.
+
+        Raises
+        ------
+        OptionError
+            If one is unknown or out of range, or they cannot be combined.
+        """
+        if unknown := [name for name in given if name not in cls.__dataclass_fields__]:
+            raise OptionError(f"unknown option {unknown[0]!r}", code="options",
+                              remedy=f"one of {', '.join(cls.__dataclass_fields__)}")
+        options = replace(
+            cls(**given), precision=Precision.of(given.get("precision")), layers=Layers.of(given.get("layers")),
+            interval=check_interval(given.get("interval", 0)), metadata=_notes_of(given.get("metadata") or {}),
+        )
+        if str(options.profile).upper() not in Profile.__members__:
             names = ", ".join(p.name.lower() for p in Profile)
-            raise OptionError(f"unknown profile {self.profile!r}", code="profile", remedy=f"choose one of: {names}")
-        object.__setattr__(self, "metadata", _notes_of(self.metadata or {}))
+            raise OptionError(
+                f"unknown profile {options.profile!r}", code="profile", remedy=f"choose one of: {names}"
+            )
+        options._check_combined()
+        return options
+
+    def _check_combined(self) -> None:
+        precision, layers = self.precision, self.layers
+        if layers.planned and (self.keep_topology or not (precision.default or precision.step is not None)):
+            other = "keep_topology" if self.keep_topology else f"precision {precision.text!r}"
+            raise OptionError(f"a plan and {other} cannot be combined", code="options", remedy="give the plan alone")
+        if precision.steps is not None and not layers.default:
+            raise OptionError(f"layers and precision {precision.text!r} cannot be combined", code="options",
+                              remedy="choose one")
 
     @property
-    def distances(self) -> tuple[float, ...] | None:
-        """``steps`` as numbers, with `EXACT` for exact values."""
-        return None if self.steps is None else tuple(float(step) for step in self.steps)
-
-    def _check_conflicts(self) -> None:
-        values = {name: getattr(self, name) for name in (*PRECISIONS, *MESHES)}
-        given = {name for name, value in values.items() if value is not None and value is not False}
-        if self.plan is not None and given - {"step"}:
-            raise OptionError("a plan contradicts the other options", code="options", remedy="give the plan alone")
-        names = conflict(given)
-        if names:
-            raise OptionError(f"{' and '.join(names)} contradict one another", code="options", remedy="choose one")
-        if self.placement is not None and not (self.coordinates is self.periodic is None):
-            raise OptionError(
-                "a placement and coordinates or periodic axes contradict one another", code="options",
-                remedy="give coordinates instead of the placement",
-            )
-        if self.periodic is not None and self.chooses_mesh:
-            raise OptionError(
-                f"periodic and {self.chooses_mesh} contradict one another: the mesh must be the same at both ends of "
-                "the axis", code="periodic", remedy=f"use exact, step, signs_only or a tolerance below {SEARCHED:g}",
-            )
+    def entropy(self) -> Profile:
+        """The profile, as headers hold it."""
+        return Profile[self.profile.upper()]
 
     @property
     def chooses_mesh(self) -> str:
-        """The option that leads to a mesh which is not uniform, if there is one."""
+        """The option that leads to a mesh which is not uniform, or nothing."""
         chosen = {
-            "plan": self.plan is not None, "steps": self.steps is not None, "criterion": self.criterion is not None,
-            "tolerance": self.tolerance is not None and self.tolerance >= SEARCHED,
-            "preserve_topology": self.preserve_topology,
+            "layers": self.layers.planned or self.layers.criterion is not None,
+            f"precision {self.precision.text!r}": self.precision.steps is not None or bool(self.precision.searched),
+            "keep_topology": self.keep_topology,
         }
         return next((name for name, given in chosen.items() if given), "")
 
-    def _check_criterion(self) -> None:
-        if self.parameter is None:
-            return
-        if self.criterion is None:
-            raise OptionError("a parameter without a criterion", code="criterion", remedy="name the criterion")
-        if not (math.isfinite(self.parameter) and self.parameter >= 0):
-            raise OptionError(
-                f"the criterion's parameter is {self.parameter}; it must be a number from 0 on", code="criterion"
-            )
-
     def check_data(self, integer: bool) -> None:
         """Refuse exact values of floats."""
-        if not integer and (self.exact or EXACT in (self.distances or ())):
+        if not integer and (self.precision.exact or EXACT in (self.precision.steps or ())):
             raise OptionError(
-                "exact is for integer data, and the field holds floats", code="exact", remedy="use step or tolerance"
+                "precision 'exact' is for integer data, and the field holds floats", code="exact",
+                remedy="use step=.. or a distance",
             )
 
-    def notes(self, n: int) -> dict[str, str]:
-        """The metadata of the file of a field of ``n`` axes, where its samples lie included."""
-        notes = dict(self.metadata or {})
-        if self.placement is not None:
-            if PLACEMENT in notes:
-                raise OptionError("placement and metadata of that name contradict one another", code="options")
-            notes[PLACEMENT] = write_placement(placement_of(self.placement, n))
-        elif PLACEMENT in notes and read_placement(notes, n) is None:
+    def check_unused(self, kind: str, **unused: bool) -> None:
+        """Refuse options that do not apply to one kind of file: those by name that were given."""
+        if name := next((name for name, given in unused.items() if given), ""):
+            raise OptionError(f"{name} does not apply to {kind}", code=name, remedy="leave it out")
+
+    def check_placement_note(self, n: int) -> None:
+        """Refuse a note of a placement that a reader would ignore."""
+        if PLACEMENT in self.metadata and read_placement(self.metadata, n) is None:
             raise OptionError(
-                f"the note {PLACEMENT}, {notes[PLACEMENT]!r}, cannot be understood by a reader",
-                code="placement", remedy="see clause 3.7.2, or give the numbers as the option of that name",
+                f"the note {PLACEMENT}, {self.metadata[PLACEMENT]!r}, cannot be understood by a reader",
+                code="placement", remedy="see clause 3.7.2, or give the numbers as the placement of a Field",
             )
-        return notes
-
-    def plan_for(self, isovalue: float) -> Sequence[Entry] | None:
-        """The plan of an isovalue, if plans are given."""
-        given: object = self.plan
-        if given is None:
-            return None
-        if isinstance(given, Mapping):
-            if isovalue not in given:
-                raise OptionError(f"the plan has no entry for the isovalue {isovalue!r}", code="plan")
-            given = given[isovalue]
-        if not isinstance(given, Sequence) or isinstance(given, str):
-            raise OptionError(
-                f"the plan is {given!r}; it must be a sequence", code="plan", remedy='begin it with ("base", level)'
-            )
-        return given
-
-
-def conflict(given: Collection[str]) -> tuple[str, ...]:
-    """Those of the options given that contradict one another: of the first group of which there are several."""
-    for group in EXCLUSIVE:
-        names = tuple(name for name in group if name in given)
-        if len(names) > 1:
-            return names
-    return ()
 
 
 def _notes_of(metadata: object) -> dict[str, str]:
@@ -268,31 +378,12 @@ def _steps_of(steps: object) -> tuple[float, ...] | None:
     return out
 
 
-def isovalues_of(given: object) -> list[float]:
-    """The isovalues of a file, from one number or a sequence of them.
-
-    Raises
-    ------
-    InputError
-        If one is not a number that a file can hold.
-    OptionError
-        If there are none, two that are equal, or too many.
-    """
-    if isinstance(given, str | bytes) or not isinstance(given, Sequence | np.ndarray) or np.shape(given) == ():
-        return [isovalue_of(given)]
-    values = [isovalue_of(value) for value in given]
-    if not values:
-        raise OptionError("no isovalue", code="isovalue", remedy="give one")
-    if len(set(values)) < len(values):
-        raise OptionError("an isovalue is given twice", code="isovalue", remedy="give each once")
-    if len(values) > MAX_ISOVALUES:
-        raise OptionError(f"{len(values)} isovalues; a file holds at most {MAX_ISOVALUES}", code="isovalue")
-    return values
-
-
-def nearest_before(isovalues: Sequence[float], number: int) -> int:
-    """Number of the isovalue that a further one leans on: of those before it the one that lies nearest."""
-    return min(range(number), key=lambda i: abs(isovalues[i] - isovalues[number]))
+def _in_text(number: str, text: str, remedy: str = "for example 0.5") -> float:
+    """A number in the text of an option."""
+    try:
+        return float(number)
+    except ValueError:
+        raise OptionError(f"{number!r} in {text!r} is not a number", code="options", remedy=remedy) from None
 
 
 def check_interval(interval: int) -> int:

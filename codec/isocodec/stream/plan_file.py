@@ -35,7 +35,7 @@ from ..errors import OptionError
 from ..format.kinds import LayerKind
 from ..format.program import Progress, expand
 from ..grid.layers.plan import Criteria, Entry, Line, where
-from .options import nearest_before
+from .series import nearest_before
 
 ISOVALUE = "isovalue"
 CRITERIA = "crossing, topology, curvature=K, distortion=D or level=L"

@@ -1,23 +1,28 @@
-"""Files from what other files tell: their curves on the full grid, as fields to be encoded anew."""
+"""Files made of what other files hold: their curves on the full grid, as fields to be encoded anew."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import product
-from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
-from ..errors import OptionError
-from ..field.samples import Field
-from ..field.told import Told, near_values, told_values
+from ..errors import LimitError, OptionError
+from ..field.decoded_samples import DecodedSamples, near_values, values_of_steps
+from ..field.placement import PLACEMENT, read_placement, unplaced, write_placement
+from ..field.samples import Samples
 from ..format.kinds import LayerKind
 from ..grid.layers.plan import Entry
 from ..grid.tube.decoded import Decoded
+from ..limits import Limits
+from .container import Ending
 from .decoder import Decoder
-from .encoder import Encoder
+from .grid_encoder import GridEncoder, GridFrames, grid_file
+from .options import Options
+from .series import Series
 
 
 @dataclass(frozen=True)
@@ -26,42 +31,42 @@ class Source:
 
     Attributes
     ----------
-    field : Told
+    field : DecodedSamples
     geometry : list of entries
         Layers behind the full grid that tell the same again.
     """
 
-    field: Told
+    field: DecodedSamples
     geometry: list[Entry]
 
 
-def sources_of(decoder: Decoder, what: str = "the file") -> list[Source]:
-    """All isovalues of a file that a decoder has taken whole; ``what`` names it in messages.
+def sources_of(decoder: Decoder, what: str = "the file", *, before: bool = False) -> list[Source]:
+    """All isovalues of a frame that a decoder has taken whole; ``what`` names the file in messages.
+
+    ``before``: of the frame before, while the next one begins.
 
     Raises
     ------
     OptionError
-        If it is not on the full grid, is a series, has coordinates of its own, or tells values in part.
+        If it is not on the full grid, has coordinates, or holds values in part.
     LimitError
         If it has more samples than the limits allow.
     """
     assert decoder.header is not None
-    if decoder.interval is not None:
-        raise OptionError(f"{what} is a series of frames", code="recode", remedy="decode frames, encode them again")
-    if decoder.mapped() is not None:
-        raise OptionError(f"{what} has coordinates of its own", code="recode", remedy="encode the field itself again")
-    gone = ~decoder.valid()
+    if decoder.grid.mapped() is not None:
+        raise OptionError(f"{what} has coordinates", code="recode", remedy="encode the field itself again")
+    gone = ~decoder.grid.valid()
     missing = gone if gone.any() else None
     found = []
     for number, isovalue in enumerate(decoder.isovalues):
-        signs = np.ascontiguousarray(decoder.mask(number))
-        state = decoder.state(number)
+        signs = np.ascontiguousarray(decoder.grid.above(number, before=before))
+        state = decoder.grid.state(number, before=before)
         assert state is not None
-        found.append(source_of(state, Field(signs, isovalue, signs, decoder.header.scale, missing), what))
+        found.append(source_of(state, Samples(signs, isovalue, signs, decoder.header.scale, missing), what))
     return found
 
 
-def source_of(state: Decoded, field: Field, what: str) -> Source:
+def source_of(state: Decoded, field: Samples, what: str) -> Source:
     """What a state on the full grid tells of a field, of which only the signs are looked at.
 
     Raises
@@ -80,7 +85,9 @@ def source_of(state: Decoded, field: Field, what: str) -> Source:
         steps = np.full(signs.shape, -1, np.int64)
         known = state.missing == 0
         steps[tuple(state.position[known].T)] = state.number[known]
-        field = Told(told_values(signs, isovalue, scale, steps), isovalue, signs, scale, gone, number=steps)
+        field = DecodedSamples(
+            values_of_steps(signs, isovalue, scale, steps), isovalue, signs, scale, gone, number=steps
+        )
         return Source(field, [(LayerKind.VALUES, None)])
     moves = state.edge_high - state.edge_low
     parts = np.unique(state.edge_parts)
@@ -90,7 +97,7 @@ def source_of(state: Decoded, field: Field, what: str) -> Source:
     order = np.argsort(keys)
     edges, places = keys[order], ((state.edge_number + 0.5) / state.edge_parts)[order]
     values = near_values(signs, isovalue, edges, places)
-    field = Told(values, isovalue, signs, scale, gone, edges=edges, places=places)
+    field = DecodedSamples(values, isovalue, signs, scale, gone, edges=edges, places=places)
     return Source(field, [(LayerKind.OFFSETS, radix) for radix in _radices(int(parts[0]))] if len(parts) else [])
 
 
@@ -130,27 +137,125 @@ def _radices(parts: int) -> list[int]:
     return out
 
 
-class Recoder(Encoder):
-    """Encodes what files tell.
+def bounds_of(
+    shape: Sequence[int], box: Sequence[Sequence[float]] | None
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """First and last samples of a box, as far as it lies in the field; all of it if none is given.
+
+    Raises
+    ------
+    OptionError
+        If it is not a box, or lies outside.
+    """
+    last = np.array(shape, np.float64) - 1
+    if box is None:
+        return np.zeros(len(last)), last
+    bounds = np.array(box, np.float64)
+    if bounds.shape != (len(last), 2) or not np.isfinite(bounds).all() or (bounds[:, 0] > bounds[:, 1]).any():
+        raise OptionError(
+            f"the box is {box!r}; it must be {len(last)} pairs, from where to where along each axis", code="box"
+        )
+    if (bounds[:, 1] < 0).any() or (bounds[:, 0] > last).any():
+        raise OptionError(f"the box lies outside the field of {tuple(shape)} samples", code="box")
+    return np.clip(bounds[:, 0], 0, last), np.clip(bounds[:, 1], 0, last)
+
+
+def box_of(
+    shape: Sequence[int], box: Sequence[Sequence[float]] | None, limits: Limits
+) -> tuple[tuple[int, ...], tuple[int, ...]]:
+    """First sample of a box and its samples along each axis: grown to whole samples, and to even ones where it begins.
+
+    There the full grid has the same diagonals.
+
+    Raises
+    ------
+    OptionError
+        If there is no such box.
+    LimitError
+        If it has more samples than the limits allow.
+    """
+    extent = np.array(shape)
+    if extent.min() < 2:
+        raise OptionError("a field with one sample along an axis cannot be cut", code="extract")
+    first, last = bounds_of(shape, box)
+    low = np.minimum(np.floor(first).astype(np.int64), extent - 2) // 2 * 2
+    size = np.maximum(np.ceil(last).astype(np.int64), low + 1) - low + 1
+    if math.prod(size.tolist()) > limits.samples:
+        raise LimitError(
+            f"the box has {math.prod(size.tolist()):,} samples, more than the limit of {limits.samples:,}",
+            code="limit-samples", clause="11.2", remedy="ask for a smaller box, or raise Limits.samples",
+        )
+    return tuple(low.tolist()), tuple(size.tolist())
+
+
+def moved_notes(metadata: Mapping[str, str], low: Sequence[int]) -> dict[str, str]:
+    """Notes of a file with a placement that leaves all samples of a box from ``low`` on where they were."""
+    notes = dict(metadata)
+    placement = read_placement(notes, len(low))
+    if placement is None and not any(low):
+        return notes
+    matrix = unplaced(len(low)) if placement is None or placement.matrix is None else placement.matrix
+    moved = np.column_stack([matrix[:, :-1], matrix[:, -1] + matrix[:, :-1] @ low])
+    notes[PLACEMENT] = write_placement(moved)
+    return notes
+
+
+def cropped(source: Source, low: Sequence[int], size: Sequence[int]) -> Source:
+    """What a source holds of the box of ``size`` samples from ``low`` on."""
+    field, n = source.field, len(low)
+    box = tuple(slice(a, a + s) for a, s in zip(low, size, strict=True))
+    gone = None if field.gone is None or not field.gone[box].any() else np.ascontiguousarray(field.gone[box])
+    number = None if field.number is None else np.ascontiguousarray(field.number[box])
+    start = np.stack(np.unravel_index(field.edges // n, field.signs.shape), axis=1) - np.array(low)
+    axis = field.edges % n
+    end = start + np.eye(n, dtype=np.int64)[axis]
+    inside = ((start >= 0) & (end < np.array(size))).all(axis=1)
+    edges = np.ravel_multi_index(tuple(start[inside].T), tuple(size)) * n + axis[inside]
+    return Source(
+        DecodedSamples(
+            np.ascontiguousarray(field.values[box]), field.isovalue, np.ascontiguousarray(field.signs[box]),
+            field.scale, gone, number=number, edges=edges.astype(np.int64), places=field.places[inside],
+        ),
+        source.geometry,
+    )
+
+
+def recoder_of(sources: Sequence[Source], options: Options, *, kept: bool = False) -> GridEncoder:
+    """An encoder of what files hold.
 
     Parameters
     ----------
     sources : sequence of Source
         Of fields of one shape, with the same samples missing.
+    options : Options
+        Notes of the placement are among the metadata.
     kept : bool
-        Tell the same again, whatever options say of precision.
-    options
-        As of `Encoder`.
+        Code the same curves, whatever the precision is.
     """
+    samples = [source.field for source in sources]
+    geometry = [source.geometry for source in sources] if kept else None
+    series = Series([one.isovalue for one in samples])
+    return GridEncoder(grid_file(samples, series, options, geometry=geometry), samples)
 
-    def __init__(self, sources: Sequence[Source], kept: bool, **options: Any) -> None:
-        self._sources = sources
-        self._kept = kept
-        fields = [source.field for source in sources]
-        super().__init__(fields[0].signs, [field.isovalue for field in fields], **options)
 
-    def _sampled(self, field: ArrayLike, mask: ArrayLike | None) -> tuple[list[Field], NDArray[np.bool_] | None]:
-        return [source.field for source in self._sources], self._sources[0].field.gone
+def recoded_frames(
+    frames: Sequence[Sequence[Source]], interval: int | None, options: Options, *, kept: bool = False
+) -> bytes:
+    """A file of what frames of files hold; parameters as of `recoder_of`.
 
-    def _behind_grid(self, number: int, asked: list[Entry]) -> list[Entry]:
-        return self._sources[number].geometry if self._kept else asked
+    Parameters
+    ----------
+    interval : int or None
+        Of the series; None of a file of one frame that is not a series.
+    """
+    if interval is None:
+        return b"".join(recoder_of(frames[0], options, kept=kept))
+    samples = [[source.field for source in sources] for sources in frames]
+    geometry = None
+    if kept:
+        # an isovalue whose curve is empty in one frame has geometry in others
+        geometry = [max((one.geometry for one in sources), key=len) for sources in zip(*frames, strict=True)]
+    series = Series([one.isovalue for one in samples[0]], interval)
+    encoder, ending = GridFrames(grid_file(samples[0], series, options, geometry=geometry)), Ending()
+    out = [ending.add(encoder.chunks(one)) for one in samples]
+    return b"".join(out) + ending.end()

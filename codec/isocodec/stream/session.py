@@ -1,119 +1,140 @@
-"""Both ends of the container, whatever its domain: pieces out, and bytes in as they come (spec clauses 3.3, 3.4, 8)."""
+"""The loop over the chunks of a file as its bytes come in, whatever its domain is (spec clauses 3.3, 3.4, 8)."""
 
 from __future__ import annotations
 
-import zlib
-from abc import ABC, abstractmethod
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from copy import copy
-from typing import NoReturn
+from typing import NoReturn, Protocol, TypeAlias
 
-from isospec.container import Checksum, ChunkType
+from isospec.container import ChunkType
 
 from ..entropy.run import Account
-from ..errors import FormatError, IsoError, LimitError, OptionError, TruncatedError, out_of_memory
-from ..format.chunks import octets, write_chunk, write_metadata
+from ..errors import FormatError, IsoError, LimitError, TruncatedError, out_of_memory
+from ..format.chunks import Envelope, octets, read_envelope, verify
 from ..format.events import End, Event, HeaderRead
-from ..format.header import Header, read_header, write_header
+from ..format.header import Header, read_header
 from ..limits import Budget, Limits
-from .contents import Contents
+from .outline import Outline
 
 
-def beginning(header: Header, metadata: Mapping[str, str] | None) -> Iterator[bytes]:
-    """The header, and the chunk of notes if there are any."""
-    yield write_header(header)
-    if metadata:
-        yield write_chunk(ChunkType.METADATA, write_metadata(metadata), ancillary=True)
+class Contents(Protocol):
+    """What the chunks of one kind of file mean."""
+
+    outline: Outline
+
+    def expect(self, chunk: Envelope, at: int) -> None:
+        """Check that a critical chunk may stand at byte ``at``; its envelope has been read.
+
+        Raises
+        ------
+        FormatError
+        """
+
+    def arrive(self, chunk: Envelope, at: int) -> tuple[Event | None, bool]:
+        """Decode as much of a critical chunk as can be decoded before its checksums.
+
+        Returns
+        -------
+        event : Event or None
+        done : bool
+            False while symbols are still to come: with an event it is called again, without one it needs more bytes.
+        """
+
+    def take(self, chunk: Envelope, at: int, behind: int) -> Event | None:
+        """Take a whole chunk, its checksums verified; it ends at ``behind``."""
+
+    def drop(self) -> None:
+        """Release everything decoded, after a limit was exceeded."""
 
 
-def with_checksum(pieces: Iterable[bytes]) -> Iterator[bytes]:
-    """The pieces of a file, and the checksum of all of them behind."""
-    checksum = 0
-    for piece in pieces:
-        checksum = zlib.crc32(piece, checksum)
-        yield piece
-    yield Checksum.build(checksum)
+class Session:
+    """Takes the bytes of a file as they come and yields events; an error is raised again by every later call.
 
+    Parameters
+    ----------
+    limits : Limits, optional
+    contents_of : callable
+        Makes the contents once the header has been read.
 
-class ContainerEncoder(ABC):
-    """Yields the bytes of a file, chunk by chunk, once."""
+    Attributes
+    ----------
+    limits : Limits
+    budget : Budget
+        The memory that decoding holds.
+    account : Account
+        The symbols and the work that it has taken.
+    data : bytearray
+        The file as far as it has come.
+    at : int
+        Byte offset of the present chunk.
+    header : Header or None
+    outline : Outline
+    contents : Contents or None
+        None before the header has come.
+    cut : bool
+        Whether a run that ends early has come (spec clause 3.5.4).
+    """
 
-    _begun = False
-
-    def __iter__(self) -> Iterator[bytes]:
-        if self._begun:
-            raise OptionError("an encoder can be iterated only once", code="iterated", remedy="make another one")
-        self._begun = True
-        yield from with_checksum(self._pieces())
-
-    @abstractmethod
-    def _pieces(self) -> Iterator[bytes]:
-        """The file but for its checksum."""
-
-
-class ContainerDecoder(ABC):
-    """Takes the bytes of a file as they come, and yields events; an error is raised again by every later call."""
-
-    def __init__(self, limits: Limits | None, contents: Contents, frame: int | None) -> None:
+    def __init__(self, limits: Limits | None, contents_of: ContentsOf) -> None:
         self.limits = limits or Limits()
+        self.budget = Budget(self.limits.memory)
+        self.account = Account(self.limits.symbols, self.limits.work)
+        self.data = bytearray()
+        self.at = 0
         self.header: Header | None = None
-        self._contents = contents
-        self._wanted = frame
-        self.isovalues = contents.isovalues
-        self.metadata = contents.metadata
-        self._budget = Budget(self.limits.memory)
-        self._account = Account(self.limits.symbols, self.limits.work)
-        self._data = bytearray()
-        self._at = 0
+        self.outline = Outline()
+        self.contents: Contents | None = None
+        self.cut = False
+        self._contents_of = contents_of
+        self._chunk: Envelope | None = None
         self._last = self._ended = self._closed = False
         self._error: IsoError | None = None
-
-    @property
-    def frame(self) -> int:
-        """Number of the frame that has begun last, or, once it has come, of the one that is wanted: it can be drawn."""
-        return self._contents.frame if self._wanted is None else min(self._contents.frame, self._wanted)
-
-    @property
-    def present(self) -> tuple[int, int]:
-        """Number of the present frame and of its isovalue, whose layers come at present or come next."""
-        return self._contents.frame, self._contents.number
 
     @property
     def complete(self) -> bool:
         """Whether the whole file has been received and verified."""
         return self._ended
 
+    @property
+    def pending(self) -> Envelope | None:
+        """The chunk that has begun, at ``at``, and is not complete."""
+        return self._chunk
+
     def feed(self, data: bytes | bytearray | memoryview) -> None:
-        """Store some more bytes of the file."""
-        if self._error is not None:
-            raise copy(self._error)
+        """Store more bytes of the file; iterating decodes them."""
+        self.check()
         if self._closed:
             raise TruncatedError("bytes fed after close", code="closed")
         data = octets(data)
-        if len(self._data) + len(data) > self.limits.bytes:
+        if len(self.data) + len(data) > self.limits.bytes:
             self._fail(LimitError(f"more than {self.limits.bytes} bytes", code="limit-bytes", clause="11.2"))
-        self._data += data
+        self.data += data
 
     def close(self) -> None:
-        """Say that no more bytes will come; events that are still due are dropped.
+        """Decode what has been fed, and declare that no more will come.
 
         Raises
         ------
         TruncatedError
             If the file is not complete. What has been decoded can still be drawn.
         """
-        self._take_all()
+        for _ in self:
+            pass
         self._closed = True
         if not self._ended:
             raise TruncatedError(
-                f"the file ends after {len(self._data)} bytes, before it is complete", code="truncated",
-                offset=len(self._data), clause="8.3",
+                f"the file ends after {len(self.data)} bytes, before it is complete", code="truncated",
+                offset=len(self.data), clause="8.3",
             )
+
+    def check(self) -> None:
+        """Raise the error that decoding ended with, if it did."""
+        if self._error is not None:
+            raise copy(self._error)
 
     def __iter__(self) -> Iterator[Event]:
         while True:
-            if self._error is not None:
-                raise copy(self._error)
+            self.check()
             failure: IsoError | None = None
             try:
                 event = self._next()
@@ -127,13 +148,15 @@ class ContainerDecoder(ABC):
                 return
             yield event
 
-    def _take_all(self) -> None:
-        """Decode what has been fed."""
-        for _ in self:
-            pass
+    @property
+    def exceeded(self) -> LimitError | None:
+        """The limit that decoding exceeded: what was decoded has been dropped."""
+        return self._error if isinstance(self._error, LimitError) else None
 
     def _fail(self, error: IsoError) -> NoReturn:
-        """Raise an error, now and whenever the decoder is used again."""
+        """Raise an error, now and whenever the session is used again."""
+        if isinstance(error, LimitError) and self.contents is not None:
+            self.contents.drop()
         # the frames of a traceback would keep everything that was decoded as long as somebody keeps the error
         error.with_traceback(None)
         self._error = copy(error)
@@ -144,27 +167,48 @@ class ContainerDecoder(ABC):
         while not self._ended:
             if self._last:
                 self._ended = True
-                return End(self._at)
-            if self.header is None:
-                found = read_header(self._data)
+                return End(self.at)
+            if self.header is None or self.contents is None:
+                found = read_header(self.data)
                 if found is None:
                     return None
-                header, self._at = found
-                self._begin_file(header)
-                return HeaderRead(self._at, header)
-            before = self._at
-            event = self._step(self.header)
-            if event is not None or self._at == before:
+                self.header, self.at = found
+                self.outline.begin(self.header)
+                self.contents = self._contents_of(self, self.header)
+                return HeaderRead(self.at, self.header)
+            before = self.at
+            event = self._step(self.contents)
+            if event is not None or self.at == before:
                 return event
-        if len(self._data) > self._at:
-            raise FormatError("bytes after the end of the file", code="trailing", offset=self._at, clause="3.4.4")
+        if len(self.data) > self.at:
+            raise FormatError("bytes after the end of the file", code="trailing", offset=self.at, clause="3.4.4")
         return None
 
-    def _begin_file(self, header: Header) -> None:
-        """The header has been read."""
-        self.header = header
-        self._contents.begin(header)
+    def _step(self, contents: Contents) -> Event | None:
+        """Go on with the present chunk; None if it needs more bytes, or if it has moved past one without an event."""
+        chunk = self._chunk
+        if chunk is None:
+            chunk = read_envelope(self.data, self.at)
+            if chunk is None:
+                return None
+            if not chunk.ancillary:
+                if self.cut:
+                    raise FormatError("layers after a cut run", code="cut", offset=self.at, clause="3.5.4")
+                contents.expect(chunk, self.at)
+            self._chunk = chunk
+        if not chunk.ancillary:
+            event, done = contents.arrive(chunk, self.at)
+            if event is not None or not done:
+                return event
+        behind = verify(self.data, chunk, self.at)
+        if behind is None:
+            return None
+        start, self.at, self._chunk = self.at, behind, None
+        self.cut |= chunk.type == ChunkType.CUT_LAYERS
+        self._last = chunk.last
+        # an explicit domain may have found out which kind it is
+        assert self.contents is not None
+        return self.contents.take(chunk, start, behind)
 
-    @abstractmethod
-    def _step(self, header: Header) -> Event | None:
-        """Go on with the chunk at ``_at``; None if it needs more bytes, or if it has moved past one without event."""
+
+ContentsOf: TypeAlias = Callable[[Session, Header], Contents]

@@ -7,11 +7,13 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from ..format.events import LayerComplete
+from ..format.events import DomainRead, LayerComplete, MeshLayerComplete
 from ..format.kinds import GEOMETRY
 from ..limits import Limits
 from .decoder import Decoder
+from .inspect import inspect
 
 SIGNS = ("base_sign", "refinement_sign")
 
@@ -88,39 +90,51 @@ class FileStatistics:
         return asdict(self)
 
 
-def statistics(data: bytes, limits: Limits | None = None) -> FileStatistics:
-    """Decode a file, or the beginning of one, and count.
+def statistics(
+    data: bytes, limits: Limits | None = None, *, mesh: tuple[ArrayLike, ArrayLike] | None = None
+) -> FileStatistics:
+    """Decode a file of any kind, or the beginning of one, and count.
 
     Parameters
     ----------
     data : bytes
     limits : Limits, optional
-        What decoding may take at most.
+        The most that decoding may take.
+    mesh : (points, cells), optional
+        Of a file on a known mesh.
 
     Raises
     ------
     FormatError
-        If the bytes are no valid file; not if they end too early.
+        If the bytes are not a valid file; not if they end too early.
     LimitError
         If decoding takes more than the limits allow.
     """
-    decoder = Decoder(limits)
+    decoder = Decoder(limits, mesh=mesh)
     decoder.feed(data)
     layers: list[LayerStatistics] = []
     before = 0
     for event in decoder:
+        number = decoder.present[1]
         if isinstance(event, LayerComplete):
-            _, right = decoder.predictions
-            layers.append(
-                LayerStatistics(
-                    str(event.layer.kind), event.layer.level, decoder.present[1], 8 * event.bytes,
-                    sum(event.symbols.get(name, 0) for name in SIGNS), right - before,
-                )
-            )
+            right = decoder.grid.predictions[1]
+            layers.append(LayerStatistics(
+                str(event.layer.kind), event.layer.level, number, 8 * event.bytes,
+                sum(event.symbols.get(name, 0) for name in SIGNS), right - before,
+            ))
             before = right
+        elif isinstance(event, MeshLayerComplete):
+            layers.append(LayerStatistics(event.kind, -1, number, 8 * event.bytes, 0, 0))
+        elif isinstance(event, DomainRead) and decoder.contents is not None and decoder.contents.kind == "surface":
+            info = inspect(data)
+            layers.append(LayerStatistics("points", -1, 0, 8 * (info.bytes - info.overhead_bytes), 0, 0))
+    contents = decoder.contents
+    if contents is None or contents.kind not in ("grid", "mesh"):
+        return FileStatistics(layers, [])
     contours = []
     for number in range(len(decoder.isovalues)):
-        contours.append(_contour(decoder, number, [layer for layer in layers if layer.isovalue == number]))
+        own = [layer for layer in layers if layer.isovalue == number]
+        contours.append(_contour(decoder, number, own))
         decoder.discard(number)
     return FileStatistics(layers, contours)
 
@@ -128,16 +142,19 @@ def statistics(data: bytes, limits: Limits | None = None) -> FileStatistics:
 def _contour(decoder: Decoder, number: int, layers: Sequence[LayerStatistics]) -> ContourStatistics:
     """What an isovalue has come to."""
     assert decoder.header is not None
-    contour = decoder.drawn(number)
+    contour = decoder.contour(number)
     vertices, faces = len(contour.points), len(contour.cells)
     del contour
-    position, simplices = decoder.mesh(number)
+    if decoder.header.cells is not None:
+        position, simplices = np.zeros((0, 2)), decoder.on_mesh.mesh(number, whole=False).cells
+    else:
+        position, simplices = decoder.grid.crossed(number)
     pixels = None
-    if len(simplices) and int(np.ptp(position[simplices], axis=1).max()) == 1:
+    if len(position) and len(simplices) and int(np.ptp(position[simplices], axis=1).max()) == 1:
         # simplices of the full grid have the lower corner of their cell as their least coordinates
         corners = position[simplices].min(axis=1)
         pixels = len(np.unique(np.ravel_multi_index(tuple(corners.T), decoder.header.shape)))
-    geometry = sum(layer.bits for layer in layers if layer.kind in GEOMETRY)
+    geometry = sum(layer.bits for layer in layers if layer.kind in (*GEOMETRY, "offsets", "values"))
     return ContourStatistics(
         decoder.isovalues[number], pixels, len(simplices), vertices, faces,
         sum(layer.bits for layer in layers) - geometry, geometry, sum(layer.signs for layer in layers),

@@ -14,8 +14,8 @@ from ..format.program import Progress
 from ..grid.layers.beginning import leaning_tube
 from ..grid.passes.runner import Tube
 from ..limits import Budget, Limits
-from .contents import Contents
 from .mask_strand import MaskStrand
+from .outline import Outline
 
 _ROOM = 4096
 """Bytes of runs that a coder has room for at first."""
@@ -29,7 +29,7 @@ class Tubes:
     limits : Limits
     data : bytearray
         The file as far as it has come; it grows.
-    contents : Contents
+    outline : Outline
     budget : Budget
     account : Account
     only : collection of int, optional
@@ -49,7 +49,7 @@ class Tubes:
     """
 
     def __init__(
-        self, limits: Limits, data: bytearray, contents: Contents, budget: Budget, account: Account,
+        self, limits: Limits, data: bytearray, outline: Outline, budget: Budget, account: Account,
         only: Collection[int] | None, frame: int | None = None,
     ) -> None:
         self.all: list[Tube | None] = []
@@ -57,7 +57,7 @@ class Tubes:
         self.progresses: list[Progress] = []
         self.mask = MaskStrand(limits, data, budget, account, self.all)
         self._limits = limits
-        self._contents = contents
+        self._outline = outline
         self._budget = budget
         self._only = only
         self._frame = frame
@@ -71,14 +71,14 @@ class Tubes:
     @property
     def past(self) -> bool:
         """Whether the frame that is wanted lies behind."""
-        return self._frame is not None and self._contents.frame > self._frame
+        return self._frame is not None and self._outline.frame > self._frame
 
     def _is_wanted(self, number: int) -> bool:
         """Whether isovalue ``number`` of the present frame is to be decoded."""
         if self._only is not None and number not in self._only:
             return False
-        interval, frame = self._contents.interval, self._frame
-        return frame is None or interval is None or self._contents.frame >= key_of(frame, interval)
+        interval, frame = self._outline.interval, self._frame
+        return frame is None or interval is None or self._outline.frame >= key_of(frame, interval)
 
     def begin(self, header: Header, lean: int | None, offset: int) -> None:
         """An isovalue has come, which may lean on an earlier one."""
@@ -142,7 +142,7 @@ class Tubes:
 
     def _fresh(self, header: Header, number: int, lean: int | None, before: bool = False) -> Tube:
         """A tube of an isovalue of which no layer has come, leaning on one of its own frame or of the one before."""
-        isovalues = self._contents.isovalues
+        isovalues = self._outline.isovalues
         tubes = self.before if before else self.all
         earlier, other = (None, 0.0) if lean is None else (tubes[lean], isovalues[lean])
         return leaning_tube(
@@ -160,7 +160,7 @@ class Tubes:
 
     def begin_mask(self, header: Header, offset: int) -> None:
         """The chunk of the mask begins."""
-        self._contents.begin_mask(offset)
+        self._outline.begin_mask(offset)
         self.mask.begin(header, self._left())
 
     def end_mask(self, header: Header) -> None:
@@ -170,4 +170,4 @@ class Tubes:
         if present is not None and present.level < 0 and not present.running:
             self._budget.release(present, present.estimates)
             number = len(self.all) - 1
-            self.all[-1] = self._fresh(header, number, self._contents.leans[number])
+            self.all[-1] = self._fresh(header, number, self._outline.leans[number])

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from itertools import chain
-from math import prod
 from typing import Any
 
 import numpy as np
@@ -12,12 +11,11 @@ from numpy.typing import NDArray
 
 from isospec.container import ChunkType
 
-from ..errors import LimitError, OptionError
-from ..field.placement import PLACEMENT, read_placement, unplaced, write_placement
-from ..field.samples import Field
+from ..errors import OptionError
+from ..field.samples import Samples
 from ..format.chunks import write_chunk, write_further
 from ..grid.tube.decoded import Decoded
-from ..stream.recoder import Source, source_of
+from ..stream.recoder import Source, box_of, moved_notes, source_of
 from .layout import Index
 from .structure import Kind
 from .tiled import TiledFile, plain
@@ -49,24 +47,8 @@ class Extract:
 
     def __init__(self, file: TiledFile, box: Sequence[Sequence[float]] | None) -> None:
         self._file = file
-        shape = np.array(file.shape)
-        if shape.min() < 2:
-            raise OptionError("a field with one sample along an axis has no file of its own", code="extract")
-        first, last = file.bounds(box)
-        low = np.minimum(np.floor(first).astype(np.int64), shape - 2) // 2 * 2
-        high = np.maximum(np.ceil(last).astype(np.int64), low + 1)
-        self.low: Index = tuple(low.tolist())
-        self.size: Index = tuple((high - low + 1).tolist())
-        if prod(self.size) > file.limits.samples:
-            raise LimitError(
-                f"the box has {prod(self.size):,} samples, more than the limit of {file.limits.samples:,}",
-                code="limit-samples", clause="11.2", remedy="ask for a smaller box, or raise Limits.samples",
-            )
-        self.notes = dict(file.metadata)
-        placement = read_placement(self.notes, len(shape))
-        placement = unplaced(len(shape)) if placement is None else placement
-        moved = np.column_stack([placement[:, :-1], placement[:, -1] + placement[:, :-1] @ low])
-        self.notes[PLACEMENT] = write_placement(moved)
+        self.low, self.size = box_of(file.shape, box, file.limits)
+        self.notes = moved_notes(file.metadata, self.low)
 
     def strands(self, numbers: Sequence[int]) -> bytes | None:
         """The file of isovalues, by number, with their bytes as they are; None unless the box is a tile where all of
@@ -107,7 +89,7 @@ class Extract:
         gone = np.logical_or.reduce([each for _, each, _ in told])
         missing = gone if gone.any() else None
         return [
-            source_of(state, Field(signs, head.isovalues[number], signs, head.scale, missing), "the file")
+            source_of(state, Samples(signs, head.isovalues[number], signs, head.scale, missing), "the file")
             for number, (signs, _, state) in zip(numbers, told, strict=True)
         ]
 
@@ -121,7 +103,7 @@ class Extract:
                 signs[here] = kind == Kind.ABOVE
                 continue
             decoder = self._file.decoded(index, number, mask, segments)
-            signs[here] = decoder.mask()[there]
+            signs[here] = decoder.above()[there]
             gone[here] |= ~decoder.valid()[there]
             state = decoder.state()
             assert state is not None

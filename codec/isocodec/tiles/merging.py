@@ -9,11 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import InputError
-from .encoding import Tiling
 from .head import write_head
 from .layout import Index, TileGrid
 from .leaf import checksums_of, write_leaf
 from .structure import MOST_IN_BLOCK, Head, Kind, Leaf
+from .tile_encoder import Tiling
 
 BLOCK = {2: 5, 3: 3}
 """Exponent of the width of blocks, in tiles, as long as there is room for all of them in the root directory."""

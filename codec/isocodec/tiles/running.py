@@ -16,9 +16,9 @@ from typing import Any, Protocol
 import numpy as np
 
 from ..errors import InputError
-from .encoding import TileSegments, Tiling, encode_tile
 from .layout import Index, in_order
 from .spool import Spool
+from .tile_encoder import TileSegments, Tiling, encode_tile
 
 AHEAD = 2
 """Tiles in flight for each worker, and as many more."""

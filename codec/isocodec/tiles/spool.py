@@ -7,15 +7,16 @@ import os
 import shutil
 import zlib
 from collections.abc import Iterator, Sequence
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any, BinaryIO, Self
 
 import numpy as np
 
 from ..errors import InputError, OptionError
-from .encoding import TileSegments, Tiling
 from .layout import Index
 from .merging import Tiles
+from .tile_encoder import TileSegments, Tiling
 
 _PIECE = 1 << 22
 _BYTES, _JOURNAL = "segments", "journal"
@@ -182,19 +183,17 @@ def _record_of(tiles: Tiles) -> np.dtype[Any]:
     )
 
 
-def _description(tiling: Tiling) -> dict[str, object]:
-    """What tiles that go together have in common; notes may change."""
-    o = tiling.options
+def description(tiling: Tiling) -> dict[str, object]:
+    """What tiles that go together have in common: the field's shape and type, and all options."""
     return {
         "shape": tiling.grid.shape, "tile": 1 << tiling.grid.exponent, "isovalues": tiling.isovalues,
-        "exact": o.exact, "step": o.step, "tolerance": o.tolerance, "signs_only": o.signs_only, "profile": o.profile,
-        "dtype": tiling.dtype, "missing": "hole", "cubes": tiling.cubes, "version": 0,
+        **asdict(tiling.options), "dtype": tiling.dtype, "cubes": tiling.cubes, "version": 1,
     }
 
 
 def _line(tiling: Tiling) -> bytes:
     """The first line of a journal."""
-    return json.dumps(_description(tiling), sort_keys=True).encode() + b"\n"
+    return json.dumps(description(tiling), sort_keys=True).encode() + b"\n"
 
 
 def begun(folder: str | os.PathLike[str], tried: Sequence[Tiling]) -> int:

@@ -17,9 +17,11 @@ from ..field.placement import read_placement
 from ..format.chunks import write_chunk, write_metadata
 from ..format.header import Header, write_header
 from ..limits import Limits
-from ..storage.fetching import Fetch, Pieces, Range
+from ..storage.ranges import Fetch, Pieces, Range
+from ..stream.container import with_checksum
 from ..stream.decoder import Decoder
-from ..stream.session import with_checksum
+from ..stream.grid_contents import GridContents
+from ..stream.recoder import bounds_of
 from .closing import Part
 from .head import read_head
 from .joining import joined
@@ -97,7 +99,7 @@ class TiledFile:
         """
         stages = self.head.stages
         if within is not None and stage is not None:
-            raise OptionError("within and layer contradict one another", code="layers", remedy="choose one")
+            raise OptionError("within and layers cannot be combined", code="layers", remedy="choose one")
         if stage is not None:
             if not 0 <= stage < len(stages):
                 raise OptionError(f"layer {stage}; the file has {len(stages)}, from 0 on", code="layers")
@@ -135,7 +137,7 @@ class TiledFile:
         """
         number = self.number_of(isovalue)
         grid = self.head.grid
-        low, high = self.bounds(box)
+        low, high = bounds_of(self.shape, box)
         by_stage: dict[int, list[Index]] = {}
         for index in grid.touching(np.floor(low).astype(np.int64), np.ceil(high).astype(np.int64)):
             own = within([(w.start, w.stop - 1) for w in grid.window(index)]) if callable(within) else within
@@ -171,19 +173,17 @@ class TiledFile:
 
     def drawn(self, index: Index, number: int, mask: bytes, segments: Sequence[bytes]) -> Part:
         """What segments of a tile show."""
-        decoder, stage = self.decoded(index, number, mask, segments), len(segments) - 1
-        contour, ends = decoder.ends()
+        grid_of_tile, stage = self.decoded(index, number, mask, segments), len(segments) - 1
+        contour, ends = grid_of_tile.ends()
         grid, cube = self.head.grid, 1 << self.head.stages[stage].edge
-        return Part(index, stage, cube, grid.origin(index), grid.size(index), contour, ends, decoder.whole_cells)
+        return Part(index, stage, cube, grid.origin(index), grid.size(index), contour, ends, grid_of_tile.whole_cells)
 
-    def decoded(self, index: Index, number: int, mask: bytes, segments: Sequence[bytes]) -> Decoder:
-        """A decoder that has taken segments of a tile."""
+    def decoded(self, index: Index, number: int, mask: bytes, segments: Sequence[bytes]) -> GridContents:
+        """What segments of a tile decode to."""
         decoder = Decoder(self.limits)
         decoder.feed(plain(self.head, index, number, mask, segments))
-        for _ in decoder:
-            pass
         decoder.close()
-        return decoder
+        return decoder.grid
 
     # -- what is fetched ---------------------------------------------------------------------------------------------
 
@@ -303,26 +303,6 @@ class TiledFile:
             known = ", ".join(f"{value:g}" for value in self.isovalues[:20])
             raise OptionError(f"the file has no isovalue {isovalue:g}", code="isovalue", remedy=f"it has {known}")
         return self.isovalues.index(isovalue)
-
-    def bounds(self, box: Sequence[Sequence[float]] | None) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """First and last samples of a box, as far as it lies in the field; all of it if none is given.
-
-        Raises
-        ------
-        OptionError
-            If it is no box, or lies outside.
-        """
-        last = np.array(self.shape, np.float64) - 1
-        if box is None:
-            return np.zeros(len(last)), last
-        bounds = np.array(box, np.float64)
-        if bounds.shape != (len(last), 2) or not np.isfinite(bounds).all() or (bounds[:, 0] > bounds[:, 1]).any():
-            raise OptionError(
-                f"the box is {box!r}; it must be {len(last)} pairs, from where to where along each axis", code="box"
-            )
-        if (bounds[:, 1] < 0).any() or (bounds[:, 0] > last).any():
-            raise OptionError(f"the box lies outside the field of {self.shape} samples", code="box")
-        return np.clip(bounds[:, 0], 0, last), np.clip(bounds[:, 1], 0, last)
 
 
 def plain(

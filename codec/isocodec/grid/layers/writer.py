@@ -10,7 +10,7 @@ from isospec.elements import BY_LAYER, ELEMENTS
 
 from ...entropy.run import WritingRun
 from ...errors import OptionError
-from ...field.samples import Field
+from ...field.samples import Samples
 from ...format.chunks import LayerRecord
 from ...format.header import Header
 from ...format.kinds import LayerKind
@@ -29,14 +29,14 @@ RUN_BYTES = 1 << 16
 
 
 def field_tube(
-    header: Header, field: Field, truth: Truth, lean: Tube | None = None, other: float = 0.0,
+    header: Header, field: Samples, truth: Truth, lean: Tube | None = None, other: float = 0.0,
     holes: Holes | None = None, frame: bool = False,
 ) -> Tube:
     """The encoder's tube of a field at its isovalue, leaning on that of the isovalue ``other`` or on none."""
     return leaning_tube(header, field.isovalue, lean, other, 1 << 16, Limits(), truth, holes=holes, frame=frame)
 
 
-def encoded_mask(header: Header, field: Field, truth: Truth) -> tuple[bytes, Holes]:
+def encoded_mask(header: Header, field: Samples, truth: Truth) -> tuple[bytes, Holes]:
     """The run of a mask (spec clause 5.10.1), and what it says."""
     tube = mask_tube(header, 1 << 16, Limits(), truth)
     layers = mask_layers(tube.n, tube.full_level)
@@ -51,7 +51,7 @@ class LayerWriter:
 
     Parameters
     ----------
-    field : Field
+    field : Samples
     tube : Tube
     plan : sequence of entries
     progress : Progress
@@ -68,7 +68,7 @@ class LayerWriter:
         What the plan promises, by number of layers (see `Promises`).
     """
 
-    def __init__(self, field: Field, tube: Tube, plan: Sequence[Entry], progress: Progress) -> None:
+    def __init__(self, field: Samples, tube: Tube, plan: Sequence[Entry], progress: Progress) -> None:
         self.field = field
         self.tube = tube
         self.layers: list[Layer] = []

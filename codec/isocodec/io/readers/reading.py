@@ -1,4 +1,4 @@
-"""What readers share: what a library raises on a bad file, as one error of ours; one picture or volume of a series."""
+"""What readers share: errors of libraries as errors of ours, which name the file; one picture or volume of a series."""
 
 from __future__ import annotations
 
@@ -9,8 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...errors import InputError, IsoError, LimitError, OptionError
-from ...field.text import one_line
+from ...errors import InputError, IsoError, LimitError, OptionError, one_line
 
 
 @contextmanager
@@ -32,9 +31,19 @@ def reading(what: str) -> Iterator[None]:
         raise InputError(f"cannot be read as {what} ({said(exc)})", code="unreadable") from exc
 
 
+@contextmanager
+def about(name: str) -> Iterator[None]:
+    """Let errors of ours name the input that they are about, if it has a name, unless they name one already."""
+    try:
+        yield
+    except IsoError as exc:
+        exc.source = exc.source or name or None
+        raise
+
+
 def said(exc: Exception) -> str:
-    """What an error of a library says, in one line."""
-    # SimpleITK says first where in its source it is
+    """Give the message of a library's error in one line."""
+    # SimpleITK puts first where in its source it is
     return one_line(str(exc).rpartition("ERROR: ")[2]) or type(exc).__name__
 
 
@@ -51,3 +60,23 @@ def pick_frame(series: NDArray[Any], frame: int | None, axis: int = 0) -> NDArra
         return series
     check_frame(frame, series.shape[axis] if series.ndim > 2 else 0)
     return np.take(series, frame, axis=axis)
+
+
+def channel_of(count: int, channel: int | None) -> int:
+    """Choose one of so many channels of a picture.
+
+    Raises
+    ------
+    OptionError
+        If there is no such channel.
+    InputError
+        If the choice is open.
+    """
+    if channel is not None and not 0 <= channel < count:
+        raise OptionError(f"there is no channel {channel}: the picture has {count}, counted from 0", code="channel")
+    if channel is None and count > 1:
+        raise InputError(
+            f"is a picture of {count} channels, colours or bands", code="colour",
+            remedy=f"take one with --channel 0 to {count - 1}, or convert it to one",
+        )
+    return channel or 0

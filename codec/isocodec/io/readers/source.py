@@ -12,8 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from ...errors import InputError, LimitError, OptionError
-from ...field.text import plain
+from ...errors import InputError, LimitError, OptionError, plain
 from ...limits import FIELD_SAMPLES
 
 
@@ -104,8 +103,10 @@ class Source:
         )
 
 
-def source_of(path: str | os.PathLike[str], samples: int | None = None, follow: bool = False) -> Source:
-    """A file that can be read from any place in it.
+def source_of(
+    path: str | os.PathLike[str], samples: int | None = None, follow: bool = False, folder: bool = False
+) -> Source:
+    """Make a source of a file that can be read from any place in it, or of a ``folder`` whose format is one.
 
     Raises
     ------
@@ -126,17 +127,11 @@ def source_of(path: str | os.PathLike[str], samples: int | None = None, follow: 
             code="no-file",
             remedy="save its contents to a file first",
         )
-    # Missing files, directories and permissions are reported alike for all formats, before any library looks; some
-    # formats are a folder.
-    if not (stat.S_ISDIR(mode) and _is_format(path)):
+    # missing files, directories and permissions are reported alike for all formats, before any library looks
+    if not (stat.S_ISDIR(mode) and folder):
         with path.open("rb"):
             pass
     return Source(path, FIELD_SAMPLES if samples is None else int(samples), follow)
-
-
-def _is_format(folder: Path) -> bool:
-    """Whether a folder is an array of Zarr, or holds files of DICOM."""
-    return folder.suffix.lower() == ".zarr" or any(map(is_dicom, sorted(folder.iterdir())))
 
 
 def is_dicom(path: Path) -> bool:

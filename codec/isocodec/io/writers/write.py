@@ -1,4 +1,4 @@
-"""Curves and surfaces out, in the formats of other tools.
+"""Writing in the formats of other tools: one call for contours, areas, masks, meshes, surfaces and pictures.
 
 Coordinates are those of the file's placement (`Contour.placed`), of GeoJSON in longitude and latitude where the
 reference system is known. Without a placement, and always in an SVG, the unit is the cell: in the plane x runs along
@@ -7,272 +7,211 @@ axis 1 of the array and y along axis 0, sample (i, j) at x = j, y = i; in space 
 
 from __future__ import annotations
 
-import io
 import os
-from collections.abc import Collection, Iterable
-from functools import partial
+import warnings
+from collections.abc import Collection, Iterator
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
-from xml.etree import ElementTree
+from typing import Any, BinaryIO
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ...drawing.areas import polygons
-from ...errors import OptionError
-from ...field.placement import CRS
-from ...storage.atomic import write_bytes
-from .dxf import ezdxf, render_dxf
-from .geojson import render_areas, render_lines
-from .output_formats import Cost, Format, find_suffix
-from .picture import PICTURE, contour_picture, matplotlib_figure
-from .pmtiles import libraries as pmtiles_libraries
-from .pmtiles import render_pmtiles
-from .simplices import MESHES
-from .surfaces import render_groups, render_single, trimesh_for
-from .vector import VECTOR_SUFFIXES, libraries, render_table, unpacked
-from .vtp import render_vtp
+from ...drawing.contour import Contour
+from ...drawing.tessellation import Tessellation
+from ...errors import OptionError, one_line
+from ...storage.atomic import check_target, writing
+from ...tin.tin import Tin
+from .losses import Losses
+from .output_formats import Output, OutputOptions
+from .registry import find
+from .things import Areas, Each, PlacedTin, SampleMask, Thing, thing_of
 
-if TYPE_CHECKING:
-    from ...drawing.contour import Contour
-    from ...drawing.tessellation import Tessellation
+USUAL = OutputOptions()
+_SHOWN = 3
+"""Messages of libraries that a warning repeats."""
 
 
-def check_suffix(path: str | os.PathLike[str], dimension: int | None = None) -> str:
-    """The suffix of ``path`` if it names a format that can be written (for fields of ``dimension`` axes).
+@dataclass(frozen=True)
+class Written:
+    """What has been written.
+
+    Attributes
+    ----------
+    suffix : str
+        Of the format.
+    bytes : int
+    above : int or None
+        Of a mask, how many samples are True.
+    remarks : tuple of str
+        What the format loses of where things lie.
+    """
+
+    suffix: str
+    bytes: int
+    above: int | None = None
+    remarks: tuple[str, ...] = ()
+
+
+def check(
+    path: str | os.PathLike[str], thing: Thing, *, options: OutputOptions = USUAL
+) -> tuple[str, Output]:
+    """Find out before any work whether a thing can be written to a path.
+
+    Parameters
+    ----------
+    path : path
+        Nothing is written.
+    thing : Thing
+        As far as it is known.
+    options : OutputOptions
+        ``to`` is the format, if given.
+
+    Returns
+    -------
+    str
+        The suffix.
+    Output
+        What the format can hold, and the memory that writing takes.
 
     Raises
     ------
     OptionError
-        Naming the formats that work.
-    """
-    kind = {2: "a curve (of a 2-D field)", 3: "a surface (of a 3-D field)"}.get(dimension or 0, f"{dimension}-D")
-    return find_suffix(_FORMATS, path, dimension, kind)
-
-
-def check_areas(path: str | os.PathLike[str]) -> None:
-    """That areas can be written to ``path``, and the libraries for them are there.
-
-    Raises
-    ------
-    OptionError, MissingExtraError
-    """
-    suffix = Path(path).suffix.lower()
-    if suffix not in _OF_AREAS:
-        raise OptionError(f"areas can be written as {', '.join(_OF_AREAS)} only", code="suffix")
-    polygons()
-    check_libraries(suffix)
-
-
-def check_libraries(suffix: str) -> None:
-    """Find out before the work that the library which writes ``suffix`` is missing.
-
-    Raises
-    ------
+        If the format cannot hold this, naming those that can.
     MissingExtraError
+        If a library is missing.
     """
-    _FORMATS[suffix].check_libraries()
+    return find(path if options.to is None else f"_.{options.to.lstrip('.')}", thing)
 
 
-def holds_several(suffix: str, dimension: int) -> bool:
-    """Whether a file of this format can hold contours of several isovalues of a field of ``dimension`` axes."""
-    return dimension in _FORMATS[suffix].several
+def write(path: str | os.PathLike[str] | BinaryIO, what: Any, *, options: OutputOptions = USUAL) -> Written:
+    """Write something in the format that the suffix of ``path`` names; whole, or not at all.
 
+    Parameters
+    ----------
+    path : path or binary file
+        An open file (standard output) needs ``options.to``.
+    what : Contour, collection of Contour, Areas, bool array, SampleMask, Tessellation, Tin, Pyramid or Picture
+        Several contours are gone through once, so that each may be drawn when it is asked for and dropped after that;
+        such a collection has an attribute ``n``, the axes of the field. A bool array has no placement.
+    options : OutputOptions
 
-def cost_of(suffix: str, dimension: int) -> Cost:
-    """Memory that writing a contour of a field of ``dimension`` axes takes."""
-    return _FORMATS[suffix].cost[dimension]
-
-
-def check_mesh(path: str | os.PathLike[str], dimension: int | None = None) -> str:
-    """The suffix of ``path``, if a mesh (of a field of ``dimension`` axes) can be written to it.
+    Returns
+    -------
+    Written
 
     Raises
     ------
-    OptionError, MissingExtraError
+    OptionError
+        If the format cannot hold this, before any work.
+    TruncatedError
+        If areas are asked for of a curve that ends within the box.
+    MissingExtraError
+        If a library is missing.
+    OSError
+        If the file cannot be written; what was there stays.
+
+    Warns
+    -----
+    UserWarning
+        With what libraries warn of, all in one.
     """
-    suffix = find_suffix(MESHES, path, dimension, f"the mesh of a {dimension}-D field")
-    MESHES[suffix].check_libraries()
-    return suffix
+    target = None if hasattr(path, "write") else Path(path)
+    made = _Rendering(what, "" if target is None else target, options)
+    if target is not None:
+        check_target(target)
+    with _one_warning():
+        if target is None:
+            for piece in made:
+                path.write(piece)  # type: ignore[union-attr]
+        elif made.output.parts is None:
+            with writing(target) as file:
+                for piece in made:
+                    file.write(piece)
+        else:
+            _put_parts(made.output.parts(target, b"".join(made)))
+    return made.written
 
 
-def render_mesh(mesh: Tessellation, suffix: str) -> bytes:
-    """The whole file of a mesh in the format that ``suffix`` (``".vtu"``) names.
-
-    Raises
-    ------
-    OptionError, MissingExtraError
-        As `check_mesh`.
-    """
-    return bytes(MESHES[check_mesh(f"_{suffix}", len(mesh.shape))].render(mesh))
-
-
-AREAS = Cost(300, 240, kept=100)
-"""Memory that `render_sides` takes."""
-_OF_AREAS = (".geojson", *VECTOR_SUFFIXES)
-
-
-def render_sides(
-    contours: Iterable[Contour], suffix: str, side: str, valid: NDArray[np.bool_] | None = None, keep: bool = False
-) -> bytes:
-    """The file of the areas ``above`` or ``below`` a contour, or of each of several, or of the ``bands`` between them;
-    ``valid`` as in `areas`.
+def render(what: Any, *, options: OutputOptions) -> bytes:
+    """The whole file of something, in the format that ``options.to`` names; of a Shapefile an archive of its files.
 
     Raises
     ------
     OptionError, TruncatedError, MissingExtraError
-        As `areas`.
+        As `write`.
     """
-    if suffix == ".geojson":
-        return render_areas(contours, side, valid, keep)
-    return render_table(contours, suffix, side, valid)
+    with _one_warning():
+        return b"".join(_Rendering(what, "", options))
 
 
-def render_contour(
-    contour: Contour | Collection[Contour], suffix: str, dimension: int | None = None, keep: bool = False
-) -> bytes:
-    """The whole file of a contour, or of those of several isovalues, in the format that ``suffix`` (``".ply"``) names.
+class _Rendering:
+    """The file of something, in pieces; raises before any work if there can be none."""
 
-    Several are gone through once, so that each may be drawn when it is asked for and dropped after that; ``dimension``
-    says then of how many axes the field is. With ``keep`` GeoJSON has the coordinates of the file's reference system;
-    without, they become longitude and latitude where that system is known. Of a Shapefile the result is an archive of
-    its files, as `put` takes it.
+    def __init__(self, what: Any, path: str | Path, options: OutputOptions) -> None:
+        if path == "" and options.to is None:
+            raise OptionError("an open file has no suffix that names the format", code="suffix",
+                              remedy="name it: OutputOptions(to='.geojson')")
+        self.suffix, self.output = check(path, thing_of(what), options=options)
+        self._options = options
+        self._losses = Losses(self.output, self.suffix, options)
+        self._what = _located(what, options, self._losses)
+        self._bytes = 0
 
-    Raises
-    ------
-    OptionError
-        If there is no such format for the dimension of the contour, or it cannot hold several.
-    MissingExtraError
-        If a library is needed that is not installed.
-    """
-    contours: Collection[Contour] = contour if isinstance(contour, Collection) else [contour]
-    if dimension is None:
-        dimension = len(next(iter(contours)).shape)
-    suffix = check_suffix(f"_{suffix}", dimension)
-    if suffix == ".geojson":
-        return render_lines(contours, keep)
-    if holds_several(suffix, dimension):
-        return bytes(_FORMATS[suffix].render(contours))
-    if len(contours) > 1:
-        raise OptionError(f"{suffix} cannot hold several isovalues", code="suffix", remedy="write one after the other")
-    return bytes(_FORMATS[suffix].render(next(iter(contours))))
+    def __iter__(self) -> Iterator[bytes]:
+        pieces = self.output.render(self._what, self.suffix, self._options)
+        for piece in [pieces] if isinstance(pieces, bytes) else pieces:
+            self._bytes += len(piece)
+            yield piece
+
+    @property
+    def written(self) -> Written:
+        """What is known when all pieces have been taken."""
+        above = self._what.ones if isinstance(self._what, SampleMask) else None
+        return Written(self.suffix, self._bytes, above, self._losses.remarks)
 
 
-def write_contour(contour: Contour | Collection[Contour], path: str | os.PathLike[str]) -> None:
-    """Write a contour, or several, in the format that the suffix of ``path`` names; whole, or not at all.
+def _located(what: Any, options: OutputOptions, losses: Losses) -> Any:
+    """A thing as writers take it, without its placement if coordinates are to be in samples."""
 
-    Raises
-    ------
-    OptionError, MissingExtraError
-        As :func:`render_contour`.
-    OSError
-        If the file cannot be written.
-    """
-    suffix = check_suffix(path)
-    put(Path(path), suffix, render_contour(contour, suffix))
+    def change(contour: Contour) -> Contour:
+        if options.in_samples:
+            contour = replace(contour, placement=None)
+        losses.see(contour)
+        return contour
 
-
-def put(path: Path, suffix: str, data: bytes) -> None:
-    """Write a file that was rendered: each of its files, if these are several (.shp), whole or not at all.
-
-    Raises
-    ------
-    OSError
-    """
-    for part, content in unpacked(path, data) if suffix == ".shp" else [(path, data)]:
-        write_bytes(part, content)
-
-
-# ---- Both dimensions ------------------------------------------------------------------------------------------------
+    if isinstance(what, Contour):
+        return Each([what], change)
+    if isinstance(what, Areas):
+        return replace(what, contours=Each(what.contours, change))
+    if isinstance(what, Tessellation):
+        return replace(what, placement=None) if options.in_samples else what
+    if isinstance(what, Tin):
+        return PlacedTin.of(what, options.in_samples)
+    if isinstance(what, np.ndarray):
+        return SampleMask(what)
+    if isinstance(what, SampleMask):
+        return SampleMask(what.rows, None if options.in_samples else what.placement)
+    return Each(what, change) if isinstance(what, Collection) else what
 
 
-def _npz(contour: Contour) -> bytes:
-    """Points in samples; the placement, if there is one, beside them."""
-    arrays: dict[str, Any] = {
-        "points": contour.points,
-        "cells": contour.cells,
-        "isovalue": np.float64(contour.isovalue),
-        "shape": np.asarray(contour.shape, dtype=np.int64),
-    }
-    if contour.placement is not None:
-        arrays["placement"] = contour.placement
-        arrays["crs"] = np.asarray(contour.metadata.get(CRS, ""))
-    if contour.mapped is not None:
-        arrays["placed"] = contour.placed
-    buffer = io.BytesIO()
-    np.savez(buffer, **arrays)
-    return buffer.getvalue()
+@contextmanager
+def _one_warning() -> Iterator[None]:
+    """Collect what libraries warn of into one warning, unless an error ends it."""
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        yield
+    lines = [*dict.fromkeys(one_line(str(one.message)) for one in caught)]
+    if lines:
+        more = f", and {len(lines) - _SHOWN} more" if len(lines) > _SHOWN else ""
+        warnings.warn("; ".join(lines[:_SHOWN]) + more, stacklevel=4)
 
 
-# ---- 2-D ------------------------------------------------------------------------------------------------------------
-
-
-def _svg(contours: Iterable[Contour]) -> bytes:
-    """A group for each isovalue, in it a path for each polyline.
-
-    The view box is that of the picture's pixels, so that the two can be overlaid.
-    """
-    strokes = {"fill": "none", "stroke": "black", "stroke-width": "1", "stroke-linejoin": "round"}
-    size: dict[str, str] = {}
-    groups = []
-    for contour in contours:
-        rows, columns = contour.shape
-        # samples are the centres of pixels
-        size = {"width": str(columns), "height": str(rows), "viewBox": f"-0.5 -0.5 {columns} {rows}"}
-        group = ElementTree.Element("g", strokes)
-        ElementTree.SubElement(group, "title").text = f"isovalue {contour.isovalue:g}"
-        for line in contour.lines:
-            # The width is then one of the screen: a contour has none of its own.
-            ElementTree.SubElement(group, "path", {"d": _path(np.asarray(line)), "vector-effect": "non-scaling-stroke"})
-        groups.append(ElementTree.tostring(group))
-        del contour, group
-    root = ElementTree.tostring(ElementTree.Element("svg", {"xmlns": "http://www.w3.org/2000/svg", **size}))
-    head = b'<?xml version="1.0" encoding="UTF-8"?>\n' + root.replace(b" />", b">")
-    return b"".join([head, *groups, b"</svg>\n"])
-
-
-def _path(line: np.ndarray) -> str:
-    closed = len(line) > 2 and bool(np.array_equal(line[0], line[-1]))
-    corners = [f"{_decimal(x)},{_decimal(y)}" for y, x in line[: -1 if closed else None].tolist()]
-    return "M" + " ".join(corners) + ("Z" if closed else "")
-
-
-def _decimal(number: float) -> str:
-    # Six places are a millionth of a cell: finer than any stroke, and half the size of all digits.
-    text = f"{number:.6f}".rstrip("0").rstrip(".")
-    return "0" if text == "-0" else text
-
-
-# ---- All formats ----------------------------------------------------------------------------------------------------
-
-
-def _single(suffix: str, cost: Cost) -> Format:
-    return Format((3,), partial(render_single, suffix=suffix), partial(trimesh_for, suffix), cost={3: cost})
-
-
-def _groups(suffix: str, cost: Cost) -> Format:
-    return Format((3,), partial(render_groups, suffix=suffix), partial(trimesh_for, suffix), (3,), {3: cost})
-
-
-def _map(suffix: str) -> Format:
-    return Format((2,), partial(render_table, suffix=suffix), libraries, (2,), {2: Cost(160, 100)})
-
-
-_FORMATS: dict[str, Format] = {
-    ".npz": Format((2, 3), _npz, cost={2: Cost(40, 48), 3: Cost(40, 48)}),
-    ".png": Format((2, 3), contour_picture, matplotlib_figure, several=(2, 3), cost=PICTURE),
-    ".geojson": Format((2,), render_lines, several=(2,), cost={2: Cost(300, 240, kept=100)}),
-    ".svg": Format((2,), _svg, several=(2,), cost={2: Cost(120, 100, kept=50)}),
-    **{suffix: _map(suffix) for suffix in VECTOR_SUFFIXES},
-    ".pmtiles": Format((2,), render_pmtiles, pmtiles_libraries, (2,), {2: Cost(480, 150, 1 << 20, kept=300)}),
-    ".dxf": Format((2, 3), render_dxf, ezdxf, (2, 3), {2: Cost(500, 200, 1 << 23), 3: Cost(600, 900, 1 << 24)}),
-    ".vtp": Format((2, 3), render_vtp, several=(2, 3), cost={2: Cost(120, 100), 3: Cost(200, 160)}),
-    ".ply": _single(".ply", Cost(70, 52)),
-    ".stl": _single(".stl", Cost(120, 280)),
-    ".off": _single(".off", Cost(170, 220)),
-    ".obj": _groups(".obj", Cost(140, 200)),
-    ".glb": _groups(".glb", Cost(90, 90)),
-    ".3mf": _groups(".3mf", Cost(600, 900)),
-}
-
-CURVE_SUFFIXES: tuple[str, ...] = tuple(_FORMATS)
+def _put_parts(parts: Collection[tuple[Path, bytes]]) -> None:
+    """Write several files of one format, of which none is replaced before all are there."""
+    for part, _ in parts:
+        check_target(part)
+    with ExitStack() as stack:
+        # left in the opposite order: the file that was named comes last
+        for part, content in reversed([*parts]):
+            stack.enter_context(writing(part)).write(content)

@@ -38,7 +38,8 @@ export class Levels {
       all += w;
       if (above[i]) sum += w;
     });
-    return Math.floor((16 * sum) / all);
+    // without a distance no weight is left
+    return all ? Math.floor((16 * sum) / all) : 0;
   }
 
   /** Signs of the vertices that are left (10.8.2). */

@@ -1,0 +1,139 @@
+"""Files made of other files without the field: shorter ones, parts, other profiles and precisions, several in one."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, fields, replace
+from typing import TYPE_CHECKING, Any
+
+from ..errors import OptionError
+from ..field.decoded_samples import LABELS
+from ..limits import Limits
+from ..stream.options import Options, Precision
+from ..stream.recoder import box_of, cropped, moved_notes, recoded_frames
+from ..stream.splicing import chosen, signs_of
+from ..stream.truncation import truncate
+from .kinds import IMPOSSIBLE, TileFile, WholeFile, impossible
+from .recoding import extracted, held_by, same_again
+
+if TYPE_CHECKING:
+    from ..stream.options import ProfileName
+    from ..tiles.tiled import TiledFile
+
+
+@dataclass(frozen=True)
+class Edit:
+    """What is to be changed of a file: the parameters of `IsoFile.edited`."""
+
+    layers: int | None = None
+    size: int | None = None
+    box: Sequence[Sequence[float]] | None = None
+    isovalues: Sequence[float] | None = None
+    profile: ProfileName | None = None
+    precision: Any = None
+    keep_topology: bool = False
+
+    def __post_init__(self) -> None:
+        if all(getattr(self, each.name) in (None, False) for each in fields(self)):
+            raise OptionError("nothing to change", code="edit", remedy="give layers, size, box, isovalues or profile")
+        if self.layers is not None and self.size is not None:
+            raise OptionError("layers and size cannot be combined", code="options", remedy="choose one")
+
+
+def edited(held: WholeFile | TileFile, edit: Edit) -> bytes:
+    """Make the changes one after the other: box, isovalues, profile and precision, layers or size."""
+    if isinstance(held, TileFile):
+        recoded = edit.profile is not None or edit.precision is not None
+        if edit.box is None and not recoded and edit.isovalues is None:
+            return _shorter_tiles(held.tiled, edit.layers, edit.size)
+        data = extracted(held.tiled, edit.box, edit.isovalues)
+        limits = held.limits
+        rest = Edit(edit.layers, edit.size, None, None, edit.profile, edit.precision, edit.keep_topology) if (
+            recoded or edit.layers or edit.size
+        ) else None
+        return data if rest is None else edited(WholeFile(data, limits), rest)
+    data, limits = held.data, held.limits
+    if edit.box is not None and ("box", held.kind) in IMPOSSIBLE:
+        raise impossible("box", held.kind)
+    if edit.box is not None:
+        data = _cropped(WholeFile(data, limits), edit.box)
+    if edit.isovalues is not None:
+        data = _with_isovalues(WholeFile(data, limits), edit.isovalues)
+    if edit.profile is not None or edit.precision is not None:
+        data = recoded_as(WholeFile(data, limits), edit.profile, edit.precision, edit.keep_topology)
+    if edit.layers is not None or edit.size is not None:
+        data = truncate(data, layers=edit.layers, max_bytes=edit.size, limits=limits)
+    return data
+
+
+def _shorter_tiles(tiled: TiledFile, layers: int | None, size: int | None) -> bytes:
+    """The first layers of a file in tiles, as many as asked for or as fit."""
+    from ..tiles.truncation import first_stages
+
+    if layers is not None:
+        return b"".join(first_stages(tiled, layers))
+    assert size is not None
+    for count in range(len(tiled.head.stages), 0, -1):
+        data = b"".join(first_stages(tiled, count))
+        if len(data) <= size:
+            return data
+    raise OptionError(f"{size} bytes are too few for the first layer of all tiles", code="max-bytes")
+
+
+def _cropped(whole: WholeFile, box: Sequence[Sequence[float]]) -> bytes:
+    """A box of samples of the file of a grid, in all frames."""
+    held = held_by(whole.data, whole.limits)
+    low, size = box_of(held.header.shape, box, whole.limits or Limits())
+    frames = [[cropped(one, low, size) for one in sources] for sources in held.frames]
+    held = replace(held, frames=frames, metadata=moved_notes(held.metadata, low))
+    return same_again(held, Options(profile=held.profile, metadata=held.metadata), expected=False)
+
+
+def _with_isovalues(whole: WholeFile, isovalues: Sequence[float]) -> bytes:
+    """Some of the isovalues of a file: its chunks as they are, or coded anew where one leans on another left out."""
+    if whole.kind == "surface":
+        raise impossible("isovalues", "surface")
+    if not len(isovalues):
+        raise OptionError("no isovalue", code="isovalue", remedy="give one")
+    numbers = sorted({whole.info.number_of(one) for one in isovalues})
+    try:
+        return chosen(whole.data, numbers)
+    except OptionError as error:
+        if error.code != "lean" or whole.kind == "mesh":
+            raise
+    held = held_by(whole.data, whole.limits)
+    held = replace(
+        held, frames=[[one[number] for number in numbers] for one in held.frames],
+        contours=[[one[number] for number in numbers] for one in held.contours],
+    )
+    return same_again(held, Options(profile=held.profile, metadata=held.metadata))
+
+
+def recoded_as(whole: WholeFile, profile: ProfileName | None, precision: Any, keep_topology: bool) -> bytes:
+    """The curves of a file in another profile or less precisely.
+
+    Raises
+    ------
+    OptionError
+        If the file is not on the full grid, has coordinates or holds values in part, or if meshes and surfaces are to
+        have another profile or precision than they can.
+    """
+    wanted = Precision.of(precision)
+    if not (wanted.default or wanted.signs or wanted.tolerance is not None):
+        raise OptionError(f"precision {precision!r} of an edit", code="precision",
+                          remedy='give "signs", or a tolerance in cells')
+    if whole.kind in ("mesh", "surface"):
+        if profile not in (None, "main"):
+            raise OptionError(f"profile {profile!r}: meshes and surfaces have the profile main", code="profile")
+        if wanted.default:
+            return whole.data
+        if whole.kind == "mesh" and wanted.signs:
+            return signs_of(whole.data)
+    held = held_by(whole.data, whole.limits)
+    options = Options(
+        precision=wanted, profile=profile or held.profile, metadata=held.metadata, keep_topology=keep_topology,
+        independent=LABELS in held.metadata,
+    )
+    if wanted.default:
+        return same_again(held, options)
+    return recoded_frames(held.frames, held.interval, options)

@@ -1,0 +1,115 @@
+"""Whatever is to be encoded in, bytes out."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING, Any
+
+from numpy.typing import ArrayLike
+
+from ..field.framed import Frames
+from ..field.meshed import Mesh
+from ..field.sampled import Field
+from ..stream.encoder import encoder_of
+from ..stream.options import Isovalues, LayersGiven, PrecisionGiven, ProfileName
+from .selfcheck import check_kernels
+
+if TYPE_CHECKING:
+    from ..tin.tin import Tin
+    from ..field.sampled import SpatialImage
+
+
+def encode(
+    what: ArrayLike | Field | Frames | Mesh | Tin | SpatialImage,
+    isovalue: Isovalues | None = None,
+    *,
+    precision: PrecisionGiven = None,
+    keep_topology: bool = False,
+    profile: ProfileName = "main",
+    layers: LayersGiven = None,
+    independent: bool = False,
+    interval: int = 0,
+    metadata: Mapping[str, str] | None = None,
+    progress: Callable[[int, int], object] | None = None,
+) -> bytes:
+    """Encode isocontours or isosurfaces, or a triangulated surface.
+
+    Parameters
+    ----------
+    what : (s0, s1) or (s0, s1, s2) array_like, Field, Frames, Mesh or Tin
+        Samples on a regular grid, of bool, integers or floats; NaN, and what a masked array masks, is missing: the
+        curve ends at unit cells with a missing corner. A `Field` adds a mask, where the samples lie, names, units and
+        labels, which go into the file, too; likewise what `read` takes in memory (a DataArray of xarray, images of
+        nibabel and SimpleITK). `Frames` are a series, a `Mesh` has values at points, a `Tin` is a surface from `thin`.
+    isovalue : number, sequence of numbers, or str, optional
+        One isovalue, or several of the same field, in the order in which the file has them: finite numbers of Python's
+        or numpy's, fractions or decimals. Samples greater than it lie above. Files hold double precision; whole numbers
+        beyond it are refused. "every 20" or "every 20 from 5" are all multiples within the data, and so much more than
+        these. None for a field of bool, whose border is encoded, for a field with labels, and for a `Tin`.
+    precision : optional
+        How closely the file keeps to the contour. A number: the largest distance, in cells, between the decoded and the
+        extracted curve, both ways; on a mesh in the unit of its points. A text with a unit, as "100m": a distance in
+        the world (in the unit of the placement, or m or km where coordinates are longitudes and latitudes), to which
+        the file keeps everywhere. From 0.1 cells on the encoder searches for a mesh and a precision of crossings that
+        make the file small, and proves the distance on the decoded curve; below, it codes all crossings of the grid,
+        without a search. With a criterion as ``layers``, that chooses the mesh, and the distance holds for its
+        crossings alone.
+        "exact": values of integers next to the curve, to the last bit. "step=0.5": values of floats next to the curve
+        to within half a step. "signs": which samples lie above, no geometry; crossings are drawn half-way. Falling
+        distances, as [4, 1, 0.25, "exact"] or "4,1,0.25,exact": what the layers promise one after the other.
+        None: 0.05 cells; "signs" for labels, and for a field of bool without an isovalue; on a mesh 0.05 of the median
+        edge. The values of a `Tin` that `thin` did not choose for a file are rounded to within a number, or to steps.
+    keep_topology : bool
+        Every layer, from the base on, has as many components as the curve, nested alike; surfaces with the same Euler
+        characteristics. Samples equal to the isovalue count as below it.
+    profile : str
+        ``main``, or ``baseline``, which makes larger files for smaller and faster decoders.
+    layers : optional
+        Of grids. A number: the uniform level of the base; the level of the full grid makes a file of one layer. A
+        criterion reduces the mesh, as published: "crossing", "topology", "curvature=K" (mean curvature above which the
+        finest mesh stays, 1 / cells), "distortion=D" (distance in cells from the original curve to the new one),
+        "level=L" (that of a uniform mesh).
+        Or a plan: the layers one by one, as a text (`isocodec encode --plan-help` explains it), or a sequence of
+        entries ``("base", level)``, ``("refine", rounds)``, ``("values", bits)``, ``("offsets", radix)``, where None
+        means as far as it goes; ``("values", None, left)`` leaves so many bits; ``("adaptive_base", level, mesh)``,
+        ``("adapt", births, mesh)`` with the mesh that they lead to (`grid.lattice.vertex_set.Chosen`) or the criteria
+        of its reduction (`grid.layers.plan.Criteria`), ``("leaf_base",)``, ``("offsets", radix, unit)``.
+        ``("promise", distance)`` behind layers other than values states how far their curve lies from the original one
+        at most, without proof. A mapping gives each isovalue a plan.
+    independent : bool
+        Code each isovalue, and each frame of a series, without the help of those before it in the file.
+    interval : int
+        In a series every so many frames one leans on none before it, so that those from there on decode without the
+        others; 0 if only the first does.
+    metadata : mapping of str to str, optional
+        Notes to go into the file, besides and instead of those of the field.
+    progress : callable, optional
+        Called with the layers done and their total; before, while a mesh is searched for, with the number of curves
+        tried and 0.
+
+    Returns
+    -------
+    bytes
+        An ``.iso`` file.
+
+    Raises
+    ------
+    InputError
+        If the field, the mesh or the isovalue cannot be encoded.
+    OptionError
+        If options cannot be combined, do not apply or are out of range.
+
+    Examples
+    --------
+    >>> import isocodec, numpy as np
+    >>> y, x = np.mgrid[:64, :64]
+    >>> data = encode(np.hypot(y - 31.5, x - 31.5), 20.0)
+    >>> isocodec.decode(data).lines[0].shape[1]
+    2
+    """
+    check_kernels()
+    options: dict[str, Any] = {
+        "precision": precision, "keep_topology": keep_topology, "profile": profile, "layers": layers,
+        "independent": independent, "interval": interval, "metadata": metadata,
+    }
+    return b"".join(encoder_of(what, isovalue, progress=progress, **options))

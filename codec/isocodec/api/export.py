@@ -1,0 +1,336 @@
+"""Whatever an ``.iso`` file decodes to, in the formats of other tools: checked first, decoded, then written."""
+
+from __future__ import annotations
+
+import io
+import os
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, BinaryIO
+
+import numpy as np
+
+from ..drawing.contour import Contour
+from ..errors import OptionError
+from ..io.writers.output_formats import Kind, OutputOptions
+from ..io.writers.registry import suffix_of
+from ..io.writers.things import Areas, PlacedTin, Pyramid, SampleMask, Thing
+from ..io.writers.write import USUAL, Written, check, write
+from ..limits import Budget, Limits
+from ..stream.inspect import FileInfo, inspect
+from ..tin.tin import Tin
+from .isofile import IsoFile
+
+Target = str | os.PathLike[str] | BinaryIO
+_KINDS: Mapping[str, Kind] = {
+    "curve": "contour", "areas": "areas", "bands": "areas", "above": "mask", "valid": "mask", "mesh": "mesh",
+    "surface": "tin",
+}
+"""What is written of a file, as writers call it."""
+_ARRAY = ".npy"
+"""Suffix of arrays: of labels, and of the picture that a surface makes."""
+_LISTED = 5
+"""Isovalues that a remark lists."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Wanted:
+    """What to decode of a file.
+
+    Attributes
+    ----------
+    what : str or None
+        ``curve``, ``areas``, ``bands``, ``above``, ``valid``, ``labels``, ``mesh`` or ``surface``; None for what the
+        file holds: a surface, or curves.
+    side : str
+        Of areas: ``above`` or ``below``.
+    isovalue : float, optional
+        All that the format can hold if not given.
+    view : mapping
+        Keywords of `IsoFile.contour`.
+    along_holes, through_holes : bool
+        Close areas along missing samples; draw curves through them.
+    whole : bool
+        The mesh of the whole domain, not only what the curve crosses.
+    options : OutputOptions
+    """
+
+    what: str | None = None
+    side: str = "above"
+    isovalue: float | None = None
+    view: Mapping[str, Any] = field(default_factory=dict)
+    along_holes: bool = False
+    through_holes: bool = False
+    whole: bool = False
+    options: OutputOptions = USUAL
+
+
+@dataclass
+class Decoded:
+    """What was decoded, ready to be written.
+
+    Attributes
+    ----------
+    thing : object
+        As `isocodec.io.writers.write.write` takes it; bytes are written as they are.
+    facts : dict
+        Counts, for programs.
+    text : str
+        The same for people.
+    remarks : list of str
+        What of the file was left out.
+    options : OutputOptions
+    """
+
+    thing: Any
+    facts: dict[str, Any]
+    text: str
+    remarks: list[str] = field(default_factory=list)
+    options: OutputOptions = USUAL
+
+    def write(self, target: Target) -> int:
+        """Write it, whole or not at all; returns the number of bytes, and adds what the format loses to the remarks.
+
+        Raises
+        ------
+        OptionError, MissingExtraError, OSError
+        """
+        if isinstance(self.thing, bytes):
+            return _put(target, self.thing)
+        written: Written = write(target, self.thing, options=self.options)
+        self.remarks += written.remarks
+        if written.above is not None:
+            name, samples = self.text, self.facts["samples"]
+            self.facts[name] = written.above
+            self.text = f"{written.above:,} of {samples:,} samples {name}"
+        return written.bytes
+
+
+def _put(target: Target, data: bytes) -> int:
+    from ..storage.atomic import write_bytes
+
+    if isinstance(target, str | os.PathLike):
+        write_bytes(target, data)
+    else:
+        target.write(data)
+    return len(data)
+
+
+def check_export(path: str | os.PathLike[str], what: str | None, options: OutputOptions) -> str:
+    """The suffix of a name that something decoded can be written to; found out before the work.
+
+    Raises
+    ------
+    OptionError
+        Naming the formats that would do.
+    MissingExtraError
+    """
+    name = Path(path if options.to is None else f"_.{options.to.lstrip('.')}")
+    if name.suffix.lower() == _ARRAY and what in (None, "surface", "labels"):
+        return _ARRAY
+    if what == "labels":
+        raise OptionError(f"labels are written as {_ARRAY}", code="suffix")
+    if what is None and _is_of_surfaces(name):
+        return suffix_of(name) or ""
+    return check(name, Thing(_KINDS[what or "curve"], None))[0]
+
+
+def _is_of_surfaces(name: Path) -> bool:
+    """Whether triangulated surfaces can be written to a name, and curves cannot."""
+    try:
+        check(name, Thing("contour", None))
+    except OptionError:
+        try:
+            check(name, Thing("tin", 2))
+        except OptionError:
+            return False
+        return True
+    return False
+
+
+def decoded(file: IsoFile, path: str | os.PathLike[str], wanted: Wanted, progress: Any = None) -> Decoded:
+    """Decode what is wanted of a file, in a form that the format of ``path`` can hold.
+
+    Raises
+    ------
+    FormatError, LimitError, OptionError
+        As `IsoFile.contour`.
+    """
+    what = wanted.what or ("surface" if file.kind == "surface" and wanted.isovalue is None else "curve")
+    suffix = check_export(path, what, wanted.options)
+    made = _MAKERS[what](file, suffix, wanted, progress)
+    made.options = wanted.options
+    if file.frames > 1 and wanted.view.get("frame") is None and what != "valid":
+        made.remarks.append(
+            f"only frame 0 of {file.frames} is decoded; choose another with --frame, from 1 to {file.frames - 1}"
+        )
+    if wanted.view.get("partial") and not file.complete:
+        made.remarks.append(f"the file ends after {file.size:,} bytes; decoded as far as it goes")
+    return made
+
+
+def _curves(file: IsoFile, suffix: str, wanted: Wanted, progress: Any) -> Decoded:
+    contours = _contours(file, suffix, wanted, progress)
+    remarks = [] if wanted.isovalue is not None or len(contours) > 1 else _others(file, contours[0].isovalue)
+    thing: Any = contours if len(contours) > 1 else contours[0]
+    if suffix == ".pmtiles" and file.kind == "tiles" and not (set(wanted.view) - {"box"} or wanted.options.in_samples):
+        thing = Pyramid([_by_width(file, wanted, contour) for contour in contours])
+    return _of_contours(thing, contours, file, remarks)
+
+
+def _areas(file: IsoFile, suffix: str, wanted: Wanted, progress: Any) -> Decoded:
+    contours = _contours(file, suffix, wanted, progress)
+    valid = file.valid() if wanted.along_holes and file.shape else None
+    side = "bands" if wanted.what == "bands" else wanted.side
+    return _of_contours(Areas(contours, side, valid), contours, file, [])
+
+
+def _contours(file: IsoFile, suffix: str, wanted: Wanted, progress: Any) -> list[Contour]:
+    """All isovalues that the format can hold, or the one that is wanted; within the limit of memory."""
+    view = {**wanted.view, "progress": progress}
+    if wanted.through_holes:
+        view["through_holes"] = True
+    kind = _KINDS[wanted.what or "curve"]
+    n = len(file.shape) or None
+    several = kind == "areas" or _holds(suffix, Thing(kind, n, several=True, sampled=bool(file.shape)))
+    if wanted.isovalue is None and several and "layers" not in view and file.kind != "surface":
+        contours = file.contours(**view)
+    else:
+        contours = [file.contour(wanted.isovalue, **view)]
+    output = check(f"_{suffix}", Thing(kind, contours[0].n, len(contours) > 1, bool(file.shape)))[1]
+    held = sum(one.points.nbytes + one.cells.nbytes for one in contours)
+    if (cost := output.cost.get(contours[0].n)) is not None:
+        sizes = [(len(one.points), len(one.cells)) for one in contours]
+        held += max(cost.peak(*size) for size in sizes) + sum(cost.after(*size) for size in sizes[1:])
+    Budget((file.limits or Limits()).memory).check(held)
+    return contours
+
+
+def _holds(suffix: str, thing: Thing) -> bool:
+    try:
+        check(f"_{suffix}", thing)
+    except OptionError:
+        return False
+    return True
+
+
+def _of_contours(thing: Any, contours: Sequence[Contour], file: IsoFile, remarks: list[str]) -> Decoded:
+    points, cells = (sum(len(getattr(one, name)) for one in contours) for name in ("points", "cells"))
+    complete = all(one.complete for one in contours)
+    if not points and not complete:
+        remarks.append("the part that was decoded holds nothing of the curve")
+    isovalues = [float(one.isovalue) for one in contours]
+    pieces = "segments" if contours[0].n == 2 else "triangles"
+    several = f", {len(isovalues)} isovalues" if len(isovalues) > 1 else ""
+    return Decoded(
+        thing,
+        {"points": points, "cells": cells, "isovalues": isovalues, "shape": list(file.shape), "complete": complete},
+        f"{points:,} points, {cells:,} {pieces}{several}", remarks,
+    )
+
+
+def _by_width(file: IsoFile, wanted: Wanted, finest: Contour) -> Callable[[float], Contour]:
+    """A contour as zooms of a map see it, by samples that a pixel is wide: coarse layers where their cubes allow it."""
+    edges = sorted({layer.level for layer in file.info.layers})
+    drawn: dict[int, Contour] = {edges[0]: finest}
+
+    def at(width: float) -> Contour:
+        edge = max((each for each in edges if 2.0**each <= width), default=edges[0])
+        if edge not in drawn:
+            drawn[edge] = file.contour(finest.isovalue, box=wanted.view.get("box"), within=float(1 << edge))
+        return drawn[edge]
+
+    return at
+
+
+def _others(file: IsoFile, isovalue: float) -> list[str]:
+    """A remark on further isovalues of a file, where none was asked for."""
+    others = [repr(value) for value in file.isovalues if value != isovalue]
+    listed = " or ".join(others[:_LISTED]) + ", .." * (len(others) > _LISTED)
+    return [f"only isovalue {isovalue!r} is written; choose another with --isovalue: {listed}"] if others else []
+
+
+def _samples(file: IsoFile, suffix: str, wanted: Wanted, progress: Any) -> Decoded:
+    remarks = []
+    if wanted.what == "valid":
+        rows, isovalue = file.valid(), None
+    else:
+        rows, isovalue = file.above(wanted.isovalue, frame=wanted.view.get("frame")), wanted.isovalue
+        if isovalue is None and file.isovalues:
+            isovalue, remarks = file.isovalues[0], _others(file, file.isovalues[0])
+    if rows.ndim == 1 and suffix == _ARRAY:  # of vertices
+        counts = {"samples": rows.size, str(wanted.what): int(rows.sum())}
+        return Decoded(_array(rows), counts, f"{rows.size:,} vertices")
+    facts = {"samples": rows.size, "isovalue": isovalue, "shape": list(rows.shape), "complete": file.complete}
+    placement = file.placement
+    matrix = None if placement is None else placement.matrix
+    return Decoded(SampleMask(rows, matrix), facts, str(wanted.what), remarks)
+
+
+def _labels(file: IsoFile, suffix: str, wanted: Wanted, progress: Any) -> Decoded:
+    labels = file.labels()
+    found = [int(label) for label in np.unique(labels)]
+    text = f"{labels.size:,} samples, {len(found)} labels"
+    return Decoded(_array(labels), {"samples": labels.size, "labels": found, "shape": list(labels.shape)}, text)
+
+
+def _mesh(file: IsoFile, suffix: str, wanted: Wanted, progress: Any) -> Decoded:
+    mesh = file.mesh(wanted.isovalue, whole=wanted.whole, **wanted.view, progress=progress)
+    pieces = "triangles" if mesh.cells.shape[1] == 3 else "tetrahedra"
+    output = check(f"_{suffix}", Thing("mesh", mesh.cells.shape[1] - 1))[1]
+    held = sum(array.nbytes for array in (mesh.points, mesh.cells, mesh.levels, mesh.above))
+    if (cost := output.cost.get(mesh.cells.shape[1] - 1)) is not None:
+        held += cost.peak(len(mesh.points), len(mesh.cells))
+    Budget((file.limits or Limits()).memory).check(held)
+    isovalue = None if np.isnan(mesh.isovalue) else float(mesh.isovalue)
+    return Decoded(
+        mesh,
+        {"vertices": len(mesh.points), pieces: len(mesh.cells), "isovalue": isovalue, "shape": list(mesh.shape),
+         "complete": mesh.complete},
+        f"{len(mesh.points):,} vertices, {len(mesh.cells):,} {pieces}",
+        _others(file, mesh.isovalue) if wanted.isovalue is None else [],
+    )
+
+
+def _surface(file: IsoFile, suffix: str, wanted: Wanted, progress: Any) -> Decoded:
+    size = wanted.view.get("max_bytes")
+    tin = file.surface(max_bytes=file.size if wanted.view.get("partial") and size is None else size)
+    facts = {"points": len(tin.points), "triangles": len(tin.triangles), "complete": tin.complete}
+    text = f"{len(tin.points):,} points, {len(tin.triangles):,} triangles"
+    return Decoded(_array(tin.raster()) if suffix == _ARRAY else tin, facts, text)
+
+
+_MAKERS: Mapping[str, Callable[[IsoFile, str, Wanted, Any], Decoded]] = {
+    "curve": _curves, "areas": _areas, "bands": _areas, "above": _samples, "valid": _samples, "labels": _labels,
+    "mesh": _mesh, "surface": _surface,
+}
+
+
+def _array(values: np.ndarray) -> bytes:
+    buffer = io.BytesIO()
+    np.save(buffer, values)
+    return buffer.getvalue()
+
+
+def write_surface(tin: Tin, target: Target, options: OutputOptions) -> int:
+    """Write a thinned surface, with the order of removal and the errors where the format holds arrays.
+
+    Raises
+    ------
+    OptionError, MissingExtraError, OSError
+    """
+    placed = PlacedTin.of(tin)
+    if tin.removals is not None:
+        placed.notes.update({name: getattr(tin.removals, name) for name in ("order", "errors", "anticipated", "kept")})
+    return write(target, placed, options=options).bytes
+
+
+def counted(file: IsoFile) -> FileInfo:
+    """What a file states of itself, and its symbols by syntax element, for which it is decoded.
+
+    Raises
+    ------
+    FormatError, LimitError
+    """
+    return inspect(file.data, symbols=True, limits=file.limits) if file.kind != "tiles" else file.info

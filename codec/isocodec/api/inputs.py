@@ -1,0 +1,317 @@
+"""What a user states about an input beside what it holds, and what is seen of it while it is encoded."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..errors import InputError, OptionError
+from ..field.framed import Frames
+from ..field.meshed import Mesh
+from ..field.placement import FRAME_STEP, Placement
+from ..field.sampled import Field
+from ..io.readers.reader import ReadOptions, load, open_source
+from ..io.readers.registry import read_mesh
+from ..tin.tin import Tin
+from .isofile import IsoFile
+
+MOST = 1 << 20
+"""Bytes that a plan has at most."""
+
+
+def read_input(source: Any, options: ReadOptions, values: str | None = None) -> Field | Frames | Mesh:
+    """Read a field, a series of them, or values on a mesh or at scattered points; remarks are left to the caller.
+
+    Parameters
+    ----------
+    source : path, URL or file object
+    options : ReadOptions
+    values : str, optional
+        Name of values at the points of a mesh; the source is one then.
+
+    Raises
+    ------
+    OSError, InputError, LimitError, OptionError, MissingExtraError
+        As `isocodec.read`.
+    """
+    if values is None:
+        return load(source, options)
+    found = read_mesh(source, options.samples)
+    return Mesh(found.points, found.cells, found.values_named(values))
+
+
+def mesh_in(path: str) -> tuple[Any, Any]:
+    """Points and cells of a file with a mesh.
+
+    Raises
+    ------
+    OSError, InputError, MissingExtraError
+    """
+    found = read_mesh(path)
+    if found.cells is None:
+        raise InputError("holds points without cells", code="mesh", remedy="name the mesh that was encoded")
+    return found.points, found.cells
+
+
+@contextmanager
+def windows_of(source: Any, options: ReadOptions) -> Iterator[tuple[Any, Placement]]:
+    """The samples of a field as an object with ``shape``, ``dtype`` and slices, and where they lie.
+
+    Raises
+    ------
+    OSError, InputError, LimitError, OptionError, MissingExtraError
+        As `isocodec.read`.
+    """
+    with open_source(source, options) as opened:
+        windows = opened.windows()
+        yield windows, opened.place(len(windows.shape))
+
+
+@dataclass(frozen=True, kw_only=True)
+class Added:
+    """What options state about an input.
+
+    Attributes
+    ----------
+    labels : sequence of float
+        Encode which samples have these labels.
+    spacing : sequence of float, optional
+        Distances of samples along the axes, instead of what the input states.
+    placed : bool
+        Whether to keep where the input states that samples lie.
+    periodic, periods, error
+        As of `Placement`.
+    stored : str, optional
+        As of `Mesh`.
+    mesh_error : float, optional
+        As of `Mesh`.
+    """
+
+    labels: Sequence[float] = ()
+    spacing: Sequence[float] | None = None
+    placed: bool = True
+    periodic: tuple[int, ...] = ()
+    periods: tuple[float, ...] = ()
+    error: float | None = None
+    stored: str | None = None
+    mesh_error: float | None = None
+
+    def to(self, what: Any) -> Any:
+        """A field, a series or a mesh with that.
+
+        Raises
+        ------
+        OptionError
+            If a distance is given for other than each axis, or one of these does not apply.
+        """
+        if isinstance(what, Mesh):
+            given = {"stored": self.stored, "error": self.mesh_error}
+            return replace(what, **{name: value for name, value in given.items() if value is not None})
+        if isinstance(what, Frames):
+            return replace(what, fields=_Changed(what.fields, self.to))
+        return self._to_field(what)
+
+    def _to_field(self, field: Field) -> Field:
+        n = field.values.ndim
+        if self.spacing is not None and len(self.spacing) != n:
+            raise OptionError(f"the spacing has {len(self.spacing)} numbers; give one for each of the {n} axes",
+                              code="spacing")
+        placement: Any = field.placement if self.placed and self.spacing is None else self.spacing
+        crs = field.crs if self.placed else None
+        field = replace(field, placement=placement, crs=crs)
+        about = {"periodic": self.periodic, "periods": self.periods, "error": self.error}
+        if given := {name: value for name, value in about.items() if value}:
+            where = field.placement or Placement()
+            field = replace(field, placement=replace(where, **given, inferred=where.inferred and not self.periodic))
+        return replace(field, labels=tuple(self.labels)) if self.labels else field
+
+
+class _Changed(Iterable[Any]):
+    """Fields, each changed when it is its turn."""
+
+    def __init__(self, fields: Any, change: Callable[[Any], Any], begin: Callable[[], object] = bool) -> None:
+        self._fields, self._change, self._begin = fields, change, begin
+
+    def __len__(self) -> int:
+        return len(self._fields)
+
+    def __iter__(self) -> Iterator[Any]:
+        self._begin()
+        return map(self._change, self._fields)
+
+
+class Observed:
+    """An input, and what is seen of its samples while it is encoded.
+
+    Attributes
+    ----------
+    what : Field, Frames or Mesh
+        To be encoded.
+    before : list of str
+        Remarks of the source.
+    notes : dict of str to str
+        Notes for the file.
+    """
+
+    def __init__(self, what: Any) -> None:
+        self.before = [*getattr(what.fields if isinstance(what, Frames) else what, "remarks", ())]
+        step = getattr(what, "step", None)
+        self.notes = {FRAME_STEP: step} if step else {}
+        self._fields: list[_Seen] = []
+        self.what = what
+        if isinstance(what, Frames):
+            self.what = replace(what, fields=_Changed(what.fields, self._see, self._fields.clear))
+        if isinstance(what, Field) and isinstance(what.values, np.ndarray):
+            self._see(what)
+
+    def _see(self, field: Field) -> Field:
+        self._fields.append(_Seen.of(field))
+        return field
+
+    def facts(self, file: IsoFile) -> dict[str, Any]:
+        """What a program may want to know: shape, type, isovalues, missing samples."""
+        out: dict[str, Any] = {"shape": list(file.shape), "isovalues": [float(value) for value in file.isovalues]}
+        if isinstance(self.what, Frames):
+            out["frames"] = file.frames
+        if self._fields:
+            out["dtype"] = str(self._fields[0].dtype)
+            out["missing"] = sum(one.missing for one in self._fields)
+        if isinstance(self.what, Mesh):
+            out["points"] = len(self.what.points)
+            domain = file.info.domain
+            out["cells"] = len(self.what.cells) if self.what.cells is not None else domain.cells if domain else 0
+        return out
+
+    def after(self, file: IsoFile, keywords: Mapping[str, Any], marked: bool) -> list[str]:
+        """Remarks on isovalues outside the data and samples equal to one, and on markers that mark nothing."""
+        if not self._fields or isinstance(self.what, Mesh) or getattr(self.what, "labels", None):
+            return []
+        out = []
+        if marked and not any(one.missing for one in self._fields):
+            out.append("no samples are missing; --nodata sets the value that marks them")
+        there = [one for one in self._fields if one.low is not None]
+        if not there:
+            return out
+        low, high = min(one.low for one in there), max(one.high for one in there)
+        for isovalue in file.isovalues:
+            if not low <= isovalue < high:
+                out.append(f"the isovalue {isovalue:g} lies outside the data ({low:g} to {high:g}): the curve is empty")
+        return [*out, *self._ties(file.isovalues, keywords)]
+
+    def _ties(self, isovalues: Sequence[float], keywords: Mapping[str, Any]) -> list[str]:
+        precision = str(keywords.get("precision", ""))
+        valued = precision == "exact" or precision.startswith("step=")
+        topology = bool(keywords.get("keep_topology"))
+        kinds = "" if precision == "signs" else "biuf" if topology or valued else "biu"
+        if not isinstance(self.what, Field) or self._fields[0].dtype.kind not in kinds:
+            return []
+        values = self.what.values if self.what.mask is None else self.what.values[~self.what.mask]
+        counts = {isovalue: int((values == isovalue).sum()) for isovalue in isovalues}
+        tied = [isovalue for isovalue, count in counts.items() if count]
+        if not tied:
+            return []
+        text = "points of the contour coincide there" if valued else "they count as below"
+        if topology:
+            text = "they count as below in the topology"
+        elif values.dtype.kind in "biu" and len(tied) == 1:
+            text += f", which {tied[0] + 0.5:g} avoids"
+        of = f"the isovalue {tied[0]:g}" if len(tied) == 1 else f"one of {len(tied)} isovalues ({tied[0]:g}, ..)"
+        return [f"{sum(counts.values()):,} samples equal {of}: {text}"]
+
+    @contextmanager
+    def blaming(self, plan: Path | None, failure: Callable[[Path, OptionError], Exception]) -> Iterator[None]:
+        """Report what is wrong with a plan as being about its file."""
+        try:
+            yield
+        except OptionError as error:
+            if plan is None or error.code != "plan":
+                raise
+            raise failure(plan, error) from error
+
+
+@dataclass(frozen=True)
+class _Seen:
+    """The samples of one field."""
+
+    low: Any
+    high: Any
+    missing: int
+    dtype: Any
+
+    @classmethod
+    def of(cls, field: Field) -> _Seen:
+        values = field.values
+        gone = np.isnan(values) if values.dtype.kind == "f" else np.zeros(values.shape, np.bool_)
+        gone = gone if field.mask is None else gone | field.mask
+        valid = values[~gone] if gone.any() else values
+        ends = (valid.min(), valid.max()) if valid.size else (None, None)
+        return cls(*ends, int(gone.sum()), values.dtype)
+
+
+def observed(what: Any, added: Added) -> Observed:
+    """An input with what options state about it.
+
+    Raises
+    ------
+    OptionError
+    """
+    return Observed(added.to(what))
+
+
+def layers_of(text: str, plan: Path | None) -> str:
+    """Layers as the library takes them: a level or a criterion, or the text of the plan in a file.
+
+    Raises
+    ------
+    OptionError
+        If the file holds no plan.
+    OSError
+    """
+    if plan is None:
+        return text
+    with plan.open("rb") as file:
+        data = file.read(MOST + 1)
+    try:
+        found = data.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        found = "\0"
+    if len(data) > MOST or "\0" in found:
+        raise OptionError("not a plan, which is a short text", code="plan", remedy="see encode --plan-help")
+    return found
+
+
+def plan_help() -> str:
+    """The language of plans, explained."""
+    from ..stream import plan_file
+
+    return (plan_file.__doc__ or "").replace("``", "")
+
+
+def as_points(what: Any) -> Mesh:
+    """A table of points, rows of x, y, value, as scattered points.
+
+    Raises
+    ------
+    InputError
+        If it is not such a table.
+    """
+    if isinstance(what, Mesh):
+        return what
+    table = np.asarray(what.values)
+    if table.ndim != 2 or table.shape[1] != 3:
+        raise InputError(f"the table has shape {table.shape}; rows of x, y, value are required", code="shape")
+    return Mesh(table[:, :2], None, table[:, 2])
+
+
+def facts_of(tin: Tin) -> dict[str, Any]:
+    """Counts and errors of a surface, for programs."""
+    out: dict[str, Any] = {"points": len(tin.points), "triangles": len(tin.triangles)}
+    if tin.removals is not None:
+        errors = tin.removals.errors
+        out |= {"removed": len(tin.removals.order), "error": float(errors[-1]) if len(errors) else 0.0}
+    return out

@@ -1,0 +1,449 @@
+"""One face for every ``.iso`` file: opened once and asked for its curves, its samples and what it states of itself."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterator, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ..drawing.contour import Contour
+from ..drawing.tessellation import Tessellation
+from ..errors import IsoError
+from ..field.placement import CRS, Placement, read_placement
+from ..limits import Limits
+from ..stream.inspect import FileInfo
+from ..stream.statistics import FileStatistics
+from ..tiles.structure import HEAD_BYTES, is_tiled
+from ..tin.tin import Tin
+from ..storage.content import Readable, content
+from .editing import Edit, edited
+from .kinds import TileFile, View, WholeFile
+from .selfcheck import check_kernels
+from .verification import Verified, verified
+
+if TYPE_CHECKING:
+    from ..stream.options import ProfileName
+
+_DRAWN = 16
+"""Most isovalues that a notebook shows."""
+
+
+class IsoFile:
+    """An ``.iso`` file of any kind.
+
+    Attributes
+    ----------
+    kind : str
+        ``grid``: curves or surfaces of a sampled field; ``series``: of several, frame by frame; ``mesh``: of values on
+        a mesh; ``surface``: a triangulated surface; ``tiles``: of a field in tiles, of which pieces are read as they
+        are asked for.
+    size : int
+        Bytes.
+    shape : tuple of int
+        Samples along each axis of the field; empty on a mesh.
+    isovalues : tuple of float
+        In the order of the file.
+    frames : int
+        Frames of a series, 1 of other files.
+    metadata : dict of str to str
+        Notes of the file.
+    complete : bool
+        Whether the file is whole.
+    limits : Limits or None
+    """
+
+    def __init__(self, held: WholeFile | TileFile) -> None:
+        self.held = held
+        self.limits = held.limits
+        self.mesh_given = getattr(held, "mesh_given", None)
+
+    def __repr__(self) -> str:
+        values = ", ".join(f"{value:g}" for value in self.isovalues[:5]) + ", .." * (len(self.isovalues) > 5)
+        return f"IsoFile({self.kind}, {self.size:,} bytes, shape={self.shape}, isovalues {values})"
+
+    def _repr_html_(self) -> str:
+        """A drawing of the first isovalues for notebooks, with size, layers and promises; without the drawing if it
+        takes more than the limits allow, or a mesh that the file does not hold."""
+        from ..drawing.pictures.inline import page_of
+
+        info = self.info
+        try:
+            contours = [self.contour(value) for value in self.isovalues[:_DRAWN]]
+        except IsoError:
+            contours = []
+        within = [f"{layer.within:g}" for layer in info.layers if layer.within]
+        facts = {
+            "kind": self.kind, "bytes": f"{self.size:,}", "layers": f"{len(info.layers):,}", "profile": info.profile,
+            "samples": " x ".join(map(str, self.shape)), "frames": f"{self.frames:,}" if self.frames > 1 else "",
+            "isovalues": ", ".join(f"{value:g}" for value in self.isovalues),
+            "promises": ", ".join(within) + " cells" if within else "", **self.metadata,
+        }
+        return page_of(contours, {name: fact for name, fact in facts.items() if fact})
+
+    @property
+    def kind(self) -> str:
+        """Which kind of file it is."""
+        return self.held.kind
+
+    @property
+    def size(self) -> int:
+        """Bytes of the file."""
+        return self.held.size
+
+    @property
+    def data(self) -> bytes:
+        """The bytes of the file; of a file in tiles this reads all of it."""
+        return self.held.data
+
+    @property
+    def info(self) -> FileInfo:
+        """Layers, chunks, offsets, promises, without decoding."""
+        return self.held.info
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """Samples along each axis of the field."""
+        return tuple(self.info.shape)
+
+    @property
+    def isovalues(self) -> tuple[float, ...]:
+        """Isovalues, in the order of the file."""
+        return tuple(self.info.isovalues)
+
+    @property
+    def frames(self) -> int:
+        """Frames of a series, 1 of other files."""
+        return self.held.frames
+
+    @property
+    def metadata(self) -> dict[str, str]:
+        """Notes of the file."""
+        return dict(self.info.metadata)
+
+    @property
+    def placement(self) -> Placement | None:
+        """Where the samples lie, by the notes of the file; of samples with coordinates contours know it."""
+        return read_placement(self.metadata, len(self.shape))
+
+    @property
+    def crs(self) -> str | None:
+        """Reference system of the coordinates, as the file names it."""
+        return self.metadata.get(CRS)
+
+    @property
+    def complete(self) -> bool:
+        """Whether the file is whole."""
+        return self.held.complete
+
+    # -- drawings ------------------------------------------------------------------------------------------------
+
+    def contour(
+        self, isovalue: float | None = None, *, frame: int | None = None, layers: int | None = None,
+        max_bytes: int | None = None, box: Sequence[Sequence[float]] | None = None,
+        within: float | Callable[..., float] | None = None, smooth: bool = False, through_holes: bool = False,
+        partial: bool = False, progress: Callable[[int, int], object] | None = None,
+    ) -> Contour:
+        """Decode the curve or surface of an isovalue.
+
+        Parameters
+        ----------
+        isovalue : float, optional
+            One of the file, the first if not given. Of a triangulated surface any, which has to be given.
+        frame : int, optional
+            Of a series, counted from 0; the first if not given. Only the frames that it leans on are decoded with it.
+        layers : int, optional
+            Decode that many layers only; all if the file has fewer.
+        max_bytes : int, optional
+            Decode the first bytes of the file only, whatever curve they give.
+        box : n pairs of numbers, optional
+            From where to where along each axis, in samples (on a mesh: in its coordinates): the cells that reach into
+            it. Of a file in tiles nothing else is read.
+        within : float or callable, optional
+            Of grids: cubes of the mesh no wider than so many samples are enough. Of tiles also a function that gives
+            this number for the box of a tile, n pairs of samples.
+        smooth : bool
+            Where the file only says which grid edges are crossed, place the points so that the curve bends smoothly
+            instead of at the midpoints: nearer to the curve in the mean where the field is smooth, by up to a half,
+            farther from it where it is rough. A tolerance holds without this only.
+        through_holes : bool
+            Draw the curve through missing samples, too, where the encoder chose its way.
+        partial : bool
+            Draw what there is of a file that ends too early.
+        progress : callable, optional
+            Called with the layers done and their number.
+
+        Returns
+        -------
+        Contour
+            ``points`` (P, n) float64 in array index coordinates, ``cells`` (M, n) int64.
+
+        Raises
+        ------
+        FormatError
+            If the bytes are not a valid file; ``TruncatedError`` if they end too early.
+        LimitError
+            If the file needs more than the limits allow.
+        OptionError
+            If the file does not have the isovalue or the frame, or a parameter does not apply to its kind.
+        InputError
+            If the mesh given is not the one that the file was made on.
+        """
+        return self.held.contour(isovalue, View(
+            frame=frame, layers=layers, max_bytes=max_bytes, box=box, within=within, smooth=smooth,
+            through_holes=through_holes, partial=partial, progress=progress,
+        ))
+
+    def contours(self, **view: Any) -> list[Contour]:
+        """Decode the curves or surfaces of all isovalues, in the file's order; parameters and errors of `contour`."""
+        return self.held.contours(View(**view))
+
+    def each_frame(self, *, smooth: bool = False) -> Iterator[list[Contour]]:
+        """Decode frame after frame; no more than two are in memory.
+
+        Yields
+        ------
+        list of Contour
+            Of each frame the curves or surfaces of all isovalues. A file that is not a series has one frame.
+        """
+        return self.held.each_frame(smooth)
+
+    def mesh(
+        self, isovalue: float | None = None, *, whole: bool = False, **view: Any
+    ) -> Tessellation:
+        """Decode the mesh that the curve of an isovalue is coded on.
+
+        Parameters
+        ----------
+        isovalue : float, optional
+        whole : bool
+            The mesh of the whole domain; otherwise the simplices that the curve crosses.
+        view
+            Parameters of `contour`.
+
+        Returns
+        -------
+        Tessellation
+            Triangles or tetrahedra with their levels, vertices with their signs.
+        """
+        return self.held.mesh(isovalue, View(**view), whole)
+
+    # -- arrays --------------------------------------------------------------------------------------------------
+
+    def above(self, isovalue: float | None = None, **view: Any) -> NDArray[np.bool_]:
+        """Decode which samples lie above an isovalue.
+
+        Parameters
+        ----------
+        isovalue : float, optional
+        view
+            ``frame``, ``max_bytes``, ``partial``, ``progress`` as of `contour`.
+
+        Returns
+        -------
+        NDArray
+            Bool, of the shape of the field: ``field > isovalue``, compared exactly; undefined where samples are missing
+            (see `valid`). On a mesh (V,), for its vertices.
+
+        Raises
+        ------
+        OptionError
+            If the mesh of the file is coarser than the samples.
+        FormatError, LimitError
+            As `contour`; ``limits.samples`` bounds the result.
+        """
+        return self.held.above(isovalue, View(**view))
+
+    def valid(self, *, max_bytes: int | None = None) -> NDArray[np.bool_]:
+        """Decode which samples are valid; the others are missing. Bool, of the shape of the field.
+
+        With ``max_bytes`` of the first bytes of the file, as soon as they show it.
+        """
+        return self.held.valid(max_bytes)
+
+    def labels(self) -> NDArray[Any]:
+        """Decode the labels of a segmentation.
+
+        Returns
+        -------
+        NDArray
+            Of the shape of the field and the smallest type that holds them: the labels of the file, 0 elsewhere.
+
+        Raises
+        ------
+        OptionError
+            If the isovalues of the file are not labels.
+        """
+        return self.held.labels()
+
+    def surface(self, *, max_bytes: int | None = None) -> Tin:
+        """Decode a triangulated surface, or what its first bytes hold of it.
+
+        Raises
+        ------
+        OptionError
+            If the file is of another kind.
+        """
+        return self.held.surface(max_bytes)
+
+    # -- checks and other files ------------------------------------------------------------------------------------
+
+    def statistics(self) -> FileStatistics:
+        """Decode the file and count its bits by layer and by isovalue."""
+        return self.held.statistics()
+
+    def verify(self, field: Any, *, frame: int | None = None, within: float | None = None) -> list[Verified]:
+        """Measure the file against the field that it was made from.
+
+        Parameters
+        ----------
+        field : array_like, Field, Mesh, DataArray or image
+            What was encoded; of a series one frame.
+        frame : int, optional
+            Of a series, which frame the field is, counted from 0.
+        within : float, optional
+            Distance that has to be kept, instead of the one that the file promises.
+
+        Returns
+        -------
+        list of Verified
+            One for each isovalue, in the order of the file; of a surface a single one, with distances of values.
+
+        Raises
+        ------
+        InputError
+            If the field has another shape than the file's, or other samples are missing.
+        """
+        return verified(self.held, field, frame, within)
+
+    def edited(
+        self, *, layers: int | None = None, size: int | None = None, box: Sequence[Sequence[float]] | None = None,
+        isovalues: Sequence[float] | None = None, profile: ProfileName | None = None, precision: Any = None,
+        keep_topology: bool = False,
+    ) -> bytes:
+        """Make another file of this one, without the field.
+
+        Parameters
+        ----------
+        layers : int, optional
+            Keep the first layers; all if the file has fewer.
+        size : int, optional
+            Keep as many symbols or layers as fit into so many bytes.
+        box : n pairs of numbers, optional
+            Keep a box of samples, grown to whole ones, and to even ones where it begins; no point moves.
+        isovalues : sequence of float, optional
+            Keep these.
+        profile : str, optional
+            ``main`` or ``baseline``.
+        precision : optional
+            ``"signs"``, or a tolerance in cells from the curve that this file decodes to; what that curve is off comes
+            on top.
+        keep_topology : bool
+            With a precision: every layer has the components of the curve, nested alike.
+
+        Returns
+        -------
+        bytes
+            An ``.iso`` file with the notes of this one.
+
+        Raises
+        ------
+        OptionError
+            If nothing is asked for, or the file cannot be changed in this way.
+        FormatError, LimitError
+        """
+        return edited(self.held, Edit(layers, size, box, isovalues, profile, precision, keep_topology))
+
+
+def open(
+    source: Readable, *, mesh: tuple[ArrayLike, ArrayLike] | None = None, limits: Limits | None = None
+) -> IsoFile:
+    """Open an ``.iso`` file of any kind.
+
+    Parameters
+    ----------
+    source : path, URL, file object or bytes
+    mesh : (points, cells), optional
+        The mesh of a file that was made on one and does not hold it: what was encoded.
+    limits : Limits, optional
+        The most that decoding may need, for files from strangers.
+
+    Returns
+    -------
+    IsoFile
+        Its header and notes have been read; curves are decoded when they are asked for. Of a file in tiles only what
+        is needed is read.
+
+    Raises
+    ------
+    OSError
+        If it cannot be opened.
+    FormatError
+        If it is not an ``.iso`` file.
+    LimitError
+        If it has more bytes than the limits allow.
+
+    Examples
+    --------
+    >>> import isocodec
+    >>> file = isocodec.open("terrain.iso")      # doctest: +SKIP
+    >>> file.isovalues, file.contour().points    # doctest: +SKIP
+    """
+    check_kernels()
+    if isinstance(source, str | os.PathLike) and (tiled := _tiled_at(source, limits)) is not None:
+        return tiled
+    data = bytes(content(source, limits))
+    if is_tiled(data):
+        from ..tiles.tiled import TiledFile
+
+        return IsoFile(TileFile(TiledFile(lambda start, end: data[start:end], limits), limits))
+    file = IsoFile(WholeFile(data, limits, mesh))
+    file.kind  # noqa: B018 - what is not an .iso file fails here
+    return file
+
+
+def decode(
+    source: Readable, isovalue: float | None = None, *, mesh: tuple[ArrayLike, ArrayLike] | None = None,
+    limits: Limits | None = None, **view: Any,
+) -> Contour:
+    """Decode a file to its curve or surface: ``open(source).contour(isovalue)``.
+
+    Parameters
+    ----------
+    source : path, URL, file object or bytes
+    isovalue : float, optional
+    mesh, limits
+        As of `open`.
+    view
+        Parameters of `IsoFile.contour`: ``frame``, ``layers``, ``max_bytes``, ``box``, ``within``, ``smooth``,
+        ``through_holes``, ``partial``, ``progress``.
+
+    Returns
+    -------
+    Contour
+    """
+    return open(source, mesh=mesh, limits=limits).contour(isovalue, **view)
+
+
+def _tiled_at(source: str | os.PathLike[str], limits: Limits | None) -> IsoFile | None:
+    """The tiled file at a path or URL, of which what is needed is read later.
+
+    None if it is something else, comes through a pipe, or if its server does not give parts.
+    """
+    from ..storage.ranges import NoRangesError, ranges_of
+    from ..storage.content import is_url
+
+    if not is_url(source) and os.path.exists(source) and not os.path.isfile(source):
+        return None
+    fetch = ranges_of(source)
+    try:
+        first = fetch(0, HEAD_BYTES)
+    except NoRangesError:
+        return None
+    if not is_tiled(first):
+        return None
+    from ..tiles.tiled import TiledFile
+
+    return IsoFile(TileFile(TiledFile(fetch, limits, first), limits))

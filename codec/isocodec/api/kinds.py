@@ -1,0 +1,493 @@
+"""What files of each kind can be asked for: grids, values on meshes, triangulated surfaces, files in tiles."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from numbers import Integral
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ..drawing.contour import Contour
+from ..drawing.tessellation import Tessellation
+from ..errors import IsoError, OptionError, TruncatedError
+from ..field.decoded_samples import LABELS
+from ..format.events import End, FrameRead, LayerComplete, MeshLayerComplete
+from ..format.kinds import LayerKind
+from ..limits import Limits
+from ..stream.decoder import Decoder
+from ..stream.inspect import FileInfo, LayerInfo, inspect, kind_of
+from ..stream.statistics import FileStatistics, statistics
+from ..stream.truncation import truncate
+from ..tin.tin import Tin
+from .recoding import extracted
+
+if TYPE_CHECKING:
+    from ..tiles.tiled import TiledFile
+
+Progress = Callable[[int, int], object]
+IMPOSSIBLE: dict[tuple[str, str], str] = {
+    ("surface", "grid"): "it holds what lies next to its curves, not the values of a surface",
+    ("surface", "series"): "it holds what lies next to its curves, not the values of a surface",
+    ("surface", "mesh"): "it holds what lies next to its curves, not the values of a surface",
+    ("surface", "tiles"): "it holds what lies next to its curves, not the values of a surface",
+    ("box", "mesh"): "cells and signs follow from the mesh as a whole",
+    ("box", "surface"): "its triangles follow from all of its points",
+    ("decoder", "tiles"): "its pieces are read as they are asked for, not in order",
+    ("labels", "mesh"): "labels belong to the samples of a grid",
+    ("labels", "surface"): "labels belong to the samples of a grid",
+    ("isovalues", "surface"): "it has contours at any isovalue, and holds none",
+    ("merge", "surface"): "a file holds one surface",
+}
+"""Operations that a kind of file cannot have, each with the reason; `OPERATIONS` lists them all."""
+OPERATIONS = (
+    "encode", "save", "open", "info", "contour", "contours", "frames", "above", "valid", "labels", "surface", "mesh",
+    "statistics", "verify", "notebook", "layers", "size", "box", "isovalues", "profile", "merge", "decoder",
+)
+"""What can be done with files."""
+
+
+def impossible(operation: str, kind: str) -> OptionError:
+    """The error of an operation that a kind of file cannot have."""
+    return OptionError(f"this file holds {_NAMES[kind]}: {IMPOSSIBLE[operation, kind]}", code="kind")
+
+
+_NAMES = {
+    "grid": "curves of a grid", "series": "a series of frames", "mesh": "curves on a mesh",
+    "surface": "a triangulated surface", "tiles": "curves in tiles",
+}
+
+
+@dataclass(frozen=True, kw_only=True)
+class View:
+    """What of a file is to be drawn: the parameters of `IsoFile.contour`."""
+
+    frame: int | None = None
+    layers: int | None = None
+    max_bytes: int | None = None
+    box: Sequence[Sequence[float]] | None = None
+    within: Any = None
+    smooth: bool = False
+    through_holes: bool = False
+    partial: bool = False
+    progress: Progress | None = None
+
+    def __post_init__(self) -> None:
+        check_count(self.layers, "layers")
+        check_count(self.max_bytes, "max_bytes")
+        if self.frame is not None and (
+            isinstance(self.frame, bool) or not isinstance(self.frame, Integral) or self.frame < 0
+        ):
+            raise OptionError(f"frame is {self.frame}; it must be a whole number from 0 on", code="frame")
+
+    def refuse(self, kind: str, *names: str) -> None:
+        """Raise `OptionError` if one of these parameters is given, which do not apply to a kind."""
+        for name in names:
+            if getattr(self, name) not in (None, False):
+                raise OptionError(f"{name} does not apply to {_NAMES[kind]}", code=name.replace("_", "-"))
+
+
+def check_count(count: int | None, name: str) -> None:
+    """Refuse a count that is not a whole number from 1 on."""
+    if count is not None and not (isinstance(count, Integral) and not isinstance(count, bool) and count >= 1):
+        raise OptionError(f"{name} is {count}; it must be a whole number from 1 on", code=name.replace("_", "-"))
+
+
+class WholeFile:
+    """A file whose bytes are all in memory: of a grid, of values on a mesh, or of a surface.
+
+    Parameters
+    ----------
+    data : bytes
+    limits : Limits, optional
+    mesh : (points, cells), optional
+        That a file on a known mesh was made on.
+    """
+
+    def __init__(
+        self, data: bytes, limits: Limits | None, mesh: tuple[ArrayLike, ArrayLike] | None = None
+    ) -> None:
+        self.data = data
+        self.limits = limits
+        self.mesh_given = mesh
+
+    @cached_property
+    def info(self) -> FileInfo:
+        """What the file states without decoding."""
+        return inspect(self.data, limits=self.limits)
+
+    @property
+    def size(self) -> int:
+        """Bytes of the file."""
+        return len(self.data)
+
+    @cached_property
+    def kind(self) -> str:
+        """``grid``, ``series``, ``mesh`` or ``surface``."""
+        return kind_of(self.data, self.limits)
+
+    @property
+    def frames(self) -> int:
+        """Frames of a series, 1 of other files."""
+        info = self.info
+        return 1 if info.interval is None else max(len(info.frames), 1)
+
+    @property
+    def complete(self) -> bool:
+        """Whether the file is whole, and its checksum right."""
+        return self.info.complete
+
+    # -- drawings ------------------------------------------------------------------------------------------------
+
+    def contour(self, isovalue: float | None, view: View) -> Contour:
+        """The curve or surface of an isovalue; see `IsoFile.contour`."""
+        if self.kind == "surface":
+            view.refuse("surface", "smooth", "through_holes", "within")
+            drawn = self._surface_decoder(view).contour(isovalue=isovalue)
+            return clipped(drawn, view.box)
+        if self.kind == "mesh":
+            view.refuse("mesh", "smooth", "through_holes", "within")
+        decoder, number = self.decoded(isovalue, view)
+        return clipped(_drawn(decoder, [number], view)[0], view.box)
+
+    def contours(self, view: View) -> list[Contour]:
+        """The curves or surfaces of all isovalues; see `IsoFile.contours`."""
+        if self.kind == "surface":
+            return []
+        if self.kind == "mesh":
+            view.refuse("mesh", "smooth", "through_holes", "within")
+        if view.layers is not None or view.within is not None:
+            return [self.contour(isovalue, view) for isovalue in self.info.isovalues]
+        decoder = self._received(None, view)
+        return [clipped(one, view.box) for one in _drawn(decoder, range(len(decoder.isovalues)), view)]
+
+    def each_frame(self, smooth: bool) -> Iterator[list[Contour]]:
+        """The contours of frame after frame; no more than two frames are in memory."""
+        yield from frames_of([self.data], smooth=smooth, mesh=self.mesh_given, limits=self.limits)
+
+    def decoded(self, isovalue: float | None, view: View) -> tuple[Decoder, int]:
+        """A decoder that has decoded what a drawing of an isovalue takes, and the number of that isovalue."""
+        # what lies behind the bytes that are needed may be damaged
+        number = 0 if isovalue is None else self.info.number_of(isovalue)
+        chain = frozenset([0]) if isovalue is None else self.info.chain(number)
+        layers = self._layers_within(number, view) if view.within is not None else view.layers
+        decoder = self._received(chain, view, number, layers)
+        if number >= len(decoder.isovalues):
+            raise TruncatedError("the file ends before its curve begins", code="truncated")
+        return decoder, number
+
+    def _layers_within(self, number: int, view: View) -> int | None:
+        """How many layers lead to cubes no wider than ``view.within`` samples."""
+        n = len(self.info.shape)
+        exponent = max(int(size - 2).bit_length() for size in self.info.shape) if self.info.shape else 0
+        own = [one for one in self.info.layers if (one.frame, one.isovalue) == (view.frame or 0, number)]
+        for count, layer in enumerate(own, start=1):
+            if layer.level >= 0 and 2.0 ** (exponent - layer.level // n) <= view.within:
+                return count
+        return None
+
+    def _received(
+        self, only: frozenset[int] | None, view: View, number: int = 0, layers: int | None = None
+    ) -> Decoder:
+        """A decoder that has taken a frame, the first ``layers`` layers of isovalue ``number``, or the first bytes."""
+        wanted = view.frame or 0
+        decoder = Decoder(self.limits, mesh=self.mesh_given, only=only, frame=wanted)
+        done = 0
+        try:
+            decoder.feed(memoryview(self.data)[: view.max_bytes])
+            for event in decoder:
+                if isinstance(event, LayerComplete | MeshLayerComplete):
+                    if view.progress is not None:
+                        view.progress(event.number, max(decoder.announced, event.number))
+                    done += decoder.present == (wanted, number)
+                    if done == layers:
+                        return decoder
+            if view.max_bytes is None and not view.partial:
+                decoder.close()
+            if not decoder.isovalues:
+                raise TruncatedError("the file ends before its curve begins", code="truncated")
+            _check_frame(decoder, wanted)
+        except IsoError:
+            # the frames of an error that somebody keeps would keep all of this, too
+            if decoder.contents is not None:
+                decoder.contents.drop()
+            raise
+        return decoder
+
+    def _surface_decoder(self, view: View) -> Decoder:
+        """A decoder that has taken a surface, or its beginning."""
+        if view.frame:
+            raise OptionError(f"the file has no frame {view.frame}", code="frame", remedy="it holds one surface only")
+        data = memoryview(self.data)[: view.max_bytes]
+        if view.layers is not None:
+            data = memoryview(truncate(self.data, layers=view.layers, limits=self.limits))
+        decoder = Decoder(self.limits)
+        decoder.feed(data)
+        if view.max_bytes is None and not view.partial:
+            decoder.close()
+        return decoder.take()
+
+    # -- arrays --------------------------------------------------------------------------------------------------
+
+    def above(self, isovalue: float | None, view: View) -> NDArray[np.bool_]:
+        """Which samples or vertices lie above an isovalue; see `IsoFile.above`."""
+        if self.kind == "surface":
+            if isovalue is None:
+                raise OptionError("the file holds a surface: which isovalue?", code="isovalue")
+            tin = self._surface_decoder(view).surface.tin()
+            return np.asarray((tin.values if tin.shape is None else tin.raster()) > isovalue)
+        decoder, number = self.decoded(isovalue, view)
+        if self.kind == "mesh":
+            return decoder.on_mesh.above(number)
+        return decoder.grid.above(number)
+
+    def valid(self, max_bytes: int | None = None) -> NDArray[np.bool_]:
+        """Which samples are valid; see `IsoFile.valid`."""
+        if self.kind == "surface":
+            tin = self.surface(None)
+            return np.ones(len(tin.values), np.bool_) if tin.shape is None else ~np.isnan(tin.raster())
+        if self.info.domain is not None:
+            return np.ones(self.info.domain.vertices, np.bool_)
+        decoder = Decoder(self.limits, only=())
+        decoder.feed(memoryview(self.data)[:max_bytes])
+        if max_bytes is None:
+            decoder.close()
+        return decoder.take().grid.valid()
+
+    def labels(self) -> NDArray[Any]:
+        """The label of each sample; see `IsoFile.labels`."""
+        if ("labels", self.kind) in IMPOSSIBLE:
+            raise impossible("labels", self.kind)
+        if LABELS not in self.info.metadata:
+            raise OptionError("the isovalues of the file are not labels", code="labels", remedy="use above")
+        grid = self._received(None, View()).grid
+        return labelled((grid.above(i) for i in range(len(self.info.isovalues))), self.info.isovalues)
+
+    def surface(self, max_bytes: int | None) -> Tin:
+        """The triangulated surface; see `IsoFile.surface`."""
+        if self.kind == "mesh" and self.info.domain is None:
+            raise TruncatedError("the file ends before its domain begins", code="truncated", offset=self.size)
+        if self.kind != "surface":
+            raise impossible("surface", self.kind)
+        return self._surface_decoder(View(max_bytes=max_bytes)).surface.tin()
+
+    def mesh(self, isovalue: float | None, view: View, whole: bool) -> Tessellation:
+        """The mesh that the curve of an isovalue is coded on; see `IsoFile.mesh`."""
+        if self.kind == "surface":
+            tin = self._surface_decoder(view).surface.tin()
+            above = tin.values > (np.median(tin.values) if isovalue is None else isovalue)
+            crossed = np.ones(len(tin.triangles), np.bool_) if whole else ~_uniform(above[tin.triangles])
+            return Tessellation(
+                tin.points, tin.triangles[crossed], np.zeros(int(crossed.sum()), np.int64), above,
+                float("nan") if isovalue is None else isovalue, tin.shape or (), tin.complete,
+                metadata=dict(tin.metadata),
+            )
+        decoder, number = self.decoded(isovalue, view)
+        if self.kind == "mesh":
+            return decoder.on_mesh.mesh(number, whole)
+        return decoder.grid.mesh(number, whole)
+
+    def statistics(self) -> FileStatistics:
+        """What the file spends its bits on; see `IsoFile.statistics`."""
+        return statistics(self.data, self.limits, mesh=self.mesh_given)
+
+
+class TileFile:
+    """A file in tiles, of which pieces are read as they are asked for.
+
+    Parameters
+    ----------
+    tiled : TiledFile
+    """
+
+    kind = "tiles"
+    frames = 1
+
+    def __init__(self, tiled: TiledFile, limits: Limits | None) -> None:
+        self.tiled = tiled
+        self.limits = limits
+
+    @property
+    def data(self) -> bytes:
+        """All of its bytes."""
+        return self.tiled.fetch(0, self.size)
+
+    @property
+    def size(self) -> int:
+        """Bytes of the file."""
+        return self.tiled.root.total
+
+    @cached_property
+    def complete(self) -> bool:
+        """Whether the file does not end before its tiles do; asks for its last byte."""
+        return bool(self.tiled.fetch(self.size - 1, self.size))
+
+    @cached_property
+    def info(self) -> FileInfo:
+        """What head and root directory state."""
+        head, root = self.tiled.head, self.tiled.root
+        layers = []
+        for number in range(len(head.isovalues)):
+            for stage, each in enumerate(head.stages):
+                kind = LayerKind.ADAPT if each.adaptive else LayerKind.REFINE
+                size = int(root.sizes[:, head.area(number, stage)].sum())
+                layers.append(LayerInfo(kind, each.edge, 0, 0, None, size, isovalue=number))
+        coded = int(root.sizes.sum())
+        return FileInfo(
+            1, 1, head.profile.name.lower(), self.tiled.shape, head.isovalues[0], head.scale, self.size,
+            self.size - coded, True, layers, [], self.tiled.metadata, list(head.isovalues),
+            [None] * len(head.isovalues), [False] * len(head.isovalues),
+            int(root.sizes[:, 0].sum()) if head.masked else None, kind="tiles", tile=1 << head.grid.exponent,
+        )
+
+    def contour(self, isovalue: float | None, view: View) -> Contour:
+        """The curve or surface of an isovalue in a box; see `IsoFile.contour`."""
+        view.refuse("tiles", "smooth", "through_holes")
+        self._check_frame(view.frame)
+        tiled = self.tiled
+        if view.max_bytes is not None:
+            tiled = self._beginning(view.max_bytes)
+        layer = None if view.layers is None else min(view.layers, len(tiled.head.stages)) - 1
+        partial = view.partial or view.max_bytes is not None
+        drawn = tiled.window(view.box, isovalue=isovalue, within=view.within, layer=layer, partial=partial)
+        if view.progress is not None:
+            view.progress(1, 1)
+        return drawn
+
+    def _beginning(self, size: int) -> TiledFile:
+        """The same file, cut after its first bytes."""
+        from ..tiles.tiled import TiledFile
+
+        fetch = self.tiled.fetch
+        return TiledFile(lambda start, end: fetch(start, min(end, size)) if start < size else b"", self.limits)
+
+    @staticmethod
+    def _check_frame(frame: int | None) -> None:
+        if frame:
+            raise OptionError(f"the file has no frame {frame}", code="frame", remedy="it holds one frame only")
+
+    def contours(self, view: View) -> list[Contour]:
+        """The curves or surfaces of all isovalues; see `IsoFile.contours`."""
+        return [self.contour(isovalue, view) for isovalue in self.tiled.isovalues]
+
+    def each_frame(self, smooth: bool) -> Iterator[list[Contour]]:
+        """The contours of its one frame."""
+        yield self.contours(View(smooth=smooth))
+
+    def whole(self, box: Sequence[Sequence[float]] | None = None) -> WholeFile:
+        """A box of it, or all of it, as a file in one piece."""
+        return WholeFile(extracted(self.tiled, box), self.limits)
+
+    def above(self, isovalue: float | None, view: View) -> NDArray[np.bool_]:
+        """See `IsoFile.above`."""
+        self._check_frame(view.frame)
+        return self.whole(view.box).above(isovalue, View(layers=view.layers))
+
+    def valid(self, max_bytes: int | None = None) -> NDArray[np.bool_]:
+        """See `IsoFile.valid`."""
+        return self.whole().valid()
+
+    def labels(self) -> NDArray[Any]:
+        """See `IsoFile.labels`."""
+        return self.whole().labels()
+
+    def surface(self, max_bytes: int | None) -> Tin:
+        """Refuse: see `IsoFile.surface`."""
+        raise impossible("surface", "tiles")
+
+    def mesh(self, isovalue: float | None, view: View, whole: bool) -> Tessellation:
+        """See `IsoFile.mesh`."""
+        self._check_frame(view.frame)
+        return self.whole(view.box).mesh(isovalue, View(layers=view.layers), whole)
+
+    def statistics(self) -> FileStatistics:
+        """See `IsoFile.statistics`."""
+        return self.whole().statistics()
+
+
+def labelled(above: Iterator[NDArray[np.bool_]], isovalues: Sequence[float]) -> NDArray[Any]:
+    """Labels of samples, 0 without one, of the smallest type that holds them all."""
+    labels = [int(value) if value.is_integer() else value for value in map(float, isovalues)]
+    out: NDArray[Any] | None = None
+    for label, inside in zip(labels, above, strict=True):
+        if out is None:
+            out = np.zeros(inside.shape, np.result_type(*map(np.min_scalar_type, [0, *labels])))
+        out[inside] = label
+    assert out is not None
+    return out
+
+
+def clipped(contour: Contour, box: Sequence[Sequence[float]] | None) -> Contour:
+    """The cells of a contour that reach into a box of index coordinates (of a mesh: of its coordinates)."""
+    if box is None:
+        return contour
+    bounds = np.array(box, np.float64)
+    d = contour.points.shape[1]
+    if bounds.shape != (d, 2) or not np.isfinite(bounds).all() or (bounds[:, 0] > bounds[:, 1]).any():
+        raise OptionError(f"the box is {box!r}; it must be {d} pairs, from where to where along each axis", code="box")
+    corners = contour.points[contour.cells]
+    inside = ((corners.min(axis=1) < bounds[:, 1]) & (corners.max(axis=1) > bounds[:, 0])).all(axis=1)
+    used, number = np.unique(contour.cells[inside], return_inverse=True)
+    return replace(contour, points=contour.points[used], cells=number.reshape(-1, contour.cells.shape[1]))
+
+
+def frames_of(
+    pieces: Any, *, smooth: bool = False, mesh: tuple[ArrayLike, ArrayLike] | None = None, limits: Limits | None = None
+) -> Iterator[list[Contour]]:
+    """Contours of frame after frame of a file that comes in pieces; no more than two frames are in memory.
+
+    Yields
+    ------
+    list of Contour
+        Of each frame the curves or surfaces of all isovalues, in the file's order.
+
+    Raises
+    ------
+    FormatError, LimitError
+        As `Decoder`; ``TruncatedError`` after the frames that are complete.
+    """
+    decoder = Decoder(limits, mesh=mesh)
+    for piece in pieces:
+        decoder.feed(piece)
+        for event in decoder:
+            if isinstance(event, End) or (isinstance(event, FrameRead) and event.number == 0):
+                before = isinstance(event, FrameRead)
+                surface = decoder.contents is None or decoder.contents.kind == "surface"
+                count = 0 if surface else len(decoder.isovalues)
+                yield [decoder.contour(i, smooth=smooth, before=before) for i in range(count)]
+    decoder.close()
+
+
+def _uniform(above: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Which cells have corners of one sign only."""
+    return np.asarray(above.all(axis=1) | ~above.any(axis=1))
+
+
+def _drawn(decoder: Decoder, numbers: Sequence[int], view: View) -> list[Contour]:
+    """Contours of isovalues; what each was drawn from is released after it."""
+    out: list[Contour] = []
+    contents = decoder.contents
+    assert contents is not None
+    try:
+        for number in numbers:
+            decoder.hold(sum(contour.points.nbytes + contour.cells.nbytes for contour in out))
+            out.append(decoder.contour(number, smooth=view.smooth, through_holes=view.through_holes))
+            decoder.discard(number)
+    except IsoError:
+        contents.drop()
+        raise
+    return out
+
+
+def _check_frame(decoder: Decoder, frame: int) -> None:
+    """Refuse a frame that a decoder which has taken the file has not met."""
+    last = decoder.frame
+    if last >= frame:
+        return
+    if not decoder.complete:
+        raise TruncatedError(f"the file ends before frame {frame} begins", code="truncated")
+    remedy = f"its frames are 0 to {last}" if last else "it holds one frame only"
+    raise OptionError(f"the file has no frame {frame}", code="frame", remedy=remedy)

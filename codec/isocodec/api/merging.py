@@ -1,0 +1,96 @@
+"""Several files of one field put into one."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from itertools import pairwise
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ..errors import InputError, OptionError
+from ..field.decoded_samples import LABELS
+from ..field.placement import CRS, PLACEMENT
+from ..limits import Limits
+from ..stream.options import Options
+from ..stream.splicing import spliced
+from ..storage.content import Readable
+from .isofile import open
+from .kinds import TileFile, impossible
+from .recoding import Held, held_by, same_again
+
+if TYPE_CHECKING:
+    from ..stream.options import ProfileName
+
+
+def merge(files: Sequence[Readable], *, profile: ProfileName = "main", limits: Limits | None = None) -> bytes:
+    """Put the isovalues of several files of one field, or of one mesh, into one file, point by point as they are.
+
+    Parameters
+    ----------
+    files : sequence of bytes, paths, URLs or file objects
+        Files of fields of the same shape, place and missing samples, each with isovalues of its own; series with the
+        same frames; or of values on one mesh.
+    profile : str
+        Of the result, where it is coded anew: of files of grids.
+    limits : Limits, optional
+        The most that each of the files may need.
+
+    Returns
+    -------
+    bytes
+        An ``.iso`` file with the isovalues in the order of the files. Of notes that several have, those of the first.
+
+    Raises
+    ------
+    InputError
+        If the files are not of one field: they differ in shape, place or missing samples, have different steps of
+        values, or a sample lies above one isovalue and not above a lower one.
+    OptionError
+        If an isovalue is in two of them, or a file cannot be coded anew (see `IsoFile.edited`).
+    FormatError, LimitError
+    """
+    if isinstance(files, str | bytes) or not len(files):
+        raise OptionError("no files to merge", code="files", remedy="give a sequence of them")
+    opened = [open(file, limits=limits).held for file in files]
+    kinds = [held.kind for held in opened]
+    if "surface" in kinds:
+        raise impossible("merge", "surface")
+    whole = [held.whole() if isinstance(held, TileFile) else held for held in opened]
+    if {"mesh", "series"} & set(kinds):
+        return spliced([held.data for held in whole])
+    all_held = [held_by(each.data, limits, f"file {i}") for i, each in enumerate(whole, start=1)]
+    _check_one_field(all_held)
+    metadata: dict[str, str] = {}
+    for held in reversed(all_held):
+        metadata.update(held.metadata)
+    sources = [source for held in all_held for source in held.frames[0]]
+    contours = [contour for held in all_held for contour in held.contours[0]]
+    merged = replace(all_held[0], frames=[sources], contours=[contours])
+    return same_again(merged, Options.of(profile=profile, metadata=metadata))
+
+
+def _check_one_field(all_held: Sequence[Held]) -> None:
+    first, *others = all_held
+    sources = [source for held in all_held for source in held.frames[0]]
+    for number, other in enumerate(others, start=2):
+        if LABELS in {**first.metadata, **other.metadata}:
+            raise InputError("files of labels cannot be merged", code="merge", remedy="encode the labels together")
+        if first.header.shape != other.header.shape:
+            raise InputError(f"file {number} is of shape {other.header.shape}, the first of {first.header.shape}",
+                             code="merge")
+        if not np.array_equal(first.valid, other.valid):
+            raise InputError(f"other samples are missing in file {number} than in the first", code="merge")
+        for note in (PLACEMENT, CRS):
+            if first.metadata.get(note) != other.metadata.get(note):
+                raise InputError(f"file {number} has another {note} than the first", code="merge")
+    if len({source.field.scale for source in sources if source.field.number is not None}) > 1:
+        raise InputError("the files have values in different steps", code="merge")
+    rising = sorted((source.field for source in sources), key=lambda field: field.isovalue)
+    for lower, higher in pairwise(rising):
+        if (higher.signs & ~lower.signs & first.valid).any():
+            raise InputError(
+                f"samples lie above {higher.isovalue:g} that do not lie above {lower.isovalue:g}: the files are not of "
+                "one field", code="merge",
+            )

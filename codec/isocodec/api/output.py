@@ -1,0 +1,91 @@
+"""Outputs of programs: whether they can be written, found out before the work, and workers for what takes long."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from ..errors import OptionError
+from ..storage.atomic import check_target, undo_all, undoing, write_bytes
+
+__all__ = ["STANDARD", "check_output", "engine_of", "undo_all", "undoing", "write_bytes"]
+
+STANDARD = "-"
+"""Name of standard input and output."""
+
+
+def check_output(output: str | os.PathLike[str], source: str, *, iso: bool = False) -> None:
+    """Find out before the work that an output cannot be written, or is the input.
+
+    Parameters
+    ----------
+    output : path
+        ``-`` is standard output.
+    source : str
+        Path or URL of the input.
+    iso : bool
+        Whether it becomes an .iso file, which does not go under the name of another format.
+
+    Raises
+    ------
+    OptionError
+        If the input is the same file, or the name that of another format.
+    OSError
+        If it cannot be written.
+    """
+    target = Path(output)
+    if str(output) == STANDARD:
+        return
+    check_target(target)
+    if target.exists() and os.path.exists(source) and target.samefile(source):
+        raise OptionError("the output is the input file itself", code="same-file", remedy="choose another name")
+    if iso and (suffix := _other_format(target.name.lower())):
+        raise OptionError(
+            f"the output is an .iso file, not {suffix}", code="suffix", remedy="choose a name that ends in .iso"
+        )
+
+
+def _other_format(name: str) -> str | None:
+    """The suffix of a name, if it is that of another format."""
+    from ..io import FIELD_SUFFIXES
+    from ..io.writers.registry import SUFFIXES
+
+    return next((suffix for suffix in (*SUFFIXES, *FIELD_SUFFIXES) if name.endswith(suffix)), None)
+
+
+@contextmanager
+def engine_of(workers: int | None, scheduler: str | None) -> Iterator[Any]:
+    """Workers that encode tiles: processes, or a Dask cluster; None without either.
+
+    Parameters
+    ----------
+    workers : int or None
+        Processes.
+    scheduler : str or None
+        Address of a cluster's scheduler, as ``tcp://HOST:PORT``.
+
+    Raises
+    ------
+    MissingExtraError
+        Without distributed.
+    """
+    if scheduler is not None:
+        from ..extras import optional
+
+        distributed = optional("distributed", extra="tiles", purpose="a Dask cluster")
+        with distributed.Client(scheduler, timeout="10s") as client:
+            yield client
+    elif workers is not None and workers > 1:
+        import multiprocessing
+        from concurrent.futures import ProcessPoolExecutor
+
+        from ..tiles.running import end_with_parent
+
+        spawned = multiprocessing.get_context("spawn")
+        with ProcessPoolExecutor(workers, mp_context=spawned, initializer=end_with_parent) as pool:
+            yield pool
+    else:
+        yield None

@@ -1,0 +1,148 @@
+"""Files by their names: whatever there is, written in the format that the suffix names."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Collection
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Unpack
+
+from numpy.typing import ArrayLike
+
+from ..drawing.contour import Contour
+from ..errors import InputError, OptionError
+from ..field.framed import Frames
+from ..field.meshed import Mesh
+from ..field.sampled import Field
+from ..storage.atomic import check_target, write_bytes
+from ..stream.options import EncodeOptions, Isovalues, Options
+from .isofile import IsoFile
+
+if TYPE_CHECKING:
+    from ..tiles.running import Engine
+    from ..tin.tin import Tin
+    from ..field.sampled import SpatialImage
+
+
+def save(
+    path: str | os.PathLike[str],
+    what: bytes | Contour | Collection[Contour] | IsoFile | ArrayLike | Field | Frames | Mesh | Tin | SpatialImage,
+    isovalue: Isovalues | None = None,
+    *,
+    tile: int | None = None,
+    engine: Engine | None = None,
+    workers: int | None = None,
+    spool: str | os.PathLike[str] | None = None,
+    progress: Callable[[int, int], object] | None = None,
+    **options: Unpack[EncodeOptions],
+) -> None:
+    """Write an ``.iso`` file, in one piece or in tiles, or contours or a surface in another format.
+
+    Parameters
+    ----------
+    path : path
+        Written whole, or not at all. The suffix names the format: ``.iso``, or one of ``isocodec decode --help``.
+    what : bytes, IsoFile, Contour, several Contours, Tin, or what `encode` takes
+        For ``.iso``: bytes and an IsoFile are written as they are, everything else is encoded. For other formats:
+        contours, a Tin, or bytes and an IsoFile, which are decoded: a surface to its points and triangles, other files
+        to their contours.
+    isovalue : optional
+        Of what is encoded, as of `encode`; of what is decoded, the contours of these only.
+    tile : int, optional
+        Write a file in tiles of so many samples along each axis, a power of two from 32 on (1024 in the plane and 128
+        in space are usual). ``what`` is a Field, or anything that has ``shape``, ``dtype`` and slices: an array of
+        numpy (mapped from a file, say), Dask, xarray, Zarr or h5py, of two or three axes, which need not be in memory:
+        slices of a tile are read at a time.
+    engine : executor of ``concurrent.futures``, or client of ``dask.distributed``, optional
+        Who encodes tiles; without one the caller's thread. The file has the same bytes.
+    workers : int, optional
+        How many the engine has; asked of it if not given.
+    spool : path, optional
+        A folder for the tiles that have been encoded, beside the file if not given. It goes when the file is written;
+        if work stops before, the same call goes on where it was.
+    progress : callable, optional
+        As of `encode`; with ``tile`` called with the tiles done and their total.
+    **options
+        Those of `encode`.
+
+    Raises
+    ------
+    OSError
+        If the file cannot be written; tiles that have been encoded are kept in the spool.
+    OptionError
+        If the format cannot hold this, options are given where nothing is encoded, or the spool has tiles of something
+        else.
+    InputError, MissingExtraError
+        As `encode` and the writers; of tiles naming the tile, or if the field has changed while it was read.
+
+    Examples
+    --------
+    >>> import numpy as np, isocodec
+    >>> field = np.load("terrain.npy", mmap_mode="r")             # doctest: +SKIP
+    >>> isocodec.save("terrain.iso", field, 500.5, tile=1024)     # doctest: +SKIP
+    """
+    if tile is None and not (engine is workers is spool is None):
+        raise OptionError("engine, workers and spool go with tile", code="tile", remedy="tile=1024")
+    suffix = Path(path).suffix.lower()
+    if suffix != ".iso":
+        if options or tile is not None:
+            raise OptionError(f"options of encoding do not apply to {suffix or 'a name without a suffix'}",
+                              code="options", remedy="choose a name that ends in .iso")
+        _write_other(path, what, isovalue, suffix)
+        return
+    if _contours(what) is not None:
+        raise OptionError("contours for an .iso file", code="suffix",
+                          remedy="encode the field, or choose another suffix")
+    if isinstance(what, bytes | IsoFile):
+        if isovalue is not None or options or tile is not None:
+            raise OptionError("isovalue and options are for fields, and this is encoded already", code="options")
+        check_target(path)
+        write_bytes(path, what if isinstance(what, bytes) else what.data)
+        return
+    check_target(path)
+    if tile is None:
+        from ..stream.encoder import encoder_of
+
+        write_bytes(path, b"".join(encoder_of(what, isovalue, progress=progress, **options)))
+        return
+    from ..tiles.writing import encode_tiles, tiling_of
+
+    tiling = tiling_of(what, isovalue, tile, Options.of(**options))
+    encode_tiles(path, what, tiling, engine=engine, workers=workers, spool=spool, progress=progress)
+
+
+def _write_other(path: str | os.PathLike[str], what: Any, isovalue: Any, suffix: str) -> None:
+    """Write contours or a surface in another format than .iso."""
+    from ..io.writers.write import write
+    from ..tin.tin import Tin
+
+    contours = _contours(what)
+    if contours is not None and isovalue is not None:
+        raise OptionError("isovalue is for fields, and this is a contour", code="options")
+    if isinstance(what, bytes | IsoFile):
+        from .isofile import open
+
+        file = open(what) if isinstance(what, bytes) else what
+        if isovalue is None and file.kind == "surface":
+            what = file.surface()
+        else:
+            values = isovalue if isinstance(isovalue, list | tuple) else [isovalue]
+            contours = file.contours() if isovalue is None else [file.contour(value) for value in values]
+    if isinstance(what, Tin):
+        write(path, what)
+        return
+    if not contours:
+        raise OptionError(f"{suffix or 'a name without a suffix'} for an .iso file", code="suffix",
+                          remedy="choose a name that ends in .iso; decode first to write another format")
+    write(path, contours if len(contours) > 1 else contours[0])
+
+
+def _contours(what: Any) -> list[Contour] | None:
+    """The contours that something is, or None if it is something else."""
+    if isinstance(what, Contour):
+        return [what]
+    if isinstance(what, list | tuple) and any(isinstance(one, Contour) for one in what):
+        if not all(isinstance(one, Contour) for one in what):
+            raise InputError("contours and other things together", code="contours")
+        return list(what)
+    return None

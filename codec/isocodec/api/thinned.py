@@ -1,0 +1,240 @@
+"""Triangulated surfaces of few points: by the published thinning, or the points that make the best file."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from numbers import Integral
+from typing import Any, Literal, TypeAlias
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ..errors import InputError, OptionError
+from ..field.meshed import Mesh
+from ..field.sampled import Field
+from ..format.surface import MOST_LAYERS, values_of
+from ..search.contour_tin import near_contours
+from ..search.tin_fit import Chosen, best, smallest, within
+from ..stream.given import field_of
+from ..stream.options import Options
+from ..stream.surface_encoder import SurfaceEncoder, surface_of
+from ..tin.criteria import NAMES
+from ..tin.delaunay import delaunay, triangles
+from ..tin.points import Points, points_of
+from ..tin.thinning import thin_to, thinning
+from ..tin.tin import Removals, Tin, tin_of
+
+ThinningName: TypeAlias = Literal["AT1", "AT2", "AT3", "inf", "l2", "NAT"]
+"""Which point of a triangulation matters least."""
+MEMORY = 320
+"""Bytes that thinning takes for each point at most, beside what is given."""
+_PIECE = 1 << 14
+"""Removals between two reports of progress."""
+Progress = Callable[[int, int], object]
+
+
+def thin(
+    what: ArrayLike | Field | Mesh,
+    *,
+    criterion: ThinningName | None = None,
+    to: int | None = None,
+    error: float | None = None,
+    size: int | None = None,
+    contours: Sequence[float] | None = None,
+    tolerance: float | None = None,
+    step: float | None = None,
+    layers: int = 1,
+    metadata: Mapping[str, str] | None = None,
+    progress: Progress | None = None,
+) -> Tin:
+    """Keep the points of a terrain, a picture or scattered points that matter, and triangulate them.
+
+    With a ``criterion``, points are taken out one by one, always the one that matters least, as published. Without one,
+    points and steps of values are chosen so that the file which `encode` makes of the surface is small.
+
+    Parameters
+    ----------
+    what : Field, (s0, s1) array_like, or Mesh without cells
+        Samples of a terrain or a picture, which lie at their indices; or scattered points with values. Positions that
+        no grid of ``2**28`` steps holds are rounded to ``2**24`` steps of the longer side. Points that coincide become
+        one with the mean of their values.
+    criterion : str, optional
+        Which point matters least. The smallest largest error, over the point's star: ``AT1``; over all points:
+        ``inf``; at the point alone: ``AT2``; there, by triangles in each direction, which is fastest: ``AT3``. The
+        least growth of the sum of squared errors: ``l2``. The nearest neighbour, whatever the values: ``NAT``. It goes
+        with ``to`` or ``error``.
+    to : int, optional
+        How many points are left; without a criterion, these and their values are chosen so that the sum of squared
+        errors is small. Corners of the convex hull always stay.
+    error : float, optional
+        Largest distance of the surface from any value.
+    size : int, optional
+        Bytes of the file at most; points and values are chosen as for ``to``.
+    contours : sequence of float, optional
+        Isovalues: the surface keeps their contours and little else of the field.
+    tolerance : float, optional
+        With ``contours``: largest distance, in samples, between their contours and those of the field, both ways.
+    step : float, optional
+        Step of values, with ``to`` and ``size``; one that fits the error, if not given.
+    layers : int
+        Layers that points of a file come in, each with four times as many as the one before: the beginning of a file is
+        a coarse surface, for some more bytes in all.
+    metadata : mapping of str to str, optional
+        Notes for the file, besides those of the field.
+    progress : callable, optional
+        Called with the points taken out and how many there are at most; with a criterion only.
+
+    Returns
+    -------
+    Tin
+        With a criterion, `Tin.order`, `Tin.anticipated` and `Tin.errors` have the points that went, and `Tin.at` the
+        surfaces before.
+
+    Raises
+    ------
+    InputError
+        If there are fewer than three distinct points, all lie on a line, or numbers are not finite.
+    OptionError
+        If not exactly one of ``to``, ``error``, ``size`` and ``contours`` is given, or a number is out of range.
+
+    Notes
+    -----
+    The result does not depend on the order of the points. Memory: up to `MEMORY` bytes a point, 3.2 GB for ten
+    million. Time grows with ``N log N``.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> y, x = np.mgrid[:32, :32]
+    >>> len(thin(np.hypot(x - 9.5, y - 20), criterion="AT1", to=50))
+    50
+    """
+    given, field, notes = _points_of(what)
+    notes = {**notes, **(metadata or {})}
+    shape = None if field is None else (field.shape[0], field.shape[1])
+    if criterion is not None:
+        unused = {"size": size, "contours": contours, "tolerance": tolerance, "step": step}
+        if name := next((name for name, value in unused.items() if value is not None), "layers" * (layers != 1)):
+            raise OptionError(f"a criterion and {name} cannot be combined", code="criterion",
+                              remedy="leave the criterion out")
+        return _removed(given, criterion, to, error, shape, notes, progress)
+    _check(error, to, size, step, layers, contours, tolerance)
+
+    def found(chosen: Chosen) -> Tin:
+        return _surface(given, chosen, shape, layers, notes)
+
+    def file(chosen: Chosen) -> bytes:
+        return b"".join(SurfaceEncoder(found(chosen), Options()))
+
+    if error is not None:
+        return found(within(given, float(error)))
+    if contours is not None:
+        assert tolerance is not None
+        if field is None:
+            raise OptionError(
+                "contours are kept of a field, not of scattered points", code="contours",
+                remedy="encode(Mesh(points, None, values), isovalue) has those of scattered points",
+            )
+        return found(near_contours(given, field, contours, float(tolerance), lambda each: len(file(each))))
+    if to is not None:
+        return found(best(given, int(to), step))
+    assert size is not None
+    chosen = smallest(given, int(size), file, step)
+    if (needed := len(file(chosen))) > size:
+        raise OptionError(f"no surface fits into {size} bytes", code="size", remedy=f"allow {needed}")
+    return found(chosen)
+
+
+def _points_of(what: Any) -> tuple[Points, NDArray[np.float64] | None, dict[str, str]]:
+    """Points of what is thinned, the field that they are samples of, and its notes."""
+    if isinstance(what, Mesh):
+        if what.cells is not None or what.values is None:
+            raise InputError("a mesh to be thinned has cells, or no values", code="mesh",
+                             remedy="give Mesh(points, None, values)")
+        return points_of(what.points, what.values), None, what.metadata
+    field = field_of(what)
+    notes = dict(field.metadata)
+    if field.placement is not None:
+        notes.update(field.placement.notes())
+    given = points_of(_without_missing(field))
+    return given, np.asarray(field.values, np.float64), notes
+
+
+def _without_missing(field: Field) -> ArrayLike:
+    """The samples of a field; a surface has no holes."""
+    masked = np.ma.getmaskarray(field.values) if isinstance(field.values, np.ma.MaskedArray) else None
+    if (masked is not None and masked.any()) or (field.mask is not None and np.any(field.mask)):
+        raise InputError("samples are missing", code="missing",
+                         remedy="give the others as scattered points: Mesh(points, None, values)")
+    return field.values
+
+
+def _surface(
+    given: Points, chosen: Chosen, shape: tuple[int, int] | None, layers: int, metadata: Mapping[str, str]
+) -> Tin:
+    """The surface of chosen points as its file will have it."""
+    head, parts = surface_of(given, chosen, shape, layers)
+    some = np.sort(chosen.some)
+    numbers = chosen.numbers[np.argsort(chosen.some, kind="stable")]
+    cells = triangles(delaunay(given.x[some], given.y[some])[0]).astype(np.int64)
+    values = np.array(values_of(head, numbers.tolist()))
+    return Tin(given.positions[some], values, cells, shape, metadata=metadata, coded=(head, parts))
+
+
+def _removed(
+    given: Points, criterion: str, to: int | None, error: float | None, shape: tuple[int, int] | None,
+    metadata: Mapping[str, str], progress: Progress | None,
+) -> Tin:
+    """The published thinning."""
+    if criterion not in NAMES:
+        raise OptionError(f"unknown criterion {criterion!r}", code="criterion", remedy=f"one of {', '.join(NAMES)}")
+    if (to is None) == (error is None):
+        raise OptionError("give exactly one of to and error", code="thin", remedy="to=1000 or error=5.0")
+    if to is not None and not (isinstance(to, Integral) and to >= 3):
+        raise OptionError(f"{to} points cannot make a surface", code="points", remedy="give 3 or more")
+    if error is not None and not (error >= 0):
+        raise OptionError(f"the error is {error}; it must be 0 or more", code="error")
+    state = thinning(given.x, given.y, given.value, NAMES[criterion])
+    least, most = (0, float(error)) if error is not None else (int(to or 0), math.inf)
+    while not thin_to(state, least, most, _PIECE):
+        if progress:
+            progress(state.reg.removed, len(given.x) - least)
+    count = state.reg.removed
+    order = state.order[:count]
+    left = np.ones(len(given.x), np.bool_)
+    left[order] = False
+    removals = Removals(
+        given, np.sort(given.source[left]), given.source[order], state.anticipated[:count].copy(),
+        state.largest[:count].copy(),
+    )
+    return tin_of(given, np.flatnonzero(left), shape, metadata, removals)
+
+
+def _check(
+    error: float | None, to: int | None, size: int | None, step: float | None, layers: int,
+    contours: Sequence[float] | None, tolerance: float | None,
+) -> None:
+    """Refuse numbers that no file is made for."""
+    if sum(each is not None for each in (error, to, size, contours)) != 1:
+        raise OptionError(
+            "give exactly one of error, to, size and contours", code="tin", remedy="error=5.0, or size=2000"
+        )
+    if (contours is None) != (tolerance is None) or (tolerance is not None and not 0 < tolerance < math.inf):
+        raise OptionError(
+            "contours go with a tolerance greater than 0", code="tolerance", remedy="contours=[500], tolerance=0.5"
+        )
+    if contours is not None and not (len(contours) and np.isfinite(contours).all()):
+        raise OptionError("the isovalues of contours have to be numbers", code="isovalue", remedy="contours=[500]")
+    if error is not None and not 0 <= error < math.inf:
+        raise OptionError(f"the error is {error}; it must be 0 or more", code="error")
+    for what, number, least in (("points", to, 3), ("bytes", size, 1), ("layers", layers, 1)):
+        if number is not None and not (isinstance(number, Integral) and number >= least):
+            raise OptionError(f"{number} {what}; it must be a whole number from {least} on", code=what)
+    if layers > MOST_LAYERS:
+        raise OptionError(f"{layers} layers; a surface has at most {MOST_LAYERS}", code="layers")
+    if step is not None and (error is not None or contours is not None or not 0 < step < math.inf):
+        raise OptionError(
+            "a step goes with a number of points or a size, and is greater than 0", code="step",
+            remedy="with an error, values are rounded as it allows",
+        )

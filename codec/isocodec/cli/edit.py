@@ -1,0 +1,85 @@
+"""``isocodec edit``: an .iso file made of others, without the field."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import click
+
+from .options import COUNT, PART, PRECISION, Box, Number, Opening, Size, Writing, argument, command, option
+from .report import concerning, counted, named, progress_bar, result, warn, write_output
+
+ASKED = ("layers", "size", "box", "isovalues", "profile", "precision", "keep_topology")
+"""Options that change a file."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class EditOptions(Writing, Opening):
+    """Options of ``edit``."""
+
+    source: Any = argument("IN.iso ...", nargs=-1, required=True)
+    layers: int | None = option("--layers", heading=PART, type=COUNT, metavar="N",
+                                help="Keep the first N layers, of all isovalues.")
+    size: int | None = option("--size", heading=PART, type=Size(), metavar="SIZE",
+                              help="Keep as much as fits into this size: 900, 20K.")
+    box: tuple[tuple[float, float], ...] | None = option(
+        "--window", heading=PART, type=Box(), metavar="A:B,C:D", help="Keep a box of samples, from:to for each axis."
+    )
+    isovalues: tuple[float, ...] = option("--isovalue", heading=PART, type=Number(), multiple=True, metavar="V",
+                                          help="Keep this isovalue. Repeatable.")
+    profile: str | None = option("--profile", heading=PRECISION, type=click.Choice(["main", "baseline"]),
+                                 help="Encode the curves again in this profile; no point moves.")
+    precision: str | None = option(
+        "--precision", heading=PRECISION, metavar="P",
+        help="Encode the curves again less precisely: signs, or a distance from the curves of IN.iso in cells.",
+    )
+    keep_topology: bool = option("--keep-topology", heading=PRECISION, is_flag=True,
+                                 help="With --precision: keep the topology of the curves in every layer.")
+
+
+@command("edit", EditOptions, "Shorten, cut out, re-encode or merge files without the field.")
+def edit_command(options: EditOptions) -> None:
+    """Make OUT.iso of IN.iso: with its first layers or bytes, of a window, less precise, or in another profile.
+
+    Several IN.iso are files of one field; OUT.iso gets the isovalues of all of them, and no point moves.
+
+    A window is grown to whole samples, and to even ones where it begins. Of a file in tiles, or of its URL, only the
+    bytes of that part are read.
+
+    To encode curves again, merge them or cut a window out, IN.iso must hold the full grid. Files made with a criterion,
+    or with a (last) tolerance of 0.1 or more, may not. Promises of OUT.iso are about the curves of IN.iso: their
+    distance from those of the field comes on top.
+    """
+    import isocodec
+
+    from ..api.output import check_output
+
+    for source in options.source:
+        with concerning(options.output):
+            check_output(options.output, source, iso=True)
+    several = len(options.source) > 1
+    if several:
+        options.refuse("apply to several files: merge them first", *(name for name in ASKED if name != "profile"))
+    elif not options.given(*ASKED):
+        raise click.UsageError("give one of --layers, --size, --window, --isovalue, --profile and --precision")
+    files = [options.opened(source) for source in options.source]
+    with concerning(options.source[0]), progress_bar("encoding"):
+        if several:
+            pieces = [file.data for file in files]
+            data = isocodec.merge(pieces, profile=options.profile or "main", limits=options.limits)
+        else:
+            asked = {name: getattr(options, name) for name in ASKED if options.given(name)}
+            data = files[0].edited(**asked)
+        made = isocodec.open(data, limits=options.limits)
+        lost = [] if several or options.isovalues else [v for v in files[0].isovalues if v not in made.isovalues]
+    write_output(options.output, data)
+    if lost:
+        warn(options.source[0], f"the result ends before isovalue {' and '.join(map(repr, lost))}")
+    before = sum(file.size for file in files)
+    isovalues = [float(value) for value in made.isovalues]
+    result(
+        f"{named(options.output)}: {len(data):,} of {before:,} bytes, {counted(len(isovalues), 'isovalue')}",
+        {"output": str(options.output), "bytes": len(data), "input_bytes": before, "isovalues": isovalues},
+        options.as_json,
+    )

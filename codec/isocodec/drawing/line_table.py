@@ -1,0 +1,74 @@
+"""Lines and areas as tables of geopandas."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import OptionError
+from ..extras import optional
+from ..field.reference_system import epsg_of
+from .areas import areas_of
+from .bands import bands
+from .curve import Curve
+
+
+def table_of(
+    contours: Iterable[Curve], side: str | None = None, valid: NDArray[np.bool_] | None = None
+) -> Any:
+    """A ``GeoDataFrame`` with a row for each line, or with ``side`` for the areas of each isovalue (above, below) or
+    for those between them (bands).
+
+    Columns are ``isovalue``, ``closed`` of lines, ``side`` of areas, ``complete`` and ``geometry``; of bands ``lower``,
+    ``upper`` and ``geometry``. An isocontour of the plane has lines; the system is that of the file if it names an EPSG
+    number.
+
+    Raises
+    ------
+    OptionError
+        For an isosurface; TruncatedError and others as `Contour.areas`.
+    MissingExtraError
+        If geopandas or shapely are not installed.
+    """
+    geopandas = optional("geopandas", extra="vector", purpose="making tables of lines")
+    shapely = optional("shapely", extra="geo", purpose="making tables of lines")
+    if side == "bands":
+        return _table_of_bands(list(contours), valid, geopandas, shapely)
+    columns: dict[str, list[Any]] = {"isovalue": [], "side" if side else "closed": [], "complete": []}
+    shapes: list[Any] = []
+    system: str | None = None
+    for contour in contours:
+        if contour.n != 2:
+            raise OptionError("only an isocontour (n = 2) has lines for a map", code="dimension")
+        if side is not None:
+            parts = [shapely.geometry.shape(areas_of(contour, above=side == "above", valid=valid))]
+            kinds: list[Any] = [side]
+        else:
+            whole = contour.joined
+            parts = [shapely.LineString(whole.along(walk)) for walk in whole.walks]
+            kinds = [len(walk) > 2 and walk[0] == walk[-1] for walk in whole.walks]
+            del whole
+        shapes += parts
+        columns["isovalue"] += [float(contour.isovalue)] * len(parts)
+        columns["side" if side else "closed"] += kinds
+        columns["complete"] += [bool(contour.complete)] * len(parts)
+        number = epsg_of(contour.placement)
+        system = None if number is None else f"EPSG:{number}"
+        del contour
+    return geopandas.GeoDataFrame(columns, geometry=shapes, crs=system)
+
+
+def _table_of_bands(
+    contours: list[Curve], valid: NDArray[np.bool_] | None, geopandas: Any, shapely: Any
+) -> Any:
+    found = bands(contours, valid=valid)
+    number = epsg_of(contours[0].placement)
+    columns = {
+        "lower": np.array([band.lower for band in found], float),
+        "upper": np.array([band.upper for band in found], float),
+    }
+    shapes = [shapely.geometry.shape(band.geometry) for band in found]
+    return geopandas.GeoDataFrame(columns, geometry=shapes, crs=None if number is None else f"EPSG:{number}")

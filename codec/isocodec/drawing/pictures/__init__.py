@@ -1,0 +1,1 @@
+"""Pictures of curves and surfaces: for files, for notebooks, contour maps."""

@@ -1,0 +1,100 @@
+"""The ground of a contour map: its reference system, what x and y are called, how long a unit is."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...extras import optional
+from ...field.reference_system import DEGREES
+from ...errors import one_line
+from ..curve import Curve
+
+
+@dataclass(frozen=True)
+class Ground:
+    """What a map says of the coordinates of a contour.
+
+    Attributes
+    ----------
+    name : str
+        Of their reference system.
+    axes : tuple of str
+        What x and y are.
+    placed : bool
+        Whether they are those of a world, where y runs upwards.
+    shrinks : float
+        How long a unit of x is in the middle of the map, in units of y: less than 1 where these are degrees.
+    scale : float
+        How long it is, in ``unit``.
+    unit : str
+    """
+
+    name: str = "coordinates in samples"
+    axes: tuple[str, str] = ("column", "row")
+    placed: bool = False
+    shrinks: float = 1.0
+    scale: float = 1.0
+    unit: str = "samples"
+
+    def written(self, at: float, axis: int, steps: Sequence[float]) -> str:
+        """A coordinate as it stands beside its tick, one of even steps."""
+        step = abs(steps[1] - steps[0]) if len(steps) > 1 else max(abs(at), 1e-9)
+        digits = max(0, -int(np.floor(np.log10(step) + 1e-9)))
+        if self.axes[axis] not in (_LONGITUDE, _LATITUDE):
+            return f"{at + 0.0:,.{digits}f}"
+        if self.axes[axis] == _LONGITUDE:
+            at = (at + 180) % 360 - 180
+        letters = "WE" if self.axes[axis] == _LONGITUDE else "SN"
+        neither = abs(at) < step / 2 or abs(at) == 180
+        return f"{abs(at):.{digits}f}\u00b0{'' if neither else letters[int(at > 0)]}"
+
+    def steps(self, axis: int, span: float) -> list[float]:
+        """First digits of the steps between ticks: of many degrees 15, 30, 45, 60, 90."""
+        round_the_globe = self.axes[axis] in (_LONGITUDE, _LATITUDE) and span > 50
+        return [1, 1.5, 3, 4.5, 6, 9, 10] if round_the_globe else [1, 2, 5, 10]
+
+
+_LONGITUDE, _LATITUDE = "longitude", "latitude"
+
+
+def ground_of(contour: Curve) -> Ground:
+    """The ground of a contour in the plane: its system by its EPSG number, lengths as they are on the ellipsoid.
+
+    Raises
+    ------
+    MissingExtraError
+        If it has a system, and pyproj is not installed.
+    """
+    placement = contour.placement
+    if placement is None or not placement.placed:
+        return Ground()
+    said = one_line(placement.crs or "", 60)
+    bare = Ground(said or "reference system not stated", ("x", "y"), True, unit="")
+    number = placement.epsg
+    if number is None:
+        return bare
+    pyproj = optional("pyproj", extra="geo", purpose=f"a map in EPSG:{number}")
+    try:
+        system = pyproj.CRS.from_epsg(int(number))
+        degrees = pyproj.Transformer.from_crs(system, f"EPSG:{DEGREES}", always_xy=True)
+    except pyproj.exceptions.ProjError:
+        return bare
+    name = f"{system.name} (EPSG:{number})"
+    shape = np.array(contour.shape) - 1.0
+    (middle,) = contour.place(shape[None] / 2)
+    step = float(np.abs(contour.place(np.array([[0.0, 0.0], shape])) - middle).max() / 100)
+    ends = middle + np.array([[-step, 0], [step, 0], [0, -step], [0, step]])
+    longitude, latitude = degrees.transform(ends[:, 0], ends[:, 1])
+    if not (np.isfinite(longitude).all() and np.isfinite(latitude).all()):
+        return bare
+    _, _, metres = system.get_geod().inv(longitude[::2], latitude[::2], longitude[1::2], latitude[1::2])
+    if not (np.isfinite(metres).all() and min(metres) > 0):
+        return bare
+    unit = system.axis_info[0].unit_name if system.axis_info else ""
+    if system.is_geographic:
+        return Ground(name, (_LONGITUDE, _LATITUDE), True, metres[0] / metres[1], metres[0] / (2 * step), "m")
+    short = "m" if unit == "metre" else unit
+    return Ground(name, (f"easting ({short})", f"northing ({short})"), True, 1.0, metres[0] / (2 * step), "m")

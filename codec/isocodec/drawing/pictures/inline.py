@@ -1,0 +1,65 @@
+"""What notebooks show: a drawing of a few curves in the page itself, and a table of what is known of them."""
+
+from __future__ import annotations
+
+import base64
+from collections.abc import Mapping, Sequence
+from html import escape
+
+import numpy as np
+
+from ...errors import IsoError, MissingExtraError
+from ..curve import Curve
+from .picture import contour_picture
+
+MOST_POINTS = 50_000
+"""Of curves that are drawn as paths; with more they become a picture."""
+_SIDE = 480
+"""Pixels along the longer side."""
+
+
+def page_of(contours: Sequence[Curve], facts: Mapping[str, object]) -> str:
+    """HTML of curves or surfaces of one field, and under them what is known.
+
+    Surfaces, and curves of many points, are pictures made by matplotlib, or left out without it.
+    """
+    rows = "".join(
+        f'<tr><th style="text-align:left">{escape(name)}</th><td style="text-align:left">{escape(str(fact))}</td></tr>'
+        for name, fact in facts.items()
+    )
+    return f"<div>{_drawing(contours)}<table>{rows}</table></div>"
+
+
+def _drawing(contours: Sequence[Curve]) -> str:
+    if not contours:
+        return ""
+    points = sum(len(contour.points) for contour in contours)
+    if all(contour.n == 2 and contour.points.shape[1] == 2 for contour in contours) and points <= MOST_POINTS:
+        return _paths(contours)
+    try:
+        picture = contour_picture(contours)
+    except (MissingExtraError, IsoError):
+        return ""
+    return f'<img alt="" style="max-width:{_SIDE}px" src="data:image/png;base64,{base64.b64encode(picture).decode()}"/>'
+
+
+def _paths(contours: Sequence[Curve]) -> str:
+    """An SVG, rows downwards as pictures are shown; on a mesh in the plane y upwards."""
+    shape = contours[0].shape
+    if shape:
+        low, size = np.array([-0.5, -0.5]), np.array(shape[::-1], float)
+    else:
+        every = np.concatenate([contour.points for contour in contours]) * (1, -1)
+        low = every.min(axis=0) if len(every) else np.zeros(2)
+        size = np.maximum(np.ptp(every, axis=0), 1e-9) if len(every) else np.ones(2)
+    scale = _SIDE / size.max()
+    width, height = np.maximum(np.rint(size * scale), 1).astype(int)
+    paths = []
+    for number, contour in enumerate(contours):
+        turned = [line[:, ::-1] if shape else line * (1, -1) for line in contour.lines]
+        text = "".join("M" + " ".join(f"{x:.4g},{y:.4g}" for x, y in (line - low) * scale) for line in turned)
+        colour = f"hsl({270 - 210 * number // max(len(contours) - 1, 1)},60%,45%)"
+        title = f"<title>{contour.isovalue:g}</title>"
+        paths.append(f'<path d="{text}" fill="none" stroke="{colour}">{title}</path>')
+    box = f'width="{width}" height="{height}" viewBox="0 0 {width} {height}"'
+    return f'<svg xmlns="http://www.w3.org/2000/svg" {box}>{"".join(paths)}</svg>'

@@ -1,0 +1,279 @@
+"""Pictures of contours: one alone, or the steps of a progressive file side by side, as the papers show them.
+
+Figures are made without ``pyplot``: no window system, no state left behind.
+"""
+
+from __future__ import annotations
+
+import io
+import math
+from collections.abc import Collection, Iterable, Sequence
+from dataclasses import dataclass
+from itertools import chain, product
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...errors import OptionError
+from ...extras import optional
+from ..curve import Curve
+from .shading import shade
+from .view import USUAL, View, proportions, upright
+
+PICTURE_SUFFIXES = (".png", ".pdf", ".svg")
+
+_DPI = 150
+_INK = (0.10, 0.25, 0.45)
+_INKS = "viridis"
+_NAMED = 12
+"""Most isovalues that a legend lists."""
+# Panels in one row; more go on to the next.
+_COLUMNS = 6
+
+
+@dataclass(frozen=True)
+class Step:
+    """A prefix of a file: what it decodes to, its size, and the size of the whole file.
+
+    ``mesh``, if it is to be drawn, holds the vertices of its crossed simplices and their numbers in rows; ``within`` is
+    what the file promises.
+    """
+
+    contour: Curve
+    bytes: int
+    total: int
+    mesh: tuple[np.ndarray, np.ndarray] | None = None
+    within: float | None = None
+
+
+def contour_picture(contours: Collection[Curve], suffix: str = ".png", view: View = USUAL) -> bytes:
+    """The file of a picture of a contour, 2-D or 3-D, or of several of one field: curves in one, surfaces side by side.
+
+    ``view`` is that of surfaces.
+
+    Raises
+    ------
+    OptionError
+        If the contours are neither.
+    MissingExtraError
+        Without matplotlib.
+    """
+    each = iter(contours)
+    first = next(each)
+    count = len(contours)
+    if count > 1 and len(first.shape) == 2:
+        return _file(_curves_figure(chain([first], each)), suffix)
+    width, height = _panel_size(first, 6.0)
+    columns = math.ceil(math.sqrt(count))
+    rows = -(-count // columns)
+    figure = _figure((width, height * rows / columns))
+    for number, contour in enumerate(chain([first], each), start=1):
+        axes = figure.add_subplot(rows, columns, number)
+        _draw(axes, contour, 6 * _DPI // columns, view)
+        axes.set_title(f"isovalue {contour.isovalue:g}", fontsize=9)
+        del contour
+    return _file(figure, suffix)
+
+
+def _curves_figure(contours: Iterable[Curve]) -> Any:
+    """Curves of several isovalues in one picture, each in its colour."""
+    cm = optional("matplotlib.cm", extra="plot", purpose="drawing a picture")
+    isovalues: list[float] = []
+    figure: Any = None
+    axes: Any = None
+    for contour in contours:
+        if figure is None:
+            width, height = _panel_size(contour, 6.0)
+            figure = _figure((width + 1.0, height))  # room for what names the colours
+            axes = figure.add_subplot()
+        _draw_curve(axes, contour)
+        isovalues.append(contour.isovalue)
+        del contour
+    lines = list(axes.collections)
+    colours = cm.ScalarMappable(cmap=_INKS)
+    low, high = min(isovalues), max(isovalues)
+    colours.set_clim(low, high + (high - low) / 8)  # without the palest, on white
+    for line, isovalue in zip(lines, isovalues, strict=True):
+        line.set_color(colours.to_rgba(isovalue))
+    if len(lines) > _NAMED:
+        bar = figure.colorbar(colours, ax=axes, label="isovalue").ax
+        bar.set_ylim(low, high)
+        bar.tick_params(labelsize=7)
+        return figure
+    down = sorted(range(len(lines)), key=lambda i: -isovalues[i])
+    names = [f"{isovalues[i]:g}" for i in down]
+    figure.legend([lines[i] for i in down], names, loc="outside right upper", fontsize=7, title="isovalue",
+                  title_fontsize=7)
+    return figure
+
+
+def steps_picture(steps: Sequence[Step], suffix: str = ".png", view: View = USUAL) -> bytes:
+    """The file of a picture of several prefixes side by side, each under its bytes and its share of the file.
+
+    ``view`` is that of surfaces.
+
+    Raises
+    ------
+    OptionError
+        If the contours are neither 2-D nor 3-D.
+    MissingExtraError
+        Without matplotlib.
+    """
+    columns = min(len(steps), _COLUMNS)
+    rows = -(-len(steps) // columns)
+    side = 2.6
+    width, height = _panel_size(steps[0].contour, side)
+    title = 0.45
+    figure = _figure((columns * width, rows * (height + title)))
+    for number, step in enumerate(steps, start=1):
+        axes = figure.add_subplot(rows, columns, number)
+        if step.mesh is not None:
+            _draw_mesh(axes, step.contour, *step.mesh, view)
+        _draw(axes, step.contour, round(side * _DPI), view)
+        axes.set_xticks([])
+        axes.set_yticks([])
+        promise = "" if step.within is None else f", within {step.within:g}"
+        axes.set_title(f"{step.bytes:,} bytes{promise}\n{step.bytes / step.total:.1%} of the file", fontsize=7)
+    return _file(figure, suffix)
+
+
+def check_picture(path: Path) -> str:
+    """The suffix of a picture's name; that there is a library to draw it.
+
+    Raises
+    ------
+    OptionError
+        If it is that of something else.
+    MissingExtraError
+    """
+    suffix = path.suffix.lower()
+    if suffix not in PICTURE_SUFFIXES:
+        raise OptionError(
+            f"{suffix or 'a name without a suffix'} is not a picture", code="suffix",
+            remedy="one of " + ", ".join(PICTURE_SUFFIXES),
+        )
+    matplotlib_figure()
+    return suffix
+
+
+def matplotlib_figure() -> Any:
+    """The library that draws.
+
+    Raises
+    ------
+    MissingExtraError
+    """
+    return optional("matplotlib.figure", extra="plot", purpose="drawing a picture")
+
+
+def _figure(size: tuple[float, float]) -> Any:
+    return matplotlib_figure().Figure(figsize=size, dpi=_DPI, layout="constrained")
+
+
+def _file(figure: Any, suffix: str) -> bytes:
+    buffer = io.BytesIO()
+    figure.savefig(buffer, format=suffix[1:], facecolor="white")
+    return buffer.getvalue()
+
+
+def _panel_size(contour: Curve, longest: float) -> tuple[float, float]:
+    """Width and height in inches: in the proportions of a plane grid, but never a mere strip."""
+    if _flat(contour) and len(contour.points):
+        columns, rows = np.maximum(np.ptp(contour.points, axis=0), 1e-300)
+    elif len(contour.shape) != 2:
+        return longest, longest
+    else:
+        rows, columns = contour.shape * proportions(contour)
+    least = longest / 4
+    if columns >= rows:
+        return longest, max(longest * rows / columns, least)
+    return max(longest * columns / rows, least), longest
+
+
+def _flat(contour: Curve) -> bool:
+    """Whether it is a curve on a mesh in the plane, in x and y."""
+    return not contour.shape and contour.points.shape[1] == 2
+
+
+def _draw(axes: Any, contour: Curve, pixels: int, view: View) -> None:
+    if _flat(contour) or len(contour.shape) == 2:
+        _draw_curve(axes, contour)
+    elif len(contour.shape) == 3:
+        _draw_surface(axes, contour, pixels, view)
+    else:
+        what = f"a field of {len(contour.shape)} axes" if contour.shape else "what lies on a mesh in space"
+        raise OptionError(f"there is no picture of {what}", code="dimension", remedy="decode it to PLY or STL")
+
+
+def _draw_mesh(
+    axes: Any, contour: Curve, position: np.ndarray, simplices: np.ndarray, view: View = USUAL
+) -> None:
+    """The triangles under a curve; of a surface the sides of its own triangles, those that look at the viewer."""
+    collections = optional("matplotlib.collections", extra="plot", purpose="drawing a picture")
+    if len(contour.shape) == 2:
+        ends = np.unique(np.sort(simplices[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1), axis=0)
+        axes.add_collection(
+            collections.LineCollection(position[ends][:, :, ::-1], colors=["0.7"], linewidths=0.25, zorder=0)
+        )
+        return
+    world = upright(contour)
+    corners = contour.points[contour.cells] @ world.T
+    below = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]) @ view.towards
+    # normals point to the samples below, unless space is mirrored; what is outside is what the box's first corner is
+    front = (below > 0) != (bool(contour.origin_above) != (np.linalg.det(world) < 0))
+    flat = _box(contour) @ world.T @ view.screen
+    shown = corners[front] @ view.screen - (flat.min(axis=0) + flat.max(axis=0)) / 2
+    axes.add_collection(
+        collections.LineCollection(shown[:, [0, 1, 2, 0]], colors=[(0, 0, 0, 0.25)], linewidths=0.2, zorder=3)
+    )
+
+
+def _draw_curve(axes: Any, contour: Curve) -> None:
+    collections = optional("matplotlib.collections", extra="plot", purpose="drawing a picture")
+    turned = 1 if _flat(contour) else -1
+    lines = [np.asarray(line)[:, ::turned] for line in contour.lines]
+    axes.add_collection(collections.LineCollection(lines, colors=[_INK], linewidths=0.7, capstyle="round"))
+    if _flat(contour):
+        axes.autoscale()
+        axes.set_aspect("equal")
+        axes.tick_params(labelsize=7)
+        return
+    rows, columns = contour.shape
+    axes.set_xlim(-0.5, columns - 0.5)
+    # Downwards, as pictures are shown.
+    axes.set_ylim(rows - 0.5, -0.5)
+    down, across = proportions(contour)
+    axes.set_aspect(down / across)
+    axes.tick_params(labelsize=7)
+
+
+def _draw_surface(axes: Any, contour: Curve, pixels: int, view: View) -> None:
+    """The surface as a picture of its own: matplotlib sorts whole triangles, and that shows in every fold."""
+    world = upright(contour)
+    flat = _box(contour) @ world.T @ view.screen
+    low, high = flat.min(axis=0), flat.max(axis=0)
+    scale = float((high - low).max()) or 1.0
+    centre = (low + high) / 2
+    image = shade(contour.points @ world.T, contour.cells, view, centre, scale, pixels)
+    half = scale / 2
+    for a, b in zip(*_box_edges(), strict=True):
+        line = flat[[a, b]] - centre
+        axes.plot(line[:, 0], line[:, 1], color="0.75", linewidth=0.5, zorder=1)
+    axes.imshow(image, extent=(-half, half, -half, half), origin="lower", zorder=2, interpolation="antialiased")
+    axes.set_xlim(-1.04 * half, 1.04 * half)
+    axes.set_ylim(-1.04 * half, 1.04 * half)
+    axes.set_aspect("equal")
+    axes.set_axis_off()
+
+
+def _box(contour: Curve) -> NDArray[np.float64]:
+    """Corners of the sampled box, (8, 3), in samples."""
+    return np.array(list(product(*((0.0, n - 1.0) for n in contour.shape))))
+
+
+def _box_edges() -> tuple[list[int], list[int]]:
+    """Pairs of corners of a cube, numbered by their bits, that differ in one bit."""
+    pairs = [(a, a | 1 << axis) for a in range(8) for axis in range(3) if not a >> axis & 1]
+    return [a for a, _ in pairs], [b for _, b in pairs]

@@ -1,0 +1,61 @@
+"""Values on a mesh, or at scattered points."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import KW_ONLY, dataclass, field
+from typing import Literal, TypeAlias
+
+from numpy.typing import ArrayLike
+
+from .placement import CRS
+
+StoredName: TypeAlias = Literal["known", "coded", "whole", "delaunay"]
+"""What a file holds of a mesh."""
+
+
+@dataclass(frozen=True, eq=False)
+class Mesh:
+    """Points, cells between them and values at the points.
+
+    Attributes
+    ----------
+    points : (V, 2) or (V, 3) array_like of numbers
+        Coordinates x, y (, z).
+    cells : (T, 3) or (T, 4) array_like of int, or None
+        Vertices of triangles, in the plane or of a surface in space, or of tetrahedra. None: the points are scattered
+        over the plane, and are joined to their Delaunay triangulation; those that coincide become one, with the mean of
+        their values.
+    values : (V,) or (F, V) array_like of bool, integers or floats, or None
+        With two axes, those of F frames: a series. None of a mesh alone, as files that do not hold theirs need it.
+    stored : str or None
+        What a file holds of the mesh. ``known``: whoever decodes has points and cells in the same order; the file holds
+        their hash. ``coded``: the cells that contours cross, ``whole``: all cells. ``delaunay``, without cells: the
+        points. By default ``known`` with cells, ``delaunay`` without.
+    error : float or None
+        Of a mesh in the file, the largest distance between vertices and their points; less where cells would fold. By
+        default 0.05 of the median edge. Points of contours lie on the edges of that mesh, where these meet the contour
+        of the given one, so that they may be much nearer to it.
+    progressive : bool or None
+        Code signs level by level, from a coarse mesh to the whole one, so that the first bytes show all of the curve:
+        for triangles in the plane, the default if both sides have the mesh. Else they come along the curve.
+    crs : str or None
+        Reference system of the coordinates.
+    notes : mapping of str to str
+        Words and single numbers from the source.
+    """
+
+    points: ArrayLike
+    cells: ArrayLike | None
+    values: ArrayLike | None = None
+    _: KW_ONLY
+    stored: StoredName | None = None
+    error: float | None = None
+    progressive: bool | None = None
+    crs: str | None = None
+    notes: Mapping[str, str] = field(default_factory=dict)
+
+    @property
+    def metadata(self) -> dict[str, str]:
+        """The notes that a file of this mesh gets."""
+        return {**self.notes, **({CRS: self.crs} if self.crs else {})}

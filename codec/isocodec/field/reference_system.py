@@ -1,0 +1,57 @@
+"""Reference systems of coordinates, and longitude and latitude, which GeoJSON has (RFC 7946, clause 4)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import OptionError
+from ..extras import optional
+from .placement import Placement
+
+DEGREES = "4326"
+"""EPSG number of longitude and latitude on WGS 84."""
+Transform = Callable[[NDArray[np.float64]], NDArray[np.float64]]
+
+
+def epsg_of(placement: Placement | None) -> str | None:
+    """EPSG number of the system that coordinates have; None if there are no coordinates, or no such number."""
+    return None if placement is None else placement.epsg
+
+
+def to_degrees(placement: Placement | None) -> Transform:
+    """A function from coordinates (P, 2) to longitudes and latitudes on WGS 84.
+
+    Coordinates without a reference system stay as they are.
+
+    Raises
+    ------
+    OptionError
+        If there is no system of that number.
+    MissingExtraError
+        If pyproj is not installed.
+    """
+    number = epsg_of(placement)
+    if number in (None, DEGREES):
+        return lambda points: points
+    pyproj = optional("pyproj", extra="geo", purpose=f"writing GeoJSON of EPSG:{number}, in longitude and latitude")
+    try:
+        transformer = pyproj.Transformer.from_crs(f"EPSG:{number}", f"EPSG:{DEGREES}", always_xy=True)
+    except pyproj.exceptions.ProjError as exc:
+        raise OptionError(f"there is no reference system EPSG:{number} to reproject from", code="crs",
+                          remedy="--keep-crs writes the coordinates as they are") from exc
+
+    def degrees(points: NDArray[np.float64]) -> NDArray[np.float64]:
+        if not len(points):
+            return points
+        out = np.stack(transformer.transform(points[:, 0], points[:, 1]), axis=1)
+        if not np.isfinite(out).all():
+            raise OptionError(
+                f"coordinates lie outside of what EPSG:{number} covers, and have no longitude and latitude", code="crs",
+                remedy="is the placement right? --keep-crs writes the coordinates as they are",
+            )
+        return np.asarray(out)
+
+    return degrees

@@ -1,0 +1,63 @@
+"""Pillow reads PNG and JPEG."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...errors import InputError
+from ...extras import optional
+from .opened import Choice, Format, Opened
+from .reading import channel_of, pick_frame, reading
+
+_PNG, _JPEG = b"\x89PNG", b"\xff\xd8\xff"
+_PLUGINS = {_PNG: ("PIL.PngImagePlugin", "PngImageFile"), _JPEG: ("PIL.JpegImagePlugin", "JpegImageFile")}
+"""Who reads a picture, by its first bytes."""
+
+
+class _Picture(Opened):
+    """The first picture of a file; further ones are frames of an animated PNG, or previews in a camera's JPEG."""
+
+    def _open(self, choice: Choice) -> None:
+        # the plugins themselves: pillow's own limit on sizes is one for the whole process
+        with self._source.path.open("rb") as file:
+            self._head = head = file.read(26)
+        purpose = f"reading {self._source.path.suffix}"
+        optional("PIL", extra="image", purpose=purpose)
+        module, name = next((m for s, m in _PLUGINS.items() if head.startswith(s)), ("", ""))
+        if not name:
+            raise InputError("is neither PNG nor JPEG", code="unreadable")
+        plugin = getattr(optional(module, extra="image", purpose=purpose), name)
+        with reading("picture"):
+            image = self._image = self.hold(plugin(self._source.path))
+            self._mode = image.palette.mode if image.mode == "P" else image.mode
+            self._bands = len(self._mode) if image.mode == "P" else len(image.getbands())
+            kind = optional("PIL.ImageMode", extra="image", purpose=purpose).getmode(self._mode).typestr
+        self.shape = (image.size[1], image.size[0])
+        # 32 bits are what older versions make of 16-bit grey
+        self.dtype = np.dtype(np.uint16 if self._mode == "I" else np.uint8 if kind == "|b1" else kind)
+        self._source.check_count(math.prod(image.size) * self._bands)
+        # signature, then IHDR with width, height, bit depth: pillow silently halves 16-bit colour to 8 bits
+        if self._bands > 1 and head.startswith(_PNG) and head[24] == 16 and self.dtype.itemsize == 1:
+            raise InputError(
+                "is a colour picture of 16 bits per channel, which the PNG reader cannot keep", code="depth",
+                remedy="save it as 16-bit grey PNG, or as TIFF",
+            )
+        self._channel = channel_of(self._bands, choice.channel)
+
+    def _values(self, frame: int | None) -> NDArray[Any]:
+        with reading("picture"):
+            image = self._image
+            picture = np.asarray(image.convert(self._mode) if image.mode == "P" else image)
+        if self._mode == "I":
+            picture = picture.astype(np.uint16)
+        return pick_frame(picture if picture.ndim == 2 else picture[..., self._channel], frame)
+
+
+FORMATS = (
+    Format("PNG", (".png",), _Picture, extra="image", channels=True, signatures=((0, _PNG, ".png"),)),
+    Format("JPEG", (".jpg", ".jpeg"), _Picture, extra="image", channels=True, signatures=((0, _JPEG, ".jpg"),)),
+)

@@ -1,0 +1,85 @@
+"""What readers of meshes give, and how their formats are registered."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...errors import OptionError
+from ...errors import plain
+from .source import Source
+
+HEIGHT = "z"
+"""Values of points in space that are joined over the plane."""
+
+
+@dataclass(frozen=True)
+class MeshRead:
+    """A mesh, or scattered points, as a file has them.
+
+    Attributes
+    ----------
+    points : (V, 2) or (V, 3) float64
+        Coordinates; two where all points have the same third one and cells are triangles.
+    cells : (T, 3) or (T, 4) int64, or None
+        None of points that are scattered.
+    values : dict of str to (V,) or (F, V) array
+        Numbers at points, by name; with two axes, those of F frames.
+    of_cells : list of str
+        Names of numbers that cells have.
+    """
+
+    points: NDArray[np.float64]
+    cells: NDArray[np.int64] | None
+    values: dict[str, NDArray[Any]] = field(default_factory=dict)
+    of_cells: list[str] = field(default_factory=list)
+
+    def values_named(self, name: str) -> NDArray[Any]:
+        """Values at points, by name.
+
+        Raises
+        ------
+        OptionError
+            If there are none of that name; the message names those that there are.
+        """
+        if name in self.values:
+            return self.values[name]
+        there = ", ".join(map(plain, self.values)) or "none"
+        if name in self.of_cells:
+            raise OptionError(
+                f"the values {plain(name)} belong to cells, not to points", code="values",
+                remedy=f"average them at the points first; values at points: {there}",
+            )
+        raise OptionError(f"there are no values {plain(name)} at points", code="values", remedy=f"there are: {there}")
+
+
+@dataclass(frozen=True)
+class MeshFormat:
+    """A format of meshes, or of scattered points.
+
+    Attributes
+    ----------
+    name : str
+    suffixes : tuple of str
+        In lower case, with their dots.
+    read : callable
+        Reads a source.
+    holds : callable, optional
+        Whether a file holds a mesh, of a format that may also hold a field.
+    extra : str
+        Extra of this package with the library that reads it; empty if none is needed.
+    scattered : bool
+        Whether it holds points only.
+    """
+
+    name: str
+    suffixes: tuple[str, ...]
+    read: Callable[[Source], MeshRead]
+    extra: str = ""
+    scattered: bool = False
+    holds: Callable[[Path], bool] | None = None

@@ -1,0 +1,290 @@
+"""An input that is open, whatever its format: what its header states, and its samples when they are asked for."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from contextlib import AbstractContextManager, ExitStack
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...errors import OptionError
+from ...field.missing import missing_samples
+from ...field.placement import FRAME_STEP, Placement
+from ...field.sampled import Field
+from .reading import about
+from .slices import Slices
+from .source import Source, check_kind
+
+Array = NDArray[Any]
+Held = TypeVar("Held")
+DEFAULT_KEY = "values"
+"""The array of a file that is taken if there are several and none is named."""
+IN_MEMORY = Source(Path())
+"""Source of what is in memory already."""
+
+
+@dataclass(frozen=True)
+class Choice:
+    """What the caller chooses of an input that holds several things.
+
+    Attributes
+    ----------
+    key : str or None
+        Name of an array, or of a series of DICOM.
+    channel : int or None
+        Channel of a colour picture, counted from 0.
+    """
+
+    key: str | None = None
+    channel: int | None = None
+
+
+class Opened:
+    """An input that is open; a context manager, or to be closed.
+
+    Subclasses read the header in ``_open`` and give ``_values``, and where the format has them ``_place``, ``_windows``
+    and ``_series``. What goes wrong in any of these names the input.
+
+    Parameters
+    ----------
+    source : Source
+    choice : Choice
+
+    Attributes
+    ----------
+    shape : tuple of int
+        Samples along each axis, without the axes of one sample that a format adds.
+    dtype : dtype
+    nodata : float or None
+        Value that stands for missing samples, besides NaN.
+    name, unit : str or None
+        What the values are, and their unit.
+    label : str
+        How errors name the input; empty for objects in memory.
+    """
+
+    shape: tuple[int, ...]
+    dtype: np.dtype[Any]
+    nodata: float | None = None
+    name: str | None = None
+    unit: str | None = None
+    label: str = ""
+
+    def __init__(self, source: Source, choice: Choice) -> None:
+        self._source = source
+        self._held = ExitStack()
+        try:
+            self._open(choice)
+        except BaseException:
+            self._held.close()
+            raise
+
+    def __enter__(self) -> Opened:
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Close the files that are open for this input."""
+        # without the error that ended its use, if any: that is not about opening
+        self._held.close()
+
+    def hold(self, resource: AbstractContextManager[Held]) -> Held:
+        """Keep a resource open as long as this input."""
+        return self._held.enter_context(resource)
+
+    def holding(self, first: ExitStack) -> Opened:
+        """Keep something open that is closed after all else; returns the same input."""
+        first.callback(self._held.close)
+        self._held = first
+        return self
+
+    def hand_over(self) -> ExitStack:
+        """Hand over what is kept open, with the duty to close it."""
+        return self._held.pop_all()
+
+    def values(self, frame: int | None = None) -> Array:
+        """Read the samples.
+
+        Parameters
+        ----------
+        frame : int, optional
+            One of a series, counted from 0: along the first axis of an array, the last of volumes.
+
+        Returns
+        -------
+        (s0, .., sn-1) array
+            C-contiguous, in native byte order, with the stored type; of files truth values are uint8.
+
+        Raises
+        ------
+        InputError, LimitError, MissingExtraError
+        OptionError
+            If the series has no such frame.
+        """
+        with about(self.label):
+            return numbers(self._values(frame))
+
+    def place(self, n: int, frame: int | None = None) -> Placement:
+        """Find where samples lie, of a field of n axes: the whole, a frame of a series, or one of its slices."""
+        with about(self.label):
+            return self._place(n, frame)
+
+    def windows(self) -> Any:
+        """Give the samples as an object with ``shape``, ``dtype`` and slices, which reads only what is asked for.
+
+        Formats that cannot be read a window at a time are read whole.
+        """
+        with about(self.label):
+            return self._windows()
+
+    def field(self, frame: int | None = None, *, nodata: float | None = None) -> Field:
+        """Read a field with all that the input states.
+
+        Parameters
+        ----------
+        frame : int, optional
+            As of `values`.
+        nodata : float, optional
+            Value that stands for missing samples, instead of the one that the input states; NaN: none but NaN.
+        """
+        values = self.values(frame)
+        return self._described(values, self.place(values.ndim, frame), self.nodata if nodata is None else nodata)
+
+    def frames(self, axis: int | None = None, frame: int | None = None, *, placed: bool = True) -> Slices:
+        """Give the samples as a series.
+
+        Parameters
+        ----------
+        axis : int, optional
+            The axis that counts frames: the first unless the format states another one, which is then the only one.
+        frame : int, optional
+            Take the slices of that one of a series of volumes.
+        placed : bool
+            Find where samples lie, too.
+
+        Raises
+        ------
+        OptionError
+            If the samples do not have three or four axes, or not this one.
+        InputError, LimitError, MissingExtraError
+        """
+        with about(self.label):
+            series = None if frame is not None else self._series()
+            if series is not None:
+                if axis not in (None, series.axis, -1):
+                    raise OptionError(
+                        f"--frame-axis {axis}: the last axis counts the volumes of this file", code="frame"
+                    )
+                return replace(series, place=self._place(len(series.frame_shape), None)) if placed else series
+            whole = self._slices(frame)
+            axis = 0 if axis is None else axis
+            if whole.ndim not in (3, 4):
+                raise OptionError(
+                    f"--frames makes a series of an array of three or four axes; the data have {whole.ndim}",
+                    code="frame",
+                )
+            if not -whole.ndim <= axis < whole.ndim:
+                raise OptionError(f"--frame-axis {axis}: the data have the axes 0 to {whole.ndim - 1}", code="frame")
+            axis %= whole.ndim
+            in_turn = whole.transpose([axis, *(each for each in range(whole.ndim) if each != axis)])
+            place = self._place_of_slices(axis, whole.ndim - 1) if placed else Placement()
+            return Slices(whole.shape, axis, lambda number: in_turn[number], in_turn.shape[1:], place)
+
+    def fields(self, slices: Slices, nodata: float | None = None) -> Callable[[int], Field]:
+        """Give what makes a field of each of some slices."""
+        marker = self.nodata if nodata is None else nodata
+        notes = {FRAME_STEP: slices.step} if slices.step else {}
+        return lambda number: self._described(slices.frame(number), slices.place, marker, notes)
+
+    def _described(
+        self, values: Array, place: Placement, nodata: float | None, notes: Mapping[str, str] | None = None
+    ) -> Field:
+        gone = missing_samples(values, nodata)
+        if values.dtype.kind == "f":
+            gone &= ~np.isnan(values)
+        return Field(
+            values, gone if gone.any() else None, place if place.placed else None, unit=self.unit, name=self.name,
+            notes=notes, remarks=(place.remark,) if place.remark else (),
+        )
+
+    def _place_of_slices(self, axis: int, n: int) -> Placement:
+        """Where the samples of a slice of n axes lie.
+
+        Files state it for slices along their first axis: times, pages. Ends that meet are not joined in a series.
+        """
+        if axis:
+            whole = self._place(n + 1, None)
+            if not whole.placed and not whole.remark:
+                return Placement()
+            return Placement(remark="its coordinates are ignored; set the steps of a slice with --spacing")
+        place = self._place(n, 0)
+        if not place.periodic:
+            return place
+        remark = f"its ends along axis {place.periodic[0]} are not joined, as it is a series"
+        return replace(place, periodic=(), remark=remark)
+
+    def _open(self, choice: Choice) -> None:
+        raise NotImplementedError
+
+    def _values(self, frame: int | None) -> Array:
+        raise NotImplementedError
+
+    def _place(self, n: int, frame: int | None) -> Placement:
+        return Placement()
+
+    def _slices(self, frame: int | None) -> Any:
+        """The array that is cut into frames, with all of its axes."""
+        return numbers(self._values(frame))
+
+    def _windows(self) -> Any:
+        return numbers(self._values(None))
+
+    def _series(self) -> Slices | None:
+        """The frames of a format that states which axis counts them."""
+        return None
+
+
+@dataclass(frozen=True)
+class Format:
+    """A format of fields.
+
+    Attributes
+    ----------
+    name : str
+    suffixes : tuple of str
+        In lower case, with their dots.
+    open : callable
+        Opens a source, of which a choice is made.
+    extra : str
+        Extra of this package with the library that reads it; empty if none is needed.
+    signatures : tuple of (int, bytes, str)
+        Offset and bytes by which a file without a name is recognised, and the suffix that it gets.
+    keyed, channels : bool
+        Whether a file may hold several arrays, or channels of a colour picture.
+    folder : bool
+        Whether it is a folder.
+    """
+
+    name: str
+    suffixes: tuple[str, ...]
+    open: Callable[[Source, Choice], Opened]
+    extra: str = ""
+    signatures: tuple[tuple[int, bytes, str], ...] = ()
+    keyed: bool = False
+    channels: bool = False
+    folder: bool = False
+
+
+def numbers(array: Array) -> Array:
+    """Check that ``array`` holds real numbers; make it C-contiguous and of native byte order, truth values uint8."""
+    check_kind(array.dtype)
+    if array.dtype.kind == "b":
+        array = array.astype(np.uint8)
+    return np.ascontiguousarray(array, dtype=array.dtype.newbyteorder("="))
+

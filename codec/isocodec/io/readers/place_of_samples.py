@@ -1,0 +1,69 @@
+"""Where the samples of an input lie: by a matrix, or by coordinates along axes or of each sample."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...errors import OptionError
+from ...field.placement import TURN, Placement, matrix_of
+
+EVEN = 0.01
+"""How far coordinates of samples may be from even steps, in steps: files often keep them in single precision."""
+SLICE = "the position of a slice in space is ignored"
+_CLOSES = 0.25
+"""How far the step from the last to the first longitude may be from the others, in steps."""
+
+Array = NDArray[np.float64]
+
+
+def open_grid(axes: Sequence[Array]) -> list[Array]:
+    """Coordinates x, y (, z) from one for each axis of the array, x along the last one."""
+    n = len(axes)
+    return [axis.reshape([-1 if a == n - 1 - c else 1 for a in range(n)]) for c, axis in enumerate(reversed(axes))]
+
+
+def placed_grid(coordinates: Sequence[Array], shape: Sequence[int], turns: bool, crs: str | None = None) -> Placement:
+    """Place samples at coordinates of which x is a longitude, if it ``turns``, with the axes that are periodic then."""
+    periodic = [a for a in range(len(shape)) if turns and _goes_round(coordinates[0], a, shape[a])]
+    return Placement(None, coordinates, crs, periodic, TURN if turns else 0.0, inferred=True)
+
+
+def _goes_round(longitude: Array, axis: int, size: int) -> bool:
+    """Whether steps of longitudes along an axis, that from the last to the first included, make up a whole turn."""
+    if longitude.shape[axis] != size or size < 3:
+        return False
+    steps = np.diff(longitude, axis=axis, append=longitude.take([0], axis=axis))
+    steps = (steps + TURN / 2) % TURN - TURN / 2
+    with np.errstate(invalid="ignore"):
+        last, first = (np.abs(steps.take([i], axis=axis)) for i in (-1, 0))
+        # on curvilinear grids rows beyond a pole do not go around anything
+        round_it = np.abs(np.abs(steps.sum(axis=axis, keepdims=True)) - TURN) < 1e-3
+        typical = np.abs(steps).max(axis=axis, keepdims=True)
+        closes = (last <= (1 + _CLOSES) * typical) & (last > 0) & (first > 0)
+    return bool(np.count_nonzero(round_it & closes) * 2 > round_it.size)
+
+
+def placed(numbers: Any, n: int, crs: str | None = None) -> Placement:
+    """Place samples by a matrix of n axes; only a remark if it cannot be that of a placement."""
+    try:
+        return Placement(matrix_of(numbers, n), crs=crs)
+    except OptionError as error:
+        return Placement(remark=f"its coordinates are ignored: {error.message}")
+
+
+def in_steps(steps: Sequence[tuple[float, float]]) -> Placement:
+    """Place samples by the step and the start along each axis: x runs along the last axis, y along the one before."""
+    n = len(steps)
+    matrix = np.zeros((n, n + 1))
+    for axis, step in enumerate(steps):
+        matrix[n - 1 - axis, [axis, n]] = step
+    return placed(matrix, n)
+
+
+def to_right_front_up(matrix: Array) -> Array:
+    """Turn coordinates as ITK and DICOM have them (left, back, up), a matrix (3, 4), into right, front and up."""
+    return np.diag([-1.0, -1.0, 1.0]) @ matrix

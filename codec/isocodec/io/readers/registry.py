@@ -1,0 +1,173 @@
+"""The registry of readers: which library reads which format, and how a file is opened.
+
+Each module ``from_..`` belongs to one library; its records list the suffixes. A new format is a record there.
+"""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path, PurePosixPath
+
+import numpy as np
+
+from ...errors import InputError, OptionError
+from ...errors import plain
+from . import (
+    from_geopandas,
+    from_h5py,
+    from_laspy,
+    from_meshio,
+    from_nibabel,
+    from_numpy,
+    from_pillow,
+    from_simpleitk,
+    from_tifffile,
+    from_vtk,
+    from_xarray,
+)
+from .mesh_formats import MeshFormat, MeshRead
+from .opened import Choice, Format, Opened
+from .reading import about
+from .source import source_of
+
+FORMATS: tuple[Format, ...] = (
+    *from_numpy.FORMATS, *from_h5py.FORMATS, *from_vtk.FORMATS, *from_simpleitk.FORMATS, *from_pillow.FORMATS,
+    *from_tifffile.FORMATS, *from_nibabel.FORMATS, *from_xarray.FORMATS,
+)
+"""Formats of fields."""
+MESH_FORMATS: tuple[MeshFormat, ...] = (
+    *from_meshio.MESHES, *from_numpy.MESHES, *from_laspy.MESHES, *from_geopandas.MESHES,
+)
+"""Formats of meshes and of scattered points."""
+FIELD_SUFFIXES = tuple(suffix for each in FORMATS for suffix in each.suffixes)
+MESH_SUFFIXES = tuple(suffix for each in MESH_FORMATS if not each.scattered for suffix in each.suffixes)
+POINT_SUFFIXES = tuple(suffix for each in MESH_FORMATS if each.scattered for suffix in each.suffixes)
+
+
+def recognised(name: str, first: bytes) -> str | None:
+    """Find the suffix of a format of fields: the one that a name ends in, or else that of the first 512 bytes.
+
+    Parameters
+    ----------
+    name : str
+        Of a file, or the path of a URL; empty if unknown.
+    first : bytes
+
+    Returns
+    -------
+    str or None
+    """
+    lower = PurePosixPath(name).name.lower()
+    named = [suffix for suffix in FIELD_SUFFIXES if lower.endswith(suffix)]
+    if named:
+        return max(named, key=len)
+    signatures = (each for format in FORMATS for each in format.signatures)
+    return next((suffix for at, sign, suffix in signatures if first[at : at + len(sign)] == sign), None)
+
+
+def holds_mesh(path: str | os.PathLike[str]) -> bool:
+    """Whether a file holds a mesh or scattered points by its name, and if need be by what is in it."""
+    path = Path(path)
+    found = next((each for each in MESH_FORMATS if path.name.lower().endswith(each.suffixes)), None)
+    return found is not None and (found.holds is None or found.holds(path))
+
+
+def open_file(
+    path: str | os.PathLike[str], choice: Choice | None = None, *, samples: int | None = None, follow: bool = False,
+    label: str | None = None,
+) -> Opened:
+    """Open a file of a field; its header is read, its samples are not.
+
+    Parameters
+    ----------
+    path : path
+    choice : Choice, optional
+        Which array or channel.
+    samples : int, optional
+        Most samples that may be read; `isocodec.limits.FIELD_SAMPLES` if not given.
+    follow : bool
+        Read other files that this one names by a path, or HDF5 keeps samples in. Without, only this file is read, and
+        files in the same directory that the header of a MetaImage or NRRD or the notes of an OME-TIFF name.
+    label : str, optional
+        How errors name the file, instead of its path; empty: not at all.
+
+    Raises
+    ------
+    OSError
+        If the file cannot be opened.
+    InputError
+        If it is not what its name states, is a device or a pipe, holds no numbers, names files that are not to be
+        read, or leaves a choice open.
+    LimitError
+        If its header states more samples than may be read.
+    OptionError
+        If the choice does not apply to this format.
+    MissingExtraError
+        If its library is not installed.
+    """
+    path = Path(path)
+    choice = choice or Choice()
+    label = plain(os.fspath(path)) if label is None else label
+    with about(label):
+        found = _format_of(path)
+        source = source_of(path, samples, follow, found is not None and found.folder)
+        if found is None:
+            raise InputError(
+                f"{plain(path.suffix) or 'a name without a suffix'} is not a supported format of fields",
+                code="suffix", remedy="one of " + ", ".join(FIELD_SUFFIXES),
+            )
+        suffix = plain(path.suffix)
+        if choice.key is not None and not found.keyed:
+            raise OptionError(f"a key names an array of a file that holds several, not of {suffix}", code="key")
+        if choice.channel is not None and not found.channels:
+            raise OptionError(f"a channel is part of a picture, not of {suffix}", code="channel")
+        opened = found.open(source, choice)
+    opened.label = label
+    return opened
+
+
+def _format_of(path: Path) -> Format | None:
+    if from_simpleitk.is_dicom_series(path):
+        return from_simpleitk.DICOM_FOLDER
+    return next((each for each in FORMATS if path.name.lower().endswith(each.suffixes)), None)
+
+
+def read_mesh(path: str | os.PathLike[str], samples: int | None = None) -> MeshRead:
+    """Read a mesh, or scattered points.
+
+    Parameters
+    ----------
+    path : path
+        Its suffix, one of ``MESH_SUFFIXES`` or ``POINT_SUFFIXES``, names the format. An .npz file has the arrays
+        ``points``, ``cells``, and values at points, of one frame or of several, under other names. Of an XDMF file
+        with time steps all are read. A table has a line for each point, with x, y and values, divided by commas,
+        semicolons, tabs or spaces; its first line may name the columns. Columns of x and y are those that are named so
+        (or lon, lat, easting, northing), else the first two; without names, the third is ``z``.
+    samples : int, optional
+        Most points and cells; `isocodec.limits.FIELD_SAMPLES` if not given.
+
+    Raises
+    ------
+    OSError
+        If the file cannot be opened.
+    InputError
+        If it cannot be read, holds cells other than triangles or tetrahedra, or no points.
+    LimitError
+        If it holds more points and cells than may be read.
+    MissingExtraError
+        If its library is not installed.
+    """
+    source = source_of(path, samples)
+    with about(plain(os.fspath(path))):
+        found = next((each for each in MESH_FORMATS if source.named(*each.suffixes)), None)
+        if found is None:
+            raise InputError(
+                f"the suffix {plain(source.path.suffix)!r} names no format of meshes or points", code="suffix",
+                remedy=f"known are {', '.join(MESH_SUFFIXES + POINT_SUFFIXES)}",
+            )
+        mesh = found.read(source)
+        points, cells = mesh.points, mesh.cells
+        source.check_count(len(points) + (0 if cells is None else len(cells)))
+    if cells is not None and cells.shape[1] == 3 and points.shape[1] == 3 and (points[:, 2] == points[:1, 2]).all():
+        points = np.ascontiguousarray(points[:, :2])
+    return MeshRead(points, cells, mesh.values, mesh.of_cells)

@@ -1,0 +1,100 @@
+"""All formats that are written: which of them hold what, by suffix; the table of the documentation."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+from ...errors import OptionError
+from . import to_ezdxf, to_json, to_meshio, to_nibabel, to_numpy, to_pictures, to_pmtiles, to_pyogrio, to_trimesh
+from .output_formats import Kind, Output
+from .things import Thing
+
+OUTPUTS: tuple[Output, ...] = tuple(
+    output
+    for module in (
+        to_numpy, to_pictures, to_json, to_pyogrio, to_pmtiles, to_ezdxf, to_meshio, to_trimesh, to_nibabel
+    )
+    for output in module.OUTPUTS
+)
+SUFFIXES: tuple[str, ...] = tuple(dict.fromkeys(suffix for output in OUTPUTS for suffix in output.suffixes))
+_KINDS: dict[Kind, str] = {
+    "contour": "curves, surfaces", "areas": "areas, bands", "mask": "masks", "mesh": "meshes",
+    "tin": "triangulated surfaces", "picture": "steps, contour maps",
+}
+"""What the table calls things; pyramids are written as curves are."""
+
+
+def suffixes_of(kind: Kind, n: int | None = None, *, several: bool = False, sampled: bool = True) -> list[str]:
+    """Suffixes of the formats that can hold a kind of thing (of a field of ``n`` axes), for help and messages."""
+    return [
+        suffix for output in OUTPUTS if output.kind == kind and output.fits(n, several, sampled)
+        for suffix in output.suffixes
+    ]
+
+
+def suffix_of(path: str | os.PathLike[str]) -> str | None:
+    """The suffix of a name that one of the formats has, the longest; None if there is no such."""
+    name = Path(path).name.lower()
+    found = [suffix for suffix in SUFFIXES if name.endswith(suffix) and len(name) > len(suffix)]
+    return max(found, key=len, default=None)
+
+
+def find(path: str | os.PathLike[str], thing: Thing) -> tuple[str, Output]:
+    """The format that a name stands for, which can hold a thing and whose libraries are installed.
+
+    Parameters
+    ----------
+    path : path
+        Only its suffix counts.
+    thing : Thing
+        As far as it is known; before anything is decoded ``Thing("contour", None)`` will do.
+
+    Returns
+    -------
+    str
+        The suffix, in lower case.
+    Output
+
+    Raises
+    ------
+    OptionError
+        Naming the formats that would do.
+    MissingExtraError
+    """
+    suffix = suffix_of(path)
+    for output in OUTPUTS:
+        if suffix in output.suffixes and output.kind == thing.kind and output.fits(
+            thing.n, thing.several, thing.sampled
+        ):
+            output.check_libraries(suffix)
+            return suffix, output
+    remedy = "one of " + ", ".join(suffixes_of(thing.kind, thing.n, several=thing.several, sampled=thing.sampled))
+    if suffix is None:
+        given = Path(path).suffix.lower() or "a name without a suffix"
+        message = f"{given} is not a supported output format"
+    elif thing.several and suffix in suffixes_of(thing.kind, thing.n, sampled=thing.sampled):
+        message = f"{suffix} cannot hold several isovalues"
+        remedy += ", or write one after the other"
+    else:
+        message = f"{suffix} cannot hold {thing.text}"
+    raise OptionError(message, code="suffix", remedy=remedy)
+
+
+def table() -> str:
+    """The formats as a table of the documentation (``docs/formats.md``)."""
+    rows = ["| format | suffixes | holds | isovalues | coordinates | extra |", "| --- | --- | --- | --- | --- | --- |"]
+    where = {"samples": "samples", "placement": "placement", "degrees": "longitude, latitude"}
+    for output in OUTPUTS:
+        if output.kind not in _KINDS:
+            continue
+        what = _KINDS[output.kind]
+        if output.kind == "contour" and len(output.dimensions) == 1:
+            what = what.split(", ")[output.dimensions[0] - 2]
+        if output.kind == "mask" and len(output.dimensions) == 1:
+            what = f"{what} of {output.dimensions[0]} axes"
+        suffixes = ", ".join(f"`{suffix}`" for suffix in output.suffixes)
+        isovalues = output.holds or ("-" if output.kind == "tin" else "one")
+        extra = f"`{output.extra}`" if output.extra else ""
+        rows.append(f"| {output.title} | {suffixes} | {what} | {isovalues} | {where[output.coordinates]} | {extra} |")
+    return "\n".join(rows) + "\n"

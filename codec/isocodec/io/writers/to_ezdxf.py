@@ -1,0 +1,61 @@
+"""DXF drawings: curves as polylines, surfaces as meshes, each isovalue on a layer of its own."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Iterable
+from typing import TYPE_CHECKING, Any
+
+from ...extras import optional
+from .output_formats import Cost, Output, OutputOptions
+
+if TYPE_CHECKING:
+    from ...drawing.contour import Contour
+
+
+def _render(contours: Iterable[Contour], suffix: str, _: OutputOptions) -> bytes:
+    """A drawing (R2010). Polylines of curves lie at the height of their isovalue; x and y are those of `placed`."""
+    library: Any = optional("ezdxf", extra="cad", purpose=f"writing {suffix}")
+    before = library.options.write_fixed_meta_data_for_testing
+    # without the time and a number of its own for each file
+    library.options.write_fixed_meta_data_for_testing = True
+    try:
+        document = library.new("R2010", setup=False, units=0)
+        space = document.modelspace()
+        colour = 0
+        for contour in contours:
+            name = _layer_name(contour)
+            colour = colour % 6 + 1
+            if name not in document.layers:
+                document.layers.add(name, color=colour)
+            if contour.n == 2:
+                whole = contour.joined
+                for walk in whole.walks:
+                    places = whole.along(walk)
+                    closed = len(walk) > 2 and bool((places[0] == places[-1]).all())
+                    points = places[: -1 if closed else None].tolist()
+                    attributes = {"layer": name, "elevation": float(contour.isovalue)}
+                    space.add_lwpolyline(points, format="xy", close=closed, dxfattribs=attributes)
+            elif len(contour.cells):
+                whole = contour.joined
+                with space.add_mesh(dxfattribs={"layer": name}).edit_data() as mesh:
+                    mesh.vertices = whole.placed.tolist()
+                    mesh.faces = whole.placed_cells.tolist()
+            del contour
+        text = io.StringIO()
+        document.write(text)
+    finally:
+        library.options.write_fixed_meta_data_for_testing = before
+    return text.getvalue().encode(document.output_encoding)
+
+
+def _layer_name(contour: Contour) -> str:
+    """The layer of an isovalue: ``ISO_500.5``."""
+    return f"ISO_{contour.isovalue:.12g}"
+
+
+_COST = {2: Cost(500, 200, 1 << 23), 3: Cost(600, 900, 1 << 24)}
+OUTPUTS = (
+    Output("contour", (".dxf",), "DXF", _render, (2, 3), (2, 3), "a layer each", extra="cad", libraries=("ezdxf",),
+           cost=_COST),
+)

@@ -1,0 +1,152 @@
+"""GeoJSON (RFC 7946): curves as lines, areas and triangles as polygons, in longitude and latitude where possible."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterable
+from typing import TYPE_CHECKING, Any
+
+from ...drawing.areas import polygons
+from ...drawing.bands import bands
+from ...field.placement import Placement
+from ...field.reference_system import DEGREES, epsg_of, to_degrees
+from .output_formats import Cost, Output, OutputOptions
+from .things import ABOVE, LEVEL, Areas, PlacedTin, in_space
+
+if TYPE_CHECKING:
+    from ...drawing.contour import Contour
+    from ...drawing.tessellation import Tessellation
+
+
+def _lines(contours: Iterable[Contour], _: str, options: OutputOptions) -> bytes:
+    """A feature for the curve of a contour, or of each of several."""
+    keep = options.keep_crs
+
+    def feature(contour: Contour) -> bytes:
+        move = (lambda points: points) if keep else to_degrees(contour.placement)
+        whole = contour.joined
+        coordinates = [move(whole.along(walk)).tolist() for walk in whole.walks]
+        return _feature(contour, {"type": "MultiLineString", "coordinates": coordinates})
+
+    return _features(contours, feature, keep)
+
+
+def _areas(what: Areas, _: str, options: OutputOptions) -> bytes:
+    """A feature for the areas above or below each contour, or for each band between them."""
+    keep = options.keep_crs
+
+    def moved(contour: Contour, geometry: dict[str, Any]) -> dict[str, Any]:
+        if keep:
+            return geometry
+        shapely = polygons()
+        shape = shapely.transform(shapely.geometry.shape(geometry), to_degrees(contour.placement))
+        parts = [shapely.geometry.polygon.orient(part) for part in shape.geoms]
+        return dict(shapely.geometry.mapping(shapely.MultiPolygon(parts)))
+
+    def feature(contour: Contour) -> bytes:
+        geometry = contour.areas(above=what.side == "above", valid=what.valid)
+        return _feature(contour, moved(contour, geometry), area=what.side)
+
+    if what.side != "bands":
+        return _features(what.contours, feature, keep)
+    whole = list(what.contours)
+    texts = [
+        _json({"type": "Feature", "properties": {"lower": band.lower, "upper": band.upper},
+               "geometry": moved(whole[0], band.geometry)})
+        for band in bands(whole, valid=what.valid)
+    ]
+    return _collection(texts, named(whole[0].placement) if keep else None)
+
+
+def _mesh(mesh: Tessellation, _: str, __: OutputOptions) -> bytes:
+    """A polygon for each triangle, with its level and the signs of its corners."""
+    points, cells = in_space(mesh)
+    points = to_degrees(mesh.placement)(points[:, :2])
+    features = [
+        {
+            "type": "Feature",
+            "properties": {LEVEL: level, ABOVE: above},
+            "geometry": {"type": "Polygon", "coordinates": [[*corners, corners[0]]]},
+        }
+        for corners, level, above in zip(
+            points[cells].tolist(), mesh.levels.tolist(), mesh.above[cells].astype(int).tolist(), strict=True
+        )
+    ]
+    return _json({"type": "FeatureCollection", "features": features}) + b"\n"
+
+
+def _tin(placed: PlacedTin, _: str, __: OutputOptions) -> bytes:
+    """A polygon with heights for each triangle."""
+    features = [
+        {
+            "type": "Feature",
+            "properties": {},
+            "geometry": {"type": "Polygon", "coordinates": [[*corners, corners[0]]]},
+        }
+        for corners in placed.vertices[placed.triangles].tolist()
+    ]
+    return _json({"type": "FeatureCollection", **named(placed.placement), "features": features}) + b"\n"
+
+
+def _feature(contour: Contour, geometry: dict[str, Any], **properties: str) -> bytes:
+    """The text of a feature with the properties isovalue, shape and complete; an empty curve is an empty geometry."""
+    return _json(
+        {
+            "type": "Feature",
+            "properties": {
+                "isovalue": float(contour.isovalue),
+                "shape": [int(n) for n in contour.shape],
+                "complete": bool(contour.complete),
+                **properties,
+            },
+            "geometry": geometry,
+        }
+    )
+
+
+def _features(contours: Iterable[Contour], feature: Callable[[Contour], bytes], keep: bool) -> bytes:
+    """The file of the feature of a contour, or of a collection of several of the same placement."""
+    texts, name = [], None
+    for contour in contours:
+        texts.append(feature(contour))
+        name = named(contour.placement) if keep else None
+        # of a contour no more is kept than its text
+        del contour
+    if len(texts) == 1:
+        return b"".join([texts[0][:-1], _member(name), b"}\n"])
+    return _collection(texts, name)
+
+
+def _collection(texts: list[bytes], system: dict[str, Any] | None) -> bytes:
+    """The file of several features."""
+    start = b'{"type":"FeatureCollection","features":['
+    return b"".join([start, b",".join(texts), b"]", _member(system), b"}\n"])
+
+
+def named(placement: Placement | None) -> dict[str, Any]:
+    """The member of a GeoJSON file that names its system, as GeoJSON had it before RFC 7946; none for degrees."""
+    number = epsg_of(placement)
+    if number in (None, DEGREES):
+        return {}
+    return {"crs": {"type": "name", "properties": {"name": f"urn:ogc:def:crs:EPSG::{number}"}}}
+
+
+def _member(system: dict[str, Any] | None) -> bytes:
+    """The reference system, as it stands behind the other members of a file."""
+    return b"," + _json(system)[1:-1] if system else b""
+
+
+def _json(value: dict[str, Any]) -> bytes:
+    return json.dumps(value, separators=(",", ":"), allow_nan=False).encode()
+
+
+_CURVES = Cost(300, 240, kept=100)
+_TITLE = "GeoJSON (RFC 7946)"
+OUTPUTS = (
+    Output("contour", (".geojson",), _TITLE, _lines, (2,), (2,), "a feature each", "degrees", sampled=False,
+           cost={2: _CURVES}),
+    Output("areas", (".geojson",), _TITLE, _areas, (2,), (2,), "a feature each", "degrees", extra="geo",
+           libraries=("shapely",), cost={2: _CURVES}),
+    Output("mesh", (".geojson",), _TITLE, _mesh, coordinates="degrees", cost={2: Cost(100, 2000)}),
+    Output("tin", (".geojson",), "GeoJSON", _tin, names_crs=True, sampled=False),
+)

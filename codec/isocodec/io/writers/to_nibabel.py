@@ -1,0 +1,52 @@
+"""Volumes of zeros and ones, by nibabel."""
+
+from __future__ import annotations
+
+import gzip
+import io
+from collections.abc import Iterator
+from contextlib import suppress
+
+import numpy as np
+
+from ...extras import optional
+from .output_formats import Output, OutputOptions
+from .things import SampleMask
+
+
+def _nii(mask: SampleMask, _: str, __: OutputOptions) -> Iterator[bytes]:
+    """1 above, in the coordinates of the placement; without one in none."""
+    nibabel = optional("nibabel", extra="nifti", purpose="writing NIfTI")
+    affine = None if mask.placement is None or mask.placement.matrix is None else np.vstack([mask.placement.matrix, [0, 0, 0, 1]])
+    shape, rows = mask.taken(transposed=True)
+    # the library sees an array of this shape that takes no memory; its samples follow the header
+    image = nibabel.Nifti1Image(np.broadcast_to(np.uint8(0), shape[::-1]), affine)
+    if affine is not None:
+        # for programs that only know quaternions, which cannot express sheared axes
+        with suppress(nibabel.spatialimages.HeaderDataError):
+            image.set_qform(affine, code="aligned", strip_shears=False)
+    image.update_header()
+    image.header.set_slope_inter(1, 0)
+    offset = int(image.header.single_vox_offset)
+    image.header.set_data_offset(offset)
+    yield image.header.binaryblock.ljust(offset, b"\0")
+    for some in rows:
+        yield some.tobytes()
+
+
+def _nii_gz(mask: SampleMask, suffix: str, options: OutputOptions) -> Iterator[bytes]:
+    out = io.BytesIO()
+    # without the time of day: the same mask, the same bytes
+    with gzip.GzipFile(filename="", mode="wb", fileobj=out, mtime=0) as packed:
+        for piece in _nii(mask, suffix, options):
+            packed.write(piece)
+            yield out.getvalue()
+            out.seek(0)
+            out.truncate()
+    yield out.getvalue()
+
+
+OUTPUTS = (
+    Output("mask", (".nii",), "NIfTI", _nii, (3,), extra="nifti", libraries=("nibabel",)),
+    Output("mask", (".nii.gz",), "NIfTI, compressed", _nii_gz, (3,), extra="nifti", libraries=("nibabel",)),
+)

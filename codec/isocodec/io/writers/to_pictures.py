@@ -1,0 +1,92 @@
+"""Pictures: of curves and surfaces by matplotlib, of masks by Pillow, and curves as paths of SVG."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Collection, Iterable
+from typing import Any
+from xml.etree import ElementTree
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...drawing.contour import Contour
+from ...extras import optional
+from .output_formats import Cost, Output, OutputOptions
+from ...drawing.pictures.picture import contour_picture
+from .things import Picture, SampleMask
+
+PICTURE = {2: Cost(200, 160, fixed=1 << 25), 3: Cost(80, 260, fixed=1 << 27, kept=0)}
+"""Memory that pictures take, by axes of the field."""
+
+
+def _drawn(contours: Collection[Contour], suffix: str, _: OutputOptions) -> bytes:
+    return contour_picture(contours, suffix)
+
+
+def _mask_png(mask: SampleMask, _: str, __: OutputOptions) -> bytes:
+    """White above."""
+    pillow: Any = optional("PIL.Image", extra="image", purpose="writing .png")
+    shape, rows = mask.taken()
+    # the library wants the whole picture
+    picture = pillow.new("L", shape[::-1])
+    start = 0
+    for some in rows:
+        picture.paste(pillow.fromarray(some.view(np.uint8) * np.uint8(255)), (0, start))
+        start += len(some)
+    buffer = io.BytesIO()
+    picture.save(buffer, "PNG")
+    return buffer.getvalue()
+
+
+def _picture(picture: Picture, suffix: str, _: OutputOptions) -> bytes:
+    return picture.draw(suffix)
+
+
+def _svg(contours: Iterable[Contour], _: str, __: OutputOptions) -> bytes:
+    """A group for each isovalue, in it a path for each polyline.
+
+    The view box is that of the picture's pixels, so that the two can be overlaid: x runs along axis 1 of the array and
+    y along axis 0, in samples, whatever the placement is.
+    """
+    strokes = {"fill": "none", "stroke": "black", "stroke-width": "1", "stroke-linejoin": "round"}
+    size: dict[str, str] = {}
+    groups = []
+    for contour in contours:
+        rows, columns = contour.shape
+        # samples are the centres of pixels
+        size = {"width": str(columns), "height": str(rows), "viewBox": f"-0.5 -0.5 {columns} {rows}"}
+        group = ElementTree.Element("g", strokes)
+        ElementTree.SubElement(group, "title").text = f"isovalue {contour.isovalue:g}"
+        for line in contour.lines:
+            # The width is then one of the screen: a contour has none.
+            ElementTree.SubElement(group, "path", {"d": _path(np.asarray(line)), "vector-effect": "non-scaling-stroke"})
+        groups.append(ElementTree.tostring(group))
+        del contour, group
+    root = ElementTree.tostring(ElementTree.Element("svg", {"xmlns": "http://www.w3.org/2000/svg", **size}))
+    head = b'<?xml version="1.0" encoding="UTF-8"?>\n' + root.replace(b" />", b">")
+    return b"".join([head, *groups, b"</svg>\n"])
+
+
+def _path(line: NDArray[np.float64]) -> str:
+    closed = len(line) > 2 and bool(np.array_equal(line[0], line[-1]))
+    corners = [f"{_decimal(x)},{_decimal(y)}" for y, x in line[: -1 if closed else None].tolist()]
+    return "M" + " ".join(corners) + ("Z" if closed else "")
+
+
+def _decimal(number: float) -> str:
+    # Six places are a millionth of a cell: finer than any stroke, and half the size of all digits.
+    text = f"{number:.6f}".rstrip("0").rstrip(".")
+    return "0" if text == "-0" else text
+
+
+_MATPLOTLIB: Any = {"extra": "plot", "libraries": ("matplotlib.figure",), "coordinates": "samples"}
+OUTPUTS = (
+    Output("contour", (".png",), "PNG", _drawn, (2, 3), (2, 3), "a colour or a panel each", cost=PICTURE,
+           **_MATPLOTLIB),
+    Output("contour", (".svg",), "SVG", _svg, (2,), (2,), "a group each", "samples",
+           cost={2: Cost(120, 100, kept=50)}),
+    Output("mask", (".png",), "PNG", _mask_png, (2,), coordinates="samples", extra="image", libraries=("PIL.Image",)),
+    Output("picture", (".png", ".pdf", ".svg"), "PNG, PDF, SVG", _picture, (2, 3), (2, 3), "a colour or a panel each",
+           sampled=False, **_MATPLOTLIB),
+)

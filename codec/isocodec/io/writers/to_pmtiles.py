@@ -1,0 +1,212 @@
+"""Vector tiles of curves for maps on the web: PMTiles, an archive of Mapbox Vector Tiles in Web Mercator.
+
+Pixels are those of maps with 256 a tile: at the largest zoom one is no wider than a sample. Each tile has 4096 units.
+"""
+
+from __future__ import annotations
+
+import gzip
+import io
+import math
+from collections.abc import Callable, Iterable
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...errors import OptionError
+from ...extras import optional
+from ...field.reference_system import epsg_of, to_degrees
+from .output_formats import Cost, Output, OutputOptions
+from .things import Pyramid
+
+if TYPE_CHECKING:
+    from ...drawing.contour import Contour
+
+LAYER = "contours"
+"""Name of the layer of all tiles."""
+EXTENT = 4096
+"""Units of a tile along each side."""
+PIXELS = 256
+MOST_ZOOM = 22
+BUFFER = 64
+"""Units around a tile in which curves go on."""
+LONGEST = 1024
+"""Units of a segment at most; longer ones are divided."""
+ROUNDING = 2
+"""Units that points are left out for below the largest zoom, where the curve without them is no farther away."""
+_POLE = 85.06
+"""Degrees of latitude beyond which there are no tiles."""
+Key = tuple[int, int, int]
+"""Zoom, column and row of a tile."""
+Features = list[tuple[float, list[NDArray[np.int32]]]]
+"""Isovalues with their lines, in units of a tile."""
+AtWidth = Callable[[float], "Contour"]
+"""The contour of an isovalue, as it is seen where a pixel is so many samples wide; 1 is the finest."""
+
+
+def _render(contours: Iterable[Contour], suffix: str, options: OutputOptions) -> bytes:
+    """The archive of contours, the same at all zooms but for its smallest parts."""
+
+    def same(contour: Contour) -> AtWidth:
+        return lambda width: contour
+
+    return _render_pyramid(Pyramid(map(same, contours)), suffix, options)
+
+
+def _render_pyramid(pyramid: Pyramid, suffix: str, _: OutputOptions) -> bytes:
+    """The archive of isovalues that are drawn for each zoom as coarsely as it allows.
+
+    Raises
+    ------
+    OptionError
+        If the reference system of a contour is not known.
+    MissingExtraError
+    """
+    writer = optional("pmtiles.writer", extra="pmtiles", purpose=f"writing {suffix}")
+    tiles: dict[Key, Features] = {}
+    bounds, most = [], 0
+    for at in pyramid.isovalues:
+        finest = at(1.0)
+        most = zoom_of(finest)
+        for zoom in range(most + 1):
+            lines = mercator_lines(at(2.0 ** (most - zoom)))
+            if zoom == most:
+                bounds += [line[:, :2] for line in lines]
+            for key, geometry in cut(lines, zoom, 0 if zoom == most else ROUNDING):
+                tiles.setdefault(key, []).append((finest.isovalue, geometry))
+    # a map of nothing has a tile, too
+    return _archive(writer, tiles or {(0, 0, 0): []}, bounds, most)
+
+
+def zoom_of(contour: Contour) -> int:
+    """The least zoom at which a pixel is no wider than the distance of samples in the middle of a field."""
+    middle = (np.array(contour.shape) - 1) / 2
+    ends = _mercator(to_degrees(_placed(contour).placement)(contour.place(np.array([middle, *(middle + np.eye(2))]))))
+    step = float(np.linalg.norm(ends[1:] - ends[0], axis=1).min())
+    return min(max(math.ceil(-math.log2(PIXELS * step) - 1e-6), 0), MOST_ZOOM) if step else MOST_ZOOM
+
+
+def mercator_lines(contour: Contour) -> list[NDArray[np.float64]]:
+    """Lines of a contour in Web Mercator, (K, 2) each, 0 to 1 eastwards and southwards, and beyond where they go on."""
+    move, whole = to_degrees(_placed(contour).placement), contour.joined
+    out = []
+    for walk in whole.walks:
+        degrees = move(whole.along(walk))
+        degrees[:, 0] = np.unwrap(degrees[:, 0], period=360.0)
+        out.append(_mercator(degrees))
+    return out
+
+
+def _placed(contour: Contour) -> Contour:
+    if epsg_of(contour.placement) is None:
+        raise OptionError(
+            "a map needs to know where the curve lies: the file has no placement or names no reference system",
+            code="crs", remedy="encode with placement and --metadata crs=EPSG:..",
+        )
+    return contour
+
+
+def _mercator(degrees: NDArray[np.float64]) -> NDArray[np.float64]:
+    latitude = np.radians(np.clip(degrees[:, 1], -_POLE, _POLE))
+    south = 0.5 - np.log(np.tan(np.pi / 4 + latitude / 2)) / (2 * np.pi)
+    return np.stack([degrees[:, 0] / 360.0 + 0.5, south], axis=1)
+
+
+def cut(
+    lines: list[NDArray[np.float64]], zoom: int, rounding: float
+) -> Iterable[tuple[Key, list[NDArray[np.int32]]]]:
+    """Tiles of a zoom with what they show: lines in their units, (K, 2) each.
+
+    Segments are kept whole where they reach into a tile or its buffer, so that no point moves.
+    """
+    shapely = optional("shapely", extra="pmtiles", purpose="making vector tiles")
+    scale = float(EXTENT << zoom)
+    points, ends = [], []
+    for line in lines:
+        units = line * scale
+        if rounding:
+            thinned = shapely.simplify(shapely.LineString(units), rounding, preserve_topology=False)
+            units = shapely.get_coordinates(thinned)
+        whole = np.floor(_divided(units) + 0.5).astype(np.int64)
+        moved = np.ones(len(whole), np.bool_)
+        moved[1:] = (whole[1:] != whole[:-1]).any(axis=1)
+        if moved.sum() > 1:
+            points.append(whole[moved])
+            ends.append(len(points[-1]))
+    if not points:
+        return
+    point = np.concatenate(points)
+    start = np.delete(np.arange(len(point)), np.cumsum(ends) - 1)
+    low, high = np.minimum(point[start], point[start + 1]), np.maximum(point[start], point[start + 1])
+    first, last = (low - BUFFER) // EXTENT, (high + BUFFER) // EXTENT
+    found = []
+    for column in (0, 1):
+        for row in (0, 1):
+            tile = first + [column, row]
+            inside = (tile <= last).all(axis=1) & (tile[:, 1] >= 0) & (tile[:, 1] < 1 << zoom)
+            found.append(np.column_stack([tile[inside], start[inside]]))
+    held = np.unique(np.concatenate(found), axis=0)
+    # a line goes on in a tile as long as segments follow one another
+    breaks = np.flatnonzero((np.diff(held[:, :2], axis=0) != 0).any(axis=1) | (np.diff(held[:, 2]) != 1)) + 1
+    by_tile: dict[Key, list[NDArray[np.int32]]] = {}
+    for a, b in zip([0, *breaks.tolist()], [*breaks.tolist(), len(held)], strict=True):
+        x, y, at = held[a].tolist()
+        line = (point[at : at + b - a + 1] - np.array([x, y]) * EXTENT).astype(np.int32)
+        by_tile.setdefault((zoom, x % (1 << zoom), y), []).append(line)
+    yield from by_tile.items()
+
+
+def _divided(line: NDArray[np.float64]) -> NDArray[np.float64]:
+    """A line with no segment longer than `LONGEST` along an axis."""
+    parts = np.maximum(np.ceil(np.abs(np.diff(line, axis=0)).max(axis=1, initial=0) / LONGEST), 1).astype(np.int64)
+    if not len(parts) or parts.max() == 1:
+        return line
+    at = np.repeat(np.arange(len(parts)), parts)
+    part = (np.arange(len(at)) - np.repeat(np.cumsum(parts) - parts, parts)) / parts[at]
+    return np.concatenate([line[at] + part[:, None] * (line[at + 1] - line[at]), line[-1:]])
+
+
+def _tile(features: Features) -> bytes:
+    """A tile of one layer, whose features have the isovalue as their only property."""
+    shapely = optional("shapely", extra="pmtiles", purpose="making vector tiles")
+    encoder = optional("mapbox_vector_tile", extra="pmtiles", purpose="making vector tiles")
+    found = [
+        {"geometry": shapely.MultiLineString(lines), "properties": {"isovalue": isovalue}}
+        for isovalue, lines in features
+    ]
+    layer = {"name": LAYER, "features": found}
+    return bytes(encoder.encode(layer, default_options={"y_coord_down": True, "extents": EXTENT}))
+
+
+def _archive(
+    writer: Any, tiles: dict[Key, Features], lines: list[NDArray[np.float64]], most: int
+) -> bytes:
+    """The archive of tiles, in the order of their numbers."""
+    format_ = optional("pmtiles.tile", extra="pmtiles", purpose="writing .pmtiles")
+    out = io.BytesIO()
+    archive = writer.Writer(out)
+    for number, key in sorted((format_.zxy_to_tileid(*key), key) for key in tiles):
+        archive.write_tile(number, gzip.compress(_tile(tiles[key]), mtime=0))
+    points = np.concatenate(lines) if lines else np.array([[0.5, 0.5]])
+    west, east = (float(f(points[:, 0])) * 360 - 180 for f in (np.min, np.max))
+    north, south = (math.degrees(math.atan(math.sinh((0.5 - float(f(points[:, 1]))) * 2 * math.pi)))
+                    for f in (np.min, np.max))
+    if west < -180 or east > 180:
+        west, east = -180.0, 180.0
+    header = {
+        "tile_compression": format_.Compression.GZIP, "tile_type": format_.TileType.MVT,
+        "min_lon_e7": math.floor(west * 1e7), "max_lon_e7": math.ceil(east * 1e7),
+        "min_lat_e7": math.floor(south * 1e7), "max_lat_e7": math.ceil(north * 1e7),
+    }
+    layer = {"id": LAYER, "fields": {"isovalue": "Number"}, "minzoom": 0, "maxzoom": most}
+    archive.finalize(header, {"vector_layers": [layer]})
+    return out.getvalue()
+
+
+_SHARED: Any = {
+    "suffixes": (".pmtiles",), "title": "PMTiles", "several": (2,), "holds": "a property", "coordinates": "degrees",
+    "names_crs": True, "extra": "pmtiles", "libraries": ("shapely", "pyproj", "mapbox_vector_tile", "pmtiles.writer"),
+    "cost": {2: Cost(480, 150, 1 << 20, kept=300)},
+}
+OUTPUTS = (Output("contour", render=_render, **_SHARED), Output("pyramid", render=_render_pyramid, **_SHARED))

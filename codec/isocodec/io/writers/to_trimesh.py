@@ -1,0 +1,174 @@
+"""Surfaces in the formats of trimesh: PLY, STL, OBJ, OFF, GLB, 3MF; meshes and triangulated surfaces as PLY.
+
+Triangles of surfaces are seen counter-clockwise from the side of lower values, whatever the placement does.
+"""
+
+from __future__ import annotations
+
+import io
+import math
+import re
+import zipfile
+from collections.abc import Iterable
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...errors import OptionError
+from ...extras import optional
+from .output_formats import Cost, Output, OutputOptions
+from .things import ABOVE, LEVEL, PlacedTin, in_space
+
+if TYPE_CHECKING:
+    from ...drawing.contour import Contour
+    from ...drawing.tessellation import Tessellation
+
+_UUID = re.compile(rb'"[0-9a-f]{8}(?:-[0-9a-f]{4}){3}-[0-9a-f]{12}"')
+_THE_DAY = (1980, 1, 1, 0, 0, 0)
+
+
+def trimesh_for(suffix: str) -> Any:
+    """The library.
+
+    Raises
+    ------
+    MissingExtraError
+    """
+    return optional("trimesh", extra="mesh", purpose=f"writing {suffix}")
+
+
+def mesh_of(contour: Contour, suffix: str = "a mesh") -> Any:
+    """A ``Trimesh``, its vertices and their order as they are."""
+    whole = contour.joined
+    return trimesh_for(suffix).Trimesh(vertices=whole.placed, faces=whole.placed_cells, process=False)
+
+
+def _single(contours: Iterable[Contour], suffix: str, _: OutputOptions) -> bytes:
+    """PLY, STL (both binary) and OFF; the first two hold single precision by custom."""
+    contour = next(iter(contours))
+    if suffix == ".off" and len(contour.cells) == 0:
+        return b"OFF\n0 0 0\n"
+    places = {"digits": _digits(contour)} if suffix == ".off" else {}
+    return _bytes(mesh_of(contour, suffix).export(file_type=suffix[1:], **places))
+
+
+def _groups(contours: Iterable[Contour], suffix: str, _: OutputOptions) -> bytes:
+    """OBJ, GLB and 3MF: an object for each isovalue, named after it.
+
+    OBJ has eight decimal places of a cell, 3MF all digits. GLB holds single precision, counted from the middle of each
+    object, which the node that the object belongs to adds again: half of 2**-24 of its size is lost at most.
+    """
+    trimesh = trimesh_for(suffix)
+    scene = trimesh.Scene()
+    digits = 8
+    for contour in contours:
+        if len(contour.cells):
+            mesh = mesh_of(contour, suffix)
+            digits = max(digits, _digits(contour))
+            matrix = np.eye(4)
+            if suffix == ".glb":
+                middle = mesh.bounds.mean(axis=0)
+                matrix[:3, 3] = middle
+                mesh.vertices = mesh.vertices - middle  # in place it would move the contour, which has them, too
+            name = f"isovalue {contour.isovalue:.12g}"
+            scene.add_geometry(mesh, node_name=name, geom_name=name, transform=matrix)
+        del contour
+    if not scene.geometry:
+        # the library would write keywords without numbers, or none at all, which no reader takes
+        if suffix == ".obj":
+            return b"# empty isosurface\n"
+        raise OptionError(f"the surface is empty, and {suffix} cannot hold that", code="empty")
+    if suffix == ".obj":
+        return _bytes(scene.export(file_type="obj", digits=digits, header=None))
+    data = _bytes(scene.export(file_type=suffix[1:]))
+    return _repacked(data) if suffix == ".3mf" else data
+
+
+def _digits(contour: Contour) -> int:
+    """Decimal places that are a hundred millionth of a cell."""
+    steps = [1.0] if contour.frame is None else np.linalg.norm(contour.frame, axis=0)
+    return 8 + max(0, math.ceil(-math.log10(min(steps))))
+
+
+def _bytes(data: Any) -> bytes:
+    return data.encode() if isinstance(data, str) else bytes(data)
+
+
+def _repacked(data: bytes) -> bytes:
+    """An archive without the time at which it was made, and with numbers of objects that are always the same."""
+    out = io.BytesIO()
+    with zipfile.ZipFile(io.BytesIO(data)) as given, zipfile.ZipFile(out, "w", zipfile.ZIP_DEFLATED) as made:
+        for name in given.namelist():
+            parts = _UUID.split(given.read(name))
+            numbered = [part + b'"00000000-0000-4000-8000-%012x"' % i for i, part in enumerate(parts[:-1])]
+            text = b"".join([*numbered, parts[-1]])
+            info = zipfile.ZipInfo(name, _THE_DAY)
+            info.compress_type = zipfile.ZIP_DEFLATED
+            made.writestr(info, text)
+    return out.getvalue()
+
+
+def _mesh_ply(mesh: Tessellation, _: str, __: OutputOptions) -> bytes:
+    """Triangles in the plane; in space the sides of the tetrahedra, each once.
+
+    A side has the level of the finer of the two tetrahedra that share it.
+    """
+    points, cells = in_space(mesh)
+    levels = mesh.levels
+    if cells.shape[1] == 4:
+        sides = np.concatenate([cells[:, [1, 2, 3]], cells[:, [0, 3, 2]], cells[:, [0, 1, 3]], cells[:, [0, 2, 1]]])
+        finest = np.argsort(-np.tile(levels, 4), kind="stable")
+        first = np.unique(np.sort(sides[finest], axis=1), axis=0, return_index=True)[1]
+        kept = np.sort(finest[first])
+        cells, levels = sides[kept], np.tile(levels, 4)[kept]
+    return _binary_ply(points, cells, {ABOVE: mesh.above}, {LEVEL: levels})
+
+
+def _tin_ply(placed: PlacedTin, _: str, __: OutputOptions) -> bytes:
+    return _binary_ply(placed.vertices, placed.triangles, {}, {})
+
+
+def _binary_ply(
+    points: NDArray[np.float64], triangles: NDArray[np.int64], at_points: dict[str, NDArray[Any]],
+    of_faces: dict[str, NDArray[Any]],
+) -> bytes:
+    """Binary PLY in double precision, with values of a byte at points and of faces."""
+    vertex = np.empty(len(points), [("at", "<f8", 3), *((name, "u1") for name in at_points)])
+    face = np.empty(len(triangles), [("count", "u1"), ("of", "<i4", 3), *((name, "u1") for name in of_faces)])
+    vertex["at"], face["count"], face["of"] = points, 3, triangles
+    for array, values in ((vertex, at_points), (face, of_faces)):
+        for name, some in values.items():
+            array[name] = some
+    head = [
+        "ply", "format binary_little_endian 1.0", f"element vertex {len(points)}", "property double x",
+        "property double y", "property double z", *(f"property uchar {name}" for name in at_points),
+        f"element face {len(face)}", "property list uchar int vertex_indices",
+        *(f"property uchar {name}" for name in of_faces), "end_header\n",
+    ]
+    return "\n".join(head).encode() + vertex.tobytes() + face.tobytes()
+
+
+_PLY = ".ply"
+
+
+def _one(suffix: str, cost: Cost, single: bool = True, sampled: bool = False) -> Output:
+    return Output("contour", (suffix,), suffix[1:].upper(), _single, (3,), single=single, sampled=sampled, extra="mesh",
+                  libraries=("trimesh",), cost={3: cost})
+
+
+def _many(suffix: str, cost: Cost, *libraries: str, sampled: bool = True) -> Output:
+    return Output("contour", (suffix,), suffix[1:].upper(), _groups, (3,), (3,), "a named object each",
+                  sampled=sampled, extra="mesh", libraries=(*libraries, "trimesh"), cost={3: cost})
+
+
+OUTPUTS = (
+    _one(_PLY, Cost(70, 52)),
+    _one(".stl", Cost(120, 280)),
+    _one(".off", Cost(170, 220), single=False, sampled=True),
+    _many(".obj", Cost(140, 200), sampled=False),
+    _many(".glb", Cost(90, 90)),
+    _many(".3mf", Cost(600, 900), "networkx", "lxml"),
+    Output("mesh", (_PLY,), "PLY", _mesh_ply, (2, 3), cost={2: Cost(80, 80), 3: Cost(80, 700)}),
+    Output("tin", (_PLY,), "PLY", _tin_ply, sampled=False),
+)

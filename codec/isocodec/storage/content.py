@@ -1,0 +1,165 @@
+"""The bytes of paths, URLs and file objects, within limits; or a file here with these bytes, while it is needed."""
+
+from __future__ import annotations
+
+import os
+import re
+import tempfile
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, BinaryIO, TypeAlias
+from urllib.parse import urlsplit
+
+from ..errors import InputError, IsoError, LimitError, OptionError, plain
+from ..extras import optional
+from ..limits import FIELD_SAMPLES, Limits
+
+Readable: TypeAlias = bytes | bytearray | memoryview | str | os.PathLike[str] | BinaryIO
+"""An ``.iso`` file: its bytes, or where they are."""
+SuffixOf = Callable[[str, bytes], str | None]
+"""The suffix of a format, by the name of a file (or nothing) and its first `HEAD` bytes."""
+HEAD = 512
+_URL = re.compile(r"[A-Za-z][A-Za-z0-9+.-]+(://|::)")
+_PIECE = 1 << 20
+_SAMPLE = 16
+"""Bytes of a file for each sample that may be read of it, at most."""
+
+
+def is_url(thing: object) -> bool:
+    """Whether a text names something elsewhere: ``https://..``, ``s3://..``, ``zip::..``."""
+    return isinstance(thing, str) and _URL.match(thing) is not None
+
+
+def is_file(thing: object) -> bool:
+    """Whether this is an open file, or something like it."""
+    return callable(getattr(thing, "read", None))
+
+
+@contextmanager
+def opened(url: str) -> Iterator[Any]:
+    """Open what a URL names for reading.
+
+    Raises
+    ------
+    OSError, InputError, MissingExtraError
+    """
+    fsspec = optional("fsspec", extra="remote", purpose=f"reading {plain(url.partition(':')[0])}: URLs")
+    try:
+        with fsspec.open(url, "rb") as file:
+            yield file
+    except ImportError as exc:
+        raise InputError(f"cannot be opened ({exc})", code="url", remedy="install what it names") from exc
+    except ValueError as exc:
+        if isinstance(exc, IsoError):
+            raise
+        raise InputError(f"cannot be opened ({plain(str(exc))})", code="url") from exc
+
+
+def content(data: Readable, limits: Limits | None = None, signature: bytes = b"") -> bytes:
+    """The bytes of a file; what is not a path, a URL or a file object stays as it is.
+
+    Parameters
+    ----------
+    data : bytes, path, URL or file object
+    limits : Limits, optional
+        ``limits.bytes`` bounds the size.
+    signature : bytes, optional
+        What the file has to begin with; of any other, which may never end, only as many bytes are read.
+
+    Raises
+    ------
+    OSError
+        If it cannot be opened.
+    OptionError
+        If a file object was opened as text.
+    LimitError
+        If there are more bytes than the limits allow.
+    """
+    most = (limits or Limits()).bytes
+    if isinstance(data, str) and is_url(data):
+        with opened(data) as file:
+            return _read(file, most, signature)
+    if isinstance(data, str | os.PathLike):
+        with Path(data).open("rb") as file:
+            return _read(file, most, signature)
+    return _read(data, most, signature) if is_file(data) else data  # type: ignore[return-value]
+
+
+def _read(file: Any, most: int, signature: bytes) -> bytes:
+    first = _first(file, len(signature))
+    if first != signature:
+        return first
+    pieces, left = [first], most - len(first)
+    while piece := file.read(_PIECE):
+        pieces.append(_binary(piece))
+        left -= len(piece)
+        if left < 0:
+            raise LimitError(f"more than {most:,} bytes", code="limit-bytes", clause="11.2")
+    return b"".join(pieces)
+
+
+@contextmanager
+def local(thing: Any, suffix_of: SuffixOf, samples: int | None = None) -> Iterator[Path]:
+    """A file with the bytes of a URL or of an open file, its suffix that of its format, for as long as it is needed.
+
+    Parameters
+    ----------
+    thing : str or file object
+    suffix_of : callable
+        Finds the suffix.
+    samples : int, optional
+        How many may be read; the file may have 16 bytes for each.
+
+    Raises
+    ------
+    OSError
+    InputError
+        If ``suffix_of`` finds none.
+    LimitError
+        If there are too many bytes.
+    """
+    if is_url(thing):
+        with opened(thing) as file, _copied(file, urlsplit(thing).path, suffix_of, samples) as path:
+            yield path
+        return
+    named = getattr(thing, "name", None)
+    with _copied(thing, named if isinstance(named, str) else "", suffix_of, samples) as path:
+        yield path
+
+
+@contextmanager
+def _copied(file: Any, name: str, suffix_of: SuffixOf, samples: int | None) -> Iterator[Path]:
+    with tempfile.TemporaryDirectory(prefix="isocodec-") as folder:
+        first = _first(file, HEAD)
+        suffix = suffix_of(name, first)
+        if suffix is None:
+            raise InputError(
+                "neither a name nor the first bytes tell which format this has", code="suffix",
+                remedy="name it: kind='.tif' (--kind .tif)",
+            )
+        path = Path(folder) / f"input{suffix}"
+        left = _SAMPLE * (FIELD_SAMPLES if samples is None else samples) + (1 << 26) - len(first)
+        with path.open("wb") as copy:
+            copy.write(first)
+            while len(first) == HEAD and (piece := file.read(_PIECE)):
+                left -= len(piece)
+                if left < 0:
+                    raise LimitError("has more bytes than the samples that may be read take", code="limit-samples",
+                                     remedy="raise the limit with samples= (--limit-samples)")
+                copy.write(piece)
+        yield path
+
+
+def _first(file: Any, count: int) -> bytes:
+    """The first bytes: a pipe may hand them out in pieces."""
+    out = b""
+    while len(out) < count and (piece := file.read(count - len(out))):
+        out += bytes(_binary(piece))
+    return out
+
+
+def _binary(piece: Any) -> bytes:
+    if isinstance(piece, str):
+        raise OptionError("the file was opened as text", code="data", remedy="open it in binary mode: open(name, 'rb')")
+    return piece

@@ -1,0 +1,472 @@
+"""Encoders of fields on grids: samples in, bytes out as layers get done (spec clauses 3.5.7, 5.11, 8.1)."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from isospec.container import ChunkType, Profile
+
+from ..errors import FormatError, InputError, OptionError
+from ..field.placement import Placement, closed
+from ..field.samples import Samples, check_field, mask_field
+from ..format.chunks import (
+    LayerRecord,
+    Promises,
+    write_chunk,
+    write_further,
+    write_index,
+    write_promises,
+)
+from ..format.frames import write_frame, write_interval
+from ..format.header import Header
+from ..format.kinds import LayerKind
+from ..format.program import Layer, Progress, write_program
+from ..grid.lattice.tables import cube_exponent
+from ..grid.layers.plan import Entry
+from ..grid.layers.writer import LayerWriter, encoded_mask, field_tube
+from ..grid.passes.runner import Tube
+from ..grid.tube.holes import Holes
+from ..search import strategy
+from ..search.ground_truth import truth_of
+from ..search.promise import Promise
+from ..search.reduced import LINEAR_POINTS
+from ..search.steps import stepwise
+from ..search.tolerance import NO_OFFSETS, grid_offsets, radices
+from .container import ContainerEncoder, beginning
+from .options import DEFAULT_TOLERANCE, SEARCHED, Options
+from .placing import check_axes, coordinates_payload
+from .plan_file import check_plan
+from .plan_meshes import with_meshes
+from .series import Lean, Series
+
+Report = Callable[[int, int], object]
+"""Is called with the layers done and their total; before, while a mesh is searched for, with the curves tried and 0."""
+
+FINE_SHARE = 0.25
+"""Under the criterion distortion crossings are told within this share of its distance, or more finely."""
+LEVELS_WORTH = 0.95
+"""A frame begins at the leaves of the one before if that takes less than this share of what levels would take."""
+INDEX_SHARE = 100
+"""A level index is written if it takes at most this fraction of the data."""
+
+
+@dataclass(frozen=True)
+class GridFile:
+    """What all frames of a file on a grid have in common.
+
+    Attributes
+    ----------
+    options : Options
+    series : Series
+    header : Header
+    metadata : mapping of str to str
+    periodic : tuple of int
+        Periodic axes; the plane of samples that closes them is part of the fields.
+    gone : (s0, .., sn-1) bool, or None
+        Which samples are missing.
+    holes : Holes or None
+        The same as decoders know it.
+    mask, coordinates : bytes
+        Payloads of their chunks, empty without.
+    geometry : sequence of lists of entries, or None
+        Layers behind the full grid, for each isovalue, whatever the options are.
+    report : callable or None
+    """
+
+    options: Options
+    series: Series
+    header: Header
+    metadata: Mapping[str, str]
+    periodic: tuple[int, ...]
+    gone: NDArray[np.bool_] | None
+    holes: Holes | None
+    mask: bytes
+    coordinates: bytes
+    geometry: Sequence[list[Entry]] | None = None
+    report: Report | None = None
+
+    @property
+    def full_level(self) -> int:
+        """Level of the full grid."""
+        return len(self.header.shape) * cube_exponent(self.header.shape)
+
+    def beginning(self) -> Iterator[bytes]:
+        """The header, and chunks about the whole file."""
+        yield from beginning(self.header, self.metadata)
+        if self.coordinates:
+            yield write_chunk(ChunkType.COORDINATES, self.coordinates, ancillary=True)
+        if self.holes:
+            yield write_chunk(ChunkType.MASK, self.mask)
+        if self.series.interval is not None:
+            yield write_chunk(ChunkType.FRAME, write_interval(self.series.interval))
+
+
+def grid_file(
+    fields: Sequence[Samples], series: Series, options: Options, placement: Placement | None = None,
+    geometry: Sequence[list[Entry]] | None = None, report: Report | None = None,
+) -> GridFile:
+    """Check the options of a file on a grid against its first frame, and code what is about all frames.
+
+    Parameters
+    ----------
+    fields : sequence of Samples
+        The first frame at each isovalue, periodic axes closed.
+    series : Series
+    options : Options
+    placement : Placement, optional
+    geometry, report
+        As of `GridFile`.
+
+    Raises
+    ------
+    InputError, OptionError
+    """
+    first = fields[0]
+    shape, gone = first.signs.shape, first.gone
+    periodic = () if placement is None else placement.periodic
+    if periodic and options.chooses_mesh:
+        raise OptionError(
+            f"periodic axes and {options.chooses_mesh} cannot be combined: the mesh must be the same at both ends of "
+            "the axis", code="periodic", remedy=f"use exact, step=.., signs or a distance below {SEARCHED:g}",
+        )
+    options.check_data(first.integer)
+    radices(options.precision.tolerance)
+    options.check_placement_note(len(shape))
+    if options.layers.written:
+        plans = options.layers.plans or options.layers.plan
+        assert plans is not None
+        level = len(shape) * cube_exponent(shape)
+        check_plan(plans, series.isovalues, level, not options.independent)
+    notes = dict(options.metadata)
+    if placement is not None:
+        notes = {**notes, **{key: text for key, text in placement.notes().items() if key not in notes}}
+    coordinates = coordinates_payload(placement, shape, gone)
+    header = Header(shape, first.isovalue, options.precision.step, options.entropy)
+    run, holes = b"", None
+    if gone is not None:
+        missing = mask_field(gone)
+        run, holes = encoded_mask(header, missing, truth_of(missing))
+    return GridFile(
+        options, series, header, notes, periodic, gone, holes, run, coordinates, geometry, report
+    )
+
+
+def sampled(
+    values: NDArray[Any], gone: NDArray[np.bool_] | None, isovalues: Sequence[float], step: float | None,
+    periodic: Sequence[int] = (),
+) -> list[Samples]:
+    """Samples, with something in place of missing ones, as a field at each isovalue; periodic axes get closed.
+
+    Raises
+    ------
+    InputError, OptionError
+        As `check_field`.
+    """
+    check_axes(periodic, values.shape)
+    values = closed(values, periodic)
+    gone = None if gone is None else closed(gone, periodic)
+    return [check_field(values, value, step, gone) for value in isovalues]
+
+
+class GridFrame:
+    """Encodes the isovalues of a frame one after the other; `chunks`, once, yields their bytes.
+
+    Parameters
+    ----------
+    file : GridFile
+        The frame is the present one of its series.
+    fields : sequence of Samples
+        The frame at each isovalue.
+    before : sequence of LayerWriter
+        Isovalues of the frame before, empty if this one leans on none.
+
+    Attributes
+    ----------
+    strands : list of LayerWriter
+        Isovalues that have begun: at first the first one.
+    """
+
+    def __init__(self, file: GridFile, fields: Sequence[Samples], before: Sequence[LayerWriter] = ()) -> None:
+        self.file = file
+        self._fields = list(fields)
+        self._truths = [truth_of(one) for one in self._fields]
+        self._before = before
+        self._tried = 0
+        self.strands: list[LayerWriter] = []
+        self._lean = self._begin(Progress(file.full_level))
+
+    @property
+    def layers(self) -> list[Layer]:
+        """Layers known so far, of all isovalues."""
+        return [layer for strand in self.strands for layer in strand.layers]
+
+    @property
+    def records(self) -> list[LayerRecord]:
+        """What the layers that are done took."""
+        return [record for strand in self.strands for record in strand.records]
+
+    def chunks(self) -> Iterator[bytes]:
+        """Chunks of all isovalues. The last one of a file in one frame is marked as such."""
+        series = self.file.series
+        count, key = len(series.isovalues), series.is_key(series.frame)
+        for number, isovalue in enumerate(series.isovalues):
+            if number > 0:
+                self._lean = self._begin(self.strands[-1].progress)
+            lean = None if self._lean is None else self._lean.coded
+            if series.frame > 0:
+                payload = write_frame(lean, key)
+                alone = bool(self.strands[number].layers) and (number == 0 or bool(self.strands[number - 1].layers))
+                # layers that begin with a base begin the next isovalue by themselves
+                if payload or not alone:
+                    yield write_chunk(ChunkType.FRAME, payload)
+            elif number > 0:
+                yield write_chunk(ChunkType.ISOVALUE, write_further(isovalue, lean))
+            yield from self._layers(self.strands[number], series.interval is None and number == count - 1)
+
+    def part(self) -> list[LayerWriter]:
+        """Keep what the next frame leans on, once all chunks are there."""
+        for strand in self.strands:
+            strand.tube.part()
+        self._before = ()
+        self._fields.clear()
+        self._truths.clear()
+        return self.strands
+
+    def _begin(self, progress: Progress) -> Lean | None:
+        """Get the next isovalue ready to be encoded; what it leans on."""
+        series = self.file.series
+        number = len(self.strands)
+        lean = series.choose(number, self.file.options.independent)
+        strand, lean = self._strand(number, lean, progress)
+        series.add(lean)
+        self.strands.append(strand)
+        return lean
+
+    def _leant_on(self, lean: Lean) -> LayerWriter:
+        """The layers of an earlier isovalue."""
+        return (self._before if lean.before else self.strands)[lean.number]
+
+    def _strand(self, number: int, lean: Lean | None, progress: Progress) -> tuple[LayerWriter, Lean | None]:
+        """The layers of an isovalue, ready to be encoded when those before it are done; the one that it leans on."""
+        if lean is not None and self._leant_on(lean).tube.full and self._on_grid:
+            return self._smaller(number, lean, progress), lean
+        try:
+            plan = self._plan_of(number, lean)
+        except strategy.NotKeptError:
+            if lean is None:
+                raise
+            lean = None
+            plan = self._plan_of(number, None)
+        begun = progress.begin(None if lean is None else self._leant_on(lean).progress)
+        return LayerWriter(self._fields[number], self._fresh(number, lean), plan, begun), lean
+
+    def _fresh(self, number: int, lean: Lean | None) -> Tube:
+        """A tube of an isovalue before its first layer."""
+        field, truth, file = self._fields[number], self._truths[number], self.file
+        if lean is None:
+            return field_tube(file.header, field, truth, holes=file.holes)
+        tube, isovalue = self._leant_on(lean).tube, file.series.isovalues[lean.number]
+        return field_tube(file.header, field, truth, tube, isovalue, file.holes, lean.before)
+
+    def _plan_of(self, number: int, lean: Lean | None) -> Sequence[Entry]:
+        """What the options come to for one isovalue."""
+        file, o = self.file, self.file.options
+        precision, level = o.precision, o.layers.level
+        plan = o.layers.plan_for(file.series.isovalues[number])
+        if plan is not None:
+            return self._planned(plan, number, lean)
+        values: list[Entry] = [(LayerKind.VALUES, None)] if precision.exact or precision.step is not None else []
+        fine = None if values or precision.signs else precision.tolerance or DEFAULT_TOLERANCE
+        # crossings of the planes that close an axis have to be the same ones
+        free = o.entropy == Profile.MAIN and not file.periodic and self._slack_keeps_order(fine)
+        behind = [*values, *grid_offsets(fine, free)] if file.geometry is None else file.geometry[number]
+        searched = precision.searched if level is None else None
+        if searched is precision.steps is o.layers.criterion is None and not o.keep_topology:
+            return [*strategy.grid_plan(len(file.header.shape), file.full_level, level), *behind]
+        truth = self._truths[number]
+        promise = Promise(self._fields[number], lambda: self._fresh(number, lean), free, self._try, truth, file.holes)
+        if precision.steps is not None:
+            return stepwise(promise, precision.steps, o.keep_topology)
+        criterion, parameter = o.layers.criterion, o.layers.parameter
+        if criterion == "distortion" and parameter:
+            return self._within(promise, parameter, values, fine, free)
+        if criterion is not None:
+            mesh: strategy.Plan = strategy.reduced(promise, criterion, parameter, o.keep_topology)
+            return mesh + values + [(LayerKind.OFFSETS, radix, 0) for radix in radices(fine)]
+        if searched is not None:
+            return strategy.smallest(promise, searched, o.keep_topology)
+        return [*strategy.whole_mesh(promise, True, level), *behind]
+
+    def _planned(self, plan: Sequence[Entry], number: int, lean: Lean | None) -> Sequence[Entry]:
+        """A plan that was given, with meshes in place of criteria."""
+        file = self.file
+        if not len(plan) and number == len(file.series.isovalues) - 1:
+            raise OptionError("the plan has no layers", code="plan", remedy='begin it with ("base", level)')
+        field, truth = self._fields[number], self._truths[number]
+        level = -1 if lean is None else self._leant_on(lean).progress.level
+        return with_meshes(plan, file.full_level, level, lambda: Promise(field, truth=truth, holes=file.holes))
+
+    def _within(
+        self, promise: Promise, distance: float, values: list[Entry], fine: float | None, free: bool
+    ) -> Sequence[Entry]:
+        """Layers under the criterion distortion, with crossings fine enough for it unless the precision is given."""
+        o = self.file.options
+        told = NO_OFFSETS if fine is None else (0, 0)
+        if values:
+            told = LINEAR_POINTS, 0
+        elif fine is not None:
+            fine = fine if o.precision.tolerance else min(fine, FINE_SHARE * distance)
+            told = math.prod(radices(fine)), 0
+        geometry = values + [(LayerKind.OFFSETS, radix, 0) for radix in radices(fine)]
+        grid = [*strategy.whole_mesh(promise, o.keep_topology), *values, *grid_offsets(fine, free)]
+        return strategy.within(promise, distance, o.keep_topology, geometry, told, grid)
+
+    @property
+    def _on_grid(self) -> bool:
+        """Whether the options lead to the full grid, and leave open on which way."""
+        o = self.file.options
+        return o.layers.default and o.precision.steps is o.precision.searched is None and not o.keep_topology
+
+    def _smaller(self, number: int, lean: Lean, progress: Progress) -> LayerWriter:
+        """The layers of an isovalue that leans on one with the full grid: on its leaves, or level by level.
+
+        Both are tried as far as all signs; the smaller one goes on from there.
+        """
+        file, leant_on = self.file, self._leant_on(lean)
+        grid = strategy.grid_plan(len(file.header.shape), file.full_level, None)
+        leaf: list[Entry] = [(LayerKind.LEAF_BASE,)]
+        counters = leant_on.tube.state.counters
+        # what inference takes of the limit of steps is not part of the file
+        steps = counters.work
+        trials = []
+        for plan in (leaf, grid):
+            counters.work = steps
+            begun = progress.begin(leant_on.progress)
+            writer = LayerWriter(self._fields[number], self._fresh(number, lean), plan, begun)
+            trials.append((writer, writer.trial(), counters.work))
+        # of a series, levels are worth a little: their networks keep learning; geometry likes leaves in order
+        least = LEVELS_WORTH if lean.before and file.options.precision.signs else 1.0
+        chosen, _, counters.work = trials[0] if trials[0][1] < least * trials[1][1] else trials[1]
+        chosen.go_on(self._plan_of(number, lean)[len(grid) :])
+        return chosen
+
+    def _slack_keeps_order(self, tolerance: float | None) -> bool:
+        """Whether crossings of several isovalues stay in order if they are coded with slack (spec annex G.3).
+
+        First digits do not get past those of the isovalue leaned on. So each isovalue has to lie beyond all before it.
+        """
+        isovalues = self.file.series.isovalues
+        before = [isovalues[:i] for i in range(1, len(isovalues))]
+        outward = all(not min(b) < v < max(b) for b, v in zip(before, isovalues[1:], strict=True))
+        return len(isovalues) == 1 or (
+            not self.file.options.independent and outward and len(radices(tolerance)) <= 1
+        )
+
+    def _layers(self, strand: LayerWriter, last: bool) -> Iterator[bytes]:
+        """Chunks of layers of one isovalue; behind the last one the level index."""
+        if strand.within:
+            promises = write_promises(Promises(strand.within, self.file.options.keep_topology))
+            yield write_chunk(ChunkType.PROMISES, promises, ancillary=True)
+        program = replace(strand.progress.begin(None), lean_level=strand.progress.lean_level)
+        done = 0
+        while done < len(strand.layers):
+            try:
+                end, run = strand.encode_run(done, self._done)
+            except FormatError as error:
+                if all(layer.births for layer in self.layers if layer.kind == LayerKind.ADAPT):
+                    raise
+                raise OptionError(
+                    "an adaptive layer of the plan leaves out new components that there are", code="plan",
+                    remedy='("adapt", 1, mesh)',
+                ) from error
+            payload = write_program(strand.layers[done:end], program, strand.bits) + run
+            done = end
+            ends = last and done == len(strand.layers)
+            index = write_index(self.layers, self.records) if ends else b""
+            if len(index) * INDEX_SHARE > sum(s.run_bytes for s in self.strands):
+                index = b""
+            yield write_chunk(ChunkType.LAYERS, payload, last=ends and not index)
+            if index:
+                yield write_chunk(ChunkType.INDEX, index, ancillary=True, last=True)
+
+    def _try(self) -> None:
+        self._tried += 1
+        if self.file.report:
+            self.file.report(self._tried, 0)
+
+    def _done(self) -> None:
+        if self.file.report:
+            waiting = len(self.file.series.isovalues) - len(self.strands)
+            self.file.report(len(self.records), len(self.layers) + waiting * len(self.strands[0].layers))
+
+
+class GridEncoder(ContainerEncoder):
+    """Encodes isocontours of a field; iterating, once, yields the bytes of the file, chunk by chunk.
+
+    Parameters
+    ----------
+    file : GridFile
+    fields : sequence of Samples
+        The field at each isovalue, periodic axes closed.
+    """
+
+    def __init__(self, file: GridFile, fields: Sequence[Samples]) -> None:
+        self.header = file.header
+        self.isovalues = file.series.isovalues
+        self.frame = GridFrame(file, fields)
+
+    def _pieces(self) -> Iterator[bytes]:
+        """The file but for its checksum."""
+        yield from self.frame.file.beginning()
+        yield from self.frame.chunks()
+
+
+class GridFrames:
+    """Encodes the frames of a series as they come. No more than two of them are in memory.
+
+    Parameters
+    ----------
+    file : GridFile
+    """
+
+    def __init__(self, file: GridFile) -> None:
+        self.file = file
+        self._before: list[LayerWriter] = []
+
+    def chunks(self, fields: Sequence[Samples]) -> list[bytes]:
+        """The chunks of a frame, the first one with the header before it. If it fails, the frames before stay.
+
+        Raises
+        ------
+        InputError
+            If other samples are missing than in the first frame.
+        """
+        file, series = self.file, self.file.series
+        if not _same(fields[0].gone, file.gone):
+            raise InputError(
+                "other samples are missing than in the first frame", code="frames",
+                remedy="fill them, or give one mask for all frames",
+            )
+        if series.number >= 0:
+            series.next_frame()
+        try:
+            frame = GridFrame(file, fields, [] if series.is_key(series.frame) else self._before)
+            out = [*(file.beginning() if series.frame == 0 else ()), *frame.chunks()]
+        except BaseException:
+            series.forget_frame()
+            raise
+        self._before = frame.part()
+        return out
+
+
+def _same(a: NDArray[np.bool_] | None, b: NDArray[np.bool_] | None) -> bool:
+    """Whether the same samples are missing."""
+    if a is None or b is None:
+        return a is b
+    return bool((a == b).all())

@@ -1,0 +1,108 @@
+"""Isovalues from what a user gives: numbers, or even steps over the range of the data."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Callable, Sequence
+from decimal import Decimal
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from isospec.container import MAX_ISOVALUES
+
+from ..errors import InputError, OptionError
+from ..field.samples import isovalue_of
+
+Range = Callable[[], tuple[float, float]]
+"""Finds the least and the largest sample, of all frames."""
+_NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
+_EVERY = re.compile(rf"every\s+({_NUMBER})(?:\s+from\s+({_NUMBER}))?")
+
+
+def isovalues_of(given: object, ends: Range | None = None) -> list[float]:
+    """The isovalues of a file.
+
+    Parameters
+    ----------
+    given : number, sequence of numbers, or str
+        As text "every 20", or "every 20 from 5": all multiples, or so much more than them, within the data.
+    ends : callable, optional
+        Finds the range of the data; called for texts only.
+
+    Raises
+    ------
+    InputError
+        If one is not a number that a file can hold, or no multiple lies within the data.
+    OptionError
+        If there are none, two that are equal, or too many; or if a text is not understood, or there is no range yet.
+    """
+    if isinstance(given, str):
+        return list(_every(given, ends))
+    if isinstance(given, bytes) or not isinstance(given, Sequence | np.ndarray) or np.shape(given) == ():
+        return [isovalue_of(given)]
+    values = [isovalue_of(value) for value in given]
+    if not values:
+        raise OptionError("no isovalue", code="isovalue", remedy="give one")
+    if len(set(values)) < len(values):
+        raise OptionError("an isovalue is given twice", code="isovalue", remedy="give each once")
+    if len(values) > MAX_ISOVALUES:
+        raise OptionError(f"{len(values)} isovalues; a file holds at most {MAX_ISOVALUES}", code="isovalue")
+    return values
+
+
+def _every(text: str, ends: Range | None) -> tuple[float, ...]:
+    found = _EVERY.fullmatch(text.strip())
+    interval = float(found[1]) if found else 0.0
+    if found is None or not 0 < interval < math.inf:
+        raise OptionError(f"the isovalue {text!r} is not understood", code="isovalue",
+                          remedy='give a number, or "every 20 from 5"')
+    if ends is None:
+        raise OptionError(f"{text!r} needs the range of all frames before the first one is encoded", code="isovalue",
+                          remedy="give the isovalues as numbers")
+    return multiples(interval, *ends(), float(found[2] or 0))
+
+
+def multiples(interval: float, low: float, high: float, offset: float | None = None) -> tuple[float, ...]:
+    """Multiples of an interval with samples above and not above them, rising; of 0.1 they are 0.1, 0.2, 0.3 .. .
+
+    ``low`` and ``high`` are the least and the largest sample. With an offset, so much more than multiples.
+
+    Raises
+    ------
+    InputError
+        If there are none, or more than a file holds.
+    """
+    if not (math.isfinite(low) and math.isfinite(high)):
+        raise InputError("the data hold infinite values", code="interval", remedy="give the isovalues as numbers")
+    offset = offset or 0
+    first, end = math.floor((low - offset) / interval), math.ceil((high - offset) / interval) + 1
+    step, start = Decimal(repr(interval)), Decimal(repr(offset))
+    near = (float(k * step + start) for k in range(first, min(end, first + MAX_ISOVALUES + 3)))
+    out = tuple(value for value in near if low <= value < high)
+    if len(out) > MAX_ISOVALUES:
+        raise InputError(
+            f"about {end - first - 1:,} multiples of {interval:g} lie within the data ({low:g} to {high:g}); a file "
+            f"holds at most {MAX_ISOVALUES}", code="interval", remedy="choose a larger interval",
+        )
+    if not out:
+        raise InputError(
+            f"no multiple of {interval:g} lies within the data ({low:g} to {high:g})", code="interval",
+            remedy="choose a smaller interval",
+        )
+    return out
+
+
+def range_of(samples: NDArray[Any]) -> tuple[float, float]:
+    """The least and the largest of some samples.
+
+    Raises
+    ------
+    InputError
+        If there are none.
+    """
+    if not samples.size:
+        raise InputError("all samples are missing", code="missing")
+    return float(samples.min()), float(samples.max())

@@ -1,0 +1,366 @@
+"""What the chunks of a file of values on a mesh mean: its domain and layers, and their drawings (spec clause 10)."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from isospec.container import LAYER_LIMIT, ChunkType, DomainKind, MeshLayer
+
+from ..drawing.contour import Contour
+from ..drawing.explicit import crossed_edges, draw_cells
+from ..drawing.tessellation import Tessellation
+from ..errors import FormatError, InputError, LimitError, OptionError, TruncatedError
+from ..field.samples import interval_value
+from ..format.chunks import Envelope
+from ..format.domain import DomainHead, MeshLayerHead, read_mesh_layer
+from ..format.events import ChunkSkipped, DomainRead, Event, FrameRead, IsovalueRead, MeshLayerComplete
+from ..format.frames import key_of
+from ..format.header import Header
+from ..mesh.before import spread_signs
+from ..mesh.coded_points import BYTES_PER_POINT, decoded_points
+from ..mesh.complex import Complex, complex_of
+from ..mesh.history import History, history_of
+from ..mesh.isovalue import MeshIsovalue
+from ..mesh.mesh_run import decoded_mesh
+from .outline import check_explicit
+from .session import Session
+
+HISTORY_PER_CELL = 300
+"""Bytes that the history of a mesh takes for a cell, about."""
+ELEMENTS = 64
+"""Vertices and cells of the mesh that count as a unit of work when an isovalue begins or a round has been."""
+PER_CELL = 200
+"""Bytes that checking a known mesh and drawing it take for a cell, about."""
+
+
+def coordinates_of(domain: Complex, head: DomainHead) -> NDArray[np.float64]:
+    """Coordinates of the vertices of a coded mesh, (V, d) float64."""
+    places = (domain.mesh.position + np.array(head.origin, np.int64)).astype(np.float64)
+    return np.asarray(np.ldexp(places * head.multiple, head.exponent))
+
+
+class MeshContents:
+    """Decodes the chunks of a file of values on a mesh; draws isovalues, by number, as of the events taken so far.
+
+    Parameters
+    ----------
+    session : Session
+    header : Header
+    mesh : (points, cells), optional
+        The mesh that the file was made on, if the file does not hold it: (V, d) coordinates and (T, n + 1) vertices.
+    only : collection of int, optional
+        Numbers of the isovalues to decode.
+    frame : int, optional
+        Of a series, the frame to decode; all, one after the other, if None.
+
+    Attributes
+    ----------
+    outline : Outline
+    """
+
+    kind = "mesh"
+
+    def __init__(
+        self,
+        session: Session,
+        header: Header,
+        mesh: tuple[ArrayLike, ArrayLike] | None = None,
+        only: Collection[int] | None = None,
+        frame: int | None = None,
+    ) -> None:
+        self.outline = session.outline
+        self._session, self._header, self._budget, self._account = session, header, session.budget, session.account
+        self.limits = session.limits
+        self._mesh = mesh
+        self._only = only
+        self._wanted = frame
+        self._domain: Complex | None = None
+        self._points: NDArray[np.float64] | None = None
+        self._strands: list[MeshIsovalue | None] = []
+        self._leans: list[int | None] = []
+        self._before: list[MeshIsovalue | None] = []
+        self._layers = 0
+
+    @property
+    def head(self) -> DomainHead | None:
+        """What the file says of its domain, once that has come."""
+        return self.outline.domain
+
+    def strand(self, number: int = 0, *, before: bool = False) -> MeshIsovalue | None:
+        """What is known of an isovalue, by number; None before it has come, or if it is skipped.
+
+        ``before``: that of the frame before, while the next one begins.
+        """
+        if number < 0:
+            raise OptionError(f"isovalue number {number}; they are counted from 0", code="isovalue")
+        strands = self._before if before else self._strands
+        return strands[number] if number < len(strands) else None
+
+    @property
+    def domain(self) -> Complex | None:
+        """The complex, once it has come."""
+        return self._domain
+
+    def contour(
+        self, number: int = 0, *, smooth: bool = False, through_holes: bool = False, before: bool = False
+    ) -> Contour:
+        """The curve or surface of an isovalue, by number, as of the events taken so far.
+
+        ``before``: that of the frame before, while the next one begins.
+        """
+        if smooth:
+            raise OptionError("smooth applies to grids only", code="smooth", remedy="leave it out")
+        n = self._header.n
+        found = self.strand(number, before=before)
+        notes = dict(self.outline.metadata)
+        if found is not None and found.edges is None and found.rounds is not None:
+            return self._coarse(found, notes)
+        if found is None or found.edges is None or self._domain is None or self._points is None:
+            d = n if self.head is None else self.head.d
+            return Contour(np.zeros((0, d)), np.zeros((0, n), np.int64), float("nan"), (), False, metadata=notes)
+        leaves = found.leaves
+        points, cells = draw_cells(
+            self._points, self._domain.mesh.cell[leaves], self._domain.mirrored[leaves], found.strand.sign == 1,
+            found.edges[:, :2], self._ratio(found),
+        )
+        return Contour(points, cells, found.value, (), self._session.complete, metadata=notes)
+
+    def _coarse(self, found: MeshIsovalue, notes: dict[str, str]) -> Contour:
+        """The curve on what is left of the mesh after some rounds."""
+        assert self._points is not None and found.rounds is not None
+        cells, above = self._history.cells[found.rounds], found.strand.sign == 1
+        cells = cells[above[cells].any(axis=1) & ~above[cells].all(axis=1)]
+        edges = crossed_edges(cells, above)
+        points, pieces = draw_cells(
+            self._points, cells, np.zeros(len(cells), np.bool_), above, edges, np.full(len(edges), 0.5)
+        )
+        return Contour(points, pieces, found.value, (), False, metadata=notes)
+
+    def above(self, number: int = 0, *, before: bool = False) -> NDArray[np.bool_]:
+        """Which vertices lie above an isovalue, by number, (V,).
+
+        Raises
+        ------
+        TruncatedError
+            If its signs are not complete.
+        """
+        found = self.strand(number, before=before)
+        if found is None or found.edges is None or self._domain is None:
+            raise TruncatedError("the file ends before its signs are complete", code="truncated")
+        sign = found.strand.sign.copy()
+        spread_signs(self._domain.mesh, sign, np.zeros(len(sign), np.int64))
+        # without any curve all vertices lie on the side of the first
+        return np.asarray(sign == 1)
+
+    def mesh(self, number: int = 0, whole: bool = True) -> Tessellation:
+        """The mesh, with signs of its vertices at an isovalue, by number: all of it, or the crossed cells alone.
+
+        Raises
+        ------
+        TruncatedError
+            If that has not been received yet.
+        """
+        found = self.strand(number)
+        if found is None or found.edges is None or self._domain is None or self._points is None:
+            raise TruncatedError("the file ends before its mesh and signs are complete", code="truncated")
+        cells = self._domain.mesh.cell if whole else self._domain.mesh.cell[found.leaves]
+        return Tessellation(
+            self._points, cells.astype(np.int64), np.zeros(len(cells), np.int64), self.above(number), found.value,
+            (), self._session.complete, metadata=dict(self.outline.metadata),
+        )
+
+    def _ratio(self, found: MeshIsovalue) -> NDArray[np.float64]:
+        """Where edges are crossed, from their lower vertices."""
+        assert found.edges is not None
+        if found.active is not None and found.steps is not None:
+            value = np.zeros(len(found.strand.sign))
+            above = found.strand.sign[found.active[:, 0]] == 1
+            value[found.active[:, 0]] = interval_value(found.value, found.scale, found.steps, above) - found.value
+            low, high = value[found.edges[:, 0]], value[found.edges[:, 1]]
+            with np.errstate(all="ignore"):
+                ratio = low / (low - high)
+            return np.where(np.isfinite(ratio), np.clip(ratio, 0, 1), 0.5)
+        if found.parts is not None and found.number is not None:
+            return np.asarray((2 * found.number + 1) / (2 * found.parts))
+        return np.full(len(found.edges), 0.5)
+
+    # -- chunks ---------------------------------------------------------------------------------------------------
+
+    def expect(self, chunk: Envelope, at: int) -> None:
+        """See `Contents.expect`."""
+        check_explicit(chunk, at, self.head is not None)
+
+    def arrive(self, chunk: Envelope, at: int) -> tuple[Event | None, bool]:
+        """See `Contents.arrive`: a layer is decoded once it is whole."""
+        return None, True
+
+    def take(self, chunk: Envelope, at: int, behind: int) -> Event:
+        """See `Contents.take`."""
+        payload = bytes(self._session.data[chunk.start : chunk.end])
+        if chunk.type == ChunkType.LAYERS:
+            return self._read_layer(payload, chunk.start, behind)
+        if chunk.type == ChunkType.INDEX:
+            return ChunkSkipped(behind, chunk.type, len(payload))
+        event = self.outline.read(chunk, payload, behind)
+        if isinstance(event, IsovalueRead):
+            self._begin(event.number, event.lean)
+        if isinstance(event, FrameRead):
+            self._begin_in_frame(event)
+        if isinstance(event, DomainRead):
+            self._begin_domain(payload, chunk.start)
+        return event
+
+    def drop(self) -> None:
+        """See `Contents.drop`."""
+        self._strands, self._before, self._domain, self._points = [], [], None, None
+        self.__dict__.pop("_history", None)
+        self._budget.release(self)
+
+    def _begin_domain(self, payload: bytes, start: int) -> None:
+        """The domain's chunk has been read."""
+        assert self.head is not None
+        n, head = self._header.n, self.head
+        if head.vertices > self.limits.vertices or head.cells > self.limits.simplices:
+            raise LimitError("more vertices or cells than the limits allow", code="limit-vertices", clause="11.2")
+        self._budget.check(PER_CELL * (head.vertices + head.cells))
+        if head.kind == DomainKind.KNOWN:
+            self._domain, self._points = self._known_mesh(head, n)
+        else:
+            run, unit = self.outline.run_of_domain, math.ldexp(head.multiple, head.exponent)
+            size, data = (head.vertices, head.cells), payload[run:]
+            if head.kind == DomainKind.DELAUNAY:
+                self._budget.check(BYTES_PER_POINT * head.vertices)
+                self._domain = decoded_points(data, start + run, size, head.extent, unit, self._account)
+            else:
+                self._domain = decoded_mesh(data, start + run, size, n + 1, head.extent, unit, self._account)
+            self._points = coordinates_of(self._domain, head)
+        self._begin(0, None)
+
+    def _known_mesh(self, head: DomainHead, n: int) -> tuple[Complex, NDArray[np.float64]]:
+        """The mesh that was given, if it is the file's."""
+        if self._mesh is None:
+            raise InputError(
+                f"the file was made on a mesh of {head.vertices} points and {head.cells} cells that it does not hold",
+                code="mesh", remedy="give that mesh (mesh=, --domain)",
+            )
+        points, cells = np.asarray(self._mesh[0]), np.asarray(self._mesh[1])
+        shapes = (head.vertices, head.d), (head.cells, n + 1)
+        if (points.shape, cells.shape) != shapes:
+            raise InputError(
+                f"the mesh has points {points.shape} and cells {cells.shape}, the file's {shapes[0]} and {shapes[1]}",
+                code="mesh", remedy="give the mesh that the file was made on",
+            )
+        domain, coordinates = complex_of(points, cells, head.exponent)
+        if domain.digest != head.digest:
+            raise InputError(
+                f"the mesh has the SHA-256 {domain.digest.hex()}.., the file's has {head.digest.hex()}..", code="mesh",
+                remedy="give the mesh that the file was made on, its points and cells in the same order",
+            )
+        return domain, coordinates
+
+    def _begin_in_frame(self, event: FrameRead) -> None:
+        """An isovalue of a further frame begins."""
+        if self._wanted is not None and event.frame > self._wanted:
+            return
+        if event.number == 0:
+            self._before, self._strands, self._leans, self._layers = self._strands, [], [], 0
+        self._begin(event.number, event.lean, event.before)
+
+    @property
+    def _skipped(self) -> bool:
+        """Whether nothing of the present frame is needed."""
+        if self._wanted is None:
+            return False
+        first = key_of(self._wanted, self.outline.interval or 0)
+        return not first <= self.outline.frame <= self._wanted
+
+    def _begin(self, number: int, lean: int | None, before: bool = False) -> None:
+        """An isovalue begins; ``before`` if it leans on the frame before."""
+        assert self._domain is not None
+        if number >= self.limits.isovalues:
+            raise LimitError(f"more than {self.limits.isovalues} isovalues", code="limit-isovalues", clause="11.2")
+        self._leans.append(None if before else lean)
+        if self._skipped or (self._only is not None and number not in self._only):
+            self._strands.append(None)
+            return
+        earlier = []
+        then = self._before[number] if before else None
+        lean = self._leans[number]
+        while lean is not None:
+            one = self._strands[lean]
+            if one is None:
+                raise OptionError(f"isovalue {number} leans on isovalue {lean}, which is not decoded", code="only")
+            earlier.append(one)
+            lean = self._leans[lean]
+        self._work_off(self._domain)
+        held = sum(one is not None for one in [*self._before, *self._strands]) + 1
+        self._budget.hold(self, held * MeshIsovalue.bytes_for(self._domain))
+        isovalue = self.outline.isovalues[number]
+        self._strands.append(MeshIsovalue(self._domain, isovalue, self._header.scale, earlier, then))
+
+    def _work_off(self, domain: Complex) -> None:
+        """Count what looking once at all vertices and cells takes."""
+        self._account.read = self._session.at
+        self._account.spend((len(domain.mesh.position) + len(domain.mesh.cell)) // ELEMENTS)
+
+    def _read_layer(self, payload: bytes, start: int, behind: int) -> Event:
+        present = None if self._skipped else self._strands[-1]
+        self.outline.begun = True
+        self._layers += 1
+        if self._layers > LAYER_LIMIT:
+            raise FormatError(f"more than {LAYER_LIMIT} layers", code="layers", offset=start, clause="11.1")
+        if self._layers > self.limits.layers:
+            raise LimitError(f"more than {self.limits.layers} layers", code="limit-layers", clause="11.2")
+        head, at = read_mesh_layer(payload, start)
+        if present is None:
+            return ChunkSkipped(behind, ChunkType.LAYERS, len(payload))
+        if not self._fits(head, present):
+            raise FormatError("a layer that comes twice, or too early", code="layer", offset=start, clause="10.1.3")
+        run = present.read(payload[at:], start + at, self._account)
+        if head.kind == MeshLayer.SIGNS:
+            present.code_signs()
+        elif head.kind == MeshLayer.LEVELS:
+            present.code_levels(self._history, head.rounds)
+        elif head.kind == MeshLayer.OFFSETS:
+            present.code_offsets(head.step)
+        else:
+            present.code_values(head.bits)
+        run.end()
+        return MeshLayerComplete(behind, self._layers, head.kind.name.lower(), len(payload) - at)
+
+    def _fits(self, head: MeshLayerHead, present: MeshIsovalue) -> bool:
+        """Whether a layer may come next."""
+        match head.kind:
+            case MeshLayer.SIGNS:
+                return present.rounds is None and present.edges is None
+            case MeshLayer.LEVELS if present.edges is None:
+                return (
+                    head.rounds <= len(self._history.rounds) if present.rounds is None else head.rounds < present.rounds
+                )
+            case MeshLayer.OFFSETS:
+                return present.edges is not None and present.parts is None
+            case MeshLayer.VALUES:
+                return present.edges is not None and present.active is None
+        return False
+
+    @cached_property
+    def _history(self) -> History:
+        """Of the domain."""
+        assert self._domain is not None
+        self._budget.check(HISTORY_PER_CELL * len(self._domain.mesh.cell))
+        domain = self._domain
+
+        def watch(held: int) -> None:
+            self._budget.check(max(HISTORY_PER_CELL * len(domain.mesh.cell), 2 * held))
+            self._work_off(domain)
+
+        try:
+            return history_of(domain, watch)
+        except OptionError as error:
+            text = f"a layer of levels, but {error.message}"
+            raise FormatError(text, code="layer", offset=self._session.at, clause="10.8.1") from None

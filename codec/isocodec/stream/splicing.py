@@ -1,0 +1,194 @@
+"""Files put together of the chunks of others, which stay as they are: some isovalues of one, or all of several."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field, replace
+
+from isospec.container import ChunkType, MeshLayer
+
+from ..errors import InputError, OptionError
+from ..format.chunks import payload_of, write_chunk, write_further, write_metadata
+from ..format.frames import FRAME_BEFORE, as_last, is_key, write_frame, write_interval
+from ..format.header import Header, read_header
+from .container import beginning as beginning_of
+from .container import with_checksum
+from .inspect import FileInfo, inspect
+
+ANCILLARY = 0x80
+"""Bit of a chunk's head that lets readers skip it."""
+_SHARED = ("domain", "mask", "coordinates")
+"""Chunks that are about the whole file."""
+_SIGNS = (MeshLayer.SIGNS, MeshLayer.LEVELS)
+_OWN = ("layers", "promises")
+"""Chunks that belong to the isovalue that has begun last."""
+
+
+@dataclass
+class Strand:
+    """The chunks of an isovalue of a frame.
+
+    Attributes
+    ----------
+    isovalue : float
+    lean : int or None
+        Number of the isovalue of the same file that it leans on, ``FRAME_BEFORE``, or None.
+    chunks : list of bytes
+    """
+
+    isovalue: float
+    lean: int | None
+    chunks: list[bytes] = field(default_factory=list)
+
+
+@dataclass
+class Parts:
+    """A whole file, taken apart.
+
+    Attributes
+    ----------
+    header : Header
+    info : FileInfo
+    shared : list of bytes
+        Chunks about the whole file, but for its notes.
+    frames : list of list of Strand
+    """
+
+    header: Header
+    info: FileInfo
+    shared: list[bytes]
+    frames: list[list[Strand]]
+
+
+def parts_of(data: bytes, what: str = "the file") -> Parts:
+    """Take a whole file apart; ``what`` names it in messages.
+
+    Raises
+    ------
+    OptionError
+        If it is cut, or its kind does not come apart.
+    FormatError
+    """
+    info = inspect(data)
+    found = read_header(data)
+    assert found is not None
+    if not info.complete or any(chunk.type == "cut_layers" for chunk in info.chunks):
+        raise OptionError(f"{what} is not complete", code="splice", remedy="edit the whole file")
+    if info.kind == "surface":
+        raise OptionError(f"{what} holds a surface, which has no isovalues", code="splice")
+    strands = [
+        [Strand(value, lean) for value, lean in zip(info.isovalues, leans, strict=True)] for leans in _leans(info)
+    ]
+    parts = Parts(found[0], info, [], strands)
+    for chunk in info.chunks:
+        raw = data[chunk.offset : chunk.offset + chunk.bytes]
+        if chunk.type in (*_SHARED, *_OWN):
+            same = write_chunk(ChunkType[chunk.type.upper()], payload_of(raw), ancillary=bool(raw[0] & ANCILLARY))
+            if chunk.type in _SHARED:
+                parts.shared.append(same)
+            else:
+                strands[chunk.frame][chunk.isovalue].chunks.append(same)
+    return parts
+
+
+def _leans(info: FileInfo) -> list[list[int | None]]:
+    """What each isovalue of each frame leans on."""
+    if not info.frames:
+        return [info.leans]
+    return [
+        [FRAME_BEFORE if before else lean for lean, before in zip(frame.leans, frame.before, strict=True)]
+        for frame in info.frames
+    ]
+
+
+def chosen(data: bytes, numbers: Sequence[int]) -> bytes:
+    """A file of some of the isovalues of another, by number.
+
+    Raises
+    ------
+    OptionError
+        If one of them leans on another that is left out.
+    """
+    parts = parts_of(data)
+    new = {old: i for i, old in enumerate(numbers)}
+    frames = []
+    for strands in parts.frames:
+        kept = [strands[number] for number in numbers]
+        for strand in kept:
+            if strand.lean is not None and strand.lean not in (FRAME_BEFORE, *new):
+                raise OptionError(
+                    f"isovalue {strand.isovalue:g} is coded with the help of "
+                    f"{parts.info.isovalues[strand.lean]:g}, which would be left out", code="lean",
+                    remedy="keep that one, too",
+                )
+        frames.append([
+            replace(one, lean=one.lean if one.lean in (None, FRAME_BEFORE) else new[one.lean]) for one in kept
+        ])
+    return _joined(parts.header, parts.info, parts.shared, frames, parts.info.metadata)
+
+
+def spliced(files: Iterable[bytes]) -> bytes:
+    """A file with the isovalues of several, in their order.
+
+    Raises
+    ------
+    InputError
+        If they are not about one domain: their kinds, shapes, profiles, meshes, missing samples or frames differ.
+    OptionError
+        If an isovalue is in two of them.
+    """
+    all_parts = [parts_of(data, f"file {i}") for i, data in enumerate(files, start=1)]
+    first = all_parts[0]
+    for i, other in enumerate(all_parts[1:], start=2):
+        same = (other.info.kind, other.header.shape, other.header.profile, other.header.scale, other.header.cells)
+        if same != (first.info.kind, first.header.shape, first.header.profile, first.header.scale, first.header.cells):
+            raise InputError(f"file {i} differs from the first in kind, shape, profile or step of values", code="merge")
+        if other.shared != first.shared:
+            raise InputError(f"file {i} has another mesh, or other missing samples, than the first", code="merge")
+        if (len(other.frames), other.info.interval) != (len(first.frames), first.info.interval):
+            raise InputError(f"file {i} has other frames than the first", code="merge")
+    values = [value for parts in all_parts for value in parts.info.isovalues]
+    if len(set(values)) < len(values):
+        raise OptionError("an isovalue is in two of the files", code="isovalue", remedy="leave it out of one of them")
+    frames: list[list[Strand]] = [[] for _ in first.frames]
+    metadata: dict[str, str] = {}
+    begun = 0
+    for parts in all_parts:
+        for out, strands in zip(frames, parts.frames, strict=True):
+            out += [
+                replace(one, lean=one.lean if one.lean in (None, FRAME_BEFORE) else one.lean + begun)
+                for one in strands
+            ]
+        begun += len(parts.info.isovalues)
+        metadata = {**parts.info.metadata, **metadata}
+    return _joined(first.header, first.info, first.shared, frames, metadata)
+
+
+def signs_of(data: bytes) -> bytes:
+    """The file of values on a mesh without its layers of geometry."""
+    parts = parts_of(data)
+    for strands in parts.frames:
+        for strand in strands:
+            layers = [chunk for chunk in strand.chunks if payload_of(chunk)[0] in _SIGNS]
+            strand.chunks[:] = layers
+    return _joined(parts.header, parts.info, parts.shared, parts.frames, parts.info.metadata)
+
+
+def _joined(
+    header: Header, info: FileInfo, shared: Sequence[bytes], frames: Sequence[Sequence[Strand]],
+    metadata: dict[str, str],
+) -> bytes:
+    """The file of these chunks."""
+    chunks = [*shared]
+    if info.interval is not None:
+        chunks.append(write_chunk(ChunkType.FRAME, write_interval(info.interval)))
+    for f, strands in enumerate(frames):
+        for i, strand in enumerate(strands):
+            if f:
+                chunks.append(write_chunk(ChunkType.FRAME, write_frame(strand.lean, is_key(f, info.interval or 0))))
+            elif i:
+                chunks.append(write_chunk(ChunkType.ISOVALUE, write_further(strand.isovalue, strand.lean)))
+            chunks += strand.chunks
+    chunks[-1] = as_last(chunks[-1]) if chunks else write_chunk(ChunkType.METADATA, write_metadata({}), last=True)
+    begun = beginning_of(replace(header, isovalue=frames[0][0].isovalue), metadata)
+    return b"".join(with_checksum([*begun, *chunks]))

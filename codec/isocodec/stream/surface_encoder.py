@@ -1,0 +1,95 @@
+"""The encoder of triangulated surfaces (spec clause 10.9)."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+
+from isospec.container import ChunkType, Profile
+
+from ..errors import OptionError
+from ..format.chunks import write_chunk
+from ..format.header import Header
+from ..format.surface import TinHead, write_tin
+from ..search.tin_fit import Chosen, evenly, in_layers
+from ..tin.coded_tin import Layers, encoded
+from ..tin.points import Points, points_of
+from ..tin.tin import Tin
+from .container import ContainerEncoder, beginning
+from .options import Options
+
+
+class SurfaceEncoder(ContainerEncoder):
+    """Encodes a triangulated surface; iterating, once, yields the bytes of the file.
+
+    Parameters
+    ----------
+    tin : Tin
+        One that `thin` chose for a file, or that comes from one, keeps its positions, values and layers. Of any other
+        one, values are rounded by the precision, and triangles become those of a Delaunay triangulation.
+    options : Options
+
+    Raises
+    ------
+    OptionError
+        If options do not apply to surfaces.
+    """
+
+    def __init__(self, tin: Tin, options: Options) -> None:
+        _check_options(options)
+        if tin.coded is not None and not options.precision.default:
+            raise OptionError("the surface has values in steps already", code="precision", remedy="leave it out")
+        self.header = Header((), 0.0, None, Profile.MAIN, cells=2)
+        self._metadata = {**tin.metadata, **options.metadata}
+        self._head, self._layers = tin.coded if tin.coded is not None else _coded(tin, options)
+
+    def _pieces(self) -> Iterator[bytes]:
+        """The file but for its checksum."""
+        yield from beginning(self.header, self._metadata)
+        payload = write_tin(self._head) + encoded(self._layers, self._head.extent, self._head.largest)
+        yield write_chunk(ChunkType.DOMAIN, payload, last=True)
+
+
+def surface_of(
+    given: Points, chosen: Chosen, shape: tuple[int, int] | None, layers: int = 1
+) -> tuple[TinHead, Layers]:
+    """Chosen points as a file holds them."""
+    parts = in_layers(given, chosen, layers)
+    extent = (int(given.x.max()) + 1, int(given.y.max()) + 1) if shape is None else shape
+    exponent = math.frexp(given.unit)[1] - 1
+    first, second = (int(each / given.unit) for each in given.origin)
+    counts = np.diff([0, *parts.ends]).tolist()
+    head = TinHead(
+        extent, shape is not None, exponent, (first, second), chosen.offset, chosen.step, chosen.palette,
+        chosen.largest, tuple(counts),
+    )
+    return head, parts
+
+
+def _coded(tin: Tin, options: Options) -> tuple[TinHead, Layers]:
+    """A surface that was not made for a file, with values rounded."""
+    precision = options.precision
+    points = tin.points if tin.shape is None else tin.points.astype(np.int64)
+    given = points_of(points, tin.values)
+    if tin.shape is not None:
+        low = given.origin.astype(np.int64)
+        given = replace(given, x=given.x + low[0], y=given.y + low[1], origin=np.zeros(2))
+    step = precision.step
+    if precision.tolerance is not None:
+        step = 2 * precision.tolerance
+    return surface_of(given, evenly(given, step, precision.exact), tin.shape)
+
+
+def _check_options(options: Options) -> None:
+    """Refuse options that do not apply to surfaces."""
+    precision = options.precision
+    unused = {
+        "keep_topology": options.keep_topology, "layers": not options.layers.default,
+        "profile": options.entropy != Profile.MAIN, "independent": options.independent,
+        f"precision {precision.text!r}": precision.signs or precision.steps is not None or bool(precision.world),
+    }
+    if name := next((name for name, given in unused.items() if given), ""):
+        raise OptionError(f"{name} does not apply to surfaces", code=name.split()[0], remedy="leave it out")

@@ -1,0 +1,193 @@
+"""Shorter files out of files: at the end of a layer, or within a number of bytes (spec clause 6.6)."""
+
+from __future__ import annotations
+
+import zlib
+
+from isospec.container import Checksum, ChunkType, write_varint
+
+from ..entropy.range_coder import cut
+from ..errors import OptionError, TruncatedError
+from ..format.chunks import CHECKSUM_BYTES, payload_of, whole_bytes, write_chunk
+from ..format.events import LayerComplete
+from ..format.frames import as_last
+from ..format.program import write_program
+from ..limits import Limits
+from .decoder import Decoder
+from .inspect import inspect
+from .surface_contents import write_surface
+
+_CLOSING = 24
+"""More bytes than the ending of a file and what else a cut adds to what it keeps."""
+
+
+def truncate(
+    data: bytes, *, layers: int | None = None, max_bytes: int | None = None, limits: Limits | None = None
+) -> bytes:
+    """A complete, valid file with the first layers, or the first symbols, of another.
+
+    Parameters
+    ----------
+    data : bytes
+        A file; one that was cut off anywhere will do.
+    layers : int, optional
+        Layers to keep.
+    max_bytes : int, optional
+        Most bytes of the result.
+    limits : Limits, optional
+        What decoding may take at most.
+
+    Returns
+    -------
+    bytes
+
+    Raises
+    ------
+    OptionError
+        If not exactly one of ``layers`` and ``max_bytes`` is given, or it is too small for any curve.
+    FormatError
+        If ``data`` is not a valid file, or is a whole one that does not agree with its checksum; ``TruncatedError`` if
+        it was cut off before a curve begins.
+    LimitError
+        If decoding takes more than the limits allow.
+    """
+    if (layers is None) == (max_bytes is None):
+        raise OptionError("give either layers or max_bytes", code="options")
+    data = whole_bytes(data)
+    # What is damaged must not get a checksum that is right.
+    info = inspect(data)
+    if info.kind == "surface":
+        return _first_points(data, layers, max_bytes, limits)
+    if info.kind == "mesh":
+        return _first_chunks(data, layers, max_bytes)
+    if layers is not None:
+        return _first_layers(data, layers, limits)
+    assert max_bytes is not None
+    if max_bytes >= len(data) and _decoder(data, limits).take().complete:
+        return data
+    short = _first_bytes(data, max_bytes, limits) if max_bytes > 0 else None
+    if short is None and max_bytes >= len(data):
+        raise TruncatedError(
+            f"the file ends after {len(data)} bytes, before its curve begins", code="truncated", offset=len(data)
+        )
+    if short is None:
+        raise OptionError(f"{max_bytes} bytes are too few for the header of this file and a curve", code="max-bytes")
+    return short
+
+
+def _first_points(data: bytes, layers: int | None, max_bytes: int | None, limits: Limits | None) -> bytes:
+    """The same of a surface: its points are coded again, as far as the layers asked for."""
+    decoder = _decoder(data, limits).take()
+    head, parts = decoder.surface.received()
+    counts = [count for count, end in zip(head.counts, parts.ends, strict=False) if end <= len(parts.points)]
+    if decoder.complete and ((max_bytes is not None and len(data) <= max_bytes) or (layers or 0) >= len(head.counts)):
+        return data
+    if layers is not None and layers > len(counts):
+        raise OptionError(
+            f"only {len(counts)} whole layers have been received", code="layers", remedy="ask for fewer"
+        )
+    _check_layers(layers)
+    for kept in range(layers or len(counts), 0, -1):
+        out = write_surface(head, parts, kept, decoder.metadata)
+        if max_bytes is None or len(out) <= max_bytes:
+            return out
+    raise OptionError(
+        f"{max_bytes} bytes are too few for the first layer of this surface", code="max-bytes",
+        remedy="encode it with more layers",
+    )
+
+
+def _check_layers(layers: int | None) -> None:
+    if layers is not None and layers < 1:
+        raise OptionError(f"layers is {layers}; it must be at least 1", code="layers")
+
+
+def _first_chunks(data: bytes, layers: int | None, max_bytes: int | None) -> bytes:
+    """The same of a file of an explicit domain, whose layers are chunks (spec clause 10.1.1(3))."""
+    info = inspect(data)
+    if info.complete and (len(data) <= max_bytes if max_bytes is not None else (layers or 0) >= len(info.layers)):
+        return data
+    _check_layers(layers)
+    there = [chunk for chunk in info.chunks if chunk.type == "layers"][: len(info.layers)]
+    if layers is not None and layers > len(there):
+        raise OptionError(
+            f"only {len(there)} whole layers have been received", code="layers",
+            remedy="ask for fewer, or for a number of bytes",
+        )
+    for chunk in reversed(there[:layers]):
+        out = _closed(data[: chunk.offset] + as_last(data[chunk.offset : chunk.offset + chunk.bytes]))
+        if max_bytes is None or len(out) <= max_bytes:
+            return out
+    raise OptionError(
+        f"{max_bytes} bytes are too few for this file's mesh and a layer" if there else "no layer has been received",
+        code="max-bytes", remedy="the mesh in a file cannot be cut",
+    )
+
+
+def _decoder(data: bytes, limits: Limits | None) -> Decoder:
+    """A decoder that a file has been fed to."""
+    decoder = Decoder(limits)
+    decoder.feed(data)
+    return decoder
+
+
+def _first_layers(data: bytes, layers: int, limits: Limits | None) -> bytes:
+    _check_layers(layers)
+    decoder = _decoder(data, limits)
+    number = 0
+    for event in decoder:
+        if isinstance(event, LayerComplete):
+            number = event.number
+            if number == layers:
+                break
+    if number < layers:
+        if decoder.complete:
+            return data
+        raise OptionError(
+            f"only {number} whole layers have been received",
+            code="layers",
+            remedy="ask for fewer, or for a number of bytes",
+        )
+    contents = decoder.grid
+    run = contents.runs[-1]
+    kept = run.layers[: number - run.done]
+    payload = write_program(kept, run.before.copy(), contents.value_bits) + cut(contents.coder)
+    mask = _later_mask(data, run.chunk_start)
+    chunks = write_chunk(ChunkType.LAYERS, payload, last=mask is None)
+    if mask is not None:
+        chunks += write_chunk(ChunkType.MASK, mask, last=True)
+    return _closed(data[: run.chunk_start] + chunks)
+
+
+def _later_mask(data: bytes, start: int) -> bytes | None:
+    """Payload of a mask that comes behind a chunk that begins at ``start``, as far as it is there in full."""
+    for chunk in inspect(data).chunks:
+        if chunk.type == "mask" and chunk.offset >= start:
+            return payload_of(data[chunk.offset : chunk.offset + chunk.bytes])
+    return None
+
+
+def _first_bytes(data: bytes, most: int, limits: Limits | None) -> bytes | None:
+    """File of as many symbols as fit ``most`` bytes; None if that is not enough for a run."""
+    decoder = Decoder(limits)
+    end = min(most, len(data))
+    at = max(end - _CLOSING, 0)
+    decoder.feed(data[:at])
+    best = None
+    while True:
+        decoder.take()
+        if decoder.contents is not None and (contents := decoder.grid).runs:
+            run = contents.runs[-1]
+            symbols = contents.run_symbols
+            payload = write_varint(symbols) + data[run.program_start : run.start] + cut(contents.coder)
+            chunk = write_chunk(ChunkType.CUT_LAYERS, payload, last=True)
+            if run.chunk_start + len(chunk) + CHECKSUM_BYTES <= most:
+                best = run.chunk_start, chunk
+        if at == end:
+            return _closed(data[: best[0]] + best[1]) if best else None
+        decoder.feed(data[at : at + 1])
+        at += 1
+
+
+def _closed(data: bytes) -> bytes:
+    return data + Checksum.build(zlib.crc32(data))

@@ -1,0 +1,329 @@
+"""One tile: samples in, segments out. A pure function of its samples, its place and what is asked for."""
+
+from __future__ import annotations
+
+import math
+import zlib
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from isospec.container import ChunkType, Profile
+
+from ..errors import InputError, OptionError
+from ..field.samples import Samples, check_field, mask_field, missing_of, without_holes
+from ..format.chunks import write_chunk
+from ..format.header import Header
+from ..format.kinds import LayerKind
+from ..format.program import Progress, write_program
+from ..grid.layers.writer import LayerWriter, encoded_mask, field_tube
+from ..grid.tube.holes import Holes
+from ..search.ground_truth import GroundTruth, truth_of
+from ..search.promise import Promise
+from ..search.strategy import NotKeptError, Plan, base_of
+from ..search.tile_faces import Faces
+from ..search.tile_mesh import tile_plan
+from ..search.tile_volume import cubes_for, pitch_of, volume_plan
+from ..search.tolerance import Slack, grid_offsets
+from ..stream.options import DEFAULT_TOLERANCE, SEARCHED, Options
+from .layout import COARSEST, Index, TileGrid
+from .structure import Head, Kind, Stage
+
+EDGES = (COARSEST, 2, 0)
+"""Exponents of the edges of cubes that stages lead to."""
+DEFAULT_EXPONENT = 10
+
+
+@dataclass(frozen=True)
+class Tiling:
+    """What all tiles of a file have in common.
+
+    Attributes
+    ----------
+    grid : TileGrid
+    isovalues : tuple of float
+    options : Options
+    dtype : str
+        Type of the samples.
+    cubes : int
+        In space, exponent of the edge of the cubes that meshes for a tolerance begin with; 0 for the full grid.
+    """
+
+    grid: TileGrid
+    isovalues: tuple[float, ...]
+    options: Options
+    dtype: str
+    cubes: int = 0
+
+    def __post_init__(self) -> None:
+        o = self.options
+        o.check_data(np.dtype(self.dtype).kind in "biu")
+        unused = {
+            "layers": not o.layers.default, f"precision {o.precision.text!r}": o.precision.steps is not None,
+            "keep_topology": o.keep_topology,
+        }
+        if chosen := next((name for name, given in unused.items() if given), ""):
+            raise OptionError(
+                f"{chosen} and tiles cannot be combined: their meshes have to be the same where they meet",
+                code="tiles", remedy=f"use exact, step=.., signs or a distance below {SEARCHED:g}",
+            )
+        o.check_placement_note(self.grid.n)
+
+    @property
+    def stages(self) -> tuple[Stage, ...]:
+        """Stages of each isovalue."""
+        if self.searched is not None:
+            return Stage(COARSEST), Stage(0, True, True)
+        signs = tuple(Stage(edge) for edge in EDGES)
+        return signs if self.options.precision.signs else (*signs, Stage(0, True))
+
+    @property
+    def searched(self) -> float | None:
+        """The tolerance that meshes are searched for, if they are."""
+        precision = self.options.precision
+        if self.grid.n == 3:
+            return precision.tolerance if self.cubes else None
+        return precision.searched
+
+    def tried(self) -> list[Tiling]:
+        """What to try one after the other: cubes that are smaller each time, at last the full grid."""
+        exponents = cubes_for(self.options.precision.tolerance, COARSEST) if self.grid.n == 3 else ()
+        return [*(replace(self, cubes=exponent) for exponent in exponents), self]
+
+    @property
+    def profile(self) -> Profile:
+        """The entropy profile."""
+        return self.options.entropy
+
+    def head(self, masked: bool) -> Head:
+        """The head of the file."""
+        o = self.options
+        step, notes = o.precision.step, dict(o.metadata)
+        return Head(self.grid, self.isovalues, self.stages, step, self.profile, masked, notes)
+
+
+@dataclass(frozen=True)
+class TileSegments:
+    """A tile, encoded.
+
+    Attributes
+    ----------
+    index : tuple of int
+    mask : Kind
+        ``BELOW`` if no sample is missing, ``ABOVE`` if all are.
+    mask_segment : bytes
+    kinds : tuple of Kind
+        By isovalue.
+    segments : tuple of tuple of bytes
+        By isovalue and stage; empty ones of tiles that are not coded.
+    faces : tuple of tuple of int
+        Checksums of the samples on the low and the high face across each axis.
+    """
+
+    index: Index
+    mask: Kind
+    mask_segment: bytes
+    kinds: tuple[Kind, ...]
+    segments: tuple[tuple[bytes, ...], ...]
+    faces: tuple[tuple[int, int], ...]
+
+
+class FaceSlack(Slack):
+    """Slack in a tile, none on the faces that it shares: there crossings have to come out the same from both sides."""
+
+    def __init__(self, tolerance: float, size: Sequence[int], shared: NDArray[np.bool_]) -> None:
+        super().__init__(tolerance)
+        last = np.array(size, np.int64) - 1
+        self._low = np.where(shared[:, 0], 0, -1)
+        self._high = np.where(shared[:, 1], last, -1)
+
+    def __call__(self, low: NDArray[np.int64], high: NDArray[np.int64]) -> NDArray[np.int64]:
+        """As ``Slack``."""
+        return np.where(self.on_face(low, high), 0, super().__call__(low, high))
+
+    def on_face(self, low: NDArray[np.int64], high: NDArray[np.int64]) -> NDArray[np.bool_]:
+        """Which edges lie in a shared face."""
+        return ((low == high) & ((low == self._low) | (low == self._high))).any(axis=1)
+
+
+def encode_tile(window: ArrayLike, index: Index, tiling: Tiling) -> TileSegments:
+    """Encode a tile.
+
+    Parameters
+    ----------
+    window : array_like or masked array
+        The samples of the tile, ``field[tiling.grid.window(index)]``; NaN and masked samples are missing.
+    index : tuple of int
+        Which tile, along each axis.
+    tiling : Tiling
+
+    Returns
+    -------
+    TileSegments
+        The same bytes for the same samples, wherever and in whatever order tiles are encoded.
+
+    Raises
+    ------
+    InputError
+        If the samples cannot be encoded, or are not those of the tile.
+    """
+    size = tiling.grid.size(index)
+    if np.shape(window) != size:
+        raise InputError(f"has {size} samples, given are {np.shape(window)}", code="shape")
+    if missing_of(window).all():
+        return _missing(index, tiling)
+    values, gone = without_holes(window)
+    faces = tuple(
+        (_checksum(values.take(0, axis), gone, 0, axis), _checksum(values.take(-1, axis), gone, -1, axis))
+        for axis in range(values.ndim)
+    )
+    stages = len(tiling.stages)
+    fields = [check_field(values, isovalue, tiling.options.precision.step, gone) for isovalue in tiling.isovalues]
+    header = Header(size, tiling.isovalues[0], tiling.options.precision.step, tiling.profile)
+    there = slice(None) if gone is None else ~gone
+    kinds = tuple(_kind(field.signs[there]) for field in fields)
+    run, holes = b"", None
+    if gone is not None and Kind.CODED in kinds:
+        mask = mask_field(gone)
+        run, holes = encoded_mask(header, mask, truth_of(mask))
+        run = write_chunk(ChunkType.MASK, run)
+    meshes = [
+        _faces(field, index, tiling) if kind == Kind.CODED else None for field, kind in zip(fields, kinds, strict=True)
+    ]
+    segments = tuple(
+        tuple(_segments(replace(header, isovalue=field.isovalue), field, holes, index, tiling, mesh))
+        if kind == Kind.CODED else (b"",) * stages
+        for field, kind, mesh in zip(fields, kinds, meshes, strict=True)
+    )
+    faces = tuple((_sealed(low, meshes, axis, 0), _sealed(high, meshes, axis, size[axis] - 1))
+                  for axis, (low, high) in enumerate(faces))
+    return TileSegments(index, Kind.CODED if run else Kind.BELOW, run, kinds, segments, faces)
+
+
+def _faces(field: Samples, index: Index, tiling: Tiling) -> Faces | None:
+    """What belongs into the mesh in shared faces, in space.
+
+    Raises
+    ------
+    NotKeptError
+        If samples are missing: what stands for them would have to be the same on both sides.
+    """
+    tolerance = tiling.searched
+    if tolerance is None or field.signs.ndim == 2:
+        return None
+    if field.gone is not None:
+        raise NotKeptError("samples are missing", code="missing")
+    faces = Faces(field.signs, tiling.grid.shared(index), tiling.cubes)
+    for axis, place in faces.planes:
+        values, signs = np.take(field.values, place, axis), np.take(field.signs, place, axis)
+        samples = Samples(values, field.isovalue, np.asarray(signs))
+        faces.search((axis, place), samples, tolerance, pitch_of(tiling.cubes))
+    return faces
+
+
+def _sealed(checksum: int, meshes: Sequence[Faces | None], axis: int, place: int) -> int:
+    """A checksum of a face's samples, with that of what was found for its mesh, so that neighbours are held to it."""
+    for faces in filter(None, meshes):
+        for vertex in faces.wanted.get((axis, place), ()):
+            checksum = zlib.crc32(repr(vertex[:axis] + vertex[axis + 1 :]).encode(), checksum)
+    return checksum
+
+
+def _missing(index: Index, tiling: Tiling) -> TileSegments:
+    """A tile of which nothing is there."""
+    grid, count = tiling.grid, len(tiling.isovalues)
+    faces = []
+    for axis in range(grid.n):
+        beside = grid.size(index)[:axis] + grid.size(index)[axis + 1 :]
+        face = np.zeros(beside, tiling.dtype)
+        faces.append(2 * (_checksum(face, np.ones((1, *beside), np.bool_), 0, 0),))
+    segments = ((b"",) * len(tiling.stages),) * count
+    return TileSegments(index, Kind.ABOVE, b"", (Kind.BELOW,) * count, segments, tuple(faces))
+
+
+def _kind(signs: NDArray[np.bool_]) -> Kind:
+    return Kind.ABOVE if signs.all() else Kind.CODED if signs.any() else Kind.BELOW
+
+
+def _checksum(face: NDArray[np.generic], gone: NDArray[np.bool_] | None, at: int, axis: int) -> int:
+    """Of the samples of a face, and of which are missing."""
+    known = 0
+    if gone is not None and (missing := gone.take(at, axis)).any():
+        face = np.where(missing, face.dtype.type(0), face)
+        known = zlib.crc32(np.packbits(missing).tobytes())
+    return zlib.crc32(np.ascontiguousarray(face).tobytes(), known)
+
+
+def _segments(
+    header: Header, field: Samples, holes: Holes | None, index: Index, tiling: Tiling, faces: Faces | None
+) -> Iterator[bytes]:
+    """The segments of an isovalue, stage by stage."""
+    truth = truth_of(field)
+    if tiling.searched is None:
+        plan, ends = _plan(index, tiling)
+    else:
+        plan, ends = _searched(header, field, truth, holes, index, tiling, faces)
+    tube = field_tube(header, field, truth, holes=holes)
+    full = tube.full_level
+    writer = LayerWriter(field, tube, plan, Progress(full).begin(None))
+    program = Progress(full).begin(None)
+    for first, end in pairwise([0, *ends]):
+        # values are layers only once those before them are done
+        last = len(writer.layers) if end is None else end
+        if first is not None and first == last:
+            yield b""
+            continue
+        done, run = writer.encode_run(first or 0, lambda: None, math.inf, None if end is None else last - 1)
+        yield write_chunk(ChunkType.LAYERS, write_program(writer.layers[first:done], program, writer.bits) + run)
+
+
+def _plan(index: Index, tiling: Tiling) -> tuple[Plan, list[int | None]]:
+    """The layers of a tile's isovalue, and how many of them each stage ends with; None for all."""
+    grid, precision = tiling.grid, tiling.options.precision
+    levels = [grid.level(index, stage.edge) for stage in tiling.stages if not stage.geometry]
+    base = base_of(grid.n, levels[0])
+    plan: Plan = [(LayerKind.BASE, base)]
+    if base < levels[-1]:
+        plan.append((LayerKind.REFINE, None))
+    ends: list[int | None] = [1 + level - base for level in levels]
+    if not precision.signs:
+        ends.append(None)
+        if precision.exact or precision.step is not None:
+            plan.append((LayerKind.VALUES, None))
+        else:
+            fine = precision.tolerance or DEFAULT_TOLERANCE
+            offsets = grid_offsets(fine, False)
+            if tiling.profile == Profile.MAIN and offsets:
+                slack = FaceSlack(fine, grid.size(index), grid.shared(index))
+                offsets[-1] = (*offsets[-1], 0, None, slack)
+            plan += offsets
+    return plan, ends
+
+
+def _searched(
+    header: Header, field: Samples, truth: GroundTruth, holes: Holes | None, index: Index, tiling: Tiling,
+    faces: Faces | None,
+) -> tuple[Plan, list[int | None]]:
+    """The same for a tolerance that meshes are searched for."""
+    grid, tolerance = tiling.grid, tiling.searched
+    assert tolerance is not None
+    shared = grid.shared(index)
+    slack = FaceSlack(tolerance, grid.size(index), shared)
+    coarse = grid.level(index, COARSEST)
+    base = base_of(grid.n, coarse)
+    whole: Plan = [(LayerKind.BASE, base), *([(LayerKind.REFINE, None)] if base < grid.level(index, 0) else [])]
+    offsets = grid_offsets(tolerance, False)
+    if tiling.profile == Profile.MAIN and offsets:
+        offsets[-1] = (*offsets[-1], 0, None, slack)
+    promise = Promise(field, lambda: field_tube(header, field, truth, holes=holes), tiling.profile == Profile.MAIN,
+                      None, truth, holes, slack.on_face)
+    if faces is None:
+        plan = tile_plan(promise, tolerance, coarse, shared, [*whole, *offsets])
+    else:
+        level = grid.level(index, tiling.cubes)
+        lead: Plan = [(LayerKind.BASE, base), *([(LayerKind.REFINE, level - base)] if base < level else [])]
+        plan = volume_plan(promise, tolerance, tiling.cubes, lead, faces, [*whole, *offsets])
+    return plan, [1 + coarse - base, None]

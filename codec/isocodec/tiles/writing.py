@@ -1,0 +1,186 @@
+"""Files in tiles of fields that need not be in memory (spec clause 12)."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import InputError, OptionError
+from ..field.sampled import Field
+from ..field.samples import missing_of
+from ..storage.atomic import check_target, writing
+from ..stream.isovalues import isovalues_of, range_of
+from ..stream.options import Isovalues, Options, Precision
+from .layout import Index, in_order
+from .merging import grid_of, merged
+from .running import run
+from .spool import Spool, begun
+from .structure import EXPONENTS
+from .tile_encoder import Tiling
+
+if TYPE_CHECKING:
+    from .running import Engine
+
+TILE = 1024
+"""Samples along each axis of a tile in the plane, unless another number is asked for; in space an eighth."""
+
+
+def encode_tiles(
+    path: str | os.PathLike[str], field: Any, tiling: Tiling, *, engine: Engine | None = None,
+    workers: int | None = None, spool: str | os.PathLike[str] | None = None,
+    progress: Callable[[int, int], object] | None = None,
+) -> None:
+    """Encode a field tile by tile into one file.
+
+    With a tolerance in space from half a sample on, meshes of cubes are tried, of the same edge in all tiles, smaller
+    ones and at last the full grid where a tile is not proven to keep to it, or samples are missing; tiles are encoded
+    again then. Parameters and errors are those of `isocodec.save`.
+    """
+    from ..search.strategy import NotKeptError
+
+    check_target(path)
+    field = slices_of(field)
+    folder = Path(spool) if spool is not None else Path(f"{os.fspath(path)}.tiles")
+    tried = tiling.tried()
+    left = tried[begun(folder, tried) :]
+    while left:
+        with Spool(folder, left[0]) as held:
+            try:
+                run(field, left[0], held, engine, workers or _workers_of(engine), progress)
+            except NotKeptError as error:
+                left = left[-1:] if error.code == "missing" else left[1:]
+            else:
+                left = []
+                with writing(path) as file:
+                    for piece in merged(held.tiles, held.read):
+                        file.write(piece)
+            held.remove()
+
+
+def tiling_of(field: Any, isovalue: Isovalues | None, tile: int | None, options: Options) -> Tiling:
+    """What a file in tiles is asked for, checked before any sample is read, unless isovalues need their range.
+
+    Parameters
+    ----------
+    field : Field, or array with ``shape``, ``dtype`` and slices
+    isovalue : number, sequence of numbers, or str
+    tile : int or None
+        Samples along each axis of a tile: 1024 in the plane, 128 in space if None.
+    options : Options
+
+    Raises
+    ------
+    OptionError, InputError
+        As `encode_tiles`, of all but the samples.
+    """
+    samples = field.values if isinstance(field, Field) else field
+    shape, dtype = _shape_of(samples)
+    options = _options_of(field, shape, dtype, isovalue, options)
+    grid = grid_of(shape, _exponent(tile, len(shape)))
+    if isovalue is None and dtype.kind != "b":
+        raise OptionError("no isovalue", code="isovalue", remedy="only a mask (bool) needs none")
+
+    def ends() -> tuple[float, float]:
+        windows = slices_of(field)
+        found = [range_of(each) for each in _known_samples(windows, grid) if each.size]
+        if not found:
+            raise InputError("all samples are missing", code="missing")
+        return min(low for low, _ in found), max(high for _, high in found)
+
+    isovalues = isovalues_of(0.5 if isovalue is None else isovalue, ends)
+    return Tiling(grid, tuple(isovalues), options, dtype.str)
+
+
+def _known_samples(field: Any, grid: Any) -> Iterator[NDArray[Any]]:
+    """The samples of each tile that are not missing."""
+    for index in map(tuple, in_order(grid.counts).tolist()):
+        window = field[grid.window(index)]
+        yield np.asarray(window)[~missing_of(window)]
+
+
+def _options_of(
+    field: Any, shape: Index, dtype: np.dtype[Any], isovalue: Isovalues | None, options: Options
+) -> Options:
+    """Options with the notes of a field, with defaults of its type, a distance in cells."""
+    precision = options.precision
+    if precision.default and isovalue is None and dtype.kind == "b":
+        precision = Precision(signs=True)
+    if not isinstance(field, Field):
+        if precision.world:
+            raise OptionError(f"a distance of {precision.world} for a field that lies nowhere in the world",
+                              code="tolerance", remedy="give a Field with a placement, or a number of cells")
+        return replace(options, precision=precision)
+    if field.labels is not None or field.missing != "hole":
+        raise OptionError("labels and filled samples do not apply to tiles", code="tiles",
+                          remedy="leave labels and missing out")
+    notes = {**field.metadata, **options.metadata}
+    placement = field.placement
+    if placement is not None:
+        if placement.periodic or placement.coordinates is not None:
+            raise OptionError("coordinates and periodic axes do not apply to tiles", code="tiles",
+                              remedy="use a matrix")
+        if precision.world:
+            precision = Precision(tolerance=placement.cells_of(precision.world, shape))
+        notes = {**notes, **{key: text for key, text in placement.notes().items() if key not in notes}}
+    return replace(options, precision=precision, metadata=notes)
+
+
+def slices_of(field: Any) -> Any:
+    """Something with slices, in which missing samples are masked."""
+    if not isinstance(field, Field):
+        return field
+    return field.values if field.mask is None else _Masked(field.values, field.mask)
+
+
+class _Masked:
+    """Samples and which are missing, slice by slice."""
+
+    def __init__(self, values: NDArray[Any], mask: NDArray[np.bool_]) -> None:
+        self._values, self._mask = values, mask
+        self.shape, self.dtype = values.shape, values.dtype
+
+    def __getitem__(self, window: Any) -> np.ma.MaskedArray[Any, Any]:
+        return np.ma.array(self._values[window], mask=self._mask[window])
+
+
+def _shape_of(field: Any) -> tuple[Index, np.dtype[Any]]:
+    """Shape and type of something with slices."""
+    shape, dtype = getattr(field, "shape", None), getattr(field, "dtype", None)
+    if shape is None or dtype is None:
+        raise InputError(
+            f"{type(field).__name__} has no shape or no dtype", code="field", remedy="numpy.asarray, or open it first"
+        )
+    if len(shape) not in (2, 3) or min(shape) < 2:
+        raise InputError(
+            f"a field of shape {tuple(shape)} in tiles", code="shape",
+            remedy="give 2 or 3 axes with at least 2 samples along each",
+        )
+    found = np.dtype(dtype)
+    if found.kind not in "biuf":
+        raise InputError(f"samples of type {found}; they must be real numbers", code="dtype")
+    return tuple(int(s) for s in shape), found
+
+
+def _exponent(tile: int | None, n: int) -> int:
+    if tile is None:
+        tile = TILE if n == 2 else TILE >> 3
+    exponent = int(tile).bit_length() - 1
+    if tile != 1 << exponent or exponent not in EXPONENTS:
+        raise OptionError(
+            f"tile size {tile} is not a power of two between {1 << EXPONENTS[0]} and {1 << EXPONENTS[-1]}",
+            code="tile",
+        )
+    return exponent
+
+
+def _workers_of(engine: Any) -> int:
+    """How many workers an engine has, as far as it states that."""
+    if hasattr(engine, "nthreads"):
+        return max(sum(engine.nthreads().values()), 1)
+    return int(getattr(engine, "_max_workers", 1))

@@ -1,0 +1,232 @@
+"""The table of operations and kinds of files: each cell works, or is impossible by nature, with its reason."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import isocodec
+from isocodec import Decoder, Frames, IsoFile, Mesh
+from isocodec.api.kinds import IMPOSSIBLE, OPERATIONS
+from isocodec.errors import OptionError
+
+KINDS = ("grid", "series", "mesh", "surface", "tiles")
+MOST_IMPOSSIBLE = 12
+Y, X = np.mgrid[:40, :48]
+HILL = ((Y - 17) ** 2 + (X - 20) ** 2 + X * Y % 7).astype(np.int32)
+OTHER = HILL + 7
+LEVELS = (150.5, 300.5)
+POINTS = np.random.default_rng(0).random((300, 2)) * 10
+VALUES = np.hypot(*(POINTS - 5).T)
+RADII = (2.0, 3.0)
+
+
+@cache
+def encoded(kind: str, values: tuple[float, ...] | None = None) -> bytes:
+    """A file of a kind."""
+    if kind == "grid":
+        return isocodec.encode(HILL, values or LEVELS, precision="exact", independent=True)
+    if kind == "series":
+        return isocodec.encode(Frames([HILL, OTHER]), values or LEVELS, precision="exact", independent=True)
+    if kind == "mesh":
+        return isocodec.encode(Mesh(POINTS, None, VALUES), values or RADII, independent=True)
+    return isocodec.encode(isocodec.thin(HILL.astype(float), error=5.0, layers=3))
+
+
+@pytest.fixture(scope="module")
+def tiles(tmp_path_factory: pytest.TempPathFactory) -> bytes:
+    path = tmp_path_factory.mktemp("tiles") / "tiles.iso"
+    isocodec.save(path, HILL, LEVELS, precision="exact", tile=32)
+    return path.read_bytes()
+
+
+def field_of(kind: str) -> Any:
+    return Mesh(POINTS, None, VALUES) if kind == "mesh" else HILL.astype(float) if kind == "surface" else HILL
+
+
+def level_of(kind: str) -> float:
+    return RADII[0] if kind == "mesh" else LEVELS[0]
+
+
+def streamed(data: bytes, kind: str) -> isocodec.Contour:
+    """A contour of a file that comes byte by byte."""
+    decoder = Decoder()
+    for i in range(len(data)):
+        decoder.feed(data[i : i + 1])
+        list(decoder)
+    decoder.close()
+    return decoder.contour(isovalue=level_of(kind) if kind == "surface" else None)
+
+
+def edited(data: bytes, kind: str, **change: Any) -> IsoFile:
+    file = isocodec.open(isocodec.open(data).edited(**change))
+    assert file.complete
+    return file
+
+
+def check_encode(file: IsoFile, data: bytes, kind: str, path: Path) -> None:
+    assert file.kind == kind and file.size == len(data) == len(file.data)
+
+
+def check_save(file: IsoFile, data: bytes, kind: str, path: Path) -> None:
+    isocodec.save(path / "copy.iso", file)
+    assert (path / "copy.iso").read_bytes() == data
+
+
+def check_open(file: IsoFile, data: bytes, kind: str, path: Path) -> None:
+    (path / "file.iso").write_bytes(data)
+    with (path / "file.iso").open("rb") as stream:
+        opened = [isocodec.open(source) for source in (path / "file.iso", str(path / "file.iso"), stream)]
+    assert {one.kind for one in opened} == {kind} and {one.size for one in opened} == {len(data)}
+
+
+def check_info(file: IsoFile, data: bytes, kind: str, path: Path) -> None:
+    info = file.info
+    assert (info.kind == kind and info.bytes == len(data) and info.complete and info.layers) or kind == "surface"
+    assert 0 < info.overhead_bytes < len(data) and info.as_dict()["kind"] == kind
+
+
+def check_contour(file: IsoFile, data: bytes, kind: str, path: Path) -> None:
+    contour = file.contour(level_of(kind))
+    assert contour.complete and len(contour.cells) and contour.isovalue == level_of(kind)
+    box = [(3.0, 6.0), (2.0, 7.0)] if kind == "mesh" else [(4, 20), (10, 30)]
+    part = file.contour(level_of(kind), box=box)
+    assert 0 < len(part.cells) < len(contour.cells)
+    beginning = file.contour(level_of(kind), max_bytes=len(data) - 1, partial=True)
+    assert beginning.points.shape[1] == 2
+    assert len(file.contour(level_of(kind), layers=99).cells) == len(contour.cells)
+
+
+def check_contours(file: IsoFile, data: bytes, kind: str, path: Path) -> None:
+    assert [one.isovalue for one in file.contours()] == list(file.isovalues)
+
+
+def check_frames(file: IsoFile, data: bytes, kind: str, path: Path) -> None:
+    frames = list(file.each_frame())
+    assert len(frames) == file.frames == (2 if kind == "series" else 1)
+    assert all(len(frame) == len(file.isovalues) for frame in frames)
+
+
+def check_above(file: IsoFile, data: bytes, kind: str, path: Path) -> None:
+    above = file.above(level_of(kind))
+    if kind == "mesh":
+        assert above.sum() == (level_of(kind) < VALUES).sum()
+    elif kind == "surface":
+        assert (above != (level_of(kind) < HILL)).mean() < 0.05
+    else:
+        assert (above == (level_of(kind) < HILL)).all()
+
+
+def check_valid(file: IsoFile, data: bytes, kind: str, path: Path) -> None:
+    valid = file.valid()
+    assert valid.all() and valid.shape == ((300,) if kind == "mesh" else HILL.shape)
+
+
+def check_labels(file: IsoFile, data: bytes, kind: str, path: Path) -> None:
+    if ("labels", kind) not in IMPOSSIBLE:
+        with pytest.raises(OptionError, match="not labels"):
+            file.labels()
+    else:
+        file.labels()
+    field = isocodec.Field(HILL // 200 % 3, labels=(1, 2))
+    if kind == "grid":
+        assert (isocodec.open(isocodec.encode(field)).labels() == field.values).all()
+
+
+def check_surface(file: IsoFile, data: bytes, kind: str, path: Path) -> None:
+    tin = file.surface()
+    assert np.abs(tin.raster() - HILL).max() <= 5.0
+
+
+def check_mesh(file: IsoFile, data: bytes, kind: str, path: Path) -> None:
+    whole, crossed = (file.mesh(level_of(kind), whole=whole) for whole in (True, False))
+    assert 0 < len(crossed.cells) < len(whole.cells) and whole.above.any() and not whole.above.all()
+
+
+def check_statistics(file: IsoFile, data: bytes, kind: str, path: Path) -> None:
+    found = file.statistics()
+    assert len(found.contours) == len(file.isovalues)
+    assert 0 < sum(layer.bits for layer in found.layers) <= 8 * max(len(data), file.edited(profile="main").__len__())
+
+
+def check_verify(file: IsoFile, data: bytes, kind: str, path: Path) -> None:
+    found = file.verify(field_of(kind))
+    assert all(one.kept and not one.wrong for one in found) and len(found) == (len(file.isovalues) or 1)
+    wrong = file.verify(field_of(kind), within=1e-12) if kind in ("mesh", "surface") else []
+    assert all(not one.kept for one in wrong)
+
+
+def check_notebook(file: IsoFile, data: bytes, kind: str, path: Path) -> None:
+    page = file._repr_html_()
+    assert page.startswith("<") and kind in page
+
+
+def check_layers(file: IsoFile, data: bytes, kind: str, path: Path) -> None:
+    assert edited(data, kind, layers=1).size < len(data)
+
+
+def check_size(file: IsoFile, data: bytes, kind: str, path: Path) -> None:
+    assert edited(data, kind, size=len(data) - 20).size <= len(data) - 20
+
+
+def check_box(file: IsoFile, data: bytes, kind: str, path: Path) -> None:
+    part = edited(data, kind, box=[(4, 20), (10, 30)])
+    assert part.shape == (17, 21)
+    contour = part.contour()
+    assert len(contour.cells) and {tuple(p) for p in contour.placed} <= {tuple(p) for p in file.contour().placed}
+
+
+def check_isovalues(file: IsoFile, data: bytes, kind: str, path: Path) -> None:
+    last = file.isovalues[-1] if file.isovalues else level_of(kind)
+    one = edited(data, kind, isovalues=[last])
+    assert one.isovalues == (last,)
+    assert np.array_equal(np.sort(one.contour().points, axis=0), np.sort(file.contour(last).points, axis=0))
+
+
+def check_profile(file: IsoFile, data: bytes, kind: str, path: Path) -> None:
+    same = edited(data, kind, profile="main")
+    isovalue = level_of(kind)
+    assert len(same.contour(isovalue).cells) == len(file.contour(isovalue).cells)
+
+
+def check_merge(file: IsoFile, data: bytes, kind: str, path: Path) -> None:
+    more = (1.0, 4.0) if kind == "mesh" else (50.5, 200.5)
+    other = encoded("grid" if kind == "tiles" else kind, more)
+    merged = isocodec.open(isocodec.merge([data, other]))
+    assert merged.isovalues == (*file.isovalues, *more) and merged.frames == file.frames
+    assert len(merged.contour(more[1]).cells) == len(isocodec.open(other).contour(more[1]).cells) > 0
+
+
+def check_decoder(file: IsoFile, data: bytes, kind: str, path: Path) -> None:
+    assert len(streamed(data, kind).cells) == len(
+        list(file.each_frame())[-1][0].cells if kind != "surface" else file.contour(level_of(kind)).cells
+    )
+
+
+CHECKS: dict[str, Callable[[IsoFile, bytes, str, Path], None]] = {
+    name.removeprefix("check_"): check for name, check in globals().items() if name.startswith("check_")
+}
+
+
+def test_the_table_is_whole():
+    assert set(CHECKS) == set(OPERATIONS)
+    assert all(operation in OPERATIONS and kind in KINDS for operation, kind in IMPOSSIBLE)
+    assert len(IMPOSSIBLE) <= MOST_IMPOSSIBLE
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("operation", OPERATIONS)
+def test_operations(operation: str, kind: str, tmp_path: Path, tiles: bytes):
+    data = tiles if kind == "tiles" else encoded(kind)
+    file = isocodec.open(data)
+    if (operation, kind) in IMPOSSIBLE:
+        with pytest.raises((OptionError, isocodec.IsoError)) as caught:
+            CHECKS[operation](file, data, kind, tmp_path)
+        assert caught.value.remedy or IMPOSSIBLE[operation, kind] in str(caught.value)
+        return
+    CHECKS[operation](file, data, kind, tmp_path)
