@@ -11,14 +11,16 @@ import pytest
 import isocodec
 from explicit_meshes import plane, space
 from files import picture
-from isocodec import Decoder, LimitError, Limits, MeshDecoder
+from isocodec import Decoder, Limits
 from isocodec.entropy import run as module
-from isocodec.entropy.contexts import Layout, context_coder
+from isocodec.entropy.context_layout import Layout, context_coder
 from isocodec.entropy.range_coder import code
 from isocodec.entropy.run import Account, ReadingRun, WritingRun, whole_run
-from isocodec.errors import FormatError
+from isocodec.errors import FormatError, LimitError
+from isocodec.field.placement import Placement
 from isocodec.kernel import BAD, DONE, NEED
 from isocodec.limits import WORK_STEPS
+from isocodec.stream.grid_contents import GridContents
 
 # --- runs by themselves -----------------------------------------------------------------------------------------------
 
@@ -123,7 +125,7 @@ def test_a_cut_run_ends_where_it_states(monkeypatch):
 
 # --- runs of files ----------------------------------------------------------------------------------------------------
 
-Mesh = tuple[np.ndarray, np.ndarray]
+Mesh = tuple[np.ndarray, np.ndarray | None]
 PLANE, SPACE = plane(3, 200, 1.0), space(4, 60, 1.0)
 
 
@@ -133,22 +135,27 @@ def wavy(points: np.ndarray) -> np.ndarray:
 
 
 def in_layers() -> bytes:
-    return isocodec.encode(picture((40, 40), 2), [0, 10], exact=True)
+    return isocodec.encode(picture((40, 40), 2), [0, 10], precision="exact")
 
 
 def masked() -> bytes:
     gone = np.hypot(*(np.indices((40, 40)) - np.array([20, 11]).reshape(2, 1, 1))) < 6
-    return isocodec.encode(picture((40, 40), 2), 0, mask=gone)
+    return isocodec.encode(isocodec.Field(picture((40, 40), 2), gone), 0)
 
 
 def with_coordinates() -> bytes:
     y, x = np.indices((60, 50)).astype(float)
     spot = (np.hypot(x - 20, y - 30) < 3).astype(np.uint8)
-    return isocodec.encode(spot, 0.5, coordinates=[x + 0.01 * y**2, y + 0.3 * np.sin(x / 3)], signs_only=True)
+    where = Placement(coordinates=[x + 0.01 * y**2, y + 0.3 * np.sin(x / 3)])
+    return isocodec.encode(isocodec.Field(spot, placement=where), 0.5, precision="signs")
 
 
-def on_mesh(base: Mesh = PLANE, **options) -> bytes:
-    return isocodec.encode_mesh(*base, wavy(base[0]), 3, **options)
+def on_mesh(base: Mesh = PLANE, precision: str | None = None, **options) -> bytes:
+    return isocodec.encode(isocodec.Mesh(*base, wavy(base[0]), **options), 3, precision=precision)
+
+
+def surface() -> bytes:
+    return isocodec.encode(isocodec.thin(picture((40, 40), 2).astype(float), error=3.0, layers=3))
 
 
 KINDS: dict[str, tuple[Callable[[], bytes], int]] = {
@@ -156,23 +163,19 @@ KINDS: dict[str, tuple[Callable[[], bytes], int]] = {
     "mask": (masked, 2),
     "coordinates": (with_coordinates, 2),
     "signs, offsets": (partial(on_mesh, progressive=False), 2),
-    "levels, values": (partial(on_mesh, progressive=True, exact=True), 4),
-    "coded mesh": (partial(on_mesh, mesh="whole"), 3),
-    "coded mesh of space": (partial(on_mesh, SPACE, mesh="whole"), 3),
-    "coded points": (lambda: isocodec.encode_mesh(PLANE[0], None, wavy(PLANE[0]), 3), 3),
-    "surface": (lambda: isocodec.encode_tin(picture((40, 40), 2).astype(float), error=3.0, layers=3), 1),
+    "levels, values": (partial(on_mesh, precision="exact", progressive=True), 4),
+    "coded mesh": (partial(on_mesh, stored="whole"), 3),
+    "coded mesh of space": (partial(on_mesh, SPACE, stored="whole"), 3),
+    "coded points": (partial(on_mesh, (PLANE[0], None)), 3),
+    "surface": (surface, 1),
 }
 """Files, and how many runs they have at least."""
 
 
 def decode(kind: str, data: bytes, limits: Limits | None = None) -> None:
     """Decode all runs of a file; where a limit is met, nothing is held of what went beyond it."""
-    if kind == "surface":
-        isocodec.decode_tin(data, limits=limits)
-        return
-    on_explicit = kind not in ("layers", "mask", "coordinates")
     known = PLANE if kind in ("signs, offsets", "levels, values") else None
-    decoder = MeshDecoder(known, limits) if on_explicit else Decoder(limits)
+    decoder = Decoder(limits, mesh=known)
     decoder.feed(data)
     try:
         decoder.close()
@@ -180,10 +183,10 @@ def decode(kind: str, data: bytes, limits: Limits | None = None) -> None:
         assert decoder.memory == 0
         raise
     if kind == "coordinates":
-        assert isinstance(decoder, Decoder)
+        assert isinstance(decoder.contents, GridContents)
         held = decoder.memory
         try:
-            assert decoder.mapped() is not None
+            assert decoder.contents.mapped() is not None
         except LimitError:
             assert decoder.memory == held
             raise
