@@ -88,7 +88,10 @@ def test_full_disk(curve: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch)
 
 # ---- Bad .iso files -------------------------------------------------------------------------------------------------
 
-VERBS = (("decode", "out.npz"), ("decode", "--what", "above", "out.npy"), ("info", None), ("edit", "out.iso"), ("plot", "out.png"))
+VERBS = (
+    ("decode", "out.npz"), ("decode", "--what", "above", "out.npy"), ("info", None), ("edit", "out.iso"),
+    ("plot", "out.png"),
+)
 
 
 def each_verb(source: Path, folder: Path) -> list[list[object]]:
@@ -250,7 +253,9 @@ def test_the_options_of_encode_fit_a_screen(monkeypatch: pytest.MonkeyPatch) -> 
 
 def test_options_that_contradict_one_another_are_named_as_on_the_command_line(hills: Path, tmp_path: Path) -> None:
     encode = ("encode", hills, "-o", tmp_path / "o.iso", "--isovalue", 40)
-    assert "--exact and --signs-only contradict one another" in fails(2, *encode, "--precision", "exact", "--precision", "signs")
+    assert "--exact and --signs-only contradict one another" in fails(
+        2, *encode, "--precision", "exact", "--precision", "signs",
+    )
     assert "exactly one of --isovalue, --interval and --label" in fails(2, *encode, "--label", 1)
 
 

@@ -102,7 +102,9 @@ def test_no_seam(grid: Callable[[], tuple[Array, list[Array]]], options: dict[st
     assert np.array_equal(*order)
     # and it is the curve of the field without a seam: turned by some samples it is the same one
     rolled = [np.roll(a, 7, axis=1) for a in arrays]
-    turned = isocodec.decode(isocodec.encode(grids.placed(np.roll(field, 7, axis=1), rolled, periodic=1, error=1e-4), 0.05, **options))
+    turned = isocodec.decode(
+        isocodec.encode(grids.placed(np.roll(field, 7, axis=1), rolled, periodic=1, error=1e-4), 0.05, **options)
+    )
     fine = isocodec.decode(isocodec.encode(grids.placed(field, arrays, periodic=1, error=1e-4), 0.05, **options))
     cell = np.diff(arrays[0], axis=0).max() if field.ndim == 2 else 0.1
     for one, other in ((turned, fine), (fine, turned)):
@@ -302,7 +304,9 @@ def test_tolerances_by_a_matrix() -> None:
     spaced = isocodec.encode(isocodec.Field(field, placement=(3, 1.5)), 0.05, precision="0.75mm")
     assert spaced == isocodec.encode(isocodec.Field(field, placement=(3, 1.5)), 0.05, precision=0.25)
     turn = np.array([[0.6, 0.8, 1], [-0.8, 0.6, 2]]) * 2
-    assert isocodec.encode(isocodec.Field(field, placement=turn), 0.05, precision="1m") == isocodec.encode(isocodec.Field(field, placement=turn), 0.05, precision=0.5)
+    assert isocodec.encode(
+        isocodec.Field(field, placement=turn), 0.05, precision="1m",
+    ) == isocodec.encode(isocodec.Field(field, placement=turn), 0.05, precision=0.5)
     assert isocodec.encode(field, 0.05, precision="0.5") == isocodec.encode(field, 0.05, precision=0.5)
     for wrong in ("1m", "much", "1 2m", "m", ""):
         with pytest.raises(OptionError):

@@ -18,11 +18,11 @@ import nibabel
 import numpy as np
 import pytest
 import tifffile
+from isocodec.cli.quiet import one_warning
 
 import isocodec
 from commands import BALL, HILLS, fails, ok, process, run
 from inputs import META, virtual
-from isocodec.cli.quiet import one_warning
 from isocodec.errors import InputError, one_line, plain
 from isocodec.io import read_field
 
