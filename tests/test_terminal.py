@@ -22,7 +22,7 @@ import tifffile
 import isocodec
 from commands import BALL, HILLS, fails, ok, process, run
 from inputs import META, virtual
-from isocodec.cli.quiet import one_warning
+from isocodec.cli.report import one_warning
 from isocodec.errors import InputError, one_line, plain
 from isocodec.io import read_field
 
