@@ -37,7 +37,7 @@ def covered(area, shape):
     return shapely.intersects(area, shapely.points(columns, rows))
 
 
-@given(SHAPES, st.integers(0, 2**32 - 1), st.sampled_from([{}, {"signs_only": True}, {"profile": "baseline"}]))
+@given(SHAPES, st.integers(0, 2**32 - 1), st.sampled_from([{}, {"precision": "signs"}, {"profile": "baseline"}]))
 @examples(60)
 def test_samples_lie_in_the_area_of_their_side(shape, seed, way):
     rng = np.random.default_rng(seed)
@@ -53,7 +53,7 @@ def test_samples_lie_in_the_area_of_their_side(shape, seed, way):
 @examples(30)
 def test_coarse_curves_have_areas_too(shape, seed, tolerance):
     rng = np.random.default_rng(seed)
-    both(isocodec.decode(isocodec.encode(rng.normal(size=shape), 0.2, tolerance=tolerance)))
+    both(isocodec.decode(isocodec.encode(rng.normal(size=shape), 0.2, precision=tolerance)))
 
 
 @given(SHAPES, st.integers(0, 2**32 - 1))
@@ -61,7 +61,7 @@ def test_coarse_curves_have_areas_too(shape, seed, tolerance):
 def test_where_points_fall_together(shape, seed):
     """Values equal to the isovalue lie on the rings, which touch themselves, one another and the border."""
     field = np.random.default_rng(seed).integers(0, 4, shape)
-    above, below = both(isocodec.decode(isocodec.encode(field, 1, exact=True)))
+    above, below = both(isocodec.decode(isocodec.encode(field, 1, precision="exact")))
     for area, inside, outside in ((above, field > 1, field < 1), (below, field < 1, field > 1)):
         held = covered(area, shape)
         assert held[inside].all() and not held[outside].any()
@@ -72,7 +72,7 @@ def test_islands_in_lakes():
     for side, value in ((3, 1), (6, 0), (10, 1), (14, 0)):
         field[side:-side, side:-side] = value
     field[20, 0] = 1
-    above, below = both(isocodec.decode(isocodec.encode(field, 0.5, signs_only=True)))
+    above, below = both(isocodec.decode(isocodec.encode(field, 0.5, precision="signs")))
     assert sorted(len(part.interiors) for part in above.geoms) == [0, 1, 1]
     assert sorted(len(part.interiors) for part in below.geoms) == [0, 1, 1]
 
@@ -88,7 +88,7 @@ def test_without_a_curve_the_box_lies_on_one_side(value):
 def test_rings_in_the_world_run_as_in_geojson(placement):
     """Exterior counter-clockwise, holes clockwise, whether or not the placement mirrors the plane."""
     field = np.hypot(*(np.mgrid[:30, :40] - np.array([14, 20]).reshape(2, 1, 1)))
-    contour = isocodec.decode(isocodec.encode(field, 9.0, placement=placement))
+    contour = isocodec.decode(isocodec.encode(isocodec.Field(field, placement=placement), 9.0))
     cell = 1.0 if placement is None else abs(np.linalg.det(matrix(contour)[:, :2]))
     (outside,) = shape_of(contour.areas()).geoms
     (hole,) = outside.interiors
@@ -120,5 +120,7 @@ def test_on_the_command_line(hills: Path, curve: Path, surface: Path, tmp_path: 
     assert json.loads(out.read_text())["properties"]["area"] == "below"
     wrong = fails(2, "decode", curve, "-o", tmp_path / "high.svg", "--what", "areas", "--side", "above")
     assert ".geojson, .gpkg, .fgb, .shp, .parquet only" in wrong
-    assert "cannot hold a surface" in fails(2, "decode", surface, "-o", tmp_path / "high.geojson", "--what", "areas", "--side", "above")
+    assert "cannot hold a surface" in fails(
+        2, "decode", surface, "-o", tmp_path / "high.geojson", "--what", "areas", "--side", "above",
+    )
     assert not (tmp_path / "high.svg").exists()

@@ -8,14 +8,14 @@ from unittest import mock
 
 import numpy as np
 import pytest
+from isocodec.cli.progress import progress_bar
+from isocodec.cli.receive import Drawings
 
 import isocodec
 from brute import INTERPRETED
 from commands import HILLS, fails, ok, run
 from files import picture
 from isocodec import Decoder, FormatError, InputError, LayerComplete, LimitError, Limits
-from isocodec.cli.progress import progress_bar
-from isocodec.cli.receive import Drawings
 from isocodec.drawing import rows as masks
 from isocodec.field.placement import matrix_of, write_placement
 from isocodec.field.samples import check_field
@@ -25,7 +25,7 @@ from isocodec.io.readers.detached import _numbered
 from isocodec.io.writers.output_formats import Cost
 from isocodec.limits import LEVELS, Budget
 from isocodec.storage.atomic import undo_all, undoing
-from isocodec.stream.encoder import Encoder
+from isocodec.stream.encoder import encoder_of
 
 TWO = isocodec.encode(picture((40, 40), 3), [0.5, 9.5])
 
@@ -38,7 +38,7 @@ def test_samples_too_far_from_the_isovalue_are_refused():
     field = np.full((9, 9), 5, np.uint64)
     field[3:6, 3:6] = 2**64 - 1
     with pytest.raises(InputError):
-        isocodec.encode(field, 100, exact=True)
+        isocodec.encode(field, 100, precision="exact")
 
 
 def test_crossings_between_infinite_samples_lie_half_way():
@@ -61,7 +61,7 @@ def test_rows_of_a_mask_go_on_where_those_before_ended():
     """Below the contour all samples of later blocks are unknown but for what the last one tells."""
     field = np.zeros((100, 64), np.uint8)
     field[5:] = 1
-    data = isocodec.encode(field, 0.5, signs_only=True)
+    data = isocodec.encode(field, 0.5, precision="signs")
     with mock.patch.object(masks, "BLOCK", 256):
         assert np.array_equal(isocodec.decode_mask(data), field > 0)
 
@@ -89,20 +89,20 @@ def test_a_file_as_long_as_is_asked_for_stays_as_it_is():
 
 
 def test_the_smallest_step_is_a_tenth():
-    data = isocodec.encode(picture((24, 24), 2), 0, steps=[1.0, 0.1])
+    data = isocodec.encode(picture((24, 24), 2), 0, precision=[1.0, 0.1])
     assert [layer.within for layer in isocodec.inspect(data).layers if layer.within] == [1.0, 0.1]
 
 
 def test_progress_knows_the_isovalues_to_come():
     """The total is never less than what comes."""
     calls = []
-    list(Encoder(picture((40, 40), 3), [0.5, 5.5, 9.5], progress=lambda *both: calls.append(both)))
+    list(encoder_of(picture((40, 40), 3), [0.5, 5.5, 9.5], progress=lambda *both: calls.append(both)))
     assert calls[0][1] > calls[-1][1] // 2 and calls[-1][0] == calls[-1][1]
 
 
 def test_trials_leave_the_isovalue_leaned_on_as_it_was():
     """What is tried for a tolerance uses no steps up."""
-    encoder = Encoder(picture((40, 40), 3), [0.5, 9.5], tolerance=0.5)
+    encoder = encoder_of(picture((40, 40), 3), [0.5, 9.5], precision=0.5)
     decoder = Decoder()
     decoder.feed(b"".join(encoder))
     list(decoder)
@@ -116,7 +116,7 @@ def test_curves_bend_either_way():
     """A field and its negative have the same curve, and so the same places where it bends."""
     field = picture((48, 48), 3).astype(np.float64)
     sizes = [
-        len(isocodec.encode(way * field, way * 0.25, criterion="curvature", parameter=0.15, signs_only=True))
+        len(isocodec.encode(way * field, way * 0.25, layers="curvature=0.15", precision="signs"))
         for way in (1, -1)
     ]
     assert 0.8 < sizes[0] / sizes[1] < 1.25
@@ -124,7 +124,7 @@ def test_curves_bend_either_way():
 
 def test_points_in_the_middles_of_cells_are_smoothed_with_the_others():
     field = np.random.default_rng(3).integers(0, 2, (12, 12, 12))
-    data = isocodec.encode(field, 0.5, signs_only=True)
+    data = isocodec.encode(field, 0.5, precision="signs")
     plain, smooth = isocodec.decode(data).points, isocodec.decode(data, smooth=True).points
     middle = np.count_nonzero(plain % 1, axis=1) > 1
     assert middle.sum() > 5 and (np.abs(plain - smooth)[middle].max(axis=1) > 0).mean() > 0.9
@@ -155,7 +155,7 @@ def test_what_rests_keeps_no_room_for_layers():
     """Not the board, not the crowd, and the account says so."""
     field = np.random.default_rng(2).integers(0, 9, (300, 300))
     decoder = Decoder()
-    decoder.feed(isocodec.encode(field, 4.5, exact=True))
+    decoder.feed(isocodec.encode(field, 4.5, precision="exact"))
     list(decoder)
     tube = decoder._tubes[0]
     rested = at_rest(tube.state)
@@ -177,7 +177,7 @@ def test_listing_values_is_counted_before_it_is_done():
         hold(budget, holder, size, passing)
 
     field = np.random.default_rng(2).integers(0, 9, (120, 120))
-    data = isocodec.encode(field, 4.5, exact=True, profile="baseline")
+    data = isocodec.encode(field, 4.5, precision="exact", profile="baseline")
     with mock.patch.object(Budget, "hold", noted):
         decoder = Decoder()
         decoder.feed(data)
@@ -215,7 +215,7 @@ def test_files_may_be_numbered_downwards():
 def test_degrees_are_not_named(tmp_path):
     """GeoJSON is in degrees unless it is asked to keep the system of the file, which it then names."""
     for system, named in (("EPSG:4326", False), ("EPSG:32631", True)):
-        data = isocodec.encode(HILLS, 100.5, placement=[[0, 1, 5], [1, 0, 6]], metadata={"crs": system})
+        data = isocodec.encode(isocodec.Field(HILLS, placement=[[0, 1, 5], [1, 0, 6]]), 100.5, metadata={"crs": system})
         (tmp_path / "in.iso").write_bytes(data)
         ok("decode", tmp_path / "in.iso", "-o", tmp_path / "out.geojson", "--keep-crs")
         assert ("crs" in json.loads((tmp_path / "out.geojson").read_bytes())) == named
@@ -239,7 +239,7 @@ def test_what_cannot_be_undone_keeps_nothing_else_from_it():
 def test_rounding_is_measured_along_the_finest_axis(tmp_path):
     placement = np.column_stack([np.diag([0.001, 0.001, 10]), [5e4, 5e4, 5e4]])
     field = np.indices((9, 9, 9)).sum(axis=0)
-    (tmp_path / "in.iso").write_bytes(isocodec.encode(field, 12.5, placement=placement))
+    (tmp_path / "in.iso").write_bytes(isocodec.encode(isocodec.Field(field, placement=placement), 12.5))
     result = run("decode", tmp_path / "in.iso", "-o", tmp_path / "a.ply")
     assert result.exit_code == 0 and "are rounded" in result.stderr
 
@@ -264,7 +264,7 @@ def test_memory_that_ends_anywhere_has_its_exit_code(tmp_path, monkeypatch):
 
 
 def test_only_whole_layers_count_as_kept(tmp_path):
-    data = isocodec.encode(picture((60, 60), 3), 0.5, exact=True)
+    data = isocodec.encode(picture((60, 60), 3), 0.5, precision="exact")
     (tmp_path / "in.iso").write_bytes(data)
     for size in (len(data) // 3, len(data) // 2, 2 * len(data) // 3):
         record = json.loads(ok("edit", tmp_path / "in.iso", "-o", tmp_path / "out.iso", "--size", size, "--json"))

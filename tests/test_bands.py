@@ -23,7 +23,7 @@ def shapes(found: list[isocodec.Band]) -> list[shapely.Geometry]:
     return [shapely.geometry.shape(band.geometry) for band in found]
 
 
-@pytest.mark.parametrize("options", [{"exact": True}, {}, {"signs_only": True}])
+@pytest.mark.parametrize("options", [{"precision": "exact"}, {}, {"precision": "signs"}])
 def test_bands(options: dict[str, bool]) -> None:
     for field, values in ((HILLS, VALUES), (picture((25, 31), 5, noise=0.4), [-20.5, 0.5, 10.5])):
         found = isocodec.bands(isocodec.decode_all(isocodec.encode(field, values, **options)))
@@ -55,7 +55,7 @@ def test_of_one_and_with_holes() -> None:
 
 @pytest.mark.parametrize("suffix", [".geojson", ".gpkg", ".fgb", ".shp", ".parquet"])
 def test_files(tmp_path: Path, suffix: str) -> None:
-    data = isocodec.encode(HILLS, VALUES, placement=UTM, metadata={"crs": "EPSG:32631"})
+    data = isocodec.encode(isocodec.Field(HILLS, placement=UTM), VALUES, metadata={"crs": "EPSG:32631"})
     (tmp_path / "in.iso").write_bytes(data)
     more = ["--keep-crs"] if suffix == ".geojson" else []
     ok("decode", tmp_path / "in.iso", "-o", tmp_path / f"b{suffix}", "--what", "bands", *more)
@@ -72,7 +72,9 @@ def test_files(tmp_path: Path, suffix: str) -> None:
 
 
 def test_in_degrees(tmp_path: Path) -> None:
-    (tmp_path / "in.iso").write_bytes(isocodec.encode(HILLS, 80.5, placement=UTM, metadata={"crs": "EPSG:32631"}))
+    (tmp_path / "in.iso").write_bytes(
+        isocodec.encode(isocodec.Field(HILLS, placement=UTM), 80.5, metadata={"crs": "EPSG:32631"})
+    )
     ok("decode", tmp_path / "in.iso", "-o", tmp_path / "b.geojson", "--what", "bands")
     features = json.loads((tmp_path / "b.geojson").read_text())["features"]
     assert [feature["properties"] for feature in features] == [

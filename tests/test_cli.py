@@ -17,8 +17,8 @@ import trimesh
 from PIL import Image
 
 import isocodec
-from isocodec.api.export import counted
 from commands import HILLS, fails, ok, run
+from isocodec.api.export import counted
 
 # ---- encode ---------------------------------------------------------------------------------------------------------
 
@@ -81,7 +81,10 @@ def test_encode_floats_in_steps(tmp_path: Path) -> None:
 
 def test_encode_of_a_channel_and_of_a_key(tmp_path: Path, curve_data: bytes) -> None:
     Image.fromarray(np.dstack([HILLS // 2, HILLS, HILLS])).save(tmp_path / "c.png")
-    ok("encode", tmp_path / "c.png", "-o", tmp_path / "c.iso", "--isovalue", 80.5, "--precision", "exact", "--channel", 1)
+    ok(
+        "encode", tmp_path / "c.png", "-o", tmp_path / "c.iso", "--isovalue", 80.5, "--precision", "exact",
+        "--channel", 1,
+    )
     np.savez(tmp_path / "k.npz", a=HILLS // 2, b=HILLS)
     ok("encode", tmp_path / "k.npz", "-o", tmp_path / "k.iso", "--isovalue", 80.5, "--precision", "exact", "--key", "b")
     tifffile.imwrite(tmp_path / "t.tif", HILLS)

@@ -13,8 +13,8 @@ import numpy as np
 import pytest
 
 import isocodec
-from isocodec.api.export import counted
 from commands import HILLS, fails, ok, process, run
+from isocodec.api.export import counted
 from isocodec.cli import main
 from isocodec.cli import report as progress_module
 from isocodec.cli.options import HEADINGS
@@ -146,7 +146,7 @@ def cut(tmp_path: Path, curve_data: bytes) -> Path:
 
 def only_partial(verb: str, cut: Path, out: Path) -> None:
     """A verb takes what was received, with a warning, if it is told so, and nothing otherwise."""
-    assert fails(5, verb, cut, "-o", out).endswith(": use --partial to decode what there is")
+    assert fails(5, verb, cut, "-o", out).endswith(": use --partial to decode what is there")
     assert not out.exists()
     result = run(verb, cut, "-o", out, "--partial")
     assert result.exit_code == 0
@@ -175,7 +175,7 @@ def test_a_truncated_file_is_drawn_and_said_to_be_one(cut: Path, tmp_path: Path,
     only_partial("plot", cut, out)
     begin = isocodec.open(curve_data).info.layers[0].offset
     cut.write_bytes(curve_data[:begin])
-    assert not fails(5, "plot", cut, "-o", out, "--partial").endswith("use --partial to decode what there is")
+    assert not fails(5, "plot", cut, "-o", out, "--partial").endswith("use --partial to decode what is there")
     result = run("info", cut)
     assert result.exit_code == 0 and f"the file ends after {begin} bytes, before it is complete" in result.stderr
 
@@ -189,7 +189,7 @@ def test_a_file_that_ends_within_its_first_layer_is_drawn(tmp_path: Path, mesh: 
     short = isocodec.open(data).edited(size=first.offset + first.bytes // 2 + 8)
     (tmp_path / "short.iso").write_bytes(short)
     (tmp_path / "off.iso").write_bytes(data[: first.offset + first.bytes // 2])
-    options = ["--mesh"] if mesh else []
+    options = ["--draw-mesh"] if mesh else []
     out = ok("plot", tmp_path / "short.iso", "-o", tmp_path / "a.png", *options)
     assert f"1 step of {len(short)} bytes" in out
     result = run("plot", tmp_path / "off.iso", "-o", tmp_path / "b.png", "--partial", *options)
@@ -428,6 +428,6 @@ def test_an_isovalue_equal_to_the_maximum(hills: Path, tmp_path: Path) -> None:
     outside, tied = warnings_of(hills, tmp_path / "a.iso", "--isovalue", most)
     assert outside == f"the isovalue {most} lies outside the data ({HILLS.min()} to {most}): the curve is empty"
     assert tied.startswith(f"{(most == HILLS).sum()} samples equal the isovalue {most}: they count as below")
-    assert not isocodec.open((tmp_path / "a.iso").read_bytes).above(()).any()
+    assert not isocodec.open(tmp_path / "a.iso").above().any()
     assert warnings_of(hills, tmp_path / "a.iso", "--isovalue", most - 1, "--precision", "signs") == []
-    assert np.array_equal(isocodec.open((tmp_path / "a.iso").read_bytes).above(()), most == HILLS)
+    assert np.array_equal(isocodec.open(tmp_path / "a.iso").above(), most == HILLS)

@@ -21,6 +21,7 @@ from isocodec import (
     encode,
     inspect,
 )
+from isocodec.entropy.run import Account
 from isocodec.format.domain import DomainHead, read_domain, write_domain
 from isocodec.mesh.mesh_run import decoded_mesh, encoded_mesh
 from isocodec.mesh.quantised import quantised
@@ -48,7 +49,7 @@ def test_meshes_return(name):
         used, numbers = np.unique(cells, return_inverse=True)
         found, domain = quantised(points[used], numbers.reshape(cells.shape), 0.001)
         run, coded, order = encoded_mesh(domain, found.extent, found.unit)
-        back = decoded_mesh(run, 0, len(used), len(cells), cells.shape[1], found.extent, found.unit)
+        back = decoded_mesh(run, 0, (len(used), len(cells)), cells.shape[1], found.extent, found.unit, Account())
         assert np.array_equal(back.mesh.cell, coded.mesh.cell)
         assert np.array_equal(back.mesh.position, domain.mesh.position[order])
         assert same_cells(order[back.mesh.cell]) == same_cells(domain.mesh.cell)
@@ -156,7 +157,7 @@ def test_random_runs():
         data = rng.bytes(int(rng.integers(1, 60)))
         vertices, cells = rng.integers(corners, 30), rng.integers(1, 40)
         try:
-            found = decoded_mesh(data, 0, int(vertices), int(cells), corners, [50] * d, 1.0)
+            found = decoded_mesh(data, 0, (int(vertices), int(cells)), corners, [50] * d, 1.0, Account())
         except IsoError as error:
             ended[error.code] = ended.get(error.code, 0) + 1
             continue

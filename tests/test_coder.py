@@ -8,6 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from brute import examples
+from isocodec.entropy.contexts import no_blend, rates
 from isocodec.entropy.mixer import HOLES
 from isocodec.entropy.range_coder import (
     BEYOND,
@@ -22,9 +23,8 @@ from isocodec.entropy.range_coder import (
     finish,
     start,
 )
-from isocodec.grid.models.contexts import CONTEXTS, models, rates
+from isocodec.grid.models.contexts import CONTEXTS, models
 from isocodec.grid.models.parabola import LEAST, MOST, NEXT, ONWARD, STIFFNESS, extrapolation, nearer, through_the_gate
-from isocodec.grid.models.trained import no_blend
 
 HALF = ONE // 2
 ADAPTIVE = rates()

@@ -20,6 +20,7 @@ import isocodec
 from commands import BALL, HILLS, fails, ok, run
 from isocodec.drawing.pictures.map_picture import DARK, LIGHT, index_lines
 from isocodec.drawing.pictures.relief import shaded
+from isocodec.field.placement import Placement
 
 SVG = "{http://www.w3.org/2000/svg}"
 UTM = "placement=0 30 500000 -20 0 5000000"
@@ -307,8 +308,13 @@ def test_a_mapped_grid(tmp_path: Path) -> None:
     """Lines lie where its coordinates say."""
     x = np.cumsum(1 + np.arange(61) / 60)
     data = isocodec.encode(
-        COLUMNS, [10.0, 30.0, 50.0], tolerance=0.005, coordinates_error=0.001,
-        coordinates=(np.broadcast_to(x, COLUMNS.shape), np.broadcast_to(-ROWS, ROWS.shape)),
+        isocodec.Field(
+            COLUMNS,
+            placement=Placement(
+                coordinates=(np.broadcast_to(x, COLUMNS.shape), np.broadcast_to(-ROWS, ROWS.shape)), error=0.001,
+            ),
+        ),
+        [10.0, 30.0, 50.0], precision=0.005,
     )
     (tmp_path / "m.iso").write_bytes(data)
     map_ = drawn(tmp_path / "m.iso", "--index", 1)
@@ -336,7 +342,7 @@ def test_errors(plane: Path, tmp_path: Path) -> None:
     np.save(tmp_path / "nan.npy", COLUMNS * np.nan)
     isocodec.save(tmp_path / "plane.iso", COLUMNS, 10.5)
     isocodec.save(tmp_path / "ball.iso", BALL, 60.5)
-    isocodec.encode_tiles(COLUMNS, 10.5, tmp_path / "tiles.iso", tile=32)
+    isocodec.save(tmp_path / "tiles.iso", COLUMNS, 10.5, tile=32)
     (tmp_path / "cut.iso").write_bytes((tmp_path / "plane.iso").read_bytes()[:-9])
     (tmp_path / "no.iso").write_bytes(b"no curve")
     for code, source, more, word in (
@@ -383,7 +389,9 @@ def test_standard_input(plane: Path, tmp_path: Path) -> None:
     from isocodec.cli import main
 
     result = CliRunner().invoke(
-        main, ["plot", "--map", "-", "--kind", "npy", "-o", str(tmp_path / "a.png")], input=io.BytesIO(plane.read_bytes())
+        main, [
+            "plot", "--map", "-", "--kind", "npy", "-o", str(tmp_path / "a.png"),
+        ], input=io.BytesIO(plane.read_bytes())
     )
     assert result.exit_code == 0, result.output
     ok("plot", "--map", plane, "-o", tmp_path / "b.png")
@@ -400,7 +408,9 @@ def test_glyphs_that_are_not_there_are_one_warning(plane: Path) -> None:
 def test_degrees_of_the_globe(tmp_path: Path) -> None:
     """Ticks stand at the quarters of a circle, and 180 degrees are neither west nor east."""
     field = np.cos(np.radians(np.arange(0, 360, 5)))[None] + np.zeros((35, 1))
-    data = isocodec.encode(field, 0.5, placement=[[0, 5, 0], [-5, 0, 85]], metadata={"crs": "EPSG:4326"})
+    data = isocodec.encode(
+        isocodec.Field(field, placement=[[0, 5, 0], [-5, 0, 85]]), 0.5, metadata={"crs": "EPSG:4326"},
+    )
     (tmp_path / "a.iso").write_bytes(data)
     ok("plot", "--map", tmp_path / "a.iso", "-o", tmp_path / "a.svg")
     text = (tmp_path / "a.svg").read_text()

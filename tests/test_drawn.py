@@ -54,7 +54,7 @@ def test_each_step_is_what_its_bytes_decode_to(curve: Path, curve_data: bytes, d
 @pytest.mark.parametrize("mesh", [False, True])
 def test_the_last_step_of_a_part_of_a_file(tmp_path: Path, drawn: list[Step], mesh: bool) -> None:
     """Behind the whole layers comes what the bytes of the next one tell: of all bytes, and with no promise."""
-    data = isocodec.encode(field_of((50, 60), 3), 0.5, steps=[4, 1, 0.25])
+    data = isocodec.encode(field_of((50, 60), 3), 0.5, precision=[4, 1, 0.25])
     layers = isocodec.inspect(data, symbols=True).layers
     promised = [i for i, layer in enumerate(layers, 1) if layer.within]
     last = layers[-1]
@@ -77,7 +77,7 @@ def test_the_last_step_of_a_part_of_a_file(tmp_path: Path, drawn: list[Step], me
 
 
 def test_a_part_that_ends_with_a_layer_has_no_step_more(tmp_path: Path, drawn: list[Step]) -> None:
-    data = isocodec.truncate(isocodec.encode(HILLS, 80.5, base_level=4), layers=2)
+    data = isocodec.truncate(isocodec.encode(HILLS, 80.5, layers=4), layers=2)
     part = tmp_path / "part.iso"
     part.write_bytes(data[:-2])
     result = run("plot", part, "-o", tmp_path / "a.png", "--partial")
@@ -89,7 +89,9 @@ def test_a_part_that_ends_with_a_layer_has_no_step_more(tmp_path: Path, drawn: l
 
 
 @pytest.mark.parametrize(
-    ("verb", "out", "word"), [("decode", "c.svg", "decoded"), ("plot", "c.png", "drawn"), ("decode", "--what", "above", "c.npy", "decoded")]
+    ("verb", "out", "word"), [
+        ("decode", "c.svg", "decoded"), ("plot", "c.png", "drawn"), ("decode", "--what", "above", "c.npy", "decoded"),
+    ]
 )
 def test_truncated_files_are_not_called_invalid(tmp_path: Path, verb: str, out: str, word: str) -> None:
     data = isocodec.encode(HILLS, 80.5)
@@ -147,7 +149,7 @@ def test_the_mesh_under_a_curve_is_its_triangles(curve_data: bytes) -> None:
 def test_the_mesh_of_a_surface_is_what_looks_at_the_viewer(field: np.ndarray) -> None:
     """Of a ball the nearer half, whichever side of it is above; triangles as they lie in the picture of the surface."""
     isovalue = 55.5 if field is BALL else 44.5
-    contour = isocodec.decode(isocodec.encode(field, isovalue, exact=True))
+    contour = isocodec.decode(isocodec.encode(field, isovalue, precision="exact"))
     corners = contour.points[contour.cells] - 8.0
     world = upright(contour).T
     near = corners.mean(axis=1) @ world @ USUAL.towards

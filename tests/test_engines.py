@@ -109,7 +109,10 @@ def test_tiles_of_hdf5(tmp_path: Path) -> None:
     with h5py.File(tmp_path / "a.h5", "w") as file:
         file.create_dataset("deep/values", data=field[None])
         file.create_dataset("bounds", data=np.zeros((13, 2)))
-    ok("tile", tmp_path / "a.h5", "-o", tmp_path / "a.iso", "--isovalue", 200.5, "--precision", "exact", "--key", "deep/values")
+    ok(
+        "tile", tmp_path / "a.h5", "-o", tmp_path / "a.iso", "--isovalue", 200.5, "--precision", "exact", "--key",
+        "deep/values",
+    )
     made, whole = isocodec.decode(tmp_path / "a.iso"), isocodec.decode(isocodec.encode(field, 200.5, precision="exact"))
     assert len(made.points) > 4 and set(map(tuple, made.points)) == set(map(tuple, whole.points))
     assert "deep/values" in fails(3, "tile", tmp_path / "a.h5", "-o", tmp_path / "b.iso", "--isovalue", 200.5)

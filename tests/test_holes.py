@@ -64,7 +64,7 @@ def blobs(shape: tuple[int, ...], seed: int, share: float) -> tuple[np.ndarray, 
 @pytest.mark.parametrize("isovalue", [80.5, 120.25])
 def test_curves_are_those_of_find_contours(profile: str, isovalue: float) -> None:
     field = np.where(HOLE, np.nan, FLOATS)
-    contour = isocodec.decode(isocodec.encode(field, isovalue, step=1e-6, profile=profile))
+    contour = isocodec.decode(isocodec.encode(field, isovalue, precision="step=1e-6", profile=profile))
     assert close(contour.points, np.concatenate(find_contours(field, isovalue)), 1e-5)
     contour = isocodec.decode(isocodec.encode(field, isovalue, profile=profile))
     assert close(contour.points, np.concatenate(find_contours(field, isovalue)), 0.05)
@@ -83,7 +83,7 @@ def test_random_masks_in_the_plane(shape: tuple[int, int], seed: int, share: flo
         return
     field[gone] = np.nan
     base = None if base is None else min(base, 2 * (max(shape) - 2).bit_length())
-    data = isocodec.encode(field, 0.1, step=1e-7, base_level=base, profile="baseline")
+    data = isocodec.encode(field, 0.1, precision="step=1e-7", layers=base, profile="baseline")
     theirs = find_contours(field, 0.1)
     assert close(isocodec.decode(data).points, np.concatenate(theirs) if theirs else np.zeros((0, 2)), 1e-5)
     assert np.array_equal(isocodec.decode_valid(data), ~gone)
@@ -101,7 +101,7 @@ def test_random_masks_in_space(shape: tuple[int, int, int], seed: int, share: fl
     field, gone = blobs(shape, seed, share)
     if gone.all():
         return
-    data = isocodec.encode(field, 0.1, step=1e-7, mask=gone, profile=profile)
+    data = isocodec.encode(isocodec.Field(field, mask=gone), 0.1, precision="step=1e-7", profile=profile)
     contour = isocodec.decode(data)
     # without those in the middles of cells
     on_edges = (np.abs(contour.points - np.rint(contour.points)) > 1e-9).sum(axis=1) <= 1
@@ -113,15 +113,15 @@ def test_masked_arrays_masks_and_nan_are_the_same() -> None:
     """A mask counts besides NaN; what lies under it does not matter."""
     data = isocodec.encode(np.where(HOLE, np.nan, FLOATS), 80.5)
     assert isocodec.encode(np.ma.masked_array(FLOATS, HOLE), 80.5) == data
-    assert isocodec.encode(np.where(HOLE, 1e30, FLOATS), 80.5, mask=HOLE) == data
+    assert isocodec.encode(isocodec.Field(np.where(HOLE, 1e30, FLOATS), mask=HOLE), 80.5) == data
     part = np.where(HOLE & (np.arange(HILLS.shape[1]) < 15), np.nan, FLOATS)
-    assert isocodec.encode(part, 80.5, mask=HOLE) == data
+    assert isocodec.encode(isocodec.Field(part, mask=HOLE), 80.5) == data
 
 
 def test_without_missing_samples_there_is_no_mask() -> None:
     data = isocodec.encode(HILLS, 80.5)
     assert isocodec.encode(np.ma.masked_array(HILLS, False), 80.5) == data
-    assert isocodec.encode(HILLS, 80.5, mask=np.zeros_like(HOLE)) == data
+    assert isocodec.encode(isocodec.Field(HILLS, mask=np.zeros_like(HOLE)), 80.5) == data
     assert isocodec.inspect(data).mask_bytes is None
     assert isocodec.decode_valid(data).all()
 
@@ -129,21 +129,21 @@ def test_without_missing_samples_there_is_no_mask() -> None:
 @pytest.mark.parametrize("mask", [HOLE[1:], HOLE.astype(int), np.zeros((3, 3, 3), bool)])
 def test_masks_of_another_shape_or_type(mask: np.ndarray) -> None:
     with pytest.raises(InputError, match="the mask has") as caught:
-        isocodec.encode(HILLS, 80.5, mask=mask)
+        isocodec.encode(isocodec.Field(HILLS, mask=mask), 80.5)
     assert caught.value.code == "mask"
 
 
 def test_areas_are_not_closed_along_holes() -> None:
-    contour = isocodec.decode(isocodec.encode(FLOATS, 80.5, mask=HOLE))
+    contour = isocodec.decode(isocodec.encode(isocodec.Field(FLOATS, mask=HOLE), 80.5))
     with pytest.raises(isocodec.OptionError, match="missing samples"):
         contour.areas()
 
 
-@pytest.mark.parametrize("options", [{}, {"exact": True}, {"signs_only": True}, {"tolerance": 1.0}])
+@pytest.mark.parametrize("options", [{}, {"precision": "exact"}, {"precision": "signs"}, {"precision": 1.0}])
 def test_areas_closed_along_holes(options: dict[str, object]) -> None:
     """Both sides together are the whole cells, and valid samples lie in the area of their side."""
     shapely = pytest.importorskip("shapely")
-    data = isocodec.encode(HILLS, 80.5, mask=HOLE, **options)
+    data = isocodec.encode(isocodec.Field(HILLS, mask=HOLE), 80.5, **options)
     contour, valid = isocodec.decode(data, through_holes=True), isocodec.decode_valid(data)
     sides = [shapely.geometry.shape(contour.areas(above=side, valid=valid)) for side in (True, False)]
     whole = valid[:-1, :-1] & valid[1:, :-1] & valid[:-1, 1:] & valid[1:, 1:]
@@ -163,7 +163,7 @@ def test_areas_closed_along_holes(options: dict[str, object]) -> None:
 
 
 def test_what_areas_along_holes_take() -> None:
-    data = isocodec.encode(FLOATS, 80.5, mask=HOLE)
+    data = isocodec.encode(isocodec.Field(FLOATS, mask=HOLE), 80.5)
     with pytest.raises(isocodec.OptionError, match="valid has shape"):
         isocodec.decode(data, through_holes=True).areas(valid=np.ones((3, 3), bool))
 
@@ -177,21 +177,21 @@ def test_nothing_is_left() -> None:
 def test_types_of_samples(dtype: str) -> None:
     field = (HILLS > 90) if dtype == "bool" else HILLS.astype(dtype)
     isovalue = 0.5 if dtype == "bool" else 90.5
-    data = isocodec.encode(field, isovalue, mask=HOLE, signs_only=True)
+    data = isocodec.encode(isocodec.Field(field, mask=HOLE), isovalue, precision="signs")
     assert np.array_equal(isocodec.decode_mask(data)[~HOLE], (field > isovalue)[~HOLE])
 
 
 @pytest.mark.parametrize("options", [
-    {"tolerance": 0.5}, {"tolerance": 1.0, "preserve_topology": True}, {"steps": (2.0, 0.5)},
-    {"criterion": "distortion", "parameter": 0.5},
+    {"precision": 0.5}, {"precision": 1.0, "keep_topology": True}, {"precision": (2.0, 0.5)},
+    {"layers": "distortion=0.5"},
 ])
 @pytest.mark.parametrize("n", [2, 3])
 def test_promises_hold_for_what_is_left(options: dict[str, object], n: int) -> None:
     """Distances both ways, between the curves as they end at holes."""
     field = FLOATS if n == 2 else FLOATS[::4, ::4, None] + 6.0 * np.arange(8)
     gone = HOLE if n == 2 else np.random.default_rng(3).random(field.shape) < 0.02
-    contour = isocodec.decode(isocodec.encode(field, 100.5, mask=gone, **options))  # type: ignore[arg-type]
-    whole = isocodec.decode(isocodec.encode(field, 100.5, mask=gone, step=1e-7))
+    contour = isocodec.decode(isocodec.encode(isocodec.Field(field, mask=gone), 100.5, **options))  # type: ignore[arg-type]
+    whole = isocodec.decode(isocodec.encode(isocodec.Field(field, mask=gone), 100.5, precision="step=1e-7"))
     tolerance = options.get("tolerance") or options.get("parameter") or 0.5
     assert isinstance(tolerance, float)
     assert_within(contour, whole, tolerance + 1e-6)
@@ -290,7 +290,7 @@ def test_hostile_masks() -> None:
 
 
 def test_truncated_files_keep_their_mask() -> None:
-    data = isocodec.encode(np.where(HOLE, np.nan, FLOATS), 80.5, base_level=0)
+    data = isocodec.encode(np.where(HOLE, np.nan, FLOATS), 80.5, layers=0)
     for kept in (isocodec.truncate(data, layers=9), isocodec.truncate(data, max_bytes=len(data) - 40)):
         assert isocodec.inspect(kept).mask_bytes == isocodec.inspect(data).mask_bytes
         assert np.array_equal(isocodec.decode_valid(kept), ~HOLE)
@@ -305,8 +305,8 @@ def test_holes_cost_less_than_what_they_replace() -> None:
     from isocodec.field.missing import filled as replaced
 
     nearest = isocodec.encode(replaced(filled, gone, "nearest", [0.2]), 0.2)
-    mask = isocodec.encode(~gone, 0.5, signs_only=True)
-    assert len(isocodec.encode(field, 0.2, mask=gone)) <= 0.85 * (len(nearest) + len(mask))
+    mask = isocodec.encode(~gone, 0.5, precision="signs")
+    assert len(isocodec.encode(isocodec.Field(field, mask=gone), 0.2)) <= 0.85 * (len(nearest) + len(mask))
 
 
 def test_on_the_command_line(tmp_path: Path) -> None:
@@ -319,7 +319,10 @@ def test_on_the_command_line(tmp_path: Path) -> None:
         ok("encode", tmp_path / "b.npy", "-o", tmp_path / "b.iso", "--isovalue", 80.5, "--nodata", -9999, *more)
         assert (tmp_path / "b.iso").read_bytes() == isocodec.encode(field, 80.5)
     assert "mask" in ok("info", tmp_path / "a.iso")
-    ok("decode", tmp_path / "a.iso", "-o", tmp_path / "a.geojson", "--what", "areas", "--side", "above", "--along-holes")
+    ok(
+        "decode", tmp_path / "a.iso", "-o", tmp_path / "a.geojson", "--what", "areas", "--side", "above",
+        "--along-holes",
+    )
     fails(2, "decode", tmp_path / "a.iso", "-o", tmp_path / "b.geojson", "--what", "areas", "--side", "above")
     fails(2, "decode", tmp_path / "a.iso", "-o", tmp_path / "b.geojson", "--along-holes")
     ok("decode", "--what", "above", tmp_path / "a.iso", "-o", tmp_path / "valid.npy", "--what", "valid")

@@ -26,31 +26,35 @@ def test_labels_come_back(profile: str, seed: int, axes: int) -> None:
     rng = np.random.default_rng(seed)
     field = rng.choice([0, 1, 2, 7, 300], (7, 6, 5)[:axes])
     labels = [int(label) for label in rng.permutation(np.unique(field))]
-    data = isocodec.encode_labels(field, labels, profile=profile)
+    data = isocodec.encode(isocodec.Field(field, labels=labels), profile=profile)
     assert np.array_equal(isocodec.decode_labels(data), field)
     assert isocodec.inspect(data).metadata["labels"] == " ".join(map(str, labels))
     for contour, label in zip(isocodec.decode_all(data), labels, strict=True):
-        alone = isocodec.decode(isocodec.encode(field == label, 0.5, signs_only=True))
+        alone = isocodec.decode(isocodec.encode(field == label, 0.5, precision="signs"))
         assert contour.isovalue == label
         assert np.array_equal(np.sort(contour.points, axis=0), np.sort(alone.points, axis=0))
         assert np.array_equal(isocodec.decode_mask(data, isovalue=label), field == label)
 
 
 def test_types_and_what_is_left_out() -> None:
-    assert isocodec.decode_labels(isocodec.encode_labels(ZONES, [1, 3])).dtype == np.uint8
-    assert np.array_equal(isocodec.decode_labels(isocodec.encode_labels(ZONES, [3, 1])), np.where(ZONES == 2, 0, ZONES))
+    assert isocodec.decode_labels(isocodec.encode(isocodec.Field(ZONES, labels=[1, 3]))).dtype == np.uint8
+    assert np.array_equal(
+        isocodec.decode_labels(isocodec.encode(isocodec.Field(ZONES, labels=[3, 1]))), np.where(ZONES == 2, 0, ZONES),
+    )
     below = np.where(ZONES == 1, -300, ZONES)
-    back = isocodec.decode_labels(isocodec.encode_labels(below, [-300, 2]))
+    back = isocodec.decode_labels(isocodec.encode(isocodec.Field(below, labels=[-300, 2])))
     assert back.dtype == np.int16 and np.array_equal(back, np.where(ZONES == 3, 0, below))
     halves = ZONES / 2
-    assert np.array_equal(isocodec.decode_labels(isocodec.encode_labels(halves, [0.5, 1.0, 1.5])), halves)
+    assert np.array_equal(
+        isocodec.decode_labels(isocodec.encode(isocodec.Field(halves, labels=[0.5, 1.0, 1.5]))), halves,
+    )
 
 
 def test_holes_and_places() -> None:
     field = ZONES.astype(float)
     field[3:6, 4:9] = np.nan
     place = np.array([[0.0, 30, 5e5], [-20, 0, 5e6]])
-    data = isocodec.encode_labels(isocodec.Field(field, placement=place, crs="EPSG:32631"), [1, 2])
+    data = isocodec.encode(isocodec.Field(isocodec.Field(field, placement=place, crs="EPSG:32631"), labels=[1, 2]))
     assert np.array_equal(isocodec.decode_valid(data), ~np.isnan(field))
     first = isocodec.decode(data)
     assert first.metadata["crs"] == "EPSG:32631" and np.array_equal(matrix(first), place)
@@ -60,7 +64,7 @@ def test_holes_and_places() -> None:
 
 def test_coarser() -> None:
     """Within a tolerance of the border that runs half-way; then samples are not told."""
-    data = isocodec.encode_labels(ZONES, [1, 2], tolerance=1.0)
+    data = isocodec.encode(isocodec.Field(ZONES, labels=[1, 2]), precision=1.0)
     with pytest.raises(OptionError, match="coarser"):
         isocodec.decode_labels(data)
     assert [kept.wrong for kept in isocodec.verify(data, ZONES)] == [None, None]
@@ -73,34 +77,34 @@ def test_refused() -> None:
         ([], OptionError, "no labels"),
     ):
         with pytest.raises(error, match=says):
-            isocodec.encode_labels(ZONES, labels)
+            isocodec.encode(isocodec.Field(ZONES, labels=labels))
     with pytest.raises(InputError):
-        isocodec.encode_labels(ZONES[0], [1])
+        isocodec.encode(isocodec.Field(ZONES[0], labels=[1]))
     with pytest.raises(OptionError, match="no labels"):
         isocodec.decode_labels(isocodec.encode(HILLS, 80.5))
-    data = isocodec.encode_labels(ZONES, [1, 2])
+    data = isocodec.encode(isocodec.Field(ZONES, labels=[1, 2]))
     with pytest.raises(InputError, match="labels cannot be merged"):
-        isocodec.merge([data, isocodec.encode_labels(ZONES, [3])])
+        isocodec.merge([data, isocodec.encode(isocodec.Field(ZONES, labels=[3]))])
 
 
 def test_recoded() -> None:
-    data = isocodec.encode_labels(SHELLS, [1, 2])
+    data = isocodec.encode(isocodec.Field(SHELLS, labels=[1, 2]))
     made = isocodec.transcode(data, profile="baseline")
-    assert made == isocodec.encode_labels(SHELLS, [1, 2], profile="baseline")
+    assert made == isocodec.encode(isocodec.Field(SHELLS, labels=[1, 2]), profile="baseline")
     assert np.array_equal(isocodec.decode_labels(made), SHELLS)
 
 
 @pytest.mark.parametrize(("labels", "more", "options"), [
     ([2, 1], [], {}), ([1, 2, 3], ["--profile", "baseline"], {"profile": "baseline"}),
     ([1, 2], ["--spacing", "2,3", "--metadata", "a=b"], {"placement": [2, 3], "metadata": {"a": "b"}}),
-    ([1, 2], ["--precision", "0.5", "--keep-topology"], {"tolerance": 0.5, "preserve_topology": True}),
+    ([1, 2], ["--precision", "0.5", "--keep-topology"], {"precision": 0.5, "keep_topology": True}),
 ])
 def test_command(tmp_path: Path, labels: list[int], more: list[str], options: dict[str, Any]) -> None:
     source, out = tmp_path / "z.npy", tmp_path / "z.iso"
     np.save(source, ZONES)
     given = [word for label in labels for word in ("--label", label)]
     assert f"{len(labels)} labels" in ok("encode", source, "-o", out, *given, *more)
-    assert out.read_bytes() == isocodec.encode_labels(ZONES, labels, **options)
+    assert out.read_bytes() == isocodec.encode(isocodec.Field(ZONES, labels=labels), **options)
     if "tolerance" in options:
         assert ok("verify", source, out)
     else:
@@ -115,7 +119,9 @@ def test_command_refuses(tmp_path: Path) -> None:
     source, out = tmp_path / "z.npy", tmp_path / "z.iso"
     np.save(source, ZONES)
     encode = ("encode", source, "-o", out, "--label", 1, "--label", 2)
-    for more in (["--precision", "exact"], ["--missing", "below"], ["--interval", 1], ["--periodic", 0], ["--precision", "2,1"]):
+    for more in (
+        ["--precision", "exact"], ["--missing", "below"], ["--interval", 1], ["--periodic", 0], ["--precision", "2,1"],
+    ):
         assert "label" in fails(2, *encode, *more)
     assert "contradict" in fails(2, *encode, "--precision", 1, "--precision", "signs")
     assert "the labels are 0, 1, 2, 3" in fails(3, *encode, "--label", 9)

@@ -152,10 +152,10 @@ def test_layers_that_may_not_come(layers: list[tuple[int, ...]], clause: str) ->
 def run_of_nothing(mesh: Mesh, layer: tuple[int, ...]) -> bytes:
     """The run of a layer in which all vertices lie below."""
     strand = MeshIsovalue(complex_of(*mesh)[0], 9.5)
-    strand.run.begin(None)
+    run = strand.write()
     none = np.zeros(len(mesh[0]), np.bool_)
     if layer == (0,):
         strand.code_signs(none)
     elif layer == (3, 1):
         strand.code_levels(history_of(strand.domain), 1, none)
-    return strand.run.end()
+    return run.end()

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import gc
-import sys
 import tracemalloc
 import weakref
 from dataclasses import replace
@@ -18,6 +17,7 @@ from commands import fails, ok
 from files import picture
 from isocodec import Decoder, InputError, IsoError, LimitError, Limits, OptionError
 from isocodec import limits as module
+from isocodec.entropy import run
 from isocodec.grid.passes.runner import Tube
 from isocodec.io.writers.registry import find
 from isocodec.io.writers.things import Areas, thing_of
@@ -89,8 +89,8 @@ class Traced(Budget):
 
 
 WAYS = {
-    "signs": {"signs_only": True}, "offsets": {}, "values": {"exact": True},
-    "reduced": {"criterion": "crossing", "tolerance": 0.2}, "reduced values": {"criterion": "crossing", "exact": True},
+    "signs": {"precision": "signs"}, "offsets": {}, "values": {"precision": "exact"},
+    "reduced": {"layers": "crossing", "precision": 0.2}, "reduced values": {"layers": "crossing", "precision": "exact"},
 }
 
 
@@ -130,8 +130,10 @@ def test_writing_takes_no_more_than_is_counted(n, suffix, rough):
     # coordinates with many digits
     placement = np.column_stack([np.eye(n) * 12.345, np.full(n, 1e6 / 3)])
     crs = {"crs": "EPSG:3857"} if suffix == ".pmtiles" else None
-    contour = isocodec.decode(isocodec.encode(field(n, size, rough), 0.5, placement=placement, metadata=crs))
-    small = isocodec.decode(isocodec.encode(field(n, 6, 1), 0.5, placement=placement, metadata=crs))
+    contour = isocodec.decode(
+        isocodec.encode(isocodec.Field(field(n, size, rough), placement=placement), 0.5, metadata=crs)
+    )
+    small = isocodec.decode(isocodec.encode(isocodec.Field(field(n, 6, 1), placement=placement), 0.5, metadata=crs))
 
     what, suffix = (lambda one: Areas([one], "above"), ".geojson") if suffix == "areas" else (lambda one: one, suffix)
     rendered(what(small), suffix)
@@ -172,7 +174,7 @@ def test_lone_vertices_are_refused_at_the_same_symbol_however_they_come():
 @pytest.mark.skipif(INTERPRETED, reason="takes long")
 def test_drawing_has_a_limit_of_its_own():
     """The decoder can still be used, and so can a smaller drawing."""
-    data = isocodec.encode(field(3, 40, 1), 0.5, signs_only=True)
+    data = isocodec.encode(field(3, 40, 1), 0.5, precision="signs")
     decoder = Decoder()
     decoder.feed(data)
     decoder.close()
@@ -216,14 +218,14 @@ def test_earlier_isovalues_keep_only_what_is_needed_of_them():
 
 def test_work_is_limited_by_what_has_been_read():
     """More symbols than that are refused, at the same one however the bytes come; the limit grows with the file."""
-    data = isocodec.encode(picture((90, 90), 2, noise=0.3), 0, signs_only=True)
+    data = isocodec.encode(picture((90, 90), 2, noise=0.3), 0, precision="signs")
     symbols = sum(s for layer in isocodec.inspect(data, symbols=True).layers for s in layer.symbols.values())
-    with mock.patch.object(sys.modules["isocodec.grid.layers.reader"], "SLICE", 64):
+    with mock.patch.object(run, "SLICE", 64):
         ends = []
         for step in (len(data), 3):
             decoder = Decoder(Limits(work=symbols // 4))
             with (
-                mock.patch.object(sys.modules["isocodec.grid.layers.reader"], "WORK_PER_BYTE", 0),
+                mock.patch.object(run, "WORK_PER_BYTE", 0),
                 pytest.raises(LimitError) as caught,
             ):
                 for at in range(0, len(data), step):
@@ -238,7 +240,7 @@ def test_work_is_limited_by_what_has_been_read():
 
 
 def test_symbols_are_limited():
-    data = isocodec.encode(picture((60, 60), 2), 0, signs_only=True)
+    data = isocodec.encode(picture((60, 60), 2), 0, precision="signs")
     total = sum(s for layer in isocodec.inspect(data, symbols=True).layers for s in layer.symbols.values())
     isocodec.decode(data, limits=Limits(symbols=total + 1))
     with pytest.raises(LimitError) as caught:
@@ -249,10 +251,10 @@ def test_symbols_are_limited():
 @pytest.mark.parametrize("symbols", [1, 63, 64, 65, 200])
 def test_slices_change_nothing(symbols, monkeypatch):
     """Whole files and cut runs are decoded alike, wherever the limits are asked."""
-    data = isocodec.encode(picture((60, 60), 2, noise=0.4), 0, exact=True)
+    data = isocodec.encode(picture((60, 60), 2, noise=0.4), 0, precision="exact")
     cuts = [isocodec.truncate(data, max_bytes=n) for n in (60, 200)]
     expected = [isocodec.decode(one).points for one in (data, *cuts)]
-    monkeypatch.setattr("isocodec.grid.layers.reader.SLICE", symbols)
+    monkeypatch.setattr(run, "SLICE", symbols)
     assert [isocodec.truncate(data, max_bytes=n) for n in (60, 200)] == cuts
     assert all(np.array_equal(isocodec.decode(one).points, e) for one, e in zip((data, *cuts), expected, strict=True))
 
@@ -337,10 +339,12 @@ def test_large_masks_are_written_when_asked_for(tmp_path):
     source = tmp_path / "in.iso"
     step = np.zeros((64, 64), np.uint8)
     step[:, 40:] = 9
-    large = isocodec.encode(np.repeat(np.repeat(step, 64, 0), 64, 1), 4, signs_only=True)
+    large = isocodec.encode(np.repeat(np.repeat(step, 64, 0), 64, 1), 4, precision="signs")
     source.write_bytes(large)
     samples = 4096 * 4096
-    assert "--limit-samples" in fails(6, "decode", "--what", "above", source, "-o", tmp_path / "m.npy", "--limit-samples", samples - 1)
+    assert "--limit-samples" in fails(
+        6, "decode", "--what", "above", source, "-o", tmp_path / "m.npy", "--limit-samples", samples - 1,
+    )
     assert not (tmp_path / "m.npy").exists()
     decoder = Decoder()
     decoder.feed(large)

@@ -18,11 +18,12 @@ from skimage.measure import find_contours
 import grids
 import isocodec
 from isocodec import CoordinatesRead, Decoder, InputError, LimitError, Limits, OptionError
+from isocodec.entropy.run import Account
 from isocodec.field.mapped import Coordinate
 from isocodec.field.placement import Placement
 from isocodec.format.chunks import write_chunk
 from isocodec.format.coordinates import CoordinatesRecord, read_coordinates, write_coordinates
-from isocodec.grid.passes.nodes import Grid, decode_run, encode_run
+from isocodec.grid.passes.node_run import NodeGrid, decode_run, encode_run
 from isospec.container import ChunkType
 from places import on_nodes
 
@@ -101,7 +102,9 @@ def test_no_seam(grid: Callable[[], tuple[Array, list[Array]]], options: dict[st
     assert np.array_equal(*order)
     # and it is the curve of the field without a seam: turned by some samples it is the same one
     rolled = [np.roll(a, 7, axis=1) for a in arrays]
-    turned = isocodec.decode(isocodec.encode(grids.placed(np.roll(field, 7, axis=1), rolled, periodic=1, error=1e-4), 0.05, **options))
+    turned = isocodec.decode(
+        isocodec.encode(grids.placed(np.roll(field, 7, axis=1), rolled, periodic=1, error=1e-4), 0.05, **options)
+    )
     fine = isocodec.decode(isocodec.encode(grids.placed(field, arrays, periodic=1, error=1e-4), 0.05, **options))
     cell = np.diff(arrays[0], axis=0).max() if field.ndim == 2 else 0.1
     for one, other in ((turned, fine), (fine, turned)):
@@ -301,7 +304,9 @@ def test_tolerances_by_a_matrix() -> None:
     spaced = isocodec.encode(isocodec.Field(field, placement=(3, 1.5)), 0.05, precision="0.75mm")
     assert spaced == isocodec.encode(isocodec.Field(field, placement=(3, 1.5)), 0.05, precision=0.25)
     turn = np.array([[0.6, 0.8, 1], [-0.8, 0.6, 2]]) * 2
-    assert isocodec.encode(isocodec.Field(field, placement=turn), 0.05, precision="1m") == isocodec.encode(isocodec.Field(field, placement=turn), 0.05, precision=0.5)
+    assert isocodec.encode(
+        isocodec.Field(field, placement=turn), 0.05, precision="1m",
+    ) == isocodec.encode(isocodec.Field(field, placement=turn), 0.05, precision=0.5)
     assert isocodec.encode(field, 0.05, precision="0.5") == isocodec.encode(field, 0.05, precision=0.5)
     for wrong in ("1m", "much", "1 2m", "m", ""):
         with pytest.raises(OptionError):
@@ -359,17 +364,17 @@ def test_values_come_back(data: st.DataObject) -> None:
     goal = rng.integers(-reach, reach, shape, endpoint=True)
     goal.flat[0] = 0
     free = rng.random(shape) < data.draw(st.sampled_from([0.0, 0.3]))
-    grid = Grid(shape, period)
+    grid = NodeGrid(shape, period)
     run, (values,) = encode_run([grid], [goal], [free])
-    back = decode_run(run, [grid])
+    back = decode_run(run, [grid], Account())
     assert back is not None and np.array_equal(values, back[0])
     missed = values - goal
     if period:
         missed = (missed + period // 2) % period - period // 2
     assert np.abs(missed[~free]).max(initial=0) <= 8
     # bytes behind the end are refused; half of a run may by chance be that of other values, as any bytes may
-    assert decode_run(run + bytes(5), [grid]) is None
-    half = decode_run(run[: len(run) // 2], [grid])
+    assert decode_run(run + bytes(5), [grid], Account()) is None
+    half = decode_run(run[: len(run) // 2], [grid], Account())
     assert len(run) < 20 or half is None or not np.array_equal(half[0], values)
 
 
@@ -381,7 +386,7 @@ def test_any_bytes(run: bytes, period: int) -> None:
     payload = write_coordinates(CoordinatesRecord((), both, run))
     record = read_coordinates(payload, (13, 11))
     assert record is not None
-    decode_run(record.run, [Grid(one.counts((13, 11)), one.period) for one in record.coordinates])
+    decode_run(record.run, [NodeGrid(one.counts((13, 11)), one.period) for one in record.coordinates], Account())
 
 
 def test_a_run_that_is_none_is_ignored() -> None:

@@ -37,12 +37,12 @@ SHELLS = [float(v) for v in np.quantile(BALL, [0.3, 0.6])]
 
 @pytest.fixture(scope="module")
 def hills() -> bytes:
-    return isocodec.encode(HILLS, VALUES, placement=UTM, metadata={"crs": "EPSG:32631"})
+    return isocodec.encode(isocodec.Field(HILLS, placement=UTM), VALUES, metadata={"crs": "EPSG:32631"})
 
 
 @pytest.fixture(scope="module")
 def shells() -> bytes:
-    return isocodec.encode(BALL, SHELLS, placement=SPACE, tolerance=0.01)
+    return isocodec.encode(isocodec.Field(BALL, placement=SPACE), SHELLS, precision=0.01)
 
 
 def written(tmp_path: Path, data: bytes, name: str, *more: str) -> Path:
@@ -104,7 +104,9 @@ def test_geojson_is_in_degrees(tmp_path: Path, hills: bytes) -> None:
         expected = np.stack(to_degrees.transform(*contour.placed[np.concatenate(contour.walks)].T), axis=1)
         assert np.abs(at - expected).max() < 1e-9
         assert (np.abs(at) <= [180, 90]).all()
-    for feature in json.loads(written(tmp_path, hills, "map.geojson", "--what", "areas", "--side", "above").read_text())["features"]:
+    for feature in json.loads(
+        written(tmp_path, hills, "map.geojson", "--what", "areas", "--side", "above").read_text()
+    )["features"]:
         for part in shape_of(feature["geometry"]).geoms:
             assert part.exterior.is_ccw and not any(hole.is_ccw for hole in part.interiors)
 
@@ -116,10 +118,10 @@ def test_geojson_that_is_not_in_degrees(tmp_path: Path, hills: bytes) -> None:
         result = run("decode", tmp_path / "in.iso", "-o", tmp_path / "out.geojson")
         assert result.exit_code == 0 and "no longitudes and latitudes" in result.stderr and said in result.stderr
         assert not run("decode", tmp_path / "in.iso", "-o", tmp_path / "out.geojson", "--in-samples").stderr
-    outside = isocodec.encode(HILLS, 80.5, placement=(1e12, 1e12), metadata={"crs": "EPSG:32631"})
+    outside = isocodec.encode(isocodec.Field(HILLS, placement=(1e12, 1e12)), 80.5, metadata={"crs": "EPSG:32631"})
     (tmp_path / "in.iso").write_bytes(outside)
     assert "no longitude and latitude" in fails(2, "decode", tmp_path / "in.iso", "-o", tmp_path / "out.geojson")
-    unknown = isocodec.encode(HILLS, 80.5, placement=(1, 1), metadata={"crs": "EPSG:999999"})
+    unknown = isocodec.encode(isocodec.Field(HILLS, placement=(1, 1)), 80.5, metadata={"crs": "EPSG:999999"})
     (tmp_path / "in.iso").write_bytes(unknown)
     assert "no reference system EPSG:999999" in fails(2, "decode", tmp_path / "in.iso", "-o", tmp_path / "o.geojson")
 
@@ -190,7 +192,7 @@ FAR = {
 def test_models_small_and_far_away(tmp_path: Path, where: str) -> None:
     """Each object as its size demands, by trimesh and by the bytes alone: GLB to 1e-7 of it, 3MF to the last digit."""
     far = FAR[where]
-    data = isocodec.encode(BALL, SHELLS, placement=far, tolerance=0.01)
+    data = isocodec.encode(isocodec.Field(BALL, placement=far), SHELLS, precision=0.01)
     contours = {f"isovalue {c.isovalue:.12g}": c for c in isocodec.decode_all(data)}
     scene = trimesh.load_scene(written(tmp_path, data, "a.glb"), process=False)
     assert {*scene.graph.nodes_geometry} == {*contours}
@@ -222,7 +224,7 @@ def test_models_small_and_far_away(tmp_path: Path, where: str) -> None:
 
 @pytest.mark.parametrize("suffix", [".off", ".ply", ".stl", ".obj"])
 def test_models_of_one(tmp_path: Path, suffix: str) -> None:
-    contour = isocodec.decode(isocodec.encode(BALL, 80.5, placement=SPACE[:, :3] @ np.eye(3, 4)))
+    contour = isocodec.decode(isocodec.encode(isocodec.Field(BALL, placement=SPACE[:, :3] @ np.eye(3, 4)), 80.5))
     write(tmp_path / f"a{suffix}", contour)
     mesh = trimesh.load_mesh(tmp_path / f"a{suffix}")
     assert mesh.volume == pytest.approx(contour.to_trimesh().volume, rel=1e-5) and mesh.volume > 0
@@ -282,7 +284,7 @@ def test_shapely_and_geopandas(hills: bytes) -> None:
 @pytest.mark.parametrize("placement", [None, SPACE, SPACE * [[1, 1, -1, 1]]])
 def test_surfaces_are_turned_right(placement: Any) -> None:
     """Outside is what lies below, mirrored or not: the volume is positive, normals point away from the middle."""
-    contour = isocodec.decode(isocodec.encode(BALL, 80.5, placement=placement))
+    contour = isocodec.decode(isocodec.encode(isocodec.Field(BALL, placement=placement), 80.5))
     mesh = contour.to_trimesh()
     assert mesh.volume > 0 and mesh.is_watertight
     outward = contour.placed - contour.placed.mean(axis=0)
@@ -297,7 +299,9 @@ def test_surfaces_are_turned_right(placement: Any) -> None:
 @pytest.mark.parametrize("placement", [None, UTM, UTM * [[1, -1, 1]]])
 def test_normals_of_curves(placement: Any) -> None:
     """A little way along them values are lower."""
-    contour = isocodec.decode(isocodec.encode(HILLS.astype(float), 80.5, placement=placement, tolerance=0.001))
+    contour = isocodec.decode(
+        isocodec.encode(isocodec.Field(HILLS.astype(float), placement=placement), 80.5, precision=0.001)
+    )
     back = np.array([[0, 1], [1, 0]]) if placement is None else np.linalg.inv(placement[:, :2])
     step = 0.2 / np.linalg.norm(contour.normals @ back.T, axis=1, keepdims=True)
     low, high = ((contour.points + sign * step * (contour.normals @ back.T)).T for sign in (1, -1))

@@ -22,7 +22,9 @@ from isocodec.drawing import rows as masks
 from isocodec.drawing.rows import MaskRows
 
 SHAPES = st.one_of(st.tuples(*[st.integers(2, 20)] * 2), st.tuples(*[st.integers(2, 7)] * 3))
-WAYS = ({"signs_only": True}, {"exact": True}, {}, {"signs_only": True, "profile": "baseline"}, {"base_level": 0})
+WAYS = (
+    {"precision": "signs"}, {"precision": "exact"}, {}, {"precision": "signs", "profile": "baseline"}, {"layers": 0},
+)
 
 
 @given(SHAPES, st.integers(0, 2**32 - 1), st.sampled_from(WAYS), st.integers(-1, 6))
@@ -67,8 +69,8 @@ def test_all_isovalues_of_a_file(field):
 
 
 def test_prefixes_tell_it_as_soon_as_the_signs_are_there():
-    data = isocodec.encode(HILLS, 100.5, exact=True)
-    signs = len(isocodec.encode(HILLS, 100.5, signs_only=True))
+    data = isocodec.encode(HILLS, 100.5, precision="exact")
+    signs = len(isocodec.encode(HILLS, 100.5, precision="signs"))
     told = []
     for length in range(40, len(data), 7):
         try:
@@ -82,7 +84,7 @@ def test_prefixes_tell_it_as_soon_as_the_signs_are_there():
 
 
 def test_coarse_meshes_do_not_tell():
-    for options in ({"tolerance": 1}, {"criterion": "level", "parameter": 6}):
+    for options in ({"precision": 1}, {"layers": "level=6"}):
         with pytest.raises(OptionError, match="coarser") as caught:
             isocodec.decode_mask(isocodec.encode(HILLS, 100.5, **options))
         assert caught.value.code == "mask"
@@ -101,7 +103,9 @@ def test_comparison_is_exact():
 def test_damage_behind_the_isovalue_changes_nothing(tmp_path: Path) -> None:
     """What another isovalue's layers look like is no matter: placement and warnings come from what was decoded."""
     placement = np.array([[2.0, 0, 5], [0, 3.0, 6]])
-    data = bytearray(isocodec.encode(HILLS, [100.5, 60.5], signs_only=True, placement=placement, leaning=False))
+    data = bytearray(
+        isocodec.encode(isocodec.Field(HILLS, placement=placement), [100.5, 60.5], precision="signs", independent=True)
+    )
     chunk = isocodec.inspect(bytes(data)).chunks[-1]
     data[chunk.offset + 2] ^= 0xFF  # its layer program
     data[-4:] = zlib.crc32(data[:-4]).to_bytes(4, "big")
@@ -159,10 +163,16 @@ def test_volumes_whose_place_is_odd_or_unknown(tmp_path: Path) -> None:
 
 def test_refusals(tmp_path: Path) -> None:
     (tmp_path / "in.iso").write_bytes(isocodec.encode(HILLS, 100.5))
-    assert ".npy, .png, .nii, .nii.gz" in fails(2, "decode", "--what", "above", tmp_path / "in.iso", "-o", tmp_path / "m.svg")
-    assert ".nii.gz cannot hold a mask of 2 axes" in fails(2, "decode", "--what", "above", tmp_path / "in.iso", "-o", tmp_path / "m.nii.gz")
-    (tmp_path / "coarse.iso").write_bytes(isocodec.encode(HILLS, 100.5, tolerance=1))
-    assert "tolerance below 0.1" in fails(2, "decode", "--what", "above", tmp_path / "coarse.iso", "-o", tmp_path / "m.npy")
+    assert ".npy, .png, .nii, .nii.gz" in fails(
+        2, "decode", "--what", "above", tmp_path / "in.iso", "-o", tmp_path / "m.svg",
+    )
+    assert ".nii.gz cannot hold a mask of 2 axes" in fails(
+        2, "decode", "--what", "above", tmp_path / "in.iso", "-o", tmp_path / "m.nii.gz",
+    )
+    (tmp_path / "coarse.iso").write_bytes(isocodec.encode(HILLS, 100.5, precision=1))
+    assert "tolerance below 0.1" in fails(
+        2, "decode", "--what", "above", tmp_path / "coarse.iso", "-o", tmp_path / "m.npy",
+    )
     assert sorted(path.name for path in tmp_path.iterdir()) == ["coarse.iso", "in.iso"]
 
 

@@ -11,13 +11,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from brute import examples, simplices, volumes
+from isocodec.entropy.contexts import no_blend
 from isocodec.entropy.range_coder import Coder
 from isocodec.grid.lattice import access
 from isocodec.grid.lattice.depth import levels_of
 from isocodec.grid.lattice.simplex import exists
 from isocodec.grid.lattice.store import full, get, grown, new_store, page_of, put
 from isocodec.grid.lattice.tables import PAGE_SHIFT, mesh_tables
-from isocodec.grid.models.trained import no_blend
 from isocodec.grid.passes.runner import Tube
 from isocodec.limits import Limits
 from isoconform.meshes import exponent

@@ -84,7 +84,9 @@ def test_commands(tmp_path):
     assert len(json.loads(out.read_text())["features"]) == 2
     fails(3, "decode", iso, "-o", out)
     ok("info", iso)
-    told = json.loads(ok("encode", path, "--values", "depth", "--isovalue", 50, "--stored", "coded", "-o", iso, "--json"))
+    told = json.loads(
+        ok("encode", path, "--values", "depth", "--isovalue", 50, "--stored", "coded", "-o", iso, "--json")
+    )
     assert told["cells"] == len(mesh[1]) and told["layers"] == 2
     ok("decode", iso, "-o", tmp_path / "out.npz")
     contour = isocodec.decode(iso.read_bytes())
@@ -120,7 +122,7 @@ def test_pictures(tmp_path):
     mesh = plane(3, 200, kept=1)
     np.savez(tmp_path / "mesh.npz", points=mesh[0], cells=mesh[1], depth=mesh[0].sum(axis=1))
     data, out = tmp_path / "a.iso", tmp_path / "a.png"
-    data.write_bytes(isocodec.encode_mesh(*mesh, mesh[0].sum(axis=1), [80.0, 120.0]))
+    data.write_bytes(isocodec.encode(isocodec.Mesh(*mesh, mesh[0].sum(axis=1)), [80.0, 120.0]))
     assert "3 steps" in ok(
         "plot", data, "-o", out, "--mesh", tmp_path / "mesh.npz", "--isovalue", 120, "--steps", 3
     )
@@ -128,7 +130,7 @@ def test_pictures(tmp_path):
     assert "does not hold" in fails(3, "plot", data, "-o", out)
     assert "--view" in fails(2, "plot", data, "-o", out, "--view", "front")
     solid = tmp_path / "solid.iso"
-    solid.write_bytes(isocodec.encode_mesh(*space(1), np.arange(30), 14.5, mesh="coded"))
+    solid.write_bytes(isocodec.encode(isocodec.Mesh(*space(1), np.arange(30), stored="coded"), 14.5))
     assert "PLY" in fails(2, "plot", solid, "-o", out)
 
 
@@ -137,7 +139,7 @@ def test_shorter_files(progressive):
     """After each layer, by number or by bytes, whatever of a file is there; the result is complete."""
     mesh = plane(3, 200, kept=1)
     values = np.array([mesh[0].sum(axis=1), mesh[0] @ [1, 2]])
-    data = isocodec.encode_mesh(*mesh, values, [80.0, 120.0], progressive=progressive)
+    data = isocodec.encode(isocodec.Mesh(*mesh, values, progressive=progressive), [80.0, 120.0])
     layers = isocodec.inspect(data).layers
     for count in range(1, len(layers) + 1):
         short = isocodec.truncate(data, layers=count)

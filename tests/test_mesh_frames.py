@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from isocodec.stream.mesh_decoder import MeshDecoder
 
 import isocodec
 from brute import INTERPRETED, examples
@@ -15,7 +16,6 @@ from commands import fails, ok
 from explicit_meshes import plane, space, torus
 from isocodec.errors import FormatError, InputError, IsoError, OptionError, TruncatedError
 from isocodec.format.chunks import write_chunk
-from isocodec.stream.mesh_decoder import MeshDecoder
 from isospec.container import ChunkType
 
 ISOVALUES = [20.5, 31.5]
@@ -41,7 +41,7 @@ def pieces(contour):
 
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("progressive", [False, True])
-@pytest.mark.parametrize("options", [{"signs_only": True}, {"exact": True}, {"tolerance": 0.5}])
+@pytest.mark.parametrize("options", [{"precision": "signs"}, {"precision": "exact"}, {"precision": 0.5}])
 def test_frames_are_those_of_single_files(kind, progressive, options):
     """Whatever they lean on, and whether they are taken in turn or alone."""
     if progressive and kind != "plane":
@@ -49,9 +49,15 @@ def test_frames_are_those_of_single_files(kind, progressive, options):
     mesh = KINDS[kind](3)
     values = moving(mesh)
     options = {**options, "progressive": progressive}
-    alone = [isocodec.decode_all(isocodec.encode_mesh(*mesh, each, ISOVALUES, **options), mesh=mesh) for each in values]
+    alone = [
+        isocodec.decode_all(
+            isocodec.encode(isocodec.Mesh(*mesh, each), ISOVALUES, **options), mesh=mesh,
+        ) for each in values
+    ]
     for interval, leaning in ((0, True), (2, True), (0, False)):
-        data = isocodec.encode_mesh(*mesh, values, ISOVALUES, interval=interval, leaning=leaning, **options)
+        data = isocodec.encode(
+            isocodec.Mesh(*mesh, values), ISOVALUES, interval=interval, independent=not leaning, **options,
+        )
         for found, wanted in zip(isocodec.decode_frames(data, mesh=mesh), alone, strict=True):
             assert list(map(pieces, found)) == list(map(pieces, wanted))
         for number, wanted in enumerate(alone):
@@ -63,7 +69,7 @@ def test_frames_are_those_of_single_files(kind, progressive, options):
 @examples(40)
 @given(
     seed=st.integers(0, 999), kind=st.sampled_from(sorted(KINDS)), progressive=st.booleans(),
-    options=st.sampled_from([{"signs_only": True}, {"exact": True}, {"tolerance": 2.0}]),
+    options=st.sampled_from([{"precision": "signs"}, {"precision": "exact"}, {"precision": 2.0}]),
     values=st.sampled_from(["noise", "still", "opposite", "empty"]),
 )
 def test_any_frames(seed, kind, progressive, options, values):
@@ -76,9 +82,9 @@ def test_any_frames(seed, kind, progressive, options, values):
         "opposite": np.array([first, 41 - first, first]), "empty": np.array([first, 0 * first, first]),
     }[values]
     progressive = progressive and kind == "plane"
-    data = isocodec.encode_mesh(*mesh, frames, 20.5, progressive=progressive, **options)
+    data = isocodec.encode(isocodec.Mesh(*mesh, frames, progressive=progressive), 20.5, **options)
     for each, found in zip(frames, isocodec.decode_frames(data, mesh=mesh), strict=True):
-        one = isocodec.encode_mesh(*mesh, each, 20.5, progressive=progressive, **options)
+        one = isocodec.encode(isocodec.Mesh(*mesh, each, progressive=progressive), 20.5, **options)
         assert pieces(found[0]) == pieces(isocodec.decode(one, mesh=mesh))
 
 
@@ -86,9 +92,11 @@ def test_a_mesh_in_the_file_is_there_once():
     """It has the cells that any frame crosses."""
     mesh = plane(5, 60, kept=1)
     values = moving(mesh)
-    data = isocodec.encode_mesh(*mesh, values, 20.5, mesh="coded", signs_only=True)
+    data = isocodec.encode(isocodec.Mesh(*mesh, values, stored="coded"), 20.5, precision="signs")
     for each, found in zip(values, isocodec.decode_frames(data), strict=True):
-        assert len(found[0].cells) == len(isocodec.decode(isocodec.encode_mesh(*mesh, each, 20.5), mesh=mesh).cells)
+        assert len(found[0].cells) == len(
+            isocodec.decode(isocodec.encode(isocodec.Mesh(*mesh, each), 20.5), mesh=mesh).cells
+        )
     assert isocodec.inspect(data).interval == 0 and len(isocodec.inspect(data).frames) == 4
 
 
@@ -98,17 +106,19 @@ def test_leaning_pays():
     x, y = mesh[0].T / 10
     values = np.array([np.sin(x + 0.05 * t) + np.cos(1.3 * y - 0.04 * t) for t in range(5)])
     for options, most in (
-        ({"signs_only": True}, 0.7), ({"signs_only": True, "progressive": False}, 0.7), ({}, 0.9), ({"step": 0.01}, 0.9)
+        ({"precision": "signs"}, 0.7), (
+            {"signs_only": True, "progressive": False}, 0.7,
+        ), ({}, 0.9), ({"precision": "step=0.01"}, 0.9)
     ):
-        alone = sum(len(isocodec.encode_mesh(*mesh, each, 0.2, **options)) for each in values)
-        assert len(isocodec.encode_mesh(*mesh, values, 0.2, **options)) < most * alone
+        alone = sum(len(isocodec.encode(isocodec.Mesh(*mesh, each), 0.2, **options)) for each in values)
+        assert len(isocodec.encode(isocodec.Mesh(*mesh, values), 0.2, **options)) < most * alone
 
 
 def test_any_piece_of_a_file():
     """Fed in pieces, cut anywhere, or begun at a key frame."""
     mesh = plane(2)
     values = moving(mesh)
-    data = isocodec.encode_mesh(*mesh, values, ISOVALUES, interval=2)
+    data = isocodec.encode(isocodec.Mesh(*mesh, values), ISOVALUES, interval=2)
     whole = [list(map(pieces, each)) for each in isocodec.decode_frames(data, mesh=mesh)]
     fed = isocodec.decode_frames([data[i : i + 7] for i in range(0, len(data), 7)], mesh=mesh)
     assert [list(map(pieces, each)) for each in fed] == whole
@@ -127,17 +137,17 @@ def test_any_piece_of_a_file():
 def test_wrong_series():
     mesh = plane(2)
     values = moving(mesh)
-    data = isocodec.encode_mesh(*mesh, values, 20.5)
+    data = isocodec.encode(isocodec.Mesh(*mesh, values), 20.5)
     with pytest.raises(OptionError, match="0 to 3"):
         isocodec.decode(data, frame=4, mesh=mesh)
     with pytest.raises(OptionError, match="interval"):
-        isocodec.encode_mesh(*mesh, values, 20.5, interval=-1)
+        isocodec.encode(isocodec.Mesh(*mesh, values), 20.5, interval=-1)
     with pytest.raises(InputError, match="without frames"):
-        isocodec.encode_mesh(*mesh, values[:0], 20.5)
+        isocodec.encode(isocodec.Mesh(*mesh, values[:0]), 20.5)
     with pytest.raises(InputError, match="shape"):
-        isocodec.encode_mesh(*mesh, values[:, 1:], 20.5)
+        isocodec.encode(isocodec.Mesh(*mesh, values[:, 1:]), 20.5)
     # a chunk that begins a series behind the layers of the first frame
-    one = isocodec.encode_mesh(*mesh, values[0], 20.5)
+    one = isocodec.encode(isocodec.Mesh(*mesh, values[0]), 20.5)
     last = isocodec.inspect(one).chunks[-1]
     decoder = MeshDecoder(mesh)
     decoder.feed(one[: last.offset] + write_chunk(ChunkType.FRAME, b"\0"))
@@ -182,7 +192,9 @@ def test_xdmf_series(tmp_path, monkeypatch):
 def test_frames_of_nothing_are_work():
     """Two bytes begin a frame, for which the whole mesh is looked at."""
     mesh = plane(3, 40_000, 1.0)
-    data = isocodec.encode_mesh(*mesh, np.stack([mesh[0][:, 0]] * 2), 50.5, signs_only=True, progressive=False)
+    data = isocodec.encode(
+        isocodec.Mesh(*mesh, np.stack([mesh[0][:, 0]] * 2), progressive=False), 50.5, precision="signs",
+    )
     first = next(event.offset for event in _events(data, mesh) if isinstance(event, isocodec.MeshLayerComplete))
     decoder = MeshDecoder(mesh, isocodec.Limits(work=10_000))
     decoder.feed(data[:first])
@@ -196,7 +208,7 @@ def test_frames_of_nothing_are_work():
 def test_more_layers_than_a_frame_may_have():
     """Even of an isovalue that is skipped."""
     mesh = plane(3)
-    data = isocodec.encode_mesh(*mesh, moving(mesh)[0], 20.5, signs_only=True, progressive=False)
+    data = isocodec.encode(isocodec.Mesh(*mesh, moving(mesh)[0], progressive=False), 20.5, precision="signs")
     first = next(event.offset for event in _events(data, mesh) if isinstance(event, isocodec.DomainRead))
     decoder = MeshDecoder(mesh, only=())
     layer = write_chunk(ChunkType.LAYERS, b"\0")

@@ -11,8 +11,8 @@ import pytest
 
 import isocodec
 from commands import ok
-from isocodec.api.plots import Panels, shown, spread
 from isocodec.api import plots
+from isocodec.api.plots import Panels, shown, spread
 
 
 @pytest.mark.parametrize(

@@ -292,7 +292,9 @@ def run_layers(encoder, steps):
     """
     tube = encoder.frame.strands[-1].tube
     # The header announces the bits of values before the mesh is complete: enough for any of the field.
-    span = np.abs(encoder.frame._fields[0].values.astype(np.int64) - math.floor(encoder.frame._fields[0].isovalue)).max()
+    span = np.abs(
+        encoder.frame._fields[0].values.astype(np.int64) - math.floor(encoder.frame._fields[0].isovalue)
+    ).max()
     tube.estimates.bits = (int(span).bit_length(),) * 2
 
     def begin(tube, step):

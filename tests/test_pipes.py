@@ -26,7 +26,7 @@ def test_a_field_in_and_a_file_out(tmp_path: Path) -> None:
     np.save(tmp_path / "hills.npy", HILLS)
     stored = (tmp_path / "hills.npy").read_bytes()
     encoded, said = piped(stored, "encode", "-", "-o", "-", "--isovalue", "80.5", "--precision", "exact")
-    assert encoded == isocodec.encode(HILLS, 80.5, exact=True) and "bytes" in said
+    assert encoded == isocodec.encode(HILLS, 80.5, precision="exact") and "bytes" in said
     raw, _ = piped(encoded, "decode", "-", "-o", "-", "--to", "geojson")
     (tmp_path / "a.iso").write_bytes(encoded)
     ok("decode", tmp_path / "a.iso", "-o", tmp_path / "a.geojson")
@@ -38,8 +38,10 @@ def test_a_field_in_and_a_file_out(tmp_path: Path) -> None:
 def test_meshes_and_surfaces(tmp_path: Path) -> None:
     """Told apart by what comes, however long the notes before it are."""
     points, cells = np.array([[0, 0], [1, 0], [0, 1], [1, 1]]), [[0, 1, 2], [1, 3, 2]]
-    mesh = isocodec.encode_mesh(points, cells, [0, 1, 1, 2], 0.5, mesh="coded", metadata={"note": "x" * 5000})
-    surface = isocodec.encode_tin(HILLS, error=4, metadata={"note": "x" * 5000})
+    mesh = isocodec.encode(
+        isocodec.Mesh(points, cells, [0, 1, 1, 2], stored="coded"), 0.5, metadata={"note": "x" * 5000},
+    )
+    surface = isocodec.encode(isocodec.thin(HILLS, error=4, metadata={"note": "x" * 5000}))
     for name, data, kind, word in (("mesh", mesh, "geojson", "LineString"), ("surface", surface, "ply", "ply")):
         raw, _ = piped(data, "decode", "-", "-o", "-", "--to", kind)
         (tmp_path / f"{name}.iso").write_bytes(data)

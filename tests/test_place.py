@@ -292,7 +292,7 @@ def test_warning_where_single_precision_loses_points(tmp_path: Path) -> None:
     path = tmp_path / "far.iso"
     for origin, words in ((5.1e6, True), (100.0, False)):
         placement = np.column_stack([0.5 * np.eye(3), [origin, 0, 0]])
-        path.write_bytes(isocodec.encode(BALL, 0.5 * float(BALL.max()), placement=placement))
+        path.write_bytes(isocodec.encode(isocodec.Field(BALL, placement=placement), 0.5 * float(BALL.max())))
         for suffix in (".ply", ".stl", ".obj"):
             result = run("decode", path, "-o", tmp_path / f"far{suffix}")
             assert result.exit_code == 0 and ("are rounded" in result.stderr) == (words and suffix != ".obj")
@@ -369,7 +369,7 @@ def test_extreme_sizes(size: float) -> None:
     for field, suffixes in ((HILL, (".geojson", ".png", ".svg")), (BALL, (".ply", ".stl", ".obj", ".png"))):
         n = field.ndim
         for steps in ((size,) * n, (size, *(1.0,) * (n - 1))):
-            contour = isocodec.decode(isocodec.encode(field, 70, placement=steps))
+            contour = isocodec.decode(isocodec.encode(isocodec.Field(field, placement=steps), 70))
             assert np.isfinite(contour.placed).all()
             with warnings.catch_warnings(action="error"):
                 files = {suffix: rendered(contour, suffix) for suffix in suffixes}
@@ -394,13 +394,13 @@ def test_matrices_of_other_shapes() -> None:
 
 
 def test_odd_names_of_systems() -> None:
-    data = isocodec.encode(HILL, 70, placement=(1, 1), metadata={"crs": "EPSG:\u0663\u0662"})
+    data = isocodec.encode(isocodec.Field(HILL, placement=(1, 1)), 70, metadata={"crs": "EPSG:\u0663\u0662"})
     assert "crs" not in json.loads(rendered(isocodec.decode(data), ".geojson"))
 
 
 def test_isovalues_that_have_not_come() -> None:
     """What is known of the field is said of them, too."""
-    data = isocodec.encode(HILL, [70, 80], placement=(1, 2))
+    data = isocodec.encode(isocodec.Field(HILL, placement=(1, 2)), [70, 80])
     decoder = isocodec.Decoder()
     decoder.feed(data[:60])
     assert len(decoder.isovalues) < 2
@@ -411,14 +411,18 @@ def test_isovalues_that_have_not_come() -> None:
 def test_pictures_have_the_proportions_of_the_world() -> None:
     """A disc of 10 by 5 samples, twice as far apart downwards, looks round; so does a ball."""
     y, x = np.mgrid[:24, :44]
-    data = isocodec.encode(20 - np.hypot(2 * (y - 11.4), x - 21.7), 8, placement=(2, 1))
+    data = isocodec.encode(isocodec.Field(20 - np.hypot(2 * (y - 11.4), x - 21.7), placement=(2, 1)), 8)
     ink = np.asarray(Image.open(io.BytesIO(rendered(isocodec.decode(data), ".png"))).convert("RGB")).astype(int)
     blue = (ink[..., 2] - ink[..., 0] > 30).nonzero()
     sides = [int(np.ptp(axis)) for axis in blue]
     assert min(sides) > 100 and abs(sides[0] - sides[1]) <= 4
     z, y, x = np.mgrid[:12, :24, :24]
     ball = 20 - np.sqrt((2 * (z - 5.5)) ** 2 + (y - 11.5) ** 2 + (x - 11.5) ** 2)
-    flat, round_ = (isocodec.decode(isocodec.encode(ball, 12, placement=placement)) for placement in (None, (2, 1, 1)))
+    flat, round_ = (
+        isocodec.decode(
+            isocodec.encode(isocodec.Field(ball, placement=placement), 12)
+        ) for placement in (None, (2, 1, 1))
+    )
     seen = []
     for contour in (flat, round_):
         picture = np.asarray(Image.open(io.BytesIO(rendered(contour, ".png"))).convert("RGB")).astype(int)
@@ -430,7 +434,7 @@ def test_pictures_have_the_proportions_of_the_world() -> None:
 def test_python() -> None:
     """Kept by prefixes and shorter files; nothing else of a file changes."""
     plain = isocodec.encode(HILL, 70.5)
-    data = isocodec.encode(HILL, 70.5, placement=[[0, 2, 5], [-3, 0, 7]], metadata={"source": "test"})
+    data = isocodec.encode(isocodec.Field(HILL, placement=[[0, 2, 5], [-3, 0, 7]]), 70.5, metadata={"source": "test"})
     whole = isocodec.decode(data)
     assert np.array_equal(whole.points, isocodec.decode(plain).points) and isocodec.decode(plain).placement is None
     assert np.array_equal(isocodec.decode(plain).placed, whole.points[:, ::-1])
@@ -440,10 +444,10 @@ def test_python() -> None:
     for some in (isocodec.decode(data, layers=2), isocodec.decode(isocodec.truncate(data, layers=2))):
         assert some.placement is not None and some.placement.tolist() == [[0, 2, 5], [-3, 0, 7]]
     with pytest.raises(OptionError, match="contradict"):
-        isocodec.encode(HILL, 70.5, placement=(1, 1), metadata={"placement": "1 0 0 0 1 0"})
+        isocodec.encode(isocodec.Field(HILL, placement=(1, 1)), 70.5, metadata={"placement": "1 0 0 0 1 0"})
     for wrong in ("far", [1, 2, 3], [["x", 1]], np.ones((2, 3)), [1, np.inf]):
         with pytest.raises(OptionError) as caught:
-            isocodec.encode(HILL, 70.5, placement=wrong)
+            isocodec.encode(isocodec.Field(HILL, placement=wrong), 70.5)
         assert caught.value.code == "placement"
 
 
@@ -491,5 +495,5 @@ def test_without() -> None:
     """Points are placed as if by this matrix."""
     for field in (HILL, BALL):
         plain = isocodec.decode(isocodec.encode(field, 70))
-        told = isocodec.decode(isocodec.encode(field, 70, placement=unplaced(field.ndim)))
+        told = isocodec.decode(isocodec.encode(isocodec.Field(field, placement=unplaced(field.ndim)), 70))
         assert np.array_equal(plain.placed, told.placed)

@@ -61,7 +61,7 @@ def test_every_line_becomes_an_entry() -> None:
 
 
 def test_the_program_has_the_operations_of_the_lines() -> None:
-    data = isocodec.encode(HILLS, 60.5, plan=read_plan("base 1\nrefine 2\nvalues 2\nrefine 1\nvalues 3"))
+    data = isocodec.encode(HILLS, 60.5, layers="base 1\nrefine 2\nvalues 2\nrefine 1\nvalues 3")
     # more base 1, more refine 2, more values 2 (8 bits above, 6 below), more refine 1, values 3: clause 3.6.1
     above, below = 195 - 60, 60  # HILLS has values from 0 to 195 at its samples at most 200
     assert HILLS.max() <= 200 and above.bit_length() == 8 and below.bit_length() == 6
@@ -70,7 +70,7 @@ def test_the_program_has_the_operations_of_the_lines() -> None:
 
 def test_two_bits_in_between_two_levels() -> None:
     """Row C2-geometry: two bits, another level, the bits that are new vertices' due, and down to one bit left."""
-    data = isocodec.encode(HILLS, 60.5, plan=read_plan("base 10\nvalues 2\nrefine 1\nvalues 0\nrefine\nvalues left=1"))
+    data = isocodec.encode(HILLS, 60.5, layers="base 10\nvalues 2\nrefine 1\nvalues 0\nrefine\nvalues left=1")
     told = [(kind, level, plane) for kind, level, plane, _ in layers_of(data)]
     assert told == [
         ("base", 10, 0), ("values", 10, 7), ("values", 10, 6), ("refine", 11, 0), ("values", 11, 6), ("refine", 12, 0),
@@ -93,7 +93,7 @@ def test_two_bits_in_between_two_levels() -> None:
 
 def test_bits_left_are_never_more_than_there_are() -> None:
     """Of a mask a value has one bit: a layer that leaves three tells nothing."""
-    data = isocodec.encode(HILLS > 60, 0.5, plan=read_plan("base\nvalues left=3"))
+    data = isocodec.encode(HILLS > 60, 0.5, layers="base\nvalues left=3")
     assert [kind for kind, *_ in layers_of(data)] == ["base", "values"]
     assert isocodec.decode_mask(data).sum() == (HILLS > 60).sum()
 
@@ -101,9 +101,9 @@ def test_bits_left_are_never_more_than_there_are() -> None:
 @pytest.mark.parametrize("field, isovalue", [(HILLS, 60.5), (BALL, 50.5)])
 def test_adaptive_meshes_by_criteria_come_to_the_field(field: np.ndarray, isovalue: float) -> None:
     text = "adaptive-base topology distortion=2\noffsets 3 unit=1\nadapt distortion=0.5\nrefine 2\nrefine\nvalues"
-    data = isocodec.encode(field, isovalue, plan=read_plan(text))
+    data = isocodec.encode(field, isovalue, layers=text)
     assert np.array_equal(isocodec.decode_mask(data), field > isovalue)
-    whole, own = isocodec.encode(field, isovalue, exact=True), isocodec.decode(data)
+    whole, own = isocodec.encode(field, isovalue, precision="exact"), isocodec.decode(data)
     assert np.array_equal(np.sort(own.points, axis=0), np.sort(isocodec.decode(whole).points, axis=0))
 
 
@@ -115,18 +115,18 @@ def test_meshes_are_those_of_the_reduction_each_part_of_the_next() -> None:
     coarse.reduce(topology=True, distortion=2, original=promise.target(2), coarsest=2)
     expected = [("base", 2), ("adapt", 1, coarse.chosen), ("refine", 1), ("adapt", 1, fine.chosen)]
     text = "base 2\nadapt topology distortion=2\nrefine 1\nadapt distortion=0.25"
-    assert isocodec.encode(HILLS, 60.5, plan=read_plan(text)) == isocodec.encode(HILLS, 60.5, plan=expected)
+    assert isocodec.encode(HILLS, 60.5, layers=text) == isocodec.encode(HILLS, 60.5, layers=expected)
 
 
 def test_one_criterion_is_that_of_encode() -> None:
     for text, options in (
-        ("crossing", {"criterion": "crossing"}),
-        ("curvature=0.2", {"criterion": "curvature", "parameter": 0.2}),
-        ("level=6", {"criterion": "level", "parameter": 6}),
-        ("curvature=0.2 topology", {"criterion": "curvature", "parameter": 0.2, "preserve_topology": True}),
+        ("crossing", {"layers": "crossing"}),
+        ("curvature=0.2", {"layers": "curvature=0.2"}),
+        ("level=6", {"layers": "level=6"}),
+        ("curvature=0.2 topology", {"layers": "curvature=0.2", "keep_topology": True}),
     ):
         plan = read_plan(f"adaptive-base {text}")
-        assert isocodec.encode(HILLS, 60.5, plan=plan) == isocodec.encode(HILLS, 60.5, signs_only=True, **options)
+        assert isocodec.encode(HILLS, 60.5, layers=plan) == isocodec.encode(HILLS, 60.5, precision="signs", **options)
 
 
 def test_isovalues_have_plans_of_their_own(tmp_path: Path, hills: Path) -> None:
@@ -219,7 +219,7 @@ def test_a_label_with_a_plan(tmp_path: Path, hills: Path) -> None:
 
 def test_entries_with_bits_and_bits_left_are_refused() -> None:
     with pytest.raises(OptionError, match="both how many bits come and how many are left"):
-        isocodec.encode(HILLS, 60.5, plan=[("base", None), ("values", 2, 1)])
+        isocodec.encode(HILLS, 60.5, layers=[("base", None), ("values", 2, 1)])
 
 
 def test_a_plan_is_checked_before_the_field_is_encoded() -> None:

@@ -10,6 +10,7 @@ import pytest
 import shapely
 from hypothesis import given
 from hypothesis import strategies as st
+from isocodec.api.whole import received
 from scipy.spatial import KDTree
 
 import isocodec
@@ -17,14 +18,14 @@ from commands import BALL, HILLS, fails, ok
 from files import picture
 from grids import polar
 from isocodec import InputError, OptionError
-from isocodec.api.whole import received
+from isocodec.field.placement import Placement
 from isocodec.search.original import original
 from isocodec.stream.recoder import sources_of
 
 NOISE = picture((23, 18), 7, noise=0.8)
 FIELDS = {"hills": (HILLS, 80.5), "noise": (NOISE, 0.5), "ball": (BALL, 55.5)}
 PRECISIONS: dict[str, dict[str, Any]] = {
-    "exact": {"exact": True}, "default": {}, "fine": {"tolerance": 0.004}, "signs": {"signs_only": True}
+    "exact": {"precision": "exact"}, "default": {}, "fine": {"precision": 0.004}, "signs": {"precision": "signs"}
 }
 
 
@@ -55,12 +56,12 @@ def apart(a: isocodec.Contour, b: isocodec.Contour) -> float:
 @pytest.mark.parametrize("name", FIELDS)
 @pytest.mark.parametrize("profile", ["main", "baseline"])
 @pytest.mark.parametrize(
-    "asked", [{"exact": True}, {"signs_only": True}, {"tolerance": 0.03}, {"tolerance": 0.05}], ids=str
+    "asked", [{"precision": "exact"}, {"precision": "signs"}, {"precision": 0.03}, {"precision": 0.05}], ids=str
 )
 def test_exact_files_give_what_their_field_gives(name: str, profile: str, asked: dict[str, Any]) -> None:
     """Byte by byte: a file of all values next to the curve is as good as the field."""
     field, isovalue = FIELDS[name]
-    whole = isocodec.encode(field, isovalue, exact=True, metadata={"unit": "m"})
+    whole = isocodec.encode(field, isovalue, precision="exact", metadata={"unit": "m"})
     how = {} if "exact" in asked else asked
     made = isocodec.transcode(whole, profile=profile, **how)
     assert made == isocodec.encode(field, isovalue, profile=profile, metadata={"unit": "m"}, **asked)
@@ -68,8 +69,10 @@ def test_exact_files_give_what_their_field_gives(name: str, profile: str, asked:
 
 def test_steps_of_floats() -> None:
     field = np.sin(np.mgrid[:20, :30][0] / 3.0) + np.cos(np.mgrid[:20, :30][1] / 4.0)
-    whole = isocodec.encode(field, 0.2, step=0.01)
-    assert isocodec.transcode(whole, profile="baseline") == isocodec.encode(field, 0.2, step=0.01, profile="baseline")
+    whole = isocodec.encode(field, 0.2, precision="step=0.01")
+    assert isocodec.transcode(whole, profile="baseline") == isocodec.encode(
+        field, 0.2, precision="step=0.01", profile="baseline",
+    )
 
 
 @pytest.mark.parametrize("name", FIELDS)
@@ -129,7 +132,7 @@ def test_missing_samples_and_place() -> None:
     field = HILLS.astype(float)
     field[5:9, 12:20] = np.nan
     place = np.array([[0.0, 30, 5e5], [-20, 0, 5e6]])
-    data = isocodec.encode(field, 80.25, placement=place, metadata={"crs": "EPSG:32631"})
+    data = isocodec.encode(isocodec.Field(field, placement=place), 80.25, metadata={"crs": "EPSG:32631"})
     made = isocodec.transcode(data, profile="baseline")
     assert np.array_equal(isocodec.decode_valid(made), ~np.isnan(field))
     before, after = (isocodec.decode(d) for d in (data, made))
@@ -144,20 +147,20 @@ def test_values_beside_scattered_holes(seed: int) -> None:
     rng = np.random.default_rng(seed)
     field = rng.integers(0, 9, (14, 17) if seed % 2 else (6, 7, 8))
     masked = np.ma.masked_array(field, mask=rng.random(field.shape) < [0.1, 0.4, 0.7][seed % 3])
-    data = isocodec.encode(masked, 4.5, exact=True)
+    data = isocodec.encode(masked, 4.5, precision="exact")
     made = isocodec.transcode(data, profile="baseline")
     assert same(isocodec.decode(data), isocodec.decode(made))
 
 
 def test_files_that_cannot_be() -> None:
-    coarse = isocodec.encode(HILLS, 80.5, criterion="topology")
-    series = isocodec.encode_frames([HILLS, HILLS], 80.5)
+    coarse = isocodec.encode(HILLS, 80.5, layers="topology")
+    series = isocodec.encode(isocodec.Frames([HILLS, HILLS]), 80.5)
     mapped, coordinates = polar()
-    ring = isocodec.encode(mapped, 0.0, coordinates=coordinates, periodic=1)
-    part = isocodec.encode(HILLS, 80.5, plan=[("base", 2), ("refine", None), ("values", 2)])
-    surface = isocodec.encode_tin(HILLS.astype(float), error=20.0)
+    ring = isocodec.encode(isocodec.Field(mapped, placement=Placement(coordinates=coordinates, periodic=1)), 0.0)
+    part = isocodec.encode(HILLS, 80.5, layers=[("base", 2), ("refine", None), ("values", 2)])
+    surface = isocodec.encode(isocodec.thin(HILLS.astype(float), error=20.0))
     points = np.random.default_rng(1).random((50, 2))
-    mesh = isocodec.encode_mesh(points, None, points[:, 0], 0.5)
+    mesh = isocodec.encode(isocodec.Mesh(points, None, points[:, 0]), 0.5)
     reasons = {coarse: "coarser", series: "series", ring: "coordinates", part: "in part", mesh: "mesh", surface: "mesh"}
     for data, says in reasons.items():
         with pytest.raises(OptionError, match=says):
@@ -177,7 +180,9 @@ def test_files_that_cannot_be() -> None:
 def test_merged(profile: str) -> None:
     """Whatever each of them tells; the isovalues lean on one another."""
     asked: list[tuple[list[float], dict[str, Any]]] = [
-        ([40.5], {}), ([80.5, 120.5], {"exact": True}), ([60.5], {"signs_only": True}), ([100.5], {"tolerance": 0.01})
+        ([40.5], {}), (
+            [80.5, 120.5], {"precision": "exact"},
+        ), ([60.5], {"precision": "signs"}), ([100.5], {"precision": 0.01})
     ]
     files = [isocodec.encode(HILLS, isovalues, **options) for isovalues, options in asked]
     made = isocodec.merge(files, profile=profile)
@@ -189,7 +194,9 @@ def test_merged(profile: str) -> None:
         assert len(made) < sum(map(len, files))
 
 
-@given(st.integers(0, 10_000), st.sampled_from([{}, {"exact": True}, {"signs_only": True}, {"tolerance": 0.2}]))
+@given(
+    st.integers(0, 10_000), st.sampled_from([{}, {"precision": "exact"}, {"precision": "signs"}, {"precision": 0.2}]),
+)
 def test_merged_whatever_the_field(seed: int, options: dict[str, Any]) -> None:
     """Of isovalues so close that crossings of one edge coincide, or were moved past one another."""
     rng = np.random.default_rng(seed)
@@ -202,21 +209,23 @@ def test_merged_whatever_the_field(seed: int, options: dict[str, Any]) -> None:
 
 
 def test_not_of_one_field() -> None:
-    here = isocodec.encode(HILLS, 80.5, placement=[1.0, 2.0])
+    here = isocodec.encode(isocodec.Field(HILLS, placement=[1.0, 2.0]), 80.5)
     holes = np.zeros(HILLS.shape, bool)
     holes[3, 3] = True
     others = {
-        "shape": isocodec.encode(HILLS[:-1], 90.5, placement=[1.0, 2.0]),
-        "elsewhere": isocodec.encode(HILLS, 90.5, placement=[1.0, 3.0]),
-        "missing": isocodec.encode(HILLS, 90.5, placement=[1.0, 2.0], mask=holes),
-        "not of one field": isocodec.encode(HILLS[::-1], 90.5, placement=[1.0, 2.0]),
+        "shape": isocodec.encode(isocodec.Field(HILLS[:-1], placement=[1.0, 2.0]), 90.5),
+        "elsewhere": isocodec.encode(isocodec.Field(HILLS, placement=[1.0, 3.0]), 90.5),
+        "missing": isocodec.encode(isocodec.Field(HILLS, mask=holes, placement=[1.0, 2.0]), 90.5),
+        "not of one field": isocodec.encode(isocodec.Field(HILLS[::-1], placement=[1.0, 2.0]), 90.5),
     }
     for says, other in others.items():
         with pytest.raises(InputError, match=says):
             isocodec.merge([here, other])
     smooth = HILLS.astype(float)
     with pytest.raises(InputError, match="steps"):
-        isocodec.merge([isocodec.encode(smooth, 80.5, step=0.5), isocodec.encode(smooth, 90.5, step=0.25)])
+        isocodec.merge(
+            [isocodec.encode(smooth, 80.5, precision="step=0.5"), isocodec.encode(smooth, 90.5, precision="step=0.25")]
+        )
     with pytest.raises(OptionError, match="twice"):
         isocodec.merge([here, here])
     with pytest.raises(OptionError, match="no files"):

@@ -23,7 +23,7 @@ ISOVALUES = [60.5, 100.5, 80.5]
 
 @pytest.fixture(scope="module")
 def data() -> bytes:
-    return isocodec.encode(HILLS, ISOVALUES, placement=(-2.0, 2.0), metadata={"crs": "EPSG:32613"})
+    return isocodec.encode(isocodec.Field(HILLS, placement=(-2.0, 2.0)), ISOVALUES, metadata={"crs": "EPSG:32613"})
 
 
 @pytest.fixture
@@ -101,7 +101,7 @@ def test_svg_has_a_group_for_each(several: Path, data: bytes, tmp_path: Path) ->
 def test_picture_of_curves_has_a_colour_for_each(count: int) -> None:
     """The legend, or beyond a dozen the bar, lies beside the picture of a single curve."""
     isovalues = np.linspace(40.25, 120.25, count)
-    contours = isocodec.decode_all(isocodec.encode(HILLS, isovalues.tolist(), signs_only=True))
+    contours = isocodec.decode_all(isocodec.encode(HILLS, isovalues.tolist(), precision="signs"))
     picture = np.asarray(Image.open(io.BytesIO(rendered(contours, ".png"))).convert("RGB")).astype(int)
     alone = np.asarray(Image.open(io.BytesIO(rendered(contours[0], ".png"))))
     assert picture.shape[0] == alone.shape[0] and picture.shape[1] > alone.shape[1]
@@ -112,7 +112,7 @@ def test_picture_of_curves_has_a_colour_for_each(count: int) -> None:
 def test_pictures_of_surfaces_stand_side_by_side(tmp_path: Path) -> None:
     path, out = tmp_path / "shells.iso", tmp_path / "shells.png"
     low, high = np.quantile(BALL, [0.3, 0.6])
-    path.write_bytes(isocodec.encode(BALL, [float(low), float(high)], signs_only=True))
+    path.write_bytes(isocodec.encode(BALL, [float(low), float(high)], precision="signs"))
     ok("decode", path, "-o", out)
     drawn = np.asarray(Image.open(out).convert("L")) < 250
     assert drawn.shape == (450, 900)

@@ -40,7 +40,7 @@ def test_points_stay_on_their_edges(shape):
 def test_points_stay_on_edges_of_coarse_meshes(shape):
     """Between the vertices of some crossed leaf."""
     n = len(shape)
-    data = isocodec.encode(noise(shape) + 2 * smooth(shape, 5), 0.1, plan=[("base", n), ("refine", 1)])
+    data = isocodec.encode(noise(shape) + 2 * smooth(shape, 5), 0.1, layers=[("base", n), ("refine", 1)])
     decoder = isocodec.Decoder()
     decoder.feed(data)
     decoder.close()
@@ -60,7 +60,7 @@ def test_points_stay_on_edges_of_coarse_meshes(shape):
 @pytest.mark.parametrize("plan", [[("base", 4), ("offsets", 15, 0)], [("base", 4), ("refine", 1), ("offsets", 3, 2)]])
 def test_what_follows_from_what_is_told_stays(shape, plan):
     """On coarse meshes points on some edges are implied by those around."""
-    data = isocodec.encode(smooth(shape, 7), 0.1, plan=plan)
+    data = isocodec.encode(smooth(shape, 7), 0.1, layers=plan)
     plain, moved = isocodec.decode(data), isocodec.decode(data, smooth=True)
     assert len(plain.points) and np.array_equal(plain.points, moved.points)
     signs = len(isocodec.inspect(data).layers) - 1
@@ -69,7 +69,7 @@ def test_what_follows_from_what_is_told_stays(shape, plan):
     )
 
 
-@pytest.mark.parametrize("options", [{"exact": True}, {"tolerance": 0.05}, {}])
+@pytest.mark.parametrize("options", [{"precision": "exact"}, {"precision": 0.05}, {}])
 @pytest.mark.parametrize("shape", [(23, 30), (9, 11, 10)])
 def test_what_is_told_stays(shape, options):
     """But for points in the middles of cells, which are between their neighbours anyway."""

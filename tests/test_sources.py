@@ -24,10 +24,10 @@ import tifffile
 import xarray
 from rasterio.transform import from_origin
 
-from isocodec.stream.encoder import encoder_of
 import isocodec
 from inputs import CELLS, written
 from isocodec import Field, InputError, LimitError, OptionError
+from isocodec.stream.encoder import encoder_of
 from places import matrix, on_nodes
 
 HILL = 100 - np.hypot(*(np.mgrid[:20, :30] - np.array([9.3, 14.2])[:, None, None])) * 5

@@ -50,7 +50,7 @@ def check_mesh(case, n: int) -> None:
     shape, mesh, seed = case
     field = blobs(shape, seed)
     plan = [("adaptive_base", 0, chosen(shape, mesh))]
-    decoder = decoder_of(isocodec.encode(field, 0.5, plan=plan))
+    decoder = decoder_of(isocodec.encode(field, 0.5, layers=plan))
     whole = decoder.tessellation()
     corners = whole.points[whole.cells]
     assert volumes(corners).min() > 0
@@ -140,7 +140,7 @@ def test_the_polygons_of_a_small_geojson() -> None:
 def test_vtu_of_a_surface_is_read_back(tmp_path: Path, mirrored: bool) -> None:
     source, out = tmp_path / "ball.iso", tmp_path / "mesh.vtu"
     placement = [(0, 0, 2, 10), (0, 3, 0, -5), (1 if mirrored else -1, 0, 0, 0)]
-    source.write_bytes(isocodec.encode(BALL, 50.5, criterion="distortion", parameter=1, placement=placement))
+    source.write_bytes(isocodec.encode(isocodec.Field(BALL, placement=placement), 50.5, layers="distortion=1"))
     assert "tetrahedra" in ok("decode", source, "--what", "mesh", "--whole", "-o", out)
     read = meshio.read(out)
     cells = read.cells_dict["tetra"]
@@ -162,7 +162,7 @@ def test_vtu_of_a_surface_is_read_back(tmp_path: Path, mirrored: bool) -> None:
 
 def test_ply_of_a_surface_is_read_back(tmp_path: Path) -> None:
     source, out = tmp_path / "ball.iso", tmp_path / "mesh.ply"
-    source.write_bytes(isocodec.encode(BALL, 50.5, criterion="distortion", parameter=1))
+    source.write_bytes(isocodec.encode(BALL, 50.5, layers="distortion=1"))
     ok("decode", source, "--what", "mesh", "--whole", "-o", out)
     mesh = decoder_of(source.read_bytes()).tessellation()
     read = trimesh.load(out, process=False)
@@ -174,7 +174,7 @@ def test_ply_of_a_surface_is_read_back(tmp_path: Path) -> None:
 
 def test_a_curve_in_each_format_has_the_same_triangles(tmp_path: Path) -> None:
     source = tmp_path / "hills.iso"
-    source.write_bytes(isocodec.encode(HILLS, 60.5, tolerance=1, placement=(-30.0, 30.0)))
+    source.write_bytes(isocodec.encode(isocodec.Field(HILLS, placement=(-30.0, 30.0)), 60.5, precision=1))
     for part in ("whole", "tube"):
         told = {}
         for suffix in (".vtu", ".ply", ".geojson"):
@@ -197,7 +197,7 @@ def test_a_curve_in_each_format_has_the_same_triangles(tmp_path: Path) -> None:
 
 def test_layers_have_meshes_of_their_own(tmp_path: Path) -> None:
     source, out = tmp_path / "hills.iso", tmp_path / "mesh.vtu"
-    source.write_bytes(isocodec.encode(HILLS, 60.5, plan=isocodec.read_plan("base 2\nrefine")))
+    source.write_bytes(isocodec.encode(HILLS, 60.5, layers="base 2\nrefine"))
     counts = []
     for layers in (1, 3, 11):
         ok("decode", source, "--what", "mesh", "--whole", "-o", out, "--layers", layers)
@@ -222,7 +222,7 @@ def test_what_cannot_be_written(tmp_path: Path) -> None:
     )
     few = ("decode", source, "--what", "mesh", "--whole", "-o", tmp_path / "a.vtu")
     assert "needs more than 2 MiB" in fails(6, *few, "--limit-memory", "2M")
-    source.write_bytes(isocodec.encode(BALL, 50.5, base_level=12))
+    source.write_bytes(isocodec.encode(BALL, 50.5, layers=12))
     assert "too little has been received to tell the mesh" in fails(5, *few, "--max-bytes", 40)
     ok("decode", source, "--what", "mesh", "-o", tmp_path / "part.vtu", "--max-bytes", 40)
     (tmp_path / "part.vtu").unlink()

@@ -10,13 +10,13 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from isocodec.api.tiled_api import tiled_of
 from scipy.ndimage import gaussian_filter
 from skimage.measure import find_contours
 
 import isocodec
 from brute import INTERPRETED
 from commands import fails, ok, run
-from isocodec.api.tiled_api import tiled_of
 from isocodec.field.samples import check_field
 from isocodec.search.promise import Promise
 from isocodec.search.tile_mesh import face_vertices
@@ -98,7 +98,9 @@ def check_union(tmp_path: Path, n: int, integers: bool, count: int) -> None:
         if seed % 4 == 3:
             field = holed(field, seed)
         isovalue = 0.5 if integers and seed % 3 else 0
-        options: list[dict[str, object]] = [{"signs_only": True}, {}, {"exact": True} if integers else {"step": 0.05}]
+        options: list[dict[str, object]] = [
+            {"precision": "signs"}, {}, {"precision": "exact"} if integers else {"precision": "step=0.05"},
+        ]
         for each in options:
             tiled = isocodec.decode(encoded(tmp_path, field, isovalue, **each))
             whole = isocodec.decode(isocodec.encode(field, isovalue, **each))  # type: ignore[arg-type]
@@ -227,7 +229,9 @@ def test_literal_head(tmp_path: Path) -> None:
 def test_command_line(tmp_path: Path) -> None:
     field, tiled = tmp_path / "f.npy", tmp_path / "t.iso"
     np.save(field, hilly((150, 140)))
-    facts = json.loads(ok("encode", "--tile", 1024, field, "-o", tiled, "--isovalue", 30.5, "--isovalue", 50.5, "--tile", 32, "--json"))
+    facts = json.loads(
+        ok("encode", "--tile", 1024, field, "-o", tiled, "--isovalue", 30.5, "--isovalue", 50.5, "--tile", 32, "--json")
+    )
     assert facts["tiles"] == 20 and facts["bytes"] == tiled.stat().st_size
     told = json.loads(ok("info", tiled, "--json"))
     assert told["tiled"] and told["shape"] == [150, 140]

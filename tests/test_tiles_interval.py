@@ -10,11 +10,11 @@ from typing import Any
 import numpy as np
 import pytest
 import rasterio
+from isocodec.api.tiled_api import tiling_of
+from isocodec.cli.isovalues import multiples
 
 import isocodec
 from commands import fails, ok, run
-from isocodec.api.tiled_api import tiling_of
-from isocodec.cli.isovalues import multiples
 from isocodec.tiles.sample_range import sample_range
 from tiled import hilly, holed, pieces
 
@@ -37,7 +37,9 @@ def test_the_isovalues_of_encode(tmp_path: Path, field: np.ndarray, options: tup
     """As ``encode --interval`` finds them of the whole field; and the curves are those of these isovalues."""
     np.save(tmp_path / "f.npy", field)
     told = []
-    for command, more in (("encode", ("--precision", "signs",)), ("encode", "--tile", 1024, ("--tile", 32, "--precision", "signs"))):
+    for command, more in (
+        ("encode", ("--precision", "signs",)), ("encode", "--tile", 1024, ("--tile", 32, "--precision", "signs")),
+    ):
         out = tmp_path / f"{command}.iso"
         ok(command, tmp_path / "f.npy", "-o", out, "--interval", *options, *more)
         told.append(isocodec.open(out).isovalues)
@@ -57,7 +59,10 @@ def test_what_a_file_says_is_missing_counts_for_nothing(tmp_path: Path) -> None:
     with rasterio.open(tmp_path / "f.tif", "w", driver="GTiff", nodata=-9999, **shape) as file:
         file.write(field, 1)
     record = json.loads(
-        ok("encode", "--tile", 1024, tmp_path / "f.tif", "-o", tmp_path / "f.iso", "--interval", 25, "--tile", 32, "--json")
+        ok(
+            "encode", "--tile", 1024, tmp_path / "f.tif", "-o", tmp_path / "f.iso", "--interval", 25, "--tile", 32,
+            "--json",
+        )
     )
     there = field[field != -9999]
     wanted = [v for v in range(-9975, 1000, 25) if there.min() <= v < there.max()]
@@ -136,5 +141,7 @@ def test_wrong_options_are_found_before_a_sample_is_read(tmp_path: Path, monkeyp
         raise AssertionError
 
     monkeypatch.setattr("isocodec.tiles.sample_range.sample_range", read)
-    result = run("encode", "--tile", 1024, tmp_path / "f.npy", "-o", tmp_path / "o.iso", "--interval", 5, "--precision", "exact")
+    result = run(
+        "encode", "--tile", 1024, tmp_path / "f.npy", "-o", tmp_path / "o.iso", "--interval", 5, "--precision", "exact",
+    )
     assert result.exit_code != 1 and "exact" in result.stderr

@@ -7,11 +7,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from isocodec.api.tiled_api import tiled_of
 
 import isocodec
 from brute import INTERPRETED
 from commands import fails, ok, run
-from isocodec.api.tiled_api import tiled_of
 from isocodec.errors import FormatError, LimitError, OptionError
 from places import matrix
 from test_tiles import random_field
@@ -43,7 +43,9 @@ def test_a_window_in_one_piece(tmp_path: Path, n: int, integers: bool) -> None:
             field = holed(field, seed)
         box = some_box(rng, field.shape)
         low, window = grown(box, field.shape)
-        options: list[dict[str, object]] = [{"signs_only": True}, {}, {"exact": True} if integers else {"step": 0.05}]
+        options: list[dict[str, object]] = [
+            {"precision": "signs"}, {}, {"precision": "exact"} if integers else {"precision": "step=0.05"},
+        ]
         for each in options:
             file = tiled_of(encoded(tmp_path, field, 0.5, **each))
             part = isocodec.decode(file.extract(box.tolist()))
@@ -67,7 +69,9 @@ def test_the_same_bytes_as_of_the_samples(tmp_path: Path) -> None:
     field = hilly()
     file = tiled_of(encoded(tmp_path, field, [30.5, 60.5], exact=True))
     made = file.extract([(20, 120), (31, 150)])
-    wanted = isocodec.encode(field[20:121, 30:151], [30.5, 60.5], exact=True, placement=[[0, 1, 30], [1, 0, 20]])
+    wanted = isocodec.encode(
+        isocodec.Field(field[20:121, 30:151], placement=[[0, 1, 30], [1, 0, 20]]), [30.5, 60.5], precision="exact",
+    )
     assert made == wanted
 
 
@@ -111,7 +115,7 @@ def test_what_cannot_be_taken_out(tmp_path: Path) -> None:
     assert isocodec.decode(file.extract([(149, 149), (209, 209)])).shape == (2, 2)
 
 
-@pytest.mark.parametrize("options", [{}, {"signs_only": True}, {"exact": True}])
+@pytest.mark.parametrize("options", [{}, {"precision": "signs"}, {"precision": "exact"}])
 def test_first_layers(tmp_path: Path, options: dict[str, object]) -> None:
     """What is drawn is what the whole file has at that layer; segments are the same bytes."""
     field = holed(hilly(), 2)

@@ -18,14 +18,14 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from isocodec.api.tiled_api import TiledIsoFile, tiled_of
+from isocodec.tiles.encoding import Tiling
 
 import isocodec
 from brute import INTERPRETED
 from commands import ok
-from isocodec.api.tiled_api import TiledIsoFile, tiled_of
 from isocodec.errors import FormatError, InputError, IsoError, OptionError, TruncatedError
 from isocodec.stream.options import Options
-from isocodec.tiles.encoding import Tiling
 from isocodec.tiles.head import write_head
 from isocodec.tiles.merging import grid_of
 from isocodec.tiles.spool import Spool
@@ -120,7 +120,10 @@ def test_files_are_read_by_workers(tmp_path: Path) -> None:
         made = []
         for workers in (1, 2):
             path = tmp_path / f"{workers}.iso"
-            ok("encode", "--tile", 1024, tmp_path / name, "-o", path, "--isovalue", 30.5, "--tile", 32, "--workers", workers)
+            ok(
+                "encode", "--tile", 1024, tmp_path / name, "-o", path, "--isovalue", 30.5, "--tile", 32, "--workers",
+                workers,
+            )
             made.append(path.read_bytes())
         assert made[0] == made[1]
     holes = np.ma.masked_equal(field, -9999)
@@ -169,7 +172,7 @@ def test_work_goes_on_where_it_stopped(tmp_path: Path) -> None:
         tries += 1
         source = Stopping(field, 7)
         try:
-            isocodec.encode_tiles(source, 30.5, path, tile=32)
+            isocodec.save(path, source, 30.5, tile=32)
             break
         except OSError:
             assert not path.exists()
@@ -186,7 +189,7 @@ def test_a_harmed_spool_is_mended(tmp_path: Path) -> None:
     dice = random.Random(3)
     for _ in range(12):
         with pytest.raises(OSError, match="gone"):
-            isocodec.encode_tiles(Stopping(field, 12), 30.5, path, tile=32, spool=spool)
+            isocodec.save(path, Stopping(field, 12), 30.5, tile=32, spool=spool)
         for name in ("journal", "segments"):
             data = bytearray((spool / name).read_bytes())
             at = dice.randrange(len(data) // 2, len(data))
@@ -195,7 +198,7 @@ def test_a_harmed_spool_is_mended(tmp_path: Path) -> None:
             else:
                 data[at] ^= 1 << dice.randrange(8)
             (spool / name).write_bytes(data)
-        isocodec.encode_tiles(field, 30.5, path, tile=32, spool=spool)
+        isocodec.save(path, field, 30.5, tile=32, spool=spool)
         assert path.read_bytes() == wanted
         path.unlink()
 
@@ -203,15 +206,15 @@ def test_a_harmed_spool_is_mended(tmp_path: Path) -> None:
 def test_a_spool_of_something_else(tmp_path: Path) -> None:
     field = hilly()
     with pytest.raises(OSError, match="gone"):
-        isocodec.encode_tiles(Stopping(field, 3), 30.5, tmp_path / "a.iso", tile=32)
+        isocodec.save(tmp_path / "a.iso", Stopping(field, 3), 30.5, tile=32)
     with pytest.raises(OptionError, match="other options"):
-        isocodec.encode_tiles(field, 31.5, tmp_path / "a.iso", tile=32)
+        isocodec.save(tmp_path / "a.iso", field, 31.5, tile=32)
     tiling = Tiling(grid_of(field.shape, 5), (30.5,), Options(), "<i2")
     with (
         Spool(tmp_path / "a.iso.tiles", tiling),
         pytest.raises(OptionError, match="another process"),
     ):
-        isocodec.encode_tiles(field, 30.5, tmp_path / "a.iso", tile=32)
+        isocodec.save(tmp_path / "a.iso", field, 30.5, tile=32)
 
 
 class Changing(Stopping):
@@ -224,7 +227,7 @@ class Changing(Stopping):
 
 def test_a_field_that_changes(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"tiles \(\d, \d\) and \(\d, \d\) had other samples"):
-        isocodec.encode_tiles(Changing(hilly(), 9), 30.5, tmp_path / "a.iso", tile=32)
+        isocodec.save(tmp_path / "a.iso", Changing(hilly(), 9), 30.5, tile=32)
     assert not (tmp_path / "a.iso").exists()
 
 
@@ -232,13 +235,13 @@ def test_errors_name_the_tile(tmp_path: Path) -> None:
     field = hilly().astype(float)
     field[96:112] = np.inf
     with pytest.raises(InputError, match=r"tile \(\d, \d\)"):
-        isocodec.encode_tiles(field, 30.5, tmp_path / "a.iso", tile=32, step=0.1)
-    for wrong in ({"tile": 100}, {"tile": 16}, {"exact": True}, {"step": 1.0, "exact": True}):
+        isocodec.save(tmp_path / "a.iso", field, 30.5, tile=32, precision="step=0.1")
+    for wrong in ({"tile": 100}, {"tile": 16}, {"precision": "exact"}, {"step": 1.0, "exact": True}):
         with pytest.raises(OptionError):
-            isocodec.encode_tiles(hilly().astype(float), 30.5, tmp_path / "b.iso", **wrong)  # type: ignore[arg-type]
+            isocodec.save(tmp_path / "b.iso", hilly().astype(float), 30.5, **wrong)  # type: ignore[arg-type]
     for thing in ([[1, 2]], np.zeros(5), np.zeros((3, 1)), np.zeros((3, 3), complex)):
         with pytest.raises(InputError):
-            isocodec.encode_tiles(thing, 30.5, tmp_path / "b.iso")
+            isocodec.save(tmp_path / "b.iso", thing, 30.5, tile=1024)
     with pytest.raises(OptionError, match="pairs"):
         tiled_of(encoded(tmp_path, hilly(), 30.5)).window([(0, 1)])
 
@@ -312,7 +315,7 @@ def test_a_server_without_ranges(tmp_path: Path) -> None:
     """What it gives is taken whole, of files in tiles and of others."""
     pytest.importorskip("aiohttp")
     noise = np.random.default_rng(1).integers(0, 100, (300, 300))
-    tiled, plain = encoded(tmp_path, noise, 50.5, exact=True), isocodec.encode(noise, 50.5, exact=True)
+    tiled, plain = encoded(tmp_path, noise, 50.5, exact=True), isocodec.encode(noise, 50.5, precision="exact")
     assert len(plain) > 1 << 14
     for data in (tiled, plain):
         with served(data, "whole") as (url, _):
@@ -381,6 +384,6 @@ def test_a_worker_that_dies(tmp_path: Path) -> None:
         (worker,) = processes._processes  # type: ignore[misc]
         os.kill(worker, signal.SIGKILL)
         with pytest.raises(InputError, match="worker"):
-            isocodec.encode_tiles(field, 30.5, tmp_path / "a.iso", tile=32, engine=processes)
-    isocodec.encode_tiles(field, 30.5, tmp_path / "a.iso", tile=32)
+            isocodec.save(tmp_path / "a.iso", field, 30.5, tile=32, engine=processes)
+    isocodec.save(tmp_path / "a.iso", field, 30.5, tile=32)
     assert (tmp_path / "a.iso").read_bytes() == encoded(tmp_path, field, 30.5)

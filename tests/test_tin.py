@@ -33,7 +33,7 @@ def end(data: bytes) -> bytes:
 
 @pytest.mark.parametrize("error", [0.0, 0.5, 2.0, 7.5, 500.0])
 def test_error_is_kept(error: float):
-    tin = isocodec.decode_tin(isocodec.encode_tin(HILL, error=error))
+    tin = isocodec.decode_tin(isocodec.encode(isocodec.thin(HILL, error=error)))
     assert np.abs(tin.raster() - HILL).max() <= error + 1e-9
     assert tin.shape == HILL.shape
     assert tin.complete
@@ -43,7 +43,7 @@ def test_error_is_kept_at_scattered_points():
     from matplotlib.tri import LinearTriInterpolator, Triangulation
 
     points, values = scattered()
-    tin = isocodec.decode_tin(isocodec.encode_tin(points, values, error=1.5))
+    tin = isocodec.decode_tin(isocodec.encode(isocodec.thin(isocodec.Mesh(points, None, values), error=1.5)))
     surface = LinearTriInterpolator(Triangulation(*tin.points.T, tin.triangles), tin.values)
     # positions are rounded to a part in 2**24 of the extent: a place of the hull's border may lie outside by that
     missed = np.ma.masked_invalid(surface(*points.T)) - values
@@ -56,7 +56,7 @@ def test_error_is_kept_at_scattered_points():
 
 def test_points_are_samples():
     """Thinning to a number of points without steps that matter: nearly the same surface as before it was coded."""
-    tin = isocodec.decode_tin(isocodec.encode_tin(HILL, to=80, step=1 / 64))
+    tin = isocodec.decode_tin(isocodec.encode(isocodec.thin(HILL, to=80, step=1 / 64)))
     assert len(tin.points) == 80
     assert np.array_equal(tin.points, np.rint(tin.points))
     plain = isocodec.thin(HILL, criterion="l2", to=80).tin()
@@ -66,20 +66,20 @@ def test_points_are_samples():
 
 @pytest.mark.parametrize("size", [90, 150, 400])
 def test_size_is_kept(size: int):
-    data = isocodec.encode_tin(HILL, size=size)
+    data = isocodec.encode(isocodec.thin(HILL, size=size))
     assert 0.8 * size < len(data) <= size
 
 
 def test_more_bytes_give_smaller_errors():
     errors = []
     for size in (80, 120, 200, 400):
-        missed = isocodec.decode_tin(isocodec.encode_tin(HILL, size=size)).raster() - HILL
+        missed = isocodec.decode_tin(isocodec.encode(isocodec.thin(HILL, size=size))).raster() - HILL
         errors.append((missed**2).mean())
     assert errors == sorted(errors, reverse=True)
 
 
 def test_any_prefix_of_a_progressive_file():
-    data = isocodec.encode_tin(HILL, error=1.0, layers=4)
+    data = isocodec.encode(isocodec.thin(HILL, error=1.0, layers=4))
     found = []
     for size in range(len(data) + 1):
         try:
@@ -97,7 +97,7 @@ def test_any_prefix_of_a_progressive_file():
 
 
 def test_layers_hold_the_same_points():
-    one, several = (isocodec.decode_tin(isocodec.encode_tin(HILL, error=2.0, layers=n)) for n in (1, 5))
+    one, several = (isocodec.decode_tin(isocodec.encode(isocodec.thin(HILL, error=2.0, layers=n))) for n in (1, 5))
     assert np.array_equal(one.points, several.points)
     assert np.array_equal(one.values, several.values)
 
@@ -106,15 +106,15 @@ def test_order_of_points_does_not_matter():
     points, values = scattered()
     mixed = np.random.default_rng(3).permutation(len(points))
     for options in ({"error": 2.0}, {"to": 60}, {"size": 200}):
-        assert isocodec.encode_tin(points, values, **options) == isocodec.encode_tin(
-            points[mixed], values[mixed], **options
+        assert isocodec.encode(isocodec.thin(isocodec.Mesh(points, None, values), **options)) == isocodec.encode(
+            isocodec.thin(isocodec.Mesh(points[mixed], None, values[mixed]), **options)
         )
 
 
 def test_coordinates_come_back():
     """Those that a grid holds, far from the origin, to the last bit."""
     points = np.random.default_rng(1).integers(0, 4000, (60, 2)) * 25.5 + np.array([449999.5, -5.25e6])
-    tin = isocodec.decode_tin(isocodec.encode_tin(points, points[:, 0], error=1e-3))
+    tin = isocodec.decode_tin(isocodec.encode(isocodec.thin(isocodec.Mesh(points, None, points[:, 0]), error=1e-3)))
     assert set(map(tuple, tin.points)) <= set(map(tuple, points))
 
 
@@ -143,7 +143,7 @@ def test_heads_that_are_none(head: str):
 
 def test_damaged_files():
     """Every damage is found by the checksum; where that is made anew, by a rule, or gives another surface."""
-    data = isocodec.encode_tin(HILL, error=2.0)
+    data = isocodec.encode(isocodec.thin(HILL, error=2.0))
     rng = np.random.default_rng(7)
     kinds = set()
     for turn in range(150):
@@ -165,7 +165,7 @@ def test_damaged_files():
 
 
 def test_files_cut_short():
-    data = isocodec.encode_tin(HILL, error=2.0)
+    data = isocodec.encode(isocodec.thin(HILL, error=2.0))
     for size in range(len(data)):
         with pytest.raises(TruncatedError):
             isocodec.decode_tin(data[:size])
@@ -174,7 +174,7 @@ def test_files_cut_short():
 
 
 def test_limits():
-    data = isocodec.encode_tin(HILL, error=0.5)
+    data = isocodec.encode(isocodec.thin(HILL, error=0.5))
     for limits in ({"vertices": 20}, {"memory": 4000}, {"bytes": 40}):
         with pytest.raises(LimitError):
             isocodec.decode_tin(data, limits=isocodec.Limits(**limits))
@@ -184,16 +184,18 @@ def test_other_files():
     contour = isocodec.encode(HILL, 50)
     with pytest.raises(OptionError):
         isocodec.decode_tin(contour)
-    mesh = isocodec.encode_mesh([[0, 0], [1, 0], [0, 1]], [[0, 1, 2]], [0, 1, 2], 0.5)
+    mesh = isocodec.encode(isocodec.Mesh([[0, 0], [1, 0], [0, 1]], [[0, 1, 2]], [0, 1, 2]), 0.5)
     with pytest.raises(OptionError):
         isocodec.decode_tin(mesh)
     with pytest.raises(OptionError) as caught:
-        isocodec.decode(isocodec.encode_tin(HILL, to=10))
+        isocodec.decode(isocodec.encode(isocodec.thin(HILL, to=10)))
     assert "decode_tin" in str(caught.value)
 
 
 def test_notes():
-    assert isocodec.decode_tin(isocodec.encode_tin(HILL, to=10, metadata={"unit": "m"})).metadata == {"unit": "m"}
+    assert isocodec.decode_tin(
+        isocodec.encode(isocodec.thin(HILL, to=10, metadata={"unit": "m"}))
+    ).metadata == {"unit": "m"}
 
 
 @pytest.mark.parametrize(
@@ -203,19 +205,19 @@ def test_notes():
 )
 def test_options_that_make_no_sense(options: dict):
     with pytest.raises(OptionError):
-        isocodec.encode_tin(HILL, **options)
+        isocodec.encode(isocodec.thin(HILL, **options))
 
 
 def test_input_that_makes_no_surface():
     with pytest.raises(InputError):
-        isocodec.encode_tin(np.full((4, 4), np.nan), error=1)
+        isocodec.encode(isocodec.thin(np.full((4, 4), np.nan), error=1))
     with pytest.raises(InputError):
-        isocodec.encode_tin(np.zeros((1, 9)), error=1)
+        isocodec.encode(isocodec.thin(np.zeros((1, 9)), error=1))
 
 
 def test_constant_values():
-    assert (isocodec.decode_tin(isocodec.encode_tin(np.full((9, 9), 7.25), error=0)).raster() == 7.25).all()
-    assert (isocodec.decode_tin(isocodec.encode_tin(np.full((9, 9), 7.25), to=9)).raster() == 7.25).all()
+    assert (isocodec.decode_tin(isocodec.encode(isocodec.thin(np.full((9, 9), 7.25), error=0))).raster() == 7.25).all()
+    assert (isocodec.decode_tin(isocodec.encode(isocodec.thin(np.full((9, 9), 7.25), to=9))).raster() == 7.25).all()
 
 
 def test_command(tmp_path):
@@ -237,7 +239,7 @@ def test_command(tmp_path):
 def test_pictures_of_few_values(values: tuple[float, ...]):
     """A palette: corners of shapes keep their values, and no value lies between."""
     picture = np.array(values)[(X > 20).astype(int) + ((X - 30) ** 2 + (Y - 20) ** 2 < 90) * (len(values) - 2)]
-    tin = isocodec.decode_tin(isocodec.encode_tin(picture, size=220))
+    tin = isocodec.decode_tin(isocodec.encode(isocodec.thin(picture, size=220)))
     assert np.abs(tin.values[:, None] - np.array(values)).min(axis=1).max() <= np.ptp(values) / 2**20
     missed = tin.raster() - picture
     assert (missed**2).mean() < 0.02 * np.ptp(values) ** 2

@@ -19,12 +19,15 @@ from isocodec.search.original import original
 
 @pytest.mark.parametrize(
     "options",
-    [{}, {"exact": True}, {"signs_only": True}, {"tolerance": 0.5}, {"steps": [4, 1, 0.25]}, {"tolerance": 1.0}],
+    [
+        {}, {"precision": "exact"}, {"precision": "signs"}, {"precision": 0.5}, {"precision": [4, 1, 0.25]},
+        {"precision": 1.0},
+    ],
 )
 def test_promises_are_kept(options: dict[str, Any]) -> None:
     """The distances are those that shapely measures between the same two curves."""
     data = isocodec.encode(HILLS, [80.5, 100.5], **options)
-    found = isocodec.verify(data, HILLS, within=0.5 if options == {"signs_only": True} else None)
+    found = isocodec.verify(data, HILLS, within=0.5 if options == {"precision": "signs"} else None)
     assert [one.isovalue for one in found] == [80.5, 100.5] and all(one.kept for one in found)
     for one, contour in zip(found, isocodec.decode_all(data), strict=True):
         first = original(check_field(HILLS, one.isovalue))
@@ -43,7 +46,7 @@ def test_promises_are_kept(options: dict[str, Any]) -> None:
 def test_surfaces_and_holes() -> None:
     field = BALL.astype(float)
     field[3, 4, 5] = np.nan
-    assert isocodec.verify(isocodec.encode(field, 55.5, tolerance=0.01), field, within=0.01)[0].kept
+    assert isocodec.verify(isocodec.encode(field, 55.5, precision=0.01), field, within=0.01)[0].kept
     with pytest.raises(InputError, match="1 samples are missing"):
         isocodec.verify(isocodec.encode(BALL.astype(float), 55.5), field)
 
@@ -81,7 +84,10 @@ def test_files_in_tiles(tmp_path: Path, shape: tuple[int, ...]) -> None:
     field = np.rint(100 * np.sin(np.indices(shape) / 7).sum(axis=0)).astype(np.int16)
     np.save(tmp_path / "field.npy", field)
     path = tmp_path / "tiled.iso"
-    ok("encode", "--tile", 1024, tmp_path / "field.npy", "-o", path, "--isovalue", "55.5", "--tile", 32, "--precision", tolerance)
+    ok(
+        "encode", "--tile", 1024, tmp_path / "field.npy", "-o", path, "--isovalue", "55.5", "--tile", 32,
+        "--precision", tolerance,
+    )
     (one,) = isocodec.verify(path, field, within=tolerance)
     assert one.kept and one.wrong is None and 0 < max(one.there, one.back) <= tolerance + 0.002
     (less,) = isocodec.verify(path, field, within=one.there / 2)

@@ -33,7 +33,7 @@ def colours(contour: Contour, view: View = USUAL) -> np.ndarray:
 @pytest.mark.parametrize("placement, on_top", [(UPRIGHT, "tip"), (UPSIDE_DOWN, "foot")])
 @pytest.mark.parametrize("view", [USUAL, NAMED["front"], NAMED["left"], View(200, 10)])
 def test_up_is_z_of_the_placement(placement: list[tuple[int, ...]], on_top: str, view: View) -> None:
-    covered = colours(isocodec.decode(isocodec.encode(CONE, 0.0, placement=placement)), view)
+    covered = colours(isocodec.decode(isocodec.encode(isocodec.Field(CONE, placement=placement), 0.0)), view)
     widths = covered.sum(axis=1)
     rows = np.flatnonzero(widths)
     quarter = (rows[-1] - rows[0]) // 4
@@ -42,7 +42,7 @@ def test_up_is_z_of_the_placement(placement: list[tuple[int, ...]], on_top: str,
 
 
 def test_from_above_and_below_a_cone_is_round() -> None:
-    contour = isocodec.decode(isocodec.encode(CONE, 0.0, placement=UPRIGHT))
+    contour = isocodec.decode(isocodec.encode(isocodec.Field(CONE, placement=UPRIGHT), 0.0))
     for name in ("top", "bottom"):
         covered = colours(contour, NAMED[name])
         height, width = (np.ptp(np.flatnonzero(covered.any(axis=axis))) for axis in (1, 0))
@@ -96,7 +96,7 @@ def test_plot_takes_a_view(tmp_path: Path) -> None:
     assert np.array_equal(seen[0], seen[2]) and not np.array_equal(seen[0], seen[1])
     assert "elevation 99; it lies between -90 and 90" in fails(2, "plot", ball, "-o", out, "--view", "0,99")
     assert "'up' is not a view: give AZIMUTH,ELEVATION" in fails(2, "plot", ball, "-o", out, "--view", "up")
-    assert "there are views of surfaces only" in fails(2, "plot", hills, "-o", out, "--view", "top")
+    assert "--view applies to surfaces only" in fails(2, "plot", hills, "-o", out, "--view", "top")
     assert not out.exists()
 
 
@@ -106,7 +106,7 @@ def test_the_mesh_faces_the_viewer_in_a_mirrored_world_too(mirrored: int) -> Non
     from isocodec.io.writers import picture
 
     placement = [(0, 0, mirrored, 0), (1, 0, 0, 0), (0, 1, 0, 0)]
-    contour = isocodec.decode(isocodec.encode(BALL, 50.5, placement=placement))
+    contour = isocodec.decode(isocodec.encode(isocodec.Field(BALL, placement=placement), 50.5))
     axes = matplotlib_figure().Figure().add_subplot()
     picture._draw_mesh(axes, contour, np.zeros((0, 3), np.int64), np.zeros((0, 4), np.int64), NAMED["front"])
     (drawn,) = axes.collections

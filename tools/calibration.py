@@ -13,9 +13,8 @@ import time
 
 import numpy as np
 
-from isocodec.entropy.range_coder import DECODE, ENCODE, ONE, Coder, CoderRegisters, code, finish, start
-from isocodec.grid.models.contexts import rates
-from isocodec.grid.models.trained import no_blend
+from isocodec.entropy.contexts import context_coder
+from isocodec.entropy.range_coder import DECODE, ENCODE, ONE, Coder, code, finish, start
 from isocodec.kernel import kernel
 from isocodec.kernel.types import IntVector
 
@@ -35,9 +34,7 @@ def code_all(cd: Coder, context: IntVector, bits: IntVector) -> None:
 def coder(room: int) -> Coder:
     """A coder of the baseline profile."""
     prob = np.full(CONTEXTS, ONE // 2, np.int64)
-    return Coder(
-        CoderRegisters(), np.zeros(room, np.uint8), prob, np.ones(CONTEXTS, np.int64), rates(), no_blend()
-    )
+    return context_coder(prob, np.ones(CONTEXTS, np.int64), room)
 
 
 def encode(context: IntVector, bits: IntVector) -> tuple[float, bytes]:

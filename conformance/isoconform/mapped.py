@@ -10,7 +10,7 @@ import numpy as np
 from isocodec import encode
 from isocodec.field.mapped import Coordinate
 from isocodec.format.coordinates import CoordinatesRecord, write_coordinates
-from isocodec.grid.passes.nodes import Grid, encode_run
+from isocodec.grid.passes.node_run import NodeGrid, encode_run
 from isospec.container import ChunkType
 
 from .adaptive import SPACES
@@ -26,7 +26,7 @@ WHOLE = 5040
 def _payload(shape: tuple[int, ...], periodic: tuple[int, ...], coordinates: Sequence[Coordinate],
              goals: Sequence[Integers]) -> bytes:
     """A chunk's payload with values near the stated ones."""
-    grids = [Grid(one.counts(shape), one.period) for one in coordinates]
+    grids = [NodeGrid(one.counts(shape), one.period) for one in coordinates]
     free = [np.zeros(grid.counts, np.bool_) for grid in grids]
     shaped = [np.asarray(goal, np.int64).reshape(grid.counts) for goal, grid in zip(goals, grids, strict=True)]
     return write_coordinates(CoordinatesRecord(periodic, tuple(coordinates), encode_run(grids, shaped, free)[0]))

@@ -9,15 +9,16 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from isocodec.entropy.range_coder import ENCODE, Coder, CoderRegisters, finish, start
+from isocodec.entropy.contexts import context_coder
+from isocodec.entropy.range_coder import Coder
+from isocodec.entropy.run import WritingRun
 from isocodec.field.samples import Samples
 from isocodec.format.chunks import CHECKSUM_BYTES, read_envelope
 from isocodec.format.header import Header, read_header, write_header
 from isocodec.format.program import Layer, Progress, read_program, write_program
 from isocodec.grid.lattice.vertex_set import Chosen
 from isocodec.grid.layers.beginning import begin_layer
-from isocodec.grid.models.contexts import models, rates
-from isocodec.grid.models.trained import no_blend
+from isocodec.grid.models.contexts import models
 from isocodec.grid.passes.runner import Tube
 from isocodec.kernel import DONE
 from isocodec.limits import Limits
@@ -125,7 +126,7 @@ def sign_tube(shape: tuple[int, ...], signs: NDArray[np.bool_]) -> Tube:
 
 
 def _coder() -> Coder:
-    return Coder(CoderRegisters(), np.zeros(1 << 16, np.uint8), *models(), rates(), no_blend())
+    return context_coder(*models(), 1 << 16)
 
 
 def _none(*_: object) -> NDArray[np.int64]:
@@ -155,7 +156,7 @@ def planned(
     tube.estimates.bits = bits
     chunks = []
     for run in plan:
-        start(tube.coder.reg, ENCODE)
+        coded = WritingRun(tube.coder)
         for layer in run:
             if layer.kind in ("adaptive_base", "adapt"):
                 tube.choose(next(ahead))
@@ -166,7 +167,7 @@ def planned(
         program = write_program(run, progress, bits)
         found = read_program(program, 0, len(program), before)
         assert found is not None and found[0] == list(run), "no program says this"
-        chunks.append(layers(program, finish(tube.coder)))
+        chunks.append(layers(program, coded.end()))
     return File(write_header(header), tuple(chunks))
 
 

@@ -12,6 +12,7 @@ from ..field.meshed import Mesh
 from ..field.sampled import Field
 from ..stream.encoder import encoder_of
 from ..stream.options import Isovalues, LayersGiven, PrecisionGiven, ProfileName
+from .selfcheck import check_kernels
 
 if TYPE_CHECKING:
     from ..tin.tin import Tin
@@ -106,6 +107,7 @@ def encode(
     >>> isocodec.decode(data).lines[0].shape[1]
     2
     """
+    check_kernels()
     options: dict[str, Any] = {
         "precision": precision, "keep_topology": keep_topology, "profile": profile, "layers": layers,
         "independent": independent, "interval": interval, "metadata": metadata,

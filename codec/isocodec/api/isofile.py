@@ -21,6 +21,7 @@ from ..tin.tin import Tin
 from ..storage.content import Readable, content
 from .editing import Edit, edited
 from .kinds import TileFile, View, WholeFile
+from .selfcheck import check_kernels
 from .verification import Verified, verified
 
 if TYPE_CHECKING:
@@ -390,6 +391,7 @@ def open(
     >>> file = isocodec.open("terrain.iso")      # doctest: +SKIP
     >>> file.isovalues, file.contour().points    # doctest: +SKIP
     """
+    check_kernels()
     if isinstance(source, str | os.PathLike) and (tiled := _tiled_at(source, limits)) is not None:
         return tiled
     data = bytes(content(source, limits))

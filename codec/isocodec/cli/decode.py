@@ -150,6 +150,6 @@ def explained(options: Any) -> Iterator[None]:
             raise Failure(options.output, exc) from exc
         raise
     except TruncatedError as exc:
-        if not options.partial and options.max_bytes is None:
+        if not options.partial and getattr(options, "max_bytes", None) is None:
             exc.remedy = PARTIAL
         raise

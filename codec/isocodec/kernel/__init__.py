@@ -12,10 +12,12 @@ A kernel is plain Python of numbers and arrays with annotations that say which. 
 from __future__ import annotations
 
 from .declare import inlined, inner, kernel
-from .execution import EXECUTION, Execution, kernels
+from .execution import EXECUTION, Execution
+from .running import kernels, untested
 from .status import BAD, CUT, DONE, GROW, NEED
 from .types import record
 
 __all__ = [
     "BAD", "CUT", "DONE", "EXECUTION", "GROW", "NEED", "Execution", "inlined", "inner", "kernel", "kernels", "record",
+    "untested",
 ]

@@ -7,7 +7,6 @@ import warnings
 from enum import Enum
 from importlib.util import find_spec
 from pathlib import Path
-from typing import NamedTuple
 
 from ..errors import KernelError
 
@@ -21,24 +20,6 @@ class Execution(Enum):
     CHECKED = "checked"
     NUMBA = "numba"
     PYTHON = "python"
-
-
-class Kernels(NamedTuple):
-    """How kernels run in this process.
-
-    Attributes
-    ----------
-    execution : str
-        ``"library"``, ``"numba"`` or ``"python"``; ``"checked"`` is a library that checks indices, for tests.
-    detail : str
-        Of a library, its platform and which of its instructions are used.
-    """
-
-    execution: str
-    detail: str
-
-    def __str__(self) -> str:
-        return f"{self.execution}, {self.detail}" if self.detail else self.execution
 
 
 def _chosen() -> Execution:
@@ -70,12 +51,3 @@ def _without_library() -> Execution:
 EXECUTION = _chosen()
 BUILT = Path(__file__).parent / "built" / ("checked" if EXECUTION is Execution.CHECKED else "")
 """Where a build puts the library, and what is noted of it."""
-
-
-def kernels() -> Kernels:
-    """How kernels run in this process: from the library, compiled by numba, or as plain Python."""
-    if EXECUTION in (Execution.LIBRARY, Execution.CHECKED):
-        from .library import library
-
-        return Kernels(EXECUTION.value, library().detail)
-    return Kernels(EXECUTION.value, "")

@@ -6,7 +6,6 @@ import ctypes
 import hashlib
 import json
 from functools import cache
-from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -105,23 +104,9 @@ def library() -> Library:
     return Library(noted, loaded, suffix)
 
 
-_checked = False
-"""Whether the check of a library that could not be run where it was built has begun."""
-
-
-def _check_once() -> None:
-    """See that such a library does here what it is to do; the check calls kernels, and comes here again."""
-    global _checked
-    if not _checked:
-        _checked = True
-        import_module("isocodec.api.selfcheck").check()
-
-
 def entry(kernel: Kernel) -> Entry:
     """A kernel's entry in the library."""
     whole = library()
-    if not whole.note.ran:
-        _check_once()
     name = symbol(kernel.name)
     stated, built = str(kernel.signature), whole.note.signatures.get(name)
     if built != stated:

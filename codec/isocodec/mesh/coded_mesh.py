@@ -7,9 +7,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..entropy.guesses import DEPTHS, FINE, MOST_OPINIONS, clear_opinions, decided, hear, near_guess
-from ..entropy.range_coder import DECODE, ONE, Coder, code
-from ..kernel import BAD, CUT, DONE, inlined, inner, kernel, record
+from ..entropy.guesses import DEPTHS, FINE, clear_opinions, decided, hear, near_guess
+from ..entropy.range_coder import DECODE, Coder, code
+from ..kernel import BAD, DONE, GROW, inlined, inner, kernel, record
 from ..kernel.types import IntMatrix, IntVector
 from .complex import Complex, assembled
 from .expected import expect, learn_miss
@@ -26,26 +26,31 @@ from .growth import (
     list_candidates,
     near_class,
 )
-from .models import coder_of
+from .models import (
+    AGAIN,
+    CLOSED,
+    CLOSED_PAST,
+    FAR,
+    KNOWN,
+    KNOWN_COUNT,
+    MIX_CLOSED,
+    MIX_KNOWN,
+    MIX_PLACE,
+    PLACE,
+    WHICH,
+)
 from .walk import uniform
 
-CLOSED = 0
-CLOSED_PAST = CLOSED + 4 * NEAR
-KNOWN = CLOSED_PAST + 64
-KNOWN_COUNT = KNOWN + 4 * NEAR
-WHICH = KNOWN_COUNT + 4 * NEAR
-FAR = WHICH + 4 * NEAR * CANDIDATES
-AGAIN = FAR + 1
-PLACE = AGAIN + 1
-CONTEXTS = PLACE + 2 * 3 * 4 * DEPTHS
-MIX_CLOSED = 0
-MIX_KNOWN = MIX_CLOSED + 4
-MIX_PLACE = MIX_KNOWN + 1 + CANDIDATES
-MIXES = MIX_PLACE + 2 * 3 * DEPTHS
 LEAST = 1 << (FINE - 2)
 """Positions are never expected more sharply than this."""
 MOST_WORK = 1024
 """Cells that may be looked at for each cell of a mesh, in the mean."""
+TOO_MANY, NO_COMPLEX = 1, 2
+REASONS = {
+    TOO_MANY: ("more vertices or cells than stated", "10.10.1"),
+    NO_COMPLEX: ("the cells form no complex", "10.10.2"),
+}
+"""Message and clause of each error."""
 
 
 @record
@@ -69,7 +74,7 @@ def _code_place(g, cd, origin, face, truth):
     """Code where a new vertex lies: behind a face, or far from all."""
     v = np.int64(g.reg.vertices)
     if v >= len(g.position):
-        g.reg.error = 3
+        g.reg.error = TOO_MANY
         return BAD
     for k in range(g.position.shape[1]):
         case = 3 + k if face >= 0 else k
@@ -175,7 +180,7 @@ def _take(g, origin, truth):
         origin.source[new] = truth
     if attach(g):
         return DONE
-    g.reg.error = 4
+    g.reg.error = NO_COMPLEX
     return BAD
 
 
@@ -203,7 +208,7 @@ def _code_face(g, cd, origin, face):
         g.neighbour[t, o] = BORDER
         return DONE
     if g.reg.cells >= len(g.cell):
-        g.reg.error = 3
+        g.reg.error = TOO_MANY
         return BAD
     v = np.int64(NONE)
     if count > 0:
@@ -224,7 +229,7 @@ def _code_face(g, cd, origin, face):
 
 @kernel
 def code_mesh(g: Growth, origin: Original, cd: Coder) -> int:
-    """Code a mesh: the encoder's original, or the decoder's from the run."""
+    """Code a mesh: the encoder's original, or the decoder's from the run; GROW if too many cells are looked at."""
     corners = g.cell.shape[1]
     seed = np.int64(0)
     while g.reg.cells < len(g.cell):
@@ -246,18 +251,10 @@ def code_mesh(g: Growth, origin: Original, cd: Coder) -> int:
             if g.neighbour[t, face - t * corners] == OPEN:
                 status = np.int64(_code_face(g, cd, origin, face))
             if g.reg.work > MOST_WORK * len(g.cell) + MOST_WORK * MOST_WORK:
-                return CUT
+                return GROW
         if status != DONE:
             return status
     return DONE
-
-
-def coder_of_meshes() -> Coder:
-    """A coder for the run of a mesh."""
-    return coder_of(
-        np.full(CONTEXTS, ONE >> 1, np.int64), np.zeros(CONTEXTS, np.int64),
-        np.full((MIXES, MOST_OPINIONS), 22000, np.int64),
-    )
 
 
 def growth_of(vertices: int, cells: int, corners: int, extent: NDArray[np.int64]) -> Growth:

@@ -8,15 +8,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ..entropy.run import Account, WritingRun, whole_run
 from ..errors import FormatError, InputError, LimitError
-from ..tin.coded_tin import STEPS, UNLIMITED
+from ..tin.coded_tin import STEPS
 from ..tin.delaunay import delaunay, triangles
 from ..tin.models import new_coder
 from ..tin.point_tree import code_positions
 from ..tin.points import points_of
 from ..tin.rank import by_rank
 from .complex import Complex, assembled, neighbours
-from .isovalue import Run
 
 BYTES_PER_POINT = 400
 """Memory that decoding takes for a point, about."""
@@ -84,7 +84,7 @@ def _cells_of(points: NDArray[np.float64]) -> NDArray[np.int64]:
     return found.source[triangles(delaunay(found.x, found.y)[0])]
 
 
-def delaunay_complex(position: NDArray[np.int64], unit: float, work: int = UNLIMITED) -> Complex:
+def delaunay_complex(position: NDArray[np.int64], unit: float, account: Account | None = None) -> Complex:
     """The complex of distinct points (V, 2) in the order of ranks.
 
     Raises
@@ -92,13 +92,14 @@ def delaunay_complex(position: NDArray[np.int64], unit: float, work: int = UNLIM
     InputError
         If all lie on a line.
     LimitError
-        If it takes more work than allowed.
+        If it takes more work than the account allows.
     """
+    account = account or Account()
     x, y = np.ascontiguousarray(position.T)
-    tri, count = delaunay(x, y, min(STEPS * work, UNLIMITED))
+    tri, _ = delaunay(x, y, account.left(STEPS))
+    # where it has stopped, that is more than there was left
+    account.spend(-(-tri.reg.work // STEPS))
     cells = triangles(tri).astype(np.int64)
-    if count < len(position) and len(np.unique(cells)) < len(position):
-        raise LimitError(f"{len(position):,} points take more work than allowed", code="limit-work", clause="11.2")
     return assembled(position, cells, unit, neighbours(cells))
 
 
@@ -106,43 +107,56 @@ def encoded_points(
     position: NDArray[np.int64], extent: Sequence[int], unit: float
 ) -> tuple[bytes, Complex, NDArray[np.int64]]:
     """Code distinct points (V, 2) from 0 to below ``extent``; returns what `encoded_mesh` does."""
-    run = Run(coder=new_coder())
-    run.begin(None)
+    run = WritingRun(new_coder())
     run.room(_ROOM * len(position) + 2048)
     box = int(extent[0]), int(extent[1])
-    run.check(code_positions(run.coder, box, len(position), position, len(position), UNLIMITED)[0])
+    run.check(code_positions(run.coder, box, len(position), position, len(position), Account().spend)[0])
     order = by_rank(position[:, 0], position[:, 1])
     return run.end(), delaunay_complex(np.ascontiguousarray(position[order]), unit), order
 
 
 def decoded_points(
-    data: bytes, offset: int, size: tuple[int, int], extent: Sequence[int], unit: float, work: int
+    data: bytes, at: int, size: tuple[int, int], extent: Sequence[int], unit: float, account: Account
 ) -> Complex:
-    """Inverse of ``encoded_points``; ``size`` are the numbers of points and triangles that there should be.
+    """Inverse of ``encoded_points``.
+
+    Parameters
+    ----------
+    data : bytes
+        The run.
+    at : int
+        Where it lies in the file.
+    size : (int, int)
+        Numbers of points and triangles that the file states.
+    extent : sequence of int
+        Positions are below these.
+    unit : float
+        Of positions.
+    account : Account
+        Of the file.
 
     Raises
     ------
     FormatError
         If the run violates the specification.
     LimitError
-        If it takes more work than allowed.
+        If it takes more than the account allows.
     """
-    run = Run(coder=new_coder())
-    run.begin(data, offset)
+    run = whole_run(new_coder(), data, account, at)
     box = int(extent[0]), int(extent[1])
     try:
-        status, position, work = code_positions(run.coder, box, size[0], None, size[0], work)
+        status, position = code_positions(run.coder, box, size[0], None, size[0], account.spend)
     except LimitError as error:
         if error.code != "limit-vertices":
             raise
-        raise FormatError("more points than stated", code="domain", offset=offset, clause="10.11") from None
+        raise FormatError("more points than stated", code="domain", offset=at, clause="10.11") from None
     run.check(status)
     run.end()
     order = by_rank(position[:, 0], position[:, 1])
     try:
-        found = delaunay_complex(np.ascontiguousarray(position[order]), unit, work)
+        found = delaunay_complex(np.ascontiguousarray(position[order]), unit, account)
     except InputError:
-        raise FormatError("all points lie on a line", code="domain", offset=offset, clause="10.11") from None
+        raise FormatError("all points lie on a line", code="domain", offset=at, clause="10.11") from None
     if (len(found.mesh.position), len(found.mesh.cell)) != size:
-        raise FormatError("other numbers of points or triangles", code="domain", offset=offset, clause="10.11")
+        raise FormatError("other numbers of points or triangles", code="domain", offset=at, clause="10.11")
     return found

@@ -33,7 +33,7 @@ class GrowthRegisters(Registers):
     chosen : int
         Which row of ``aim`` is followed.
     error : int
-        What was wrong when a kernel returned BAD: 3 more vertices or cells than stated, 4 no complex.
+        One of ``coded_mesh.REASONS``, where a kernel returned BAD.
     """
 
     vertices: int

@@ -9,9 +9,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..entropy.range_coder import DECODE, ENCODE, Coder, finish, start
-from ..errors import FormatError, LimitError
-from ..kernel import BAD, CUT, DONE
+from ..entropy.contexts import take_over
+from ..entropy.run import Account, ReadingRun, Run, WritingRun, whole_run
 from .before import UNKNOWN, spread_signs
 from .complex import Complex
 from .history import History
@@ -27,83 +26,7 @@ from .positions import (
     parts_of,
     places_on,
 )
-from .walk import Strand, WalkRegisters, code_base, trace
-
-_ROOM = 1 << 12
-_ERRORS = {
-    1: ("a component begins where one has been", "10.3.1"),
-    2: ("a component begins at a cell that is not crossed", "10.3.1"),
-    3: ("more vertices or cells than stated", "10.10.1"),
-    4: ("cells that make up no complex", "10.10.2"),
-}
-"""What was wrong, and the clause, by ``error`` of registers."""
-
-
-class Run:
-    """The coder of an isovalue, ready for a run of an encoder or a decoder.
-
-    Parameters
-    ----------
-    earlier : Run, optional
-        Whose models it goes on with.
-    coder : Coder, optional
-        Another than that of isovalues.
-
-    Attributes
-    ----------
-    coder : Coder
-    """
-
-    def __init__(self, earlier: Run | None = None, coder: Coder | None = None) -> None:
-        self.coder = coder or new_coder()
-        if earlier is not None:
-            self.coder.prob[:], self.coder.seen[:] = earlier.coder.prob, earlier.coder.seen
-            self.coder.blend.mix[:] = earlier.coder.blend.mix
-        self._data: bytes | None = None
-        self._offset = 0
-
-    def begin(self, data: bytes | None, offset: int = 0, symbols: int | None = None) -> None:
-        """Begin a run of these bytes, which lie at ``offset`` in the file, or one to be encoded."""
-        self._data, self._offset = data, offset
-        start(self.coder.reg, ENCODE if data is None else DECODE)
-        if data is None:
-            self.coder = self.coder._replace(buf=np.zeros(_ROOM, np.uint8))
-            return
-        self.coder = self.coder._replace(buf=np.frombuffer(data, np.uint8).copy())
-        self.coder.reg.end, self.coder.reg.final = len(data), 1
-        if symbols is not None:
-            self.coder.reg.left = symbols
-
-    def room(self, symbols: int) -> None:
-        """Encoder: make room for so many symbols."""
-        if self._data is None:
-            # a symbol takes 11 bits at most
-            size = self.coder.reg.pos + 2 * symbols + 64
-            buf = np.zeros(size, np.uint8)
-            buf[: self.coder.reg.pos] = self.coder.buf[: self.coder.reg.pos]
-            self.coder = self.coder._replace(buf=buf)
-
-    def check(self, status: int, error: int = 0) -> None:
-        """Raise what a kernel came back with, unless it is done."""
-        if status == DONE:
-            return
-        if status == BAD:
-            what, clause = _ERRORS[error]
-            raise FormatError(what, code="domain", offset=self._offset, clause=clause)
-        if status == CUT:
-            raise LimitError("more symbols than allowed", code="limit-symbols", clause="11.2")
-        raise FormatError("a run is too short", code="overrun", offset=self._offset, clause="6.3")
-
-    def end(self) -> bytes:
-        """The run's bytes."""
-        if self._data is None:
-            return finish(self.coder)
-        reg = self.coder.reg
-        # bytes that the coder has moved past
-        shifts = reg.pos - 4 + reg.unknown // 8
-        if shifts + 4 < len(self._data):
-            raise FormatError("bytes left over in a run", code="leftover", offset=self._offset, clause="6.3")
-        return self._data
+from .walk import REASONS, Strand, WalkRegisters, code_base, trace
 
 
 class _Then(NamedTuple):
@@ -164,6 +87,7 @@ class MeshIsovalue:
     ----------
     strand : Strand
     run : Run
+        That of the present layer, from `read` or `write`.
     rounds : int or None
         How many rounds of the history are to come back yet, in signs that come level by level.
     edges : (E, 3) int64 or None
@@ -181,7 +105,10 @@ class MeshIsovalue:
         self.domain, self.value, self.scale = domain, value, scale
         self._earlier = earlier
         leant = before or (earlier[0] if earlier else None)
-        self.run: Run = Run(leant.run if leant else None)
+        self._coder = new_coder()
+        if leant is not None:
+            take_over(self._coder, leant._coder)
+        self.run: Run
         mesh = domain.mesh
         vertices, (cells, corners) = len(mesh.position), mesh.cell.shape
         unknown = np.full(vertices, UNKNOWN, np.int8)
@@ -215,6 +142,22 @@ class MeshIsovalue:
         """Crossed cells in their order."""
         return self.strand.leaf[: self.strand.reg.leaves]
 
+    def read(self, data: bytes, at: int, account: Account) -> ReadingRun:
+        """Begin to decode a layer, whose run is ``data`` and lies at ``at`` in the file; `ReadingRun.end` ends it.
+
+        Raises
+        ------
+        LimitError
+            If the account allows no more symbols.
+        """
+        self.run = run = whole_run(self._coder, data, account, at)
+        return run
+
+    def write(self) -> WritingRun:
+        """Begin to encode a layer; `WritingRun.end` gives its bytes."""
+        self.run = run = WritingRun(self._coder)
+        return run
+
     def code_signs(self, truth: NDArray[np.bool_] | None = None) -> None:
         """Code which vertices lie above; ``truth`` (V,) is the encoder's."""
         mesh = self.domain.mesh
@@ -222,7 +165,7 @@ class MeshIsovalue:
             self.strand.truth[:] = truth
         self.run.room(len(mesh.position) + 2 * len(mesh.cell))
         status = code_base(mesh, self.strand, self.run.coder)
-        self.run.check(status, self.strand.reg.error)
+        self.run.check(status, REASONS, self.strand.reg.error)
         self.edges = crossed_edges(mesh, self.leaves, self.strand.sign)
 
     def code_levels(self, history: History, rounds: int, truth: NDArray[np.bool_] | None = None) -> None:

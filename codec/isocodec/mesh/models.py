@@ -2,15 +2,11 @@
 
 from __future__ import annotations
 
-import numpy as np
-from numpy.typing import NDArray
-
-from ..entropy.guesses import DEPTHS, MOST_OPINIONS
-from ..entropy.panel import no_panel
-from ..entropy.range_coder import ONE, Blend, Coder, CoderRegisters
-from ..grid.models.contexts import rates
-from ..grid.models.trained import shipped_models
+from ..entropy.contexts import Layout, opinion_coder
+from ..entropy.guesses import DEPTHS
+from ..entropy.range_coder import Coder
 from .before import AGREED, RINGS
+from .growth import CANDIDATES, NEAR
 
 CLASSES = 8
 """Classes of how sure an estimate is."""
@@ -27,7 +23,7 @@ SHARES = 18
 RING_COUNTS = 81
 """Numbers of vertices around, and of those above: up to 8 each."""
 # element: (contexts, probability of a 1 at the start, weight of that start in symbols)
-_LAYOUT = {
+CONTEXT = Layout({
     "COMPONENT": (1, 0.8, 1),
     "FIRST": (16, 0.5, 0),
     "SIGN_SURE": (CLASSES * 3, 0.7, 2),
@@ -47,49 +43,45 @@ _LAYOUT = {
     "NEW_THEN": (TURNED, 0.5, 0),
     "OFFSET": (2 * CROSSINGS * 4 * DEPTHS, 0.5, 0),
     "VALUE": (2 * NUMBERS * 4 * DEPTHS, 0.5, 0),
-}
-CONTEXT: dict[str, int] = {}
-CONTEXTS = 0
-for _name, (_count, _p, _weight) in _LAYOUT.items():
-    CONTEXT[_name] = CONTEXTS
-    CONTEXTS += _count
-COMPONENT, FIRST = CONTEXT["COMPONENT"], CONTEXT["FIRST"]
-SIGN_SURE, SIGN_RING = CONTEXT["SIGN_SURE"], CONTEXT["SIGN_RING"]
-SIGN_PAST, SIGN_BOTH = CONTEXT["SIGN_PAST"], CONTEXT["SIGN_BOTH"]
-SIGN_THEN, SIGN_THEN_SURE = CONTEXT["SIGN_THEN"], CONTEXT["SIGN_THEN_SURE"]
-COARSE, COARSE_THEN, NEW, NEW_THEN = (CONTEXT[name] for name in ("COARSE", "COARSE_THEN", "NEW", "NEW_THEN"))
-LEVEL_THEN, LEVEL_THEN_SHARE = CONTEXT["LEVEL_THEN"], CONTEXT["LEVEL_THEN_SHARE"]
-LEVEL_RING, LEVEL_COUNT, LEVEL_PAST = CONTEXT["LEVEL_RING"], CONTEXT["LEVEL_COUNT"], CONTEXT["LEVEL_PAST"]
-OFFSET, VALUE = CONTEXT["OFFSET"], CONTEXT["VALUE"]
+})
+COMPONENT, FIRST = CONTEXT.firsts("COMPONENT", "FIRST")
+SIGN_SURE, SIGN_RING, SIGN_PAST, SIGN_BOTH = CONTEXT.firsts("SIGN_SURE", "SIGN_RING", "SIGN_PAST", "SIGN_BOTH")
+SIGN_THEN, SIGN_THEN_SURE = CONTEXT.firsts("SIGN_THEN", "SIGN_THEN_SURE")
+COARSE, COARSE_THEN, NEW, NEW_THEN = CONTEXT.firsts("COARSE", "COARSE_THEN", "NEW", "NEW_THEN")
+LEVEL_THEN, LEVEL_THEN_SHARE = CONTEXT.firsts("LEVEL_THEN", "LEVEL_THEN_SHARE")
+LEVEL_RING, LEVEL_COUNT, LEVEL_PAST = CONTEXT.firsts("LEVEL_RING", "LEVEL_COUNT", "LEVEL_PAST")
+OFFSET, VALUE = CONTEXT.firsts("OFFSET", "VALUE")
 MIX_SIGN = 0
 MIX_OFFSET = MIX_SIGN + CLASSES
 MIX_VALUE = MIX_OFFSET + 2 * CROSSINGS * DEPTHS
 MIX_LEVEL = MIX_VALUE + 2 * NUMBERS * DEPTHS
 MIXES = MIX_LEVEL + SHARES // 2
+# Of the run of a mesh (spec clause 10.10), likewise.
+_MESH = Layout({
+    "CLOSED": (4 * NEAR, 0.5, 0),
+    "CLOSED_PAST": (64, 0.5, 0),
+    "KNOWN": (4 * NEAR, 0.5, 0),
+    "KNOWN_COUNT": (4 * NEAR, 0.5, 0),
+    "WHICH": (4 * NEAR * CANDIDATES, 0.5, 0),
+    "FAR": (1, 0.5, 0),
+    "AGAIN": (1, 0.5, 0),
+    "PLACE": (2 * 3 * 4 * DEPTHS, 0.5, 0),
+})
+CLOSED, CLOSED_PAST, KNOWN, KNOWN_COUNT = _MESH.firsts("CLOSED", "CLOSED_PAST", "KNOWN", "KNOWN_COUNT")
+WHICH, FAR, AGAIN, PLACE = _MESH.firsts("WHICH", "FAR", "AGAIN", "PLACE")
+MIX_CLOSED = 0
+MIX_KNOWN = MIX_CLOSED + 4
+MIX_PLACE = MIX_KNOWN + 1 + CANDIDATES
+_MESH_MIXES = MIX_PLACE + 2 * 3 * DEPTHS
 WEIGHT = 22000
 """Mixing weight that every opinion starts with, of 2**16."""
 
 
-def begun() -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
-    """Probabilities of a 1, symbols seen, and mixing weights, as a file begins with them."""
-    prob, seen = np.empty(CONTEXTS, np.int64), np.empty(CONTEXTS, np.int64)
-    for name, (count, p, weight) in _LAYOUT.items():
-        prob[CONTEXT[name] : CONTEXT[name] + count] = round(p * ONE)
-        seen[CONTEXT[name] : CONTEXT[name] + count] = weight
-    return prob, seen, np.full((MIXES, MOST_OPINIONS), WEIGHT, np.int64)
-
-
-def coder_of(prob: NDArray[np.int64], seen: NDArray[np.int64], mix: NDArray[np.int64]) -> Coder:
-    """A coder with these models; ``range_coder.start`` and its ``buf`` begin a run."""
-    tables = shipped_models(2)[2]
-    short = np.zeros((0, 0), np.int32)
-    blend = Blend(
-        np.zeros((0, 0), np.int16), short, mix, tables.squash, tables.stretch, tables.trust,
-        np.zeros(2 * MOST_OPINIONS + 1, np.int64), short, no_panel(),
-    )
-    return Coder(CoderRegisters(), np.zeros(0, np.uint8), prob, seen, rates(), blend)
-
-
 def new_coder() -> Coder:
     """A coder for all runs of an isovalue."""
-    return coder_of(*begun())
+    return opinion_coder(CONTEXT, MIXES, WEIGHT)
+
+
+def coder_of_meshes() -> Coder:
+    """A coder for the run of a mesh."""
+    return opinion_coder(_MESH, _MESH_MIXES, WEIGHT)

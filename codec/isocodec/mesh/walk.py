@@ -30,6 +30,12 @@ ESTIMATE = 1 << 10
 """How far above or below a vertex is taken to lie at first."""
 LEAST, MOST = ESTIMATE * 3 // 10, ESTIMATE * 2
 """Bounds of the estimates that the walk goes on with."""
+VISITED, NOT_MIXED = 1, 2
+REASONS = {
+    VISITED: ("a component starts in a cell that was visited before", "10.3.1"),
+    NOT_MIXED: ("a component starts in a cell that the curve does not cross", "10.3.1"),
+}
+"""Message and clause of each error."""
 
 
 class WalkRegisters(Registers):
@@ -46,7 +52,7 @@ class WalkRegisters(Registers):
     agreed : int
         Whether the last signs were those of the frame before, as bits, the latest lowest.
     error : int
-        What was wrong when a kernel returned BAD: 1 a start that was visited, 2 one that is not mixed.
+        One of ``REASONS``, where a kernel returned BAD.
     """
 
     leaves: int
@@ -263,13 +269,13 @@ def code_base(mesh: Mesh, st: Strand, cd: Coder) -> int:
         if t < 0:
             return t
         if st.visited[t]:
-            st.reg.error = 1
+            st.reg.error = VISITED
             return BAD
         status = _first_signs(mesh, st, cd, t)
         if status < 0:
             return status
         if not mixed(mesh, st, t):
-            st.reg.error = 2
+            st.reg.error = NOT_MIXED
             return BAD
         st.stack[0] = 0
         _visit(mesh, st, t)

@@ -66,13 +66,16 @@ class GridContents:
         self.layers: list[Layer] = self.outline.layers
         self._session, self._header, self._data = session, header, session.data
         self._budget = session.budget
-        self._strands = strands = Tubes(session.limits, self._data, self.outline, self._budget, only, frame)
+        self._strands = strands = Tubes(
+            session.limits, self._data, self.outline, self._budget, session.account, only, frame
+        )
         self._tubes, self._progresses, self._mask = strands.all, strands.progresses, strands.mask
         self._reader = LayerReader(
-            session.limits, self._data, self._tubes, self._progresses, self._mask.tubes, self.layers
+            session.limits, self._data, self._tubes, self._progresses, self._mask.tubes, self.layers,
+            session.account,
         )
         self.runs = self._reader.runs
-        self._coordinates = DecodedCoordinates(self._budget)
+        self._coordinates = DecodedCoordinates(self._budget, session.limits)
         self._looked = False
         strands.begin(header, None, session.at)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from ..entropy.run import Account
 from ..format.chunks import Envelope
 from ..format.header import Header
 from ..grid.layers.beginning import mask_tube
@@ -22,6 +23,7 @@ class MaskStrand:
     data : bytearray
         The file as far as it has come; it grows.
     budget : Budget
+    account : Account
     tubes : list of Tube or None
         Those of the isovalues.
 
@@ -33,12 +35,15 @@ class MaskStrand:
         What it says, if it is complete.
     """
 
-    def __init__(self, limits: Limits, data: bytearray, budget: Budget, tubes: list[Tube | None]) -> None:
+    def __init__(
+        self, limits: Limits, data: bytearray, budget: Budget, account: Account, tubes: list[Tube | None]
+    ) -> None:
         self.tubes: list[Tube | None] = []
         self.holes: Holes | None = None
         self._limits = limits
         self._data = data
         self._budget = budget
+        self._account = account
         self._others = tubes
         self._reader: MaskReader | None = None
 
@@ -56,7 +61,7 @@ class MaskStrand:
         """Its chunk begins; ``left`` is what its tube may have."""
         tube = mask_tube(header, _ROOM, left, budget=self._budget)
         self.tubes.append(tube)
-        self._reader = MaskReader(self._limits, self._data, tube, self._others)
+        self._reader = MaskReader(self._limits, self._data, tube, self._others, self._account)
 
     def go_on(self, chunk: Envelope, chunk_start: int) -> bool:
         """Go on with its chunk; whether all has come, and where another chunk comes, too."""

@@ -21,7 +21,6 @@ from ..format.domain import DomainHead, MeshLayerHead, read_mesh_layer
 from ..format.events import ChunkSkipped, DomainRead, Event, FrameRead, IsovalueRead, MeshLayerComplete
 from ..format.frames import key_of
 from ..format.header import Header
-from ..limits import WORK_PER_BYTE
 from ..mesh.before import spread_signs
 from ..mesh.coded_points import BYTES_PER_POINT, decoded_points
 from ..mesh.complex import Complex, complex_of
@@ -75,7 +74,7 @@ class MeshContents:
         frame: int | None = None,
     ) -> None:
         self.outline = session.outline
-        self._session, self._header, self._budget = session, header, session.budget
+        self._session, self._header, self._budget, self._account = session, header, session.budget, session.account
         self.limits = session.limits
         self._mesh = mesh
         self._only = only
@@ -86,8 +85,6 @@ class MeshContents:
         self._leans: list[int | None] = []
         self._before: list[MeshIsovalue | None] = []
         self._layers = 0
-        self._symbols = self.limits.symbols
-        self._worked = 0
 
     @property
     def head(self) -> DomainHead | None:
@@ -220,7 +217,8 @@ class MeshContents:
 
     def drop(self) -> None:
         """See `Contents.drop`."""
-        self._strands, self._before = [], []
+        self._strands, self._before, self._domain, self._points = [], [], None, None
+        self.__dict__.pop("_history", None)
         self._budget.release(self)
 
     def _begin_domain(self, payload: bytes, start: int) -> None:
@@ -237,10 +235,9 @@ class MeshContents:
             size, data = (head.vertices, head.cells), payload[run:]
             if head.kind == DomainKind.DELAUNAY:
                 self._budget.check(BYTES_PER_POINT * head.vertices)
-                work = self.limits.work + WORK_PER_BYTE * len(payload)
-                self._domain = decoded_points(data, start + run, size, head.extent, unit, work)
+                self._domain = decoded_points(data, start + run, size, head.extent, unit, self._account)
             else:
-                self._domain = decoded_mesh(data, start + run, *size, n + 1, head.extent, unit)
+                self._domain = decoded_mesh(data, start + run, size, n + 1, head.extent, unit, self._account)
             self._points = coordinates_of(self._domain, head)
         self._begin(0, None)
 
@@ -308,12 +305,8 @@ class MeshContents:
 
     def _work_off(self, domain: Complex) -> None:
         """Count what looking once at all vertices and cells takes."""
-        self._worked += (len(domain.mesh.position) + len(domain.mesh.cell)) // ELEMENTS
-        if self._worked > self.limits.work + WORK_PER_BYTE * self._session.at:
-            raise LimitError(
-                f"takes more time than {self.limits.work:,} units of work", code="limit-work", clause="11.2",
-                remedy="raise Limits.work (--limit-work) if the file is trusted",
-            )
+        self._account.read = self._session.at
+        self._account.spend((len(domain.mesh.position) + len(domain.mesh.cell)) // ELEMENTS)
 
     def _read_layer(self, payload: bytes, start: int, behind: int) -> Event:
         present = None if self._skipped else self._strands[-1]
@@ -328,7 +321,7 @@ class MeshContents:
             return ChunkSkipped(behind, ChunkType.LAYERS, len(payload))
         if not self._fits(head, present):
             raise FormatError("a layer that comes twice, or too early", code="layer", offset=start, clause="10.1.3")
-        present.run.begin(payload[at:], start + at, self._symbols)
+        run = present.read(payload[at:], start + at, self._account)
         if head.kind == MeshLayer.SIGNS:
             present.code_signs()
         elif head.kind == MeshLayer.LEVELS:
@@ -337,8 +330,7 @@ class MeshContents:
             present.code_offsets(head.step)
         else:
             present.code_values(head.bits)
-        present.run.end()
-        self._symbols = present.run.coder.reg.left
+        run.end()
         return MeshLayerComplete(behind, self._layers, head.kind.name.lower(), len(payload) - at)
 
     def _fits(self, head: MeshLayerHead, present: MeshIsovalue) -> bool:

@@ -229,17 +229,17 @@ class MeshFrames:
         """Chunks of the layers of an isovalue."""
         geometry = self._geometry()
         for head in self._sign_layers():
-            strand.run.begin(None)
+            run = strand.write()
             if self._history is None:
                 strand.code_signs(field.signs)
             else:
                 strand.code_levels(self._history, head.rounds, field.signs)
             empty = strand.edges is not None and not len(strand.edges)
-            yield write_chunk(ChunkType.LAYERS, write_mesh_layer(head) + strand.run.end())
+            yield write_chunk(ChunkType.LAYERS, write_mesh_layer(head) + run.end())
         assert strand.edges is not None
         if geometry is None or empty:
             return
-        strand.run.begin(None)
+        run = strand.write()
         if geometry == MeshLayer.OFFSETS:
             number_of = self._offsets(strand, field)
             head = MeshLayerHead(geometry, step=self._step)
@@ -250,7 +250,7 @@ class MeshFrames:
             bits = [max((int(n).bit_length() for n in steps[field.signs[active] == s]), default=0) for s in (0, 1)]
             head = MeshLayerHead(geometry, bits=(bits[0], bits[1]))
             strand.code_values(head.bits, steps)
-        yield write_chunk(ChunkType.LAYERS, write_mesh_layer(head) + strand.run.end())
+        yield write_chunk(ChunkType.LAYERS, write_mesh_layer(head) + run.end())
 
     def _offsets(self, strand: MeshIsovalue, field: Samples) -> NDArray[np.int64]:
         """Parts of the crossed edges that the curve lies in."""

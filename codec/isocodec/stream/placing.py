@@ -7,14 +7,15 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import InputError
+from ..entropy.run import Account
+from ..errors import InputError, LimitError
 from ..field.coordinates import Given, arrays_of, check_coordinates
 from ..field.filling import filled_smoothly
 from ..field.mapped import Mapped
 from ..field.placement import DEFAULT_ERROR, Placement, closed, coded_placement, read_placement
 from ..format.coordinates import CoordinatesRecord, write_coordinates
-from ..grid.passes.nodes import Grid, decode_run, encode_run
-from ..limits import Budget
+from ..grid.passes.node_run import NodeGrid, decode_run, encode_run
+from ..limits import Budget, Limits
 
 
 class DecodedCoordinates:
@@ -23,10 +24,14 @@ class DecodedCoordinates:
     Parameters
     ----------
     budget : Budget
+    limits : Limits
+        What its run may take, beside all other runs of the file: it is decoded when something is drawn, and what comes
+        later must not depend on that.
     """
 
-    def __init__(self, budget: Budget) -> None:
+    def __init__(self, budget: Budget, limits: Limits) -> None:
         self._budget = budget
+        self._limits = limits
         self._record: CoordinatesRecord | None = None
         self._mapped: Mapped | None = None
 
@@ -36,14 +41,18 @@ class DecodedCoordinates:
         Raises
         ------
         LimitError
-            If it takes more memory than the limits allow.
+            If it takes more than the limits allow; nothing is held then.
         """
         if record is not self._record:
             self.drop()
             if record is not None:
-                grids = [Grid(one.counts(shape), one.period) for one in record.coordinates]
+                grids = [NodeGrid(one.counts(shape), one.period) for one in record.coordinates]
                 self._budget.hold(self, 8 * sum(grid.nodes for grid in grids))
-                values = decode_run(record.run, grids)
+                try:
+                    values = decode_run(record.run, grids, Account(self._limits.symbols, self._limits.work))
+                except LimitError:
+                    self._budget.release(self)
+                    raise
                 if values is None:
                     self._budget.release(self)
                 else:
@@ -95,7 +104,7 @@ def coordinates_payload(
     if placement is None or (placement.coordinates is None and not placement.periodic):
         return b""
     given = given_of(placement, shape, gone)
-    grids = [Grid(array.shape, one.period) for one, array in zip(given.coordinates, given.arrays, strict=True)]
+    grids = [NodeGrid(array.shape, one.period) for one, array in zip(given.coordinates, given.arrays, strict=True)]
     free = [~_leant_on(needed) for needed in given.needed]
     # what is given where it does not matter may be smooth or not
     ways = [[np.isfinite(array) for array in given.arrays]]

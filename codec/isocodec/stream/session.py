@@ -8,6 +8,7 @@ from typing import NoReturn, Protocol, TypeAlias
 
 from isospec.container import ChunkType
 
+from ..entropy.run import Account
 from ..errors import FormatError, IsoError, LimitError, TruncatedError, out_of_memory
 from ..format.chunks import Envelope, octets, read_envelope, verify
 from ..format.events import End, Event, HeaderRead
@@ -60,6 +61,8 @@ class Session:
     limits : Limits
     budget : Budget
         The memory that decoding holds.
+    account : Account
+        The symbols and the work that it has taken.
     data : bytearray
         The file as far as it has come.
     at : int
@@ -75,6 +78,7 @@ class Session:
     def __init__(self, limits: Limits | None, contents_of: ContentsOf) -> None:
         self.limits = limits or Limits()
         self.budget = Budget(self.limits.memory)
+        self.account = Account(self.limits.symbols, self.limits.work)
         self.data = bytearray()
         self.at = 0
         self.header: Header | None = None

@@ -12,13 +12,13 @@ from isospec.container import ChunkType, Profile
 
 from ..drawing.contour import Contour
 from ..drawing.explicit import surface_contour
+from ..entropy.run import Account
 from ..errors import FormatError, OptionError, TruncatedError
 from ..field.placement import read_placement
 from ..format.chunks import Envelope, write_chunk
 from ..format.events import DomainRead, Event
 from ..format.header import Header
 from ..format.surface import TinHead, read_tin, values_of, write_tin
-from ..limits import WORK_PER_BYTE
 from ..tin.coded_tin import Layers, decoded, encoded
 from ..tin.delaunay import delaunay, triangles
 from ..tin.rank import by_rank
@@ -147,9 +147,9 @@ class SurfaceContents:
             raise _early(len(self._session.data)) from None
         limits = self._session.limits
         most = min(limits.vertices, limits.memory // PER_POINT)
-        work = limits.work + WORK_PER_BYTE * len(payload)
+        account = Account(limits.symbols, limits.work)
         arrived = self._chunk is not None and self._chunk.end <= len(self._session.data)
-        parts = decoded(payload[at:], head.counts, head.extent, head.largest, most, work, arrived)
+        parts = decoded(payload[at:], head.counts, head.extent, head.largest, most, account, start + at, arrived)
         if len(parts.points) < 3:
             raise _early(len(self._session.data))
         return head, parts

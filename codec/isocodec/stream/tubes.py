@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection
 from dataclasses import replace
 
+from ..entropy.run import Account
 from ..errors import LimitError, OptionError
 from ..format.events import FrameRead
 from ..format.frames import key_of
@@ -30,6 +31,7 @@ class Tubes:
         The file as far as it has come; it grows.
     outline : Outline
     budget : Budget
+    account : Account
     only : collection of int, optional
         Numbers of the isovalues that are wanted.
     frame : int, optional
@@ -47,13 +49,13 @@ class Tubes:
     """
 
     def __init__(
-        self, limits: Limits, data: bytearray, outline: Outline, budget: Budget, only: Collection[int] | None,
-        frame: int | None = None,
+        self, limits: Limits, data: bytearray, outline: Outline, budget: Budget, account: Account,
+        only: Collection[int] | None, frame: int | None = None,
     ) -> None:
         self.all: list[Tube | None] = []
         self.before: list[Tube | None] = []
         self.progresses: list[Progress] = []
-        self.mask = MaskStrand(limits, data, budget, self.all)
+        self.mask = MaskStrand(limits, data, budget, account, self.all)
         self._limits = limits
         self._outline = outline
         self._budget = budget

@@ -8,9 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ..entropy.range_coder import DECODE, ENCODE, Coder, finish, start
-from ..errors import FormatError, LimitError
-from ..kernel import BAD, DONE, GROW, NEED
+from ..entropy.range_coder import UNLIMITED
+from ..entropy.run import Account, Run, WritingRun, whole_run
+from ..errors import FormatError
+from ..kernel import DONE, NEED
 from .delaunay import build_hull, hull_of, insert_all, insertion_order
 from .models import new_coder
 from .point_tree import code_positions
@@ -22,9 +23,9 @@ _ROUND, _FACTOR = 64, 4
 """Points of lowest rank that come first, and how many times as many have come after each later round."""
 STEPS = 16
 """Triangles that are looked at for a unit of work."""
-UNLIMITED = 1 << 62
-_ROOM = 64
-"""Bytes of a run for each point at most, and some more."""
+_ROOM = 32
+"""Symbols of a run for each point at most, and some more."""
+_REASONS = {0: ("a value out of range", "10.9.4")}
 
 
 @dataclass(frozen=True)
@@ -59,11 +60,11 @@ def rounds(count: int) -> NDArray[np.int64]:
     return out
 
 
-class _Run:
-    """One pass over a run, in either direction."""
+class _Surface:
+    """Points and numbers of the layers so far, in either direction."""
 
-    def __init__(self, coder: Coder, extent: tuple[int, int], most: int, work: int) -> None:
-        self.coder, self.extent, self.most, self.work = coder, extent, most, work
+    def __init__(self, run: Run, extent: tuple[int, int], most: int, account: Account) -> None:
+        self.run, self.extent, self.most, self.account = run, extent, most, account
         self.points = np.zeros((0, 2), np.int64)
         self.numbers = np.zeros(0, np.int64)
         self.corners = np.zeros((0, 2), np.int64)
@@ -73,7 +74,8 @@ class _Run:
         self, count: int, largest: int, points: NDArray[np.int64] | None, numbers: NDArray[np.int64] | None
     ) -> int:
         """Code the next layer; a status."""
-        status, found, self.work = code_positions(self.coder, self.extent, count, points, self.most, self.work)
+        coder = self.run.coder
+        status, found = code_positions(coder, self.extent, count, points, self.most, self.account.spend)
         if status != DONE:
             return status
         known = len(self.points)
@@ -100,15 +102,16 @@ class _Run:
         told = np.zeros(len(union), np.bool_)
         told[place[:known]] = True
         if known == 0:
-            status = code_corners(self.coder, values, hull)
+            status = code_corners(coder, values, hull)
             if status == DONE:
                 told[hull] = True
                 queue = queue[~told[queue]]
         done = 0
         if status == DONE:
-            status, done = code_inner(self.coder, tri, values, queue, min(STEPS * self.work, UNLIMITED))
+            status, done = code_inner(coder, tri, values, queue, self.account.left(STEPS))
             told[queue[:done]] = True
-            self.work -= tri.reg.work // STEPS
+            # where it has stopped, that is more than there was left
+            self.account.spend(-(-tri.reg.work // STEPS))
         if status == DONE or told.sum() > known:
             self.points, self.numbers = union[told[place]], number[place][told[place]]
             self.ends.append(len(self.points))
@@ -144,30 +147,36 @@ def encoded(layers: Layers, extent: tuple[int, int], largest: int) -> bytes:
     largest : int
         Numbers are from 0 to this.
     """
-    coder = new_coder()._replace(buf=np.zeros(_ROOM * len(layers.points) + 4096, np.uint8))
-    start(coder.reg, ENCODE)
-    run = _Run(coder, extent, len(layers.points), UNLIMITED)
+    run = WritingRun(new_coder())
+    run.room(_ROOM * len(layers.points) + 2048)
+    surface = _Surface(run, extent, len(layers.points), Account())
     begin = 0
     for end in layers.ends:
-        status = run.layer(end - begin, largest, layers.points[begin:end], layers.numbers[begin:end])
-        assert status == DONE
+        run.check(surface.layer(end - begin, largest, layers.points[begin:end], layers.numbers[begin:end]))
         begin = end
-    return finish(coder)
+    return run.end()
 
 
 def decoded(
-    data: bytes, counts: Sequence[int], extent: tuple[int, int], largest: int, most: int, work: int, whole: bool = True
+    data: bytes, counts: Sequence[int], extent: tuple[int, int], largest: int, most: int, account: Account,
+    at: int = 0, whole: bool = True,
 ) -> Layers:
     """Inverse of ``encoded``.
 
     Parameters
     ----------
+    data : bytes
+        The run.
     counts : sequence of int
         About how many points each layer has.
+    extent, largest
+        As of ``encoded``.
     most : int
         Points at most.
-    work : int
-        Units of work at most (`Limits.work`).
+    account : Account
+        Of the file.
+    at : int
+        Where the run lies in the file.
     whole : bool
         Whether these are all bytes of the run; if not, what they say is taken.
 
@@ -176,22 +185,16 @@ def decoded(
     FormatError
         If the run is not one of points and values.
     LimitError
-        If it takes more than allowed.
+        If it takes more than the account allows.
     """
-    coder = new_coder()._replace(buf=np.frombuffer(data, np.uint8).copy())
-    start(coder.reg, DECODE)
-    coder.reg.end, coder.reg.final = len(data), int(whole)
-    run = _Run(coder, extent, most, work)
+    run = whole_run(new_coder(), data, account, at, last=whole)
+    surface = _Surface(run, extent, most, account)
     for count in counts:
-        status = run.layer(count, largest, None, None)
-        if status == GROW:
-            raise LimitError("a triangulation takes more than allowed", code="limit-work", clause="11.2")
-        if status == BAD:
-            raise FormatError("a value out of range", code="value", clause="10.9.4")
+        status = surface.layer(count, largest, None, None)
         if status == NEED and not whole:
-            return Layers(run.points, run.numbers, tuple(run.ends), False)
-        if status == NEED:
-            raise FormatError("a run is too short", code="overrun", clause="6.3")
-    if whole and coder.reg.pos - 4 + coder.reg.unknown // 8 + 4 < len(data):
-        raise FormatError("bytes left over in a run", code="leftover", clause="6.3")
-    return Layers(run.points, run.numbers, tuple(run.ends))
+            run.count()
+            return Layers(surface.points, surface.numbers, tuple(surface.ends), False)
+        run.check(status, _REASONS, code="value")
+    if whole:
+        run.end()
+    return Layers(surface.points, surface.numbers, tuple(surface.ends))

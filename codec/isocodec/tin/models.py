@@ -2,13 +2,8 @@
 
 from __future__ import annotations
 
-import numpy as np
-
-from ..entropy.guesses import MOST_OPINIONS
-from ..entropy.panel import no_panel
-from ..entropy.range_coder import ONE, Blend, Coder, CoderRegisters
-from ..grid.models.contexts import rates
-from ..grid.models.trained import shipped_models
+from ..entropy.contexts import Layout, opinion_coder
+from ..entropy.range_coder import Coder
 
 AREAS = 16
 """Classes of the size of a cell: binary digits of the positions in it."""
@@ -29,29 +24,25 @@ REACHES = 14
 PARTS = 4
 """Classes of the fraction of a prediction."""
 EXPONENTS = 18
-_LAYOUT = {
-    "NEAR": 2 * AREAS * NEAR * OPEN,
-    "SIDES": 2 * 4 * STATES,
-    "WIDE": 2 * AREAS * WIDE,
-    "PAST": 2 * AREAS * 2 * 8,
-    "RAW": EXPONENTS * 2,
-    "ZERO_SPREAD": SPREADS * MISSES,
-    "ZERO_REACH": REACHES * MISSES,
-    "ZERO_PART": SPREADS * PARTS * 3,
-    "ZERO_NEXT": 3 * SPREADS * 3,
-    "SIGN_PART": PARTS * SPREADS,
-    "SIGN_NEXT": 3 * MISSES,
-    "SIGN_PAST": 9 * 3,
-    "SIZE_MISS": EXPONENTS * MISSES,
-    "SIZE_SPREAD": EXPONENTS * SPREADS,
-    "SIZE_REACH": EXPONENTS * REACHES,
-    "DIGIT": EXPONENTS * 4,
-}
-CONTEXT: dict[str, int] = {}
-CONTEXTS = 0
-for _name, _count in _LAYOUT.items():
-    CONTEXT[_name] = CONTEXTS
-    CONTEXTS += _count
+# element: (contexts, probability of a 1 at the start, weight of that start in symbols)
+CONTEXT = Layout({
+    "NEAR": (2 * AREAS * NEAR * OPEN, 0.5, 0),
+    "SIDES": (2 * 4 * STATES, 0.5, 0),
+    "WIDE": (2 * AREAS * WIDE, 0.5, 0),
+    "PAST": (2 * AREAS * 2 * 8, 0.5, 0),
+    "RAW": (EXPONENTS * 2, 0.5, 0),
+    "ZERO_SPREAD": (SPREADS * MISSES, 0.5, 0),
+    "ZERO_REACH": (REACHES * MISSES, 0.5, 0),
+    "ZERO_PART": (SPREADS * PARTS * 3, 0.5, 0),
+    "ZERO_NEXT": (3 * SPREADS * 3, 0.5, 0),
+    "SIGN_PART": (PARTS * SPREADS, 0.5, 0),
+    "SIGN_NEXT": (3 * MISSES, 0.5, 0),
+    "SIGN_PAST": (9 * 3, 0.5, 0),
+    "SIZE_MISS": (EXPONENTS * MISSES, 0.5, 0),
+    "SIZE_SPREAD": (EXPONENTS * SPREADS, 0.5, 0),
+    "SIZE_REACH": (EXPONENTS * REACHES, 0.5, 0),
+    "DIGIT": (EXPONENTS * 4, 0.5, 0),
+})
 MIX_CELL = 0
 MIX_ZERO = MIX_CELL + 2 * AREAS
 MIX_SIGN = MIX_ZERO + 3
@@ -62,13 +53,5 @@ WEIGHT = 24000
 
 
 def new_coder() -> Coder:
-    """A coder of points and values; ``range_coder.start`` and its ``buf`` begin a run."""
-    tables = shipped_models(2)[2]
-    short = np.zeros((0, 0), np.int32)
-    mix = np.full((MIXES, MOST_OPINIONS), WEIGHT, np.int64)
-    blend = Blend(
-        np.zeros((0, 0), np.int16), short, mix, tables.squash, tables.stretch, tables.trust,
-        np.zeros(2 * MOST_OPINIONS + 1, np.int64), short, no_panel(),
-    )
-    prob = np.full(CONTEXTS, ONE // 2, np.int64)
-    return Coder(CoderRegisters(), np.zeros(0, np.uint8), prob, np.zeros(CONTEXTS, np.int64), rates(), blend)
+    """A coder of points and values."""
+    return opinion_coder(CONTEXT, MIXES, WEIGHT)

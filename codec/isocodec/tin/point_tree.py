@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -14,7 +15,7 @@ from ..kernel import DONE, inlined, inner, kernel, record
 from ..kernel.types import IntMatrix, IntVector
 from .models import AREAS, CONTEXT, MIX_CELL, NEAR, OPEN, STATES, WIDE
 
-_NEAR, _SIDES, _WIDE, _PAST = (CONTEXT[name] for name in ("NEAR", "SIDES", "WIDE", "PAST"))
+_NEAR, _SIDES, _WIDE, _PAST = CONTEXT.firsts("NEAR", "SIDES", "WIDE", "PAST")
 _FIRST = np.array([1, 2, 4, 8, 16, 32, 64, 128, 256, 512, 1024, 2047, 2047, 2047, 2047, 2047, 2047])
 """Logits of: the first half has points, by the logarithm of how many it has in the mean, from 2**-8 on."""
 _SECOND = np.array(
@@ -208,8 +209,9 @@ def enter_all(table: IntMatrix, cell: IntMatrix) -> None:
 
 
 def code_positions(
-    coder: Coder, extent: tuple[int, int], count: int, points: NDArray[np.int64] | None, most: int, work: int
-) -> tuple[int, NDArray[np.int64], int]:
+    coder: Coder, extent: tuple[int, int], count: int, points: NDArray[np.int64] | None, most: int,
+    spend: Callable[[int], None],
+) -> tuple[int, NDArray[np.int64]]:
     """Code positions in a box.
 
     Parameters
@@ -223,8 +225,8 @@ def code_positions(
         Distinct ones, of an encoder.
     most : int
         Points at most.
-    work : int
-        Units of work at most.
+    spend : callable
+        Takes units of work and raises `LimitError` where they are too many.
 
     Returns
     -------
@@ -232,8 +234,6 @@ def code_positions(
         DONE, or why the coder stopped.
     (N, 2) int64
         All positions, in the order of the tree.
-    int
-        Units of work that are left.
 
     Raises
     ------
@@ -260,15 +260,13 @@ def code_positions(
         level = Level(cell, np.zeros((2 * len(cell), 2), np.int64), table, halves, size)
         status = halve(coder, level, truth)
         if status != DONE:
-            return status, cell[:0], work
+            return status, cell[:0]
         cell = level.half[: size[_LISTED]].copy()
         if len(cell) > most:
             raise LimitError(f"more than {most:,} points", code="limit-vertices", clause="11.2")
-        work -= _WORK * len(cell)
-        if work < 0:
-            raise LimitError("positions take more work than allowed", code="limit-work", clause="11.2")
+        spend(_WORK * len(cell))
         if owner is not None:
             # halves of each cell stand one after the other
             behind = np.concatenate([[0], np.cumsum((truth & 1) + (truth >> 1))])
             owner = behind[owner] + (side & truth[owner] & 1)
-    return DONE, cell, work
+    return DONE, cell

@@ -17,10 +17,10 @@ from .triangulation import Triangulation, orientation
 (
     _RAW, _ZERO_SPREAD, _ZERO_REACH, _ZERO_PART, _ZERO_NEXT, _SIGN_PART, _SIGN_NEXT, _SIGN_PAST, _SIZE_MISS,
     _SIZE_SPREAD, _SIZE_REACH, _DIGIT,
-) = (CONTEXT[name] for name in (
+) = CONTEXT.firsts(
     "RAW", "ZERO_SPREAD", "ZERO_REACH", "ZERO_PART", "ZERO_NEXT", "SIGN_PART", "SIGN_NEXT", "SIGN_PAST", "SIZE_MISS",
     "SIZE_SPREAD", "SIZE_REACH", "DIGIT",
-))
+)
 _FINE = 8
 _MOST_WEIGHT = 24
 """Bits of the weights that a prediction is made with."""

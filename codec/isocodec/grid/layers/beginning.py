@@ -8,14 +8,15 @@ import numpy as np
 
 from isospec.container import Profile
 
+from ...entropy.contexts import context_coder, rates
 from ...entropy.panel import no_panel, panel_after
 from ...entropy.range_coder import Coder, CoderRegisters
 from ...format.header import Header
 from ...format.kinds import LayerKind
 from ...format.program import Layer
 from ...limits import Budget, Limits
-from ..models.contexts import models, rates
-from ..models.trained import no_blend, shipped_models
+from ..models.contexts import models
+from ..models.trained import shipped_models
 from ..passes.runner import Tube
 from ..tube.holes import Holes
 from ..tube.state import FRAME
@@ -40,7 +41,7 @@ def leaning_coder(header: Header, lean: Tube | None, size: int, frame: bool = Fa
     if header.profile == Profile.MAIN:
         prob, seen, blend = shipped_models(len(header.shape))
         return Coder(registers, room, prob, seen, rates(), blend)
-    return Coder(registers, room, *models(), rates(), no_blend())
+    return context_coder(*models(), size)
 
 
 def leaning_tube(

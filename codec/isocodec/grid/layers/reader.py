@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 from isospec.container import ChunkType
 from isospec.elements import BY_LAYER, ELEMENTS
 
-from ...entropy.range_coder import DECODE, UNLIMITED, Coder, start
+from ...entropy.range_coder import UNLIMITED, Coder
+from ...entropy.run import Account, ReadingRun
 from ...errors import FormatError, LimitError
 from ...format.chunks import Envelope
 from ...format.events import BaseComplete, Event, GeometryRefined, LayerComplete, LevelComplete
@@ -18,12 +19,10 @@ from ...format.header import varint
 from ...format.kinds import BASES, GEOMETRY, LayerKind
 from ...format.program import Layer, ProgramReader, Progress, mask_layers
 from ...kernel import CUT, DONE
-from ...limits import WORK_LIST, WORK_PER_BYTE, WORK_STEPS, Limits
+from ...limits import WORK_LIST, Limits
 from ..passes.runner import Tube, out_of_steps
 from .beginning import begin_layer
 
-SLICE = 1 << 16
-"""Symbols that are decoded before limits are asked again."""
 _EVENTS: dict[str, type[LayerComplete]] = {
     **dict.fromkeys(BASES, BaseComplete),
     LayerKind.REFINE: LevelComplete,
@@ -74,6 +73,8 @@ class LayerReader:
         Others that have a part in the limits.
     layers : list of Layer
         Those announced so far; it grows.
+    account : Account
+        Of the file.
 
     Attributes
     ----------
@@ -82,7 +83,7 @@ class LayerReader:
 
     def __init__(
         self, limits: Limits, data: bytearray, tubes: list[Tube | None], progresses: list[Progress],
-        beside: list[Tube | None], layers: list[Layer],
+        beside: list[Tube | None], layers: list[Layer], account: Account,
     ) -> None:
         self.limits = limits
         self.layers = layers
@@ -91,20 +92,17 @@ class LayerReader:
         self._tubes = tubes
         self._progresses = progresses
         self._beside = beside
-        self._run_tube: Tube | None = None
+        self._account = account
+        self._reading: tuple[Tube, ReadingRun] | None = None
         self._pending: list[Layer] | None = None
         self._program: ProgramReader | None = None
         self._program_start = 0
         self._symbols = UNLIMITED
-        self._granted = 0
-        self._listed = 0
-        self._run = 0
-        self._run_read = 0
         self._before = np.zeros(len(ELEMENTS), np.int64)
         self._dropped = np.zeros(len(ELEMENTS) + 2, np.int64)
         self._layer_start = 0
         self._done = 0
-        self._spent = 0
+        self._spent = self._counted = 0
 
     @property
     def _tube(self) -> Tube:
@@ -120,8 +118,13 @@ class LayerReader:
     @property
     def coder(self) -> Coder:
         """The coder of the last run that was begun."""
-        assert self._run_tube is not None
-        return self._run_tube.coder
+        return self._run.coder
+
+    @property
+    def _run(self) -> ReadingRun:
+        """The last run that was begun."""
+        assert self._reading is not None
+        return self._reading[1]
 
     @property
     def waiting(self) -> bool:
@@ -134,8 +137,8 @@ class LayerReader:
         assert tube is not None
         self._dropped = self._dropped + tube.tally()
         self._tubes[number] = None
-        if self._run_tube is tube:
-            self._run_tube = None
+        if self._reading is not None and self._reading[0] is tube:
+            self._reading = None
 
     def next_frame(self, before: list[Tube | None]) -> None:
         """A further frame begins: keep of the present one how many symbols it took; ``before`` is let go of."""
@@ -151,7 +154,7 @@ class LayerReader:
     @property
     def run_symbols(self) -> int:
         """Symbols that have been decoded of the last run that was begun."""
-        return self._granted - self.coder.reg.left
+        return self._run.symbols
 
     def symbols(self) -> NDArray[np.int64]:
         """Symbols by syntax element so far, of all isovalues."""
@@ -171,22 +174,22 @@ class LayerReader:
         whole = there == chunk.end
         if self._pending is None and not self._open_run(chunk, chunk_start, there, whole):
             return None
-        coder = self._arrived(there, whole)
+        run = self._arrived(there, whole)
         while self._pending:
             layer = self._pending[0]
             try:
                 if not self._tube.running:
-                    self._listed += _listed(self._tube)
-                    self._grant(coder)
+                    self._account.units += _listed(self._tube)
+                    self._grant(run)
                     begin_layer(self._tube, layer)
                 status = self._tube.advance()
-                while status == CUT and self._granted < self._symbols:
-                    self._grant(coder)
+                while status == CUT and not run.complete:
+                    self._grant(run)
                     status = self._tube.advance()
                 if self._steps() >= self.limits.steps:
                     raise out_of_steps(self.limits)
             except (FormatError, LimitError) as error:
-                error.offset = self._run + min(_shifts(coder), self._run_read)
+                error.offset = run.place
                 raise
             if status == CUT:
                 self._pending = []
@@ -195,33 +198,16 @@ class LayerReader:
             else:
                 self._pending.pop(0)
                 return self._completed(layer, chunk)
-        if not whole:
-            return None
-        if _shifts(coder) + 4 < chunk.end - self._run:
-            raise FormatError("bytes left over in a run", code="leftover", offset=chunk.end, clause="6.3")
+        if whole:
+            run.end()
         return None
 
-    def _grant(self, coder: Coder) -> None:
-        """Allow some more symbols, where the limits do.
-
-        This is asked for when a layer begins and when those granted are used up, never when bytes are: that would
-        depend on how they come in.
-        """
-        others = sum(int(tube.tally()[: len(ELEMENTS)].sum()) for tube in self._beside if tube)
-        symbols = int(self.symbols().sum()) + others
-        read = self._run + _shifts(coder)
-        spent = symbols + (self._steps() + self._spent) // WORK_STEPS + self._listed
-        room = min(self.limits.work + WORK_PER_BYTE * read - spent, self.limits.symbols - symbols)
-        if symbols >= self.limits.symbols:
-            raise LimitError(f"more than {self.limits.symbols} symbols", code="limit-symbols", clause="11.2")
-        if room <= 0:
-            raise LimitError(
-                f"takes more time than {self.limits.work:,} units of work", code="limit-work", clause="11.2",
-                remedy="raise Limits.work (--limit-work) if the file is trusted",
-            )
-        left = coder.reg.left
-        coder.reg.left = max(left, min(SLICE, room, left + self._symbols - self._granted))
-        self._granted += coder.reg.left - left
+    def _grant(self, run: ReadingRun) -> None:
+        """Allow some more symbols, counting the steps of inference so far."""
+        steps = sum(tube.steps for tube in self._tubes if tube) + self._spent
+        self._account.steps += steps - self._counted
+        self._counted = steps
+        run.grant()
 
     def _open_run(self, chunk: Envelope, chunk_start: int, there: int, whole: bool) -> bool:
         """Read the program of a chunk and start its run; False if more bytes are needed."""
@@ -252,15 +238,11 @@ class LayerReader:
 
     def _begin_run(self, run: Run) -> None:
         """Begin the layers of a run."""
-        self._run = run.start
         self._pending = list(run.layers)
         self.layers += run.layers
-        self._run_read = 0
         self._layer_start = 0
-        self._run_tube = self._tube
-        reg = self._tube.coder.reg
-        start(reg, DECODE)
-        reg.left = self._granted = 0
+        tube = self._tube
+        self._reading = tube, ReadingRun(tube.coder, self._account, run.start, stated=run.symbols)
         self.runs.append(run)
 
     @staticmethod
@@ -270,31 +252,23 @@ class LayerReader:
             raise FormatError("a layer program is not complete", code="program", offset=there, clause="3.6")
         return False
 
-    def _arrived(self, there: int, whole: bool) -> Coder:
-        """Hand bytes of the run that have come since to the coder."""
-        coder = self._tube.coder
-        count = there - self._run
-        if count > self._run_read:
-            if count > len(coder.buf):
-                wider = np.zeros(max(2 * len(coder.buf), count), np.uint8)
-                wider[: self._run_read] = coder.buf[: self._run_read]
-                coder = self._tube.coder = coder._replace(buf=wider)
-            fresh = self._data[self._run + self._run_read : there]
-            coder.buf[self._run_read : count] = np.frombuffer(fresh, np.uint8)
-            self._run_read = count
-        coder.reg.end = count
-        coder.reg.final = whole
-        return coder
+    def _arrived(self, there: int, whole: bool) -> ReadingRun:
+        """The present run, with bytes of it that have come since."""
+        run = self._run
+        run.feed(self._data[run.at + run.read : there], whole)
+        self._tube.coder = run.coder
+        return run
 
     def _completed(self, layer: Layer, chunk: Envelope) -> Event:
         self._done += 1
         counts = self.symbols()
         fresh = (counts - self._before).tolist()
         self._before = counts
-        used = min(_shifts(self._tube.coder) + 4, chunk.end - self._run)
+        run = self._run
+        used = min(run.passed + 4, chunk.end - run.at)
         took, self._layer_start = used - self._layer_start, used
         symbols = {name: fresh[ELEMENTS.index(name)] for name in BY_LAYER[layer.kind]}
-        return _EVENTS[layer.kind](self._run + used, self._done, layer, symbols, took)
+        return _EVENTS[layer.kind](run.at + used, self._done, layer, symbols, took)
 
 
 class MaskReader(LayerReader):
@@ -307,10 +281,13 @@ class MaskReader(LayerReader):
     tube : Tube
     beside : list of Tube or None
         Those of the isovalues.
+    account : Account
     """
 
-    def __init__(self, limits: Limits, data: bytearray, tube: Tube, beside: list[Tube | None]) -> None:
-        super().__init__(limits, data, [tube], [Progress(tube.full_level)], beside, [])
+    def __init__(
+        self, limits: Limits, data: bytearray, tube: Tube, beside: list[Tube | None], account: Account
+    ) -> None:
+        super().__init__(limits, data, [tube], [Progress(tube.full_level)], beside, [], account)
 
     def _open_run(self, chunk: Envelope, chunk_start: int, there: int, whole: bool) -> bool:
         layers = mask_layers(self._tube.n, self._tube.full_level)
@@ -328,8 +305,3 @@ def _listed(tube: Tube) -> int:
     """What beginning a layer counts to the limit of work: lists over what is there, or over the frame before."""
     first = tube.lean if tube.follows else None
     return ((first or tube).vertices + (first or tube).simplices) // WORK_LIST
-
-
-def _shifts(coder: Coder) -> int:
-    """Bytes of the run that the coder has moved past; the same however the bytes came in."""
-    return coder.reg.pos + coder.reg.unknown // 8 - 4

@@ -5,12 +5,10 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 
-import numpy as np
-
 from isospec.container import LAYER_LIMIT, Operation
 from isospec.elements import BY_LAYER, ELEMENTS
 
-from ...entropy.range_coder import ENCODE, finish, start
+from ...entropy.run import WritingRun
 from ...errors import OptionError
 from ...field.samples import Samples
 from ...format.chunks import LayerRecord
@@ -87,7 +85,7 @@ class LayerWriter:
         self._places: dict[int, Place] = {}
         self._slack: dict[int, Place] = {}
         self._whole: list[tuple[int, bytes]] = []
-        self._open: tuple[int, int] | None = None
+        self._open: tuple[WritingRun, int, int] | None = None
         self.go_on(plan)
 
     def go_on(self, plan: Sequence[Entry]) -> None:
@@ -151,12 +149,12 @@ class LayerWriter:
         the bytes.
         """
         if self._whole:
-            end, run = self._whole.pop(0)
+            end, data = self._whole.pop(0)
             for _ in range(first, end):
                 report()
-            return end, run
-        end, _ = self._encode(first, report, RUN_BYTES if enough is None else enough, last)
-        return end, self._ended(first, end)
+            return end, data
+        run, end, _ = self._encode(first, report, RUN_BYTES if enough is None else enough, last)
+        return end, self._ended(run, first, end)
 
     def trial(self) -> int:
         """Encode the layers so far; the bytes that their runs take if nothing follows.
@@ -165,30 +163,28 @@ class LayerWriter:
         """
         first = 0
         while first < len(self.layers):
-            end, full = self._encode(first, lambda: None, RUN_BYTES, None)
+            run, end, full = self._encode(first, lambda: None, RUN_BYTES, None)
             if not full:
-                return self.run_bytes + len(finish(self.tube.coder))
-            self._whole.append((end, self._ended(first, end)))
+                return self.run_bytes + len(run.end())
+            self._whole.append((end, self._ended(run, first, end)))
             first = end
         return self.run_bytes
 
     def _encode(
         self, first: int, report: Callable[[], object], enough: float, last: int | None
-    ) -> tuple[int, bool]:
-        """Go on with a run of the layers from ``first`` on; the layer that it stands at, and whether it ends there."""
+    ) -> tuple[WritingRun, int, bool]:
+        """Go on with a run of the layers from ``first`` on; the run, the layer that it stands at, and whether it ends.
+        """
         tube = self.tube
-        if self._open is None:
-            start(tube.coder.reg, ENCODE)
-            self._open = first, 0
-        i, begun = self._open
+        run, i, begun = self._open or (WritingRun(tube.coder), first, 0)
         for _ in range(first, i):
             report()
         full = False
         while i < len(self.layers) and not full:
             before = tube.tally()
-            self._advance(i)
+            self._advance(run, i)
             symbols = tube.tally() - before
-            used = tube.coder.reg.pos + 4
+            used = run.coder.reg.pos + 4
             counts = {name: int(symbols[ELEMENTS.index(name)]) for name in BY_LAYER[self.layers[i].kind]}
             self.records.append(LayerRecord(used - begun, counts))
             begun = used
@@ -196,17 +192,17 @@ class LayerWriter:
             self._extend()
             report()
             full = used >= enough or i - 1 == last
-        self._open = i, begun
-        return i, full
+        self._open = run, i, begun
+        return run, i, full
 
-    def _ended(self, first: int, end: int) -> bytes:
+    def _ended(self, run: WritingRun, first: int, end: int) -> bytes:
         """The bytes of a run."""
         self._open = None
-        run = finish(self.tube.coder)
+        data = run.end()
         # what the decoder's window reads past the end of the run belongs to no layer
-        self._trim(first, end, len(run))
-        self.run_bytes += len(run)
-        return run
+        self._trim(first, end, len(data))
+        self.run_bytes += len(data)
+        return data
 
     def _trim(self, first: int, end: int, length: int) -> None:
         place = 0
@@ -215,7 +211,7 @@ class LayerWriter:
             self.records[i] = LayerRecord(stop - place, self.records[i].symbols)
             place = stop
 
-    def _advance(self, number: int) -> None:
+    def _advance(self, run: WritingRun, number: int) -> None:
         tube = self.tube
         if number in self._meshes:
             tube.choose(self._meshes[number])
@@ -224,7 +220,5 @@ class LayerWriter:
         tube.estimates.slack = self._slack.get(number)
         begin_layer(tube, self.layers[number])
         while tube.advance() != DONE:
-            buf = tube.coder.buf
-            wider = np.zeros(2 * len(buf), np.uint8)
-            wider[: len(buf)] = buf
-            tube.coder = tube.coder._replace(buf=wider)
+            run.widen()
+            tube.coder = run.coder

@@ -8,6 +8,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from ...entropy.contexts import Layout
 from ...entropy.mixer import HOLES
 from ...entropy.range_coder import ONE
 from ...kernel import inlined
@@ -23,7 +24,7 @@ CROSSED = 3 * 10 * 3 * 4
 NEAR = 8
 """Classes of how far a guessed value or crossing lies from the middle of what is left, to either side."""
 # element: (contexts, probability of a 1 at the start, weight of that start in symbols)
-_LAYOUT = {
+_LAYOUT = Layout({
     "ORIGIN": (3, 0.5, 1),
     "COMPONENT": (1, 0.8, 1),
     "ROOT": (1, 0.5, 1),
@@ -46,37 +47,31 @@ _LAYOUT = {
     "TURNED": (1, 0.02, 2),
     "VALUE_NEAR": (16 * 2 * 2 * NEAR, 0.5, 0),
     "OFFSET_NEAR": (2 * 4 * 2 * 2 * NEAR, 0.5, 0),
-}
-_first = 0
-_starts: dict[str, int] = {}
-for _name, (_count, _p, _weight) in _LAYOUT.items():
-    _starts[_name] = _first
-    _first += _count
-CONTEXTS = _first
+})
+CONTEXTS = _LAYOUT.count
 """Those but of holes, which are the last ones of both profiles."""
-ORIGIN = _starts["ORIGIN"]
-COMPONENT = _starts["COMPONENT"]
-ROOT = _starts["ROOT"]
-PATH = _starts["PATH"]
-FIRST = _starts["FIRST"]
-BASE_CURVE = _starts["BASE_CURVE"]
-BASE_SURFACE = _starts["BASE_SURFACE"]
-SIGNIFICANT = _starts["SIGNIFICANT"]
-SIGNIFICANT_LEAF = _starts["SIGNIFICANT_LEAF"]
-REFINE_BORDER = _starts["REFINE_BORDER"]
-REFINE_CROSSED = _starts["REFINE_CROSSED"]
-VALUE = _starts["VALUE"]
-OFFSET = _starts["OFFSET"]
-LEVEL = _starts["LEVEL"]
-LEVEL_PATH = _starts["LEVEL_PATH"]
-SPLIT = _starts["SPLIT"]
-CONTINUE = _starts["CONTINUE"]
-SEED = _starts["SEED"]
-OFFSET_LEAN = _starts["OFFSET_LEAN"]
-TURNED = _starts["TURNED"]
-VALUE_NEAR = _starts["VALUE_NEAR"]
-OFFSET_NEAR = _starts["OFFSET_NEAR"]
-RATES = 160
+ORIGIN = _LAYOUT["ORIGIN"]
+COMPONENT = _LAYOUT["COMPONENT"]
+ROOT = _LAYOUT["ROOT"]
+PATH = _LAYOUT["PATH"]
+FIRST = _LAYOUT["FIRST"]
+BASE_CURVE = _LAYOUT["BASE_CURVE"]
+BASE_SURFACE = _LAYOUT["BASE_SURFACE"]
+SIGNIFICANT = _LAYOUT["SIGNIFICANT"]
+SIGNIFICANT_LEAF = _LAYOUT["SIGNIFICANT_LEAF"]
+REFINE_BORDER = _LAYOUT["REFINE_BORDER"]
+REFINE_CROSSED = _LAYOUT["REFINE_CROSSED"]
+VALUE = _LAYOUT["VALUE"]
+OFFSET = _LAYOUT["OFFSET"]
+LEVEL = _LAYOUT["LEVEL"]
+LEVEL_PATH = _LAYOUT["LEVEL_PATH"]
+SPLIT = _LAYOUT["SPLIT"]
+CONTINUE = _LAYOUT["CONTINUE"]
+SEED = _LAYOUT["SEED"]
+OFFSET_LEAN = _LAYOUT["OFFSET_LEAN"]
+TURNED = _LAYOUT["TURNED"]
+VALUE_NEAR = _LAYOUT["VALUE_NEAR"]
+OFFSET_NEAR = _LAYOUT["OFFSET_NEAR"]
 BEHIND_HOLE, CROSSED_HOLE, BORDER_HOLE, SLOT_HOLE = range(4)
 HOLE_CASES = HOLES // 4
 """Elements whose symbols have contexts of their own at missing vertices, and how many cases each of them has."""
@@ -95,20 +90,11 @@ def near_class(far):
     return NEAR + min(max(far, -NEAR), NEAR - 1)
 
 
-def rates() -> NDArray[np.int64]:
-    """Adaptation step, of 2**16, by number of symbols seen: the mean of all, then of about the last 160."""
-    return np.array([ONE // (i + 1) for i in range(1, RATES)], np.int64)
-
-
 def models() -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Probability of a 1 and number of symbols seen, for all contexts, before the first symbol of a file."""
-    prob = np.empty(CONTEXTS + HOLES, np.int64)
-    seen = np.empty(CONTEXTS + HOLES, np.int64)
-    for name, (count, p, weight) in _LAYOUT.items():
-        prob[_starts[name] : _starts[name] + count] = round(p * ONE)
-        seen[_starts[name] : _starts[name] + count] = weight
-    prob[CONTEXTS:] = np.repeat([round(p * ONE) for p in _HOLE_PROBABILITY], HOLE_CASES)
-    seen[CONTEXTS:] = _HOLE_WEIGHT
+    prob, seen = _LAYOUT.begun()
+    prob = np.append(prob, np.repeat([round(p * ONE) for p in _HOLE_PROBABILITY], HOLE_CASES))
+    seen = np.append(seen, np.full(HOLES, _HOLE_WEIGHT))
     _gaussian(prob)
     return prob, seen
 

@@ -7,12 +7,13 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 
-from isospec.tables import HIDDEN, KINDS, MOST_LOGIT, ROWS, Tables, shipped, unpacked
+from isospec.tables import HIDDEN, KINDS, MOST_LOGIT, ROWS, Tables
 
-from ...entropy.mixer import BUCKET, BUCKETS, HOLES, STRETCH_SHIFT, TRUST_SHIFT
+from ...entropy.contexts import logistic, shipped_tables
+from ...entropy.mixer import BUCKET, BUCKETS, HOLES
 from ...entropy.panel import no_panel
-from ...entropy.range_coder import ONE, Blend
-from .contexts import CONTEXTS, RATES
+from ...entropy.range_coder import Blend
+from .contexts import CONTEXTS
 from .contexts import models as baseline_models
 from .layout import (
     AROUND,
@@ -37,11 +38,6 @@ from .layout import (
 
 _LINE = 64
 """Bytes of a line of the processor's cache: rows that begin with one are read faster."""
-
-
-@cache
-def _shipped() -> tuple[NDArray[np.int64], dict[int, Tables]]:
-    return unpacked(shipped())
 
 
 def members(n: int) -> NDArray[np.int16]:
@@ -72,13 +68,6 @@ def with_sums(n: int, weight: NDArray[np.int16]) -> NDArray[np.int16]:
     return sums
 
 
-def no_blend() -> Blend:
-    """What a coder of the baseline profile has."""
-    whole = np.zeros(0, np.int64)
-    table, short = np.zeros((0, 1), np.int64), np.zeros((0, 1), np.int32)
-    return Blend(np.zeros((0, 1), np.int16), short, table, whole, whole, whole, whole, short, no_panel())
-
-
 def models(n: int, squash: NDArray[np.int64], t: Tables) -> tuple[NDArray[np.int64], NDArray[np.int64], Blend]:
     """Probabilities of a 1, symbols seen, and the rest, as a file begins with them."""
     prob = np.empty(STATES, np.int64)
@@ -89,14 +78,8 @@ def models(n: int, squash: NDArray[np.int64], t: Tables) -> tuple[NDArray[np.int
     middles = (np.arange(BUCKETS) << BUCKET) + (1 << BUCKET >> 1)
     prob[MAP:-HOLES] = np.tile(squash[np.minimum(middles, 2 * MOST_LOGIT)], KINDS)
     prob[t.state[:, 0]], seen[t.state[:, 0]] = t.state[:, 1], t.state[:, 2]
-    # the least logit that reaches the middle of each class of probabilities
-    half = 1 << STRETCH_SHIFT >> 1
-    middles = (np.arange(ONE >> STRETCH_SHIFT) << STRETCH_SHIFT) + half
-    stretch = np.minimum(np.searchsorted(squash, middles), 2 * MOST_LOGIT) - MOST_LOGIT
-    count = np.arange(RATES)
-    trust = (2 * count << TRUST_SHIFT) // (2 * count + 3)
     blend = Blend(
-        with_sums(n, t.weight), t.out.astype(np.int32), t.mix.copy(), squash, stretch, trust,
+        with_sums(n, t.weight), t.out.astype(np.int32), t.mix.copy(), *logistic(squash),
         np.zeros(MOST_ROWS, np.int64), np.zeros((0, 0), np.int32), no_panel(),
     )
     return prob, seen, blend
@@ -104,7 +87,7 @@ def models(n: int, squash: NDArray[np.int64], t: Tables) -> tuple[NDArray[np.int
 
 @cache
 def _begun(n: int) -> tuple[NDArray[np.int64], NDArray[np.int64], Blend]:
-    squash, found = _shipped()
+    squash, found = shipped_tables()
     return models(n, squash, found[n])
 
 

@@ -7,20 +7,16 @@ where there are two on either side.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from isospec.container import MOST_COORDINATE
 
-from ...entropy.range_coder import DECODE, ENCODE, ONE, Coder, CoderRegisters, code, emit, finish, start
-from ...kernel import inlined, inner, kernel, record
+from ...entropy.contexts import Layout
+from ...entropy.range_coder import Coder, code, emit
+from ...kernel import BAD, DONE, inlined, inner, kernel, record
 from ...kernel.types import BoolVector, IntVector
-from ..models.contexts import rates
-from ..models.trained import no_blend
 
 QUANTUM = 4
 """A residual counts in ``1 << QUANTUM`` units."""
@@ -28,11 +24,14 @@ MOST_EXPONENT = 50
 """Binary digits of a residual behind its first one."""
 GRADES = 3
 """Classes of distances of nodes: 1, 2, and more."""
-ZERO, SIGN, EXPONENT = 0, 9 * GRADES, 9 * GRADES + 3
-CONTEXTS = EXPONENT + MOST_EXPONENT + 1
+# element: (contexts, probability of a 1 at the start, weight of that start in symbols)
+CONTEXT = Layout({
+    "ZERO": (9 * GRADES, 0.5, 1),
+    "SIGN": (GRADES, 0.5, 1),
+    "EXPONENT": (MOST_EXPONENT + 1, 0.5, 1),
+})
 """Of one coordinate."""
-SHORT, WRONG = -1, -2
-"""Why an array could not be coded: the bytes (or the room for them) end, or a number is out of range."""
+ZERO, SIGN, EXPONENT = CONTEXT.firsts("ZERO", "SIGN", "EXPONENT")
 AXES = 3
 
 
@@ -91,23 +90,23 @@ def predicted(value, at, step, place, count, period):
 
 @inner
 def _code_residual(cd, first, grade, recent, residual):
-    """Code one residual in the contexts from ``first`` on; SHORT or WRONG if that fails, as second number."""
+    """Code one residual in the contexts from ``first`` on; returns it and a status."""
     zero = code(cd, first + ZERO + 9 * grade + recent, np.int64(residual == 0))
     if zero < 0:
-        return np.int64(0), SHORT
+        return np.int64(0), zero
     if zero:
-        return np.int64(0), 0
+        return np.int64(0), np.int64(DONE)
     negative = code(cd, first + SIGN + grade, np.int64(residual < 0))
     if negative < 0:
-        return np.int64(0), SHORT
+        return np.int64(0), negative
     size = abs(residual)
     exponent = 0
     while True:
         if exponent > MOST_EXPONENT:
-            return np.int64(0), WRONG
+            return np.int64(0), np.int64(BAD)
         more = code(cd, first + EXPONENT + exponent, np.int64((size >> (exponent + 1)) > 0))
         if more < 0:
-            return np.int64(0), SHORT
+            return np.int64(0), more
         if more == 0:
             break
         exponent += 1
@@ -115,11 +114,11 @@ def _code_residual(cd, first, grade, recent, residual):
     for i in range(exponent - 1, -1, -1):
         bit = emit(cd, 1 << 15, (size >> i) & 1)
         if bit < 0:
-            return np.int64(0), SHORT
+            return np.int64(0), bit
         out = 2 * out + bit
     if negative:
         out = -out
-    return out, 0
+    return out, np.int64(DONE)
 
 
 @inner
@@ -151,15 +150,15 @@ def _code_step(cd, nodes, stride, axis, period, first):
                 if len(nodes.goal) and not nodes.free[np.uint64(at)]:
                     residual = _aim(nodes.goal, at, guess, period)
                 residual, status = _code_residual(cd, first, grade, recent, residual)
-                if status != 0:
+                if status != DONE:
                     return status
                 here = guess + (residual << QUANTUM)
                 if here >= MOST_COORDINATE or here <= -MOST_COORDINATE:
-                    return WRONG
+                    return BAD
                 value[np.uint64(at)] = here
                 size = abs(residual)
                 recent = 3 * (recent % 3) + (2 if size > 2 else size)
-    return 0
+    return DONE
 
 
 @kernel
@@ -178,7 +177,7 @@ def code_coordinate(cd: Coder, nodes: Nodes, period: int, first: int) -> int:
     Returns
     -------
     int
-        0, SHORT or WRONG.
+        DONE, NEED, CUT, or BAD if a number is out of range.
     """
     counts = nodes.counts
     nodes.value[0] = 0
@@ -190,77 +189,7 @@ def code_coordinate(cd: Coder, nodes: Nodes, period: int, first: int) -> int:
         for axis in range(AXES):
             if counts[axis] > stride:
                 status = _code_step(cd, nodes, stride, axis, period, first)
-                if status != 0:
+                if status != DONE:
                     return status
         stride >>= 1
-    return 0
-
-
-@dataclass(frozen=True)
-class Grid:
-    """The nodes of one coordinate.
-
-    Attributes
-    ----------
-    counts : tuple of int
-        Nodes along each axis; 1 along an axis that the coordinate does not depend on.
-    period : int
-        In units; 0 if there is none.
-    """
-
-    counts: tuple[int, ...]
-    period: int
-
-    @property
-    def nodes(self) -> int:
-        """How many there are."""
-        return int(np.prod([int(count) for count in self.counts], dtype=object))
-
-    @property
-    def _counts(self) -> NDArray[np.int64]:
-        return np.array(self.counts + (1,) * (AXES - len(self.counts)), np.int64)
-
-
-def _coder(mode: int, buffer: NDArray[np.uint8], count: int) -> Coder:
-    """A coder with models of its own for so many coordinates."""
-    registers = CoderRegisters()
-    start(registers, mode)
-    prob = np.full(count * CONTEXTS, ONE // 2, np.int64)
-    return Coder(registers, buffer, prob, np.full(count * CONTEXTS, 1, np.int64), rates(), no_blend())
-
-
-def encode_run(
-    grids: Sequence[Grid], goals: Sequence[NDArray[np.int64]], free: Sequence[NDArray[np.bool_]]
-) -> tuple[bytes, list[NDArray[np.int64]]]:
-    """The run of coordinates, and the values that it holds, which are near those wanted where these are not free."""
-    room = 1 << 12
-    while True:
-        coder = _coder(ENCODE, np.zeros(room, np.uint8), len(grids))
-        values = []
-        for i, (grid, goal, loose) in enumerate(zip(grids, goals, free, strict=True)):
-            value = np.zeros(grid.nodes, np.int64)
-            nodes = Nodes(value, goal.ravel(), loose.ravel(), grid._counts)
-            status = code_coordinate(coder, nodes, grid.period, i * CONTEXTS)
-            if status == SHORT:
-                break
-            assert status == 0, "coordinates beyond what a file holds"
-            values.append(value.reshape(grid.counts))
-        else:
-            return finish(coder), values
-        room *= 4
-
-
-def decode_run(run: bytes, grids: Sequence[Grid]) -> list[NDArray[np.int64]] | None:
-    """Inverse of ``encode_run``; None if the bytes are no such run."""
-    coder = _coder(DECODE, np.frombuffer(run, np.uint8), len(grids))
-    coder.reg.end, coder.reg.final = len(run), 1
-    values = []
-    for i, grid in enumerate(grids):
-        value = np.zeros(grid.nodes, np.int64)
-        nodes = Nodes(value, np.zeros(0, np.int64), np.zeros(0, np.bool_), grid._counts)
-        if code_coordinate(coder, nodes, grid.period, i * CONTEXTS) != 0:
-            return None
-        values.append(value.reshape(grid.counts))
-    # bytes that no symbol can have needed (spec clause 6.3)
-    known = 4 - coder.reg.unknown // 8
-    return None if coder.reg.pos - known + 4 < len(run) else values
+    return DONE
