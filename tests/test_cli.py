@@ -112,7 +112,9 @@ def test_contradictory_options(hills: Path, tmp_path: Path) -> None:
         (["--precision", "2,1", "--layers", "3"], "cannot be combined"),
     ):
         assert named in fails(2, "encode", hills, "-o", out, "--isovalue", 1, *options)
-    for options in (["--precision", "-1"], ["--precision", "fine"], ["--profile", "nonsense"], ["--key", "a"], ["--channel", "0"]):
+    for options in (
+        ["--precision", "-1"], ["--precision", "fine"], ["--profile", "nonsense"], ["--key", "a"], ["--channel", "0"],
+    ):
         fails(2, "encode", hills, "-o", out, "--isovalue", 1, *options)
     assert not out.exists()
 

@@ -189,5 +189,6 @@ def test_each_command_hears_its_writers(
     result = run(*WRITERS[writer])
     assert result.exit_code == 0, result.output
     (line,) = result.stderr.splitlines()
-    assert line == f"isocodec: {WRITERS[writer][WRITERS[writer].index("-o") + 1]}: warning: messages while writing it: raw"
+    out = WRITERS[writer][WRITERS[writer].index("-o") + 1]
+    assert line == f"isocodec: {out}: warning: messages while writing it: raw"
     assert capfd.readouterr() == ("", "")

@@ -15,8 +15,8 @@ from ..stream.options import Isovalues, LayersGiven, PrecisionGiven, ProfileName
 from .selfcheck import check_kernels
 
 if TYPE_CHECKING:
-    from ..tin.tin import Tin
     from ..field.sampled import SpatialImage
+    from ..tin.tin import Tin
 
 
 def encode(

@@ -14,11 +14,11 @@ from ..drawing.tessellation import Tessellation
 from ..errors import IsoError
 from ..field.placement import CRS, Placement, read_placement
 from ..limits import Limits
+from ..storage.content import Readable, content
 from ..stream.inspect import FileInfo
 from ..stream.statistics import FileStatistics
 from ..tiles.structure import HEAD_BYTES, is_tiled
 from ..tin.tin import Tin
-from ..storage.content import Readable, content
 from .editing import Edit, edited
 from .kinds import TileFile, View, WholeFile
 from .selfcheck import check_kernels
@@ -432,8 +432,8 @@ def _tiled_at(source: str | os.PathLike[str], limits: Limits | None) -> IsoFile 
 
     None if it is something else, comes through a pipe, or if its server does not give parts.
     """
-    from ..storage.ranges import NoRangesError, ranges_of
     from ..storage.content import is_url
+    from ..storage.ranges import NoRangesError, ranges_of
 
     if not is_url(source) and os.path.exists(source) and not os.path.isfile(source):
         return None

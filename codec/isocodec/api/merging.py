@@ -13,9 +13,9 @@ from ..errors import InputError, OptionError
 from ..field.decoded_samples import LABELS
 from ..field.placement import CRS, PLACEMENT
 from ..limits import Limits
+from ..storage.content import Readable
 from ..stream.options import Options
 from ..stream.splicing import spliced
-from ..storage.content import Readable
 from .isofile import open
 from .kinds import TileFile, impossible
 from .recoding import Held, held_by, same_again

@@ -10,14 +10,14 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import InputError, OptionError, TruncatedError
-from ..field.sampled import Field
-from ..format.events import LayerComplete, MeshLayerComplete
-from ..format.kinds import GEOMETRY
 from ..drawing.pictures.map_picture import DARK, LIGHT, map_picture
 from ..drawing.pictures.map_picture import Look as Drawing
 from ..drawing.pictures.picture import Step, check_picture, steps_picture
 from ..drawing.pictures.view import USUAL, View, read_view
+from ..errors import InputError, OptionError, TruncatedError
+from ..field.sampled import Field
+from ..format.events import LayerComplete, MeshLayerComplete
+from ..format.kinds import GEOMETRY
 from ..io.writers.to_pictures import PICTURE
 from ..limits import Budget, Limits
 from ..stream.decoder import Decoder

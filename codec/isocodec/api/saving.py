@@ -19,9 +19,9 @@ from ..stream.options import EncodeOptions, Isovalues, Options
 from .isofile import IsoFile
 
 if TYPE_CHECKING:
+    from ..field.sampled import SpatialImage
     from ..tiles.running import Engine
     from ..tin.tin import Tin
-    from ..field.sampled import SpatialImage
 
 
 def save(
