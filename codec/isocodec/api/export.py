@@ -196,7 +196,9 @@ def _contours(file: IsoFile, suffix: str, wanted: Wanted, progress: Any) -> list
         view["through_holes"] = True
     kind = _KINDS[wanted.what or "curve"]
     every = wanted.isovalue is None and "layers" not in view and file.kind != "surface"
-    if every and _holds(suffix, Thing(kind, len(file.shape) or None, several=kind != "areas", sampled=bool(file.shape))):
+    if every:
+        asked = Thing(kind, len(file.shape) or None, several=kind != "areas", sampled=bool(file.shape))
+    if every and _holds(suffix, asked):
         contours = file.contours(**view)
     else:
         contours = [file.contour(wanted.isovalue, **view)]
@@ -226,11 +228,9 @@ def _of_contours(thing: Any, contours: Sequence[Contour], file: IsoFile, remarks
     isovalues = [float(one.isovalue) for one in contours]
     pieces = "segments" if contours[0].n == 2 else "triangles"
     several = f", {len(isovalues)} isovalues" if len(isovalues) > 1 else ""
-    return Decoded(
-        thing,
-        {"points": points, "cells": cells, "isovalues": isovalues, "shape": list(contours[0].shape), "complete": complete},
-        f"{points:,} points, {cells:,} {pieces}{several}", remarks,
-    )
+    shape = list(contours[0].shape)
+    facts = {"points": points, "cells": cells, "isovalues": isovalues, "shape": shape, "complete": complete}
+    return Decoded(thing, facts, f"{points:,} points, {cells:,} {pieces}{several}", remarks)
 
 
 def _by_width(file: IsoFile, wanted: Wanted, finest: Contour) -> Callable[[float], Contour]:

@@ -81,8 +81,8 @@ class EncodeOptions(Thinning, Writing, Reading):
                                help="Keep each isovalue decodable without the others.")
     precision: str | None = option(
         "--precision", heading=PRECISION, metavar="P",
-        help="exact (integers); signs (only which samples are inside); a distance in cells or in the world: 0.05, 100m; "
-        "falling distances: 4,1,0.25,exact; step=S (floats, in steps).  [default: 0.05]",
+        help="exact (integers); signs (only which samples are inside); a distance in cells or in the world: 0.05, "
+        "100m; falling distances: 4,1,0.25,exact; step=S (floats, in steps).  [default: 0.05]",
     )
     keep_topology: bool = option("--keep-topology", heading=PRECISION, is_flag=True,
                                  help="Keep the topology of the contour in every layer.")
