@@ -12,9 +12,9 @@ from matplotlib.figure import Figure
 import isocodec
 from commands import BALL, HILLS, fails, ok, run
 from files import picture as field_of
+from isocodec.drawing.pictures import picture
 from isocodec.drawing.pictures.picture import Step
 from isocodec.drawing.pictures.view import USUAL, upright
-from isocodec.io.writers import picture
 
 
 @pytest.fixture

@@ -12,7 +12,7 @@ import pytest
 import isocodec
 from commands import ok
 from isocodec.cli.panels import Panels, shown, spread
-from isocodec.io.writers import picture
+from isocodec.drawing.pictures import picture
 
 
 @pytest.mark.parametrize(
