@@ -199,7 +199,7 @@ class EncodeOptions(Thinning, Writing, Reading):
         from ..api.inputs import Added, observed
 
         given = {"frames": self.frames, "axis": self.frame_axis, "missing": self.missing}
-        more = {name: value for name, value in given.items() if value}
+        more = {name: value for name, value in given.items() if value is not None}
         what = self.read(self.source, self.values, **more)
         added = Added(
             labels=self.labels, spacing=self.spacing, placed=not self.no_placement, periodic=self.periodic,
