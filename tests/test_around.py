@@ -280,10 +280,10 @@ def test_only_whole_layers_count_as_kept(tmp_path):
 def test_topology_of_some_isovalues_is_told_of_these(tmp_path, monkeypatch):
     """A file whose writer promises it of one isovalue only."""
     (tmp_path / "in.iso").write_bytes(TWO)
-    inspect = inspect
+    before = inspect
 
     def promised(data: bytes, **options: object) -> object:
-        info = inspect(data, **options)
+        info = before(data, **options)
         info.topology[1] = True
         return info
 

@@ -443,6 +443,8 @@ def test_every_chunk_type_has_one_reader_and_every_kind_of_layer_its_symbols():
 
 
 def test_kinds_of_layers_are_strings():
-    info = isocodec.open(b"".join(encoder_of(np.eye(4), 0.5, layers=[(LayerKind.BASE, None), ("values", None)], precision="step=0.5"))).info
+    info = isocodec.open(
+        b"".join(encoder_of(np.eye(4), 0.5, layers=[(LayerKind.BASE, None), ("values", None)], precision="step=0.5"))
+    ).info
     assert [layer.kind for layer in info.layers][:2] == ["base", "values"]
     assert json.loads(json.dumps(info.as_dict()))["layers"][0]["kind"] == "base"

@@ -115,10 +115,9 @@ def test_compiled_kernels_do_what_their_source_says(twice):
             isocodec.decode(isocodec.encode(isocodec.Field(field, mask=gone), 0.5, **more))
     for mesh in (plane(1, 30), space(1, 12), torus(5, 4)):
         values = np.rint(mesh[0].sum(axis=1) * 7).astype(np.int64) % 50
-        for more in (
-            {"precision": "exact"}, {"precision": 1.0}, {"signs_only": True, "progressive": mesh[0].shape[1] == 2},
-        ):
-            isocodec.open(isocodec.encode(isocodec.Mesh(*mesh, values), [20.5, 30.5], **more), mesh=mesh).contours()
+        for precision, progressive in (("exact", None), (1.0, None), ("signs", mesh[0].shape[1] == 2)):
+            given = isocodec.Mesh(*mesh, values, progressive=progressive)
+            isocodec.open(isocodec.encode(given, [20.5, 30.5], precision=precision), mesh=mesh).contours()
         isocodec.decode(isocodec.encode(isocodec.Mesh(*mesh, values, stored="coded"), 20.5))
         isocodec.encode(isocodec.Mesh(*mesh, np.array([values, values + 3])), 20.5, precision="exact")
     isocodec.decode(isocodec.encode(isocodec.Mesh(plane(1, 30)[0], None, np.arange(30)), 14.5))
@@ -129,7 +128,7 @@ def test_compiled_kernels_do_what_their_source_says(twice):
     isocodec.decode(isocodec.encode(isocodec.Field(hills[0], placement=Placement(coordinates=coordinates)), 0.5))
     points = np.random.default_rng(5).integers(0, 1 << 20, (30, 2))
     for criterion in ("inf", "AT3", "l2", "NAT"):
-        isocodec.thin(isocodec.Mesh(points, None, points[:, 0] % 7), criterion=criterion, to=8).tin()
+        isocodec.thin(isocodec.Mesh(points, None, points[:, 0] % 7), criterion=criterion, to=8)
         isocodec.thin(points[:, 0].reshape(5, 6) % 7, criterion=criterion, error=2.5)
     for options in ({"to": 12}, {"error": 1.0, "layers": 2}):
         isocodec.open(isocodec.encode(isocodec.thin(points[:, 0].reshape(5, 6) % 7, **options))).surface().raster()

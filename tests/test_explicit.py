@@ -53,7 +53,7 @@ def test_random_complexes(make, values_of):
         mesh = make(seed)
         values = noise(len(mesh[0]), seed) if values_of == "noise" else smooth(mesh[0])
         isovalue = int(np.median(values)) + 0.5
-        _, contour = check(mesh, values, isovalue, exact=True)
+        _, contour = check(mesh, values, isovalue, precision="exact")
         number = {edge: i for i, edge in enumerate(crossings(mesh, values, isovalue))}
         if make is plane:
             cells = [[number[edge] for edge in edges] for edges in pieces(mesh, values, isovalue)]
@@ -78,7 +78,7 @@ def test_nesting():
         rings = np.rint(100 * np.cos(np.hypot(*(mesh[0] - 50).T) / 6)).astype(np.int64)
         values = rings + noise(300, seed, -60, 60)
         isovalue = int(np.median(values)) + 0.5
-        contour = check(mesh, values, isovalue, exact=True)[1]
+        contour = check(mesh, values, isovalue, precision="exact")[1]
         wanted = crossings(mesh, values, isovalue)
         ends = [[wanted[edge] for edge in edges] for edges in pieces(mesh, values, isovalue)]
         drawn = shapely.get_parts(shapely.polygonize(shapely.linestrings(np.reshape(ends, (-1, 2, 2)))))
@@ -93,10 +93,10 @@ def test_nesting():
 def test_orientation():
     """Curves have the higher values on their left; normals of surfaces point to lower values."""
     points, cells = plane(5, 60, 1.0)
-    contour = check((points, cells), points[:, 0], 50.0, step=1e-6)[1]
+    contour = check((points, cells), points[:, 0], 50.0, precision="step=1e-6")[1]
     assert (np.diff(contour.points[contour.cells], axis=1)[:, 0, 1] <= 1e-9).all()
     points, cells = space(5, 40, 1.0)
-    contour = check((points, cells), points[:, 2], 50.0, step=1e-6)[1]
+    contour = check((points, cells), points[:, 2], 50.0, precision="step=1e-6")[1]
     a, b, c = (contour.points[contour.cells[:, i]] for i in range(3))
     assert (np.cross(b - a, c - a)[:, 2] <= 1e-9).all()
 
@@ -105,7 +105,7 @@ def test_handle():
     """On a torus in space level curves are closed lines with the points of brute force."""
     mesh = torus()
     values = np.rint(mesh[0][:, 2] * 100 + mesh[0][:, 0]).astype(np.int64)
-    contour = check(mesh, values, 50.5, exact=True)[1]
+    contour = check(mesh, values, 50.5, precision="exact")[1]
     assert contour.points.shape[1] == 3
     assert all(np.array_equal(line[0], line[-1]) for line in contour.lines)
     assert len(contour.lines) == 2
@@ -147,7 +147,7 @@ def test_tolerance(make, tolerance):
     """Points lie within the tolerance of the crossings of their edges."""
     mesh = make(2, 80)
     values = np.sin(mesh[0][:, 0] / 15) * 50 + mesh[0][:, 1]
-    contour = check(mesh, values, 50.0, tolerance=tolerance)[1]
+    contour = check(mesh, values, 50.0, precision=tolerance)[1]
     wanted = np.array(list(crossings(mesh, values, 50.0).values()))
     distance = np.sqrt(((contour.points[:, None] - wanted[None]) ** 2).sum(axis=2)).min(axis=1)
     assert distance.max() <= tolerance
@@ -208,7 +208,9 @@ def test_inspect():
     values = noise(len(mesh[0]), 7)
     info = isocodec.open(encode(Mesh(*mesh, values, progressive=False), [30, 60], precision="exact")).info
     assert [layer.kind for layer in info.layers] == ["signs", "values"] * 2
-    kinds = [layer.kind for layer in isocodec.open(encode(Mesh(*mesh, values), [30, 60], precision="exact")).info.layers]
+    kinds = [
+        layer.kind for layer in isocodec.open(encode(Mesh(*mesh, values), [30, 60], precision="exact")).info.layers
+    ]
     assert set(kinds) == {"levels", "values"} and len(kinds) > 3
     assert info.domain.vertices == len(mesh[0]) and info.domain.cells == len(mesh[1])
     assert info.as_dict()["domain"]["kind"] == "known"
@@ -280,7 +282,7 @@ def test_options_that_do_not_fit():
     for values, options in (
         ([0.0, 1, 2, 3], {"precision": "exact"}),
         ([0, 1, 2, 3], {"precision": "step=0.5"}),
-        ([0.0, 1, 2, 3], {"step": 0.5, "tolerance": 1}),
+        ([0.0, 1, 2, 3], {"precision": [4, 1]}),
         ([0.0, 1, 2, 3], {"precision": f"step={-1}"}),
         ([0, 1, 2, 3], {"mesh": "unknown"}),
     ):

@@ -77,7 +77,7 @@ def decode_and_check(field, isovalue=0.5, **options):
             levels.append(level)
             check_level(leaves_of(decoder.grid._tube, isovalue), above, level)
     assert decoder.complete
-    first = encoder.frame.layers[0].level if options.get("base_level") is None else options["base_level"]
+    first = encoder.frame.layers[0].level if options.get("layers") is None else options["layers"]
     assert levels == list(range(first, above.ndim * exponent(above.shape) + 1))
     check_full_grid(leaves_of(decoder.grid._tube, isovalue), above)
     same_state(encoder.frame.strands[-1].tube, decoder.grid._tube)
@@ -111,7 +111,7 @@ def fields_and_bases(draw, n, most, longest=None):
 def test_levels_are_brute_force_in_the_plane(case):
     """C2-uniform-base, C2-refine-uniform: any field of signs, any base."""
     above, base_level = case
-    decode_and_check(above, signs_only=True, base_level=base_level)
+    decode_and_check(above, precision="signs", layers=base_level)
 
 
 @examples(100)
@@ -119,7 +119,7 @@ def test_levels_are_brute_force_in_the_plane(case):
 def test_levels_are_brute_force_in_space(case):
     """S3-dfs, C2-refine-uniform in three dimensions."""
     above, base_level = case
-    decode_and_check(above, signs_only=True, base_level=base_level)
+    decode_and_check(above, precision="signs", layers=base_level)
 
 
 @pytest.mark.parametrize("shape", [(2, 2), (2, 3), (3, 2), (2, 2, 2)])
@@ -127,7 +127,7 @@ def test_all_fields_of_a_few_samples(shape):
     """Every one of 2**4, 2**6 and 2**8 patterns of signs, from every base."""
     for bits in product((False, True), repeat=math.prod(shape)):
         for base_level in range(len(shape) * exponent(shape) + 1):
-            decode_and_check(np.reshape(bits, shape), signs_only=True, base_level=base_level)
+            decode_and_check(np.reshape(bits, shape), precision="signs", layers=base_level)
 
 
 @pytest.mark.parametrize("shape", [(2, 257), (129, 3), (2, 2, 65), (3, 33, 2)])
@@ -160,7 +160,7 @@ def test_isolated_pixel_anywhere(inside):
     for place in product(range(17), repeat=2):
         above = np.full((17, 17), not inside)
         above[place] = inside
-        decode_and_check(above, signs_only=True, base_level=sum(place) % 5)
+        decode_and_check(above, precision="signs", layers=sum(place) % 5)
 
 
 @pytest.mark.parametrize("inside", [True, False])
@@ -169,7 +169,7 @@ def test_isolated_voxel_anywhere(inside):
     for place in product(range(6), repeat=3):
         above = np.full((6, 6, 6), not inside)
         above[place] = inside
-        decode_and_check(above, signs_only=True, base_level=sum(place) % 4)
+        decode_and_check(above, precision="signs", layers=sum(place) % 4)
 
 
 @examples(60)
@@ -177,14 +177,14 @@ def test_isolated_voxel_anywhere(inside):
 def test_isolated_pixels_around_a_curve(shape, seed, base_level):
     """Sparse specks of both signs on a smooth field: new components near curves and far from them."""
     rng = np.random.default_rng(seed)
-    decode_and_check((smooth(shape, seed) > 0) ^ (rng.random(shape) < 0.03), signs_only=True, base_level=base_level)
+    decode_and_check((smooth(shape, seed) > 0) ^ (rng.random(shape) < 0.03), precision="signs", layers=base_level)
 
 
 def test_constant_fields_cost_next_to_nothing():
     """No curve: the origin's sign, no component, and one symbol a round that says there is none."""
     for shape in ((40, 30), (9, 12, 10)):
         for value in (False, True):
-            _, decoder = decode_and_check(np.full(shape, value), signs_only=True, base_level=0)
+            _, decoder = decode_and_check(np.full(shape, value), precision="signs", layers=0)
             rounds = len(shape) * exponent(shape)
             expected = {"origin": 1, "component": 1, "significance": rounds}
             assert {name: count for name, count in decoder.symbols.items() if count} == expected
@@ -221,7 +221,7 @@ def integer_fields(draw, n, most):
 def test_values_are_exact(case):
     """C2-geometry: after the last plane every vertex that the drawing uses has its sample's value."""
     field, isovalue = case
-    _, decoder = decode_and_check(field, isovalue, exact=True)
+    _, decoder = decode_and_check(field, isovalue, precision="exact")
     if decoder.grid._tube.estimates.has_values:
         check_values(leaves_of(decoder.grid._tube, isovalue), field, full=True)
     points = decoder.contour().points

@@ -32,9 +32,8 @@ def sets(cells):
 def test_the_curve_of_another_library(seed, isovalues, signs_only):
     """On points that are kept exactly the triangles are those of Qhull, and crossings lie on their sides."""
     points, values = scattered(seed)
-    data = isocodec.encode_mesh(
-        points, None, values, isovalues, mesh_error=0.71, exact=not signs_only, signs_only=signs_only
-    )
+    precision = "signs" if signs_only else "exact"
+    data = isocodec.encode(isocodec.Mesh(points, None, values, error=0.71), isovalues, precision=precision)
     decoder = isocodec.Decoder()
     decoder.feed(data)
     decoder.close()

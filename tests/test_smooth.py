@@ -25,7 +25,7 @@ def both(field, isovalue, **options):
 def test_points_stay_on_their_edges(shape):
     """In noise: every sign stays right, and no two points fall together."""
     field = noise(shape) + smooth(shape, 5)
-    plain, moved = both(field, 0.1, signs_only=True)
+    plain, moved = both(field, 0.1, precision="signs")
     on_edge = (plain.points % 1 != 0).sum(axis=1) == 1
     assert on_edge.mean() > 0.9 and (plain.points != moved.points).any(axis=1).mean() > 0.5
     along = plain.points % 1 == 0.5
@@ -102,14 +102,14 @@ def test_layers_half_told():
     ],
 )
 def test_round_things_come_nearer(field, radius, centre, gain):
-    plain, moved = both(field, 0, signs_only=True)
+    plain, moved = both(field, 0, precision="signs")
     errors = [np.abs(np.linalg.norm(c.points - centre, axis=1) - radius) for c in (plain, moved)]
     assert errors[1].mean() < gain * errors[0].mean()
 
 
 def test_flat_things_come_nearer():
     z, y, x = np.mgrid[:20, :21, :22]
-    plain, moved = both(0.31 * z + 0.47 * y + 0.82 * x - 16.1, 0, signs_only=True)
+    plain, moved = both(0.31 * z + 0.47 * y + 0.82 * x - 16.1, 0, precision="signs")
     errors = [np.abs(c.points @ (0.31, 0.47, 0.82) - 16.1) for c in (plain, moved)]
     assert errors[1].mean() < 0.5 * errors[0].mean()
 
@@ -119,7 +119,7 @@ def test_one_round(shape, monkeypatch):
     """By its rule, point by point."""
     monkeypatch.setattr(smoothing, "ROUNDS", 1)
     n = len(shape)
-    plain, moved = both(noise(shape) + 2 * smooth(shape, 5), 0.2, signs_only=True)
+    plain, moved = both(noise(shape) + 2 * smooth(shape, 5), 0.2, precision="signs")
     points = plain.points
     count = len(points)
     neighbours = [[] for _ in range(count)]
@@ -163,5 +163,5 @@ def test_command_line(tmp_path: Path) -> None:
 
 def test_nothing_to_smooth():
     for shape in ((5, 5), (5, 5, 5)):
-        plain, moved = both(np.zeros(shape), 1, signs_only=True)
+        plain, moved = both(np.zeros(shape), 1, precision="signs")
         assert len(plain.points) == len(moved.points) == 0

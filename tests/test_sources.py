@@ -250,7 +250,7 @@ import isocodec
 
 field = isocodec.read("a.tif")
 data: bytes = isocodec.encode(field, 500.5, tolerance=0.5)
-isocodec.save("a.iso", field, 500.5, exact=True)
+isocodec.save("a.iso", field, 500.5, precision="exact")
 contour = isocodec.open("a.iso").contour()
 points: np.ndarray[tuple[int, ...], np.dtype[np.float64]] = contour.points
 WRONG

@@ -144,7 +144,7 @@ def test_tolerances_are_kept_without_seams(tmp_path: Path, seed: int) -> None:
     """Meshes are searched tile by tile: all of the curve lies within the tolerance, both ways, and goes on."""
     field = random_field(2, seed, seed % 2 == 0)
     tolerance = [1.0, 0.3, 3.0][seed % 3]
-    data = encoded(tmp_path, field, 0.5, tile=[32, 64][seed // 3], tolerance=tolerance)
+    data = encoded(tmp_path, field, 0.5, tile=[32, 64][seed // 3], precision=tolerance)
     check_faces(data, False)
     contour = isocodec.decode(data)
     assert not len(Promise(check_field(field, 0.5)).excess(contour, tolerance))
@@ -173,7 +173,7 @@ def test_levels_of_samples_on_sides(seed: int, k: int) -> None:
 def test_against_find_contours(tmp_path: Path) -> None:
     """Exact values: the points of scikit-image."""
     field = hilly()
-    tiled = isocodec.decode(encoded(tmp_path, field, 30.5, exact=True))
+    tiled = isocodec.decode(encoded(tmp_path, field, 30.5, precision="exact"))
     theirs = np.unique(np.concatenate(find_contours(field.astype(float), 30.5)).round(6), axis=0)
     assert np.array_equal(np.unique(tiled.points.round(6), axis=0), theirs)
 
@@ -198,14 +198,14 @@ def test_windows_are_parts_of_the_whole(tmp_path: Path) -> None:
 
 def test_a_tile_is_a_file(tmp_path: Path) -> None:
     field = hilly()
-    file = tiled_of(encoded(tmp_path, field, 30.5, signs_only=True))
+    file = tiled_of(encoded(tmp_path, field, 30.5, precision="signs"))
     window = field[file.head.grid.window((1, 2))]
     assert np.array_equal(isocodec.open(file.tile((1, 2))).above(), window > 30.5)
 
 
 def test_small_and_empty_fields(tmp_path: Path) -> None:
     for field in (np.zeros((3, 40)), np.ones((70, 5)), np.full((40, 40), np.nan)):
-        contour = isocodec.decode(encoded(tmp_path, field, 0.5, signs_only=True))
+        contour = isocodec.decode(encoded(tmp_path, field, 0.5, precision="signs"))
         assert len(contour.points) == 0 and contour.shape == field.shape
 
 

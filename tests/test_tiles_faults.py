@@ -203,7 +203,7 @@ BOX = [(300, 330), (400, 430)]
 @pytest.fixture(scope="module")
 def noise(tmp_path_factory: pytest.TempPathFactory) -> bytes:
     field = np.random.default_rng(1).integers(0, 100, (600, 600))
-    return encoded(tmp_path_factory.mktemp("noise"), field, 50.5, exact=True)
+    return encoded(tmp_path_factory.mktemp("noise"), field, 50.5, precision="exact")
 
 
 @pytest.mark.parametrize("how", ["whole", "redirects"])

@@ -91,7 +91,7 @@ def check_no_gaps(tmp_path: Path, n: int, options: dict[str, object], count: int
 
 def test_meshes_for_a_tolerance(tmp_path: Path) -> None:
     for seed in range(4):
-        file = tiled_of(encoded(tmp_path, random_field(2, seed, True), 0.5, tolerance=1.0))
+        file = tiled_of(encoded(tmp_path, random_field(2, seed, True), 0.5, precision=1.0))
         check_closed(mixed(file, seed))
 
 
@@ -99,7 +99,7 @@ def test_meshes_for_a_tolerance(tmp_path: Path) -> None:
 def test_a_download_that_ends_early(tmp_path: Path, n: int) -> None:
     """Cut anywhere in the segments: closed as well, no worse than the last layer that is there of all tiles."""
     field = random_field(n, 5, True)
-    data = encoded(tmp_path, field, 0.5, exact=True)
+    data = encoded(tmp_path, field, 0.5, precision="exact")
     file = tiled_of(data)
     begin = int(file.root.leaves[-1])
     first = begin + int(file.root.sizes[:, 0].sum())
@@ -162,7 +162,7 @@ def test_gaps_stay_beside_missing_samples_only(
 def test_by_hand(tmp_path: Path) -> None:
     """A straight line that crosses a face at 20.25: the coarse tile has it in the middle of 16 and 32."""
     x, y = np.meshgrid(np.arange(65.0), np.arange(65.0), indexing="ij")
-    file = tiled_of(encoded(tmp_path, np.rint(4 * x - 81 + 0 * y).astype(np.int16), 0, exact=True))
+    file = tiled_of(encoded(tmp_path, np.rint(4 * x - 81 + 0 * y).astype(np.int16), 0, precision="exact"))
     contour = file.window([(0, 32), (0, 64)], within=lambda box: 16 if box[1][0] == 0 else 0)
     there = contour.points[contour.cells]
     closing = there[(there[:, :, 1] == 32).all(axis=1)]

@@ -67,7 +67,7 @@ def test_a_window_in_one_piece(tmp_path: Path, n: int, integers: bool) -> None:
 def test_the_same_bytes_as_of_the_samples(tmp_path: Path) -> None:
     """Exact values: what the field's samples themselves would give, but for the placement."""
     field = hilly()
-    file = tiled_of(encoded(tmp_path, field, [30.5, 60.5], exact=True))
+    file = tiled_of(encoded(tmp_path, field, [30.5, 60.5], precision="exact"))
     made = file.extract([(20, 120), (31, 150)])
     wanted = isocodec.encode(
         isocodec.Field(field[20:121, 30:151], placement=[[0, 1, 30], [1, 0, 20]]), [30.5, 60.5], precision="exact",
@@ -96,7 +96,7 @@ def test_a_tile_as_it_is(tmp_path: Path) -> None:
 @pytest.mark.skipif(INTERPRETED, reason="searches would be slow")
 def test_what_cannot_be_taken_out(tmp_path: Path) -> None:
     field = hilly()
-    coarse = tiled_of(encoded(tmp_path, field, 30.5, tolerance=1.0))
+    coarse = tiled_of(encoded(tmp_path, field, 30.5, precision=1.0))
     with pytest.raises(OptionError, match="one tile"):
         coarse.extract([(0, 100), (0, 100)])
     tile = coarse.extract([(32, 64), (64, 96)])

@@ -50,18 +50,18 @@ def check_kept(file: TiledIsoFile, field: np.ndarray, isovalue: float, tolerance
 @pytest.mark.parametrize("tolerance", [0.5, 1.0, 2.3])
 def test_the_surface_keeps_to_it(tmp_path: Path, tolerance: float) -> None:
     field = waves((70, 81, 52))
-    data = encoded(tmp_path, field, 0.4, tolerance=tolerance)
+    data = encoded(tmp_path, field, 0.4, precision=tolerance)
     file = tiled_of(data)
     assert is_searched(file)
     check_faces(data, False)
     check_kept(file, field, 0.4, tolerance)
-    grid = encoded(tmp_path, field, 0.4, tolerance=0.49)
+    grid = encoded(tmp_path, field, 0.4, precision=0.49)
     assert len(data) < len(grid)
 
 
 def test_about_as_small_as_in_one_piece(tmp_path: Path) -> None:
     field = waves((65, 129, 65))
-    tiled = len(encoded(tmp_path, field, 0.4, tile=64, tolerance=1.0))
+    tiled = len(encoded(tmp_path, field, 0.4, tile=64, precision=1.0))
     assert tiled <= 1.35 * len(isocodec.encode(field, 0.4, precision=1.0))
 
 
@@ -83,7 +83,7 @@ def check_random(tmp_path: Path, seeds: range) -> None:
         if seed % 2:
             field = np.rint(field).astype(np.int16)
         tolerance = float(dice.choice([0.5, 0.7, 1.0, 1.6, 2.5]))
-        data = encoded(tmp_path, field, 0.5, tile=[32, 64][seed % 2], tolerance=tolerance)
+        data = encoded(tmp_path, field, 0.5, tile=[32, 64][seed % 2], precision=tolerance)
         check_faces(data, False)
         check_kept(tiled_of(data), field, 0.5, tolerance)
 
@@ -95,14 +95,14 @@ def test_small_things_on_faces(tmp_path: Path, radius: float) -> None:
     small = np.sqrt((x - 32.2) ** 2 + (y - 17.4) ** 2 + (z - 18.3) ** 2) - radius
     large = np.sqrt((x - 49) ** 2 + (y - 20) ** 2 + (z - 20) ** 2) - 13
     field = np.minimum(small, large)
-    data = encoded(tmp_path, field, 0, tolerance=0.6)
+    data = encoded(tmp_path, field, 0, precision=0.6)
     check_faces(data, False)
     check_kept(tiled_of(data), field, 0, 0.6)
 
 
 def test_several_isovalues_and_the_baseline_profile(tmp_path: Path) -> None:
     field = waves((40, 50, 60))
-    file = tiled_of(encoded(tmp_path, field, [0.4, 9.0, -0.3], tolerance=1.0, profile="baseline"))
+    file = tiled_of(encoded(tmp_path, field, [0.4, 9.0, -0.3], precision=1.0, profile="baseline"))
     assert is_searched(file)
     for isovalue in (0.4, -0.3):
         first = original(check_field(field, isovalue))
@@ -118,7 +118,7 @@ def test_what_is_on_the_full_grid(tmp_path: Path) -> None:
     gone = waves((40, 40, 70))
     gone[3:9, 3:9, 3:9] = np.nan
     for field, tolerance in ((noise, 1.0), (gone, 1.0), (waves((40, 40, 70)), 0.4)):
-        data = encoded(tmp_path, field, 0.4, tolerance=tolerance)
+        data = encoded(tmp_path, field, 0.4, precision=tolerance)
         assert not is_searched(tiled_of(data)) and [path.name for path in tmp_path.iterdir()] == ["tiled.iso"]
 
 
@@ -140,7 +140,7 @@ def test_resumed_where_it_was(tmp_path: Path) -> None:
     rough = waves((40, 40, 70))
     rough[:, :, 40:] += np.random.default_rng(0).normal(size=(40, 40, 30))
     for field, searched in ((waves((40, 40, 70)), True), (rough, False)):
-        whole = encoded(tmp_path, field, 0.4, tolerance=1.0)
+        whole = encoded(tmp_path, field, 0.4, precision=1.0)
         assert is_searched(tiled_of(whole)) == searched
         again, reads, path = None, 0, tmp_path / "again.iso"
         while again is None:

@@ -193,7 +193,9 @@ def test_other_files():
 
 
 def test_notes():
-    assert isocodec.open(isocodec.encode(isocodec.thin(HILL, to=10, metadata={"unit": "m"}))).surface().metadata == {"unit": "m"}
+    assert isocodec.open(
+        isocodec.encode(isocodec.thin(HILL, to=10, metadata={"unit": "m"}))
+    ).surface().metadata == {"unit": "m"}
 
 
 @pytest.mark.parametrize(
@@ -214,7 +216,9 @@ def test_input_that_makes_no_surface():
 
 
 def test_constant_values():
-    assert (isocodec.open(isocodec.encode(isocodec.thin(np.full((9, 9), 7.25), error=0))).surface().raster() == 7.25).all()
+    assert (
+        isocodec.open(isocodec.encode(isocodec.thin(np.full((9, 9), 7.25), error=0))).surface().raster() == 7.25
+    ).all()
     assert (isocodec.open(isocodec.encode(isocodec.thin(np.full((9, 9), 7.25), to=9))).surface().raster() == 7.25).all()
 
 

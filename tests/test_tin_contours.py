@@ -70,7 +70,7 @@ def _along(line):
 def test_what_has_no_such_contours():
     field = np.arange(48.0).reshape(6, 8)
     for options in (
-        {"contours": [5.5]}, {"precision": 1.0}, {"contours": [], "tolerance": 1.0}, {"contours": [5.5], "error": 1.0},
+        {"contours": [5.5]}, {"tolerance": 1.0}, {"contours": [], "tolerance": 1.0}, {"contours": [5.5], "error": 1.0},
         {"contours": [5.5], "tolerance": 0.0}, {"contours": [99.5], "tolerance": 1.0},
         {"contours": [float("nan")], "tolerance": 1.0}, {"contours": [5.5], "tolerance": 1.0, "step": 1.0},
     ):

@@ -96,14 +96,14 @@ def test_plot_takes_a_view(tmp_path: Path) -> None:
     assert np.array_equal(seen[0], seen[2]) and not np.array_equal(seen[0], seen[1])
     assert "elevation 99; it lies between -90 and 90" in fails(2, "plot", ball, "-o", out, "--view", "0,99")
     assert "'up' is not a view: give AZIMUTH,ELEVATION" in fails(2, "plot", ball, "-o", out, "--view", "up")
-    assert "there are views of surfaces only" in fails(2, "plot", hills, "-o", out, "--view", "top")
+    assert "--view applies to surfaces only" in fails(2, "plot", hills, "-o", out, "--view", "top")
     assert not out.exists()
 
 
 @pytest.mark.parametrize("mirrored", [1, -1])
 def test_the_mesh_faces_the_viewer_in_a_mirrored_world_too(mirrored: int) -> None:
+    from isocodec.drawing.pictures import picture
     from isocodec.drawing.pictures.picture import matplotlib_figure
-    from isocodec.io.writers import picture
 
     placement = [(0, 0, mirrored, 0), (1, 0, 0, 0), (0, 1, 0, 0)]
     contour = isocodec.decode(isocodec.encode(isocodec.Field(BALL, placement=placement), 50.5))

@@ -47,7 +47,7 @@ FILES: dict[str, tuple[np.ndarray, Any, dict[str, Any]]] = {
     "same mesh": (PLANE, [300.5, 310.5], {"layers": {
         300.5: [("base", 2), ("refine", None), ("values", None)], 310.5: [("leaf_base",), ("values", None)],
     }}),
-    "holes": (PLANE, 300.5, {"mask": np.hypot(*np.indices(PLANE.shape)) < 9, "tolerance": 0.2}),
+    "holes": (PLANE, 300.5, {"mask": np.hypot(*np.indices(PLANE.shape)) < 9, "precision": 0.2}),
     "holes in space": (SPACE, 60.5, {"mask": np.indices(SPACE.shape).sum(axis=0) < 5}),
 }
 """Between them, they need every kernel."""

@@ -60,7 +60,9 @@ def main() -> None:
 def sizes(field: NDArray[np.integer], count: int, error: float) -> dict[str, int]:
     """Bytes of each format, of so many isovalues at so large an error."""
     isovalues = evenly(field, count)
-    exact = {c.isovalue: c.lines for c in isocodec.open(isocodec.encode(field, isovalues, precision="exact")).contours()}
+    exact = {
+        c.isovalue: c.lines for c in isocodec.open(isocodec.encode(field, isovalues, precision="exact")).contours()
+    }
     data = isocodec.encode(field, isovalues, precision=error)
     ours = {contour.isovalue: contour.lines for contour in isocodec.open(data).contours()}
     assert distance(exact, ours) <= error * 1.001, "the file is farther away than it may be"

@@ -70,7 +70,7 @@ def criteria(folder: Path, out: Path) -> None:
     item = Item("horse slice", np.ascontiguousarray(model.values[::-1, :, SLICE]), 0)
     figure, axes = panels(2, 3, item.values.shape)
     for axis, (name, words) in zip(axes, CRITERIA, strict=True):
-        plan = isocodec.read_plan(f"adaptive-base {words}\noffsets 5")
+        plan = f"adaptive-base {words}\noffsets 5"
         data = isocodec.encode(item.values, item.isovalue + 0.5, layers=plan)
         draw_stage(axis, stages(data, [2])[0], name)
     save(figure, out / "criteria.png")

@@ -26,7 +26,7 @@ def surfaces(folder: Path, out: Path) -> None:
     """S3 figures 1, 6, 7, 8: each model after each of its layers, the coarse ones with their triangles."""
     for name, (placement, view) in MODELS.items():
         item = load(folder, f"sdf/{name}_{SAMPLES}", 0.5)
-        plan = isocodec.read_plan(PLAN.format(coarse=COARSE, fine=FINE))
+        plan = PLAN.format(coarse=COARSE, fine=FINE)
         data = isocodec.encode(isocodec.Field(item.values, placement=placement), item.isovalue, layers=plan)
         steps = [
             Step(stage.decoder.contour(), stage.bytes, len(data), stage.decoder.mesh() if number < 2 else None)
