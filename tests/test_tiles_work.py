@@ -18,8 +18,6 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from isocodec.api.tiled_api import TiledIsoFile, tiled_of
-from isocodec.tiles.encoding import Tiling
 
 import isocodec
 from brute import INTERPRETED
@@ -29,7 +27,9 @@ from isocodec.stream.options import Options
 from isocodec.tiles.head import write_head
 from isocodec.tiles.merging import grid_of
 from isocodec.tiles.spool import Spool
-from tiled import encoded, hilly, holed, pieces, served
+from isocodec.tiles.tile_encoder import Tiling
+from isocodec.tiles.tiled import TiledFile
+from tiled import encoded, hilly, holed, pieces, served, tiled_of
 
 # -- who encodes ---------------------------------------------------------------------------------------------------
 
@@ -301,7 +301,7 @@ def test_a_window_of_a_url(tmp_path: Path) -> None:
     data = encoded(tmp_path, noise, 50.5, precision="exact")
     with served(data) as (url, sent):
         file = isocodec.open(url)
-        assert isinstance(file, TiledIsoFile) and len(sent) == 1
+        assert isinstance(file, TiledFile) and len(sent) == 1
         part = file.window([(300, 330), (400, 430)])
         assert pieces(part) == pieces(tiled_of(data).window([(300, 330), (400, 430)]))
         assert len(sent) <= 8 and sum(sent) < len(data) // 2
