@@ -13,8 +13,8 @@ import tifffile
 from PIL import Image
 
 from isocodec.field.placement import Placement
+from isocodec.io.readers.input_formats import open_file
 from isocodec.io.readers.opened import Choice
-from isocodec.io.readers.registry import open_file
 
 CELLS = np.arange(24, dtype=np.uint8).reshape(2, 3, 4)
 META = b"ObjectType = Image\nNDims = 3\nBinaryData = True\nDimSize = 2 3 4\nElementType = MET_UCHAR\n"

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from brute import examples
-from isocodec.entropy.contexts import no_blend, rates
+from isocodec.entropy.context_layout import no_blend, rates
 from isocodec.entropy.mixer import HOLES
 from isocodec.entropy.range_coder import (
     BEYOND,

@@ -18,8 +18,8 @@ from vtk.util.numpy_support import numpy_to_vtk
 
 import isocodec
 from commands import fails, ok
+from inputs import read_field, read_place
 from isocodec.errors import InputError, LimitError, OptionError
-from isocodec.io import read_field, read_place
 
 HILL = 100 - np.hypot(*(np.mgrid[:20, :30] - np.array([9.3, 14.2])[:, None, None])) * 5
 BALL = 100 - np.linalg.norm(np.mgrid[:12, :13, :14] - np.array([5.6, 6.2, 6.9])[:, None, None, None], axis=0) * 10
@@ -47,12 +47,12 @@ def test_labelled_files(tmp_path: Path, name: str) -> None:
         assert path.read_bytes().startswith(b"CDF")
     field = isocodec.read(path, frame=1)
     assert np.array_equal(field.values, grid().values[1], equal_nan=True)
-    assert field.placement is not None and field.placement.tolist() == [[0, 0.25, 5], [-0.5, 0, 60]]
+    assert field.placement is not None and field.placement.matrix.tolist() == [[0, 0.25, 5], [-0.5, 0, 60]]
     assert (field.name, field.unit, field.crs) == ("tas", "K", "EPSG:4326")
     assert field.notes["time"].startswith("2020-01-02")
     ok("encode", path, "-o", tmp_path / "a.iso", "--isovalue", 70, "--frame", 1)
     file = isocodec.open(tmp_path / "a.iso")
-    assert file.placement is not None and np.array_equal(file.placement, field.placement)
+    assert np.array_equal(file.placement.matrix, field.placement.matrix)
     assert file.crs == "EPSG:4326" and not file.valid()[2, 3] and file.valid().sum() == 599
     assert read_field(path, key="tas", frame=0).shape == (20, 30)
     with pytest.warns(UserWarning, match="time"):
@@ -72,7 +72,7 @@ def test_zarr_stores_that_are_an_array(tmp_path: Path) -> None:
         read_field(path, samples=1199)
     ok("encode", path, "-o", tmp_path / "a.iso", "--isovalue", 70, "--frame", 1)
     assert np.array_equal(isocodec.open(tmp_path / "a.iso").above(), values[1] > 70)
-    ok("tile", path, "-o", tmp_path / "b.iso", "--isovalue", 70)
+    ok("encode", path, "-o", tmp_path / "b.iso", "--isovalue", 70, "--tile", 128)
 
 
 @pytest.mark.parametrize("kind", [2, 3, "nc", "classic"])
@@ -96,7 +96,7 @@ def test_tiles_of_packed_samples(tmp_path: Path, kind: int | str) -> None:
         array.to_dataset().to_zarr(path, encoding={"a": packing}, zarr_format=kind)
     tiled, whole = tmp_path / "tiles.iso", tmp_path / "whole.iso"
     for isovalue in (100.1, 95.3):
-        ok("tile", path, "-o", tiled, "--isovalue", isovalue, "--tile", "32", "--precision", "signs")
+        ok("encode", path, "-o", tiled, "--isovalue", isovalue, "--tile", "32", "--precision", "signs")
         ok("encode", path, "-o", whole, "--isovalue", isovalue, "--precision", "signs")
         mine, other = isocodec.decode(tiled), isocodec.decode(whole)
         assert len(other.points) > 100
@@ -115,11 +115,11 @@ def test_tiles_of_hdf5(tmp_path: Path) -> None:
     )
     made, whole = isocodec.decode(tmp_path / "a.iso"), isocodec.decode(isocodec.encode(field, 200.5, precision="exact"))
     assert len(made.points) > 4 and set(map(tuple, made.points)) == set(map(tuple, whole.points))
-    assert "deep/values" in fails(3, "tile", tmp_path / "a.h5", "-o", tmp_path / "b.iso", "--isovalue", 200.5)
+    assert "deep/values" in fails(3, "encode", tmp_path / "a.h5", "-o", tmp_path / "b.iso", "--isovalue", 200.5, "--tile", 128)
     with h5py.File(tmp_path / "out.h5", "w") as file:
         (tmp_path / "elsewhere").write_bytes(field.tobytes())
         file.create_dataset("a", field.shape, field.dtype, external=[(str(tmp_path / "elsewhere"), 0, field.nbytes)])
-    said = fails(3, "tile", tmp_path / "out.h5", "-o", tmp_path / "b.iso", "--isovalue", 200.5)
+    said = fails(3, "encode", tmp_path / "out.h5", "-o", tmp_path / "b.iso", "--isovalue", 200.5, "--tile", 128)
     assert "elsewhere" in said and not (tmp_path / "b.iso").exists()
 
 
@@ -129,7 +129,7 @@ def test_tiles_of_damaged_zarr(tmp_path: Path) -> None:
     stored[:] = field
     chunk = next(p for p in sorted((tmp_path / "a.zarr").rglob("*")) if p.is_file() and p.name != "zarr.json")
     chunk.write_bytes(b"nothing")
-    fails(3, "tile", tmp_path / "a.zarr", "-o", tmp_path / "b.iso", "--isovalue", 4.5)
+    fails(3, "encode", tmp_path / "a.zarr", "-o", tmp_path / "b.iso", "--isovalue", 4.5, "--tile", 128)
 
 
 def test_tiles_of_zarr_larger_than_memory(tmp_path: Path) -> None:
@@ -141,7 +141,7 @@ def test_tiles_of_zarr_larger_than_memory(tmp_path: Path) -> None:
     for name, start, step in [("y", 9e6, -30.0), ("x", 4e5, 30.0)]:
         group.create_array(name, data=start + step * np.arange(size), dimension_names=(name,))
     place = read_place(path, 2)
-    assert place.placement is not None and place.placement.tolist() == [[0, 30, 4e5], [-30, 0, 9e6]]
+    assert place.matrix is not None and place.matrix.tolist() == [[0, 30, 4e5], [-30, 0, 9e6]]
     with pytest.raises(LimitError):
         read_field(path)
 
@@ -181,7 +181,7 @@ def test_grib(tmp_path: Path) -> None:
     eccodes.codes_release(message)
     field = isocodec.read(tmp_path / "a.grib2")
     assert np.abs(field.values - HILL).max() < 1e-4
-    assert field.placement is not None and np.allclose(field.placement, [[0, 0.25, 5], [-0.5, 0, 60]])
+    assert field.placement is not None and np.allclose(field.placement.matrix, [[0, 0.25, 5], [-0.5, 0, 60]])
     assert field.crs == "EPSG:4326"
     assert [path.name for path in tmp_path.iterdir()] == ["a.grib2"]
     (tmp_path / "b.grib").write_bytes(b"whatever")
@@ -226,7 +226,7 @@ def test_dicom_series(tmp_path: Path) -> None:
     corner = np.array([float(x) for x in first.ImagePositionPatient])
     matrix = np.column_stack([TILT[:, 0] * 1.5, TILT[:, 1] * 2.0, TILT[:, 2] * 3.0, corner])
     assert field.placement is not None
-    assert np.allclose(field.placement, np.diag([-1.0, -1, 1]) @ matrix, atol=1e-6)
+    assert np.allclose(field.placement.matrix, np.diag([-1.0, -1, 1]) @ matrix, atol=1e-6)
     names = SimpleITK.ImageSeriesReader.GetGDCMSeriesFileNames(str(tmp_path / "ct"))
     assert np.allclose(matrix(isocodec.read(SimpleITK.ReadImage(names))), matrix(field), atol=1e-6)
     ok("encode", tmp_path / "ct", "-o", tmp_path / "ct.iso", "--isovalue", 650.5, "--precision", "exact")
@@ -286,7 +286,7 @@ def test_vti(tmp_path: Path, mode: str) -> None:
     assert np.allclose(field.values, BALL, rtol=1e-5)
     assert field.placement is not None
     # the first point is number 2 along x
-    assert np.allclose(field.placement, [[0, -2, 0, 10], [0.5, 0, 0, 21], [0, 0, 3, 30]])
+    assert np.allclose(field.placement.matrix, [[0, -2, 0, 10], [0.5, 0, 0, 21], [0, 0, 3, 30]])
     ok("encode", tmp_path / "a.vti", "-o", tmp_path / "a.iso", "--isovalue", 50)
     with (tmp_path / "a.vti").open("rb") as file:
         assert isocodec.read(file).shape == BALL.shape
@@ -297,7 +297,7 @@ def test_vti_that_leaves_a_choice_or_is_damaged(tmp_path: Path, capfd: pytest.Ca
     with pytest.raises(InputError, match="holds a, b: choose one with --key"):
         read_field(tmp_path / "two.vti")
     assert np.array_equal(read_field(tmp_path / "two.vti", key="b"), HILL)
-    placement = read_place(tmp_path / "two.vti", 2).placement
+    placement = read_place(tmp_path / "two.vti", 2, "b").matrix
     assert placement is not None and np.allclose(placement, [[0, -2, 10], [0.5, 0, 21]])
     with pytest.raises(LimitError):
         read_field(tmp_path / "two.vti", key="a", samples=100)

@@ -19,7 +19,7 @@ from isocodec.errors import FormatError, OptionError
 from isocodec.field.samples import Samples
 from isocodec.format.events import IsovalueRead
 from isocodec.grid.lattice.tables import cube_exponent
-from isocodec.grid.layers.writer import LayerWriter
+from isocodec.grid.layers.layer_writer import LayerWriter
 from isocodec.grid.passes.runner import Tube
 from isocodec.search import strategy
 from isocodec.search.strategy import grid_plan

@@ -9,7 +9,6 @@ import pytest
 
 import isocodec
 from explicit_meshes import Mesh, components, plane, space
-from isocodec import Decoder
 from isocodec.errors import FormatError, OptionError
 from isocodec.format.chunks import write_chunk
 from isocodec.format.events import DomainRead
@@ -95,7 +94,7 @@ def test_further_isovalues_lean() -> None:
     )
     assert len(data) < len(alone)
     for contour, isovalue in zip(isocodec.open(data, mesh=mesh).contours(), (0.5, 5.5, -4.5), strict=True):
-        want = curve(mesh, values, isovalue, precision="exact")
+        want = curve(mesh, values, isovalue, exact=True)
         assert {tuple(p) for p in contour.points} == {tuple(p) for p in want.points}
 
 
@@ -105,7 +104,7 @@ def test_every_layer_shows_the_curve_of_its_mesh() -> None:
     values = np.sin(mesh[0] / 12).sum(axis=1)
     domain, _ = complex_of(*mesh)
     history = history_of(domain)
-    decoder = Decoder(mesh=mesh)
+    decoder = isocodec.Decoder(mesh=mesh)
     data = isocodec.encode(isocodec.Mesh(*mesh, values, progressive=True), 0.1, precision="signs")
     sizes = []
     for end in range(0, len(data), 3):
@@ -136,10 +135,10 @@ def test_layers_that_may_not_come(layers: list[tuple[int, ...]], clause: str) ->
     """Of tetrahedra; more rounds than there are; the same number again; geometry or a walk before all are back."""
     mesh = space(1) if clause == "10.8.1" else plane(1, 60, 1.0)
     values = np.arange(len(mesh[0])) % 7
-    decoder = Decoder(mesh=mesh)
+    decoder = isocodec.Decoder(mesh=mesh)
     decoder.feed(isocodec.encode(isocodec.Mesh(*mesh, values), 9.5, precision="signs"))
     (read,) = (event for event in decoder if isinstance(event, DomainRead))
-    wrong = Decoder(mesh=mesh)
+    wrong = isocodec.Decoder(mesh=mesh)
     wrong.feed(decoder._data[: read.offset])
     # above all values: nothing but zeros is told, which so short a run has
     for layer in layers:

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 import isocodec
 from brute import examples, sign_fields, smooth
-from isocodec.entropy.contexts import rates
+from isocodec.entropy.context_layout import rates
 from isocodec.entropy.mixer import MOST_MIX, blended, clear, see
 from isocodec.entropy.network import weighed
 from isocodec.entropy.range_coder import DECODE, ENCODE, Coder, CoderRegisters, finish, start
@@ -20,7 +20,7 @@ from isocodec.grid.lattice.access import dimension
 from isocodec.grid.lattice.store import get
 from isocodec.grid.lattice.tables import cube_exponent
 from isocodec.grid.models.contexts import CONTEXTS
-from isocodec.grid.models.layout import (
+from isocodec.grid.models.network_rows import (
     AROUND,
     BASE_NET,
     BASE_ROW,

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from brute import smooth
-from isocodec.entropy.contexts import rates
+from isocodec.entropy.context_layout import rates
 from isocodec.entropy.mixer import clear
 from isocodec.entropy.range_coder import ENCODE, Coder, CoderRegisters, start
 from isocodec.field.samples import check_field
@@ -19,7 +19,7 @@ from isocodec.grid.lattice.store import get
 from isocodec.grid.lattice.tables import cube_exponent
 from isocodec.grid.lattice.vertex_set import IN, KEPT, OUT
 from isocodec.grid.models.base_signs import see_behind
-from isocodec.grid.models.layout import AROUND, BASE_ROW, MESH_ROW, MOST_ROWS, SIGN_ROWS, TREE_ROW, VALUE_ROW
+from isocodec.grid.models.network_rows import AROUND, BASE_ROW, MESH_ROW, MOST_ROWS, SIGN_ROWS, TREE_ROW, VALUE_ROW
 from isocodec.grid.models.mesh_questions import Question, see_mesh
 from isocodec.grid.models.neighbourhood import nearest_vertices, survey
 from isocodec.grid.models.refinement_signs import Before, Expected, see_middle

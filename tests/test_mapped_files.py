@@ -118,7 +118,7 @@ def test_what_files_say(tmp_path: Path) -> None:
     """Even steps stay a placement; coordinates that have nothing to do with the field are left out."""
     units = {"lat": (SOUTH, "degrees_north"), "lon": (EAST / 2, "degrees_east")}
     place = read_place(netcdf(tmp_path / "a.nc", WAVES, units, True), 2, "f")
-    assert place.placement is not None and place.mapped is None
+    assert place.matrix is not None and place.coordinates is None
     np.savez(tmp_path / "b.npz", values=WAVES, lon=EAST, lat=SOUTH[:5])
     contour, _ = encoded(tmp_path / "b.npz", 0.9)
     assert contour.mapped is None and contour.shape == (13, 36)

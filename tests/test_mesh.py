@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from brute import examples, simplices, volumes
-from isocodec.entropy.contexts import no_blend
+from isocodec.entropy.context_layout import no_blend
 from isocodec.entropy.range_coder import Coder
 from isocodec.grid.lattice import access
 from isocodec.grid.lattice.depth import levels_of

@@ -12,7 +12,6 @@ from commands import fails, ok
 from explicit_meshes import plane, space, torus
 from isocodec.errors import InputError, LimitError, OptionError
 from isocodec.io import read_mesh
-from isocodec.stream.truncation import truncate
 
 
 def written(path, mesh, **values):
@@ -150,8 +149,8 @@ def test_shorter_files(progressive):
         assert isocodec.open(data[: len(short)]).edited(layers=count) == short
         isocodec.open(short, mesh=mesh).contours(frame=info.layers[-1].frame)
     assert isocodec.open(data).edited(layers=len(layers)) == data == isocodec.open(data).edited(layers=99)
-    for wrong in ({"layers": 0}, {"max_bytes": 40}):
+    for wrong in ({"layers": 0}, {"size": 40}):
         with pytest.raises(OptionError):
-            truncate(data, **wrong)
+            isocodec.open(data).edited(**wrong)
     with pytest.raises(OptionError, match="only 2"):
         isocodec.open(isocodec.open(data).edited(layers=2)[:-4]).edited(layers=3)

@@ -13,7 +13,6 @@ import isocodec
 from brute import INTERPRETED, examples
 from commands import fails, ok
 from explicit_meshes import plane, space, torus
-from isocodec import Decoder
 from isocodec.errors import FormatError, InputError, IsoError, OptionError, TruncatedError
 from isocodec.format.chunks import write_chunk
 from isospec.container import ChunkType
@@ -106,12 +105,12 @@ def test_leaning_pays():
     x, y = mesh[0].T / 10
     values = np.array([np.sin(x + 0.05 * t) + np.cos(1.3 * y - 0.04 * t) for t in range(5)])
     for options, most in (
-        ({"precision": "signs"}, 0.7), ({"precision": "signs", "progressive": False}, 0.7), ({}, 0.9),
-        ({"precision": "step=0.01"}, 0.9),
+        ({"precision": "signs"}, 0.7), (
+            {"signs_only": True, "progressive": False}, 0.7,
+        ), ({}, 0.9), ({"precision": "step=0.01"}, 0.9)
     ):
-        how = {"progressive": options.pop("progressive", None)}
-        alone = sum(len(isocodec.encode(isocodec.Mesh(*mesh, each, **how), 0.2, **options)) for each in values)
-        assert len(isocodec.encode(isocodec.Mesh(*mesh, values, **how), 0.2, **options)) < most * alone
+        alone = sum(len(isocodec.encode(isocodec.Mesh(*mesh, each), 0.2, **options)) for each in values)
+        assert len(isocodec.encode(isocodec.Mesh(*mesh, values), 0.2, **options)) < most * alone
 
 
 def test_any_piece_of_a_file():
@@ -123,7 +122,7 @@ def test_any_piece_of_a_file():
     fed = isocodec.open([data[i : i + 7] for i in range(0, len(data), 7)], mesh=mesh).each_frame()
     assert [list(map(pieces, each)) for each in fed] == whole
     for cut in range(20, len(data), 11):
-        decoder = Decoder(mesh=mesh)
+        decoder = isocodec.Decoder(mesh=mesh)
         decoder.feed(data[:cut])
         with pytest.raises(TruncatedError):
             decoder.close()
@@ -149,7 +148,7 @@ def test_wrong_series():
     # a chunk that begins a series behind the layers of the first frame
     one = isocodec.encode(isocodec.Mesh(*mesh, values[0]), 20.5)
     last = isocodec.open(one).info.chunks[-1]
-    decoder = Decoder(mesh=mesh)
+    decoder = isocodec.Decoder(mesh=mesh)
     decoder.feed(one[: last.offset] + write_chunk(ChunkType.FRAME, b"\0"))
     with pytest.raises(FormatError) as error:
         for _ in decoder:
@@ -198,7 +197,7 @@ def test_frames_of_nothing_are_work():
     first = next(
         event.offset for event in _events(data, mesh) if isinstance(event, isocodec.format.events.MeshLayerComplete)
     )
-    decoder = Decoder(isocodec.Limits(work=10_000), mesh=mesh)
+    decoder = isocodec.Decoder(isocodec.Limits(work=10_000), mesh=mesh)
     decoder.feed(data[:first])
     assert len(list(decoder)) == 4
     decoder.feed(write_chunk(ChunkType.FRAME, b"") * 20_000)
@@ -212,7 +211,7 @@ def test_more_layers_than_a_frame_may_have():
     mesh = plane(3)
     data = isocodec.encode(isocodec.Mesh(*mesh, moving(mesh)[0], progressive=False), 20.5, precision="signs")
     first = next(event.offset for event in _events(data, mesh) if isinstance(event, isocodec.format.events.DomainRead))
-    decoder = Decoder(mesh=mesh, only=())
+    decoder = isocodec.Decoder(mesh=mesh, only=())
     layer = write_chunk(ChunkType.LAYERS, b"\0")
     decoder.feed(data[:first] + layer * 4096)
     assert len(list(decoder)) == 4098
@@ -223,6 +222,6 @@ def test_more_layers_than_a_frame_may_have():
 
 
 def _events(data, mesh):
-    decoder = Decoder(mesh=mesh)
+    decoder = isocodec.Decoder(mesh=mesh)
     decoder.feed(data)
     return list(decoder)

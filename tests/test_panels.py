@@ -8,11 +8,11 @@ from typing import Any
 
 import numpy as np
 import pytest
-from isocodec.cli.panels import Panels, shown, spread
 
 import isocodec
 from commands import ok
-from isocodec.io.writers import picture
+from isocodec.api import plots
+from isocodec.api.plots import Panels, shown, spread
 
 
 @pytest.mark.parametrize(
@@ -58,15 +58,15 @@ def test_steps_begin_where_there_is_something(
     assert found == drawn
 
 
-def drawn_of(data: bytes, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, *options: object) -> list[picture.Step]:
+def drawn_of(data: bytes, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, *options: object) -> list[plots.Step]:
     """What ``plot`` hands over to be drawn."""
-    found: list[picture.Step] = []
+    found: list[plots.Step] = []
 
-    def steps_picture(steps: Sequence[picture.Step], *_: Any) -> bytes:
+    def steps_picture(steps: Sequence[plots.Step], *_: Any) -> bytes:
         found.extend(steps)
         return b"picture"
 
-    monkeypatch.setattr(picture, "steps_picture", steps_picture)
+    monkeypatch.setattr(plots, "steps_picture", steps_picture)
     (tmp_path / "in.iso").write_bytes(data)
     ok("plot", tmp_path / "in.iso", "-o", tmp_path / "out.png", *options)
     return found
@@ -78,7 +78,7 @@ def test_no_panel_of_a_surface_is_empty(tmp_path: Path, monkeypatch: pytest.Monk
     data = isocodec.encode(-abs(radius - 11.3), -0.8)
     count = len(isocodec.open(data).info.layers)
     met = [layer for layer in range(1, count + 1) if len(isocodec.decode(data, layers=layer).cells)]
-    steps = drawn_of(data, tmp_path, monkeypatch, "--precision", 4)
+    steps = drawn_of(data, tmp_path, monkeypatch, "--steps", 4)
     assert met[0] > 1 and len(steps) == min(4, len(met))
     sizes = [len(step.contour.cells) for step in steps]
     assert min(sizes) > 0

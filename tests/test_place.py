@@ -23,9 +23,9 @@ import isocodec
 from brute import examples
 from commands import fails, ok, run
 from files import with_checksum
+from inputs import read_place, says_nothing
 from isocodec.errors import OptionError
 from isocodec.field.placement import placement_of, read_placement, unplaced, write_placement
-from isocodec.io import Place, read_place
 from written import rendered
 
 HILL = 100 - np.hypot(*(np.mgrid[:20, :30] - np.array([9.3, 14.2])[:, None, None])) * 5
@@ -70,7 +70,7 @@ def test_geotiff_matrix(tmp_path: Path, raster: int, start: tuple[int, int]) -> 
     matrix = (3, 1, 0, 50, 2, -4, 0, 60, 0, 0, 0, 0, 0, 0, 0, 1)
     tifffile.imwrite(tmp_path / "t.tif", HILL, extratags=[(34264, "d", 16, matrix), *keys(raster, 4326, 2048)])
     place = read_place(tmp_path / "t.tif", 2)
-    assert place.placement is not None and place.placement.tolist() == [[1, 3, start[0]], [-4, 2, start[1]]]
+    assert place.matrix is not None and place.matrix.tolist() == [[1, 3, start[0]], [-4, 2, start[1]]]
     assert place.crs == "EPSG:4326"
 
 
@@ -91,7 +91,7 @@ def test_geotiff_matrix(tmp_path: Path, raster: int, start: tuple[int, int]) -> 
 def test_geotiff_less_common(tmp_path: Path, tags: list[Any], crs: str | None) -> None:
     tifffile.imwrite(tmp_path / "t.tif", HILL, extratags=tags)
     place = read_place(tmp_path / "t.tif", 2)
-    assert place.placement is not None and place.placement.tolist() == [[0, 30, 500015], [-20, 0, 4e6 - 10]]
+    assert place.matrix is not None and place.matrix.tolist() == [[0, 30, 500015], [-20, 0, 4e6 - 10]]
     assert place.crs == crs
     stated = tags[-1][0] == 34735 and tags[-1][2] > 1
     assert ("no EPSG number" in place.remark) == (stated and crs is None)
@@ -116,7 +116,7 @@ def test_geotiff_that_says_nothing_of_use(tmp_path: Path, tags: list[Any]) -> No
     tifffile.imwrite(tmp_path / "t.tif", HILL, extratags=tags + keys(1, 32631))
     with np.errstate(all="raise"):
         place = read_place(tmp_path / "t.tif", 2)
-    assert place.placement is None and place.crs is None and "ignored" in place.remark
+    assert place.matrix is None and place.crs is None and "ignored" in place.remark
     result = run("encode", tmp_path / "t.tif", "-o", tmp_path / "t.iso", "--isovalue", 70)
     assert result.exit_code == 0 and "warning" in result.stderr and "ignored" in result.stderr
     assert not isocodec.open((tmp_path / "t.iso").read_bytes()).info.metadata
@@ -126,7 +126,7 @@ def test_geotiff_that_says_nothing_of_use(tmp_path: Path, tags: list[Any]) -> No
 
 def test_pictures_that_say_nothing(tmp_path: Path) -> None:
     tifffile.imwrite(tmp_path / "none.tif", HILL)
-    assert read_place(tmp_path / "none.tif", 2) == Place()
+    assert says_nothing(read_place(tmp_path / "none.tif", 2))
     tifffile.imwrite(tmp_path / "stack.tif", BALL, extratags=UTM, photometric="minisblack")
     assert "stack" in read_place(tmp_path / "stack.tif", 3).remark
 
@@ -140,12 +140,12 @@ def test_voxels_of_microscopes(tmp_path: Path) -> None:
     tifffile.imwrite(tmp_path / "o.ome.tif", cells, ome=True, metadata={"axes": "ZYX", **sizes})
     for name in ("i.tif", "o.ome.tif"):
         place = read_place(tmp_path / name, 3)
-        assert place.placement is not None and not place.remark
-        assert place.placement.tolist() == [[0, 0, 0.25, 0], [0, 0.5, 0, 0], [2.5, 0, 0, 0]]
+        assert place.matrix is not None and not place.remark
+        assert place.matrix.tolist() == [[0, 0, 0.25, 0], [0, 0.5, 0, 0], [2.5, 0, 0, 0]]
         frame = read_place(tmp_path / name, 2)
-        assert frame.placement is not None and frame.placement.tolist() == [[0, 0.25, 0], [0.5, 0, 0]]
+        assert frame.matrix is not None and frame.matrix.tolist() == [[0, 0.25, 0], [0.5, 0, 0]]
     tifffile.imwrite(tmp_path / "plain.tif", cells, imagej=True, metadata={"axes": "ZYX"})
-    assert read_place(tmp_path / "plain.tif", 3) == Place()
+    assert says_nothing(read_place(tmp_path / "plain.tif", 3))
 
 
 @pytest.mark.parametrize(
@@ -159,7 +159,7 @@ def test_voxels_of_microscopes(tmp_path: Path) -> None:
 def test_voxels_that_are_not_known_need_a_spacing(tmp_path: Path, notes: dict[str, Any]) -> None:
     tifffile.imwrite(tmp_path / "o.ome.tif", BALL.astype(np.uint8), ome=True, metadata=notes)
     place = read_place(tmp_path / "o.ome.tif", 3)
-    assert place.placement is None and "ignored" in place.remark
+    assert place.matrix is None and "ignored" in place.remark
 
 
 def test_sizes_in_several_units(tmp_path: Path) -> None:
@@ -174,13 +174,13 @@ def test_sizes_in_several_units(tmp_path: Path) -> None:
     ):
         notes = {"axes": "ZYX", **sizes, **units}
         tifffile.imwrite(tmp_path / "o.ome.tif", BALL.astype(np.uint8), ome=True, metadata=notes)
-        assert (read_place(tmp_path / "o.ome.tif", 3).placement is not None) == known, units
+        assert (read_place(tmp_path / "o.ome.tif", 3).matrix is not None) == known, units
 
 
 @pytest.mark.parametrize("text", [b"<OME", b"<OME/>", b"<OME><Pixels PhysicalSizeX='a'/></OME>"])
 def test_damaged_notes_of_a_microscope(tmp_path: Path, text: bytes) -> None:
     tifffile.imwrite(tmp_path / "o.tif", BALL.astype(np.uint8), description=text + b"</OME>", photometric="minisblack")
-    assert read_place(tmp_path / "o.tif", 3) == Place()
+    assert says_nothing(read_place(tmp_path / "o.tif", 3))
 
 
 @pytest.mark.parametrize("suffix", [".nrrd", ".mha"])
@@ -193,13 +193,13 @@ def test_volumes_of_itk(tmp_path: Path, suffix: str) -> None:
     SimpleITK.WriteImage(image, tmp_path / f"v{suffix}")
     SimpleITK.WriteImage(image, tmp_path / "v.nii")
     place, other = (read_place(tmp_path / name, 3) for name in (f"v{suffix}", "v.nii"))
-    assert place.placement is not None and other.placement is not None
-    assert np.allclose(place.placement, other.placement, rtol=0, atol=1e-5) and not place.remark
+    assert place.matrix is not None and other.matrix is not None
+    assert np.allclose(place.matrix, other.matrix, rtol=0, atol=1e-5) and not place.remark
     SimpleITK.WriteImage(SimpleITK.GetImageFromArray(BALL), tmp_path / f"bare{suffix}")
-    assert read_place(tmp_path / f"bare{suffix}", 3) == Place()
+    assert says_nothing(read_place(tmp_path / f"bare{suffix}", 3))
     SimpleITK.WriteImage(SimpleITK.JoinSeries([image, image]), tmp_path / f"series{suffix}")
     again = read_place(tmp_path / f"series{suffix}", 3)
-    assert again.placement is not None and np.allclose(again.placement, place.placement, rtol=0, atol=1e-5)
+    assert again.matrix is not None and np.allclose(again.matrix, place.matrix, rtol=0, atol=1e-5)
     SimpleITK.WriteImage(image[:, :, 3], tmp_path / f"slice{suffix}")
     assert "slice" in read_place(tmp_path / f"slice{suffix}", 2).remark
 
@@ -230,8 +230,8 @@ def test_scales_of_netcdf(tmp_path: Path) -> None:
 
     heights = np.arange(12) * 100.0
     place = read_place(netcdf(tmp_path / "v.nc", BALL, [heights, np.arange(13.0), 3 - np.arange(14.0)]), 3)
-    assert place.placement is not None
-    assert place.placement.tolist() == [[0, 0, -1, 3], [0, 1, 0, 0], [100, 0, 0, 0]]
+    assert place.matrix is not None
+    assert place.matrix.tolist() == [[0, 0, -1, 3], [0, 1, 0, 0], [100, 0, 0, 0]]
 
 
 def test_time_is_no_place(tmp_path: Path) -> None:
@@ -239,8 +239,8 @@ def test_time_is_no_place(tmp_path: Path) -> None:
     path = netcdf(tmp_path / "t.nc", np.stack([HILL, HILL + 1]), [np.arange(2.0), np.arange(20.0), np.arange(30.0)])
     with h5py.File(path, "a") as file:
         file["axis0"].attrs["units"] = "hours since 2000-01-01"
-    assert "--frame" in read_place(path, 3).remark and read_place(path, 3).placement is None
-    assert read_place(path, 2).placement is not None
+    assert "--frame" in read_place(path, 3).remark and read_place(path, 3).matrix is None
+    assert read_place(path, 2).matrix is not None
     ok("encode", path, "-o", tmp_path / "t.iso", "--isovalue", 70, "--frame", 1)
     data = (tmp_path / "t.iso").read_bytes()
     assert np.array_equal(
@@ -287,7 +287,7 @@ def test_frames_lie_where_each_of_them_does(tmp_path: Path) -> None:
 )
 def test_scales_of_no_use(tmp_path: Path, scales: list[np.ndarray | None], words: str) -> None:
     place = read_place(netcdf(tmp_path / "a.nc", HILL, scales), 2)
-    assert place.placement is None and words in place.remark and bool(place.remark) == bool(words)
+    assert place.matrix is None and words in place.remark and bool(place.remark) == bool(words)
 
 
 def test_warning_where_single_precision_loses_points(tmp_path: Path) -> None:
@@ -324,7 +324,7 @@ def test_nifti_that_says_less(tmp_path: Path) -> None:
     image.header.set_zooms((0.5, 2.0, 3.0))
     nibabel.save(image, tmp_path / "sizes.nii")
     place = read_place(tmp_path / "sizes.nii", 3)
-    assert np.array_equal(place.placement, nibabel.load(tmp_path / "sizes.nii").affine[:3]) and not place.remark
+    assert np.array_equal(place.matrix, nibabel.load(tmp_path / "sizes.nii").affine[:3]) and not place.remark
     for unit, says in (("mm", ""), ("micron", "unit of its coordinates, micron,"), ("meter", "coordinates, meter,")):
         image.header.set_xyzt_units(unit)
         nibabel.save(image, tmp_path / "unit.nii")
@@ -340,7 +340,7 @@ def test_nifti_that_says_less(tmp_path: Path) -> None:
         samples = BALL.astype(np.float32).tobytes("F")
         (tmp_path / f"{name}.nii").write_bytes(image.header.binaryblock + bytes(4) + samples)
         place = read_place(tmp_path / f"{name}.nii", 3)
-        assert place.placement is None and "ignored" in place.remark
+        assert place.matrix is None and "ignored" in place.remark
 
 
 def test_spacing(tmp_path: Path) -> None:

@@ -61,7 +61,7 @@ def lines_of(feature: dict[str, Any]) -> list[np.ndarray]:
 def test_points_lie_where_they_lie() -> None:
     """At the largest zoom, within half a unit, both ways; every segment; each isovalue with its own."""
     field = hilly()
-    data = isocodec.encode(field, [30.5, 60.5], placement=UTM, metadata=CRS)
+    data = isocodec.encode(isocodec.Field(field, placement=UTM), [30.5, 60.5], metadata=CRS)
     contours = isocodec.open(data).contours()
     header, tiles = opened(render(contours))
     most = header["max_zoom"]
@@ -88,7 +88,7 @@ def test_points_lie_where_they_lie() -> None:
 def test_zooms_and_bounds(tmp_path: Path) -> None:
     """A pixel is a sample wide at the largest zoom; the archive says where the curve is; low zooms show it, too."""
     field = hilly()
-    contour = isocodec.decode(isocodec.encode(field, 30.5, placement=UTM, metadata=CRS))
+    contour = isocodec.decode(isocodec.encode(isocodec.Field(field, placement=UTM), 30.5, metadata=CRS))
     header, tiles = opened(render([contour]))
     step = 20 / math.cos(math.radians(45.15)) / 2 / HALF  # metres of a row, on the ground and in Mercator
     pixel = 1 / 256 / 2 ** header["max_zoom"]
@@ -127,7 +127,9 @@ def test_coarse_layers_at_low_zooms(tmp_path: Path) -> None:
 
 
 def test_nothing_to_see_and_nowhere(tmp_path: Path) -> None:
-    header, tiles = opened(render([isocodec.decode(isocodec.encode(np.zeros((9, 9)), 1, placement=UTM, metadata=CRS))]))
+    header, tiles = opened(
+        render([isocodec.decode(isocodec.encode(isocodec.Field(np.zeros((9, 9)), placement=UTM), 1, metadata=CRS))])
+    )
     assert list(tiles) == [(0, 0, 0)] and header["max_zoom"] == 0
     (tmp_path / "a.iso").write_bytes(isocodec.encode(hilly(), 30.5))
     assert "reference system" in fails(2, "decode", tmp_path / "a.iso", "-o", tmp_path / "a.pmtiles")

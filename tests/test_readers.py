@@ -23,7 +23,7 @@ import isocodec
 from inputs import CELLS, written
 from isocodec.errors import InputError, OptionError
 from isocodec.io import readers
-from isocodec.io.readers.registry import (
+from isocodec.io.readers.input_formats import (
     FIELD_SUFFIXES,
     FORMATS,
     MESH_FORMATS,
@@ -123,9 +123,8 @@ def spoilt(path: Path, how: str) -> Path:
         shutil.rmtree(path) if path.is_dir() else path.unlink()
     else:
         data = inner.read_bytes()
-        inner.write_bytes(
-            {"empty": b"", "cut": data[: len(data) * 9 // 20], "other": b"nothing of the kind\n" * 9}[how]
-        )
+        cut = data[: len(data) * 9 // 20]
+        inner.write_bytes({"empty": b"", "cut": cut, "other": b"nothing of the kind\n" * 9}[how])
     return path
 
 

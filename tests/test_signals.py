@@ -42,7 +42,7 @@ program.main()
 SLOW_READER = """
 import pathlib, sys, time
 import isocodec.__main__ as program
-import isocodec.io.readers.registry as reader
+import isocodec.io.readers.load as reader
 def slow(path, *_, **__):
     pathlib.Path(path).with_name("reading").touch()
     time.sleep(60)

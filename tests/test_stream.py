@@ -22,7 +22,6 @@ from isocodec.format.events import BaseComplete, ChunkSkipped, End, HeaderRead, 
 from isocodec.format.header import read_header
 from isocodec.stream.encoder import encoder_of
 from isocodec.stream.inspect import inspect
-from isocodec.stream.truncation import truncate
 from isospec.container import ChunkType
 
 # --- cutting the bytes ----------------------------------------------------------------------------------------------
@@ -265,7 +264,7 @@ def test_truncate_what_was_cut_off():
 
 @pytest.mark.parametrize("data", ["terrain.iso", 7, None, [1, 2]])
 def test_what_is_not_the_bytes_of_a_file(data):
-    whole_files = (inspect, lambda x: isocodec.open(x).edited(layers=1), Decoder().feed)
+    whole_files = (isocodec.inspect, lambda x: isocodec.open(x).edited(layers=1), Decoder().feed)
     for call in whole_files if isinstance(data, str) else (isocodec.decode, *whole_files):  # a text is a path to decode
         with pytest.raises(OptionError, match="read_bytes"):
             call(data)
@@ -283,9 +282,9 @@ def test_truncation_does_not_make_damage_valid():
     checked = next(envelope for envelope in envelopes(data) if envelope.checked and envelope.end > 60)
     cut = bytearray(data[: checked.end + 6])
     cut[checked.end - 3] ^= 16
-    for options in ({"layers": 1}, {"max_bytes": checked.end - 6}):
+    for options in ({"layers": 1}, {"size": checked.end - 6}):
         with pytest.raises(FormatError, match="chunk's checksum"):
-            truncate(bytes(cut), **options)
+            isocodec.open(bytes(cut)).edited(**options)
     with pytest.raises(FormatError, match="chunk's checksum"):
         isocodec.open(bytes(cut))
 

@@ -18,13 +18,12 @@ import nibabel
 import numpy as np
 import pytest
 import tifffile
-from isocodec.cli.quiet import one_warning
 
 import isocodec
 from commands import BALL, HILLS, fails, ok, process, run
-from inputs import META, virtual
+from inputs import META, read_field, virtual
+from isocodec.cli.report import one_warning
 from isocodec.errors import InputError, one_line, plain
-from isocodec.io import read_field
 
 ODD = "a\x1b[31mred\x07\u202egnp\x9b2J\x7f"
 """Colours, a bell, text that runs backwards, and a cleared screen."""
@@ -62,7 +61,7 @@ def test_names_of_arrays_are_cleaned(tmp_path: Path) -> None:
     for name in ("a.npz", "a.h5"):
         for key in (None, "\x1b[32mnone"):
             with pytest.raises(InputError) as caught:
-                read_field(tmp_path / name, key=key)
+                isocodec.read(tmp_path / name, key=key)
             assert harmless(str(caught.value))
 
 
@@ -165,8 +164,8 @@ def test_writers_are_heard_in_one_line(tmp_path: Path) -> None:
 WRITERS = {
     "isocodec.io.writers.to_numpy._saved": ("decode", "c.iso", "-o", "o.npz"),
     "isocodec.io.writers.to_trimesh._binary_ply": ("decode", "c.iso", "-o", "o.ply", "--what", "mesh"),
-    "isocodec.io.writers.picture.steps_picture": ("plot", "c.iso", "-o", "o.png"),
-    "isocodec.io.writers.map_picture.map_picture": ("plot", "--map", "c.iso", "-o", "o.png"),
+    "isocodec.api.plots.steps_picture": ("plot", "c.iso", "-o", "o.png"),
+    "isocodec.api.plots.map_picture": ("plot", "--map", "c.iso", "-o", "o.png"),
     "isocodec.io.writers.to_nibabel.optional": ("decode", "--what", "above", "v.iso", "-o", "o.nii"),
 }
 
@@ -190,5 +189,6 @@ def test_each_command_hears_its_writers(
     result = run(*WRITERS[writer])
     assert result.exit_code == 0, result.output
     (line,) = result.stderr.splitlines()
-    assert line == f"isocodec: {WRITERS[writer][3]}: warning: messages while writing it: raw"
+    out = WRITERS[writer][WRITERS[writer].index("-o") + 1]
+    assert line == f"isocodec: {out}: warning: messages while writing it: raw"
     assert capfd.readouterr() == ("", "")

@@ -96,7 +96,7 @@ def test_plot_takes_a_view(tmp_path: Path) -> None:
     assert np.array_equal(seen[0], seen[2]) and not np.array_equal(seen[0], seen[1])
     assert "elevation 99; it lies between -90 and 90" in fails(2, "plot", ball, "-o", out, "--view", "0,99")
     assert "'up' is not a view: give AZIMUTH,ELEVATION" in fails(2, "plot", ball, "-o", out, "--view", "up")
-    assert "there are views of surfaces only" in fails(2, "plot", hills, "-o", out, "--view", "top")
+    assert "--view applies to surfaces only" in fails(2, "plot", hills, "-o", out, "--view", "top")
     assert not out.exists()
 
 

@@ -13,7 +13,7 @@ import time
 
 import numpy as np
 
-from isocodec.entropy.contexts import context_coder
+from isocodec.entropy.context_layout import context_coder
 from isocodec.entropy.range_coder import DECODE, ENCODE, ONE, Coder, code, finish, start
 from isocodec.kernel import kernel
 from isocodec.kernel.types import IntVector

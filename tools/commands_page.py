@@ -40,7 +40,7 @@ def _command(command: click.Command) -> str:
     blocks: dict[str, list[str]] = {}
     for each in command.get_params(context):
         record = each.get_help_record(context)
-        if isinstance(each, click.Option) and record is not None and each.name != "help":
+        if isinstance(each, click.Option) and record is not None and "--help" not in each.opts:
             names, text = (" ".join(part.split()).replace("|", "\\|") for part in record)
             blocks.setdefault(getattr(each, "heading", OUTPUT), []).append(f"| `{names}` | {text} |")
     parts = [f"## {command.name}\n", f"    isocodec {command.name} {usage}\n", _text(command.help or "")]

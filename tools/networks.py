@@ -16,7 +16,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from isocodec.entropy.mixer import OUT_SHIFT
-from isocodec.grid.models import layout
+from isocodec.grid.models import network_rows as layout
 from isocodec.grid.models.neighbourhood import nearest_vertices
 from isospec.tables import BITS, COLUMNS, HIDDEN, MOST_EXPONENT, NET_ROWS
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
-from isocodec.grid.models import layout as rows
+from isocodec.grid.models import network_rows as rows
 from isospec.tables import ROWS
 
 SPEC = Path(__file__).resolve().parent.parent / "spec" / "iso.md"

@@ -24,7 +24,7 @@ from isocodec.entropy.range_coder import FLOOR
 from isocodec.field.samples import check_field
 from isocodec.grid.lattice.tables import cube_exponent
 from isocodec.grid.layers.plan import Entry
-from isocodec.grid.models import layout
+from isocodec.grid.models import network_rows as layout
 from isocodec.grid.models import trained as models
 from isocodec.search.promise import Promise
 from isocodec.search.strategy import even_starts, grid_plan, loose_start, reduced

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from isocodec.entropy.contexts import context_coder
+from isocodec.entropy.context_layout import context_coder
 from isocodec.entropy.range_coder import Coder
 from isocodec.entropy.run import WritingRun
 from isocodec.field.samples import Samples

@@ -10,7 +10,7 @@ import numpy as np
 from isocodec import encode, thin
 from isocodec.format.header import Header, write_header
 from isocodec.format.surface import TinHead, write_tin
-from isocodec.tin.coded_tin import Layers, encoded
+from isocodec.tin.coded_tin import SurfaceLayers, encoded
 from isospec.container import ChunkType, Profile
 
 from .draft import Draft
@@ -24,7 +24,7 @@ SURFACE = "surface"
 def _file(head: TinHead, points: Integers, numbers: Integers) -> File:
     """A file of stated points, in layers of stated sizes."""
     ends = tuple(np.cumsum(head.counts).tolist())
-    run = encoded(Layers(points, numbers, ends), head.extent, head.largest)
+    run = encoded(SurfaceLayers(points, numbers, ends), head.extent, head.largest)
     header = write_header(Header((), 0.0, None, Profile.MAIN, cells=2))
     return File(header, (Chunk(ChunkType.DOMAIN, write_tin(head) + run),))
 

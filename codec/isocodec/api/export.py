@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import os
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, BinaryIO
@@ -12,10 +13,10 @@ from typing import Any, BinaryIO
 import numpy as np
 
 from ..drawing.contour import Contour
-from ..errors import OptionError
+from ..errors import FormatError, OptionError
 from ..io.writers.output_formats import Kind, OutputOptions
 from ..io.writers.registry import suffix_of
-from ..io.writers.things import Areas, PlacedTin, Pyramid, SampleMask, Thing
+from ..io.writers.things import Areas, Pyramid, SampleMask, Thing
 from ..io.writers.write import USUAL, Written, check, write
 from ..limits import Budget, Limits
 from ..stream.inspect import FileInfo, inspect
@@ -161,12 +162,14 @@ def decoded(file: IsoFile, path: str | os.PathLike[str], wanted: Wanted, progres
     suffix = check_export(path, what, wanted.options)
     made = _MAKERS[what](file, suffix, wanted, progress)
     made.options = wanted.options
-    if file.frames > 1 and wanted.view.get("frame") is None and what != "valid":
-        made.remarks.append(
-            f"only frame 0 of {file.frames} is decoded; choose another with --frame, from 1 to {file.frames - 1}"
-        )
-    if wanted.view.get("partial") and not file.complete:
-        made.remarks.append(f"the file ends after {file.size:,} bytes; decoded as far as it goes")
+    # what lies behind the part that was decoded may be damaged
+    with suppress(FormatError):
+        if file.frames > 1 and wanted.view.get("frame") is None and what != "valid":
+            made.remarks.append(
+                f"only frame 0 of {file.frames} is decoded; choose another with --frame, from 1 to {file.frames - 1}"
+            )
+        if wanted.view.get("partial") and not file.complete:
+            made.remarks.append(f"the file ends after {file.size:,} bytes; decoded as far as it goes")
     return made
 
 
@@ -192,13 +195,15 @@ def _contours(file: IsoFile, suffix: str, wanted: Wanted, progress: Any) -> list
     if wanted.through_holes:
         view["through_holes"] = True
     kind = _KINDS[wanted.what or "curve"]
-    n = len(file.shape) or None
-    several = kind == "areas" or _holds(suffix, Thing(kind, n, several=True, sampled=bool(file.shape)))
-    if wanted.isovalue is None and several and "layers" not in view and file.kind != "surface":
+    every = wanted.isovalue is None and "layers" not in view and file.kind != "surface"
+    if every:
+        asked = Thing(kind, len(file.shape) or None, several=kind != "areas", sampled=bool(file.shape))
+    if every and _holds(suffix, asked):
         contours = file.contours(**view)
     else:
         contours = [file.contour(wanted.isovalue, **view)]
-    output = check(f"_{suffix}", Thing(kind, contours[0].n, len(contours) > 1, bool(file.shape)))[1]
+    thing = Thing(kind, contours[0].n, kind != "areas" and len(contours) > 1, bool(contours[0].shape))
+    output = check(f"_{suffix}", thing)[1]
     held = sum(one.points.nbytes + one.cells.nbytes for one in contours)
     if (cost := output.cost.get(contours[0].n)) is not None:
         sizes = [(len(one.points), len(one.cells)) for one in contours]
@@ -223,11 +228,9 @@ def _of_contours(thing: Any, contours: Sequence[Contour], file: IsoFile, remarks
     isovalues = [float(one.isovalue) for one in contours]
     pieces = "segments" if contours[0].n == 2 else "triangles"
     several = f", {len(isovalues)} isovalues" if len(isovalues) > 1 else ""
-    return Decoded(
-        thing,
-        {"points": points, "cells": cells, "isovalues": isovalues, "shape": list(file.shape), "complete": complete},
-        f"{points:,} points, {cells:,} {pieces}{several}", remarks,
-    )
+    shape = list(contours[0].shape)
+    facts = {"points": points, "cells": cells, "isovalues": isovalues, "shape": shape, "complete": complete}
+    return Decoded(thing, facts, f"{points:,} points, {cells:,} {pieces}{several}", remarks)
 
 
 def _by_width(file: IsoFile, wanted: Wanted, finest: Contour) -> Callable[[float], Contour]:
@@ -246,7 +249,9 @@ def _by_width(file: IsoFile, wanted: Wanted, finest: Contour) -> Callable[[float
 
 def _others(file: IsoFile, isovalue: float) -> list[str]:
     """A remark on further isovalues of a file, where none was asked for."""
-    others = [repr(value) for value in file.isovalues if value != isovalue]
+    others: list[str] = []
+    with suppress(FormatError):
+        others = [repr(value) for value in file.isovalues if value != isovalue]
     listed = " or ".join(others[:_LISTED]) + ", .." * (len(others) > _LISTED)
     return [f"only isovalue {isovalue!r} is written; choose another with --isovalue: {listed}"] if others else []
 
@@ -263,9 +268,7 @@ def _samples(file: IsoFile, suffix: str, wanted: Wanted, progress: Any) -> Decod
         counts = {"samples": rows.size, str(wanted.what): int(rows.sum())}
         return Decoded(_array(rows), counts, f"{rows.size:,} vertices")
     facts = {"samples": rows.size, "isovalue": isovalue, "shape": list(rows.shape), "complete": file.complete}
-    placement = file.placement
-    matrix = None if placement is None else placement.matrix
-    return Decoded(SampleMask(rows, matrix), facts, str(wanted.what), remarks)
+    return Decoded(SampleMask(rows, file.placement), facts, str(wanted.what), remarks)
 
 
 def _labels(file: IsoFile, suffix: str, wanted: Wanted, progress: Any) -> Decoded:
@@ -320,10 +323,7 @@ def write_surface(tin: Tin, target: Target, options: OutputOptions) -> int:
     ------
     OptionError, MissingExtraError, OSError
     """
-    placed = PlacedTin.of(tin)
-    if tin.removals is not None:
-        placed.notes.update({name: getattr(tin.removals, name) for name in ("order", "errors", "anticipated", "kept")})
-    return write(target, placed, options=options).bytes
+    return write(target, tin, options=options).bytes
 
 
 def counted(file: IsoFile) -> FileInfo:

@@ -15,8 +15,8 @@ from ..field.framed import Frames
 from ..field.meshed import Mesh
 from ..field.placement import FRAME_STEP, Placement
 from ..field.sampled import Field
-from ..io.readers.reader import ReadOptions, load, open_source
-from ..io.readers.registry import read_mesh
+from ..io.readers.input_formats import read_mesh
+from ..io.readers.load import ReadOptions, load, open_source
 from ..tin.tin import Tin
 from .isofile import IsoFile
 

@@ -320,7 +320,9 @@ def map_of(
         contours = [what.contour(v, **view) for v in isovalues] if isovalues else what.contours(**view)
         valid = what.valid() if contours[0].masked else None
         if frame is None and what.frames > 1:
-            remarks.append(f"only frame 0 of {what.frames} is drawn; choose another with --frame")
+            remarks.append(
+                f"only frame 0 of {what.frames} is drawn; choose another with --frame, from 1 to {what.frames - 1}"
+            )
     else:
         contours, samples, valid = _lines(what, isovalues, metadata or {}, progress)
     suffix = check_picture(Path(path))

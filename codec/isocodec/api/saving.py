@@ -113,7 +113,8 @@ def save(
 
 def _write_other(path: str | os.PathLike[str], what: Any, isovalue: Any, suffix: str) -> None:
     """Write contours or a surface in another format than .iso."""
-    from ..io.writers.write import write
+    from ..io.writers.things import Thing
+    from ..io.writers.write import check, write
     from ..tin.tin import Tin
 
     contours = _contours(what)
@@ -123,6 +124,7 @@ def _write_other(path: str | os.PathLike[str], what: Any, isovalue: Any, suffix:
         from .isofile import open
 
         file = open(what) if isinstance(what, bytes) else what
+        check(path, Thing("tin" if isovalue is None and file.kind == "surface" else "contour", None))
         if isovalue is None and file.kind == "surface":
             what = file.surface()
         else:

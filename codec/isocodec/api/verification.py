@@ -63,7 +63,7 @@ def verified(held: WholeFile | TileFile, field: Any, frame: int | None, within: 
     if held.kind == "mesh":
         assert isinstance(held, WholeFile)
         return _on_mesh(held, field, frame, within)
-    from ..io.readers.reader import read_field
+    from ..io.readers.load import read_field
 
     known = read_field(field)
     if held.kind == "surface":

@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from ..errors import TruncatedError
+from ..errors import OptionError, TruncatedError
 from .options import COUNT, DRAWING, OUTPUT, PART, Box, Size, Viewing, Writing, command, option
-from .report import PARTIAL, STANDARD, concerning, named, progress_bar, result, warn, written_to
+from .report import PARTIAL, STANDARD, Failure, concerning, named, progress_bar, result, warn, written_to
 
 if TYPE_CHECKING:
     from ..api.export import Wanted
@@ -60,7 +60,8 @@ class DecodeOptions(Writing, Viewing):
     def view(self) -> dict[str, Any]:
         """Keywords of `IsoFile.contour`, as far as they were given."""
         names = ("frame", "layers", "max_bytes", "box", "within", "partial", "smooth")
-        return {name: getattr(self, name) for name in names if getattr(self, name) not in (None, False)}
+        given = {name: getattr(self, name) for name in names}
+        return {name: value for name, value in given.items() if value is not None and value is not False}
 
     @property
     def wanted(self) -> Wanted:
@@ -126,7 +127,7 @@ def decode_command(options: DecodeOptions) -> None:
         check_export(options.output, options.what, options.wanted.options)
     started = time.perf_counter()
     file = options.opened()
-    with concerning(options.source), partial_offered(options), progress_bar("decoding") as progress:
+    with concerning(options.source), explained(options), progress_bar("decoding") as progress:
         made = decoded(file, options.output, options.wanted, progress)
     with written_to(options.output, options.source) as target:
         size = made.write(target)
@@ -140,11 +141,15 @@ def decode_command(options: DecodeOptions) -> None:
 
 
 @contextmanager
-def partial_offered(options: Viewing) -> Iterator[None]:
-    """Errors of truncated files offer ``--partial``, if it was not given."""
+def explained(options: Any) -> Iterator[None]:
+    """Errors of truncated files offer ``--partial``, if it was not given; errors of formats are about the output."""
     try:
         yield
+    except OptionError as exc:
+        if exc.code == "suffix":
+            raise Failure(options.output, exc) from exc
+        raise
     except TruncatedError as exc:
-        if not options.partial and options.max_bytes is None:
+        if not options.partial and getattr(options, "max_bytes", None) is None:
             exc.remedy = PARTIAL
         raise

@@ -81,8 +81,8 @@ class EncodeOptions(Thinning, Writing, Reading):
                                help="Keep each isovalue decodable without the others.")
     precision: str | None = option(
         "--precision", heading=PRECISION, metavar="P",
-        help="exact (integers); signs (only which samples are inside); a distance in cells or in the world: 0.05, 100m; "
-        "falling distances: 4,1,0.25,exact; step=S (floats, in steps).  [default: 0.05]",
+        help="exact (integers); signs (only which samples are inside); a distance in cells or in the world: 0.05, "
+        "100m; falling distances: 4,1,0.25,exact; step=S (floats, in steps).  [default: 0.05]",
     )
     keep_topology: bool = option("--keep-topology", heading=PRECISION, is_flag=True,
                                  help="Keep the topology of the contour in every layer.")
@@ -199,7 +199,7 @@ class EncodeOptions(Thinning, Writing, Reading):
         from ..api.inputs import Added, observed
 
         given = {"frames": self.frames, "axis": self.frame_axis, "missing": self.missing}
-        more = {name: value for name, value in given.items() if value}
+        more = {name: value for name, value in given.items() if value is not None}
         what = self.read(self.source, self.values, **more)
         added = Added(
             labels=self.labels, spacing=self.spacing, placed=not self.no_placement, periodic=self.periodic,

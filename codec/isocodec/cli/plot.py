@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from .decode import partial_offered
+from .decode import explained
 from .options import (
     COUNT,
     DRAWING,
@@ -134,7 +134,7 @@ def _steps(options: PlotOptions, _: str | None) -> Plotted:
         mesh=options.draw_mesh, partial=options.partial, view=options.seen_from,
     )
     file = options.opened()
-    with concerning(options.source), partial_offered(options), progress_bar("drawing") as progress:
+    with concerning(options.source), explained(options), progress_bar("drawing") as progress:
         return steps_of(file, options.output, steps, progress)
 
 

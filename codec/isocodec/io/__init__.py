@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from .readers.reader import read
-from .readers.registry import FIELD_SUFFIXES, read_mesh
+from .readers.input_formats import FIELD_SUFFIXES, read_mesh
+from .readers.load import read
 
 __all__ = ["FIELD_SUFFIXES", "read", "read_mesh"]

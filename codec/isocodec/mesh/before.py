@@ -6,7 +6,7 @@ import numpy as np
 
 from ..kernel import inlined, inner, kernel
 from ..kernel.types import Int8Vector, IntVector
-from .complex import Mesh
+from .complex import CellArrays
 
 UNKNOWN = -1
 RINGS = 9
@@ -46,7 +46,7 @@ def sign_before(st, v, above):
 
 
 @kernel
-def spread_signs(mesh: Mesh, sign: Int8Vector, queue: IntVector) -> None:
+def spread_signs(mesh: CellArrays, sign: Int8Vector, queue: IntVector) -> None:
     """Give every vertex that is not known the sign of those around it; ``queue`` (V,) is room.
 
     Where cells of both signs are all known, as of a complete isovalue, that is the same in whatever order.

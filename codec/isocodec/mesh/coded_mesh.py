@@ -57,8 +57,8 @@ REASONS = {
 class Original(NamedTuple):
     """The encoder's mesh, empty for a decoder.
 
-    ``position`` (V, d), ``cell`` and ``neighbour`` (T, n + 1) as of `Mesh`; ``vertex`` (V,): our number of each vertex
-    or -1; ``place`` (T,): the cell as it has been numbered, or -1, and ``source`` (T,) the other way round.
+    ``position`` (V, d), ``cell`` and ``neighbour`` (T, n + 1) as of `CellArrays`; ``vertex`` (V,): our number of each
+    vertex or -1; ``place`` (T,): the cell as it has been numbered, or -1, and ``source`` (T,) the other way round.
     """
 
     position: IntMatrix

@@ -23,7 +23,7 @@ NAMED = 5
 
 
 @record
-class Mesh(NamedTuple):
+class CellArrays(NamedTuple):
     """What kernels see of a complex of V vertices in d dimensions and T cells of n + 1 vertices.
 
     ``position`` (V, d), ``cell`` (T, n + 1), ``neighbour`` (T, n + 1): the cell across the face opposite each vertex,
@@ -43,14 +43,14 @@ class Complex:
 
     Attributes
     ----------
-    mesh : Mesh
+    mesh : CellArrays
     unit : float
         What positions count in.
     mirrored : (T,) bool
         Cells whose vertices stand in the order that drawing has to reverse.
     """
 
-    mesh: Mesh
+    mesh: CellArrays
     unit: float
     mirrored: NDArray[np.bool_]
 
@@ -107,7 +107,7 @@ def assembled(
     """The complex of integer positions (V, d), cells (T, n + 1) and their neighbours."""
     order = np.argsort(cells.ravel(), kind="stable")
     first = np.searchsorted(cells.ravel()[order], np.arange(len(position) + 1))
-    mesh = Mesh(
+    mesh = CellArrays(
         np.ascontiguousarray(position), np.ascontiguousarray(cells), neighbour, first.astype(np.int64),
         np.ascontiguousarray(order // cells.shape[1]),
     )
@@ -236,7 +236,7 @@ def neighbours(cells: NDArray[np.int64]) -> NDArray[np.int64]:
     return np.ascontiguousarray(out.reshape(corners, count).T)
 
 
-def _mirrored(mesh: Mesh) -> NDArray[np.bool_]:
+def _mirrored(mesh: CellArrays) -> NDArray[np.bool_]:
     """Cells whose vertices run the other way round: than the axes, or on a surface than the first of their piece."""
     if mesh.position.shape[1] == mesh.cell.shape[1] - 1:
         return np.asarray(determinants(mesh.position, mesh.cell) < 0, np.bool_)
@@ -246,7 +246,7 @@ def _mirrored(mesh: Mesh) -> NDArray[np.bool_]:
 
 
 @kernel
-def _agree(mesh: Mesh, mirrored: BoolVector, seen: BoolVector, stack: IntVector) -> None:
+def _agree(mesh: CellArrays, mirrored: BoolVector, seen: BoolVector, stack: IntVector) -> None:
     """Turn triangles of a surface as their neighbours, piece by piece, as far as it has two sides."""
     for start in range(len(mesh.cell)):
         if seen[start]:

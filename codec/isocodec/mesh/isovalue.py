@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..entropy.contexts import take_over
+from ..entropy.context_layout import take_over
 from ..entropy.run import Account, ReadingRun, Run, WritingRun, whole_run
 from .before import UNKNOWN, spread_signs
 from .complex import Complex
@@ -26,7 +26,7 @@ from .positions import (
     parts_of,
     places_on,
 )
-from .walk import REASONS, Strand, WalkRegisters, code_base, trace
+from .walk import REASONS, WalkRegisters, WalkState, code_base, trace
 
 
 class _Then(NamedTuple):
@@ -40,7 +40,7 @@ class _Then(NamedTuple):
     place: NDArray[np.int64]
     number: NDArray[np.int64]
 
-    def places(self, edges: NDArray[np.int64], strand: Strand) -> NDArray[np.int64]:
+    def places(self, edges: NDArray[np.int64], strand: WalkState) -> NDArray[np.int64]:
         """Where edges were crossed in the same direction, (E,); 0 if they were not."""
         out = np.zeros(len(edges), np.int64)
         if not len(self.key):
@@ -85,7 +85,7 @@ class MeshIsovalue:
 
     Attributes
     ----------
-    strand : Strand
+    strand : WalkState
     run : Run
         That of the present layer, from `read` or `write`.
     rounds : int or None
@@ -112,7 +112,7 @@ class MeshIsovalue:
         mesh = domain.mesh
         vertices, (cells, corners) = len(mesh.position), mesh.cell.shape
         unknown = np.full(vertices, UNKNOWN, np.int8)
-        self.strand = Strand(
+        self.strand = WalkState(
             unknown, _implied(unknown, value, earlier), unknown.copy(), np.zeros(vertices, np.int64),
             np.zeros(cells, np.bool_), np.zeros(cells, np.int64), np.zeros((corners - 1) * cells + 8, np.int64),
             np.zeros(NUMBERS, np.int64), unknown.copy(), np.zeros(4, np.int64), np.zeros(2, np.int64), WalkRegisters(),

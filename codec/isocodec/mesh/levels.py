@@ -24,7 +24,7 @@ from .models import (
     NEW_THEN,
     TURNED,
 )
-from .walk import Strand
+from .walk import WalkState
 
 NEAR = 16
 """Weights count in parts of that of the nearest vertex: ``2**NEAR`` of them."""
@@ -74,7 +74,7 @@ def _told(st, v, bit):
 
 @kernel
 def code_coarse(
-    position: IntMatrix, st: Strand, cd: Coder, first: IntVector, around: IntVector, order: IntVector
+    position: IntMatrix, st: WalkState, cd: Coder, first: IntVector, around: IntVector, order: IntVector
 ) -> int:
     """Code the signs of what is left, each vertex after one beside it.
 
@@ -194,7 +194,7 @@ def _new_components(st, cd, candidate, count, prefix, stack):
 
 @kernel
 def code_round(
-    position: IntMatrix, st: Strand, cd: Coder, vertex: IntVector, first: IntVector, ring: IntVector, room: IntMatrix
+    position: IntMatrix, st: WalkState, cd: Coder, vertex: IntVector, first: IntVector, ring: IntVector, room: IntMatrix
 ) -> int:
     """Code the signs of the vertices that come back in a round; ``room`` is (3, R + 128)."""
     candidate, prefix = room[0], room[1]
@@ -233,14 +233,14 @@ def beside(cells: NDArray[np.int64], vertices: int) -> tuple[NDArray[np.int64], 
     return np.searchsorted(keys // vertices, np.arange(vertices + 1)), keys % vertices
 
 
-def coarse_signs(history: History, rounds: int, st: Strand, cd: Coder) -> int:
+def coarse_signs(history: History, rounds: int, st: WalkState, cd: Coder) -> int:
     """Code the signs of what is left after some rounds."""
     vertices = len(history.position)
     first, around = beside(history.cells[rounds], vertices)
     return code_coarse(history.position, st, cd, first, around, np.full(len(around) + vertices, -1, np.int64))
 
 
-def signs_of_round(history: History, number: int, st: Strand, cd: Coder) -> int:
+def signs_of_round(history: History, number: int, st: WalkState, cd: Coder) -> int:
     """Code the signs of the vertices that a round has removed."""
     removed = history.rounds[number]
     room = np.zeros((3, len(removed.vertex) + 128), np.int64)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from ..entropy.contexts import Layout, opinion_coder
+from ..entropy.context_layout import Layout, opinion_coder
 from ..entropy.guesses import DEPTHS
 from ..entropy.range_coder import Coder
 from .before import AGREED, RINGS

@@ -10,9 +10,9 @@ from ..entropy.range_coder import Coder
 from ..kernel import DONE, inlined, inner, kernel
 from ..kernel.types import IntMatrix, IntVector
 from .affine import beyond
-from .complex import Mesh
+from .complex import CellArrays
 from .models import CROSSINGS, MIX_OFFSET, MIX_VALUE, NUMBERS, OFFSET, VALUE
-from .walk import Strand
+from .walk import WalkState
 
 LARGE, SMALL = 1 << 24, 1 << 4
 """Bounds of how far vertices are taken to lie above or below."""
@@ -30,7 +30,7 @@ TOLD = 1 << 62
 """Instead of twice a number of the frame before: the present one has been told."""
 
 
-def crossed_edges(mesh: Mesh, leaf: NDArray[np.int64], sign: NDArray[np.int8]) -> NDArray[np.int64]:
+def crossed_edges(mesh: CellArrays, leaf: NDArray[np.int64], sign: NDArray[np.int8]) -> NDArray[np.int64]:
     """Edges of the leaves whose ends differ in sign, each once, in the order of the leaves: (E, 3) int64.
 
     The lower vertex, the other one, and the leaf that has it first, as its place in the list.
@@ -47,7 +47,7 @@ def crossed_edges(mesh: Mesh, leaf: NDArray[np.int64], sign: NDArray[np.int8]) -
     return np.column_stack([ends[first], owner[first]])
 
 
-def parts_of(mesh: Mesh, edges: NDArray[np.int64], step: int) -> NDArray[np.int64]:
+def parts_of(mesh: CellArrays, edges: NDArray[np.int64], step: int) -> NDArray[np.int64]:
     """How many equal parts each edge is divided into: none longer than ``step`` of ``STEPS`` to a unit of positions."""
     side = mesh.position[edges[:, 1]] - mesh.position[edges[:, 0]]
     largest = np.abs(side).max(axis=1, initial=1)
@@ -107,7 +107,7 @@ def _learn_drift(st, moved, upwards):
 
 @kernel
 def code_offsets(
-    mesh: Mesh, st: Strand, cd: Coder, edges: IntMatrix, parts: IntVector, number: IntVector, then: IntVector
+    mesh: CellArrays, st: WalkState, cd: Coder, edges: IntMatrix, parts: IntVector, number: IntVector, then: IntVector
 ) -> int:
     """Code which part of each edge is crossed, counted from its lower vertex.
 
@@ -192,7 +192,7 @@ def _mean_around(mesh, st, v):
 
 @kernel
 def code_values(
-    mesh: Mesh, st: Strand, cd: Coder, active: IntMatrix, bits: IntVector, number: IntVector, then: IntVector
+    mesh: CellArrays, st: WalkState, cd: Coder, active: IntMatrix, bits: IntVector, number: IntVector, then: IntVector
 ) -> int:
     """Code the numbers of active vertices, of ``bits[sign]`` bits; those that were told take no symbols.
 

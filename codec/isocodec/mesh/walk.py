@@ -12,7 +12,7 @@ from ..kernel import BAD, DONE, inlined, inner, kernel, record
 from ..kernel.types import BoolVector, Int8Vector, IntVector, Registers
 from .affine import beyond
 from .before import RINGS, UNKNOWN, learn_agreement, sign_before, surplus
-from .complex import Mesh
+from .complex import CellArrays
 from .models import (
     CLASSES,
     COMPONENT,
@@ -64,7 +64,7 @@ class WalkRegisters(Registers):
 
 
 @record
-class Strand(NamedTuple):
+class WalkState(NamedTuple):
     """What is known of an isovalue on a complex of V vertices and T cells.
 
     ``sign`` (V,): 1, 0, or -1 if not known; ``given`` (V,): likewise what follows from earlier isovalues; ``truth``
@@ -242,7 +242,7 @@ def _walk(mesh, st, cd):
 
 
 @kernel
-def trace(mesh: Mesh, st: Strand, cd: Coder) -> None:
+def trace(mesh: CellArrays, st: WalkState, cd: Coder) -> None:
     """Find the leaves of signs that are all known, in the order of a walk."""
     for t in range(len(mesh.cell)):
         if st.visited[t] or not mixed(mesh, st, t):
@@ -253,7 +253,7 @@ def trace(mesh: Mesh, st: Strand, cd: Coder) -> None:
 
 
 @kernel
-def code_base(mesh: Mesh, st: Strand, cd: Coder) -> int:
+def code_base(mesh: CellArrays, st: WalkState, cd: Coder) -> int:
     """Code all components: the encoder's from ``truth``, the decoder's from the run."""
     least = 0
     while least < len(mesh.cell):

@@ -20,8 +20,8 @@ from ..format.header import Header
 from ..format.program import Progress
 from ..grid.lattice.tables import cube_exponent
 from ..grid.lattice.vertex_set import Chosen
+from ..grid.layers.layer_writer import LayerWriter, field_tube
 from ..grid.layers.plan import Entry
-from ..grid.layers.writer import LayerWriter, field_tube
 from ..grid.passes.runner import Tube
 from ..grid.tube.holes import Holes
 from .around import Around

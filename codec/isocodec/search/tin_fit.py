@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import OptionError
-from ..tin.coded_tin import Layers
+from ..tin.coded_tin import SurfaceLayers
 from ..tin.criteria import AT1, SQUARED
 from ..tin.fitting import fit
 from ..tin.insertion import fewest
@@ -233,12 +233,12 @@ def _thin(state: Thinning, count: int, error: float) -> None:
         pass
 
 
-def in_layers(given: Points, chosen: Chosen, layers: int) -> Layers:
+def in_layers(given: Points, chosen: Chosen, layers: int) -> SurfaceLayers:
     """The chosen points in layers, the most significant first: those that thinning takes out last."""
     some = chosen.some
     points = np.stack([given.x[some], given.y[some]], axis=1)
     if layers == 1 or len(some) < 8:
-        return Layers(points, chosen.numbers, (len(some),))
+        return SurfaceLayers(points, chosen.numbers, (len(some),))
     value = chosen.offset + chosen.step * chosen.numbers.astype(np.float64)
     state = thinning(given.x[some], given.y[some], value, SQUARED)
     _thin(state, 3, math.inf)
@@ -246,4 +246,4 @@ def in_layers(given: Points, chosen: Chosen, layers: int) -> Layers:
     order = np.concatenate([np.setdiff1d(np.arange(len(some)), order), order])
     corners = len(some) - state.reg.removed
     ends = sorted({max(len(some) // _GROWTH**k, corners) for k in range(layers)})
-    return Layers(points[order], chosen.numbers[order], tuple(ends))
+    return SurfaceLayers(points[order], chosen.numbers[order], tuple(ends))

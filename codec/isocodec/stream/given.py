@@ -32,7 +32,7 @@ def field_of(what: Any) -> Field:
         As `isocodec.read`.
     """
     if not isinstance(what, np.ndarray | Field):
-        from ..io.readers.reader import is_described, read
+        from ..io.readers.load import is_described, read
 
         what = read(what) if is_described(what) else what
     return what if isinstance(what, Field) else Field(what)

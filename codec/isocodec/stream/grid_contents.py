@@ -27,7 +27,7 @@ from ..format.events import ChunkSkipped, Event, FrameRead, IsovalueRead, MaskCo
 from ..format.frames import first_operation
 from ..format.header import Header
 from ..format.program import Layer, Progress
-from ..grid.layers.reader import LayerReader
+from ..grid.layers.layer_reader import LayerReader
 from ..grid.passes.runner import Tube
 from ..grid.tube.decoded import Decoded
 from .drawn import contour_of, ends_of, mask_rows_of, mesh_of, tessellation_of, valid_rows_of
@@ -54,7 +54,7 @@ class GridContents:
     outline : Outline
     layers : list of Layer
         Layers announced so far.
-    runs : list of Run
+    runs : list of BegunRun
     """
 
     kind = "grid"

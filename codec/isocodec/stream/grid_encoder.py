@@ -28,8 +28,8 @@ from ..format.header import Header
 from ..format.kinds import LayerKind
 from ..format.program import Layer, Progress, write_program
 from ..grid.lattice.tables import cube_exponent
+from ..grid.layers.layer_writer import LayerWriter, encoded_mask, field_tube
 from ..grid.layers.plan import Entry
-from ..grid.layers.writer import LayerWriter, encoded_mask, field_tube
 from ..grid.passes.runner import Tube
 from ..grid.tube.holes import Holes
 from ..search import strategy

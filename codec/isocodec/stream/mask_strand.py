@@ -6,7 +6,7 @@ from ..entropy.run import Account
 from ..format.chunks import Envelope
 from ..format.header import Header
 from ..grid.layers.beginning import mask_tube
-from ..grid.layers.reader import MaskReader
+from ..grid.layers.layer_reader import MaskReader
 from ..grid.passes.runner import Tube
 from ..grid.tube.holes import Holes
 from ..limits import Budget, Limits

@@ -19,7 +19,7 @@ from ..format.chunks import Envelope, write_chunk
 from ..format.events import DomainRead, Event
 from ..format.header import Header
 from ..format.surface import TinHead, read_tin, values_of, write_tin
-from ..tin.coded_tin import Layers, decoded, encoded
+from ..tin.coded_tin import SurfaceLayers, decoded, encoded
 from ..tin.delaunay import delaunay, triangles
 from ..tin.rank import by_rank
 from ..tin.tin import Tin
@@ -51,7 +51,7 @@ class SurfaceContents:
         self.outline = session.outline
         self._session = session
         self._chunk: Envelope | None = None
-        self._parts: Layers | None = None
+        self._parts: SurfaceLayers | None = None
         self._counted = 0
         self.head: TinHead | None = None
 
@@ -78,7 +78,7 @@ class SurfaceContents:
         """See `Contents.drop`."""
         self._parts = None
 
-    def received(self) -> tuple[TinHead, Layers]:
+    def received(self) -> tuple[TinHead, SurfaceLayers]:
         """What has come of the surface: its head, its points and their numbers.
 
         Raises
@@ -135,7 +135,7 @@ class SurfaceContents:
             raise OptionError("smooth applies to grids only", code="smooth", remedy="leave it out")
         return contour_of_tin(self.tin(), isovalue)
 
-    def _decoded(self, payload: bytes, start: int, whole: bool) -> tuple[TinHead, Layers]:
+    def _decoded(self, payload: bytes, start: int, whole: bool) -> tuple[TinHead, SurfaceLayers]:
         """What a payload holds, or its beginning; before its checksums (``whole``) its head is not refused."""
         if not payload:
             raise FormatError("an empty domain chunk", code="domain", offset=start, clause="3.5.8")
@@ -155,10 +155,10 @@ class SurfaceContents:
         return head, parts
 
 
-def write_surface(head: TinHead, parts: Layers, layers: int, metadata: Mapping[str, str]) -> bytes:
+def write_surface(head: TinHead, parts: SurfaceLayers, layers: int, metadata: Mapping[str, str]) -> bytes:
     """The file of the first ``layers`` layers of points."""
     end = parts.ends[layers - 1]
-    some = Layers(parts.points[:end], parts.numbers[:end], parts.ends[:layers])
+    some = SurfaceLayers(parts.points[:end], parts.numbers[:end], parts.ends[:layers])
     payload = write_tin(replace(head, counts=head.counts[:layers])) + encoded(some, head.extent, head.largest)
     begun = beginning(Header((), 0.0, None, Profile.MAIN, cells=2), metadata)
     return b"".join(with_checksum([*begun, write_chunk(ChunkType.DOMAIN, payload, last=True)]))

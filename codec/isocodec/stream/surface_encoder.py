@@ -15,7 +15,7 @@ from ..format.chunks import write_chunk
 from ..format.header import Header
 from ..format.surface import TinHead, write_tin
 from ..search.tin_fit import Chosen, evenly, in_layers
-from ..tin.coded_tin import Layers, encoded
+from ..tin.coded_tin import SurfaceLayers, encoded
 from ..tin.points import Points, points_of
 from ..tin.tin import Tin
 from .container import ContainerEncoder, beginning
@@ -55,7 +55,7 @@ class SurfaceEncoder(ContainerEncoder):
 
 def surface_of(
     given: Points, chosen: Chosen, shape: tuple[int, int] | None, layers: int = 1
-) -> tuple[TinHead, Layers]:
+) -> tuple[TinHead, SurfaceLayers]:
     """Chosen points as a file holds them."""
     parts = in_layers(given, chosen, layers)
     extent = (int(given.x.max()) + 1, int(given.y.max()) + 1) if shape is None else shape
@@ -69,7 +69,7 @@ def surface_of(
     return head, parts
 
 
-def _coded(tin: Tin, options: Options) -> tuple[TinHead, Layers]:
+def _coded(tin: Tin, options: Options) -> tuple[TinHead, SurfaceLayers]:
     """A surface that was not made for a file, with values rounded."""
     precision = options.precision
     points = tin.points if tin.shape is None else tin.points.astype(np.int64)

@@ -19,7 +19,7 @@ from ..format.chunks import write_chunk
 from ..format.header import Header
 from ..format.kinds import LayerKind
 from ..format.program import Progress, write_program
-from ..grid.layers.writer import LayerWriter, encoded_mask, field_tube
+from ..grid.layers.layer_writer import LayerWriter, encoded_mask, field_tube
 from ..grid.tube.holes import Holes
 from ..search.ground_truth import GroundTruth, truth_of
 from ..search.promise import Promise

@@ -29,7 +29,7 @@ _REASONS = {0: ("a value out of range", "10.9.4")}
 
 
 @dataclass(frozen=True)
-class Layers:
+class SurfaceLayers:
     """Points of all layers.
 
     Attributes
@@ -136,12 +136,12 @@ class _Surface:
         return tri, hull
 
 
-def encoded(layers: Layers, extent: tuple[int, int], largest: int) -> bytes:
+def encoded(layers: SurfaceLayers, extent: tuple[int, int], largest: int) -> bytes:
     """The run of layers.
 
     Parameters
     ----------
-    layers : Layers
+    layers : SurfaceLayers
     extent : (int, int)
         Positions are below these.
     largest : int
@@ -160,7 +160,7 @@ def encoded(layers: Layers, extent: tuple[int, int], largest: int) -> bytes:
 def decoded(
     data: bytes, counts: Sequence[int], extent: tuple[int, int], largest: int, most: int, account: Account,
     at: int = 0, whole: bool = True,
-) -> Layers:
+) -> SurfaceLayers:
     """Inverse of ``encoded``.
 
     Parameters
@@ -193,8 +193,8 @@ def decoded(
         status = surface.layer(count, largest, None, None)
         if status == NEED and not whole:
             run.count()
-            return Layers(surface.points, surface.numbers, tuple(surface.ends), False)
+            return SurfaceLayers(surface.points, surface.numbers, tuple(surface.ends), False)
         run.check(status, _REASONS, code="value")
     if whole:
         run.end()
-    return Layers(surface.points, surface.numbers, tuple(surface.ends))
+    return SurfaceLayers(surface.points, surface.numbers, tuple(surface.ends))

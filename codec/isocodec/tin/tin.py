@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from ..errors import OptionError
 from ..format.surface import TinHead
-from .coded_tin import Layers
+from .coded_tin import SurfaceLayers
 from .delaunay import delaunay, triangles
 from .points import Points
 from .rank import by_rank
@@ -65,7 +65,7 @@ class Tin:
         Whether all is there that the file holds.
     metadata : mapping of str to str
         Notes of the file.
-    coded : (TinHead, Layers), or None
+    coded : (TinHead, SurfaceLayers), or None
         Positions, numbers of values and layers as a file holds them; None of a surface that was not made for one.
     removals : Removals or None
         What thinning by a criterion took out.
@@ -77,7 +77,7 @@ class Tin:
     shape: tuple[int, int] | None = None
     complete: bool = True
     metadata: Mapping[str, str] = field(default_factory=dict)
-    coded: tuple[TinHead, Layers] | None = None
+    coded: tuple[TinHead, SurfaceLayers] | None = None
     removals: Removals | None = None
 
     def __len__(self) -> int:

@@ -8,7 +8,7 @@ import numpy as np
 
 from isospec.container import Profile
 
-from ...entropy.contexts import context_coder, rates
+from ...entropy.context_layout import context_coder, rates
 from ...entropy.panel import no_panel, panel_after
 from ...entropy.range_coder import Coder, CoderRegisters
 from ...format.header import Header

@@ -17,7 +17,7 @@ from ..lattice.grid import edge_of, position
 from ..tube.state import corner_entry, entry
 from . import contexts as ctx
 from .frame_before import BEHIND, SEED, Spot, see_before
-from .layout import BASE_KIND, BASE_NET, BASE_ROW
+from .network_rows import BASE_KIND, BASE_NET, BASE_ROW
 from .parabola import MOST, nearer
 
 _STEPS = {

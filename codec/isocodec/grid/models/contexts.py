@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from ...entropy.contexts import Layout
+from ...entropy.context_layout import Layout
 from ...entropy.mixer import HOLES
 from ...entropy.range_coder import ONE
 from ...kernel import inlined

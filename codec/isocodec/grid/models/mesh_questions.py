@@ -15,8 +15,8 @@ from ..lattice.grid import edge_of, lattice
 from ..lattice.store import get
 from ..lattice.vertex_set import IN, KEPT, OUT
 from ..tube.state import entry
-from .layout import MESH_AROUND, MESH_KIND, MESH_NET, MESH_ROW
 from .neighbourhood import PLANE, SPACE, anchor
+from .network_rows import MESH_AROUND, MESH_KIND, MESH_NET, MESH_ROW
 
 _MESH_2, _MESH_3 = MESH_ROW[2], MESH_ROW[3]
 ON_PATH, COARSER, FINER, OF_LEAF = np.arange(4)

@@ -12,7 +12,7 @@ from ...kernel.flat import flat
 from ..lattice.access import dimension
 from ..lattice.store import PAGES, full, page_or_first, put, wipe
 from ..tube.state import entry
-from .layout import AROUND, AROUND_SUM, AROUND_SUMS, GROUP, PATTERNS
+from .network_rows import AROUND, AROUND_SUM, AROUND_SUMS, GROUP, PATTERNS
 
 _FAR = {2: 10, 3: 6}
 """No vertex of the lists is as far as this along an axis, in units of g."""

@@ -10,8 +10,8 @@ from ...kernel import inlined
 from ..lattice.access import dimension
 from . import contexts as ctx
 from .crossing_candidates import BEFORE, BEHIND, CHAIN, CUBIC, LINE, MEAN, MOST_RECENT, RECENT, UNIT, VERTEX
-from .layout import LEAF_NET, LEAN_KIND, OFFSET_KIND, OFFSET_NET, OFFSET_ROW, OFFSET_ROWS
 from .magnitude import CLASSES, FINE, NONE, bits, row_of
+from .network_rows import LEAF_NET, LEAN_KIND, OFFSET_KIND, OFFSET_NET, OFFSET_ROW, OFFSET_ROWS
 
 _GRID_2, _GRID_3 = OFFSET_ROW[2], OFFSET_ROW[3]
 

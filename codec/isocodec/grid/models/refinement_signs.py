@@ -16,9 +16,9 @@ from ..tube.leaf_list import ones
 from ..tube.state import ALWAYS, entry
 from . import contexts as ctx
 from .frame_before import Spot, see_before
-from .layout import EARLIER_ROWS, MANNER_ROWS, REFINE_KIND, SIGN_NET, SIGN_ROWS
 from .magnitude import bits
 from .neighbourhood import see_around, survey
+from .network_rows import EARLIER_ROWS, MANNER_ROWS, REFINE_KIND, SIGN_NET, SIGN_ROWS
 from .parabola import MOST, nearer
 from .significance import rarity
 

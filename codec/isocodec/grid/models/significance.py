@@ -18,8 +18,8 @@ from ..lattice.access import dimension
 from ..lattice.store import full, get, get_around, pages_around, spot
 from ..tube.state import SIGNIFICANCE
 from . import contexts as ctx
-from .layout import BIRTH_CLASSES, CELL_CLASSES, CELL_SUM, CELL_SUMS, TREE_KIND, TREE_NET, TREE_ROW
 from .magnitude import bits
+from .network_rows import BIRTH_CLASSES, CELL_CLASSES, CELL_SUM, CELL_SUMS, TREE_KIND, TREE_NET, TREE_ROW
 
 BIRTH = 1 << 20
 """Counts of new components are multiples of this, those of vertices the rest."""

@@ -9,13 +9,13 @@ from numpy.typing import NDArray
 
 from isospec.tables import HIDDEN, KINDS, MOST_LOGIT, ROWS, Tables
 
-from ...entropy.contexts import logistic, shipped_tables
+from ...entropy.context_layout import logistic, shipped_tables
 from ...entropy.mixer import BUCKET, BUCKETS, HOLES
 from ...entropy.panel import no_panel
 from ...entropy.range_coder import Blend
 from .contexts import CONTEXTS
 from .contexts import models as baseline_models
-from .layout import (
+from .network_rows import (
     AROUND,
     AROUND_ROW,
     AROUND_SUM,

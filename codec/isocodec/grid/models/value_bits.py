@@ -20,8 +20,8 @@ from ..lattice.access import dimension
 from ..lattice.store import get
 from ..tube.state import State
 from . import contexts as ctx
-from .layout import VALUE_KIND, VALUE_NET, VALUE_ROW, VALUE_SLOTS
 from .magnitude import CLASSES, FINE, ROUGH, bits, mean, row_of
+from .network_rows import VALUE_KIND, VALUE_NET, VALUE_ROW, VALUE_SLOTS
 
 
 @record

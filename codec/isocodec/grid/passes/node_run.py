@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ...entropy.contexts import context_coder
+from ...entropy.context_layout import context_coder
 from ...entropy.range_coder import Coder
 from ...entropy.run import Account, WritingRun, whole_run
 from ...errors import FormatError

@@ -13,7 +13,7 @@ import numpy as np
 
 from isospec.container import MOST_COORDINATE
 
-from ...entropy.contexts import Layout
+from ...entropy.context_layout import Layout
 from ...entropy.range_coder import Coder, code, emit
 from ...kernel import BAD, DONE, inlined, inner, kernel, record
 from ...kernel.types import BoolVector, IntVector

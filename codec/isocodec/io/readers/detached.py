@@ -11,7 +11,7 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from ...errors import InputError, LimitError
-from .source import Source
+from .source import InputFile
 
 _HEADER = 1 << 20
 """Bytes in which a header has to end."""
@@ -21,7 +21,7 @@ _FILES = 100_000
 _KEY = b"ElementDataFile"
 
 
-def meta_files(source: Source) -> tuple[list[Path], bool]:
+def meta_files(source: InputFile) -> tuple[list[Path], bool]:
     """The files that hold the samples of a MetaImage, and whether they hold them as they are.
 
     Raises
@@ -53,7 +53,7 @@ def meta_files(source: Source) -> tuple[list[Path], bool]:
     return files, plainly
 
 
-def nrrd_files(source: Source) -> tuple[list[Path], bool]:
+def nrrd_files(source: InputFile) -> tuple[list[Path], bool]:
     """The same of NRRD.
 
     Raises
@@ -79,13 +79,13 @@ def nrrd_files(source: Source) -> tuple[list[Path], bool]:
     return files or [source.path], encoding == "raw"
 
 
-def _head(source: Source) -> tuple[bytes, bool]:
+def _head(source: InputFile) -> tuple[bytes, bool]:
     """The first bytes of a file, with line breaks of one kind, and whether there are more."""
     with source.path.open("rb") as file:
         return file.read(_HEADER).replace(b"\r\n", b"\n"), bool(file.read(1))
 
 
-def _files(source: Source, value: str, rest: str, here: Iterable[str] = ()) -> list[Path]:
+def _files(source: InputFile, value: str, rest: str, here: Iterable[str] = ()) -> list[Path]:
     """Files that the field of a header names: one, some by numbers, or those of the lines that follow it."""
     if value in here:
         return [source.path]

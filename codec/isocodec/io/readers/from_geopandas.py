@@ -8,10 +8,10 @@ from ...errors import InputError
 from ...extras import optional
 from .mesh_formats import HEIGHT, MeshFormat, MeshRead
 from .reading import reading
-from .source import Source
+from .source import InputFile
 
 
-def _vector(source: Source) -> MeshRead:
+def _vector(source: InputFile) -> MeshRead:
     geopandas = optional("geopandas", extra="vector", purpose=f"reading {source.path.suffix}")
     with reading("vector file"):
         found = geopandas.read_file(source.path)

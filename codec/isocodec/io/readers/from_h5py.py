@@ -21,7 +21,7 @@ from .from_xarray import OpenedClassic
 from .opened import DEFAULT_KEY, Choice, Format, Opened
 from .place_of_samples import EVEN, in_steps, open_grid, placed_grid
 from .reading import check_frame, reading
-from .source import Source
+from .source import InputFile
 
 Array = NDArray[Any]
 Numbers = NDArray[np.float64]
@@ -33,7 +33,7 @@ _SOUTH_NORTH = ("degrees_north", "degree_north", "degree_N", "degrees_N", "degre
 
 
 @contextmanager
-def dataset(source: Source, key: str | None) -> Iterator[Any]:
+def dataset(source: InputFile, key: str | None) -> Iterator[Any]:
     """The array of an HDF5 file that a key names: the only one of two or more axes, or ``values``, if there is none."""
     h5py = optional("h5py", extra="hdf5", purpose=f"reading {source.path.suffix}")
     with reading("HDF5 file"), h5py.File(source.path, "r") as file:
@@ -117,7 +117,7 @@ class _Hdf5(Opened):
         return StoredWindows(self._stored)
 
 
-def _opened(source: Source, choice: Choice) -> Opened:
+def _opened(source: InputFile, choice: Choice) -> Opened:
     """Open HDF5, or by its first bytes NetCDF of the classic kind."""
     with source.path.open("rb") as file:
         classic = file.read(3) == b"CDF"
@@ -134,7 +134,7 @@ def unpacked(stored: Any, field: Array) -> Array:
     return found if fill is None else np.where(field == fill, np.nan, found)
 
 
-def check_storage(source: Source, stored: Any, taken: list[int]) -> None:
+def check_storage(source: InputFile, stored: Any, taken: list[int]) -> None:
     """That what is taken of an array may be read, and has ever been written."""
     source.check_array(taken, stored.dtype)
     # a chunk is unpacked as a whole, however few of its samples are wanted
@@ -198,7 +198,7 @@ class StoredWindows:
         return found if found is not raw or fill is None else np.ma.masked_array(raw, raw == fill)
 
 
-def _of_scales(source: Source, stored: Any, n: int) -> Placement:
+def _of_scales(source: InputFile, stored: Any, n: int) -> Placement:
     """What scales of a dataset's axes say, as far as these are kept in the file."""
     axes = [(count, _scales(source, stored, axis)) for axis, count in enumerate(stored.shape) if count > 1][-n:]
     shape = [count for count, _ in axes]
@@ -226,7 +226,7 @@ def _of_scales(source: Source, stored: Any, n: int) -> Placement:
     return in_steps(steps) if even and not mapped.periodic else mapped
 
 
-def _scales(source: Source, stored: Any, axis: int) -> list[Any]:
+def _scales(source: InputFile, stored: Any, axis: int) -> list[Any]:
     scales = [*stored.dims[axis].values()]
     return [scale for scale in scales if source.follow or not (scale.is_virtual or scale.external)]
 

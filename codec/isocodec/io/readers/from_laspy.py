@@ -7,10 +7,10 @@ import numpy as np
 from ...extras import optional
 from .mesh_formats import HEIGHT, MeshFormat, MeshRead
 from .reading import reading
-from .source import Source
+from .source import InputFile
 
 
-def _cloud(source: Source) -> MeshRead:
+def _cloud(source: InputFile) -> MeshRead:
     laspy = optional("laspy", extra="points", purpose=f"reading {source.path.suffix}")
     with reading("point cloud"), laspy.open(source.path) as file:
         source.check_count(file.header.point_count)

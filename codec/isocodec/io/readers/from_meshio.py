@@ -12,7 +12,7 @@ from ...errors import InputError, plain
 from ...extras import optional
 from .mesh_formats import MeshFormat, MeshRead
 from .reading import reading
-from .source import Source
+from .source import InputFile
 
 _SERIES = ".xdmf"
 """Suffix of files that may hold time steps, of which all are read."""
@@ -21,7 +21,7 @@ _LOWER = ("vertex", "line")
 """Cells of lower dimension that files hold beside, often as boundaries; they are left out."""
 
 
-def _series(meshio: Any, source: Source) -> Any:
+def _series(meshio: Any, source: InputFile) -> Any:
     """A series of an XDMF file as a mesh whose values have an axis of frames; None if the file holds none."""
     try:
         with meshio.xdmf.TimeSeriesReader(source.path) as series:
@@ -36,7 +36,7 @@ def _series(meshio: Any, source: Source) -> Any:
     return mesh
 
 
-def _by_meshio(source: Source) -> MeshRead:
+def _by_meshio(source: InputFile) -> MeshRead:
     meshio = optional("meshio", extra="vtu", purpose=f"reading {source.path.suffix}")
     with reading("mesh"):
         try:

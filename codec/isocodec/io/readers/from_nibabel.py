@@ -17,7 +17,7 @@ from .opened import IN_MEMORY, Choice, Format, Opened, numbers
 from .place_of_samples import SLICE, placed
 from .reading import check_frame, reading
 from .slices import Slices
-from .source import Source
+from .source import InputFile
 from .volumes import is_series_of_volumes, single, squeezed
 
 Array = NDArray[Any]
@@ -78,7 +78,7 @@ class _NiftiVolumes:
         Time from one volume to the next, with its unit, if the file states it; else empty.
     """
 
-    def __init__(self, source: Source, image: Any) -> None:
+    def __init__(self, source: InputFile, image: Any) -> None:
         nibabel = optional("nibabel", extra="nifti", purpose="reading NIfTI")
         stored = self._stored = image.dataobj
         self.shape: tuple[int, ...] = tuple(map(int, stored.shape))
@@ -151,7 +151,7 @@ class _Beginning:
         return _HEADER - self._left
 
 
-def _image(source: Source) -> Any:
+def _image(source: InputFile) -> Any:
     """A NIfTI image as nibabel has it, its samples not read yet but known to be there; within `reading`.
 
     Each volume of a series is known to be allowed, not all of them together.

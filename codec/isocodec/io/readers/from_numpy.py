@@ -22,7 +22,7 @@ from .mesh_formats import MeshFormat, MeshRead
 from .opened import DEFAULT_KEY, Choice, Format, Opened, numbers
 from .place_of_samples import open_grid, placed_grid
 from .reading import pick_frame, reading
-from .source import Source
+from .source import InputFile
 from .windows import Windows
 
 Array = NDArray[Any]
@@ -92,7 +92,7 @@ class MappedWindows(Windows):
         return found
 
 
-def _array(source: Source, file: IO[bytes], there: int) -> Array:
+def _array(source: InputFile, file: IO[bytes], there: int) -> Array:
     """The array in an open file, of so many bytes."""
     shape, dtype, begin = _header(file.read(_HEADER))
     source.check_bytes(begin + source.check_array(shape, dtype), there)
@@ -133,7 +133,7 @@ def _member(archive: zipfile.ZipFile, key: str | None) -> zipfile.ZipInfo:
     return info
 
 
-def _member_array(source: Source, archive: zipfile.ZipFile, info: zipfile.ZipInfo) -> Array:
+def _member_array(source: InputFile, archive: zipfile.ZipFile, info: zipfile.ZipInfo) -> Array:
     with _opened(archive, info) as member:
         return _array(source, member, info.file_size)
 
@@ -157,7 +157,7 @@ def _listing(archive: zipfile.ZipFile, members: dict[str, zipfile.ZipInfo]) -> s
     return ", ".join(parts + ["..."] * (len(members) > _LISTED))
 
 
-def _beside(source: Source, archive: zipfile.ZipFile, n: int) -> Placement | None:
+def _beside(source: InputFile, archive: zipfile.ZipFile, n: int) -> Placement | None:
     """Coordinates of a field of two axes beside it, under the usual names: along the axes, or for each sample."""
     if n != 2:
         return None
@@ -182,7 +182,7 @@ def _holds_mesh(path: Path) -> bool:
         return False
 
 
-def _mesh(source: Source) -> MeshRead:
+def _mesh(source: InputFile) -> MeshRead:
     with reading("NumPy file"), np.load(source.path, allow_pickle=False) as arrays:
         if not set(_OF_MESHES) <= set(arrays.files):
             raise InputError("holds no arrays points and cells", code="mesh")
@@ -193,7 +193,7 @@ def _mesh(source: Source) -> MeshRead:
     return MeshRead(points, cells, {name: each for name, each in others.items() if each.shape[-1:] == (len(points),)})
 
 
-def _table(source: Source) -> MeshRead:
+def _table(source: InputFile) -> MeshRead:
     with reading("table of points"):
         with source.path.open(newline="", encoding="utf-8-sig") as file:
             start = file.read(1 << 16)

@@ -17,7 +17,7 @@ from .opened import IN_MEMORY, Choice, Format, Opened, numbers
 from .place_of_samples import EVEN, SLICE, placed, to_right_front_up
 from .reading import reading
 from .slices import Slices
-from .source import Source, is_dicom
+from .source import InputFile, is_dicom
 from .volumes import is_series_of_volumes, single, squeezed
 
 Array = NDArray[Any]
@@ -148,7 +148,7 @@ def _of_image(reader: Any, n: int) -> Placement:
     return placed(to_right_front_up(matrix), n)
 
 
-def _header_of(source: Source) -> Any:
+def _header_of(source: InputFile) -> Any:
     """A reader of SimpleITK that knows a file's header, its samples known to be allowed; within `reading`."""
     sitk = optional("SimpleITK", extra="itk", purpose=f"reading {source.path.suffix}")
     of_meta = source.named(*_META)
@@ -166,7 +166,7 @@ def _header_of(source: Source) -> Any:
     return reader
 
 
-def _dicom_series(source: Source, key: str | None) -> tuple[list[str], tuple[int, ...], NDArray[np.float64]]:
+def _dicom_series(source: InputFile, key: str | None) -> tuple[list[str], tuple[int, ...], NDArray[np.float64]]:
     """Files in the order of their slices, the size of all, and the matrix in ITK's coordinates."""
     sitk = _sitk("DICOM")
     names = [str(source.path)]

@@ -22,7 +22,7 @@ from .from_rasterio import RasterWindows
 from .opened import Choice, Format, Opened
 from .place_of_samples import in_steps, placed
 from .reading import channel_of, pick_frame, reading, said
-from .source import Source
+from .source import InputFile
 from .tile_sizes import LERC, PICTURES, stated_samples, unpacked_lerc
 
 _UNPACKERS: dict[int, Any] = {8: zlib.decompressobj, 32946: zlib.decompressobj, 34925: lzma.LZMADecompressor}
@@ -120,7 +120,7 @@ def _samples(series: Any) -> NDArray[Any]:
 
 
 @contextmanager
-def _opened(source: Source) -> Iterator[Any]:
+def _opened(source: InputFile) -> Iterator[Any]:
     """A TIFF as tifffile has it, which may go on in files beside it, and elsewhere if these are to be followed."""
     tifffile = optional("tifffile", extra="image", purpose=f"reading {source.path.suffix}")
     # the index of an NDTiff is another file, which names further ones
@@ -131,7 +131,7 @@ def _opened(source: Source) -> Iterator[Any]:
         yield tiff
 
 
-def _check_companions(source: Source, notes: str) -> None:
+def _check_companions(source: InputFile, notes: str) -> None:
     """That the files of an OME series are those that may be read."""
     try:
         elements = [*ElementTree.fromstring(notes).iter()]
@@ -143,7 +143,7 @@ def _check_companions(source: Source, notes: str) -> None:
             source.beside(name)
 
 
-def _check_series(source: Source, series: Any) -> None:
+def _check_series(source: InputFile, series: Any) -> None:
     """That the samples of a series may be read, and no part of it unpacks to more than they take."""
     size = source.check_array(series.shape, series.dtype)
     if series.dataoffset is not None:

@@ -14,7 +14,7 @@ from ...field.placement import Placement
 from .opened import Choice, Format, Opened
 from .place_of_samples import placed
 from .reading import check_frame, reading
-from .source import Source
+from .source import InputFile
 
 
 class _ImageData(Opened):
@@ -52,7 +52,7 @@ class _ImageData(Opened):
             return placed(matrix[np.ix_(kept, [*kept, 3])], n)
 
 
-def _header_of(source: Source, key: str | None) -> tuple[Any, tuple[int, ...], str]:
+def _header_of(source: InputFile, key: str | None) -> tuple[Any, tuple[int, ...], str]:
     """A reader that knows the header, the samples along each axis, and the name of the array."""
     xml = optional("vtkmodules.vtkIOXML", extra="vtk", purpose="reading .vti")
     with source.path.open("rb") as file:

@@ -19,7 +19,7 @@ from ...field.sampled import Field
 from .labels import labelled_field, labels_of
 from .opened import DEFAULT_KEY, IN_MEMORY, Choice, Format, Opened
 from .reading import about, check_frame, reading
-from .source import Source
+from .source import InputFile
 
 _ZARR, _GRIB = (".zarr",), (".grib", ".grib2", ".grb", ".grb2")
 _LISTED = 20
@@ -65,7 +65,7 @@ class OpenedLabels(Opened):
 class _LabelledFile(OpenedLabels):
     """An array of a file, whose samples are not read until they are asked for."""
 
-    def __init__(self, source: Source, choice: Choice) -> None:
+    def __init__(self, source: InputFile, choice: Choice) -> None:
         Opened.__init__(self, source, choice)
 
     def _open(self, choice: Choice) -> None:
@@ -98,7 +98,7 @@ class OpenedClassic(_LabelledFile):
 class _BareZarr(Opened):
     """An array of Zarr such as zarr.open(path, shape=..) makes: without names, without coordinates."""
 
-    def __init__(self, source: Source, choice: Choice, stored: Any) -> None:
+    def __init__(self, source: InputFile, choice: Choice, stored: Any) -> None:
         self._stored = stored
         super().__init__(source, choice)
 
@@ -148,7 +148,7 @@ def values_of(field: Field) -> NDArray[Any]:
     return values
 
 
-def _zarr(source: Source, choice: Choice) -> Opened:
+def _zarr(source: InputFile, choice: Choice) -> Opened:
     """Open a Zarr store, which is an array or a group of them."""
     zarr = optional("zarr", extra="xarray", purpose="reading .zarr")
     with reading("Zarr store"):
@@ -175,7 +175,7 @@ class LabelledWindows:
 
 
 @contextmanager
-def _dataset(source: Source) -> Iterator[Any]:
+def _dataset(source: InputFile) -> Iterator[Any]:
     options: dict[str, Any]
     xarray = optional("xarray", extra="xarray", purpose=f"reading {source.path.suffix}")
     if source.named(*_ZARR):

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import OptionError, plain
-from .source import Source
+from .source import InputFile
 
 HEIGHT = "z"
 """Values of points in space that are joined over the plane."""
@@ -78,7 +78,7 @@ class MeshFormat:
 
     name: str
     suffixes: tuple[str, ...]
-    read: Callable[[Source], MeshRead]
+    read: Callable[[InputFile], MeshRead]
     extra: str = ""
     scattered: bool = False
     holds: Callable[[Path], bool] | None = None

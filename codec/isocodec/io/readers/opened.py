@@ -17,14 +17,14 @@ from ...field.placement import FRAME_STEP, Placement
 from ...field.sampled import Field
 from .reading import about
 from .slices import Slices
-from .source import Source, check_kind
+from .source import InputFile, check_kind
 
 Array = NDArray[Any]
 Held = TypeVar("Held")
 DEFAULT_KEY = "values"
 """The array of a file that is taken if there are several and none is named."""
-IN_MEMORY = Source(Path())
-"""Source of what is in memory already."""
+IN_MEMORY = InputFile(Path())
+"""Stands for what is in memory already."""
 
 
 @dataclass(frozen=True)
@@ -51,7 +51,7 @@ class Opened:
 
     Parameters
     ----------
-    source : Source
+    source : InputFile
     choice : Choice
 
     Attributes
@@ -74,7 +74,7 @@ class Opened:
     unit: str | None = None
     label: str = ""
 
-    def __init__(self, source: Source, choice: Choice) -> None:
+    def __init__(self, source: InputFile, choice: Choice) -> None:
         self._source = source
         self._held = ExitStack()
         try:
@@ -273,7 +273,7 @@ class Format:
 
     name: str
     suffixes: tuple[str, ...]
-    open: Callable[[Source, Choice], Opened]
+    open: Callable[[InputFile, Choice], Opened]
     extra: str = ""
     signatures: tuple[tuple[int, bytes, str], ...] = ()
     keyed: bool = False

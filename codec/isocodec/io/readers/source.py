@@ -17,7 +17,7 @@ from ...limits import FIELD_SAMPLES
 
 
 @dataclass(frozen=True)
-class Source:
+class InputFile:
     """A file to be read, with what its header is held against before anything is read or allocated for it.
 
     Attributes
@@ -105,7 +105,7 @@ class Source:
 
 def source_of(
     path: str | os.PathLike[str], samples: int | None = None, follow: bool = False, folder: bool = False
-) -> Source:
+) -> InputFile:
     """Make a source of a file that can be read from any place in it, or of a ``folder`` whose format is one.
 
     Raises
@@ -131,7 +131,7 @@ def source_of(
     if not (stat.S_ISDIR(mode) and folder):
         with path.open("rb"):
             pass
-    return Source(path, FIELD_SAMPLES if samples is None else int(samples), follow)
+    return InputFile(path, FIELD_SAMPLES if samples is None else int(samples), follow)
 
 
 def is_dicom(path: Path) -> bool:

@@ -207,17 +207,11 @@ class Each(Collection[Contour]):
 # ---- Meshes and triangulated surfaces in space ----------------------------------------------------------------------
 
 
-def about(mesh: Tessellation) -> Contour:
-    """An empty contour that says where a mesh lies."""
-    none = np.zeros((0, 2)), np.zeros((0, 2), np.int64)
-    return Contour(
-        *none, mesh.isovalue, mesh.shape, placement=mesh.placement, metadata=mesh.metadata
-    )
-
-
 def in_space(mesh: Tessellation) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
     """Vertices with three coordinates, and simplices with a positive volume, or seen counter-clockwise from above."""
-    points = about(mesh).place(mesh.points.astype(np.float64))
+    none = np.zeros((0, 2)), np.zeros((0, 2), np.int64)
+    about = Contour(*none, mesh.isovalue, mesh.shape, placement=mesh.placement)
+    points = about.place(mesh.points.astype(np.float64))
     corners = points[mesh.cells[:1]]
     spanned = np.linalg.det(corners[:, 1:] - corners[:, :1])
     cells = mesh.cells
@@ -250,10 +244,13 @@ class PlacedTin:
     @classmethod
     def of(cls, tin: Tin, in_samples: bool = False) -> PlacedTin:
         """A surface where its notes say that it lies."""
-        found = None if in_samples else read_placement(dict(tin.metadata), 2)
+        found = None if in_samples else read_placement(tin.metadata, 2)
         if found is None or found.matrix is None:
-            found = Placement(np.eye(2, 3) if tin.shape is None else unplaced(2), crs=tin.metadata.get(CRS))
-        return cls(tin, found)
+            crs = None if in_samples else tin.metadata.get(CRS)
+            found = Placement(np.eye(2, 3) if tin.shape is None else unplaced(2), crs=crs)
+        removed = tin.removals
+        names = () if removed is None else ("order", "errors", "anticipated", "kept")
+        return cls(tin, found, {name: getattr(removed, name) for name in names})
 
     @property
     def vertices(self) -> NDArray[np.float64]:

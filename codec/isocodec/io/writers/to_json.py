@@ -4,18 +4,16 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Iterable
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from ...drawing.areas import polygons
 from ...drawing.bands import bands
+from ...drawing.contour import Contour
+from ...drawing.tessellation import Tessellation
 from ...field.placement import Placement
 from ...field.reference_system import DEGREES, epsg_of, to_degrees
 from .output_formats import Cost, Output, OutputOptions
 from .things import ABOVE, LEVEL, Areas, PlacedTin, in_space
-
-if TYPE_CHECKING:
-    from ...drawing.contour import Contour
-    from ...drawing.tessellation import Tessellation
 
 
 def _lines(contours: Iterable[Contour], _: str, options: OutputOptions) -> bytes:

@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 
 from ...drawing.contour import Contour
-from ...field.placement import CRS
 from .output_formats import Cost, Output, OutputOptions
 from .things import PlacedTin, SampleMask
 
@@ -23,10 +22,11 @@ def _contour_npz(contours: Iterable[Contour], _: str, __: OutputOptions) -> byte
         "isovalue": np.float64(contour.isovalue),
         "shape": np.asarray(contour.shape, dtype=np.int64),
     }
-    if contour.placement is not None and contour.placement.matrix is not None:
-        arrays["placement"] = contour.placement.matrix
-        arrays["crs"] = np.asarray(contour.metadata.get(CRS, ""))
-    if contour.bent:
+    placement = contour.placement
+    if placement is not None and placement.matrix is not None:
+        arrays["placement"] = placement.matrix
+        arrays["crs"] = np.asarray(placement.crs or "")
+    if placement is not None and placement.coordinates is not None:
         arrays["placed"] = contour.placed
     return _saved(arrays)
 

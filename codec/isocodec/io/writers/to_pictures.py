@@ -16,9 +16,6 @@ from ...extras import optional
 from .output_formats import Cost, Output, OutputOptions
 from .things import Picture, SampleMask
 
-PICTURE = {2: Cost(200, 160, fixed=1 << 25), 3: Cost(80, 260, fixed=1 << 27, kept=0)}
-"""Memory that pictures take, by axes of the field."""
-
 
 def _drawn(contours: Collection[Contour], suffix: str, _: OutputOptions) -> bytes:
     return contour_picture(contours, suffix)
@@ -80,6 +77,8 @@ def _decimal(number: float) -> str:
     return "0" if text == "-0" else text
 
 
+PICTURE = {2: Cost(200, 160, fixed=1 << 25), 3: Cost(80, 260, fixed=1 << 27, kept=0)}
+"""Memory that pictures take, by axes of the field."""
 _MATPLOTLIB: Any = {"extra": "plot", "libraries": ("matplotlib.figure",), "coordinates": "samples"}
 OUTPUTS = (
     Output("contour", (".png",), "PNG", _drawn, (2, 3), (2, 3), "a colour or a panel each", cost=PICTURE,

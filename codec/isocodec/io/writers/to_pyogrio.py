@@ -27,17 +27,6 @@ _DATE = "2000-01-01T00:00:00.000Z"
 """What a GeoPackage says of when it was written: the same input gives the same bytes."""
 
 
-def libraries() -> Any:
-    """geopandas.
-
-    Raises
-    ------
-    MissingExtraError
-    """
-    optional("pyogrio", extra="vector", purpose="writing maps")
-    return optional("geopandas", extra="vector", purpose="making tables of lines")
-
-
 def _render(contours: Iterable[Contour], suffix: str, _: OutputOptions) -> bytes:
     return _file(table_of(contours), suffix, "LineString", "isolines")
 

@@ -32,7 +32,7 @@ _EVENTS: dict[str, type[LayerComplete]] = {
 
 
 @dataclass
-class Run:
+class BegunRun:
     """A run that the decoder has begun, for those who want to end it elsewhere.
 
     Attributes
@@ -78,7 +78,7 @@ class LayerReader:
 
     Attributes
     ----------
-    runs : list of Run
+    runs : list of BegunRun
     """
 
     def __init__(
@@ -87,7 +87,7 @@ class LayerReader:
     ) -> None:
         self.limits = limits
         self.layers = layers
-        self.runs: list[Run] = []
+        self.runs: list[BegunRun] = []
         self._data = data
         self._tubes = tubes
         self._progresses = progresses
@@ -231,12 +231,12 @@ class LayerReader:
         before, self._progresses[-1] = self._progress, program.progress
         self._program = None
         start = self._program_start
-        self._begin_run(Run(chunk_start, start, program.at, program.layers, before, self._symbols, self._done))
+        self._begin_run(BegunRun(chunk_start, start, program.at, program.layers, before, self._symbols, self._done))
         if self._progress.bits is not None:
             self._tube.estimates.bits = self._progress.bits
         return True
 
-    def _begin_run(self, run: Run) -> None:
+    def _begin_run(self, run: BegunRun) -> None:
         """Begin the layers of a run."""
         self._pending = list(run.layers)
         self.layers += run.layers
@@ -291,7 +291,7 @@ class MaskReader(LayerReader):
 
     def _open_run(self, chunk: Envelope, chunk_start: int, there: int, whole: bool) -> bool:
         layers = mask_layers(self._tube.n, self._tube.full_level)
-        self._begin_run(Run(chunk_start, chunk.start, chunk.start, layers, self._progress, UNLIMITED))
+        self._begin_run(BegunRun(chunk_start, chunk.start, chunk.start, layers, self._progress, UNLIMITED))
         return True
 
     def read(self, chunk: Envelope, chunk_start: int) -> bool:

@@ -83,7 +83,7 @@ def logistic(squash: NDArray[np.int64]) -> Logistic:
 
 @cache
 def shipped_tables() -> tuple[NDArray[np.int64], dict[int, Tables]]:
-    """The normative tables: the logistic function, and what is trained for each dimension."""
+    """The normative tables: the logistic function, and what is trained for 2 and for 3 axes."""
     return unpacked(shipped())
 
 

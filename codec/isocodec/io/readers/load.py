@@ -22,10 +22,10 @@ from ...storage.content import is_file, is_url, local
 from .from_nibabel import OpenedNibabel, is_nibabel
 from .from_simpleitk import OpenedItk, is_itk
 from .from_xarray import OpenedLabels, is_labelled, variable
+from .input_formats import holds_mesh, open_file, read_mesh, recognised
 from .mesh_formats import HEIGHT
 from .opened import IN_MEMORY, Choice, Opened
 from .reading import about, check_frame
-from .registry import holds_mesh, open_file, read_mesh, recognised
 from .slices import FieldsInTurn, Slices
 
 

@@ -1,4 +1,4 @@
-"""The registry of readers: which library reads which format, and how a file is opened.
+"""The registry of formats that are read: which library reads which, and how a file is opened.
 
 Each module ``from_..`` belongs to one library; its records list the suffixes. A new format is a record there.
 """

@@ -1,0 +1,163 @@
+"""The command line as tables over its own tree: limits, exit codes, options with every kind of file, its page."""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import click
+import numpy as np
+import pytest
+
+sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "tools"))
+
+import isocodec
+from commands import HILLS, run
+from commands_page import PAGE, page
+from isocodec.cli import main
+from isocodec.cli.options import HEADINGS
+from isocodec.cli.report import EXIT_CODES
+from isocodec.errors import FormatError, InputError, KernelError, LimitError, MissingExtraError, OptionError
+
+POINTS = np.random.default_rng(7).random((60, 2)) * 10
+KINDS: dict[str, Callable[[], Any]] = {
+    "grid": lambda: (HILLS, 80.5),
+    "series": lambda: (isocodec.Frames([HILLS, HILLS // 2]), 80.5),
+    "mesh": lambda: (isocodec.Mesh(POINTS, None, np.hypot(*(POINTS - 5).T)), 3.1),
+    "surface": lambda: (isocodec.thin(HILLS.astype(float), to=40), None),
+    "tiles": lambda: (HILLS, 80.5),
+}
+OUTPUTS = {"decode": "o.npz", "edit": "o.iso", "plot": "o.png"}
+"""Commands that open a file and write one."""
+VALUES = {
+    "isovalue": "80.5", "isovalues": "80.5", "frame": "0", "layers": "1", "max_bytes": "1M", "box": "4:20,4:20",
+    "within": "2", "what": "mesh", "side": "below", "to": "npz", "size": "1M", "profile": "main", "precision": "signs",
+    "steps": "2", "index": "2", "title": "t", "dpi": "50", "seen_from": "top", "map_interval": "20", "offset": "1",
+    "limit_memory": "900M", "limit_work": "100000000", "limit_samples": "100000", "mesh": "known.npz", "kind": "iso",
+    "key": "a", "channel": "0", "nodata": "1", "metadata": "a=b",
+}
+"""A value for each option that takes one."""
+
+
+@pytest.fixture(scope="module")
+def files(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A file of each kind, a field and a mesh."""
+    folder = tmp_path_factory.mktemp("kinds")
+    for kind, made in KINDS.items():
+        what, isovalue = made()
+        isocodec.save(folder / f"{kind}.iso", what, isovalue, **({"tile": 32} if kind == "tiles" else {}))
+    np.save(folder / "hills.npy", HILLS)
+    np.savez(folder / "known.npz", points=POINTS, cells=np.array([[0, 1, 2]]))
+    return folder
+
+
+def options_of(command: click.Command) -> Iterator[click.Option]:
+    for each in command.params:
+        if isinstance(each, click.Option) and not each.required and each.name not in ("help", "plan_help"):
+            yield each
+
+
+OPENING = [(name, each) for name in (*OUTPUTS, "info") for each in options_of(main.commands[name])]
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize(("name", "option"), OPENING, ids=[f"{name}{each.opts[-1]}" for name, each in OPENING])
+def test_each_option_works_with_each_kind_or_is_refused_by_name(
+    files: Path, tmp_path: Path, kind: str, name: str, option: click.Option
+) -> None:
+    """One line says why not; never an internal error."""
+    words = [name, files / f"{kind}.iso"]
+    words += ["-o", tmp_path / OUTPUTS[name]] if name in OUTPUTS else []
+    words += ["--layers", 1] if name == "edit" and option.name not in ("layers", "size") else []
+    if option.name == "what":
+        words[-1] = tmp_path / "o.ply"
+    words.append(option.opts[-1])
+    if not option.is_flag:
+        value = VALUES[str(option.name)]
+        words.append(files / value if option.name == "mesh" else value)
+    result = run(*words)
+    assert result.exit_code in (0, 2, 3), result.output
+    if result.exit_code:
+        (line,) = result.stderr.splitlines()
+        assert line.startswith("isocodec: ") and "internal" not in line and result.stdout == ""
+
+
+def test_every_option_has_a_value_here() -> None:
+    missing = {option.name for _, option in OPENING if not option.is_flag} - set(VALUES)
+    assert not missing
+
+
+DECODING = [name for name in main.commands if any(each.name == "limit_memory" for each in main.commands[name].params)]
+
+
+def test_commands_that_decode_have_the_limits() -> None:
+    assert set(DECODING) == {"decode", "edit", "info", "verify", "plot"}
+    for name in DECODING:
+        assert {"limit_memory", "limit_work", "limit_samples"} <= {each.name for each in main.commands[name].params}
+
+
+@pytest.mark.parametrize("name", DECODING)
+def test_the_limit_of_memory_holds_for_each_command(files: Path, tmp_path: Path, name: str) -> None:
+    words = [name, *([files / "hills.npy"] if name == "verify" else []), files / "grid.iso", "--limit-memory", 100]
+    words += ["-o", tmp_path / OUTPUTS[name]] if name in OUTPUTS else []
+    words += {"edit": ["--precision", "signs"], "info": ["--statistics"]}.get(name, [])
+    result = run(*words)
+    assert result.exit_code == 6, result.output
+    assert "--limit-memory" in result.stderr and not list(tmp_path.iterdir())
+
+
+ERRORS = [
+    (OptionError("a", code="a"), 2), (InputError("a", code="a"), 3), (FormatError("a", code="a"), 4),
+    (LimitError("a", code="a"), 6), (MissingExtraError("a", code="a"), 7), (KernelError("a", code="a"), 8),
+    (OSError(5, "a"), 3), (MemoryError(), 6), (ZeroDivisionError("a"), 1), (KeyboardInterrupt(), 130),
+]
+
+
+@pytest.mark.parametrize("as_json", [False, True])
+@pytest.mark.parametrize("name", [name for name in main.commands if name not in ("encode", "thin")])
+@pytest.mark.parametrize(("raised", "code"), ERRORS, ids=[type(error).__name__ for error, _ in ERRORS])
+def test_each_class_of_error_has_its_exit_code(
+    files: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, raised: BaseException, code: int, name: str,
+    as_json: bool,
+) -> None:
+    """And one line on the error stream, nothing on the other, no file."""
+
+    def end(*_: object, **__: object) -> None:
+        raise raised
+
+    monkeypatch.setattr("isocodec.api.isofile.open", end)
+    words = [name, *([files / "hills.npy"] if name == "verify" else []), files / "grid.iso"]
+    words += ["-o", tmp_path / OUTPUTS[name]] if name in OUTPUTS else []
+    words += (["--layers", 1] if name == "edit" else []) + ["--json"] * as_json
+    result = run(*words)
+    assert result.exit_code == code and result.stdout == ""
+    (line,) = [line for line in result.stderr.splitlines() if line]
+    assert line.startswith("isocodec: ") and not list(tmp_path.iterdir())
+    assert f"  {code}" in EXIT_CODES or code == 130
+
+
+def test_every_command_has_json(files: Path, tmp_path: Path) -> None:
+    out = tmp_path / "o.iso"
+    for words in (
+        ["encode", files / "hills.npy", "-o", out, "--isovalue", 80.5],
+        ["decode", out, "-o", tmp_path / "o.npz"], ["edit", out, "-o", tmp_path / "p.iso", "--layers", 2],
+        ["info", out], ["verify", files / "hills.npy", out], ["plot", out, "-o", tmp_path / "o.png"],
+        ["thin", files / "hills.npy", "-o", tmp_path / "t.ply", "--points", 30],
+    ):
+        result = run(*words, "--json")
+        assert result.exit_code == 0, result.output
+        assert isinstance(json.loads(result.stdout), dict)
+
+
+def test_options_are_records_under_headings() -> None:
+    for command in main.commands.values():
+        for each in command.params:
+            if isinstance(each, click.Option):
+                assert each.heading in HEADINGS and each.help, (command.name, each.opts)
+
+
+def test_the_page_is_made_from_the_command_line() -> None:
+    assert PAGE.read_text(encoding="utf-8") == page(), "run tools/commands_page.py"
