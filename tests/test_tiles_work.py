@@ -12,6 +12,7 @@ import threading
 import time
 import zlib
 from concurrent.futures import Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor
+from dataclasses import fields
 from pathlib import Path
 
 import numpy as np
@@ -26,9 +27,10 @@ from isocodec.errors import FormatError, InputError, IsoError, OptionError, Trun
 from isocodec.stream.options import Options
 from isocodec.tiles.head import write_head
 from isocodec.tiles.merging import grid_of
-from isocodec.tiles.spool import Spool
+from isocodec.tiles.spool import Spool, description
 from isocodec.tiles.tile_encoder import Tiling
 from isocodec.tiles.tiled import TiledFile
+from isocodec.tiles.writing import tiling_of
 from tiled import encoded, hilly, holed, pieces, served, tiled_of
 
 # -- who encodes ---------------------------------------------------------------------------------------------------
@@ -387,3 +389,9 @@ def test_a_worker_that_dies(tmp_path: Path) -> None:
             isocodec.save(tmp_path / "a.iso", field, 30.5, tile=32, engine=processes)
     isocodec.save(tmp_path / "a.iso", field, 30.5, tile=32)
     assert (tmp_path / "a.iso").read_bytes() == encoded(tmp_path, field, 30.5)
+
+
+def test_every_option_is_part_of_what_tiles_have_in_common() -> None:
+    """A spool goes on only with the tiles of a call with the same options, whichever options there are."""
+    tiling = tiling_of(hilly(), 30.5, 32, Options())
+    assert {each.name for each in fields(Options)} <= set(description(tiling))
