@@ -10,8 +10,9 @@ import pytest
 
 import isocodec
 from brute import smooth
-from isocodec import Decoder, FormatError
+from isocodec import Decoder
 from isocodec.drawing.snapshot import state_of
+from isocodec.errors import FormatError
 from isocodec.format import chunks
 from isocodec.grid.layers import writer
 from isocodec.stream import encoder
@@ -62,7 +63,7 @@ def whole(name):
     decoder.feed(files()[name])
     events = list(decoder)
     assert decoder.complete
-    return events, decoder.symbols, decoder.snapshot(), state_of(decoder._tube)
+    return events, decoder.symbols, decoder.contour(), state_of(decoder.grid._tube)
 
 
 def same_drawing(a, b):

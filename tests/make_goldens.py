@@ -69,7 +69,7 @@ def digests(name: str) -> dict[str, int | str]:
     decoder = isocodec.Decoder()
     decoder.feed(data)
     decoder.close()
-    state = "\n".join(state_of(decoder._tube).lines())
+    state = "\n".join(state_of(decoder.grid._tube).lines())
     return {
         "length": len(data),
         "file": hashlib.sha256(data).hexdigest(),

@@ -30,7 +30,7 @@ def decoded(data: bytes) -> Decoder:
 
 def leaves_of(decoder: Decoder) -> list[tuple[int, bytes]]:
     """Leaves of a decoder's state by level and positions, as often as they are there."""
-    leaves = snapshot.leaves_of(decoder._tube, 0.5, lambda number, above: number)
+    leaves = snapshot.leaves_of(decoder.grid._tube, 0.5, lambda number, above: number)
     return [(int(level), leaves.position[row].tobytes()) for level, row in
             zip(leaves.levels, leaves.simplices, strict=True)]
 
@@ -38,7 +38,7 @@ def leaves_of(decoder: Decoder) -> list[tuple[int, bytes]]:
 def check(data: bytes, encoder: Encoder, field: NDArray[np.bool_], mesh: Mesh) -> Decoder:
     """Decoder and encoder agree; the leaves are those of recursive bisection, each once."""
     decoder = decoded(data)
-    assert decoder.state().lines() == snapshot.state_of(encoder.frame.strands[-1].tube).lines()
+    assert decoder.grid.state().lines() == snapshot.state_of(encoder.frame.strands[-1].tube).lines()
     found = leaves_of(decoder)
     assert len(found) == len(set(found))
     assert set(found) == mixed_leaves(field, mesh)

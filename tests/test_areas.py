@@ -16,7 +16,8 @@ from shapely.geometry import shape as shape_of
 import isocodec
 from brute import examples
 from commands import fails, ok
-from isocodec import Contour, OptionError, TruncatedError
+from isocodec import Contour
+from isocodec.errors import OptionError, TruncatedError
 from places import matrix
 
 SHAPES = st.tuples(*[st.integers(2, 14)] * 2)
@@ -44,7 +45,7 @@ def test_samples_lie_in_the_area_of_their_side(shape, seed, way):
     field = rng.normal(size=shape) + rng.normal()
     data = isocodec.encode(field, 0.1, **way)
     above, below = both(isocodec.decode(data))
-    mask = isocodec.decode_mask(data)
+    mask = isocodec.open(data).above()
     assert np.array_equal(covered(above, shape), mask)
     assert np.array_equal(covered(below, shape), ~mask)
 

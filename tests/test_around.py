@@ -15,17 +15,20 @@ import isocodec
 from brute import INTERPRETED
 from commands import HILLS, fails, ok, run
 from files import picture
-from isocodec import Decoder, FormatError, InputError, LayerComplete, LimitError, Limits
+from isocodec import Decoder, Limits
 from isocodec.drawing import rows as masks
+from isocodec.errors import FormatError, InputError, LimitError
 from isocodec.field.placement import matrix_of, write_placement
 from isocodec.field.samples import check_field
 from isocodec.format.chunks import read_further, write_further
+from isocodec.format.events import LayerComplete
 from isocodec.grid.tube.capacity import at_rest, wider_state
 from isocodec.io.readers.detached import _numbered
 from isocodec.io.writers.output_formats import Cost
 from isocodec.limits import LEVELS, Budget
 from isocodec.storage.atomic import undo_all, undoing
 from isocodec.stream.encoder import encoder_of
+from isocodec.stream.inspect import inspect
 
 TWO = isocodec.encode(picture((40, 40), 3), [0.5, 9.5])
 
@@ -63,7 +66,7 @@ def test_rows_of_a_mask_go_on_where_those_before_ended():
     field[5:] = 1
     data = isocodec.encode(field, 0.5, precision="signs")
     with mock.patch.object(masks, "BLOCK", 256):
-        assert np.array_equal(isocodec.decode_mask(data), field > 0)
+        assert np.array_equal(isocodec.open(data).above(), field > 0)
 
 
 # --- container and stream ---------------------------------------------------------------------------------------------
@@ -77,20 +80,20 @@ def test_bytes_behind_an_isovalue_are_an_error():
 
 def test_chunks_of_a_cut_file_end_with_it():
     for size in range(12, len(TWO)):
-        info = isocodec.inspect(TWO[:size])
+        info = isocodec.open(TWO[:size]).info
         assert all(chunk.offset + chunk.bytes <= size for chunk in info.chunks)
 
 
 def test_a_file_as_long_as_is_asked_for_stays_as_it_is():
-    assert isocodec.truncate(TWO, max_bytes=len(TWO)) == TWO
+    assert isocodec.open(TWO).edited(size=len(TWO)) == TWO
     # with a checksum of its own and no need of one: not cut
     long = isocodec.encode(picture((40, 40), 3), 0.5, metadata={"note": "x" * 40})
-    assert isocodec.truncate(long, max_bytes=len(long)) == long
+    assert isocodec.open(long).edited(size=len(long)) == long
 
 
 def test_the_smallest_step_is_a_tenth():
     data = isocodec.encode(picture((24, 24), 2), 0, precision=[1.0, 0.1])
-    assert [layer.within for layer in isocodec.inspect(data).layers if layer.within] == [1.0, 0.1]
+    assert [layer.within for layer in isocodec.open(data).info.layers if layer.within] == [1.0, 0.1]
 
 
 def test_progress_knows_the_isovalues_to_come():
@@ -189,7 +192,7 @@ def test_all_drawings_of_a_file_count_together():
     held = []
     hold = Decoder.hold
     with mock.patch.object(Decoder, "hold", lambda decoder, size: (held.append(size), hold(decoder, size))[0]):
-        contours = isocodec.decode_all(TWO)
+        contours = isocodec.open(TWO).contours()
     assert held == [0, contours[0].points.nbytes + contours[0].cells.nbytes]
 
 
@@ -271,13 +274,13 @@ def test_only_whole_layers_count_as_kept(tmp_path):
         decoder = Decoder()
         decoder.feed((tmp_path / "out.iso").read_bytes())
         whole = sum(isinstance(event, LayerComplete) for event in decoder)
-        assert record["layers"] == whole < len(isocodec.inspect(data).layers)
+        assert record["layers"] == whole < len(isocodec.open(data).info.layers)
 
 
 def test_topology_of_some_isovalues_is_told_of_these(tmp_path, monkeypatch):
     """A file whose writer promises it of one isovalue only."""
     (tmp_path / "in.iso").write_bytes(TWO)
-    inspect = isocodec.inspect
+    inspect = inspect
 
     def promised(data: bytes, **options: object) -> object:
         info = inspect(data, **options)

@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 
 import isocodec
 from brute import examples
-from isocodec import InputError, OptionError
+from isocodec.errors import InputError, OptionError
 from isocodec.field.samples import check_field, isovalue_of
 from isocodec.stream.encoder import encoder_of
 from isocodec.stream.options import DEFAULT_TOLERANCE, Options
@@ -65,7 +65,7 @@ def test_several_isovalues_of_several_kinds():
     for isovalues in (np.array([5, 200, 3], np.uint8), [np.uint8(5), 200, Fraction(3)], (5, Decimal(200), np.int8(3))):
         assert isocodec.encode(FIELD, isovalues) == expected
     far = isocodec.encode(FIELD, [np.int8(5), 2**40])
-    assert isocodec.inspect(far).isovalues == [5, 2**40]
+    assert isocodec.open(far).info.isovalues == [5, 2**40]
     for twice in ([3, np.float32(3)], [Fraction(3), 3.0], [0.0, -0.0]):
         with pytest.raises(OptionError, match="twice"):
             isocodec.encode(FIELD, twice)

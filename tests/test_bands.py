@@ -26,7 +26,7 @@ def shapes(found: list[isocodec.Band]) -> list[shapely.Geometry]:
 @pytest.mark.parametrize("options", [{"precision": "exact"}, {}, {"precision": "signs"}])
 def test_bands(options: dict[str, bool]) -> None:
     for field, values in ((HILLS, VALUES), (picture((25, 31), 5, noise=0.4), [-20.5, 0.5, 10.5])):
-        found = isocodec.bands(isocodec.decode_all(isocodec.encode(field, values, **options)))
+        found = isocodec.bands(isocodec.open(isocodec.encode(field, values, **options)).contours())
         rising = sorted(values)
         assert [(band.lower, band.upper) for band in found] == list(zip([None, *rising], [*rising, None], strict=True))
         parts = shapes(found)
@@ -47,7 +47,7 @@ def test_of_one_and_with_holes() -> None:
     field[10:13, 8:15] = np.nan
     data = isocodec.encode(field, [60.25, 100.25])
     contours = [isocodec.decode(data, isovalue=value, through_holes=True) for value in (60.25, 100.25)]
-    parts = shapes(isocodec.bands(contours, valid=isocodec.decode_valid(data)))
+    parts = shapes(isocodec.bands(contours, valid=isocodec.open(data).valid()))
     assert sum(part.area for part in parts) == pytest.approx(32 * 40 - 4 * 8)
     assert len(isocodec.bands([isocodec.decode(isocodec.encode(HILLS, 80.5))])) == 2
     assert isocodec.bands([]) == []

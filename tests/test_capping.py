@@ -9,7 +9,7 @@ import pytest
 from scipy.ndimage import gaussian_filter
 
 import isocodec
-from isocodec import OptionError, TruncatedError
+from isocodec.errors import OptionError, TruncatedError
 
 SHAPE = (9, 11, 10)
 BOX = 8 * 10 * 9

@@ -7,21 +7,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+import isocodec
 from brute import INTERPRETED
 from explicit_meshes import components, crossings, euler, plane, space, torus
-from isocodec import (
-    FormatError,
-    InputError,
-    IsoError,
-    Mesh,
-    MeshDecoder,
-    OptionError,
-    decode,
-    decode_all,
-    encode,
-    inspect,
-)
+from isocodec import Decoder, IsoError, Mesh, decode, encode
 from isocodec.entropy.run import Account
+from isocodec.errors import FormatError, InputError, OptionError
 from isocodec.format.domain import DomainHead, read_domain, write_domain
 from isocodec.mesh.mesh_run import decoded_mesh, encoded_mesh
 from isocodec.mesh.quantised import quantised
@@ -95,7 +86,7 @@ def test_several_isovalues():
     isovalues = [20.5, -30.5, 60.5, 0.5]
     data = encode(Mesh(*given, values, stored="coded"), isovalues, precision=1)
     assert len(data) < sum(len(encode(Mesh(*given, values, stored="coded"), one, precision=1)) for one in isovalues)
-    for contour, isovalue in zip(decode_all(data), isovalues, strict=True):
+    for contour, isovalue in zip(isocodec.open(data).contours(), isovalues, strict=True):
         assert len(contour.points) == len(crossings(given, values, isovalue))
         assert np.array_equal(contour.points, decode(data, isovalue=isovalue).points)
 
@@ -106,13 +97,13 @@ def test_errors_of_meshes():
     points = points + [7e5, 5e6]
     for error in (5.0, 0.3, 0.01):
         data = encode(Mesh(points, cells, values_of(points, 2), stored="whole", error=error), 0.5)
-        decoder = MeshDecoder()
+        decoder = Decoder()
         decoder.feed(data)
         decoder.close()
         there = decoder._points
         distance = np.sqrt(((points[:, None] - there[None]) ** 2).sum(axis=2))
         assert distance.min(axis=1).max() <= error and distance.min(axis=0).max() <= error
-        assert inspect(data).as_dict()["domain"]["kind"] == "coded"
+        assert isocodec.open(data).info.as_dict()["domain"]["kind"] == "coded"
     for bad in (0, -1.0, np.nan):
         with pytest.raises(OptionError):
             encode(Mesh(points, cells, points[:, 0], stored="coded", error=bad), 7e5)
@@ -137,13 +128,13 @@ def test_damaged(name):
         wrong = bytearray(data)
         for _ in range(rng.integers(1, 4)):
             wrong[rng.integers(8, len(wrong) - 4)] = rng.integers(256)
-        decoder = MeshDecoder()
+        decoder = Decoder()
         try:
             decoder.feed(bytes(wrong))
             list(decoder)
         except IsoError as error:
             ended.add(error.code)
-        decoder.drawn(0)
+        decoder.contour(0)
     assert "checksum" in ended or INTERPRETED
 
 

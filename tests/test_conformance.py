@@ -13,7 +13,8 @@ import numpy as np
 import pytest
 
 from brute import INTERPRETED
-from isocodec import Decoder, LimitError, Limits
+from isocodec import Decoder, Limits
+from isocodec.errors import LimitError
 from isocodec.grid.models.trained import shipped_models
 from isocodec.limits import LEVELS
 from isoconform import decoders, runner
@@ -207,7 +208,7 @@ def test_circle_is_the_circle(name):
     decoder = Decoder()
     decoder.feed((HOME / f"{name}.iso").read_bytes())
     decoder.close()
-    state = decoder.state()
+    state = decoder.grid.state()
     away = state.position - np.array(CENTRE)
     assert np.array_equal(state.above, (away**2).sum(axis=1) < RADIUS**2)
     known = set(map(tuple, away.tolist()))
@@ -240,7 +241,7 @@ def decode(data):
     decoder = Decoder()
     decoder.feed(data)
     decoder.close()
-    return len(decoder.state().position)
+    return len(decoder.grid.state().position)
 
 warm, circle = (open(path, "rb").read() for path in sys.argv[1:])
 decode(warm)

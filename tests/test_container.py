@@ -14,7 +14,8 @@ from isocodec.stream.contents import LAYER_CHUNKS, READERS
 import isocodec
 from brute import examples
 from files import HEADER, chunk, files, layers_file, picture, refused, same_drawing, whole, with_checksum
-from isocodec import Decoder, FormatError, OptionError, inspect
+from isocodec import Decoder
+from isocodec.errors import FormatError, OptionError
 from isocodec.format import chunks
 from isocodec.format.chunks import read_metadata
 from isocodec.format.events import ChunkSkipped, MetadataRead
@@ -294,7 +295,7 @@ def split_file(name):
     """Header, and payload of the one chunk, of a file that has no other."""
     data = files()[name]
     head = read_header(data)[1]
-    (one,) = isocodec.inspect(data).chunks
+    (one,) = isocodec.open(data).info.chunks
     envelope = chunks.read_envelope(data, one.offset)
     return data[:head], data[envelope.start : envelope.end]
 
@@ -317,7 +318,7 @@ def test_unknown_ancillary_chunks_are_skipped():
     skipped = [(e.type, e.length) for e in decoder if isinstance(e, ChunkSkipped)]
     assert skipped == [(20, 5), (31, 300), (21, 0)]
     assert decoder.complete
-    assert [c.type for c in isocodec.inspect(data).chunks] == ["unknown 20", "unknown 31", "layers", "unknown 21"]
+    assert [c.type for c in isocodec.open(data).info.chunks] == ["unknown 20", "unknown 31", "layers", "unknown 21"]
 
 
 def test_chunks_refused():
@@ -347,7 +348,7 @@ def test_large_chunks_have_a_checksum_of_their_own():
     """From 2**14 bytes on, so that damage is found before the end."""
     noise = np.random.default_rng(0).integers(0, 2, (400, 400))  # about a bit a sample: 20,000 bytes
     data = isocodec.encode(noise, 0, precision="signs")
-    first = isocodec.inspect(data).chunks[0]
+    first = isocodec.open(data).info.chunks[0]
     assert first.bytes > CHECKED_CHUNK
     assert data[first.offset] & 0b0101_1111 == 0b0100_0001  # checked; layers
     assert np.array_equal(np.sort(isocodec.decode(data).points, axis=0), np.sort(_midpoints(noise), axis=0))
@@ -374,9 +375,9 @@ def test_run_with_bytes_left_over_or_missing():
 def test_nothing_follows_a_cut_run():
     """Layers after a run that was cut have nothing to build on."""
     data = files()["exact"]
-    short = isocodec.truncate(data, max_bytes=len(data) * 2 // 3)
+    short = isocodec.open(data).edited(size=len(data) * 2 // 3)
     head = read_header(short)[1]
-    (one,) = isocodec.inspect(short).chunks
+    (one,) = isocodec.open(short).info.chunks
     assert one.type == "cut_layers"
     envelope = chunks.read_envelope(short, one.offset)
     first = chunk(ChunkType.CUT_LAYERS, short[envelope.start : envelope.end])
@@ -391,14 +392,14 @@ def test_metadata_that_is_none(payload):
     note = chunk(ChunkType.METADATA, payload, ancillary=True)
     data = with_checksum(head + note + chunk(ChunkType.LAYERS, layers, last=True))
     assert same_drawing(isocodec.decode(data), whole("exact")[2])
-    assert isocodec.inspect(data).metadata == {}
+    assert isocodec.open(data).info.metadata == {}
 
 
 def test_metadata():
     """Strings by name, any Unicode, in the event and in the file's structure."""
     note = {"name": "Zürich ▲", "empty": ""}
     data = isocodec.encode(picture((9, 9), 1), 0, metadata=note)
-    assert isocodec.inspect(data).metadata == note
+    assert isocodec.open(data).info.metadata == note
     decoder = Decoder()
     decoder.feed(data)
     assert [e.metadata for e in decoder if isinstance(e, MetadataRead)] == [note]
@@ -412,7 +413,7 @@ def test_bytes_of_any_kind():
     decoder.feed(memoryview(data)[40:])
     events = list(decoder)
     decoder.close()
-    assert decoder.complete and same_drawing(decoder.snapshot(), isocodec.decode(data))
+    assert decoder.complete and same_drawing(decoder.contour(), isocodec.decode(data))
     alone = Decoder()
     alone.feed(data)
     assert [type(event) for event in events] == [type(event) for event in alone]
@@ -442,8 +443,6 @@ def test_every_chunk_type_has_one_reader_and_every_kind_of_layer_its_symbols():
 
 
 def test_kinds_of_layers_are_strings():
-    info = inspect(
-        b"".join(encoder_of(np.eye(4), 0.5, layers=[(LayerKind.BASE, None), ("values", None)], precision="step=0.5"))
-    )
+    info = isocodec.open(b"".join(encoder_of(np.eye(4), 0.5, layers=[(LayerKind.BASE, None), ("values", None)], precision="step=0.5"))).info
     assert [layer.kind for layer in info.layers][:2] == ["base", "values"]
     assert json.loads(json.dumps(info.as_dict()))["layers"][0]["kind"] == "base"

@@ -8,11 +8,13 @@ import pytest
 import isocodec
 from brute import smooth
 from files import HEADER, chunk, files, layers_file, picture, refused, same_drawing, with_checksum
-from isocodec import Decoder, FormatError, LimitError, Limits, OptionError, TruncatedError
+from isocodec import Decoder, Limits
+from isocodec.errors import FormatError, LimitError, OptionError, TruncatedError
 from isocodec.format.chunks import read_envelope, read_index, write_chunk
 from isocodec.format.events import ChunkSkipped, IsovalueRead, LayerComplete, MetadataRead
 from isocodec.format.header import read_header
 from isocodec.format.program import Progress, read_program
+from isocodec.stream.inspect import inspect
 from isospec.container import CHECKED_CHUNK, LAYER_LIMIT, ChunkType
 
 CHECKED = 0b0100_0000
@@ -54,7 +56,7 @@ def noise():
 def test_large_chunks_cut_to_bytes(noise, beyond):
     """Around the size from which chunks have a checksum of their own, and beyond it: as many symbols as fit."""
     most = read_header(noise)[1] + CHECKED_CHUNK + beyond
-    short = isocodec.truncate(noise, max_bytes=most)
+    short = isocodec.open(noise).edited(size=most)
     ((_, envelope, _),) = chunks(short)
     assert envelope.type == ChunkType.CUT_LAYERS
     size = envelope.end - envelope.start
@@ -62,9 +64,9 @@ def test_large_chunks_cut_to_bytes(noise, beyond):
     # a run and its ending grow by a byte or two at a time; where a payload gets its checksum, by four more
     assert most - 12 <= len(short) <= most
     kept = sum(closed(short).symbols.values())
-    longer = isocodec.truncate(noise, max_bytes=most + 20)
+    longer = isocodec.open(noise).edited(size=most + 20)
     assert 0 < sum(closed(longer).symbols.values()) - kept < 8 * 32 * 3
-    assert isocodec.truncate(short, max_bytes=most) == short
+    assert isocodec.open(short).edited(size=most) == short
 
 
 def test_a_payload_of_exactly_2_to_the_14():
@@ -95,11 +97,11 @@ def test_4096_layers():
     field[2, 2] = 1
     plan = [("base", None), ("values", None)] + [("values", 0)] * (LAYER_LIMIT - 2)
     data = isocodec.encode(field, 0.5, layers=plan)
-    assert len(isocodec.inspect(data).layers) == LAYER_LIMIT == 4096
+    assert len(isocodec.open(data).info.layers) == LAYER_LIMIT == 4096
     decoder = Decoder()
     decoder.feed(data)
     assert sum(isinstance(event, LayerComplete) for event in decoder) == LAYER_LIMIT
-    assert decoder.complete and len(decoder.drawn().points) == 4
+    assert decoder.complete and len(decoder.contour().points) == 4
     with pytest.raises(OptionError, match="4096"):
         isocodec.encode(field, 0.5, layers=[*plan, ("values", 0)])
     many = bytes([0x8F, 0xAF, 0x00]) + b"\xa0" * (LAYER_LIMIT - 2) + b"\x20"  # base, values without bits, again ..
@@ -160,8 +162,8 @@ def test_an_index_with_bytes_behind_it():
     assert read_index(payload + b"\0", layers) == read_index(payload[:-1], layers) == []
     longer = with_checksum(data[:at] + chunk(ChunkType.INDEX, payload + b"\0", ancillary=True, last=True))
     assert same_drawing(isocodec.decode(longer), isocodec.decode(data))
-    assert all(layer.bytes is not None for layer in isocodec.inspect(data).layers)
-    assert all(layer.bytes is None and layer.symbols is None for layer in isocodec.inspect(longer).layers)
+    assert all(layer.bytes is not None for layer in isocodec.open(data).info.layers)
+    assert all(layer.bytes is None and layer.symbols is None for layer in isocodec.open(longer).info.layers)
 
 
 @pytest.mark.parametrize("isovalues", [[0, 5], [5, 0]])
@@ -171,11 +173,11 @@ def test_the_share_of_an_index_is_of_all_isovalues(isovalues):
     data = isocodec.encode(field, isovalues, precision="signs")
     _, envelope, _ = chunks(data)[-1]
     assert envelope.type == ChunkType.INDEX
-    stated, counted = isocodec.inspect(data).layers, isocodec.inspect(data, symbols=True).layers
+    stated, counted = isocodec.open(data).info.layers, inspect(data, symbols=True).layers
     assert [(x.isovalue, x.bytes, x.symbols) for x in stated] == [(x.isovalue, x.bytes, x.symbols) for x in counted]
     assert {layer.isovalue for layer in stated} == {0, 1}
     small = isocodec.encode(field[:60, :60], isovalues, precision="signs")
-    run_bytes = sum(layer.bytes for layer in isocodec.inspect(small, symbols=True).layers)
+    run_bytes = sum(layer.bytes for layer in inspect(small, symbols=True).layers)
     assert chunks(small)[-1][1].type != ChunkType.INDEX and run_bytes < 100 * (envelope.end - envelope.start)
 
 
@@ -193,12 +195,12 @@ def test_two_chunks_of_metadata():
     for order in (first + second + layers, first + layers[:1] + layers[1:]):
         decoder = closed(with_checksum(data[:head] + order))
         expected = notes if second in order else {"name": "hill", "unit": "m"}
-        assert decoder.metadata == expected == isocodec.inspect(with_checksum(data[:head] + order)).metadata
+        assert decoder.metadata == expected == isocodec.open(with_checksum(data[:head] + order)).info.metadata
     decoder = Decoder()
     decoder.feed(with_checksum(data[:head] + first + second + layers))
     read = [event.metadata for event in decoder if isinstance(event, MetadataRead)]
     assert read == [{"name": "hill", "unit": "m"}, notes]
-    assert decoder.drawn().metadata == notes
+    assert decoder.contour().metadata == notes
 
 
 @pytest.fixture(scope="module")
@@ -231,12 +233,12 @@ def test_skipped_isovalues(three, only):
         assert decoder.isovalues == whole.isovalues
         for number in range(3):
             if number in only:
-                assert same_drawing(decoder.drawn(number), whole.drawn(number))
-                assert decoder.state(number).lines() == whole.state(number).lines()
+                assert same_drawing(decoder.contour(number), whole.drawn(number))
+                assert decoder.grid.state(number).lines() == whole.state(number).lines()
             else:
-                assert decoder.state(number) is None and not len(decoder.drawn(number).points)
+                assert decoder.grid.state(number) is None and not len(decoder.contour(number).points)
         layers = [e for e in events if isinstance(e, LayerComplete)]
-        assert [e.number for e in layers] == list(range(1, len(decoder.layers) + 1))
+        assert [e.number for e in layers] == list(range(1, len(decoder.grid.layers) + 1))
 
 
 def test_damage_in_a_skipped_chunk_is_found(three):

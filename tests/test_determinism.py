@@ -104,11 +104,11 @@ def test_compiled_kernels_do_what_their_source_says(twice):
                 "precision": "signs", "profile": "baseline",
             }, {"precision": 0.2, "profile": "baseline"},
         ):
-            isocodec.decode_all(isocodec.encode(field, [0.5, 5.5], **options), smooth=True)
+            isocodec.open(isocodec.encode(field, [0.5, 5.5], **options)).contours(smooth=True)
     for shape in ((6, 7), (3, 4, 4)):
         field = np.rint(100 * smooth(shape, 3)).astype(np.int64)
         data = isocodec.encode(field, 0.5, precision=0.05)
-        assert np.array_equal(isocodec.decode_mask(data), field > 0.5)
+        assert np.array_equal(isocodec.open(data).above(), field > 0.5)
         isocodec.encode(field, 0.5, precision=0.5)
         gone = np.random.default_rng(4).random(shape) < 0.1
         for more in ({"precision": "exact"}, {"precision": 0.05}, {"precision": "exact", "profile": "baseline"}):
@@ -118,7 +118,7 @@ def test_compiled_kernels_do_what_their_source_says(twice):
         for more in (
             {"precision": "exact"}, {"precision": 1.0}, {"signs_only": True, "progressive": mesh[0].shape[1] == 2},
         ):
-            isocodec.decode_all(isocodec.encode(isocodec.Mesh(*mesh, values), [20.5, 30.5], **more), mesh=mesh)
+            isocodec.open(isocodec.encode(isocodec.Mesh(*mesh, values), [20.5, 30.5], **more), mesh=mesh).contours()
         isocodec.decode(isocodec.encode(isocodec.Mesh(*mesh, values, stored="coded"), 20.5))
         isocodec.encode(isocodec.Mesh(*mesh, np.array([values, values + 3])), 20.5, precision="exact")
     isocodec.decode(isocodec.encode(isocodec.Mesh(plane(1, 30)[0], None, np.arange(30)), 14.5))
@@ -132,7 +132,7 @@ def test_compiled_kernels_do_what_their_source_says(twice):
         isocodec.thin(isocodec.Mesh(points, None, points[:, 0] % 7), criterion=criterion, to=8).tin()
         isocodec.thin(points[:, 0].reshape(5, 6) % 7, criterion=criterion, error=2.5)
     for options in ({"to": 12}, {"error": 1.0, "layers": 2}):
-        isocodec.decode_tin(isocodec.encode(isocodec.thin(points[:, 0].reshape(5, 6) % 7, **options))).raster()
+        isocodec.open(isocodec.encode(isocodec.thin(points[:, 0].reshape(5, 6) % 7, **options))).surface().raster()
     triangulation, _ = delaunay(*np.ascontiguousarray(points[by_rank(*points.T)].T))
     assert sum(remove(triangulation, v) for v in range(30)) > 10
     rng = np.random.default_rng(6)

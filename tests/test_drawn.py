@@ -15,6 +15,7 @@ from files import picture as field_of
 from isocodec.drawing.pictures.picture import Step
 from isocodec.drawing.pictures.view import USUAL, upright
 from isocodec.io.writers import picture
+from isocodec.stream.inspect import inspect
 
 
 @pytest.fixture
@@ -40,7 +41,7 @@ def same(a: isocodec.Contour, b: isocodec.Contour) -> bool:
 
 def test_each_step_is_what_its_bytes_decode_to(curve: Path, curve_data: bytes, drawn: list[Step]) -> None:
     ok("plot", curve, "-o", curve.with_suffix(".png"), "--steps", 3)
-    layers = len(isocodec.inspect(curve_data).layers)
+    layers = len(isocodec.open(curve_data).info.layers)
     assert len(drawn) == 3
     first = next(n for n in range(1, layers + 1) if len(isocodec.decode(curve_data, layers=n).cells))
     for step, number in zip(drawn, (first, first + round((layers - first) / 2), layers), strict=True):
@@ -55,7 +56,7 @@ def test_each_step_is_what_its_bytes_decode_to(curve: Path, curve_data: bytes, d
 def test_the_last_step_of_a_part_of_a_file(tmp_path: Path, drawn: list[Step], mesh: bool) -> None:
     """Behind the whole layers comes what the bytes of the next one tell: of all bytes, and with no promise."""
     data = isocodec.encode(field_of((50, 60), 3), 0.5, precision=[4, 1, 0.25])
-    layers = isocodec.inspect(data, symbols=True).layers
+    layers = inspect(data, symbols=True).layers
     promised = [i for i, layer in enumerate(layers, 1) if layer.within]
     last = layers[-1]
     assert last.offset is not None and last.bytes is not None and last.bytes > 40
@@ -77,7 +78,7 @@ def test_the_last_step_of_a_part_of_a_file(tmp_path: Path, drawn: list[Step], me
 
 
 def test_a_part_that_ends_with_a_layer_has_no_step_more(tmp_path: Path, drawn: list[Step]) -> None:
-    data = isocodec.truncate(isocodec.encode(HILLS, 80.5, layers=4), layers=2)
+    data = isocodec.open(isocodec.encode(HILLS, 80.5, layers=4)).edited(layers=2)
     part = tmp_path / "part.iso"
     part.write_bytes(data[:-2])
     result = run("plot", part, "-o", tmp_path / "a.png", "--partial")
@@ -140,7 +141,7 @@ def test_the_mesh_under_a_curve_is_its_triangles(curve_data: bytes) -> None:
         frozenset((tuple(position[a][::-1]), tuple(position[b][::-1])))
         for x, y, z in triangles for a, b in ((x, y), (y, z), (z, x))
     }
-    segments = drawn_mesh(decoder.snapshot(), position, triangles)
+    segments = drawn_mesh(decoder.contour(), position, triangles)
     assert len(segments) == len(sides) < 3 * len(triangles)
     assert {frozenset(map(tuple, segment)) for segment in segments} == sides
 

@@ -18,7 +18,7 @@ from vtk.util.numpy_support import numpy_to_vtk
 
 import isocodec
 from commands import fails, ok
-from isocodec import InputError, LimitError, OptionError
+from isocodec.errors import InputError, LimitError, OptionError
 from isocodec.io import read_field, read_place
 
 HILL = 100 - np.hypot(*(np.mgrid[:20, :30] - np.array([9.3, 14.2])[:, None, None])) * 5
@@ -71,7 +71,7 @@ def test_zarr_stores_that_are_an_array(tmp_path: Path) -> None:
     with pytest.raises(LimitError, match="1,200 samples"):
         read_field(path, samples=1199)
     ok("encode", path, "-o", tmp_path / "a.iso", "--isovalue", 70, "--frame", 1)
-    assert np.array_equal(isocodec.decode_mask(tmp_path / "a.iso"), values[1] > 70)
+    assert np.array_equal(isocodec.open(tmp_path / "a.iso").above(), values[1] > 70)
     ok("tile", path, "-o", tmp_path / "b.iso", "--isovalue", 70)
 
 
@@ -230,7 +230,7 @@ def test_dicom_series(tmp_path: Path) -> None:
     names = SimpleITK.ImageSeriesReader.GetGDCMSeriesFileNames(str(tmp_path / "ct"))
     assert np.allclose(matrix(isocodec.read(SimpleITK.ReadImage(names))), matrix(field), atol=1e-6)
     ok("encode", tmp_path / "ct", "-o", tmp_path / "ct.iso", "--isovalue", 650.5, "--precision", "exact")
-    assert np.array_equal(isocodec.decode_mask(tmp_path / "ct.iso"), volume > 650.5)
+    assert np.array_equal(isocodec.open(tmp_path / "ct.iso").above(), volume > 650.5)
     one = read_field(tmp_path / "ct" / "000-1.2.3.dcm")
     assert np.array_equal(one, volume[:, :, 0])
     assert "ignored" in read_place(tmp_path / "ct" / "000-1.2.3.dcm", 2).remark

@@ -15,8 +15,8 @@ from skimage import measure
 
 import isocodec
 from brute import crossing_edges, crossing_points, examples, mixed, smooth
-from isocodec import InputError, OptionError
 from isocodec.drawing.snapshot import state_of
+from isocodec.errors import InputError, OptionError
 from isocodec.stream.options import SEARCHED
 
 
@@ -216,7 +216,7 @@ def test_step(n, seed, step, isovalue):
     decoder = isocodec.Decoder()
     decoder.feed(isocodec.encode(field, isovalue, precision=f"step={step}"))
     decoder.close()
-    tube = decoder._tube
+    tube = decoder.grid._tube
     known = state_of(tube)
     assert np.array_equal(known.above, field[tuple(known.position.T)] > isovalue)
     low, axis = crossing_edges(field > isovalue)
@@ -412,7 +412,7 @@ def test_integers_that_no_float_holds(dtype, isovalue):
     decoder = isocodec.Decoder()
     decoder.feed(isocodec.encode(field, float(isovalue), precision="exact", layers=0))
     decoder.close()
-    known = state_of(decoder._tube)
+    known = state_of(decoder.grid._tube)
     assert known.above.tolist() == [exact[i][j] for i, j in known.position.tolist()]
     ends = 0
     for p, above, missing, number in zip(known.position, known.above, known.missing, known.number, strict=True):
@@ -475,6 +475,6 @@ def test_extreme_isovalues(isovalue):
 @pytest.mark.parametrize("isovalue", [2**53 + 9, np.int64(2**60 + 100), -(2**53) - 1])
 def test_whole_isovalues_that_double_precision_lacks(isovalue):
     field = 2**53 + np.add(*np.mgrid[:30, :30])
-    with pytest.raises(isocodec.InputError, match="nearest one is"):
+    with pytest.raises(isocodec.errors.InputError, match="nearest one is"):
         isocodec.encode(field, isovalue, precision="exact")
-    assert isocodec.inspect(isocodec.encode(field, 2**53 + 8, precision="exact")).isovalue == 2**53 + 8
+    assert isocodec.open(isocodec.encode(field, 2**53 + 8, precision="exact")).info.isovalue == 2**53 + 8

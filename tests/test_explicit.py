@@ -8,20 +8,8 @@ import pytest
 import isocodec
 from brute import INTERPRETED, clamped
 from explicit_meshes import components, crossings, euler, pieces, plane, space, torus
-from isocodec import (
-    FormatError,
-    InputError,
-    IsoError,
-    LimitError,
-    Limits,
-    Mesh,
-    MeshDecoder,
-    OptionError,
-    TruncatedError,
-    decode,
-    decode_all,
-    encode,
-)
+from isocodec import Decoder, IsoError, Limits, Mesh, decode, encode
+from isocodec.errors import FormatError, InputError, LimitError, OptionError, TruncatedError
 from isoconform.meshes import exponent
 
 MANY = 6 if INTERPRETED else 150
@@ -174,7 +162,7 @@ def test_several_isovalues():
         data = encode(Mesh(*mesh, values), isovalues, **options)
         alone = encode(Mesh(*mesh, values), isovalues, independent=True, **options)
         assert len(data) < len(alone)
-        for contour, isovalue in zip(decode_all(data, mesh=mesh), isovalues, strict=True):
+        for contour, isovalue in zip(isocodec.open(data, mesh=mesh).contours(), isovalues, strict=True):
             single = decode(encode(Mesh(*mesh, values), isovalue, **options), mesh=mesh)
             assert np.array_equal(rounded(contour.points), rounded(single.points))
             assert np.array_equal(contour.points, decode(data, mesh=mesh, isovalue=isovalue).points)
@@ -194,10 +182,10 @@ def test_piece_by_piece():
     mesh = plane(7)
     values = noise(len(mesh[0]), 7)
     data = encode(Mesh(*mesh, values), [30, 60], precision="exact", metadata={"unit": "m"})
-    whole = MeshDecoder(mesh)
+    whole = Decoder(mesh=mesh)
     whole.feed(data)
     events = list(whole)
-    pieces_ = MeshDecoder(mesh)
+    pieces_ = Decoder(mesh=mesh)
     found = []
     for byte in data:
         pieces_.feed(bytes([byte]))
@@ -206,11 +194,11 @@ def test_piece_by_piece():
     assert found == events
     assert pieces_.metadata == {"unit": "m"}
     for size in range(len(data)):
-        decoder = MeshDecoder(mesh)
+        decoder = Decoder(mesh=mesh)
         decoder.feed(data[:size])
         with pytest.raises(TruncatedError):
             decoder.close()
-        assert len(decoder.drawn(0).points) <= len(whole.drawn(0).points)
+        assert len(decoder.contour(0).points) <= len(whole.drawn(0).points)
     with pytest.raises(FormatError):
         decode(data + b"x", mesh=mesh)
 
@@ -218,9 +206,9 @@ def test_piece_by_piece():
 def test_inspect():
     mesh = plane(7)
     values = noise(len(mesh[0]), 7)
-    info = isocodec.inspect(encode(Mesh(*mesh, values, progressive=False), [30, 60], precision="exact"))
+    info = isocodec.open(encode(Mesh(*mesh, values, progressive=False), [30, 60], precision="exact")).info
     assert [layer.kind for layer in info.layers] == ["signs", "values"] * 2
-    kinds = [layer.kind for layer in isocodec.inspect(encode(Mesh(*mesh, values), [30, 60], precision="exact")).layers]
+    kinds = [layer.kind for layer in isocodec.open(encode(Mesh(*mesh, values), [30, 60], precision="exact")).info.layers]
     assert set(kinds) == {"levels", "values"} and len(kinds) > 3
     assert info.domain.vertices == len(mesh[0]) and info.domain.cells == len(mesh[1])
     assert info.as_dict()["domain"]["kind"] == "known"
@@ -245,7 +233,7 @@ def test_another_mesh():
     with pytest.raises(OptionError):
         list(_fed(isocodec.Decoder(), data))
     with pytest.raises(OptionError):
-        list(_fed(MeshDecoder(), encode(np.eye(5), 0.5)))
+        list(_fed(Decoder(), encode(np.eye(5), 0.5)))
 
 
 def _fed(decoder, data):
@@ -310,13 +298,13 @@ def test_damaged(make):
         wrong = bytearray(data)
         for _ in range(rng.integers(1, 4)):
             wrong[rng.integers(len(wrong))] = rng.integers(256)
-        decoder = MeshDecoder(mesh)
+        decoder = Decoder(mesh=mesh)
         try:
             decoder.feed(bytes(wrong))
             list(decoder)
         except IsoError:
             pass
-        decoder.drawn(0)
+        decoder.contour(0)
 
 
 def test_limits():
@@ -327,4 +315,4 @@ def test_limits():
         Limits(bytes=20), Limits(memory=1000),
     ):
         with pytest.raises(LimitError):
-            decode_all(data, mesh=mesh, limits=limits)
+            isocodec.open(data, mesh=mesh, limits=limits).contours()

@@ -8,6 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from isocodec.stream.inspect import inspect
+
 pytest.importorskip("matplotlib")
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "tools"))
 
@@ -23,7 +25,7 @@ def test_the_trace_of_a_walk_is_what_the_decoder_knows() -> None:
     field = small_field()
     data = isocodec.encode(field, 0, layers=[("base", None)], profile="baseline")
     symbols = symbols_of(data)
-    (layer,) = isocodec.inspect(data, symbols=True).layers
+    (layer,) = inspect(data, symbols=True).layers
     names = ["origin", "component", "location", "base_sign"]
     assert layer.symbols == {name: sum(s["element"] == name.replace("_", " ") for s in symbols) for name in names}
     told = {(row, column): above for symbol in symbols for row, column, above in symbol["vertices"]}
@@ -33,7 +35,7 @@ def test_the_trace_of_a_walk_is_what_the_decoder_knows() -> None:
     path = path_of(symbols)
     assert len(path) > 50 and np.abs(np.diff(path, axis=0)).max() <= 1
     right = sum(s["bit"] for s in symbols if s["context"].startswith("CURVE") and s["vertices"])
-    assert right == isocodec.statistics(data).layers[0].right
+    assert right == isocodec.open(data).statistics().layers[0].right
 
 
 def test_the_parabola_is_that_of_the_predictor() -> None:
@@ -54,14 +56,14 @@ def test_layers_that_share_a_file_by_bytes() -> None:
     for number, stage in zip(chosen, stages(data, chosen), strict=True):
         assert stage.bytes == offsets[number - 1]
         alone = isocodec.decode(data, layers=number)
-        assert np.array_equal(stage.decoder.drawn().points, alone.points)
+        assert np.array_equal(stage.decoder.contour().points, alone.points)
 
 
 def test_all_sides_of_a_mesh_are_drawn_once() -> None:
     from matplotlib.figure import Figure
 
     decoder = stages(isocodec.encode(HILLS, 60.5, precision=2), [1])[0].decoder
-    mesh = decoder.tessellation()
+    mesh = decoder.grid.mesh()
     axes = Figure().add_subplot()
     draw_mesh(axes, mesh)
     lines = [np.asarray(line) for drawn in axes.collections for line in drawn.get_segments()]

@@ -12,21 +12,9 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 import isocodec
-from isocodec import (
-    Contour,
-    Decoder,
-    Encoder,
-    FormatError,
-    FrameRead,
-    Frames,
-    InputError,
-    Limits,
-    OptionError,
-    TruncatedError,
-    encode,
-)
-from isocodec.errors import IsoError
-from isocodec.stream.inspect import inspect
+from isocodec import Contour, Decoder, Encoder, Frames, Limits, encode
+from isocodec.errors import FormatError, InputError, IsoError, OptionError, TruncatedError
+from isocodec.format.events import FrameRead
 
 ISOVALUE = 40
 
@@ -60,7 +48,7 @@ def with_checksum(data: bytes) -> bytes:
 
 def assert_same(frames: Sequence[NDArray[Any]], data: bytes, isovalues: Sequence[float], **options: Any) -> None:
     """Each frame, taken alone and in turn, is what it is in a file of its own."""
-    turn = list(isocodec.decode_frames(data))
+    turn = list(isocodec.open(data).each_frame())
     assert len(turn) == len(frames)
     for number, frame in enumerate(frames):
         for i, isovalue in enumerate(isovalues):
@@ -99,7 +87,7 @@ def test_several_isovalues(interval: int):
     frames = moving()
     data = encode(Frames(frames), [40, 25, 55], interval=interval, precision="exact")
     assert_same(frames, data, [40, 25, 55], exact=True)
-    info = inspect(data)
+    info = isocodec.open(data).info
     assert [frame.key for frame in info.frames] == [t % interval == 0 if interval else t == 0 for t in range(6)]
     # in key frames isovalues lean on one another, in others on the frame before
     assert all(any(lean is not None for lean in frame.leans) == frame.key for frame in info.frames)
@@ -113,7 +101,7 @@ def test_several_isovalues(interval: int):
 def test_any_layers(options: dict[str, Any]):
     frames = moving(3, 24)
     data = encode(Frames(frames), ISOVALUE, **options)
-    for number, curves in enumerate(isocodec.decode_frames(data)):
+    for number, curves in enumerate(isocodec.open(data).each_frame()):
         assert curves[0].complete and len(curves[0].points)
         assert points(isocodec.decode(data, frame=number)) == points(curves[0])
 
@@ -147,7 +135,7 @@ def test_bytes_may_come_in_any_pieces(piece: int):
 def test_a_frame_needs_none_before_its_interval():
     frames = moving(7)
     data = encode(Frames(frames), ISOVALUE, interval=3, precision="signs")
-    info = inspect(data)
+    info = isocodec.open(data).info
     damaged = bytearray(data)
     for chunk in info.chunks:
         # all layers but those of frames 3 to 5
@@ -183,7 +171,7 @@ def test_memory_is_that_of_two_frames():
         decoder.feed(encode(Frames(frames), ISOVALUE, precision="signs"))
         decoder.close()
         most.append(decoder.memory)
-        assert len(decoder.layers) < 20 and len(decoder.runs) == 1
+        assert len(decoder.grid.layers) < 20 and len(decoder.grid.runs) == 1
     assert most[1] < 1.2 * most[0]
 
 
@@ -199,11 +187,11 @@ def test_memory_of_encoding_is_that_of_two_frames():
 def test_prefixes_give_the_frames_they_hold():
     frames = moving(4, 24)
     data = encode(Frames(frames), ISOVALUE, precision="signs")
-    ends = [frame.offset for frame in inspect(data).frames[1:]]
+    ends = [frame.offset for frame in isocodec.open(data).info.frames[1:]]
     for length in range(len(data)):
         taken = []
         with pytest.raises(TruncatedError):
-            for curves in isocodec.decode_frames(data[:length]):
+            for curves in isocodec.open(data[:length]).each_frame():
                 taken.append(curves)
         # a frame is over as soon as the first operation of the next one is there
         assert len(taken) == sum(length >= end + 3 for end in ends)
@@ -213,15 +201,15 @@ def test_prefixes_give_the_frames_they_hold():
 def test_truncated_files_are_files(share: float):
     frames = moving(5)
     data = encode(Frames(frames), ISOVALUE)
-    short = isocodec.truncate(data, max_bytes=int(share * len(data)))
+    short = isocodec.open(data).edited(size=int(share * len(data)))
     assert len(short) <= share * len(data)
-    count = len(inspect(short).frames)
+    count = len(isocodec.open(short).info.frames)
     assert 1 <= count <= 5
     for number in range(count - 1):
         assert points(isocodec.decode(short, frame=number)) == points(isocodec.decode(data, frame=number))
-    layers = sum(layer.frame < 2 for layer in inspect(data).layers)
-    first = isocodec.truncate(data, layers=layers)
-    assert len(inspect(first).frames) == 2
+    layers = sum(layer.frame < 2 for layer in isocodec.open(data).info.layers)
+    first = isocodec.open(data).edited(layers=layers)
+    assert len(isocodec.open(first).info.frames) == 2
     assert points(isocodec.decode(first, frame=1)) == points(isocodec.decode(data, frame=1))
 
 
@@ -241,7 +229,7 @@ def test_masks_of_frames():
     frames = moving()
     data = encode(Frames(frames), ISOVALUE, interval=2, precision="signs")
     for number, frame in enumerate(frames):
-        assert (isocodec.decode_mask(data, frame=number) == (frame > ISOVALUE)).all()
+        assert (isocodec.open(data).above(frame=number) == (frame > ISOVALUE)).all()
 
 
 def test_a_moving_curve_takes_little():
@@ -306,7 +294,7 @@ def test_frames_that_are_not_there():
 
 def test_a_frame_is_written_as_its_type_says():
     data = encode(Frames(moving(3, 8)), [ISOVALUE, 20], interval=2, precision="signs")
-    info = inspect(data)
+    info = isocodec.open(data).info
     kinds = [chunk.type for chunk in info.chunks]
     # the second isovalue of a key frame leans on the first
     assert kinds == ["frame", "layers", "isovalue", "layers", "layers", "layers", "layers", "frame", "layers"]
@@ -318,10 +306,10 @@ def test_a_frame_is_written_as_its_type_says():
 
 def test_a_frame_may_have_a_chunk_where_it_needs_none():
     data = encode(Frames(moving(3, 8)), ISOVALUE, precision="signs")
-    for chunk in reversed(inspect(data).chunks[2:]):
+    for chunk in reversed(isocodec.open(data).info.chunks[2:]):
         data = data[: chunk.offset] + bytes([9, 0]) + data[chunk.offset :]
     data = with_checksum(data)
-    assert [len(curves) for curves in isocodec.decode_frames(data)] == [1, 1, 1]
+    assert [len(curves) for curves in isocodec.open(data).each_frame()] == [1, 1, 1]
     for number, frame in enumerate(moving(3, 8)):
         alone = isocodec.decode(isocodec.encode(frame, ISOVALUE, precision="signs"))
         assert points(isocodec.decode(data, frame=number)) == points(alone)
@@ -336,19 +324,19 @@ def test_a_frame_may_have_a_chunk_where_it_needs_none():
 )
 def test_malformed_chunks(number: int, chunk: bytes):
     data = encode(Frames(moving(2, 8)), ISOVALUE, interval=5, precision="signs")
-    place = inspect(data).chunks[number]
+    place = isocodec.open(data).info.chunks[number]
     end = place.offset + (place.bytes if number == 0 else 0)
     bad = with_checksum(data[: place.offset] + chunk + data[end:])
     with pytest.raises(FormatError) as caught:
         isocodec.decode(bad)
     assert caught.value.clause in ("3.5.7", "3.5.2")
     with pytest.raises(FormatError):
-        inspect(bad)
+        isocodec.open(bad).info
 
 
 def test_frames_behind_layers():
     data = isocodec.encode(moving(1, 8)[0], ISOVALUE, precision="signs")
-    at = inspect(data).chunks[0].offset
+    at = isocodec.open(data).info.chunks[0].offset
     bad = with_checksum(data[:at] + bytes([data[at] & ~0x20]) + data[at + 1 : -4] + b"\x29\x01\x00" + b"\0" * 4)
     with pytest.raises(FormatError) as caught:
         isocodec.decode(bad)
@@ -363,7 +351,7 @@ def test_damaged_bytes_never_crash():
         for at in rng.integers(8, len(data) - 4, rng.integers(1, 4)):
             bad[at] = rng.integers(256)
         try:
-            for _curves in isocodec.decode_frames(with_checksum(bytes(bad)), limits=Limits.level(0)):
+            for _curves in isocodec.open(with_checksum(bytes(bad)), limits=Limits.level(0)).each_frame():
                 pass
         except IsoError:
             pass
@@ -377,5 +365,5 @@ def test_limits_count_two_frames():
     decoder.close()
     small = Decoder(Limits(vertices=40))
     small.feed(data)
-    with pytest.raises(isocodec.LimitError):
+    with pytest.raises(isocodec.errors.LimitError):
         list(small)

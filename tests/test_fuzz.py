@@ -16,7 +16,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from isocodec import KernelError, encode
+from isocodec import encode
+from isocodec.errors import KernelError
 from isocodec.format.program import Progress, read_program
 from isoconform import strategies
 from isoconform.__main__ import main

@@ -14,7 +14,7 @@ from skimage.measure import find_contours
 
 import isocodec
 from commands import HILLS, fails, ok
-from isocodec import FormatError, InputError
+from isocodec.errors import FormatError, InputError
 from isocodec.format.chunks import write_chunk
 from isocodec.stream.inspect import inspect
 from isospec.container import ChunkType
@@ -86,8 +86,8 @@ def test_random_masks_in_the_plane(shape: tuple[int, int], seed: int, share: flo
     data = isocodec.encode(field, 0.1, precision="step=1e-7", layers=base, profile="baseline")
     theirs = find_contours(field, 0.1)
     assert close(isocodec.decode(data).points, np.concatenate(theirs) if theirs else np.zeros((0, 2)), 1e-5)
-    assert np.array_equal(isocodec.decode_valid(data), ~gone)
-    assert np.array_equal(isocodec.decode_mask(data)[~gone], field[~gone] > 0.1)
+    assert np.array_equal(isocodec.open(data).valid(), ~gone)
+    assert np.array_equal(isocodec.open(data).above()[~gone], field[~gone] > 0.1)
 
 
 @settings(max_examples=12, deadline=None)
@@ -106,7 +106,7 @@ def test_random_masks_in_space(shape: tuple[int, int, int], seed: int, share: fl
     # without those in the middles of cells
     on_edges = (np.abs(contour.points - np.rint(contour.points)) > 1e-9).sum(axis=1) <= 1
     assert close(contour.points[on_edges], crossings_of_whole_cells(field, gone, 0.1), 1e-5)
-    assert np.array_equal(isocodec.decode_valid(data), ~gone)
+    assert np.array_equal(isocodec.open(data).valid(), ~gone)
 
 
 def test_masked_arrays_masks_and_nan_are_the_same() -> None:
@@ -122,8 +122,8 @@ def test_without_missing_samples_there_is_no_mask() -> None:
     data = isocodec.encode(HILLS, 80.5)
     assert isocodec.encode(np.ma.masked_array(HILLS, False), 80.5) == data
     assert isocodec.encode(isocodec.Field(HILLS, mask=np.zeros_like(HOLE)), 80.5) == data
-    assert isocodec.inspect(data).mask_bytes is None
-    assert isocodec.decode_valid(data).all()
+    assert isocodec.open(data).info.mask_bytes is None
+    assert isocodec.open(data).valid().all()
 
 
 @pytest.mark.parametrize("mask", [HOLE[1:], HOLE.astype(int), np.zeros((3, 3, 3), bool)])
@@ -135,7 +135,7 @@ def test_masks_of_another_shape_or_type(mask: np.ndarray) -> None:
 
 def test_areas_are_not_closed_along_holes() -> None:
     contour = isocodec.decode(isocodec.encode(isocodec.Field(FLOATS, mask=HOLE), 80.5))
-    with pytest.raises(isocodec.OptionError, match="missing samples"):
+    with pytest.raises(isocodec.errors.OptionError, match="missing samples"):
         contour.areas()
 
 
@@ -144,7 +144,7 @@ def test_areas_closed_along_holes(options: dict[str, object]) -> None:
     """Both sides together are the whole cells, and valid samples lie in the area of their side."""
     shapely = pytest.importorskip("shapely")
     data = isocodec.encode(isocodec.Field(HILLS, mask=HOLE), 80.5, **options)
-    contour, valid = isocodec.decode(data, through_holes=True), isocodec.decode_valid(data)
+    contour, valid = isocodec.decode(data, through_holes=True), isocodec.open(data).valid()
     sides = [shapely.geometry.shape(contour.areas(above=side, valid=valid)) for side in (True, False)]
     whole = valid[:-1, :-1] & valid[1:, :-1] & valid[:-1, 1:] & valid[1:, 1:]
     assert sides[0].area + sides[1].area == pytest.approx(whole.sum())
@@ -164,7 +164,7 @@ def test_areas_closed_along_holes(options: dict[str, object]) -> None:
 
 def test_what_areas_along_holes_take() -> None:
     data = isocodec.encode(isocodec.Field(FLOATS, mask=HOLE), 80.5)
-    with pytest.raises(isocodec.OptionError, match="valid has shape"):
+    with pytest.raises(isocodec.errors.OptionError, match="valid has shape"):
         isocodec.decode(data, through_holes=True).areas(valid=np.ones((3, 3), bool))
 
 
@@ -178,7 +178,7 @@ def test_types_of_samples(dtype: str) -> None:
     field = (HILLS > 90) if dtype == "bool" else HILLS.astype(dtype)
     isovalue = 0.5 if dtype == "bool" else 90.5
     data = isocodec.encode(isocodec.Field(field, mask=HOLE), isovalue, precision="signs")
-    assert np.array_equal(isocodec.decode_mask(data)[~HOLE], (field > isovalue)[~HOLE])
+    assert np.array_equal(isocodec.open(data).above()[~HOLE], (field > isovalue)[~HOLE])
 
 
 @pytest.mark.parametrize("options", [
@@ -222,22 +222,22 @@ def test_byte_by_byte_and_events() -> None:
         pieces += list(other)
         other.snapshot(0)
     assert [repr(e) for e in whole] == [repr(e) for e in pieces]
-    (mask,) = (e for e in whole if isinstance(e, isocodec.MaskComplete))
-    assert mask.bytes == inspect(data).mask_bytes
+    (mask,) = (e for e in whole if isinstance(e, isocodec.format.events.MaskComplete))
+    assert mask.bytes == isocodec.open(data).info.mask_bytes
     assert np.array_equal(one.valid(), ~HOLE) and np.array_equal(other.valid(), ~HOLE)
     assert np.array_equal(one.snapshot(1).points, other.snapshot(1).points)
 
 
 def chunks_of(data: bytes) -> list[tuple[str, bytes]]:
     """Chunks of a file, with their bytes."""
-    return [(c.type, data[c.offset : c.offset + c.bytes]) for c in isocodec.inspect(data).chunks]
+    return [(c.type, data[c.offset : c.offset + c.bytes]) for c in isocodec.open(data).info.chunks]
 
 
 def joined(data: bytes, parts: list[bytes]) -> bytes:
     """A file of the header of another and some chunks, with an end that has nothing in it."""
     import zlib
 
-    body = data[: isocodec.inspect(data).chunks[0].offset] + b"".join(parts)
+    body = data[: isocodec.open(data).info.chunks[0].offset] + b"".join(parts)
     body += write_chunk(ChunkType.METADATA, b"{}", ancillary=True, last=True)
     return body + zlib.crc32(body).to_bytes(4, "big")
 
@@ -258,9 +258,9 @@ def test_a_mask_may_come_last() -> None:
     data = joined(filled, [*(plain(chunk) for _, chunk in chunks_of(filled)), mask])
     ours, theirs = isocodec.decode(data), isocodec.decode(masked)
     assert close(ours.points, theirs.points, 1e-9) and len(ours.points) == len(theirs.points)
-    assert np.array_equal(isocodec.decode_valid(data), ~HOLE)
-    shorter = isocodec.truncate(data, layers=len(isocodec.inspect(data).layers))
-    assert np.array_equal(isocodec.decode_valid(shorter), ~HOLE)
+    assert np.array_equal(isocodec.open(data).valid(), ~HOLE)
+    shorter = isocodec.open(data).edited(layers=len(isocodec.open(data).info.layers))
+    assert np.array_equal(isocodec.open(shorter).valid(), ~HOLE)
 
 
 def test_hostile_masks() -> None:
@@ -276,7 +276,7 @@ def test_hostile_masks() -> None:
         "6.3": [write_chunk(ChunkType.MASK, payload + b"\0\0\0\0\0\0\0\0"), layers],
     }
     for clause, parts in bad.items():
-        for look in (isocodec.decode, isocodec.inspect) if clause != "6.3" else (isocodec.decode,):
+        for look in (isocodec.decode, inspect) if clause != "6.3" else (isocodec.decode,):
             with pytest.raises(FormatError) as caught:
                 look(joined(data, parts))  # type: ignore[operator]
             assert str(caught.value.clause).startswith(clause)
@@ -291,9 +291,9 @@ def test_hostile_masks() -> None:
 
 def test_truncated_files_keep_their_mask() -> None:
     data = isocodec.encode(np.where(HOLE, np.nan, FLOATS), 80.5, layers=0)
-    for kept in (isocodec.truncate(data, layers=9), isocodec.truncate(data, max_bytes=len(data) - 40)):
-        assert isocodec.inspect(kept).mask_bytes == isocodec.inspect(data).mask_bytes
-        assert np.array_equal(isocodec.decode_valid(kept), ~HOLE)
+    for kept in (isocodec.open(data).edited(layers=9), isocodec.open(data).edited(size=len(data) - 40)):
+        assert isocodec.open(kept).info.mask_bytes == isocodec.open(data).info.mask_bytes
+        assert np.array_equal(isocodec.open(kept).valid(), ~HOLE)
 
 
 def test_holes_cost_less_than_what_they_replace() -> None:

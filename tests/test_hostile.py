@@ -14,8 +14,9 @@ from hypothesis import strategies as st
 import isocodec
 from brute import INTERPRETED, examples
 from files import HEADER, NAMES, files, layers_file, picture, same_drawing, with_checksum
-from isocodec import Decoder, FormatError, IsoError, LimitError, Limits, OptionError
+from isocodec import Decoder, IsoError, Limits
 from isocodec.drawing.snapshot import state_of
+from isocodec.errors import FormatError, LimitError, OptionError
 from isocodec.format.header import Header, write_header
 from isocodec.grid.passes.runner import Tube
 from isospec.container import ChunkType, Profile, write_varint
@@ -72,7 +73,7 @@ def test_limits_hold_for_all_isovalues_together():
     decoder = Decoder()
     decoder.feed(data)
     decoder.close()
-    counts = [len(decoder.state(number).position) for number in range(10)]
+    counts = [len(decoder.grid.state(number).position) for number in range(10)]
     assert sum(counts) > 2 * max(counts)
     isocodec.decode(data, limits=Limits(vertices=sum(counts) + 32), isovalue=levels[-1])
     decoder, code = limited(data, vertices=max(counts) + 32)
@@ -99,7 +100,7 @@ def test_ancestors_count_as_steps():
 def test_limit_of_layers():
     """More layers announced than the limit allows are refused; as many are not."""
     data = files()["exact"]
-    count = len(isocodec.inspect(data).layers)
+    count = len(isocodec.open(data).info.layers)
     decoder = Decoder(Limits(layers=count))
     decoder.feed(data)
     decoder.close()
@@ -112,7 +113,7 @@ def test_memory_follows_the_curve_not_the_header():
     decoder = Decoder()
     decoder.feed(head)
     assert len(list(decoder)) == 1
-    assert sum(a.nbytes for a in decoder._tube.state if isinstance(a, np.ndarray)) < 1 << 20
+    assert sum(a.nbytes for a in decoder.grid._tube.state if isinstance(a, np.ndarray)) < 1 << 20
 
 
 # --- hostile bytes --------------------------------------------------------------------------------------------------
@@ -131,12 +132,12 @@ def survive(data, limits=None):
             for i in range(0, len(data), max(step, 1)):
                 decoder.feed(data[i : i + step])
                 list(decoder)
-                decoder.drawn()
+                decoder.contour()
             decoder.close()
-            decoder.snapshot()
+            decoder.contour()
             with suppress(OptionError, LimitError):
-                assert decoder.mask().shape == decoder.header.shape
-            outcomes.append(state_of(decoder._tube).lines())
+                assert decoder.grid.above().shape == decoder.header.shape
+            outcomes.append(state_of(decoder.grid._tube).lines())
         except IsoError as error:
             outcomes.append((type(error), error.code, error.offset))
     assert outcomes[0] == outcomes[1]

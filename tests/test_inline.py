@@ -32,13 +32,13 @@ def test_a_file() -> None:
     paths = list(page.iter(f"{SVG}path"))
     assert [path.findtext(f"{SVG}title") for path in paths] == ["60.5", "100.5"]
     scale = 480 / 41
-    for path, contour in zip(paths, isocodec.decode_all(data), strict=True):
+    for path, contour in zip(paths, isocodec.open(data).contours(), strict=True):
         numbers = np.array([float(x) for x in re.findall(r"-?[\d.]+(?:e-?\d+)?", path.attrib["d"])]).reshape(-1, 2)
         expected = np.concatenate([line[:, ::-1] for line in contour.lines])
         assert np.allclose(numbers / scale - 0.5, expected, atol=0.05)
     known = facts(page)
     assert known["bytes"] == f"{len(data):,}" and known["isovalues"] == "60.5, 100.5"
-    assert known["layers"] == str(len(isocodec.inspect(data).layers))
+    assert known["layers"] == str(len(isocodec.open(data).info.layers))
     assert known["<b>&"] == "<script>alert(1)</script>"
     assert not list(page.iter("script"))
 

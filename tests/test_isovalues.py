@@ -84,8 +84,8 @@ def test_each_decodes_as_by_itself(n, wanted):
         decoder.close()
         assert decoder.isovalues == isovalues
         for number, strand in enumerate(encoder.frame.strands):
-            assert state_of(strand.tube).lines() == decoder.state(number).lines()
-            same(decoder.drawn(number), isocodec.decode(data, isovalue=isovalues[number]))
+            assert state_of(strand.tube).lines() == decoder.grid.state(number).lines()
+            same(decoder.contour(number), isocodec.decode(data, isovalue=isovalues[number]))
 
     run()
 
@@ -161,7 +161,7 @@ def test_bijection(n):
         decoder.feed(b"".join(encoder))
         decoder.close()
         for number, strand in enumerate(encoder.frame.strands):
-            assert state_of(strand.tube).lines() == decoder.state(number).lines()
+            assert state_of(strand.tube).lines() == decoder.grid.state(number).lines()
 
     run()
 
@@ -251,7 +251,7 @@ def test_no_leaning_where_no_plan_would_keep_to_the_tolerance(monkeypatch):
     monkeypatch.setattr(strategy, "smallest", never_leaning)
     field = np.rint(smooth((30, 30), 1) * 100).astype(np.int64)
     data = isocodec.encode(field, [10.5, 12.5], precision=0.25)
-    assert isocodec.inspect(data).leans == [None, None]
+    assert isocodec.open(data).info.leans == [None, None]
     assert not len(promise(field, 12.5).excess(isocodec.decode(data, isovalue=12.5), 0.25))
 
 
@@ -262,23 +262,23 @@ def test_events_and_skipping():
     decoder.feed(data)
     events = [e for e in decoder if isinstance(e, IsovalueRead)]
     assert [(e.number, e.isovalue, e.lean) for e in events] == [(1, 20.5, 0), (2, -20.5, 0)]
-    info = isocodec.inspect(data)
+    info = isocodec.open(data).info
     assert info.isovalues == [0.5, 20.5, -20.5] and info.leans == [None, 0, 0] and info.chain(2) == {0, 2}
     some = Decoder(only={0, 2})
     some.feed(data)
     some.close()
-    same(some.drawn(2), decoder.drawn(2))
+    same(some.drawn(2), decoder.contour(2))
     assert some.state(1) is None
     with pytest.raises(OptionError, match="leans on isovalue 0"):
         other = Decoder(only={1})
         other.feed(data)
         other.close()
     free = isocodec.encode(field, [0.5, 20.5], independent=True)
-    assert isocodec.inspect(free).leans == [None, None]
+    assert isocodec.open(free).info.leans == [None, None]
     other = Decoder(only={1})
     other.feed(free)
     other.close()
-    same(other.drawn(1), decoder.drawn(1), 2 * DEFAULT_TOLERANCE)
+    same(other.drawn(1), decoder.contour(1), 2 * DEFAULT_TOLERANCE)
 
 
 def test_refused():
@@ -295,15 +295,15 @@ def test_truncated_between_isovalues():
     """Each number of layers, and each number of bytes, is a valid file."""
     field = np.rint(smooth((20, 17), 2) * 100).astype(np.int64)
     data = isocodec.encode(field, [0.5, 5.5])
-    layers = len(isocodec.inspect(data).layers)
+    layers = len(isocodec.open(data).info.layers)
     for count in range(1, layers + 1):
-        short = isocodec.truncate(data, layers=count)
-        assert len(isocodec.inspect(short).layers) == count
+        short = isocodec.open(data).edited(layers=count)
+        assert len(isocodec.open(short).info.layers) == count
         isocodec.decode(short)
     for size in range(60, len(data), 7):
-        short = isocodec.truncate(data, max_bytes=size)
+        short = isocodec.open(data).edited(size=size)
         assert len(short) <= size
-        for isovalue in isocodec.inspect(short).isovalues:
+        for isovalue in isocodec.open(short).info.isovalues:
             isocodec.decode(short, isovalue=isovalue)
 
 
@@ -331,7 +331,7 @@ def test_numbers_that_many_isovalues_could_make_grow_no_further():
     decoder.feed(data)
     with suppress(FormatError):
         decoder.close()
-    largest = [int(np.abs(decoder.state(number).number).max()) for number in range(64)]
+    largest = [int(np.abs(decoder.grid.state(number).number).max()) for number in range(64)]
     assert max(largest) < 1 << 53 and sum(number > 1 << 51 for number in largest) > 3
 
 
@@ -349,4 +349,4 @@ def test_trials_are_not_encoded_again(monkeypatch: pytest.MonkeyPatch) -> None:
     data = isocodec.encode(HILLS, [60.5, 80.5, 100.5], progress=lambda *now: done.append(now))
     assert len({id(writer) for writer, _ in seen}) == 1 + 2 + 2
     assert len({(id(writer), number) for writer, number in seen}) == len(seen)
-    assert done == sorted(done) and done[-1][0] == done[-1][1] == len(isocodec.inspect(data).layers)
+    assert done == sorted(done) and done[-1][0] == done[-1][1] == len(isocodec.open(data).info.layers)

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from commands import HILLS
-from isocodec import KernelError
+from isocodec.errors import KernelError
 from isocodec.grid.lattice.store import new_store
 from isocodec.grid.passes.carriers import entries
 from isocodec.kernel import record

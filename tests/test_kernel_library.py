@@ -19,7 +19,7 @@ import pytest
 
 import isocodec
 from commands import HILLS, ok
-from isocodec import KernelError
+from isocodec.errors import KernelError
 from isocodec.grid.passes.carriers import entries
 from isocodec.kernel import EXECUTION, Execution
 from isocodec.kernel.call import Kernel

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 import isocodec
 from commands import BALL, HILLS, fails, ok, run
-from isocodec import InputError, OptionError
+from isocodec.errors import InputError, OptionError
 from places import matrix
 
 ZONES = np.digitize(HILLS, [20, 80, 140])
@@ -27,26 +27,26 @@ def test_labels_come_back(profile: str, seed: int, axes: int) -> None:
     field = rng.choice([0, 1, 2, 7, 300], (7, 6, 5)[:axes])
     labels = [int(label) for label in rng.permutation(np.unique(field))]
     data = isocodec.encode(isocodec.Field(field, labels=labels), profile=profile)
-    assert np.array_equal(isocodec.decode_labels(data), field)
-    assert isocodec.inspect(data).metadata["labels"] == " ".join(map(str, labels))
-    for contour, label in zip(isocodec.decode_all(data), labels, strict=True):
+    assert np.array_equal(isocodec.open(data).labels(), field)
+    assert isocodec.open(data).info.metadata["labels"] == " ".join(map(str, labels))
+    for contour, label in zip(isocodec.open(data).contours(), labels, strict=True):
         alone = isocodec.decode(isocodec.encode(field == label, 0.5, precision="signs"))
         assert contour.isovalue == label
         assert np.array_equal(np.sort(contour.points, axis=0), np.sort(alone.points, axis=0))
-        assert np.array_equal(isocodec.decode_mask(data, isovalue=label), field == label)
+        assert np.array_equal(isocodec.open(data).above(label), field == label)
 
 
 def test_types_and_what_is_left_out() -> None:
-    assert isocodec.decode_labels(isocodec.encode(isocodec.Field(ZONES, labels=[1, 3]))).dtype == np.uint8
+    assert isocodec.open(isocodec.encode(isocodec.Field(ZONES, labels=[1, 3]))).labels().dtype == np.uint8
     assert np.array_equal(
-        isocodec.decode_labels(isocodec.encode(isocodec.Field(ZONES, labels=[3, 1]))), np.where(ZONES == 2, 0, ZONES),
+        isocodec.open(isocodec.encode(isocodec.Field(ZONES, labels=[3, 1]))).labels(), np.where(ZONES == 2, 0, ZONES),
     )
     below = np.where(ZONES == 1, -300, ZONES)
-    back = isocodec.decode_labels(isocodec.encode(isocodec.Field(below, labels=[-300, 2])))
+    back = isocodec.open(isocodec.encode(isocodec.Field(below, labels=[-300, 2]))).labels()
     assert back.dtype == np.int16 and np.array_equal(back, np.where(ZONES == 3, 0, below))
     halves = ZONES / 2
     assert np.array_equal(
-        isocodec.decode_labels(isocodec.encode(isocodec.Field(halves, labels=[0.5, 1.0, 1.5]))), halves,
+        isocodec.open(isocodec.encode(isocodec.Field(halves, labels=[0.5, 1.0, 1.5]))).labels(), halves,
     )
 
 
@@ -55,20 +55,20 @@ def test_holes_and_places() -> None:
     field[3:6, 4:9] = np.nan
     place = np.array([[0.0, 30, 5e5], [-20, 0, 5e6]])
     data = isocodec.encode(isocodec.Field(isocodec.Field(field, placement=place, crs="EPSG:32631"), labels=[1, 2]))
-    assert np.array_equal(isocodec.decode_valid(data), ~np.isnan(field))
+    assert np.array_equal(isocodec.open(data).valid(), ~np.isnan(field))
     first = isocodec.decode(data)
     assert first.metadata["crs"] == "EPSG:32631" and np.array_equal(matrix(first), place)
     known = ~np.isnan(field)
-    assert np.array_equal(isocodec.decode_labels(data)[known], np.where(ZONES == 3, 0, ZONES)[known])
+    assert np.array_equal(isocodec.open(data).labels()[known], np.where(ZONES == 3, 0, ZONES)[known])
 
 
 def test_coarser() -> None:
     """Within a tolerance of the border that runs half-way; then samples are not told."""
     data = isocodec.encode(isocodec.Field(ZONES, labels=[1, 2]), precision=1.0)
     with pytest.raises(OptionError, match="coarser"):
-        isocodec.decode_labels(data)
-    assert [kept.wrong for kept in isocodec.verify(data, ZONES)] == [None, None]
-    assert all(kept.there <= 1.001 and kept.back <= 1.001 for kept in isocodec.verify(data, ZONES))
+        isocodec.open(data).labels()
+    assert [kept.wrong for kept in isocodec.open(data).verify(ZONES)] == [None, None]
+    assert all(kept.there <= 1.001 and kept.back <= 1.001 for kept in isocodec.open(data).verify(ZONES))
 
 
 def test_refused() -> None:
@@ -81,7 +81,7 @@ def test_refused() -> None:
     with pytest.raises(InputError):
         isocodec.encode(isocodec.Field(ZONES[0], labels=[1]))
     with pytest.raises(OptionError, match="no labels"):
-        isocodec.decode_labels(isocodec.encode(HILLS, 80.5))
+        isocodec.open(isocodec.encode(HILLS, 80.5)).labels()
     data = isocodec.encode(isocodec.Field(ZONES, labels=[1, 2]))
     with pytest.raises(InputError, match="labels cannot be merged"):
         isocodec.merge([data, isocodec.encode(isocodec.Field(ZONES, labels=[3]))])
@@ -89,9 +89,9 @@ def test_refused() -> None:
 
 def test_recoded() -> None:
     data = isocodec.encode(isocodec.Field(SHELLS, labels=[1, 2]))
-    made = isocodec.transcode(data, profile="baseline")
+    made = isocodec.open(data).edited(profile="baseline")
     assert made == isocodec.encode(isocodec.Field(SHELLS, labels=[1, 2]), profile="baseline")
-    assert np.array_equal(isocodec.decode_labels(made), SHELLS)
+    assert np.array_equal(isocodec.open(made).labels(), SHELLS)
 
 
 @pytest.mark.parametrize(("labels", "more", "options"), [

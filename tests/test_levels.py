@@ -6,10 +6,10 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from isocodec.stream.mesh_decoder import MeshDecoder
 
 import isocodec
 from explicit_meshes import Mesh, components, plane, space
+from isocodec import Decoder
 from isocodec.errors import FormatError, OptionError
 from isocodec.format.chunks import write_chunk
 from isocodec.format.events import DomainRead
@@ -94,7 +94,7 @@ def test_further_isovalues_lean() -> None:
         isocodec.Mesh(*mesh, values, progressive=True), [0.5, 5.5, -4.5], precision="exact", independent=True,
     )
     assert len(data) < len(alone)
-    for contour, isovalue in zip(isocodec.decode_all(data, mesh=mesh), (0.5, 5.5, -4.5), strict=True):
+    for contour, isovalue in zip(isocodec.open(data, mesh=mesh).contours(), (0.5, 5.5, -4.5), strict=True):
         want = curve(mesh, values, isovalue, exact=True)
         assert {tuple(p) for p in contour.points} == {tuple(p) for p in want.points}
 
@@ -105,13 +105,13 @@ def test_every_layer_shows_the_curve_of_its_mesh() -> None:
     values = np.sin(mesh[0] / 12).sum(axis=1)
     domain, _ = complex_of(*mesh)
     history = history_of(domain)
-    decoder = MeshDecoder(mesh)
+    decoder = Decoder(mesh=mesh)
     data = isocodec.encode(isocodec.Mesh(*mesh, values, progressive=True), 0.1, precision="signs")
     sizes = []
     for end in range(0, len(data), 3):
         decoder.feed(data[end : end + 3])
-        contour = decoder.snapshot()
-        found = decoder.strand()
+        contour = decoder.contour()
+        found = decoder.on_mesh.strand()
         if found is None or found.rounds is None:
             continue
         cells, above = history.cells[found.rounds], values > 0.1
@@ -136,10 +136,10 @@ def test_layers_that_may_not_come(layers: list[tuple[int, ...]], clause: str) ->
     """Of tetrahedra; more rounds than there are; the same number again; geometry or a walk before all are back."""
     mesh = space(1) if clause == "10.8.1" else plane(1, 60, 1.0)
     values = np.arange(len(mesh[0])) % 7
-    decoder = MeshDecoder(mesh)
+    decoder = Decoder(mesh=mesh)
     decoder.feed(isocodec.encode(isocodec.Mesh(*mesh, values), 9.5, precision="signs"))
     (read,) = (event for event in decoder if isinstance(event, DomainRead))
-    wrong = MeshDecoder(mesh)
+    wrong = Decoder(mesh=mesh)
     wrong.feed(decoder._data[: read.offset])
     # above all values: nothing but zeros is told, which so short a run has
     for layer in layers:

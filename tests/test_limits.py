@@ -15,13 +15,15 @@ import isocodec
 from brute import INTERPRETED
 from commands import fails, ok
 from files import picture
-from isocodec import Decoder, InputError, IsoError, LimitError, Limits, OptionError
+from isocodec import Decoder, IsoError, Limits
 from isocodec import limits as module
 from isocodec.entropy import run
+from isocodec.errors import InputError, LimitError, OptionError
 from isocodec.grid.passes.runner import Tube
 from isocodec.io.writers.registry import find
 from isocodec.io.writers.things import Areas, thing_of
 from isocodec.limits import Budget, in_units
+from isocodec.stream.inspect import inspect
 from isoconform import hostile
 from isospec.container import MAX_ISOVALUES
 from written import rendered
@@ -108,7 +110,7 @@ def test_decoding_and_drawing_take_no_more_than_is_counted(n, size, rough, way, 
         decoder.feed(data)
         list(decoder)
         for number in range(len(isovalues)):
-            decoder.drawn(number)
+            decoder.contour(number)
 
     decode()  # what is loaded at the first time is not what a file takes
     Traced.most = 0
@@ -167,7 +169,7 @@ def test_lone_vertices_are_refused_at_the_same_symbol_however_they_come():
         assert decoder.memory == 0
         ends.append((caught.value.offset, decoder.symbols))
         with pytest.raises(LimitError):
-            decoder.drawn()
+            decoder.contour()
     assert ends[0] == ends[1] == ends[2] and sum(ends[0][1].values()) > 1000
 
 
@@ -184,15 +186,15 @@ def test_drawing_has_a_limit_of_its_own():
     with pytest.raises(LimitError) as caught:
         tight.drawn()
     assert caught.value.code == "limit-memory"
-    assert np.array_equal(tight.state().position, decoder.state().position)
+    assert np.array_equal(tight.state().position, decoder.grid.state().position)
     assert tight.mask().shape == (40, 40, 40)
 
 
 def test_isovalues_are_limited():
     data = isocodec.encode(picture((20, 20), 1), [-20.5, 0.5, 20.5])
-    isocodec.decode_all(data, limits=Limits(isovalues=3))
+    isocodec.open(data, limits=Limits(isovalues=3)).contours()
     with pytest.raises(LimitError) as caught:
-        isocodec.decode_all(data, limits=Limits(isovalues=2))
+        isocodec.open(data, limits=Limits(isovalues=2)).contours()
     assert caught.value.code == "limit-isovalues"
 
 
@@ -203,14 +205,14 @@ def test_earlier_isovalues_keep_only_what_is_needed_of_them():
     decoder.feed(data)
     held = []
     for event in decoder:
-        if isinstance(event, isocodec.IsovalueRead):
+        if isinstance(event, isocodec.format.events.IsovalueRead):
             held.append(decoder.memory)
     assert len(held) == 15 and max(np.diff(held)) < 2 * MIB
     before = decoder.memory
-    contour = decoder.drawn(3)
+    contour = decoder.contour(3)
     decoder.discard(3)
     assert decoder.memory < before and len(contour.points)
-    assert not len(decoder.drawn(3).points) and len(decoder.drawn(4).points)
+    assert not len(decoder.contour(3).points) and len(decoder.contour(4).points)
 
 
 # --- time -------------------------------------------------------------------------------------------------------------
@@ -219,7 +221,7 @@ def test_earlier_isovalues_keep_only_what_is_needed_of_them():
 def test_work_is_limited_by_what_has_been_read():
     """More symbols than that are refused, at the same one however the bytes come; the limit grows with the file."""
     data = isocodec.encode(picture((90, 90), 2, noise=0.3), 0, precision="signs")
-    symbols = sum(s for layer in isocodec.inspect(data, symbols=True).layers for s in layer.symbols.values())
+    symbols = sum(s for layer in inspect(data, symbols=True).layers for s in layer.symbols.values())
     with mock.patch.object(run, "SLICE", 64):
         ends = []
         for step in (len(data), 3):
@@ -241,7 +243,7 @@ def test_work_is_limited_by_what_has_been_read():
 
 def test_symbols_are_limited():
     data = isocodec.encode(picture((60, 60), 2), 0, precision="signs")
-    total = sum(s for layer in isocodec.inspect(data, symbols=True).layers for s in layer.symbols.values())
+    total = sum(s for layer in inspect(data, symbols=True).layers for s in layer.symbols.values())
     isocodec.decode(data, limits=Limits(symbols=total + 1))
     with pytest.raises(LimitError) as caught:
         isocodec.decode(data, limits=Limits(symbols=total // 2))
@@ -252,10 +254,10 @@ def test_symbols_are_limited():
 def test_slices_change_nothing(symbols, monkeypatch):
     """Whole files and cut runs are decoded alike, wherever the limits are asked."""
     data = isocodec.encode(picture((60, 60), 2, noise=0.4), 0, precision="exact")
-    cuts = [isocodec.truncate(data, max_bytes=n) for n in (60, 200)]
+    cuts = [isocodec.open(data).edited(size=n) for n in (60, 200)]
     expected = [isocodec.decode(one).points for one in (data, *cuts)]
     monkeypatch.setattr(run, "SLICE", symbols)
-    assert [isocodec.truncate(data, max_bytes=n) for n in (60, 200)] == cuts
+    assert [isocodec.open(data).edited(size=n) for n in (60, 200)] == cuts
     assert all(np.array_equal(isocodec.decode(one).points, e) for one, e in zip((data, *cuts), expected, strict=True))
 
 
@@ -311,7 +313,7 @@ def test_memory_that_ends_for_a_mask():
     data = isocodec.encode(picture((40, 40), 3), 0)
     whole = mock.patch("isocodec.drawing.rows.MaskRows.whole", side_effect=MemoryError)
     with whole, pytest.raises(LimitError) as caught:
-        isocodec.decode_mask(data)
+        isocodec.open(data).above()
     assert caught.value.code == "memory"
 
 
@@ -351,7 +353,7 @@ def test_large_masks_are_written_when_asked_for(tmp_path):
     decoder.close()
     gc.collect()
     tracemalloc.start()
-    above = sum(int(rows.sum()) for rows in decoder.mask_rows())
+    above = sum(int(rows.sum()) for rows in decoder.grid.mask_rows())
     peak = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()
     assert above == samples * 24 // 64 and peak < samples / 2

@@ -284,7 +284,7 @@ def drawn(data: bytes, cut: int | None = None) -> list[bytes]:
         for _ in decoder:
             pass
     decoder.close()
-    contours = [decoder.drawn(i) for i in range(len(decoder.isovalues))]
+    contours = [decoder.contour(i) for i in range(len(decoder.isovalues))]
     return [x.tobytes() for c in contours for x in (c.points, c.cells)]
 
 
@@ -313,10 +313,10 @@ def test_both_profiles_decode_to_the_same(n, data):
     isovalues = data.draw(st.sampled_from([0.5, (0.5, 20.5)]))
     files = [isocodec.encode(field, isovalues, profile=profile, **options) for profile in ("baseline", "main")]
     found = drawn(files[1], data.draw(st.sampled_from([None, 1, 7])))
-    baseline, main = (isocodec.decode_all(file) for file in files)
+    baseline, main = (isocodec.open(file).contours() for file in files)
     assert found == [x.tobytes() for c in main for x in (c.points, c.cells)]
     # Which layers a further isovalue has depends on its bytes, and the order of points on the layers.
-    plans = [[(x.kind, x.level, x.plane, x.isovalue) for x in isocodec.inspect(file).layers] for file in files]
+    plans = [[(x.kind, x.level, x.plane, x.isovalue) for x in isocodec.open(file).info.layers] for file in files]
     if plans[0] == plans[1]:
         assert found == drawn(files[0])
     assert [pieces(c) for c in main] == [pieces(c) for c in baseline]
@@ -328,7 +328,7 @@ def test_main_is_the_default_and_smaller(n):
     field = smooth((90, 80) if n == 2 else (26, 24, 28), 4)
     for options in ({"precision": "signs"}, {"precision": 0.05}):
         small = isocodec.encode(field, 0.1, **options)
-        assert isocodec.inspect(small).profile == "main"
+        assert isocodec.open(small).info.profile == "main"
         assert len(small) < 0.9 * len(isocodec.encode(field, 0.1, profile="baseline", **options))
 
 

@@ -17,12 +17,14 @@ from skimage.measure import find_contours
 
 import grids
 import isocodec
-from isocodec import CoordinatesRead, Decoder, InputError, LimitError, Limits, OptionError
+from isocodec import Decoder, Limits
 from isocodec.entropy.run import Account
+from isocodec.errors import InputError, LimitError, OptionError
 from isocodec.field.mapped import Coordinate
 from isocodec.field.placement import Placement
 from isocodec.format.chunks import write_chunk
 from isocodec.format.coordinates import CoordinatesRecord, read_coordinates, write_coordinates
+from isocodec.format.events import CoordinatesRead
 from isocodec.grid.passes.node_run import NodeGrid, decode_run, encode_run
 from isospec.container import ChunkType
 from places import on_nodes
@@ -132,7 +134,7 @@ def test_signs_do_not_need_them() -> None:
     plain = isocodec.encode(field, 0.1)
     assert np.array_equal(isocodec.decode(data).points, isocodec.decode(plain).points)
     assert isocodec.decode(plain).placement is None
-    chunk = next(each for each in isocodec.inspect(data).chunks if each.type == "coordinates")
+    chunk = next(each for each in isocodec.open(data).info.chunks if each.type == "coordinates")
     assert len(data) - len(plain) == chunk.bytes
 
 
@@ -149,13 +151,13 @@ def test_pieces_and_truncation() -> None:
     whole = Decoder()
     whole.feed(data)
     assert [type(e) for e in events] == [type(e) for e in whole]
-    assert np.array_equal(decoder.snapshot().placed, isocodec.decode(data).placed)
+    assert np.array_equal(decoder.contour().placed, isocodec.decode(data).placed)
     early = Decoder()
     early.feed(data[: event.offset - 1])
     assert not on_nodes(early.snapshot())
     early.feed(data[event.offset - 1 : event.offset + 40])
     assert on_nodes(early.snapshot())
-    short = isocodec.truncate(data, max_bytes=event.offset + 60)
+    short = isocodec.open(data).edited(size=event.offset + 60)
     assert on_nodes(isocodec.decode(short))
 
 
@@ -177,7 +179,7 @@ def test_holes_may_have_any_coordinates() -> None:
         places = contour.placed
         around = np.rint((grids.interpolated(straight[0], contour.points) - places[:, 0]) / 360) * 360
         assert grids.off(contour.points, places + np.stack([around, 0 * around], axis=1), straight) <= 0.005
-        sizes.append(next(each.bytes for each in isocodec.inspect(data).chunks if each.type == "coordinates"))
+        sizes.append(next(each.bytes for each in isocodec.open(data).info.chunks if each.type == "coordinates"))
     assert max(sizes) < 4 * sizes[0]
 
 
@@ -392,7 +394,7 @@ def test_any_bytes(run: bytes, period: int) -> None:
 def test_a_run_that_is_none_is_ignored() -> None:
     field = grids.polar()[0]
     plain = isocodec.encode(field, 0.05)
-    header = len(plain) - sum(c.bytes for c in isocodec.inspect(plain).chunks)
+    header = len(plain) - sum(c.bytes for c in isocodec.open(plain).info.chunks)
     both = Coordinate((0, 1), 0.0, 1.0), Coordinate((1,), 0.0, 1.0)
     record = CoordinatesRecord((), both, bytes(range(200, 250)) * 9)
     chunk = write_chunk(ChunkType.COORDINATES, write_coordinates(record), ancillary=True)

@@ -8,11 +8,11 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pytest
+from isocodec.io.readers.place import read_place
 
 import grids
 import isocodec
 from commands import ok, run
-from isocodec.io.readers.place import read_place
 
 FIELD, NODES = grids.rotated_pole()
 SOUTH, EAST = np.linspace(60, -60, 13), np.arange(36) * 10.0

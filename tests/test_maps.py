@@ -24,7 +24,7 @@ from vtk.util.numpy_support import vtk_to_numpy
 import isocodec
 from commands import BALL as SHELL
 from commands import HILLS, fails, ok, run
-from isocodec import OptionError
+from isocodec.errors import OptionError
 from isocodec.io.writers.write import write
 from written import rendered
 
@@ -64,7 +64,7 @@ def test_maps_of_lines(tmp_path: Path, hills: bytes, suffix: str) -> None:
     path = written(tmp_path, hills, f"map{suffix}")
     table = geopandas.read_parquet(path) if suffix == ".parquet" else geopandas.read_file(path)
     assert table.crs.to_epsg() == 32631
-    contours = {contour.isovalue: contour for contour in isocodec.decode_all(hills)}
+    contours = {contour.isovalue: contour for contour in isocodec.open(hills).contours()}
     assert set(table.isovalue) == set(VALUES)
     for isovalue, contour in contours.items():
         rows = table[table.isovalue == isovalue]
@@ -81,7 +81,7 @@ def test_maps_of_lines(tmp_path: Path, hills: bytes, suffix: str) -> None:
 def test_maps_of_areas(tmp_path: Path, hills: bytes, suffix: str) -> None:
     path = written(tmp_path, hills, f"map{suffix}", "--what", "areas", "--side", "above")
     table = geopandas.read_parquet(path) if suffix == ".parquet" else geopandas.read_file(path)
-    contours = isocodec.decode_all(hills)
+    contours = isocodec.open(hills).contours()
     table = table.sort_values("isovalue")
     assert list(table.isovalue) == VALUES and set(table.side) == {"above"}
     for shape, contour in zip(table.geometry, contours, strict=True):
@@ -99,7 +99,7 @@ def test_geojson_is_in_degrees(tmp_path: Path, hills: bytes) -> None:
     whole = json.loads(written(tmp_path, hills, "map.geojson").read_text())
     assert "crs" not in whole
     to_degrees = pyproj.Transformer.from_crs(32631, 4326, always_xy=True)
-    for feature, contour in zip(whole["features"], isocodec.decode_all(hills), strict=True):
+    for feature, contour in zip(whole["features"], isocodec.open(hills).contours(), strict=True):
         at = np.concatenate([np.array(line) for line in feature["geometry"]["coordinates"]])
         expected = np.stack(to_degrees.transform(*contour.placed[np.concatenate(contour.walks)].T), axis=1)
         assert np.abs(at - expected).max() < 1e-9
@@ -132,7 +132,7 @@ def test_geojson_that_is_not_in_degrees(tmp_path: Path, hills: bytes) -> None:
 def test_dxf_of_curves(tmp_path: Path, hills: bytes) -> None:
     document = ezdxf.readfile(written(tmp_path, hills, "a.dxf"))
     assert not document.audit().errors
-    for contour in isocodec.decode_all(hills):
+    for contour in isocodec.open(hills).contours():
         lines = [e for e in document.modelspace() if e.dxf.layer == f"ISO_{contour.isovalue:g}"]
         assert len(lines) == len(contour.walks)
         for line, walk in zip(lines, contour.walks, strict=True):
@@ -149,7 +149,7 @@ def test_dxf_of_surfaces(tmp_path: Path, shells: bytes) -> None:
     document = ezdxf.readfile(written(tmp_path, shells, "a.dxf"))
     meshes = list(document.modelspace().query("MESH"))
     assert [mesh.dxf.layer for mesh in meshes] == [f"ISO_{value:.12g}" for value in SHELLS]
-    for mesh, contour in zip(meshes, isocodec.decode_all(shells), strict=True):
+    for mesh, contour in zip(meshes, isocodec.open(shells).contours(), strict=True):
         with mesh.edit_data() as data:
             assert np.abs(np.array([tuple(v) for v in data.vertices]) - contour.placed).max() < 1e-6
             assert np.array_equal(np.array(data.faces), contour.placed_cells)
@@ -162,7 +162,7 @@ def test_dxf_of_surfaces(tmp_path: Path, shells: bytes) -> None:
 def test_models_with_a_group_for_each(tmp_path: Path, shells: bytes, suffix: str) -> None:
     """In the place of the file, the triangles turned right although its placement mirrors, and named."""
     path = written(tmp_path, shells, f"a{suffix}")
-    contours = isocodec.decode_all(shells)
+    contours = isocodec.open(shells).contours()
     if suffix == ".obj":
         names = [line for line in path.read_text().splitlines() if line.startswith("o ")]
         assert names == [f"o isovalue {value:.12g}" for value in SHELLS]
@@ -193,7 +193,7 @@ def test_models_small_and_far_away(tmp_path: Path, where: str) -> None:
     """Each object as its size demands, by trimesh and by the bytes alone: GLB to 1e-7 of it, 3MF to the last digit."""
     far = FAR[where]
     data = isocodec.encode(isocodec.Field(BALL, placement=far), SHELLS, precision=0.01)
-    contours = {f"isovalue {c.isovalue:.12g}": c for c in isocodec.decode_all(data)}
+    contours = {f"isovalue {c.isovalue:.12g}": c for c in isocodec.open(data).contours()}
     scene = trimesh.load_scene(written(tmp_path, data, "a.glb"), process=False)
     assert {*scene.graph.nodes_geometry} == {*contours}
     content = (tmp_path / "a.glb").read_bytes()
@@ -249,7 +249,7 @@ def test_vtp(tmp_path: Path, hills: bytes, shells: bytes) -> None:
     """All isovalues, in double precision, as VTK reads them."""
     for data in (hills, shells):
         mesh = polydata(written(tmp_path, data, "a.vtp"))
-        contours = isocodec.decode_all(data)
+        contours = isocodec.open(data).contours()
         points = vtk_to_numpy(mesh.GetPoints().GetData())
         assert points.dtype == np.float64
         n = len(contours[0].shape)

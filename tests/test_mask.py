@@ -17,9 +17,10 @@ from PIL import Image
 import isocodec
 from brute import examples, noise, smooth
 from commands import BALL, HILLS, fails, ok, run
-from isocodec import Decoder, LimitError, Limits, OptionError, TruncatedError
+from isocodec import Decoder, Limits
 from isocodec.drawing import rows as masks
 from isocodec.drawing.rows import MaskRows
+from isocodec.errors import LimitError, OptionError, TruncatedError
 
 SHAPES = st.one_of(st.tuples(*[st.integers(2, 20)] * 2), st.tuples(*[st.integers(2, 7)] * 3))
 WAYS = (
@@ -33,7 +34,7 @@ def test_any_mask_comes_back(shape, seed, way, isovalue):
     """Noise, and what is all above or all below."""
     field = np.random.default_rng(seed).integers(0, 6, shape)
     data = isocodec.encode(field, isovalue + 0.5, **way)
-    mask = isocodec.decode_mask(data)
+    mask = isocodec.open(data).above()
     assert mask.dtype == np.bool_ and np.array_equal(mask, field > isovalue + 0.5)
 
 
@@ -65,7 +66,7 @@ def test_all_isovalues_of_a_file(field):
     values = [float(v) for v in np.quantile(field, [0.5, 0.3, 0.8])]
     data = isocodec.encode(field, values)
     for value in values:
-        assert np.array_equal(isocodec.decode_mask(data, isovalue=value), field > value)
+        assert np.array_equal(isocodec.open(data).above(value), field > value)
 
 
 def test_prefixes_tell_it_as_soon_as_the_signs_are_there():
@@ -74,7 +75,7 @@ def test_prefixes_tell_it_as_soon_as_the_signs_are_there():
     told = []
     for length in range(40, len(data), 7):
         try:
-            mask = isocodec.decode_mask(data, max_bytes=length)
+            mask = isocodec.open(data).above(max_bytes=length)
         except TruncatedError as error:
             assert error.code == "truncated" and not told
         else:
@@ -86,7 +87,7 @@ def test_prefixes_tell_it_as_soon_as_the_signs_are_there():
 def test_coarse_meshes_do_not_tell():
     for options in ({"precision": 1}, {"layers": "level=6"}):
         with pytest.raises(OptionError, match="coarser") as caught:
-            isocodec.decode_mask(isocodec.encode(HILLS, 100.5, **options))
+            isocodec.open(isocodec.encode(HILLS, 100.5, **options)).above()
         assert caught.value.code == "mask"
     with pytest.raises(TruncatedError):
         Decoder().mask()
@@ -96,7 +97,7 @@ def test_comparison_is_exact():
     """numpy would round the isovalue to float32, where it equals the samples."""
     field = np.full((4, 5), 0.1, np.float32)
     field[1, 1] = 0
-    mask = isocodec.decode_mask(isocodec.encode(field, 0.1))
+    mask = isocodec.open(isocodec.encode(field, 0.1)).above()
     assert np.array_equal(mask, field.astype(np.float64) > 0.1) and mask.sum() == 19
 
 
@@ -106,11 +107,11 @@ def test_damage_behind_the_isovalue_changes_nothing(tmp_path: Path) -> None:
     data = bytearray(
         isocodec.encode(isocodec.Field(HILLS, placement=placement), [100.5, 60.5], precision="signs", independent=True)
     )
-    chunk = isocodec.inspect(bytes(data)).chunks[-1]
+    chunk = isocodec.open(bytes(data)).info.chunks[-1]
     data[chunk.offset + 2] ^= 0xFF  # its layer program
     data[-4:] = zlib.crc32(data[:-4]).to_bytes(4, "big")
-    with pytest.raises(isocodec.FormatError):
-        isocodec.inspect(bytes(data))
+    with pytest.raises(isocodec.errors.FormatError):
+        isocodec.open(bytes(data)).info
     (tmp_path / "in.iso").write_bytes(data)
     result = run("decode", "--what", "above", tmp_path / "in.iso", "-o", tmp_path / "m.npy", "--json")
     assert result.exit_code == 0 and "choose another with --isovalue: 60.5" in result.stderr
@@ -119,9 +120,9 @@ def test_damage_behind_the_isovalue_changes_nothing(tmp_path: Path) -> None:
 
 def test_samples_are_limited():
     data = isocodec.encode(HILLS, 100.5)
-    isocodec.decode_mask(data, limits=Limits(samples=HILLS.size))
+    isocodec.open(data, limits=Limits(samples=HILLS.size)).above()
     with pytest.raises(LimitError) as caught:
-        isocodec.decode_mask(data, limits=Limits(samples=HILLS.size - 1))
+        isocodec.open(data, limits=Limits(samples=HILLS.size - 1)).above()
     assert caught.value.code == "limit-samples"
 
 

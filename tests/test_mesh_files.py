@@ -12,6 +12,7 @@ from commands import fails, ok
 from explicit_meshes import plane, space, torus
 from isocodec.errors import InputError, LimitError, OptionError
 from isocodec.io import read_mesh
+from isocodec.stream.truncation import truncate
 
 
 def written(path, mesh, **values):
@@ -140,17 +141,17 @@ def test_shorter_files(progressive):
     mesh = plane(3, 200, kept=1)
     values = np.array([mesh[0].sum(axis=1), mesh[0] @ [1, 2]])
     data = isocodec.encode(isocodec.Mesh(*mesh, values, progressive=progressive), [80.0, 120.0])
-    layers = isocodec.inspect(data).layers
+    layers = isocodec.open(data).info.layers
     for count in range(1, len(layers) + 1):
-        short = isocodec.truncate(data, layers=count)
-        info = isocodec.inspect(short)
+        short = isocodec.open(data).edited(layers=count)
+        info = isocodec.open(short).info
         assert info.complete and len(info.layers) == count
-        assert isocodec.truncate(data, max_bytes=len(short)) == short
-        assert isocodec.truncate(data[: len(short)], layers=count) == short
-        isocodec.decode_all(short, frame=info.layers[-1].frame, mesh=mesh)
-    assert isocodec.truncate(data, layers=len(layers)) == data == isocodec.truncate(data, layers=99)
+        assert isocodec.open(data).edited(size=len(short)) == short
+        assert isocodec.open(data[: len(short)]).edited(layers=count) == short
+        isocodec.open(short, mesh=mesh).contours(frame=info.layers[-1].frame)
+    assert isocodec.open(data).edited(layers=len(layers)) == data == isocodec.open(data).edited(layers=99)
     for wrong in ({"layers": 0}, {"max_bytes": 40}):
         with pytest.raises(OptionError):
-            isocodec.truncate(data, **wrong)
+            truncate(data, **wrong)
     with pytest.raises(OptionError, match="only 2"):
-        isocodec.truncate(isocodec.truncate(data, layers=2)[:-4], layers=3)
+        isocodec.open(isocodec.open(data).edited(layers=2)[:-4]).edited(layers=3)

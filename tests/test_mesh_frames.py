@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from isocodec.stream.mesh_decoder import MeshDecoder
 
 import isocodec
 from brute import INTERPRETED, examples
 from commands import fails, ok
 from explicit_meshes import plane, space, torus
+from isocodec import Decoder
 from isocodec.errors import FormatError, InputError, IsoError, OptionError, TruncatedError
 from isocodec.format.chunks import write_chunk
 from isospec.container import ChunkType
@@ -50,20 +50,18 @@ def test_frames_are_those_of_single_files(kind, progressive, options):
     values = moving(mesh)
     options = {**options, "progressive": progressive}
     alone = [
-        isocodec.decode_all(
-            isocodec.encode(isocodec.Mesh(*mesh, each), ISOVALUES, **options), mesh=mesh,
-        ) for each in values
+        isocodec.open(isocodec.encode(isocodec.Mesh(*mesh, each), ISOVALUES, **options), mesh=mesh).contours() for each in values
     ]
     for interval, leaning in ((0, True), (2, True), (0, False)):
         data = isocodec.encode(
             isocodec.Mesh(*mesh, values), ISOVALUES, interval=interval, independent=not leaning, **options,
         )
-        for found, wanted in zip(isocodec.decode_frames(data, mesh=mesh), alone, strict=True):
+        for found, wanted in zip(isocodec.open(data, mesh=mesh).each_frame(), alone, strict=True):
             assert list(map(pieces, found)) == list(map(pieces, wanted))
         for number, wanted in enumerate(alone):
             one = isocodec.decode(data, frame=number, isovalue=ISOVALUES[1], mesh=mesh)
             assert pieces(one) == pieces(wanted[1])
-            assert pieces(isocodec.decode_all(data, frame=number, mesh=mesh)[0]) == pieces(wanted[0])
+            assert pieces(isocodec.open(data, mesh=mesh).contours(frame=number)[0]) == pieces(wanted[0])
 
 
 @examples(40)
@@ -83,7 +81,7 @@ def test_any_frames(seed, kind, progressive, options, values):
     }[values]
     progressive = progressive and kind == "plane"
     data = isocodec.encode(isocodec.Mesh(*mesh, frames, progressive=progressive), 20.5, **options)
-    for each, found in zip(frames, isocodec.decode_frames(data, mesh=mesh), strict=True):
+    for each, found in zip(frames, isocodec.open(data, mesh=mesh).each_frame(), strict=True):
         one = isocodec.encode(isocodec.Mesh(*mesh, each, progressive=progressive), 20.5, **options)
         assert pieces(found[0]) == pieces(isocodec.decode(one, mesh=mesh))
 
@@ -93,11 +91,11 @@ def test_a_mesh_in_the_file_is_there_once():
     mesh = plane(5, 60, kept=1)
     values = moving(mesh)
     data = isocodec.encode(isocodec.Mesh(*mesh, values, stored="coded"), 20.5, precision="signs")
-    for each, found in zip(values, isocodec.decode_frames(data), strict=True):
+    for each, found in zip(values, isocodec.open(data).each_frame(), strict=True):
         assert len(found[0].cells) == len(
             isocodec.decode(isocodec.encode(isocodec.Mesh(*mesh, each), 20.5), mesh=mesh).cells
         )
-    assert isocodec.inspect(data).interval == 0 and len(isocodec.inspect(data).frames) == 4
+    assert isocodec.open(data).info.interval == 0 and len(isocodec.open(data).info.frames) == 4
 
 
 def test_leaning_pays():
@@ -119,11 +117,11 @@ def test_any_piece_of_a_file():
     mesh = plane(2)
     values = moving(mesh)
     data = isocodec.encode(isocodec.Mesh(*mesh, values), ISOVALUES, interval=2)
-    whole = [list(map(pieces, each)) for each in isocodec.decode_frames(data, mesh=mesh)]
-    fed = isocodec.decode_frames([data[i : i + 7] for i in range(0, len(data), 7)], mesh=mesh)
+    whole = [list(map(pieces, each)) for each in isocodec.open(data, mesh=mesh).each_frame()]
+    fed = isocodec.open([data[i : i + 7] for i in range(0, len(data), 7)], mesh=mesh).each_frame()
     assert [list(map(pieces, each)) for each in fed] == whole
     for cut in range(20, len(data), 11):
-        decoder = MeshDecoder(mesh)
+        decoder = Decoder(mesh=mesh)
         decoder.feed(data[:cut])
         with pytest.raises(TruncatedError):
             decoder.close()
@@ -131,7 +129,7 @@ def test_any_piece_of_a_file():
         damaged = bytearray(data)
         damaged[at] ^= 0x10
         with pytest.raises(IsoError):
-            isocodec.decode_all(bytes(damaged), frame=3, mesh=mesh)
+            isocodec.open(bytes(damaged), mesh=mesh).contours(frame=3)
 
 
 def test_wrong_series():
@@ -148,8 +146,8 @@ def test_wrong_series():
         isocodec.encode(isocodec.Mesh(*mesh, values[:, 1:]), 20.5)
     # a chunk that begins a series behind the layers of the first frame
     one = isocodec.encode(isocodec.Mesh(*mesh, values[0]), 20.5)
-    last = isocodec.inspect(one).chunks[-1]
-    decoder = MeshDecoder(mesh)
+    last = isocodec.open(one).info.chunks[-1]
+    decoder = Decoder(mesh=mesh)
     decoder.feed(one[: last.offset] + write_chunk(ChunkType.FRAME, b"\0"))
     with pytest.raises(FormatError) as error:
         for _ in decoder:
@@ -185,7 +183,7 @@ def test_xdmf_series(tmp_path, monkeypatch):
         for t, each in enumerate(values):
             series.write_data(float(t), point_data={"depth": each})
     ok("encode", path, "-o", tmp_path / "flow.iso", "--values", "depth", "--isovalue", 20.5)
-    assert len(isocodec.inspect((tmp_path / "flow.iso").read_bytes()).frames) == 4
+    assert len(isocodec.open((tmp_path / "flow.iso").read_bytes()).info.frames) == 4
 
 
 @pytest.mark.skipif(INTERPRETED, reason="a large mesh")
@@ -195,12 +193,12 @@ def test_frames_of_nothing_are_work():
     data = isocodec.encode(
         isocodec.Mesh(*mesh, np.stack([mesh[0][:, 0]] * 2), progressive=False), 50.5, precision="signs",
     )
-    first = next(event.offset for event in _events(data, mesh) if isinstance(event, isocodec.MeshLayerComplete))
-    decoder = MeshDecoder(mesh, isocodec.Limits(work=10_000))
+    first = next(event.offset for event in _events(data, mesh) if isinstance(event, isocodec.format.events.MeshLayerComplete))
+    decoder = Decoder(isocodec.Limits(work=10_000), mesh=mesh)
     decoder.feed(data[:first])
     assert len(list(decoder)) == 4
     decoder.feed(write_chunk(ChunkType.FRAME, b"") * 20_000)
-    with pytest.raises(isocodec.LimitError) as caught:
+    with pytest.raises(isocodec.errors.LimitError) as caught:
         list(decoder)
     assert caught.value.code == "limit-work"
 
@@ -209,8 +207,8 @@ def test_more_layers_than_a_frame_may_have():
     """Even of an isovalue that is skipped."""
     mesh = plane(3)
     data = isocodec.encode(isocodec.Mesh(*mesh, moving(mesh)[0], progressive=False), 20.5, precision="signs")
-    first = next(event.offset for event in _events(data, mesh) if isinstance(event, isocodec.DomainRead))
-    decoder = MeshDecoder(mesh, only=())
+    first = next(event.offset for event in _events(data, mesh) if isinstance(event, isocodec.format.events.DomainRead))
+    decoder = Decoder(mesh=mesh, only=())
     layer = write_chunk(ChunkType.LAYERS, b"\0")
     decoder.feed(data[:first] + layer * 4096)
     assert len(list(decoder)) == 4098
@@ -221,6 +219,6 @@ def test_more_layers_than_a_frame_may_have():
 
 
 def _events(data, mesh):
-    decoder = MeshDecoder(mesh)
+    decoder = Decoder(mesh=mesh)
     decoder.feed(data)
     return list(decoder)

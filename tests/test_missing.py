@@ -13,7 +13,7 @@ import tifffile
 import isocodec
 from commands import HILLS, fails, ok, run
 from inputs import read_field, read_nodata
-from isocodec import InputError
+from isocodec.errors import InputError
 from isocodec.field.missing import filled, missing_samples
 
 HOLE = np.zeros(HILLS.shape, np.bool_)
@@ -60,7 +60,7 @@ def test_what_netcdf_says(tmp_path: Path, name: str) -> None:
         read = read_field(tmp_path / "a.nc", key=key)
         assert np.array_equal(missing_samples(read, read_nodata(tmp_path / "a.nc", key)), gone)
     ok("encode", tmp_path / "a.nc", "--key", "z", "-o", tmp_path / "a.iso", "--isovalue", 80, "--missing", "below")
-    assert not isocodec.decode_mask((tmp_path / "a.iso").read_bytes())[HOLE].any()
+    assert not isocodec.open((tmp_path / "a.iso").read_bytes()).above()[HOLE].any()
 
 
 def test_one_of_two_that_netcdf_says(tmp_path: Path) -> None:
@@ -115,7 +115,7 @@ def test_missing_samples_lie_where_they_are_said_to(dtype: str, isovalues: list[
         out = filled(field, HOLE, way, isovalues)
         assert out.dtype == field.dtype and np.array_equal(out[~HOLE], field[~HOLE])
         for isovalue in isovalues:
-            assert (isocodec.decode_mask(isocodec.encode(out, isovalue))[HOLE] == above).all()
+            assert (isocodec.open(isocodec.encode(out, isovalue)).above()[HOLE] == above).all()
     assert np.array_equal(field, HILLS), "the field itself stays"
 
 

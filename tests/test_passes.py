@@ -75,12 +75,12 @@ def decode_and_check(field, isovalue=0.5, **options):
         if isinstance(event, BaseComplete | LevelComplete):
             level = event.layer.level
             levels.append(level)
-            check_level(leaves_of(decoder._tube, isovalue), above, level)
+            check_level(leaves_of(decoder.grid._tube, isovalue), above, level)
     assert decoder.complete
     first = encoder.frame.layers[0].level if options.get("base_level") is None else options["base_level"]
     assert levels == list(range(first, above.ndim * exponent(above.shape) + 1))
-    check_full_grid(leaves_of(decoder._tube, isovalue), above)
-    same_state(encoder.frame.strands[-1].tube, decoder._tube)
+    check_full_grid(leaves_of(decoder.grid._tube, isovalue), above)
+    same_state(encoder.frame.strands[-1].tube, decoder.grid._tube)
     return encoder, decoder
 
 
@@ -139,8 +139,8 @@ def test_elongated_boxes(shape):
     decoder.close()
     above = encoder.frame._fields[0].signs
     assert 0 < above.sum() < above.size
-    check_full_grid(leaves_of(decoder._tube), above)
-    same_state(encoder.frame.strands[-1].tube, decoder._tube)
+    check_full_grid(leaves_of(decoder.grid._tube), above)
+    same_state(encoder.frame.strands[-1].tube, decoder.grid._tube)
 
 
 @pytest.mark.parametrize("base_level", range(12, 19))
@@ -150,8 +150,8 @@ def test_every_base_level_of_a_deep_mesh(base_level):
     decoder = Decoder()
     decoder.feed(b"".join(encoder_of(field, 0.05, precision="signs", layers=base_level)))
     decoder.close()
-    assert [layer.level for layer in decoder.layers] == list(range(base_level, 19))
-    check_full_grid(leaves_of(decoder._tube), field > 0.05)
+    assert [layer.level for layer in decoder.grid.layers] == list(range(base_level, 19))
+    check_full_grid(leaves_of(decoder.grid._tube), field > 0.05)
 
 
 @pytest.mark.parametrize("inside", [True, False])
@@ -222,9 +222,9 @@ def test_values_are_exact(case):
     """C2-geometry: after the last plane every vertex that the drawing uses has its sample's value."""
     field, isovalue = case
     _, decoder = decode_and_check(field, isovalue, exact=True)
-    if decoder._tube.estimates.has_values:
-        check_values(leaves_of(decoder._tube, isovalue), field, full=True)
-    points = decoder.snapshot().points
+    if decoder.grid._tube.estimates.has_values:
+        check_values(leaves_of(decoder.grid._tube, isovalue), field, full=True)
+    points = decoder.contour().points
     expected = crossing_points(field, isovalue)
     assert len(points) >= len(expected)  # a surface may have points inside cells too
     have = {tuple(np.round(p, 9)) for p in points}
@@ -241,7 +241,7 @@ def test_each_plane_halves_the_interval(case):
     for event in decoder:
         if not isinstance(event, GeometryRefined):
             continue
-        leaves = leaves_of(decoder._tube, isovalue)
+        leaves = leaves_of(decoder.grid._tube, isovalue)
         error = np.abs(leaves.value - field[tuple(leaves.position.T)])
         ends = crossing_ends(field > isovalue)
         for e, p in zip(error, map(tuple, leaves.position.tolist()), strict=True):
@@ -266,7 +266,7 @@ def test_offsets_close_in(case):
             continue
         assert event.layer.parts > parts
         parts = event.layer.parts
-        leaves = leaves_of(decoder._tube, isovalue)
+        leaves = leaves_of(decoder.grid._tube, isovalue)
         low, high = leaves.position[leaves.edges[:, 0]], leaves.position[leaves.edges[:, 1]]
         axis = np.argmax(low != high, axis=1)
         named = [(*p, a) for p, a in zip(map(tuple, low.tolist()), axis.tolist(), strict=True)]
@@ -315,7 +315,7 @@ def run_layers(encoder, steps):
     decoder = Decoder()
     decoder.feed(write_header(encoder.header))
     assert len(list(decoder)) == 1
-    other = decoder._tube
+    other = decoder.grid._tube
     start(other.coder.reg, 1)
     other.estimates.bits = tube.estimates.bits
     other.coder.buf[: len(run)] = np.frombuffer(run, np.uint8)
@@ -397,10 +397,10 @@ def test_planned_layers():
     for event in decoder:
         if isinstance(event, LayerComplete):
             kinds.append(event.layer.kind)
-            check_level(leaves_of(decoder._tube, 40), field > 40, event.layer.level)
+            check_level(leaves_of(decoder.grid._tube, 40), field > 40, event.layer.level)
     assert kinds[:7] == ["base", "values", "values", "refine", "values", "values", "refine"]
-    assert decoder.complete and decoder.layers[-1] == Layer("values", 8, 0)
-    check_values(leaves_of(decoder._tube, 40), field, full=True)
+    assert decoder.complete and decoder.grid.layers[-1] == Layer("values", 8, 0)
+    check_values(leaves_of(decoder.grid._tube, 40), field, full=True)
 
 
 # --- stopping anywhere ----------------------------------------------------------------------------------------------
@@ -416,9 +416,9 @@ def test_mesh_at_any_moment_is_part_of_the_final_one(shape):
         decoder.feed(data[i : i + 1])
         layers = sum(isinstance(event, LayerComplete) for event in decoder)
         assert layers >= 0
-        if decoder._tube is None:
+        if decoder.grid._tube is None:
             continue
-        leaves = leaves_of(decoder._tube)
+        leaves = leaves_of(decoder.grid._tube)
         assert np.array_equal(leaves.above, above[tuple(leaves.position.T)])
         assert max(as_counter(leaves.position[leaves.simplices]).values(), default=1) == 1
         signs = leaves.above[leaves.simplices]

@@ -23,7 +23,7 @@ import isocodec
 from brute import examples
 from commands import fails, ok, run
 from files import with_checksum
-from isocodec import OptionError
+from isocodec.errors import OptionError
 from isocodec.field.placement import placement_of, read_placement, unplaced, write_placement
 from isocodec.io import Place, read_place
 from written import rendered
@@ -61,7 +61,7 @@ def test_geotiff(tmp_path: Path, raster: int, half: float) -> None:
     assert np.array_equal(feature["geometry"]["coordinates"][0], rows_and_columns[:, ::-1])
 
     ok("encode", tmp_path / "dem.tif", "-o", tmp_path / "bare.iso", "--isovalue", 70, "--no-placement")
-    assert not isocodec.inspect((tmp_path / "bare.iso").read_bytes()).metadata
+    assert not isocodec.open((tmp_path / "bare.iso").read_bytes()).info.metadata
 
 
 @pytest.mark.parametrize(("raster", "start"), [(2, (50, 60)), (1, (52, 59))])
@@ -119,7 +119,7 @@ def test_geotiff_that_says_nothing_of_use(tmp_path: Path, tags: list[Any]) -> No
     assert place.placement is None and place.crs is None and "ignored" in place.remark
     result = run("encode", tmp_path / "t.tif", "-o", tmp_path / "t.iso", "--isovalue", 70)
     assert result.exit_code == 0 and "warning" in result.stderr and "ignored" in result.stderr
-    assert not isocodec.inspect((tmp_path / "t.iso").read_bytes()).metadata
+    assert not isocodec.open((tmp_path / "t.iso").read_bytes()).info.metadata
     quiet = run("encode", tmp_path / "t.tif", "-o", tmp_path / "t.iso", "--isovalue", 70, "--no-placement")
     assert quiet.exit_code == 0 and "ignored" not in quiet.stderr
 
@@ -243,7 +243,7 @@ def test_time_is_no_place(tmp_path: Path) -> None:
     assert read_place(path, 2).placement is not None
     ok("encode", path, "-o", tmp_path / "t.iso", "--isovalue", 70, "--frame", 1)
     data = (tmp_path / "t.iso").read_bytes()
-    assert np.array_equal(isocodec.decode_mask(data), HILL + 1 > 70) and "placement" in isocodec.inspect(data).metadata
+    assert np.array_equal(isocodec.open(data).above(), HILL + 1 > 70) and "placement" in isocodec.open(data).info.metadata
 
 
 def test_frames_lie_where_each_of_them_does(tmp_path: Path) -> None:
@@ -256,13 +256,13 @@ def test_frames_lie_where_each_of_them_does(tmp_path: Path) -> None:
     assert len(contour.points)
     assert np.allclose(contour.placed, np.column_stack([7 - contour.points[:, 1], contour.points[:, 0]]))
     ok("encode", path, "-o", tmp_path / "none.iso", "--isovalue", 70, "--frames", "--no-placement")
-    assert "placement" not in isocodec.inspect((tmp_path / "none.iso").read_bytes()).metadata
+    assert "placement" not in isocodec.open((tmp_path / "none.iso").read_bytes()).info.metadata
 
     path = netcdf(tmp_path / "v.nc", BALL, [np.arange(12.0), np.arange(13.0), np.arange(14.0)])
     for axis, lost in [(0, False), (-3, False), (2, True)]:
         said = run("encode", path, "-o", tmp_path / "v.iso", "--isovalue", 3, "--frames", "--frame-axis", axis)
         assert said.exit_code == 0 and ("coordinates are ignored" in said.stderr) == lost, said.stderr
-        assert ("placement" in isocodec.inspect((tmp_path / "v.iso").read_bytes()).metadata) != lost
+        assert ("placement" in isocodec.open((tmp_path / "v.iso").read_bytes()).info.metadata) != lost
 
     nibabel.save(nibabel.Nifti1Image(BALL, np.diag([2.0, 3.0, 4.0, 1.0])), tmp_path / "v.nii")
     for axis in (0, 1):
@@ -404,7 +404,7 @@ def test_isovalues_that_have_not_come() -> None:
     decoder = isocodec.Decoder()
     decoder.feed(data[:60])
     assert len(decoder.isovalues) < 2
-    missing = decoder.snapshot(1)
+    missing = decoder.contour(1)
     assert missing.placement is not None and missing.metadata == decoder.metadata and missing.shape == HILL.shape
 
 
@@ -441,7 +441,7 @@ def test_python() -> None:
     assert whole.metadata == {"source": "test", "placement": "0 2 5 -3 0 7"}
     expected = np.stack([2 * whole.points[:, 1] + 5, 7 - 3 * whole.points[:, 0]], axis=1)
     assert np.array_equal(whole.placed, expected)
-    for some in (isocodec.decode(data, layers=2), isocodec.decode(isocodec.truncate(data, layers=2))):
+    for some in (isocodec.decode(data, layers=2), isocodec.decode(isocodec.open(data).edited(layers=2))):
         assert some.placement is not None and some.placement.tolist() == [[0, 2, 5], [-3, 0, 7]]
     with pytest.raises(OptionError, match="contradict"):
         isocodec.encode(isocodec.Field(HILL, placement=(1, 1)), 70.5, metadata={"placement": "1 0 0 0 1 0"})
@@ -487,7 +487,7 @@ def test_the_users_own_system_wins(tmp_path: Path) -> None:
     tifffile.imwrite(tmp_path / "dem.tif", HILL.astype(np.float32), extratags=UTM + keys(1, 32631))
     for more, crs in (((), "EPSG:32631"), (("--metadata", "crs=EPSG:25831"), "EPSG:25831")):
         ok("encode", tmp_path / "dem.tif", "-o", tmp_path / "dem.iso", "--isovalue", 70, *more)
-        metadata = isocodec.inspect((tmp_path / "dem.iso").read_bytes()).metadata
+        metadata = isocodec.open((tmp_path / "dem.iso").read_bytes()).info.metadata
         assert metadata == {"crs": crs, "placement": "0 30 500015 -20 0 3999990"}
 
 

@@ -10,7 +10,8 @@ import pytest
 
 import isocodec
 from commands import BALL, HILLS, fails, ok
-from isocodec import OptionError, read_plan
+from isocodec import read_plan
+from isocodec.errors import OptionError
 from isocodec.field.samples import check_field
 from isocodec.grid.layers.plan import Criteria
 from isocodec.search.promise import Promise
@@ -30,7 +31,7 @@ def hills(tmp_path: Path) -> Path:
 
 
 def layers_of(data: bytes) -> list[tuple[str, int, int, int]]:
-    return [(layer.kind, layer.level, layer.plane, layer.parts) for layer in isocodec.inspect(data).layers]
+    return [(layer.kind, layer.level, layer.plane, layer.parts) for layer in isocodec.open(data).info.layers]
 
 
 def test_every_line_becomes_an_entry() -> None:
@@ -79,7 +80,7 @@ def test_two_bits_in_between_two_levels() -> None:
     decoder = isocodec.Decoder()
     decoder.feed(data)
     decoder.close()
-    state = decoder.state()
+    state = decoder.grid.state()
     assert state is not None
     padded = np.pad(HILLS > 60, 1, mode="edge")
     crossed = np.zeros(HILLS.shape, bool)
@@ -95,14 +96,14 @@ def test_bits_left_are_never_more_than_there_are() -> None:
     """Of a mask a value has one bit: a layer that leaves three tells nothing."""
     data = isocodec.encode(HILLS > 60, 0.5, layers="base\nvalues left=3")
     assert [kind for kind, *_ in layers_of(data)] == ["base", "values"]
-    assert isocodec.decode_mask(data).sum() == (HILLS > 60).sum()
+    assert isocodec.open(data).above().sum() == (HILLS > 60).sum()
 
 
 @pytest.mark.parametrize("field, isovalue", [(HILLS, 60.5), (BALL, 50.5)])
 def test_adaptive_meshes_by_criteria_come_to_the_field(field: np.ndarray, isovalue: float) -> None:
     text = "adaptive-base topology distortion=2\noffsets 3 unit=1\nadapt distortion=0.5\nrefine 2\nrefine\nvalues"
     data = isocodec.encode(field, isovalue, layers=text)
-    assert np.array_equal(isocodec.decode_mask(data), field > isovalue)
+    assert np.array_equal(isocodec.open(data).above(), field > isovalue)
     whole, own = isocodec.encode(field, isovalue, precision="exact"), isocodec.decode(data)
     assert np.array_equal(np.sort(own.points, axis=0), np.sort(isocodec.decode(whole).points, axis=0))
 
@@ -133,10 +134,10 @@ def test_isovalues_have_plans_of_their_own(tmp_path: Path, hills: Path) -> None:
     plan, out = tmp_path / "two.plan", tmp_path / "two.iso"
     plan.write_text("isovalue 60.5\nbase 4\nrefine 4\nvalues 3\nisovalue 80.5\nleaf-base\nrefine\nvalues\n")
     assert json.loads(ok("encode", hills, "-o", out, "--layers", plan, "--json"))["isovalues"] == [60.5, 80.5]
-    info = isocodec.inspect(out.read_bytes())
+    info = isocodec.open(out.read_bytes()).info
     kinds = [layer.kind for layer in info.layers if layer.isovalue == 1]
     assert info.leans == [None, 0] and kinds[0] == "leaf_base" and kinds[-1] == "values"
-    assert np.array_equal(isocodec.decode_mask(out.read_bytes(), isovalue=80.5), HILLS > 80)
+    assert np.array_equal(isocodec.open(out.read_bytes()).above(80.5), HILLS > 80)
     line = fails(2, "encode", hills, "-o", out, "--layers", plan, "--isovalue", 60.5)
     assert "the plan is of the isovalues 60.5, 80.5, those given are 60.5" in line
     # without a line of an isovalue the plan is one for all
@@ -214,7 +215,7 @@ def test_a_label_with_a_plan(tmp_path: Path, hills: Path) -> None:
     plan, out = tmp_path / "label.plan", tmp_path / "out.iso"
     plan.write_text("base 3\nrefine")
     ok("encode", hills, "-o", out, "--layers", plan, "--label", 3)
-    assert np.array_equal(isocodec.decode_mask(out.read_bytes()), HILLS == 3)
+    assert np.array_equal(isocodec.open(out.read_bytes()).above(), HILLS == 3)
 
 
 def test_entries_with_bits_and_bits_left_are_refused() -> None:

@@ -11,11 +11,11 @@ from typing import Any
 import numpy as np
 import pyproj
 import pytest
+from isocodec.api.tiled_api import tiled_of
 from scipy.spatial import KDTree
 
 import isocodec
 from commands import fails, ok
-from isocodec.api.tiled_api import tiled_of
 from isocodec.io.writers.to_pmtiles import EXTENT, cut
 from tiled import encoded, hilly
 from written import rendered
@@ -63,7 +63,7 @@ def test_points_lie_where_they_lie() -> None:
     """At the largest zoom, within half a unit, both ways; every segment; each isovalue with its own."""
     field = hilly()
     data = isocodec.encode(field, [30.5, 60.5], placement=UTM, metadata=CRS)
-    contours = isocodec.decode_all(data)
+    contours = isocodec.open(data).contours()
     header, tiles = opened(render(contours))
     most = header["max_zoom"]
     for contour in contours:

@@ -35,15 +35,15 @@ def test_the_curve_of_another_library(seed, isovalues, signs_only):
     data = isocodec.encode_mesh(
         points, None, values, isovalues, mesh_error=0.71, exact=not signs_only, signs_only=signs_only
     )
-    decoder = isocodec.MeshDecoder()
+    decoder = isocodec.Decoder()
     decoder.feed(data)
     decoder.close()
-    mesh = decoder.domain.mesh
-    unit = decoder.domain.unit
+    mesh = decoder.on_mesh.domain.mesh
+    unit = decoder.on_mesh.domain.unit
     assert unit == 1
     triangles = Delaunay(points)
     if not len(triangles.coplanar):
-        origin = np.array(decoder.head.origin)
+        origin = np.array(decoder.on_mesh.head.origin)
         place = {tuple(p): i for i, p in enumerate(points.astype(int).tolist())}
         number = np.array([place[tuple(p)] for p in (mesh.position + origin).tolist()])
         assert sets(number[mesh.cell]) == sets(triangles.simplices)
@@ -55,7 +55,7 @@ def test_the_curve_of_another_library(seed, isovalues, signs_only):
             wanted = np.array(list(found.values()))
             far = np.abs(contour.points[:, None] - wanted[None]).sum(axis=2).min(axis=1)
             assert far.max() < 2.5
-        assert np.array_equal(decoder.drawn(number).points, contour.points)
+        assert np.array_equal(decoder.contour(number).points, contour.points)
 
 
 def test_grids_and_duplicates():
@@ -63,7 +63,7 @@ def test_grids_and_duplicates():
     x, y = np.meshgrid(np.arange(9.0), np.arange(7.0))
     points, values = np.column_stack([x.ravel(), y.ravel()]), (x + 10 * y).ravel()
     data = isocodec.encode(isocodec.Mesh(points, None, values), 33.3)
-    assert isocodec.inspect(data).domain.cells == 2 * 8 * 6
+    assert isocodec.open(data).info.domain.cells == 2 * 8 * 6
     again = np.concatenate([points, points[:5]]), np.concatenate([values, values[:5] + 2])
     found = isocodec.decode(isocodec.encode(isocodec.Mesh(again[0], None, again[1]), 1.5))
     merged = values.copy()
@@ -74,7 +74,7 @@ def test_grids_and_duplicates():
     with pytest.raises(InputError, match="coincide"):
         isocodec.encode(isocodec.Mesh(again[0], None, again[1].astype(int)), 1.5)
     frames = np.array([values, values + 1])
-    assert isocodec.inspect(isocodec.encode(isocodec.Mesh(points, None, frames), 33.3)).interval == 0
+    assert isocodec.open(isocodec.encode(isocodec.Mesh(points, None, frames), 33.3)).info.interval == 0
 
 
 def test_connectivity_costs_nothing():
@@ -109,7 +109,7 @@ def test_hostile_points():
 
     points, values = scattered(3, 60)
     data = isocodec.encode(isocodec.Mesh(points, None, values), 20.5)
-    domain = isocodec.inspect(data).chunks[0]
+    domain = isocodec.open(data).info.chunks[0]
     for at in range(domain.offset + 2, domain.offset + domain.bytes):
         bad = bytearray(data)
         bad[at] ^= 0x40

@@ -13,7 +13,8 @@ from scipy.spatial import cKDTree
 import isocodec
 from brute import examples, smooth
 from commands import BALL, HILLS, ok
-from isocodec import Decoder, OptionError
+from isocodec import Decoder
+from isocodec.errors import OptionError
 from isocodec.field.samples import check_field
 from isocodec.format.chunks import Promises, read_promises, write_promises
 from isocodec.format.events import ChunkSkipped, LayerComplete, PromisesRead
@@ -74,7 +75,7 @@ def farthest(one: isocodec.Contour, other: isocodec.Contour) -> float:
 def test_promised_layers_keep_their_promise(topology: bool) -> None:
     steps = [5, 1.5, 0.4, "exact"]
     data = isocodec.encode(HILLS, 80.5, precision=steps, keep_topology=topology)
-    info = isocodec.inspect(data)
+    info = isocodec.open(data).info
     assert info.topology == [topology]
     promised = {number: layer.within for number, layer in enumerate(info.layers, 1) if layer.within is not None}
     assert list(promised.values()) == steps[:-1]
@@ -91,7 +92,7 @@ def test_promised_layers_keep_their_promise(topology: bool) -> None:
 def test_each_isovalue_has_its_own() -> None:
     isovalues = [60.5, 100.5]
     data = isocodec.encode(HILLS, isovalues, precision=[3, 1])
-    info = isocodec.inspect(data)
+    info = isocodec.open(data).info
     for number in (0, 1):
         kept = [layer.within for layer in info.layers if layer.isovalue == number]
         assert [within for within in kept if within] == [3, 1] and kept[-1] == 1
@@ -100,26 +101,26 @@ def test_each_isovalue_has_its_own() -> None:
     read = [event.promises for event in decoder if isinstance(event, PromisesRead)]
     assert [list(promises.within.values()) for promises in read] == [[3, 1], [3, 1]]
     # an earlier end says the same of the layers that are left
-    short = isocodec.inspect(isocodec.truncate(data, layers=2))
+    short = isocodec.open(isocodec.open(data).edited(layers=2)).info
     assert [layer.within for layer in short.layers] == [layer.within for layer in info.layers[:2]]
 
 
 @pytest.mark.parametrize("options", [{}, {"precision": 1}, {"keep_topology": True}, {"precision": "exact"}])
 def test_only_steps_are_written_down(options: dict[str, object]) -> None:
     """Of other files the options say it, in fewer bytes."""
-    info = isocodec.inspect(isocodec.encode(HILLS, 80.5, **options))
+    info = isocodec.open(isocodec.encode(HILLS, 80.5, **options)).info
     assert not any(layer.within for layer in info.layers) and info.topology == [False]
 
 
 def test_one_step_is_a_tolerance_that_is_written_down() -> None:
     data, other = (isocodec.encode(BALL, 55.5, **options) for options in ({"precision": [1]}, {"precision": 1}))
-    assert isocodec.inspect(data).layers[-1].within == 1 and len(data) == len(other) + 6
+    assert isocodec.open(data).info.layers[-1].within == 1 and len(data) == len(other) + 6
     assert np.array_equal(isocodec.decode(data).points, isocodec.decode(other).points)
 
 
 def test_others_are_skipped() -> None:
     data = isocodec.encode(HILLS, 80.5, precision=[2])
-    info = isocodec.inspect(data)
+    info = isocodec.open(data).info
     (chunk,) = (chunk for chunk in info.chunks if chunk.type == "promises")
     at = chunk.offset + 2
     broken = data[:at] + b"\x07" + data[at + 1 :]
@@ -128,14 +129,14 @@ def test_others_are_skipped() -> None:
     events = list(decoder)
     assert any(isinstance(event, ChunkSkipped) and event.type == ChunkType.PROMISES for event in events)
     assert not any(isinstance(event, PromisesRead) for event in events)
-    assert np.array_equal(decoder.drawn().points, isocodec.decode(data).points)
+    assert np.array_equal(decoder.contour().points, isocodec.decode(data).points)
 
 
 @pytest.mark.parametrize("promise", [(), (0.0,), (float("nan"),), ("1",), (1.0, 2.0), (1e300,)])
 def test_promises_of_a_plan(promise: tuple[object, ...]) -> None:
     plan = [("base", 2), ("refine", None), ("offsets", 3)]
     data = isocodec.encode(HILLS, 80.5, layers=[*plan, ("promise", 0.5)])
-    assert isocodec.inspect(data).layers[-1].within == 0.5
+    assert isocodec.open(data).info.layers[-1].within == 0.5
     with pytest.raises(OptionError, match="promise"):
         isocodec.encode(HILLS, 80.5, layers=[*plan, ("promise", *promise)])
     with pytest.raises(OptionError, match="promise"):
@@ -207,7 +208,7 @@ def test_distortion_finer_than_offsets() -> None:
 def test_the_curve_gets_no_worse_between_steps(shape: tuple[int, ...], topology: bool) -> None:
     field = rough(shape, 2)
     data = isocodec.encode(field, 0.0, precision=[4, 1, 0.3], keep_topology=topology)
-    within = [layer.within for layer in isocodec.inspect(data).layers]
+    within = [layer.within for layer in isocodec.open(data).info.layers]
     assert [d for d in within if d] == [4, 1, 0.3]
     promised = None
     for number, distance in enumerate(within, 1):
@@ -254,5 +255,5 @@ def test_uniform_levels_keep_the_topology(part: int) -> None:
         options = [{"layers": f"level={level}"}, {"layers": level}][seed % 2]
         decoder = Decoder()
         decoder.feed(isocodec.encode(field, 0.0, keep_topology=True, **options))
-        drawn = [pieces(decoder.drawn()) for event in decoder if isinstance(event, LayerComplete)]
+        drawn = [pieces(decoder.contour()) for event in decoder if isinstance(event, LayerComplete)]
         assert drawn and all(found == wanted for found in drawn), (seed, level)

@@ -17,7 +17,7 @@ import isocodec
 from commands import BALL, HILLS, fails, ok
 from files import picture
 from grids import polar
-from isocodec import InputError, OptionError
+from isocodec.errors import InputError, OptionError
 from isocodec.field.placement import Placement
 from isocodec.search.original import original
 from isocodec.stream.recoder import sources_of
@@ -70,7 +70,7 @@ def test_exact_files_give_what_their_field_gives(name: str, profile: str, asked:
 def test_steps_of_floats() -> None:
     field = np.sin(np.mgrid[:20, :30][0] / 3.0) + np.cos(np.mgrid[:20, :30][1] / 4.0)
     whole = isocodec.encode(field, 0.2, precision="step=0.01")
-    assert isocodec.transcode(whole, profile="baseline") == isocodec.encode(
+    assert isocodec.open(whole).edited(profile="baseline") == isocodec.encode(
         field, 0.2, precision="step=0.01", profile="baseline",
     )
 
@@ -83,11 +83,11 @@ def test_no_point_moves(name: str, precision: str, there: str) -> None:
     field, isovalue = FIELDS[name]
     here = "baseline" if there == "main" else "main"
     data = isocodec.encode(field, isovalue, profile=here, **PRECISIONS[precision])
-    made = isocodec.transcode(data, profile=there)
-    assert isocodec.inspect(made).profile == there
+    made = isocodec.open(data).edited(profile=there)
+    assert isocodec.open(made).info.profile == there
     assert same(isocodec.decode(made), isocodec.decode(data))
-    assert np.array_equal(isocodec.decode_mask(made), field > isovalue)
-    assert isocodec.transcode(made, profile=here) == isocodec.transcode(data)
+    assert np.array_equal(isocodec.open(made).above(), field > isovalue)
+    assert isocodec.open(made).edited(profile=here) == isocodec.open(data).edited()
 
 
 @pytest.mark.parametrize("tolerance", [0.03, 0.2, 1.0])
@@ -96,14 +96,14 @@ def test_distances_are_kept(precision: str, tolerance: float) -> None:
     """Between the curve of the file and that of the result."""
     for field, isovalue in (FIELDS["hills"], FIELDS["noise"]):
         data = isocodec.encode(field, isovalue, **PRECISIONS[precision])
-        made = isocodec.transcode(data, tolerance=tolerance)
+        made = isocodec.open(data).edited(precision=tolerance)
         assert apart(isocodec.decode(made), isocodec.decode(data)) <= tolerance + 1e-9
 
 
 def test_distances_of_surfaces() -> None:
     """As far as points all over the triangles tell, a tenth of a cell from one to the next on grid cells."""
     data = isocodec.encode(BALL, 55.5)
-    before, after = (isocodec.decode(d) for d in (data, isocodec.transcode(data, tolerance=0.25)))
+    before, after = (isocodec.decode(d) for d in (data, isocodec.open(data).edited(precision=0.25)))
     assert len(after.points) < len(before.points)
     weights = np.array([(i, j, 30 - i - j) for i in range(31) for j in range(31 - i)]) / 30
     dense = [(weights @ contour.points[contour.cells]).reshape(-1, 3) for contour in (before, after)]
@@ -123,7 +123,7 @@ def test_the_searches_start_from_the_curve_of_the_file(name: str, precision: str
 
 def test_topology() -> None:
     data = isocodec.encode(NOISE, 0.5)
-    made = isocodec.transcode(data, tolerance=1.0, preserve_topology=True)
+    made = isocodec.open(data).edited(precision=1.0, keep_topology=True)
     before, after = (isocodec.decode(d) for d in (data, made))
     assert len(after.lines) == len(before.lines)
 
@@ -133,12 +133,12 @@ def test_missing_samples_and_place() -> None:
     field[5:9, 12:20] = np.nan
     place = np.array([[0.0, 30, 5e5], [-20, 0, 5e6]])
     data = isocodec.encode(isocodec.Field(field, placement=place), 80.25, metadata={"crs": "EPSG:32631"})
-    made = isocodec.transcode(data, profile="baseline")
-    assert np.array_equal(isocodec.decode_valid(made), ~np.isnan(field))
+    made = isocodec.open(data).edited(profile="baseline")
+    assert np.array_equal(isocodec.open(made).valid(), ~np.isnan(field))
     before, after = (isocodec.decode(d) for d in (data, made))
     assert same(before, after) and after.metadata == before.metadata
     assert np.array_equal(np.sort(after.placed, axis=0), np.sort(before.placed, axis=0))
-    assert isocodec.decode(isocodec.transcode(data, tolerance=0.5)).masked
+    assert isocodec.decode(isocodec.open(data).edited(precision=0.5)).masked
 
 
 @pytest.mark.parametrize("seed", range(6))
@@ -148,7 +148,7 @@ def test_values_beside_scattered_holes(seed: int) -> None:
     field = rng.integers(0, 9, (14, 17) if seed % 2 else (6, 7, 8))
     masked = np.ma.masked_array(field, mask=rng.random(field.shape) < [0.1, 0.4, 0.7][seed % 3])
     data = isocodec.encode(masked, 4.5, precision="exact")
-    made = isocodec.transcode(data, profile="baseline")
+    made = isocodec.open(data).edited(profile="baseline")
     assert same(isocodec.decode(data), isocodec.decode(made))
 
 
@@ -164,13 +164,13 @@ def test_files_that_cannot_be() -> None:
     reasons = {coarse: "coarser", series: "series", ring: "coordinates", part: "in part", mesh: "mesh", surface: "mesh"}
     for data, says in reasons.items():
         with pytest.raises(OptionError, match=says):
-            isocodec.transcode(data)
+            isocodec.open(data).edited()
         with pytest.raises(OptionError, match=says):
             isocodec.merge([isocodec.encode(HILLS, 90.5), data])
-    with pytest.raises(isocodec.TruncatedError):
-        isocodec.transcode(isocodec.encode(HILLS, 80.5)[:-9])
-    with pytest.raises(OptionError, match="contradict"):
-        isocodec.transcode(isocodec.encode(HILLS, 80.5), tolerance=0.5, signs_only=True)
+    with pytest.raises(isocodec.errors.TruncatedError):
+        isocodec.open(isocodec.encode(HILLS, 80.5)[:-9]).edited()
+    with pytest.raises(OptionError, match="nothing to change"):
+        isocodec.open(isocodec.encode(HILLS, 80.5)).edited()
 
 
 # ---- Several in one -------------------------------------------------------------------------------------------------
@@ -186,8 +186,8 @@ def test_merged(profile: str) -> None:
     ]
     files = [isocodec.encode(HILLS, isovalues, **options) for isovalues, options in asked]
     made = isocodec.merge(files, profile=profile)
-    before = [contour for file in files for contour in isocodec.decode_all(file)]
-    after = isocodec.decode_all(made)
+    before = [contour for file in files for contour in isocodec.open(file).contours()]
+    after = isocodec.open(made).contours()
     assert [contour.isovalue for contour in after] == [40.5, 80.5, 120.5, 60.5, 100.5]
     assert all(map(same, after, before))
     if profile == "main":
@@ -204,7 +204,7 @@ def test_merged_whatever_the_field(seed: int, options: dict[str, Any]) -> None:
     options = {**options, "base_level": 0} if "tolerance" in options else options
     files = [isocodec.encode(field, value, **options) for value in (1.45, 1.5, 0.5, 2.5)]
     for profile in ("main", "baseline"):
-        after = isocodec.decode_all(isocodec.merge(files, profile=profile))
+        after = isocodec.open(isocodec.merge(files, profile=profile)).contours()
         assert all(map(same, after, map(isocodec.decode, files)))
 
 
@@ -240,7 +240,7 @@ def test_commands(tmp_path: Path, hills: Path) -> None:
     ok("encode", hills, "-o", one, "--isovalue", 80.5)
     ok("encode", hills, "-o", two, "--isovalue", 120.5, "--precision", "exact")
     assert "bytes of" in ok("edit", one, "-o", out, "--profile", "baseline")
-    assert same(isocodec.decode(out), isocodec.decode(one)) and isocodec.inspect(out.read_bytes()).profile == "baseline"
+    assert same(isocodec.decode(out), isocodec.decode(one)) and isocodec.open(out.read_bytes()).info.profile == "baseline"
     ok("edit", one, "-o", out, "--precision", 1)
     assert apart(isocodec.decode(out), isocodec.decode(one)) <= 1 + 1e-9
     assert "2 isovalues" in ok("edit", one, two, "-o", out)

@@ -15,7 +15,7 @@ from shapely.geometry import shape as shape_of
 
 import isocodec
 from commands import BALL, HILLS, fails, ok, run
-from isocodec import OptionError, TruncatedError
+from isocodec.errors import OptionError, TruncatedError
 from written import rendered
 
 ISOVALUES = [60.5, 100.5, 80.5]
@@ -35,7 +35,7 @@ def several(tmp_path: Path, data: bytes) -> Path:
 
 @pytest.mark.parametrize("smooth", [False, True])
 def test_all_isovalues_are_those_one_by_one(data: bytes, smooth: bool) -> None:
-    contours = isocodec.decode_all(data, smooth=smooth)
+    contours = isocodec.open(data).contours(smooth=smooth)
     assert [contour.isovalue for contour in contours] == ISOVALUES
     for contour in contours:
         alone = isocodec.decode(data, isovalue=contour.isovalue, smooth=smooth)
@@ -46,25 +46,25 @@ def test_all_isovalues_are_those_one_by_one(data: bytes, smooth: bool) -> None:
 def test_the_first_bytes_hold_the_isovalues_that_begin_in_them(data: bytes) -> None:
     counts = []
     for size in range(20, len(data) + 1, 25):
-        contours = isocodec.decode_all(data, max_bytes=size)
+        contours = isocodec.open(data).contours(max_bytes=size)
         decoder = isocodec.Decoder()
         decoder.feed(data[:size])
         for number, contour in enumerate(contours):
-            assert np.array_equal(contour.points, decoder.snapshot(number).points)
+            assert np.array_equal(contour.points, decoder.contour(number).points)
         counts.append(len(contours))
     assert counts == sorted(counts) and set(counts) == {1, 2, 3}
     with pytest.raises(TruncatedError):
-        isocodec.decode_all(data[:-1])
+        isocodec.open(data[:-1]).contours()
     for size in (4, len(data[:5])):
         with pytest.raises(TruncatedError, match="before its curve begins"):
-            isocodec.decode_all(data, max_bytes=size)
+            isocodec.open(data).contours(max_bytes=size)
     with pytest.raises(OptionError):
-        isocodec.decode_all(data, max_bytes=0)
+        isocodec.open(data).contours(max_bytes=0)
 
 
 def test_geojson_has_a_feature_for_each(several: Path, data: bytes, tmp_path: Path) -> None:
     out = tmp_path / "all.geojson"
-    contours = isocodec.decode_all(data)
+    contours = isocodec.open(data).contours()
     record = json.loads(ok("decode", several, "-o", out, "--json", "--keep-crs"))
     assert record["isovalues"] == ISOVALUES and record["points"] == sum(len(c.points) for c in contours)
     whole = json.loads(out.read_text())
@@ -93,7 +93,7 @@ def test_svg_has_a_group_for_each(several: Path, data: bytes, tmp_path: Path) ->
     ok("decode", several, "-o", out)
     groups = list(ElementTree.parse(out).getroot().findall(".//{*}g"))
     assert [group.findtext("{*}title") for group in groups] == [f"isovalue {v:g}" for v in ISOVALUES]
-    for group, contour in zip(groups, isocodec.decode_all(data), strict=True):
+    for group, contour in zip(groups, isocodec.open(data).contours(), strict=True):
         assert len(list(group.findall(".//{*}path"))) == len(contour.lines)
 
 
@@ -101,7 +101,7 @@ def test_svg_has_a_group_for_each(several: Path, data: bytes, tmp_path: Path) ->
 def test_picture_of_curves_has_a_colour_for_each(count: int) -> None:
     """The legend, or beyond a dozen the bar, lies beside the picture of a single curve."""
     isovalues = np.linspace(40.25, 120.25, count)
-    contours = isocodec.decode_all(isocodec.encode(HILLS, isovalues.tolist(), precision="signs"))
+    contours = isocodec.open(isocodec.encode(HILLS, isovalues.tolist(), precision="signs")).contours()
     picture = np.asarray(Image.open(io.BytesIO(rendered(contours, ".png"))).convert("RGB")).astype(int)
     alone = np.asarray(Image.open(io.BytesIO(rendered(contours[0], ".png"))))
     assert picture.shape[0] == alone.shape[0] and picture.shape[1] > alone.shape[1]
@@ -128,7 +128,7 @@ def test_others_are_named_where_only_one_is_written(several: Path, tmp_path: Pat
 
 def test_formats_that_hold_one(data: bytes) -> None:
     with pytest.raises(OptionError, match="several isovalues"):
-        rendered(isocodec.decode_all(data), ".npz")
+        rendered(isocodec.open(data).contours(), ".npz")
 
 
 def test_damage_behind_the_first_isovalue(several: Path, data: bytes, tmp_path: Path) -> None:

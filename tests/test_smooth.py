@@ -11,6 +11,7 @@ import isocodec
 from brute import ball, noise, smooth
 from commands import ok
 from isocodec.drawing import smoothing
+from isocodec.stream.inspect import inspect
 
 
 def both(field, isovalue, **options):
@@ -48,8 +49,8 @@ def test_points_stay_on_edges_of_coarse_meshes(shape):
     ends = {tuple(sorted((int(a), int(b)))) for leaf in simplices for a in leaf for b in leaf if a < b}
     low, high = (position[[end[i] for end in ends]].astype(float) for i in (0, 1))
     way = high - low
-    moved = decoder.drawn(smooth=True).points
-    assert (moved != decoder.drawn().points).any(axis=1).mean() > 0.5
+    moved = decoder.contour(smooth=True).points
+    assert (moved != decoder.contour().points).any(axis=1).mean() > 0.5
     for point in moved:
         ratio = ((point - low) * way).sum(axis=1) / (way**2).sum(axis=1)
         off = np.abs(low + ratio[:, None] * way - point).max(axis=1)
@@ -63,7 +64,7 @@ def test_what_follows_from_what_is_told_stays(shape, plan):
     data = isocodec.encode(smooth(shape, 7), 0.1, layers=plan)
     plain, moved = isocodec.decode(data), isocodec.decode(data, smooth=True)
     assert len(plain.points) and np.array_equal(plain.points, moved.points)
-    signs = len(isocodec.inspect(data).layers) - 1
+    signs = len(isocodec.open(data).info.layers) - 1
     assert not np.array_equal(
         isocodec.decode(data, layers=signs).points, isocodec.decode(data, layers=signs, smooth=True).points
     )
@@ -82,7 +83,7 @@ def test_what_is_told_stays(shape, options):
 def test_layers_half_told():
     """A prefix within the offsets: those that have come stay, the others move."""
     data = isocodec.encode(ball((40, 41), (19.3, 20.1), 14.2), 0)
-    layer = isocodec.inspect(data, symbols=True).layers[-1]
+    layer = inspect(data, symbols=True).layers[-1]
     cut = layer.offset + layer.bytes // 2
     plain = isocodec.decode(data, max_bytes=cut)
     moved = isocodec.decode(data, max_bytes=cut, smooth=True)

@@ -26,7 +26,8 @@ from rasterio.transform import from_origin
 
 import isocodec
 from inputs import CELLS, written
-from isocodec import Field, InputError, LimitError, OptionError
+from isocodec import Field
+from isocodec.errors import InputError, LimitError, OptionError
 from isocodec.stream.encoder import encoder_of
 from places import matrix, on_nodes
 
@@ -84,7 +85,7 @@ def test_data_array_of_rioxarray(tmp_path: Path) -> None:
         assert one.mask is not None and one.mask.sum() == 1 and one.mask[3, 4]
         assert one.crs == "EPSG:32631"
         assert matrix(one).tolist() == [[0, 30, 500015], [-20, 0, 3999990]]
-    assert not isocodec.decode_valid(isocodec.encode(of_file, 70))[3, 4]
+    assert not isocodec.open(isocodec.encode(of_file, 70)).valid()[3, 4]
 
 
 def test_uneven_steps_are_never_dropped() -> None:
@@ -199,15 +200,15 @@ def test_own_options_come_first() -> None:
     contour = isocodec.decode(data)
     assert matrix(contour).tolist() == [[0, 3, 0], [2, 0, 0]]
     assert contour.metadata["unit"] == "F" and contour.metadata["name"] == "tas"
-    assert np.array_equal(isocodec.decode_valid(data), HILL <= 95)
+    assert np.array_equal(isocodec.open(data).valid(), HILL <= 95)
 
 
 def test_masks() -> None:
     """Of a mask the border is kept, without an isovalue; of anything else one has to be given."""
     mask = HILL > 70
     data = isocodec.encode(mask)
-    assert np.array_equal(isocodec.decode_mask(data), mask)
-    assert isocodec.inspect(data).isovalues == [0.5]
+    assert np.array_equal(isocodec.open(data).above(), mask)
+    assert isocodec.open(data).info.isovalues == [0.5]
     assert data == isocodec.encode(mask, 0.5, precision="signs")
     with pytest.raises(OptionError, match="which isovalue"):
         isocodec.encode(HILL)

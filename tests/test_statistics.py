@@ -11,6 +11,7 @@ import pytest
 import isocodec
 from brute import crossing_edges
 from commands import BALL, HILLS, ok
+from isocodec.stream.inspect import inspect
 
 
 def crossed_cells(above: np.ndarray) -> int:
@@ -25,7 +26,7 @@ def crossed_cells(above: np.ndarray) -> int:
 @pytest.mark.parametrize("field, isovalue", [(HILLS, 60.5), (BALL, 50.5)])
 def test_counts_are_those_of_the_field(field: np.ndarray, isovalue: float, profile: str) -> None:
     data = isocodec.encode(field, isovalue, precision="exact", profile=profile)
-    found = isocodec.statistics(data)
+    found = isocodec.open(data).statistics()
     (whole,) = found.contours
     above = field > isovalue
     assert whole.pixels == crossed_cells(above)
@@ -33,7 +34,7 @@ def test_counts_are_those_of_the_field(field: np.ndarray, isovalue: float, profi
     assert whole.vertices >= len(crossing_edges(above)[0]) >= whole.vertices - 10
     contour = isocodec.decode(data)
     assert (whole.vertices, whole.faces) == (len(contour.points), len(contour.cells))
-    info = isocodec.inspect(data, symbols=True)
+    info = inspect(data, symbols=True)
     geometry = sum(8 * layer.bytes for layer in info.layers if layer.kind == "values")
     assert whole.geometry_bits == geometry > 0
     assert whole.bits == 8 * (info.bytes - info.overhead_bytes)
@@ -44,7 +45,7 @@ def test_counts_are_those_of_the_field(field: np.ndarray, isovalue: float, profi
 
 
 def right(field: np.ndarray, **options) -> float:
-    layers = isocodec.statistics(isocodec.encode(field, 0.5, precision="signs", **options)).layers
+    layers = isocodec.open(isocodec.encode(field, 0.5, precision="signs", **options)).statistics().layers
     return sum(layer.right for layer in layers) / sum(layer.signs for layer in layers)
 
 
@@ -73,7 +74,7 @@ def test_each_isovalue_has_its_own(tmp_path: Path) -> None:
 def test_the_table_divides(tmp_path: Path) -> None:
     source = tmp_path / "hills.iso"
     source.write_bytes(isocodec.encode(HILLS, 60.5, layers=12))
-    (one,) = isocodec.statistics(source.read_bytes()).contours
+    (one,) = isocodec.open(source.read_bytes()).statistics().contours
     shown = ok("info", source, "--statistics")
     (line,) = (line for line in shown.splitlines() if "crossed pixel" in line)
     numbers = [float(cell) for cell in line.split("│")[2:-1]]
@@ -83,9 +84,9 @@ def test_the_table_divides(tmp_path: Path) -> None:
 
 def test_a_part_and_a_coarse_mesh() -> None:
     data = isocodec.encode(HILLS, 60.5)
-    part = isocodec.statistics(data[: len(data) // 4])
-    assert 0 < len(part.layers) < len(isocodec.inspect(data).layers)
-    (coarse,) = isocodec.statistics(isocodec.encode(HILLS, 60.5, precision=2)).contours
+    part = isocodec.open(data[: len(data) // 4]).statistics()
+    assert 0 < len(part.layers) < len(isocodec.open(data).info.layers)
+    (coarse,) = isocodec.open(isocodec.encode(HILLS, 60.5, precision=2)).statistics().contours
     assert coarse.pixels is None and coarse.simplices > 0
     # a curve that closes has as many segments as points; those at the border one less each
     assert coarse.faces <= coarse.vertices

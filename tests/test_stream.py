@@ -14,12 +14,15 @@ from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, ru
 import isocodec
 from brute import INTERPRETED
 from files import NAMES, files, picture, same_drawing, whole
-from isocodec import Decoder, FormatError, OptionError, TruncatedError
+from isocodec import Decoder
 from isocodec.drawing.snapshot import state_of
+from isocodec.errors import FormatError, OptionError, TruncatedError
 from isocodec.format.chunks import read_envelope
 from isocodec.format.events import BaseComplete, ChunkSkipped, End, HeaderRead, LayerComplete
 from isocodec.format.header import read_header
 from isocodec.stream.encoder import encoder_of
+from isocodec.stream.inspect import inspect
+from isocodec.stream.truncation import truncate
 from isospec.container import ChunkType
 
 # --- cutting the bytes ----------------------------------------------------------------------------------------------
@@ -49,8 +52,8 @@ class Feeding(RuleBasedStateMachine):
     @rule()
     def draw(self):
         self.events += list(self.decoder)  # a snapshot takes what is due
-        contour = self.decoder.snapshot()
-        assert same_drawing(contour, self.decoder.drawn())
+        contour = self.decoder.contour()
+        assert same_drawing(contour, self.decoder.contour())
         assert contour.complete == self.decoder.complete
 
     @invariant()
@@ -70,8 +73,8 @@ class Feeding(RuleBasedStateMachine):
         events, symbols, contour, decoded = whole(self.name)
         assert self.events == events
         assert self.decoder.symbols == symbols
-        assert state_of(self.decoder._tube).lines() == decoded.lines()
-        assert same_drawing(self.decoder.snapshot(), contour)
+        assert state_of(self.decoder.grid._tube).lines() == decoded.lines()
+        assert same_drawing(self.decoder.contour(), contour)
 
 
 TestFeeding = Feeding.TestCase
@@ -91,7 +94,7 @@ def test_byte_by_byte(name):
         events += fresh
     decoder.close()
     assert events == whole(name)[0]
-    assert same_drawing(decoder.snapshot(), whole(name)[2])
+    assert same_drawing(decoder.contour(), whole(name)[2])
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -123,7 +126,7 @@ def test_prefixes(name):
         assert events == whole(name)[0][: len(events)]
         assert all(before[k] <= v <= total[k] for k, v in decoder.symbols.items())
         before = decoder.symbols
-        contour = decoder.snapshot()
+        contour = decoder.contour()
         assert not contour.complete and not decoder.complete
         if len(contour.points):
             assert np.isfinite(contour.points).all()
@@ -133,7 +136,7 @@ def test_prefixes(name):
             with pytest.raises(TruncatedError) as caught:
                 decoder.close()
             assert caught.value.code == "truncated" and caught.value.offset == length
-        assert same_drawing(decoder.snapshot(), contour)
+        assert same_drawing(decoder.contour(), contour)
         if decoder.isovalues:
             assert same_drawing(isocodec.decode(data, max_bytes=length), contour)
         else:
@@ -181,18 +184,18 @@ def test_truncate_to_layers(name):
     data = files()[name]
     count = sum(isinstance(event, LayerComplete) for event in whole(name)[0])
     for layers in range(1, count + 1):
-        short = isocodec.truncate(data, layers=layers)
+        short = isocodec.open(data).edited(layers=layers)
         contour = isocodec.decode(short)
         assert contour.complete
         assert same_drawing(contour, isocodec.decode(data, layers=layers))
-        info = isocodec.inspect(short)
+        info = isocodec.open(short).info
         assert info.complete and len(info.layers) == layers
-        assert isocodec.truncate(short, layers=layers) == short
+        assert isocodec.open(short).edited(layers=layers) == short
         # It may be longer than the bytes up to there by a length that takes a byte more, and a program of its own.
         assert len(short) <= len(data) + 8
-    assert isocodec.truncate(data, layers=count + 1) == data
+    assert isocodec.open(data).edited(layers=count + 1) == data
     with pytest.raises(OptionError):
-        isocodec.truncate(data, layers=0)
+        isocodec.open(data).edited(layers=0)
 
 
 def closed(data: bytes) -> Decoder:
@@ -206,7 +209,7 @@ def all_of_prefixes(data: bytes) -> Iterator[bytes]:
     """For each prefix that tells some symbols a file of all of them."""
     for length in range(len(data)):
         with suppress(OptionError, TruncatedError):
-            yield isocodec.truncate(data[:length], max_bytes=len(data) + 100)
+            yield isocodec.open(data[:length]).edited(size=len(data) + 100)
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -217,30 +220,30 @@ def test_truncate_to_bytes(name):
     for length in range(len(data) + 1):
         decoder = Decoder()
         decoder.feed(data[:length])
-        prefixes.append((decoder.snapshot(), decoder.symbols))
+        prefixes.append((decoder.contour(), decoder.symbols))
     kept = [(len(file), closed(file).symbols) for file in all_of_prefixes(data)]
     fits = False
     for size in range(1, len(data) + 1):
         try:
-            short = isocodec.truncate(data, max_bytes=size)
+            short = isocodec.open(data).edited(size=size)
         except OptionError:
             assert not fits, "a smaller size was enough"
             continue
         fits = True
         assert len(short) <= size
         decoder = closed(short)
-        contour = decoder.snapshot()
+        contour = decoder.contour()
         assert decoder.complete and contour.complete == (short == data)
         most = max((sum(symbols.values()) for length, symbols in kept if length <= size), default=0)
         assert sum(decoder.symbols.values()) >= most
         # The checksum, the chunk's length and the number of symbols have to fit too: 4 + 1 + 3 and some.
         near = range(size, max(size - 24, 0), -1)
         assert any(prefixes[i][1] == decoder.symbols and same_drawing(prefixes[i][0], contour) for i in near)
-        assert isocodec.truncate(short, max_bytes=len(short)) == short
-    assert fits and isocodec.truncate(data, max_bytes=len(data) + 5) == data
+        assert isocodec.open(short).edited(size=len(short)) == short
+    assert fits and isocodec.open(data).edited(size=len(data) + 5) == data
     for none in (0, -1):
         with pytest.raises(OptionError):
-            isocodec.truncate(data, max_bytes=none)
+            isocodec.open(data).edited(size=none)
 
 
 def test_truncate_what_was_cut_off():
@@ -251,18 +254,18 @@ def test_truncate_what_was_cut_off():
         decoder.feed(data[:length])
         events = [event for event in decoder if isinstance(event, LayerComplete)]
         if events:
-            short = isocodec.truncate(data[:length], layers=len(events))
+            short = isocodec.open(data[:length]).edited(layers=len(events))
             assert same_drawing(isocodec.decode(short), isocodec.decode(data, layers=len(events)))
         # there are fewer layers, or the file ends before its first isovalue
         expected, code = (OptionError, "layers") if decoder.isovalues else (TruncatedError, "truncated")
         with pytest.raises(expected) as caught:
-            isocodec.truncate(data[:length], layers=len(events) + 1)
+            isocodec.open(data[:length]).edited(layers=len(events) + 1)
         assert caught.value.code == code
 
 
 @pytest.mark.parametrize("data", ["terrain.iso", 7, None, [1, 2]])
 def test_what_is_not_the_bytes_of_a_file(data):
-    whole_files = (isocodec.inspect, lambda x: isocodec.truncate(x, layers=1), Decoder().feed)
+    whole_files = (inspect, lambda x: isocodec.open(x).edited(layers=1), Decoder().feed)
     for call in whole_files if isinstance(data, str) else (isocodec.decode, *whole_files):  # a text is a path to decode
         with pytest.raises(OptionError, match="read_bytes"):
             call(data)
@@ -282,9 +285,9 @@ def test_truncation_does_not_make_damage_valid():
     cut[checked.end - 3] ^= 16
     for options in ({"layers": 1}, {"max_bytes": checked.end - 6}):
         with pytest.raises(FormatError, match="chunk's checksum"):
-            isocodec.truncate(bytes(cut), **options)
+            truncate(bytes(cut), **options)
     with pytest.raises(FormatError, match="chunk's checksum"):
-        isocodec.inspect(bytes(cut))
+        isocodec.open(bytes(cut)).info
 
 
 def envelopes(data):
@@ -305,14 +308,14 @@ def test_overhead(shape, seed, isovalue):
     """Small integer files, exact: at most 24 bytes are not entropy-coded data."""
     data = isocodec.encode(picture(shape, seed), isovalue, precision="exact")
     assert len(data) < 4096
-    assert isocodec.inspect(data).overhead_bytes <= 24
+    assert isocodec.open(data).info.overhead_bytes <= 24
 
 
 @pytest.mark.parametrize("name", NAMES)
 def test_inspect(name):
     """Structure without decoding agrees with the decoder; chunks cover the file behind its header."""
     data = files()[name]
-    info = isocodec.inspect(data, symbols=True)
+    info = inspect(data, symbols=True)
     layers = [event for event in whole(name)[0] if isinstance(event, LayerComplete)]
     stated = [(e.layer.kind, e.layer.level, e.layer.plane) for e in layers]
     assert [(x.kind, x.level, x.plane) for x in info.layers] == stated
@@ -323,7 +326,7 @@ def test_inspect(name):
     assert info.overhead_bytes == len(data) - sum(e.bytes for e in layers)
     if name == "several runs":
         assert len(info.chunks) > 3
-        index = isocodec.inspect(data).layers
+        index = isocodec.open(data).info.layers
         assert [x.symbols for x in index] == [e.symbols for e in layers]
         assert [x.bytes for x in index] == [e.bytes for e in layers]
 
@@ -363,8 +366,8 @@ def test_an_encoder_is_iterated_once():
 def test_isovalues_are_counted_from_0():
     decoder = Decoder()
     decoder.feed(files()["exact"])
-    assert len(decoder.snapshot(0).points) and not len(decoder.snapshot(1).points)
-    for ask in (decoder.snapshot, decoder.drawn, decoder.state, decoder.mesh):
+    assert len(decoder.contour(0).points) and not len(decoder.contour(1).points)
+    for ask in (decoder.snapshot, decoder.drawn, decoder.grid.state, decoder.mesh):
         with pytest.raises(OptionError, match="counted from 0"):
             ask(-1)
 
@@ -372,7 +375,7 @@ def test_isovalues_are_counted_from_0():
 @pytest.mark.parametrize("wrap", [bytearray, memoryview, lambda data: np.frombuffer(data, np.uint8)])
 def test_any_buffer_of_bytes(wrap):
     data = files()["exact"]
-    assert isocodec.truncate(wrap(data), layers=1) == isocodec.truncate(data, layers=1)
+    assert isocodec.open(wrap(data)).edited(layers=1) == isocodec.open(data).edited(layers=1)
     assert same_drawing(isocodec.decode(wrap(data)), isocodec.decode(data))
     assert same_drawing(isocodec.decode(wrap(data), max_bytes=60), isocodec.decode(data, max_bytes=60))
-    assert isocodec.inspect(wrap(data)).complete
+    assert isocodec.open(wrap(data)).info.complete

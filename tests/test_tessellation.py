@@ -16,8 +16,8 @@ from hypothesis import strategies as st
 import isocodec
 from brute import blobs, clamped, examples, exponent, meshes, mixed_leaves, volumes
 from commands import BALL, HILLS, fails, ok
-from isocodec import TruncatedError
 from isocodec.drawing.tessellation import Tessellation, tessellated
+from isocodec.errors import TruncatedError
 from isoconform.meshes import chosen
 from written import rendered
 
@@ -51,7 +51,7 @@ def check_mesh(case, n: int) -> None:
     field = blobs(shape, seed)
     plan = [("adaptive_base", 0, chosen(shape, mesh))]
     decoder = decoder_of(isocodec.encode(field, 0.5, layers=plan))
-    whole = decoder.tessellation()
+    whole = decoder.grid.mesh()
     corners = whole.points[whole.cells]
     assert volumes(corners).min() > 0
     assert volumes(corners).sum() == np.prod(np.array(shape) - 1) * (2 if n == 2 else 6)
@@ -65,7 +65,7 @@ def check_mesh(case, n: int) -> None:
     mixed = signs.any(axis=1) & ~signs.all(axis=1)
     crossed = np.unique(whole.cells[mixed])
     assert np.array_equal(whole.above[crossed], field[tuple(whole.points[crossed].T)])
-    tube = decoder.tessellation(whole=False)
+    tube = decoder.grid.mesh(whole=False)
 
     def named(mesh: Tessellation, cells) -> set[tuple[int, frozenset[tuple[int, ...]]]]:
         levels = mesh.levels[cells]
@@ -229,4 +229,4 @@ def test_what_cannot_be_written(tmp_path: Path) -> None:
     assert [path.name for path in tmp_path.iterdir()] == ["ball.iso"]
     decoder = isocodec.Decoder()
     with pytest.raises(TruncatedError):
-        decoder.tessellation()
+        decoder.grid.mesh()

@@ -15,7 +15,7 @@ from rasterio.transform import from_origin
 import isocodec
 from commands import ok
 from inputs import read_field, read_place
-from isocodec import InputError
+from isocodec.errors import InputError
 
 RAMP = np.add.outer(np.arange(70) * 2, np.arange(90))
 ANY = ["LZW", "PACKBITS", "DEFLATE", "LZMA", "ZSTD", "LERC", "LERC_DEFLATE", "LERC_ZSTD"]
@@ -63,7 +63,7 @@ def test_encode_of_the_command_line(tmp_path: Path) -> None:
     field = (RAMP - 30).astype(np.int16)
     tifffile.imwrite(tmp_path / "dem.tif", field, compression="lzw", predictor=2, tile=(32, 32))
     ok("encode", tmp_path / "dem.tif", "-o", tmp_path / "dem.iso", "--isovalue", "50.5", "--precision", "exact")
-    assert np.array_equal(isocodec.decode_mask((tmp_path / "dem.iso").read_bytes()), field > 50.5)
+    assert np.array_equal(isocodec.open((tmp_path / "dem.iso").read_bytes()).above(), field > 50.5)
 
 
 def test_parts_with_a_size_of_their_own(tmp_path: Path) -> None:

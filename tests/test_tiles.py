@@ -200,7 +200,7 @@ def test_a_tile_is_a_file(tmp_path: Path) -> None:
     field = hilly()
     file = tiled_of(encoded(tmp_path, field, 30.5, signs_only=True))
     window = field[file.head.grid.window((1, 2))]
-    assert np.array_equal(isocodec.decode_mask(file.tile((1, 2))), window > 30.5)
+    assert np.array_equal(isocodec.open(file.tile((1, 2))).above(), window > 30.5)
 
 
 def test_small_and_empty_fields(tmp_path: Path) -> None:

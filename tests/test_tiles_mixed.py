@@ -118,7 +118,7 @@ def test_a_download_that_ends_early(tmp_path: Path, n: int) -> None:
         fails(5, "decode", tmp_path / "cut.iso", "-o", tmp_path / "c.npz")
         told = json.loads(ok("decode", tmp_path / "cut.iso", "-o", tmp_path / "c.npz", "--partial", "--json"))
         assert told["complete"] is False and told["cells"]
-    with pytest.raises(isocodec.TruncatedError):
+    with pytest.raises(isocodec.errors.TruncatedError):
         tiled_of(data[: begin - 9]).window(partial=True)
 
 

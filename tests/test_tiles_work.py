@@ -288,7 +288,7 @@ def test_cut_files(tmp_path: Path) -> None:
     with pytest.raises(TruncatedError, match="longer than any file"):
         isocodec.open(write_head(head, [(b"", [1 << 62] * head.areas)]))
     with pytest.raises(FormatError, match="in tiles"):
-        isocodec.inspect(data)
+        isocodec.open(data).info
 
 
 # -- elsewhere -----------------------------------------------------------------------------------------------------
@@ -339,7 +339,7 @@ def test_options_that_mean_nothing(tmp_path: Path) -> None:
         with pytest.raises(OptionError, match=next(iter(option))):
             isocodec.decode(data, **option)  # type: ignore[arg-type]
     with pytest.raises(OptionError, match="smooth"):
-        isocodec.decode_all(data, smooth=True)
+        isocodec.open(data).contours(smooth=True)
 
 
 def test_flags_that_are_not_listed(tmp_path: Path) -> None:

@@ -33,7 +33,7 @@ def end(data: bytes) -> bytes:
 
 @pytest.mark.parametrize("error", [0.0, 0.5, 2.0, 7.5, 500.0])
 def test_error_is_kept(error: float):
-    tin = isocodec.decode_tin(isocodec.encode(isocodec.thin(HILL, error=error)))
+    tin = isocodec.open(isocodec.encode(isocodec.thin(HILL, error=error))).surface()
     assert np.abs(tin.raster() - HILL).max() <= error + 1e-9
     assert tin.shape == HILL.shape
     assert tin.complete
@@ -43,7 +43,7 @@ def test_error_is_kept_at_scattered_points():
     from matplotlib.tri import LinearTriInterpolator, Triangulation
 
     points, values = scattered()
-    tin = isocodec.decode_tin(isocodec.encode(isocodec.thin(isocodec.Mesh(points, None, values), error=1.5)))
+    tin = isocodec.open(isocodec.encode(isocodec.thin(isocodec.Mesh(points, None, values), error=1.5))).surface()
     surface = LinearTriInterpolator(Triangulation(*tin.points.T, tin.triangles), tin.values)
     # positions are rounded to a part in 2**24 of the extent: a place of the hull's border may lie outside by that
     missed = np.ma.masked_invalid(surface(*points.T)) - values
@@ -56,7 +56,7 @@ def test_error_is_kept_at_scattered_points():
 
 def test_points_are_samples():
     """Thinning to a number of points without steps that matter: nearly the same surface as before it was coded."""
-    tin = isocodec.decode_tin(isocodec.encode(isocodec.thin(HILL, to=80, step=1 / 64)))
+    tin = isocodec.open(isocodec.encode(isocodec.thin(HILL, to=80, step=1 / 64))).surface()
     assert len(tin.points) == 80
     assert np.array_equal(tin.points, np.rint(tin.points))
     plain = isocodec.thin(HILL, criterion="l2", to=80).tin()
@@ -73,7 +73,7 @@ def test_size_is_kept(size: int):
 def test_more_bytes_give_smaller_errors():
     errors = []
     for size in (80, 120, 200, 400):
-        missed = isocodec.decode_tin(isocodec.encode(isocodec.thin(HILL, size=size))).raster() - HILL
+        missed = isocodec.open(isocodec.encode(isocodec.thin(HILL, size=size))).surface().raster() - HILL
         errors.append((missed**2).mean())
     assert errors == sorted(errors, reverse=True)
 
@@ -83,7 +83,7 @@ def test_any_prefix_of_a_progressive_file():
     found = []
     for size in range(len(data) + 1):
         try:
-            tin = isocodec.decode_tin(data, max_bytes=max(size, 1))
+            tin = isocodec.open(data).surface(max_bytes=max(size, 1))
         except TruncatedError:
             assert not found
             continue
@@ -97,7 +97,7 @@ def test_any_prefix_of_a_progressive_file():
 
 
 def test_layers_hold_the_same_points():
-    one, several = (isocodec.decode_tin(isocodec.encode(isocodec.thin(HILL, error=2.0, layers=n))) for n in (1, 5))
+    one, several = (isocodec.open(isocodec.encode(isocodec.thin(HILL, error=2.0, layers=n))).surface() for n in (1, 5))
     assert np.array_equal(one.points, several.points)
     assert np.array_equal(one.values, several.values)
 
@@ -114,7 +114,7 @@ def test_order_of_points_does_not_matter():
 def test_coordinates_come_back():
     """Those that a grid holds, far from the origin, to the last bit."""
     points = np.random.default_rng(1).integers(0, 4000, (60, 2)) * 25.5 + np.array([449999.5, -5.25e6])
-    tin = isocodec.decode_tin(isocodec.encode(isocodec.thin(isocodec.Mesh(points, None, points[:, 0]), error=1e-3)))
+    tin = isocodec.open(isocodec.encode(isocodec.thin(isocodec.Mesh(points, None, points[:, 0]), error=1e-3))).surface()
     assert set(map(tuple, tin.points)) <= set(map(tuple, points))
 
 
@@ -154,9 +154,9 @@ def test_damaged_files():
             continue
         if turn < 20:
             with pytest.raises((FormatError, OptionError)):
-                isocodec.decode_tin(bytes(bad))
+                isocodec.open(bytes(bad)).surface()
         try:
-            tin = isocodec.decode_tin(end(bytes(bad)), limits=isocodec.Limits(vertices=20_000))
+            tin = isocodec.open(end(bytes(bad)), limits=isocodec.Limits(vertices=20_000)).surface()
             assert len(tin.triangles) > 0
             kinds.add("fine")
         except (FormatError, LimitError, OptionError) as error:
@@ -168,34 +168,32 @@ def test_files_cut_short():
     data = isocodec.encode(isocodec.thin(HILL, error=2.0))
     for size in range(len(data)):
         with pytest.raises(TruncatedError):
-            isocodec.decode_tin(data[:size])
+            isocodec.open(data[:size]).surface()
     with pytest.raises(FormatError):
-        isocodec.decode_tin(data + b"x")
+        isocodec.open(data + b"x").surface()
 
 
 def test_limits():
     data = isocodec.encode(isocodec.thin(HILL, error=0.5))
     for limits in ({"vertices": 20}, {"memory": 4000}, {"bytes": 40}):
         with pytest.raises(LimitError):
-            isocodec.decode_tin(data, limits=isocodec.Limits(**limits))
+            isocodec.open(data, limits=isocodec.Limits(**limits)).surface()
 
 
 def test_other_files():
     contour = isocodec.encode(HILL, 50)
     with pytest.raises(OptionError):
-        isocodec.decode_tin(contour)
+        isocodec.open(contour).surface()
     mesh = isocodec.encode(isocodec.Mesh([[0, 0], [1, 0], [0, 1]], [[0, 1, 2]], [0, 1, 2]), 0.5)
     with pytest.raises(OptionError):
-        isocodec.decode_tin(mesh)
+        isocodec.open(mesh).surface()
     with pytest.raises(OptionError) as caught:
         isocodec.decode(isocodec.encode(isocodec.thin(HILL, to=10)))
     assert "decode_tin" in str(caught.value)
 
 
 def test_notes():
-    assert isocodec.decode_tin(
-        isocodec.encode(isocodec.thin(HILL, to=10, metadata={"unit": "m"}))
-    ).metadata == {"unit": "m"}
+    assert isocodec.open(isocodec.encode(isocodec.thin(HILL, to=10, metadata={"unit": "m"}))).surface().metadata == {"unit": "m"}
 
 
 @pytest.mark.parametrize(
@@ -216,8 +214,8 @@ def test_input_that_makes_no_surface():
 
 
 def test_constant_values():
-    assert (isocodec.decode_tin(isocodec.encode(isocodec.thin(np.full((9, 9), 7.25), error=0))).raster() == 7.25).all()
-    assert (isocodec.decode_tin(isocodec.encode(isocodec.thin(np.full((9, 9), 7.25), to=9))).raster() == 7.25).all()
+    assert (isocodec.open(isocodec.encode(isocodec.thin(np.full((9, 9), 7.25), error=0))).surface().raster() == 7.25).all()
+    assert (isocodec.open(isocodec.encode(isocodec.thin(np.full((9, 9), 7.25), to=9))).surface().raster() == 7.25).all()
 
 
 def test_command(tmp_path):
@@ -239,7 +237,7 @@ def test_command(tmp_path):
 def test_pictures_of_few_values(values: tuple[float, ...]):
     """A palette: corners of shapes keep their values, and no value lies between."""
     picture = np.array(values)[(X > 20).astype(int) + ((X - 30) ** 2 + (Y - 20) ** 2 < 90) * (len(values) - 2)]
-    tin = isocodec.decode_tin(isocodec.encode(isocodec.thin(picture, size=220)))
+    tin = isocodec.open(isocodec.encode(isocodec.thin(picture, size=220))).surface()
     assert np.abs(tin.values[:, None] - np.array(values)).min(axis=1).max() <= np.ptp(values) / 2**20
     missed = tin.raster() - picture
     assert (missed**2).mean() < 0.02 * np.ptp(values) ** 2
@@ -251,5 +249,5 @@ def test_work_is_bounded():
     chunk = write_chunk(ChunkType.DOMAIN, write_tin(head) + bytes(300), last=True)
     data = write_header(Header((), 0.0, None, Profile.MAIN, cells=2)) + chunk + bytes(4)
     with pytest.raises(LimitError) as caught:
-        isocodec.decode_tin(end(data), limits=isocodec.Limits(work=1 << 16))
+        isocodec.open(end(data), limits=isocodec.Limits(work=1 << 16)).surface()
     assert caught.value.code == "limit-work"

@@ -49,7 +49,7 @@ def test_surfaces_that_keep_contours(tmp_path, tolerance):
     field = np.hypot(y - 19.3, x - 16.1) + np.sin(x / 3) * np.cos(y / 4)
     isovalues = [5.5, 11.25]
     data = isocodec.encode(isocodec.thin(field, contours=isovalues, tolerance=tolerance))
-    assert len(isocodec.decode_tin(data).points) < field.size / 4
+    assert len(isocodec.open(data).surface().points) < field.size / 4
     for isovalue in isovalues:
         given = isocodec.encode(field, isovalue, precision="step=1e-6")
         contours = isocodec.decode(data, isovalue=isovalue), isocodec.decode(given)

@@ -81,7 +81,7 @@ isocodec.open("a.iso", limits=3)  # limits
 isocodec.decode(data, layer=3)  # layer
 isocodec.decode(data, layers="all")  # layers
 isocodec.decode(data, smooth=2.5)  # smooth
-isocodec.truncate(data, layer=2)  # layer
+truncate(data, layer=2)  # layer
 isocodec.verify(data, field, tolerance="a", within=3)  # verify
 contour.areas(abov=True)  # abov
 isocodec.encod(field, 1.0)  # encod

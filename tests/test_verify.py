@@ -12,7 +12,7 @@ import shapely
 
 import isocodec
 from commands import BALL, HILLS, fails, ok, run
-from isocodec import InputError
+from isocodec.errors import InputError
 from isocodec.field.samples import check_field
 from isocodec.search.original import original
 
@@ -27,9 +27,9 @@ from isocodec.search.original import original
 def test_promises_are_kept(options: dict[str, Any]) -> None:
     """The distances are those that shapely measures between the same two curves."""
     data = isocodec.encode(HILLS, [80.5, 100.5], **options)
-    found = isocodec.verify(data, HILLS, within=0.5 if options == {"precision": "signs"} else None)
+    found = isocodec.open(data).verify(HILLS, within=0.5 if options == {"precision": "signs"} else None)
     assert [one.isovalue for one in found] == [80.5, 100.5] and all(one.kept for one in found)
-    for one, contour in zip(found, isocodec.decode_all(data), strict=True):
+    for one, contour in zip(found, isocodec.open(data).contours(), strict=True):
         first = original(check_field(HILLS, one.isovalue))
         ours, theirs = (shapely.MultiLineString([*c.points[c.cells]]) for c in (contour, first))
         measured = [
@@ -46,21 +46,21 @@ def test_promises_are_kept(options: dict[str, Any]) -> None:
 def test_surfaces_and_holes() -> None:
     field = BALL.astype(float)
     field[3, 4, 5] = np.nan
-    assert isocodec.verify(isocodec.encode(field, 55.5, precision=0.01), field, within=0.01)[0].kept
+    assert isocodec.open(isocodec.encode(field, 55.5, precision=0.01)).verify(field, within=0.01)[0].kept
     with pytest.raises(InputError, match="1 samples are missing"):
-        isocodec.verify(isocodec.encode(BALL.astype(float), 55.5), field)
+        isocodec.open(isocodec.encode(BALL.astype(float), 55.5)).verify(field)
 
 
 def test_what_is_not_kept(tmp_path: Path) -> None:
     data = isocodec.encode(HILLS, 80.5)
     other = HILLS.copy()
     other[tuple(np.argwhere(HILLS > 80.5)[0])] = 0
-    (one,) = isocodec.verify(data, other)
+    (one,) = isocodec.open(data).verify(other)
     assert one.wrong == 1 and not one.kept
-    (one,) = isocodec.verify(data, HILLS, within=0.001)
+    (one,) = isocodec.open(data).verify(HILLS, within=0.001)
     assert not one.kept and one.wrong == 0
     with pytest.raises(InputError, match="has shape"):
-        isocodec.verify(data, HILLS[1:])
+        isocodec.open(data).verify(HILLS[1:])
 
 
 def test_command(tmp_path: Path, hills: Path) -> None:
@@ -88,12 +88,12 @@ def test_files_in_tiles(tmp_path: Path, shape: tuple[int, ...]) -> None:
         "encode", "--tile", 1024, tmp_path / "field.npy", "-o", path, "--isovalue", "55.5", "--tile", 32,
         "--precision", tolerance,
     )
-    (one,) = isocodec.verify(path, field, within=tolerance)
+    (one,) = isocodec.open(path).verify(field, within=tolerance)
     assert one.kept and one.wrong is None and 0 < max(one.there, one.back) <= tolerance + 0.002
-    (less,) = isocodec.verify(path, field, within=one.there / 2)
+    (less,) = isocodec.open(path).verify(field, within=one.there / 2)
     assert not less.kept
     told = json.loads(ok("verify", tmp_path / "field.npy", path, "--within", tolerance, "--json"))
     assert told["kept"] and told["isovalues"][0]["there"] == one.there
     assert run("verify", tmp_path / "field.npy", path, "--within", one.there / 2).exit_code == 9
     with pytest.raises(InputError, match="has shape"):
-        isocodec.verify(path, field[1:])
+        isocodec.open(path).verify(field[1:])

@@ -46,11 +46,11 @@ def test_volumes_are_frames(tmp_path: Path, name: str) -> None:
                            "--frame-interval", 2, "--json"))
     assert record["shape"] == [12, 14, 10, 4] and record["dtype"] == "int16"
     data = (tmp_path / "v.iso").read_bytes()
-    info = isocodec.inspect(data)
+    info = isocodec.open(data).info
     assert len(info.frames) == 4 and info.interval == 2 and info.metadata["frame_step"] == "1.5 s"
     stored = np.asarray(image.dataobj)
     for number in range(4):
-        assert np.array_equal(isocodec.decode_mask(data, frame=number), stored[..., number] > 20.5)
+        assert np.array_equal(isocodec.open(data).above(frame=number), stored[..., number] > 20.5)
         contour = isocodec.decode(data, frame=number)
         assert np.allclose(contour.placed, nibabel.affines.apply_affine(image.affine, contour.points))
         assert np.array_equal(read_field(tmp_path / name, frame=number), stored[..., number])
@@ -118,16 +118,16 @@ def test_missing_samples_and_labels(tmp_path: Path) -> None:
     saved(tmp_path / "v.nii", data)
     command = ["encode", tmp_path / "v.nii", "-o", tmp_path / "v.iso", "--frames"]
     assert json.loads(ok(*command, "--isovalue", 20.5, "--json"))["missing"] == 8
-    assert np.array_equal(isocodec.decode_valid(tmp_path / "v.iso"), ~np.isnan(data[..., 0]))
+    assert np.array_equal(isocodec.open(tmp_path / "v.iso").valid(), ~np.isnan(data[..., 0]))
     ok(*command, "--isovalue", 20.5, "--missing", "above", "--precision", "signs")
-    above = isocodec.decode_mask(tmp_path / "v.iso", frame=2)
+    above = isocodec.open(tmp_path / "v.iso").above(frame=2)
     assert np.array_equal(above, np.where(np.isnan(data[..., 2]), True, data[..., 2] > 20.5))
     data[..., 2] = data[..., 3] = 7
     saved(tmp_path / "v.nii", data)
     assert "other samples are missing" in fails(3, *command, "--isovalue", 20.5)
     ok(*command, "--label", 7)
-    assert isocodec.decode_mask(tmp_path / "v.iso", frame=3).all()
-    assert not isocodec.decode_mask(tmp_path / "v.iso", frame=0).any() and not (data[..., 0] == 7).any()
+    assert isocodec.open(tmp_path / "v.iso").above(frame=3).all()
+    assert not isocodec.open(tmp_path / "v.iso").above(frame=0).any() and not (data[..., 0] == 7).any()
     assert "no sample has the label 1234" in fails(3, *command, "--label", 1234)
 
 
@@ -137,7 +137,7 @@ def test_pictures_in_volumes(tmp_path: Path) -> None:
     saved(tmp_path / "v.nii", data)
     ok("encode", tmp_path / "v.nii", "-o", tmp_path / "v.iso", "--isovalue", 20.5, "--frames")
     assert isocodec.open(tmp_path / "v.iso").shape == (12, 14)
-    assert np.array_equal(isocodec.decode_mask(tmp_path / "v.iso", frame=3), data[:, :, 0, 3] > 20.5)
+    assert np.array_equal(isocodec.open(tmp_path / "v.iso").above(frame=3), data[:, :, 0, 3] > 20.5)
 
 
 @pytest.mark.parametrize("name", ["v.nii", "v.nii.gz"])
@@ -163,7 +163,7 @@ def test_axes(tmp_path: Path) -> None:
     ok(*command, 1)
     assert isocodec.open(tmp_path / "v.iso").shape == (12, 14, 10)
     for number in range(4):
-        assert np.array_equal(isocodec.decode_mask(tmp_path / "v.iso", frame=number), data[..., number] > 20.5)
+        assert np.array_equal(isocodec.open(tmp_path / "v.iso").above(frame=number), data[..., number] > 20.5)
     assert "axes 0 to 3" in fails(2, *command, 4)
     np.save(tmp_path / "a.npy", data[0, 0])
     assert "three or four axes" in fails(2, *command, 0)
@@ -176,7 +176,7 @@ def test_series_of_itk(tmp_path: Path) -> None:
     sitk.WriteImage(image, tmp_path / "v.nrrd")
     ok("encode", tmp_path / "v.nrrd", "-o", tmp_path / "v.iso", "--isovalue", 20.5, "--frames")
     for number in range(4):
-        assert np.array_equal(isocodec.decode_mask(tmp_path / "v.iso", frame=number), data[..., number] > 20.5)
+        assert np.array_equal(isocodec.open(tmp_path / "v.iso").above(frame=number), data[..., number] > 20.5)
     contour = isocodec.decode(tmp_path / "v.iso", frame=1)
     there = [image.TransformContinuousIndexToPhysicalPoint([*map(float, point), 1.0])[:3] for point in contour.points]
     assert np.allclose(contour.placed, np.array(there) * [-1, -1, 1])
@@ -188,7 +188,7 @@ def test_slices_of_one_volume(tmp_path: Path) -> None:
     ok("encode", tmp_path / "v.nii", "-o", tmp_path / "v.iso", "--isovalue", 20.5, "--frames", "--frame", 2,
        "--frame-axis", 2)
     for number in range(10):
-        assert np.array_equal(isocodec.decode_mask(tmp_path / "v.iso", frame=number), data[:, :, number, 2] > 20.5)
+        assert np.array_equal(isocodec.open(tmp_path / "v.iso").above(frame=number), data[:, :, number, 2] > 20.5)
 
 
 def test_a_frame_is_held_against_its_volume(tmp_path: Path) -> None:

@@ -14,7 +14,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from isocodec import decode_all, decode_mask, encode
+import isocodec
+from isocodec import encode
 from isocodec.kernel import EXECUTION, Execution
 from isoconform import runner
 from isoconform.manifest import default_directory, read_manifest
@@ -83,9 +84,9 @@ def decoder(built: Path) -> Iterator[Runner]:
 
 def drawn(data: bytes, masked: bool) -> list[bytes]:
     """All that can be made of a file."""
-    curves = [*decode_all(data), *decode_all(data, smooth=True)]
+    curves = [*isocodec.open(data).contours(), *isocodec.open(data).contours(smooth=True)]
     out = [array.tobytes() for curve in curves for array in (curve.points, curve.cells)]
-    return [*out, decode_mask(data).tobytes()] if masked else out
+    return [*out, isocodec.open(data).above().tobytes()] if masked else out
 
 
 def test_the_decoder_is_small(built: Path):

@@ -44,7 +44,7 @@ SPACE = [[0.0, 0, -2.1, 400], [0, 1.5, 0, 500], [3.3, 0, 0, 7]]
 CRS = {"crs": "EPSG:32631"}
 PLANE = isocodec.encode(HILLS, [80.5, 120.5, 300.5], placement=UTM, metadata=CRS)
 VOLUME = isocodec.encode(BALL, [55.5, 40.5, 400.5], placement=SPACE)
-CURVES, SURFACES = isocodec.decode_all(PLANE), isocodec.decode_all(VOLUME)
+CURVES, SURFACES = isocodec.open(PLANE).contours(), isocodec.open(VOLUME).contours()
 SCATTERED = Tin(np.array([(0.0, 0), (4, 0), (0, 3)]), np.array([1.0, 2, 3]), np.array([(0, 1, 2)]))
 SAMPLED = replace(SCATTERED, shape=(5, 4))
 ON_MESH = replace(CURVES[0], points=CURVES[0].placed, shape=(), placement=None, metadata={})

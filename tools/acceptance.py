@@ -303,10 +303,10 @@ def prefix(folder: Path, output: Path | None, cuts: int = 200, files: int = 10) 
             decoder = isocodec.Decoder()
             decoder.feed(data[:length])
             try:
-                contour = decoder.snapshot()
+                contour = decoder.contour()
                 try:
                     decoder.close()
-                except isocodec.TruncatedError:
+                except isocodec.errors.TruncatedError:
                     fine += 1
             except isocodec.IsoError as error:
                 print(f"{name} cut at {length}: {error}", file=sys.stderr)
@@ -386,7 +386,7 @@ def overhead(folder: Path) -> Iterator[str]:
             item = item.half()
             for options in ({"precision": "exact"}, {}, {"precision": "signs"}):
                 data = isocodec.encode(item.values, item.isovalue, **options)
-                spent = isocodec.inspect(data).overhead_bytes
+                spent = isocodec.open(data).info.overhead_bytes
                 good = spent <= 24 if len(data) <= 4096 else spent <= max(0.015 * len(data), 24)
                 failed += not good
                 if not good or options:

@@ -29,7 +29,7 @@ from scipy.spatial import KDTree
 import isocodec
 from isocodec.cli import main as command_line
 from isocodec.drawing.pictures.picture import Step, steps_picture
-from isocodec.stream.inspect import LayerInfo
+from isocodec.stream.inspect import LayerInfo, inspect
 
 ROOT = Path(__file__).resolve().parent.parent
 DATA = Path("demo", "data")
@@ -207,7 +207,7 @@ def layer_table(result: Result) -> Table:
     found: dict[str, dict[str, LayerInfo]] = {}
     overhead = {}
     for mode in LAYERED:
-        info = isocodec.inspect(result.files[mode], symbols=True)
+        info = inspect(result.files[mode], symbols=True)
         overhead[mode] = info.overhead_bytes
         for layer in info.layers:
             found.setdefault(layer_name(layer), {})[mode] = layer
@@ -278,7 +278,7 @@ def leave_docs() -> None:
 def smoothing(item: Item) -> bytes:
     """A picture of the signs of a file half-way, smoothed, and of the whole file."""
     data = isocodec.encode(item.load(), item.isovalue)
-    layers = isocodec.inspect(data, symbols=True).layers
+    layers = inspect(data, symbols=True).layers
     signs = sum(layer.kind != "offsets" for layer in layers)
     steps = [
         Step(isocodec.decode(data, layers=signs, smooth=smooth), layers[signs].offset or 0, len(data))

@@ -60,9 +60,9 @@ def main() -> None:
 def sizes(field: NDArray[np.integer], count: int, error: float) -> dict[str, int]:
     """Bytes of each format, of so many isovalues at so large an error."""
     isovalues = evenly(field, count)
-    exact = {c.isovalue: c.lines for c in isocodec.decode_all(isocodec.encode(field, isovalues, precision="exact"))}
+    exact = {c.isovalue: c.lines for c in isocodec.open(isocodec.encode(field, isovalues, precision="exact")).contours()}
     data = isocodec.encode(field, isovalues, precision=error)
-    ours = {contour.isovalue: contour.lines for contour in isocodec.decode_all(data)}
+    ours = {contour.isovalue: contour.lines for contour in isocodec.open(data).contours()}
     assert distance(exact, ours) <= error * 1.001, "the file is farther away than it may be"
     out = {"isocodec": len(data)}
     maps = {parts: within(exact, parts, error) for parts in PARTS if 0.5 / parts < error}

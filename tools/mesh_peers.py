@@ -116,7 +116,7 @@ def nearest(
     """The smallest of our files that has the error, and its error; that of the least tolerance if none has."""
     for tolerance in error * np.array([4, 3.4, 2.9, 2.5, 2.3, 2.1, 1.95, 1.8, 1.65, 1.5, 1.2, 0.9, 0.6, 0.3]):
         data = isocodec.encode(isocodec.Mesh(*given, values), isovalues, precision=tolerance, **options)  # type: ignore[arg-type]
-        drawn = isocodec.decode_all(data, mesh=given)
+        drawn = isocodec.open(data, mesh=given).contours()
         if given[1].shape[1] == 3:
             places = [along(contour.lines, edge / SAMPLES) for contour in drawn]
         else:
@@ -175,7 +175,7 @@ def tetrahedra(side: int = 33) -> None:
         for kind in ("known", "coded"):
             options = {} if kind == "known" else {"mesh": "coded", "mesh_error": 0.05}
             ours, found = nearest(mesh, values, [0.5], [exact], error, 1.0, **options)
-            domain = isocodec.inspect(ours).chunks[0].bytes
+            domain = isocodec.open(ours).info.chunks[0].bytes
             print(
                 f"{bits} bits, {kind}: {len(ours)} bytes ({domain} of the domain) at {found:.4f}, "
                 f"Draco {len(data)} at {error:.4f}: {len(ours) / len(data):.3f}"

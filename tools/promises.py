@@ -35,6 +35,7 @@ from isocodec.format.events import LayerComplete
 from isocodec.search.original import original
 from isocodec.search.promise import Promise
 from isocodec.search.proof import Target, hausdorff
+from isocodec.stream.inspect import inspect
 
 TOLERANCES = (0.1, 0.25, 1.0, 4.0)
 ROUNDING = 1e-9
@@ -119,7 +120,7 @@ def topology(chosen: list[Item], _: argparse.Namespace) -> Iterator[str]:
             data = isocodec.encode(item.values, item.isovalue, keep_topology=True, **kept)
             decoder = isocodec.Decoder()
             decoder.feed(data)
-            found = [shape_of(decoder.drawn()) == wanted for event in decoder if isinstance(event, LayerComplete)]
+            found = [shape_of(decoder.contour()) == wanted for event in decoder if isinstance(event, LayerComplete)]
             good = all(found) and len(found) > 0
             failed += not good
             files += 1
@@ -162,7 +163,7 @@ def distance(chosen: list[Item], _: argparse.Namespace) -> Iterator[str]:
             good = sampled <= tolerance + ROUNDING and not unproven(whole, contour, tolerance)
             failed += not good
             count += 1
-            layers = len(isocodec.inspect(data).layers)
+            layers = len(isocodec.open(data).info.layers)
             mark = "" if good else " FAILED"
             yield f"| {item.name} | {item.isovalue} | {tolerance} | {len(data)} | {layers} | {sampled:.3f}{mark} |"
     yield f"\n{count} files, {failed} failures"
@@ -221,9 +222,9 @@ def horse(chosen: list[Item], _: argparse.Namespace) -> Iterator[str]:
         apart = []
         for event in decoder:
             if isinstance(event, LayerComplete):
-                drawn = decoder.drawn()
+                drawn = decoder.contour()
                 apart.append(max(hausdorff(whole.points, whole.cells, drawn.points, drawn.cells)))
-        sizes = [layer.bytes for layer in isocodec.inspect(data, symbols=True).layers]
+        sizes = [layer.bytes for layer in inspect(data, symbols=True).layers]
         yield f"| {item.name} | {' | '.join(map(str, sizes))} | {', '.join(f'{d:.2f}' for d in apart)} |"
 
 

@@ -49,7 +49,7 @@ def terrain(name: str) -> None:
     field -= field.min()
     for error in ERRORS:
         data = isocodec.encode(isocodec.thin(field, error=error))
-        tin = isocodec.decode_tin(data)
+        tin = isocodec.open(data).surface()
         assert np.abs(tin.raster() - field).max() <= error + 1e-9
         vertices, mesh = greedy(field, error)
         peers = {
@@ -98,7 +98,7 @@ def picture(argument: str) -> None:
     if field.min() < 0 or field.max() > 255 or field.max() <= 1:
         field = (field - field.min()) / np.ptp(field) * 255
     whole = np.rint(field).astype(np.uint8)
-    found = isocodec.decode_tin(isocodec.encode(isocodec.thin(field, size=int(size))))
+    found = isocodec.open(isocodec.encode(isocodec.thin(field, size=int(size)))).surface()
     jpeg2000, jpegxl = jpeg2000_filling(whole, int(size)), jpegxl_filling(whole, int(size))
     print(
         f"{name} in {size} bytes: {psnr(field, found.raster()):.2f} dB, {len(found.points)} points; "

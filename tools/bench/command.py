@@ -57,7 +57,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run; 0, or 2 if what was asked for cannot be done."""
     try:
         return run(parser().parse_args(arguments))
-    except (OSError, ValueError, isocodec.OptionError) as error:
+    except (OSError, ValueError, isocodec.errors.OptionError) as error:
         print(f"bench: {error}", file=sys.stderr)
         return 2
 

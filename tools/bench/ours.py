@@ -203,4 +203,4 @@ class Ours:
 
     @staticmethod
     def _cutter(finer: File, size: int) -> Callable[[], bytes]:
-        return lambda: isocodec.truncate(finer.make(), max_bytes=size)
+        return lambda: isocodec.open(finer.make()).edited(size=size)

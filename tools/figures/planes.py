@@ -57,8 +57,8 @@ def save(figure: Any, path: Path) -> None:
 def draw_stage(axes: Any, stage: Stage, what: str, mesh: bool = True) -> None:
     """A prefix of a file with the mesh of the whole box."""
     if mesh:
-        draw_mesh(axes, stage.decoder.tessellation())
-    contour = stage.decoder.drawn()
+        draw_mesh(axes, stage.decoder.grid.mesh())
+    contour = stage.decoder.contour()
     draw_curve(axes, contour)
     axes.set_title(f"{what}\n{stage.bytes:,} bytes, {len(contour.cells):,} segments", fontsize=8)
 
@@ -122,7 +122,7 @@ def terrain(folder: Path, out: Path) -> None:
     item = load(folder, "terrain/jacksboro_fault_dem", 500.5)
     distances = (16.0, 4.0, 1.0, 0.25)
     data = isocodec.encode(item.values, item.isovalue, precision=[*distances, "exact"], keep_topology=True)
-    layers = isocodec.inspect(data).layers
+    layers = isocodec.open(data).info.layers
     kept = [number for number, layer in enumerate(layers, start=1) if layer.within] + [len(layers)]
     figure, axes = panels(1, len(kept), item.values.shape, side=3.0)
     words = [*(f"within {distance:g} cells" for distance in distances), "exact"]

@@ -66,7 +66,7 @@ def measured(item: Item) -> Iterator[Point]:
         decoder.feed(isocodec.encode(item.values, item.isovalue, **options))
         for event in decoder:
             if isinstance(event, LayerComplete) and (event.layer.level == full or event.layer.level % n == 0):
-                yield name, event.offset, apart(decoder.drawn())
+                yield name, event.offset, apart(decoder.contour())
     for name, plans in FAMILIES.items():
         for text in plans:
             try:

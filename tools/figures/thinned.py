@@ -90,7 +90,7 @@ def thinned_pictures(folder: Path, output: Path) -> None:
 
 def _surface(whole: NDArray[np.uint8], size: int) -> tuple[int, NDArray[np.float64]]:
     data = isocodec.encode(isocodec.thin(whole.astype(np.float64), size=size))
-    return len(data), isocodec.decode_tin(data).raster()
+    return len(data), isocodec.open(data).surface().raster()
 
 
 def _of(data: bytes, decode: Callable[[bytes], NDArray[np.generic]]) -> tuple[int, NDArray[np.float64]]:

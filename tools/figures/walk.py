@@ -120,8 +120,8 @@ def walk(folder: Path, out: Path) -> None:
     bad = next((i for i in shown if not symbols[i]["bit"] and symbols[i]["context"].endswith("3)")), shown[-1])
     figure, axes = panels(2, 2, (SIDE, SIDE), side=4.6)
     for axis in axes:
-        draw_mesh(axis, decoder.tessellation())
-    draw_curve(axes[0], decoder.drawn())
+        draw_mesh(axis, decoder.grid.mesh())
+    draw_curve(axes[0], decoder.contour())
     draw_signs(axes[0], symbols, numbers=True)
     axes[0].set_title("signs in the order of the walk (origin first, then the first triangle)", fontsize=8)
     draw_signs(axes[1], symbols, numbers=False)

@@ -268,9 +268,7 @@ def _samples(file: IsoFile, suffix: str, wanted: Wanted, progress: Any) -> Decod
         counts = {"samples": rows.size, str(wanted.what): int(rows.sum())}
         return Decoded(_array(rows), counts, f"{rows.size:,} vertices")
     facts = {"samples": rows.size, "isovalue": isovalue, "shape": list(rows.shape), "complete": file.complete}
-    placement = file.placement
-    matrix = None if placement is None else placement.matrix
-    return Decoded(SampleMask(rows, matrix), facts, str(wanted.what), remarks)
+    return Decoded(SampleMask(rows, file.placement), facts, str(wanted.what), remarks)
 
 
 def _labels(file: IsoFile, suffix: str, wanted: Wanted, progress: Any) -> Decoded:

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ...errors import one_line
 from ...extras import optional
 from ...field.reference_system import DEGREES
-from ...errors import one_line
 from ..curve import Curve
 
 

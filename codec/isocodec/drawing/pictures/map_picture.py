@@ -11,10 +11,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ...errors import OptionError
+from ...errors import OptionError, one_line
 from ...extras import optional
 from ...field.sampled import UNIT
-from ...errors import one_line
 from ..curve import Curve
 from .ground import Ground, ground_of
 from .line_labels import Label, Page, label_lines, page_of

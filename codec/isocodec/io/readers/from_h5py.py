@@ -14,10 +14,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...errors import InputError
+from ...errors import InputError, one_line, plain
 from ...extras import optional
 from ...field.placement import Placement
-from ...errors import one_line, plain
 from .from_xarray import OpenedClassic
 from .opened import DEFAULT_KEY, Choice, Format, Opened
 from .place_of_samples import EVEN, in_steps, open_grid, placed_grid

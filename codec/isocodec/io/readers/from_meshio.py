@@ -8,9 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from ...errors import InputError
+from ...errors import InputError, plain
 from ...extras import optional
-from ...errors import plain
 from .mesh_formats import MeshFormat, MeshRead
 from .reading import reading
 from .source import Source

@@ -16,9 +16,8 @@ import numpy as np
 from numpy.lib import format as npy
 from numpy.typing import NDArray
 
-from ...errors import InputError, OptionError
+from ...errors import InputError, OptionError, plain
 from ...field.placement import Placement
-from ...errors import plain
 from .mesh_formats import MeshFormat, MeshRead
 from .opened import DEFAULT_KEY, Choice, Format, Opened, numbers
 from .place_of_samples import open_grid, placed_grid

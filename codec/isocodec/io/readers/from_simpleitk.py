@@ -9,10 +9,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...errors import InputError
+from ...errors import InputError, plain
 from ...extras import optional
 from ...field.placement import Placement
-from ...errors import plain
 from .detached import meta_files, nrrd_files
 from .opened import IN_MEMORY, Choice, Format, Opened, numbers
 from .place_of_samples import EVEN, SLICE, placed, to_right_front_up

@@ -15,10 +15,9 @@ from xml.etree import ElementTree
 import numpy as np
 from numpy.typing import NDArray
 
-from ...errors import InputError, MissingExtraError
+from ...errors import InputError, MissingExtraError, plain
 from ...extras import optional
 from ...field.placement import Placement
-from ...errors import plain
 from .from_rasterio import RasterWindows
 from .opened import Choice, Format, Opened
 from .place_of_samples import in_steps, placed

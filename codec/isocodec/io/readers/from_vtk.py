@@ -8,10 +8,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...errors import InputError
+from ...errors import InputError, one_line, plain
 from ...extras import optional
 from ...field.placement import Placement
-from ...errors import one_line, plain
 from .opened import Choice, Format, Opened
 from .place_of_samples import placed
 from .reading import check_frame, reading

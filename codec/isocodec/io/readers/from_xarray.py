@@ -11,12 +11,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...errors import InputError
+from ...errors import InputError, plain
 from ...extras import optional
 from ...field.missing import missing_samples
 from ...field.placement import Placement
 from ...field.sampled import Field
-from ...errors import plain
 from .labels import labelled_field, labels_of
 from .opened import DEFAULT_KEY, IN_MEMORY, Choice, Format, Opened
 from .reading import about, check_frame, reading

@@ -10,10 +10,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...errors import InputError, OptionError
+from ...errors import InputError, OptionError, one_line, plain
 from ...field.placement import TURN, Placement, matrix_of
 from ...field.sampled import Field
-from ...errors import one_line, plain
 from .place_of_samples import EVEN, placed_grid
 
 Matrix = NDArray[np.float64]

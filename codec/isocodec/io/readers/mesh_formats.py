@@ -10,8 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...errors import OptionError
-from ...errors import plain
+from ...errors import OptionError, plain
 from .source import Source
 
 HEIGHT = "z"

@@ -13,12 +13,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...errors import InputError, OptionError
+from ...errors import InputError, OptionError, plain
 from ...field.framed import Frames
 from ...field.meshed import Mesh
 from ...field.missing import HOLE, missing_samples
 from ...field.sampled import Field, check_missing
-from ...errors import plain
 from ...storage.content import is_file, is_url, local
 from .from_nibabel import OpenedNibabel, is_nibabel
 from .from_simpleitk import OpenedItk, is_itk

@@ -10,8 +10,7 @@ from pathlib import Path, PurePosixPath
 
 import numpy as np
 
-from ...errors import InputError, OptionError
-from ...errors import plain
+from ...errors import InputError, OptionError, plain
 from . import (
     from_geopandas,
     from_h5py,

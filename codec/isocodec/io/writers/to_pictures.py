@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...drawing.contour import Contour
+from ...drawing.pictures.picture import contour_picture
 from ...extras import optional
 from .output_formats import Cost, Output, OutputOptions
-from ...drawing.pictures.picture import contour_picture
 from .things import Picture, SampleMask
 
 PICTURE = {2: Cost(200, 160, fixed=1 << 25), 3: Cost(80, 260, fixed=1 << 27, kept=0)}

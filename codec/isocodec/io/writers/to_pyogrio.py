@@ -13,9 +13,6 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-from numpy.typing import NDArray
-
 from ...drawing.line_table import table_of
 from ...extras import optional
 from .output_formats import Cost, Output, OutputOptions
