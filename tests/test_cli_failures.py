@@ -184,7 +184,7 @@ def test_a_truncated_file_is_drawn_and_said_to_be_one(cut: Path, tmp_path: Path,
 def test_a_file_that_ends_within_its_first_layer_is_drawn(tmp_path: Path, mesh: bool) -> None:
     """Cut to a file of its own, or cut off: the one step there is shows what was told."""
     data = isocodec.encode(HILLS, 100.5, layers=10)
-    first = inspect(data, symbols=True).layers[0]
+    first = counted(isocodec.open(data)).layers[0]
     assert first.offset is not None and first.bytes is not None
     short = isocodec.open(data).edited(size=first.offset + first.bytes // 2 + 8)
     (tmp_path / "short.iso").write_bytes(short)

@@ -185,7 +185,8 @@ class Observed:
         if isinstance(self.what, Mesh):
             out["points"] = len(np.asarray(self.what.points))
             domain = file.info.domain
-            out["cells"] = len(np.asarray(self.what.cells)) if self.what.cells is not None else domain.cells if domain else 0
+            known = None if self.what.cells is None else len(np.asarray(self.what.cells))
+            out["cells"] = known if known is not None else domain.cells if domain else 0
         return out
 
     def after(self, file: IsoFile, keywords: Mapping[str, Any], marked: bool) -> list[str]:
