@@ -17,7 +17,8 @@ from .things import SampleMask
 def _nii(mask: SampleMask, _: str, __: OutputOptions) -> Iterator[bytes]:
     """1 above, in the coordinates of the placement; without one in none."""
     nibabel = optional("nibabel", extra="nifti", purpose="writing NIfTI")
-    affine = None if mask.placement is None or mask.placement.matrix is None else np.vstack([mask.placement.matrix, [0, 0, 0, 1]])
+    matrix = None if mask.placement is None else mask.placement.matrix
+    affine = None if matrix is None else np.vstack([matrix, [0, 0, 0, 1]])
     shape, rows = mask.taken(transposed=True)
     # the library sees an array of this shape that takes no memory; its samples follow the header
     image = nibabel.Nifti1Image(np.broadcast_to(np.uint8(0), shape[::-1]), affine)
