@@ -198,7 +198,7 @@ def test_piece_by_piece():
         decoder.feed(data[:size])
         with pytest.raises(TruncatedError):
             decoder.close()
-        assert len(decoder.contour(0).points) <= len(whole.drawn(0).points)
+        assert len(decoder.contour(0).points) <= len(whole.contour(0).points)
     with pytest.raises(FormatError):
         decode(data + b"x", mesh=mesh)
 
@@ -284,10 +284,12 @@ def test_options_that_do_not_fit():
         ([0, 1, 2, 3], {"precision": "step=0.5"}),
         ([0.0, 1, 2, 3], {"precision": [4, 1]}),
         ([0.0, 1, 2, 3], {"precision": f"step={-1}"}),
-        ([0, 1, 2, 3], {"mesh": "unknown"}),
+        ([0, 1, 2, 3], {"layers": 2}),
     ):
         with pytest.raises(OptionError):
             encode(Mesh(*mesh, values), 1.5, **options)
+    with pytest.raises(OptionError):
+        encode(Mesh(*mesh, [0, 1, 2, 3], stored="unknown"), 1.5)
 
 
 @pytest.mark.parametrize("make", [plane, space])

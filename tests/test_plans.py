@@ -10,13 +10,12 @@ import pytest
 
 import isocodec
 from commands import BALL, HILLS, fails, ok
-from isocodec import read_plan
 from isocodec.errors import OptionError
 from isocodec.field.samples import check_field
 from isocodec.grid.layers.plan import Criteria
 from isocodec.search.promise import Promise
 from isocodec.stream.plan_file import __doc__ as LANGUAGE
-from isocodec.stream.plan_file import check_plan
+from isocodec.stream.plan_file import check_plan, read_plan
 from isospec.container import SIGNATURE
 
 FULL = 12

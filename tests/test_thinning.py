@@ -52,7 +52,7 @@ def test_errors_are_those_of_the_surface(criterion: str):
     points, values = terrain()
     found = isocodec.thin(isocodec.Mesh(points, None, values), criterion=criterion, to=40)
     for count in (40, 100, 250):
-        tin = found.tin(count)
+        tin = found.at(count)
         missed = np.abs(interpolated(tin, points) - values)
         at = len(points) - count - 1
         assert found.errors[at] == pytest.approx(missed.max(), abs=1e-9)
@@ -71,7 +71,7 @@ def test_keys_are_what_brute_force_finds():
                 some = left[left != v]
                 tin = isocodec.thin(
                     isocodec.Mesh(points[some], None, values[some]), criterion="AT1", to=len(some),
-                ).tin()
+                )
                 missed = np.ma.masked_invalid(interpolated(tin, points)) - values
                 if np.ma.is_masked(missed):
                     continue  # a corner of the hull: without it, not all points are covered
@@ -81,7 +81,7 @@ def test_keys_are_what_brute_force_finds():
             v = int(found.order[step])
             assert costs[v] == pytest.approx(best, abs=1e-6)
             left = left[left != v]
-            tin = isocodec.thin(isocodec.Mesh(points[left], None, values[left]), criterion="AT1", to=len(left)).tin()
+            tin = isocodec.thin(isocodec.Mesh(points[left], None, values[left]), criterion="AT1", to=len(left))
             before = float(((interpolated(tin, points) - values) ** 2).sum())
 
 
@@ -93,14 +93,14 @@ def test_order_of_points_does_not_matter(criterion: str):
     second = isocodec.thin(isocodec.Mesh(points[mixed], None, values[mixed]), criterion=criterion, to=30)
     assert np.array_equal(first.order, mixed[second.order])
     assert np.array_equal(first.errors, second.errors)
-    assert np.array_equal(first.tin().points[first.tin().triangles], second.tin().points[second.tin().triangles])
+    assert np.array_equal(first.points[first.triangles], second.points[second.triangles])
 
 
 @pytest.mark.parametrize("criterion", CRITERIA)
 def test_error_is_kept(criterion: str):
     points, values = terrain()
     found = isocodec.thin(isocodec.Mesh(points, None, values), criterion=criterion, error=6)
-    missed = np.abs(interpolated(found.tin(), points) - values)
+    missed = np.abs(interpolated(found, points) - values)
     assert missed.max() <= 6 + 1e-9
     assert len(found) < len(points)
 
@@ -137,7 +137,7 @@ def test_points_that_coincide():
     found = isocodec.thin(isocodec.Mesh(points, None, np.array([0, 0, 0, 0, 1.0, 2.0, 6.0])), criterion="AT1", to=5)
     assert found.merged == 2
     assert found.kept.tolist() == [0, 1, 2, 3, 4]
-    assert sorted(found.tin().values.tolist()) == [0, 0, 0, 0, 3.0]
+    assert sorted(found.values.tolist()) == [0, 0, 0, 0, 3.0]
 
 
 def test_floating_point_positions():
@@ -145,10 +145,10 @@ def test_floating_point_positions():
     rng = np.random.default_rng(0)
     exact = rng.integers(0, 1 << 20, (50, 2)) / 1024 + 500000
     assert np.isin(
-        isocodec.thin(isocodec.Mesh(exact, None, np.zeros(50)), criterion="AT1", to=50).tin().points, exact,
+        isocodec.thin(isocodec.Mesh(exact, None, np.zeros(50)), criterion="AT1", to=50).points, exact,
     ).all()
     rough = rng.normal(size=(50, 2)) * 1e-9
-    tin = isocodec.thin(isocodec.Mesh(rough, None, np.zeros(50)), criterion="AT1", to=50).tin()
+    tin = isocodec.thin(isocodec.Mesh(rough, None, np.zeros(50)), criterion="AT1", to=50)
     found = tin.points[np.lexsort(tin.points.T)]
     assert np.abs(found - rough[np.lexsort(rough.T)]).max() < np.ptp(rough) / 2**23
 
@@ -184,10 +184,10 @@ def test_options_that_make_no_sense(options: dict):
 
 def test_surfaces_that_there_are():
     found = isocodec.thin(isocodec.Mesh(LINE, None, VALUES), criterion="AT1", to=4)
-    assert len(found.tin(8).points) == 8
+    assert len(found.at(8).points) == 8
     for count in (3, 9, 4.5):
         with pytest.raises(OptionError):
-            found.tin(count)  # type: ignore[arg-type]
+            found.at(count)  # type: ignore[arg-type]
 
 
 # ---- Command line ---------------------------------------------------------------------------------------------------

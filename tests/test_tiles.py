@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from isocodec.api.tiled_api import tiled_of
 from scipy.ndimage import gaussian_filter
 from skimage.measure import find_contours
 
@@ -24,7 +23,7 @@ from isocodec.storage.ranges import together
 from isocodec.tiles.closing import Part
 from isocodec.tiles.layout import TileGrid, in_order, morton
 from isocodec.tiles.structure import Kind, groups_of
-from tiled import encoded, hilly, holed, pieces
+from tiled import encoded, hilly, holed, pieces, tiled_of
 
 FIELDS = {2: 2, 3: 1} if INTERPRETED else {2: 14, 3: 4}
 """Random fields, by number of axes."""
@@ -116,7 +115,7 @@ def check_union(tmp_path: Path, n: int, integers: bool, count: int) -> None:
 
 def check_faces(data: bytes, holes: bool) -> None:
     """At the end of each stage, points in a shared face are the same from both sides, where no sample is missing."""
-    file = tiled_of(data)._file
+    file = tiled_of(data)
     grid = file.head.grid
     if holes:
         return

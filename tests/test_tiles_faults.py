@@ -17,14 +17,13 @@ from typing import Any
 
 import numpy as np
 import pytest
-from isocodec.api.tiled_api import tiled_of
 
 import isocodec
 import isocodec.storage.ranges
 from brute import INTERPRETED
 from commands import fails
 from isocodec.errors import InputError, IsoError
-from tiled import encoded, hilly, pieces, served
+from tiled import encoded, hilly, pieces, served, tiled_of
 
 pytestmark = pytest.mark.skipif(INTERPRETED, reason="processes of their own would be slow")
 

@@ -10,12 +10,12 @@ from typing import Any
 import numpy as np
 import pytest
 import rasterio
-from isocodec.api.tiled_api import tiling_of
 from isocodec.cli.isovalues import multiples
 
 import isocodec
 from commands import fails, ok, run
 from isocodec.tiles.sample_range import sample_range
+from isocodec.tiles.writing import tiling_of
 from tiled import hilly, holed, pieces
 
 

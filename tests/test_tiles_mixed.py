@@ -10,15 +10,15 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from isocodec.api.tiled_api import TiledIsoFile, tiled_of
 from scipy.ndimage import maximum_filter
 
 import isocodec
 from brute import INTERPRETED
 from commands import fails, ok
 from isocodec.tiles.gaps import filled, loops_of
+from isocodec.tiles.tiled import TiledFile
 from test_tiles import random_field
-from tiled import encoded, pieces
+from tiled import encoded, pieces, tiled_of
 
 pytestmark = pytest.mark.skipif(INTERPRETED, reason="many tiles would be slow")
 
@@ -26,7 +26,7 @@ COUNT = {2: 20, 3: 6}
 MANY = {2: 150, 3: 40}
 
 
-def mixed(file: TiledIsoFile, seed: int) -> isocodec.Contour:
+def mixed(file: TiledFile, seed: int) -> isocodec.Contour:
     """Each tile as finely as dice say."""
     dice = np.random.default_rng(seed)
     return file.window(within=lambda box: float(dice.choice([16, 4, 1, 0])))
@@ -51,7 +51,7 @@ def check_closed(contour: isocodec.Contour) -> None:
             assert ((both == 0) | (both == last)).all(axis=0).any(), both
 
 
-def check_in_faces(contour: isocodec.Contour, file: TiledIsoFile, plain: int) -> None:
+def check_in_faces(contour: isocodec.Contour, file: TiledFile, plain: int) -> None:
     """The cells behind those of tiles lie in planes that tiles share."""
     corners = contour.points[contour.cells[plain:]]
     tile = 1 << file.head.grid.exponent

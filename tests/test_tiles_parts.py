@@ -7,7 +7,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from isocodec.api.tiled_api import tiled_of
 
 import isocodec
 from brute import INTERPRETED
@@ -15,7 +14,7 @@ from commands import fails, ok, run
 from isocodec.errors import FormatError, LimitError, OptionError
 from places import matrix
 from test_tiles import random_field
-from tiled import encoded, hilly, holed, pieces
+from tiled import encoded, hilly, holed, pieces, tiled_of
 
 COUNT = {2: 2, 3: 1} if INTERPRETED else {2: 16, 3: 5}
 

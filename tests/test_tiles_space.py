@@ -6,7 +6,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from isocodec.api.tiled_api import TiledIsoFile, tiled_of
 from scipy.ndimage import gaussian_filter
 
 import isocodec
@@ -17,10 +16,11 @@ from isocodec.search.original import original
 from isocodec.search.proof import hausdorff
 from isocodec.search.tile_faces import Faces, ancestry, parents, unit_of
 from isocodec.search.tile_volume import pitch_of
+from isocodec.tiles.tiled import TiledFile
 from isoconform import meshes
 from test_tiles import check_faces
 from test_tiles_mixed import check_closed, mixed
-from tiled import encoded
+from tiled import encoded, tiled_of
 
 pytestmark = pytest.mark.skipif(INTERPRETED, reason="searches would be slow")
 COUNT, MANY = 4, 40
@@ -33,11 +33,11 @@ def waves(shape: tuple[int, ...], seed: int = 0) -> np.ndarray:
     return np.sin(x / 7 + np.sin(z / 23) + a) + np.sin(y / 9 + np.cos(x / 31) + b) + np.sin(z / 8 + np.sin(y / 29) + c)
 
 
-def is_searched(file: TiledIsoFile) -> bool:
+def is_searched(file: TiledFile) -> bool:
     return file.head.stages[-1].adaptive
 
 
-def check_kept(file: TiledIsoFile, field: np.ndarray, isovalue: float, tolerance: float) -> None:
+def check_kept(file: TiledFile, field: np.ndarray, isovalue: float, tolerance: float) -> None:
     """Both ways, and closed, also where tiles stand at different layers."""
     contour, first = file.window(), original(check_field(field, isovalue))
     there, back = hausdorff(contour.points, contour.cells, first.points, first.cells, 0.001)

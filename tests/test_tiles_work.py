@@ -12,14 +12,13 @@ import threading
 import time
 import zlib
 from concurrent.futures import Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor
+from dataclasses import fields
 from pathlib import Path
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from isocodec.api.tiled_api import TiledIsoFile, tiled_of
-from isocodec.tiles.encoding import Tiling
 
 import isocodec
 from brute import INTERPRETED
@@ -28,8 +27,11 @@ from isocodec.errors import FormatError, InputError, IsoError, OptionError, Trun
 from isocodec.stream.options import Options
 from isocodec.tiles.head import write_head
 from isocodec.tiles.merging import grid_of
-from isocodec.tiles.spool import Spool
-from tiled import encoded, hilly, holed, pieces, served
+from isocodec.tiles.spool import Spool, description
+from isocodec.tiles.tile_encoder import Tiling
+from isocodec.tiles.tiled import TiledFile
+from isocodec.tiles.writing import tiling_of
+from tiled import encoded, hilly, holed, pieces, served, tiled_of
 
 # -- who encodes ---------------------------------------------------------------------------------------------------
 
@@ -301,7 +303,7 @@ def test_a_window_of_a_url(tmp_path: Path) -> None:
     data = encoded(tmp_path, noise, 50.5, precision="exact")
     with served(data) as (url, sent):
         file = isocodec.open(url)
-        assert isinstance(file, TiledIsoFile) and len(sent) == 1
+        assert isinstance(file, TiledFile) and len(sent) == 1
         part = file.window([(300, 330), (400, 430)])
         assert pieces(part) == pieces(tiled_of(data).window([(300, 330), (400, 430)]))
         assert len(sent) <= 8 and sum(sent) < len(data) // 2
@@ -387,3 +389,9 @@ def test_a_worker_that_dies(tmp_path: Path) -> None:
             isocodec.save(tmp_path / "a.iso", field, 30.5, tile=32, engine=processes)
     isocodec.save(tmp_path / "a.iso", field, 30.5, tile=32)
     assert (tmp_path / "a.iso").read_bytes() == encoded(tmp_path, field, 30.5)
+
+
+def test_every_option_is_part_of_what_tiles_have_in_common() -> None:
+    """A spool goes on only with the tiles of a call with the same options, whichever options there are."""
+    tiling = tiling_of(hilly(), 30.5, 32, Options())
+    assert {each.name for each in fields(Options)} <= set(description(tiling))

@@ -59,7 +59,7 @@ def test_points_are_samples():
     tin = isocodec.open(isocodec.encode(isocodec.thin(HILL, to=80, step=1 / 64))).surface()
     assert len(tin.points) == 80
     assert np.array_equal(tin.points, np.rint(tin.points))
-    plain = isocodec.thin(HILL, criterion="l2", to=80).tin()
+    plain = isocodec.thin(HILL, criterion="l2", to=80)
     before = isocodec.Tin(plain.points, plain.values, plain.triangles, HILL.shape).raster()
     assert ((tin.raster() - HILL) ** 2).mean() <= ((before - HILL) ** 2).mean()
 
@@ -189,7 +189,7 @@ def test_other_files():
         isocodec.open(mesh).surface()
     with pytest.raises(OptionError) as caught:
         isocodec.decode(isocodec.encode(isocodec.thin(HILL, to=10)))
-    assert "decode_tin" in str(caught.value)
+    assert "surface" in str(caught.value)
 
 
 def test_notes():

@@ -12,6 +12,7 @@ import numpy as np
 from scipy.ndimage import gaussian_filter
 
 import isocodec
+from isocodec.tiles.tiled import TiledFile
 
 
 def hilly(shape: tuple[int, ...] = (150, 210)) -> np.ndarray:
@@ -23,6 +24,12 @@ def encoded(tmp_path: Path, field: np.ndarray, isovalue: object, tile: int = 32,
     path = tmp_path / "tiled.iso"
     isocodec.save(path, field, isovalue, tile=tile, **options)  # type: ignore[arg-type]
     return path.read_bytes()
+
+
+def tiled_of(data: bytes, limits: isocodec.Limits | None = None) -> TiledFile:
+    """What reads a file in tiles, piece by piece, of bytes that are all there."""
+    view = memoryview(data)
+    return TiledFile(lambda start, end: bytes(view[start:end]), limits)
 
 
 def pieces(contour: isocodec.Contour) -> list[tuple[tuple[float, ...], ...]]:

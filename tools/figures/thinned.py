@@ -46,7 +46,7 @@ def thinned(folder: Path, output: Path) -> None:
     figure = plt.figure(figsize=(11, 9), layout="constrained")
     for row, criterion in enumerate(("AT1", "NAT")):
         found = isocodec.thin(values, criterion=criterion, to=KEPT)
-        tin, error = found.tin(), float(found.errors[-1])
+        tin, error = found, float(found.errors[-1])
         flat = figure.add_subplot(2, 2, 2 * row + 1)
         corners = tin.points[tin.triangles][..., ::-1]
         shown = PolyCollection(list(corners), array=tin.values[tin.triangles].mean(axis=1), cmap="terrain",
