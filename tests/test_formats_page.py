@@ -104,15 +104,15 @@ SURFACES = {".vtp": by_vtk, **dict.fromkeys([".ply", ".stl", ".off", ".obj", ".g
 
 @pytest.mark.parametrize("suffix", CURVES)
 def test_curves_lie_where_they_did(tmp_path: Path, suffix: str) -> None:
-    contour = isocodec.decode(isocodec.encode(HILLS, 80.5, placement=UTM, metadata={"crs": "EPSG:32631"}))
-    isocodec.save(tmp_path / "c.iso", isocodec.encode(HILLS, 80.5, placement=UTM, metadata={"crs": "EPSG:32631"}))
+    contour = isocodec.decode(isocodec.encode(isocodec.Field(HILLS, placement=UTM, crs="EPSG:32631"), 80.5))
+    isocodec.save(tmp_path / "c.iso", isocodec.encode(isocodec.Field(HILLS, placement=UTM, crs="EPSG:32631"), 80.5))
     ok("decode", tmp_path / "c.iso", "-o", tmp_path / f"c{suffix}", *(["--keep-crs"] if suffix == ".geojson" else []))
     holds(suffix, CURVES[suffix](tmp_path / f"c{suffix}"), contour.placed)
 
 
 @pytest.mark.parametrize("suffix", SURFACES)
 def test_surfaces_lie_where_they_did(tmp_path: Path, suffix: str) -> None:
-    contour = isocodec.decode(isocodec.encode(BALL, 55.5, placement=SPACE))
+    contour = isocodec.decode(isocodec.encode(isocodec.Field(BALL, placement=SPACE), 55.5))
     isocodec.save(tmp_path / f"c{suffix}", contour)
     holds(suffix, SURFACES[suffix](tmp_path / f"c{suffix}"), contour.placed)
 

@@ -20,6 +20,7 @@ from isocodec.grid.lattice.access import dimension
 from isocodec.grid.lattice.store import get
 from isocodec.grid.lattice.tables import cube_exponent
 from isocodec.grid.models.contexts import CONTEXTS
+from isocodec.grid.models.neighbourhood import nearest_vertices, see_around, survey
 from isocodec.grid.models.network_rows import (
     AROUND,
     BASE_NET,
@@ -39,7 +40,6 @@ from isocodec.grid.models.network_rows import (
     TREE_ROWS,
     VALUE_ROWS,
 )
-from isocodec.grid.models.neighbourhood import nearest_vertices, see_around, survey
 from isocodec.grid.models.significance import BIRTH
 from isocodec.grid.models.trained import members, shipped_models
 from isocodec.search.strategy import grid_plan

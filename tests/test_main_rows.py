@@ -19,9 +19,9 @@ from isocodec.grid.lattice.store import get
 from isocodec.grid.lattice.tables import cube_exponent
 from isocodec.grid.lattice.vertex_set import IN, KEPT, OUT
 from isocodec.grid.models.base_signs import see_behind
-from isocodec.grid.models.network_rows import AROUND, BASE_ROW, MESH_ROW, MOST_ROWS, SIGN_ROWS, TREE_ROW, VALUE_ROW
 from isocodec.grid.models.mesh_questions import Question, see_mesh
 from isocodec.grid.models.neighbourhood import nearest_vertices, survey
+from isocodec.grid.models.network_rows import AROUND, BASE_ROW, MESH_ROW, MOST_ROWS, SIGN_ROWS, TREE_ROW, VALUE_ROW
 from isocodec.grid.models.refinement_signs import Before, Expected, see_middle
 from isocodec.grid.models.significance import CUBE, NODE, SLOT, Node, see_crowd
 from isocodec.grid.models.trained import members, shipped_models

@@ -113,7 +113,7 @@ def test_coarse_layers_at_low_zooms(tmp_path: Path) -> None:
     made = (tmp_path / "map.pmtiles").read_bytes()
     assert facts["bytes"] == len(made)
     header, tiles = opened(made)
-    file = tiled_of(data)
+    file = isocodec.open(data)
     most = header["max_zoom"]
     for zoom, layer in ((most, None), (most - 2, 1), (most - 4, 0)):
         wanted = mercator(file.window(layer=layer)) * (EXTENT << zoom)

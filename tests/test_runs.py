@@ -10,7 +10,6 @@ import pytest
 
 import isocodec
 from explicit_meshes import plane, space
-from files import picture
 from isocodec import Decoder, Limits
 from isocodec.entropy import run as module
 from isocodec.entropy.context_layout import Layout, context_coder
@@ -134,13 +133,16 @@ def wavy(points: np.ndarray) -> np.ndarray:
     return np.rint(40 * np.sin(points * 0.07).sum(axis=1) + 20 * np.cos(points[:, 0] * 0.19)).astype(np.int64)
 
 
+Y, X = np.indices((40, 40))
+HILLS = np.rint(40 * np.sin(X / 5) * np.cos(Y / 7) + 6 * np.random.default_rng(2).normal(size=X.shape)).astype(np.int64)
+
+
 def in_layers() -> bytes:
-    return isocodec.encode(picture((40, 40), 2), [0, 10], precision="exact")
+    return isocodec.encode(HILLS, [0, 10], precision="exact")
 
 
 def masked() -> bytes:
-    gone = np.hypot(*(np.indices((40, 40)) - np.array([20, 11]).reshape(2, 1, 1))) < 6
-    return isocodec.encode(isocodec.Field(picture((40, 40), 2), gone), 0)
+    return isocodec.encode(isocodec.Field(HILLS, np.hypot(Y - 20, X - 11) < 6), 0)
 
 
 def with_coordinates() -> bytes:
@@ -155,7 +157,7 @@ def on_mesh(base: Mesh = PLANE, precision: str | None = None, **options) -> byte
 
 
 def surface() -> bytes:
-    return isocodec.encode(isocodec.thin(picture((40, 40), 2).astype(float), error=3.0, layers=3))
+    return isocodec.encode(isocodec.thin(HILLS.astype(float), error=3.0, layers=3))
 
 
 KINDS: dict[str, tuple[Callable[[], bytes], int]] = {

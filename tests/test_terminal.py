@@ -21,7 +21,7 @@ import tifffile
 
 import isocodec
 from commands import BALL, HILLS, fails, ok, process, run
-from inputs import META, read_field, virtual
+from inputs import META, virtual
 from isocodec.cli.report import one_warning
 from isocodec.errors import InputError, one_line, plain
 

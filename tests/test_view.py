@@ -102,8 +102,8 @@ def test_plot_takes_a_view(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("mirrored", [1, -1])
 def test_the_mesh_faces_the_viewer_in_a_mirrored_world_too(mirrored: int) -> None:
+    from isocodec.drawing.pictures import picture
     from isocodec.drawing.pictures.picture import matplotlib_figure
-    from isocodec.io.writers import picture
 
     placement = [(0, 0, mirrored, 0), (1, 0, 0, 0), (0, 1, 0, 0)]
     contour = isocodec.decode(isocodec.encode(isocodec.Field(BALL, placement=placement), 50.5))

@@ -14,13 +14,13 @@ import numpy as np
 import pytest
 import shapely.geometry
 import trimesh
-from isocodec.io.writers.picture import Step, contour_picture, steps_picture
-from isocodec.io.writers.shading import shade
-from isocodec.io.writers.view import USUAL, upright
 from PIL import Image
 
 from files import same
 from isocodec.drawing.contour import Contour
+from isocodec.drawing.pictures.picture import Step, contour_picture, steps_picture
+from isocodec.drawing.pictures.shading import shade
+from isocodec.drawing.pictures.view import USUAL, upright
 from isocodec.errors import MissingExtraError, OptionError
 from isocodec.io.writers.things import Thing
 from isocodec.io.writers.write import check, write

@@ -110,7 +110,7 @@ class Added:
             If a distance is given for other than each axis, or one of these does not apply.
         """
         if isinstance(what, Mesh):
-            given = {"stored": self.stored, "error": self.mesh_error}
+            given: dict[str, Any] = {"stored": self.stored, "error": self.mesh_error}
             return replace(what, **{name: value for name, value in given.items() if value is not None})
         if isinstance(what, Frames):
             return replace(what, fields=_Changed(what.fields, self.to))
@@ -124,8 +124,9 @@ class Added:
         placement: Any = field.placement if self.placed and self.spacing is None else self.spacing
         crs = field.crs if self.placed else None
         field = replace(field, placement=placement, crs=crs)
-        about = {"periodic": self.periodic, "periods": self.periods, "error": self.error}
-        if given := {name: value for name, value in about.items() if value}:
+        about: dict[str, Any] = {"periodic": self.periodic, "periods": self.periods, "error": self.error}
+        given = {name: value for name, value in about.items() if value}
+        if given:
             where = field.placement or Placement()
             field = replace(field, placement=replace(where, **given, inferred=where.inferred and not self.periodic))
         return replace(field, labels=tuple(self.labels)) if self.labels else field
@@ -182,9 +183,10 @@ class Observed:
             out["dtype"] = str(self._fields[0].dtype)
             out["missing"] = sum(one.missing for one in self._fields)
         if isinstance(self.what, Mesh):
-            out["points"] = len(self.what.points)
+            out["points"] = len(np.asarray(self.what.points))
             domain = file.info.domain
-            out["cells"] = len(self.what.cells) if self.what.cells is not None else domain.cells if domain else 0
+            known = None if self.what.cells is None else len(np.asarray(self.what.cells))
+            out["cells"] = known if known is not None else domain.cells if domain else 0
         return out
 
     def after(self, file: IsoFile, keywords: Mapping[str, Any], marked: bool) -> list[str]:
@@ -249,8 +251,8 @@ class _Seen:
         gone = np.isnan(values) if values.dtype.kind == "f" else np.zeros(values.shape, np.bool_)
         gone = gone if field.mask is None else gone | field.mask
         valid = values[~gone] if gone.any() else values
-        ends = (valid.min(), valid.max()) if valid.size else (None, None)
-        return cls(*ends, int(gone.sum()), values.dtype)
+        low, high = (valid.min(), valid.max()) if valid.size else (None, None)
+        return cls(low, high, int(gone.sum()), values.dtype)
 
 
 def observed(what: Any, added: Added) -> Observed:

@@ -28,7 +28,7 @@ class EditOptions(Writing, Opening):
     )
     isovalues: tuple[float, ...] = option("--isovalue", heading=PART, type=Number(), multiple=True, metavar="V",
                                           help="Keep this isovalue. Repeatable.")
-    profile: str | None = option("--profile", heading=PRECISION, type=click.Choice(["main", "baseline"]),
+    profile: Any = option("--profile", heading=PRECISION, type=click.Choice(["main", "baseline"]),
                                  help="Encode the curves again in this profile; no point moves.")
     precision: str | None = option(
         "--precision", heading=PRECISION, metavar="P",

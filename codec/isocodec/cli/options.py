@@ -338,7 +338,7 @@ class Thinning(Options):
     step: float | None = option("--step", heading=SURFACE, type=float, metavar="S",
                                 help="Steps that values are rounded to in an .iso file.")
 
-    def thinned(self, what: Any, contours: Collection[float], layers: int, criterion: str | None, progress: Any) -> Any:
+    def thinned(self, what: Any, contours: Collection[float], layers: int, criterion: Any, progress: Any) -> Any:
         """Thin a field or points to a triangulation."""
         import isocodec
 

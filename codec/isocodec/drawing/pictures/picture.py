@@ -214,9 +214,8 @@ def _draw_mesh(
     collections = optional("matplotlib.collections", extra="plot", purpose="drawing a picture")
     if _flat(contour) or len(contour.shape) == 2:
         ends = np.unique(np.sort(simplices[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1), axis=0)
-        axes.add_collection(
-            collections.LineCollection(position[ends][:, :, :: 1 if _flat(contour) else -1], colors=["0.7"], linewidths=0.25, zorder=0)
-        )
+        lines = position[ends] if _flat(contour) else position[ends][:, :, ::-1]
+        axes.add_collection(collections.LineCollection(lines, colors=["0.7"], linewidths=0.25, zorder=0))
         return
     world = upright(contour)
     corners = contour.points[contour.cells] @ world.T
