@@ -8,7 +8,6 @@ from unittest import mock
 
 import numpy as np
 import pytest
-from isocodec.cli.progress import progress_bar
 from isocodec.cli.receive import Drawings
 
 import isocodec
@@ -16,6 +15,7 @@ from brute import INTERPRETED
 from commands import HILLS, fails, ok, run
 from files import picture
 from isocodec import Decoder, Limits
+from isocodec.cli.report import progress_bar
 from isocodec.drawing import rows as masks
 from isocodec.errors import FormatError, InputError, LimitError
 from isocodec.field.placement import matrix_of, write_placement
@@ -293,8 +293,8 @@ def test_topology_of_some_isovalues_is_told_of_these(tmp_path, monkeypatch):
 
 def test_a_bar_that_has_not_appeared_is_not_cleared(monkeypatch):
     written = []
-    monkeypatch.setattr("isocodec.cli.progress.sys.stderr", SimpleNamespace(isatty=lambda: True))
-    monkeypatch.setattr("isocodec.cli.progress.os.write", lambda *what: written.append(what))
+    monkeypatch.setattr("isocodec.cli.report.sys.stderr", SimpleNamespace(isatty=lambda: True))
+    monkeypatch.setattr("isocodec.cli.report.os.write", lambda *what: written.append(what))
     with progress_bar("working"):
         undo_all()
     assert written == []
