@@ -1,6 +1,6 @@
 """Encode and decode the shipped data: tables of sizes, checks against scikit-image, pictures and files in demo/out/.
 
-``python tools/demo.py --markdown`` prints the tables of docs/comparison.md instead; ``--docs`` writes the pictures of docs.
+``python tools/demo.py --markdown`` prints the tables of docs/comparison.md; ``--docs`` writes the pictures of docs.
 """
 
 from __future__ import annotations
