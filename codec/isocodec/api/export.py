@@ -19,6 +19,7 @@ from ..io.writers.registry import suffix_of
 from ..io.writers.things import Areas, Pyramid, SampleMask, Thing
 from ..io.writers.write import USUAL, Written, check, write
 from ..limits import Budget, Limits
+from ..stream.decoder import Decoder
 from ..stream.inspect import FileInfo, inspect
 from ..tin.tin import Tin
 from .isofile import IsoFile
@@ -29,6 +30,14 @@ _KINDS: Mapping[str, Kind] = {
     "surface": "tin",
 }
 """What is written of a file, as writers call it."""
+_APART: Mapping[str, tuple[str, ...]] = {
+    "above": ("layers", "max_bytes", "box", "within"),
+    "valid": ("layers", "max_bytes", "box", "within", "frame"),
+    "labels": ("layers", "max_bytes", "box", "within", "frame", "partial"),
+    "surface": ("layers", "box", "within", "frame", "smooth"),
+}
+"""Parts of a file that cannot be chosen of what is decoded."""
+_WRITTEN = {"box": "window", "max_bytes": "max-bytes"}
 _ARRAY = ".npy"
 """Suffix of arrays: of labels, and of the picture that a surface makes."""
 _LISTED = 5
@@ -160,6 +169,10 @@ def decoded(file: IsoFile, path: str | os.PathLike[str], wanted: Wanted, progres
     """
     what = wanted.what or ("surface" if file.kind == "surface" and wanted.isovalue is None else "curve")
     suffix = check_export(path, what, wanted.options)
+    for name in _APART.get(what, ()):
+        if name in wanted.view:
+            option = _WRITTEN.get(name, name)
+            raise OptionError(f"--{option} does not apply to {what}", code=name, remedy="leave it out")
     made = _MAKERS[what](file, suffix, wanted, progress)
     made.options = wanted.options
     # what lies behind the part that was decoded may be damaged
@@ -261,7 +274,7 @@ def _samples(file: IsoFile, suffix: str, wanted: Wanted, progress: Any) -> Decod
     if wanted.what == "valid":
         rows, isovalue = file.valid(), None
     else:
-        rows, isovalue = file.above(wanted.isovalue, frame=wanted.view.get("frame")), wanted.isovalue
+        rows, isovalue = _above(file, wanted), wanted.isovalue
         if isovalue is None and file.isovalues:
             isovalue, remarks = file.isovalues[0], _others(file, file.isovalues[0])
     if rows.ndim == 1 and suffix == _ARRAY:  # of vertices
@@ -269,6 +282,17 @@ def _samples(file: IsoFile, suffix: str, wanted: Wanted, progress: Any) -> Decod
         return Decoded(_array(rows), counts, f"{rows.size:,} vertices")
     facts = {"samples": rows.size, "isovalue": isovalue, "shape": list(rows.shape), "complete": file.complete}
     return Decoded(SampleMask(rows, file.placement), facts, str(wanted.what), remarks)
+
+
+def _above(file: IsoFile, wanted: Wanted) -> np.ndarray:
+    """Which samples lie above; of a truncated file as far as that is known."""
+    frame = wanted.view.get("frame")
+    if not wanted.view.get("partial") or file.complete or file.kind not in ("grid", "series"):
+        return file.above(wanted.isovalue, frame=frame)
+    number = file.info.number_of(wanted.isovalue)
+    decoder = Decoder(file.limits, only=file.info.chain(number), frame=frame or 0)
+    decoder.feed(file.data)
+    return decoder.take().grid.above(number)
 
 
 def _labels(file: IsoFile, suffix: str, wanted: Wanted, progress: Any) -> Decoded:
