@@ -8,14 +8,13 @@ from unittest import mock
 
 import numpy as np
 import pytest
-from isocodec.cli.progress import progress_bar
-from isocodec.cli.receive import Drawings
 
 import isocodec
 from brute import INTERPRETED
 from commands import HILLS, fails, ok, run
 from files import picture
 from isocodec import Decoder, Limits
+from isocodec.cli.report import progress_bar
 from isocodec.drawing import rows as masks
 from isocodec.errors import FormatError, InputError, LimitError
 from isocodec.field.placement import matrix_of, write_placement
@@ -259,10 +258,10 @@ def test_who_names_an_isovalue_is_not_told_of_others(tmp_path):
 def test_memory_that_ends_anywhere_has_its_exit_code(tmp_path, monkeypatch):
     (tmp_path / "in.iso").write_bytes(TWO)
 
-    def ends(*_: object) -> None:
+    def ends(*_: object, **__: object) -> None:
         raise MemoryError
 
-    monkeypatch.setattr("isocodec.cli.decode.limits_of", ends)
+    monkeypatch.setattr("isocodec.api.isofile.open", ends)
     assert "not enough memory" in fails(6, "decode", tmp_path / "in.iso", "-o", tmp_path / "a.npz")
 
 
@@ -293,8 +292,8 @@ def test_topology_of_some_isovalues_is_told_of_these(tmp_path, monkeypatch):
 
 def test_a_bar_that_has_not_appeared_is_not_cleared(monkeypatch):
     written = []
-    monkeypatch.setattr("isocodec.cli.progress.sys.stderr", SimpleNamespace(isatty=lambda: True))
-    monkeypatch.setattr("isocodec.cli.progress.os.write", lambda *what: written.append(what))
+    monkeypatch.setattr("isocodec.cli.report.sys.stderr", SimpleNamespace(isatty=lambda: True))
+    monkeypatch.setattr("isocodec.cli.report.os.write", lambda *what: written.append(what))
     with progress_bar("working"):
         undo_all()
     assert written == []
