@@ -14,7 +14,7 @@ from isocodec import Decoder
 from isocodec.drawing.snapshot import state_of
 from isocodec.errors import FormatError
 from isocodec.format import chunks
-from isocodec.grid.layers import writer
+from isocodec.grid.layers import layer_writer as writer
 from isocodec.stream import encoder
 from isospec.container import (
     ChunkType,

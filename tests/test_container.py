@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from isocodec.stream.contents import LAYER_CHUNKS, READERS
 
 import isocodec
 from brute import examples
@@ -23,6 +22,7 @@ from isocodec.format.header import Header, read_header, write_header, write_isov
 from isocodec.format.kinds import LayerKind
 from isocodec.format.program import Layer, Progress, read_program, write_program
 from isocodec.stream.encoder import encoder_of
+from isocodec.stream.outline import LAYER_CHUNKS, READERS
 from isospec.container import (
     CHECKED_CHUNK,
     LAYER_LIMIT,

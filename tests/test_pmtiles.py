@@ -16,7 +16,7 @@ from scipy.spatial import KDTree
 import isocodec
 from commands import fails, ok
 from isocodec.io.writers.to_pmtiles import EXTENT, cut
-from tiled import encoded, hilly, tiled_of
+from tiled import encoded, hilly
 from written import rendered
 
 mapbox_vector_tile = pytest.importorskip("mapbox_vector_tile")

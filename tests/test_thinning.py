@@ -179,7 +179,7 @@ def test_input_that_cannot_be_thinned(points: np.ndarray, values: np.ndarray | N
 )
 def test_options_that_make_no_sense(options: dict):
     with pytest.raises(OptionError):
-        isocodec.thin(isocodec.Mesh(LINE, None, VALUES), criterion="AT1", **options)
+        isocodec.thin(isocodec.Mesh(LINE, None, VALUES), **{"criterion": "AT1", **options})
 
 
 def test_surfaces_that_there_are():

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from numbers import Integral
 from typing import Any, Literal, TypeAlias
 
@@ -13,9 +14,10 @@ from numpy.typing import ArrayLike, NDArray
 from ..errors import InputError, OptionError
 from ..field.meshed import Mesh
 from ..field.sampled import Field
+from ..field.samples import missing_of
 from ..format.surface import MOST_LAYERS, values_of
 from ..search.contour_tin import near_contours
-from ..search.tin_fit import Chosen, best, smallest, within
+from ..search.tin_fit import ChosenPoints, best, smallest, within
 from ..stream.given import field_of
 from ..stream.options import Options
 from ..stream.surface_encoder import SurfaceEncoder, surface_of
@@ -110,7 +112,7 @@ def thin(
     >>> len(thin(np.hypot(x - 9.5, y - 20), criterion="AT1", to=50))
     50
     """
-    given, field, notes = _points_of(what)
+    given, field, notes = _points_of(what, criterion is not None)
     notes = {**notes, **(metadata or {})}
     shape = None if field is None else (field.shape[0], field.shape[1])
     if criterion is not None:
@@ -121,10 +123,10 @@ def thin(
         return _removed(given, criterion, to, error, shape, notes, progress)
     _check(error, to, size, step, layers, contours, tolerance)
 
-    def found(chosen: Chosen) -> Tin:
+    def found(chosen: ChosenPoints) -> Tin:
         return _surface(given, chosen, shape, layers, notes)
 
-    def file(chosen: Chosen) -> bytes:
+    def file(chosen: ChosenPoints) -> bytes:
         return b"".join(SurfaceEncoder(found(chosen), Options()))
 
     if error is not None:
@@ -146,8 +148,8 @@ def thin(
     return found(chosen)
 
 
-def _points_of(what: Any) -> tuple[Points, NDArray[np.float64] | None, dict[str, str]]:
-    """Points of what is thinned, the field that they are samples of, and its notes."""
+def _points_of(what: Any, partial: bool) -> tuple[Points, NDArray[np.float64] | None, dict[str, str]]:
+    """Points of what is thinned, the field that they are samples of, its notes; ``partial``: some may be missing."""
     if isinstance(what, Mesh):
         if what.cells is not None or what.values is None:
             raise InputError("a mesh to be thinned has cells, or no values", code="mesh",
@@ -157,21 +159,19 @@ def _points_of(what: Any) -> tuple[Points, NDArray[np.float64] | None, dict[str,
     notes = dict(field.metadata)
     if field.placement is not None:
         notes.update(field.placement.notes())
-    given = points_of(_without_missing(field))
-    return given, np.asarray(field.values, np.float64), notes
-
-
-def _without_missing(field: Field) -> ArrayLike:
-    """The samples of a field; a surface has no holes."""
-    masked = np.ma.getmaskarray(field.values) if isinstance(field.values, np.ma.MaskedArray) else None
-    if (masked is not None and masked.any()) or (field.mask is not None and np.any(field.mask)):
-        raise InputError("samples are missing", code="missing",
+    gone = missing_of(field.values, field.mask)
+    if not gone.any():
+        return points_of(field.values), np.asarray(field.values, np.float64), notes
+    if not partial:
+        raise InputError("samples are missing, and a surface in a file has no holes", code="missing",
                          remedy="give the others as scattered points: Mesh(points, None, values)")
-    return field.values
+    there = np.flatnonzero(~gone)
+    given = points_of(np.argwhere(~gone), np.asarray(field.values)[~gone])
+    return replace(given, source=there[given.source]), np.asarray(field.values, np.float64), notes
 
 
 def _surface(
-    given: Points, chosen: Chosen, shape: tuple[int, int] | None, layers: int, metadata: Mapping[str, str]
+    given: Points, chosen: ChosenPoints, shape: tuple[int, int] | None, layers: int, metadata: Mapping[str, str]
 ) -> Tin:
     """The surface of chosen points as its file will have it."""
     head, parts = surface_of(given, chosen, shape, layers)

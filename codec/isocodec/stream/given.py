@@ -78,7 +78,8 @@ def _of_labels(field: Field, options: Options) -> Options:
     """Options of a file of labels, whose isovalues do not lean on one another."""
     precision = options.precision
     if not (precision.signs or precision.tolerance is not None):
-        raise OptionError(f"precision {precision.text!r} does not apply to labels", code="labels",
+        name = "a plan" if options.layers.planned else f"precision {precision.text!r}"
+        raise OptionError(f"{name} does not apply to labels", code="labels",
                           remedy="use signs or a distance")
     if field.placement is not None and (field.placement.coordinates is not None or field.placement.periodic):
         raise OptionError("labels on a mapped grid", code="labels", remedy="encode each label's mask by itself")
@@ -135,7 +136,7 @@ def _ends(frames: Iterable[Any]) -> tuple[float, float]:
     """The least and the largest sample of all frames."""
     found = []
     for each in frames:
-        values = each.values if isinstance(each, Field | Mesh) else each
+        values: Any = each.values if isinstance(each, Field | Mesh) else each
         mask = each.mask if isinstance(each, Field) else None
         gone = missing_of(values, mask)
         there = np.asarray(values)[~gone]
