@@ -8,10 +8,6 @@ from unittest import mock
 
 import numpy as np
 import pytest
-<<<<<<< HEAD
-=======
-from isocodec.cli.receive import Drawings
->>>>>>> main
 
 import isocodec
 from brute import INTERPRETED
