@@ -101,6 +101,11 @@ class Added:
     stored: str | None = None
     mesh_error: float | None = None
 
+    @property
+    def elsewhere(self) -> bool:
+        """Whether samples lie elsewhere than the input states, or nowhere; its remarks are about that."""
+        return not self.placed or self.spacing is not None
+
     def to(self, what: Any) -> Any:
         """A field, a series or a mesh with that.
 
@@ -113,7 +118,8 @@ class Added:
             given: dict[str, Any] = {"stored": self.stored, "error": self.mesh_error}
             return replace(what, **{name: value for name, value in given.items() if value is not None})
         if isinstance(what, Frames):
-            return replace(what, fields=_Changed(what.fields, self.to))
+            remarks = () if self.elsewhere else getattr(what.fields, "remarks", ())
+            return replace(what, fields=_Changed(what.fields, self.to, remarks))
         return self._to_field(what)
 
     def _to_field(self, field: Field) -> Field:
@@ -121,9 +127,8 @@ class Added:
         if self.spacing is not None and len(self.spacing) != n:
             raise OptionError(f"the spacing has {len(self.spacing)} numbers; give one for each of the {n} axes",
                               code="spacing")
-        placement: Any = field.placement if self.placed and self.spacing is None else self.spacing
-        crs = field.crs if self.placed else None
-        field = replace(field, placement=placement, crs=crs)
+        if self.elsewhere:
+            field = replace(field, placement=self.spacing, crs=None, remarks=())
         about: dict[str, Any] = {"periodic": self.periodic, "periods": self.periods, "error": self.error}
         given = {name: value for name, value in about.items() if value}
         if given:
@@ -135,8 +140,11 @@ class Added:
 class _Changed(Iterable[Any]):
     """Fields, each changed when it is its turn."""
 
-    def __init__(self, fields: Any, change: Callable[[Any], Any], begin: Callable[[], object] = bool) -> None:
-        self._fields, self._change, self._begin = fields, change, begin
+    def __init__(
+        self, fields: Any, change: Callable[[Any], Any], remarks: Sequence[str] = (),
+        begin: Callable[[], object] = bool,
+    ) -> None:
+        self._fields, self._change, self._begin, self.remarks = fields, change, begin, remarks
 
     def __len__(self) -> int:
         return len(self._fields)
@@ -166,7 +174,7 @@ class Observed:
         self._fields: list[_Seen] = []
         self.what = what
         if isinstance(what, Frames):
-            self.what = replace(what, fields=_Changed(what.fields, self._see, self._fields.clear))
+            self.what = replace(what, fields=_Changed(what.fields, self._see, begin=self._fields.clear))
         if isinstance(what, Field) and isinstance(what.values, np.ndarray):
             self._see(what)
 

@@ -96,7 +96,7 @@ class EncodeOptions(Thinning, Writing, Reading):
     frames: bool = option("--frames", heading=INPUT, is_flag=True,
                           help="Keep slices, or the volumes of a 4-D file, as a series.")
     frame_axis: int | None = option(
-        "--frame-axis", heading=INPUT, type=WHOLE, metavar="A",
+        "--frame-axis", heading=INPUT, type=int, metavar="A",
         help="With --frames: the axis that counts them.  [default: 0; of 4-D volume files 3]",
     )
     frame_interval: int | None = option(
