@@ -20,7 +20,7 @@ from ..stream.statistics import FileStatistics
 from ..tiles.structure import HEAD_BYTES, is_tiled
 from ..tin.tin import Tin
 from .editing import Edit, edited
-from .kinds import TileFile, View, WholeFile
+from .files import TileFile, Viewed, WholeFile
 from .selfcheck import check_kernels
 from .verification import Verified, verified
 
@@ -191,14 +191,14 @@ class IsoFile:
         InputError
             If the mesh given is not the one that the file was made on.
         """
-        return self.held.contour(isovalue, View(
+        return self.held.contour(isovalue, Viewed(
             frame=frame, layers=layers, max_bytes=max_bytes, box=box, within=within, smooth=smooth,
             through_holes=through_holes, partial=partial, progress=progress,
         ))
 
     def contours(self, **view: Any) -> list[Contour]:
         """Decode the curves or surfaces of all isovalues, in the file's order; parameters and errors of `contour`."""
-        return self.held.contours(View(**view))
+        return self.held.contours(Viewed(**view))
 
     def each_frame(self, *, smooth: bool = False) -> Iterator[list[Contour]]:
         """Decode frame after frame; no more than two are in memory.
@@ -228,7 +228,7 @@ class IsoFile:
         Tessellation
             Triangles or tetrahedra with their levels, vertices with their signs.
         """
-        return self.held.mesh(isovalue, View(**view), whole)
+        return self.held.mesh(isovalue, Viewed(**view), whole)
 
     # -- arrays --------------------------------------------------------------------------------------------------
 
@@ -254,7 +254,7 @@ class IsoFile:
         FormatError, LimitError
             As `contour`; ``limits.samples`` bounds the result.
         """
-        return self.held.above(isovalue, View(**view))
+        return self.held.above(isovalue, Viewed(**view))
 
     def valid(self, *, max_bytes: int | None = None) -> NDArray[np.bool_]:
         """Decode which samples are valid; the others are missing. Bool, of the shape of the field.

@@ -103,7 +103,7 @@ def engine_of(workers: int | None, scheduler: str | None) -> Iterator[Any]:
         import multiprocessing
         from concurrent.futures import ProcessPoolExecutor
 
-        from ..tiles.running import end_with_parent
+        from ..tiles.workers import end_with_parent
 
         spawned = multiprocessing.get_context("spawn")
         with ProcessPoolExecutor(workers, mp_context=spawned, initializer=end_with_parent) as pool:

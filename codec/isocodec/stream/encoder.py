@@ -60,11 +60,9 @@ class Encoder:
     ----------
     isovalue : number or sequence of numbers, optional
         As of `encode`; the same for all frames. None if they are of bool or labels.
-    interval : int
-        Every so many frames one leans on none before it, so that those from there on decode without the others; 0 if
-        only the first does.
     **options
-        Those of `encode`.
+        Those of `encode`; with an ``interval`` every so many frames one leans on none before it, so that those from
+        there on decode without the others.
 
     Raises
     ------
@@ -80,10 +78,9 @@ class Encoder:
     """
 
     def __init__(
-        self, isovalue: Isovalues | None = None, *, interval: int = 0, progress: Report | None = None,
-        **options: Unpack[EncodeOptions],
+        self, isovalue: Isovalues | None = None, *, progress: Report | None = None, **options: Unpack[EncodeOptions]
     ) -> None:
-        self._frames = _SeriesFrames(isovalue, Options.of(**{**options, "interval": interval}), progress)
+        self._frames = _SeriesFrames(isovalue, Options.of(**options), progress)
         self._ending = Ending()
         self._finished = False
 
@@ -216,7 +213,7 @@ class _SeriesFrames:
             )
 
     def _of_mesh(self, frame: Any) -> list[bytes]:
-        values = frame.values if isinstance(frame, Mesh) else frame
+        values: Any = frame.values if isinstance(frame, Mesh) else frame
         if self._mesh is None:
             if frame.stored == "coded":
                 raise OptionError("the cells that contours cross are not known before all frames are", code="mesh",

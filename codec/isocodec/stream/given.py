@@ -139,7 +139,7 @@ def _ends(frames: Iterable[Any]) -> tuple[float, float]:
     """The least and the largest sample of all frames."""
     found = []
     for each in frames:
-        values = each.values if isinstance(each, Field | Mesh) else each
+        values: Any = each.values if isinstance(each, Field | Mesh) else each
         mask = each.mask if isinstance(each, Field) else None
         gone = missing_of(values, mask)
         there = np.asarray(values)[~gone]
