@@ -110,7 +110,7 @@ def check_coordinates(
     gone : (s0, .., sn-1) bool, optional
         Which samples are missing: cells that have one do not count.
     periods : sequence of float
-        Of each coordinate; 0 if there is none.
+        Of each coordinate; 0 if it is not periodic.
     error : float
         In cells.
     periodic : sequence of int

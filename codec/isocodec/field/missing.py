@@ -1,4 +1,4 @@
-"""Missing samples: which ones they are, and what can stand for them instead of holes."""
+"""Missing samples: which ones they are, and what can fill them instead of holes."""
 
 from __future__ import annotations
 
