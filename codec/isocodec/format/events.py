@@ -17,7 +17,7 @@ class Event:
     Attributes
     ----------
     offset : int
-        Byte offset at which it ends in the file, for a layer where the coder's window of four bytes stands then. It
+        Byte offset at which it ends in the file, for a layer where the coder's window of four bytes lies then. It
         does not depend on how the bytes were fed; a layer may be reported up to four bytes earlier.
     """
 

@@ -1,4 +1,4 @@
-"""Chunks of frames: how often a frame stands by itself, and what an isovalue of a further frame leans on (3.5.7)."""
+"""Chunks of frames: how often a frame is independent, and what an isovalue of a further frame leans on (3.5.7)."""
 
 from __future__ import annotations
 

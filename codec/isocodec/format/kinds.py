@@ -29,4 +29,4 @@ BASES = (LayerKind.BASE, LayerKind.ADAPTIVE_BASE, LayerKind.LEAF_BASE)
 ADAPTIVE = (LayerKind.ADAPTIVE_BASE, LayerKind.ADAPT)
 """Kinds that lead to a mesh of the writer's choice."""
 GEOMETRY = (LayerKind.VALUES, LayerKind.OFFSETS)
-"""Kinds that say where within a cell the curve lies."""
+"""Kinds that store where within a cell the curve lies."""
