@@ -20,7 +20,7 @@ PAGES, SHIFT, RECENT = 0, 1, 4
 """Places in ``Store.head``: number of pages, the page's edge along the axes (log2), pages remembered."""
 _WAYS = 64
 _Y, _Z = 23, 44
-"""Bits of a page's key from which its second and third coordinate stand."""
+"""Bits of a page's key at which its second and third coordinate begin."""
 _FIRST = 64
 """Pages that a store begins with: small files need no more."""
 _LARGE = 1 << 24
@@ -131,7 +131,7 @@ def resized(store: Store, size: Size) -> Store:
 
 
 def copied(store: Store, bits: int) -> Store:
-    """The same store in arrays of its own, with these bits of its entries only."""
+    """Copy the store, with these bits of its entries only."""
     pages = np.zeros_like(store.pages)
     used = int(store.head[PAGES])
     np.bitwise_and(store.pages[:used], bits, out=pages[:used])
@@ -175,7 +175,7 @@ def full(store, room):
 
 @inlined
 def _page(store, x, y, z):
-    """Number of the page of (x, y, z), or, if there is none, -1 less the place in the table where it belongs."""
+    """Number of the page of (x, y, z), or, if it is missing, -1 less the place in the table where it belongs."""
     head = store.head
     x >>= head[SHIFT]
     y >>= head[SHIFT + 1]
@@ -198,7 +198,7 @@ def _page(store, x, y, z):
 
 @inlined
 def page_or_first(store, x, y, z):
-    """Number of the page of (x, y, z), or 0 if there is none."""
+    """Number of the page of (x, y, z), or 0 if it is missing."""
     return max(_page(store, x, y, z), 0)
 
 

@@ -68,7 +68,7 @@ class LayerReader:
     tubes : list of Tube or None
         Of all isovalues; the last one's layers come at present.
     progresses : list of Progress
-        Where their programs stand.
+        Positions in their programs.
     beside : list of Tube or None
         Others that have a part in the limits.
     layers : list of Layer

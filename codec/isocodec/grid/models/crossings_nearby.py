@@ -25,12 +25,12 @@ class Beside(NamedTuple):
     grid : (V, n) int64
         Number of the edge that leaves a vertex upwards along an axis, or -1; without rows for curves off the full grid.
     near : (V, 2) int64
-        For each vertex, how far the crossings told on its edges lie from it, and their number; without rows on the full
-        grid.
+        For each vertex, how far the crossings known on its edges lie from it, and their number; without rows on the
+        full grid.
     chain : (E, 4) int64
         For curves off the full grid the next two edges on either side, the nearer first, or -1; else without rows.
     place : (E,) int64
-        Where each edge is crossed as far as that is told, from its lower end, in parts of `along.UNIT`; the main
+        Where each edge is crossed as far as that is known, from its lower end, in parts of `along.UNIT`; the main
         profile keeps it up to date.
     """
 

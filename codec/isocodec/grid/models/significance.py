@@ -86,7 +86,7 @@ def code_significance(st, cd, node, want):
 
 @inlined
 def _place(st, size):
-    """Where cells of ``2**size`` samples lie in the store, with room for neighbours that there are not."""
+    """Places of cells of ``2**size`` samples in the store, with room for neighbours outside the box."""
     return np.int64(4) << (st.grid.exponent - size)
 
 

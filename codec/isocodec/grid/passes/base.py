@@ -2,7 +2,7 @@
 
 Rows C2-localise, C2-uniform-base, C2-adaptive-base, S3-dfs. The pass is a small machine over its registers; every
 step codes at most one symbol and changes nothing before the symbol is there, so that it can stop and resume at any.
-A uniform base is an adaptive one that has nothing to tell about levels.
+A uniform base is an adaptive one without symbols for levels.
 """
 
 from __future__ import annotations

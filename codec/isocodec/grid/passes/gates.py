@@ -20,7 +20,7 @@ from ..tube.state import BASE_SIGN, GATE, PREDICTED, PREDICTED_RIGHT, corner_ent
 from .adaptive_mesh import BARRED, settle, tell
 
 CONTRADICTED = 6
-"""Error: a leaf contradicts what was told of the mesh."""
+"""Error: a leaf does not fit the mesh coded so far."""
 
 
 @inlined
@@ -41,7 +41,7 @@ def trouble(st, status):
 
 @inner
 def implied_corner(st, level, cls, b0, b1, b2, j):
-    """What ``implied`` says of vertex j of a simplex."""
+    """Result of ``implied`` for vertex j of a simplex."""
     x, y, z = position(
         edge_of(st.grid, level), b0, b1, b2, vertex(st.grid.tables, level % dimension(st.grid.tables), cls, j)
     )
@@ -151,7 +151,7 @@ def _question(n, level, opp):
 
 @inner
 def behind(st, cd, level, cls, b0, b1, b2, opp):
-    """Find the leaf behind a gate, leaving it in the registers: 0, or what ``tell`` or ``settle`` say."""
+    """Find the leaf behind a gate, leaving it in the registers: 0, or what ``tell`` or ``settle`` return."""
     n = dimension(st.grid.tables)
     r = level % n
     walk = st.base
@@ -186,7 +186,7 @@ def behind(st, cd, level, cls, b0, b1, b2, opp):
 
 @inlined
 def _cell(st, level, cls, b0, b1, b2):
-    """Place of a simplex in the store of visited ones, a region of its own for every level, and its bit."""
+    """Place of a simplex in the store of visited ones, which has a region for every level, and its bit."""
     n = dimension(st.grid.tables)
     number, p0, p1, p2 = cube(st.grid.tables, level % n, cls)
     size = level // n

@@ -29,7 +29,7 @@ class NodeGrid:
     counts : tuple of int
         Nodes along each axis; 1 along an axis that the coordinate does not depend on.
     period : int
-        In units; 0 if there is none.
+        In units; 0 if not periodic.
     """
 
     counts: tuple[int, ...]

@@ -1,6 +1,6 @@
 """Coordinates of the samples: each node predicted from nodes twice as far apart (spec clause 3.7.4).
 
-Coordinates are smooth, so that nearly all that is sent says: as predicted. Nodes come in steps from far apart to next
+Coordinates are smooth, so that nearly all symbols are: as predicted. Nodes come in steps from far apart to next
 to each other; the nodes of a step are predicted along one axis from those that are there, with cubic interpolation
 where there are two on either side.
 """
@@ -170,7 +170,7 @@ def code_coordinate(cd: Coder, nodes: Nodes, period: int, first: int) -> int:
     cd : Coder
     nodes : Nodes
     period : int
-        In units; 0 if there is none.
+        In units; 0 if not periodic.
     first : int
         Its first context.
 

@@ -53,7 +53,7 @@ def first_state(
     side: int,
     hole: Lean | None = None,
 ) -> State:
-    """What is known of an isovalue of which nothing is told.
+    """State of an isovalue of which nothing is decoded.
 
     Parameters
     ----------
@@ -117,7 +117,7 @@ def wider_state(
     walking : bool
         Whether the pass is a base, which needs its stack and that store.
     hold : callable
-        Told, before anything is allocated, how many bytes there will be, and how many more while arrays are copied.
+        Called before anything is allocated with the bytes there will be, and those more while arrays are copied.
 
     Raises
     ------
@@ -169,7 +169,7 @@ def wider_state(
 
 
 def at_rest(st: State) -> State:
-    """The same state without what only further layers need: what it says, and what others may lean on, stays."""
+    """Copy the state without what only further layers need; the mesh, and what others may lean on, stays."""
     n = int(st.grid.tables[0])
     return st._replace(
         crowd=new_counts(n), board=new_board(n), below=st.below[:0].copy(), path=st.path[:0].copy(),
@@ -178,7 +178,7 @@ def at_rest(st: State) -> State:
 
 
 def filled(kernel: Callable[[NDArray[np.int64]], int]) -> NDArray[np.int64]:
-    """What a kernel writes into an array that it fills as far as it goes, returning how much it has."""
+    """Output of a kernel that fills an array as far as it goes, and returns how much it has."""
     out = np.empty(1024, np.int64)
     count = kernel(out)
     if count > len(out):
@@ -188,7 +188,7 @@ def filled(kernel: Callable[[NDArray[np.int64]], int]) -> NDArray[np.int64]:
 
 
 def wider(array: NDArray, size: int) -> NDArray:
-    """The same array with ``size`` rows, those further on zero; itself if it has as many."""
+    """Extend an array to ``size`` rows, the new ones zero; the array itself if it has as many."""
     if size == len(array):
         return array
     out = np.zeros((size, *array.shape[1:]), array.dtype)

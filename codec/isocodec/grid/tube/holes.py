@@ -1,7 +1,7 @@
-"""Missing samples, as the mask says them: of vertices, of edges, of unit cells (spec clause 5.10).
+"""Missing samples by the mask: of vertices, of edges, of unit cells (spec clause 5.10).
 
 The mask is the tubular neighbourhood of an isovalue between missing (0) and valid (1), on the full grid. Its sparse
-state says of any sample which it is, by inference, in as many steps as there are levels: its base is coarse.
+state yields for any sample which it is, by inference, in as many steps as there are levels: its base is coarse.
 """
 
 from __future__ import annotations

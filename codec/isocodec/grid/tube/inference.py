@@ -63,7 +63,7 @@ def infer(st, x, y, z):
 def earlier(st, x, y, z):
     """Sign of a vertex at the earlier isovalue that this one leans on, or -1; whether it is certain.
 
-    It is inferred for the clamped image, as a vertex of its own: edges off the box may belong to no existing simplex.
+    It is inferred for the clamped image, as a separate vertex: edges off the box may belong to no existing simplex.
     """
     e = entry(st.lean, x, y, z)
     if e != 0:

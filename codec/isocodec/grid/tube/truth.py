@@ -1,4 +1,4 @@
-"""What a tube is told by an encoder, and a decoder has to be sent."""
+"""What an encoder hands to a tube, and a decoder has to be sent."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from .state import State
 
 Place = Callable[[NDArray[np.int64], NDArray[np.int64]], NDArray[np.int64]]
-"""Where edges between positions are to be crossed, as 30-bit fractions; or how far from there crossings may be told to
-be."""
+"""Where edges between positions are to be crossed, as 30-bit fractions; or how far from there crossings may be
+placed."""
 
 
 class Truth(Protocol):
