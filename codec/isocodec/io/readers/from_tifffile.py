@@ -217,7 +217,7 @@ def _imagej_sizes(tiff: Any) -> dict[str, float]:
 
 
 def _of_picture(page: Any, n: int) -> Placement:
-    """What the tags of a GeoTIFF say; they may have any type and any number of values."""
+    """Read the tags of a GeoTIFF, which may have any type and any number of values."""
     scale, tiepoint, matrix = (_numbers(page, tag) for tag in (_SCALE, _TIEPOINT, _TRANSFORMATION))
     if not (len(scale) or len(tiepoint) or len(matrix)):
         return Placement()

@@ -53,7 +53,7 @@ def labelled_field(array: Any) -> Field:
     """The field that a DataArray holds, with its coordinates.
 
     Axes of one sample are left out; their coordinates, and single ones, become notes. An axis without coordinates
-    counts its samples. x, y and z are the axes that CF conventions call so; where these do not tell, x runs along the
+    counts its samples. x, y and z are the axes that CF conventions call so; where these do not apply, x runs along the
     last axis, y along the one before, z along the first of three.
 
     Raises
@@ -76,7 +76,7 @@ def labelled_field(array: Any) -> Field:
 
 
 def labels_of(array: Any) -> Labels:
-    """What a DataArray says of where its samples lie; these are not read.
+    """Find where the samples of a DataArray lie, without reading them.
 
     Raises
     ------
@@ -185,7 +185,7 @@ def _order(roles: list[str | None]) -> list[int]:
 
 
 def _missing(array: Any, values: NDArray[Any]) -> NDArray[np.bool_] | None:
-    """Samples with a value that stands for none, where the array still names one."""
+    """Mask samples of the fill value, where the array still names one."""
     gone = np.zeros(values.shape, np.bool_)
     for name in ("_FillValue", "missing_value", "nodata"):
         marker = array.attrs.get(name)

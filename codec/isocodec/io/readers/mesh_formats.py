@@ -44,7 +44,7 @@ class MeshRead:
         Raises
         ------
         OptionError
-            If there are none of that name; the message names those that there are.
+            If no values have that name; the message lists the names in the file.
         """
         if name in self.values:
             return self.values[name]

@@ -52,9 +52,9 @@ class Losses:
         found = []
         unnamed = not (self._named or options.in_samples)
         where = "in a reference system that the file does not name" if self._placed else (
-            "in samples: the file does not say where these lie"
+            "in samples: the file does not place these in the world"
         )
-        remedy = "say it with encode --spacing and --metadata crs=EPSG:.."
+        remedy = "encode with --spacing and --metadata crs=EPSG:.."
         if output.coordinates == "degrees" and not output.names_crs and unnamed and not options.keep_crs:
             found.append(
                 f"coordinates are no longitudes and latitudes, as GeoJSON has them (RFC 7946), but {where}; {remedy}, "

@@ -41,7 +41,7 @@ def suffix_of(path: str | os.PathLike[str]) -> str | None:
 
 
 def find(path: str | os.PathLike[str], thing: Thing) -> tuple[str, Output]:
-    """The format that a name stands for, which can hold a thing and whose libraries are installed.
+    """Choose the format for a file's name, one that can hold a thing and whose libraries are installed.
 
     Parameters
     ----------

@@ -243,7 +243,7 @@ class PlacedTin:
 
     @classmethod
     def of(cls, tin: Tin, in_samples: bool = False) -> PlacedTin:
-        """A surface where its notes say that it lies."""
+        """Place a surface by its notes."""
         found = None if in_samples else read_placement(tin.metadata, 2)
         if found is None or found.matrix is None:
             crs = None if in_samples else tin.metadata.get(CRS)
