@@ -41,7 +41,7 @@ class Kernel:
 
     @property
     def name(self) -> str:
-        """Where it stands in the package, as ``passes.refinement.refine``."""
+        """Its path in the package, as ``passes.refinement.refine``."""
         return ".".join([*self.function.__module__.split(".")[-2:], self.function.__name__])
 
     @functools.cached_property

@@ -29,7 +29,7 @@ _OPTIONS: dict[str, Any] = {
 
 
 class Inner:
-    """A function that kernels call. Called from Python it runs as it stands."""
+    """A function that kernels call. Called from Python it runs uncompiled."""
 
     def __init__(self, function: Callable[..., Any], **options: bool) -> None:
         functools.update_wrapper(self, function)
@@ -80,7 +80,7 @@ def entry(kernel: Kernel) -> Entry:
 
 
 def _check_result(kernel: Kernel, signature: Signature, found: types.Type) -> None:
-    """What is returned is what the annotation says."""
+    """Check that the type returned is the one annotated."""
     match signature.result:
         case None:
             stated: types.Type = types.none
@@ -89,4 +89,4 @@ def _check_result(kernel: Kernel, signature: Signature, found: types.Type) -> No
         case tuple() as several:
             stated = types.UniTuple(type_of(several[0]), len(several))
     if stated != found:
-        raise KernelError(f"kernel {kernel.name} returns {found}, its annotation says {stated}", code="kernel-result")
+        raise KernelError(f"kernel {kernel.name} returns {found}, but is annotated with {stated}", code="kernel-result")

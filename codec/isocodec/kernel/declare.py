@@ -24,7 +24,7 @@ def kernel(function: Callable[..., Any]) -> Any:
 
 
 def inner(function: Callable[..., Any]) -> Any:
-    """Decorator of functions that only kernels call. From Python they run as they stand.
+    """Decorator of functions that only kernels call. From Python they run uncompiled.
 
     They are compiled anew for each literal number that they are called with. Constants that are handed on to large
     functions are therefore of numpy's types.

@@ -112,7 +112,7 @@ def entry(kernel: Kernel) -> Entry:
     if built != stated:
         raise KernelError(
             f"kernel {kernel.name}: {'not in the library' if built is None else f'compiled as {built}'}, "
-            f"its source says {stated}",
+            f"the source declares {stated}",
             code="kernel-library", remedy=_REMEDY,
         )
     return PROTOTYPE((name + whole.suffix, whole.loaded))

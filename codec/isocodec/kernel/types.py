@@ -240,7 +240,7 @@ def members_of(cls: type) -> dict[str, Any]:
 
 
 def kind_of(annotation: Any) -> Kind:
-    """The type that an annotation stands for."""
+    """The type that an annotation denotes."""
     if annotation in _NUMBERS:
         return _NUMBERS[annotation]
     if isinstance(annotation, type) and issubclass(annotation, Registers):
