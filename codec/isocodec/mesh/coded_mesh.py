@@ -156,7 +156,7 @@ NONE = -9
 
 @inlined
 def _behind(g, origin, t, o):
-    """Encoder: the original cell across face o of cell t, -1 if there is none, and its vertex."""
+    """Encoder: the original cell across face o of cell t, -1 at the boundary, and its vertex."""
     corners = g.cell.shape[1]
     source = origin.source[t]
     found = np.int64(-1)

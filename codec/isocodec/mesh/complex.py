@@ -47,7 +47,7 @@ class Complex:
     unit : float
         What positions count in.
     mirrored : (T,) bool
-        Cells whose vertices stand in the order that drawing has to reverse.
+        Cells whose vertices come in the order that drawing has to reverse.
     """
 
     mesh: CellArrays
@@ -140,7 +140,7 @@ def _checked_cells(cells: ArrayLike, points: NDArray[np.float64]) -> NDArray[np.
         )
     bad = np.flatnonzero(((found < 0) | (found >= len(points))).any(axis=1))
     if len(bad):
-        raise InputError(f"cells of points that there are not: cells {_named(bad)}", code="cells")
+        raise InputError(f"cells refer to points that do not exist: cells {_named(bad)}", code="cells")
     found = found.astype(np.int64)
     used = np.zeros(len(points), np.bool_)
     used[found] = True

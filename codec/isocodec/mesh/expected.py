@@ -17,7 +17,7 @@ long as the face, and the open sides at both ends."""
 
 @inlined
 def _front(g, t, o, v):
-    """Other end of another open side that begins at v, a vertex of face o of triangle t; v if there is none."""
+    """Other end of another open side that begins at v, a vertex of face o of triangle t; v without one."""
     k = g.head[v]
     while k >= 0:
         other = k // 3

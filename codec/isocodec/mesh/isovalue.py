@@ -1,4 +1,4 @@
-"""One isovalue on an explicit complex: what is known of it, and the layers that tell (spec clause 10.1.3)."""
+"""One isovalue on an explicit complex: what is known of it, and the layers that code it (spec clause 10.1.3)."""
 
 from __future__ import annotations
 
@@ -216,7 +216,7 @@ class MeshIsovalue:
         self.active, self.steps = active, found
 
     def _told(self, vertices: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
-        """Numbers that follow from integers that earlier isovalues have told, and which these are."""
+        """Numbers that follow from integers decoded for earlier isovalues, and which these are."""
         number, told = np.zeros(len(vertices), np.int64), np.zeros(len(vertices), np.bool_)
         if self.scale is not None:
             return number, told

@@ -39,7 +39,7 @@ REASONS = {
 
 
 class WalkRegisters(Registers):
-    """Where the walk stands.
+    """Progress of the walk.
 
     Attributes
     ----------
