@@ -23,7 +23,7 @@ from .proof import Target
 from .pull import Follow, Pull, places_on, relax, slopes_of, sort_by_told
 
 ROUNDS = (0.5, 0.5, 1.0, 1.0, 1.0)
-"""Steps of the points in each round, in units of the parts that are told."""
+"""Steps of the points in each round, in units of the parts that are stored."""
 AGAIN = ROUNDS[-1:]
 """The same where most points were fitted before."""
 SWEEPS = 2
@@ -54,7 +54,7 @@ class _Fit:
         self.samples = _samples(self.cells, len(self.edges))
 
     def points(self, where: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Points of the drawing with those of the told edges at ``where``."""
+        """Points of the drawing with those of the coded edges at ``where``."""
         self.stated[self.told] = where
         for ring in self.rings:
             self.stated[ring.edge] = ring.ratio(self.stated)
@@ -109,13 +109,13 @@ class _Fit:
                      self.samples.times[some])
 
     def moving(self, free: NDArray[np.bool_]) -> NDArray[np.bool_]:
-        """Which edges' points may move if those of some of the told ones do."""
+        """Edges whose points may move if those of some of the coded ones do."""
         follow = self.follow()
         free_of = np.concatenate([[0], np.cumsum(free[follow.told])])
         return np.asarray(np.diff(free_of[follow.start]) > 0)
 
     def follow(self) -> Follow:
-        """Told edges that the point of each edge follows, and by how much, edge by edge.
+        """Coded edges that the point of each edge follows, and by how much, edge by edge.
 
         Points of implied edges follow from those at their rings.
         """

@@ -42,9 +42,9 @@ class Promise:
     field : Samples
     fresh : callable, optional
         Makes tubes for trial encodings, as that of the file: what is known of earlier isovalues changes what
-        is told. By default those of a file of its own.
+        is coded. By default those of an independent file.
     free : bool
-        Whether crossings may be told with slack (see `Slack`).
+        Whether crossings may be coded with slack (see `Slack`).
     tried : callable, optional
         Called after each trial.
     truth : Truth, optional
@@ -52,7 +52,7 @@ class Promise:
     holes : Holes, optional
         The mask, where samples are missing.
     fixed : callable, optional
-        Which edges, by the positions of their ends, are told to be crossed where the field crosses them.
+        Which edges, by the positions of their ends, are coded as crossed where the field crosses them.
     contour : Contour
         The original curve.
     phi : ndarray of float32
