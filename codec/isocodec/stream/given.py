@@ -107,7 +107,7 @@ def levels_of(
     Raises
     ------
     InputError, OptionError
-        As `isovalues_of`; or if there is none.
+        As `isovalues_of`; or if no isovalue is given.
     """
     plans = options.layers.plans
     if isinstance(first, Field) and first.labels is not None:

@@ -267,7 +267,7 @@ class GridContents:
         TruncatedError
             If that has not been received yet.
         OptionError
-            If the file does not say: its mesh is coarser than the samples.
+            If the file does not store it: its mesh is coarser than the samples.
         LimitError
             If there are more samples than the limits allow.
         """

@@ -49,7 +49,7 @@ Report = Callable[[int, int], object]
 """Is called with the layers done and their total; before, while a mesh is searched for, with the curves tried and 0."""
 
 FINE_SHARE = 0.25
-"""Under the criterion distortion crossings are told within this share of its distance, or more finely."""
+"""Under the criterion distortion crossings are stored within this share of its distance, or more finely."""
 LEVELS_WORTH = 0.95
 """A frame begins at the leaves of the one before if that takes less than this share of what levels would take."""
 INDEX_SHARE = 100

@@ -88,7 +88,7 @@ class MeshContents:
 
     @property
     def head(self) -> DomainHead | None:
-        """What the file says of its domain, once that has come."""
+        """Head of the domain, once that has come."""
         return self.outline.domain
 
     def strand(self, number: int = 0, *, before: bool = False) -> MeshIsovalue | None:

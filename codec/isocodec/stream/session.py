@@ -23,7 +23,7 @@ class Contents(Protocol):
     outline: Outline
 
     def expect(self, chunk: Envelope, at: int) -> None:
-        """Check that a critical chunk may stand at byte ``at``; its envelope has been read.
+        """Check that a critical chunk may come at byte ``at``; its envelope has been read.
 
         Raises
         ------

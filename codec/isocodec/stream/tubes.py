@@ -44,7 +44,7 @@ class Tubes:
     before : list of Tube or None
         Those of the frame before, which the present ones may lean on.
     progresses : list of Progress
-        Where their programs stand.
+        Positions in their programs.
     mask : MaskStrand
     """
 
@@ -141,7 +141,7 @@ class Tubes:
         self.progresses.clear()
 
     def _fresh(self, header: Header, number: int, lean: int | None, before: bool = False) -> Tube:
-        """A tube of an isovalue of which no layer has come, leaning on one of its own frame or of the one before."""
+        """Make the tube of an isovalue before its layers; it leans on one of its frame or of the one before."""
         isovalues = self._outline.isovalues
         tubes = self.before if before else self.all
         earlier, other = (None, 0.0) if lean is None else (tubes[lean], isovalues[lean])
