@@ -98,7 +98,7 @@ class Closing:
         self._line_of: dict[int, tuple[Line, int]] = {}
 
     def cells(self) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-        """Points that are to stand behind the others, (Q, n), and segments or triangles, (M, n)."""
+        """Points to append to the others, (Q, n), and segments or triangles, (M, n)."""
         squares = list(self._squares())
         if self._n == 2:
             segments = [edge for square in squares for edge, _ in square.border]

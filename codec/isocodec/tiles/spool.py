@@ -25,9 +25,9 @@ _BYTES, _JOURNAL = "segments", "journal"
 class Spool:
     """A folder with the tiles of one file that have been encoded.
 
-    ``segments`` has the bytes of tiles one after the other, ``journal`` a line of JSON that says of what, and a record
-    of fixed size for each tile, written when its bytes are there. What stands behind the last whole record is written
-    over.
+    ``segments`` has the bytes of tiles one after the other, ``journal`` a line of JSON that names their field and
+    options, and a record of fixed size for each tile, written when its bytes are there. Bytes behind the last whole
+    record are written over.
 
     Parameters
     ----------

@@ -209,7 +209,7 @@ def _faces(field: Samples, index: Index, tiling: Tiling) -> Faces | None:
     Raises
     ------
     NotKeptError
-        If samples are missing: what stands for them would have to be the same on both sides.
+        If samples are missing: what fills them would have to be the same on both sides.
     """
     tolerance = tiling.searched
     if tolerance is None or field.signs.ndim == 2:
