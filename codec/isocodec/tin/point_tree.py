@@ -162,7 +162,7 @@ def _list(lv, x, y):
 
 @kernel
 def halve(cd: Coder, lv: Level, truth: IntVector) -> int:
-    """Halve all cells; the encoder's ``truth`` says of each 1 if the first half has points, 2 if the second one has."""
+    """Halve all cells; the encoder's ``truth`` is 1 if the first half has points, plus 2 if the second has."""
     size = lv.size
     for at in range(len(lv.cell)):
         x, y = lv.cell[at, 0], lv.cell[at, 1]

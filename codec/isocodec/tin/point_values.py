@@ -55,7 +55,7 @@ def _bits(x):
 
 @inner
 def _see(v, a, b, c, wa, wb, wc, reach):
-    """Note what the vertices around a point say, by their weights; those without one do not count."""
+    """Note the predictions of the vertices around a point, by their weights; those without one do not count."""
     while wa + wb + wc >= 1 << _MOST_WEIGHT:
         wa, wb, wc = wa >> 1, wb >> 1, wc >> 1
     n = v.number
