@@ -12,9 +12,9 @@ from ..kernel import inlined
 from .range_coder import ONE, Panel, adapt_in
 
 KINDS = 10
-"""Kinds of symbols, each with weights of its own."""
+"""Kinds of symbols; each has separate weights."""
 STEPS, LEVELS, OPINIONS = 19, 33, 16
-"""Classes of a margin, of a level, and of what is said without the panel."""
+"""Classes of a margin, of a level, and of the logit without the panel."""
 ON, KIND, MARGIN, WIDE_MARGIN, LEVEL, WIDE_LEVEL = range(6)
 """Places in ``Panel.about``: whether the symbol has further opinions, its kind, and what is seen."""
 _SIZES = (
@@ -57,7 +57,7 @@ def panel_after(panel: Panel) -> Panel:
 
 @inlined
 def listened(cd, opinion):
-    """What the panel adds to a symbol's sum, in 2**16 logits; ``opinion`` is what is said without it."""
+    """Sum that the panel adds for a symbol, in 2**16 logits; ``opinion`` is the logit without it."""
     panel = cd.blend.panel
     a, place, said = panel.about, panel.place, panel.said
     kind, near, wide, level, wide_level = a[KIND], a[MARGIN], a[WIDE_MARGIN], a[LEVEL], a[WIDE_LEVEL]

@@ -19,7 +19,7 @@ ENCODE, DECODE = 0, 1
 ONE = 1 << 16
 """Probability one."""
 FLOOR = 32
-"""No probability is nearer to 0 or 1 than this (clause 6.5): it bounds the symbols that a byte can stand for."""
+"""No probability is nearer to 0 or 1 than this (clause 6.5): it bounds the symbols that a byte can hold."""
 TOP = 1 << 24
 WORD = 1 << 32
 BEYOND = 4
@@ -63,8 +63,8 @@ class Panel(NamedTuple):
     """Further opinions, of counts, on symbols that have them (spec clause 7.18), see ``entropy.panel``; mostly empty.
 
     ``prob`` and ``seen`` are the adaptive probabilities, ``mix`` (kinds, opinions) the weights of the opinions,
-    ``about`` says what is seen around the present symbol, ``place`` which contexts that comes to, ``said`` what these
-    say.
+    ``about`` is what is seen around the present symbol, ``place`` the contexts that follow from it, ``said`` their
+    logits.
     """
 
     prob: IntVector
