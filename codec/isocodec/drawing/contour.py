@@ -194,7 +194,7 @@ class Contour:
     @cached_property
     def normals(self) -> NDArray[np.float64]:
         """Unit vectors (P, n) at the points of `placed`, towards lower values: means over the cells around each,
-        weighted by their size; 0 where there is none."""
+        weighted by their size; 0 where a point has no cell."""
         placed = self.placed
         cells = self.placed_cells
         out = np.zeros_like(placed)

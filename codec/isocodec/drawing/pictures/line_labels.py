@@ -27,7 +27,7 @@ _CROWDED = 5.0
 
 @dataclass(frozen=True)
 class Label:
-    """A text, the middle of where it stands, and its angle in degrees, -90 to 90."""
+    """A text, the middle of its place, and its angle in degrees, -90 to 90."""
 
     text: str
     at: Points
@@ -36,7 +36,7 @@ class Label:
 
 @dataclass
 class Page:
-    """What stands where on a page.
+    """Places that are taken on a page.
 
     Attributes
     ----------
