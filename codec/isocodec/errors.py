@@ -57,7 +57,7 @@ class IsoError(Exception):
 
 
 class OptionError(IsoError, ValueError):
-    """The caller's options contradict one another or are out of range."""
+    """The caller's options cannot be combined or are out of range."""
 
     exit_code = 2
 

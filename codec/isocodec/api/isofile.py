@@ -165,7 +165,7 @@ class IsoFile:
             Of grids: cubes of the mesh no wider than so many samples are enough. Of tiles also a function that gives
             this number for the box of a tile, n pairs of samples.
         smooth : bool
-            Where the file only says which grid edges are crossed, place the points so that the curve bends smoothly
+            Where the file only knows which grid edges are crossed, place the points so that the curve bends smoothly
             instead of at the midpoints: nearer to the curve in the mean where the field is smooth, by up to a half,
             farther from it where it is rough. A tolerance holds without this only.
         through_holes : bool
@@ -373,8 +373,8 @@ def open(
     Returns
     -------
     IsoFile
-        Its header and notes have been read; curves are decoded when they are asked for. Of a file in tiles only what
-        is needed is read.
+        Its header and notes have been read; curves are decoded when they are asked for. A file in tiles is read
+        only as far as a question asks for.
 
     Raises
     ------
@@ -438,7 +438,7 @@ def decode(
 
 
 def _tiled_at(source: str | os.PathLike[str], limits: Limits | None) -> IsoFile | None:
-    """The tiled file at a path or URL, of which what is needed is read later.
+    """Open the tiled file at a path or URL; its tiles are read as they are asked for.
 
     None if it is something else, comes through a pipe, or if its server does not give parts.
     """

@@ -110,7 +110,7 @@ def held_by(data: bytes, limits: Limits | None, what: str = "the file") -> Held:
 def same_again(held: Held, options: Options, *, expected: bool = True) -> bytes:
     """A file of the same curves.
 
-    They are decoded to see that they are: crossings of curves that touch may stand in an order that isovalues which
+    They are decoded to see that they are: crossings of curves that touch may lie in an order that isovalues which
     lean on one another cannot have, and then none of them does. Without ``expected`` they have to be those of a file
     in which none does, instead of ``held.contours``.
     """

@@ -35,7 +35,7 @@ class Verified:
     isovalue : float
         NaN of a surface.
     promised : float or None
-        Distance that decoded and original curve lie from each other at most, as the file or the caller says.
+        Largest distance between decoded and original curve that the file or the caller promises.
     there, back : float
         Largest distance, in cells (on a mesh in the unit of its points), from the decoded to the original curve, and
         back; at most 0.001 cells too large. Of a surface the largest distance of values, twice.
