@@ -1,4 +1,4 @@
-"""What a decoder may use (spec clause 11.2), and the account of the memory that it holds."""
+"""Limits of a decoder (spec clause 11.2), and the account of the memory that it holds."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ file that only claims to hold more is refused before anything is allocated for i
 
 @dataclass(frozen=True)
 class Limits:
-    """What a decoder may use of one file, checked before it is used (spec clause 11.2).
+    """Limits of a decoder for one file, checked before anything is used (spec clause 11.2).
 
     Attributes
     ----------

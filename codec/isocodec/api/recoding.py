@@ -53,7 +53,7 @@ def extracted(
 
 @dataclass(frozen=True)
 class Held:
-    """What a file of a grid holds, frame by frame.
+    """Contents of a grid's file, frame by frame.
 
     Attributes
     ----------
@@ -82,7 +82,7 @@ class Held:
 
 
 def held_by(data: bytes, limits: Limits | None, what: str = "the file") -> Held:
-    """What a whole file of a grid holds; ``what`` names it in messages.
+    """Decode all that a file of a grid holds; ``what`` names it in messages.
 
     Raises
     ------

@@ -116,7 +116,7 @@ def distinct_edges(leaves: Leaves, ends: NDArray[np.int64]) -> tuple[NDArray[np.
 
 
 def distinct_pairs(rank: NDArray[np.int64], ends: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """The same of vertices that have ranks (V,)."""
+    """Find distinct pairs of vertices that have ranks (V,)."""
     flat = ends.reshape(-1, 2)
     low, high, number = (np.empty(len(flat), np.int64) for _ in range(3))
     count = np.zeros(len(rank) + 1, np.int64)

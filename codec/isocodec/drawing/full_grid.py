@@ -55,7 +55,7 @@ class _Cells(NamedTuple):
 
 
 class _Grid:
-    """What passes through unit cells, by the grid edges that it meets.
+    """Pieces of the contour in unit cells, by the grid edges that they meet.
 
     A grid edge is known by its lower end and its axis: looking that up in an array is faster than sorting.
 

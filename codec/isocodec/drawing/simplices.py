@@ -69,7 +69,7 @@ def crossed(leaves: Leaves) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
 
 
 def _pieces(leaves: Leaves) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Of each cell the ends (M, n, 2) of the edges with its points, and its leaf (M,)."""
+    """Cells as the ends (M, n, 2) of the edges with their points, and their leaves (M,)."""
     n = len(leaves.shape)
     mirrored = _determinant([(x[:, 1:] - x[:, :1]).T for x in (c[leaves.simplices] for c in leaves.position.T)]) < 0
     pattern = leaves.above[leaves.simplices] @ (1 << np.arange(n + 1))

@@ -72,7 +72,7 @@ def smoothed(leaves: Leaves, drawn: Drawn) -> NDArray[np.float64]:
 
 @kernel
 def _gather(points: FloatMatrix, cells: IntMatrix, total: FloatMatrix, normal: FloatMatrix, count: FloatVector) -> None:
-    """Of each point the sum of its neighbours, their number, and the normals of its cells by length or area."""
+    """Sum for each point its neighbours, their number, and the normals of its cells by length or area."""
     n = points.shape[1]
     for i in range(len(cells)):
         if n == 2:

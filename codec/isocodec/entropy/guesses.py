@@ -24,7 +24,7 @@ FINE = 8
 DEPTHS = 8
 """Classes of how wide a range is, as against the width of the bell."""
 REACH = 1 << 40
-"""What lies farther from a guess counts as that far."""
+"""Distances from a guess beyond this count as this."""
 
 
 @inlined

@@ -34,13 +34,13 @@ _STRETCH_SHIFT, _TRUST_SHIFT = 4, 8
 
 
 def no_panel() -> Panel:
-    """What isovalues have that lean on none of the frame before."""
+    """Panel of isovalues that lean on none of the frame before."""
     nothing = np.zeros(0, np.int64)
     return Panel(nothing, nothing, np.zeros((0, VOICES), np.int64), np.zeros(6, np.int64), nothing, nothing)
 
 
 def new_panel() -> Panel:
-    """What the first frame that leans on one before begins with."""
+    """Panel for the first frame that leans on one before."""
     return Panel(
         np.full(_COUNT, ONE >> 1, np.int64), np.zeros(_COUNT, np.int64),
         np.full((KINDS, VOICES), _FIRST_WEIGHT, np.int64), np.zeros(6, np.int64), np.zeros(VOICES, np.int64),
@@ -49,7 +49,7 @@ def new_panel() -> Panel:
 
 
 def panel_after(panel: Panel) -> Panel:
-    """What a frame begins with that leans on one with ``panel``."""
+    """Panel for a frame that leans on one with ``panel``."""
     if not len(panel.prob):
         return new_panel()
     return panel._replace(prob=panel.prob.copy(), seen=panel.seen.copy(), mix=panel.mix.copy())

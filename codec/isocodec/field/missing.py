@@ -13,7 +13,7 @@ from ..errors import InputError
 from ..extras import optional
 
 WAYS = ("below", "above", "nearest")
-"""What missing samples can become instead of holes."""
+"""Alternatives to holes for missing samples."""
 HOLE = "hole"
 Array = NDArray[Any]
 

@@ -1,4 +1,4 @@
-"""How far samples lie from each other in the world: distances there in cells (spec clauses 3.7.2, 9.9)."""
+"""Distances between samples in the world, in cells (spec clauses 3.7.2, 9.9)."""
 
 from __future__ import annotations
 

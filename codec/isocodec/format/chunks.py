@@ -191,7 +191,7 @@ def _strings(members: Sequence[tuple[str, object]]) -> dict[str, str]:
 
 @dataclass(frozen=True)
 class Promises:
-    """What a writer promises of an isovalue's layers (clause 3.7.3).
+    """Promises of a writer for the layers of an isovalue (clause 3.7.3).
 
     Attributes
     ----------
@@ -239,7 +239,7 @@ def read_promises(payload: bytes) -> Promises | None:
 
 @dataclass(frozen=True)
 class LayerRecord:
-    """Where a layer lies and what it holds.
+    """Position and contents of a layer.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""What a decoder reports, in the order of the bytes (spec clause 8.2)."""
+"""Events of a decoder, in the order of the bytes (spec clause 8.2)."""
 
 from __future__ import annotations
 
@@ -129,7 +129,7 @@ class MetadataRead(Event):
 
 @dataclass(frozen=True)
 class MaskComplete(Event):
-    """Which samples are missing is there.
+    """The mask is complete: it is known which samples are missing.
 
     Attributes
     ----------
@@ -169,14 +169,14 @@ class MeshLayerComplete(Event):
 
 @dataclass(frozen=True)
 class PromisesRead(Event):
-    """What the writer promises of the layers of the present isovalue."""
+    """The writer's promises for the layers of the present isovalue have come."""
 
     promises: Promises
 
 
 @dataclass(frozen=True)
 class CoordinatesRead(Event):
-    """Where the samples lie has come; the numbers are decoded when something is drawn there."""
+    """The coordinates of samples have come; the numbers are decoded when something is drawn there."""
 
     coordinates: CoordinatesRecord
 

@@ -8,7 +8,7 @@ from isospec.container import Operation
 
 
 class LayerKind(StrEnum):
-    """What a layer adds (spec clause 3.6). Members are strings: ``LayerKind.BASE == "base"``."""
+    """Kinds of layers, by what they add (spec clause 3.6). Members are strings: ``LayerKind.BASE == "base"``."""
 
     BASE = "base"
     ADAPTIVE_BASE = "adaptive_base"

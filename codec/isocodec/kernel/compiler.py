@@ -55,7 +55,7 @@ def _called_by_a_kernel(function: Inner | CompiledKernel, _context: Any) -> type
 
 
 def compiled(kernel: CompiledKernel) -> Any:
-    """What numba made of a function of one argument, the address of the slots of what a kernel takes: it calls that."""
+    """Compile by numba a function of one argument, the address of a kernel's argument slots: it calls the kernel."""
     signature = kernel.signature
     taken = ", ".join(f"arguments.{name}" for name, _ in signature.arguments)
     scope: dict[str, Any] = {"kernel": kernel}

@@ -37,7 +37,7 @@ def inner(function: Callable[..., Any]) -> Any:
 
 
 def inlined(function: Callable[..., Any]) -> Any:
-    """The same of small functions in the innermost loops, put where they are called."""
+    """Decorator of small functions in the innermost loops, put where they are called."""
     if EXECUTION is Execution.NUMBA:
         from . import compiler
 

@@ -1,4 +1,4 @@
-"""What is known of a vertex from the frame before, and how far the present one has agreed (spec clause 10.1.5)."""
+"""Knowledge of a vertex from the frame before, and how far the present one has agreed (spec clause 10.1.5)."""
 
 from __future__ import annotations
 

@@ -270,7 +270,7 @@ def growth_of(vertices: int, cells: int, corners: int, extent: NDArray[np.int64]
 
 
 def original_of(domain: Complex | None, d: int, corners: int) -> Original:
-    """What is coded; nothing for a decoder."""
+    """Original mesh to code; empty for a decoder."""
     if domain is None:
         nothing, none = np.zeros((0, corners), np.int64), np.zeros(0, np.int64)
         return Original(np.zeros((0, d), np.int64), nothing, nothing, none, none, none)

@@ -24,7 +24,7 @@ NAMED = 5
 
 @record
 class CellArrays(NamedTuple):
-    """What kernels see of a complex of V vertices in d dimensions and T cells of n + 1 vertices.
+    """View for kernels of a complex of V vertices in d dimensions and T cells of n + 1 vertices.
 
     ``position`` (V, d), ``cell`` (T, n + 1), ``neighbour`` (T, n + 1): the cell across the face opposite each vertex,
     or -1; ``star``: the cells of vertex v from ``first[v]`` to ``first[v + 1]``, ascending.

@@ -51,7 +51,7 @@ class _Then(NamedTuple):
         return np.where(same, self.place[at], out)
 
     def numbers(self, vertices: NDArray[np.int64]) -> NDArray[np.int64]:
-        """What is known of vertices."""
+        """Numbers of vertices, as far as known."""
         return self.number[vertices] if len(self.number) else np.zeros(len(vertices), np.int64)
 
 
@@ -70,7 +70,7 @@ def _then_of(before: MeshIsovalue, vertices: int) -> _Then:
 
 
 class MeshIsovalue:
-    """What is known of an isovalue.
+    """State of an isovalue.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Where crossed edges of an explicit domain are crossed, and values at vertices (spec clause 10.6)."""
+"""Crossings on the edges of an explicit domain, and values at vertices (spec clause 10.6)."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from .walk import WalkState
 LARGE, SMALL = 1 << 24, 1 << 4
 """Bounds of how far vertices are taken to lie above or below."""
 START = 1 << 14
-"""What the first vertex of a component counts as."""
+"""Class of the first vertex of a component."""
 PLACE = 16
 """Places on an edge count in parts of ``2**-PLACE`` of it."""
 MOST_PARTS = 1 << 24

@@ -1,4 +1,4 @@
-"""How distances between a drawing and the original change as points move along their edges (spec annex G.3(4))."""
+"""Change of distances between a drawing and the original as points move along their edges (spec annex G.3(4))."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _TOUCH = 1e-9
 
 @inner
 def _penalty(x):
-    """Of a distance as a share of the tolerance: small ones hardly count, those beyond nearly exclude all else."""
+    """Penalty of a distance as a share of the tolerance: small ones hardly count, those beyond outweigh all else."""
     y = x * x
     z = y * y
     return 0.02 * y + z * z
@@ -25,7 +25,7 @@ def _penalty(x):
 
 @record
 class Pull(NamedTuple):
-    """How distances of points of either curve change as the points on edges move.
+    """Change of distances of points of either curve as the points on edges move.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""Which layers keep a promise in the fewest bytes (row S3-distortion; spec annex G).
+"""Choice of layers that keep a promise in the fewest bytes (row S3-distortion; spec annex G).
 
 A user states how far the decoded curve may lie from the original one, and whether its topology is to be kept. The
 encoder reduces the mesh, chooses how finely crossings are stored, draws what a decoder will draw, proves the distance

@@ -1,4 +1,4 @@
-"""Which points and values a coded surface has: to an error, to a number of points, to a size of the file."""
+"""Choice of points and values of a coded surface: to an error, to a number of points, to a size of the file."""
 
 from __future__ import annotations
 
@@ -151,7 +151,7 @@ def smallest(given: Points, size: int, encode: Callable[[ChosenPoints], bytes], 
 
 
 def _searches(given: Points, step: float | None) -> list[_Squared]:
-    """With fitted values, and, of fields with few values, with these only."""
+    """Searches with fitted values, and, of fields with few values, with these only."""
     few = step is None and len(np.unique(given.value)) <= MOST_PALETTE
     return [_Squared(given, False), _Squared(given, True)] if few else [_Squared(given, False)]
 

@@ -1,4 +1,4 @@
-"""What is drawn of the decoded state of an isovalue: its contour, its mask, its mesh (spec clause 9)."""
+"""Drawings of the decoded state of an isovalue: its contour, its mask, its mesh (spec clause 9)."""
 
 from __future__ import annotations
 

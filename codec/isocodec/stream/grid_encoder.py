@@ -58,7 +58,7 @@ INDEX_SHARE = 100
 
 @dataclass(frozen=True)
 class GridFile:
-    """What all frames of a file on a grid have in common.
+    """Properties that all frames of a file on a grid share.
 
     Attributes
     ----------
@@ -208,7 +208,7 @@ class GridFrame:
 
     @property
     def records(self) -> list[LayerRecord]:
-        """What the layers that are done took."""
+        """Sizes of the layers that are done."""
         return [record for strand in self.strands for record in strand.records]
 
     def chunks(self) -> Iterator[bytes]:
@@ -275,7 +275,7 @@ class GridFrame:
         return field_tube(file.header, field, truth, tube, isovalue, file.holes, lean.before)
 
     def _plan_of(self, number: int, lean: LeanOn | None) -> Sequence[Entry]:
-        """What the options come to for one isovalue."""
+        """Plan that the options lead to for one isovalue."""
         file, o = self.file, self.file.options
         precision, level = o.precision, o.layers.level
         plan = o.layers.plan_for(file.series.isovalues[number])

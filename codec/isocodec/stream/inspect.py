@@ -113,7 +113,7 @@ class ChunkInfo:
 
 @dataclass(frozen=True)
 class FileInfo:
-    """What ``inspect`` finds.
+    """Result of ``inspect``.
 
     Attributes
     ----------

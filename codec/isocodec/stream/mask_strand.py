@@ -15,7 +15,7 @@ _ROOM = 4096
 
 
 class MaskStrand:
-    """What is known of the mask.
+    """State of the mask.
 
     Parameters
     ----------
@@ -49,7 +49,7 @@ class MaskStrand:
 
     @property
     def tube(self) -> Tube | None:
-        """That of the mask, if its chunk has begun and it was not dropped."""
+        """The tube of the mask, if its chunk has begun and it was not dropped."""
         return self.tubes[0] if self.tubes else None
 
     @property

@@ -117,7 +117,7 @@ class MeshFrames:
         return self.merged_chunks(np.asarray(values))
 
     def merged_chunks(self, values: NDArray[Any]) -> list[bytes]:
-        """The same of values at points of which none coincide."""
+        """Encode values at points of which none coincide."""
         fields = self._fields(values)
         self.options.check_data(fields[0].integer)
         if self.series.number >= 0:
@@ -133,7 +133,7 @@ class MeshFrames:
             raise
 
     def _beginning(self) -> Iterator[bytes]:
-        """What is about the whole file."""
+        """Chunks for the whole file."""
         yield from beginning(self.header, self._metadata)
         yield write_chunk(ChunkType.DOMAIN, self._domain_chunk)
         if self.series.interval is not None:
@@ -373,7 +373,7 @@ def vertex_field(values: NDArray[Any], vertices: int, cells: int, isovalue: floa
 
 
 def crossing_places(field: Samples, edges: NDArray[np.int64]) -> NDArray[np.float64]:
-    """Where edges are crossed, from 0 to 1 from their lower vertices, by linear interpolation."""
+    """Crossings of edges, from 0 to 1 from their lower vertices, by linear interpolation."""
     low, high = (field.values[edges[:, i]].astype(np.float64) for i in (0, 1))
     with np.errstate(all="ignore"):
         # as of fields: no overflow, and all bits of tiny numbers

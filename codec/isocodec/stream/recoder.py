@@ -201,7 +201,7 @@ def moved_notes(metadata: Mapping[str, str], low: Sequence[int]) -> dict[str, st
 
 
 def cropped(source: Source, low: Sequence[int], size: Sequence[int]) -> Source:
-    """What a source holds of the box of ``size`` samples from ``low`` on."""
+    """Cut a source to the box of ``size`` samples from ``low`` on."""
     field, n = source.field, len(low)
     box = tuple(slice(a, a + s) for a, s in zip(low, size, strict=True))
     gone = None if field.gone is None or not field.gone[box].any() else np.ascontiguousarray(field.gone[box])

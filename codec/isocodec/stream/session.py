@@ -18,7 +18,7 @@ from .outline import Outline
 
 
 class Contents(Protocol):
-    """What the chunks of one kind of file mean."""
+    """Meaning of chunks for one kind of file."""
 
     outline: Outline
 

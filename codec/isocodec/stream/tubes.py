@@ -65,7 +65,7 @@ class Tubes:
 
     @property
     def present(self) -> Tube | None:
-        """That of the isovalue whose layers come at present; None if it is skipped."""
+        """The tube of the isovalue whose layers come at present; None if it is skipped."""
         return self.all[-1] if self.all and not self.past else None
 
     @property
@@ -151,7 +151,7 @@ class Tubes:
         )
 
     def _left(self) -> Limits:
-        """What one more tube may have: those of a file may not have more than a single one."""
+        """Limits for one more tube: those of a file may not have more than a single one."""
         whole, tubes = self._limits, [tube for tube in (*self.before, *self.all, self.mask.tube) if tube]
         return replace(
             whole, vertices=max(whole.vertices - sum(tube.vertices for tube in tubes), 0),

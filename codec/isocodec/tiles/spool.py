@@ -1,4 +1,4 @@
-"""What has been encoded so far, kept in a folder, so that nothing is lost when work stops: bytes, and a journal."""
+"""Tiles encoded so far, kept in a folder, so that nothing is lost when work stops: bytes, and a journal."""
 
 from __future__ import annotations
 
@@ -184,7 +184,7 @@ def _record_of(tiles: Tiles) -> np.dtype[Any]:
 
 
 def description(tiling: Tiling) -> dict[str, object]:
-    """What tiles that go together have in common: the field's shape and type, and all options."""
+    """Properties that tiles which go together share: the field's shape and type, and all options."""
     return {
         "shape": tiling.grid.shape, "tile": 1 << tiling.grid.exponent, "isovalues": tiling.isovalues,
         **asdict(tiling.options), "dtype": tiling.dtype, "cubes": tiling.cubes, "version": 1,

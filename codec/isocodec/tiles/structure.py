@@ -29,7 +29,7 @@ GROUP_BYTES = 1 << 10
 
 
 class Kind(IntEnum):
-    """What a tile is for an isovalue, or for the mask (clause 12.5)."""
+    """Kind of a tile for an isovalue, or for the mask (clause 12.5)."""
 
     BELOW = 0
     ABOVE = 1

@@ -172,7 +172,7 @@ class TiledFile:
         return plain(self.head, index, number, mask, segments)
 
     def drawn(self, index: Index, number: int, mask: bytes, segments: Sequence[bytes]) -> TilePart:
-        """What segments of a tile show."""
+        """Draw segments of a tile."""
         grid_of_tile, stage = self.decoded(index, number, mask, segments), len(segments) - 1
         contour, ends = grid_of_tile.ends()
         grid, cube = self.head.grid, 1 << self.head.stages[stage].edge
@@ -180,7 +180,7 @@ class TiledFile:
         return TilePart(index, stage, cube, origin, size, contour, ends, grid_of_tile.whole_cells)
 
     def decoded(self, index: Index, number: int, mask: bytes, segments: Sequence[bytes]) -> GridContents:
-        """What segments of a tile decode to."""
+        """Decode segments of a tile."""
         decoder = Decoder(self.limits)
         decoder.feed(plain(self.head, index, number, mask, segments))
         decoder.close()

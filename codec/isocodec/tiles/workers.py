@@ -27,7 +27,7 @@ HANDED_OVER = 1 << 16
 
 
 class Engine(Protocol):
-    """What work is given to: an executor of ``concurrent.futures``, or a client of ``dask.distributed``."""
+    """Runs work: an executor of ``concurrent.futures``, or a client of ``dask.distributed``."""
 
     def submit(self, function: Callable[..., Any], /, *args: Any, **options: Any) -> Any:
         """Have a function called elsewhere."""

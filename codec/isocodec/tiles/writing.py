@@ -64,7 +64,7 @@ def encode_tiles(
 
 
 def tiling_of(field: Any, isovalue: Isovalues | None, tile: int | None, options: Options) -> Tiling:
-    """What a file in tiles is asked for, checked before any sample is read, unless isovalues need their range.
+    """Tiling for a file in tiles, checked before any sample is read, unless isovalues need their range.
 
     Parameters
     ----------

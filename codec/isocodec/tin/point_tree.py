@@ -85,7 +85,7 @@ def _enter(table, x, y, number):
 
 @inner
 def _state(lv, x, y, at):
-    """What is known of a half while the cell numbered ``at`` is being halved."""
+    """Knowledge of a half while the cell numbered ``at`` is being halved."""
     parent = _find(lv.table, x >> 1, y) if lv.size[_AXIS] == 0 else _find(lv.table, x, y >> 1)
     if parent < 0:
         return _EMPTY

@@ -1,4 +1,4 @@
-"""What notebooks show: a drawing of a few curves in the page itself, and a table of what is known of them."""
+"""Display in notebooks: a drawing of a few curves in the page itself, and a table of what is known of them."""
 
 from __future__ import annotations
 

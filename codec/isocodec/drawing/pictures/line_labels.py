@@ -184,7 +184,7 @@ def _even(line: Points) -> tuple[Points, float]:
 
 
 def _cut(line: Points, gaps: list[tuple[float, float]]) -> list[Points]:
-    """What is left of a line without the parts from one distance along it to another."""
+    """Cut a line: keep what lies before one distance along it, and behind another."""
     far = _far(line)
     edges = [0.0, *(edge for gap in sorted(gaps) for edge in gap), float(far[-1])]
     pieces = []

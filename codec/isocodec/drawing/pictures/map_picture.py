@@ -37,7 +37,7 @@ _SMALL = 7
 
 @dataclass(frozen=True)
 class Colours:
-    """What a map is drawn in."""
+    """Colours of a map."""
 
     paper: str
     text: str

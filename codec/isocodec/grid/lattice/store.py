@@ -56,7 +56,7 @@ def new_counts(n: int) -> Store:
 
 
 def new_flags(n: int) -> Store:
-    """The same of entries that take a byte."""
+    """Make a store of entries that take a byte."""
     store = new_store(n)
     return store._replace(pages=store.pages.astype(np.uint8))
 
@@ -80,7 +80,7 @@ class Size(NamedTuple):
     rows: int
 
     def bytes(self, store: Store) -> int:
-        """What a store of this size takes, with pages as in ``store``."""
+        """Bytes of a store of this size, with pages as in ``store``."""
         return self.pages * store.pages.shape[1] * store.pages.itemsize + self.rows * 16
 
 
@@ -113,12 +113,12 @@ def spare(size: int, count: int) -> int:
 
 
 def grown(store: Store, room: int, factor: int = 4) -> Store:
-    """The same store with place for at least ``room`` more pages."""
+    """Enlarge a store by at least ``room`` more pages."""
     return resized(store, size_for(store, room, factor))
 
 
 def resized(store: Store, size: Size) -> Store:
-    """The same store with so many pages and rows of the table, at least as many as it has."""
+    """Resize a store to so many pages and rows of the table, at least as many as it has."""
     used = int(store.head[PAGES])
     table, pages = store.table, store.pages
     if size.pages > len(pages):

@@ -1,4 +1,4 @@
-"""How the layers of an isovalue begin, for both directions (spec clauses 3.6, 5.9.2)."""
+"""Beginnings of the layers of an isovalue, for both directions (spec clauses 3.6, 5.9.2)."""
 
 from __future__ import annotations
 

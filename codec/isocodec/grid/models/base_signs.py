@@ -30,7 +30,7 @@ _BASE_2, _BASE_3 = BASE_ROW[2], BASE_ROW[3]
 
 
 class Behind(NamedTuple):
-    """What is expected of the sign behind a gate.
+    """Prediction of the sign behind a gate.
 
     Attributes
     ----------

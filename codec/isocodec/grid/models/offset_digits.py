@@ -31,7 +31,7 @@ def _number_from_below(crossings, i):
 
 @inlined
 def _recent_sides(st, crossings, i, radix):
-    """Of the last two different places: 0 if off the parts that are left, 1 if in their first half, 2 in the second.
+    """Sides of the last two different places: 0 off the parts that are left, 1 in their first half, 2 in the second.
 
     The first counts three times. Parts are counted from the end that is below.
     """

@@ -28,7 +28,7 @@ FAR = 64
 
 
 class Expected(NamedTuple):
-    """What is expected of the sign of a middle (spec clause 7.6).
+    """Prediction of the sign of a middle (spec clause 7.6).
 
     Attributes
     ----------
@@ -129,7 +129,7 @@ def _expect_border(st, diamond, seen):
 
 @inlined
 def expected_sign(st, diamond, seen):
-    """What is expected of the sign of a middle, of what is seen of its diamond, inferred signs included."""
+    """Predict the sign of a middle from what is seen of its diamond, inferred signs included."""
     crossed = (seen.above & 1) != (seen.above >> 1) & 1
     guess, said, context, case = _expect_crossed(st, diamond, seen) if crossed else _expect_border(st, diamond, seen)
     return Expected(crossed, guess, said, context, case)

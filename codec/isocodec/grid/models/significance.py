@@ -1,4 +1,4 @@
-"""What the main profile sees of where new components may be: how many vertices are known nearby (spec clause 7.13).
+"""Contexts for new components in the main profile: how many vertices are known nearby (spec clause 7.13).
 
 Counts are kept for the cells of every power of two of samples: of vertices known before the round, and of new
 components found so far, which cluster.

@@ -92,7 +92,7 @@ def _begun(n: int) -> tuple[NDArray[np.int64], NDArray[np.int64], Blend]:
 
 
 def shipped_models(n: int) -> tuple[NDArray[np.int64], NDArray[np.int64], Blend]:
-    """The same, of the normative tables; what a file changes is its own."""
+    """Make the models from the normative tables; copies, which a file may change."""
     prob, seen, blend = _begun(n)
     blend = blend._replace(mix=blend.mix.copy(), row=blend.row.copy(), panel=no_panel())
     return prob.copy(), seen.copy(), blend

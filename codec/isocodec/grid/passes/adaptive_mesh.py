@@ -19,7 +19,7 @@ from ..tube.state import LEVEL_SYMBOL, STEP_VERTICES
 from .bisection import look
 
 BARRED = -16
-"""What a question returns, beside what the coder does, if it cannot be asked."""
+"""Status of a question that cannot be asked, beside those of the coder."""
 ANCESTOR = 32
 """Steps that looking at an ancestor counts as: it takes about as long as so many of inference."""
 

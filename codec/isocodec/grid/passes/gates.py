@@ -32,7 +32,7 @@ def learn_corner(st, level, cls, b0, b1, b2, j, sign):
 
 @inner
 def trouble(st, status):
-    """What the pass returns when a question about the mesh was not answered."""
+    """Status of the pass when a question about the mesh was not answered."""
     if status == BARRED:
         st.counters.error = CONTRADICTED
         return BAD
@@ -57,7 +57,7 @@ def _behind_is_missing(st, edge, r, cls, b0, b1, b2, j):
 
 @inner
 def traverse(st, cd, mark):
-    """What lies behind the gate on top of the stack (spec clauses 5.3.4, 5.8.3)."""
+    """Find what lies behind the gate on top of the stack (spec clauses 5.3.4, 5.8.3)."""
     n = dimension(st.grid.tables)
     walk = st.base
     encoding = cd.reg.mode == ENCODE
@@ -141,7 +141,7 @@ _EQUAL = np.int64(-1)
 
 @inlined
 def _question(n, level, opp):
-    """What there is to ask about the level behind a gate (design of the alphabets, spec clause 5.8.3)."""
+    """Question about the level behind a gate (design of the alphabets, spec clause 5.8.3)."""
     if opp == newest(n, level % n):
         return COARSER
     if opp == 0 or opp == n - level % n:

@@ -166,7 +166,7 @@ class Estimates:
         self._hold(0)
 
     def _take_values(self, st: State, first: int, end: int) -> None:
-        """What the earlier isovalue knows of the values of vertices ``first`` to ``end`` (spec clause 5.9.5)."""
+        """Take what the earlier isovalue knows of the values of vertices ``first`` to ``end`` (spec clause 5.9.5)."""
         if self._lean is None or self._shift is None or not len(self._lean[0].number):
             return
         earlier, other = self._lean

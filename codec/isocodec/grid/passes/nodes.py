@@ -60,7 +60,7 @@ def nearest(difference, period):
 
 @inner
 def predicted(value, at, step, place, count, period):
-    """What is expected at a node, ``step`` entries behind the last known one along an axis (spec clause 3.7.4(5)).
+    """Prediction at a node, ``step`` entries behind the last known one along an axis (spec clause 3.7.4(5)).
 
     ``place`` is its number and ``count`` that of all along the axis, in steps.
     """

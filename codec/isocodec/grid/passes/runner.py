@@ -381,7 +381,7 @@ class Tube:
 
 
 def out_of_steps(limits: Limits) -> LimitError:
-    """What is raised where the steps that are allowed are used up."""
+    """Error to raise when the steps allowed are used up."""
     return LimitError(
         f"inferring signs and ancestors takes more than {limits.steps} steps", code="limit-steps", clause="11.2"
     )

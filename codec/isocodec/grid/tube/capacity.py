@@ -88,13 +88,13 @@ def first_state(
 
 @cache
 def no_lean(n: int) -> Lean:
-    """What the kernels see where there is no earlier isovalue."""
+    """View for kernels without an earlier isovalue."""
     empty = Grid(mesh_tables(n), 0, 0, 0, 0)
     return Lean(empty, Counters(), np.zeros(2, np.int64), new_store(n), new_store(n), NOTHING, NOTHING)
 
 
 def _lean(earlier: State | None, n: int) -> Lean:
-    """What the kernels see of the earlier isovalue: values only where they are whole steps of the same scale."""
+    """View of the earlier isovalue for kernels: values only where they are whole steps of the same scale."""
     if earlier is None:
         return no_lean(n)
     return Lean(earlier.grid, earlier.counters, earlier.value_bits, earlier.known, earlier.mesh, NOTHING, NOTHING)
@@ -110,7 +110,7 @@ def state_bytes(st: State, mark: Store) -> int:
 def wider_state(
     st: State, mark: Store, walking: bool, limits: Limits, hold: Callable[[int, int], None]
 ) -> tuple[State, Store]:
-    """The same state with room for the next steps of any pass, and the store of visited simplices.
+    """Enlarge the state for the next steps of any pass, and the store of visited simplices.
 
     Parameters
     ----------

@@ -99,7 +99,7 @@ class Holes:
 
 
 def whole_cells_of(gone: NDArray[np.bool_], low: NDArray[np.int64]) -> NDArray[np.bool_]:
-    """As `Holes.whole_cells`, from all samples: ``gone`` is where they are missing."""
+    """Find whole cells as `Holes.whole_cells` does, from all samples: ``gone`` is where they are missing."""
     inside: NDArray[np.bool_] = np.asarray(((low >= 0) & (low < np.array(gone.shape) - 1)).all(axis=1))
     place = np.where(inside[:, None], low, 0)
     for corner in product((0, 1), repeat=gone.ndim):

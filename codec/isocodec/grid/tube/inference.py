@@ -1,4 +1,4 @@
-"""What is known of vertices without a symbol: by the curve's not passing, or by an earlier isovalue (5.5.4, 5.9)."""
+"""Inference of vertices without a symbol: as the curve does not pass, or by an earlier isovalue (5.5.4, 5.9)."""
 
 from __future__ import annotations
 

@@ -201,7 +201,7 @@ STEP_CELLS = 26
 
 @record
 class Lean(NamedTuple):
-    """What is known of an earlier isovalue: its mesh, its vertices, and their values as far as sent (clause 5.9).
+    """Knowledge of an earlier isovalue: its mesh, its vertices, and their values as far as sent (clause 5.9).
 
     The same of the mask, which has no values and whose isovalue lies between missing and valid (clause 5.10).
     """

@@ -1,4 +1,4 @@
-"""What an encoder hands to a tube, and a decoder has to be sent."""
+"""Knowledge of an encoder that it hands to a tube; a decoder has to be sent it."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ placed."""
 
 
 class Truth(Protocol):
-    """What the encoder knows of a field at an isovalue: see ``search.ground_truth``."""
+    """Knowledge of the encoder about a field at an isovalue: see ``search.ground_truth``."""
 
     @property
     def padded(self) -> NDArray[np.bool_]:

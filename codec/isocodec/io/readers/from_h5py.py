@@ -135,7 +135,7 @@ def unpacked(stored: Any, field: Array) -> Array:
 
 
 def check_storage(source: InputFile, stored: Any, taken: list[int]) -> None:
-    """That what is taken of an array may be read, and has ever been written."""
+    """Check that the data of an array may be read, and have ever been written."""
     source.check_array(taken, stored.dtype)
     # a chunk is unpacked as a whole, however few of its samples are wanted
     source.check_count(math.prod(stored.chunks or ()))

@@ -132,7 +132,7 @@ def _opened(source: InputFile) -> Iterator[Any]:
 
 
 def _check_companions(source: InputFile, notes: str) -> None:
-    """That the files of an OME series are those that may be read."""
+    """Check that the files of an OME series are those that may be read."""
     try:
         elements = [*ElementTree.fromstring(notes).iter()]
     except ElementTree.ParseError:  # nor does tifffile know more of it then
@@ -144,7 +144,7 @@ def _check_companions(source: InputFile, notes: str) -> None:
 
 
 def _check_series(source: InputFile, series: Any) -> None:
-    """That the samples of a series may be read, and no part of it unpacks to more than they take."""
+    """Check that the samples of a series may be read, and no part of it unpacks to more than they take."""
     size = source.check_array(series.shape, series.dtype)
     if series.dataoffset is not None:
         source.check_bytes(series.dataoffset + size)

@@ -31,7 +31,7 @@ _WORDS = 200
 
 @dataclass(frozen=True)
 class Labels:
-    """Where samples of an array lie, as in `Field`, and their shape without axes of one sample."""
+    """Placement of the samples of an array, as in `Field`, and their shape without axes of one sample."""
 
     shape: tuple[int, ...]
     placement: Matrix | None = None
@@ -41,7 +41,7 @@ class Labels:
 
     @property
     def record(self) -> Placement | None:
-        """The same as a placement; None without coordinates."""
+        """The placement of these labels; None without coordinates."""
         if self.coordinates is None:
             return None if self.placement is None else Placement(self.placement, None, self.crs)
         turns = self.crs == DEGREES

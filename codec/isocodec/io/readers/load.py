@@ -31,7 +31,7 @@ from .slices import FieldsInTurn, Slices
 
 @dataclass(frozen=True)
 class ReadOptions:
-    """What `load` takes of a source, and how.
+    """Options of `load`: what to take of a source, and how.
 
     Attributes
     ----------

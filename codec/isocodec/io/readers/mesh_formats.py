@@ -1,4 +1,4 @@
-"""What readers of meshes give, and how their formats are registered."""
+"""Formats of meshes: the result of their readers, and how they are registered."""
 
 from __future__ import annotations
 

@@ -29,7 +29,7 @@ IN_MEMORY = InputFile(Path())
 
 @dataclass(frozen=True)
 class Choice:
-    """What the caller chooses of an input that holds several things.
+    """Choice from an input that holds several things.
 
     Attributes
     ----------

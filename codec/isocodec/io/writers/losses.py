@@ -1,4 +1,4 @@
-"""Where the curves of a written file lie, and what its coordinates lose of that."""
+"""Placement of the curves in a written file, and what its coordinates lose of it."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ LOST = 0.01
 
 
 class Losses:
-    """What coordinates of contours are, as far as these have been seen, and what a format keeps of it.
+    """Coordinates of the contours seen so far, and what a format keeps of them.
 
     Parameters
     ----------

@@ -22,7 +22,7 @@ _KINDS: dict[Kind, str] = {
     "contour": "curves, surfaces", "areas": "areas, bands", "mask": "masks", "mesh": "meshes",
     "tin": "triangulated surfaces", "picture": "steps, contour maps",
 }
-"""What the table calls things; pyramids are written as curves are."""
+"""Names of things in the table; pyramids are written as curves are."""
 
 
 def suffixes_of(kind: Kind, n: int | None = None, *, several: bool = False, sampled: bool = True) -> list[str]:
