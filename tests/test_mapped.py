@@ -23,7 +23,7 @@ from isocodec.errors import InputError, LimitError, OptionError
 from isocodec.field.mapped import Coordinate
 from isocodec.field.placement import Placement
 from isocodec.format.chunks import write_chunk
-from isocodec.format.coordinates import CoordinatesRecord, read_coordinates, write_coordinates
+from isocodec.format.coordinate_record import CoordinatesRecord, read_coordinates, write_coordinates
 from isocodec.format.events import CoordinatesRead
 from isocodec.grid.passes.node_run import NodeGrid, decode_run, encode_run
 from isospec.container import ChunkType

@@ -84,7 +84,7 @@ def of_isocodec(field: NDArray[np.generic], isovalue: float, tile: int, folder: 
     isocodec.save(folder / "tiled.iso", field, isovalue, tile=tile)
     took = seconds() - begun
     contour = isocodec.decode(folder / "tiled.iso")
-    return "isocodec tile", took, (folder / "tiled.iso").stat().st_size, alone(ends_of(contour), field.shape, SAME)
+    return "isocodec encode --tile", took, (folder / "tiled.iso").stat().st_size, alone(ends_of(contour), field.shape, SAME)
 
 
 def of_gdal(field: NDArray[np.generic], isovalue: float, block: int, folder: Path) -> Iterator[Row]:

@@ -13,7 +13,7 @@ from ..stream.options import Options, Precision
 from ..stream.recoder import box_of, cropped, moved_notes, recoded_frames
 from ..stream.splicing import chosen, signs_of
 from ..stream.truncation import truncate
-from .kinds import IMPOSSIBLE, TileFile, WholeFile, impossible
+from .files import IMPOSSIBLE, TileFile, WholeFile, impossible
 from .recoding import extracted, held_by, same_again
 
 if TYPE_CHECKING:
@@ -68,7 +68,7 @@ def edited(held: WholeFile | TileFile, edit: Edit) -> bytes:
 
 def _shorter_tiles(tiled: TiledFile, layers: int | None, size: int | None) -> bytes:
     """The first layers of a file in tiles, as many as asked for or as fit."""
-    from ..tiles.truncation import first_stages
+    from ..tiles.first_stages import first_stages
 
     if layers is not None:
         return b"".join(first_stages(tiled, layers))

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..drawing.contour import Contour
 from ..drawing.tessellation import Tessellation
-from ..errors import IsoError
+from ..errors import IsoError, OptionError
 from ..field.placement import CRS, Placement, read_placement
 from ..limits import Limits
 from ..storage.content import Readable, content
@@ -20,7 +20,7 @@ from ..stream.statistics import FileStatistics
 from ..tiles.structure import HEAD_BYTES, is_tiled
 from ..tin.tin import Tin
 from .editing import Edit, edited
-from .kinds import TileFile, View, WholeFile
+from .files import TileFile, Viewed, WholeFile
 from .selfcheck import check_kernels
 from .verification import Verified, verified
 
@@ -191,14 +191,14 @@ class IsoFile:
         InputError
             If the mesh given is not the one that the file was made on.
         """
-        return self.held.contour(isovalue, View(
+        return self.held.contour(isovalue, Viewed(
             frame=frame, layers=layers, max_bytes=max_bytes, box=box, within=within, smooth=smooth,
             through_holes=through_holes, partial=partial, progress=progress,
         ))
 
     def contours(self, **view: Any) -> list[Contour]:
         """Decode the curves or surfaces of all isovalues, in the file's order; parameters and errors of `contour`."""
-        return self.held.contours(View(**view))
+        return self.held.contours(Viewed(**view))
 
     def each_frame(self, *, smooth: bool = False) -> Iterator[list[Contour]]:
         """Decode frame after frame; no more than two are in memory.
@@ -228,7 +228,7 @@ class IsoFile:
         Tessellation
             Triangles or tetrahedra with their levels, vertices with their signs.
         """
-        return self.held.mesh(isovalue, View(**view), whole)
+        return self.held.mesh(isovalue, Viewed(**view), whole)
 
     # -- arrays --------------------------------------------------------------------------------------------------
 
@@ -254,7 +254,7 @@ class IsoFile:
         FormatError, LimitError
             As `contour`; ``limits.samples`` bounds the result.
         """
-        return self.held.above(isovalue, View(**view))
+        return self.held.above(isovalue, Viewed(**view))
 
     def valid(self, *, max_bytes: int | None = None) -> NDArray[np.bool_]:
         """Decode which samples are valid; the others are missing. Bool, of the shape of the field.
@@ -382,6 +382,8 @@ def open(
         If it cannot be opened.
     FormatError
         If it is not an ``.iso`` file.
+    OptionError
+        If a mesh is given for a file of another kind.
     LimitError
         If it has more bytes than the limits allow.
 
@@ -392,6 +394,16 @@ def open(
     >>> file.isovalues, file.contour().points    # doctest: +SKIP
     """
     check_kernels()
+    file = _opened(source, mesh, limits)
+    # what is not an .iso file fails here, too
+    if file.kind != "mesh" and mesh is not None:
+        raise OptionError(f"a mesh for a file of kind {file.kind}, which needs none", code="mesh",
+                          remedy="leave it out")
+    return file
+
+
+def _opened(source: Readable, mesh: tuple[ArrayLike, ArrayLike] | None, limits: Limits | None) -> IsoFile:
+    """A file whose kind has not been looked at."""
     if isinstance(source, str | os.PathLike) and (tiled := _tiled_at(source, limits)) is not None:
         return tiled
     data = bytes(content(source, limits))
@@ -399,9 +411,7 @@ def open(
         from ..tiles.tiled import TiledFile
 
         return IsoFile(TileFile(TiledFile(lambda start, end: data[start:end], limits), limits))
-    file = IsoFile(WholeFile(data, limits, mesh))
-    file.kind  # noqa: B018 - what is not an .iso file fails here
-    return file
+    return IsoFile(WholeFile(data, limits, mesh))
 
 
 def decode(

@@ -16,8 +16,8 @@ from ..limits import Limits
 from ..storage.content import Readable
 from ..stream.options import Options
 from ..stream.splicing import spliced
+from .files import TileFile, impossible
 from .isofile import open
-from .kinds import TileFile, impossible
 from .recoding import Held, held_by, same_again
 
 if TYPE_CHECKING:

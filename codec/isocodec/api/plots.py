@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from ..drawing.pictures.map_picture import DARK, LIGHT, map_picture
-from ..drawing.pictures.map_picture import Look as Drawing
+from ..drawing.pictures.map_picture import MapLook as Drawing
 from ..drawing.pictures.picture import Step, check_picture, steps_picture
 from ..drawing.pictures.view import USUAL, View, read_view
 from ..errors import InputError, OptionError, TruncatedError

@@ -20,7 +20,7 @@ from .isofile import IsoFile
 
 if TYPE_CHECKING:
     from ..field.sampled import SpatialImage
-    from ..tiles.running import Engine
+    from ..tiles.workers import Engine
     from ..tin.tin import Tin
 
 

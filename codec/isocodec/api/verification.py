@@ -14,7 +14,7 @@ from ..errors import InputError, OptionError
 from ..field.decoded_samples import LABELS
 from ..field.placement import closed
 from ..field.samples import check_field, without_holes
-from .kinds import TileFile, View, WholeFile
+from .files import TileFile, Viewed, WholeFile
 
 if TYPE_CHECKING:
     from ..drawing.contour import Contour
@@ -69,7 +69,7 @@ def verified(held: WholeFile | TileFile, field: Any, frame: int | None, within: 
     if held.kind == "surface":
         return [_surface(held, np.asarray(known.values), within)]
     values, gone = without_holes(known.values, known.mask)
-    contours = held.contours(View(frame=frame))
+    contours = held.contours(Viewed(frame=frame))
     if isinstance(held, TileFile):
         _check_shape(values.shape, held.info.shape)
         return [_measured(one, check_field(values, one.isovalue, gone=gone), within, None) for one in contours]
@@ -107,7 +107,7 @@ def _of_grid(
         sampled = check_field(values, contour.isovalue, gone=gone)
     wrong: int | None
     try:
-        differ = held.above(contour.isovalue, View(frame=frame)) != sampled.signs
+        differ = held.above(contour.isovalue, Viewed(frame=frame)) != sampled.signs
         wrong = int((differ if gone is None else differ & ~gone).sum())
     except OptionError:
         wrong = None
@@ -136,13 +136,13 @@ def _on_mesh(held: WholeFile, field: Any, frame: int | None, within: float | Non
     """What is found of the isovalues of a file on a mesh, of values at its vertices."""
     points, cells, values = _mesh_of(held, field, frame)
     out = []
-    for contour in held.contours(View(frame=frame)):
+    for contour in held.contours(Viewed(frame=frame)):
         above = values > contour.isovalue
         original = _drawn(points, cells, values, contour.isovalue)
         wrong = None
         if held.info.domain is not None and held.info.domain.kind == DomainKind.KNOWN:
             # a mesh in the file has its vertices in another order
-            wrong = int((held.above(contour.isovalue, View(frame=frame)) != above).sum())
+            wrong = int((held.above(contour.isovalue, Viewed(frame=frame)) != above).sum())
         edges = points[cells[:, 1]] - points[cells[:, 0]]
         unit = float(np.median(np.sqrt((edges**2).sum(axis=1))))
         out.append(_compared(contour, original, within, wrong, unit))

@@ -53,6 +53,7 @@ def edit_command(options: EditOptions) -> None:
     """
     import isocodec
 
+    from ..api.export import counted as inspected
     from ..api.output import check_output
 
     for source in options.source:
@@ -78,8 +79,11 @@ def edit_command(options: EditOptions) -> None:
         warn(options.source[0], f"the result ends before isovalue {' and '.join(map(repr, lost))}")
     before = sum(file.size for file in files)
     isovalues = [float(value) for value in made.isovalues]
+    holds, facts = counted(len(isovalues), "isovalue"), dict[str, Any](isovalues=isovalues)
+    if not several and options.given("layers", "size"):
+        kept = sum(layer.bytes is not None for layer in inspected(made).layers)
+        holds, facts = f"{kept} whole layers", {**facts, "layers": kept}
     result(
-        f"{named(options.output)}: {len(data):,} of {before:,} bytes, {counted(len(isovalues), 'isovalue')}",
-        {"output": str(options.output), "bytes": len(data), "input_bytes": before, "isovalues": isovalues},
-        options.as_json,
+        f"{named(options.output)}: {len(data):,} of {before:,} bytes, {holds}",
+        {"output": str(options.output), "bytes": len(data), "input_bytes": before, **facts}, options.as_json,
     )

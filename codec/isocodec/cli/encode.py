@@ -96,7 +96,7 @@ class EncodeOptions(Thinning, Writing, Reading):
     frames: bool = option("--frames", heading=INPUT, is_flag=True,
                           help="Keep slices, or the volumes of a 4-D file, as a series.")
     frame_axis: int | None = option(
-        "--frame-axis", heading=INPUT, type=WHOLE, metavar="A",
+        "--frame-axis", heading=INPUT, type=int, metavar="A",
         help="With --frames: the axis that counts them.  [default: 0; of 4-D volume files 3]",
     )
     frame_interval: int | None = option(
@@ -184,7 +184,7 @@ class EncodeOptions(Thinning, Writing, Reading):
         if self.surface:
             return {"profile": self.profile, "metadata": notes_of(self.metadata)}
         names = ("precision", "keep_topology", "independent")
-        given = {name: getattr(self, name) for name in names if getattr(self, name)}
+        given = {name: getattr(self, name) for name in names if self.given(name)}
         if self.layers is not None:
             from ..api.inputs import layers_of
 
@@ -248,7 +248,6 @@ def _whole(options: EncodeOptions, keywords: dict[str, Any]) -> tuple[dict[str, 
     seen = options.observed()
     for remark in seen.before:
         warn(options.source, remark)
-    keywords["metadata"] = {**seen.notes, **keywords["metadata"]}
     with concerning(options.source), progress_bar("encoding") as progress, seen.blaming(options.plan, Failure):
         if options.surface:
             tin = options.thinned(seen.what, options.isovalues, int(options.layers or 1), None, progress)

@@ -13,8 +13,7 @@ from .options import OUTPUT, Opening, command, option
 from .report import concerning, warn
 
 if TYPE_CHECKING:
-    from ..stream.inspect import FileInfo
-    from ..stream.statistics import FileStatistics
+    from ..api.isofile import FileInfo, FileStatistics
 
 
 @dataclass(frozen=True, kw_only=True)

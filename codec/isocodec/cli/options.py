@@ -26,6 +26,8 @@ ISOVALUE, PRECISION, LAYERS, PART, INPUT = "Isovalue", "Precision", "Layers", "P
 SURFACE, MESH, TILES, DRAWING, OUTPUT, LIMITS = "Surfaces", "Meshes", "Tiles", "Drawing", "Output", "Limits"
 HEADINGS = (ISOVALUE, PRECISION, LAYERS, PART, INPUT, SURFACE, MESH, TILES, DRAWING, OUTPUT, LIMITS)
 """Headings of help, in order."""
+COLUMN = 30
+"""The widest column of options: click puts the text of longer ones on the next line."""
 
 
 class Number(click.ParamType):
@@ -122,6 +124,19 @@ class Heading(click.Option):
 class Grouped(click.Command):
     """A command whose help shows its options under headings, in columns of the same width."""
 
+    def text(self) -> str:
+        """The help but for its options, with the suffixes of formats that it names in braces."""
+        if "{" not in (self.help or ""):
+            return self.help or ""
+        from ..api.output import formats
+
+        return str(self.help).format_map(formats())
+
+    def format_help_text(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """As click, with the suffixes of formats."""
+        self.help = self.text()
+        super().format_help_text(ctx, formatter)
+
     def format_options(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         """One block for each heading; `--help` goes to the last."""
         blocks: dict[str, list[tuple[str, str]]] = {}
@@ -129,7 +144,7 @@ class Grouped(click.Command):
             record = each.get_help_record(ctx)
             if isinstance(each, click.Option) and record is not None:
                 blocks.setdefault(getattr(each, "heading", OUTPUT), []).append(record)
-        width = max(len(record[0]) for block in blocks.values() for record in block)
+        width = min(max(len(record[0]) for block in blocks.values() for record in block), COLUMN)
         for heading in sorted(blocks, key=HEADINGS.index):
             formatter.write(f"\n{heading}:\n")
             with formatter.indentation():

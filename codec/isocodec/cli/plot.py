@@ -92,7 +92,7 @@ class PlotOptions(Writing, Viewing, Reading):
 
 @command("plot", PlotOptions, "Draw the progressive steps of a file, or a contour map.")
 def plot_command(options: PlotOptions) -> None:
-    """Draw prefixes of INPUT, an .iso file, from its first layer to all of it (.png, .pdf or .svg).
+    """Draw prefixes of INPUT, an .iso file, from its first layer to all of it ({pictures}).
 
     The steps are those of encode --precision 4,1,.., if the file was made with them; otherwise, and if there are more
     than asked for, they are spread evenly over the layers, from the first one on that has something of the curve. The

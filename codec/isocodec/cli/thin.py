@@ -35,12 +35,9 @@ class ThinOptions(Thinning, Writing, Reading):
 def thin_command(options: ThinOptions) -> None:
     """Take the points that matter least out of INPUT one by one; write the Delaunay triangulation of the others.
 
-    \b
-    .npz       points, values, triangles; the order of removal and the error after each one
-    .ply       a surface, its height the value
-    .vtu       the same for tools of simulation
-    .geojson   a polygon with heights for each triangle
-    .iso       points and values in few bytes, as encode --surface; decode makes the others of it
+    OUT is one of {surfaces}: a surface, its height the value. .npz has the order of removal and the error after each
+    one, too; .npy is the picture that the triangles make. Or OUT is .iso: points and values in few bytes, as encode
+    --surface; decode makes the others of it.
 
     INPUT is a picture, a terrain or any array of two axes that encode reads; or points: .csv, .xyz, .las, .laz, .gpkg.
     """

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from .chunks import Promises
-from .coordinates import CoordinatesRecord
+from .coordinate_record import CoordinatesRecord
 from .header import Header
 from .program import Layer
 

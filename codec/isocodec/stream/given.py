@@ -77,9 +77,12 @@ def options_of(field: Field, isovalue: object, options: Options) -> Options:
 def _of_labels(field: Field, options: Options) -> Options:
     """Options of a file of labels, whose isovalues do not lean on one another."""
     precision = options.precision
-    if not (precision.signs or precision.tolerance is not None):
-        name = "a plan" if options.layers.planned else f"precision {precision.text!r}"
-        raise OptionError(f"{name} does not apply to labels", code="labels",
+    if options.layers.planned:
+        plans = [options.layers.plan, *(options.layers.plans or {}).values()]
+        if any(entry and entry[0] == "values" for plan in plans for entry in plan or ()):
+            raise OptionError("layers of values do not apply to labels", code="plan", remedy="plan offsets instead")
+    elif not (precision.signs or precision.tolerance is not None):
+        raise OptionError(f"precision {precision.text!r} does not apply to labels", code="labels",
                           remedy="use signs or a distance")
     if field.placement is not None and (field.placement.coordinates is not None or field.placement.periodic):
         raise OptionError("labels on a mapped grid", code="labels", remedy="encode each label's mask by itself")
@@ -136,7 +139,7 @@ def _ends(frames: Iterable[Any]) -> tuple[float, float]:
     """The least and the largest sample of all frames."""
     found = []
     for each in frames:
-        values = each.values if isinstance(each, Field | Mesh) else each
+        values: Any = each.values if isinstance(each, Field | Mesh) else each
         mask = each.mask if isinstance(each, Field) else None
         gone = missing_of(values, mask)
         there = np.asarray(values)[~gone]

@@ -13,7 +13,7 @@ from isospec.container import ChunkType, DomainKind
 
 from ..errors import FormatError, OptionError, TruncatedError
 from ..format.chunks import Envelope, LayerRecord, Promises, whole_bytes
-from ..format.coordinates import CoordinatesRecord
+from ..format.coordinate_record import CoordinatesRecord
 from ..format.domain import DomainHead, read_mesh_layer
 from ..format.events import Event, FrameRead, IsovalueRead, LayerComplete
 from ..format.frames import first_operation, is_key

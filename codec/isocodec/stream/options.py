@@ -93,7 +93,7 @@ class Precision:
             return given
         if isinstance(given, str):
             return cls._of_text(given.strip())
-        if isinstance(given, Iterable) and np.ndim(given) > 0:  # type: ignore[arg-type]
+        if isinstance(given, Iterable) and np.ndim(given) > 0:
             return cls(steps=_steps_of(given))
         return cls(tolerance=number_of("precision", given))
 

@@ -17,7 +17,7 @@ from ..format.chunks import (
     read_metadata,
     read_promises,
 )
-from ..format.coordinates import CoordinatesRecord, read_coordinates
+from ..format.coordinate_record import CoordinatesRecord, read_coordinates
 from ..format.domain import DomainHead, read_domain
 from ..format.events import (
     ChunkSkipped,

@@ -13,7 +13,7 @@ from ..field.coordinates import Given, arrays_of, check_coordinates
 from ..field.filling import filled_smoothly
 from ..field.mapped import Mapped
 from ..field.placement import DEFAULT_ERROR, Placement, closed, coded_placement, read_placement
-from ..format.coordinates import CoordinatesRecord, write_coordinates
+from ..format.coordinate_record import CoordinatesRecord, write_coordinates
 from ..grid.passes.node_run import NodeGrid, decode_run, encode_run
 from ..limits import Budget, Limits
 

@@ -30,6 +30,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Mapping, Sequence
 from math import isfinite
+from typing import Any
 
 from ..errors import OptionError
 from ..format.kinds import LayerKind
@@ -100,7 +101,8 @@ def isovalues_in(plan: Plan | Mapping[float, Plan], given: Sequence[float]) -> t
 
 
 def check_plan(
-    plan: Plan | Mapping[float, Plan], isovalues: Sequence[float], full_level: int, leaning: bool = True
+    plan: Sequence[Sequence[Any]] | Mapping[float, Sequence[Sequence[Any]]], isovalues: Sequence[float],
+    full_level: int, leaning: bool = True,
 ) -> None:
     """Refuse a plan that cannot be carried out on a grid, as far as that shows before its layers are made.
 

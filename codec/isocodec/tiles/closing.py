@@ -29,7 +29,7 @@ Edge = tuple[int, int]
 
 
 @dataclass(frozen=True)
-class Part:
+class TilePart:
     """What is drawn in a tile.
 
     Attributes
@@ -80,7 +80,7 @@ class Closing:
 
     Parameters
     ----------
-    parts : sequence of Part
+    parts : sequence of TilePart
     numbers : sequence of (P,) int64
         By part: the numbers that its points have in all.
     points : (P, n) float64
@@ -88,7 +88,7 @@ class Closing:
     """
 
     def __init__(
-        self, parts: Sequence[Part], numbers: Sequence[NDArray[np.int64]], points: NDArray[np.float64]
+        self, parts: Sequence[TilePart], numbers: Sequence[NDArray[np.int64]], points: NDArray[np.float64]
     ) -> None:
         self._parts, self._numbers, self._points = parts, numbers, points
         self._ends = [part.ends + np.array(part.origin) for part in parts]

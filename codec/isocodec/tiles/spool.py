@@ -14,8 +14,8 @@ from typing import Any, BinaryIO, Self
 import numpy as np
 
 from ..errors import InputError, OptionError
+from .assembly import Tiles
 from .layout import Index
-from .merging import Tiles
 from .tile_encoder import TileSegments, Tiling
 
 _PIECE = 1 << 22

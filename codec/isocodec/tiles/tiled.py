@@ -22,7 +22,7 @@ from ..stream.container import with_checksum
 from ..stream.decoder import Decoder
 from ..stream.grid_contents import GridContents
 from ..stream.recoder import bounds_of
-from .closing import Part
+from .closing import TilePart
 from .head import read_head
 from .joining import joined
 from .layout import Index
@@ -171,12 +171,13 @@ class TiledFile:
         ((_, _, mask, segments),) = self.tiles([index], number, self.stage_of(None, layer))
         return plain(self.head, index, number, mask, segments)
 
-    def drawn(self, index: Index, number: int, mask: bytes, segments: Sequence[bytes]) -> Part:
+    def drawn(self, index: Index, number: int, mask: bytes, segments: Sequence[bytes]) -> TilePart:
         """What segments of a tile show."""
         grid_of_tile, stage = self.decoded(index, number, mask, segments), len(segments) - 1
         contour, ends = grid_of_tile.ends()
         grid, cube = self.head.grid, 1 << self.head.stages[stage].edge
-        return Part(index, stage, cube, grid.origin(index), grid.size(index), contour, ends, grid_of_tile.whole_cells)
+        origin, size = grid.origin(index), grid.size(index)
+        return TilePart(index, stage, cube, origin, size, contour, ends, grid_of_tile.whole_cells)
 
     def decoded(self, index: Index, number: int, mask: bytes, segments: Sequence[bytes]) -> GridContents:
         """What segments of a tile decode to."""

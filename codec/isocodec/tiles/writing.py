@@ -17,15 +17,15 @@ from ..field.samples import missing_of
 from ..storage.atomic import check_target, writing
 from ..stream.isovalues import isovalues_of, range_of
 from ..stream.options import Isovalues, Options, Precision
+from .assembly import grid_of, merged
 from .layout import Index, in_order
-from .merging import grid_of, merged
-from .running import run
 from .spool import Spool, begun
 from .structure import EXPONENTS
 from .tile_encoder import Tiling
+from .workers import run
 
 if TYPE_CHECKING:
-    from .running import Engine
+    from .workers import Engine
 
 TILE = 1024
 """Samples along each axis of a tile in the plane, unless another number is asked for; in space an eighth."""

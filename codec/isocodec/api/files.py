@@ -62,7 +62,7 @@ _NAMES = {
 
 
 @dataclass(frozen=True, kw_only=True)
-class View:
+class Viewed:
     """What of a file is to be drawn: the parameters of `IsoFile.contour`."""
 
     frame: int | None = None
@@ -142,7 +142,7 @@ class WholeFile:
 
     # -- drawings ------------------------------------------------------------------------------------------------
 
-    def contour(self, isovalue: float | None, view: View) -> Contour:
+    def contour(self, isovalue: float | None, view: Viewed) -> Contour:
         """The curve or surface of an isovalue; see `IsoFile.contour`."""
         if self.kind == "surface":
             view.refuse("surface", "smooth", "through_holes", "within")
@@ -153,7 +153,7 @@ class WholeFile:
         decoder, number = self.decoded(isovalue, view)
         return clipped(_drawn(decoder, [number], view)[0], view.box)
 
-    def contours(self, view: View) -> list[Contour]:
+    def contours(self, view: Viewed) -> list[Contour]:
         """The curves or surfaces of all isovalues; see `IsoFile.contours`."""
         if self.kind == "surface":
             return []
@@ -168,7 +168,7 @@ class WholeFile:
         """The contours of frame after frame; no more than two frames are in memory."""
         yield from frames_of([self.data], smooth=smooth, mesh=self.mesh_given, limits=self.limits)
 
-    def decoded(self, isovalue: float | None, view: View) -> tuple[Decoder, int]:
+    def decoded(self, isovalue: float | None, view: Viewed) -> tuple[Decoder, int]:
         """A decoder that has decoded what a drawing of an isovalue takes, and the number of that isovalue."""
         # what lies behind the bytes that are needed may be damaged
         number = 0 if isovalue is None else self.info.number_of(isovalue)
@@ -179,7 +179,7 @@ class WholeFile:
             raise TruncatedError("the file ends before its curve begins", code="truncated")
         return decoder, number
 
-    def _layers_within(self, number: int, view: View) -> int | None:
+    def _layers_within(self, number: int, view: Viewed) -> int | None:
         """How many layers lead to cubes no wider than ``view.within`` samples."""
         n = len(self.info.shape)
         exponent = max(int(size - 2).bit_length() for size in self.info.shape) if self.info.shape else 0
@@ -190,7 +190,7 @@ class WholeFile:
         return None
 
     def _received(
-        self, only: frozenset[int] | None, view: View, number: int = 0, layers: int | None = None
+        self, only: frozenset[int] | None, view: Viewed, number: int = 0, layers: int | None = None
     ) -> Decoder:
         """A decoder that has taken a frame, the first ``layers`` layers of isovalue ``number``, or the first bytes."""
         wanted = view.frame or 0
@@ -217,7 +217,7 @@ class WholeFile:
             raise
         return decoder
 
-    def _surface_decoder(self, view: View) -> Decoder:
+    def _surface_decoder(self, view: Viewed) -> Decoder:
         """A decoder that has taken a surface, or its beginning."""
         if view.frame:
             raise OptionError(f"the file has no frame {view.frame}", code="frame", remedy="it holds one surface only")
@@ -232,7 +232,7 @@ class WholeFile:
 
     # -- arrays --------------------------------------------------------------------------------------------------
 
-    def above(self, isovalue: float | None, view: View) -> NDArray[np.bool_]:
+    def above(self, isovalue: float | None, view: Viewed) -> NDArray[np.bool_]:
         """Which samples or vertices lie above an isovalue; see `IsoFile.above`."""
         if self.kind == "surface":
             if isovalue is None:
@@ -263,7 +263,7 @@ class WholeFile:
             raise impossible("labels", self.kind)
         if LABELS not in self.info.metadata:
             raise OptionError("the isovalues of the file are not labels", code="labels", remedy="use above")
-        grid = self._received(None, View()).grid
+        grid = self._received(None, Viewed()).grid
         return labelled((grid.above(i) for i in range(len(self.info.isovalues))), self.info.isovalues)
 
     def surface(self, max_bytes: int | None) -> Tin:
@@ -272,9 +272,9 @@ class WholeFile:
             raise TruncatedError("the file ends before its domain begins", code="truncated", offset=self.size)
         if self.kind != "surface":
             raise impossible("surface", self.kind)
-        return self._surface_decoder(View(max_bytes=max_bytes)).surface.tin()
+        return self._surface_decoder(Viewed(max_bytes=max_bytes)).surface.tin()
 
-    def mesh(self, isovalue: float | None, view: View, whole: bool) -> Tessellation:
+    def mesh(self, isovalue: float | None, view: Viewed, whole: bool) -> Tessellation:
         """The mesh that the curve of an isovalue is coded on; see `IsoFile.mesh`."""
         if self.kind == "surface":
             tin = self._surface_decoder(view).surface.tin()
@@ -343,7 +343,7 @@ class TileFile:
             int(root.sizes[:, 0].sum()) if head.masked else None, kind="tiles", tile=1 << head.grid.exponent,
         )
 
-    def contour(self, isovalue: float | None, view: View) -> Contour:
+    def contour(self, isovalue: float | None, view: Viewed) -> Contour:
         """The curve or surface of an isovalue in a box; see `IsoFile.contour`."""
         view.refuse("tiles", "smooth", "through_holes")
         self._check_frame(view.frame)
@@ -369,22 +369,22 @@ class TileFile:
         if frame:
             raise OptionError(f"the file has no frame {frame}", code="frame", remedy="it holds one frame only")
 
-    def contours(self, view: View) -> list[Contour]:
+    def contours(self, view: Viewed) -> list[Contour]:
         """The curves or surfaces of all isovalues; see `IsoFile.contours`."""
         return [self.contour(isovalue, view) for isovalue in self.tiled.isovalues]
 
     def each_frame(self, smooth: bool) -> Iterator[list[Contour]]:
         """The contours of its one frame."""
-        yield self.contours(View(smooth=smooth))
+        yield self.contours(Viewed(smooth=smooth))
 
     def whole(self, box: Sequence[Sequence[float]] | None = None) -> WholeFile:
         """A box of it, or all of it, as a file in one piece."""
         return WholeFile(extracted(self.tiled, box), self.limits)
 
-    def above(self, isovalue: float | None, view: View) -> NDArray[np.bool_]:
+    def above(self, isovalue: float | None, view: Viewed) -> NDArray[np.bool_]:
         """See `IsoFile.above`."""
         self._check_frame(view.frame)
-        return self.whole(view.box).above(isovalue, View(layers=view.layers))
+        return self.whole(view.box).above(isovalue, Viewed(layers=view.layers))
 
     def valid(self, max_bytes: int | None = None) -> NDArray[np.bool_]:
         """See `IsoFile.valid`."""
@@ -398,10 +398,10 @@ class TileFile:
         """Refuse: see `IsoFile.surface`."""
         raise impossible("surface", "tiles")
 
-    def mesh(self, isovalue: float | None, view: View, whole: bool) -> Tessellation:
+    def mesh(self, isovalue: float | None, view: Viewed, whole: bool) -> Tessellation:
         """See `IsoFile.mesh`."""
         self._check_frame(view.frame)
-        return self.whole(view.box).mesh(isovalue, View(layers=view.layers), whole)
+        return self.whole(view.box).mesh(isovalue, Viewed(layers=view.layers), whole)
 
     def statistics(self) -> FileStatistics:
         """See `IsoFile.statistics`."""
@@ -466,7 +466,7 @@ def _uniform(above: NDArray[np.bool_]) -> NDArray[np.bool_]:
     return np.asarray(above.all(axis=1) | ~above.any(axis=1))
 
 
-def _drawn(decoder: Decoder, numbers: Sequence[int], view: View) -> list[Contour]:
+def _drawn(decoder: Decoder, numbers: Sequence[int], view: Viewed) -> list[Contour]:
     """Contours of isovalues; what each was drawn from is released after it."""
     out: list[Contour] = []
     contents = decoder.contents
