@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from ..errors import OptionError, TruncatedError
-from .options import COUNT, DRAWING, OUTPUT, PART, Box, Size, Viewing, Writing, command, option
+from .option_records import COUNT, DRAWING, OUTPUT, PART, Box, Size, Viewing, Writing, command, option
 from .report import PARTIAL, STANDARD, Failure, concerning, named, progress_bar, result, warn, written_to
 
 if TYPE_CHECKING:

@@ -7,7 +7,7 @@ from typing import Any
 
 import click
 
-from .options import COUNT, PART, PRECISION, Box, Number, Opening, Size, Writing, argument, command, option
+from .option_records import COUNT, PART, PRECISION, Box, Number, Opening, Size, Writing, argument, command, option
 from .report import concerning, counted, named, progress_bar, result, warn, write_output
 
 ASKED = ("layers", "size", "box", "isovalues", "profile", "precision", "keep_topology")
@@ -51,8 +51,8 @@ def edit_command(options: EditOptions) -> None:
     or with a (last) tolerance of 0.1 or more, may not. Promises of OUT.iso are about the curves of IN.iso: their
     distance from those of the field comes on top.
     """
-    import isocodec
-
+    from ..api.isofile import open
+    from ..api.merging import merge
     from ..api.output import check_output
 
     for source in options.source:
@@ -67,11 +67,11 @@ def edit_command(options: EditOptions) -> None:
     with concerning(options.source[0]), progress_bar("encoding"):
         if several:
             pieces = [file.data for file in files]
-            data = isocodec.merge(pieces, profile=options.profile or "main", limits=options.limits)
+            data = merge(pieces, profile=options.profile or "main", limits=options.limits)
         else:
             asked = {name: getattr(options, name) for name in ASKED if options.given(name)}
             data = files[0].edited(**asked)
-        made = isocodec.open(data, limits=options.limits)
+        made = open(data, limits=options.limits)
         lost = [] if several or options.isovalues else [v for v in files[0].isovalues if v not in made.isovalues]
     write_output(options.output, data)
     if lost:

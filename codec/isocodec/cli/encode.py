@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from .options import (
+from .option_records import (
     COUNT,
     FILE,
     INPUT,
@@ -241,9 +241,9 @@ def encode_command(options: EncodeOptions) -> None:
 
 def _whole(options: EncodeOptions, keywords: dict[str, Any]) -> tuple[dict[str, Any], list[str]]:
     """Encode in one piece; facts about the file, and remarks."""
-    import isocodec
-
+    from ..api.encoding import encode
     from ..api.inputs import facts_of
+    from ..api.isofile import open
 
     seen = options.observed()
     for remark in seen.before:
@@ -251,11 +251,11 @@ def _whole(options: EncodeOptions, keywords: dict[str, Any]) -> tuple[dict[str, 
     with concerning(options.source), progress_bar("encoding") as progress, seen.blaming(options.plan, Failure):
         if options.surface:
             tin = options.thinned(seen.what, options.isovalues, int(options.layers or 1), None, progress)
-            data = isocodec.encode(tin, **keywords)
+            data = encode(tin, **keywords)
         else:
-            data = isocodec.encode(seen.what, options.isovalue, progress=progress, **keywords)
+            data = encode(seen.what, options.isovalue, progress=progress, **keywords)
     write_output(options.output, data)
-    file = isocodec.open(data)
+    file = open(data)
     marked = options.nodata is not None or options.missing is not None
     facts = {"bytes": file.size, "layers": len(file.info.layers), **seen.facts(file)}
     return (facts | facts_of(tin), []) if options.surface else (facts, seen.after(file, keywords, marked))
@@ -263,10 +263,10 @@ def _whole(options: EncodeOptions, keywords: dict[str, Any]) -> tuple[dict[str, 
 
 def _tiled(options: EncodeOptions, keywords: dict[str, Any]) -> tuple[dict[str, Any], list[str]]:
     """Encode tile by tile; facts about the file, and remarks."""
-    import isocodec
-
     from ..api.inputs import windows_of
+    from ..api.isofile import open
     from ..api.output import engine_of
+    from ..api.saving import save
 
     if str(options.output) == STANDARD:
         raise click.UsageError("a file in tiles is not written to standard output")
@@ -278,11 +278,11 @@ def _tiled(options: EncodeOptions, keywords: dict[str, Any]) -> tuple[dict[str, 
             warn(options.source, place.remark)
         if not options.no_placement:
             keywords["metadata"] = {**place.notes(), **keywords["metadata"]}
-        isocodec.save(
+        save(
             options.output, what, options.isovalue, tile=options.tile, engine=engine, spool=options.spool,
             workers=options.workers if engine else None, progress=progress, **keywords,
         )
-    file = isocodec.open(str(options.output))
+    file = open(str(options.output))
     sizes = {number: sum(layer.bytes or 0 for layer in file.info.layers if layer.isovalue == number)
              for number in range(len(file.isovalues))}
     empty = [file.isovalues[number] for number, size in sizes.items() if not size]

@@ -9,12 +9,11 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from ..errors import plain
-from .options import OUTPUT, Opening, command, option
+from .option_records import OUTPUT, Opening, command, option
 from .report import concerning, warn
 
 if TYPE_CHECKING:
-    from ..stream.inspect import FileInfo
-    from ..stream.statistics import FileStatistics
+    from ..api.isofile import FileInfo, FileStatistics
 
 
 @dataclass(frozen=True, kw_only=True)

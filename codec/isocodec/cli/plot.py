@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from .decode import explained
-from .options import (
+from .option_records import (
     COUNT,
     DRAWING,
     INPUT,

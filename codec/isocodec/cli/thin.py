@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import click
 
-from .options import COUNT, SURFACE, Number, Reading, Thinning, Writing, argument, command, option
+from .option_records import COUNT, SURFACE, Number, Reading, Thinning, Writing, argument, command, option
 from .report import concerning, named, progress_bar, result, warn, write_output, written_to
 
 CRITERIA = ("AT1", "AT2", "AT3", "inf", "l2", "NAT")
@@ -47,8 +47,7 @@ def thin_command(options: ThinOptions) -> None:
         options.refuse("apply unless OUT ends in .iso", "size", "layers", "isovalues", "step")
     elif options.criterion is not None:
         raise click.UsageError("--criterion does not apply to .iso: the points that make the best file are kept")
-    import isocodec
-
+    from ..api.encoding import encode
     from ..api.export import OutputOptions, check_export, write_surface
     from ..api.inputs import as_points, facts_of
     from ..api.output import check_output
@@ -66,7 +65,7 @@ def thin_command(options: ThinOptions) -> None:
         criterion = options.criterion or (None if coded else "AT1")
         tin = options.thinned(given, options.isovalues, options.layers, criterion, progress)
     if coded:
-        data = isocodec.encode(tin)
+        data = encode(tin)
         size = len(data)
         write_output(options.output, data)
     else:

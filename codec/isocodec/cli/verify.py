@@ -7,7 +7,7 @@ from dataclasses import asdict, dataclass
 
 import click
 
-from .options import INPUT, Limited, Reading, argument, command, opened, option
+from .option_records import INPUT, Limited, Reading, argument, command, opened, option
 from .report import BROKEN, concerning, result
 
 

@@ -266,7 +266,7 @@ def opened(source: str, limits: Limits, mesh: str | None = None) -> IsoFile:
     ------
     Failure
     """
-    import isocodec
+    from ..api.isofile import open
 
     known = None
     if mesh is not None:
@@ -275,7 +275,7 @@ def opened(source: str, limits: Limits, mesh: str | None = None) -> IsoFile:
         with concerning(mesh), one_warning(mesh):
             known = mesh_in(mesh)
     with concerning(source):
-        return isocodec.open(stream(source), mesh=known, limits=limits)
+        return open(stream(source), mesh=known, limits=limits)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -355,9 +355,9 @@ class Thinning(Options):
 
     def thinned(self, what: Any, contours: Collection[float], layers: int, criterion: Any, progress: Any) -> Any:
         """Thin a field or points to a triangulation."""
-        import isocodec
+        from ..api.thinned import thin
 
-        return isocodec.thin(
+        return thin(
             what, criterion=criterion, to=self.points, error=self.error, size=self.size,
             contours=[*contours] or None, tolerance=self.tolerance, step=self.step, layers=layers, progress=progress,
         )
