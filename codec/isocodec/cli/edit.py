@@ -7,7 +7,19 @@ from typing import Any
 
 import click
 
-from .option_records import COUNT, PART, PRECISION, Box, Number, Opening, Size, Writing, argument, command, option
+from .option_records import (
+    COUNT,
+    PART,
+    PRECISION,
+    BoxType,
+    NumberType,
+    Opening,
+    SizeType,
+    Writing,
+    argument,
+    command,
+    option,
+)
 from .report import concerning, counted, named, progress_bar, result, warn, write_output
 
 ASKED = ("layers", "size", "box", "isovalues", "profile", "precision", "keep_topology")
@@ -15,18 +27,18 @@ ASKED = ("layers", "size", "box", "isovalues", "profile", "precision", "keep_top
 
 
 @dataclass(frozen=True, kw_only=True)
-class EditOptions(Writing, Opening):
+class EditArguments(Writing, Opening):
     """Options of ``edit``."""
 
     source: Any = argument("IN.iso ...", nargs=-1, required=True)
     layers: int | None = option("--layers", heading=PART, type=COUNT, metavar="N",
                                 help="Keep the first N layers, of all isovalues.")
-    size: int | None = option("--size", heading=PART, type=Size(), metavar="SIZE",
+    size: int | None = option("--size", heading=PART, type=SizeType(), metavar="SIZE",
                               help="Keep as much as fits into this size: 900, 20K.")
     box: tuple[tuple[float, float], ...] | None = option(
-        "--window", heading=PART, type=Box(), metavar="A:B,C:D", help="Keep a box of samples, from:to for each axis."
+        "--window", heading=PART, type=BoxType(), metavar="A:B,C:D", help="Keep a box of samples, from:to for each axis."
     )
-    isovalues: tuple[float, ...] = option("--isovalue", heading=PART, type=Number(), multiple=True, metavar="V",
+    isovalues: tuple[float, ...] = option("--isovalue", heading=PART, type=NumberType(), multiple=True, metavar="V",
                                           help="Keep this isovalue. Repeatable.")
     profile: Any = option("--profile", heading=PRECISION, type=click.Choice(["main", "baseline"]),
                                  help="Encode the curves again in this profile; no point moves.")
@@ -38,8 +50,8 @@ class EditOptions(Writing, Opening):
                                  help="With --precision: keep the topology of the curves in every layer.")
 
 
-@command("edit", EditOptions, "Shorten, cut out, re-encode or merge files without the field.")
-def edit_command(options: EditOptions) -> None:
+@command("edit", EditArguments, "Shorten, cut out, re-encode or merge files without the field.")
+def edit_command(options: EditArguments) -> None:
     """Make OUT.iso of IN.iso: with its first layers or bytes, of a window, less precise, or in another profile.
 
     Several IN.iso are files of one field; OUT.iso gets the isovalues of all of them, and no point moves.
