@@ -36,7 +36,8 @@ class EditArguments(Writing, Opening):
     size: int | None = option("--size", heading=PART, type=SizeType(), metavar="SIZE",
                               help="Keep as much as fits into this size: 900, 20K.")
     box: tuple[tuple[float, float], ...] | None = option(
-        "--window", heading=PART, type=BoxType(), metavar="A:B,C:D", help="Keep a box of samples, from:to for each axis."
+        "--window", heading=PART, type=BoxType(), metavar="A:B,C:D",
+        help="Keep a box of samples, from:to for each axis.",
     )
     isovalues: tuple[float, ...] = option("--isovalue", heading=PART, type=NumberType(), multiple=True, metavar="V",
                                           help="Keep this isovalue. Repeatable.")
@@ -63,6 +64,7 @@ def edit_command(options: EditArguments) -> None:
     or with a (last) tolerance of 0.1 or more, may not. Promises of OUT.iso are about the curves of IN.iso: their
     distance from those of the field comes on top.
     """
+    from ..api.export import counted as inspected
     from ..api.isofile import open
     from ..api.merging import merge
     from ..api.output import check_output
@@ -90,8 +92,11 @@ def edit_command(options: EditArguments) -> None:
         warn(options.source[0], f"the result ends before isovalue {' and '.join(map(repr, lost))}")
     before = sum(file.size for file in files)
     isovalues = [float(value) for value in made.isovalues]
+    holds, facts = counted(len(isovalues), "isovalue"), dict[str, Any](isovalues=isovalues)
+    if not several and options.given("layers", "size"):
+        kept = sum(layer.bytes is not None for layer in inspected(made).layers)
+        holds, facts = counted(kept, "whole layer"), {**facts, "layers": kept}
     result(
-        f"{named(options.output)}: {len(data):,} of {before:,} bytes, {counted(len(isovalues), 'isovalue')}",
-        {"output": str(options.output), "bytes": len(data), "input_bytes": before, "isovalues": isovalues},
-        options.as_json,
+        f"{named(options.output)}: {len(data):,} of {before:,} bytes, {holds}",
+        {"output": str(options.output), "bytes": len(data), "input_bytes": before, **facts}, options.as_json,
     )
