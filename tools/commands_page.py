@@ -11,7 +11,7 @@ from pathlib import Path
 import click
 
 from isocodec.cli import main
-from isocodec.cli.options import HEADINGS, OUTPUT, Grouped
+from isocodec.cli.option_records import HEADINGS, OUTPUT, Grouped
 from isocodec.cli.report import EXIT_CODES
 
 PAGE = Path(__file__).resolve().parents[1] / "docs" / "commands.md"

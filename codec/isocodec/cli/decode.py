@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from ..errors import OptionError, TruncatedError
-from .options import COUNT, DRAWING, OUTPUT, PART, Box, Size, Viewing, Writing, command, option
+from .option_records import COUNT, DRAWING, OUTPUT, PART, BoxType, SizeType, Viewing, Writing, command, option
 from .report import PARTIAL, STANDARD, Failure, concerning, named, progress_bar, result, warn, written_to
 
 if TYPE_CHECKING:
@@ -21,7 +21,7 @@ WHAT = ("curve", "areas", "bands", "above", "valid", "labels", "mesh", "surface"
 
 
 @dataclass(frozen=True, kw_only=True)
-class DecodeOptions(Writing, Viewing):
+class DecodeArguments(Writing, Viewing):
     """Options of ``decode``."""
 
     what: str | None = option(
@@ -31,10 +31,10 @@ class DecodeOptions(Writing, Viewing):
     )
     layers: int | None = option("--layers", heading=PART, type=COUNT, metavar="N",
                                 help="Decode the first N layers of an isovalue.")
-    max_bytes: int | None = option("--max-bytes", heading=PART, type=Size(), metavar="N",
+    max_bytes: int | None = option("--max-bytes", heading=PART, type=SizeType(), metavar="N",
                                    help="Decode the first N bytes.")
     box: tuple[tuple[float, float], ...] | None = option(
-        "--window", heading=PART, type=Box(), metavar="A:B,C:D",
+        "--window", heading=PART, type=BoxType(), metavar="A:B,C:D",
         help="Decode a box of samples, from:to for each axis; of a file in tiles only this part is read.",
     )
     within: float | None = option("--within", heading=PART, type=float, metavar="N",
@@ -95,8 +95,8 @@ class DecodeOptions(Writing, Viewing):
             self.refuse(f"apply to --what {self.what}", "isovalue")
 
 
-@command("decode", DecodeOptions, "Decode to a curve, a surface, a mask or a picture.")
-def decode_command(options: DecodeOptions) -> None:
+@command("decode", DecodeArguments, "Decode to a curve, a surface, a mask or a picture.")
+def decode_command(options: DecodeArguments) -> None:
     """Decode IN.iso to OUT; the suffix of OUT names the format. IN.iso may be - or a URL, OUT - (with --to).
 
     \b

@@ -7,12 +7,12 @@ from dataclasses import asdict, dataclass
 
 import click
 
-from .options import INPUT, Limited, Reading, argument, command, opened, option
+from .option_records import INPUT, Limited, Reading, argument, command, opened, option
 from .report import BROKEN, concerning, result
 
 
 @dataclass(frozen=True, kw_only=True)
-class VerifyOptions(Reading, Limited):
+class VerifyArguments(Reading, Limited):
     """Options of ``verify``."""
 
     field: str = argument("FIELD")
@@ -22,8 +22,8 @@ class VerifyOptions(Reading, Limited):
                                   "[default: the promise of IN.iso]")
 
 
-@command("verify", VerifyOptions, "Check a file against the field it was made from.")
-def verify_command(options: VerifyOptions) -> None:
+@command("verify", VerifyArguments, "Check a file against the field it was made from.")
+def verify_command(options: VerifyArguments) -> None:
     """Decode IN.iso and measure how far it is from the contour of FIELD, both ways.
 
     Ends with exit code 9 if a sample lies on the wrong side of the isovalue, or the distance is larger than promised:

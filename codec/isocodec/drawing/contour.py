@@ -211,7 +211,10 @@ class Contour:
         return np.asarray(np.divide(out, length, out=np.zeros_like(out), where=length > 0))
 
     def flip(self) -> Contour:
-        """Exchange above and below of the curve or surface: cells run the other way, normals point to higher values. For distance fields and densities whose inside is what lies below."""
+        """Exchange above and below of the curve or surface: cells run the other way, normals point to higher values.
+
+        For distance fields and densities whose inside is what lies below.
+        """
         above = None if self.origin_above is None else not self.origin_above
         return replace(self, cells=self.cells[:, ::-1].copy(), origin_above=above)
 

@@ -17,7 +17,7 @@ from .walk import WalkState
 LARGE, SMALL = 1 << 24, 1 << 4
 """Bounds of how far vertices are taken to lie above or below."""
 START = 1 << 14
-"""Class of the first vertex of a component."""
+"""Size of the estimate for the first vertex of a component."""
 PLACE = 16
 """Places on an edge count in parts of ``2**-PLACE`` of it."""
 MOST_PARTS = 1 << 24

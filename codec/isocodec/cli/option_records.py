@@ -30,7 +30,7 @@ COLUMN = 30
 """The widest column of options: click puts the text of longer ones on the next line."""
 
 
-class Number(click.ParamType):
+class NumberType(click.ParamType):
     """A number; whole ones stay whole, so that the encoder notices those that would be rounded."""
 
     name = "float"
@@ -43,7 +43,7 @@ class Number(click.ParamType):
             return number
 
 
-class Size(click.ParamType):
+class SizeType(click.ParamType):
     """A number of bytes: 500M, 4G, 1.5GiB."""
 
     name = "size"
@@ -61,7 +61,7 @@ class Size(click.ParamType):
 _SIZE = re.compile(r"([0-9]{1,15}(?:\.[0-9]*)?)([KMGTkmgt]?)(?:i?[Bb])?")
 
 
-class Numbers(click.ParamType):
+class NumbersType(click.ParamType):
     """Numbers separated by commas."""
 
     name = "numbers"
@@ -75,7 +75,7 @@ class Numbers(click.ParamType):
             self.fail(f"{value!r} is not a list of numbers separated by commas", param, ctx)
 
 
-class Box(click.ParamType):
+class BoxType(click.ParamType):
     """A box of samples: ``0:100,50:90``."""
 
     name = "box"
@@ -183,7 +183,7 @@ def written(record: type, name: str) -> str:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Options:
+class Arguments:
     """The options of a command."""
 
     as_json: bool = option("--json", is_flag=True, help="Print the result as JSON.")
@@ -209,11 +209,11 @@ class Options:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Limited(Options):
+class Limited(Arguments):
     """Limits of decoding."""
 
     limit_memory: int | None = option(
-        "--limit-memory", heading=LIMITS, type=Size(), metavar="SIZE",
+        "--limit-memory", heading=LIMITS, type=SizeType(), metavar="SIZE",
         help=f"Most memory for decoding.  [default: {Limits().memory >> 20}M]",
     )
     limit_work: int | None = option(
@@ -233,7 +233,7 @@ class Limited(Options):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Writing(Options):
+class Writing(Arguments):
     """A command that writes a file."""
 
     output: Path = option("-o", "--output", required=True, type=click.Path(path_type=Path), metavar="OUT",
@@ -266,7 +266,7 @@ def opened(source: str, limits: Limits, mesh: str | None = None) -> IsoFile:
     ------
     Failure
     """
-    import isocodec
+    from ..api.isofile import open
 
     known = None
     if mesh is not None:
@@ -275,7 +275,7 @@ def opened(source: str, limits: Limits, mesh: str | None = None) -> IsoFile:
         with concerning(mesh), one_warning(mesh):
             known = mesh_in(mesh)
     with concerning(source):
-        return isocodec.open(stream(source), mesh=known, limits=limits)
+        return open(stream(source), mesh=known, limits=limits)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -295,7 +295,7 @@ class Viewing(Opening):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Reading(Options):
+class Reading(Arguments):
     """A command that reads a field."""
 
     key: str | None = option("--key", heading=INPUT, metavar="NAME",
@@ -339,14 +339,14 @@ class Reading(Options):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Thinning(Options):
+class ThinningArguments(Arguments):
     """Options for thinning a surface."""
 
     points: int | None = option("--points", heading=SURFACE, type=From(min=3), metavar="N",
                                 help="Keep N points.")
     error: float | None = option("--error", heading=SURFACE, type=float, metavar="E",
                                  help="Keep as few points as miss no value by more than E.")
-    size: int | None = option("--size", heading=SURFACE, type=Size(), metavar="SIZE",
+    size: int | None = option("--size", heading=SURFACE, type=SizeType(), metavar="SIZE",
                               help="Keep as many points as fit into an .iso file of this size.")
     tolerance: float | None = option("--tolerance", heading=SURFACE, type=float, metavar="D",
                                      help="With --isovalue: keep its contour to within D samples, and little else.")
@@ -355,9 +355,9 @@ class Thinning(Options):
 
     def thinned(self, what: Any, contours: Collection[float], layers: int, criterion: Any, progress: Any) -> Any:
         """Thin a field or points to a triangulation."""
-        import isocodec
+        from ..api.thinned import thin
 
-        return isocodec.thin(
+        return thin(
             what, criterion=criterion, to=self.points, error=self.error, size=self.size,
             contours=[*contours] or None, tolerance=self.tolerance, step=self.step, layers=layers, progress=progress,
         )
