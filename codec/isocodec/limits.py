@@ -11,9 +11,9 @@ WORK_PER_BYTE = 512
 WORK_STEPS = 16
 """Steps of inference that count as one unit of work."""
 WORK_LIST = 4
-"""Vertices and simplices that a layer lists, likewise."""
+"""Vertices and simplices listed by a layer that count as one unit of work."""
 ISOVALUES = 64
-"""As many as a file may have (spec clause 11.1)."""
+"""Most isovalues of a file (spec clause 11.1)."""
 FIELD_SAMPLES = 1 << 30
 """Samples that are read of an input file unless more are asked for.
 

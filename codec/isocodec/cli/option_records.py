@@ -133,7 +133,7 @@ class Grouped(click.Command):
         return str(self.help).format_map(formats())
 
     def format_help_text(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
-        """As click, with the suffixes of formats."""
+        """Format help like click, with the suffixes of formats."""
         self.help = self.text()
         super().format_help_text(ctx, formatter)
 

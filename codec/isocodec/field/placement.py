@@ -33,7 +33,7 @@ DEFAULT_ERROR = 0.005
 MOST_ERROR = 0.5
 _AXES = 3
 _NUMBER = re.compile(r"-?(0|[1-9][0-9]*)(\.[0-9]+)?([eE][-+]?[0-9]+)?")
-"""As JSON has them."""
+"""Numbers as in JSON."""
 _EPSG = re.compile("EPSG:([1-9][0-9]{0,5})")
 
 Array = NDArray[np.float64]

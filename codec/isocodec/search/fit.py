@@ -31,7 +31,7 @@ REACHES = (0.4, 1.0, 2.0)
 """Points of a curve farther than the last one of these, in tolerances, from the other pull at nothing; near ones are
 found faster."""
 NAMED = 2.0**20
-"""Of a cell: points are the same if they are rounded to so many parts alike."""
+"""Parts of a cell: points are the same if they are rounded to so many parts alike."""
 MOSTLY = 0.5
 """Share of the curve from which on all of it is fitted anew, and held against the original."""
 MARGIN = 0.95

@@ -177,7 +177,7 @@ class Outline:
 
 
 Reader = Callable[[Outline, bytes, int, int], Event | None]
-"""Of the payload of a chunk, given where it begins and where the chunk ends in the file; None if it has no event."""
+"""Reads the payload of a chunk, given where it begins and where the chunk ends in the file; None without an event."""
 
 
 def _isovalue(outline: Outline, payload: bytes, start: int, behind: int) -> Event:

@@ -74,7 +74,7 @@ class ContourStatistics:
 
     @property
     def bits(self) -> int:
-        """Of all layers."""
+        """Bits of all layers."""
         return self.connectivity_bits + self.geometry_bits
 
 

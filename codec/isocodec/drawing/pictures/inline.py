@@ -13,7 +13,7 @@ from ..curve import Curve
 from .picture import contour_picture
 
 MOST_POINTS = 50_000
-"""Of curves that are drawn as paths; with more they become a picture."""
+"""Most points of curves that are drawn as paths; with more they become a picture."""
 _SIDE = 480
 """Pixels along the longer side."""
 

@@ -66,7 +66,7 @@ class Page:
         np.add.at(self.crowd, (row[inside], column[inside]), step)
 
     def free(self, boxes: Points) -> NDArray[np.bool_]:
-        """Of points in boxes, (B, K, 2), whether labels may cover all of them."""
+        """Whether labels may cover all the points in boxes, (B, K, 2)."""
         row, column, inside = self.cells(boxes)
         return np.asarray((inside & ~self.shut[row, column]).all(axis=1))
 

@@ -62,7 +62,7 @@ _SWAPPED = sum((3 - _PATTERN // 3**i % 3) % 3 * 3**i for i in range(GROUP))
 _MIRROR = np.array([_SWAPPED, _PATTERN])
 _PAGES = 2
 _MARGIN = 32
-"""Of the board, in units of g: whole pages, and more than windows reach."""
+"""Margin of the board, in units of g: whole pages, and more than windows reach."""
 
 
 @inlined

@@ -30,13 +30,13 @@ BASE_KIND = 43
 """By phase, of the signs behind gates; the same where an earlier isovalue predicts them."""
 # Networks, in the order of their rows.
 SIGN_NET, TREE_NET, OFFSET_NET, LEAF_NET, VALUE_NET, MESH_NET, BASE_NET = np.array([0, 3, 4, 5, 6, 7, 8])
-"""Of signs there is one for each phase; n = 2 leaves the third without rows. Of offsets, on and off the full grid."""
+"""Signs have one for each phase; n = 2 leaves the third without rows. Offsets have one on and one off the full grid."""
 AROUND = {2: 96, 3: 112}
 """Vertices around a middle that a sign's network sees."""
 MANNER_ROWS = 38
-"""Of these, what kind of curve it has been so far."""
+"""Rows of these for the kind of curve that it has been so far."""
 EARLIER_ROWS = 60
-"""Of these, those for what an earlier isovalue predicts."""
+"""Rows of these for what an earlier isovalue predicts."""
 AROUND_ROW = 10
 """First of their rows in its network."""
 SIGN_ROWS = {n: AROUND_ROW + 2 * AROUND[n] + MANNER_ROWS + EARLIER_ROWS for n in AROUND}

@@ -30,7 +30,7 @@ CONTEXT = Layout({
     "SIGN": (GRADES, 0.5, 1),
     "EXPONENT": (MOST_EXPONENT + 1, 0.5, 1),
 })
-"""Of one coordinate."""
+"""Contexts of one coordinate."""
 ZERO, SIGN, EXPONENT = CONTEXT.firsts("ZERO", "SIGN", "EXPONENT")
 AXES = 3
 

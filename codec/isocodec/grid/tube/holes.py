@@ -90,7 +90,7 @@ class Holes:
         self.lean = Lean(state.grid, counters, np.zeros(2, np.int64), state.known, state.mesh, numbers, numbers)
 
     def whole_cells(self, low: NDArray[np.int64]) -> NDArray[np.bool_]:
-        """Of unit cells, by their lowest corners (C, n), which lie in the box and have no missing corner, (C,) bool."""
+        """Whether unit cells, by their lowest corners (C, n), lie in the box without a missing corner, (C,) bool."""
         padded = np.zeros((len(low), AXES), np.int64)
         padded[:, : low.shape[1]] = low
         out = np.empty(len(low), np.bool_)
