@@ -210,7 +210,7 @@ def test_masks() -> None:
     assert np.array_equal(isocodec.open(data).above(), mask)
     assert isocodec.open(data).info.isovalues == [0.5]
     assert data == isocodec.encode(mask, 0.5, precision="signs")
-    with pytest.raises(OptionError, match="which isovalue"):
+    with pytest.raises(OptionError, match="no isovalue"):
         isocodec.encode(HILL)
 
 
