@@ -28,7 +28,7 @@ def optional(module: str, *, extra: str, purpose: str) -> Any:
     try:
         return importlib.import_module(module)
     except ImportError as exc:
-        # A library that is there but broken fails alike; its own words then tell more than "needs" alone.
+        # A library that is there but broken fails in the same way; its own words then explain more than "needs" alone.
         library = module.partition(".")[0]
         absent = isinstance(exc, ModuleNotFoundError) and exc.name in (library, module)
         reason = "" if absent else f", which fails to load ({exc})"

@@ -88,7 +88,7 @@ LEVELS = {
 }
 """Vertices, simplices, symbols, steps and isovalues (spec clause 11.3)."""
 BLOCKS = {0: 1 << 10, 1: 1 << 15}
-"""Blocks likewise; a decoder's memory is limited in bytes instead."""
+"""Most blocks of an encoder; a decoder's memory is limited in bytes instead."""
 _STEP = 32
 """More vertices and simplices than a step of any pass adds."""
 

@@ -39,7 +39,7 @@ def encode(
     what : (s0, s1) or (s0, s1, s2) array_like, Field, Frames, Mesh or Tin
         Samples on a regular grid, of bool, integers or floats; NaN, and what a masked array masks, is missing: the
         curve ends at unit cells with a missing corner. A `Field` adds a mask, where the samples lie, names, units and
-        labels, which go into the file, too; likewise what `read` takes in memory (a DataArray of xarray, images of
+        labels, which go into the file, too; so does what `read` takes in memory (a DataArray of xarray, images of
         nibabel and SimpleITK). `Frames` are a series, a `Mesh` has values at points, a `Tin` is a surface from `thin`.
     isovalue : number, sequence of numbers, or str, optional
         One isovalue, or several of the same field, in the order in which the file has them: finite numbers of Python's

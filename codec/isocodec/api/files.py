@@ -296,7 +296,7 @@ class WholeFile:
 
 
 class TileFile:
-    """A file in tiles, of which pieces are read as they are asked for.
+    """A file in tiles, read piece by piece as they are asked for.
 
     Parameters
     ----------

@@ -369,7 +369,7 @@ def _missing(field: Field) -> np.ndarray:
 
 
 def usual_interval(samples: np.ndarray) -> float:
-    """A round interval of which about twenty multiples lie within the data; of integers a whole one.
+    """Choose a round interval with about twenty multiples within the data; for integers a whole one.
 
     Raises
     ------

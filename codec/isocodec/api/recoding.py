@@ -64,7 +64,7 @@ class Held:
     frames : list of lists of Source
         By frame and isovalue.
     contours : list of lists of Contour
-        Likewise.
+        By frame and isovalue.
     valid : (s0, .., sn-1) bool
     """
 

@@ -92,16 +92,16 @@ class EncodeArguments(ThinningArguments, Writing, Reading):
         "curvature=K, distortion=D or level=L; or make the layers that a file lists (--plan-help).",
     )
     plan_help: bool = option("--plan-help", heading=LAYERS, is_flag=True, is_eager=True, expose_value=False,
-                             callback=_explain, help="Explain such files.")
+                             callback=_explain, help="Explain the format of these files.")
     frames: bool = option("--frames", heading=INPUT, is_flag=True,
                           help="Keep slices, or the volumes of a 4-D file, as a series.")
     frame_axis: int | None = option(
         "--frame-axis", heading=INPUT, type=int, metavar="A",
-        help="With --frames: the axis that counts them.  [default: 0; of 4-D volume files 3]",
+        help="With --frames: the axis that counts them.  [default: 0; for 4-D volume files 3]",
     )
     frame_interval: int | None = option(
         "--frame-interval", heading=INPUT, type=WHOLE, metavar="K",
-        help="Of a series: every K frames one decodes without those before it.  [default: 0, the first only]",
+        help="Make every K-th frame decodable without those before it.  [default: 0, the first only]",
     )
     missing: str | None = option(
         "--missing", heading=INPUT, type=click.Choice(["hole", "below", "above", "nearest"]), metavar="HOW",
@@ -120,23 +120,23 @@ class EncodeArguments(ThinningArguments, Writing, Reading):
     surface: bool = option("--surface", heading=SURFACE, is_flag=True,
                            help="Encode a triangulated surface instead of contours.")
     values: str | None = option("--values", heading=MESH, metavar="NAME",
-                                help="INPUT is a mesh or scattered points; which values at its points.")
+                                help="Encode these values at the points of INPUT, a mesh or scattered points.")
     stored: str | None = option(
         "--stored", heading=MESH, type=click.Choice(["known", "coded", "whole", "delaunay"]), metavar="HOW",
-        help="known: whoever decodes has the mesh (default); the file has the crossed cells: coded, or all: whole; "
-        "delaunay: it follows from the points (default of points).",
+        help="known: decoders have the mesh (default); coded: the file stores the crossed cells; whole: it stores all; "
+        "delaunay: cells follow from the points (default for points).",
     )
     mesh_error: float | None = option("--mesh-error", heading=MESH, type=float, metavar="D",
                                       help="Largest error of points of a mesh in the file.")
     tile: int | None = option("--tile", heading=TILES, type=COUNT, metavar="N",
                               help="Encode tile by tile, N = 2**k samples along each axis, for fields larger than "
-                              "memory; a stopped command goes on where it was.")
+                              "memory; a stopped command resumes.")
     workers: int | None = option("--workers", heading=TILES, type=COUNT, metavar="N",
-                                 help="Processes that encode.  [default: 1]")
+                                 help="Number of encoding processes.  [default: 1]")
     scheduler: str | None = option("--scheduler", heading=TILES, metavar="ADDRESS",
                                    help="Encode on the Dask cluster of this scheduler: tcp://HOST:PORT.")
     spool: Path | None = option("--spool", heading=TILES, type=FILE, metavar="FOLDER",
-                                help="Where encoded tiles are kept until all are there.  [default: OUT.iso.tiles]")
+                                help="Keep encoded tiles here until all are done.  [default: OUT.iso.tiles]")
     metadata: tuple[str, ...] = option("--metadata", heading=OUTPUT, multiple=True, metavar="KEY=TEXT",
                                        help="Add a note to the file. Repeatable.")
     profile: str = option("--profile", heading=OUTPUT, type=click.Choice(["main", "baseline"]), default="main",

@@ -40,7 +40,7 @@ class PlotArguments(Writing, Viewing, Reading):
 
     source: str = argument("INPUT")
     isovalue: Any = option("--isovalue", heading=ISOVALUE, type=NumberType(), multiple=True, metavar="V",
-                           help="Isovalue to draw; with --map repeatable.  [default: the first; of a map all]")
+                           help="Isovalue to draw; with --map repeatable.  [default: the first; on a map all]")
     steps: int = option("--steps", heading=DRAWING, type=COUNT, default=5, show_default=True, metavar="N",
                         help="Number of steps.")
     draw_mesh: bool = option("--draw-mesh", heading=DRAWING, is_flag=True,
@@ -52,7 +52,7 @@ class PlotArguments(Writing, Viewing, Reading):
     )
     map: bool = option("--map", heading=DRAWING, is_flag=True, help="Draw a contour map.")
     map_interval: float | None = option("--interval", heading=ISOVALUE, type=NumberType(), metavar="S",
-                                        help="Of a field: draw all multiples of S.  [default: about 20 lines]")
+                                        help="With a field: draw all multiples of S.  [default: about 20 lines]")
     offset: float | None = option("--offset", heading=ISOVALUE, type=NumberType(), metavar="V",
                                   help="With --interval: draw V, V + S, V + 2 S, ..")
     index: int = option("--index", heading=DRAWING, type=COUNT, default=5, show_default=True, metavar="K",
@@ -61,12 +61,12 @@ class PlotArguments(Writing, Viewing, Reading):
     size: float = option("--size", heading=DRAWING, type=click.FloatRange(4, 400), default=20, show_default=True,
                          metavar="CM", help="With --map: its longest side.")
     dpi: int = option("--dpi", heading=DRAWING, type=click.IntRange(30, 2400), default=200, show_default=True,
-                      metavar="N", help="With --map: pixels in 2.54 cm: of a .png all, otherwise those of the relief.")
+                      metavar="N", help="With --map: pixels per inch, in a .png of all, otherwise of the relief.")
     dark: bool = option("--dark", heading=DRAWING, is_flag=True, help="With --map: light lines on dark ground.")
     no_relief: bool = option("--no-relief", heading=DRAWING, is_flag=True,
                              help="With --map: leave out the shaded relief.")
     metadata: tuple[str, ...] = option("--metadata", heading=INPUT, multiple=True, metavar="KEY=TEXT",
-                                       help="Of a field: what it does not state: placement, crs, unit.")
+                                       help="With a field: add what it lacks: placement, crs, unit.")
 
     @property
     def coded(self) -> bool:

@@ -18,7 +18,7 @@ class VerifyArguments(Reading, Limited):
     field: str = argument("FIELD")
     source: str = argument("IN.iso")
     within: float | None = option("--within", heading=INPUT, type=click.FloatRange(min=0), metavar="D",
-                                  help="Distance to keep, in cells; of a surface largest error of its values.  "
+                                  help="Distance to check, in cells; for a surface the largest error of its values.  "
                                   "[default: the promise of IN.iso]")
 
 

@@ -189,7 +189,7 @@ def ratios_at(
     free = np.ones(len(edges), np.bool_)
     if leaves.value is not None:
         f_low, f_high = leaves.value[edges[:, 0]], leaves.value[edges[:, 1]]
-        # Equal estimates at both ends, and differences that overflow, say nothing about the place.
+        # Equal estimates at both ends, and differences that overflow, do not determine the place.
         with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
             linear = (leaves.isovalue - f_low) / (f_high - f_low)
         known = np.isfinite(f_low) & np.isfinite(f_high) & np.isfinite(linear)

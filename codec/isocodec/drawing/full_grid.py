@@ -66,7 +66,7 @@ class _Grid:
     cells : (M, n) int64
         Segments or triangles between points on edges, by numbers of these.
     sides : (S, 2) int64
-        Sides of polygons around points in the middle of cells, likewise.
+        Sides of polygons around points in the middle of cells, by numbers of points on edges.
     owner : (S,) int64
         Numbers of their cells, ascending.
     drawn : (M,) bool
@@ -180,7 +180,7 @@ def _join(
 def _enter_patterns(
     above: BoolVector, corners: Int32Matrix, count: UInt8Vector, mixed: IntVector, pattern: IntVector,
 ) -> None:
-    """Enter the signs of each cell as its pattern; 0, of which nothing is drawn, if it lacks some mixed leaves."""
+    """Enter the signs of each cell as its pattern; 0, which draws nothing, if it lacks some mixed leaves."""
     for cell in range(len(corners)):
         signs = np.int64(0)
         for corner in range(corners.shape[1]):

@@ -125,7 +125,7 @@ def inferred(
     points: NDArray[np.int64], cells: NDArray[np.int64], known: NDArray[np.int64], above: NDArray[np.bool_],
     origin_above: bool,
 ) -> NDArray[np.bool_]:
-    """Signs of all vertices of a mesh, of which some are known (spec clause 5.5.4).
+    """Infer the signs of all vertices of a mesh from those known (spec clause 5.5.4).
 
     All simplices that the curve crosses have known vertices, so that others are of one sign throughout.
 

@@ -38,7 +38,7 @@ class Account:
     units : int
         Units of work so far.
     steps : int
-        Steps of inference so far, of which several count as a unit.
+        Steps of inference so far; several count as a unit.
     read : int
         Where the last byte that was read lies in the file.
     """

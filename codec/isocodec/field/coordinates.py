@@ -33,7 +33,7 @@ class Given:
         x, y (, z), with units that keep the error.
     arrays : tuple of (s0 or 1, .., sn-1 or 1) float64
         Each of them; it varies along the axes that it has more than one node of.
-    needed : tuple of likewise, bool
+    needed : tuple of (s0 or 1, .., sn-1 or 1) bool
         Where they matter: at nodes of whole unit cells.
     """
 
@@ -55,7 +55,7 @@ def arrays_of(given: Any, shape: tuple[int, ...]) -> list[Array]:
     Raises
     ------
     InputError
-        If it is none of these.
+        If it is neither.
     """
     n = len(shape)
     try:

@@ -24,7 +24,7 @@ def filled_smoothly(values: NDArray[Any], gone: NDArray[np.bool_]) -> NDArray[An
     Parameters
     ----------
     values : (s0, .., sn-1) array of integers or floats
-    gone : likewise, bool
+    gone : (s0, .., sn-1) bool
         Which samples are missing; not all.
 
     Returns

@@ -276,7 +276,7 @@ class Placement:
 
 
 class Noted:
-    """A file with notes, of which some hold where the samples lie."""
+    """A file with notes, among them the placement of its samples."""
 
     @property
     def shape(self) -> tuple[int, ...]:
@@ -318,7 +318,7 @@ def placement_of(given: Placement | ArrayLike | None, n: int) -> Placement | Non
     Parameters
     ----------
     given : Placement, or (n,), (n, n + 1) or (n + 1, n + 1) array_like
-        Numbers as `matrix_of` takes them; of a Placement the matrix is checked likewise.
+        Numbers as `matrix_of` takes them; of a Placement the matrix is checked in the same way.
     n : int
 
     Returns

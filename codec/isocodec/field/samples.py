@@ -30,11 +30,11 @@ class Samples:
     ----------
     values : (s0, .., sn-1) array of integers or floats
     isovalue : float
-    signs : likewise, bool
+    signs : (s0, .., sn-1) bool
         ``value > isovalue``, strict (spec clause 2.2).
     scale : float or None
         Step of the numbers; None for integers, which are their own numbers.
-    gone : likewise, bool, or None
+    gone : (s0, .., sn-1) bool, or None
         Which samples are missing; ``values`` has something else for them. None if none is.
     """
 
@@ -307,6 +307,6 @@ def interval_value(isovalue: float, scale: float | None, number: NDArray[Any], a
     if scale is None:
         t = math.floor(isovalue)
         return np.where(above, t + 1 + number, t - number).astype(np.float64)
-    # a file may state any scale, and infinities say as little as no value
+    # a file may state any scale; an overflow to infinity is as good as no value
     with np.errstate(over="ignore"):
         return np.where(above, isovalue + scale * (number + 0.5), isovalue - scale * (number + 0.5))

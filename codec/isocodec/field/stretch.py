@@ -26,7 +26,7 @@ def distance_of(text: str) -> tuple[float, str]:
     Raises
     ------
     OptionError
-        If it is none.
+        If it is not a distance.
     """
     found = _DISTANCE.fullmatch(text)
     try:

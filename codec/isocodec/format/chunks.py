@@ -94,7 +94,7 @@ def whole_bytes(data: bytes | bytearray | memoryview) -> bytes:
     Raises
     ------
     OptionError
-        If it is none: a name, for example.
+        If it is not bytes, but a name, for example.
     """
     return data if isinstance(data, bytes) else bytes(octets(data))
 

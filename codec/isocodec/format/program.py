@@ -125,7 +125,7 @@ def write_program(layers: Sequence[Layer], progress: Progress, bits: tuple[int, 
                 progress.bits, progress.plane = bits, max(bits)
                 extra = _write_bits(bits)
             if layers[i].plane == progress.plane:
-                j = i + 1  # a layer that only lets new vertices catch up is an operation of its own
+                j = i + 1  # a layer that only lets new vertices catch up is a separate operation
             argument = progress.plane - layers[j - 1].plane
             argument = None if layers[j - 1].plane == 0 else argument
         else:

@@ -37,7 +37,7 @@ def _chosen() -> Execution:
 
 
 def _without_library() -> Execution:
-    """On a platform that there is no library for."""
+    """Choose the execution on a platform without a library."""
     if find_spec("numba"):
         warnings.warn("no library of kernels for this platform: numba compiles them, in each process", stacklevel=2)
         return Execution.NUMBA

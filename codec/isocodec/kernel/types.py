@@ -34,7 +34,7 @@ class Number:
     slots = 1
 
     def pack(self, value: Any) -> bytes:
-        """The slot of a value; TypeError or OverflowError if it is none of this type."""
+        """The slot of a value; TypeError or OverflowError if it is not of this type."""
         match self.name:
             case "int64" if isinstance(value, (int, np.integer)) and not isinstance(value, bool):
                 return int(value).to_bytes(SLOT, "little", signed=True)
@@ -72,7 +72,7 @@ class Array:
             if not value.flags.c_contiguous:
                 raise TypeError(f"an array with gaps instead of {self}")
             size = value.size
-            try:  # what array.ctypes.data says, in a third of its time
+            try:  # the address as of array.ctypes.data, in a third of its time
                 place = address(one(value)) if size else 0  # type: ignore[arg-type]
             except TypeError:  # not to be written
                 place = value.ctypes.data
@@ -284,7 +284,7 @@ class Signature:
 
     @property
     def frame(self) -> Record:
-        """All arguments as one record: what is handed over."""
+        """Pack all arguments into one record."""
         return Record("arguments", self.arguments)
 
     def __str__(self) -> str:

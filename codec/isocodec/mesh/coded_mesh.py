@@ -107,7 +107,7 @@ def _code_place(g, cd, origin, face, truth):
 
 @inner
 def _code_new_or_far(g, cd, origin, face, truth):
-    """Code a vertex that is no candidate: one of those that there are, or a new one."""
+    """Code a vertex that is not a candidate: an existing one, or a new one."""
     want = origin.vertex[truth] if truth >= 0 else np.int64(-1)
     bit = np.int64(0)
     if g.reg.vertices > 0:
@@ -258,7 +258,7 @@ def code_mesh(g: Growth, origin: Original, cd: Coder) -> int:
 
 
 def growth_of(vertices: int, cells: int, corners: int, extent: NDArray[np.int64]) -> Growth:
-    """A mesh of which nothing has come."""
+    """Make a mesh of which nothing has come."""
     d = len(extent)
     return Growth(
         np.zeros((vertices, d), np.int64), extent, np.zeros((cells, corners), np.int64),

@@ -37,7 +37,7 @@ def triangulated(
     Raises
     ------
     InputError
-        If they are none, or cannot be triangulated.
+        If they are not points with values, or cannot be triangulated.
     """
     found, numbers = np.asarray(points, np.float64), np.asarray(values)
     if found.ndim != 2 or found.shape[1] != 2:
@@ -56,7 +56,7 @@ def triangulated(
 def _distinct(
     points: NDArray[np.float64], values: NDArray[Any]
 ) -> tuple[NDArray[np.float64], NDArray[Any]]:
-    """Points of which none coincide, and their values: of those that do, the mean."""
+    """Merge points that coincide, and take the mean of their values."""
     found, first, number = np.unique(points, axis=0, return_index=True, return_inverse=True)
     if len(found) == len(points):
         return points, values

@@ -44,7 +44,7 @@ def quantised(
     Parameters
     ----------
     points : (V, d) float64
-        All of which cells have.
+        Each a vertex of some cell.
     cells : (T, n + 1) int64
         As of a complex.
     error : float

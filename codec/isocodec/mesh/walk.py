@@ -99,7 +99,7 @@ def _learn(st, v, sign, estimate):
 
 @inlined
 def mixed(mesh, st, t):
-    """Whether a cell of which all signs are known has both."""
+    """Whether a cell whose signs are all known has both."""
     above = np.int64(0)
     for i in range(mesh.cell.shape[1]):
         above += st.sign[mesh.cell[t, i]]

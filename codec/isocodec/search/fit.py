@@ -268,7 +268,7 @@ def fitted_offsets(
         Where on them to begin, as fractions.
     tolerance : float
     faults : Faults, optional
-        Those of a drawing of which most points are where they were.
+        Faults of a drawing that shares most of its points.
     around : Around, optional
         What lies around these faults: points elsewhere stay.
     fixed : (E,) bool, optional

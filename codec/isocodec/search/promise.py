@@ -131,7 +131,7 @@ class Promise:
             Of the offsets.
         tolerance : float
         before : Fitted, optional
-            Places on a mesh of which most edges are left.
+            Places on a mesh that shares most of its edges.
         lead : plan
             Layers that lead to a part of the mesh; without them it is a base.
         faults : Faults, optional

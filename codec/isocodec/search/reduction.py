@@ -48,7 +48,7 @@ CROSSING, TOPOLOGY = 1, 2
 # What a sweep over a level does.
 _OPEN, _COMMIT = range(2)
 AT_ONCE = 16
-"""Leaves of which none is left for later."""
+"""Leaves that are always bisected at once, whatever the share."""
 
 
 @inner

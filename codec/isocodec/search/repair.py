@@ -86,7 +86,7 @@ def repaired(
         faults, size = promise.faults(fitted.drawing, tolerance), fitted.size
         places = faults.places
         if not len(places):
-            # so it seems: now with all that the file says
+            # so it seems: now with all that the file stores
             plan = [*lead, onto(mesh, lead), ("offsets", *pitch, fitted.place)]
             size, contour = promise.trial(plan)
             places = promise.excess(contour, tolerance)

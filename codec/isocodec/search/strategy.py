@@ -88,7 +88,7 @@ def smallest(promise: Promise, tolerance: float, topology: bool) -> Plan:
             # of even larger cubes the same would come
             break
         helped |= found is not best
-        # what is told well on one mesh is on the others
+        # parts that store crossings well on one mesh do so on the others
         best, tried = found, good or tried
     start = loose_start(promise, tolerance, topology)
     return _meshed(promise, tolerance, start, [], best, tried, course, topology)[0][1]
@@ -153,7 +153,7 @@ def even_starts(promise: Promise, tolerance: float) -> Iterator[tuple[Chosen, Pl
 
 def _coarsest(promise: Promise, grid: Plan, tolerance: float, best: _Found) -> _Found:
     """The best plan, or the full grid with crossings stored as coarsely as can be, with slack also at a slant."""
-    # as few parts as can be, even if in the worst case a crossing on their border is told a rounding too far away
+    # as few parts as can be, even if in the worst case a crossing on their border is stored a rounding too far away
     fewest = max(math.ceil(0.5 / tolerance * (1 - EDGE)), 1) | 1
     for radix in sorted({fewest, math.prod(radices(tolerance))} - {1}):
         slack = Slack(tolerance, promise.phi) if promise.free else None

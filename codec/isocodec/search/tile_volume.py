@@ -28,7 +28,7 @@ PARTS = 3
 SLANT = 2.5
 """Crossings are stored at most this many tolerances off along their edges, where the surface meets these at a slant."""
 LEAST = 0.2
-"""Slack that has been taken back to less than this share is none."""
+"""Slack that has been taken back to less than this share counts as zero."""
 MOST_TURNS = 32
 HOPELESS, SPARE = 1.05, 40
 """A mesh that takes so many times the bytes of the full grid, and so many more, is given up."""

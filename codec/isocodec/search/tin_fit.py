@@ -23,7 +23,7 @@ MOST_PALETTE = 24
 _BITS = 10.8
 """Bits of a point and its value, about."""
 _STEP = 1.25
-"""Step of values, in roots of the mean squared error that there is without steps: found on pictures."""
+"""Step of values, in roots of the mean squared error without steps: found on pictures."""
 _TRIES = 8
 _TRIED = 1, 10, 3
 """Rounds of exchange for each, and for all later ones."""

@@ -93,7 +93,7 @@ def radices(tolerance: float | None) -> list[int]:
         raise OptionError(
             f"a tolerance of {tolerance} cells is too fine for offsets", code="tolerance", remedy="use exact or step"
         )
-    # offsets are rounded to 30 bits before they are told
+    # offsets are rounded to 30 bits before they are coded
     parts = max(math.ceil(0.5 / (tolerance - 2.0**-OFFSET_BITS)), 1) | 1
     while True:
         rest, factors = parts, []

@@ -133,7 +133,7 @@ def _remote(url: str) -> Fetch:
         try:
             data: bytes = system.cat_file(path, start=start, end=end)
         except TimeoutError as exc:
-            # those of libraries say nothing
+            # the messages of libraries are empty
             raise InputError(
                 f"the server has not answered within {PATIENCE:g} seconds", code="timeout", remedy="try again later"
             ) from exc

@@ -191,7 +191,7 @@ class Decoder(Session):
         return cast("SurfaceContents", self.contents)
 
     def _other(self, wanted: str) -> IsoError:
-        """The error of a file that is of another kind, or of which too little has come to know."""
+        """Error for a file of another kind, or one whose kind is not known yet."""
         if self.contents is None or isinstance(self.contents, DomainBeginning):
             return TruncatedError(
                 f"the file ends before its {'domain' if self.header else 'header'} is complete", code="truncated",

@@ -163,7 +163,7 @@ def samples_of(
     options : Options
     placement : Placement or None
     series : bool
-        Whether it is one of several frames, of which not each has every label.
+        Whether it is one of several frames, which need not all have every label.
 
     Raises
     ------

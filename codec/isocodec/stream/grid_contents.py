@@ -209,7 +209,7 @@ class GridContents:
         return state_of(tube) if tube else None
 
     def mask_state(self) -> Decoded | None:
-        """The decoded state of the mask, likewise; None before its chunk has come."""
+        """The decoded state of the mask; None before its chunk has come."""
         return state_of(self._mask.tube) if self._mask.tube else None
 
     def contour(

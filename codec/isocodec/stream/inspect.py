@@ -134,7 +134,7 @@ class FileInfo:
     frames : list of FrameInfo
         Those of a series.
     coordinates : str or None
-        In words, how samples lie on a mapped grid; None if it is none.
+        In words, how samples lie on a mapped grid; None on other grids.
     domain : DomainHead or None
         Head of the mesh, for a file on one.
     kind : str

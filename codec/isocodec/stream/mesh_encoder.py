@@ -53,7 +53,7 @@ class MeshFrames:
     Attributes
     ----------
     given : (F, V) array
-        Values of the frames that were given, at points of which none coincide.
+        Values of the frames given, at distinct points.
 
     Raises
     ------
@@ -118,7 +118,7 @@ class MeshFrames:
         return self.merged_chunks(np.asarray(values))
 
     def merged_chunks(self, values: NDArray[Any]) -> list[bytes]:
-        """Encode values at points of which none coincide."""
+        """Encode values at distinct points."""
         fields = self._fields(values)
         self.options.check_data(fields[0].integer)
         if self.series.number >= 0:
@@ -341,7 +341,7 @@ def _frames_of(values: ArrayLike) -> NDArray[Any]:
 
 
 def vertex_field(values: NDArray[Any], vertices: int, cells: int, isovalue: float, step: float | None) -> Samples:
-    """Values at the vertices of a mesh as a field; raises `InputError` if they are none."""
+    """Values at the vertices of a mesh as a field; raises `InputError` for anything else."""
     found = values
     if found.dtype.kind not in "biuf":
         raise InputError(

@@ -164,7 +164,7 @@ class Tubes:
         self.mask.begin(header, self._left())
 
     def end_mask(self, header: Header) -> None:
-        """The mask is complete; an isovalue of which no layer has begun is coded with it."""
+        """Take the complete mask; an isovalue without layers so far is coded with it."""
         self.mask.end()
         present = self.present
         if present is not None and present.level < 0 and not present.running:

@@ -13,9 +13,9 @@ Edge = tuple[int, int]
 
 
 def loops_of(edges: Iterable[Edge]) -> list[list[int]]:
-    """Loops without a point twice, of edges of which as many lead to each point as lead away from it.
+    """Join edges to loops without a point twice; as many edges lead to each point as lead away from it.
 
-    Two edges one way and the other between two points are none at all.
+    Two opposite edges between two points cancel out.
     """
     away: dict[int, list[int]] = defaultdict(list)
     for a, b in edges:

@@ -74,7 +74,7 @@ def write_head(head: Head, leaves: Sequence[tuple[bytes, Sequence[int]]]) -> byt
 
 
 def _head_length(data: bytes) -> int:
-    """How many bytes head and root have, all of which are there.
+    """Bytes that head and root have, all of them received.
 
     Raises
     ------

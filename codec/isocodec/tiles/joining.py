@@ -17,7 +17,7 @@ def joined(parts: Sequence[TilePart], n: int) -> tuple[NDArray[np.float64], NDAr
     """Points and cells of all tiles, a point on a face once: those on edges that lie in a face are the same from both
     sides. Where neighbours are drawn up to different stages gaps are closed (`Closing`).
     """
-    # where an edge has a point in two stages it stands where the later one has it
+    # where an edge has a point in two stages it lies where the later one has it
     parts = sorted(parts, key=lambda part: -part.stage)
     points, cells, keys, faces, count = [np.zeros((0, n))], [np.zeros((0, n), np.int64)], [], [], 0
     for part in parts:

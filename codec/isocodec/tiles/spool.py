@@ -54,7 +54,7 @@ class Spool:
         self.folder.mkdir(exist_ok=True)
         self._journal = _open(self.folder / _JOURNAL)
         self._bytes = _open(self.folder / _BYTES)
-        # a place of its own, so that what is written is always at the end
+        # a separate handle, so that what is written is always at the end
         self._reader = (self.folder / _BYTES).open("rb", buffering=0)
         try:
             _lock(self._journal, self.folder)

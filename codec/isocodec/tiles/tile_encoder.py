@@ -233,7 +233,7 @@ def _sealed(checksum: int, meshes: Sequence[Faces | None], axis: int, place: int
 
 
 def _missing(index: Index, tiling: Tiling) -> TileSegments:
-    """A tile of which nothing is there."""
+    """A tile whose samples are all missing."""
     grid, count = tiling.grid, len(tiling.isovalues)
     faces = []
     for axis in range(grid.n):

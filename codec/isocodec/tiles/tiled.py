@@ -39,7 +39,7 @@ Found = tuple[Index, Kind, bytes, list[bytes]]
 
 
 class TiledFile:
-    """A tiled file of which only what is asked for is fetched.
+    """A tiled file; only what is asked for is fetched.
 
     Parameters
     ----------

@@ -23,7 +23,7 @@ from .tile_encoder import TileSegments, Tiling, encode_tile
 AHEAD = 2
 """Tiles in flight for each worker, and as many more."""
 HANDED_OVER = 1 << 16
-"""Bytes of a field that are handed over with each tile at most."""
+"""Most bytes of a field that are sent along with each tile."""
 
 
 class Engine(Protocol):
@@ -133,7 +133,7 @@ def _is_cluster(engine: Engine) -> bool:
 
 
 def _is_small(field: Any) -> bool:
-    """Whether a field takes few bytes to hand over, since its samples are elsewhere."""
+    """Whether a field takes few bytes to send, since its samples are elsewhere."""
     if isinstance(field, np.ndarray):
         return False
     try:

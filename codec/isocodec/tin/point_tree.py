@@ -266,7 +266,7 @@ def code_positions(
             raise LimitError(f"more than {most:,} points", code="limit-vertices", clause="11.2")
         spend(_WORK * len(cell))
         if owner is not None:
-            # halves of each cell stand one after the other
+            # halves of each cell lie one after the other
             behind = np.concatenate([[0], np.cumsum((truth & 1) + (truth >> 1))])
             owner = behind[owner] + (side & truth[owner] & 1)
     return DONE, cell

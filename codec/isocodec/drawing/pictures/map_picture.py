@@ -317,7 +317,7 @@ def _scale_bar(figure: Any, axes: Any, ground: Ground, write: dict[str, Any]) ->
                 facecolor="none" if part else write["color"], gid=f"scale-bar-{part}",
             )
             figure.add_artist(box)
-        # the unit stands behind what is in the middle
+        # the unit goes behind what is in the middle
         figure.text(
             at - _width(number) / _POINTS / 2, low + 0.08, f"{number} {unit}" if part == 2 else number,
             fontsize=_SMALL, **write,

@@ -140,7 +140,7 @@ def steps_picture(steps: Sequence[Step], suffix: str = ".png", view: View = USUA
 
 
 def check_picture(path: Path) -> str:
-    """The suffix of a picture's name; that there is a library to draw it.
+    """Check a picture's name and that a library can draw it; returns its suffix.
 
     Raises
     ------

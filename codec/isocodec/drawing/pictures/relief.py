@@ -36,7 +36,7 @@ def draw_relief(
     index = (np.argwhere(np.ones(heights.shape, np.bool_)) * every).astype(np.float64)
     x, y = contour.place(index).T.reshape(2, *heights.shape)
     pixels = axes.transData.transform(np.stack([x, y], axis=-1).reshape(-1, 2)).reshape(*heights.shape, 2)
-    # of a grid that bends, steps in its middle stand for all
+    # on a grid that bends, steps in its middle represent all
     row, column = heights.shape[0] // 2 - 1, heights.shape[1] // 2 - 1
     corner = pixels[row, column]
     steps = np.stack([pixels[row + 1, column] - corner, pixels[row, column + 1] - corner], axis=1)

@@ -230,7 +230,7 @@ def get(store, x, y, z):
 def pages_around(store, x, y, z, far, deep, near):
     """Enter the pages within ``far`` of (x, y, z) along the first two axes, and ``deep`` along the third.
 
-    At most two along each axis, the last axis the fastest; -1 for one that there is not. Behind the eight of them the
+    At most two along each axis, the last axis the fastest; -1 for a missing one. Behind the eight of them the
     place of the first.
     """
     a, b, c = store.head[SHIFT], store.head[SHIFT + 1], store.head[SHIFT + 2]

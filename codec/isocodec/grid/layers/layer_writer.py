@@ -89,7 +89,7 @@ class LayerWriter:
         self.go_on(plan)
 
     def go_on(self, plan: Sequence[Entry]) -> None:
-        """Further entries behind those of the plan so far, of which all is right; they promise nothing."""
+        """Append validated entries, without promises."""
         if not self.field.integer and self.field.scale is None and any(entry[0] == LayerKind.VALUES for entry in plan):
             raise OptionError("a plan with values of floats needs a step", code="plan", remedy="give step")
         entries = [entry for entry in plan if entry[0] != PROMISE]

@@ -56,7 +56,7 @@ _REACH_2, _REACH_3 = int(abs(PLANE).max()), int(abs(SPACE).max())
 _COUNT_2, _COUNT_3 = AROUND[2], AROUND[3]
 _FIRST_2, _FIRST_3 = AROUND_SUM[2], AROUND_SUM[3]
 _SUMS_2, _SUMS_3 = AROUND_SUMS[2], AROUND_SUMS[3]
-# patterns of a group, by the sign that entries of the board are relative to: 2 stands for the same one
+# patterns of a group, by the sign that entries of the board are relative to: 2 is the same one
 _PATTERN = np.arange(PATTERNS)
 _SWAPPED = sum((3 - _PATTERN // 3**i % 3) % 3 * 3**i for i in range(GROUP))
 _MIRROR = np.array([_SWAPPED, _PATTERN])

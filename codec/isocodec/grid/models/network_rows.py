@@ -13,7 +13,7 @@ MAP = CONTEXTS
 """The adaptive probabilities of classes of opinions follow those of the baseline profile."""
 STATES = CONTEXTS + KINDS * BUCKETS + HOLES
 MOST_ROWS = 256
-# Kinds of symbols that are mixed; each has weights and classes of opinions of its own.
+# Kinds of symbols that are mixed; each has separate weights and classes of opinions.
 REFINE_KIND = 0
 """By phase, whether the edge is crossed; the same where an earlier isovalue predicts it."""
 TREE_KIND = 12

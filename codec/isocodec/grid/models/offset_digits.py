@@ -84,7 +84,7 @@ def _see_along(st, cd, crossings, i, radix, nearer):
 
 @inlined
 def _guessed(st):
-    """The candidate that the baseline profile goes by, the best that there is: its place and how well it is known."""
+    """The best candidate, which the baseline profile uses: its place and how well it is known."""
     w, leaves = st.candidates, st.digit.span > 0
     best = np.int64(MEAN)
     if leaves and dimension(st.grid.tables) == 2:

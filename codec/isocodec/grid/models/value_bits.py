@@ -33,7 +33,7 @@ class Nearby(NamedTuple):
     near : (A, S) int32
         See `nearby_samples`; without rows off the full grid.
     told : (A + 1,) int64
-        What is known of each value of the list (`packed`), and last the entry for all others; likewise.
+        What is known of each value of the list (`packed`), and last the entry for all others.
     least, most : (V,) int64
         Bounds of the numbers of all vertices; without rows where none are known.
     """

@@ -158,7 +158,7 @@ class Estimates:
             self.left = np.concatenate([self.left, bits])
             self._take_values(st, old, count)
         if not self.has_values:
-            # what offsets said of the crossings, values say better
+            # values place the crossings better than offsets did
             self.edges, self.parts, self.offset = np.zeros((0, 2), np.int64), NOTHING, NOTHING
         self.has_values = True
         st.value_bits[:] = self.bits[::-1]

@@ -65,7 +65,7 @@ def candidate(st, diamond):
         bits >>= 1
     near = 0 if count == 0 else (1 if count <= 2 else 2)
     if known != 0 and st.counters.side != 0:
-        # what an earlier isovalue says of it
+        # as an earlier isovalue implies it
         sign, other = implied(st, x, y, z)
         here = np.int64(above != 0)
         if sign == here:

@@ -240,7 +240,7 @@ def _refine_leaf(st, cd, leaf, diamond, e):
         if state & KEPT:
             push(st, leaf.cls, leaf.b0, leaf.b1, leaf.b2, leaf.level)
             return np.int64(DONE)
-        # whether the middle was known is told by its mark: corners become known during the round, too
+        # its mark shows whether the middle was known: corners become known during the round, too
         first_known = st.counters.vertices if state & KNOWN else 0
         x, y, z = middle_position(diamond)
         e = entry(st, x, y, z)

@@ -99,7 +99,7 @@ class Tube:
         self.estimates: Estimates = Estimates(shape, truth, told, shift, self._budget)
         self._hold(state_bytes(self.state, self._mark), 0)
 
-    # -- what the state says -------------------------------------------------------------------------------------
+    # -- queries of the state ------------------------------------------------------------------------------------
 
     @property
     def level(self) -> int:

@@ -27,7 +27,7 @@ def meta_files(source: InputFile) -> tuple[list[Path], bool]:
     Raises
     ------
     InputError
-        If it is none, or names a file that is not to be read.
+        If it is malformed, or names a file that is not to be read.
     LimitError
         If it names too many.
     """
@@ -37,7 +37,7 @@ def meta_files(source: InputFile) -> tuple[list[Path], bool]:
     line, _, rest = head[at + len(_KEY) :].partition(b"\n")
     value = line.strip()
     fields = [line.partition(b"=" if b"=" in line else b":") for line in before.split(b"\n") if line.strip()]
-    # the first place where the key stands has to be a line of its own, not what a field without a value goes on with
+    # the first occurrence of the key has to begin a line, and not continue a field without a value
     alone = line_break and not indent.strip() and fields and fields[-1][2].strip()
     if at < 0 or not alone or value[:1] not in (b"=", b":") or any(c in before + line for c in b"\r\0"):
         raise InputError("has no MetaImage header", code="unreadable")

@@ -194,7 +194,7 @@ class StoredWindows:
             raw = np.asarray(self._stored[place])
         found = unpacked(self._stored, raw)
         fill = fill_value(self._stored)
-        # of numbers that are unpacked NaN stands for those
+        # in unpacked numbers these are NaN
         return found if found is not raw or fill is None else np.ma.masked_array(raw, raw == fill)
 
 
@@ -234,7 +234,7 @@ def _scales(source: InputFile, stored: Any, axis: int) -> list[Any]:
 def _scale(count: int, scales: list[Any]) -> tuple[NDArray[np.float64], str] | None:
     """Coordinates along an axis of so many samples and their unit; None if they are missing, or not so many."""
     for scale in scales:
-        # NetCDF has scales that only say how long an axis is
+        # NetCDF has scales that only state the length of an axis
         named = "This is a netCDF dimension but not a netCDF variable" not in str(scale.attrs.get("NAME"))
         if named and scale.shape == (count,) and scale.dtype.kind in "iuf":
             return np.asarray(scale[()], np.float64), text_of(scale, "units")

@@ -15,7 +15,7 @@ from .reading import reading
 from .source import InputFile
 
 _SERIES = ".xdmf"
-"""Suffix of files that may hold time steps, of which all are read."""
+"""Suffix of files that may hold time steps; all of them are read."""
 _CELLS = {"triangle": 3, "tetra": 4}
 _LOWER = ("vertex", "line")
 """Cells of lower dimension that files hold beside, often as boundaries; they are left out."""
@@ -40,7 +40,7 @@ def _by_meshio(source: InputFile) -> MeshRead:
     meshio = optional("meshio", extra="vtu", purpose=f"reading {source.path.suffix}")
     with reading("mesh"):
         try:
-            # the library says on the console what it does not like, and then ends the process
+            # the library prints its complaint on the console, and then ends the process
             with redirect_stdout(io.StringIO()), redirect_stderr(io.StringIO()):
                 found = (source.named(_SERIES) and _series(meshio, source)) or meshio.read(source.path)
         except SystemExit:

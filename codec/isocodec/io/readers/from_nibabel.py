@@ -29,7 +29,7 @@ _UNITS = {"sec": "s", "msec": "ms", "usec": "µs"}
 
 
 class _Nifti(Opened):
-    """A volume of NIfTI or a series of volumes, of which one is read at a time."""
+    """A volume of NIfTI or a series of volumes, read one at a time."""
 
     def _open(self, choice: Choice) -> None:
         with reading("NIfTI volume"):

@@ -30,7 +30,7 @@ _UNPACKERS: dict[int, Any] = {8: zlib.decompressobj, 32946: zlib.decompressobj, 
 _RATIO = 1 << 13
 """Bytes that come out of a byte of these at most."""
 _BOUNDED = frozenset((1, 2, 3, 4, 5, 32771, 32773, 50000))
-"""Compressions of which no more comes out than room was made for: none, CCITT, LZW, PackBits, Zstandard."""
+"""Compressions whose decoders fill no more than the room made for them: none, CCITT, LZW, PackBits, Zstandard."""
 _LERC_PARAMETERS = 50674
 """Tag of a TIFF file: what packs LERC parts once more."""
 _SMALL = 1 << 26
@@ -110,7 +110,7 @@ def _samples(series: Any) -> NDArray[Any]:
     try:
         return np.asarray(series.asarray())
     except (ValueError, ImportError) as exc:
-        # without the library some compressions are said to need it, and of others a module is not found
+        # without the library some compressions raise an error that names it, others one of a missing module
         if isinstance(exc, ValueError) and "imagecodecs" not in str(exc):
             raise
         raise MissingExtraError(

@@ -260,7 +260,7 @@ class Format:
     suffixes : tuple of str
         In lower case, with their dots.
     open : callable
-        Opens a source, of which a choice is made.
+        Opens a source, to make a choice from it.
     extra : str
         Extra of this package with the library that reads it; empty if none is needed.
     signatures : tuple of (int, bytes, str)

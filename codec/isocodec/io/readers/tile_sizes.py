@@ -88,7 +88,7 @@ def _of_lerc(part: bytes) -> int:
     if part[:6] != b"Lerc2 ":
         raise ValueError
     version = struct.unpack_from("<i", part, 6)[0]
-    # from version 3 on a checksum stands before the size, from 4 on the number of values of a pixel behind it
+    # from version 3 on a checksum precedes the size, from 4 on the number of values of a pixel follows it
     at = 14 if version >= 3 else 10
     rows, columns = struct.unpack_from("<2i", part, at)
     deep = struct.unpack_from("<i", part, at + 8)[0] if version >= 4 else 1

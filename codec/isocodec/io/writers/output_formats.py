@@ -75,7 +75,7 @@ class Output:
     dimensions : tuple of int
         Axes of the fields that the thing may be of.
     several : tuple of int
-        Axes of the fields of which a file can hold several isovalues.
+        Axes of the fields for which a file can hold several isovalues.
     holds : str
         What several isovalues are in the file.
     coordinates : str

@@ -17,7 +17,7 @@ def _render(contours: Iterable[Contour], suffix: str, _: OutputOptions) -> bytes
     """A drawing (R2010). Polylines of curves lie at the height of their isovalue; x and y are those of `placed`."""
     library: Any = optional("ezdxf", extra="cad", purpose=f"writing {suffix}")
     before = library.options.write_fixed_meta_data_for_testing
-    # without the time and a number of its own for each file
+    # without the time and an individual number for each file
     library.options.write_fixed_meta_data_for_testing = True
     try:
         document = library.new("R2010", setup=False, units=0)

@@ -208,7 +208,7 @@ def _one_warning() -> Iterator[None]:
 
 
 def _put_parts(parts: Collection[tuple[Path, bytes]]) -> None:
-    """Write several files of one format, of which none is replaced before all are there."""
+    """Write several files of one format; none is replaced before all are complete."""
     for part, _ in parts:
         check_target(part)
     with ExitStack() as stack:
