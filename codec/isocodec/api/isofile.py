@@ -11,8 +11,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..drawing.contour import Contour
 from ..drawing.tessellation import Tessellation
-from ..errors import IsoError, OptionError
+from ..errors import IsoError, OptionError, TruncatedError
 from ..field.placement import CRS, Placement, read_placement
+from ..format.chunks import whole_bytes
 from ..limits import Limits
 from ..storage.content import Readable, content
 from ..stream.inspect import FileInfo
@@ -406,7 +407,9 @@ def _opened(source: Readable, mesh: tuple[ArrayLike, ArrayLike] | None, limits: 
     """A file whose kind has not been looked at."""
     if isinstance(source, str | os.PathLike) and (tiled := _tiled_at(source, limits)) is not None:
         return tiled
-    data = bytes(content(source, limits))
+    data = whole_bytes(content(source, limits))
+    if not data:
+        raise TruncatedError("the file is empty", code="truncated", offset=0, clause="3.3")
     if is_tiled(data):
         from ..tiles.tiled import TiledFile
 
