@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Iterator, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -20,7 +20,7 @@ from ..stream.statistics import FileStatistics
 from ..tiles.structure import HEAD_BYTES, is_tiled
 from ..tin.tin import Tin
 from .editing import Edit, edited
-from .files import TileFile, Viewed, WholeFile
+from .files import TileFile, View, Viewed, WholeFile
 from .selfcheck import check_kernels
 from .verification import Verified, verified
 
@@ -196,7 +196,7 @@ class IsoFile:
             through_holes=through_holes, partial=partial, progress=progress,
         ))
 
-    def contours(self, **view: Any) -> list[Contour]:
+    def contours(self, **view: Unpack[View]) -> list[Contour]:
         """Decode the curves or surfaces of all isovalues, in the file's order; parameters and errors of `contour`."""
         return self.held.contours(Viewed(**view))
 
@@ -211,7 +211,7 @@ class IsoFile:
         return self.held.each_frame(smooth)
 
     def mesh(
-        self, isovalue: float | None = None, *, whole: bool = False, **view: Any
+        self, isovalue: float | None = None, *, whole: bool = False, **view: Unpack[View]
     ) -> Tessellation:
         """Decode the mesh that the curve of an isovalue is coded on.
 
@@ -232,7 +232,7 @@ class IsoFile:
 
     # -- arrays --------------------------------------------------------------------------------------------------
 
-    def above(self, isovalue: float | None = None, **view: Any) -> NDArray[np.bool_]:
+    def above(self, isovalue: float | None = None, **view: Unpack[View]) -> NDArray[np.bool_]:
         """Decode which samples lie above an isovalue.
 
         Parameters
@@ -416,7 +416,7 @@ def _opened(source: Readable, mesh: tuple[ArrayLike, ArrayLike] | None, limits: 
 
 def decode(
     source: Readable, isovalue: float | None = None, *, mesh: tuple[ArrayLike, ArrayLike] | None = None,
-    limits: Limits | None = None, **view: Any,
+    limits: Limits | None = None, **view: Unpack[View],
 ) -> Contour:
     """Decode a file to its curve or surface: ``open(source).contour(isovalue)``.
 
