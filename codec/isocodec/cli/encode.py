@@ -233,6 +233,8 @@ def encode_command(options: EncodeOptions) -> None:
         warn(options.source, remark)
     seconds = time.perf_counter() - started
     holds = counted(facts["points"], "point") if options.surface else counted(facts["layers"], "layer")
+    if len(options.labels) > 1:
+        holds = counted(len(options.labels), "label")
     result(
         f"{named(options.output)}: {facts['bytes']:,} bytes, {holds}, {seconds:.2f} s",
         {"output": str(options.output), **facts, "seconds": round(seconds, 3)}, options.as_json,
@@ -243,15 +245,16 @@ def _whole(options: EncodeOptions, keywords: dict[str, Any]) -> tuple[dict[str, 
     """Encode in one piece; facts about the file, and remarks."""
     import isocodec
 
-    from ..api.inputs import facts_of
+    from ..api.inputs import facts_of, to_thin
 
     seen = options.observed()
-    for remark in seen.before:
+    given, remarks = to_thin(seen.what, True) if options.surface else (seen.what, [])
+    for remark in [*seen.before, *remarks]:
         warn(options.source, remark)
     keywords["metadata"] = {**seen.notes, **keywords["metadata"]}
     with concerning(options.source), progress_bar("encoding") as progress, seen.blaming(options.plan, Failure):
         if options.surface:
-            tin = options.thinned(seen.what, options.isovalues, int(options.layers or 1), None, progress)
+            tin = options.thinned(given, options.isovalues, int(options.layers or 1), None, progress)
             data = isocodec.encode(tin, **keywords)
         else:
             data = isocodec.encode(seen.what, options.isovalue, progress=progress, **keywords)
@@ -259,7 +262,7 @@ def _whole(options: EncodeOptions, keywords: dict[str, Any]) -> tuple[dict[str, 
     file = isocodec.open(data)
     marked = options.nodata is not None or options.missing is not None
     facts = {"bytes": file.size, "layers": len(file.info.layers), **seen.facts(file)}
-    return (facts | facts_of(tin), []) if options.surface else (facts, seen.after(file, keywords, marked))
+    return (facts | facts_of(tin, given), []) if options.surface else (facts, seen.after(file, keywords, marked))
 
 
 def _tiled(options: EncodeOptions, keywords: dict[str, Any]) -> tuple[dict[str, Any], list[str]]:
