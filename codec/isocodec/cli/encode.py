@@ -33,7 +33,18 @@ from .options import (
     notes_of,
     option,
 )
-from .report import STANDARD, Failure, concerning, counted, named, progress_bar, result, warn, write_output
+from .report import (
+    STANDARD,
+    Failure,
+    concerning,
+    counted,
+    named,
+    own_warnings,
+    progress_bar,
+    result,
+    warn,
+    write_output,
+)
 
 if TYPE_CHECKING:
     from ..api.inputs import Observed
@@ -254,7 +265,8 @@ def _whole(options: EncodeOptions, keywords: dict[str, Any]) -> tuple[dict[str, 
             tin = options.thinned(seen.what, options.isovalues, int(options.layers or 1), None, progress)
             data = isocodec.encode(tin, **keywords)
         else:
-            data = isocodec.encode(seen.what, options.isovalue, progress=progress, **keywords)
+            with own_warnings(options.source):
+                data = isocodec.encode(seen.what, options.isovalue, progress=progress, **keywords)
     write_output(options.output, data)
     file = isocodec.open(data)
     marked = options.nodata is not None or options.missing is not None
