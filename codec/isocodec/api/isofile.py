@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, Any, Unpack
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from isospec.container import SIGNATURE, TILED_SIGNATURE
+
 from ..drawing.contour import Contour
 from ..drawing.tessellation import Tessellation
 from ..errors import IsoError, OptionError
@@ -406,7 +408,7 @@ def _opened(source: Readable, mesh: tuple[ArrayLike, ArrayLike] | None, limits: 
     """A file whose kind has not been looked at."""
     if isinstance(source, str | os.PathLike) and (tiled := _tiled_at(source, limits)) is not None:
         return tiled
-    data = bytes(content(source, limits))
+    data = bytes(content(source, limits, (SIGNATURE, TILED_SIGNATURE)))
     if is_tiled(data):
         from ..tiles.tiled import TiledFile
 

@@ -33,7 +33,18 @@ from .option_records import (
     notes_of,
     option,
 )
-from .report import STANDARD, Failure, concerning, counted, named, progress_bar, result, warn, write_output
+from .report import (
+    STANDARD,
+    Failure,
+    concerning,
+    counted,
+    named,
+    own_warnings,
+    progress_bar,
+    result,
+    warn,
+    write_output,
+)
 
 if TYPE_CHECKING:
     from ..api.inputs import Observed
@@ -256,7 +267,8 @@ def _whole(options: EncodeArguments, keywords: dict[str, Any]) -> tuple[dict[str
             tin = options.thinned(given, options.isovalues, int(options.layers or 1), None, progress)
             data = encode(tin, **keywords)
         else:
-            data = encode(seen.what, options.isovalue, progress=progress, **keywords)
+            with own_warnings(options.source):
+                data = encode(seen.what, options.isovalue, progress=progress, **keywords)
     write_output(options.output, data)
     file = open(data)
     marked = options.nodata is not None or options.missing is not None
