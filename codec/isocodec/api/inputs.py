@@ -1,4 +1,4 @@
-"""What a user states about an input beside what it holds, and what is seen of it while it is encoded."""
+"""Input of an encoder: what options add to it, and a preview while it is encoded."""
 
 from __future__ import annotations
 
@@ -79,7 +79,7 @@ def windows_of(source: Any, options: ReadOptions) -> Iterator[tuple[Any, Placeme
 
 @dataclass(frozen=True, kw_only=True)
 class Added:
-    """What options state about an input.
+    """Properties of an input that options state.
 
     Attributes
     ----------
@@ -185,7 +185,7 @@ class Observed:
         return field
 
     def facts(self, file: IsoFile) -> dict[str, Any]:
-        """What a program may want to know: shape (of a series that of the input), type, isovalues, missing samples."""
+        """Facts for other programs: shape (of a series that of the input), type, isovalues, missing samples."""
         shape = file.shape
         if isinstance(self._given, Frames):
             shape = getattr(self._given.fields, "whole", None) or shape

@@ -22,7 +22,7 @@ from ..stream.statistics import FileStatistics
 from ..tiles.structure import HEAD_BYTES, is_tiled
 from ..tin.tin import Tin
 from .editing import Edit, edited
-from .files import TileFile, View, Viewed, WholeFile
+from .files import TileFile, Viewed, ViewOptions, WholeFile
 from .selfcheck import check_kernels
 from .verification import Verified, verified
 
@@ -167,7 +167,7 @@ class IsoFile:
             Of grids: cubes of the mesh no wider than so many samples are enough. Of tiles also a function that gives
             this number for the box of a tile, n pairs of samples.
         smooth : bool
-            Where the file only says which grid edges are crossed, place the points so that the curve bends smoothly
+            Where the file only knows which grid edges are crossed, place the points so that the curve bends smoothly
             instead of at the midpoints: nearer to the curve in the mean where the field is smooth, by up to a half,
             farther from it where it is rough. A tolerance holds without this only.
         through_holes : bool
@@ -198,7 +198,7 @@ class IsoFile:
             through_holes=through_holes, partial=partial, progress=progress,
         ))
 
-    def contours(self, **view: Unpack[View]) -> list[Contour]:
+    def contours(self, **view: Unpack[ViewOptions]) -> list[Contour]:
         """Decode the curves or surfaces of all isovalues, in the file's order; parameters and errors of `contour`."""
         return self.held.contours(Viewed(**view))
 
@@ -213,7 +213,7 @@ class IsoFile:
         return self.held.each_frame(smooth)
 
     def mesh(
-        self, isovalue: float | None = None, *, whole: bool = False, **view: Unpack[View]
+        self, isovalue: float | None = None, *, whole: bool = False, **view: Unpack[ViewOptions]
     ) -> Tessellation:
         """Decode the mesh that the curve of an isovalue is coded on.
 
@@ -234,7 +234,7 @@ class IsoFile:
 
     # -- arrays --------------------------------------------------------------------------------------------------
 
-    def above(self, isovalue: float | None = None, **view: Unpack[View]) -> NDArray[np.bool_]:
+    def above(self, isovalue: float | None = None, **view: Unpack[ViewOptions]) -> NDArray[np.bool_]:
         """Decode which samples lie above an isovalue.
 
         Parameters
@@ -375,8 +375,8 @@ def open(
     Returns
     -------
     IsoFile
-        Its header and notes have been read; curves are decoded when they are asked for. Of a file in tiles only what
-        is needed is read.
+        Its header and notes have been read; curves are decoded when they are asked for. A file in tiles is read
+        only as far as a question asks for.
 
     Raises
     ------
@@ -418,7 +418,7 @@ def _opened(source: Readable, mesh: tuple[ArrayLike, ArrayLike] | None, limits: 
 
 def decode(
     source: Readable, isovalue: float | None = None, *, mesh: tuple[ArrayLike, ArrayLike] | None = None,
-    limits: Limits | None = None, **view: Unpack[View],
+    limits: Limits | None = None, **view: Unpack[ViewOptions],
 ) -> Contour:
     """Decode a file to its curve or surface: ``open(source).contour(isovalue)``.
 
@@ -440,7 +440,7 @@ def decode(
 
 
 def _tiled_at(source: str | os.PathLike[str], limits: Limits | None) -> IsoFile | None:
-    """The tiled file at a path or URL, of which what is needed is read later.
+    """Open the tiled file at a path or URL; its tiles are read as they are asked for.
 
     None if it is something else, comes through a pipe, or if its server does not give parts.
     """

@@ -67,7 +67,7 @@ def tiling_of(
     field: Any, isovalue: Isovalues | None, tile: int | None, options: Options,
     progress: Callable[[int, int], object] | None = None,
 ) -> Tiling:
-    """What a file in tiles is asked for, checked before any sample is read, unless isovalues need their range.
+    """Tiling for a file in tiles, checked before any sample is read, unless isovalues need their range.
 
     Parameters
     ----------
