@@ -331,7 +331,7 @@ def test_malformed_chunks(number: int, chunk: bytes):
         isocodec.decode(bad)
     assert caught.value.clause in ("3.5.7", "3.5.2")
     with pytest.raises(FormatError):
-        isocodec.open(bad).info
+        _ = isocodec.open(bad).info
 
 
 def test_frames_behind_layers():

@@ -287,7 +287,7 @@ def test_truncation_does_not_make_damage_valid():
         with pytest.raises(FormatError, match="chunk's checksum"):
             isocodec.open(bytes(cut)).edited(**options)
     with pytest.raises(FormatError, match="chunk's checksum"):
-        isocodec.open(bytes(cut)).info
+        _ = isocodec.open(bytes(cut)).info
 
 
 def envelopes(data):

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Edit:
-    """What is to be changed of a file: the parameters of `IsoFile.edited`."""
+    """Changes to make to a file: the parameters of `IsoFile.edited`."""
 
     layers: int | None = None
     size: int | None = None

@@ -51,7 +51,7 @@ def save(
     tile : int, optional
         Write a file in tiles of so many samples along each axis, a power of two from 32 on (1024 in the plane and 128
         in space are usual). ``what`` is a Field, or anything that has ``shape``, ``dtype`` and slices: an array of
-        numpy (mapped from a file, say), Dask, xarray, Zarr or h5py, of two or three axes, which need not be in memory:
+        numpy (also mapped from a file), Dask, xarray, Zarr or h5py, of two or three axes, which need not be in memory:
         slices of a tile are read at a time.
     engine : executor of ``concurrent.futures``, or client of ``dask.distributed``, optional
         Who encodes tiles; without one the caller's thread. The file has the same bytes.
@@ -107,7 +107,7 @@ def save(
         return
     from ..tiles.writing import encode_tiles, tiling_of
 
-    tiling = tiling_of(what, isovalue, tile, Options.of(**options))
+    tiling = tiling_of(what, isovalue, tile, Options.of(**options), progress)
     encode_tiles(path, what, tiling, engine=engine, workers=workers, spool=spool, progress=progress)
 
 

@@ -1,4 +1,4 @@
-"""How far samples lie from each other in the world: distances there in cells (spec clauses 3.7.2, 9.9)."""
+"""Distances between samples in the world, in cells (spec clauses 3.7.2, 9.9)."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def largest_step(
     arrays : sequence of (s0 or 1, .., sn-1 or 1) float64
         Coordinates x, y (, z).
     periods : sequence of float
-        Of each; 0 if there is none.
+        Of each; 0 if it is not periodic.
     whole : (s0 - 1, .., sn-1 - 1) bool
         Which unit cells count.
     unit : str

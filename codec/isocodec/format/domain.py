@@ -1,4 +1,4 @@
-"""What a file says of an explicit domain, and the heads of its layers (spec clauses 3.5.8 and 10.1)."""
+"""Explicit domains in a file, and the heads of their layers (spec clauses 3.5.8 and 10.1)."""
 
 from __future__ import annotations
 
@@ -122,7 +122,7 @@ def _read_box(
     if not all(0 < each <= MOST_EXTENT for each in extent):
         raise wrong("an extent of positions out of range")
     if head.vertices + head.cells > MOST_OF_BYTE * len(payload):
-        raise wrong("more vertices and cells than so few bytes can tell")
+        raise wrong("more vertices and cells than so few bytes can hold")
     return replace(head, multiple=numbers[0], origin=origin, extent=extent), at
 
 

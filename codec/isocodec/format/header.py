@@ -17,7 +17,7 @@ _EXPONENT_ESCAPE = 0x80
 
 @dataclass(frozen=True)
 class Header:
-    """What a file says before its layers.
+    """Contents of a file's header.
 
     Attributes
     ----------

@@ -24,7 +24,7 @@ NAMED = 5
 
 @record
 class CellArrays(NamedTuple):
-    """What kernels see of a complex of V vertices in d dimensions and T cells of n + 1 vertices.
+    """View for kernels of a complex of V vertices in d dimensions and T cells of n + 1 vertices.
 
     ``position`` (V, d), ``cell`` (T, n + 1), ``neighbour`` (T, n + 1): the cell across the face opposite each vertex,
     or -1; ``star``: the cells of vertex v from ``first[v]`` to ``first[v + 1]``, ascending.
@@ -47,7 +47,7 @@ class Complex:
     unit : float
         What positions count in.
     mirrored : (T,) bool
-        Cells whose vertices stand in the order that drawing has to reverse.
+        Cells whose vertices come in the order that drawing has to reverse.
     """
 
     mesh: CellArrays
@@ -140,7 +140,7 @@ def _checked_cells(cells: ArrayLike, points: NDArray[np.float64]) -> NDArray[np.
         )
     bad = np.flatnonzero(((found < 0) | (found >= len(points))).any(axis=1))
     if len(bad):
-        raise InputError(f"cells of points that there are not: cells {_named(bad)}", code="cells")
+        raise InputError(f"cells refer to points that do not exist: cells {_named(bad)}", code="cells")
     found = found.astype(np.int64)
     used = np.zeros(len(points), np.bool_)
     used[found] = True

@@ -19,7 +19,7 @@ MOST_PIECES = 5
 """Ranges are joined over gaps of at most ``GAP`` bytes until there are no more than so many."""
 GAP = 1 << 18
 BEHIND = 416
-"""What a server answers if a range begins behind the end of the file."""
+"""Status of a server's answer if a range begins behind the end of the file."""
 PATIENCE = 60.0
 """Seconds that a server may take to answer."""
 
@@ -29,7 +29,7 @@ class NoRangesError(InputError):
 
 
 class Pieces:
-    """What has been fetched of a file.
+    """Pieces of a file that have been fetched.
 
     Parameters
     ----------

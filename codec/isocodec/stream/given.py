@@ -1,4 +1,4 @@
-"""What a user gives to be encoded, as encoders take it: fields with their notes, samples at each isovalue."""
+"""Input from users, as encoders take it: fields with their notes, samples at each isovalue."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def field_of(what: Any) -> Field:
 
 
 def placement_of_file(field: Field, options: Options) -> Placement | None:
-    """Where the samples of a file lie: as the field states, unless there is a note of it.
+    """Placement of the samples of a file: as the field states, unless a note states it.
 
     Axes that are periodic because their coordinates go round are left open where a mesh is searched for.
     """
@@ -107,7 +107,7 @@ def levels_of(
     Raises
     ------
     InputError, OptionError
-        As `isovalues_of`; or if there is none.
+        As `isovalues_of`; or if no isovalue is given.
     """
     plans = options.layers.plans
     if isinstance(first, Field) and first.labels is not None:
@@ -192,7 +192,7 @@ def _border(values: NDArray[Any], label: float, gone: NDArray[np.bool_] | None, 
 
 
 def labelled(values: NDArray[Any], label: float) -> NDArray[np.bool_]:
-    """Which samples have a label.
+    """Find the samples that have a label.
 
     Raises
     ------

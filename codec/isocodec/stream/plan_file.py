@@ -84,7 +84,7 @@ def isovalues_in(plan: Plan | Mapping[float, Plan], given: Sequence[float]) -> t
     Raises
     ------
     OptionError
-        If there are none, or not those of the plan.
+        If neither names isovalues, or both name different ones.
     """
     if not isinstance(plan, Mapping):
         if not given:
@@ -147,7 +147,7 @@ def _number_at(entry: Entry, place: int) -> int | None:
 
 
 def _remedy(kind: LayerKind, progress: Progress) -> str:
-    """What can be said instead of an operation that cannot follow."""
+    """Suggest an operation instead of one that cannot follow."""
     left = progress.full_level - progress.level
     if kind in (LayerKind.BASE, LayerKind.ADAPTIVE_BASE, LayerKind.LEAF_BASE):
         if progress.level >= 0:

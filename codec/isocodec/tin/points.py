@@ -66,15 +66,15 @@ def points_of(points: ArrayLike, values: ArrayLike | None = None) -> Points:
     if values is None:
         field = np.asarray(points)
         if field.ndim != 2:
-            raise InputError(f"the field has {field.ndim} axes {field.shape}, needed are 2", code="axes")
+            raise InputError(f"the field has {field.ndim} axes {field.shape}, not 2", code="axes")
         given = np.moveaxis(np.indices(field.shape), 0, -1).reshape(-1, 2)
         numbers = field.ravel()
     else:
         given, numbers = np.asarray(points), np.asarray(values)
         if given.ndim != 2 or given.shape[1] != 2:
-            raise InputError(f"the points have shape {given.shape}, needed is (N, 2)", code="shape")
+            raise InputError(f"the points have shape {given.shape}, not (N, 2)", code="shape")
         if numbers.shape != (len(given),):
-            raise InputError(f"the values have shape {numbers.shape}, needed is ({len(given)},)", code="shape")
+            raise InputError(f"the values have shape {numbers.shape}, not ({len(given)},)", code="shape")
     for what, array in (("points", given), ("values", numbers)):
         if array.dtype.kind not in "biuf":
             raise InputError(f"the {what} are of type {array.dtype}", code="dtype", remedy="convert them to numbers")
