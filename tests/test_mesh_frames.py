@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from isocodec.api.kinds import frames_of
 
 import isocodec
 from brute import INTERPRETED, examples
@@ -47,15 +48,15 @@ def test_frames_are_those_of_single_files(kind, progressive, options):
         pytest.skip("levels are of the plane")
     mesh = KINDS[kind](3)
     values = moving(mesh)
-    options = {**options, "progressive": progressive}
     alone = [
         isocodec.open(
-            isocodec.encode(isocodec.Mesh(*mesh, each), ISOVALUES, **options), mesh=mesh,
+            isocodec.encode(isocodec.Mesh(*mesh, each, progressive=progressive), ISOVALUES, **options), mesh=mesh,
         ).contours() for each in values
     ]
     for interval, leaning in ((0, True), (2, True), (0, False)):
         data = isocodec.encode(
-            isocodec.Mesh(*mesh, values), ISOVALUES, interval=interval, independent=not leaning, **options,
+            isocodec.Mesh(*mesh, values, progressive=progressive), ISOVALUES, interval=interval,
+            independent=not leaning, **options,
         )
         for found, wanted in zip(isocodec.open(data, mesh=mesh).each_frame(), alone, strict=True):
             assert list(map(pieces, found)) == list(map(pieces, wanted))
@@ -104,13 +105,15 @@ def test_leaning_pays():
     mesh = plane(1, 2000, kept=1)
     x, y = mesh[0].T / 10
     values = np.array([np.sin(x + 0.05 * t) + np.cos(1.3 * y - 0.04 * t) for t in range(5)])
-    for options, most in (
-        ({"precision": "signs"}, 0.7), (
-            {"signs_only": True, "progressive": False}, 0.7,
-        ), ({}, 0.9), ({"precision": "step=0.01"}, 0.9)
+    for precision, progressive, most in (
+        ("signs", None, 0.7), ("signs", False, 0.7), (None, None, 0.9), ("step=0.01", None, 0.9),
     ):
-        alone = sum(len(isocodec.encode(isocodec.Mesh(*mesh, each), 0.2, **options)) for each in values)
-        assert len(isocodec.encode(isocodec.Mesh(*mesh, values), 0.2, **options)) < most * alone
+        alone, series = (
+            sum(len(isocodec.encode(isocodec.Mesh(*mesh, each, progressive=progressive), 0.2, precision=precision))
+                for each in frames)
+            for frames in (values, [values])
+        )
+        assert series < most * alone
 
 
 def test_any_piece_of_a_file():
@@ -119,7 +122,7 @@ def test_any_piece_of_a_file():
     values = moving(mesh)
     data = isocodec.encode(isocodec.Mesh(*mesh, values), ISOVALUES, interval=2)
     whole = [list(map(pieces, each)) for each in isocodec.open(data, mesh=mesh).each_frame()]
-    fed = isocodec.open([data[i : i + 7] for i in range(0, len(data), 7)], mesh=mesh).each_frame()
+    fed = frames_of([data[i : i + 7] for i in range(0, len(data), 7)], mesh=mesh)
     assert [list(map(pieces, each)) for each in fed] == whole
     for cut in range(20, len(data), 11):
         decoder = isocodec.Decoder(mesh=mesh)

@@ -93,13 +93,13 @@ def test_connectivity_costs_nothing():
         ([[0, 0], [1, 1], [2, 2]], None, {}, InputError),
         ([[0, 0], [1, 1], [2, np.nan]], None, {}, InputError),
         ([[0, 0], [1, 0]], None, {}, InputError),
-        ([[0, 0], [1, 0], [0, 1]], None, {"mesh": "known"}, OptionError),
-        ([[0, 0], [1, 0], [0, 1]], [[0, 1, 2]], {"mesh": "delaunay"}, OptionError),
+        ([[0, 0], [1, 0], [0, 1]], None, {"stored": "known"}, OptionError),
+        ([[0, 0], [1, 0], [0, 1]], [[0, 1, 2]], {"stored": "delaunay"}, OptionError),
     ],
 )
 def test_what_is_no_triangulation(points, cells, options, error):
     with pytest.raises(error):
-        isocodec.encode(isocodec.Mesh(points, cells, np.arange(len(points))), 0.5, **options)
+        isocodec.encode(isocodec.Mesh(points, cells, np.arange(len(points)), **options), 0.5)
 
 
 def test_hostile_points():

@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 import pytest
 import rasterio
-from isocodec.cli.isovalues import multiples
 
 import isocodec
 from commands import fails, ok, run
+from isocodec.stream.isovalues import multiples
 from isocodec.tiles.sample_range import sample_range
 from isocodec.tiles.writing import tiling_of
 from tiled import hilly, holed, pieces

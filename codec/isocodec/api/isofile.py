@@ -13,7 +13,7 @@ from isospec.container import SIGNATURE, TILED_SIGNATURE
 
 from ..drawing.contour import Contour
 from ..drawing.tessellation import Tessellation
-from ..errors import IsoError
+from ..errors import IsoError, OptionError
 from ..field.placement import CRS, Placement, read_placement
 from ..limits import Limits
 from ..storage.content import Readable, content
@@ -384,6 +384,8 @@ def open(
         If it cannot be opened.
     FormatError
         If it is not an ``.iso`` file.
+    OptionError
+        If a mesh is given for a file of another kind.
     LimitError
         If it has more bytes than the limits allow.
 
@@ -394,6 +396,16 @@ def open(
     >>> file.isovalues, file.contour().points    # doctest: +SKIP
     """
     check_kernels()
+    file = _opened(source, mesh, limits)
+    # what is not an .iso file fails here, too
+    if file.kind != "mesh" and mesh is not None:
+        raise OptionError(f"a mesh for a file of kind {file.kind}, which needs none", code="mesh",
+                          remedy="leave it out")
+    return file
+
+
+def _opened(source: Readable, mesh: tuple[ArrayLike, ArrayLike] | None, limits: Limits | None) -> IsoFile:
+    """A file whose kind has not been looked at."""
     if isinstance(source, str | os.PathLike) and (tiled := _tiled_at(source, limits)) is not None:
         return tiled
     data = bytes(content(source, limits, (SIGNATURE, TILED_SIGNATURE)))
@@ -401,9 +413,7 @@ def open(
         from ..tiles.tiled import TiledFile
 
         return IsoFile(TileFile(TiledFile(lambda start, end: data[start:end], limits), limits))
-    file = IsoFile(WholeFile(data, limits, mesh))
-    file.kind  # noqa: B018 - what is not an .iso file fails here
-    return file
+    return IsoFile(WholeFile(data, limits, mesh))
 
 
 def decode(

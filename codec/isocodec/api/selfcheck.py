@@ -8,7 +8,9 @@ from functools import cache
 
 import numpy as np
 
-from ..kernel import untested
+from ..kernel import kernels, untested
+
+__all__ = ["check_kernels", "digest", "kernels"]
 
 DIGEST = "97c4cbcfe2830ce1bae13e316ad05fa6f98b28a631d08c4223d2eab01dd7880f"
 """What `digest` gives wherever it is right."""

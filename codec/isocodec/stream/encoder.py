@@ -12,6 +12,7 @@ from ..errors import InputError, OptionError
 from ..field.framed import Frames
 from ..field.meshed import Mesh
 from ..field.sampled import Field
+from ..field.samples import Samples
 from ..tin.tin import Tin
 from .container import ContainerEncoder, Ending
 from .given import field_of, frames_of, levels_of, options_of, placement_of_file, samples_of
@@ -124,7 +125,7 @@ class Encoder:
             If the series is finished.
         """
         self._check_open()
-        self._frames.check_any()
+        self._frames.check_whole()
         self._finished = True
         return self._ending.end()
 
@@ -151,12 +152,17 @@ class _SeriesFrames:
         self._grid: GridFrames | None = None
         self._mesh: MeshFrames | None = None
         self._first: Field | None = None
+        self._found: set[float] = set()
         self.count = 0
 
-    def check_any(self) -> None:
-        """Refuse a series without frames."""
+    def check_whole(self) -> None:
+        """Refuse a series without frames, and labels that no frame has."""
         if not self.count:
             raise InputError("a series without frames", code="frames", remedy="add at least one")
+        labels = None if self._first is None else self._first.labels
+        for label in labels or ():
+            if label not in self._found:
+                raise InputError(f"no frame has the label {label:g}", code="label")
 
     def chunks(self, frame: Any) -> list[bytes]:
         """The chunks of a frame; if it fails, the ones before stay."""
@@ -175,6 +181,7 @@ class _SeriesFrames:
                 Field(field.values, field.mask, labels=first.labels, missing=first.missing), file.series.isovalues,
                 file.options, placement, series=True,
             )
+            self._found |= _inside(samples)
             return self._grid.chunks(samples)
         isovalues = levels_of(field, self._isovalue, self._options, self._known)
         options = options_of(field, self._isovalue, self._options)
@@ -187,6 +194,7 @@ class _SeriesFrames:
         values = np.asarray(field.values)
         like = np.broadcast_to(np.zeros((), values.dtype), values.shape)
         self._grid = grid
+        self._found = _inside(samples)
         self._first = Field(like, None, field.placement, labels=field.labels, missing=field.missing)
         return out
 
@@ -231,8 +239,13 @@ class _SeriesEncoder(ContainerEncoder):
         ending = Ending()
         for frame in self._given:
             yield ending.add(self._frames.chunks(frame))
-        self._frames.check_any()
+        self._frames.check_whole()
         yield ending.last()
+
+
+def _inside(samples: Sequence[Samples]) -> set[float]:
+    """The isovalues that samples are above of, or the labels that they have."""
+    return {one.isovalue for one in samples if one.signs.any()}
 
 
 def _shape(shape: Sequence[int]) -> str:

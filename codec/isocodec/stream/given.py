@@ -77,9 +77,12 @@ def options_of(field: Field, isovalue: object, options: Options) -> Options:
 def _of_labels(field: Field, options: Options) -> Options:
     """Options of a file of labels, whose isovalues do not lean on one another."""
     precision = options.precision
-    if not (precision.signs or precision.tolerance is not None):
-        name = "a plan" if options.layers.planned else f"precision {precision.text!r}"
-        raise OptionError(f"{name} does not apply to labels", code="labels",
+    if options.layers.planned:
+        plans = [options.layers.plan, *(options.layers.plans or {}).values()]
+        if any(entry and entry[0] == "values" for plan in plans for entry in plan or ()):
+            raise OptionError("layers of values do not apply to labels", code="plan", remedy="plan offsets instead")
+    elif not (precision.signs or precision.tolerance is not None):
+        raise OptionError(f"precision {precision.text!r} does not apply to labels", code="labels",
                           remedy="use signs or a distance")
     if field.placement is not None and (field.placement.coordinates is not None or field.placement.periodic):
         raise OptionError("labels on a mapped grid", code="labels", remedy="encode each label's mask by itself")
@@ -178,12 +181,17 @@ def samples_of(
     if bare.ndim not in (2, 3) or bare.dtype.kind not in "biuf":
         raise InputError(f"labels of shape {bare.shape} and type {bare.dtype}", code="labels",
                          remedy="give numbers on 2 or 3 axes")
-    return [_border(bare, label, hole, series) for label in isovalues]
+    without = hole if field.missing == "below" else None
+    return [_border(bare, label, hole, without, series) for label in isovalues]
 
 
-def _border(values: NDArray[Any], label: float, gone: NDArray[np.bool_] | None, series: bool) -> DecodedSamples:
-    """The field whose contour runs half-way around the samples with a label."""
+def _border(
+    values: NDArray[Any], label: float, gone: NDArray[np.bool_] | None, without: NDArray[np.bool_] | None, series: bool
+) -> DecodedSamples:
+    """The field whose contour runs half-way around the samples with a label; ``without``: those that have none."""
     signs = np.ascontiguousarray(values == label) if series else labelled(values, label)
+    if without is not None:
+        signs, gone = signs & ~without, None
     nothing = np.zeros(0, np.int64)
     return DecodedSamples(near_values(signs, label, nothing, np.zeros(0)), label, signs, None, gone)
 

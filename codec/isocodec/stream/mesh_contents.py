@@ -246,7 +246,7 @@ class MeshContents:
         if self._mesh is None:
             raise InputError(
                 f"the file was made on a mesh of {head.vertices} points and {head.cells} cells that it does not hold",
-                code="mesh", remedy="give that mesh (mesh=, --domain)",
+                code="mesh", remedy="give that mesh (mesh=, --mesh)",
             )
         points, cells = np.asarray(self._mesh[0]), np.asarray(self._mesh[1])
         shapes = (head.vertices, head.d), (head.cells, n + 1)
