@@ -24,7 +24,7 @@ from commands import HILLS, fails, ok, run
 from files import same
 from inputs import META, NRRD, read_field, read_nodata, read_place, written
 from isocodec import Limits
-from isocodec.cli import options
+from isocodec.cli import option_records
 from isocodec.errors import InputError, LimitError, OptionError
 from isocodec.storage import content
 
@@ -262,5 +262,5 @@ def test_a_curve_comes_in_pieces_but_not_without_end(
     monkeypatch.setattr(content, "_PIECE", 7)
     assert isocodec.open(curve).data == curve_data
     for most, code in ((len(curve_data), 0), (len(curve_data) - 1, 6)):
-        monkeypatch.setattr(options, "Limits", lambda most=most: Limits(bytes=most))
+        monkeypatch.setattr(option_records, "Limits", lambda most=most: Limits(bytes=most))
         assert run("info", curve).exit_code == code

@@ -84,7 +84,7 @@ class Added:
     Attributes
     ----------
     labels : sequence of float
-        Encode which samples have these labels.
+        Encode which samples have these labels; missing ones have none.
     spacing : sequence of float, optional
         Distances of samples along the axes, instead of what the input states.
     placed : bool
@@ -141,7 +141,7 @@ class Added:
         if given:
             where = field.placement or Placement()
             field = replace(field, placement=replace(where, **given, inferred=where.inferred and not self.periodic))
-        return replace(field, labels=tuple(self.labels)) if self.labels else field
+        return replace(field, labels=tuple(self.labels), missing="below") if self.labels else field
 
 
 class _Changed(Iterable[Any]):

@@ -43,7 +43,7 @@ class Field:
         The values are labels of a segmentation, and these of them are encoded.
     missing : str
         What an encoder does with missing samples: ``"hole"`` leaves them out, ``"below"``, ``"above"`` and
-        ``"nearest"`` fill them, as `isocodec.field.missing.filled` does.
+        ``"nearest"`` fill them, as `isocodec.field.missing.filled` does. With labels ``"below"`` is: they have none.
     notes : mapping of str to str
         Further facts from the source in words or single numbers: the time of a map, the height of a slice.
     remarks : tuple of str
