@@ -40,7 +40,7 @@ def test_all_isovalues_are_those_one_by_one(data: bytes, smooth: bool) -> None:
     for contour in contours:
         alone = isocodec.decode(data, isovalue=contour.isovalue, smooth=smooth)
         assert np.array_equal(contour.points, alone.points) and np.array_equal(contour.cells, alone.cells)
-        assert contour.complete and np.array_equal(contour.placement, alone.placement)
+        assert contour.complete and np.array_equal(contour.placement.matrix, alone.placement.matrix)
 
 
 def test_the_first_bytes_hold_the_isovalues_that_begin_in_them(data: bytes) -> None:
@@ -49,6 +49,7 @@ def test_the_first_bytes_hold_the_isovalues_that_begin_in_them(data: bytes) -> N
         contours = isocodec.open(data).contours(max_bytes=size)
         decoder = isocodec.Decoder()
         decoder.feed(data[:size])
+        decoder.take()
         for number, contour in enumerate(contours):
             assert np.array_equal(contour.points, decoder.contour(number).points)
         counts.append(len(contours))
@@ -140,7 +141,7 @@ def test_damage_behind_the_first_isovalue(several: Path, data: bytes, tmp_path: 
     features = json.loads(out.read_text())["features"]
     assert [feature["properties"]["complete"] for feature in features] == [False] * len(features)
     several.write_bytes(b"")
-    assert "is empty" in fails(5, "decode", several, "-o", out, "--partial")
+    assert "ends within its header (at byte 0)" in fails(5, "decode", several, "-o", out, "--partial")
 
 
 def multiples(field: np.ndarray, interval: float, tmp_path: Path, *options: object) -> list[float]:
@@ -166,7 +167,7 @@ def test_intervals_that_fit_no_file(tmp_path: Path) -> None:
     np.save(path, HILLS)
     for wrong in ("0", "-1", "nan", "inf"):
         assert "greater than 0" in fails(2, "encode", path, "-o", out, "--interval", wrong)
-    assert "exactly one of" in fails(2, "encode", path, "-o", out, "--interval", 20, "--isovalue", 30)
+    assert "cannot be combined" in fails(2, "encode", path, "-o", out, "--interval", 20, "--isovalue", 30)
     assert "a file holds at most 64" in fails(3, "encode", path, "-o", out, "--interval", 0.25)
     np.save(path, HILLS + 1)
     assert "no multiple" in fails(3, "encode", path, "-o", out, "--interval", 1000)
