@@ -172,7 +172,7 @@ def test_command_line(tmp_path: Path) -> None:
     assert "bytes read in 1 piece of a file of" in ok("edit", tiled, "-o", out, "--window", "0:9,0:9")
     for command in ("plot", "mask", "transcode"):
         said = fails(4, command, tiled, "-o", tmp_path / ("x.iso" if command == "transcode" else "x.png"))
-        assert "not a valid" not in said and "extract --window" in said
+        assert "not a valid" not in said and "edit --window" in said
     assert json.loads(ok("info", tiled, "--json"))["complete"] and "warning" not in run("info", tiled).stderr
     cut = tmp_path / "cut.iso"
     cut.write_bytes(tiled.read_bytes()[:-1])

@@ -250,7 +250,7 @@ class WholeFile:
         """Which samples or vertices lie above an isovalue; see `IsoFile.above`."""
         if self.kind == "surface":
             if isovalue is None:
-                raise OptionError("the file holds a surface: which isovalue?", code="isovalue")
+                raise OptionError("the file holds a surface: its samples need an isovalue", code="isovalue")
             tin = self._surface_decoder(view).surface.tin()
             return np.asarray((tin.values if tin.shape is None else tin.raster()) > isovalue)
         decoder, number = self.decoded(isovalue, view)

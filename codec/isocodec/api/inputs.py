@@ -301,7 +301,7 @@ def layers_of(text: str, plan: Path | None) -> str:
     except UnicodeDecodeError:
         found = "\0"
     if len(data) > MOST or "\0" in found:
-        raise OptionError("not a plan, which is a short text", code="plan", remedy="see encode --plan-help")
+        raise OptionError("the file is not a plan, which is a short text", code="plan", remedy="see encode --plan-help")
     return found
 
 

@@ -400,7 +400,7 @@ def open(
     file = _opened(source, mesh, limits)
     # what is not an .iso file fails here, too
     if file.kind != "mesh" and mesh is not None:
-        raise OptionError(f"a mesh for a file of kind {file.kind}, which needs none", code="mesh",
+        raise OptionError(f"a file of kind {file.kind} takes no mesh", code="mesh",
                           remedy="leave it out")
     return file
 

@@ -154,7 +154,7 @@ def _mesh_of(held: WholeFile, field: Any, frame: int | None) -> tuple[NDArray[An
     points, cells, values = (getattr(field, name, None) for name in ("points", "cells", "values"))
     if points is None:
         if held.mesh_given is None:
-            raise InputError("values without their mesh", code="mesh", remedy="give a Mesh, or open(.., mesh=)")
+            raise InputError("values on a mesh need their mesh", code="mesh", remedy="give a Mesh, or open(.., mesh=)")
         points, cells = held.mesh_given
         values = field
     values = np.asarray(values)

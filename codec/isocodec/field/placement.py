@@ -100,7 +100,7 @@ class Placement:
             raise OptionError("a matrix and coordinates cannot be combined", code="options", remedy="give one of them")
         name = "an error" if error is not None else "a period" if turns else ""
         if name and coordinates is None and (matrix is None or not axes):
-            raise OptionError(f"{name} of coordinates, but no coordinates", code="coordinates",
+            raise OptionError(f"{name} of coordinates needs coordinates", code="coordinates",
                               remedy="give coordinates")
         given: dict[str, Any] = {
             "matrix": None if matrix is None else np.asarray(matrix), "coordinates": _arrays(coordinates), "crs": crs,
@@ -261,7 +261,7 @@ class Placement:
             return number / largest_step(arrays, [0.0] * n, np.ones((1,) * n, np.bool_), unit, False)
         if self.coordinates is None:
             raise OptionError(
-                f"a tolerance of {distance} for a field that lies nowhere in the world", code="tolerance",
+                f"a tolerance of {distance} needs a field with a placement in the world", code="tolerance",
                 remedy="give a placement, or a number of cells",
             )
         arrays = arrays_of(self.coordinates, shape)
@@ -427,7 +427,7 @@ def _arrays(coordinates: Any) -> Sequence[NDArray[Any]] | None:
         return tuple(np.asarray(part) for part in coordinates)
     except (TypeError, ValueError):
         raise InputError(
-            "coordinates are no arrays of numbers", code="coordinates",
+            "coordinates are not arrays of numbers", code="coordinates",
             remedy="give an array for each axis of the field, or x, y (, z)",
         ) from None
 

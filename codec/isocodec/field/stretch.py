@@ -33,7 +33,7 @@ def distance_of(text: str) -> tuple[float, str]:
         return float(found[1] if found else ""), found[2] if found else ""
     except ValueError:
         raise OptionError(
-            f"{text!r} is no distance", code="tolerance", remedy="a number of cells, or one with a unit: 100m"
+            f"{text!r} is not a distance", code="tolerance", remedy="a number of cells, or one with a unit: 100m"
         ) from None
 
 

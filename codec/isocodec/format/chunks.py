@@ -105,7 +105,7 @@ def octets(data: bytes | bytearray | memoryview) -> memoryview:
         return memoryview(data).cast("B")
     except TypeError:
         raise OptionError(
-            f"the bytes of a file are needed, not {type(data).__name__}", code="data",
+            f"expected the bytes of a file, not {type(data).__name__}", code="data",
             remedy="read them first: pathlib.Path(name).read_bytes()",
         ) from None
 

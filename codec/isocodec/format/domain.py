@@ -77,7 +77,7 @@ def read_domain(payload: bytes, n: int, start: int) -> tuple[DomainHead, int]:
         raise wrong("an empty domain chunk")
     kind, higher = payload[0] >> 4, payload[0] & 15
     if kind == DomainKind.POINTS and n == 2:
-        raise OptionError("the file holds a triangulated surface, not a mesh", code="domain", remedy="take decode_tin")
+        raise OptionError("the file holds a triangulated surface, not a mesh", code="domain", remedy="take its surface")
     if kind == DomainKind.POINTS or kind not in DomainKind.__members__.values():
         raise wrong(f"unknown kind of domain {kind}")
     if kind == DomainKind.DELAUNAY and (n, higher) != (2, 0):

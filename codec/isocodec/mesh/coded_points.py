@@ -48,7 +48,7 @@ def triangulated(
     if numbers.shape[-1:] != (len(found),):
         raise InputError(f"the values have shape {numbers.shape}, not ({len(found)},)", code="values")
     if not np.isfinite(found).all():
-        raise InputError("coordinates that are not finite", code="points", remedy="leave those points out")
+        raise InputError("some coordinates are not finite", code="points", remedy="leave those points out")
     found, numbers = _distinct(found, numbers)
     return found, _cells_of(found), numbers
 

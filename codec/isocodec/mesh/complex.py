@@ -126,7 +126,7 @@ def _checked_points(points: ArrayLike) -> NDArray[np.float64]:
     found = found.astype(np.float64)
     if not np.isfinite(found).all():
         bad = np.flatnonzero(~np.isfinite(found).all(axis=1))
-        raise InputError(f"coordinates that are not finite: points {_named(bad)}", code="points")
+        raise InputError(f"coordinates are not finite: points {_named(bad)}", code="points")
     return found
 
 
@@ -182,13 +182,14 @@ def _check_degenerate(position: NDArray[np.int64], cells: NDArray[np.int64]) -> 
     bad = np.flatnonzero(twice | ~has_volume(position, cells))
     if len(bad):
         raise InputError(
-            f"{len(bad)} degenerate cells, of no size: cells {_named(bad)}", code="degenerate", remedy="leave them out"
+            f"{len(bad)} degenerate cells, without size: cells {_named(bad)}", code="degenerate",
+            remedy="leave them out",
         )
     order = np.lexsort(ordered.T)
     again = (ordered[order[1:]] == ordered[order[:-1]]).all(axis=1)
     if again.any():
         raise InputError(
-            f"cells that are there twice: cells {_named(np.sort(order[1:][again]))}", code="repeated",
+            f"duplicate cells: cells {_named(np.sort(order[1:][again]))}", code="repeated",
             remedy="leave them out",
         )
 

@@ -290,7 +290,7 @@ def history_of(domain: Complex, watch: Callable[[int], None] | None = None) -> H
     """
     if not has_levels(domain):
         raise OptionError(
-            "the mesh is none of triangles in the plane, or extends too far for its unit", code="progressive",
+            "progressive coding needs a planar triangle mesh that is not too large for its unit", code="progressive",
             remedy="leave progressive out",
         )
     w = _working(domain)

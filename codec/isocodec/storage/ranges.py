@@ -145,7 +145,7 @@ def _remote(url: str) -> Fetch:
             raise InputError(f"cannot be read ({type(exc).__name__}: {exc})", code="url") from exc
         if len(data) > end - start:
             raise NoRangesError(
-                "the server gives the whole file where a part of it is asked for", code="ranges",
+                "the server sends the whole file instead of the part asked for", code="ranges",
                 remedy="download the file first, or use a server that answers range requests",
             )
         return data

@@ -85,7 +85,8 @@ def _of_labels(field: Field, options: Options) -> Options:
         raise OptionError(f"precision {precision.text!r} does not apply to labels", code="labels",
                           remedy="use signs or a distance")
     if field.placement is not None and (field.placement.coordinates is not None or field.placement.periodic):
-        raise OptionError("labels on a mapped grid", code="labels", remedy="encode each label's mask by itself")
+        raise OptionError("labels on a grid with coordinates cannot be encoded together", code="labels",
+                          remedy="encode each label's mask by itself")
     return replace(options, independent=True)
 
 
@@ -125,8 +126,8 @@ def levels_of(
     found = isovalues_of(isovalue, ends)
     if options.layers.written and plans is not None and set(found) != set(plans):
         raise OptionError(
-            f"the plan is of the isovalues {', '.join(f'{v:g}' for v in plans)}, those given are "
-            f"{', '.join(f'{v:g}' for v in found)}", code="plan", remedy="give none",
+            f"the isovalues given, {', '.join(f'{v:g}' for v in found)}, are not those of the plan, "
+            f"{', '.join(f'{v:g}' for v in plans)}", code="plan", remedy="leave them out",
         )
     return found
 

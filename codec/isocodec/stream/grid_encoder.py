@@ -382,7 +382,7 @@ class GridFrame:
                 if all(layer.births for layer in self.layers if layer.kind == LayerKind.ADAPT):
                     raise
                 raise OptionError(
-                    "an adaptive layer of the plan leaves out new components that there are", code="plan",
+                    "an adaptive layer of the plan leaves out new components of the field", code="plan",
                     remedy='("adapt", 1, mesh)',
                 ) from error
             payload = write_program(strand.layers[done:end], program, strand.bits) + run

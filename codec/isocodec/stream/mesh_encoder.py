@@ -68,15 +68,16 @@ class MeshFrames:
         self.options, self.series = options, series
         stored = mesh.stored or ("delaunay" if mesh.cells is None else "known")
         if stored not in KINDS:
-            raise OptionError(f"the mesh is {stored!r}", code="mesh", remedy=f"choose one of: {', '.join(KINDS)}")
+            raise OptionError(f"a mesh cannot be stored as {stored!r}", code="mesh",
+                              remedy=f"choose one of: {', '.join(KINDS)}")
         if (mesh.cells is None) != (stored == "delaunay"):
             raise OptionError(
-                f"cells are {'not ' * (mesh.cells is None)}given, and the mesh is {stored!r}", code="mesh",
-                remedy="a Delaunay triangulation follows from points alone; any other mesh has cells",
+                f"a mesh {'without' if mesh.cells is None else 'with'} cells cannot be stored as {stored!r}",
+                code="mesh", remedy="a Delaunay triangulation follows from points alone; any other mesh has cells",
             )
         points, cells, values = mesh.points, mesh.cells, mesh.values
         if values is None:
-            raise InputError("a mesh without values", code="values", remedy="give a value for each point")
+            raise InputError("the mesh has no values", code="values", remedy="give a value for each point")
         self._scattered: ArrayLike | None = None
         if cells is None:
             self._scattered = points

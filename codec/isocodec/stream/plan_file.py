@@ -94,8 +94,8 @@ def isovalues_in(plan: Plan | Mapping[float, Plan], given: Sequence[float]) -> t
         return tuple(given)
     if given and set(given) != set(plan):
         raise OptionError(
-            f"the plan is of the isovalues {', '.join(f'{v:g}' for v in plan)}, "
-            f"those given are {', '.join(f'{v:g}' for v in given)}", code="plan", remedy="give none",
+            f"the isovalues given, {', '.join(f'{v:g}' for v in given)}, are not those of the plan, "
+            f"{', '.join(f'{v:g}' for v in plan)}", code="plan", remedy="leave them out",
         )
     return tuple(given or plan)
 

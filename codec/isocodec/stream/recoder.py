@@ -77,7 +77,7 @@ def source_of(state: Decoded, field: Samples, what: str) -> Source:
     signs, isovalue, scale, gone = field.signs, field.isovalue, field.scale, field.gone
     n = signs.ndim
     in_part = OptionError(f"{what} stores values or crossings only in part", code="recode",
-                          remedy="give signs_only, or encode the field itself again")
+                          remedy="use precision signs, or encode the field itself again")
     if (state.missing >= 0).any():
         beside = _beside(signs, gone)[tuple(state.position.T)]
         if len(state.edge_parts) or (state.missing[beside] > 0).any():

@@ -129,7 +129,7 @@ class SurfaceContents:
         """
         if isovalue is None:
             raise OptionError(
-                "the file holds a surface: which isovalue?", code="isovalue", remedy="IsoFile.surface gives all of it"
+                "a contour of a surface needs an isovalue", code="isovalue", remedy="IsoFile.surface gives all of it"
             )
         if smooth:
             raise OptionError("smooth applies to grids only", code="smooth", remedy="leave it out")

@@ -172,7 +172,7 @@ def encode_tile(window: ArrayLike, index: Index, tiling: Tiling) -> TileSegments
     """
     size = tiling.grid.size(index)
     if np.shape(window) != size:
-        raise InputError(f"has {size} samples, given are {np.shape(window)}", code="shape")
+        raise InputError(f"has {size} samples, not {np.shape(window)}", code="shape")
     if missing_of(window).all():
         return _missing(index, tiling)
     values, gone = without_holes(window)

@@ -110,7 +110,7 @@ def _options_of(
         precision = Precision(signs=True)
     if not isinstance(field, Field):
         if precision.world:
-            raise OptionError(f"a distance of {precision.world} for a field that lies nowhere in the world",
+            raise OptionError(f"a distance of {precision.world} needs a field with a placement in the world",
                               code="tolerance", remedy="give a Field with a placement, or a number of cells")
         return replace(options, precision=precision)
     if field.labels is not None or field.missing != "hole":
@@ -155,7 +155,7 @@ def _shape_of(field: Any) -> tuple[Index, np.dtype[Any]]:
         )
     if len(shape) not in (2, 3) or min(shape) < 2:
         raise InputError(
-            f"a field of shape {tuple(shape)} in tiles", code="shape",
+            f"a field of shape {tuple(shape)} cannot be encoded in tiles", code="shape",
             remedy="give 2 or 3 axes with at least 2 samples along each",
         )
     found = np.dtype(dtype)

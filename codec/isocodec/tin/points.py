@@ -80,11 +80,11 @@ def points_of(points: ArrayLike, values: ArrayLike | None = None) -> Points:
             raise InputError(f"the {what} are of type {array.dtype}", code="dtype", remedy="convert them to numbers")
         if array.dtype.kind == "f" and not np.isfinite(array).all():
             raise InputError(
-                f"there are {what} that are not finite", code="missing",
+                f"some {what} are not finite", code="missing",
                 remedy="leave them out: points[np.isfinite(values)], values[np.isfinite(values)]",
             )
     if len(given) == 0:
-        raise InputError("there are no points", code="points", remedy="give three or more")
+        raise InputError("no points are given", code="points", remedy="give three or more")
     at, origin, unit = _whole(given)
     return _distinct(at[:, 0], at[:, 1], numbers.astype(np.float64), origin, unit)
 
@@ -133,6 +133,6 @@ def _distinct(
     else:
         mean, source = value[order], order
     if len(starts) < 3:
-        raise InputError(f"there are {len(starts)} distinct points, fewer than 3", code="points")
+        raise InputError(f"{len(starts)} distinct points are fewer than 3", code="points")
     order = order[starts]
     return Points(x[order], y[order], mean, source, origin, unit, len(x) - len(starts))

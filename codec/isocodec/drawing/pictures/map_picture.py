@@ -108,7 +108,7 @@ def map_picture(
     """
     first = contours[0]
     if len(first.shape) != 2:
-        raise OptionError("maps are of fields of two axes", code="dimension", remedy="isocodec plot draws surfaces")
+        raise OptionError("a map needs a field of two axes", code="dimension", remedy="isocodec plot draws surfaces")
     ground = ground_of(first)
     figure, axes = _sheet(first, look, ground)
     if field is not None:

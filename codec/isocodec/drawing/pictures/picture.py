@@ -203,8 +203,8 @@ def _draw(axes: Any, contour: Curve, pixels: int, view: View) -> None:
     elif len(contour.shape) == 3:
         _draw_surface(axes, contour, pixels, view)
     else:
-        what = f"a field of {len(contour.shape)} axes" if contour.shape else "what lies on a mesh in space"
-        raise OptionError(f"there is no picture of {what}", code="dimension", remedy="decode it to PLY or STL")
+        what = f"a field of {len(contour.shape)} axes" if contour.shape else "a curve or surface on a mesh in space"
+        raise OptionError(f"{what} cannot be drawn", code="dimension", remedy="decode it to PLY or STL")
 
 
 def _draw_mesh(

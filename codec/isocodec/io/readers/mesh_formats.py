@@ -54,7 +54,7 @@ class MeshRead:
                 f"the values {plain(name)} belong to cells, not to points", code="values",
                 remedy=f"average them at the points first; values at points: {there}",
             )
-        raise OptionError(f"there are no values {plain(name)} at points", code="values", remedy=f"there are: {there}")
+        raise OptionError(f"no values {plain(name)} at points", code="values", remedy=f"choose one of: {there}")
 
 
 @dataclass(frozen=True)
