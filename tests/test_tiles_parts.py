@@ -77,7 +77,8 @@ def test_the_same_bytes_as_of_the_samples(tmp_path: Path) -> None:
 def test_a_tile_as_it_is(tmp_path: Path) -> None:
     """Its bytes are those of the tiled file, also of several isovalues and beside missing samples."""
     for field in (hilly(), holed(hilly(), 1)):
-        data = encoded(tmp_path, field, [30.5, 60.5], metadata={"unit": "m"}, placement=[[0, 2, 5], [3, 0, 7]])
+        placed = isocodec.Field(field, placement=[[0, 2, 5], [3, 0, 7]])
+        data = encoded(tmp_path, placed, [30.5, 60.5], metadata={"unit": "m"})
         file = tiled_of(data)
         index = (2, 3)
         window = file.head.grid.window(index)

@@ -205,7 +205,7 @@ def _areas(file: IsoFile, suffix: str, wanted: Wanted, progress: Any) -> Exporte
 def _contours(file: IsoFile, suffix: str, wanted: Wanted, progress: Any) -> list[Contour]:
     """All isovalues that the format can hold, or the one that is wanted; within the limit of memory."""
     view = {**wanted.view, "progress": progress}
-    if wanted.through_holes:
+    if wanted.through_holes or wanted.along_holes:
         view["through_holes"] = True
     kind = _KINDS[wanted.what or "curve"]
     every = wanted.isovalue is None and "layers" not in view and file.kind != "surface"

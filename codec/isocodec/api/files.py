@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from numbers import Integral
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypedDict
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -61,9 +61,23 @@ _NAMES = {
 }
 
 
+class ViewOptions(TypedDict, total=False):
+    """The parameters of `IsoFile.contour`, by name."""
+
+    frame: int | None
+    layers: int | None
+    max_bytes: int | None
+    box: Sequence[Sequence[float]] | None
+    within: float | Callable[..., float] | None
+    smooth: bool
+    through_holes: bool
+    partial: bool
+    progress: Progress | None
+
+
 @dataclass(frozen=True, kw_only=True)
 class Viewed:
-    """Choice of what to draw of a file: the parameters of `IsoFile.contour`."""
+    """Choice of what to draw of a file: `ViewOptions`, checked."""
 
     frame: int | None = None
     layers: int | None = None

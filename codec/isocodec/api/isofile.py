@@ -4,15 +4,18 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Iterator, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from isospec.container import SIGNATURE, TILED_SIGNATURE
+
 from ..drawing.contour import Contour
 from ..drawing.tessellation import Tessellation
-from ..errors import IsoError, OptionError
+from ..errors import IsoError, OptionError, TruncatedError
 from ..field.placement import CRS, Placement, read_placement
+from ..format.chunks import whole_bytes
 from ..limits import Limits
 from ..storage.content import Readable, content
 from ..stream.inspect import FileInfo
@@ -20,7 +23,7 @@ from ..stream.statistics import FileStatistics
 from ..tiles.structure import HEAD_BYTES, is_tiled
 from ..tin.tin import Tin
 from .editing import Edit, edited
-from .files import TileFile, Viewed, WholeFile
+from .files import TileFile, Viewed, ViewOptions, WholeFile
 from .selfcheck import check_kernels
 from .verification import Verified, verified
 
@@ -196,7 +199,7 @@ class IsoFile:
             through_holes=through_holes, partial=partial, progress=progress,
         ))
 
-    def contours(self, **view: Any) -> list[Contour]:
+    def contours(self, **view: Unpack[ViewOptions]) -> list[Contour]:
         """Decode the curves or surfaces of all isovalues, in the file's order; parameters and errors of `contour`."""
         return self.held.contours(Viewed(**view))
 
@@ -211,7 +214,7 @@ class IsoFile:
         return self.held.each_frame(smooth)
 
     def mesh(
-        self, isovalue: float | None = None, *, whole: bool = False, **view: Any
+        self, isovalue: float | None = None, *, whole: bool = False, **view: Unpack[ViewOptions]
     ) -> Tessellation:
         """Decode the mesh that the curve of an isovalue is coded on.
 
@@ -232,7 +235,7 @@ class IsoFile:
 
     # -- arrays --------------------------------------------------------------------------------------------------
 
-    def above(self, isovalue: float | None = None, **view: Any) -> NDArray[np.bool_]:
+    def above(self, isovalue: float | None = None, **view: Unpack[ViewOptions]) -> NDArray[np.bool_]:
         """Decode which samples lie above an isovalue.
 
         Parameters
@@ -406,7 +409,9 @@ def _opened(source: Readable, mesh: tuple[ArrayLike, ArrayLike] | None, limits: 
     """A file whose kind has not been looked at."""
     if isinstance(source, str | os.PathLike) and (tiled := _tiled_at(source, limits)) is not None:
         return tiled
-    data = bytes(content(source, limits))
+    data = whole_bytes(content(source, limits, (SIGNATURE, TILED_SIGNATURE)))
+    if not data:
+        raise TruncatedError("the file is empty", code="truncated", offset=0, clause="3.3")
     if is_tiled(data):
         from ..tiles.tiled import TiledFile
 
@@ -416,7 +421,7 @@ def _opened(source: Readable, mesh: tuple[ArrayLike, ArrayLike] | None, limits: 
 
 def decode(
     source: Readable, isovalue: float | None = None, *, mesh: tuple[ArrayLike, ArrayLike] | None = None,
-    limits: Limits | None = None, **view: Any,
+    limits: Limits | None = None, **view: Unpack[ViewOptions],
 ) -> Contour:
     """Decode a file to its curve or surface: ``open(source).contour(isovalue)``.
 

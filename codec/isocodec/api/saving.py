@@ -107,7 +107,7 @@ def save(
         return
     from ..tiles.writing import encode_tiles, tiling_of
 
-    tiling = tiling_of(what, isovalue, tile, Options.of(**options))
+    tiling = tiling_of(what, isovalue, tile, Options.of(**options), progress)
     encode_tiles(path, what, tiling, engine=engine, workers=workers, spool=spool, progress=progress)
 
 

@@ -220,6 +220,16 @@ def progress_bar(label: str) -> Iterator[Callable[[int, int], None] | None]:
             bar.stop()
 
 
+@contextmanager
+def own_warnings(path: str | os.PathLike[str]) -> Iterator[None]:
+    """Print what the library warns of as warnings about ``path``; an error replaces them."""
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always", UserWarning)
+        yield
+    for text in dict.fromkeys(str(one.message) for one in caught):
+        warn(path, text)
+
+
 class _Notes(logging.Handler):
     """Collects the messages of loggers."""
 

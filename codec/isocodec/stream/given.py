@@ -182,12 +182,17 @@ def samples_of(
     if bare.ndim not in (2, 3) or bare.dtype.kind not in "biuf":
         raise InputError(f"labels of shape {bare.shape} and type {bare.dtype}", code="labels",
                          remedy="give numbers on 2 or 3 axes")
-    return [_border(bare, label, hole, series) for label in isovalues]
+    without = hole if field.missing == "below" else None
+    return [_border(bare, label, hole, without, series) for label in isovalues]
 
 
-def _border(values: NDArray[Any], label: float, gone: NDArray[np.bool_] | None, series: bool) -> DecodedSamples:
-    """The field whose contour runs half-way around the samples with a label."""
+def _border(
+    values: NDArray[Any], label: float, gone: NDArray[np.bool_] | None, without: NDArray[np.bool_] | None, series: bool
+) -> DecodedSamples:
+    """The field whose contour runs half-way around the samples with a label; ``without``: those that have none."""
     signs = np.ascontiguousarray(values == label) if series else labelled(values, label)
+    if without is not None:
+        signs, gone = signs & ~without, None
     nothing = np.zeros(0, np.int64)
     return DecodedSamples(near_values(signs, label, nothing, np.zeros(0)), label, signs, None, gone)
 

@@ -23,7 +23,7 @@ ProfileName: TypeAlias = Literal["main", "baseline"]
 """How symbols become bytes."""
 CriterionName: TypeAlias = Literal["crossing", "topology", "curvature", "distortion", "level"]
 """Criteria that a mesh is reduced under."""
-PrecisionGiven: TypeAlias = "float | str | Sequence[float | str] | None"
+PrecisionGiven: TypeAlias = "float | str | Sequence[float | Literal['exact']] | None"
 """Types that `Precision.of` parses."""
 LayersGiven: TypeAlias = "int | str | Sequence[Entry] | Mapping[float, Sequence[Entry]] | None"
 """Types that `Layers.of` parses."""
