@@ -71,7 +71,7 @@ def encode(
         "level=L" (that of a uniform mesh).
         Or a plan: the layers one by one, as a text (`isocodec encode --plan-help` explains it), or a sequence of
         entries ``("base", level)``, ``("refine", rounds)``, ``("values", bits)``, ``("offsets", radix)``, where None
-        means as far as it goes; ``("values", None, left)`` leaves so many bits; ``("adaptive_base", level, mesh)``,
+        means as far as it goes; ``("values", None, left)`` leaves ``left`` bits; ``("adaptive_base", level, mesh)``,
         ``("adapt", births, mesh)`` with the mesh that they lead to (`grid.lattice.vertex_set.Chosen`) or the criteria
         of its reduction (`grid.layers.plan.Criteria`), ``("leaf_base",)``, ``("offsets", radix, unit)``.
         ``("promise", distance)`` behind layers other than values states how far their curve lies from the original one
@@ -79,10 +79,10 @@ def encode(
     independent : bool
         Code each isovalue, and each frame of a series, without the help of those before it in the file.
     interval : int
-        In a series every so many frames one leans on none before it, so that those from there on decode without the
-        others; 0 if only the first does.
+        In a series every frame whose number is a multiple of this leans on none before it, so that decoding can begin
+        there; 0 if only the first does.
     metadata : mapping of str to str, optional
-        Notes to go into the file, besides and instead of those of the field.
+        Notes to add to those of the field; they replace notes of the same name.
     progress : callable, optional
         Called with the layers done and their total; before, while a mesh is searched for, with the number of curves
         tried and 0.

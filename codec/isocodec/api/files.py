@@ -456,7 +456,7 @@ def frames_of(
     Yields
     ------
     list of Contour
-        Of each frame the curves or surfaces of all isovalues, in the file's order.
+        Curves or surfaces of all isovalues in the file's order, frame by frame.
 
     Raises
     ------

@@ -41,8 +41,8 @@ class IsoFile:
     ----------
     kind : str
         ``grid``: curves or surfaces of a sampled field; ``series``: of several, frame by frame; ``mesh``: of values on
-        a mesh; ``surface``: a triangulated surface; ``tiles``: of a field in tiles, of which pieces are read as they
-        are asked for.
+        a mesh; ``surface``: a triangulated surface; ``tiles``: of a field in tiles, read piece by piece as they are
+        asked for.
     size : int
         Bytes.
     shape : tuple of int
@@ -154,18 +154,18 @@ class IsoFile:
         Parameters
         ----------
         isovalue : float, optional
-            One of the file, the first if not given. Of a triangulated surface any, which has to be given.
+            An isovalue of the file, the first if not given. Required for a triangulated surface, where it can be any.
         frame : int, optional
-            Of a series, counted from 0; the first if not given. Only the frames that it leans on are decoded with it.
+            Frame of a series, from 0; the first if not given. Only the frames that it leans on are decoded with it.
         layers : int, optional
             Decode that many layers only; all if the file has fewer.
         max_bytes : int, optional
             Decode the first bytes of the file only, whatever curve they give.
         box : n pairs of numbers, optional
             From where to where along each axis, in samples (on a mesh: in its coordinates): the cells that reach into
-            it. Of a file in tiles nothing else is read.
+            it. From a file in tiles nothing else is read.
         within : float or callable, optional
-            Of grids: cubes of the mesh no wider than so many samples are enough. Of tiles also a function that gives
+            For grids: stop at cubes of the mesh no wider than this many samples. For tiles also a function that gives
             this number for the box of a tile, n pairs of samples.
         smooth : bool
             Where the file only knows which grid edges are crossed, place the points so that the curve bends smoothly
@@ -209,7 +209,7 @@ class IsoFile:
         Yields
         ------
         list of Contour
-            Of each frame the curves or surfaces of all isovalues. A file that is not a series has one frame.
+            Curves or surfaces of all isovalues, frame by frame. A file that is not a series has one frame.
         """
         return self.held.each_frame(smooth)
 
@@ -272,7 +272,7 @@ class IsoFile:
         Returns
         -------
         NDArray
-            Of the shape of the field and the smallest type that holds them: the labels of the file, 0 elsewhere.
+            The labels of the file, 0 elsewhere, in the shape of the field and the smallest type that holds them.
 
         Raises
         ------
@@ -305,9 +305,9 @@ class IsoFile:
         field : array_like, Field, Mesh, DataArray or image
             What was encoded; of a series one frame.
         frame : int, optional
-            Of a series, which frame the field is, counted from 0.
+            Number of the field in a series, from 0.
         within : float, optional
-            Distance that has to be kept, instead of the one that the file promises.
+            Distance to check, instead of the one that the file promises.
 
         Returns
         -------
@@ -333,7 +333,7 @@ class IsoFile:
         layers : int, optional
             Keep the first layers; all if the file has fewer.
         size : int, optional
-            Keep as many symbols or layers as fit into so many bytes.
+            Keep as many symbols or layers as fit into this many bytes.
         box : n pairs of numbers, optional
             Keep a box of samples, grown to whole ones, and to even ones where it begins; no point moves.
         isovalues : sequence of float, optional

@@ -33,7 +33,7 @@ def merge(files: Sequence[Readable], *, profile: ProfileName = "main", limits: L
         Files of fields of the same shape, place and missing samples, with different isovalues; series with the
         same frames; or of values on one mesh.
     profile : str
-        Of the result, where it is coded anew: of files of grids.
+        Profile of the result, for files of grids, which are coded anew.
     limits : Limits, optional
         The most that each of the files may need.
 

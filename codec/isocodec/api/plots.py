@@ -57,7 +57,7 @@ class Plotted:
 
 @dataclass(frozen=True)
 class Look:
-    """The look of a map: every so many lines one is thick and labelled; title, longest side in cm, pixels an inch."""
+    """The look of a map: each ``index``-th line is thick and labelled; title, longest side in cm, pixels an inch."""
 
     index: int = 5
     title: str = ""
@@ -241,7 +241,7 @@ class Panels:
     Parameters
     ----------
     kinds : sequence of str
-        Of the layers, in their order.
+        Those of the layers, in their order.
     steps : int
         Panels at most.
     promised : sequence of int

@@ -60,7 +60,7 @@ class Held:
     header : Header
     metadata : dict of str to str
     interval : int or None
-        Of a series.
+        For a series.
     frames : list of lists of Source
         By frame and isovalue.
     contours : list of lists of Contour

@@ -47,16 +47,16 @@ def save(
         contours, a Tin, or bytes and an IsoFile, which are decoded: a surface to its points and triangles, other files
         to their contours.
     isovalue : optional
-        Of what is encoded, as of `encode`; of what is decoded, the contours of these only.
+        Isovalues to encode, as in `encode`; or those of the file whose contours are written.
     tile : int, optional
-        Write a file in tiles of so many samples along each axis, a power of two from 32 on (1024 in the plane and 128
+        Write a file in tiles of this many samples along each axis, a power of two from 32 on (1024 in the plane and 128
         in space are usual). ``what`` is a Field, or anything that has ``shape``, ``dtype`` and slices: an array of
         numpy (also mapped from a file), Dask, xarray, Zarr or h5py, of two or three axes, which need not be in memory:
         slices of a tile are read at a time.
     engine : executor of ``concurrent.futures``, or client of ``dask.distributed``, optional
-        Who encodes tiles; without one the caller's thread. The file has the same bytes.
+        Encodes tiles; without one the caller's thread does. The file has the same bytes.
     workers : int, optional
-        How many the engine has; asked of it if not given.
+        Number of the engine's workers; asked of it if not given.
     spool : path, optional
         A folder for the tiles that have been encoded, beside the file if not given. It goes when the file is written;
         if work stops before, the same call goes on where it was.

@@ -57,8 +57,8 @@ class Verified:
 def verified(held: WholeFile | TileFile, field: Any, frame: int | None, within: float | None) -> list[Verified]:
     """Verify each isovalue of a file; see `IsoFile.verify`.
 
-    Of a file in tiles the joined curve is measured against that of the whole field. It does not state what it promises,
-    nor which samples far from it are missing.
+    For a file in tiles the joined curve is measured against that of the whole field. Such a file states no promises,
+    nor which samples far from the curve are missing.
     """
     if held.kind == "mesh":
         assert isinstance(held, WholeFile)

@@ -226,7 +226,7 @@ class Contour:
         above : bool
             Which part.
         valid : (s0, s1) array_like of bool, optional
-            Of a file with missing samples, its valid samples (`IsoFile.valid`), with a contour that was decoded
+            For a file with missing samples, its valid samples (`IsoFile.valid`), with a contour that was decoded
             ``through_holes``: areas are closed along the unit cells that have a missing corner.
 
         Returns

@@ -26,7 +26,7 @@ class Layout:
     Parameters
     ----------
     blocks : mapping of str to (int, float, int)
-        Of each block its number of contexts, the probability of a 1 that they start with, and how many symbols that
+        For each block its number of contexts, the probability of a 1 that they start with, and how many symbols that
         start counts as.
 
     Attributes

@@ -165,7 +165,7 @@ class ReadingRun(Run):
     coder : Coder
         With models as the run begins with them; they are changed.
     account : Account
-        Of the file.
+        The file's.
     at : int
         Where the run begins in the file.
     stated : int

@@ -106,11 +106,11 @@ def check_coordinates(
     arrays : sequence of (s0 or 1, .., sn-1 or 1) float64
         As `arrays_of` gives them.
     shape : tuple of int
-        Of the field.
+        The field's.
     gone : (s0, .., sn-1) bool, optional
         Which samples are missing: cells that have one do not count.
     periods : sequence of float
-        Of each coordinate; 0 if it is not periodic.
+        For each coordinate; 0 if it is not periodic.
     error : float
         In cells.
     periodic : sequence of int

@@ -14,10 +14,10 @@ class Frames:
     Attributes
     ----------
     fields : iterable of Field or array_like
-        Of one shape and type; an array's first axis counts them. They are taken one by one.
+        Fields of one shape and type; an array's first axis counts them. They are taken one by one.
     interval : int or None
-        Every so many frames one leans on none before it, so that those from there on decode without the others; 0 if
-        only the first does. None leaves it to the option of `encode`.
+        Frames whose number is a multiple of this lean on none before them, so that decoding can begin there; 0 if only
+        the first does. None leaves it to the option of `encode`.
     """
 
     fields: Iterable[Any]

@@ -29,11 +29,11 @@ class Mesh:
     values : (V,) or (F, V) array_like of bool, integers or floats, or None
         With two axes, those of F frames: a series. None of a mesh alone, as files that do not hold theirs need it.
     stored : str or None
-        What a file holds of the mesh. ``known``: whoever decodes has points and cells in the same order; the file holds
+        What the file stores of the mesh. ``known``: decoders have points and cells in the same order; the file stores
         their hash. ``coded``: the cells that contours cross, ``whole``: all cells. ``delaunay``, without cells: the
         points. By default ``known`` with cells, ``delaunay`` without.
     error : float or None
-        Of a mesh in the file, the largest distance between vertices and their points; less where cells would fold. By
+        For a mesh in the file, the largest distance between vertices and their points; less where cells would fold. By
         default 0.05 of the median edge. Points of contours lie on the edges of that mesh, where these meet the contour
         of the given one, so that they may be much nearer to it.
     progressive : bool or None

@@ -239,7 +239,7 @@ class Placement:
             A number with a unit: that of the coordinates, or m or km if these are longitudes (of a period of 360) and
             latitudes, on a sphere; without a unit cells.
         shape : tuple of int
-            Of the field.
+            The field's.
         gone : (s0, .., sn-1) bool, optional
             Which samples are missing: cells that have one do not count.
 

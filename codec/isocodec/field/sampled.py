@@ -27,7 +27,7 @@ class Field:
     Attributes
     ----------
     values : (s0, .., sn-1) array of bool, integers or floats
-        Of a masked array of numpy, the mask goes into ``mask``.
+        For a masked array of numpy, the mask goes into ``mask``.
     mask : (s0, .., sn-1) array of bool, or None
         True where a sample is missing; NaN is missing as well.
     placement : Placement or None

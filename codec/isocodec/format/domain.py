@@ -33,11 +33,11 @@ class DomainHead:
         Positions count in units of ``2**exponent`` of the coordinates.
     vertices, cells : int
     digest : bytes
-        Of a known mesh the first 16 bytes of the SHA-256 of its canonical form; else empty.
+        For a known mesh the first 16 bytes of the SHA-256 of its canonical form; else empty.
     multiple : int
-        Of a mesh in the file: positions count in so many times ``2**exponent``.
+        For a mesh in the file: positions count in so many times ``2**exponent``.
     origin, extent : tuple of int
-        Of a mesh in the file, for each coordinate: the least position, and how many there may be from there on.
+        For a mesh in the file, for each coordinate: the least position, and how many there may be from there on.
     """
 
     kind: DomainKind

@@ -27,7 +27,7 @@ def key_of(frame: int, interval: int) -> int:
 
 
 def write_interval(interval: int) -> bytes:
-    """Payload of the first chunk of frames: every so many frames lean on none before them; 0 if only the first does."""
+    """Payload of the first chunk of frames: every ``interval``-th frame leans on none; 0 if only the first."""
     return write_varint(interval)
 
 

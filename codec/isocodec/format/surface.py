@@ -30,7 +30,7 @@ class TinHead:
     grid : bool
         Whether positions are indices of samples of a field of that shape.
     exponent, origin : int, (int, int)
-        Of scattered points: position p has the coordinates ``(origin + p) * 2**exponent``.
+        For scattered points: position p has the coordinates ``(origin + p) * 2**exponent``.
     offset, step : float
         Number k codes the value ``offset + k * step``.
     palette : tuple of int

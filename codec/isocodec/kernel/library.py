@@ -25,16 +25,16 @@ class Note(NamedTuple):
     ----------
     file : str
     sha256 : str
-        Of the file.
+        The file's.
     platform : str
     variants : list of str
         Appended to the names of entries: those for the processors that ``iso_variant`` numbers.
     signatures : dict
-        Of each entry.
+        Those of the entries.
     ran : bool
         Whether it has been run on its platform.
     sources : dict or None
-        Of a checkout, whose sources may change: the files that kernels are compiled from, and their digest.
+        For a checkout, whose sources may change: the files that kernels are compiled from, and their digest.
     """
 
     file: str

@@ -15,7 +15,7 @@ class Kernels(NamedTuple):
     execution : str
         ``"library"``, ``"numba"`` or ``"python"``; ``"checked"`` is a library that checks indices, for tests.
     detail : str
-        Of a library, its platform and which of its instructions are used.
+        For a library, its platform and which of its instructions are used.
     """
 
     execution: str

@@ -133,7 +133,7 @@ def decoded_points(
     unit : float
         Of positions.
     account : Account
-        Of the file.
+        The file's.
 
     Raises
     ------

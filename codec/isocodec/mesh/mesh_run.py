@@ -61,7 +61,7 @@ def decoded_mesh(
     unit : float
         Of positions.
     account : Account
-        Of the file.
+        The file's.
 
     Raises
     ------

@@ -259,7 +259,7 @@ def fitted_offsets(
     targets : sequence of Target
         The same, to be held against within ``REACHES`` tolerances.
     leaves : Leaves
-        Of the coarse mesh.
+        Those of the coarse mesh.
     told : (E, 2) int64
         Their edges that carry offsets, as vertices of the leaves, the lower end first.
     parts : (E,) int64

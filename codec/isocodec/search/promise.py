@@ -128,7 +128,7 @@ class Promise:
         ----------
         mesh : Chosen
         parts, unit : int
-            Of the offsets.
+            Those of the offsets.
         tolerance : float
         before : Fitted, optional
             Places on a mesh that shares most of its edges.

@@ -70,7 +70,7 @@ def repaired(
         The mesh to begin with.
     tolerance : float
     pitch : (parts, unit)
-        Of the offsets.
+        Those of the offsets.
     lead : plan
         Leads to a part of the mesh; without one it is a base.
     most : float

@@ -72,7 +72,7 @@ class Faces:
             Those of the face.
         tolerance : float
         pitch : (parts, unit)
-            Of the offsets.
+            Those of the offsets.
 
         Raises
         ------

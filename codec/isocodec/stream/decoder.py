@@ -45,7 +45,7 @@ class Decoder(Session):
         Numbers of the isovalues to decode, from 0; the chunks of others are skipped. Those that they lean on are
         needed, too. All isovalues if not given.
     frame : int, optional
-        Of a series, the frame to decode, from 0; those that it leans on are decoded, too, the chunks of others are
+        For a series, the frame to decode, from 0; those that it leans on are decoded, too, the chunks of others are
         skipped. All frames if not given, one after the other: drawings are of the last that has begun.
 
     Attributes
@@ -130,7 +130,7 @@ class Decoder(Session):
         number : int
             Which isovalue of the file, counted from 0.
         isovalue : float, optional
-            Of a surface, any.
+            For a surface, any.
         smooth, through_holes
             As of `IsoFile.contour`.
         before : bool

@@ -59,10 +59,10 @@ class Encoder:
     Parameters
     ----------
     isovalue : number or sequence of numbers, optional
-        As of `encode`; the same for all frames. None if they are of bool or labels.
+        As in `encode`; the same for all frames. None if they are of bool or labels.
     **options
-        Those of `encode`; with an ``interval`` every so many frames one leans on none before it, so that those from
-        there on decode without the others.
+        Those of `encode`; frames whose number is a multiple of ``interval`` lean on none before them, so that decoding
+        can begin there.
 
     Raises
     ------

@@ -47,7 +47,7 @@ class GridContents:
     only : collection of int, optional
         Numbers of the isovalues to decode; the chunks of others are skipped.
     frame : int, optional
-        Of a series, the frame to decode, with those that it leans on; all frames, one after the other, if None.
+        For a series, the frame to decode, with those that it leans on; all frames, one after the other, if None.
 
     Attributes
     ----------

@@ -130,7 +130,7 @@ class FileInfo:
     mask_bytes : int or None
         Entropy-coded bytes of the mask; None if no sample is missing.
     interval : int or None
-        Of a series, how often a frame leans on none before it; 0 if only the first does. None without frames.
+        For a series, how often a frame leans on none before it; 0 if only the first does. None without frames.
     frames : list of FrameInfo
         Those of a series.
     coordinates : str or None
@@ -140,9 +140,9 @@ class FileInfo:
     kind : str
         ``grid``, ``series`` (of grids), ``mesh``, ``surface`` or ``tiles``.
     surface : TinHead or None
-        Of a triangulated surface what it states of its points.
+        Head of a triangulated surface.
     tile : int or None
-        Of a file in tiles, samples along each axis of a tile.
+        For a file in tiles, samples along each axis of a tile.
     """
 
     version: int

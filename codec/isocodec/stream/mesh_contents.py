@@ -56,7 +56,7 @@ class MeshContents:
     only : collection of int, optional
         Numbers of the isovalues to decode.
     frame : int, optional
-        Of a series, the frame to decode; all, one after the other, if None.
+        For a series, the frame to decode; all, one after the other, if None.
 
     Attributes
     ----------

@@ -240,7 +240,7 @@ class Options:
     independent : bool
         No isovalue leans on another, no frame on the one before.
     interval : int
-        Every so many frames one leans on none before it.
+        Frames whose number is a multiple of this lean on none before them.
     metadata : mapping of str to str
         Notes to go into the file.
     """

@@ -62,17 +62,17 @@ class Outline:
     masked : bool
         Whether there is a mask.
     interval : int or None
-        Of a series, how often a frame leans on none before it (see `SeriesRead`); None of a file without frames.
+        For a series, how often a frame leans on none before it (see `SeriesRead`); None of a file without frames.
     frame, number : int
         The present frame and isovalue, whose layers come.
     based : bool
         Whether a chunk of its layers has begun with a base.
     begun : bool
-        Of an explicit domain, whether a chunk of layers has come.
+        For an explicit domain, whether a chunk of layers has come.
     coordinates : CoordinatesRecord or None
         Where the samples lie.
     shape : tuple of int
-        Of the samples, once the header is there.
+        Shape of the field, once the header has come.
     cells : int or None
         Dimension of the cells of an explicit domain.
     domain : DomainHead or None

@@ -15,7 +15,7 @@ class LeanOn:
     Attributes
     ----------
     number : int
-        Of an isovalue.
+        An isovalue's.
     before : bool
         Whether it is that of the frame before instead of one of the same frame.
     """
@@ -40,7 +40,8 @@ class Series:
     isovalues : iterable of float
         All of a file for an encoder; for a decoder those that have come. They are added to by ``isovalues.append``.
     interval : int or None
-        Every so many frames one leans on none before it, 0 if only the first does not; None of a single frame.
+        Frames whose number is a multiple of this lean on none before them; 0 if only the first does not, None without
+        a series.
 
     Attributes
     ----------

@@ -101,7 +101,7 @@ def statistics(
     limits : Limits, optional
         The most that decoding may take.
     mesh : (points, cells), optional
-        Of a file on a known mesh.
+        The mesh of a file that does not hold it.
 
     Raises
     ------

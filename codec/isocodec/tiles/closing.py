@@ -193,7 +193,7 @@ class Closing:
         self._lines = {line: sorted(points) for line, points in held.items()}
 
     def _gaps(self, i: int, j: int, axis: int, cube: int) -> dict[Index, list[Edge]]:
-        """By the first sample of each square of a face: edges that what fills it has to have, as both tiles need them.
+        """Edges to fill in each square of a face, by its first sample, as both tiles need them.
 
         In the plane each is a point where a line of a tile ends, (-1, point), or begins, (point, -1).
         """

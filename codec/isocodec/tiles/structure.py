@@ -64,7 +64,7 @@ class Head:
     grid : TileGrid
     isovalues : tuple of float
     stages : tuple of Stage
-        Of each isovalue.
+        For each isovalue.
     scale : float or None
     profile : Profile
     masked : bool

@@ -174,7 +174,7 @@ def decoded(
     most : int
         Points at most.
     account : Account
-        Of the file.
+        The file's.
     at : int
         Where the run lies in the file.
     whole : bool

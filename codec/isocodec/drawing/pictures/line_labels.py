@@ -22,7 +22,7 @@ _ROOM = 2.0
 _BENT = 1.5
 """How far a line may be from straight under its label."""
 _CROWDED = 5.0
-"""Lines of the label's own length that it may hide, besides its own."""
+"""Lines of the label's length that it may hide, besides its own."""
 
 
 @dataclass(frozen=True)

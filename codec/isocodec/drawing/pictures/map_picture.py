@@ -59,7 +59,7 @@ class MapLook:
     Attributes
     ----------
     index : int
-        Every so many lines one is thick and labelled.
+        Each line of this number is thick and labelled.
     title : str
     size : float
         Longest side of the map, without its frame, in centimetres.

@@ -66,7 +66,7 @@ class LayerReader:
     data : bytearray
         The file as far as it has come; it grows.
     tubes : list of Tube or None
-        Of all isovalues; the last one's layers come at present.
+        Those of all isovalues; the last one's layers come at present.
     progresses : list of Progress
         Positions in their programs.
     beside : list of Tube or None
@@ -74,7 +74,7 @@ class LayerReader:
     layers : list of Layer
         Those announced so far; it grows.
     account : Account
-        Of the file.
+        The file's.
 
     Attributes
     ----------

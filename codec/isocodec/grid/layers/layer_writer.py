@@ -62,7 +62,7 @@ class LayerWriter:
     layers : list of Layer
         Known so far: values wait until their range is known.
     records : list of LayerRecord
-        Of the layers that are done.
+        For the layers that are done.
     run_bytes : int
     within : dict of int to float
         What the plan promises, by number of layers (see `Promises`).

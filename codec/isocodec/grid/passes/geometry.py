@@ -51,7 +51,7 @@ class Estimates:
     bits : tuple of int
         Bits of the numbers of values above and below the isovalue.
     number, left : (V,) int64
-        Of each vertex, as far as values have come: its number so far, and the bits that are missing.
+        For each vertex, as far as values have come: its number so far, and the bits that are missing.
     edges : (E, 2) int64
         Vertices at the lower and upper ends of the edges that carry offsets.
     parts, offset : (E,) int64

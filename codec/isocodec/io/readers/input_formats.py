@@ -49,7 +49,7 @@ def recognised(name: str, first: bytes) -> str | None:
     Parameters
     ----------
     name : str
-        Of a file, or the path of a URL; empty if unknown.
+        For a file, or the path of a URL; empty if unknown.
     first : bytes
 
     Returns

@@ -39,12 +39,12 @@ class Written:
     Attributes
     ----------
     suffix : str
-        Of the format.
+        The format's.
     bytes : int
     above : int or None
-        Of a mask, how many samples are True.
+        For a mask, how many samples are True.
     remarks : tuple of str
-        What the format loses of where things lie.
+        Remarks on what the format loses of the placement.
     """
 
     suffix: str
