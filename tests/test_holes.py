@@ -156,7 +156,7 @@ def test_areas_closed_along_holes(options: dict[str, object]) -> None:
     seen = np.zeros(HILLS.shape, np.bool_)
     for i, j in np.argwhere(whole):
         seen[i : i + 2, j : j + 2] = True
-    if "tolerance" not in options:
+    if options.get("precision") != 1.0:
         here = np.argwhere(seen)
         inside = shapely.intersects(sides[0].buffer(1e-9), shapely.points(here[:, 1], here[:, 0]))
         assert np.array_equal(inside, HILLS[seen] > 80.5)
@@ -192,8 +192,7 @@ def test_promises_hold_for_what_is_left(options: dict[str, object], n: int) -> N
     gone = HOLE if n == 2 else np.random.default_rng(3).random(field.shape) < 0.02
     contour = isocodec.decode(isocodec.encode(isocodec.Field(field, mask=gone), 100.5, **options))  # type: ignore[arg-type]
     whole = isocodec.decode(isocodec.encode(isocodec.Field(field, mask=gone), 100.5, precision="step=1e-7"))
-    tolerance = options.get("tolerance") or options.get("parameter") or 0.5
-    assert isinstance(tolerance, float)
+    tolerance = 1.0 if options.get("precision") == 1.0 else 0.5
     assert_within(contour, whole, tolerance + 1e-6)
     middles = contour.points[contour.cells].mean(axis=1)
     cell = np.floor(middles).astype(int)

@@ -98,7 +98,10 @@ WAYS = {
 
 @pytest.mark.skipif(INTERPRETED, reason="memory of kernels that are not compiled is another")
 @pytest.mark.parametrize("way", WAYS)
-@pytest.mark.parametrize("n, size, rough", [(2, 150, 1), (2, 300, 0), (3, 24, 1), (3, 50, 0)])
+@pytest.mark.parametrize("n, size, rough", [
+    (2, 150, 1), pytest.param(2, 300, 0, marks=pytest.mark.heavy), (3, 24, 1),
+    pytest.param(3, 50, 0, marks=pytest.mark.heavy),
+])
 def test_decoding_and_drawing_take_no_more_than_is_counted(n, size, rough, way, monkeypatch):
     """What is really allocated, against the account: as good as all of it, and never more."""
     monkeypatch.setattr("isocodec.stream.session.Budget", Traced)
