@@ -247,7 +247,7 @@ class WholeFile:
     # -- arrays --------------------------------------------------------------------------------------------------
 
     def above(self, isovalue: float | None, view: Viewed) -> NDArray[np.bool_]:
-        """Which samples or vertices lie above an isovalue; see `IsoFile.above`."""
+        """Find which samples or vertices lie above an isovalue; see `IsoFile.above`."""
         if self.kind == "surface":
             if isovalue is None:
                 raise OptionError("the file holds a surface: its samples need an isovalue", code="isovalue")
@@ -259,7 +259,7 @@ class WholeFile:
         return decoder.grid.above(number)
 
     def valid(self, max_bytes: int | None = None) -> NDArray[np.bool_]:
-        """Which samples are valid; see `IsoFile.valid`."""
+        """Find which samples are valid; see `IsoFile.valid`."""
         if self.kind == "surface":
             tin = self.surface(None)
             return np.ones(len(tin.values), np.bool_) if tin.shape is None else ~np.isnan(tin.raster())

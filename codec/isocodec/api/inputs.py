@@ -329,7 +329,7 @@ def as_points(what: Any) -> Mesh:
 
 
 def to_thin(what: Field | Mesh, coded: bool) -> tuple[Any, list[str]]:
-    """What is thinned, and remarks about it; for a file, known samples of a field with holes are scattered points."""
+    """Prepare input for thinning, with remarks; for a file, a field with holes becomes scattered points."""
     remarks = []
     count = len(np.asarray(what.points)) if isinstance(what, Mesh) else what.values.size
     if isinstance(what, Field) and what.values.ndim == 2 and (gone := missing_of(what.values, what.mask)).any():

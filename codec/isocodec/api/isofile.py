@@ -88,7 +88,7 @@ class IsoFile:
 
     @property
     def kind(self) -> str:
-        """Which kind of file it is."""
+        """Kind of the file."""
         return self.held.kind
 
     @property
@@ -128,7 +128,7 @@ class IsoFile:
 
     @property
     def placement(self) -> Placement | None:
-        """Where the samples lie, by the notes of the file; of samples with coordinates contours know it."""
+        """Placement of the samples, by the notes of the file; contours know that of samples with coordinates."""
         return read_placement(self.metadata, len(self.shape))
 
     @property

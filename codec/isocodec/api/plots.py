@@ -86,7 +86,7 @@ def check_plot(path: str | os.PathLike[str], view: str | None = None) -> str:
 
 @dataclass(frozen=True, kw_only=True)
 class Steps:
-    """Which steps of a file to draw, and how.
+    """Choice of steps of a file to draw, and their look.
 
     Attributes
     ----------

@@ -77,7 +77,7 @@ class Held:
 
     @property
     def profile(self) -> str:
-        """By its name."""
+        """Profile of the file by its name."""
         return self.header.profile.name.lower()
 
 

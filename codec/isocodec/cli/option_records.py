@@ -189,7 +189,7 @@ class Arguments:
     as_json: bool = option("--json", is_flag=True, help="Print the result as JSON.")
 
     def given(self, *names: str) -> list[str]:
-        """Which of these options differ from their defaults, as the command line writes them."""
+        """Find which of these options differ from their defaults, as the command line writes them."""
         known = {each.name: each.default for each in fields(self)}
         return [written(type(self), name) for name in names if getattr(self, name) != known[name]]
 

@@ -15,7 +15,7 @@ from .curve import Curve
 
 @dataclass(frozen=True)
 class Band:
-    """Where values lie between two isovalues.
+    """Area where values lie between two isovalues.
 
     Attributes
     ----------

@@ -22,7 +22,7 @@ Piece = tuple[Edge, ...]
 
 @dataclass(frozen=True)
 class CubeTable:
-    """How to draw a cell that is not mirrored.
+    """Instructions for drawing a cell that is not mirrored.
 
     Attributes
     ----------

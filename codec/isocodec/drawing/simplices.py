@@ -121,11 +121,11 @@ class Rings:
     _above: NDArray[np.bool_]
 
     def ratio(self, stated: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Where the implied edges are crossed, from where all edges are, as fractions from their first ends."""
+        """Crossings of the implied edges, as fractions from their first ends, from the crossings of all edges."""
         return implied_ratio(self._implied, self._above, self._from_ends(stated))
 
     def slopes(self, stated: NDArray[np.float64]) -> NDArray[np.float64]:
-        """How much these ratios grow with those of each of the edges beside, (I, m) float64."""
+        """Derivatives of these ratios by those of each of the edges beside, (I, m) float64."""
         s = self._from_ends(stated)
         ratio = implied_ratio(self._implied, self._above, s)
         out = np.empty_like(s)

@@ -102,7 +102,7 @@ def leaves_of(
 
 
 def known_rows(tube: Tube, last_first: bool = False) -> MaskRows:
-    """Which samples lie above, where the mesh is the full grid, some rows at a time.
+    """Find which samples lie above, where the mesh is the full grid, some rows at a time.
 
     With ``last_first`` of the transposed array: the order in which programs in Fortran store it.
     """

@@ -50,7 +50,7 @@ class DecodedSamples(Samples):
         return above, below
 
     def between(self, low: NDArray[np.int64], high: NDArray[np.int64]) -> NDArray[np.float64]:
-        """Where edges between samples next to one another are crossed.
+        """Crossings of edges between samples next to one another.
 
         A diagonal is taken to be crossed where the ways along the axes between its ends are, in the mean.
         """

@@ -231,7 +231,7 @@ class Placement:
         return periods
 
     def cells_of(self, distance: str, shape: tuple[int, ...], gone: NDArray[np.bool_] | None = None) -> float:
-        """How many cells a distance in the world is at least, anywhere and in any direction.
+        """Least number of cells that a distance in the world is, anywhere and in any direction.
 
         Parameters
         ----------
@@ -290,7 +290,7 @@ class Noted:
 
     @property
     def placement(self) -> Placement | None:
-        """Where samples lie, as `Contour.placement`."""
+        """Placement of samples, as `Contour.placement`."""
         return read_placement(self.metadata, len(self.shape))
 
     @property

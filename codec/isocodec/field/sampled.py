@@ -142,7 +142,7 @@ class SpatialImage(Protocol):
 
     @property
     def affine(self) -> Any:
-        """Where the samples lie."""
+        """Matrix of the placement of samples."""
 
     @property
     def dataobj(self) -> Any:

@@ -136,7 +136,7 @@ class Samples:
         return (step + np.clip(self.between(low, high), 0.0, 1.0)) / length
 
     def between(self, low: NDArray[np.int64], high: NDArray[np.int64]) -> NDArray[np.float64]:
-        """Where edges between samples next to one another are crossed, as fractions (E,) of the way from the first."""
+        """Crossings of edges between samples next to one another, as fractions (E,) of the way from the first."""
         f_low = self.values[tuple(low.T)].astype(np.float64)
         f_high = self.values[tuple(high.T)].astype(np.float64)
         with np.errstate(all="ignore"):
@@ -216,7 +216,7 @@ def without_holes(field: ArrayLike, mask: ArrayLike | None = None) -> tuple[NDAr
 
 
 def missing_of(field: ArrayLike, mask: ArrayLike | None = None) -> NDArray[np.bool_]:
-    """Which samples of a field of real numbers are missing.
+    """Find which samples of a field of real numbers are missing.
 
     Raises
     ------

@@ -66,7 +66,7 @@ def ratio(a, b):
 
 @inlined
 def shift_for(mesh, t, v):
-    """By how much differences between a cell and a vertex are shifted to stay within SPAN bits."""
+    """Shift that keeps differences between a cell and a vertex within SPAN bits."""
     far = np.int64(0)
     a = mesh.cell[t, 0]
     for k in range(mesh.position.shape[1]):

@@ -17,7 +17,7 @@ AGREED = 4
 
 @inner
 def surplus(mesh, sign, v):
-    """How many more corners of the cells around a vertex are known to lie above than below, a class."""
+    """Class of how many more corners of the cells around a vertex are known to lie above than below."""
     more = np.int64(0)
     for k in range(mesh.first[v], mesh.first[v + 1]):
         t = mesh.star[k]

@@ -211,7 +211,7 @@ def determinants(position: NDArray[np.int64], cells: NDArray[np.int64]) -> NDArr
 
 
 def has_volume(position: NDArray[np.int64], cells: NDArray[np.int64]) -> NDArray[np.bool_]:
-    """Which cells have a size, (T,) bool."""
+    """Whether cells have a size, (T,) bool."""
     if position.shape[1] == cells.shape[1] - 1:
         return np.asarray(determinants(position, cells) != 0, np.bool_)
     flat = [determinants(np.delete(position, axis, axis=1), cells) for axis in range(3)]

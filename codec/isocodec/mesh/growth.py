@@ -218,7 +218,7 @@ def list_candidates(g, t, o, size):
 
 @inlined
 def borders(g, t):
-    """How many faces of a cell are on the border."""
+    """Number of faces of a cell on the border."""
     found = 0
     for i in range(g.cell.shape[1]):
         if g.neighbour[t, i] == BORDER:

@@ -41,7 +41,7 @@ class _Then(NamedTuple):
     number: NDArray[np.int64]
 
     def places(self, edges: NDArray[np.int64], strand: WalkState) -> NDArray[np.int64]:
-        """Where edges were crossed in the same direction, (E,); 0 if they were not."""
+        """Crossings of edges that were crossed in the same direction, (E,); 0 for others."""
         out = np.zeros(len(edges), np.int64)
         if not len(self.key):
             return out

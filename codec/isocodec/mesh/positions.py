@@ -48,7 +48,7 @@ def crossed_edges(mesh: CellArrays, leaf: NDArray[np.int64], sign: NDArray[np.in
 
 
 def parts_of(mesh: CellArrays, edges: NDArray[np.int64], step: int) -> NDArray[np.int64]:
-    """How many equal parts each edge is divided into: none longer than ``step`` of ``STEPS`` to a unit of positions."""
+    """Number of equal parts for each edge: none longer than ``step`` of ``STEPS`` to a unit of positions."""
     side = mesh.position[edges[:, 1]] - mesh.position[edges[:, 0]]
     largest = np.abs(side).max(axis=1, initial=1)
     # so that the sum of three squares, of differences in steps, is below 2**63
@@ -164,7 +164,7 @@ def code_offsets(
 
 
 def places_on(parts: NDArray[np.int64], number: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Where edges of so many parts are crossed, from 1 to ``2**PLACE - 1``."""
+    """Crossings of edges of so many parts, from 1 to ``2**PLACE - 1``."""
     return np.clip(((2 * number + 1) << PLACE) // (2 * parts), 1, (1 << PLACE) - 1)
 
 

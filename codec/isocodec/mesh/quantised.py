@@ -108,7 +108,7 @@ def refitted(
     domain: Complex, points: NDArray[np.float64], rounded: NDArray[np.float64], edges: NDArray[np.int64],
     above: NDArray[np.float64], where: NDArray[np.float64],
 ) -> NDArray[np.float64]:
-    """Where edges between rounded points meet the contour of the mesh as it was.
+    """Crossings of edges between rounded points with the contour of the mesh as it was.
 
     Parameters
     ----------

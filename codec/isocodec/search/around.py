@@ -57,7 +57,7 @@ class Around:
         return Around(self.size, mask)
 
     def holds(self, points: NDArray[np.float64]) -> NDArray[np.bool_]:
-        """Which of some points (P, n) lie there."""
+        """Find which of some points (P, n) lie there."""
         return self.mask[self._cubes(points)]
 
     def meets(self, points: NDArray[np.float64], cells: NDArray[np.int64]) -> NDArray[np.int64]:
@@ -99,7 +99,7 @@ def mark(low: IntMatrix, high: IntMatrix, mask: BoolVolume) -> None:
 
 @kernel
 def meet(low: IntMatrix, high: IntMatrix, mask: BoolVolume, found: BoolVector) -> None:
-    """Which boxes hold a marked cube."""
+    """Find which boxes hold a marked cube."""
     for i in range(len(low)):
         for x in range(low[i, 0], high[i, 0]):
             for y in range(low[i, 1], high[i, 1]):

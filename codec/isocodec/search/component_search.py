@@ -27,7 +27,7 @@ BLOCK = 3
 
 @kernel
 def busy_blocks(truth: BoolVolume, same: UInt8Volume, busy: BoolVolume) -> None:
-    """Which blocks of samples the curve may pass, their neighbours counted in.
+    """Find blocks of samples that the curve may pass, their neighbours counted in.
 
     ``same`` is room for one flag a block: 1 all below, 2 all above, 3 both.
     """

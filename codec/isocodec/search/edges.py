@@ -23,7 +23,7 @@ def _nearest(value):
 def crossing_on(dm, a, b):
     """The crossing in the middle of all on the edge from sample a to sample b, as a fraction of the way.
 
-    The same as ``Field.crossings``, but for rounding.
+    The same as ``Samples.crossings``, but for rounding.
     """
     length = max(abs(b[0] - a[0]), abs(b[1] - a[1]), abs(b[2] - a[2]))
     s0, s1, s2 = (b[0] - a[0]) / length, (b[1] - a[1]) / length, (b[2] - a[2]) / length

@@ -122,7 +122,7 @@ class Promise:
         self, mesh: Chosen, parts: int, unit: int, tolerance: float, before: Fitted | None = None,
         *, lead: Sequence[Entry] = (), faults: Faults | None = None,
     ) -> Fitted:
-        """Where the curve is to cross the edges of a mesh so that it lies within a tolerance, if it can be.
+        """Place the crossings on the edges of a mesh so that the curve lies within a tolerance, if possible.
 
         Parameters
         ----------
@@ -231,7 +231,7 @@ class Places:
         self._known, self._where = names[order], where[order]
 
     def __call__(self, low: NDArray[np.int64], high: NDArray[np.int64]) -> NDArray[np.int64]:
-        """Crossings, as ``Field.crossings``."""
+        """Crossings, as ``Samples.crossings``."""
         names = self._names(low, high)
         at = np.minimum(np.searchsorted(self._known, names), len(self._known) - 1)
         known = self._known[at] == names if len(self._known) else np.zeros(len(names), np.bool_)

@@ -27,7 +27,7 @@ SHARES = {2: 1.0, 3: 0.5}
 
 
 class Course:
-    """How many bytes the best mesh so far took on its way at so many places too far away: what the others aim at."""
+    """Bytes of the best mesh so far by the number of places too far away on its way: what the others aim at."""
 
     def __init__(self) -> None:
         self.best: dict[int, int] = {}

@@ -133,7 +133,7 @@ class _Slack:
         return none
 
     def __call__(self, low: NDArray[np.int64], high: NDArray[np.int64]) -> NDArray[np.int64]:
-        """Crossings, as ``Field.crossings``."""
+        """Crossings, as ``Samples.crossings``."""
         way = (high - low).astype(np.float64)
         middle = (low + high) >> 1
         slope = slopes_at(self._phi, middle)

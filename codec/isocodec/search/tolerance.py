@@ -46,7 +46,7 @@ class Slack:
         self._tight = np.union1d(self._tight, np.ravel_multi_index(tuple(near.T), self._phi.shape))
 
     def __call__(self, low: NDArray[np.int64], high: NDArray[np.int64]) -> NDArray[np.int64]:
-        """Crossings, as ``Field.crossings``."""
+        """Crossings, as ``Samples.crossings``."""
         slack = np.full(len(low), self._tolerance)
         if self._phi is not None:
             slope = slopes_at(self._phi, low) + slopes_at(self._phi, high)

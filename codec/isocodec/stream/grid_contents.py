@@ -241,7 +241,7 @@ class GridContents:
 
     @property
     def whole_cells(self) -> WholeCells | None:
-        """Which unit cells have no missing corner, by their lowest ones (C, n); None if no mask has come."""
+        """Test of unit cells, by their lowest corners (C, n), for missing ones; None if no mask has come."""
         return self._mask.holes.whole_cells if self._mask.holes else None
 
     def ends(self, number: int = 0) -> tuple[Contour, NDArray[np.int64]]:
@@ -342,7 +342,7 @@ class GridContents:
 
     @property
     def placement(self) -> Placement | None:
-        """Where samples lie, as far as that has come; errors as `mapped`."""
+        """Placement of samples, as far as that has come; errors as `mapped`."""
         return self._coordinates.placement(self.outline.coordinates, self._header.shape, self.outline.metadata)
 
     def mapped(self) -> Mapped | None:

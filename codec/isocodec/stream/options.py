@@ -53,7 +53,7 @@ class EncodeOptions(TypedDict, total=False):
 
 @dataclass(frozen=True, kw_only=True)
 class Precision:
-    """How closely a file keeps to the curve; by default as what is encoded suggests.
+    """Precision of a file's curves; by default as what is encoded suggests.
 
     Attributes
     ----------

@@ -63,7 +63,7 @@ class DecodedCoordinates:
     def placement(
         self, record: CoordinatesRecord | None, shape: tuple[int, ...], metadata: Mapping[str, str]
     ) -> Placement | None:
-        """Where the samples of a file of that shape lie, by its coordinates or else its notes; errors as `mapped`."""
+        """Placement of a file of that shape, by its coordinates or else its notes; errors as `mapped`."""
         mapped = self.mapped(record, shape)
         return read_placement(metadata, len(shape)) if mapped is None else coded_placement(mapped, metadata)
 

@@ -66,7 +66,7 @@ class Series:
 
     @property
     def frames(self) -> int:
-        """How many frames have begun."""
+        """Number of frames begun."""
         return len(self._leans) if self._leans[-1] else self.frame
 
     def next_frame(self) -> None:

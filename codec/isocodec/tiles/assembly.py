@@ -48,7 +48,7 @@ class Tiles:
         self.place = np.full(grid.counts, -1, np.int64)
 
     def missing(self) -> int:
-        """How many tiles have not come."""
+        """Number of tiles that have not come."""
         return int((self.place < 0).sum())
 
     def check_faces(self) -> None:

@@ -99,7 +99,7 @@ class TileGrid:
         return tuple(slice(o, o + s) for o, s in zip(self.origin(index), self.size(index), strict=True))
 
     def shared(self, index: Index) -> NDArray[np.bool_]:
-        """Which faces of a tile it shares, (n, 2): across each axis the low and the high one."""
+        """Faces that a tile shares, (n, 2): across each axis the low and the high one."""
         return np.array([(i > 0, i < count - 1) for i, count in zip(index, self.counts, strict=True)])
 
     def neighbour(self, index: Index, axis: int) -> Index:

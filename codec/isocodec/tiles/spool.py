@@ -197,7 +197,7 @@ def _line(tiling: Tiling) -> bytes:
 
 
 def begun(folder: str | os.PathLike[str], tried: Sequence[Tiling]) -> int:
-    """Which of some tilings a folder has tiles of; 0 if of none."""
+    """Find which of some tilings a folder has tiles of; 0 if of none."""
     journal = Path(folder) / _JOURNAL
     if not journal.is_file():
         return 0

@@ -103,7 +103,7 @@ class Head:
 
 @dataclass(frozen=True)
 class Root:
-    """Where leaf directories and the segments of their tiles are.
+    """Places of leaf directories and of the segments of their tiles.
 
     Attributes
     ----------
@@ -122,12 +122,12 @@ class Root:
 
     @cached_property
     def leaves(self) -> NDArray[np.int64]:
-        """Where leaf directories begin and the last one ends, (L + 1,) int64."""
+        """Beginnings of leaf directories and the end of the last one, (L + 1,) int64."""
         return self.end + np.concatenate([[0], np.cumsum(self.lengths)])
 
     @cached_property
     def segments(self) -> NDArray[np.int64]:
-        """Where the leaves' segments begin in each area, (L, A) int64."""
+        """Beginnings of the leaves' segments in each area, (L, A) int64."""
         flat = self.sizes.T.ravel()
         return (self.leaves[-1] + np.cumsum(flat) - flat).reshape(self.sizes.T.shape).T
 
@@ -156,12 +156,12 @@ class Leaf:
 
     @cached_property
     def groups(self) -> list[NDArray[np.int64]]:
-        """By area: numbers of the segments that groups begin with, and behind the last one how many there are."""
+        """Numbers, by area, of the segments that groups begin with, and behind the last one how many there are."""
         return [groups_of(lengths) for lengths in self.lengths]
 
     @cached_property
     def starts(self) -> NDArray[np.int64]:
-        """Where segments begin behind the first one of their area, and where the last one ends, (areas, K + 1)."""
+        """Beginnings of segments behind the first one of their area, and the end of the last one, (areas, K + 1)."""
         return np.pad(np.cumsum(self.lengths, axis=1), ((0, 0), (1, 0)))
 
 
@@ -171,7 +171,7 @@ def is_tiled(data: object) -> bool:
 
 
 def groups_of(lengths: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Where groups of segments begin: each ends with the segment that fills it."""
+    """Beginnings of groups of segments: each ends with the segment that fills it."""
     starts, held = [0], 0
     for i, length in enumerate(lengths.tolist(), start=1):
         held += length

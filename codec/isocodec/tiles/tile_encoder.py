@@ -145,7 +145,7 @@ class FaceSlack(Slack):
         return np.where(self.on_face(low, high), 0, super().__call__(low, high))
 
     def on_face(self, low: NDArray[np.int64], high: NDArray[np.int64]) -> NDArray[np.bool_]:
-        """Which edges lie in a shared face."""
+        """Find edges that lie in a shared face."""
         return ((low == high) & ((low == self._low) | (low == self._high))).any(axis=1)
 
 

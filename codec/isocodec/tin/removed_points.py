@@ -50,7 +50,7 @@ def surface(
 
 @inlined
 def counted(s, p):
-    """How much the error of a point counts."""
+    """Weight of a point's error."""
     return abs(s.error[p]) * s.weight[p]
 
 
@@ -125,5 +125,5 @@ def settle(s):
 
 @inlined
 def largest_error(s):
-    """How far the surface misses a point at most."""
+    """Largest distance of the surface from a point."""
     return -s.worst.key[s.worst.item[0]]

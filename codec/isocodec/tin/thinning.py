@@ -17,7 +17,7 @@ from .triangulation import NONE, fill, gather, replace
 
 
 class ThinningCounters(Registers):
-    """How far a thinning is.
+    """Progress of a thinning.
 
     Attributes
     ----------

@@ -54,7 +54,7 @@ DARK = Colours("#16181b", "#d8d8d8", "#c79a63", "#f0c68c", "#0c0d0f", "#4a4e54",
 
 @dataclass(frozen=True)
 class MapLook:
-    """How a map is to look.
+    """Look of a map.
 
     Attributes
     ----------
@@ -218,7 +218,7 @@ def _write_label(axes: Any, label: Label, on_map: Any, colours: Colours, gid: st
 
 
 def index_lines(isovalues: Sequence[float], every: int) -> list[bool]:
-    """Which isovalues have index lines: multiples of the interval times ``every``, as 100, 200 of 20, 40, ...
+    """Find isovalues with index lines: multiples of the interval times ``every``, as 100, 200 of 20, 40, ...
 
     If isovalues are in even steps and lie beside the multiples of these, all are taken as shifted: 100.5, 200.5. If
     they are not in even steps, they are counted.

@@ -75,7 +75,7 @@ def shaded(heights: Shades, steps: NDArray[np.float64]) -> Shades:
 
 
 def hole_cells(valid: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Which unit cells have a missing corner: curves end there."""
+    """Find unit cells with a missing corner: curves end there."""
     return ~(valid[:-1, :-1] & valid[1:, :-1] & valid[:-1, 1:] & valid[1:, 1:])
 
 

@@ -98,7 +98,7 @@ def corner(t, d, i):
 
 @inlined
 def delta(t, d, i):
-    """How far the cell of corner i lies behind that of the middle in a page that has both, in units of g."""
+    """Distance of the cell of corner i behind that of the middle in a page that has both, in units of g."""
     return t[np.uint64(_DELTA + d * MOST_CORNERS + i)]
 
 
@@ -135,7 +135,7 @@ def child_bits(t, d, c):
 
 @inlined
 def place(t, d, c, j):
-    """Which corner of a diamond vertex j of child c, 2 m + s, is; the number after the last corner's is the middle."""
+    """Corner of a diamond that is vertex j of child c, 2 m + s; the number after the last corner's is the middle."""
     return t[np.uint64(_PLACE + (d * MOST_MEMBERS * 2 + c) * 4 + j)]
 
 

@@ -74,7 +74,7 @@ def _empty(n: int, edge: int, used: int, pages: Pages) -> Store:
 
 
 class Size(NamedTuple):
-    """How many pages and rows of the table a store has, or is to have."""
+    """Number of pages and of rows of the table that a store has, or is to have."""
 
     pages: int
     rows: int
@@ -105,7 +105,7 @@ def size_for(store: Store, room: int, factor: int = 4) -> Size:
 
 
 def spare(size: int, count: int) -> int:
-    """How many more entries an array of ``count``, ``size`` bytes in all, is given when it has to grow.
+    """Number of entries by which an array of ``count``, ``size`` bytes in all, grows.
 
     Small ones grow by a large factor, since that is fast; large ones by a small one, since memory is limited.
     """

@@ -70,7 +70,7 @@ class _Square(NamedTuple):
 
 
 def place_of(number, parts):
-    """Where an edge is crossed in the middle of a part, in parts of ``UNIT``; of numbers or arrays."""
+    """Crossing of an edge in the middle of a part, in parts of ``UNIT``; of numbers or arrays."""
     return (2 * number + 1) * (UNIT // 2) // parts
 
 

@@ -70,7 +70,7 @@ def _whole_cells(hole: Lean, low: IntMatrix, out: BoolVector) -> None:
 
 
 class Holes:
-    """Which samples are missing.
+    """Missing samples by a complete mask.
 
     Parameters
     ----------

@@ -33,7 +33,7 @@ def _append(st, code, b0, b1, b2, level):
 
 @inlined
 def ones(bits):
-    """How many of 16 bits are 1."""
+    """Number of ones among 16 bits."""
     bits -= bits >> 1 & 0x5555
     bits = (bits & 0x3333) + (bits >> 2 & 0x3333)
     bits = bits + (bits >> 4) & 0x0F0F

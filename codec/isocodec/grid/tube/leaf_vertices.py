@@ -84,7 +84,7 @@ def vertex_numbers(
 
 
 def drawn_leaves(st: State, rounds: bool) -> int:
-    """How many leaves there are at most at this moment; ``rounds`` is false during a base."""
+    """Largest number of leaves at this moment; ``rounds`` is false during a base."""
     return (st.counters.held if rounds else st.counters.leaves) + st.counters.mixed
 
 

@@ -35,7 +35,7 @@ class Cost:
         return self.point * points + self.cell * cells + self.fixed
 
     def after(self, points: int, cells: int) -> int:
-        """When it has been, and others follow."""
+        """Cost once it has been, and others follow."""
         return self.point * points + self.cell * cells if self.kept is None else self.kept * points
 
 
