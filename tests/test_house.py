@@ -42,7 +42,7 @@ AVOIDED = re.compile(
     r"there is none|there are none|there are not)\b", re.IGNORECASE,
 )
 """Words that messages and docstrings do not use."""
-OPENERS = re.compile(r"(What|Of|Likewise|The same|That|As)\b")
+OPENERS = re.compile(r"(What|Where|How|Which|By|Of|Likewise|The same|That|As)\b")
 """Words that no docstring opens with: it opens with a verb or a noun."""
 NAMES = re.compile(r"``[^`]*``|`[^`]*`|^ *\w+(, \w+)* : [^\n]*$", re.MULTILINE)
 """Names in docstrings: code, and heads of parameters with their types."""

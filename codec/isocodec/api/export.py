@@ -285,7 +285,7 @@ def _samples(file: IsoFile, suffix: str, wanted: Wanted, progress: Any) -> Expor
 
 
 def _above(file: IsoFile, wanted: Wanted) -> np.ndarray:
-    """Which samples lie above; of a truncated file as far as that is known."""
+    """Find which samples lie above; of a truncated file as far as that is known."""
     frame = wanted.view.get("frame")
     if not wanted.view.get("partial") or file.complete or file.kind not in ("grid", "series"):
         return file.above(wanted.isovalue, frame=frame)

@@ -194,7 +194,7 @@ class WholeFile:
         return decoder, number
 
     def _layers_within(self, number: int, view: Viewed) -> int | None:
-        """How many layers lead to cubes no wider than ``view.within`` samples."""
+        """Number of layers that lead to cubes no wider than ``view.within`` samples."""
         n = len(self.info.shape)
         exponent = max(int(size - 2).bit_length() for size in self.info.shape) if self.info.shape else 0
         own = [one for one in self.info.layers if (one.frame, one.isovalue) == (view.frame or 0, number)]
@@ -476,7 +476,7 @@ def frames_of(
 
 
 def _uniform(above: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Which cells have corners of one sign only."""
+    """Find cells with corners of one sign only."""
     return np.asarray(above.all(axis=1) | ~above.any(axis=1))
 
 

@@ -28,7 +28,7 @@ from ..tin.thinning import thin_to, thinning
 from ..tin.tin import Removals, Tin, tin_of
 
 ThinningName: TypeAlias = Literal["AT1", "AT2", "AT3", "inf", "l2", "NAT"]
-"""Which point of a triangulation matters least."""
+"""Measure of which point of a triangulation matters least."""
 MEMORY = 320
 """Bytes that thinning takes for each point at most, beside what is given."""
 _PIECE = 1 << 14

@@ -143,7 +143,7 @@ def _rings(contour: Curve, above: bool) -> list[Ring]:
 
 
 def _along_border(points: Ring, far: NDArray[np.float64]) -> NDArray[np.float64]:
-    """How far along the border points lie, counter-clockwise from (0, 0), axis 0 as x."""
+    """Distances of points along the border, counter-clockwise from (0, 0), axis 0 as x."""
     x, y = points.T
     on = [y == 0, x == far[0], y == far[1], x == 0]
     if not np.logical_or.reduce(on).all():

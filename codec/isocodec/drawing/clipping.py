@@ -84,7 +84,7 @@ def _unit_pieces(pieces: Pieces) -> tuple[Pieces, NDArray[np.int64]]:
 
 
 def _crossing(a: NDArray[np.float64], b: NDArray[np.float64], plane: NDArray[np.float64], axis: int) -> Pieces:
-    """Where lines from a to b (K, n) meet planes; the same whichever end is a."""
+    """Intersect lines from a to b (K, n) with planes; the result is the same whichever end is a."""
     swap = a[:, axis] > b[:, axis]
     low, high = np.where(swap[:, None], b, a), np.where(swap[:, None], a, b)
     share = (plane - low[:, axis]) / (high[:, axis] - low[:, axis])

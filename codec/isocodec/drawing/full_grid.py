@@ -96,7 +96,7 @@ class _Grid:
         self.edges = self.edges[:met]
 
     def _rows(self, table: PatternTable, met: int) -> tuple[int, NDArray[np.int64], NDArray[np.int64]]:
-        """How many edges have been met then; rows of a table for all cells, and their owners."""
+        """Number of edges met then; rows of a table for all cells, and their owners."""
         pattern = self._cells.pattern
         owner = np.repeat(np.arange(len(pattern)), np.diff(table.first)[pattern])
         rows = np.empty((len(owner), table.edges.shape[1]), np.int64)

@@ -15,7 +15,7 @@ from .crossing import Drawn, Edge, PatternTable, distinct_edges, edge_points, ed
 from .leaves import Leaves
 
 _SLOPE = 1e-6
-"""By how much a ratio is moved to see what follows."""
+"""Step of a ratio to see what follows."""
 
 
 def simplex_pieces(n: int, pattern: int) -> list[list[Edge]]:

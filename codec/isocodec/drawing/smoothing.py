@@ -29,7 +29,7 @@ GRAZING = 1e-6
 
 @record
 class _Ways(NamedTuple):
-    """Where points may go.
+    """Ways along which points may move.
 
     Attributes
     ----------
@@ -100,7 +100,7 @@ def _gather(points: FloatMatrix, cells: IntMatrix, total: FloatMatrix, normal: F
 
 @kernel
 def _bend(points: FloatMatrix, total: FloatMatrix, count: FloatVector, normal: FloatMatrix, bend: FloatVector) -> None:
-    """How far the middle of its neighbours lies in front of each point, along the normal, which becomes of length 1."""
+    """Distance of the middle of its neighbours in front of each point, along the normal, which becomes of length 1."""
     n = points.shape[1]
     for i in range(len(points)):
         bend[i] = 0

@@ -184,7 +184,7 @@ def _keys(position: NDArray[np.int64]) -> NDArray[np.int64]:
 
 
 def _found(keys: NDArray[np.int64], among: NDArray[np.int64]) -> NDArray[np.bool_]:
-    """Which keys are among others, which are sorted."""
+    """Find which keys are among others, which are sorted."""
     if not len(among):
         return np.zeros(len(keys), bool)
     return np.asarray(among[np.minimum(np.searchsorted(among, keys), len(among) - 1)] == keys)

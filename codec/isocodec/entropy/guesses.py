@@ -18,7 +18,7 @@ from .range_coder import adapt, emit
 MOST_OPINIONS = 12
 """Opinions on a symbol at most."""
 LEARNING = 48
-"""How fast mixing weights learn, as ``mixer.RATE``."""
+"""Rate at which mixing weights learn, as ``mixer.RATE``."""
 FINE = 8
 """Guesses and widths count in parts of a whole number: ``2**FINE`` of them."""
 DEPTHS = 8

@@ -73,7 +73,7 @@ class DecodedSamples(Samples):
         return total / (len(orders) * np.abs(moves).sum(axis=1))
 
     def _place(self, low: NDArray[np.int64], high: NDArray[np.int64], axis: int) -> NDArray[np.float64]:
-        """Where edges along an axis are crossed, from their first ends."""
+        """Crossings of edges along an axis, from their first ends."""
         first = np.minimum(low, high)
         key = np.ravel_multi_index(tuple(first.T), self.signs.shape) * low.shape[1] + axis
         place = places_of(key, self.edges, self.places)

@@ -50,4 +50,4 @@ def _without_library() -> Execution:
 
 EXECUTION = _chosen()
 BUILT = Path(__file__).parent / "built" / ("checked" if EXECUTION is Execution.CHECKED else "")
-"""Where a build puts the library, and what is noted of it."""
+"""Folder of the library of a build, and of its note."""

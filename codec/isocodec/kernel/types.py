@@ -61,7 +61,7 @@ class Array:
 
     @cached_property
     def pack(self) -> Callable[[Any], bytes]:
-        """From an array to its slots; TypeError if it is another sort of array."""
+        """Packer from an array to its slots; TypeError if it is another sort of array."""
         dtype, ndim, slots = np.dtype(self.dtype), self.ndim, struct.Struct(f"<{self.slots}q").pack
         address, one = ctypes.addressof, ctypes.c_char.from_buffer
 

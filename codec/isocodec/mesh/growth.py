@@ -85,7 +85,7 @@ def _has(g, t, skipped, v):
 
 @inner
 def _common(g, t, i, other, f):
-    """How many vertices face i of cell t and face f of another share, and a vertex of the latter that is not shared."""
+    """Number of vertices that face i of cell t and face f of another share, and a vertex of the latter not shared."""
     shared = 0
     lone = np.int64(-1)
     for j in range(g.cell.shape[1]):

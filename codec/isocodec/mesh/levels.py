@@ -162,7 +162,7 @@ def _width(low, high):
 
 @inner
 def _new_components(st, cd, candidate, count, prefix, stack):
-    """Which candidates differ from the ring that they come back into, by halves of their list."""
+    """Find candidates that differ from the ring that they come back into, by halves of their list."""
     if count == 0:
         return np.int64(DONE)
     bit = code(cd, NEW + _width(0, count), _any(prefix, 0, count))

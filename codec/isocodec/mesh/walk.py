@@ -27,7 +27,7 @@ from .models import (
 )
 
 ESTIMATE = 1 << 10
-"""How far above or below a vertex is taken to lie at first."""
+"""Distance above or below at which a vertex is taken to lie at first."""
 LEAST, MOST = ESTIMATE * 3 // 10, ESTIMATE * 2
 """Bounds of the estimates that the walk goes on with."""
 VISITED, NOT_MIXED = 1, 2

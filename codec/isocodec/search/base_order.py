@@ -25,7 +25,7 @@ from ..kernel.types import IntMatrix, IntVector, UInt8Vector
 def build_pyramid(
     truth: NDArray[np.bool_], last: NDArray[np.int64], k: int, level: int, n: int
 ) -> tuple[NDArray[np.uint8], NDArray[np.int64]]:
-    """For the cubes of every size from the root's to those of ``level``: does the mesh see both signs in them?
+    """Find which cubes of every size, from the root's to those of ``level``, hold both signs of the mesh.
 
     Parameters
     ----------

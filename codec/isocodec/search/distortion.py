@@ -26,7 +26,7 @@ from .reduced import FAILED, LINEAR_POINTS, Domain, corner_at, diamond_at, flags
 _place_of = inner(place_of)
 MOST_PIECES = 16
 _INWARDS = 1.0 / 64.0
-"""How far places on pieces are moved to the pieces' centres, so that they lie inside simplices rather than between."""
+"""Share by which places on pieces move to the pieces' centres, so as to lie inside simplices rather than between."""
 
 
 @record
@@ -98,7 +98,7 @@ def _implied(dm, diamond):
 
 @inner
 def _fraction(p, q, x):
-    """Which fraction of the way from p to q the point x lies at."""
+    """Fraction of the way from p to q at which the point x lies."""
     for axis in range(3):
         if q[axis] != p[axis]:
             return (x[axis] - p[axis]) / (q[axis] - p[axis])

@@ -16,7 +16,7 @@ from .reduction import Reduction, distinct
 
 Plan = list[Entry]
 MOST_REPAIRS = 64
-"""How often vertices are put back."""
+"""Number of times that vertices are put back."""
 BEHIND, NOISE, SURE = 1.03, 12, 3
 """A mesh is given up that takes so many times the bytes, and so many more, that the best one took at as many places,
 after some turns."""

@@ -28,7 +28,7 @@ FULL: Plan = [("refine", None)]
 _Step = tuple[float, Chosen]
 """A distance, and the mesh that keeps to it."""
 STEADY, MOST_STEADIED = 1.04, 8
-"""By how much the curve may be farther away than promised before the next promise, and how often that is mended."""
+"""Factor by which the curve may miss its promise before the next one, and the number of times that is mended."""
 
 
 def stepwise(promise: Promise, steps: Sequence[float], topology: bool) -> Plan:

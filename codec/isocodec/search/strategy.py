@@ -25,7 +25,7 @@ EXACT = 0.0
 BASE_CYCLES = 1
 """The default base has cubes of half the root's edge: refinements find what is small more cheaply than it does."""
 MOST_TIGHTENED = 16
-"""How often slack is taken back."""
+"""Number of times that slack is taken back."""
 LOOSE, BACK, SPACING = 2.0, 0.7, 1.0
 """Vertices are left out at first as long as the curve gets no farther than ``LOOSE`` tolerances from the original,
 since the fit halves that where the curve bends, and strays no farther than ``BACK`` tolerances plus ``SPACING``."""

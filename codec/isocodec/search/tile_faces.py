@@ -23,7 +23,7 @@ IN_FACE = 0.9
 """Share of the tolerance that the curve in a face keeps to by itself, so that the surface behind it can."""
 MOST_TURNS = 40
 ROUGH, SOME = 0.5, 400
-"""Where so large a share of a curve, and more than so many pieces, is too far away at first, a mesh is given up."""
+"""A mesh is given up if at first this share of a curve, and more than so many pieces, is too far away."""
 
 
 @dataclass

@@ -37,7 +37,7 @@ _ROUNDS = 6
 _PIECE = 1 << 16
 _LARGEST = (1 << 16) - 1
 _GROWTH = 4
-"""How many times as many points each layer has as the one before."""
+"""Factor of the number of points from each layer to the next."""
 
 
 @dataclass(frozen=True)

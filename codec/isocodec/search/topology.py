@@ -20,7 +20,7 @@ from .reduced import corner_at
 
 @inner
 def _stretches(t, kind, differ):
-    """How many members have one ring corner in ``differ`` and one not: twice the number of stretches on the ring."""
+    """Count members with one ring corner in ``differ`` and one not: twice the number of stretches on the ring."""
     changes = 0
     for m in range(member_count(t, kind)):
         bits = member(t, kind, m)[4] >> 2

@@ -175,7 +175,7 @@ class MeshContents:
         )
 
     def _ratio(self, found: MeshIsovalue) -> NDArray[np.float64]:
-        """Where edges are crossed, from their lower vertices."""
+        """Crossings of edges, from their lower vertices."""
         assert found.edges is not None
         if found.active is not None and found.steps is not None:
             value = np.zeros(len(found.strand.sign))

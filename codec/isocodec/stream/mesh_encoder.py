@@ -32,7 +32,7 @@ from .options import Options
 from .series import Series
 
 FINER = 3
-"""How many times as many vertices are known after a layer of signs than before it, at least."""
+"""Least factor of the number of known vertices from one layer of signs to the next."""
 EDGE_SHARE = 0.05
 """Without an option, points lie as near to the contour as this share of the median edge."""
 MESH_SHARE = 0.05

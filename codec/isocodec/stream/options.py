@@ -20,7 +20,7 @@ from ..search.strategy import EXACT
 from .plan_file import CRITERIA, read_plan
 
 ProfileName: TypeAlias = Literal["main", "baseline"]
-"""How symbols become bytes."""
+"""Profiles of entropy coding."""
 CriterionName: TypeAlias = Literal["crossing", "topology", "curvature", "distortion", "level"]
 """Criteria that a mesh is reduced under."""
 PrecisionGiven: TypeAlias = "float | str | Sequence[float | Literal['exact']] | None"

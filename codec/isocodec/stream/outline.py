@@ -238,7 +238,7 @@ READERS: Mapping[int, Reader] = {
     ChunkType.COORDINATES: _coordinates,
     ChunkType.DOMAIN: _domain,
 }
-"""By type of chunk."""
+"""Readers by type of chunk."""
 
 
 def check_explicit(chunk: Envelope, at: int, begun: bool) -> None:

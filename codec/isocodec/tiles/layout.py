@@ -1,4 +1,4 @@
-"""How a box of samples is cut into tiles, and in which order these come (spec clause 12.2)."""
+"""Tiles of a box of samples, and their order (spec clause 12.2)."""
 
 from __future__ import annotations
 

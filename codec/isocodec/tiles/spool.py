@@ -208,7 +208,7 @@ def begun(folder: str | os.PathLike[str], tried: Sequence[Tiling]) -> int:
 
 
 def _open(path: Path) -> BinaryIO:
-    """For reading and writing, made if it is not there."""
+    """Open for reading and writing; the file is made if it is missing."""
     return os.fdopen(os.open(path, os.O_RDWR | os.O_CREAT | getattr(os, "O_BINARY", 0), 0o666), "r+b")
 
 

@@ -241,7 +241,7 @@ class TiledFile:
         return index, kind, mask, segments
 
     def _end_of(self, areas: list[int]) -> int:
-        """Where the leaves end, or the first areas if those are wanted: they follow right behind."""
+        """End of the leaves, or of the first areas if those are wanted: they follow right behind."""
         end = int(self.root.leaves[-1])
         return end + int(self.root.sizes[:, : len(areas)].sum()) if areas == list(range(len(areas))) else end
 

@@ -177,7 +177,7 @@ def _exponent(tile: int | None, n: int) -> int:
 
 
 def _workers_of(engine: Any) -> int:
-    """How many workers an engine has, as far as it states that."""
+    """Number of an engine's workers, as far as it states that."""
     if hasattr(engine, "nthreads"):
         return max(sum(engine.nthreads().values()), 1)
     return int(getattr(engine, "_max_workers", 1))

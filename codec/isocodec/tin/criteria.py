@@ -1,4 +1,4 @@
-"""How much the surface would lose without a vertex: the criteria of adaptive thinning.
+"""Criteria of adaptive thinning: how much the surface would lose without a vertex.
 
 L. Demaret, N. Dyn, M. Floater and A. Iske: *Adaptive thinning for terrain modelling and image compression* (2005), with
 the names given there; NAT is the thinning of scattered points by M. Floater and A. Iske (1998), which ignores values.
@@ -44,7 +44,7 @@ def largest_without(s, v):
 
 @inner
 def _more_squared(s, v):
-    """By how much the sum of squared errors would grow without a vertex."""
+    """Growth of the sum of squared errors without a vertex."""
     missed = by_ears(s, v) - s.target[v]
     out = missed * missed - s.error[v] * s.error[v]
     for i in range(s.tri.reg.cavity):

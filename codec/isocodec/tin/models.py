@@ -8,13 +8,13 @@ from ..entropy.range_coder import Coder
 AREAS = 16
 """Classes of the size of a cell: binary digits of the positions in it."""
 NEAR = 9
-"""How many of the eight cells around have points."""
+"""Classes of how many of the eight cells around have points."""
 OPEN = 4
-"""How many of them may have, counted up to 3."""
+"""Classes of how many of them may have points, counted up to 3."""
 STATES = 81
 """States of the four cells beside: each empty, not empty, or not known."""
 WIDE = 25
-"""How many of the 24 cells around the cell that was halved have points."""
+"""Classes of how many of the 24 cells around the cell that was halved have points."""
 SPREADS = 12
 """Classes of the differences of values."""
 MISSES = 9

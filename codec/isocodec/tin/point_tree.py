@@ -96,7 +96,7 @@ def _state(lv, x, y, at):
 
 @inner
 def _around(lv, x, y):
-    """How many of the 24 cells around a cell have points."""
+    """Number of the 24 cells around a cell that have points."""
     count = 0
     for i in range(-2, 3):
         for j in range(-2, 3):

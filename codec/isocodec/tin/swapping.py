@@ -29,7 +29,7 @@ def _fanned(s, p, q):
 
 @inner
 def _gain(s, p, t):
-    """How much the sum of squared errors falls if a point of triangle ``t`` becomes a vertex."""
+    """Fall of the sum of squared errors if a point of triangle ``t`` becomes a vertex."""
     tri = s.tri
     carve_at(tri, p, t)
     s.value[p] = s.target[p]

@@ -20,7 +20,7 @@ _APART = 200.0
 _ROOM = 2.0
 """Between a label and the ends of its line."""
 _BENT = 1.5
-"""How far a line may be from straight under its label."""
+"""Largest deviation of a line from straight under its label."""
 _CROWDED = 5.0
 """Lines of the label's length that it may hide, besides its own."""
 
@@ -168,7 +168,7 @@ def _length(line: Points) -> float:
 
 
 def _far(line: Points) -> Points:
-    """How far along it each point of a line is."""
+    """Distance of each point of a line along it."""
     return np.append(0.0, np.cumsum(np.hypot(*np.diff(line, axis=0).T)))
 
 

@@ -243,7 +243,7 @@ def _on_page(axes: Any, points: Points) -> Points:
 
 
 def _width(text: str, size: float = _SMALL) -> float:
-    """How long a text is, in points."""
+    """Width of a text, in points."""
     paths = optional("matplotlib.textpath", extra="plot", purpose="drawing a picture")
     return float(paths.TextPath((0, 0), text.replace("$", "S"), size=size).get_extents().width)
 

@@ -29,7 +29,7 @@ _POINTS = 64
 """First of the crossings next to the edge, behind the candidates, three numbers each: distance from the edge, place
 along it, how well it is known. Two on either side."""
 _STEEP = UNIT // 8
-"""Where crossings lie less apart than this, their line is not extended."""
+"""Distance of crossings below which their line is not extended."""
 
 
 @record
@@ -165,7 +165,7 @@ def _crossed(st, places, edges, e, u, length, axis):
 
 @inlined
 def _meet(st, beside, crossings, i, e, f, candidate):
-    """Where the line through the crossings on edges e and f meets edge i (n = 2)."""
+    """Intersection of the line through the crossings on edges e and f with edge i (n = 2)."""
     if min(e, f) < 0:
         return
     places, edges, length = beside.place, crossings.edges, crossings.length[i]

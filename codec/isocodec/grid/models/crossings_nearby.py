@@ -67,7 +67,7 @@ def beside_leaves(
 
 
 def _leaving(st: State, edges: NDArray[np.int64], n: int) -> NDArray[np.int64]:
-    """Which of the edges leaves a vertex upwards along an axis."""
+    """Find the edge that leaves a vertex upwards along an axis."""
     index = np.full((int(st.counters.vertices), n), -1, np.int64)
     _enter_straight(st, edges, index)
     return index

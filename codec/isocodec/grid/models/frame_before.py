@@ -83,7 +83,7 @@ def _compared(st, spot, wrong):
 
 @inlined
 def _margin(wrong, first, level):
-    """How much more is wrong at best if the sign is below than if it is above, as a class."""
+    """Class of how much more is wrong at best if the sign is below than if it is above."""
     run = np.int64(0)
     above = below = np.int64(1) << 40
     for j in range(LEVELS + 1):

@@ -9,7 +9,7 @@ from ...kernel import inlined
 CLASSES = 13
 """Classes of sizes that rows distinguish, on either side."""
 NONE, ROUGH, FINE = range(3)
-"""How well something is known: not, only in part, as well as may be."""
+"""Classes of how well something is known: not, only in part, as well as may be."""
 _AT_ONCE = 13
 """Bits of a number that are counted by one look into ``_BITS``."""
 _PARTS = np.array([0, 60, 30, 20, 15, 12, 10])

@@ -15,19 +15,19 @@ STATES = CONTEXTS + KINDS * BUCKETS + HOLES
 MOST_ROWS = 256
 # Kinds of symbols that are mixed; each has separate weights and classes of opinions.
 REFINE_KIND = 0
-"""By phase, whether the edge is crossed; the same where an earlier isovalue predicts it."""
+"""Rows by phase, for whether the edge is crossed; the same where an earlier isovalue predicts it."""
 TREE_KIND = 12
 """Nodes, cubes, slots; the same where the isovalue leans on another one."""
 OFFSET_KIND = 18
-"""By how often the part was halved, of edges coded for the first time or again; the same off the full grid."""
+"""Rows by how often the part was halved, of edges coded for the first time or again; the same off the full grid."""
 LEAN_KIND = 30
-"""By how often the part was halved, where the edge is crossed at an earlier isovalue, too, on and off the full grid."""
+"""Rows by how often the part was halved, where an earlier isovalue crosses the edge, too, on and off the full grid."""
 VALUE_KIND = 36
-"""By bits of the number coded so far: none that is 1, one, more."""
+"""Rows by bits of the number coded so far: none that is 1, one, more."""
 MESH_KIND = 39
-"""By what is asked: on a path, of a simplex that may be coarser or finer, whether to split a leaf."""
+"""Rows by question: on a path, of a simplex that may be coarser or finer, whether to split a leaf."""
 BASE_KIND = 43
-"""By phase, of the signs behind gates; the same where an earlier isovalue predicts them."""
+"""Rows by phase, for the signs behind gates; the same where an earlier isovalue predicts them."""
 # Networks, in the order of their rows.
 SIGN_NET, TREE_NET, OFFSET_NET, LEAF_NET, VALUE_NET, MESH_NET, BASE_NET = np.array([0, 3, 4, 5, 6, 7, 8])
 """Signs have one for each phase; n = 2 leaves the third without rows. Offsets have one on and one off the full grid."""

@@ -98,7 +98,7 @@ def _side_of(st, diamond):
 
 @inlined
 def _expect_crossed(st, diamond, seen):
-    """Where the ends of the edge differ: the sign of most of the ring, or the parabola's; its prediction; contexts."""
+    """Prediction if the ends of the edge differ: the sign of most of the ring, or the parabola's; and its contexts."""
     first = seen.above & 1
     size, count = ring(seen.corners, seen.above, np.int64(1))
     guess = first
@@ -120,7 +120,7 @@ def _expect_crossed(st, diamond, seen):
 
 @inlined
 def _expect_border(st, diamond, seen):
-    """Where the ends of the edge have one sign: that one; contexts."""
+    """Prediction if the ends of the edge have one sign: that one; contexts."""
     first = seen.above & 1
     _, count = ring(seen.corners, seen.above, 1 - first)
     context = ctx.REFINE_BORDER + (diamond.phase * 10 + count) * 4 + st.refinement.border

@@ -43,7 +43,7 @@ def active_vertices(st: State, leaves: IntMatrix, mark: UInt8Vector, full: bool,
 
 @inlined
 def _lower(st, a, b):
-    """Which of two vertices comes first in the order of positions."""
+    """Find which of two vertices comes first in the order of positions."""
     for axis in range(3):
         if st.vertex[a, axis] != st.vertex[b, axis]:
             return a if st.vertex[a, axis] < st.vertex[b, axis] else b

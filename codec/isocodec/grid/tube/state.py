@@ -28,7 +28,7 @@ MOST_ANCESTORS = 4096
 PREDICTED, PREDICTED_RIGHT = len(ELEMENTS), len(ELEMENTS) + 1
 
 ALWAYS, MOSTLY, AGREED_SHIFT = 4096, 3584, 5
-"""How often something has been so, if always, what it begins with, and how fast it changes."""
+"""Score of what has always been so, the score to begin with, and the shift by which it changes."""
 
 
 FRAME = 2

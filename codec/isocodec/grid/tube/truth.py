@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from .state import State
 
 Place = Callable[[NDArray[np.int64], NDArray[np.int64]], NDArray[np.int64]]
-"""Where edges between positions are to be crossed, as 30-bit fractions; or how far from there crossings may be
+"""Crossings of edges between positions, as 30-bit fractions; or how far from there crossings may be
 placed."""
 
 

@@ -30,7 +30,7 @@ Array = NDArray[Any]
 _HEADER = 1 << 16
 """Bytes in which a header has to end; NumPy reads none of more than 10,000 characters."""
 _PACKED = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)
-"""How NumPy packs arrays. What unpacks the others takes memory before it knows how much comes out."""
+"""Compressions that NumPy writes. Decoders of others take memory before they know how much comes out."""
 _LISTED = 20
 _PAIRS = (("lon", "lat"), ("longitude", "latitude"), ("rlon", "rlat"), ("nav_lon", "nav_lat"), ("x", "y"))
 """Names of coordinates x and y in .npz files."""

@@ -176,7 +176,7 @@ def _role(name: Any, coordinate: Any) -> str | None:
 
 
 def _order(roles: list[str | None]) -> list[int]:
-    """Which coordinate, 0 for x, each axis is."""
+    """Coordinate, 0 for x, that each axis is."""
     n = len(roles)
     rows = ["xyz".index(role) if role is not None and "xyz".index(role) < n else None for role in roles]
     return [int(row) for row in rows if row is not None] if sorted(str(r) for r in rows) == [

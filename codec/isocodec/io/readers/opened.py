@@ -214,7 +214,7 @@ class Opened:
         )
 
     def _place_of_slices(self, axis: int, n: int) -> Placement:
-        """Where the samples of a slice of n axes lie.
+        """Placement of the samples of a slice of n axes.
 
         Files state it for slices along their first axis: times, pages. Ends that meet are not joined in a series.
         """

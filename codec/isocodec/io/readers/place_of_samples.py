@@ -12,10 +12,10 @@ from ...errors import OptionError
 from ...field.placement import TURN, Placement, matrix_of
 
 EVEN = 0.01
-"""How far coordinates of samples may be from even steps, in steps: files often keep them in single precision."""
+"""Largest distance of coordinates from even steps, in steps: files often keep them in single precision."""
 SLICE = "the position of a slice in space is ignored"
 _CLOSES = 0.25
-"""How far the step from the last to the first longitude may be from the others, in steps."""
+"""Largest difference of the step from the last to the first longitude from the others, in steps."""
 
 Array = NDArray[np.float64]
 

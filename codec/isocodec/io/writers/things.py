@@ -126,7 +126,7 @@ class Thing:
 
     @property
     def text(self) -> str:
-        """For messages: ``"a curve (of a 2-D field)"``."""
+        """Name in messages: ``"a curve (of a 2-D field)"``."""
         if self.kind == "contour":
             name = {2: "a curve (of a 2-D field)", 3: "a surface (of a 3-D field)"}.get(self.n or 0, "a contour")
             return name if self.sampled else f"{name.partition(' (')[0]} that lies on a mesh"
