@@ -15,9 +15,9 @@ from .missing import HOLE, WAYS
 from .placement import CRS, PLACEMENT, Placement, placement_of
 
 NAME, UNIT = "name", "unit"
-"""Names of the notes of a file that say what its values are, and in which unit."""
+"""Names of the notes of a file that name its quantity and its unit."""
 MISSING = (HOLE, *WAYS)
-"""What may be done with missing samples."""
+"""Ways to treat missing samples."""
 
 
 @dataclass(frozen=True, eq=False, init=False)

@@ -136,7 +136,7 @@ def _copied(file: Any, name: str, suffix_of: SuffixOf, samples: int | None) -> I
         suffix = suffix_of(name, first)
         if suffix is None:
             raise InputError(
-                "neither a name nor the first bytes tell which format this has", code="suffix",
+                "the format is unknown: neither a name nor the first bytes identify it", code="suffix",
                 remedy="name it: kind='.tif' (--kind .tif)",
             )
         path = Path(folder) / f"input{suffix}"
