@@ -61,21 +61,22 @@ def same(a, b, within=0.0):
 )
 def test_each_decodes_as_by_itself(n, wanted):
     """To the last bit, or, where the encoder is free to tell crossings within a tolerance, within twice that."""
-    within = 0 if {"parts", "exact", "signs_only"} & set(wanted) else 2 * DEFAULT_TOLERANCE
+    kept = "parts" in wanted or wanted.get("precision") in ("exact", "signs")
+    within = 0 if kept else 2 * DEFAULT_TOLERANCE
 
     @examples(40)
     @given(cases(n))
     def run(case):
         field, isovalues = case
         full = n * cube_exponent(field.shape)
-        if "base_level" in wanted and full == 0:
+        if "layers" in wanted and full == 0:
             return
         options = dict(wanted)
         if "parts" in options:
-            options["plan"] = [*grid_plan(n, full, None), ("offsets", options.pop("parts"))]
+            options["layers"] = [*grid_plan(n, full, None), ("offsets", options.pop("parts"))]
         encoder = encoder_of(field, isovalues, **options)
         data = b"".join(encoder)
-        alone = {k: v for k, v in options.items() if k != "leaning"}
+        alone = {k: v for k, v in options.items() if k != "independent"}
         for isovalue in isovalues:
             by_itself = isocodec.decode(isocodec.encode(field, isovalue, **alone))
             same(isocodec.decode(data, isovalue=isovalue), by_itself, within)
