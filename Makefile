@@ -51,8 +51,9 @@ view: ## Build the viewer and serve it at http://localhost:8137/.
 	$(PYTHON) tools/test_web.py --viewer
 	$(PYTHON) -m http.server --directory build/viewer --bind localhost 8137
 
-heavy: kernels .venv-test/.installed ## Run the tests that take long.
-	$(TEST_PYTHON) -m pytest -m heavy tests
+heavy: export ISOCODEC_HEAVY = 1
+heavy: kernels .venv-test/.installed ## Run all tests, those that take long too, with all of their examples.
+	$(TEST_PYTHON) -m pytest -n $(JOBS) -m 'heavy or not heavy' tests
 
 lint: .venv-test/.installed ## Run ruff and mypy.
 	.venv-test/bin/ruff check .

@@ -5,6 +5,7 @@ Nothing here uses the codec's tables; the mesh comes from the root cube by Mauba
 
 from __future__ import annotations
 
+import os
 from functools import cache, lru_cache
 from itertools import permutations
 
@@ -19,9 +20,15 @@ from isoconform.plain import interpreted
 INTERPRETED = interpreted()
 
 
+HEAVY = bool(os.environ.get("ISOCODEC_HEAVY"))
+"""Whether tests try as hard as `make heavy` does."""
+SHARE = 3
+"""Otherwise they try so many times fewer examples."""
+
+
 def examples(count: int) -> settings:
-    """Settings with ``count`` examples, or a few where the kernels are interpreted."""
-    return settings(max_examples=min(count, 3) if INTERPRETED else count)
+    """Settings with ``count`` examples: a third of them unless tests are heavy, a few where kernels are interpreted."""
+    return settings(max_examples=min(count, 3) if INTERPRETED else count if HEAVY else -(-count // SHARE))
 
 
 @cache

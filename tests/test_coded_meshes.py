@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import isocodec
-from brute import INTERPRETED
+from brute import HEAVY, INTERPRETED
 from explicit_meshes import components, crossings, euler, plane, space, torus
 from isocodec import Decoder, IsoError, Mesh, decode, encode
 from isocodec.entropy.run import Account
@@ -18,7 +18,7 @@ from isocodec.mesh.mesh_run import decoded_mesh, encoded_mesh
 from isocodec.mesh.quantised import quantised
 from isospec.container import DomainKind
 
-MANY = 4 if INTERPRETED else 60
+MANY = 4 if INTERPRETED else 60 if HEAVY else 20
 MAKERS = {"plane": plane, "space": space, "surface": lambda seed: torus(6 + seed % 5, 5)}
 
 

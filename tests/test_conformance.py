@@ -32,8 +32,11 @@ VECTORS = read_manifest(HOME)
 BY_NAME = {v.name: v for v in VECTORS}
 each_vector = pytest.mark.parametrize("vector", VECTORS, ids=[v.name for v in VECTORS])
 LIGHT = [v for v in VECTORS if v.expected.status != LIMIT]
-each_light_vector = pytest.mark.parametrize("vector", LIGHT, ids=[v.name for v in LIGHT])
-"""All but those that take a decoder to its limits, which takes seconds."""
+SHARE = 4
+each_light_vector = pytest.mark.parametrize("vector", [
+    pytest.param(v, id=v.name, marks=[pytest.mark.heavy] if i % SHARE else []) for i, v in enumerate(LIGHT)
+])
+"""All but those that take a decoder to its limits, which takes seconds; most of them among the heavy tests."""
 
 CIRCLE_MEMORY = 64 << 20
 """Issue 2: decoding a 200-cell circle in a domain of 100,000 x 100,000 takes at most this."""
@@ -48,6 +51,7 @@ def importable(monkeypatch):
 # --- the vectors ----------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.heavy  # `make test` runs all vectors by the runner
 @each_vector
 def test_reference_decoder_agrees(vector):
     """File, exit status, final state, and the states after each layer where they are stated."""

@@ -156,7 +156,7 @@ def test_areas_closed_along_holes(options: dict[str, object]) -> None:
     seen = np.zeros(HILLS.shape, np.bool_)
     for i, j in np.argwhere(whole):
         seen[i : i + 2, j : j + 2] = True
-    if "tolerance" not in options:
+    if options.get("precision") != 1.0:
         here = np.argwhere(seen)
         inside = shapely.intersects(sides[0].buffer(1e-9), shapely.points(here[:, 1], here[:, 0]))
         assert np.array_equal(inside, HILLS[seen] > 80.5)
@@ -192,8 +192,7 @@ def test_promises_hold_for_what_is_left(options: dict[str, object], n: int) -> N
     gone = HOLE if n == 2 else np.random.default_rng(3).random(field.shape) < 0.02
     contour = isocodec.decode(isocodec.encode(isocodec.Field(field, mask=gone), 100.5, **options))  # type: ignore[arg-type]
     whole = isocodec.decode(isocodec.encode(isocodec.Field(field, mask=gone), 100.5, precision="step=1e-7"))
-    tolerance = options.get("tolerance") or options.get("parameter") or 0.5
-    assert isinstance(tolerance, float)
+    tolerance = 1.0 if options.get("precision") == 1.0 else 0.5
     assert_within(contour, whole, tolerance + 1e-6)
     middles = contour.points[contour.cells].mean(axis=1)
     cell = np.floor(middles).astype(int)
@@ -220,12 +219,12 @@ def test_byte_by_byte_and_events() -> None:
     for i in range(len(data)):
         other.feed(data[i : i + 1])
         pieces += list(other)
-        other.snapshot(0)
+        other.contour(0)
     assert [repr(e) for e in whole] == [repr(e) for e in pieces]
     (mask,) = (e for e in whole if isinstance(e, isocodec.format.events.MaskComplete))
     assert mask.bytes == isocodec.open(data).info.mask_bytes
-    assert np.array_equal(one.valid(), ~HOLE) and np.array_equal(other.valid(), ~HOLE)
-    assert np.array_equal(one.snapshot(1).points, other.snapshot(1).points)
+    assert np.array_equal(one.grid.valid(), ~HOLE) and np.array_equal(other.grid.valid(), ~HOLE)
+    assert np.array_equal(one.contour(1).points, other.contour(1).points)
 
 
 def chunks_of(data: bytes) -> list[tuple[str, bytes]]:

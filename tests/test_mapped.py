@@ -154,9 +154,9 @@ def test_pieces_and_truncation() -> None:
     assert np.array_equal(decoder.contour().placed, isocodec.decode(data).placed)
     early = Decoder()
     early.feed(data[: event.offset - 1])
-    assert not on_nodes(early.snapshot())
+    assert not on_nodes(early.take().contour())
     early.feed(data[event.offset - 1 : event.offset + 40])
-    assert on_nodes(early.snapshot())
+    assert on_nodes(early.take().contour())
     short = isocodec.open(data).edited(size=event.offset + 60)
     assert on_nodes(isocodec.decode(short))
 

@@ -446,8 +446,8 @@ def test_python() -> None:
     assert np.array_equal(whole.placed, expected)
     for some in (isocodec.decode(data, layers=2), isocodec.decode(isocodec.open(data).edited(layers=2))):
         assert matrix(some).tolist() == [[0, 2, 5], [-3, 0, 7]]
-    with pytest.raises(OptionError, match="cannot be combined"):
-        isocodec.encode(isocodec.Field(HILL, placement=(1, 1)), 70.5, metadata={"placement": "1 0 0 0 1 0"})
+    noted = isocodec.encode(isocodec.Field(HILL, placement=(1, 1)), 70.5, metadata={"placement": "2 0 0 0 1 0"})
+    assert matrix(isocodec.open(noted)).tolist() == [[2, 0, 0], [0, 1, 0]]  # the note comes first
     for wrong in ("far", [1, 2, 3], [["x", 1]], np.ones((2, 3)), [1, np.inf]):
         with pytest.raises(OptionError) as caught:
             isocodec.encode(isocodec.Field(HILL, placement=wrong), 70.5)

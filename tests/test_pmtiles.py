@@ -16,7 +16,7 @@ from scipy.spatial import KDTree
 import isocodec
 from commands import fails, ok
 from isocodec.io.writers.to_pmtiles import EXTENT, cut
-from tiled import encoded, hilly
+from tiled import encoded, hilly, tiled_of
 from written import rendered
 
 mapbox_vector_tile = pytest.importorskip("mapbox_vector_tile")
@@ -107,13 +107,13 @@ def test_coarse_layers_at_low_zooms(tmp_path: Path) -> None:
     """Of a file in tiles: where a pixel is 16 samples wide the curve of the first layer, and far fewer points."""
     x, y = np.meshgrid(np.arange(600), np.arange(700), indexing="ij")
     field = np.sin(x / 9) * np.cos(y / 7) + x / 900
-    data = encoded(tmp_path, field, 0.25, tile=128, placement=UTM, metadata=CRS)
+    data = encoded(tmp_path, isocodec.Field(field, placement=UTM), 0.25, tile=128, metadata=CRS)
     (tmp_path / "t.iso").write_bytes(data)
     facts = json.loads(ok("decode", tmp_path / "t.iso", "-o", tmp_path / "map.pmtiles", "--json"))
     made = (tmp_path / "map.pmtiles").read_bytes()
     assert facts["bytes"] == len(made)
     header, tiles = opened(made)
-    file = isocodec.open(data)
+    file = tiled_of(data)
     most = header["max_zoom"]
     for zoom, layer in ((most, None), (most - 2, 1), (most - 4, 0)):
         wanted = mercator(file.window(layer=layer)) * (EXTENT << zoom)
@@ -133,7 +133,7 @@ def test_nothing_to_see_and_nowhere(tmp_path: Path) -> None:
     assert list(tiles) == [(0, 0, 0)] and header["max_zoom"] == 0
     (tmp_path / "a.iso").write_bytes(isocodec.encode(hilly(), 30.5))
     assert "reference system" in fails(2, "decode", tmp_path / "a.iso", "-o", tmp_path / "a.pmtiles")
-    (tmp_path / "a.iso").write_bytes(encoded(tmp_path, hilly(), 30.5, placement=UTM))
+    (tmp_path / "a.iso").write_bytes(encoded(tmp_path, isocodec.Field(hilly(), placement=UTM), 30.5))
     assert "reference system" in fails(2, "decode", tmp_path / "a.iso", "-o", tmp_path / "a.pmtiles")
     (tmp_path / "b.iso").write_bytes(isocodec.encode(np.mgrid[:9, :9, :9][0], 3.5))
     assert "cannot hold" in fails(2, "decode", tmp_path / "b.iso", "-o", tmp_path / "a.pmtiles")

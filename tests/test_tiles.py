@@ -25,7 +25,7 @@ from isocodec.tiles.layout import TileGrid, in_order, morton
 from isocodec.tiles.structure import Kind, groups_of
 from tiled import encoded, hilly, holed, pieces, tiled_of
 
-FIELDS = {2: 2, 3: 1} if INTERPRETED else {2: 14, 3: 4}
+FIELDS = {2: 2, 3: 1} if INTERPRETED else {2: 5, 3: 2}
 """Random fields, by number of axes."""
 MANY = {2: 200, 3: 60}
 

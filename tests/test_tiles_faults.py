@@ -39,7 +39,7 @@ def children_of(process: int) -> list[int]:
 
 def command_of(path: Path, out: Path, workers: int) -> list[str]:
     return [
-        sys.executable, "-m", "isocodec", "tile", str(path), "-o", str(out), "--isovalue", "30.5", "--tile", "64",
+        sys.executable, "-m", "isocodec", "encode", str(path), "-o", str(out), "--isovalue", "30.5", "--tile", "64",
         "--workers", str(workers),
     ]
 

@@ -14,6 +14,7 @@ import rasterio
 import isocodec
 from commands import fails, ok, run
 from isocodec.stream.isovalues import multiples
+from isocodec.stream.options import Options
 from isocodec.tiles.sample_range import sample_range
 from isocodec.tiles.writing import tiling_of
 from tiled import hilly, holed, pieces
@@ -37,18 +38,18 @@ def test_the_isovalues_of_encode(tmp_path: Path, field: np.ndarray, options: tup
     """As ``encode --interval`` finds them of the whole field; and the curves are those of these isovalues."""
     np.save(tmp_path / "f.npy", field)
     told = []
-    for command, more in (
-        ("encode", ("--precision", "signs",)), ("encode", "--tile", 1024, ("--tile", 32, "--precision", "signs")),
+    for name, more in (
+        ("whole", ("--precision", "signs")), ("tiles", ("--tile", 32, "--precision", "signs")),
     ):
-        out = tmp_path / f"{command}.iso"
-        ok(command, tmp_path / "f.npy", "-o", out, "--interval", *options, *more)
+        out = tmp_path / f"{name}.iso"
+        ok("encode", tmp_path / "f.npy", "-o", out, "--interval", *options, *more)
         told.append(isocodec.open(out).isovalues)
     whole, tiles = told
     assert whole == tiles and len(tiles) > 2
     low, high = np.nanmin(field), np.nanmax(field)
     assert low <= tiles[0] and tiles[-1] < high and tiles[-1] + float(options[0]) >= high  # type: ignore[arg-type]
     for isovalue in tiles:
-        both = [isocodec.open(tmp_path / f"{name}.iso").contour(isovalue) for name in ("encode", "tile")]
+        both = [isocodec.open(tmp_path / f"{name}.iso").contour(isovalue) for name in ("whole", "tiles")]
         assert pieces(both[0]) == pieces(both[1])
 
 
@@ -60,7 +61,7 @@ def test_what_a_file_says_is_missing_counts_for_nothing(tmp_path: Path) -> None:
         file.write(field, 1)
     record = json.loads(
         ok(
-            "encode", "--tile", 1024, tmp_path / "f.tif", "-o", tmp_path / "f.iso", "--interval", 25, "--tile", 32,
+            "encode", tmp_path / "f.tif", "-o", tmp_path / "f.iso", "--interval", 25, "--tile", 32,
             "--json",
         )
     )
@@ -85,7 +86,7 @@ class Made:
 def test_memory_is_that_of_a_tile() -> None:
     """A field of 2 GB, whose range is known."""
     field = Made((16_000, 16_000))
-    grid = tiling_of(field, 0, None).grid
+    grid = tiling_of(field, 0, None, Options()).grid
     seen: list[tuple[int, int]] = []
     tracemalloc.start()
     found = sample_range(field, grid, lambda done, total: seen.append((done, total)))
@@ -98,10 +99,10 @@ def test_memory_is_that_of_a_tile() -> None:
 
 def test_masked_samples() -> None:
     field = holed(hilly(), 3)
-    found = sample_range(field, tiling_of(field, 0, 32).grid)
+    found = sample_range(field, tiling_of(field, 0, 32, Options()).grid)
     assert found == (field.min(), field.max())
     gone = np.ma.masked_all((50, 50), np.float32)
-    assert sample_range(gone, tiling_of(gone, 0, 32).grid) is None
+    assert sample_range(gone, tiling_of(gone, 0, 32, Options()).grid) is None
 
 
 def test_offsets_of_multiples() -> None:
@@ -112,19 +113,18 @@ def test_offsets_of_multiples() -> None:
 @pytest.mark.parametrize(
     ("options", "code", "said"),
     [
-        ([], 2, "either --isovalue or --interval"),
-        (["--isovalue", 3, "--interval", 5], 2, "either --isovalue or --interval"),
+        ([], 2, "give one of --isovalue, --interval and --label"),
+        (["--isovalue", 3, "--interval", 5], 2, "--isovalue and --interval cannot be combined"),
         (["--isovalue", 3, "--offset", 5], 2, "--offset goes with --interval"),
         (["--interval", -5], 2, "greater than 0"),
         (["--interval", 5, "--offset", "nan"], 2, "finite"),
-        (["--interval", 5, "--precision", "exact", "--precision", "signs"], 2, "contradict"),
         (["--interval", 1e-9], 3, "choose a larger interval"),
         (["--interval", 1e9, "--offset", 5e8], 3, "choose a smaller interval"),
     ],
 )
 def test_what_cannot_be_asked(tmp_path: Path, options: list[Any], code: int, said: str) -> None:
     np.save(tmp_path / "f.npy", hilly((40, 40)) + 1)
-    assert said in fails(code, "tile", tmp_path / "f.npy", "-o", tmp_path / "o.iso", *options)
+    assert said in fails(code, "encode", "--tile", 32, tmp_path / "f.npy", "-o", tmp_path / "o.iso", *options)
     assert not (tmp_path / "o.iso").exists() and not (tmp_path / "o.iso.tiles").exists()
 
 
@@ -140,8 +140,8 @@ def test_wrong_options_are_found_before_a_sample_is_read(tmp_path: Path, monkeyp
     def read(*_: object) -> None:
         raise AssertionError
 
-    monkeypatch.setattr("isocodec.tiles.sample_range.sample_range", read)
+    monkeypatch.setattr("isocodec.tiles.writing.sample_range", read)
     result = run(
-        "encode", "--tile", 1024, tmp_path / "f.npy", "-o", tmp_path / "o.iso", "--interval", 5, "--precision", "exact",
+        "encode", "--tile", 32, tmp_path / "f.npy", "-o", tmp_path / "o.iso", "--interval", 5, "--precision", "exact",
     )
     assert result.exit_code != 1 and "exact" in result.stderr

@@ -22,7 +22,7 @@ from tiled import encoded, pieces, tiled_of
 
 pytestmark = pytest.mark.skipif(INTERPRETED, reason="many tiles would be slow")
 
-COUNT = {2: 20, 3: 6}
+COUNT = {2: 8, 3: 2}
 MANY = {2: 150, 3: 40}
 
 

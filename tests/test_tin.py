@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import isocodec
-from commands import fails, ok
+from commands import fails, ok, run
 from isocodec.errors import FormatError, InputError, LimitError, OptionError, TruncatedError
 from isocodec.format.chunks import write_chunk
 from isocodec.format.header import Header, write_header
@@ -235,6 +235,24 @@ def test_command(tmp_path):
     assert json.loads(ok("thin", source, "-o", coded, "--size", 200, "--json"))["bytes"] <= 200
     fails(2, "decode", coded, "-o", tmp_path / "out.svg")
     fails(2, "thin", source, "-o", tmp_path / "out.ply", "--size", 300)
+
+
+def test_samples_that_are_missing_and_points_that_coincide(tmp_path):
+    """A surface spans holes, of which the user is warned, as of points that are merged."""
+    holed, table = HILL.astype(float), tmp_path / "points.npy"
+    holed[3:9, 4:8] = np.nan
+    np.save(tmp_path / "holed.npy", holed)
+    np.save(table, [(0, 0, 1), (9, 0, 2), (0, 9, 3), (9, 9, 4), (4, 4, 5), (4, 4, 7)])
+    for out in ("out.iso", "out.npz"):
+        result = run("thin", tmp_path / "holed.npy", "-o", tmp_path / out, "--error", 2)
+        assert result.exit_code == 0 and "24 missing samples: the triangulation spans them" in result.stderr
+    tin = isocodec.open(tmp_path / "out.iso").surface()
+    there = holed[tuple(tin.points.T.astype(int))]
+    assert tin.shape is None and np.abs(there - tin.values).max() <= 2
+    result = run("thin", table, "-o", tmp_path / "out.ply", "--scattered", "--points", 5, "--json")
+    assert "1 points coincide with others: merged" in result.stderr
+    record = json.loads(result.stdout)
+    assert (record["merged"], record["removed"], record["criterion"]) == (1, 0, "AT1")
 
 
 @pytest.mark.parametrize("values", [(0, 255), (0.0, 0.1, 0.30000001), (-5, 7, 1000)])

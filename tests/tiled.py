@@ -20,7 +20,9 @@ def hilly(shape: tuple[int, ...] = (150, 210)) -> np.ndarray:
     return np.rint(100 * np.sin(x / 17) * np.cos(y / 11) + x / 3).astype(np.int16)
 
 
-def encoded(tmp_path: Path, field: np.ndarray, isovalue: object, tile: int = 32, **options: object) -> bytes:
+def encoded(
+    tmp_path: Path, field: np.ndarray | isocodec.Field, isovalue: object, tile: int = 32, **options: object
+) -> bytes:
     path = tmp_path / "tiled.iso"
     isocodec.save(path, field, isovalue, tile=tile, **options)  # type: ignore[arg-type]
     return path.read_bytes()

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Edit:
-    """What is to be changed of a file: the parameters of `IsoFile.edited`."""
+    """Changes to make to a file: the parameters of `IsoFile.edited`."""
 
     layers: int | None = None
     size: int | None = None
@@ -94,7 +94,7 @@ def _with_isovalues(whole: WholeFile, isovalues: Sequence[float]) -> bytes:
     if whole.kind == "surface":
         raise impossible("isovalues", "surface")
     if not len(isovalues):
-        raise OptionError("no isovalue", code="isovalue", remedy="give one")
+        raise OptionError("no isovalue is given", code="isovalue", remedy="give one")
     numbers = sorted({whole.info.number_of(one) for one in isovalues})
     try:
         return chosen(whole.data, numbers)
@@ -120,7 +120,7 @@ def recoded_as(whole: WholeFile, profile: ProfileName | None, precision: Any, ke
     """
     wanted = Precision.of(precision)
     if not (wanted.default or wanted.signs or wanted.tolerance is not None):
-        raise OptionError(f"precision {precision!r} of an edit", code="precision",
+        raise OptionError(f"precision {precision!r} does not apply to edits", code="precision",
                           remedy='give "signs", or a tolerance in cells')
     if whole.kind in ("mesh", "surface"):
         if profile not in (None, "main"):

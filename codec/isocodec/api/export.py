@@ -29,7 +29,7 @@ _KINDS: Mapping[str, Kind] = {
     "curve": "contour", "areas": "areas", "bands": "areas", "above": "mask", "valid": "mask", "mesh": "mesh",
     "surface": "tin",
 }
-"""What is written of a file, as writers call it."""
+"""Things that can be written of a file, as writers call them."""
 _APART: Mapping[str, tuple[str, ...]] = {
     "above": ("layers", "max_bytes", "box", "within"),
     "valid": ("layers", "max_bytes", "box", "within", "frame"),
@@ -46,7 +46,7 @@ _LISTED = 5
 
 @dataclass(frozen=True, kw_only=True)
 class Wanted:
-    """What to decode of a file.
+    """Choice of what to decode from a file.
 
     Attributes
     ----------
@@ -78,7 +78,7 @@ class Wanted:
 
 @dataclass
 class Exported:
-    """What was decoded, ready to be written.
+    """Decoded content, ready to be written.
 
     Attributes
     ----------
@@ -205,7 +205,7 @@ def _areas(file: IsoFile, suffix: str, wanted: Wanted, progress: Any) -> Exporte
 def _contours(file: IsoFile, suffix: str, wanted: Wanted, progress: Any) -> list[Contour]:
     """All isovalues that the format can hold, or the one that is wanted; within the limit of memory."""
     view = {**wanted.view, "progress": progress}
-    if wanted.through_holes:
+    if wanted.through_holes or wanted.along_holes:
         view["through_holes"] = True
     kind = _KINDS[wanted.what or "curve"]
     every = wanted.isovalue is None and "layers" not in view and file.kind != "surface"
@@ -351,7 +351,7 @@ def write_surface(tin: Tin, target: Target, options: OutputOptions) -> int:
 
 
 def counted(file: IsoFile) -> FileInfo:
-    """What a file states of itself, and its symbols by syntax element, for which it is decoded.
+    """Inspect a file and count its symbols by syntax element, for which it is decoded.
 
     Raises
     ------

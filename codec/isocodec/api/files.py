@@ -1,4 +1,4 @@
-"""What files of each kind can be asked for: grids, values on meshes, triangulated surfaces, files in tiles."""
+"""Files of each kind and their operations: grids, values on meshes, triangulated surfaces, files in tiles."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from numbers import Integral
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypedDict
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -47,7 +47,7 @@ OPERATIONS = (
     "encode", "save", "open", "info", "contour", "contours", "frames", "above", "valid", "labels", "surface", "mesh",
     "statistics", "verify", "notebook", "layers", "size", "box", "isovalues", "profile", "merge", "decoder",
 )
-"""What can be done with files."""
+"""Operations on files."""
 
 
 def impossible(operation: str, kind: str) -> OptionError:
@@ -61,9 +61,23 @@ _NAMES = {
 }
 
 
+class ViewOptions(TypedDict, total=False):
+    """The parameters of `IsoFile.contour`, by name."""
+
+    frame: int | None
+    layers: int | None
+    max_bytes: int | None
+    box: Sequence[Sequence[float]] | None
+    within: float | Callable[..., float] | None
+    smooth: bool
+    through_holes: bool
+    partial: bool
+    progress: Progress | None
+
+
 @dataclass(frozen=True, kw_only=True)
 class Viewed:
-    """What of a file is to be drawn: the parameters of `IsoFile.contour`."""
+    """Choice of what to draw of a file: `ViewOptions`, checked."""
 
     frame: int | None = None
     layers: int | None = None
@@ -116,7 +130,7 @@ class WholeFile:
 
     @cached_property
     def info(self) -> FileInfo:
-        """What the file states without decoding."""
+        """Information that the file holds without decoding."""
         return inspect(self.data, limits=self.limits)
 
     @property
@@ -236,7 +250,7 @@ class WholeFile:
         """Which samples or vertices lie above an isovalue; see `IsoFile.above`."""
         if self.kind == "surface":
             if isovalue is None:
-                raise OptionError("the file holds a surface: which isovalue?", code="isovalue")
+                raise OptionError("the file holds a surface: its samples need an isovalue", code="isovalue")
             tin = self._surface_decoder(view).surface.tin()
             return np.asarray((tin.values if tin.shape is None else tin.raster()) > isovalue)
         decoder, number = self.decoded(isovalue, view)
@@ -291,7 +305,7 @@ class WholeFile:
         return decoder.grid.mesh(number, whole)
 
     def statistics(self) -> FileStatistics:
-        """What the file spends its bits on; see `IsoFile.statistics`."""
+        """Count what the file spends its bits on; see `IsoFile.statistics`."""
         return statistics(self.data, self.limits, mesh=self.mesh_given)
 
 
@@ -327,7 +341,7 @@ class TileFile:
 
     @cached_property
     def info(self) -> FileInfo:
-        """What head and root directory state."""
+        """Information from head and root directory."""
         head, root = self.tiled.head, self.tiled.root
         layers = []
         for number in range(len(head.isovalues)):
@@ -358,7 +372,7 @@ class TileFile:
         return drawn
 
     def _beginning(self, size: int) -> TiledFile:
-        """The same file, cut after its first bytes."""
+        """Open the same file, cut after its first bytes."""
         from ..tiles.tiled import TiledFile
 
         fetch = self.tiled.fetch

@@ -1,4 +1,4 @@
-"""What a user states about an input beside what it holds, and what is seen of it while it is encoded."""
+"""Input of an encoder: what options add to it, and a preview while it is encoded."""
 
 from __future__ import annotations
 
@@ -15,13 +15,18 @@ from ..field.framed import Frames
 from ..field.meshed import Mesh
 from ..field.placement import Placement
 from ..field.sampled import Field
+from ..field.samples import missing_of
 from ..io.readers.input_formats import read_mesh
 from ..io.readers.load import ReadOptions, load, open_source
+from ..limits import in_units
 from ..tin.tin import Tin
 from .isofile import IsoFile
+from .thinned import MEMORY
 
 MOST = 1 << 20
 """Bytes that a plan has at most."""
+_MUCH = 1 << 30
+"""Bytes of memory that are remarked on."""
 
 
 def read_input(source: Any, options: ReadOptions, values: str | None = None) -> Field | Frames | Mesh:
@@ -74,12 +79,12 @@ def windows_of(source: Any, options: ReadOptions) -> Iterator[tuple[Any, Placeme
 
 @dataclass(frozen=True, kw_only=True)
 class Added:
-    """What options state about an input.
+    """Properties of an input that options state.
 
     Attributes
     ----------
     labels : sequence of float
-        Encode which samples have these labels.
+        Encode which samples have these labels; missing ones have none.
     spacing : sequence of float, optional
         Distances of samples along the axes, instead of what the input states.
     placed : bool
@@ -136,7 +141,7 @@ class Added:
         if given:
             where = field.placement or Placement()
             field = replace(field, placement=replace(where, **given, inferred=where.inferred and not self.periodic))
-        return replace(field, labels=tuple(self.labels)) if self.labels else field
+        return replace(field, labels=tuple(self.labels), missing="below") if self.labels else field
 
 
 class _Changed(Iterable[Any]):
@@ -180,7 +185,7 @@ class Observed:
         return field
 
     def facts(self, file: IsoFile) -> dict[str, Any]:
-        """What a program may want to know: shape (of a series that of the input), type, isovalues, missing samples."""
+        """Facts for other programs: shape (of a series that of the input), type, isovalues, missing samples."""
         shape = file.shape
         if isinstance(self._given, Frames):
             shape = getattr(self._given.fields, "whole", None) or shape
@@ -296,7 +301,7 @@ def layers_of(text: str, plan: Path | None) -> str:
     except UnicodeDecodeError:
         found = "\0"
     if len(data) > MOST or "\0" in found:
-        raise OptionError("not a plan, which is a short text", code="plan", remedy="see encode --plan-help")
+        raise OptionError("the file is not a plan, which is a short text", code="plan", remedy="see encode --plan-help")
     return found
 
 
@@ -323,10 +328,35 @@ def as_points(what: Any) -> Mesh:
     return Mesh(table[:, :2], None, table[:, 2])
 
 
-def facts_of(tin: Tin) -> dict[str, Any]:
-    """Counts and errors of a surface, for programs."""
+def to_thin(what: Field | Mesh, coded: bool) -> tuple[Any, list[str]]:
+    """What is thinned, and remarks about it; for a file, known samples of a field with holes are scattered points."""
+    remarks = []
+    count = len(np.asarray(what.points)) if isinstance(what, Mesh) else what.values.size
+    if isinstance(what, Field) and what.values.ndim == 2 and (gone := missing_of(what.values, what.mask)).any():
+        remarks.append(f"{int(gone.sum()):,} missing samples: the triangulation spans them")
+        if coded:
+            placed = what.placement.notes() if what.placement is not None else {}
+            what = Mesh(np.argwhere(~gone), None, np.asarray(what.values)[~gone], notes={**placed, **what.metadata})
+    if MEMORY * count > _MUCH:
+        remarks.append(f"thinning may take {in_units(MEMORY * count)} of memory")
+    return what, remarks
+
+
+def merged_by(tin: Tin) -> list[str]:
+    """A remark about points that thinning merged, if it did."""
+    if tin.removals is None or not tin.merged:
+        return []
+    return [f"{tin.merged:,} points coincide with others: merged, with the mean of their values"]
+
+
+def facts_of(tin: Tin, what: Any) -> dict[str, Any]:
+    """Counts of a surface, and how far it is from what was thinned, for programs."""
     out: dict[str, Any] = {"points": len(tin.points), "triangles": len(tin.triangles)}
     if tin.removals is not None:
         errors = tin.removals.errors
-        out |= {"removed": len(tin.removals.order), "error": float(errors[-1]) if len(errors) else 0.0}
+        largest = float(errors[-1]) if len(errors) else 0.0
+        out |= {"removed": len(tin.removals.order), "merged": tin.merged, "error": largest}
+    elif tin.shape is not None:
+        missed = tin.raster() - what.values
+        out |= {"error": float(np.abs(missed).max()), "rms": float(np.sqrt((missed**2).mean()))}
     return out

@@ -152,7 +152,7 @@ def _points_of(what: Any, partial: bool) -> tuple[Points, NDArray[np.float64] | 
     """Points of what is thinned, the field that they are samples of, its notes; ``partial``: some may be missing."""
     if isinstance(what, Mesh):
         if what.cells is not None or what.values is None:
-            raise InputError("a mesh to be thinned has cells, or no values", code="mesh",
+            raise InputError("thin needs scattered points with values: a Mesh without cells", code="mesh",
                              remedy="give Mesh(points, None, values)")
         return points_of(what.points, what.values), None, what.metadata
     field = field_of(what)

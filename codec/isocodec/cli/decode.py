@@ -65,7 +65,7 @@ class DecodeArguments(Writing, Viewing):
 
     @property
     def wanted(self) -> Wanted:
-        """What to decode, as the library takes it."""
+        """The choice of what to decode, as the library takes it."""
         from ..api.export import OutputOptions, Wanted
 
         return Wanted(

@@ -33,7 +33,18 @@ from .option_records import (
     notes_of,
     option,
 )
-from .report import STANDARD, Failure, concerning, counted, named, progress_bar, result, warn, write_output
+from .report import (
+    STANDARD,
+    Failure,
+    concerning,
+    counted,
+    named,
+    own_warnings,
+    progress_bar,
+    result,
+    warn,
+    write_output,
+)
 
 if TYPE_CHECKING:
     from ..api.inputs import Observed
@@ -233,6 +244,8 @@ def encode_command(options: EncodeArguments) -> None:
         warn(options.source, remark)
     seconds = time.perf_counter() - started
     holds = counted(facts["points"], "point") if options.surface else counted(facts["layers"], "layer")
+    if len(options.labels) > 1:
+        holds = counted(len(options.labels), "label")
     result(
         f"{named(options.output)}: {facts['bytes']:,} bytes, {holds}, {seconds:.2f} s",
         {"output": str(options.output), **facts, "seconds": round(seconds, 3)}, options.as_json,
@@ -242,23 +255,25 @@ def encode_command(options: EncodeArguments) -> None:
 def _whole(options: EncodeArguments, keywords: dict[str, Any]) -> tuple[dict[str, Any], list[str]]:
     """Encode in one piece; facts about the file, and remarks."""
     from ..api.encoding import encode
-    from ..api.inputs import facts_of
+    from ..api.inputs import facts_of, to_thin
     from ..api.isofile import open
 
     seen = options.observed()
-    for remark in seen.before:
+    given, remarks = to_thin(seen.what, True) if options.surface else (seen.what, [])
+    for remark in [*seen.before, *remarks]:
         warn(options.source, remark)
     with concerning(options.source), progress_bar("encoding") as progress, seen.blaming(options.plan, Failure):
         if options.surface:
-            tin = options.thinned(seen.what, options.isovalues, int(options.layers or 1), None, progress)
+            tin = options.thinned(given, options.isovalues, int(options.layers or 1), None, progress)
             data = encode(tin, **keywords)
         else:
-            data = encode(seen.what, options.isovalue, progress=progress, **keywords)
+            with own_warnings(options.source):
+                data = encode(seen.what, options.isovalue, progress=progress, **keywords)
     write_output(options.output, data)
     file = open(data)
     marked = options.nodata is not None or options.missing is not None
     facts = {"bytes": file.size, "layers": len(file.info.layers), **seen.facts(file)}
-    return (facts | facts_of(tin), []) if options.surface else (facts, seen.after(file, keywords, marked))
+    return (facts | facts_of(tin, given), []) if options.surface else (facts, seen.after(file, keywords, marked))
 
 
 def _tiled(options: EncodeArguments, keywords: dict[str, Any]) -> tuple[dict[str, Any], list[str]]:

@@ -67,7 +67,7 @@ def _print(source: str, info: FileInfo, complete: bool) -> None:
 
 
 def _facts(info: FileInfo) -> list[tuple[str, str]]:
-    """What is said once of a file, by name."""
+    """Collect by name what holds for the whole file."""
     out = [("kind", info.kind), ("version", f"{info.version} (read version {info.read_version})"),
            ("profile", str(info.profile))]
     if info.shape:

@@ -133,7 +133,7 @@ class Grouped(click.Command):
         return str(self.help).format_map(formats())
 
     def format_help_text(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
-        """As click, with the suffixes of formats."""
+        """Format help like click, with the suffixes of formats."""
         self.help = self.text()
         super().format_help_text(ctx, formatter)
 
@@ -227,7 +227,7 @@ class Limited(Arguments):
 
     @property
     def limits(self) -> Limits:
-        """What the options allow."""
+        """Limits that the options set."""
         given = {"memory": self.limit_memory, "work": self.limit_work, "samples": self.limit_samples}
         return replace(Limits(), **{name: value for name, value in given.items() if value is not None})
 
@@ -314,7 +314,7 @@ class Reading(Arguments):
                                        help=f"Most samples.  [default: {FIELD_SAMPLES:,}]")
 
     def reading(self, source: str, **more: Any) -> ReadOptions:
-        """What to read of a source, and how."""
+        """Collect the options for reading a source."""
         from ..api.inputs import ReadOptions
 
         if self.kind is not None and source != STANDARD and "://" not in source:
@@ -340,7 +340,7 @@ class Reading(Arguments):
 
 @dataclass(frozen=True, kw_only=True)
 class ThinningArguments(Arguments):
-    """How a surface is thinned."""
+    """Options for thinning a surface."""
 
     points: int | None = option("--points", heading=SURFACE, type=From(min=3), metavar="N",
                                 help="Keep N points.")
@@ -363,7 +363,7 @@ class ThinningArguments(Arguments):
         )
 
     def check_thinning(self, isovalues: Collection[float]) -> None:
-        """That one measure of thinning is given."""
+        """Check that one measure of thinning is given."""
         measures = self.given("points", "error", "size") + ["--isovalue"] * bool(isovalues)
         if len(measures) != 1:
             raise click.UsageError("give exactly one of --points, --error, --size and --isovalue")
@@ -372,7 +372,7 @@ class ThinningArguments(Arguments):
 
 
 def stream(source: str) -> Any:
-    """What a source names: standard input for ``-``, a path, or a URL as it is."""
+    """Resolve the name of a source: standard input for ``-``, a path, or a URL as it is."""
     return sys.stdin.buffer if source == STANDARD else source
 
 

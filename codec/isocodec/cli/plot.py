@@ -99,7 +99,7 @@ def plot_command(options: PlotArguments) -> None:
     last step of a file that ends within a layer shows that part of it.
 
     With --map INPUT may also be a field of two axes that encode reads. Lines of a field are those of encode --precision
-    0.005. Around them stand the coordinates of the world, its reference system and a scale bar, as far as INPUT states
+    0.005. Around them come world coordinates, the reference system and a scale bar, as far as INPUT states
     where its samples lie; holes are hatched. A field has a shaded relief beneath.
     """
     options.check()

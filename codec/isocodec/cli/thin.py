@@ -49,7 +49,7 @@ def thin_command(options: ThinArguments) -> None:
         raise click.UsageError("--criterion does not apply to .iso: the points that make the best file are kept")
     from ..api.encoding import encode
     from ..api.export import OutputOptions, check_export, write_surface
-    from ..api.inputs import as_points, facts_of
+    from ..api.inputs import as_points, facts_of, merged_by, to_thin
     from ..api.output import check_output
 
     with concerning(options.output):
@@ -57,13 +57,16 @@ def thin_command(options: ThinArguments) -> None:
         if not coded:
             check_export(options.output, "surface", OutputOptions())
     what = options.read(options.source)
-    for remark in getattr(what, "remarks", ()):
+    with concerning(options.source):
+        given, remarks = to_thin(as_points(what) if options.scattered else what, coded)
+    for remark in [*getattr(what, "remarks", ()), *remarks]:
         warn(options.source, remark)
     started = time.perf_counter()
     with concerning(options.source), progress_bar("thinning") as progress:
-        given = as_points(what) if options.scattered else what
         criterion = options.criterion or (None if coded else "AT1")
         tin = options.thinned(given, options.isovalues, options.layers, criterion, progress)
+    for remark in merged_by(tin):
+        warn(options.source, remark)
     if coded:
         data = encode(tin)
         size = len(data)
@@ -71,10 +74,12 @@ def thin_command(options: ThinArguments) -> None:
     else:
         with written_to(options.output, options.source) as target:
             size = write_surface(tin, target, OutputOptions())
-    seconds, facts = time.perf_counter() - started, facts_of(tin)
+    seconds, facts = time.perf_counter() - started, facts_of(tin, given)
     error = f", largest error {facts['error']:g}" if "error" in facts else ""
+    error += f", in the mean {facts['rms']:.4g}" if "rms" in facts else ""
     result(
         f"{named(options.output)}: {size:,} bytes, {facts['points']:,} points, {facts['triangles']:,} triangles"
         f"{error}, {seconds:.2f} s",
-        {"output": str(options.output), "bytes": size, **facts, "seconds": round(seconds, 3)}, options.as_json,
+        {"output": str(options.output), "bytes": size, **facts, **({"criterion": criterion} if criterion else {}),
+         "seconds": round(seconds, 3)}, options.as_json,
     )

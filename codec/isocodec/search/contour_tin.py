@@ -20,9 +20,9 @@ from .tin_fit import ChosenPoints, along_contours
 _STEP = 0.2
 """Steps of values, as a share of what is allowed next to a contour in the mean."""
 _SHARES = 1.0, 0.5
-"""Of the distance, what the surface may move a contour by at first."""
+"""Shares of the distance that the surface may move a contour by at first."""
 _KEPT = 0.7
-"""Of how far a value lies from all isovalues, what the surface may miss it by."""
+"""Share of a value's distance from all isovalues that the surface may miss it by."""
 _ROUNDS = 24
 _NEAR = 2
 """Samples around a piece that lies too far away where less is allowed from then on."""

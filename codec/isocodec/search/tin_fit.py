@@ -1,4 +1,4 @@
-"""Which points and values a coded surface has: to an error, to a number of points, to a size of the file."""
+"""Choice of points and values of a coded surface: to an error, to a number of points, to a size of the file."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from ..tin.thinning import Thinning, thin_to, thinning
 MOST_PALETTE = 24
 """Values that a field has at most, for its points to have no others."""
 _BITS = 10.8
-"""Of a point and its value, about."""
+"""Bits of a point and its value, about."""
 _STEP = 1.25
 """Step of values, in roots of the mean squared error that there is without steps: found on pictures."""
 _TRIES = 8
@@ -144,14 +144,14 @@ def best(given: Points, count: int, step: float | None) -> ChosenPoints:
 
 
 def smallest(given: Points, size: int, encode: Callable[[ChosenPoints], bytes], step: float | None) -> ChosenPoints:
-    """As many points as a file of so many bytes has room for."""
+    """Choose as many points as a file of so many bytes has room for."""
     found = [_filling(given, search, size, encode, step) for search in _searches(given, step)]
     fitting = [each for each in found if len(encode(each)) <= size] or found[:1]
     return min(fitting, key=lambda each: each.squared)
 
 
 def _searches(given: Points, step: float | None) -> list[_Squared]:
-    """With fitted values, and, of fields with few values, with these only."""
+    """Searches with fitted values, and, of fields with few values, with these only."""
     few = step is None and len(np.unique(given.value)) <= MOST_PALETTE
     return [_Squared(given, False), _Squared(given, True)] if few else [_Squared(given, False)]
 
@@ -159,7 +159,7 @@ def _searches(given: Points, step: float | None) -> list[_Squared]:
 def _filling(
     given: Points, search: _Squared, size: int, encode: Callable[[ChosenPoints], bytes], step: float | None
 ) -> ChosenPoints:
-    """As many points as a file of so many bytes has room for, by one search."""
+    """Choose as many points as a file of so many bytes has room for, by one search."""
     count = max(int(8 * size / _BITS), 3)
     found: ChosenPoints | None = None
     for turn in range(_TRIES):

@@ -85,7 +85,7 @@ class Decoder(Session):
 
     @property
     def interval(self) -> int | None:
-        """Of a series: frames whose number is a multiple of it lean on none before them, 0 if only the first does.
+        """Interval of a series: frames whose number is a multiple of it lean on none, 0 if only the first does not.
 
         None of a file without frames, and before that is known.
         """
@@ -256,7 +256,7 @@ def _contents_of(
     session: Session, header: Header, *, mesh: tuple[ArrayLike, ArrayLike] | None, only: Collection[int] | None,
     frame: int | None,
 ) -> Contents:
-    """What the chunks of a file mean, as far as its header decides that."""
+    """Make the contents for a file's chunks, as far as its header decides that."""
     if header.cells is None:
         from .grid_contents import GridContents
 

@@ -49,7 +49,7 @@ Report = Callable[[int, int], object]
 """Is called with the layers done and their total; before, while a mesh is searched for, with the curves tried and 0."""
 
 FINE_SHARE = 0.25
-"""Under the criterion distortion crossings are told within this share of its distance, or more finely."""
+"""Under the criterion distortion crossings are stored within this share of its distance, or more finely."""
 LEVELS_WORTH = 0.95
 """A frame begins at the leaves of the one before if that takes less than this share of what levels would take."""
 INDEX_SHARE = 100
@@ -58,7 +58,7 @@ INDEX_SHARE = 100
 
 @dataclass(frozen=True)
 class GridFile:
-    """What all frames of a file on a grid have in common.
+    """Properties that all frames of a file on a grid share.
 
     Attributes
     ----------
@@ -208,7 +208,7 @@ class GridFrame:
 
     @property
     def records(self) -> list[LayerRecord]:
-        """What the layers that are done took."""
+        """Sizes of the layers that are done."""
         return [record for strand in self.strands for record in strand.records]
 
     def chunks(self) -> Iterator[bytes]:
@@ -275,7 +275,7 @@ class GridFrame:
         return field_tube(file.header, field, truth, tube, isovalue, file.holes, lean.before)
 
     def _plan_of(self, number: int, lean: LeanOn | None) -> Sequence[Entry]:
-        """What the options come to for one isovalue."""
+        """Plan that the options lead to for one isovalue."""
         file, o = self.file, self.file.options
         precision, level = o.precision, o.layers.level
         plan = o.layers.plan_for(file.series.isovalues[number])
@@ -382,7 +382,7 @@ class GridFrame:
                 if all(layer.births for layer in self.layers if layer.kind == LayerKind.ADAPT):
                     raise
                 raise OptionError(
-                    "an adaptive layer of the plan leaves out new components that there are", code="plan",
+                    "an adaptive layer of the plan leaves out new components of the field", code="plan",
                     remedy='("adapt", 1, mesh)',
                 ) from error
             payload = write_program(strand.layers[done:end], program, strand.bits) + run

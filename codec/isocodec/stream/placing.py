@@ -36,7 +36,7 @@ class DecodedCoordinates:
         self._mapped: Mapped | None = None
 
     def mapped(self, record: CoordinatesRecord | None, shape: tuple[int, ...]) -> Mapped | None:
-        """What a chunk holds; None if there is none, or its run is malformed: it is ignored then.
+        """Decode a chunk of coordinates; None without one, or if its run is malformed: it is ignored then.
 
         Raises
         ------
@@ -100,7 +100,7 @@ def given_of(placement: Placement, shape: tuple[int, ...], gone: NDArray[np.bool
 def coordinates_payload(
     placement: Placement | None, shape: tuple[int, ...], gone: NDArray[np.bool_] | None
 ) -> bytes:
-    """Payload of the chunk of coordinates; empty if there are none. Parameters and errors as in `given_of`."""
+    """Payload of the chunk of coordinates; empty without coordinates. Parameters and errors as in `given_of`."""
     if placement is None or (placement.coordinates is None and not placement.periodic):
         return b""
     given = given_of(placement, shape, gone)

@@ -1,4 +1,4 @@
-"""What leans on what: isovalues of a frame on one another, frames on the one before (spec clauses 3.5.5, 3.5.7)."""
+"""Leaning of isovalues on one another within a frame, and of frames on the one before (spec clauses 3.5.5, 3.5.7)."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from ..format.frames import FRAME_BEFORE, is_key, key_of
 
 @dataclass(frozen=True)
 class LeanOn:
-    """What an isovalue leans on.
+    """An isovalue that another one leans on.
 
     Attributes
     ----------
@@ -25,7 +25,7 @@ class LeanOn:
 
     @property
     def coded(self) -> int:
-        """As chunks hold it: the number in the same frame, or ``FRAME_BEFORE``."""
+        """Number as in chunks: that in the same frame, or ``FRAME_BEFORE``."""
         return FRAME_BEFORE if self.before else self.number
 
 
@@ -82,7 +82,7 @@ class Series:
         self._leans[-1].append(lean)
 
     def lean(self, number: int, frame: int = 0) -> LeanOn | None:
-        """What an isovalue of a frame leans on."""
+        """Find what an isovalue of a frame leans on."""
         return self._leans[frame][number]
 
     def is_key(self, frame: int) -> bool:
@@ -98,7 +98,7 @@ class Series:
         return None if coded is None else LeanOn(number, True) if coded == FRAME_BEFORE else LeanOn(coded)
 
     def choose(self, number: int, independent: bool) -> LeanOn | None:
-        """What an encoder lets an isovalue of the present frame lean on, unless that turns out to be no help.
+        """Choose for an encoder what an isovalue of the present frame leans on, unless that turns out to be no help.
 
         The same isovalue of the frame before; in frames that lean on none before them, and so in a file of one frame,
         the nearest isovalue before it.

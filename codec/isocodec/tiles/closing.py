@@ -30,7 +30,7 @@ Edge = tuple[int, int]
 
 @dataclass(frozen=True)
 class TilePart:
-    """What is drawn in a tile.
+    """Drawing of a tile.
 
     Attributes
     ----------
@@ -58,7 +58,7 @@ class TilePart:
 
 @dataclass(frozen=True)
 class Square:
-    """What is to be closed in a square of a face, or on an edge in the plane.
+    """Gaps to close in a square of a face, or on an edge in the plane.
 
     Attributes
     ----------
@@ -98,7 +98,7 @@ class Closing:
         self._line_of: dict[int, tuple[Line, int]] = {}
 
     def cells(self) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-        """Points that are to stand behind the others, (Q, n), and segments or triangles, (M, n)."""
+        """Points to append to the others, (Q, n), and segments or triangles, (M, n)."""
         squares = list(self._squares())
         if self._n == 2:
             segments = [edge for square in squares for edge, _ in square.border]
@@ -117,7 +117,7 @@ class Closing:
         return np.concatenate(added), np.array(out, np.int64).reshape(-1, 3)
 
     def _squares(self) -> Iterator[Square]:
-        """What is to be closed, square by square."""
+        """Collect the gaps to close, square by square."""
         faces = list(self._faces())
         if faces:
             self._note_lines()

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -13,12 +13,12 @@ from numpy.typing import NDArray
 
 from ..errors import InputError, OptionError
 from ..field.sampled import Field
-from ..field.samples import missing_of
 from ..storage.atomic import check_target, writing
-from ..stream.isovalues import isovalues_of, range_of
+from ..stream.isovalues import isovalues_of
 from ..stream.options import Isovalues, Options, Precision
 from .assembly import grid_of, merged
-from .layout import Index, in_order
+from .layout import Index
+from .sample_range import sample_range
 from .spool import Spool, begun
 from .structure import EXPONENTS
 from .tile_encoder import Tiling
@@ -63,8 +63,11 @@ def encode_tiles(
             held.remove()
 
 
-def tiling_of(field: Any, isovalue: Isovalues | None, tile: int | None, options: Options) -> Tiling:
-    """What a file in tiles is asked for, checked before any sample is read, unless isovalues need their range.
+def tiling_of(
+    field: Any, isovalue: Isovalues | None, tile: int | None, options: Options,
+    progress: Callable[[int, int], object] | None = None,
+) -> Tiling:
+    """Tiling for a file in tiles, checked before any sample is read, unless isovalues need their range.
 
     Parameters
     ----------
@@ -73,6 +76,8 @@ def tiling_of(field: Any, isovalue: Isovalues | None, tile: int | None, options:
     tile : int or None
         Samples along each axis of a tile: 1024 in the plane, 128 in space if None.
     options : Options
+    progress : callable, optional
+        Called with the tiles done and their total while the range is sought.
 
     Raises
     ------
@@ -87,21 +92,13 @@ def tiling_of(field: Any, isovalue: Isovalues | None, tile: int | None, options:
         raise OptionError("no isovalue", code="isovalue", remedy="only a mask (bool) needs none")
 
     def ends() -> tuple[float, float]:
-        windows = slices_of(field)
-        found = [range_of(each) for each in _known_samples(windows, grid) if each.size]
-        if not found:
+        found = sample_range(slices_of(field), grid, progress)
+        if found is None:
             raise InputError("all samples are missing", code="missing")
-        return min(low for low, _ in found), max(high for _, high in found)
+        return found
 
-    isovalues = isovalues_of(0.5 if isovalue is None else isovalue, ends)
-    return Tiling(grid, tuple(isovalues), options, dtype.str)
-
-
-def _known_samples(field: Any, grid: Any) -> Iterator[NDArray[Any]]:
-    """The samples of each tile that are not missing."""
-    for index in map(tuple, in_order(grid.counts).tolist()):
-        window = field[grid.window(index)]
-        yield np.asarray(window)[~missing_of(window)]
+    tiling = Tiling(grid, (), options, dtype.str)
+    return replace(tiling, isovalues=tuple(isovalues_of(0.5 if isovalue is None else isovalue, ends)))
 
 
 def _options_of(
@@ -113,7 +110,7 @@ def _options_of(
         precision = Precision(signs=True)
     if not isinstance(field, Field):
         if precision.world:
-            raise OptionError(f"a distance of {precision.world} for a field that lies nowhere in the world",
+            raise OptionError(f"a distance of {precision.world} needs a field with a placement in the world",
                               code="tolerance", remedy="give a Field with a placement, or a number of cells")
         return replace(options, precision=precision)
     if field.labels is not None or field.missing != "hole":
@@ -158,7 +155,7 @@ def _shape_of(field: Any) -> tuple[Index, np.dtype[Any]]:
         )
     if len(shape) not in (2, 3) or min(shape) < 2:
         raise InputError(
-            f"a field of shape {tuple(shape)} in tiles", code="shape",
+            f"a field of shape {tuple(shape)} cannot be encoded in tiles", code="shape",
             remedy="give 2 or 3 axes with at least 2 samples along each",
         )
     found = np.dtype(dtype)

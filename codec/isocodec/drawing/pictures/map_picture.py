@@ -37,7 +37,7 @@ _SMALL = 7
 
 @dataclass(frozen=True)
 class Colours:
-    """What a map is drawn in."""
+    """Colours of a map."""
 
     paper: str
     text: str
@@ -95,7 +95,7 @@ def map_picture(
         One of `picture.PICTURE_SUFFIXES`.
     look : MapLook
     field : (s0, s1) array, optional
-        Its samples, for the shaded relief; without them there is none.
+        Its samples, for the shaded relief; without them the map has no relief.
     valid : (s0, s1) array of bool, optional
         Which samples are not missing; all if not given.
 
@@ -108,7 +108,7 @@ def map_picture(
     """
     first = contours[0]
     if len(first.shape) != 2:
-        raise OptionError("maps are of fields of two axes", code="dimension", remedy="isocodec plot draws surfaces")
+        raise OptionError("a map needs a field of two axes", code="dimension", remedy="isocodec plot draws surfaces")
     ground = ground_of(first)
     figure, axes = _sheet(first, look, ground)
     if field is not None:
@@ -254,7 +254,7 @@ def _width(text: str, size: float = _SMALL) -> float:
 def _write_around(
     figure: Any, axes: Any, contours: Sequence[Curve], look: MapLook, ground: Ground, holes: bool
 ) -> None:
-    """Frame, coordinates, title, what the map says of itself, scale bar."""
+    """Draw frame, coordinates, title, notes and scale bar."""
     ticker = optional("matplotlib.ticker", extra="plot", purpose="drawing a picture")
     colours = look.colours
     for k, axis in enumerate((axes.xaxis, axes.yaxis)):
