@@ -10,11 +10,23 @@ from typing import Any
 
 from ..errors import OptionError
 from ..storage.atomic import check_target, undo_all, undoing, write_bytes
+from .isofile import IsoFile
+from .kinds import TileFile
 
-__all__ = ["STANDARD", "check_output", "engine_of", "undo_all", "undoing", "write_bytes"]
+__all__ = ["STANDARD", "check_output", "engine_of", "read_of", "undo_all", "undoing", "write_bytes"]
 
 STANDARD = "-"
 """Name of standard input and output."""
+
+
+def read_of(file: IsoFile) -> tuple[str, dict[str, int]]:
+    """What has been read of a file in tiles, in words and for programs; nothing of other files."""
+    if not isinstance(file.held, TileFile):
+        return "", {}
+    tiled = file.held.tiled
+    pieces = "piece" if tiled.requests == 1 else "pieces"
+    text = f", {tiled.received:,} bytes read in {tiled.requests} {pieces} of a file of {file.size:,}"
+    return text, {"read": tiled.received, "pieces": tiled.requests}
 
 
 def check_output(output: str | os.PathLike[str], source: str, *, iso: bool = False) -> None:

@@ -53,7 +53,7 @@ def edit_command(options: EditOptions) -> None:
     """
     import isocodec
 
-    from ..api.output import check_output
+    from ..api.output import check_output, read_of
 
     for source in options.source:
         with concerning(options.output):
@@ -78,8 +78,9 @@ def edit_command(options: EditOptions) -> None:
         warn(options.source[0], f"the result ends before isovalue {' and '.join(map(repr, lost))}")
     before = sum(file.size for file in files)
     isovalues = [float(value) for value in made.isovalues]
+    text, read = ("", {}) if several else read_of(files[0])
     result(
-        f"{named(options.output)}: {len(data):,} of {before:,} bytes, {counted(len(isovalues), 'isovalue')}",
-        {"output": str(options.output), "bytes": len(data), "input_bytes": before, "isovalues": isovalues},
+        f"{named(options.output)}: {len(data):,} of {before:,} bytes, {counted(len(isovalues), 'isovalue')}{text}",
+        {"output": str(options.output), "bytes": len(data), "input_bytes": before, "isovalues": isovalues, **read},
         options.as_json,
     )
