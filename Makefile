@@ -73,7 +73,7 @@ fuzz: .venv-test/.installed ## Fuzz the decoder, then the encoder, for MINUTES=5
 	$(TEST_PYTHON) -m isoconform fuzz --minutes $(MINUTES) --out fuzz-out
 	$(TEST_PYTHON) -m isoconform fuzz --minutes $(MINUTES) --encoder
 
-clean: ## Remove everything that make has made; what is kept of builds is elsewhere, see README.
+clean: ## Remove everything that make has made; builds that are kept elsewhere stay, see docs/kernels.md.
 	rm -rf .venv-build .venv-demo .venv-docs .venv-test codec/isocodec/kernel/built demo/out fuzz-out .pytest_cache .mypy_cache .ruff_cache .hypothesis build dist codec/js/dist codec/js/node_modules
 	find codec spec conformance tests tools -name __pycache__ -type d -prune -exec rm -rf {} +
 

@@ -15,7 +15,7 @@ from isocodec.drawing.snapshot import state_of
 from isocodec.errors import FormatError
 from isocodec.format import chunks
 from isocodec.grid.layers import layer_writer as writer
-from isocodec.stream import encoder
+from isocodec.stream import grid_encoder
 from isospec.container import (
     ChunkType,
     write_varint,
@@ -44,12 +44,12 @@ def files():
         "empty": isocodec.encode(np.zeros((8, 5), int), 0),
     }
     # Small limits in the encoder make a short file with all that a long one has: runs, checksums, an index.
-    saved = writer.RUN_BYTES, encoder.INDEX_SHARE, chunks.CHECKED_CHUNK
-    writer.RUN_BYTES, encoder.INDEX_SHARE, chunks.CHECKED_CHUNK = 24, 0, 16
+    saved = writer.RUN_BYTES, grid_encoder.INDEX_SHARE, chunks.CHECKED_CHUNK
+    writer.RUN_BYTES, grid_encoder.INDEX_SHARE, chunks.CHECKED_CHUNK = 24, 0, 16
     try:
         made["several runs"] = isocodec.encode(picture((13, 16), 6), 2, precision="exact", layers=1)
     finally:
-        writer.RUN_BYTES, encoder.INDEX_SHARE, chunks.CHECKED_CHUNK = saved
+        writer.RUN_BYTES, grid_encoder.INDEX_SHARE, chunks.CHECKED_CHUNK = saved
     return made
 
 

@@ -120,7 +120,7 @@ def test_on_the_command_line(hills: Path, curve: Path, surface: Path, tmp_path: 
     ok("decode", curve, "-o", out, "--what", "areas", "--side", "below")
     assert json.loads(out.read_text())["properties"]["area"] == "below"
     wrong = fails(2, "decode", curve, "-o", tmp_path / "high.svg", "--what", "areas", "--side", "above")
-    assert ".geojson, .gpkg, .fgb, .shp, .parquet only" in wrong
+    assert "cannot hold areas: one of .geojson, .gpkg, .fgb, .shp, .parquet" in wrong
     assert "cannot hold a surface" in fails(
         2, "decode", surface, "-o", tmp_path / "high.geojson", "--what", "areas", "--side", "above",
     )

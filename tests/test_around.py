@@ -8,7 +8,6 @@ from unittest import mock
 
 import numpy as np
 import pytest
-from isocodec.cli.receive import Drawings
 
 import isocodec
 from brute import INTERPRETED
@@ -24,7 +23,6 @@ from isocodec.format.chunks import read_further, write_further
 from isocodec.format.events import LayerComplete
 from isocodec.grid.tube.capacity import at_rest, wider_state
 from isocodec.io.readers.detached import _numbered
-from isocodec.io.writers.output_formats import Cost
 from isocodec.limits import LEVELS, Budget
 from isocodec.storage.atomic import undo_all, undoing
 from isocodec.stream.encoder import encoder_of
@@ -196,17 +194,6 @@ def test_all_drawings_of_a_file_count_together():
     assert held == [0, contours[0].points.nbytes + contours[0].cells.nbytes]
 
 
-def test_what_is_kept_of_a_drawing_counts_when_the_next_one_comes():
-    decoder = Decoder()
-    decoder.feed(TWO)
-    list(decoder)
-    held = []
-    cost = Cost(10, 10, kept=7)
-    with mock.patch.object(Decoder, "hold", lambda _, size: held.append(size)):
-        points = [len(contour.points) for contour in Drawings(decoder, [0, 1], False, cost)]
-    assert held[1] == 7 * points[0] and held[3] == 7 * sum(points)
-
-
 # --- inputs and outputs -----------------------------------------------------------------------------------------------
 
 
@@ -259,10 +246,10 @@ def test_who_names_an_isovalue_is_not_told_of_others(tmp_path):
 def test_memory_that_ends_anywhere_has_its_exit_code(tmp_path, monkeypatch):
     (tmp_path / "in.iso").write_bytes(TWO)
 
-    def ends(*_: object) -> None:
+    def ends(*_: object, **__: object) -> None:
         raise MemoryError
 
-    monkeypatch.setattr("isocodec.cli.decode.limits_of", ends)
+    monkeypatch.setattr("isocodec.api.isofile.open", ends)
     assert "not enough memory" in fails(6, "decode", tmp_path / "in.iso", "-o", tmp_path / "a.npz")
 
 

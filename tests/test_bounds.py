@@ -19,12 +19,14 @@ import pytest
 import tifffile
 from PIL import Image
 
+import isocodec
 from commands import HILLS, fails, ok, run
 from files import same
 from inputs import META, NRRD, read_field, read_nodata, read_place, written
-from isocodec import Limits, limits
-from isocodec.cli import report
+from isocodec import Limits
+from isocodec.cli import option_records
 from isocodec.errors import InputError, LimitError, OptionError
+from isocodec.storage import content
 
 KINDS = ["a.npy", "a.npz", "a.h5", "a.tif", "packed.tif", "a.png", "a.jpg", "a.nii", "a.nii.gz", "a.nrrd", "a.nhdr"]
 KINDS += ["a.mha", "a.mhd"]
@@ -257,8 +259,8 @@ def test_devices_and_pipes(tmp_path: Path) -> None:
 def test_a_curve_comes_in_pieces_but_not_without_end(
     tmp_path: Path, curve: Path, curve_data: bytes, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(report, "_PIECE", 7)
-    assert report.read_iso(curve) == curve_data
+    monkeypatch.setattr(content, "_PIECE", 7)
+    assert isocodec.open(curve).data == curve_data
     for most, code in ((len(curve_data), 0), (len(curve_data) - 1, 6)):
-        monkeypatch.setattr(limits, "Limits", lambda most=most: Limits(bytes=most))
+        monkeypatch.setattr(option_records, "Limits", lambda most=most: Limits(bytes=most))
         assert run("info", curve).exit_code == code

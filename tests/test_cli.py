@@ -350,6 +350,7 @@ def test_truncate(curve: Path, tmp_path: Path, curve_data: bytes) -> None:
         "bytes": out.stat().st_size,
         "input_bytes": len(curve_data),
         "isovalues": [80.5],
+        "layers": 2,
     }
     size = len(curve_data) * 3 // 4
     line = ok("edit", curve, "-o", out, "--size", size)

@@ -17,7 +17,7 @@ from commands import HILLS, fails, ok, process, run
 from isocodec.api.export import counted
 from isocodec.cli import main
 from isocodec.cli import report as progress_module
-from isocodec.cli.options import HEADINGS
+from isocodec.cli.option_records import HEADINGS
 
 # ---- Where the output goes ------------------------------------------------------------------------------------------
 

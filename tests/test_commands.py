@@ -18,7 +18,7 @@ import isocodec
 from commands import HILLS, run
 from commands_page import PAGE, page
 from isocodec.cli import main
-from isocodec.cli.options import HEADINGS
+from isocodec.cli.option_records import HEADINGS
 from isocodec.cli.report import EXIT_CODES
 from isocodec.errors import FormatError, InputError, KernelError, LimitError, MissingExtraError, OptionError
 

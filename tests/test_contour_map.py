@@ -1,4 +1,4 @@
-"""``isocodec map``: read back as an SVG, and looked at pixel by pixel."""
+"""``isocodec plot --map``: read back as an SVG, and looked at pixel by pixel."""
 
 from __future__ import annotations
 

@@ -157,7 +157,7 @@ def test_an_index_with_bytes_behind_it():
     assert found[-1][1].type == ChunkType.INDEX
     at, envelope, _ = found[-1]
     payload = data[envelope.start : envelope.end]
-    layers = closed(data).layers
+    layers = closed(data).grid.layers
     assert len(read_index(payload, layers)) == len(layers)
     assert read_index(payload + b"\0", layers) == read_index(payload[:-1], layers) == []
     longer = with_checksum(data[:at] + chunk(ChunkType.INDEX, payload + b"\0", ancillary=True, last=True))
@@ -233,8 +233,8 @@ def test_skipped_isovalues(three, only):
         assert decoder.isovalues == whole.isovalues
         for number in range(3):
             if number in only:
-                assert same_drawing(decoder.contour(number), whole.drawn(number))
-                assert decoder.grid.state(number).lines() == whole.state(number).lines()
+                assert same_drawing(decoder.contour(number), whole.contour(number))
+                assert decoder.grid.state(number).lines() == whole.grid.state(number).lines()
             else:
                 assert decoder.grid.state(number) is None and not len(decoder.contour(number).points)
         layers = [e for e in events if isinstance(e, LayerComplete)]

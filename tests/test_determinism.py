@@ -84,7 +84,7 @@ def twice(monkeypatch):
         assert contents(result) == contents(kernel.function(*others)), kernel.name
         for (name, _), mine, other in zip(kernel.signature.arguments, arguments, others, strict=True):
             assert contents(mine) == contents(other), f"{kernel.name}: {name}"
-        called.add(f"isocodec.{kernel.name}")
+        called.add(f"{kernel.function.__module__}.{kernel.function.__name__}")
         return result
 
     monkeypatch.setattr(Kernel, "__call__", both)

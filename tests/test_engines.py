@@ -20,6 +20,7 @@ import isocodec
 from commands import fails, ok
 from inputs import read_field, read_place
 from isocodec.errors import InputError, LimitError, OptionError
+from places import matrix
 
 HILL = 100 - np.hypot(*(np.mgrid[:20, :30] - np.array([9.3, 14.2])[:, None, None])) * 5
 BALL = 100 - np.linalg.norm(np.mgrid[:12, :13, :14] - np.array([5.6, 6.2, 6.9])[:, None, None, None], axis=0) * 10
@@ -109,10 +110,8 @@ def test_tiles_of_hdf5(tmp_path: Path) -> None:
     with h5py.File(tmp_path / "a.h5", "w") as file:
         file.create_dataset("deep/values", data=field[None])
         file.create_dataset("bounds", data=np.zeros((13, 2)))
-    ok(
-        "tile", tmp_path / "a.h5", "-o", tmp_path / "a.iso", "--isovalue", 200.5, "--precision", "exact", "--key",
-        "deep/values",
-    )
+    ok("encode", tmp_path / "a.h5", "-o", tmp_path / "a.iso", "--isovalue", 200.5, "--precision", "exact",
+       "--key", "deep/values", "--tile", 128)
     made, whole = isocodec.decode(tmp_path / "a.iso"), isocodec.decode(isocodec.encode(field, 200.5, precision="exact"))
     assert len(made.points) > 4 and set(map(tuple, made.points)) == set(map(tuple, whole.points))
     said = fails(3, "encode", tmp_path / "a.h5", "-o", tmp_path / "b.iso", "--isovalue", 200.5, "--tile", 128)
@@ -225,9 +224,8 @@ def test_dicom_series(tmp_path: Path) -> None:
     assert np.array_equal(field.values, volume)
     first = pydicom.dcmread(next(p for p in (tmp_path / "ct").iterdir() if pydicom.dcmread(p).InstanceNumber == 1))
     corner = np.array([float(x) for x in first.ImagePositionPatient])
-    matrix = np.column_stack([TILT[:, 0] * 1.5, TILT[:, 1] * 2.0, TILT[:, 2] * 3.0, corner])
-    assert field.placement is not None
-    assert np.allclose(field.placement.matrix, np.diag([-1.0, -1, 1]) @ matrix, atol=1e-6)
+    expected = np.column_stack([TILT[:, 0] * 1.5, TILT[:, 1] * 2.0, TILT[:, 2] * 3.0, corner])
+    assert np.allclose(matrix(field), np.diag([-1.0, -1, 1]) @ expected, atol=1e-6)
     names = SimpleITK.ImageSeriesReader.GetGDCMSeriesFileNames(str(tmp_path / "ct"))
     assert np.allclose(matrix(isocodec.read(SimpleITK.ReadImage(names))), matrix(field), atol=1e-6)
     ok("encode", tmp_path / "ct", "-o", tmp_path / "ct.iso", "--isovalue", 650.5, "--precision", "exact")
@@ -310,4 +308,4 @@ def test_vti_that_leaves_a_choice_or_is_damaged(tmp_path: Path, capfd: pytest.Ca
     with pytest.raises(InputError):
         read_field(tmp_path / "cut.vti", key="a")
     (tmp_path / "other.vti").write_bytes(b"whatever")
-    assert "no image data" in fails(3, "encode", tmp_path / "other.vti", "-o", tmp_path / "a.iso", "--isovalue", 1)
+    assert "not VTK image data" in fails(3, "encode", tmp_path / "other.vti", "-o", tmp_path / "a.iso", "--isovalue", 1)

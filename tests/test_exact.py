@@ -280,10 +280,10 @@ def test_numbers_of_numpy_are_numbers():
 
 @pytest.mark.parametrize(
     "options",
-    [{"layers": 2.5}, {"layers": "2"}, {"precision": "one"}, {
-        "precision": "step=a"
-    }, {"precision": 4}, {"precision": "41"},
-     {"precision": ["a"]}, {"profile": None}, {"layers": []}],
+    [
+        {"layers": 2.5}, {"layers": "two"}, {"precision": "one"}, {"precision": "step=a"}, {"precision": {4: 1}},
+        {"precision": "4,a"}, {"precision": ["a"]}, {"profile": None}, {"layers": []},
+    ],
 )
 def test_options_of_the_wrong_kind(options):
     with pytest.raises(OptionError):
@@ -296,11 +296,17 @@ def test_ragged_fields_refused():
         isocodec.encode([[1, 2], [3]], 0.5)
 
 
-@pytest.mark.parametrize("isovalue", [math.inf, -math.inf, math.nan, "high", [[1, 2]], 1j, 10**400])
+@pytest.mark.parametrize("isovalue", [math.inf, -math.inf, math.nan, [[1, 2]], 1j, 10**400])
 def test_isovalues_refused(isovalue):
     """An isovalue is one finite number."""
     with pytest.raises(InputError) as caught:
         isocodec.encode(GOOD, isovalue)
+    assert caught.value.code == "isovalue"
+
+
+def test_texts_that_are_no_isovalues():
+    with pytest.raises(OptionError, match='every 20 from 5') as caught:
+        isocodec.encode(GOOD, "high")
     assert caught.value.code == "isovalue"
 
 

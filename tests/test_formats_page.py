@@ -194,9 +194,4 @@ def test_samples_lie_where_the_library_says(tmp_path: Path, suffix: str) -> None
     index = RNG.random((50, len(shape))) * (np.array(shape) - 1)
     if suffix in (".tif", ".nc"):
         index = np.floor(index)
-    matrix = np.asarray(field.placement)
-    if matrix.ndim == 1:
-        matrix = np.diag(matrix)
-    n = len(shape)
-    ours = index @ matrix[:, :n].T + (matrix[:, n] if matrix.shape[1] > n else 0)
-    holds(suffix, ours, place(index))
+    holds(suffix, field.placement.place(index), place(index))

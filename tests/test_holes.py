@@ -220,12 +220,12 @@ def test_byte_by_byte_and_events() -> None:
     for i in range(len(data)):
         other.feed(data[i : i + 1])
         pieces += list(other)
-        other.snapshot(0)
+        other.contour(0)
     assert [repr(e) for e in whole] == [repr(e) for e in pieces]
     (mask,) = (e for e in whole if isinstance(e, isocodec.format.events.MaskComplete))
     assert mask.bytes == isocodec.open(data).info.mask_bytes
-    assert np.array_equal(one.valid(), ~HOLE) and np.array_equal(other.valid(), ~HOLE)
-    assert np.array_equal(one.snapshot(1).points, other.snapshot(1).points)
+    assert np.array_equal(one.grid.valid(), ~HOLE) and np.array_equal(other.grid.valid(), ~HOLE)
+    assert np.array_equal(one.contour(1).points, other.contour(1).points)
 
 
 def chunks_of(data: bytes) -> list[tuple[str, bytes]]:

@@ -51,7 +51,7 @@ def test_limits(monkeypatch):
     assert code == "limit-simplices"
     assert max(len(tubes[-1].state.leaf), len(tubes[-1].state.below)) <= 2 * 700
     decoder, code = limited(data, bytes=len(data) - 1)
-    assert code == "limit-bytes" and len(decoder._data) == 0
+    assert code == "limit-bytes" and len(decoder.data) == 0
     Decoder(Limits(bytes=len(data))).feed(data)
     speck = np.zeros((40, 40), int)
     speck[21, 19] = 1

@@ -15,6 +15,7 @@ from brute import blobs, examples, meshes, mixed, smooth
 from commands import HILLS
 from isocodec import Decoder
 from isocodec.drawing.snapshot import leaves_of, state_of
+from isocodec.entropy.run import WritingRun
 from isocodec.errors import FormatError, OptionError
 from isocodec.field.samples import Samples
 from isocodec.format.events import IsovalueRead
@@ -61,21 +62,21 @@ def same(a, b, within=0.0):
 )
 def test_each_decodes_as_by_itself(n, wanted):
     """To the last bit, or, where the encoder is free to tell crossings within a tolerance, within twice that."""
-    within = 0 if {"parts", "exact", "signs_only"} & set(wanted) else 2 * DEFAULT_TOLERANCE
+    within = 0 if "parts" in wanted or wanted.get("precision") in ("exact", "signs") else 2 * DEFAULT_TOLERANCE
 
     @examples(40)
     @given(cases(n))
     def run(case):
         field, isovalues = case
         full = n * cube_exponent(field.shape)
-        if "base_level" in wanted and full == 0:
+        if "layers" in wanted and full == 0:
             return
         options = dict(wanted)
         if "parts" in options:
-            options["plan"] = [*grid_plan(n, full, None), ("offsets", options.pop("parts"))]
+            options["layers"] = [*grid_plan(n, full, None), ("offsets", options.pop("parts"))]
         encoder = encoder_of(field, isovalues, **options)
         data = b"".join(encoder)
-        alone = {k: v for k, v in options.items() if k != "leaning"}
+        alone = {k: v for k, v in options.items() if k != "independent"}
         for isovalue in isovalues:
             by_itself = isocodec.decode(isocodec.encode(field, isovalue, **alone))
             same(isocodec.decode(data, isovalue=isovalue), by_itself, within)
@@ -108,7 +109,7 @@ def test_bases_from_the_leaves_of_another(n):
         decoder.feed(b"".join(encoder_of(field, isovalues, layers=plans)))
         decoder.close()
         for number, isovalue in enumerate(isovalues[1:], 1):
-            leaves = leaves_of(decoder._tubes[number], isovalue, lambda steps, above: steps)
+            leaves = leaves_of(decoder.grid._tubes[number], isovalue, lambda steps, above: steps)
             expected = mixed(field > isovalue, full)
             found = leaves.position[leaves.simplices]
             assert len(found) == len(expected)
@@ -229,7 +230,7 @@ def test_curves_never_cross(n):
 )
 def test_each_keeps_to_the_tolerance(options, profile):
     """Proven for what the file says, which for later isovalues is not what a file of their own would say."""
-    tolerance = options.get("tolerance", 0.25)
+    tolerance = options["precision"] if isinstance(options["precision"], float) else options["precision"][-1]
     fields = [np.rint(smooth((45, 60), seed) * 300).astype(np.int64) for seed in range(2)]
     for field in [*fields, np.rint(smooth((11, 10, 11), 6) * 300).astype(np.int64)]:
         isovalues = [20.5, 25.5, 21.5]
@@ -267,8 +268,8 @@ def test_events_and_skipping():
     some = Decoder(only={0, 2})
     some.feed(data)
     some.close()
-    same(some.drawn(2), decoder.contour(2))
-    assert some.state(1) is None
+    same(some.contour(2), decoder.contour(2))
+    assert some.grid.state(1) is None
     with pytest.raises(OptionError, match="leans on isovalue 0"):
         other = Decoder(only={1})
         other.feed(data)
@@ -278,7 +279,7 @@ def test_events_and_skipping():
     other = Decoder(only={1})
     other.feed(free)
     other.close()
-    same(other.drawn(1), decoder.contour(1), 2 * DEFAULT_TOLERANCE)
+    same(other.contour(1), decoder.contour(1), 2 * DEFAULT_TOLERANCE)
 
 
 def test_refused():
@@ -340,9 +341,9 @@ def test_trials_are_not_encoded_again(monkeypatch: pytest.MonkeyPatch) -> None:
     seen: list[tuple[LayerWriter, int]] = []
     advance = LayerWriter._advance
 
-    def noted(writer: LayerWriter, number: int) -> None:
+    def noted(writer: LayerWriter, run: WritingRun, number: int) -> None:
         seen.append((writer, number))
-        advance(writer, number)
+        advance(writer, run, number)
 
     monkeypatch.setattr(LayerWriter, "_advance", noted)
     done: list[tuple[int, int]] = []

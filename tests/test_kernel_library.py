@@ -183,7 +183,7 @@ FAULTS: dict[str, tuple[Callable[[Path], object], str]] = {
     ),
     "with another kernel": (
         signatures(lambda found: found.update(iso_passes_base_base="() -> int64")),
-        "kernel passes.base.base: compiled as () -> int64, its source says (st: State, ",
+        "kernel passes.base.base: compiled as () -> int64, the source declares (st: State, ",
     ),
 }
 
@@ -273,6 +273,6 @@ def test_numba_keeps_to_the_annotations() -> None:
     assert done.stdout.splitlines() == [
         "7 1",
         "kernel __main__.right, argument values: float64, 1d instead of int64[1d]",
-        "kernel __main__.wrong returns float64, its annotation says int64",
+        "kernel __main__.wrong returns float64, but is annotated with int64",
         "kernel __main__.right: an index out of bounds, or another fault",
     ]

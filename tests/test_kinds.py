@@ -12,7 +12,7 @@ import pytest
 
 import isocodec
 from isocodec import Decoder, Frames, IsoFile, Mesh
-from isocodec.api.kinds import IMPOSSIBLE, OPERATIONS
+from isocodec.api.files import IMPOSSIBLE, OPERATIONS
 from isocodec.errors import OptionError
 
 KINDS = ("grid", "series", "mesh", "surface", "tiles")

@@ -124,7 +124,8 @@ def test_decoding_and_drawing_take_no_more_than_is_counted(n, size, rough, way, 
 
 
 @pytest.mark.skipif(INTERPRETED, reason="takes long")
-@pytest.mark.parametrize("n, suffix", [(2, s) for s in (".npz", ".geojson", ".svg", ".pmtiles", ".png", "areas")]
+@pytest.mark.parametrize("n, suffix", [(2, s) for s in (".npz", ".geojson", ".svg", ".png", "areas")]
+                         + [pytest.param(2, ".pmtiles", marks=pytest.mark.heavy)]
                          + [(3, s) for s in (".npz", ".ply", ".stl", ".obj", ".png")])
 @pytest.mark.parametrize("rough", [1, pytest.param(0, marks=pytest.mark.heavy)])
 def test_writing_takes_no_more_than_is_counted(n, suffix, rough):
@@ -366,15 +367,15 @@ def test_contours_of_a_file_are_drawn_one_after_the_other(tmp_path, monkeypatch)
     source = tmp_path / "in.iso"
     source.write_bytes(isocodec.encode(field(2, 100, 0), [0.5, 300.5, 600.5]))
     alive = []
-    drawn = Decoder.drawn
+    drawn = Decoder.contour
 
-    def noted(decoder, *arguments):
+    def noted(decoder, *arguments, **options):
         assert all(ref() is None for ref in alive)
-        contour = drawn(decoder, *arguments)
+        contour = drawn(decoder, *arguments, **options)
         alive.append(weakref.ref(contour))
         return contour
 
-    monkeypatch.setattr(Decoder, "drawn", noted)
+    monkeypatch.setattr(Decoder, "contour", noted)
     for suffix in (".svg", ".geojson"):
         alive.clear()
         ok("decode", source, "-o", tmp_path / f"a{suffix}")

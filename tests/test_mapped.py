@@ -23,7 +23,7 @@ from isocodec.errors import InputError, LimitError, OptionError
 from isocodec.field.mapped import Coordinate
 from isocodec.field.placement import Placement
 from isocodec.format.chunks import write_chunk
-from isocodec.format.coordinates import CoordinatesRecord, read_coordinates, write_coordinates
+from isocodec.format.coordinate_record import CoordinatesRecord, read_coordinates, write_coordinates
 from isocodec.format.events import CoordinatesRead
 from isocodec.grid.passes.node_run import NodeGrid, decode_run, encode_run
 from isospec.container import ChunkType
@@ -154,9 +154,9 @@ def test_pieces_and_truncation() -> None:
     assert np.array_equal(decoder.contour().placed, isocodec.decode(data).placed)
     early = Decoder()
     early.feed(data[: event.offset - 1])
-    assert not on_nodes(early.snapshot())
+    assert not on_nodes(early.take().contour())
     early.feed(data[event.offset - 1 : event.offset + 40])
-    assert on_nodes(early.snapshot())
+    assert on_nodes(early.take().contour())
     short = isocodec.open(data).edited(size=event.offset + 60)
     assert on_nodes(isocodec.decode(short))
 

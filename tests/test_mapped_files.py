@@ -8,11 +8,12 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pytest
-from isocodec.io.readers.place import read_place
 
 import grids
 import isocodec
 from commands import ok, run
+from inputs import read_place
+from places import on_nodes
 
 FIELD, NODES = grids.rotated_pole()
 SOUTH, EAST = np.linspace(60, -60, 13), np.arange(36) * 10.0
@@ -45,7 +46,7 @@ def test_longitudes_all_round(tmp_path: Path) -> None:
     units = {"lat": (SOUTH, "degrees_north"), "lon": (EAST, "degrees_east")}
     path = netcdf(tmp_path / "a.nc", WAVES, units, True)
     contour, _ = encoded(path, 0.9, "--key", "f")
-    assert contour.shape == (13, 37) and contour.mapped is not None and contour.mapped.periodic == (1,)
+    assert contour.shape == (13, 37) and on_nodes(contour) and contour.placement.periodic == (1,)
     assert np.allclose(contour.placed[:, 1], np.interp(contour.points[:, 0], range(13), SOUTH), atol=0.05)
     ok("decode", path.with_suffix(".iso"), "-o", tmp_path / "a.geojson")
     lines = json.loads((tmp_path / "a.geojson").read_text())["geometry"]["coordinates"]
@@ -100,16 +101,16 @@ def test_uneven_steps_of_volumes(tmp_path: Path) -> None:
     assert np.abs(contour.placed - np.stack(expected, axis=1)).max() < 0.005
     for suffix in (".ply", ".stl", ".obj"):
         ok("decode", path.with_suffix(".iso"), "-o", tmp_path / f"a{suffix}")
-    ok("decode", path.with_suffix(".iso"), "-o", tmp_path / "a.vtu", "--mesh", "tube")
+    ok("decode", path.with_suffix(".iso"), "-o", tmp_path / "a.vtu", "--what", "mesh")
 
 
 def test_periodic_axis_by_option(tmp_path: Path) -> None:
     field = grids.polar()[0]
     np.save(tmp_path / "a.npy", field)
     contour, _ = encoded(tmp_path / "a.npy", 0.05, "--periodic", 1)
-    assert contour.shape == (24, 61) and contour.mapped is not None
+    assert contour.shape == (24, 61) and on_nodes(contour)
     contour, _ = encoded(tmp_path / "a.npy", 0.05, "--periodic", 1, "--spacing", "0.1,6", "--period", 360)
-    assert contour.mapped is not None and contour.mapped.periods == pytest.approx((360, 0))
+    assert on_nodes(contour) and contour.placement.periods == pytest.approx((360, 0))
     assert np.abs(contour.placed - contour.points[:, ::-1] * (6, 0.1)).max() < 0.03
     assert run("encode", tmp_path / "a.npy", "-o", tmp_path / "b.iso", "--isovalue", 0, "--period", "x").exit_code == 2
 
@@ -121,7 +122,7 @@ def test_what_files_say(tmp_path: Path) -> None:
     assert place.matrix is not None and place.coordinates is None
     np.savez(tmp_path / "b.npz", values=WAVES, lon=EAST, lat=SOUTH[:5])
     contour, _ = encoded(tmp_path / "b.npz", 0.9)
-    assert contour.mapped is None and contour.shape == (13, 36)
+    assert not on_nodes(contour) and contour.shape == (13, 36)
 
 
 def test_tolerance_with_a_unit(tmp_path: Path) -> None:

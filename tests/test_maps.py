@@ -113,8 +113,8 @@ def test_geojson_is_in_degrees(tmp_path: Path, hills: bytes) -> None:
 
 def test_geojson_that_is_not_in_degrees(tmp_path: Path, hills: bytes) -> None:
     """There is a clear word, and none where it was asked for."""
-    for options, said in (({}, "in samples"), ({"placement": (2, 3)}, "that the file does not name")):
-        (tmp_path / "in.iso").write_bytes(isocodec.encode(HILLS, 80.5, **options))  # type: ignore[arg-type]
+    for placement, said in ((None, "in samples"), ((2, 3), "that the file does not name")):
+        (tmp_path / "in.iso").write_bytes(isocodec.encode(isocodec.Field(HILLS, placement=placement), 80.5))
         result = run("decode", tmp_path / "in.iso", "-o", tmp_path / "out.geojson")
         assert result.exit_code == 0 and "no longitudes and latitudes" in result.stderr and said in result.stderr
         assert not run("decode", tmp_path / "in.iso", "-o", tmp_path / "out.geojson", "--in-samples").stderr

@@ -25,7 +25,8 @@ from commands import fails, ok, run
 from files import with_checksum
 from inputs import read_place, says_nothing
 from isocodec.errors import OptionError
-from isocodec.field.placement import placement_of, read_placement, unplaced, write_placement
+from isocodec.field.placement import matrix_of, read_placement, unplaced, write_placement
+from places import matrix
 from written import rendered
 
 HILL = 100 - np.hypot(*(np.mgrid[:20, :30] - np.array([9.3, 14.2])[:, None, None])) * 5
@@ -360,7 +361,7 @@ def test_spacing(tmp_path: Path) -> None:
             2, "encode", tmp_path / "h.npy", "-o", tmp_path / "x.iso", "--isovalue", 6, "--spacing", wrong
         )
     wrong = ("encode", tmp_path / "h.npy", "-o", tmp_path / "x.iso", "--isovalue", 6)
-    assert "contradict" in fails(2, *wrong, "--spacing", "1,1", "--no-placement")
+    assert "cannot be combined" in fails(2, *wrong, "--spacing", "1,1", "--no-placement")
     assert "cannot be understood" in fails(2, *wrong, "--metadata", "placement=far")
     assert not (tmp_path / "x.iso").exists()
 
@@ -386,12 +387,12 @@ def test_extreme_sizes(size: float) -> None:
 
 def test_matrices_of_other_shapes() -> None:
     whole = np.eye(4)
-    assert np.array_equal(placement_of(whole, 3), whole[:3])
-    assert placement_of([[0, 1e-20, 0], [1, 0, 0]], 2).tolist() == [[0, 1e-20, 0], [1, 0, 0]]
+    assert np.array_equal(matrix_of(whole, 3), whole[:3])
+    assert matrix_of([[0, 1e-20, 0], [1, 0, 0]], 2).tolist() == [[0, 1e-20, 0], [1, 0, 0]]
     wrong = (np.eye(4) * 2, np.eye(3), np.eye(4, dtype=complex), [10**400, 1, 1], ["1", "2", "3"], None, [[1], [2, 3]])
     for numbers in wrong:
         with pytest.raises(OptionError) as caught:
-            placement_of(numbers, 3)
+            matrix_of(numbers, 3)
         assert caught.value.code == "placement"
 
 
@@ -405,7 +406,7 @@ def test_isovalues_that_have_not_come() -> None:
     data = isocodec.encode(isocodec.Field(HILL, placement=(1, 2)), [70, 80])
     decoder = isocodec.Decoder()
     decoder.feed(data[:60])
-    assert len(decoder.isovalues) < 2
+    assert len(decoder.take().isovalues) < 2
     missing = decoder.contour(1)
     assert missing.placement is not None and missing.metadata == decoder.metadata and missing.shape == HILL.shape
 
@@ -444,9 +445,9 @@ def test_python() -> None:
     expected = np.stack([2 * whole.points[:, 1] + 5, 7 - 3 * whole.points[:, 0]], axis=1)
     assert np.array_equal(whole.placed, expected)
     for some in (isocodec.decode(data, layers=2), isocodec.decode(isocodec.open(data).edited(layers=2))):
-        assert some.placement is not None and some.placement.tolist() == [[0, 2, 5], [-3, 0, 7]]
-    with pytest.raises(OptionError, match="contradict"):
-        isocodec.encode(isocodec.Field(HILL, placement=(1, 1)), 70.5, metadata={"placement": "1 0 0 0 1 0"})
+        assert matrix(some).tolist() == [[0, 2, 5], [-3, 0, 7]]
+    noted = isocodec.encode(isocodec.Field(HILL, placement=(1, 1)), 70.5, metadata={"placement": "2 0 0 0 1 0"})
+    assert matrix(isocodec.open(noted)).tolist() == [[2, 0, 0], [0, 1, 0]]  # the note comes first
     for wrong in ("far", [1, 2, 3], [["x", 1]], np.ones((2, 3)), [1, np.inf]):
         with pytest.raises(OptionError) as caught:
             isocodec.encode(isocodec.Field(HILL, placement=wrong), 70.5)
@@ -458,14 +459,14 @@ def test_python() -> None:
 def test_notes(n: int, data: st.DataObject) -> None:
     """Numbers come back to the last bit; texts that are no placement say nothing."""
     number = st.just(0.0) | st.floats(1e-31, 1e31) | st.floats(-1e31, -1e-31)
-    matrix = np.array(data.draw(st.lists(number, min_size=n * n + n, max_size=n * n + n))).reshape(n, n + 1)
+    drawn = np.array(data.draw(st.lists(number, min_size=n * n + n, max_size=n * n + n))).reshape(n, n + 1)
     try:
-        placement = placement_of(matrix, n)
+        placement = matrix_of(drawn, n)
     except OptionError:
-        assert read_placement({"placement": write_placement(matrix)}, n) is None
+        assert read_placement({"placement": write_placement(drawn)}, n) is None
     else:
         back = read_placement({"placement": write_placement(placement)}, n)
-        assert back is not None and np.array_equal(back, placement)
+        assert back is not None and back.matrix is not None and np.array_equal(back.matrix, placement)
     assert read_placement({"placement": data.draw(st.text(max_size=40))}, n) is None
     assert read_placement({}, n) is None
 

@@ -138,7 +138,7 @@ def test_isovalues_have_plans_of_their_own(tmp_path: Path, hills: Path) -> None:
     assert info.leans == [None, 0] and kinds[0] == "leaf_base" and kinds[-1] == "values"
     assert np.array_equal(isocodec.open(out.read_bytes()).above(80.5), HILLS > 80)
     line = fails(2, "encode", hills, "-o", out, "--layers", plan, "--isovalue", 60.5)
-    assert "the plan is of the isovalues 60.5, 80.5, those given are 60.5" in line
+    assert "the isovalues given, 60.5, are not those of the plan, 60.5, 80.5" in line
     # without a line of an isovalue the plan is one for all
     plan.write_text("base\n")
     ok("encode", hills, "-o", out, "--layers", plan, "--isovalue", 60.5, "--isovalue", 70.5, "--independent")

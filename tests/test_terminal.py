@@ -81,7 +81,7 @@ def test_tracebacks_are_cleaned(curve: Path, monkeypatch: pytest.MonkeyPatch) ->
     def broken(*_: object, **__: object) -> None:
         raise ZeroDivisionError(ODD)
 
-    monkeypatch.setattr(isocodec, "inspect", broken)
+    monkeypatch.setattr("isocodec.api.isofile.open", broken)
     monkeypatch.setenv("ISOCODEC_DEBUG", "1")
     shown = run("info", curve).stderr
     assert "Traceback" in shown and shown.count("\n") > 3 and shown.count("\\x1b[31mred") == 2 and harmless(shown)
@@ -147,7 +147,7 @@ def test_writers_are_heard_in_one_line(tmp_path: Path) -> None:
     isocodec.save(tmp_path / "tiled.iso", HILLS, 80.5, tile=32)
     maps = [(".gpkg", "lines"), (".fgb", "lines"), (".shp", "lines"), (".parquet", "lines"), (".gpkg", "bands")]
     commands = [
-        ["decode", "in.iso", "-o", f"a{suffix}", *(["--areas", side] if side == "bands" else [])]
+        ["decode", "in.iso", "-o", f"a{suffix}", *(["--what", "bands"] if side == "bands" else [])]
         for suffix, side in maps
     ] + [["decode", "tiled.iso", "-o", "t.gpkg"], ["plot", "--map", "in.iso", "-o", "m.png", "--title", "\u6f22"]]
     program = f"from isocodec.cli import main\nfor one in {commands!r}: main(one, standalone_mode=False)"

@@ -223,7 +223,7 @@ def test_what_cannot_be_written(tmp_path: Path) -> None:
     few = ("decode", source, "--what", "mesh", "--whole", "-o", tmp_path / "a.vtu")
     assert "needs more than 2 MiB" in fails(6, *few, "--limit-memory", "2M")
     source.write_bytes(isocodec.encode(BALL, 50.5, layers=12))
-    assert "too little has been received to tell the mesh" in fails(5, *few, "--max-bytes", 40)
+    assert "too little has been received to know the mesh" in fails(5, *few, "--max-bytes", 40)
     ok("decode", source, "--what", "mesh", "-o", tmp_path / "part.vtu", "--max-bytes", 40)
     (tmp_path / "part.vtu").unlink()
     assert [path.name for path in tmp_path.iterdir()] == ["ball.iso"]

@@ -20,7 +20,7 @@ from isocodec.field.samples import check_field
 from isocodec.search.promise import Promise
 from isocodec.search.tile_mesh import face_vertices
 from isocodec.storage.ranges import together
-from isocodec.tiles.closing import Part
+from isocodec.tiles.closing import TilePart
 from isocodec.tiles.layout import TileGrid, in_order, morton
 from isocodec.tiles.structure import Kind, groups_of
 from tiled import encoded, hilly, holed, pieces, tiled_of
@@ -129,7 +129,7 @@ def check_faces(data: bytes, holes: bool) -> None:
             assert here == in_face(drawn[grid.neighbour(index, axis)], axis, 0), (index, axis, stage)
 
 
-def in_face(part: Part | None, axis: int, at: int) -> list[tuple[float, ...]]:
+def in_face(part: TilePart | None, axis: int, at: int) -> list[tuple[float, ...]]:
     if part is None:
         return []
     there = (part.ends[:, :, axis] == at).all(axis=1)

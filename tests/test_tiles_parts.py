@@ -12,7 +12,7 @@ import isocodec
 from brute import INTERPRETED
 from commands import fails, ok, run
 from isocodec.errors import FormatError, LimitError, OptionError
-from isocodec.tiles.truncation import first_stages
+from isocodec.tiles.first_stages import first_stages
 from places import matrix
 from test_tiles import random_field
 from tiled import encoded, hilly, holed, pieces, tiled_of

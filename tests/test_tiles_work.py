@@ -25,8 +25,8 @@ from brute import INTERPRETED
 from commands import ok
 from isocodec.errors import FormatError, InputError, IsoError, OptionError, TruncatedError
 from isocodec.stream.options import Options
+from isocodec.tiles.assembly import grid_of
 from isocodec.tiles.head import write_head
-from isocodec.tiles.merging import grid_of
 from isocodec.tiles.spool import Spool, description
 from isocodec.tiles.tile_encoder import Tiling
 from isocodec.tiles.writing import tiling_of

@@ -29,7 +29,7 @@ def test_contours_of_surfaces(tmp_path):
     assert abs(area(line) - area(other)) < 1.0
     (tmp_path / "a.iso").write_bytes(data)
     ok("decode", tmp_path / "a.iso", "-o", tmp_path / "a.svg", "--isovalue", 6.25)
-    with pytest.raises(OptionError, match="which isovalue"):
+    with pytest.raises(OptionError, match="needs an isovalue"):
         isocodec.decode(data)
     assert len(isocodec.decode(data, isovalue=1e9).points) == 0
     scattered = isocodec.encode(

@@ -21,29 +21,34 @@ import numpy as np
 from numpy.typing import NDArray
 
 import isocodec
-from isocodec import Contour, EncodeOptions, IsoError, IsoFile, Limits
+from isocodec import Contour, Field, Frames, IsoError, IsoFile, Limits, Mesh, Tin
+from isocodec.stream.options import EncodeOptions
 
 field = np.hypot(*np.mgrid[:64, :64])
-options: EncodeOptions = {"tolerance": 0.5, "profile": "baseline", "metadata": {"unit": "m"}}
+options: EncodeOptions = {"precision": 0.5, "profile": "baseline", "metadata": {"unit": "m"}}
 data: bytes = isocodec.encode(field, 20.0, **options)
-data = isocodec.encode(field, [20, Fraction(61, 2), np.float32(40)], steps=[4, 1, "exact"], criterion=None)
-data = isocodec.encode(field, np.linspace(5, 50, 4), placement=[-30, 30], periodic=1, progress=print)
+data = isocodec.encode(field, [20, Fraction(61, 2), np.float32(40)], precision=[4, 1, "exact"], layers=None)
+data = isocodec.encode(Field(field, placement=[-30, 30], crs="EPSG:4326"), np.linspace(5, 50, 4), progress=print)
 data = isocodec.encode(field > 3)
-data = isocodec.encode(isocodec.read("a.tif", key="z"), 3, tolerance="100m", plan=isocodec.read_plan("base"))
-frames = isocodec.encode_frames([field, field], 3.0, interval=2, signs_only=True)
-contour: Contour = isocodec.decode(data, isovalue=20.0, limits=Limits(memory=1 << 28))
+data = isocodec.encode(isocodec.read("a.tif", key="z"), 3, precision="100m", layers="base")
+data = isocodec.encode(field, "every 20 from 5", precision="step=0.5", layers="distortion=1.0")
+data = isocodec.encode(field, [3, 5], layers={3.0: [("base", 2)], 5.0: [("base", None), ("refine", 3)]})
+frames = isocodec.encode(Frames([field, field]), 3.0, interval=2, precision="signs")
+series = isocodec.Encoder(3.0, interval=2, profile="main")
+data = series.add(field) + series.finish()
+contour: Contour = isocodec.decode(data, isovalue=20.0, limits=Limits(memory=1 << 28), smooth=True)
 points: NDArray[np.float64] = contour.placed
 lengths = [float(np.hypot(*np.diff(line, axis=0).T).sum()) for line in contour.lines]
-for one in isocodec.decode_all(Path("a.iso")):
-    print(one.isovalue, one.crs if isinstance(one, IsoFile) else one.metadata.get("crs"))
-file = isocodec.open("a.iso")
-if isinstance(file, IsoFile):
-    isocodec.save("a.gpkg", file.contours())
-isocodec.save("b.iso", field, 3.0, exact=True, profile="main")
-mesh = isocodec.encode_mesh(np.eye(3)[:, :2], [[0, 1, 2]], [0.0, 1.0, 2.0], 0.5, mesh="coded", mesh_error=0.01)
-thinned = isocodec.thin(field, None, "l2", to=100).tin()
+file: IsoFile = isocodec.open(Path("a.iso"))
+for one in file.contours(frame=1, layers=2):
+    print(one.isovalue, one.placement, one.metadata.get("crs"), file.crs)
+isocodec.save("a.gpkg", file.contours())
+isocodec.save("b.iso", field, 3.0, precision="exact", profile="main", tile=1024)
+mesh = isocodec.encode(Mesh(np.eye(3)[:, :2], [[0, 1, 2]], [0.0, 1.0, 2.0], stored="coded", error=0.01), 0.5)
+thinned: Tin = isocodec.thin(field, criterion="l2", to=100)
+above: NDArray[np.bool_] = isocodec.open(data).above(20.0, frame=0)
 decoder = isocodec.Decoder()
-decoder.feed(isocodec.transcode(data, profile="baseline", tolerance=1.0))
+decoder.feed(isocodec.open(data).edited(profile="baseline", precision=1.0))
 try:
     decoder.close()
 except IsoError as error:
@@ -53,42 +58,45 @@ except IsoError as error:
 WRONG = '''
 import numpy as np
 import isocodec
+from isocodec.stream.options import EncodeOptions
 field = np.zeros((4, 4))
 data = b""
 contour = isocodec.decode(data)
 isocodec.encode(field, 1.0, profile="mian")  # profile
-isocodec.encode(field, 1.0, criterion="topologie")  # criterion
-isocodec.encode(field, 1.0, steps=[4, "exakt"])  # exakt
+isocodec.encode(field, 1.0, layers=2.5)  # layers
+isocodec.encode(field, 1.0, precision=[4, "exakt"])  # exakt
 isocodec.encode(field, 1.0, tolerence=1)  # tolerence
-isocodec.encode(field, "1.0")  # Argument 2
-isocodec.encode(field, 1.0, exact="yes")  # exact
+isocodec.encode(field, {1.0: 2})  # Argument 2
+isocodec.encode(field, 1.0, keep_topology="yes")  # keep_topology
 isocodec.encode(field, 1.0, metadata={"step": 3})  # entry
-isocodec.encode_frames([field], 1.0, profil="main")  # profil
-isocodec.encode_frames([field], 1.0, profile="best")  # profile
-isocodec.SeriesEncoder(1.0, exat=True)  # exat
-isocodec.Encoder(field, 1.0, profile="best")  # profile
-isocodec.encode_labels(field, [1], profile="best")  # profile
-isocodec.encode_tiles(field, 1.0, "a.iso", profile="best")  # profile
-isocodec.encode_mesh(np.zeros((3, 2)), None, np.zeros(3), 1.0, mesh="coder")  # mesh
-isocodec.thin(field, None, "AT9")  # Argument 3
-isocodec.transcode(data, profile="best")  # profile
+isocodec.encode(isocodec.Frames([field]), 1.0, profil="main")  # profil
+isocodec.encode(isocodec.Frames([field]), 1.0, profile="best")  # profile
+isocodec.Encoder(1.0, precison="exact")  # precison
+isocodec.Encoder(1.0, profile="best")  # profile
+isocodec.encode(isocodec.Field(field, label=[1]))  # label
+isocodec.save("a.iso", field, 1.0, tile="32")  # tile
+isocodec.Mesh(np.zeros((3, 2)), None, np.zeros(3), stored="coder")  # stored
+isocodec.thin(field, criterion="AT9")  # criterion
+isocodec.open(data).edited(profile="best")  # profile
 isocodec.merge([data], profile=1)  # profile
 isocodec.save("a.iso", field, 1.0, exakt=True)  # exakt
 isocodec.save("a.iso", field, 1.0, profile="best")  # profile
-isocodec.save("a.iso", field, 1.0, steps=["fine"])  # fine
+isocodec.save("a.iso", field, 1.0, precision=["fine"])  # fine
 isocodec.open("a.iso", limit=3)  # limit
 isocodec.open("a.iso", limits=3)  # limits
 isocodec.decode(data, layer=3)  # layer
 isocodec.decode(data, layers="all")  # layers
 isocodec.decode(data, smooth=2.5)  # smooth
-truncate(data, layer=2)  # layer
-isocodec.verify(data, field, tolerance="a", within=3)  # verify
+isocodec.open(data).edited(layer=2)  # layer
+isocodec.open(data).contours(layer=2)  # layer
+isocodec.open(data).verify(field, within="a")  # within
+isocodec.verify(data, field)  # verify
 contour.areas(abov=True)  # abov
 isocodec.encod(field, 1.0)  # encod
 isocodec.Limits(memori=3)  # memori
 contour.point  # point
 contour.to_geodataframe(crs=3)  # crs
-isocodec.EncodeOptions(exakt=True)  # exakt
+EncodeOptions(exakt=True)  # exakt
 '''
 
 

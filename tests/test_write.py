@@ -248,7 +248,7 @@ def test_a_rename_that_fails_leaves_the_old_file(tmp_path: Path, monkeypatch: py
     assert [path.name for path in tmp_path.iterdir()] == ["a.npz"]
 
 
-@pytest.mark.parametrize("decode", "--what", "above", [0o022, 0o077, 0o000])
+@pytest.mark.parametrize("mask", [0o022, 0o077, 0o000])
 def test_the_mask_of_the_process_is_kept(tmp_path: Path, mask: int) -> None:
     """It can only be read by setting it, and then it has to be as before."""
     before = os.umask(mask)

@@ -61,7 +61,7 @@ def test_decoder_that_agrees_is_not_caught():
 
 def test_decoder_that_falls_over_is_not_caught():
     """It was planted badly."""
-    broken = Change("codec/isocodec/stream/session.py", "if len(self._data) > self._at:", "if nothing_of_this_name:")
+    broken = Change("codec/isocodec/stream/session.py", "if len(self.data) > self.at:", "if nothing_of_this_name:")
     finding = check(replace(BY_NAME["bytes-after-the-end"], changes=(broken,)))
     assert not finding.caught
     assert "NameError" in finding.reason

@@ -5,15 +5,17 @@
 
 from __future__ import annotations
 
+import textwrap
 from pathlib import Path
 
 import click
 
 from isocodec.cli import main
-from isocodec.cli.options import HEADINGS, OUTPUT
+from isocodec.cli.option_records import HEADINGS, OUTPUT, Grouped
 from isocodec.cli.report import EXIT_CODES
 
 PAGE = Path(__file__).resolve().parents[1] / "docs" / "commands.md"
+WIDTH = 120
 _HEAD = """# Command line
 
 <!-- Written by tools/commands_page.py. -->
@@ -25,7 +27,7 @@ but a picture's is silent on success except for one line, or one JSON object wit
 
 def page() -> str:
     """The page as text."""
-    commands = [main.commands[name] for name in main.commands]
+    commands = [each for each in main.commands.values() if isinstance(each, Grouped)]
     rows = [f"| [`{each.name}`](#{each.name}) | {each.short_help} |" for each in commands]
     parts = [_HEAD, "| command | |\n| --- | --- |\n" + "\n".join(rows) + "\n"]
     parts += [_command(each) for each in commands]
@@ -34,7 +36,7 @@ def page() -> str:
     return "\n".join(parts)
 
 
-def _command(command: click.Command) -> str:
+def _command(command: Grouped) -> str:
     context = click.Context(command, info_name=command.name, parent=click.Context(main, info_name="isocodec"))
     usage = " ".join(command.collect_usage_pieces(context))
     blocks: dict[str, list[str]] = {}
@@ -43,7 +45,7 @@ def _command(command: click.Command) -> str:
         if isinstance(each, click.Option) and record is not None and "--help" not in each.opts:
             names, text = (" ".join(part.split()).replace("|", "\\|") for part in record)
             blocks.setdefault(getattr(each, "heading", OUTPUT), []).append(f"| `{names}` | {text} |")
-    parts = [f"## {command.name}\n", f"    isocodec {command.name} {usage}\n", _text(command.help or "")]
+    parts = [f"## {command.name}\n", f"    isocodec {command.name} {usage}\n", _text(command.text())]
     for heading in sorted(blocks, key=HEADINGS.index):
         parts.append(f"| {heading} | |\n| --- | --- |\n" + "\n".join(blocks[heading]) + "\n")
     return "\n".join(parts)
@@ -56,7 +58,7 @@ def _text(help_text: str) -> str:
         if paragraph.startswith("\b\n"):
             out.append(f"```text\n{paragraph.removeprefix(chr(8) + chr(10))}\n```\n")
         else:
-            out.append(" ".join(paragraph.split()) + "\n")
+            out.append(textwrap.fill(paragraph, WIDTH, break_long_words=False, break_on_hyphens=False) + "\n")
     return "\n".join(out)
 
 

@@ -1,6 +1,6 @@
 """Encode and decode the shipped data: tables of sizes, checks against scikit-image, pictures and files in demo/out/.
 
-``python tools/demo.py --markdown`` prints the table of the README instead; ``--docs`` writes its pictures instead.
+``python tools/demo.py --markdown`` prints the tables of docs/comparison.md; ``--docs`` writes the pictures of docs.
 """
 
 from __future__ import annotations
@@ -243,7 +243,7 @@ def leave_files() -> None:
 
 
 def leave_docs() -> None:
-    """The README's pictures, in few colours: the steps of two files, several isovalues, a map, a smooth drawing."""
+    """The pictures of docs, in few colours: the steps of two files, several isovalues, a map, a smooth drawing."""
     from PIL import Image
 
     for item in ITEMS:
@@ -290,8 +290,8 @@ def smoothing(item: Item) -> bytes:
 def main() -> None:
     """Run the demonstration; ends with 1 if a comparison fails."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--markdown", action="store_true", help="print the README's table of sizes only")
-    parser.add_argument("--docs", action="store_true", help="write the README's pictures only")
+    parser.add_argument("--markdown", action="store_true", help="print the tables of docs/comparison.md only")
+    parser.add_argument("--docs", action="store_true", help="write the pictures of docs only")
     chosen = parser.parse_args()
     as_markdown = chosen.markdown
     os.chdir(ROOT)

@@ -84,7 +84,8 @@ def of_isocodec(field: NDArray[np.generic], isovalue: float, tile: int, folder: 
     isocodec.save(folder / "tiled.iso", field, isovalue, tile=tile)
     took = seconds() - begun
     contour = isocodec.decode(folder / "tiled.iso")
-    return "isocodec tile", took, (folder / "tiled.iso").stat().st_size, alone(ends_of(contour), field.shape, SAME)
+    size = (folder / "tiled.iso").stat().st_size
+    return "isocodec encode --tile", took, size, alone(ends_of(contour), field.shape, SAME)
 
 
 def of_gdal(field: NDArray[np.generic], isovalue: float, block: int, folder: Path) -> Iterator[Row]:

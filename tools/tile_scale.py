@@ -25,7 +25,7 @@ from isocodec.tiles.encoding import Tiling
 
 import isocodec
 from isocodec.stream.options import Options
-from isocodec.tiles.merging import Tiles, grid_of, merged
+from isocodec.tiles.assembly import Tiles, grid_of, merged
 from isocodec.tiles.structure import Kind
 
 WINDOW = 0.3, 0.6

@@ -11,7 +11,7 @@ from typing import NoReturn
 from .storage.atomic import undo_all
 
 SIGNALS = {"SIGINT": "interrupted", "SIGTERM": "terminated", "SIGHUP": "terminated"}
-"""Names of signals, of which a system may lack some, and what is said."""
+"""Signals by name, of which a system may lack some, and the message of each."""
 
 
 def main() -> None:

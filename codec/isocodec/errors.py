@@ -57,7 +57,7 @@ class IsoError(Exception):
 
 
 class OptionError(IsoError, ValueError):
-    """The caller's options contradict one another or are out of range."""
+    """The caller's options cannot be combined or are out of range."""
 
     exit_code = 2
 
@@ -87,7 +87,7 @@ class LimitError(IsoError):
 
 
 def out_of_memory(doing: str) -> LimitError:
-    """What is raised instead of a ``MemoryError``."""
+    """Error to raise instead of a ``MemoryError``."""
     return LimitError(f"not enough memory {doing}", code="memory", remedy="free some, or take a smaller file")
 
 

@@ -9,7 +9,7 @@ from .errors import MissingExtraError
 
 
 def optional(module: str, *, extra: str, purpose: str) -> Any:
-    """Import ``module``; if it is not there, say which extra of this package brings it.
+    """Import ``module``; if it is missing, raise an error that names the extra that installs it.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""What a decoder may use (spec clause 11.2), and the account of the memory that it holds."""
+"""Limits of a decoder (spec clause 11.2), and the account of the memory that it holds."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ WORK_PER_BYTE = 512
 WORK_STEPS = 16
 """Steps of inference that count as one unit of work."""
 WORK_LIST = 4
-"""Vertices and simplices that a layer lists, likewise."""
+"""Vertices and simplices listed by a layer that count as one unit of work."""
 ISOVALUES = 64
-"""As many as a file may have (spec clause 11.1)."""
+"""Most isovalues of a file (spec clause 11.1)."""
 FIELD_SAMPLES = 1 << 30
 """Samples that are read of an input file unless more are asked for.
 
@@ -24,7 +24,7 @@ file that only claims to hold more is refused before anything is allocated for i
 
 @dataclass(frozen=True)
 class Limits:
-    """What a decoder may use of one file, checked before it is used (spec clause 11.2).
+    """Limits of a decoder for one file, checked before anything is used (spec clause 11.2).
 
     Attributes
     ----------

@@ -143,8 +143,7 @@ def dump(data: bytes, *, layers: int = 0, piece: int = 0, limits: Limits | None 
         raise
     except IsoError as wrong:
         return Output(wrong.exit_code, "", wrong, {}, events)
-    symbols = decoder.grid.symbols if decoder.header else {}
-    return Output(code, canonical(decoder, past), error, symbols, events, canonical_coordinates(decoder))
+    return Output(code, canonical(decoder, past), error, decoder.symbols, events, canonical_coordinates(decoder))
 
 
 def canonical_layers(data: bytes) -> Iterator[tuple[LayerComplete, int, str]]:

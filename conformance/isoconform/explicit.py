@@ -137,10 +137,10 @@ def whole() -> Iterator[Draft]:
         )
         yield from _frames(kind, mesh)
     mesh = plane(60, 200, 0)
-    for name, options in (("signs", {"precision": "signs"}), ("values", {"precision": "exact"})):
+    for name, precision in (("signs", "signs"), ("values", "exact")):
         yield _draft(
             f"mesh_plane_delaunay_{name}", mesh, hills(mesh), VALUE, "points in the file, Delaunay triangulation",
-            kind="delaunay", mesh_error=0.71, **options,
+            kind="delaunay", mesh_error=0.71, precision=precision,
         )
     # many rounds, and candidates for new components
     mesh = plane(150, 400, 0)

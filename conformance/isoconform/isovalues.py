@@ -56,7 +56,7 @@ def whole() -> Iterator[Draft]:
             ("empty_first", (-5, VALUE), "leaning on one without a curve", {"precision": "exact"}),
         ):
             level = options.get("layers")
-            if level is not None:
+            if isinstance(level, int):
                 options = {**options, "layers": min(level, len(shape) * exponent(shape))}
             yield encoded(
                 f"{space}_isovalues_{name}", field, isovalues, f"isovalues: {about}", states="above" in name, **options,

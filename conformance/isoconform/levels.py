@@ -52,6 +52,8 @@ def needs(data: bytes) -> Needs:
     if not decoder.complete:
         with suppress(TruncatedError):
             decoder.close()
+    if decoder.header is None:
+        return Needs(0, 0, 0, 0, 0, 0)
     tubes = [tube for tube in (*decoder.grid.tubes_before, *decoder.grid.tubes) if tube]
     steps += sum(tube.steps for tube in decoder.grid.tubes if tube)
     return Needs(

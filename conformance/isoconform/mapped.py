@@ -9,7 +9,7 @@ import numpy as np
 
 from isocodec import encode
 from isocodec.field.mapped import Coordinate
-from isocodec.format.coordinates import CoordinatesRecord, write_coordinates
+from isocodec.format.coordinate_record import CoordinatesRecord, write_coordinates
 from isocodec.grid.passes.node_run import NodeGrid, encode_run
 from isospec.container import ChunkType
 

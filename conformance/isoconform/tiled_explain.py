@@ -1,6 +1,6 @@
 """An annotated dump of a file in tiles: head, directories and segments, byte by byte (spec clause 12).
 
-Symbols are those of the tiles' files, which the dump of each shows: `isocodec extract` takes a tile out.
+Symbols are those of the tiles' files, which the dump of each shows: `isocodec edit --window` takes a tile out.
 """
 
 from __future__ import annotations

@@ -57,7 +57,7 @@ def decoders() -> set[str]:
     """The entries that a decoder needs: kernels of the modules that it imports."""
     module = _module("sources")
     homes = _homes(module)
-    files = module.reached([homes["isocodec"] / "stream" / "decoder.py"], homes)
+    files = module.reached([homes["isocodec"] / "stream" / "grid_contents.py"], homes)
     return {found.symbol for found in front.kernels() if found.path in files}
 
 

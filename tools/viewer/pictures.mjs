@@ -1,4 +1,4 @@
-// Pictures of the viewer for README.md: `node tools/viewer/pictures.mjs` writes docs/viewer-*.png; build the viewer first.
+// Pictures of the viewer for the gallery: `node tools/viewer/pictures.mjs` writes docs/viewer-*.png; build the viewer first.
 import { join } from "node:path";
 import { openViewer, root, samples } from "./browser.mjs";
 

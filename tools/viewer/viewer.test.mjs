@@ -14,7 +14,7 @@ const made = skip ? {} : samples(), unmade = skip || (made["terrain.iso"] ? fals
 const PLACED = { placement: "10 0 500000 0 10 5200000", crs: "EPSG:2056" };
 let viewer, page, address;
 /** Hills in tiles of 128 samples, and the ranges that it was asked for. */
-const large = unmade ? undefined : readFileSync(tile("large", [1300, 1400], ["--isovalue", "5200.5", "--isovalue", "7000", "--exact",
+const large = unmade ? undefined : readFileSync(tile("large", [1300, 1400], ["--isovalue", "5200.5", "--isovalue", "7000", "--precision", "exact",
   "--tile", "128", "--metadata", "placement=0 10 2500000 -20 0 1200000"]));
 let ranges = [];
 /** Lets the rest of a file through that was held back. */

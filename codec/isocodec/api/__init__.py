@@ -1,1 +1,1 @@
-"""What users call."""
+"""The public interface: functions and objects that users call."""

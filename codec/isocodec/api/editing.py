@@ -13,7 +13,7 @@ from ..stream.options import Options, Precision
 from ..stream.recoder import box_of, cropped, moved_notes, recoded_frames
 from ..stream.splicing import chosen, signs_of
 from ..stream.truncation import truncate
-from .kinds import IMPOSSIBLE, TileFile, WholeFile, impossible
+from .files import IMPOSSIBLE, TileFile, WholeFile, impossible
 from .recoding import extracted, held_by, same_again
 
 if TYPE_CHECKING:
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Edit:
-    """What is to be changed of a file: the parameters of `IsoFile.edited`."""
+    """Changes to make to a file: the parameters of `IsoFile.edited`."""
 
     layers: int | None = None
     size: int | None = None
@@ -68,7 +68,7 @@ def edited(held: WholeFile | TileFile, edit: Edit) -> bytes:
 
 def _shorter_tiles(tiled: TiledFile, layers: int | None, size: int | None) -> bytes:
     """The first layers of a file in tiles, as many as asked for or as fit."""
-    from ..tiles.truncation import first_stages
+    from ..tiles.first_stages import first_stages
 
     if layers is not None:
         return b"".join(first_stages(tiled, layers))
@@ -94,7 +94,7 @@ def _with_isovalues(whole: WholeFile, isovalues: Sequence[float]) -> bytes:
     if whole.kind == "surface":
         raise impossible("isovalues", "surface")
     if not len(isovalues):
-        raise OptionError("no isovalue", code="isovalue", remedy="give one")
+        raise OptionError("no isovalue is given", code="isovalue", remedy="give one")
     numbers = sorted({whole.info.number_of(one) for one in isovalues})
     try:
         return chosen(whole.data, numbers)
@@ -120,7 +120,7 @@ def recoded_as(whole: WholeFile, profile: ProfileName | None, precision: Any, ke
     """
     wanted = Precision.of(precision)
     if not (wanted.default or wanted.signs or wanted.tolerance is not None):
-        raise OptionError(f"precision {precision!r} of an edit", code="precision",
+        raise OptionError(f"precision {precision!r} does not apply to edits", code="precision",
                           remedy='give "signs", or a tolerance in cells')
     if whole.kind in ("mesh", "surface"):
         if profile not in (None, "main"):

@@ -19,6 +19,7 @@ from ..io.writers.registry import suffix_of
 from ..io.writers.things import Areas, Pyramid, SampleMask, Thing
 from ..io.writers.write import USUAL, Written, check, write
 from ..limits import Budget, Limits
+from ..stream.decoder import Decoder
 from ..stream.inspect import FileInfo, inspect
 from ..tin.tin import Tin
 from .isofile import IsoFile
@@ -28,7 +29,15 @@ _KINDS: Mapping[str, Kind] = {
     "curve": "contour", "areas": "areas", "bands": "areas", "above": "mask", "valid": "mask", "mesh": "mesh",
     "surface": "tin",
 }
-"""What is written of a file, as writers call it."""
+"""Things that can be written of a file, as writers call them."""
+_APART: Mapping[str, tuple[str, ...]] = {
+    "above": ("layers", "max_bytes", "box", "within"),
+    "valid": ("layers", "max_bytes", "box", "within", "frame"),
+    "labels": ("layers", "max_bytes", "box", "within", "frame", "partial"),
+    "surface": ("layers", "box", "within", "frame", "smooth"),
+}
+"""Parts of a file that cannot be chosen of what is decoded."""
+_WRITTEN = {"box": "window", "max_bytes": "max-bytes"}
 _ARRAY = ".npy"
 """Suffix of arrays: of labels, and of the picture that a surface makes."""
 _LISTED = 5
@@ -37,7 +46,7 @@ _LISTED = 5
 
 @dataclass(frozen=True, kw_only=True)
 class Wanted:
-    """What to decode of a file.
+    """Choice of what to decode from a file.
 
     Attributes
     ----------
@@ -68,8 +77,8 @@ class Wanted:
 
 
 @dataclass
-class Decoded:
-    """What was decoded, ready to be written.
+class Exported:
+    """Decoded content, ready to be written.
 
     Attributes
     ----------
@@ -150,7 +159,7 @@ def _is_of_surfaces(name: Path) -> bool:
     return False
 
 
-def decoded(file: IsoFile, path: str | os.PathLike[str], wanted: Wanted, progress: Any = None) -> Decoded:
+def decoded(file: IsoFile, path: str | os.PathLike[str], wanted: Wanted, progress: Any = None) -> Exported:
     """Decode what is wanted of a file, in a form that the format of ``path`` can hold.
 
     Raises
@@ -160,6 +169,10 @@ def decoded(file: IsoFile, path: str | os.PathLike[str], wanted: Wanted, progres
     """
     what = wanted.what or ("surface" if file.kind == "surface" and wanted.isovalue is None else "curve")
     suffix = check_export(path, what, wanted.options)
+    for name in _APART.get(what, ()):
+        if name in wanted.view:
+            option = _WRITTEN.get(name, name)
+            raise OptionError(f"--{option} does not apply to {what}", code=name, remedy="leave it out")
     made = _MAKERS[what](file, suffix, wanted, progress)
     made.options = wanted.options
     # what lies behind the part that was decoded may be damaged
@@ -176,7 +189,7 @@ def decoded(file: IsoFile, path: str | os.PathLike[str], wanted: Wanted, progres
     return made
 
 
-def _curves(file: IsoFile, suffix: str, wanted: Wanted, progress: Any) -> Decoded:
+def _curves(file: IsoFile, suffix: str, wanted: Wanted, progress: Any) -> Exported:
     contours = _contours(file, suffix, wanted, progress)
     remarks = [] if wanted.isovalue is not None or len(contours) > 1 else _others(file, contours[0].isovalue)
     thing: Any = contours if len(contours) > 1 else contours[0]
@@ -185,7 +198,7 @@ def _curves(file: IsoFile, suffix: str, wanted: Wanted, progress: Any) -> Decode
     return _of_contours(thing, contours, file, remarks)
 
 
-def _areas(file: IsoFile, suffix: str, wanted: Wanted, progress: Any) -> Decoded:
+def _areas(file: IsoFile, suffix: str, wanted: Wanted, progress: Any) -> Exported:
     contours = _contours(file, suffix, wanted, progress)
     valid = file.valid() if wanted.along_holes and file.shape else None
     side = "bands" if wanted.what == "bands" else wanted.side
@@ -195,7 +208,7 @@ def _areas(file: IsoFile, suffix: str, wanted: Wanted, progress: Any) -> Decoded
 def _contours(file: IsoFile, suffix: str, wanted: Wanted, progress: Any) -> list[Contour]:
     """All isovalues that the format can hold, or the one that is wanted; within the limit of memory."""
     view = {**wanted.view, "progress": progress}
-    if wanted.through_holes:
+    if wanted.through_holes or wanted.along_holes:
         view["through_holes"] = True
     kind = _KINDS[wanted.what or "curve"]
     every = wanted.isovalue is None and file.kind != "surface" and ("layers" not in view or file.kind == "tiles")
@@ -223,7 +236,7 @@ def _holds(suffix: str, thing: Thing) -> bool:
     return True
 
 
-def _of_contours(thing: Any, contours: Sequence[Contour], file: IsoFile, remarks: list[str]) -> Decoded:
+def _of_contours(thing: Any, contours: Sequence[Contour], file: IsoFile, remarks: list[str]) -> Exported:
     points, cells = (sum(len(getattr(one, name)) for one in contours) for name in ("points", "cells"))
     complete = all(one.complete for one in contours)
     if not points and not complete:
@@ -233,7 +246,7 @@ def _of_contours(thing: Any, contours: Sequence[Contour], file: IsoFile, remarks
     several = f", {len(isovalues)} isovalues" if len(isovalues) > 1 else ""
     shape = list(contours[0].shape)
     facts = {"points": points, "cells": cells, "isovalues": isovalues, "shape": shape, "complete": complete}
-    return Decoded(thing, facts, f"{points:,} points, {cells:,} {pieces}{several}", remarks)
+    return Exported(thing, facts, f"{points:,} points, {cells:,} {pieces}{several}", remarks)
 
 
 def _by_width(file: IsoFile, wanted: Wanted, finest: Contour) -> Callable[[float], Contour]:
@@ -259,29 +272,40 @@ def _others(file: IsoFile, isovalue: float) -> list[str]:
     return [f"only isovalue {isovalue!r} is written; choose another with --isovalue: {listed}"] if others else []
 
 
-def _samples(file: IsoFile, suffix: str, wanted: Wanted, progress: Any) -> Decoded:
+def _samples(file: IsoFile, suffix: str, wanted: Wanted, progress: Any) -> Exported:
     remarks = []
     if wanted.what == "valid":
         rows, isovalue = file.valid(), None
     else:
-        rows, isovalue = file.above(wanted.isovalue, frame=wanted.view.get("frame")), wanted.isovalue
+        rows, isovalue = _above(file, wanted), wanted.isovalue
         if isovalue is None and file.isovalues:
             isovalue, remarks = file.isovalues[0], _others(file, file.isovalues[0])
     if rows.ndim == 1 and suffix == _ARRAY:  # of vertices
         counts = {"samples": rows.size, str(wanted.what): int(rows.sum())}
-        return Decoded(_array(rows), counts, f"{rows.size:,} vertices")
+        return Exported(_array(rows), counts, f"{rows.size:,} vertices")
     facts = {"samples": rows.size, "isovalue": isovalue, "shape": list(rows.shape), "complete": file.complete}
-    return Decoded(SampleMask(rows, file.placement), facts, str(wanted.what), remarks)
+    return Exported(SampleMask(rows, file.placement), facts, str(wanted.what), remarks)
 
 
-def _labels(file: IsoFile, suffix: str, wanted: Wanted, progress: Any) -> Decoded:
+def _above(file: IsoFile, wanted: Wanted) -> np.ndarray:
+    """Which samples lie above; of a truncated file as far as that is known."""
+    frame = wanted.view.get("frame")
+    if not wanted.view.get("partial") or file.complete or file.kind not in ("grid", "series"):
+        return file.above(wanted.isovalue, frame=frame)
+    number = file.info.number_of(wanted.isovalue)
+    decoder = Decoder(file.limits, only=file.info.chain(number), frame=frame or 0)
+    decoder.feed(file.data)
+    return decoder.take().grid.above(number)
+
+
+def _labels(file: IsoFile, suffix: str, wanted: Wanted, progress: Any) -> Exported:
     labels = file.labels()
     found = [int(label) for label in np.unique(labels)]
     text = f"{labels.size:,} samples, {len(found)} labels"
-    return Decoded(_array(labels), {"samples": labels.size, "labels": found, "shape": list(labels.shape)}, text)
+    return Exported(_array(labels), {"samples": labels.size, "labels": found, "shape": list(labels.shape)}, text)
 
 
-def _mesh(file: IsoFile, suffix: str, wanted: Wanted, progress: Any) -> Decoded:
+def _mesh(file: IsoFile, suffix: str, wanted: Wanted, progress: Any) -> Exported:
     mesh = file.mesh(wanted.isovalue, whole=wanted.whole, **wanted.view, progress=progress)
     pieces = "triangles" if mesh.cells.shape[1] == 3 else "tetrahedra"
     output = check(f"_{suffix}", Thing("mesh", mesh.cells.shape[1] - 1))[1]
@@ -290,7 +314,7 @@ def _mesh(file: IsoFile, suffix: str, wanted: Wanted, progress: Any) -> Decoded:
         held += cost.peak(len(mesh.points), len(mesh.cells))
     Budget((file.limits or Limits()).memory).check(held)
     isovalue = None if np.isnan(mesh.isovalue) else float(mesh.isovalue)
-    return Decoded(
+    return Exported(
         mesh,
         {"vertices": len(mesh.points), pieces: len(mesh.cells), "isovalue": isovalue, "shape": list(mesh.shape),
          "complete": mesh.complete},
@@ -299,15 +323,15 @@ def _mesh(file: IsoFile, suffix: str, wanted: Wanted, progress: Any) -> Decoded:
     )
 
 
-def _surface(file: IsoFile, suffix: str, wanted: Wanted, progress: Any) -> Decoded:
+def _surface(file: IsoFile, suffix: str, wanted: Wanted, progress: Any) -> Exported:
     size = wanted.view.get("max_bytes")
     tin = file.surface(max_bytes=file.size if wanted.view.get("partial") and size is None else size)
     facts = {"points": len(tin.points), "triangles": len(tin.triangles), "complete": tin.complete}
     text = f"{len(tin.points):,} points, {len(tin.triangles):,} triangles"
-    return Decoded(_array(tin.raster()) if suffix == _ARRAY else tin, facts, text)
+    return Exported(_array(tin.raster()) if suffix == _ARRAY else tin, facts, text)
 
 
-_MAKERS: Mapping[str, Callable[[IsoFile, str, Wanted, Any], Decoded]] = {
+_MAKERS: Mapping[str, Callable[[IsoFile, str, Wanted, Any], Exported]] = {
     "curve": _curves, "areas": _areas, "bands": _areas, "above": _samples, "valid": _samples, "labels": _labels,
     "mesh": _mesh, "surface": _surface,
 }
@@ -330,7 +354,7 @@ def write_surface(tin: Tin, target: Target, options: OutputOptions) -> int:
 
 
 def counted(file: IsoFile) -> FileInfo:
-    """What a file states of itself, and its symbols by syntax element, for which it is decoded.
+    """Inspect a file and count its symbols by syntax element, for which it is decoded.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""What a user states about an input beside what it holds, and what is seen of it while it is encoded."""
+"""Input of an encoder: what options add to it, and a preview while it is encoded."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ import numpy as np
 from ..errors import InputError, OptionError
 from ..field.framed import Frames
 from ..field.meshed import Mesh
-from ..field.placement import FRAME_STEP, Placement
+from ..field.placement import Placement
 from ..field.sampled import Field
 from ..field.samples import missing_of
 from ..io.readers.input_formats import read_mesh
@@ -79,12 +79,12 @@ def windows_of(source: Any, options: ReadOptions) -> Iterator[tuple[Any, Placeme
 
 @dataclass(frozen=True, kw_only=True)
 class Added:
-    """What options state about an input.
+    """Properties of an input that options state.
 
     Attributes
     ----------
     labels : sequence of float
-        Encode which samples have these labels.
+        Encode which samples have these labels; missing ones have none.
     spacing : sequence of float, optional
         Distances of samples along the axes, instead of what the input states.
     placed : bool
@@ -118,30 +118,38 @@ class Added:
             given: dict[str, Any] = {"stored": self.stored, "error": self.mesh_error}
             return replace(what, **{name: value for name, value in given.items() if value is not None})
         if isinstance(what, Frames):
-            return replace(what, fields=_Changed(what.fields, self.to))
+            fields = _Changed(what.fields, self._to_field)
+            fields.remarks = fields.remarks if self._placed else ()
+            return replace(what, fields=fields)
         return self._to_field(what)
+
+    @property
+    def _placed(self) -> bool:
+        """Whether samples lie where the input states."""
+        return self.placed and self.spacing is None
 
     def _to_field(self, field: Field) -> Field:
         n = field.values.ndim
         if self.spacing is not None and len(self.spacing) != n:
             raise OptionError(f"the spacing has {len(self.spacing)} numbers; give one for each of the {n} axes",
                               code="spacing")
-        placement: Any = field.placement if self.placed and self.spacing is None else self.spacing
+        placement: Any = field.placement if self._placed else self.spacing
         crs = field.crs if self.placed else None
-        field = replace(field, placement=placement, crs=crs)
+        field = replace(field, placement=placement, crs=crs, remarks=field.remarks if self._placed else ())
         about: dict[str, Any] = {"periodic": self.periodic, "periods": self.periods, "error": self.error}
-        given = {name: value for name, value in about.items() if value}
+        given = {name: value for name, value in about.items() if value not in (None, ())}
         if given:
             where = field.placement or Placement()
             field = replace(field, placement=replace(where, **given, inferred=where.inferred and not self.periodic))
-        return replace(field, labels=tuple(self.labels)) if self.labels else field
+        return replace(field, labels=tuple(self.labels), missing="below") if self.labels else field
 
 
 class _Changed(Iterable[Any]):
-    """Fields, each changed when it is its turn."""
+    """Fields of a series, each changed when it is its turn; remarks and shape of the input as they were."""
 
     def __init__(self, fields: Any, change: Callable[[Any], Any], begin: Callable[[], object] = bool) -> None:
         self._fields, self._change, self._begin = fields, change, begin
+        self.remarks, self.whole = getattr(fields, "remarks", ()), getattr(fields, "whole", None)
 
     def __len__(self) -> int:
         return len(self._fields)
@@ -160,14 +168,11 @@ class Observed:
         To be encoded.
     before : list of str
         Remarks of the source.
-    notes : dict of str to str
-        Notes for the file.
     """
 
     def __init__(self, what: Any) -> None:
         self.before = [*getattr(what.fields if isinstance(what, Frames) else what, "remarks", ())]
-        step = getattr(what, "step", None)
-        self.notes = {FRAME_STEP: step} if step else {}
+        self._given = what
         self._fields: list[_Seen] = []
         self.what = what
         if isinstance(what, Frames):
@@ -180,8 +185,11 @@ class Observed:
         return field
 
     def facts(self, file: IsoFile) -> dict[str, Any]:
-        """What a program may want to know: shape, type, isovalues, missing samples."""
-        out: dict[str, Any] = {"shape": list(file.shape), "isovalues": [float(value) for value in file.isovalues]}
+        """Facts for other programs: shape (of a series that of the input), type, isovalues, missing samples."""
+        shape = file.shape
+        if isinstance(self._given, Frames):
+            shape = getattr(self._given.fields, "whole", None) or shape
+        out: dict[str, Any] = {"shape": list(shape), "isovalues": [float(value) for value in file.isovalues]}
         if isinstance(self.what, Frames):
             out["frames"] = file.frames
         if self._fields:
@@ -196,7 +204,7 @@ class Observed:
 
     def after(self, file: IsoFile, keywords: Mapping[str, Any], marked: bool) -> list[str]:
         """Remarks on isovalues outside the data and samples equal to one, and on markers that mark nothing."""
-        if not self._fields or isinstance(self.what, Mesh) or getattr(self.what, "labels", None):
+        if not self._fields or self._fields[0].labels:
             return []
         out = []
         if marked and not any(one.missing for one in self._fields):
@@ -215,17 +223,21 @@ class Observed:
         valued = precision == "exact" or precision.startswith("step=")
         topology = bool(keywords.get("keep_topology"))
         kinds = "" if precision == "signs" else "biuf" if topology or valued else "biu"
-        if not isinstance(self.what, Field) or self._fields[0].dtype.kind not in kinds:
+        kind = self._fields[0].dtype.kind
+        if kind not in kinds:
             return []
-        values = self.what.values if self.what.mask is None else self.what.values[~self.what.mask]
-        counts = {isovalue: int((values == isovalue).sum()) for isovalue in isovalues}
+        counts = dict.fromkeys(isovalues, 0)
+        for field in self._given if isinstance(self._given, Frames) else [self._given]:
+            values = field.values if field.mask is None else field.values[~field.mask]
+            for isovalue in isovalues:
+                counts[isovalue] += int((values == isovalue).sum())
         tied = [isovalue for isovalue, count in counts.items() if count]
         if not tied:
             return []
         text = "points of the contour coincide there" if valued else "they count as below"
         if topology:
             text = "they count as below in the topology"
-        elif values.dtype.kind in "biu" and len(tied) == 1:
+        elif kind in "biu" and len(tied) == 1:
             text += f", which {tied[0] + 0.5:g} avoids"
         of = f"the isovalue {tied[0]:g}" if len(tied) == 1 else f"one of {len(tied)} isovalues ({tied[0]:g}, ..)"
         return [f"{sum(counts.values()):,} samples equal {of}: {text}"]
@@ -249,6 +261,7 @@ class _Seen:
     high: Any
     missing: int
     dtype: Any
+    labels: bool
 
     @classmethod
     def of(cls, field: Field) -> _Seen:
@@ -257,7 +270,7 @@ class _Seen:
         gone = gone if field.mask is None else gone | field.mask
         valid = values[~gone] if gone.any() else values
         low, high = (valid.min(), valid.max()) if valid.size else (None, None)
-        return cls(low, high, int(gone.sum()), values.dtype)
+        return cls(low, high, int(gone.sum()), values.dtype, bool(field.labels))
 
 
 def observed(what: Any, added: Added) -> Observed:
@@ -288,7 +301,7 @@ def layers_of(text: str, plan: Path | None) -> str:
     except UnicodeDecodeError:
         found = "\0"
     if len(data) > MOST or "\0" in found:
-        raise OptionError("not a plan, which is a short text", code="plan", remedy="see encode --plan-help")
+        raise OptionError("the file is not a plan, which is a short text", code="plan", remedy="see encode --plan-help")
     return found
 
 

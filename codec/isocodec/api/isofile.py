@@ -4,15 +4,18 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Iterator, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from isospec.container import SIGNATURE, TILED_SIGNATURE
+
 from ..drawing.contour import Contour
 from ..drawing.tessellation import Tessellation
-from ..errors import IsoError, OptionError
+from ..errors import IsoError, OptionError, TruncatedError
 from ..field.placement import CRS, Placement, read_placement
+from ..format.chunks import whole_bytes
 from ..limits import Limits
 from ..storage.content import Readable, content
 from ..stream.inspect import FileInfo
@@ -20,7 +23,7 @@ from ..stream.statistics import FileStatistics
 from ..tiles.structure import HEAD_BYTES, is_tiled
 from ..tin.tin import Tin
 from .editing import Edit, edited
-from .kinds import TileFile, View, WholeFile
+from .files import TileFile, Viewed, ViewOptions, WholeFile
 from .selfcheck import check_kernels
 from .verification import Verified, verified
 
@@ -165,7 +168,7 @@ class IsoFile:
             Of grids: cubes of the mesh no wider than so many samples are enough. Of tiles also a function that gives
             this number for the box of a tile, n pairs of samples.
         smooth : bool
-            Where the file only says which grid edges are crossed, place the points so that the curve bends smoothly
+            Where the file only knows which grid edges are crossed, place the points so that the curve bends smoothly
             instead of at the midpoints: nearer to the curve in the mean where the field is smooth, by up to a half,
             farther from it where it is rough. A tolerance holds without this only.
         through_holes : bool
@@ -191,14 +194,14 @@ class IsoFile:
         InputError
             If the mesh given is not the one that the file was made on.
         """
-        return self.held.contour(isovalue, View(
+        return self.held.contour(isovalue, Viewed(
             frame=frame, layers=layers, max_bytes=max_bytes, box=box, within=within, smooth=smooth,
             through_holes=through_holes, partial=partial, progress=progress,
         ))
 
-    def contours(self, **view: Any) -> list[Contour]:
+    def contours(self, **view: Unpack[ViewOptions]) -> list[Contour]:
         """Decode the curves or surfaces of all isovalues, in the file's order; parameters and errors of `contour`."""
-        return self.held.contours(View(**view))
+        return self.held.contours(Viewed(**view))
 
     def each_frame(self, *, smooth: bool = False) -> Iterator[list[Contour]]:
         """Decode frame after frame; no more than two are in memory.
@@ -211,7 +214,7 @@ class IsoFile:
         return self.held.each_frame(smooth)
 
     def mesh(
-        self, isovalue: float | None = None, *, whole: bool = False, **view: Any
+        self, isovalue: float | None = None, *, whole: bool = False, **view: Unpack[ViewOptions]
     ) -> Tessellation:
         """Decode the mesh that the curve of an isovalue is coded on.
 
@@ -228,11 +231,11 @@ class IsoFile:
         Tessellation
             Triangles or tetrahedra with their levels, vertices with their signs.
         """
-        return self.held.mesh(isovalue, View(**view), whole)
+        return self.held.mesh(isovalue, Viewed(**view), whole)
 
     # -- arrays --------------------------------------------------------------------------------------------------
 
-    def above(self, isovalue: float | None = None, **view: Any) -> NDArray[np.bool_]:
+    def above(self, isovalue: float | None = None, **view: Unpack[ViewOptions]) -> NDArray[np.bool_]:
         """Decode which samples lie above an isovalue.
 
         Parameters
@@ -254,7 +257,7 @@ class IsoFile:
         FormatError, LimitError
             As `contour`; ``limits.samples`` bounds the result.
         """
-        return self.held.above(isovalue, View(**view))
+        return self.held.above(isovalue, Viewed(**view))
 
     def valid(self, *, max_bytes: int | None = None) -> NDArray[np.bool_]:
         """Decode which samples are valid; the others are missing. Bool, of the shape of the field.
@@ -373,8 +376,8 @@ def open(
     Returns
     -------
     IsoFile
-        Its header and notes have been read; curves are decoded when they are asked for. Of a file in tiles only what
-        is needed is read.
+        Its header and notes have been read; curves are decoded when they are asked for. A file in tiles is read
+        only as far as a question asks for.
 
     Raises
     ------
@@ -397,7 +400,7 @@ def open(
     file = _opened(source, mesh, limits)
     # what is not an .iso file fails here, too
     if file.kind != "mesh" and mesh is not None:
-        raise OptionError(f"a mesh for a file of kind {file.kind}, which needs none", code="mesh",
+        raise OptionError(f"a file of kind {file.kind} takes no mesh", code="mesh",
                           remedy="leave it out")
     return file
 
@@ -406,7 +409,9 @@ def _opened(source: Readable, mesh: tuple[ArrayLike, ArrayLike] | None, limits: 
     """A file whose kind has not been looked at."""
     if isinstance(source, str | os.PathLike) and (tiled := _tiled_at(source, limits)) is not None:
         return tiled
-    data = bytes(content(source, limits))
+    data = whole_bytes(content(source, limits, (SIGNATURE, TILED_SIGNATURE)))
+    if not data:
+        raise TruncatedError("the file is empty", code="truncated", offset=0, clause="3.3")
     if is_tiled(data):
         from ..tiles.tiled import TiledFile
 
@@ -416,7 +421,7 @@ def _opened(source: Readable, mesh: tuple[ArrayLike, ArrayLike] | None, limits: 
 
 def decode(
     source: Readable, isovalue: float | None = None, *, mesh: tuple[ArrayLike, ArrayLike] | None = None,
-    limits: Limits | None = None, **view: Any,
+    limits: Limits | None = None, **view: Unpack[ViewOptions],
 ) -> Contour:
     """Decode a file to its curve or surface: ``open(source).contour(isovalue)``.
 
@@ -438,7 +443,7 @@ def decode(
 
 
 def _tiled_at(source: str | os.PathLike[str], limits: Limits | None) -> IsoFile | None:
-    """The tiled file at a path or URL, of which what is needed is read later.
+    """Open the tiled file at a path or URL; its tiles are read as they are asked for.
 
     None if it is something else, comes through a pipe, or if its server does not give parts.
     """

@@ -16,8 +16,8 @@ from ..limits import Limits
 from ..storage.content import Readable
 from ..stream.options import Options
 from ..stream.splicing import spliced
+from .files import TileFile, impossible
 from .isofile import open
-from .kinds import TileFile, impossible
 from .recoding import Held, held_by, same_again
 
 if TYPE_CHECKING:
@@ -30,7 +30,7 @@ def merge(files: Sequence[Readable], *, profile: ProfileName = "main", limits: L
     Parameters
     ----------
     files : sequence of bytes, paths, URLs or file objects
-        Files of fields of the same shape, place and missing samples, each with isovalues of its own; series with the
+        Files of fields of the same shape, place and missing samples, with different isovalues; series with the
         same frames; or of values on one mesh.
     profile : str
         Of the result, where it is coded anew: of files of grids.

@@ -6,14 +6,16 @@ import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from ..errors import OptionError
 from ..storage.atomic import check_target, undo_all, undoing, write_bytes
-from .isofile import IsoFile
-from .kinds import TileFile
 
-__all__ = ["STANDARD", "check_output", "engine_of", "read_of", "undo_all", "undoing", "write_bytes"]
+if TYPE_CHECKING:
+    from ..io.writers.output_formats import Kind
+    from .isofile import IsoFile
+
+__all__ = ["STANDARD", "check_output", "engine_of", "formats", "read_of", "undo_all", "undoing", "write_bytes"]
 
 STANDARD = "-"
 """Name of standard input and output."""
@@ -21,6 +23,8 @@ STANDARD = "-"
 
 def read_of(file: IsoFile) -> tuple[str, dict[str, int]]:
     """What has been read of a file in tiles, in words and for programs; nothing of other files."""
+    from .files import TileFile
+
     if not isinstance(file.held, TileFile):
         return "", {}
     tiled = file.held.tiled
@@ -68,6 +72,24 @@ def _other_format(name: str) -> str | None:
     return next((suffix for suffix in (*SUFFIXES, *FIELD_SUFFIXES) if name.endswith(suffix)), None)
 
 
+def formats() -> dict[str, str]:
+    """Suffixes of formats for help, from the records of the writers, by the names that help has for them in braces."""
+    from ..io.writers.registry import suffixes_of
+
+    def listed(kind: Kind, n: int | None = None) -> str:
+        return ", ".join(dict.fromkeys(suffixes_of(kind, n)))
+
+    rows = {
+        "Curves": listed("contour", 2), "Surfaces": listed("contour", 3), "Areas and bands": listed("areas"),
+        "Above and valid": f"{listed('mask', 2)}; of three axes {listed('mask', 3)}", "Labels": ".npy",
+        "Meshes": f"{listed('mesh', 2)}; of three axes {listed('mesh', 3)}", "Triangulations": listed("tin"),
+    }
+    table = "\n".join(f"{name:16} {suffixes}" for name, suffixes in rows.items())
+    many = suffixes_of("contour", several=True)
+    single = ", ".join(suffix for suffix in suffixes_of("contour") if suffix not in many)
+    return {"formats": table, "pictures": listed("picture"), "surfaces": listed("tin"), "single": single}
+
+
 @contextmanager
 def engine_of(workers: int | None, scheduler: str | None) -> Iterator[Any]:
     """Workers that encode tiles: processes, or a Dask cluster; None without either.
@@ -94,7 +116,7 @@ def engine_of(workers: int | None, scheduler: str | None) -> Iterator[Any]:
         import multiprocessing
         from concurrent.futures import ProcessPoolExecutor
 
-        from ..tiles.running import end_with_parent
+        from ..tiles.workers import end_with_parent
 
         spawned = multiprocessing.get_context("spawn")
         with ProcessPoolExecutor(workers, mp_context=spawned, initializer=end_with_parent) as pool:

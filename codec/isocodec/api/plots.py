@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from ..drawing.pictures.map_picture import DARK, LIGHT, map_picture
-from ..drawing.pictures.map_picture import Look as Drawing
+from ..drawing.pictures.map_picture import MapLook as Drawing
 from ..drawing.pictures.picture import Step, check_picture, steps_picture
 from ..drawing.pictures.view import USUAL, View, read_view
 from ..errors import InputError, OptionError, TruncatedError
@@ -309,7 +309,7 @@ def map_of(
     remarks: list[str] = []
     if isinstance(what, IsoFile):
         if len(what.shape) != 2:
-            raise OptionError("maps are drawn of sampled fields of two axes", code="dimension",
+            raise OptionError("a map needs a sampled field of two axes", code="dimension",
                               remedy="decode it to a file")
         view = {"frame": frame, "progress": progress}
         if isinstance(isovalues, str) and what.isovalues:
@@ -344,7 +344,7 @@ def map_of(
 def _lines(field: Field, isovalues: Any, metadata: dict[str, str], progress: Any) -> tuple[Any, Any, Any]:
     """The curves that a file of a field would hold, its samples, and which of them are valid if not all are."""
     if not isinstance(field, Field) or field.values.ndim != 2:
-        raise InputError(f"maps are drawn of fields of two axes, and this has {np.ndim(getattr(field, 'values', 0))}",
+        raise InputError(f"a map needs a field of two axes; this one has {np.ndim(getattr(field, 'values', 0))}",
                          code="dimension")
     gone = _missing(field)
     valid = field.values[~gone]

@@ -53,7 +53,7 @@ def extracted(
 
 @dataclass(frozen=True)
 class Held:
-    """What a file of a grid holds, frame by frame.
+    """Contents of a grid's file, frame by frame.
 
     Attributes
     ----------
@@ -82,7 +82,7 @@ class Held:
 
 
 def held_by(data: bytes, limits: Limits | None, what: str = "the file") -> Held:
-    """What a whole file of a grid holds; ``what`` names it in messages.
+    """Decode all that a file of a grid holds; ``what`` names it in messages.
 
     Raises
     ------
@@ -110,7 +110,7 @@ def held_by(data: bytes, limits: Limits | None, what: str = "the file") -> Held:
 def same_again(held: Held, options: Options, *, expected: bool = True) -> bytes:
     """A file of the same curves.
 
-    They are decoded to see that they are: crossings of curves that touch may stand in an order that isovalues which
+    They are decoded to see that they are: crossings of curves that touch may lie in an order that isovalues which
     lean on one another cannot have, and then none of them does. Without ``expected`` they have to be those of a file
     in which none does, instead of ``held.contours``.
     """

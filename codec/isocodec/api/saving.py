@@ -20,7 +20,7 @@ from .isofile import IsoFile
 
 if TYPE_CHECKING:
     from ..field.sampled import SpatialImage
-    from ..tiles.running import Engine
+    from ..tiles.workers import Engine
     from ..tin.tin import Tin
 
 
@@ -51,7 +51,7 @@ def save(
     tile : int, optional
         Write a file in tiles of so many samples along each axis, a power of two from 32 on (1024 in the plane and 128
         in space are usual). ``what`` is a Field, or anything that has ``shape``, ``dtype`` and slices: an array of
-        numpy (mapped from a file, say), Dask, xarray, Zarr or h5py, of two or three axes, which need not be in memory:
+        numpy (also mapped from a file), Dask, xarray, Zarr or h5py, of two or three axes, which need not be in memory:
         slices of a tile are read at a time.
     engine : executor of ``concurrent.futures``, or client of ``dask.distributed``, optional
         Who encodes tiles; without one the caller's thread. The file has the same bytes.
@@ -82,7 +82,7 @@ def save(
     >>> isocodec.save("terrain.iso", field, 500.5, tile=1024)     # doctest: +SKIP
     """
     if tile is None and not (engine is workers is spool is None):
-        raise OptionError("engine, workers and spool go with tile", code="tile", remedy="tile=1024")
+        raise OptionError("engine, workers and spool apply to tiles only", code="tile", remedy="tile=1024")
     suffix = Path(path).suffix.lower()
     if suffix != ".iso":
         if options or tile is not None:
@@ -91,11 +91,11 @@ def save(
         _write_other(path, what, isovalue, suffix)
         return
     if _contours(what) is not None:
-        raise OptionError("contours for an .iso file", code="suffix",
+        raise OptionError("contours cannot be written to an .iso file", code="suffix",
                           remedy="encode the field, or choose another suffix")
     if isinstance(what, bytes | IsoFile):
         if isovalue is not None or options or tile is not None:
-            raise OptionError("isovalue and options are for fields, and this is encoded already", code="options")
+            raise OptionError("isovalue and options do not apply to files that are encoded already", code="options")
         check_target(path)
         write_bytes(path, what if isinstance(what, bytes) else what.data)
         return
@@ -119,7 +119,7 @@ def _write_other(path: str | os.PathLike[str], what: Any, isovalue: Any, suffix:
 
     contours = _contours(what)
     if contours is not None and isovalue is not None:
-        raise OptionError("isovalue is for fields, and this is a contour", code="options")
+        raise OptionError("isovalue does not apply to contours", code="options")
     if isinstance(what, bytes | IsoFile):
         from .isofile import open
 
@@ -145,6 +145,6 @@ def _contours(what: Any) -> list[Contour] | None:
         return [what]
     if isinstance(what, list | tuple) and any(isinstance(one, Contour) for one in what):
         if not all(isinstance(one, Contour) for one in what):
-            raise InputError("contours and other things together", code="contours")
+            raise InputError("contours and other things cannot be written to one file", code="contours")
         return list(what)
     return None

@@ -1,4 +1,4 @@
-"""Whether kernels do here what they do where they were tested: for libraries that could not be run when built."""
+"""Check that kernels work here as where they were tested, for libraries that could not be run when built."""
 
 from __future__ import annotations
 
@@ -8,10 +8,12 @@ from functools import cache
 
 import numpy as np
 
-from ..kernel import untested
+from ..kernel import kernels, untested
+
+__all__ = ["check_kernels", "digest", "kernels"]
 
 DIGEST = "97c4cbcfe2830ce1bae13e316ad05fa6f98b28a631d08c4223d2eab01dd7880f"
-"""What `digest` gives wherever it is right."""
+"""Result of `digest` on every machine where kernels are right."""
 
 
 def digest() -> str:

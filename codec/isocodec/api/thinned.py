@@ -17,7 +17,7 @@ from ..field.sampled import Field
 from ..field.samples import missing_of
 from ..format.surface import MOST_LAYERS, values_of
 from ..search.contour_tin import near_contours
-from ..search.tin_fit import Chosen, best, smallest, within
+from ..search.tin_fit import ChosenPoints, best, smallest, within
 from ..stream.given import field_of
 from ..stream.options import Options
 from ..stream.surface_encoder import SurfaceEncoder, surface_of
@@ -123,10 +123,10 @@ def thin(
         return _removed(given, criterion, to, error, shape, notes, progress)
     _check(error, to, size, step, layers, contours, tolerance)
 
-    def found(chosen: Chosen) -> Tin:
+    def found(chosen: ChosenPoints) -> Tin:
         return _surface(given, chosen, shape, layers, notes)
 
-    def file(chosen: Chosen) -> bytes:
+    def file(chosen: ChosenPoints) -> bytes:
         return b"".join(SurfaceEncoder(found(chosen), Options()))
 
     if error is not None:
@@ -152,7 +152,7 @@ def _points_of(what: Any, partial: bool) -> tuple[Points, NDArray[np.float64] | 
     """Points of what is thinned, the field that they are samples of, its notes; ``partial``: some may be missing."""
     if isinstance(what, Mesh):
         if what.cells is not None or what.values is None:
-            raise InputError("a mesh to be thinned has cells, or no values", code="mesh",
+            raise InputError("thin needs scattered points with values: a Mesh without cells", code="mesh",
                              remedy="give Mesh(points, None, values)")
         return points_of(what.points, what.values), None, what.metadata
     field = field_of(what)
@@ -171,7 +171,7 @@ def _points_of(what: Any, partial: bool) -> tuple[Points, NDArray[np.float64] | 
 
 
 def _surface(
-    given: Points, chosen: Chosen, shape: tuple[int, int] | None, layers: int, metadata: Mapping[str, str]
+    given: Points, chosen: ChosenPoints, shape: tuple[int, int] | None, layers: int, metadata: Mapping[str, str]
 ) -> Tin:
     """The surface of chosen points as its file will have it."""
     head, parts = surface_of(given, chosen, shape, layers)

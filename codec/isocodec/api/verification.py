@@ -1,4 +1,4 @@
-"""Whether a file keeps what it promises of a field: signs, missing samples, and distances measured anew."""
+"""Check that a file keeps its promises for a field: signs, missing samples, and distances measured anew."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from ..errors import InputError, OptionError
 from ..field.decoded_samples import LABELS
 from ..field.placement import closed
 from ..field.samples import check_field, without_holes
-from .kinds import TileFile, View, WholeFile
+from .files import TileFile, Viewed, WholeFile
 
 if TYPE_CHECKING:
     from ..drawing.contour import Contour
@@ -28,14 +28,14 @@ MEASURED = 0.001
 
 @dataclass(frozen=True)
 class Verified:
-    """What was found of one isovalue.
+    """Result of verifying one isovalue.
 
     Attributes
     ----------
     isovalue : float
         NaN of a surface.
     promised : float or None
-        Distance that decoded and original curve lie from each other at most, as the file or the caller says.
+        Largest distance between decoded and original curve that the file or the caller promises.
     there, back : float
         Largest distance, in cells (on a mesh in the unit of its points), from the decoded to the original curve, and
         back; at most 0.001 cells too large. Of a surface the largest distance of values, twice.
@@ -55,7 +55,7 @@ class Verified:
 
 
 def verified(held: WholeFile | TileFile, field: Any, frame: int | None, within: float | None) -> list[Verified]:
-    """What is found of each isovalue of a file; see `IsoFile.verify`.
+    """Verify each isovalue of a file; see `IsoFile.verify`.
 
     Of a file in tiles the joined curve is measured against that of the whole field. It does not state what it promises,
     nor which samples far from it are missing.
@@ -69,7 +69,7 @@ def verified(held: WholeFile | TileFile, field: Any, frame: int | None, within: 
     if held.kind == "surface":
         return [_surface(held, np.asarray(known.values), within)]
     values, gone = without_holes(known.values, known.mask)
-    contours = held.contours(View(frame=frame))
+    contours = held.contours(Viewed(frame=frame))
     if isinstance(held, TileFile):
         _check_shape(values.shape, held.info.shape)
         return [_measured(one, check_field(values, one.isovalue, gone=gone), within, None) for one in contours]
@@ -100,14 +100,14 @@ def _of_grid(
     held: WholeFile, contour: Contour, frame: int | None, values: NDArray[Any], gone: NDArray[np.bool_] | None,
     promised: float | None,
 ) -> Verified:
-    """What is found of one isovalue of a grid."""
+    """Verify one isovalue of a grid."""
     if LABELS in held.info.metadata:
         sampled = check_field(values == contour.isovalue, 0.5, gone=gone)
     else:
         sampled = check_field(values, contour.isovalue, gone=gone)
     wrong: int | None
     try:
-        differ = held.above(contour.isovalue, View(frame=frame)) != sampled.signs
+        differ = held.above(contour.isovalue, Viewed(frame=frame)) != sampled.signs
         wrong = int((differ if gone is None else differ & ~gone).sum())
     except OptionError:
         wrong = None
@@ -115,7 +115,7 @@ def _of_grid(
 
 
 def _measured(contour: Contour, sampled: Samples, promised: float | None, wrong: int | None) -> Verified:
-    """How far a contour lies from that of the samples."""
+    """Measure how far a contour lies from that of the samples."""
     from ..search.original import original
 
     return _compared(contour, original(sampled), promised, wrong)
@@ -124,7 +124,7 @@ def _measured(contour: Contour, sampled: Samples, promised: float | None, wrong:
 def _compared(
     contour: Contour, first: Contour, promised: float | None, wrong: int | None, unit: float = 1.0
 ) -> Verified:
-    """How far two contours lie from each other, measured in cells of size ``unit``."""
+    """Measure how far two contours lie from each other, in cells of size ``unit``."""
     from ..search.proof import hausdorff
 
     there, back = hausdorff(contour.points / unit, contour.cells, first.points / unit, first.cells, MEASURED)
@@ -133,16 +133,16 @@ def _compared(
 
 
 def _on_mesh(held: WholeFile, field: Any, frame: int | None, within: float | None) -> list[Verified]:
-    """What is found of the isovalues of a file on a mesh, of values at its vertices."""
+    """Verify the isovalues of a file on a mesh, for values at its vertices."""
     points, cells, values = _mesh_of(held, field, frame)
     out = []
-    for contour in held.contours(View(frame=frame)):
+    for contour in held.contours(Viewed(frame=frame)):
         above = values > contour.isovalue
         original = _drawn(points, cells, values, contour.isovalue)
         wrong = None
         if held.info.domain is not None and held.info.domain.kind == DomainKind.KNOWN:
             # a mesh in the file has its vertices in another order
-            wrong = int((held.above(contour.isovalue, View(frame=frame)) != above).sum())
+            wrong = int((held.above(contour.isovalue, Viewed(frame=frame)) != above).sum())
         edges = points[cells[:, 1]] - points[cells[:, 0]]
         unit = float(np.median(np.sqrt((edges**2).sum(axis=1))))
         out.append(_compared(contour, original, within, wrong, unit))
@@ -154,7 +154,7 @@ def _mesh_of(held: WholeFile, field: Any, frame: int | None) -> tuple[NDArray[An
     points, cells, values = (getattr(field, name, None) for name in ("points", "cells", "values"))
     if points is None:
         if held.mesh_given is None:
-            raise InputError("values without their mesh", code="mesh", remedy="give a Mesh, or open(.., mesh=)")
+            raise InputError("values on a mesh need their mesh", code="mesh", remedy="give a Mesh, or open(.., mesh=)")
         points, cells = held.mesh_given
         values = field
     values = np.asarray(values)
@@ -186,7 +186,7 @@ def _drawn(points: NDArray[Any], cells: NDArray[Any], values: NDArray[Any], isov
 
 
 def _surface(held: WholeFile | TileFile, values: NDArray[Any], within: float | None) -> Verified:
-    """How far a triangulated surface lies from the values of a field."""
+    """Measure how far a triangulated surface lies from the values of a field."""
     tin = held.surface(None)
     if tin.shape is None:
         raise InputError("the surface is of scattered points, not of a field", code="shape")
@@ -196,6 +196,6 @@ def _surface(held: WholeFile | TileFile, values: NDArray[Any], within: float | N
 
 
 def _promised(layers: Any, frame: int, number: int) -> float | None:
-    """What the last layer of an isovalue of a frame promises, if it does."""
+    """Promise of the last layer of an isovalue of a frame; None without one."""
     own = [layer for layer in layers if (layer.frame, layer.isovalue) == (frame, number)]
     return own[-1].within if own else None

@@ -25,13 +25,13 @@ def _version(context: click.Context, _: click.Parameter, asked: bool) -> None:
         return
     from importlib import metadata
 
-    import isocodec
+    from ..api.selfcheck import kernels
 
     try:
         version = f"isocodec {metadata.version('isocodec')}"
     except metadata.PackageNotFoundError:
         version = "isocodec, run from its sources (not installed)"
-    click.echo(f"{version} (kernels: {isocodec.kernels()})")
+    click.echo(f"{version} (kernels: {kernels()})")
     context.exit()
 
 

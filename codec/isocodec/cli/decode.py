@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from ..errors import OptionError, TruncatedError
-from .options import COUNT, DRAWING, OUTPUT, PART, Box, Size, Viewing, Writing, command, option
+from .option_records import COUNT, DRAWING, OUTPUT, PART, BoxType, SizeType, Viewing, Writing, command, option
 from .report import PARTIAL, STANDARD, Failure, concerning, named, progress_bar, result, warn, written_to
 
 if TYPE_CHECKING:
@@ -21,7 +21,7 @@ WHAT = ("curve", "areas", "bands", "above", "valid", "labels", "mesh", "surface"
 
 
 @dataclass(frozen=True, kw_only=True)
-class DecodeOptions(Writing, Viewing):
+class DecodeArguments(Writing, Viewing):
     """Options of ``decode``."""
 
     what: str | None = option(
@@ -31,10 +31,10 @@ class DecodeOptions(Writing, Viewing):
     )
     layers: int | None = option("--layers", heading=PART, type=COUNT, metavar="N",
                                 help="Decode the first N layers of an isovalue.")
-    max_bytes: int | None = option("--max-bytes", heading=PART, type=Size(), metavar="N",
+    max_bytes: int | None = option("--max-bytes", heading=PART, type=SizeType(), metavar="N",
                                    help="Decode the first N bytes.")
     box: tuple[tuple[float, float], ...] | None = option(
-        "--window", heading=PART, type=Box(), metavar="A:B,C:D",
+        "--window", heading=PART, type=BoxType(), metavar="A:B,C:D",
         help="Decode a box of samples, from:to for each axis; of a file in tiles only this part is read.",
     )
     within: float | None = option("--within", heading=PART, type=float, metavar="N",
@@ -65,7 +65,7 @@ class DecodeOptions(Writing, Viewing):
 
     @property
     def wanted(self) -> Wanted:
-        """What to decode, as the library takes it."""
+        """The choice of what to decode, as the library takes it."""
         from ..api.export import OutputOptions, Wanted
 
         return Wanted(
@@ -95,25 +95,23 @@ class DecodeOptions(Writing, Viewing):
             self.refuse(f"apply to --what {self.what}", "isovalue")
 
 
-@command("decode", DecodeOptions, "Decode to a curve, a surface, a mask or a picture.")
-def decode_command(options: DecodeOptions) -> None:
+@command("decode", DecodeArguments, "Decode to a curve, a surface, a mask or a picture.")
+def decode_command(options: DecodeArguments) -> None:
     """Decode IN.iso to OUT; the suffix of OUT names the format. IN.iso may be - or a URL, OUT - (with --to).
 
     \b
-    Curves and surfaces  .npz (points, cells, isovalue, shape; placement, crs), .png, .dxf, .vtp
-    Curves               .geojson, .gpkg, .fgb, .shp, .parquet, .pmtiles, .svg (x along axis 1, y along axis 0)
-    Surfaces             .ply, .stl, .off, .obj, .glb, .3mf (x, y, z along axes 0, 1, 2)
-    Areas and bands      .geojson, .gpkg, .fgb, .shp, .parquet: polygons, closed along the border of the samples
-    Above and valid      .npy; .png (2-D, white above); .nii, .nii.gz (3-D, 1 above)
-    Meshes               .vtu, .ply, .geojson: cells with their level, vertices with their sign (1 above, 0 not)
-    Triangulations       .ply, .vtu, .geojson, .npz; .npy for the picture that they make
+    {formats}
 
-    Coordinates are in samples. If the file has a placement (from NIfTI or GeoTIFF, for example, or encode --spacing),
-    all but .npz, .svg and .png have world coordinates instead. GeoJSON has longitude and latitude (RFC 7946) if the
-    file names its reference system.
+    .npz has points, cells, isovalue, shape, placement and crs. Areas are polygons, closed along the border of the
+    samples. Above and valid are 1, or white. Meshes have the level of each cell and the sign of each vertex (1 above, 0
+    not). .npy of a triangulation is the picture that it makes.
 
-    If there are several isovalues, .npz, .ply, .stl and .off hold one of them, the other formats all: as features and
-    rows with their isovalue, layers (.dxf) or named objects.
+    Coordinates are in samples: x, y, z along axes 0, 1, 2; .svg has x along axis 1, y along axis 0. If the file has a
+    placement (from NIfTI or GeoTIFF, for example, or encode --spacing), all but .npz, .svg and .png have world
+    coordinates instead. GeoJSON has longitude and latitude (RFC 7946) if the file names its reference system.
+
+    If there are several isovalues, {single} hold one of them, the other formats all: as features and rows with
+    their isovalue, layers (.dxf) or named objects.
 
     Samples above an isovalue are known if the file holds the full grid; files made with a criterion, or with a (last)
     tolerance of 0.1 or more, may not. Missing samples are undefined there; --what valid has them.

@@ -7,7 +7,19 @@ from typing import Any
 
 import click
 
-from .options import COUNT, PART, PRECISION, Box, Number, Opening, Size, Writing, argument, command, option
+from .option_records import (
+    COUNT,
+    PART,
+    PRECISION,
+    BoxType,
+    NumberType,
+    Opening,
+    SizeType,
+    Writing,
+    argument,
+    command,
+    option,
+)
 from .report import concerning, counted, named, progress_bar, result, warn, write_output
 
 ASKED = ("layers", "size", "box", "isovalues", "profile", "precision", "keep_topology")
@@ -15,18 +27,19 @@ ASKED = ("layers", "size", "box", "isovalues", "profile", "precision", "keep_top
 
 
 @dataclass(frozen=True, kw_only=True)
-class EditOptions(Writing, Opening):
+class EditArguments(Writing, Opening):
     """Options of ``edit``."""
 
     source: Any = argument("IN.iso ...", nargs=-1, required=True)
     layers: int | None = option("--layers", heading=PART, type=COUNT, metavar="N",
                                 help="Keep the first N layers, of all isovalues.")
-    size: int | None = option("--size", heading=PART, type=Size(), metavar="SIZE",
+    size: int | None = option("--size", heading=PART, type=SizeType(), metavar="SIZE",
                               help="Keep as much as fits into this size: 900, 20K.")
     box: tuple[tuple[float, float], ...] | None = option(
-        "--window", heading=PART, type=Box(), metavar="A:B,C:D", help="Keep a box of samples, from:to for each axis."
+        "--window", heading=PART, type=BoxType(), metavar="A:B,C:D",
+        help="Keep a box of samples, from:to for each axis.",
     )
-    isovalues: tuple[float, ...] = option("--isovalue", heading=PART, type=Number(), multiple=True, metavar="V",
+    isovalues: tuple[float, ...] = option("--isovalue", heading=PART, type=NumberType(), multiple=True, metavar="V",
                                           help="Keep this isovalue. Repeatable.")
     profile: Any = option("--profile", heading=PRECISION, type=click.Choice(["main", "baseline"]),
                                  help="Encode the curves again in this profile; no point moves.")
@@ -38,8 +51,8 @@ class EditOptions(Writing, Opening):
                                  help="With --precision: keep the topology of the curves in every layer.")
 
 
-@command("edit", EditOptions, "Shorten, cut out, re-encode or merge files without the field.")
-def edit_command(options: EditOptions) -> None:
+@command("edit", EditArguments, "Shorten, cut out, re-encode or merge files without the field.")
+def edit_command(options: EditArguments) -> None:
     """Make OUT.iso of IN.iso: with its first layers or bytes, of a window, less precise, or in another profile.
 
     Several IN.iso are files of one field; OUT.iso gets the isovalues of all of them, and no point moves.
@@ -51,8 +64,9 @@ def edit_command(options: EditOptions) -> None:
     or with a (last) tolerance of 0.1 or more, may not. Promises of OUT.iso are about the curves of IN.iso: their
     distance from those of the field comes on top.
     """
-    import isocodec
-
+    from ..api.export import counted as inspected
+    from ..api.isofile import open
+    from ..api.merging import merge
     from ..api.output import check_output, read_of
 
     for source in options.source:
@@ -67,20 +81,24 @@ def edit_command(options: EditOptions) -> None:
     with concerning(options.source[0]), progress_bar("encoding"):
         if several:
             pieces = [file.data for file in files]
-            data = isocodec.merge(pieces, profile=options.profile or "main", limits=options.limits)
+            data = merge(pieces, profile=options.profile or "main", limits=options.limits)
         else:
             asked = {name: getattr(options, name) for name in ASKED if options.given(name)}
             data = files[0].edited(**asked)
-        made = isocodec.open(data, limits=options.limits)
+        made = open(data, limits=options.limits)
         lost = [] if several or options.isovalues else [v for v in files[0].isovalues if v not in made.isovalues]
     write_output(options.output, data)
     if lost:
         warn(options.source[0], f"the result ends before isovalue {' and '.join(map(repr, lost))}")
     before = sum(file.size for file in files)
     isovalues = [float(value) for value in made.isovalues]
+    holds, facts = counted(len(isovalues), "isovalue"), dict[str, Any](isovalues=isovalues)
+    if not several and options.given("layers", "size"):
+        kept = sum(layer.bytes is not None for layer in inspected(made).layers)
+        holds, facts = counted(kept, "whole layer"), {**facts, "layers": kept}
     text, read = ("", {}) if several else read_of(files[0])
     result(
-        f"{named(options.output)}: {len(data):,} of {before:,} bytes, {counted(len(isovalues), 'isovalue')}{text}",
-        {"output": str(options.output), "bytes": len(data), "input_bytes": before, "isovalues": isovalues, **read},
+        f"{named(options.output)}: {len(data):,} of {before:,} bytes, {holds}{text}",
+        {"output": str(options.output), "bytes": len(data), "input_bytes": before, **facts, **read},
         options.as_json,
     )

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from .options import (
+from .option_records import (
     COUNT,
     FILE,
     INPUT,
@@ -23,10 +23,10 @@ from .options import (
     SURFACE,
     TILES,
     WHOLE,
-    Number,
-    Numbers,
+    NumbersType,
+    NumberType,
     Reading,
-    Thinning,
+    ThinningArguments,
     Writing,
     argument,
     command,
@@ -34,7 +34,18 @@ from .options import (
     notes_of,
     option,
 )
-from .report import STANDARD, Failure, concerning, counted, named, progress_bar, result, warn, write_output
+from .report import (
+    STANDARD,
+    Failure,
+    concerning,
+    counted,
+    named,
+    own_warnings,
+    progress_bar,
+    result,
+    warn,
+    write_output,
+)
 
 if TYPE_CHECKING:
     from ..api.inputs import Observed
@@ -64,18 +75,18 @@ def _explain(context: click.Context, _: click.Parameter, asked: bool) -> None:
 
 
 @dataclass(frozen=True, kw_only=True)
-class EncodeOptions(Thinning, Writing, Reading):
+class EncodeArguments(ThinningArguments, Writing, Reading):
     """Options of ``encode``."""
 
     source: str = argument("INPUT")
-    isovalues: tuple[float, ...] = option("--isovalue", heading=ISOVALUE, type=Number(), multiple=True, metavar="V",
+    isovalues: tuple[float, ...] = option("--isovalue", heading=ISOVALUE, type=NumberType(), multiple=True, metavar="V",
                                           help="Inside is value > V. Repeatable.")
-    interval: float | None = option("--interval", heading=ISOVALUE, type=Number(), metavar="S",
+    interval: float | None = option("--interval", heading=ISOVALUE, type=NumberType(), metavar="S",
                                     help="All multiples of S within the data, in one file.")
-    offset: float | None = option("--offset", heading=ISOVALUE, type=Number(), metavar="V",
+    offset: float | None = option("--offset", heading=ISOVALUE, type=NumberType(), metavar="V",
                                   help="With --interval: V, V + S, V + 2 S, ..")
     labels: tuple[float, ...] = option(
-        "--label", heading=ISOVALUE, type=Number(), multiple=True, metavar="K",
+        "--label", heading=ISOVALUE, type=NumberType(), multiple=True, metavar="K",
         help="Inside is value == K; --precision signs by default. Repeatable.",
     )
     independent: bool = option("--independent", heading=ISOVALUE, is_flag=True,
@@ -97,7 +108,7 @@ class EncodeOptions(Thinning, Writing, Reading):
     frames: bool = option("--frames", heading=INPUT, is_flag=True,
                           help="Keep slices, or the volumes of a 4-D file, as a series.")
     frame_axis: int | None = option(
-        "--frame-axis", heading=INPUT, type=WHOLE, metavar="A",
+        "--frame-axis", heading=INPUT, type=int, metavar="A",
         help="With --frames: the axis that counts them.  [default: 0; of 4-D volume files 3]",
     )
     frame_interval: int | None = option(
@@ -108,7 +119,7 @@ class EncodeOptions(Thinning, Writing, Reading):
         "--missing", heading=INPUT, type=click.Choice(["hole", "below", "above", "nearest"]), metavar="HOW",
         help="Treat missing samples as a hole, where the contour ends (default), below, above, or as the nearest one.",
     )
-    spacing: tuple[float, ...] | None = option("--spacing", heading=INPUT, type=Numbers(), metavar="S,S[,S]",
+    spacing: tuple[float, ...] | None = option("--spacing", heading=INPUT, type=NumbersType(), metavar="S,S[,S]",
                                                help="Distances of samples along the axes; may be negative.")
     no_placement: bool = option("--no-placement", heading=INPUT, is_flag=True,
                                 help="Ignore the coordinates that INPUT gives its samples.")
@@ -116,7 +127,7 @@ class EncodeOptions(Thinning, Writing, Reading):
                                              help="Cells that coordinates may be off.  [default: 0.005]")
     periodic: tuple[int, ...] = option("--periodic", heading=INPUT, type=WHOLE, multiple=True, metavar="AXIS",
                                        help="Join the ends of an axis (from 0). Repeatable.")
-    period: tuple[float, ...] | None = option("--period", heading=INPUT, type=Numbers(), metavar="P[,P..]",
+    period: tuple[float, ...] | None = option("--period", heading=INPUT, type=NumbersType(), metavar="P[,P..]",
                                               help="Distance after which x (or x, y, z) repeats; 0: never.")
     surface: bool = option("--surface", heading=SURFACE, is_flag=True,
                            help="Encode a triangulated surface instead of contours.")
@@ -185,7 +196,7 @@ class EncodeOptions(Thinning, Writing, Reading):
         if self.surface:
             return {"profile": self.profile, "metadata": notes_of(self.metadata)}
         names = ("precision", "keep_topology", "independent")
-        given = {name: getattr(self, name) for name in names if getattr(self, name)}
+        given = {name: getattr(self, name) for name in names if self.given(name)}
         if self.layers is not None:
             from ..api.inputs import layers_of
 
@@ -210,8 +221,8 @@ class EncodeOptions(Thinning, Writing, Reading):
             return observed(what, added)
 
 
-@command("encode", EncodeOptions, "Encode the isocontour of a picture, terrain, volume or mesh.")
-def encode_command(options: EncodeOptions) -> None:
+@command("encode", EncodeArguments, "Encode the isocontour of a picture, terrain, volume or mesh.")
+def encode_command(options: EncodeArguments) -> None:
     """Encode the isocontour (2-D) or isosurface (3-D) of the field in INPUT.
 
     INPUT is .npy, .npz, HDF5, NetCDF, Zarr, GRIB, PNG, JPEG, TIFF (a stack is a volume), NIfTI, NRRD, MetaImage, DICOM
@@ -244,36 +255,36 @@ def encode_command(options: EncodeOptions) -> None:
     )
 
 
-def _whole(options: EncodeOptions, keywords: dict[str, Any]) -> tuple[dict[str, Any], list[str]]:
+def _whole(options: EncodeArguments, keywords: dict[str, Any]) -> tuple[dict[str, Any], list[str]]:
     """Encode in one piece; facts about the file, and remarks."""
-    import isocodec
-
+    from ..api.encoding import encode
     from ..api.inputs import facts_of, to_thin
+    from ..api.isofile import open
 
     seen = options.observed()
     given, remarks = to_thin(seen.what, True) if options.surface else (seen.what, [])
     for remark in [*seen.before, *remarks]:
         warn(options.source, remark)
-    keywords["metadata"] = {**seen.notes, **keywords["metadata"]}
     with concerning(options.source), progress_bar("encoding") as progress, seen.blaming(options.plan, Failure):
         if options.surface:
             tin = options.thinned(given, options.isovalues, int(options.layers or 1), None, progress)
-            data = isocodec.encode(tin, **keywords)
+            data = encode(tin, **keywords)
         else:
-            data = isocodec.encode(seen.what, options.isovalue, progress=progress, **keywords)
+            with own_warnings(options.source):
+                data = encode(seen.what, options.isovalue, progress=progress, **keywords)
     write_output(options.output, data)
-    file = isocodec.open(data)
+    file = open(data)
     marked = options.nodata is not None or options.missing is not None
     facts = {"bytes": file.size, "layers": len(file.info.layers), **seen.facts(file)}
     return (facts | facts_of(tin, given), []) if options.surface else (facts, seen.after(file, keywords, marked))
 
 
-def _tiled(options: EncodeOptions, keywords: dict[str, Any]) -> tuple[dict[str, Any], list[str]]:
+def _tiled(options: EncodeArguments, keywords: dict[str, Any]) -> tuple[dict[str, Any], list[str]]:
     """Encode tile by tile; facts about the file, and remarks."""
-    import isocodec
-
     from ..api.inputs import windows_of
+    from ..api.isofile import open
     from ..api.output import engine_of
+    from ..api.saving import save
 
     if str(options.output) == STANDARD:
         raise click.UsageError("a file in tiles is not written to standard output")
@@ -285,11 +296,11 @@ def _tiled(options: EncodeOptions, keywords: dict[str, Any]) -> tuple[dict[str, 
             warn(options.source, place.remark)
         if not options.no_placement:
             keywords["metadata"] = {**place.notes(), **keywords["metadata"]}
-        isocodec.save(
+        save(
             options.output, what, options.isovalue, tile=options.tile, engine=engine, spool=options.spool,
             workers=options.workers if engine else None, progress=progress, **keywords,
         )
-    file = isocodec.open(str(options.output))
+    file = open(str(options.output))
     sizes = {number: sum(layer.bytes or 0 for layer in file.info.layers if layer.isovalue == number)
              for number in range(len(file.isovalues))}
     empty = [file.isovalues[number] for number, size in sizes.items() if not size]

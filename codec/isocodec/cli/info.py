@@ -9,16 +9,15 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from ..errors import plain
-from .options import OUTPUT, Opening, command, option
+from .option_records import OUTPUT, Opening, command, option
 from .report import concerning, warn
 
 if TYPE_CHECKING:
-    from ..stream.inspect import FileInfo
-    from ..stream.statistics import FileStatistics
+    from ..api.isofile import FileInfo, FileStatistics
 
 
 @dataclass(frozen=True, kw_only=True)
-class InfoOptions(Opening):
+class InfoArguments(Opening):
     """Options of ``info``."""
 
     symbols: bool = option("--symbols", heading=OUTPUT, is_flag=True,
@@ -30,8 +29,8 @@ class InfoOptions(Opening):
     )
 
 
-@command("info", InfoOptions, "Show what a file holds, layer by layer.")
-def info_command(options: InfoOptions) -> None:
+@command("info", InfoArguments, "Show what a file holds, layer by layer.")
+def info_command(options: InfoArguments) -> None:
     """Show version, profile, shape, isovalues and the layers of IN.iso."""
     from ..api.export import counted
 
@@ -69,7 +68,7 @@ def _print(source: str, info: FileInfo, complete: bool) -> None:
 
 
 def _facts(info: FileInfo) -> list[tuple[str, str]]:
-    """What is said once of a file, by name."""
+    """Collect by name what holds for the whole file."""
     out = [("kind", info.kind), ("version", f"{info.version} (read version {info.read_version})"),
            ("profile", str(info.profile))]
     if info.shape:

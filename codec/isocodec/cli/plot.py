@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from .decode import explained
-from .options import (
+from .option_records import (
     COUNT,
     DRAWING,
     INPUT,
     ISOVALUE,
-    Number,
+    NumberType,
     Reading,
     Viewing,
     Writing,
@@ -35,11 +35,11 @@ OF_FIELDS = ("metadata", "nodata", "key", "channel", "follow")
 
 
 @dataclass(frozen=True, kw_only=True)
-class PlotOptions(Writing, Viewing, Reading):
+class PlotArguments(Writing, Viewing, Reading):
     """Options of ``plot``."""
 
     source: str = argument("INPUT")
-    isovalue: Any = option("--isovalue", heading=ISOVALUE, type=Number(), multiple=True, metavar="V",
+    isovalue: Any = option("--isovalue", heading=ISOVALUE, type=NumberType(), multiple=True, metavar="V",
                            help="Isovalue to draw; with --map repeatable.  [default: the first; of a map all]")
     steps: int = option("--steps", heading=DRAWING, type=COUNT, default=5, show_default=True, metavar="N",
                         help="Number of steps.")
@@ -51,9 +51,9 @@ class PlotOptions(Writing, Viewing, Reading):
         "(0,0 is the front, 90,0 the side of +x).",
     )
     map: bool = option("--map", heading=DRAWING, is_flag=True, help="Draw a contour map.")
-    map_interval: float | None = option("--interval", heading=ISOVALUE, type=Number(), metavar="S",
+    map_interval: float | None = option("--interval", heading=ISOVALUE, type=NumberType(), metavar="S",
                                         help="Of a field: draw all multiples of S.  [default: about 20 lines]")
-    offset: float | None = option("--offset", heading=ISOVALUE, type=Number(), metavar="V",
+    offset: float | None = option("--offset", heading=ISOVALUE, type=NumberType(), metavar="V",
                                   help="With --interval: draw V, V + S, V + 2 S, ..")
     index: int = option("--index", heading=DRAWING, type=COUNT, default=5, show_default=True, metavar="K",
                         help="With --map: draw each K-th line thicker and label it: the multiples of K S.")
@@ -90,16 +90,16 @@ class PlotOptions(Writing, Viewing, Reading):
             raise click.UsageError("--isovalue is given once, unless with --map")
 
 
-@command("plot", PlotOptions, "Draw the progressive steps of a file, or a contour map.")
-def plot_command(options: PlotOptions) -> None:
-    """Draw prefixes of INPUT, an .iso file, from its first layer to all of it (.png, .pdf or .svg).
+@command("plot", PlotArguments, "Draw the progressive steps of a file, or a contour map.")
+def plot_command(options: PlotArguments) -> None:
+    """Draw prefixes of INPUT, an .iso file, from its first layer to all of it ({pictures}).
 
     The steps are those of encode --precision 4,1,.., if the file was made with them; otherwise, and if there are more
     than asked for, they are spread evenly over the layers, from the first one on that has something of the curve. The
     last step of a file that ends within a layer shows that part of it.
 
     With --map INPUT may also be a field of two axes that encode reads. Lines of a field are those of encode --precision
-    0.005. Around them stand the coordinates of the world, its reference system and a scale bar, as far as INPUT states
+    0.005. Around them come world coordinates, the reference system and a scale bar, as far as INPUT states
     where its samples lie; holes are hatched. A field has a shaded relief beneath.
     """
     options.check()
@@ -125,7 +125,7 @@ def plot_command(options: PlotOptions) -> None:
     )
 
 
-def _steps(options: PlotOptions, _: str | None) -> Plotted:
+def _steps(options: PlotArguments, _: str | None) -> Plotted:
     """Steps of a file."""
     from ..api.plots import Steps, steps_of
 
@@ -138,7 +138,7 @@ def _steps(options: PlotOptions, _: str | None) -> Plotted:
         return steps_of(file, options.output, steps, progress)
 
 
-def _map(options: PlotOptions, every: str | None) -> Plotted:
+def _map(options: PlotArguments, every: str | None) -> Plotted:
     """A contour map of a file or a field."""
     from ..api.plots import Look, map_of
 

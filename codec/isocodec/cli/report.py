@@ -1,4 +1,4 @@
-"""What a command prints and how it ends: results, warnings, progress, one line for an error, an exit code."""
+"""Output and end of a command: results, warnings, progress, one line for an error, an exit code."""
 
 from __future__ import annotations
 
@@ -91,7 +91,7 @@ class Program(click.Group):
     def resolve_command(
         self, ctx: click.Context, args: list[str]
     ) -> tuple[str | None, click.Command | None, list[str]]:
-        """As click; errors raised while options are read do not know the command they belong to."""
+        """Resolve a command like click; errors raised while options are read do not know the command they belong to."""
         resolved = super().resolve_command(ctx, args)
         self.verb = resolved[0] or ""
         return resolved
@@ -220,6 +220,16 @@ def progress_bar(label: str) -> Iterator[Callable[[int, int], None] | None]:
             bar.stop()
 
 
+@contextmanager
+def own_warnings(path: str | os.PathLike[str]) -> Iterator[None]:
+    """Print what the library warns of as warnings about ``path``; an error replaces them."""
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always", UserWarning)
+        yield
+    for text in dict.fromkeys(str(one.message) for one in caught):
+        warn(path, text)
+
+
 class _Notes(logging.Handler):
     """Collects the messages of loggers."""
 
@@ -294,7 +304,7 @@ def _streams(lines: list[str]) -> Iterator[None]:
 
 @contextmanager
 def written_to(output: Path, source: str) -> Iterator[Any]:
-    """Where a result goes: a path, or standard output once it is whole; what libraries print is one warning.
+    """Open the target of a result: a path, or standard output once it is whole; libraries' output is one warning.
 
     Errors of formats are about the output, others about the source.
     """

@@ -7,18 +7,18 @@ from dataclasses import dataclass
 
 import click
 
-from .options import COUNT, SURFACE, Number, Reading, Thinning, Writing, argument, command, option
+from .option_records import COUNT, SURFACE, NumberType, Reading, ThinningArguments, Writing, argument, command, option
 from .report import concerning, named, progress_bar, result, warn, write_output, written_to
 
 CRITERIA = ("AT1", "AT2", "AT3", "inf", "l2", "NAT")
 
 
 @dataclass(frozen=True, kw_only=True)
-class ThinOptions(Thinning, Writing, Reading):
+class ThinArguments(ThinningArguments, Writing, Reading):
     """Options of ``thin``."""
 
     source: str = argument("INPUT")
-    isovalues: tuple[float, ...] = option("--isovalue", heading=SURFACE, type=Number(), multiple=True, metavar="V",
+    isovalues: tuple[float, ...] = option("--isovalue", heading=SURFACE, type=NumberType(), multiple=True, metavar="V",
                                           help="OUT.iso: keep the contour of V, and little else. Repeatable.")
     layers: int = option("--layers", heading=SURFACE, type=COUNT, default=1, metavar="N",
                          help="OUT.iso: points in N layers.")
@@ -31,16 +31,13 @@ class ThinOptions(Thinning, Writing, Reading):
                              help="INPUT is a table of points: rows of x, y, value.")
 
 
-@command("thin", ThinOptions, "Thin a terrain, picture or table of points to a triangulation.")
-def thin_command(options: ThinOptions) -> None:
+@command("thin", ThinArguments, "Thin a terrain, picture or table of points to a triangulation.")
+def thin_command(options: ThinArguments) -> None:
     """Take the points that matter least out of INPUT one by one; write the Delaunay triangulation of the others.
 
-    \b
-    .npz       points, values, triangles; the order of removal and the error after each one
-    .ply       a surface, its height the value
-    .vtu       the same for tools of simulation
-    .geojson   a polygon with heights for each triangle
-    .iso       points and values in few bytes, as encode --surface; decode makes the others of it
+    OUT is one of {surfaces}: a surface, its height the value. .npz has the order of removal and the error after each
+    one, too; .npy is the picture that the triangles make. Or OUT is .iso: points and values in few bytes, as encode
+    --surface; decode makes the others of it.
 
     INPUT is a picture, a terrain or any array of two axes that encode reads; or points: .csv, .xyz, .las, .laz, .gpkg.
     """
@@ -50,8 +47,7 @@ def thin_command(options: ThinOptions) -> None:
         options.refuse("apply unless OUT ends in .iso", "size", "layers", "isovalues", "step")
     elif options.criterion is not None:
         raise click.UsageError("--criterion does not apply to .iso: the points that make the best file are kept")
-    import isocodec
-
+    from ..api.encoding import encode
     from ..api.export import OutputOptions, check_export, write_surface
     from ..api.inputs import as_points, facts_of, merged_by, to_thin
     from ..api.output import check_output
@@ -72,7 +68,7 @@ def thin_command(options: ThinOptions) -> None:
     for remark in merged_by(tin):
         warn(options.source, remark)
     if coded:
-        data = isocodec.encode(tin)
+        data = encode(tin)
         size = len(data)
         write_output(options.output, data)
     else:

@@ -2,26 +2,28 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import asdict, dataclass
 
 import click
 
-from .options import INPUT, Limited, Reading, argument, command, opened, option
+from .option_records import INPUT, Limited, Reading, argument, command, opened, option
 from .report import BROKEN, concerning, result
 
 
 @dataclass(frozen=True, kw_only=True)
-class VerifyOptions(Reading, Limited):
+class VerifyArguments(Reading, Limited):
     """Options of ``verify``."""
 
     field: str = argument("FIELD")
     source: str = argument("IN.iso")
     within: float | None = option("--within", heading=INPUT, type=click.FloatRange(min=0), metavar="D",
-                                  help="Distance to keep, in cells.  [default: the promise of IN.iso]")
+                                  help="Distance to keep, in cells; of a surface largest error of its values.  "
+                                  "[default: the promise of IN.iso]")
 
 
-@command("verify", VerifyOptions, "Check a file against the field it was made from.")
-def verify_command(options: VerifyOptions) -> None:
+@command("verify", VerifyArguments, "Check a file against the field it was made from.")
+def verify_command(options: VerifyArguments) -> None:
     """Decode IN.iso and measure how far it is from the contour of FIELD, both ways.
 
     Ends with exit code 9 if a sample lies on the wrong side of the isovalue, or the distance is larger than promised:
@@ -32,12 +34,18 @@ def verify_command(options: VerifyOptions) -> None:
     with concerning(options.source):
         found = file.verify(field, frame=options.frame if file.frames > 1 else None, within=options.within)
     kept = all(one.kept for one in found)
-    lines = []
+    lines, records = [], []
     for one in found:
+        surface = math.isnan(one.isovalue)
+        records.append({**asdict(one), "isovalue": None if surface else one.isovalue})
         promise = "no promise in the file" if one.promised is None else f"promised {one.promised:g}"
         signs = "signs not known" if one.wrong is None else f"{one.wrong:,} wrong signs"
         far = f"{one.there:.3f} cells file to field, {one.back:.3f} field to file"
-        lines.append(f"isovalue {one.isovalue:g}: {'ok' if one.kept else 'NOT KEPT'}; {far}; {promise}; {signs}")
-    result("\n".join(lines), {"kept": kept, "isovalues": [asdict(one) for one in found]}, options.as_json)
+        verdict = "ok" if one.kept else "NOT KEPT"
+        lines.append(
+            f"surface: {verdict}; largest error {one.there:g}; {promise}" if surface
+            else f"isovalue {one.isovalue:g}: {verdict}; {far}; {promise}; {signs}"
+        )
+    result("\n".join(lines), {"kept": kept, "isovalues": records}, options.as_json)
     if not kept:
         click.get_current_context().exit(BROKEN)

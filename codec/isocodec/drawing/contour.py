@@ -106,7 +106,7 @@ class Contour:
 
     @property
     def frame(self) -> NDArray[np.float64] | None:
-        """What a step along each axis adds to x, y (, z), (n, n) float64; of coordinates, in a cell of the contour.
+        """Steps along each axis in x, y (, z), (n, n) float64; with coordinates, in a cell of the contour.
 
         None without a placement.
         """
@@ -194,7 +194,7 @@ class Contour:
     @cached_property
     def normals(self) -> NDArray[np.float64]:
         """Unit vectors (P, n) at the points of `placed`, towards lower values: means over the cells around each,
-        weighted by their size; 0 where there is none."""
+        weighted by their size; 0 where a point has no cell."""
         placed = self.placed
         cells = self.placed_cells
         out = np.zeros_like(placed)
@@ -211,8 +211,10 @@ class Contour:
         return np.asarray(np.divide(out, length, out=np.zeros_like(out), where=length > 0))
 
     def flip(self) -> Contour:
-        """The same curve or surface with above and below exchanged: cells run the other way, normals point to higher
-        values. For distance fields and densities whose inside is what lies below."""
+        """Exchange above and below of the curve or surface: cells run the other way, normals point to higher values.
+
+        For distance fields and densities whose inside is what lies below.
+        """
         above = None if self.origin_above is None else not self.origin_above
         return replace(self, cells=self.cells[:, ::-1].copy(), origin_above=above)
 

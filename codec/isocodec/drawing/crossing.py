@@ -21,7 +21,7 @@ class Drawn(NamedTuple):
     """A drawing: points (P, n), cells (M, n) between them, and where the points are.
 
     ``edges`` (E, 2) are the edges of the first E points, in no order, by the vertices at their ends, ``ratio`` (E,)
-    says where on them the points lie, ``free`` (E,) whether nothing says so; points in the middles of cells follow.
+    is where on them the points lie, ``free`` (E,) whether that is unknown; points in the middles of cells follow.
     """
 
     points: NDArray[np.float64]
@@ -116,7 +116,7 @@ def distinct_edges(leaves: Leaves, ends: NDArray[np.int64]) -> tuple[NDArray[np.
 
 
 def distinct_pairs(rank: NDArray[np.int64], ends: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """The same of vertices that have ranks (V,)."""
+    """Find distinct pairs of vertices that have ranks (V,)."""
     flat = ends.reshape(-1, 2)
     low, high, number = (np.empty(len(flat), np.int64) for _ in range(3))
     count = np.zeros(len(rank) + 1, np.int64)
@@ -129,7 +129,7 @@ def distinct_pairs(rank: NDArray[np.int64], ends: NDArray[np.int64]) -> tuple[ND
 
 @kernel
 def _tell_apart(rank: IntVector, ends: IntMatrix, low: IntVector, high: IntVector, count: IntVector) -> None:
-    """Tell the ends of each edge apart, and count how often each vertex is the first, one place further on."""
+    """Order the ends of each edge, and count how often each vertex is the first, one place further on."""
     for i in range(len(ends)):
         a, b = ends[i, 0], ends[i, 1]
         low[i], high[i] = (a, b) if rank[a] <= rank[b] else (b, a)
@@ -179,11 +179,11 @@ def edge_ratios(leaves: Leaves, edges: NDArray[np.int64]) -> tuple[NDArray[np.fl
 def ratios_at(
     leaves: Leaves, edges: NDArray[np.int64], number: NDArray[np.int64]
 ) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
-    """Where the edges are crossed, as fractions of the way from their first end, (P,) float64; where nothing says so.
+    """Crossings as fractions of the way from the first ends of the edges, (P,) float64, and which of them are unknown.
 
     By offset, or where linear interpolation meets the isovalue, or else in the middle. Estimates of values may lie on
-    the wrong side of the isovalue: then the point is the nearer end of the edge. ``number`` says which of the edges
-    those are that carry an offset, -1 for none.
+    the wrong side of the isovalue: then the point is the nearer end of the edge. ``number`` numbers the edges that
+    carry an offset, -1 for the others.
     """
     ratio = np.full(len(edges), 0.5)
     free = np.ones(len(edges), np.bool_)

@@ -1,6 +1,6 @@
 """Tables of the full grid: what passes through a unit cell, for each pattern of the signs of its corners.
 
-A cell is seen from x0: corner c is where bit a of c says whether it differs from x0 along axis a, so that x0 is
+A cell is seen from x0: bit a of corner c is set if the corner differs from x0 along axis a, so that x0 is
 corner 0 and xn the last one. The n! simplices of the cell are the paths from the first to the last, one axis at a
 time. All tables are generated from these, none is typed in.
 """

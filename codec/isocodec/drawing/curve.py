@@ -1,4 +1,4 @@
-"""What areas, bands, caps, tables and pictures need to know of a contour."""
+"""Contours as polylines and surfaces: the basis of areas, bands, caps, tables and pictures."""
 
 from __future__ import annotations
 

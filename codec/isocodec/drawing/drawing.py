@@ -51,7 +51,7 @@ def draw(leaves: Leaves, *, complete: bool = True, smooth: bool = False) -> Cont
 def draw_with_ends(
     leaves: Leaves, *, complete: bool = True, smooth: bool = False
 ) -> tuple[Contour, NDArray[np.int64]]:
-    """The same, and between which samples the first points lie.
+    """Draw as `draw`, and return the samples between which the first points lie.
 
     Returns
     -------

@@ -55,7 +55,7 @@ class _Cells(NamedTuple):
 
 
 class _Grid:
-    """What passes through unit cells, by the grid edges that it meets.
+    """Pieces of the contour in unit cells, by the grid edges that they meet.
 
     A grid edge is known by its lower end and its axis: looking that up in an array is faster than sorting.
 
@@ -112,7 +112,7 @@ class _Grid:
 
 @kernel
 def _enter_last_bits(position: IntMatrix, last: UInt8Vector) -> None:
-    """Enter the last two bits of each coordinate: they tell vertices of a cell from each other, upper from lower."""
+    """Enter the last two bits of each coordinate: they distinguish the vertices of a cell, upper from lower."""
     for i in range(len(position)):
         bits = 0
         for axis in range(position.shape[1]):
@@ -131,13 +131,13 @@ def _axes(bits):
 
 @inner
 def _differ(a, b):
-    """Bit i says whether two vertices of a cell, by their last bits, differ along axis i."""
+    """Set bit i if two vertices of a cell, by their last bits, differ along axis i."""
     return _axes((a ^ b) & _PARITIES)
 
 
 @inner
 def _upper(a, b):
-    """Bit i says whether the first of two vertices of a cell is the upper one along axis i.
+    """Set bit i if the first of two vertices of a cell is the upper one along axis i.
 
     Of two bits, a is b + 1 if the last ones differ, and the first ones do exactly if b is odd.
     """
@@ -223,7 +223,7 @@ def _enter_rows(
 
 @kernel
 def _find(last: UInt8Vector, number: Int32Matrix, edges: IntMatrix, stated: IntMatrix, out: IntVector) -> None:
-    """Enter the numbers of edges, -1 where there is none: those of coarser meshes run otherwise or farther."""
+    """Enter the numbers of edges, -1 where the mesh lacks one: edges of coarser meshes run otherwise or farther."""
     n = number.shape[1]
     for i in range(len(stated)):
         out[i] = -1

@@ -1,4 +1,4 @@
-"""What a decoded state hands to the drawing: the mixed leaf simplices and all that is known of them."""
+"""Input of the drawing: the mixed leaf simplices of a decoded state and all that is known of them."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Which samples lie above, out of those that a file on the full grid tells (spec clause 9.7)."""
+"""Find which samples lie above, from those that a file on the full grid stores (spec clause 9.7)."""
 
 from __future__ import annotations
 

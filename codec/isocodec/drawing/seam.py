@@ -1,4 +1,4 @@
-"""Where a contour goes on at the other end of a periodic axis (spec clause 9.9(4))."""
+"""Continuation of a contour at the other end of a periodic axis (spec clause 9.9(4))."""
 
 from __future__ import annotations
 

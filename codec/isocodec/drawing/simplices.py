@@ -34,7 +34,7 @@ def simplex_pieces(n: int, pattern: int) -> list[list[Edge]]:
     Returns
     -------
     list of list of Edge
-        Cells of n edges each, oriented as `Contour` says for a simplex with det(x1 - x0, ..., xn - x0) > 0.
+        Cells of n edges each, oriented as in `Contour` for a simplex with det(x1 - x0, ..., xn - x0) > 0.
     """
     above = [i for i in range(n + 1) if pattern >> i & 1]
     below = [i for i in range(n + 1) if not pattern >> i & 1]
@@ -69,7 +69,7 @@ def crossed(leaves: Leaves) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
 
 
 def _pieces(leaves: Leaves) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Of each cell the ends (M, n, 2) of the edges with its points, and its leaf (M,)."""
+    """Cells as the ends (M, n, 2) of the edges with their points, and their leaves (M,)."""
     n = len(leaves.shape)
     mirrored = _determinant([(x[:, 1:] - x[:, :1]).T for x in (c[leaves.simplices] for c in leaves.position.T)]) < 0
     pattern = leaves.above[leaves.simplices] @ (1 << np.arange(n + 1))
@@ -79,7 +79,7 @@ def _pieces(leaves: Leaves) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
 def draw_simplices(leaves: Leaves, chosen: NDArray[np.bool_] | None = None) -> Drawn:
     """Draw leaves of any level, one point per crossing edge: all, or those chosen, a bool each.
 
-    Where points are, all leaves say.
+    Where points are follows from all leaves.
     """
     ends, owner = _pieces(leaves)
     edges, cells = distinct_edges(leaves, ends)
@@ -104,7 +104,7 @@ def _is_short(leaves: Leaves, edges: NDArray[np.int64]) -> NDArray[np.bool_]:
 
 @dataclass(frozen=True)
 class Rings:
-    """Implied edges among those of a drawing, and the edges that say where they are crossed.
+    """Implied edges among those of a drawing, and the edges that determine where they are crossed.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""Smoothing: points that nothing is said of but their edge, moved to where the curve bends as evenly as that allows.
+"""Smoothing: points of which only the edge is known move to where the curve bends as evenly as possible.
 
 Half-way is right in the mean, but makes steps of what is smooth. Here each such point goes along its edge until it
 bends away from its neighbours as much as these do from theirs. This is no part of the format: what is drawn keeps all
@@ -24,7 +24,7 @@ STEP = 0.5
 NEAR = 1 / 64
 """Share of its edge that a point keeps from the ends, where points of several edges would fall together."""
 GRAZING = 1e-6
-"""Edges along which a curve runs say nothing about it."""
+"""Edges along which a curve runs do not determine its shape."""
 
 
 @record
@@ -37,7 +37,7 @@ class _Ways(NamedTuple):
         The lower ends of their edges, and the way from there to the upper ends; of points in the middles of cells
         the way is 0.
     free : (P,) bool
-        Whether nothing else is said of a point.
+        Whether nothing else is known of a point.
     ratio : (P,) float64
         How far along its edge each is.
     """
@@ -72,7 +72,7 @@ def smoothed(leaves: Leaves, drawn: Drawn) -> NDArray[np.float64]:
 
 @kernel
 def _gather(points: FloatMatrix, cells: IntMatrix, total: FloatMatrix, normal: FloatMatrix, count: FloatVector) -> None:
-    """Of each point the sum of its neighbours, their number, and the normals of its cells by length or area."""
+    """Sum for each point its neighbours, their number, and the normals of its cells by length or area."""
     n = points.shape[1]
     for i in range(len(cells)):
         if n == 2:
@@ -116,7 +116,7 @@ def _bend(points: FloatMatrix, total: FloatMatrix, count: FloatVector, normal: F
 
 @kernel
 def _around(cells: IntMatrix, bend: FloatVector, around: FloatVector) -> None:
-    """Of each point the sum of what `_bend` says of its neighbours."""
+    """Sum what `_bend` yields for the neighbours of each point."""
     n = cells.shape[1]
     for i in range(len(cells)):
         for j in range(n):

@@ -1,4 +1,4 @@
-"""What a tube looks like at any moment: the decoded state in canonical order, the leaves for the drawing, the mask."""
+"""Snapshots of a tube: the decoded state in canonical order, the leaves for the drawing, the mask."""
 
 from __future__ import annotations
 

@@ -24,7 +24,7 @@ FINE = 8
 DEPTHS = 8
 """Classes of how wide a range is, as against the width of the bell."""
 REACH = 1 << 40
-"""What lies farther from a guess counts as that far."""
+"""Distances from a guess beyond this count as this."""
 
 
 @inlined
@@ -85,7 +85,7 @@ def _share(cd, far, width):
 
 @inlined
 def _half(cd, guess, width, low, centre, high):
-    """Logit of: the number lies in the upper half, if a bell around the guess tells."""
+    """Logit for the number to lie in the upper half, by a bell around the guess."""
     below = _share(cd, (low << FINE) - guess, width)
     at = _share(cd, (centre << FINE) - guess, width)
     above = _share(cd, (high << FINE) - guess, width)
@@ -97,8 +97,8 @@ def _half(cd, guess, width, low, centre, high):
 def near_guess(cd, kind, ctx, count, bells, number):
     """Code a number from 0 to ``count - 1`` that lies near a guess.
 
-    ``bells`` (4,) holds the guess and its width, which count in the same parts, and a second guess with its own width,
-    0 if there is none. ``kind`` is the first of ``DEPTHS`` mixing classes, ``ctx`` the first of ``4 * DEPTHS``
+    ``bells`` (4,) holds the guess and its width, which count in the same parts, and a second guess with its width,
+    0 without one. ``kind`` is the first of ``DEPTHS`` mixing classes, ``ctx`` the first of ``4 * DEPTHS``
     contexts. Returns the number, or what is negative if the coder stops.
     """
     guess, width = bells[0], bells[1]

@@ -29,7 +29,7 @@ BUCKET = 7
 BUCKETS = (2 * MOST_LOGIT >> BUCKET) + 1
 """Classes of opinions, of ``2**BUCKET`` logits each."""
 HOLES = 48
-"""Contexts of vertices that a mask says are missing; they are the last ones, in both profiles."""
+"""Contexts of vertices that are missing by a mask; they are the last ones, in both profiles."""
 EITHER = 2
 """Encoder: a symbol that may be either; the more probable one is taken."""
 
@@ -57,7 +57,7 @@ def see(cd, row):
 
 @inlined
 def _opinion(bl, net):
-    """What the network says of a 1, in the logistic domain."""
+    """Logit of a 1 by the network."""
     out = bl.out[np.uint64(net)]
     total = np.int64(out[HIDDEN]) + weighed(bl.row, bl.weight, out)
     return min(max(total >> OUT_SHIFT, -MOST_LOGIT), MOST_LOGIT)
@@ -65,7 +65,7 @@ def _opinion(bl, net):
 
 @inlined
 def stretched(cd, ctx):
-    """What an adaptive probability says, in the logistic domain, as far as it is to be trusted yet."""
+    """Logit of an adaptive probability, shrunk as long as few symbols have trained it."""
     at = np.uint64(ctx)
     found = cd.blend.stretch[np.uint64(cd.prob[at] >> STRETCH_SHIFT)]
     return (found * cd.blend.trust[np.uint64(cd.seen[at])]) >> TRUST_SHIFT
@@ -95,7 +95,7 @@ def _learn(mix, i, step):
 def blended(cd, net, flip, kind, ctx, bit):
     """Code one symbol by all opinions; as ``code``.
 
-    The rows listed say how likely a 1 is, or a 0 if ``flip``. ``kind`` chooses the weights.
+    The rows listed give the probability of a 1, or of a 0 if ``flip``. ``kind`` chooses the weights.
     """
     bl = cd.blend
     opinion = _opinion(bl, net)

@@ -1,6 +1,6 @@
-"""What a network of the main profile says of a symbol (spec clause 7.11): the sum of rows, weighed.
+"""Output of a network of the main profile for a symbol (spec clause 7.11): the sum of rows, weighed.
 
-Much of the profile's time goes here: compiled, it is what stands in ``vectors``.
+Much of the profile's time goes here: compiled, ``vectors`` takes its place.
 """
 
 from __future__ import annotations

@@ -12,9 +12,9 @@ from ..kernel import inlined
 from .range_coder import ONE, Panel, adapt_in
 
 KINDS = 10
-"""Kinds of symbols, each with weights of its own."""
+"""Kinds of symbols; each has separate weights."""
 STEPS, LEVELS, OPINIONS = 19, 33, 16
-"""Classes of a margin, of a level, and of what is said without the panel."""
+"""Classes of a margin, of a level, and of the logit without the panel."""
 ON, KIND, MARGIN, WIDE_MARGIN, LEVEL, WIDE_LEVEL = range(6)
 """Places in ``Panel.about``: whether the symbol has further opinions, its kind, and what is seen."""
 _SIZES = (
@@ -34,13 +34,13 @@ _STRETCH_SHIFT, _TRUST_SHIFT = 4, 8
 
 
 def no_panel() -> Panel:
-    """What isovalues have that lean on none of the frame before."""
+    """Panel of isovalues that lean on none of the frame before."""
     nothing = np.zeros(0, np.int64)
     return Panel(nothing, nothing, np.zeros((0, VOICES), np.int64), np.zeros(6, np.int64), nothing, nothing)
 
 
 def new_panel() -> Panel:
-    """What the first frame that leans on one before begins with."""
+    """Panel for the first frame that leans on one before."""
     return Panel(
         np.full(_COUNT, ONE >> 1, np.int64), np.zeros(_COUNT, np.int64),
         np.full((KINDS, VOICES), _FIRST_WEIGHT, np.int64), np.zeros(6, np.int64), np.zeros(VOICES, np.int64),
@@ -49,7 +49,7 @@ def new_panel() -> Panel:
 
 
 def panel_after(panel: Panel) -> Panel:
-    """What a frame begins with that leans on one with ``panel``."""
+    """Panel for a frame that leans on one with ``panel``."""
     if not len(panel.prob):
         return new_panel()
     return panel._replace(prob=panel.prob.copy(), seen=panel.seen.copy(), mix=panel.mix.copy())
@@ -57,7 +57,7 @@ def panel_after(panel: Panel) -> Panel:
 
 @inlined
 def listened(cd, opinion):
-    """What the panel adds to a symbol's sum, in 2**16 logits; ``opinion`` is what is said without it."""
+    """Sum that the panel adds for a symbol, in 2**16 logits; ``opinion`` is the logit without it."""
     panel = cd.blend.panel
     a, place, said = panel.about, panel.place, panel.said
     kind, near, wide, level, wide_level = a[KIND], a[MARGIN], a[WIDE_MARGIN], a[LEVEL], a[WIDE_LEVEL]

@@ -19,7 +19,7 @@ ENCODE, DECODE = 0, 1
 ONE = 1 << 16
 """Probability one."""
 FLOOR = 32
-"""No probability is nearer to 0 or 1 than this (clause 6.5): it bounds the symbols that a byte can stand for."""
+"""No probability is nearer to 0 or 1 than this (clause 6.5): it bounds the symbols that a byte can hold."""
 TOP = 1 << 24
 WORD = 1 << 32
 BEYOND = 4
@@ -63,8 +63,8 @@ class Panel(NamedTuple):
     """Further opinions, of counts, on symbols that have them (spec clause 7.18), see ``entropy.panel``; mostly empty.
 
     ``prob`` and ``seen`` are the adaptive probabilities, ``mix`` (kinds, opinions) the weights of the opinions,
-    ``about`` says what is seen around the present symbol, ``place`` which contexts that comes to, ``said`` what these
-    say.
+    ``about`` is what is seen around the present symbol, ``place`` the contexts that follow from it, ``said`` their
+    logits.
     """
 
     prob: IntVector
@@ -77,7 +77,7 @@ class Panel(NamedTuple):
 
 @record
 class Blend(NamedTuple):
-    """What the main profile has beside (spec clause 7.11), see ``entropy.mixer``; empty in the baseline profile.
+    """Additional models of the main profile (spec clause 7.11), see ``entropy.mixer``; empty in the baseline profile.
 
     ``weight`` (rows, HIDDEN) and ``out`` (networks, HIDDEN + 1) are the networks, ``mix`` (classes, INPUTS) the weights
     that adapt, ``squash`` and ``stretch`` the logistic function and its inverse, ``row`` the number of rows that a pass
@@ -139,7 +139,7 @@ def adapt(cd, ctx, bit):
 
 @inlined
 def adapt_in(cd, probs, counts, ctx, bit):
-    """The same of a model of any list."""
+    """Adapt a model of any list."""
     # unsigned: no test whether it counts from the end
     at = np.uint64(ctx)
     p = probs[at]
@@ -230,7 +230,7 @@ def code(cd, ctx, bit):
 
 @inlined
 def code_below(cd, ctx, above, bit):
-    """The same in a context below another one, which it takes after when it is used for the first time."""
+    """Code in a context below another one, from which it starts when it is used for the first time."""
     if ctx != above and cd.seen[np.uint64(ctx)] == 0:
         cd.prob[np.uint64(ctx)] = cd.prob[np.uint64(above)]
     bit = code(cd, ctx, bit)

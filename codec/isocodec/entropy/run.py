@@ -70,7 +70,7 @@ class Account:
         Raises
         ------
         LimitError
-            If there are none.
+            If the symbols allowed are used up.
         """
         if self.symbols >= self._most_symbols:
             raise LimitError(f"more than {self._most_symbols} symbols", code="limit-symbols", clause="11.2")

@@ -87,7 +87,7 @@ def arrays_of(given: Any, shape: tuple[int, ...]) -> list[Array]:
 
 
 def _least(array: Array) -> Array:
-    """Without the axes along which it does not vary."""
+    """Drop the axes along which an array does not vary."""
     for axis in range(array.ndim):
         first = array.take([0], axis=axis)
         if np.array_equal(np.broadcast_to(first, array.shape), array):
@@ -110,7 +110,7 @@ def check_coordinates(
     gone : (s0, .., sn-1) bool, optional
         Which samples are missing: cells that have one do not count.
     periods : sequence of float
-        Of each coordinate; 0 if there is none.
+        Of each coordinate; 0 if it is not periodic.
     error : float
         In cells.
     periodic : sequence of int
@@ -180,7 +180,7 @@ def steps_along(array: Array, axis: int, period: float) -> Array:
 
 
 def _no_wrap(periodic: Sequence[int], periods: Sequence[float]) -> str | None:
-    """What to do where the last cell of a periodic axis folds."""
+    """Remedy where the last cell of a periodic axis folds."""
     if periodic and not any(periods):
         return "give the period of the coordinate, 360 of longitudes, unless the ends are one place"
     return None
@@ -245,7 +245,7 @@ def at_corner(step: Array | None, axis: int, corner: tuple[int, ...]) -> Any:
 
 
 def _cofactors(u: list[Any], v: list[Any]) -> list[Any]:
-    """Of the row of a matrix, given the others: in the plane one other (twice), in space two, whose product it is."""
+    """Cofactors of a row of a matrix from the others: in the plane one other (twice), in space two (their product)."""
     if len(u) == 2:
         return [u[1], -u[0]]
     return [u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]]

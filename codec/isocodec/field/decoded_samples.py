@@ -39,7 +39,7 @@ class DecodedSamples(Samples):
         return self.number is not None and self.scale is None
 
     def numbers(self, positions: NDArray[np.integer], above: NDArray[np.bool_]) -> NDArray[np.int64]:
-        """As in the file; see `Samples.numbers`."""
+        """Numbers as in the file; see `Samples.numbers`."""
         assert self.number is not None
         return np.maximum(self.number[tuple(positions.T)], 0)
 

@@ -1,4 +1,4 @@
-"""What an encoder takes for missing samples: a smooth continuation of the others.
+"""Values for missing samples in an encoder: a smooth continuation of the others.
 
 Decoders do not care. Curves through holes cost bytes, so that they should be short and bend little: at each scale, from
 the coarsest to the finest, missing samples begin as at the coarser one and go towards the mean of their neighbours.

@@ -21,7 +21,7 @@ class Coordinate:
     origin, unit : float
         It is ``origin + unit * value``.
     period : int
-        In units: places that many units apart are the same; 0 if there is none.
+        In units: places that many units apart are the same; 0 if not periodic.
     """
 
     axes: tuple[int, ...]
@@ -45,7 +45,7 @@ class Mapped(Sequence[NDArray[np.float64]]):
     coordinates : tuple of Coordinate
         x, y (, z).
     values : tuple of (s0 or 1, .., sn-1 or 1) int64
-        For each coordinate its values at the nodes, in units; they are changed to what clause 9.9(2) says.
+        For each coordinate its values at the nodes, in units; they are changed as clause 9.9(2) requires.
     periodic : tuple of int
         Axes whose last plane of samples is the first one again.
     """
@@ -67,7 +67,7 @@ class Mapped(Sequence[NDArray[np.float64]]):
 
     @property
     def periods(self) -> tuple[float, ...]:
-        """For each coordinate x, y (, z) the distance after which it is the same; 0.0 if there is none."""
+        """For each coordinate x, y (, z) the distance after which it is the same; 0.0 if it is not periodic."""
         return tuple(one.unit * one.period for one in self.coordinates)
 
     def __len__(self) -> int:
@@ -121,7 +121,7 @@ def between(
     along : (P, n) float64
         Where in the cell, from 0 to 1 along each axis.
     period : int or float
-        Values that many apart are the same; 0 if there is none.
+        Values that many apart are the same; 0 if not periodic.
 
     Returns
     -------

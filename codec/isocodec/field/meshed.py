@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from .placement import CRS
 
 StoredName: TypeAlias = Literal["known", "coded", "whole", "delaunay"]
-"""What a file holds of a mesh."""
+"""Ways to store a mesh in a file."""
 
 
 @dataclass(frozen=True, eq=False)

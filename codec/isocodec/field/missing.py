@@ -1,4 +1,4 @@
-"""Missing samples: which ones they are, and what can stand for them instead of holes."""
+"""Missing samples: which ones they are, and what can fill them instead of holes."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from ..errors import InputError
 from ..extras import optional
 
 WAYS = ("below", "above", "nearest")
-"""What missing samples can become instead of holes."""
+"""Alternatives to holes for missing samples."""
 HOLE = "hole"
 Array = NDArray[Any]
 

@@ -1,4 +1,4 @@
-"""Where samples lie in the world, as one record from what is read to what is written (spec clauses 3.7.2, 3.7.4)."""
+"""Placement of samples in the world, one record from reader to writer (spec clauses 3.7.2, 3.7.4)."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ DEFAULT_ERROR = 0.005
 MOST_ERROR = 0.5
 _AXES = 3
 _NUMBER = re.compile(r"-?(0|[1-9][0-9]*)(\.[0-9]+)?([eE][-+]?[0-9]+)?")
-"""As JSON has them."""
+"""Numbers as in JSON."""
 _EPSG = re.compile("EPSG:([1-9][0-9]{0,5})")
 
 Array = NDArray[np.float64]
@@ -41,7 +41,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False, init=False)
 class Placement:
-    """Where the samples of a field lie in the world.
+    """Placement of the samples of a field in the world.
 
     Attributes
     ----------
@@ -100,7 +100,7 @@ class Placement:
             raise OptionError("a matrix and coordinates cannot be combined", code="options", remedy="give one of them")
         name = "an error" if error is not None else "a period" if turns else ""
         if name and coordinates is None and (matrix is None or not axes):
-            raise OptionError(f"{name} of coordinates, but no coordinates", code="coordinates",
+            raise OptionError(f"{name} of coordinates needs coordinates", code="coordinates",
                               remedy="give coordinates")
         given: dict[str, Any] = {
             "matrix": None if matrix is None else np.asarray(matrix), "coordinates": _arrays(coordinates), "crs": crs,
@@ -147,7 +147,7 @@ class Placement:
         )
 
     def with_nodes(self, shape: Sequence[int]) -> Placement:
-        """The same with coordinates in place of the matrix, for a field of that shape."""
+        """Replace the matrix by coordinates, for a field of that shape."""
         if self.matrix is None:
             return self
         n = len(shape)
@@ -183,7 +183,7 @@ class Placement:
         return out
 
     def frame(self, at: Array | None = None) -> Array | None:
-        """What a step along each axis adds to x, y (, z), (n, n) float64.
+        """Steps along each axis in x, y (, z), (n, n) float64.
 
         Where samples have coordinates it is that of the unit cell around a point ``at`` (n,) in index coordinates, the
         first one if not given. None if the samples lie nowhere in the world.
@@ -261,7 +261,7 @@ class Placement:
             return number / largest_step(arrays, [0.0] * n, np.ones((1,) * n, np.bool_), unit, False)
         if self.coordinates is None:
             raise OptionError(
-                f"a tolerance of {distance} for a field that lies nowhere in the world", code="tolerance",
+                f"a tolerance of {distance} needs a field with a placement in the world", code="tolerance",
                 remedy="give a placement, or a number of cells",
             )
         arrays = arrays_of(self.coordinates, shape)
@@ -389,7 +389,7 @@ def matrix_of(given: ArrayLike, n: int) -> Array:
 
 
 def _determinant(rows: list[list[Fraction]]) -> Fraction:
-    """Without rounding: readers have to agree on which matrices are singular."""
+    """Compute a determinant without rounding: readers have to agree on which matrices are singular."""
     if len(rows) == 1:
         return rows[0][0]
     minors = [[row[:i] + row[i + 1 :] for row in rows[1:]] for i in range(len(rows))]
@@ -427,7 +427,7 @@ def _arrays(coordinates: Any) -> Sequence[NDArray[Any]] | None:
         return tuple(np.asarray(part) for part in coordinates)
     except (TypeError, ValueError):
         raise InputError(
-            "coordinates are no arrays of numbers", code="coordinates",
+            "coordinates are not arrays of numbers", code="coordinates",
             remedy="give an array for each axis of the field, or x, y (, z)",
         ) from None
 

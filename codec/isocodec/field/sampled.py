@@ -10,14 +10,14 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..errors import InputError, OptionError
+from ..errors import OptionError
 from .missing import HOLE, WAYS
 from .placement import CRS, PLACEMENT, Placement, placement_of
 
 NAME, UNIT = "name", "unit"
-"""Names of the notes of a file that say what its values are, and in which unit."""
+"""Names of the notes of a file that name its quantity and its unit."""
 MISSING = (HOLE, *WAYS)
-"""What may be done with missing samples."""
+"""Ways to treat missing samples."""
 
 
 @dataclass(frozen=True, eq=False, init=False)
@@ -43,7 +43,7 @@ class Field:
         The values are labels of a segmentation, and these of them are encoded.
     missing : str
         What an encoder does with missing samples: ``"hole"`` leaves them out, ``"below"``, ``"above"`` and
-        ``"nearest"`` fill them, as `isocodec.field.missing.filled` does.
+        ``"nearest"`` fill them, as `isocodec.field.missing.filled` does. With labels ``"below"`` is: they have none.
     notes : mapping of str to str
         Further facts from the source in words or single numbers: the time of a map, the height of a slice.
     remarks : tuple of str
@@ -135,20 +135,6 @@ def check_missing(missing: str) -> None:
     """
     if missing not in MISSING:
         raise OptionError(f"missing is {missing!r}", code="missing", remedy="one of " + ", ".join(MISSING))
-
-
-def check_bare(field: object) -> None:
-    """Refuse what carries coordinates beside its samples, which would be lost.
-
-    Raises
-    ------
-    InputError
-    """
-    if hasattr(field, "coords") and hasattr(field, "dims"):
-        raise InputError(
-            f"a {type(field).__name__} has coordinates that an encoder does not take by itself", code="coordinates",
-            remedy="use isocodec.encode, or give a Field (isocodec.read)",
-        )
 
 
 class SpatialImage(Protocol):

@@ -80,7 +80,7 @@ class Samples:
         if len(number) and int(number.max()) >= MAX_NUMBER:
             raise InputError(
                 f"values next to the curve lie {float(number.max()):.3g} steps from the isovalue, more than 2**52",
-                code="range", remedy="use a larger step, or a tolerance; or do they stand for missing samples?",
+                code="range", remedy="use a larger step or a tolerance; nodata if they mark missing samples",
             )
         return number.astype(np.int64)
 
@@ -177,7 +177,7 @@ def isovalue_of(given: object) -> float:
     except (ValueError, OverflowError):  # a signalling NaN, and what is larger than any float
         isovalue = math.inf
     if not math.isfinite(isovalue):
-        raise InputError(f"the isovalue is {isovalue}, needed is a finite number of double precision", code="isovalue")
+        raise InputError(f"the isovalue {isovalue} is not a finite number of double precision", code="isovalue")
     exact = Fraction(*number.as_integer_ratio()) if isinstance(number, np.longdouble) else number
     if math.floor(exact) != math.floor(isovalue):
         raise InputError(
@@ -258,7 +258,7 @@ def check_field(
     Raises
     ------
     InputError
-        If the field or the isovalue cannot be encoded; the message says why.
+        If the field or the isovalue cannot be encoded; the message gives the reason.
     OptionError
         If the step is not a positive number, or the data are integers.
     """
@@ -269,12 +269,12 @@ def check_field(
         )
     if values.ndim not in (2, 3):
         raise InputError(
-            f"the field has {values.ndim} axes {values.shape}, needed are 2 or 3", code="axes",
+            f"the field has {values.ndim} axes {values.shape}, not 2 or 3", code="axes",
             remedy="choose one of the series; isocodec encode has --frame" if values.ndim > 3 else "reshape it",
         )
     if min(values.shape) < 2:
         raise InputError(
-            f"the field has shape {values.shape}, needed are 2 samples along every axis", code="shape",
+            f"the field of shape {values.shape} has fewer than 2 samples along an axis", code="shape",
             remedy="drop axes of length 1" if min(values.shape) == 1 and values.ndim == 3 else "add samples",
         )
     if max(values.shape) > MAX_SIDE[values.ndim]:
@@ -292,7 +292,7 @@ def check_field(
         if step is not None:
             raise OptionError("a step is for float data; integers are sent exactly", code="step", remedy="use exact")
     if step is not None and not (math.isfinite(step) and step > 0):
-        raise OptionError(f"the step is {step}, needed is a positive number", code="step")
+        raise OptionError(f"the step {step} is not a positive number", code="step")
     return Samples(values, isovalue, np.ascontiguousarray(signs), step, gone)
 
 

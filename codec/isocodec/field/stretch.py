@@ -1,4 +1,4 @@
-"""How far samples lie from each other in the world: distances there in cells (spec clauses 3.7.2, 9.9)."""
+"""Distances between samples in the world, in cells (spec clauses 3.7.2, 9.9)."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def distance_of(text: str) -> tuple[float, str]:
         return float(found[1] if found else ""), found[2] if found else ""
     except ValueError:
         raise OptionError(
-            f"{text!r} is no distance", code="tolerance", remedy="a number of cells, or one with a unit: 100m"
+            f"{text!r} is not a distance", code="tolerance", remedy="a number of cells, or one with a unit: 100m"
         ) from None
 
 
@@ -47,7 +47,7 @@ def largest_step(
     arrays : sequence of (s0 or 1, .., sn-1 or 1) float64
         Coordinates x, y (, z).
     periods : sequence of float
-        Of each; 0 if there is none.
+        Of each; 0 if it is not periodic.
     whole : (s0 - 1, .., sn-1 - 1) bool
         Which unit cells count.
     unit : str

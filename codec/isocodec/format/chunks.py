@@ -39,7 +39,7 @@ class Envelope:
     ----------
     type : int
     ancillary, checked, last : bool
-        May be skipped if unknown; has a checksum of its own; is the file's last.
+        May be skipped if unknown; has its own checksum; is the file's last.
     start, end : int
         Byte offsets of the payload.
     """
@@ -53,7 +53,7 @@ class Envelope:
 
 
 def write_chunk(kind: ChunkType, payload: bytes, *, ancillary: bool = False, last: bool = False) -> bytes:
-    """A chunk with its envelope; a large one carries a checksum of its own."""
+    """A chunk with its envelope; a large one carries its own checksum."""
     checked = len(payload) >= CHECKED_CHUNK
     head = ChunkHead.build({"ancillary": ancillary, "checked": checked, "last": last, "type": kind})
     chunk = head + write_varint(len(payload)) + payload
@@ -105,7 +105,7 @@ def octets(data: bytes | bytearray | memoryview) -> memoryview:
         return memoryview(data).cast("B")
     except TypeError:
         raise OptionError(
-            f"the bytes of a file are needed, not {type(data).__name__}", code="data",
+            f"expected the bytes of a file, not {type(data).__name__}", code="data",
             remedy="read them first: pathlib.Path(name).read_bytes()",
         ) from None
 
@@ -150,7 +150,7 @@ def read_further(payload: bytes, offset: int, earlier: Sequence[float]) -> tuple
     Raises
     ------
     FormatError
-        If the payload is not an isovalue of its own, or leans on one that has not come.
+        If the payload is not an independent isovalue, or leans on one that has not come.
     """
     if len(earlier) == MAX_ISOVALUES:
         raise FormatError(f"more than {MAX_ISOVALUES} isovalues", code="isovalues", offset=offset, clause="11.1")
@@ -191,7 +191,7 @@ def _strings(members: Sequence[tuple[str, object]]) -> dict[str, str]:
 
 @dataclass(frozen=True)
 class Promises:
-    """What a writer promises of an isovalue's layers (clause 3.7.3).
+    """Promises of a writer for the layers of an isovalue (clause 3.7.3).
 
     Attributes
     ----------
@@ -239,7 +239,7 @@ def read_promises(payload: bytes) -> Promises | None:
 
 @dataclass(frozen=True)
 class LayerRecord:
-    """Where a layer lies and what it holds.
+    """Position and contents of a layer.
 
     Attributes
     ----------

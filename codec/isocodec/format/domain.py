@@ -1,4 +1,4 @@
-"""What a file says of an explicit domain, and the heads of its layers (spec clauses 3.5.8 and 10.1)."""
+"""Explicit domains in a file, and the heads of their layers (spec clauses 3.5.8 and 10.1)."""
 
 from __future__ import annotations
 
@@ -77,7 +77,7 @@ def read_domain(payload: bytes, n: int, start: int) -> tuple[DomainHead, int]:
         raise wrong("an empty domain chunk")
     kind, higher = payload[0] >> 4, payload[0] & 15
     if kind == DomainKind.POINTS and n == 2:
-        raise OptionError("the file holds a triangulated surface, not a mesh", code="domain", remedy="take decode_tin")
+        raise OptionError("the file holds a triangulated surface, not a mesh", code="domain", remedy="take its surface")
     if kind == DomainKind.POINTS or kind not in DomainKind.__members__.values():
         raise wrong(f"unknown kind of domain {kind}")
     if kind == DomainKind.DELAUNAY and (n, higher) != (2, 0):
@@ -122,7 +122,7 @@ def _read_box(
     if not all(0 < each <= MOST_EXTENT for each in extent):
         raise wrong("an extent of positions out of range")
     if head.vertices + head.cells > MOST_OF_BYTE * len(payload):
-        raise wrong("more vertices and cells than so few bytes can tell")
+        raise wrong("more vertices and cells than so few bytes can hold")
     return replace(head, multiple=numbers[0], origin=origin, extent=extent), at
 
 

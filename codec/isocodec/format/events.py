@@ -1,11 +1,11 @@
-"""What a decoder reports, in the order of the bytes (spec clause 8.2)."""
+"""Events of a decoder, in the order of the bytes (spec clause 8.2)."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
 from .chunks import Promises
-from .coordinates import CoordinatesRecord
+from .coordinate_record import CoordinatesRecord
 from .header import Header
 from .program import Layer
 
@@ -17,7 +17,7 @@ class Event:
     Attributes
     ----------
     offset : int
-        Byte offset at which it ends in the file, for a layer where the coder's window of four bytes stands then. It
+        Byte offset at which it ends in the file, for a layer where the coder's window of four bytes lies then. It
         does not depend on how the bytes were fed; a layer may be reported up to four bytes earlier.
     """
 
@@ -129,7 +129,7 @@ class MetadataRead(Event):
 
 @dataclass(frozen=True)
 class MaskComplete(Event):
-    """Which samples are missing is there.
+    """The mask is complete: it is known which samples are missing.
 
     Attributes
     ----------
@@ -169,14 +169,14 @@ class MeshLayerComplete(Event):
 
 @dataclass(frozen=True)
 class PromisesRead(Event):
-    """What the writer promises of the layers of the present isovalue."""
+    """The writer's promises for the layers of the present isovalue have come."""
 
     promises: Promises
 
 
 @dataclass(frozen=True)
 class CoordinatesRead(Event):
-    """Where the samples lie has come; the numbers are decoded when something is drawn there."""
+    """The coordinates of samples have come; the numbers are decoded when something is drawn there."""
 
     coordinates: CoordinatesRecord
 

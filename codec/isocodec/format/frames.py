@@ -1,4 +1,4 @@
-"""Chunks of frames: how often a frame stands by itself, and what an isovalue of a further frame leans on (3.5.7)."""
+"""Chunks of frames: how often a frame is independent, and what an isovalue of a further frame leans on (3.5.7)."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from .chunks import Envelope
 from .header import varint
 
 FRAME_BEFORE = -1
-"""What an isovalue leans on that leans on the same one of the frame before."""
+"""In place of a number: the isovalue leans on the same one of the frame before."""
 _LAST = 0x20
 """Bit of a chunk's head that marks the last one of a file."""
 
@@ -94,7 +94,7 @@ def first_operation(data: bytes | bytearray, chunk: Envelope) -> int | None:
 
 
 def as_last(chunk: bytes) -> bytes:
-    """The same chunk marked as the last one of its file, whose checksum is to follow."""
+    """Mark a chunk as the last one of its file, whose checksum is to follow."""
     found = varint(chunk, 1, len(chunk), "3.4.2")
     assert found is not None
     length, start = found

@@ -17,7 +17,7 @@ _EXPONENT_ESCAPE = 0x80
 
 @dataclass(frozen=True)
 class Header:
-    """What a file says before its layers.
+    """Contents of a file's header.
 
     Attributes
     ----------
@@ -100,7 +100,7 @@ def read_header(data: bytes | bytearray) -> tuple[Header, int] | None:
     if seen == spec.TILED_SIGNATURE:
         raise FormatError(
             "a file in tiles, not of one piece", code="tiled", offset=0, clause="3.3.1",
-            remedy="decode, info and truncate take it; extract --window makes a file in one piece of a part",
+            remedy="open it with isocodec.open; edit --window makes a file in one piece of a part",
         )
     if seen != spec.SIGNATURE[: len(seen)]:
         raise FormatError("not an .iso file: the signature is missing", code="signature", offset=0, clause="3.3.1")
@@ -132,7 +132,7 @@ def _read_rest(data: bytes | bytearray, prefix: object, n: int) -> tuple[Header,
             return None
         if not 1 <= number[0] <= spec.MAX_SIDE[n]:
             raise FormatError(
-                f"{number[0]} samples along an axis, allowed are 1 to {spec.MAX_SIDE[n]}",
+                f"{number[0]} samples along an axis are not between 1 and {spec.MAX_SIDE[n]}",
                 code="shape", offset=at, clause="3.3.3",
             )
         shape.append(number[0])

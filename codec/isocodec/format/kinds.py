@@ -8,7 +8,7 @@ from isospec.container import Operation
 
 
 class LayerKind(StrEnum):
-    """What a layer adds (spec clause 3.6). Members are strings: ``LayerKind.BASE == "base"``."""
+    """Kinds of layers, by what they add (spec clause 3.6). Members are strings: ``LayerKind.BASE == "base"``."""
 
     BASE = "base"
     ADAPTIVE_BASE = "adaptive_base"
@@ -29,4 +29,4 @@ BASES = (LayerKind.BASE, LayerKind.ADAPTIVE_BASE, LayerKind.LEAF_BASE)
 ADAPTIVE = (LayerKind.ADAPTIVE_BASE, LayerKind.ADAPT)
 """Kinds that lead to a mesh of the writer's choice."""
 GEOMETRY = (LayerKind.VALUES, LayerKind.OFFSETS)
-"""Kinds that say where within a cell the curve lies."""
+"""Kinds that store where within a cell the curve lies."""

@@ -53,7 +53,7 @@ class Layer:
 
 @dataclass
 class Progress:
-    """Where a program stands: what the next operation builds on."""
+    """Position in a program: what the next operation builds on."""
 
     full_level: int
     level: int = -1
@@ -64,11 +64,11 @@ class Progress:
     lean_level: int = -1
 
     def begin(self, lean: Progress | None) -> Progress:
-        """Where programs stand when another isovalue begins, which may lean on an earlier one."""
+        """Positions in programs when another isovalue begins, which may lean on an earlier one."""
         return Progress(self.full_level, layers=self.layers, lean_level=-1 if lean is None else lean.level)
 
     def copy(self) -> Progress:
-        """Another one that stands at the same place."""
+        """Copy the position."""
         return replace(self)
 
     def add(self, layer: Layer) -> None:
@@ -174,7 +174,7 @@ class ProgramReader:
     at : int
         Byte offset of what is next.
     progress : Progress
-        Where the programs stand; the caller's own is left alone.
+        Positions in the programs; the caller's object is not changed.
     layers : list of Layer
     done : bool
     """

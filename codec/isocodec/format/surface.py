@@ -21,7 +21,7 @@ _MANTISSA = 53
 
 @dataclass(frozen=True)
 class TinHead:
-    """What is said before the run.
+    """Head of a surface, before its run.
 
     Attributes
     ----------
@@ -30,11 +30,11 @@ class TinHead:
     grid : bool
         Whether positions are indices of samples of a field of that shape.
     exponent, origin : int, (int, int)
-        Of scattered points: position p stands for the coordinates ``(origin + p) * 2**exponent``.
+        Of scattered points: position p has the coordinates ``(origin + p) * 2**exponent``.
     offset, step : float
-        Number k stands for the value ``offset + k * step``.
+        Number k codes the value ``offset + k * step``.
     palette : tuple of int
-        If there is one, number k stands for ``offset + palette[k] * step`` instead; rising, from 0 on.
+        If not empty, number k codes ``offset + palette[k] * step`` instead; rising, from 0 on.
     largest : int
         Largest number.
     counts : tuple of int
@@ -132,5 +132,5 @@ def read_tin(payload: bytes, start: int) -> tuple[TinHead, int]:
 
 
 def values_of(head: TinHead, numbers: Sequence[int]) -> list[float]:
-    """Values that numbers stand for."""
+    """Decode numbers to values."""
     return [head.offset + (head.palette[k] if head.palette else k) * head.step for k in numbers]

@@ -1,10 +1,10 @@
 """Kernels: the functions that are compiled, and the three ways in which they run.
 
-A kernel is plain Python of numbers and arrays with annotations that say which. The same source runs
+A kernel is plain Python of numbers and arrays, with type annotations. The same source runs
 
 - as a library, compiled ahead of time for the platform: what users install (``library``);
 - compiled by numba in the process that runs: for developers (``compiler``);
-- as it stands: the reference.
+- as plain Python: the reference.
 
 ``ISOCODEC_KERNELS`` chooses among ``library``, ``numba`` and ``python``.
 """

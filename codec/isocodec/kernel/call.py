@@ -41,17 +41,17 @@ class Kernel:
 
     @property
     def name(self) -> str:
-        """Where it stands in the package, as ``passes.refinement.refine``."""
+        """Its path in the package, as ``passes.refinement.refine``."""
         return ".".join([*self.function.__module__.split(".")[-2:], self.function.__name__])
 
     @functools.cached_property
     def signature(self) -> Signature:
-        """What it takes and returns."""
+        """Types that it takes and returns."""
         return Signature.of(self.function)
 
     @functools.cached_property
     def entry(self) -> Entry:
-        """What runs when it is called."""
+        """Function that runs when it is called."""
         return self._entry_of(self)
 
     @functools.cached_property
@@ -83,7 +83,7 @@ class Kernel:
         return results[0]
 
     def _unfit(self, arguments: tuple[Any, ...]) -> KernelError:
-        """What is wrong with arguments that cannot be packed."""
+        """Error for arguments that cannot be packed."""
         stated = self.signature.arguments
         if len(arguments) != len(stated):
             return KernelError(

@@ -29,7 +29,7 @@ _OPTIONS: dict[str, Any] = {
 
 
 class Inner:
-    """A function that kernels call. Called from Python it runs as it stands."""
+    """A function that kernels call. Called from Python it runs uncompiled."""
 
     def __init__(self, function: Callable[..., Any], **options: bool) -> None:
         functools.update_wrapper(self, function)
@@ -55,7 +55,7 @@ def _called_by_a_kernel(function: Inner | CompiledKernel, _context: Any) -> type
 
 
 def compiled(kernel: CompiledKernel) -> Any:
-    """What numba made of a function of one argument, the address of the slots of what a kernel takes: it calls that."""
+    """Compile by numba a function of one argument, the address of a kernel's argument slots: it calls the kernel."""
     signature = kernel.signature
     taken = ", ".join(f"arguments.{name}" for name, _ in signature.arguments)
     scope: dict[str, Any] = {"kernel": kernel}
@@ -80,7 +80,7 @@ def entry(kernel: Kernel) -> Entry:
 
 
 def _check_result(kernel: Kernel, signature: Signature, found: types.Type) -> None:
-    """What is returned is what the annotation says."""
+    """Check that the type returned is the one annotated."""
     match signature.result:
         case None:
             stated: types.Type = types.none
@@ -89,4 +89,4 @@ def _check_result(kernel: Kernel, signature: Signature, found: types.Type) -> No
         case tuple() as several:
             stated = types.UniTuple(type_of(several[0]), len(several))
     if stated != found:
-        raise KernelError(f"kernel {kernel.name} returns {found}, its annotation says {stated}", code="kernel-result")
+        raise KernelError(f"kernel {kernel.name} returns {found}, but is annotated with {stated}", code="kernel-result")

@@ -24,7 +24,7 @@ def kernel(function: Callable[..., Any]) -> Any:
 
 
 def inner(function: Callable[..., Any]) -> Any:
-    """Decorator of functions that only kernels call. From Python they run as they stand.
+    """Decorator of functions that only kernels call. From Python they run uncompiled.
 
     They are compiled anew for each literal number that they are called with. Constants that are handed on to large
     functions are therefore of numpy's types.
@@ -37,7 +37,7 @@ def inner(function: Callable[..., Any]) -> Any:
 
 
 def inlined(function: Callable[..., Any]) -> Any:
-    """The same of small functions in the innermost loops, put where they are called."""
+    """Decorator of small functions in the innermost loops, put where they are called."""
     if EXECUTION is Execution.NUMBA:
         from . import compiler
 

@@ -1,4 +1,4 @@
-"""Which of the three executions this process uses."""
+"""Choice among the three executions in this process."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from ..errors import KernelError
 
 SETTING = "ISOCODEC_KERNELS"
 NOTE = Path(__file__).parent / "built" / "kernels.json"
-"""What is noted of the library that comes with the package."""
+"""Note of the library that comes with the package."""
 
 
 class Execution(Enum):

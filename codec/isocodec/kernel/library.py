@@ -19,7 +19,7 @@ _REMEDY = "install isocodec again; ISOCODEC_KERNELS=python does without the libr
 
 
 class Note(NamedTuple):
-    """What is noted of a library when it is built.
+    """Note of a library, written when it is built.
 
     Attributes
     ----------
@@ -66,7 +66,7 @@ def symbol(name: str) -> str:
 
 @cache
 def note() -> Note:
-    """What is noted of this package's library; KernelError if it is of other sources."""
+    """Read the note of this package's library; KernelError if it is of other sources."""
     try:
         out = Note(**json.loads((BUILT / NOTE.name).read_text()))
     except (OSError, ValueError, TypeError) as error:
@@ -112,7 +112,7 @@ def entry(kernel: Kernel) -> Entry:
     if built != stated:
         raise KernelError(
             f"kernel {kernel.name}: {'not in the library' if built is None else f'compiled as {built}'}, "
-            f"its source says {stated}",
+            f"the source declares {stated}",
             code="kernel-library", remedy=_REMEDY,
         )
     return PROTOTYPE((name + whole.suffix, whole.loaded))

@@ -41,7 +41,7 @@ class RegistersType(types.Type):
 
 
 _numbers: dict[Record, int] = {}
-"""A number for each record there is: names tell types apart, and members' would make them long."""
+"""A number for each record: it distinguishes the names of types, which members would make long."""
 
 
 @cache

@@ -1,4 +1,4 @@
-"""How kernels run in this process."""
+"""Execution of kernels in this process."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from .execution import EXECUTION, Execution
 
 
 class Kernels(NamedTuple):
-    """How kernels run in this process.
+    """Execution of kernels in this process.
 
     Attributes
     ----------
@@ -26,7 +26,7 @@ class Kernels(NamedTuple):
 
 
 def kernels() -> Kernels:
-    """How kernels run in this process: from the library, compiled by numba, or as plain Python."""
+    """Find how kernels run in this process: from the library, compiled by numba, or as plain Python."""
     if EXECUTION in (Execution.LIBRARY, Execution.CHECKED):
         from .library import library
 

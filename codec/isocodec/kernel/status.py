@@ -1,4 +1,4 @@
-"""Why a kernel that codes came back. What it calls returns the same instead of a symbol, if there is none."""
+"""Status of a kernel that codes: why it returned. Functions that it calls return it in place of a symbol."""
 
 DONE = 0  # the pass is complete
 NEED = -1  # the coder needs bytes (decoding) or room for them (encoding)

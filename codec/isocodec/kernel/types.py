@@ -1,4 +1,4 @@
-"""What kernels take and return: numbers, arrays, and records of arrays, and how their values lie in memory.
+"""Types of kernels' parameters and results: numbers, arrays, records of arrays, and how values lie in memory.
 
 A kernel's signature is its annotations, and the only types there are those named here. Values are handed over in slots
 of eight bytes, in any machine's order of least significant byte first: a number takes one; an array its address, its
@@ -240,7 +240,7 @@ def members_of(cls: type) -> dict[str, Any]:
 
 
 def kind_of(annotation: Any) -> Kind:
-    """The type that an annotation stands for."""
+    """The type that an annotation denotes."""
     if annotation in _NUMBERS:
         return _NUMBERS[annotation]
     if isinstance(annotation, type) and issubclass(annotation, Registers):
@@ -267,7 +267,7 @@ _NUMBERS = {int: INT, float: FLOAT, bool: BOOL}
 
 @dataclass(frozen=True)
 class Signature:
-    """What a kernel takes, by name, and what it returns: a number, nothing, or several integers."""
+    """Types that a kernel takes, by name, and what it returns: a number, nothing, or several integers."""
 
     arguments: tuple[tuple[str, Kind], ...]
     result: tuple[Number, ...] | Number | None

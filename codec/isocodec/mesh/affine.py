@@ -1,4 +1,4 @@
-"""Where a function that is linear in a cell goes on beyond one of its faces, in integers (spec clause 10.4.2)."""
+"""Continuation of a function linear in a cell beyond one of its faces, in integers (spec clause 10.4.2)."""
 
 from __future__ import annotations
 

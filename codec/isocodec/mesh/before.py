@@ -1,4 +1,4 @@
-"""What is known of a vertex from the frame before, and how far the present one has agreed (spec clause 10.1.5)."""
+"""Knowledge of a vertex from the frame before, and how far the present one has agreed (spec clause 10.1.5)."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def learn_agreement(st, v, sign):
 
 @inlined
 def sign_before(st, v, above):
-    """A class: the frame before does not know, says ``above``, or says the other sign."""
+    """Class of a sign by the frame before: unknown there, the same as ``above``, or the other sign."""
     if st.before[v] == UNKNOWN:
         return np.int64(0)
     return np.int64(1) if st.before[v] == above else np.int64(2)

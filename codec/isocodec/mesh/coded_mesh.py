@@ -156,7 +156,7 @@ NONE = -9
 
 @inlined
 def _behind(g, origin, t, o):
-    """Encoder: the original cell across face o of cell t, -1 if there is none, and its vertex."""
+    """Encoder: the original cell across face o of cell t, -1 at the boundary, and its vertex."""
     corners = g.cell.shape[1]
     source = origin.source[t]
     found = np.int64(-1)
@@ -270,7 +270,7 @@ def growth_of(vertices: int, cells: int, corners: int, extent: NDArray[np.int64]
 
 
 def original_of(domain: Complex | None, d: int, corners: int) -> Original:
-    """What is coded; nothing for a decoder."""
+    """Original mesh to code; empty for a decoder."""
     if domain is None:
         nothing, none = np.zeros((0, corners), np.int64), np.zeros(0, np.int64)
         return Original(np.zeros((0, d), np.int64), nothing, nothing, none, none, none)

@@ -42,13 +42,13 @@ def triangulated(
     found, numbers = np.asarray(points, np.float64), np.asarray(values)
     if found.ndim != 2 or found.shape[1] != 2:
         raise InputError(
-            f"the points have shape {found.shape}, needed is (V, 2)", code="points",
+            f"the points have shape {found.shape}, not (V, 2)", code="points",
             remedy="points of space take cells: give them",
         )
     if numbers.shape[-1:] != (len(found),):
-        raise InputError(f"the values have shape {numbers.shape}, needed is ({len(found)},)", code="values")
+        raise InputError(f"the values have shape {numbers.shape}, not ({len(found)},)", code="values")
     if not np.isfinite(found).all():
-        raise InputError("coordinates that are not finite", code="points", remedy="leave those points out")
+        raise InputError("some coordinates are not finite", code="points", remedy="leave those points out")
     found, numbers = _distinct(found, numbers)
     return found, _cells_of(found), numbers
 
@@ -78,7 +78,7 @@ def _cells_of(points: NDArray[np.float64]) -> NDArray[np.int64]:
     found = points_of(points, np.zeros(len(points)))
     if found.merged:
         raise InputError(
-            f"{found.merged} points lie too near to others to be told apart", code="coincident",
+            f"{found.merged} points lie too near to others to be stored apart from them", code="coincident",
             remedy="merge them first",
         )
     return found.source[triangles(delaunay(found.x, found.y)[0])]

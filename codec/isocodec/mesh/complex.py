@@ -24,7 +24,7 @@ NAMED = 5
 
 @record
 class CellArrays(NamedTuple):
-    """What kernels see of a complex of V vertices in d dimensions and T cells of n + 1 vertices.
+    """View for kernels of a complex of V vertices in d dimensions and T cells of n + 1 vertices.
 
     ``position`` (V, d), ``cell`` (T, n + 1), ``neighbour`` (T, n + 1): the cell across the face opposite each vertex,
     or -1; ``star``: the cells of vertex v from ``first[v]`` to ``first[v + 1]``, ascending.
@@ -47,7 +47,7 @@ class Complex:
     unit : float
         What positions count in.
     mirrored : (T,) bool
-        Cells whose vertices stand in the order that drawing has to reverse.
+        Cells whose vertices come in the order that drawing has to reverse.
     """
 
     mesh: CellArrays
@@ -126,7 +126,7 @@ def _checked_points(points: ArrayLike) -> NDArray[np.float64]:
     found = found.astype(np.float64)
     if not np.isfinite(found).all():
         bad = np.flatnonzero(~np.isfinite(found).all(axis=1))
-        raise InputError(f"coordinates that are not finite: points {_named(bad)}", code="points")
+        raise InputError(f"coordinates are not finite: points {_named(bad)}", code="points")
     return found
 
 
@@ -140,7 +140,7 @@ def _checked_cells(cells: ArrayLike, points: NDArray[np.float64]) -> NDArray[np.
         )
     bad = np.flatnonzero(((found < 0) | (found >= len(points))).any(axis=1))
     if len(bad):
-        raise InputError(f"cells of points that there are not: cells {_named(bad)}", code="cells")
+        raise InputError(f"cells refer to points that do not exist: cells {_named(bad)}", code="cells")
     found = found.astype(np.int64)
     used = np.zeros(len(points), np.bool_)
     used[found] = True
@@ -182,13 +182,14 @@ def _check_degenerate(position: NDArray[np.int64], cells: NDArray[np.int64]) -> 
     bad = np.flatnonzero(twice | ~has_volume(position, cells))
     if len(bad):
         raise InputError(
-            f"{len(bad)} degenerate cells, of no size: cells {_named(bad)}", code="degenerate", remedy="leave them out"
+            f"{len(bad)} degenerate cells, without size: cells {_named(bad)}", code="degenerate",
+            remedy="leave them out",
         )
     order = np.lexsort(ordered.T)
     again = (ordered[order[1:]] == ordered[order[:-1]]).all(axis=1)
     if again.any():
         raise InputError(
-            f"cells that are there twice: cells {_named(np.sort(order[1:][again]))}", code="repeated",
+            f"duplicate cells: cells {_named(np.sort(order[1:][again]))}", code="repeated",
             remedy="leave them out",
         )
 

@@ -1,4 +1,4 @@
-"""Where the vertex behind an open face of a growing mesh is expected (spec clause 10.10.3(1))."""
+"""Prediction of the vertex behind an open face of a growing mesh (spec clause 10.10.3(1))."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ from .growth import OPEN
 REFLECTED, EVEN = 0, 1
 """Two ways to expect a vertex, rows of ``Growth.aim``; that which has missed less is followed."""
 HALVES, HEIGHT, SIDE, BENT = 128, 128, 80, 32
-"""What an even place is made of, in parts of 256: each end of the face, the height of the triangle before it, a line as
+"""Weights of an even place, in parts of 256: each end of the face, the height of the triangle before it, a line as
 long as the face, and the open sides at both ends."""
 
 
 @inlined
 def _front(g, t, o, v):
-    """Other end of another open side that begins at v, a vertex of face o of triangle t; v if there is none."""
+    """Other end of another open side that begins at v, a vertex of face o of triangle t; v without one."""
     k = g.head[v]
     while k >= 0:
         other = k // 3

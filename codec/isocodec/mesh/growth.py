@@ -1,4 +1,4 @@
-"""A mesh that grows cell by cell: its faces, and what stands around the next one (spec clause 10.10.2)."""
+"""A mesh that grows cell by cell: its faces, and what lies around the next one (spec clause 10.10.2)."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from ..kernel import inlined, inner, record
 from ..kernel.types import IntMatrix, IntVector, Registers
 
 OPEN, BORDER = -1, -2
-"""Instead of the cell across a face: not told yet, and none."""
+"""Instead of the cell across a face: not coded yet, and none."""
 CANDIDATES = 4
 """Vertices that the next cell may have already, at most."""
 NEAR = 12
@@ -18,7 +18,7 @@ NEAR = 12
 
 
 class GrowthRegisters(Registers):
-    """Where the growth stands.
+    """Progress of the growth.
 
     Attributes
     ----------

@@ -38,7 +38,7 @@ class Working(NamedTuple):
         Vertices counterclockwise, and the triangle across the side opposite each, or -1; a triangle that is no more
         has -1 as its vertices.
     at, degree : (V,) int64
-        A triangle of each vertex, -1 if there is none any more; and how many there are.
+        A triangle of each vertex, -1 if none is left; and how many there are.
     ring, star, outer : (MOST_RING,) int64
         The vertices around the one that is looked at, its triangles, and those behind.
     ear : (MOST_RING, 3) int64
@@ -290,7 +290,7 @@ def history_of(domain: Complex, watch: Callable[[int], None] | None = None) -> H
     """
     if not has_levels(domain):
         raise OptionError(
-            "the mesh is none of triangles in the plane, or extends too far for its unit", code="progressive",
+            "progressive coding needs a planar triangle mesh that is not too large for its unit", code="progressive",
             remedy="leave progressive out",
         )
     w = _working(domain)

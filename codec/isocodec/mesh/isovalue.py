@@ -1,4 +1,4 @@
-"""One isovalue on an explicit complex: what is known of it, and the layers that tell (spec clause 10.1.3)."""
+"""One isovalue on an explicit complex: what is known of it, and the layers that code it (spec clause 10.1.3)."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ class _Then(NamedTuple):
         return np.where(same, self.place[at], out)
 
     def numbers(self, vertices: NDArray[np.int64]) -> NDArray[np.int64]:
-        """What is known of vertices."""
+        """Numbers of vertices, as far as known."""
         return self.number[vertices] if len(self.number) else np.zeros(len(vertices), np.int64)
 
 
@@ -70,7 +70,7 @@ def _then_of(before: MeshIsovalue, vertices: int) -> _Then:
 
 
 class MeshIsovalue:
-    """What is known of an isovalue.
+    """State of an isovalue.
 
     Parameters
     ----------
@@ -216,7 +216,7 @@ class MeshIsovalue:
         self.active, self.steps = active, found
 
     def _told(self, vertices: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
-        """Numbers that follow from integers that earlier isovalues have told, and which these are."""
+        """Numbers that follow from integers decoded for earlier isovalues, and which these are."""
         number, told = np.zeros(len(vertices), np.int64), np.zeros(len(vertices), np.bool_)
         if self.scale is not None:
             return number, told

@@ -15,7 +15,7 @@ PASTS = 64
 CROSSINGS = 4
 """Classes of what is known about where an edge is crossed; as many more where the frame before knows, too."""
 NUMBERS = 4
-"""The same of values at vertices."""
+"""Classes of what is known about a value at a vertex; as many more where the frame before knows, too."""
 TURNED = 4
 """Numbers of vertices of a ring whose signs are others than in the frame before: so many or more are one class."""
 SHARES = 18

@@ -1,4 +1,4 @@
-"""Where crossed edges of an explicit domain are crossed, and values at vertices (spec clause 10.6)."""
+"""Crossings on the edges of an explicit domain, and values at vertices (spec clause 10.6)."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from .walk import WalkState
 LARGE, SMALL = 1 << 24, 1 << 4
 """Bounds of how far vertices are taken to lie above or below."""
 START = 1 << 14
-"""What the first vertex of a component counts as."""
+"""Size of the estimate for the first vertex of a component."""
 PLACE = 16
 """Places on an edge count in parts of ``2**-PLACE`` of it."""
 MOST_PARTS = 1 << 24
@@ -27,7 +27,7 @@ LARGEST, WIDEST = 1 << 44, 1 << 48
 """Numbers count for the guess of others as that much at most; how far guesses are wrong, in parts, likewise."""
 HALF = 1 << (FINE - 1)
 TOLD = 1 << 62
-"""Instead of twice a number of the frame before: the present one has been told."""
+"""Instead of twice a number of the frame before: the present one is known."""
 
 
 def crossed_edges(mesh: CellArrays, leaf: NDArray[np.int64], sign: NDArray[np.int8]) -> NDArray[np.int64]:
@@ -62,14 +62,14 @@ def parts_of(mesh: CellArrays, edges: NDArray[np.int64], step: int) -> NDArray[n
 
 @inlined
 def _bounded(value, sign):
-    """A value on the side that its sign says, within bounds."""
+    """A value on the side of its sign, within bounds."""
     size = min(max(value if sign else -value, SMALL), LARGE)
     return size if sign else -size
 
 
 @inner
 def _guessed(mesh, st, t, v):
-    """Value of a vertex v of cell t from cells across faces of t that do without it, 0 if there are none."""
+    """Value of a vertex v of cell t from cells across faces of t that do without it, 0 without such cells."""
     corners = mesh.cell.shape[1]
     for i in range(corners):
         if mesh.cell[t, i] != v:
@@ -89,7 +89,7 @@ def _guessed(mesh, st, t, v):
 
 @inlined
 def _expect_then(st, place, upwards, known):
-    """The second guess: what the frame before says, moved as others have been; none if it does not know."""
+    """Second guess: the value in the frame before, moved as others have been; none if it is unknown there."""
     st.bells[2] = place + (st.drift[0] if upwards else -st.drift[0])
     st.bells[3] = (st.drift[1] if st.drift[1] > 0 else st.bells[1]) if known else np.int64(0)
 
@@ -194,11 +194,11 @@ def _mean_around(mesh, st, v):
 def code_values(
     mesh: CellArrays, st: WalkState, cd: Coder, active: IntMatrix, bits: IntVector, number: IntVector, then: IntVector
 ) -> int:
-    """Code the numbers of active vertices, of ``bits[sign]`` bits; those that were told take no symbols.
+    """Code the numbers of active vertices, of ``bits[sign]`` bits; those that are known take no symbols.
 
     ``st.estimate`` has to be 0 everywhere; it is where twice the numbers are kept, with the sign of their side.
-    ``then`` (A,) is twice the number in the frame before, and 1, negative if it lay below; ``TOLD`` if ``number`` has
-    been told, and 0 if nothing is known.
+    ``then`` (A,) is twice the number in the frame before, and 1, negative if it lay below; ``TOLD`` if ``number`` is
+    known, and 0 if nothing is known.
     """
     spread = st.spread
     for k in range(len(active)):

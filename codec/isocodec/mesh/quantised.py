@@ -32,7 +32,7 @@ class Quantised(NamedTuple):
 
     @property
     def unit(self) -> float:
-        """What positions count in."""
+        """Unit of positions."""
         return math.ldexp(self.multiple, self.exponent)
 
 
@@ -85,7 +85,7 @@ def rounded(points: NDArray[np.float64], error: float) -> Quantised:
 
 
 def rounded_apart(points: NDArray[np.float64], error: float) -> Quantised:
-    """The same of distinct points, nearer where two would come together or all would lie on a line."""
+    """Round distinct points, more finely where two would come together or all would lie on a line."""
     found = rounded(points, error)
     while len(np.unique(found.position, axis=0)) < len(points) or np.linalg.matrix_rank(
         found.position - found.position[:1]

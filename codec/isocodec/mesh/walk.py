@@ -39,7 +39,7 @@ REASONS = {
 
 
 class WalkRegisters(Registers):
-    """Where the walk stands.
+    """Progress of the walk.
 
     Attributes
     ----------
@@ -65,7 +65,7 @@ class WalkRegisters(Registers):
 
 @record
 class WalkState(NamedTuple):
-    """What is known of an isovalue on a complex of V vertices and T cells.
+    """State of an isovalue on a complex of V vertices and T cells.
 
     ``sign`` (V,): 1, 0, or -1 if not known; ``given`` (V,): likewise what follows from earlier isovalues; ``truth``
     (V,): the encoder's signs; ``estimate`` (V,): how far vertices may lie above; ``visited`` (T,); ``leaf`` (T,): the

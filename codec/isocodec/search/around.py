@@ -16,7 +16,7 @@ MOST_CUBES = 1 << 22
 
 @dataclass(frozen=True)
 class Around:
-    """Cubes of ``size`` cells of the domain; ``mask`` says which of them are meant."""
+    """Cubes of ``size`` cells of the domain, those in ``mask``."""
 
     size: float
     mask: NDArray[np.bool_]

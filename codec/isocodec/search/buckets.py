@@ -18,7 +18,7 @@ from .piece import apart, closest, halve, near
 SMALLEST = 1e-3
 """Radius, in cells, below which a piece is not halved again: distances are certain to twice that."""
 SLACK = 1e-9
-"""What rounding may take from a bound."""
+"""Share of a bound that rounding may take."""
 STACK = 64
 """Pieces that wait for their proof at most, when they are halved."""
 

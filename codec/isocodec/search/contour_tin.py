@@ -15,14 +15,14 @@ from ..tin.delaunay import delaunay, triangles
 from ..tin.points import Points
 from .original import original
 from .proof import Target
-from .tin_fit import Chosen, along_contours
+from .tin_fit import ChosenPoints, along_contours
 
 _STEP = 0.2
 """Steps of values, as a share of what is allowed next to a contour in the mean."""
 _SHARES = 1.0, 0.5
-"""Of the distance, what the surface may move a contour by at first."""
+"""Shares of the distance that the surface may move a contour by at first."""
 _KEPT = 0.7
-"""Of how far a value lies from all isovalues, what the surface may miss it by."""
+"""Share of a value's distance from all isovalues that the surface may miss it by."""
 _ROUNDS = 24
 _NEAR = 2
 """Samples around a piece that lies too far away where less is allowed from then on."""
@@ -30,8 +30,8 @@ _NEAR = 2
 
 def near_contours(
     given: Points, field: NDArray[np.float64], isovalues: Sequence[float], distance: float,
-    size: Callable[[Chosen], int],
-) -> Chosen:
+    size: Callable[[ChosenPoints], int],
+) -> ChosenPoints:
     """The smallest surface that is found whose contours lie within ``distance`` of the field's, both ways.
 
     At a sample the surface may miss the field by what moves a contour so far along its slope, or by what keeps the
@@ -70,7 +70,7 @@ def near_contours(
 def _refined(
     given: Points, field: NDArray[np.float64], isovalues: Sequence[float], distance: float, share: float,
     wanted: Sequence[Contour],
-) -> Chosen | None:
+) -> ChosenPoints | None:
     """A surface whose contours keep to a distance; None if rounds do not lead to one."""
     slope = np.hypot(*np.gradient(field))
     apart = np.abs(field[..., None] - np.array(isovalues)).min(axis=-1)
@@ -98,7 +98,7 @@ def _refined(
 
 
 def _too_far(
-    given: Points, chosen: Chosen, wanted: Sequence[Contour], isovalues: Sequence[float], distance: float
+    given: Points, chosen: ChosenPoints, wanted: Sequence[Contour], isovalues: Sequence[float], distance: float
 ) -> NDArray[np.float64]:
     """Ends of pieces of contours of a surface too far from the wanted ones, and the other way round, (B, 2)."""
     x, y = (np.ascontiguousarray(each[chosen.some]) for each in (given.x, given.y))

@@ -1,4 +1,4 @@
-"""Where the curve crosses an edge of a coarse mesh, and what a decoder makes of it (spec clauses 5.7.2, 5.7.3)."""
+"""Crossings on edges of a coarse mesh, of the curve and as a decoder has them (spec clauses 5.7.2, 5.7.3)."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ def crossing_on(dm, a, b):
 
 @inner
 def told_on(dm, a, b):
-    """The same as a decoder has it, which knows ``dm.parts`` parts in ``2**dm.unit`` samples, or by its own rule."""
+    """Crossing as a decoder has it, which knows ``dm.parts`` parts in ``2**dm.unit`` samples, or by its own rule."""
     if dm.parts == LINEAR_POINTS:
         f, g = np.float64(dm.phi[a[0], a[1], a[2]]), np.float64(dm.phi[b[0], b[1], b[2]])
         return min(max(f / (f - g), 0.0), 1.0) if f != g else 0.5

@@ -23,15 +23,15 @@ from .proof import Target
 from .pull import Follow, Pull, places_on, relax, slopes_of, sort_by_told
 
 ROUNDS = (0.5, 0.5, 1.0, 1.0, 1.0)
-"""Steps of the points in each round, in units of the parts that are told."""
+"""Steps of the points in each round, in units of the parts that are stored."""
 AGAIN = ROUNDS[-1:]
-"""The same where most points were fitted before."""
+"""Steps where most points were fitted before."""
 SWEEPS = 2
 REACHES = (0.4, 1.0, 2.0)
 """Points of a curve farther than the last one of these, in tolerances, from the other pull at nothing; near ones are
 found faster."""
 NAMED = 2.0**20
-"""Of a cell: points are the same if they are rounded to so many parts alike."""
+"""Parts of a cell: points are the same if they are rounded to so many parts alike."""
 MOSTLY = 0.5
 """Share of the curve from which on all of it is fitted anew, and held against the original."""
 MARGIN = 0.95
@@ -54,7 +54,7 @@ class _Fit:
         self.samples = _samples(self.cells, len(self.edges))
 
     def points(self, where: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Points of the drawing with those of the told edges at ``where``."""
+        """Points of the drawing with those of the coded edges at ``where``."""
         self.stated[self.told] = where
         for ring in self.rings:
             self.stated[ring.edge] = ring.ratio(self.stated)
@@ -109,13 +109,13 @@ class _Fit:
                      self.samples.times[some])
 
     def moving(self, free: NDArray[np.bool_]) -> NDArray[np.bool_]:
-        """Which edges' points may move if those of some of the told ones do."""
+        """Edges whose points may move if those of some of the coded ones do."""
         follow = self.follow()
         free_of = np.concatenate([[0], np.cumsum(free[follow.told])])
         return np.asarray(np.diff(free_of[follow.start]) > 0)
 
     def follow(self) -> Follow:
-        """Told edges that the point of each edge follows, and by how much, edge by edge.
+        """Coded edges that the point of each edge follows, and by how much, edge by edge.
 
         Points of implied edges follow from those at their rings.
         """
@@ -187,7 +187,7 @@ def _samples(cells: NDArray[np.int64], points: int) -> _Samples:
 
 
 def _nearest(samples: NDArray[np.float64], targets: Sequence[Target]) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-    """As `Target.nearest`, for targets of growing limits."""
+    """Find the nearest piece as `Target.nearest`, for targets of growing limits."""
     piece, weight = targets[0].nearest(samples)
     for target in targets[1:]:
         left = np.flatnonzero(piece < 0)
@@ -197,7 +197,7 @@ def _nearest(samples: NDArray[np.float64], targets: Sequence[Target]) -> tuple[N
 
 @dataclass(frozen=True)
 class Part:
-    """What a fit works on where most of the curve stays as it was.
+    """Part of the curve that a fit works on, where most of it stays as it was.
 
     Attributes
     ----------
@@ -219,7 +219,7 @@ class Part:
 
 @dataclass(frozen=True)
 class Drawing:
-    """What comes of a fit: parts of edges that hold the points, and the curve through their middles.
+    """Result of a fit: parts of edges that hold the points, and the curve through their middles.
 
     Attributes
     ----------
@@ -238,7 +238,7 @@ class Drawing:
 
 @dataclass(frozen=True)
 class Faults:
-    """Where a drawing is too far from the original: places (K, n) on either, and numbers of the drawing's pieces."""
+    """Places where a drawing is too far from the original: (K, n) on either, and numbers of the drawing's pieces."""
 
     drawing: Drawing
     places: NDArray[np.float64]
@@ -301,7 +301,7 @@ def _middles(where: NDArray[np.float64], parts: NDArray[np.int64]) -> NDArray[np
 def _part(
     fit: _Fit, points: NDArray[np.float64], moving: NDArray[np.bool_], faults: Faults, around: Around, reach: float
 ) -> Part | None:
-    """What differs from the drawing before, or may when some edges' points move; None if that is most of it."""
+    """Part that differs from the drawing before, or may when some edges' points move; None if that is most of it."""
     before = faults.drawing
     now, then = names(points, fit.cells), names(before.points, before.cells)
     changed = moving[fit.cells].any(axis=1) | ~np.isin(now, then) | np.isin(now, then[faults.pieces])

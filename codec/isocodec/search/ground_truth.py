@@ -1,4 +1,4 @@
-"""What the encoder knows and the decoder does not."""
+"""Knowledge of the encoder that the decoder lacks."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ Pyramid = tuple[NDArray[np.uint8], NDArray[np.int64]]
 
 @dataclass(frozen=True)
 class GroundTruth:
-    """What the encoder knows: the field's signs, and the numbers that geometry sends.
+    """Knowledge of the encoder: the field's signs, and the numbers that geometry sends.
 
     ``number(positions, above)`` gives the distances from the isovalue's side in steps, int64;
     ``crossing(low, high)`` the places of crossings between positions as 30-bit binary fractions, int64. Surveys of the
@@ -62,5 +62,5 @@ class GroundTruth:
 
 
 def truth_of(field: Samples) -> GroundTruth:
-    """What tubes of a field know."""
+    """Make the ground truth for tubes of a field."""
     return GroundTruth(field.signs, field.numbers, field.crossings)

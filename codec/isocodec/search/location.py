@@ -1,4 +1,4 @@
-"""Where points lie in a mesh: the simplex of a level, the diamond around it, the leaf (spec clause 4.6)."""
+"""Location of points in a mesh: the simplex of a level, the diamond around it, the leaf (spec clause 4.6)."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def _vertex_at(dm, edge, r, cls, b0, b1, b2, j):
 
 @inner
 def _clamped_simplex_at(dm, level, cube, p):
-    """The same in a cube that the box cuts: clamped images of simplices are not nested, so each is looked at."""
+    """Locate in a cube that the box cuts: clamped images of simplices are not nested, so each is looked at."""
     n = dimension(dm.grid.tables)
     r = level % n
     edge = edge_of(dm.grid, level)

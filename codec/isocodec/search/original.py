@@ -46,7 +46,7 @@ def original(field: Samples) -> Contour:
 
 
 def _known_edges(field: DecodedSamples, used: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-    """Edges with a place that is told, as numbers of their vertices among those used, and the places."""
+    """Edges with a place that is coded, as numbers of their vertices among those used, and the places."""
     shape = field.signs.shape
     strides = np.array([math.prod(shape[axis + 1 :]) for axis in range(len(shape))])
     low = field.edges // len(shape)

@@ -15,7 +15,7 @@ SLIVER = 1e-12
 def closest(out, o, x, y, z):
     """The point of the triangle, or segment, at ``o`` that is nearest: squared distance, weights of corners 1 and 2.
 
-    Corners and sides are told apart by signs: at most one division. Rounding may take another point of the piece, which
+    Signs decide between corners and sides: at most one division. Rounding may take another point of the piece, which
     is farther away, if anything.
     """
     a0, a1, a2 = out[o], out[o + 1], out[o + 2]
@@ -59,7 +59,7 @@ def _weights(pu, pv, uu, uv, vv):
 
 @inner
 def _by_sides(out, o, x, y, z):
-    """The same as ``closest`` of a sliver, whose sides say all."""
+    """``closest`` for a sliver, whose sides hold all its points."""
     p0, p1, p2 = x - out[o], y - out[o + 1], z - out[o + 2]
     u0, u1, u2 = out[o + 3] - out[o], out[o + 4] - out[o + 1], out[o + 5] - out[o + 2]
     v0, v1, v2 = out[o + 6] - out[o], out[o + 7] - out[o + 1], out[o + 8] - out[o + 2]

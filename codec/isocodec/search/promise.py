@@ -42,9 +42,9 @@ class Promise:
     field : Samples
     fresh : callable, optional
         Makes tubes for trial encodings, as that of the file: what is known of earlier isovalues changes what
-        is told. By default those of a file of its own.
+        is coded. By default those of an independent file.
     free : bool
-        Whether crossings may be told with slack (see `Slack`).
+        Whether crossings may be coded with slack (see `Slack`).
     tried : callable, optional
         Called after each trial.
     truth : Truth, optional
@@ -52,7 +52,7 @@ class Promise:
     holes : Holes, optional
         The mask, where samples are missing.
     fixed : callable, optional
-        Which edges, by the positions of their ends, are told to be crossed where the field crosses them.
+        Which edges, by the positions of their ends, are coded as crossed where the field crosses them.
     contour : Contour
         The original curve.
     phi : ndarray of float32
@@ -112,7 +112,7 @@ class Promise:
         return total, self._leaves(tube)
 
     def layers(self, plan: Sequence[Entry]) -> list[tuple[Contour, float | None]]:
-        """What a decoder draws after each layer of a plan, and which distance has been promised by then."""
+        """Drawings of a decoder after each layer of a plan, and the distance promised by then."""
         contours: list[Contour] = []
         promised = self._encoded(plan, lambda tube: contours.append(draw(self._leaves(tube))))[2]
         at = [max((layers for layers in promised if layers <= done), default=0) for done in range(1, len(contours) + 1)]
@@ -155,13 +155,13 @@ class Promise:
                       drawing, size)
 
     def _around(self, places: NDArray[np.float64], tolerance: float) -> Around | None:
-        """What lies around places where the curve is too far away; None if that is most of the curve."""
+        """Surroundings of places where the curve is too far away; None if that is most of the curve."""
         size = max(2.0 * tolerance, 2.0)
         around = Around.of(places, self.field.signs.shape, size).wider(size)
         return around if around.holds(self.contour.points).mean() < MOSTLY else None
 
     def faults(self, drawing: Drawing, tolerance: float) -> Faults:
-        """As `excess` of a fitted curve, but only where it may have changed: this finds faults, and proves nothing."""
+        """Find faults of a fitted curve, only where it may have changed; unlike `excess` this proves nothing."""
         points, cells, part = drawing.points, drawing.cells, drawing.part
         near = Target(points, cells[part.seen] if part else cells, tolerance)
         ours = part.near.meets(self.contour.points, self.contour.cells) if part else None
@@ -231,7 +231,7 @@ class Places:
         self._known, self._where = names[order], where[order]
 
     def __call__(self, low: NDArray[np.int64], high: NDArray[np.int64]) -> NDArray[np.int64]:
-        """As ``Field.crossings``."""
+        """Crossings, as ``Field.crossings``."""
         names = self._names(low, high)
         at = np.minimum(np.searchsorted(self._known, names), len(self._known) - 1)
         known = self._known[at] == names if len(self._known) else np.zeros(len(names), np.bool_)

@@ -1,4 +1,4 @@
-"""How distances between a drawing and the original change as points move along their edges (spec annex G.3(4))."""
+"""Change of distances between a drawing and the original as points move along their edges (spec annex G.3(4))."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from ..kernel.types import FloatMatrix, FloatVector, IntMatrix, IntVector
 _SLOPE = 1e-6
 """Slopes below this are left out."""
 _TOUCH = 1e-9
-"""Distance in cells below which curves touch: only normals say where a distance would grow."""
+"""Distance in cells below which curves touch: only normals show where a distance would grow."""
 
 
 @inner
 def _penalty(x):
-    """Of a distance as a share of the tolerance: small ones hardly count, those beyond nearly exclude all else."""
+    """Penalty of a distance as a share of the tolerance: small ones hardly count, those beyond outweigh all else."""
     y = x * x
     z = y * y
     return 0.02 * y + z * z
@@ -25,7 +25,7 @@ def _penalty(x):
 
 @record
 class Pull(NamedTuple):
-    """How distances of points of either curve change as the points on edges move.
+    """Change of distances of points of either curve as the points on edges move.
 
     Attributes
     ----------
@@ -127,7 +127,7 @@ def slopes_of(
 
 @inner
 def _normal(points, corners, out):
-    """Unit normal of a piece, 0 where there is none."""
+    """Unit normal of a piece, 0 if it has no size."""
     a, b = points[corners[0]], points[corners[1]]
     if len(corners) == 2:
         out[0], out[1] = a[1] - b[1], b[0] - a[0]
@@ -144,7 +144,7 @@ def _normal(points, corners, out):
 
 @record
 class Follow(NamedTuple):
-    """Which told edges the point of each edge follows: ``told[start[e] : start[e + 1]]``, each by its share."""
+    """Coded edges that the point of each edge follows: ``told[start[e] : start[e + 1]]``, each by its share."""
 
     start: IntVector
     told: IntVector
@@ -156,7 +156,7 @@ def sort_by_told(
     follow: Follow, cells: IntMatrix, piece: IntVector, slope: FloatMatrix, before: int, place: IntVector,
     samples: IntVector, slopes: FloatVector,
 ) -> None:
-    """Move each told edge's ``place`` on by the samples that notice it; list them there unless ``samples`` is empty.
+    """Move each coded edge's ``place`` on by the samples that notice it; list them there unless ``samples`` is empty.
 
     Samples are numbered after those ``before``; they lie on pieces, or nowhere, as in `slopes_of`.
     """

@@ -1,4 +1,4 @@
-"""What the kernels of the reduction see: the mesh's tables, the field, the vertices that are left."""
+"""View of the reduction for its kernels: the mesh's tables, the field, the vertices that are left."""
 
 from __future__ import annotations
 

@@ -384,5 +384,5 @@ def mark(dm: Domain, keys: IntVector, bits: int) -> None:
 
 
 def copied(chosen: Chosen) -> Chosen:
-    """The same mesh in arrays of its own."""
+    """Copy a mesh."""
     return Chosen(chosen.inside & np.uint8(GONE), copied_store(chosen.outside, GONE))

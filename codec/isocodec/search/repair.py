@@ -23,7 +23,7 @@ after some turns."""
 LEAF = 0.25
 """Bytes that a leaf costs at least, with all that comes of it, where the curve is too far away."""
 SHARES = {2: 1.0, 3: 0.5}
-"""Of the leaves where it is, so many are bisected before points are fitted again: of surfaces that helps the others."""
+"""Share of the leaves there that are bisected before points are fitted again: for surfaces that helps the others."""
 
 
 class Course:

@@ -1,6 +1,6 @@
 """Layers that promise one distance after the other (row S3-distortion; spec annex G.3).
 
-Coarse steps are meshes without offsets: what they tell of the signs the finer ones need anyway, and the curve gets no
+Coarse steps are meshes without offsets: the finer ones need their signs anyway, and the curve gets no
 worse on the way from one to the next. Offsets come with the last step, as in a file for that step alone.
 """
 

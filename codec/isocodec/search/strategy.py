@@ -1,7 +1,7 @@
-"""Which layers keep a promise in the fewest bytes (row S3-distortion; spec annex G).
+"""Choice of layers that keep a promise in the fewest bytes (row S3-distortion; spec annex G).
 
 A user states how far the decoded curve may lie from the original one, and whether its topology is to be kept. The
-encoder reduces the mesh, chooses how finely crossings are told, draws what a decoder will draw, proves the distance
+encoder reduces the mesh, chooses how finely crossings are stored, draws what a decoder will draw, proves the distance
 both ways, and puts vertices back where it is not proven.
 """
 
@@ -134,7 +134,7 @@ def loose_start(promise: Promise, tolerance: float, topology: bool) -> Chosen:
 
 
 def even_starts(promise: Promise, tolerance: float) -> Iterator[tuple[Chosen, Plan]]:
-    """Uniform meshes to begin with, and what leads there, the finest first: even squares and cubes tell little.
+    """Uniform meshes to begin with, and what leads there, the finest first: even squares and cubes code little.
 
     Where the tolerance is large against the domain, the coarsest.
     """
@@ -152,7 +152,7 @@ def even_starts(promise: Promise, tolerance: float) -> Iterator[tuple[Chosen, Pl
 
 
 def _coarsest(promise: Promise, grid: Plan, tolerance: float, best: _Found) -> _Found:
-    """The best plan, or the full grid with crossings told as coarsely as can be, with slack also at a slant."""
+    """The best plan, or the full grid with crossings stored as coarsely as can be, with slack also at a slant."""
     # as few parts as can be, even if in the worst case a crossing on their border is told a rounding too far away
     fewest = max(math.ceil(0.5 / tolerance * (1 - EDGE)), 1) | 1
     for radix in sorted({fewest, math.prod(radices(tolerance))} - {1}):
@@ -217,7 +217,7 @@ def within(
     if not best[1]:
         raise NotKeptError(
             f"no mesh was proven to keep to a distortion of {distance:g}", code="criterion",
-            remedy="use a larger one, or tell crossings more finely",
+            remedy="use a larger one, or store crossings more finely",
         )
     return best[1]
 
@@ -237,7 +237,7 @@ def reduced(promise: Promise, criterion: str, parameter: float | None, topology:
         case "level", float():
             if not (parameter.is_integer() and parameter <= promise.full_level):
                 raise OptionError(
-                    f"the level is {parameter:g}, needed is a whole number up to that of the full grid, "
+                    f"the level {parameter:g} is not a whole number up to that of the full grid, "
                     f"{promise.full_level}", code="criterion",
                 )
             reduction.reduce(topology=topology, level=int(parameter))

@@ -1,4 +1,4 @@
-"""Which vertices meshes of tiles in space may have in the faces that they share (spec clause 12.7)."""
+"""Vertices that meshes of tiles in space may have in the faces that they share (spec clause 12.7)."""
 
 from __future__ import annotations
 

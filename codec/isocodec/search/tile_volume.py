@@ -1,6 +1,6 @@
 """Meshes of tiles in space for a tolerance: cubes of one edge in all tiles, finer where that will not do (clause 12.7).
 
-Crossings are told in few parts, with slack (annex G.3(5)): as either part that is near enough, as long as the surface
+Crossings are stored in few parts, with slack (annex G.3(5)): as either part that is near enough, as long as the surface
 is proven to keep to the tolerance. Where it is not, slack is taken back, then simplices are bisected. In the faces that
 tiles share the mesh follows from the samples there, and nothing has slack.
 """
@@ -26,7 +26,7 @@ LARGEST = 4.0
 PARTS = 3
 """Into which a crossed edge of a cube is divided."""
 SLANT = 2.5
-"""Crossings are told at most this many tolerances off along their edges, where the surface meets these at a slant."""
+"""Crossings are stored at most this many tolerances off along their edges, where the surface meets these at a slant."""
 LEAST = 0.2
 """Slack that has been taken back to less than this share is none."""
 MOST_TURNS = 32
@@ -101,7 +101,7 @@ def volume_plan(promise: Promise, tolerance: float, exponent: int, lead: Plan, f
 
 
 class _Slack:
-    """How far from where the field crosses an edge of any mesh the crossing may be told to be.
+    """Slack of crossings on edges of any mesh: how far from where the field crosses them they may be stored.
 
     Parameters
     ----------
@@ -120,7 +120,7 @@ class _Slack:
         self._share = np.ones(phi.shape, np.float32)
 
     def tighten(self, places: NDArray[np.float64]) -> NDArray[np.bool_]:
-        """Halve it around some places; at which of them there is none left."""
+        """Halve it around some places; at which of them nothing is left."""
         last = np.array(self._phi.shape) - 1
         here = np.clip(np.floor(places).astype(np.int64), 0, last)
         none = self._share[tuple(here.T)] == 0
@@ -133,7 +133,7 @@ class _Slack:
         return none
 
     def __call__(self, low: NDArray[np.int64], high: NDArray[np.int64]) -> NDArray[np.int64]:
-        """As ``Field.crossings``."""
+        """Crossings, as ``Field.crossings``."""
         way = (high - low).astype(np.float64)
         middle = (low + high) >> 1
         slope = slopes_at(self._phi, middle)

@@ -1,4 +1,4 @@
-"""Which points and values a coded surface has: to an error, to a number of points, to a size of the file."""
+"""Choice of points and values of a coded surface: to an error, to a number of points, to a size of the file."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from ..tin.thinning import Thinning, thin_to, thinning
 MOST_PALETTE = 24
 """Values that a field has at most, for its points to have no others."""
 _BITS = 10.8
-"""Of a point and its value, about."""
+"""Bits of a point and its value, about."""
 _STEP = 1.25
 """Step of values, in roots of the mean squared error that there is without steps: found on pictures."""
 _TRIES = 8
@@ -41,7 +41,7 @@ _GROWTH = 4
 
 
 @dataclass(frozen=True)
-class Chosen:
+class ChosenPoints:
     """Points by rank and the numbers of their values.
 
     Attributes
@@ -65,7 +65,7 @@ class Chosen:
     squared: float = 0.0
 
 
-def within(given: Points, error: float) -> Chosen:
+def within(given: Points, error: float) -> ChosenPoints:
     """Points such that the surface misses no value by more than an error.
 
     Values are rounded to steps of the error first; the error is held against what was given.
@@ -79,12 +79,12 @@ def within(given: Points, error: float) -> Chosen:
     state = thinning(given.x, given.y, value.copy(), AT1, given.value)
     _thin(state, 0, error)
     some = fewest(state, value, error, _ROUNDS)
-    return Chosen(some, number[some].astype(np.int64), low, step, (), int(number.max()))
+    return ChosenPoints(some, number[some].astype(np.int64), low, step, (), int(number.max()))
 
 
 def along_contours(
     given: Points, isovalues: Sequence[float], allowed: NDArray[np.float64], step: float
-) -> Chosen:
+) -> ChosenPoints:
     """Points such that the surface misses no value by more than is allowed there; values in steps, on their sides.
 
     Parameters
@@ -106,10 +106,10 @@ def along_contours(
     state = thinning(given.x, given.y, value.copy(), AT1, given.value, 1 / allowed)
     _thin(state, 0, 1.0)
     some = fewest(state, value, 1.0, _ROUNDS)
-    return Chosen(some, number[some].astype(np.int64), low, step, (), int(number.max()))
+    return ChosenPoints(some, number[some].astype(np.int64), low, step, (), int(number.max()))
 
 
-def evenly(given: Points, step: float | None, exact: bool) -> Chosen:
+def evenly(given: Points, step: float | None, exact: bool) -> ChosenPoints:
     """All points, with values in steps: as fine ones as a file has, if none is given; errors are half a step.
 
     Raises
@@ -127,7 +127,7 @@ def evenly(given: Points, step: float | None, exact: bool) -> Chosen:
         raise OptionError(f"steps of {step:g} are too fine for values from {low:g} to {high:g}", code="step",
                           remedy=f"at least {(high - low) / _LARGEST:g}")
     number = np.rint((given.value - low) / step).astype(np.int64)
-    return Chosen(np.arange(len(number)), number, low, step, (), int(number.max()))
+    return ChosenPoints(np.arange(len(number)), number, low, step, (), int(number.max()))
 
 
 def _exact_step(value: NDArray[np.float64], low: float, high: float) -> float:
@@ -137,31 +137,31 @@ def _exact_step(value: NDArray[np.float64], low: float, high: float) -> float:
     return max(high - low, 1e-300) / _LARGEST
 
 
-def best(given: Points, count: int, step: float | None) -> Chosen:
+def best(given: Points, count: int, step: float | None) -> ChosenPoints:
     """So many points whose surface has the least squared error."""
     tried = [search.chosen(count, step, ROUNDS) for search in _searches(given, step)]
     return min(tried, key=lambda each: each.squared)
 
 
-def smallest(given: Points, size: int, encode: Callable[[Chosen], bytes], step: float | None) -> Chosen:
-    """As many points as a file of so many bytes has room for."""
+def smallest(given: Points, size: int, encode: Callable[[ChosenPoints], bytes], step: float | None) -> ChosenPoints:
+    """Choose as many points as a file of so many bytes has room for."""
     found = [_filling(given, search, size, encode, step) for search in _searches(given, step)]
     fitting = [each for each in found if len(encode(each)) <= size] or found[:1]
     return min(fitting, key=lambda each: each.squared)
 
 
 def _searches(given: Points, step: float | None) -> list[_Squared]:
-    """With fitted values, and, of fields with few values, with these only."""
+    """Searches with fitted values, and, of fields with few values, with these only."""
     few = step is None and len(np.unique(given.value)) <= MOST_PALETTE
     return [_Squared(given, False), _Squared(given, True)] if few else [_Squared(given, False)]
 
 
 def _filling(
-    given: Points, search: _Squared, size: int, encode: Callable[[Chosen], bytes], step: float | None
-) -> Chosen:
-    """As many points as a file of so many bytes has room for, by one search."""
+    given: Points, search: _Squared, size: int, encode: Callable[[ChosenPoints], bytes], step: float | None
+) -> ChosenPoints:
+    """Choose as many points as a file of so many bytes has room for, by one search."""
     count = max(int(8 * size / _BITS), 3)
-    found: Chosen | None = None
+    found: ChosenPoints | None = None
     for turn in range(_TRIES):
         # the first ones find out how many points there is room for
         tried = search.chosen(count, step, _TRIED[min(turn, len(_TRIED) - 1)])
@@ -187,7 +187,7 @@ class _Squared:
         self.low, self.high = float(given.value.min()), float(given.value.max())
         self._state: Thinning | None = None
 
-    def chosen(self, count: int, step: float | None, rounds: int) -> Chosen:
+    def chosen(self, count: int, step: float | None, rounds: int) -> ChosenPoints:
         """So many points after rounds of exchange, values fitted in steps."""
         given = self._given
         state = self._state
@@ -211,15 +211,15 @@ class _Squared:
         number = np.rint((s.value[some] - self.low) / step).astype(np.int64)
         mean = float((s.error**2).mean())
         s.value[:], s.error[:] = value, error
-        return Chosen(some, number, self.low, step, (), steps, mean)
+        return ChosenPoints(some, number, self.low, step, (), steps, mean)
 
-    def _of_few(self, some: NDArray[np.int64], mean: float) -> Chosen:
+    def _of_few(self, some: NDArray[np.int64], mean: float) -> ChosenPoints:
         """Points with the values that they were given."""
         there, number = np.unique(self._given.value[some], return_inverse=True)
         whole = np.array_equal(there, np.rint(there)) and np.ptp(there) < _PARTS
         step = 1.0 if whole else max(float(np.ptp(there)) / _PARTS, 1e-300)
         palette = tuple(np.rint((there - there[0]) / step).astype(np.int64).tolist())
-        return Chosen(some, number.astype(np.int64), float(there[0]), step, palette, len(there) - 1, mean)
+        return ChosenPoints(some, number.astype(np.int64), float(there[0]), step, palette, len(there) - 1, mean)
 
 
 def _rounded(step: float) -> float:
@@ -233,7 +233,7 @@ def _thin(state: Thinning, count: int, error: float) -> None:
         pass
 
 
-def in_layers(given: Points, chosen: Chosen, layers: int) -> SurfaceLayers:
+def in_layers(given: Points, chosen: ChosenPoints, layers: int) -> SurfaceLayers:
     """The chosen points in layers, the most significant first: those that thinning takes out last."""
     some = chosen.some
     points = np.stack([given.x[some], given.y[some]], axis=1)

@@ -1,4 +1,4 @@
-"""How finely crossings are told for a tolerance, and how freely (spec annex G.3)."""
+"""Precision of stored crossings for a tolerance, and their slack (spec annex G.3)."""
 
 from __future__ import annotations
 
@@ -18,15 +18,15 @@ from ..grid.layers.plan import Entry
 PITCHES = {2: (2.7, 3), 3: (2.0, 2)}
 """Coarsest pitch of offsets that is tried, in units of the tolerance, and how many, for curves and for surfaces."""
 NO_OFFSETS = 1, 40
-"""Parts and unit of crossings that are not told: middles of edges, all of them shorter than the unit."""
+"""Parts and unit of crossings that are not stored: middles of edges, all of them shorter than the unit."""
 MOST_SLACK = 2.0
-"""Crossings are told at most this many tolerances off along their edges."""
+"""Crossings are stored at most this many tolerances off along their edges."""
 
 
 class Slack:
-    """How far from where the field crosses an edge of the full grid the crossing may be told to be.
+    """Slack of crossings on edges of the full grid: how far from where the field crosses them they may be stored.
 
-    If all are told within a tolerance, the curve keeps to it. Where the curve meets an edge at a slant it
+    If all are stored within a tolerance, the curve keeps to it. Where the curve meets an edge at a slant it
     takes a longer way along the edge to get as far from the curve; that is tried, and taken back where the tolerance is
     not kept.
     """
@@ -46,7 +46,7 @@ class Slack:
         self._tight = np.union1d(self._tight, np.ravel_multi_index(tuple(near.T), self._phi.shape))
 
     def __call__(self, low: NDArray[np.int64], high: NDArray[np.int64]) -> NDArray[np.int64]:
-        """As ``Field.crossings``."""
+        """Crossings, as ``Field.crossings``."""
         slack = np.full(len(low), self._tolerance)
         if self._phi is not None:
             slope = slopes_at(self._phi, low) + slopes_at(self._phi, high)
@@ -88,7 +88,7 @@ def radices(tolerance: float | None) -> list[int]:
     if tolerance is None:
         return []
     if not (math.isfinite(tolerance) and tolerance > 0):
-        raise OptionError(f"the tolerance is {tolerance}, needed is a positive number", code="tolerance")
+        raise OptionError(f"the tolerance {tolerance} is not a positive number", code="tolerance")
     if tolerance < 0.5 / (MAX_PARTS * 0.9):
         raise OptionError(
             f"a tolerance of {tolerance} cells is too fine for offsets", code="tolerance", remedy="use exact or step"

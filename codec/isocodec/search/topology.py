@@ -1,4 +1,4 @@
-"""Whether a vertex can go without a change of topology (rows C2-topology, S3-topology).
+"""Check that a vertex can go without a change of topology (rows C2-topology, S3-topology).
 
 Taking the middle w away moves it along the subdivision edge to one of the ends. If that end has the sign of w, nothing
 is torn or glued. If w differs from both ends, the curve in the star must be one arc (one disc), which it is exactly if

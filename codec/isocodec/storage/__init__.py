@@ -1,1 +1,1 @@
-"""Where bytes are: files, URLs, ranges of both, atomic writing."""
+"""Sources and targets of bytes: files, URLs, ranges of both, atomic writing."""

@@ -16,7 +16,7 @@ _begun: list[Callable[[], object]] = []
 
 @contextmanager
 def undoing(undo: Callable[[], object]) -> Iterator[None]:
-    """What is begun within is undone unless it gets done: on errors and interrupts, and by `undo_all`."""
+    """Undo on errors and interrupts, and by `undo_all`, what is begun within and does not get done."""
     _begun.append(undo)
     try:
         yield

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import re
 import tempfile
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, BinaryIO, TypeAlias
@@ -56,7 +56,7 @@ def opened(url: str) -> Iterator[Any]:
         raise InputError(f"cannot be opened ({plain(str(exc))})", code="url") from exc
 
 
-def content(data: Readable, limits: Limits | None = None, signature: bytes = b"") -> bytes:
+def content(data: Readable, limits: Limits | None = None, signatures: Collection[bytes] = ()) -> bytes:
     """The bytes of a file; what is not a path, a URL or a file object stays as it is.
 
     Parameters
@@ -64,8 +64,9 @@ def content(data: Readable, limits: Limits | None = None, signature: bytes = b""
     data : bytes, path, URL or file object
     limits : Limits, optional
         ``limits.bytes`` bounds the size.
-    signature : bytes, optional
-        What the file has to begin with; of any other, which may never end, only as many bytes are read.
+    signatures : collection of bytes, optional
+        The file has to begin with one of these, which are of one length; of any other, which may never end, only as
+        many bytes are read.
 
     Raises
     ------
@@ -79,16 +80,16 @@ def content(data: Readable, limits: Limits | None = None, signature: bytes = b""
     most = (limits or Limits()).bytes
     if isinstance(data, str) and is_url(data):
         with opened(data) as file:
-            return _read(file, most, signature)
+            return _read(file, most, signatures)
     if isinstance(data, str | os.PathLike):
         with Path(data).open("rb") as file:
-            return _read(file, most, signature)
-    return _read(data, most, signature) if is_file(data) else data  # type: ignore[return-value]
+            return _read(file, most, signatures)
+    return _read(data, most, signatures) if is_file(data) else data  # type: ignore[return-value]
 
 
-def _read(file: Any, most: int, signature: bytes) -> bytes:
-    first = _first(file, len(signature))
-    if first != signature:
+def _read(file: Any, most: int, signatures: Collection[bytes]) -> bytes:
+    first = _first(file, max(map(len, signatures), default=0))
+    if signatures and first not in signatures:
         return first
     pieces, left = [first], most - len(first)
     while piece := file.read(_PIECE):
@@ -135,7 +136,7 @@ def _copied(file: Any, name: str, suffix_of: SuffixOf, samples: int | None) -> I
         suffix = suffix_of(name, first)
         if suffix is None:
             raise InputError(
-                "neither a name nor the first bytes tell which format this has", code="suffix",
+                "the format is unknown: neither a name nor the first bytes identify it", code="suffix",
                 remedy="name it: kind='.tif' (--kind .tif)",
             )
         path = Path(folder) / f"input{suffix}"

@@ -19,7 +19,7 @@ MOST_PIECES = 5
 """Ranges are joined over gaps of at most ``GAP`` bytes until there are no more than so many."""
 GAP = 1 << 18
 BEHIND = 416
-"""What a server answers if a range begins behind the end of the file."""
+"""Status of a server's answer if a range begins behind the end of the file."""
 PATIENCE = 60.0
 """Seconds that a server may take to answer."""
 
@@ -29,7 +29,7 @@ class NoRangesError(InputError):
 
 
 class Pieces:
-    """What has been fetched of a file.
+    """Pieces of a file that have been fetched.
 
     Parameters
     ----------
@@ -145,7 +145,7 @@ def _remote(url: str) -> Fetch:
             raise InputError(f"cannot be read ({type(exc).__name__}: {exc})", code="url") from exc
         if len(data) > end - start:
             raise NoRangesError(
-                "the server gives the whole file where a part of it is asked for", code="ranges",
+                "the server sends the whole file instead of the part asked for", code="ranges",
                 remedy="download the file first, or use a server that answers range requests",
             )
         return data

@@ -64,7 +64,7 @@ class Decoder(Session):
         From iterating: the file needs more than the limits allow.
     """
 
-    contents: GridContents | MeshContents | SurfaceContents | Domain | None
+    contents: GridContents | MeshContents | SurfaceContents | DomainBeginning | None
 
     def __init__(
         self, limits: Limits | None = None, *, mesh: tuple[ArrayLike, ArrayLike] | None = None,
@@ -85,7 +85,7 @@ class Decoder(Session):
 
     @property
     def interval(self) -> int | None:
-        """Of a series: frames whose number is a multiple of it lean on none before them, 0 if only the first does.
+        """Interval of a series: frames whose number is a multiple of it lean on none, 0 if only the first does not.
 
         None of a file without frames, and before that is known.
         """
@@ -192,7 +192,7 @@ class Decoder(Session):
 
     def _other(self, wanted: str) -> IsoError:
         """The error of a file that is of another kind, or of which too little has come to know."""
-        if self.contents is None or isinstance(self.contents, Domain):
+        if self.contents is None or isinstance(self.contents, DomainBeginning):
             return TruncatedError(
                 f"the file ends before its {'domain' if self.header else 'header'} is complete", code="truncated",
                 offset=len(self.data), clause="8.3",
@@ -205,7 +205,7 @@ class Decoder(Session):
         return self.grid.symbols if self.contents is not None and self.contents.kind == "grid" else {}
 
 
-class Domain:
+class DomainBeginning:
     """The chunks of an explicit domain's file up to the one that shows whether it is a mesh or a surface."""
 
     kind = "domain"
@@ -256,9 +256,9 @@ def _contents_of(
     session: Session, header: Header, *, mesh: tuple[ArrayLike, ArrayLike] | None, only: Collection[int] | None,
     frame: int | None,
 ) -> Contents:
-    """What the chunks of a file mean, as far as its header decides that."""
+    """Make the contents for a file's chunks, as far as its header decides that."""
     if header.cells is None:
         from .grid_contents import GridContents
 
         return GridContents(session, header, only, frame)
-    return Domain(session, header, mesh, only, frame)
+    return DomainBeginning(session, header, mesh, only, frame)

@@ -1,4 +1,4 @@
-"""What is drawn of the decoded state of an isovalue: its contour, its mask, its mesh (spec clause 9)."""
+"""Drawings of the decoded state of an isovalue: its contour, its mask, its mesh (spec clause 9)."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def contour_of(
     tube: Tube | None, isovalue: float, header: Header | None, metadata: Mapping[str, str], complete: bool,
     smooth: bool, budget: Budget, holes: Holes | None = None, through_holes: bool = False,
 ) -> Contour:
-    """The contour of a tube; an empty one where there is none yet. ``through_holes`` draws what is missing, too."""
+    """Draw the contour of a tube, empty before a mesh has come. ``through_holes`` draws what is missing, too."""
     if header is None:
         return Contour(np.zeros((0, 2)), np.zeros((0, 2), np.int64), float("nan"), (0, 0), False)
     n = len(header.shape)
@@ -53,11 +53,11 @@ def ends_of(
 def mask_rows_of(
     tube: Tube | None, received: int, complete: bool, last_first: bool, limits: Limits, budget: Budget
 ) -> MaskRows:
-    """Which samples lie above, by rows; ``received`` and ``complete`` tell how much of the file there is."""
+    """Find which samples lie above, by rows; ``received`` and ``complete``: how much of the file has come."""
     if tube is None or not tube.full:
         if not complete:
             raise TruncatedError(
-                "too little has been received to tell which samples lie above", code="truncated", offset=received,
+                "too little has been received to know which samples lie above", code="truncated", offset=received,
                 clause="9.7", remedy="feed more of the file",
             )
         raise OptionError(
@@ -75,10 +75,10 @@ def valid_rows_of(
     mask: Tube | None, header: Header | None, received: int, complete: bool, last_first: bool, limits: Limits,
     budget: Budget,
 ) -> MaskRows:
-    """Which samples are valid, by rows; ``mask`` is the tube of the mask, None where there is none."""
+    """Find which samples are valid, by rows; ``mask`` is the tube of the mask, None without one."""
     if header is None or (mask is None and not complete):
         raise TruncatedError(
-            "too little has been received to tell which samples are valid", code="truncated", offset=received,
+            "too little has been received to know which samples are valid", code="truncated", offset=received,
             clause="9.8", remedy="feed more of the file",
         )
     if mask is not None:
@@ -112,7 +112,7 @@ def tessellation_of(
 ) -> Tessellation:
     """The mesh of a tube, with signs and levels: that of the whole box, or its crossed leaves alone."""
     if tube is None or header is None or tube.origin_above is None or (whole and tube.running == "base"):
-        raise TruncatedError("too little has been received to tell the mesh", code="truncated", clause="4.7")
+        raise TruncatedError("too little has been received to know the mesh", code="truncated", clause="4.7")
     budget.check(drawing_bytes(tube))
     if whole:
         state = state_of(tube)

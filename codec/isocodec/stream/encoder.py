@@ -12,6 +12,7 @@ from ..errors import InputError, OptionError
 from ..field.framed import Frames
 from ..field.meshed import Mesh
 from ..field.sampled import Field
+from ..field.samples import Samples
 from ..tin.tin import Tin
 from .container import ContainerEncoder, Ending
 from .given import field_of, frames_of, levels_of, options_of, placement_of_file, samples_of
@@ -59,11 +60,9 @@ class Encoder:
     ----------
     isovalue : number or sequence of numbers, optional
         As of `encode`; the same for all frames. None if they are of bool or labels.
-    interval : int
-        Every so many frames one leans on none before it, so that those from there on decode without the others; 0 if
-        only the first does.
     **options
-        Those of `encode`.
+        Those of `encode`; with an ``interval`` every so many frames one leans on none before it, so that those from
+        there on decode without the others.
 
     Raises
     ------
@@ -79,10 +78,9 @@ class Encoder:
     """
 
     def __init__(
-        self, isovalue: Isovalues | None = None, *, interval: int = 0, progress: Report | None = None,
-        **options: Unpack[EncodeOptions],
+        self, isovalue: Isovalues | None = None, *, progress: Report | None = None, **options: Unpack[EncodeOptions]
     ) -> None:
-        self._frames = _SeriesFrames(isovalue, Options.of(**{**options, "interval": interval}), progress)
+        self._frames = _SeriesFrames(isovalue, Options.of(**options), progress)
         self._ending = Ending()
         self._finished = False
 
@@ -127,7 +125,7 @@ class Encoder:
             If the series is finished.
         """
         self._check_open()
-        self._frames.check_any()
+        self._frames.check_whole()
         self._finished = True
         return self._ending.end()
 
@@ -154,12 +152,17 @@ class _SeriesFrames:
         self._grid: GridFrames | None = None
         self._mesh: MeshFrames | None = None
         self._first: Field | None = None
+        self._found: set[float] = set()
         self.count = 0
 
-    def check_any(self) -> None:
-        """Refuse a series without frames."""
+    def check_whole(self) -> None:
+        """Refuse a series without frames, and labels that no frame has."""
         if not self.count:
             raise InputError("a series without frames", code="frames", remedy="add at least one")
+        labels = None if self._first is None else self._first.labels
+        for label in labels or ():
+            if label not in self._found:
+                raise InputError(f"no frame has the label {label:g}", code="label")
 
     def chunks(self, frame: Any) -> list[bytes]:
         """The chunks of a frame; if it fails, the ones before stay."""
@@ -178,6 +181,7 @@ class _SeriesFrames:
                 Field(field.values, field.mask, labels=first.labels, missing=first.missing), file.series.isovalues,
                 file.options, placement, series=True,
             )
+            self._found |= _inside(samples)
             return self._grid.chunks(samples)
         isovalues = levels_of(field, self._isovalue, self._options, self._known)
         options = options_of(field, self._isovalue, self._options)
@@ -190,6 +194,7 @@ class _SeriesFrames:
         values = np.asarray(field.values)
         like = np.broadcast_to(np.zeros((), values.dtype), values.shape)
         self._grid = grid
+        self._found = _inside(samples)
         self._first = Field(like, None, field.placement, labels=field.labels, missing=field.missing)
         return out
 
@@ -208,7 +213,7 @@ class _SeriesFrames:
             )
 
     def _of_mesh(self, frame: Any) -> list[bytes]:
-        values = frame.values if isinstance(frame, Mesh) else frame
+        values: Any = frame.values if isinstance(frame, Mesh) else frame
         if self._mesh is None:
             if frame.stored == "coded":
                 raise OptionError("the cells that contours cross are not known before all frames are", code="mesh",
@@ -234,8 +239,13 @@ class _SeriesEncoder(ContainerEncoder):
         ending = Ending()
         for frame in self._given:
             yield ending.add(self._frames.chunks(frame))
-        self._frames.check_any()
+        self._frames.check_whole()
         yield ending.last()
+
+
+def _inside(samples: Sequence[Samples]) -> set[float]:
+    """The isovalues that samples are above of, or the labels that they have."""
+    return {one.isovalue for one in samples if one.signs.any()}
 
 
 def _shape(shape: Sequence[int]) -> str:

@@ -1,4 +1,4 @@
-"""What a user gives to be encoded, as encoders take it: fields with their notes, samples at each isovalue."""
+"""Input from users, as encoders take it: fields with their notes, samples at each isovalue."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def field_of(what: Any) -> Field:
 
 
 def placement_of_file(field: Field, options: Options) -> Placement | None:
-    """Where the samples of a file lie: as the field states, unless there is a note of it.
+    """Placement of the samples of a file: as the field states, unless a note states it.
 
     Axes that are periodic because their coordinates go round are left open where a mesh is searched for.
     """
@@ -77,12 +77,16 @@ def options_of(field: Field, isovalue: object, options: Options) -> Options:
 def _of_labels(field: Field, options: Options) -> Options:
     """Options of a file of labels, whose isovalues do not lean on one another."""
     precision = options.precision
-    if not (precision.signs or precision.tolerance is not None):
-        name = "a plan" if options.layers.planned else f"precision {precision.text!r}"
-        raise OptionError(f"{name} does not apply to labels", code="labels",
+    if options.layers.planned:
+        plans = [options.layers.plan, *(options.layers.plans or {}).values()]
+        if any(entry and entry[0] == "values" for plan in plans for entry in plan or ()):
+            raise OptionError("layers of values do not apply to labels", code="plan", remedy="plan offsets instead")
+    elif not (precision.signs or precision.tolerance is not None):
+        raise OptionError(f"precision {precision.text!r} does not apply to labels", code="labels",
                           remedy="use signs or a distance")
     if field.placement is not None and (field.placement.coordinates is not None or field.placement.periodic):
-        raise OptionError("labels on a mapped grid", code="labels", remedy="encode each label's mask by itself")
+        raise OptionError("labels on a grid with coordinates cannot be encoded together", code="labels",
+                          remedy="encode each label's mask by itself")
     return replace(options, independent=True)
 
 
@@ -104,7 +108,7 @@ def levels_of(
     Raises
     ------
     InputError, OptionError
-        As `isovalues_of`; or if there is none.
+        As `isovalues_of`; or if no isovalue is given.
     """
     plans = options.layers.plans
     if isinstance(first, Field) and first.labels is not None:
@@ -122,8 +126,8 @@ def levels_of(
     found = isovalues_of(isovalue, ends)
     if options.layers.written and plans is not None and set(found) != set(plans):
         raise OptionError(
-            f"the plan is of the isovalues {', '.join(f'{v:g}' for v in plans)}, those given are "
-            f"{', '.join(f'{v:g}' for v in found)}", code="plan", remedy="give none",
+            f"the isovalues given, {', '.join(f'{v:g}' for v in found)}, are not those of the plan, "
+            f"{', '.join(f'{v:g}' for v in plans)}", code="plan", remedy="leave them out",
         )
     return found
 
@@ -136,7 +140,7 @@ def _ends(frames: Iterable[Any]) -> tuple[float, float]:
     """The least and the largest sample of all frames."""
     found = []
     for each in frames:
-        values = each.values if isinstance(each, Field | Mesh) else each
+        values: Any = each.values if isinstance(each, Field | Mesh) else each
         mask = each.mask if isinstance(each, Field) else None
         gone = missing_of(values, mask)
         there = np.asarray(values)[~gone]
@@ -178,18 +182,23 @@ def samples_of(
     if bare.ndim not in (2, 3) or bare.dtype.kind not in "biuf":
         raise InputError(f"labels of shape {bare.shape} and type {bare.dtype}", code="labels",
                          remedy="give numbers on 2 or 3 axes")
-    return [_border(bare, label, hole, series) for label in isovalues]
+    without = hole if field.missing == "below" else None
+    return [_border(bare, label, hole, without, series) for label in isovalues]
 
 
-def _border(values: NDArray[Any], label: float, gone: NDArray[np.bool_] | None, series: bool) -> DecodedSamples:
-    """The field whose contour runs half-way around the samples with a label."""
+def _border(
+    values: NDArray[Any], label: float, gone: NDArray[np.bool_] | None, without: NDArray[np.bool_] | None, series: bool
+) -> DecodedSamples:
+    """The field whose contour runs half-way around the samples with a label; ``without``: those that have none."""
     signs = np.ascontiguousarray(values == label) if series else labelled(values, label)
+    if without is not None:
+        signs, gone = signs & ~without, None
     nothing = np.zeros(0, np.int64)
     return DecodedSamples(near_values(signs, label, nothing, np.zeros(0)), label, signs, None, gone)
 
 
 def labelled(values: NDArray[Any], label: float) -> NDArray[np.bool_]:
-    """Which samples have a label.
+    """Find the samples that have a label.
 
     Raises
     ------

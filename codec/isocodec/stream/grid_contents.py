@@ -1,4 +1,4 @@
-"""What the chunks of a file of a sampled grid mean: layers, masks, frames, and the drawings of them (spec clause 9)."""
+"""Chunks of a file of a sampled grid: layers, masks, frames, and the drawings of them (spec clause 9)."""
 
 from __future__ import annotations
 
@@ -144,7 +144,7 @@ class GridContents:
 
     @property
     def _tube(self) -> Tube | None:
-        """That of the isovalue whose layers come at present; None if it is skipped."""
+        """The tube of the isovalue whose layers come at present; None if it is skipped."""
         return self._strands.present
 
     @property
@@ -188,7 +188,7 @@ class GridContents:
         return int(made), int(right)
 
     def _tube_of(self, number: int) -> Tube | None:
-        """That of an isovalue, by number; None before it has come, or if it is skipped."""
+        """The tube of an isovalue, by number; None before it has come, or if it is skipped."""
         self._check_limits()
         if number < 0:
             raise OptionError(f"isovalue number {number}; they are counted from 0", code="isovalue")
@@ -258,7 +258,7 @@ class GridContents:
         raise out_of_memory("to draw the contour")
 
     def above(self, number: int = 0, *, before: bool = False) -> NDArray[np.bool_]:
-        """Which samples lie above an isovalue, by number, as of the events taken so far (spec clause 9.7).
+        """Find which samples lie above an isovalue, by number, as of the events taken so far (spec clause 9.7).
 
         With ``before`` that of the frame before.
 
@@ -267,7 +267,7 @@ class GridContents:
         TruncatedError
             If that has not been received yet.
         OptionError
-            If the file does not say: its mesh is coarser than the samples.
+            If the file does not store it: its mesh is coarser than the samples.
         LimitError
             If there are more samples than the limits allow.
         """
@@ -278,7 +278,7 @@ class GridContents:
         raise out_of_memory("for the mask")
 
     def mask_rows(self, number: int = 0, last_first: bool = False, *, before: bool = False) -> MaskRows:
-        """The same some rows at a time, so that the mask need not be in memory as a whole.
+        """Find which samples lie above some rows at a time, so that the mask need not be in memory as a whole.
 
         With ``last_first`` of the transposed array, whose first axis is the last one.
 
@@ -292,7 +292,7 @@ class GridContents:
         return mask_rows_of(tube, len(self._data), session.complete, last_first, session.limits, self._budget)
 
     def valid(self) -> NDArray[np.bool_]:
-        """Which samples are valid, as of the events taken so far; all are if the file has no mask.
+        """Find which samples are valid, as of the events taken so far; all are if the file has no mask.
 
         Raises
         ------
@@ -308,7 +308,7 @@ class GridContents:
         raise out_of_memory("for the mask")
 
     def valid_rows(self, last_first: bool = False) -> MaskRows:
-        """The same some rows at a time; ``last_first`` and errors as in `mask_rows`."""
+        """Find which samples are valid some rows at a time; ``last_first`` and errors as in `mask_rows`."""
         self._check_limits()
         tube, session = self._mask.tube if self._mask.holes else None, self._session
         # a mask comes in the first frame or not at all

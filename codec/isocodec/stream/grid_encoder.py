@@ -43,13 +43,13 @@ from .options import DEFAULT_TOLERANCE, SEARCHED, Options
 from .placing import check_axes, coordinates_payload
 from .plan_file import check_plan
 from .plan_meshes import with_meshes
-from .series import Lean, Series
+from .series import LeanOn, Series
 
 Report = Callable[[int, int], object]
 """Is called with the layers done and their total; before, while a mesh is searched for, with the curves tried and 0."""
 
 FINE_SHARE = 0.25
-"""Under the criterion distortion crossings are told within this share of its distance, or more finely."""
+"""Under the criterion distortion crossings are stored within this share of its distance, or more finely."""
 LEVELS_WORTH = 0.95
 """A frame begins at the leaves of the one before if that takes less than this share of what levels would take."""
 INDEX_SHARE = 100
@@ -58,7 +58,7 @@ INDEX_SHARE = 100
 
 @dataclass(frozen=True)
 class GridFile:
-    """What all frames of a file on a grid have in common.
+    """Properties that all frames of a file on a grid share.
 
     Attributes
     ----------
@@ -208,7 +208,7 @@ class GridFrame:
 
     @property
     def records(self) -> list[LayerRecord]:
-        """What the layers that are done took."""
+        """Sizes of the layers that are done."""
         return [record for strand in self.strands for record in strand.records]
 
     def chunks(self) -> Iterator[bytes]:
@@ -238,7 +238,7 @@ class GridFrame:
         self._truths.clear()
         return self.strands
 
-    def _begin(self, progress: Progress) -> Lean | None:
+    def _begin(self, progress: Progress) -> LeanOn | None:
         """Get the next isovalue ready to be encoded; what it leans on."""
         series = self.file.series
         number = len(self.strands)
@@ -248,11 +248,11 @@ class GridFrame:
         self.strands.append(strand)
         return lean
 
-    def _leant_on(self, lean: Lean) -> LayerWriter:
+    def _leant_on(self, lean: LeanOn) -> LayerWriter:
         """The layers of an earlier isovalue."""
         return (self._before if lean.before else self.strands)[lean.number]
 
-    def _strand(self, number: int, lean: Lean | None, progress: Progress) -> tuple[LayerWriter, Lean | None]:
+    def _strand(self, number: int, lean: LeanOn | None, progress: Progress) -> tuple[LayerWriter, LeanOn | None]:
         """The layers of an isovalue, ready to be encoded when those before it are done; the one that it leans on."""
         if lean is not None and self._leant_on(lean).tube.full and self._on_grid:
             return self._smaller(number, lean, progress), lean
@@ -266,7 +266,7 @@ class GridFrame:
         begun = progress.begin(None if lean is None else self._leant_on(lean).progress)
         return LayerWriter(self._fields[number], self._fresh(number, lean), plan, begun), lean
 
-    def _fresh(self, number: int, lean: Lean | None) -> Tube:
+    def _fresh(self, number: int, lean: LeanOn | None) -> Tube:
         """A tube of an isovalue before its first layer."""
         field, truth, file = self._fields[number], self._truths[number], self.file
         if lean is None:
@@ -274,8 +274,8 @@ class GridFrame:
         tube, isovalue = self._leant_on(lean).tube, file.series.isovalues[lean.number]
         return field_tube(file.header, field, truth, tube, isovalue, file.holes, lean.before)
 
-    def _plan_of(self, number: int, lean: Lean | None) -> Sequence[Entry]:
-        """What the options come to for one isovalue."""
+    def _plan_of(self, number: int, lean: LeanOn | None) -> Sequence[Entry]:
+        """Plan that the options lead to for one isovalue."""
         file, o = self.file, self.file.options
         precision, level = o.precision, o.layers.level
         plan = o.layers.plan_for(file.series.isovalues[number])
@@ -303,7 +303,7 @@ class GridFrame:
             return strategy.smallest(promise, searched, o.keep_topology)
         return [*strategy.whole_mesh(promise, True, level), *behind]
 
-    def _planned(self, plan: Sequence[Entry], number: int, lean: Lean | None) -> Sequence[Entry]:
+    def _planned(self, plan: Sequence[Entry], number: int, lean: LeanOn | None) -> Sequence[Entry]:
         """A plan that was given, with meshes in place of criteria."""
         file = self.file
         if not len(plan) and number == len(file.series.isovalues) - 1:
@@ -333,7 +333,7 @@ class GridFrame:
         o = self.file.options
         return o.layers.default and o.precision.steps is o.precision.searched is None and not o.keep_topology
 
-    def _smaller(self, number: int, lean: Lean, progress: Progress) -> LayerWriter:
+    def _smaller(self, number: int, lean: LeanOn, progress: Progress) -> LayerWriter:
         """The layers of an isovalue that leans on one with the full grid: on its leaves, or level by level.
 
         Both are tried as far as all signs; the smaller one goes on from there.
@@ -382,7 +382,7 @@ class GridFrame:
                 if all(layer.births for layer in self.layers if layer.kind == LayerKind.ADAPT):
                     raise
                 raise OptionError(
-                    "an adaptive layer of the plan leaves out new components that there are", code="plan",
+                    "an adaptive layer of the plan leaves out new components of the field", code="plan",
                     remedy='("adapt", 1, mesh)',
                 ) from error
             payload = write_program(strand.layers[done:end], program, strand.bits) + run

@@ -1,4 +1,4 @@
-"""What a file says of itself, without decoding (spec clause 3). Loads no kernels unless asked to count symbols."""
+"""Inspect a file without decoding it (spec clause 3). Loads no kernels unless asked to count symbols."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from isospec.container import ChunkType, DomainKind
 
 from ..errors import FormatError, OptionError, TruncatedError
 from ..format.chunks import Envelope, LayerRecord, Promises, whole_bytes
-from ..format.coordinates import CoordinatesRecord
+from ..format.coordinate_record import CoordinatesRecord
 from ..format.domain import DomainHead, read_mesh_layer
 from ..format.events import Event, FrameRead, IsovalueRead, LayerComplete
 from ..format.frames import first_operation, is_key
@@ -31,7 +31,7 @@ _NAMES = {t.value: t.name.lower() for t in ChunkType}
 
 @dataclass(frozen=True)
 class LayerInfo:
-    """One layer; ``offset``, ``bytes`` and ``symbols`` are None where the file does not say.
+    """One layer; ``offset``, ``bytes`` and ``symbols`` are None where the file does not state them.
 
     Attributes
     ----------
@@ -113,7 +113,7 @@ class ChunkInfo:
 
 @dataclass(frozen=True)
 class FileInfo:
-    """What ``inspect`` finds.
+    """Result of ``inspect``.
 
     Attributes
     ----------
@@ -136,7 +136,7 @@ class FileInfo:
     coordinates : str or None
         In words, how samples lie on a mapped grid; None if it is none.
     domain : DomainHead or None
-        Of a file on a mesh what it says of that.
+        Head of the mesh, for a file on one.
     kind : str
         ``grid``, ``series`` (of grids), ``mesh``, ``surface`` or ``tiles``.
     surface : TinHead or None
@@ -217,7 +217,7 @@ class FileInfo:
 
 @dataclass
 class _Strands:
-    """Where the programs of isovalues stand, of the present frame and of the one before; where frames begin."""
+    """Positions in the programs of isovalues, in the present frame and the one before; where frames begin."""
 
     progresses: list[Progress]
     starts: list[int]
@@ -438,7 +438,7 @@ def inspect(data: bytes, symbols: bool = False, limits: Limits | None = None) ->
 
 
 def _in_words(record: CoordinatesRecord | None) -> str | None:
-    """What a chunk of coordinates says, without decoding its run."""
+    """Read the head of a chunk of coordinates, without decoding its run."""
     if record is None:
         return None
     nodes = any(len(one.axes) > 1 for one in record.coordinates)
@@ -478,7 +478,7 @@ def _run_start(
 
 
 def _with_index(records: Sequence[LayerRecord], layers: list[LayerInfo]) -> list[LayerInfo]:
-    """The layers with what a level index says of the first of them."""
+    """Complete the first layers with their entries in a level index."""
     out = []
     place = 0
     for info, record in zip(layers, records, strict=False):

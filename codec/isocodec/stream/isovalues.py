@@ -37,7 +37,7 @@ def isovalues_of(given: object, ends: Range | None = None) -> list[float]:
     InputError
         If one is not a number that a file can hold, or no multiple lies within the data.
     OptionError
-        If there are none, two that are equal, or too many; or if a text is not understood, or there is no range yet.
+        If none is given, two are equal, or they are too many; or if a text is not understood, or has no range yet.
     """
     if isinstance(given, str):
         return list(_every(given, ends))
@@ -73,7 +73,7 @@ def multiples(interval: float, low: float, high: float, offset: float | None = N
     Raises
     ------
     InputError
-        If there are none, or more than a file holds.
+        If no multiple lies within the data, or more than a file holds.
     """
     if not (math.isfinite(low) and math.isfinite(high)):
         raise InputError("the data hold infinite values", code="interval", remedy="give the isovalues as numbers")
@@ -101,7 +101,7 @@ def range_of(samples: NDArray[Any]) -> tuple[float, float]:
     Raises
     ------
     InputError
-        If there are none.
+        If the array is empty.
     """
     if not samples.size:
         raise InputError("all samples are missing", code="missing")

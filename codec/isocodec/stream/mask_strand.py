@@ -1,4 +1,4 @@
-"""The mask of a file, on the decoder's side: its chunk, and what it says then (spec clauses 3.5.6, 5.10)."""
+"""The mask of a file, on the decoder's side: its chunk, and the holes that follow (spec clauses 3.5.6, 5.10)."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _ROOM = 4096
 
 
 class MaskStrand:
-    """What is known of the mask.
+    """State of the mask.
 
     Parameters
     ----------
@@ -32,7 +32,7 @@ class MaskStrand:
     tubes : list of Tube or None
         That of the mask, if its chunk has begun.
     holes : Holes or None
-        What it says, if it is complete.
+        The holes that it describes, if it is complete.
     """
 
     def __init__(
@@ -49,7 +49,7 @@ class MaskStrand:
 
     @property
     def tube(self) -> Tube | None:
-        """That of the mask, if its chunk has begun and it was not dropped."""
+        """The tube of the mask, if its chunk has begun and it was not dropped."""
         return self.tubes[0] if self.tubes else None
 
     @property

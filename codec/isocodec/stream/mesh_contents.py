@@ -1,4 +1,4 @@
-"""What the chunks of a file of values on a mesh mean: its domain and layers, and their drawings (spec clause 10)."""
+"""Chunks of a file of values on a mesh: its domain and layers, and their drawings (spec clause 10)."""
 
 from __future__ import annotations
 
@@ -88,11 +88,11 @@ class MeshContents:
 
     @property
     def head(self) -> DomainHead | None:
-        """What the file says of its domain, once that has come."""
+        """Head of the domain, once that has come."""
         return self.outline.domain
 
     def strand(self, number: int = 0, *, before: bool = False) -> MeshIsovalue | None:
-        """What is known of an isovalue, by number; None before it has come, or if it is skipped.
+        """State of an isovalue, by number; None before it has come, or if it is skipped.
 
         ``before``: that of the frame before, while the next one begins.
         """
@@ -142,7 +142,7 @@ class MeshContents:
         return Contour(points, pieces, found.value, (), False, metadata=notes)
 
     def above(self, number: int = 0, *, before: bool = False) -> NDArray[np.bool_]:
-        """Which vertices lie above an isovalue, by number, (V,).
+        """Find which vertices lie above an isovalue, by number, (V,).
 
         Raises
         ------
@@ -350,7 +350,7 @@ class MeshContents:
 
     @cached_property
     def _history(self) -> History:
-        """Of the domain."""
+        """History of the domain."""
         assert self._domain is not None
         self._budget.check(HISTORY_PER_CELL * len(self._domain.mesh.cell))
         domain = self._domain

@@ -32,7 +32,7 @@ from .options import Options
 from .series import Series
 
 FINER = 3
-"""How many times as many vertices are told after a layer of signs than before it, at least."""
+"""How many times as many vertices are known after a layer of signs than before it, at least."""
 EDGE_SHARE = 0.05
 """Without an option, points lie as near to the contour as this share of the median edge."""
 MESH_SHARE = 0.05
@@ -68,15 +68,16 @@ class MeshFrames:
         self.options, self.series = options, series
         stored = mesh.stored or ("delaunay" if mesh.cells is None else "known")
         if stored not in KINDS:
-            raise OptionError(f"the mesh is {stored!r}", code="mesh", remedy=f"choose one of: {', '.join(KINDS)}")
+            raise OptionError(f"a mesh cannot be stored as {stored!r}", code="mesh",
+                              remedy=f"choose one of: {', '.join(KINDS)}")
         if (mesh.cells is None) != (stored == "delaunay"):
             raise OptionError(
-                f"cells are {'not ' * (mesh.cells is None)}given, and the mesh is {stored!r}", code="mesh",
-                remedy="a Delaunay triangulation follows from points alone; any other mesh has cells",
+                f"a mesh {'without' if mesh.cells is None else 'with'} cells cannot be stored as {stored!r}",
+                code="mesh", remedy="a Delaunay triangulation follows from points alone; any other mesh has cells",
             )
         points, cells, values = mesh.points, mesh.cells, mesh.values
         if values is None:
-            raise InputError("a mesh without values", code="values", remedy="give a value for each point")
+            raise InputError("the mesh has no values", code="values", remedy="give a value for each point")
         self._scattered: ArrayLike | None = None
         if cells is None:
             self._scattered = points
@@ -117,7 +118,7 @@ class MeshFrames:
         return self.merged_chunks(np.asarray(values))
 
     def merged_chunks(self, values: NDArray[Any]) -> list[bytes]:
-        """The same of values at points of which none coincide."""
+        """Encode values at points of which none coincide."""
         fields = self._fields(values)
         self.options.check_data(fields[0].integer)
         if self.series.number >= 0:
@@ -133,7 +134,7 @@ class MeshFrames:
             raise
 
     def _beginning(self) -> Iterator[bytes]:
-        """What is about the whole file."""
+        """Chunks for the whole file."""
         yield from beginning(self.header, self._metadata)
         yield write_chunk(ChunkType.DOMAIN, self._domain_chunk)
         if self.series.interval is not None:
@@ -263,7 +264,7 @@ class MeshFrames:
         return np.clip(np.floor(where * parts), 0, parts - 1).astype(np.int64)
 
     def _sign_layers(self) -> list[MeshLayerHead]:
-        """Layers that tell the signs: one, or one for every few rounds."""
+        """Layers that code the signs: one, or one for every few rounds."""
         if self._history is None:
             return [MeshLayerHead(MeshLayer.SIGNS)]
         rounds = len(self._history.rounds)
@@ -277,7 +278,7 @@ class MeshFrames:
         return [MeshLayerHead(MeshLayer.LEVELS, rounds=each) for each in out]
 
     def _geometry(self) -> MeshLayer | None:
-        """What tells where within cells the curve lies."""
+        """Layers that code where within cells the curve lies."""
         if self.options.precision.signs:
             return None
         return MeshLayer.OFFSETS if self._step else MeshLayer.VALUES
@@ -348,11 +349,11 @@ def vertex_field(values: NDArray[Any], vertices: int, cells: int, isovalue: floa
         )
     if found.shape == (cells,) and cells != vertices:
         raise InputError(
-            "a value for each cell, needed is one for each point", code="values",
+            "one value per cell given, but one per point is required", code="values",
             remedy="average the cells around each point, or encode the dual mesh",
         )
     if found.shape != (vertices,):
-        raise InputError(f"the values have shape {found.shape}, needed is ({vertices},)", code="values")
+        raise InputError(f"the values have shape {found.shape}, not ({vertices},)", code="values")
     if found.dtype.kind == "b":
         found = found.view(np.uint8)
     if found.dtype.kind == "f":
@@ -368,12 +369,12 @@ def vertex_field(values: NDArray[Any], vertices: int, cells: int, isovalue: floa
         if step is not None:
             raise OptionError("a step is for float data; integers are sent exactly", code="step", remedy="use exact")
     if step is not None and not (math.isfinite(step) and step > 0):
-        raise OptionError(f"the step is {step}, needed is a positive number", code="step")
+        raise OptionError(f"the step {step} is not a positive number", code="step")
     return Samples(found, isovalue_of(isovalue), signs, step)
 
 
 def crossing_places(field: Samples, edges: NDArray[np.int64]) -> NDArray[np.float64]:
-    """Where edges are crossed, from 0 to 1 from their lower vertices, by linear interpolation."""
+    """Crossings of edges, from 0 to 1 from their lower vertices, by linear interpolation."""
     low, high = (field.values[edges[:, i]].astype(np.float64) for i in (0, 1))
     with np.errstate(all="ignore"):
         # as of fields: no overflow, and all bits of tiny numbers

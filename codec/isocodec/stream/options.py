@@ -23,10 +23,10 @@ ProfileName: TypeAlias = Literal["main", "baseline"]
 """How symbols become bytes."""
 CriterionName: TypeAlias = Literal["crossing", "topology", "curvature", "distortion", "level"]
 """Criteria that a mesh is reduced under."""
-PrecisionGiven: TypeAlias = "float | str | Sequence[float | str] | None"
-"""What `Precision.of` parses."""
+PrecisionGiven: TypeAlias = "float | str | Sequence[float | Literal['exact']] | None"
+"""Types that `Precision.of` parses."""
 LayersGiven: TypeAlias = "int | str | Sequence[Entry] | Mapping[float, Sequence[Entry]] | None"
-"""What `Layers.of` parses."""
+"""Types that `Layers.of` parses."""
 Isovalues: TypeAlias = SupportsFloat | str | Sequence[SupportsFloat]
 """One number, of Python's, numpy's, a fraction or a decimal; several, also as an array; or "every 20 from 5"."""
 
@@ -53,7 +53,7 @@ class EncodeOptions(TypedDict, total=False):
 
 @dataclass(frozen=True, kw_only=True)
 class Precision:
-    """How closely a file keeps to the curve; without any of these to the default of what is encoded.
+    """How closely a file keeps to the curve; by default as what is encoded suggests.
 
     Attributes
     ----------
@@ -93,7 +93,7 @@ class Precision:
             return given
         if isinstance(given, str):
             return cls._of_text(given.strip())
-        if isinstance(given, Iterable) and np.ndim(given) > 0:  # type: ignore[arg-type]
+        if isinstance(given, Iterable) and np.ndim(given) > 0:
             return cls(steps=_steps_of(given))
         return cls(tolerance=number_of("precision", given))
 
@@ -133,7 +133,7 @@ class Precision:
 
 @dataclass(frozen=True, kw_only=True)
 class Layers:
-    """Which layers a file has; without any of these those that the precision leads to.
+    """Layers of a file; by default those that the precision leads to.
 
     Attributes
     ----------
@@ -351,7 +351,7 @@ def number_of(name: str, value: object) -> float | None:
 
 
 def whole_of(name: str, value: object) -> int | None:
-    """The same of whole numbers."""
+    """Check a whole number; None stays None."""
     number = number_of(name, value)
     if number is not None and not number.is_integer():
         raise OptionError(f"{name} is {value!r}; it must be a whole number", code=name)

@@ -17,7 +17,7 @@ from ..format.chunks import (
     read_metadata,
     read_promises,
 )
-from ..format.coordinates import CoordinatesRecord, read_coordinates
+from ..format.coordinate_record import CoordinatesRecord, read_coordinates
 from ..format.domain import DomainHead, read_domain
 from ..format.events import (
     ChunkSkipped,
@@ -58,7 +58,7 @@ class Outline:
     layers : list of Layer
         Announced so far; whoever reads the chunks of layers adds them.
     records : list of LayerRecord
-        What the level index says of the layers, if there is one.
+        Entries of the level index, if the file has one.
     masked : bool
         Whether there is a mask.
     interval : int or None
@@ -76,7 +76,7 @@ class Outline:
     cells : int or None
         Dimension of the cells of an explicit domain.
     domain : DomainHead or None
-        What is said of an explicit domain.
+        Head of an explicit domain.
     run_of_domain : int
         Where the run of a coded mesh begins in the payload of its chunk.
     """
@@ -137,7 +137,7 @@ class Outline:
         Parameters
         ----------
         operation : int
-            The first byte of its program, and where that stands in the file.
+            The first byte of its program, and where that lies in the file.
         start : int
         """
         if operation >> 4 & 7 not in _BASES:
@@ -177,7 +177,7 @@ class Outline:
 
 
 Reader = Callable[[Outline, bytes, int, int], Event | None]
-"""Of the payload of a chunk, given where it begins and where the chunk ends in the file; None if it has no event."""
+"""Reads the payload of a chunk, given where it begins and where the chunk ends in the file; None without an event."""
 
 
 def _isovalue(outline: Outline, payload: bytes, start: int, behind: int) -> Event:
@@ -242,7 +242,7 @@ READERS: Mapping[int, Reader] = {
 
 
 def check_explicit(chunk: Envelope, at: int, begun: bool) -> None:
-    """Check that a critical chunk may stand in the file of an explicit domain; ``begun`` once its domain has come.
+    """Check that a critical chunk may come in the file of an explicit domain; ``begun`` once its domain has come.
 
     Raises
     ------

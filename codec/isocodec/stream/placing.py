@@ -13,7 +13,7 @@ from ..field.coordinates import Given, arrays_of, check_coordinates
 from ..field.filling import filled_smoothly
 from ..field.mapped import Mapped
 from ..field.placement import DEFAULT_ERROR, Placement, closed, coded_placement, read_placement
-from ..format.coordinates import CoordinatesRecord, write_coordinates
+from ..format.coordinate_record import CoordinatesRecord, write_coordinates
 from ..grid.passes.node_run import NodeGrid, decode_run, encode_run
 from ..limits import Budget, Limits
 
@@ -36,7 +36,7 @@ class DecodedCoordinates:
         self._mapped: Mapped | None = None
 
     def mapped(self, record: CoordinatesRecord | None, shape: tuple[int, ...]) -> Mapped | None:
-        """What a chunk holds; None if there is none, or its run is malformed: it is ignored then.
+        """Decode a chunk of coordinates; None without one, or if its run is malformed: it is ignored then.
 
         Raises
         ------
@@ -100,7 +100,7 @@ def given_of(placement: Placement, shape: tuple[int, ...], gone: NDArray[np.bool
 def coordinates_payload(
     placement: Placement | None, shape: tuple[int, ...], gone: NDArray[np.bool_] | None
 ) -> bytes:
-    """Payload of the chunk of coordinates; empty if there are none. Parameters and errors as in `given_of`."""
+    """Payload of the chunk of coordinates; empty without coordinates. Parameters and errors as in `given_of`."""
     if placement is None or (placement.coordinates is None and not placement.periodic):
         return b""
     given = given_of(placement, shape, gone)

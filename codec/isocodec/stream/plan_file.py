@@ -30,6 +30,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Mapping, Sequence
 from math import isfinite
+from typing import Any
 
 from ..errors import OptionError
 from ..format.kinds import LayerKind
@@ -83,7 +84,7 @@ def isovalues_in(plan: Plan | Mapping[float, Plan], given: Sequence[float]) -> t
     Raises
     ------
     OptionError
-        If there are none, or not those of the plan.
+        If neither names isovalues, or both name different ones.
     """
     if not isinstance(plan, Mapping):
         if not given:
@@ -93,14 +94,15 @@ def isovalues_in(plan: Plan | Mapping[float, Plan], given: Sequence[float]) -> t
         return tuple(given)
     if given and set(given) != set(plan):
         raise OptionError(
-            f"the plan is of the isovalues {', '.join(f'{v:g}' for v in plan)}, "
-            f"those given are {', '.join(f'{v:g}' for v in given)}", code="plan", remedy="give none",
+            f"the isovalues given, {', '.join(f'{v:g}' for v in given)}, are not those of the plan, "
+            f"{', '.join(f'{v:g}' for v in plan)}", code="plan", remedy="leave them out",
         )
     return tuple(given or plan)
 
 
 def check_plan(
-    plan: Plan | Mapping[float, Plan], isovalues: Sequence[float], full_level: int, leaning: bool = True
+    plan: Sequence[Sequence[Any]] | Mapping[float, Sequence[Sequence[Any]]], isovalues: Sequence[float],
+    full_level: int, leaning: bool = True,
 ) -> None:
     """Refuse a plan that cannot be carried out on a grid, as far as that shows before its layers are made.
 
@@ -145,7 +147,7 @@ def _number_at(entry: Entry, place: int) -> int | None:
 
 
 def _remedy(kind: LayerKind, progress: Progress) -> str:
-    """What can be said instead of an operation that cannot follow."""
+    """Suggest an operation instead of one that cannot follow."""
     left = progress.full_level - progress.level
     if kind in (LayerKind.BASE, LayerKind.ADAPTIVE_BASE, LayerKind.LEAF_BASE):
         if progress.level >= 0:

@@ -67,7 +67,7 @@ def _reduced(original: Promise, start: Chosen | None, criteria: Criteria, coarse
 
 
 def _uniform_levels(plan: Sequence[Entry], full_level: int, lean_level: int) -> list[int]:
-    """For each entry the level up to which the mesh is uniform, of adaptive bases included, as far as numbers tell."""
+    """For each entry the level up to which the mesh is uniform, also of adaptive bases, as far as numbers show."""
     level = 0
     out = []
     for entry in plan:

@@ -33,7 +33,7 @@ class Source:
     ----------
     field : DecodedSamples
     geometry : list of entries
-        Layers behind the full grid that tell the same again.
+        Layers behind the full grid that code its geometry once more.
     """
 
     field: DecodedSamples
@@ -67,17 +67,17 @@ def sources_of(decoder: Decoder, what: str = "the file", *, before: bool = False
 
 
 def source_of(state: Decoded, field: Samples, what: str) -> Source:
-    """What a state on the full grid tells of a field, of which only the signs are looked at.
+    """Recover the source of a field from a state on the full grid; only the field's signs are looked at.
 
     Raises
     ------
     OptionError
-        If it tells values or crossings in part; ``what`` names the file.
+        If it stores values or crossings only in part; ``what`` names the file.
     """
     signs, isovalue, scale, gone = field.signs, field.isovalue, field.scale, field.gone
     n = signs.ndim
-    in_part = OptionError(f"{what} tells values or crossings in part, or both", code="recode",
-                          remedy="give signs_only, or encode the field itself again")
+    in_part = OptionError(f"{what} stores values or crossings only in part", code="recode",
+                          remedy="use precision signs, or encode the field itself again")
     if (state.missing >= 0).any():
         beside = _beside(signs, gone)[tuple(state.position.T)]
         if len(state.edge_parts) or (state.missing[beside] > 0).any():
@@ -201,7 +201,7 @@ def moved_notes(metadata: Mapping[str, str], low: Sequence[int]) -> dict[str, st
 
 
 def cropped(source: Source, low: Sequence[int], size: Sequence[int]) -> Source:
-    """What a source holds of the box of ``size`` samples from ``low`` on."""
+    """Cut a source to the box of ``size`` samples from ``low`` on."""
     field, n = source.field, len(low)
     box = tuple(slice(a, a + s) for a, s in zip(low, size, strict=True))
     gone = None if field.gone is None or not field.gone[box].any() else np.ascontiguousarray(field.gone[box])

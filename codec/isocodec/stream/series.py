@@ -1,4 +1,4 @@
-"""What leans on what: isovalues of a frame on one another, frames on the one before (spec clauses 3.5.5, 3.5.7)."""
+"""Leaning of isovalues on one another within a frame, and of frames on the one before (spec clauses 3.5.5, 3.5.7)."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ from ..format.frames import FRAME_BEFORE, is_key, key_of
 
 
 @dataclass(frozen=True)
-class Lean:
-    """What an isovalue leans on.
+class LeanOn:
+    """An isovalue that another one leans on.
 
     Attributes
     ----------
@@ -25,7 +25,7 @@ class Lean:
 
     @property
     def coded(self) -> int:
-        """As chunks hold it: the number in the same frame, or ``FRAME_BEFORE``."""
+        """Number as in chunks: that in the same frame, or ``FRAME_BEFORE``."""
         return FRAME_BEFORE if self.before else self.number
 
 
@@ -51,7 +51,7 @@ class Series:
     def __init__(self, isovalues: Iterable[float] = (), interval: int | None = None) -> None:
         self.isovalues = list(isovalues)
         self.interval = interval
-        self._leans: list[list[Lean | None]] = [[]]
+        self._leans: list[list[LeanOn | None]] = [[]]
 
     @property
     def frame(self) -> int:
@@ -77,12 +77,12 @@ class Series:
         self._leans.pop()
         self._leans = self._leans or [[]]
 
-    def add(self, lean: Lean | None) -> None:
+    def add(self, lean: LeanOn | None) -> None:
         """Record what the next isovalue of the present frame leans on."""
         self._leans[-1].append(lean)
 
-    def lean(self, number: int, frame: int = 0) -> Lean | None:
-        """What an isovalue of a frame leans on."""
+    def lean(self, number: int, frame: int = 0) -> LeanOn | None:
+        """Find what an isovalue of a frame leans on."""
         return self._leans[frame][number]
 
     def is_key(self, frame: int) -> bool:
@@ -93,12 +93,12 @@ class Series:
         """The last frame up to this one that leans on none before it: decoding of this one begins there."""
         return frame if self.interval is None else key_of(frame, self.interval)
 
-    def read(self, coded: int | None, number: int) -> Lean | None:
-        """The lean of isovalue ``number`` from what a chunk holds: the inverse of `Lean.coded`."""
-        return None if coded is None else Lean(number, True) if coded == FRAME_BEFORE else Lean(coded)
+    def read(self, coded: int | None, number: int) -> LeanOn | None:
+        """The lean of isovalue ``number`` from what a chunk holds: the inverse of `LeanOn.coded`."""
+        return None if coded is None else LeanOn(number, True) if coded == FRAME_BEFORE else LeanOn(coded)
 
-    def choose(self, number: int, independent: bool) -> Lean | None:
-        """What an encoder lets an isovalue of the present frame lean on, unless that turns out to be no help.
+    def choose(self, number: int, independent: bool) -> LeanOn | None:
+        """Choose for an encoder what an isovalue of the present frame leans on, unless that turns out to be no help.
 
         The same isovalue of the frame before; in frames that lean on none before them, and so in a file of one frame,
         the nearest isovalue before it.
@@ -106,13 +106,13 @@ class Series:
         if independent:
             return None
         if not self.is_key(self.frame):
-            return Lean(number, True)
-        return Lean(nearest_before(self.isovalues, number)) if number else None
+            return LeanOn(number, True)
+        return LeanOn(nearest_before(self.isovalues, number)) if number else None
 
     def chain(self, number: int, frame: int = 0) -> frozenset[int]:
         """Numbers of the isovalues that decoding this one of a frame takes, itself included, in whatever frame."""
         found: set[int] = set()
-        at: Lean | None = Lean(number)
+        at: LeanOn | None = LeanOn(number)
         while at is not None:
             frame -= at.before
             found.add(at.number)

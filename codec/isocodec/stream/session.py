@@ -18,12 +18,12 @@ from .outline import Outline
 
 
 class Contents(Protocol):
-    """What the chunks of one kind of file mean."""
+    """Meaning of chunks for one kind of file."""
 
     outline: Outline
 
     def expect(self, chunk: Envelope, at: int) -> None:
-        """Check that a critical chunk may stand at byte ``at``; its envelope has been read.
+        """Check that a critical chunk may come at byte ``at``; its envelope has been read.
 
         Raises
         ------

@@ -92,7 +92,7 @@ def parts_of(data: bytes, what: str = "the file") -> Parts:
 
 
 def _leans(info: FileInfo) -> list[list[int | None]]:
-    """What each isovalue of each frame leans on."""
+    """Find what each isovalue of each frame leans on."""
     if not info.frames:
         return [info.leans]
     return [

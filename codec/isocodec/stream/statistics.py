@@ -1,4 +1,4 @@
-"""What a file costs: bits by what they are spent on, and how often signs were as predicted (rows F-2bits, F-80)."""
+"""Cost of a file: bits by what they are spent on, and how often signs were as predicted (rows F-2bits, F-80)."""
 
 from __future__ import annotations
 
@@ -74,13 +74,13 @@ class ContourStatistics:
 
     @property
     def bits(self) -> int:
-        """Of all layers."""
+        """Bits of all layers."""
         return self.connectivity_bits + self.geometry_bits
 
 
 @dataclass(frozen=True)
 class FileStatistics:
-    """Of all layers and isovalues that were decoded."""
+    """Statistics of all layers and isovalues that were decoded."""
 
     layers: list[LayerStatistics]
     contours: list[ContourStatistics]
@@ -140,7 +140,7 @@ def statistics(
 
 
 def _contour(decoder: Decoder, number: int, layers: Sequence[LayerStatistics]) -> ContourStatistics:
-    """What an isovalue has come to."""
+    """Statistics of an isovalue."""
     assert decoder.header is not None
     contour = decoder.contour(number)
     vertices, faces = len(contour.points), len(contour.cells)

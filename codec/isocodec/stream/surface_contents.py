@@ -1,4 +1,4 @@
-"""What the chunks of a triangulated surface mean: its points as they come, and the surface over them (spec 10.9)."""
+"""Chunks of a triangulated surface: its points as they come, and the surface over them (spec 10.9)."""
 
 from __future__ import annotations
 
@@ -79,7 +79,7 @@ class SurfaceContents:
         self._parts = None
 
     def received(self) -> tuple[TinHead, SurfaceLayers]:
-        """What has come of the surface: its head, its points and their numbers.
+        """Head of the surface, and its points with their numbers as far as they have come.
 
         Raises
         ------
@@ -129,14 +129,14 @@ class SurfaceContents:
         """
         if isovalue is None:
             raise OptionError(
-                "the file holds a surface: which isovalue?", code="isovalue", remedy="IsoFile.surface gives all of it"
+                "a contour of a surface needs an isovalue", code="isovalue", remedy="IsoFile.surface gives all of it"
             )
         if smooth:
             raise OptionError("smooth applies to grids only", code="smooth", remedy="leave it out")
         return contour_of_tin(self.tin(), isovalue)
 
     def _decoded(self, payload: bytes, start: int, whole: bool) -> tuple[TinHead, SurfaceLayers]:
-        """What a payload holds, or its beginning; before its checksums (``whole``) its head is not refused."""
+        """Decode a payload, or its beginning; before its checksums (``whole``) its head is not refused."""
         if not payload:
             raise FormatError("an empty domain chunk", code="domain", offset=start, clause="3.5.8")
         try:

@@ -14,7 +14,7 @@ from ..errors import OptionError
 from ..format.chunks import write_chunk
 from ..format.header import Header
 from ..format.surface import TinHead, write_tin
-from ..search.tin_fit import Chosen, evenly, in_layers
+from ..search.tin_fit import ChosenPoints, evenly, in_layers
 from ..tin.coded_tin import SurfaceLayers, encoded
 from ..tin.points import Points, points_of
 from ..tin.tin import Tin
@@ -54,7 +54,7 @@ class SurfaceEncoder(ContainerEncoder):
 
 
 def surface_of(
-    given: Points, chosen: Chosen, shape: tuple[int, int] | None, layers: int = 1
+    given: Points, chosen: ChosenPoints, shape: tuple[int, int] | None, layers: int = 1
 ) -> tuple[TinHead, SurfaceLayers]:
     """Chosen points as a file holds them."""
     parts = in_layers(given, chosen, layers)

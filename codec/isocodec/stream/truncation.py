@@ -76,7 +76,7 @@ def truncate(
 
 
 def _first_points(data: bytes, layers: int | None, max_bytes: int | None, limits: Limits | None) -> bytes:
-    """The same of a surface: its points are coded again, as far as the layers asked for."""
+    """Truncate a surface: its points are coded again, as far as the layers asked for."""
     decoder = _decoder(data, limits).take()
     head, parts = decoder.surface.received()
     counts = [count for count, end in zip(head.counts, parts.ends, strict=False) if end <= len(parts.points)]
@@ -103,7 +103,7 @@ def _check_layers(layers: int | None) -> None:
 
 
 def _first_chunks(data: bytes, layers: int | None, max_bytes: int | None) -> bytes:
-    """The same of a file of an explicit domain, whose layers are chunks (spec clause 10.1.1(3))."""
+    """Truncate a file of an explicit domain, whose layers are chunks (spec clause 10.1.1(3))."""
     info = inspect(data)
     if info.complete and (len(data) <= max_bytes if max_bytes is not None else (layers or 0) >= len(info.layers)):
         return data

@@ -44,7 +44,7 @@ class Tubes:
     before : list of Tube or None
         Those of the frame before, which the present ones may lean on.
     progresses : list of Progress
-        Where their programs stand.
+        Positions in their programs.
     mask : MaskStrand
     """
 
@@ -65,7 +65,7 @@ class Tubes:
 
     @property
     def present(self) -> Tube | None:
-        """That of the isovalue whose layers come at present; None if it is skipped."""
+        """The tube of the isovalue whose layers come at present; None if it is skipped."""
         return self.all[-1] if self.all and not self.past else None
 
     @property
@@ -141,7 +141,7 @@ class Tubes:
         self.progresses.clear()
 
     def _fresh(self, header: Header, number: int, lean: int | None, before: bool = False) -> Tube:
-        """A tube of an isovalue of which no layer has come, leaning on one of its own frame or of the one before."""
+        """Make the tube of an isovalue before its layers; it leans on one of its frame or of the one before."""
         isovalues = self._outline.isovalues
         tubes = self.before if before else self.all
         earlier, other = (None, 0.0) if lean is None else (tubes[lean], isovalues[lean])
@@ -151,7 +151,7 @@ class Tubes:
         )
 
     def _left(self) -> Limits:
-        """What one more tube may have: those of a file may not have more than a single one."""
+        """Limits for one more tube: those of a file may not have more than a single one."""
         whole, tubes = self._limits, [tube for tube in (*self.before, *self.all, self.mask.tube) if tube]
         return replace(
             whole, vertices=max(whole.vertices - sum(tube.vertices for tube in tubes), 0),

@@ -29,8 +29,8 @@ Edge = tuple[int, int]
 
 
 @dataclass(frozen=True)
-class Part:
-    """What is drawn in a tile.
+class TilePart:
+    """Drawing of a tile.
 
     Attributes
     ----------
@@ -58,7 +58,7 @@ class Part:
 
 @dataclass(frozen=True)
 class Square:
-    """What is to be closed in a square of a face, or on an edge in the plane.
+    """Gaps to close in a square of a face, or on an edge in the plane.
 
     Attributes
     ----------
@@ -80,7 +80,7 @@ class Closing:
 
     Parameters
     ----------
-    parts : sequence of Part
+    parts : sequence of TilePart
     numbers : sequence of (P,) int64
         By part: the numbers that its points have in all.
     points : (P, n) float64
@@ -88,7 +88,7 @@ class Closing:
     """
 
     def __init__(
-        self, parts: Sequence[Part], numbers: Sequence[NDArray[np.int64]], points: NDArray[np.float64]
+        self, parts: Sequence[TilePart], numbers: Sequence[NDArray[np.int64]], points: NDArray[np.float64]
     ) -> None:
         self._parts, self._numbers, self._points = parts, numbers, points
         self._ends = [part.ends + np.array(part.origin) for part in parts]
@@ -98,7 +98,7 @@ class Closing:
         self._line_of: dict[int, tuple[Line, int]] = {}
 
     def cells(self) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-        """Points that are to stand behind the others, (Q, n), and segments or triangles, (M, n)."""
+        """Points to append to the others, (Q, n), and segments or triangles, (M, n)."""
         squares = list(self._squares())
         if self._n == 2:
             segments = [edge for square in squares for edge, _ in square.border]
@@ -117,7 +117,7 @@ class Closing:
         return np.concatenate(added), np.array(out, np.int64).reshape(-1, 3)
 
     def _squares(self) -> Iterator[Square]:
-        """What is to be closed, square by square."""
+        """Collect the gaps to close, square by square."""
         faces = list(self._faces())
         if faces:
             self._note_lines()

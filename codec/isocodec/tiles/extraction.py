@@ -1,4 +1,4 @@
-"""A box of a tiled file as a file of its own: the strands of a tile as they are, or what tiles tell, put together."""
+"""Extract a box of a tiled file as a separate file: the strands of a tile as they are, or several tiles joined."""
 
 from __future__ import annotations
 
@@ -69,7 +69,7 @@ class Extract:
         return plain(head, index, numbers[0], mask, segments, self.notes)
 
     def sources(self, numbers: Sequence[int]) -> list[Source]:
-        """What tiles tell of isovalues, by number, as a file of one piece would.
+        """Recover the sources of isovalues, by number, from the tiles, as from a file of one piece.
 
         Raises
         ------
@@ -94,7 +94,7 @@ class Extract:
         ]
 
     def _told(self, number: int) -> tuple[NDArray[np.bool_], NDArray[np.bool_], Decoded]:
-        """Signs of an isovalue, which samples are missing as far as its tiles say, and what these tell."""
+        """Signs of an isovalue, the samples that are missing by its tiles, and the state that these store."""
         signs, gone = np.zeros(self.size, np.bool_), np.zeros(self.size, np.bool_)
         told = []
         for index, kind, mask, segments in self._tiles(number):
@@ -129,7 +129,7 @@ class Extract:
         return here, tuple(slice(a - o, b - o) for a, b, o, _ in bounds)
 
     def _moved(self, state: Decoded, move: NDArray[Any]) -> Mapping[str, NDArray[Any]]:
-        """What a state tells within the box, moved."""
+        """Cut a state to the box, and move it there."""
         last = np.array(self.size) - 1
         position, low, high = state.position + move, state.edge_low + move, state.edge_high + move
         kept = ((position >= 0) & (position <= last)).all(axis=1)
@@ -142,7 +142,7 @@ class Extract:
 
 
 def _together(told: Sequence[Mapping[str, NDArray[Any]]], size: Index) -> Decoded:
-    """One state of what tiles tell: what several tell in shared faces, once, samples by whoever tells most of them."""
+    """Join states of tiles: shared faces once, each sample from the tile that stores most of its bits."""
     n = len(size)
     none: dict[str, NDArray[Any]] = {
         "position": np.zeros((0, n), np.int64), "edge_low": np.zeros((0, n), np.int64),

@@ -115,7 +115,7 @@ def read_head(data: bytes) -> tuple[Head, Root]:
     shape = tuple(reader.number() for _ in range(n))
     exponent, block, stages = reader.byte(), reader.byte(), reader.byte()
     if not all(1 <= s <= MOST_SIDE for s in shape) or exponent not in EXPONENTS:
-        raise wrong("sides or tiles of no size that there is", "shape", FIXED_BYTES, "12.3")
+        raise wrong("invalid field size or tile size", "shape", FIXED_BYTES, "12.3")
     if not 1 << n * min(block, 20) <= MOST_IN_BLOCK or not 1 <= stages <= MOST_STAGES:
         raise wrong("blocks too large, or no stages", "head", FIXED_BYTES, "12.3")
     told = reader.bytes(stages)
@@ -125,7 +125,7 @@ def read_head(data: bytes) -> tuple[Head, Root]:
     scale = reader.scale() if flags & _SCALED else None
     count = reader.number()
     if not 1 <= count <= MAX_ISOVALUES:
-        raise wrong(f"{count} isovalues", "isovalues", reader.at, "12.3")
+        raise wrong(f"invalid number of isovalues: {count}", "isovalues", reader.at, "12.3")
     isovalues = tuple(reader.isovalue() for _ in range(count))
     notes = reader.notes()
     grid = TileGrid(shape, exponent, block)

@@ -7,13 +7,13 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from .closing import Closing, Part
+from .closing import Closing, TilePart
 
 _GRAIN = 1 << 30
 """Points that were cut at missing samples are one if they agree to this part of a cell."""
 
 
-def joined(parts: Sequence[Part], n: int) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+def joined(parts: Sequence[TilePart], n: int) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
     """Points and cells of all tiles, a point on a face once: those on edges that lie in a face are the same from both
     sides. Where neighbours are drawn up to different stages gaps are closed (`Closing`).
     """

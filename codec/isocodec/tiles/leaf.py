@@ -45,7 +45,7 @@ def read_leaf(head: Head, data: bytes, tiles: int, at: int) -> Leaf:
             number = reader.number()
             kind, end = number & 3, done + (number >> 2) + 1
             if kind > Kind.CODED or end > tiles:
-                raise wrong("a run of tiles that cannot be", "leaf", at + reader.at, "12.5")
+                raise wrong("an invalid run of tiles", "leaf", at + reader.at, "12.5")
             kinds[strand, done:end] = kind
             if kind == Kind.CODED:
                 # before memory is taken for them: each length takes a byte

@@ -23,7 +23,7 @@ def sample_range(
     grid : TileGrid
         The tiles that are read.
     progress : callable, optional
-        Called with the tiles done and their total.
+        Called with tiles done and their total.
     """
     found: list[tuple[Any, Any]] = []
     for done, index in enumerate(map(tuple, in_order(grid.counts).tolist()), 1):

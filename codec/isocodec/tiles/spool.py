@@ -1,4 +1,4 @@
-"""What has been encoded so far, kept in a folder, so that nothing is lost when work stops: bytes, and a journal."""
+"""Tiles encoded so far, kept in a folder, so that nothing is lost when work stops: bytes, and a journal."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ from typing import Any, BinaryIO, Self
 import numpy as np
 
 from ..errors import InputError, OptionError
+from .assembly import Tiles
 from .layout import Index
-from .merging import Tiles
 from .tile_encoder import TileSegments, Tiling
 
 _PIECE = 1 << 22
@@ -25,9 +25,9 @@ _BYTES, _JOURNAL = "segments", "journal"
 class Spool:
     """A folder with the tiles of one file that have been encoded.
 
-    ``segments`` has the bytes of tiles one after the other, ``journal`` a line of JSON that says of what, and a record
-    of fixed size for each tile, written when its bytes are there. What stands behind the last whole record is written
-    over.
+    ``segments`` has the bytes of tiles one after the other, ``journal`` a line of JSON that names their field and
+    options, and a record of fixed size for each tile, written when its bytes are there. Bytes behind the last whole
+    record are written over.
 
     Parameters
     ----------
@@ -184,7 +184,7 @@ def _record_of(tiles: Tiles) -> np.dtype[Any]:
 
 
 def description(tiling: Tiling) -> dict[str, object]:
-    """What tiles that go together have in common: the field's shape and type, and all options."""
+    """Properties that tiles which go together share: the field's shape and type, and all options."""
     return {
         "shape": tiling.grid.shape, "tile": 1 << tiling.grid.exponent, "isovalues": tiling.isovalues,
         **asdict(tiling.options), "dtype": tiling.dtype, "cubes": tiling.cubes, "version": 1,

@@ -1,4 +1,4 @@
-"""What a tiled file says of its tiles: head, root and leaf directories, as records (spec clauses 12.3 to 12.5)."""
+"""Directories of a tiled file: head, root and leaf directories, as records (spec clauses 12.3 to 12.5)."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ GROUP_BYTES = 1 << 10
 
 
 class Kind(IntEnum):
-    """What a tile is for an isovalue, or for the mask (clause 12.5)."""
+    """Kind of a tile for an isovalue, or for the mask (clause 12.5)."""
 
     BELOW = 0
     ABOVE = 1
@@ -38,14 +38,14 @@ class Kind(IntEnum):
 
 @dataclass(frozen=True)
 class Stage:
-    """Layers of all tiles that stand together in the file.
+    """Layers of all tiles that lie together in the file.
 
     Attributes
     ----------
     edge : int
         Exponent of the edge of the cubes, in samples, of the uniform mesh that the stage leads to.
     geometry : bool
-        Whether it says where edges are crossed.
+        Whether it stores where edges are crossed.
     adaptive : bool
         Whether its meshes are coarser where the curve is flat.
     """

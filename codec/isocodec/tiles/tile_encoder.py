@@ -39,7 +39,7 @@ DEFAULT_EXPONENT = 10
 
 @dataclass(frozen=True)
 class Tiling:
-    """What all tiles of a file have in common.
+    """Properties that all tiles of a file share.
 
     Attributes
     ----------
@@ -89,7 +89,7 @@ class Tiling:
         return precision.searched
 
     def tried(self) -> list[Tiling]:
-        """What to try one after the other: cubes that are smaller each time, at last the full grid."""
+        """Tilings to try one after the other: cubes that are smaller each time, at last the full grid."""
         exponents = cubes_for(self.options.precision.tolerance, COARSEST) if self.grid.n == 3 else ()
         return [*(replace(self, cubes=exponent) for exponent in exponents), self]
 
@@ -141,7 +141,7 @@ class FaceSlack(Slack):
         self._high = np.where(shared[:, 1], last, -1)
 
     def __call__(self, low: NDArray[np.int64], high: NDArray[np.int64]) -> NDArray[np.int64]:
-        """As ``Slack``."""
+        """Slack of crossings as of ``Slack``, 0 in shared faces."""
         return np.where(self.on_face(low, high), 0, super().__call__(low, high))
 
     def on_face(self, low: NDArray[np.int64], high: NDArray[np.int64]) -> NDArray[np.bool_]:
@@ -172,7 +172,7 @@ def encode_tile(window: ArrayLike, index: Index, tiling: Tiling) -> TileSegments
     """
     size = tiling.grid.size(index)
     if np.shape(window) != size:
-        raise InputError(f"has {size} samples, given are {np.shape(window)}", code="shape")
+        raise InputError(f"has {size} samples, not {np.shape(window)}", code="shape")
     if missing_of(window).all():
         return _missing(index, tiling)
     values, gone = without_holes(window)
@@ -204,12 +204,12 @@ def encode_tile(window: ArrayLike, index: Index, tiling: Tiling) -> TileSegments
 
 
 def _faces(field: Samples, index: Index, tiling: Tiling) -> Faces | None:
-    """What belongs into the mesh in shared faces, in space.
+    """Vertices and edges that belong into the mesh in shared faces, in space.
 
     Raises
     ------
     NotKeptError
-        If samples are missing: what stands for them would have to be the same on both sides.
+        If samples are missing: what fills them would have to be the same on both sides.
     """
     tolerance = tiling.searched
     if tolerance is None or field.signs.ndim == 2:
@@ -249,7 +249,7 @@ def _kind(signs: NDArray[np.bool_]) -> Kind:
 
 
 def _checksum(face: NDArray[np.generic], gone: NDArray[np.bool_] | None, at: int, axis: int) -> int:
-    """Of the samples of a face, and of which are missing."""
+    """Checksum of the samples of a face, and of which are missing."""
     known = 0
     if gone is not None and (missing := gone.take(at, axis)).any():
         face = np.where(missing, face.dtype.type(0), face)
@@ -307,7 +307,7 @@ def _searched(
     header: Header, field: Samples, truth: GroundTruth, holes: Holes | None, index: Index, tiling: Tiling,
     faces: Faces | None,
 ) -> tuple[Plan, list[int | None]]:
-    """The same for a tolerance that meshes are searched for."""
+    """Search meshes for a tolerance."""
     grid, tolerance = tiling.grid, tiling.searched
     assert tolerance is not None
     shared = grid.shared(index)

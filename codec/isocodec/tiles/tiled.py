@@ -22,7 +22,7 @@ from ..stream.container import with_checksum
 from ..stream.decoder import Decoder
 from ..stream.grid_contents import GridContents
 from ..stream.recoder import bounds_of
-from .closing import Part
+from .closing import TilePart
 from .head import read_head
 from .joining import joined
 from .layout import Index
@@ -122,7 +122,7 @@ class TiledFile:
         within: float | Callable[[Box], float] | None = None, layer: int | None = None, partial: bool = False,
         clip: bool = True,
     ) -> Contour:
-        """The curve or surface in a box, as `TiledIsoFile.window` says.
+        """The curve or surface in a box, see `TiledIsoFile.window`.
 
         Parameters
         ----------
@@ -175,20 +175,21 @@ class TiledFile:
         )
 
     def plain(self, index: Index, isovalue: float | None = None, layer: int | None = None) -> bytes:
-        """A tile as an ``.iso`` file of its own."""
+        """A tile as a separate ``.iso`` file."""
         number = self.number_of(isovalue)
         ((_, _, mask, segments),) = self.tiles([index], number, self.stage_of(None, layer))
         return plain(self.head, index, number, mask, segments)
 
-    def drawn(self, index: Index, number: int, mask: bytes, segments: Sequence[bytes]) -> Part:
-        """What segments of a tile show."""
+    def drawn(self, index: Index, number: int, mask: bytes, segments: Sequence[bytes]) -> TilePart:
+        """Draw segments of a tile."""
         grid_of_tile, stage = self.decoded(index, number, mask, segments), len(segments) - 1
         contour, ends = grid_of_tile.ends()
         grid, cube = self.head.grid, 1 << self.head.stages[stage].edge
-        return Part(index, stage, cube, grid.origin(index), grid.size(index), contour, ends, grid_of_tile.whole_cells)
+        origin, size = grid.origin(index), grid.size(index)
+        return TilePart(index, stage, cube, origin, size, contour, ends, grid_of_tile.whole_cells)
 
     def decoded(self, index: Index, number: int, mask: bytes, segments: Sequence[bytes]) -> GridContents:
-        """What segments of a tile decode to."""
+        """Decode segments of a tile."""
         decoder = Decoder(self.limits)
         decoder.feed(plain(self.head, index, number, mask, segments))
         decoder.close()
@@ -249,12 +250,12 @@ class TiledFile:
         return index, kind, mask, segments
 
     def _end_of(self, areas: list[int]) -> int:
-        """Where the leaves end, or the first areas if those are wanted: they stand right behind."""
+        """Where the leaves end, or the first areas if those are wanted: they follow right behind."""
         end = int(self.root.leaves[-1])
         return end + int(self.root.sizes[:, : len(areas)].sum()) if areas == list(range(len(areas))) else end
 
     def _places(self, number: int, wanted: list[Index]) -> list[int]:
-        """Where tiles stand in their leaf."""
+        """Places of tiles in their leaf."""
         order = {tuple(index): i for i, index in enumerate(self.head.grid.members(self._blocks[number]).tolist())}
         return [order[index] for index in wanted]
 
@@ -318,7 +319,7 @@ def plain(
     head: Head, index: Index, number: int, mask: bytes, segments: Iterable[bytes],
     notes: Mapping[str, str] | None = None,
 ) -> bytes:
-    """An ``.iso`` file of a tile at an isovalue, of its segments; further chunks may stand among these."""
+    """An ``.iso`` file of a tile at an isovalue, of its segments; further chunks may come between these."""
     header = Header(head.grid.size(index), head.isovalues[number], head.scale, head.profile)
     last = write_chunk(ChunkType.METADATA, write_metadata(notes) if notes else b"", ancillary=True, last=True)
     return b"".join(with_checksum([write_header(header), mask, *segments, last]))

@@ -16,16 +16,16 @@ from ..field.sampled import Field
 from ..storage.atomic import check_target, writing
 from ..stream.isovalues import isovalues_of
 from ..stream.options import Isovalues, Options, Precision
+from .assembly import grid_of, merged
 from .layout import Index
-from .merging import grid_of, merged
-from .running import run
 from .sample_range import sample_range
 from .spool import Spool, begun
 from .structure import EXPONENTS
 from .tile_encoder import Tiling
+from .workers import run
 
 if TYPE_CHECKING:
-    from .running import Engine
+    from .workers import Engine
 
 TILE = 1024
 """Samples along each axis of a tile in the plane, unless another number is asked for; in space an eighth."""
@@ -67,7 +67,7 @@ def tiling_of(
     field: Any, isovalue: Isovalues | None, tile: int | None, options: Options,
     progress: Callable[[int, int], object] | None = None,
 ) -> Tiling:
-    """What a file in tiles is asked for, checked before any sample is read, unless isovalues need their range.
+    """Tiling for a file in tiles, checked before any sample is read, unless isovalues need their range.
 
     Parameters
     ----------
@@ -110,7 +110,7 @@ def _options_of(
         precision = Precision(signs=True)
     if not isinstance(field, Field):
         if precision.world:
-            raise OptionError(f"a distance of {precision.world} for a field that lies nowhere in the world",
+            raise OptionError(f"a distance of {precision.world} needs a field with a placement in the world",
                               code="tolerance", remedy="give a Field with a placement, or a number of cells")
         return replace(options, precision=precision)
     if field.labels is not None or field.missing != "hole":
@@ -155,7 +155,7 @@ def _shape_of(field: Any) -> tuple[Index, np.dtype[Any]]:
         )
     if len(shape) not in (2, 3) or min(shape) < 2:
         raise InputError(
-            f"a field of shape {tuple(shape)} in tiles", code="shape",
+            f"a field of shape {tuple(shape)} cannot be encoded in tiles", code="shape",
             remedy="give 2 or 3 axes with at least 2 samples along each",
         )
     found = np.dtype(dtype)

@@ -178,7 +178,7 @@ def decoded(
     at : int
         Where the run lies in the file.
     whole : bool
-        Whether these are all bytes of the run; if not, what they say is taken.
+        Whether these are all bytes of the run; if not, what they hold is decoded.
 
     Raises
     ------

@@ -12,7 +12,7 @@ NEAR = 9
 OPEN = 4
 """How many of them may have, counted up to 3."""
 STATES = 81
-"""What is known of the four cells beside: each empty, not empty, or not known."""
+"""States of the four cells beside: each empty, not empty, or not known."""
 WIDE = 25
 """How many of the 24 cells around the cell that was halved have points."""
 SPREADS = 12

@@ -85,7 +85,7 @@ def _enter(table, x, y, number):
 
 @inner
 def _state(lv, x, y, at):
-    """What is known of a half while the cell numbered ``at`` is being halved."""
+    """Knowledge of a half while the cell numbered ``at`` is being halved."""
     parent = _find(lv.table, x >> 1, y) if lv.size[_AXIS] == 0 else _find(lv.table, x, y >> 1)
     if parent < 0:
         return _EMPTY
@@ -162,7 +162,7 @@ def _list(lv, x, y):
 
 @kernel
 def halve(cd: Coder, lv: Level, truth: IntVector) -> int:
-    """Halve all cells; the encoder's ``truth`` says of each 1 if the first half has points, 2 if the second one has."""
+    """Halve all cells; the encoder's ``truth`` is 1 if the first half has points, plus 2 if the second has."""
     size = lv.size
     for at in range(len(lv.cell)):
         x, y = lv.cell[at, 0], lv.cell[at, 1]

@@ -55,7 +55,7 @@ def _bits(x):
 
 @inner
 def _see(v, a, b, c, wa, wb, wc, reach):
-    """Note what the vertices around a point say, by their weights; those without one do not count."""
+    """Note the predictions of the vertices around a point, by their weights; those without one do not count."""
     while wa + wb + wc >= 1 << _MOST_WEIGHT:
         wa, wb, wc = wa >> 1, wb >> 1, wc >> 1
     n = v.number
@@ -87,7 +87,7 @@ def _see(v, a, b, c, wa, wb, wc, reach):
 
 @inner
 def _see_in(tri, v, p):
-    """The same of the triangle that holds a point; on a side, of the two ends of that."""
+    """Note the predictions of the triangle that holds a point; on a side, of the two ends of that."""
     o = 3 * locate(tri, p)
     a, b, c = np.int64(tri.origin[o]), np.int64(tri.origin[o + 1]), np.int64(tri.origin[o + 2])
     wa, wb, wc = orientation(tri, b, c, p), orientation(tri, c, a, p), orientation(tri, a, b, p)

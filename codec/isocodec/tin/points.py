@@ -66,25 +66,25 @@ def points_of(points: ArrayLike, values: ArrayLike | None = None) -> Points:
     if values is None:
         field = np.asarray(points)
         if field.ndim != 2:
-            raise InputError(f"the field has {field.ndim} axes {field.shape}, needed are 2", code="axes")
+            raise InputError(f"the field has {field.ndim} axes {field.shape}, not 2", code="axes")
         given = np.moveaxis(np.indices(field.shape), 0, -1).reshape(-1, 2)
         numbers = field.ravel()
     else:
         given, numbers = np.asarray(points), np.asarray(values)
         if given.ndim != 2 or given.shape[1] != 2:
-            raise InputError(f"the points have shape {given.shape}, needed is (N, 2)", code="shape")
+            raise InputError(f"the points have shape {given.shape}, not (N, 2)", code="shape")
         if numbers.shape != (len(given),):
-            raise InputError(f"the values have shape {numbers.shape}, needed is ({len(given)},)", code="shape")
+            raise InputError(f"the values have shape {numbers.shape}, not ({len(given)},)", code="shape")
     for what, array in (("points", given), ("values", numbers)):
         if array.dtype.kind not in "biuf":
             raise InputError(f"the {what} are of type {array.dtype}", code="dtype", remedy="convert them to numbers")
         if array.dtype.kind == "f" and not np.isfinite(array).all():
             raise InputError(
-                f"there are {what} that are not finite", code="missing",
+                f"some {what} are not finite", code="missing",
                 remedy="leave them out: points[np.isfinite(values)], values[np.isfinite(values)]",
             )
     if len(given) == 0:
-        raise InputError("there are no points", code="points", remedy="give three or more")
+        raise InputError("no points are given", code="points", remedy="give three or more")
     at, origin, unit = _whole(given)
     return _distinct(at[:, 0], at[:, 1], numbers.astype(np.float64), origin, unit)
 
@@ -133,6 +133,6 @@ def _distinct(
     else:
         mean, source = value[order], order
     if len(starts) < 3:
-        raise InputError(f"there are {len(starts)} distinct points, fewer than 3", code="points")
+        raise InputError(f"{len(starts)} distinct points are fewer than 3", code="points")
     order = order[starts]
     return Points(x[order], y[order], mean, source, origin, unit, len(x) - len(starts))

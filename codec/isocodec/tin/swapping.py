@@ -48,7 +48,7 @@ def _gain(s, p, t):
 
 @kernel
 def gains(s: Surface, point: Int32Vector, gain: FloatVector) -> None:
-    """Of each triangle the point with the largest error, -1 without one, and what it gains as a vertex."""
+    """Find for each triangle the point with the largest error, -1 without one, and what it gains as a vertex."""
     for t in range(len(point)):
         point[t] = -1
         gain[t] = 0.0

@@ -115,7 +115,7 @@ class Tin:
     @property
     def _removed(self) -> Removals:
         if self.removals is None:
-            raise OptionError("the order of points is not known of this surface", code="thin",
+            raise OptionError("the order of this surface's points is unknown", code="thin",
                               remedy="thin with a criterion")
         return self.removals
 
@@ -132,7 +132,7 @@ class Tin:
         places = removed.ranks()
         if not (isinstance(count, Integral) and len(removed.kept) <= count <= len(places)):
             raise OptionError(
-                f"there are surfaces of {len(removed.kept)} to {len(places)} points, not of {count}", code="points"
+                f"the surface can have {len(removed.kept)} to {len(places)} points, not {count}", code="points"
             )
         return tin_of(removed.points, np.sort(places[:count]), self.shape, self.metadata, removed)
 

@@ -9,8 +9,11 @@ for line in sys.stdin:
     asked = json.loads(line)
     if "window" in asked:
         file = isocodec.open(asked["file"])
-        options = {**asked["options"], "isovalue": file.isovalues[asked["options"].get("isovalue", 0)]}
-        contour = file.window(asked["window"], **options)
+        options = dict(asked["options"])
+        isovalue = file.isovalues[options.pop("isovalue", 0)]
+        if "layer" in options:
+            options["layers"] = options.pop("layer") + 1
+        contour = file.contour(isovalue, box=asked["window"], **options)
     else:
         contour = isocodec.decode(asked["file"])
     print(json.dumps({"points": contour.points.tolist(), "cells": contour.cells.tolist()}), flush=True)

@@ -35,11 +35,11 @@ function hills(shape, missing) {
   return values;
 }
 
-/** Encode hills with the command `isocodec tile`; returns the name of the file. */
+/** Encode hills with the command `isocodec encode --tile`; returns the name of the file. */
 export function tile(name, shape, options, missing) {
   const field = join(scratch, `${name}.npy`), file = join(scratch, `${name}.iso`);
   writeFileSync(field, npy(shape, missing ? "<f4" : "<i4", hills(shape, missing)));
-  const { status, stderr } = spawnSync(python, ["-m", "isocodec", "tile", field, "-o", file, "--tile", "32", ...options], { cwd: root, encoding: "utf8" });
+  const { status, stderr } = spawnSync(python, ["-m", "isocodec", "encode", field, "-o", file, "--tile", "32", ...options], { cwd: root, encoding: "utf8" });
   if (status) throw new Error(stderr);
   return file;
 }

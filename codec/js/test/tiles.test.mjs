@@ -58,15 +58,15 @@ function border({ n, points, cells }) {
 
 const HOLES = (at) => (at[0] > 20 && at[0] < 45 && at[1] > 30 && at[1] < 50) || at.every((x) => x > 75);
 const FILES = skip ? {} : {
-  exact: tile("exact", [110, 133], ["--isovalue", "5200.5", "--isovalue", "6000", "--exact"]),
+  exact: tile("exact", [110, 133], ["--isovalue", "5200.5", "--isovalue", "6000", "--precision", "exact"]),
   offsets: tile("offsets", [110, 133], ["--isovalue", "5200.5"]),
-  signs: tile("signs", [110, 133], ["--isovalue", "5200.5", "--signs-only", "--profile", "baseline"]),
-  adaptive: tile("adaptive", [110, 133], ["--isovalue", "5200.5", "--tolerance", "1"]),
-  holes: tile("holes", [110, 133], ["--isovalue", "5200.5", "--step", "4"], HOLES),
-  several: tile("several", [2100, 40], ["--isovalue", "8000", "--signs-only"]),
-  space_exact: tile("space_exact", [55, 40, 70], ["--isovalue", "9000", "--exact"]),
-  space_signs: tile("space_signs", [55, 40, 70], ["--isovalue", "9000", "--signs-only", "--profile", "baseline"]),
-  space_holes: tile("space_holes", [55, 40, 40], ["--isovalue", "9000", "--signs-only"], (at) => at[0] > 25 && at[1] < 20),
+  signs: tile("signs", [110, 133], ["--isovalue", "5200.5", "--precision", "signs", "--profile", "baseline"]),
+  adaptive: tile("adaptive", [110, 133], ["--isovalue", "5200.5", "--precision", "1"]),
+  holes: tile("holes", [110, 133], ["--isovalue", "5200.5", "--precision", "step=4"], HOLES),
+  several: tile("several", [2100, 40], ["--isovalue", "8000", "--precision", "signs"]),
+  space_exact: tile("space_exact", [55, 40, 70], ["--isovalue", "9000", "--precision", "exact"]),
+  space_signs: tile("space_signs", [55, 40, 70], ["--isovalue", "9000", "--precision", "signs", "--profile", "baseline"]),
+  space_holes: tile("space_holes", [55, 40, 40], ["--isovalue", "9000", "--precision", "signs"], (at) => at[0] > 25 && at[1] < 20),
 };
 
 for (const [name, file] of Object.entries(FILES)) {
@@ -134,7 +134,7 @@ async function serving(data, { ranges = true, tag = () => '"1"' } = {}) {
 }
 
 /** A large file: hills, exact, some hundred tiles. */
-const LARGE = skip ? undefined : tile("large", [1300, 1400], ["--isovalue", "5200.5", "--exact"]);
+const LARGE = skip ? undefined : tile("large", [1300, 1400], ["--isovalue", "5200.5", "--precision", "exact"]);
 
 test("a window takes few requests, and no more than it needs", { skip }, async () => {
   const data = read(LARGE), server = await serving(data);

@@ -15,7 +15,7 @@ from ..curve import Curve
 
 @dataclass(frozen=True)
 class Ground:
-    """What a map says of the coordinates of a contour.
+    """Coordinates of a contour as a map shows them.
 
     Attributes
     ----------
@@ -40,7 +40,7 @@ class Ground:
     unit: str = "samples"
 
     def written(self, at: float, axis: int, steps: Sequence[float]) -> str:
-        """A coordinate as it stands beside its tick, one of even steps."""
+        """Format the coordinate of a tick, one of even steps."""
         step = abs(steps[1] - steps[0]) if len(steps) > 1 else max(abs(at), 1e-9)
         digits = max(0, -int(np.floor(np.log10(step) + 1e-9)))
         if self.axes[axis] not in (_LONGITUDE, _LATITUDE):

@@ -1,4 +1,4 @@
-"""What notebooks show: a drawing of a few curves in the page itself, and a table of what is known of them."""
+"""Display in notebooks: a drawing of a few curves in the page itself, and a table of what is known of them."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from ..curve import Curve
 from .picture import contour_picture
 
 MOST_POINTS = 50_000
-"""Of curves that are drawn as paths; with more they become a picture."""
+"""Most points of curves that are drawn as paths; with more they become a picture."""
 _SIDE = 480
 """Pixels along the longer side."""
 

@@ -27,7 +27,7 @@ _CROWDED = 5.0
 
 @dataclass(frozen=True)
 class Label:
-    """A text, the middle of where it stands, and its angle in degrees, -90 to 90."""
+    """A text, the middle of its place, and its angle in degrees, -90 to 90."""
 
     text: str
     at: Points
@@ -36,7 +36,7 @@ class Label:
 
 @dataclass
 class Page:
-    """What stands where on a page.
+    """Places that are taken on a page.
 
     Attributes
     ----------
@@ -66,7 +66,7 @@ class Page:
         np.add.at(self.crowd, (row[inside], column[inside]), step)
 
     def free(self, boxes: Points) -> NDArray[np.bool_]:
-        """Of points in boxes, (B, K, 2), whether labels may cover all of them."""
+        """Whether labels may cover all the points in boxes, (B, K, 2)."""
         row, column, inside = self.cells(boxes)
         return np.asarray((inside & ~self.shut[row, column]).all(axis=1))
 
@@ -184,7 +184,7 @@ def _even(line: Points) -> tuple[Points, float]:
 
 
 def _cut(line: Points, gaps: list[tuple[float, float]]) -> list[Points]:
-    """What is left of a line without the parts from one distance along it to another."""
+    """Cut a line: keep what lies before one distance along it, and behind another."""
     far = _far(line)
     edges = [0.0, *(edge for gap in sorted(gaps) for edge in gap), float(far[-1])]
     pieces = []

@@ -37,7 +37,7 @@ _SMALL = 7
 
 @dataclass(frozen=True)
 class Colours:
-    """What a map is drawn in."""
+    """Colours of a map."""
 
     paper: str
     text: str
@@ -53,7 +53,7 @@ DARK = Colours("#16181b", "#d8d8d8", "#c79a63", "#f0c68c", "#0c0d0f", "#4a4e54",
 
 
 @dataclass(frozen=True)
-class Look:
+class MapLook:
     """How a map is to look.
 
     Attributes
@@ -82,7 +82,7 @@ class Map(NamedTuple):
 
 
 def map_picture(
-    contours: Sequence[Curve], suffix: str, look: Look, field: NDArray[Any] | None = None,
+    contours: Sequence[Curve], suffix: str, look: MapLook, field: NDArray[Any] | None = None,
     valid: NDArray[np.bool_] | None = None,
 ) -> Map:
     """Draw the map of the isocontours of a field.
@@ -93,9 +93,9 @@ def map_picture(
         Of one field of two axes.
     suffix : str
         One of `picture.PICTURE_SUFFIXES`.
-    look : Look
+    look : MapLook
     field : (s0, s1) array, optional
-        Its samples, for the shaded relief; without them there is none.
+        Its samples, for the shaded relief; without them the map has no relief.
     valid : (s0, s1) array of bool, optional
         Which samples are not missing; all if not given.
 
@@ -108,7 +108,7 @@ def map_picture(
     """
     first = contours[0]
     if len(first.shape) != 2:
-        raise OptionError("maps are of fields of two axes", code="dimension", remedy="isocodec plot draws surfaces")
+        raise OptionError("a map needs a field of two axes", code="dimension", remedy="isocodec plot draws surfaces")
     ground = ground_of(first)
     figure, axes = _sheet(first, look, ground)
     if field is not None:
@@ -124,7 +124,7 @@ def map_picture(
 # ---- The sheet ------------------------------------------------------------------------------------------------------
 
 
-def _sheet(contour: Curve, look: Look, ground: Ground) -> tuple[Any, Any]:
+def _sheet(contour: Curve, look: MapLook, ground: Ground) -> tuple[Any, Any]:
     """Figure and axes of a map: the same scale along both axes, whatever is written around it."""
     low, high = _extent(contour)
     size = np.maximum(high - low, 1e-300) * [ground.shrinks, 1]
@@ -173,7 +173,7 @@ def _draw_holes(axes: Any, contour: Curve, valid: NDArray[np.bool_], colours: Co
     page.shut_box(_on_page(axes, contour.place(within_holes(valid, page.shut.shape))))
 
 
-def _draw_lines(axes: Any, contours: Sequence[Curve], look: Look, page: Page) -> int:
+def _draw_lines(axes: Any, contours: Sequence[Curve], look: MapLook, page: Page) -> int:
     """Thin lines, thick index lines broken under their labels, and these; returns how many."""
     thick = index_lines([contour.isovalue for contour in contours], look.index)
     thin_lines: list[Points] = []
@@ -252,9 +252,9 @@ def _width(text: str, size: float = _SMALL) -> float:
 
 
 def _write_around(
-    figure: Any, axes: Any, contours: Sequence[Curve], look: Look, ground: Ground, holes: bool
+    figure: Any, axes: Any, contours: Sequence[Curve], look: MapLook, ground: Ground, holes: bool
 ) -> None:
-    """Frame, coordinates, title, what the map says of itself, scale bar."""
+    """Draw frame, coordinates, title, notes and scale bar."""
     ticker = optional("matplotlib.ticker", extra="plot", purpose="drawing a picture")
     colours = look.colours
     for k, axis in enumerate((axes.xaxis, axes.yaxis)):
@@ -330,7 +330,7 @@ def _round_below(number: float) -> float:
     return next((k * power for k in (5, 2) if k * power <= number), power)
 
 
-def _file(figure: Any, suffix: str, look: Look) -> bytes:
+def _file(figure: Any, suffix: str, look: MapLook) -> bytes:
     """The picture; of .svg texts stay texts, and the same map gives the same bytes."""
     matplotlib = optional("matplotlib", extra="plot", purpose="drawing a picture")
     dated = {".svg": {"Date": None}, ".pdf": {"CreationDate": None}}

@@ -203,14 +203,14 @@ def _draw(axes: Any, contour: Curve, pixels: int, view: View) -> None:
     elif len(contour.shape) == 3:
         _draw_surface(axes, contour, pixels, view)
     else:
-        what = f"a field of {len(contour.shape)} axes" if contour.shape else "what lies on a mesh in space"
-        raise OptionError(f"there is no picture of {what}", code="dimension", remedy="decode it to PLY or STL")
+        what = f"a field of {len(contour.shape)} axes" if contour.shape else "a curve or surface on a mesh in space"
+        raise OptionError(f"{what} cannot be drawn", code="dimension", remedy="decode it to PLY or STL")
 
 
 def _draw_mesh(
     axes: Any, contour: Curve, position: np.ndarray, simplices: np.ndarray, view: View = USUAL
 ) -> None:
-    """The triangles under a curve; of a surface the sides of its own triangles, those that look at the viewer."""
+    """Triangles under a curve; for a surface the sides of its triangles that face the viewer."""
     collections = optional("matplotlib.collections", extra="plot", purpose="drawing a picture")
     if _flat(contour) or len(contour.shape) == 2:
         ends = np.unique(np.sort(simplices[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1), axis=0)
@@ -249,7 +249,7 @@ def _draw_curve(axes: Any, contour: Curve) -> None:
 
 
 def _draw_surface(axes: Any, contour: Curve, pixels: int, view: View) -> None:
-    """The surface as a picture of its own: matplotlib sorts whole triangles, and that shows in every fold."""
+    """Draw the surface into a separate picture: matplotlib sorts whole triangles, and that shows in every fold."""
     world = upright(contour)
     flat = _box(contour) @ world.T @ view.screen
     low, high = flat.min(axis=0), flat.max(axis=0)

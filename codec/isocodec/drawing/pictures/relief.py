@@ -1,4 +1,4 @@
-"""What lies under the lines of a map: the field in relief, lit from the upper left, and its holes."""
+"""The ground of a map beneath its lines: the field in relief, lit from the upper left, and its holes."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Where the viewer of a surface stands, and which way is up.
+"""Position of the viewer of a surface, and which way is up.
 
 The world of a picture has x, y and z, z upwards; the front is at +y, as of a patient in a volume whose coordinates are
 right, front and up. With a placement that is the world of the file. Without one, axes 0, 1, 2 of the array run down,
@@ -27,7 +27,7 @@ class View:
     Attributes
     ----------
     azimuth : float
-        Where the viewer stands around the vertical: 0 at the front (+y), 90 on the side of +x, -180 to 360.
+        Position of the viewer around the vertical: 0 at the front (+y), 90 on the side of +x, -180 to 360.
     elevation : float
         How high above the horizon, -90 to 90.
     """

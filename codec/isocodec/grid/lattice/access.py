@@ -123,7 +123,7 @@ def grandchild(t, d, m, side):
 
 @inlined
 def factor(t, d):
-    """What the block of a diamond's member is multiplied by, before the block delta of its child is added."""
+    """Factor for the block of a diamond's member, before the block delta of its child is added."""
     return t[np.uint64(_FACTOR + d)]
 
 

@@ -1,7 +1,7 @@
 """Diamonds: the simplices around a middle, their corners, and the middles that made them (spec clauses 4.4, 4.6).
 
 Corners are held as bits of an integer: 0 and 1 are the ends of the subdivision edge, the ring follows, and the bit
-after the last corner stands for the middle itself.
+after the last corner is the middle itself.
 """
 
 from __future__ import annotations

@@ -101,7 +101,7 @@ def near_ends(implied: Implied, above: NDArray[np.bool_]) -> NDArray[np.int64]:
 def implied_ratio(implied: Implied, above: NDArray[np.bool_], s: NDArray[np.float64]) -> NDArray[np.float64]:
     """Where the edges are crossed, as fractions of the way from their first to their second end, (I,) float64.
 
-    ``s`` (I, m) says the same of the edges from `near_ends` to the corners of the ring.
+    ``s`` (I, m) holds the same for the edges from `near_ends` to the corners of the ring.
     """
     at_a = above[implied.ring] != above[implied.edges[:, :1]]
     half = implied.ring.shape[1] // 2

@@ -1,6 +1,6 @@
 """The cubes of a level, and the places of middles in them: slots (spec clause 5.5.2).
 
-In a cube the middles are told apart by which of their coordinates (in units of g) are odd.
+In a cube the middles differ in which of their coordinates (in units of g) are odd.
 """
 
 from __future__ import annotations

@@ -20,7 +20,7 @@ PAGES, SHIFT, RECENT = 0, 1, 4
 """Places in ``Store.head``: number of pages, the page's edge along the axes (log2), pages remembered."""
 _WAYS = 64
 _Y, _Z = 23, 44
-"""Bits of a page's key from which its second and third coordinate stand."""
+"""Bits of a page's key at which its second and third coordinate begin."""
 _FIRST = 64
 """Pages that a store begins with: small files need no more."""
 _LARGE = 1 << 24
@@ -56,7 +56,7 @@ def new_counts(n: int) -> Store:
 
 
 def new_flags(n: int) -> Store:
-    """The same of entries that take a byte."""
+    """Make a store of entries that take a byte."""
     store = new_store(n)
     return store._replace(pages=store.pages.astype(np.uint8))
 
@@ -80,7 +80,7 @@ class Size(NamedTuple):
     rows: int
 
     def bytes(self, store: Store) -> int:
-        """What a store of this size takes, with pages as in ``store``."""
+        """Bytes of a store of this size, with pages as in ``store``."""
         return self.pages * store.pages.shape[1] * store.pages.itemsize + self.rows * 16
 
 
@@ -113,12 +113,12 @@ def spare(size: int, count: int) -> int:
 
 
 def grown(store: Store, room: int, factor: int = 4) -> Store:
-    """The same store with place for at least ``room`` more pages."""
+    """Enlarge a store by at least ``room`` more pages."""
     return resized(store, size_for(store, room, factor))
 
 
 def resized(store: Store, size: Size) -> Store:
-    """The same store with so many pages and rows of the table, at least as many as it has."""
+    """Resize a store to so many pages and rows of the table, at least as many as it has."""
     used = int(store.head[PAGES])
     table, pages = store.table, store.pages
     if size.pages > len(pages):
@@ -131,7 +131,7 @@ def resized(store: Store, size: Size) -> Store:
 
 
 def copied(store: Store, bits: int) -> Store:
-    """The same store in arrays of its own, with these bits of its entries only."""
+    """Copy the store, with these bits of its entries only."""
     pages = np.zeros_like(store.pages)
     used = int(store.head[PAGES])
     np.bitwise_and(store.pages[:used], bits, out=pages[:used])
@@ -175,7 +175,7 @@ def full(store, room):
 
 @inlined
 def _page(store, x, y, z):
-    """Number of the page of (x, y, z), or, if there is none, -1 less the place in the table where it belongs."""
+    """Number of the page of (x, y, z), or, if it is missing, -1 less the place in the table where it belongs."""
     head = store.head
     x >>= head[SHIFT]
     y >>= head[SHIFT + 1]
@@ -198,7 +198,7 @@ def _page(store, x, y, z):
 
 @inlined
 def page_or_first(store, x, y, z):
-    """Number of the page of (x, y, z), or 0 if there is none."""
+    """Number of the page of (x, y, z), or 0 if it is missing."""
     return max(_page(store, x, y, z), 0)
 
 

@@ -12,7 +12,7 @@ from ...kernel.types import UInt8Volume
 from .store import Flags, get, new_flags
 
 IN, OUT, KEPT, KNOWN = 1, 2, 4, 8
-"""Marks of a lattice point: in the mesh; told not to be in it; kept in this layer; known when it was added."""
+"""Marks of a lattice point: in the mesh; known not to be in it; kept in this layer; known when it was added."""
 GONE = 1
 """Bit of a lattice point that is not a vertex of the mesh."""
 

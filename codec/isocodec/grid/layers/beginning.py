@@ -1,4 +1,4 @@
-"""How the layers of an isovalue begin, for both directions (spec clauses 3.6, 5.9.2)."""
+"""Beginnings of the layers of an isovalue, for both directions (spec clauses 3.6, 5.9.2)."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from ..tube.state import FRAME
 from ..tube.truth import Truth
 
 MOST_SHIFT = 1 << 52
-"""From this distance of isovalues on, in steps, values of the one say nothing of the other (clause 5.9.3)."""
+"""From this distance of isovalues on, in steps, values of the one are no bounds for the other (clause 5.9.3)."""
 
 
 def leaning_coder(header: Header, lean: Tube | None, size: int, frame: bool = False) -> Coder:
@@ -68,7 +68,7 @@ def leaning_tube(
 def mask_tube(
     header: Header, size: int, limits: Limits, truth: Truth | None = None, budget: Budget | None = None
 ) -> Tube:
-    """The tube of a mask, which has models of its own (clause 5.10.1)."""
+    """Make the tube of a mask, which has separate models (clause 5.10.1)."""
     return Tube(header.shape, leaning_coder(header, None, size), limits, truth, budget=budget)
 
 

@@ -68,7 +68,7 @@ class LayerReader:
     tubes : list of Tube or None
         Of all isovalues; the last one's layers come at present.
     progresses : list of Progress
-        Where their programs stand.
+        Positions in their programs.
     beside : list of Tube or None
         Others that have a part in the limits.
     layers : list of Layer
@@ -106,7 +106,7 @@ class LayerReader:
 
     @property
     def _tube(self) -> Tube:
-        """That of the isovalue whose layers come at present."""
+        """The tube of the isovalue whose layers come at present."""
         tube = self._tubes[-1]
         assert tube is not None, "chunks of isovalues that are skipped are not read"
         return tube
@@ -161,7 +161,7 @@ class LayerReader:
         return self.tally()[: len(ELEMENTS)]
 
     def tally(self) -> NDArray[np.int64]:
-        """The same, then predictions and right ones."""
+        """Symbols by syntax element, then predictions and right ones."""
         return sum((tube.tally() for tube in self._tubes if tube), self._dropped)
 
     def _steps(self) -> int:
@@ -302,6 +302,6 @@ class MaskReader(LayerReader):
 
 
 def _listed(tube: Tube) -> int:
-    """What beginning a layer counts to the limit of work: lists over what is there, or over the frame before."""
+    """Work that beginning a layer counts: lists over what is there, or over the frame before."""
     first = tube.lean if tube.follows else None
     return ((first or tube).vertices + (first or tube).simplices) // WORK_LIST

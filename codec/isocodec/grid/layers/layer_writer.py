@@ -37,7 +37,7 @@ def field_tube(
 
 
 def encoded_mask(header: Header, field: Samples, truth: Truth) -> tuple[bytes, Holes]:
-    """The run of a mask (spec clause 5.10.1), and what it says."""
+    """Code the run of a mask (spec clause 5.10.1); the run, and the holes that it describes."""
     tube = mask_tube(header, 1 << 16, Limits(), truth)
     layers = mask_layers(tube.n, tube.full_level)
     plan: list[Entry] = [("base", layers[0].level)]
@@ -55,7 +55,7 @@ class LayerWriter:
     tube : Tube
     plan : sequence of entries
     progress : Progress
-        Where the programs stand when the strand begins.
+        Positions in the programs when the strand begins.
 
     Attributes
     ----------
@@ -173,7 +173,7 @@ class LayerWriter:
     def _encode(
         self, first: int, report: Callable[[], object], enough: float, last: int | None
     ) -> tuple[WritingRun, int, bool]:
-        """Go on with a run of the layers from ``first`` on; the run, the layer that it stands at, and whether it ends.
+        """Go on with a run of the layers from ``first`` on; the run, the layer it has reached, and whether it ends.
         """
         tube = self.tube
         run, i, begun = self._open or (WritingRun(tube.coder), first, 0)

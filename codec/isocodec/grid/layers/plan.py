@@ -18,7 +18,7 @@ from ..tube.truth import Place
 MAX_PROMISE = 1e12
 """Least distance that is too great to be promised, in cells: none is that large."""
 Entry = Sequence[object]
-"""Of a plan: the kind of layer, its number, and what else it takes: see `Encoder`."""
+"""Entry of a plan: the kind of layer, its number, and what else it takes: see `Encoder`."""
 PROMISE = "promise"
 """An entry that makes no layer: what is promised of those before it."""
 _MEMBERS: dict[str, int] = {

@@ -30,7 +30,7 @@ _BASE_2, _BASE_3 = BASE_ROW[2], BASE_ROW[3]
 
 
 class Behind(NamedTuple):
-    """What is expected of the sign behind a gate.
+    """Prediction of the sign behind a gate.
 
     Attributes
     ----------
@@ -54,7 +54,7 @@ class Behind(NamedTuple):
 def see_behind(st, cd, simplex, opp, guess, case, other):
     """List what the main profile sees around the vertex behind a gate (spec clause 7.17).
 
-    ``case`` is the number of its context; what that says beside the prediction's quality has rows of its own.
+    ``case`` is the number of its context; what that holds beside the prediction's quality has separate rows.
     """
     n = dimension(st.grid.tables)
     level, cls, b0, b1, b2 = simplex
@@ -103,7 +103,7 @@ def _spot(st, simplex, j):
 def code_seed(st, cd, simplex, j, other, before, bit):
     """Code the sign of vertex j of a seed, which is ``other`` at the earlier isovalue, or -1 (clause 7.9); as ``code``.
 
-    ``before`` says which signs the simplex has so far.
+    ``before`` holds the signs that the simplex has so far.
     """
     context = ctx.SEED + (max(other, 0) * 4 + before) * 2 + st.base.before
     see_before(st, cd, _spot(st, simplex, j), np.int64(1), SEED, other)

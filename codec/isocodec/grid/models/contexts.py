@@ -80,7 +80,7 @@ _HOLE_PROBABILITY, _HOLE_WEIGHT = (0.95, 0.95, 0.05, 0.05), 2
 
 @inlined
 def hole_context(cd, element, case):
-    """Context of a symbol at a vertex that the mask says is missing (spec clause 5.10)."""
+    """Context of a symbol at a vertex that is missing by the mask (spec clause 5.10)."""
     return len(cd.prob) - HOLES + HOLE_CASES * element + case
 
 

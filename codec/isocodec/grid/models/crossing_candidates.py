@@ -21,8 +21,8 @@ UNIT = 4096
 """Positions on an edge and between edges are counted in parts of this."""
 MEAN, PLANE, VERTEX, CHAIN, RECENT = 0, 1, 9, 10, 14
 """In ``State.candidates``, two numbers each, the place and how well it is known: the mean of all planes', then for each
-plane four; off the full grid what the ends' other edges say, then, for curves, four along the chain of crossings; the
-last different places told."""
+plane four; off the full grid those of the ends' other edges, then, for curves, four along the chain of crossings; the
+last different places coded."""
 LINE, BEFORE, BEHIND, CUBIC = range(4)
 MOST_RECENT = 4
 _POINTS = 64
@@ -34,7 +34,7 @@ _STEEP = UNIT // 8
 
 @record
 class Crossings(NamedTuple):
-    """Edges that carry offsets, and what is told of where they are crossed (spec clause 5.7).
+    """Edges that carry offsets, and what is known of where they are crossed (spec clause 5.7).
 
     Attributes
     ----------
@@ -149,7 +149,7 @@ def _extended(w, at, candidate):
 
 @inlined
 def _cubic(w, c):
-    """The cubic through four crossings, as far as lines through two of them tell it."""
+    """Extrapolate the cubic through four crossings from lines through two of them."""
     o = 2 * c
     known = min(w[o + 1], w[o + 3], w[o + 5])
     if known != NONE:
@@ -211,7 +211,7 @@ def find_candidates(st, beside, crossings, i):
 
 @inlined
 def _find_off_grid(st, beside, crossings, i):
-    """What the ends of an edge of leaves say, and the chain of crossings."""
+    """Collect candidates from the ends of an edge of leaves and from the chain of crossings."""
     w, chain, near, length = st.candidates, beside.chain, beside.near, crossings.length[i]
     u, v = crossings.edges[i, 0], crossings.edges[i, 1]
     if near[u, 1] > 0 and near[v, 1] > 0:
@@ -283,7 +283,7 @@ def _find_on_grid(st, beside, crossings, i, a):
 
 @inlined
 def remember(st, place, rising):
-    """The crossing just told is a candidate for the next ones: it comes first in the list of recent places."""
+    """Make the crossing just coded a candidate for the next ones: it comes first in the list of recent places."""
     w = st.candidates
     place = place if rising else UNIT - place
     o = 2 * RECENT

@@ -1,4 +1,4 @@
-"""Which crossings lie beside an edge, for the main profile (spec clause 7.14)."""
+"""Crossings beside an edge, for the main profile (spec clause 7.14)."""
 
 from __future__ import annotations
 
@@ -18,19 +18,19 @@ HOPS = 4
 
 @record
 class Beside(NamedTuple):
-    """What is looked up around an edge.
+    """Tables around an edge.
 
     Attributes
     ----------
     grid : (V, n) int64
         Number of the edge that leaves a vertex upwards along an axis, or -1; without rows for curves off the full grid.
     near : (V, 2) int64
-        For each vertex, how far the crossings told on its edges lie from it, and their number; without rows on the full
-        grid.
+        For each vertex, how far the crossings known on its edges lie from it, and their number; without rows on the
+        full grid.
     chain : (E, 4) int64
         For curves off the full grid the next two edges on either side, the nearer first, or -1; else without rows.
     place : (E,) int64
-        Where each edge is crossed as far as that is told, from its lower end, in parts of `along.UNIT`; the main
+        Where each edge is crossed as far as that is known, from its lower end, in parts of `along.UNIT`; the main
         profile keeps it up to date.
     """
 
@@ -41,13 +41,13 @@ class Beside(NamedTuple):
 
 
 def nothing_beside(n: int) -> Beside:
-    """Where there are no edges."""
+    """Tables without edges."""
     grid, near, chain = (np.zeros((0, columns), np.int64) for columns in (n, 2, 4))
     return Beside(grid, near, chain, np.zeros(0, np.int64))
 
 
 def beside_grid(st: State, edges: NDArray[np.int64], place: NDArray[np.int64], n: int) -> Beside:
-    """Of the crossed edges of the full grid."""
+    """Make the tables around the crossed edges of the full grid."""
     return Beside(_leaving(st, edges, n), np.zeros((0, 2), np.int64), np.zeros((0, 4), np.int64), place)
 
 
@@ -55,7 +55,7 @@ def beside_leaves(
     st: State, rows: NDArray[np.int64], edges: NDArray[np.int64], place: NDArray[np.int64], parts: NDArray[np.int64],
     length: NDArray[np.int64], n: int,
 ) -> Beside:
-    """Of the edges of leaves; ``rows`` are the crossed edges of all leaves as they come."""
+    """Make the tables around the edges of leaves; ``rows`` are the crossed edges of all leaves as they come."""
     count = int(st.counters.vertices)
     near = np.zeros((count, 2), np.int64)
     told = np.flatnonzero(parts > 1)

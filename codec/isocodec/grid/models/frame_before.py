@@ -1,4 +1,4 @@
-"""What the frame before says of a sign: how its curve has moved nearby, and what that comes to here (spec clause 7.18).
+"""Prediction of a sign from the frame before: how its curve has moved nearby, and where it lies then (clause 7.18).
 
 Softened signs fall from above to below like a field. Where the curve moves, the signs around are those of that field at
 another level: the level at which the fewest known signs nearby are wrong, once if this sign is above, once if below.
@@ -99,7 +99,7 @@ def _margin(wrong, first, level):
 
 @inlined
 def see_before(st, cd, spot, target, kind, other):
-    """Tell the panel what the frame before says of a sign; ``target`` is the sign that a 1 means.
+    """Enter the prediction of a sign from the frame before into the panel; ``target`` is the sign that a 1 means.
 
     ``other`` is the sign in the frame before, or -1.
     """

@@ -7,7 +7,7 @@ import numpy as np
 from ...kernel import inlined
 
 CLASSES = 13
-"""Classes of sizes that rows tell apart, on either side."""
+"""Classes of sizes that rows distinguish, on either side."""
 NONE, ROUGH, FINE = range(3)
 """How well something is known: not, only in part, as well as may be."""
 _AT_ONCE = 13

@@ -1,4 +1,4 @@
-"""What the main profile sees of the vertices around a middle (spec clause 7.12)."""
+"""Contexts from the vertices around a middle in the main profile (spec clause 7.12)."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def nearest_vertices(n: int, phase: int) -> list[tuple[int, ...]]:
 
 
 def _table(n: int) -> NDArray[np.int64]:
-    """The same for all middles, by their coordinates modulo 4: from end to end the edge may run either way."""
+    """Offsets for all middles, by their coordinates modulo 4: from end to end the edge may run either way."""
     table = np.zeros((4**n, AROUND[n], 3), np.int64)
     nearest = [np.array(nearest_vertices(n, phase)) for phase in range(n)]
     for key in range(4**n):
@@ -62,7 +62,7 @@ _SWAPPED = sum((3 - _PATTERN // 3**i % 3) % 3 * 3**i for i in range(GROUP))
 _MIRROR = np.array([_SWAPPED, _PATTERN])
 _PAGES = 2
 _MARGIN = 32
-"""Of the board, in units of g: whole pages, and more than windows reach."""
+"""Margin of the board, in units of g: whole pages, and more than windows reach."""
 
 
 @inlined
@@ -138,7 +138,7 @@ def _places_2(near, table, at, out):
 
 @inlined
 def _places_3(near, table, at, out):
-    """The same for n = 3, a coordinate in 5 bits."""
+    """Places for n = 3, a coordinate in 5 bits."""
     n0, n1, n2, n3, n4, n5, n6, n7 = near[0], near[1], near[2], near[3], near[4], near[5], near[6], near[7]
     for i in range(len(table)):
         s = at + np.int64(table[i])

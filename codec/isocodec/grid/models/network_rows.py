@@ -15,28 +15,28 @@ STATES = CONTEXTS + KINDS * BUCKETS + HOLES
 MOST_ROWS = 256
 # Kinds of symbols that are mixed; each has weights and classes of opinions of its own.
 REFINE_KIND = 0
-"""By phase, whether the edge is crossed; the same where an earlier isovalue has something to say."""
+"""By phase, whether the edge is crossed; the same where an earlier isovalue predicts it."""
 TREE_KIND = 12
 """Nodes, cubes, slots; the same where the isovalue leans on another one."""
 OFFSET_KIND = 18
-"""By how often the part was halved, of edges told for the first time or again; the same off the full grid."""
+"""By how often the part was halved, of edges coded for the first time or again; the same off the full grid."""
 LEAN_KIND = 30
 """By how often the part was halved, where the edge is crossed at an earlier isovalue, too, on and off the full grid."""
 VALUE_KIND = 36
-"""By bits of the number told so far: none that is 1, one, more."""
+"""By bits of the number coded so far: none that is 1, one, more."""
 MESH_KIND = 39
 """By what is asked: on a path, of a simplex that may be coarser or finer, whether to split a leaf."""
 BASE_KIND = 43
-"""By phase, of the signs behind gates; the same where an earlier isovalue has something to say."""
+"""By phase, of the signs behind gates; the same where an earlier isovalue predicts them."""
 # Networks, in the order of their rows.
 SIGN_NET, TREE_NET, OFFSET_NET, LEAF_NET, VALUE_NET, MESH_NET, BASE_NET = np.array([0, 3, 4, 5, 6, 7, 8])
-"""Of signs there is one for each phase; n = 2 leaves the third without rows. Of offsets, on and off the full grid."""
+"""Signs have one for each phase; n = 2 leaves the third without rows. Offsets have one on and one off the full grid."""
 AROUND = {2: 96, 3: 112}
 """Vertices around a middle that a sign's network sees."""
 MANNER_ROWS = 38
-"""Of these, what kind of curve it has been so far."""
+"""Rows of these for the kind of curve that it has been so far."""
 EARLIER_ROWS = 60
-"""Of these, what an earlier isovalue says."""
+"""Rows of these for what an earlier isovalue predicts."""
 AROUND_ROW = 10
 """First of their rows in its network."""
 SIGN_ROWS = {n: AROUND_ROW + 2 * AROUND[n] + MANNER_ROWS + EARLIER_ROWS for n in AROUND}
@@ -68,7 +68,7 @@ BASE_ROWS = {n: 18 + 2 * BEHIND[n] * n * (n + 1) for n in AROUND}
 GROUP = 4
 """Vertices around a middle, one after the other, that have one row together."""
 PATTERNS = 3**GROUP
-"""Of each of them 0 stands for no row, 1 and 2 for its first and second; the first of the group counts once, the next
+"""For each of them 0 is no row, 1 and 2 are its first and second; the first of the group counts once, the next
 three times, and so on."""
 AROUND_SUMS = {n: AROUND[n] // GROUP * PATTERNS for n in AROUND}
 AROUND_SUM = ROWS

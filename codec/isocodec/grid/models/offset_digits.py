@@ -31,7 +31,7 @@ def _number_from_below(crossings, i):
 
 @inlined
 def _recent_sides(st, crossings, i, radix):
-    """Of the last two different places: 0 if off the parts that are left, 1 if in their first half, 2 in the second.
+    """Sides of the last two different places: 0 off the parts that are left, 1 in their first half, 2 in the second.
 
     The first counts three times. Parts are counted from the end that is below.
     """
@@ -52,7 +52,7 @@ def _see_along(st, cd, crossings, i, radix, nearer):
     """List what is known of whether the crossing lies in the second half of the parts that are left.
 
     Parts and places are counted from the end that is below. ``nearer`` of the parts are nearer than that half to the
-    crossing of the earlier isovalue, -1 if there is none.
+    crossing of the earlier isovalue, -1 without one.
     """
     walk, parts, rising = st.digit, crossings.parts[i], crossings.rising[i]
     low, high, span = walk.low, walk.high, walk.span
@@ -99,7 +99,7 @@ def _guessed(st):
 
 @inlined
 def _near_context(st, crossings, i, radix, context):
-    """The context below ``context`` that says where the guessed place lies; ``context`` if nothing is guessed."""
+    """The context below ``context`` for where the guessed place lies; ``context`` if nothing is guessed."""
     walk, parts = st.digit, crossings.parts[i]
     place, known = _guessed(st)
     if known == NONE:

@@ -1,4 +1,4 @@
-"""Signs of middles: the parabola's say and what the main profile sees (spec clauses 7.6, 7.12)."""
+"""Signs of middles: prediction by the parabola, and what the main profile sees (spec clauses 7.6, 7.12)."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ FAR = 64
 
 
 class Expected(NamedTuple):
-    """What is expected of the sign of a middle (spec clause 7.6).
+    """Prediction of the sign of a middle (spec clause 7.6).
 
     Attributes
     ----------
@@ -37,7 +37,7 @@ class Expected(NamedTuple):
     guess : int
         The sign that is likely.
     said : int
-        What the parabola says of that: 1 another one, 2 the same, 0 nothing.
+        What the parabola predicts: 1 another one, 2 the same, 0 nothing.
     context : int
     case : int
         That of its context where the middle is missing.
@@ -89,7 +89,7 @@ def half_of(st, diamond, end):
 
 @inlined
 def _side_of(st, diamond):
-    """What the parabola says of an edge that is crossed: 1 in the half at end 0, 2 at end 1, 0 no prediction."""
+    """Predict by the parabola the half in which an edge is crossed: 1 at end 0, 2 at end 1, 0 no prediction."""
     a = half_of(st, diamond, np.int64(0))
     b = half_of(st, diamond, np.int64(1))
     case = nearer(st.trail, st.refinement.points, 1, (2 * diamond.w0, 2 * diamond.w1), a, b, False)
@@ -98,7 +98,7 @@ def _side_of(st, diamond):
 
 @inlined
 def _expect_crossed(st, diamond, seen):
-    """Where the ends of the edge differ: the sign of most of the ring, or the parabola's; what that says; contexts."""
+    """Where the ends of the edge differ: the sign of most of the ring, or the parabola's; its prediction; contexts."""
     first = seen.above & 1
     size, count = ring(seen.corners, seen.above, np.int64(1))
     guess = first
@@ -129,7 +129,7 @@ def _expect_border(st, diamond, seen):
 
 @inlined
 def expected_sign(st, diamond, seen):
-    """What is expected of the sign of a middle, of what is seen of its diamond, inferred signs included."""
+    """Predict the sign of a middle from what is seen of its diamond, inferred signs included."""
     crossed = (seen.above & 1) != (seen.above >> 1) & 1
     guess, said, context, case = _expect_crossed(st, diamond, seen) if crossed else _expect_border(st, diamond, seen)
     return Expected(crossed, guess, said, context, case)
@@ -184,7 +184,7 @@ def ready(st, cd):
 def code_middle(st, cd, diamond, expected, before, hole, bit):
     """Code whether a middle has the expected sign, or, between ends of one sign, the other one; as ``code``.
 
-    ``hole`` says whether the middle is missing.
+    ``hole`` is set if the middle is missing.
     """
     context = expected.context
     if hole:

@@ -1,4 +1,4 @@
-"""What the main profile sees of where new components may be: how many vertices are known nearby (spec clause 7.13).
+"""Contexts for new components in the main profile: how many vertices are known nearby (spec clause 7.13).
 
 Counts are kept for the cells of every power of two of samples: of vertices known before the round, and of new
 components found so far, which cluster.
@@ -86,7 +86,7 @@ def code_significance(st, cd, node, want):
 
 @inlined
 def _place(st, size):
-    """Where cells of ``2**size`` samples lie in the store, with room for neighbours that there are not."""
+    """Places of cells of ``2**size`` samples in the store, with room for neighbours outside the box."""
     return np.int64(4) << (st.grid.exponent - size)
 
 

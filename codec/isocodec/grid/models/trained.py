@@ -41,7 +41,7 @@ _LINE = 64
 
 
 def members(n: int) -> NDArray[np.int16]:
-    """Rows of the networks that each row stands for, the sums included; -1 for none."""
+    """Rows of the networks that each row adds up, the sums included; -1 for none."""
     found = np.full((CELL_SUM[n] + CELL_SUMS * CELLS[n], GROUP), -1, np.int16)
     found[: ROWS[n], 0] = np.arange(ROWS[n])
     number = np.arange(AROUND[n]).reshape(-1, 1, GROUP)
@@ -92,7 +92,7 @@ def _begun(n: int) -> tuple[NDArray[np.int64], NDArray[np.int64], Blend]:
 
 
 def shipped_models(n: int) -> tuple[NDArray[np.int64], NDArray[np.int64], Blend]:
-    """The same, of the normative tables; what a file changes is its own."""
+    """Make the models from the normative tables; copies, which a file may change."""
     prob, seen, blend = _begun(n)
     blend = blend._replace(mix=blend.mix.copy(), row=blend.row.copy(), panel=no_panel())
     return prob.copy(), seen.copy(), blend

@@ -1,4 +1,4 @@
-"""What the main profile sees of a value: the values at samples nearby, as far as they are told (spec clause 7.15).
+"""Contexts of a value in the main profile: the values at samples nearby, as far as known (spec clause 7.15).
 
 Whether a sample nearby is there is as good as random, and a branch that cannot be foreseen takes longer than what it
 would save: everything is computed, and what is not known is overwritten.
@@ -26,16 +26,16 @@ from .network_rows import VALUE_KIND, VALUE_NET, VALUE_ROW, VALUE_SLOTS
 
 @record
 class Nearby(NamedTuple):
-    """What is looked up around the values of a list, and what an earlier isovalue says of them.
+    """Tables around the values of a list, and bounds from an earlier isovalue.
 
     Attributes
     ----------
     near : (A, S) int32
         See `nearby_samples`; without rows off the full grid.
     told : (A + 1,) int64
-        What is told of each value of the list (`packed`), and last what stands for all others; likewise.
+        What is known of each value of the list (`packed`), and last the entry for all others; likewise.
     least, most : (V,) int64
-        What the numbers of all vertices are at least and at most; without rows where nothing says so.
+        Bounds of the numbers of all vertices; without rows where none are known.
     """
 
     near: Int32Matrix
@@ -83,12 +83,12 @@ _FIRST_2, _FIRST_3 = VALUE_ROW[2], VALUE_ROW[3]
 _SLOTS_2, _SLOTS_3 = VALUE_SLOTS[2], VALUE_SLOTS[3]
 _LACK_BITS = 6
 UNKNOWN = (1 << _LACK_BITS) - 1
-"""In place of the bits that a value lacks: nothing is told of it. As a packed number it stands for such a value."""
+"""In place of the bits that a value lacks: nothing is known of it. As a packed number it marks such a value."""
 
 
 @inlined
 def packed(st, number, left, v):
-    """What is told of the value at a vertex, in one number: twice the middle of where it may lie, and bits it lacks."""
+    """Pack what is known of the value at a vertex: twice the middle of where it may lie, and the bits it lacks."""
     middle = (2 * number[v] + 1) << left[v]
     return (middle if st.vertex[v, 3] else -middle) << _LACK_BITS | left[v]
 
@@ -168,9 +168,9 @@ def see_nearby(st, cd, nearby, i, number, v, p):
 
 @inlined
 def _guessed(st, nearby, v):
-    """Twice the number of vertex v, the present one of the list, as its neighbours have it; -1 if they say nothing.
+    """Predict twice the number of vertex v, the present one of the list, from its neighbours; -1 if they cannot.
 
-    The mean of what lines along axes and planes through three corners of a square say, and of the mean of the
+    The mean of what lines along axes and planes through three corners of a square predict, and of the mean of the
     neighbours on the same side of the isovalue; without any of these, of lines through two samples on one side.
     """
     n = dimension(st.grid.tables)

@@ -1,4 +1,4 @@
-"""Adaptive meshes: what is known of them, what brings a vertex in, what leaves say (spec clauses 4.7, 5.8)."""
+"""Adaptive meshes: what is known of them, what brings a vertex in, what follows from leaves (spec clauses 4.7, 5.8)."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from ..tube.state import LEVEL_SYMBOL, STEP_VERTICES
 from .bisection import look
 
 BARRED = -16
-"""What a question returns, beside what the coder does, if it cannot be asked."""
+"""Status of a question that cannot be asked, beside those of the coder."""
 ANCESTOR = 32
 """Steps that looking at an ancestor counts as: it takes about as long as so many of inference."""
 
@@ -45,8 +45,8 @@ def mixed(st, level, x, y, z):
 def closure(st, level, x, y, z, free):
     """List in ``State.path`` the middle at (x, y, z) and all ancestors that the mesh lacks; their number.
 
-    With ``free`` 0 an ancestor that would need a symbol of its own bars the middle, and so does, with ``free`` 1, one
-    that was told not to be in the mesh: ``BARRED``. Ancestors looked at count as steps (``tired``).
+    With ``free`` 0 an ancestor that would need another symbol bars the middle, and so does, with ``free`` 1, one
+    that is known not to be in the mesh: ``BARRED``. Ancestors looked at count as steps (``tired``).
     """
     n = dimension(st.grid.tables)
     t = st.grid.tables
@@ -108,7 +108,7 @@ def admit(st, count):
 
 @inlined
 def told(st, level, x, y, z):
-    """Whether a middle is in the mesh, as far as a base has told: 1, 0, or -1 for not yet."""
+    """Whether a middle is in the mesh, as far as a base has coded that: 1, 0, or -1 for not yet."""
     if level < st.counters.uniform:
         return 1
     if level >= st.counters.finest:
@@ -136,7 +136,7 @@ def told(st, level, x, y, z):
 
 @inner
 def tell(st, cd, what, level, x, y, z, context):
-    """Learn whether a middle is in the mesh: 1 or 0, or what the coder says, or GROW.
+    """Learn whether a middle is in the mesh: 1 or 0, or the coder's status, or GROW.
 
     A vertex of the mesh brings its ancestors with it.
     """
@@ -165,7 +165,7 @@ def tell(st, cd, what, level, x, y, z, context):
 
 @inner
 def settle(st, level, cls, b0, b1, b2):
-    """Mark what a leaf says of the mesh: its newest vertex is in it, its middle is not. 0, GROW or BARRED."""
+    """Mark what follows from a leaf: its newest vertex is in the mesh, its middle is not. 0, GROW or BARRED."""
     n = dimension(st.grid.tables)
     x, y, z = middle_at(st.grid, level, cls, b0, b1, b2)
     if level < st.counters.finest:

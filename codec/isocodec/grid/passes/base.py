@@ -2,7 +2,7 @@
 
 Rows C2-localise, C2-uniform-base, C2-adaptive-base, S3-dfs. The pass is a small machine over its registers; every
 step codes at most one symbol and changes nothing before the symbol is there, so that it can stop and resume at any.
-A uniform base is an adaptive one that has nothing to tell about levels.
+A uniform base is an adaptive one without symbols for levels.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ from .gates import implied_corner, learn_corner, push_gates, traverse, trouble, 
 
 _ORIGIN, _COMPONENT, _ROOT, _LOCATE, _SIGNS, _TRAVERSE, _DONE = range(7)
 _ON = 0
-"""What a phase returns that has made a step."""
+"""Status of a phase that has made a step."""
 
 NO_START, NOT_CROSSED = 1, 3
 """Errors: a component begins in a simplex that does not exist or was visited before; in one that the curve does not

@@ -19,7 +19,7 @@ from ..tube.state import entry, learn
 
 
 class Known(NamedTuple):
-    """What is known of a diamond.
+    """Known part of a diamond.
 
     Attributes
     ----------
@@ -40,7 +40,7 @@ class Known(NamedTuple):
 
 @inner
 def look(st, diamond):
-    """What is known of a diamond."""
+    """Look up what is known of a diamond."""
     edge, kind = diamond.edge, diamond.kind
     w0, w1, w2 = diamond.w0, diamond.w1, diamond.w2
     whole, members, corners = existing(st.grid, edge, diamond.phase, kind, w0, w1, w2)
@@ -70,13 +70,13 @@ def look(st, diamond):
 
 @inlined
 def with_signs(seen, above):
-    """The same with other signs: inferred ones included."""
+    """Replace the signs of a diamond: inferred ones included."""
     return Known(seen.whole, seen.members, seen.corners, seen.known, above)
 
 
 @inlined
 def with_middle(st, diamond, seen, sign):
-    """The same with the middle known: its bit is the one after the last corner's."""
+    """Add the middle of a diamond as known: its bit is the one after the last corner's."""
     middle = np.int64(1) << corner_count(st.grid.tables, diamond.kind)
     above = seen.above | middle if sign else seen.above
     return Known(seen.whole, seen.members, seen.corners, seen.known | middle, above)

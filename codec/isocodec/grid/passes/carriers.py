@@ -12,7 +12,7 @@ from ..tube.holes import on_whole_cell
 from ..tube.state import State
 
 VERTEX_ACTIVE = 8
-"""Bit of a vertex's mark that says it is in the list; bits 0 to 2 are the grid edges that leave it upwards."""
+"""Bit of a vertex's mark that is set if it is in the list; bits 0 to 2 are the grid edges that leave it upwards."""
 
 
 @kernel

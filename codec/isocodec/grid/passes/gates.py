@@ -20,7 +20,7 @@ from ..tube.state import BASE_SIGN, GATE, PREDICTED, PREDICTED_RIGHT, corner_ent
 from .adaptive_mesh import BARRED, settle, tell
 
 CONTRADICTED = 6
-"""Error: a leaf contradicts what was told of the mesh."""
+"""Error: a leaf does not fit the mesh coded so far."""
 
 
 @inlined
@@ -32,7 +32,7 @@ def learn_corner(st, level, cls, b0, b1, b2, j, sign):
 
 @inner
 def trouble(st, status):
-    """What the pass returns when a question about the mesh was not answered."""
+    """Status of the pass when a question about the mesh was not answered."""
     if status == BARRED:
         st.counters.error = CONTRADICTED
         return BAD
@@ -41,7 +41,7 @@ def trouble(st, status):
 
 @inner
 def implied_corner(st, level, cls, b0, b1, b2, j):
-    """What ``implied`` says of vertex j of a simplex."""
+    """Result of ``implied`` for vertex j of a simplex."""
     x, y, z = position(
         edge_of(st.grid, level), b0, b1, b2, vertex(st.grid.tables, level % dimension(st.grid.tables), cls, j)
     )
@@ -57,7 +57,7 @@ def _behind_is_missing(st, edge, r, cls, b0, b1, b2, j):
 
 @inner
 def traverse(st, cd, mark):
-    """What lies behind the gate on top of the stack (spec clauses 5.3.4, 5.8.3)."""
+    """Find what lies behind the gate on top of the stack (spec clauses 5.3.4, 5.8.3)."""
     n = dimension(st.grid.tables)
     walk = st.base
     encoding = cd.reg.mode == ENCODE
@@ -141,7 +141,7 @@ _EQUAL = np.int64(-1)
 
 @inlined
 def _question(n, level, opp):
-    """What there is to ask about the level behind a gate (design of the alphabets, spec clause 5.8.3)."""
+    """Question about the level behind a gate (design of the alphabets, spec clause 5.8.3)."""
     if opp == newest(n, level % n):
         return COARSER
     if opp == 0 or opp == n - level % n:
@@ -151,7 +151,7 @@ def _question(n, level, opp):
 
 @inner
 def behind(st, cd, level, cls, b0, b1, b2, opp):
-    """Find the leaf behind a gate, leaving it in the registers: 0, or what ``tell`` or ``settle`` say."""
+    """Find the leaf behind a gate, leaving it in the registers: 0, or what ``tell`` or ``settle`` return."""
     n = dimension(st.grid.tables)
     r = level % n
     walk = st.base
@@ -186,7 +186,7 @@ def behind(st, cd, level, cls, b0, b1, b2, opp):
 
 @inlined
 def _cell(st, level, cls, b0, b1, b2):
-    """Place of a simplex in the store of visited ones, a region of its own for every level, and its bit."""
+    """Place of a simplex in the store of visited ones, which has a region for every level, and its bit."""
     n = dimension(st.grid.tables)
     number, p0, p1, p2 = cube(st.grid.tables, level % n, cls)
     size = level // n

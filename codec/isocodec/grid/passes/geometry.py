@@ -1,4 +1,4 @@
-"""What geometry has told: numbers of the values at vertices, or parts of crossed edges (spec clauses 5.6, 5.7, 5.9)."""
+"""Geometry decoded so far: numbers of the values at vertices, or parts of crossed edges (clauses 5.6, 5.7, 5.9)."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ MOST_TAKEN = 1 << 53
 
 
 class Estimates:
-    """What layers of geometry have told of one isovalue.
+    """Geometry of one isovalue from its layers so far.
 
     Parameters
     ----------
@@ -43,7 +43,7 @@ class Estimates:
     lean : tuple of Estimates and State, or None
         Those of the earlier isovalue, complete.
     shift : int or None
-        How many whole steps above that isovalue this one lies; None if values of the one say nothing of the other.
+        How many whole steps above that isovalue this one lies; None if values of the one do not bound the other.
 
     Attributes
     ----------
@@ -57,9 +57,9 @@ class Estimates:
     parts, offset : (E,) int64
         Parts of each, and the number of the one that holds the crossing.
     place : function of (E, n) int64, (E, n) int64 to (E,) int64, or None
-        Encoder: where edges are to be crossed, instead of what the field says (``Truth.crossing``).
+        Encoder: where edges are to be crossed, instead of where the field crosses them (``Truth.crossing``).
     slack : function like ``place``, or None
-        Encoder: how far from there the next layer of offsets may tell the crossings to be, in the same unit.
+        Encoder: how far from there the next layer of offsets may place the crossings, in the same unit.
     """
 
     def __init__(
@@ -98,7 +98,7 @@ class Estimates:
         self._budget = budget
 
     def rest(self) -> None:
-        """No further layer will come: only what has been told is kept."""
+        """Let go of what only further layers need: the layers decoded stay."""
         self._near = np.zeros((0, 0), np.int32)
         self._active = self._told = self._least = self._most = NOTHING
         self._length = self._target = self._slack = NOTHING
@@ -166,7 +166,7 @@ class Estimates:
         self._hold(0)
 
     def _take_values(self, st: State, first: int, end: int) -> None:
-        """What the earlier isovalue knows of the values of vertices ``first`` to ``end`` (spec clause 5.9.5)."""
+        """Take what the earlier isovalue knows of the values of vertices ``first`` to ``end`` (spec clause 5.9.5)."""
         if self._lean is None or self._shift is None or not len(self._lean[0].number):
             return
         earlier, other = self._lean

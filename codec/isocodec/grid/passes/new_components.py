@@ -1,7 +1,7 @@
 """New components: added vertices that differ from all corners of their diamond (spec clause 5.5).
 
-Their set is coded as a pruned tree over the cubes of the level, in time by their number. In a cube the middles are
-told apart by which of their coordinates (in units of g) are odd: the slots.
+Their set is coded as a pruned tree over the cubes of the level, in time by their number. In a cube the middles
+differ in which of their coordinates (in units of g) are odd: the slots.
 """
 
 from __future__ import annotations

@@ -29,7 +29,7 @@ class NodeGrid:
     counts : tuple of int
         Nodes along each axis; 1 along an axis that the coordinate does not depend on.
     period : int
-        In units; 0 if there is none.
+        In units; 0 if not periodic.
     """
 
     counts: tuple[int, ...]
@@ -65,7 +65,7 @@ def encode_run(
 def _encoded(
     grids: Sequence[NodeGrid], goals: Sequence[NDArray[np.int64]], free: Sequence[NDArray[np.bool_]], room: int
 ) -> tuple[bytes, list[NDArray[np.int64]]] | None:
-    """The same in so many bytes; None if these are too few."""
+    """Encode in so many bytes; None if these are too few."""
     run = WritingRun(_coder(len(grids)))
     run.room(room // 2)
     values = []

@@ -1,6 +1,6 @@
 """Coordinates of the samples: each node predicted from nodes twice as far apart (spec clause 3.7.4).
 
-Coordinates are smooth, so that nearly all that is sent says: as predicted. Nodes come in steps from far apart to next
+Coordinates are smooth, so that nearly all symbols are: as predicted. Nodes come in steps from far apart to next
 to each other; the nodes of a step are predicted along one axis from those that are there, with cubic interpolation
 where there are two on either side.
 """
@@ -30,7 +30,7 @@ CONTEXT = Layout({
     "SIGN": (GRADES, 0.5, 1),
     "EXPONENT": (MOST_EXPONENT + 1, 0.5, 1),
 })
-"""Of one coordinate."""
+"""Contexts of one coordinate."""
 ZERO, SIGN, EXPONENT = CONTEXT.firsts("ZERO", "SIGN", "EXPONENT")
 AXES = 3
 
@@ -60,7 +60,7 @@ def nearest(difference, period):
 
 @inner
 def predicted(value, at, step, place, count, period):
-    """What is expected at a node, ``step`` entries behind the last known one along an axis (spec clause 3.7.4(5)).
+    """Prediction at a node, ``step`` entries behind the last known one along an axis (spec clause 3.7.4(5)).
 
     ``place`` is its number and ``count`` that of all along the axis, in steps.
     """
@@ -170,7 +170,7 @@ def code_coordinate(cd: Coder, nodes: Nodes, period: int, first: int) -> int:
     cd : Coder
     nodes : Nodes
     period : int
-        In units; 0 if there is none.
+        In units; 0 if not periodic.
     first : int
         Its first context.
 

@@ -58,7 +58,7 @@ def _choice(walk, crossings, i, radix, wanted, slack):
 
 @inlined
 def _earlier_part(st, crossings, i, radix):
-    """Part that holds the earlier isovalue's crossing, counted from the end that is below, or -1 if there is none."""
+    """Part that holds the earlier isovalue's crossing, counted from the end that is below, or -1 without one."""
     if not _leans(crossings, i):
         return np.int64(-1)
     number, parts, rising = crossings.earlier[i, 0], crossings.earlier[i, 1], crossings.rising[i]
@@ -87,7 +87,7 @@ def _begin(st, beside, crossings, i, radix, earlier):
 def _halve(st, cd, crossings, i, radix, earlier, wanted, slack):
     """One symbol of a digit: which half of the parts left holds the crossing.
 
-    Parts are counted from the end that is below. Returns what the coder says.
+    Parts are counted from the end that is below. Returns the coder's status.
     """
     walk = st.digit
     bit = np.int64(0)
@@ -128,7 +128,7 @@ def offsets(
 ) -> int:
     """Divide the part of every edge that holds its crossing until there are ``target`` in ``2**unit`` samples (5.7.3).
 
-    ``wanted`` are the encoder's offsets as 30-bit fractions. It may tell a part whose middle is at most ``slack`` from
+    ``wanted`` are the encoder's offsets as 30-bit fractions. It may code a part whose middle is at most ``slack`` from
     there instead of the one that holds the crossing: the more probable of those.
     """
     walk = st.digit

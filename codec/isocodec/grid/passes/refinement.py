@@ -97,7 +97,7 @@ def _bisect_known(st, diamond, leaf, sign):
 
 @inlined
 def _split(st, cd, diamond):
-    """Refine or Keep: IN if the middle is in the mesh, KEPT if not, or what the coder says, or GROW.
+    """Code Refine or Keep: IN if the middle is in the mesh, KEPT if not, or the coder's status, or GROW.
 
     Keep bars the middle and its descendants until the layer's end; what its refinement implies costs nothing.
     """
@@ -176,7 +176,7 @@ def go_on(st: State, cd: Coder, more: int) -> int:
 
 @inlined
 def _sign(st, cd, diamond, seen):
-    """The sign of a middle, as an earlier isovalue implies it or as it is coded; or what the coder says."""
+    """The sign of a middle, as an earlier isovalue implies it or as it is coded; or the coder's status."""
     x, y, z = middle_position(diamond)
     sign, other = implied(st, x, y, z)
     if sign >= 0:

@@ -39,7 +39,7 @@ _SEED = 20
 _REASONS = {
     base_pass.NO_START: ("5.3.2", "a component starts in a simplex that does not exist or was visited before"),
     base_pass.NOT_CROSSED: ("5.3.3", "a component starts in a simplex that the curve does not cross"),
-    gates.CONTRADICTED: ("5.8.2", "a leaf contradicts what was told of the mesh"),
+    gates.CONTRADICTED: ("5.8.2", "a leaf does not fit the mesh coded so far"),
     new_components.UNPLACED: ("5.5", "a new component could not be placed"),
 }
 """Clause and message of each error of a pass."""
@@ -65,7 +65,7 @@ class Tube:
     side : int
         1 if it lies above that isovalue, -1 if below; ``FRAME`` if that is one of an earlier frame.
     holes : Holes, optional
-        The mask that says which samples are missing, complete (spec clause 5.10).
+        The mask of missing samples, complete (spec clause 5.10).
     budget : Budget, optional
         To which the memory of the decoded state is counted; an encoder's is not.
     """
@@ -381,7 +381,7 @@ class Tube:
 
 
 def out_of_steps(limits: Limits) -> LimitError:
-    """What is raised where the steps that are allowed are used up."""
+    """Error to raise when the steps allowed are used up."""
     return LimitError(
         f"inferring signs and ancestors takes more than {limits.steps} steps", code="limit-steps", clause="11.2"
     )

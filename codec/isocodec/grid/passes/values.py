@@ -48,7 +48,7 @@ def values(
 
 @kernel
 def enter_told(st: State, active: IntVector, number: IntVector, left: IntVector, told: IntVector) -> None:
-    """Enter what is told of the vertices of a list, and behind them what stands for all others."""
+    """Enter what is known of the vertices of a list, and behind them the entry for all others."""
     for i in range(len(active)):
         told[i] = packed(st, number, left, np.uint64(active[i]))
     told[len(active)] = UNKNOWN

@@ -1,1 +1,1 @@
-"""What is known of one isovalue while it is coded: vertices, leaves, marks of the mesh (spec clause 5.1)."""
+"""State of one isovalue while it is coded: vertices, leaves, marks of the mesh (spec clause 5.1)."""

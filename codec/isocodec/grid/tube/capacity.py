@@ -53,7 +53,7 @@ def first_state(
     side: int,
     hole: Lean | None = None,
 ) -> State:
-    """What is known of an isovalue of which nothing is told.
+    """State of an isovalue of which nothing is decoded.
 
     Parameters
     ----------
@@ -88,13 +88,13 @@ def first_state(
 
 @cache
 def no_lean(n: int) -> Lean:
-    """What the kernels see where there is no earlier isovalue."""
+    """View for kernels without an earlier isovalue."""
     empty = Grid(mesh_tables(n), 0, 0, 0, 0)
     return Lean(empty, Counters(), np.zeros(2, np.int64), new_store(n), new_store(n), NOTHING, NOTHING)
 
 
 def _lean(earlier: State | None, n: int) -> Lean:
-    """What the kernels see of the earlier isovalue: values only where they are whole steps of the same scale."""
+    """View of the earlier isovalue for kernels: values only where they are whole steps of the same scale."""
     if earlier is None:
         return no_lean(n)
     return Lean(earlier.grid, earlier.counters, earlier.value_bits, earlier.known, earlier.mesh, NOTHING, NOTHING)
@@ -110,14 +110,14 @@ def state_bytes(st: State, mark: Store) -> int:
 def wider_state(
     st: State, mark: Store, walking: bool, limits: Limits, hold: Callable[[int, int], None]
 ) -> tuple[State, Store]:
-    """The same state with room for the next steps of any pass, and the store of visited simplices.
+    """Enlarge the state for the next steps of any pass, and the store of visited simplices.
 
     Parameters
     ----------
     walking : bool
         Whether the pass is a base, which needs its stack and that store.
     hold : callable
-        Told, before anything is allocated, how many bytes there will be, and how many more while arrays are copied.
+        Called before anything is allocated with the bytes there will be, and those more while arrays are copied.
 
     Raises
     ------
@@ -169,7 +169,7 @@ def wider_state(
 
 
 def at_rest(st: State) -> State:
-    """The same state without what only further layers need: what it says, and what others may lean on, stays."""
+    """Copy the state without what only further layers need; the mesh, and what others may lean on, stays."""
     n = int(st.grid.tables[0])
     return st._replace(
         crowd=new_counts(n), board=new_board(n), below=st.below[:0].copy(), path=st.path[:0].copy(),
@@ -178,7 +178,7 @@ def at_rest(st: State) -> State:
 
 
 def filled(kernel: Callable[[NDArray[np.int64]], int]) -> NDArray[np.int64]:
-    """What a kernel writes into an array that it fills as far as it goes, returning how much it has."""
+    """Output of a kernel that fills an array as far as it goes, and returns how much it has."""
     out = np.empty(1024, np.int64)
     count = kernel(out)
     if count > len(out):
@@ -188,7 +188,7 @@ def filled(kernel: Callable[[NDArray[np.int64]], int]) -> NDArray[np.int64]:
 
 
 def wider(array: NDArray, size: int) -> NDArray:
-    """The same array with ``size`` rows, those further on zero; itself if it has as many."""
+    """Extend an array to ``size`` rows, the new ones zero; the array itself if it has as many."""
     if size == len(array):
         return array
     out = np.zeros((size, *array.shape[1:]), array.dtype)

@@ -1,7 +1,7 @@
-"""Missing samples, as the mask says them: of vertices, of edges, of unit cells (spec clause 5.10).
+"""Missing samples by the mask: of vertices, of edges, of unit cells (spec clause 5.10).
 
 The mask is the tubular neighbourhood of an isovalue between missing (0) and valid (1), on the full grid. Its sparse
-state says of any sample which it is, by inference, in as many steps as there are levels: its base is coarse.
+state yields for any sample which it is, by inference, in as many steps as there are levels: its base is coarse.
 """
 
 from __future__ import annotations
@@ -90,7 +90,7 @@ class Holes:
         self.lean = Lean(state.grid, counters, np.zeros(2, np.int64), state.known, state.mesh, numbers, numbers)
 
     def whole_cells(self, low: NDArray[np.int64]) -> NDArray[np.bool_]:
-        """Of unit cells, by their lowest corners (C, n), which lie in the box and have no missing corner, (C,) bool."""
+        """Whether unit cells, by their lowest corners (C, n), lie in the box without a missing corner, (C,) bool."""
         padded = np.zeros((len(low), AXES), np.int64)
         padded[:, : low.shape[1]] = low
         out = np.empty(len(low), np.bool_)
@@ -99,7 +99,7 @@ class Holes:
 
 
 def whole_cells_of(gone: NDArray[np.bool_], low: NDArray[np.int64]) -> NDArray[np.bool_]:
-    """As `Holes.whole_cells`, from all samples: ``gone`` is where they are missing."""
+    """Find whole cells as `Holes.whole_cells` does, from all samples: ``gone`` is where they are missing."""
     inside: NDArray[np.bool_] = np.asarray(((low >= 0) & (low < np.array(gone.shape) - 1)).all(axis=1))
     place = np.where(inside[:, None], low, 0)
     for corner in product((0, 1), repeat=gone.ndim):

@@ -1,4 +1,4 @@
-"""What is known of vertices without a symbol: by the curve's not passing, or by an earlier isovalue (5.5.4, 5.9)."""
+"""Inference of vertices without a symbol: as the curve does not pass, or by an earlier isovalue (5.5.4, 5.9)."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ def infer(st, x, y, z):
 def earlier(st, x, y, z):
     """Sign of a vertex at the earlier isovalue that this one leans on, or -1; whether it is certain.
 
-    It is inferred for the clamped image, as a vertex of its own: edges off the box may belong to no existing simplex.
+    It is inferred for the clamped image, as a separate vertex: edges off the box may belong to no existing simplex.
     """
     e = entry(st.lean, x, y, z)
     if e != 0:

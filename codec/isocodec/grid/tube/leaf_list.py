@@ -1,4 +1,4 @@
-"""Lists of mixed simplices: a row for a leaf of its own, or for all that the bisection of a diamond made (annex B.4).
+"""Lists of mixed simplices: a row for a single leaf, or for all that the bisection of a diamond made (annex B.4).
 
 Such rows are several times fewer than the simplices; taken one by one these come in the order of clause 5.4.2.
 """
@@ -16,7 +16,7 @@ from .state import State
 _KIND_BITS, _CHILD_BITS = 6, 16
 _KIND, _CHILDREN = (1 << _KIND_BITS) - 1, (1 << _CHILD_BITS) - 1
 """A row is a class, its block and level, or, negative, kind and children of a diamond, the block of its middle and its
-level. Children are bits, 2 m + s for child s of member m; a last bit says that none of theirs lies at the border."""
+level. Children are bits, 2 m + s for child s of member m; a last bit is set if none of theirs lies at the border."""
 
 
 @inlined

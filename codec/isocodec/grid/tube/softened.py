@@ -29,7 +29,7 @@ def nothing_softened(known: Store) -> Store:
 
 
 def softened(lean: Lean) -> Store:
-    """What the kernels see of the frame before."""
+    """View of the frame before for kernels."""
     out = nothing_softened(lean.known)
     n = int(lean.grid.tables[0])
     wide = (1 << int(out.head[SHIFT])) + 2 * ROUNDS

@@ -36,7 +36,7 @@ FRAME = 2
 
 
 class Counters(Registers):
-    """What is counted, and where the coding stands.
+    """Counters, and the progress of coding.
 
     Attributes
     ----------
@@ -64,7 +64,7 @@ class Counters(Registers):
         Whether the isovalue lies above (1) or below (-1) the earlier one that it leans on, by how many whole steps;
         ``FRAME`` if that is one of an earlier frame, from which no sign follows (5.11).
     told, seeded : int
-        Whether the mesh is told from the start; whether the base begins at the leaves of the earlier isovalue.
+        Whether the mesh is known from the start; whether the base begins at the leaves of the earlier isovalue.
     meshes : int
         Meshes that have been completed.
     births, counted, counting, counted_size : int
@@ -75,7 +75,7 @@ class Counters(Registers):
     agreed : int
         How often signs have been those of the earlier isovalue (7.12).
     masked : int
-        Whether a mask says which samples are missing (5.10).
+        Whether a mask marks missing samples (5.10).
     """
 
     level: int
@@ -115,7 +115,7 @@ class Counters(Registers):
 
 
 class BaseWalk(Registers):
-    """Where a base stands: its phase, the present simplex, the gates, the points of the curve, the leaf behind.
+    """Progress of a base: its phase, the present simplex, the gates, the points of the curve, the leaf behind.
 
     ``before`` are the last answers on the mesh, ``history`` whether the last two predictions were right.
     """
@@ -156,7 +156,7 @@ class RefinementWalk(Registers):
 
 
 class TreeWalk(Registers):
-    """Where the tree of new components stands.
+    """Progress of the tree of new components.
 
     Frames of the stack in use, the next item of the encoder's list, whether the root was coded, whether the slot before
     the next one is being added.
@@ -176,9 +176,9 @@ class ValueWalk(Registers):
 
 
 class DigitWalk(Registers):
-    """Where offsets stand: the next edge, of its digit the parts that are left and how often they were halved.
+    """Progress of offsets: the next edge, of its digit the parts that are left and how often they were halved.
 
-    Further the part of the earlier isovalue's crossing, -1 if there is none, and what ``find_candidates`` says.
+    Further the part of the earlier isovalue's crossing, -1 without one, and what ``find_candidates`` returns.
     """
 
     item: int
@@ -201,7 +201,7 @@ STEP_CELLS = 26
 
 @record
 class Lean(NamedTuple):
-    """What is known of an earlier isovalue: its mesh, its vertices, and their values as far as sent (clause 5.9).
+    """Knowledge of an earlier isovalue: its mesh, its vertices, and their values as far as sent (clause 5.9).
 
     The same of the mask, which has no values and whose isovalue lies between missing and valid (clause 5.10).
     """

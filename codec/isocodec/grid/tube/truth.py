@@ -1,4 +1,4 @@
-"""What a tube is told by an encoder, and a decoder has to be sent."""
+"""Knowledge of an encoder that it hands to a tube; a decoder has to be sent it."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from numpy.typing import NDArray
 from .state import State
 
 Place = Callable[[NDArray[np.int64], NDArray[np.int64]], NDArray[np.int64]]
-"""Where edges between positions are to be crossed, as 30-bit fractions; or how far from there crossings may be told to
-be."""
+"""Where edges between positions are to be crossed, as 30-bit fractions; or how far from there crossings may be
+placed."""
 
 
 class Truth(Protocol):
-    """What the encoder knows of a field at an isovalue: see ``search.ground_truth``."""
+    """Knowledge of the encoder about a field at an isovalue: see ``search.ground_truth``."""
 
     @property
     def padded(self) -> NDArray[np.bool_]:

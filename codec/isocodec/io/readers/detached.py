@@ -54,7 +54,7 @@ def meta_files(source: InputFile) -> tuple[list[Path], bool]:
 
 
 def nrrd_files(source: InputFile) -> tuple[list[Path], bool]:
-    """The same of NRRD.
+    """Find the files of an NRRD header.
 
     Raises
     ------

@@ -34,7 +34,7 @@ _SOUTH_NORTH = ("degrees_north", "degree_north", "degree_N", "degrees_N", "degre
 
 @contextmanager
 def dataset(source: InputFile, key: str | None) -> Iterator[Any]:
-    """The array of an HDF5 file that a key names: the only one of two or more axes, or ``values``, if there is none."""
+    """Open the array of an HDF5 file by its key; without a key the only one of two or more axes, or ``values``."""
     h5py = optional("h5py", extra="hdf5", purpose=f"reading {source.path.suffix}")
     with reading("HDF5 file"), h5py.File(source.path, "r") as file:
         there: dict[str, Any] = {}
@@ -125,7 +125,7 @@ def _opened(source: InputFile, choice: Choice) -> Opened:
 
 
 def unpacked(stored: Any, field: Array) -> Array:
-    """Samples of a dataset; packed ones unpacked, NaN where there are none."""
+    """Samples of a dataset; packed ones unpacked, NaN where they are missing."""
     if field.dtype.kind not in "iuf" or not is_packed(stored):
         return field
     slope, offset = (_attribute(stored, name) for name in _PACKED)
@@ -135,7 +135,7 @@ def unpacked(stored: Any, field: Array) -> Array:
 
 
 def check_storage(source: InputFile, stored: Any, taken: list[int]) -> None:
-    """That what is taken of an array may be read, and has ever been written."""
+    """Check that the data of an array may be read, and have ever been written."""
     source.check_array(taken, stored.dtype)
     # a chunk is unpacked as a whole, however few of its samples are wanted
     source.check_count(math.prod(stored.chunks or ()))
@@ -149,7 +149,7 @@ def is_packed(stored: Any) -> bool:
 
 
 def fill_value(stored: Any) -> float | None:
-    """The number that stands for missing samples in a dataset, as it is stored; None if there is none."""
+    """Fill value for missing samples in a dataset, as it is stored; None without one."""
     fill = _attribute(stored, "_FillValue")
     return _attribute(stored, "missing_value") if fill is None else fill
 
@@ -163,7 +163,7 @@ def _attribute(stored: Any, name: str) -> float | None:
 
 
 def attribute_text(stored: Any, name: str) -> str | None:
-    """What an attribute of a dataset says in words; None if it is not there or holds none."""
+    """Text of an attribute of a dataset; None if it is missing or not text."""
     try:
         said = stored.attrs[name]
     except (KeyError, TypeError, ValueError, OSError):
@@ -173,7 +173,7 @@ def attribute_text(stored: Any, name: str) -> str | None:
 
 
 class StoredWindows:
-    """An array of an HDF5 file as its attributes say: unpacked, and samples that stand for none masked.
+    """An array of an HDF5 file, decoded by its attributes: unpacked, with missing samples masked.
 
     Attributes
     ----------
@@ -199,7 +199,7 @@ class StoredWindows:
 
 
 def _of_scales(source: InputFile, stored: Any, n: int) -> Placement:
-    """What scales of a dataset's axes say, as far as these are kept in the file."""
+    """Placement by the scales of a dataset's axes, as far as these are kept in the file."""
     axes = [(count, _scales(source, stored, axis)) for axis, count in enumerate(stored.shape) if count > 1][-n:]
     shape = [count for count, _ in axes]
     if any(" since " in str(scale.attrs.get("units")) for _, scales in axes for scale in scales):
@@ -232,7 +232,7 @@ def _scales(source: InputFile, stored: Any, axis: int) -> list[Any]:
 
 
 def _scale(count: int, scales: list[Any]) -> tuple[NDArray[np.float64], str] | None:
-    """Coordinates along an axis of so many samples and their unit; None if there are none, or not so many."""
+    """Coordinates along an axis of so many samples and their unit; None if they are missing, or not so many."""
     for scale in scales:
         # NetCDF has scales that only say how long an axis is
         named = "This is a netCDF dimension but not a netCDF variable" not in str(scale.attrs.get("NAME"))
@@ -270,7 +270,7 @@ def auxiliary(stored: Any, shape: Sequence[int], scale: Numbers | None) -> Place
 
 
 def text_of(stored: Any, name: str) -> str:
-    """The text of an attribute; nothing where there is none."""
+    """Text of an attribute; empty where it is missing."""
     text = stored.attrs.get(name, "")
     return text.decode(errors="replace") if isinstance(text, bytes) else str(text)
 

@@ -70,7 +70,7 @@ class _NumpyFile(Opened):
             return pick_frame(_member_array(self._source, self._archive, self._info), frame)
 
     def _place(self, n: int, frame: int | None) -> Placement:
-        found = None if self._archive is None else _beside(self._source, self._archive, n)
+        found = None if self._archive is None else _beside(self._source, self._archive, self.shape[-n:])
         return found or Placement()
 
     def _windows(self) -> Any:
@@ -157,19 +157,22 @@ def _listing(archive: zipfile.ZipFile, members: dict[str, zipfile.ZipInfo]) -> s
     return ", ".join(parts + ["..."] * (len(members) > _LISTED))
 
 
-def _beside(source: InputFile, archive: zipfile.ZipFile, n: int) -> Placement | None:
-    """Coordinates of a field of two axes beside it, under the usual names: along the axes, or for each sample."""
-    if n != 2:
+def _beside(source: InputFile, archive: zipfile.ZipFile, shape: tuple[int, ...]) -> Placement | None:
+    """Coordinates of a field of two axes beside it, under the usual names: along the axes, or for each sample.
+
+    Those of other sizes are not of this field.
+    """
+    if len(shape) != 2:
         return None
     members = {info.filename.removesuffix(".npy"): info for info in archive.infolist()}
     for pair in _PAIRS:
         if members.keys() >= set(pair):
             with reading("NumPy file"):
                 x, y = (np.asarray(numbers(_member_array(source, archive, members[name])), np.float64) for name in pair)
-            if x.ndim == 2 and x.shape == y.shape:
-                return placed_grid([x, y], x.shape, pair[0] != "x")
-            if x.ndim == y.ndim == 1:
-                return placed_grid(open_grid([y, x]), (len(y), len(x)), pair[0] != "x")
+            if x.shape == y.shape == shape:
+                return placed_grid([x, y], shape, pair[0] != "x")
+            if x.ndim == y.ndim == 1 and (len(y), len(x)) == shape:
+                return placed_grid(open_grid([y, x]), shape, pair[0] != "x")
     return None
 
 

@@ -137,7 +137,7 @@ def _volumes(whole: Array) -> Slices:
 
 
 def _of_image(reader: Any, n: int) -> Placement:
-    """What ITK knows of a volume, or of each of a series, whose x runs to the left and y to the back."""
+    """Placement by ITK of a volume, or of each of a series, whose x runs to the left and y to the back."""
     size = reader.GetDimension()
     if n != 3 or size < 3:
         return Placement(remark=SLICE)

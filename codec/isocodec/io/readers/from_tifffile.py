@@ -132,7 +132,7 @@ def _opened(source: InputFile) -> Iterator[Any]:
 
 
 def _check_companions(source: InputFile, notes: str) -> None:
-    """That the files of an OME series are those that may be read."""
+    """Check that the files of an OME series are those that may be read."""
     try:
         elements = [*ElementTree.fromstring(notes).iter()]
     except ElementTree.ParseError:  # nor does tifffile know more of it then
@@ -144,7 +144,7 @@ def _check_companions(source: InputFile, notes: str) -> None:
 
 
 def _check_series(source: InputFile, series: Any) -> None:
-    """That the samples of a series may be read, and no part of it unpacks to more than they take."""
+    """Check that the samples of a series may be read, and no part of it unpacks to more than they take."""
     size = source.check_array(series.shape, series.dtype)
     if series.dataoffset is not None:
         source.check_bytes(series.dataoffset + size)
@@ -217,7 +217,7 @@ def _imagej_sizes(tiff: Any) -> dict[str, float]:
 
 
 def _of_picture(page: Any, n: int) -> Placement:
-    """What the tags of a GeoTIFF say; they may have any type and any number of values."""
+    """Read the tags of a GeoTIFF, which may have any type and any number of values."""
     scale, tiepoint, matrix = (_numbers(page, tag) for tag in (_SCALE, _TIEPOINT, _TRANSFORMATION))
     if not (len(scale) or len(tiepoint) or len(matrix)):
         return Placement()

@@ -57,7 +57,7 @@ def _header_of(source: InputFile, key: str | None) -> tuple[Any, tuple[int, ...]
     xml = optional("vtkmodules.vtkIOXML", extra="vtk", purpose="reading .vti")
     with source.path.open("rb") as file:
         if b"ImageData" not in file.read(4096):
-            raise InputError("is no image data of VTK", code="unreadable")
+            raise InputError("is not VTK image data", code="unreadable")
     reader = xml.vtkXMLImageDataReader()
     said: list[str] = []
     reader.AddObserver("ErrorEvent", lambda *_: said.append("it is damaged"))

@@ -31,7 +31,7 @@ _WORDS = 200
 
 @dataclass(frozen=True)
 class Labels:
-    """Where samples of an array lie, as in `Field`, and their shape without axes of one sample."""
+    """Placement of the samples of an array, as in `Field`, and their shape without axes of one sample."""
 
     shape: tuple[int, ...]
     placement: Matrix | None = None
@@ -41,7 +41,7 @@ class Labels:
 
     @property
     def record(self) -> Placement | None:
-        """The same as a placement; None without coordinates."""
+        """The placement of these labels; None without coordinates."""
         if self.coordinates is None:
             return None if self.placement is None else Placement(self.placement, None, self.crs)
         turns = self.crs == DEGREES
@@ -53,7 +53,7 @@ def labelled_field(array: Any) -> Field:
     """The field that a DataArray holds, with its coordinates.
 
     Axes of one sample are left out; their coordinates, and single ones, become notes. An axis without coordinates
-    counts its samples. x, y and z are the axes that CF conventions call so; where these do not tell, x runs along the
+    counts its samples. x, y and z are the axes that CF conventions call so; where these do not apply, x runs along the
     last axis, y along the one before, z along the first of three.
 
     Raises
@@ -76,7 +76,7 @@ def labelled_field(array: Any) -> Field:
 
 
 def labels_of(array: Any) -> Labels:
-    """What a DataArray says of where its samples lie; these are not read.
+    """Find where the samples of a DataArray lie, without reading them.
 
     Raises
     ------
@@ -185,7 +185,7 @@ def _order(roles: list[str | None]) -> list[int]:
 
 
 def _missing(array: Any, values: NDArray[Any]) -> NDArray[np.bool_] | None:
-    """Samples with a value that stands for none, where the array still names one."""
+    """Mask samples of the fill value, where the array still names one."""
     gone = np.zeros(values.shape, np.bool_)
     for name in ("_FillValue", "missing_value", "nodata"):
         marker = array.attrs.get(name)

@@ -31,7 +31,7 @@ from .slices import FieldsInTurn, Slices
 
 @dataclass(frozen=True)
 class ReadOptions:
-    """What `load` takes of a source, and how.
+    """Options of `load`: what to take of a source, and how.
 
     Attributes
     ----------
@@ -80,7 +80,7 @@ def read(
     missing : {"hole", "below", "above", "nearest"}
         What an encoder does with missing samples.
     nodata : float, optional
-        Value that stands for missing samples besides NaN, instead of the one that the source states. NaN: none.
+        Value of missing samples besides NaN, instead of the one that the source states. NaN: none.
     kind : str, optional
         Format of a URL or a file object, as a suffix: ``".tif"``. Without it the name or the first bytes decide.
     samples : int, optional

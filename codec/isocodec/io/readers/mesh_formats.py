@@ -1,4 +1,4 @@
-"""What readers of meshes give, and how their formats are registered."""
+"""Formats of meshes: the result of their readers, and how they are registered."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ class MeshRead:
         Raises
         ------
         OptionError
-            If there are none of that name; the message names those that there are.
+            If no values have that name; the message lists the names in the file.
         """
         if name in self.values:
             return self.values[name]
@@ -54,7 +54,7 @@ class MeshRead:
                 f"the values {plain(name)} belong to cells, not to points", code="values",
                 remedy=f"average them at the points first; values at points: {there}",
             )
-        raise OptionError(f"there are no values {plain(name)} at points", code="values", remedy=f"there are: {there}")
+        raise OptionError(f"no values {plain(name)} at points", code="values", remedy=f"choose one of: {there}")
 
 
 @dataclass(frozen=True)

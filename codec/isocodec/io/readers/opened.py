@@ -24,12 +24,12 @@ Held = TypeVar("Held")
 DEFAULT_KEY = "values"
 """The array of a file that is taken if there are several and none is named."""
 IN_MEMORY = InputFile(Path())
-"""Stands for what is in memory already."""
+"""Suffix of what is in memory already."""
 
 
 @dataclass(frozen=True)
 class Choice:
-    """What the caller chooses of an input that holds several things.
+    """Choice from an input that holds several things.
 
     Attributes
     ----------
@@ -60,7 +60,7 @@ class Opened:
         Samples along each axis, without the axes of one sample that a format adds.
     dtype : dtype
     nodata : float or None
-        Value that stands for missing samples, besides NaN.
+        Value of missing samples, besides NaN.
     name, unit : str or None
         What the values are, and their unit.
     label : str
@@ -151,7 +151,7 @@ class Opened:
         frame : int, optional
             As of `values`.
         nodata : float, optional
-            Value that stands for missing samples, instead of the one that the input states; NaN: none but NaN.
+            Value of missing samples, instead of the one that the input states; NaN: none but NaN.
         """
         values = self.values(frame)
         return self._described(values, self.place(values.ndim, frame), self.nodata if nodata is None else nodata)

@@ -1,4 +1,4 @@
-"""Where the samples of an input lie: by a matrix, or by coordinates along axes or of each sample."""
+"""Placement of the samples of an input: by a matrix, or by coordinates along axes or of each sample."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What readers share: errors of libraries as errors of ours, which name the file; one picture or volume of a series."""
+"""Shared by readers: errors of libraries as errors of ours, which name the file; one picture or volume of a series."""
 
 from __future__ import annotations
 

@@ -39,7 +39,7 @@ class InputFile:
         return self.path.name.lower().endswith(suffixes)
 
     def check_array(self, shape: Sequence[int], dtype: np.dtype[Any]) -> int:
-        """That an array holds real numbers, and not too many; how many bytes they take.
+        """Check that an array holds real numbers, and not too many; returns how many bytes they take.
 
         Raises
         ------
@@ -50,7 +50,7 @@ class InputFile:
         return self.check_count(math.prod(int(n) for n in (*shape, *inner))) * base.itemsize
 
     def check_count(self, count: int) -> int:
-        """That so many samples may be read; their number.
+        """Check that so many samples may be read; returns their number.
 
         Raises
         ------
@@ -64,7 +64,7 @@ class InputFile:
         return count
 
     def check_bytes(self, stated: int, there: int | None = None) -> None:
-        """That samples which are stored as they are can be in the file, or in as many bytes as there are.
+        """Check that samples which are stored as they are fit into the file, or into as many bytes as there are.
 
         Raises
         ------
@@ -143,7 +143,7 @@ def is_dicom(path: Path) -> bool:
 
 
 def check_kind(dtype: np.dtype[Any]) -> None:
-    """That values of this type are real numbers.
+    """Check that values of this type are real numbers.
 
     Raises
     ------

@@ -1,6 +1,6 @@
 """Sizes that the parts of a TIFF state for themselves: tiles and strips that are files of other formats.
 
-What decodes them allocates what their own header asks for, whatever the TIFF around them says.
+Their decoders allocate what the header of the part asks for, whatever the TIFF around it states.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ _NO_FRAME = {0xC4, 0xC8, 0xCC}
 
 
 def stated_samples(part: bytes, compression: int) -> int | None:
-    """How many samples of one channel a part says that it holds; None if that cannot be made out."""
+    """Number of samples of one channel by a part's header; None if it is unknown."""
     try:
         if compression in JPEG:
             return _of_jpeg(part)
@@ -42,7 +42,7 @@ def stated_samples(part: bytes, compression: int) -> int | None:
 
 
 def unpacked_lerc(part: bytes, tag: Any, samples: int) -> bytes:
-    """A LERC part without what packs it once more; ``tag`` is what the TIFF says of that.
+    """A LERC part without what packs it once more; ``tag`` is the TIFF's entry for that.
 
     Raises
     ------

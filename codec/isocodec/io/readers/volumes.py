@@ -1,4 +1,4 @@
-"""What readers of volumes share: axes that come last and count volumes, or have one sample."""
+"""Shared by readers of volumes: axes that come last and count volumes, or have one sample."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Where the curves of a written file lie, and what its coordinates lose of that."""
+"""Placement of the curves in a written file, and what its coordinates lose of it."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ LOST = 0.01
 
 
 class Losses:
-    """What coordinates of contours are, as far as these have been seen, and what a format keeps of it.
+    """Coordinates of the contours seen so far, and what a format keeps of them.
 
     Parameters
     ----------
@@ -52,9 +52,9 @@ class Losses:
         found = []
         unnamed = not (self._named or options.in_samples)
         where = "in a reference system that the file does not name" if self._placed else (
-            "in samples: the file does not say where these lie"
+            "in samples: the file does not place these in the world"
         )
-        remedy = "say it with encode --spacing and --metadata crs=EPSG:.."
+        remedy = "encode with --spacing and --metadata crs=EPSG:.."
         if output.coordinates == "degrees" and not output.names_crs and unnamed and not options.keep_crs:
             found.append(
                 f"coordinates are no longitudes and latitudes, as GeoJSON has them (RFC 7946), but {where}; {remedy}, "

@@ -1,4 +1,4 @@
-"""What a format can hold: a record for each kind of thing and the suffixes that one library writes it to."""
+"""Capabilities of formats: a record for each kind of thing and the suffixes that one library writes it to."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ class OutputOptions:
 
 @dataclass(frozen=True)
 class Output:
-    """How one kind of thing is written to files of some suffixes.
+    """A writer for one kind of thing and files of some suffixes.
 
     Attributes
     ----------

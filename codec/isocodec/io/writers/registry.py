@@ -22,7 +22,7 @@ _KINDS: dict[Kind, str] = {
     "contour": "curves, surfaces", "areas": "areas, bands", "mask": "masks", "mesh": "meshes",
     "tin": "triangulated surfaces", "picture": "steps, contour maps",
 }
-"""What the table calls things; pyramids are written as curves are."""
+"""Names of things in the table; pyramids are written as curves are."""
 
 
 def suffixes_of(kind: Kind, n: int | None = None, *, several: bool = False, sampled: bool = True) -> list[str]:
@@ -41,7 +41,7 @@ def suffix_of(path: str | os.PathLike[str]) -> str | None:
 
 
 def find(path: str | os.PathLike[str], thing: Thing) -> tuple[str, Output]:
-    """The format that a name stands for, which can hold a thing and whose libraries are installed.
+    """Choose the format for a file's name, one that can hold a thing and whose libraries are installed.
 
     Parameters
     ----------

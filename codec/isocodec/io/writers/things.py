@@ -1,4 +1,4 @@
-"""What can be written, and where it lies: contours, areas, masks, meshes, triangulated surfaces, pictures."""
+"""Things that can be written, and where they lie: contours, areas, masks, meshes, triangulated surfaces, pictures."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ class Areas:
 
 @dataclass(eq=False)
 class SampleMask:
-    """Which samples of a field lie above an isovalue, or are valid.
+    """Samples of a field that lie above an isovalue, or are valid.
 
     Attributes
     ----------
@@ -106,7 +106,7 @@ class Picture:
 
 @dataclass(frozen=True)
 class Thing:
-    """What is to be written, as far as formats care.
+    """A thing to write, as far as formats care.
 
     Attributes
     ----------
@@ -243,7 +243,7 @@ class PlacedTin:
 
     @classmethod
     def of(cls, tin: Tin, in_samples: bool = False) -> PlacedTin:
-        """A surface where its notes say that it lies."""
+        """Place a surface by its notes."""
         found = None if in_samples else read_placement(tin.metadata, 2)
         if found is None or found.matrix is None:
             crs = None if in_samples else tin.metadata.get(CRS)

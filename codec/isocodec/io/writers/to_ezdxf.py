@@ -1,4 +1,4 @@
-"""DXF drawings: curves as polylines, surfaces as meshes, each isovalue on a layer of its own."""
+"""DXF drawings: curves as polylines, surfaces as meshes, each isovalue on a separate layer."""
 
 from __future__ import annotations
 

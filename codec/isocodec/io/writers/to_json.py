@@ -130,7 +130,7 @@ def named(placement: Placement | None) -> dict[str, Any]:
 
 
 def _member(system: dict[str, Any] | None) -> bytes:
-    """The reference system, as it stands behind the other members of a file."""
+    """Format the reference system, as the last member of a file."""
     return b"," + _json(system)[1:-1] if system else b""
 
 

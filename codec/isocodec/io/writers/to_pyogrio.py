@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 SHAPEFILE = ".shp"
 _DRIVERS = {".gpkg": "GPKG", ".fgb": "FlatGeobuf", SHAPEFILE: "ESRI Shapefile"}
 _DATE = "2000-01-01T00:00:00.000Z"
-"""What a GeoPackage says of when it was written: the same input gives the same bytes."""
+"""Time of writing in a GeoPackage, fixed: the same input gives the same bytes."""
 
 
 def _render(contours: Iterable[Contour], suffix: str, _: OutputOptions) -> bytes:

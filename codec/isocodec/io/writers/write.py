@@ -34,7 +34,7 @@ _SHOWN = 3
 
 @dataclass(frozen=True)
 class Written:
-    """What has been written.
+    """Result of writing.
 
     Attributes
     ----------
@@ -166,7 +166,7 @@ class _Rendering:
 
     @property
     def written(self) -> Written:
-        """What is known when all pieces have been taken."""
+        """Result once all pieces have been taken."""
         above = self._what.ones if isinstance(self._what, SampleMask) else None
         return Written(self.suffix, self._bytes, above, self._losses.remarks)
 

@@ -1,4 +1,4 @@
-"""What files of each kind can be asked for: grids, values on meshes, triangulated surfaces, files in tiles."""
+"""Files of each kind and their operations: grids, values on meshes, triangulated surfaces, files in tiles."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from numbers import Integral
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypedDict
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -47,7 +47,7 @@ OPERATIONS = (
     "encode", "save", "open", "info", "contour", "contours", "frames", "above", "valid", "labels", "surface", "mesh",
     "statistics", "verify", "notebook", "layers", "size", "box", "isovalues", "profile", "merge", "decoder",
 )
-"""What can be done with files."""
+"""Operations on files."""
 
 
 def impossible(operation: str, kind: str) -> OptionError:
@@ -61,9 +61,23 @@ _NAMES = {
 }
 
 
+class ViewOptions(TypedDict, total=False):
+    """The parameters of `IsoFile.contour`, by name."""
+
+    frame: int | None
+    layers: int | None
+    max_bytes: int | None
+    box: Sequence[Sequence[float]] | None
+    within: float | Callable[..., float] | None
+    smooth: bool
+    through_holes: bool
+    partial: bool
+    progress: Progress | None
+
+
 @dataclass(frozen=True, kw_only=True)
-class View:
-    """What of a file is to be drawn: the parameters of `IsoFile.contour`."""
+class Viewed:
+    """Choice of what to draw of a file: `ViewOptions`, checked."""
 
     frame: int | None = None
     layers: int | None = None
@@ -116,7 +130,7 @@ class WholeFile:
 
     @cached_property
     def info(self) -> FileInfo:
-        """What the file states without decoding."""
+        """Information that the file holds without decoding."""
         return inspect(self.data, limits=self.limits)
 
     @property
@@ -142,7 +156,7 @@ class WholeFile:
 
     # -- drawings ------------------------------------------------------------------------------------------------
 
-    def contour(self, isovalue: float | None, view: View) -> Contour:
+    def contour(self, isovalue: float | None, view: Viewed) -> Contour:
         """The curve or surface of an isovalue; see `IsoFile.contour`."""
         if self.kind == "surface":
             view.refuse("surface", "smooth", "through_holes", "within")
@@ -153,7 +167,7 @@ class WholeFile:
         decoder, number = self.decoded(isovalue, view)
         return clipped(_drawn(decoder, [number], view)[0], view.box)
 
-    def contours(self, view: View) -> list[Contour]:
+    def contours(self, view: Viewed) -> list[Contour]:
         """The curves or surfaces of all isovalues; see `IsoFile.contours`."""
         if self.kind == "surface":
             return []
@@ -168,7 +182,7 @@ class WholeFile:
         """The contours of frame after frame; no more than two frames are in memory."""
         yield from frames_of([self.data], smooth=smooth, mesh=self.mesh_given, limits=self.limits)
 
-    def decoded(self, isovalue: float | None, view: View) -> tuple[Decoder, int]:
+    def decoded(self, isovalue: float | None, view: Viewed) -> tuple[Decoder, int]:
         """A decoder that has decoded what a drawing of an isovalue takes, and the number of that isovalue."""
         # what lies behind the bytes that are needed may be damaged
         number = 0 if isovalue is None else self.info.number_of(isovalue)
@@ -179,7 +193,7 @@ class WholeFile:
             raise TruncatedError("the file ends before its curve begins", code="truncated")
         return decoder, number
 
-    def _layers_within(self, number: int, view: View) -> int | None:
+    def _layers_within(self, number: int, view: Viewed) -> int | None:
         """How many layers lead to cubes no wider than ``view.within`` samples."""
         n = len(self.info.shape)
         exponent = max(int(size - 2).bit_length() for size in self.info.shape) if self.info.shape else 0
@@ -190,7 +204,7 @@ class WholeFile:
         return None
 
     def _received(
-        self, only: frozenset[int] | None, view: View, number: int = 0, layers: int | None = None
+        self, only: frozenset[int] | None, view: Viewed, number: int = 0, layers: int | None = None
     ) -> Decoder:
         """A decoder that has taken a frame, the first ``layers`` layers of isovalue ``number``, or the first bytes."""
         wanted = view.frame or 0
@@ -217,7 +231,7 @@ class WholeFile:
             raise
         return decoder
 
-    def _surface_decoder(self, view: View) -> Decoder:
+    def _surface_decoder(self, view: Viewed) -> Decoder:
         """A decoder that has taken a surface, or its beginning."""
         if view.frame:
             raise OptionError(f"the file has no frame {view.frame}", code="frame", remedy="it holds one surface only")
@@ -232,11 +246,11 @@ class WholeFile:
 
     # -- arrays --------------------------------------------------------------------------------------------------
 
-    def above(self, isovalue: float | None, view: View) -> NDArray[np.bool_]:
+    def above(self, isovalue: float | None, view: Viewed) -> NDArray[np.bool_]:
         """Which samples or vertices lie above an isovalue; see `IsoFile.above`."""
         if self.kind == "surface":
             if isovalue is None:
-                raise OptionError("the file holds a surface: which isovalue?", code="isovalue")
+                raise OptionError("the file holds a surface: its samples need an isovalue", code="isovalue")
             tin = self._surface_decoder(view).surface.tin()
             return np.asarray((tin.values if tin.shape is None else tin.raster()) > isovalue)
         decoder, number = self.decoded(isovalue, view)
@@ -263,7 +277,7 @@ class WholeFile:
             raise impossible("labels", self.kind)
         if LABELS not in self.info.metadata:
             raise OptionError("the isovalues of the file are not labels", code="labels", remedy="use above")
-        grid = self._received(None, View()).grid
+        grid = self._received(None, Viewed()).grid
         return labelled((grid.above(i) for i in range(len(self.info.isovalues))), self.info.isovalues)
 
     def surface(self, max_bytes: int | None) -> Tin:
@@ -272,9 +286,9 @@ class WholeFile:
             raise TruncatedError("the file ends before its domain begins", code="truncated", offset=self.size)
         if self.kind != "surface":
             raise impossible("surface", self.kind)
-        return self._surface_decoder(View(max_bytes=max_bytes)).surface.tin()
+        return self._surface_decoder(Viewed(max_bytes=max_bytes)).surface.tin()
 
-    def mesh(self, isovalue: float | None, view: View, whole: bool) -> Tessellation:
+    def mesh(self, isovalue: float | None, view: Viewed, whole: bool) -> Tessellation:
         """The mesh that the curve of an isovalue is coded on; see `IsoFile.mesh`."""
         if self.kind == "surface":
             tin = self._surface_decoder(view).surface.tin()
@@ -291,7 +305,7 @@ class WholeFile:
         return decoder.grid.mesh(number, whole)
 
     def statistics(self) -> FileStatistics:
-        """What the file spends its bits on; see `IsoFile.statistics`."""
+        """Count what the file spends its bits on; see `IsoFile.statistics`."""
         return statistics(self.data, self.limits, mesh=self.mesh_given)
 
 
@@ -327,7 +341,7 @@ class TileFile:
 
     @cached_property
     def info(self) -> FileInfo:
-        """What head and root directory state."""
+        """Information from head and root directory."""
         head, root = self.tiled.head, self.tiled.root
         layers = []
         for number in range(len(head.isovalues)):
@@ -344,7 +358,7 @@ class TileFile:
             tiles=head.grid.counts,
         )
 
-    def contour(self, isovalue: float | None, view: View) -> Contour:
+    def contour(self, isovalue: float | None, view: Viewed) -> Contour:
         """The curve or surface of an isovalue in a box; see `IsoFile.contour`."""
         view.refuse("tiles", "smooth", "through_holes")
         self._check_frame(view.frame)
@@ -359,7 +373,7 @@ class TileFile:
         return drawn
 
     def _beginning(self, size: int) -> TiledFile:
-        """The same file, cut after its first bytes."""
+        """Open the same file, cut after its first bytes."""
         from ..tiles.tiled import TiledFile
 
         fetch = self.tiled.fetch
@@ -370,22 +384,22 @@ class TileFile:
         if frame:
             raise OptionError(f"the file has no frame {frame}", code="frame", remedy="it holds one frame only")
 
-    def contours(self, view: View) -> list[Contour]:
+    def contours(self, view: Viewed) -> list[Contour]:
         """The curves or surfaces of all isovalues; see `IsoFile.contours`."""
         return [self.contour(isovalue, view) for isovalue in self.tiled.isovalues]
 
     def each_frame(self, smooth: bool) -> Iterator[list[Contour]]:
         """The contours of its one frame."""
-        yield self.contours(View(smooth=smooth))
+        yield self.contours(Viewed(smooth=smooth))
 
     def whole(self, box: Sequence[Sequence[float]] | None = None) -> WholeFile:
         """A box of it, or all of it, as a file in one piece."""
         return WholeFile(extracted(self.tiled, box), self.limits)
 
-    def above(self, isovalue: float | None, view: View) -> NDArray[np.bool_]:
+    def above(self, isovalue: float | None, view: Viewed) -> NDArray[np.bool_]:
         """See `IsoFile.above`."""
         self._check_frame(view.frame)
-        return self.whole(view.box).above(isovalue, View(layers=view.layers))
+        return self.whole(view.box).above(isovalue, Viewed(layers=view.layers))
 
     def valid(self, max_bytes: int | None = None) -> NDArray[np.bool_]:
         """See `IsoFile.valid`."""
@@ -399,10 +413,10 @@ class TileFile:
         """Refuse: see `IsoFile.surface`."""
         raise impossible("surface", "tiles")
 
-    def mesh(self, isovalue: float | None, view: View, whole: bool) -> Tessellation:
+    def mesh(self, isovalue: float | None, view: Viewed, whole: bool) -> Tessellation:
         """See `IsoFile.mesh`."""
         self._check_frame(view.frame)
-        return self.whole(view.box).mesh(isovalue, View(layers=view.layers), whole)
+        return self.whole(view.box).mesh(isovalue, Viewed(layers=view.layers), whole)
 
     def statistics(self) -> FileStatistics:
         """See `IsoFile.statistics`."""
@@ -467,7 +481,7 @@ def _uniform(above: NDArray[np.bool_]) -> NDArray[np.bool_]:
     return np.asarray(above.all(axis=1) | ~above.any(axis=1))
 
 
-def _drawn(decoder: Decoder, numbers: Sequence[int], view: View) -> list[Contour]:
+def _drawn(decoder: Decoder, numbers: Sequence[int], view: Viewed) -> list[Contour]:
     """Contours of isovalues; what each was drawn from is released after it."""
     out: list[Contour] = []
     contents = decoder.contents

@@ -14,7 +14,7 @@ from ..field.mapped import Coordinate
 from .header import varint
 
 DENSEST = 1 << 14
-"""Most nodes that a byte of a run may stand for."""
+"""Most nodes that a byte of a run may hold."""
 _HEAD = 17
 """Bytes of a coordinate before its period: its axes, origin and unit."""
 _WRAPS = 8
@@ -22,7 +22,7 @@ _WRAPS = 8
 
 @dataclass(frozen=True)
 class CoordinatesRecord:
-    """What a chunk of coordinates says.
+    """Contents of a chunk of coordinates.
 
     Attributes
     ----------

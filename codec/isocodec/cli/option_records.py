@@ -26,9 +26,11 @@ ISOVALUE, PRECISION, LAYERS, PART, INPUT = "Isovalue", "Precision", "Layers", "P
 SURFACE, MESH, TILES, DRAWING, OUTPUT, LIMITS = "Surfaces", "Meshes", "Tiles", "Drawing", "Output", "Limits"
 HEADINGS = (ISOVALUE, PRECISION, LAYERS, PART, INPUT, SURFACE, MESH, TILES, DRAWING, OUTPUT, LIMITS)
 """Headings of help, in order."""
+COLUMN = 30
+"""The widest column of options: click puts the text of longer ones on the next line."""
 
 
-class Number(click.ParamType):
+class NumberType(click.ParamType):
     """A number; whole ones stay whole, so that the encoder notices those that would be rounded."""
 
     name = "float"
@@ -41,7 +43,7 @@ class Number(click.ParamType):
             return number
 
 
-class Size(click.ParamType):
+class SizeType(click.ParamType):
     """A number of bytes: 500M, 4G, 1.5GiB."""
 
     name = "size"
@@ -59,7 +61,7 @@ class Size(click.ParamType):
 _SIZE = re.compile(r"([0-9]{1,15}(?:\.[0-9]*)?)([KMGTkmgt]?)(?:i?[Bb])?")
 
 
-class Numbers(click.ParamType):
+class NumbersType(click.ParamType):
     """Numbers separated by commas."""
 
     name = "numbers"
@@ -73,7 +75,7 @@ class Numbers(click.ParamType):
             self.fail(f"{value!r} is not a list of numbers separated by commas", param, ctx)
 
 
-class Box(click.ParamType):
+class BoxType(click.ParamType):
     """A box of samples: ``0:100,50:90``."""
 
     name = "box"
@@ -122,6 +124,19 @@ class Heading(click.Option):
 class Grouped(click.Command):
     """A command whose help shows its options under headings, in columns of the same width."""
 
+    def text(self) -> str:
+        """The help but for its options, with the suffixes of formats that it names in braces."""
+        if "{" not in (self.help or ""):
+            return self.help or ""
+        from ..api.output import formats
+
+        return str(self.help).format_map(formats())
+
+    def format_help_text(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """Format help like click, with the suffixes of formats."""
+        self.help = self.text()
+        super().format_help_text(ctx, formatter)
+
     def format_options(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         """One block for each heading; `--help` goes to the last."""
         blocks: dict[str, list[tuple[str, str]]] = {}
@@ -129,7 +144,7 @@ class Grouped(click.Command):
             record = each.get_help_record(ctx)
             if isinstance(each, click.Option) and record is not None:
                 blocks.setdefault(getattr(each, "heading", OUTPUT), []).append(record)
-        width = max(len(record[0]) for block in blocks.values() for record in block)
+        width = min(max(len(record[0]) for block in blocks.values() for record in block), COLUMN)
         for heading in sorted(blocks, key=HEADINGS.index):
             formatter.write(f"\n{heading}:\n")
             with formatter.indentation():
@@ -168,7 +183,7 @@ def written(record: type, name: str) -> str:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Options:
+class Arguments:
     """The options of a command."""
 
     as_json: bool = option("--json", is_flag=True, help="Print the result as JSON.")
@@ -194,11 +209,11 @@ class Options:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Limited(Options):
+class Limited(Arguments):
     """Limits of decoding."""
 
     limit_memory: int | None = option(
-        "--limit-memory", heading=LIMITS, type=Size(), metavar="SIZE",
+        "--limit-memory", heading=LIMITS, type=SizeType(), metavar="SIZE",
         help=f"Most memory for decoding.  [default: {Limits().memory >> 20}M]",
     )
     limit_work: int | None = option(
@@ -212,13 +227,13 @@ class Limited(Options):
 
     @property
     def limits(self) -> Limits:
-        """What the options allow."""
+        """Limits that the options set."""
         given = {"memory": self.limit_memory, "work": self.limit_work, "samples": self.limit_samples}
         return replace(Limits(), **{name: value for name, value in given.items() if value is not None})
 
 
 @dataclass(frozen=True, kw_only=True)
-class Writing(Options):
+class Writing(Arguments):
     """A command that writes a file."""
 
     output: Path = option("-o", "--output", required=True, type=click.Path(path_type=Path), metavar="OUT",
@@ -251,7 +266,7 @@ def opened(source: str, limits: Limits, mesh: str | None = None) -> IsoFile:
     ------
     Failure
     """
-    import isocodec
+    from ..api.isofile import open
 
     known = None
     if mesh is not None:
@@ -260,7 +275,7 @@ def opened(source: str, limits: Limits, mesh: str | None = None) -> IsoFile:
         with concerning(mesh), one_warning(mesh):
             known = mesh_in(mesh)
     with concerning(source):
-        return isocodec.open(stream(source), mesh=known, limits=limits)
+        return open(stream(source), mesh=known, limits=limits)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -280,7 +295,7 @@ class Viewing(Opening):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Reading(Options):
+class Reading(Arguments):
     """A command that reads a field."""
 
     key: str | None = option("--key", heading=INPUT, metavar="NAME",
@@ -299,7 +314,7 @@ class Reading(Options):
                                        help=f"Most samples.  [default: {FIELD_SAMPLES:,}]")
 
     def reading(self, source: str, **more: Any) -> ReadOptions:
-        """What to read of a source, and how."""
+        """Collect the options for reading a source."""
         from ..api.inputs import ReadOptions
 
         if self.kind is not None and source != STANDARD and "://" not in source:
@@ -324,14 +339,14 @@ class Reading(Options):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Thinning(Options):
-    """How a surface is thinned."""
+class ThinningArguments(Arguments):
+    """Options for thinning a surface."""
 
     points: int | None = option("--points", heading=SURFACE, type=From(min=3), metavar="N",
                                 help="Keep N points.")
     error: float | None = option("--error", heading=SURFACE, type=float, metavar="E",
                                  help="Keep as few points as miss no value by more than E.")
-    size: int | None = option("--size", heading=SURFACE, type=Size(), metavar="SIZE",
+    size: int | None = option("--size", heading=SURFACE, type=SizeType(), metavar="SIZE",
                               help="Keep as many points as fit into an .iso file of this size.")
     tolerance: float | None = option("--tolerance", heading=SURFACE, type=float, metavar="D",
                                      help="With --isovalue: keep its contour to within D samples, and little else.")
@@ -340,15 +355,15 @@ class Thinning(Options):
 
     def thinned(self, what: Any, contours: Collection[float], layers: int, criterion: Any, progress: Any) -> Any:
         """Thin a field or points to a triangulation."""
-        import isocodec
+        from ..api.thinned import thin
 
-        return isocodec.thin(
+        return thin(
             what, criterion=criterion, to=self.points, error=self.error, size=self.size,
             contours=[*contours] or None, tolerance=self.tolerance, step=self.step, layers=layers, progress=progress,
         )
 
     def check_thinning(self, isovalues: Collection[float]) -> None:
-        """That one measure of thinning is given."""
+        """Check that one measure of thinning is given."""
         measures = self.given("points", "error", "size") + ["--isovalue"] * bool(isovalues)
         if len(measures) != 1:
             raise click.UsageError("give exactly one of --points, --error, --size and --isovalue")
@@ -357,7 +372,7 @@ class Thinning(Options):
 
 
 def stream(source: str) -> Any:
-    """What a source names: standard input for ``-``, a path, or a URL as it is."""
+    """Resolve the name of a source: standard input for ``-``, a path, or a URL as it is."""
     return sys.stdin.buffer if source == STANDARD else source
 
 

@@ -20,7 +20,7 @@ BLOCK = {2: 5, 3: 3}
 
 
 class Tiles:
-    """What is known of all tiles of a file: all but their bytes.
+    """Knowledge of all tiles of a file: all but their bytes.
 
     Parameters
     ----------
@@ -52,7 +52,7 @@ class Tiles:
         return int((self.place < 0).sum())
 
     def check_faces(self) -> None:
-        """That neighbours had the same samples where they meet.
+        """Check that neighbours had the same samples where they meet.
 
         Raises
         ------

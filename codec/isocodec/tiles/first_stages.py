@@ -1,4 +1,4 @@
-"""A tiled file of the first stages of another: its segments as they are, since areas stand stage by stage."""
+"""A tiled file of the first stages of another: its segments as they are, since areas come stage by stage."""
 
 from __future__ import annotations
 

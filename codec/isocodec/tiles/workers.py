@@ -27,7 +27,7 @@ HANDED_OVER = 1 << 16
 
 
 class Engine(Protocol):
-    """What work is given to: an executor of ``concurrent.futures``, or a client of ``dask.distributed``."""
+    """Runs work: an executor of ``concurrent.futures``, or a client of ``dask.distributed``."""
 
     def submit(self, function: Callable[..., Any], /, *args: Any, **options: Any) -> Any:
         """Have a function called elsewhere."""
@@ -65,7 +65,7 @@ def run(
     workers : int
         How many the engine has.
     progress : callable, optional
-        Told of tiles done and their total.
+        Called with tiles done and their total.
 
     Raises
     ------
@@ -165,7 +165,7 @@ def _samples(field: Any, tiling: Tiling, index: Index) -> Any:
 
 @contextmanager
 def _about(index: Index) -> Iterator[None]:
-    """Errors say which tile they are about; those of workers that died say what to do."""
+    """Add the tile to errors, and a remedy to those of workers that died."""
     try:
         yield
     except InputError as error:
