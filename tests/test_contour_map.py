@@ -362,7 +362,7 @@ def test_errors(plane: Path, tmp_path: Path) -> None:
         (4, tmp_path / "no.iso", [], "not a valid .iso file"),
         (5, tmp_path / "cut.iso", [], "before it is complete"),
     ):
-        line = fails(code, "map", source, "-o", out, *more)
+        line = fails(code, "plot", "--map", source, "-o", out, *more)
         assert word in line, line
         assert not out.exists()
     assert ".png, .pdf, .svg" in fails(2, "plot", "--map", plane, "-o", tmp_path / "a.tif")
