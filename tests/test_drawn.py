@@ -138,7 +138,8 @@ def test_the_mesh_under_a_curve_is_its_triangles(curve_data: bytes) -> None:
     decoder = isocodec.Decoder()
     decoder.feed(curve_data)
     decoder.close()
-    position, triangles = decoder.grid.mesh()
+    mesh = decoder.grid.mesh()
+    position, triangles = mesh.points, mesh.cells
     sides = {
         frozenset((tuple(position[a][::-1]), tuple(position[b][::-1])))
         for x, y, z in triangles for a, b in ((x, y), (y, z), (z, x))

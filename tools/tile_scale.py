@@ -20,12 +20,12 @@ from pathlib import Path
 from typing import Any, ClassVar
 
 import numpy as np
-from isocodec.tiles.encoding import Tiling
 
 import isocodec
 from isocodec.stream.options import Options
 from isocodec.tiles.assembly import Tiles, grid_of, merged
 from isocodec.tiles.structure import Kind
+from isocodec.tiles.tile_encoder import Tiling
 
 WINDOW = 0.3, 0.6
 """Where a window of 1000 x 1000 samples begins, as parts of the side."""
@@ -97,7 +97,7 @@ def fetched(path: Path) -> None:
 def directory(side: int = 316) -> None:
     """Opening a file of 10^5 tiles."""
     shape = (side * 32 + 1, side * 32 + 1)
-    tiling = Tiling(grid_of(shape, 5), (0.5,), Options(signs_only=True), "<f4")
+    tiling = Tiling(grid_of(shape, 5), (0.5,), Options.of(precision="signs"), "<f4")
     tiles = Tiles(tiling)
     tiles.kinds[1], tiles.place[:] = Kind.CODED, 0
     tiles.lengths[1:] = 200
