@@ -121,7 +121,7 @@ def test_on_the_command_line(hills: Path, curve: Path, surface: Path, tmp_path: 
     assert json.loads(out.read_text())["properties"]["area"] == "below"
     wrong = fails(2, "decode", curve, "-o", tmp_path / "high.svg", "--what", "areas", "--side", "above")
     assert "cannot hold areas: one of .geojson, .gpkg, .fgb, .shp, .parquet" in wrong
-    assert "cannot hold a surface" in fails(
+    assert "cannot hold areas of a surface: no format can" in fails(
         2, "decode", surface, "-o", tmp_path / "high.geojson", "--what", "areas", "--side", "above",
     )
     assert not (tmp_path / "high.svg").exists()

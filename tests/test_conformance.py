@@ -227,7 +227,8 @@ def test_circle_is_the_circle(name):
 MEASURE = """
 import resource, sys, time, tracemalloc
 from brute import INTERPRETED
-from isocodec import Decoder, LimitError, Limits
+from isocodec import Decoder, Limits
+from isocodec.errors import LimitError
 from isocodec.limits import LEVELS
 from isocodec.grid.models.trained import shipped_models
 from isospec.tables import KINDS

@@ -347,11 +347,11 @@ def test_errors(plane: Path, tmp_path: Path) -> None:
     (tmp_path / "no.iso").write_bytes(b"no curve")
     for code, source, more, word in (
         (2, plane, ["--offset", 3], "--offset goes with --interval"),
-        (2, plane, ["--interval", 3, "--isovalue", 3], "contradict"),
+        (2, plane, ["--interval", 3, "--isovalue", 3], "cannot be combined"),
         (2, plane, ["--interval", 0], "greater than 0"),
         (2, plane, ["--size", 300, "--dpi", 2000], "too large"),
         (2, plane, ["--metadata", "crs"], "KEY=TEXT"),
-        (2, tmp_path / "plane.iso", ["--interval", 3], "its isovalues"),
+        (2, tmp_path / "plane.iso", ["--interval", 3], "an interval does not apply"),
         (2, tmp_path / "tiles.iso", [], "in tiles"),
         (2, tmp_path / "ball.iso", [], "two axes"),
         (3, tmp_path / "ball.npy", [], "3 axes"),
@@ -362,7 +362,7 @@ def test_errors(plane: Path, tmp_path: Path) -> None:
         (4, tmp_path / "no.iso", [], "not a valid .iso file"),
         (5, tmp_path / "cut.iso", [], "before it is complete"),
     ):
-        line = fails(code, "map", source, "-o", out, *more)
+        line = fails(code, "plot", "--map", source, "-o", out, *more)
         assert word in line, line
         assert not out.exists()
     assert ".png, .pdf, .svg" in fails(2, "plot", "--map", plane, "-o", tmp_path / "a.tif")

@@ -12,9 +12,10 @@ from matplotlib.figure import Figure
 import isocodec
 from commands import BALL, HILLS, fails, ok, run
 from files import picture as field_of
+from isocodec.api import plots
+from isocodec.drawing.pictures import picture
 from isocodec.drawing.pictures.picture import Step
 from isocodec.drawing.pictures.view import USUAL, upright
-from isocodec.io.writers import picture
 from isocodec.stream.inspect import inspect
 
 
@@ -22,13 +23,13 @@ from isocodec.stream.inspect import inspect
 def drawn(monkeypatch: pytest.MonkeyPatch) -> list[Step]:
     """The steps of pictures made since."""
     seen: list[Step] = []
-    make = picture.steps_picture
+    make = plots.steps_picture
 
     def noted(steps: list[Step], *how: object) -> bytes:
         seen.extend(steps)
         return make(steps, *how)
 
-    monkeypatch.setattr(picture, "steps_picture", noted)
+    monkeypatch.setattr(plots, "steps_picture", noted)
     return seen
 
 
@@ -91,23 +92,24 @@ def test_a_part_that_ends_with_a_layer_has_no_step_more(tmp_path: Path, drawn: l
 
 @pytest.mark.parametrize(
     ("verb", "out", "word"), [
-        ("decode", "c.svg", "decoded"), ("plot", "c.png", "drawn"), ("decode", "--what", "above", "c.npy", "decoded"),
+        (["decode"], "c.svg", "decoded"), (["plot"], "c.png", "drawn"),
+        (["decode", "--what", "above"], "c.npy", "decoded"),
     ]
 )
-def test_truncated_files_are_not_called_invalid(tmp_path: Path, verb: str, out: str, word: str) -> None:
+def test_truncated_files_are_not_called_invalid(tmp_path: Path, verb: list[str], out: str, word: str) -> None:
     data = isocodec.encode(HILLS, 80.5)
     part = tmp_path / "part.iso"
     part.write_bytes(data[:-6])
     why = f"isocodec: {part}: the file ends after {len(data) - 6} bytes, before it is complete"
-    line = fails(5, verb, part, "-o", tmp_path / out)
+    line = fails(5, *verb, part, "-o", tmp_path / out)
     assert line.startswith(why) and line.endswith(": use --partial to decode what there is")
     assert "valid" not in line and not (tmp_path / out).exists()
-    result = run(verb, part, "-o", tmp_path / out, "--partial")
+    result = run(*verb, part, "-o", tmp_path / out, "--partial")
     assert result.exit_code == 0 and (tmp_path / out).exists()
     said = f"{why.replace(': the file', ': warning: the file')}; {word} as far as it goes"
     assert result.stderr.splitlines()[-1] == said
     part.write_bytes(data[:-6] + bytes(6))
-    assert "not a valid .iso file: " in fails(4, verb, part, "-o", tmp_path / out)
+    assert "not a valid .iso file: " in fails(4, *verb, part, "-o", tmp_path / out)
 
 
 @pytest.mark.parametrize("out", ["c.npz", "c.geojson", "c.svg", "c.png"])
@@ -136,7 +138,8 @@ def test_the_mesh_under_a_curve_is_its_triangles(curve_data: bytes) -> None:
     decoder = isocodec.Decoder()
     decoder.feed(curve_data)
     decoder.close()
-    position, triangles = decoder.mesh()
+    mesh = decoder.grid.mesh()
+    position, triangles = mesh.points, mesh.cells
     sides = {
         frozenset((tuple(position[a][::-1]), tuple(position[b][::-1])))
         for x, y, z in triangles for a, b in ((x, y), (y, z), (z, x))

@@ -238,7 +238,7 @@ def test_executions_that_there_are_not(copied: Path, words: tuple[str, ...]) -> 
 
 COMPILED = """
 import numpy as np
-from isocodec import KernelError
+from isocodec.errors import KernelError
 from isocodec.kernel import inner, kernel
 from isocodec.kernel.types import FloatVector, IntVector
 

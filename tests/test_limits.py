@@ -188,10 +188,10 @@ def test_drawing_has_a_limit_of_its_own():
     tight.feed(data)
     tight.close()
     with pytest.raises(LimitError) as caught:
-        tight.drawn()
+        tight.contour()
     assert caught.value.code == "limit-memory"
-    assert np.array_equal(tight.state().position, decoder.grid.state().position)
-    assert tight.mask().shape == (40, 40, 40)
+    assert np.array_equal(tight.grid.state().position, decoder.grid.state().position)
+    assert tight.grid.above().shape == (40, 40, 40)
 
 
 def test_isovalues_are_limited():

@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from isocodec.api.kinds import frames_of
 
 import isocodec
 from brute import INTERPRETED, examples
 from commands import fails, ok
 from explicit_meshes import plane, space, torus
+from isocodec.api.files import frames_of
 from isocodec.errors import FormatError, InputError, IsoError, OptionError, TruncatedError
 from isocodec.format.chunks import write_chunk
 from isospec.container import ChunkType

@@ -10,7 +10,6 @@ import pytest
 import shapely
 from hypothesis import given
 from hypothesis import strategies as st
-from isocodec.api.whole import received
 from scipy.spatial import KDTree
 
 import isocodec
@@ -117,7 +116,9 @@ def test_the_searches_start_from_the_curve_of_the_file(name: str, precision: str
     """What distances are proven from is what a decoder draws."""
     field, isovalue = FIELDS[name]
     data = isocodec.encode(field, isovalue, **PRECISIONS[precision])
-    (source,) = sources_of(received(data, None))
+    decoder = isocodec.Decoder()
+    decoder.feed(data)
+    (source,) = sources_of(decoder.take())
     assert same(original(source.field), isocodec.decode(data))
 
 

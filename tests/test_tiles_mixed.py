@@ -84,8 +84,8 @@ def check_no_gaps(tmp_path: Path, n: int, options: dict[str, object], count: int
         contour = mixed(file, seed)
         check_closed(contour)
         dice = np.random.default_rng(seed)
-        layers = {index: file.layer_within(dice.choice([16, 4, 1, 0])) for index in np.ndindex(*file.head.grid.counts)}
-        alone = [isocodec.decode(file._file.plain(index, layer=layer)) for index, layer in layers.items()]
+        layers = {index: file.stage_of(dice.choice([16, 4, 1, 0])) for index in np.ndindex(*file.head.grid.counts)}
+        alone = [isocodec.decode(file.plain(index, layer=layer)) for index, layer in layers.items()]
         check_in_faces(contour, file, sum(len(each.cells) for each in alone))
 
 

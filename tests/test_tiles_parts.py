@@ -12,6 +12,7 @@ import isocodec
 from brute import HEAVY, INTERPRETED
 from commands import fails, ok, run
 from isocodec.errors import FormatError, LimitError, OptionError
+from isocodec.tiles.first_stages import first_stages
 from places import matrix
 from test_tiles import random_field
 from tiled import encoded, hilly, holed, pieces, tiled_of
@@ -46,15 +47,15 @@ def test_a_window_in_one_piece(tmp_path: Path, n: int, integers: bool) -> None:
             {"precision": "signs"}, {}, {"precision": "exact"} if integers else {"precision": "step=0.05"},
         ]
         for each in options:
-            file = tiled_of(encoded(tmp_path, field, 0.5, **each))
-            part = isocodec.decode(file.extract(box.tolist()))
+            data = encoded(tmp_path, field, 0.5, **each)
+            part = isocodec.decode(isocodec.open(data).edited(box=box.tolist()))
             assert part.shape == field[window].shape
             assert np.allclose(matrix(part), [[0, 1, low[1]], [1, 0, low[0]]] if n == 2 else np.c_[np.eye(3), low])
             if each:
                 theirs = isocodec.decode(isocodec.encode(field[window], 0.5, **each))  # type: ignore[arg-type]
                 assert pieces(part) == pieces(theirs)
             else:
-                whole = file.window()
+                whole = isocodec.decode(data)
                 corners = whole.points[whole.cells]
                 high = low + np.array(part.shape) - 1
                 inside = whole.cells[((corners >= low) & (corners <= high)).all(axis=(1, 2))]
@@ -66,8 +67,8 @@ def test_a_window_in_one_piece(tmp_path: Path, n: int, integers: bool) -> None:
 def test_the_same_bytes_as_of_the_samples(tmp_path: Path) -> None:
     """Exact values: what the field's samples themselves would give, but for the placement."""
     field = hilly()
-    file = tiled_of(encoded(tmp_path, field, [30.5, 60.5], precision="exact"))
-    made = file.extract([(20, 120), (31, 150)])
+    file = isocodec.open(encoded(tmp_path, field, [30.5, 60.5], precision="exact"))
+    made = file.edited(box=[(20, 120), (31, 150)])
     wanted = isocodec.encode(
         isocodec.Field(field[20:121, 30:151], placement=[[0, 1, 30], [1, 0, 20]]), [30.5, 60.5], precision="exact",
     )
@@ -82,11 +83,11 @@ def test_a_tile_as_it_is(tmp_path: Path) -> None:
         file = tiled_of(data)
         index = (2, 3)
         window = file.head.grid.window(index)
-        made = file.extract([(w.start, w.stop - 1) for w in window])
+        made = isocodec.open(data).edited(box=[(w.start, w.stop - 1) for w in window])
         for number, isovalue in enumerate((30.5, 60.5)):
-            mask, segments = file._file.tiles([index], number, 3)[0][2:]
+            mask, segments = file.tiles([index], number, 3)[0][2:]
             assert mask in made and all(segment in made for segment in segments)
-            tile = isocodec.decode(file.tile(index, isovalue))
+            tile = isocodec.decode(file.plain(index, isovalue))
             assert pieces(isocodec.decode(made, isovalue=isovalue)) == pieces(tile) and len(tile.cells)
         part = isocodec.decode(made)
         assert part.metadata["unit"] == "m"
@@ -96,23 +97,24 @@ def test_a_tile_as_it_is(tmp_path: Path) -> None:
 @pytest.mark.skipif(INTERPRETED, reason="searches would be slow")
 def test_what_cannot_be_taken_out(tmp_path: Path) -> None:
     field = hilly()
-    coarse = tiled_of(encoded(tmp_path, field, 30.5, precision=1.0))
+    data = encoded(tmp_path, field, 30.5, precision=1.0)
+    coarse = isocodec.open(data)
     with pytest.raises(OptionError, match="one tile"):
-        coarse.extract([(0, 100), (0, 100)])
-    tile = coarse.extract([(32, 64), (64, 96)])
-    assert pieces(isocodec.decode(tile)) == pieces(isocodec.decode(coarse.tile((1, 2))))
-    file = tiled_of(encoded(tmp_path, field, 30.5))
+        coarse.edited(box=[(0, 100), (0, 100)])
+    tile = coarse.edited(box=[(32, 64), (64, 96)])
+    assert pieces(isocodec.decode(tile)) == pieces(isocodec.decode(tiled_of(data).plain((1, 2))))
+    file = isocodec.open(encoded(tmp_path, field, 30.5))
     for box in ([(200, 210), (0, 3)], [(0, 3)], [(3, 0), (0, 3)]):
         with pytest.raises(OptionError):
-            file.extract(box)
+            file.edited(box=box)
     with pytest.raises(OptionError, match="no isovalue"):
-        file.extract([(0, 9), (0, 9)], isovalue=3)
-    small = tiled_of(encoded(tmp_path, field, 30.5), isocodec.Limits(samples=100))
+        file.edited(box=[(0, 9), (0, 9)], isovalues=[3])
+    small = isocodec.open(encoded(tmp_path, field, 30.5), limits=isocodec.Limits(samples=100))
     with pytest.raises(LimitError):
-        small.extract([(0, 20), (0, 20)])
+        small.edited(box=[(0, 20), (0, 20)])
     # a point, and the field's last corner
-    assert isocodec.decode(file.extract([(4, 4), (6, 6)])).shape == (2, 2)
-    assert isocodec.decode(file.extract([(149, 149), (209, 209)])).shape == (2, 2)
+    assert isocodec.decode(file.edited(box=[(4, 4), (6, 6)])).shape == (2, 2)
+    assert isocodec.decode(file.edited(box=[(149, 149), (209, 209)])).shape == (2, 2)
 
 
 @pytest.mark.parametrize("options", [{}, {"precision": "signs"}, {"precision": "exact"}])
@@ -123,11 +125,10 @@ def test_first_layers(tmp_path: Path, options: dict[str, object]) -> None:
     file = tiled_of(data)
     stages = len(file.head.stages)
     for count in range(1, stages + 2):
-        file.truncate(tmp_path / "short.iso", count)
-        made = (tmp_path / "short.iso").read_bytes()
+        made = isocodec.open(data).edited(layers=count)
         short = tiled_of(made)
         assert len(short.head.stages) == min(count, stages) and short.metadata == file.metadata
-        assert len(made) == short.size and (made == data) == (count >= stages)
+        assert len(made) == short.root.total and (made == data) == (count >= stages)
         behind = made[int(short.root.leaves[-1]) :]
         at = int(file.root.leaves[-1])
         assert behind == data[at : at + len(behind)]
@@ -135,7 +136,7 @@ def test_first_layers(tmp_path: Path, options: dict[str, object]) -> None:
             wanted = file.window(isovalue=isovalue, layer=min(count, stages) - 1)
             assert pieces(short.window(isovalue=isovalue)) == pieces(wanted)
     with pytest.raises(OptionError):
-        next(file.truncated(0))
+        next(first_stages(file, 0))
 
 
 def test_damage_is_not_sealed(tmp_path: Path) -> None:
@@ -145,13 +146,13 @@ def test_damage_is_not_sealed(tmp_path: Path) -> None:
     bad = bytearray(data)
     bad[int(file.root.leaves[-1]) + 9] ^= 1
     with pytest.raises(FormatError):
-        tiled_of(b"".join(tiled_of(bytes(bad)).truncated(2))).contour()
+        isocodec.decode(b"".join(first_stages(tiled_of(bytes(bad)), 2)))
     bad = bytearray(data)
     bad[int(file.root.leaves[0]) + 3] ^= 1
     with pytest.raises(FormatError, match="checksum"):
-        b"".join(tiled_of(bytes(bad)).truncated(2))
+        b"".join(first_stages(tiled_of(bytes(bad)), 2))
     with pytest.raises(FormatError, match="ends"):
-        b"".join(tiled_of(data[: int(file.root.leaves[-1]) + 9]).truncated(2))
+        b"".join(first_stages(tiled_of(data[: int(file.root.leaves[-1]) + 9]), 2))
 
 
 def test_command_line(tmp_path: Path) -> None:
@@ -164,15 +165,17 @@ def test_command_line(tmp_path: Path) -> None:
     ok("edit", tiled, "-o", out, "--window", "10:60,20:70", "--isovalue", 60.5)
     assert json.loads(ok("info", out, "--json"))["isovalues"] == [60.5]
     facts = json.loads(ok("edit", tiled, "-o", out, "--layers", 2, "--json"))
-    assert facts["layers"] == 2 and facts["bytes"] == out.stat().st_size < tiled.stat().st_size
-    assert json.loads(ok("info", out, "--json"))["tiled"]
+    assert len(isocodec.open(out).info.layers) == 2 * 2 and facts["bytes"] == out.stat().st_size < tiled.stat().st_size
+    assert json.loads(ok("info", out, "--json"))["kind"] == "tiles"
     assert run("edit", tiled, "-o", out, "--size", 200).exit_code == 2
     assert run("edit", tiled, "-o", out, "--window", "1").exit_code == 2
     fails(2, "edit", tiled, "-o", out, "--window", "900:910,0:4")
     assert "bytes read in 1 piece of a file of" in ok("edit", tiled, "-o", out, "--window", "0:9,0:9")
-    for command in ("plot", "mask", "transcode"):
-        said = fails(4, command, tiled, "-o", tmp_path / ("x.iso" if command == "transcode" else "x.png"))
-        assert "not a valid" not in said and "edit --window" in said
+    ok("plot", tiled, "-o", tmp_path / "x.png")
+    ok("decode", "--what", "above", tiled, "-o", tmp_path / "x.npy")
+    assert np.array_equal(np.load(tmp_path / "x.npy"), field > 30.5)
+    ok("edit", tiled, "-o", out, "--profile", "baseline")
+    assert json.loads(ok("info", out, "--json"))["kind"] == "grid"
     assert json.loads(ok("info", tiled, "--json"))["complete"] and "warning" not in run("info", tiled).stderr
     cut = tmp_path / "cut.iso"
     cut.write_bytes(tiled.read_bytes()[:-1])
@@ -182,6 +185,6 @@ def test_command_line(tmp_path: Path) -> None:
     plain.write_bytes(isocodec.encode(field, 30.5))
     fails(3, "edit", plain, "-o", out, "--window", "0:4,0:4")
     np.save(tmp_path / "f.npy", field)
-    said = run("encode", "--tile", 1024, tmp_path / "f.npy", "-o", out, "--isovalue", 30.5, "--isovalue", 1e6).stderr
+    said = run("encode", "--tile", 32, tmp_path / "f.npy", "-o", out, "--isovalue", 30.5, "--isovalue", 1e6).stderr
     assert "the isovalue 1e+06: the curve is empty" in said and said.count("empty") == 1
     assert len(run("edit", tiled, "-o", "-", "--layers", 1).stdout_bytes) < tiled.stat().st_size

@@ -29,7 +29,6 @@ from isocodec.tiles.assembly import grid_of
 from isocodec.tiles.head import write_head
 from isocodec.tiles.spool import Spool, description
 from isocodec.tiles.tile_encoder import Tiling
-from isocodec.tiles.tiled import TiledFile
 from isocodec.tiles.writing import tiling_of
 from tiled import encoded, hilly, holed, pieces, served, tiled_of
 
@@ -300,14 +299,13 @@ def test_a_window_of_a_url(tmp_path: Path) -> None:
     data = encoded(tmp_path, noise, 50.5, precision="exact")
     with served(data) as (url, sent):
         file = isocodec.open(url)
-        assert isinstance(file, TiledFile) and len(sent) == 1
-        part = file.window([(300, 330), (400, 430)])
+        assert file.kind == "tiles" and len(sent) == 1
+        part = file.contour(box=[(300, 330), (400, 430)])
         assert pieces(part) == pieces(tiled_of(data).window([(300, 330), (400, 430)]))
         assert len(sent) <= 8 and sum(sent) < len(data) // 2
-        assert (file.requests, file.received) == (len(sent), sum(sent))
-        assert not file.cut
+        assert file.complete
     with served(data[:-9]) as (url, _):
-        assert isocodec.open(url).cut  # type: ignore[union-attr]
+        assert not isocodec.open(url).complete
 
 
 def test_a_server_without_ranges(tmp_path: Path) -> None:

@@ -20,13 +20,12 @@ from pathlib import Path
 from typing import Any, ClassVar
 
 import numpy as np
-from isocodec.api.tiled_api import TiledIsoFile
-from isocodec.tiles.encoding import Tiling
 
 import isocodec
 from isocodec.stream.options import Options
 from isocodec.tiles.assembly import Tiles, grid_of, merged
 from isocodec.tiles.structure import Kind
+from isocodec.tiles.tile_encoder import Tiling
 
 WINDOW = 0.3, 0.6
 """Where a window of 1000 x 1000 samples begins, as parts of the side."""
@@ -83,12 +82,12 @@ def fetched(path: Path) -> None:
     server = http.server.ThreadingHTTPServer(("localhost", 0), Ranges)
     threading.Thread(target=server.serve_forever, daemon=True).start()
     file = isocodec.open(f"http://localhost:{server.server_port}/field.iso")
-    assert isinstance(file, TiledIsoFile)
-    whole = file.window(within=20)
+    assert file.kind == "tiles"
+    whole = file.contour(within=20)
     print(f"whole curve within 20 samples: {len(Ranges.asked)} requests, {sum(Ranges.asked):,} bytes, "
           f"{len(whole.points):,} points")
     before = len(Ranges.asked)
-    part = file.window([(int(at * file.shape[0]), int(at * file.shape[0]) + 1000) for at in WINDOW])
+    part = file.contour(box=[(int(at * file.shape[0]), int(at * file.shape[0]) + 1000) for at in WINDOW])
     later = Ranges.asked[before:]
     print(f"a window of 1000 x 1000 at full precision: {len(later)} requests, {sum(later):,} bytes, "
           f"{len(part.points):,} points")
@@ -98,7 +97,7 @@ def fetched(path: Path) -> None:
 def directory(side: int = 316) -> None:
     """Opening a file of 10^5 tiles."""
     shape = (side * 32 + 1, side * 32 + 1)
-    tiling = Tiling(grid_of(shape, 5), (0.5,), Options(signs_only=True), "<f4")
+    tiling = Tiling(grid_of(shape, 5), (0.5,), Options.of(precision="signs"), "<f4")
     tiles = Tiles(tiling)
     tiles.kinds[1], tiles.place[:] = Kind.CODED, 0
     tiles.lengths[1:] = 200

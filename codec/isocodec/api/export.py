@@ -182,7 +182,10 @@ def decoded(file: IsoFile, path: str | os.PathLike[str], wanted: Wanted, progres
                 f"only frame 0 of {file.frames} is decoded; choose another with --frame, from 1 to {file.frames - 1}"
             )
         if wanted.view.get("partial") and not file.complete:
-            made.remarks.append(f"the file ends after {file.size:,} bytes; decoded as far as it goes")
+            made.remarks.append(
+                "the file ends before its tiles do: where they are missing curves are coarser, or not there"
+                if file.kind == "tiles" else f"the file ends after {file.size:,} bytes; decoded as far as it goes"
+            )
     return made
 
 
@@ -208,7 +211,7 @@ def _contours(file: IsoFile, suffix: str, wanted: Wanted, progress: Any) -> list
     if wanted.through_holes or wanted.along_holes:
         view["through_holes"] = True
     kind = _KINDS[wanted.what or "curve"]
-    every = wanted.isovalue is None and "layers" not in view and file.kind != "surface"
+    every = wanted.isovalue is None and file.kind != "surface" and ("layers" not in view or file.kind == "tiles")
     if every:
         asked = Thing(kind, len(file.shape) or None, several=kind != "areas", sampled=bool(file.shape))
     if every and _holds(suffix, asked):

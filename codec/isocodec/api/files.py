@@ -355,6 +355,7 @@ class TileFile:
             self.size - coded, True, layers, [], self.tiled.metadata, list(head.isovalues),
             [None] * len(head.isovalues), [False] * len(head.isovalues),
             int(root.sizes[:, 0].sum()) if head.masked else None, kind="tiles", tile=1 << head.grid.exponent,
+            tiles=head.grid.counts,
         )
 
     def contour(self, isovalue: float | None, view: Viewed) -> Contour:

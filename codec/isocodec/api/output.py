@@ -13,11 +13,24 @@ from ..storage.atomic import check_target, undo_all, undoing, write_bytes
 
 if TYPE_CHECKING:
     from ..io.writers.output_formats import Kind
+    from .isofile import IsoFile
 
-__all__ = ["STANDARD", "check_output", "engine_of", "formats", "undo_all", "undoing", "write_bytes"]
+__all__ = ["STANDARD", "check_output", "engine_of", "formats", "read_of", "undo_all", "undoing", "write_bytes"]
 
 STANDARD = "-"
 """Name of standard input and output."""
+
+
+def read_of(file: IsoFile) -> tuple[str, dict[str, int]]:
+    """Bytes read of a file in tiles, in words and for programs; empty for other files."""
+    from .files import TileFile
+
+    if not isinstance(file.held, TileFile):
+        return "", {}
+    tiled = file.held.tiled
+    pieces = "piece" if tiled.requests == 1 else "pieces"
+    text = f", {tiled.received:,} bytes read in {tiled.requests} {pieces} of a file of {file.size:,}"
+    return text, {"read": tiled.received, "pieces": tiled.requests}
 
 
 def check_output(output: str | os.PathLike[str], source: str, *, iso: bool = False) -> None:

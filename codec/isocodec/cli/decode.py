@@ -118,7 +118,7 @@ def decode_command(options: DecodeArguments) -> None:
     """
     options.check()
     from ..api.export import check_export, decoded
-    from ..api.output import check_output
+    from ..api.output import check_output, read_of
 
     with concerning(options.output):
         check_output(options.output, options.source)
@@ -131,10 +131,11 @@ def decode_command(options: DecodeArguments) -> None:
         size = made.write(target)
     for remark in made.remarks:
         warn(options.source, remark)
-    seconds = time.perf_counter() - started
+    seconds, (text, read) = time.perf_counter() - started, read_of(file)
     result(
-        f"{named(options.output)}: {made.text}, {seconds:.2f} s",
-        {"output": str(options.output), "bytes": size, **made.facts, "seconds": round(seconds, 3)}, options.as_json,
+        f"{named(options.output)}: {made.text}{text}, {seconds:.2f} s",
+        {"output": str(options.output), "bytes": size, **made.facts, **read, "seconds": round(seconds, 3)},
+        options.as_json,
     )
 
 

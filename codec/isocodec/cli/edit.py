@@ -67,7 +67,7 @@ def edit_command(options: EditArguments) -> None:
     from ..api.export import counted as inspected
     from ..api.isofile import open
     from ..api.merging import merge
-    from ..api.output import check_output
+    from ..api.output import check_output, read_of
 
     for source in options.source:
         with concerning(options.output):
@@ -96,7 +96,9 @@ def edit_command(options: EditArguments) -> None:
     if not several and options.given("layers", "size"):
         kept = sum(layer.bytes is not None for layer in inspected(made).layers)
         holds, facts = counted(kept, "whole layer"), {**facts, "layers": kept}
+    text, read = ("", {}) if several else read_of(files[0])
     result(
-        f"{named(options.output)}: {len(data):,} of {before:,} bytes, {holds}",
-        {"output": str(options.output), "bytes": len(data), "input_bytes": before, **facts}, options.as_json,
+        f"{named(options.output)}: {len(data):,} of {before:,} bytes, {holds}{text}",
+        {"output": str(options.output), "bytes": len(data), "input_bytes": before, **facts, **read},
+        options.as_json,
     )

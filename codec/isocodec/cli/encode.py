@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 import time
 from dataclasses import dataclass
@@ -246,6 +247,8 @@ def encode_command(options: EncodeArguments) -> None:
     holds = counted(facts["points"], "point") if options.surface else counted(facts["layers"], "layer")
     if len(options.labels) > 1:
         holds = counted(len(options.labels), "label")
+    if options.tile is not None:
+        holds = counted(facts["tiles"], "tile")
     result(
         f"{named(options.output)}: {facts['bytes']:,} bytes, {holds}, {seconds:.2f} s",
         {"output": str(options.output), **facts, "seconds": round(seconds, 3)}, options.as_json,
@@ -301,6 +304,6 @@ def _tiled(options: EncodeArguments, keywords: dict[str, Any]) -> tuple[dict[str
     sizes = {number: sum(layer.bytes or 0 for layer in file.info.layers if layer.isovalue == number)
              for number in range(len(file.isovalues))}
     empty = [file.isovalues[number] for number, size in sizes.items() if not size]
-    facts = {"bytes": file.size, "layers": len(file.info.layers), "shape": list(file.shape),
-             "isovalues": [float(value) for value in file.isovalues]}
+    facts = {"bytes": file.size, "layers": len(file.info.layers), "tiles": math.prod(file.info.tiles or ()),
+             "shape": list(file.shape), "isovalues": [float(value) for value in file.isovalues]}
     return facts, [f"no samples lie on both sides of the isovalue {value:g}: the curve is empty" for value in empty]

@@ -47,7 +47,8 @@ def info_command(options: InfoArguments) -> None:
         if statistics is not None:
             _print_statistics(statistics, len(info.shape))
     if not complete:
-        warn(options.source, f"the file ends after {info.bytes:,} bytes, before it is complete")
+        cut = f"after {info.bytes:,} bytes, before it is complete" if info.tiles is None else "before its tiles do"
+        warn(options.source, f"the file ends {cut}")
 
 
 def _print(source: str, info: FileInfo, complete: bool) -> None:
@@ -72,8 +73,8 @@ def _facts(info: FileInfo) -> list[tuple[str, str]]:
            ("profile", str(info.profile))]
     if info.shape:
         out.append(("shape", " x ".join(f"{n}" for n in info.shape)))
-    if info.tile is not None:
-        out.append(("tiles", f"of {info.tile} samples"))
+    if info.tiles is not None:
+        out.append(("tiles", f"{' x '.join(map(str, info.tiles))} of {info.tile} samples"))
     if info.domain is not None:
         out.append(("mesh", f"{info.domain.vertices:,} points, {info.domain.cells:,} cells"))
     for number, isovalue in enumerate(info.isovalues):

@@ -77,8 +77,9 @@ def thin_command(options: ThinArguments) -> None:
     seconds, facts = time.perf_counter() - started, facts_of(tin, given)
     error = f", largest error {facts['error']:g}" if "error" in facts else ""
     error += f", in the mean {facts['rms']:.4g}" if "rms" in facts else ""
+    of = f" of {facts['points'] + facts['removed']:,}" if "removed" in facts else ""
     result(
-        f"{named(options.output)}: {size:,} bytes, {facts['points']:,} points, {facts['triangles']:,} triangles"
+        f"{named(options.output)}: {size:,} bytes, {facts['points']:,}{of} points, {facts['triangles']:,} triangles"
         f"{error}, {seconds:.2f} s",
         {"output": str(options.output), "bytes": size, **facts, **({"criterion": criterion} if criterion else {}),
          "seconds": round(seconds, 3)}, options.as_json,

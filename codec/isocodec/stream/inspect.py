@@ -143,6 +143,8 @@ class FileInfo:
         Head of a triangulated surface.
     tile : int or None
         For a file in tiles, samples along each axis of a tile.
+    tiles : tuple of int or None
+        For a file in tiles, the number of tiles along each axis.
     """
 
     version: int
@@ -168,6 +170,7 @@ class FileInfo:
     kind: str = "grid"
     surface: TinHead | None = None
     tile: int | None = None
+    tiles: tuple[int, ...] | None = None
 
     def number_of(self, isovalue: float | None) -> int:
         """Number of an isovalue of the file, of the first if None.

@@ -54,7 +54,8 @@ class TiledFile:
     ----------
     head : Head
     root : Root
-    fetch : callable
+    requests, received : int
+        How often bytes were fetched, and how many.
 
     Raises
     ------
@@ -66,13 +67,21 @@ class TiledFile:
 
     def __init__(self, fetch: Fetch, limits: Limits | None = None, first: bytes | None = None) -> None:
         self.limits = limits or Limits()
-        self.fetch = fetch
-        first = fetch(0, HEAD_BYTES) if first is None else first
-        self._pieces = lambda: Pieces(fetch, self.limits.bytes, first)
+        self._source = fetch
+        self.requests, self.received = (0, 0) if first is None else (1, len(first))
+        first = self.fetch(0, HEAD_BYTES) if first is None else first
+        self._pieces = lambda: Pieces(self.fetch, self.limits.bytes, first)
         self.head, self.root = read_head(first)
         self._blocks = list(self.head.grid.all_blocks())
         self._number_of = {block: number for number, block in enumerate(self._blocks)}
         self._leaves: dict[int, Leaf] = {}
+
+    def fetch(self, start: int, end: int) -> bytes:
+        """The bytes of the file from one place up to another, fewer at its end."""
+        data = self._source(start, end)
+        self.requests += 1
+        self.received += len(data)
+        return data
 
     @property
     def shape(self) -> Index:

@@ -69,7 +69,8 @@ def find(path: str | os.PathLike[str], thing: Thing) -> tuple[str, Output]:
         ):
             output.check_libraries(suffix)
             return suffix, output
-    remedy = "one of " + ", ".join(suffixes_of(thing.kind, thing.n, several=thing.several, sampled=thing.sampled))
+    fitting = suffixes_of(thing.kind, thing.n, several=thing.several, sampled=thing.sampled)
+    remedy = f"one of {', '.join(fitting)}" if fitting else "no format can"
     if suffix is None:
         given = Path(path).suffix.lower() or "a name without a suffix"
         message = f"{given} is not a supported output format"
