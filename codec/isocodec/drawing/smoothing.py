@@ -1,7 +1,7 @@
 """Smoothing: points of which only the edge is known move to where the curve bends as evenly as possible.
 
 Half-way is right in the mean, but makes steps of what is smooth. Here each such point goes along its edge until it
-bends away from its neighbours as much as these do from theirs. This is no part of the format: what is drawn keeps all
+bends away from its neighbours as much as these do from theirs. This is not part of the format: what is drawn keeps all
 that is stated, and promises nothing more.
 """
 

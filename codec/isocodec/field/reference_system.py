@@ -29,7 +29,7 @@ def to_degrees(placement: Placement | None) -> Transform:
     Raises
     ------
     OptionError
-        If there is no system of that number.
+        If no system has that number.
     MissingExtraError
         If pyproj is not installed.
     """

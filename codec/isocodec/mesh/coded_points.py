@@ -97,7 +97,7 @@ def delaunay_complex(position: NDArray[np.int64], unit: float, account: Account 
     account = account or Account()
     x, y = np.ascontiguousarray(position.T)
     tri, _ = delaunay(x, y, account.left(STEPS))
-    # where it has stopped, that is more than there was left
+    # where it has stopped, this exceeds what was left
     account.spend(-(-tri.reg.work // STEPS))
     cells = triangles(tri).astype(np.int64)
     return assembled(position, cells, unit, neighbours(cells))

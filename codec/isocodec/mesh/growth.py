@@ -124,7 +124,7 @@ def _join(g, t, i):
 
 @inner
 def attach(g):
-    """Take the cell that has been written behind the others; False if the mesh is no complex then."""
+    """Take the cell that has been written behind the others; False if the mesh is not a complex then."""
     t = np.int64(g.reg.cells)
     corners = g.cell.shape[1]
     for i in range(corners):

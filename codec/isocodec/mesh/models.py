@@ -56,7 +56,7 @@ MIX_OFFSET = MIX_SIGN + CLASSES
 MIX_VALUE = MIX_OFFSET + 2 * CROSSINGS * DEPTHS
 MIX_LEVEL = MIX_VALUE + 2 * NUMBERS * DEPTHS
 MIXES = MIX_LEVEL + SHARES // 2
-# Of the run of a mesh (spec clause 10.10), likewise.
+# For the run of a mesh (spec clause 10.10): the same.
 _MESH = Layout({
     "CLOSED": (4 * NEAR, 0.5, 0),
     "CLOSED_PAST": (64, 0.5, 0),

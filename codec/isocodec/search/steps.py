@@ -48,7 +48,7 @@ def stepwise(promise: Promise, steps: Sequence[float], topology: bool) -> Plan:
     if len(fine) == 1:
         plans.append(_joined(promise, coarse, smallest(promise, fine[0], topology), fine, topology))
     if values or plans in ([], [None]):
-        # if values follow, less is wasted of offsets on the full grid, as a rule
+        # if values follow, offsets on the full grid usually waste less
         grid = [*whole_mesh(promise, topology), *_offsets(promise, fine)]
         plans.append(_joined(promise, coarse, grid, fine, topology))
     if plans[0] is None and _signs_keep(promise, fine[0]):

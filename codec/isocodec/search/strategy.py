@@ -85,7 +85,7 @@ def smallest(promise: Promise, tolerance: float, topology: bool) -> Plan:
     for start, lead in () if topology else even_starts(promise, tolerance):
         found, good = _meshed(promise, tolerance, start, lead, best, tried, course)
         if helped and found is best:
-            # of even larger cubes the same would come
+            # even larger cubes would give the same
             break
         helped |= found is not best
         # parts that store crossings well on one mesh do so on the others

@@ -107,7 +107,7 @@ def ranges_of(source: str | os.PathLike[str]) -> Fetch:
     if is_url(source):
         return _remote(str(source))
     path = Path(source)
-    # found out now if it cannot be opened
+    # fails now if it cannot be opened
     path.open("rb").close()
 
     def fetch(start: int, end: int) -> bytes:

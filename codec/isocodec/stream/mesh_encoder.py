@@ -333,7 +333,7 @@ def _check_options(options: Options) -> None:
 
 
 def _frames_of(values: ArrayLike) -> NDArray[Any]:
-    """Values of all frames, (F, V): those of the one frame of a file that is no series."""
+    """Values of all frames, (F, V): without a series those of its only frame."""
     found = np.asarray(values)
     if found.ndim == 2 and not len(found):
         raise InputError("a series without frames", code="frames", remedy="give at least one")

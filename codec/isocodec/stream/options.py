@@ -392,7 +392,7 @@ def check_interval(interval: int) -> int:
     Raises
     ------
     OptionError
-        If it is no number from 0 on.
+        If it is not a number from 0 on.
     """
     if not (isinstance(interval, (int, np.integer)) and 0 <= interval < 1 << 32):
         raise OptionError(

@@ -48,7 +48,7 @@ def _is_adaptive(entry: object) -> bool:
 
 
 def _criteria(entry: object) -> Criteria | None:
-    """The criteria of an entry, if it has any; what is no entry is refused later."""
+    """The criteria of an entry, if it has any; anything but an entry is refused later."""
     if isinstance(entry, Sequence) and _is_adaptive(entry) and isinstance(entry[2], Criteria):
         return entry[2]
     return None

@@ -54,7 +54,7 @@ def truncate(
     if (layers is None) == (max_bytes is None):
         raise OptionError("give either layers or max_bytes", code="options")
     data = whole_bytes(data)
-    # What is damaged must not get a checksum that is right.
+    # Damaged data must not get a correct checksum.
     info = inspect(data)
     if info.kind == "surface":
         return _first_points(data, layers, max_bytes, limits)

@@ -111,8 +111,10 @@ class Extract:
         return signs, gone, _together(told, self.size)
 
     def _tiles(self, number: int) -> Iterator[tuple[Index, Kind, bytes, list[bytes]]]:
-        """Tiles with something in the box. Those where nothing is coded come first: of missing samples in their faces
-        others know better."""
+        """Tiles with something in the box, those where nothing is coded first.
+
+        A neighbour may know of missing samples in the shared face, so it is applied later.
+        """
         grid = self._file.head.grid
         low, size = np.array(self.low), np.array(self.size)
         found = self._file.tiles(grid.touching(low, low + size - 1), number, len(self._file.head.stages) - 1)

@@ -139,7 +139,7 @@ def _is_small(field: Any) -> bool:
     try:
         pickle.Pickler(_Few(), protocol=5).dump(field)
     except Exception:
-        # too large, or not to be handed over at all: libraries have errors of all kinds for that
+        # too large to be sent, or not picklable: libraries raise errors of all kinds for that
         return False
     return True
 
@@ -173,7 +173,7 @@ def _about(index: Index) -> Iterator[None]:
     except (BrokenProcessPool, CancelledError) as error:
         raise _died(index) from error
     except Exception as error:
-        # of a library that need not be there: a worker or the scheduler is gone
+        # from a library that may be missing: a worker or the scheduler is gone
         if type(error).__name__ in ("KilledWorker", "CommClosedError"):
             raise _died(index) from error
         raise

@@ -110,7 +110,7 @@ class _Surface:
         if status == DONE:
             status, done = code_inner(coder, tri, values, queue, self.account.left(STEPS))
             told[queue[:done]] = True
-            # where it has stopped, that is more than there was left
+            # where it has stopped, this exceeds what was left
             self.account.spend(-(-tri.reg.work // STEPS))
         if status == DONE or told.sum() > known:
             self.points, self.numbers = union[told[place]], number[place][told[place]]

@@ -64,7 +64,7 @@ def _carve(tri, p, skipped, depth):
     """Take out the triangles on the stack and all next to them whose circle holds ``p``; list the cavity's edges.
 
     The stack is ``cavity``, with ``depth`` triangles at first, all marked. ``skipped`` is a
-    half-edge on the hull that is no edge of the cavity, nor is one on a line with ``p``.
+    half-edge on the hull that is not an edge of the cavity, nor is one on a line with ``p``.
     """
     reg = tri.reg
     count, done = reg.ring, 0

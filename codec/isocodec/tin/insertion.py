@@ -44,7 +44,7 @@ def fewest(state: Thinning, value: NDArray[np.float64], error: float, rounds: in
             if len(some) == 0:
                 break
             order = some[np.lexsort((some, -size[some]))].astype(np.int32)
-            # what is put in has its value, not what errors are held against
+            # an inserted point has its value, not the one that errors are measured against
             s.error[:] -= apart
             put_back(inserting, order, point, len(order), np.zeros(triangles, np.uint8))
             s.error[:] += apart

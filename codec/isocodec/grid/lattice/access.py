@@ -81,7 +81,7 @@ def cube(t, r, cls):
 
 @inlined
 def kind(t, r, w0, w1, w2):
-    """Kind of the diamond around the lattice point w (units of g), or -1 if w is no middle of this level."""
+    """Kind of the diamond around the lattice point w (units of g), or -1 if w is not a middle of this level."""
     return t[np.uint64(_KIND + r * 64 + ((w0 & 3) | (w1 & 3) << 2 | (w2 & 3) << 4))]
 
 

@@ -36,20 +36,20 @@ _SIZES = {
     "DIMENSION": 1,
     "ROOT": 7,  # number of root simplices, then their classes
     "VERTEX": AXES * MOST_CLASSES * 12,  # [r, q, j, a] vertices in units of g, relative to the block
-    "MIDDLE": AXES * MOST_CLASSES * 3,  # [r, q, a] middle of the subdivision edge, likewise
+    "MIDDLE": AXES * MOST_CLASSES * 3,  # [r, q, a] middle of the subdivision edge, in the same way
     "CHILD": AXES * MOST_CLASSES * 8,  # [r, q, s] class, then block = block * (2 if r == n - 1 else 1) + delta
     "NEIGHBOUR": AXES * MOST_CLASSES * 20,  # [r, q, i] class, opposite vertex there, block delta
     "CUBE": AXES * MOST_CLASSES * 4,  # [r, q] number within its cube, then the cube's parity in the block
     "KIND": AXES * 64,  # [r, residues mod 4] diamond kind of a middle, or -1
     "CORNERS": MOST_KINDS,  # [d] number of corners; 0 and 1 are the ends of the subdivision edge
     "CORNER": MOST_KINDS * MOST_CORNERS * 3,  # [d, i, a] in units of g, relative to the block of the middle
-    "DELTA": MOST_KINDS * MOST_CORNERS,  # [d, i] how far its cell in a page lies behind the middle's, in units of g
+    "DELTA": MOST_KINDS * MOST_CORNERS,  # [d, i] distance of its cell in a page behind the middle's, in units of g
     "MEMBERS": MOST_KINDS,  # [d] number of simplices in the diamond
     "MEMBER": MOST_KINDS * MOST_MEMBERS * 5,  # [d, m] class and block delta of a member, the bits of its corners
-    "GRANDCHILD": MOST_KINDS * MOST_MEMBERS * 10,  # [d, m, s] likewise its children (block as in CHILD)
-    "FACTOR": MOST_KINDS,  # [d] what the block of a member is multiplied by for its children
+    "GRANDCHILD": MOST_KINDS * MOST_MEMBERS * 10,  # [d, m, s] the same for its children (block as in CHILD)
+    "FACTOR": MOST_KINDS,  # [d] factor of the block of a member for its children
     "BITS": MOST_KINDS * MOST_MEMBERS * 2,  # [d, m, s] bits of a child's corners, as in GRANDCHILD
-    "PLACE": MOST_KINDS * MOST_MEMBERS * 8,  # [d, m, s, j] which corner vertex j of a child is
+    "PLACE": MOST_KINDS * MOST_MEMBERS * 8,  # [d, m, s, j] corner that vertex j of a child is
     "TWIN": MOST_KINDS * MOST_MEMBERS * 2,  # [d, m, s] bits of the children before it that have its middle
 }
 START = {name: sum(list(_SIZES.values())[:i]) for i, name in enumerate(_SIZES)}

@@ -94,7 +94,7 @@ def promised(plan: Sequence[Entry]) -> dict[int, float]:
 
 
 def check_entries(plan: Sequence[Entry]) -> None:
-    """Refuse what is no entry of a plan, or has more members than its kind takes."""
+    """Refuse what is not an entry of a plan, or has more members than its kind takes."""
     for entry in plan:
         if isinstance(entry, str) or not isinstance(entry, Sequence) or not entry:
             raise OptionError(

@@ -115,7 +115,7 @@ def source_of(
     InputError
         If it is a device or a pipe, which may never end.
     OptionError
-        If ``samples`` is no number of samples.
+        If ``samples`` is not a number of samples.
     """
     path = Path(path)
     if samples is not None and samples < 1:
