@@ -85,7 +85,7 @@ def complex_of(points: ArrayLike, cells: ArrayLike, exponent: int | None = None)
     Raises
     ------
     InputError
-        If they are not a complex: indices that are out of range, cells that are degenerate or given twice, faces of more
+        If they are not a complex: indices out of range, cells that are degenerate or given twice, faces of more
         than two cells; the message has the numbers of the first ones.
     """
     coordinates = _checked_points(points)
