@@ -135,7 +135,7 @@ def test_vectors_of_the_main_profile_use_every_kind_of_symbols(n):
             decoder = Decoder()
             decoder.feed((HOME / v.file).read_bytes())
             decoder.close()
-            for tube in decoder._tubes:
+            for tube in decoder.grid.tubes:
                 used |= (tube.coder.blend.mix != weights).any(axis=1)
     assert set(np.flatnonzero(~used)) == ({4, 5, 10, 11, 45, 48} if n == 2 else set())
 

@@ -342,7 +342,6 @@ def test_errors(plane: Path, tmp_path: Path) -> None:
     np.save(tmp_path / "nan.npy", COLUMNS * np.nan)
     isocodec.save(tmp_path / "plane.iso", COLUMNS, 10.5)
     isocodec.save(tmp_path / "ball.iso", BALL, 60.5)
-    isocodec.save(tmp_path / "tiles.iso", COLUMNS, 10.5, tile=32)
     (tmp_path / "cut.iso").write_bytes((tmp_path / "plane.iso").read_bytes()[:-9])
     (tmp_path / "no.iso").write_bytes(b"no curve")
     for code, source, more, word in (
@@ -352,7 +351,6 @@ def test_errors(plane: Path, tmp_path: Path) -> None:
         (2, plane, ["--size", 300, "--dpi", 2000], "too large"),
         (2, plane, ["--metadata", "crs"], "KEY=TEXT"),
         (2, tmp_path / "plane.iso", ["--interval", 3], "an interval does not apply"),
-        (2, tmp_path / "tiles.iso", [], "in tiles"),
         (2, tmp_path / "ball.iso", [], "two axes"),
         (3, tmp_path / "ball.npy", [], "3 axes"),
         (3, tmp_path / "nan.npy", [], "all samples are missing"),

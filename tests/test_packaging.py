@@ -21,7 +21,7 @@ ROUND_TRIP = """
 import sys, numpy, isocodec
 assert "site-packages" in isocodec.__file__, isocodec.__file__
 field = numpy.hypot(*numpy.mgrid[:64, :64])
-contour = isocodec.decode(isocodec.encode(field, 20.5, tolerance=0.005))
+contour = isocodec.decode(isocodec.encode(field, 20.5, precision=0.005))
 assert abs(numpy.hypot(*contour.points.T) - 20.5).max() < 0.02
 print(isocodec.kernels())
 """

@@ -45,7 +45,7 @@ def test_points_stay_on_edges_of_coarse_meshes(shape):
     decoder = isocodec.Decoder()
     decoder.feed(data)
     decoder.close()
-    position, simplices = decoder.mesh()
+    position, simplices = decoder.grid.crossed()
     ends = {tuple(sorted((int(a), int(b)))) for leaf in simplices for a in leaf for b in leaf if a < b}
     low, high = (position[[end[i] for end in ends]].astype(float) for i in (0, 1))
     way = high - low

@@ -103,10 +103,10 @@ def test_uniform_meshes_are_those_of_a_level(shape: tuple[int, ...], level: int)
 
 @pytest.mark.parametrize("field, isovalue", [(HILLS, 60.5), (BALL, 50.5)])
 def test_on_the_full_grid_signs_are_those_of_all_samples(field: np.ndarray, isovalue: float) -> None:
-    mesh = decoder_of(isocodec.encode(field, isovalue)).tessellation()
+    mesh = decoder_of(isocodec.encode(field, isovalue)).grid.mesh()
     assert len(mesh.points) == field.size
     assert np.array_equal(mesh.above, field[tuple(mesh.points.T)] > isovalue)
-    nothing = decoder_of(isocodec.encode(field, -1)).tessellation()
+    nothing = decoder_of(isocodec.encode(field, -1)).grid.mesh()
     assert nothing.above.all()
 
 
@@ -150,7 +150,7 @@ def test_vtu_of_a_surface_is_read_back(tmp_path: Path, mirrored: bool) -> None:
     assert volume.min() > 0 and volume.sum() == pytest.approx(16**3 * 6)
     assert read.points.min(axis=0).tolist() == [10, -5, 0 if mirrored else -16]
     index = np.rint((read.points - (10, -5, 0)) / (2, 3, 1 if mirrored else -1)).astype(int)[:, ::-1]
-    mesh = decoder_of(source.read_bytes()).tessellation()
+    mesh = decoder_of(source.read_bytes()).grid.mesh()
     assert np.array_equal(index, mesh.points)
     assert np.array_equal(read.point_data["above"], mesh.above)
     assert np.array_equal(read.cell_data["level"][0], mesh.levels)
@@ -164,7 +164,7 @@ def test_ply_of_a_surface_is_read_back(tmp_path: Path) -> None:
     source, out = tmp_path / "ball.iso", tmp_path / "mesh.ply"
     source.write_bytes(isocodec.encode(BALL, 50.5, layers="distortion=1"))
     ok("decode", source, "--what", "mesh", "--whole", "-o", out)
-    mesh = decoder_of(source.read_bytes()).tessellation()
+    mesh = decoder_of(source.read_bytes()).grid.mesh()
     read = trimesh.load(out, process=False)
     assert np.array_equal(read.vertices, mesh.points)
     sides = np.sort(np.concatenate([np.delete(mesh.cells, i, axis=1) for i in range(4)]), axis=1)
@@ -179,7 +179,9 @@ def test_a_curve_in_each_format_has_the_same_triangles(tmp_path: Path) -> None:
         told = {}
         for suffix in (".vtu", ".ply", ".geojson"):
             out = tmp_path / f"mesh{suffix}"
-            told[suffix] = json.loads(ok("decode", source, "--mesh", part, "-o", out, "--json"))["triangles"]
+            whole = ["--whole"] if part == "whole" else []
+            facts = json.loads(ok("decode", source, "--what", "mesh", *whole, "-o", out, "--json"))
+            told[suffix] = facts["triangles"]
         read = meshio.read(tmp_path / "mesh.vtu")
         cells = read.cells_dict["triangle"]
         flat = trimesh.load(tmp_path / "mesh.ply", process=False)
@@ -212,7 +214,7 @@ def test_what_cannot_be_written(tmp_path: Path) -> None:
     source = tmp_path / "ball.iso"
     data = isocodec.encode(BALL, 50.5)
     source.write_bytes(data)
-    assert "--mesh and --smooth contradict" in fails(
+    assert "--smooth does not apply to --what mesh" in fails(
         2, "decode", source, "--what", "mesh", "--smooth", "-o", tmp_path / "a.ply"
     )
     line = fails(2, "decode", source, "--what", "mesh", "-o", tmp_path / "a.stl")

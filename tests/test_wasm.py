@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 import isocodec
-from isocodec import encode
+from isocodec import Field, encode
 from isocodec.kernel import EXECUTION, Execution
 from isoconform import runner
 from isoconform.manifest import default_directory, read_manifest
@@ -36,7 +36,7 @@ LARGEST = 90_000
 """Bytes that a decoder's module takes on its way, at most."""
 PLANE = hill((45, 60), 900) + noise((45, 60), 1, 40)
 SPACE = hill((12, 14, 13), 150) + noise((12, 14, 13), 2, 9)
-FILES: dict[str, tuple[np.ndarray, Any, dict[str, Any]]] = {
+FILES: dict[str, tuple[Any, Any, dict[str, Any]]] = {
     "search": (PLANE, 300.5, {"precision": 1}),
     "search in space": (SPACE, 60.5, {"precision": 0.5}),
     "topology": (PLANE, 300.5, {"precision": 0.7, "keep_topology": True}),
@@ -47,8 +47,8 @@ FILES: dict[str, tuple[np.ndarray, Any, dict[str, Any]]] = {
     "same mesh": (PLANE, [300.5, 310.5], {"layers": {
         300.5: [("base", 2), ("refine", None), ("values", None)], 310.5: [("leaf_base",), ("values", None)],
     }}),
-    "holes": (PLANE, 300.5, {"mask": np.hypot(*np.indices(PLANE.shape)) < 9, "precision": 0.2}),
-    "holes in space": (SPACE, 60.5, {"mask": np.indices(SPACE.shape).sum(axis=0) < 5}),
+    "holes": (Field(PLANE, mask=np.hypot(*np.indices(PLANE.shape)) < 9), 300.5, {"precision": 0.2}),
+    "holes in space": (Field(SPACE, mask=np.indices(SPACE.shape).sum(axis=0) < 5), 60.5, {}),
 }
 """Between them, they need every kernel."""
 MASKED = ("isovalues", "floats")
@@ -119,7 +119,7 @@ def test_files_and_curves(whole: Runner, decoder: Runner):
             assert encode(field, isovalue, **options) == data, name
         with decoder.at_work():
             assert drawn(data, name in MASKED) == expected, name
-    left_out = ("iso_domain_", "iso_passes_coordinates_", "iso_tube_softened_")
+    left_out = ("iso_mesh_", "iso_tin_", "iso_passes_nodes_", "iso_tube_softened_")
     assert {entry for entry in whole.entries - whole.called if not entry.startswith(left_out)} <= decoder.called
     assert {entry for entry in decoder.entries if entry.startswith("iso_drawing_")} <= decoder.called
 

@@ -53,7 +53,7 @@ class Domain(NamedTuple):
     unit: int
 
 
-class Diamond(NamedTuple):
+class SignedDiamond(NamedTuple):
     """A diamond of a level: its middle in units of half the edge, bits of the members and corners that exist, signs."""
 
     level: int
@@ -84,7 +84,7 @@ def diamond_at(dm, level, x, y, z):
             u = position(edge, w0 >> 2, w1 >> 2, w2 >> 2, corner(t, kind, np.int64(i)))
             above |= truth(dm, u[0], u[1], u[2]) << i
         i += 1
-    return Diamond(level, edge, kind, w0, w1, w2, whole, members, corners, above)
+    return SignedDiamond(level, edge, kind, w0, w1, w2, whole, members, corners, above)
 
 
 @inner
