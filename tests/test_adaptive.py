@@ -124,4 +124,4 @@ def test_inference_along_an_edge_cut_unevenly():
     mesh = chosen(field.shape, UNEVEN_MESH)
     encoder = encoder_of(field, 0.5, layers=[("adaptive_base", 0, mesh), ("refine", None)])
     data = b"".join(encoder)
-    assert decoded(data).state().lines() == snapshot.state_of(encoder.frame.strands[-1].tube).lines()
+    assert decoded(data).grid.state().lines() == snapshot.state_of(encoder.frame.strands[-1].tube).lines()

@@ -107,7 +107,7 @@ def test_trials_leave_the_isovalue_leaned_on_as_it_was():
     decoder = Decoder()
     decoder.feed(b"".join(encoder))
     list(decoder)
-    assert [strand.tube.steps for strand in encoder._strands] == [tube.steps for tube in decoder._tubes]
+    assert [strand.tube.steps for strand in encoder.frame.strands] == [tube.steps for tube in decoder.grid.tubes]
 
 
 # --- meshes and drawings ----------------------------------------------------------------------------------------------
@@ -144,7 +144,7 @@ def test_vertices_of_the_mesh_count_before_they_are_known():
     decoder = Decoder()
     decoder.feed(TWO)
     list(decoder)
-    tube = decoder._tubes[0]
+    tube = decoder.grid.tubes[0]
     tube.state.counters.room = 5000
     with pytest.raises(LimitError) as caught:
         wider_state(tube.state, tube._mark, False, Limits(vertices=4000), lambda *_: None)
@@ -158,7 +158,7 @@ def test_what_rests_keeps_no_room_for_layers():
     decoder = Decoder()
     decoder.feed(isocodec.encode(field, 4.5, precision="exact"))
     list(decoder)
-    tube = decoder._tubes[0]
+    tube = decoder.grid.tubes[0]
     rested = at_rest(tube.state)
     assert rested.board.pages.nbytes < tube.state.board.pages.nbytes and len(rested.below) == 0
     before = decoder.memory
@@ -183,7 +183,7 @@ def test_listing_values_is_counted_before_it_is_done():
         decoder = Decoder()
         decoder.feed(data)
         list(decoder)
-    assert max(asked) >= 64 * decoder._tubes[0].vertices
+    assert max(asked) >= 64 * decoder.grid.tubes[0].vertices
 
 
 def test_all_drawings_of_a_file_count_together():
@@ -267,14 +267,13 @@ def test_only_whole_layers_count_as_kept(tmp_path):
 def test_topology_of_some_isovalues_is_told_of_these(tmp_path, monkeypatch):
     """A file whose writer promises it of one isovalue only."""
     (tmp_path / "in.iso").write_bytes(TWO)
-    before = inspect
 
     def promised(data: bytes, **options: object) -> object:
-        info = before(data, **options)
+        info = inspect(data, **options)
         info.topology[1] = True
         return info
 
-    monkeypatch.setattr(isocodec, "inspect", promised)
+    monkeypatch.setattr("isocodec.api.files.inspect", promised)
     assert "promised in every layer of 9.5" in ok("info", tmp_path / "in.iso")
 
 

@@ -19,7 +19,7 @@ from brute import examples
 from isocodec.errors import InputError, OptionError
 from isocodec.field.samples import check_field, isovalue_of
 from isocodec.stream.encoder import encoder_of
-from isocodec.stream.options import DEFAULT_TOLERANCE, Options
+from isocodec.stream.options import DEFAULT_TOLERANCE, EncodeOptions, Options, Precision
 
 FIELD = np.add.outer(np.arange(6), np.arange(7)).astype(np.uint8)
 
@@ -77,7 +77,8 @@ def test_several_isovalues_of_several_kinds():
 @pytest.mark.parametrize(
     "plan",
     [
-        5, "base", [], ["base"], [5], [()], [None], [("walk", 1)], {1.5: [("base", None)]}, {5.5: None},
+        {5}, "bas", "base x", [], ["base"], [5], [()], [None], [("walk", 1)], {1.5: [("base", None)]}, {5.5: None},
+        {5.5: 5}, {5.5: "base"},
         [("base", -1)], [("base", 1e300)], [("base", 2.0)], [("base", "2")], [("base", None, 2)], [("base", 99)],
         [("base", None), ("values", "x")], [("base", None), ("values", 1e300)], [("base", None), ("values", 10**300)],
         [("base", None), ("offsets", 1e300)], [("base", None), ("offsets", 10**300 + 1)],
@@ -90,6 +91,12 @@ def test_plans_that_are_none(plan):
     with pytest.raises(OptionError) as caught:
         isocodec.encode(FIELD, 5.5, layers=plan)
     assert caught.value.code == "plan"
+
+
+@pytest.mark.parametrize("level", [5.5, True, -1])
+def test_levels_of_bases_that_are_none(level):
+    with pytest.raises(OptionError):
+        isocodec.encode(FIELD, 5.5, layers=level)
 
 
 def test_plans_with_numbers_of_numpys():
@@ -149,22 +156,28 @@ def test_crossings_of_all_finite_floats(numbers):
 
 def test_encode_and_encoder_take_the_options_by_name():
     """Editors and type checkers see them, each with the default that `Options` has."""
-    stated = {f.name: f.default for f in fields(Options)} | {"mask": None, "progress": None}
-    for function in (isocodec.encode, isocodec.Encoder):
-        taken = [p for p in signature(function).parameters.values() if p.kind == Parameter.KEYWORD_ONLY]
-        assert {p.name: p.default for p in taken} == stated
-    assert set(stated) - {"mask", "progress"} <= get_type_hints(Options).keys()
+    taken = [p for p in signature(isocodec.encode).parameters.values() if p.kind == Parameter.KEYWORD_ONLY]
+    defaults = {p.name: p.default for p in taken}
+    assert defaults.pop("progress") is None
+    assert set(defaults) == {f.name for f in fields(Options)} == get_type_hints(EncodeOptions).keys()
+    assert Options.of(**defaults) == Options() == Options.of()
+    unpacked = signature(isocodec.Encoder).parameters["options"]
+    assert unpacked.kind == Parameter.VAR_KEYWORD and unpacked.annotation == "Unpack[EncodeOptions]"
 
 
-def test_an_unknown_option_is_refused_by_encode():
-    with pytest.raises(TypeError, match=r"^encode\(\) got an unexpected keyword argument 'precision'"):
-        isocodec.encode(FIELD, 5, precision=1)
+def test_an_unknown_option_is_refused():
+    with pytest.raises(TypeError, match=r"^encode\(\) got an unexpected keyword argument 'exact'"):
+        isocodec.encode(FIELD, 5, exact=True)
+    with pytest.raises(OptionError, match="unknown option 'exact'"):
+        isocodec.Encoder(5, exact=True)
 
 
 def test_an_encoder_shows_its_options():
-    options = encoder_of(FIELD, 5, precision=np.float32(0.5), metadata={"unit": "m"}).options
-    assert options == Options(tolerance=0.5, metadata={"unit": "m"}) and type(options.tolerance) is float
-    assert Options(steps=[2, "exact"]).distances == (2, 0)
-    assert replace(Options(steps=[2, 0.5]), metadata={}).distances == (2, 0.5)
+    options = encoder_of(FIELD, 5, precision=np.float32(0.5), metadata={"unit": "m"}).frame.file.options
+    assert options == Options.of(precision=0.5, metadata={"unit": "m"}) and type(options.precision.tolerance) is float
+    assert Options.of(precision=[2, "exact"]).precision.steps == (2, 0)
+    assert replace(Options.of(precision=[2, 0.5]), metadata={}).precision.steps == (2, 0.5)
     with pytest.raises(FrozenInstanceError):
-        options.exact = True
+        options.precision.exact = True
+    with pytest.raises(FrozenInstanceError):
+        options.precision = Precision(exact=True)

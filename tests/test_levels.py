@@ -126,7 +126,7 @@ def test_every_layer_shows_the_curve_of_its_mesh() -> None:
 
 def test_refused_where_there_are_no_levels() -> None:
     mesh = space(1)
-    with pytest.raises(OptionError, match="triangles in the plane"):
+    with pytest.raises(OptionError, match="planar triangle mesh"):
         isocodec.encode(isocodec.Mesh(*mesh, np.arange(len(mesh[0])), progressive=True), 5.5)
 
 

@@ -14,7 +14,7 @@ import numpy as np
 
 from ..drawing.contour import Contour
 from ..errors import FormatError, OptionError
-from ..io.writers.output_formats import Kind, OutputOptions
+from ..io.writers.output_formats import Cost, Kind, OutputOptions
 from ..io.writers.registry import suffix_of
 from ..io.writers.things import Areas, Pyramid, SampleMask, Thing
 from ..io.writers.write import USUAL, Written, check, write
@@ -22,6 +22,8 @@ from ..limits import Budget, Limits
 from ..stream.decoder import Decoder
 from ..stream.inspect import FileInfo, inspect
 from ..tin.tin import Tin
+from .drawings import Counts, Drawings
+from .files import Viewed, WholeFile
 from .isofile import IsoFile
 
 Target = str | os.PathLike[str] | BinaryIO
@@ -91,6 +93,8 @@ class Exported:
     remarks : list of str
         What of the file was left out.
     options : OutputOptions
+    drawings : Drawings or None
+        Contours that are drawn as they are written; facts and text come from them then.
     """
 
     thing: Any
@@ -98,6 +102,7 @@ class Exported:
     text: str
     remarks: list[str] = field(default_factory=list)
     options: OutputOptions = USUAL
+    drawings: Drawings | None = None
 
     def write(self, target: Target) -> int:
         """Write it, whole or not at all; returns the number of bytes, and adds what the format loses to the remarks.
@@ -110,11 +115,26 @@ class Exported:
             return _put(target, self.thing)
         written: Written = write(target, self.thing, options=self.options)
         self.remarks += written.remarks
+        if self.drawings is not None:
+            self.count(self.drawings.counts, self.drawings.shape, self.drawings.n)
         if written.above is not None:
             name, samples = self.text, self.facts["samples"]
             self.facts[name] = written.above
             self.text = f"{written.above:,} of {samples:,} samples {name}"
         return written.bytes
+
+    def count(self, counts: Sequence[Counts], shape: Sequence[int], n: int) -> None:
+        """Take facts and text from contours."""
+        points, cells = sum(one.points for one in counts), sum(one.cells for one in counts)
+        complete = all(one.complete for one in counts)
+        if not points and not complete:
+            self.remarks.append("the part that was decoded holds nothing of the curve")
+        self.facts |= {
+            "points": points, "cells": cells, "isovalues": [one.isovalue for one in counts], "shape": list(shape),
+            "complete": complete,
+        }
+        several = f", {len(counts)} isovalues" if len(counts) > 1 else ""
+        self.text = f"{points:,} points, {cells:,} {'segments' if n == 2 else 'triangles'}{several}"
 
 
 def _put(target: Target, data: bytes) -> int:
@@ -191,21 +211,23 @@ def decoded(file: IsoFile, path: str | os.PathLike[str], wanted: Wanted, progres
 
 def _curves(file: IsoFile, suffix: str, wanted: Wanted, progress: Any) -> Exported:
     contours = _contours(file, suffix, wanted, progress)
+    if isinstance(contours, Drawings):
+        return _of_contours(contours, contours, [])
     remarks = [] if wanted.isovalue is not None or len(contours) > 1 else _others(file, contours[0].isovalue)
     thing: Any = contours if len(contours) > 1 else contours[0]
     if suffix == ".pmtiles" and file.kind == "tiles" and not (set(wanted.view) - {"box"} or wanted.options.in_samples):
         thing = Pyramid([_by_width(file, wanted, contour) for contour in contours])
-    return _of_contours(thing, contours, file, remarks)
+    return _of_contours(thing, contours, remarks)
 
 
 def _areas(file: IsoFile, suffix: str, wanted: Wanted, progress: Any) -> Exported:
     contours = _contours(file, suffix, wanted, progress)
     valid = file.valid() if wanted.along_holes and file.shape else None
     side = "bands" if wanted.what == "bands" else wanted.side
-    return _of_contours(Areas(contours, side, valid), contours, file, [])
+    return _of_contours(Areas(contours, side, valid), contours, [])
 
 
-def _contours(file: IsoFile, suffix: str, wanted: Wanted, progress: Any) -> list[Contour]:
+def _contours(file: IsoFile, suffix: str, wanted: Wanted, progress: Any) -> Drawings | list[Contour]:
     """All isovalues that the format can hold, or the one that is wanted; within the limit of memory."""
     view = {**wanted.view, "progress": progress}
     if wanted.through_holes or wanted.along_holes:
@@ -215,7 +237,14 @@ def _contours(file: IsoFile, suffix: str, wanted: Wanted, progress: Any) -> list
     if every:
         asked = Thing(kind, len(file.shape) or None, several=kind != "areas", sampled=bool(file.shape))
     if every and _holds(suffix, asked):
-        contours = file.contours(**view)
+        if isinstance(file.held, WholeFile) and file.kind in ("grid", "series") and "within" not in view:
+            chosen, cost = Viewed(**view), check(f"_{suffix}", asked)[1].cost
+            drawings = Drawings(file.held.received(None, chosen), chosen, cost.get(len(file.shape), Cost(0, 0)))
+            if len(drawings) > 1:
+                return drawings
+            contours = [*drawings]
+        else:
+            contours = file.contours(**view)
     else:
         contours = [file.contour(wanted.isovalue, **view)]
     thing = Thing(kind, contours[0].n, kind != "areas" and len(contours) > 1, bool(contours[0].shape))
@@ -236,17 +265,13 @@ def _holds(suffix: str, thing: Thing) -> bool:
     return True
 
 
-def _of_contours(thing: Any, contours: Sequence[Contour], file: IsoFile, remarks: list[str]) -> Exported:
-    points, cells = (sum(len(getattr(one, name)) for one in contours) for name in ("points", "cells"))
-    complete = all(one.complete for one in contours)
-    if not points and not complete:
-        remarks.append("the part that was decoded holds nothing of the curve")
-    isovalues = [float(one.isovalue) for one in contours]
-    pieces = "segments" if contours[0].n == 2 else "triangles"
-    several = f", {len(isovalues)} isovalues" if len(isovalues) > 1 else ""
-    shape = list(contours[0].shape)
-    facts = {"points": points, "cells": cells, "isovalues": isovalues, "shape": shape, "complete": complete}
-    return Exported(thing, facts, f"{points:,} points, {cells:,} {pieces}{several}", remarks)
+def _of_contours(thing: Any, contours: Drawings | Sequence[Contour], remarks: list[str]) -> Exported:
+    made = Exported(thing, {}, "", remarks)
+    if isinstance(contours, Drawings):
+        made.drawings = contours
+    else:
+        made.count([Counts.of(one) for one in contours], contours[0].shape, contours[0].n)
+    return made
 
 
 def _by_width(file: IsoFile, wanted: Wanted, finest: Contour) -> Callable[[float], Contour]:

@@ -175,7 +175,7 @@ class WholeFile:
             view.refuse("mesh", "smooth", "through_holes", "within")
         if view.layers is not None or view.within is not None:
             return [self.contour(isovalue, view) for isovalue in self.info.isovalues]
-        decoder = self._received(None, view)
+        decoder = self.received(None, view)
         return [clipped(one, view.box) for one in _drawn(decoder, range(len(decoder.isovalues)), view)]
 
     def each_frame(self, smooth: bool) -> Iterator[list[Contour]]:
@@ -188,7 +188,7 @@ class WholeFile:
         number = 0 if isovalue is None else self.info.number_of(isovalue)
         chain = frozenset([0]) if isovalue is None else self.info.chain(number)
         layers = self._layers_within(number, view) if view.within is not None else view.layers
-        decoder = self._received(chain, view, number, layers)
+        decoder = self.received(chain, view, number, layers)
         if number >= len(decoder.isovalues):
             raise TruncatedError("the file ends before its curve begins", code="truncated")
         return decoder, number
@@ -203,7 +203,7 @@ class WholeFile:
                 return count
         return None
 
-    def _received(
+    def received(
         self, only: frozenset[int] | None, view: Viewed, number: int = 0, layers: int | None = None
     ) -> Decoder:
         """A decoder that has taken a frame, the first ``layers`` layers of isovalue ``number``, or the first bytes."""
@@ -277,7 +277,7 @@ class WholeFile:
             raise impossible("labels", self.kind)
         if LABELS not in self.info.metadata:
             raise OptionError("the isovalues of the file are not labels", code="labels", remedy="use above")
-        grid = self._received(None, Viewed()).grid
+        grid = self.received(None, Viewed()).grid
         return labelled((grid.above(i) for i in range(len(self.info.isovalues))), self.info.isovalues)
 
     def surface(self, max_bytes: int | None) -> Tin:
@@ -435,14 +435,19 @@ def labelled(above: Iterator[NDArray[np.bool_]], isovalues: Sequence[float]) -> 
     return out
 
 
+def bounds_of(box: Sequence[Sequence[float]], d: int) -> NDArray[np.float64]:
+    """A box along d axes as (d, 2) numbers; raises `OptionError` if it is none."""
+    bounds = np.array(box, np.float64)
+    if bounds.shape != (d, 2) or not np.isfinite(bounds).all() or (bounds[:, 0] > bounds[:, 1]).any():
+        raise OptionError(f"the box is {box!r}; it must be {d} pairs, from where to where along each axis", code="box")
+    return bounds
+
+
 def clipped(contour: Contour, box: Sequence[Sequence[float]] | None) -> Contour:
     """The cells of a contour that reach into a box of index coordinates (of a mesh: of its coordinates)."""
     if box is None:
         return contour
-    bounds = np.array(box, np.float64)
-    d = contour.points.shape[1]
-    if bounds.shape != (d, 2) or not np.isfinite(bounds).all() or (bounds[:, 0] > bounds[:, 1]).any():
-        raise OptionError(f"the box is {box!r}; it must be {d} pairs, from where to where along each axis", code="box")
+    bounds = bounds_of(box, contour.points.shape[1])
     corners = contour.points[contour.cells]
     inside = ((corners.min(axis=1) < bounds[:, 1]) & (corners.max(axis=1) > bounds[:, 0])).all(axis=1)
     used, number = np.unique(contour.cells[inside], return_inverse=True)

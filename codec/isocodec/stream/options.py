@@ -213,12 +213,14 @@ class Layers:
 
     def plan_for(self, isovalue: float) -> Sequence[Entry] | None:
         """The plan of an isovalue, if plans are given."""
+        if not self.planned:
+            return None
         found: object = self.plan
         if self.plans is not None:
             if isovalue not in self.plans:
                 raise OptionError(f"the plan has no entry for the isovalue {isovalue!r}", code="plan")
             found = self.plans[isovalue]
-        if found is not None and (not isinstance(found, Sequence) or isinstance(found, str)):
+        if not isinstance(found, Sequence) or isinstance(found, str):
             raise OptionError(
                 f"the plan is {found!r}; it must be a sequence", code="plan", remedy='begin it with ("base", level)'
             )
