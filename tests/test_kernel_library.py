@@ -96,7 +96,7 @@ def copied(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture
 def built(copied: Path) -> Iterator[Path]:
     """The folder of the copy's library, which is made whole again, as is a source."""
-    folder, source = copied / "isocodec" / "kernel" / "built", copied / "isocodec" / "mesh" / "store.py"
+    folder, source = copied / "isocodec" / "kernel" / "built", copied / "isocodec" / "grid" / "lattice" / "store.py"
     before = {path: path.read_bytes() for path in (*folder.iterdir(), source)}
     yield folder
     for path, content in before.items():
@@ -165,7 +165,7 @@ def no_library_at_all(folder: Path) -> None:
 
 
 def another_source(folder: Path) -> None:
-    with (folder.parents[1] / "mesh" / "store.py").open("a") as file:
+    with (folder.parents[1] / "grid" / "lattice" / "store.py").open("a") as file:
         file.write("\n# changed\n")
 
 

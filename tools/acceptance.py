@@ -293,7 +293,7 @@ def prefix(folder: Path, output: Path | None, cuts: int = 200, files: int = 10) 
         reference = Sampled.of(isocodec.decode(isocodec.encode(item.values, item.isovalue, precision=2.0**-20)))
         for event in whole:
             if isinstance(event, LayerComplete):
-                at_layers.append((event.offset, mean_distance(Sampled.of(whole.drawn()), reference)))
+                at_layers.append((event.offset, mean_distance(Sampled.of(whole.contour()), reference)))
         growth = max(
             (b / a - 1 for (_, a), (_, b) in itertools.pairwise(at_layers) if math.isfinite(a) and b > 1e-9), default=0
         )
@@ -363,7 +363,7 @@ def figures(folder: Path) -> Iterator[str]:
             for _ in decoder:
                 pass
             s = decoder.symbols
-            made, right = decoder.predictions
+            made, right = decoder.grid.predictions
             signs = s["base_sign"] + s["refinement_sign"]
             row += [signs / pixels, sum(s.values()) / pixels, right / max(made, 1)]
         rows.append(row)

@@ -164,7 +164,7 @@ USE = """
     import isocodec
     for shape in ((40, 40), (20, 20, 20)):
         field = (np.indices(shape).astype(float) ** 2).sum(axis=0).astype(np.int64)
-        for options in ({}, {"exact": True}):
+        for options in ({}, {"precision": "exact"}):
             isocodec.decode(isocodec.encode(field, 150.5, **options))
         print(time.perf_counter() - started)
 """

@@ -16,6 +16,7 @@ from isocodec.errors import FormatError, IsoError, KernelError, LimitError, Trun
 from isocodec.format.events import Event, FrameRead, LayerComplete
 from isocodec.limits import Limits
 from isocodec.stream.decoder import Decoder
+from isocodec.stream.grid_contents import GridContents
 from isospec.container import Double
 
 COMPLETE = 0
@@ -66,11 +67,19 @@ class Frames:
             self.lines += _frame_lines(decoder, event.frame - 1, before=True)
 
 
+def grid_of(decoder: Decoder) -> GridContents | None:
+    """Contents of the file of a grid; None of other files, and before the header has come."""
+    return decoder.contents if isinstance(decoder.contents, GridContents) else None
+
+
 def _frame_lines(decoder: Decoder, frame: int, before: bool = False) -> list[str]:
     """Text of the isovalues of a frame that have come."""
     lines = [f"frame {frame}"] if frame else []
-    for number in range(len(decoder.isovalues) if decoder.header else 0):
-        state = decoder.grid.state(number, before=before)
+    grid = grid_of(decoder)
+    if grid is None:
+        return lines
+    for number in range(len(decoder.isovalues)):
+        state = grid.state(number, before=before)
         if state is None:
             assert frame, "all isovalues of the first frame come before others"
             break
@@ -86,7 +95,8 @@ def canonical(decoder: Decoder, past: Frames | None = None) -> str:
     ``past`` are the frames before the present one.
     """
     lines = [*(past.lines if past else []), *_frame_lines(decoder, decoder.present[0])]
-    mask = decoder.grid.mask_state() if decoder.header else None
+    grid = grid_of(decoder)
+    mask = grid.mask_state() if grid else None
     if mask is not None:
         # neither values nor explicit vertices
         lines += ["mask", *mask.lines()[1:]]
@@ -95,7 +105,8 @@ def canonical(decoder: Decoder, past: Frames | None = None) -> str:
 
 def canonical_coordinates(decoder: Decoder) -> str:
     """Text of the coordinates of a mapped grid; a line only where there are none."""
-    mapped = decoder.grid.mapped() if decoder.header else None
+    grid = grid_of(decoder)
+    mapped = grid.mapped() if grid else None
     if mapped is None:
         return NO_COORDINATES
     lines = [COORDINATES, " ".join(["periodic", *map(str, mapped.periodic)])]

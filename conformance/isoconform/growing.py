@@ -14,6 +14,8 @@ from isocodec.format.events import LayerComplete
 from isocodec.limits import Limits
 from isocodec.stream.decoder import Decoder
 
+from .dump import grid_of
+
 SMALL = Limits(vertices=3000, simplices=12000, steps=20000)
 """What a file for fuzzing may need of a decoder at most: slow ones are to get through many."""
 MOST_SYMBOLS = 1200
@@ -84,10 +86,11 @@ def probe(data: bytes) -> Probe:
     except Exception as bug:
         raise ReferenceBroke(data) from bug
     shifted = 0
-    if decoder.grid.runs and not isinstance(error, LimitError):
-        reg = decoder.grid.coder.reg
+    grid = grid_of(decoder)
+    if grid and grid.runs and not isinstance(error, LimitError):
+        reg = grid.coder.reg
         shifted = reg.pos + reg.unknown // 8 - 4
-    return Probe(error, layers, sum(decoder.grid.symbols.values()), used, shifted)
+    return Probe(error, layers, sum(decoder.symbols.values()), used, shifted)
 
 
 def run_bytes(random: Random, count: int) -> bytes:

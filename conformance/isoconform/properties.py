@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from isocodec import Decoder, encode
 from isocodec.grid.tube.decoded import Decoded
 
-from .dump import COMPLETE, canonical, dump
+from .dump import COMPLETE, canonical, dump, grid_of
 from .meshes import exponent
 from .strategies import cuts, fields, options, pieces
 
@@ -42,12 +42,18 @@ def check(field: NDArray[Any], isovalue: float, data: bytes, parts: Sequence[byt
     whole = dump(data)
     assert whole.exit_code == COMPLETE, f"a file that the encoder wrote: {whole.error}"
     assert canonical(decoded(data, parts)) == whole.text, "in pieces another state"
-    state = decoded(data).grid.state()
+    state = _state(data)
     assert state is not None
     _check_state(field, isovalue, state)
-    early = decoded(start).grid.state()
+    early = _state(start)
     if early is not None:
         _check_state(field, isovalue, early, complete=False)
+
+
+def _state(data: bytes) -> Decoded | None:
+    """The decoded state of a file, or of the start of one; None before the header has come."""
+    grid = grid_of(decoded(data))
+    return grid.state() if grid else None
 
 
 def _check_state(field: NDArray[Any], isovalue: float, state: Decoded, complete: bool = True) -> None:

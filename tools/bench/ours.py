@@ -88,7 +88,7 @@ class Ours:
     @cached_property
     def extracted(self) -> Contour:
         """The curve or surface that is encoded, with every crossing where interpolation puts it."""
-        return isocodec.decode(self.encode(exact=True) if self.item.integer else self.encode(tolerance=FINE))
+        return isocodec.decode(self.encode(precision="exact" if self.item.integer else FINE))
 
     @cached_property
     def truth(self) -> Shape:
@@ -113,7 +113,7 @@ class Ours:
 
     def tolerance(self, largest: float) -> File:
         """A proven largest distance, both ways."""
-        return self._tell(f"tolerance {largest:g}", lambda: self.encode(tolerance=largest))
+        return self._tell(f"tolerance {largest:g}", lambda: self.encode(precision=largest))
 
     def smallest(self, bound: str, target: float) -> File | None:
         """The smallest file found whose ``err_mean`` or ``err_max`` is at most the target; None if there is none."""
@@ -124,7 +124,7 @@ class Ours:
         """The whole grid, then what else is told of it."""
         level = min(BASE_CYCLES * self.item.n, self.full_level)
         refine = [("refine", None)] if level < self.full_level else []
-        return self._tell(how, lambda: self.encode(plan=[("base", level), *refine, *entries]))
+        return self._tell(how, lambda: self.encode(layers=[("base", level), *refine, *entries]))
 
     def _tell(self, how: str, make: Callable[[], bytes], smooth: bool = False) -> File:
         """Encode, decode and measure, once."""

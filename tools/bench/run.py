@@ -47,17 +47,15 @@ def _signs(item: Item, keys: list[str], ours: Ours, record: Recorder) -> None:
     group, peers = ("mask2d", peers2d.mask_peers) if item.n == 2 else ("mask3d", peers3d.mask_peers)
     crossings = half_way(item.mask)
     for codec in peers(item.mask) if any(BY_KEY[key].group == group for key in keys) else ():
-        record.peer(
-            group, codec, lambda read: {"precision": "exact" if bool(np.array_equal(read, item.mask)) else None},
-        )
+        record.peer(group, codec, lambda read: {"exact": bool(np.array_equal(read, item.mask))})
     if {"signs2", "signs2-progressive", "signs3"} & set(keys):
-        record.ours("ours-signs", lambda: ours.encode(signs_only=True), crossings)
+        record.ours("ours-signs", lambda: ours.encode(precision="signs"), crossings)
     if "signs2-single" in keys:
         single = {"precision": "signs", "layers": ours.full_level}
         record.ours("ours-signs-single", lambda: ours.encode(**single), crossings)
     if "connectivity" in keys:
         vertices = len(marching_cubes(item.numbers, item.isovalue, method="lorensen")[0])
-        record.ours("ours-connectivity", lambda: ours.encode(signs_only=True), crossings, vertices=vertices)
+        record.ours("ours-connectivity", lambda: ours.encode(precision="signs"), crossings, vertices=vertices)
 
 
 def _curves(item: Item, keys: list[str], ours: Ours, record: Recorder) -> None:
@@ -124,7 +122,7 @@ def _progressive(ours: Ours, record: Recorder) -> None:
     record.ours("ours-progressive", layers.make)
     crossings = on_grid(isocodec.decode(layers.data).points)
     plan = [("base", ours.full_level), ("offsets", PROGRESSIVE)]
-    record.ours("ours-single", lambda: ours.encode(plan=plan), crossings)
+    record.ours("ours-single", lambda: ours.encode(layers=plan), crossings)
 
 
 def _at_named(key: str, ours: Ours, record: Recorder) -> None:
