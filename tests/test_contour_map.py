@@ -325,6 +325,17 @@ def test_a_mapped_grid(tmp_path: Path) -> None:
     assert apart.min(axis=1).max() < 0.2 and apart.min(axis=0).max() < 0.2
 
 
+def test_a_file_in_tiles(tmp_path: Path) -> None:
+    """It is drawn as the same curve in one piece is."""
+    isocodec.save(tmp_path / "whole.iso", COLUMNS, 10.5)
+    isocodec.save(tmp_path / "tiles.iso", COLUMNS, 10.5, tile=32)
+    whole, tiles = drawn(tmp_path / "whole.iso"), drawn(tmp_path / "tiles.iso")
+    (line,), (same,) = whole.paths("contours"), tiles.paths("contours")
+    assert np.ptp(line[:, 0]) < 0.1 and np.ptp(same[:, 0]) < 0.1
+    assert same[0, 0] == pytest.approx(line[0, 0], abs=0.1)
+    assert np.ptp(same[:, 1]) == pytest.approx(np.ptp(line[:, 1]), abs=0.1)
+
+
 def test_the_same_map_has_the_same_bytes(hills: Path, tmp_path: Path) -> None:
     for suffix in (".svg", ".pdf", ".png"):
         for name in ("a", "b"):

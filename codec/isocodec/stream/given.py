@@ -118,10 +118,12 @@ def levels_of(
     if isovalue is None:
         if options.layers.written and plans is not None:
             return isovalues_of(list(plans))
-        bare = isinstance(first, Field) and not options.layers.planned and np.asarray(first.values).dtype.kind != "b"
-        if bare or isinstance(first, Mesh):
-            raise OptionError("no isovalue", code="isovalue", remedy="only a mask (bool) or labels need none")
-        return [0.5]
+        if isinstance(first, Field) and np.asarray(first.values).dtype.kind == "b":
+            return [0.5]
+        if options.layers.written and options.layers.planned:
+            raise OptionError("the plan names no isovalue", code="plan",
+                              remedy="begin with a line such as: isovalue 500.5")
+        raise OptionError("no isovalue", code="isovalue", remedy="only a mask (bool) or labels need none")
     ends = None if all_of is None else lambda: _ends(all_of)
     found = isovalues_of(isovalue, ends)
     if options.layers.written and plans is not None and set(found) != set(plans):

@@ -78,28 +78,6 @@ def read_plan(text: str) -> Plan | dict[float, Plan]:
     return sections or everything
 
 
-def isovalues_in(plan: Plan | Mapping[float, Plan], given: Sequence[float]) -> tuple[float, ...]:
-    """The isovalues to encode: those given, or those that the plan names.
-
-    Raises
-    ------
-    OptionError
-        If neither names isovalues, or both name different ones.
-    """
-    if not isinstance(plan, Mapping):
-        if not given:
-            raise OptionError(
-                "the plan names no isovalue", code="plan", remedy="begin with a line such as: isovalue 500.5"
-            )
-        return tuple(given)
-    if given and set(given) != set(plan):
-        raise OptionError(
-            f"the isovalues given, {', '.join(f'{v:g}' for v in given)}, are not those of the plan, "
-            f"{', '.join(f'{v:g}' for v in plan)}", code="plan", remedy="leave them out",
-        )
-    return tuple(given or plan)
-
-
 def check_plan(
     plan: Sequence[Sequence[Any]] | Mapping[float, Sequence[Sequence[Any]]], isovalues: Sequence[float],
     full_level: int, leaning: bool = True,
