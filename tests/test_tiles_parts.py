@@ -183,7 +183,9 @@ def test_command_line(tmp_path: Path) -> None:
     assert "ends before" in run("decode", cut, "--partial", "-o", tmp_path / "c.npz").stderr
     plain = tmp_path / "p.iso"
     plain.write_bytes(isocodec.encode(field, 30.5))
-    fails(3, "edit", plain, "-o", out, "--window", "0:4,0:4")
+    ok("edit", plain, "-o", out, "--window", "0:40,20:70")
+    assert np.array_equal(isocodec.open(out).above(), field[:41, 20:71] > 30.5)
+    fails(2, "edit", plain, "-o", out, "--window", "900:910,0:4")
     np.save(tmp_path / "f.npy", field)
     said = run("encode", "--tile", 32, tmp_path / "f.npy", "-o", out, "--isovalue", 30.5, "--isovalue", 1e6).stderr
     assert "the isovalue 1e+06: the curve is empty" in said and said.count("empty") == 1

@@ -285,8 +285,10 @@ def test_cut_files(tmp_path: Path) -> None:
     head = tiled_of(data).head
     with pytest.raises(TruncatedError, match="longer than any file"):
         isocodec.open(write_head(head, [(b"", [1 << 62] * head.areas)]))
+    decoder = isocodec.Decoder()
+    decoder.feed(data)
     with pytest.raises(FormatError, match="in tiles"):
-        isocodec.Decoder().feed(data)
+        decoder.take()
 
 
 # -- elsewhere -----------------------------------------------------------------------------------------------------
@@ -332,11 +334,20 @@ def test_a_pipe_with_a_name(tmp_path: Path) -> None:
 
 def test_options_that_mean_nothing(tmp_path: Path) -> None:
     data = encoded(tmp_path, hilly(), 30.5)
-    for option in ({"smooth": True}, {"frame": 0}, {"max_bytes": 0}, {"through_holes": True}):
-        with pytest.raises(OptionError, match=next(iter(option))):
-            isocodec.decode(data, **option)  # type: ignore[arg-type]
+    file = isocodec.open(data)
+    for option in ({"smooth": True}, {"frame": 1}, {"frame": -1}, {"max_bytes": 0}, {"through_holes": True}):
+        for asked in (file.contour, file.contours, file.above, file.mesh):
+            with pytest.raises(OptionError, match=next(iter(option))):
+                asked(**option)  # type: ignore[operator]
+    for option in ({"max_bytes": len(data)}, {"within": 2}):
+        for asked in (file.above, file.mesh):
+            with pytest.raises(OptionError, match=next(iter(option))):
+                asked(**option)  # type: ignore[operator]
     with pytest.raises(OptionError, match="smooth"):
-        isocodec.open(data).contours(smooth=True)
+        list(file.each_frame(smooth=True))
+    # a file of one frame has a frame 0, and all of its bytes are a beginning
+    for option in ({"frame": 0}, {"max_bytes": len(data)}):
+        assert pieces(file.contour(**option)) == pieces(isocodec.decode(data))  # type: ignore[arg-type]
 
 
 def test_flags_that_are_not_listed(tmp_path: Path) -> None:

@@ -398,8 +398,13 @@ class TileFile:
 
     def above(self, isovalue: float | None, view: Viewed) -> NDArray[np.bool_]:
         """See `IsoFile.above`."""
+        return self._in_one_piece(view).above(isovalue, Viewed(layers=view.layers))
+
+    def _in_one_piece(self, view: Viewed) -> WholeFile:
+        """A file in one piece with the samples and simplices of a view."""
+        view.refuse("tiles", "smooth", "through_holes", "within", "max_bytes")
         self._check_frame(view.frame)
-        return self.whole(view.box).above(isovalue, Viewed(layers=view.layers))
+        return self.whole(view.box)
 
     def valid(self, max_bytes: int | None = None) -> NDArray[np.bool_]:
         """See `IsoFile.valid`."""
@@ -415,8 +420,7 @@ class TileFile:
 
     def mesh(self, isovalue: float | None, view: Viewed, whole: bool) -> Tessellation:
         """See `IsoFile.mesh`."""
-        self._check_frame(view.frame)
-        return self.whole(view.box).mesh(isovalue, Viewed(layers=view.layers), whole)
+        return self._in_one_piece(view).mesh(isovalue, Viewed(layers=view.layers), whole)
 
     def statistics(self) -> FileStatistics:
         """See `IsoFile.statistics`."""
