@@ -329,11 +329,13 @@ def test_a_file_in_tiles(tmp_path: Path) -> None:
     """It is drawn as the same curve in one piece is."""
     isocodec.save(tmp_path / "whole.iso", COLUMNS, 10.5)
     isocodec.save(tmp_path / "tiles.iso", COLUMNS, 10.5, tile=32)
-    whole, tiles = drawn(tmp_path / "whole.iso"), drawn(tmp_path / "tiles.iso")
-    (line,), (same,) = whole.paths("contours"), tiles.paths("contours")
-    assert np.ptp(line[:, 0]) < 0.1 and np.ptp(same[:, 0]) < 0.1
-    assert same[0, 0] == pytest.approx(line[0, 0], abs=0.1)
-    assert np.ptp(same[:, 1]) == pytest.approx(np.ptp(line[:, 1]), abs=0.1)
+    lines = []
+    for name in ("whole.iso", "tiles.iso"):
+        map_ = drawn(tmp_path / name, "--index", 1)
+        line = np.concatenate(map_.paths("index-contours"))
+        assert [text for text, _ in map_.labels] and {text for text, _ in map_.labels} == {"10.5"}
+        lines.append((line.min(axis=0), line.max(axis=0), *map_.frame))
+    assert np.array(lines[0]) == pytest.approx(np.array(lines[1]), abs=0.1)
 
 
 def test_the_same_map_has_the_same_bytes(hills: Path, tmp_path: Path) -> None:
@@ -363,7 +365,7 @@ def test_errors(plane: Path, tmp_path: Path) -> None:
         (2, plane, ["--metadata", "crs"], "KEY=TEXT"),
         (2, tmp_path / "plane.iso", ["--interval", 3], "an interval does not apply"),
         (2, tmp_path / "ball.iso", [], "two axes"),
-        (3, tmp_path / "ball.npy", [], "3 axes"),
+        (3, tmp_path / "ball.npy", [], "a field of two axes; this one has 3"),
         (3, tmp_path / "nan.npy", [], "all samples are missing"),
         (3, tmp_path / "none.npy", [], "No such file"),
         (3, plane, ["--interval", 1000, "--offset", 500], "choose a smaller interval"),

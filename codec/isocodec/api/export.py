@@ -204,7 +204,8 @@ def decoded(file: IsoFile, path: str | os.PathLike[str], wanted: Wanted, progres
         if wanted.view.get("partial") and not file.complete:
             made.remarks.append(
                 "the file ends before its tiles do: where they are missing curves are coarser, or not there"
-                if file.kind == "tiles" else f"the file ends after {file.size:,} bytes; decoded as far as it goes"
+                if file.kind == "tiles"
+                else f"the file ends after {file.size} bytes, before it is complete; decoded as far as it goes"
             )
     return made
 
