@@ -162,16 +162,30 @@ def test_files_that_cannot_be() -> None:
     surface = isocodec.encode(isocodec.thin(HILLS.astype(float), error=20.0))
     points = np.random.default_rng(1).random((50, 2))
     mesh = isocodec.encode(isocodec.Mesh(points, None, points[:, 0]), 0.5)
-    reasons = {coarse: "coarser", series: "series", ring: "coordinates", part: "in part", mesh: "mesh", surface: "mesh"}
-    for data, says in reasons.items():
-        with pytest.raises(OptionError, match=says):
+    reasons = {
+        coarse: ("coarser", "coarser"), ring: ("coordinates", "coordinates"), part: ("in part", "in part"),
+        mesh: ("meshes", "differs from the first in kind"), surface: ("surfaces", "a triangulated surface"),
+    }
+    for data, (edited, merged) in reasons.items():
+        with pytest.raises(OptionError, match=edited):
             isocodec.open(data).edited(profile="baseline")
-        with pytest.raises(OptionError, match=says):
+        with pytest.raises(OptionError if data is not mesh else InputError, match=merged):
             isocodec.merge([isocodec.encode(HILLS, 90.5), data])
+    with pytest.raises(InputError, match="differs from the first in kind"):
+        isocodec.merge([isocodec.encode(HILLS, 90.5), series])
+    with pytest.raises(OptionError, match="precision 'exact' does not apply to edits"):
+        isocodec.open(series).edited(precision="exact")
     with pytest.raises(isocodec.errors.TruncatedError):
         isocodec.open(isocodec.encode(HILLS, 80.5)[:-9]).edited(profile="baseline")
     with pytest.raises(OptionError, match="layers and size cannot be combined"):
         isocodec.open(isocodec.encode(HILLS, 80.5)).edited(layers=1, size=900)
+
+
+def test_no_point_of_a_series_moves() -> None:
+    data = isocodec.encode(isocodec.Frames([HILLS, HILLS[::-1]]), 80.5)
+    made = isocodec.open(data).edited(profile="baseline")
+    for frame in (0, 1):
+        assert same(isocodec.decode(made, frame=frame), isocodec.decode(data, frame=frame))
 
 
 # ---- Several in one -------------------------------------------------------------------------------------------------
@@ -227,7 +241,7 @@ def test_not_of_one_field() -> None:
         isocodec.merge(
             [isocodec.encode(smooth, 80.5, precision="step=0.5"), isocodec.encode(smooth, 90.5, precision="step=0.25")]
         )
-    with pytest.raises(OptionError, match="twice"):
+    with pytest.raises(OptionError, match="in two of the files"):
         isocodec.merge([here, here])
     with pytest.raises(OptionError, match="no files"):
         isocodec.merge([])
@@ -249,9 +263,9 @@ def test_commands(tmp_path: Path, hills: Path) -> None:
     assert apart(isocodec.decode(out), isocodec.decode(one)) <= 1 + 1e-9
     assert "2 isovalues" in ok("edit", one, two, "-o", out)
     assert isocodec.open(out).isovalues == (80.5, 120.5)
-    fails(2, "edit", one, "-o", out, "--precision", 1, "--precision", "signs")
+    fails(2, "edit", one, "-o", out, "--precision", "exact")
     fails(2, "edit", one, one, "-o", tmp_path / "twice.iso")
     fails(2, "edit", one, "-o", out, "--precision", -1)
     (tmp_path / "no.iso").write_bytes(b"no")
-    fails(4, "edit", tmp_path / "no.iso", "-o", out)
+    fails(4, "edit", tmp_path / "no.iso", "-o", out, "--profile", "baseline")
     assert not (tmp_path / "twice.iso").exists()

@@ -19,7 +19,6 @@ from ..io.writers.registry import suffix_of
 from ..io.writers.things import Areas, Pyramid, SampleMask, Thing
 from ..io.writers.write import USUAL, Written, check, write
 from ..limits import Budget, Limits
-from ..stream.decoder import Decoder
 from ..stream.inspect import FileInfo, inspect
 from ..tin.tin import Tin
 from .drawings import Counts, Drawings
@@ -214,7 +213,7 @@ def _curves(file: IsoFile, suffix: str, wanted: Wanted, progress: Any) -> Export
     contours = _contours(file, suffix, wanted, progress)
     if isinstance(contours, Drawings):
         return _of_contours(contours, contours, [])
-    remarks = [] if wanted.isovalue is not None or len(contours) > 1 else _others(file, contours[0].isovalue)
+    remarks = [] if wanted.isovalue is not None or len(contours) > 1 else _others_in(file, contours[0].isovalue)
     thing: Any = contours if len(contours) > 1 else contours[0]
     if suffix == ".pmtiles" and file.kind == "tiles" and not (set(wanted.view) - {"box"} or wanted.options.in_samples):
         thing = Pyramid([_by_width(file, wanted, contour) for contour in contours])
@@ -239,8 +238,8 @@ def _contours(file: IsoFile, suffix: str, wanted: Wanted, progress: Any) -> Draw
         asked = Thing(kind, len(file.shape) or None, several=kind != "areas", sampled=bool(file.shape))
     if every and _holds(suffix, asked):
         if isinstance(file.held, WholeFile) and file.kind in ("grid", "series") and "within" not in view:
-            chosen, cost = Viewed(**view), check(f"_{suffix}", asked)[1].cost
-            drawings = Drawings(file.held.received(None, chosen), chosen, cost.get(len(file.shape), Cost(0, 0)))
+            chosen, costs = Viewed(**view), check(f"_{suffix}", asked)[1].cost
+            drawings = Drawings(file.held.received(None, chosen), chosen, costs.get(len(file.shape), Cost(0, 0)))
             if len(drawings) > 1:
                 return drawings
             contours = [*drawings]
@@ -289,39 +288,41 @@ def _by_width(file: IsoFile, wanted: Wanted, finest: Contour) -> Callable[[float
     return at
 
 
-def _others(file: IsoFile, isovalue: float) -> list[str]:
+def _others(isovalues: Sequence[float], isovalue: float) -> list[str]:
     """A remark on further isovalues of a file, where none was asked for."""
-    others: list[str] = []
-    with suppress(FormatError):
-        others = [repr(value) for value in file.isovalues if value != isovalue]
+    others = [repr(value) for value in isovalues if value != isovalue]
     listed = " or ".join(others[:_LISTED]) + ", .." * (len(others) > _LISTED)
     return [f"only isovalue {isovalue!r} is written; choose another with --isovalue: {listed}"] if others else []
 
 
+def _others_in(file: IsoFile, isovalue: float) -> list[str]:
+    """A remark on further isovalues, unless what lies behind the isovalue is damaged."""
+    with suppress(FormatError):
+        return _others(file.isovalues, isovalue)
+    return []
+
+
 def _samples(file: IsoFile, suffix: str, wanted: Wanted, progress: Any) -> Exported:
-    remarks = []
     if wanted.what == "valid":
-        rows, isovalue = file.valid(), None
+        rows, isovalue, remarks = file.valid(), None, list[str]()
+        placement, complete = file.placement, file.complete
+    elif isinstance(file.held, WholeFile) and file.kind in ("grid", "series"):
+        # what lies behind the layers of the isovalue may be damaged
+        view = Viewed(frame=wanted.view.get("frame"), partial=bool(wanted.view.get("partial")))
+        decoder, number = file.held.decoded(wanted.isovalue, view)
+        rows, isovalue = decoder.grid.above(number), decoder.isovalues[number]
+        remarks = _others(decoder.isovalues, isovalue) if wanted.isovalue is None else []
+        placement, complete = decoder.grid.placement, decoder.complete
     else:
-        rows, isovalue = _above(file, wanted), wanted.isovalue
+        rows, isovalue, remarks = file.above(wanted.isovalue, frame=wanted.view.get("frame")), wanted.isovalue, []
         if isovalue is None and file.isovalues:
-            isovalue, remarks = file.isovalues[0], _others(file, file.isovalues[0])
+            isovalue, remarks = file.isovalues[0], _others(file.isovalues, file.isovalues[0])
+        placement, complete = file.placement, file.complete
     if rows.ndim == 1 and suffix == _ARRAY:  # of vertices
         counts = {"samples": rows.size, str(wanted.what): int(rows.sum())}
         return Exported(_array(rows), counts, f"{rows.size:,} vertices")
-    facts = {"samples": rows.size, "isovalue": isovalue, "shape": list(rows.shape), "complete": file.complete}
-    return Exported(SampleMask(rows, file.placement), facts, str(wanted.what), remarks)
-
-
-def _above(file: IsoFile, wanted: Wanted) -> np.ndarray:
-    """Find which samples lie above; of a truncated file as far as that is known."""
-    frame = wanted.view.get("frame")
-    if not wanted.view.get("partial") or file.complete or file.kind not in ("grid", "series"):
-        return file.above(wanted.isovalue, frame=frame)
-    number = file.info.number_of(wanted.isovalue)
-    decoder = Decoder(file.limits, only=file.info.chain(number), frame=frame or 0)
-    decoder.feed(file.data)
-    return decoder.take().grid.above(number)
+    facts = {"samples": rows.size, "isovalue": isovalue, "shape": list(rows.shape), "complete": complete}
+    return Exported(SampleMask(rows, placement), facts, str(wanted.what), remarks)
 
 
 def _labels(file: IsoFile, suffix: str, wanted: Wanted, progress: Any) -> Exported:
@@ -345,7 +346,7 @@ def _mesh(file: IsoFile, suffix: str, wanted: Wanted, progress: Any) -> Exported
         {"vertices": len(mesh.points), pieces: len(mesh.cells), "isovalue": isovalue, "shape": list(mesh.shape),
          "complete": mesh.complete},
         f"{len(mesh.points):,} vertices, {len(mesh.cells):,} {pieces}",
-        _others(file, mesh.isovalue) if wanted.isovalue is None else [],
+        _others_in(file, mesh.isovalue) if wanted.isovalue is None else [],
     )
 
 

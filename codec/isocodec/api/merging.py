@@ -66,6 +66,8 @@ def merge(files: Sequence[Readable], *, profile: ProfileName = "main", limits: L
     for held in reversed(all_held):
         metadata.update(held.metadata)
     sources = [source for held in all_held for source in held.frames[0]]
+    if len({source.field.isovalue for source in sources}) < len(sources):
+        raise OptionError("an isovalue is in two of the files", code="isovalue", remedy="leave it out of one of them")
     contours = [contour for held in all_held for contour in held.contours[0]]
     merged = replace(all_held[0], frames=[sources], contours=[contours])
     return same_again(merged, Options.of(profile=profile, metadata=metadata))
